@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
+# What the project's own targets need and users of the package must not inherit.
+add_library(pounce_developer INTERFACE)
+target_compile_features(pounce_developer INTERFACE cxx_std_20)
+target_compile_options(pounce_developer INTERFACE
+  -Wall -Wextra -Wshadow -Wconversion -Wpedantic
+  # The same bytes on every x86-64: never fuse a multiply and an add behind our back.
+  -ffp-contract=off)
+if(POUNCE_SANITIZE)
+  # vptr off: TBB's flow graph downcasts trip it inside TBB's own headers.
+  target_compile_options(pounce_developer INTERFACE
+    -fsanitize=${POUNCE_SANITIZE} -fno-sanitize=vptr -fno-omit-frame-pointer)
+  target_link_options(pounce_developer INTERFACE -fsanitize=${POUNCE_SANITIZE})
+endif()

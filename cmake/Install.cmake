@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+include(CMakePackageConfigHelpers)
+install(TARGETS pounce EXPORT pounceTargets
+        LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
+        ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
+        FILE_SET HEADERS)
+install(EXPORT pounceTargets NAMESPACE pounce::
+        DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pounce)
+configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/pounceConfig.cmake.in
+  ${PROJECT_BINARY_DIR}/pounceConfig.cmake
+  INSTALL_DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pounce)
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/pounceConfigVersion.cmake
+  COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/pounceConfig.cmake
+              ${PROJECT_BINARY_DIR}/pounceConfigVersion.cmake
+              ${PROJECT_SOURCE_DIR}/cmake/FindOpenImageIO.cmake
+        DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pounce)
+if(TARGET pounce_cli)
+  install(TARGETS pounce_cli RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+endif()

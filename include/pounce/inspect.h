@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "pounce/error.h"
+
+namespace pounce {
+
+/// What a mesh (.glb, .gltf, .obj), image or tile store holds, as text for people.
+/// Throws Error(input) if the file is none of these or malformed, Error(damaged_store) for a store
+/// whose bytes do not match their checksums.
+std::string inspect_text(const std::string& path);
+/// The same as JSON. Ends with a newline.
+std::string inspect_json(const std::string& path);
+
+}  // namespace pounce

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace pounce {
+
+/// The texture channels of a glTF metallic-roughness material. baseColor carries the material's alpha
+/// as its fourth component.
+enum class Channel : std::uint8_t {
+  base_color,          ///< "baseColor": colour, sRGB-coded unless the file is linear (EXR)
+  metallic_roughness,  ///< "metallicRoughness": data
+  occlusion,           ///< "occlusion": data
+  emissive,            ///< "emissive": colour
+};
+inline constexpr int kChannelCount = 4;
+
+/// "baseColor", "metallicRoughness", "occlusion", "emissive".
+const char* channel_name(Channel channel) noexcept;
+/// The channel with that name (exactly as glTF spells it), or nothing.
+std::optional<Channel> channel_from_name(const std::string& name) noexcept;
+
+/// How one sample of an image is stored.
+enum class Depth : std::uint8_t { u8, u16, half, float32 };
+/// "u8", "u16", "half", "float".
+const char* depth_name(Depth depth) noexcept;
+std::optional<Depth> depth_from_name(const std::string& name) noexcept;
+
+/// Width and height of an image in texels, each 1..65536.
+struct ImageSize {
+  std::uint32_t width = 0;
+  std::uint32_t height = 0;
+  bool operator==(const ImageSize&) const = default;
+};
+
+/// A length in the target's units, or a share of the diagonal of the target's bounding box.
+struct Length {
+  double value = 0;
+  bool is_percent = false;  ///< value is a percentage of the diagonal
+};
+
+/// An image file that overrides or adds one channel of the source.
+struct SourceTexture {
+  Channel channel = Channel::base_color;
+  std::string path;
+};
+
+/// What machine resources a job may use.
+struct Resources {
+  /// Everything big the job holds in memory, in bytes: blocks in flight, grids, result blocks, image
+  /// stripes, triangle tables, caches. 0 = half of what the process may use (cgroup included).
+  std::uint64_t memory_bytes = 0;
+  /// Worker threads, the calling one included; 0 = all cores. The result does not depend on it.
+  unsigned threads = 0;
+  /// Folder of the tile cache; empty = $XDG_CACHE_HOME/pounce, else ~/.cache/pounce.
+  std::string cache_dir;
+  /// false: build the tile stores in `temp_dir` and remove them at the end.
+  bool use_cache = true;
+  /// Folder for scratch files; empty = the output's folder.
+  std::string temp_dir;
+};
+
+/// One transfer of appearance from a textured mesh onto the UV textures of another mesh.
+struct TransferOptions {
+  std::string source;  ///< .glb, .gltf or .obj with textures
+  std::string target;  ///< .glb, .gltf or .obj with UVs
+  /// Image path; may hold <CHANNEL>, <MATERIAL> and <TARGET>. The ending picks the format.
+  std::string output;
+  std::string coverage_output;  ///< also write an 8-bit mask (255 = covered); same tokens; empty = no
+  std::vector<SourceTexture> source_textures;
+  std::optional<ImageSize> size;   ///< default: per channel the largest source image of that channel
+  std::optional<Depth> depth;      ///< default: the source image's
+  /// Empty: baseColor if `output` lacks <CHANNEL>, else every channel the source has.
+  std::vector<Channel> channels;
+  bool all_channels = false;  ///< every channel the source has; `channels` must be empty
+  /// How far along its normal, both ways, a texel may look. Larger costs time where nothing is near.
+  Length max_distance{5, true};
+  /// Source surface that faces away from the texel's normal by more than this is not seen; 0..89.9.
+  double max_angle_deg = 80;
+  std::optional<std::uint32_t> padding_px;  ///< default: larger side of the image / 128
+  Resources resources;
+  bool plan_only = false;  ///< find out what would be done, write nothing
+
+  /// For tests: byte cap of a spatial tile, rows of an output stripe, instruction set ("" = best of
+  /// "sse2", "avx2", "avx512"). The result depends on none of them.
+  struct Internal {
+    std::uint64_t tile_cap_bytes = 0;
+    std::uint32_t stripe_rows = 0;
+    std::string isa;
+    bool in_core = false;  ///< keep every store in memory: the reference of the streamed path
+  } internal;
+};
+
+/// Target vectorization alone: position, normal and mask images.
+struct MapsOptions {
+  std::string target;
+  std::string output;  ///< must hold <CHANNEL>: "position", "normal", "mask"; .exr for the first two
+  ImageSize size{1024, 1024};
+  Resources resources;
+};
+
+}  // namespace pounce

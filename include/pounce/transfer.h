@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "pounce/error.h"
+#include "pounce/options.h"
+#include "pounce/progress.h"
+#include "pounce/report.h"
+
+namespace pounce {
+
+/// Transfers the source's appearance onto the target's textures and writes the images.
+///
+/// Out of core: never holds more than options.resources.memory_bytes of big data. Same input, same
+/// output bytes, at any budget, thread count and cache state. Output files appear whole or not at all.
+///
+/// Blocks until done; one job may run beside another in one process (each with its own budget).
+/// Throws pounce::Error. `progress` may be null; it must outlive the call.
+Report transfer(const TransferOptions& options, Progress* progress = nullptr);
+
+/// Vectorizes the target alone and writes its projection maps as images:
+/// "position" (xyz in the target's units), "normal" (unit xyz) and "mask" (1 = covered).
+/// Same promises as transfer().
+Report maps(const MapsOptions& options, Progress* progress = nullptr);
+
+}  // namespace pounce

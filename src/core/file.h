@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace pounce {
+
+/// A file open for reading at any place. read() is thread-safe (pread).
+class ReadFile {
+ public:
+  virtual ~ReadFile() = default;
+  virtual std::uint64_t size_bytes() const = 0;
+  /// Fills `out` from `offset`. Throws Error(storage) with path and reason, also at end of file.
+  virtual void read(std::uint64_t offset, std::span<std::byte> out) const = 0;
+};
+
+/// A file being written from its start to its end. Not thread-safe.
+class WriteFile {
+ public:
+  virtual ~WriteFile() = default;
+  virtual void append(std::span<const std::byte> bytes) = 0;
+  virtual std::uint64_t size_bytes() const = 0;
+  virtual void sync() = 0;  ///< fdatasync
+  /// The same file for reading what was appended so far (scratch files are read while they grow).
+  virtual std::unique_ptr<ReadFile> reader() const = 0;
+};
+
+/// Every access to files of our own goes through here (foreign image and mesh libraries excepted), so that a
+/// test can make the n-th call fail and an in-core run needs no disk.
+/// Every function throws Error(storage) naming path and reason.
+class FileSystem {
+ public:
+  virtual ~FileSystem() = default;
+  virtual std::unique_ptr<ReadFile> open(const std::string& path) = 0;
+  virtual std::unique_ptr<WriteFile> create(const std::string& path) = 0;  ///< fails if it exists
+  /// A nameless file in `folder`: gone when closed or when the process dies, however it dies.
+  virtual std::unique_ptr<WriteFile> create_scratch(const std::string& folder) = 0;
+  virtual bool exists(const std::string& path) = 0;
+  virtual void rename(const std::string& from, const std::string& to) = 0;  ///< replaces `to`
+  virtual void remove(const std::string& path) = 0;                         ///< missing is fine
+  virtual void make_folders(const std::string& path) = 0;
+  virtual void sync_folder(const std::string& path) = 0;
+  virtual std::vector<std::string> list(const std::string& folder) = 0;  ///< names, sorted
+};
+
+FileSystem& posix_file_system();
+/// Keeps everything in memory: for tests and the in-core reference.
+std::unique_ptr<FileSystem> make_memory_file_system();
+
+}  // namespace pounce

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "mesh/mesh.h"
+#include "pounce/options.h"
+
+namespace pounce::io {
+
+/// What an image file says of itself.
+struct ImageInfo {
+  std::uint32_t width = 0, height = 0;
+  std::uint32_t channels = 0;  ///< 1..4 (gray, gray+alpha, RGB, RGBA); palettes are expanded
+  Depth depth = Depth::u8;     ///< below 8 bits per sample: u8, scaled to 0..255
+  bool linear = false;         ///< samples are scene-linear (float formats), else as stored (sRGB-coded)
+  bool has_alpha = false;      ///< the last channel is straight (unassociated) alpha
+  std::string format;          ///< "png", "jpeg", "openexr", "tiff", ...
+  /// Memory that the decoder itself needs beyond the rows handed out: small where the file decodes by
+  /// rows, the whole image where it only decodes whole (interlaced PNG, progressive JPEG, WebP).
+  std::uint64_t decoder_bytes = 0;
+};
+
+/// Reads an image top to bottom in strips of rows, samples exactly as stored (no colour conversion, alpha
+/// never premultiplied). Not thread-safe; one reader per thread. Throws Error(input) naming image.label.
+class ImageReader {
+ public:
+  explicit ImageReader(const mesh::ImageRef& image);
+  explicit ImageReader(const std::string& path);
+  ~ImageReader();
+  ImageReader(ImageReader&&) noexcept;
+  ImageReader& operator=(ImageReader&&) noexcept;
+
+  const ImageInfo& info() const;
+  std::size_t row_bytes() const;  ///< width * channels * bytes per sample
+  /// Reads the next `row_count` rows (row_count <= rows left) into `rows`, tightly packed, native endian.
+  void read_rows(std::uint32_t row_count, std::byte* rows);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// 128-bit content hash of the encoded bytes of an image, streamed in 1 MiB pieces.
+struct ContentHash {
+  std::uint64_t hi = 0, lo = 0;
+  bool operator==(const ContentHash&) const = default;
+};
+ContentHash hash_image(const mesh::ImageRef& image);
+
+}  // namespace pounce::io

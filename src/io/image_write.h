@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "pounce/options.h"
+
+namespace pounce::io {
+
+/// What to write. Samples handed over are in `depth`, row-major, tightly packed, native endian.
+struct ImageWriteSpec {
+  std::uint32_t width = 0, height = 0;
+  std::uint32_t channels = 0;  ///< 1..4
+  Depth depth = Depth::u8;
+  bool linear = false;     ///< samples are scene-linear: tagged so where the format can say it
+  bool has_alpha = false;  ///< the last channel is straight alpha
+};
+
+/// Can the format of `path` (by its ending) hold this? Returns "" or a sentence that says what it can hold.
+std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec);
+/// The nearest depth that the format of `path` can hold (png: u8/u16; jpeg: u8; exr: half/float; tiff: all).
+Depth writable_depth(const std::string& path, Depth wanted);
+
+/// Writes an image top to bottom in strips of rows in bounded memory, under a temporary name beside `path`
+/// that commit() renames; without commit() the destructor removes it. Throws Error(storage) with path and
+/// reason. Not thread-safe.
+class ImageWriter {
+ public:
+  ImageWriter(const std::string& path, const ImageWriteSpec& spec);
+  ~ImageWriter();
+  ImageWriter(ImageWriter&&) noexcept;
+  ImageWriter& operator=(ImageWriter&&) noexcept;
+
+  void write_rows(std::uint32_t row_count, const std::byte* rows);
+  /// Flushes, fsyncs, renames, fsyncs the folder. All rows must have been written.
+  void commit();
+  /// Memory the encoder holds beyond the rows handed over, for the budget.
+  static std::uint64_t encoder_bytes(const std::string& path, const ImageWriteSpec& spec);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace pounce::io

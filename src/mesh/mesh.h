@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/vec.h"
+#include "pounce/options.h"
+
+namespace pounce::mesh {
+
+/// glTF's texture wrap modes.
+enum class Wrap : std::uint8_t { repeat, mirror, clamp };
+
+/// Affine map of UV coordinates (KHR_texture_transform): u' = a u + b v + c, v' = d u + e v + f,
+/// in glTF's convention (v down).
+struct UvTransform {
+  double a = 1, b = 0, c = 0, d = 0, e = 1, f = 0;
+  bool operator==(const UvTransform&) const = default;
+};
+
+/// Where the bytes of an encoded image are. Exactly one of: a file or byte range of a file (`path`,
+/// with `size_bytes` == 0 for the whole file), or bytes in memory (a data URI).
+struct ImageRef {
+  std::string path;
+  std::uint64_t offset_bytes = 0;
+  std::uint64_t size_bytes = 0;
+  std::shared_ptr<const std::vector<std::byte>> bytes;
+  std::string label;      ///< for messages: "head.glb image 2 \"skin\"", "skin.png"
+  std::string mime_type;  ///< "" when unknown
+  std::string problem;    ///< not empty: cannot be read, and why (unsupported extension, missing file)
+};
+
+/// A texture as a material uses it.
+struct TextureBinding {
+  std::uint32_t image = 0;   ///< index into Mesh::images
+  std::uint32_t uv_set = 0;  ///< index into Mesh::uv_sets
+  UvTransform transform;
+  Wrap wrap_u = Wrap::repeat;
+  Wrap wrap_v = Wrap::repeat;
+};
+
+struct Material {
+  std::string name;  ///< "default" for primitives without one
+  /// By Channel; nothing where the material has no such texture.
+  std::array<std::optional<TextureBinding>, kChannelCount> textures;
+  /// By Channel: baseColorFactor rgba (linear), (0, roughnessFactor, metallicFactor, 1), (1,1,1,1) for
+  /// occlusion, emissiveFactor rgb1 (linear).
+  std::array<std::array<float, 4>, kChannelCount> factors{
+      {{1, 1, 1, 1}, {0, 1, 1, 1}, {1, 1, 1, 1}, {0, 0, 0, 1}}};
+  bool double_sided = false;
+};
+
+/// A whole mesh file, flattened: node transforms applied (mirroring ones keep the winding outward),
+/// every primitive triangulated, all in the file's own axes and units.
+/// Invariants (readers guarantee): every index < vertex count, positions and UVs finite, normals finite
+/// (unit, or zero where undefined), every uv set has one entry per vertex.
+struct Mesh {
+  std::string path;  ///< as given by the caller, for messages
+  std::vector<Vec3f> positions;
+  std::vector<Vec3f> normals;  ///< one per vertex
+  /// One per vertex: unit tangent and handedness (+1/-1) along +u of uv set 0, from the file or derived.
+  std::vector<Vec4f> tangents;
+  /// uv_sets[k][vertex], v down as in glTF (OBJ's v is flipped when read): row 0 of an image is v = 0.
+  std::vector<std::vector<Vec2f>> uv_sets;
+  /// Per vertex of set k: does its primitive have this set at all? Empty = all vertices do.
+  std::vector<std::vector<bool>> uv_present;
+  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< file order
+  std::vector<std::uint32_t> triangle_material;         ///< index into materials
+  std::vector<Material> materials;                      ///< never empty when there are triangles
+  std::vector<ImageRef> images;
+  std::vector<std::string> warnings;
+
+  bool has_uv(std::size_t uv_set, std::uint32_t vertex) const {
+    return uv_set < uv_sets.size() && (uv_present[uv_set].empty() || uv_present[uv_set][vertex]);
+  }
+  /// Bytes this mesh holds in memory.
+  std::uint64_t size_bytes() const;
+};
+
+}  // namespace pounce::mesh
