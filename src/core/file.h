@@ -19,15 +19,23 @@ class ReadFile {
   virtual void read(std::uint64_t offset, std::span<std::byte> out) const = 0;
 };
 
-/// A file being written from its start to its end. Not thread-safe.
+/// A file being written from its start to its end. Not thread-safe, but readers of what was appended may work
+/// in other threads meanwhile. Appends go through a small buffer: nothing is sure to be on disk before sync(),
+/// and what was appended after the last sync() may be lost when the object goes.
 class WriteFile {
  public:
   virtual ~WriteFile() = default;
   virtual void append(std::span<const std::byte> bytes) = 0;
   virtual std::uint64_t size_bytes() const = 0;
-  virtual void sync() = 0;  ///< fdatasync
+  virtual void sync() = 0;  ///< fdatasync; once it failed it fails for good
   /// The same file for reading what was appended so far (scratch files are read while they grow).
   virtual std::unique_ptr<ReadFile> reader() const = 0;
+};
+
+/// A lock on a path. Released when destroyed or when the process dies, however it dies.
+class FileLock {
+ public:
+  virtual ~FileLock() = default;
 };
 
 /// Every access to files of our own goes through here (foreign image and mesh libraries excepted), so that a
@@ -46,6 +54,9 @@ class FileSystem {
   virtual void make_folders(const std::string& path) = 0;
   virtual void sync_folder(const std::string& path) = 0;
   virtual std::vector<std::string> list(const std::string& folder) = 0;  ///< names, sorted
+  /// Takes the lock on `path` (a file that is created and stays); null if somebody else holds it, be it
+  /// another process or another object of this one.
+  virtual std::unique_ptr<FileLock> try_lock(const std::string& path) = 0;
 };
 
 FileSystem& posix_file_system();

@@ -35,6 +35,16 @@ inline constexpr std::size_t kPackFooterBytes = 64;
 /// No chunk is larger, raw or stored: sizes are bounded before anything is allocated.
 inline constexpr std::uint32_t kLargestChunkBytes = 64u << 20;
 
+/// What the header of a pack says.
+struct PackInfo {
+  std::uint32_t version = 0;
+  PackKind kind = PackKind::geometry;
+  Hash128 key;
+};
+/// Reads and checks the header alone, for programs that do not know what to expect (`pounce inspect`).
+/// Throws Error(damaged_store).
+PackInfo read_pack_info(const ReadFile& file, const std::string& name);
+
 /// Append-only pack file: header, chunks, footer. Layout: docs/tile-format.md. Not thread-safe.
 /// The header carries kind, version and key; the footer (written by finish()) the directory's place, the
 /// number of chunks and the file's size. Every byte is under a checksum.
@@ -48,6 +58,9 @@ class PackWriter {
   void finish(const ChunkRef& directory);
   std::uint64_t size_bytes() const;
   WriteFile& file();
+  PackKind kind() const;
+  const Hash128& key() const;
+  bool finished() const;
 
  private:
   struct Impl;
@@ -64,6 +77,8 @@ class PackReader {
   /// Reads one chunk's stored payload into `stored` (exactly ref.stored_bytes) and checks its header (kind,
   /// sizes, its own offset) and checksum. The header is read with the payload in one pread.
   void read(const ChunkRef& ref, ChunkKind kind, std::vector<std::byte>& stored) const;
+  /// Reads and checks every chunk from the header to the footer; returns how many there are.
+  std::uint64_t verify() const;
   std::uint64_t size_bytes() const;
   std::uint64_t bytes_read() const;  ///< so far
   const std::string& name() const;

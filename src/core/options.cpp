@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pounce/options.h"
+
+#include <array>
+#include <cstddef>
+
+namespace pounce {
+namespace {
+
+// In the order of the enumerations.
+constexpr std::array<const char*, kChannelCount> kChannelNames = {"baseColor", "metallicRoughness",
+                                                                  "occlusion", "emissive"};
+constexpr std::array<const char*, 4> kDepthNames = {"u8", "u16", "half", "float"};
+
+template <class Enum, std::size_t N>
+std::optional<Enum> find_name(const std::array<const char*, N>& names, const std::string& name) {
+  for (std::size_t i = 0; i < N; ++i) {
+    if (name == names[i]) return static_cast<Enum>(i);
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+const char* channel_name(Channel channel) noexcept {
+  return kChannelNames[static_cast<std::size_t>(channel)];
+}
+
+std::optional<Channel> channel_from_name(const std::string& name) noexcept {
+  return find_name<Channel>(kChannelNames, name);
+}
+
+const char* depth_name(Depth depth) noexcept {
+  return kDepthNames[static_cast<std::size_t>(depth)];
+}
+
+std::optional<Depth> depth_from_name(const std::string& name) noexcept {
+  return find_name<Depth>(kDepthNames, name);
+}
+
+}  // namespace pounce

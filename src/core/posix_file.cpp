@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Files through pread and pwrite. No mmap: it would put whole stores into the process's resident
+// memory.
+#include <dirent.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <filesystem>
+#include <mutex>
+#include <system_error>
+#include <utility>
+
+#include "core/file.h"
+#include "pounce/error.h"
+
+namespace pounce {
+namespace {
+
+// Chunks are 1 KB to 1 MB: small ones are gathered so that a write costs no more than the copy.
+constexpr std::size_t kWriteBufferBytes = 256u << 10;
+
+const char* advice(int code) {
+  switch (code) {
+    case ENOSPC:
+    case EDQUOT:
+      return "; free some space or choose another folder";
+    case EMFILE:
+    case ENFILE:
+      return "; raise the limit of open files (ulimit -n)";
+    case EACCES:
+    case EPERM:
+    case EROFS:
+      return "; choose a folder that this user may write to";
+    default:
+      return "";
+  }
+}
+
+[[noreturn]] void fail(const std::string& path, const char* what, int code) {
+  throw Error(ErrorKind::storage, fmt::format("{}: cannot {}: {}{}", path, what,
+                                              std::generic_category().message(code), advice(code)));
+}
+
+/// A file descriptor that is closed with this object.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+int open_retrying(const char* path, int flags, mode_t mode = 0) {
+  for (;;) {
+    const int fd = ::open(path, flags | O_CLOEXEC, mode);
+    if (fd >= 0 || errno != EINTR) return fd;
+  }
+}
+
+void read_fully(int fd, const std::string& path, std::uint64_t offset, std::span<std::byte> out) {
+  while (!out.empty()) {
+    const ssize_t got = ::pread(fd, out.data(), out.size(), static_cast<off_t>(offset));
+    if (got < 0) {
+      if (errno == EINTR) continue;
+      fail(path, "read", errno);
+    }
+    if (got == 0) {
+      throw Error(ErrorKind::storage,
+                  fmt::format("{}: cannot read: the file ends at byte {}, {} bytes are missing",
+                              path, offset, out.size()));
+    }
+    offset += static_cast<std::uint64_t>(got);
+    out = out.subspan(static_cast<std::size_t>(got));
+  }
+}
+
+void write_fully(int fd, const std::string& path, std::uint64_t offset,
+                 std::span<const std::byte> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t put = ::pwrite(fd, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (put < 0) {
+      if (errno == EINTR) continue;
+      fail(path, "write", errno);
+    }
+    offset += static_cast<std::uint64_t>(put);
+    bytes = bytes.subspan(static_cast<std::size_t>(put));
+  }
+}
+
+class PosixReadFile final : public ReadFile {
+ public:
+  PosixReadFile(int fd, std::string path) : fd_(fd), path_(std::move(path)) {
+    struct stat status {};
+    if (::fstat(fd_.get(), &status) != 0) fail(path_, "read the size", errno);
+    if (!S_ISREG(status.st_mode)) fail(path_, "read", S_ISDIR(status.st_mode) ? EISDIR : EINVAL);
+    size_ = static_cast<std::uint64_t>(status.st_size);
+  }
+  std::uint64_t size_bytes() const override { return size_; }
+  void read(std::uint64_t offset, std::span<std::byte> out) const override {
+    read_fully(fd_.get(), path_, offset, out);
+  }
+
+ private:
+  Descriptor fd_;
+  std::string path_;
+  std::uint64_t size_ = 0;
+};
+
+/// What a growing file and its readers share. Bytes below written() are in the file, the rest in
+/// the buffer. A failed write changes neither, so that it may be tried again.
+class GrowingFile {
+ public:
+  GrowingFile(int fd, std::string path) : fd_(fd), path_(std::move(path)) {}
+
+  void append(std::span<const std::byte> bytes) {
+    const std::lock_guard lock(mutex_);
+    if (buffer_.size() + bytes.size() > kWriteBufferBytes) flush_locked();
+    if (bytes.size() >= kWriteBufferBytes) {
+      const std::uint64_t at = written_.load(std::memory_order_relaxed);
+      write_fully(fd_.get(), path_, at, bytes);
+      written_.store(at + bytes.size(), std::memory_order_release);
+    } else {
+      if (buffer_.capacity() == 0) buffer_.reserve(kWriteBufferBytes);
+      buffer_.insert(buffer_.end(), bytes.begin(), bytes.end());
+    }
+  }
+
+  std::uint64_t size_bytes() const {
+    const std::lock_guard lock(mutex_);
+    return written_.load(std::memory_order_relaxed) + buffer_.size();
+  }
+
+  /// Empties the buffer and gives its memory back: files that are only read from now on hold none.
+  void flush() {
+    const std::lock_guard lock(mutex_);
+    flush_locked();
+    std::vector<std::byte>().swap(buffer_);
+  }
+
+  void sync() {
+    flush();
+    // After a failed fdatasync the kernel may have dropped the pages and report success next time.
+    if (sync_failed_) fail(path_, "write to the disk", EIO);
+    while (::fdatasync(fd_.get()) != 0) {
+      if (errno == EINTR) continue;
+      sync_failed_ = true;
+      fail(path_, "write to the disk", errno);
+    }
+  }
+
+  void read(std::uint64_t offset, std::span<std::byte> out) {
+    if (offset + out.size() > written_.load(std::memory_order_acquire)) {
+      const std::lock_guard lock(mutex_);
+      flush_locked();
+    }
+    read_fully(fd_.get(), path_, offset, out);
+  }
+
+ private:
+  void flush_locked() {
+    if (buffer_.empty()) return;
+    const std::uint64_t at = written_.load(std::memory_order_relaxed);
+    write_fully(fd_.get(), path_, at, buffer_);
+    written_.store(at + buffer_.size(), std::memory_order_release);
+    buffer_.clear();
+  }
+
+  const Descriptor fd_;
+  const std::string path_;
+  mutable std::mutex mutex_;  // guards buffer_ and changes of written_
+  std::vector<std::byte> buffer_;
+  std::atomic<std::uint64_t> written_{0};
+  bool sync_failed_ = false;
+};
+
+class GrowingReadFile final : public ReadFile {
+ public:
+  explicit GrowingReadFile(std::shared_ptr<GrowingFile> file) : file_(std::move(file)) {}
+  std::uint64_t size_bytes() const override { return file_->size_bytes(); }
+  void read(std::uint64_t offset, std::span<std::byte> out) const override {
+    file_->read(offset, out);
+  }
+
+ private:
+  std::shared_ptr<GrowingFile> file_;
+};
+
+class PosixWriteFile final : public WriteFile {
+ public:
+  PosixWriteFile(int fd, std::string path)
+      : file_(std::make_shared<GrowingFile>(fd, std::move(path))) {}
+  void append(std::span<const std::byte> bytes) override { file_->append(bytes); }
+  std::uint64_t size_bytes() const override { return file_->size_bytes(); }
+  void sync() override { file_->sync(); }
+  std::unique_ptr<ReadFile> reader() const override {
+    file_->flush();
+    return std::make_unique<GrowingReadFile>(file_);
+  }
+
+ private:
+  std::shared_ptr<GrowingFile> file_;
+};
+
+class PosixFileLock final : public FileLock {
+ public:
+  explicit PosixFileLock(std::unique_ptr<Descriptor> fd) : fd_(std::move(fd)) {}
+
+ private:
+  std::unique_ptr<Descriptor> fd_;  // closing it gives the flock back
+};
+
+class PosixFileSystem final : public FileSystem {
+ public:
+  std::unique_ptr<ReadFile> open(const std::string& path) override {
+    const int fd = open_retrying(path.c_str(), O_RDONLY);
+    if (fd < 0) fail(path, "open", errno);
+    return std::make_unique<PosixReadFile>(fd, path);
+  }
+
+  std::unique_ptr<WriteFile> create(const std::string& path) override {
+    const int fd = open_retrying(path.c_str(), O_RDWR | O_CREAT | O_EXCL, 0666);
+    if (fd < 0) fail(path, "create", errno);
+    return std::make_unique<PosixWriteFile>(fd, path);
+  }
+
+  std::unique_ptr<WriteFile> create_scratch(const std::string& folder) override {
+    const std::string where = folder.empty() ? "." : folder;
+    const std::string name = where + "/(scratch file)";
+    int fd = open_retrying(where.c_str(), O_TMPFILE | O_RDWR | O_EXCL, 0600);
+    if (fd < 0 && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL)) {
+      // A file system without nameless files: give up the name right after creation.
+      std::string path = where + "/.pounce-XXXXXX";
+      fd = ::mkostemp(path.data(), O_CLOEXEC);
+      if (fd >= 0) ::unlink(path.c_str());
+    }
+    if (fd < 0) fail(where, "create a scratch file there", errno);
+    return std::make_unique<PosixWriteFile>(fd, name);
+  }
+
+  bool exists(const std::string& path) override {
+    struct stat status {};
+    if (::stat(path.c_str(), &status) == 0) return true;
+    if (errno != ENOENT && errno != ENOTDIR) fail(path, "look at it", errno);
+    return false;
+  }
+
+  void rename(const std::string& from, const std::string& to) override {
+    if (::rename(from.c_str(), to.c_str()) != 0) {
+      fail(from, fmt::format("rename to {}", to).c_str(), errno);
+    }
+  }
+
+  void remove(const std::string& path) override {
+    if (::unlink(path.c_str()) != 0 && errno != ENOENT) fail(path, "remove", errno);
+  }
+
+  void make_folders(const std::string& path) override {
+    std::error_code code;
+    std::filesystem::create_directories(path, code);
+    if (code) fail(path, "create the folder", code.value());
+  }
+
+  void sync_folder(const std::string& path) override {
+    const Descriptor fd(open_retrying(path.c_str(), O_RDONLY | O_DIRECTORY));
+    if (fd.get() < 0) fail(path, "open the folder", errno);
+    // EINVAL: a file system that cannot sync folders has nothing to promise about them.
+    while (::fsync(fd.get()) != 0) {
+      if (errno == EINTR) continue;
+      if (errno == EINVAL) return;
+      fail(path, "write the folder to the disk", errno);
+    }
+  }
+
+  std::vector<std::string> list(const std::string& folder) override {
+    const std::unique_ptr<DIR, int (*)(DIR*)> stream(::opendir(folder.c_str()), ::closedir);
+    if (!stream) fail(folder, "list the folder", errno);
+    std::vector<std::string> names;
+    for (;;) {
+      errno = 0;
+      const dirent* entry = ::readdir(stream.get());
+      if (entry == nullptr) break;
+      const std::string name = entry->d_name;
+      if (name != "." && name != "..") names.push_back(name);
+    }
+    if (errno != 0) fail(folder, "list the folder", errno);
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+
+  std::unique_ptr<FileLock> try_lock(const std::string& path) override {
+    auto fd = std::make_unique<Descriptor>(open_retrying(path.c_str(), O_RDWR | O_CREAT, 0666));
+    if (fd->get() < 0) fail(path, "open the lock file", errno);
+    while (::flock(fd->get(), LOCK_EX | LOCK_NB) != 0) {
+      if (errno == EINTR) continue;
+      if (errno == EWOULDBLOCK) return nullptr;
+      fail(path, "lock", errno);
+    }
+    return std::make_unique<PosixFileLock>(std::move(fd));
+  }
+};
+
+}  // namespace
+
+FileSystem& posix_file_system() {
+  static PosixFileSystem instance;
+  return instance;
+}
+
+}  // namespace pounce
