@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "core/hash.h"
 #include "mesh/mesh.h"
 #include "pounce/options.h"
 
@@ -16,16 +17,24 @@ struct ImageInfo {
   std::uint32_t width = 0, height = 0;
   std::uint32_t channels = 0;  ///< 1..4 (gray, gray+alpha, RGB, RGBA); palettes are expanded
   Depth depth = Depth::u8;     ///< below 8 bits per sample: u8, scaled to 0..255
-  bool linear = false;         ///< samples are scene-linear (float formats), else as stored (sRGB-coded)
-  bool has_alpha = false;      ///< the last channel is straight (unassociated) alpha
-  std::string format;          ///< "png", "jpeg", "openexr", "tiff", ...
-  /// Memory that the decoder itself needs beyond the rows handed out: small where the file decodes by
-  /// rows, the whole image where it only decodes whole (interlaced PNG, progressive JPEG, WebP).
+  bool linear = false;  ///< samples are scene-linear (float formats), else as stored (sRGB-coded)
+  bool has_alpha = false;  ///< the last channel is straight (unassociated) alpha
+  std::string format;      ///< "png", "jpeg", "openexr", "tiff", ...
+  /// Memory that the decoder itself needs beyond the rows handed out: small where the file decodes
+  /// by rows, the whole image where it only decodes whole (interlaced PNG, progressive JPEG, WebP).
   std::uint64_t decoder_bytes = 0;
 };
 
-/// Reads an image top to bottom in strips of rows, samples exactly as stored (no colour conversion, alpha
-/// never premultiplied). Not thread-safe; one reader per thread. Throws Error(input) naming image.label.
+/// Reads an image top to bottom in strips of rows, samples exactly as stored (no colour
+/// conversion). Alpha is handed out straight: where the file says that its colours are
+/// premultiplied (EXR always does) they are divided by alpha, and kept where alpha is 0. Of a file
+/// with several images the first is read. Formats, told by content: PNG, JPEG, EXR, TIFF, WebP
+/// without alpha, BMP, Targa, Radiance HDR, PNM.
+///
+/// Damage: a file that ends early, a wrong PNG checksum and whatever the decoders notice throw
+/// Error(input) naming image.label and the row, at the latest after the last row. A JPEG, an
+/// uncompressed TIFF, BMP, Targa or PNM has no checksum: a changed byte there that still decodes
+/// cannot be told from a picture. Not thread-safe; one reader per thread, several at once are fine.
 class ImageReader {
  public:
   explicit ImageReader(const mesh::ImageRef& image);
@@ -36,7 +45,8 @@ class ImageReader {
 
   const ImageInfo& info() const;
   std::size_t row_bytes() const;  ///< width * channels * bytes per sample
-  /// Reads the next `row_count` rows (row_count <= rows left) into `rows`, tightly packed, native endian.
+  /// Reads the next `row_count` rows (row_count <= rows left) into `rows`, tightly packed, native
+  /// endian.
   void read_rows(std::uint32_t row_count, std::byte* rows);
 
  private:
@@ -44,11 +54,8 @@ class ImageReader {
   std::unique_ptr<Impl> impl_;
 };
 
-/// 128-bit content hash of the encoded bytes of an image, streamed in 1 MiB pieces.
-struct ContentHash {
-  std::uint64_t hi = 0, lo = 0;
-  bool operator==(const ContentHash&) const = default;
-};
-ContentHash hash_image(const mesh::ImageRef& image);
+/// 128-bit content hash of the encoded bytes of an image, streamed in 1 MiB pieces. Throws
+/// Error(input).
+Hash128 hash_image(const mesh::ImageRef& image);
 
 }  // namespace pounce::io

@@ -10,7 +10,10 @@
 
 namespace pounce::io {
 
-/// What to write. Samples handed over are in `depth`, row-major, tightly packed, native endian.
+/// What to write. Samples handed over are in `depth`, row-major, tightly packed, native endian. Two
+/// and four channels always end in straight alpha: no format here can say otherwise and be
+/// believed. EXR stores colours premultiplied, so they are multiplied by alpha when written (where
+/// alpha is 0 the colour is lost).
 struct ImageWriteSpec {
   std::uint32_t width = 0, height = 0;
   std::uint32_t channels = 0;  ///< 1..4
@@ -19,14 +22,19 @@ struct ImageWriteSpec {
   bool has_alpha = false;  ///< the last channel is straight alpha
 };
 
-/// Can the format of `path` (by its ending) hold this? Returns "" or a sentence that says what it can hold.
+/// Can the format of `path` (by its ending) hold this? Returns "" or a sentence that says what it
+/// can hold.
 std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec);
-/// The nearest depth that the format of `path` can hold (png: u8/u16; jpeg: u8; exr: half/float; tiff: all).
+/// The nearest depth that the format of `path` can hold (png: u8/u16; jpeg: u8; exr: half/float;
+/// tiff: all).
 Depth writable_depth(const std::string& path, Depth wanted);
 
-/// Writes an image top to bottom in strips of rows in bounded memory, under a temporary name beside `path`
-/// that commit() renames; without commit() the destructor removes it. Throws Error(storage) with path and
-/// reason. Not thread-safe.
+/// Writes an image top to bottom in strips of rows in bounded memory. Until commit() the bytes have
+/// no name, or where the file system cannot do that a hidden temporary one beside `path`, which the
+/// destructor removes. The same samples give the same bytes, whenever and wherever they are
+/// written. PNG: deflate at a level that keeps pace with the projection. JPEG: quality 95, 4:4:4.
+/// TIFF: deflate, strips. EXR: zip, scanlines. Throws Error(usage) for what why_not_writable()
+/// names, Error(storage) with path and reason. Not thread-safe.
 class ImageWriter {
  public:
   ImageWriter(const std::string& path, const ImageWriteSpec& spec);

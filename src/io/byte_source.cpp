@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/byte_source.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+/// What a C stream over a ByteSource remembers.
+struct Cookie {
+  ByteSource* source = nullptr;
+  std::uint64_t position = 0;
+};
+
+ssize_t cookie_read(void* opaque, char* out, std::size_t count) {
+  auto& cookie = *static_cast<Cookie*>(opaque);
+  const std::size_t got = cookie.source->read_at(cookie.position, out, count);
+  if (got == 0 && cookie.source->failure() != 0) {
+    errno = cookie.source->failure();
+    return -1;
+  }
+  if (cookie.source->watcher) {
+    cookie.source->watcher(cookie.position, reinterpret_cast<const std::byte*>(out), got);
+  }
+  cookie.position += got;
+  return static_cast<ssize_t>(got);
+}
+
+int cookie_seek(void* opaque, off64_t* offset, int whence) {
+  auto& cookie = *static_cast<Cookie*>(opaque);
+  std::int64_t base = 0;
+  if (whence == SEEK_CUR) base = static_cast<std::int64_t>(cookie.position);
+  if (whence == SEEK_END) base = static_cast<std::int64_t>(cookie.source->size_bytes());
+  if (base + *offset < 0) {
+    errno = EINVAL;
+    return -1;
+  }
+  cookie.position = static_cast<std::uint64_t>(base + *offset);
+  *offset = static_cast<off64_t>(cookie.position);
+  return 0;
+}
+
+int cookie_close(void* opaque) {
+  delete static_cast<Cookie*>(opaque);
+  return 0;
+}
+
+}  // namespace
+
+ByteSource::ByteSource(const mesh::ImageRef& image)
+    : label_(image.label.empty() ? image.path : image.label) {
+  if (!image.problem.empty()) {
+    throw Error(ErrorKind::input, fmt::format("{}: {}", label_, image.problem));
+  }
+  if (image.bytes) {
+    memory_ = image.bytes;
+    size_bytes_ = memory_->size();
+  } else {
+    descriptor_ = ::open(image.path.c_str(), O_RDONLY | O_CLOEXEC);
+    struct stat status {};
+    if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0) {
+      const int reason = errno;
+      if (descriptor_ >= 0) ::close(descriptor_);
+      throw Error(ErrorKind::input, fmt::format("{}: cannot open the image file {}: {}", label_,
+                                                image.path, std::strerror(reason)));
+    }
+    const bool is_file = S_ISREG(status.st_mode);
+    const std::uint64_t file_bytes = is_file ? static_cast<std::uint64_t>(status.st_size) : 0;
+    offset_bytes_ = image.offset_bytes;
+    size_bytes_ = image.size_bytes;
+    if (size_bytes_ == 0 && file_bytes > offset_bytes_) size_bytes_ = file_bytes - offset_bytes_;
+    if (!is_file || offset_bytes_ > file_bytes || size_bytes_ > file_bytes - offset_bytes_) {
+      ::close(descriptor_);
+      throw Error(
+          ErrorKind::input,
+          is_file ? fmt::format("{}: the image should be bytes {} to {} of {}, which has only {}; "
+                                "the file was cut off",
+                                label_, offset_bytes_, offset_bytes_ + size_bytes_, image.path,
+                                file_bytes)
+                  : fmt::format("{}: {} is not a file", label_, image.path));
+    }
+  }
+  if (size_bytes_ == 0) {
+    if (descriptor_ >= 0) ::close(descriptor_);
+    throw Error(ErrorKind::input, fmt::format("{}: the image is empty (0 bytes)", label_));
+  }
+}
+
+ByteSource::~ByteSource() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+std::size_t ByteSource::read_at(std::uint64_t offset, void* out, std::size_t count) noexcept {
+  if (offset >= size_bytes_) return 0;
+  count = static_cast<std::size_t>(std::min<std::uint64_t>(count, size_bytes_ - offset));
+  if (memory_) {
+    std::memcpy(out, memory_->data() + offset, count);
+    return count;
+  }
+  std::size_t done = 0;
+  while (done < count) {
+    const ssize_t got = ::pread(descriptor_, static_cast<char*>(out) + done, count - done,
+                                static_cast<off_t>(offset_bytes_ + offset + done));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0 && failure_ == 0) failure_ = errno;
+    if (got <= 0) break;
+    done += static_cast<std::size_t>(got);
+  }
+  return done;
+}
+
+FILE* ByteSource::stream() {
+  auto cookie = std::make_unique<Cookie>(Cookie{this, 0});
+  FILE* file = ::fopencookie(cookie.get(), "r", {cookie_read, nullptr, cookie_seek, cookie_close});
+  if (file == nullptr) throw Error(ErrorKind::internal, label_ + ": cannot make a stream");
+  cookie.release();
+  // Decoders ask for 4 KB at a time; 64 KB halves the system time of a 100 MB PNG.
+  std::setvbuf(file, nullptr, _IOFBF, 64 << 10);
+  return file;
+}
+
+}  // namespace pounce::io

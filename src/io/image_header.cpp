@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/image_header.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+bool ends_with_ignoring_case(const std::string& text, std::string_view ending) {
+  if (text.size() < ending.size()) return false;
+  return std::equal(ending.begin(), ending.end(),
+                    text.end() - static_cast<std::ptrdiff_t>(ending.size()),
+                    [](char a, char b) { return a == (b >= 'A' && b <= 'Z' ? b + 32 : b); });
+}
+
+/// Reads big-endian numbers from a JPEG one after another.
+class JpegCursor {
+ public:
+  explicit JpegCursor(ByteSource& bytes) : bytes_(bytes) {}
+  std::uint64_t position = 2;
+  std::uint32_t u8() {
+    std::uint8_t value = 0;
+    if (bytes_.read_at(position++, &value, 1) != 1) {
+      throw Error(
+          ErrorKind::input,
+          fmt::format(
+              "{}: the JPEG ends before its first row (after {} bytes); the file was cut off",
+              bytes_.label(), bytes_.size_bytes()));
+    }
+    return value;
+  }
+  std::uint32_t u16() {
+    const std::uint32_t high = u8();
+    return (high << 8) | u8();
+  }
+
+ private:
+  ByteSource& bytes_;
+};
+
+bool is_frame_header(std::uint32_t marker) {
+  return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
+}
+
+void read_frame_header(JpegCursor at, std::uint32_t marker, JpegHeader& header) {
+  at.u8();  // bits per sample
+  header.height = at.u16();
+  header.width = at.u16();
+  header.components = at.u8();
+  header.several_scans = marker != 0xC0 && marker != 0xC1 && marker != 0xC9;
+  std::array<std::uint32_t, 4> across{}, down{};
+  const std::size_t count = std::min<std::size_t>(header.components, 4);
+  for (std::size_t c = 0; c < count; ++c) {
+    at.u8();  // id
+    const std::uint32_t factors = at.u8();
+    across[c] = std::clamp(factors >> 4, 1U, 4U);
+    down[c] = std::clamp(factors & 15U, 1U, 4U);
+    at.u8();  // quantisation table
+  }
+  const std::uint64_t most_across = std::max(1U, *std::max_element(across.begin(), across.end()));
+  const std::uint64_t most_down = std::max(1U, *std::max_element(down.begin(), down.end()));
+  // libjpeg keeps 2 bytes per coefficient, padded to whole interleaved units.
+  const std::uint64_t units_across = (header.width + 8 * most_across - 1) / (8 * most_across);
+  const std::uint64_t units_down = (header.height + 8 * most_down - 1) / (8 * most_down);
+  for (std::size_t c = 0; c < count; ++c) {
+    header.coefficient_bytes += units_across * units_down * across[c] * down[c] * 128;
+  }
+}
+
+}  // namespace
+
+std::string image_format(ByteSource& bytes, const std::string& path) {
+  std::array<char, 16> buffer{};
+  const std::string_view start(buffer.data(), bytes.read_at(0, buffer.data(), buffer.size()));
+  const auto is = [&](std::string_view magic) { return start.substr(0, magic.size()) == magic; };
+  using namespace std::string_view_literals;
+  if (is("\x89PNG\r\n\x1a\n"sv)) return "png";
+  if (is("\xFF\xD8\xFF"sv)) return "jpeg";
+  if (is("\x76\x2f\x31\x01"sv)) return "openexr";
+  if (is("II*\0"sv) || is("MM\0*"sv) || is("II+\0"sv) || is("MM\0+"sv)) return "tiff";
+  if (is("RIFF"sv) && start.substr(8, 4) == "WEBP"sv) return "webp";
+  if (is("BM"sv)) return "bmp";
+  if (is("#?RADIANCE"sv) || is("#?RGBE"sv)) return "hdr";
+  if (start.size() > 2 && start[0] == 'P' && (start[1] == '5' || start[1] == '6') &&
+      start[2] <= ' ') {
+    return "pnm";
+  }
+  constexpr std::string_view kTargaFooter = "TRUEVISION-XFILE.\0"sv;
+  std::array<char, 18> footer{};
+  if (bytes.size_bytes() >= 44)
+    bytes.read_at(bytes.size_bytes() - 18, footer.data(), footer.size());
+  const bool targa = std::string_view(footer.data(), footer.size()) == kTargaFooter;
+  return targa || ends_with_ignoring_case(path, ".tga") ? "targa" : "";
+}
+
+bool is_interlaced_png(ByteSource& bytes) {
+  std::uint8_t method = 0;  // the last byte of IHDR, which is always the first chunk
+  return bytes.read_at(28, &method, 1) == 1 && method != 0;
+}
+
+JpegHeader read_jpeg_header(ByteSource& bytes) {
+  JpegHeader header;
+  JpegCursor at(bytes);
+  for (;;) {
+    if (at.u8() != 0xFF) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: the JPEG is damaged before its first row, at byte {}",
+                              bytes.label(), at.position - 1));
+    }
+    std::uint32_t marker = at.u8();
+    while (marker == 0xFF) marker = at.u8();
+    const bool stands_alone =
+        marker == 0x00 || marker == 0x01 || (marker >= 0xD0 && marker <= 0xD8);
+    if (stands_alone) continue;
+    if (marker == 0xD9) break;
+    const std::uint64_t next = at.position + std::max<std::uint64_t>(2, at.u16());
+    if (is_frame_header(marker)) read_frame_header(at, marker, header);
+    if (marker == 0xDA) {
+      header.several_scans = header.several_scans || at.u8() < header.components;
+      break;
+    }
+    at.position = next;
+  }
+  if (header.width == 0 || header.height == 0) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: the JPEG does not say how large it is; the file is damaged",
+                            bytes.label()));
+  }
+  return header;
+}
+
+}  // namespace pounce::io

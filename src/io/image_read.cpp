@@ -1,0 +1,365 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/image_read.h"
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "io/byte_source.h"
+#include "io/image_header.h"
+#include "io/oiio_setup.h"
+#include "io/png_check.h"
+#include "io/sample.h"
+#include "io/straight_alpha.h"
+#include "pounce/error.h"
+
+// OpenImageIO decodes; this file gives it the bytes (a C stream over a range of a file or over
+// memory, which every format it reads here accepts, so nothing is copied whole), asks for samples
+// as stored, and does not trust its word on damaged files: its JPEG reader returns grey rows and
+// success for a file that was cut off (libjpeg's warning is only kept as an error text, which is
+// asked for after every strip), and its PNG reader never looks at the last checksum (PngCheck
+// does).
+namespace pounce::io {
+namespace {
+
+constexpr std::uint32_t kLargestSide = 65536;
+
+[[noreturn]] void refuse(const std::string& label, const std::string& what) {
+  throw Error(ErrorKind::input, label + ": " + what);
+}
+
+void check_size(const std::string& label, std::int64_t width, std::int64_t height) {
+  if (width < 1 || height < 1 || width > kLargestSide || height > kLargestSide) {
+    refuse(label, fmt::format("the image is {} x {} texels; 1 to {} each way can be read", width,
+                              height, kLargestSide));
+  }
+}
+
+Depth depth_of(const std::string& label, OIIO::TypeDesc type) {
+  switch (type.basetype) {
+    case OIIO::TypeDesc::UINT8:
+      return Depth::u8;
+    case OIIO::TypeDesc::UINT16:
+      return Depth::u16;
+    case OIIO::TypeDesc::HALF:
+      return Depth::half;
+    case OIIO::TypeDesc::FLOAT:
+      return Depth::float32;
+    default:
+      refuse(label,
+             fmt::format(
+                 "its samples are of type {}; convert it to 8 or 16 bit integers, half or float",
+                 type.c_str()));
+  }
+}
+
+/// The channels to read of a file that names many: R, G, B (and A) or Y (and A) where they are
+/// neighbours.
+struct ChannelRange {
+  int first = 0, count = 0;
+};
+
+ChannelRange choose_channels(const std::string& label, const OIIO::ImageSpec& spec) {
+  if (spec.nchannels <= 4) return {0, spec.nchannels};
+  for (const auto& names :
+       {std::vector<std::string_view>{"R", "G", "B", "A"}, {"R", "G", "B"}, {"Y", "A"}, {"Y"}}) {
+    const auto& all = spec.channelnames;
+    const auto at = std::search(all.begin(), all.end(), names.begin(), names.end());
+    if (at != all.end()) {
+      return {static_cast<int>(at - all.begin()), static_cast<int>(names.size())};
+    }
+  }
+  refuse(label, fmt::format("it has {} channels and none called R, G, B or Y; 1 to 4 can be read",
+                            spec.nchannels));
+}
+
+/// The stream for libjpeg, which asks for a FILE, and for everybody else. IOFile's own pread() and
+/// size() want a file descriptor, which a stream over a part of a file has not.
+class SourceProxy : public OIIO::Filesystem::IOFile {
+ public:
+  SourceProxy(ByteSource& bytes, FILE* stream) : IOFile(stream, Read), bytes_(bytes) {}
+  std::size_t pread(void* out, std::size_t count, std::int64_t offset) override {
+    return offset < 0 ? 0 : bytes_.read_at(static_cast<std::uint64_t>(offset), out, count);
+  }
+  std::size_t size() const override { return static_cast<std::size_t>(bytes_.size_bytes()); }
+
+ private:
+  ByteSource& bytes_;
+};
+
+/// libjpeg holds a few rows of blocks per component.
+std::uint64_t jpeg_row_cost(std::uint64_t width) { return (1U << 20) + width * 3 * 64; }
+
+/// Rows that an EXR file compresses together.
+std::uint64_t exr_block_rows(const std::string& compression) {
+  if (compression.starts_with("dwab")) return 256;
+  if (compression == "piz" || compression.starts_with("dwaa") || compression.starts_with("b44"))
+    return 32;
+  if (compression == "zip" || compression == "pxr24") return 16;
+  return 1;
+}
+
+/// Upper bounds, checked against resident memory by tests/unit/io/test_image_memory.cpp.
+std::uint64_t decoder_cost(const OIIO::ImageSpec& spec, const std::string& format,
+                           ByteSource& bytes) {
+  const auto row = static_cast<std::uint64_t>(spec.scanline_bytes(true));
+  const std::uint64_t whole = row * static_cast<std::uint64_t>(spec.height);
+  constexpr std::uint64_t kBase = 1U << 20;
+  if (spec.tile_width > 0) return kBase + 4 * row * static_cast<std::uint64_t>(spec.tile_height);
+  if (format == "png") return kBase + (is_interlaced_png(bytes) ? whole : 4 * row);
+  if (format == "jpeg") return jpeg_row_cost(static_cast<std::uint64_t>(spec.width));
+  if (format == "openexr")
+    return kBase + 6 * row * exr_block_rows(spec.get_string_attribute("compression"));
+  if (format == "tiff") {
+    const int strip_rows = spec.get_int_attribute("tiff:RowsPerStrip", spec.height);
+    return kBase + 3 * row * static_cast<std::uint64_t>(std::clamp(strip_rows, 1, spec.height));
+  }
+  return kBase + whole + bytes.size_bytes();
+}
+
+}  // namespace
+
+struct ImageReader::Impl {
+  explicit Impl(const mesh::ImageRef& image);
+  ~Impl();
+  void open();
+  void take_spec();
+  void describe_unopened_jpeg(const JpegHeader& header);
+  void read_tile_row(std::uint32_t row);
+  void read_decoded(std::uint32_t row_count, std::byte* rows);
+  void check_bytes_after_last_row();
+  [[noreturn]] void fail(const std::string& what) const;
+  std::string decoder_message() const;
+
+  ByteSource bytes;
+  FILE* stream = nullptr;
+  std::unique_ptr<SourceProxy> proxy;
+  std::unique_ptr<OIIO::ImageInput> input;  // null until open()
+  ImageInfo info;
+  ChannelRange channels;
+  OIIO::TypeDesc sample_type;
+  bool premultiplied = false;
+  int first_row = 0, first_column = 0;  // of the data window
+  std::uint32_t next_row = 0;
+  std::uint32_t tile_height = 0;  // 0: by scanline
+  std::vector<std::byte> tile_row;
+  PngCheck png_check;
+};
+
+ImageReader::Impl::Impl(const mesh::ImageRef& image) : bytes(image) {
+  info.format = image_format(bytes, image.path);
+  if (info.format.empty()) {
+    refuse(bytes.label(),
+           "this is not an image of a known format (PNG, JPEG, EXR, TIFF, WebP, BMP, Targa, HDR, "
+           "PNM)");
+  }
+  JpegHeader jpeg;
+  if (info.format == "jpeg") jpeg = read_jpeg_header(bytes);
+  if (jpeg.several_scans) {
+    // Opening these decodes everything, so it waits for the first read: by then the caller has
+    // leased decoder_bytes.
+    describe_unopened_jpeg(jpeg);
+  } else {
+    open();
+  }
+}
+
+ImageReader::Impl::~Impl() {
+  input.reset();
+  proxy.reset();
+  if (stream != nullptr) std::fclose(stream);
+}
+
+void ImageReader::Impl::open() {
+  set_up_oiio();
+  stream = bytes.stream();
+  if (info.format == "png") {
+    bytes.watcher = [this](std::uint64_t offset, const std::byte* data, std::size_t count) {
+      png_check.see(offset, data, count);
+    };
+  }
+  proxy = std::make_unique<SourceProxy>(bytes, stream);
+  auto created = OIIO::ImageInput::create(info.format);
+  if (!created) refuse(bytes.label(), fmt::format("OpenImageIO was built without {}", info.format));
+  OIIO::ImageSpec config, spec;
+  config.attribute("oiio:UnassociatedAlpha", 1);
+  OIIO::Filesystem::IOProxy* io = proxy.get();
+  config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &io);
+  const bool opened = created->open(bytes.label(), spec, config);
+  input = std::move(created);
+  if (!opened || input->has_error()) fail("the image header cannot be read");
+  take_spec();
+}
+
+void ImageReader::Impl::take_spec() {
+  const OIIO::ImageSpec& spec = input->spec();
+  const std::string& label = bytes.label();
+  check_size(label, spec.width, spec.height);
+  if (spec.deep || spec.depth > 1) refuse(label, "deep and volume images cannot be read");
+  if (info.format == "openexr" &&
+      (spec.x != spec.full_x || spec.y != spec.full_y || spec.width != spec.full_width ||
+       spec.height != spec.full_height)) {
+    refuse(label,
+           fmt::format(
+               "its data window ({} x {} at {}, {}) is not its display window ({} x {} at {}, {}); "
+               "save it uncropped",
+               spec.width, spec.height, spec.x, spec.y, spec.full_width, spec.full_height,
+               spec.full_x, spec.full_y));
+  }
+  channels = choose_channels(label, spec);
+  first_row = spec.y;
+  first_column = spec.x;
+  info.width = static_cast<std::uint32_t>(spec.width);
+  info.height = static_cast<std::uint32_t>(spec.height);
+  info.channels = static_cast<std::uint32_t>(channels.count);
+  info.depth = depth_of(label, spec.format);
+  info.linear = info.depth == Depth::half || info.depth == Depth::float32;
+  info.has_alpha = info.channels == 2 || info.channels == 4;
+  premultiplied = info.has_alpha && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0;
+  if (info.format == "webp" && info.has_alpha) {
+    refuse(label, "WebP images with alpha cannot be read exactly; convert it to PNG");
+  }
+  sample_type = spec.format;
+  if (spec.tile_width > 0) tile_height = static_cast<std::uint32_t>(spec.tile_height);
+  info.decoder_bytes = decoder_cost(spec, info.format, bytes);
+}
+
+void ImageReader::Impl::describe_unopened_jpeg(const JpegHeader& header) {
+  check_size(bytes.label(), header.width, header.height);
+  info.width = header.width;
+  info.height = header.height;
+  info.channels = header.components == 1 ? 1 : 3;  // CMYK is converted
+  info.decoder_bytes = header.coefficient_bytes + jpeg_row_cost(header.width);
+}
+
+std::string ImageReader::Impl::decoder_message() const {
+  if (bytes.failure() != 0) return fmt::format(" ({})", std::strerror(bytes.failure()));
+  if (!png_check.problem().empty()) return fmt::format(" ({})", png_check.problem());
+  const std::string message = input ? one_line(input->geterror()) : "";
+  return message.empty() ? "" : fmt::format(" ({})", message);
+}
+
+void ImageReader::Impl::fail(const std::string& what) const {
+  refuse(bytes.label(),
+         fmt::format("{}{}; the file is damaged or cut off", what, decoder_message()));
+}
+
+void ImageReader::Impl::read_tile_row(std::uint32_t row) {
+  const auto& spec = input->spec();
+  const std::size_t row_bytes = spec.width * channels.count * sample_type.size();
+  tile_row.resize(row_bytes * tile_height);
+  const int begin = first_row + static_cast<int>(row);
+  const int end = std::min(begin + static_cast<int>(tile_height), first_row + spec.height);
+  if (!input->read_tiles(0, 0, first_column, first_column + spec.width, begin, end, 0, 1,
+                         channels.first, channels.first + channels.count, sample_type,
+                         tile_row.data())) {
+    fail(fmt::format("the picture breaks off in rows {} to {} of {}", row, end - first_row - 1,
+                     info.height));
+  }
+}
+
+void ImageReader::Impl::read_decoded(std::uint32_t row_count, std::byte* rows) {
+  const std::size_t row_bytes = info.width * info.channels * sample_type.size();
+  if (tile_height == 0) {
+    const int begin = first_row + static_cast<int>(next_row);
+    if (!input->read_scanlines(0, 0, begin, begin + static_cast<int>(row_count), 0, channels.first,
+                               channels.first + channels.count, sample_type, rows)) {
+      fail(fmt::format("the picture breaks off in rows {} to {} of {}", next_row,
+                       next_row + row_count - 1, info.height));
+    }
+    return;
+  }
+  for (std::uint32_t done = 0; done < row_count;) {
+    const std::uint32_t row = next_row + done;
+    const std::uint32_t in_tile = row % tile_height;
+    if (in_tile == 0) read_tile_row(row);
+    const std::uint32_t piece = std::min(row_count - done, tile_height - in_tile);
+    std::memcpy(rows + done * row_bytes, tile_row.data() + in_tile * row_bytes, piece * row_bytes);
+    done += piece;
+  }
+}
+
+void ImageReader::Impl::check_bytes_after_last_row() {
+  if (info.format != "png") return;
+  std::array<std::byte, 16384> piece;
+  while (!png_check.finished() && png_check.problem().empty()) {
+    const std::uint64_t at = png_check.position();
+    const std::size_t got = bytes.read_at(at, piece.data(), piece.size());
+    if (got == 0) fail("all rows are there, but the PNG has no end");
+    png_check.see(at, piece.data(), got);
+  }
+  if (!png_check.problem().empty()) fail("the PNG cannot be trusted");
+}
+
+ImageReader::ImageReader(const mesh::ImageRef& image) : impl_(std::make_unique<Impl>(image)) {}
+
+ImageReader::ImageReader(const std::string& path)
+    : impl_(std::make_unique<Impl>(mesh::ImageRef{path, 0, 0, nullptr, path, "", ""})) {}
+
+ImageReader::~ImageReader() = default;
+ImageReader::ImageReader(ImageReader&&) noexcept = default;
+ImageReader& ImageReader::operator=(ImageReader&&) noexcept = default;
+
+const ImageInfo& ImageReader::info() const { return impl_->info; }
+
+std::size_t ImageReader::row_bytes() const {
+  return impl_->info.width * impl_->info.channels * sample_bytes(impl_->info.depth);
+}
+
+void ImageReader::read_rows(std::uint32_t row_count, std::byte* rows) {
+  Impl& self = *impl_;
+  if (row_count > self.info.height - self.next_row) {
+    throw Error(ErrorKind::internal,
+                fmt::format("{}: rows {} to {} of {} asked for", self.bytes.label(), self.next_row,
+                            self.next_row + row_count, self.info.height));
+  }
+  if (row_count == 0) return;
+  if (!self.input) {
+    const ImageInfo promised = self.info;
+    self.open();
+    if (self.info.width != promised.width || self.info.height != promised.height ||
+        self.info.channels != promised.channels) {
+      self.fail("the JPEG contradicts itself about its size");
+    }
+    self.info.decoder_bytes = promised.decoder_bytes;
+  }
+  self.read_decoded(row_count, rows);
+  // Decoders that go on after damage leave a text behind.
+  if (self.input->has_error() || self.bytes.failure() != 0 || !self.png_check.problem().empty()) {
+    self.fail(fmt::format("the picture is damaged in rows {} to {} of {}", self.next_row,
+                          self.next_row + row_count - 1, self.info.height));
+  }
+  if (self.premultiplied) {
+    divide_by_alpha(self.info.depth, self.info.channels, std::size_t{self.info.width} * row_count,
+                    rows);
+  }
+  self.next_row += row_count;
+  if (self.next_row == self.info.height) self.check_bytes_after_last_row();
+}
+
+Hash128 hash_image(const mesh::ImageRef& image) {
+  ByteSource bytes(image);
+  std::vector<std::byte> piece(std::min<std::uint64_t>(bytes.size_bytes(), 1 << 20));
+  Hasher hasher;
+  for (std::uint64_t at = 0; at < bytes.size_bytes();) {
+    const std::size_t got = bytes.read_at(at, piece.data(), piece.size());
+    if (got == 0) {
+      refuse(
+          bytes.label(),
+          fmt::format("reading stopped after {} of {} bytes: {}", at, bytes.size_bytes(),
+                      bytes.failure() != 0 ? std::strerror(bytes.failure()) : "the file shrank"));
+    }
+    hasher.add(std::span<const std::byte>(piece.data(), got));
+    at += got;
+  }
+  return hasher.digest();
+}
+
+}  // namespace pounce::io

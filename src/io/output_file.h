@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <string>
+
+namespace pounce::io {
+
+/// A file that appears under its name whole or not at all, for libraries that write and seek
+/// through a C stream. Throws Error(storage) with path and reason. Not thread-safe.
+class OutputFile {
+ public:
+  explicit OutputFile(const std::string& path);
+  ~OutputFile();
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+
+  FILE* stream() { return stream_; }
+  /// Bytes written so far, those in the stream's buffer included.
+  std::uint64_t size_bytes();
+  /// Up to `count` of the bytes written so far, from `offset`.
+  std::size_t read_back(std::int64_t offset, void* out, std::size_t count) noexcept;
+  /// Throws if any write so far did not reach the file.
+  void check() const;
+  /// Flushes, fsyncs, gives the file its name, fsyncs the folder. Nobody may use the stream
+  /// afterwards.
+  void commit();
+  /// Throws Error(storage): "cannot write <path>: <what>".
+  [[noreturn]] void fail(const std::string& what) const;
+
+ private:
+  static long write_piece(void* self, const char* bytes, std::size_t count);
+  static int seek(void* self, std::int64_t* offset, int whence);
+
+  std::string path_, folder_, temporary_;
+  bool nameless_ = false;
+  bool has_temporary_ = false;
+  int descriptor_ = -1;
+  FILE* stream_ = nullptr;
+  std::int64_t position_ = 0;
+  int failure_ = 0;  ///< errno of the first write that failed
+};
+
+}  // namespace pounce::io

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "pounce/options.h"
+
+namespace pounce::io {
+
+/// Divides the colours of `texels` texels by their last channel (alpha), in place; where alpha is 0
+/// the colours stay as they are. Integers round to nearest and are cut at the largest value.
+void divide_by_alpha(Depth depth, std::uint32_t channels, std::size_t texels, std::byte* samples);
+
+/// Multiplies the colours by alpha. half and float32 only: the one format that wants it is EXR.
+void multiply_by_alpha(Depth depth, std::uint32_t channels, std::size_t texels, std::byte* samples);
+
+}  // namespace pounce::io
