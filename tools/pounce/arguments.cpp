@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "arguments.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <system_error>
+
+#include "pounce/error.h"
+
+namespace pounce::cli {
+namespace {
+
+constexpr std::uint32_t kLargestSide = 65536;  // ImageSize's own limit
+constexpr double kLargestBytes = 0x1p62;       // fits every signed 64-bit file offset
+constexpr double kLargestDistance = 1e30;      // squares still fit a double and a float's exponent
+
+[[noreturn]] void refuse(const std::string& option, const std::string& given,
+                         const std::string& expected) {
+  throw Error(ErrorKind::usage,
+              fmt::format("{}: got \"{}\", expected {}", option, given, expected));
+}
+
+std::string lower(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
+bool ends_with(const std::string& text, const std::string& ending) {
+  return text.size() >= ending.size() &&
+         text.compare(text.size() - ending.size(), ending.size(), ending) == 0;
+}
+
+/// The number at the start of `text`; `rest` becomes what follows it. False if there is none or it
+/// is not finite. from_chars: the same in every locale.
+bool leading_number(const std::string& text, double& value, std::string& rest) {
+  const char* const end = text.data() + text.size();
+  const auto [stop, failure] = std::from_chars(text.data(), end, value);
+  if (failure != std::errc() || !std::isfinite(value)) return false;
+  rest.assign(stop, end);
+  return true;
+}
+
+bool whole_number(const std::string& text, std::uint64_t& value) {
+  const char* const end = text.data() + text.size();
+  const auto [stop, failure] = std::from_chars(text.data(), end, value);
+  return failure == std::errc() && stop == end;
+}
+
+/// Bytes in a unit (already lower case); 0 if there is no such unit.
+double unit_bytes(const std::string& unit) {
+  if (unit.empty() || unit == "b") return 1;
+  constexpr std::string_view kPrefixes = "kmgt";
+  const std::size_t power = kPrefixes.find(unit[0]);
+  if (power == std::string_view::npos) return 0;
+  const std::string ending = unit.substr(1);
+  const double exponent = static_cast<double>(power) + 1;
+  if (ending.empty() || ending == "ib") return std::pow(1024.0, exponent);
+  return ending == "b" ? std::pow(1000.0, exponent) : 0;
+}
+
+Channel parse_channel(const std::string& option, const std::string& name) {
+  const std::optional<Channel> channel = channel_from_name(name);
+  if (!channel) {
+    refuse(option, name, "baseColor, metallicRoughness, occlusion or emissive");
+  }
+  return *channel;
+}
+
+}  // namespace
+
+std::uint64_t parse_integer(const std::string& option, const std::string& text,
+                            std::uint64_t lowest, std::uint64_t highest) {
+  std::uint64_t value = 0;
+  if (!whole_number(text, value) || value < lowest || value > highest) {
+    refuse(option, text, fmt::format("a whole number from {} to {}", lowest, highest));
+  }
+  return value;
+}
+
+double parse_number(const std::string& option, const std::string& text, double lowest,
+                    double highest) {
+  double value = 0;
+  std::string rest;
+  if (!leading_number(text, value, rest) || !rest.empty() || value < lowest || value > highest) {
+    refuse(option, text, fmt::format("a number from {:g} to {:g}", lowest, highest));
+  }
+  return value;
+}
+
+std::uint64_t parse_bytes(const std::string& option, const std::string& text) {
+  double value = 0;
+  std::string unit;
+  const double scale = leading_number(text, value, unit) ? unit_bytes(lower(unit)) : 0;
+  const double bytes = std::floor(value * scale);
+  if (!(bytes >= 1 && bytes <= kLargestBytes)) {
+    refuse(option, text, "an amount of memory such as 512MiB, 1.5G or 4096 (bytes)");
+  }
+  return static_cast<std::uint64_t>(bytes);
+}
+
+ImageSize parse_image_size(const std::string& option, const std::string& text) {
+  const std::size_t cross = text.find_first_of("xX");
+  const std::string first = text.substr(0, cross);
+  const std::string second = cross == std::string::npos ? first : text.substr(cross + 1);
+  std::uint64_t width = 0;
+  std::uint64_t height = 0;
+  const bool fits = whole_number(first, width) && whole_number(second, height) && width >= 1 &&
+                    height >= 1 && width <= kLargestSide && height <= kLargestSide;
+  if (!fits) {
+    refuse(option, text,
+           fmt::format("texels as N or WxH (1024, 2048x1024), each from 1 to {}", kLargestSide));
+  }
+  return {static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height)};
+}
+
+Length parse_length(const std::string& option, const std::string& text) {
+  Length length;
+  std::string rest;
+  const bool is_number = leading_number(text, length.value, rest);
+  length.is_percent = rest == "%";
+  const double highest = length.is_percent ? 100 : kLargestDistance;
+  if (!is_number || !(rest.empty() || length.is_percent) || !(length.value > 0) ||
+      length.value > highest) {
+    refuse(option, text,
+           "a length above 0 in the target's units (0.25), or up to 100% of its diagonal (5%)");
+  }
+  return length;
+}
+
+Depth parse_depth(const std::string& option, const std::string& text) {
+  const std::optional<Depth> depth = depth_from_name(text);
+  if (!depth) refuse(option, text, "u8, u16, half or float");
+  return *depth;
+}
+
+std::vector<Channel> parse_channels(const std::string& option, const std::string& text) {
+  std::vector<Channel> channels;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    const Channel channel = parse_channel(option, text.substr(begin, end - begin));
+    if (std::find(channels.begin(), channels.end(), channel) != channels.end()) {
+      refuse(option, text, fmt::format("{} only once", channel_name(channel)));
+    }
+    channels.push_back(channel);
+    begin = end + 1;
+  }
+  return channels;
+}
+
+SourceTexture parse_source_texture(const std::string& option, const std::string& text) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals + 1 == text.size()) {
+    refuse(option, text, "CHANNEL=PATH, for example baseColor=skin.png");
+  }
+  SourceTexture texture{parse_channel(option, text.substr(0, equals)), text.substr(equals + 1)};
+  for (const char* token : {"<UDIM>", "<UVTILE>"}) {
+    if (texture.path.find(token) != std::string::npos) {
+      refuse(option, text, fmt::format("one image: {} is not supported in this version", token));
+    }
+  }
+  return texture;
+}
+
+std::string parse_image_pattern(const std::string& option, const std::string& text) {
+  parse_path(option, text);
+  for (const char* ending : {".glb", ".gltf"}) {
+    if (ends_with(lower(text), ending)) {
+      refuse(option, text, "an image (.png, .jpg, .tif, .exr): this version writes no models");
+    }
+  }
+  constexpr std::array kTokens{"<CHANNEL>", "<MATERIAL>", "<TARGET>"};
+  for (std::size_t begin = text.find('<'); begin != std::string::npos;
+       begin = text.find('<', begin + 1)) {
+    const std::size_t end = text.find('>', begin);
+    if (end == std::string::npos) break;
+    const std::string token = text.substr(begin, end + 1 - begin);
+    if (std::find(kTokens.begin(), kTokens.end(), token) == kTokens.end()) {
+      refuse(option, text,
+             fmt::format("<CHANNEL>, <MATERIAL> or <TARGET> between < and >: {} is not supported "
+                         "in this version",
+                         token));
+    }
+  }
+  return text;
+}
+
+std::string parse_path(const std::string& option, const std::string& text) {
+  if (text.empty() || (text.size() > 1 && text[0] == '-')) {
+    refuse(option, text, "a path (write ./-name for a file whose name begins with -)");
+  }
+  return text;
+}
+
+}  // namespace pounce::cli

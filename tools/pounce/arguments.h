@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "pounce/options.h"
+
+namespace pounce::cli {
+
+// From the text of one option's value to what the library takes. `option` is the option's name for
+// messages ("--size"). Every function throws Error(usage) that says what was given and what is
+// expected.
+
+/// A whole number of `lowest`..`highest` in decimal digits.
+std::uint64_t parse_integer(const std::string& option, const std::string& text,
+                            std::uint64_t lowest, std::uint64_t highest);
+/// A finite decimal number of `lowest`..`highest`.
+double parse_number(const std::string& option, const std::string& text, double lowest,
+                    double highest);
+/// An amount of memory: a number >= 1 byte with an optional unit. K, M, G, T and KiB, MiB, GiB, TiB
+/// count in 1024s; kB, MB, GB, TB in 1000s; upper and lower case are the same.
+std::uint64_t parse_bytes(const std::string& option, const std::string& text);
+/// "N" (square) or "WxH", each side 1..65536 texels.
+ImageSize parse_image_size(const std::string& option, const std::string& text);
+/// "D" in the target's units, or "P%" of its diagonal, 0 < P <= 100.
+Length parse_length(const std::string& option, const std::string& text);
+Depth parse_depth(const std::string& option, const std::string& text);
+/// Channel names between commas, each at most once.
+std::vector<Channel> parse_channels(const std::string& option, const std::string& text);
+/// "CHANNEL=PATH".
+SourceTexture parse_source_texture(const std::string& option, const std::string& text);
+/// An image path that may hold <CHANNEL>, <MATERIAL> and <TARGET>; nothing else between < and >,
+/// and no ending of a model.
+std::string parse_image_pattern(const std::string& option, const std::string& text);
+/// A path: not empty, and not what looks like the next option.
+std::string parse_path(const std::string& option, const std::string& text);
+
+}  // namespace pounce::cli

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "job.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+
+#include "pounce/error.h"
+#include "summary.h"
+
+namespace pounce::cli {
+namespace {
+
+// What the signal handler may touch.
+std::atomic<Progress*> running_job{nullptr};
+static_assert(std::atomic<Progress*>::is_always_lock_free);
+
+extern "C" void stop_job(int) {
+  Progress* const progress = running_job.load();
+  if (progress == nullptr || progress->cancelled()) _exit(exit_status(ErrorKind::cancelled));
+  progress->cancel();
+}
+
+/// While it lives, SIGINT and SIGTERM cancel the job.
+class SignalsCancel {
+ public:
+  explicit SignalsCancel(Progress& progress) {
+    running_job = &progress;
+    struct sigaction action = {};
+    action.sa_handler = stop_job;
+    action.sa_flags = SA_RESTART;  // no read or write of a library fails for a signal
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGINT, &action, &old_interrupt_);
+    sigaction(SIGTERM, &action, &old_terminate_);
+  }
+  ~SignalsCancel() {
+    sigaction(SIGINT, &old_interrupt_, nullptr);
+    sigaction(SIGTERM, &old_terminate_, nullptr);
+    running_job = nullptr;
+  }
+  SignalsCancel(const SignalsCancel&) = delete;
+  SignalsCancel& operator=(const SignalsCancel&) = delete;
+
+ private:
+  struct sigaction old_interrupt_ = {};
+  struct sigaction old_terminate_ = {};
+};
+
+std::string folder_of(const std::string& path) {
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  return folder.empty() ? "." : folder;
+}
+
+[[noreturn]] void cannot(const std::string& what, const std::string& path) {
+  const int reason = errno;
+  throw Error(ErrorKind::storage, fmt::format("{}: {}: {}", path, what, std::strerror(reason)));
+}
+
+/// A report that cannot be written is better known before a long job than after it.
+void check_report_folder(const std::string& path) {
+  if (path.empty() || path == "-") return;
+  const std::string folder = folder_of(path);
+  if (access(folder.c_str(), W_OK | X_OK) != 0) {
+    cannot("the report cannot be written into its folder", path);
+  }
+  if (std::error_code ignored; std::filesystem::is_directory(path, ignored)) {
+    errno = EISDIR;
+    cannot("the report cannot be written", path);
+  }
+}
+
+/// Writes beside, then renames: a reader sees the whole report or none.
+void write_file(const std::string& path, const std::string& text) {
+  const std::string beside = fmt::format("{}.{}.tmp", path, getpid());
+  const int file = open(beside.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (file < 0) cannot("the report cannot be created", path);
+  std::size_t written = 0;
+  while (written < text.size()) {
+    const ssize_t count = write(file, text.data() + written, text.size() - written);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) break;
+    written += static_cast<std::size_t>(count);
+  }
+  bool whole = written == text.size() && fsync(file) == 0;
+  int reason = errno;
+  if (close(file) != 0 && whole) {
+    whole = false;
+    reason = errno;
+  }
+  if (whole && std::rename(beside.c_str(), path.c_str()) == 0) return;
+  if (whole) reason = errno;
+  unlink(beside.c_str());
+  errno = reason;
+  cannot("the report cannot be written", path);
+}
+
+}  // namespace
+
+void write_stdout(const std::string& text) {
+  const bool arrived =
+      std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0;
+  if (!arrived) cannot("cannot be written", "standard output");
+}
+
+int run_job(const JobSettings& settings, const std::function<Report(Progress*)>& job) {
+  check_report_folder(settings.report_path);
+  Progress progress;
+  const SignalsCancel signals(progress);
+  const ProgressKind kind = settings.quiet ? ProgressKind::none : choose_kind(settings.progress);
+  ProgressBar bar(kind, stderr);
+  progress.on_event = [&bar](const ProgressEvent& event) { bar.show(event); };
+
+  const double begin_s = monotonic_seconds();
+  const Report report = job(&progress);
+  const double wall_s = monotonic_seconds() - begin_s;
+  bar.finish();
+
+  const bool report_on_stdout = settings.report_path == "-";
+  if (report_on_stdout) {
+    write_stdout(to_json(report));
+  } else if (!settings.report_path.empty()) {
+    write_file(settings.report_path, to_json(report));
+  }
+  if (settings.plan_only && !report_on_stdout) write_stdout(plan_text(report));
+  if (!settings.quiet) {
+    // A program that reads JSON lines gets nothing else; the report has the figures.
+    const bool for_programs = kind == ProgressKind::json;
+    std::string said = for_programs ? warnings_json(report) : warnings_text(report);
+    if (!settings.plan_only && !for_programs) {
+      said += summary_text(report, wall_s);
+      if (settings.verbose) said += details_text(report);
+    }
+    std::fwrite(said.data(), 1, said.size(), stderr);
+  }
+  return 0;
+}
+
+}  // namespace pounce::cli

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "pounce/progress.h"
+#include "pounce/report.h"
+#include "progress_bar.h"
+
+namespace pounce::cli {
+
+/// How a long job talks to the user.
+struct JobSettings {
+  std::string report_path;  ///< empty: no report; "-": standard output
+  ProgressKind progress = ProgressKind::automatic;
+  bool quiet = false;
+  bool verbose = false;
+  bool plan_only = false;  ///< print the plan instead of the summary
+};
+
+/// Runs a job with progress on the standard error output and SIGINT/SIGTERM wired to its
+/// cancellation (a second one ends the process at once, with status 130); then writes the report
+/// and says what was done. Returns the exit status; throws what the job throws. One job at a time
+/// in a process.
+int run_job(const JobSettings& settings, const std::function<Report(Progress*)>& job);
+
+/// Writes text to the standard output and makes sure that it arrived; throws Error(storage).
+void write_stdout(const std::string& text);
+
+}  // namespace pounce::cli

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include "commands.h"
+#include "job.h"
+#include "pounce/error.h"
+#include "pounce/version.h"
+#include "shared_options.h"
+
+namespace {
+
+using pounce::cli::Command;
+
+constexpr const char* kUsage =
+    "Usage: pounce COMMAND ...      (pounce COMMAND --help tells more)\n"
+    "\n"
+    "Examples:\n"
+    "  pounce transfer scan.glb avatar.glb -o avatar.png\n"
+    "  pounce compare avatar.png truth.png --min-psnr 40";
+
+/// Says what is wrong with the command line and where to read on.
+int usage_error(const CLI::App& program, const std::string& message) {
+  std::string name = "pounce";
+  for (const CLI::App* command : program.get_subcommands()) name += " " + command->get_name();
+  std::fprintf(stderr, "pounce: error: %s\nTry '%s --help'.\n", message.c_str(), name.c_str());
+  return pounce::exit_status(pounce::ErrorKind::usage);
+}
+
+int run(int argc, char** argv) {
+  CLI::App program(
+      "pounce moves the appearance of a textured mesh onto the UV textures of another.", "pounce");
+  program.set_version_flag("--version", "pounce " POUNCE_VERSION);
+  program.require_subcommand(1);
+  pounce::cli::set_help_text(program, kUsage);
+  const std::array commands{
+      pounce::cli::add_transfer_command(program), pounce::cli::add_maps_command(program),
+      pounce::cli::add_inspect_command(program), pounce::cli::add_compare_command(program)};
+  try {
+    program.parse(argc, argv);
+    for (const Command& command : commands) {
+      if (command.parser->parsed()) return command.run();
+    }
+  } catch (const CLI::CallForHelp&) {
+    const auto chosen = program.get_subcommands();
+    pounce::cli::write_stdout((chosen.empty() ? &program : chosen.front())->help());
+    return 0;
+  } catch (const CLI::CallForVersion& version) {
+    pounce::cli::write_stdout(std::string(version.what()) + "\n");
+    return 0;
+  } catch (const CLI::ParseError& error) {
+    const auto unknown = program.remaining();
+    if (argc < 2) return usage_error(program, "no command was given");
+    if (!program.get_subcommands().empty() || unknown.empty()) {
+      return usage_error(program, error.what());
+    }
+    return usage_error(
+        program,
+        "\"" + unknown.front() + "\" is not a command; there are transfer, maps, inspect, compare");
+  } catch (const pounce::Error& error) {
+    if (error.kind() != pounce::ErrorKind::usage) throw;
+    return usage_error(program, error.what());
+  }
+  throw pounce::Error(pounce::ErrorKind::internal, "a command was parsed and not found");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try { return run(argc, argv); } catch (const pounce::Error& error) {
+  std::fprintf(stderr, "pounce: error: %s\n", error.what());
+  return pounce::exit_status(error.kind());
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "pounce: internal error: %s (please report)\n", error.what());
+  return pounce::exit_status(pounce::ErrorKind::internal);
+}

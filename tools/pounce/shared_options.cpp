@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "shared_options.h"
+
+#include "arguments.h"
+
+namespace pounce::cli {
+namespace {
+
+constexpr unsigned kMostThreads = 1024;
+constexpr int kHelpColumn = 30;
+
+class HelpFormatter : public CLI::Formatter {
+ public:
+  explicit HelpFormatter(std::string usage) : usage_(std::move(usage)) {
+    column_width(kHelpColumn);
+  }
+  std::string make_usage(const CLI::App*, std::string) const override {
+    return "\n" + usage_ + "\n";
+  }
+  std::string make_option_opts(const CLI::Option* option) const override {
+    const std::string& value = option->get_option_text();  // and no list of what it excludes
+    return value.empty() ? "" : " " + value;
+  }
+
+ private:
+  std::string usage_;
+};
+
+}  // namespace
+
+const char* const kExitStatusHelp =
+    "Exit status:\n"
+    "    0  done\n"
+    "    1  compare: below --min-psnr\n"
+    "    2  the command line makes no sense\n"
+    "    3  a mesh or an image cannot be used\n"
+    "    4  --memory is too small; the message names the least that works\n"
+    "    5  a file or folder cannot be read, written or created; the disk is full\n"
+    "    6  a tile store is damaged\n"
+    "   70  an error inside pounce; please report it\n"
+    "   75  another process holds what is needed\n"
+    "  130  interrupted; no half-written output is left";
+
+void set_help_text(CLI::App& command, const std::string& usage_and_examples) {
+  command.formatter(std::make_shared<HelpFormatter>(usage_and_examples));
+  command.footer(kExitStatusHelp);
+}
+
+CLI::Option* add_switch(CLI::App& command, const std::string& name, const std::string& group,
+                        const std::string& help, bool& flag, bool value) {
+  return command
+      .add_flag_callback(
+          name, [&flag, value] { flag = value; }, help)
+      ->disable_flag_override()  // --plan=no would read like the opposite of what it does
+      ->group(group);
+}
+
+void add_resource_options(CLI::App& command, Resources& resources) {
+  const char* const group = "Machine (the result does not depend on these)";
+  add_value(command, "--memory", "SIZE", group,
+            "Budget for everything big the job holds: 512MiB, 1.5G, 4096\n"
+            "(bytes); KiB, MiB, GiB, TiB = 1024s, kB, MB, GB, TB = 1000s.\n"
+            "Smaller means more reading of tiles, not another picture.\n"
+            "Default: half of what the process may use (cgroup included)",
+            [&resources](const std::string& text) {
+              resources.memory_bytes = parse_bytes("--memory", text);
+            });
+  add_value(command, "--threads", "N", group, "Worker threads, 1 to 1024. Default: all cores",
+            [&resources](const std::string& text) {
+              resources.threads =
+                  static_cast<unsigned>(parse_integer("--threads", text, 1, kMostThreads));
+            });
+  CLI::Option* cache = add_value(
+      command, "--cache", "DIR", group,
+      "Folder of the tile cache, where a mesh prepared once waits for\n"
+      "the next run. Default: $XDG_CACHE_HOME/pounce, else\n"
+      "~/.cache/pounce",
+      [&resources](const std::string& text) { resources.cache_dir = parse_path("--cache", text); });
+  add_switch(command, "--no-cache", group,
+             "Keep nothing for the next run: tiles live in nameless files", resources.use_cache,
+             false)
+      ->excludes(cache);
+}
+
+void add_job_options(CLI::App& command, JobSettings& settings) {
+  const char* const group = "What is said";
+  add_value(command, "--report", "FILE", group,
+            "Write what was done as JSON: times, counts, bytes, memory,\n"
+            "warnings, outputs. - is the standard output",
+            [&settings](const std::string& text) {
+              settings.report_path = parse_path("--report", text);
+            });
+  add_value(command, "--progress", "KIND", group,
+            "auto   a bar on a terminal, plain lines elsewhere (default)\n"
+            "plain  a line every few seconds and at the end of each stage\n"
+            "json   one JSON object per line\n"
+            "none   nothing. All on the standard error output",
+            [&settings](const std::string& text) {
+              settings.progress = parse_progress_kind("--progress", text);
+            });
+  CLI::Option* quiet =
+      add_switch(command, "-q,--quiet", group, "Say nothing but errors", settings.quiet);
+  add_switch(command, "-v,--verbose", group,
+             "At the end also show time per stage, memory and tiles", settings.verbose)
+      ->excludes(quiet);
+}
+
+}  // namespace pounce::cli

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "job.h"
+#include "pounce/options.h"
+
+namespace pounce::cli {
+
+/// The list of exit statuses for the end of a help text.
+extern const char* const kExitStatusHelp;
+
+/// Makes a command's help read: purpose, usage line and worked examples, options by group, exit
+/// statuses.
+void set_help_text(CLI::App& command, const std::string& usage_and_examples);
+
+/// Adds an option whose one value goes, as text, to `parse`, which throws Error(usage).
+template <class Parse>
+CLI::Option* add_value(CLI::App& command, const std::string& name, const std::string& value_name,
+                       const std::string& group, const std::string& help, Parse parse) {
+  return command.add_option_function<std::string>(name, std::move(parse), help)
+      ->type_name(value_name)  // for "1 required SIZE missing"
+      ->option_text(value_name)
+      ->group(group);
+}
+
+/// Adds an option without a value that sets `flag` to `value`.
+CLI::Option* add_switch(CLI::App& command, const std::string& name, const std::string& group,
+                        const std::string& help, bool& flag, bool value = true);
+
+/// --memory, --threads, --cache and --no-cache.
+void add_resource_options(CLI::App& command, Resources& resources);
+/// --report, --progress, -q and -v.
+void add_job_options(CLI::App& command, JobSettings& settings);
+
+}  // namespace pounce::cli

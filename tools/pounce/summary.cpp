@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "summary.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+namespace pounce::cli {
+namespace {
+
+constexpr std::size_t kMostOutputsListed = 8;  // a folder of files is better counted than listed
+
+std::string wall_text(double seconds) {
+  if (seconds < 100) return fmt::format("{:.2f} s", seconds);
+  const auto whole = static_cast<std::uint64_t>(seconds);
+  return fmt::format("{} min {} s", whole / 60, whole % 60);
+}
+
+std::string share_text(std::uint64_t part, std::uint64_t whole) {
+  if (whole == 0) return "";
+  return fmt::format(" ({:.2f} %)", 100.0 * static_cast<double>(part) / static_cast<double>(whole));
+}
+
+}  // namespace
+
+std::string with_commas(std::uint64_t count) {
+  std::string text = std::to_string(count);
+  for (std::size_t place = text.size(); place > 3;) {
+    place -= 3;
+    text.insert(place, ",");
+  }
+  return text;
+}
+
+std::string bytes_text(std::uint64_t bytes) {
+  constexpr const char* kUnits[] = {"B", "KiB", "MiB", "GiB", "TiB"};
+  if (bytes < 1024) return fmt::format("{} B", bytes);
+  auto value = static_cast<double>(bytes);
+  std::size_t unit = 0;
+  while (value >= 1024 && unit + 1 < std::size(kUnits)) {
+    value /= 1024;
+    ++unit;
+  }
+  return fmt::format("{:.1f} {}", value, kUnits[unit]);
+}
+
+std::string summary_text(const Report& report, double wall_s) {
+  std::string text;
+  const std::size_t listed = std::min(report.outputs.size(), kMostOutputsListed);
+  for (std::size_t i = 0; i < listed; ++i) text += fmt::format("wrote {}\n", report.outputs[i]);
+  if (listed < report.outputs.size()) {
+    text += fmt::format("wrote {} more\n", report.outputs.size() - listed);
+  }
+  const std::uint64_t texels = report.target_texels;
+  text += fmt::format("{} texels: {} covered{}, {} empty{}; {} filled around the charts\n",
+                      with_commas(texels), with_commas(report.target_covered),
+                      share_text(report.target_covered, texels), with_commas(report.target_empty),
+                      share_text(report.target_empty, texels), with_commas(report.target_filled));
+  text += fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
+  return text;
+}
+
+std::string details_text(const Report& report) {
+  std::string text = fmt::format("\n{:<14} {:>9} {:>9}\n", "stage", "wall s", "cpu s");
+  double wall_s = 0;
+  double cpu_s = 0;
+  for (const StageTime& stage : report.stages) {
+    text += fmt::format("{:<14} {:>9.3f} {:>9.3f}{}\n", stage.name, stage.wall_s, stage.cpu_s,
+                        stage.cached ? "  cached" : "");
+    wall_s += stage.wall_s;
+    cpu_s += stage.cpu_s;
+  }
+  text += fmt::format("{:<14} {:>9.3f} {:>9.3f}\n\n", "sum", wall_s, cpu_s);
+  text += fmt::format("memory   budget {}, leased at most {}, resident at most {}\n",
+                      bytes_text(report.memory_budget_bytes), bytes_text(report.leased_peak_bytes),
+                      bytes_text(report.peak_rss_bytes));
+  text += fmt::format("tiles    source {}, target {}, read {}, written {}\n",
+                      with_commas(report.source_tiles), with_commas(report.target_tiles),
+                      with_commas(report.tiles_read), with_commas(report.tiles_written));
+  text += fmt::format(
+      "disk     read {}, written {}, scratch at most {}; stores: source {}, target {}\n",
+      bytes_text(report.bytes_read), bytes_text(report.bytes_written),
+      bytes_text(report.temp_peak_bytes), bytes_text(report.source_store_bytes),
+      bytes_text(report.target_store_bytes));
+  text += fmt::format("source   {} Gaussians from {} images\n",
+                      with_commas(report.source_gaussians), report.images_decoded);
+  for (const auto& [reason, count] : report.source_filtered) {
+    text += fmt::format("         {} left out: {}\n", with_commas(count), reason);
+  }
+  if (report.target_overlapping > 0) {
+    text += fmt::format("target   {} texels claimed by more than one triangle\n",
+                        with_commas(report.target_overlapping));
+  }
+  text += fmt::format("kernels  {}\n", report.isa);
+  return text;
+}
+
+std::string plan_text(const Report& report) {
+  std::string text = fmt::format("least memory  {} ({} bytes)\n",
+                                 bytes_text(report.least_memory_bytes), report.least_memory_bytes);
+  text += fmt::format("budget        {}\n", bytes_text(report.memory_budget_bytes));
+  text += fmt::format("threads       {}\n", report.threads);
+  // What only a run can know stays 0 in a plan and is not worth a line.
+  const auto add = [&text](const char* name, std::uint64_t bytes) {
+    if (bytes > 0) text += fmt::format("{:<13} {}\n", name, bytes_text(bytes));
+  };
+  add("source store", report.source_store_bytes);
+  add("target store", report.target_store_bytes);
+  add("scratch disk", report.temp_peak_bytes);
+  add("written", report.bytes_written);
+  for (const std::string& path : report.outputs) text += fmt::format("would write   {}\n", path);
+  return text;
+}
+
+std::string warnings_text(const Report& report) {
+  std::string text;
+  for (const std::string& warning : report.warnings) {
+    text += fmt::format("pounce: warning: {}\n", warning);
+  }
+  return text;
+}
+
+std::string warnings_json(const Report& report) {
+  using Json = nlohmann::ordered_json;
+  std::string text;
+  for (const std::string& warning : report.warnings) {
+    text += Json{{"warning", warning}}.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  }
+  return text;
+}
+
+}  // namespace pounce::cli

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <memory>
+
+#include "arguments.h"
+#include "commands.h"
+#include "pounce/transfer.h"
+#include "shared_options.h"
+
+namespace pounce::cli {
+namespace {
+
+constexpr const char* kUsage =
+    "Usage: pounce transfer SOURCE TARGET -o OUTPUT [options]\n"
+    "\n"
+    "Examples:\n"
+    "  # Give an avatar the skin of a scan, at the size of the scan's texture.\n"
+    "  pounce transfer scan.glb avatar.glb -o avatar.png\n"
+    "\n"
+    "  # Every channel the source has, 8192 x 8192 texels each, in one GiB of memory.\n"
+    "  pounce transfer scan.glb avatar.glb -o 'maps/<CHANNEL>.png' --size 8192 --memory 1GiB\n"
+    "\n"
+    "  # A mesh without materials, its texture beside it, and a mask of what was found.\n"
+    "  pounce transfer scan.obj avatar.obj --source-texture baseColor=scan.exr \\\n"
+    "      -o avatar.exr --coverage avatar.mask.png";
+
+constexpr std::uint32_t kMostPadding =
+    4096;                               // texels; half of this is the default at the largest size
+constexpr double kLargestAngle = 89.9;  // a grazing source surface is not seen at all
+
+struct Settings {
+  TransferOptions options;
+  JobSettings job;
+};
+
+void add_picture_options(CLI::App& command, TransferOptions& options) {
+  const char* const group = "Picture";
+  add_value(
+      command, "-o,--output", "OUTPUT", group,
+      "Image to write (.png .jpg .tif .exr); may hold <CHANNEL>,\n"
+      "<MATERIAL> and <TARGET>. Without <MATERIAL> all materials of the\n"
+      "target share one image",
+      [&options](const std::string& text) { options.output = parse_image_pattern("-o", text); })
+      ->required();
+  add_value(command, "--coverage", "PATTERN", group,
+            "Also write a mask: 255 where the source was found. Same tokens",
+            [&options](const std::string& text) {
+              options.coverage_output = parse_image_pattern("--coverage", text);
+            });
+  add_value(
+      command, "--size", "N|WxH", group,
+      "Texels, each side 1 to 65536. Time grows with their number.\n"
+      "Default: per channel the largest source image",
+      [&options](const std::string& text) { options.size = parse_image_size("--size", text); });
+  add_value(command, "--depth", "TYPE", group,
+            "u8, u16, half or float. Default: the source image's",
+            [&options](const std::string& text) { options.depth = parse_depth("--depth", text); });
+  add_value(command, "--padding", "PX", group,
+            "Fill this many texels around every chart with the nearest colour,\n"
+            "0 to 4096. Memory grows with it. Default: larger side / 128",
+            [&options](const std::string& text) {
+              options.padding_px =
+                  static_cast<std::uint32_t>(parse_integer("--padding", text, 0, kMostPadding));
+            });
+}
+
+void add_source_options(CLI::App& command, TransferOptions& options) {
+  const char* const group = "Source";
+  add_value(command, "--channels", "LIST", group,
+            "baseColor,metallicRoughness,occlusion,emissive, or all = what\n"
+            "the source has. Each costs one decoding and one image.\n"
+            "Default: baseColor if OUTPUT lacks <CHANNEL>, else all",
+            [&options](const std::string& text) {
+              options.all_channels = text == "all";
+              if (!options.all_channels) options.channels = parse_channels("--channels", text);
+            });
+  command
+      .add_option_function<std::vector<std::string>>(
+          "--source-texture",
+          [&options](const std::vector<std::string>& texts) {
+            for (const std::string& text : texts) {
+              options.source_textures.push_back(parse_source_texture("--source-texture", text));
+            }
+          },
+          "Take a channel from this image instead of what the mesh says.\n"
+          "May be given once per channel")
+      ->type_name("CHANNEL=PATH")
+      ->option_text("CHANNEL=PATH")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->group(group);
+}
+
+void add_search_options(CLI::App& command, TransferOptions& options) {
+  const char* const group = "Search";
+  add_value(command, "--max-distance", "D|P%", group,
+            "How far along its normal, both ways, a texel may look: in the\n"
+            "target's units, or % of its diagonal (up to 100%). A larger value\n"
+            "costs time only where nothing is near. Default: 5%",
+            [&options](const std::string& text) {
+              options.max_distance = parse_length("--max-distance", text);
+            });
+  add_value(command, "--max-angle", "DEG", group,
+            "Ignore source surface that faces away from the texel's normal by\n"
+            "more than this, 0 to 89.9 degrees. Default: 80",
+            [&options](const std::string& text) {
+              options.max_angle_deg = parse_number("--max-angle", text, 0, kLargestAngle);
+            });
+}
+
+}  // namespace
+
+Command add_transfer_command(CLI::App& program) {
+  const auto settings = std::make_shared<Settings>();
+  TransferOptions& options = settings->options;
+  CLI::App* command = program.add_subcommand(
+      "transfer", "Move a textured mesh's appearance onto another mesh's UVs");
+  set_help_text(*command, kUsage);
+  command->add_option("SOURCE", options.source, "Textured mesh: .glb, .gltf or .obj")
+      ->option_text(" ")
+      ->required();
+  command->add_option("TARGET", options.target, "Mesh with UVs: .glb, .gltf or .obj")
+      ->option_text(" ")
+      ->required();
+  add_picture_options(*command, options);
+  add_source_options(*command, options);
+  add_search_options(*command, options);
+  add_resource_options(*command, options.resources);
+  add_value(*command, "--temp", "DIR", "Machine (the result does not depend on these)",
+            "Folder for scratch files. Default: the output's folder",
+            [&options](const std::string& text) {
+              options.resources.temp_dir = parse_path("--temp", text);
+            });
+  add_job_options(*command, settings->job);
+  add_switch(*command, "--plan", "What is said",
+             "Print least memory, disk and files; do and write nothing", options.plan_only);
+  const auto run = [settings] {
+    settings->job.plan_only = settings->options.plan_only;
+    return run_job(settings->job, [&settings](Progress* progress) {
+      return transfer(settings->options, progress);
+    });
+  };
+  return {command, run};
+}
+
+}  // namespace pounce::cli
