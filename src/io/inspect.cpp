@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pounce/inspect.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string_view>
+#include <vector>
+
+#include "core/file.h"
+#include "core/hash.h"
+#include "io/image_read.h"
+#include "io/inspect_mesh.h"
+#include "io/read_mesh.h"
+#include "tiles/pack.h"
+
+namespace pounce {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+enum class FileType { mesh, image, pack };
+
+constexpr std::string_view kPackStart = "POUNCEPK";
+constexpr std::string_view kGlbStart = "glTF";
+
+std::string lower_ending(const std::string& path) {
+  std::string ending = std::filesystem::path(path).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending;
+}
+
+/// By the first bytes where they say it, else by the ending; what is neither mesh nor pack is left
+/// to the image reader, which tells formats by content.
+FileType file_type(const std::string& path, const ReadFile& file) {
+  std::array<char, 8> start{};
+  const std::size_t length = std::min<std::uint64_t>(start.size(), file.size_bytes());
+  file.read(0, std::as_writable_bytes(std::span(start)).first(length));
+  const std::string_view begins(start.data(), length);
+  if (begins == kPackStart) return FileType::pack;
+  if (begins.substr(0, kGlbStart.size()) == kGlbStart) return FileType::mesh;
+  const std::string ending = lower_ending(path);
+  if (ending == ".pack") return FileType::pack;
+  const bool is_mesh = ending == ".glb" || ending == ".gltf" || ending == ".obj";
+  return is_mesh ? FileType::mesh : FileType::image;
+}
+
+const char* kind_name(tiles::PackKind kind) {
+  switch (kind) {
+    case tiles::PackKind::geometry:
+      return "geometry";
+    case tiles::PackKind::colour:
+      return "colour";
+    case tiles::PackKind::results:
+      break;
+  }
+  return "results";
+}
+
+/// Reads every chunk: a pack that is described is a sound one.
+Json describe_pack(std::unique_ptr<ReadFile> file, const std::string& path) {
+  const tiles::PackInfo info = tiles::read_pack_info(*file, path);
+  const tiles::PackReader reader(std::move(file), path, info.kind, info.key);
+  return {{"format_version", info.version}, {"kind", kind_name(info.kind)},
+          {"key", to_hex(info.key)},        {"chunks", reader.verify()},
+          {"bytes", reader.size_bytes()},   {"sound", true}};
+}
+
+Json describe_image(const std::string& path) {
+  try {
+    return io::describe(io::ImageReader(path).info());
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::input) throw;
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}; it is no mesh (.glb, .gltf, .obj) and no tile pack either", error.what()));
+  }
+}
+
+Json describe_file(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: is a folder; name a mesh, an image or a pack file", path));
+  }
+  std::unique_ptr<ReadFile> file = posix_file_system().open(path);
+  Json json{{"file", path}};
+  switch (file_type(path, *file)) {
+    case FileType::mesh:
+      json["type"] = "mesh";
+      json.update(io::describe(io::read_mesh(path)));
+      break;
+    case FileType::image:
+      json["type"] = "image";
+      json.update(describe_image(path));
+      break;
+    case FileType::pack:
+      json["type"] = "pack";
+      json.update(describe_pack(std::move(file), path));
+      break;
+  }
+  return json;
+}
+
+}  // namespace
+
+std::string inspect_text(const std::string& path) {
+  const Json file = describe_file(path);
+  const std::string type = file["type"].get<std::string>();
+  std::string text = fmt::format("{}: {}\n", path, type == "pack" ? "tile pack" : type);
+  if (type == "mesh") return text + io::mesh_text(file);
+  if (type == "image") return text + io::image_text(file) + "\n";
+  return text +
+         fmt::format(
+             "kind       {}\nkey        {}\nformat     version {}\nsize       {} bytes, {} chunks, "
+             "every checksum matches\n",
+             file["kind"].get<std::string>(), file["key"].get<std::string>(),
+             file["format_version"].get<unsigned>(), file["bytes"].get<std::uint64_t>(),
+             file["chunks"].get<std::uint64_t>());
+}
+
+std::string inspect_json(const std::string& path) {
+  // A name inside a file need not be UTF-8; JSON must be.
+  return describe_file(path).dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace pounce

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/inspect_mesh.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <map>
+#include <vector>
+
+#include "core/box.h"
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// The double with the fewest digits that names this float: 0.1f as 0.1, not 0.10000000149.
+double shortest(float value) { return std::strtod(fmt::format("{}", value).c_str(), nullptr); }
+
+Json vector_json(Vec3f v) { return {shortest(v.x), shortest(v.y), shortest(v.z)}; }
+
+const char* wrap_name(mesh::Wrap wrap) {
+  switch (wrap) {
+    case mesh::Wrap::repeat:
+      return "repeat";
+    case mesh::Wrap::mirror:
+      return "mirror";
+    case mesh::Wrap::clamp:
+      break;
+  }
+  return "clamp";
+}
+
+/// The image's header, or why it cannot be read.
+Json image_json(const mesh::ImageRef& image) {
+  Json json{{"image", image.label}};
+  if (!image.path.empty()) json["path"] = image.path;
+  try {
+    if (!image.problem.empty()) throw Error(ErrorKind::input, image.problem);
+    json.update(describe(ImageReader(image).info()));
+  } catch (const Error& error) {
+    json["problem"] = error.what();
+  }
+  return json;
+}
+
+Json textures_json(const mesh::Mesh& mesh, const mesh::Material& material,
+                   std::map<std::uint32_t, Json>& images) {
+  Json textures = Json::array();
+  for (int i = 0; i < kChannelCount; ++i) {
+    const auto& binding = material.textures[static_cast<std::size_t>(i)];
+    if (!binding) continue;
+    if (!images.count(binding->image)) {
+      images[binding->image] = image_json(mesh.images.at(binding->image));
+    }
+    Json texture{{"channel", channel_name(static_cast<Channel>(i))}};
+    texture.update(images[binding->image]);
+    texture["uv_set"] = binding->uv_set;
+    texture["wrap_u"] = wrap_name(binding->wrap_u);
+    texture["wrap_v"] = wrap_name(binding->wrap_v);
+    if (const mesh::UvTransform& t = binding->transform; t != mesh::UvTransform{}) {
+      texture["uv_transform"] = {t.a, t.b, t.c, t.d, t.e, t.f};
+    }
+    textures.push_back(texture);
+  }
+  return textures;
+}
+
+Json materials_json(const mesh::Mesh& mesh) {
+  std::vector<std::uint64_t> triangles(mesh.materials.size());
+  for (const std::uint32_t material : mesh.triangle_material) ++triangles.at(material);
+  std::map<std::uint32_t, Json> images;  // an image that many materials use is opened once
+  Json materials = Json::array();
+  for (std::size_t i = 0; i < mesh.materials.size(); ++i) {
+    const mesh::Material& material = mesh.materials[i];
+    materials.push_back({{"name", material.name},
+                         {"triangles", triangles[i]},
+                         {"double_sided", material.double_sided},
+                         {"textures", textures_json(mesh, material, images)}});
+  }
+  return materials;
+}
+
+Json uv_sets_json(const mesh::Mesh& mesh) {
+  Json sets = Json::array();
+  for (std::size_t set = 0; set < mesh.uv_sets.size(); ++set) {
+    Box3f range;  // z unused
+    std::uint64_t vertices = 0;
+    for (std::uint32_t i = 0; i < mesh.uv_sets[set].size(); ++i) {
+      if (!mesh.has_uv(set, i)) continue;
+      const Vec2f uv = mesh.uv_sets[set][i];
+      range.extend(Vec3f{uv.x, uv.y, 0});
+      ++vertices;
+    }
+    Json json{{"vertices", vertices}};
+    if (vertices > 0) {
+      json["u"] = {shortest(range.lo.x), shortest(range.hi.x)};
+      json["v"] = {shortest(range.lo.y), shortest(range.hi.y)};
+    }
+    sets.push_back(json);
+  }
+  return sets;
+}
+
+std::string numbers_text(const Json& numbers) {
+  std::string text;
+  for (const Json& number : numbers) {
+    text += (text.empty() ? "" : " ") + fmt::format("{}", number.get<double>());
+  }
+  return text;
+}
+
+std::string texture_text(const Json& texture) {
+  std::string text = fmt::format("    {:<18} {}\n", texture["channel"].get<std::string>() + ":",
+                                 texture.contains("path") ? texture["path"].get<std::string>()
+                                                          : texture["image"].get<std::string>());
+  const std::string indent(23, ' ');
+  text +=
+      indent + (texture.contains("problem") ? "problem: " + texture["problem"].get<std::string>()
+                                            : image_text(texture));
+  text += fmt::format("\n{}uv set {}, wrap {} x {}\n", indent, texture["uv_set"].get<unsigned>(),
+                      texture["wrap_u"].get<std::string>(), texture["wrap_v"].get<std::string>());
+  if (texture.contains("uv_transform")) {
+    text += fmt::format("{}uv transform {}\n", indent, numbers_text(texture["uv_transform"]));
+  }
+  return text;
+}
+
+}  // namespace
+
+Json describe(const mesh::Mesh& mesh) {
+  Box3f box;
+  for (const Vec3f& position : mesh.positions) box.extend(position);
+  Json json{{"triangles", mesh.triangles.size()}, {"vertices", mesh.positions.size()}};
+  if (!box.empty()) json["box"] = {{"lo", vector_json(box.lo)}, {"hi", vector_json(box.hi)}};
+  json["uv_sets"] = uv_sets_json(mesh);
+  json["materials"] = materials_json(mesh);
+  json["warnings"] = mesh.warnings;
+  return json;
+}
+
+std::string mesh_text(const Json& mesh) {
+  std::string text =
+      fmt::format("triangles  {}\nvertices   {}\n", mesh["triangles"].get<std::uint64_t>(),
+                  mesh["vertices"].get<std::uint64_t>());
+  if (mesh.contains("box")) {
+    text += fmt::format("box        {}  to  {}\n", numbers_text(mesh["box"]["lo"]),
+                        numbers_text(mesh["box"]["hi"]));
+  }
+  if (mesh["uv_sets"].empty()) text += "uv sets    none\n";
+  for (std::size_t i = 0; i < mesh["uv_sets"].size(); ++i) {
+    const Json& set = mesh["uv_sets"][i];
+    text += fmt::format("uv set {}   {} vertices", i, set["vertices"].get<std::uint64_t>());
+    if (set.contains("u")) {
+      text += fmt::format(", u {}, v {} (v down)",
+                          fmt::join(set["u"].get<std::vector<double>>(), " to "),
+                          fmt::join(set["v"].get<std::vector<double>>(), " to "));
+    }
+    text += "\n";
+  }
+  for (const Json& material : mesh["materials"]) {
+    text += fmt::format("material   \"{}\", {} triangles{}\n", material["name"].get<std::string>(),
+                        material["triangles"].get<std::uint64_t>(),
+                        material["double_sided"].get<bool>() ? ", double sided" : "");
+    for (const Json& texture : material["textures"]) text += texture_text(texture);
+  }
+  for (const Json& warning : mesh["warnings"]) {
+    text += fmt::format("warning    {}\n", warning.get<std::string>());
+  }
+  return text;
+}
+
+Json describe(const ImageInfo& info) {
+  return {{"width", info.width},       {"height", info.height},
+          {"channels", info.channels}, {"depth", depth_name(info.depth)},
+          {"linear", info.linear},     {"alpha", info.has_alpha},
+          {"format", info.format},     {"decoder_bytes", info.decoder_bytes}};
+}
+
+std::string image_text(const Json& image) {
+  return fmt::format(
+      "{} x {}, {} channel{}{}, {}{}, {}", image["width"].get<std::uint32_t>(),
+      image["height"].get<std::uint32_t>(), image["channels"].get<std::uint32_t>(),
+      image["channels"].get<std::uint32_t>() == 1 ? "" : "s",
+      image["alpha"].get<bool>() ? " with alpha" : "", image["depth"].get<std::string>(),
+      image["linear"].get<bool>() ? " linear" : "", image["format"].get<std::string>());
+}
+
+}  // namespace pounce::io

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "io/image_read.h"
+#include "mesh/mesh.h"
+
+namespace pounce::io {
+
+/// What a mesh holds: counts, bounding box, UV sets with their ranges, materials with their
+/// textures. Images that cannot be read are named with their problem; nothing is thrown for them.
+nlohmann::ordered_json describe(const mesh::Mesh& mesh);
+/// That description for people.
+std::string mesh_text(const nlohmann::ordered_json& description);
+
+nlohmann::ordered_json describe(const ImageInfo& info);
+/// "1024 x 1024, 3 channels, u8, png".
+std::string image_text(const nlohmann::ordered_json& description);
+
+}  // namespace pounce::io
