@@ -16,10 +16,16 @@ struct PackWriter::Impl {
   std::uint64_t size = 0;  // what was appended, whatever the file buffers
   std::uint64_t chunks = 0;
   bool finished = false;
+  bool broken = false;           // an append failed: what the file holds is not known any more
   std::vector<std::byte> chunk;  // one chunk as it goes to the file, reused
 
   void append(std::span<const std::byte> bytes) {
+    if (broken) {
+      throw Error(ErrorKind::storage, "a pack cannot be continued after a failed write; run again");
+    }
+    broken = true;
     file->append(bytes);
+    broken = false;
     size += bytes.size();
   }
 };

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Two processes and one folder. Children only make files and end with _exit or by a signal, so that
+// no test runs twice.
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <catch2/catch.hpp>
+#include <functional>
+
+#include "support/bytes.h"
+#include "support/test_data.h"
+#include "tiles/store_folder.h"
+
+namespace pounce::tiles {
+namespace {
+
+constexpr Hash128 kKey{7, 8};
+
+/// A child process that runs `work` and then waits to be killed. It says when `work` calls `ready`.
+class Child {
+ public:
+  explicit Child(const std::function<void(const std::function<void()>& ready)>& work) {
+    int ends[2];
+    REQUIRE(::pipe(ends) == 0);
+    pid_ = ::fork();
+    REQUIRE(pid_ >= 0);
+    if (pid_ == 0) {
+      ::alarm(60);  // a child whose parent died must not stay
+      try {
+        work([&] { (void)!::write(ends[1], "r", 1); });
+      } catch (...) {
+        ::_exit(9);
+      }
+      for (;;) ::pause();
+    }
+    ::close(ends[1]);
+    char letter = 0;
+    ready_ = ::read(ends[0], &letter, 1) == 1;
+    ::close(ends[0]);
+  }
+  ~Child() { kill_now(); }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+
+  bool ready() const { return ready_; }
+  void kill_now() {
+    if (pid_ <= 0) return;
+    ::kill(pid_, SIGKILL);
+    int status = 0;
+    ::waitpid(pid_, &status, 0);
+    pid_ = -1;
+  }
+
+ private:
+  pid_t pid_ = -1;
+  bool ready_ = false;
+};
+
+TEST_CASE("a second process cannot open a cache until the first is gone, however it went",
+          "[format]") {
+  const test::TempFolder folder;
+  FileSystem& files = posix_file_system();
+  Child child([&](const auto& ready) {
+    const auto store = StoreFolder::open_cache(files, folder.file("cache"));
+    if (!store) ::_exit(8);
+    ready();
+    for (;;) ::pause();
+  });
+  REQUIRE(child.ready());
+  CHECK_FALSE(StoreFolder::open_cache(files, folder.file("cache")));
+  CHECK(StoreFolder::open_cache(files, folder.file("another")));
+  child.kill_now();
+  CHECK(StoreFolder::open_cache(files, folder.file("cache")));
+}
+
+TEST_CASE("one process cannot open a cache twice at once", "[format]") {
+  const test::TempFolder folder;
+  FileSystem& files = posix_file_system();
+  auto first = StoreFolder::open_cache(files, folder.file("cache"));
+  REQUIRE(first);
+  CHECK_FALSE(StoreFolder::open_cache(files, folder.file("cache")));
+  first.reset();
+  CHECK(StoreFolder::open_cache(files, folder.file("cache")));
+}
+
+TEST_CASE("a process killed while it writes leaves nothing that is seen or stays", "[format]") {
+  const test::TempFolder folder;
+  FileSystem& files = posix_file_system();
+  const std::string tmp = folder.file("cache") + "/v1/tmp";
+  Child child([&](const auto& ready) {
+    const auto store = StoreFolder::open_cache(files, folder.file("cache"));
+    const auto writer = store->create(PackKind::geometry, kKey);
+    for (std::uint32_t i = 0; i < 10; ++i) {
+      writer->append(ChunkKind::block, test::random_bytes(100'000, i), 100'000);
+    }
+    writer->finish(writer->append(ChunkKind::directory, {}, 0));
+    writer->file().sync();
+    ready();  // whole and on the disk, but not under its name yet
+    for (;;) ::pause();
+  });
+  REQUIRE(child.ready());
+  child.kill_now();
+  REQUIRE(files.list(tmp).size() == 1);
+  const auto store = StoreFolder::open_cache(files, folder.file("cache"));
+  REQUIRE(store);
+  CHECK(files.list(tmp).empty());
+  std::string warning;
+  CHECK_FALSE(store->find(PackKind::geometry, kKey, &warning));
+  CHECK(warning.empty());
+}
+
+TEST_CASE("at whatever moment a process is killed, packs are whole or absent", "[format]") {
+  FileSystem& files = posix_file_system();
+  std::uint64_t whole = 0;
+  for (unsigned moment = 0; moment < 60; ++moment) {
+    const test::TempFolder folder;
+    {
+      const Child child([&](const auto& ready) {
+        const auto store = StoreFolder::open_cache(files, folder.file("cache"));
+        ready();
+        for (std::uint64_t key = 0; key < 1000; ++key) {
+          auto writer = store->create(PackKind::results, {0, key});
+          for (std::uint32_t i = 0; i < 3; ++i) {
+            writer->append(ChunkKind::block, test::random_bytes(20'000, i), 20'000);
+          }
+          writer->finish(writer->append(ChunkKind::directory, {}, 0));
+          store->publish(std::move(writer));
+        }
+      });
+      REQUIRE(child.ready());
+      ::usleep(moment * 211);
+    }
+    const auto store = StoreFolder::open_cache(files, folder.file("cache"));
+    REQUIRE(store);
+    CHECK(files.list(folder.file("cache") + "/v1/tmp").empty());
+    const auto names = files.list(folder.file("cache") + "/v1/results");
+    std::string warning;
+    for (std::uint64_t key = 0; key < names.size(); ++key) {
+      const auto found = store->find(PackKind::results, {0, key}, &warning);
+      REQUIRE(found);
+      CHECK(found->verify() == 4);
+      ++whole;
+    }
+    CHECK(warning.empty());
+  }
+  CHECK(whole > 0);
+}
+
+}  // namespace
+}  // namespace pounce::tiles

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/file.h"
+#include "pounce/error.h"
+
+namespace pounce::test {
+
+/// How a FailingFileSystem fails.
+struct FailurePlan {
+  std::uint64_t fail_at = 0;  ///< number of the call that fails, from 1; 0 = none
+  bool from_then_on = false;  ///< every later call fails too (a full disk)
+  bool short_writes = false;  ///< a failing append first writes half of its bytes
+};
+
+/// Passes everything on to another file system and makes chosen calls throw Error(storage). Every
+/// call of FileSystem, WriteFile and ReadFile that could fail on a real disk counts. Thread-safe;
+/// must outlive the files it made.
+class FailingFileSystem final : public FileSystem {
+ public:
+  explicit FailingFileSystem(FileSystem& real, FailurePlan plan = {}) : real_(real), plan_(plan) {}
+
+  std::uint64_t calls() const { return calls_; }
+  /// Starts counting again, with another plan.
+  void restart(FailurePlan plan) {
+    plan_ = plan;
+    calls_ = 0;
+  }
+
+  std::unique_ptr<ReadFile> open(const std::string& path) override {
+    step("open");
+    return std::make_unique<Reader>(*this, real_.open(path));
+  }
+  std::unique_ptr<WriteFile> create(const std::string& path) override {
+    step("create");
+    return std::make_unique<Writer>(*this, real_.create(path));
+  }
+  std::unique_ptr<WriteFile> create_scratch(const std::string& folder) override {
+    step("create_scratch");
+    return std::make_unique<Writer>(*this, real_.create_scratch(folder));
+  }
+  bool exists(const std::string& path) override {
+    step("exists");
+    return real_.exists(path);
+  }
+  void rename(const std::string& from, const std::string& to) override {
+    step("rename");
+    real_.rename(from, to);
+  }
+  void remove(const std::string& path) override {
+    step("remove");
+    real_.remove(path);
+  }
+  void make_folders(const std::string& path) override {
+    step("make_folders");
+    real_.make_folders(path);
+  }
+  void sync_folder(const std::string& path) override {
+    step("sync_folder");
+    real_.sync_folder(path);
+  }
+  std::vector<std::string> list(const std::string& folder) override {
+    step("list");
+    return real_.list(folder);
+  }
+  std::unique_ptr<FileLock> try_lock(const std::string& path) override {
+    step("try_lock");
+    return real_.try_lock(path);
+  }
+
+ private:
+  /// Counts a call; true if it is to fail.
+  bool fails() {
+    const std::uint64_t call = ++calls_;
+    return plan_.fail_at != 0 &&
+           (call == plan_.fail_at || (plan_.from_then_on && call > plan_.fail_at));
+  }
+  [[noreturn]] static void fail(const char* what) {
+    throw Error(ErrorKind::storage, std::string("injected failure of ") + what);
+  }
+  void step(const char* what) {
+    if (fails()) fail(what);
+  }
+
+  class Reader final : public ReadFile {
+   public:
+    Reader(FailingFileSystem& files, std::unique_ptr<ReadFile> real)
+        : files_(files), real_(std::move(real)) {}
+    std::uint64_t size_bytes() const override { return real_->size_bytes(); }
+    void read(std::uint64_t offset, std::span<std::byte> out) const override {
+      files_.step("read");
+      real_->read(offset, out);
+    }
+
+   private:
+    FailingFileSystem& files_;
+    std::unique_ptr<ReadFile> real_;
+  };
+
+  class Writer final : public WriteFile {
+   public:
+    Writer(FailingFileSystem& files, std::unique_ptr<WriteFile> real)
+        : files_(files), real_(std::move(real)) {}
+    void append(std::span<const std::byte> bytes) override {
+      if (files_.fails()) {
+        if (files_.plan_.short_writes) real_->append(bytes.first(bytes.size() / 2));
+        fail("append");
+      }
+      real_->append(bytes);
+    }
+    std::uint64_t size_bytes() const override { return real_->size_bytes(); }
+    void sync() override {
+      files_.step("sync");
+      real_->sync();
+    }
+    std::unique_ptr<ReadFile> reader() const override {
+      files_.step("reader");
+      return std::make_unique<Reader>(files_, real_->reader());
+    }
+
+   private:
+    FailingFileSystem& files_;
+    std::unique_ptr<WriteFile> real_;
+  };
+
+  FileSystem& real_;
+  FailurePlan plan_;
+  std::atomic<std::uint64_t> calls_{0};
+};
+
+}  // namespace pounce::test
