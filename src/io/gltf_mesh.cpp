@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// From a glTF file to one flat triangle mesh. tinygltf gives the document its types, but it trusts
+// what it reads and keeps every buffer in memory twice. So the file is opened, parsed and checked
+// here first (gltf_file, gltf_validate); tinygltf only sees a checked document without buffers and
+// images, and accessors are read straight from the file in small pieces. What is in memory at the
+// peak is the mesh, one primitive as the file has it, and the JSON.
+#include "io/gltf_mesh.h"
+
+#include <fmt/format.h>
+#include <tiny_gltf.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "io/gltf_accessor.h"
+#include "io/gltf_file.h"
+#include "io/gltf_material.h"
+#include "io/gltf_primitive.h"
+#include "io/gltf_scene.h"
+#include "io/material_names.h"
+#include "mesh/vertex_frames.h"
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+// A scene may repeat its meshes; what it becomes must stay in some proportion to the file.
+constexpr std::uint64_t kFlattenedBase = 256U << 20;
+constexpr std::uint64_t kFlattenedPerByte = 256;
+// JSON text, its tree, the text again and tinygltf's tree and model. Measured on a file of 300,000
+// tiny nodes: 31 bytes per byte of JSON.
+constexpr std::uint64_t kBytesPerJsonByte = 40;
+
+void drop_extras(nlohmann::json& value) {
+  if (value.is_object()) value.erase("extras");
+  for (auto& item : value) {
+    if (item.is_structured()) drop_extras(item);
+  }
+}
+
+/// The parts of the document that tinygltf shall type: no buffers and images, which it would load.
+tinygltf::Model load_model(const GltfFile& file) {
+  nlohmann::json part;
+  for (const char* key : {"asset", "scene", "scenes", "nodes", "meshes", "accessors", "bufferViews",
+                          "materials", "textures", "samplers", "skins"}) {
+    if (const auto it = file.document().find(key); it != file.document().end()) part[key] = *it;
+  }
+  drop_extras(part);
+  const std::string text = part.dump();
+  part = nullptr;
+  const auto fail = [&](const std::string& what) {
+    throw Error(ErrorKind::input, fmt::format("{}: {}; export the model again", file.path(), what));
+  };
+  if (text.size() > std::numeric_limits<unsigned>::max()) fail("more than 4 GB of JSON");
+  tinygltf::Model model;
+  tinygltf::TinyGLTF loader;
+  loader.SetImageLoader([](tinygltf::Image*, const int, std::string*, std::string*, int, int,
+                           const unsigned char*, int, void*) { return true; },
+                        nullptr);
+  std::string error, warning;
+  bool loaded = false;
+  try {
+    loaded = loader.LoadASCIIFromString(&model, &error, &warning, text.data(),
+                                        static_cast<unsigned>(text.size()), "");
+  } catch (const std::exception& e) {
+    error = e.what();
+  }
+  if (!loaded) {
+    while (!error.empty() && (error.back() == '\n' || error.back() == ' ')) error.pop_back();
+    fail(fmt::format("cannot be understood ({})", error));
+  }
+  // tinygltf drops what it does not like without a word; indices would then mean something else.
+  const auto same = [&](const char* key, std::size_t count) {
+    const auto it = file.document().find(key);
+    return (it == file.document().end() ? 0 : it->size()) == count;
+  };
+  bool complete =
+      same("nodes", model.nodes.size()) && same("meshes", model.meshes.size()) &&
+      same("accessors", model.accessors.size()) && same("bufferViews", model.bufferViews.size()) &&
+      same("materials", model.materials.size()) && same("textures", model.textures.size()) &&
+      same("samplers", model.samplers.size()) && same("skins", model.skins.size()) &&
+      same("scenes", model.scenes.size());
+  for (std::size_t i = 0; complete && i < model.meshes.size(); ++i) {
+    const nlohmann::json& mesh = file.document().at("meshes").at(i);
+    const auto& primitives = mesh.at("primitives");
+    complete = primitives.size() == model.meshes[i].primitives.size();
+    for (std::size_t p = 0; complete && p < primitives.size(); ++p) {
+      complete = primitives[p].value("targets", nlohmann::json::array()).size() ==
+                 model.meshes[i].primitives[p].targets.size();
+    }
+  }
+  if (!complete) fail("holds entries that cannot be understood");
+  return model;
+}
+
+std::string primitive_place(const tinygltf::Model& model, int mesh, std::size_t primitive) {
+  const std::string& name = model.meshes[static_cast<std::size_t>(mesh)].name;
+  return fmt::format("mesh {}{} primitive {}", mesh, name.empty() ? "" : " \"" + name + "\"",
+                     primitive);
+}
+
+/// What the scene becomes, found without reading geometry.
+struct Plan {
+  std::vector<Affine> worlds;
+  std::vector<MeshInstance> instances;
+  std::vector<std::vector<PrimitiveShape>> shapes;  ///< by instance, then primitive
+  std::uint64_t vertices = 0, triangles = 0, skipped = 0;
+  std::uint64_t largest_primitive_bytes = 0;
+  std::size_t uv_sets = 0;
+
+  std::uint64_t mesh_bytes() const {
+    const std::uint64_t per_vertex =
+        sizeof(Vec3f) * 2 + sizeof(Vec4f) + uv_sets * sizeof(Vec2f) + (uv_sets + 7) / 8;
+    return vertices * per_vertex + triangles * (sizeof(std::uint32_t) * 4);
+  }
+};
+
+std::size_t joints_of(const tinygltf::Model& model, const MeshInstance& instance) {
+  if (instance.node < 0) return 0;
+  const int skin = model.nodes[static_cast<std::size_t>(instance.node)].skin;
+  return skin < 0 ? 0 : model.skins[static_cast<std::size_t>(skin)].joints.size();
+}
+
+std::uint64_t reading_bytes(const PrimitiveShape& shape) {
+  // Positions, normals, tangents twice over (morphing), UVs, joints and weights, indices and
+  // triangles.
+  return shape.vertices * (12 + 12 + 16 + 12 + 12 + 8 * shape.uv_sets + 32 * shape.joint_sets) +
+         shape.triangles * (12 + 12) + (2U << 20);
+}
+
+Plan make_plan(GltfFile& file, const tinygltf::Model& model, const AccessorReader& accessors) {
+  Plan plan;
+  plan.worlds = world_transforms(model);
+  plan.instances = mesh_instances(model, plan.worlds);
+  for (const MeshInstance& instance : plan.instances) {
+    const auto& primitives = model.meshes[static_cast<std::size_t>(instance.mesh)].primitives;
+    auto& shapes = plan.shapes.emplace_back();
+    for (std::size_t p = 0; p < primitives.size(); ++p) {
+      const PrimitiveShape shape =
+          check_primitive(accessors, primitives[p], primitive_place(model, instance.mesh, p),
+                          joints_of(model, instance));
+      shapes.push_back(shape);
+      if (!shape.is_surface) {
+        ++plan.skipped;
+        continue;
+      }
+      plan.vertices += shape.flattened;
+      plan.triangles += shape.triangles;
+      plan.uv_sets = std::max(plan.uv_sets, shape.uv_sets);
+      plan.largest_primitive_bytes = std::max(plan.largest_primitive_bytes, reading_bytes(shape));
+      // Checked at every step: the sums stay far from overflow, whatever the file says.
+      const std::uint64_t limit =
+          kFlattenedBase + kFlattenedPerByte * (file.total_buffer_bytes() + file.json_bytes());
+      if (plan.vertices > std::numeric_limits<std::uint32_t>::max() ||
+          plan.triangles > std::numeric_limits<std::uint32_t>::max() || plan.mesh_bytes() > limit) {
+        throw Error(ErrorKind::input,
+                    fmt::format("{}: its scene repeats meshes until there are more than {} "
+                                "vertices and {} triangles, too many for a file of this size; "
+                                "export fewer instances",
+                                file.path(), plan.vertices, plan.triangles));
+      }
+    }
+  }
+  if (plan.triangles == 0) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: no triangles in its scene ({} primitives of points or lines or "
+                            "without positions); export a model with a surface",
+                            file.path(), plan.skipped));
+  }
+  return plan;
+}
+
+void reserve(const Plan& plan, mesh::Mesh& mesh) {
+  mesh.positions.reserve(plan.vertices);
+  mesh.normals.reserve(plan.vertices);
+  mesh.tangents.reserve(plan.vertices);
+  mesh.triangles.reserve(plan.triangles);
+  mesh.triangle_material.reserve(plan.triangles);
+  mesh.uv_sets.resize(plan.uv_sets);
+  mesh.uv_present.resize(plan.uv_sets);
+  for (auto& set : mesh.uv_sets) set.reserve(plan.vertices);
+}
+
+/// Joint matrices of a skinned node: where each joint is now, after taking the vertex to its bind
+/// pose.
+std::vector<Affine> joint_matrices(const tinygltf::Model& model, const AccessorReader& accessors,
+                                   const Plan& plan, int node) {
+  std::vector<Affine> matrices;
+  const int skin_index = node < 0 ? -1 : model.nodes[static_cast<std::size_t>(node)].skin;
+  if (skin_index < 0) return matrices;
+  const tinygltf::Skin& skin = model.skins[static_cast<std::size_t>(skin_index)];
+  std::vector<float> inverse_bind;
+  if (skin.inverseBindMatrices >= 0) {
+    const std::string place = fmt::format("skin {} inverseBindMatrices", skin_index);
+    accessors.check_count(skin.inverseBindMatrices, place);
+    inverse_bind.resize(accessors.count(skin.inverseBindMatrices) * 16);
+    accessors.read_floats(skin.inverseBindMatrices, inverse_bind.data(), place);
+  }
+  for (std::size_t j = 0; j < skin.joints.size(); ++j) {
+    Affine matrix = plan.worlds[static_cast<std::size_t>(skin.joints[j])];
+    if (!inverse_bind.empty()) {
+      std::array<double, 16> m{};
+      std::copy_n(inverse_bind.begin() + static_cast<std::ptrdiff_t>(16 * j), 16, m.begin());
+      matrix = matrix * affine_from_columns(m.data());
+    }
+    matrices.push_back(matrix);
+  }
+  return matrices;
+}
+
+void add_default_material(mesh::Mesh& mesh) {
+  std::vector<std::string> names;
+  for (const auto& material : mesh.materials) names.push_back(material.name);
+  names.emplace_back("default");
+  mesh.materials.emplace_back().name = unique_material_names(std::move(names)).back();
+}
+
+void append_instance(const GltfFile& file, const tinygltf::Model& model,
+                     const AccessorReader& accessors, const Plan& plan, std::size_t index,
+                     mesh::Mesh& mesh) {
+  const MeshInstance& instance = plan.instances[index];
+  const tinygltf::Mesh& source = model.meshes[static_cast<std::size_t>(instance.mesh)];
+  const tinygltf::Node* node =
+      instance.node < 0 ? nullptr : &model.nodes[static_cast<std::size_t>(instance.node)];
+  const std::vector<double>& weights =
+      node != nullptr && !node->weights.empty() ? node->weights : source.weights;
+  const std::vector<Affine> joints = joint_matrices(model, accessors, plan, instance.node);
+  for (std::size_t p = 0; p < source.primitives.size(); ++p) {
+    const PrimitiveShape& shape = plan.shapes[index][p];
+    if (!shape.is_surface) continue;
+    const tinygltf::Primitive& primitive = source.primitives[p];
+    const std::string place = primitive_place(model, instance.mesh, p);
+    // The last material is the one for primitives without any.
+    const auto material = primitive.material < 0
+                              ? static_cast<std::uint32_t>(model.materials.size())
+                              : static_cast<std::uint32_t>(primitive.material);
+    if (material == mesh.materials.size()) add_default_material(mesh);
+    if (!joints.empty() && shape.joint_sets == 0) {
+      mesh.warnings.push_back(
+          fmt::format("{}: {} has a skin but no joints and weights; placed by "
+                      "its node instead",
+                      file.path(), place));
+    }
+    const PrimitiveContext context{accessors, primitive, place, weights, instance.to_world, joints};
+    if (append_primitive(context, shape, material, mesh) > 0) {
+      mesh.warnings.push_back(
+          fmt::format("{}: {} ends with an incomplete triangle, left out", file.path(), place));
+    }
+  }
+}
+
+void warn_of_extensions(const GltfFile& file, mesh::Mesh& mesh) {
+  const auto used = file.document().find("extensionsUsed");
+  if (used == file.document().end()) return;
+  for (const auto& name : *used) {
+    if (name == "EXT_mesh_gpu_instancing") {
+      mesh.warnings.push_back(fmt::format(
+          "{}: EXT_mesh_gpu_instancing is not read; each mesh appears once", file.path()));
+    }
+  }
+}
+
+/// Bindings to UV sets that no primitive has would look beyond uv_sets.
+void check_bindings(mesh::Mesh& mesh) {
+  for (auto& material : mesh.materials) {
+    for (std::size_t c = 0; c < material.textures.size(); ++c) {
+      auto& binding = material.textures[c];
+      if (!binding || binding->uv_set < mesh.uv_sets.size()) continue;
+      mesh.warnings.push_back(fmt::format(
+          "{}: material \"{}\" wants TEXCOORD_{} for {}, which no primitive has; texture left out",
+          mesh.path, material.name, binding->uv_set, channel_name(static_cast<Channel>(c))));
+      binding.reset();
+    }
+  }
+}
+
+}  // namespace
+
+mesh::Mesh read_gltf(const std::string& path) {
+  GltfFile file(path);
+  const tinygltf::Model model = load_model(file);
+  const AccessorReader accessors(file, model);
+  const Plan plan = make_plan(file, model, accessors);
+
+  mesh::Mesh mesh;
+  mesh.path = path;
+  for (const std::string& warning : file.warnings()) {
+    mesh.warnings.push_back(fmt::format("{}: {}", path, warning));
+  }
+  read_gltf_materials(file, model, mesh);
+  warn_of_extensions(file, mesh);
+  if (plan.skipped > 0) {
+    mesh.warnings.push_back(
+        fmt::format("{}: {} primitives of points or lines, or without positions, left out", path,
+                    plan.skipped));
+  }
+  reserve(plan, mesh);
+  for (std::size_t i = 0; i < plan.instances.size(); ++i) {
+    append_instance(file, model, accessors, plan, i, mesh);
+  }
+  check_bindings(mesh);
+  if (const std::uint64_t count = mesh::repair_normals(mesh); count > 0) {
+    mesh.warnings.push_back(fmt::format(
+        "{}: {} normals were zero or not finite; replaced by those of the triangles", path, count));
+  }
+  mesh::complete_tangents(mesh);
+  return mesh;
+}
+
+MeshCost gltf_cost(const std::string& path) {
+  GltfFile file(path);
+  const tinygltf::Model model = load_model(file);
+  const Plan plan = make_plan(file, model, AccessorReader(file, model));
+  MeshCost cost;
+  // Embedded data URIs may all be images, which the mesh keeps.
+  cost.kept_bytes = plan.mesh_bytes() + file.inline_bytes() + file.image_text_bytes() +
+                    file.json_bytes() + (1U << 20);
+  cost.peak_bytes = cost.kept_bytes + plan.largest_primitive_bytes + 3 * file.inline_bytes() +
+                    2 * file.image_text_bytes() + kBytesPerJsonByte * file.json_bytes();
+  return cost;
+}
+
+}  // namespace pounce::io

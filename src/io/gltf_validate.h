@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+namespace pounce::io {
+
+/// Checks a glTF document before anything trusts it: types and ranges of every property that pounce
+/// or tinygltf reads, every index into another collection, buffer views within their buffers,
+/// accessors (sparse parts included) within their views, the node graph (a forest of finite
+/// transforms) and extensionsRequired. "min" and "max" of accessors are never used, so never
+/// checked; what the bytes say is checked when they are read. Returns warnings. Throws Error(input)
+/// naming the file and the place in it.
+std::vector<std::string> check_gltf(const std::string& path, const nlohmann::json& document);
+
+/// Bytes of one element of an accessor as it lies in its buffer (matrix columns start at multiples
+/// of 4). `component_type` and `type` are glTF's.
+std::uint64_t gltf_element_bytes(int component_type, const std::string& type);
+
+}  // namespace pounce::io

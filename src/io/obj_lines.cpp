@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/obj_lines.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <string_view>
+
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+constexpr std::size_t kPieceBytes = 1 << 20;
+constexpr std::size_t kMaxLineBytes = 16 << 20;
+
+bool is_space(char c) { return c == ' ' || c == '\t'; }
+
+/// Takes the next word off the front of `rest`; empty at the end.
+std::string_view next_word(std::string_view& rest) {
+  std::size_t first = 0;
+  while (first < rest.size() && is_space(rest[first])) ++first;
+  std::size_t last = first;
+  while (last < rest.size() && !is_space(rest[last])) ++last;
+  const std::string_view word = rest.substr(first, last - first);
+  rest.remove_prefix(last);
+  return word;
+}
+
+bool is_finite_number(std::string_view word) {
+  if (word.starts_with('+')) word.remove_prefix(1);
+  double value = 0;
+  const auto result = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (result.ptr != word.data() + word.size()) return false;
+  // Out of a double's range may be tiny (fine) or huge (found when the value is used).
+  return result.ec == std::errc::result_out_of_range ||
+         (result.ec == std::errc() && std::isfinite(value));
+}
+
+}  // namespace
+
+ObjLines::ObjLines(const std::string& path) : path_(path), file_(posix_file_system().open(path)) {}
+
+void ObjLines::fail(const std::string& what) const {
+  throw Error(ErrorKind::input,
+              fmt::format("{}: line {}: {}; repair the line or export the model again", path_,
+                          line_, what));
+}
+
+bool ObjLines::next_raw_line(std::string& out) {
+  bool any = false;
+  for (;;) {
+    if (at_ == piece_.size()) {
+      const std::uint64_t left = file_->size_bytes() - offset_;
+      if (left == 0) break;
+      piece_.resize(std::min<std::uint64_t>(left, kPieceBytes));
+      file_->read(offset_, std::as_writable_bytes(std::span(piece_)));
+      offset_ += piece_.size();
+      at_ = 0;
+    }
+    any = true;
+    const char* begin = piece_.data() + at_;
+    const std::size_t left = piece_.size() - at_;
+    const auto* end = static_cast<const char*>(std::memchr(begin, '\n', left));
+    const std::size_t size = end == nullptr ? left : static_cast<std::size_t>(end - begin);
+    if (out.size() + size > kMaxLineBytes) {
+      line_ = raw_lines_ + 1;
+      fail("longer than 16 MiB, which no OBJ line is");
+    }
+    out.append(begin, size);
+    at_ += size;
+    if (end != nullptr) {
+      ++at_;
+      break;
+    }
+  }
+  if (any) ++raw_lines_;
+  while (!out.empty() && (out.back() == '\r' || is_space(out.back()))) out.pop_back();
+  return any;
+}
+
+void ObjLines::check_numbers(std::string_view rest, int needed, int at_most,
+                             const char* what) const {
+  for (int i = 0; i < at_most; ++i) {
+    const std::string_view word = next_word(rest);
+    if (word.empty() && i >= needed) return;
+    if (word.empty()) fail(fmt::format("{} has {} numbers, but needs {}", what, i, needed));
+    if (!is_finite_number(word)) {
+      fail(fmt::format("{} holds \"{}\", which is not a finite number", what, word.substr(0, 40)));
+    }
+  }
+}
+
+void ObjLines::check_face(std::string_view rest) const {
+  for (std::string_view word = next_word(rest); !word.empty(); word = next_word(rest)) {
+    const char* at = word.data();
+    const char* const end = at + word.size();
+    for (int part = 0; part < 3; ++part) {
+      int value = 0;
+      const auto result = std::from_chars(at, end, value);
+      if (result.ec == std::errc()) {
+        if (value == 0) fail(fmt::format("the corner \"{}\" has index 0; OBJ counts from 1", word));
+        at = result.ptr;
+      } else if (part == 0 || result.ec == std::errc::result_out_of_range) {
+        fail(fmt::format("the corner \"{}\" has no valid index", word.substr(0, 60)));
+      }
+      if (at == end) break;
+      if (*at != '/' || part == 2)
+        fail(fmt::format("\"{}\" is no corner of a face", word.substr(0, 60)));
+      ++at;
+    }
+  }
+}
+
+/// tinyobjloader splits the file name at spaces; if the whole of it names a file, its spaces are
+/// escaped.
+void ObjLines::quote_material_library(std::string_view rest) {
+  while (!rest.empty() && is_space(rest.front())) rest.remove_prefix(1);
+  std::string name(rest);
+  std::replace(name.begin(), name.end(), '\\', '/');
+  std::error_code error;
+  const bool whole =
+      std::filesystem::exists(std::filesystem::path(path_).parent_path() / name, error);
+  text_ = "mtllib ";
+  for (const char c : name) {
+    if (whole && c == ' ') text_ += '\\';
+    text_ += c;
+  }
+}
+
+bool ObjLines::next_checked_line() {
+  for (;;) {
+    text_.clear();
+    line_ = raw_lines_ + 1;
+    if (!next_raw_line(text_)) return false;
+    // A library's name may end in a backslash only by accident; every other statement goes on.
+    while (!text_.empty() && text_.back() == '\\') {
+      text_.back() = ' ';
+      if (!next_raw_line(text_)) break;
+    }
+    std::string_view rest(text_);
+    if (line_ == 1 && rest.starts_with("\xEF\xBB\xBF")) rest.remove_prefix(3);
+    const std::string_view word = next_word(rest);
+    if (word == "v") {
+      check_numbers(rest, 3, 3, "a vertex");
+    } else if (word == "vt") {
+      check_numbers(rest, 1, 2, "a texture coordinate");
+    } else if (word == "vn") {
+      check_numbers(rest, 3, 3, "a normal");
+    } else if (word == "f") {
+      check_face(rest);
+    } else if (word == "mtllib") {
+      quote_material_library(rest);
+    } else if (word != "usemtl") {
+      continue;
+    }
+    if (text_.starts_with("\xEF\xBB\xBF")) text_.erase(0, 3);
+    text_ += '\n';
+    return true;
+  }
+}
+
+ObjLines::int_type ObjLines::underflow() {
+  if (failure_ != nullptr) return traits_type::eof();
+  try {
+    if (!next_checked_line()) return traits_type::eof();
+  } catch (const Error&) {
+    failure_ = std::current_exception();
+    return traits_type::eof();
+  }
+  setg(text_.data(), text_.data(), text_.data() + text_.size());
+  return traits_type::to_int_type(text_[0]);
+}
+
+ObjCounts count_obj(const std::string& path) {
+  const auto file = posix_file_system().open(path);
+  std::vector<char> piece;
+  ObjCounts counts;
+  // One state machine over the characters: `word` collects the first two of a line's first word.
+  char word[2] = {0, 0};
+  int word_size = 0;
+  bool in_word = false, first_word = true;
+  const auto end_of_word = [&] {
+    if (!in_word) return;
+    in_word = false;
+    if (first_word) {
+      first_word = false;
+      if (word_size == 1 && word[0] == 'v') ++counts.positions;
+      if (word_size == 2 && word[0] == 'v' && word[1] == 't') ++counts.texcoords;
+      if (word_size == 2 && word[0] == 'v' && word[1] == 'n') ++counts.normals;
+      if (word_size == 1 && word[0] == 'f') ++counts.faces;
+    } else if (word_size == 1 && word[0] == 'f') {
+      ++counts.corners;
+    }
+  };
+  const std::uint64_t size = file->size_bytes();
+  for (std::uint64_t offset = 0; offset < size; offset += piece.size()) {
+    piece.resize(std::min<std::uint64_t>(size - offset, kPieceBytes));
+    file->read(offset, std::as_writable_bytes(std::span(piece)));
+    char last = 0;
+    for (const char c : piece) {
+      if (c == '\n') {
+        end_of_word();
+        if (last != '\\') {
+          first_word = true;
+          word_size = 0;
+        }
+      } else if (is_space(c) || c == '\r') {
+        end_of_word();
+      } else {
+        if (first_word) {
+          if (word_size < 2) word[word_size] = c;
+          word_size = std::min(word_size + 1, 3);
+        }
+        in_word = true;
+      }
+      if (c != '\r') last = c;
+    }
+  }
+  end_of_word();
+  return counts;
+}
+
+}  // namespace pounce::io

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/read_mesh.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <string_view>
+
+#include "core/file.h"
+#include "io/gltf_mesh.h"
+#include "io/obj_mesh.h"
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+enum class Format { gltf, obj };
+
+std::string lower_ending(const std::string& path) {
+  std::string ending = std::filesystem::path(path).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return ending;
+}
+
+/// Content first: a GLB is one whatever its name. JSON and OBJ are text, so their ending decides,
+/// after a look at the first character.
+Format format_of(const std::string& path) {
+  const auto file = posix_file_system().open(path);
+  std::array<char, 64> head{};
+  const std::uint64_t size = file->size_bytes();
+  const std::size_t count = std::min<std::uint64_t>(size, head.size());
+  file->read(0, std::as_writable_bytes(std::span(head).first(count)));
+  std::string_view text(head.data(), count);
+  if (text.starts_with("glTF")) return Format::gltf;
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  const std::size_t start = text.find_first_not_of(" \t\r\n");
+  const bool is_json = start != std::string_view::npos && text[start] == '{';
+  const std::string ending = lower_ending(path);
+  if (ending == ".gltf" || ending == ".glb" || (is_json && ending != ".obj")) {
+    if (size == 0) {
+      throw Error(ErrorKind::input, fmt::format("{}: the file is empty; export it again", path));
+    }
+    if (ending == ".glb" && !is_json) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: does not begin like a GLB file; it is damaged or something else "
+                              "(.glb, .gltf and .obj are read)",
+                              path));
+    }
+    return Format::gltf;
+  }
+  if (ending == ".obj") return Format::obj;
+  throw Error(
+      ErrorKind::input,
+      fmt::format("{}: not a mesh format that pounce reads; convert it to .glb, .gltf or .obj",
+                  path));
+}
+
+}  // namespace
+
+mesh::Mesh read_mesh(const std::string& path) {
+  return format_of(path) == Format::gltf ? read_gltf(path) : read_obj(path);
+}
+
+MeshCost mesh_cost(const std::string& path) {
+  return format_of(path) == Format::gltf ? gltf_cost(path) : obj_cost(path);
+}
+
+}  // namespace pounce::io

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mesh/mesh.h"
+
+namespace pounce::mesh {
+namespace {
+
+template <class T>
+std::uint64_t bytes_of(const std::vector<T>& items) {
+  return items.capacity() * sizeof(T);
+}
+
+}  // namespace
+
+std::uint64_t Mesh::size_bytes() const {
+  std::uint64_t total = sizeof(Mesh) + bytes_of(positions) + bytes_of(normals) +
+                        bytes_of(tangents) + bytes_of(triangles) + bytes_of(triangle_material) +
+                        bytes_of(materials) + bytes_of(images) + bytes_of(warnings);
+  for (const auto& set : uv_sets) total += bytes_of(set);
+  for (const auto& present : uv_present) total += present.capacity() / 8;
+  for (const auto& image : images) {
+    if (image.bytes != nullptr) total += image.bytes->capacity();
+    total += image.path.capacity() + image.label.capacity() + image.problem.capacity();
+  }
+  return total;
+}
+
+}  // namespace pounce::mesh
