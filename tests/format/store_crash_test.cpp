@@ -113,14 +113,13 @@ TEST_CASE("a process killed while it writes leaves nothing that is seen or stays
 
 TEST_CASE("at whatever moment a process is killed, packs are whole or absent", "[format]") {
   FileSystem& files = posix_file_system();
-  std::uint64_t whole = 0;
   for (unsigned moment = 0; moment < 60; ++moment) {
     const test::TempFolder folder;
     {
       const Child child([&](const auto& ready) {
         const auto store = StoreFolder::open_cache(files, folder.file("cache"));
-        ready();
         for (std::uint64_t key = 0; key < 1000; ++key) {
+          if (key == moment % 3) ready();  // so many packs are there whatever the machine's speed
           auto writer = store->create(PackKind::results, {0, key});
           for (std::uint32_t i = 0; i < 3; ++i) {
             writer->append(ChunkKind::block, test::random_bytes(20'000, i), 20'000);
@@ -130,22 +129,21 @@ TEST_CASE("at whatever moment a process is killed, packs are whole or absent", "
         }
       });
       REQUIRE(child.ready());
-      ::usleep(moment * 211);
+      ::usleep(moment * 211);  // spread over some ten publications
     }
     const auto store = StoreFolder::open_cache(files, folder.file("cache"));
     REQUIRE(store);
     CHECK(files.list(folder.file("cache") + "/v1/tmp").empty());
     const auto names = files.list(folder.file("cache") + "/v1/results");
+    CHECK(names.size() >= moment % 3);
     std::string warning;
     for (std::uint64_t key = 0; key < names.size(); ++key) {
       const auto found = store->find(PackKind::results, {0, key}, &warning);
       REQUIRE(found);
       CHECK(found->verify() == 4);
-      ++whole;
     }
     CHECK(warning.empty());
   }
-  CHECK(whole > 0);
 }
 
 }  // namespace

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/timer.h"
+
+#include <sys/resource.h>
+#include <time.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace pounce {
+namespace {
+
+thread_local WorkTimer* innermost = nullptr;
+
+double seconds_of(clockid_t clock) noexcept {
+  timespec now{};
+  ::clock_gettime(clock, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+}  // namespace
+
+double process_cpu_seconds() noexcept { return seconds_of(CLOCK_PROCESS_CPUTIME_ID); }
+double thread_cpu_seconds() noexcept { return seconds_of(CLOCK_THREAD_CPUTIME_ID); }
+double wall_seconds() noexcept { return seconds_of(CLOCK_MONOTONIC); }
+
+std::uint64_t peak_rss_bytes() noexcept {
+  rusage usage{};
+  ::getrusage(RUSAGE_SELF, &usage);
+  return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;  // Linux counts in KiB
+}
+
+StageClock::Stage& StageClock::stage_locked(const std::string& name) {
+  const auto [place, is_new] = index_.try_emplace(name, stages_.size());
+  if (is_new) {
+    stages_.emplace_back();
+    stages_.back().time.name = name;
+  }
+  return stages_[place->second];
+}
+
+void StageClock::add_cpu(const std::string& stage, double seconds) {
+  const std::lock_guard lock(mutex_);
+  stage_locked(stage).time.cpu_s += seconds;
+  attributed_s_ += seconds;
+}
+
+void StageClock::set_cached(const std::string& stage) {
+  const std::lock_guard lock(mutex_);
+  stage_locked(stage).time.cached = true;
+}
+
+std::vector<StageTime> StageClock::times() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<StageTime> times;
+  for (const Stage& stage : stages_) times.push_back(stage.time);
+  return times;
+}
+
+void StageClock::begin(const std::string& stage) {
+  const std::lock_guard lock(mutex_);
+  Stage& entry = stage_locked(stage);
+  if (entry.running++ == 0) entry.running_since = wall_seconds();
+}
+
+void StageClock::end(const std::string& stage, double cpu_s) {
+  const std::lock_guard lock(mutex_);
+  Stage& entry = stage_locked(stage);
+  if (--entry.running == 0) entry.time.wall_s += wall_seconds() - entry.running_since;
+  entry.time.cpu_s += cpu_s;
+  attributed_s_ += cpu_s;
+}
+
+double StageClock::attributed_s() const {
+  const std::lock_guard lock(mutex_);
+  return attributed_s_;
+}
+
+StageTimer::StageTimer(StageClock& clock, std::string stage)
+    : clock_(clock), stage_(std::move(stage)) {
+  clock_.begin(stage_);
+  attributed_start_s_ = clock_.attributed_s();
+  process_start_s_ = process_cpu_seconds();
+}
+
+StageTimer::~StageTimer() {
+  const double used = process_cpu_seconds() - process_start_s_;
+  const double elsewhere = clock_.attributed_s() - attributed_start_s_;
+  clock_.end(stage_, std::max(0.0, used - elsewhere));
+}
+
+WorkTimer::WorkTimer(StageClock& clock, std::string stage)
+    : clock_(clock), stage_(std::move(stage)), outer_(innermost) {
+  clock_.begin(stage_);
+  innermost = this;
+  thread_start_s_ = thread_cpu_seconds();
+}
+
+WorkTimer::~WorkTimer() {
+  const double used = thread_cpu_seconds() - thread_start_s_;
+  innermost = outer_;
+  if (outer_ != nullptr) outer_->inner_s_ += used;
+  clock_.end(stage_, std::max(0.0, used - inner_s_));
+}
+
+}  // namespace pounce
