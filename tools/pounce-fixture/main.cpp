@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <functional>
+#include <string>
+
+#include "pounce/error.h"
+#include "recipes.h"
+
+namespace {
+
+using namespace pounce::fixture;
+
+constexpr const char* kAbout =
+    "pounce-fixture makes input for trying, testing and measuring pounce: meshes with textures, "
+    "targets, and\n"
+    "images of the right answer. The same arguments give the same bytes. Everything is streamed: a "
+    "texture of\n"
+    "16384 x 16384 needs no more than a few rows of memory.\n\n"
+    "First steps:\n"
+    "  pounce-fixture head -o demo\n"
+    "  pounce transfer demo/head_src.glb demo/head_same.glb -o demo/out.png\n"
+    "  pounce compare demo/out.png demo/head_same.truth.png\n\n"
+    "Exit status: 0 done, 2 wrong usage, 5 a file cannot be written, 70 internal error.";
+
+const CLI::Range kImageSizes(1, 65536);
+const CLI::Range kTriangles(12, 100000000);
+
+void add_head(CLI::App& app, std::function<Paths()>& run, HeadOptions& o, std::string& format) {
+  CLI::App* c = app.add_subcommand(
+      "head",
+      "a head with seven charts and a texture; the same head with other triangles and UVs "
+      "and the exact answer for it; and another head");
+  c->footer(
+      "Writes head_src (textured), head_same, head_same.truth.png (16 bit; alpha = covered) and "
+      "head_other.");
+  c->add_option("-o,--output", o.folder, "folder, made if missing")->required();
+  c->add_option("--triangles", o.triangles, "triangles of head_src (memory: 6 bytes each)")
+      ->check(kTriangles)
+      ->capture_default_str();
+  c->add_option("--texture", o.texture_size, "width and height of the texture")
+      ->check(kImageSizes)
+      ->capture_default_str();
+  c->add_option("--target-size", o.target_size, "width and height of the truth image")
+      ->check(kImageSizes)
+      ->capture_default_str();
+  c->add_option("--format", format, "mesh format: glb, obj or both")
+      ->check(CLI::IsMember({"glb", "obj", "both"}))
+      ->capture_default_str();
+  c->add_option("--texture-format", o.texture_format,
+                "png or jpg (inside of a GLB), exr or tif (beside it: give it to pounce with "
+                "--source-texture)")
+      ->check(CLI::IsMember({"png", "jpg", "exr", "tif"}))
+      ->capture_default_str();
+  c->callback([&run, &o, &format] {
+    o.glb = format != "obj";
+    o.obj = format != "glb";
+    run = [&o] { return make_head(o); };
+  });
+}
+
+void add_shell(CLI::App& app, std::function<Paths()>& run, ShellOptions& o) {
+  CLI::App* c = app.add_subcommand("shell",
+                                   "a bent plate two texels thick whose sides have different "
+                                   "colours, a target of the same shape "
+                                   "with other UVs, and the exact answer");
+  c->add_option("-o,--output", o.folder, "folder, made if missing")->required();
+  c->add_option("--texture", o.texture_size, "width and height of texture and truth")
+      ->check(CLI::Range(64, 65536))
+      ->capture_default_str();
+  c->callback([&run, &o] { run = [&o] { return make_shell(o); }; });
+}
+
+void add_channels(CLI::App& app, std::function<Paths()>& run, std::string& folder) {
+  CLI::App* c = app.add_subcommand(
+      "channels",
+      "a model with baseColor 1024, metallicRoughness 256 and occlusion 512 (second UV set, "
+      "texture "
+      "transform), a target, and per channel the bilinear lookup at the analytic UV");
+  c->add_option("-o,--output", folder, "folder, made if missing")->required();
+  c->callback([&run, &folder] { run = [&folder] { return make_channels(folder); }; });
+}
+
+void add_one_texel(CLI::App& app, std::function<Paths()>& run, OneTexelOptions& o) {
+  CLI::App* c = app.add_subcommand(
+      "one-texel",
+      "the smallest job of given file formats: what pounce needs for it is the baseline that its "
+      "memory budget is measured against");
+  c->add_option("-o,--output", o.folder, "folder, made if missing")->required();
+  c->add_option("--mesh-format", o.mesh_format, "glb or obj")
+      ->check(CLI::IsMember({"glb", "obj"}))
+      ->capture_default_str();
+  c->add_option("--image-format", o.image_format, "png, jpg, exr or tif")
+      ->check(CLI::IsMember({"png", "jpg", "exr", "tif"}))
+      ->capture_default_str();
+  c->callback([&run, &o] { run = [&o] { return make_one_texel(o); }; });
+}
+
+void add_plain(CLI::App& app, std::function<Paths()>& run, PlainOptions& o, const char* name,
+               const char* about, Paths (*make)(const PlainOptions&), unsigned largest_tiles) {
+  CLI::App* c = app.add_subcommand(name, about);
+  c->add_option("-o,--output", o.path, "a .glb or .obj file")->required();
+  c->add_option("--triangles", o.triangles, "how many, about")
+      ->check(kTriangles)
+      ->capture_default_str();
+  c->add_option("--texture", o.texture_size, "width and height of a texture; 0: none")
+      ->check(CLI::Range(0, 65536))
+      ->capture_default_str();
+  c->add_option("--uv-tiles", o.uv_tiles, "spread the charts over this many UDIM tiles")
+      ->check(CLI::Range(1U, largest_tiles))
+      ->capture_default_str();
+  c->callback([&run, &o, make] { run = [&o, make] { return make(o); }; });
+}
+
+void add_odd(CLI::App& app, std::function<Paths()>& run, std::string& folder) {
+  CLI::App* c = app.add_subcommand(
+      "odd",
+      "a folder of odd inputs, each named by what is odd about it: some must work, some must be "
+      "refused with a clear message");
+  c->add_option("-o,--output", folder, "folder, made if missing")->required();
+  c->callback([&run, &folder] { run = [&folder] { return make_odd(folder); }; });
+}
+
+int run_program(int argc, char** argv) {
+  CLI::App app(kAbout, "pounce-fixture");
+  app.require_subcommand(1);
+  HeadOptions head;
+  ShellOptions shell;
+  OneTexelOptions one_texel;
+  PlainOptions sphere, plane;
+  std::string head_format = "glb", channels_folder, odd_folder;
+  std::function<Paths()> run;
+  add_head(app, run, head, head_format);
+  add_shell(app, run, shell);
+  add_channels(app, run, channels_folder);
+  add_one_texel(app, run, one_texel);
+  add_plain(app, run, sphere, "sphere", "a big plain sphere of six charts", make_sphere, 6);
+  add_plain(app, run, plane, "plane", "a big plain plane, one chart per UDIM tile", make_plane,
+            100);
+  add_odd(app, run, odd_folder);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : pounce::exit_status(pounce::ErrorKind::usage);
+  }
+  for (const std::string& path : run()) std::printf("%s\n", path.c_str());
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  return run_program(argc, argv);
+} catch (const pounce::Error& e) {
+  std::fprintf(stderr, "pounce-fixture: error: %s\n", e.what());
+  return pounce::exit_status(e.kind());
+} catch (const std::exception& e) {
+  std::fprintf(stderr, "pounce-fixture: internal error: %s (please report)\n", e.what());
+  return 70;
+}

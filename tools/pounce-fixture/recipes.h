@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace pounce::fixture {
+
+/// One function per subcommand. Each writes its files (folders are made), returns their paths in
+/// the order written, and makes the same bytes from the same arguments. Throws Error(usage) for
+/// arguments that make no sense and Error(storage) for files that cannot be written.
+using Paths = std::vector<std::string>;
+
+struct HeadOptions {
+  std::string folder;
+  std::uint64_t triangles =
+      10000;  ///< of the source; the targets get about 1.3 and 0.8 times as many
+  std::uint32_t texture_size = 1024;  ///< of the source's square texture
+  std::uint32_t target_size = 1024;   ///< of the truth image
+  bool glb = true, obj = false;
+  std::string texture_format =
+      "png";  ///< png or jpg (embedded in the GLB); exr or tif (a file beside it)
+};
+/// head_src with its texture, head_same (the same surface, other triangles and UVs) with its truth,
+/// and head_other (another head).
+Paths make_head(const HeadOptions& options);
+
+struct ShellOptions {
+  std::string folder;
+  std::uint32_t texture_size = 512;
+};
+/// A bent plate two texels thick: its two sides carry different colours. shell_src, shell_target
+/// and truth.
+Paths make_shell(const ShellOptions& options);
+
+/// A model with three textures of different size, UV set and transform, a target, and a truth per
+/// channel.
+Paths make_channels(const std::string& folder);
+
+struct OneTexelOptions {
+  std::string folder;
+  std::string mesh_format = "glb";   ///< glb or obj
+  std::string image_format = "png";  ///< png, jpg, exr or tif
+};
+/// The smallest job: a textured quad and a target quad.
+Paths make_one_texel(const OneTexelOptions& options);
+
+struct PlainOptions {
+  std::string path;  ///< .glb or .obj
+  std::uint64_t triangles = 10000;
+  std::uint32_t texture_size = 0;  ///< 0: no texture
+  std::uint32_t uv_tiles = 1;
+};
+Paths make_sphere(const PlainOptions& options);
+Paths make_plane(const PlainOptions& options);
+
+/// A folder of odd inputs, each named by what is odd about it.
+Paths make_odd(const std::string& folder);
+
+}  // namespace pounce::fixture
