@@ -243,9 +243,16 @@ void append_instance(const GltfFile& file, const tinygltf::Model& model,
                       file.path(), place));
     }
     const PrimitiveContext context{accessors, primitive, place, weights, instance.to_world, joints};
-    if (append_primitive(context, shape, material, mesh) > 0) {
+    const AppendCounts counts = append_primitive(context, shape, material, mesh);
+    if (counts.incomplete_triangles > 0) {
       mesh.warnings.push_back(
           fmt::format("{}: {} ends with an incomplete triangle, left out", file.path(), place));
+    }
+    if (counts.bad_normals > 0) {
+      mesh.warnings.push_back(
+          fmt::format("{}: {} has {} normals that are zero or not finite; replaced by those of the "
+                      "triangles",
+                      file.path(), place, counts.bad_normals));
     }
   }
 }
@@ -300,10 +307,7 @@ mesh::Mesh read_gltf(const std::string& path) {
     append_instance(file, model, accessors, plan, i, mesh);
   }
   check_bindings(mesh);
-  if (const std::uint64_t count = mesh::repair_normals(mesh); count > 0) {
-    mesh.warnings.push_back(fmt::format(
-        "{}: {} normals were zero or not finite; replaced by those of the triangles", path, count));
-  }
+  mesh::repair_normals(mesh);
   mesh::complete_tangents(mesh);
   return mesh;
 }

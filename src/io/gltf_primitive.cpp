@@ -40,6 +40,21 @@ AttributeRule rule_of(const std::string& name) {
   return {0, {}, false};
 }
 
+const char* type_name(int type) {
+  switch (type) {
+    case TINYGLTF_TYPE_SCALAR:
+      return "SCALAR";
+    case TINYGLTF_TYPE_VEC2:
+      return "VEC2";
+    case TINYGLTF_TYPE_VEC3:
+      return "VEC3";
+    case TINYGLTF_TYPE_VEC4:
+      return "VEC4";
+    default:
+      return "a matrix type";
+  }
+}
+
 void check_type(const AccessorReader& accessors, int index, const std::string& name,
                 const std::string& place) {
   const tinygltf::Accessor& a = accessors.accessor(index);
@@ -56,10 +71,10 @@ void check_type(const AccessorReader& accessors, int index, const std::string& n
                                             a.componentType) != rule.components.end() &&
                                       (a.normalized || !rule.integers_normalized_only);
   if (a.type != rule.type || !allowed) {
-    accessors.fail(index, place,
-                   fmt::format("has the component type {}{} and type {}, which this attribute may "
-                               "not have",
-                               a.componentType, a.normalized ? " (normalized)" : "", a.type));
+    accessors.fail(
+        index, place,
+        fmt::format("is of {} with component type {}{}, which this attribute may not be",
+                    type_name(a.type), a.componentType, a.normalized ? " (normalized)" : ""));
   }
 }
 
@@ -126,7 +141,7 @@ class PrimitiveReader {
   PrimitiveReader(const PrimitiveContext& context, const PrimitiveShape& shape, mesh::Mesh& mesh)
       : context_(context), shape_(shape), mesh_(mesh), vertices_(shape.vertices) {}
 
-  std::uint64_t append(std::uint32_t material);
+  AppendCounts append(std::uint32_t material);
 
  private:
   int find(const std::string& name) const { return attribute(context_.primitive.attributes, name); }
@@ -146,7 +161,7 @@ class PrimitiveReader {
   const PrimitiveShape& shape_;
   mesh::Mesh& mesh_;
   std::size_t vertices_;
-  std::uint64_t incomplete_ = 0;
+  AppendCounts counts_;
   std::vector<Vec3f> positions_, normals_;
   std::vector<Vec4f> tangents_;
   std::vector<std::vector<Vec2f>> uvs_;
@@ -183,7 +198,8 @@ void PrimitiveReader::read_triangles() {
     return index >= 0 ? corners[i] : static_cast<std::uint32_t>(i);
   };
   const int mode = context_.primitive.mode;
-  if (mode == TINYGLTF_MODE_TRIANGLES ? count % 3 != 0 : count < 3) incomplete_ = 1;
+  if (mode == TINYGLTF_MODE_TRIANGLES ? count % 3 != 0 : count < 3)
+    counts_.incomplete_triangles = 1;
   triangles_.resize(shape_.triangles);
   for (std::uint64_t i = 0; i < triangles_.size(); ++i) {
     if (mode == TINYGLTF_MODE_TRIANGLES) {
@@ -312,7 +328,10 @@ void PrimitiveReader::transform() {
                               fmt::format("element {} is moved to infinity by its node", i));
     }
     positions_[i] = moved;
-    if (!normals_.empty()) normals_[i] = unit(map.normal(Vec3d(normals_[i])));
+    if (!normals_.empty()) {
+      normals_[i] = unit(map.normal(Vec3d(normals_[i])));
+      if (normals_[i] == Vec3f{}) ++counts_.bad_normals;
+    }
     if (!tangents_.empty()) {
       Vec4f& t = tangents_[i];
       const Vec3f direction = unit(map.direction({t.x, t.y, t.z}));
@@ -369,7 +388,7 @@ void PrimitiveReader::append_shared(std::uint32_t material) {
   }
 }
 
-std::uint64_t PrimitiveReader::append(std::uint32_t material) {
+AppendCounts PrimitiveReader::append(std::uint32_t material) {
   read_triangles();
   read_vertices();
   transform();
@@ -378,7 +397,7 @@ std::uint64_t PrimitiveReader::append(std::uint32_t material) {
   } else {
     append_shared(material);
   }
-  return incomplete_;
+  return counts_;
 }
 
 }  // namespace
@@ -432,8 +451,8 @@ PrimitiveShape check_primitive(const AccessorReader& accessors,
   return shape;
 }
 
-std::uint64_t append_primitive(const PrimitiveContext& context, const PrimitiveShape& shape,
-                               std::uint32_t material, mesh::Mesh& mesh) {
+AppendCounts append_primitive(const PrimitiveContext& context, const PrimitiveShape& shape,
+                              std::uint32_t material, mesh::Mesh& mesh) {
   return PrimitiveReader(context, shape, mesh).append(material);
 }
 

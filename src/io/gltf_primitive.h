@@ -41,16 +41,21 @@ struct PrimitiveContext {
   const std::vector<Affine>& joints;  ///< joint matrices of a skinned node
 };
 
+/// What was wrong with a primitive, but not enough to refuse it.
+struct AppendCounts {
+  std::uint64_t incomplete_triangles = 0;  ///< left out at the end (0 or 1)
+  std::uint64_t bad_normals = 0;           ///< of the file: zero or not finite, now zero
+};
+
 /// Checks types and counts of every attribute. Throws Error(input) naming place and accessor.
 PrimitiveShape check_primitive(const AccessorReader& accessors,
                                const tinygltf::Primitive& primitive, const std::string& place,
                                std::size_t skin_joints);
 
 /// Appends a primitive to `mesh`, in world space: positions, normals (flat ones where the file has
-/// none), tangents (w = 0 where the file has none), UV sets (zeros where absent; uv_present must
-/// already be sized or empty). Returns how many triangles were dropped because they were incomplete
-/// (0 or 1).
-std::uint64_t append_primitive(const PrimitiveContext& context, const PrimitiveShape& shape,
-                               std::uint32_t material, mesh::Mesh& mesh);
+/// none), tangents (w = 0 where the file has none), UV sets (zeros where absent; mesh.uv_sets must
+/// have its final size). Throws Error(input) for indices and values that make no sense.
+AppendCounts append_primitive(const PrimitiveContext& context, const PrimitiveShape& shape,
+                              std::uint32_t material, mesh::Mesh& mesh);
 
 }  // namespace pounce::io

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <charconv>
 #include <cmath>
 #include <cstring>
@@ -40,6 +42,35 @@ bool is_finite_number(std::string_view word) {
   return result.ec == std::errc::result_out_of_range ||
          (result.ec == std::errc() && std::isfinite(value));
 }
+
+/// Counts different keys in 16 KiB: each hash goes to one of 2^14 registers, which keep the longest
+/// run of leading zeros they met; their harmonic mean tells the count (HyperLogLog, with linear
+/// counting for few keys).
+class DistinctCounter {
+ public:
+  void add(std::uint64_t key) {
+    key = (key ^ (key >> 31)) * 0x9E3779B97F4A7C15ULL;
+    key = (key ^ (key >> 29)) * 0xBF58476D1CE4E5B9ULL;
+    key ^= key >> 32;
+    auto& slot = registers_[key >> (64 - kBits)];
+    const int run = std::countl_zero((key << kBits) | 1) + 1;
+    slot = std::max(slot, static_cast<std::uint8_t>(run));
+  }
+  double count() const {
+    double sum = 0, empty = 0;
+    for (const std::uint8_t run : registers_) {
+      sum += std::ldexp(1.0, -run);
+      empty += run == 0 ? 1 : 0;
+    }
+    constexpr double kSize = std::size_t{1} << kBits;
+    const double estimate = 0.7213 / (1 + 1.079 / kSize) * kSize * kSize / sum;
+    return estimate < 2.5 * kSize && empty > 0 ? kSize * std::log(kSize / empty) : estimate;
+  }
+
+ private:
+  static constexpr int kBits = 14;
+  std::array<std::uint8_t, std::size_t{1} << kBits> registers_{};
+};
 
 }  // namespace
 
@@ -95,7 +126,9 @@ void ObjLines::check_numbers(std::string_view rest, int needed, int at_most,
   }
 }
 
-void ObjLines::check_face(std::string_view rest) const {
+/// Also blanks slashes with no number after them ("1//"): tinyobjloader would take the next
+/// corner's.
+void ObjLines::check_face(std::string_view rest) {
   for (std::string_view word = next_word(rest); !word.empty(); word = next_word(rest)) {
     const char* at = word.data();
     const char* const end = at + word.size();
@@ -113,6 +146,8 @@ void ObjLines::check_face(std::string_view rest) const {
         fail(fmt::format("\"{}\" is no corner of a face", word.substr(0, 60)));
       ++at;
     }
+    for (const char* last = end - 1; *last == '/'; --last)
+      text_[static_cast<std::size_t>(last - text_.data())] = ' ';
   }
 }
 
@@ -180,8 +215,12 @@ ObjCounts count_obj(const std::string& path) {
   const auto file = posix_file_system().open(path);
   std::vector<char> piece;
   ObjCounts counts;
-  // One state machine over the characters: `word` collects the first two of a line's first word.
+  DistinctCounter distinct;
+  // One state machine over the characters: `word` collects the first two of a line's first word,
+  // `corner` the hash of the corner being read (negative indices count differently for each face,
+  // so the number of positions goes in with them).
   char word[2] = {0, 0};
+  std::uint64_t corner = 0;
   int word_size = 0;
   bool in_word = false, first_word = true;
   const auto end_of_word = [&] {
@@ -195,15 +234,21 @@ ObjCounts count_obj(const std::string& path) {
       if (word_size == 1 && word[0] == 'f') ++counts.faces;
     } else if (word_size == 1 && word[0] == 'f') {
       ++counts.corners;
+      distinct.add(corner);
     }
+    corner = 0;
   };
   const std::uint64_t size = file->size_bytes();
+  std::uint64_t line_bytes = 0;
   for (std::uint64_t offset = 0; offset < size; offset += piece.size()) {
     piece.resize(std::min<std::uint64_t>(size - offset, kPieceBytes));
     file->read(offset, std::as_writable_bytes(std::span(piece)));
     char last = 0;
     for (const char c : piece) {
+      ++line_bytes;
       if (c == '\n') {
+        counts.longest_line_bytes = std::max(counts.longest_line_bytes, line_bytes);
+        line_bytes = 0;
         end_of_word();
         if (last != '\\') {
           first_word = true;
@@ -217,11 +262,18 @@ ObjCounts count_obj(const std::string& path) {
           word_size = std::min(word_size + 1, 3);
         }
         in_word = true;
+        corner = (corner + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
+        if (c == '-') {
+          corner += (counts.positions * 31 + counts.texcoords) * 31 + counts.normals;
+        }
       }
       if (c != '\r') last = c;
     }
   }
   end_of_word();
+  counts.longest_line_bytes = std::max(counts.longest_line_bytes, line_bytes);
+  const auto rounded_up = static_cast<std::uint64_t>(distinct.count() * 1.05) + 16;
+  counts.distinct_corners = std::min(counts.corners, rounded_up);
   return counts;
 }
 

@@ -34,7 +34,7 @@ class ObjLines : public std::streambuf {
   bool next_raw_line(std::string& out);
   bool next_checked_line();
   void check_numbers(std::string_view rest, int needed, int at_most, const char* what) const;
-  void check_face(std::string_view rest) const;
+  void check_face(std::string_view rest);
   void quote_material_library(std::string_view rest);
 
   std::string path_;
@@ -49,8 +49,12 @@ class ObjLines : public std::streambuf {
 };
 
 /// How many statements of each kind an OBJ file holds: what bounds the memory it needs.
+/// `distinct_corners`, the number of different (v, vt, vn), is estimated from hashes (standard
+/// error 0.8 %) and then rounded up by 5 %.
 struct ObjCounts {
-  std::uint64_t positions = 0, texcoords = 0, normals = 0, faces = 0, corners = 0;
+  std::uint64_t positions = 0, texcoords = 0, normals = 0, faces = 0, corners = 0,
+                distinct_corners = 0;
+  std::uint64_t longest_line_bytes = 0;
 };
 ObjCounts count_obj(const std::string& path);
 

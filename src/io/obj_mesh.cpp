@@ -282,18 +282,23 @@ MeshCost obj_cost(const std::string& path) {
   const ObjCounts counts = count_obj(path);
   const std::uint64_t triangles =
       counts.corners > 2 * counts.faces ? counts.corners - 2 * counts.faces : 0;
-  // No corner shared: the most vertices there can be.
-  const std::uint64_t vertices = counts.corners;
-  const std::uint64_t per_vertex = 12 + 12 + 16 + (counts.texcoords > 0 ? 8 + 1 : 0);
+  // Where normals are missing, every corner may become a vertex of its own.
   const bool smooth = counts.normals == 0;
+  const std::uint64_t corner_keys = counts.distinct_corners;
+  const std::uint64_t vertices = smooth ? counts.corners : corner_keys;
+  const std::uint64_t per_vertex = 12 + 12 + 16 + (counts.texcoords > 0 ? 8 + 1 : 0);
   MeshCost cost;
-  // Vertices that are split for smooth normals let the arrays grow to twice their size.
-  cost.kept_bytes = vertices * per_vertex * (smooth ? 2 : 1) + triangles * 16 + (1U << 20);
+  cost.kept_bytes = vertices * per_vertex + triangles * 16 + (1U << 20);
   const std::uint64_t lists = counts.positions * 12 + counts.texcoords * 8 + counts.normals * 12;
-  const std::uint64_t corner_set = vertices * (2 * 12 + 4 * 4 + 4 + 4);
-  const std::uint64_t around = smooth ? counts.positions * 8 + triangles * 12 + vertices * 16 : 0;
-  cost.peak_bytes = cost.kept_bytes + (smooth ? vertices * 16 : 0) + lists + corner_set + around +
-                    (20U << 20);  // two pieces of the file, one line, MTL files
+  // Keys and slots while they double: three times and one and a half times what is in use.
+  const std::uint64_t corner_set = corner_keys * (3 * 12 + 6 * 4);
+  // Smoothing: triangles by position, renumbered triangles, copies, and the arrays while they grow.
+  const std::uint64_t smoothing = smooth ? counts.positions * 8 + triangles * (12 + 12) +
+                                               corner_keys * (8 + per_vertex) +
+                                               (vertices - corner_keys) * (3 * 16 + 3 * 4)
+                                         : 0;
+  cost.peak_bytes = cost.kept_bytes + lists + std::max(corner_set, smoothing) +
+                    4 * counts.longest_line_bytes + (4U << 20);  // pieces of the file, MTL files
   return cost;
 }
 

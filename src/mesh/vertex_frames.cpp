@@ -156,8 +156,8 @@ Incidence triangles_around(const Mesh& mesh, const std::vector<std::uint32_t>& p
   return out;
 }
 
-Vec3f corner_normal(const Mesh& mesh, const Incidence& around, std::uint32_t position,
-                    std::uint32_t triangle, double min_cosine) {
+Vec3f corner_normal(const Mesh& mesh, const Incidence& around, std::uint32_t triangle,
+                    std::uint32_t position, double min_cosine) {
   const std::uint32_t first = around.starts[position], last = around.starts[position + 1];
   const Vec3d own = unit(area_normal(mesh, mesh.triangles[triangle]));
   const bool compare = last - first <= kMaxCompared && !is_zero(own);
@@ -169,24 +169,35 @@ Vec3f corner_normal(const Mesh& mesh, const Incidence& around, std::uint32_t pos
   return Vec3f(unit(sum));
 }
 
-/// A copy of `vertex` with another normal, at the end.
-std::uint32_t add_copy(Mesh& mesh, std::vector<std::uint32_t>& position_of, std::uint32_t vertex,
-                       Vec3f normal) {
-  const auto copy = static_cast<std::uint32_t>(mesh.positions.size());
-  mesh.positions.push_back(Vec3f(mesh.positions[vertex]));
-  mesh.normals.push_back(normal);
-  mesh.tangents.push_back(Vec4f(mesh.tangents[vertex]));
-  for (auto& set : mesh.uv_sets) set.push_back(Vec2f(set[vertex]));
+/// Vertices to be added: copies of others with normals of their own. Kept apart until their number
+/// is known, so that the mesh's arrays grow once.
+struct Copies {
+  std::vector<std::uint32_t> original;
+  std::vector<Vec3f> normal;
+};
+
+void append_copies(Mesh& mesh, const Copies& copies) {
+  const std::size_t total = mesh.positions.size() + copies.original.size();
+  const auto extend = [&](auto& items) {
+    items.reserve(total);
+    for (const std::uint32_t vertex : copies.original) {
+      const auto item = items[vertex];
+      items.push_back(item);
+    }
+  };
+  extend(mesh.positions);
+  extend(mesh.tangents);
+  for (auto& set : mesh.uv_sets) extend(set);
   for (auto& present : mesh.uv_present) {
-    if (!present.empty()) present.push_back(present[vertex]);
+    if (!present.empty()) extend(present);
   }
-  position_of.push_back(std::uint32_t{position_of[vertex]});
-  return copy;
+  mesh.normals.reserve(total);
+  mesh.normals.insert(mesh.normals.end(), copies.normal.begin(), copies.normal.end());
 }
 
 }  // namespace
 
-void smooth_normals(Mesh& mesh, std::vector<std::uint32_t>& position_of,
+void smooth_normals(Mesh& mesh, const std::vector<std::uint32_t>& position_of,
                     std::uint32_t position_count, const std::vector<bool>& missing,
                     double max_angle_deg) {
   constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
@@ -194,29 +205,41 @@ void smooth_normals(Mesh& mesh, std::vector<std::uint32_t>& position_of,
   // rounding.
   const double min_cosine = std::cos(max_angle_deg * kPi / 180) - 1e-6;
   const Incidence around = triangles_around(mesh, position_of, position_count);
+  const auto vertex_count = static_cast<std::uint32_t>(mesh.positions.size());
+  Copies copies;
   // The copies of a vertex form a chain: next_copy[v] is the next one with another normal.
-  std::vector<std::uint32_t> next_copy(mesh.positions.size(), kNone);
-  std::vector<bool> used(mesh.positions.size(), false);
+  std::vector<std::uint32_t> next_copy(vertex_count, kNone);
+  std::vector<bool> used(vertex_count, false);
+  auto renumbered = mesh.triangles;  // the old numbers are needed until the last corner is done
+  const auto normal_of = [&](std::uint32_t v) {
+    return v < vertex_count ? mesh.normals[v] : copies.normal[v - vertex_count];
+  };
   for (std::uint32_t i = 0; i < mesh.triangles.size(); ++i) {
-    for (std::uint32_t& corner : mesh.triangles[i]) {
-      if (corner >= missing.size() || !missing[corner]) continue;
-      const Vec3f normal = corner_normal(mesh, around, position_of[corner], i, min_cosine);
+    std::array<std::uint32_t, 3> corners = mesh.triangles[i];
+    for (std::uint32_t& corner : corners) {
+      if (!missing[corner]) continue;
+      const Vec3f normal = corner_normal(mesh, around, i, position_of[corner], min_cosine);
       if (!used[corner]) {
         used[corner] = true;
         mesh.normals[corner] = normal;
         continue;
       }
       std::uint32_t found = corner;
-      while (mesh.normals[found] != normal && next_copy[found] != kNone) found = next_copy[found];
-      if (mesh.normals[found] != normal) {
-        const std::uint32_t copy = add_copy(mesh, position_of, corner, normal);
+      while (normal_of(found) != normal && next_copy[found] != kNone) found = next_copy[found];
+      if (normal_of(found) != normal) {
+        const auto copy = static_cast<std::uint32_t>(next_copy.size());
         next_copy[found] = copy;
         next_copy.push_back(kNone);
+        copies.original.push_back(corner);
+        copies.normal.push_back(normal);
         found = copy;
       }
       corner = found;
     }
+    renumbered[i] = corners;
   }
+  mesh.triangles = std::move(renumbered);
+  append_copies(mesh, copies);
 }
 
 }  // namespace pounce::mesh

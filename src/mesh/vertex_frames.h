@@ -21,10 +21,10 @@ std::uint64_t complete_tangents(Mesh& mesh);
 
 /// Normals for a mesh without them: per corner, the area-weighted mean of the triangles around its
 /// position whose normals are within `max_angle_deg` of its own triangle's. Vertices whose corners
-/// differ are split. `position_of[vertex]` tells which vertices share a position (equal numbers,
-/// below `position_count`); it grows with the vertices. Only vertices with `missing[vertex]` are
+/// differ are split (the copies come last). `position_of[vertex]` tells which vertices share a
+/// position: equal numbers, below `position_count`. Only vertices with `missing[vertex]` are
 /// touched.
-void smooth_normals(Mesh& mesh, std::vector<std::uint32_t>& position_of,
+void smooth_normals(Mesh& mesh, const std::vector<std::uint32_t>& position_of,
                     std::uint32_t position_count, const std::vector<bool>& missing,
                     double max_angle_deg);
 
