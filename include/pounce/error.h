@@ -8,14 +8,14 @@ namespace pounce {
 
 /// What kind of thing went wrong. The numbers are the exit statuses of the `pounce` program.
 enum class ErrorKind : int {
-  usage = 2,             ///< options that contradict each other or make no sense
-  input = 3,             ///< a mesh, texture or splat file that cannot be used
-  budget = 4,            ///< the memory budget is below the least that works
-  storage = 5,           ///< a file or folder that cannot be read, written or created; a full disk
-  damaged_store = 6,     ///< a tile store whose bytes do not match their checksums
-  internal = 70,         ///< a broken promise of ours; please report
-  busy = 75,             ///< another process holds what is needed
-  cancelled = 130,       ///< stopped by the caller; running again resumes or starts over
+  usage = 2,          ///< options that contradict each other or make no sense
+  input = 3,          ///< a mesh, texture or splat file that cannot be used
+  budget = 4,         ///< the memory budget is below the least that works
+  storage = 5,        ///< a file or folder that cannot be read, written or created; a full disk
+  damaged_store = 6,  ///< a tile store whose bytes do not match their checksums
+  internal = 70,      ///< a broken promise of ours; please report
+  busy = 75,          ///< another process holds what is needed
+  cancelled = 130,    ///< stopped by the caller; running again resumes or starts over
 };
 
 /// The one type that leaves the library. what() is one sentence that names the file, what was found

@@ -8,8 +8,8 @@
 
 namespace pounce {
 
-/// The texture channels of a glTF metallic-roughness material. baseColor carries the material's alpha
-/// as its fourth component.
+/// The texture channels of a glTF metallic-roughness material. baseColor carries the material's
+/// alpha as its fourth component.
 enum class Channel : std::uint8_t {
   base_color,          ///< "baseColor": colour, sRGB-coded unless the file is linear (EXR)
   metallic_roughness,  ///< "metallicRoughness": data
@@ -50,8 +50,9 @@ struct SourceTexture {
 
 /// What machine resources a job may use.
 struct Resources {
-  /// Everything big the job holds in memory, in bytes: blocks in flight, grids, result blocks, image
-  /// stripes, triangle tables, caches. 0 = half of what the process may use (cgroup included).
+  /// Everything big the job holds in memory, in bytes: blocks in flight, grids, result blocks,
+  /// image stripes, triangle tables, caches. 0 = half of what the process may use (cgroup
+  /// included).
   std::uint64_t memory_bytes = 0;
   /// Worker threads, the calling one included; 0 = all cores. The result does not depend on it.
   unsigned threads = 0;
@@ -69,14 +70,16 @@ struct TransferOptions {
   std::string target;  ///< .glb, .gltf or .obj with UVs
   /// Image path; may hold <CHANNEL>, <MATERIAL> and <TARGET>. The ending picks the format.
   std::string output;
-  std::string coverage_output;  ///< also write an 8-bit mask (255 = covered); same tokens; empty = no
+  std::string
+      coverage_output;  ///< also write an 8-bit mask (255 = covered); same tokens; empty = no
   std::vector<SourceTexture> source_textures;
-  std::optional<ImageSize> size;   ///< default: per channel the largest source image of that channel
-  std::optional<Depth> depth;      ///< default: the source image's
+  std::optional<ImageSize> size;  ///< default: per channel the largest source image of that channel
+  std::optional<Depth> depth;     ///< default: the source image's
   /// Empty: baseColor if `output` lacks <CHANNEL>, else every channel the source has.
   std::vector<Channel> channels;
   bool all_channels = false;  ///< every channel the source has; `channels` must be empty
-  /// How far along its normal, both ways, a texel may look. Larger costs time where nothing is near.
+  /// How far along its normal, both ways, a texel may look. Larger costs time where nothing is
+  /// near.
   Length max_distance{5, true};
   /// Source surface that faces away from the texel's normal by more than this is not seen; 0..89.9.
   double max_angle_deg = 80;
@@ -97,7 +100,8 @@ struct TransferOptions {
 /// Target vectorization alone: position, normal and mask images.
 struct MapsOptions {
   std::string target;
-  std::string output;  ///< must hold <CHANNEL>: "position", "normal", "mask"; .exr for the first two
+  std::string
+      output;  ///< must hold <CHANNEL>: "position", "normal", "mask"; .exr for the first two
   ImageSize size{1024, 1024};
   Resources resources;
 };

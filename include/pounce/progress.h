@@ -10,12 +10,12 @@ namespace pounce {
 
 /// A snapshot of a running job.
 struct ProgressEvent {
-  std::string stage;            ///< "precondition", "vectorize", "project", "write", ...
-  double fraction = 0;          ///< of the whole job, 0..1; never falls within one job
-  std::uint64_t done = 0;       ///< units of this stage that are finished
-  std::uint64_t total = 0;      ///< units of this stage; 0 when unknown
-  std::string unit;             ///< "texels", "rows", "blocks", ...
-  double elapsed_s = 0;         ///< seconds since the job began
+  std::string stage;        ///< "precondition", "vectorize", "project", "write", ...
+  double fraction = 0;      ///< of the whole job, 0..1; never falls within one job
+  std::uint64_t done = 0;   ///< units of this stage that are finished
+  std::uint64_t total = 0;  ///< units of this stage; 0 when unknown
+  std::string unit;         ///< "texels", "rows", "blocks", ...
+  double elapsed_s = 0;     ///< seconds since the job began
 };
 
 /// Progress and cancellation of one job, shared between the caller and the library.

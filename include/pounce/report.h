@@ -10,7 +10,8 @@ namespace pounce {
 
 /// Time spent in one stage of a job.
 struct StageTime {
-  std::string name;     ///< "decode", "precondition", "vectorize", "project", "assemble", "encode", ...
+  std::string
+      name;  ///< "decode", "precondition", "vectorize", "project", "assemble", "encode", ...
   double wall_s = 0;    ///< seconds between its start and end
   double cpu_s = 0;     ///< CPU seconds of all threads in it
   bool cached = false;  ///< its result came from the cache

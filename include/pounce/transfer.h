@@ -11,7 +11,8 @@ namespace pounce {
 /// Transfers the source's appearance onto the target's textures and writes the images.
 ///
 /// Out of core: never holds more than options.resources.memory_bytes of big data. Same input, same
-/// output bytes, at any budget, thread count and cache state. Output files appear whole or not at all.
+/// output bytes, at any budget, thread count and cache state. Output files appear whole or not at
+/// all.
 ///
 /// Blocks until done; one job may run beside another in one process (each with its own budget).
 /// Throws pounce::Error. `progress` may be null; it must outlive the call.

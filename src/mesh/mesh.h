@@ -33,7 +33,8 @@ struct ImageRef {
   std::shared_ptr<const std::vector<std::byte>> bytes;
   std::string label;      ///< for messages: "head.glb image 2 \"skin\"", "skin.png"
   std::string mime_type;  ///< "" when unknown
-  std::string problem;    ///< not empty: cannot be read, and why (unsupported extension, missing file)
+  std::string
+      problem;  ///< not empty: cannot be read, and why (unsupported extension, missing file)
 };
 
 /// A texture as a material uses it.
@@ -49,8 +50,8 @@ struct Material {
   std::string name;  ///< "default" for primitives without one
   /// By Channel; nothing where the material has no such texture.
   std::array<std::optional<TextureBinding>, kChannelCount> textures;
-  /// By Channel: baseColorFactor rgba (linear), (0, roughnessFactor, metallicFactor, 1), (1,1,1,1) for
-  /// occlusion, emissiveFactor rgb1 (linear).
+  /// By Channel: baseColorFactor rgba (linear), (0, roughnessFactor, metallicFactor, 1), (1,1,1,1)
+  /// for occlusion, emissiveFactor rgb1 (linear).
   std::array<std::array<float, 4>, kChannelCount> factors{
       {{1, 1, 1, 1}, {0, 1, 1, 1}, {1, 1, 1, 1}, {0, 0, 0, 1}}};
   bool double_sided = false;
@@ -58,15 +59,17 @@ struct Material {
 
 /// A whole mesh file, flattened: node transforms applied (mirroring ones keep the winding outward),
 /// every primitive triangulated, all in the file's own axes and units.
-/// Invariants (readers guarantee): every index < vertex count, positions and UVs finite, normals finite
-/// (unit, or zero where undefined), every uv set has one entry per vertex.
+/// Invariants (readers guarantee): every index < vertex count, positions and UVs finite, normals
+/// finite (unit, or zero where undefined), every uv set has one entry per vertex.
 struct Mesh {
   std::string path;  ///< as given by the caller, for messages
   std::vector<Vec3f> positions;
   std::vector<Vec3f> normals;  ///< one per vertex
-  /// One per vertex: unit tangent and handedness (+1/-1) along +u of uv set 0, from the file or derived.
+  /// One per vertex: unit tangent and handedness (+1/-1) along +u of uv set 0, from the file or
+  /// derived.
   std::vector<Vec4f> tangents;
-  /// uv_sets[k][vertex], v down as in glTF (OBJ's v is flipped when read): row 0 of an image is v = 0.
+  /// uv_sets[k][vertex], v down as in glTF (OBJ's v is flipped when read): row 0 of an image is v =
+  /// 0.
   std::vector<std::vector<Vec2f>> uv_sets;
   /// Per vertex of set k: does its primitive have this set at all? Empty = all vertices do.
   std::vector<std::vector<bool>> uv_present;

@@ -9,8 +9,9 @@
 
 namespace pounce::test {
 
-/// The folder of real input data: $POUNCE_TEST_DATA, else ../shared/data beside the repository; nothing where
-/// neither is there. A test that gets nothing says "SKIPPED: needs test data" (tools/test.sh counts these).
+/// The folder of real input data: $POUNCE_TEST_DATA, else ../shared/data beside the repository;
+/// nothing where neither is there. A test that gets nothing says "SKIPPED: needs test data"
+/// (tools/test.sh counts these).
 inline std::optional<std::filesystem::path> test_data() {
   if (const char* given = std::getenv("POUNCE_TEST_DATA"); given != nullptr && *given != '\0') {
     if (std::filesystem::is_directory(given)) return std::filesystem::path(given);

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "pounce/error.h"
+
+namespace pounce {
+
+static_assert(std::endian::native == std::endian::little,
+              "stores are little endian, written as in memory");
+
+/// Appends plain values to a byte vector.
+class ByteWriter {
+ public:
+  explicit ByteWriter(std::vector<std::byte>& out) : out_(out) {}
+  template <class T>
+  requires std::is_arithmetic_v<T>
+  void put(T value) { put_span(std::span<const T>(&value, 1)); }
+  /// The elements alone, without their count.
+  template <class T>
+  void put_span(std::span<const T> values) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    const auto* first = reinterpret_cast<const std::byte*>(values.data());
+    out_.insert(out_.end(), first, first + values.size_bytes());
+  }
+
+ private:
+  std::vector<std::byte>& out_;
+};
+
+/// Reads what ByteWriter wrote; never past the end: throws Error(damaged_store) naming `what`.
+class ByteReader {
+ public:
+  ByteReader(std::span<const std::byte> in, std::string what) : in_(in), what_(std::move(what)) {}
+  template <class T>
+  requires std::is_arithmetic_v<T> T get() {
+    T value;
+    std::memcpy(&value, take(sizeof(T)).data(), sizeof(T));
+    return value;
+  }
+  template <class T>
+  void get_span(std::span<T> values) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    if (!values.empty())
+      std::memcpy(values.data(), take(values.size_bytes()).data(), values.size_bytes());
+  }
+  std::span<const std::byte> take(std::size_t count) {
+    if (count > in_.size()) fail("ends too early");
+    const auto taken = in_.first(count);
+    in_ = in_.subspan(count);
+    return taken;
+  }
+  std::size_t left() const { return in_.size(); }
+  [[noreturn]] void fail(const char* why) const {
+    throw Error(ErrorKind::damaged_store, what_ + " " + why);
+  }
+
+ private:
+  std::span<const std::byte> in_;
+  std::string what_;
+};
+
+}  // namespace pounce

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <new>
+#include <vector>
+
+namespace pounce {
+
+inline constexpr std::size_t kPageBytes = 4096;
+constexpr std::uint64_t round_to_pages(std::uint64_t bytes) {
+  return (bytes + kPageBytes - 1) / kPageBytes * kPageBytes;
+}
+
+/// Where everything that the budget counts is allocated: whole pages from anonymous mappings. What
+/// is freed is reused, and beyond a few MiB of it goes back to the system at once, so that the
+/// resident size follows what is in use. A general-purpose allocator keeps 30-130 % more
+/// (docs/decisions/003-page-pool.md). Thread-safe; one per process.
+class PagePool {
+ public:
+  static PagePool& instance();
+  /// Page-aligned. Throws std::bad_alloc. Contents are undefined.
+  void* allocate(std::size_t bytes);
+  void release(void* at, std::size_t bytes) noexcept;
+
+ private:
+  PagePool() = default;
+};
+
+/// std::allocator's interface over the pool.
+template <class T>
+struct PageAllocator {
+  using value_type = T;
+  PageAllocator() = default;
+  template <class U>
+  explicit PageAllocator(const PageAllocator<U>&) {}
+  T* allocate(std::size_t count) {
+    return static_cast<T*>(PagePool::instance().allocate(count * sizeof(T)));
+  }
+  void deallocate(T* at, std::size_t count) noexcept {
+    PagePool::instance().release(at, count * sizeof(T));
+  }
+  template <class U>
+  bool operator==(const PageAllocator<U>&) const {
+    return true;
+  }
+};
+
+/// A vector whose memory is whole pages of the pool: for what is large or lives long.
+template <class T>
+using PageVector = std::vector<T, PageAllocator<T>>;
+
+}  // namespace pounce

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "flow/job_context.h"
+#include "flow/plan.h"
+
+namespace pounce::flow {
+
+/// Stored bytes of a spatial tile, at most.
+inline constexpr std::uint64_t kTileCapBytes = 1ULL << 20;
+
+/// Opens what a job needs: budget, stores (the cache, or scratch), progress. `output` gives the
+/// default folder for scratch files. `rebuild` ignores what the cache holds: some of it turned out
+/// to be damaged.
+std::unique_ptr<JobContext> open_job(const Resources& resources, const std::string& output,
+                                     bool in_core, bool rebuild, Progress* progress);
+
+/// Runs a job on its threads. A damaged pack in the cache costs one rebuild from the inputs, with a
+/// warning.
+Report run_job(const Resources& resources, const std::function<Report(bool rebuild)>& job);
+
+/// Throws Error(budget) that names the least memory that works and what asks for it.
+void require_least(JobContext& job, const LeastMemory& least);
+
+/// Fills in what is only known at the end.
+Report finish_report(JobContext& job);
+
+}  // namespace pounce::flow

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "core/file.h"
+#include "core/timer.h"
+#include "flow/memory_budget.h"
+#include "pounce/options.h"
+#include "pounce/progress.h"
+#include "pounce/report.h"
+#include "tiles/codec.h"
+#include "tiles/store_folder.h"
+
+namespace pounce::flow {
+
+/// Progress of a job as its stages report it: fractions never fall, events are a few a second.
+/// Thread-safe.
+class Meter {
+ public:
+  explicit Meter(Progress* progress);
+  /// A new stage of `total` units that takes the job's fraction to `end`.
+  void begin(const std::string& stage, std::uint64_t total, const std::string& unit, double end);
+  /// `units` more are done. Throws Error(cancelled) if the caller asked to stop.
+  void advance(std::uint64_t units);
+  void end();
+
+ private:
+  void emit(bool always);
+
+  Progress* progress_;
+  std::chrono::steady_clock::time_point start_, last_;
+  std::mutex mutex_;
+  ProgressEvent event_;
+  double stage_start_ = 0, stage_end_ = 0;
+};
+
+/// What every stage of a running job shares.
+struct JobContext {
+  MemoryBudget budget;
+  Meter meter;
+  Report report;
+  StageClock clock;
+  FileSystem* files = nullptr;
+  std::unique_ptr<FileSystem> memory_files;     ///< in-core runs
+  std::unique_ptr<tiles::StoreFolder> stores;   ///< source and target stores
+  std::unique_ptr<tiles::StoreFolder> scratch;  ///< results; vanish with the process
+  unsigned threads = 1;
+  std::uint64_t tile_cap_bytes = 0;
+  tbb::enumerable_thread_specific<tiles::Compressor> compressors;
+
+  JobContext(std::uint64_t budget_bytes, Progress* progress)
+      : budget(budget_bytes), meter(progress) {}
+  tiles::Compressor& compressor() { return compressors.local(); }
+};
+
+}  // namespace pounce::flow

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The target's projection maps as images: vectorization alone.
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <tuple>
+
+#include "core/half.h"
+#include "flow/job.h"
+#include "flow/output_names.h"
+#include "flow/plan.h"
+#include "io/image_write.h"
+#include "io/read_mesh.h"
+#include "pounce/transfer.h"
+#include "target/target_block.h"
+
+namespace pounce {
+namespace flow {
+namespace {
+
+using mesh::kBlockEdge;
+
+constexpr std::array<const char*, 3> kMapNames{"position", "normal", "mask"};
+constexpr int kMask = 2;
+
+/// Where a block is, without its boxes.
+struct BlockPlace {
+  std::int32_t y = 0, x = 0;
+  std::uint32_t triangles = 0;
+  tiles::ChunkRef chunk;
+};
+
+class MapsJob {
+ public:
+  MapsJob(const MapsOptions& options, Progress* progress, bool rebuild)
+      : options_(options),
+        job_(open_job(options.resources, options.output, false, rebuild, progress)) {
+    job_->tile_cap_bytes = kTileCapBytes;
+  }
+
+  Report run() {
+    job_->report.command = "maps";
+    name_outputs();
+    vectorize();
+    for (int map = 0; map < 3; ++map) write_map(map);
+    return finish_report(*job_);
+  }
+
+ private:
+  void name_outputs() {
+    if (!has_token(options_.output, "CHANNEL")) {
+      throw Error(ErrorKind::usage,
+                  options_.output + ": needs <CHANNEL>, which becomes position, normal and mask");
+    }
+    for (int map = 0; map < 3; ++map) {
+      const std::string path = expand_pattern(
+          options_.output, {{"CHANNEL", kMapNames[static_cast<std::size_t>(map)]},
+                            {"TARGET", std::filesystem::path(options_.target).stem().string()}});
+      const Depth depth = io::writable_depth(path, map == kMask ? Depth::u8 : Depth::float32);
+      io::ImageWriteSpec spec{
+          options_.size.width, options_.size.height, map == kMask ? 1U : 3U, depth, true, false};
+      std::string why = io::why_not_writable(path, spec);
+      if (why.empty() && map != kMask && depth != Depth::float32) {
+        why = "positions and normals need a float format; write .exr or .tif";
+      }
+      if (!why.empty()) throw Error(ErrorKind::usage, path + ": " + why);
+      specs_.push_back(spec);
+      job_->report.outputs.push_back(path);
+    }
+    check_outputs(job_->report.outputs);
+  }
+
+  void vectorize() {
+    const StageTimer timer(job_->clock, "vectorize");
+    job_->meter.begin("vectorize", 0, "tiles", 0.4);
+    const mesh::Mesh target = io::read_mesh(options_.target);
+    job_->report.warnings.insert(job_->report.warnings.end(), target.warnings.begin(),
+                                 target.warnings.end());
+    GeometryRequest request;
+    request.mesh = &target;
+    request.is_target = true;
+    request.pages = {mesh::Lattice{options_.size.width, options_.size.height, 0, {}}};
+    request.triangle_page = target_pages(target, false, job_->report.warnings).triangle_page;
+    require_least(*job_, least(target, request));
+    const Lease mesh_lease(job_->budget, target.size_bytes(), "the mesh");
+    bool cached = false;
+    store_ = geometry_store(*job_, request, &cached);
+    if (cached) job_->clock.set_cached("vectorize");
+    smallest_edge_ = static_cast<float>(std::max(diagonal(target) * 1e-7, 1e-30));
+    const tiles::GeometryDirectory& directory = store_->directory();
+    job_->report.target_texels = directory.texels;
+    job_->report.target_overlapping = directory.overlapping;
+    job_->report.target_tiles = directory.tiles.size();
+    job_->report.target_store_bytes = store_->pack().size_bytes();
+    job_->meter.end();
+  }
+
+  std::uint64_t row_bytes() const {
+    // 64 rows of samples, and one decoded block per thread.
+    return round_to_pages(std::uint64_t{kBlockEdge} * options_.size.width * 12) +
+           job_->threads * (2ULL << 20);
+  }
+
+  std::uint64_t blocks() const {
+    return (options_.size.width / kBlockEdge + 1ULL) * (options_.size.height / kBlockEdge + 1ULL);
+  }
+
+  LeastMemory least(const mesh::Mesh& target, const GeometryRequest& request) const {
+    const std::uint64_t building =
+        target.size_bytes() + geometry_least_bytes(request, kTileCapBytes);
+    const std::uint64_t writing =
+        row_bytes() + 2 * blocks() * sizeof(BlockPlace) +
+        io::ImageWriter::encoder_bytes(job_->report.outputs.front(), specs_.front());
+    const std::uint64_t reading = io::mesh_cost(options_.target).peak_bytes;
+    LeastMemory most{reading, "reading " + options_.target};
+    if (building > most.bytes) most = {building, "vectorizing " + options_.target};
+    if (writing > most.bytes) most = {writing, "writing " + job_->report.outputs.front()};
+    most.bytes += job_->threads * tiles::Compressor::context_bytes();
+    return most;
+  }
+
+  /// All blocks, in image order.
+  std::vector<BlockPlace> places() {
+    std::vector<BlockPlace> all;
+    for (std::uint32_t t = 0; t < store_->directory().tiles.size(); ++t) {
+      for (const tiles::BlockEntry& entry : store_->read_index(t, job_->compressor())) {
+        all.push_back({entry.y, entry.x, entry.triangles, entry.chunk});
+      }
+    }
+    std::sort(all.begin(), all.end(), [](const BlockPlace& a, const BlockPlace& b) {
+      return std::tie(a.y, a.x) < std::tie(b.y, b.x);
+    });
+    return all;
+  }
+
+  void write_map(int map) {
+    const StageTimer timer(job_->clock, "assemble");
+    const auto m = static_cast<std::size_t>(map);
+    const io::ImageWriteSpec& spec = specs_[m];
+    job_->meter.begin(std::string("write ") + kMapNames[m], spec.height, "rows",
+                      0.4 + 0.2 * (map + 1));
+    const Lease lease(job_->budget, row_bytes() + 2 * blocks() * sizeof(BlockPlace),
+                      "writing the maps");
+    const std::vector<BlockPlace> all = places();
+    io::ImageWriter writer(job_->report.outputs[m], spec);
+    const std::size_t texel = spec.channels * tiles::depth_bytes(spec.depth);
+    std::size_t next = 0;
+    for (std::uint32_t top = 0; top < spec.height; top += kBlockEdge) {
+      const std::uint32_t count = std::min<std::uint32_t>(kBlockEdge, spec.height - top);
+      PageVector<std::byte> rows(std::size_t{count} * spec.width * texel);
+      std::size_t end = next;
+      while (end < all.size() && all[end].y == static_cast<std::int32_t>(top / kBlockEdge)) ++end;
+      tbb::parallel_for(next, end, [&](std::size_t i) { fill(all[i], map, spec, rows); });
+      next = end;
+      {
+        const WorkTimer encoding(job_->clock, "encode");
+        writer.write_rows(count, rows.data());
+      }
+      job_->meter.advance(count);
+    }
+    writer.commit();
+    job_->meter.end();
+  }
+
+  void fill(const BlockPlace& place, int map, const io::ImageWriteSpec& spec,
+            PageVector<std::byte>& rows) {
+    tiles::BlockEntry entry;
+    entry.x = place.x;
+    entry.y = place.y;
+    entry.triangles = place.triangles;
+    entry.chunk = place.chunk;
+    const target::TargetBlock block(store_->read_block(entry, job_->compressor()),
+                                    store_->directory().pages[0], smallest_edge_);
+    for (std::uint32_t t = 0; t < tiles::kTexelsPerBlock; ++t) {
+      if (!block.covered(t)) continue;
+      const std::size_t x = static_cast<std::size_t>(place.x) * kBlockEdge + t % kBlockEdge;
+      std::byte* const at = rows.data() + (t / kBlockEdge * std::size_t{spec.width} + x) *
+                                              spec.channels * tiles::depth_bytes(spec.depth);
+      const target::TargetBlock::Texel texel = block.texel(t);
+      const Vec3f v = map == 0 ? texel.position : texel.normal;
+      const float samples[3] = {v.x, v.y, v.z};
+      if (map != kMask) {
+        std::memcpy(at, samples, sizeof samples);
+      } else if (spec.depth == Depth::half) {
+        const std::uint16_t one = float_to_half(1);
+        std::memcpy(at, &one, sizeof one);
+      } else {
+        *at = static_cast<std::byte>(255);
+      }
+    }
+  }
+
+  const MapsOptions& options_;
+  std::unique_ptr<JobContext> job_;
+  std::vector<io::ImageWriteSpec> specs_;
+  std::unique_ptr<tiles::GeometryStore> store_;
+  float smallest_edge_ = 0;
+};
+
+}  // namespace
+}  // namespace flow
+
+Report maps(const MapsOptions& options, Progress* progress) {
+  if (options.target.empty()) throw Error(ErrorKind::usage, "a target is needed");
+  if (options.size.width == 0 || options.size.height == 0 || options.size.width > 65536 ||
+      options.size.height > 65536) {
+    throw Error(ErrorKind::usage, "--size must be 1 to 65536");
+  }
+  return flow::run_job(options.resources, [&](bool rebuild) {
+    return flow::MapsJob(options, progress, rebuild).run();
+  });
+}
+
+}  // namespace pounce

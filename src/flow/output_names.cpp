@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "flow/output_names.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "pounce/error.h"
+
+namespace pounce::flow {
+
+bool has_token(const std::string& pattern, const std::string& token) {
+  return pattern.find("<" + token + ">") != std::string::npos;
+}
+
+std::string expand_pattern(const std::string& pattern,
+                           const std::map<std::string, std::string>& values) {
+  std::string out;
+  for (std::size_t at = 0; at < pattern.size();) {
+    const std::size_t close = pattern[at] == '<' ? pattern.find('>', at) : std::string::npos;
+    if (close == std::string::npos) {
+      out += pattern[at++];
+      continue;
+    }
+    const std::string token = pattern.substr(at + 1, close - at - 1);
+    const auto value = values.find(token);
+    if (value == values.end()) {
+      std::string known;
+      for (const auto& [name, unused] : values) known += (known.empty() ? "<" : ", <") + name + ">";
+      throw Error(ErrorKind::usage,
+                  fmt::format("{}: unknown token <{}> (known here: {})", pattern, token, known));
+    }
+    out += value->second;
+    at = close + 1;
+  }
+  return out;
+}
+
+std::string file_name_part(const std::string& name) {
+  std::string out = name;
+  for (char& c : out) {
+    if (c == '/' || c == '\\' || static_cast<unsigned char>(c) < 32) c = '_';
+  }
+  return out.empty() || out == "." || out == ".." ? "_" : out;
+}
+
+void check_outputs(const std::vector<std::string>& paths) {
+  namespace fs = std::filesystem;
+  std::set<std::string> seen;
+  for (const std::string& path : paths) {
+    if (!seen.insert(fs::path(path).lexically_normal().string()).second) {
+      throw Error(
+          ErrorKind::usage,
+          fmt::format(
+              "two images would be written to {}: put <CHANNEL> or <MATERIAL> into the pattern",
+              path));
+    }
+    const fs::path folder = fs::path(path).parent_path();
+    std::error_code ignored;
+    if (!folder.empty() && !fs::is_directory(folder, ignored)) {
+      throw Error(
+          ErrorKind::storage,
+          fmt::format("{}: the folder {} does not exist; create it first", path, folder.string()));
+    }
+    if (fs::is_directory(path, ignored)) {
+      throw Error(ErrorKind::storage, fmt::format("{}: is a folder; name a file in it", path));
+    }
+  }
+}
+
+}  // namespace pounce::flow

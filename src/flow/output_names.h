@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace pounce::flow {
+
+/// The pattern with its tokens replaced: "a.<CHANNEL>.png" and {{"CHANNEL", "baseColor"}} ->
+/// "a.baseColor.png". Throws Error(usage) naming a token that is not in `values`.
+std::string expand_pattern(const std::string& pattern,
+                           const std::map<std::string, std::string>& values);
+bool has_token(const std::string& pattern, const std::string& token);
+/// A name as part of a file name: separators and control characters become '_'.
+std::string file_name_part(const std::string& name);
+
+/// Throws Error(usage) when two of the images would get one name, Error(storage) when a folder does
+/// not exist.
+void check_outputs(const std::vector<std::string>& paths);
+
+}  // namespace pounce::flow

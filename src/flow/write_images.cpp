@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Assemble, pad, write: result blocks become image files.
+//
+// A row of blocks is decoded in parallel into 64 rows of texels, the padder turns them into
+// finished rows a few rows later, and a second pipeline stage encodes these while the next row of
+// blocks is assembled. Everything is in order from top to bottom, so an image of any height needs
+// the same memory.
+#include "flow/write_images.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_pipeline.h>
+
+#include <algorithm>
+#include <cstring>
+#include <optional>
+
+#include "io/image_write.h"
+#include "texture/pad_seams.h"
+
+namespace pounce::flow {
+namespace {
+
+using mesh::kBlockEdge;
+
+constexpr std::uint64_t kMostTokens = 2;
+
+/// Rows that are ready for the encoders.
+struct Rows {
+  std::uint32_t count = 0, covered_count = 0;
+  PageVector<std::byte> texels;
+  PageVector<std::byte> covered;  ///< 0 or 255, one byte per texel
+};
+using RowsPtr = std::shared_ptr<Rows>;
+
+io::ImageWriteSpec colour_spec(const ImageOutput& output, const texture::TexelFormat& format) {
+  return {output.lattice.width, output.lattice.height, format.channels,
+          format.depth,         format.linear,         format.has_alpha};
+}
+
+io::ImageWriteSpec coverage_spec(const ImageOutput& output) {
+  return {output.lattice.width,
+          output.lattice.height,
+          1,
+          io::writable_depth(output.coverage_path, Depth::u8),
+          false,
+          false};
+}
+
+class ImageAssembler {
+ public:
+  ImageAssembler(JobContext& job, const ImageOutput& output, const texture::TexelFormat& format,
+                 const tiles::PackReader& results, const std::vector<tiles::ChunkRef>& blocks)
+      : job_(job),
+        output_(output),
+        format_(format),
+        results_(results),
+        blocks_(blocks),
+        lease_(job.budget, image_least_bytes(output, format), "writing " + output.path),
+        padder_(output.lattice.width, output.lattice.height, output.padding,
+                static_cast<std::uint32_t>(format.texel_bytes()), kBlockEdge) {
+    if (!output.path.empty()) colours_.emplace(output.path, colour_spec(output, format));
+    if (!output.coverage_path.empty())
+      coverage_.emplace(output.coverage_path, coverage_spec(output));
+  }
+
+  std::uint64_t run() {
+    const std::uint32_t block_rows = (output_.lattice.height + kBlockEdge - 1) / kBlockEdge;
+    std::uint32_t next = 0;
+    tbb::parallel_pipeline(
+        kMostTokens,
+        tbb::make_filter<void, RowsPtr>(tbb::filter_mode::serial_in_order,
+                                        [&](tbb::flow_control& flow) -> RowsPtr {
+                                          if (next == block_rows) {
+                                            flow.stop();
+                                            return nullptr;
+                                          }
+                                          return assemble(next++);
+                                        }) &
+            tbb::make_filter<RowsPtr, void>(tbb::filter_mode::serial_in_order,
+                                            [&](const RowsPtr& rows) { write(*rows); }));
+    const WorkTimer encoding(job_.clock, "encode");
+    if (colours_) colours_->commit();
+    if (coverage_) coverage_->commit();
+    return padder_.filled();
+  }
+
+ private:
+  RowsPtr assemble(std::uint32_t block_row) {
+    const std::uint32_t width = output_.lattice.width;
+    const std::uint32_t rows =
+        std::min<std::uint32_t>(kBlockEdge, output_.lattice.height - block_row * kBlockEdge);
+    const std::size_t texel = format_.texel_bytes();
+    PageVector<std::byte> texels(std::size_t{rows} * width * texel);
+    PageVector<std::uint8_t> covered(std::size_t{rows} * width);
+    const std::uint32_t across = (width + kBlockEdge - 1) / kBlockEdge;
+    tbb::parallel_for(std::uint32_t{0}, across, [&](std::uint32_t bx) {
+      const tiles::ChunkRef& chunk = blocks_[std::size_t{block_row} * across + bx];
+      if (chunk.raw_bytes == 0) return;
+      const texture::ResultBlock block = read_block(chunk);
+      const std::uint32_t columns = std::min<std::uint32_t>(kBlockEdge, width - bx * kBlockEdge);
+      for (std::uint32_t y = 0; y < rows; ++y) {
+        const std::size_t to = std::size_t{y} * width + std::size_t{bx} * kBlockEdge;
+        std::memcpy(texels.data() + to * texel, block.texels.data() + y * kBlockEdge * texel,
+                    columns * texel);
+        for (std::uint32_t x = 0; x < columns; ++x)
+          covered[to + x] = block.covered(y * kBlockEdge + x) ? 1 : 0;
+      }
+    });
+    auto out = std::make_shared<Rows>();
+    if (coverage_) {
+      out->covered_count = rows;
+      out->covered.resize(covered.size());
+      for (std::size_t i = 0; i < covered.size(); ++i)
+        out->covered[i] = static_cast<std::byte>(covered[i] * 255);
+    }
+    const std::uint32_t step =
+        output_.stripe_rows == 0 ? rows : std::min(output_.stripe_rows, rows);
+    for (std::uint32_t y = 0; y < rows; y += step) {
+      const std::uint32_t count = std::min(step, rows - y);
+      padder_.push(count, texels.data() + std::size_t{y} * width * texel,
+                   covered.data() + std::size_t{y} * width);
+    }
+    out->count = padder_.ready_rows();
+    out->texels.resize(std::size_t{out->count} * width * texel);
+    padder_.pop(out->count, out->texels.data());
+    return out;
+  }
+
+  texture::ResultBlock read_block(const tiles::ChunkRef& chunk) {
+    std::vector<std::byte> stored;
+    results_.read(chunk, tiles::ChunkKind::block, stored);
+    std::vector<std::byte> raw(chunk.raw_bytes);
+    job_.compressor().decompress(stored, raw);
+    texture::ResultBlock block;
+    texture::decode_result(raw, format_, "results", block);
+    return block;
+  }
+
+  void write(const Rows& rows) {
+    {
+      const WorkTimer encoding(job_.clock, "encode");
+      if (colours_ && rows.count > 0) colours_->write_rows(rows.count, rows.texels.data());
+      if (coverage_ && rows.covered_count > 0)
+        coverage_->write_rows(rows.covered_count, rows.covered.data());
+    }
+    job_.meter.advance(std::max(rows.count, rows.covered_count));
+  }
+
+  JobContext& job_;
+  const ImageOutput& output_;
+  const texture::TexelFormat& format_;
+  const tiles::PackReader& results_;
+  const std::vector<tiles::ChunkRef>& blocks_;
+  Lease lease_;
+  texture::SeamPadder padder_;
+  std::optional<io::ImageWriter> colours_, coverage_;
+};
+
+}  // namespace
+
+std::uint64_t write_image(JobContext& job, const ImageOutput& output,
+                          const texture::TexelFormat& format, const tiles::PackReader& results,
+                          const std::vector<tiles::ChunkRef>& blocks) {
+  return ImageAssembler(job, output, format, results, blocks).run();
+}
+
+std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelFormat& format) {
+  const std::uint64_t width = output.lattice.width;
+  const std::uint64_t texel = format.texel_bytes();
+  const std::uint64_t row_of_blocks = round_to_pages(kBlockEdge * width * (texel + 1));
+  // The last push makes the padder's whole delay ready at once.
+  const std::uint64_t ready = round_to_pages((kBlockEdge + output.padding) * width * (texel + 1));
+  std::uint64_t bytes =
+      row_of_blocks + kMostTokens * ready +
+      texture::SeamPadder::memory_bytes(output.lattice.width, output.padding,
+                                        static_cast<std::uint32_t>(texel), kBlockEdge) +
+      (256 << 10);
+  if (!output.path.empty())
+    bytes += io::ImageWriter::encoder_bytes(output.path, colour_spec(output, format));
+  if (!output.coverage_path.empty()) {
+    bytes += io::ImageWriter::encoder_bytes(output.coverage_path, coverage_spec(output));
+  }
+  return bytes;
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "flow/job_context.h"
+#include "flow/project_stream.h"
+
+namespace pounce::flow {
+
+/// One output image: which results go into it and how it is finished.
+struct ImageOutput {
+  std::string path;           ///< "" = no colour image
+  std::string coverage_path;  ///< "" = no coverage mask
+  mesh::Lattice lattice;      ///< its size
+  std::uint32_t padding = 0;
+  std::uint32_t stripe_rows = 0;  ///< rows handed to the padder at once; 0 = a row of blocks
+};
+
+/// Assembles result blocks into rows, pads charts, writes the image (and its coverage) in order and
+/// renames it into place. Returns the texels that padding filled.
+std::uint64_t write_image(JobContext& job, const ImageOutput& output,
+                          const texture::TexelFormat& format, const tiles::PackReader& results,
+                          const std::vector<tiles::ChunkRef>& blocks);
+
+/// What writing such an image needs at once.
+std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelFormat& format);
+
+}  // namespace pounce::flow

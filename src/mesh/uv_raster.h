@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+#include "core/vec.h"
+
+namespace pounce::mesh {
+
+// Which texel centres does a triangle cover? Shared edges must give each centre to exactly one of
+// the two triangles, whatever the rounding. Every edge function is computed from the edge's two
+// ends in one order (the lexicographically smaller end first) and negated for the triangle that
+// walks it backwards: both triangles see the same number with opposite signs, and a zero goes to
+// one of them by the top-left rule. So no epsilon, no fixed-point grid: the coordinates stay what
+// the file said.
+
+/// Half-open rectangle of texels [x0, x1) x [y0, y1).
+struct TexelWindow {
+  std::int64_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+};
+
+/// One edge of a triangle with positive doubled area, evaluated at texel centres.
+class EdgeFunction {
+ public:
+  EdgeFunction() = default;
+  EdgeFunction(Vec2d from, Vec2d to) {
+    const bool forward = from.x != to.x ? from.x < to.x : from.y < to.y;
+    sign_ = forward ? 1.0 : -1.0;
+    origin_ = forward ? from : to;
+    const Vec2d end = forward ? to : from;
+    dx_ = end.x - origin_.x;
+    dy_ = end.y - origin_.y;
+    const double walk_x = dx_ * sign_;
+    const double walk_y = dy_ * sign_;
+    top_left_ = walk_y < 0 || (walk_y == 0 && walk_x > 0);
+  }
+  bool inside(double x, double y) const {
+    const double e = sign_ * (dx_ * (y - origin_.y) - dy_ * (x - origin_.x));
+    return e > 0 || (e == 0 && top_left_);
+  }
+  /// The x where the edge crosses row y, approximately; slope_sign() says on which side the inside
+  /// is.
+  double crossing(double y) const { return origin_.x + dx_ * ((y - origin_.y) / dy_); }
+  /// +1: inside to the right of the crossing, -1: to the left, 0: horizontal.
+  int slope_sign() const {
+    const double walk_y = dy_ * sign_;
+    return walk_y < 0 ? 1 : walk_y > 0 ? -1 : 0;
+  }
+
+ private:
+  Vec2d origin_{};
+  double dx_ = 0, dy_ = 0, sign_ = 1;
+  bool top_left_ = false;
+};
+
+/// Calls span(y, x_begin, x_end) for every row of texel centres inside the triangle and the window,
+/// top to bottom. Coordinates must be finite and below 2^40 in size. A triangle without area covers
+/// nothing.
+template <class SpanFunction>
+void raster_triangle(const std::array<Vec2d, 3>& corners, const TexelWindow& window,
+                     SpanFunction&& span) {
+  const double area = (corners[1].x - corners[0].x) * (corners[2].y - corners[0].y) -
+                      (corners[1].y - corners[0].y) * (corners[2].x - corners[0].x);
+  if (!(area != 0)) return;
+  const Vec2d a = corners[0];
+  const Vec2d b = area > 0 ? corners[1] : corners[2];
+  const Vec2d c = area > 0 ? corners[2] : corners[1];
+  const std::array<EdgeFunction, 3> edges{EdgeFunction(a, b), EdgeFunction(b, c),
+                                          EdgeFunction(c, a)};
+
+  const double lowest_x = std::min({a.x, b.x, c.x}), highest_x = std::max({a.x, b.x, c.x});
+  const double lowest_y = std::min({a.y, b.y, c.y}), highest_y = std::max({a.y, b.y, c.y});
+  const auto first_x = std::max(window.x0, static_cast<std::int64_t>(std::ceil(lowest_x)));
+  const auto last_x = std::min(window.x1 - 1, static_cast<std::int64_t>(std::floor(highest_x)));
+  const auto first_y = std::max(window.y0, static_cast<std::int64_t>(std::ceil(lowest_y)));
+  const auto last_y = std::min(window.y1 - 1, static_cast<std::int64_t>(std::floor(highest_y)));
+
+  for (std::int64_t y = first_y; y <= last_y; ++y) {
+    const double row = static_cast<double>(y);
+    std::int64_t begin = first_x;
+    std::int64_t end = last_x;  // inclusive until the row is done
+    for (const EdgeFunction& edge : edges) {
+      const int side = edge.slope_sign();
+      if (side == 0) {
+        if (!edge.inside(lowest_x, row)) end = begin - 1;
+        continue;
+      }
+      // The division only guesses; the exact predicate decides.
+      const double guess = std::clamp(edge.crossing(row), static_cast<double>(first_x) - 2.0,
+                                      static_cast<double>(last_x) + 2.0);
+      if (side > 0) {
+        begin = std::max(begin, static_cast<std::int64_t>(std::floor(guess)) - 1);
+        while (begin <= end && !edge.inside(static_cast<double>(begin), row)) ++begin;
+      } else {
+        end = std::min(end, static_cast<std::int64_t>(std::ceil(guess)) + 1);
+        while (end >= begin && !edge.inside(static_cast<double>(end), row)) --end;
+      }
+    }
+    if (begin <= end) span(y, begin, end + 1);
+  }
+}
+
+/// Do triangle and window (widened by `margin` texels on each side) overlap? May say yes for a near
+/// miss.
+bool triangle_touches(const std::array<Vec2d, 3>& corners, const TexelWindow& window,
+                      double margin);
+
+}  // namespace pounce::mesh

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The hit test, compiled once per instruction set with POUNCE_ISA_NAMESPACE set.
+//
+// Lanes are sixteen target texels; the facet is broadcast. Per lane, in the texel's own ray p + t n:
+//
+//   t = N . (m - p) / (N . n)           where the ray meets the facet's plane
+//   d = p + t n - m                     the hit, from corner 0
+//   w1 = g1 . d, w2 = g2 . d            barycentrics of corners 1 and 2
+//   outside = |d - nearest(w1, w2)|     0 inside the triangle; nearest() clamps the barycentrics into it
+//   key = (|t| + outside) / texel       the winner has the least (key, triangle)
+//
+// and the winner's texel coordinates, affine in the clamped barycentrics. Vectors are GCC vector extensions of
+// sixteen lanes that the compiler lowers to whatever registers the instruction set has.
+#include <cmath>
+#include <cstring>
+#include <type_traits>
+
+#include "projection/hit_packet.h"
+
+namespace pounce::projection::POUNCE_ISA_NAMESPACE {
+namespace {
+
+using Floats = float __attribute__((vector_size(64)));
+using Ints = std::int32_t __attribute__((vector_size(64)));
+using Longs = long long __attribute__((vector_size(64)));
+
+inline Floats load(const float* at) {
+  Floats v;
+  std::memcpy(&v, at, sizeof v);
+  return v;
+}
+inline Ints load(const std::int32_t* at) {
+  Ints v;
+  std::memcpy(&v, at, sizeof v);
+  return v;
+}
+template <class V, class T>
+inline void store(T* at, V v) {
+  std::memcpy(at, &v, sizeof v);
+}
+inline bool any(Ints mask) {
+  const Longs l = reinterpret_cast<Longs>(mask);
+  return (l[0] | l[1] | l[2] | l[3] | l[4] | l[5] | l[6] | l[7]) != 0;
+}
+inline Floats max0(Floats v) { return v > 0.0F ? v : Floats{}; }
+
+Box3f swept_box(const TexelPacket& packet, float height) {
+  Box3f box;
+  const float* const points[3] = {packet.px, packet.py, packet.pz};
+  const float* const normals[3] = {packet.nx, packet.ny, packet.nz};
+  float lo[3], hi[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    const Floats p = load(points[axis]);
+    Floats reach = load(normals[axis]) * height;
+    reach = reach < 0.0F ? -reach : reach;
+    const Floats low = p - reach;
+    const Floats high = p + reach;
+    lo[axis] = low[0];
+    hi[axis] = high[0];
+    for (int lane = 1; lane < kLanes; ++lane) {  // unused lanes repeat the first texel's point
+      lo[axis] = low[lane] < lo[axis] ? low[lane] : lo[axis];
+      hi[axis] = high[lane] > hi[axis] ? high[lane] : hi[axis];
+    }
+  }
+  box.lo = {lo[0], lo[1], lo[2]};
+  box.hi = {hi[0], hi[1], hi[2]};
+  return box;
+}
+
+void hit(const source::Facet& f, const TexelPacket& packet, const SearchLimits& limits, HitPacket& best) {
+  const Floats nx = load(packet.nx), ny = load(packet.ny), nz = load(packet.nz);
+  const Floats facing = f.n[0] * nx + f.n[1] * ny + f.n[2] * nz;
+  Ints ok = facing >= limits.min_cosine;
+  if (!any(ok)) return;
+
+  const Floats rx = f.m[0] - load(packet.px), ry = f.m[1] - load(packet.py), rz = f.m[2] - load(packet.pz);
+  const Floats t = (f.n[0] * rx + f.n[1] * ry + f.n[2] * rz) / facing;
+  const Floats distance = t < 0.0F ? -t : t;
+  const Floats dx = t * nx - rx, dy = t * ny - ry, dz = t * nz - rz;
+  const Floats w1 = f.g1[0] * dx + f.g1[1] * dy + f.g1[2] * dz;
+  const Floats w2 = f.g2[0] * dx + f.g2[1] * dy + f.g2[2] * dz;
+  const Floats w0 = 1.0F - w1 - w2;
+  ok &= (distance <= limits.max_distance) & (w0 >= -f.reach[0]) & (w1 >= -f.reach[1]) & (w2 >= -f.reach[2]);
+  if (!any(ok)) return;
+
+  Floats c1 = max0(w1), c2 = max0(w2);
+  const Floats sum = c1 + c2;
+  const Floats scale = 1.0F / (sum > 1.0F ? sum : Floats{} + 1.0F);
+  c1 *= scale;
+  c2 *= scale;
+  const Floats ox = dx - (f.e1[0] * c1 + f.e2[0] * c2);
+  const Floats oy = dy - (f.e1[1] * c1 + f.e2[1] * c2);
+  const Floats oz = dz - (f.e1[2] * c1 + f.e2[2] * c2);
+  const Floats squared = ox * ox + oy * oy + oz * oz;
+  Floats outside;
+  for (int lane = 0; lane < kLanes; ++lane) outside[lane] = __builtin_sqrtf(squared[lane]);
+  ok &= outside <= f.tolerance;
+
+  Floats key = (distance + outside) * load(packet.per_texel) * kKeySteps;
+  key = (ok & (key < 1e9F)) ? key : Floats{} + 1e9F;  // also keeps NaN and infinity out of the conversion
+  const Ints quantised = __builtin_convertvector(key, Ints);
+  const Ints old_key = load(best.key), old_id = load(best.id);
+  const Ints better = ok & ((quantised < old_key) | ((quantised == old_key) & (f.id < old_id)));
+  if (!any(better)) return;
+
+  const Ints zero{};
+  store(best.key, better ? quantised : old_key);
+  store(best.id, better ? zero + f.id : old_id);
+  store(best.page, better ? zero + f.page : load(best.page));
+  store(best.base_x, better ? zero + f.base[0] : load(best.base_x));
+  store(best.base_y, better ? zero + f.base[1] : load(best.base_y));
+  const Floats x = f.frac[0] + (f.du[0] * c1 + f.du[1] * c2);
+  const Floats y = f.frac[1] + (f.dv[0] * c1 + f.dv[1] * c2);
+  store(best.frac_x, better ? x : load(best.frac_x));
+  store(best.frac_y, better ? y : load(best.frac_y));
+}
+
+bool all_final(const TexelPacket& packet, const HitPacket& best, float height) {
+  Floats limit = height * load(packet.per_texel) * kKeySteps;
+  limit = limit < 1e9F ? limit : Floats{} + 1e9F;
+  Ints open = load(best.key) >= __builtin_convertvector(limit, Ints);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (open[lane] != 0 && packet.texel[lane] != target::kNoTexel) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+extern const Kernels kKernels;
+const Kernels kKernels{POUNCE_ISA_NAME, swept_box, hit, all_final};
+
+}  // namespace pounce::projection::POUNCE_ISA_NAMESPACE

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "projection/hit_packet.h"
+
+#include <algorithm>
+
+#include "pounce/error.h"
+
+namespace pounce::projection {
+
+namespace sse2 {
+extern const Kernels kKernels;
+}
+namespace avx2 {
+extern const Kernels kKernels;
+}
+namespace avx512 {
+extern const Kernels kKernels;
+}
+
+const Kernels& kernels(const std::string& isa) {
+  const bool has_avx512 =
+      __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512dq") != 0 &&
+      __builtin_cpu_supports("avx512vl") != 0 && __builtin_cpu_supports("avx512bw") != 0;
+  const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
+  if (isa == "avx512" && has_avx512) return avx512::kKernels;
+  if (isa == "avx2" && has_avx2) return avx2::kKernels;
+  if (isa == "sse2") return sse2::kKernels;
+  if (!isa.empty()) {
+    throw Error(ErrorKind::usage,
+                "this processor has no \"" + isa + "\" kernels (sse2, avx2, avx512 exist)");
+  }
+  return has_avx512 ? avx512::kKernels : has_avx2 ? avx2::kKernels : sse2::kKernels;
+}
+
+void clear(HitPacket& best) {
+  best = HitPacket{};
+  std::fill(std::begin(best.key), std::end(best.key), kNoHit);
+  std::fill(std::begin(best.id), std::end(best.id), kNoHit);
+}
+
+}  // namespace pounce::projection

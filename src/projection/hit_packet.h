@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <string>
+
+#include "core/box.h"
+#include "grid/patch_grid.h"
+#include "target/target_block.h"
+
+namespace pounce::projection {
+
+using target::kLanes;
+using target::TexelPacket;
+
+inline constexpr std::int32_t kNoHit = std::numeric_limits<std::int32_t>::max();
+/// Keys are counted in steps of 1/1024 target texel: ties are broken by triangle, not by rounding.
+inline constexpr float kKeySteps = 1024;
+
+/// The best hit so far of sixteen texels: structure of arrays.
+struct alignas(64) HitPacket {
+  std::int32_t
+      key[kLanes];  ///< (|t| + distance outside the triangle) / texel, quantised; kNoHit = none
+  std::int32_t id[kLanes];                      ///< triangle
+  std::int32_t page[kLanes];                    ///< source page
+  std::int32_t base_x[kLanes], base_y[kLanes];  ///< whole texels of the hit, not wrapped
+  float frac_x[kLanes], frac_y[kLanes];         ///< the rest; may exceed 1: x = base_x + frac_x
+};
+
+/// What counts as a hit.
+struct SearchLimits {
+  float max_distance = 0;  ///< half-length of a texel's ray
+  float min_cosine = 0;    ///< of the angle between the texel's and the triangle's normals
+};
+
+/// The kernels, one build per instruction set. All give the same bits: IEEE operations in one
+/// order, no fused multiply-add, no approximate reciprocals. noexcept and thread-safe.
+struct Kernels {
+  const char* isa;  ///< "sse2", "avx2", "avx512"
+  /// The box that holds p + t n, |t| <= height, for every used lane.
+  Box3f (*swept_box)(const TexelPacket& packet, float height);
+  /// Tries a facet on all lanes and keeps the better hit of each.
+  void (*hit)(const source::Facet& facet, const TexelPacket& packet, const SearchLimits& limits,
+              HitPacket& best);
+  /// True when no facet farther away than `height` can beat what any lane has.
+  bool (*all_final)(const TexelPacket& packet, const HitPacket& best, float height);
+};
+
+/// The kernels for `isa`, or the best that this processor has for "". Throws Error(usage) if it
+/// lacks them.
+const Kernels& kernels(const std::string& isa);
+
+void clear(HitPacket& best);
+
+}  // namespace pounce::projection

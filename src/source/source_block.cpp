@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// From a stored block's triangles to facets that can be hit and patches that can be found.
+//
+// All set-up is in double precision from the mesh's own numbers, rounded once. A large triangle is
+// clipped to 16x16-texel windows of its block, so that a patch's box stays as small as the surface
+// it stands for; a small or thin one is one patch. The tolerance lets a hit lie up to one texel
+// outside the triangle: two tessellations of one surface do not meet exactly at open borders. It
+// never exceeds the triangle's own size, so stretched texels do not overhang their triangle.
+#include "source/source_block.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace pounce::source {
+namespace {
+
+struct Setup {
+  Vec3d corners[3];
+  std::array<Vec2d, 3> texels;
+  Vec3d normal;  // not oriented
+  double tolerance = 0;
+};
+
+Vec3d position(const tiles::GeometryBlock& block, std::size_t triangle, std::size_t corner) {
+  return Vec3d(block.positions[block.triangles[triangle][corner]]);
+}
+
+void store(float (&out)[3], Vec3d v) {
+  out[0] = static_cast<float>(v.x);
+  out[1] = static_cast<float>(v.y);
+  out[2] = static_cast<float>(v.z);
+}
+
+Facet make_facet(const tiles::GeometryBlock& block, std::size_t triangle,
+                 const mesh::Lattice& lattice, const Setup& s) {
+  Facet facet{};
+  const Vec3d e1 = s.corners[1] - s.corners[0];
+  const Vec3d e2 = s.corners[2] - s.corners[0];
+  const Vec3d across1 = cross(e2, s.normal);
+  const Vec3d across2 = cross(s.normal, e1);
+  const Vec3d g1 = across1 * (1.0 / dot(e1, across1));
+  const Vec3d g2 = across2 * (1.0 / dot(e2, across2));
+  // The front is where the vertex normals point; the winding alone decides where they say nothing.
+  Vec3d shading{};
+  for (std::size_t k = 0; k < 3; ++k)
+    shading = shading + Vec3d(block.normals[block.triangles[triangle][k]]);
+  store(facet.n, dot(shading, s.normal) < 0 ? s.normal * -1.0 : s.normal);
+  store(facet.m, s.corners[0]);
+  store(facet.g1, g1);
+  store(facet.g2, g2);
+  store(facet.e1, e1);
+  store(facet.e2, e2);
+  facet.reach[0] = static_cast<float>(s.tolerance * length(g1 + g2));  // 1 / height = |gradient|
+  facet.reach[1] = static_cast<float>(s.tolerance * length(g1));
+  facet.reach[2] = static_cast<float>(s.tolerance * length(g2));
+  facet.tolerance = static_cast<float>(s.tolerance);
+  facet.id = static_cast<std::int32_t>(block.ids[triangle]);
+  facet.page = static_cast<std::int32_t>(block.page);
+  if (lattice.width != 0) {
+    const auto& t = s.texels;
+    facet.base[0] = static_cast<std::int32_t>(std::floor(t[0].x));
+    facet.base[1] = static_cast<std::int32_t>(std::floor(t[0].y));
+    facet.frac[0] = static_cast<float>(t[0].x - std::floor(t[0].x));
+    facet.frac[1] = static_cast<float>(t[0].y - std::floor(t[0].y));
+    facet.du[0] = static_cast<float>(t[1].x - t[0].x);
+    facet.du[1] = static_cast<float>(t[2].x - t[0].x);
+    facet.dv[0] = static_cast<float>(t[1].y - t[0].y);
+    facet.dv[1] = static_cast<float>(t[2].y - t[0].y);
+  }
+  return facet;
+}
+
+/// A convex polygon of at most 3 + 4 corners, as (texel coordinates, barycentrics of corners 1 and
+/// 2).
+struct ClippedCorner {
+  Vec2d texel;
+  double w1, w2;
+};
+
+/// Keeps what lies on the inner side of one window edge: sign * (coordinate - limit) >= 0.
+void clip(std::vector<ClippedCorner>& polygon, bool by_x, double limit, double sign,
+          std::vector<ClippedCorner>& scratch) {
+  scratch.clear();
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const ClippedCorner& a = polygon[i];
+    const ClippedCorner& b = polygon[(i + 1) % polygon.size()];
+    const double da = sign * ((by_x ? a.texel.x : a.texel.y) - limit);
+    const double db = sign * ((by_x ? b.texel.x : b.texel.y) - limit);
+    if (da >= 0) scratch.push_back(a);
+    if ((da < 0) != (db < 0)) {
+      const double k = da / (da - db);
+      scratch.push_back(
+          {{a.texel.x + k * (b.texel.x - a.texel.x), a.texel.y + k * (b.texel.y - a.texel.y)},
+           a.w1 + k * (b.w1 - a.w1),
+           a.w2 + k * (b.w2 - a.w2)});
+    }
+  }
+  polygon.swap(scratch);
+}
+
+Box3f rounded_out(const Setup& s, const std::vector<ClippedCorner>& polygon) {
+  Box3f box;
+  for (const ClippedCorner& c : polygon) {
+    const Vec3d p =
+        s.corners[0] + (s.corners[1] - s.corners[0]) * c.w1 + (s.corners[2] - s.corners[0]) * c.w2;
+    box.extend(Vec3f(p));
+  }
+  // Coordinates are floats: a few of their last places cover every rounding on the way to a hit.
+  const float largest = std::max({std::abs(box.lo.x), std::abs(box.lo.y), std::abs(box.lo.z),
+                                  std::abs(box.hi.x), std::abs(box.hi.y), std::abs(box.hi.z)});
+  return box.grown(static_cast<float>(s.tolerance) + 4e-7F * largest);
+}
+
+void add_patches(const tiles::GeometryBlock& block, const Setup& s, bool whole, std::uint32_t facet,
+                 std::vector<Patch>& patches) {
+  const std::vector<ClippedCorner> triangle{
+      {s.texels[0], 0, 0}, {s.texels[1], 1, 0}, {s.texels[2], 0, 1}};
+  if (whole) {
+    patches.push_back({rounded_out(s, triangle), facet});
+    return;
+  }
+  std::vector<ClippedCorner> polygon, scratch;
+  // Windows meet without a gap: each is the half-open cell of texel coordinates, closed here.
+  const double left = static_cast<double>(block.x) * mesh::kBlockEdge;
+  const double top = static_cast<double>(block.y) * mesh::kBlockEdge;
+  for (int wy = 0; wy < mesh::kBlockEdge / kPatchWindow; ++wy) {
+    for (int wx = 0; wx < mesh::kBlockEdge / kPatchWindow; ++wx) {
+      polygon = triangle;
+      clip(polygon, true, left + wx * kPatchWindow, 1, scratch);
+      clip(polygon, true, left + (wx + 1) * kPatchWindow, -1, scratch);
+      clip(polygon, false, top + wy * kPatchWindow, 1, scratch);
+      clip(polygon, false, top + (wy + 1) * kPatchWindow, -1, scratch);
+      if (!polygon.empty()) patches.push_back({rounded_out(s, polygon), facet});
+    }
+  }
+}
+
+}  // namespace
+
+SourceBlock make_source_block(const tiles::GeometryBlock& block, const mesh::Lattice& lattice) {
+  SourceBlock out;
+  out.facets.reserve(block.triangles.size());
+  std::vector<Patch> patches;
+  for (std::size_t i = 0; i < block.triangles.size(); ++i) {
+    Setup s;
+    for (std::size_t k = 0; k < 3; ++k) s.corners[k] = position(block, i, k);
+    const Vec3d doubled = cross(s.corners[1] - s.corners[0], s.corners[2] - s.corners[0]);
+    const double doubled_area = length(doubled);
+    if (!(doubled_area > 0) || !std::isfinite(1.0 / doubled_area)) {
+      ++out.degenerate;
+      continue;
+    }
+    s.normal = doubled * (1.0 / doubled_area);
+    s.tolerance = std::sqrt(doubled_area / 2);
+    bool whole = true;
+    if (lattice.width != 0) {
+      s.texels = block.texel_corners(lattice, i);
+      whole = mesh::is_whole(s.texels);
+      const double texel_area = std::abs(mesh::doubled_area(s.texels[0], s.texels[1], s.texels[2]));
+      if (texel_area > 0) s.tolerance = std::min(s.tolerance, std::sqrt(doubled_area / texel_area));
+    }
+    const Facet facet = make_facet(block, i, lattice, s);
+    if (!std::isfinite(facet.g1[0] + facet.g1[1] + facet.g1[2] + facet.g2[0] + facet.g2[1] +
+                       facet.g2[2])) {
+      ++out.degenerate;
+      continue;
+    }
+    add_patches(block, s, whole, static_cast<std::uint32_t>(out.facets.size()), patches);
+    out.facets.push_back(facet);
+  }
+  out.patches.assign(patches.begin(), patches.end());
+  return out;
+}
+
+}  // namespace pounce::source

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/box.h"
+#include "core/page_pool.h"
+#include "tiles/geometry_block.h"
+
+namespace pounce::source {
+
+/// One source triangle, ready to be hit: the plane and the dual frame that all its Gaussians share.
+///
+/// A Gaussian of a mesh is one texel's footprint: mean on the surface, covariance = the texel's
+/// Jacobian. On a triangle position is affine in the texel, so plane, barycentric gradients and
+/// texel edges say all of that: the hit d = p + t n - m has barycentrics w1 = g1 . d, w2 = g2 . d
+/// and texel coordinates base + frac + du1 w1 + du2 w2. Evaluated from the triangle alone, never
+/// from a block or a tile, so that it is the same bits wherever it is stored.
+struct Facet {
+  float n[3];            ///< unit normal on the front side
+  float m[3];            ///< first corner
+  float g1[3], g2[3];    ///< gradients of the barycentrics of corners 1 and 2
+  float e1[3], e2[3];    ///< edges from corner 0 to corners 1 and 2
+  float reach[3];        ///< how far below zero each barycentric may be: tolerance over height
+  float tolerance;       ///< how far outside the triangle a hit still counts, in space
+  float frac[2];         ///< texel coordinates of corner 0, beyond base
+  float du[2], dv[2];    ///< texel edges: x over corners 1 and 2, y over corners 1 and 2
+  std::int32_t base[2];  ///< whole texels of corner 0's coordinates, not wrapped
+  std::int32_t id;       ///< triangle index in file order: ties go to the smaller
+  std::int32_t page;     ///< whose image
+};
+
+/// A part of a facet with a tight box: a whole small triangle, or a large one inside a 16x16-texel
+/// window.
+struct Patch {
+  Box3f box;  ///< holds every hit that counts
+  std::uint32_t facet = 0;
+};
+
+/// A block of the source as projection uses it.
+struct SourceBlock {
+  PageVector<Facet> facets;
+  PageVector<Patch> patches;
+  std::uint32_t degenerate = 0;  ///< triangles without area in space: left out
+
+  /// Bytes of a decoded block, known from the index before it is read.
+  static std::uint64_t decoded_bytes(std::uint64_t facets, std::uint64_t patches) {
+    return round_to_pages(facets * sizeof(Facet)) + round_to_pages(patches * sizeof(Patch)) +
+           sizeof(SourceBlock);
+  }
+};
+
+/// Edge of the windows that cut large triangles, in texels.
+inline constexpr int kPatchWindow = 16;
+
+/// Sets up the facets and patches of a stored block. `lattice` is its page's.
+SourceBlock make_source_block(const tiles::GeometryBlock& block, const mesh::Lattice& lattice);
+
+}  // namespace pounce::source

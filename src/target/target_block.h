@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/box.h"
+#include "core/page_pool.h"
+#include "tiles/geometry_block.h"
+
+namespace pounce::target {
+
+inline constexpr int kLanes = 16;  ///< texels in a packet: one AVX-512 register of floats
+
+/// Sixteen target texels that lie together on the surface: structure of arrays, one lane each.
+/// Unused lanes have a zero normal, which faces nothing.
+struct alignas(64) TexelPacket {
+  float px[kLanes], py[kLanes], pz[kLanes];  ///< surface point
+  float nx[kLanes], ny[kLanes], nz[kLanes];  ///< unit normal
+  float per_texel[kLanes];                   ///< 1 / the texel's edge on the surface
+  std::uint16_t texel[kLanes];  ///< y * 64 + x within the block; kNoTexel in unused lanes
+  std::uint32_t block = 0;      ///< index of the block in its piece of work
+};
+inline constexpr std::uint16_t kNoTexel = 0xFFFF;
+
+/// Packets of one 8x8 window that lie together: looked up in the grid at once.
+struct PacketGroup {
+  std::uint32_t first = 0, count = 0;
+};
+
+/// The projection maps of a block, by texel: position, normal and the texel's edge on the surface.
+class TargetBlock {
+ public:
+  /// `smallest_edge` bounds the texel's edge from below (for triangles without area in space), > 0.
+  TargetBlock(const tiles::GeometryBlock& block, const mesh::Lattice& lattice, float smallest_edge);
+
+  struct Texel {
+    Vec3f position, normal;
+    float per_texel = 0;
+  };
+  /// `texel` must be covered.
+  Texel texel(std::uint32_t texel) const;
+  bool covered(std::uint32_t texel) const { return owner_[texel] != tiles::kNoTriangle; }
+
+  /// Appends the block's packets and groups. Packets never cross an 8x8 window of the image, and
+  /// texels that lie far apart (another chart) never share one, so a packet does not depend on how
+  /// the target is cut.
+  void make_packets(std::uint32_t block_index, PageVector<TexelPacket>& packets,
+                    std::vector<PacketGroup>& groups) const;
+  /// At most so many packets for a block with so many covered texels: 64 windows of up to 4
+  /// clusters.
+  static std::uint32_t most_packets(std::uint32_t texels) { return texels < 448 ? texels : 448; }
+
+ private:
+  struct Affine {
+    Vec3f p, pu, pv, n, nu, nv;
+    float x = 0, y = 0;  ///< anchor, in texels of the block
+    float per_texel = 0;
+  };
+  std::vector<std::uint16_t> owner_;
+  std::vector<Affine> triangles_;
+};
+
+/// Tight boxes around the covered texels of each triangle, for the index.
+std::vector<Box3f> texel_boxes(const tiles::GeometryBlock& block, const mesh::Lattice& lattice);
+
+}  // namespace pounce::target

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "texture/result_block.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "core/half.h"
+#include "pounce/error.h"
+#include "tiles/codec.h"
+#include "tiles/colour_store.h"
+
+namespace pounce::texture {
+namespace {
+
+/// The positive root of r^n = x for x > 0 by Newton's method, from a start above the root: each
+/// step falls until rounding stops it.
+double root(double x, int n) noexcept {
+  double r = std::max(x, 1.0);
+  for (int i = 0; i < 200; ++i) {
+    double power = 1;
+    for (int k = 1; k < n; ++k) power *= r;
+    const double next = r - (r - x / power) / n;
+    if (!(next < r)) break;
+    r = next;
+  }
+  return r;
+}
+
+double converted(const TexelFormat& format, const TexelValue& value, std::uint32_t channel,
+                 double v) noexcept {
+  const bool is_alpha = format.has_alpha && channel + 1 == format.channels;
+  if (!format.is_colour || is_alpha || format.linear == value.linear) return v;
+  return format.linear ? srgb_to_linear(v) : linear_to_srgb(v);
+}
+
+/// Output channel c of a value that may have fewer or more channels.
+double pick(const TexelFormat& format, const TexelValue& value, std::uint32_t c) noexcept {
+  const bool wants_alpha = format.has_alpha && c + 1 == format.channels;
+  const bool value_has_alpha = value.channels == 2 || value.channels == 4;
+  if (wants_alpha) return value_has_alpha ? value.v[value.channels - 1] : 1.0;
+  if (value.channels <= 2) return value.v[0];
+  return value.v[std::min(c, 2U)];
+}
+
+}  // namespace
+
+std::size_t TexelFormat::texel_bytes() const { return channels * tiles::depth_bytes(depth); }
+
+// IEC 61966-2-1. x^2.4 = x^2 * (x^2)^(1/5); x^(1/2.4) = (x^5)^(1/12) = sqrt(sqrt(cbrt(x^5))).
+double srgb_to_linear(double coded) noexcept {
+  if (coded <= 0.04045) return coded / 12.92;
+  const double x = (coded + 0.055) / 1.055;
+  return x * x * root(x * x, 5);
+}
+
+double linear_to_srgb(double linear) noexcept {
+  if (linear <= 0.0031308) return linear * 12.92;
+  const double x5 = linear * linear * linear * linear * linear;
+  return 1.055 * std::sqrt(std::sqrt(root(x5, 3))) - 0.055;
+}
+
+void store_texel(const TexelFormat& format, const TexelValue& value, std::byte* out) noexcept {
+  for (std::uint32_t c = 0; c < format.channels; ++c) {
+    const double v = converted(format, value, c, pick(format, value, c));
+    switch (format.depth) {
+      case Depth::u8:
+        out[c] = static_cast<std::byte>(std::clamp(v, 0.0, 1.0) * 255 + 0.5);
+        break;
+      case Depth::u16: {
+        const auto sample = static_cast<std::uint16_t>(std::clamp(v, 0.0, 1.0) * 65535 + 0.5);
+        std::memcpy(out + 2 * c, &sample, 2);
+        break;
+      }
+      case Depth::half: {
+        const std::uint16_t sample =
+            float_to_half(static_cast<float>(std::clamp(v, -65504.0, 65504.0)));
+        std::memcpy(out + 2 * c, &sample, 2);
+        break;
+      }
+      case Depth::float32: {
+        const auto sample = static_cast<float>(v);
+        std::memcpy(out + 4 * c, &sample, 4);
+        break;
+      }
+    }
+  }
+}
+
+void encode(const ResultBlock& block, const TexelFormat& format, std::vector<std::byte>& raw) {
+  std::vector<std::byte> differences(block.texels.begin(), block.texels.end());
+  tiles::delta(differences, tiles::depth_bytes(format.depth), format.channels);
+  raw.resize(kMaskBytes + differences.size());
+  std::memcpy(raw.data(), block.mask.data(), kMaskBytes);
+  tiles::shuffle(differences, format.texel_bytes(), std::span(raw).subspan(kMaskBytes));
+}
+
+void decode_result(std::span<const std::byte> raw, const TexelFormat& format,
+                   const std::string& name, ResultBlock& block) {
+  const std::size_t size = 64 * 64 * format.texel_bytes();
+  if (raw.size() != kMaskBytes + size)
+    throw Error(ErrorKind::damaged_store, name + ": a result of another size");
+  std::memcpy(block.mask.data(), raw.data(), kMaskBytes);
+  block.texels.resize(size);
+  tiles::unshuffle(raw.subspan(kMaskBytes), format.texel_bytes(), block.texels);
+  tiles::undelta(block.texels, tiles::depth_bytes(format.depth), format.channels);
+}
+
+}  // namespace pounce::texture

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/page_pool.h"
+#include "pounce/options.h"
+
+namespace pounce::texture {
+
+/// How one output image holds its texels.
+struct TexelFormat {
+  std::uint32_t channels = 0;
+  Depth depth = Depth::u8;
+  bool linear = false;     ///< samples are scene-linear
+  bool is_colour = true;   ///< false: data, never converted between sRGB coding and linear
+  bool has_alpha = false;  ///< the last channel is alpha: never converted
+  std::size_t texel_bytes() const;
+};
+
+/// Values of one texel as a source image holds them: 0..1 for integers, as stored for floats.
+struct TexelValue {
+  std::array<double, 4> v{};
+  std::uint32_t channels = 0;
+  bool linear = false;
+};
+
+/// Writes a value in the output's format at `out`: gray becomes RGB, a missing alpha 1, colour is
+/// converted between sRGB coding and linear where source and output differ. Rounds to nearest;
+/// clamps integers.
+void store_texel(const TexelFormat& format, const TexelValue& value, std::byte* out) noexcept;
+
+/// The sRGB transfer function and its inverse by +, *, / and sqrt alone, so that every machine
+/// agrees.
+double srgb_to_linear(double coded) noexcept;
+double linear_to_srgb(double linear) noexcept;
+
+inline constexpr std::size_t kMaskBytes = 64 * 64 / 8;
+
+/// A 64x64 window of an output image: which texels were covered and their samples (0 elsewhere).
+struct ResultBlock {
+  std::array<std::uint8_t, kMaskBytes> mask{};
+  PageVector<std::byte> texels;  ///< 64 * 64 * texel_bytes
+
+  bool covered(std::uint32_t texel) const { return (mask[texel / 8] >> (texel % 8) & 1) != 0; }
+  void cover(std::uint32_t texel) {
+    mask[texel / 8] = static_cast<std::uint8_t>(mask[texel / 8] | 1U << texel % 8);
+  }
+};
+
+/// Serialises a result for compression, and back. decode throws Error(damaged_store).
+void encode(const ResultBlock& block, const TexelFormat& format, std::vector<std::byte>& raw);
+void decode_result(std::span<const std::byte> raw, const TexelFormat& format,
+                   const std::string& name, ResultBlock& block);
+
+}  // namespace pounce::texture

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tiles/colour_store.h"
+
+#include <algorithm>
+
+#include "core/bytes.h"
+
+namespace pounce::tiles {
+namespace {
+
+constexpr std::size_t kTileTexels = std::size_t{kColourTileEdge} * kColourTileEdge;
+
+std::vector<std::byte> encode_directory(const ColourDirectory& d) {
+  std::vector<std::byte> raw;
+  ByteWriter out(raw);
+  for (const std::uint32_t v : {d.width, d.height, d.channels}) out.put(v);
+  for (const auto v : {static_cast<std::uint8_t>(d.depth), static_cast<std::uint8_t>(d.linear),
+                       static_cast<std::uint8_t>(d.has_alpha), static_cast<std::uint8_t>(d.wrap_u),
+                       static_cast<std::uint8_t>(d.wrap_v)}) {
+    out.put(v);
+  }
+  out.put(d.scale);
+  out.put(d.nonfinite);
+  for (const ChunkRef& page : d.row_pages) {
+    out.put(page.offset);
+    out.put(page.stored_bytes);
+    out.put(page.raw_bytes);
+  }
+  return raw;
+}
+
+std::vector<ChunkRef> get_chunks(ByteReader& in, std::size_t count) {
+  if (in.left() != count * 16) in.fail("has another size than its counts say");
+  std::vector<ChunkRef> chunks(count);
+  for (ChunkRef& chunk : chunks) {
+    chunk.offset = in.get<std::uint64_t>();
+    chunk.stored_bytes = in.get<std::uint32_t>();
+    chunk.raw_bytes = in.get<std::uint32_t>();
+  }
+  return chunks;
+}
+
+ColourDirectory decode_directory(std::span<const std::byte> raw, const std::string& name) {
+  ByteReader in(raw, name + ": directory");
+  ColourDirectory d;
+  d.width = in.get<std::uint32_t>();
+  d.height = in.get<std::uint32_t>();
+  d.channels = in.get<std::uint32_t>();
+  const auto depth = in.get<std::uint8_t>(), linear = in.get<std::uint8_t>(),
+             alpha = in.get<std::uint8_t>(), wrap_u = in.get<std::uint8_t>(),
+             wrap_v = in.get<std::uint8_t>();
+  if (d.width == 0 || d.height == 0 || d.channels == 0 || d.channels > 4 || depth > 3 ||
+      linear > 1 || alpha > 1 || wrap_u > 2 || wrap_v > 2) {
+    in.fail("has an impossible image header");
+  }
+  d.depth = static_cast<Depth>(depth);
+  d.linear = linear != 0;
+  d.has_alpha = alpha != 0;
+  d.wrap_u = static_cast<mesh::Wrap>(wrap_u);
+  d.wrap_v = static_cast<mesh::Wrap>(wrap_v);
+  d.scale = in.get<float>();
+  d.nonfinite = in.get<std::uint64_t>();
+  d.row_pages = get_chunks(in, d.tiles_y());
+  return d;
+}
+
+}  // namespace
+
+std::size_t depth_bytes(Depth depth) {
+  return depth == Depth::u8 ? 1 : depth == Depth::float32 ? 4 : 2;
+}
+
+std::int64_t wrapped(std::int64_t texel, std::int64_t size, mesh::Wrap wrap) {
+  if (wrap == mesh::Wrap::clamp) return std::clamp<std::int64_t>(texel, 0, size - 1);
+  const std::int64_t period = wrap == mesh::Wrap::repeat ? size : 2 * size;
+  const std::int64_t inside = ((texel % period) + period) % period;
+  return inside < size ? inside : period - 1 - inside;
+}
+
+void filter_colours(const ColourDirectory& image, std::span<const std::byte> tile,
+                    std::vector<std::byte>& raw) {
+  std::vector<std::byte> differences(tile.begin(), tile.end());
+  delta(differences, depth_bytes(image.depth), image.channels);
+  raw.resize(tile.size());
+  shuffle(differences, image.texel_bytes(), raw);
+}
+
+void unfilter_colours(const ColourDirectory& image, std::span<const std::byte> raw,
+                      std::span<std::byte> tile) {
+  unshuffle(raw, image.texel_bytes(), tile);
+  undelta(tile, depth_bytes(image.depth), image.channels);
+}
+
+ColourStoreWriter::ColourStoreWriter(std::unique_ptr<PackWriter> pack, std::uint32_t tile_rows)
+    : pack_(std::move(pack)), row_pages_(tile_rows) {}
+
+void ColourStoreWriter::add_row(std::uint32_t tile_row,
+                                const std::vector<std::vector<std::byte>>& stored_tiles,
+                                std::uint32_t raw_bytes, Compressor& compressor) {
+  std::vector<std::byte> raw, stored;
+  ByteWriter out(raw);
+  for (const auto& tile : stored_tiles) {
+    const ChunkRef chunk = pack_->append(ChunkKind::block, tile, raw_bytes);
+    out.put(chunk.offset);
+    out.put(chunk.stored_bytes);
+    out.put(chunk.raw_bytes);
+  }
+  compressor.compress(raw, stored);
+  row_pages_[tile_row] =
+      pack_->append(ChunkKind::index_page, stored, static_cast<std::uint32_t>(raw.size()));
+}
+
+std::unique_ptr<PackWriter> ColourStoreWriter::finish(ColourDirectory directory,
+                                                      Compressor& compressor) {
+  directory.row_pages = std::move(row_pages_);
+  const auto raw = encode_directory(directory);
+  std::vector<std::byte> stored;
+  compressor.compress(raw, stored);
+  pack_->finish(
+      pack_->append(ChunkKind::directory, stored, static_cast<std::uint32_t>(raw.size())));
+  return std::move(pack_);
+}
+
+ColourStore::ColourStore(std::unique_ptr<PackReader> pack, Compressor& compressor)
+    : pack_(std::move(pack)) {
+  std::vector<std::byte> stored;
+  pack_->read(pack_->directory(), ChunkKind::directory, stored);
+  std::vector<std::byte> raw(pack_->directory().raw_bytes);
+  compressor.decompress(stored, raw);
+  directory_ = decode_directory(raw, pack_->name());
+}
+
+std::vector<ChunkRef> ColourStore::read_row(std::uint32_t tile_row, Compressor& compressor) const {
+  const ChunkRef& page = directory_.row_pages[tile_row];
+  std::vector<std::byte> stored;
+  pack_->read(page, ChunkKind::index_page, stored);
+  std::vector<std::byte> raw(page.raw_bytes);
+  compressor.decompress(stored, raw);
+  ByteReader in(raw, pack_->name() + ": index page");
+  return get_chunks(in, directory_.tiles_x());
+}
+
+ColourTile ColourStore::read_tile(const ChunkRef& chunk, Compressor& compressor) const {
+  const std::size_t size = kTileTexels * directory_.texel_bytes();
+  if (chunk.raw_bytes != size)
+    throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile of another size");
+  std::vector<std::byte> stored;
+  pack_->read(chunk, ChunkKind::block, stored);
+  std::vector<std::byte> raw(size);
+  compressor.decompress(stored, raw);
+  ColourTile tile(size);
+  unfilter_colours(directory_, raw, tile);
+  return tile;
+}
+
+std::uint64_t ColourStore::tile_bytes() const {
+  return round_to_pages(kTileTexels * directory_.texel_bytes());
+}
+
+}  // namespace pounce::tiles
