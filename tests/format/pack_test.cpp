@@ -113,8 +113,8 @@ TEST_CASE("every flipped byte of a pack is noticed", "[format]") {
 TEST_CASE("a pack that ends anywhere but at its end is noticed", "[format]") {
   const SmallPack pack = make_pack({61, 8, 30});
   for (std::size_t size = 0; size < pack.bytes.size(); ++size) {
-    auto bad = pack.bytes;
-    bad.resize(size);
+    const std::vector<std::byte> bad(pack.bytes.begin(),
+                                     pack.bytes.begin() + static_cast<long>(size));
     CAPTURE(size);
     check_damaged(bad, pack);
   }
@@ -126,7 +126,8 @@ TEST_CASE("a pack that ends anywhere but at its end is noticed", "[format]") {
   }
   // The footer at the end again, as if the end of an older, longer file were left over.
   auto twice = pack.bytes;
-  twice.insert(twice.end(), pack.bytes.end() - 64, pack.bytes.end());
+  twice.resize(pack.bytes.size() + 64);
+  std::copy_n(pack.bytes.end() - 64, 64, twice.end() - 64);
   check_damaged(twice, pack);
 }
 
