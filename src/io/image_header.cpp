@@ -84,7 +84,7 @@ std::string image_format(ByteSource& bytes, const std::string& path) {
   if (is("\xFF\xD8\xFF"sv)) return "jpeg";
   if (is("\x76\x2f\x31\x01"sv)) return "openexr";
   if (is("II*\0"sv) || is("MM\0*"sv) || is("II+\0"sv) || is("MM\0+"sv)) return "tiff";
-  if (is("RIFF"sv) && start.substr(8, 4) == "WEBP"sv) return "webp";
+  if (is("RIFF"sv) && start.size() >= 12 && start.substr(8, 4) == "WEBP"sv) return "webp";
   if (is("BM"sv)) return "bmp";
   if (is("#?RADIANCE"sv) || is("#?RGBE"sv)) return "hdr";
   if (start.size() > 2 && start[0] == 'P' && (start[1] == '5' || start[1] == '6') &&

@@ -30,6 +30,9 @@ namespace pounce::io {
 namespace {
 
 constexpr std::uint32_t kLargestSide = 65536;
+/// Rows asked of a decoder in one call: of a TIFF strip that is asked for whole it would make two
+/// copies.
+constexpr std::uint32_t kMostRowsAtOnce = 64;
 
 [[noreturn]] void refuse(const std::string& label, const std::string& what) {
   throw Error(ErrorKind::input, label + ": " + what);
@@ -98,7 +101,7 @@ class SourceProxy : public OIIO::Filesystem::IOFile {
 std::uint64_t jpeg_row_cost(std::uint64_t width) { return (1U << 20) + width * 3 * 64; }
 
 /// Rows that an EXR file compresses together.
-std::uint64_t exr_block_rows(const std::string& compression) {
+int exr_block_rows(const std::string& compression) {
   if (compression.starts_with("dwab")) return 256;
   if (compression == "piz" || compression.starts_with("dwaa") || compression.starts_with("b44"))
     return 32;
@@ -106,21 +109,34 @@ std::uint64_t exr_block_rows(const std::string& compression) {
   return 1;
 }
 
+/// Rows that the decoder unpacks together: a row of tiles, an EXR block, a TIFF strip; else 1.
+std::uint32_t block_rows(const OIIO::ImageSpec& spec, const std::string& format) {
+  int rows = 1;
+  if (spec.tile_width > 0) {
+    rows = spec.tile_height;
+  } else if (format == "openexr") {
+    rows = exr_block_rows(spec.get_string_attribute("compression"));
+  } else if (format == "tiff") {
+    rows = spec.get_int_attribute("tiff:RowsPerStrip", spec.height);
+  }
+  return static_cast<std::uint32_t>(std::clamp(rows, 1, spec.height));
+}
+
 /// Upper bounds, checked against resident memory by tests/unit/io/test_image_memory.cpp.
 std::uint64_t decoder_cost(const OIIO::ImageSpec& spec, const std::string& format,
                            ByteSource& bytes) {
+  constexpr std::uint64_t kBase = 1U << 20;
   const auto row = static_cast<std::uint64_t>(spec.scanline_bytes(true));
   const std::uint64_t whole = row * static_cast<std::uint64_t>(spec.height);
-  constexpr std::uint64_t kBase = 1U << 20;
-  if (spec.tile_width > 0) return kBase + 4 * row * static_cast<std::uint64_t>(spec.tile_height);
+  const std::uint64_t block = row * block_rows(spec, format);
+  if (spec.tile_width > 0) return kBase + 4 * block;
   if (format == "png") return kBase + (is_interlaced_png(bytes) ? whole : 4 * row);
   if (format == "jpeg") return jpeg_row_cost(static_cast<std::uint64_t>(spec.width));
-  if (format == "openexr")
-    return kBase + 6 * row * exr_block_rows(spec.get_string_attribute("compression"));
-  if (format == "tiff") {
-    const int strip_rows = spec.get_int_attribute("tiff:RowsPerStrip", spec.height);
-    return kBase + 3 * row * static_cast<std::uint64_t>(std::clamp(strip_rows, 1, spec.height));
-  }
+  if (format == "openexr") return kBase + 6 * block;
+  if (format == "hdr") return kBase + 4 * row;
+  // libtiff holds a strip as it is in the file, however large.
+  if (format == "tiff")
+    return kBase + 4 * row * kMostRowsAtOnce + std::min(block, bytes.size_bytes());
   return kBase + whole + bytes.size_bytes();
 }
 
@@ -148,7 +164,8 @@ struct ImageReader::Impl {
   bool premultiplied = false;
   int first_row = 0, first_column = 0;  // of the data window
   std::uint32_t next_row = 0;
-  std::uint32_t tile_height = 0;  // 0: by scanline
+  bool tiled = false;
+  std::uint32_t rows_together = 1;  // a tile's height, or the rows compressed together
   std::vector<std::byte> tile_row;
   PngCheck png_check;
 };
@@ -227,7 +244,8 @@ void ImageReader::Impl::take_spec() {
     refuse(label, "WebP images with alpha cannot be read exactly; convert it to PNG");
   }
   sample_type = spec.format;
-  if (spec.tile_width > 0) tile_height = static_cast<std::uint32_t>(spec.tile_height);
+  rows_together = block_rows(spec, info.format);
+  tiled = spec.tile_width > 0;
   info.decoder_bytes = decoder_cost(spec, info.format, bytes);
 }
 
@@ -254,9 +272,9 @@ void ImageReader::Impl::fail(const std::string& what) const {
 void ImageReader::Impl::read_tile_row(std::uint32_t row) {
   const auto& spec = input->spec();
   const std::size_t row_bytes = spec.width * channels.count * sample_type.size();
-  tile_row.resize(row_bytes * tile_height);
+  tile_row.resize(row_bytes * rows_together);
   const int begin = first_row + static_cast<int>(row);
-  const int end = std::min(begin + static_cast<int>(tile_height), first_row + spec.height);
+  const int end = std::min(begin + static_cast<int>(rows_together), first_row + spec.height);
   if (!input->read_tiles(0, 0, first_column, first_column + spec.width, begin, end, 0, 1,
                          channels.first, channels.first + channels.count, sample_type,
                          tile_row.data())) {
@@ -267,21 +285,24 @@ void ImageReader::Impl::read_tile_row(std::uint32_t row) {
 
 void ImageReader::Impl::read_decoded(std::uint32_t row_count, std::byte* rows) {
   const std::size_t row_bytes = info.width * info.channels * sample_type.size();
-  if (tile_height == 0) {
-    const int begin = first_row + static_cast<int>(next_row);
-    if (!input->read_scanlines(0, 0, begin, begin + static_cast<int>(row_count), 0, channels.first,
-                               channels.first + channels.count, sample_type, rows)) {
-      fail(fmt::format("the picture breaks off in rows {} to {} of {}", next_row,
-                       next_row + row_count - 1, info.height));
-    }
-    return;
-  }
   for (std::uint32_t done = 0; done < row_count;) {
     const std::uint32_t row = next_row + done;
-    const std::uint32_t in_tile = row % tile_height;
-    if (in_tile == 0) read_tile_row(row);
-    const std::uint32_t piece = std::min(row_count - done, tile_height - in_tile);
-    std::memcpy(rows + done * row_bytes, tile_row.data() + in_tile * row_bytes, piece * row_bytes);
+    const std::uint32_t in_block = row % rows_together;
+    // Never across the end of a block: what the decoder holds must not depend on what the caller
+    // asks for.
+    const std::uint32_t piece =
+        std::min({row_count - done, rows_together - in_block, kMostRowsAtOnce});
+    std::byte* const out = rows + done * row_bytes;
+    if (tiled) {
+      if (in_block == 0) read_tile_row(row);
+      std::memcpy(out, tile_row.data() + in_block * row_bytes, piece * row_bytes);
+    } else {
+      const int begin = first_row + static_cast<int>(row);
+      if (!input->read_scanlines(0, 0, begin, begin + static_cast<int>(piece), 0, channels.first,
+                                 channels.first + channels.count, sample_type, out)) {
+        fail(fmt::format("the picture breaks off in row {} of {}", row, info.height));
+      }
+    }
     done += piece;
   }
 }

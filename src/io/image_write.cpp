@@ -82,6 +82,14 @@ const Format* format_of(const std::string& path) {
   return nullptr;
 }
 
+// Deflating a 2048^2 photograph as PNG, ns and bytes per texel: level 6 with libpng's choice of
+// filters 175 and 0.46, level 3 67 and 0.52, level 2 57 and 0.56; with the Up filter alone level 3
+// 43 and 0.48, level 2 30 and 0.55, level 1 28 and 0.59. A checkerboard costs 7. Projection costs
+// tens of ns: level 2 does not hold it up. The same level in TIFF 47 (6: 240), in half EXR 70 (6:
+// 306).
+constexpr int kDeflateLevel = 2;
+constexpr int kPngFilter = 32;  // PNG_FILTER_UP
+
 OIIO::TypeDesc type_of(Depth depth) {
   constexpr std::array kTypes{OIIO::TypeDesc::UINT8, OIIO::TypeDesc::UINT16, OIIO::TypeDesc::HALF,
                               OIIO::TypeDesc::FLOAT};
@@ -111,15 +119,17 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
     out.attribute("oiio:ColorSpace", spec.linear || name == "openexr" ? "linear" : "sRGB");
   out.attribute("DateTime", "");  // else TIFF and EXR are given the time of day
   if (name == "png") {
-    out.attribute("png:compressionLevel", 3);
+    out.attribute("png:compressionLevel", kDeflateLevel);
+    out.attribute("png:filter", kPngFilter);
   } else if (name == "jpeg") {
     out.attribute("Compression", "jpeg:95");
     out.attribute("jpeg:subsampling", "4:4:4");
   } else if (name == "tiff") {
     out.attribute("compression", "zip");
+    out.attribute("tiff:zipquality", kDeflateLevel);
     out.attribute("tiff:RowsPerStrip", static_cast<int>(strip_rows(spec)));
   } else {
-    out.attribute("compression", "zip");
+    out.attribute("compression", fmt::format("zip:{}", kDeflateLevel));
   }
   return out;
 }

@@ -27,7 +27,9 @@
 // below the next covered texel is for the rows being made final, and per column the last covered
 // texel's value.
 //
-// Measured (bench in the commit): 4096^2, 60 % covered, radius 32.
+// Measured at 4096^2, 60 % covered, RGB, one core: charts of 300 texels 9 ns per empty texel at
+// radius 32 (20 at 128, where three times as many get a value), charts of 40 texels 31, speckles of
+// 3 texels (10 % covered) 40; a row without empty texels 1 ns per texel.
 namespace pounce::texture {
 namespace {
 
