@@ -119,14 +119,14 @@ TEST_CASE("a pack that ends anywhere but at its end is noticed", "[format]") {
     check_damaged(bad, pack);
   }
   for (const std::size_t more : {1u, 8u, 64u, 4096u}) {
-    auto bad = pack.bytes;
-    bad.resize(bad.size() + more);
+    std::vector<std::byte> bad(pack.bytes.size() + more);
+    std::copy(pack.bytes.begin(), pack.bytes.end(), bad.begin());
     CAPTURE(more);
     check_damaged(bad, pack);
   }
   // The footer at the end again, as if the end of an older, longer file were left over.
-  auto twice = pack.bytes;
-  twice.resize(pack.bytes.size() + 64);
+  std::vector<std::byte> twice(pack.bytes.size() + 64);
+  std::copy(pack.bytes.begin(), pack.bytes.end(), twice.begin());
   std::copy_n(pack.bytes.end() - 64, 64, twice.end() - 64);
   check_damaged(twice, pack);
 }
