@@ -37,6 +37,7 @@ const char* wrap_name(mesh::Wrap wrap) {
 Json image_json(const mesh::ImageRef& image) {
   Json json{{"image", image.label}};
   if (!image.path.empty()) json["path"] = image.path;
+  json["embedded"] = image.size_bytes > 0 || image.bytes != nullptr;
   try {
     if (!image.problem.empty()) throw Error(ErrorKind::input, image.problem);
     json.update(describe(ImageReader(image).info()));
@@ -114,8 +115,9 @@ std::string numbers_text(const Json& numbers) {
 
 std::string texture_text(const Json& texture) {
   std::string text = fmt::format("    {:<18} {}\n", texture["channel"].get<std::string>() + ":",
-                                 texture.contains("path") ? texture["path"].get<std::string>()
-                                                          : texture["image"].get<std::string>());
+                                 texture.contains("path") && texture["embedded"] == false
+                                     ? texture["path"].get<std::string>()
+                                     : texture["image"].get<std::string>());
   const std::string indent(23, ' ');
   text +=
       indent + (texture.contains("problem") ? "problem: " + texture["problem"].get<std::string>()

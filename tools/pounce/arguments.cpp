@@ -96,7 +96,10 @@ double parse_number(const std::string& option, const std::string& text, double l
 std::uint64_t parse_bytes(const std::string& option, const std::string& text) {
   double value = 0;
   std::string unit;
-  const double scale = leading_number(text, value, unit) ? unit_bytes(lower(unit)) : 0;
+  const bool is_number = leading_number(text, value, unit);
+  // "34.5 MiB", as messages write it, may be copied.
+  if (unit.size() > 1 && unit[0] == ' ') unit.erase(0, 1);
+  const double scale = is_number ? unit_bytes(lower(unit)) : 0;
   const double bytes = std::floor(value * scale);
   if (!(bytes >= 1 && bytes <= kLargestBytes)) {
     refuse(option, text, "an amount of memory such as 512MiB, 1.5G or 4096 (bytes)");

@@ -8,9 +8,9 @@
 #include "pounce/version.h"
 
 int main() try {
-  std::ofstream("black.ppm") << "P3\n1 1\n255\n0 0 0\n";
-  std::ofstream("gray.ppm") << "P3\n1 1\n255\n51 51 51\n";
-  const pounce::Comparison result = pounce::compare("black.ppm", "gray.ppm");
+  std::ofstream("black.pgm") << "P5\n1 1\n255\n\1";
+  std::ofstream("gray.pgm") << "P5\n1 1\n255\n\64";
+  const pounce::Comparison result = pounce::compare("black.pgm", "gray.pgm");
   std::printf("pounce %s: similarity %.3f\n", POUNCE_VERSION, result.similarity);
   if (std::abs(result.similarity - 0.8) > 1e-6) return 1;
   pounce::transfer({.source = "missing.glb", .target = "missing.glb", .output = "out.png"});

@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: Apache-2.0
+# No command, and commands and options of later versions, are unknown.
+source "$(dirname "$0")/support.sh"
+refused 'no command was given'
+for command in gaussians cache frobnicate Transfer; do refused "\"$command\" is not a command" $command; done
+refused '"-v" is not a command' -v
+refused 'SOURCE is required' transfer
+refused 'TARGET is required' transfer a.glb
+refused '--output is required' transfer a.glb b.glb
+refused 'not expected: c.glb' transfer a.glb b.glb c.glb -o o.png
+for option in --tiles --cache-limit --onto --mask --source-mesh --target-material --source-axes --skip-existing \
+  --bogus; do
+  refused "$option" transfer a.glb b.glb -o o.png $option
+done
+refused '--coverage' maps b.glb -o '<CHANNEL>.exr' --coverage c.png

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+# inspect says what a mesh holds, and which of its images are missing, without failing for them.
+source "$(dirname "$0")/support.sh"
+make_job
+expect 0 inspect source.obj
+silent "$err"
+for text in 'triangles  2' 'vertices   4' '0 0 0  to  1 1 0' 'u 0 to 1' '"skin", 2 triangles' 'skin.ppm' \
+  '16 x 16, 3 channels, u8' 'wrap repeat'; do
+  out_has "$text"
+done
+expect 0 inspect source.obj --json
+for text in '"type": "mesh"' '"triangles": 2' '"channel": "baseColor"' '"width": 16' '"uv_set": 0'; do
+  out_has "$text"
+done
+rm skin.ppm
+expect 0 inspect source.obj
+out_has 'problem:'
+quad_without_uvs bare
+expect 0 inspect bare.obj
+out_has 'uv sets    none'
+"$POUNCE_FIXTURE" one-texel -o one >"$out"
+expect 0 inspect one/one_texel_src.glb
+out_has '1 x 1, 3 channels, u8, png'

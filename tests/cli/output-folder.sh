@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: Apache-2.0
+# An OUTPUT in a folder that does not exist, or that is a folder, is exit 5 and named.
+source "$(dirname "$0")/support.sh"
+make_job
+expect 5 transfer source.obj target.obj -o missing/o.png
+err_has 'missing'
+mkdir taken.png
+expect 5 transfer source.obj target.obj -o taken.png
+err_has 'taken.png'
+expect 5 transfer source.obj target.obj -o o.png --coverage missing/mask.png
+err_has 'missing'
+expect 5 transfer source.obj target.obj -o o.png --report missing/report.json
+err_has 'missing/report.json'
+expect 5 maps target.obj -o 'missing/<CHANNEL>.exr'
+err_has 'missing'
+only_files skin.ppm source.mtl source.obj taken.png target.obj
