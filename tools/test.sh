@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Installs what is missing, builds the preset `release` and runs every test.
+# Usage: tools/test.sh [ctest arguments, e.g. -L cli -R memory]
+# Everything the tests said is kept in build/release/Testing/test.log.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+tools/install-packages.sh
+echo "== Building (preset release)"
+cmake --preset release -DPOUNCE_BUILD_TESTS=ON
+cmake --build --preset release
+
+echo "== Testing"
+results=$PWD/build/release/Testing
+mkdir -p "$results"
+rm -f "$results/test.log" "$results/junit.xml"
+status=0
+ctest --test-dir build/release --output-on-failure -j2 --no-tests=error --output-log "$results/test.log" \
+  --output-junit "$results/junit.xml" "$@" || status=$?
+
+# ctest's own log also holds what passing tests said.
+said=build/release/Testing/Temporary/LastTest.log
+skips=$(grep -c '^SKIPPED:' "$said" || true)
+without_data=$(grep -c '^SKIPPED: needs test data' "$said" || true)
+echo "$skips checks were SKIPPED, $without_data of them for absent test data (POUNCE_TEST_DATA)"
+grep '^SKIPPED:' "$said" | sort | uniq -c || true
+
+if [[ -s $results/junit.xml ]]; then
+  total=$(tr '\n' ' ' <"$results/junit.xml" | sed -E 's/.*<testsuite [^>]*tests="([0-9]+)".*/\1/')
+  failed=$(tr '\n' ' ' <"$results/junit.xml" | sed -E 's/.*<testsuite [^>]*failures="([0-9]+)".*/\1/')
+else
+  total=0 failed=0
+fi
+echo "$((total - failed)) passed, $failed failed"
+exit $status

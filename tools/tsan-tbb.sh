@@ -1,0 +1,27 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Builds Debian's own oneTBB with ThreadSanitizer into build/tsan-tbb/install, where the preset `tsan` looks.
+# Without it every correct flow graph gives false reports: the library that apt installs is not instrumented.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+folder=$PWD/build/tsan-tbb
+if [[ -e $folder/install/lib/cmake/TBB/TBBConfig.cmake ]]; then
+  echo "already there: $folder/install"
+  exit 0
+fi
+mkdir -p "$folder"
+cd "$folder"
+if ! compgen -G 'onetbb-*/CMakeLists.txt' >/dev/null; then
+  apt-get source --only-source onetbb || {
+    echo "tsan-tbb.sh: apt-get source needs a deb-src line, e.g. 'Types: deb deb-src' in" \
+      "/etc/apt/sources.list.d/debian.sources, and apt-get update" >&2
+    exit 1
+  }
+fi
+source=$(compgen -G 'onetbb-*/CMakeLists.txt' | head -n 1)
+cmake -S "${source%/*}" -B build -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DTBB_SANITIZE=thread \
+  -DTBB_TEST=OFF -DTBBMALLOC_BUILD=OFF -DTBB_STRICT=OFF -DCMAKE_INSTALL_LIBDIR=lib \
+  -DCMAKE_INSTALL_PREFIX="$folder/install"
+cmake --build build
+cmake --install build
