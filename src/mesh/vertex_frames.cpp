@@ -88,7 +88,7 @@ std::uint64_t complete_tangents(Mesh& mesh) {
   std::uint64_t count = 0;
   for (std::size_t i = 0; i < mesh.tangents.size(); ++i) {
     Vec4f& t = mesh.tangents[i];
-    const Vec3d n(mesh.normals[i]);
+    const Vec3d n = unit(Vec3d(mesh.normals[i]));  // to double precision
     const Vec3d given = unit(Vec3d{t.x, t.y, t.z});
     const Vec3d direction = unit(given - n * dot(given, n));
     missing[i] = is_zero(given) || is_zero(direction) || !std::isfinite(t.w);
@@ -118,7 +118,7 @@ std::uint64_t complete_tangents(Mesh& mesh) {
   for (std::size_t i = 0; i < mesh.tangents.size(); ++i) {
     if (!missing[i]) continue;
     Vec4f& t = mesh.tangents[i];
-    const Vec3d n(mesh.normals[i]);
+    const Vec3d n = unit(Vec3d(mesh.normals[i]));  // to double precision
     const Vec3d sum = unit(Vec3d{t.x, t.y, t.z});
     const Vec3d direction = unit(sum - n * dot(sum, n));
     if (is_zero(direction)) {

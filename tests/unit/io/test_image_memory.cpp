@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <OpenImageIO/imageio.h>
+
+#include <catch2/catch.hpp>
+#include <cstdio>
+
+#include "io/image_write.h"
+#include "io/sample.h"
+#include "support/test_data.h"
+#include "unit/io/image_files.h"
+
+using namespace pounce;
+
+namespace {
+
+/// Peak resident bytes since the last reset, or 0 where the system does not tell.
+std::uint64_t peak_rss() {
+  std::FILE* file = std::fopen("/proc/self/status", "r");
+  unsigned long long kilobytes = 0;
+  char line[256];
+  while (file != nullptr && std::fgets(line, sizeof line, file) != nullptr) {
+    if (std::sscanf(line, "VmHWM: %llu", &kilobytes) == 1) break;
+  }
+  if (file != nullptr) std::fclose(file);
+  return kilobytes << 10;
+}
+
+std::uint64_t reset_peak_rss() {
+  if (std::FILE* file = std::fopen("/proc/self/clear_refs", "w")) {
+    std::fputs("5", file);
+    std::fclose(file);
+  }
+  return peak_rss();
+}
+
+constexpr std::uint32_t kSide = 4096;
+
+void write_stripes(const std::string& path, Depth depth, std::uint32_t side) {
+  const io::ImageWriteSpec spec{side, side, 3, depth, false, false};
+  std::vector<std::byte> row(std::size_t{side} * 3 * io::sample_bytes(depth));
+  io::ImageWriter writer(path, spec);
+  for (std::uint32_t y = 0; y < side; ++y) {
+    for (std::size_t i = 0; i < row.size(); ++i) row[i] = static_cast<std::byte>((i * 7 + y) % 61);
+    writer.write_rows(1, row.data());
+  }
+  writer.commit();
+}
+
+void read_in_strips(const std::string& path) {
+  io::ImageReader reader(path);
+  std::vector<std::byte> strip(reader.row_bytes() * 16);
+  for (std::uint32_t y = 0; y < reader.info().height; y += 16) {
+    reader.read_rows(std::min(16U, reader.info().height - y), strip.data());
+  }
+}
+
+}  // namespace
+
+TEST_CASE("a large image is written and read in the memory that was announced", "[image][memory]") {
+  const auto [ending, depth] = GENERATE(table<std::string, Depth>(
+      {{".png", Depth::u8}, {".jpg", Depth::u8}, {".tif", Depth::u16}, {".exr", Depth::half}}));
+  CAPTURE(ending);
+  test::TempFolder folder;
+  // A small one first, for what the libraries load and keep.
+  write_stripes(folder.file("small" + ending), depth, 64);
+  read_in_strips(folder.file("small" + ending));
+
+  const std::string path = folder.file("large" + ending);
+  const std::uint64_t row = std::uint64_t{kSide} * 3 * io::sample_bytes(depth);
+  const std::uint64_t slack = 512 << 10;
+  const std::uint64_t before_write = reset_peak_rss();
+  write_stripes(path, depth, kSide);
+  const std::uint64_t encoder =
+      io::ImageWriter::encoder_bytes(path, {kSide, kSide, 3, depth, false, false});
+  CHECK(peak_rss() <= before_write + encoder + row + slack);
+  CHECK(encoder < (4U << 20));
+
+  const std::uint64_t before_read = reset_peak_rss();
+  read_in_strips(path);
+  const std::uint64_t decoder = io::ImageReader(path).info().decoder_bytes;
+  CHECK(peak_rss() <= before_read + decoder + 16 * row + slack);
+  CHECK(decoder < (8U << 20));
+}
+
+TEST_CASE("a file in one huge strip or decoded whole stays within what it announces",
+          "[image][memory]") {
+  test::TempFolder folder;
+  const auto [name, attribute, value] =
+      GENERATE(table<std::string, std::string, int>({{"strip.tif", "tiff:RowsPerStrip", int{kSide}},
+                                                     {"progressive.jpg", "jpeg:progressive", 1},
+                                                     {"a.tga", "none", 0}}));
+  CAPTURE(name);
+  const std::string path = folder.file(name);
+  {
+    OIIO::ImageSpec spec(kSide, kSide, 3, OIIO::TypeDesc::UINT8);
+    spec.attribute(attribute, value);
+    auto output = OIIO::ImageOutput::create(path);
+    REQUIRE(output->open(path, spec));
+    std::vector<std::uint8_t> row(std::size_t{kSide} * 3);
+    for (int y = 0; y < static_cast<int>(kSide); ++y) {
+      for (std::size_t i = 0; i < row.size(); ++i)
+        row[i] = static_cast<std::uint8_t>((i * i + static_cast<unsigned>(y) * 31) >> 5);
+      REQUIRE(output->write_scanline(y, 0, OIIO::TypeDesc::UINT8, row.data()));
+    }
+    REQUIRE(output->close());
+  }
+  const std::uint64_t before = reset_peak_rss();
+  read_in_strips(path);
+  CHECK(peak_rss() <=
+        before + io::ImageReader(path).info().decoder_bytes + 16 * kSide * 3 + (512 << 10));
+}

@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <OpenImageIO/half.h>
+#include <OpenImageIO/imageio.h>
+
+#include <catch2/catch.hpp>
+#include <thread>
+
+#include "pounce/error.h"
+#include "support/test_data.h"
+#include "unit/io/image_files.h"
+
+using namespace pounce;
+using test::at_path;
+using test::in_memory;
+using test::make_png;
+using test::read_all;
+using Samples = std::vector<std::uint8_t>;
+using Catch::Matchers::Contains;
+
+namespace {
+
+/// Writes with OpenImageIO itself, with any attributes: what other programs make.
+void write_foreign(const std::string& path, OIIO::ImageSpec spec, const void* samples) {
+  auto output = OIIO::ImageOutput::create(path);
+  REQUIRE(output);
+  REQUIRE(output->open(path, spec));
+  REQUIRE(output->write_image(spec.format, samples));
+  REQUIRE(output->close());
+}
+
+Samples noise(std::size_t count) {
+  Samples samples(count);
+  std::uint32_t state = 7;
+  for (auto& sample : samples)
+    sample = static_cast<std::uint8_t>((state = state * 1664525U + 1013904223U) >> 24);
+  return samples;
+}
+
+std::string why_refused(const mesh::ImageRef& image) {
+  try {
+    read_all(image);
+  } catch (const Error& error) {
+    CHECK(error.kind() == ErrorKind::input);
+    return error.what();
+  }
+  return "accepted";
+}
+
+}  // namespace
+
+TEST_CASE("samples below 8 bits are scaled to 0..255", "[image]") {
+  // One row each: 1 bit 1,0,1; 2 bits 0,1,2,3; 4 bits 0,7,15.
+  CHECK(read_all(in_memory(make_png(3, 1, 1, 0, false, std::string("\0\xA0", 2)))) ==
+        Samples{255, 0, 255});
+  CHECK(read_all(in_memory(make_png(4, 1, 2, 0, false, std::string("\0\x1B", 2)))) ==
+        Samples{0, 85, 170, 255});
+  CHECK(read_all(in_memory(make_png(3, 1, 4, 0, false, std::string("\0\x07\xF0", 3)))) ==
+        Samples{0, 119, 255});
+}
+
+TEST_CASE("16 bit samples are in the machine's byte order", "[image]") {
+  io::ImageReader reader(
+      in_memory(make_png(2, 1, 16, 0, false, std::string("\0\x12\x34\xFF\xFE", 5))));
+  CHECK(reader.info().depth == Depth::u16);
+  CHECK(reader.row_bytes() == 4);
+  std::uint16_t samples[2] = {};
+  reader.read_rows(1, reinterpret_cast<std::byte*>(samples));
+  CHECK(samples[0] == 0x1234);
+  CHECK(samples[1] == 0xFFFE);
+}
+
+TEST_CASE("palettes are expanded, with their transparency as straight alpha", "[image]") {
+  const std::string palette("\x0A\x14\x1E\xC8\x64\x32", 6);
+  const std::string row("\0\x40", 2);  // 1 bit: 0, 1
+  CHECK(read_all(in_memory(make_png(2, 1, 1, 3, false, row, palette))) ==
+        Samples{10, 20, 30, 200, 100, 50});
+  const auto with_alpha =
+      in_memory(make_png(2, 1, 1, 3, false, row, palette, std::string("\x40\x00", 2)));
+  CHECK(read_all(with_alpha) == Samples{10, 20, 30, 64, 200, 100, 50, 0});
+  CHECK(io::ImageReader(with_alpha).info().has_alpha);
+}
+
+TEST_CASE("an interlaced PNG reads like any other and says that it decodes whole", "[image]") {
+  // 2 x 2: pass 1 holds (0,0), pass 6 (1,0), pass 7 row 1.
+  const auto image =
+      in_memory(make_png(2, 2, 8, 0, true, std::string("\0\x01\0\x02\0\x03\x04", 7)));
+  CHECK(read_all(image, 1) == Samples{1, 2, 3, 4});
+  CHECK(io::ImageReader(image).info().decoder_bytes >= 4);
+}
+
+TEST_CASE("an image inside a file is read from its byte range alone", "[image]") {
+  test::TempFolder folder;
+  const Samples samples = noise(40 * 30 * 3);
+  for (const std::string ending : {"png", "tif", "exr", "bmp", "jpg"}) {
+    CAPTURE(ending);
+    const std::string path = folder.file("a." + ending);
+    write_foreign(path, OIIO::ImageSpec(40, 30, 3, OIIO::TypeDesc::UINT8), samples.data());
+    const std::string encoded = test::read_file(path);
+    const Samples whole = read_all(at_path(path));
+    if (ending == "png" || ending == "tif" || ending == "bmp") CHECK(whole == samples);
+    CHECK(read_all(in_memory(encoded), 7) == whole);
+
+    test::write_file(folder.file("pack"), std::string(1001, 'x') + encoded + std::string(500, 'y'));
+    mesh::ImageRef range = at_path(folder.file("pack"));
+    range.offset_bytes = 1001;
+    range.size_bytes = encoded.size();
+    CHECK(read_all(range, 7) == whole);
+    CHECK(io::hash_image(range) == io::hash_image(in_memory(encoded)));
+    range.size_bytes = encoded.size() - 30;  // what follows in the file must not help
+    CHECK_THAT(why_refused(range), Contains("pack"));
+    range.size_bytes = encoded.size() + 501;
+    CHECK_THAT(why_refused(range), Contains("cut off"));
+  }
+}
+
+TEST_CASE("the content tells the format, whatever the ending says", "[image]") {
+  test::TempFolder folder;
+  test::write_file(folder.file("a.jpg"), make_png(1, 1, 8, 0, false, std::string("\0\x05", 2)));
+  CHECK(io::ImageReader(folder.file("a.jpg")).info().format == "png");
+  test::write_file(folder.file("b.png"), "not an image at all");
+  CHECK_THAT(why_refused(at_path(folder.file("b.png"))),
+             Contains("b.png") && Contains("not an image"));
+}
+
+TEST_CASE("tiled files read like the same image in scanlines", "[image]") {
+  test::TempFolder folder;
+  const std::string ending = GENERATE("tif", "exr");
+  std::vector<float> samples(70 * 45 * 3);
+  for (std::size_t i = 0; i < samples.size(); ++i) samples[i] = static_cast<float>(i) / 64;
+  OIIO::ImageSpec spec(70, 45, 3, OIIO::TypeDesc::FLOAT);
+  spec.tile_width = spec.tile_height = 16;
+  write_foreign(folder.file("tiled." + ending), spec, samples.data());
+  const std::uint32_t strip = GENERATE(1U, 16U, 17U, 45U);
+  const Samples read = read_all(at_path(folder.file("tiled." + ending)), strip);
+  REQUIRE(read.size() == samples.size() * 4);
+  CHECK(std::memcmp(read.data(), samples.data(), read.size()) == 0);
+}
+
+TEST_CASE("premultiplied colours of an EXR are handed out straight", "[image]") {
+  test::TempFolder folder;
+  const float samples[] = {0.25F, 0.5F, 0.125F, 0.5F, 3, 2, 1, 0};
+  OIIO::ImageSpec spec(2, 1, 4, OIIO::TypeDesc::FLOAT);
+  write_foreign(folder.file("a.exr"), spec, samples);
+  io::ImageReader reader(folder.file("a.exr"));
+  CHECK(reader.info().linear);
+  CHECK(reader.info().has_alpha);
+  float read[8] = {};
+  reader.read_rows(1, reinterpret_cast<std::byte*>(read));
+  CHECK(std::vector<float>(read, read + 8) == std::vector<float>{0.5F, 1, 0.25F, 0.5F, 3, 2, 1, 0});
+}
+
+TEST_CASE("associated alpha of a TIFF is divided out, unassociated is not", "[image]") {
+  test::TempFolder folder;
+  const std::uint8_t samples[] = {50, 100, 0, 100};
+  OIIO::ImageSpec spec(1, 1, 4, OIIO::TypeDesc::UINT8);
+  write_foreign(folder.file("associated.tif"), spec, samples);
+  CHECK(read_all(at_path(folder.file("associated.tif"))) == Samples{128, 255, 0, 100});  // 127.5 up
+  spec.attribute("oiio:UnassociatedAlpha", 1);
+  write_foreign(folder.file("straight.tif"), spec, samples);
+  CHECK(read_all(at_path(folder.file("straight.tif"))) == Samples{50, 100, 0, 100});
+}
+
+TEST_CASE("of an EXR with many channels R, G, B are read by name", "[image]") {
+  test::TempFolder folder;
+  OIIO::ImageSpec spec(1, 1, 6, OIIO::TypeDesc::FLOAT);
+  spec.channelnames = {"depth.Z", "R", "G", "B", "normal.X", "normal.Y"};
+  const float samples[] = {9, 1, 2, 3, 8, 7};
+  write_foreign(folder.file("a.exr"), spec, samples);
+  io::ImageReader reader(folder.file("a.exr"));
+  REQUIRE(reader.info().channels == 3);
+  float read[3] = {};
+  reader.read_rows(1, reinterpret_cast<std::byte*>(read));
+  CHECK(std::vector<float>(read, read + 3) == std::vector<float>{1, 2, 3});
+
+  spec.channelnames = {"a", "b", "c", "d", "e", "f"};
+  write_foreign(folder.file("b.exr"), spec, samples);
+  CHECK_THAT(why_refused(at_path(folder.file("b.exr"))),
+             Contains("b.exr") && Contains("6 channels"));
+}
+
+TEST_CASE("an EXR that was cropped is refused rather than shifted", "[image]") {
+  test::TempFolder folder;
+  OIIO::ImageSpec spec(4, 4, 3, OIIO::TypeDesc::HALF);
+  spec.full_width = spec.full_height = 8;
+  const std::vector<half> samples(48);
+  write_foreign(folder.file("a.exr"), spec, samples.data());
+  CHECK_THAT(why_refused(at_path(folder.file("a.exr"))), Contains("uncropped"));
+}
+
+TEST_CASE("a progressive JPEG announces the memory of its whole image before it decodes",
+          "[image]") {
+  test::TempFolder folder;
+  const Samples samples = noise(300 * 200 * 3);
+  OIIO::ImageSpec spec(300, 200, 3, OIIO::TypeDesc::UINT8);
+  write_foreign(folder.file("base.jpg"), spec, samples.data());
+  spec.attribute("jpeg:progressive", 1);
+  write_foreign(folder.file("progressive.jpg"), spec, samples.data());
+  io::ImageReader base(folder.file("base.jpg")), progressive(folder.file("progressive.jpg"));
+  // 4:2:0 units of 16 x 16: 19 x 13 of them, 6 blocks of 128 bytes each.
+  CHECK(progressive.info().decoder_bytes == base.info().decoder_bytes + 19 * 13 * 6 * 128);
+  CHECK(progressive.info().width == 300);
+  CHECK(progressive.info().channels == 3);
+  CHECK(read_all(at_path(folder.file("base.jpg"))) ==
+        read_all(at_path(folder.file("progressive.jpg")), 9));
+}
+
+TEST_CASE("sizes that no texture has are refused", "[image]") {
+  CHECK_THAT(
+      why_refused(in_memory(make_png(70000, 1, 8, 0, false, std::string("\0\x01", 2)), "wide.png")),
+      Contains("wide.png") && Contains("70000 x 1"));
+  CHECK(why_refused(in_memory(make_png(0, 1, 8, 0, false, std::string("\0", 1)))) != "accepted");
+}
+
+TEST_CASE("a missing image and one with a known problem say so", "[image]") {
+  CHECK_THAT(why_refused(at_path("/no/such/skin.png")),
+             Contains("skin.png") && Contains("No such file"));
+  CHECK_THAT(why_refused(at_path("/")), Contains("not a file"));
+  CHECK_THAT(why_refused(in_memory("")), Contains("empty"));
+  mesh::ImageRef image = in_memory("x", "head.glb image 2");
+  image.problem = "needs KHR_texture_basisu";
+  CHECK(why_refused(image) == "head.glb image 2: needs KHR_texture_basisu");
+}
+
+TEST_CASE("several readers work at once", "[image]") {
+  test::TempFolder folder;
+  const Samples samples = noise(200 * 150 * 3);
+  write_foreign(folder.file("a.png"), OIIO::ImageSpec(200, 150, 3, OIIO::TypeDesc::UINT8),
+                samples.data());
+  std::vector<Samples> read(8);
+  std::vector<std::thread> threads;
+  for (auto& result : read) {
+    threads.emplace_back([&] { result = read_all(at_path(folder.file("a.png")), 11); });
+  }
+  for (auto& thread : threads) thread.join();
+  for (const auto& result : read) CHECK(result == samples);
+}
