@@ -10,16 +10,13 @@
 
 namespace pounce::fixture {
 
-Vec2d UvFrame::to_uv(Vec2d grid) const {
-  return {origin.x + grid.x * per_column.x + grid.y * per_row.x,
-          origin.y + grid.x * per_column.y + grid.y * per_row.y};
-}
-
-Vec2d UvFrame::to_grid(Vec2d uv) const {
+UvFrame UvFrame::inverse() const {
   const double determinant = per_column.x * per_row.y - per_column.y * per_row.x;
-  const Vec2d away = uv - origin;
-  return {(away.x * per_row.y - away.y * per_row.x) / determinant,
-          (per_column.x * away.y - per_column.y * away.x) / determinant};
+  const Vec2d per_u{per_row.y / determinant, -per_column.y / determinant};
+  const Vec2d per_v{-per_row.x / determinant, per_column.x / determinant};
+  return {{-origin.x * per_u.x - origin.y * per_v.x, -origin.x * per_u.y - origin.y * per_v.y},
+          per_u,
+          per_v};
 }
 
 UvFrame fit_frame(std::uint32_t columns, std::uint32_t rows, Vec2d corner, Vec2d size,
@@ -78,17 +75,19 @@ Vec3d ChartPositions::at(std::size_t chart, Vec2d grid) const {
   return upper_left + (upper_right - upper_left) * fx + (lower_right - upper_right) * fy;
 }
 
-ChartFinder::ChartFinder(const GridMesh& mesh, std::size_t uv_set) : mesh_(mesh), uv_set_(uv_set) {}
+ChartFinder::ChartFinder(const GridMesh& mesh, std::size_t uv_set) : mesh_(mesh), uv_set_(uv_set) {
+  for (const GridChart& chart : mesh) to_grid_.push_back(chart.uv_sets[uv_set].inverse());
+}
 
 ChartFinder::Found ChartFinder::find(Vec2d uv) {
-  const Vec2d guess = mesh_[last_].uv_sets[uv_set_].to_grid(uv);
+  const Vec2d guess = to_grid_[last_].to_uv(uv);
   if (mesh_[last_].holds(guess)) return {last_, guess, true};
   Found best{0, {}, false};
   double best_distance = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < mesh_.size(); ++i) {
     const GridChart& chart = mesh_[i];
     const UvFrame& frame = chart.uv_sets[uv_set_];
-    const Vec2d grid = frame.to_grid(uv);
+    const Vec2d grid = to_grid_[i].to_uv(uv);
     const Vec2d nearest = frame.to_uv({std::clamp(grid.x, 0.0, double{chart.columns * 1.0}),
                                        std::clamp(grid.y, 0.0, double{chart.rows * 1.0})});
     const bool inside = chart.holds(grid);

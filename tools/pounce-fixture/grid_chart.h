@@ -18,8 +18,13 @@ struct UvFrame {
   Vec2d per_column;  ///< UV step of one column
   Vec2d per_row;     ///< UV step of one row
 
-  Vec2d to_uv(Vec2d grid) const;
-  Vec2d to_grid(Vec2d uv) const;
+  Vec2d to_uv(Vec2d grid) const {
+    return {origin.x + grid.x * per_column.x + grid.y * per_row.x,
+            origin.y + grid.x * per_column.y + grid.y * per_row.y};
+  }
+  Vec2d to_grid(Vec2d uv) const { return inverse().to_uv(uv); }
+  /// The map back: its to_uv() takes UV to grid coordinates.
+  UvFrame inverse() const;
 };
 
 /// The frame that fits `columns` x `rows` cells into the box of UV space with corner `corner`
@@ -86,6 +91,7 @@ class ChartFinder {
  private:
   const GridMesh& mesh_;
   std::size_t uv_set_;
+  std::vector<UvFrame> to_grid_;  // inverse frames
   std::size_t last_ = 0;
 };
 

@@ -37,7 +37,8 @@ GridMesh plane_charts(std::uint64_t triangle_count, std::uint32_t uv_tiles) {
 void world_map_row(std::uint32_t y, std::uint32_t size, std::span<float> row) {
   constexpr double kPi = 3.14159265358979323846;
   for (std::uint32_t x = 0; x < size; ++x) {
-    const Rgb colour = area_colour([&](double dx, double dy) {
+    const double reach = 3.6 / size;  // half a diagonal of 2 pi x pi / size at the equator
+    const Rgb colour = area_colour(reach, [&](double dx, double dy) {
       const double longitude = ((x + 0.5 + dx) / size - 0.5) * 2 * kPi;
       const double latitude = (0.5 - (y + 0.5 + dy) / size) * kPi;
       const double ring = std::cos(latitude);

@@ -6,8 +6,6 @@
 
 namespace pounce::fixture {
 
-Vec3d normalized(Vec3d v) { return v * (1.0 / length(v)); }
-
 HeadSurface::HeadSurface(Vec3d radii, std::vector<Bump> bumps)
     : radii_(radii), bumps_(std::move(bumps)) {
   for (Bump& bump : bumps_) bump.centre = normalized(bump.centre);

@@ -42,6 +42,6 @@ HeadSurface other_head();
 HeadSurface unit_sphere();
 
 /// Scales to length 1.
-Vec3d normalized(Vec3d v);
+inline Vec3d normalized(Vec3d v) { return v * (1.0 / length(v)); }
 
 }  // namespace pounce::fixture

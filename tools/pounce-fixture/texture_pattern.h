@@ -36,13 +36,11 @@ Rgb pattern_colour(Vec3d direction);
 
 /// The mean colour over a texel: the smooth part at its centre, the inks by 4 x 4 samples where the
 /// texel may touch an edge. `direction_at(dx, dy)` gives the direction at an offset from the
-/// texel's centre in texels.
+/// texel's centre in texels; `reach` is no less than the angle (radians) from the centre to the
+/// corners.
 template <class DirectionAt>
-Rgb area_colour(const DirectionAt& direction_at) {
+Rgb area_colour(double reach, const DirectionAt& direction_at) {
   const Vec3d centre = direction_at(0.0, 0.0);
-  const Vec3d corner_a = direction_at(0.5, 0.5) - centre,
-              corner_b = direction_at(0.5, -0.5) - centre;
-  const double reach = 1.05 * std::sqrt(std::max(dot(corner_a, corner_a), dot(corner_b, corner_b)));
   const Ink ink = ink_at(centre);
   if (ink.margin > reach) return ink.ink == 0 ? smooth_colour(centre) : ink_colour(ink.ink);
   std::array<int, kInkCount> counts{};

@@ -1,0 +1,34 @@
+#!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
+# From a fresh clone to pictures: installs what is missing, builds `release`, makes a head and two targets,
+# transfers the head's texture onto both, and says where the pictures are.
+set -eu
+cd "$(dirname "$0")/.."
+
+./tools/install-packages.sh
+echo "== Building (preset release)"
+cmake --preset release -DPOUNCE_BUILD_TESTS=OFF >/dev/null
+cmake --build --preset release --target pounce_cli pounce_fixture_cli
+
+demo=build/release/demo
+pounce=build/release/pounce
+echo "== Making the head and its targets"
+build/release/pounce-fixture head -o "$demo" --format both
+
+echo "== Transferring onto the same head with other triangles and UVs"
+"$pounce" transfer "$demo/head_src.glb" "$demo/head_same.glb" -o "$demo/onto_same.png" --size 1024
+echo "   against the exact answer:"
+"$pounce" compare "$demo/onto_same.png" "$demo/head_same.truth.png"
+
+echo "== Transferring onto another head"
+"$pounce" transfer "$demo/head_src.glb" "$demo/head_other.glb" -o "$demo/onto_other.png" --size 1024
+
+echo "== The head onto itself"
+"$pounce" transfer "$demo/head_src.glb" "$demo/head_src.glb" -o "$demo/onto_itself.png" --size 1024 \
+  --coverage "$demo/onto_itself.coverage.png"
+"$pounce" compare "$demo/onto_itself.png" "$demo/head_src.png" --mask "$demo/onto_itself.coverage.png"
+
+echo "== Pictures"
+for picture in head_src.png onto_same.png head_same.truth.png onto_other.png onto_itself.png; do
+  echo "$PWD/$demo/$picture"
+done
