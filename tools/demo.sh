@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 
 ./tools/install-packages.sh
 echo "== Building (preset release)"
-cmake --preset release -DPOUNCE_BUILD_TESTS=OFF >/dev/null
+cmake --preset release >/dev/null
 cmake --build --preset release --target pounce_cli pounce_fixture_cli
 
 demo=build/release/demo
