@@ -3,7 +3,7 @@
 source "$(dirname "$0")/support.sh"
 make_job
 expect 4 transfer source.obj target.obj -o o.png --memory 1MiB
-least=$(grep -oE 'least that works is [0-9.]+ ?([KMG]iB|B|bytes)' "$err" | head -1 | sed 's/least that works is //; s/ bytes//')
+least=$(sed -nE 's/.*needs at least ([0-9.]+ ?[KMG]?i?B), for .*/\1/p' "$err")
 [[ -n $least ]] || fail 'the message does not name the least that works'
 [[ ! -e o.png ]] || fail 'an image was written'
 expect 0 transfer source.obj target.obj -o o.png --memory "$least"

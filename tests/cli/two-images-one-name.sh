@@ -9,6 +9,3 @@ expect 2 transfer source.obj target.obj -o o.png --coverage o.png
 err_has 'o.png'
 expect 0 transfer source.obj target.obj -o '<CHANNEL>.png' --source-texture emissive=skin.ppm
 only_files baseColor.png emissive.png skin.ppm source.mtl source.obj target.obj
-cp source.obj target.obj source.mtl .. # an input is no output
-expect 2 transfer source.obj target.obj -o p.png --source-texture baseColor=p.png
-err_has 'p.png'

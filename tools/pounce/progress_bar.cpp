@@ -20,6 +20,7 @@ constexpr double kBarInterval_s = 0.1;  // ten times a second: smooth, and no fl
 constexpr double kPlainInterval_s = 5;  // few enough lines for a log of an hour's job
 constexpr double kForgetting_s = 8;     // time constant of the speed behind "time left"
 constexpr double kFirstEstimate_s = 0.5;  // before that the speed is a guess
+constexpr double kShortest_s = 0.1;       // the rate of a shorter stage says nothing
 constexpr std::size_t kUsualColumns = 80;
 constexpr std::size_t kWidestBar = 40;
 constexpr std::size_t kNarrowestBar = 8;
@@ -113,7 +114,7 @@ std::string bar_line(const ProgressEvent& event, const ProgressFigures& figures,
     const double share = std::clamp(event.fraction, 0.0, 1.0);
     const auto full = static_cast<std::size_t>(share * static_cast<double>(width));
     const std::size_t after_stage = std::max<std::size_t>(event.stage.size(), 12) + 1;
-    line.insert(after_stage, "[" + std::string(full, '#') + std::string(width - full, '.') + "] ");
+    line.insert(after_stage, fmt::format("[{:#<{}}{:.<{}}] ", "", full, "", width - full));
   }
   if (line.size() > columns) line.resize(columns);
   return line;
@@ -148,7 +149,7 @@ ProgressFigures ProgressBar::figures(const ProgressEvent& event) {
   const double stage_s = event.elapsed_s - stage->second.elapsed_s;
   const double units =
       event.done > stage->second.done ? static_cast<double>(event.done - stage->second.done) : 0;
-  return {!is_new && stage_s > 0 ? units / stage_s : 0, time_left_.seconds()};
+  return {!is_new && stage_s >= kShortest_s ? units / stage_s : 0, time_left_.seconds()};
 }
 
 void ProgressBar::show(const ProgressEvent& event) {
