@@ -62,18 +62,16 @@ OutputFile::~OutputFile() {
 
 long OutputFile::write_piece(void* opaque, const char* bytes, std::size_t count) {
   auto& self = *static_cast<OutputFile*>(opaque);
-  std::size_t done = 0;
-  while (done < count) {
+  // A failure is kept for check() and never shown to the encoder: libjpeg ends the process on one.
+  for (std::size_t done = 0; done < count && self.failure_ == 0;) {
     const ssize_t put =
         ::pwrite(self.descriptor_, bytes + done, count - done,
                  static_cast<off_t>(self.position_ + static_cast<std::int64_t>(done)));
-    if (put < 0 && errno == EINTR) continue;
-    if (put <= 0) {
-      if (self.failure_ == 0) self.failure_ = put < 0 ? errno : EIO;
-      errno = self.failure_;
-      return 0;  // what fopencookie() wants for an error
+    if (put > 0) {
+      done += static_cast<std::size_t>(put);
+    } else if (put == 0 || errno != EINTR) {
+      self.failure_ = put == 0 ? EIO : errno;
     }
-    done += static_cast<std::size_t>(put);
   }
   self.position_ += static_cast<std::int64_t>(count);
   return static_cast<long>(count);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/sample.h"
 
-#include <OpenImageIO/half.h>
-
 #include <cstdint>
 #include <cstring>
+
+#include "io/half.h"
 
 namespace pounce::io {
 namespace {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/straight_alpha.h"
 
-#include <OpenImageIO/half.h>
-
 #include <algorithm>
 #include <cassert>
 #include <limits>
+
+#include "io/half.h"
 
 namespace pounce::io {
 namespace {

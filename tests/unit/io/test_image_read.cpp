@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <OpenImageIO/half.h>
 #include <OpenImageIO/imageio.h>
 
 #include <catch2/catch.hpp>
 #include <thread>
 
+#include "io/half.h"
 #include "pounce/error.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"
