@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <filesystem>
@@ -87,6 +88,26 @@ std::vector<std::byte> decode_base64(std::string_view text) {
     }
   }
   return bytes;
+}
+
+/// How deep brackets nest outside of strings; of text that is not JSON, anything.
+int json_depth(std::string_view text) {
+  int depth = 0, deepest = 0;
+  bool in_string = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (in_string) {
+      if (c == '\\') ++i;
+      if (c == '"') in_string = false;
+    } else if (c == '"') {
+      in_string = true;
+    } else if (c == '{' || c == '[') {
+      deepest = std::max(deepest, ++depth);
+    } else if (c == '}' || c == ']') {
+      --depth;
+    }
+  }
+  return deepest;
 }
 
 }  // namespace
@@ -175,17 +196,14 @@ std::string GltfFile::read_container(const ReadFile& file) {
 }
 
 void GltfFile::parse(const std::string& text) {
-  const auto limit_depth = [this](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
-    if (depth > kMaxJsonDepth) {
-      throw Error(
-          ErrorKind::input,
-          fmt::format("{}: JSON nested deeper than {} levels; this is no sensible glTF file", path_,
-                      kMaxJsonDepth));
-    }
-    return true;
-  };
+  // Before the parser sees it: its own callback for this makes it quadratic.
+  if (json_depth(text) > kMaxJsonDepth) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: JSON nested deeper than {} levels; this is no sensible glTF file",
+                            path_, kMaxJsonDepth));
+  }
   try {
-    document_ = nlohmann::json::parse(text, limit_depth);
+    document_ = nlohmann::json::parse(text);
   } catch (const nlohmann::json::exception& e) {
     throw Error(ErrorKind::input,
                 fmt::format("{}: no valid JSON ({}); the file is damaged, export it again", path_,

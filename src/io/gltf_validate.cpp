@@ -18,6 +18,10 @@ using Json = nlohmann::json;
 
 // Whole numbers of JSON are exact up to here in every reader; sums of two of these cannot overflow.
 constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 53;
+// An empty object of 3 bytes becomes 1.2 kB in tinygltf, an empty material 4 kB. No real file comes
+// near.
+constexpr std::size_t kMaxEntries = 1 << 19;
+constexpr std::size_t kMaxMaterials = 1 << 15;
 constexpr std::uint64_t kMaxInt = 0x7FFFFFFF;  // tinygltf keeps some offsets in an int
 
 // Besides every KHR_materials_*: these change neither geometry nor UVs nor how images are decoded,
@@ -370,6 +374,23 @@ std::uint64_t gltf_element_bytes(int component_type, const std::string& type) {
   return 0;
 }
 
+std::uint64_t gltf_entry_count(const nlohmann::json& document) {
+  std::uint64_t count = 0;
+  for (const char* key : {"accessors", "bufferViews", "meshes", "nodes", "samplers", "scenes",
+                          "skins", "textures", "images"}) {
+    if (const auto it = document.find(key); it != document.end()) count += it->size();
+  }
+  if (const auto meshes = document.find("meshes"); meshes != document.end()) {
+    for (const Json& mesh : *meshes) {
+      for (const Json& primitive : mesh.at("primitives")) {
+        const auto targets = primitive.find("targets");
+        count += 1 + (targets == primitive.end() ? 0 : targets->size());
+      }
+    }
+  }
+  return count;
+}
+
 std::vector<std::string> check_gltf(const std::string& path, const nlohmann::json& document) {
   const JsonCheck check(path, document);
   if (!document.is_object()) check.fail("the document", "is not a JSON object");
@@ -387,6 +408,13 @@ std::vector<std::string> check_gltf(const std::string& path, const nlohmann::jso
   });
   check_skins(check, document);
   check_scenes(check, document, check_forest(check, document));
+  if (gltf_entry_count(document) > kMaxEntries || check.size_of("materials") > kMaxMaterials) {
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: more than {} nodes, meshes, accessors and the like, or more than {} "
+                    "materials; split the model",
+                    path, kMaxEntries, kMaxMaterials));
+  }
   return warnings;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -18,5 +19,9 @@ std::vector<std::string> check_gltf(const std::string& path, const nlohmann::jso
 /// Bytes of one element of an accessor as it lies in its buffer (matrix columns start at multiples
 /// of 4). `component_type` and `type` are glTF's.
 std::uint64_t gltf_element_bytes(int component_type, const std::string& type);
+
+/// Entries of all collections (primitives and morph targets included, materials not) of a checked
+/// document: each of them costs memory, however short its text.
+std::uint64_t gltf_entry_count(const nlohmann::json& document);
 
 }  // namespace pounce::io

@@ -368,3 +368,18 @@ TEST_CASE("files of other kinds are refused by what is read, missing ones by the
     }
   }
 }
+
+TEST_CASE("hundreds of thousands of entries are read or refused in a moment", "[io]") {
+  const TempFolder folder;
+  GltfBuilder b;
+  b.triangle();
+  SECTION("nodes: read") {
+    for (int i = 0; i < 200000; ++i) b.doc["nodes"].push_back(json::object());
+    CHECK(refusal(b.write(folder.file("m.gltf"))) == "");
+  }
+  SECTION("materials: refused") {
+    b.doc["materials"] = json::array();
+    for (int i = 0; i < 200000; ++i) b.doc["materials"].push_back(json::object());
+    CHECK_THAT(refusal(b.write(folder.file("m.gltf"))), Catch::Contains("32768 materials"));
+  }
+}
