@@ -3,16 +3,12 @@
 // Every way in which the bytes of a pack can be wrong must be noticed before anybody uses them.
 #include "tiles/pack.h"
 
-#include <fmt/format.h>
-
 #include <catch2/catch.hpp>
-#include <cctype>
 #include <cstring>
-#include <fstream>
 #include <functional>
-#include <sstream>
 
 #include "support/bytes.h"
+#include "support/hex_dump.h"
 #include "tiles/codec.h"
 
 namespace pounce::tiles {
@@ -252,20 +248,6 @@ TEST_CASE("a pack tells what it is to a program that does not know", "[format]")
 }
 
 /// Sixteen bytes per line, as the documentation shows them.
-std::string hex_dump(std::span<const std::byte> bytes) {
-  std::string text;
-  for (std::size_t at = 0; at < bytes.size(); at += 16) {
-    std::string hex, letters;
-    for (std::size_t i = at; i < std::min(at + 16, bytes.size()); ++i) {
-      const auto value = std::to_integer<unsigned char>(bytes[i]);
-      hex += fmt::format("{:02x} ", value);
-      letters += value >= 0x20 && value < 0x7f ? static_cast<char>(value) : '.';
-    }
-    text += fmt::format("{:04x}  {:<48} |{}|\n", at, hex, letters);
-  }
-  return text;
-}
-
 TEST_CASE("the hex dump in the documentation is what the writer makes", "[format]") {
   const auto files = make_memory_file_system();
   PackWriter writer(files->create("pack"), PackKind::geometry, kKey);
@@ -273,17 +255,7 @@ TEST_CASE("the hex dump in the documentation is what the writer makes", "[format
   std::vector<std::byte> stored;
   compressor.compress({}, stored);
   writer.finish(writer.append(ChunkKind::directory, stored, 0));
-  const std::string made = hex_dump(test::read_whole(*files, "pack"));
-
-  std::ifstream file(std::string(POUNCE_SOURCE_DIR) + "/docs/tile-format.md");
-  std::stringstream page;
-  page << file.rdbuf();
-  const std::string text = page.str();
-  const std::string opening = "```hexdump\n";
-  const std::size_t begin = text.find(opening);
-  REQUIRE(begin != std::string::npos);
-  const std::size_t from = begin + opening.size();
-  CHECK(text.substr(from, text.find("```", from) - from) == made);
+  CHECK(test::documented_dump("hexdump") == test::hex_dump(test::read_whole(*files, "pack")));
 }
 
 }  // namespace
