@@ -72,6 +72,70 @@ class DistinctCounter {
   std::array<std::uint8_t, std::size_t{1} << kBits> registers_{};
 };
 
+/// Counts statements and corners, one character after the other.
+class ObjCounter {
+ public:
+  void add(char c) {
+    ++line_bytes_;
+    if (c == '\n') {
+      end_of_line();
+    } else if (is_space(c) || c == '\r') {
+      end_of_word();
+    } else {
+      if (first_word_) {
+        if (word_size_ < 2) word_[word_size_] = c;
+        word_size_ = std::min<std::size_t>(word_size_ + 1, 3);
+      }
+      in_word_ = true;
+      corner_ = (corner_ + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
+      // Negative indices mean something else after each new vertex.
+      if (c == '-') corner_ += (counts_.positions * 31 + counts_.texcoords) * 31 + counts_.normals;
+    }
+    if (c != '\r') last_ = c;
+  }
+  ObjCounts finish() {
+    end_of_line();
+    const auto rounded_up = static_cast<std::uint64_t>(distinct_.count() * 1.05) + 16;
+    counts_.distinct_corners = std::min(counts_.corners, rounded_up);
+    return counts_;
+  }
+
+ private:
+  bool is_word(std::string_view word) const { return std::string_view(word_, word_size_) == word; }
+  void end_of_line() {
+    counts_.longest_line_bytes = std::max(counts_.longest_line_bytes, line_bytes_);
+    line_bytes_ = 0;
+    end_of_word();
+    if (last_ == '\\') return;  // the statement goes on
+    first_word_ = true;
+    word_size_ = 0;
+  }
+  void end_of_word() {
+    if (in_word_ && first_word_) {
+      first_word_ = false;
+      if (word_size_ > 2) word_size_ = 0;  // no statement that counts
+      if (is_word("v")) ++counts_.positions;
+      if (is_word("vt")) ++counts_.texcoords;
+      if (is_word("vn")) ++counts_.normals;
+      if (is_word("f")) ++counts_.faces;
+    } else if (in_word_ && is_word("f")) {
+      ++counts_.corners;
+      distinct_.add(corner_);
+    }
+    in_word_ = false;
+    corner_ = 0;
+  }
+
+  ObjCounts counts_;
+  DistinctCounter distinct_;
+  char word_[2] = {0, 0};  ///< the first two characters of the line's first word
+  std::size_t word_size_ = 0;
+  bool in_word_ = false, first_word_ = true;
+  std::uint64_t corner_ = 0;  ///< hash of the word being read
+  std::uint64_t line_bytes_ = 0;
+  char last_ = 0;
+};
+
 }  // namespace
 
 ObjLines::ObjLines(const std::string& path) : path_(path), file_(posix_file_system().open(path)) {}
@@ -214,67 +278,14 @@ ObjLines::int_type ObjLines::underflow() {
 ObjCounts count_obj(const std::string& path) {
   const auto file = posix_file_system().open(path);
   std::vector<char> piece;
-  ObjCounts counts;
-  DistinctCounter distinct;
-  // One state machine over the characters: `word` collects the first two of a line's first word,
-  // `corner` the hash of the corner being read (negative indices count differently for each face,
-  // so the number of positions goes in with them).
-  char word[2] = {0, 0};
-  std::uint64_t corner = 0;
-  int word_size = 0;
-  bool in_word = false, first_word = true;
-  const auto end_of_word = [&] {
-    if (!in_word) return;
-    in_word = false;
-    if (first_word) {
-      first_word = false;
-      if (word_size == 1 && word[0] == 'v') ++counts.positions;
-      if (word_size == 2 && word[0] == 'v' && word[1] == 't') ++counts.texcoords;
-      if (word_size == 2 && word[0] == 'v' && word[1] == 'n') ++counts.normals;
-      if (word_size == 1 && word[0] == 'f') ++counts.faces;
-    } else if (word_size == 1 && word[0] == 'f') {
-      ++counts.corners;
-      distinct.add(corner);
-    }
-    corner = 0;
-  };
+  ObjCounter counter;
   const std::uint64_t size = file->size_bytes();
-  std::uint64_t line_bytes = 0;
   for (std::uint64_t offset = 0; offset < size; offset += piece.size()) {
     piece.resize(std::min<std::uint64_t>(size - offset, kPieceBytes));
     file->read(offset, std::as_writable_bytes(std::span(piece)));
-    char last = 0;
-    for (const char c : piece) {
-      ++line_bytes;
-      if (c == '\n') {
-        counts.longest_line_bytes = std::max(counts.longest_line_bytes, line_bytes);
-        line_bytes = 0;
-        end_of_word();
-        if (last != '\\') {
-          first_word = true;
-          word_size = 0;
-        }
-      } else if (is_space(c) || c == '\r') {
-        end_of_word();
-      } else {
-        if (first_word) {
-          if (word_size < 2) word[word_size] = c;
-          word_size = std::min(word_size + 1, 3);
-        }
-        in_word = true;
-        corner = (corner + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
-        if (c == '-') {
-          corner += (counts.positions * 31 + counts.texcoords) * 31 + counts.normals;
-        }
-      }
-      if (c != '\r') last = c;
-    }
+    for (const char c : piece) counter.add(c);
   }
-  end_of_word();
-  counts.longest_line_bytes = std::max(counts.longest_line_bytes, line_bytes);
-  const auto rounded_up = static_cast<std::uint64_t>(distinct.count() * 1.05) + 16;
-  counts.distinct_corners = std::min(counts.corners, rounded_up);
-  return counts;
+  return counter.finish();
 }
 
 }  // namespace pounce::io
