@@ -66,6 +66,76 @@ TEST_CASE("a refused value is quoted with its option and what is expected", "[cl
   }
 }
 
+namespace {
+
+/// Every text must be refused as a usage error that quotes it.
+template <class Parse>
+void check_refused(Parse parse, std::initializer_list<const char*> texts) {
+  for (const std::string text : texts) {
+    CAPTURE(text);
+    try {
+      parse("--option", text);
+      FAIL_CHECK("accepted");
+    } catch (const Error& error) {
+      CHECK(error.kind() == ErrorKind::usage);
+      CHECK(std::string(error.what()).find("--option: got \"" + text + "\"") == 0);
+    }
+  }
+}
+
+}  // namespace
+
+TEST_CASE("what is no amount of memory is refused", "[cli]") {
+  check_refused(parse_bytes, {"", "0", "-1", "0.5", "12XB", "MiB", "1MiBs", "1MM", "1 ", "1  MiB",
+                              "+1", "0x10", "inf", "nan", "99999999999TiB", "1e400"});
+}
+
+TEST_CASE("what is no size is refused", "[cli]") {
+  check_refused(parse_image_size,
+                {"", "0", "-1", "65537", "1x65537", "0x4", "4x", "x4", "x", "4x4x4", "1.5", "1e3",
+                 " 4", "4 ", "nan", "99999999999999999999"});
+}
+
+TEST_CASE("what is no length is refused", "[cli]") {
+  check_refused(parse_length, {"", "%", "0", "-1", "0%", "-5%", "101%", "5%%", "5 %", "5px", "inf",
+                               "nan", "1e31"});
+}
+
+TEST_CASE("numbers are in range, finite and nothing but a number", "[cli]") {
+  const auto angle = [](const std::string& option, const std::string& text) {
+    return parse_number(option, text, 0, 89.9);
+  };
+  check_refused(angle, {"", "90", "89.91", "-1", "-0.001", "nan", "inf", "-inf", "45deg", "4,5"});
+  CHECK(angle("--option", "0") == 0);
+  CHECK(angle("--option", "89.9") == 89.9);
+  const auto threads = [](const std::string& option, const std::string& text) {
+    return parse_integer(option, text, 1, 1024);
+  };
+  check_refused(threads,
+                {"", "0", "-1", "1025", "2.5", "two", "1e2", "0x2", "99999999999999999999"});
+  CHECK(threads("--option", "1024") == 1024);
+}
+
+TEST_CASE("names that this version does not write are refused", "[cli]") {
+  check_refused(parse_image_pattern,
+                {"", "--plan", "-x.png", "o.glb", "o.GLTF", "o.<UDIM>.png", "o.<UVTILE>.png",
+                 "o.<channel>.png", "<FRAME>.png", "<CHANNEL>.<UDIM>.png", "<>.png"});
+  for (const char* text :
+       {"o.png", "-", "a<b.png", "<CHANNEL>/<MATERIAL>.<TARGET>.exr", "glb/o.png"}) {
+    CHECK(parse_image_pattern("-o", text) == text);
+  }
+}
+
+TEST_CASE("channels, depths and source textures are spelt as in glTF", "[cli]") {
+  check_refused(parse_depth, {"", "U8", "u32", "8"});
+  check_refused(parse_source_texture, {"", "baseColor", "baseColor=", "baseColor=skin.<UDIM>.png"});
+  for (const char* text :
+       {"", "normal", "basecolor", "baseColor,,emissive", "baseColor, emissive", "baseColor,"}) {
+    CAPTURE(text);
+    CHECK_THROWS_AS(parse_channels("--channels", text), Error);
+  }
+}
+
 TEST_CASE("counts and bytes are written for people", "[cli]") {
   CHECK(with_commas(0) == "0");
   CHECK(with_commas(999) == "999");

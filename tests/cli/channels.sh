@@ -2,11 +2,11 @@
 # --channels, --depth and --source-texture name what glTF names; normal maps are for a later version.
 source "$(dirname "$0")/support.sh"
 rejected --channels baseColor,baseColor
-for list in normal '' basecolor baseColor,,emissive 'baseColor, emissive' all,emissive; do
+for list in normal '' all,emissive; do
   refused '--channels: got' transfer a.glb b.glb -o o.png --channels "$list"
 done
-rejected --depth u32 U8 8 ''
-rejected --source-texture baseColor baseColor= 'baseColor=skin.<UDIM>.png'
-for text in normal=n.png =n.png; do
+rejected --depth u32
+rejected --source-texture baseColor 'baseColor=skin.<UDIM>.png'
+for text in normal=n.png; do
   refused '--source-texture: got' transfer a.glb b.glb -o o.png --source-texture "$text"
 done

@@ -25,7 +25,7 @@ constexpr const char* kUsage =
     "  # In a script: exit status 1 unless at least 40 dB inside the mask.\n"
     "  pounce compare result.png truth.png --mask mask.png --min-psnr 40";
 
-constexpr double kHighestThreshold_db = 1000;
+constexpr double kHighestThresholdDb = 1000;
 constexpr int kBelowThreshold = 1;  // the exit status
 
 struct Settings {
@@ -84,7 +84,7 @@ Command add_compare_command(CLI::App& program) {
             [settings](const std::string& text) { settings->mask = parse_path("--mask", text); });
   add_value(*command, "--min-psnr", "DB", "Options", "Exit with status 1 below this, 0 to 1000 dB",
             [settings](const std::string& text) {
-              settings->min_psnr_db = parse_number("--min-psnr", text, 0, kHighestThreshold_db);
+              settings->min_psnr_db = parse_number("--min-psnr", text, 0, kHighestThresholdDb);
             });
   add_switch(*command, "--json", "Options", "As JSON instead of text", settings->json);
   return {command, [settings] { return run_comparison(*settings); }};

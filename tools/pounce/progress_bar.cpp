@@ -16,11 +16,11 @@
 namespace pounce::cli {
 namespace {
 
-constexpr double kBarInterval_s = 0.1;  // ten times a second: smooth, and no flood over slow links
-constexpr double kPlainInterval_s = 5;  // few enough lines for a log of an hour's job
-constexpr double kForgetting_s = 8;     // time constant of the speed behind "time left"
-constexpr double kFirstEstimate_s = 0.5;  // before that the speed is a guess
-constexpr double kShortest_s = 0.1;       // the rate of a shorter stage says nothing
+constexpr double kBarIntervalS = 0.1;    // ten times a second: smooth, and no flood over slow links
+constexpr double kPlainIntervalS = 5;    // few enough lines for a log of an hour's job
+constexpr double kForgettingS = 8;       // time constant of the speed behind "time left"
+constexpr double kFirstEstimateS = 0.5;  // before that the speed is a guess
+constexpr double kShortestS = 0.1;       // the rate of a shorter stage says nothing
 constexpr std::size_t kUsualColumns = 80;
 constexpr std::size_t kWidestBar = 40;
 constexpr std::size_t kNarrowestBar = 8;
@@ -88,9 +88,9 @@ void TimeLeft::update(double fraction, double elapsed_s) {
   }
   const double speed = std::max(0.0, fraction - fraction_) / step_s;
   // The average since the start is the best first value; from then on old speeds fade.
-  const double keep = started_ ? std::exp(-step_s / kForgetting_s) : 0;
+  const double keep = started_ ? std::exp(-step_s / kForgettingS) : 0;
   share_per_s_ = keep * share_per_s_ + (1 - keep) * speed;
-  started_ = started_ || elapsed_s >= kFirstEstimate_s;
+  started_ = started_ || elapsed_s >= kFirstEstimateS;
   if (!started_) return;  // keep measuring from the start
   fraction_ = std::max(fraction_, fraction);
   elapsed_s_ = elapsed_s;
@@ -149,7 +149,7 @@ ProgressFigures ProgressBar::figures(const ProgressEvent& event) {
   const double stage_s = event.elapsed_s - stage->second.elapsed_s;
   const double units =
       event.done > stage->second.done ? static_cast<double>(event.done - stage->second.done) : 0;
-  return {!is_new && stage_s >= kShortest_s ? units / stage_s : 0, time_left_.seconds()};
+  return {!is_new && stage_s >= kShortestS ? units / stage_s : 0, time_left_.seconds()};
 }
 
 void ProgressBar::show(const ProgressEvent& event) {
@@ -169,7 +169,7 @@ void ProgressBar::show(const ProgressEvent& event) {
 }
 
 void ProgressBar::show_bar(const ProgressEvent& event, const ProgressFigures& now) {
-  if (event.elapsed_s - last_shown_s_ < kBarInterval_s && event.done != event.total) return;
+  if (event.elapsed_s - last_shown_s_ < kBarIntervalS && event.done != event.total) return;
   last_shown_s_ = event.elapsed_s;
   // One column stays free: some terminals wrap when the last one is written.
   const std::size_t columns = terminal_columns(out_);
@@ -181,7 +181,7 @@ void ProgressBar::show_bar(const ProgressEvent& event, const ProgressFigures& no
 void ProgressBar::show_plain(const ProgressEvent& event, const ProgressFigures& now) {
   const bool stage_ends = event.total > 0 && event.done >= event.total;
   if (stage_ends ? !ended_.insert(event.stage).second
-                 : event.elapsed_s - std::max(last_shown_s_, 0.0) < kPlainInterval_s) {
+                 : event.elapsed_s - std::max(last_shown_s_, 0.0) < kPlainIntervalS) {
     return;
   }
   last_shown_s_ = event.elapsed_s;

@@ -9,6 +9,19 @@ namespace {
 constexpr unsigned kMostThreads = 1024;
 constexpr int kHelpColumn = 30;
 
+constexpr const char* kExitStatusHelp =
+    "Exit status:\n"
+    "    0  done\n"
+    "    1  compare: below --min-psnr\n"
+    "    2  the command line makes no sense\n"
+    "    3  a mesh or an image cannot be used\n"
+    "    4  --memory is too small; the message names the least that works\n"
+    "    5  a file or folder cannot be read, written or created; the disk is full\n"
+    "    6  a tile store is damaged\n"
+    "   70  an error inside pounce; please report it\n"
+    "   75  another process holds what is needed\n"
+    "  130  interrupted; no half-written output is left";
+
 class HelpFormatter : public CLI::Formatter {
  public:
   explicit HelpFormatter(std::string usage) : usage_(std::move(usage)) {
@@ -27,19 +40,6 @@ class HelpFormatter : public CLI::Formatter {
 };
 
 }  // namespace
-
-const char* const kExitStatusHelp =
-    "Exit status:\n"
-    "    0  done\n"
-    "    1  compare: below --min-psnr\n"
-    "    2  the command line makes no sense\n"
-    "    3  a mesh or an image cannot be used\n"
-    "    4  --memory is too small; the message names the least that works\n"
-    "    5  a file or folder cannot be read, written or created; the disk is full\n"
-    "    6  a tile store is damaged\n"
-    "   70  an error inside pounce; please report it\n"
-    "   75  another process holds what is needed\n"
-    "  130  interrupted; no half-written output is left";
 
 void set_help_text(CLI::App& command, const std::string& usage_and_examples) {
   command.formatter(std::make_shared<HelpFormatter>(usage_and_examples));

@@ -9,9 +9,6 @@
 
 namespace pounce::cli {
 
-/// The list of exit statuses for the end of a help text.
-extern const char* const kExitStatusHelp;
-
 /// Makes a command's help read: purpose, usage line and worked examples, options by group, exit
 /// statuses.
 void set_help_text(CLI::App& command, const std::string& usage_and_examples);
