@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A first-fit allocator of pages inside 4 MiB regions, with a bitmap per region.
+// A first-fit allocator of pages inside 16 MiB regions, with a bitmap per region.
 //
 // Buffers are 1 page to a few hundred; larger ones get a mapping of their own. Regions keep the
 // number of mappings small (the kernel allows 65,530). Freed pages stay resident for the next
@@ -19,8 +19,8 @@
 namespace pounce {
 namespace {
 
-constexpr std::size_t kRegionPages = 1024;
-constexpr std::size_t kMostIdlePages = 1024;  // 4 MiB
+constexpr std::size_t kRegionPages = 4096;    // 16 MiB of address space
+constexpr std::size_t kMostIdlePages = 2048;  // 8 MiB resident
 
 struct Region {
   std::byte* start = nullptr;
@@ -93,7 +93,7 @@ PagePool& PagePool::instance() {
 void* PagePool::allocate(std::size_t bytes) {
   const std::size_t pages = (bytes + kPageBytes - 1) / kPageBytes;
   if (pages == 0) return nullptr;
-  if (pages > kRegionPages / 4) return map_pages(pages * kPageBytes);
+  if (pages > kRegionPages / 2) return map_pages(pages * kPageBytes);
   Pool& p = pool();
   const std::lock_guard lock(p.mutex);
   for (auto& [start, region] : p.regions) {
@@ -113,7 +113,7 @@ void* PagePool::allocate(std::size_t bytes) {
 void PagePool::release(void* at, std::size_t bytes) noexcept {
   const std::size_t pages = (bytes + kPageBytes - 1) / kPageBytes;
   if (pages == 0) return;
-  if (pages > kRegionPages / 4) {
+  if (pages > kRegionPages / 2) {
     munmap(at, pages * kPageBytes);
     return;
   }

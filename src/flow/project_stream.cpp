@@ -18,6 +18,7 @@
 #include <tbb/flow_graph.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include "flow/pump.h"
@@ -42,13 +43,14 @@ struct Piece {
 /// What one source block costs a batch: itself decoded, what it is decoded from, and its share of
 /// the grid.
 std::uint64_t batch_cost(std::uint64_t triangles, std::uint64_t patches) {
-  return source::SourceBlock::decoded_bytes(triangles, patches) + patches * 96;
+  return source::SourceBlock::decoded_bytes(triangles, patches) + patches * 128;
 }
 
 std::uint64_t block_state_bytes(std::uint32_t texels, std::uint32_t triangles,
                                 std::uint64_t result_texel_bytes) {
   const std::uint64_t packets = target::TargetBlock::most_packets(texels);
-  return packets * (sizeof(target::TexelPacket) + sizeof(projection::HitPacket) + 16) +
+  return packets * (sizeof(target::TexelPacket) + sizeof(projection::HitPacket) +
+                    sizeof(RayBundle) + 16) +
          2 * kTexelsPerBlock + std::uint64_t{triangles} * 220 +
          kTexelsPerBlock * result_texel_bytes + texture::kMaskBytes + 4 * kPageBytes;
 }
@@ -219,19 +221,18 @@ class Projector {
                               request_.smallest_edge);
       work->maps.back().make_packets(b, work->state.packets, work->state.groups);
     }
-    work->state.hits.resize(work->state.packets.size());
-    for (auto& hit : work->state.hits) projection::clear(hit);
-    work->state.open.resize(work->state.groups.size());
-    for (std::uint32_t g = 0; g < work->state.open.size(); ++g) work->state.open[g] = g;
+    projection::start(work->state);
     return work;
   }
 
   /// Height after height: every source block that the open texels may meet goes past them.
   void search_piece(Work& work) {
+    // Neighbouring pieces lie about as far from the source: start where the last one found it.
+    const float expected = expected_distance_.load(std::memory_order_relaxed);
     for (const float height : heights_) {
-      if (work.state.open.empty()) return;
-      const auto boxes =
-          projection::open_boxes(work.state, work.blocks.size(), height, *request_.kernels);
+      if (work.state.open.empty()) break;
+      if (height < expected && height != heights_.back()) continue;
+      const auto boxes = projection::open_boxes(work.state, work.blocks.size(), height);
       Box3f all;
       for (const Box3f& box : boxes) all.extend(box);
       std::vector<std::shared_ptr<const source::SourceBlock>> batch;
@@ -256,6 +257,7 @@ class Projector {
       flush();
       projection::close_groups(height, *request_.kernels, work.state);
     }
+    expected_distance_.store(projection::middle_distance(work.state), std::memory_order_relaxed);
   }
 
   static bool meets(const tiles::BlockEntry& entry, const std::vector<Box3f>& boxes) {
@@ -271,7 +273,7 @@ class Projector {
                         const Box3f& region, float height, Work& work) {
     std::vector<const source::SourceBlock*> blocks;
     for (const auto& block : batch) blocks.push_back(block.get());
-    const grid::PatchGrid grid(blocks, region);
+    grid::PatchGrid grid(blocks, region);
     projection::search_batch(grid, height, request_.limits, *request_.kernels, work.state);
   }
 
@@ -304,37 +306,35 @@ class Projector {
     std::uint64_t next_ = 0;
   };
 
-  texture::TexelValue colour_at(const PageColour& page, const projection::HitPacket& hit, int lane,
-                                TileWindow& window) const {
-    if (page.column == nullptr) return page.constant;
-    const tiles::ColourDirectory& image = page.column->directory();
-    const double x = placed(hit.base_x[lane], hit.frac_x[lane], image.width, image.wrap_u);
-    const double y = placed(hit.base_y[lane], hit.frac_y[lane], image.height, image.wrap_v);
-    // -1 .. 0 belongs to the first tile's apron; x < width, so the tile exists.
-    const auto tile_x = static_cast<std::uint32_t>(std::max(x, 0.0)) / mesh::kBlockEdge;
-    const auto tile_y = static_cast<std::uint32_t>(std::max(y, 0.0)) / mesh::kBlockEdge;
-    const std::byte* const tile = window.get(*page.column, tile_x, tile_y);
-    return {request_.blend(image, tile, x - tile_x * double{mesh::kBlockEdge},
-                           y - tile_y * double{mesh::kBlockEdge}),
-            image.channels, image.linear};
-  }
-
-  /// A texel coordinate brought into the image as its wrap mode says: -1 <= result < size.
-  static double placed(std::int32_t base, float frac, std::uint32_t size, mesh::Wrap wrap) {
-    const double whole = std::floor(static_cast<double>(frac));
-    const double rest = static_cast<double>(frac) - whole;
-    const auto texel = std::int64_t{base} + static_cast<std::int64_t>(whole);
-    const std::int64_t n = size;
-    if (wrap == mesh::Wrap::clamp) {
-      return std::clamp(static_cast<double>(texel) + rest, -1.0, static_cast<double>(n - 1));
+  /// Writes the colour of one hit in the output's format.
+  void store_colour(const ChannelOutput& channel, const projection::HitPacket& hit, int lane,
+                    TileWindow& window, std::byte* out) const {
+    const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
+    if (page.column == nullptr) {
+      texture::store_texel(channel.format, page.constant, out);
+      return;
     }
-    if (wrap == mesh::Wrap::repeat)
-      return static_cast<double>(tiles::wrapped(texel, n, wrap)) + rest;
-    const std::int64_t inside = ((texel % (2 * n)) + 2 * n) % (2 * n);
-    const double x = static_cast<double>(inside) + rest;
-    if (inside < n) return x;
-    return std::max(static_cast<double>(2 * n - 1) - x,
-                    -1.0);  // mirrored about the border between texels
+    const tiles::ColourDirectory& image = page.column->directory();
+    const projection::Coordinate x =
+        projection::placed(hit.base_x[lane], hit.frac_x[lane], image.width, image.wrap_u);
+    const projection::Coordinate y =
+        projection::placed(hit.base_y[lane], hit.frac_y[lane], image.height, image.wrap_v);
+    // Texel -1 belongs to the first tile's apron.
+    const std::int32_t tile_x = std::max(x.texel, 0) / mesh::kBlockEdge,
+                       tile_y = std::max(y.texel, 0) / mesh::kBlockEdge;
+    const std::byte* const tile = window.get(*page.column, static_cast<std::uint32_t>(tile_x),
+                                             static_cast<std::uint32_t>(tile_y));
+    projection::Taps taps;
+    request_.blend(x.rest, y.rest, taps);
+    const int column = x.texel - tile_x * mesh::kBlockEdge,
+              row = y.texel - tile_y * mesh::kBlockEdge;
+    if (channel.format.keeps(image)) {
+      projection::blend_u8(image, tile, column, row, taps, out);
+    } else {
+      texture::store_texel(
+          channel.format,
+          {projection::blend(image, tile, column, row, taps), image.channels, image.linear}, out);
+    }
   }
 
   void blend_piece(Work& work) {
@@ -364,9 +364,7 @@ class Projector {
       for (int lane = 0; lane < target::kLanes; ++lane) {
         const std::uint16_t texel = work.state.packets[p].texel[lane];
         if (texel == target::kNoTexel || hit.key[lane] == projection::kNoHit) continue;
-        const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
-        texture::store_texel(channel.format, colour_at(page, hit, lane, window),
-                             result.texels.data() + texel * texel_bytes);
+        store_colour(channel, hit, lane, window, result.texels.data() + texel * texel_bytes);
         result.cover(texel);
         ++covered;
       }
@@ -411,6 +409,7 @@ class Projector {
   const ProjectRequest& request_;
   SourceCache cache_;
   std::vector<float> heights_;
+  std::atomic<float> expected_distance_{0};
   std::uint64_t result_texel_bytes_ = 0;
   std::uint64_t batch_bytes_ = 0;
   std::vector<Piece> pieces_;

@@ -37,7 +37,7 @@ struct ProjectRequest {
   std::vector<ChannelOutput> channels;
   projection::SearchLimits limits;
   const projection::Kernels* kernels = nullptr;
-  projection::BlendKernel blend = projection::blend_tent;
+  projection::BlendKernel blend = projection::tent;
   float smallest_edge = 0;  ///< see TargetBlock
 };
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <tbb/task_arena.h>
+
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
@@ -17,22 +19,35 @@ namespace pounce::flow {
 template <class Put>
 class Pump {
  public:
-  Pump(MemoryBudget& budget, std::span<const std::uint64_t> costs, Put put)
-      : budget_(budget), costs_(costs), put_(std::move(put)) {}
+  Pump(MemoryBudget& budget, std::span<const std::uint64_t> costs, Put put,
+       std::size_t most_at_once = few_per_thread())
+      : budget_(budget), costs_(costs), put_(std::move(put)), most_at_once_(most_at_once) {}
+
+  /// More works at once would not run any sooner, only push each other out of the processor's
+  /// caches.
+  static std::size_t few_per_thread() {
+    return 3 * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+  }
 
   /// At the start, and after every release.
   void admit() {
     for (;;) {
       std::size_t work;
       {
-        const std::lock_guard lock(mutex_);  // guards next_ and the order of leases
-        if (next_ == costs_.size() || !budget_.try_lease(costs_[next_])) return;
+        const std::lock_guard lock(mutex_);  // guards next_, at_once_ and the order of leases
+        if (next_ == costs_.size() || at_once_ == most_at_once_) return;
+        if (!budget_.try_lease(costs_[next_])) return;
+        ++at_once_;
         work = next_++;
       }
       put_(work);  // outside the lock
     }
   }
   void release(std::size_t work) {
+    {
+      const std::lock_guard lock(mutex_);
+      --at_once_;
+    }
     budget_.release(costs_[work]);
     admit();
   }
@@ -41,8 +56,9 @@ class Pump {
   MemoryBudget& budget_;
   std::span<const std::uint64_t> costs_;
   Put put_;
+  const std::size_t most_at_once_;
   std::mutex mutex_;
-  std::size_t next_ = 0;
+  std::size_t next_ = 0, at_once_ = 0;
 };
 
 }  // namespace pounce::flow

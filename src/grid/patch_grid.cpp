@@ -36,6 +36,37 @@ std::array<std::uint16_t, 3> PatchGrid::cell(Vec3f p) const {
           along(p.z, region_.lo.z, dims_[2])};
 }
 
+PatchGrid::Walk::Walk(const PatchGrid& grid, const RayBundle& bundle, float height)
+    : origin{bundle.origin.x, bundle.origin.y, bundle.origin.z},
+      direction{bundle.direction.x, bundle.direction.y, bundle.direction.z} {
+  for (std::size_t k = 1; k < 3; ++k) {
+    if (std::abs(direction[k]) > std::abs(direction[axis])) axis = k;
+  }
+  reach = (bundle.offset + height * bundle.spread) * 1.0001F;
+  const std::array<float, 3> start{grid.region_.lo.x, grid.region_.lo.y, grid.region_.lo.z};
+  slab_start = start[axis];
+  slab_edge = 1 / grid.per_cell_;
+}
+
+Box3f PatchGrid::Walk::slab_box(std::uint32_t slab, const Box3f& swept) const {
+  if (direction[axis] == 0) return swept;  // normals that cancel out: no axis to follow
+  // The axis runs through the slab between these heights, widened by what its rays may lead or lag.
+  const float wide = reach + 0.01F * slab_edge;
+  const float low = slab_start + static_cast<float>(slab) * slab_edge - wide;
+  const float high = slab_start + static_cast<float>(slab + 1) * slab_edge + wide;
+  const float t0 = (low - origin[axis]) / direction[axis],
+              t1 = (high - origin[axis]) / direction[axis];
+  std::array<float, 3> lo{swept.lo.x, swept.lo.y, swept.lo.z},
+      hi{swept.hi.x, swept.hi.y, swept.hi.z};
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (k == axis) continue;
+    const float a = origin[k] + t0 * direction[k], b = origin[k] + t1 * direction[k];
+    lo[k] = std::max(lo[k], std::min(a, b) - wide);
+    hi[k] = std::min(hi[k], std::max(a, b) + wide);
+  }
+  return {{lo[0], lo[1], lo[2]}, {hi[0], hi[1], hi[2]}};
+}
+
 std::uint64_t PatchGrid::count_entries() {
   std::uint64_t entries = 0;
   for (GridItem& item : items_) {
@@ -95,7 +126,8 @@ PatchGrid::PatchGrid(std::span<const source::SourceBlock* const> blocks, const B
   for (const auto* block : blocks) {
     for (const source::Patch& patch : block->patches) {
       if (patch.box.overlaps(region))
-        items_.push_back({patch.box, &block->facets[patch.facet], {}});
+        items_.push_back(
+            {patch.box, patch.centre, patch.radius, &block->facets[patch.facet], 0, {}});
     }
   }
   choose_cells();

@@ -43,6 +43,35 @@ std::int32_t block_of(double texel) {
           mesh.path, triangle));
 }
 
+/// Blocks, both ends included.
+struct BlockRange {
+  std::int32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+};
+
+/// Calls visit(x, y) for every block of the range that the triangle touches. Halves the range, so
+/// that a long thin triangle does not pay for all of its box.
+template <class Visit>
+void visit_blocks(const std::array<Vec2d, 3>& corners, const BlockRange& range,
+                  const Visit& visit) {
+  if (range.x0 > range.x1 || range.y0 > range.y1) return;
+  const TexelWindow window{std::int64_t{range.x0} * kBlockEdge, std::int64_t{range.y0} * kBlockEdge,
+                           (std::int64_t{range.x1} + 1) * kBlockEdge,
+                           (std::int64_t{range.y1} + 1) * kBlockEdge};
+  if (!triangle_touches(corners, window, 1.0)) return;
+  const std::int32_t across = range.x1 - range.x0, down = range.y1 - range.y0;
+  if (across == 0 && down == 0) {
+    visit(range.x0, range.y0);
+  } else if (across >= down) {
+    const std::int32_t middle = range.x0 + across / 2;
+    visit_blocks(corners, {range.x0, range.y0, middle, range.y1}, visit);
+    visit_blocks(corners, {middle + 1, range.y0, range.x1, range.y1}, visit);
+  } else {
+    const std::int32_t middle = range.y0 + down / 2;
+    visit_blocks(corners, {range.x0, range.y0, range.x1, middle}, visit);
+    visit_blocks(corners, {range.x0, middle + 1, range.x1, range.y1}, visit);
+  }
+}
+
 /// Calls visit(instance, block_x, block_y) for every block a triangle belongs to.
 template <class Visit>
 void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& visit) {
@@ -69,14 +98,8 @@ void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& v
     const std::int64_t across = block_of(bx1) - block_of(bx0) + 1;
     const std::int64_t down = block_of(by1) - block_of(by0) + 1;
     if (across * down > static_cast<std::int64_t>(kMostEntries)) fail_span(*request.mesh, triangle);
-    for (std::int32_t y = block_of(by0); y <= block_of(by1); ++y) {
-      for (std::int32_t x = block_of(bx0); x <= block_of(bx1); ++x) {
-        const TexelWindow window{std::int64_t{x} * kBlockEdge, std::int64_t{y} * kBlockEdge,
-                                 std::int64_t{x + 1} * kBlockEdge,
-                                 std::int64_t{y + 1} * kBlockEdge};
-        if (triangle_touches(moved, window, 1.0)) visit(instance, x, y);
-      }
-    }
+    visit_blocks(moved, {block_of(bx0), block_of(by0), block_of(bx1), block_of(by1)},
+                 [&](std::int32_t x, std::int32_t y) { visit(instance, x, y); });
   };
   if (!request.wrap_into_image) {
     if (is_whole(corners)) {
@@ -163,9 +186,10 @@ std::uint64_t count_entries(const BinRequest& request) {
   std::uint64_t entries = 0;
   for (std::uint32_t t = 0; t < request.mesh->triangles.size(); ++t) {
     if (request.triangle_page[t] == kNoPage) continue;
-    for_each_block(request, t,
-                   [&](const TriangleInstance&, std::int32_t, std::int32_t) { ++entries; });
-    if (entries > kMostEntries) fail_span(*request.mesh, t);
+    // Inside the visit: one triangle over many periods of a large image has billions of blocks.
+    for_each_block(request, t, [&](const TriangleInstance&, std::int32_t, std::int32_t) {
+      if (++entries > kMostEntries) fail_span(*request.mesh, t);
+    });
   }
   return entries;
 }

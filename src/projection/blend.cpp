@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "projection/blend.h"
 
-#include <cmath>
 #include <cstring>
 
 #include "core/half.h"
@@ -46,34 +45,83 @@ double one(const tiles::ColourDirectory& image) noexcept {
   }
 }
 
+const std::byte* first_tap(const std::byte* tile, int column, int row, const Taps& taps,
+                           std::size_t texel) noexcept {
+  const int at = (row + taps.first + tiles::kApron) * tiles::kColourTileEdge + column + taps.first +
+                 tiles::kApron;
+  return tile + static_cast<std::size_t>(at) * texel;
+}
+
 }  // namespace
 
-Blended blend_tent(const tiles::ColourDirectory& image, const std::byte* tile, double x,
-                   double y) noexcept {
-  const double left = std::floor(x), top = std::floor(y);
-  const double u = x - left, v = y - top;
-  const std::array<std::int64_t, 4> weights{
-      static_cast<std::int64_t>((1 - u) * (1 - v) * kWeightSteps + 0.5),
-      static_cast<std::int64_t>(u * (1 - v) * kWeightSteps + 0.5),
-      static_cast<std::int64_t>((1 - u) * v * kWeightSteps + 0.5),
-      static_cast<std::int64_t>(u * v * kWeightSteps + 0.5)};
-  const std::size_t texel = image.texel_bytes();
-  const auto column = static_cast<std::size_t>(static_cast<int>(left) + tiles::kApron);
-  const auto row = static_cast<std::size_t>(static_cast<int>(top) + tiles::kApron);
-  const std::byte* const first = tile + (row * tiles::kColourTileEdge + column) * texel;
-  const std::array<const std::byte*, 4> taps{first, first + texel,
-                                             first + tiles::kColourTileEdge * texel,
-                                             first + (tiles::kColourTileEdge + 1) * texel};
-  const std::size_t sample = tiles::depth_bytes(image.depth);
-  const double total =
-      static_cast<double>(weights[0] + weights[1] + weights[2] + weights[3]) * one(image);
-  Blended out{};
-  for (std::size_t c = 0; c < image.channels; ++c) {
-    std::int64_t sum = 0;
-    for (std::size_t k = 0; k < 4; ++k) sum += weights[k] * steps(image, taps[k] + c * sample);
-    out[c] = static_cast<double>(sum) / total;
+void tent(double u, double v, Taps& taps) noexcept {
+  taps.first = 0;
+  taps.size = 2;
+  const auto step = [](double w) { return static_cast<std::int32_t>(w * kWeightSteps + 0.5); };
+  taps.weights[0] = step((1 - u) * (1 - v));
+  taps.weights[1] = step(u * (1 - v));
+  taps.weights[2] = step((1 - u) * v);
+  taps.weights[3] = step(u * v);
+  taps.total = taps.weights[0] + taps.weights[1] + taps.weights[2] + taps.weights[3];
+}
+
+Blended blend(const tiles::ColourDirectory& image, const std::byte* tile, int column, int row,
+              const Taps& taps) noexcept {
+  const std::size_t texel = image.texel_bytes(), sample = tiles::depth_bytes(image.depth);
+  const std::byte* const first = first_tap(tile, column, row, taps, texel);
+  std::array<std::int64_t, 4> sums{};
+  for (int y = 0; y < taps.size; ++y) {
+    for (int x = 0; x < taps.size; ++x) {
+      const std::int64_t weight = taps.weights[static_cast<std::size_t>(y * taps.size + x)];
+      const std::byte* const at =
+          first + static_cast<std::size_t>(y * tiles::kColourTileEdge + x) * texel;
+      for (std::size_t c = 0; c < image.channels; ++c)
+        sums[c] += weight * steps(image, at + c * sample);
+    }
   }
+  Blended out{};
+  const double total = taps.total * one(image);
+  for (std::size_t c = 0; c < image.channels; ++c) out[c] = static_cast<double>(sums[c]) / total;
   return out;
+}
+
+namespace {
+
+template <std::size_t kChannels>
+void blend_u8_channels(const std::byte* tile, int column, int row, const Taps& taps,
+                       std::byte* out) noexcept {
+  const std::byte* const first = first_tap(tile, column, row, taps, kChannels);
+  std::array<std::int32_t, kChannels>
+      sums{};  // 2^20 * 255 at most, and kernels with negative weights stay near it
+  for (int y = 0; y < taps.size; ++y) {
+    const std::byte* at = first + static_cast<std::size_t>(y * tiles::kColourTileEdge) * kChannels;
+    for (int x = 0; x < taps.size; ++x, at += kChannels) {
+      const std::int32_t weight = taps.weights[static_cast<std::size_t>(y * taps.size + x)];
+      for (std::size_t c = 0; c < kChannels; ++c)
+        sums[c] += weight * std::to_integer<std::int32_t>(at[c]);
+    }
+  }
+  const double per_total = 1.0 / taps.total;
+  for (std::size_t c = 0; c < kChannels; ++c) {
+    const auto value = static_cast<std::int32_t>(sums[c] * per_total + 0.5);
+    out[c] = static_cast<std::byte>(value < 0 ? 0 : value > 255 ? 255 : value);
+  }
+}
+
+}  // namespace
+
+void blend_u8(const tiles::ColourDirectory& image, const std::byte* tile, int column, int row,
+              const Taps& taps, std::byte* out) noexcept {
+  switch (image.channels) {
+    case 1:
+      return blend_u8_channels<1>(tile, column, row, taps, out);
+    case 2:
+      return blend_u8_channels<2>(tile, column, row, taps, out);
+    case 3:
+      return blend_u8_channels<3>(tile, column, row, taps, out);
+    default:
+      return blend_u8_channels<4>(tile, column, row, taps, out);
+  }
 }
 
 }  // namespace pounce::projection

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -10,22 +11,58 @@
 
 namespace pounce::projection {
 
-/// One texel's blended channels, 0..1 for integer images, as stored for float ones.
+/// A texel coordinate of an image: the whole texel at or below it and the rest, 0 <= rest < 1.
+struct Coordinate {
+  std::int32_t texel = 0;
+  double rest = 0;
+};
+
+/// Brings a hit's coordinate base + frac into the image as its wrap mode says: -1 <= texel < size,
+/// so that the tile exists and its apron holds every tap.
+inline Coordinate placed(std::int32_t base, float frac, std::uint32_t size,
+                         mesh::Wrap wrap) noexcept {
+  const double whole = std::floor(static_cast<double>(frac));
+  const Coordinate at{base + static_cast<std::int32_t>(whole), static_cast<double>(frac) - whole};
+  const auto n = static_cast<std::int32_t>(size);
+  if (at.texel >= 0 && at.texel < n) return at;
+  if (wrap == mesh::Wrap::clamp)
+    return at.texel < 0 ? Coordinate{-1, at.texel < -1 ? 0 : at.rest} : Coordinate{n - 1, 0};
+  if (wrap == mesh::Wrap::repeat)
+    return {static_cast<std::int32_t>(tiles::wrapped(at.texel, n, wrap)), at.rest};
+  const std::int32_t inside =
+      static_cast<std::int32_t>(tiles::wrapped(at.texel, std::int64_t{2} * n, mesh::Wrap::repeat));
+  if (inside < n) return {inside, at.rest};
+  // The mirrored period runs backwards: x becomes 2 n - 1 - x.
+  return at.rest > 0 ? Coordinate{2 * n - 2 - inside, 1 - at.rest}
+                     : Coordinate{2 * n - 1 - inside, 0};
+}
+
+/// Weights of the Gaussians around a hit, in steps of 2^-20: size x size of them, the first at
+/// (texel + first, texel + first) from the hit's texel, row by row.
+struct Taps {
+  int first = 0, size = 0;
+  std::array<std::int32_t, 16> weights{};
+  std::int32_t total = 0;
+};
+
+/// A blend kernel: weights for a hit at `u`, `v` (0..1) beyond its texel. It may reach from texel -
+/// 1 to texel + 2 (the apron). Replaceable: everything else does not know which one it is.
+using BlendKernel = void (*)(double u, double v, Taps& taps) noexcept;
+
+/// The tent (1 - |du|)(1 - |dv|) in the hit Gaussian's texel frame.
+void tent(double u, double v, Taps& taps) noexcept;
+
+/// One texel's blended channels: 0..1 for integer images, as stored for float ones.
 using Blended = std::array<double, 4>;
 
-/// Blends the Gaussians around a hit. `tile` is a decoded colour tile of `image`; (x, y) the hit's
-/// texel coordinates from the tile's first texel (apron excluded), -1 <= x, y < 65. noexcept,
-/// thread-safe.
-///
-/// The kernel is the tent (1 - |du|)(1 - |dv|) in the hit Gaussian's texel frame, over the
-/// Gaussians of its chart in the image's neighbourhood. Weights are counted in 2^-20 and samples in
-/// whole steps (2^-30 of the image's scale for float images), so sums are integers and come out the
-/// same in any order.
-Blended blend_tent(const tiles::ColourDirectory& image, const std::byte* tile, double x,
-                   double y) noexcept;
-
-/// A blend kernel: replaceable, see blend_tent.
-using BlendKernel = Blended (*)(const tiles::ColourDirectory&, const std::byte*, double,
-                                double) noexcept;
+/// Blends the Gaussians around a hit. `tile` is a decoded colour tile of `image`; column and row
+/// are the hit's texel in it, apron excluded, -1..63. Samples are counted in whole steps (2^-30 of
+/// the image's scale for float images), so sums are integers and come out the same in any order.
+/// noexcept, thread-safe.
+Blended blend(const tiles::ColourDirectory& image, const std::byte* tile, int column, int row,
+              const Taps& taps) noexcept;
+/// The same for 8-bit images, rounded to 8 bits at `out` (image.channels of them).
+void blend_u8(const tiles::ColourDirectory& image, const std::byte* tile, int column, int row,
+              const Taps& taps, std::byte* out) noexcept;
 
 }  // namespace pounce::projection

@@ -45,29 +45,6 @@ inline bool any(Ints mask) {
 }
 inline Floats max0(Floats v) { return v > 0.0F ? v : Floats{}; }
 
-Box3f swept_box(const TexelPacket& packet, float height) {
-  Box3f box;
-  const float* const points[3] = {packet.px, packet.py, packet.pz};
-  const float* const normals[3] = {packet.nx, packet.ny, packet.nz};
-  float lo[3], hi[3];
-  for (int axis = 0; axis < 3; ++axis) {
-    const Floats p = load(points[axis]);
-    Floats reach = load(normals[axis]) * height;
-    reach = reach < 0.0F ? -reach : reach;
-    const Floats low = p - reach;
-    const Floats high = p + reach;
-    lo[axis] = low[0];
-    hi[axis] = high[0];
-    for (int lane = 1; lane < kLanes; ++lane) {  // unused lanes repeat the first texel's point
-      lo[axis] = low[lane] < lo[axis] ? low[lane] : lo[axis];
-      hi[axis] = high[lane] > hi[axis] ? high[lane] : hi[axis];
-    }
-  }
-  box.lo = {lo[0], lo[1], lo[2]};
-  box.hi = {hi[0], hi[1], hi[2]};
-  return box;
-}
-
 void hit(const source::Facet& f, const TexelPacket& packet, const SearchLimits& limits, HitPacket& best) {
   const Floats nx = load(packet.nx), ny = load(packet.ny), nz = load(packet.nz);
   const Floats facing = f.n[0] * nx + f.n[1] * ny + f.n[2] * nz;
@@ -116,6 +93,26 @@ void hit(const source::Facet& f, const TexelPacket& packet, const SearchLimits& 
   store(best.frac_y, better ? y : load(best.frac_y));
 }
 
+/// RayBundle::may_meet for sixteen spheres.
+void search(const Candidates& candidates, const RayBundle& bundle, float height, const TexelPacket& packet,
+            const SearchLimits& limits, HitPacket& best) {
+  const Vec3f o = bundle.origin, d = bundle.direction;
+  const float reach_of_rays = bundle.offset + height * bundle.spread;
+  for (std::size_t i = 0; i < candidates.size(); i += kLanes) {
+    const Floats reach = (load(candidates.radius(i)) + reach_of_rays) * 1.00001F;
+    const Floats vx = load(candidates.x(i)) - o.x, vy = load(candidates.y(i)) - o.y, vz = load(candidates.z(i)) - o.z;
+    const Floats cx = vy * d.z - vz * d.y, cy = vz * d.x - vx * d.z, cz = vx * d.y - vy * d.x;
+    Floats along = vx * d.x + vy * d.y + vz * d.z;
+    along = along < 0.0F ? -along : along;
+    const Ints meets = (cx * cx + cy * cy + cz * cz <= reach * reach) & (along <= height + reach);
+    if (!any(meets)) continue;
+    const std::size_t last = candidates.size() - i < kLanes ? candidates.size() - i : kLanes;
+    for (std::size_t lane = 0; lane < last; ++lane) {
+      if (meets[lane] != 0) hit(candidates.facet(i + lane), packet, limits, best);
+    }
+  }
+}
+
 bool all_final(const TexelPacket& packet, const HitPacket& best, float height) {
   Floats limit = height * load(packet.per_texel) * kKeySteps;
   limit = limit < 1e9F ? limit : Floats{} + 1e9F;
@@ -129,6 +126,6 @@ bool all_final(const TexelPacket& packet, const HitPacket& best, float height) {
 }  // namespace
 
 extern const Kernels kKernels;
-const Kernels kKernels{POUNCE_ISA_NAME, swept_box, hit, all_final};
+const Kernels kKernels{POUNCE_ISA_NAME, hit, search, all_final};
 
 }  // namespace pounce::projection::POUNCE_ISA_NAMESPACE

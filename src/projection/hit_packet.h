@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "core/box.h"
 #include "grid/patch_grid.h"
+#include "projection/packet_bundle.h"
 #include "target/target_block.h"
 
 namespace pounce::projection {
@@ -34,15 +37,36 @@ struct SearchLimits {
   float min_cosine = 0;    ///< of the angle between the texel's and the triangle's normals
 };
 
+/// Patches that a group of packets may meet: spheres in arrays, so that sixteen are culled at once.
+class Candidates {
+ public:
+  void clear() { count_ = 0; }
+  void add(const grid::GridItem& item);
+  std::size_t size() const { return count_; }
+  const float* x(std::size_t i) const { return centre_[0].data() + i; }
+  const float* y(std::size_t i) const { return centre_[1].data() + i; }
+  const float* z(std::size_t i) const { return centre_[2].data() + i; }
+  const float* radius(std::size_t i) const { return radius_.data() + i; }
+  const source::Facet& facet(std::size_t i) const { return *facets_[i]; }
+
+ private:
+  std::size_t count_ = 0;
+  std::array<std::vector<float>, 3>
+      centre_;  // always whole registers; what lies beyond count_ is never read
+  std::vector<float> radius_;
+  std::vector<const source::Facet*> facets_;
+};
+
 /// The kernels, one build per instruction set. All give the same bits: IEEE operations in one
 /// order, no fused multiply-add, no approximate reciprocals. noexcept and thread-safe.
 struct Kernels {
   const char* isa;  ///< "sse2", "avx2", "avx512"
-  /// The box that holds p + t n, |t| <= height, for every used lane.
-  Box3f (*swept_box)(const TexelPacket& packet, float height);
   /// Tries a facet on all lanes and keeps the better hit of each.
   void (*hit)(const source::Facet& facet, const TexelPacket& packet, const SearchLimits& limits,
               HitPacket& best);
+  /// Tries all candidates that the packet's rays may meet within `height`.
+  void (*search)(const Candidates& candidates, const RayBundle& bundle, float height,
+                 const TexelPacket& packet, const SearchLimits& limits, HitPacket& best);
   /// True when no facet farther away than `height` can beat what any lane has.
   bool (*all_final)(const TexelPacket& packet, const HitPacket& best, float height);
 };

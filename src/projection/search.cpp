@@ -14,64 +14,72 @@
 // in any order and any number of times, which is what lets the source be streamed past the texels.
 #include "projection/search.h"
 
-#include <array>
+#include <algorithm>
 #include <cmath>
 
 namespace pounce::projection {
 namespace {
 
-constexpr int kHeights = 7;  // the first is max_distance / 64
-
-/// Rounding on the way from a texel to a hit, relative to the coordinates' size.
-Box3f rounded_out(const Box3f& box) {
-  const float largest = std::max({std::abs(box.lo.x), std::abs(box.lo.y), std::abs(box.lo.z),
-                                  std::abs(box.hi.x), std::abs(box.hi.y), std::abs(box.hi.z)});
-  return box.grown(4e-7F * largest);
-}
+// The first is max_distance / 64; each next one is four times the last. Rays are culled against
+// patches one by one, so reaching too far costs little, and every height costs a pass over the
+// source's boxes.
+constexpr int kHeights = 4;
 
 }  // namespace
 
 std::vector<float> search_heights(float max_distance) {
   std::vector<float> heights;
-  for (int k = kHeights - 1; k >= 0; --k) heights.push_back(std::ldexp(max_distance, -k));
+  for (int k = kHeights - 1; k >= 0; --k) heights.push_back(std::ldexp(max_distance, -2 * k));
   return heights;
 }
 
-std::vector<Box3f> open_boxes(const SearchState& state, std::size_t blocks, float height,
-                              const Kernels& kernels) {
+void start(SearchState& state) {
+  state.hits.resize(state.packets.size());
+  for (HitPacket& hit : state.hits) clear(hit);
+  state.bundles.reserve(state.packets.size());
+  for (const TexelPacket& packet : state.packets) state.bundles.push_back(bundle_of(packet));
+  state.open.resize(state.groups.size());
+  for (std::uint32_t g = 0; g < state.open.size(); ++g) state.open[g] = g;
+}
+
+std::vector<Box3f> open_boxes(const SearchState& state, std::size_t blocks, float height) {
   std::vector<Box3f> boxes(blocks);
   for (const std::uint32_t g : state.open) {
     const target::PacketGroup& group = state.groups[g];
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
-      boxes[state.packets[p].block].extend(
-          rounded_out(kernels.swept_box(state.packets[p], height)));
+      boxes[state.packets[p].block].extend(state.bundles[p].swept_box(height));
     }
   }
   return boxes;
 }
 
-void search_batch(const grid::PatchGrid& grid, float height, const SearchLimits& limits,
+void search_batch(grid::PatchGrid& grid, float height, const SearchLimits& limits,
                   const Kernels& kernels, SearchState& state) {
-  std::vector<const grid::GridItem*> candidates;
-  std::vector<Box3f> boxes;
+  Candidates candidates;
   for (const std::uint32_t g : state.open) {
     const target::PacketGroup& group = state.groups[g];
-    boxes.clear();
-    Box3f all;
-    for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
-      boxes.push_back(rounded_out(kernels.swept_box(state.packets[p], height)));
-      all.extend(boxes.back());
-    }
+    const std::span bundles(state.bundles.data() + group.first, group.count);
+    const RayBundle all = unite(bundles);
     candidates.clear();
-    grid.query(all, [&](const grid::GridItem& item) { candidates.push_back(&item); });
-    for (std::uint32_t i = 0; i < group.count; ++i) {
-      const TexelPacket& packet = state.packets[group.first + i];
-      HitPacket& best = state.hits[group.first + i];
-      for (const grid::GridItem* item : candidates) {
-        if (item->box.overlaps(boxes[i])) kernels.hit(*item->facet, packet, limits, best);
-      }
+    grid.query(all, height, [&](const grid::GridItem& item) { candidates.add(item); });
+    if (candidates.size() == 0) continue;
+    for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
+      kernels.search(candidates, state.bundles[p], height, state.packets[p], limits, state.hits[p]);
     }
   }
+}
+
+float middle_distance(const SearchState& state) {
+  std::vector<float> distances;
+  for (std::size_t p = 0; p < state.packets.size(); ++p) {
+    if (state.hits[p].key[0] == kNoHit) continue;
+    distances.push_back(static_cast<float>(state.hits[p].key[0]) /
+                        (kKeySteps * state.packets[p].per_texel[0]));
+  }
+  if (distances.empty()) return 0;
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  return *middle;
 }
 
 void close_groups(float height, const Kernels& kernels, SearchState& state) {

@@ -7,36 +7,46 @@
 
 #include "core/page_pool.h"
 #include "projection/hit_packet.h"
+#include "projection/packet_bundle.h"
 
 namespace pounce::projection {
 
 /// The texels of one piece of the target and what they have found so far.
 struct SearchState {
   PageVector<TexelPacket> packets;
-  PageVector<HitPacket> hits;  ///< one per packet
+  PageVector<HitPacket> hits;     ///< one per packet
+  PageVector<RayBundle> bundles;  ///< one per packet
   std::vector<target::PacketGroup> groups;
   std::vector<std::uint32_t> open;  ///< indices of the groups that still search
 
   static std::uint64_t most_bytes(std::uint64_t packets) {
     return round_to_pages(packets * sizeof(TexelPacket)) +
            round_to_pages(packets * sizeof(HitPacket)) +
+           round_to_pages(packets * sizeof(RayBundle)) +
            packets * (sizeof(target::PacketGroup) + sizeof(std::uint32_t));
   }
 };
 
-/// Search heights: the first, doubling up to the last, which is `max_distance`.
+/// Search heights: a short rising sequence that ends at `max_distance`. The result does not depend
+/// on it.
 std::vector<float> search_heights(float max_distance);
+
+/// Prepares the search of state.packets and state.groups: no hits, all groups open.
+void start(SearchState& state);
 
 /// The swept boxes of the open groups at a height, united per block of the piece; empty boxes for
 /// blocks without open groups.
-std::vector<Box3f> open_boxes(const SearchState& state, std::size_t blocks, float height,
-                              const Kernels& kernels);
+std::vector<Box3f> open_boxes(const SearchState& state, std::size_t blocks, float height);
 
 /// Tries every patch in `grid` on every open group that it may meet at this height.
-void search_batch(const grid::PatchGrid& grid, float height, const SearchLimits& limits,
+void search_batch(grid::PatchGrid& grid, float height, const SearchLimits& limits,
                   const Kernels& kernels, SearchState& state);
 
 /// Closes the groups that nothing beyond `height` can improve.
 void close_groups(float height, const Kernels& kernels, SearchState& state);
+
+/// How far away the texels found what they found, in the middle: a good first height for their
+/// neighbours.
+float middle_distance(const SearchState& state);
 
 }  // namespace pounce::projection

@@ -99,17 +99,27 @@ void clip(std::vector<ClippedCorner>& polygon, bool by_x, double limit, double s
   polygon.swap(scratch);
 }
 
-Box3f rounded_out(const Setup& s, const std::vector<ClippedCorner>& polygon) {
-  Box3f box;
+Patch bounded(const Setup& s, const std::vector<ClippedCorner>& polygon, std::uint32_t facet) {
+  std::vector<Vec3d> corners;
+  Patch patch;
+  patch.facet = facet;
   for (const ClippedCorner& c : polygon) {
-    const Vec3d p =
-        s.corners[0] + (s.corners[1] - s.corners[0]) * c.w1 + (s.corners[2] - s.corners[0]) * c.w2;
-    box.extend(Vec3f(p));
+    corners.push_back(s.corners[0] + (s.corners[1] - s.corners[0]) * c.w1 +
+                      (s.corners[2] - s.corners[0]) * c.w2);
+    patch.box.extend(Vec3f(corners.back()));
   }
+  const Box3f& box = patch.box;
+  patch.centre = (box.lo + box.hi) * 0.5F;
+  double farthest = 0;
+  for (const Vec3d& corner : corners)
+    farthest = std::max(farthest, length(corner - Vec3d(patch.centre)));
   // Coordinates are floats: a few of their last places cover every rounding on the way to a hit.
   const float largest = std::max({std::abs(box.lo.x), std::abs(box.lo.y), std::abs(box.lo.z),
                                   std::abs(box.hi.x), std::abs(box.hi.y), std::abs(box.hi.z)});
-  return box.grown(static_cast<float>(s.tolerance) + 4e-7F * largest);
+  const float margin = static_cast<float>(s.tolerance) + 4e-7F * largest;
+  patch.radius = static_cast<float>(farthest) + margin;
+  patch.box = box.grown(margin);
+  return patch;
 }
 
 void add_patches(const tiles::GeometryBlock& block, const Setup& s, bool whole, std::uint32_t facet,
@@ -117,7 +127,7 @@ void add_patches(const tiles::GeometryBlock& block, const Setup& s, bool whole, 
   const std::vector<ClippedCorner> triangle{
       {s.texels[0], 0, 0}, {s.texels[1], 1, 0}, {s.texels[2], 0, 1}};
   if (whole) {
-    patches.push_back({rounded_out(s, triangle), facet});
+    patches.push_back(bounded(s, triangle, facet));
     return;
   }
   std::vector<ClippedCorner> polygon, scratch;
@@ -131,7 +141,7 @@ void add_patches(const tiles::GeometryBlock& block, const Setup& s, bool whole, 
       clip(polygon, true, left + (wx + 1) * kPatchWindow, -1, scratch);
       clip(polygon, false, top + wy * kPatchWindow, 1, scratch);
       clip(polygon, false, top + (wy + 1) * kPatchWindow, -1, scratch);
-      if (!polygon.empty()) patches.push_back({rounded_out(s, polygon), facet});
+      if (!polygon.empty()) patches.push_back(bounded(s, polygon, facet));
     }
   }
 }

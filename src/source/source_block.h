@@ -34,7 +34,9 @@ struct Facet {
 /// A part of a facet with a tight box: a whole small triangle, or a large one inside a 16x16-texel
 /// window.
 struct Patch {
-  Box3f box;  ///< holds every hit that counts
+  Box3f box;     ///< holds every hit that counts
+  Vec3f centre;  ///< and so does this sphere: rays are culled against it
+  float radius = 0;
   std::uint32_t facet = 0;
 };
 

@@ -10,6 +10,7 @@
 
 #include "core/page_pool.h"
 #include "pounce/options.h"
+#include "tiles/colour_store.h"
 
 namespace pounce::texture {
 
@@ -21,6 +22,11 @@ struct TexelFormat {
   bool is_colour = true;   ///< false: data, never converted between sRGB coding and linear
   bool has_alpha = false;  ///< the last channel is alpha: never converted
   std::size_t texel_bytes() const;
+  /// Are 8-bit samples of this image what the output holds, with nothing to convert?
+  bool keeps(const tiles::ColourDirectory& image) const {
+    return depth == Depth::u8 && image.depth == Depth::u8 && channels == image.channels &&
+           has_alpha == image.has_alpha && (linear == image.linear || !is_colour);
+  }
 };
 
 /// Values of one texel as a source image holds them: 0..1 for integers, as stored for floats.
