@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "pounce/options.h"
+
+namespace pounce::test {
+
+/// What the brute force says of one target texel.
+enum class Verdict : std::uint8_t {
+  outside,    ///< no target triangle covers its centre
+  empty,      ///< covered by a triangle, but no source surface is in reach
+  found,      ///< the value is `samples`
+  ambiguous,  ///< another answer is as good to within rounding: not to be compared
+};
+
+struct ReferenceResult {
+  std::uint32_t width = 0, height = 0, channels = 0;
+  std::vector<Verdict> verdicts;
+  std::vector<double> samples;  ///< as the output file codes them, not rounded to its steps
+  std::uint64_t count(Verdict verdict) const;
+};
+
+/// The transfer of one channel onto one image, in core, in double precision, by trying every source
+/// triangle on every target texel. Slow and obvious; shares no code with the product's stages (only
+/// the readers of meshes and images). `channels` and `linear_output` say what the output file is.
+/// Source textures must come from the source file; options.size must be given.
+ReferenceResult reference_transfer(const TransferOptions& options, Channel channel,
+                                   std::uint32_t channels, bool linear_output);
+
+}  // namespace pounce::test
