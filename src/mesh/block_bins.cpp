@@ -88,6 +88,10 @@ void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& v
         std::abs(low_y) < kLargestTexel && std::abs(high_y) < kLargestTexel)) {
     fail_span(*request.mesh, triangle);
   }
+  // It touches at least as many blocks as it has room for: no need to visit them to know.
+  constexpr double kMostArea = static_cast<double>(kMostEntries) * kBlockEdge * kBlockEdge;
+  const double area = std::abs(doubled_area(corners[0], corners[1], corners[2])) / 2;
+  if (area > kMostArea) fail_span(*request.mesh, triangle);
   const auto visit_touched = [&](const TriangleInstance& instance, double bx0, double by0,
                                  double bx1, double by1) {
     const double sx = static_cast<double>(instance.shift_x) * lattice.width;
@@ -110,7 +114,7 @@ void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& v
     }
     return;
   }
-  if (doubled_area(corners[0], corners[1], corners[2]) == 0) return;
+  if (area == 0) return;
   const double w = lattice.width, h = lattice.height;
   // Periods in which some texel centre may be covered; a triangle wholly inside [0,1) has exactly
   // one.

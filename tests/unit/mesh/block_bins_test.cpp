@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mesh/block_bins.h"
+
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <map>
+#include <set>
+#include <tuple>
+
+#include "support/bytes.h"
+#include "support/random.h"
+
+using namespace pounce;
+using namespace pounce::mesh;
+using pounce::test::Random;
+
+namespace {
+
+/// (page, block x, block y, triangle, shift x, shift y)
+using Placed = std::tuple<std::uint32_t, std::int32_t, std::int32_t, std::uint32_t, std::int32_t,
+                          std::int32_t>;
+
+struct Scene {
+  Mesh mesh;
+  std::vector<Lattice> pages;
+  std::vector<std::uint32_t> triangle_page;
+  bool wraps = false;
+
+  explicit Scene(std::vector<Lattice> lattices) : pages(std::move(lattices)) {
+    mesh.path = "scene.glb";
+    mesh.uv_sets.resize(1);
+    mesh.uv_present.resize(1);
+  }
+  void add(Vec2f a, Vec2f b, Vec2f c, std::uint32_t page = 0) {
+    const auto first = static_cast<std::uint32_t>(mesh.uv_sets[0].size());
+    for (const Vec2f uv : {a, b, c}) mesh.uv_sets[0].push_back(uv);
+    mesh.triangles.push_back({first, first + 1, first + 2});
+    triangle_page.push_back(page);
+  }
+  /// Corners in texels of an image: exact when the size is a power of two.
+  void add_texels(Vec2d a, Vec2d b, Vec2d c, std::uint32_t page = 0) {
+    const auto uv = [&](Vec2d t) {
+      return Vec2f{static_cast<float>((t.x + 0.5) / pages[page].width),
+                   static_cast<float>((t.y + 0.5) / pages[page].height)};
+    };
+    add(uv(a), uv(b), uv(c), page);
+  }
+  BinRequest request(std::uint64_t cap = 1 << 20) const {
+    return {&mesh, pages, triangle_page, wraps, cap};
+  }
+};
+
+std::set<Placed> placed(const BlockBins& bins) {
+  std::set<Placed> all;
+  for (const BlockBin& block : bins.blocks) {
+    for (std::uint32_t i = block.first; i < block.first + block.count; ++i) {
+      const TriangleInstance& t = bins.instances[bins.entries[i]];
+      const bool is_new =
+          all.insert({block.page, block.x, block.y, t.triangle, t.shift_x, t.shift_y}).second;
+      if (!is_new) FAIL("triangle " << t.triangle << " stands twice in a block");
+    }
+  }
+  return all;
+}
+
+Lattice image(std::uint32_t width, std::uint32_t height) { return {width, height, 0, {}}; }
+
+Vec2f random_uv(Random& random, float low, float high) {
+  return {random.between(low, high), random.between(low, high)};
+}
+
+std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a / b - (a % b < 0 ? 1 : 0); }
+
+Scene random_scene(std::uint64_t seed, bool wraps) {
+  Random random(seed);
+  Scene scene({image(200, 136), image(640, 64), image(1, 1), {}});
+  scene.wraps = wraps;
+  for (int i = 0; i < 400; ++i) {
+    const auto page = static_cast<std::uint32_t>(random.below(4));
+    const Vec2f a = random_uv(random, -1.2F, 2.2F);
+    const float size = random.one_in(8) ? 2.5F : 0.1F;
+    const auto near = [&] {
+      return Vec2f{a.x + random.between(-size, size), a.y + random.between(-size, size)};
+    };
+    scene.add(a, near(), near(), page);
+    if (random.one_in(10)) scene.triangle_page.back() = kNoPage;
+  }
+  return scene;
+}
+
+}  // namespace
+
+TEST_CASE("on a target every covered texel's block holds the triangle, with the period it is in") {
+  const Scene scene = random_scene(3, true);
+  const BlockBins bins = bin_triangles(scene.request());
+  const std::set<Placed> all = placed(bins);
+  CHECK(bins.entries.size() == count_entries(scene.request()));
+  std::size_t texels = 0;
+  for (std::uint32_t t = 0; t < scene.mesh.triangles.size(); ++t) {
+    const std::uint32_t page = scene.triangle_page[t];
+    if (page == kNoPage || scene.pages[page].width == 0) continue;
+    const Lattice& lattice = scene.pages[page];
+    const std::int64_t w = lattice.width, h = lattice.height;
+    const TexelWindow everywhere{-100000, -100000, 100000, 100000};
+    raster_triangle(texel_corners(scene.mesh, lattice, {t, 0, 0}), everywhere,
+                    [&](std::int64_t y, std::int64_t begin, std::int64_t end) {
+                      for (std::int64_t x = begin; x < end; ++x) {
+                        const std::int64_t sx = floor_div(x, w), sy = floor_div(y, h);
+                        const Placed expected{page,
+                                              static_cast<std::int32_t>((x - sx * w) / kBlockEdge),
+                                              static_cast<std::int32_t>((y - sy * h) / kBlockEdge),
+                                              t,
+                                              static_cast<std::int32_t>(sx),
+                                              static_cast<std::int32_t>(sy)};
+                        if (all.count(expected) == 0)
+                          FAIL("triangle " << t << " lacks " << x << "," << y);
+                        ++texels;
+                      }
+                    });
+  }
+  CHECK(texels > 100000);
+  for (const auto& [page, x, y, t, sx, sy] : all) {
+    CHECK(t < scene.mesh.triangles.size());
+    if (scene.pages[page].width == 0) continue;
+    CHECK((x >= 0 && x * kBlockEdge < static_cast<std::int64_t>(scene.pages[page].width)));
+    CHECK((y >= 0 && y * kBlockEdge < static_cast<std::int64_t>(scene.pages[page].height)));
+  }
+}
+
+TEST_CASE("on a source every covered texel's block holds a cut triangle, none is wrapped") {
+  const Scene scene = random_scene(4, false);
+  const std::set<Placed> all = placed(bin_triangles(scene.request()));
+  std::size_t cut = 0, whole = 0;
+  for (std::uint32_t t = 0; t < scene.mesh.triangles.size(); ++t) {
+    const std::uint32_t page = scene.triangle_page[t];
+    if (page == kNoPage || scene.pages[page].width == 0) continue;
+    const auto corners = texel_corners(scene.mesh, scene.pages[page], {t, 0, 0});
+    if (is_whole(corners)) {
+      std::size_t times = 0;
+      for (const Placed& p : all) times += std::get<3>(p) == t;
+      if (times != 1) FAIL("whole triangle " << t << " is in " << times << " blocks");
+      ++whole;
+      continue;
+    }
+    raster_triangle(corners, {-100000, -100000, 100000, 100000},
+                    [&](std::int64_t y, std::int64_t begin, std::int64_t end) {
+                      for (std::int64_t x = begin; x < end; ++x) {
+                        const Placed expected{page,
+                                              static_cast<std::int32_t>(floor_div(x, kBlockEdge)),
+                                              static_cast<std::int32_t>(floor_div(y, kBlockEdge)),
+                                              t,
+                                              0,
+                                              0};
+                        if (all.count(expected) == 0) FAIL("triangle " << t << " lacks " << x);
+                      }
+                    });
+    ++cut;
+  }
+  CHECK(cut > 30);
+  CHECK(whole > 30);
+}
+
+TEST_CASE("a triangle that hangs over u = 0 stands at both ends of the image") {
+  Scene scene({image(128, 64)});
+  scene.wraps = true;
+  scene.add_texels({-2, 10}, {6, 10}, {-2, 30});  // covers texel columns -2..6
+  CHECK(placed(bin_triangles(scene.request())) ==
+        std::set<Placed>{{0, 0, 0, 0, 0, 0}, {0, 1, 0, 0, -1, 0}});
+}
+
+TEST_CASE("a triangle that only leans over u = 0 without covering a centre there stays once") {
+  Scene scene({image(128, 64)});
+  scene.wraps = true;
+  scene.add_texels({-0.75, 10}, {6, 10}, {-0.75, 30});
+  CHECK(placed(bin_triangles(scene.request())) == std::set<Placed>{{0, 0, 0, 0, 0, 0}});
+}
+
+TEST_CASE("UVs over three periods make three instances") {
+  Scene scene({image(64, 64)});
+  scene.wraps = true;
+  scene.add({0.25F, 0.25F}, {2.75F, 0.25F}, {2.75F, 0.75F});
+  CHECK(placed(bin_triangles(scene.request())) ==
+        std::set<Placed>{{0, 0, 0, 0, 0, 0}, {0, 0, 0, 0, 1, 0}, {0, 0, 0, 0, 2, 0}});
+}
+
+TEST_CASE("a source triangle of 32 texels is whole where its middle is, of 33 it is cut") {
+  Scene scene({image(256, 256)});
+  scene.add_texels({50, 10}, {82, 10}, {50, 42});      // middle at 66
+  scene.add_texels({50, 10}, {83, 10}, {50, 42});      // in both blocks
+  scene.add_texels({10, 10}, {210, 10}, {110, 10.9});  // thin: 0.9 texels high
+  scene.add_texels({10, 10}, {210, 10}, {110, 11.1});
+  CHECK(placed(bin_triangles(scene.request())) == std::set<Placed>{{0, 1, 0, 0, 0, 0},
+                                                                   {0, 0, 0, 1, 0, 0},
+                                                                   {0, 1, 0, 1, 0, 0},
+                                                                   {0, 1, 0, 2, 0, 0},
+                                                                   {0, 0, 0, 3, 0, 0},
+                                                                   {0, 1, 0, 3, 0, 0},
+                                                                   {0, 2, 0, 3, 0, 0},
+                                                                   {0, 3, 0, 3, 0, 0}});
+}
+
+TEST_CASE("triangles of a page without an image are stored in runs of file order") {
+  Scene scene({Lattice{}});
+  for (int i = 0; i < 2500; ++i) scene.add({0, 0}, {9e30F, 0}, {0, 0});
+  const BlockBins bins = bin_triangles(scene.request());
+  REQUIRE(bins.blocks.size() == 3);
+  CHECK(bins.blocks[0].count == 1024);
+  CHECK(bins.blocks[2].count == 452);
+  CHECK(bins.instances[bins.entries[bins.blocks[1].first]].triangle == 1024);
+}
+
+TEST_CASE("tiles cover each block once, respect the cap and never mix pages") {
+  const std::uint64_t cap = GENERATE(1, 5000, 40000, 1 << 20, 1 << 30);
+  const bool wraps = GENERATE(false, true);
+  const Scene scene = random_scene(5, wraps);
+  const BlockBins bins = bin_triangles(scene.request(cap));
+  std::uint32_t next = 0, entries = 0;
+  for (const TileRange& tile : bins.tiles) {
+    CHECK(tile.first_block == next);
+    REQUIRE(tile.block_count > 0);
+    next += tile.block_count;
+    std::uint64_t weight = 0;
+    for (std::uint32_t b = tile.first_block; b < next; ++b) {
+      weight += 256 + 80 * bins.blocks[b].count;
+      CHECK(bins.blocks[b].page == bins.blocks[tile.first_block].page);
+    }
+    if (tile.block_count > 1) CHECK(weight <= cap);
+    CHECK(tile.block_count <= 64);
+  }
+  CHECK(next == bins.blocks.size());
+  std::set<std::tuple<std::uint32_t, std::int32_t, std::int32_t>> seen;
+  for (const BlockBin& block : bins.blocks) {
+    CHECK(seen.insert({block.page, block.x, block.y}).second);
+    entries += block.count;
+    for (std::uint32_t i = block.first; i + 1 < block.first + block.count; ++i)
+      CHECK(bins.entries[i] < bins.entries[i + 1]);  // file order
+  }
+  CHECK(entries == bins.entries.size());
+  if (cap == 1) CHECK(bins.tiles.size() == bins.blocks.size());
+  if (cap == 1 << 30) CHECK(bins.tiles.size() < bins.blocks.size() / 4);
+}
+
+TEST_CASE("absurd UVs are refused at once") {
+  const bool wraps = GENERATE(false, true);
+  const float far = GENERATE(1e3F, 1e6F, 1e12F, 3e38F);
+  Scene scene({image(65536, 65536)});
+  scene.wraps = wraps;
+  scene.add({0, 0}, {far, 0}, {far, far});
+  CAPTURE(wraps, far);
+  const auto start = std::chrono::steady_clock::now();
+  std::string message;
+  CHECK(test::error_kind([&] { bin_triangles(scene.request()); }, &message) ==
+        static_cast<int>(ErrorKind::input));
+  CHECK(message.find("scene.glb") != std::string::npos);
+  CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(20));
+}
+
+TEST_CASE("UVs over thousands of periods are refused or binned without visiting every block") {
+  Scene scene({image(65536, 65536)});
+  scene.wraps = true;
+  const auto start = std::chrono::steady_clock::now();
+  SECTION("a triangle over 20,000 periods") {
+    scene.add({0, 0}, {200, 0}, {200, 200});
+    CHECK(test::error_kind([&] { bin_triangles(scene.request()); }) ==
+          static_cast<int>(ErrorKind::input));
+  }
+  SECTION("a needle along their diagonal") {
+    scene.add({0, 0}, {200, 199.999F}, {200, 200});
+    const std::uint64_t entries = count_entries(scene.request());
+    CHECK(entries >= 200 * 1024);
+    CHECK(entries < 4 * 200 * 1024);
+  }
+  CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(20));
+}
