@@ -12,6 +12,7 @@
 
 #include <array>
 #include <bit>
+#include <deque>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -19,8 +20,10 @@
 namespace pounce {
 namespace {
 
-constexpr std::size_t kRegionPages = 4096;    // 16 MiB of address space
-constexpr std::size_t kMostIdlePages = 2048;  // 8 MiB resident
+constexpr std::size_t kRegionPages = 4096;       // 16 MiB of address space
+constexpr std::size_t kMostIdlePages = 1024;     // 4 MiB resident
+constexpr std::size_t kLongRun = 64;             // pages from which a run waits for its like
+constexpr std::size_t kMostWaitingPages = 2048;  // 8 MiB resident
 
 struct Region {
   std::byte* start = nullptr;
@@ -53,8 +56,16 @@ struct Region {
   }
 };
 
+/// A long run that was freed and stays whole, resident, for the next buffer of its size.
+struct WaitingRun {
+  std::byte* at = nullptr;
+  std::size_t pages = 0;
+};
+
 struct Pool {
-  std::mutex mutex;  // guards everything below
+  std::mutex mutex;                // guards everything below
+  std::deque<WaitingRun> waiting;  // oldest first
+  std::size_t waiting_pages = 0;
   std::map<std::byte*, std::unique_ptr<Region>> regions;
   std::size_t idle_pages = 0;
 };
@@ -83,6 +94,29 @@ void mark_used(Region& region, std::size_t first, std::size_t count, Pool& p) {
   region.used_pages += count;
 }
 
+/// Gives pages back to their region, or to the system if enough of them are idle. With p.mutex
+/// held.
+void free_run(Pool& p, std::byte* at, std::size_t pages) {
+  const auto found = std::prev(p.regions.upper_bound(at));
+  Region& region = *found->second;
+  const auto first = static_cast<std::size_t>(at - region.start) / kPageBytes;
+  const bool keep = p.idle_pages + pages <= kMostIdlePages;
+  if (!keep) madvise(at, pages * kPageBytes, MADV_DONTNEED);
+  for (std::size_t page = first; page < first + pages; ++page) {
+    const std::uint64_t bit = 1ULL << (page % 64);
+    region.used[page / 64] &= ~bit;
+    if (keep) region.idle[page / 64] |= bit;
+  }
+  if (keep) p.idle_pages += pages;
+  if (first < region.first_free) region.first_free = first;
+  region.used_pages -= pages;
+  if (region.used_pages != 0) return;
+  for (const std::uint64_t word : region.idle)
+    p.idle_pages -= static_cast<std::size_t>(std::popcount(word));
+  munmap(region.start, kRegionPages * kPageBytes);
+  p.regions.erase(found);
+}
+
 }  // namespace
 
 PagePool& PagePool::instance() {
@@ -96,6 +130,13 @@ void* PagePool::allocate(std::size_t bytes) {
   if (pages > kRegionPages / 2) return map_pages(pages * kPageBytes);
   Pool& p = pool();
   const std::lock_guard lock(p.mutex);
+  for (auto run = p.waiting.rbegin(); pages >= kLongRun && run != p.waiting.rend(); ++run) {
+    if (run->pages != pages) continue;
+    std::byte* const at = run->at;
+    p.waiting_pages -= pages;
+    p.waiting.erase(std::next(run).base());
+    return at;
+  }
   for (auto& [start, region] : p.regions) {
     const std::size_t first = region->find(pages);
     if (first == kRegionPages) continue;
@@ -119,25 +160,14 @@ void PagePool::release(void* at, std::size_t bytes) noexcept {
   }
   Pool& p = pool();
   const std::lock_guard lock(p.mutex);
-  auto* const address = static_cast<std::byte*>(at);
-  const auto found = std::prev(p.regions.upper_bound(address));
-  Region& region = *found->second;
-  const auto first = static_cast<std::size_t>(address - region.start) / kPageBytes;
-  const bool keep = p.idle_pages + pages <= kMostIdlePages;
-  if (!keep) madvise(at, pages * kPageBytes, MADV_DONTNEED);
-  for (std::size_t page = first; page < first + pages; ++page) {
-    const std::uint64_t bit = 1ULL << (page % 64);
-    region.used[page / 64] &= ~bit;
-    if (keep) region.idle[page / 64] |= bit;
-  }
-  if (keep) p.idle_pages += pages;
-  if (first < region.first_free) region.first_free = first;
-  region.used_pages -= pages;
-  if (region.used_pages == 0) {
-    for (const std::uint64_t word : region.idle)
-      p.idle_pages -= static_cast<std::size_t>(std::popcount(word));
-    munmap(region.start, kRegionPages * kPageBytes);
-    p.regions.erase(found);
+  if (pages < kLongRun) return free_run(p, static_cast<std::byte*>(at), pages);
+  p.waiting.push_back({static_cast<std::byte*>(at), pages});
+  p.waiting_pages += pages;
+  while (p.waiting_pages > kMostWaitingPages) {
+    const WaitingRun oldest = p.waiting.front();
+    p.waiting.pop_front();
+    p.waiting_pages -= oldest.pages;
+    free_run(p, oldest.at, oldest.pages);
   }
 }
 

@@ -284,10 +284,15 @@ class Projector {
    public:
     explicit TileWindow(SourceCache& cache) : cache_(cache) {}
     const std::byte* get(const tiles::ColourStore& column, std::uint32_t x, std::uint32_t y) {
-      for (Slot& slot : slots_) {
-        if (slot.column == &column && slot.x == x && slot.y == y) return slot.tile->data();
+      const auto holds = [&](const Slot& slot) {
+        return slot.column == &column && slot.x == x && slot.y == y;
+      };
+      if (holds(slots_[last_])) return slots_[last_].tile->data();
+      for (last_ = 0; last_ < slots_.size(); ++last_) {
+        if (holds(slots_[last_])) return slots_[last_].tile->data();
       }
-      Slot& slot = slots_[next_++ % kColourTilesAtOnce];
+      last_ = next_++ % kColourTilesAtOnce;
+      Slot& slot = slots_[last_];
       slot.tile = cache_.colours(column, x, y);
       slot.column = &column;
       slot.x = x;
@@ -303,7 +308,8 @@ class Projector {
     };
     SourceCache& cache_;
     std::array<Slot, kColourTilesAtOnce> slots_;
-    std::uint64_t next_ = 0;
+    std::size_t last_ = 0;    ///< the slot used last
+    std::uint64_t next_ = 0;  ///< counts replacements
   };
 
   /// Writes the colour of one hit in the output's format.
@@ -374,7 +380,7 @@ class Projector {
     std::vector<std::byte> raw;
     texture::encode(result, channel.format, raw);
     work.raw_bytes[c] = static_cast<std::uint32_t>(raw.size());
-    job_.compressor().compress(raw, work.stored[c][b]);
+    job_.compressor().compress(raw, work.stored[c][b], tiles::kScratchLevel);
   }
 
   void store_piece(const Work& work) {

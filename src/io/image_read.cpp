@@ -144,7 +144,6 @@ std::uint64_t decoder_cost(const OIIO::ImageSpec& spec, const std::string& forma
 
 struct ImageReader::Impl {
   explicit Impl(const mesh::ImageRef& image);
-  ~Impl();
   void open();
   void take_spec();
   void describe_unopened_jpeg(const JpegHeader& header);
@@ -155,7 +154,7 @@ struct ImageReader::Impl {
   std::string decoder_message() const;
 
   ByteSource bytes;
-  FILE* stream = nullptr;
+  std::unique_ptr<FILE, int (*)(FILE*)> stream{nullptr, std::fclose};  // outlives proxy and input
   std::unique_ptr<SourceProxy> proxy;
   std::unique_ptr<OIIO::ImageInput> input;  // null until open()
   ImageInfo info;
@@ -188,21 +187,15 @@ ImageReader::Impl::Impl(const mesh::ImageRef& image) : bytes(image) {
   }
 }
 
-ImageReader::Impl::~Impl() {
-  input.reset();
-  proxy.reset();
-  if (stream != nullptr) std::fclose(stream);
-}
-
 void ImageReader::Impl::open() {
   set_up_oiio();
-  stream = bytes.stream();
+  stream.reset(bytes.stream());
   if (info.format == "png") {
     bytes.watcher = [this](std::uint64_t offset, const std::byte* data, std::size_t count) {
       png_check.see(offset, data, count);
     };
   }
-  proxy = std::make_unique<SourceProxy>(bytes, stream);
+  proxy = std::make_unique<SourceProxy>(bytes, stream.get());
   auto created = OIIO::ImageInput::create(info.format);
   if (!created) refuse(bytes.label(), fmt::format("OpenImageIO was built without {}", info.format));
   OIIO::ImageSpec config, spec;

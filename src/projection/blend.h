@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -21,8 +20,10 @@ struct Coordinate {
 /// so that the tile exists and its apron holds every tap.
 inline Coordinate placed(std::int32_t base, float frac, std::uint32_t size,
                          mesh::Wrap wrap) noexcept {
-  const double whole = std::floor(static_cast<double>(frac));
-  const Coordinate at{base + static_cast<std::int32_t>(whole), static_cast<double>(frac) - whole};
+  auto whole = static_cast<std::int32_t>(frac);
+  if (static_cast<float>(whole) > frac)
+    --whole;  // rounded towards zero: towards minus infinity instead
+  const Coordinate at{base + whole, static_cast<double>(frac) - whole};
   const auto n = static_cast<std::int32_t>(size);
   if (at.texel >= 0 && at.texel < n) return at;
   if (wrap == mesh::Wrap::clamp)

@@ -15,26 +15,39 @@ Vec3f unit_or_zero(Vec3f v) {
 }  // namespace
 
 RayBundle bundle_of(const target::TexelPacket& packet) {
+  constexpr int kLanes = target::kLanes;
   RayBundle bundle;
   Vec3f normals;
   float count = 0, largest = 0;
-  for (int i = 0; i < target::kLanes; ++i) {
-    if (packet.texel[i] == target::kNoTexel) continue;
-    bundle.origin = bundle.origin + Vec3f{packet.px[i], packet.py[i], packet.pz[i]};
-    normals = normals + Vec3f{packet.nx[i], packet.ny[i], packet.nz[i]};
-    largest =
-        std::max({largest, std::abs(packet.px[i]), std::abs(packet.py[i]), std::abs(packet.pz[i])});
-    ++count;
+  for (int i = 0; i < kLanes;
+       ++i) {  // unused lanes repeat the first one's point and have no normal
+    const float used = packet.texel[i] == target::kNoTexel ? 0.0F : 1.0F;
+    bundle.origin.x += used * packet.px[i];
+    bundle.origin.y += used * packet.py[i];
+    bundle.origin.z += used * packet.pz[i];
+    normals.x += packet.nx[i];
+    normals.y += packet.ny[i];
+    normals.z += packet.nz[i];
+    count += used;
   }
   bundle.origin = bundle.origin * (1 / count);
   bundle.direction = unit_or_zero(normals);
-  float offset = 0, spread = 0;  // squared
-  for (int i = 0; i < target::kLanes; ++i) {
-    if (packet.texel[i] == target::kNoTexel) continue;
-    const Vec3f p = Vec3f{packet.px[i], packet.py[i], packet.pz[i]} - bundle.origin;
-    const Vec3f n = Vec3f{packet.nx[i], packet.ny[i], packet.nz[i]} - bundle.direction;
-    offset = std::max(offset, dot(p, p));
-    spread = std::max(spread, dot(n, n));
+  float offsets[kLanes], spreads[kLanes], sizes[kLanes];
+  for (int i = 0; i < kLanes; ++i) {
+    const float used = packet.texel[i] == target::kNoTexel ? 0.0F : 1.0F;
+    const float x = packet.px[i] - bundle.origin.x, y = packet.py[i] - bundle.origin.y,
+                z = packet.pz[i] - bundle.origin.z;
+    const float u = packet.nx[i] - bundle.direction.x, v = packet.ny[i] - bundle.direction.y,
+                w = packet.nz[i] - bundle.direction.z;
+    offsets[i] = x * x + y * y + z * z;
+    spreads[i] = used * (u * u + v * v + w * w);
+    sizes[i] = std::abs(packet.px[i]) + std::abs(packet.py[i]) + std::abs(packet.pz[i]);
+  }
+  float offset = 0, spread = 0;
+  for (int i = 0; i < kLanes; ++i) {
+    offset = std::max(offset, offsets[i]);
+    spread = std::max(spread, spreads[i]);
+    largest = std::max(largest, sizes[i]);
   }
   // Coordinates are floats: a few of their last places cover every rounding on the way to a hit.
   bundle.offset = std::sqrt(offset) * 1.00001F + 4e-7F * largest;

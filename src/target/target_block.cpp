@@ -9,6 +9,7 @@
 #include "target/target_block.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace pounce::target {
@@ -94,56 +95,90 @@ TargetBlock::Texel TargetBlock::texel(std::uint32_t texel) const {
   return out;
 }
 
+/// One 8x8 window: its covered texels in packet order (4x4 after 4x4, so that packets are compact).
+struct TargetBlock::Window {
+  std::array<std::uint16_t, kWindow * kWindow> texels;
+  std::size_t count = 0;
+  bool one_triangle = true;
+};
+
+TargetBlock::Window TargetBlock::window(std::uint32_t index) const {
+  Window window;
+  const std::uint32_t wx = index % 8 * kWindow, wy = index / 8 * kWindow;
+  for (std::uint32_t i = 0; i < kWindow * kWindow; ++i) {
+    const std::uint32_t quarter = i / 16, inside = i % 16;
+    const std::uint32_t x = wx + quarter % 2 * kHalfWindow + inside % 4;
+    const std::uint32_t y = wy + quarter / 2 * kHalfWindow + inside / 4;
+    const std::uint32_t at = y * mesh::kBlockEdge + x;
+    if (!covered(at)) continue;
+    window.texels[window.count++] = static_cast<std::uint16_t>(at);
+    window.one_triangle = window.one_triangle && owner_[at] == owner_[window.texels[0]];
+  }
+  return window;
+}
+
+void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, TexelPacket& packet) const {
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const bool used = lane < count;
+    const std::uint32_t at = texels[used ? lane : 0];
+    const Affine& a = triangles_[owner_[at]];
+    const float dx = static_cast<float>(at % mesh::kBlockEdge) - a.x;
+    const float dy = static_cast<float>(at / mesh::kBlockEdge) - a.y;
+    packet.px[lane] = a.p.x + (a.pu.x * dx + a.pv.x * dy);
+    packet.py[lane] = a.p.y + (a.pu.y * dx + a.pv.y * dy);
+    packet.pz[lane] = a.p.z + (a.pu.z * dx + a.pv.z * dy);
+    packet.nx[lane] = used ? a.n.x + (a.nu.x * dx + a.nv.x * dy) : 0;
+    packet.ny[lane] = used ? a.n.y + (a.nu.y * dx + a.nv.y * dy) : 0;
+    packet.nz[lane] = used ? a.n.z + (a.nu.z * dx + a.nv.z * dy) : 0;
+    packet.per_texel[lane] = a.per_texel;
+    packet.texel[lane] = used ? texels[lane] : kNoTexel;
+  }
+  // Lane by lane as in texel(), in loops that become vectors.
+  float scale[kLanes];
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const float squared = packet.nx[lane] * packet.nx[lane] + packet.ny[lane] * packet.ny[lane] +
+                          packet.nz[lane] * packet.nz[lane];
+    scale[lane] = squared > 0 ? 1.0F / std::sqrt(squared) : 0.0F;
+  }
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    packet.nx[lane] *= scale[lane];
+    packet.ny[lane] *= scale[lane];
+    packet.nz[lane] *= scale[lane];
+  }
+}
+
 void TargetBlock::make_packets(std::uint32_t block_index, PageVector<TexelPacket>& packets,
                                std::vector<PacketGroup>& groups) const {
-  struct Waiting {
-    std::uint16_t index;
-    Texel texel;
-  };
-  std::vector<Waiting> waiting, later;
-  const auto pack = [&](const std::vector<Waiting>& texels) {
-    for (std::size_t first = 0; first < texels.size(); first += kLanes) {
-      TexelPacket& packet = packets.emplace_back();
-      packet.block = block_index;
-      for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        const bool used = first + lane < texels.size();
-        const Texel t =
-            used ? texels[first + lane].texel : Texel{texels[first].texel.position, {}, 1};
-        packet.px[lane] = t.position.x, packet.py[lane] = t.position.y,
-        packet.pz[lane] = t.position.z;
-        packet.nx[lane] = t.normal.x, packet.ny[lane] = t.normal.y, packet.nz[lane] = t.normal.z;
-        packet.per_texel[lane] = t.per_texel;
-        packet.texel[lane] = used ? texels[first + lane].index : kNoTexel;
-      }
+  const auto add_group = [&](const std::uint16_t* texels, std::size_t count) {
+    const auto first = static_cast<std::uint32_t>(packets.size());
+    for (std::size_t i = 0; i < count; i += kLanes) {
+      packets.emplace_back().block = block_index;
+      fill(texels + i, std::min<std::size_t>(kLanes, count - i), packets.back());
     }
+    groups.push_back({first, static_cast<std::uint32_t>(packets.size()) - first});
   };
-  for (std::uint32_t window = 0; window < 64; ++window) {
-    const std::uint32_t wx = window % 8 * kWindow, wy = window / 8 * kWindow;
-    waiting.clear();
-    for (std::uint32_t i = 0; i < kWindow * kWindow;
-         ++i) {  // 4x4 after 4x4, so that packets are compact
-      const std::uint32_t quarter = i / 16, inside = i % 16;
-      const std::uint32_t x = wx + quarter % 2 * kHalfWindow + inside % 4;
-      const std::uint32_t y = wy + quarter / 2 * kHalfWindow + inside / 4;
-      const std::uint32_t index = y * mesh::kBlockEdge + x;
-      if (covered(index)) waiting.push_back({static_cast<std::uint16_t>(index), texel(index)});
+  for (std::uint32_t w = 0; w < 64; ++w) {
+    Window rest = window(w);
+    if (rest.count == 0) continue;
+    if (rest.one_triangle) {
+      add_group(rest.texels.data(), rest.count);
+      continue;
     }
     // One group of packets per cluster: usually all of the window, one each where charts meet.
-    std::vector<Waiting> together;
-    for (int cluster = 1; !waiting.empty(); ++cluster) {
-      const Texel seed = waiting.front().texel;
-      together.clear();
-      later.clear();
-      for (const Waiting& w : waiting) {
-        const Vec3f d = w.texel.position - seed.position;
+    for (int cluster = 1; rest.count > 0; ++cluster) {
+      const Texel seed = texel(rest.texels[0]);
+      std::array<std::uint16_t, kWindow * kWindow> together;
+      std::size_t near = 0, far = 0;
+      for (std::size_t i = 0; i < rest.count; ++i) {
+        const Texel other = texel(rest.texels[i]);
+        const Vec3f d = other.position - seed.position;
         const float spread = std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)});
-        const bool near = spread * std::min(seed.per_texel, w.texel.per_texel) <= kSpread;
-        (near || cluster >= kMostClusters ? together : later).push_back(w);
+        const bool is_near = i == 0 || cluster >= kMostClusters ||
+                             spread * std::min(seed.per_texel, other.per_texel) <= kSpread;
+        (is_near ? together[near++] : rest.texels[far++]) = rest.texels[i];
       }
-      const auto first = static_cast<std::uint32_t>(packets.size());
-      pack(together);
-      groups.push_back({first, static_cast<std::uint32_t>(packets.size()) - first});
-      waiting.swap(later);
+      add_group(together.data(), near);
+      rest.count = far;
     }
   }
 }

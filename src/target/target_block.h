@@ -57,6 +57,10 @@ class TargetBlock {
     float x = 0, y = 0;  ///< anchor, in texels of the block
     float per_texel = 0;
   };
+  struct Window;
+  Window window(std::uint32_t index) const;
+  void fill(const std::uint16_t* texels, std::size_t count, TexelPacket& packet) const;
+
   std::vector<std::uint16_t> owner_;
   std::vector<Affine> triangles_;
 };

@@ -181,7 +181,10 @@ Compressor::Compressor() : contexts_(std::make_unique<Contexts>()) {}
 Compressor::~Compressor() = default;
 Compressor::Compressor(Compressor&&) noexcept = default;
 
-void Compressor::compress(std::span<const std::byte> raw, std::vector<std::byte>& stored) {
+void Compressor::compress(std::span<const std::byte> raw, std::vector<std::byte>& stored,
+                          int level) {
+  check_zstd(ZSTD_CCtx_setParameter(contexts_->compress, ZSTD_c_compressionLevel, level),
+             "set the level");
   stored.resize(ZSTD_compressBound(raw.size()));
   const std::size_t size =
       ZSTD_compress2(contexts_->compress, stored.data(), stored.size(), raw.data(), raw.size());
