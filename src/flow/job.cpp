@@ -65,7 +65,8 @@ class RebuildingFolder : public tiles::StoreFolder {
 }  // namespace
 
 std::unique_ptr<JobContext> open_job(const Resources& resources, const std::string& output,
-                                     bool in_core, bool rebuild, Progress* progress) {
+                                     bool in_core, bool rebuild, bool plan_only,
+                                     Progress* progress) {
   auto job = std::make_unique<JobContext>(budget_bytes(resources), progress);
   job->threads = thread_count(resources);
   if (in_core) {
@@ -78,7 +79,8 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   job->files = &posix_file_system();
   const std::string scratch = scratch_folder(resources, output);
   job->scratch = tiles::StoreFolder::make_scratch(*job->files, scratch);
-  const std::string cache = resources.use_cache ? cache_folder(resources) : std::string();
+  const std::string cache =
+      resources.use_cache && !plan_only ? cache_folder(resources) : std::string();
   if (!cache.empty()) {
     job->stores = tiles::StoreFolder::open_cache(*job->files, cache);
     if (job->stores == nullptr) {

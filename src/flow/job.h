@@ -17,7 +17,8 @@ inline constexpr std::uint64_t kTileCapBytes = 1ULL << 20;
 /// default folder for scratch files. `rebuild` ignores what the cache holds: some of it turned out
 /// to be damaged.
 std::unique_ptr<JobContext> open_job(const Resources& resources, const std::string& output,
-                                     bool in_core, bool rebuild, Progress* progress);
+                                     bool in_core, bool rebuild, bool plan_only,
+                                     Progress* progress);
 
 /// Runs a job on its threads. A damaged pack in the cache costs one rebuild from the inputs, with a
 /// warning.

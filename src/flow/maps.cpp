@@ -40,7 +40,7 @@ class MapsJob {
  public:
   MapsJob(const MapsOptions& options, Progress* progress, bool rebuild)
       : options_(options),
-        job_(open_job(options.resources, options.output, false, rebuild, progress)) {
+        job_(open_job(options.resources, options.output, false, rebuild, false, progress)) {
     job_->tile_cap_bytes = kTileCapBytes;
   }
 
@@ -95,6 +95,7 @@ class MapsJob {
     smallest_edge_ = static_cast<float>(std::max(diagonal(target) * 1e-7, 1e-30));
     const tiles::GeometryDirectory& directory = store_->directory();
     job_->report.target_texels = directory.texels;
+    job_->report.target_covered = directory.texels;  // every texel of the charts has its map
     job_->report.target_overlapping = directory.overlapping;
     job_->report.target_tiles = directory.tiles.size();
     job_->report.target_store_bytes = store_->pack().size_bytes();

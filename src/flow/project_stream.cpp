@@ -404,6 +404,7 @@ class Projector {
   }
 
   void finish() {
+    job_.report.tiles_read += cache_.tiles_read();
     std::vector<std::byte> nothing(1), stored;
     job_.compressor().compress(nothing, stored);
     writer_->finish(writer_->append(tiles::ChunkKind::directory, stored, 1));

@@ -23,6 +23,7 @@ std::shared_ptr<const SourceCache::Index> SourceCache::index(std::uint32_t tile)
                      geometry_.directory().tiles[tile].index_page.offset | kIndexPage};
   if (auto kept = job_.budget.find(key)) return std::static_pointer_cast<const Index>(kept);
   auto made = std::make_shared<const Index>(geometry_.read_index(tile, job_.compressor()));
+  ++tiles_read_;
   job_.budget.keep(key, made, made->size() * sizeof(tiles::BlockEntry));
   return made;
 }

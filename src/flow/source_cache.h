@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <vector>
 
@@ -22,6 +23,7 @@ class SourceCache {
 
   using Index = std::vector<tiles::BlockEntry>;
   std::shared_ptr<const Index> index(std::uint32_t tile);
+  std::uint64_t tiles_read() const { return tiles_read_; }  ///< whose index pages were read so far
   std::shared_ptr<const source::SourceBlock> block(const tiles::BlockEntry& entry);
   std::shared_ptr<const tiles::ColourTile> colours(const tiles::ColourStore& column,
                                                    std::uint32_t tile_x, std::uint32_t tile_y);
@@ -30,7 +32,8 @@ class SourceCache {
   JobContext& job_;
   const tiles::GeometryStore& geometry_;
   std::vector<const tiles::ColourStore*> columns_;  ///< seen so far, for forgetting
-  std::mutex mutex_;                                ///< guards columns_
+  std::atomic<std::uint64_t> tiles_read_{0};
+  std::mutex mutex_;  ///< guards columns_
 };
 
 }  // namespace pounce::flow

@@ -31,8 +31,12 @@ namespace flow {
 namespace {
 
 // Shares of the progress bar, measured on a 4096² transfer of a head with a PNG in and out.
-constexpr double kAfterReading = 0.02, kAfterSource = 0.2, kAfterTarget = 0.3,
-                 kAfterProjection = 0.7;
+constexpr double kAfterReading = 0.02, kAfterSource = 0.2, kAfterTarget = 0.25;
+constexpr double kProjectShare = 0.7;  // of a pass; the rest writes its images
+
+/// A mesh whose reading takes no more than this is read even if the budget is smaller, to say
+/// exactly how much the job needs.
+constexpr std::uint64_t kReadAnyway = 64ULL << 20;
 
 /// The stores that one pass joins.
 struct PassStores {
@@ -68,7 +72,7 @@ class TransferJob {
     // From here on only the stores are read, never the inputs.
     for (std::size_t p = 0; p < plan_.passes.size(); ++p) {
       const ProjectResult result = project_pass(p);
-      write_pass(plan_.passes[p], result);
+      write_pass(p, result);
     }
     return finish_report(*job_);
   }
@@ -76,6 +80,14 @@ class TransferJob {
  private:
   void read_meshes() {
     const StageTimer timer(job_->clock, "read");
+    const std::uint64_t reading = std::max(io::mesh_cost(options_.source).peak_bytes,
+                                           io::mesh_cost(options_.target).peak_bytes);
+    if (reading > std::max(job_->budget.limit(), kReadAnyway)) {
+      // Too large to look inside and say more exactly what the rest needs.
+      require_least(*job_, {io::mesh_cost(options_.source).peak_bytes +
+                                io::mesh_cost(options_.target).peak_bytes + kReadAnyway,
+                            "reading " + options_.source + " and " + options_.target});
+    }
     job_->meter.begin("read meshes", 2, "meshes", kAfterReading);
     source_ = io::read_mesh(options_.source);
     job_->meter.advance(1);
@@ -97,6 +109,8 @@ class TransferJob {
       least = {reading, "reading " + options_.source + " and " + options_.target};
     require_least(*job_, least);
     mesh_lease_ = Lease(job_->budget, source_.size_bytes() + target_.size_bytes(), "the meshes");
+    store_leases_.emplace_back(job_->budget, job_->threads * tiles::Compressor::context_bytes(),
+                               "the compressors");
   }
 
   void precondition_colours() {
@@ -133,6 +147,9 @@ class TransferJob {
       const tiles::GeometryDirectory& directory = store.directory();
       job_->report.source_gaussians = std::max(job_->report.source_gaussians, directory.texels);
       job_->report.source_tiles += directory.tiles.size();
+      job_->report.bytes_written += cached ? 0 : store.pack().size_bytes();
+      store_leases_.emplace_back(job_->budget, store.size_bytes(),
+                                 "the directory of the source store");
       job_->report.source_store_bytes += store.pack().size_bytes();
       if (directory.degenerate > 0)
         job_->report.source_filtered["degenerate triangles"] = directory.degenerate;
@@ -153,10 +170,14 @@ class TransferJob {
       all_cached = all_cached && cached;
       const tiles::GeometryStore& store = *stores_[p].target;
       job_->report.target_tiles += store.directory().tiles.size();
+      store_leases_.emplace_back(job_->budget, store.size_bytes(),
+                                 "the directory of the target store");
       job_->report.target_store_bytes += store.pack().size_bytes();
-      const auto channels = plan_.passes[p].channels.size();
-      job_->report.target_texels += store.directory().texels * channels;
-      job_->report.target_overlapping += store.directory().overlapping * channels;
+      job_->report.bytes_written += cached ? 0 : store.pack().size_bytes();
+      if (p == 0) {  // counts are those of the first channel
+        job_->report.target_texels = store.directory().texels;
+        job_->report.target_overlapping = store.directory().overlapping;
+      }
       if (store.directory().overlapping > 0 && p == 0) {
         job_->report.warnings.push_back(
             fmt::format("{}: {} texels are claimed by more than one triangle; the first in "
@@ -174,12 +195,17 @@ class TransferJob {
     mesh_lease_ = {};
   }
 
+  /// Where the progress bar stands when `part` of pass p is done.
+  double pass_fraction(std::size_t p, double part) const {
+    const double passes = static_cast<double>(plan_.passes.size());
+    return kAfterTarget + (1 - kAfterTarget) * (static_cast<double>(p) + part) / passes;
+  }
+
   ProjectResult project_pass(std::size_t p) {
     const StageTimer timer(job_->clock, "project");
     const PassPlan& pass = plan_.passes[p];
-    const double done = static_cast<double>(p + 1) / static_cast<double>(plan_.passes.size());
     job_->meter.begin("project", stores_[p].target->directory().texels, "texels",
-                      kAfterTarget + (kAfterProjection - kAfterTarget) * done);
+                      pass_fraction(p, kProjectShare));
     ProjectRequest request;
     request.source = stores_[p].source.get();
     request.target = stores_[p].target.get();
@@ -201,29 +227,35 @@ class TransferJob {
     }
     ProjectResult result = project(*job_, request);
     const std::uint64_t texels = stores_[p].target->directory().texels;
-    job_->report.target_covered += result.covered * pass.channels.size();
-    job_->report.target_empty += (texels - result.covered) * pass.channels.size();
+    if (p == 0) {  // counts are those of the first channel
+      job_->report.target_covered = result.covered;
+      job_->report.target_empty = texels - result.covered;
+    }
+    job_->report.tiles_read += stores_[p].target->directory().tiles.size();
     job_->report.bytes_read +=
         stores_[p].source->pack().bytes_read() + stores_[p].target->pack().bytes_read();
+    job_->report.bytes_written += result.pack->size_bytes();
     job_->meter.end();
     return result;
   }
 
-  void write_pass(const PassPlan& pass, const ProjectResult& result) {
+  void write_pass(std::size_t p, const ProjectResult& result) {
+    const PassPlan& pass = plan_.passes[p];
     const StageTimer timer(job_->clock, "assemble");
     std::uint64_t rows = 0;
     for (const std::size_t c : pass.channels) {
       for (const ImageOutput& image : plan_.channels[c].images) rows += image.lattice.height;
     }
-    job_->meter.begin("write", rows, "rows", 1.0);
+    job_->meter.begin("write", rows, "rows", pass_fraction(p, 1));
     for (std::size_t i = 0; i < pass.channels.size(); ++i) {
       const ChannelPlan& channel = plan_.channels[pass.channels[i]];
       for (std::size_t page = 0; page < channel.images.size(); ++page) {
         const Lease index(job_->budget,
                           result.channels[i].pages[page].size() * sizeof(tiles::ChunkRef),
                           "the index of the results");
-        job_->report.target_filled += write_image(*job_, channel.images[page], channel.format,
-                                                  *result.pack, result.channels[i].pages[page]);
+        const std::uint64_t filled = write_image(*job_, channel.images[page], channel.format,
+                                                 *result.pack, result.channels[i].pages[page]);
+        if (pass.channels[i] == 0) job_->report.target_filled += filled;
       }
     }
     job_->report.bytes_read += result.pack->bytes_read();
@@ -236,6 +268,7 @@ class TransferJob {
   mesh::Mesh source_, target_;
   Plan plan_;
   Lease mesh_lease_;
+  std::vector<Lease> store_leases_;  ///< what stays in use until the job ends
   std::vector<std::unique_ptr<tiles::ColourStore>> columns_;
   std::vector<PassStores> stores_;
   bool all_cached_ = true;

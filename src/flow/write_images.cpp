@@ -12,6 +12,7 @@
 #include <tbb/parallel_pipeline.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <optional>
 
@@ -29,7 +30,7 @@ constexpr std::uint64_t kMostTokens = 2;
 struct Rows {
   std::uint32_t count = 0, covered_count = 0;
   PageVector<std::byte> texels;
-  PageVector<std::byte> covered;  ///< 0 or 255, one byte per texel
+  PageVector<std::byte> covered;  ///< 0 or the depth's 1, one sample per texel
 };
 using RowsPtr = std::shared_ptr<Rows>;
 
@@ -110,9 +111,7 @@ class ImageAssembler {
     auto out = std::make_shared<Rows>();
     if (coverage_) {
       out->covered_count = rows;
-      out->covered.resize(covered.size());
-      for (std::size_t i = 0; i < covered.size(); ++i)
-        out->covered[i] = static_cast<std::byte>(covered[i] * 255);
+      store_mask(covered, out->covered);
     }
     const std::uint32_t step =
         output_.stripe_rows == 0 ? rows : std::min(output_.stripe_rows, rows);
@@ -125,6 +124,18 @@ class ImageAssembler {
     out->texels.resize(std::size_t{out->count} * width * texel);
     padder_.pop(out->count, out->texels.data());
     return out;
+  }
+
+  /// 0 and 1 as the mask's format holds them.
+  void store_mask(const PageVector<std::uint8_t>& covered, PageVector<std::byte>& samples) const {
+    const texture::TexelFormat mask{1, coverage_spec(output_).depth, false, false, false};
+    std::array<std::byte, 4> one{};
+    texture::store_texel(mask, {{1, 0, 0, 0}, 1, false}, one.data());
+    const std::size_t size = mask.texel_bytes();
+    samples.resize(covered.size() * size);
+    for (std::size_t i = 0; i < covered.size(); ++i) {
+      if (covered[i] != 0) std::memcpy(samples.data() + i * size, one.data(), size);
+    }
   }
 
   texture::ResultBlock read_block(const tiles::ChunkRef& chunk) {
@@ -170,7 +181,10 @@ std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelF
   const std::uint64_t texel = format.texel_bytes();
   const std::uint64_t row_of_blocks = round_to_pages(kBlockEdge * width * (texel + 1));
   // The last push makes the padder's whole delay ready at once.
-  const std::uint64_t ready = round_to_pages((kBlockEdge + output.padding) * width * (texel + 1));
+  const std::uint64_t mask =
+      output.coverage_path.empty() ? 0 : tiles::depth_bytes(coverage_spec(output).depth);
+  const std::uint64_t ready =
+      round_to_pages((kBlockEdge + output.padding) * width * (texel + mask));
   std::uint64_t bytes =
       row_of_blocks + kMostTokens * ready +
       texture::SeamPadder::memory_bytes(output.lattice.width, output.padding,
