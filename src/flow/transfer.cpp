@@ -48,7 +48,7 @@ class TransferJob {
   TransferJob(const TransferOptions& options, Progress* progress, bool rebuild)
       : options_(options),
         job_(open_job(options.resources, options.output, options.internal.in_core, rebuild,
-                      progress)) {
+                      options.plan_only, progress)) {
     job_->tile_cap_bytes =
         options.internal.tile_cap_bytes != 0 ? options.internal.tile_cap_bytes : kTileCapBytes;
     kernels_ = &projection::kernels(options.internal.isa);

@@ -160,6 +160,10 @@ struct ImageReader::Impl {
   ImageInfo info;
   ChannelRange channels;
   OIIO::TypeDesc sample_type;
+  // What is asked of OpenImageIO: UNKNOWN = "as it is". Named types make it convert through a
+  // scratch buffer of 64 MB, which is mapped anew for every call, even if nothing is to be
+  // converted.
+  OIIO::TypeDesc asked_type;
   bool premultiplied = false;
   int first_row = 0, first_column = 0;  // of the data window
   std::uint32_t next_row = 0;
@@ -237,6 +241,8 @@ void ImageReader::Impl::take_spec() {
     refuse(label, "WebP images with alpha cannot be read exactly; convert it to PNG");
   }
   sample_type = spec.format;
+  const bool all_alike = spec.channelformats.empty() && channels.count == spec.nchannels;
+  asked_type = all_alike ? OIIO::TypeDesc(OIIO::TypeDesc::UNKNOWN) : sample_type;
   rows_together = block_rows(spec, info.format);
   tiled = spec.tile_width > 0;
   info.decoder_bytes = decoder_cost(spec, info.format, bytes);
@@ -292,7 +298,7 @@ void ImageReader::Impl::read_decoded(std::uint32_t row_count, std::byte* rows) {
     } else {
       const int begin = first_row + static_cast<int>(row);
       if (!input->read_scanlines(0, 0, begin, begin + static_cast<int>(piece), 0, channels.first,
-                                 channels.first + channels.count, sample_type, out)) {
+                                 channels.first + channels.count, asked_type, out)) {
         fail(fmt::format("the picture breaks off in row {} of {}", row, info.height));
       }
     }
