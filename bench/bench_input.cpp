@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bench_input.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <map>
+
+#include "flow/build_stores.h"
+#include "flow/job.h"
+#include "io/read_mesh.h"
+#include "recipes.h"
+
+namespace pounce::bench {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t kTriangles = 10000;
+constexpr std::int64_t kTextureSize = 1024;
+
+bool small_input = false;
+
+/// A folder that goes when the program ends, with all that is in it.
+class WorkFolder {
+ public:
+  WorkFolder() {
+    std::string pattern = (fs::temp_directory_path() / "pounce_bench_XXXXXX").string();
+    if (mkdtemp(pattern.data()) == nullptr)
+      throw Error(ErrorKind::storage, pattern + ": a folder cannot be made here; set TMPDIR");
+    path_ = pattern;
+  }
+  ~WorkFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+/// The folder with head_src.glb, head_same.glb and head_other.glb.
+const std::string& heads() {
+  static const std::string folder = [] {
+    fixture::HeadOptions options;
+    options.folder = work_folder() + "/heads";
+    options.triangles = small_input ? kTriangles / 16 : kTriangles;
+    options.texture_size = scaled(kTextureSize);
+    options.target_size = 16;  // its truth is not used
+    fixture::make_head(options);
+    return options.folder;
+  }();
+  return folder;
+}
+
+std::vector<tiles::GeometryBlock> read_blocks(const tiles::GeometryStore& store,
+                                              flow::JobContext& job) {
+  std::vector<tiles::GeometryBlock> blocks;
+  for (std::uint32_t t = 0; t < store.directory().tiles.size(); ++t) {
+    for (const tiles::BlockEntry& entry : store.read_index(t, job.compressor()))
+      blocks.push_back(store.read_block(entry, job.compressor()));
+  }
+  return blocks;
+}
+
+std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
+  auto job = std::make_unique<PreparedJob>();
+  job->options = reference_options(shape, size);
+  job->source = io::read_mesh(job->options.source);
+  job->target = io::read_mesh(job->options.target);
+  job->plan = flow::make_plan(job->options, job->source, job->target);
+  job->context = flow::open_job(job->options.resources, job->options.output, true, false, nullptr);
+  job->context->tile_cap_bytes = flow::kTileCapBytes;
+  const flow::PassPlan& pass = job->plan.passes.at(0);
+  bool cached = false;
+  job->source_store = flow::geometry_store(*job->context, pass.source, &cached);
+  job->target_store = flow::geometry_store(*job->context, pass.target, &cached);
+  const flow::ColumnPlan& column = job->plan.columns.at(0);
+  job->colours =
+      flow::colour_store(*job->context, {&column.image, column.wrap_u, column.wrap_v}, &cached);
+  job->source_blocks = read_blocks(*job->source_store, *job->context);
+  job->target_blocks = read_blocks(*job->target_store, *job->context);
+  return job;
+}
+
+}  // namespace
+
+void make_input_small() { small_input = true; }
+
+std::uint32_t scaled(std::int64_t size) {
+  return static_cast<std::uint32_t>(small_input ? size / 8 : size);
+}
+
+const std::string& work_folder() {
+  static const WorkFolder folder;
+  return folder.path();
+}
+
+TransferOptions reference_options(Shape shape, std::int64_t size) {
+  TransferOptions options;
+  options.source = heads() + "/head_src.glb";
+  options.target = heads() + (shape == Shape::same ? "/head_same.glb" : "/head_other.glb");
+  options.output = work_folder() + "/out.png";
+  options.size = ImageSize{scaled(size), scaled(size)};
+  options.max_distance = {shape == Shape::same ? 1.0 : 5.0, true};
+  options.resources.threads = 1;
+  options.resources.use_cache = false;
+  return options;
+}
+
+PreparedJob& prepared_job(Shape shape, std::int64_t size) {
+  static std::map<std::pair<Shape, std::int64_t>, std::unique_ptr<PreparedJob>> jobs;
+  auto& job = jobs[{shape, size}];
+  if (job == nullptr) job = prepare(shape, size);
+  return *job;
+}
+
+std::vector<tiles::ColourTile> colour_tiles(PreparedJob& job) {
+  std::vector<tiles::ColourTile> read;
+  for (std::uint32_t y = 0; y < job.colours->directory().tiles_y(); ++y) {
+    for (const tiles::ChunkRef& chunk : job.colours->read_row(y, job.context->compressor()))
+      read.push_back(job.colours->read_tile(chunk, job.context->compressor()));
+  }
+  return read;
+}
+
+void count_work(benchmark::State& state, const std::string& unit, double per_iteration) {
+  using benchmark::Counter;
+  state.counters[unit + "/s"] = Counter(per_iteration, Counter::kIsIterationInvariantRate);
+  state.counters["per_" + unit] =
+      Counter(per_iteration, Counter::kIsIterationInvariantRate | Counter::kInvert);
+}
+
+}  // namespace pounce::bench
