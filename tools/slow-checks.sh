@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# The checks that take minutes: a texture of 8192², a target of 16384², a budget of 512 MiB, measured from outside.
+# Run before a release and after every change of the flow; tools/test.sh holds smaller siblings.
+# Usage: tools/slow-checks.sh [SOURCE.glb TARGET.glb TEXTURE]   (default: generated, in build/release/slow)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+pounce=$PWD/build/release/pounce fixture=$PWD/build/release/pounce-fixture work=$PWD/build/release/slow
+[[ -x $pounce && -x $fixture ]] || { echo "build first: tools/test.sh" >&2; exit 2; }
+mkdir -p "$work"
+
+failures=0
+check() {  # check WHAT CONDITION...
+  local what=$1
+  shift
+  if "$@"; then echo "ok      $what"; else echo "FAILED  $what"; failures=$((failures + 1)); fi
+}
+rss_kib() { /usr/bin/time -o "$work/time" -f %M "$@" >"$work/log" 2>&1 || { cat "$work/log" >&2; return 1; }; tail -n1 "$work/time"; }
+
+if [[ $# -eq 3 ]]; then
+  source=$1 target=$2 texture=$3
+else
+  "$fixture" head -o "$work" --texture 8192 --target-size 64 >/dev/null
+  source=$work/head_src.glb target=$work/head_other.glb texture=
+fi
+override=()
+[[ -z ${texture:-} ]] || override=(--source-texture "baseColor=$texture")
+
+"$fixture" one-texel -o "$work/one" >/dev/null
+one=$(find "$work/one" -name '*.glb' | sort | head -n1)
+baseline=$(rss_kib "$pounce" transfer "$one" "$one" -o "$work/one.png" --size 1 --no-cache)
+limit=$((baseline + 512 * 1024 * 105 / 100 + 16 * 1024))
+echo "baseline $((baseline / 1024)) MiB, limit for 512 MiB: $((limit / 1024)) MiB"
+
+for threads in 1 2; do
+  peak=$(rss_kib "$pounce" transfer "$source" "$target" "${override[@]}" -o "$work/$threads.png" --size 16384 \
+    --memory 512MiB --threads $threads --no-cache --report "$work/$threads.json")
+  check "peak at $threads threads: $((peak / 1024)) MiB" test "$peak" -le "$limit"
+  ns=$(python3 - "$work/$threads.json" <<'PY'
+import json, sys
+report = json.load(open(sys.argv[1]))
+cpu = sum(s["cpu_s"] for s in report["stages"] if s["name"] not in ("decode", "encode"))
+print(round(cpu / report["target"]["covered"] * 1e9))
+PY
+)
+  check "CPU at $threads threads: $ns ns per covered texel" test "$ns" -le 150
+done
+rss_kib "$pounce" transfer "$source" "$target" "${override[@]}" -o "$work/3.png" --size 16384 --memory 8GiB \
+  --threads 3 --no-cache >/dev/null
+check "the same bytes at 1 thread" cmp -s "$work/1.png" "$work/3.png"
+check "the same bytes at 2 threads" cmp -s "$work/2.png" "$work/3.png"
+echo "$failures failed"
+[[ $failures -eq 0 ]]
