@@ -71,7 +71,8 @@ std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
   job->source = io::read_mesh(job->options.source);
   job->target = io::read_mesh(job->options.target);
   job->plan = flow::make_plan(job->options, job->source, job->target);
-  job->context = flow::open_job(job->options.resources, job->options.output, true, false, nullptr);
+  job->context =
+      flow::open_job(job->options.resources, job->options.output, true, false, false, nullptr);
   job->context->tile_cap_bytes = flow::kTileCapBytes;
   const flow::PassPlan& pass = job->plan.passes.at(0);
   bool cached = false;
