@@ -48,6 +48,17 @@ io::ImageWriteSpec coverage_spec(const ImageOutput& output) {
           false};
 }
 
+/// One byte, 0 or 1, for each of the first `count` bits.
+void expand_mask(const std::uint8_t* bits, std::uint32_t count, std::uint8_t* bytes) {
+  for (std::uint32_t x = 0; x < count; x += 8) {
+    // The multiplication puts a copy of the bits into every byte, the mask leaves one bit in each:
+    // byte i keeps bit i, which the addition carries to the top of its byte unless it is 0.
+    const std::uint64_t copies = (bits[x / 8] * 0x0101010101010101ULL) & 0x8040201008040201ULL;
+    const std::uint64_t ones = ((copies + 0x7F7F7F7F7F7F7F7FULL) & 0x8080808080808080ULL) >> 7;
+    std::memcpy(bytes + x, &ones, std::min(count - x, 8U));
+  }
+}
+
 class ImageAssembler {
  public:
   ImageAssembler(JobContext& job, const ImageOutput& output, const texture::TexelFormat& format,
@@ -104,8 +115,7 @@ class ImageAssembler {
         const std::size_t to = std::size_t{y} * width + std::size_t{bx} * kBlockEdge;
         std::memcpy(texels.data() + to * texel, block.texels.data() + y * kBlockEdge * texel,
                     columns * texel);
-        for (std::uint32_t x = 0; x < columns; ++x)
-          covered[to + x] = block.covered(y * kBlockEdge + x) ? 1 : 0;
+        expand_mask(block.mask.data() + y * kBlockEdge / 8, columns, covered.data() + to);
       }
     });
     auto out = std::make_shared<Rows>();
