@@ -135,8 +135,10 @@ std::uint64_t decoder_cost(const OIIO::ImageSpec& spec, const std::string& forma
   if (format == "openexr") return kBase + 6 * block;
   if (format == "hdr") return kBase + 4 * row;
   // libtiff holds a strip as it is in the file, however large.
-  if (format == "tiff")
-    return kBase + 4 * row * kMostRowsAtOnce + std::min(block, bytes.size_bytes());
+  if (format == "tiff") {
+    const std::uint64_t rows = std::min(block_rows(spec, format), kMostRowsAtOnce);
+    return kBase + 4 * row * rows + std::min(block, bytes.size_bytes());
+  }
   return kBase + whole + bytes.size_bytes();
 }
 
@@ -275,7 +277,7 @@ void ImageReader::Impl::read_tile_row(std::uint32_t row) {
   const int begin = first_row + static_cast<int>(row);
   const int end = std::min(begin + static_cast<int>(rows_together), first_row + spec.height);
   if (!input->read_tiles(0, 0, first_column, first_column + spec.width, begin, end, 0, 1,
-                         channels.first, channels.first + channels.count, sample_type,
+                         channels.first, channels.first + channels.count, asked_type,
                          tile_row.data())) {
     fail(fmt::format("the picture breaks off in rows {} to {} of {}", row, end - first_row - 1,
                      info.height));

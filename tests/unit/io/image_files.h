@@ -28,7 +28,7 @@ inline void write_file(const std::string& path, const std::string& bytes) {
 inline mesh::ImageRef in_memory(const std::string& bytes, const std::string& label = "the image") {
   mesh::ImageRef image;
   auto copy = std::make_shared<std::vector<std::byte>>(bytes.size());
-  std::memcpy(copy->data(), bytes.data(), bytes.size());
+  if (!bytes.empty()) std::memcpy(copy->data(), bytes.data(), bytes.size());
   image.bytes = copy;
   image.label = label;
   return image;
