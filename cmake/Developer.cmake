@@ -5,7 +5,9 @@ target_compile_features(pounce_developer INTERFACE cxx_std_20)
 target_compile_options(pounce_developer INTERFACE
   -Wall -Wextra -Wshadow -Wconversion -Wpedantic
   # The same bytes on every x86-64: never fuse a multiply and an add behind our back.
-  -ffp-contract=off)
+  -ffp-contract=off
+  # A shared libpounce may inline its own functions: nobody replaces them at load time.
+  -fno-semantic-interposition)
 if(POUNCE_SANITIZE)
   # vptr off: TBB's flow graph downcasts trip it inside TBB's own headers.
   target_compile_options(pounce_developer INTERFACE

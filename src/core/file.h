@@ -19,9 +19,10 @@ class ReadFile {
   virtual void read(std::uint64_t offset, std::span<std::byte> out) const = 0;
 };
 
-/// A file being written from its start to its end. Not thread-safe, but readers of what was appended may work
-/// in other threads meanwhile. Appends go through a small buffer: nothing is sure to be on disk before sync(),
-/// and what was appended after the last sync() may be lost when the object goes.
+/// A file being written from its start to its end. Not thread-safe, but readers of what was
+/// appended may work in other threads meanwhile. Appends go through a small buffer: nothing is sure
+/// to be on disk before sync(), and what was appended after the last sync() may be lost when the
+/// object goes.
 class WriteFile {
  public:
   virtual ~WriteFile() = default;
@@ -38,9 +39,9 @@ class FileLock {
   virtual ~FileLock() = default;
 };
 
-/// Every access to files of our own goes through here (foreign image and mesh libraries excepted), so that a
-/// test can make the n-th call fail and an in-core run needs no disk.
-/// Every function throws Error(storage) naming path and reason.
+/// Every access to files of our own goes through here (foreign image and mesh libraries excepted),
+/// so that a test can make the n-th call fail and an in-core run needs no disk. Every function
+/// throws Error(storage) naming path and reason.
 class FileSystem {
  public:
   virtual ~FileSystem() = default;
@@ -54,8 +55,8 @@ class FileSystem {
   virtual void make_folders(const std::string& path) = 0;
   virtual void sync_folder(const std::string& path) = 0;
   virtual std::vector<std::string> list(const std::string& folder) = 0;  ///< names, sorted
-  /// Takes the lock on `path` (a file that is created and stays); null if somebody else holds it, be it
-  /// another process or another object of this one.
+  /// Takes the lock on `path` (a file that is created and stays); null if somebody else holds it,
+  /// be it another process or another object of this one.
   virtual std::unique_ptr<FileLock> try_lock(const std::string& path) = 0;
 };
 

@@ -29,12 +29,11 @@ class Hasher {
   Hasher(const Hasher&) = delete;
   Hasher& operator=(const Hasher&) = delete;
   void add(std::span<const std::byte> bytes);
-  void add(std::string_view text);  ///< length and characters, so that "ab","c" differs from "a","bc"
+  void add(
+      std::string_view text);  ///< length and characters, so that "ab","c" differs from "a","bc"
   template <class T>
-    requires std::is_arithmetic_v<T> || std::is_enum_v<T>
-  void add(T value) {
-    add(std::as_bytes(std::span(&value, 1)));
-  }
+  requires std::is_arithmetic_v<T> || std::is_enum_v<T>
+  void add(T value) { add(std::as_bytes(std::span(&value, 1))); }
   Hash128 digest() const;
 
  private:

@@ -8,12 +8,13 @@
 
 namespace pounce::io {
 
-/// Reads a .glb, .gltf or .obj (by content, then by ending). Throws Error(input) naming the file, the place in
-/// it and what to do; Error(storage) where the file cannot be read at all. Never decodes an image.
+/// Reads a .glb, .gltf or .obj (by content, then by ending). Throws Error(input) naming the file,
+/// the place in it and what to do; Error(storage) where the file cannot be read at all. Never
+/// decodes an image.
 mesh::Mesh read_mesh(const std::string& path);
 
-/// An upper bound on the memory that read_mesh() needs for this file at its peak, and the part of it that
-/// the returned Mesh keeps, judged from file sizes and headers alone.
+/// An upper bound on the memory that read_mesh() needs for this file at its peak, and the part of
+/// it that the returned Mesh keeps, judged from file sizes and headers alone.
 struct MeshCost {
   std::uint64_t peak_bytes = 0;
   std::uint64_t kept_bytes = 0;

@@ -41,13 +41,13 @@ struct PackInfo {
   PackKind kind = PackKind::geometry;
   Hash128 key;
 };
-/// Reads and checks the header alone, for programs that do not know what to expect (`pounce inspect`).
-/// Throws Error(damaged_store).
+/// Reads and checks the header alone, for programs that do not know what to expect (`pounce
+/// inspect`). Throws Error(damaged_store).
 PackInfo read_pack_info(const ReadFile& file, const std::string& name);
 
 /// Append-only pack file: header, chunks, footer. Layout: docs/tile-format.md. Not thread-safe.
-/// The header carries kind, version and key; the footer (written by finish()) the directory's place, the
-/// number of chunks and the file's size. Every byte is under a checksum.
+/// The header carries kind, version and key; the footer (written by finish()) the directory's
+/// place, the number of chunks and the file's size. Every byte is under a checksum.
 class PackWriter {
  public:
   PackWriter(std::unique_ptr<WriteFile> file, PackKind kind, const Hash128& key);
@@ -67,15 +67,16 @@ class PackWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Reads a finished pack. read() is thread-safe. A wrong magic, version, kind, key, size or checksum throws
-/// Error(damaged_store) that names the file, the offset and what did not match.
+/// Reads a finished pack. read() is thread-safe. A wrong magic, version, kind, key, size or
+/// checksum throws Error(damaged_store) that names the file, the offset and what did not match.
 class PackReader {
  public:
   PackReader(std::unique_ptr<ReadFile> file, std::string name, PackKind kind, const Hash128& key);
   ~PackReader();
   ChunkRef directory() const;
-  /// Reads one chunk's stored payload into `stored` (exactly ref.stored_bytes) and checks its header (kind,
-  /// sizes, its own offset) and checksum. The header is read with the payload in one pread.
+  /// Reads one chunk's stored payload into `stored` (exactly ref.stored_bytes) and checks its
+  /// header (kind, sizes, its own offset) and checksum. The header is read with the payload in one
+  /// pread.
   void read(const ChunkRef& ref, ChunkKind kind, std::vector<std::byte>& stored) const;
   /// Reads and checks every chunk from the header to the footer; returns how many there are.
   std::uint64_t verify() const;
