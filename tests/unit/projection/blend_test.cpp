@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "projection/blend.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
+
+#include "core/half.h"
+#include "support/random.h"
+
+using namespace pounce;
+using namespace pounce::projection;
+using mesh::Wrap;
+using pounce::test::Random;
+
+namespace {
+
+constexpr int kEdge = tiles::kColourTileEdge;
+
+struct Tile {
+  tiles::ColourDirectory image;
+  std::vector<std::byte> bytes;
+  std::vector<double> samples;  ///< what they mean: 0..1 or the float itself
+
+  double at(int column, int row, std::uint32_t channel) const {
+    return samples[(static_cast<std::size_t>(row + tiles::kApron) * kEdge +
+                    static_cast<std::size_t>(column + tiles::kApron)) *
+                       image.channels +
+                   channel];
+  }
+};
+
+Tile random_tile(Random& random, Depth depth, std::uint32_t channels) {
+  Tile tile;
+  tile.image.width = tile.image.height = 64;
+  tile.image.channels = channels;
+  tile.image.depth = depth;
+  tile.image.scale = depth == Depth::half || depth == Depth::float32 ? 4.0F : 1.0F;
+  const auto put = [&](auto value) {
+    const auto* first = reinterpret_cast<const std::byte*>(&value);
+    tile.bytes.insert(tile.bytes.end(), first, first + sizeof value);
+  };
+  for (std::uint32_t i = 0; i < kEdge * kEdge * channels; ++i) {
+    if (depth == Depth::u8) {
+      const auto v = static_cast<std::uint8_t>(random.bits());
+      put(v);
+      tile.samples.push_back(v / 255.0);
+    } else if (depth == Depth::u16) {
+      const auto v = static_cast<std::uint16_t>(random.bits());
+      put(v);
+      tile.samples.push_back(v / 65535.0);
+    } else if (depth == Depth::half) {
+      const std::uint16_t v = float_to_half(random.between(-4.0F, 4.0F));
+      put(v);
+      tile.samples.push_back(half_to_float(v));
+    } else {
+      const float v = random.between(-4.0F, 4.0F);
+      put(v);
+      tile.samples.push_back(v);
+    }
+  }
+  return tile;
+}
+
+double bilinear(const Tile& tile, int column, int row, double u, double v, std::uint32_t c) {
+  return (1 - v) * ((1 - u) * tile.at(column, row, c) + u * tile.at(column + 1, row, c)) +
+         v * ((1 - u) * tile.at(column, row + 1, c) + u * tile.at(column + 1, row + 1, c));
+}
+
+}  // namespace
+
+TEST_CASE("the tent's weights are those of bilinear interpolation in steps of 2^-20") {
+  Taps taps;
+  tent(0, 0, taps);
+  CHECK(taps.first == 0);
+  CHECK(taps.size == 2);
+  CHECK((taps.weights[0] == 1 << 20 && taps.weights[1] == 0));
+  CHECK((taps.weights[2] == 0 && taps.weights[3] == 0 && taps.total == 1 << 20));
+  tent(0.25, 0.5, taps);
+  CHECK(taps.weights[0] == 393216);  // 3/8
+  CHECK(taps.weights[1] == 131072);  // 1/8
+  CHECK(taps.weights[2] == 393216);
+  CHECK(taps.weights[3] == 131072);
+  Random random(71);
+  for (int i = 0; i < 10000; ++i) {
+    tent(random.unit(), random.unit(), taps);
+    CHECK(taps.total >= (1 << 20) - 2);
+    CHECK(taps.total <= (1 << 20) + 2);
+    CHECK(taps.total == taps.weights[0] + taps.weights[1] + taps.weights[2] + taps.weights[3]);
+  }
+}
+
+TEST_CASE("a blend is bilinear for every depth, exact at texel centres, and reads the apron") {
+  Random random(72);
+  for (const Depth depth : {Depth::u8, Depth::u16, Depth::half, Depth::float32}) {
+    for (std::uint32_t channels = 1; channels <= 4; ++channels) {
+      const Tile tile = random_tile(random, depth, channels);
+      double worst = 0;
+      for (int i = 0; i < 3000; ++i) {
+        const int column = static_cast<int>(random.whole(-1, 63));
+        const int row = static_cast<int>(random.whole(-1, 63));
+        const bool centre = random.one_in(4);
+        const double u = centre ? 0 : random.unit(), v = centre ? 0 : random.unit();
+        Taps taps;
+        tent(u, v, taps);
+        const Blended out = blend(tile.image, tile.bytes.data(), column, row, taps);
+        for (std::uint32_t c = 0; c < channels; ++c) {
+          const double expected = bilinear(tile, column, row, u, v, c);
+          worst = std::max(worst, std::abs(out[c] - expected));
+          if (!centre) continue;
+          if (depth == Depth::float32)
+            CHECK(std::abs(out[c] - expected) <= 4 * 0x1p-31);  // half a step of 2^-30 of the scale
+          else
+            CHECK(out[c] == expected);
+        }
+        for (std::uint32_t c = channels; c < 4; ++c) CHECK(out[c] == 0);
+      }
+      CHECK(worst < (tile.image.scale == 1 ? 4e-6 : 3e-5));  // far below 1/255 and 1e-4
+    }
+  }
+}
+
+TEST_CASE("blending 8-bit images to 8 bits is the blend, rounded to nearest") {
+  Random random(73);
+  for (std::uint32_t channels = 1; channels <= 4; ++channels) {
+    const Tile tile = random_tile(random, Depth::u8, channels);
+    for (int i = 0; i < 5000; ++i) {
+      const int column = static_cast<int>(random.whole(-1, 63));
+      const int row = static_cast<int>(random.whole(-1, 63));
+      Taps taps;
+      tent(random.one_in(4) ? 0 : random.unit(), random.one_in(4) ? 0.5 : random.unit(), taps);
+      const Blended exact = blend(tile.image, tile.bytes.data(), column, row, taps);
+      std::array<std::byte, 5> out{};
+      out[channels] = std::byte{0xAB};  // not to be touched
+      blend_u8(tile.image, tile.bytes.data(), column, row, taps, out.data());
+      for (std::uint32_t c = 0; c < channels; ++c) {
+        const double value = exact[c] * 255;
+        if (std::abs(std::to_integer<int>(out[c]) - value) > 0.5 + 1e-9)
+          FAIL(std::to_integer<int>(out[c]) << " for " << value);
+      }
+      CHECK(out[channels] == std::byte{0xAB});
+    }
+  }
+}
+
+TEST_CASE("8-bit blends clamp what a kernel with negative weights overshoots") {
+  Tile tile;
+  tile.image.channels = 1;
+  tile.bytes.assign(static_cast<std::size_t>(kEdge) * kEdge, std::byte{0});
+  const auto at = [](int column, int row) {
+    return static_cast<std::size_t>((row + tiles::kApron) * kEdge + column + tiles::kApron);
+  };
+  tile.bytes[at(10, 10)] = std::byte{255};
+  Taps taps;
+  taps.first = -1;
+  taps.size = 4;
+  taps.weights[5] = (1 << 20) + 2000;  // the hit's own texel
+  taps.weights[0] = -2000;
+  taps.total = 1 << 20;
+  std::byte out{};
+  blend_u8(tile.image, tile.bytes.data(), 10, 10, taps, &out);
+  CHECK(out == std::byte{255});
+  blend_u8(tile.image, tile.bytes.data(), 11, 11, taps, &out);  // only the negative tap sees it
+  CHECK(out == std::byte{0});
+}
+
+TEST_CASE("a placed coordinate blends what the unbounded image has there") {
+  Random random(74);
+  for (const std::uint32_t size : {1U, 2U, 3U, 64U, 100U}) {
+    std::vector<double> texels(size);
+    for (double& t : texels) t = random.unit();
+    for (const Wrap wrap : {Wrap::repeat, Wrap::mirror, Wrap::clamp}) {
+      const auto texel = [&](std::int64_t i) {
+        return texels[static_cast<std::size_t>(tiles::wrapped(i, size, wrap))];
+      };
+      for (int i = 0; i < 3000; ++i) {
+        const auto base = static_cast<std::int32_t>(random.whole(-400, 400));
+        float frac = random.between(-3.0F, 3.0F);
+        if (random.one_in(4)) frac = std::round(frac);
+        const double x = base + double{frac};
+        const double below = std::floor(x), rest = x - below;
+        const auto whole = static_cast<std::int64_t>(below);
+        const double expected = (1 - rest) * texel(whole) + rest * texel(whole + 1);
+        const Coordinate at = placed(base, frac, size, wrap);
+        CAPTURE(size, static_cast<int>(wrap), base, frac);
+        if (at.texel < -1 || at.texel >= static_cast<std::int64_t>(size) || at.rest < 0 ||
+            at.rest >= 1) {
+          FAIL("outside: " << at.texel << " + " << at.rest);
+        }
+        const double got = (1 - at.rest) * texel(at.texel) + at.rest * texel(at.texel + 1);
+        if (std::abs(got - expected) > 1e-9) FAIL(got << " for " << expected);
+      }
+    }
+  }
+  CHECK(placed(-1, 0.5F, 8, Wrap::clamp).texel == -1);
+  CHECK(placed(-1000000000, 0.5F, 8, Wrap::repeat).rest == 0.5);
+  CHECK(placed(7, 0, 8, Wrap::repeat).texel == 7);
+  CHECK(placed(8, 0, 8, Wrap::repeat).texel == 0);
+  CHECK(placed(8, 0.25F, 8, Wrap::mirror).texel == 6);
+  CHECK(placed(8, 0.25F, 8, Wrap::mirror).rest == 0.75);
+}

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "projection/search.h"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cstring>
+
+#include "unit/projection/random_facets.h"
+
+using namespace pounce;
+using namespace pounce::projection;
+using pounce::test::Random;
+
+namespace {
+
+struct Scene {
+  std::vector<source::SourceBlock> blocks;
+  PageVector<TexelPacket> packets;
+  std::vector<target::PacketGroup> groups;
+  SearchLimits limits;
+};
+
+Scene random_scene(Random& random) {
+  Scene scene;
+  const float size = random.one_in(2) ? 0.4F : 0.05F;
+  const std::uint64_t blocks = 1 + random.below(6);
+  for (std::uint64_t i = 0; i < blocks; ++i) {
+    scene.blocks.push_back(test::random_source(random, 1 + static_cast<int>(random.below(150)),
+                                               size, static_cast<std::uint32_t>(1000 * i)));
+  }
+  const std::uint64_t groups = 1 + random.below(20);
+  for (std::uint64_t g = 0; g < groups; ++g) {
+    const auto first = static_cast<std::uint32_t>(scene.packets.size());
+    const std::uint64_t packets = 1 + random.below(3);
+    const float spread = random.one_in(3) ? 0.5F : 0.02F;
+    for (std::uint64_t i = 0; i < packets; ++i) {
+      scene.packets.push_back(test::random_packet(random, spread));
+      scene.packets.back().block = static_cast<std::uint32_t>(g % 3);
+    }
+    scene.groups.push_back({first, static_cast<std::uint32_t>(packets)});
+  }
+  scene.limits = {random.between(0.1F, 1.5F), random.between(0.0F, 0.7F)};
+  return scene;
+}
+
+/// The definition: the best of all facets, whatever is where.
+PageVector<HitPacket> brute_force(const Scene& scene) {
+  PageVector<HitPacket> hits(scene.packets.size());
+  for (std::size_t p = 0; p < hits.size(); ++p) {
+    clear(hits[p]);
+    for (const source::SourceBlock& block : scene.blocks) {
+      for (const source::Facet& facet : block.facets)
+        kernels("").hit(facet, scene.packets[p], scene.limits, hits[p]);
+    }
+  }
+  return hits;
+}
+
+/// The search at these heights, with the source in random batches of blocks, in any order, some
+/// twice.
+PageVector<HitPacket> search(const Scene& scene, const std::vector<float>& heights,
+                             Random& random) {
+  SearchState state;
+  state.packets = scene.packets;
+  state.groups = scene.groups;
+  start(state);
+  REQUIRE(state.open.size() == scene.groups.size());
+  for (const float height : heights) {
+    const auto open = open_boxes(state, 3, height);
+    Box3f region;
+    for (const Box3f& box : open) region.extend(box);
+    std::vector<const source::SourceBlock*> order;
+    for (const source::SourceBlock& block : scene.blocks) {
+      order.push_back(&block);
+      if (random.one_in(5)) order.push_back(&block);
+    }
+    for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[random.below(i)]);
+    for (std::size_t at = 0; at < order.size();) {
+      const std::size_t count = std::min<std::size_t>(1 + random.below(4), order.size() - at);
+      const std::span<const source::SourceBlock* const> all(order);
+      grid::PatchGrid grid(all.subspan(at, count), region);
+      search_batch(grid, height, scene.limits, kernels(""), state);
+      at += count;
+    }
+    close_groups(height, kernels(""), state);
+  }
+  return state.hits;
+}
+
+/// Lanes of which the two say different things.
+std::size_t differences(const PageVector<HitPacket>& a, const PageVector<HitPacket>& b) {
+  std::size_t count = 0;
+  for (std::size_t p = 0; p < a.size(); ++p) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      count += a[p].key[lane] != b[p].key[lane] || a[p].id[lane] != b[p].id[lane] ||
+               a[p].base_x[lane] != b[p].base_x[lane] || a[p].frac_x[lane] != b[p].frac_x[lane] ||
+               a[p].frac_y[lane] != b[p].frac_y[lane] || a[p].page[lane] != b[p].page[lane];
+    }
+  }
+  return count;
+}
+
+}  // namespace
+
+TEST_CASE("the search finds the minimum over all facets at any heights and in any batches") {
+  Random random(61);
+  std::size_t found = 0, lanes = 0;
+  for (int round = 0; round < 300; ++round) {
+    const Scene scene = random_scene(random);
+    const auto expected = brute_force(scene);
+    for (const HitPacket& hit : expected) {
+      for (const std::int32_t key : hit.key) found += key != kNoHit;
+      lanes += kLanes;
+    }
+    const float far = scene.limits.max_distance;
+    std::vector<float> uneven;
+    for (int i = 0; i < 5; ++i) uneven.push_back(random.between(0.0F, far));
+    std::sort(uneven.begin(), uneven.end());
+    uneven.push_back(far);
+    for (const auto& heights : {search_heights(far), {far}, uneven}) {
+      const std::size_t wrong = differences(search(scene, heights, random), expected);
+      if (wrong != 0) FAIL(wrong << " texels differ in round " << round);
+    }
+  }
+  CHECK(found > lanes / 20);
+  CHECK(found < lanes);
+}
+
+TEST_CASE("a smaller maximum distance only takes hits away") {
+  Random random(62);
+  Scene scene = random_scene(random);
+  scene.limits.max_distance = 1.5F;
+  const auto far = brute_force(scene);
+  scene.limits.max_distance = 0.2F;
+  const auto near = search(scene, search_heights(0.2F), random);
+  for (std::size_t p = 0; p < far.size(); ++p) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const float edge = scene.packets[p].per_texel[lane] * kKeySteps;
+      if (static_cast<float>(far[p].key[lane]) < 0.19F * edge)
+        CHECK(near[p].id[lane] == far[p].id[lane]);
+    }
+  }
+}
+
+TEST_CASE("heights rise to the maximum distance") {
+  for (const float far : {1e-6F, 0.3F, 5.0F, 1e6F}) {
+    const auto heights = search_heights(far);
+    CHECK(heights.front() > 0);
+    CHECK(heights.back() == far);
+    CHECK(std::is_sorted(heights.begin(), heights.end()));
+  }
+}
+
+TEST_CASE("a packet's bundle holds its rays, and so does a bundle of bundles") {
+  Random random(63);
+  const auto inside = [](const Box3f& box, Vec3d p) {
+    return box.lo.x <= p.x && p.x <= box.hi.x && box.lo.y <= p.y && p.y <= box.hi.y &&
+           box.lo.z <= p.z && p.z <= box.hi.z;
+  };
+  for (int round = 0; round < 500; ++round) {
+    std::vector<TexelPacket> packets;
+    std::vector<RayBundle> bundles;
+    for (std::uint64_t i = 0; i < 1 + random.below(4); ++i) {
+      packets.push_back(test::random_packet(random, random.one_in(2) ? 0.01F : 1));
+      if (random.one_in(10)) {  // a crease: normals that cancel out
+        packets.back().nx[1] = -packets.back().nx[0];
+        packets.back().ny[1] = -packets.back().ny[0];
+        packets.back().nz[1] = -packets.back().nz[0];
+      }
+      bundles.push_back(bundle_of(packets.back()));
+    }
+    const RayBundle all = unite(bundles);
+    const float height = random.between(0.0F, 2.0F);
+    for (std::size_t i = 0; i < packets.size(); ++i) {
+      for (int lane = 0; lane < kLanes; ++lane) {
+        if (packets[i].texel[lane] == target::kNoTexel) continue;
+        const double t = random.between(-1.0, 1.0) * height;
+        const Vec3d p{packets[i].px[lane] + t * packets[i].nx[lane],
+                      packets[i].py[lane] + t * packets[i].ny[lane],
+                      packets[i].pz[lane] + t * packets[i].nz[lane]};
+        for (const RayBundle& bundle : {bundles[i], all}) {
+          const double off = length(p - (Vec3d(bundle.origin) + Vec3d(bundle.direction) * t));
+          if (off > double{bundle.offset} + std::abs(t) * bundle.spread)
+            FAIL("a ray leaves its bundle");
+          if (!inside(bundle.swept_box(height), p)) FAIL("a ray leaves its box");
+          const Vec3f at(p);
+          if (!bundle.may_meet(at, 1e-5F, height)) FAIL("a point of a ray is culled");
+        }
+      }
+    }
+  }
+}
