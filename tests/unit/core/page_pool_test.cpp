@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/page_pool.h"
+
+#include <unistd.h>
+
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <cstring>
+#include <fstream>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include "support/random.h"
+
+using namespace pounce;
+using pounce::test::Random;
+
+namespace {
+
+std::size_t resident_bytes() {
+  std::ifstream statm("/proc/self/statm");
+  std::size_t whole = 0, resident = 0;
+  statm >> whole >> resident;
+  return resident * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+}
+
+struct Buffer {
+  std::uint64_t* at = nullptr;
+  std::size_t bytes = 0;
+  std::uint64_t mark = 0;
+};
+
+/// A few words of each page: all that could belong to somebody else.
+void fill(const Buffer& buffer) {
+  for (std::size_t at = 0; at + 8 <= buffer.bytes; at += 1024) buffer.at[at / 8] = buffer.mark ^ at;
+}
+bool intact(const Buffer& buffer) {
+  for (std::size_t at = 0; at + 8 <= buffer.bytes; at += 1024) {
+    if (buffer.at[at / 8] != (buffer.mark ^ at)) return false;
+  }
+  return true;
+}
+
+/// Allocates and releases at random; returns whether every buffer kept what was written to it.
+bool churn(std::uint64_t seed) {
+  Random random(seed);
+  std::vector<Buffer> buffers;
+  bool good = true;
+  for (int step = 0; step < 4000; ++step) {
+    if (buffers.size() > 60 || (!buffers.empty() && random.one_in(2))) {
+      const std::size_t i = random.below(buffers.size());
+      good = good && intact(buffers[i]);
+      PagePool::instance().release(buffers[i].at, buffers[i].bytes);
+      buffers[i] = buffers.back();
+      buffers.pop_back();
+      continue;
+    }
+    Buffer buffer;
+    const std::uint64_t largest = random.one_in(100)  ? 12 << 20
+                                  : random.one_in(10) ? 1 << 20
+                                                      : 1 << 15;
+    buffer.bytes = 1 + random.below(largest);
+    buffer.at = static_cast<std::uint64_t*>(PagePool::instance().allocate(buffer.bytes));
+    buffer.mark = random.bits();
+    good = good && reinterpret_cast<std::uintptr_t>(buffer.at) % kPageBytes == 0;
+    fill(buffer);
+    buffers.push_back(buffer);
+  }
+  for (const Buffer& buffer : buffers) {
+    good = good && intact(buffer);
+    PagePool::instance().release(buffer.at, buffer.bytes);
+  }
+  return good;
+}
+
+}  // namespace
+
+TEST_CASE("buffers of several threads never overlap and keep what is in them") {
+  std::atomic<int> good = 0;
+  std::vector<std::thread> threads;
+  for (std::uint64_t seed = 1; seed <= 4; ++seed)
+    threads.emplace_back([&good, seed] { good += churn(seed) ? 1 : 0; });
+  for (std::thread& thread : threads) thread.join();
+  CHECK(good == 4);
+}
+
+TEST_CASE("what is released goes back to the system, all but a few MiB") {
+  constexpr std::size_t kSlack = 24 << 20;
+  churn(9);
+  const std::size_t before = resident_bytes();
+  for (const std::size_t buffer_bytes :
+       {std::size_t{5000}, std::size_t{300000}, std::size_t{3} << 20, std::size_t{20} << 20}) {
+    std::vector<Buffer> buffers;
+    for (std::size_t total = 0; total < std::size_t{160} << 20;
+         total += round_to_pages(buffer_bytes)) {
+      Buffer buffer{nullptr, buffer_bytes, total};
+      buffer.at = static_cast<std::uint64_t*>(PagePool::instance().allocate(buffer_bytes));
+      fill(buffer);
+      buffers.push_back(buffer);
+    }
+    CHECK(resident_bytes() >= before + (std::size_t{120} << 20));
+    // Every other one first, so that the regions are full of holes.
+    for (const std::size_t half : {0U, 1U}) {
+      for (std::size_t i = half; i < buffers.size(); i += 2) {
+        if (!intact(buffers[i])) FAIL("overwritten");
+        PagePool::instance().release(buffers[i].at, buffers[i].bytes);
+      }
+      if (half == 0) CHECK(resident_bytes() <= before + (std::size_t{86} << 20) + kSlack);
+    }
+    CHECK(resident_bytes() <= before + kSlack);
+  }
+}
+
+TEST_CASE("a page vector grows, shrinks and moves like any vector") {
+  PageVector<int> numbers;
+  for (int i = 0; i < 3000000; ++i) numbers.push_back(i);
+  bool same = true;
+  for (int i = 0; i < 3000000; ++i) same = same && numbers[static_cast<std::size_t>(i)] == i;
+  CHECK(same);
+  PageVector<int> moved = std::move(numbers);
+  moved.resize(10);
+  moved.shrink_to_fit();
+  CHECK(moved == PageVector<int>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9});
+  CHECK(round_to_pages(0) == 0);
+  CHECK(round_to_pages(1) == 4096);
+  CHECK(round_to_pages(4097) == 8192);
+}
