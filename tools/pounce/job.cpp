@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -63,11 +64,18 @@ std::string folder_of(const std::string& path) {
   throw Error(ErrorKind::storage, fmt::format("{}: {}: {}", path, what, std::strerror(reason)));
 }
 
+/// Devices, pipes and links (/dev/stdout, /dev/fd/3, /dev/null) are written into: a rename would
+/// put a file in their place, on the whole machine if the user may.
+bool is_written_in_place(const std::string& path) {
+  struct stat there = {};
+  return lstat(path.c_str(), &there) == 0 && !S_ISREG(there.st_mode);
+}
+
 /// A report that cannot be written is better known before a long job than after it.
 void check_report_folder(const std::string& path) {
   if (path.empty() || path == "-") return;
   const std::string folder = folder_of(path);
-  if (access(folder.c_str(), W_OK | X_OK) != 0) {
+  if (!is_written_in_place(path) && access(folder.c_str(), W_OK | X_OK) != 0) {
     cannot("the report cannot be written into its folder", path);
   }
   if (std::error_code ignored; std::filesystem::is_directory(path, ignored)) {
@@ -78,7 +86,8 @@ void check_report_folder(const std::string& path) {
 
 /// Writes beside, then renames: a reader sees the whole report or none.
 void write_file(const std::string& path, const std::string& text) {
-  const std::string beside = fmt::format("{}.{}.tmp", path, getpid());
+  const bool in_place = is_written_in_place(path);
+  const std::string beside = in_place ? path : fmt::format("{}.{}.tmp", path, getpid());
   const int file = open(beside.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) cannot("the report cannot be created", path);
   std::size_t written = 0;
@@ -88,15 +97,15 @@ void write_file(const std::string& path, const std::string& text) {
     if (count < 0) break;
     written += static_cast<std::size_t>(count);
   }
-  bool whole = written == text.size() && fsync(file) == 0;
+  bool whole = written == text.size() && (in_place || fsync(file) == 0);
   int reason = errno;
   if (close(file) != 0 && whole) {
     whole = false;
     reason = errno;
   }
-  if (whole && std::rename(beside.c_str(), path.c_str()) == 0) return;
+  if (whole && (in_place || std::rename(beside.c_str(), path.c_str()) == 0)) return;
   if (whole) reason = errno;
-  unlink(beside.c_str());
+  if (!in_place) unlink(beside.c_str());
   errno = reason;
   cannot("the report cannot be written", path);
 }

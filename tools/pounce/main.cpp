@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <array>
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <string>
@@ -21,6 +25,16 @@ constexpr const char* kUsage =
     "Examples:\n"
     "  pounce transfer scan.glb avatar.glb -o avatar.png\n"
     "  pounce compare avatar.png truth.png --min-psnr 40";
+
+/// A file opened by the job must never get the number of a standard stream that the caller closed:
+/// progress would be written into it. The substitutes refuse what a closed stream refuses.
+void occupy_standard_streams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (fcntl(stream, F_GETFD) >= 0) continue;
+    // The lowest free number is this one, since those below it are taken by now.
+    if (open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY) < 0) return;
+  }
+}
 
 /// Says what is wrong with the command line and where to read on.
 int usage_error(const CLI::App& program, const std::string& message) {
@@ -69,7 +83,11 @@ int run(int argc, char** argv) {
 
 }  // namespace
 
-int main(int argc, char** argv) try { return run(argc, argv); } catch (const pounce::Error& error) {
+int main(int argc, char** argv) try {
+  occupy_standard_streams();
+  std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is then an error of write(), like a full disk
+  return run(argc, argv);
+} catch (const pounce::Error& error) {
   std::fprintf(stderr, "pounce: error: %s\n", error.what());
   return pounce::exit_status(error.kind());
 } catch (const std::exception& error) {

@@ -57,6 +57,13 @@ std::string clock_time(double seconds) {
 
 std::string left(double left_s) { return left_s < 0 ? "" : clock_time(left_s) + " left"; }
 
+/// Progress that cannot be shown (closed, disk full) is no reason to stop a job, so nothing is
+/// thrown.
+void say(std::FILE* out, const std::string& text) {
+  std::fputs(text.c_str(), out);
+  std::fflush(out);
+}
+
 }  // namespace
 
 ProgressKind parse_progress_kind(const std::string& option, const std::string& text) {
@@ -157,8 +164,7 @@ void ProgressBar::show(const ProgressEvent& event) {
   const ProgressFigures now = figures(event);
   switch (kind_) {
     case ProgressKind::json:
-      fmt::print(out_, "{}\n", json_line(event, now));
-      std::fflush(out_);
+      say(out_, json_line(event, now) + "\n");
       break;
     case ProgressKind::plain:
       show_plain(event, now);
@@ -173,8 +179,7 @@ void ProgressBar::show_bar(const ProgressEvent& event, const ProgressFigures& no
   last_shown_s_ = event.elapsed_s;
   // One column stays free: some terminals wrap when the last one is written.
   const std::size_t columns = terminal_columns(out_);
-  fmt::print(out_, "\r{}\033[K", bar_line(event, now, columns > 1 ? columns - 1 : 1));
-  std::fflush(out_);
+  say(out_, "\r" + bar_line(event, now, columns > 1 ? columns - 1 : 1) + "\033[K");
   on_screen_ = true;
 }
 
@@ -185,8 +190,7 @@ void ProgressBar::show_plain(const ProgressEvent& event, const ProgressFigures& 
     return;
   }
   last_shown_s_ = event.elapsed_s;
-  fmt::print(out_, "{}\n", plain_line(event, now));
-  std::fflush(out_);
+  say(out_, plain_line(event, now) + "\n");
 }
 
 void ProgressBar::finish() {

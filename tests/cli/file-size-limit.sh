@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
+# A file size limit (ulimit -f) is a storage error, not a death by signal, and leaves nothing behind.
+source "$(dirname "$0")/support.sh"
+"$POUNCE_FIXTURE" head -o head >/dev/null
+mkdir result
+for cache in '--no-cache' '--cache stored'; do
+  status=0
+  (ulimit -f 64 && exec "$POUNCE" transfer head/head_src.glb head/head_same.glb -o result/o.png --size 1024 \
+    $cache) >"$out" 2>"$err" || status=$?
+  [[ $status == 5 ]] || fail "exit status $status, not 5, with $cache"
+  err_has 'File too large'
+  [[ -z $(ls -A result) ]] || fail "left behind: $(ls -A result)"
+done
+expect 0 transfer head/head_src.glb head/head_same.glb -o result/o.png --size 64 --cache stored
