@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -27,7 +28,7 @@ void run_ordered(MemoryBudget& budget, std::span<const std::uint64_t> costs,
 
   struct Item {
     std::size_t index;
-    Result result;
+    std::optional<Result> result;
   };
   using ItemPtr = std::shared_ptr<Item>;
   std::size_t taken = 0;
@@ -37,12 +38,12 @@ void run_ordered(MemoryBudget& budget, std::span<const std::uint64_t> costs,
   });
   auto pump = Pump(budget, costs, [&](std::size_t i) { maker.try_put(i); });
   tf::sequencer_node<ItemPtr> in_order(graph, [](const ItemPtr& item) { return item->index; });
-  tf::function_node<ItemPtr> taker(graph, tf::serial, [&](ItemPtr item) {
-    take(item->index, item->result);
-    const std::size_t index = item->index;
-    item.reset();  // its memory goes before its lease does
+  tf::function_node<ItemPtr> taker(graph, tf::serial, [&](const ItemPtr& item) {
+    take(item->index, *item->result);
+    // Its memory goes before its lease does; the graph still holds the item itself.
+    item->result.reset();
     ++taken;
-    pump.release(index);
+    pump.release(item->index);
   });
   tf::make_edge(maker, in_order);
   tf::make_edge(in_order, taker);

@@ -188,10 +188,10 @@ class Projector {
       return work;
     });
     auto pump = Pump(job_.budget, costs_, [&](std::size_t i) { read.try_put(i); });
-    tf::function_node<WorkPtr> store(graph, tf::serial, [&](WorkPtr work) {
+    tf::function_node<WorkPtr> store(graph, tf::serial, [&](const WorkPtr& work) {
       store_piece(*work);
       const std::size_t index = work->index;
-      work.reset();  // its memory goes before its lease does
+      *work = Work{};  // its memory goes before its lease does; the graph still holds the object
       ++stored;
       pump.release(index);
     });

@@ -23,6 +23,11 @@ class Pump {
        std::size_t most_at_once = few_per_thread())
       : budget_(budget), costs_(costs), put_(std::move(put)), most_at_once_(most_at_once) {}
 
+  /// After an error, what was under way gives its leases back.
+  ~Pump() { budget_.release(held_); }
+  Pump(const Pump&) = delete;
+  Pump& operator=(const Pump&) = delete;
+
   /// More works at once would not run any sooner, only push each other out of the processor's
   /// caches.
   static std::size_t few_per_thread() {
@@ -34,9 +39,10 @@ class Pump {
     for (;;) {
       std::size_t work;
       {
-        const std::lock_guard lock(mutex_);  // guards next_, at_once_ and the order of leases
+        const std::lock_guard lock(mutex_);  // also the order of leases
         if (next_ == costs_.size() || at_once_ == most_at_once_) return;
         if (!budget_.try_lease(costs_[next_])) return;
+        held_ += costs_[next_];
         ++at_once_;
         work = next_++;
       }
@@ -47,6 +53,7 @@ class Pump {
     {
       const std::lock_guard lock(mutex_);
       --at_once_;
+      held_ -= costs_[work];
     }
     budget_.release(costs_[work]);
     admit();
@@ -57,8 +64,9 @@ class Pump {
   std::span<const std::uint64_t> costs_;
   Put put_;
   const std::size_t most_at_once_;
-  std::mutex mutex_;
+  std::mutex mutex_;  ///< guards what follows
   std::size_t next_ = 0, at_once_ = 0;
+  std::uint64_t held_ = 0;  ///< bytes of the leases of the works under way
 };
 
 }  // namespace pounce::flow
