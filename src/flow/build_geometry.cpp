@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "flow/build_stores.h"
 #include "flow/ordered_stream.h"
@@ -22,6 +23,9 @@ namespace pounce::flow {
 namespace {
 
 using tiles::kNoTriangle;
+
+/// The Gaussians of a whole triangle larger than this are counted by its area, to the row.
+constexpr double kCountedTexels = 1e6;
 
 struct EncodedBlock {
   tiles::BlockEntry entry;
@@ -83,6 +87,8 @@ class TileMaker {
     if (l.width == 0) return 1;
     const auto corners = mesh::texel_corners(*request_.mesh, l, instance);
     const bool whole = mesh::is_whole(corners);
+    const double area = std::abs(mesh::doubled_area(corners[0], corners[1], corners[2])) / 2;
+    if (whole && area > kCountedTexels) return static_cast<std::uint64_t>(area);
     const mesh::TexelWindow everywhere{INT32_MIN, INT32_MIN, INT32_MAX, INT32_MAX};
     std::uint64_t count = 0;
     mesh::raster_triangle(corners, whole ? everywhere : window_of(bin),

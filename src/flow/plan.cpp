@@ -239,7 +239,23 @@ class Planner {
       }
     }
     check_outputs(paths);
+    check_inputs_survive(paths);
     plan_.outputs = paths;
+  }
+
+  /// The source and what it is made of are never written over; the target's own textures may be.
+  void check_inputs_survive(const std::vector<std::string>& outputs) const {
+    std::vector<std::string> inputs{options_.source, options_.target};
+    for (const ColumnPlan& column : plan_.columns) inputs.push_back(column.image.path);
+    for (const std::string& output : outputs) {
+      for (const std::string& input : inputs) {
+        std::error_code ignored;
+        if (!input.empty() && std::filesystem::equivalent(output, input, ignored)) {
+          throw Error(ErrorKind::usage,
+                      fmt::format("{}: is also an input; write to another file", output));
+        }
+      }
+    }
   }
 
   /// How this channel sees the source: a lattice per material.

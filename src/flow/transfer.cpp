@@ -230,6 +230,7 @@ class TransferJob {
     if (p == 0) {  // counts are those of the first channel
       job_->report.target_covered = result.covered;
       job_->report.target_empty = texels - result.covered;
+      if (result.covered == 0) warn_of_nothing(stores_[p]);
     }
     job_->report.tiles_read += stores_[p].target->directory().tiles.size();
     job_->report.bytes_read +=
@@ -237,6 +238,25 @@ class TransferJob {
     job_->report.bytes_written += result.pack->size_bytes();
     job_->meter.end();
     return result;
+  }
+
+  /// A result without a single covered texel is hardly what was wanted: say what may be wrong.
+  void warn_of_nothing(const PassStores& stores) {
+    const auto text = [](const Box3f& b) {
+      return fmt::format("({:g} {:g} {:g})..({:g} {:g} {:g})", b.lo.x, b.lo.y, b.lo.z, b.hi.x,
+                         b.hi.y, b.hi.z);
+    };
+    const tiles::GeometryDirectory& target = stores.target->directory();
+    if (target.texels == 0) {
+      job_->report.warnings.push_back(options_.target +
+                                      ": its UVs cover no texel centre; the result is empty");
+      return;
+    }
+    job_->report.warnings.push_back(
+        fmt::format("no texel found a source within {:g}: the result is empty. The source spans "
+                    "{}, the target {}; align "
+                    "them, or raise --max-distance or --max-angle",
+                    plan_.max_distance, text(stores.source->directory().box), text(target.box)));
   }
 
   void write_pass(std::size_t p, const ProjectResult& result) {

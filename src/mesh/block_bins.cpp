@@ -20,7 +20,8 @@ namespace pounce::mesh {
 namespace {
 
 constexpr double kLargestTexel = 1e9;  // unwrapped coordinates beyond this are a broken file
-constexpr std::uint64_t kMostEntries = 1ULL << 27;
+constexpr std::uint64_t kMostEntries = 1ULL << 24;
+constexpr double kVastTriangleTexels = 0x1p31;  // doubled area; 2^18 blocks
 constexpr std::uint32_t kMostBlocksPerTile = 64;
 constexpr std::uint32_t kConstantRun = 1024;  // triangles of a page without an image, per block
 
@@ -182,8 +183,10 @@ bool is_whole(const std::array<Vec2d, 3>& c) {
   const auto [low_y, high_y] = std::minmax({c[0].y, c[1].y, c[2].y});
   const double extent = std::max(high_x - low_x, high_y - low_y);
   if (extent <= kWholeTriangleTexels) return true;
-  // Thin: its height over the longest side is below a texel, so cutting it gains nothing.
-  return std::abs(doubled_area(c[0], c[1], c[2])) < extent;
+  const double area = std::abs(doubled_area(c[0], c[1], c[2]));
+  // Thin: its height over the longest side is below a texel, so cutting it gains nothing. Vast: an
+  // image repeated thousands of times; its blocks would outnumber everything else.
+  return area < extent || area > kVastTriangleTexels;
 }
 
 std::uint64_t count_entries(const BinRequest& request) {

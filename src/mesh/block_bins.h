@@ -57,7 +57,7 @@ inline constexpr double kWholeTriangleTexels = 32;
 
 std::array<Vec2d, 3> texel_corners(const Mesh& mesh, const Lattice& lattice,
                                    const TriangleInstance& instance);
-/// Is the source triangle kept whole (see kWholeTriangleTexels), or cut at block borders?
+/// Is the source triangle kept whole (small, thin or vast), or cut at block borders?
 bool is_whole(const std::array<Vec2d, 3>& corners);
 
 /// Bins triangles into blocks and groups the blocks into tiles by a k-d split in integers. Throws
