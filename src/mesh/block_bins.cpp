@@ -89,6 +89,11 @@ void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& v
         std::abs(low_y) < kLargestTexel && std::abs(high_y) < kLargestTexel)) {
     fail_span(*request.mesh, triangle);
   }
+  if (!request.wrap_into_image && is_whole(corners)) {
+    visit(TriangleInstance{triangle, 0, 0}, block_of((low_x + high_x) / 2),
+          block_of((low_y + high_y) / 2));
+    return;
+  }
   // It touches at least as many blocks as it has room for: no need to visit them to know.
   constexpr double kMostArea = static_cast<double>(kMostEntries) * kBlockEdge * kBlockEdge;
   const double area = std::abs(doubled_area(corners[0], corners[1], corners[2])) / 2;
@@ -107,12 +112,7 @@ void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& v
                  [&](std::int32_t x, std::int32_t y) { visit(instance, x, y); });
   };
   if (!request.wrap_into_image) {
-    if (is_whole(corners)) {
-      visit(TriangleInstance{triangle, 0, 0}, block_of((low_x + high_x) / 2),
-            block_of((low_y + high_y) / 2));
-    } else {
-      visit_touched({triangle, 0, 0}, low_x, low_y, high_x, high_y);
-    }
+    visit_touched({triangle, 0, 0}, low_x, low_y, high_x, high_y);
     return;
   }
   if (area == 0) return;
