@@ -257,7 +257,7 @@ Hash128 geometry_key(const GeometryRequest& request) {
     hash.add(page.uv_set);
     const mesh::UvTransform& t = page.transform;
     for (const double v : {t.a, t.b, t.c, t.d, t.e, t.f}) hash.add(v);
-    if (page.width != 0) add(m.uv_sets[page.uv_set]);
+    if (page.width != 0 && page.uv_set < m.uv_sets.size()) add(m.uv_sets[page.uv_set]);
   }
   return hash.digest();
 }

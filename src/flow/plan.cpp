@@ -181,6 +181,10 @@ class Planner {
       linear = linear || info.linear;
       depth = std::max(depth, info.depth);
     }
+    plan.page_column.resize(2 * source_.materials.size(), -1);
+    for (std::size_t m = 0; m < source_.materials.size(); ++m) {
+      plan.page_constant.push_back(plan.page_constant[m]);
+    }
     if (options_.size) plan.size = *options_.size;
     if (plan.size.width == 0) plan.size = {kUntexturedSize, kUntexturedSize};
     if (plan.size.width > kLargestSide || plan.size.height > kLargestSide) {
@@ -272,24 +276,37 @@ class Planner {
       }
       request.pages.push_back(lattice);
     }
+    // What has the texture but not the UVs for it is constant, as if it had no texture.
+    request.pages.resize(2 * source_.materials.size());
     request.triangle_page = source_.triangle_material;
-    check_source_uvs(request, channel.channel);
+    set_apart_without_uvs(request, channel.channel);
     return request;
   }
 
-  void check_source_uvs(const GeometryRequest& request, Channel channel) {
+  void set_apart_without_uvs(GeometryRequest& request, Channel channel) {
+    std::size_t with = 0, without = 0;
     for (std::size_t t = 0; t < source_.triangles.size(); ++t) {
-      const mesh::Lattice& lattice = request.pages[request.triangle_page[t]];
+      std::uint32_t& page = request.triangle_page[t];
+      const mesh::Lattice& lattice = request.pages[page];
       if (lattice.width == 0) continue;
-      for (const std::uint32_t v : source_.triangles[t]) {
-        if (!source_.has_uv(lattice.uv_set, v)) {
-          throw Error(ErrorKind::input,
-                      fmt::format("{}: material \"{}\" has a {} texture on UV set {}, which some "
-                                  "of its triangles lack",
-                                  source_.path, source_.materials[request.triangle_page[t]].name,
-                                  channel_name(channel), lattice.uv_set));
-        }
+      const auto& corners = source_.triangles[t];
+      if (std::all_of(corners.begin(), corners.end(),
+                      [&](std::uint32_t v) { return source_.has_uv(lattice.uv_set, v); })) {
+        ++with;
+        continue;
       }
+      page += static_cast<std::uint32_t>(source_.materials.size());
+      ++without;
+    }
+    if (with == 0) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: has no UVs for its {} texture; unwrap the source first",
+                              source_.path, channel_name(channel)));
+    }
+    if (without > 0) {
+      plan_.warnings.push_back(fmt::format(
+          "{}: {} triangles have no UVs for their {} texture and count as one plain colour",
+          source_.path, without, channel_name(channel)));
     }
   }
 

@@ -18,7 +18,8 @@ struct ChannelPlan {
   Channel channel = Channel::base_color;
   ImageSize size;  ///< of the output
   texture::TexelFormat format;
-  /// By source page: which image (index into Plan::columns), or -1 for the constant.
+  /// By source page (the materials, then the same again for triangles without UVs): which image
+  /// (index into Plan::columns), or -1 for the constant.
   std::vector<int> page_column;
   std::vector<texture::TexelValue> page_constant;
   std::vector<ImageOutput> images;  ///< by target page
