@@ -5,6 +5,7 @@ make_job
 for signal in INT TERM; do
   echo 'an old picture' >o.png
   status=0
+  : >"$err"  # what the last run said must not pass for this one's first word
   # SIGINT is ignored in background jobs of a script, hence the subshell that restores it.
   env --default-signal=INT "$POUNCE" transfer source.obj target.obj -o o.png --size 16384 --no-cache \
     --progress json 2>"$err" >"$out" &
