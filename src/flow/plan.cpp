@@ -277,7 +277,6 @@ class Planner {
       request.pages.push_back(lattice);
     }
     // What has the texture but not the UVs for it is constant, as if it had no texture.
-    request.pages.resize(2 * source_.materials.size());
     request.triangle_page = source_.triangle_material;
     set_apart_without_uvs(request, channel.channel);
     return request;
@@ -304,6 +303,7 @@ class Planner {
                               source_.path, channel_name(channel)));
     }
     if (without > 0) {
+      request.pages.resize(2 * source_.materials.size());
       plan_.warnings.push_back(fmt::format(
           "{}: {} triangles have no UVs for their {} texture and count as one plain colour",
           source_.path, without, channel_name(channel)));

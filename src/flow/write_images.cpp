@@ -18,6 +18,7 @@
 
 #include "io/image_write.h"
 #include "texture/pad_seams.h"
+#include "tiles/chunk_payload.h"
 
 namespace pounce::flow {
 namespace {
@@ -149,10 +150,8 @@ class ImageAssembler {
   }
 
   texture::ResultBlock read_block(const tiles::ChunkRef& chunk) {
-    std::vector<std::byte> stored;
-    results_.read(chunk, tiles::ChunkKind::block, stored);
-    std::vector<std::byte> raw(chunk.raw_bytes);
-    job_.compressor().decompress(stored, raw);
+    const auto raw =
+        tiles::read_payload(results_, chunk, tiles::ChunkKind::block, job_.compressor());
     texture::ResultBlock block;
     texture::decode_result(raw, format_, "results", block);
     return block;

@@ -132,7 +132,7 @@ std::uint32_t ObjMaterials::image(const std::string& name, const std::string& fo
   std::string clean = slashed(name);
   while (!clean.empty() && (clean.back() == ' ' || clean.back() == '\t')) clean.pop_back();
   fs::path path = fs::path(folder) / clean;
-  // Paths of another machine ("C:/work/skin.png"): the file is often beside the MTL.
+  // Paths of another machine ("C:/art/skin.png"): the file is often beside the MTL.
   if (const fs::path beside = fs::path(folder) / fs::path(clean).filename();
       !is_file(path) && is_file(beside)) {
     path = beside;

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "core/bytes.h"
+#include "tiles/chunk_payload.h"
 
 namespace pounce::tiles {
 namespace {
@@ -97,7 +98,7 @@ ColourStoreWriter::ColourStoreWriter(std::unique_ptr<PackWriter> pack, std::uint
 void ColourStoreWriter::add_row(std::uint32_t tile_row,
                                 const std::vector<std::vector<std::byte>>& stored_tiles,
                                 std::uint32_t raw_bytes, Compressor& compressor) {
-  std::vector<std::byte> raw, stored;
+  std::vector<std::byte> raw;
   ByteWriter out(raw);
   for (const auto& tile : stored_tiles) {
     const ChunkRef chunk = pack_->append(ChunkKind::block, tile, raw_bytes);
@@ -105,37 +106,26 @@ void ColourStoreWriter::add_row(std::uint32_t tile_row,
     out.put(chunk.stored_bytes);
     out.put(chunk.raw_bytes);
   }
-  compressor.compress(raw, stored);
-  row_pages_[tile_row] =
-      pack_->append(ChunkKind::index_page, stored, static_cast<std::uint32_t>(raw.size()));
+  row_pages_[tile_row] = append_payload(*pack_, ChunkKind::index_page, raw, compressor);
 }
 
 std::unique_ptr<PackWriter> ColourStoreWriter::finish(ColourDirectory directory,
                                                       Compressor& compressor) {
   directory.row_pages = std::move(row_pages_);
   const auto raw = encode_directory(directory);
-  std::vector<std::byte> stored;
-  compressor.compress(raw, stored);
-  pack_->finish(
-      pack_->append(ChunkKind::directory, stored, static_cast<std::uint32_t>(raw.size())));
+  pack_->finish(append_payload(*pack_, ChunkKind::directory, raw, compressor));
   return std::move(pack_);
 }
 
 ColourStore::ColourStore(std::unique_ptr<PackReader> pack, Compressor& compressor)
     : pack_(std::move(pack)) {
-  std::vector<std::byte> stored;
-  pack_->read(pack_->directory(), ChunkKind::directory, stored);
-  std::vector<std::byte> raw(pack_->directory().raw_bytes);
-  compressor.decompress(stored, raw);
+  const auto raw = read_payload(*pack_, pack_->directory(), ChunkKind::directory, compressor);
   directory_ = decode_directory(raw, pack_->name());
 }
 
 std::vector<ChunkRef> ColourStore::read_row(std::uint32_t tile_row, Compressor& compressor) const {
   const ChunkRef& page = directory_.row_pages[tile_row];
-  std::vector<std::byte> stored;
-  pack_->read(page, ChunkKind::index_page, stored);
-  std::vector<std::byte> raw(page.raw_bytes);
-  compressor.decompress(stored, raw);
+  const auto raw = read_payload(*pack_, page, ChunkKind::index_page, compressor);
   ByteReader in(raw, pack_->name() + ": index page");
   return get_chunks(in, directory_.tiles_x());
 }
@@ -144,10 +134,7 @@ ColourTile ColourStore::read_tile(const ChunkRef& chunk, Compressor& compressor)
   const std::size_t size = kTileTexels * directory_.texel_bytes();
   if (chunk.raw_bytes != size)
     throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile of another size");
-  std::vector<std::byte> stored;
-  pack_->read(chunk, ChunkKind::block, stored);
-  std::vector<std::byte> raw(size);
-  compressor.decompress(stored, raw);
+  const auto raw = read_payload(*pack_, chunk, ChunkKind::block, compressor);
   ColourTile tile(size);
   unfilter_colours(directory_, raw, tile);
   return tile;

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "core/bytes.h"
+#include "tiles/chunk_payload.h"
 
 namespace pounce::tiles {
 namespace {
@@ -120,7 +121,7 @@ void GeometryStoreWriter::add_block(BlockEntry entry, std::span<const std::byte>
 
 void GeometryStoreWriter::end_tile(Compressor& compressor) {
   if (tile_.empty()) return;
-  std::vector<std::byte> raw, stored;
+  std::vector<std::byte> raw;
   ByteWriter out(raw);
   TileEntry tile;
   for (const BlockEntry& entry : tile_) {
@@ -133,9 +134,7 @@ void GeometryStoreWriter::end_tile(Compressor& compressor) {
     for (std::uint32_t i = 0; i < entry.box_count; ++i) put_box(out, entry.boxes[i]);
     tile.box.extend(entry.box());
   }
-  compressor.compress(raw, stored);
-  tile.index_page =
-      pack_->append(ChunkKind::index_page, stored, static_cast<std::uint32_t>(raw.size()));
+  tile.index_page = append_payload(*pack_, ChunkKind::index_page, raw, compressor);
   tile.blocks = static_cast<std::uint32_t>(tile_.size());
   built_.most_blocks = std::max(built_.most_blocks, tile.blocks);
   built_.box.extend(tile.box);
@@ -152,29 +151,20 @@ std::unique_ptr<PackWriter> GeometryStoreWriter::finish(GeometryDirectory direct
   directory.largest_chunk_bytes = built_.largest_chunk_bytes;
   directory.box = built_.box;
   const auto raw = encode_directory(directory);
-  std::vector<std::byte> stored;
-  compressor.compress(raw, stored);
-  pack_->finish(
-      pack_->append(ChunkKind::directory, stored, static_cast<std::uint32_t>(raw.size())));
+  pack_->finish(append_payload(*pack_, ChunkKind::directory, raw, compressor));
   return std::move(pack_);
 }
 
 GeometryStore::GeometryStore(std::unique_ptr<PackReader> pack, Compressor& compressor)
     : pack_(std::move(pack)) {
-  std::vector<std::byte> stored;
-  pack_->read(pack_->directory(), ChunkKind::directory, stored);
-  std::vector<std::byte> raw(pack_->directory().raw_bytes);
-  compressor.decompress(stored, raw);
+  const auto raw = read_payload(*pack_, pack_->directory(), ChunkKind::directory, compressor);
   directory_ = decode_directory(raw, pack_->name());
 }
 
 std::vector<BlockEntry> GeometryStore::read_index(std::uint32_t tile,
                                                   Compressor& compressor) const {
   const TileEntry& where = directory_.tiles[tile];
-  std::vector<std::byte> stored;
-  pack_->read(where.index_page, ChunkKind::index_page, stored);
-  std::vector<std::byte> raw(where.index_page.raw_bytes);
-  compressor.decompress(stored, raw);
+  const auto raw = read_payload(*pack_, where.index_page, ChunkKind::index_page, compressor);
   ByteReader in(raw, pack_->name() + ": index page");
   if (std::uint64_t{where.blocks} * 44 > raw.size()) in.fail("is too small for its blocks");
   std::vector<BlockEntry> entries(where.blocks);
@@ -196,10 +186,7 @@ std::vector<BlockEntry> GeometryStore::read_index(std::uint32_t tile,
 }
 
 GeometryBlock GeometryStore::read_block(const BlockEntry& entry, Compressor& compressor) const {
-  std::vector<std::byte> stored;
-  pack_->read(entry.chunk, ChunkKind::block, stored);
-  std::vector<std::byte> raw(entry.chunk.raw_bytes);
-  compressor.decompress(stored, raw);
+  const auto raw = read_payload(*pack_, entry.chunk, ChunkKind::block, compressor);
   GeometryBlock block = decode_geometry(raw, pack_->name() + ": block");
   if (block.page != entry.page || block.x != entry.x || block.y != entry.y ||
       block.triangles.size() != entry.triangles) {

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "tiles/codec.h"
+#include "tiles/pack.h"
+
+namespace pounce::tiles {
+
+/// Compresses `raw` and appends it as a chunk.
+inline ChunkRef append_payload(PackWriter& pack, ChunkKind kind, std::span<const std::byte> raw,
+                               Compressor& compressor) {
+  std::vector<std::byte> stored;
+  compressor.compress(raw, stored);
+  return pack.append(kind, stored, static_cast<std::uint32_t>(raw.size()));
+}
+
+/// Reads a chunk, checks it and decompresses it. Throws Error(damaged_store), as
+/// PackReader::read().
+inline std::vector<std::byte> read_payload(const PackReader& pack, const ChunkRef& chunk,
+                                           ChunkKind kind, Compressor& compressor) {
+  std::vector<std::byte> stored;
+  pack.read(chunk, kind, stored);
+  std::vector<std::byte> raw(chunk.raw_bytes);
+  compressor.decompress(stored, raw);
+  return raw;
+}
+
+}  // namespace pounce::tiles
