@@ -11,8 +11,8 @@
 namespace pounce::mesh {
 
 // Which texel centres does a triangle cover? Shared edges must give each centre to exactly one of
-// the two triangles, whatever the rounding. Every edge function is computed from the edge's two
-// ends in one order (the lexicographically smaller end first) and negated for the triangle that
+// the two triangles, however the edge was rounded. Every edge function is computed from the edge's
+// two ends in one order (the lexicographically smaller end first) and negated for the triangle that
 // walks it backwards: both triangles see the same number with opposite signs, and a zero goes to
 // one of them by the top-left rule. So no epsilon, no fixed-point grid: the coordinates stay what
 // the file said.
