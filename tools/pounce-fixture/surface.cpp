@@ -22,17 +22,22 @@ double HeadSurface::radius(Vec3d direction) const {
 }
 
 SurfacePoint HeadSurface::point(Vec3d direction) const {
-  // Central differences along two tangents: with h = 1e-5 their error is below 1e-9, far under a
-  // float.
-  constexpr double h = 1e-5;
-  const Vec3d helper = std::abs(direction.y) < 0.9 ? Vec3d{0, 1, 0} : Vec3d{1, 0, 0};
-  const Vec3d right = normalized(cross(helper, direction));
-  const Vec3d up = cross(direction, right);
-  const auto slope = [&](Vec3d along) {
-    return position(normalized(direction + along * h)) -
-           position(normalized(direction - along * h));
-  };
-  return {position(direction), normalized(cross(slope(right), slope(up)))};
+  // With S = 1 / radii and f = 1 + the bumps, the surface is where |S p| - f(p / |p|) is zero, and
+  // its normal is that function's gradient: S^2 p / |S p| less f's slope along the sphere.
+  double factor = 1;
+  Vec3d slope{};
+  for (const Bump& bump : bumps_) {
+    const Vec3d away = direction - bump.centre;
+    const double value = bump.height * std::exp(-bump.sharpness * dot(away, away));
+    factor += value;
+    slope = slope + away * (-2 * bump.sharpness * value);
+  }
+  const Vec3d scaled{direction.x / radii_.x, direction.y / radii_.y, direction.z / radii_.z};
+  const double size = length(scaled), radius = factor / size;
+  const Vec3d steepest{scaled.x / radii_.x / size, scaled.y / radii_.y / size,
+                       scaled.z / radii_.z / size};
+  const Vec3d along = slope - direction * dot(slope, direction);
+  return {direction * radius, normalized(steepest - along * (1 / radius))};
 }
 
 HeadSurface source_head() {
