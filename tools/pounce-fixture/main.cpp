@@ -122,6 +122,59 @@ void add_odd(CLI::App& app, std::function<Paths()>& run, std::string& folder) {
   c->callback([&run, &folder] { run = [&folder] { return make_odd(folder); }; });
 }
 
+void add_splats(CLI::App& app, std::function<Paths()>& run, SplatOptions& o) {
+  CLI::App* c = app.add_subcommand(
+      "splats",
+      "a splat scene (3DGS PLY) as training leaves it behind: a noisy surface, needles, a hidden "
+      "interior, floaters and haze; any number of splats in constant memory");
+  c->footer(
+      "How many splats there are of each kind, their spacing and the noise's sigma stand in the "
+      "PLY's comments.\nRows of all kinds are mixed through the file. Colours are degree 0; higher "
+      "degrees hold small noise.");
+  c->add_option("-o,--output", o.path, "a .ply file; its folder is made if missing")->required();
+  c->add_option("--shape", o.shape,
+                "head: with the head's sharp picture; sphere: radius 1, with broad waves")
+      ->check(CLI::IsMember({"head", "sphere"}))
+      ->capture_default_str();
+  c->add_option("--count", o.count,
+                "rows, all kinds together (68 bytes each at degree 0, 248 at 3)")
+      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1000000000}))
+      ->capture_default_str();
+  c->add_option("--sh-degree", o.sh_degree, "degree of the spherical harmonics")
+      ->check(CLI::Range(0U, 3U))
+      ->capture_default_str();
+  c->add_option("--seed", o.seed, "another seed, another scene")->capture_default_str();
+  c->add_option("--noise", o.noise,
+                "sigma of the surface's means along its normal, in spacings of the splats")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  const CLI::Range part(0.0, 1.0);
+  c->add_option("--needles", o.needles, "part of the surface's splats that are long and thin")
+      ->check(part)
+      ->capture_default_str();
+  c->add_option("--interior", o.interior, "part of all splats that hide below the surface")
+      ->check(part)
+      ->capture_default_str();
+  c->add_option("--floaters", o.floaters, "part of all splats that float outside")
+      ->check(part)
+      ->capture_default_str();
+  c->add_option("--haze", o.haze, "part of all splats that are large and nearly transparent")
+      ->check(part)
+      ->capture_default_str();
+  c->add_option("--broken", o.broken,
+                "rows of each kind that a reader must filter: NaN, rotation of zeros, infinite "
+                "scale, 1e7 away, opacity of 6e-6")
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1000000}))
+      ->capture_default_str();
+  c->add_option(
+       "--target-size", o.target_size,
+       "also write NAME_target.glb, the same surface with UVs, and the right answer for it "
+       "as NAME_target.truth.png of this width and height; 0: neither")
+      ->check(CLI::Range(0, 65536))
+      ->capture_default_str();
+  c->callback([&run, &o] { run = [&o] { return make_splats(o); }; });
+}
+
 int run_program(int argc, char** argv) {
   CLI::App app(kAbout, "pounce-fixture");
   app.require_subcommand(1);
@@ -129,6 +182,7 @@ int run_program(int argc, char** argv) {
   ShellOptions shell;
   OneTexelOptions one_texel;
   PlainOptions sphere, plane;
+  SplatOptions splats;
   std::string head_format = "glb", channels_folder, odd_folder;
   std::function<Paths()> run;
   add_head(app, run, head, head_format);
@@ -138,6 +192,7 @@ int run_program(int argc, char** argv) {
   add_plain(app, run, sphere, "sphere", "a big plain sphere of six charts", make_sphere, 6);
   add_plain(app, run, plane, "plane", "a big plain plane, one chart per UDIM tile", make_plane,
             100);
+  add_splats(app, run, splats);
   add_odd(app, run, odd_folder);
   try {
     app.parse(argc, argv);

@@ -55,6 +55,24 @@ struct PlainOptions {
 Paths make_sphere(const PlainOptions& options);
 Paths make_plane(const PlainOptions& options);
 
+struct SplatOptions {
+  std::string path;             ///< .ply; its folder is made
+  std::string shape = "head";   ///< head or sphere
+  std::uint64_t count = 81200;  ///< rows, all kinds together; at most 1e9
+  unsigned sh_degree = 0;       ///< 0 to 3
+  std::uint64_t seed = 1;
+  double noise = 0.4;      ///< sigma of the means along the normal, in spacings of the splats
+  double needles = 0.08;   ///< part of the surface's splats
+  double interior = 0.24;  ///< parts of all splats
+  double floaters = 0.015;
+  double haze = 0.02;
+  std::uint64_t broken = 0;       ///< rows of each kind of breakage
+  std::uint32_t target_size = 0;  ///< of the truth image; 0: no target and no truth
+};
+/// A splat scene as training leaves it behind, as a PLY of any size in constant memory; and a
+/// target of the same surface (STEM_target.glb) with the exact answer (STEM_target.truth.png).
+Paths make_splats(const SplatOptions& options);
+
 /// A folder of odd inputs, each named by what is odd about it.
 Paths make_odd(const std::string& folder);
 

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "cube_charts.h"
+#include "head_texture.h"
+#include "output_file.h"
+#include "pounce/error.h"
+#include "recipes.h"
+#include "splat_scene.h"
+#include "write_textured_mesh.h"
+
+namespace pounce::fixture {
+namespace {
+
+std::string header(const SplatOptions& options, const SplatScene& scene) {
+  const SplatCounts& c = scene.counts();
+  std::string text = fmt::format(
+      "ply\nformat binary_little_endian 1.0\n"
+      "comment pounce-fixture splats: {}, seed {}\n"
+      "comment surface {} needles {} interior {} floaters {} haze {}\n"
+      "comment broken: nan {} zero-rotation {} infinite-scale {} far {} transparent {}\n"
+      "comment spacing {:.9g} noise-sigma {:.9g}\n"
+      "element vertex {}\n",
+      options.shape, options.seed, c.surface, c.needles, c.interior, c.floaters, c.haze, c.broken,
+      c.broken, c.broken, c.broken, c.broken, scene.spacing(), scene.noise(), options.count);
+  const auto column = [&text](const std::string& name) { text += "property float " + name + "\n"; };
+  for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"}) {
+    column(name);
+  }
+  for (std::size_t i = 0; i < scene.rest_columns(); ++i) column(fmt::format("f_rest_{}", i));
+  column("opacity");
+  for (const char* name : {"scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"}) {
+    column(name);
+  }
+  return text + "end_header\n";
+}
+
+void write_scene(const SplatOptions& options, const SplatScene& scene) {
+  constexpr std::uint64_t kBatch = 16384;  // rows: 4 MiB at degree 3
+  OutputFile file(options.path);
+  file.append(header(options, scene));
+  const std::size_t columns = scene.columns();
+  std::vector<float> rows(columns * std::min(kBatch, options.count));
+  for (std::uint64_t first = 0; first < options.count; first += kBatch) {
+    const std::uint64_t here = std::min(kBatch, options.count - first);
+    tbb::parallel_for(tbb::blocked_range<std::uint64_t>(0, here, 256), [&](const auto& range) {
+      for (std::uint64_t i = range.begin(); i < range.end(); ++i) {
+        scene.fill(first + i, std::span(rows).subspan(i * columns, columns));
+      }
+    });
+    file.append(rows.data(), here * columns * sizeof(float));
+  }
+  file.commit();
+}
+
+/// The scene's picture at the texels' centres of `mesh`, alpha 1 where a chart holds them.
+void sphere_truth_row(const GridMesh& mesh, const ChartPositions& positions,
+                      const SplatScene& scene, std::uint32_t size, std::uint32_t y,
+                      std::span<float> row) {
+  ChartFinder finder(mesh);
+  for (std::uint32_t x = 0; x < size; ++x) {
+    const auto found = finder.find({(x + 0.5) / size, (y + 0.5) / size});
+    const Rgb colour =
+        found.inside ? scene.colour(normalized(positions.at(found.chart, found.grid))) : Rgb{};
+    for (std::size_t c = 0; c < 3; ++c) row[std::size_t{x} * 4 + c] = colour[c];
+    row[std::size_t{x} * 4 + 3] = found.inside ? 1.0F : 0.0F;
+  }
+}
+
+void write_target(const SplatOptions& options, const SplatScene& scene, const std::string& stem,
+                  Paths& written) {
+  const std::uint32_t size = options.target_size;
+  const bool is_sphere = options.shape == "sphere";
+  const GridMesh mesh =
+      is_sphere ? sphere_charts(20000, 1) : head_target_charts(source_head(), 13000, Turn(27, 19));
+  write_plain_mesh({stem + "_target", true, false, {}}, mesh, written);
+  written.push_back(stem + "_target.truth.png");
+  const RenderSpec spec{.width = size, .height = size, .channels = 4, .depth = Depth::u16};
+  if (is_sphere) {
+    const ChartPositions positions(mesh);
+    render_image(written.back(), spec, [&](std::uint32_t y, std::span<float> row) {
+      sphere_truth_row(mesh, positions, scene, size, y, row);
+    });
+  } else {
+    const HeadTexture truth(mesh, size, size);
+    render_image(written.back(), spec,
+                 [&](std::uint32_t y, std::span<float> row) { truth.truth_row(y, row); });
+  }
+}
+
+}  // namespace
+
+Paths make_splats(const SplatOptions& options) {
+  const std::filesystem::path path(options.path);
+  if (path.extension() != ".ply") {
+    throw Error(ErrorKind::usage,
+                fmt::format("{}: splat scenes are written as .ply; name it so", options.path));
+  }
+  const SplatScene scene(options);
+  Paths written;
+  if (path.has_parent_path()) make_folder(path.parent_path().string());
+  write_scene(options, scene);
+  written.push_back(options.path);
+  if (options.target_size != 0) {
+    write_target(options, scene, (path.parent_path() / path.stem()).string(), written);
+  }
+  return written;
+}
+
+}  // namespace pounce::fixture
