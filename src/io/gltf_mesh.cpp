@@ -34,6 +34,9 @@ constexpr std::uint64_t kFlattenedPerByte = 256;
 constexpr std::uint64_t kBytesPerJsonByte = 40;
 constexpr std::uint64_t kBytesPerEntry = 1200;
 constexpr std::uint64_t kBytesPerMaterial = 5000;
+// Two names, the part that has them, its run, and the tables that find them again while reading.
+constexpr std::uint64_t kBytesPerInstance = 600;
+constexpr std::uint64_t kBytesPerPath = 300;
 
 void drop_extras(nlohmann::json& value) {
   if (value.is_object()) value.erase("extras");
@@ -226,6 +229,16 @@ void add_default_material(mesh::Mesh& mesh) {
   mesh.materials.emplace_back().name = unique_material_names(std::move(names)).back();
 }
 
+/// What an instance can be selected by: its node and its mesh; where both have no name, its number.
+std::vector<std::string> instance_names(const tinygltf::Model& model,
+                                        const MeshInstance& instance) {
+  const std::string& mesh = model.meshes[static_cast<std::size_t>(instance.mesh)].name;
+  const std::string node =
+      instance.node < 0 ? "" : model.nodes[static_cast<std::size_t>(instance.node)].name;
+  if (mesh.empty() && node.empty()) return {fmt::format("mesh_{}", instance.mesh)};
+  return {node, mesh};
+}
+
 void append_instance(const GltfFile& file, const tinygltf::Model& model,
                      const AccessorReader& accessors, const Plan& plan, std::size_t index,
                      mesh::Mesh& mesh) {
@@ -302,6 +315,10 @@ mesh::Mesh read_gltf(const std::string& path) {
 
   mesh::Mesh mesh;
   mesh.path = path;
+  mesh.files = {path};
+  for (const GltfBuffer& buffer : file.buffers()) {
+    if (!buffer.path.empty() && buffer.path != path) mesh.files.push_back(buffer.path);
+  }
   for (const std::string& warning : file.warnings()) {
     mesh.warnings.push_back(fmt::format("{}: {}", path, warning));
   }
@@ -313,9 +330,13 @@ mesh::Mesh read_gltf(const std::string& path) {
                     plan.skipped));
   }
   reserve(plan, mesh);
+  mesh::PartsBuilder parts;
   for (std::size_t i = 0; i < plan.instances.size(); ++i) {
+    parts.start(static_cast<std::uint32_t>(mesh.triangles.size()),
+                instance_names(model, plan.instances[i]));
     append_instance(file, model, accessors, plan, i, mesh);
   }
+  mesh.parts = parts.finish(static_cast<std::uint32_t>(mesh.triangles.size()));
   check_bindings(mesh);
   mesh::repair_normals(mesh);
   mesh::complete_tangents(mesh);
@@ -329,8 +350,10 @@ MeshCost gltf_cost(const std::string& path) {
   MeshCost cost;
   // Embedded data URIs may all be images, which the mesh keeps.
   const auto materials = model.materials.size() + 1;
+  const std::uint64_t names =
+      plan.instances.size() * kBytesPerInstance + file.buffers().size() * kBytesPerPath;
   cost.kept_bytes = plan.mesh_bytes() + file.inline_bytes() + file.image_text_bytes() +
-                    file.json_bytes() + materials * sizeof(mesh::Material) + (1U << 20);
+                    file.json_bytes() + materials * sizeof(mesh::Material) + names + (1U << 20);
   cost.peak_bytes = cost.kept_bytes + plan.largest_primitive_bytes + 3 * file.inline_bytes() +
                     2 * file.image_text_bytes() + kBytesPerJsonByte * file.json_bytes() +
                     kBytesPerEntry * gltf_entry_count(file.document()) +

@@ -97,15 +97,18 @@ class ObjCounter {
     end_of_line();
     const auto rounded_up = static_cast<std::uint64_t>(distinct_.count() * 1.05) + 16;
     counts_.distinct_corners = std::min(counts_.corners, rounded_up);
+    const auto parts = static_cast<std::uint64_t>(parts_.count() * 1.05) + 16;
+    counts_.distinct_parts = std::min(counts_.names + 1, parts);
     return counts_;
   }
 
  private:
   bool is_word(std::string_view word) const { return std::string_view(word_, word_size_) == word; }
   void end_of_line() {
+    end_of_word();
+    if (!first_word_ && (is_word("o") || is_word("g"))) counts_.name_bytes += line_bytes_;
     counts_.longest_line_bytes = std::max(counts_.longest_line_bytes, line_bytes_);
     line_bytes_ = 0;
-    end_of_word();
     if (last_ == '\\') return;  // the statement goes on
     first_word_ = true;
     word_size_ = 0;
@@ -117,7 +120,11 @@ class ObjCounter {
       if (is_word("v")) ++counts_.positions;
       if (is_word("vt")) ++counts_.texcoords;
       if (is_word("vn")) ++counts_.normals;
-      if (is_word("f")) ++counts_.faces;
+      if (is_word("f")) start_face();
+      if (is_word("o") || is_word("g")) start_name();
+    } else if (in_word_ && (is_word("o") || is_word("g"))) {
+      std::uint64_t& hash = is_word("o") ? object_ : group_;
+      hash = (hash + corner_) * 0xD6E8FEB86659FD93ULL;
     } else if (in_word_ && is_word("f")) {
       ++counts_.corners;
       distinct_.add(corner_);
@@ -126,8 +133,22 @@ class ObjCounter {
     corner_ = 0;
   }
 
+  void start_face() {
+    ++counts_.faces;
+    if (part_counted_) return;
+    parts_.add(object_ * 31 + group_);
+    part_counted_ = true;
+  }
+  void start_name() {
+    ++counts_.names;
+    (is_word("o") ? object_ : group_) = 1;
+    part_counted_ = false;
+  }
+
   ObjCounts counts_;
-  DistinctCounter distinct_;
+  DistinctCounter distinct_, parts_;
+  std::uint64_t object_ = 0, group_ = 0;  ///< hashes of the names in use
+  bool part_counted_ = false;
   char word_[2] = {0, 0};  ///< the first two characters of the line's first word
   std::size_t word_size_ = 0;
   bool in_word_ = false, first_word_ = true;
@@ -254,7 +275,11 @@ bool ObjLines::next_checked_line() {
       check_face(rest);
     } else if (word == "mtllib") {
       quote_material_library(rest);
-    } else if (word != "usemtl") {
+    } else if (word == "g" && rest.empty()) {
+      text_ = "g default";
+    } else if (word == "o" && rest.empty()) {
+      text_ = "o default";
+    } else if (word != "usemtl" && word != "o" && word != "g") {
       continue;
     }
     if (text_.starts_with("\xEF\xBB\xBF")) text_.erase(0, 3);

@@ -14,8 +14,8 @@ namespace pounce::io {
 
 /// Feeds an OBJ file to tinyobjloader line by line. tinyobjloader reads "nan", "1/x" and missing
 /// numbers as 0 without a word, so a line reaches it only after it has been checked; only the lines
-/// that matter (v, vt, vn, f, usemtl, mtllib) do, continued ones ("\" at the end) joined. Holds
-/// about 1 MiB of the file.
+/// that matter (v, vt, vn, f, o, g, usemtl, mtllib) do, continued ones ("\" at the end) joined.
+/// Holds about 1 MiB of the file.
 class ObjLines : public std::streambuf {
  public:
   explicit ObjLines(const std::string& path);
@@ -54,6 +54,9 @@ class ObjLines : public std::streambuf {
 struct ObjCounts {
   std::uint64_t positions = 0, texcoords = 0, normals = 0, faces = 0, corners = 0,
                 distinct_corners = 0;
+  /// "o" and "g" statements, their bytes, and how many different pairs of them faces have
+  /// (estimated like distinct_corners).
+  std::uint64_t names = 0, name_bytes = 0, distinct_parts = 0;
   std::uint64_t longest_line_bytes = 0;
 };
 ObjCounts count_obj(const std::string& path);

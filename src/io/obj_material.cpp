@@ -70,6 +70,7 @@ bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::mate
         fmt::format("{}: material file {} cannot be read ({})", path_, path.string(), e.what()));
     return false;
   }
+  mesh_.files.push_back(path.string());
   std::istringstream stream(with_white_default(text));
   tinyobj::LoadMtl(by_name, materials, &stream, warning, error);
   for (std::size_t i = loaded_.size(); i < materials->size(); ++i) {

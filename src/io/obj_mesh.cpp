@@ -75,6 +75,7 @@ class ObjReader {
  private:
   void reserve();
   void parse();
+  void start_part();
   void add_face(const tinyobj::index_t* indices, int count);
   std::uint32_t resolve(int index, std::size_t count, const char* what) const;
   bool keep_vertices();
@@ -87,6 +88,9 @@ class ObjReader {
   std::vector<Vec3f> positions_, normals_;
   std::vector<Vec2f> texcoords_;
   CornerSet corners_;
+  std::string object_;               ///< the last "o"
+  std::vector<std::string> groups_;  ///< the last "g"
+  mesh::PartsBuilder parts_;
   std::uint64_t small_faces_ = 0;
   // Scratch of add_face.
   std::vector<std::uint32_t> face_;
@@ -131,6 +135,16 @@ void ObjReader::parse() {
   calls.index_cb = [](void* data, tinyobj::index_t* indices, int count) {
     static_cast<ObjReader*>(data)->add_face(indices, count);
   };
+  calls.object_cb = [](void* data, const char* name) {
+    auto* reader = static_cast<ObjReader*>(data);
+    reader->object_ = name;
+    reader->start_part();
+  };
+  calls.group_cb = [](void* data, const char** names, int count) {
+    auto* reader = static_cast<ObjReader*>(data);
+    reader->groups_.assign(names, names + count);
+    reader->start_part();
+  };
   calls.usemtl_cb = [](void* data, const char* name, int id) {
     static_cast<ObjReader*>(data)->materials_.use(name, id);
   };
@@ -146,6 +160,13 @@ void ObjReader::parse() {
   }
   if (lines_.failure() != nullptr) std::rethrow_exception(lines_.failure());
   if (!parsed) lines_.fail(error);
+}
+
+void ObjReader::start_part() {
+  std::vector<std::string> names{object_};
+  names.insert(names.end(), groups_.begin(), groups_.end());
+  if (object_.empty() && groups_.empty()) names = {"default"};
+  parts_.start(static_cast<std::uint32_t>(mesh_.triangles.size()), names);
 }
 
 std::uint32_t ObjReader::resolve(int index, std::size_t count, const char* what) const {
@@ -241,8 +262,11 @@ void ObjReader::finish_normals(bool all_given) {
 
 mesh::Mesh ObjReader::read() {
   mesh_.path = path_;
+  mesh_.files = {path_};
   reserve();
+  start_part();
   parse();
+  mesh_.parts = parts_.finish(static_cast<std::uint32_t>(mesh_.triangles.size()));
   if (mesh_.triangles.empty()) {
     throw Error(
         ErrorKind::input,
@@ -288,7 +312,12 @@ MeshCost obj_cost(const std::string& path) {
   const std::uint64_t vertices = smooth ? counts.corners : corner_keys;
   const std::uint64_t per_vertex = 12 + 12 + 16 + (counts.texcoords > 0 ? 8 + 1 : 0);
   MeshCost cost;
-  cost.kept_bytes = vertices * per_vertex + triangles * 16 + (1U << 20);
+  // Names, what points at them, and while reading the tables that find them again.
+  const std::uint64_t name_bytes =
+      std::min(counts.name_bytes, counts.distinct_parts * counts.longest_line_bytes);
+  const std::uint64_t runs = std::min(counts.names, counts.faces) * sizeof(mesh::Parts::Run);
+  cost.kept_bytes = vertices * per_vertex + triangles * 16 + runs + counts.distinct_parts * 128 +
+                    name_bytes * 8 + (1U << 20);
   const std::uint64_t lists = counts.positions * 12 + counts.texcoords * 8 + counts.normals * 12;
   // Keys and slots while they double: three times and one and a half times what is in use.
   const std::uint64_t corner_set = corner_keys * (3 * 12 + 6 * 4);
@@ -297,7 +326,8 @@ MeshCost obj_cost(const std::string& path) {
                                                corner_keys * (8 + per_vertex) +
                                                (vertices - corner_keys) * (3 * 16 + 3 * 4)
                                          : 0;
-  cost.peak_bytes = cost.kept_bytes + lists + std::max(corner_set, smoothing) +
+  const std::uint64_t part_tables = counts.distinct_parts * 280 + name_bytes * 32 + runs;
+  cost.peak_bytes = cost.kept_bytes + part_tables + lists + std::max(corner_set, smoothing) +
                     4 * counts.longest_line_bytes + (4U << 20);  // pieces of the file, MTL files
   return cost;
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/vec.h"
+#include "mesh/parts.h"
 #include "pounce/options.h"
 
 namespace pounce::mesh {
@@ -75,9 +76,12 @@ struct Mesh {
   std::vector<std::vector<bool>> uv_present;
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< file order
   std::vector<std::uint32_t> triangle_material;         ///< index into materials
-  std::vector<Material> materials;                      ///< never empty when there are triangles
+  Parts parts;                      ///< what --source-mesh and --target-mesh look at
+  std::vector<Material> materials;  ///< never empty when there are triangles
   std::vector<ImageRef> images;
   std::vector<std::string> warnings;
+  /// Every file that was read for this mesh, images aside: buffers of glTF, material files of OBJ.
+  std::vector<std::string> files;
 
   bool has_uv(std::size_t uv_set, std::uint32_t vertex) const {
     return uv_set < uv_sets.size() && (uv_present[uv_set].empty() || uv_present[uv_set][vertex]);
