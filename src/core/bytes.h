@@ -28,8 +28,11 @@ class ByteWriter {
   template <class T>
   void put_span(std::span<const T> values) {
     static_assert(std::is_trivially_copyable_v<T>);
-    const auto* first = reinterpret_cast<const std::byte*>(values.data());
-    out_.insert(out_.end(), first, first + values.size_bytes());
+    if (values.empty()) return;
+    // Not insert(): gcc 12 warns of an overflow that cannot be.
+    const std::size_t at = out_.size();
+    out_.resize(at + values.size_bytes());
+    std::memcpy(&out_[at], values.data(), values.size_bytes());
   }
 
  private:

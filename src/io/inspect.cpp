@@ -56,6 +56,8 @@ const char* kind_name(tiles::PackKind kind) {
       return "geometry";
     case tiles::PackKind::colour:
       return "colour";
+    case tiles::PackKind::splats:
+      return "splats";
     case tiles::PackKind::results:
       break;
   }

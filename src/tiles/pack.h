@@ -15,7 +15,7 @@
 namespace pounce::tiles {
 
 /// What a pack file holds; part of its header.
-enum class PackKind : std::uint32_t { geometry = 1, colour = 2, results = 3 };
+enum class PackKind : std::uint32_t { geometry = 1, colour = 2, results = 3, splats = 4 };
 
 /// What a chunk of a pack holds; part of its header.
 enum class ChunkKind : std::uint32_t { block = 1, index_page = 2, directory = 3 };

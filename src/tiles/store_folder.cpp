@@ -16,7 +16,8 @@
 namespace pounce::tiles {
 namespace {
 
-constexpr std::array kKinds = {PackKind::geometry, PackKind::colour, PackKind::results};
+constexpr std::array kKinds = {PackKind::geometry, PackKind::colour, PackKind::results,
+                               PackKind::splats};
 
 const char* folder_name(PackKind kind) {
   switch (kind) {
@@ -26,6 +27,8 @@ const char* folder_name(PackKind kind) {
       return "colour";
     case PackKind::results:
       return "results";
+    case PackKind::splats:
+      return "splats";
   }
   throw Error(ErrorKind::internal, "a pack of no kind (please report)");
 }

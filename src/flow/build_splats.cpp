@@ -1,0 +1,395 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A splat scene becomes a store of blocks.
+//
+//   sample    a few rows from everywhere: where the scene is, how large its Gaussians are
+//   runs      consecutive rows are read, filtered, sorted in memory and spilled, runs in parallel
+//   merge     all runs at once, cut into blocks where neighbours are farthest apart; blocks are
+//             encoded in parallel and written in order
+//
+// Whatever the budget, the sequence of Gaussians is that of one stable sort of the file by key, and
+// the cuts depend on that sequence alone: so do the bytes of the store.
+#include "flow/build_splats.h"
+
+#include <fmt/format.h>
+#include <tbb/parallel_pipeline.h>
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+#include "flow/ordered_stream.h"
+#include "flow/splat_sort.h"
+#include "io/splat_ply.h"
+#include "source/splat_noise.h"
+#include "tiles/splat_lattice.h"
+
+namespace pounce::flow {
+namespace {
+
+using tiles::kMostSplatsPerBlock;
+using tiles::Splat;
+using tiles::SplatBlock;
+using tiles::SplatLattice;
+
+/// Raised whenever the same file would make another store: part of the key.
+constexpr std::uint32_t kSplatStoreVersion = 1;
+
+constexpr std::uint64_t kSampleSpots = 1024, kSampleRows = 64;
+constexpr std::uint64_t kLeastRun = 16 << 10, kMostRun = 4 << 20;
+constexpr std::size_t kLeastFanIn = 16, kMostFanIn = 1024;
+constexpr std::size_t kTileBlocks = 32;
+// Of the noise estimate: blocks are taken evenly, at most twice as many.
+constexpr std::uint32_t kNoiseBlocksLog2 = 6;
+
+/// Per Gaussian of a run that is being made: the Gaussian, and twice its key.
+constexpr std::uint64_t kRunBytes = sizeof(Splat) + 2 * sizeof(KeyedSplat);
+
+std::uint64_t sample_bytes() {
+  return 4 * round_to_pages(kSampleSpots * kSampleRows * sizeof(float)) +
+         round_to_pages(kSampleSpots * kSampleRows * sizeof(Splat));
+}
+
+std::uint64_t run_bytes(const io::SplatPly& ply, std::uint64_t splats) {
+  constexpr std::uint64_t kCounts = 64 << 10;  // of the sort's digits
+  return ply.read_bytes() + SplatRunWriter::write_bytes() + kCounts +
+         round_to_pages(splats * sizeof(Splat)) + 2 * round_to_pages(splats * sizeof(KeyedSplat));
+}
+
+/// One block on its way through the pipeline: Gaussians, columns, encoded and compressed.
+std::uint64_t token_bytes() {
+  return round_to_pages(kMostSplatsPerBlock * sizeof(Splat)) +
+         4 * SplatBlock::decoded_bytes(kMostSplatsPerBlock, true);
+}
+
+/// The merge's own: the Gaussians of two blocks and their keys.
+std::uint64_t pending_bytes() {
+  return 3 * round_to_pages(kMostSplatsPerBlock * (sizeof(Splat) + sizeof(std::uint64_t)));
+}
+
+class StoreBuilder {
+ public:
+  StoreBuilder(JobContext& job, const SplatRequest& request, const io::SplatPly& ply,
+               const Hash128& key)
+      : job_(job), request_(request), ply_(ply), key_(key) {}
+
+  std::unique_ptr<tiles::SplatStore> build() {
+    directory_.model = ply_.header().model;
+    const SplatLattice lattice = make_lattice();
+    directory_.middle_box = lattice.middle_box();
+    SplatRuns runs = make_runs(lattice);
+    return merge(lattice, std::move(runs));
+  }
+
+ private:
+  SplatLattice make_lattice();
+  SplatRuns make_runs(const SplatLattice& lattice);
+  SplatRun make_run(const SplatLattice& lattice, SplatRunWriter& writer, std::uint64_t first,
+                    std::uint64_t rows, tiles::SplatCounts& filtered);
+  std::unique_ptr<tiles::SplatStore> merge(const SplatLattice& lattice, SplatRuns runs);
+
+  JobContext& job_;
+  const SplatRequest& request_;
+  const io::SplatPly& ply_;
+  const Hash128 key_;
+  tiles::SplatDirectory directory_;
+};
+
+SplatLattice StoreBuilder::make_lattice() {
+  const Lease lease(job_.budget, sample_bytes() + ply_.read_bytes(), "looking at " + request_.path);
+  const std::uint64_t rows = ply_.header().splats;
+  PageVector<Splat> splats;
+  splats.reserve(std::min(rows, kSampleSpots * kSampleRows));
+  tiles::SplatCounts ignored{};
+  if (rows <= kSampleSpots * kSampleRows) {
+    ply_.read(0, rows, splats, ignored);
+  } else {
+    for (std::uint64_t i = 0; i < kSampleSpots; ++i) {
+      const std::uint64_t first = rows / kSampleSpots * i + rows % kSampleSpots * i / kSampleSpots;
+      ply_.read(first, std::min(kSampleRows, rows - first), splats, ignored);
+    }
+  }
+  tiles::SplatSample sample;
+  for (const Splat& s : splats) {
+    sample.mean[0].push_back(s.mean.x);
+    sample.mean[1].push_back(s.mean.y);
+    sample.mean[2].push_back(s.mean.z);
+    sample.size.push_back(std::max({s.sigma.x, s.sigma.y, s.sigma.z}));
+  }
+  return SplatLattice(sample);
+}
+
+SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& writer,
+                                std::uint64_t first, std::uint64_t rows,
+                                tiles::SplatCounts& filtered) {
+  PageVector<Splat> splats;
+  splats.reserve(rows);
+  ply_.read(first, rows, splats, filtered);
+  PageVector<KeyedSplat> order, scratch;
+  order.reserve(splats.size());
+  for (std::size_t i = 0; i < splats.size(); ++i) {
+    const Splat& s = splats[i];
+    if (const auto reason = lattice.filter(s)) {
+      ++filtered[static_cast<std::size_t>(*reason)];
+      continue;
+    }
+    order.push_back({lattice.key(s.mean, std::max({s.sigma.x, s.sigma.y, s.sigma.z})),
+                     static_cast<std::uint32_t>(i)});
+  }
+  sort_by_key(order, scratch);
+  std::size_t at = 0;
+  return writer.write([&](Splat& splat) {
+    if (at == order.size()) return false;
+    splat = splats[order[at++].index];
+    return true;
+  });
+}
+
+SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
+  const std::uint64_t rows = ply_.header().splats;
+  // As many runs at once as there are threads, and no longer than that leaves room for.
+  const std::uint64_t room = (job_.budget.limit() - job_.budget.leased()) / job_.threads;
+  const std::uint64_t fixed = run_bytes(ply_, 0);
+  std::uint64_t run = room > fixed ? (room - fixed) * 7 / 8 / kRunBytes : 0;
+  run = std::clamp(run, kLeastRun, kMostRun);
+  run = std::min(run, std::max(kLeastRun, (rows + job_.threads - 1) / job_.threads));
+  if (request_.run_splats > 0) run = request_.run_splats;
+
+  struct Made {
+    SplatRun run;
+    tiles::SplatCounts filtered{};
+  };
+  const std::uint64_t count = (rows + run - 1) / run;
+  const std::vector<std::uint64_t> costs(count, run_bytes(ply_, std::min(run, rows)));
+  SplatRunWriter writer(job_);
+  SplatRuns runs;
+  run_ordered<Made>(
+      job_.budget, costs, "sorting the Gaussians of " + request_.path,
+      [&](std::size_t i) {
+        const std::uint64_t first = i * run, here = std::min(run, rows - first);
+        Made made;
+        made.run = make_run(lattice, writer, first, here, made.filtered);
+        return made;
+      },
+      [&](std::size_t i, Made& made) {
+        if (made.run.splats > 0) runs.runs.push_back(std::move(made.run));
+        for (std::size_t k = 0; k < tiles::kSplatFilters; ++k)
+          directory_.filtered[k] += made.filtered[k];
+        job_.meter.advance(std::min(run, rows - i * run));
+      });
+  runs.pack = writer.finish();
+  return runs;
+}
+
+/// Blocks in order, cut from the merged sequence.
+class BlockCutter {
+ public:
+  explicit BlockCutter(SplatMerge& merge) : merge_(merge) {
+    splats_.reserve(2 * kMostSplatsPerBlock);
+    keys_.reserve(2 * kMostSplatsPerBlock);
+  }
+
+  struct Cut {
+    std::uint64_t ordinal = 0;
+    std::uint64_t first_key = 0;
+    PageVector<Splat> splats;
+  };
+  /// False at the end.
+  bool next(Cut& cut) {
+    Splat splat;
+    std::uint64_t key;
+    while (keys_.size() <= kMostSplatsPerBlock && merge_.next(splat, key)) {
+      splats_.push_back(splat);
+      keys_.push_back(key);
+    }
+    if (keys_.empty()) return false;
+    const bool ended = keys_.size() <= kMostSplatsPerBlock;
+    const std::size_t count = tiles::splat_cut(keys_, kMostSplatsPerBlock, ended);
+    cut.ordinal = next_++;
+    cut.first_key = keys_.front();
+    const auto end = static_cast<std::ptrdiff_t>(count);
+    cut.splats.assign(splats_.begin(), splats_.begin() + end);
+    splats_.erase(splats_.begin(), splats_.begin() + end);
+    keys_.erase(keys_.begin(), keys_.begin() + end);
+    return true;
+  }
+
+ private:
+  SplatMerge& merge_;
+  PageVector<Splat> splats_;  ///< merged, not cut yet
+  PageVector<std::uint64_t> keys_;
+  std::uint64_t next_ = 0;
+};
+
+/// A block on its way to the pack.
+struct EncodedBlock {
+  std::uint64_t ordinal = 0;
+  tiles::SplatEntry entry;
+  bool has_normals = false;
+  std::vector<std::byte> stored;
+  std::uint32_t raw_bytes = 0;
+  std::vector<float> noise;  ///< of the blocks that are asked
+};
+
+/// The noise is estimated from every 2^k-th block. How many blocks there will be is not known when
+/// they pass: k grows with their number, and those that were asked too often are forgotten.
+std::uint32_t noise_step_log2(std::uint64_t ordinal) {
+  const auto bits = static_cast<std::uint32_t>(std::bit_width(ordinal));
+  return bits > kNoiseBlocksLog2 + 1 ? bits - kNoiseBlocksLog2 - 1 : 0;
+}
+bool asked_for_noise(std::uint64_t ordinal, std::uint32_t step_log2) {
+  return (ordinal & ((1ULL << step_log2) - 1)) == 0;
+}
+
+EncodedBlock encode_block(JobContext& job, const BlockCutter::Cut& cut) {
+  EncodedBlock out;
+  out.ordinal = cut.ordinal;
+  out.entry.splats = static_cast<std::uint32_t>(cut.splats.size());
+  out.entry.size_class = static_cast<std::uint32_t>(SplatLattice::key_size_class(cut.first_key));
+  for (const Splat& s : cut.splats) out.entry.box.extend(tiles::splat_box(s));
+  SplatBlock block;
+  block.assign(cut.splats);
+  out.has_normals = !block.normal[0].empty();
+  std::vector<std::byte> raw;
+  tiles::encode(block, raw);
+  out.raw_bytes = static_cast<std::uint32_t>(raw.size());
+  job.compressor().compress(raw, out.stored);
+  if (asked_for_noise(cut.ordinal, noise_step_log2(cut.ordinal)))
+    source::append_surface_noise(block, out.noise);
+  return out;
+}
+
+std::unique_ptr<tiles::SplatStore> StoreBuilder::merge(const SplatLattice& lattice,
+                                                       SplatRuns runs) {
+  const std::uint64_t total = std::max<std::uint64_t>(runs.splats(), 1);
+  const Lease lists(job_.budget, runs.size_bytes(), "the places of sorted Gaussians");
+  const std::uint64_t room = job_.budget.limit() - job_.budget.leased() - pending_bytes();
+  const std::uint64_t tokens = std::clamp<std::uint64_t>(
+      room / 2 / token_bytes(), 1, 2 * static_cast<std::uint64_t>(job_.threads));
+  const std::uint64_t cursors = (room - tokens * token_bytes()) / SplatMerge::cursor_bytes();
+  std::size_t fan_in = std::clamp<std::size_t>(cursors, kLeastFanIn, kMostFanIn);
+  if (request_.fan_in > 0) fan_in = request_.fan_in;
+  fan_in = std::min(fan_in, std::max<std::size_t>(runs.runs.size(), 1));
+  const Lease lease(job_.budget,
+                    pending_bytes() + tokens * token_bytes() + fan_in * SplatMerge::cursor_bytes(),
+                    "merging the Gaussians of " + request_.path);
+  job_.report.temp_peak_bytes = std::max(job_.report.temp_peak_bytes, runs.pack->size_bytes());
+  runs = merge_to_fan_in(job_, lattice, std::move(runs), fan_in);
+
+  SplatMerge sequence(job_, lattice, runs.pack, runs.runs);
+  BlockCutter cutter(sequence);
+  tiles::SplatStoreWriter writer(job_.stores->create(tiles::PackKind::splats, key_));
+  std::vector<std::pair<std::uint64_t, std::vector<float>>> noise;
+  std::uint64_t blocks = 0, done = 0;
+  const auto write = [&](EncodedBlock& block) {
+    if (blocks > 0 &&
+        (writer.tile_blocks() == kTileBlocks || block.entry.size_class != writer.tile_class())) {
+      writer.end_tile(job_.compressor());
+      ++job_.report.tiles_written;
+    }
+    writer.add_block(block.entry, block.has_normals, block.stored, block.raw_bytes);
+    if (!block.noise.empty()) noise.emplace_back(block.ordinal, std::move(block.noise));
+    blocks = block.ordinal + 1;
+    done += block.entry.splats;
+    job_.meter.advance(ply_.header().splats * done / total -
+                       ply_.header().splats * (done - block.entry.splats) / total);
+  };
+  tbb::parallel_pipeline(
+      tokens,
+      tbb::make_filter<void, std::shared_ptr<BlockCutter::Cut>>(
+          tbb::filter_mode::serial_in_order,
+          [&](tbb::flow_control& control) {
+            auto cut = std::make_shared<BlockCutter::Cut>();
+            if (!cutter.next(*cut)) control.stop();
+            return cut;
+          }) &
+          tbb::make_filter<std::shared_ptr<BlockCutter::Cut>, std::shared_ptr<EncodedBlock>>(
+              tbb::filter_mode::parallel,
+              [&](const std::shared_ptr<BlockCutter::Cut>& cut) {
+                return std::make_shared<EncodedBlock>(encode_block(job_, *cut));
+              }) &
+          tbb::make_filter<std::shared_ptr<EncodedBlock>, void>(
+              tbb::filter_mode::serial_in_order,
+              [&](const std::shared_ptr<EncodedBlock>& block) { write(*block); }));
+  if (blocks == 0) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: none of its {} Gaussians can be used ({})", request_.path,
+                            ply_.header().splats, tiles::filtered_text(directory_.filtered)));
+  }
+  writer.end_tile(job_.compressor());
+  ++job_.report.tiles_written;
+  std::vector<float> figures;
+  for (const auto& [ordinal, of_block] : noise) {
+    if (asked_for_noise(ordinal, noise_step_log2(blocks - 1)))
+      figures.insert(figures.end(), of_block.begin(), of_block.end());
+  }
+  directory_.surface_noise = source::median(figures);
+  return std::make_unique<tiles::SplatStore>(
+      job_.stores->publish(writer.finish(directory_, job_.compressor())), job_.compressor());
+}
+
+/// Hash of the whole file, in pieces.
+Hash128 hash_file(JobContext& job, const ReadFile& file) {
+  constexpr std::uint64_t kPiece = 1 << 20;
+  const Lease lease(job.budget, kPiece, "hashing the source");
+  PageVector<std::byte> bytes(std::min(kPiece, file.size_bytes()));
+  Hasher hash;
+  for (std::uint64_t at = 0; at < file.size_bytes(); at += bytes.size()) {
+    const auto piece =
+        std::span(bytes).first(std::min<std::uint64_t>(bytes.size(), file.size_bytes() - at));
+    file.read(at, piece);
+    hash.add(std::span<const std::byte>(piece));
+    job.meter.advance(0);  // stops here if the caller asked to
+  }
+  return hash.digest();
+}
+
+Hash128 store_key(JobContext& job, const SplatRequest& request, const io::SplatPly& ply) {
+  const Hash128 content = hash_file(job, ply.file());
+  Hasher hash;
+  hash.add(std::string_view("splats"));
+  hash.add(tiles::kFormatVersion);
+  hash.add(kSplatStoreVersion);
+  hash.add(content.hi);
+  hash.add(content.lo);
+  hash.add(to_text(request.axes));
+  return hash.digest();
+}
+
+}  // namespace
+
+std::unique_ptr<tiles::SplatStore> splat_store(JobContext& job, const SplatRequest& request,
+                                               bool* cached, double progress_end) {
+  const io::SplatPly ply(request.path, request.axes);
+  job.meter.begin("precondition", 2 * ply.header().splats, "Gaussians", progress_end);
+  const Hash128 key = store_key(job, request, ply);
+  std::string warning;
+  std::unique_ptr<tiles::SplatStore> store;
+  if (auto pack = job.stores->find(tiles::PackKind::splats, key, &warning)) {
+    *cached = true;
+    store = std::make_unique<tiles::SplatStore>(std::move(pack), job.compressor());
+  } else {
+    if (!warning.empty()) job.report.warnings.push_back(warning);
+    *cached = false;
+    store = StoreBuilder(job, request, ply, key).build();
+  }
+  job.meter.end();
+  for (std::size_t k = 0; k < tiles::kSplatFilters; ++k) {
+    const std::uint64_t count = store->directory().filtered[k];
+    if (count > 0)
+      job.report.source_filtered[tiles::filter_name(static_cast<tiles::SplatFilter>(k))] += count;
+  }
+  return store;
+}
+
+std::uint64_t splat_least_bytes(const SplatRequest& request) {
+  const io::SplatPly ply(request.path, request.axes);
+  const std::uint64_t lists = ply.header().splats / 1024 * 2 * sizeof(tiles::ChunkRef) +
+                              ply.header().splats / kLeastRun * 2 * sizeof(SplatRun) + kPageBytes;
+  return std::max(
+             {sample_bytes() + ply.read_bytes(), run_bytes(ply, kLeastRun) + lists,
+              lists + pending_bytes() + token_bytes() + kLeastFanIn * SplatMerge::cursor_bytes()}) +
+         (64 << 10);
+}
+
+}  // namespace pounce::flow

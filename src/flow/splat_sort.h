@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include "flow/job_context.h"
+#include "tiles/pack.h"
+#include "tiles/splat_lattice.h"
+
+namespace pounce::flow {
+
+/// Gaussians in the order of their keys, in chunks of a scratch pack.
+struct SplatRun {
+  std::vector<tiles::ChunkRef> chunks;
+  std::uint64_t splats = 0;
+};
+
+/// Runs in the order of the file they came from: a Gaussian of an earlier run goes before one of a
+/// later run that has the same key.
+struct SplatRuns {
+  std::shared_ptr<tiles::PackReader> pack;
+  std::vector<SplatRun> runs;
+  std::uint64_t splats() const;
+  std::uint64_t size_bytes() const;  ///< memory of the lists of chunks
+};
+
+struct KeyedSplat {
+  std::uint64_t key;
+  std::uint32_t index;
+};
+/// Stable. `scratch` takes as much memory as `splats`.
+void sort_by_key(PageVector<KeyedSplat>& splats, PageVector<KeyedSplat>& scratch);
+
+/// A scratch pack of runs that several threads write at once. The place of a chunk does not matter.
+class SplatRunWriter {
+ public:
+  explicit SplatRunWriter(JobContext& job);
+  /// Encodes and appends the Gaussians `next` gives until it says false. Thread-safe.
+  SplatRun write(const std::function<bool(tiles::Splat&)>& next);
+  std::shared_ptr<tiles::PackReader> finish();
+  /// Memory that one call of write() takes.
+  static std::uint64_t write_bytes();
+
+ private:
+  JobContext& job_;
+  std::mutex mutex_;  ///< guards pack_
+  std::unique_ptr<tiles::PackWriter> pack_;
+};
+
+/// Merges runs into one sequence, ordered by key and then by run.
+class SplatMerge {
+ public:
+  SplatMerge(JobContext& job, const tiles::SplatLattice& lattice,
+             std::shared_ptr<tiles::PackReader> pack, std::span<const SplatRun> runs);
+  ~SplatMerge();
+  /// The next Gaussian and its key; false at the end.
+  bool next(tiles::Splat& splat, std::uint64_t& key);
+  /// Memory per run that is merged at once.
+  static std::uint64_t cursor_bytes();
+
+ private:
+  struct Cursor;
+  void refill(Cursor& cursor);
+  void replay(std::size_t leaf);
+
+  JobContext& job_;
+  const tiles::SplatLattice& lattice_;
+  std::shared_ptr<tiles::PackReader> pack_;
+  std::vector<Cursor> cursors_;
+  std::vector<std::uint64_t> keys_;  ///< of the cursors; the largest number there is once it ended
+  std::vector<std::uint32_t> tree_;  ///< losers; [0] is the winner
+};
+
+/// Merges groups of `fan_in` neighbouring runs until no more than that are left.
+SplatRuns merge_to_fan_in(JobContext& job, const tiles::SplatLattice& lattice, SplatRuns runs,
+                          std::size_t fan_in);
+
+}  // namespace pounce::flow

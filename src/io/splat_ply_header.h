@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/file.h"
+#include "tiles/splat_store.h"
+
+namespace pounce::io {
+
+/// The scalar types of PLY.
+enum class PlyType : std::uint8_t { i8, u8, i16, u16, i32, u32, f32, f64 };
+std::uint32_t ply_type_bytes(PlyType type);
+
+struct PlyColumn {
+  std::string name;
+  PlyType type = PlyType::f32;
+  std::uint32_t offset = 0;  ///< in a row
+};
+
+/// What the header of a splat PLY says, checked against the size of the file.
+struct SplatPlyHeader {
+  std::uint64_t splats = 0;   ///< rows
+  std::uint64_t rows_at = 0;  ///< where the first row begins
+  std::uint32_t row_bytes = 0;
+  std::vector<PlyColumn> columns;  ///< in the file's order, all of them
+  std::uint32_t sh_degree = 0;     ///< 0..4, by the number of f_rest columns
+  tiles::SplatModel model = tiles::SplatModel::standard;
+
+  /// Null where there is no such column.
+  const PlyColumn* find(const std::string& name) const;
+};
+
+/// True if the file begins as a PLY does.
+bool is_ply(const ReadFile& file);
+
+/// Reads the header of the 3DGS PLY that trainers write: binary little endian, columns in any order
+/// and of any scalar type, other elements beside the Gaussians. Throws Error(input) naming the
+/// file, what it holds instead (a mesh, a point cloud, text, big-endian or compressed data, fewer
+/// bytes than announced) and the cure. Takes no more than 1 MiB whatever the file says.
+SplatPlyHeader read_splat_ply_header(const ReadFile& file, const std::string& path);
+
+}  // namespace pounce::io

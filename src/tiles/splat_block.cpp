@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tiles/splat_block.h"
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "core/bytes.h"
+#include "tiles/codec.h"
+
+namespace pounce::tiles {
+namespace {
+
+constexpr std::uint32_t kHasNormals = 1;
+constexpr std::size_t kColumns = 14, kNormalColumns = 3, kHeaderBytes = 8;
+
+/// Visits every column in the payload's order: (column, its values are near their neighbours').
+template <class Block, class Visitor>
+void for_columns(Block& block, bool normals, const Visitor& visit) {
+  for (auto& column : block.mean) visit(column, true);
+  for (auto& column : block.sigma) visit(column, false);
+  for (auto& column : block.rotation) visit(column, false);
+  visit(block.alpha, false);
+  for (auto& column : block.colour) visit(column, false);
+  if (!normals) return;
+  for (auto& column : block.normal) visit(column, false);
+}
+
+float below(double value) {
+  const auto rounded = static_cast<float>(value);
+  return static_cast<double>(rounded) <= value
+             ? rounded
+             : std::nextafter(rounded, -std::numeric_limits<float>::infinity());
+}
+
+float above(double value) { return -below(-value); }
+
+}  // namespace
+
+Box3f splat_box(const Splat& splat) {
+  const double w = splat.rotation[0], x = splat.rotation[1], y = splat.rotation[2],
+               z = splat.rotation[3];
+  const double rows[3][3] = {{1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)},
+                             {2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)},
+                             {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}};
+  const auto half = [&](const double(&row)[3]) {
+    const double a = row[0] * splat.sigma.x, b = row[1] * splat.sigma.y, c = row[2] * splat.sigma.z;
+    return 3 * std::sqrt(a * a + b * b + c * c);
+  };
+  const double hx = half(rows[0]), hy = half(rows[1]), hz = half(rows[2]);
+  const Vec3f& m = splat.mean;
+  return {{below(m.x - hx), below(m.y - hy), below(m.z - hz)},
+          {above(m.x + hx), above(m.y + hy), above(m.z + hz)}};
+}
+
+Splat SplatBlock::splat(std::size_t i) const {
+  Splat out;
+  out.mean = {mean[0][i], mean[1][i], mean[2][i]};
+  out.sigma = {sigma[0][i], sigma[1][i], sigma[2][i]};
+  out.rotation = {rotation[0][i], rotation[1][i], rotation[2][i], rotation[3][i]};
+  out.alpha = alpha[i];
+  out.colour = {colour[0][i], colour[1][i], colour[2][i]};
+  if (!normal[0].empty()) out.normal = {normal[0][i], normal[1][i], normal[2][i]};
+  return out;
+}
+
+void SplatBlock::assign(std::span<const Splat> splats) {
+  const std::size_t count = splats.size();
+  bool normals = false;
+  for (const Splat& s : splats) normals |= s.normal != Vec3f{};
+  for (auto& column : normal) column.clear();
+  for_columns(*this, normals, [&](PageVector<float>& column, bool) { column.resize(count); });
+  for (std::size_t i = 0; i < count; ++i) {
+    const Splat& s = splats[i];
+    mean[0][i] = s.mean.x, mean[1][i] = s.mean.y, mean[2][i] = s.mean.z;
+    sigma[0][i] = s.sigma.x, sigma[1][i] = s.sigma.y, sigma[2][i] = s.sigma.z;
+    for (std::size_t k = 0; k < 4; ++k) rotation[k][i] = s.rotation[k];
+    alpha[i] = s.alpha;
+    colour[0][i] = s.colour.x, colour[1][i] = s.colour.y, colour[2][i] = s.colour.z;
+  }
+  for (std::size_t i = 0; normals && i < count; ++i) {
+    const Vec3f& n = splats[i].normal;
+    normal[0][i] = n.x, normal[1][i] = n.y, normal[2][i] = n.z;
+  }
+}
+
+std::uint64_t SplatBlock::decoded_bytes(std::size_t splats, bool normals) {
+  return (kColumns + (normals ? kNormalColumns : 0)) * round_to_pages(splats * sizeof(float));
+}
+
+void encode(const SplatBlock& block, std::vector<std::byte>& raw) {
+  const bool normals = !block.normal[0].empty();
+  const auto count = static_cast<std::uint32_t>(block.size());
+  const std::uint32_t flags = normals ? kHasNormals : 0U;
+  const std::size_t bytes = block.size() * sizeof(float);
+  raw.resize(kHeaderBytes + bytes * (kColumns + (normals ? kNormalColumns : 0)));
+  std::memcpy(raw.data(), &count, 4);
+  std::memcpy(raw.data() + 4, &flags, 4);
+  std::vector<std::byte> values(bytes);
+  std::size_t at = kHeaderBytes;
+  for_columns(block, normals, [&](const PageVector<float>& column, bool near) {
+    if (bytes == 0) return;
+    std::memcpy(values.data(), column.data(), bytes);
+    if (near) delta(values, sizeof(float), 1);
+    shuffle(values, sizeof(float), std::span(raw).subspan(at, bytes));
+    at += bytes;
+  });
+}
+
+SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name) {
+  ByteReader in(raw, name);
+  const auto count = in.get<std::uint32_t>();
+  const auto flags = in.get<std::uint32_t>();
+  const bool normals = (flags & kHasNormals) != 0;
+  const std::size_t columns = kColumns + (normals ? kNormalColumns : 0);
+  if (count > kMostSplatsPerBlock || (flags & ~kHasNormals) != 0 ||
+      in.left() != columns * count * sizeof(float)) {
+    in.fail("has an impossible block header");
+  }
+  SplatBlock block;
+  for_columns(block, normals, [&](PageVector<float>& column, bool near) {
+    column.resize(count);
+    const auto bytes = std::as_writable_bytes(std::span(column));
+    unshuffle(in.take(bytes.size()), sizeof(float), bytes);
+    if (near) undelta(bytes, sizeof(float), 1);
+  });
+  return block;
+}
+
+}  // namespace pounce::tiles
