@@ -40,10 +40,10 @@ void grid_query(benchmark::State& state) {
   const PreparedJob& job = prepared_job(Shape::same, state.range(0));
   const Blocks blocks = source_blocks(job);
   grid::PatchGrid grid(blocks.pointers,
-                       job.source_store->directory().box.grown(job.plan.max_distance));
+                       job.source_store->directory().box.grown(job.target_plan.max_distance));
   projection::SearchState target;
   for (const tiles::GeometryBlock& block : job.target_blocks) {
-    target::TargetBlock(block, job.target_lattice(), job.plan.smallest_edge)
+    target::TargetBlock(block, job.target_lattice(), job.target_plan.smallest_edge)
         .make_packets(0, target.packets, target.groups);
   }
   projection::start(target);
@@ -51,7 +51,7 @@ void grid_query(benchmark::State& state) {
   for (auto _ : state) {
     found = 0;
     for (const RayBundle& bundle : target.bundles)
-      grid.query(bundle, job.plan.max_distance, [&](const auto&) { ++found; });
+      grid.query(bundle, job.target_plan.max_distance, [&](const auto&) { ++found; });
     benchmark::DoNotOptimize(found);
   }
   const auto queries = static_cast<double>(target.bundles.size());

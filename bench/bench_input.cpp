@@ -69,15 +69,17 @@ std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
   auto job = std::make_unique<PreparedJob>();
   job->options = reference_options(shape, size);
   job->source = io::read_mesh(job->options.source);
-  job->target = io::read_mesh(job->options.target);
-  job->plan = flow::make_plan(job->options, job->source, job->target);
+  job->target = io::read_mesh(job->options.targets.front());
+  job->plan = flow::plan_source(job->options, job->source);
+  job->target_plan =
+      flow::plan_target(job->options, job->plan, job->options.targets.front(), job->target);
   job->context =
       flow::open_job(job->options.resources, job->options.output, true, false, false, nullptr);
   job->context->tile_cap_bytes = flow::kTileCapBytes;
   const flow::PassPlan& pass = job->plan.passes.at(0);
   bool cached = false;
   job->source_store = flow::geometry_store(*job->context, pass.source, &cached);
-  job->target_store = flow::geometry_store(*job->context, pass.target, &cached);
+  job->target_store = flow::geometry_store(*job->context, job->target_plan.requests.at(0), &cached);
   const flow::ColumnPlan& column = job->plan.columns.at(0);
   job->colours =
       flow::colour_store(*job->context, {&column.image, column.wrap_u, column.wrap_v}, &cached);
@@ -102,7 +104,7 @@ const std::string& work_folder() {
 TransferOptions reference_options(Shape shape, std::int64_t size) {
   TransferOptions options;
   options.source = heads() + "/head_src.glb";
-  options.target = heads() + (shape == Shape::same ? "/head_same.glb" : "/head_other.glb");
+  options.targets = {heads() + (shape == Shape::same ? "/head_same.glb" : "/head_other.glb")};
   options.output = work_folder() + "/out.png";
   options.size = ImageSize{scaled(size), scaled(size)};
   options.max_distance = {shape == Shape::same ? 1.0 : 5.0, true};

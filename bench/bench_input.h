@@ -38,6 +38,7 @@ struct PreparedJob {
   TransferOptions options;
   mesh::Mesh source, target;
   flow::Plan plan;
+  flow::TargetPlan target_plan;
   std::unique_ptr<flow::JobContext> context;
   std::unique_ptr<tiles::GeometryStore> source_store, target_store;
   std::unique_ptr<tiles::ColourStore> colours;

@@ -105,7 +105,7 @@ std::vector<TargetTexel> target_texels(const PreparedJob& job) {
   std::vector<TargetTexel> texels;
   texels.reserve(job.target_texels());
   for (const tiles::GeometryBlock& block : job.target_blocks) {
-    const target::TargetBlock maps(block, job.target_lattice(), job.plan.smallest_edge);
+    const target::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge);
     for (std::uint32_t i = 0; i < tiles::kTexelsPerBlock; ++i) {
       if (!maps.covered(i)) continue;
       const auto texel = maps.texel(i);

@@ -40,10 +40,10 @@ BENCHMARK(raster_windows)->Arg(1024)->Arg(2048)->Unit(benchmark::kMillisecond);
 /// Which triangles touch which window, and windows to tiles. Per triangle.
 void raster_bins(benchmark::State& state) {
   const PreparedJob& job = prepared_job(Shape::same, state.range(0));
-  const flow::GeometryRequest& target = job.plan.passes[0].target;
+  const flow::GeometryRequest& target = job.target_plan.requests[0];
   for (auto _ : state) {
-    benchmark::DoNotOptimize(mesh::bin_triangles(
-        {&job.target, target.pages, target.triangle_page, true, job.context->tile_cap_bytes}));
+    benchmark::DoNotOptimize(mesh::bin_triangles({&job.target, target.pages, target.triangle_page,
+                                                  true, nullptr, job.context->tile_cap_bytes}));
   }
   count_work(state, "triangle", static_cast<double>(job.target.triangles.size()));
 }

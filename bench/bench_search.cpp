@@ -21,15 +21,15 @@ class SearchInput {
     std::vector<const source::SourceBlock*> pointers;
     for (const source::SourceBlock& block : blocks_) pointers.push_back(&block);
     grid_ = std::make_unique<grid::PatchGrid>(
-        pointers, job.source_store->directory().box.grown(job.plan.max_distance));
+        pointers, job.source_store->directory().box.grown(job.target_plan.max_distance));
     for (std::size_t b = 0; b < job.target_blocks.size(); ++b) {
       if (b % kBlocksPerPiece == 0) pieces_.emplace_back();
       const target::TargetBlock maps(job.target_blocks[b], job.target_lattice(),
-                                     job.plan.smallest_edge);
+                                     job.target_plan.smallest_edge);
       maps.make_packets(static_cast<std::uint32_t>(b % kBlocksPerPiece), pieces_.back().packets,
                         pieces_.back().groups);
     }
-    limits_.max_distance = job.plan.max_distance;
+    limits_.max_distance = job.target_plan.max_distance;
     limits_.min_cosine =
         static_cast<float>(std::cos(job.options.max_angle_deg * std::numbers::pi / 180));
     heights_ = projection::search_heights(limits_.max_distance);

@@ -17,7 +17,7 @@ void target_block_packets(benchmark::State& state) {
     for (const tiles::GeometryBlock& block : job.target_blocks) {
       packets.clear();
       groups.clear();
-      const target::TargetBlock maps(block, job.target_lattice(), job.plan.smallest_edge);
+      const target::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge);
       maps.make_packets(0, packets, groups);
       made += packets.size();
       benchmark::DoNotOptimize(packets.data());

@@ -42,7 +42,8 @@ struct Length {
   bool is_percent = false;  ///< value is a percentage of the diagonal
 };
 
-/// An image file that overrides or adds one channel of the source.
+/// An image file that overrides or adds one channel of the source. With <UDIM> or <UVTILE> in it,
+/// `path` names a set of images, one per tile of UV space; they may differ in size.
 struct SourceTexture {
   Channel channel = Channel::base_color;
   std::string path;
@@ -64,12 +65,15 @@ struct Resources {
   std::string temp_dir;
 };
 
-/// One transfer of appearance from a textured mesh onto the UV textures of another mesh.
+/// One transfer of appearance from a textured mesh onto the UV textures of other meshes.
 struct TransferOptions {
-  std::string source;  ///< .glb, .gltf or .obj with textures
-  std::string target;  ///< .glb, .gltf or .obj with UVs
-  /// Image path; may hold <CHANNEL>, <MATERIAL> and <TARGET>. The ending picks the format.
+  std::string source;                ///< .glb, .gltf or .obj with textures
+  std::vector<std::string> targets;  ///< .glb, .gltf or .obj with UVs; at least one
+  /// Image path; may hold <CHANNEL>, <MATERIAL>, <TARGET> (needed for several), <UDIM> and
+  /// <UVTILE>. With one of the last two, UVs outside [0,1) are UDIM tiles with an image each;
+  /// without, they wrap. The ending picks the format.
   std::string output;
+  std::vector<std::uint32_t> tiles;  ///< only these UDIMs, sorted; empty = all there are
   std::string
       coverage_output;  ///< also write an 8-bit mask (255 = covered); same tokens; empty = no
   std::vector<SourceTexture> source_textures;
@@ -100,8 +104,9 @@ struct TransferOptions {
 /// Target vectorization alone: position, normal and mask images.
 struct MapsOptions {
   std::string target;
-  std::string
-      output;  ///< must hold <CHANNEL>: "position", "normal", "mask"; .exr for the first two
+  /// Must hold <CHANNEL>: "position", "normal", "mask"; .exr for the first two. With <UDIM> or
+  /// <UVTILE> one image per tile of UV space.
+  std::string output;
   ImageSize size{1024, 1024};
   Resources resources;
 };

@@ -198,7 +198,12 @@ std::uint64_t tile_cost(const mesh::BlockBins& bins, const mesh::TileRange& tile
 }
 
 mesh::BinRequest bin_request(const GeometryRequest& request, std::uint64_t tile_cap_bytes) {
-  return {request.mesh, request.pages, request.triangle_page, request.is_target, tile_cap_bytes};
+  return {request.mesh,
+          request.pages,
+          request.triangle_page,
+          request.is_target,
+          request.tile_pages ? &*request.tile_pages : nullptr,
+          tile_cap_bytes};
 }
 
 std::unique_ptr<tiles::GeometryStore> build(JobContext& job, const GeometryRequest& request,
@@ -251,6 +256,15 @@ Hash128 geometry_key(const GeometryRequest& request) {
   add(m.tangents);
   add(m.triangles);
   add(request.triangle_page);
+  hash.add(static_cast<std::uint64_t>(request.tile_pages ? request.tile_pages->all().size() : 0));
+  if (request.tile_pages) {
+    for (const auto& [tile, page] : request.tile_pages->all()) {
+      hash.add(tile.first);
+      hash.add(tile.second.column);
+      hash.add(tile.second.row);
+      hash.add(page);
+    }
+  }
   for (const mesh::Lattice& page : request.pages) {
     hash.add(page.width);
     hash.add(page.height);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "flow/job_context.h"
@@ -15,8 +16,9 @@ namespace pounce::flow {
 struct GeometryRequest {
   const mesh::Mesh* mesh = nullptr;
   std::vector<mesh::Lattice> pages;
-  std::vector<std::uint32_t> triangle_page;
+  std::vector<std::uint32_t> triangle_page;  ///< see mesh::BinRequest
   bool is_target = false;
+  std::optional<mesh::TilePages> tile_pages;  ///< target of many UDIMs
 };
 
 /// Key of a geometry store: content of the mesh, pages, selection, side.

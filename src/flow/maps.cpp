@@ -28,6 +28,7 @@ using mesh::kBlockEdge;
 
 constexpr std::array<const char*, 3> kMapNames{"position", "normal", "mask"};
 constexpr int kMask = 2;
+constexpr double kAfterVectorizing = 0.4;  // of the progress bar
 
 /// Where a block is, without its boxes.
 struct BlockPlace {
@@ -46,22 +47,42 @@ class MapsJob {
 
   Report run() {
     job_->report.command = "maps";
-    name_outputs();
+    check_output();
     vectorize();
-    for (int map = 0; map < 3; ++map) write_map(map);
+    for (std::uint32_t page = 0; page < pages_.size(); ++page) {
+      if (by_tile_ && store_->directory().page_texels[page] == 0) continue;
+      write_page(page);
+      if (by_tile_) job_->report.udims.push_back(static_cast<int>(pages_[page].udim));
+    }
     return finish_report(*job_);
   }
 
  private:
-  void name_outputs() {
+  void check_output() {
     if (!has_token(options_.output, "CHANNEL")) {
       throw Error(ErrorKind::usage,
                   options_.output + ": needs <CHANNEL>, which becomes position, normal and mask");
     }
+    by_tile_ = has_token(options_.output, "UDIM") || has_token(options_.output, "UVTILE");
+  }
+
+  std::string path_of(const TargetPage& page, int map) const {
+    std::map<std::string, std::string> values{
+        {"CHANNEL", kMapNames[static_cast<std::size_t>(map)]},
+        {"TARGET", std::filesystem::path(options_.target).stem().string()}};
+    if (by_tile_) values.merge(page.tokens());
+    values.erase("MATERIAL");
+    return expand_pattern(options_.output, values);
+  }
+
+  void name_outputs() {
+    std::vector<std::string> paths;
+    for (const TargetPage& page : pages_) {
+      for (int map = 0; map < 3; ++map) paths.push_back(path_of(page, map));
+    }
+    check_outputs(paths);
     for (int map = 0; map < 3; ++map) {
-      const std::string path = expand_pattern(
-          options_.output, {{"CHANNEL", kMapNames[static_cast<std::size_t>(map)]},
-                            {"TARGET", std::filesystem::path(options_.target).stem().string()}});
+      const std::string& path = paths[static_cast<std::size_t>(map)];
       const Depth depth = io::writable_depth(path, map == kMask ? Depth::u8 : Depth::float32);
       io::ImageWriteSpec spec{
           options_.size.width, options_.size.height, map == kMask ? 1U : 3U, depth, true, false};
@@ -71,22 +92,27 @@ class MapsJob {
       }
       if (!why.empty()) throw Error(ErrorKind::usage, path + ": " + why);
       specs_.push_back(spec);
-      job_->report.outputs.push_back(path);
     }
-    check_outputs(job_->report.outputs);
   }
 
   void vectorize() {
     const StageTimer timer(job_->clock, "vectorize");
-    job_->meter.begin("vectorize", 0, "tiles", 0.4);
+    job_->meter.begin("vectorize", 0, "tiles", kAfterVectorizing);
     const mesh::Mesh target = io::read_mesh(options_.target);
     job_->report.warnings.insert(job_->report.warnings.end(), target.warnings.begin(),
                                  target.warnings.end());
+    PageRequest page_request;
+    page_request.by_tile = by_tile_;
+    TargetPages pages = target_pages(target, page_request, job_->report.warnings);
+    pages_ = pages.pages;
+    name_outputs();
     GeometryRequest request;
     request.mesh = &target;
     request.is_target = true;
-    request.pages = {mesh::Lattice{options_.size.width, options_.size.height, 0, {}}};
-    request.triangle_page = target_pages(target, false, job_->report.warnings).triangle_page;
+    request.pages.assign(pages_.size(),
+                         mesh::Lattice{options_.size.width, options_.size.height, 0, {}});
+    request.triangle_page = std::move(pages.triangle_page);
+    request.tile_pages = std::move(pages.tile_pages);
     require_least(*job_, least(target, request));
     const Lease mesh_lease(job_->budget, target.size_bytes(), "the mesh");
     bool cached = false;
@@ -117,22 +143,23 @@ class MapsJob {
         target.size_bytes() + geometry_least_bytes(request, kTileCapBytes);
     const std::uint64_t writing =
         row_bytes() + 2 * blocks() * sizeof(BlockPlace) +
-        io::ImageWriter::encoder_bytes(job_->report.outputs.front(), specs_.front());
+        io::ImageWriter::encoder_bytes(path_of(pages_.front(), 0), specs_.front());
     const std::uint64_t reading = io::mesh_cost(options_.target).peak_bytes;
     LeastMemory most{reading, "reading " + options_.target};
     if (building > most.bytes) most = {building, "vectorizing " + options_.target};
-    if (writing > most.bytes) most = {writing, "writing " + job_->report.outputs.front()};
+    if (writing > most.bytes) most = {writing, "writing " + path_of(pages_.front(), 0)};
     most.bytes += job_->threads * tiles::Compressor::context_bytes();
     return most;
   }
 
-  /// All blocks, in image order.
-  std::vector<BlockPlace> places() {
+  /// All blocks of a page, in image order.
+  std::vector<BlockPlace> places(std::uint32_t page) {
     std::vector<BlockPlace> all;
-    for (std::uint32_t t = 0; t < store_->directory().tiles.size(); ++t) {
-      for (const tiles::BlockEntry& entry : store_->read_index(t, job_->compressor())) {
+    for (; next_tile_ < store_->directory().tiles.size(); ++next_tile_) {
+      const auto entries = store_->read_index(next_tile_, job_->compressor());
+      if (!entries.empty() && entries.front().page != page) break;
+      for (const tiles::BlockEntry& entry : entries)
         all.push_back({entry.y, entry.x, entry.triangles, entry.chunk});
-      }
     }
     std::sort(all.begin(), all.end(), [](const BlockPlace& a, const BlockPlace& b) {
       return std::tie(a.y, a.x) < std::tie(b.y, b.x);
@@ -140,16 +167,22 @@ class MapsJob {
     return all;
   }
 
-  void write_map(int map) {
+  void write_page(std::uint32_t page) {
     const StageTimer timer(job_->clock, "assemble");
-    const auto m = static_cast<std::size_t>(map);
-    const io::ImageWriteSpec& spec = specs_[m];
-    job_->meter.begin(std::string("write ") + kMapNames[m], spec.height, "rows",
-                      0.4 + 0.2 * (map + 1));
     const Lease lease(job_->budget, row_bytes() + 2 * blocks() * sizeof(BlockPlace),
                       "writing the maps");
-    const std::vector<BlockPlace> all = places();
-    io::ImageWriter writer(job_->report.outputs[m], spec);
+    const std::vector<BlockPlace> all = places(page);
+    for (int map = 0; map < 3; ++map) write_map(page, map, all);
+  }
+
+  void write_map(std::uint32_t page, int map, const std::vector<BlockPlace>& all) {
+    const auto m = static_cast<std::size_t>(map);
+    const io::ImageWriteSpec& spec = specs_[m];
+    const std::string path = path_of(pages_[page], map);
+    const double done = (page * 3.0 + map + 1) / (3.0 * static_cast<double>(pages_.size()));
+    job_->meter.begin(std::string("write ") + kMapNames[m], spec.height, "rows",
+                      kAfterVectorizing + (1 - kAfterVectorizing) * done);
+    io::ImageWriter writer(path, spec);
     const std::size_t texel = spec.channels * tiles::depth_bytes(spec.depth);
     std::size_t next = 0;
     for (std::uint32_t top = 0; top < spec.height; top += kBlockEdge) {
@@ -166,6 +199,7 @@ class MapsJob {
       job_->meter.advance(count);
     }
     writer.commit();
+    job_->report.outputs.push_back(path);
     job_->meter.end();
   }
 
@@ -200,6 +234,9 @@ class MapsJob {
   const MapsOptions& options_;
   std::unique_ptr<JobContext> job_;
   std::vector<io::ImageWriteSpec> specs_;
+  std::vector<TargetPage> pages_;
+  bool by_tile_ = false;
+  std::uint32_t next_tile_ = 0;  ///< pages' tiles follow each other
   std::unique_ptr<tiles::GeometryStore> store_;
   float smallest_edge_ = 0;
 };

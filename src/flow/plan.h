@@ -3,26 +3,33 @@
 
 #include <array>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "flow/build_stores.h"
+#include "flow/target_pages.h"
 #include "flow/write_images.h"
 #include "io/image_read.h"
 #include "mesh/mesh.h"
+#include "mesh/uv_tiles.h"
 
 namespace pounce::flow {
+
+/// What one source page gives to a channel: an image, a set of UDIM tiles, or else a constant.
+struct PageTexture {
+  int column = -1;    ///< index into Plan::columns
+  int tile_set = -1;  ///< index into Plan::tile_sets
+  texture::TexelValue constant;
+};
 
 /// One channel of the job: its images on the source side, its format on the output side.
 struct ChannelPlan {
   Channel channel = Channel::base_color;
-  ImageSize size;  ///< of the output
+  ImageSize size;  ///< of each output image
   texture::TexelFormat format;
-  /// By source page (the materials, then the same again for triangles without UVs): which image
-  /// (index into Plan::columns), or -1 for the constant.
-  std::vector<int> page_column;
-  std::vector<texture::TexelValue> page_constant;
-  std::vector<ImageOutput> images;  ///< by target page
+  /// By source page: the materials, then the same again for triangles without UVs.
+  std::vector<PageTexture> pages;
 };
 
 /// An image that some channel needs, with the wrap modes it is sampled with.
@@ -32,45 +39,67 @@ struct ColumnPlan {
   io::ImageInfo info;
 };
 
+/// A source texture of many UDIM tiles, which may differ in size. The source is seen through one
+/// lattice whose tiles are as large as the largest of them.
+struct TileSetPlan {
+  ImageSize size;
+  std::map<mesh::UvTile, std::size_t> columns;  ///< index into Plan::columns
+};
+
 /// Channels that share their sampling groups (the same lattice for every source page) and their
 /// output size: one search serves them all.
 struct PassPlan {
-  GeometryRequest source, target;
+  GeometryRequest source;
+  ImageSize size;                     ///< of the outputs
   std::vector<std::size_t> channels;  ///< into Plan::channels
 };
 
+/// The source's side of a job: the same for all its targets.
 struct Plan {
   std::vector<ChannelPlan> channels;
   std::vector<ColumnPlan> columns;
+  std::vector<TileSetPlan> tile_sets;
   std::vector<PassPlan> passes;
-  float max_distance = 0;   ///< in the target's units
-  float smallest_edge = 0;  ///< see TargetBlock
   std::vector<std::string> warnings;
-  std::vector<std::string> outputs;  ///< every file that will be written
 };
 
-/// Decides what a transfer does, from the two meshes and the headers of the images: channels,
-/// sizes, passes, output names. Throws what a user must hear before any work is done: missing UVs,
-/// textures or folders, names that clash, formats that cannot hold the result.
-Plan make_plan(const TransferOptions& options, const mesh::Mesh& source, const mesh::Mesh& target);
+/// One target's side.
+struct TargetPlan {
+  std::string path;
+  float max_distance = 0;   ///< in the target's units
+  float smallest_edge = 0;  ///< see TargetBlock
+  std::vector<TargetPage> pages;
+  std::vector<GeometryRequest> requests;         ///< by pass
+  std::vector<std::vector<ImageOutput>> images;  ///< [channel][page]
+  std::vector<std::string> warnings;
+  /// Every file that may be written: a tile that turns out to have no covered texel centre is not.
+  std::vector<std::string> outputs;
+};
+
+/// Decides what a transfer takes from the source, from its mesh and the headers of its images:
+/// channels, sizes, passes. Throws what a user must hear before any work is done: missing UVs or
+/// textures, formats that cannot hold the result.
+Plan plan_source(const TransferOptions& options, const mesh::Mesh& source);
+
+/// Decides what happens to one target: pages, output names. Throws what a user must hear at once:
+/// missing UVs or folders, names that clash. The requests refer to `target`.
+TargetPlan plan_target(const TransferOptions& options, const Plan& plan, const std::string& path,
+                       const mesh::Mesh& target);
+
+/// Throws Error(usage) if two images of these plans have one name, or one of them is an input.
+void check_all_outputs(const TransferOptions& options, const Plan& plan,
+                       const std::vector<std::string>& outputs);
 
 /// What asks for the most memory, and how much the whole job needs at least.
 struct LeastMemory {
   std::uint64_t bytes = 0;
   std::string why;
 };
-LeastMemory least_memory(const Plan& plan, const mesh::Mesh& source, const mesh::Mesh& target,
-                         unsigned threads, std::uint64_t tile_cap_bytes);
+/// For one target.
+LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const mesh::Mesh& source,
+                         const mesh::Mesh& target, unsigned threads, std::uint64_t tile_cap_bytes);
 
-/// The target's triangles by page, and the pages' names; shared with maps().
-struct TargetPages {
-  std::vector<std::string> names;
-  std::vector<std::uint32_t> triangle_page;
-};
-TargetPages target_pages(const mesh::Mesh& target, bool by_material,
-                         std::vector<std::string>& warnings);
-
-/// Length of the diagonal of the target's bounding box.
+/// Length of the diagonal of the mesh's bounding box.
 double diagonal(const mesh::Mesh& mesh);
 
 }  // namespace pounce::flow

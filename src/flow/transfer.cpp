@@ -11,19 +11,17 @@
 #include "pounce/transfer.h"
 
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
 #include <numbers>
-#include <thread>
+#include <optional>
+#include <set>
 
-#include "core/system_memory.h"
 #include "flow/job.h"
 #include "flow/output_names.h"
 #include "flow/plan.h"
+#include "flow/project_mesh.h"
 #include "io/read_mesh.h"
 
 namespace pounce {
@@ -31,17 +29,12 @@ namespace flow {
 namespace {
 
 // Shares of the progress bar, measured on a 4096² transfer of a head with a PNG in and out.
-constexpr double kAfterReading = 0.02, kAfterSource = 0.2, kAfterTarget = 0.25;
-constexpr double kProjectShare = 0.7;  // of a pass; the rest writes its images
+constexpr double kAfterReading = 0.02, kAfterSource = 0.2;
+constexpr double kVectorizeShare = 0.06, kProjectShare = 0.7;  // of a target, of a page
 
 /// A mesh whose reading takes no more than this is read even if the budget is smaller, to say
 /// exactly how much the job needs.
 constexpr std::uint64_t kReadAnyway = 64ULL << 20;
-
-/// The stores that one pass joins.
-struct PassStores {
-  std::unique_ptr<tiles::GeometryStore> source, target;
-};
 
 class TransferJob {
  public:
@@ -57,61 +50,66 @@ class TransferJob {
   Report run() {
     job_->report.command = "transfer";
     job_->report.isa = kernels_->isa;
-    read_meshes();
-    plan_ = make_plan(options_, source_, target_);
-    check_budget();
+    plan();
     // From here on it is known what will be done and that it fits.
-    job_->report.warnings.insert(job_->report.warnings.end(), plan_.warnings.begin(),
-                                 plan_.warnings.end());
-    job_->report.outputs = plan_.outputs;
     if (options_.plan_only) return finish_report(*job_);
     precondition_colours();
     precondition_source();
-    vectorize_target();
-    free_meshes();
-    // From here on only the stores are read, never the inputs.
-    for (std::size_t p = 0; p < plan_.passes.size(); ++p) {
-      const ProjectResult result = project_pass(p);
-      write_pass(p, result);
-    }
+    for (std::size_t t = 0; t < options_.targets.size(); ++t) transfer_to(t);
     return finish_report(*job_);
   }
 
  private:
-  void read_meshes() {
-    const StageTimer timer(job_->clock, "read");
-    const std::uint64_t reading = std::max(io::mesh_cost(options_.source).peak_bytes,
-                                           io::mesh_cost(options_.target).peak_bytes);
-    if (reading > std::max(job_->budget.limit(), kReadAnyway)) {
-      // Too large to look inside and say more exactly what the rest needs.
-      require_least(*job_, {io::mesh_cost(options_.source).peak_bytes +
-                                io::mesh_cost(options_.target).peak_bytes + kReadAnyway,
-                            "reading " + options_.source + " and " + options_.target});
-    }
-    job_->meter.begin("read meshes", 2, "meshes", kAfterReading);
-    source_ = io::read_mesh(options_.source);
-    job_->meter.advance(1);
-    target_ = io::read_mesh(options_.target);
-    job_->meter.advance(1);
-    job_->meter.end();
-    for (const mesh::Mesh* mesh : {&source_, &target_}) {
-      job_->report.warnings.insert(job_->report.warnings.end(), mesh->warnings.begin(),
-                                   mesh->warnings.end());
-    }
-  }
+  // --- the plan ----------------------------------------------------------------------------------
 
-  void check_budget() {
-    LeastMemory least = least_memory(plan_, source_, target_, job_->threads, job_->tile_cap_bytes);
-    const std::uint64_t reading =
-        std::max(io::mesh_cost(options_.source).peak_bytes,
-                 source_.size_bytes() + io::mesh_cost(options_.target).peak_bytes);
-    if (reading > least.bytes)
-      least = {reading, "reading " + options_.source + " and " + options_.target};
+  /// Reads all meshes and decides everything, so that whatever is wrong is said before any work.
+  void plan() {
+    const StageTimer timer(job_->clock, "read");
+    job_->meter.begin("read meshes", 1 + options_.targets.size(), "meshes", kAfterReading);
+    source_ = read(options_.source, 0);
+    plan_ = plan_source(options_, source_);
+    add_warnings(plan_.warnings);
+    LeastMemory least;
+    std::vector<std::string> outputs;
+    for (const std::string& path : options_.targets) {
+      target_ = read(path, source_.size_bytes());
+      target_plan_ = plan_target(options_, plan_, path, target_);
+      add_warnings(target_plan_.warnings);
+      outputs.insert(outputs.end(), target_plan_.outputs.begin(), target_plan_.outputs.end());
+      const LeastMemory one =
+          least_memory(plan_, target_plan_, source_, target_, job_->threads, job_->tile_cap_bytes);
+      if (one.bytes > least.bytes) least = one;
+      const std::uint64_t reading = std::max(io::mesh_cost(options_.source).peak_bytes,
+                                             source_.size_bytes() + io::mesh_cost(path).peak_bytes);
+      if (reading > least.bytes) least = {reading, "reading " + options_.source + " and " + path};
+    }
+    job_->meter.end();
+    check_all_outputs(options_, plan_, outputs);
+    if (options_.plan_only) job_->report.outputs = outputs;
     require_least(*job_, least);
-    mesh_lease_ = Lease(job_->budget, source_.size_bytes() + target_.size_bytes(), "the meshes");
+    source_lease_ = Lease(job_->budget, source_.size_bytes(), "the source's mesh");
+    target_lease_ = Lease(job_->budget, target_.size_bytes(), "the target's mesh");
     store_leases_.emplace_back(job_->budget, job_->threads * tiles::Compressor::context_bytes(),
                                "the compressors");
   }
+
+  mesh::Mesh read(const std::string& path, std::uint64_t beside) {
+    const std::uint64_t reading = beside + io::mesh_cost(path).peak_bytes;
+    if (reading > std::max(job_->budget.limit(), kReadAnyway)) {
+      // Too large to look inside and say more exactly what the rest needs.
+      require_least(*job_, {reading + kReadAnyway, "reading " + path});
+    }
+    mesh::Mesh mesh = io::read_mesh(path);
+    add_warnings(mesh.warnings);
+    job_->meter.advance(1);
+    return mesh;
+  }
+
+  void add_warnings(const std::vector<std::string>& warnings) {
+    job_->report.warnings.insert(job_->report.warnings.end(), warnings.begin(), warnings.end());
+  }
+
+  // --- the source --------------------------------------------------------------------------------
 
   void precondition_colours() {
     const StageTimer timer(job_->clock, "precondition");
@@ -133,6 +131,11 @@ class TransferJob {
       job_->report.bytes_written += cached ? 0 : columns_.back()->pack().size_bytes();
       job_->report.source_store_bytes += columns_.back()->pack().size_bytes();
     }
+    for (const TileSetPlan& set : plan_.tile_sets) {
+      tile_sets_.push_back({set.size.width, set.size.height, {}});
+      for (const auto& [tile, column] : set.columns)
+        tile_sets_.back().tiles[tile] = columns_[column].get();
+    }
     job_->meter.end();
   }
 
@@ -141,9 +144,9 @@ class TransferJob {
     job_->meter.begin("precondition", 0, "tiles", kAfterSource);
     for (const PassPlan& pass : plan_.passes) {
       bool cached = false;
-      stores_.push_back({geometry_store(*job_, pass.source, &cached), nullptr});
+      sources_.push_back(geometry_store(*job_, pass.source, &cached));
       all_cached_ = all_cached_ && cached;
-      const tiles::GeometryStore& store = *stores_.back().source;
+      const tiles::GeometryStore& store = *sources_.back();
       const tiles::GeometryDirectory& directory = store.directory();
       job_->report.source_gaussians = std::max(job_->report.source_gaussians, directory.texels);
       job_->report.source_tiles += directory.tiles.size();
@@ -157,98 +160,192 @@ class TransferJob {
         job_->report.source_filtered["triangles without a texel centre"] = directory.slivers;
     }
     if (all_cached_) job_->clock.set_cached("precondition");
+    source_ = {};
+    source_lease_ = {};
     job_->meter.end();
+  }
+
+  // --- one target --------------------------------------------------------------------------------
+
+  void transfer_to(std::size_t t) {
+    begin_target(t);
+    vectorize_target();
+    // From here on only the stores are read, never the inputs.
+    for (std::size_t p = 0; p < plan_.passes.size(); ++p) project_pass(p);
+    targets_.clear();
+    target_leases_.clear();
+  }
+
+  void begin_target(std::size_t t) {
+    const double share = (1 - kAfterSource) / static_cast<double>(options_.targets.size());
+    target_start_ = kAfterSource + share * static_cast<double>(t);
+    target_share_ = share;
+    if (options_.targets.size() == 1) return;  // as the plan left it
+    const StageTimer timer(job_->clock, "read");
+    target_ = {};
+    target_lease_ = {};
+    target_ = io::read_mesh(options_.targets[t]);
+    target_lease_ = Lease(job_->budget, target_.size_bytes(), "the target's mesh");
+    target_plan_ = plan_target(options_, plan_, options_.targets[t], target_);
   }
 
   void vectorize_target() {
     const StageTimer timer(job_->clock, "vectorize");
-    job_->meter.begin("vectorize", 0, "tiles", kAfterTarget);
+    job_->meter.begin("vectorize", 0, "tiles", target_start_ + target_share_ * kVectorizeShare);
     bool all_cached = true;
-    for (std::size_t p = 0; p < plan_.passes.size(); ++p) {
+    texels_ = done_texels_ = 0;
+    for (const GeometryRequest& request : target_plan_.requests) {
       bool cached = false;
-      stores_[p].target = geometry_store(*job_, plan_.passes[p].target, &cached);
+      targets_.push_back(geometry_store(*job_, request, &cached));
       all_cached = all_cached && cached;
-      const tiles::GeometryStore& store = *stores_[p].target;
+      const tiles::GeometryStore& store = *targets_.back();
+      texels_ += store.directory().texels;
       job_->report.target_tiles += store.directory().tiles.size();
-      store_leases_.emplace_back(job_->budget, store.size_bytes(),
-                                 "the directory of the target store");
+      target_leases_.emplace_back(job_->budget, store.size_bytes(),
+                                  "the directory of the target store");
       job_->report.target_store_bytes += store.pack().size_bytes();
       job_->report.bytes_written += cached ? 0 : store.pack().size_bytes();
-      if (p == 0) {  // counts are those of the first channel
-        job_->report.target_texels = store.directory().texels;
-        job_->report.target_overlapping = store.directory().overlapping;
-      }
-      if (store.directory().overlapping > 0 && p == 0) {
-        job_->report.warnings.push_back(
-            fmt::format("{}: {} texels are claimed by more than one triangle; the first in "
-                        "file order has them",
-                        options_.target, store.directory().overlapping));
-      }
     }
     if (all_cached) job_->clock.set_cached("vectorize");
+    count_texels(targets_.front()->directory());
+    target_ = {};
+    target_lease_ = {};
     job_->meter.end();
   }
 
-  void free_meshes() {
-    source_ = {};
-    target_ = {};
-    mesh_lease_ = {};
+  /// Counts are those of the first channel.
+  void count_texels(const tiles::GeometryDirectory& directory) {
+    job_->report.target_texels += directory.texels;
+    job_->report.target_overlapping += directory.overlapping;
+    if (directory.overlapping > 0) {
+      job_->report.warnings.push_back(
+          fmt::format("{}: {} texels are claimed by more than one triangle; the first in "
+                      "file order has them",
+                      target_plan_.path, directory.overlapping));
+    }
   }
 
-  /// Where the progress bar stands when `part` of pass p is done.
-  double pass_fraction(std::size_t p, double part) const {
-    const double passes = static_cast<double>(plan_.passes.size());
-    return kAfterTarget + (1 - kAfterTarget) * (static_cast<double>(p) + part) / passes;
+  /// Page by page, so that each image is written as soon as nothing of it is missing.
+  void project_pass(std::size_t p) {
+    const tiles::GeometryStore& target = *targets_[p];
+    const std::uint64_t read_before = sources_[p]->pack().bytes_read();
+    std::uint64_t covered = 0;
+    {
+      const auto projector = make_projector(p);
+      std::vector<std::uint32_t> nothing;  // UDIMs
+      for (std::uint32_t page = 0; page < target_plan_.pages.size(); ++page) {
+        const std::uint64_t texels = target.directory().page_texels[page];
+        if (texels == 0 && has_tiles()) continue;
+        const PageResult result = project_page(*projector, page, texels);
+        covered += result.covered;
+        done_texels_ += texels;
+        if (result.covered == 0 && has_tiles()) {
+          nothing.push_back(target_plan_.pages[page].udim);
+        } else {
+          write_page(p, page, result);
+        }
+      }
+      if (p == 0 && covered > 0) warn_of_empty_tiles(nothing);
+    }
+    if (p == 0) {
+      job_->report.target_covered += covered;
+      job_->report.target_empty += target.directory().texels - covered;
+      if (covered == 0) warn_of_nothing(sources_[p]->directory(), target.directory());
+    }
+    job_->report.tiles_read += target.directory().tiles.size();
+    job_->report.bytes_read +=
+        sources_[p]->pack().bytes_read() - read_before + target.pack().bytes_read();
   }
 
-  ProjectResult project_pass(std::size_t p) {
-    const StageTimer timer(job_->clock, "project");
-    const PassPlan& pass = plan_.passes[p];
-    job_->meter.begin("project", stores_[p].target->directory().texels, "texels",
-                      pass_fraction(p, kProjectShare));
-    ProjectRequest request;
-    request.source = stores_[p].source.get();
-    request.target = stores_[p].target.get();
+  /// Does each tile of the target's UVs have an image of its own?
+  bool has_tiles() const { return target_plan_.requests.front().tile_pages.has_value(); }
+
+  std::unique_ptr<PageProjector> make_projector(std::size_t p) {
+    MeshProjection request;
+    request.source = sources_[p].get();
+    request.target = targets_[p].get();
     request.kernels = kernels_;
-    request.limits.max_distance = plan_.max_distance;
+    request.limits.max_distance = target_plan_.max_distance;
     request.limits.min_cosine =
         static_cast<float>(std::cos(options_.max_angle_deg * std::numbers::pi / 180));
-    request.smallest_edge = plan_.smallest_edge;
-    for (const std::size_t c : pass.channels) {
+    request.smallest_edge = target_plan_.smallest_edge;
+    for (const std::size_t c : plan_.passes[p].channels) {
       const ChannelPlan& channel = plan_.channels[c];
       ChannelOutput output{channel.format, {}};
-      for (std::size_t m = 0; m < channel.page_column.size(); ++m) {
-        const int column = channel.page_column[m];
+      for (const PageTexture& page : channel.pages) {
         output.pages.push_back(
-            {column < 0 ? nullptr : columns_[static_cast<std::size_t>(column)].get(),
-             channel.page_constant[m]});
+            {page.column < 0 ? nullptr : columns_[static_cast<std::size_t>(page.column)].get(),
+             page.tile_set < 0 ? nullptr : &tile_sets_[static_cast<std::size_t>(page.tile_set)],
+             page.constant});
       }
       request.channels.push_back(std::move(output));
     }
-    ProjectResult result = project(*job_, request);
-    const std::uint64_t texels = stores_[p].target->directory().texels;
-    if (p == 0) {  // counts are those of the first channel
-      job_->report.target_covered = result.covered;
-      job_->report.target_empty = texels - result.covered;
-      if (result.covered == 0) warn_of_nothing(stores_[p]);
-    }
-    job_->report.tiles_read += stores_[p].target->directory().tiles.size();
-    job_->report.bytes_read +=
-        stores_[p].source->pack().bytes_read() + stores_[p].target->pack().bytes_read();
+    return project_mesh(*job_, std::move(request));
+  }
+
+  /// Where the progress bar stands when `texels` of this target's are done.
+  double fraction(double texels) const {
+    const double done = texels_ == 0 ? 1 : texels / static_cast<double>(texels_);
+    return target_start_ + target_share_ * (kVectorizeShare + (1 - kVectorizeShare) * done);
+  }
+
+  PageResult project_page(PageProjector& projector, std::uint32_t page, std::uint64_t texels) {
+    const StageTimer timer(job_->clock, "project");
+    const double done = static_cast<double>(done_texels_);
+    job_->meter.begin(page_title("project", page), texels, "texels",
+                      fraction(done + kProjectShare * static_cast<double>(texels)));
+    PageResult result = projector.project(page);
     job_->report.bytes_written += result.pack->size_bytes();
     job_->meter.end();
     return result;
   }
 
+  std::string page_title(const std::string& stage, std::uint32_t page) const {
+    return has_tiles() ? fmt::format("{} {}", stage, target_plan_.pages[page].udim) : stage;
+  }
+
+  void write_page(std::size_t p, std::uint32_t page, const PageResult& result) {
+    const PassPlan& pass = plan_.passes[p];
+    const StageTimer timer(job_->clock, "assemble");
+    job_->meter.begin(page_title("write", page), pass.channels.size() * pass.size.height, "rows",
+                      fraction(static_cast<double>(done_texels_)));
+    for (std::size_t i = 0; i < pass.channels.size(); ++i) {
+      const std::size_t c = pass.channels[i];
+      const ImageOutput& image = target_plan_.images[c][page];
+      const Lease index(job_->budget, result.blocks[i].size() * sizeof(tiles::ChunkRef),
+                        "the index of the results");
+      const std::uint64_t filled =
+          write_image(*job_, image, plan_.channels[c].format, *result.pack, result.blocks[i]);
+      if (c == 0) job_->report.target_filled += filled;
+      job_->report.outputs.push_back(image.path);
+      if (!image.coverage_path.empty()) job_->report.outputs.push_back(image.coverage_path);
+    }
+    job_->report.bytes_read += result.pack->bytes_read();
+    if (has_tiles()) {
+      std::vector<int>& udims = job_->report.udims;
+      const auto udim = static_cast<int>(target_plan_.pages[page].udim);
+      const auto at = std::lower_bound(udims.begin(), udims.end(), udim);
+      if (at == udims.end() || *at != udim) udims.insert(at, udim);
+    }
+    job_->meter.end();
+  }
+
+  void warn_of_empty_tiles(const std::vector<std::uint32_t>& udims) {
+    if (udims.empty()) return;
+    job_->report.warnings.push_back(
+        fmt::format("{}: no texel of UDIM {} found a source; no image was written for that",
+                    target_plan_.path, udim_list(udims)));
+  }
+
   /// A result without a single covered texel is hardly what was wanted: say what may be wrong.
-  void warn_of_nothing(const PassStores& stores) {
+  void warn_of_nothing(const tiles::GeometryDirectory& source,
+                       const tiles::GeometryDirectory& target) {
     const auto text = [](const Box3f& b) {
       return fmt::format("({:g} {:g} {:g})..({:g} {:g} {:g})", b.lo.x, b.lo.y, b.lo.z, b.hi.x,
                          b.hi.y, b.hi.z);
     };
-    const tiles::GeometryDirectory& target = stores.target->directory();
     if (target.texels == 0) {
-      job_->report.warnings.push_back(options_.target +
+      job_->report.warnings.push_back(target_plan_.path +
                                       ": its UVs cover no texel centre; the result is empty");
       return;
     }
@@ -256,30 +353,7 @@ class TransferJob {
         fmt::format("no texel found a source within {:g}: the result is empty. The source spans "
                     "{}, the target {}; align "
                     "them, or raise --max-distance or --max-angle",
-                    plan_.max_distance, text(stores.source->directory().box), text(target.box)));
-  }
-
-  void write_pass(std::size_t p, const ProjectResult& result) {
-    const PassPlan& pass = plan_.passes[p];
-    const StageTimer timer(job_->clock, "assemble");
-    std::uint64_t rows = 0;
-    for (const std::size_t c : pass.channels) {
-      for (const ImageOutput& image : plan_.channels[c].images) rows += image.lattice.height;
-    }
-    job_->meter.begin("write", rows, "rows", pass_fraction(p, 1));
-    for (std::size_t i = 0; i < pass.channels.size(); ++i) {
-      const ChannelPlan& channel = plan_.channels[pass.channels[i]];
-      for (std::size_t page = 0; page < channel.images.size(); ++page) {
-        const Lease index(job_->budget,
-                          result.channels[i].pages[page].size() * sizeof(tiles::ChunkRef),
-                          "the index of the results");
-        const std::uint64_t filled = write_image(*job_, channel.images[page], channel.format,
-                                                 *result.pack, result.channels[i].pages[page]);
-        if (pass.channels[i] == 0) job_->report.target_filled += filled;
-      }
-    }
-    job_->report.bytes_read += result.pack->bytes_read();
-    job_->meter.end();
+                    target_plan_.max_distance, text(source.box), text(target.box)));
   }
 
   const TransferOptions& options_;
@@ -287,17 +361,34 @@ class TransferJob {
   const projection::Kernels* kernels_ = nullptr;
   mesh::Mesh source_, target_;
   Plan plan_;
-  Lease mesh_lease_;
+  TargetPlan target_plan_;  ///< of the target at hand
+  Lease source_lease_, target_lease_;
   std::vector<Lease> store_leases_;  ///< what stays in use until the job ends
   std::vector<std::unique_ptr<tiles::ColourStore>> columns_;
-  std::vector<PassStores> stores_;
+  std::vector<TileColumns> tile_sets_;
+  std::vector<std::unique_ptr<tiles::GeometryStore>> sources_;  ///< by pass
+  std::vector<std::unique_ptr<tiles::GeometryStore>> targets_;  ///< by pass, of the target at hand
+  std::vector<Lease> target_leases_;
+  double target_start_ = 0, target_share_ = 0;  ///< of the progress bar
+  std::uint64_t texels_ = 0, done_texels_ = 0;  ///< of the target at hand, over all passes
   bool all_cached_ = true;
 };
 
 void check_options(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
-  if (o.source.empty() || o.target.empty() || o.output.empty())
+  if (o.source.empty() || o.targets.empty() || o.output.empty())
     usage("a source, a target and an output are needed");
+  if (o.targets.size() > 1 && !has_token(o.output, "TARGET")) {
+    usage(fmt::format("{} targets need <TARGET> in the output: {} is one name", o.targets.size(),
+                      o.output));
+  }
+  const bool by_tile = has_token(o.output, "UDIM") || has_token(o.output, "UVTILE");
+  if (!o.tiles.empty() && !by_tile)
+    usage("--tiles needs <UDIM> or <UVTILE> in the output: " + o.output + " is one image");
+  for (const std::uint32_t udim : o.tiles) {
+    if (udim < mesh::kFirstUdim || udim > mesh::kLastUdim)
+      usage(fmt::format("--tiles {}: UDIMs go from 1001 to 9999", udim));
+  }
   if (!(o.max_distance.value > 0) || !std::isfinite(o.max_distance.value))
     usage("--max-distance must be above 0");
   if (!(o.max_angle_deg >= 0 && o.max_angle_deg < 90))
@@ -305,10 +396,6 @@ void check_options(const TransferOptions& o) {
   if (o.all_channels && !o.channels.empty()) usage("--channels takes either a list or all");
   if (o.size && (o.size->width == 0 || o.size->height == 0)) usage("--size must be at least 1");
   if (o.padding_px && *o.padding_px > 65536) usage("--padding must be at most 65536");
-  for (const char* token : {"UDIM", "UVTILE"}) {
-    if (has_token(o.output, token))
-      usage(o.output + ": <" + token + "> is not supported yet; name one image");
-  }
 }
 
 }  // namespace

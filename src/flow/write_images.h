@@ -2,9 +2,12 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "flow/job_context.h"
-#include "flow/project_stream.h"
+#include "mesh/lattice.h"
+#include "texture/result_block.h"
+#include "tiles/pack.h"
 
 namespace pounce::flow {
 

@@ -73,13 +73,15 @@ void visit_blocks(const std::array<Vec2d, 3>& corners, const BlockRange& range,
   }
 }
 
-/// Calls visit(instance, block_x, block_y) for every block a triangle belongs to.
+/// Calls visit(page, instance, block_x, block_y) for every block a triangle belongs to.
 template <class Visit>
 void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& visit) {
-  const Lattice& lattice = request.pages[request.triangle_page[triangle]];
+  const std::uint32_t own = request.triangle_page[triangle];
+  const Lattice& lattice = request.pages[request.tile_pages != nullptr ? 0 : own];
   if (lattice.width == 0) {
     // No image, so no texels: runs of the file's order stand in for blocks.
-    visit(TriangleInstance{triangle, 0, 0}, static_cast<std::int32_t>(triangle / kConstantRun), 0);
+    visit(own, TriangleInstance{triangle, 0, 0}, static_cast<std::int32_t>(triangle / kConstantRun),
+          0);
     return;
   }
   const auto corners = texel_corners(*request.mesh, lattice, {triangle, 0, 0});
@@ -89,8 +91,8 @@ void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& v
         std::abs(low_y) < kLargestTexel && std::abs(high_y) < kLargestTexel)) {
     fail_span(*request.mesh, triangle);
   }
-  if (!request.wrap_into_image && is_whole(corners)) {
-    visit(TriangleInstance{triangle, 0, 0}, block_of((low_x + high_x) / 2),
+  if (!request.is_target && is_whole(corners)) {
+    visit(own, TriangleInstance{triangle, 0, 0}, block_of((low_x + high_x) / 2),
           block_of((low_y + high_y) / 2));
     return;
   }
@@ -98,8 +100,8 @@ void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& v
   constexpr double kMostArea = static_cast<double>(kMostEntries) * kBlockEdge * kBlockEdge;
   const double area = std::abs(doubled_area(corners[0], corners[1], corners[2])) / 2;
   if (area > kMostArea) fail_span(*request.mesh, triangle);
-  const auto visit_touched = [&](const TriangleInstance& instance, double bx0, double by0,
-                                 double bx1, double by1) {
+  const auto visit_touched = [&](std::uint32_t page, const TriangleInstance& instance, double bx0,
+                                 double by0, double bx1, double by1) {
     const double sx = static_cast<double>(instance.shift_x) * lattice.width;
     const double sy = static_cast<double>(instance.shift_y) * lattice.height;
     const std::array<Vec2d, 3> moved{Vec2d{corners[0].x - sx, corners[0].y - sy},
@@ -109,10 +111,10 @@ void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& v
     const std::int64_t down = block_of(by1) - block_of(by0) + 1;
     if (across * down > static_cast<std::int64_t>(kMostEntries)) fail_span(*request.mesh, triangle);
     visit_blocks(moved, {block_of(bx0), block_of(by0), block_of(bx1), block_of(by1)},
-                 [&](std::int32_t x, std::int32_t y) { visit(instance, x, y); });
+                 [&](std::int32_t x, std::int32_t y) { visit(page, instance, x, y); });
   };
-  if (!request.wrap_into_image) {
-    visit_touched({triangle, 0, 0}, low_x, low_y, high_x, high_y);
+  if (!request.is_target) {
+    visit_touched(own, {triangle, 0, 0}, low_x, low_y, high_x, high_y);
     return;
   }
   if (area == 0) return;
@@ -128,7 +130,11 @@ void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& v
   }
   for (std::int32_t sy = first_y; sy <= last_y; ++sy) {
     for (std::int32_t sx = first_x; sx <= last_x; ++sx) {
-      visit_touched({triangle, sx, sy}, std::max(low_x - sx * w, 0.0),
+      const std::uint32_t page = request.tile_pages == nullptr
+                                     ? own
+                                     : request.tile_pages->find(own, tile_of_period(sx, sy));
+      if (page == kNoPage) continue;
+      visit_touched(page, {triangle, sx, sy}, std::max(low_x - sx * w, 0.0),
                     std::max(low_y - sy * h, 0.0), std::min(high_x - sx * w, w - 1),
                     std::min(high_y - sy * h, h - 1));
     }
@@ -194,9 +200,10 @@ std::uint64_t count_entries(const BinRequest& request) {
   for (std::uint32_t t = 0; t < request.mesh->triangles.size(); ++t) {
     if (request.triangle_page[t] == kNoPage) continue;
     // Inside the visit: one triangle over many periods of a large image has billions of blocks.
-    for_each_block(request, t, [&](const TriangleInstance&, std::int32_t, std::int32_t) {
-      if (++entries > kMostEntries) fail_span(*request.mesh, t);
-    });
+    for_each_block(request, t,
+                   [&](std::uint32_t, const TriangleInstance&, std::int32_t, std::int32_t) {
+                     if (++entries > kMostEntries) fail_span(*request.mesh, t);
+                   });
   }
   return entries;
 }
@@ -215,14 +222,14 @@ BlockBins bin_triangles(const BinRequest& request) {
   for (std::uint32_t t = 0; t < request.mesh->triangles.size(); ++t) {
     if (request.triangle_page[t] == kNoPage) continue;
     for_each_block(
-        request, t, [&](const TriangleInstance& instance, std::int32_t x, std::int32_t y) {
+        request, t,
+        [&](std::uint32_t page, const TriangleInstance& instance, std::int32_t x, std::int32_t y) {
           if (bins.instances.empty() || bins.instances.back().triangle != instance.triangle ||
               bins.instances.back().shift_x != instance.shift_x ||
               bins.instances.back().shift_y != instance.shift_y) {
             bins.instances.push_back(instance);
           }
-          keyed.push_back({request.triangle_page[t], y, x,
-                           static_cast<std::uint32_t>(bins.instances.size() - 1)});
+          keyed.push_back({page, y, x, static_cast<std::uint32_t>(bins.instances.size() - 1)});
         });
   }
   std::sort(keyed.begin(), keyed.end());

@@ -3,16 +3,21 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "mesh/lattice.h"
 #include "mesh/uv_raster.h"
+#include "mesh/uv_tiles.h"
 
 namespace pounce::mesh {
 
-/// A triangle of the mesh as one page sees it; on a wrapping target it may stand in several image
-/// periods.
+inline constexpr std::uint32_t kNoPage = 0xFFFFFFFF;
+
+/// A triangle of the mesh as one page sees it; on a target whose UVs leave the image it may stand
+/// in several periods of UV space.
 struct TriangleInstance {
   std::uint32_t triangle = 0;  ///< index into Mesh::triangles
   std::int32_t shift_x = 0;    ///< periods subtracted from its texel coordinates
@@ -39,19 +44,39 @@ struct BlockBins {
   std::vector<TileRange> tiles;
 };
 
+/// Which page shows a tile of a target's UV space, for targets of many UDIMs. Tiles that are not in
+/// it are not written.
+class TilePages {
+ public:
+  void add(UvTile tile, std::uint32_t set, std::uint32_t page) { pages_[{set, tile}] = page; }
+  /// The page of a tile of a texture set, or kNoPage.
+  std::uint32_t find(std::uint32_t set, UvTile tile) const {
+    const auto at = pages_.find({set, tile});
+    return at == pages_.end() ? kNoPage : at->second;
+  }
+  /// ((texture set, tile), page), sorted.
+  const std::map<std::pair<std::uint32_t, UvTile>, std::uint32_t>& all() const { return pages_; }
+
+ private:
+  std::map<std::pair<std::uint32_t, UvTile>, std::uint32_t> pages_;
+};
+
 /// Which triangles each page has, and where a triangle belongs.
 struct BinRequest {
   const Mesh* mesh = nullptr;
   std::span<const Lattice> pages;
-  std::span<const std::uint32_t> triangle_page;  ///< per triangle; kNoPage = not in any
-  /// true (target): UVs wrap into the image; a triangle goes to every block it touches.
+  /// Per triangle: its page, or with tile_pages its texture set; kNoPage = not in any.
+  std::span<const std::uint32_t> triangle_page;
+  /// true (target): UVs that leave the image come back into it, or go to the page of their tile; a
+  /// triangle goes to every block it touches.
   /// false (source): texel coordinates go on beyond the image; a triangle that is small or thin
   /// goes to the one block that holds its middle, a large one to every block it touches.
-  bool wrap_into_image = false;
+  bool is_target = false;
+  /// Target: the page of every tile; null: UVs wrap around into the triangle's page. All pages are
+  /// of one size then.
+  const TilePages* tile_pages = nullptr;
   std::uint64_t tile_cap_bytes = 0;
 };
-inline constexpr std::uint32_t kNoPage = 0xFFFFFFFF;
-
 /// Source triangles at most this large in both directions, in texels, are kept whole in one block.
 inline constexpr double kWholeTriangleTexels = 32;
 

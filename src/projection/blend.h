@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -36,6 +37,29 @@ inline Coordinate placed(std::int32_t base, float frac, std::uint32_t size,
   // The mirrored period runs backwards: x becomes 2 n - 1 - x.
   return at.rest > 0 ? Coordinate{2 * n - 2 - inside, 1 - at.rest}
                      : Coordinate{2 * n - 1 - inside, 0};
+}
+
+/// A texel coordinate over a row of UDIM tiles: which tile holds it, and where in it.
+struct TileCoordinate {
+  std::int32_t period = 0;  ///< tiles to the right of (below) the one at 0
+  double texel = 0;         ///< in the tile, -0.5 <= texel < size - 0.5
+};
+
+/// The tile of a hit's coordinate base + frac, on a lattice whose tiles are `size` texels.
+inline TileCoordinate in_tile(std::int32_t base, float frac, std::uint32_t size) noexcept {
+  const double texel = static_cast<double>(base) + frac;
+  const auto n = static_cast<std::int64_t>(size);
+  const auto nearest = static_cast<std::int64_t>(std::floor(texel + 0.5));
+  const std::int64_t period = (nearest >= 0 ? nearest : nearest - n + 1) / n;
+  return {static_cast<std::int32_t>(period), texel - static_cast<double>(period * n)};
+}
+
+/// A place in a tile of `size` texels, in an image of `image_size` texels that shows the same tile:
+/// -1 <= texel < image_size.
+inline Coordinate scaled(double texel, std::uint32_t size, std::uint32_t image_size) noexcept {
+  if (size != image_size) texel = (texel + 0.5) * image_size / size - 0.5;
+  const double whole = std::floor(texel);
+  return {static_cast<std::int32_t>(whole), texel - whole};
 }
 
 /// Weights of the Gaussians around a hit, in steps of 2^-20: size x size of them, the first at

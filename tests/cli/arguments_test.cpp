@@ -117,18 +117,28 @@ TEST_CASE("numbers are in range, finite and nothing but a number", "[cli]") {
 }
 
 TEST_CASE("names that this version does not write are refused", "[cli]") {
-  check_refused(parse_image_pattern,
-                {"", "--plan", "-x.png", "o.glb", "o.GLTF", "o.<UDIM>.png", "o.<UVTILE>.png",
-                 "o.<channel>.png", "<FRAME>.png", "<CHANNEL>.<UDIM>.png", "<>.png"});
-  for (const char* text :
-       {"o.png", "-", "a<b.png", "<CHANNEL>/<MATERIAL>.<TARGET>.exr", "glb/o.png"}) {
+  check_refused(parse_image_pattern, {"", "--plan", "-x.png", "o.glb", "o.GLTF", "o.<channel>.png",
+                                      "<FRAME>.png", "<CHANNEL>.<UDIMS>.png", "<>.png"});
+  for (const char* text : {"o.png", "-", "a<b.png", "<CHANNEL>/<MATERIAL>.<TARGET>.exr",
+                           "glb/o.png", "o.<UDIM>.png", "<CHANNEL>.<UVTILE>.exr"}) {
     CHECK(parse_image_pattern("-o", text) == text);
   }
 }
 
+TEST_CASE("UDIMs are numbers and ranges", "[cli]") {
+  using Udims = std::vector<std::uint32_t>;
+  check_refused(parse_udims, {"", ",", "1001,", "1000", "999", "10000", "1001-", "-1001",
+                              "1004-1001", "1001 1002", "1001-1002-1003", "u1_v1"});
+  CHECK(parse_udims("--tiles", "1011,1001-1003,1002") == Udims{1001, 1002, 1003, 1011});
+  CHECK(parse_udims("--tiles", "9999") == Udims{9999});
+}
+
 TEST_CASE("channels, depths and source textures are spelt as in glTF", "[cli]") {
   check_refused(parse_depth, {"", "U8", "u32", "8"});
-  check_refused(parse_source_texture, {"", "baseColor", "baseColor=", "baseColor=skin.<UDIM>.png"});
+  check_refused(parse_source_texture,
+                {"", "baseColor", "baseColor=", "baseColor=skin.<CHANNEL>.png"});
+  CHECK(parse_source_texture("--source-texture", "baseColor=skin.<UDIM>.png").path ==
+        "skin.<UDIM>.png");
   for (const char* text :
        {"", "normal", "basecolor", "baseColor,,emissive", "baseColor, emissive", "baseColor,"}) {
     CAPTURE(text);

@@ -6,7 +6,7 @@ for list in normal '' all,emissive; do
   refused '--channels: got' transfer a.glb b.glb -o o.png --channels "$list"
 done
 rejected --depth u32
-rejected --source-texture baseColor 'baseColor=skin.<UDIM>.png'
+rejected --source-texture baseColor 'baseColor=skin.<FRAME>.png'
 for text in normal=n.png; do
   refused '--source-texture: got' transfer a.glb b.glb -o o.png --source-texture "$text"
 done

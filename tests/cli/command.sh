@@ -7,7 +7,7 @@ refused '"-v" is not a command' -v
 refused 'SOURCE is required' transfer
 refused 'TARGET is required' transfer a.glb
 refused '--output is required' transfer a.glb b.glb
-refused 'not expected: c.glb' transfer a.glb b.glb c.glb -o o.png
+refused '2 targets need <TARGET> in the output' transfer a.glb b.glb c.glb -o o.png
 for option in --tiles --cache-limit --onto --mask --source-mesh --target-material --source-axes --skip-existing \
   --bogus; do
   refused "$option" transfer a.glb b.glb -o o.png $option

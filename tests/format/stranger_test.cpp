@@ -49,7 +49,8 @@ struct Rectangle {
     image.write_rows(kHeight, rows.data());
     image.commit();
     TransferOptions options;
-    options.source = options.target = folder.file("r.obj");
+    options.source = folder.file("r.obj");
+    options.targets = {options.source};
     options.output = folder.file("out.png");
     options.resources.cache_dir = folder.file("cache");
     options.resources.memory_bytes = 256ULL << 20;

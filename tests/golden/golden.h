@@ -21,7 +21,7 @@ inline TransferOptions golden_options(const std::string& source, const std::stri
                                       const std::string& output) {
   TransferOptions options;
   options.source = source;
-  options.target = target;
+  options.targets = {target};
   options.output = output;
   options.coverage_output = output + ".coverage.png";
   options.resources.use_cache = false;

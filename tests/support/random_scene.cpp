@@ -180,10 +180,10 @@ TransferOptions make_random_scene(const std::string& folder, std::uint32_t seed)
   }
   TransferOptions options;
   options.source = folder + "/source.glb";
-  options.target = file.write_glb(folder + "/target.glb");
+  options.targets = {file.write_glb(folder + "/target.glb")};
   if (seed % 2 == 0) {
-    options.target = folder + "/target.obj";
-    write_obj(options.target, io::read_mesh(folder + "/target.glb"));
+    options.targets = {folder + "/target.obj"};
+    write_obj(options.targets.front(), io::read_mesh(folder + "/target.glb"));
   }
   options.size = ImageSize{static_cast<std::uint32_t>(dice.whole(48, 200)),
                            static_cast<std::uint32_t>(dice.whole(48, 200))};

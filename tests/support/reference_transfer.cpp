@@ -99,7 +99,7 @@ class Reference {
         channels_(channels),
         linear_(linear),
         source_(io::read_mesh(options.source)),
-        target_(io::read_mesh(options.target)) {
+        target_(io::read_mesh(options.targets.front())) {
     images_.resize(source_.images.size());
     for (std::size_t t = 0; t < source_.triangles.size(); ++t) triangles_.push_back(set_up(t));
     limit_ = max_distance();

@@ -2,6 +2,7 @@
 #include "arguments.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -156,17 +157,32 @@ std::vector<Channel> parse_channels(const std::string& option, const std::string
   return channels;
 }
 
+namespace {
+
+/// Refuses anything between < and > that is not one of `tokens`.
+void check_tokens(const std::string& option, const std::string& text,
+                  const std::vector<std::string>& tokens) {
+  for (std::size_t begin = text.find('<'); begin != std::string::npos;
+       begin = text.find('<', begin + 1)) {
+    const std::size_t end = text.find('>', begin);
+    if (end == std::string::npos) break;
+    const std::string token = text.substr(begin, end + 1 - begin);
+    if (std::find(tokens.begin(), tokens.end(), token) == tokens.end()) {
+      refuse(option, text,
+             fmt::format("one of {} between < and >, not {}", fmt::join(tokens, ", "), token));
+    }
+  }
+}
+
+}  // namespace
+
 SourceTexture parse_source_texture(const std::string& option, const std::string& text) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals + 1 == text.size()) {
     refuse(option, text, "CHANNEL=PATH, for example baseColor=skin.png");
   }
   SourceTexture texture{parse_channel(option, text.substr(0, equals)), text.substr(equals + 1)};
-  for (const char* token : {"<UDIM>", "<UVTILE>"}) {
-    if (texture.path.find(token) != std::string::npos) {
-      refuse(option, text, fmt::format("one image: {} is not supported in this version", token));
-    }
-  }
+  check_tokens(option, text, {"<UDIM>", "<UVTILE>"});
   return texture;
 }
 
@@ -177,20 +193,32 @@ std::string parse_image_pattern(const std::string& option, const std::string& te
       refuse(option, text, "an image (.png, .jpg, .tif, .exr): this version writes no models");
     }
   }
-  constexpr std::array kTokens{"<CHANNEL>", "<MATERIAL>", "<TARGET>"};
-  for (std::size_t begin = text.find('<'); begin != std::string::npos;
-       begin = text.find('<', begin + 1)) {
-    const std::size_t end = text.find('>', begin);
-    if (end == std::string::npos) break;
-    const std::string token = text.substr(begin, end + 1 - begin);
-    if (std::find(kTokens.begin(), kTokens.end(), token) == kTokens.end()) {
-      refuse(option, text,
-             fmt::format("<CHANNEL>, <MATERIAL> or <TARGET> between < and >: {} is not supported "
-                         "in this version",
-                         token));
-    }
-  }
+  check_tokens(option, text, {"<CHANNEL>", "<MATERIAL>", "<TARGET>", "<UDIM>", "<UVTILE>"});
   return text;
+}
+
+std::vector<std::uint32_t> parse_udims(const std::string& option, const std::string& text) {
+  constexpr const char* kExpected = "UDIMs of 1001 to 9999, such as 1001-1004,1011";
+  std::vector<std::uint32_t> udims;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    const std::string part = text.substr(begin, end - begin);
+    const std::size_t dash = part.find('-');
+    const auto number = [&](const std::string& digits) -> std::uint32_t {
+      const bool valid = digits.size() == 4 && digits >= "1001" &&
+                         digits.find_first_not_of("0123456789") == std::string::npos;
+      if (!valid) refuse(option, text, kExpected);
+      return static_cast<std::uint32_t>(std::stoul(digits));
+    };
+    const std::uint32_t first = number(part.substr(0, dash));
+    const std::uint32_t last = dash == std::string::npos ? first : number(part.substr(dash + 1));
+    if (last < first) refuse(option, text, kExpected);
+    for (std::uint32_t udim = first; udim <= last; ++udim) udims.push_back(udim);
+    begin = end + 1;
+  }
+  std::sort(udims.begin(), udims.end());
+  udims.erase(std::unique(udims.begin(), udims.end()), udims.end());
+  return udims;
 }
 
 std::string parse_path(const std::string& option, const std::string& text) {

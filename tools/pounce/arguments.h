@@ -29,11 +29,13 @@ Length parse_length(const std::string& option, const std::string& text);
 Depth parse_depth(const std::string& option, const std::string& text);
 /// Channel names between commas, each at most once.
 std::vector<Channel> parse_channels(const std::string& option, const std::string& text);
-/// "CHANNEL=PATH".
+/// "CHANNEL=PATH"; PATH may hold <UDIM> or <UVTILE>.
 SourceTexture parse_source_texture(const std::string& option, const std::string& text);
-/// An image path that may hold <CHANNEL>, <MATERIAL> and <TARGET>; nothing else between < and >,
-/// and no ending of a model.
+/// An image path that may hold <CHANNEL>, <MATERIAL>, <TARGET>, <UDIM> and <UVTILE>; nothing else
+/// between < and >, and no ending of a model.
 std::string parse_image_pattern(const std::string& option, const std::string& text);
+/// "1001-1004,1011": UDIMs and ranges of them; sorted, each once.
+std::vector<std::uint32_t> parse_udims(const std::string& option, const std::string& text);
 /// A path: not empty, and not what looks like the next option.
 std::string parse_path(const std::string& option, const std::string& text);
 

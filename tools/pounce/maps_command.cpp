@@ -38,7 +38,8 @@ Command add_maps_command(CLI::App& program) {
       ->required();
   add_value(*command, "-o,--output", "OUTPUT", "Picture",
             "Images to write (.exr); must hold <CHANNEL>, which becomes\n"
-            "position, normal and mask",
+            "position, normal and mask; with <UDIM> or <UVTILE> an image per tile\n"
+            "of UV space",
             [&options](const std::string& text) {
               options.output = parse_image_pattern("-o", text);
               if (options.output.find("<CHANNEL>") == std::string::npos) {

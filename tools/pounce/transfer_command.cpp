@@ -10,7 +10,7 @@ namespace pounce::cli {
 namespace {
 
 constexpr const char* kUsage =
-    "Usage: pounce transfer SOURCE TARGET -o OUTPUT [options]\n"
+    "Usage: pounce transfer SOURCE TARGET... -o OUTPUT [options]\n"
     "\n"
     "Examples:\n"
     "  # Give an avatar the skin of a scan, at the size of the scan's texture.\n"
@@ -21,7 +21,16 @@ constexpr const char* kUsage =
     "\n"
     "  # A mesh without materials, its texture beside it, and a mask of what was found.\n"
     "  pounce transfer scan.obj avatar.obj --source-texture baseColor=scan.exr \\\n"
-    "      -o avatar.exr --coverage avatar.mask.png";
+    "      -o avatar.exr --coverage avatar.mask.png\n"
+    "\n"
+    "  # UDIMs in and out: an image per tile of UV space, two of them again later.\n"
+    "  pounce transfer scan.obj hero.obj -o 'hero.<UDIM>.exr' \\\n"
+    "      --source-texture 'baseColor=scan.<UDIM>.exr'\n"
+    "  pounce transfer scan.obj hero.obj -o 'hero.<UDIM>.exr' --tiles 1003,1011 \\\n"
+    "      --source-texture 'baseColor=scan.<UDIM>.exr'\n"
+    "\n"
+    "  # One scan onto many avatars: the source is prepared once.\n"
+    "  pounce transfer scan.glb avatars/*.glb -o 'skins/<TARGET>.png'";
 
 constexpr std::uint32_t kMostPadding =
     4096;                               // texels; half of this is the default at the largest size
@@ -37,8 +46,9 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
   add_value(
       command, "-o,--output", "OUTPUT", group,
       "Image to write (.png .jpg .tif .exr); may hold <CHANNEL>,\n"
-      "<MATERIAL> and <TARGET>. Without <MATERIAL> all materials of the\n"
-      "target share one image",
+      "<MATERIAL>, <TARGET>, and <UDIM> (1001) or <UVTILE> (u1_v1).\n"
+      "Without <MATERIAL> all materials of the target share one image;\n"
+      "without <UDIM> UVs outside the image wrap around into it",
       [&options](const std::string& text) { options.output = parse_image_pattern("-o", text); })
       ->required();
   add_value(command, "--coverage", "PATTERN", group,
@@ -46,9 +56,13 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
             [&options](const std::string& text) {
               options.coverage_output = parse_image_pattern("--coverage", text);
             });
+  add_value(command, "--tiles", "LIST", group,
+            "Only these UDIMs, such as 1001-1004,1011. Default: all that the\n"
+            "target's UVs lie in",
+            [&options](const std::string& text) { options.tiles = parse_udims("--tiles", text); });
   add_value(
       command, "--size", "N|WxH", group,
-      "Texels, each side 1 to 65536. Time grows with their number.\n"
+      "Texels of each image, each side 1 to 65536. Time grows with their number.\n"
       "Default: per channel the largest source image",
       [&options](const std::string& text) { options.size = parse_image_size("--size", text); });
   add_value(command, "--depth", "TYPE", group,
@@ -82,7 +96,8 @@ void add_source_options(CLI::App& command, TransferOptions& options) {
             }
           },
           "Take a channel from this image instead of what the mesh says.\n"
-          "May be given once per channel")
+          "With <UDIM> or <UVTILE> in PATH: from a set of tiles, which may\n"
+          "differ in size. May be given once per channel")
       ->type_name("CHANNEL=PATH")
       ->option_text("CHANNEL=PATH")
       ->expected(1)
@@ -118,8 +133,10 @@ Command add_transfer_command(CLI::App& program) {
   command->add_option("SOURCE", options.source, "Textured mesh: .glb, .gltf or .obj")
       ->option_text(" ")
       ->required();
-  command->add_option("TARGET", options.target, "Mesh with UVs: .glb, .gltf or .obj")
-      ->option_text(" ")
+  command
+      ->add_option("TARGET", options.targets,
+                   "Meshes with UVs: .glb, .gltf or .obj. For several, OUTPUT holds <TARGET>")
+      ->option_text("...")
       ->required();
   add_picture_options(*command, options);
   add_source_options(*command, options);

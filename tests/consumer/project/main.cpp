@@ -13,7 +13,7 @@ int main() try {
   const pounce::Comparison result = pounce::compare("black.pgm", "gray.pgm");
   std::printf("pounce %s: similarity %.3f\n", POUNCE_VERSION, result.similarity);
   if (std::abs(result.similarity - 0.8) > 1e-6) return 1;
-  pounce::transfer({.source = "missing.glb", .target = "missing.glb", .output = "out.png"});
+  pounce::transfer({.source = "missing.glb", .targets = {"missing.glb"}, .output = "out.png"});
   std::puts("a transfer of files that are not there ended well");
   return 1;
 } catch (const pounce::Error& error) {

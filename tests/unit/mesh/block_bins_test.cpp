@@ -46,7 +46,7 @@ struct Scene {
     add(uv(a), uv(b), uv(c), page);
   }
   BinRequest request(std::uint64_t cap = 1 << 20) const {
-    return {&mesh, pages, triangle_page, wraps, cap};
+    return {&mesh, pages, triangle_page, wraps, nullptr, cap};
   }
 };
 

@@ -1,21 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <memory>
 #include <vector>
 
-#include "flow/job_context.h"
+#include "flow/target_stream.h"
+#include "mesh/uv_tiles.h"
 #include "projection/blend.h"
 #include "projection/search.h"
-#include "texture/result_block.h"
 #include "tiles/colour_store.h"
 #include "tiles/geometry_store.h"
 
 namespace pounce::flow {
 
+/// The UDIM tiles of a source texture: the source is seen through one lattice of such tiles, each
+/// `width` x `height`; which image a hit means is found when it is blended. Blends do not reach
+/// across a tile's border: every image is clamped, as renderers do.
+struct TileColumns {
+  std::uint32_t width = 0, height = 0;
+  std::map<mesh::UvTile, const tiles::ColourStore*> tiles;
+};
+
 /// What one source page gives to one channel.
 struct PageColour {
-  const tiles::ColourStore* column = nullptr;  ///< null: a constant
+  const tiles::ColourStore* column = nullptr;
+  const TileColumns* tile_set = nullptr;  ///< null as well as column: a constant
   texture::TexelValue constant;
 };
 
@@ -25,13 +35,7 @@ struct ChannelOutput {
   std::vector<PageColour> pages;  ///< by source page
 };
 
-/// Where the result blocks of one channel are, by target page and block; written in any order.
-struct ResultIndex {
-  /// [page][block_y * blocks_x + block_x]; raw_bytes == 0: nothing covered there.
-  std::vector<std::vector<tiles::ChunkRef>> pages;
-};
-
-struct ProjectRequest {
+struct MeshProjection {
   const tiles::GeometryStore* source = nullptr;
   const tiles::GeometryStore* target = nullptr;
   std::vector<ChannelOutput> channels;
@@ -41,15 +45,9 @@ struct ProjectRequest {
   float smallest_edge = 0;  ///< see TargetBlock
 };
 
-struct ProjectResult {
-  std::unique_ptr<tiles::PackReader> pack;  ///< scratch
-  std::vector<ResultIndex> channels;        ///< as requested
-  std::uint64_t covered = 0;
-};
-
-/// Streams the target's tiles past the source's blocks: search, blend, result blocks into a scratch
-/// pack.
-ProjectResult project(JobContext& job, const ProjectRequest& request);
+/// Streams the target past the source's blocks: search, blend, result blocks. `job` must outlive
+/// it.
+std::unique_ptr<PageProjector> project_mesh(JobContext& job, MeshProjection request);
 
 /// The least that projecting needs at once: one target block, one source block at a time, its
 /// colours.

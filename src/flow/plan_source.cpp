@@ -1,0 +1,398 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The source's side of a plan: channels, images, sampling groups.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <set>
+
+#include "flow/output_names.h"
+#include "flow/plan.h"
+#include "io/image_write.h"
+
+namespace pounce::flow {
+namespace {
+
+constexpr std::uint32_t kLargestSide = 65536;
+constexpr std::uint32_t kUntexturedSize = 1024;
+
+bool is_exr(const std::string& path) {
+  std::string ending = std::filesystem::path(path).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return ending == ".exr";
+}
+
+bool is_colour(Channel channel) {
+  return channel == Channel::base_color || channel == Channel::emissive;
+}
+
+/// Materials that triangles really use.
+std::vector<bool> used_materials(const mesh::Mesh& mesh) {
+  std::vector<bool> used(mesh.materials.size());
+  for (const std::uint32_t m : mesh.triangle_material) used[m] = true;
+  return used;
+}
+
+Vec2d transformed(const mesh::UvTransform& m, Vec2f uv) {
+  return {m.a * uv.x + m.b * uv.y + m.c, m.d * uv.x + m.e * uv.y + m.f};
+}
+
+/// Does the path name a set of UDIM tiles?
+bool is_tile_pattern(const std::string& path) {
+  return has_token(path, "UDIM") || has_token(path, "UVTILE");
+}
+
+/// The texture of a material in a channel, with --source-texture applied.
+class SourceTextures {
+ public:
+  SourceTextures(const TransferOptions& options, const mesh::Mesh& source)
+      : mesh_(source), images_(source.images) {
+    for (const SourceTexture& given : options.source_textures) {
+      const auto c = static_cast<std::size_t>(given.channel);
+      if (override_[c] >= 0) {
+        throw Error(
+            ErrorKind::usage,
+            fmt::format("two source textures for {}: {} and {}", channel_name(given.channel),
+                        images_[static_cast<std::size_t>(override_[c])].path, given.path));
+      }
+      mesh::ImageRef image;
+      image.path = given.path;
+      image.label = given.path;
+      override_[c] = static_cast<int>(images_.size());
+      images_.push_back(image);
+    }
+  }
+
+  std::optional<mesh::TextureBinding> binding(std::size_t material, Channel channel) const {
+    const auto c = static_cast<std::size_t>(channel);
+    std::optional<mesh::TextureBinding> found = mesh_.materials[material].textures[c];
+    if (override_[c] >= 0) {
+      if (!found) found.emplace();
+      found->image = static_cast<std::uint32_t>(override_[c]);
+    }
+    return found;
+  }
+  const mesh::ImageRef& image(std::uint32_t index) const { return images_[index]; }
+
+ private:
+  const mesh::Mesh& mesh_;
+  std::vector<mesh::ImageRef> images_;
+  std::array<int, kChannelCount> override_{-1, -1, -1, -1};
+};
+
+class SourcePlanner {
+ public:
+  SourcePlanner(const TransferOptions& options, const mesh::Mesh& source)
+      : options_(options),
+        source_(source),
+        textures_(options, source),
+        used_(used_materials(source)) {}
+
+  Plan make() {
+    if (source_.triangles.empty())
+      throw Error(ErrorKind::input, source_.path + ": has no triangles");
+    for (const Channel channel : chosen_channels()) plan_.channels.push_back(plan_channel(channel));
+    group_passes();
+    return std::move(plan_);
+  }
+
+ private:
+  bool source_has(Channel channel) const {
+    for (std::size_t m = 0; m < used_.size(); ++m) {
+      if (used_[m] && textures_.binding(m, channel)) return true;
+    }
+    return false;
+  }
+
+  std::vector<Channel> chosen_channels() {
+    const bool all = options_.all_channels ||
+                     (options_.channels.empty() && has_token(options_.output, "CHANNEL"));
+    std::vector<Channel> chosen = options_.channels;
+    if (!all && chosen.empty()) chosen = {Channel::base_color};
+    if (all) {
+      for (int c = 0; c < kChannelCount; ++c) {
+        if (source_has(static_cast<Channel>(c))) chosen.push_back(static_cast<Channel>(c));
+      }
+    }
+    std::vector<Channel> distinct;
+    for (const Channel c : chosen) {
+      if (std::find(distinct.begin(), distinct.end(), c) == distinct.end()) distinct.push_back(c);
+    }
+    for (const Channel c : distinct) {
+      if (!source_has(c)) {
+        throw Error(ErrorKind::input,
+                    fmt::format("{}: no material has a {} texture; give one with --source-texture "
+                                "{}=FILE",
+                                source_.path, channel_name(c), channel_name(c)));
+      }
+    }
+    if (distinct.empty()) {
+      throw Error(
+          ErrorKind::input,
+          source_.path + ": has no textures; give one with --source-texture baseColor=FILE");
+    }
+    return distinct;
+  }
+
+  int column_for(const mesh::ImageRef& image, mesh::Wrap wrap_u, mesh::Wrap wrap_v) {
+    for (std::size_t i = 0; i < plan_.columns.size(); ++i) {
+      const ColumnPlan& c = plan_.columns[i];
+      if (c.image.label == image.label && c.image.path == image.path &&
+          c.image.offset_bytes == image.offset_bytes && c.image.bytes == image.bytes &&
+          c.wrap_u == wrap_u && c.wrap_v == wrap_v) {
+        return static_cast<int>(i);
+      }
+    }
+    if (!image.problem.empty()) throw Error(ErrorKind::input, image.label + ": " + image.problem);
+    plan_.columns.push_back({image, wrap_u, wrap_v, io::ImageReader(image).info()});
+    return static_cast<int>(plan_.columns.size() - 1);
+  }
+
+  /// The UDIM tiles that the source's UVs enter where this channel samples `pattern`, and the
+  /// images there are for them.
+  int tile_set_for(const std::string& pattern, Channel channel) {
+    TileSetPlan set;
+    std::vector<std::uint32_t> missing;
+    std::string first_missing;
+    for (const std::uint32_t udim : entered_udims(channel)) {
+      const mesh::UvTile tile = mesh::udim_tile(udim);
+      mesh::ImageRef image;
+      image.path = image.label = expand_pattern(
+          pattern, {{"UDIM", std::to_string(udim)}, {"UVTILE", mesh::uvtile_name(tile)}});
+      std::error_code ignored;
+      if (!std::filesystem::exists(image.path, ignored)) {
+        missing.push_back(udim);
+        if (first_missing.empty()) first_missing = image.path;
+        continue;
+      }
+      const int column = column_for(image, mesh::Wrap::clamp, mesh::Wrap::clamp);
+      const io::ImageInfo& info = plan_.columns[static_cast<std::size_t>(column)].info;
+      set.columns[tile] = static_cast<std::size_t>(column);
+      set.size.width = std::max(set.size.width, info.width);
+      set.size.height = std::max(set.size.height, info.height);
+    }
+    if (set.columns.empty()) {
+      throw Error(ErrorKind::input,
+                  missing.empty()
+                      ? fmt::format("{}: the source's UVs lie in no UDIM tile", pattern)
+                      : fmt::format("{}: no image of this set is there for the tiles that the "
+                                    "source's UVs enter ({}); the first would be {}",
+                                    pattern, udim_list(missing), first_missing));
+    }
+    if (!missing.empty()) {
+      plan_.warnings.push_back(
+          fmt::format("{}: no image for UDIM {}, which the source's UVs enter; texels that meet it "
+                      "stay empty",
+                      pattern, udim_list(missing)));
+    }
+    plan_.tile_sets.push_back(std::move(set));
+    return static_cast<int>(plan_.tile_sets.size() - 1);
+  }
+
+  std::vector<std::uint32_t> entered_udims(Channel channel) {
+    std::set<std::uint32_t> entered;
+    std::uint64_t beyond = 0;
+    for (std::size_t t = 0; t < source_.triangles.size(); ++t) {
+      const auto binding = textures_.binding(source_.triangle_material[t], channel);
+      if (!binding || !has_uvs(t, binding->uv_set)) continue;
+      std::array<Vec2d, 3> uvs;
+      for (std::size_t k = 0; k < 3; ++k) {
+        uvs[k] = transformed(binding->transform,
+                             source_.uv_sets[binding->uv_set][source_.triangles[t][k]]);
+      }
+      bool outside = false;
+      const std::uint64_t count = mesh::visit_uv_tiles(uvs, [&](mesh::UvTile tile) {
+        const auto udim = mesh::udim_number(tile);
+        outside = outside || !udim;
+        if (udim) entered.insert(*udim);
+      });
+      beyond += outside || count > 65536 ? 1 : 0;
+    }
+    if (beyond > 0) {
+      plan_.warnings.push_back(
+          fmt::format("{}: the UVs of {} triangles leave the UDIM tiles 1001 to 9999; texels that "
+                      "meet them there stay empty",
+                      source_.path, beyond));
+    }
+    return {entered.begin(), entered.end()};
+  }
+
+  bool has_uvs(std::size_t triangle, std::uint32_t uv_set) const {
+    const auto& corners = source_.triangles[triangle];
+    return std::all_of(corners.begin(), corners.end(),
+                       [&](std::uint32_t v) { return source_.has_uv(uv_set, v); });
+  }
+
+  /// A primitive without this texture still hides what is behind it: its factor, as the image would
+  /// hold it.
+  texture::TexelValue constant(std::size_t material, Channel channel) const {
+    const auto& f = source_.materials[material].factors[static_cast<std::size_t>(channel)];
+    return {{f[0], f[1], f[2], f[3]}, 4, is_colour(channel)};
+  }
+
+  /// What a material gives to a channel.
+  PageTexture page_texture(std::size_t material, Channel channel, int& tile_set) {
+    PageTexture page;
+    page.constant = constant(material, channel);
+    const auto binding = used_[material] ? textures_.binding(material, channel) : std::nullopt;
+    if (!binding) return page;
+    const mesh::ImageRef& image = textures_.image(binding->image);
+    if (is_tile_pattern(image.path) && binding->image >= source_.images.size()) {
+      if (tile_set < 0) tile_set = tile_set_for(image.path, channel);
+      page.tile_set = tile_set;
+    } else {
+      page.column = column_for(image, binding->wrap_u, binding->wrap_v);
+    }
+    return page;
+  }
+
+  /// The images that a channel samples.
+  std::vector<const io::ImageInfo*> images_of(const ChannelPlan& plan) const {
+    std::set<std::size_t> columns;
+    for (const PageTexture& page : plan.pages) {
+      if (page.column >= 0) columns.insert(static_cast<std::size_t>(page.column));
+      if (page.tile_set < 0) continue;
+      for (const auto& [tile, column] :
+           plan_.tile_sets[static_cast<std::size_t>(page.tile_set)].columns)
+        columns.insert(column);
+    }
+    std::vector<const io::ImageInfo*> infos;
+    for (const std::size_t column : columns) infos.push_back(&plan_.columns[column].info);
+    return infos;
+  }
+
+  ChannelPlan plan_channel(Channel channel) {
+    ChannelPlan plan;
+    plan.channel = channel;
+    int tile_set = -1;
+    for (std::size_t m = 0; m < source_.materials.size(); ++m)
+      plan.pages.push_back(page_texture(m, channel, tile_set));
+    bool gray_only = true, alpha = false, linear = false;
+    Depth depth = Depth::u8;
+    for (const io::ImageInfo* info : images_of(plan)) {
+      plan.size.width = std::max(plan.size.width, info->width);
+      plan.size.height = std::max(plan.size.height, info->height);
+      gray_only = gray_only && info->channels <= 2;
+      alpha = alpha || info->has_alpha;
+      linear = linear || info->linear;
+      depth = std::max(depth, info->depth);
+    }
+    for (std::size_t m = 0; m < source_.materials.size(); ++m)  // triangles without UVs
+      plan.pages.push_back({-1, -1, plan.pages[m].constant});
+    choose_size(plan);
+    choose_format(plan, gray_only, alpha, linear, depth);
+    return plan;
+  }
+
+  void choose_size(ChannelPlan& plan) const {
+    if (options_.size) plan.size = *options_.size;
+    if (plan.size.width == 0) plan.size = {kUntexturedSize, kUntexturedSize};
+    if (plan.size.width > kLargestSide || plan.size.height > kLargestSide) {
+      throw Error(ErrorKind::usage, fmt::format("--size {}x{}: at most {} texels a side",
+                                                plan.size.width, plan.size.height, kLargestSide));
+    }
+  }
+
+  void choose_format(ChannelPlan& plan, bool gray_only, bool alpha, bool linear,
+                     Depth depth) const {
+    plan.format.channels = (gray_only ? 1U : 3U) + (alpha ? 1U : 0U);
+    plan.format.has_alpha = alpha;
+    plan.format.is_colour = is_colour(plan.channel);
+    const Depth wanted = options_.depth ? *options_.depth : depth;
+    plan.format.depth = options_.depth ? wanted : io::writable_depth(options_.output, wanted);
+    // EXR is linear; float TIFF keeps linear input linear; everything else is sRGB-coded.
+    const bool float_out = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
+    plan.format.linear = is_exr(options_.output) || (float_out && linear);
+    const io::ImageWriteSpec spec{plan.size.width,   plan.size.height,   plan.format.channels,
+                                  plan.format.depth, plan.format.linear, plan.format.has_alpha};
+    if (const std::string why = io::why_not_writable(options_.output, spec); !why.empty()) {
+      throw Error(ErrorKind::usage, options_.output + ": " + why);
+    }
+  }
+
+  /// How this channel sees the source: a lattice per material.
+  GeometryRequest source_request(const ChannelPlan& channel) {
+    GeometryRequest request;
+    request.mesh = &source_;
+    for (std::size_t m = 0; m < source_.materials.size(); ++m) {
+      mesh::Lattice lattice;
+      const PageTexture& page = channel.pages[m];
+      if (page.column >= 0 || page.tile_set >= 0) {
+        const auto binding = *textures_.binding(m, channel.channel);
+        const ImageSize size = sampled_size(page);
+        lattice = {size.width, size.height, binding.uv_set, binding.transform};
+      }
+      request.pages.push_back(lattice);
+    }
+    // What has the texture but not the UVs for it is constant, as if it had no texture.
+    request.triangle_page = source_.triangle_material;
+    set_apart_without_uvs(request, channel.channel);
+    return request;
+  }
+
+  ImageSize sampled_size(const PageTexture& page) const {
+    if (page.tile_set >= 0) return plan_.tile_sets[static_cast<std::size_t>(page.tile_set)].size;
+    const io::ImageInfo& info = plan_.columns[static_cast<std::size_t>(page.column)].info;
+    return {info.width, info.height};
+  }
+
+  void set_apart_without_uvs(GeometryRequest& request, Channel channel) {
+    std::size_t with = 0, without = 0;
+    for (std::size_t t = 0; t < source_.triangles.size(); ++t) {
+      std::uint32_t& page = request.triangle_page[t];
+      const mesh::Lattice& lattice = request.pages[page];
+      if (lattice.width == 0) continue;
+      if (has_uvs(t, lattice.uv_set)) {
+        ++with;
+        continue;
+      }
+      page += static_cast<std::uint32_t>(source_.materials.size());
+      ++without;
+    }
+    if (with == 0) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: has no UVs for its {} texture; unwrap the source first",
+                              source_.path, channel_name(channel)));
+    }
+    if (without > 0) {
+      request.pages.resize(2 * source_.materials.size());
+      plan_.warnings.push_back(fmt::format(
+          "{}: {} triangles have no UVs for their {} texture and count as one plain colour",
+          source_.path, without, channel_name(channel)));
+    }
+  }
+
+  void group_passes() {
+    for (std::size_t c = 0; c < plan_.channels.size(); ++c) {
+      GeometryRequest source = source_request(plan_.channels[c]);
+      const ImageSize size = plan_.channels[c].size;
+      const auto same =
+          std::find_if(plan_.passes.begin(), plan_.passes.end(), [&](const PassPlan& pass) {
+            return pass.size == size && pass.source.pages == source.pages;
+          });
+      if (same != plan_.passes.end()) {
+        same->channels.push_back(c);
+      } else {
+        plan_.passes.push_back({std::move(source), size, {c}});
+      }
+    }
+  }
+
+  const TransferOptions& options_;
+  const mesh::Mesh& source_;
+  SourceTextures textures_;
+  std::vector<bool> used_;
+  Plan plan_;
+};
+
+}  // namespace
+
+Plan plan_source(const TransferOptions& options, const mesh::Mesh& source) {
+  return SourcePlanner(options, source).make();
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A target's side of a plan: pages, output names, the least memory.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "core/box.h"
+#include "flow/output_names.h"
+#include "flow/plan.h"
+#include "flow/project_mesh.h"
+#include "io/image_write.h"
+
+namespace pounce::flow {
+namespace {
+
+constexpr std::uint32_t kPaddingShare = 128;
+
+/// The file name without folder and ending.
+std::string stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
+
+bool by_tile(const std::string& pattern) {
+  return has_token(pattern, "UDIM") || has_token(pattern, "UVTILE");
+}
+
+class TargetPlanner {
+ public:
+  TargetPlanner(const TransferOptions& options, const Plan& plan, const mesh::Mesh& target)
+      : options_(options), source_(plan), target_(target) {}
+
+  TargetPlan make(const std::string& path) {
+    plan_.path = path;
+    const double diag = diagonal(target_);
+    plan_.max_distance = static_cast<float>(options_.max_distance.is_percent
+                                                ? options_.max_distance.value / 100 * diag
+                                                : options_.max_distance.value);
+    plan_.smallest_edge = static_cast<float>(std::max(diag * 1e-7, 1e-30));
+    PageRequest request;
+    request.by_material = has_token(options_.output, "MATERIAL");
+    request.by_tile = by_tile(options_.output);
+    request.selected = options_.tiles;
+    TargetPages pages = target_pages(target_, request, plan_.warnings);
+    plan_.pages = pages.pages;
+    for (const PassPlan& pass : source_.passes)
+      plan_.requests.push_back(target_request(pass, pages));
+    for (std::size_t c = 0; c < source_.channels.size(); ++c) name_images(c);
+    return std::move(plan_);
+  }
+
+ private:
+  GeometryRequest target_request(const PassPlan& pass, const TargetPages& pages) const {
+    GeometryRequest request;
+    request.mesh = &target_;
+    request.is_target = true;
+    request.pages.assign(pages.pages.size(),
+                         mesh::Lattice{pass.size.width, pass.size.height, 0, {}});
+    request.triangle_page = pages.triangle_page;
+    request.tile_pages = pages.tile_pages;
+    return request;
+  }
+
+  void name_images(std::size_t c) {
+    const ChannelPlan& channel = source_.channels[c];
+    plan_.images.emplace_back();
+    for (const TargetPage& page : plan_.pages) {
+      std::map<std::string, std::string> values = page.tokens();
+      values["CHANNEL"] = channel_name(channel.channel);
+      values["TARGET"] = stem(plan_.path);
+      if (!by_tile(options_.output)) {  // one image: a tile's number would mean nothing
+        values.erase("UDIM");
+        values.erase("UVTILE");
+      }
+      ImageOutput image;
+      image.path = expand_pattern(options_.output, values);
+      plan_.outputs.push_back(image.path);
+      // Without <CHANNEL> one mask stands for all channels: that of the first.
+      if (!options_.coverage_output.empty() &&
+          (c == 0 || has_token(options_.coverage_output, "CHANNEL"))) {
+        image.coverage_path = expand_pattern(options_.coverage_output, values);
+        check_mask(image.coverage_path, channel.size);
+        plan_.outputs.push_back(image.coverage_path);
+      }
+      image.lattice = {channel.size.width, channel.size.height, 0, {}};
+      image.padding = options_.padding_px.value_or(
+          std::max(channel.size.width, channel.size.height) / kPaddingShare);
+      image.stripe_rows = options_.internal.stripe_rows;
+      plan_.images.back().push_back(image);
+    }
+  }
+
+  static void check_mask(const std::string& path, ImageSize size) {
+    const io::ImageWriteSpec mask{size.width, size.height, 1, io::writable_depth(path, Depth::u8),
+                                  false,      false};
+    if (const std::string why = io::why_not_writable(path, mask); !why.empty())
+      throw Error(ErrorKind::usage, path + ": " + why);
+  }
+
+  const TransferOptions& options_;
+  const Plan& source_;
+  const mesh::Mesh& target_;
+  TargetPlan plan_;
+};
+
+}  // namespace
+
+TargetPlan plan_target(const TransferOptions& options, const Plan& plan, const std::string& path,
+                       const mesh::Mesh& target) {
+  return TargetPlanner(options, plan, target).make(path);
+}
+
+void check_all_outputs(const TransferOptions& options, const Plan& plan,
+                       const std::vector<std::string>& outputs) {
+  check_outputs(outputs);
+  // The source and what it is made of are never written over; the targets' own textures may be.
+  std::vector<std::string> inputs{options.source};
+  inputs.insert(inputs.end(), options.targets.begin(), options.targets.end());
+  for (const ColumnPlan& column : plan.columns) inputs.push_back(column.image.path);
+  for (const std::string& output : outputs) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(output, ignored)) continue;
+    for (const std::string& input : inputs) {
+      if (!input.empty() && std::filesystem::equivalent(output, input, ignored)) {
+        throw Error(ErrorKind::usage,
+                    fmt::format("{}: is also an input; write to another file", output));
+      }
+    }
+  }
+}
+
+double diagonal(const mesh::Mesh& mesh) {
+  Box3f box;
+  for (const auto& triangle : mesh.triangles) {
+    for (const std::uint32_t v : triangle) box.extend(mesh.positions[v]);
+  }
+  return box.empty() ? 0 : length(Vec3d(box.hi) - Vec3d(box.lo));
+}
+
+LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const mesh::Mesh& source,
+                         const mesh::Mesh& target, unsigned threads, std::uint64_t tile_cap_bytes) {
+  const std::uint64_t contexts = threads * tiles::Compressor::context_bytes();
+  const std::uint64_t meshes = source.size_bytes() + target.size_bytes();
+  LeastMemory least;
+  const auto need = [&](std::uint64_t bytes, const std::string& why) {
+    if (bytes > least.bytes) least = {bytes, why};
+  };
+  std::uint64_t colour_tile = 0;
+  for (const ColumnPlan& column : plan.columns) {
+    const std::uint64_t texel = column.info.channels * tiles::depth_bytes(column.info.depth);
+    need(
+        contexts + meshes + colour_least_bytes(column.info.width, texel, column.info.decoder_bytes),
+        "reading " + column.image.label);
+    colour_tile = std::max(colour_tile,
+                           round_to_pages(tiles::kColourTileEdge * tiles::kColourTileEdge * texel));
+  }
+  for (std::size_t p = 0; p < plan.passes.size(); ++p) {
+    const PassPlan& pass = plan.passes[p];
+    const GeometryRequest& request = target_plan.requests[p];
+    need(contexts + meshes + geometry_least_bytes(pass.source, tile_cap_bytes),
+         "preconditioning " + source.path);
+    need(contexts + meshes + geometry_least_bytes(request, tile_cap_bytes),
+         "vectorizing " + target.path);
+    std::uint64_t result_texel = 0;
+    for (const std::size_t c : pass.channels) result_texel += plan.channels[c].format.texel_bytes();
+    // Where the results of one page are, and the pieces of all pages.
+    const std::uint64_t page_blocks =
+        (pass.size.width / 64 + 1ULL) * (pass.size.height / 64 + 1ULL);
+    const std::uint64_t indices =
+        page_blocks * (sizeof(tiles::ChunkRef) * pass.channels.size() + 32 * request.pages.size());
+    const auto triangles = static_cast<std::uint32_t>(
+        std::min<std::size_t>(source.triangles.size(), tiles::kMostTrianglesPerBlock));
+    need(contexts + indices + (2ULL << 20) +
+             project_least_bytes(triangles, triangles + 1024, triangles * 160 + (1 << 16),
+                                 result_texel, colour_tile),
+         "projecting one block of the target");
+    for (const std::size_t c : pass.channels) {
+      for (const ImageOutput& image : target_plan.images[c]) {
+        need(contexts + indices + image_least_bytes(image, plan.channels[c].format),
+             "writing " + image.path);
+      }
+    }
+  }
+  return least;
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,326 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The join of a mesh's store with a target's: source blocks stream past each piece of the target.
+//
+//   target_stream: read ─▶ search ─▶ blend ─▶ store
+//                             │ (join, grid, hit: height after height, batch after batch)
+//                           source store
+//
+// Source tiles are never leased whole: of each, only the blocks whose boxes meet the piece's swept
+// boxes are read. A piece that meets more source than its batch holds goes through it batch by
+// batch: the best hit of a texel is a minimum, so batches may be cut anywhere. What the leases
+// leave keeps decoded source blocks for the next pieces.
+#include "flow/project_mesh.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <optional>
+
+#include "flow/source_cache.h"
+
+namespace pounce::flow {
+namespace {
+
+using tiles::kTexelsPerBlock;
+
+constexpr std::uint64_t kColourTilesAtOnce = 8;
+constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, candidate lists, encode buffers
+
+/// What one source block costs a batch: itself decoded, what it is decoded from, and its share of
+/// the grid.
+std::uint64_t batch_cost(std::uint64_t triangles, std::uint64_t patches) {
+  return source::SourceBlock::decoded_bytes(triangles, patches) + patches * 128;
+}
+
+std::uint64_t block_state_bytes(std::uint32_t texels, std::uint32_t triangles,
+                                std::uint64_t result_texel_bytes) {
+  const std::uint64_t packets = target::TargetBlock::most_packets(texels);
+  return packets * (sizeof(target::TexelPacket) + sizeof(projection::HitPacket) +
+                    sizeof(RayBundle) + 16) +
+         2 * kTexelsPerBlock + std::uint64_t{triangles} * 220 +
+         kTexelsPerBlock * result_texel_bytes + texture::kMaskBytes + 4 * kPageBytes;
+}
+
+struct Work : PieceWork {
+  projection::SearchState state;
+};
+
+class MeshProjector : public PageProjector {
+ public:
+  MeshProjector(JobContext& job, MeshProjection request)
+      : job_(job),
+        request_(std::move(request)),
+        cache_(job, *request_.source),
+        heights_(projection::search_heights(request_.limits.max_distance)) {
+    for (const ChannelOutput& channel : request_.channels)
+      result_texel_bytes_ += channel.format.texel_bytes();
+    make_pieces();
+  }
+
+  ~MeshProjector() override { job_.report.tiles_read += cache_.tiles_read(); }
+
+  PageResult project(std::uint32_t page) override {
+    ResultCollector results(job_, request_.target->directory().pages[page],
+                            request_.channels.size());
+    const auto [first, last] = pieces_.of_page(page);
+    stream_pieces<Work>(
+        job_, std::span(pieces_.costs).subspan(first, last - first),
+        [&, first = first](std::size_t i) { return read_piece(pieces_.pieces[first + i]); },
+        [&](Work& work) { search_piece(work); }, [&](Work& work) { blend_piece(work); }, results);
+    return results.finish();
+  }
+
+ private:
+  // --- before the stream -------------------------------------------------------------------------
+
+  std::uint64_t source_least() const {
+    const tiles::GeometryDirectory& d = request_.source->directory();
+    return batch_cost(d.most_triangles, d.most_patches) + grid::PatchGrid::most_bytes(0) +
+           3 * std::uint64_t{d.largest_chunk_bytes};
+  }
+
+  std::uint64_t colour_bytes() const {
+    std::uint64_t largest = 0;
+    for (const ChannelOutput& channel : request_.channels) {
+      for (const PageColour& page : channel.pages) {
+        if (page.column != nullptr) largest = std::max(largest, page.column->tile_bytes());
+      }
+    }
+    return largest * (kColourTilesAtOnce + 2);
+  }
+
+  /// Half of what a share leaves goes to a batch of source blocks, half to the texels' state.
+  void make_pieces() {
+    const std::uint64_t share = budget_share(job_);
+    const std::uint64_t fixed = kPieceScratch + colour_bytes();
+    batch_bytes_ = std::max(source_least(), share > fixed ? (share - fixed) / 2 : 0);
+    const std::uint64_t rest = share > fixed + batch_bytes_ ? share - fixed - batch_bytes_ : 0;
+    pieces_ = cut_pieces(
+        job_, *request_.target, fixed + batch_bytes_, rest, [&](const tiles::BlockEntry& entry) {
+          return block_state_bytes(entry.texels, entry.triangles, result_texel_bytes_);
+        });
+    pieces_lease_ = Lease(job_.budget, pieces_.size_bytes(), "the index of the target");
+    if (pieces_.costs.empty()) return;
+    const Lease fits(job_.budget, *std::max_element(pieces_.costs.begin(), pieces_.costs.end()),
+                     "projecting one block of the target");
+  }
+
+  // --- the stream --------------------------------------------------------------------------------
+
+  std::shared_ptr<Work> read_piece(const Piece& piece) {
+    auto work = std::make_shared<Work>();
+    read_packets(job_, *request_.target, piece, request_.smallest_edge, *work, work->state.packets,
+                 work->state.groups);
+    projection::start(work->state);
+    return work;
+  }
+
+  /// Height after height: every source block that the open texels may meet goes past them.
+  void search_piece(Work& work) {
+    // Neighbouring pieces lie about as far from the source: start where the last one found it.
+    const float expected = expected_distance_.load(std::memory_order_relaxed);
+    for (const float height : heights_) {
+      if (work.state.open.empty()) break;
+      if (height < expected && height != heights_.back()) continue;
+      const auto boxes = projection::open_boxes(work.state, work.blocks.size(), height);
+      Box3f all;
+      for (const Box3f& box : boxes) all.extend(box);
+      std::vector<std::shared_ptr<const source::SourceBlock>> batch;
+      std::uint64_t bytes = 0;
+      const auto flush = [&] {
+        if (!batch.empty()) search_one_batch(batch, all, height, work);
+        batch.clear();
+        bytes = 0;
+      };
+      const auto& tiles = request_.source->directory().tiles;
+      for (std::uint32_t t = 0; t < tiles.size(); ++t) {
+        if (!tiles[t].box.overlaps(all)) continue;
+        const auto index = cache_.index(t);
+        for (const tiles::BlockEntry& entry : *index) {
+          if (!meets(entry, boxes)) continue;
+          const std::uint64_t cost = batch_cost(entry.triangles, entry.patches);
+          if (bytes + cost > batch_bytes_) flush();
+          bytes += cost;
+          batch.push_back(cache_.block(entry));
+        }
+      }
+      flush();
+      projection::close_groups(height, *request_.kernels, work.state);
+    }
+    expected_distance_.store(projection::middle_distance(work.state), std::memory_order_relaxed);
+  }
+
+  static bool meets(const tiles::BlockEntry& entry, const std::vector<Box3f>& boxes) {
+    for (std::uint32_t i = 0; i < entry.box_count; ++i) {
+      for (const Box3f& box : boxes) {
+        if (entry.boxes[i].overlaps(box)) return true;
+      }
+    }
+    return false;
+  }
+
+  void search_one_batch(const std::vector<std::shared_ptr<const source::SourceBlock>>& batch,
+                        const Box3f& region, float height, Work& work) {
+    std::vector<const source::SourceBlock*> blocks;
+    for (const auto& block : batch) blocks.push_back(block.get());
+    grid::PatchGrid grid(blocks, region);
+    projection::search_batch(grid, height, request_.limits, *request_.kernels, work.state);
+  }
+
+  // --- colours -----------------------------------------------------------------------------------
+
+  /// The tiles a blend just used: neighbouring texels mostly want the same one.
+  class TileWindow {
+   public:
+    explicit TileWindow(SourceCache& cache) : cache_(cache) {}
+    const std::byte* get(const tiles::ColourStore& column, std::uint32_t x, std::uint32_t y) {
+      const auto holds = [&](const Slot& slot) {
+        return slot.column == &column && slot.x == x && slot.y == y;
+      };
+      if (holds(slots_[last_])) return slots_[last_].tile->data();
+      for (last_ = 0; last_ < slots_.size(); ++last_) {
+        if (holds(slots_[last_])) return slots_[last_].tile->data();
+      }
+      last_ = next_++ % kColourTilesAtOnce;
+      Slot& slot = slots_[last_];
+      slot.tile = cache_.colours(column, x, y);
+      slot.column = &column;
+      slot.x = x;
+      slot.y = y;
+      return slot.tile->data();
+    }
+
+   private:
+    struct Slot {
+      const tiles::ColourStore* column = nullptr;
+      std::uint32_t x = 0, y = 0;
+      std::shared_ptr<const tiles::ColourTile> tile;
+    };
+    SourceCache& cache_;
+    std::array<Slot, kColourTilesAtOnce> slots_;
+    std::size_t last_ = 0;    ///< the slot used last
+    std::uint64_t next_ = 0;  ///< counts replacements
+  };
+
+  /// Where a hit lies in an image.
+  struct Place {
+    const tiles::ColourStore* column = nullptr;  ///< null: no image there
+    projection::Coordinate x, y;
+  };
+
+  static Place place(const tiles::ColourStore& column, const projection::HitPacket& hit, int lane) {
+    const tiles::ColourDirectory& image = column.directory();
+    return {&column,
+            projection::placed(hit.base_x[lane], hit.frac_x[lane], image.width, image.wrap_u),
+            projection::placed(hit.base_y[lane], hit.frac_y[lane], image.height, image.wrap_v)};
+  }
+
+  static Place place(const TileColumns& set, const projection::HitPacket& hit, int lane) {
+    const projection::TileCoordinate x =
+        projection::in_tile(hit.base_x[lane], hit.frac_x[lane], set.width);
+    const projection::TileCoordinate y =
+        projection::in_tile(hit.base_y[lane], hit.frac_y[lane], set.height);
+    const auto at = set.tiles.find(mesh::tile_of_period(x.period, y.period));
+    if (at == set.tiles.end()) return {};
+    const tiles::ColourDirectory& image = at->second->directory();
+    return {at->second, projection::scaled(x.texel, set.width, image.width),
+            projection::scaled(y.texel, set.height, image.height)};
+  }
+
+  /// Writes the colour of one hit in the output's format. False: it met a UDIM tile without image.
+  bool store_colour(const ChannelOutput& channel, const projection::HitPacket& hit, int lane,
+                    TileWindow& window, std::byte* out) const {
+    const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
+    if (page.column == nullptr && page.tile_set == nullptr) {
+      texture::store_texel(channel.format, page.constant, out);
+      return true;
+    }
+    const Place at =
+        page.column != nullptr ? place(*page.column, hit, lane) : place(*page.tile_set, hit, lane);
+    if (at.column == nullptr) return false;
+    const tiles::ColourDirectory& image = at.column->directory();
+    // Texel -1 belongs to the first tile's apron.
+    const std::int32_t tile_x = std::max(at.x.texel, 0) / mesh::kBlockEdge,
+                       tile_y = std::max(at.y.texel, 0) / mesh::kBlockEdge;
+    const std::byte* const tile = window.get(*at.column, static_cast<std::uint32_t>(tile_x),
+                                             static_cast<std::uint32_t>(tile_y));
+    projection::Taps taps;
+    request_.blend(at.x.rest, at.y.rest, taps);
+    const int column = at.x.texel - tile_x * mesh::kBlockEdge,
+              row = at.y.texel - tile_y * mesh::kBlockEdge;
+    if (channel.format.keeps(image)) {
+      projection::blend_u8(image, tile, column, row, taps, out);
+    } else {
+      texture::store_texel(
+          channel.format,
+          {projection::blend(image, tile, column, row, taps), image.channels, image.linear}, out);
+    }
+    return true;
+  }
+
+  void blend_piece(Work& work) {
+    work.stored.resize(request_.channels.size());
+    work.raw_bytes.resize(request_.channels.size());
+    std::vector<std::uint32_t> first_packet(work.blocks.size() + 1, 0);
+    for (const auto& packet : work.state.packets) ++first_packet[packet.block + 1];
+    for (std::size_t b = 0; b < work.blocks.size(); ++b) first_packet[b + 1] += first_packet[b];
+    for (std::size_t c = 0; c < request_.channels.size(); ++c) {
+      work.stored[c].resize(work.blocks.size());
+      for (std::size_t b = 0; b < work.blocks.size(); ++b) {
+        blend_block(work, c, b, first_packet[b], first_packet[b + 1]);
+      }
+    }
+  }
+
+  void blend_block(Work& work, std::size_t c, std::size_t b, std::uint32_t first,
+                   std::uint32_t last) {
+    const ChannelOutput& channel = request_.channels[c];
+    const std::size_t texel_bytes = channel.format.texel_bytes();
+    texture::ResultBlock result;
+    result.texels.resize(kTexelsPerBlock * texel_bytes);
+    TileWindow window(cache_);
+    std::uint64_t covered = 0;
+    for (std::uint32_t p = first; p < last; ++p) {
+      const projection::HitPacket& hit = work.state.hits[p];
+      for (int lane = 0; lane < target::kLanes; ++lane) {
+        const std::uint16_t texel = work.state.packets[p].texel[lane];
+        if (texel == target::kNoTexel || hit.key[lane] == projection::kNoHit) continue;
+        if (!store_colour(channel, hit, lane, window, result.texels.data() + texel * texel_bytes))
+          continue;
+        result.cover(texel);
+        ++covered;
+      }
+    }
+    if (c == 0) work.covered += covered;
+    if (covered == 0) return;
+    finish_block(job_, channel.format, result, c, b, work);
+  }
+
+  JobContext& job_;
+  const MeshProjection request_;
+  SourceCache cache_;
+  std::vector<float> heights_;
+  std::atomic<float> expected_distance_{0};
+  std::uint64_t result_texel_bytes_ = 0;
+  std::uint64_t batch_bytes_ = 0;
+  PieceList pieces_;
+  Lease pieces_lease_;
+};
+
+}  // namespace
+
+std::unique_ptr<PageProjector> project_mesh(JobContext& job, MeshProjection request) {
+  return std::make_unique<MeshProjector>(job, std::move(request));
+}
+
+std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t most_patches,
+                                  std::uint32_t largest_chunk_bytes,
+                                  std::uint64_t result_texel_bytes,
+                                  std::uint64_t colour_tile_bytes) {
+  return kPieceScratch + colour_tile_bytes * (kColourTilesAtOnce + 2) +
+         batch_cost(most_triangles, most_patches) + 3 * std::uint64_t{largest_chunk_bytes} +
+         block_state_bytes(kTexelsPerBlock, tiles::kMostTrianglesPerBlock, result_texel_bytes);
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What every projection shares, whatever its source is: the target cut into pieces, the graph that
+// streams them, and the result blocks.
+//
+//   pump ─▶ read ─▶ search ─▶ blend ─▶ store
+//             ▲                          ▼
+//          target store               results (scratch)
+//
+// A piece is a few neighbouring target blocks of one page, cut so that its lease (its texels'
+// state, its result, and room for what it reads of the source) is at most budget / (4 x threads).
+#pragma once
+
+#include <tbb/flow_graph.h>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "flow/job_context.h"
+#include "flow/pump.h"
+#include "pounce/error.h"
+#include "target/target_block.h"
+#include "texture/result_block.h"
+#include "tiles/geometry_store.h"
+
+namespace pounce::flow {
+
+inline constexpr std::uint32_t kMostBlocksPerPiece = 8;
+
+/// Neighbouring blocks of one target tile.
+struct Piece {
+  std::uint32_t page = 0, tile = 0, first = 0, count = 0;
+};
+
+/// The pieces of all pages, in the order of the pages, and what each costs.
+struct PieceList {
+  std::vector<Piece> pieces;
+  std::vector<std::uint64_t> costs;  ///< bytes of a piece's lease
+
+  std::uint64_t size_bytes() const { return pieces.size() * (sizeof(Piece) + sizeof(costs[0])); }
+  /// The pieces of one page: [first, second).
+  std::pair<std::size_t, std::size_t> of_page(std::uint32_t page) const;
+};
+
+/// Bytes of one thread's share of the budget: a quarter of an equal one, so that pieces overlap.
+std::uint64_t budget_share(const JobContext& job);
+
+/// Cuts the target's tiles into pieces whose blocks' state fits `state_share`; `fixed` is what a
+/// piece needs besides. state_bytes(entry) is what a block needs.
+PieceList cut_pieces(JobContext& job, const tiles::GeometryStore& target, std::uint64_t fixed,
+                     std::uint64_t state_share,
+                     const std::function<std::uint64_t(const tiles::BlockEntry&)>& state_bytes);
+
+/// A piece on its way through the graph. A projection adds its own state.
+struct PieceWork {
+  std::size_t index = 0;
+  std::vector<tiles::BlockEntry> blocks;
+  /// [channel][block], encoded and compressed; empty: nothing covered.
+  std::vector<std::vector<std::vector<std::byte>>> stored;
+  std::vector<std::uint32_t> raw_bytes;  ///< [channel]
+  std::uint64_t covered = 0;             ///< texels of the first channel
+};
+
+/// Reads a piece's blocks into work.blocks and appends their packets to `packets` and `groups`.
+void read_packets(JobContext& job, const tiles::GeometryStore& target, const Piece& piece,
+                  float smallest_edge, PieceWork& work, PageVector<target::TexelPacket>& packets,
+                  std::vector<target::PacketGroup>& groups);
+
+/// Encodes and compresses a finished result block of channel `c` and block `b` into the work.
+void finish_block(JobContext& job, const texture::TexelFormat& format,
+                  const texture::ResultBlock& result, std::size_t c, std::size_t b,
+                  PieceWork& work);
+
+/// The results of one page.
+struct PageResult {
+  std::unique_ptr<tiles::PackReader> pack;  ///< scratch; empty when the page has no texels
+  /// [channel][block_y * blocks_x + block_x]; raw_bytes == 0: nothing covered there.
+  std::vector<std::vector<tiles::ChunkRef>> blocks;
+  std::uint64_t covered = 0;  ///< texels of the first channel
+};
+
+/// One source against one target. Not thread-safe; uses the job's threads.
+class PageProjector {
+ public:
+  virtual ~PageProjector() = default;
+  /// Projects the texels of one page of the target.
+  virtual PageResult project(std::uint32_t page) = 0;
+};
+
+/// Collects the result blocks of one page, in any order, in a scratch pack. Not thread-safe.
+class ResultCollector {
+ public:
+  ResultCollector(JobContext& job, const mesh::Lattice& page, std::size_t channels);
+  void store(const PieceWork& work);
+  PageResult finish();
+  /// Bytes of the index of a page's results.
+  static std::uint64_t index_bytes(const mesh::Lattice& page, std::size_t channels);
+
+ private:
+  JobContext& job_;
+  std::uint32_t across_;
+  Lease index_lease_;
+  std::unique_ptr<tiles::PackWriter> writer_;
+  PageResult result_;
+};
+
+/// Streams the pieces of one page: read(index) makes a std::shared_ptr<Work> (Work derives from
+/// PieceWork), search(Work&) and blend(Work&) run in parallel, the results go to `results` one at a
+/// time. Throws whatever they throw.
+template <class Work, class Read, class Search, class Blend>
+void stream_pieces(JobContext& job, std::span<const std::uint64_t> costs, Read read_piece,
+                   Search search_piece, Blend blend_piece, ResultCollector& results) {
+  namespace tf = tbb::flow;
+  using WorkPtr = std::shared_ptr<Work>;
+  std::size_t stored = 0;
+  tf::graph graph;
+  tf::function_node<std::size_t, WorkPtr> read(graph, tf::unlimited, [&](std::size_t i) {
+    WorkPtr work = read_piece(i);
+    work->index = i;
+    return work;
+  });
+  tf::function_node<WorkPtr, WorkPtr> search(graph, tf::unlimited, [&](WorkPtr work) {
+    search_piece(*work);
+    return work;
+  });
+  tf::function_node<WorkPtr, WorkPtr> blend(graph, tf::unlimited, [&](WorkPtr work) {
+    blend_piece(*work);
+    return work;
+  });
+  auto pump = Pump(job.budget, costs, [&](std::size_t i) { read.try_put(i); });
+  tf::function_node<WorkPtr> store(graph, tf::serial, [&](const WorkPtr& work) {
+    results.store(*work);
+    const std::size_t index = work->index;
+    *work = Work{};  // its memory goes before its lease does; the graph still holds the object
+    ++stored;
+    pump.release(index);
+  });
+  tf::make_edge(read, search);
+  tf::make_edge(search, blend);
+  tf::make_edge(blend, store);
+  pump.admit();
+  graph.wait_for_all();  // rethrows
+  if (stored != costs.size()) throw Error(ErrorKind::internal, "the projection graph ended early");
+}
+
+}  // namespace pounce::flow

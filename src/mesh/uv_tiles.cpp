@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mesh/uv_tiles.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace pounce::mesh {
+namespace {
+
+constexpr double kMostTiles = 65536;
+
+/// Keeps the part of a convex polygon where side * (coordinate - at) >= 0.
+template <class Coordinate>
+void clip(std::vector<Vec2d>& polygon, double at, double side, Coordinate coordinate) {
+  std::vector<Vec2d> kept;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Vec2d& a = polygon[i];
+    const Vec2d& b = polygon[(i + 1) % polygon.size()];
+    const double da = side * (coordinate(a) - at), db = side * (coordinate(b) - at);
+    if (da >= 0) kept.push_back(a);
+    if ((da < 0) != (db < 0)) {
+      const double s = da / (da - db);
+      kept.push_back({a.x + s * (b.x - a.x), a.y + s * (b.y - a.y)});
+    }
+  }
+  polygon = std::move(kept);
+}
+
+double area(const std::vector<Vec2d>& polygon) {
+  double doubled = 0;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Vec2d& a = polygon[i];
+    const Vec2d& b = polygon[(i + 1) % polygon.size()];
+    doubled += a.x * b.y - a.y * b.x;
+  }
+  return std::abs(doubled) / 2;
+}
+
+/// Does the triangle share area with the unit square at (x, y)?
+bool enters(const std::array<Vec2d, 3>& uvs, double x, double y) {
+  // Relative to the square, so that small overlaps keep their digits.
+  std::vector<Vec2d> polygon;
+  for (const Vec2d& uv : uvs) polygon.push_back({uv.x - x, uv.y - y});
+  const auto u = [](const Vec2d& p) { return p.x; };
+  const auto v = [](const Vec2d& p) { return p.y; };
+  clip(polygon, 0, 1, u);
+  clip(polygon, 1, -1, u);
+  clip(polygon, 0, 1, v);
+  clip(polygon, 1, -1, v);
+  return polygon.size() >= 3 &&
+         area(polygon) > 1e-12;  // a millionth of a texel's edge at 1e6 texels
+}
+
+}  // namespace
+
+std::optional<std::uint32_t> udim_number(UvTile tile) {
+  if (tile.column < 0 || tile.column >= kUdimColumns || tile.row < 0) return std::nullopt;
+  const std::int64_t number =
+      std::int64_t{kFirstUdim} + tile.column + std::int64_t{kUdimColumns} * tile.row;
+  if (number > kLastUdim) return std::nullopt;
+  return static_cast<std::uint32_t>(number);
+}
+
+UvTile udim_tile(std::uint32_t udim) {
+  const auto index = static_cast<std::int32_t>(udim - kFirstUdim);
+  return {index % kUdimColumns, index / kUdimColumns};
+}
+
+std::string uvtile_name(UvTile tile) {
+  return "u" + std::to_string(tile.column + 1) + "_v" + std::to_string(tile.row + 1);
+}
+
+std::uint64_t visit_uv_tiles(const std::array<Vec2d, 3>& uvs,
+                             const std::function<void(UvTile)>& visit) {
+  const auto [low_u, high_u] = std::minmax({uvs[0].x, uvs[1].x, uvs[2].x});
+  const auto [low_v, high_v] = std::minmax({uvs[0].y, uvs[1].y, uvs[2].y});
+  if (!(high_u > low_u && high_v > low_v)) return 0;
+  const double x0 = std::floor(low_u), x1 = std::ceil(high_u) - 1;
+  const double y0 = std::floor(low_v), y1 = std::ceil(high_v) - 1;
+  const double tiles = (x1 - x0 + 1) * (y1 - y0 + 1);
+  if (tiles > kMostTiles || std::max({-x0, x1, -y0, y1}) > 1e9)
+    return static_cast<std::uint64_t>(std::min(std::max(tiles, kMostTiles + 1), 1e18));
+  std::uint64_t count = 0;
+  for (double y = y0; y <= y1; ++y) {
+    for (double x = x0; x <= x1; ++x) {
+      if (!enters(uvs, x, y)) continue;
+      ++count;
+      visit(tile_of_period(static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)));
+    }
+  }
+  return count;
+}
+
+}  // namespace pounce::mesh
