@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "projection/splat_packet.h"
+
+#include "projection/hit_packet.h"
+
+namespace pounce::projection {
+
+namespace sse2 {
+extern const SplatKernels kSplatKernels;
+}
+namespace avx2 {
+extern const SplatKernels kSplatKernels;
+}
+namespace avx512 {
+extern const SplatKernels kSplatKernels;
+}
+
+const SplatKernels& splat_kernels(const std::string& isa) {
+  const std::string chosen = kernels(isa).isa;  // knows what this processor has
+  return chosen == "avx512" ? avx512::kSplatKernels
+         : chosen == "avx2" ? avx2::kSplatKernels
+                            : sse2::kSplatKernels;
+}
+
+void SplatCandidates::add(const source::SplatSet& set, std::size_t i) {
+  if (count_ == radius_.size()) {
+    const std::size_t room = count_ == 0 ? 64 * kLanes : 2 * count_;
+    for (auto& axis : centre_) axis.resize(room);
+    radius_.resize(room);
+    shapes_.resize(room);
+  }
+  const source::SplatSpheres& spheres = set.levels[0];
+  for (std::size_t k = 0; k < 3; ++k) centre_[k][count_] = spheres.centre[k][i];
+  radius_[count_] = spheres.radius[i];
+  shapes_[count_++] = &set.shapes[i];
+}
+
+}  // namespace pounce::projection

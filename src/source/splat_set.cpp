@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "source/splat_set.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/box.h"
+
+namespace pounce::source {
+namespace {
+
+constexpr std::size_t kFanOut = 16;
+constexpr float kLeastPlanarity = 0.02F;
+/// Spheres of the tree are a little larger than what they hold: culling them decides nothing that
+/// culling the Gaussians would not.
+constexpr float kMargin = 1.0001F;
+
+std::size_t whole_registers(std::size_t count) { return (count + kFanOut - 1) / kFanOut * kFanOut; }
+
+void resize(SplatSpheres& spheres, std::size_t count) {
+  spheres.count = count;
+  for (auto& axis : spheres.centre) axis.assign(whole_registers(count), 0.0F);
+  spheres.radius.assign(whole_registers(count), 0.0F);
+}
+
+/// Columns of the matrix of a unit quaternion.
+std::array<Vec3f, 3> axes_of(float w, float x, float y, float z) {
+  return {{{1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)},
+           {2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)},
+           {2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)}}};
+}
+
+SplatShape shape_of(const tiles::SplatBlock& block, std::size_t i) {
+  SplatShape out{};
+  const auto axes = axes_of(block.rotation[0][i], block.rotation[1][i], block.rotation[2][i],
+                            block.rotation[3][i]);
+  std::array<std::size_t, 3> order{0, 1, 2};
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return block.sigma[a][i] > block.sigma[b][i];
+  });
+  // An odd permutation mirrors the frame; turning one axis around makes it right-handed again.
+  const bool odd = (order[1] + 3 - order[0]) % 3 != 1;
+  std::array<float, 3> sigma{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    sigma[k] = block.sigma[order[k]][i];
+    const Vec3f axis = axes[order[k]] * (odd && k == 2 ? -1.0F : 1.0F);
+    out.axis[k][0] = axis.x;
+    out.axis[k][1] = axis.y;
+    out.axis[k][2] = axis.z;
+    out.mean[k] = block.mean[k][i];
+    out.variance[k] = sigma[k] * sigma[k];
+    out.colour[k] = std::clamp(block.colour[k][i], 0.0F, kLargestSplatColour);
+  }
+  const float planarity =
+      sigma[1] > 0 ? std::max(kLeastPlanarity, 1 - sigma[2] / sigma[1]) : kLeastPlanarity;
+  const float roundness = sigma[0] > 0 ? sigma[1] / sigma[0] : 1.0F;
+  out.strength = block.alpha[i] * planarity * roundness;
+  out.two_sided = 1;
+  std::copy_n(out.axis[2], 3, out.normal);
+  if (!block.normal[0].empty()) {
+    const Vec3f n{block.normal[0][i], block.normal[1][i], block.normal[2][i]};
+    if (n.x != 0 || n.y != 0 || n.z != 0) {
+      out.two_sided = 0;
+      out.normal[0] = n.x;
+      out.normal[1] = n.y;
+      out.normal[2] = n.z;
+    }
+  }
+  return out;
+}
+
+/// Spheres around sixteen spheres each.
+void make_level(const SplatSpheres& below, SplatSpheres& level) {
+  resize(level, (below.count + kFanOut - 1) / kFanOut);
+  for (std::size_t i = 0; i < level.count; ++i) {
+    const std::size_t first = i * kFanOut, last = std::min(first + kFanOut, below.count);
+    Box3f box;
+    const auto centre = [&](std::size_t j) {
+      return Vec3f{below.centre[0][j], below.centre[1][j], below.centre[2][j]};
+    };
+    for (std::size_t j = first; j < last; ++j) {
+      const float r = below.radius[j];
+      box.extend({centre(j) - Vec3f{r, r, r}, centre(j) + Vec3f{r, r, r}});
+    }
+    const Vec3f middle = (box.lo + box.hi) * 0.5F;
+    float radius = 0;
+    for (std::size_t j = first; j < last; ++j)
+      radius = std::max(radius, length(centre(j) - middle) + below.radius[j]);
+    level.centre[0][i] = middle.x;
+    level.centre[1][i] = middle.y;
+    level.centre[2][i] = middle.z;
+    // Rounding of the centres counts, too, where the radius is small against the coordinates.
+    level.radius[i] = radius * kMargin + 4e-7F * (std::abs(middle.x) + std::abs(middle.y) +
+                                                  std::abs(middle.z) + radius);
+  }
+}
+
+}  // namespace
+
+std::uint64_t SplatSet::most_bytes(std::uint64_t splats) {
+  std::uint64_t bytes = round_to_pages(splats * sizeof(SplatShape)) + sizeof(SplatSet);
+  for (int level = 0; level < 3; ++level) {
+    bytes += 4 * round_to_pages(whole_registers(splats) * sizeof(float));
+    splats = (splats + kFanOut - 1) / kFanOut;
+  }
+  return bytes;
+}
+
+SplatSet make_splat_set(const tiles::SplatBlock& block) {
+  SplatSet set;
+  set.shapes.reserve(block.size());
+  resize(set.levels[0], block.size());
+  for (std::size_t i = 0; i < block.size(); ++i) {
+    const SplatShape& shape = set.shapes.emplace_back(shape_of(block, i));
+    for (std::size_t k = 0; k < 3; ++k) set.levels[0].centre[k][i] = shape.mean[k];
+    set.levels[0].radius[i] = kSplatCutOff * std::sqrt(shape.variance[0]) * kMargin;
+  }
+  make_level(set.levels[0], set.levels[1]);
+  make_level(set.levels[1], set.levels[2]);
+  return set;
+}
+
+}  // namespace pounce::source

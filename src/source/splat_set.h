@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/page_pool.h"
+#include "core/ray_bundle.h"
+#include "tiles/splat_block.h"
+
+namespace pounce::source {
+
+/// One Gaussian of a splat scene, ready to be blended.
+struct SplatShape {
+  float mean[3];
+  float strength;          ///< opacity x planarity x needle factor: what it weighs at its best
+  float axis[3][3];        ///< unit, right-handed; the longest first
+  float variance[3];       ///< along the axes: the squared standard deviations
+  float normal[3];         ///< of the file, or the shortest axis
+  float colour[3];         ///< 0..kLargestSplatColour
+  std::int32_t two_sided;  ///< the normal's sign is unknown
+};
+
+/// Colours are clamped to 0..8 each: what a viewer shows ends at 1, and sums stay in 64 bits.
+inline constexpr float kLargestSplatColour = 8;
+/// Responses beyond so many standard deviations weigh exactly nothing.
+inline constexpr float kSplatCutOff = 3;
+
+/// Spheres that hold Gaussians out to their cut-off (without a texel's footprint), in arrays, so
+/// that sixteen are culled at once. Always whole registers.
+struct SplatSpheres {
+  std::array<PageVector<float>, 3> centre;
+  PageVector<float> radius;
+  std::size_t count = 0;
+};
+
+/// A block of a splat scene as projection uses it: its Gaussians and a tree over them. The store
+/// orders Gaussians along a curve, so that sixteen in a row lie together, and sixteen times
+/// sixteen, too: level 0 of the tree are the Gaussians, sphere i of level k + 1 holds spheres 16 i
+/// to 16 i + 15 of level k.
+struct SplatSet {
+  PageVector<SplatShape> shapes;
+  std::array<SplatSpheres, 3> levels;
+
+  /// Bytes of a set of so many Gaussians, known from the index before it is read.
+  static std::uint64_t most_bytes(std::uint64_t splats);
+};
+
+SplatSet make_splat_set(const tiles::SplatBlock& block);
+
+}  // namespace pounce::source

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "core/vec.h"
+
+namespace pounce::test {
+
+/// One Gaussian of a scene, in double precision.
+struct ReferenceSplat {
+  Vec3d mean;
+  std::array<double, 3> sigma{};
+  std::array<double, 4> rotation{1, 0, 0, 0};  ///< w, x, y, z
+  double alpha = 1;
+  Vec3d colour;
+  Vec3d normal;  ///< zero: none, the shortest axis is meant, both ways
+};
+
+/// A target texel: a point of the surface, its unit normal and the texel's edge.
+struct ReferenceTexel {
+  Vec3d position, normal;
+  double edge = 0;
+};
+
+struct ReferenceLimits {
+  double max_distance = 0;
+  double min_cosine = 0;
+  double window = 0;  ///< half-width of the depth window, before half a texel bounds it
+  bool antialiased = false;
+};
+
+/// What one Gaussian gives to one texel before the depth window.
+struct Contribution {
+  double weight = 0;  ///< opacity x response x planarity x cos^2 x needle factor
+  double t = 0;       ///< of the best hit, along the normal
+  Vec3d colour;
+};
+
+/// Covariance of a Gaussian, row by row.
+std::array<double, 9> covariance(const ReferenceSplat& splat);
+
+/// The textbook formulas of one pair: tangent basis, 2x2 marginal, its inverse, the conditional
+/// mean. Weight 0: beyond the cut-off or facing away.
+Contribution contribution(const ReferenceSplat& splat, const ReferenceTexel& texel,
+                          const ReferenceLimits& limits);
+
+struct ReferenceBlend {
+  bool covered = false;
+  Vec3d colour;
+  double depth = 0;     ///< where the window's centre is
+  bool unsure = false;  ///< another centre is as good to within rounding
+};
+
+/// Every Gaussian against one texel. Slow and obvious; shares no code with the product.
+ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
+                               const ReferenceTexel& texel, const ReferenceLimits& limits);
+
+/// The Gaussians of a binary little-endian 3DGS PLY whose vertex element comes first and holds
+/// floats only.
+std::vector<ReferenceSplat> read_reference_splats(const std::string& path);
+
+}  // namespace pounce::test

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "source/splat_set.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "support/splat_scenes.h"
+
+using namespace pounce;
+using namespace pounce::source;
+using namespace pounce::test;
+
+namespace {
+
+Vec3d axis(const SplatShape& shape, std::size_t k) {
+  return {shape.axis[k][0], shape.axis[k][1], shape.axis[k][2]};
+}
+
+SplatShape shape_of(const ReferenceSplat& splat) {
+  return make_splat_set(splat_block({splat})).shapes[0];
+}
+
+}  // namespace
+
+TEST_CASE("a Gaussian's axes are sorted, right-handed and keep its covariance", "[source]") {
+  Random random(3);
+  for (const ReferenceSplat& splat : random_splats(random, 500, false)) {
+    const SplatShape shape = shape_of(splat);
+    CHECK(shape.variance[0] >= shape.variance[1]);
+    CHECK(shape.variance[1] >= shape.variance[2]);
+    CHECK(length(cross(axis(shape, 0), axis(shape, 1)) - axis(shape, 2)) < 1e-5);
+    const auto expected = covariance(splat);
+    for (std::size_t i = 0; i < 3; ++i) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        double sum = 0;
+        for (std::size_t k = 0; k < 3; ++k)
+          sum += double{shape.axis[k][i]} * double{shape.variance[k]} * double{shape.axis[k][j]};
+        CHECK(sum == Approx(expected[3 * i + j]).margin(1e-5 * double{shape.variance[0]}));
+      }
+    }
+  }
+}
+
+TEST_CASE("strength is opacity x planarity x needle factor", "[source]") {
+  ReferenceSplat splat;
+  splat.alpha = 0.5;
+  splat.sigma = {2, 4, 1};  // planarity 1 - 1/2, needle 2/4
+  CHECK(shape_of(splat).strength == Approx(0.5 * 0.5 * 0.5));
+  splat.sigma = {2, 2, 2};  // a ball is next to nothing
+  CHECK(shape_of(splat).strength == Approx(0.5 * 0.02));
+  splat.sigma = {2, 0, 0};  // a thread is nothing
+  CHECK(shape_of(splat).strength == 0);
+  splat.sigma = {3, 3, 0};  // "2dgs"
+  CHECK(shape_of(splat).strength == Approx(0.5));
+}
+
+TEST_CASE("the file's normal counts, the shortest axis stands in", "[source]") {
+  ReferenceSplat splat;
+  splat.sigma = {1, 0.1, 1};
+  SplatShape shape = shape_of(splat);
+  CHECK(shape.two_sided == 1);
+  CHECK(std::abs(shape.normal[1]) == Approx(1));
+  splat.normal = {0, 0, -1};
+  shape = shape_of(splat);
+  CHECK(shape.two_sided == 0);
+  CHECK(shape.normal[2] == Approx(-1));
+}
+
+TEST_CASE("colours are clamped where sums would end", "[source]") {
+  ReferenceSplat splat;
+  splat.sigma = {1, 1, 0.1};
+  splat.colour = {-0.25, 1.25, 1e30};
+  const SplatShape shape = shape_of(splat);
+  CHECK(shape.colour[0] == 0);
+  CHECK(shape.colour[1] == 1.25F);
+  CHECK(shape.colour[2] == kLargestSplatColour);
+}
+
+TEST_CASE("every sphere of the tree holds its children", "[source]") {
+  Random random(8);
+  const SplatSet set = make_splat_set(splat_block(random_splats(random, 3001, false)));
+  CHECK(set.levels[0].count == 3001);
+  CHECK(set.levels[1].count == 188);
+  CHECK(set.levels[2].count == 12);
+  const auto centre = [](const SplatSpheres& s, std::size_t i) {
+    return Vec3d{s.centre[0][i], s.centre[1][i], s.centre[2][i]};
+  };
+  for (std::size_t level = 0; level < 2; ++level) {
+    const SplatSpheres &low = set.levels[level], &high = set.levels[level + 1];
+    for (std::size_t i = 0; i < low.count; ++i) {
+      const double away = length(centre(low, i) - centre(high, i / 16));
+      CHECK(away + double{low.radius[i]} <= double{high.radius[i / 16]});
+    }
+  }
+  CHECK(SplatSet::most_bytes(3001) >= 3001 * (sizeof(SplatShape) + 16));
+}
