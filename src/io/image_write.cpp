@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <array>
+#include <exception>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -35,6 +37,33 @@ class OutputProxy : public OIIO::Filesystem::IOFile {
 
  private:
   OutputFile& file_;
+};
+
+/// The same for an encoder that writes from start to end (PNG), at the end of a file of ours. What
+/// that file throws waits for the encoder to return: it is C.
+class SinkProxy : public OIIO::Filesystem::IOProxy {
+ public:
+  explicit SinkProxy(WriteFile& sink) : IOProxy("", Write), sink_(sink) {}
+  const char* proxytype() const override { return "sink"; }
+  std::size_t write(const void* bytes, std::size_t count) override {
+    if (!failure_) {
+      try {
+        sink_.append({static_cast<const std::byte*>(bytes), count});
+      } catch (...) {
+        failure_ = std::current_exception();
+      }
+    }
+    m_pos += static_cast<std::int64_t>(count);
+    return count;
+  }
+  std::size_t size() const override { return static_cast<std::size_t>(m_pos); }
+  void check() const {
+    if (failure_) std::rethrow_exception(failure_);
+  }
+
+ private:
+  WriteFile& sink_;
+  std::exception_ptr failure_;
 };
 
 struct Format {
@@ -168,17 +197,15 @@ Depth writable_depth(const std::string& path, Depth wanted) {
 }
 
 struct ImageWriter::Impl {
-  Impl(const std::string& path, const ImageWriteSpec& wanted) : spec(wanted), file(path) {
-    set_up_oiio();
-    const Format& format = *format_of(path);
-    output = OIIO::ImageOutput::create(format.name);
-    if (!output) file.fail(fmt::format("OpenImageIO was built without {}", format.name));
-    proxy = std::make_unique<OutputProxy>(file);
-    OIIO::ImageSpec foreign = oiio_spec(format, spec);
-    OIIO::Filesystem::IOProxy* io = proxy.get();
-    foreign.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &io);
-    premultiply = foreign.alpha_channel >= 0 && std::string_view(format.name) == "openexr";
-    if (!output->open(path, foreign)) fail();
+  Impl(const std::string& path, const ImageWriteSpec& wanted)
+      : spec(wanted), file(std::in_place, path) {
+    auto to_file = std::make_unique<OutputProxy>(*file);
+    open(*format_of(path), path, std::move(to_file));
+  }
+  Impl(WriteFile& to, const ImageWriteSpec& wanted) : spec(wanted) {
+    auto to_sink = std::make_unique<SinkProxy>(to);
+    sink = to_sink.get();
+    open(kFormats.front(), "image.png", std::move(to_sink));
   }
 
   ~Impl() {
@@ -187,15 +214,39 @@ struct ImageWriter::Impl {
     if (output) output->geterror();
   }
 
+  void open(const Format& format, const std::string& path,
+            std::unique_ptr<OIIO::Filesystem::IOProxy> to) {
+    set_up_oiio();
+    proxy = std::move(to);
+    output = OIIO::ImageOutput::create(format.name);
+    if (!output) fail(fmt::format("OpenImageIO was built without {}", format.name));
+    OIIO::ImageSpec foreign = oiio_spec(format, spec);
+    OIIO::Filesystem::IOProxy* io = proxy.get();
+    foreign.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &io);
+    premultiply = foreign.alpha_channel >= 0 && std::string_view(format.name) == "openexr";
+    if (!output->open(path, foreign)) fail();
+  }
+
+  /// Throws if any byte so far did not reach the file.
+  void check() const {
+    if (file) file->check();
+    if (sink != nullptr) sink->check();
+  }
+
   [[noreturn]] void fail() {
     const std::string message = one_line(output->geterror());
-    file.check();
-    file.fail(message.empty() ? "the encoder gave no reason" : message);
+    fail(message.empty() ? "the encoder gave no reason" : message);
+  }
+  [[noreturn]] void fail(const std::string& what) const {
+    check();
+    if (file) file->fail(what);
+    throw Error(ErrorKind::storage, "cannot encode an image: " + what);
   }
 
   ImageWriteSpec spec;
-  OutputFile file;  // outlives the proxy and the encoder
-  std::unique_ptr<OutputProxy> proxy;
+  std::optional<OutputFile> file;  // outlives the proxy and the encoder
+  std::unique_ptr<OIIO::Filesystem::IOProxy> proxy;
+  SinkProxy* sink = nullptr;  // the proxy, where there is no file
   std::unique_ptr<OIIO::ImageOutput> output;
   bool premultiply = false;
   std::uint32_t next_row = 0;
@@ -207,6 +258,13 @@ ImageWriter::ImageWriter(const std::string& path, const ImageWriteSpec& spec) {
     throw Error(ErrorKind::usage, reason);
   }
   impl_ = std::make_unique<Impl>(path, spec);
+}
+
+ImageWriter::ImageWriter(WriteFile& sink, const ImageWriteSpec& spec) {
+  if (const std::string reason = why_not_writable("image.png", spec); !reason.empty()) {
+    throw Error(ErrorKind::usage, reason);
+  }
+  impl_ = std::make_unique<Impl>(sink, spec);
 }
 
 ImageWriter::~ImageWriter() = default;
@@ -231,7 +289,7 @@ void ImageWriter::write_rows(std::uint32_t row_count, const std::byte* rows) {
       self.fail();
     }
   }
-  self.file.check();
+  self.check();
 }
 
 void ImageWriter::commit() {
@@ -241,10 +299,12 @@ void ImageWriter::commit() {
                 fmt::format("{} of {} rows written at commit", self.next_row, self.spec.height));
   }
   if (!self.output->close()) self.fail();
-  self.proxy->flush();
+  if (self.file) self.proxy->flush();
+  self.check();
   self.output.reset();
+  self.sink = nullptr;
   self.proxy.reset();
-  self.file.commit();
+  if (self.file) self.file->commit();
 }
 
 std::uint64_t ImageWriter::encoder_bytes(const std::string& path, const ImageWriteSpec& spec) {

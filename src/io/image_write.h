@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "core/file.h"
 #include "pounce/options.h"
 
 namespace pounce::io {
@@ -38,6 +39,8 @@ Depth writable_depth(const std::string& path, Depth wanted);
 class ImageWriter {
  public:
   ImageWriter(const std::string& path, const ImageWriteSpec& spec);
+  /// As PNG at the end of `sink`, which must outlive the writer; commit() only ends the image.
+  ImageWriter(WriteFile& sink, const ImageWriteSpec& spec);
   ~ImageWriter();
   ImageWriter(ImageWriter&&) noexcept;
   ImageWriter& operator=(ImageWriter&&) noexcept;

@@ -13,6 +13,7 @@
 #include "io/image_write.h"
 #include "io/sample.h"
 #include "pounce/error.h"
+#include "support/failing_file_system.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"
 
@@ -54,14 +55,21 @@ void write(const std::string& path, const ImageWriteSpec& spec,
   writer.commit();
 }
 
-std::string failure_of(const std::string& path, ErrorKind kind) {
+template <class Work>
+std::string failure(ErrorKind kind, const Work& work) {
   try {
-    write(path, {8, 8, 3, Depth::u8, false, false}, std::vector<std::uint8_t>(192));
+    work();
   } catch (const Error& error) {
     CHECK(error.kind() == kind);
     return error.what();
   }
   return "written";
+}
+
+std::string failure_of(const std::string& path, ErrorKind kind) {
+  return failure(kind, [&] {
+    write(path, {8, 8, 3, Depth::u8, false, false}, std::vector<std::uint8_t>(192));
+  });
 }
 
 std::size_t files_in(const std::filesystem::path& folder) {
@@ -232,4 +240,48 @@ TEST_CASE("what a format cannot hold is said before anything is written", "[imag
   CHECK(io::writable_depth("a.exr", Depth::u8) == Depth::half);
   CHECK(io::writable_depth("a.exr", Depth::float32) == Depth::float32);
   CHECK(io::writable_depth("a.tif", Depth::half) == Depth::float32);
+}
+
+TEST_CASE("a PNG at the end of a scratch file has the bytes of one with a name", "[image][write]") {
+  test::TempFolder folder;
+  const Depth depth = GENERATE(Depth::u8, Depth::u16);
+  const ImageWriteSpec spec{300, 200, 4, depth, false, true};
+  const auto samples = make_samples(spec);
+  write(folder.file("a.png"), spec, samples);
+  const auto files = make_memory_file_system();
+  const auto scratch = files->create_scratch(".");
+  scratch->append(std::as_bytes(std::span("before", 6)));
+  ImageWriter writer(*scratch, spec);
+  writer.write_rows(spec.height, reinterpret_cast<const std::byte*>(samples.data()));
+  writer.commit();
+  std::string bytes(scratch->size_bytes(), '\0');
+  scratch->reader()->read(0, std::as_writable_bytes(std::span(bytes)));
+  CHECK(bytes.substr(0, 6) == "before");
+  CHECK(bytes.substr(6) == test::read_file(folder.file("a.png")));
+  CHECK(failure(ErrorKind::usage, [&] {
+          ImageWriter(*scratch, {4, 4, 3, Depth::half, true, false});
+        }).find("8 or 16 bit integers, not half") != std::string::npos);
+}
+
+TEST_CASE("a scratch file that fails ends the encoding with its reason", "[image][write]") {
+  const auto real = make_memory_file_system();
+  const ImageWriteSpec spec{512, 512, 4, Depth::u8, false, true};
+  const auto samples = make_samples(spec);
+  test::FailingFileSystem files(*real);
+  const auto encode = [&] {
+    const auto scratch = files.create_scratch(".");
+    ImageWriter writer(*scratch, spec);
+    for (std::uint32_t y = 0; y < spec.height; ++y) {
+      writer.write_rows(1, reinterpret_cast<const std::byte*>(samples.data()) + y * 2048);
+    }
+    writer.commit();
+  };
+  encode();
+  const std::uint64_t calls = files.calls();
+  REQUIRE(calls > 10);
+  for (std::uint64_t at = 1; at <= calls; ++at) {
+    files.restart({at, false, true});
+    CAPTURE(at);
+    CHECK(failure(ErrorKind::storage, encode) != "written");
+  }
 }
