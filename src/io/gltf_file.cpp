@@ -161,7 +161,10 @@ std::string GltfFile::read_container(const ReadFile& file) {
     throw Error(ErrorKind::input,
                 fmt::format("{}: {}; the file is damaged, export it again", path_, what));
   };
-  if (file_bytes < 4 || read_u32(file, 0) != kGlbMagic) return read_text(file, 0, file_bytes);
+  if (file_bytes < 4 || read_u32(file, 0) != kGlbMagic) {
+    json_text_bytes_ = file_bytes;
+    return read_text(file, 0, file_bytes);
+  }
 
   if (file_bytes < 20) fail("a GLB header that is cut off");
   if (const std::uint32_t version = read_u32(file, 4); version != 2) {
@@ -183,7 +186,13 @@ std::string GltfFile::read_container(const ReadFile& file) {
     if (chunk_bytes > length - offset) fail(fmt::format("GLB chunk {} is cut off", chunk));
     if ((chunk == 0) != (type == kJsonChunk))
       fail("the first GLB chunk, and only it, must be JSON");
-    if (chunk == 0) text = read_text(file, offset, chunk_bytes);
+    if (chunk == 0) {
+      text = read_text(file, offset, chunk_bytes);
+      json_offset_ = offset;
+      json_text_bytes_ = chunk_bytes;
+    } else if (type != kBinChunk) {
+      other_chunks_.push_back({type, offset, chunk_bytes});
+    }
     if (type == kBinChunk) {
       if (has_bin_chunk_) fail("two BIN chunks");
       has_bin_chunk_ = true;
@@ -192,6 +201,13 @@ std::string GltfFile::read_container(const ReadFile& file) {
     }
     offset += chunk_bytes;
   }
+  return text;
+}
+
+std::string GltfFile::json_text() const {
+  std::string text = read_text(*posix_file_system().open(path_), json_offset_, json_text_bytes_);
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
   return text;
 }
 

@@ -24,6 +24,12 @@ struct GltfBuffer {
   std::string problem;  ///< not empty: cannot be read, and why
 };
 
+/// A chunk of a GLB that is neither JSON nor BIN: what it means is not known here.
+struct GlbChunk {
+  std::uint32_t type = 0;
+  std::uint64_t offset_bytes = 0, size_bytes = 0;
+};
+
 /// A .gltf or .glb opened: its JSON, checked by check_gltf(), and a way to its buffers. Geometry
 /// and images stay in the files until they are read piece by piece. Reading is thread-safe.
 class GltfFile {
@@ -53,6 +59,13 @@ class GltfFile {
   /// Bytes of geometry and images that the file can possibly describe.
   std::uint64_t total_buffer_bytes() const;
 
+  /// The JSON as the file has it, read again, without a byte order mark.
+  std::string json_text() const;
+  std::uint64_t json_text_bytes() const { return json_text_bytes_; }
+  /// Is buffer 0 the BIN chunk of a GLB?
+  bool has_bin_buffer() const { return !buffers_.empty() && buffers_[0].path == path_; }
+  const std::vector<GlbChunk>& other_chunks() const { return other_chunks_; }
+
  private:
   std::string read_container(const ReadFile& file);
   void open_buffer(std::size_t index, nlohmann::json& buffer);
@@ -62,6 +75,8 @@ class GltfFile {
   nlohmann::json document_;
   std::vector<GltfBuffer> buffers_;
   std::vector<std::string> warnings_;
+  std::vector<GlbChunk> other_chunks_;
+  std::uint64_t json_offset_ = 0, json_text_bytes_ = 0;
   bool has_bin_chunk_ = false;
   std::uint64_t bin_offset_ = 0, bin_bytes_ = 0;
   std::uint64_t json_bytes_ = 0, inline_bytes_ = 0, image_text_bytes_ = 0;

@@ -69,4 +69,6 @@ MeshCost mesh_cost(const std::string& path) {
   return format_of(path) == Format::gltf ? gltf_cost(path) : obj_cost(path);
 }
 
+bool is_gltf(const std::string& path) { return format_of(path) == Format::gltf; }
+
 }  // namespace pounce::io

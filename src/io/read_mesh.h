@@ -21,4 +21,7 @@ struct MeshCost {
 };
 MeshCost mesh_cost(const std::string& path);
 
+/// Is this read as glTF? Throws as read_mesh() does for what is no mesh file.
+bool is_gltf(const std::string& path);
+
 }  // namespace pounce::io
