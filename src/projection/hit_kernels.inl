@@ -11,6 +11,9 @@
 //   outside = |d - inside(w1, w2)|    inside() clamps the barycentrics into the triangle
 //   key = (|t| + outside) / texel     the winner has the least (key, triangle)
 //
+// A hit counts while its key is below that of the distance limit: the winner of a texel is the same
+// for every limit that lets anything through.
+//
 // and the winner's texel coordinates, affine in the clamped barycentrics.
 #include <immintrin.h>
 
@@ -24,6 +27,12 @@ namespace pounce::projection::POUNCE_ISA_NAMESPACE {
 namespace {
 
 #include "projection/lanes.inl"
+
+/// The quantised key of hits at `distance`.
+Ints key_limit(const TexelPacket& packet, float distance) {
+  const Floats limit = distance * load(packet.per_texel) * kKeySteps;
+  return to_int(select(limit < 1e9F, limit, all(1e9F)));
+}
 
 void hit(const source::Facet& f, const TexelPacket& packet, const SearchLimits& limits,
          HitPacket& best) {
@@ -60,6 +69,8 @@ void hit(const source::Facet& f, const TexelPacket& packet, const SearchLimits& 
   // The limit keeps NaN and infinity out of the conversion.
   key = select(ok & (key < 1e9F), key, all(1e9F));
   const Ints quantised = to_int(key);
+  const Ints limit = key_limit(packet, limits.max_distance);
+  ok = ok & ((quantised < limit) | (quantised == all(0)));
   const Ints old_key = load(best.key), old_id = load(best.id);
   const Ints better =
       ok & ((quantised < old_key) | ((quantised == old_key) & (all(f.id) < old_id)));
@@ -98,9 +109,7 @@ void search(const Candidates& candidates, const RayBundle& bundle, float height,
 }
 
 bool all_final(const TexelPacket& packet, const HitPacket& best, float height) {
-  Floats limit = height * load(packet.per_texel) * kKeySteps;
-  limit = select(limit < 1e9F, limit, all(1e9F));
-  const Ints open = load(best.key) >= to_int(limit);
+  const Ints open = load(best.key) >= key_limit(packet, height);
   for (unsigned left = bits(open); left != 0; left &= left - 1) {
     if (packet.texel[std::countr_zero(left)] != target::kNoTexel) return false;
   }

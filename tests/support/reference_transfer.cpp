@@ -223,7 +223,10 @@ class Reference {
     const Vec3d nearest = s.p[0] * weights[0] + s.p[1] * weights[1] + s.p[2] * weights[2];
     const double outside = length(hit - nearest);
     if (outside > s.tolerance * (1 + kDoubt)) return std::nullopt;
-    const bool sure = facing > least + kDoubt && std::abs(t) < limit_ * (1 - kDoubt) &&
+    const double farthest = std::max(limit_, edge / 1024);
+    if (std::abs(t) + outside > farthest * (1 + kDoubt)) return std::nullopt;
+    const bool sure = facing > least + kDoubt &&
+                      std::abs(t) + outside < farthest * (1 - kDoubt) - edge / 1024 &&
                       outside < s.tolerance * (1 - kDoubt);
     return Hit{(std::abs(t) + outside) / edge, &s, weights, sure};
   }
