@@ -166,7 +166,7 @@ struct ImageReader::Impl {
   // scratch buffer of 64 MB, which is mapped anew for every call, even if nothing is to be
   // converted.
   OIIO::TypeDesc asked_type;
-  bool premultiplied = false;
+  bool straighten = true;
   int first_row = 0, first_column = 0;  // of the data window
   std::uint32_t next_row = 0;
   bool tiled = false;
@@ -238,7 +238,7 @@ void ImageReader::Impl::take_spec() {
   info.depth = depth_of(label, spec.format);
   info.linear = info.depth == Depth::half || info.depth == Depth::float32;
   info.has_alpha = info.channels == 2 || info.channels == 4;
-  premultiplied = info.has_alpha && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0;
+  info.premultiplied = info.has_alpha && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0;
   if (info.format == "webp" && info.has_alpha) {
     refuse(label, "WebP images with alpha cannot be read exactly; convert it to PNG");
   }
@@ -358,13 +358,15 @@ void ImageReader::read_rows(std::uint32_t row_count, std::byte* rows) {
     self.fail(fmt::format("the picture is damaged in rows {} to {} of {}", self.next_row,
                           self.next_row + row_count - 1, self.info.height));
   }
-  if (self.premultiplied) {
+  if (self.info.premultiplied && self.straighten) {
     divide_by_alpha(self.info.depth, self.info.channels, std::size_t{self.info.width} * row_count,
                     rows);
   }
   self.next_row += row_count;
   if (self.next_row == self.info.height) self.check_bytes_after_last_row();
 }
+
+void ImageReader::keep_premultiplied() { impl_->straighten = false; }
 
 Hash128 hash_image(const mesh::ImageRef& image) {
   ByteSource bytes(image);

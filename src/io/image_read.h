@@ -18,8 +18,9 @@ struct ImageInfo {
   std::uint32_t channels = 0;  ///< 1..4 (gray, gray+alpha, RGB, RGBA); palettes are expanded
   Depth depth = Depth::u8;     ///< below 8 bits per sample: u8, scaled to 0..255
   bool linear = false;  ///< samples are scene-linear (float formats), else as stored (sRGB-coded)
-  bool has_alpha = false;  ///< the last channel is straight (unassociated) alpha
-  std::string format;      ///< "png", "jpeg", "openexr", "tiff", ...
+  bool has_alpha = false;      ///< the last channel is straight (unassociated) alpha
+  bool premultiplied = false;  ///< the file holds colours times alpha (EXR always does)
+  std::string format;          ///< "png", "jpeg", "openexr", "tiff", ...
   /// Memory that the decoder itself needs beyond the rows handed out: small where the file decodes
   /// by rows, the whole image where it only decodes whole (interlaced PNG, progressive JPEG, WebP).
   std::uint64_t decoder_bytes = 0;
@@ -50,6 +51,8 @@ class ImageReader {
   /// Reads the next `row_count` rows (row_count <= rows left) into `rows`, tightly packed, native
   /// endian.
   void read_rows(std::uint32_t row_count, std::byte* rows);
+  /// From here on colours come as the file has them, premultiplied or not.
+  void keep_premultiplied();
 
  private:
   struct Impl;

@@ -223,7 +223,8 @@ struct ImageWriter::Impl {
     OIIO::ImageSpec foreign = oiio_spec(format, spec);
     OIIO::Filesystem::IOProxy* io = proxy.get();
     foreign.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &io);
-    premultiply = foreign.alpha_channel >= 0 && std::string_view(format.name) == "openexr";
+    premultiply = foreign.alpha_channel >= 0 && std::string_view(format.name) == "openexr" &&
+                  !spec.premultiplied;
     if (!output->open(path, foreign)) fail();
   }
 

@@ -19,8 +19,9 @@ struct ImageWriteSpec {
   std::uint32_t width = 0, height = 0;
   std::uint32_t channels = 0;  ///< 1..4
   Depth depth = Depth::u8;
-  bool linear = false;     ///< samples are scene-linear: tagged so where the format can say it
-  bool has_alpha = false;  ///< the last channel is straight alpha
+  bool linear = false;         ///< samples are scene-linear: tagged so where the format can say it
+  bool has_alpha = false;      ///< the last channel is straight alpha
+  bool premultiplied = false;  ///< EXR only: colours come multiplied by alpha already
 };
 
 /// Can the format of `path` (by its ending) hold this? Returns "" or a sentence that says what it

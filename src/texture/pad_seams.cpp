@@ -87,6 +87,7 @@ struct SeamPadder::Impl {
   std::vector<std::byte> above_texels;  // its value
   std::vector<std::int32_t> reach;      // by height: the largest dx within the radius
   std::vector<Parabola> envelope;
+  std::vector<std::pair<std::int32_t, std::int32_t>> filled_runs;  // of the row being filled
 
   std::byte* row_texels(std::uint32_t y) {
     return texels.data() + std::size_t{y % capacity} * width * texel_bytes;
@@ -132,12 +133,16 @@ void SeamPadder::Impl::make_final(std::uint32_t end) {
     for (std::uint32_t y = final; y < stop; ++y) {
       fill_row(y, below.data() + std::size_t{y - final} * width);
       remember_row(y);
+      // Nothing looks at this row's flags any more, so they can tell what became of it.
+      for (const auto& [from, to] : filled_runs)
+        std::memset(row_covered(y) + from, kFilled, static_cast<std::size_t>(to - from));
     }
     final = stop;
   }
 }
 
 void SeamPadder::Impl::fill_row(std::uint32_t y, const std::int16_t* below_row) {
+  filled_runs.clear();
   const std::uint8_t* const row = row_covered(y);
   const std::uint8_t* const row_end = row + width;
   for (const std::uint8_t* at = row; at < row_end;) {
@@ -221,6 +226,7 @@ void SeamPadder::Impl::copy_segments(std::uint32_t y, std::int32_t begin, std::i
     for (std::int32_t x = from; x < to; ++x)
       std::memcpy(row + static_cast<std::size_t>(x) * bytes, source, bytes);
     filled += static_cast<std::uint64_t>(to - from);
+    filled_runs.emplace_back(from, to);
   }
 }
 
@@ -265,6 +271,7 @@ SeamPadder::SeamPadder(std::uint32_t width, std::uint32_t height, std::uint32_t 
   self.above.assign(width, static_cast<std::int16_t>(radius + 1));
   self.above_texels.resize(std::size_t{width} * texel_bytes);
   self.envelope.reserve(std::size_t{width} + 2);
+  self.filled_runs.reserve(std::size_t{width} + 2);
   for (std::uint32_t g = 0; g <= radius; ++g) {
     const std::uint32_t square =
         radius * radius - g * g;  // at most 2^28: the root of it in double is exact
@@ -277,8 +284,9 @@ SeamPadder::~SeamPadder() = default;
 std::uint64_t SeamPadder::memory_bytes(std::uint32_t width, std::uint32_t radius,
                                        std::uint32_t texel_bytes, std::uint32_t largest_push_rows) {
   const std::uint64_t ring = (std::uint64_t{radius} + largest_push_rows) * (texel_bytes + 1);
-  const std::uint64_t rows =
-      batch_rows(radius, largest_push_rows) * std::uint64_t{2} + 4 + texel_bytes + sizeof(Parabola);
+  const std::uint64_t rows = batch_rows(radius, largest_push_rows) * std::uint64_t{2} + 4 +
+                             texel_bytes + sizeof(Parabola) +
+                             sizeof(std::pair<std::int32_t, std::int32_t>);
   return (ring + rows) * width + std::uint64_t{radius} * 8 + 4096;
 }
 
@@ -304,7 +312,9 @@ void SeamPadder::push(std::uint32_t rows, const std::byte* texels, const std::ui
 
 std::uint32_t SeamPadder::ready_rows() const { return impl_->final - impl_->popped; }
 
-void SeamPadder::pop(std::uint32_t rows, std::byte* texels) {
+void SeamPadder::pop(std::uint32_t rows, std::byte* texels) { pop(rows, texels, nullptr); }
+
+void SeamPadder::pop(std::uint32_t rows, std::byte* texels, std::uint8_t* kinds) {
   Impl& self = *impl_;
   if (rows > ready_rows()) {
     throw Error(ErrorKind::internal,
@@ -313,6 +323,8 @@ void SeamPadder::pop(std::uint32_t rows, std::byte* texels) {
   const std::size_t row_bytes = std::size_t{self.width} * self.texel_bytes;
   for (std::uint32_t i = 0; i < rows; ++i, ++self.popped) {
     std::memcpy(texels + i * row_bytes, self.row_texels(self.popped), row_bytes);
+    if (kinds != nullptr)
+      std::memcpy(kinds + std::size_t{i} * self.width, self.row_covered(self.popped), self.width);
   }
 }
 

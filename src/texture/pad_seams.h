@@ -15,6 +15,9 @@ namespace pounce::texture {
 /// else Error(usage). Not thread-safe.
 class SeamPadder {
  public:
+  /// What a texel that pop() hands out is.
+  static constexpr std::uint8_t kEmpty = 0, kCovered = 1, kFilled = 2;
+
   SeamPadder(std::uint32_t width, std::uint32_t height, std::uint32_t radius,
              std::uint32_t texel_bytes, std::uint32_t largest_push_rows);
   ~SeamPadder();
@@ -26,6 +29,8 @@ class SeamPadder {
   std::uint32_t ready_rows()
       const;  ///< rows that pop() can hand out now (all, after the last push)
   void pop(std::uint32_t rows, std::byte* texels);
+  /// As above, and what each texel is.
+  void pop(std::uint32_t rows, std::byte* texels, std::uint8_t* kinds);
   std::uint64_t filled() const;  ///< texels filled so far
 
  private:
