@@ -12,6 +12,7 @@
 #include "flow/build_splats.h"
 
 #include <fmt/format.h>
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_pipeline.h>
 
 #include <algorithm>
@@ -39,8 +40,8 @@ constexpr std::uint64_t kSampleSpots = 1024, kSampleRows = 64;
 constexpr std::uint64_t kLeastRun = 16 << 10, kMostRun = 4 << 20;
 constexpr std::size_t kLeastFanIn = 16, kMostFanIn = 1024;
 constexpr std::size_t kTileBlocks = 32;
-// Of the noise estimate: blocks are taken evenly, at most twice as many.
-constexpr std::uint32_t kNoiseBlocksLog2 = 6;
+// Of the noise estimate: this many blocks are asked, taken evenly, or up to twice as many.
+constexpr std::uint32_t kNoiseBlocksLog2 = 5;
 
 /// Per Gaussian of a run that is being made: the Gaussian, and twice its key.
 constexpr std::uint64_t kRunBytes = sizeof(Splat) + 2 * sizeof(KeyedSplat);
@@ -128,7 +129,8 @@ SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& wri
   PageVector<KeyedSplat> order, scratch;
   order.reserve(splats.size());
   for (std::size_t i = 0; i < splats.size(); ++i) {
-    const Splat& s = splats[i];
+    Splat& s = splats[i];
+    tiles::round_for_store(s);
     if (const auto reason = lattice.filter(s)) {
       ++filtered[static_cast<std::size_t>(*reason)];
       continue;
@@ -137,12 +139,7 @@ SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& wri
                      static_cast<std::uint32_t>(i)});
   }
   sort_by_key(order, scratch);
-  std::size_t at = 0;
-  return writer.write([&](Splat& splat) {
-    if (at == order.size()) return false;
-    splat = splats[order[at++].index];
-    return true;
-  });
+  return writer.write(splats, order);
 }
 
 SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
@@ -241,19 +238,24 @@ bool asked_for_noise(std::uint64_t ordinal, std::uint32_t step_log2) {
   return (ordinal & ((1ULL << step_log2) - 1)) == 0;
 }
 
-EncodedBlock encode_block(JobContext& job, const BlockCutter::Cut& cut) {
+/// What a thread encodes with.
+struct EncoderScratch {
+  SplatBlock block;
+  std::vector<std::byte> raw;
+};
+
+EncodedBlock encode_block(JobContext& job, const BlockCutter::Cut& cut, EncoderScratch& scratch) {
   EncodedBlock out;
   out.ordinal = cut.ordinal;
   out.entry.splats = static_cast<std::uint32_t>(cut.splats.size());
   out.entry.size_class = static_cast<std::uint32_t>(SplatLattice::key_size_class(cut.first_key));
   for (const Splat& s : cut.splats) out.entry.box.extend(tiles::splat_box(s));
-  SplatBlock block;
+  SplatBlock& block = scratch.block;
   block.assign(cut.splats);
   out.has_normals = !block.normal[0].empty();
-  std::vector<std::byte> raw;
-  tiles::encode(block, raw);
-  out.raw_bytes = static_cast<std::uint32_t>(raw.size());
-  job.compressor().compress(raw, out.stored);
+  tiles::encode(block, scratch.raw);
+  out.raw_bytes = static_cast<std::uint32_t>(scratch.raw.size());
+  job.compressor().compress(scratch.raw, out.stored);
   if (asked_for_noise(cut.ordinal, noise_step_log2(cut.ordinal)))
     source::append_surface_noise(block, out.noise);
   return out;
@@ -278,6 +280,7 @@ std::unique_ptr<tiles::SplatStore> StoreBuilder::merge(const SplatLattice& latti
 
   SplatMerge sequence(job_, lattice, runs.pack, runs.runs);
   BlockCutter cutter(sequence);
+  tbb::enumerable_thread_specific<EncoderScratch> scratch;
   tiles::SplatStoreWriter writer(job_.stores->create(tiles::PackKind::splats, key_));
   std::vector<std::pair<std::uint64_t, std::vector<float>>> noise;
   std::uint64_t blocks = 0, done = 0;
@@ -306,7 +309,7 @@ std::unique_ptr<tiles::SplatStore> StoreBuilder::merge(const SplatLattice& latti
           tbb::make_filter<std::shared_ptr<BlockCutter::Cut>, std::shared_ptr<EncodedBlock>>(
               tbb::filter_mode::parallel,
               [&](const std::shared_ptr<BlockCutter::Cut>& cut) {
-                return std::make_shared<EncodedBlock>(encode_block(job_, *cut));
+                return std::make_shared<EncodedBlock>(encode_block(job_, *cut, scratch.local()));
               }) &
           tbb::make_filter<std::shared_ptr<EncodedBlock>, void>(
               tbb::filter_mode::serial_in_order,
@@ -345,13 +348,17 @@ Hash128 hash_file(JobContext& job, const ReadFile& file) {
 }
 
 Hash128 store_key(JobContext& job, const SplatRequest& request, const io::SplatPly& ply) {
-  const Hash128 content = hash_file(job, ply.file());
   Hasher hash;
   hash.add(std::string_view("splats"));
   hash.add(tiles::kFormatVersion);
   hash.add(kSplatStoreVersion);
-  hash.add(content.hi);
-  hash.add(content.lo);
+  if (job.stores->persistent()) {
+    const Hash128 content = hash_file(job, ply.file());
+    hash.add(content.hi);
+    hash.add(content.lo);
+  } else {  // nobody will look for it: spare the second reading of a file of many GB
+    hash.add(std::string_view(request.path));
+  }
   hash.add(to_text(request.axes));
   return hash.digest();
 }

@@ -7,19 +7,24 @@
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
+#include <cstring>
 #include <limits>
 
+#include "core/bytes.h"
 #include "tiles/chunk_payload.h"
 
 namespace pounce::flow {
 namespace {
 
 using tiles::Splat;
-using tiles::SplatBlock;
 
-// A merge holds one decoded chunk per run. 1024 Gaussians are one page per column: the smallest
-// chunk that wastes nothing, so that hundreds of runs merge in few MiB.
+// A merge holds one chunk per run: 76 KiB, so that hundreds of runs merge in few MiB.
 constexpr std::size_t kRunChunk = 1024;
+constexpr std::size_t kChunkHeader = 8;
+constexpr std::size_t kPlainBytes = offsetof(Splat, normal);  // records without normals
+static_assert(sizeof(Splat) == kPlainBytes + sizeof(Vec3f) && sizeof(Splat) == 17 * sizeof(float));
+constexpr std::size_t kAhead = 16;  // Gaussians to fetch before they are wanted: a run is no cache
 constexpr std::uint64_t kNoKey = std::numeric_limits<std::uint64_t>::max();
 
 constexpr int kDigitBits = 11;
@@ -67,37 +72,71 @@ void sort_by_key(PageVector<KeyedSplat>& splats, PageVector<KeyedSplat>& scratch
   }
 }
 
+/// Gaussians on their way into the pack: their number, the records without normals, then, if any
+/// has one, all normals.
+class SplatRunWriter::Chunk {
+ public:
+  Chunk(SplatRunWriter& writer, SplatRun& run) : writer_(writer), run_(run) {
+    bytes_.resize(kChunkHeader + kRunChunk * sizeof(Splat));
+  }
+  void add(const Splat& splat) {
+    std::memcpy(&bytes_[kChunkHeader + count_ * kPlainBytes], &splat, kPlainBytes);
+    normals_[count_] = splat.normal;
+    has_normals_ |= splat.normal != Vec3f{};
+    if (++count_ == kRunChunk) flush();
+  }
+  void flush() {
+    if (count_ == 0) return;
+    std::memcpy(bytes_.data(), &count_, kChunkHeader);
+    std::size_t size = kChunkHeader + count_ * kPlainBytes;
+    if (has_normals_) {
+      std::memcpy(&bytes_[size], normals_.data(), count_ * sizeof(Vec3f));
+      size += count_ * sizeof(Vec3f);
+    }
+    const std::lock_guard lock(writer_.mutex_);
+    run_.chunks.push_back(writer_.pack_->append(
+        tiles::ChunkKind::block, std::span(bytes_).first(size), static_cast<std::uint32_t>(size)));
+    run_.splats += count_;
+    count_ = 0;
+    has_normals_ = false;
+  }
+
+ private:
+  SplatRunWriter& writer_;
+  SplatRun& run_;
+  PageVector<std::byte> bytes_;
+  std::array<Vec3f, kRunChunk> normals_;
+  std::uint64_t count_ = 0;
+  bool has_normals_ = false;
+};
+
 SplatRunWriter::SplatRunWriter(JobContext& job)
     : job_(job), pack_(job.scratch->create(tiles::PackKind::splats, Hash128{})) {}
 
 std::uint64_t SplatRunWriter::write_bytes() {
-  // Gaussians, their columns, those encoded and compressed.
-  const std::uint64_t columns = SplatBlock::decoded_bytes(kRunChunk, true);
-  return round_to_pages(kRunChunk * sizeof(Splat)) + 4 * columns;
+  return 2 * round_to_pages(kChunkHeader + kRunChunk * sizeof(Splat));
 }
 
-SplatRun SplatRunWriter::write(const std::function<bool(Splat&)>& next) {
+SplatRun SplatRunWriter::write(std::span<const Splat> splats, std::span<const KeyedSplat> order) {
   SplatRun run;
-  PageVector<Splat> splats;
-  splats.reserve(kRunChunk);
-  SplatBlock block;
-  std::vector<std::byte> raw, stored;
-  for (bool more = true; more;) {
-    Splat splat;
-    more = next(splat);
-    if (more) splats.push_back(splat);
-    if (splats.size() < (more ? kRunChunk : 1)) continue;
-    block.assign(splats);
-    tiles::encode(block, raw);
-    job_.compressor().compress(raw, stored, tiles::kScratchLevel);
-    {
-      const std::lock_guard lock(mutex_);
-      run.chunks.push_back(
-          pack_->append(tiles::ChunkKind::block, stored, static_cast<std::uint32_t>(raw.size())));
-    }
-    run.splats += splats.size();
-    splats.clear();
+  Chunk chunk(*this, run);
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const Splat* const ahead = &splats[order[std::min(i + kAhead, order.size() - 1)].index];
+    __builtin_prefetch(ahead);
+    __builtin_prefetch(reinterpret_cast<const std::byte*>(ahead + 1) - 1);
+    chunk.add(splats[order[i].index]);
   }
+  chunk.flush();
+  return run;
+}
+
+SplatRun SplatRunWriter::write(SplatMerge& merge) {
+  SplatRun run;
+  Chunk chunk(*this, run);
+  Splat splat;
+  std::uint64_t key;
+  while (merge.next(splat, key)) chunk.add(splat);
+  chunk.flush();
   return run;
 }
 
@@ -113,12 +152,12 @@ struct SplatMerge::Cursor {
   const SplatRun* run = nullptr;
   std::size_t next_chunk = 0;
   std::size_t at = 0;
-  SplatBlock block;
+  PageVector<Splat> splats;
   PageVector<std::uint64_t> keys;
 };
 
 std::uint64_t SplatMerge::cursor_bytes() {
-  return SplatBlock::decoded_bytes(kRunChunk, true) +
+  return round_to_pages(kRunChunk * sizeof(Splat)) +
          round_to_pages(kRunChunk * sizeof(std::uint64_t)) + 512;
 }
 
@@ -141,15 +180,22 @@ void SplatMerge::refill(Cursor& cursor) {
   cursor.at = 0;
   cursor.keys.clear();
   if (cursor.next_chunk == cursor.run->chunks.size()) return;
-  const auto raw = tiles::read_payload(*pack_, cursor.run->chunks[cursor.next_chunk++],
-                                       tiles::ChunkKind::block, job_.compressor());
-  cursor.block = tiles::decode_splats(raw, pack_->name() + ": block");
-  const SplatBlock& b = cursor.block;
-  cursor.keys.resize(b.size());
-  for (std::size_t i = 0; i < b.size(); ++i) {
-    cursor.keys[i] = lattice_.key({b.mean[0][i], b.mean[1][i], b.mean[2][i]},
-                                  size_of({b.sigma[0][i], b.sigma[1][i], b.sigma[2][i]}));
+  pack_->read(cursor.run->chunks[cursor.next_chunk++], tiles::ChunkKind::block, chunk_);
+  ByteReader in(chunk_, pack_->name() + ": run");
+  const auto count = in.get<std::uint64_t>();
+  const bool has_normals = in.left() == count * sizeof(Splat);
+  if (count > kRunChunk || (!has_normals && in.left() != count * kPlainBytes))
+    in.fail("has another size than its count says");
+  cursor.splats.resize(count);
+  cursor.keys.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    Splat& s = cursor.splats[i];
+    std::memcpy(static_cast<void*>(&s), in.take(kPlainBytes).data(), kPlainBytes);
+    s.normal = {};
+    cursor.keys[i] = lattice_.key(s.mean, size_of(s.sigma));
   }
+  if (!has_normals) return;
+  for (Splat& s : cursor.splats) in.get_span(std::span(&s.normal, 1));
 }
 
 /// Takes a cursor up the tree of losers: each inner node keeps the one that lost there.
@@ -175,7 +221,7 @@ bool SplatMerge::next(Splat& splat, std::uint64_t& key) {
   if (keys_[winner] == kNoKey) return false;
   Cursor& cursor = cursors_[winner];
   key = keys_[winner];
-  splat = cursor.block.splat(cursor.at++);
+  splat = cursor.splats[cursor.at++];
   if (cursor.at == cursor.keys.size()) refill(cursor);
   keys_[winner] = cursor.keys.empty() ? kNoKey : cursor.keys[cursor.at];
   replay(winner);
@@ -190,8 +236,7 @@ SplatRuns merge_to_fan_in(JobContext& job, const tiles::SplatLattice& lattice, S
     for (std::size_t first = 0; first < runs.runs.size(); first += fan_in) {
       const std::size_t count = std::min(fan_in, runs.runs.size() - first);
       SplatMerge merge(job, lattice, runs.pack, std::span(runs.runs).subspan(first, count));
-      std::uint64_t key;
-      merged.runs.push_back(writer.write([&](Splat& splat) { return merge.next(splat, key); }));
+      merged.runs.push_back(writer.write(merge));
       job.meter.advance(0);  // stops here if the caller asked to
     }
     merged.pack = writer.finish();

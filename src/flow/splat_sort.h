@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <span>
@@ -37,17 +36,24 @@ struct KeyedSplat {
 /// Stable. `scratch` takes as much memory as `splats`.
 void sort_by_key(PageVector<KeyedSplat>& splats, PageVector<KeyedSplat>& scratch);
 
+class SplatMerge;
+
 /// A scratch pack of runs that several threads write at once. The place of a chunk does not matter.
+/// What is written is read once and soon, so it is not compressed: that would save a sixth.
 class SplatRunWriter {
  public:
   explicit SplatRunWriter(JobContext& job);
-  /// Encodes and appends the Gaussians `next` gives until it says false. Thread-safe.
-  SplatRun write(const std::function<bool(tiles::Splat&)>& next);
+  /// Appends those of `splats` that `order` names, in that order. Thread-safe.
+  SplatRun write(std::span<const tiles::Splat> splats, std::span<const KeyedSplat> order);
+  /// Appends all that is left of a merge. Thread-safe.
+  SplatRun write(SplatMerge& merge);
   std::shared_ptr<tiles::PackReader> finish();
   /// Memory that one call of write() takes.
   static std::uint64_t write_bytes();
 
  private:
+  class Chunk;
+
   JobContext& job_;
   std::mutex mutex_;  ///< guards pack_
   std::unique_ptr<tiles::PackWriter> pack_;
@@ -72,6 +78,7 @@ class SplatMerge {
   JobContext& job_;
   const tiles::SplatLattice& lattice_;
   std::shared_ptr<tiles::PackReader> pack_;
+  std::vector<std::byte> chunk_;  ///< the last one that was read
   std::vector<Cursor> cursors_;
   std::vector<std::uint64_t> keys_;  ///< of the cursors; the largest number there is once it ended
   std::vector<std::uint32_t> tree_;  ///< losers; [0] is the winner

@@ -9,7 +9,7 @@ namespace pounce::source {
 namespace {
 
 constexpr std::size_t kNeighbours = 16;
-constexpr std::size_t kMostPerBlock = 64;
+constexpr std::size_t kMostPerBlock = 32;
 constexpr float kDeviations = 1.4826F;  // of a normal distribution per median absolute deviation
 
 /// Mean of the two middle ones.

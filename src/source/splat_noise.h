@@ -7,7 +7,7 @@
 
 namespace pounce::source {
 
-/// How far Gaussians lie from the surface that their neighbours make, for up to 64 Gaussians of a
+/// How far Gaussians lie from the surface that their neighbours make, for up to 32 Gaussians of a
 /// block spread evenly over it: 1.4826 times the median absolute deviation of the offsets of its 16
 /// nearest neighbours in the block along its normal (the file's, else its shortest axis). For
 /// normal noise that is its standard deviation. Appends one figure per Gaussian; none for blocks of

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tiles/splat_block.h"
 
+#include <bit>
 #include <cmath>
 #include <cstring>
-#include <limits>
 
 #include "core/bytes.h"
 #include "tiles/codec.h"
@@ -26,31 +26,38 @@ void for_columns(Block& block, bool normals, const Visitor& visit) {
   for (auto& column : block.normal) visit(column, false);
 }
 
-float below(double value) {
-  const auto rounded = static_cast<float>(value);
-  return static_cast<double>(rounded) <= value
-             ? rounded
-             : std::nextafter(rounded, -std::numeric_limits<float>::infinity());
-}
+/// Larger than the rounding of the few operations that make a box.
+constexpr float kOutwards = 0x1p-20F;
 
-float above(double value) { return -below(-value); }
+/// To 16 significant bits, halves away from zero.
+void round_bits(float& value) {
+  value = std::bit_cast<float>((std::bit_cast<std::uint32_t>(value) + 0x80U) & 0xFFFFFF00U);
+}
 
 }  // namespace
 
+void round_for_store(Splat& splat) {
+  for (float* v :
+       {&splat.sigma.x, &splat.sigma.y, &splat.sigma.z, &splat.alpha, &splat.colour.x,
+        &splat.colour.y, &splat.colour.z, &splat.normal.x, &splat.normal.y, &splat.normal.z}) {
+    round_bits(*v);
+  }
+  for (float& v : splat.rotation) round_bits(v);
+}
+
 Box3f splat_box(const Splat& splat) {
-  const double w = splat.rotation[0], x = splat.rotation[1], y = splat.rotation[2],
-               z = splat.rotation[3];
-  const double rows[3][3] = {{1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)},
-                             {2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)},
-                             {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}};
-  const auto half = [&](const double(&row)[3]) {
-    const double a = row[0] * splat.sigma.x, b = row[1] * splat.sigma.y, c = row[2] * splat.sigma.z;
-    return 3 * std::sqrt(a * a + b * b + c * c);
+  const float w = splat.rotation[0], x = splat.rotation[1], y = splat.rotation[2],
+              z = splat.rotation[3];
+  const auto half = [&](float mean, float r0, float r1, float r2) {
+    const float a = r0 * splat.sigma.x, b = r1 * splat.sigma.y, c = r2 * splat.sigma.z;
+    const float h = 3 * std::sqrt(a * a + b * b + c * c);
+    return h + (h + std::abs(mean)) * kOutwards;
   };
-  const double hx = half(rows[0]), hy = half(rows[1]), hz = half(rows[2]);
   const Vec3f& m = splat.mean;
-  return {{below(m.x - hx), below(m.y - hy), below(m.z - hz)},
-          {above(m.x + hx), above(m.y + hy), above(m.z + hz)}};
+  const Vec3f h{half(m.x, 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+                half(m.y, 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+                half(m.z, 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))};
+  return {{m.x - h.x, m.y - h.y, m.z - h.z}, {m.x + h.x, m.y + h.y, m.z + h.z}};
 }
 
 Splat SplatBlock::splat(std::size_t i) const {

@@ -20,8 +20,8 @@ constexpr int kOctaveBits = 15;    // cells per octave; 16 * 2^15 = 2^19, so tha
 constexpr double kStraight = 1 << kStraightBits;
 constexpr double kBeyond = kStraight * (1 << kOctaves);
 constexpr int kSideBits = 20;
-// Gaussians up to 4-8 times the median size share the first class.
-constexpr int kClassSlackBits = 3;
+// Gaussians up to 2-4 times the median size share the first class.
+constexpr int kClassSlackBits = 2;
 
 /// Value of that rank among them, 0 lowest, 1 highest.
 float quantile(PageVector<float>& values, double rank) {

@@ -43,6 +43,29 @@ TEST_CASE("the box of a Gaussian holds its 3-sigma ellipsoid and no more", "[til
   CHECK(turned.hi.z - 3 == Approx(1.2));
 }
 
+TEST_CASE("what is rounded for the store stays what it is to the eye", "[tiles]") {
+  std::mt19937 random(3);
+  for (int i = 0; i < 1000; ++i) {
+    const Splat from = some_splat(random, true);
+    Splat to = from;
+    round_for_store(to);
+    CHECK(to.mean == from.mean);
+    CHECK(to.sigma.x == Approx(from.sigma.x).epsilon(0x1.02p-17));
+    CHECK(to.colour.x == Approx(from.colour.x).epsilon(0x1.02p-17));
+    CHECK(to.rotation[2] == Approx(from.rotation[2]).epsilon(0x1.02p-17));
+    CHECK(to.alpha <= 1);
+    Splat again = to;
+    round_for_store(again);
+    CHECK(again == to);
+  }
+  Splat whole;
+  whole.alpha = 0x1.fffffep-1F;  // the last float below 1
+  whole.rotation = {0x1.fffffep-1F, 0, -0.0F, 0};
+  round_for_store(whole);
+  CHECK(whole.alpha == 1);
+  CHECK(whole.rotation == std::array<float, 4>{1, 0, 0, 0});
+}
+
 TEST_CASE("splat blocks come back as they went in", "[tiles]") {
   std::mt19937 random(1);
   const std::size_t count = GENERATE(1U, 2U, 777U, 4096U);
