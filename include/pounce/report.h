@@ -27,6 +27,9 @@ struct Report {
 
   std::uint64_t source_gaussians = 0;
   std::map<std::string, std::uint64_t> source_filtered;  ///< reason -> count
+  /// Splats: sigma of the depth window that is averaged over, before half a texel bounds it;
+  /// 0 for meshes.
+  double depth_window = 0;
   std::uint64_t images_decoded = 0;
 
   std::uint64_t target_texels = 0;       ///< texels of the target's charts, over all images

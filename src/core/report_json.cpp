@@ -32,6 +32,7 @@ std::string to_json(const Report& report) {
   for (const auto& [reason, count] : report.source_filtered) filtered[reason] = count;
   json["source"] = {{"gaussians", report.source_gaussians},
                     {"filtered", filtered},
+                    {"depth_window", report.depth_window},
                     {"images_decoded", report.images_decoded}};
   json["target"] = {{"texels", report.target_texels},           {"covered", report.target_covered},
                     {"filled", report.target_filled},           {"empty", report.target_empty},

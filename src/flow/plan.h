@@ -56,6 +56,7 @@ struct PassPlan {
 
 /// The source's side of a job: the same for all its targets.
 struct Plan {
+  bool from_splats = false;  ///< then there is one channel and one pass, and no mesh or image
   std::vector<ChannelPlan> channels;
   std::vector<ColumnPlan> columns;
   std::vector<TileSetPlan> tile_sets;
@@ -80,6 +81,22 @@ struct TargetPlan {
 /// channels, sizes, passes. Throws what a user must hear before any work is done: missing UVs or
 /// textures, formats that cannot hold the result.
 Plan plan_source(const TransferOptions& options, const mesh::Mesh& source);
+
+/// The same for a splat scene, from the options alone. Throws Error(usage) for options that only
+/// make sense for a mesh, Error(input) for channels that a scene does not have.
+Plan plan_splats(const TransferOptions& options);
+/// Is this source to be read as a splat scene? Throws Error(input) for scenes in formats that are
+/// not read, naming the cure.
+bool is_splat_scene(const std::string& path);
+
+/// What a channel's output is, given what its source has: for plan_source() and plan_splats().
+/// Throws Error(usage) where the output's format cannot hold it.
+struct SourceLook {
+  ImageSize size;  ///< of the largest image; 0 x 0: none
+  bool gray_only = false, alpha = false, linear = false;
+  Depth depth = Depth::u8;
+};
+void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan);
 
 /// Decides what happens to one target: pages, output names. Throws what a user must hear at once:
 /// missing UVs or folders, names that clash. The requests refer to `target`.

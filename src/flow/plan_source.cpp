@@ -271,47 +271,20 @@ class SourcePlanner {
     int tile_set = -1;
     for (std::size_t m = 0; m < source_.materials.size(); ++m)
       plan.pages.push_back(page_texture(m, channel, tile_set));
-    bool gray_only = true, alpha = false, linear = false;
-    Depth depth = Depth::u8;
+    SourceLook look;
+    look.gray_only = true;
     for (const io::ImageInfo* info : images_of(plan)) {
-      plan.size.width = std::max(plan.size.width, info->width);
-      plan.size.height = std::max(plan.size.height, info->height);
-      gray_only = gray_only && info->channels <= 2;
-      alpha = alpha || info->has_alpha;
-      linear = linear || info->linear;
-      depth = std::max(depth, info->depth);
+      look.size.width = std::max(look.size.width, info->width);
+      look.size.height = std::max(look.size.height, info->height);
+      look.gray_only = look.gray_only && info->channels <= 2;
+      look.alpha = look.alpha || info->has_alpha;
+      look.linear = look.linear || info->linear;
+      look.depth = std::max(look.depth, info->depth);
     }
     for (std::size_t m = 0; m < source_.materials.size(); ++m)  // triangles without UVs
       plan.pages.push_back({-1, -1, plan.pages[m].constant});
-    choose_size(plan);
-    choose_format(plan, gray_only, alpha, linear, depth);
+    choose_output(options_, look, plan);
     return plan;
-  }
-
-  void choose_size(ChannelPlan& plan) const {
-    if (options_.size) plan.size = *options_.size;
-    if (plan.size.width == 0) plan.size = {kUntexturedSize, kUntexturedSize};
-    if (plan.size.width > kLargestSide || plan.size.height > kLargestSide) {
-      throw Error(ErrorKind::usage, fmt::format("--size {}x{}: at most {} texels a side",
-                                                plan.size.width, plan.size.height, kLargestSide));
-    }
-  }
-
-  void choose_format(ChannelPlan& plan, bool gray_only, bool alpha, bool linear,
-                     Depth depth) const {
-    plan.format.channels = (gray_only ? 1U : 3U) + (alpha ? 1U : 0U);
-    plan.format.has_alpha = alpha;
-    plan.format.is_colour = is_colour(plan.channel);
-    const Depth wanted = options_.depth ? *options_.depth : depth;
-    plan.format.depth = options_.depth ? wanted : io::writable_depth(options_.output, wanted);
-    // EXR is linear; float TIFF keeps linear input linear; everything else is sRGB-coded.
-    const bool float_out = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
-    plan.format.linear = is_exr(options_.output) || (float_out && linear);
-    const io::ImageWriteSpec spec{plan.size.width,   plan.size.height,   plan.format.channels,
-                                  plan.format.depth, plan.format.linear, plan.format.has_alpha};
-    if (const std::string why = io::why_not_writable(options_.output, spec); !why.empty()) {
-      throw Error(ErrorKind::usage, options_.output + ": " + why);
-    }
   }
 
   /// How this channel sees the source: a lattice per material.
@@ -390,6 +363,27 @@ class SourcePlanner {
 };
 
 }  // namespace
+
+void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan) {
+  plan.size = options.size.value_or(look.size);
+  if (plan.size.width == 0) plan.size = {kUntexturedSize, kUntexturedSize};
+  if (plan.size.width > kLargestSide || plan.size.height > kLargestSide) {
+    throw Error(ErrorKind::usage, fmt::format("--size {}x{}: at most {} texels a side",
+                                              plan.size.width, plan.size.height, kLargestSide));
+  }
+  plan.format.channels = (look.gray_only ? 1U : 3U) + (look.alpha ? 1U : 0U);
+  plan.format.has_alpha = look.alpha;
+  plan.format.is_colour = is_colour(plan.channel);
+  const Depth wanted = options.depth ? *options.depth : look.depth;
+  plan.format.depth = options.depth ? wanted : io::writable_depth(options.output, wanted);
+  // EXR is linear; float TIFF keeps linear input linear; everything else is sRGB-coded.
+  const bool float_out = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
+  plan.format.linear = is_exr(options.output) || (float_out && look.linear);
+  const io::ImageWriteSpec spec{plan.size.width,   plan.size.height,   plan.format.channels,
+                                plan.format.depth, plan.format.linear, plan.format.has_alpha};
+  if (const std::string why = io::why_not_writable(options.output, spec); !why.empty())
+    throw Error(ErrorKind::usage, options.output + ": " + why);
+}
 
 Plan plan_source(const TransferOptions& options, const mesh::Mesh& source) {
   return SourcePlanner(options, source).make();

@@ -10,6 +10,7 @@
 #include "flow/output_names.h"
 #include "flow/plan.h"
 #include "flow/project_mesh.h"
+#include "flow/project_splats.h"
 #include "io/image_write.h"
 
 namespace pounce::flow {
@@ -156,8 +157,10 @@ LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const 
   for (std::size_t p = 0; p < plan.passes.size(); ++p) {
     const PassPlan& pass = plan.passes[p];
     const GeometryRequest& request = target_plan.requests[p];
-    need(contexts + meshes + geometry_least_bytes(pass.source, tile_cap_bytes),
-         "preconditioning " + source.path);
+    if (!plan.from_splats) {
+      need(contexts + meshes + geometry_least_bytes(pass.source, tile_cap_bytes),
+           "preconditioning " + source.path);
+    }
     need(contexts + meshes + geometry_least_bytes(request, tile_cap_bytes),
          "vectorizing " + target.path);
     std::uint64_t result_texel = 0;
@@ -169,10 +172,12 @@ LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const 
         page_blocks * (sizeof(tiles::ChunkRef) * pass.channels.size() + 32 * request.pages.size());
     const auto triangles = static_cast<std::uint32_t>(
         std::min<std::size_t>(source.triangles.size(), tiles::kMostTrianglesPerBlock));
-    need(contexts + indices + (2ULL << 20) +
-             project_least_bytes(triangles, triangles + 1024, triangles * 160 + (1 << 16),
-                                 result_texel, colour_tile),
-         "projecting one block of the target");
+    const std::uint64_t projecting =
+        plan.from_splats
+            ? project_splats_least_bytes(result_texel)
+            : project_least_bytes(triangles, triangles + 1024, triangles * 160 + (1 << 16),
+                                  result_texel, colour_tile);
+    need(contexts + indices + (2ULL << 20) + projecting, "projecting one block of the target");
     for (const std::size_t c : pass.channels) {
       for (const ImageOutput& image : target_plan.images[c]) {
         need(contexts + indices + image_least_bytes(image, plan.channels[c].format),

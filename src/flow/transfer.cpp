@@ -18,10 +18,12 @@
 #include <optional>
 #include <set>
 
+#include "flow/build_splats.h"
 #include "flow/job.h"
 #include "flow/output_names.h"
 #include "flow/plan.h"
 #include "flow/project_mesh.h"
+#include "flow/project_splats.h"
 #include "io/read_mesh.h"
 
 namespace pounce {
@@ -53,8 +55,12 @@ class TransferJob {
     plan();
     // From here on it is known what will be done and that it fits.
     if (options_.plan_only) return finish_report(*job_);
-    precondition_colours();
-    precondition_source();
+    if (plan_.from_splats) {
+      precondition_splats();
+    } else {
+      precondition_colours();
+      precondition_source();
+    }
     for (std::size_t t = 0; t < options_.targets.size(); ++t) transfer_to(t);
     return finish_report(*job_);
   }
@@ -66,10 +72,18 @@ class TransferJob {
   void plan() {
     const StageTimer timer(job_->clock, "read");
     job_->meter.begin("read meshes", 1 + options_.targets.size(), "meshes", kAfterReading);
-    source_ = read(options_.source, 0);
-    plan_ = plan_source(options_, source_);
-    add_warnings(plan_.warnings);
     LeastMemory least;
+    if (is_splat_scene(options_.source)) {
+      plan_ = plan_splats(options_);
+      least = {splat_least_bytes({options_.source, {}}) +
+                   job_->threads * tiles::Compressor::context_bytes(),
+               "sorting " + options_.source};
+      job_->meter.advance(1);
+    } else {
+      source_ = read(options_.source, 0);
+      plan_ = plan_source(options_, source_);
+    }
+    add_warnings(plan_.warnings);
     std::vector<std::string> outputs;
     for (const std::string& path : options_.targets) {
       target_ = read(path, source_.size_bytes());
@@ -79,8 +93,9 @@ class TransferJob {
       const LeastMemory one =
           least_memory(plan_, target_plan_, source_, target_, job_->threads, job_->tile_cap_bytes);
       if (one.bytes > least.bytes) least = one;
-      const std::uint64_t reading = std::max(io::mesh_cost(options_.source).peak_bytes,
-                                             source_.size_bytes() + io::mesh_cost(path).peak_bytes);
+      const std::uint64_t reading =
+          std::max(plan_.from_splats ? 0 : io::mesh_cost(options_.source).peak_bytes,
+                   source_.size_bytes() + io::mesh_cost(path).peak_bytes);
       if (reading > least.bytes) least = {reading, "reading " + options_.source + " and " + path};
     }
     job_->meter.end();
@@ -165,6 +180,21 @@ class TransferJob {
     job_->meter.end();
   }
 
+  void precondition_splats() {
+    const StageTimer timer(job_->clock, "precondition");
+    bool cached = false;
+    splats_ = splat_store(*job_, {options_.source, {}}, &cached, kAfterSource);
+    if (cached) job_->clock.set_cached("precondition");
+    const tiles::SplatDirectory& directory = splats_->directory();
+    job_->report.source_gaussians = directory.splats;
+    job_->report.source_tiles = directory.tiles.size();
+    job_->report.depth_window = kWindowOverNoise * directory.surface_noise;
+    job_->report.bytes_written += cached ? 0 : splats_->pack().size_bytes();
+    job_->report.source_store_bytes = splats_->pack().size_bytes();
+    store_leases_.emplace_back(job_->budget, splats_->size_bytes(),
+                               "the directory of the source store");
+  }
+
   // --- one target --------------------------------------------------------------------------------
 
   void transfer_to(std::size_t t) {
@@ -228,7 +258,8 @@ class TransferJob {
   /// Page by page, so that each image is written as soon as nothing of it is missing.
   void project_pass(std::size_t p) {
     const tiles::GeometryStore& target = *targets_[p];
-    const std::uint64_t read_before = sources_[p]->pack().bytes_read();
+    const tiles::PackReader& source = plan_.from_splats ? splats_->pack() : sources_[p]->pack();
+    const std::uint64_t read_before = source.bytes_read();
     std::uint64_t covered = 0;
     {
       const auto projector = make_projector(p);
@@ -250,24 +281,48 @@ class TransferJob {
     if (p == 0) {
       job_->report.target_covered += covered;
       job_->report.target_empty += target.directory().texels - covered;
-      if (covered == 0) warn_of_nothing(sources_[p]->directory(), target.directory());
+      if (covered == 0) {
+        warn_of_nothing(
+            plan_.from_splats ? splats_->directory().middle_box : sources_[p]->directory().box,
+            target.directory());
+      }
     }
     job_->report.tiles_read += target.directory().tiles.size();
-    job_->report.bytes_read +=
-        sources_[p]->pack().bytes_read() - read_before + target.pack().bytes_read();
+    job_->report.bytes_read += source.bytes_read() - read_before + target.pack().bytes_read();
   }
 
   /// Does each tile of the target's UVs have an image of its own?
   bool has_tiles() const { return target_plan_.requests.front().tile_pages.has_value(); }
 
   std::unique_ptr<PageProjector> make_projector(std::size_t p) {
+    return plan_.from_splats ? make_splat_projector() : make_mesh_projector(p);
+  }
+
+  float min_cosine() const {
+    return static_cast<float>(std::cos(options_.max_angle_deg * std::numbers::pi / 180));
+  }
+
+  std::unique_ptr<PageProjector> make_splat_projector() {
+    SplatProjection request;
+    request.source = splats_.get();
+    request.target = targets_.front().get();
+    request.format = plan_.channels.front().format;
+    request.kernels = &projection::splat_kernels(options_.internal.isa);
+    request.limits.max_distance = target_plan_.max_distance;
+    request.limits.min_cosine = min_cosine();
+    request.limits.window = kWindowOverNoise * splats_->directory().surface_noise;
+    request.limits.antialiased = splats_->directory().model == tiles::SplatModel::antialiased;
+    request.smallest_edge = target_plan_.smallest_edge;
+    return project_splats(*job_, request);
+  }
+
+  std::unique_ptr<PageProjector> make_mesh_projector(std::size_t p) {
     MeshProjection request;
     request.source = sources_[p].get();
     request.target = targets_[p].get();
     request.kernels = kernels_;
     request.limits.max_distance = target_plan_.max_distance;
-    request.limits.min_cosine =
-        static_cast<float>(std::cos(options_.max_angle_deg * std::numbers::pi / 180));
+    request.limits.min_cosine = min_cosine();
     request.smallest_edge = target_plan_.smallest_edge;
     for (const std::size_t c : plan_.passes[p].channels) {
       const ChannelPlan& channel = plan_.channels[c];
@@ -338,8 +393,7 @@ class TransferJob {
   }
 
   /// A result without a single covered texel is hardly what was wanted: say what may be wrong.
-  void warn_of_nothing(const tiles::GeometryDirectory& source,
-                       const tiles::GeometryDirectory& target) {
+  void warn_of_nothing(const Box3f& source, const tiles::GeometryDirectory& target) {
     const auto text = [](const Box3f& b) {
       return fmt::format("({:g} {:g} {:g})..({:g} {:g} {:g})", b.lo.x, b.lo.y, b.lo.z, b.hi.x,
                          b.hi.y, b.hi.z);
@@ -353,7 +407,7 @@ class TransferJob {
         fmt::format("no texel found a source within {:g}: the result is empty. The source spans "
                     "{}, the target {}; align "
                     "them, or raise --max-distance or --max-angle",
-                    target_plan_.max_distance, text(source.box), text(target.box)));
+                    target_plan_.max_distance, text(source), text(target.box)));
   }
 
   const TransferOptions& options_;
@@ -367,6 +421,7 @@ class TransferJob {
   std::vector<std::unique_ptr<tiles::ColourStore>> columns_;
   std::vector<TileColumns> tile_sets_;
   std::vector<std::unique_ptr<tiles::GeometryStore>> sources_;  ///< by pass
+  std::unique_ptr<tiles::SplatStore> splats_;                   ///< instead of those
   std::vector<std::unique_ptr<tiles::GeometryStore>> targets_;  ///< by pass, of the target at hand
   std::vector<Lease> target_leases_;
   double target_start_ = 0, target_share_ = 0;  ///< of the progress bar
