@@ -199,3 +199,25 @@ TEST_CASE("a placed coordinate blends what the unbounded image has there") {
   CHECK(placed(8, 0.25F, 8, Wrap::mirror).texel == 6);
   CHECK(placed(8, 0.25F, 8, Wrap::mirror).rest == 0.75);
 }
+
+TEST_CASE("a coordinate over UDIM tiles belongs to the tile that holds it") {
+  // Tiles of 8 texels: the border between the first two lies at texel 7.5.
+  CHECK(in_tile(7, 0.25F, 8).period == 0);
+  CHECK(in_tile(7, 0.25F, 8).texel == 7.25);
+  CHECK(in_tile(7, 0.5F, 8).period == 1);
+  CHECK(in_tile(7, 0.5F, 8).texel == -0.5);
+  CHECK(in_tile(6, 1.5F, 8).period == 1);
+  CHECK(in_tile(0, -0.5F, 8).period == 0);
+  CHECK(in_tile(0, -0.75F, 8).period == -1);
+  CHECK(in_tile(0, -0.75F, 8).texel == 7.25);
+  CHECK(in_tile(-16, 0, 8).period == -2);
+  // The middle of a tile is the middle of its image, whatever its size; its border is the border.
+  CHECK(scaled(3.5, 8, 8).texel == 3);
+  CHECK(scaled(3.5, 8, 8).rest == 0.5);
+  CHECK(scaled(3.5, 8, 100).texel == 49);
+  CHECK(scaled(3.5, 8, 100).rest == 0.5);
+  CHECK(scaled(-0.5, 8, 100).texel == -1);
+  CHECK(scaled(-0.5, 8, 100).rest == 0.5);
+  CHECK(scaled(7.4999, 8, 1).texel == 0);
+  CHECK(scaled(7.4999, 8, 100).texel == 99);
+}
