@@ -27,7 +27,7 @@ struct Splat {
   bool operator==(const Splat&) const = default;
 };
 
-/// Rounds everything but the mean to 16 significant bits, a relative error of at most 2^-17: far
+/// Rounds everything but the mean to 16 significant bits, a relative error of at most 2^-16: far
 /// below what a blend shows, and a quarter of those columns' bytes becomes zero
 /// (docs/decisions/010-splat-store.md). What it rounded it leaves alone.
 void round_for_store(Splat& splat);
