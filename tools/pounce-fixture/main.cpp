@@ -104,7 +104,8 @@ void add_plain(CLI::App& app, std::function<Paths()>& run, PlainOptions& o, cons
   c->add_option("--triangles", o.triangles, "how many, about")
       ->check(kTriangles)
       ->capture_default_str();
-  c->add_option("--texture", o.texture_size, "width and height of a texture; 0: none")
+  c->add_option("--texture", o.texture_size,
+                "width and height of a texture, or of each of a set NAME.<UDIM>.png; 0: none")
       ->check(CLI::Range(0, 65536))
       ->capture_default_str();
   c->add_option("--uv-tiles", o.uv_tiles, "spread the charts over this many UDIM tiles")

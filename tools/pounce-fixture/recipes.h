@@ -50,7 +50,7 @@ struct PlainOptions {
   std::string path;  ///< .glb or .obj
   std::uint64_t triangles = 10000;
   std::uint32_t texture_size = 0;  ///< 0: no texture
-  std::uint32_t uv_tiles = 1;
+  std::uint32_t uv_tiles = 1;      ///< several: a set of textures beside the mesh, one per tile
 };
 Paths make_sphere(const PlainOptions& options);
 Paths make_plane(const PlainOptions& options);
