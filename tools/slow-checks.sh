@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# The checks that take minutes: a texture of 8192², a target of 16384², a budget of 512 MiB, measured from outside.
+# The checks that take minutes: a texture of 8192², a target of 16384², a budget of 512 MiB, measured from outside; and 20
+# UDIMs of 4096² from 16 of 4096² in 256 MiB.
 # Run before a release and after every change of the flow; tools/test.sh holds smaller siblings.
 # Usage: tools/slow-checks.sh [SOURCE.glb TARGET.glb TEXTURE]   (default: generated, in build/release/slow)
 set -euo pipefail
@@ -49,5 +50,34 @@ rss_kib "$pounce" transfer "$source" "$target" "${override[@]}" -o "$work/3.png"
   --threads 3 --no-cache >/dev/null
 check "the same bytes at 1 thread" cmp -s "$work/1.png" "$work/3.png"
 check "the same bytes at 2 threads" cmp -s "$work/2.png" "$work/3.png"
+
+# 20 UDIMs from 16. What the source costs once is left out of the time per texel.
+"$fixture" one-texel -o "$work/one" --mesh-format obj >/dev/null
+baseline=$(rss_kib "$pounce" transfer "$work/one/one_texel_src.obj" "$work/one/one_texel_target.obj" -o "$work/one.png" \
+  --size 1 --no-cache)
+limit=$((baseline + 256 * 1024 * 105 / 100 + 16 * 1024))
+mkdir -p "$work/udim"
+[[ -e $work/s.1016.png ]] || "$fixture" plane -o "$work/s.obj" --triangles 20000 --uv-tiles 16 --texture 4096 >/dev/null
+"$fixture" plane -o "$work/t.obj" --triangles 24000 --uv-tiles 20 >/dev/null
+udims() {  # udims NAME OPTION...
+  local name=$1
+  shift
+  rss_kib "$pounce" transfer "$work/s.obj" "$work/t.obj" -o "$work/udim/$name.<UDIM>.png" --size 4096 --memory 256MiB \
+    --source-texture "baseColor=$work/s.<UDIM>.png" --no-cache --report "$work/$name.json" "$@"
+}
+peak=$(udims all)
+check "peak of 20 UDIMs in 256 MiB: $((peak / 1024)) MiB, limit $((limit / 1024)) MiB" test "$peak" -le "$limit"
+udims single --tiles 1007 >/dev/null
+check "one tile alone has the same bytes" cmp -s "$work/udim/all.1007.png" "$work/udim/single.1007.png"
+ratio=$(python3 - "$work/all.json" "$work/single.json" <<'PY'
+import json, sys
+def ns(path):
+    report = json.load(open(path))
+    stages = sum(s["cpu_s"] for s in report["stages"] if s["name"] not in ("read", "decode", "precondition"))
+    return stages / report["target"]["covered"]
+print(round(100 * ns(sys.argv[1]) / ns(sys.argv[2])))
+PY
+)
+check "CPU per texel of 20 tiles: $ratio % of one tile's" test "$ratio" -le 130
 echo "$failures failed"
 [[ $failures -eq 0 ]]

@@ -166,4 +166,57 @@ TEST_CASE("a run killed at any moment leaves nothing that the next one trusts wr
   CHECK(killed >= 20);
 }
 
+TEST_CASE("a run killed after ten of twenty UDIM tiles leaves those ten whole", "[flow]") {
+  const TempFolder folder;
+  const std::string log = folder.file("log"), out = folder.file("out");
+  run({kFixture, "plane", "-o", folder.file("s.obj"), "--triangles", "3000", "--uv-tiles", "16",
+       "--texture", "64"},
+      log);
+  run({kFixture, "plane", "-o", folder.file("t.obj"), "--triangles", "4000", "--uv-tiles", "20"},
+      log);
+  const auto command = [&](const std::string& to) {
+    return std::vector<std::string>{kPounce,
+                                    "transfer",
+                                    folder.file("s.obj"),
+                                    folder.file("t.obj"),
+                                    "-o",
+                                    to + "/t.<UDIM>.png",
+                                    "--source-texture",
+                                    "baseColor=" + folder.file("s.<UDIM>.png"),
+                                    "--size",
+                                    "300",
+                                    "--no-cache"};
+  };
+  const std::string whole = folder.file("whole");
+  fs::create_directory(whole);
+  run(command(whole), log);
+  const auto tiles = [](const std::string& in) {
+    return std::distance(fs::directory_iterator(in), {});
+  };
+  REQUIRE(tiles(whole) == 20);
+  fs::create_directory(out);
+  const pid_t child = start(command(out), log);
+  for (int i = 0; tiles(out) < 10 && i < 60000; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  kill(child, SIGKILL);
+  const Ended ended = wait_for(child);
+  const auto kept = tiles(out);
+  std::printf("FIGURE killed with status %d after %d tiles\n", ended.status,
+              static_cast<int>(kept));
+  CHECK(ended.status == -SIGKILL);
+  CHECK(kept >= 10);
+  CHECK(kept < 20);
+  const auto check_tiles = [&] {
+    for (const auto& entry : fs::directory_iterator(out)) {
+      const std::string name = entry.path().filename().string();
+      CAPTURE(name);
+      CHECK((content(entry.path().string()) == content(whole + "/" + name)));
+    }
+  };
+  check_tiles();
+  run(command(out), log);
+  CHECK(tiles(out) == 20);
+  check_tiles();
+}
+
 }  // namespace pounce::test
