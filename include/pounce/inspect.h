@@ -7,7 +7,8 @@
 
 namespace pounce {
 
-/// What a mesh (.glb, .gltf, .obj), image or tile store holds, as text for people.
+/// What a mesh (.glb, .gltf, .obj), splat scene (.ply), image or tile store holds, as text for
+/// people.
 /// Throws Error(input) if the file is none of these or malformed, Error(damaged_store) for a store
 /// whose bytes do not match their checksums.
 std::string inspect_text(const std::string& path);

@@ -36,7 +36,6 @@ using tiles::SplatLattice;
 /// Raised whenever the same file would make another store: part of the key.
 constexpr std::uint32_t kSplatStoreVersion = 1;
 
-constexpr std::uint64_t kSampleSpots = 1024, kSampleRows = 64;
 constexpr std::uint64_t kLeastRun = 16 << 10, kMostRun = 4 << 20;
 constexpr std::size_t kLeastFanIn = 16, kMostFanIn = 1024;
 constexpr std::size_t kTileBlocks = 32;
@@ -46,9 +45,10 @@ constexpr std::uint32_t kNoiseBlocksLog2 = 5;
 /// Per Gaussian of a run that is being made: the Gaussian, and twice its key.
 constexpr std::uint64_t kRunBytes = sizeof(Splat) + 2 * sizeof(KeyedSplat);
 
-std::uint64_t sample_bytes() {
-  return 4 * round_to_pages(kSampleSpots * kSampleRows * sizeof(float)) +
-         round_to_pages(kSampleSpots * kSampleRows * sizeof(Splat));
+/// The sample, what the lattice makes of it (vectors that grow hold up to three times their size),
+/// and what reading takes.
+std::uint64_t sample_bytes(const io::SplatPly& ply) {
+  return io::SplatPly::kSampleSplats * (sizeof(Splat) + 3 * 4 * sizeof(float)) + ply.read_bytes();
 }
 
 std::uint64_t run_bytes(const io::SplatPly& ply, std::uint64_t splats) {
@@ -97,27 +97,8 @@ class StoreBuilder {
 };
 
 SplatLattice StoreBuilder::make_lattice() {
-  const Lease lease(job_.budget, sample_bytes() + ply_.read_bytes(), "looking at " + request_.path);
-  const std::uint64_t rows = ply_.header().splats;
-  PageVector<Splat> splats;
-  splats.reserve(std::min(rows, kSampleSpots * kSampleRows));
-  tiles::SplatCounts ignored{};
-  if (rows <= kSampleSpots * kSampleRows) {
-    ply_.read(0, rows, splats, ignored);
-  } else {
-    for (std::uint64_t i = 0; i < kSampleSpots; ++i) {
-      const std::uint64_t first = rows / kSampleSpots * i + rows % kSampleSpots * i / kSampleSpots;
-      ply_.read(first, std::min(kSampleRows, rows - first), splats, ignored);
-    }
-  }
-  tiles::SplatSample sample;
-  for (const Splat& s : splats) {
-    sample.mean[0].push_back(s.mean.x);
-    sample.mean[1].push_back(s.mean.y);
-    sample.mean[2].push_back(s.mean.z);
-    sample.size.push_back(std::max({s.sigma.x, s.sigma.y, s.sigma.z}));
-  }
-  return SplatLattice(sample);
+  const Lease lease(job_.budget, sample_bytes(ply_), "looking at " + request_.path);
+  return SplatLattice(ply_.sample());
 }
 
 SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& writer,
@@ -135,8 +116,7 @@ SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& wri
       ++filtered[static_cast<std::size_t>(*reason)];
       continue;
     }
-    order.push_back({lattice.key(s.mean, std::max({s.sigma.x, s.sigma.y, s.sigma.z})),
-                     static_cast<std::uint32_t>(i)});
+    order.push_back({lattice.key(s), static_cast<std::uint32_t>(i)});
   }
   sort_by_key(order, scratch);
   return writer.write(splats, order);
@@ -394,7 +374,7 @@ std::uint64_t splat_least_bytes(const SplatRequest& request) {
   const std::uint64_t lists = ply.header().splats / 1024 * 2 * sizeof(tiles::ChunkRef) +
                               ply.header().splats / kLeastRun * 2 * sizeof(SplatRun) + kPageBytes;
   return std::max(
-             {sample_bytes() + ply.read_bytes(), run_bytes(ply, kLeastRun) + lists,
+             {sample_bytes(ply), run_bytes(ply, kLeastRun) + lists,
               lists + pending_bytes() + token_bytes() + kLeastFanIn * SplatMerge::cursor_bytes()}) +
          (64 << 10);
 }

@@ -31,8 +31,6 @@ constexpr int kDigitBits = 11;
 constexpr std::size_t kDigits = (64 + kDigitBits - 1) / kDigitBits;
 constexpr std::size_t kDigitValues = std::size_t{1} << kDigitBits;
 
-float size_of(const Vec3f& sigma) { return std::max({sigma.x, sigma.y, sigma.z}); }
-
 }  // namespace
 
 std::uint64_t SplatRuns::splats() const {
@@ -192,7 +190,7 @@ void SplatMerge::refill(Cursor& cursor) {
     Splat& s = cursor.splats[i];
     std::memcpy(static_cast<void*>(&s), in.take(kPlainBytes).data(), kPlainBytes);
     s.normal = {};
-    cursor.keys[i] = lattice_.key(s.mean, size_of(s.sigma));
+    cursor.keys[i] = lattice_.key(s);
   }
   if (!has_normals) return;
   for (Splat& s : cursor.splats) in.get_span(std::span(&s.normal, 1));

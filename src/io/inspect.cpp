@@ -15,7 +15,9 @@
 #include "core/hash.h"
 #include "io/image_read.h"
 #include "io/inspect_mesh.h"
+#include "io/inspect_splats.h"
 #include "io/read_mesh.h"
+#include "io/splat_ply_header.h"
 #include "tiles/pack.h"
 
 namespace pounce {
@@ -23,7 +25,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-enum class FileType { mesh, image, pack };
+enum class FileType { mesh, splats, image, pack };
 
 constexpr std::string_view kPackStart = "POUNCEPK";
 constexpr std::string_view kGlbStart = "glTF";
@@ -44,8 +46,10 @@ FileType file_type(const std::string& path, const ReadFile& file) {
   const std::string_view begins(start.data(), length);
   if (begins == kPackStart) return FileType::pack;
   if (begins.substr(0, kGlbStart.size()) == kGlbStart) return FileType::mesh;
+  if (io::is_ply(file)) return FileType::splats;
   const std::string ending = lower_ending(path);
   if (ending == ".pack") return FileType::pack;
+  if (ending == ".ply") return FileType::splats;
   const bool is_mesh = ending == ".glb" || ending == ".gltf" || ending == ".obj";
   return is_mesh ? FileType::mesh : FileType::image;
 }
@@ -80,15 +84,18 @@ Json describe_image(const std::string& path) {
     if (error.kind() != ErrorKind::input) throw;
     throw Error(
         ErrorKind::input,
-        fmt::format("{}; it is no mesh (.glb, .gltf, .obj) and no tile pack either", error.what()));
+        fmt::format(
+            "{}; it is no mesh (.glb, .gltf, .obj), no splat scene (.ply) and no tile pack either",
+            error.what()));
   }
 }
 
 Json describe_file(const std::string& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: is a folder; name a mesh, an image or a pack file", path));
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: is a folder; name a mesh, a splat scene, an image or a pack file", path));
   }
   std::unique_ptr<ReadFile> file = posix_file_system().open(path);
   Json json{{"file", path}};
@@ -96,6 +103,10 @@ Json describe_file(const std::string& path) {
     case FileType::mesh:
       json["type"] = "mesh";
       json.update(io::describe(io::read_mesh(path)));
+      break;
+    case FileType::splats:
+      json["type"] = "splats";
+      json.update(io::describe_splats(path));
       break;
     case FileType::image:
       json["type"] = "image";
@@ -116,6 +127,7 @@ std::string inspect_text(const std::string& path) {
   const std::string type = file["type"].get<std::string>();
   std::string text = fmt::format("{}: {}\n", path, type == "pack" ? "tile pack" : type);
   if (type == "mesh") return text + io::mesh_text(file);
+  if (type == "splats") return text + io::splats_text(file);
   if (type == "image") return text + io::image_text(file) + "\n";
   return text +
          fmt::format(

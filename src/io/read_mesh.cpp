@@ -37,9 +37,16 @@ Format format_of(const std::string& path) {
   std::string_view text(head.data(), count);
   if (text.starts_with("glTF")) return Format::gltf;
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  const std::string ending = lower_ending(path);
+  if (ending == ".ply" || text.starts_with("ply\n") || text.starts_with("ply\r\n")) {
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: a PLY file is read as a splat scene, which is a source only; convert "
+                    "a mesh to .glb, .gltf or .obj",
+                    path));
+  }
   const std::size_t start = text.find_first_not_of(" \t\r\n");
   const bool is_json = start != std::string_view::npos && text[start] == '{';
-  const std::string ending = lower_ending(path);
   if (ending == ".gltf" || ending == ".glb" || (is_json && ending != ".obj")) {
     if (size == 0) {
       throw Error(ErrorKind::input, fmt::format("{}: the file is empty; export it again", path));

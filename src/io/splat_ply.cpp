@@ -165,6 +165,21 @@ std::uint64_t SplatPly::batch_rows() const {
   return std::max<std::uint64_t>(1, kReadBytes / header_.row_bytes);
 }
 
+PageVector<Splat> SplatPly::sample() const {
+  constexpr std::uint64_t kRowsPerSpot = 64, kSpots = kSampleSplats / kRowsPerSpot;
+  const std::uint64_t rows = header_.splats;
+  PageVector<Splat> splats;
+  splats.reserve(std::min(rows, kSampleSplats));
+  SplatCounts ignored{};
+  if (rows <= kSampleSplats) {
+    read(0, rows, splats, ignored);
+    return splats;
+  }
+  for (std::uint64_t i = 0; i < kSpots; ++i)
+    read(rows / kSpots * i + rows % kSpots * i / kSpots, kRowsPerSpot, splats, ignored);
+  return splats;
+}
+
 std::uint64_t SplatPly::read_bytes() const {
   return round_to_pages(batch_rows() * header_.row_bytes) + round_to_pages(sizeof(Batch));
 }

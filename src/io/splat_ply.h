@@ -31,6 +31,9 @@ class SplatPly {
   /// Needs read_bytes() beside what it appends.
   void read(std::uint64_t first_row, std::uint64_t rows, PageVector<tiles::Splat>& out,
             tiles::SplatCounts& filtered) const;
+  /// The usable Gaussians of up to kSampleSplats rows, taken evenly from the whole file.
+  static constexpr std::uint64_t kSampleSplats = 1 << 16;
+  PageVector<tiles::Splat> sample() const;
   /// What a call of read() takes for itself.
   std::uint64_t read_bytes() const;
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -26,6 +27,11 @@ struct Splat {
   Vec3f normal;                               ///< unit, or 0 0 0 where the file has none
   bool operator==(const Splat&) const = default;
 };
+
+/// The largest standard deviation.
+inline float size_of(const Splat& splat) {
+  return std::max({splat.sigma.x, splat.sigma.y, splat.sigma.z});
+}
 
 /// Rounds everything but the mean to 16 significant bits, a relative error of at most 2^-16: far
 /// below what a blend shows, and a quarter of those columns' bytes becomes zero

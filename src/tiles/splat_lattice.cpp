@@ -65,14 +65,22 @@ std::uint64_t spread(std::uint64_t v) {
 
 }  // namespace
 
-SplatLattice::SplatLattice(SplatSample& sample) {
-  if (sample.size.empty()) return;
+SplatLattice::SplatLattice(std::span<const Splat> sample) {
+  if (sample.empty()) return;
+  std::array<PageVector<float>, 3> means;
+  PageVector<float> sizes;
+  for (const Splat& s : sample) {
+    means[0].push_back(s.mean.x);
+    means[1].push_back(s.mean.y);
+    means[2].push_back(s.mean.z);
+    sizes.push_back(size_of(s));
+  }
   std::array<float, 3> low, high;
   double half = 0;
   const auto measure = [&](double rank) {
     for (std::size_t k = 0; k < 3; ++k) {
-      low[k] = quantile(sample.mean[k], rank);
-      high[k] = quantile(sample.mean[k], 1 - rank);
+      low[k] = quantile(means[k], rank);
+      high[k] = quantile(means[k], 1 - rank);
       centre_[k] = (static_cast<double>(low[k]) + static_cast<double>(high[k])) / 2;
       half = std::max(half, (static_cast<double>(high[k]) - static_cast<double>(low[k])) / 2);
     }
@@ -80,7 +88,7 @@ SplatLattice::SplatLattice(SplatSample& sample) {
   measure(0.1);
   if (half == 0) measure(0);  // most Gaussians stand in one place
   middle_ = {{low[0], low[1], low[2]}, {high[0], high[1], high[2]}};
-  const auto median = static_cast<double>(quantile(sample.size, 0.5));
+  const auto median = static_cast<double>(quantile(sizes, 0.5));
   if (half == 0) half = median;
   cell_ = power_of_two_above(half) / kStraight;
   per_cell_ = 1 / cell_;
@@ -93,8 +101,7 @@ std::optional<SplatFilter> SplatLattice::filter(const Splat& splat) const {
   for (std::size_t k = 0; k < 3; ++k) {
     if (std::abs(static_cast<double>(mean[k]) - centre_[k]) >= far) return SplatFilter::far;
   }
-  const float size = std::max({splat.sigma.x, splat.sigma.y, splat.sigma.z});
-  if (static_cast<double>(size) >= far) return SplatFilter::exploded;
+  if (static_cast<double>(size_of(splat)) >= far) return SplatFilter::exploded;
   return std::nullopt;
 }
 
@@ -104,12 +111,13 @@ std::uint32_t SplatLattice::size_class(float size) const {
   return std::min(31U, static_cast<std::uint32_t>(std::ilogb(ratio)) / 2 + 1);
 }
 
-std::uint64_t SplatLattice::key(Vec3f mean, float size) const {
+std::uint64_t SplatLattice::key(const Splat& splat) const {
+  const Vec3f& mean = splat.mean;
   const auto code = [&](float v, std::size_t k) {
     return spread(axis_code((static_cast<double>(v) - centre_[k]) * per_cell_));
   };
   const std::uint64_t morton = code(mean.x, 0) << 2 | code(mean.y, 1) << 1 | code(mean.z, 2);
-  const std::uint64_t size_class_of = size_class(size);
+  const std::uint64_t size_class_of = size_class(size_of(splat));
   if (size_class_of == 0) return morton;
   // Larger ones are content with cells four times as wide: the class takes the bits.
   return 1ULL << 63 | size_class_of << kClassShift | morton >> 6;

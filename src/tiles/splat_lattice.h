@@ -11,25 +11,20 @@
 
 namespace pounce::tiles {
 
-/// What is known of a scene before it is read: some of its Gaussians, by column.
-struct SplatSample {
-  std::array<PageVector<float>, 3> mean;
-  PageVector<float> size;  ///< largest standard deviation
-};
-
 /// The order of a splat store: a size class, and within it a Morton code on one lattice for the
 /// whole scene. The lattice's cells are equal cubes in the middle of the scene, 2^20 across the
 /// widest side of what is left of a sample without its outer tenths; outside they grow with the
 /// distance, so that a stray Gaussian far away costs no resolution. Thread-safe.
 class SplatLattice {
  public:
-  /// Deterministic; reorders the sample. An empty one gives a lattice of unit cells.
-  explicit SplatLattice(SplatSample& sample);
+  /// From Gaussians taken evenly from the scene. None give a lattice of unit cells. Takes 16 bytes
+  /// for each of them meanwhile.
+  explicit SplatLattice(std::span<const Splat> sample);
 
   /// Gaussians of no use to anybody: beyond 2^16 times the half width of the middle, or larger.
   std::optional<SplatFilter> filter(const Splat& splat) const;
   /// Smaller comes first. Only for Gaussians that filter() lets through.
-  std::uint64_t key(Vec3f mean, float size) const;
+  std::uint64_t key(const Splat& splat) const;
   static std::uint64_t key_size_class(std::uint64_t key) {
     return (key >> 63) == 0 ? 0 : key >> kClassShift & 63;
   }

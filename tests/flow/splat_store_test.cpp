@@ -125,18 +125,9 @@ TEST_CASE("an external sort is std::stable_sort of the file", "[flow]") {
   PageVector<Splat> splats;
   tiles::SplatCounts filtered{};
   ply.read(0, ply.header().splats, splats, filtered);
-  tiles::SplatSample sample;
-  for (const Splat& s : splats) {
-    sample.mean[0].push_back(s.mean.x);
-    sample.mean[1].push_back(s.mean.y);
-    sample.mean[2].push_back(s.mean.z);
-    sample.size.push_back(std::max({s.sigma.x, s.sigma.y, s.sigma.z}));
-  }
-  const tiles::SplatLattice lattice(sample);
+  const tiles::SplatLattice lattice(splats);
   for (Splat& s : splats) tiles::round_for_store(s);
-  const auto key = [&](const Splat& s) {
-    return lattice.key(s.mean, std::max({s.sigma.x, s.sigma.y, s.sigma.z}));
-  };
+  const auto key = [&](const Splat& s) { return lattice.key(s); };
   std::erase_if(splats, [&](const Splat& s) { return lattice.filter(s).has_value(); });
   std::stable_sort(splats.begin(), splats.end(),
                    [&](const Splat& a, const Splat& b) { return key(a) < key(b); });

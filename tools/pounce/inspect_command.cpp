@@ -15,6 +15,9 @@ constexpr const char* kUsage =
     "  # Triangles, UV sets and their ranges, materials and their textures.\n"
     "  pounce inspect avatar.glb\n"
     "\n"
+    "  # Gaussians of a splat scene, those a transfer would leave out, and why.\n"
+    "  pounce inspect room.ply\n"
+    "\n"
     "  # Size, sample type and colour space of an image, for a program.\n"
     "  pounce inspect skin.png --json\n"
     "\n"
@@ -31,9 +34,9 @@ struct Settings {
 Command add_inspect_command(CLI::App& program) {
   const auto settings = std::make_shared<Settings>();
   CLI::App* command =
-      program.add_subcommand("inspect", "Say what a mesh, an image or a tile store holds");
+      program.add_subcommand("inspect", "Say what a mesh, a splat scene, an image or a tile store holds");
   set_help_text(*command, kUsage);
-  command->add_option("FILE", settings->path, "Mesh, image or pack file")
+  command->add_option("FILE", settings->path, "Mesh, splat scene, image or pack file")
       ->option_text(" ")
       ->required();
   add_switch(*command, "--json", "Options", "As JSON instead of text", settings->json);

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/inspect_splats.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "core/box.h"
+#include "io/splat_ply.h"
+#include "tiles/splat_lattice.h"
+
+namespace pounce::io {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using tiles::Splat;
+
+/// The double with the fewest digits that names this float.
+double shortest(float value) { return std::strtod(fmt::format("{}", value).c_str(), nullptr); }
+
+Json box_json(const Box3f& box) {
+  const auto corner = [](Vec3f v) { return Json{shortest(v.x), shortest(v.y), shortest(v.z)}; };
+  return {{"lo", corner(box.lo)}, {"hi", corner(box.hi)}};
+}
+
+const char* model_name(tiles::SplatModel model) {
+  switch (model) {
+    case tiles::SplatModel::standard:
+      return "default";
+    case tiles::SplatModel::antialiased:
+      return "antialiased";
+    case tiles::SplatModel::flat:
+      break;
+  }
+  return "2dgs";
+}
+
+/// Of the sample.
+template <class Value>
+Json quantiles(const PageVector<Splat>& sample, const Value& value) {
+  std::vector<float> values;
+  for (const Splat& s : sample) values.push_back(value(s));
+  std::sort(values.begin(), values.end());
+  const auto at = [&](std::size_t percent) {
+    return shortest(values[(values.size() - 1) * percent / 100]);
+  };
+  return {{"p10", at(10)}, {"p50", at(50)}, {"p90", at(90)}};
+}
+
+std::string vector_text(const Json& v) {
+  return fmt::format("{} {} {}", v[0].get<double>(), v[1].get<double>(), v[2].get<double>());
+}
+
+std::string quantiles_text(const Json& q) {
+  return fmt::format("10 % {}, half {}, 90 % {}", q["p10"].get<double>(), q["p50"].get<double>(),
+                     q["p90"].get<double>());
+}
+
+}  // namespace
+
+Json describe_splats(const std::string& path) {
+  constexpr std::uint64_t kRows = 16 << 10;
+  const SplatPly ply(path);
+  const SplatPlyHeader& header = ply.header();
+  const PageVector<Splat> sample = ply.sample();
+  const tiles::SplatLattice lattice(sample);
+  tiles::SplatCounts filtered{};
+  std::uint64_t usable = 0, with_normal = 0;
+  Box3f box;  // of all that have a place, the strays included: it says why there are strays
+  PageVector<Splat> splats;
+  for (std::uint64_t first = 0; first < header.splats; first += kRows) {
+    splats.clear();
+    ply.read(first, std::min(kRows, header.splats - first), splats, filtered);
+    for (const Splat& s : splats) {
+      box.extend(s.mean);
+      if (const auto reason = lattice.filter(s)) {
+        ++filtered[static_cast<std::size_t>(*reason)];
+        continue;
+      }
+      ++usable;
+      with_normal += s.normal != Vec3f{} ? 1 : 0;
+    }
+  }
+  Json json{{"gaussians", header.splats},        {"usable", usable},
+            {"filtered", Json::object()},        {"sh_degree", header.sh_degree},
+            {"model", model_name(header.model)}, {"with_normal", with_normal},
+            {"row_bytes", header.row_bytes}};
+  for (std::size_t k = 0; k < filtered.size(); ++k) {
+    if (filtered[k] > 0)
+      json["filtered"][tiles::filter_name(static_cast<tiles::SplatFilter>(k))] = filtered[k];
+  }
+  if (!box.empty()) json["box"] = box_json(box);
+  if (!sample.empty()) {
+    json["middle_box"] = box_json(lattice.middle_box());
+    json["opacity"] = quantiles(sample, [](const Splat& s) { return s.alpha; });
+    json["size"] = quantiles(sample, [](const Splat& s) { return tiles::size_of(s); });
+  }
+  Json columns = Json::array();
+  for (const PlyColumn& column : header.columns) columns.push_back(column.name);
+  json["columns"] = columns;
+  return json;
+}
+
+std::string splats_text(const Json& splats) {
+  std::string text =
+      fmt::format("gaussians  {}, {} usable\n", splats["gaussians"].get<std::uint64_t>(),
+                  splats["usable"].get<std::uint64_t>());
+  for (const auto& [reason, count] : splats["filtered"].items())
+    text += fmt::format("left out   {} {}\n", count.get<std::uint64_t>(), reason);
+  text += fmt::format("columns    {}, {} bytes per Gaussian, spherical harmonics of degree {}\n",
+                      splats["columns"].size(), splats["row_bytes"].get<unsigned>(),
+                      splats["sh_degree"].get<unsigned>());
+  text += fmt::format("model      {}\n", splats["model"].get<std::string>());
+  text += fmt::format("normals    {}\n", splats["with_normal"].get<std::uint64_t>());
+  const auto box_text = [&](const char* name, const char* key) {
+    if (!splats.contains(key)) return;
+    text += fmt::format("{:<10} {}  to  {}\n", name, vector_text(splats[key]["lo"]),
+                        vector_text(splats[key]["hi"]));
+  };
+  box_text("box", "box");
+  box_text("middle", "middle_box");
+  if (splats.contains("opacity")) {
+    text += fmt::format("opacity    {}\n", quantiles_text(splats["opacity"]));
+    text += fmt::format("size       {} (largest sigma)\n", quantiles_text(splats["size"]));
+  }
+  return text;
+}
+
+}  // namespace pounce::io
