@@ -27,10 +27,36 @@ double root(double x, int n) noexcept {
   return r;
 }
 
+/// A transfer function over 0..1 at 4097 places, straight between them: off by less than 2e-5, a
+/// fiftieth of a step of 8 bits, and by less than 1e-5 of the value towards linear, a fiftieth of a
+/// half's. Everything exact would cost five times the rest of a transfer.
+class CoarseCurve {
+ public:
+  explicit CoarseCurve(double (*exact)(double) noexcept) {
+    for (std::size_t i = 0; i < knots_.size(); ++i)
+      knots_[i] = exact(static_cast<double>(i) / kIntervals);
+  }
+  double operator()(double v) const noexcept {
+    const double at = v * kIntervals;
+    const auto i = static_cast<std::size_t>(at);
+    if (i >= kIntervals) return knots_[kIntervals];
+    return knots_[i] + (at - static_cast<double>(i)) * (knots_[i + 1] - knots_[i]);
+  }
+
+ private:
+  static constexpr std::size_t kIntervals = 4096;
+  std::array<double, kIntervals + 1> knots_;
+};
+
 double converted(const TexelFormat& format, const TexelValue& value, std::uint32_t channel,
                  double v) noexcept {
   const bool is_alpha = format.has_alpha && channel + 1 == format.channels;
   if (!format.is_colour || is_alpha || format.linear == value.linear) return v;
+  const bool coarse = format.depth == Depth::u8 || format.depth == Depth::half;
+  if (coarse && v >= 0 && v <= 1) {
+    static const CoarseCurve to_linear(srgb_to_linear), to_coded(linear_to_srgb);
+    return format.linear ? to_linear(v) : to_coded(v);
+  }
   return format.linear ? srgb_to_linear(v) : linear_to_srgb(v);
 }
 
