@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -33,6 +34,15 @@ class WriteFile {
   virtual std::unique_ptr<ReadFile> reader() const = 0;
 };
 
+/// What a file system says of one name.
+struct FileStatus {
+  std::uint64_t size_bytes = 0;
+  std::int64_t modified_ns = 0;  ///< since 1970; what touch() sets
+  std::int64_t changed_ns = 0;   ///< since 1970; no program can set it
+  std::uint64_t device = 0, inode = 0;
+  bool is_folder = false;
+};
+
 /// A lock on a path. Released when destroyed or when the process dies, however it dies.
 class FileLock {
  public:
@@ -55,9 +65,34 @@ class FileSystem {
   virtual void make_folders(const std::string& path) = 0;
   virtual void sync_folder(const std::string& path) = 0;
   virtual std::vector<std::string> list(const std::string& folder) = 0;  ///< names, sorted
-  /// Takes the lock on `path` (a file that is created and stays); null if somebody else holds it,
-  /// be it another process or another object of this one.
+  /// Takes the lock on `path` (a file that is created, gets the number of this process as text, and
+  /// stays until its holder removes it); null if somebody else holds it, be it another process or
+  /// another object of this one.
   virtual std::unique_ptr<FileLock> try_lock(const std::string& path) = 0;
+
+  // Files that several processes share. Whoever has one open through these holds it (a shared
+  // lock); whoever removes one through remove_unheld() is sure that nobody does.
+
+  /// Like open(), and holds the file until the reader is gone; null if there is none or it is just
+  /// being removed.
+  virtual std::unique_ptr<ReadFile> open_held(const std::string& path) = 0;
+  /// Like create(), and holds the file until writer and readers are gone. Null if it was taken for
+  /// a leftover and removed before it could be held; try another name.
+  virtual std::unique_ptr<WriteFile> create_held(const std::string& path) = 0;
+  /// Removes a file unless somebody holds or locks it (then false). A missing one is fine.
+  virtual bool remove_unheld(const std::string& path) = 0;
+  /// Like rename(), but false, and nothing done, if `to` exists.
+  virtual bool rename_new(const std::string& from, const std::string& to) = 0;
+  /// Nothing if there is no such file.
+  virtual std::optional<FileStatus> status(const std::string& path) = 0;
+  /// Sets modified_ns to now. The file must exist.
+  virtual void touch(const std::string& path) = 0;
+  /// Makes a file this long, whatever was appended to it; what is added takes no room yet.
+  virtual void resize(const std::string& path, std::uint64_t size_bytes) = 0;
+  /// Whether files can be made in this folder.
+  virtual bool is_writable(const std::string& folder) = 0;
+  /// Size of the file system that holds the folder; 0 = it has none.
+  virtual std::uint64_t disk_bytes(const std::string& folder) = 0;
 };
 
 FileSystem& posix_file_system();

@@ -6,7 +6,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <map>
@@ -32,12 +34,35 @@ constexpr std::size_t kPieceBytes = 64u << 10;
 /// The bytes of one file; shared by its name, its writer and its readers. Thread-safe.
 class Contents {
  public:
-  explicit Contents(std::string path) : path_(std::move(path)) {}
+  explicit Contents(std::string path) : path_(std::move(path)) { touch(); }
 
   std::uint64_t size_bytes() const {
     const std::shared_lock lock(mutex_);
     return size_;
   }
+
+  FileStatus status() const {
+    const std::shared_lock lock(mutex_);
+    FileStatus status;
+    status.size_bytes = std::max(size_, reserved_);
+    status.modified_ns = status.changed_ns = modified_ns_;
+    status.inode = reinterpret_cast<std::uintptr_t>(this);
+    return status;
+  }
+  void touch() {
+    const std::unique_lock lock(mutex_);
+    modified_ns_ = std::chrono::duration_cast<std::chrono::nanoseconds>(
+                       std::chrono::system_clock::now().time_since_epoch())
+                       .count();
+  }
+  /// Shows the file this long; only what was appended can be read.
+  void reserve(std::uint64_t size_bytes) {
+    const std::unique_lock lock(mutex_);
+    reserved_ = size_bytes;
+  }
+  void hold() { ++holders_; }
+  void let_go() { --holders_; }
+  bool held() const { return holders_ > 0; }
 
   void append(std::span<const std::byte> bytes) {
     const std::unique_lock lock(mutex_);
@@ -71,13 +96,30 @@ class Contents {
   const std::string path_;
   mutable std::shared_mutex mutex_;
   std::vector<std::unique_ptr<std::byte[]>> pieces_;
-  std::uint64_t size_ = 0;
+  std::uint64_t size_ = 0, reserved_ = 0;
+  std::int64_t modified_ns_ = 0;
+  std::atomic<int> holders_{0};
 };
+
+/// Holds a file for as long as it lives. Shared between a writer and its readers.
+class Hold {
+ public:
+  explicit Hold(std::shared_ptr<Contents> contents) : contents_(std::move(contents)) {
+    contents_->hold();
+  }
+  ~Hold() { contents_->let_go(); }
+  Hold(const Hold&) = delete;
+  Hold& operator=(const Hold&) = delete;
+
+ private:
+  std::shared_ptr<Contents> contents_;
+};
+using HoldPtr = std::shared_ptr<Hold>;
 
 class MemoryReadFile final : public ReadFile {
  public:
-  explicit MemoryReadFile(std::shared_ptr<const Contents> contents)
-      : contents_(std::move(contents)) {}
+  explicit MemoryReadFile(std::shared_ptr<const Contents> contents, HoldPtr hold = nullptr)
+      : contents_(std::move(contents)), hold_(std::move(hold)) {}
   std::uint64_t size_bytes() const override { return contents_->size_bytes(); }
   void read(std::uint64_t offset, std::span<std::byte> out) const override {
     contents_->read(offset, out);
@@ -85,20 +127,23 @@ class MemoryReadFile final : public ReadFile {
 
  private:
   std::shared_ptr<const Contents> contents_;
+  HoldPtr hold_;
 };
 
 class MemoryWriteFile final : public WriteFile {
  public:
-  explicit MemoryWriteFile(std::shared_ptr<Contents> contents) : contents_(std::move(contents)) {}
+  explicit MemoryWriteFile(std::shared_ptr<Contents> contents, HoldPtr hold = nullptr)
+      : contents_(std::move(contents)), hold_(std::move(hold)) {}
   void append(std::span<const std::byte> bytes) override { contents_->append(bytes); }
   std::uint64_t size_bytes() const override { return contents_->size_bytes(); }
   void sync() override {}
   std::unique_ptr<ReadFile> reader() const override {
-    return std::make_unique<MemoryReadFile>(contents_);
+    return std::make_unique<MemoryReadFile>(contents_, hold_);
   }
 
  private:
   std::shared_ptr<Contents> contents_;
+  HoldPtr hold_;
 };
 
 /// The locks held; shared with them, so that a lock may outlive the file system.
@@ -131,13 +176,7 @@ class MemoryFileSystem final : public FileSystem {
   }
 
   std::unique_ptr<WriteFile> create(const std::string& path) override {
-    const std::lock_guard lock(mutex_);
-    const std::string name = normal(path);
-    if (!has_folder(parent(name))) fail(path, "create", ENOENT);
-    if (files_.contains(name) || folders_.contains(name)) fail(path, "create", EEXIST);
-    const auto contents = std::make_shared<Contents>(path);
-    files_[name] = contents;
-    return std::make_unique<MemoryWriteFile>(contents);
+    return std::make_unique<MemoryWriteFile>(add(path));
   }
 
   std::unique_ptr<WriteFile> create_scratch(const std::string& folder) override {
@@ -197,7 +236,69 @@ class MemoryFileSystem final : public FileSystem {
     return std::make_unique<MemoryFileLock>(held_, normal(path));
   }
 
+  std::unique_ptr<ReadFile> open_held(const std::string& path) override {
+    const std::lock_guard lock(mutex_);
+    const auto found = files_.find(normal(path));
+    if (found == files_.end()) return nullptr;
+    return std::make_unique<MemoryReadFile>(found->second, std::make_shared<Hold>(found->second));
+  }
+
+  std::unique_ptr<WriteFile> create_held(const std::string& path) override {
+    const auto contents = add(path);
+    return std::make_unique<MemoryWriteFile>(contents, std::make_shared<Hold>(contents));
+  }
+
+  bool remove_unheld(const std::string& path) override {
+    const std::lock_guard lock(mutex_);
+    const auto found = files_.find(normal(path));
+    if (found == files_.end()) return true;
+    if (found->second->held()) return false;
+    files_.erase(found);
+    return true;
+  }
+
+  bool rename_new(const std::string& from, const std::string& to) override {
+    if (exists(to)) return false;
+    rename(from, to);
+    return true;
+  }
+
+  std::optional<FileStatus> status(const std::string& path) override {
+    const std::lock_guard lock(mutex_);
+    if (const auto found = files_.find(normal(path)); found != files_.end()) {
+      return found->second->status();
+    }
+    if (!has_folder(normal(path))) return std::nullopt;
+    FileStatus status;
+    status.is_folder = true;
+    return status;
+  }
+
+  void touch(const std::string& path) override { get(path, "set its time")->touch(); }
+  void resize(const std::string& path, std::uint64_t size_bytes) override {
+    get(path, "set its size")->reserve(size_bytes);
+  }
+  bool is_writable(const std::string& folder) override {
+    const std::lock_guard lock(mutex_);
+    return has_folder(normal(folder));
+  }
+  std::uint64_t disk_bytes(const std::string&) override { return 0; }
+
  private:
+  std::shared_ptr<Contents> add(const std::string& path) {
+    const std::lock_guard lock(mutex_);
+    const std::string name = normal(path);
+    if (!has_folder(parent(name))) fail(path, "create", ENOENT);
+    if (files_.contains(name) || folders_.contains(name)) fail(path, "create", EEXIST);
+    return files_[name] = std::make_shared<Contents>(path);
+  }
+  std::shared_ptr<Contents> get(const std::string& path, const char* what) {
+    const std::lock_guard lock(mutex_);
+    const auto found = files_.find(normal(path));
+    if (found == files_.end()) fail(path, what, ENOENT);
+    return found->second;
+  }
+
   static std::string normal(const std::string& path) {
     std::string name = std::filesystem::path(path).lexically_normal().string();
     if (name.size() > 1 && name.back() == '/') name.pop_back();

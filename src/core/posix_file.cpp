@@ -7,11 +7,13 @@
 #include <fmt/format.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <cstdio>
 #include <filesystem>
 #include <mutex>
 #include <system_error>
@@ -38,6 +40,10 @@ const char* advice(int code) {
     case EPERM:
     case EROFS:
       return "; choose a folder that this user may write to";
+    case ENOLCK:
+    case EOPNOTSUPP:
+    case ENOSYS:
+      return "; its file system cannot do that, choose a folder on another one";
     default:
       return "";
   }
@@ -68,6 +74,32 @@ int open_retrying(const char* path, int flags, mode_t mode = 0) {
     const int fd = ::open(path, flags | O_CLOEXEC, mode);
     if (fd >= 0 || errno != EINTR) return fd;
   }
+}
+
+/// Takes a lock (LOCK_SH or LOCK_EX) without waiting; false if somebody else has it.
+bool lock_now(int fd, const std::string& path, int kind) {
+  while (::flock(fd, kind | LOCK_NB) != 0) {
+    if (errno == EINTR) continue;
+    if (errno == EWOULDBLOCK) return false;
+    fail(path, "lock", errno);
+  }
+  return true;
+}
+
+/// Whether `path` names the open file: another process may have removed or replaced it.
+bool is_named(int fd, const std::string& path) {
+  struct stat here {
+  }, there{};
+  if (::fstat(fd, &here) != 0) fail(path, "look at it", errno);
+  if (::stat(path.c_str(), &there) != 0) {
+    if (errno == ENOENT) return false;
+    fail(path, "look at it", errno);
+  }
+  return here.st_dev == there.st_dev && here.st_ino == there.st_ino;
+}
+
+std::int64_t nanoseconds(const timespec& time) {
+  return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
 }
 
 void read_fully(int fd, const std::string& path, std::uint64_t offset, std::span<std::byte> out) {
@@ -301,14 +333,97 @@ class PosixFileSystem final : public FileSystem {
   }
 
   std::unique_ptr<FileLock> try_lock(const std::string& path) override {
-    auto fd = std::make_unique<Descriptor>(open_retrying(path.c_str(), O_RDWR | O_CREAT, 0666));
-    if (fd->get() < 0) fail(path, "open the lock file", errno);
-    while (::flock(fd->get(), LOCK_EX | LOCK_NB) != 0) {
-      if (errno == EINTR) continue;
-      if (errno == EWOULDBLOCK) return nullptr;
-      fail(path, "lock", errno);
+    for (;;) {
+      auto fd = std::make_unique<Descriptor>(open_retrying(path.c_str(), O_RDWR | O_CREAT, 0666));
+      if (fd->get() < 0) fail(path, "open the lock file", errno);
+      if (!lock_now(fd->get(), path, LOCK_EX)) return nullptr;
+      if (!is_named(fd->get(), path)) continue;  // its last holder removed it
+      // Who holds it is for messages only: on a full disk it stays unknown.
+      const std::string holder = fmt::format("{:<12}\n", ::getpid());
+      (void)!::pwrite(fd->get(), holder.data(), holder.size(), 0);
+      return std::make_unique<PosixFileLock>(std::move(fd));
     }
-    return std::make_unique<PosixFileLock>(std::move(fd));
+  }
+
+  std::unique_ptr<ReadFile> open_held(const std::string& path) override {
+    const int fd = open_retrying(path.c_str(), O_RDONLY);
+    if (fd < 0 && errno == ENOENT) return nullptr;
+    if (fd < 0) fail(path, "open", errno);
+    auto file = std::make_unique<PosixReadFile>(fd, path);
+    if (!lock_now(fd, path, LOCK_SH) || !is_named(fd, path)) return nullptr;
+    return file;
+  }
+
+  std::unique_ptr<WriteFile> create_held(const std::string& path) override {
+    const int fd = open_retrying(path.c_str(), O_RDWR | O_CREAT | O_EXCL, 0666);
+    if (fd < 0) fail(path, "create", errno);
+    auto file = std::make_unique<PosixWriteFile>(fd, path);
+    if (!lock_now(fd, path, LOCK_SH) || !is_named(fd, path)) return nullptr;
+    return file;
+  }
+
+  bool remove_unheld(const std::string& path) override {
+    for (;;) {
+      const Descriptor fd(open_retrying(path.c_str(), O_RDWR));
+      if (fd.get() < 0 && errno == ENOENT) return true;
+      if (fd.get() < 0) fail(path, "remove", errno);
+      if (!lock_now(fd.get(), path, LOCK_EX)) return false;
+      if (!is_named(fd.get(), path)) continue;
+      remove(path);
+      return true;
+    }
+  }
+
+  bool rename_new(const std::string& from, const std::string& to) override {
+    if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) {
+      return true;
+    }
+    const bool unsupported = errno == EINVAL || errno == ENOSYS;
+    if (unsupported && ::link(from.c_str(), to.c_str()) == 0) {
+      remove(from);
+      return true;
+    }
+    if (errno == EEXIST) return false;
+    if (!unsupported) fail(from, fmt::format("rename to {}", to).c_str(), errno);
+    // Neither that nor hard links (FAT): the lock on the key must do.
+    if (exists(to)) return false;
+    rename(from, to);
+    return true;
+  }
+
+  std::optional<FileStatus> status(const std::string& path) override {
+    struct stat found {};
+    if (::stat(path.c_str(), &found) != 0) {
+      if (errno == ENOENT || errno == ENOTDIR) return std::nullopt;
+      fail(path, "look at it", errno);
+    }
+    return FileStatus{static_cast<std::uint64_t>(found.st_size),
+                      nanoseconds(found.st_mtim),
+                      nanoseconds(found.st_ctim),
+                      found.st_dev,
+                      found.st_ino,
+                      S_ISDIR(found.st_mode)};
+  }
+
+  void touch(const std::string& path) override {
+    const timespec times[2] = {{0, UTIME_OMIT}, {0, UTIME_NOW}};
+    if (::utimensat(AT_FDCWD, path.c_str(), times, 0) != 0) fail(path, "set its time", errno);
+  }
+
+  void resize(const std::string& path, std::uint64_t size_bytes) override {
+    while (::truncate(path.c_str(), static_cast<off_t>(size_bytes)) != 0) {
+      if (errno != EINTR) fail(path, "set its size", errno);
+    }
+  }
+
+  bool is_writable(const std::string& folder) override {
+    return ::access(folder.c_str(), W_OK | X_OK) == 0;
+  }
+
+  std::uint64_t disk_bytes(const std::string& folder) override {
+    struct statvfs disk {};
+    if (::statvfs(folder.c_str(), &disk) != 0) fail(folder, "look at its file system", errno);
+    return std::uint64_t{disk.f_blocks} * disk.f_frsize;
   }
 };
 

@@ -23,7 +23,7 @@ struct FailurePlan {
 /// Passes everything on to another file system and makes chosen calls throw Error(storage). Every
 /// call of FileSystem, WriteFile and ReadFile that could fail on a real disk counts. Thread-safe;
 /// must outlive the files it made.
-class FailingFileSystem final : public FileSystem {
+class FailingFileSystem : public FileSystem {
  public:
   explicit FailingFileSystem(FileSystem& real, FailurePlan plan = {}) : real_(real), plan_(plan) {}
 
@@ -74,6 +74,38 @@ class FailingFileSystem final : public FileSystem {
     step("try_lock");
     return real_.try_lock(path);
   }
+  std::unique_ptr<ReadFile> open_held(const std::string& path) override {
+    step("open_held");
+    auto file = real_.open_held(path);
+    return file ? std::make_unique<Reader>(*this, std::move(file)) : nullptr;
+  }
+  std::unique_ptr<WriteFile> create_held(const std::string& path) override {
+    step("create_held");
+    auto file = real_.create_held(path);
+    return file ? std::make_unique<Writer>(*this, std::move(file)) : nullptr;
+  }
+  bool remove_unheld(const std::string& path) override {
+    step("remove_unheld");
+    return real_.remove_unheld(path);
+  }
+  bool rename_new(const std::string& from, const std::string& to) override {
+    step("rename_new");
+    return real_.rename_new(from, to);
+  }
+  std::optional<FileStatus> status(const std::string& path) override {
+    step("status");
+    return real_.status(path);
+  }
+  void touch(const std::string& path) override {
+    step("touch");
+    real_.touch(path);
+  }
+  void resize(const std::string& path, std::uint64_t size_bytes) override {
+    step("resize");
+    real_.resize(path, size_bytes);
+  }
+  bool is_writable(const std::string& folder) override { return real_.is_writable(folder); }
+  std::uint64_t disk_bytes(const std::string& folder) override { return real_.disk_bytes(folder); }
 
  private:
   /// Counts a call; true if it is to fail.
