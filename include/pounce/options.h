@@ -61,6 +61,13 @@ struct Resources {
   std::string cache_dir;
   /// false: build the tile stores in `temp_dir` and remove them at the end.
   bool use_cache = true;
+  /// Room on disk that the cache may take, in bytes; what was used longest ago makes room before
+  /// anything is written, what does not fit is not kept. 0 = no limit. Default: a tenth of the file
+  /// system. Smaller costs making things again.
+  std::optional<std::uint64_t> cache_limit_bytes;
+  /// What another process is just making for the cache: true = wait for it, false = end with
+  /// Error(ErrorKind::busy).
+  bool wait_for_cache = true;
   /// Folder for scratch files; empty = the output's folder.
   std::string temp_dir;
 };

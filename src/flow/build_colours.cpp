@@ -5,6 +5,7 @@
 // The image is read once, top to bottom, in strips of one row of tiles; strips are cut, filtered
 // and compressed beside the reading and written in order. Tiles carry an apron of two texels, so
 // the first row of tiles needs the last rows of a repeating image: its strip waits until the end.
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_pipeline.h>
 
@@ -12,6 +13,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 
 #include "core/half.h"
 #include "flow/build_stores.h"
@@ -60,7 +62,12 @@ class ColumnBuilder {
         colour_least_bytes(info.width, image_.texel_bytes(), info.decoder_bytes);
     lease_ = Lease(job.budget, least, "decoding " + request.image->label);
     writer_ = std::make_unique<tiles::ColourStoreWriter>(
-        job.stores->create(tiles::PackKind::colour, key), image_.tiles_y());
+        job.stores->create(
+            tiles::PackKind::colour, key,
+            fmt::format("{}, {} x {}, {} x {}",
+                        std::filesystem::path(request.image->label).filename().string(), info.width,
+                        info.height, info.channels, depth_name(info.depth))),
+        image_.tiles_y());
   }
 
   std::unique_ptr<tiles::ColourStore> build() {
@@ -243,12 +250,10 @@ std::unique_ptr<tiles::ColourStore> colour_store(JobContext& job, const ColourRe
   hash.add(request.wrap_u);
   hash.add(request.wrap_v);
   const Hash128 key = hash.digest();
-  std::string warning;
-  if (auto pack = job.stores->find(tiles::PackKind::colour, key, &warning)) {
+  if (auto pack = job.find_pack(tiles::PackKind::colour, key)) {
     *cached = true;
     return std::make_unique<tiles::ColourStore>(std::move(pack), job.compressor());
   }
-  if (!warning.empty()) job.report.warnings.push_back(warning);
   *cached = false;
   return ColumnBuilder(job, request, key).build();
 }

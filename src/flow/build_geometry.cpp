@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 
 #include "flow/build_stores.h"
 #include "flow/ordered_stream.h"
@@ -206,6 +207,20 @@ mesh::BinRequest bin_request(const GeometryRequest& request, std::uint64_t tile_
           tile_cap_bytes};
 }
 
+/// "scan.glb as a source, 10092 triangles, 2048 x 2048": what `pounce cache list` shows.
+std::string label_of(const GeometryRequest& request) {
+  const std::string name = std::filesystem::path(request.mesh->path).filename().string();
+  std::string label =
+      fmt::format("{} as a {}, {} triangles", name, request.is_target ? "target" : "source",
+                  request.mesh->triangles.size());
+  if (request.pages.size() == 1) {
+    label += fmt::format(", {} x {}", request.pages[0].width, request.pages[0].height);
+  } else {
+    label += fmt::format(", {} pages", request.pages.size());
+  }
+  return label;
+}
+
 std::unique_ptr<tiles::GeometryStore> build(JobContext& job, const GeometryRequest& request,
                                             const Hash128& key) {
   const auto bin_with = bin_request(request, job.tile_cap_bytes);
@@ -216,7 +231,8 @@ std::unique_ptr<tiles::GeometryStore> build(JobContext& job, const GeometryReque
   std::vector<std::uint64_t> costs;
   for (const mesh::TileRange& tile : bins.tiles) costs.push_back(tile_cost(bins, tile));
 
-  tiles::GeometryStoreWriter writer(job.stores->create(tiles::PackKind::geometry, key));
+  tiles::GeometryStoreWriter writer(
+      job.stores->create(tiles::PackKind::geometry, key, label_of(request)));
   tiles::GeometryDirectory directory;
   directory.pages = request.pages;
   directory.page_texels.assign(request.pages.size(), 0);
@@ -279,12 +295,10 @@ Hash128 geometry_key(const GeometryRequest& request) {
 std::unique_ptr<tiles::GeometryStore> geometry_store(JobContext& job,
                                                      const GeometryRequest& request, bool* cached) {
   const Hash128 key = geometry_key(request);
-  std::string warning;
-  if (auto pack = job.stores->find(tiles::PackKind::geometry, key, &warning)) {
+  if (auto pack = job.find_pack(tiles::PackKind::geometry, key)) {
     *cached = true;
     return std::make_unique<tiles::GeometryStore>(std::move(pack), job.compressor());
   }
-  if (!warning.empty()) job.report.warnings.push_back(warning);
   *cached = false;
   return build(job, request, key);
 }

@@ -11,7 +11,9 @@
 #include <thread>
 
 #include "core/system_memory.h"
+#include "pounce/cache.h"
 #include "pounce/version.h"
+#include "tiles/cache_layout.h"
 
 namespace pounce::flow {
 namespace {
@@ -25,42 +27,52 @@ std::uint64_t budget_bytes(const Resources& resources) {
   return resources.memory_bytes != 0 ? resources.memory_bytes : usable_memory().bytes / 2;
 }
 
-std::string cache_folder(const Resources& resources) {
-  if (!resources.cache_dir.empty()) return resources.cache_dir;
-  const auto from = [](const char* name) {
-    const char* value = std::getenv(name);
-    return value != nullptr ? std::string(value) : std::string();
-  };
-  if (const std::string xdg = from("XDG_CACHE_HOME"); !xdg.empty()) return xdg + "/pounce";
-  if (const std::string home = from("HOME"); !home.empty()) return home + "/.cache/pounce";
-  return {};
-}
-
 std::string scratch_folder(const Resources& resources, const std::string& output) {
   if (!resources.temp_dir.empty()) return resources.temp_dir;
   const std::string folder = std::filesystem::path(output).parent_path().string();
   return folder.empty() ? "." : folder;
 }
 
-/// A cache that has nothing: what it would hand out is suspect.
-class RebuildingFolder : public tiles::StoreFolder {
- public:
-  explicit RebuildingFolder(std::unique_ptr<StoreFolder> folder) : folder_(std::move(folder)) {}
-  std::unique_ptr<tiles::PackReader> find(tiles::PackKind, const Hash128&, std::string*) override {
+/// How this job deals with the other users of its cache.
+tiles::CacheOptions cache_options(const Resources& resources, const std::string& cache,
+                                  const std::string& scratch, bool rebuild, JobContext& job) {
+  tiles::CacheOptions options;
+  options.limit_bytes = resources.cache_limit_bytes ? *resources.cache_limit_bytes
+                                                    : tiles::default_limit_bytes(*job.files, cache);
+  options.scratch_folder = scratch;
+  options.verify = rebuild;
+  options.waiting = [&job, wait = resources.wait_for_cache](const std::string& holder,
+                                                            const std::string& path) {
+    if (!wait) {
+      throw Error(ErrorKind::busy,
+                  fmt::format("{}: {} is making this pack of the cache; run again without "
+                              "--no-wait to wait for it, or with --no-cache",
+                              path, holder));
+    }
+    if (!job.waiting) job.waiting = std::make_unique<StageTimer>(job.clock, "wait");
+    job.meter.wait("waiting for " + holder);
+  };
+  return options;
+}
+
+/// The cache; nothing, with a warning, if the user did not name it and it cannot be used.
+std::unique_ptr<tiles::StoreFolder> open_cache(const Resources& resources, const std::string& cache,
+                                               const std::string& scratch, bool rebuild,
+                                               JobContext& job) {
+  try {
+    return tiles::StoreFolder::open_cache(*job.files, cache,
+                                          cache_options(resources, cache, scratch, rebuild, job));
+  } catch (const Error& e) {
+    if (e.kind() != ErrorKind::storage) throw;
+    const std::string what = fmt::format("the cache cannot be used: {}", e.what());
+    if (!resources.cache_dir.empty()) {
+      throw Error(ErrorKind::storage,
+                  what + "; give another folder with --cache, or run with --no-cache");
+    }
+    job.report.warnings.push_back(what + "; this run does without (--cache names another folder)");
     return nullptr;
   }
-  std::unique_ptr<tiles::PackWriter> create(tiles::PackKind kind, const Hash128& key) override {
-    return folder_->create(kind, key);
-  }
-  std::unique_ptr<tiles::PackReader> publish(std::unique_ptr<tiles::PackWriter> writer) override {
-    return folder_->publish(std::move(writer));
-  }
-  void discard(tiles::PackKind kind, const Hash128& key) override { folder_->discard(kind, key); }
-  bool persistent() const override { return folder_->persistent(); }
-
- private:
-  std::unique_ptr<StoreFolder> folder_;
-};
+}
 
 }  // namespace
 
@@ -79,20 +91,16 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   job->files = &posix_file_system();
   const std::string scratch = scratch_folder(resources, output);
   job->scratch = tiles::StoreFolder::make_scratch(*job->files, scratch);
-  const std::string cache =
-      resources.use_cache && !plan_only ? cache_folder(resources) : std::string();
+  const std::string cache = !resources.use_cache || plan_only ? std::string()
+                            : resources.cache_dir.empty()     ? default_cache_folder()
+                                                              : resources.cache_dir;
   if (!cache.empty()) {
-    job->stores = tiles::StoreFolder::open_cache(*job->files, cache);
-    if (job->stores == nullptr) {
-      job->report.warnings.push_back(
-          cache + ": in use by another process; this run does without the cache");
-    }
+    job->stores = open_cache(resources, cache, scratch, rebuild, *job);
   }
   if (job->stores == nullptr) job->stores = tiles::StoreFolder::make_scratch(*job->files, scratch);
   if (rebuild) {
-    job->stores = std::make_unique<RebuildingFolder>(std::move(job->stores));
     job->report.warnings.push_back(
-        cache + ": a damaged pack was found; everything this job uses is built anew");
+        cache + ": a damaged pack was found; every pack that this job uses is checked");
   }
   return job;
 }
@@ -126,6 +134,7 @@ Report finish_report(JobContext& job) {
   report.version = POUNCE_VERSION;
   report.threads = job.threads;
   report.stages = job.clock.times();
+  for (std::string& note : job.stores->take_notes()) report.warnings.push_back(std::move(note));
   report.memory_budget_bytes = job.budget.limit();
   report.leased_peak_bytes = job.budget.leased_peak();
   report.peak_rss_bytes = peak_rss_bytes();

@@ -19,11 +19,35 @@ void Meter::begin(const std::string& stage, std::uint64_t total, const std::stri
   emit(true);
 }
 
-void Meter::advance(std::uint64_t units) {
+void Meter::throw_if_cancelled() const {
   if (progress_ != nullptr && progress_->cancelled()) {
     throw Error(ErrorKind::cancelled,
                 "stopped; nothing half-written is left, run the same command to start again");
   }
+}
+
+void Meter::wait(const std::string& what) {
+  throw_if_cancelled();
+  const std::lock_guard lock(mutex_);
+  const bool begins = event_.stage != what;
+  if (begins) {
+    if (!interrupted_) interrupted_ = event_;
+    event_.stage = what;
+    event_.done = event_.total = 0;
+  }
+  emit(begins);
+}
+
+void Meter::resume() {
+  const std::lock_guard lock(mutex_);
+  if (!interrupted_) return;
+  event_ = *interrupted_;
+  interrupted_.reset();
+  emit(true);
+}
+
+void Meter::advance(std::uint64_t units) {
+  throw_if_cancelled();
   const std::lock_guard lock(mutex_);
   event_.done = std::min(event_.done + units, std::max(event_.total, event_.done));
   if (event_.total > 0) {
@@ -47,6 +71,15 @@ void Meter::emit(bool always) {
   last_ = now;
   event_.elapsed_s = std::chrono::duration<double>(now - start_).count();
   progress_->on_event(event_);
+}
+
+std::unique_ptr<tiles::PackReader> JobContext::find_pack(tiles::PackKind kind, const Hash128& key) {
+  std::string warning;
+  auto pack = stores->find(kind, key, &warning);
+  waiting.reset();
+  meter.resume();
+  if (!warning.empty()) report.warnings.push_back(warning);
+  return pack;
 }
 
 }  // namespace pounce::flow

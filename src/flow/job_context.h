@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "core/file.h"
@@ -30,14 +31,20 @@ class Meter {
   /// `units` more are done. Throws Error(cancelled) if the caller asked to stop.
   void advance(std::uint64_t units);
   void end();
+  /// Says in between that the job waits, and what for. Throws Error(cancelled) like advance().
+  void wait(const std::string& what);
+  /// The wait, if there was one, is over: back to the stage.
+  void resume();
 
  private:
+  void throw_if_cancelled() const;
   void emit(bool always);
 
   Progress* progress_;
   std::chrono::steady_clock::time_point start_, last_;
   std::mutex mutex_;
   ProgressEvent event_;
+  std::optional<ProgressEvent> interrupted_;  ///< the stage that waits
   double stage_start_ = 0, stage_end_ = 0;
 };
 
@@ -58,6 +65,11 @@ struct JobContext {
   JobContext(std::uint64_t budget_bytes, Progress* progress)
       : budget(budget_bytes), meter(progress) {}
   tiles::Compressor& compressor() { return compressors.local(); }
+  /// A pack that the store has; nothing if the caller is to make it (tiles::StoreFolder::find).
+  /// Says in progress and times when it had to wait for another process, and warns of damage.
+  std::unique_ptr<tiles::PackReader> find_pack(tiles::PackKind kind, const Hash128& key);
+
+  std::unique_ptr<StageTimer> waiting;  ///< while find_pack() waits for another process
 };
 
 }  // namespace pounce::flow

@@ -2,88 +2,21 @@
 //
 // Two processes and one folder. Children only make files and end with _exit or by a signal, so that
 // no test runs twice.
-#include <signal.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
-#include <functional>
 
 #include "support/bytes.h"
+#include "support/child.h"
 #include "support/test_data.h"
 #include "tiles/store_folder.h"
 
 namespace pounce::tiles {
 namespace {
 
+using test::Child;
+
 constexpr Hash128 kKey{7, 8};
-
-/// A child process that runs `work` and then waits to be killed. It says when `work` calls `ready`.
-class Child {
- public:
-  explicit Child(const std::function<void(const std::function<void()>& ready)>& work) {
-    int ends[2];
-    REQUIRE(::pipe(ends) == 0);
-    pid_ = ::fork();
-    REQUIRE(pid_ >= 0);
-    if (pid_ == 0) {
-      ::alarm(60);  // a child whose parent died must not stay
-      try {
-        work([&] { (void)!::write(ends[1], "r", 1); });
-      } catch (...) {
-        ::_exit(9);
-      }
-      for (;;) ::pause();
-    }
-    ::close(ends[1]);
-    char letter = 0;
-    ready_ = ::read(ends[0], &letter, 1) == 1;
-    ::close(ends[0]);
-  }
-  ~Child() { kill_now(); }
-  Child(const Child&) = delete;
-  Child& operator=(const Child&) = delete;
-
-  bool ready() const { return ready_; }
-  void kill_now() {
-    if (pid_ <= 0) return;
-    ::kill(pid_, SIGKILL);
-    int status = 0;
-    ::waitpid(pid_, &status, 0);
-    pid_ = -1;
-  }
-
- private:
-  pid_t pid_ = -1;
-  bool ready_ = false;
-};
-
-TEST_CASE("a second process cannot open a cache until the first is gone, however it went",
-          "[format]") {
-  const test::TempFolder folder;
-  FileSystem& files = posix_file_system();
-  Child child([&](const auto& ready) {
-    const auto store = StoreFolder::open_cache(files, folder.file("cache"));
-    if (!store) ::_exit(8);
-    ready();
-    for (;;) ::pause();
-  });
-  REQUIRE(child.ready());
-  CHECK_FALSE(StoreFolder::open_cache(files, folder.file("cache")));
-  CHECK(StoreFolder::open_cache(files, folder.file("another")));
-  child.kill_now();
-  CHECK(StoreFolder::open_cache(files, folder.file("cache")));
-}
-
-TEST_CASE("one process cannot open a cache twice at once", "[format]") {
-  const test::TempFolder folder;
-  FileSystem& files = posix_file_system();
-  auto first = StoreFolder::open_cache(files, folder.file("cache"));
-  REQUIRE(first);
-  CHECK_FALSE(StoreFolder::open_cache(files, folder.file("cache")));
-  first.reset();
-  CHECK(StoreFolder::open_cache(files, folder.file("cache")));
-}
 
 TEST_CASE("a process killed while it writes leaves nothing that is seen or stays", "[format]") {
   const test::TempFolder folder;

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tiles/cache_space.h"
+
+#include <algorithm>
+#include <chrono>
+#include <thread>
+#include <utility>
+
+#include "pounce/error.h"
+
+namespace pounce::tiles {
+namespace {
+
+/// Room for what comes with a pack: its label, its key's lock, a longer folder.
+constexpr std::uint64_t kBesideBytes = 24 << 10;
+/// A file reserves this share of the limit at a time: fewer looks at the folder, little in vain.
+constexpr std::uint64_t kStepsPerLimit = 64;
+constexpr std::uint64_t kSmallestStep = 64 << 10, kLargestStep = 16 << 20;
+
+/// Removes an object unless some process holds it; one that may not be removed counts as held.
+bool remove_object(FileSystem& files, const CachedObject& object) {
+  try {
+    if (!files.remove_unheld(object.path)) return false;
+    if (!object.label_path.empty()) files.remove(object.label_path);
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+}  // namespace
+
+CacheSpace::CacheSpace(FileSystem& files, CacheLayout layout, std::uint64_t limit_bytes,
+                       std::function<void()> stopped)
+    : files_(files),
+      layout_(std::move(layout)),
+      limit_bytes_(limit_bytes),
+      stopped_(std::move(stopped)) {}
+
+std::unique_ptr<FileLock> CacheSpace::lock() {
+  for (;;) {
+    if (auto lock = files_.try_lock(layout_.space_lock())) return lock;
+    if (stopped_) stopped_();
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));  // it is held for a look around
+  }
+}
+
+std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserved_bytes,
+                                  std::uint64_t size_bytes) {
+  if (limit_bytes_ == 0) return UINT64_MAX;
+  const auto held = lock();
+  CacheScan scan = scan_cache(files_, layout_);
+  const std::uint64_t own = room_bytes(reserved_bytes);
+  const std::uint64_t beside = std::max<std::uint64_t>(scan.parts, 1) * kBesideBytes;
+  std::uint64_t evictable = 0;
+  for (const CachedObject& object : scan.objects) evictable += object.taken_bytes;
+  const std::uint64_t step = std::clamp(limit_bytes_ / kStepsPerLimit, kSmallestStep, kLargestStep);
+  for (const std::uint64_t size : {size_bytes + step, size_bytes}) {
+    // What the cache may take before this file grows.
+    const std::uint64_t growth = room_bytes(size) - own + beside;
+    if (growth > limit_bytes_) continue;
+    const std::uint64_t most = limit_bytes_ - growth;
+    // Before anything goes: would it be enough? An object that cannot fit must not empty the cache.
+    if (scan.total_bytes > most + evictable) continue;
+    const Evicted evicted = evict_locked(scan, most, nullptr);
+    scan.total_bytes -= std::min(scan.total_bytes, evicted.bytes);
+    if (scan.total_bytes > most) return 0;  // the rest is in use
+    files_.resize(part, size);
+    return size;
+  }
+  return 0;
+}
+
+Evicted CacheSpace::evict(std::uint64_t most_bytes,
+                          const std::function<bool(const CachedObject&)>& unwanted) {
+  const auto held = lock();
+  return evict_locked(scan_cache(files_, layout_), most_bytes, unwanted);
+}
+
+Evicted CacheSpace::evict_locked(CacheScan scan, std::uint64_t most_bytes,
+                                 const std::function<bool(const CachedObject&)>& unwanted) {
+  Evicted evicted;
+  for (const std::string& orphan : scan.orphans) files_.remove(orphan);
+  for (const CachedObject& object : scan.objects) {
+    if (scan.total_bytes <= most_bytes) break;
+    if (unwanted && !unwanted(object)) continue;
+    if (!remove_object(files_, object)) {
+      ++evicted.in_use;
+      evicted.in_use_bytes += object.taken_bytes;
+      continue;
+    }
+    ++evicted.objects;
+    evicted.bytes += object.taken_bytes;
+    scan.total_bytes -= std::min(scan.total_bytes, object.taken_bytes);
+  }
+  return evicted;
+}
+
+void remove_leftovers(FileSystem& files, const CacheLayout& layout) {
+  for (const std::string& folder : {layout.parts_folder(), layout.locks_folder()}) {
+    for (const std::string& name : files.list(folder)) {
+      try {
+        files.remove_unheld(folder + "/" + name);
+      } catch (const Error&) {
+        // Another user's, in a folder that is shared: it is theirs to remove.
+      }
+    }
+  }
+}
+
+}  // namespace pounce::tiles

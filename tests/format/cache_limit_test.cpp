@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The cache's limit, and tidying: what goes, what stays, and that the limit is never passed, looked
+// at from outside after every append.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <filesystem>
+
+#include "pounce/cache.h"
+#include "support/bytes.h"
+#include "support/child.h"
+#include "support/test_data.h"
+#include "tiles/cache_layout.h"
+#include "tiles/store_folder.h"
+
+namespace pounce::tiles {
+namespace {
+
+namespace fs = std::filesystem;
+using test::random_bytes;
+
+constexpr auto kKind = PackKind::colour;
+constexpr std::uint64_t kKiB = 1 << 10, kMiB = 1 << 20;
+
+/// Room that all below the folder takes, without our own help.
+std::uint64_t room_of(const std::string& root) {
+  std::uint64_t room = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(root)) {
+    if (entry.is_regular_file()) room += (entry.file_size() + 4095) / 4096 * 4096;
+  }
+  return room;
+}
+
+CacheOptions limited(std::uint64_t bytes) {
+  CacheOptions options;
+  options.limit_bytes = bytes;
+  return options;
+}
+
+/// Makes a pack of so many chunks of 64 KiB; `largest` is the most that the cache ever took.
+std::unique_ptr<PackReader> make(StoreFolder& store, std::uint64_t key, std::uint32_t chunks,
+                                 const std::string& root, std::uint64_t* largest) {
+  CHECK_FALSE(store.find(kKind, {0, key}, nullptr));
+  auto writer = store.create(kKind, {0, key}, "skin.png");
+  for (std::uint32_t i = 0; i < chunks; ++i) {
+    writer->append(ChunkKind::block, random_bytes(64 << 10, i), 1 << 20);
+    *largest = std::max(*largest, room_of(root));
+  }
+  writer->finish(writer->append(ChunkKind::directory, {}, 0));
+  auto pack = store.publish(std::move(writer));
+  *largest = std::max(*largest, room_of(root));
+  return pack;
+}
+
+bool has(const std::string& root, std::uint64_t key) {
+  return fs::exists(CacheLayout(root).pack(kKind, {0, key}));
+}
+
+TEST_CASE("what was used longest ago makes room before anything is written", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  const auto store = StoreFolder::open_cache(posix_file_system(), root, limited(4 * kMiB));
+  std::uint64_t largest = 0;
+  for (std::uint64_t key = 0; key < 3; ++key) make(*store, key, 16, root, &largest);
+  store->find(kKind, {0, 0}, nullptr);  // now 1 is the one used longest ago
+  CHECK((has(root, 0) && has(root, 1) && has(root, 2)));
+  make(*store, 3, 16, root, &largest);
+  CHECK((has(root, 0) && !has(root, 1) && has(root, 2) && has(root, 3)));
+  for (std::uint64_t key = 4; key < 20; ++key)
+    make(*store, key, 5 + static_cast<std::uint32_t>(key % 7), root, &largest);
+  CHECK(has(root, 19));
+  CHECK(largest <= 4 * kMiB);
+  CHECK(largest > 3 * kMiB);  // and it is used
+  CHECK(store->take_notes().empty());
+  CHECK(posix_file_system().list(root + "/v1/tmp").empty());
+}
+
+TEST_CASE("a pack that is open is never removed to make room", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  std::uint64_t largest = 0;
+  const auto store = StoreFolder::open_cache(posix_file_system(), root, limited(4 * kMiB));
+  test::Child child([&](const auto& ready) {
+    const auto theirs = StoreFolder::open_cache(posix_file_system(), root);
+    theirs->find(kKind, {0, 0}, nullptr);
+    auto writer = theirs->create(kKind, {0, 0});
+    writer->append(ChunkKind::block, random_bytes(2 << 20, 1), 4 << 20);
+    writer->finish(writer->append(ChunkKind::directory, {}, 0));
+    const auto open = theirs->publish(std::move(writer));
+    ready();
+    for (;;) ::pause();
+  });
+  REQUIRE(child.ready());
+  for (std::uint64_t key = 1; key < 6; ++key) make(*store, key, 12, root, &largest);
+  CHECK(has(root, 0));  // used longest ago, and in use
+  CHECK(largest <= 4 * kMiB);
+  child.kill_now();
+  for (std::uint64_t key = 6; key < 9; ++key) make(*store, key, 16, root, &largest);
+  CHECK_FALSE(has(root, 0));
+  CHECK(largest <= 4 * kMiB);
+}
+
+TEST_CASE("a pack that does not fit is made in scratch, once said, and found again", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  CacheOptions options = limited(2 * kMiB);
+  options.scratch_folder = folder.path().string();
+  const auto store = StoreFolder::open_cache(posix_file_system(), root, options);
+  std::uint64_t largest = 0;
+  const auto kept = make(*store, 0, 12, root, &largest);  // open: it cannot make room
+  const auto big = make(*store, 1, 60, root, &largest);
+  CHECK(big->verify() == 61);
+  make(*store, 2, 40, root, &largest);
+  CHECK(largest <= 2 * kMiB);
+  CHECK(has(root, 0));
+  CHECK_FALSE(has(root, 1));
+  const auto again = store->find(kKind, {0, 1}, nullptr);
+  REQUIRE(again);
+  CHECK(again->verify() == 61);
+  const auto notes = store->take_notes();
+  REQUIRE(notes.size() == 1);
+  CHECK_THAT(notes[0], Catch::Contains("--cache-limit") && Catch::Contains("2 MiB"));
+  CHECK(posix_file_system().list(root + "/v1/tmp").empty());
+  CHECK(posix_file_system().list(root + "/v1/locks").empty());  // others may try
+}
+
+TEST_CASE("writers beside each other keep to the limit together", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  const auto first = StoreFolder::open_cache(posix_file_system(), root, limited(3 * kMiB));
+  const auto second = StoreFolder::open_cache(posix_file_system(), root, limited(3 * kMiB));
+  std::vector<std::unique_ptr<PackWriter>> writers;
+  for (std::uint64_t key = 0; key < 6; ++key) {
+    StoreFolder& store = key % 2 == 0 ? *first : *second;
+    CHECK_FALSE(store.find(kKind, {0, key}, nullptr));
+    writers.push_back(store.create(kKind, {0, key}, "beside"));
+  }
+  std::uint64_t largest = 0;
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    for (const auto& writer : writers) {
+      writer->append(ChunkKind::block, random_bytes(50'000, i), 60'000);
+      largest = std::max(largest, room_of(root));
+    }
+  }
+  for (std::size_t i = 0; i < writers.size(); ++i) {
+    writers[i]->finish(writers[i]->append(ChunkKind::directory, {}, 0));
+    CHECK((i % 2 == 0 ? *first : *second).publish(std::move(writers[i]))->verify() == 21);
+    largest = std::max(largest, room_of(root));
+  }
+  CHECK(largest <= 3 * kMiB);
+  CHECK(cache_list(root).size() >= 2);
+  CHECK(cache_list(root).size() < 6);
+}
+
+TEST_CASE("what is reported is what is there", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  CHECK(cache_list(root).empty());
+  CHECK(cache_info(root).taken_bytes == 0);
+  CHECK(cache_clear(root).objects == 0);
+  CHECK_FALSE(fs::exists(root));  // looking makes nothing
+  const auto store = StoreFolder::open_cache(posix_file_system(), root);
+  std::uint64_t largest = 0;
+  make(*store, 5, 3, root, &largest);
+  make(*store, 6, 30, root, &largest);
+  const auto list = cache_list(root);
+  REQUIRE(list.size() == 2);
+  CHECK(list[0].key == to_hex({0, 5}));
+  CHECK(list[0].kind == "colour");
+  CHECK(list[0].label == "skin.png");
+  CHECK(list[0].size_bytes == fs::file_size(list[0].path));
+  const CacheInfo info = cache_info(root);
+  std::uint64_t folders = 0;
+  for (const auto& entry : fs::directory_iterator(root + "/v1")) {
+    folders += entry.is_directory() ? 4096 : 0;
+  }
+  CHECK(info.taken_bytes == room_of(root) + folders);
+  CHECK(info.kinds.at("colour").objects == 2);
+  CHECK(info.kinds.at("colour").bytes == list[0].size_bytes + list[1].size_bytes);
+  CHECK(info.default_limit_bytes == posix_file_system().disk_bytes(root) / 10);
+  const auto writer = store->create(kKind, {0, 7});
+  CHECK(cache_info(root).unfinished.objects == 1);
+}
+
+TEST_CASE("verify names every damaged pack and can remove it", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  std::uint64_t largest = 0;
+  {
+    const auto store = StoreFolder::open_cache(posix_file_system(), root);
+    for (std::uint64_t key = 0; key < 3; ++key) make(*store, key, 4, root, &largest);
+  }
+  CHECK(cache_verify(root).objects == 3);
+  CHECK(cache_verify(root).damaged.empty());
+  const std::string path = CacheLayout(root).pack(kKind, {0, 1});
+  auto bytes = test::read_whole(posix_file_system(), path);
+  bytes[bytes.size() / 2] ^= std::byte{8};
+  test::write_whole(posix_file_system(), path, bytes);
+  const CacheVerdict verdict = cache_verify(root);
+  REQUIRE(verdict.damaged.size() == 1);
+  CHECK(verdict.damaged[0].object.path == path);
+  CHECK_FALSE(verdict.damaged[0].removed);
+  CHECK(fs::exists(path));
+  CHECK(cache_verify(root, true).damaged.at(0).removed);
+  CHECK_FALSE(fs::exists(path));
+  CHECK(cache_list(root).size() == 2);
+}
+
+TEST_CASE("prune and clear leave what is open, and what living writers write", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  const auto store = StoreFolder::open_cache(posix_file_system(), root);
+  std::uint64_t largest = 0;
+  auto open = make(*store, 0, 4, root, &largest);
+  for (std::uint64_t key = 1; key < 5; ++key) make(*store, key, 4, root, &largest);
+  auto writer = store->create(kKind, {1, 1});
+  writer->append(ChunkKind::block, random_bytes(1000, 1), 2000);
+  // An hour ago: 1 and 2.
+  for (const std::uint64_t key : {1, 2}) {
+    fs::last_write_time(CacheLayout(root).pack(kKind, {0, key}),
+                        fs::file_time_type::clock::now() - std::chrono::hours(1));
+  }
+  CHECK(cache_prune(root, std::nullopt, std::nullopt).objects == 0);
+  CHECK(cache_prune(root, std::nullopt, 1800.0).objects == 2);
+  CHECK((!has(root, 1) && !has(root, 2) && has(root, 3) && has(root, 4)));
+  const CachePruned pruned = cache_prune(root, room_of(root) - kKiB, std::nullopt);
+  CHECK(pruned.objects + pruned.in_use >= 2);  // 0 is older than 3 and in use
+  CHECK((has(root, 0) && !has(root, 3)));
+  CHECK(cache_clear(root).in_use == 1);
+  CHECK((has(root, 0) && !has(root, 4)));
+  writer->finish(writer->append(ChunkKind::directory, {}, 0));
+  CHECK(store->publish(std::move(writer))->verify() == 2);
+  CHECK(open->verify() == 5);
+  open.reset();
+  const CachePruned cleared = cache_clear(root);
+  CHECK(cleared.objects == 2);
+  CHECK(cleared.in_use == 0);
+  CHECK(room_of(root) == cleared.taken_bytes - 5 * 4096);  // the folders
+}
+
+TEST_CASE("a label whose pack is gone goes with the next tidying", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  const auto store = StoreFolder::open_cache(posix_file_system(), root);
+  std::uint64_t largest = 0;
+  make(*store, 0, 1, root, &largest);
+  fs::remove(CacheLayout(root).pack(kKind, {0, 0}));
+  CHECK(fs::exists(CacheLayout(root).label(kKind, {0, 0})));
+  cache_clear(root);
+  CHECK_FALSE(fs::exists(CacheLayout(root).label(kKind, {0, 0})));
+}
+
+}  // namespace
+}  // namespace pounce::tiles
