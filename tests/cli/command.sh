@@ -2,13 +2,13 @@
 # No command, and commands and options of later versions, are unknown.
 source "$(dirname "$0")/support.sh"
 refused 'no command was given'
-for command in gaussians cache frobnicate; do refused "\"$command\" is not a command" $command; done
+for command in gaussians frobnicate; do refused "\"$command\" is not a command" $command; done
 refused '"-v" is not a command' -v
 refused 'SOURCE is required' transfer
 refused 'TARGET is required' transfer a.glb
 refused '--output is required' transfer a.glb b.glb
 refused '2 targets need <TARGET> in the output' transfer a.glb b.glb c.glb -o o.png
-for option in --tiles --cache-limit --onto --mask --source-mesh --target-material --source-axes --skip-existing \
+for option in --tiles --onto --mask --source-mesh --target-material --source-axes --skip-existing \
   --bogus; do
   refused "$option" transfer a.glb b.glb -o o.png $option
 done

@@ -18,6 +18,7 @@ namespace {
 
 constexpr std::uint32_t kLargestSide = 65536;  // ImageSize's own limit
 constexpr double kLargestBytes = 0x1p62;       // fits every signed 64-bit file offset
+constexpr double kLongestTimeS = 1e10;         // 300 years
 constexpr double kLargestDistance = 1e30;      // squares still fit a double and a float's exponent
 
 [[noreturn]] void refuse(const std::string& option, const std::string& given,
@@ -106,6 +107,22 @@ std::uint64_t parse_bytes(const std::string& option, const std::string& text) {
     refuse(option, text, "an amount of memory such as 512MiB, 1.5G or 4096 (bytes)");
   }
   return static_cast<std::uint64_t>(bytes);
+}
+
+double parse_duration(const std::string& option, const std::string& text) {
+  double value = 0;
+  std::string unit;
+  const bool is_number = leading_number(text, value, unit);
+  double scale = 0;
+  for (const auto& [name, seconds] :
+       {std::pair{"s", 1.0}, {"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}, {"w", 604800.0}}) {
+    if (unit == name) scale = seconds;
+  }
+  const double time_s = value * scale;
+  if (!is_number || !(scale > 0 && time_s >= 0 && time_s <= kLongestTimeS)) {
+    refuse(option, text, "a time such as 30d, 12h, 90min or 45s (w is weeks)");
+  }
+  return time_s;
 }
 
 ImageSize parse_image_size(const std::string& option, const std::string& text) {

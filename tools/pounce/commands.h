@@ -20,5 +20,6 @@ Command add_transfer_command(CLI::App& program);
 Command add_maps_command(CLI::App& program);
 Command add_inspect_command(CLI::App& program);
 Command add_compare_command(CLI::App& program);
+Command add_cache_command(CLI::App& program);
 
 }  // namespace pounce::cli

@@ -39,7 +39,10 @@ void occupy_standard_streams() {
 /// Says what is wrong with the command line and where to read on.
 int usage_error(const CLI::App& program, const std::string& message) {
   std::string name = "pounce";
-  for (const CLI::App* command : program.get_subcommands()) name += " " + command->get_name();
+  for (const CLI::App* command = &program; !command->get_subcommands().empty();) {
+    command = command->get_subcommands().front();
+    name += " " + command->get_name();
+  }
   std::fprintf(stderr, "pounce: error: %s\nTry '%s --help'.\n", message.c_str(), name.c_str());
   return pounce::exit_status(pounce::ErrorKind::usage);
 }
@@ -52,15 +55,17 @@ int run(int argc, char** argv) {
   pounce::cli::set_help_text(program, kUsage);
   const std::array commands{
       pounce::cli::add_transfer_command(program), pounce::cli::add_maps_command(program),
-      pounce::cli::add_inspect_command(program), pounce::cli::add_compare_command(program)};
+      pounce::cli::add_inspect_command(program), pounce::cli::add_compare_command(program),
+      pounce::cli::add_cache_command(program)};
   try {
     program.parse(argc, argv);
     for (const Command& command : commands) {
       if (command.parser->parsed()) return command.run();
     }
   } catch (const CLI::CallForHelp&) {
-    const auto chosen = program.get_subcommands();
-    pounce::cli::write_stdout((chosen.empty() ? &program : chosen.front())->help());
+    const CLI::App* chosen = &program;
+    while (!chosen->get_subcommands().empty()) chosen = chosen->get_subcommands().front();
+    pounce::cli::write_stdout(chosen->help());
     return 0;
   } catch (const CLI::CallForVersion& version) {
     pounce::cli::write_stdout(std::string(version.what()) + "\n");
@@ -68,12 +73,16 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     const auto unknown = program.remaining();
     if (argc < 2) return usage_error(program, "no command was given");
+    if (dynamic_cast<const CLI::RequiredError*>(&error) != nullptr && argc == 2 &&
+        program.got_subcommand("cache")) {
+      return usage_error(program, "cache does one of: info, list, verify, prune, clear");
+    }
     if (!program.get_subcommands().empty() || unknown.empty()) {
       return usage_error(program, error.what());
     }
     return usage_error(
-        program,
-        "\"" + unknown.front() + "\" is not a command; there are transfer, maps, inspect, compare");
+        program, "\"" + unknown.front() +
+                     "\" is not a command; there are transfer, maps, inspect, compare, cache");
   } catch (const pounce::Error& error) {
     if (error.kind() != pounce::ErrorKind::usage) throw;
     return usage_error(program, error.what());

@@ -80,6 +80,17 @@ void add_resource_options(CLI::App& command, Resources& resources) {
              "Keep nothing for the next run: tiles live in nameless files", resources.use_cache,
              false)
       ->excludes(cache);
+  add_value(command, "--cache-limit", "SIZE", group,
+            "Room on disk that the cache may take: 10GiB, or none. What was\n"
+            "used longest ago makes room before anything is written; what does\n"
+            "not fit is not kept. Default: a tenth of the file system",
+            [&resources](const std::string& text) {
+              resources.cache_limit_bytes = text == "none" ? 0 : parse_bytes("--cache-limit", text);
+            });
+  add_switch(command, "--no-wait", group,
+             "End with status 75 instead of waiting for what another process\n"
+             "is just making for the cache",
+             resources.wait_for_cache, false);
 }
 
 void add_job_options(CLI::App& command, JobSettings& settings) {
