@@ -17,6 +17,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <filesystem>
 #include <utility>
 
 #include "flow/ordered_stream.h"
@@ -261,7 +262,10 @@ std::unique_ptr<tiles::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   SplatMerge sequence(job_, lattice, runs.pack, runs.runs);
   BlockCutter cutter(sequence);
   tbb::enumerable_thread_specific<EncoderScratch> scratch;
-  tiles::SplatStoreWriter writer(job_.stores->create(tiles::PackKind::splats, key_));
+  tiles::SplatStoreWriter writer(job_.stores->create(
+      tiles::PackKind::splats, key_,
+      fmt::format("{}, {} Gaussians", std::filesystem::path(request_.path).filename().string(),
+                  ply_.header().splats)));
   std::vector<std::pair<std::uint64_t, std::vector<float>>> noise;
   std::uint64_t blocks = 0, done = 0;
   const auto write = [&](EncodedBlock& block) {
@@ -350,13 +354,11 @@ std::unique_ptr<tiles::SplatStore> splat_store(JobContext& job, const SplatReque
   const io::SplatPly ply(request.path, request.axes);
   job.meter.begin("precondition", 2 * ply.header().splats, "Gaussians", progress_end);
   const Hash128 key = store_key(job, request, ply);
-  std::string warning;
   std::unique_ptr<tiles::SplatStore> store;
-  if (auto pack = job.stores->find(tiles::PackKind::splats, key, &warning)) {
+  if (auto pack = job.find_pack(tiles::PackKind::splats, key)) {
     *cached = true;
     store = std::make_unique<tiles::SplatStore>(std::move(pack), job.compressor());
   } else {
-    if (!warning.empty()) job.report.warnings.push_back(warning);
     *cached = false;
     store = StoreBuilder(job, request, ply, key).build();
   }
