@@ -51,7 +51,9 @@ class Scanner {
 
   std::uint64_t add(const std::string& path) {
     const auto status = files_.status(path);
-    const std::uint64_t room = status ? room_bytes(status->size_bytes) : 0;
+    // The length of a folder means something else on every file system.
+    const std::uint64_t size = status && status->is_folder ? 1 : status ? status->size_bytes : 0;
+    const std::uint64_t room = room_bytes(size);
     scan_.total_bytes += room;
     return room;
   }
