@@ -72,10 +72,22 @@ struct Resources {
   std::string temp_dir;
 };
 
+/// Which part of a mesh takes part in a job, and how it is seen.
+struct MeshUse {
+  /// Patterns as in a shell (* ? [a-c]) for the names that triangles have: node or mesh of glTF,
+  /// object or group of OBJ. Any of them; empty = all. Nothing matches: Error(input).
+  std::vector<std::string> meshes;
+  std::vector<std::string> materials;   ///< the same for the names of materials
+  std::optional<std::uint32_t> uv_set;  ///< target: default 0; source: what its materials say
+  /// Turns the mesh: the job's x, y and z as the file's, such as "x,-y,-z"; empty = as stored.
+  std::string axes;
+};
+
 /// One transfer of appearance from a textured mesh onto the UV textures of other meshes.
 struct TransferOptions {
   std::string source;                ///< .glb, .gltf or .obj with textures
   std::vector<std::string> targets;  ///< .glb, .gltf or .obj with UVs; at least one
+  MeshUse source_use, target_use;    ///< the second for every target
   /// Image path; may hold <CHANNEL>, <MATERIAL>, <TARGET> (needed for several), <UDIM> and
   /// <UVTILE>. With one of the last two, UVs outside [0,1) are UDIM tiles with an image each;
   /// without, they wrap. The ending picks the format.
@@ -111,6 +123,7 @@ struct TransferOptions {
 /// Target vectorization alone: position, normal and mask images.
 struct MapsOptions {
   std::string target;
+  MeshUse target_use;
   /// Must hold <CHANNEL>: "position", "normal", "mask"; .exr for the first two. With <UDIM> or
   /// <UVTILE> one image per tile of UV space.
   std::string output;

@@ -13,6 +13,7 @@
 
 #include "core/half.h"
 #include "flow/job.h"
+#include "flow/load_mesh.h"
 #include "flow/output_names.h"
 #include "flow/plan.h"
 #include "io/image_write.h"
@@ -98,19 +99,21 @@ class MapsJob {
   void vectorize() {
     const StageTimer timer(job_->clock, "vectorize");
     job_->meter.begin("vectorize", 0, "tiles", kAfterVectorizing);
-    const mesh::Mesh target = io::read_mesh(options_.target);
+    const mesh::Mesh target = load_mesh(options_.target, options_.target_use, "target");
     job_->report.warnings.insert(job_->report.warnings.end(), target.warnings.begin(),
                                  target.warnings.end());
     PageRequest page_request;
     page_request.by_tile = by_tile_;
+    page_request.uv_set = options_.target_use.uv_set.value_or(0);
     TargetPages pages = target_pages(target, page_request, job_->report.warnings);
     pages_ = pages.pages;
     name_outputs();
     GeometryRequest request;
     request.mesh = &target;
     request.is_target = true;
-    request.pages.assign(pages_.size(),
-                         mesh::Lattice{options_.size.width, options_.size.height, 0, {}});
+    request.pages.assign(
+        pages_.size(),
+        mesh::Lattice{options_.size.width, options_.size.height, page_request.uv_set, {}});
     request.triangle_page = std::move(pages.triangle_page);
     request.tile_pages = std::move(pages.tile_pages);
     require_least(*job_, least(target, request));

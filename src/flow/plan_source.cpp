@@ -50,7 +50,7 @@ bool is_tile_pattern(const std::string& path) {
 class SourceTextures {
  public:
   SourceTextures(const TransferOptions& options, const mesh::Mesh& source)
-      : mesh_(source), images_(source.images) {
+      : mesh_(source), images_(source.images), uv_set_(options.source_use.uv_set) {
     for (const SourceTexture& given : options.source_textures) {
       const auto c = static_cast<std::size_t>(given.channel);
       if (override_[c] >= 0) {
@@ -74,6 +74,7 @@ class SourceTextures {
       if (!found) found.emplace();
       found->image = static_cast<std::uint32_t>(override_[c]);
     }
+    if (found && uv_set_) found->uv_set = *uv_set_;
     return found;
   }
   const mesh::ImageRef& image(std::uint32_t index) const { return images_[index]; }
@@ -81,6 +82,7 @@ class SourceTextures {
  private:
   const mesh::Mesh& mesh_;
   std::vector<mesh::ImageRef> images_;
+  std::optional<std::uint32_t> uv_set_;  ///< instead of what the materials say
   std::array<int, kChannelCount> override_{-1, -1, -1, -1};
 };
 

@@ -34,6 +34,13 @@ Plan plan_splats(const TransferOptions& options) {
                             "colours and no UVs",
                             options.source));
   }
+  const MeshUse& use = options.source_use;
+  if (!use.meshes.empty() || !use.materials.empty() || use.uv_set) {
+    throw Error(ErrorKind::usage,
+                fmt::format("--source-mesh, --source-material, --source-uv-set: {} is a splat "
+                            "scene, which has no meshes, materials and UVs",
+                            options.source));
+  }
   for (const Channel channel : options.channels) {
     if (channel == Channel::base_color) continue;
     throw Error(ErrorKind::input,

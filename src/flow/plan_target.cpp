@@ -41,6 +41,7 @@ class TargetPlanner {
     request.by_material = has_token(options_.output, "MATERIAL");
     request.by_tile = by_tile(options_.output);
     request.selected = options_.tiles;
+    request.uv_set = options_.target_use.uv_set.value_or(0);
     TargetPages pages = target_pages(target_, request, plan_.warnings);
     plan_.pages = pages.pages;
     for (const PassPlan& pass : source_.passes)
@@ -54,8 +55,10 @@ class TargetPlanner {
     GeometryRequest request;
     request.mesh = &target_;
     request.is_target = true;
-    request.pages.assign(pages.pages.size(),
-                         mesh::Lattice{pass.size.width, pass.size.height, 0, {}});
+    request.pages.assign(
+        pages.pages.size(),
+        mesh::Lattice{
+            pass.size.width, pass.size.height, options_.target_use.uv_set.value_or(0), {}});
     request.triangle_page = pages.triangle_page;
     request.tile_pages = pages.tile_pages;
     return request;

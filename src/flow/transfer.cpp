@@ -20,6 +20,7 @@
 
 #include "flow/build_splats.h"
 #include "flow/job.h"
+#include "flow/load_mesh.h"
 #include "flow/output_names.h"
 #include "flow/plan.h"
 #include "flow/project_mesh.h"
@@ -75,18 +76,18 @@ class TransferJob {
     LeastMemory least;
     if (is_splat_scene(options_.source)) {
       plan_ = plan_splats(options_);
-      least = {splat_least_bytes({options_.source, {}}) +
+      least = {splat_least_bytes({options_.source, axes_of(options_.source_use, "source")}) +
                    job_->threads * tiles::Compressor::context_bytes(),
                "sorting " + options_.source};
       job_->meter.advance(1);
     } else {
-      source_ = read(options_.source, 0);
+      source_ = read(options_.source, 0, false);
       plan_ = plan_source(options_, source_);
     }
     add_warnings(plan_.warnings);
     std::vector<std::string> outputs;
     for (const std::string& path : options_.targets) {
-      target_ = read(path, source_.size_bytes());
+      target_ = read(path, source_.size_bytes(), true);
       target_plan_ = plan_target(options_, plan_, path, target_);
       add_warnings(target_plan_.warnings);
       outputs.insert(outputs.end(), target_plan_.outputs.begin(), target_plan_.outputs.end());
@@ -108,16 +109,21 @@ class TransferJob {
                                "the compressors");
   }
 
-  mesh::Mesh read(const std::string& path, std::uint64_t beside) {
+  mesh::Mesh read(const std::string& path, std::uint64_t beside, bool is_target) {
     const std::uint64_t reading = beside + io::mesh_cost(path).peak_bytes;
     if (reading > std::max(job_->budget.limit(), kReadAnyway)) {
       // Too large to look inside and say more exactly what the rest needs.
       require_least(*job_, {reading + kReadAnyway, "reading " + path});
     }
-    mesh::Mesh mesh = io::read_mesh(path);
+    mesh::Mesh mesh = load(path, is_target);
     add_warnings(mesh.warnings);
     job_->meter.advance(1);
     return mesh;
+  }
+
+  mesh::Mesh load(const std::string& path, bool is_target) const {
+    return is_target ? load_mesh(path, options_.target_use, "target")
+                     : load_mesh(path, options_.source_use, "source");
   }
 
   void add_warnings(const std::vector<std::string>& warnings) {
@@ -183,7 +189,8 @@ class TransferJob {
   void precondition_splats() {
     const StageTimer timer(job_->clock, "precondition");
     bool cached = false;
-    splats_ = splat_store(*job_, {options_.source, {}}, &cached, kAfterSource);
+    splats_ = splat_store(*job_, {options_.source, axes_of(options_.source_use, "source")}, &cached,
+                          kAfterSource);
     if (cached) job_->clock.set_cached("precondition");
     const tiles::SplatDirectory& directory = splats_->directory();
     job_->report.source_gaussians = directory.splats;
@@ -214,7 +221,7 @@ class TransferJob {
     const StageTimer timer(job_->clock, "read");
     target_ = {};
     target_lease_ = {};
-    target_ = io::read_mesh(options_.targets[t]);
+    target_ = load(options_.targets[t], true);
     target_lease_ = Lease(job_->budget, target_.size_bytes(), "the target's mesh");
     target_plan_ = plan_target(options_, plan_, options_.targets[t], target_);
   }
@@ -444,6 +451,8 @@ void check_options(const TransferOptions& o) {
     if (udim < mesh::kFirstUdim || udim > mesh::kLastUdim)
       usage(fmt::format("--tiles {}: UDIMs go from 1001 to 9999", udim));
   }
+  axes_of(o.source_use, "source");
+  axes_of(o.target_use, "target");
   if (!(o.max_distance.value > 0) || !std::isfinite(o.max_distance.value))
     usage("--max-distance must be above 0");
   if (!(o.max_angle_deg >= 0 && o.max_angle_deg < 90))

@@ -14,8 +14,9 @@ std::uint64_t bytes_of(const std::vector<T>& items) {
 std::uint64_t Mesh::size_bytes() const {
   std::uint64_t total = sizeof(Mesh) + bytes_of(positions) + bytes_of(normals) +
                         bytes_of(tangents) + bytes_of(triangles) + bytes_of(triangle_material) +
-                        bytes_of(materials) + bytes_of(images) + bytes_of(warnings) +
-                        parts.size_bytes() + bytes_of(files);
+                        bytes_of(rest) + bytes_of(rest_material) + bytes_of(materials) +
+                        bytes_of(images) + bytes_of(warnings) + parts.size_bytes() +
+                        bytes_of(files);
   for (const auto& set : uv_sets) total += bytes_of(set);
   for (const auto& present : uv_present) total += present.capacity() / 8;
   for (const auto& image : images) {

@@ -76,6 +76,10 @@ struct Mesh {
   std::vector<std::vector<bool>> uv_present;
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< file order
   std::vector<std::uint32_t> triangle_material;         ///< index into materials
+  /// Triangles that select() left out but was told to keep: they still own their part of the
+  /// images.
+  std::vector<std::array<std::uint32_t, 3>> rest;
+  std::vector<std::uint32_t> rest_material;
   Parts parts;                      ///< what --source-mesh and --target-mesh look at
   std::vector<Material> materials;  ///< never empty when there are triangles
   std::vector<ImageRef> images;

@@ -129,7 +129,7 @@ bool matches(const std::string& pattern, const std::string& name) {
   return pattern == name || fnmatch(pattern.c_str(), name.c_str(), 0) == 0;
 }
 
-void select(Mesh& mesh, const Selection& selection, const std::string& side) {
+void select(Mesh& mesh, const Selection& selection, const std::string& side, bool keep_rest) {
   if (selection.everything()) return;
   std::vector<std::size_t> material_index;
   const std::vector<std::string> material_names = used_material_names(mesh, material_index);
@@ -150,8 +150,14 @@ void select(Mesh& mesh, const Selection& selection, const std::string& side) {
         r + 1 < mesh.parts.runs.size() ? mesh.parts.runs[r + 1].first_triangle : count;
     const std::uint32_t before = kept;
     for (; t < end; ++t) {
-      if (named && !parts[part]) continue;
-      if (!materials[material_index[mesh.triangle_material[t]]]) continue;
+      const std::uint32_t material = mesh.triangle_material[t];
+      if ((named && !parts[part]) || !materials[material_index[material]]) {
+        if (keep_rest) {
+          mesh.rest.push_back(mesh.triangles[t]);
+          mesh.rest_material.push_back(material);
+        }
+        continue;
+      }
       mesh.triangles[kept] = mesh.triangles[t];
       mesh.triangle_material[kept++] = mesh.triangle_material[t];
     }
@@ -166,6 +172,10 @@ void select(Mesh& mesh, const Selection& selection, const std::string& side) {
   }
   mesh.triangles.resize(kept);
   mesh.triangle_material.resize(kept);
+  mesh.triangles.shrink_to_fit();
+  mesh.triangle_material.shrink_to_fit();
+  mesh.rest.shrink_to_fit();
+  mesh.rest_material.shrink_to_fit();
   mesh.parts.runs = std::move(left.runs);
 }
 

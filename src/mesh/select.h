@@ -23,7 +23,9 @@ bool matches(const std::string& pattern, const std::string& name);
 /// Leaves only the triangles whose part and material are both selected, in file order; vertices,
 /// materials and images stay. A pattern that matches nothing while another one does is a warning of
 /// the mesh. Throws Error(input) if no triangle is left: it lists the names that there are.
-/// `side` is "source" or "target", for messages that name the option.
-void select(Mesh& mesh, const Selection& selection, const std::string& side);
+/// `side` is "source" or "target", for messages that name the option. `keep_rest`: the other
+/// triangles go to Mesh::rest.
+void select(Mesh& mesh, const Selection& selection, const std::string& side,
+            bool keep_rest = false);
 
 }  // namespace pounce::mesh

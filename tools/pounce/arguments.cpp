@@ -238,6 +238,27 @@ std::vector<std::uint32_t> parse_udims(const std::string& option, const std::str
   return udims;
 }
 
+std::string parse_pattern(const std::string& option, const std::string& text) {
+  if (text.empty() || text.starts_with("--")) refuse(option, text, "a name or pattern (* ? [a-c])");
+  return text;
+}
+
+std::string parse_axes_text(const std::string& option, const std::string& text) {
+  std::string letters;
+  bool valid = true;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    std::string name = text.substr(begin, end - begin);
+    if (name.starts_with('-') || name.starts_with('+')) name.erase(0, 1);
+    valid = valid && name.size() == 1;
+    letters += name;
+    begin = end + 1;
+  }
+  std::sort(letters.begin(), letters.end());
+  if (!valid || letters != "xyz") refuse(option, text, "x, y and z once each, such as x,-y,-z");
+  return text;
+}
+
 std::string parse_path(const std::string& option, const std::string& text) {
   if (text.empty() || (text.size() > 1 && text[0] == '-')) {
     refuse(option, text, "a path (write ./-name for a file whose name begins with -)");

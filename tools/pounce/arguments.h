@@ -38,6 +38,10 @@ SourceTexture parse_source_texture(const std::string& option, const std::string&
 std::string parse_image_pattern(const std::string& option, const std::string& text);
 /// "1001-1004,1011": UDIMs and ranges of them; sorted, each once.
 std::vector<std::uint32_t> parse_udims(const std::string& option, const std::string& text);
+/// A pattern for names: not empty, and not what looks like the next option.
+std::string parse_pattern(const std::string& option, const std::string& text);
+/// "x,-y,-z": x, y and z once each, with or without a sign.
+std::string parse_axes_text(const std::string& option, const std::string& text);
 /// A path: not empty, and not what looks like the next option.
 std::string parse_path(const std::string& option, const std::string& text);
 

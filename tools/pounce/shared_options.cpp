@@ -7,6 +7,7 @@ namespace pounce::cli {
 namespace {
 
 constexpr unsigned kMostThreads = 1024;
+constexpr std::uint64_t kMostUvSets = 255;
 constexpr int kHelpColumn = 30;
 
 constexpr const char* kExitStatusHelp =
@@ -53,6 +54,46 @@ CLI::Option* add_switch(CLI::App& command, const std::string& name, const std::s
           name, [&flag, value] { flag = value; }, help)
       ->disable_flag_override()  // --plan=no would read like the opposite of what it does
       ->group(group);
+}
+
+void add_mesh_options(CLI::App& command, const std::string& side, const std::string& group,
+                      MeshUse& use) {
+  const bool is_source = side == "source";
+  const auto add_patterns = [&](const std::string& name, const std::string& help,
+                                std::vector<std::string>& patterns) {
+    command
+        .add_option_function<std::vector<std::string>>(
+            name,
+            [&patterns, name](const std::vector<std::string>& texts) {
+              for (const std::string& text : texts) patterns.push_back(parse_pattern(name, text));
+            },
+            help)
+        ->type_name("NAME")
+        ->option_text("NAME")
+        ->expected(1)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+        ->group(group);
+  };
+  add_patterns("--" + side + "-mesh",
+               "Only what has this name: node or mesh of a glTF, object or group\n"
+               "of an OBJ. May hold * ? [a-c], may be given several times",
+               use.meshes);
+  add_patterns("--" + side + "-material", "Only triangles of this material; the same patterns",
+               use.materials);
+  const std::string uv_set = "--" + side + "-uv-set";
+  add_value(command, uv_set, "N", group,
+            is_source ? "Sample textures through this UV set. Default: as the materials say"
+                      : "Write images over this UV set. Default: 0",
+            [&use, uv_set](const std::string& text) {
+              use.uv_set = static_cast<std::uint32_t>(parse_integer(uv_set, text, 0, kMostUvSets));
+            });
+  add_value(command, "--" + side + "-axes", "AXES", group,
+            "Turn the mesh: its axes in the order wanted, with a minus where\n"
+            "one turns round, as in x,-y,-z; written after = where it begins\n"
+            "with a minus. Default: as stored",
+            [&use, side](const std::string& text) {
+              use.axes = parse_axes_text("--" + side + "-axes", text);
+            });
 }
 
 void add_resource_options(CLI::App& command, Resources& resources) {

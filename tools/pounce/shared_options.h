@@ -29,6 +29,9 @@ CLI::Option* add_switch(CLI::App& command, const std::string& name, const std::s
 
 /// --memory, --threads, --cache and --no-cache.
 void add_resource_options(CLI::App& command, Resources& resources);
+/// --SIDE-mesh, --SIDE-material, --SIDE-uv-set and --SIDE-axes; `side` is "source" or "target".
+void add_mesh_options(CLI::App& command, const std::string& side, const std::string& group,
+                      MeshUse& use);
 /// --report, --progress, -q and -v.
 void add_job_options(CLI::App& command, JobSettings& settings);
 

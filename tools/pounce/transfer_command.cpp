@@ -140,6 +140,8 @@ Command add_transfer_command(CLI::App& program) {
       ->required();
   add_picture_options(*command, options);
   add_source_options(*command, options);
+  add_mesh_options(*command, "source", "Source", options.source_use);
+  add_mesh_options(*command, "target", "Target", options.target_use);
   add_search_options(*command, options);
   add_resource_options(*command, options.resources);
   add_value(*command, "--temp", "DIR", "Machine (the result does not depend on these)",

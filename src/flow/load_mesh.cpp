@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "flow/load_mesh.h"
+
+#include <fmt/format.h>
+
+#include "io/read_mesh.h"
+#include "mesh/orient.h"
+#include "mesh/select.h"
+#include "pounce/error.h"
+
+namespace pounce::flow {
+
+Axes axes_of(const MeshUse& use, const std::string& side) {
+  if (use.axes.empty()) return {};
+  try {
+    return parse_axes(use.axes);
+  } catch (const Error& e) {
+    throw Error(ErrorKind::usage, fmt::format("--{}-axes: {}", side, e.what()));
+  }
+}
+
+mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,
+                     bool keep_rest) {
+  mesh::Mesh mesh = io::read_mesh(path);
+  mesh::orient(mesh, axes_of(use, side));
+  mesh::select(mesh, {use.meshes, use.materials}, side, keep_rest);
+  if (use.uv_set && *use.uv_set >= mesh.uv_sets.size()) {
+    const std::size_t count = mesh.uv_sets.size();
+    throw Error(ErrorKind::input,
+                fmt::format("{}: --{}-uv-set {}: there is no such UV set; it has {}{}", path, side,
+                            *use.uv_set, count,
+                            count == 0   ? ""
+                            : count == 1 ? ", number 0"
+                                         : fmt::format(", numbers 0 to {}", count - 1)));
+  }
+  return mesh;
+}
+
+}  // namespace pounce::flow

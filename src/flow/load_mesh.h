@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "core/axes.h"
+#include "mesh/mesh.h"
+#include "pounce/options.h"
+
+namespace pounce::flow {
+
+/// A mesh as a job sees it: read, its axes turned, and only what is selected. `side` is "source" or
+/// "target", for messages. `keep_rest`: what was not selected goes to Mesh::rest instead of being
+/// dropped. Throws Error(input) if nothing is selected or the UV set asked for does not exist.
+mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,
+                     bool keep_rest = false);
+
+/// The axes of that side. Throws Error(usage) where they make no sense, naming the option.
+Axes axes_of(const MeshUse& use, const std::string& side);
+
+}  // namespace pounce::flow
