@@ -131,4 +131,12 @@ struct MapsOptions {
   Resources resources;
 };
 
+/// Source preconditioning alone: a textured mesh as a 3DGS PLY.
+struct GaussiansOptions {
+  std::string source;                          ///< .glb, .gltf or .obj with a baseColor texture
+  std::string output;                          ///< .ply
+  std::vector<SourceTexture> source_textures;  ///< instead of what the mesh says; baseColor alone
+  Resources resources;
+};
+
 }  // namespace pounce

@@ -24,7 +24,6 @@ namespace {
 
 using tiles::kTexelsPerBlock;
 
-constexpr std::uint64_t kColourTilesAtOnce = 8;
 constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, candidate lists, encode buffers
 
 /// What one source block costs a batch: itself decoded, what it is decoded from, and its share of
@@ -83,11 +82,9 @@ class MeshProjector : public PageProjector {
   std::uint64_t colour_bytes() const {
     std::uint64_t largest = 0;
     for (const ChannelOutput& channel : request_.channels) {
-      for (const PageColour& page : channel.pages) {
-        if (page.column != nullptr) largest = std::max(largest, page.column->tile_bytes());
-      }
+      for (const PageColour& page : channel.pages) largest = std::max(largest, tile_bytes(page));
     }
-    return largest * (kColourTilesAtOnce + 2);
+    return largest * (ColourWindow::kTiles + 2);
   }
 
   /// Half of what a share leaves goes to a batch of source blocks, half to the texels' state.
@@ -170,91 +167,26 @@ class MeshProjector : public PageProjector {
 
   // --- colours -----------------------------------------------------------------------------------
 
-  /// The tiles a blend just used: neighbouring texels mostly want the same one.
-  class TileWindow {
-   public:
-    explicit TileWindow(SourceCache& cache) : cache_(cache) {}
-    const std::byte* get(const tiles::ColourStore& column, std::uint32_t x, std::uint32_t y) {
-      const auto holds = [&](const Slot& slot) {
-        return slot.column == &column && slot.x == x && slot.y == y;
-      };
-      if (holds(slots_[last_])) return slots_[last_].tile->data();
-      for (last_ = 0; last_ < slots_.size(); ++last_) {
-        if (holds(slots_[last_])) return slots_[last_].tile->data();
-      }
-      last_ = next_++ % kColourTilesAtOnce;
-      Slot& slot = slots_[last_];
-      slot.tile = cache_.colours(column, x, y);
-      slot.column = &column;
-      slot.x = x;
-      slot.y = y;
-      return slot.tile->data();
-    }
-
-   private:
-    struct Slot {
-      const tiles::ColourStore* column = nullptr;
-      std::uint32_t x = 0, y = 0;
-      std::shared_ptr<const tiles::ColourTile> tile;
-    };
-    SourceCache& cache_;
-    std::array<Slot, kColourTilesAtOnce> slots_;
-    std::size_t last_ = 0;    ///< the slot used last
-    std::uint64_t next_ = 0;  ///< counts replacements
-  };
-
-  /// Where a hit lies in an image.
-  struct Place {
-    const tiles::ColourStore* column = nullptr;  ///< null: no image there
-    projection::Coordinate x, y;
-  };
-
-  static Place place(const tiles::ColourStore& column, const projection::HitPacket& hit, int lane) {
-    const tiles::ColourDirectory& image = column.directory();
-    return {&column,
-            projection::placed(hit.base_x[lane], hit.frac_x[lane], image.width, image.wrap_u),
-            projection::placed(hit.base_y[lane], hit.frac_y[lane], image.height, image.wrap_v)};
-  }
-
-  static Place place(const TileColumns& set, const projection::HitPacket& hit, int lane) {
-    const projection::TileCoordinate x =
-        projection::in_tile(hit.base_x[lane], hit.frac_x[lane], set.width);
-    const projection::TileCoordinate y =
-        projection::in_tile(hit.base_y[lane], hit.frac_y[lane], set.height);
-    const auto at = set.tiles.find(mesh::tile_of_period(x.period, y.period));
-    if (at == set.tiles.end()) return {};
-    const tiles::ColourDirectory& image = at->second->directory();
-    return {at->second, projection::scaled(x.texel, set.width, image.width),
-            projection::scaled(y.texel, set.height, image.height)};
-  }
-
   /// Writes the colour of one hit in the output's format. False: it met a UDIM tile without image.
   bool store_colour(const ChannelOutput& channel, const projection::HitPacket& hit, int lane,
-                    TileWindow& window, std::byte* out) const {
+                    ColourWindow& window, std::byte* out) const {
     const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
     if (page.column == nullptr && page.tile_set == nullptr) {
       texture::store_texel(channel.format, page.constant, out);
       return true;
     }
-    const Place at =
-        page.column != nullptr ? place(*page.column, hit, lane) : place(*page.tile_set, hit, lane);
-    if (at.column == nullptr) return false;
-    const tiles::ColourDirectory& image = at.column->directory();
-    // Texel -1 belongs to the first tile's apron.
-    const std::int32_t tile_x = std::max(at.x.texel, 0) / mesh::kBlockEdge,
-                       tile_y = std::max(at.y.texel, 0) / mesh::kBlockEdge;
-    const std::byte* const tile = window.get(*at.column, static_cast<std::uint32_t>(tile_x),
-                                             static_cast<std::uint32_t>(tile_y));
+    const ColourPlace at =
+        window.find(page, {hit.base_x[lane], hit.base_y[lane], hit.frac_x[lane], hit.frac_y[lane]});
+    if (at.image == nullptr) return false;
     projection::Taps taps;
-    request_.blend(at.x.rest, at.y.rest, taps);
-    const int column = at.x.texel - tile_x * mesh::kBlockEdge,
-              row = at.y.texel - tile_y * mesh::kBlockEdge;
-    if (channel.format.keeps(image)) {
-      projection::blend_u8(image, tile, column, row, taps, out);
+    request_.blend(at.rest_x, at.rest_y, taps);
+    if (channel.format.keeps(*at.image)) {
+      projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
     } else {
-      texture::store_texel(
-          channel.format,
-          {projection::blend(image, tile, column, row, taps), image.channels, image.linear}, out);
+      texture::store_texel(channel.format,
+                           {projection::blend(*at.image, at.tile, at.column, at.row, taps),
+                            at.image->channels, at.image->linear},
+                           out);
     }
     return true;
   }
@@ -279,7 +211,7 @@ class MeshProjector : public PageProjector {
     const std::size_t texel_bytes = channel.format.texel_bytes();
     texture::ResultBlock result;
     result.texels.resize(kTexelsPerBlock * texel_bytes);
-    TileWindow window(cache_);
+    ColourWindow window(cache_);
     std::uint64_t covered = 0;
     for (std::uint32_t p = first; p < last; ++p) {
       const projection::HitPacket& hit = work.state.hits[p];
@@ -318,7 +250,7 @@ std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t mo
                                   std::uint32_t largest_chunk_bytes,
                                   std::uint64_t result_texel_bytes,
                                   std::uint64_t colour_tile_bytes) {
-  return kPieceScratch + colour_tile_bytes * (kColourTilesAtOnce + 2) +
+  return kPieceScratch + colour_tile_bytes * (ColourWindow::kTiles + 2) +
          batch_cost(most_triangles, most_patches) + 3 * std::uint64_t{largest_chunk_bytes} +
          block_state_bytes(kTexelsPerBlock, tiles::kMostTrianglesPerBlock, result_texel_bytes);
 }

@@ -1,33 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <map>
 #include <memory>
 #include <vector>
 
+#include "flow/page_colour.h"
 #include "flow/target_stream.h"
-#include "mesh/uv_tiles.h"
 #include "projection/blend.h"
 #include "projection/search.h"
-#include "tiles/colour_store.h"
 #include "tiles/geometry_store.h"
 
 namespace pounce::flow {
-
-/// The UDIM tiles of a source texture: the source is seen through one lattice of such tiles, each
-/// `width` x `height`; which image a hit means is found when it is blended. Blends do not reach
-/// across a tile's border: every image is clamped, as renderers do.
-struct TileColumns {
-  std::uint32_t width = 0, height = 0;
-  std::map<mesh::UvTile, const tiles::ColourStore*> tiles;
-};
-
-/// What one source page gives to one channel.
-struct PageColour {
-  const tiles::ColourStore* column = nullptr;
-  const TileColumns* tile_set = nullptr;  ///< null as well as column: a constant
-  texture::TexelValue constant;
-};
 
 /// One channel that a pass transfers.
 struct ChannelOutput {

@@ -2,7 +2,7 @@
 # No command, and commands and options of later versions, are unknown.
 source "$(dirname "$0")/support.sh"
 refused 'no command was given'
-for command in gaussians frobnicate; do refused "\"$command\" is not a command" $command; done
+for command in denoise frobnicate; do refused "\"$command\" is not a command" $command; done
 refused '"-v" is not a command' -v
 refused 'SOURCE is required' transfer
 refused 'TARGET is required' transfer a.glb

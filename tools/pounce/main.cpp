@@ -54,9 +54,9 @@ int run(int argc, char** argv) {
   program.require_subcommand(1);
   pounce::cli::set_help_text(program, kUsage);
   const std::array commands{
-      pounce::cli::add_transfer_command(program), pounce::cli::add_maps_command(program),
-      pounce::cli::add_inspect_command(program), pounce::cli::add_compare_command(program),
-      pounce::cli::add_cache_command(program)};
+      pounce::cli::add_transfer_command(program),  pounce::cli::add_maps_command(program),
+      pounce::cli::add_gaussians_command(program), pounce::cli::add_inspect_command(program),
+      pounce::cli::add_compare_command(program),   pounce::cli::add_cache_command(program)};
   try {
     program.parse(argc, argv);
     for (const Command& command : commands) {
@@ -82,7 +82,8 @@ int run(int argc, char** argv) {
     }
     return usage_error(
         program, "\"" + unknown.front() +
-                     "\" is not a command; there are transfer, maps, inspect, compare, cache");
+                     "\" is not a command; there are transfer, maps, gaussians, inspect, compare, "
+                     "cache");
   } catch (const pounce::Error& error) {
     if (error.kind() != pounce::ErrorKind::usage) throw;
     return usage_error(program, error.what());

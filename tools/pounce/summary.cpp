@@ -52,6 +52,11 @@ std::string summary_text(const Report& report, double wall_s) {
   if (listed < report.outputs.size()) {
     text += fmt::format("wrote {} more\n", report.outputs.size() - listed);
   }
+  if (report.command == "gaussians") {
+    text += fmt::format("{} Gaussians; {}, {} threads\n", with_commas(report.source_gaussians),
+                        wall_text(wall_s), report.threads);
+    return text;
+  }
   const std::uint64_t texels = report.target_texels;
   text += fmt::format("{} texels: {} covered{}, {} empty{}; {} filled around the charts\n",
                       with_commas(texels), with_commas(report.target_covered),

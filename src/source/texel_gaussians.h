@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "mesh/lattice.h"
+#include "tiles/geometry_block.h"
+
+namespace pounce::source {
+
+/// Standard deviation of a texel's Gaussian in texels, along x and along y
+/// (docs/decisions/014-gaussians-out.md).
+inline constexpr double kSigmaTexels = 0.5;
+/// A disc's thickness over the smaller of its two widths.
+inline constexpr double kFlatness = 0.01;
+
+/// The shape that all Gaussians of one triangle share: an ellipse in the triangle's plane.
+struct Footprint {
+  double sigma[3];     ///< standard deviations in space, largest first; the third is the thickness
+  double rotation[4];  ///< unit quaternion w, x, y, z, w >= 0: its matrix's columns are the axes;
+                       ///< the third is the triangle's normal on the front side
+};
+
+/// One Gaussian of a mesh: what a texel of its image is on the surface, or a whole triangle that
+/// holds no texel's centre or has no image.
+struct MeshGaussian {
+  Vec3f mean, normal;      ///< the interpolated vertex normal, unit
+  std::uint32_t triangle;  ///< index in the block
+  std::int32_t x, y;       ///< whole texel coordinates of the colour, not wrapped
+  float frac_x, frac_y;    ///< and the rest: 0 unless the Gaussian is a whole triangle
+};
+
+/// The Gaussians of one stored block: by triangle in file order, within a triangle in raster order.
+/// Triangles without area in space have none. Block and lattice must live. Const members are
+/// thread-safe.
+class MeshGaussians {
+ public:
+  MeshGaussians(const tiles::GeometryBlock& block, const mesh::Lattice& lattice);
+
+  std::uint64_t count() const { return first_.back(); }
+  /// Visits Gaussians [begin, end) in order.
+  void visit(std::uint64_t begin, std::uint64_t end,
+             const std::function<void(const MeshGaussian&)>& each) const;
+  /// The shape of one triangle's Gaussians; the triangle must have some.
+  Footprint footprint(std::uint32_t triangle) const;
+
+ private:
+  struct Corners;
+  Corners corners(std::uint32_t triangle) const;
+  bool is_single(const Corners& c) const;
+  template <class Span>
+  void raster(const Corners& c, const Span& span) const;
+
+  const tiles::GeometryBlock& block_;
+  const mesh::Lattice& lattice_;
+  std::vector<std::uint64_t> first_;  ///< by triangle: its first Gaussian; and the end
+};
+
+}  // namespace pounce::source
