@@ -28,7 +28,13 @@ echo "== The head onto itself"
   --coverage "$demo/onto_itself.coverage.png"
 "$pounce" compare "$demo/onto_itself.png" "$demo/head_src.png" --mask "$demo/onto_itself.coverage.png"
 
+echo "== A noisy splat scene of the head onto the head"
+build/release/pounce-fixture splats -o "$demo/splats.ply" --count 2000000 --target-size 1024
+"$pounce" transfer "$demo/splats.ply" "$demo/splats_target.glb" -o "$demo/from_splats.png" --size 1024
+"$pounce" compare "$demo/from_splats.png" "$demo/splats_target.truth.png"
+
 echo "== Pictures"
-for picture in head_src.png onto_same.png head_same.truth.png onto_other.png onto_itself.png; do
+for picture in head_src.png onto_same.png head_same.truth.png onto_other.png onto_itself.png \
+  from_splats.png; do
   echo "$PWD/$demo/$picture"
 done
