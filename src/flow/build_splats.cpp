@@ -12,7 +12,6 @@
 #include "flow/build_splats.h"
 
 #include <fmt/format.h>
-#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_pipeline.h>
 
 #include <algorithm>
@@ -199,13 +198,12 @@ class BlockCutter {
   std::uint64_t next_ = 0;
 };
 
-/// A block on its way to the pack.
-struct EncodedBlock {
-  std::uint64_t ordinal = 0;
+/// A block on its way from the merge to the pack. Slots are used in turn and keep their memory.
+struct Slot {
+  BlockCutter::Cut cut;
+  SplatBlock block;
+  std::vector<std::byte> raw, stored;
   tiles::SplatEntry entry;
-  bool has_normals = false;
-  std::vector<std::byte> stored;
-  std::uint32_t raw_bytes = 0;
   std::vector<float> noise;  ///< of the blocks that are asked
 };
 
@@ -219,27 +217,18 @@ bool asked_for_noise(std::uint64_t ordinal, std::uint32_t step_log2) {
   return (ordinal & ((1ULL << step_log2) - 1)) == 0;
 }
 
-/// What a thread encodes with.
-struct EncoderScratch {
-  SplatBlock block;
-  std::vector<std::byte> raw;
-};
-
-EncodedBlock encode_block(JobContext& job, const BlockCutter::Cut& cut, EncoderScratch& scratch) {
-  EncodedBlock out;
-  out.ordinal = cut.ordinal;
-  out.entry.splats = static_cast<std::uint32_t>(cut.splats.size());
-  out.entry.size_class = static_cast<std::uint32_t>(SplatLattice::key_size_class(cut.first_key));
-  for (const Splat& s : cut.splats) out.entry.box.extend(tiles::splat_box(s));
-  SplatBlock& block = scratch.block;
-  block.assign(cut.splats);
-  out.has_normals = !block.normal[0].empty();
-  tiles::encode(block, scratch.raw);
-  out.raw_bytes = static_cast<std::uint32_t>(scratch.raw.size());
-  job.compressor().compress(scratch.raw, out.stored);
-  if (asked_for_noise(cut.ordinal, noise_step_log2(cut.ordinal)))
-    source::append_surface_noise(block, out.noise);
-  return out;
+void encode_block(JobContext& job, Slot& slot) {
+  slot.entry = {};
+  slot.entry.splats = static_cast<std::uint32_t>(slot.cut.splats.size());
+  slot.entry.size_class =
+      static_cast<std::uint32_t>(SplatLattice::key_size_class(slot.cut.first_key));
+  for (const Splat& s : slot.cut.splats) slot.entry.box.extend(tiles::splat_box(s));
+  slot.block.assign(slot.cut.splats);
+  tiles::encode(slot.block, slot.raw);
+  job.compressor().compress(slot.raw, slot.stored);
+  slot.noise.clear();
+  if (asked_for_noise(slot.cut.ordinal, noise_step_log2(slot.cut.ordinal)))
+    source::append_surface_noise(slot.block, slot.noise);
 }
 
 std::unique_ptr<tiles::SplatStore> StoreBuilder::merge(const SplatLattice& lattice,
@@ -261,43 +250,43 @@ std::unique_ptr<tiles::SplatStore> StoreBuilder::merge(const SplatLattice& latti
 
   SplatMerge sequence(job_, lattice, runs.pack, runs.runs);
   BlockCutter cutter(sequence);
-  tbb::enumerable_thread_specific<EncoderScratch> scratch;
+  // The last stage ends blocks in order, so those under way are neighbours: each has its own slot.
+  std::vector<Slot> slots(tokens);
   tiles::SplatStoreWriter writer(job_.stores->create(
       tiles::PackKind::splats, key_,
       fmt::format("{}, {} Gaussians", std::filesystem::path(request_.path).filename().string(),
                   ply_.header().splats)));
   std::vector<std::pair<std::uint64_t, std::vector<float>>> noise;
   std::uint64_t blocks = 0, done = 0;
-  const auto write = [&](EncodedBlock& block) {
+  const auto write = [&](Slot& slot) {
     if (blocks > 0 &&
-        (writer.tile_blocks() == kTileBlocks || block.entry.size_class != writer.tile_class())) {
+        (writer.tile_blocks() == kTileBlocks || slot.entry.size_class != writer.tile_class())) {
       writer.end_tile(job_.compressor());
       ++job_.report.tiles_written;
     }
-    writer.add_block(block.entry, block.has_normals, block.stored, block.raw_bytes);
-    if (!block.noise.empty()) noise.emplace_back(block.ordinal, std::move(block.noise));
-    blocks = block.ordinal + 1;
-    done += block.entry.splats;
+    writer.add_block(slot.entry, !slot.block.normal[0].empty(), slot.stored,
+                     static_cast<std::uint32_t>(slot.raw.size()));
+    if (!slot.noise.empty()) noise.emplace_back(slot.cut.ordinal, slot.noise);
+    blocks = slot.cut.ordinal + 1;
+    done += slot.entry.splats;
     job_.meter.advance(ply_.header().splats * done / total -
-                       ply_.header().splats * (done - block.entry.splats) / total);
+                       ply_.header().splats * (done - slot.entry.splats) / total);
   };
-  tbb::parallel_pipeline(
-      tokens,
-      tbb::make_filter<void, std::shared_ptr<BlockCutter::Cut>>(
-          tbb::filter_mode::serial_in_order,
-          [&](tbb::flow_control& control) {
-            auto cut = std::make_shared<BlockCutter::Cut>();
-            if (!cutter.next(*cut)) control.stop();
-            return cut;
-          }) &
-          tbb::make_filter<std::shared_ptr<BlockCutter::Cut>, std::shared_ptr<EncodedBlock>>(
-              tbb::filter_mode::parallel,
-              [&](const std::shared_ptr<BlockCutter::Cut>& cut) {
-                return std::make_shared<EncodedBlock>(encode_block(job_, *cut, scratch.local()));
-              }) &
-          tbb::make_filter<std::shared_ptr<EncodedBlock>, void>(
-              tbb::filter_mode::serial_in_order,
-              [&](const std::shared_ptr<EncodedBlock>& block) { write(*block); }));
+  std::size_t next_slot = 0;
+  tbb::parallel_pipeline(tokens,
+                         tbb::make_filter<void, Slot*>(tbb::filter_mode::serial_in_order,
+                                                       [&](tbb::flow_control& control) -> Slot* {
+                                                         Slot& slot = slots[next_slot++ % tokens];
+                                                         if (!cutter.next(slot.cut)) control.stop();
+                                                         return &slot;
+                                                       }) &
+                             tbb::make_filter<Slot*, Slot*>(tbb::filter_mode::parallel,
+                                                            [&](Slot* slot) {
+                                                              encode_block(job_, *slot);
+                                                              return slot;
+                                                            }) &
+                             tbb::make_filter<Slot*, void>(tbb::filter_mode::serial_in_order,
+                                                           [&](Slot* slot) { write(*slot); }));
   if (blocks == 0) {
     throw Error(ErrorKind::input,
                 fmt::format("{}: none of its {} Gaussians can be used ({})", request_.path,
