@@ -240,7 +240,11 @@ std::unique_ptr<tiles::ColourStore> colour_store(JobContext& job, const ColourRe
   Hash128 content;
   {
     const WorkTimer decoding(job.clock, "decode");
-    content = io::hash_image(*request.image);
+    const mesh::ImageRef& image = *request.image;
+    const auto hash = [&image] { return io::hash_image(image); };
+    content = image.bytes != nullptr
+                  ? hash()
+                  : job.content_hash(image.path, image.offset_bytes, image.size_bytes, hash);
   }
   Hasher hash;
   hash.add(std::string_view("colour column"));

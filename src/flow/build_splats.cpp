@@ -326,7 +326,8 @@ Hash128 store_key(JobContext& job, const SplatRequest& request, const io::SplatP
   hash.add(tiles::kFormatVersion);
   hash.add(kSplatStoreVersion);
   if (job.stores->persistent()) {
-    const Hash128 content = hash_file(job, ply.file());
+    const Hash128 content =
+        job.content_hash(request.path, 0, 0, [&] { return hash_file(job, ply.file()); });
     hash.add(content.hi);
     hash.add(content.lo);
   } else {  // nobody will look for it: spare the second reading of a file of many GB

@@ -60,8 +60,11 @@ std::unique_ptr<tiles::StoreFolder> open_cache(const Resources& resources, const
                                                const std::string& scratch, bool rebuild,
                                                JobContext& job) {
   try {
-    return tiles::StoreFolder::open_cache(*job.files, cache,
-                                          cache_options(resources, cache, scratch, rebuild, job));
+    auto stores = tiles::StoreFolder::open_cache(
+        *job.files, cache, cache_options(resources, cache, scratch, rebuild, job));
+    const tiles::CacheLayout layout(cache);
+    job.hashes = std::make_unique<HashMemo>(*job.files, layout.hash_memo(), layout.parts_folder());
+    return stores;
   } catch (const Error& e) {
     if (e.kind() != ErrorKind::storage) throw;
     const std::string what = fmt::format("the cache cannot be used: {}", e.what());
@@ -134,6 +137,9 @@ Report finish_report(JobContext& job) {
   report.version = POUNCE_VERSION;
   report.threads = job.threads;
   report.stages = job.clock.times();
+  for (StageTime& stage : report.stages) {
+    if (stage.name == "decode") stage.cached = report.images_decoded == 0;
+  }
   for (std::string& note : job.stores->take_notes()) report.warnings.push_back(std::move(note));
   report.memory_budget_bytes = job.budget.limit();
   report.leased_peak_bytes = job.budget.leased_peak();

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -12,6 +13,7 @@
 
 #include "core/file.h"
 #include "core/timer.h"
+#include "flow/hash_memo.h"
 #include "flow/memory_budget.h"
 #include "pounce/options.h"
 #include "pounce/progress.h"
@@ -56,6 +58,7 @@ struct JobContext {
   StageClock clock;
   FileSystem* files = nullptr;
   std::unique_ptr<FileSystem> memory_files;     ///< in-core runs
+  std::unique_ptr<HashMemo> hashes;             ///< of input files; null without a cache
   std::unique_ptr<tiles::StoreFolder> stores;   ///< source and target stores
   std::unique_ptr<tiles::StoreFolder> scratch;  ///< results; vanish with the process
   unsigned threads = 1;
@@ -68,6 +71,12 @@ struct JobContext {
   /// A pack that the store has; nothing if the caller is to make it (tiles::StoreFolder::find).
   /// Says in progress and times when it had to wait for another process, and warns of damage.
   std::unique_ptr<tiles::PackReader> find_pack(tiles::PackKind kind, const Hash128& key);
+
+  /// The hash of a part of an input file (size 0 = all of it): remembered, else computed.
+  Hash128 content_hash(const std::string& path, std::uint64_t offset, std::uint64_t size_bytes,
+                       const std::function<Hash128()>& compute) {
+    return hashes ? hashes->get(path, offset, size_bytes, compute) : compute();
+  }
 
   std::unique_ptr<StageTimer> waiting;  ///< while find_pack() waits for another process
 };
