@@ -37,6 +37,7 @@ namespace pounce::tiles {
 namespace {
 
 constexpr auto kLookAgain = std::chrono::milliseconds(50);
+constexpr auto kTidiedAway = std::chrono::milliseconds(2);
 
 /// The lock on a key; its file goes with it.
 class Claim final : public FileLock {
@@ -193,9 +194,13 @@ class CacheFolder final : public StoreFolder {
   /// Waits until the key is ours; null if it may not be waited for.
   std::unique_ptr<FileLock> claim_key(PackKind kind, const Hash128& key) {
     const std::string path = layout_.key_lock(kind, key);
-    for (;;) {
+    for (int look = 0;; ++look) {
       if (auto lock = files_.try_lock(path)) {
         return std::make_unique<Claim>(files_, path, std::move(lock), claim_count_);
+      }
+      if (look == 0) {  // it may just be tidied away, which is soon over
+        std::this_thread::sleep_for(kTidiedAway);
+        continue;
       }
       if (*claim_count_ > 0) return nullptr;
       if (options_.waiting) options_.waiting(holder_of(path), layout_.pack(kind, key));
