@@ -177,6 +177,11 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
       0, static_cast<float>(pbr.roughnessFactor), static_cast<float>(pbr.metallicFactor), 1};
   auto& emissive = out.factors[static_cast<std::size_t>(Channel::emissive)];
   for (std::size_t i = 0; i < 3; ++i) emissive[i] = factor(in.emissiveFactor, i, 0);
+  out.occlusion_strength = static_cast<float>(in.occlusionTexture.strength);
+  if (const auto* strength = find(in.extensions, "KHR_materials_emissive_strength")) {
+    const double value = number(*strength, "emissiveStrength", -1, 1);
+    if (std::isfinite(value) && value >= 0) out.emissive_strength = static_cast<float>(value);
+  }
 
   bind(out, Channel::base_color, pbr.baseColorTexture);
   bind(out, Channel::metallic_roughness, pbr.metallicRoughnessTexture);

@@ -55,6 +55,8 @@ struct Material {
   /// for occlusion, emissiveFactor rgb1 (linear).
   std::array<std::array<float, 4>, kChannelCount> factors{
       {{1, 1, 1, 1}, {0, 1, 1, 1}, {1, 1, 1, 1}, {0, 0, 0, 1}}};
+  /// What the factors above have no room for; a model output copies them with the texture.
+  float occlusion_strength = 1, emissive_strength = 1;
   bool double_sided = false;
 };
 

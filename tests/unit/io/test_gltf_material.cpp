@@ -66,7 +66,8 @@ TEST_CASE("every channel is bound with its factor, UV set and image", "[io]") {
   material["pbrMetallicRoughness"]["metallicFactor"] = .125;
   material["pbrMetallicRoughness"]["roughnessFactor"] = .5;
   material["pbrMetallicRoughness"]["metallicRoughnessTexture"] = {{"index", 1}};
-  material["occlusionTexture"] = {{"index", 1}, {"texCoord", 1}};
+  material["occlusionTexture"] = {{"index", 1}, {"texCoord", 1}, {"strength", .25}};
+  material["extensions"]["KHR_materials_emissive_strength"] = {{"emissiveStrength", 4}};
   material["emissiveTexture"] = {{"index", 0}};
   material["emissiveFactor"] = {1, .5, 0};
   const mesh::Mesh m = read(b);
@@ -85,6 +86,8 @@ TEST_CASE("every channel is bound with its factor, UV set and image", "[io]") {
   CHECK(out.factors[1] == std::array<float, 4>{0, .5F, .125F, 1});
   CHECK(out.factors[2] == std::array<float, 4>{1, 1, 1, 1});
   CHECK(out.factors[3] == std::array<float, 4>{1, .5F, 0, 1});
+  CHECK(out.occlusion_strength == .25F);
+  CHECK(out.emissive_strength == 4);
   CHECK(m.images.at(0).mime_type == "image/png");
   CHECK(bytes_of(m.images.at(0)) == kPngHead);
 }
