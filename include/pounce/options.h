@@ -91,6 +91,8 @@ struct TransferOptions {
   /// Image path; may hold <CHANNEL>, <MATERIAL>, <TARGET> (needed for several), <UDIM> and
   /// <UVTILE>. With one of the last two, UVs outside [0,1) are UDIM tiles with an image each;
   /// without, they wrap. The ending picks the format.
+  /// Or a model, .glb or .gltf: the target, which must be one of these too, with a new texture per
+  /// material and channel and everything else as it was; may hold <TARGET>.
   std::string output;
   std::vector<std::uint32_t> tiles;  ///< only these UDIMs, sorted; empty = all there are
   std::string
@@ -98,7 +100,7 @@ struct TransferOptions {
   std::vector<SourceTexture> source_textures;
   std::optional<ImageSize> size;  ///< default: per channel the largest source image of that channel
   std::optional<Depth> depth;     ///< default: the source image's
-  /// Empty: baseColor if `output` lacks <CHANNEL>, else every channel the source has.
+  /// Empty: baseColor if `output` is an image without <CHANNEL>, else every channel the source has.
   std::vector<Channel> channels;
   bool all_channels = false;  ///< every channel the source has; `channels` must be empty
   /// How far along its normal, both ways, a texel may look. Larger costs time where nothing is

@@ -87,12 +87,14 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   if (in_core) {
     job->memory_files = make_memory_file_system();
     job->files = job->memory_files.get();
+    job->scratch_folder = "/";
     job->stores = tiles::StoreFolder::make_scratch(*job->files, "/");
     job->scratch = tiles::StoreFolder::make_scratch(*job->files, "/");
     return job;
   }
   job->files = &posix_file_system();
   const std::string scratch = scratch_folder(resources, output);
+  job->scratch_folder = scratch;
   job->scratch = tiles::StoreFolder::make_scratch(*job->files, scratch);
   const std::string cache = !resources.use_cache || plan_only ? std::string()
                             : resources.cache_dir.empty()     ? default_cache_folder()

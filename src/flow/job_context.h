@@ -61,6 +61,7 @@ struct JobContext {
   std::unique_ptr<HashMemo> hashes;             ///< of input files; null without a cache
   std::unique_ptr<tiles::StoreFolder> stores;   ///< source and target stores
   std::unique_ptr<tiles::StoreFolder> scratch;  ///< results; vanish with the process
+  std::string scratch_folder;                   ///< for other nameless files
   unsigned threads = 1;
   std::uint64_t tile_cap_bytes = 0;
   tbb::enumerable_thread_specific<tiles::Compressor> compressors;

@@ -75,6 +75,7 @@ struct TargetPlan {
   std::vector<std::string> warnings;
   /// Every file that may be written: a tile that turns out to have no covered texel centre is not.
   std::vector<std::string> outputs;
+  std::vector<std::string> inputs;  ///< files besides the meshes that must not be written over
 };
 
 /// Decides what a transfer takes from the source, from its mesh and the headers of its images:
@@ -103,9 +104,11 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Chann
 TargetPlan plan_target(const TransferOptions& options, const Plan& plan, const std::string& path,
                        const mesh::Mesh& target);
 
-/// Throws Error(usage) if two images of these plans have one name, or one of them is an input.
+/// Throws Error(usage) if two images of these plans have one name, or one of them is an input:
+/// these, the meshes or the source's images.
 void check_all_outputs(const TransferOptions& options, const Plan& plan,
-                       const std::vector<std::string>& outputs);
+                       const std::vector<std::string>& outputs,
+                       const std::vector<std::string>& inputs);
 
 /// What asks for the most memory, and how much the whole job needs at least.
 struct LeastMemory {

@@ -114,10 +114,12 @@ TargetPlan plan_target(const TransferOptions& options, const Plan& plan, const s
 }
 
 void check_all_outputs(const TransferOptions& options, const Plan& plan,
-                       const std::vector<std::string>& outputs) {
+                       const std::vector<std::string>& outputs,
+                       const std::vector<std::string>& more_inputs) {
   check_outputs(outputs);
   // The source and what it is made of are never written over; the targets' own textures may be.
-  std::vector<std::string> inputs{options.source};
+  std::vector<std::string> inputs = more_inputs;
+  inputs.push_back(options.source);
   inputs.insert(inputs.end(), options.targets.begin(), options.targets.end());
   for (const ColumnPlan& column : plan.columns) inputs.push_back(column.image.path);
   for (const std::string& output : outputs) {

@@ -21,6 +21,7 @@
 #include "flow/build_splats.h"
 #include "flow/job.h"
 #include "flow/load_mesh.h"
+#include "flow/model_output.h"
 #include "flow/output_names.h"
 #include "flow/plan.h"
 #include "flow/project_mesh.h"
@@ -42,7 +43,8 @@ constexpr std::uint64_t kReadAnyway = 64ULL << 20;
 class TransferJob {
  public:
   TransferJob(const TransferOptions& options, Progress* progress, bool rebuild)
-      : options_(options),
+      : options_(image_options(options)),
+        model_pattern_(io::is_model_path(options.output) ? options.output : ""),
         job_(open_job(options.resources, options.output, options.internal.in_core, rebuild,
                       options.plan_only, progress)) {
     job_->tile_cap_bytes =
@@ -67,6 +69,12 @@ class TransferJob {
   }
 
  private:
+  /// A model output is planned as its images.
+  static TransferOptions image_options(TransferOptions options) {
+    if (io::is_model_path(options.output)) options.output = model_image_pattern(options.output);
+    return options;
+  }
+
   // --- the plan ----------------------------------------------------------------------------------
 
   /// Reads all meshes and decides everything, so that whatever is wrong is said before any work.
@@ -83,24 +91,28 @@ class TransferJob {
     } else {
       source_ = read(options_.source, 0, false);
       plan_ = plan_source(options_, source_);
+      if (!model_pattern_.empty()) factors_ = model_factors(plan_, source_, plan_.warnings);
     }
     add_warnings(plan_.warnings);
-    std::vector<std::string> outputs;
+    std::vector<std::string> outputs, inputs;
     for (const std::string& path : options_.targets) {
       target_ = read(path, source_.size_bytes(), true);
-      target_plan_ = plan_target(options_, plan_, path, target_);
+      plan_one(path);
       add_warnings(target_plan_.warnings);
       outputs.insert(outputs.end(), target_plan_.outputs.begin(), target_plan_.outputs.end());
+      inputs.insert(inputs.end(), target_plan_.inputs.begin(), target_plan_.inputs.end());
       const LeastMemory one =
           least_memory(plan_, target_plan_, source_, target_, job_->threads, job_->tile_cap_bytes);
       if (one.bytes > least.bytes) least = one;
+      if (model_ && model_->least_bytes() + contexts() > least.bytes)
+        least = {model_->least_bytes() + contexts(), "writing " + model_->path()};
       const std::uint64_t reading =
           std::max(plan_.from_splats ? 0 : io::mesh_cost(options_.source).peak_bytes,
                    source_.size_bytes() + io::mesh_cost(path).peak_bytes);
       if (reading > least.bytes) least = {reading, "reading " + options_.source + " and " + path};
     }
     job_->meter.end();
-    check_all_outputs(options_, plan_, outputs);
+    check_all_outputs(options_, plan_, outputs, inputs);
     if (options_.plan_only) job_->report.outputs = outputs;
     require_least(*job_, least);
     source_lease_ = Lease(job_->budget, source_.size_bytes(), "the source's mesh");
@@ -108,6 +120,13 @@ class TransferJob {
     store_leases_.emplace_back(job_->budget, job_->threads * tiles::Compressor::context_bytes(),
                                "the compressors");
   }
+
+  void plan_one(const std::string& path) {
+    target_plan_ = plan_target(options_, plan_, path, target_);
+    if (!model_pattern_.empty()) model_.emplace(model_pattern_, plan_, factors_, target_plan_);
+  }
+
+  std::uint64_t contexts() const { return job_->threads * tiles::Compressor::context_bytes(); }
 
   mesh::Mesh read(const std::string& path, std::uint64_t beside, bool is_target) {
     const std::uint64_t reading = beside + io::mesh_cost(path).peak_bytes;
@@ -211,6 +230,7 @@ class TransferJob {
     for (std::size_t p = 0; p < plan_.passes.size(); ++p) project_pass(p);
     targets_.clear();
     target_leases_.clear();
+    if (model_) write_model();
   }
 
   void begin_target(std::size_t t) {
@@ -223,7 +243,7 @@ class TransferJob {
     target_lease_ = {};
     target_ = load(options_.targets[t], true);
     target_lease_ = Lease(job_->budget, target_.size_bytes(), "the target's mesh");
-    target_plan_ = plan_target(options_, plan_, options_.targets[t], target_);
+    plan_one(options_.targets[t]);
   }
 
   void vectorize_target() {
@@ -270,20 +290,24 @@ class TransferJob {
     std::uint64_t covered = 0;
     {
       const auto projector = make_projector(p);
-      std::vector<std::uint32_t> nothing;  // UDIMs
+      std::vector<std::uint32_t> nothing;  // pages
       for (std::uint32_t page = 0; page < target_plan_.pages.size(); ++page) {
         const std::uint64_t texels = target.directory().page_texels[page];
-        if (texels == 0 && has_tiles()) continue;
+        if (texels == 0 && (has_tiles() || model_)) {
+          if (model_) nothing.push_back(page);
+          continue;
+        }
         const PageResult result = project_page(*projector, page, texels);
         covered += result.covered;
         done_texels_ += texels;
-        if (result.covered == 0 && has_tiles()) {
-          nothing.push_back(target_plan_.pages[page].udim);
+        if (result.covered == 0 && (has_tiles() || model_)) {
+          nothing.push_back(page);
         } else {
           write_page(p, page, result);
         }
       }
-      if (p == 0 && covered > 0) warn_of_empty_tiles(nothing);
+      if (p == 0 && covered > 0)
+        model_ ? warn_of_old_materials(nothing) : warn_of_empty_tiles(nothing);
     }
     if (p == 0) {
       job_->report.target_covered += covered;
@@ -377,9 +401,14 @@ class TransferJob {
       const Lease index(job_->budget, result.blocks[i].size() * sizeof(tiles::ChunkRef),
                         "the index of the results");
       const std::uint64_t filled =
-          write_image(*job_, image, plan_.channels[c].format, *result.pack, result.blocks[i]);
+          write_image(*job_, image, plan_.channels[c].format, *result.pack, result.blocks[i],
+                      model_ ? &model_->sink(*job_) : nullptr);
       if (c == 0) job_->report.target_filled += filled;
-      job_->report.outputs.push_back(image.path);
+      if (model_) {
+        model_->add(c, page);
+      } else {
+        job_->report.outputs.push_back(image.path);
+      }
       if (!image.coverage_path.empty()) job_->report.outputs.push_back(image.coverage_path);
     }
     job_->report.bytes_read += result.pack->bytes_read();
@@ -392,8 +421,24 @@ class TransferJob {
     job_->meter.end();
   }
 
-  void warn_of_empty_tiles(const std::vector<std::uint32_t>& udims) {
-    if (udims.empty()) return;
+  void write_model() {
+    const StageTimer timer(job_->clock, "model");
+    const std::vector<std::string> files = model_->write(*job_);
+    job_->report.outputs.insert(job_->report.outputs.end(), files.begin(), files.end());
+  }
+
+  void warn_of_old_materials(const std::vector<std::uint32_t>& pages) {
+    for (const std::uint32_t page : pages) {
+      job_->report.warnings.push_back(
+          fmt::format("{}: no texel of material \"{}\" found a source; it stays as it was",
+                      target_plan_.path, target_plan_.pages[page].set));
+    }
+  }
+
+  void warn_of_empty_tiles(const std::vector<std::uint32_t>& pages) {
+    if (pages.empty()) return;
+    std::vector<std::uint32_t> udims;
+    for (const std::uint32_t page : pages) udims.push_back(target_plan_.pages[page].udim);
     job_->report.warnings.push_back(
         fmt::format("{}: no texel of UDIM {} found a source; no image was written for that",
                     target_plan_.path, udim_list(udims)));
@@ -417,12 +462,15 @@ class TransferJob {
                     target_plan_.max_distance, text(source), text(target.box)));
   }
 
-  const TransferOptions& options_;
+  const TransferOptions options_;
+  const std::string model_pattern_;  ///< of the output, if that is a model
   std::unique_ptr<JobContext> job_;
   const projection::Kernels* kernels_ = nullptr;
   mesh::Mesh source_, target_;
   Plan plan_;
-  TargetPlan target_plan_;  ///< of the target at hand
+  TargetPlan target_plan_;                     ///< of the target at hand
+  std::vector<std::array<float, 4>> factors_;  ///< by channel, of a model's materials
+  std::optional<ModelOutput> model_;           ///< of the target at hand
   Lease source_lease_, target_lease_;
   std::vector<Lease> store_leases_;  ///< what stays in use until the job ends
   std::vector<std::unique_ptr<tiles::ColourStore>> columns_;
@@ -443,6 +491,11 @@ void check_options(const TransferOptions& o) {
   if (o.targets.size() > 1 && !has_token(o.output, "TARGET")) {
     usage(fmt::format("{} targets need <TARGET> in the output: {} is one name", o.targets.size(),
                       o.output));
+  }
+  if (io::is_model_path(o.output) && o.depth && *o.depth != Depth::u8 && *o.depth != Depth::u16) {
+    usage(fmt::format("--depth {}: the images of a model are PNG, which holds u8 and u16; ask for "
+                      "one of these, or write images",
+                      depth_name(*o.depth)));
   }
   const bool by_tile = has_token(o.output, "UDIM") || has_token(o.output, "UVTILE");
   if (!o.tiles.empty() && !by_tile)

@@ -63,7 +63,8 @@ void expand_mask(const std::uint8_t* bits, std::uint32_t count, std::uint8_t* by
 class ImageAssembler {
  public:
   ImageAssembler(JobContext& job, const ImageOutput& output, const texture::TexelFormat& format,
-                 const tiles::PackReader& results, const std::vector<tiles::ChunkRef>& blocks)
+                 const tiles::PackReader& results, const std::vector<tiles::ChunkRef>& blocks,
+                 WriteFile* sink)
       : job_(job),
         output_(output),
         format_(format),
@@ -72,7 +73,11 @@ class ImageAssembler {
         lease_(job.budget, image_least_bytes(output, format), "writing " + output.path),
         padder_(output.lattice.width, output.lattice.height, output.padding,
                 static_cast<std::uint32_t>(format.texel_bytes()), kBlockEdge) {
-    if (!output.path.empty()) colours_.emplace(output.path, colour_spec(output, format));
+    if (sink != nullptr) {
+      colours_.emplace(*sink, colour_spec(output, format));
+    } else if (!output.path.empty()) {
+      colours_.emplace(output.path, colour_spec(output, format));
+    }
     if (!output.coverage_path.empty())
       coverage_.emplace(output.coverage_path, coverage_spec(output));
   }
@@ -181,8 +186,8 @@ class ImageAssembler {
 
 std::uint64_t write_image(JobContext& job, const ImageOutput& output,
                           const texture::TexelFormat& format, const tiles::PackReader& results,
-                          const std::vector<tiles::ChunkRef>& blocks) {
-  return ImageAssembler(job, output, format, results, blocks).run();
+                          const std::vector<tiles::ChunkRef>& blocks, WriteFile* sink) {
+  return ImageAssembler(job, output, format, results, blocks, sink).run();
 }
 
 std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelFormat& format) {

@@ -21,10 +21,11 @@ struct ImageOutput {
 };
 
 /// Assembles result blocks into rows, pads charts, writes the image (and its coverage) in order and
-/// renames it into place. Returns the texels that padding filled.
+/// renames it into place. With a `sink` the image goes to its end instead, as PNG. Returns the
+/// texels that padding filled.
 std::uint64_t write_image(JobContext& job, const ImageOutput& output,
                           const texture::TexelFormat& format, const tiles::PackReader& results,
-                          const std::vector<tiles::ChunkRef>& blocks);
+                          const std::vector<tiles::ChunkRef>& blocks, WriteFile* sink = nullptr);
 
 /// What writing such an image needs at once.
 std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelFormat& format);

@@ -125,6 +125,14 @@ TEST_CASE("names that this version does not write are refused", "[cli]") {
   }
 }
 
+TEST_CASE("a model is an output, with <TARGET> as its only token", "[cli]") {
+  check_refused(parse_output, {"", "o.<CHANNEL>.glb", "<UDIM>.gltf", "<MATERIAL>.GLB",
+                               "o.<TARGETS>.glb", "<FRAME>.png"});
+  for (const char* text : {"o.glb", "o.GLTF", "<TARGET>.glb", "<CHANNEL>.png", "glb/o.png"}) {
+    CHECK(parse_output("-o", text) == text);
+  }
+}
+
 TEST_CASE("UDIMs are numbers and ranges", "[cli]") {
   using Udims = std::vector<std::uint32_t>;
   check_refused(parse_udims, {"", ",", "1001,", "1000", "999", "10000", "1001-", "-1001",

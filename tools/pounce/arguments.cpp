@@ -207,10 +207,18 @@ std::string parse_image_pattern(const std::string& option, const std::string& te
   parse_path(option, text);
   for (const char* ending : {".glb", ".gltf"}) {
     if (ends_with(lower(text), ending)) {
-      refuse(option, text, "an image (.png, .jpg, .tif, .exr): this version writes no models");
+      refuse(option, text, "an image (.png, .jpg, .tif, .exr)");
     }
   }
   check_tokens(option, text, {"<CHANNEL>", "<MATERIAL>", "<TARGET>", "<UDIM>", "<UVTILE>"});
+  return text;
+}
+
+std::string parse_output(const std::string& option, const std::string& text) {
+  const bool is_model = ends_with(lower(text), ".glb") || ends_with(lower(text), ".gltf");
+  if (!is_model) return parse_image_pattern(option, text);
+  parse_path(option, text);
+  check_tokens(option, text, {"<TARGET>"});
   return text;
 }
 

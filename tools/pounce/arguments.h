@@ -36,6 +36,8 @@ SourceTexture parse_source_texture(const std::string& option, const std::string&
 /// An image path that may hold <CHANNEL>, <MATERIAL>, <TARGET>, <UDIM> and <UVTILE>; nothing else
 /// between < and >, and no ending of a model.
 std::string parse_image_pattern(const std::string& option, const std::string& text);
+/// The same, or a model (.glb, .gltf), whose name may hold <TARGET>.
+std::string parse_output(const std::string& option, const std::string& text);
 /// "1001-1004,1011": UDIMs and ranges of them; sorted, each once.
 std::vector<std::uint32_t> parse_udims(const std::string& option, const std::string& text);
 /// A pattern for names: not empty, and not what looks like the next option.

@@ -19,6 +19,9 @@ constexpr const char* kUsage =
     "  # Every channel the source has, 8192 x 8192 texels each, in one GiB of memory.\n"
     "  pounce transfer scan.glb avatar.glb -o 'maps/<CHANNEL>.png' --size 8192 --memory 1GiB\n"
     "\n"
+    "  # A finished model to open: the avatar with its new textures.\n"
+    "  pounce transfer scan.glb avatar.glb -o finished.glb\n"
+    "\n"
     "  # A mesh without materials, its texture beside it, and a mask of what was found.\n"
     "  pounce transfer scan.obj avatar.obj --source-texture baseColor=scan.exr \\\n"
     "      -o avatar.exr --coverage avatar.mask.png\n"
@@ -43,13 +46,15 @@ struct Settings {
 
 void add_picture_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Picture";
-  add_value(
-      command, "-o,--output", "OUTPUT", group,
-      "Image to write (.png .jpg .tif .exr); may hold <CHANNEL>,\n"
-      "<MATERIAL>, <TARGET>, and <UDIM> (1001) or <UVTILE> (u1_v1).\n"
-      "Without <MATERIAL> all materials of the target share one image;\n"
-      "without <UDIM> UVs outside the image wrap around into it",
-      [&options](const std::string& text) { options.output = parse_image_pattern("-o", text); })
+  add_value(command, "-o,--output", "OUTPUT", group,
+            "Model or image to write. A model (.glb .gltf) is TARGET with its new\n"
+            "textures, a PNG per material and channel, everything else as it was;\n"
+            "its name may hold <TARGET>.\n"
+            "An image (.png .jpg .tif .exr) may hold <CHANNEL>,\n"
+            "<MATERIAL>, <TARGET>, and <UDIM> (1001) or <UVTILE> (u1_v1).\n"
+            "Without <MATERIAL> all materials of the target share one image;\n"
+            "without <UDIM> UVs outside the image wrap around into it",
+            [&options](const std::string& text) { options.output = parse_output("-o", text); })
       ->required();
   add_value(command, "--coverage", "PATTERN", group,
             "Also write a mask: 255 where the source was found. Same tokens",
@@ -82,7 +87,7 @@ void add_source_options(CLI::App& command, TransferOptions& options) {
   add_value(command, "--channels", "LIST", group,
             "baseColor,metallicRoughness,occlusion,emissive, or all = what\n"
             "the source has. Each costs one decoding and one image.\n"
-            "Default: baseColor if OUTPUT lacks <CHANNEL>, else all",
+            "Default: all if OUTPUT is a model or holds <CHANNEL>, else baseColor",
             [&options](const std::string& text) {
               options.all_channels = text == "all";
               if (!options.all_channels) options.channels = parse_channels("--channels", text);
