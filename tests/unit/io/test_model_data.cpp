@@ -33,7 +33,9 @@ std::vector<io::ModelTexture> all_channels(const mesh::Mesh& mesh, const std::st
   const std::set<std::uint32_t> used(mesh.triangle_material.begin(), mesh.triangle_material.end());
   for (const std::uint32_t material : used) {
     for (int c = 0; c < kChannelCount; ++c) {
-      textures.push_back({material, static_cast<Channel>(c), {1, 1, 1, 1},
+      textures.push_back({material,
+                          static_cast<Channel>(c),
+                          {1, 1, 1, 1},
                           stem + "." + std::to_string(textures.size()) + ".png"});
     }
   }
