@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # OUTPUT is an image name, with known tokens only.
 source "$(dirname "$0")/support.sh"
-for name in o.glb 'o.<FRAME>.png' ''; do
+for name in 'o.<CHANNEL>.glb' 'o.<FRAME>.png' ''; do
   refused "-o: got \"$name\"" transfer a.glb b.glb -o "$name"
   refused "--coverage: got \"$name\"" transfer a.glb b.glb -o o.png --coverage "$name"
 done
