@@ -95,7 +95,7 @@ class SplatProjector : public PageProjector {
   void search_piece(Work& work) {
     projection::SplatState& state = work.state;
     while (!state.open.empty()) {
-      const auto boxes = projection::open_boxes(request_.limits, state, work.blocks.size());
+      const auto boxes = projection::open_boxes(state, work.blocks.size());
       std::uint64_t bytes = 0;
       for_blocks(boxes, [&](const tiles::SplatEntry& entry) { bytes += batch_cost(entry.splats); });
       if (bytes <= batch_bytes_) {

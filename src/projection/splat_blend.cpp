@@ -36,8 +36,8 @@ constexpr std::int32_t kSurface = static_cast<std::int32_t>(kProfileSteps);  // 
 /// Gaussians may lie this many widths from the texel and matter: the outermost centre, refined by
 /// half a bin, and its window. The neighbours of its bin are nearer.
 constexpr float kReach = kDepthBins + 0.5F + kWindowReach;
-/// Responses that a packet keeps between the passes, and how many are made at a time.
-constexpr std::size_t kMostKept = 512, kChunk = 256;
+/// Responses that a packet keeps between the passes.
+constexpr std::size_t kMostKept = 512;
 
 /// Width of a lane's bins at the state's height, in texels.
 float width_of(const SplatLimits& limits, const TexelPacket& packet, int lane, int height) {
@@ -57,12 +57,9 @@ float reach_of(const SplatLimits& limits, const TexelPacket& packet, int height)
   return reach * 1.0001F;
 }
 
-float group_reach(const SplatLimits& limits, const SplatState& state,
-                  const target::PacketGroup& group) {
-  float reach = 0;
-  for (std::uint32_t p = group.first; p < group.first + group.count; ++p)
-    reach = std::max(reach, reach_of(limits, state.packets[p], state.height));
-  return reach;
+float group_reach(const SplatState& state, const target::PacketGroup& group) {
+  return *std::max_element(state.reaches.begin() + group.first,
+                           state.reaches.begin() + group.first + group.count);
 }
 
 /// One lane's profile, smoothed.
@@ -140,13 +137,12 @@ bool takes(const DepthPacket& depths) {
 
 /// Runs `use` on every packet of the open groups with the candidates that its group may meet.
 template <class Use>
-void for_packets(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
-                 const SplatState& state, Use use) {
+void for_packets(SplatSets sets, const SplatKernels& kernels, const SplatState& state, Use use) {
   SplatCandidates candidates;
   for (const std::uint32_t g : state.open) {
     const target::PacketGroup& group = state.groups[g];
     const RayBundle all = unite(std::span(state.bundles.data() + group.first, group.count));
-    const float reach = group_reach(limits, state, group);
+    const float reach = group_reach(state, group);
     candidates.clear();
     for (const source::SplatSet* set : sets) kernels.gather(*set, all, reach, candidates);
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) use(p, candidates);
@@ -164,11 +160,11 @@ class Responses {
   template <class Use>
   bool run(std::uint32_t p, const SplatCandidates& candidates, Use use) {
     const TexelPacket& packet = state_.packets[p];
-    const float reach = reach_of(limits_, packet, state_.height);
+    const float reach = state_.reaches[p];
     bool all = true;
     count_ = 0;
-    for (std::size_t first = 0; first < candidates.size(); first += kChunk) {
-      const std::size_t last = std::min(first + kChunk, candidates.size());
+    for (std::size_t first = 0; first < candidates.size(); first += kMostResponses) {
+      const std::size_t last = std::min(first + kMostResponses, candidates.size());
       if (count_ + (last - first) > kMostKept) {
         use(kept());
         count_ = 0;
@@ -197,6 +193,7 @@ void set_widths(const SplatLimits& limits, SplatState& state) {
       depths.per_width[lane] = 1 / width_of(limits, state.packets[p], lane, state.height);
       depths.take[lane] = 0;
     }
+    state.reaches[p] = reach_of(limits, state.packets[p], state.height);
   }
 }
 
@@ -206,6 +203,7 @@ void start(const SplatLimits& limits, SplatState& state) {
   state.height = 0;
   state.depths.assign(state.packets.size(), DepthPacket{});
   state.profiles.assign(state.packets.size(), ProfilePacket{});
+  state.reaches.resize(state.packets.size());
   state.bundles.reserve(state.packets.size());
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     const TexelPacket& packet = state.packets[p];
@@ -224,12 +222,11 @@ void start(const SplatLimits& limits, SplatState& state) {
   for (std::uint32_t g = 0; g < state.open.size(); ++g) state.open[g] = g;
 }
 
-std::vector<Box3f> open_boxes(const SplatLimits& limits, const SplatState& state,
-                              std::size_t blocks) {
+std::vector<Box3f> open_boxes(const SplatState& state, std::size_t blocks) {
   std::vector<Box3f> boxes(blocks);
   for (const std::uint32_t g : state.open) {
     const target::PacketGroup& group = state.groups[g];
-    const float reach = group_reach(limits, state, group);
+    const float reach = group_reach(state, group);
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p)
       boxes[state.packets[p].block].extend(state.bundles[p].swept_box(reach));
   }
@@ -239,7 +236,7 @@ std::vector<Box3f> open_boxes(const SplatLimits& limits, const SplatState& state
 void blend_height(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
                   SplatState& state) {
   Responses responses(limits, kernels, state);
-  for_packets(sets, limits, kernels, state, [&](std::uint32_t p, const SplatCandidates& near) {
+  for_packets(sets, kernels, state, [&](std::uint32_t p, const SplatCandidates& near) {
     DepthPacket& depths = state.depths[p];
     if (depths.open == 0) return;
     ProfilePacket& profile = state.profiles[p];
@@ -261,7 +258,7 @@ void blend_height(SplatSets sets, const SplatLimits& limits, const SplatKernels&
 void profile_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
                    SplatState& state) {
   Responses responses(limits, kernels, state);
-  for_packets(sets, limits, kernels, state, [&](std::uint32_t p, const SplatCandidates& near) {
+  for_packets(sets, kernels, state, [&](std::uint32_t p, const SplatCandidates& near) {
     if (state.depths[p].open == 0) return;
     responses.run(p, near, [&](std::span<const SplatResponse> some) {
       kernels.deposit(some, state.depths[p], state.profiles[p]);
@@ -277,7 +274,7 @@ void find_centres(const SplatLimits& limits, SplatState& state) {
 void sum_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
                SplatState& state) {
   Responses responses(limits, kernels, state);
-  for_packets(sets, limits, kernels, state, [&](std::uint32_t p, const SplatCandidates& near) {
+  for_packets(sets, kernels, state, [&](std::uint32_t p, const SplatCandidates& near) {
     if (!takes(state.depths[p])) return;
     responses.run(p, near, [&](std::span<const SplatResponse> some) {
       kernels.accumulate(some, state.depths[p]);

@@ -16,6 +16,7 @@ namespace pounce::projection {
 struct SplatState {
   PageVector<TexelPacket> packets;
   PageVector<RayBundle> bundles;       ///< one per packet, footprints included
+  PageVector<float> reaches;           ///< how far along its rays a packet looks at this height
   PageVector<DepthPacket> depths;      ///< one per packet
   PageVector<ProfilePacket> profiles;  ///< one per packet
   std::vector<target::PacketGroup> groups;
@@ -27,6 +28,7 @@ struct SplatState {
            round_to_pages(packets * sizeof(RayBundle)) +
            round_to_pages(packets * sizeof(DepthPacket)) +
            round_to_pages(packets * sizeof(ProfilePacket)) +
+           round_to_pages(packets * sizeof(float)) +
            packets * (sizeof(target::PacketGroup) + sizeof(std::uint32_t));
   }
 };
@@ -36,8 +38,7 @@ void start(const SplatLimits& limits, SplatState& state);
 
 /// What the open groups may meet at this height, united per block of the piece; empty boxes for
 /// blocks without open groups.
-std::vector<Box3f> open_boxes(const SplatLimits& limits, const SplatState& state,
-                              std::size_t blocks);
+std::vector<Box3f> open_boxes(const SplatState& state, std::size_t blocks);
 
 using SplatSets = std::span<const source::SplatSet* const>;
 

@@ -33,7 +33,7 @@ using source::SplatShape;
 
 /// exp(-x) for 0 <= x <= 4.5 to within 1e-6 of itself: a polynomial for exp(-x / 8), then its
 /// eighth power. Multiplications and additions alone, so every machine agrees.
-Floats exp_of_minus(const Floats& x) {
+[[gnu::always_inline]] inline Floats exp_of_minus(const Floats& x) {
   const Floats y = x * 0.125F;  // <= 0.5625, where the polynomial is good to 5e-8
   Floats e = 0.040447037667F - 0.0063081225380F * y;
   e = e * y - 0.16631916165F;
@@ -91,17 +91,15 @@ struct Rays {
   Floats px, py, pz, nx, ny, nz, per_texel;
 };
 
-/// One Gaussian and sixteen texels; false if none of them gets anything.
-bool respond_to(const SplatShape& g, const Rays& ray, const SplatLimits& limits,
-                SplatResponse& out) {
+/// One Gaussian and sixteen texels; false if none of them gets anything. Without branches: what
+/// passes is as good as random, and guessing wrong costs more than the rest of the formulas.
+[[gnu::always_inline]] inline bool respond_to(const SplatShape& g, const Rays& ray,
+                                              const SplatLimits& limits, SplatResponse& out) {
   const auto along_normal = [&](const float* a) {
     return a[0] * ray.nx + a[1] * ray.ny + a[2] * ray.nz;
   };
   Floats cosine = along_normal(g.normal);
-  if (g.two_sided != 0) cosine = absolute(cosine);
-  Ints ok = cosine >= limits.min_cosine;
-  if (!any(ok)) return false;
-
+  cosine = select(all(g.two_sided) > all(0), absolute(cosine), cosine);
   const Floats dx = (g.mean[0] - ray.px) * ray.per_texel, dy = (g.mean[1] - ray.py) * ray.per_texel,
                dz = (g.mean[2] - ray.pz) * ray.per_texel;
   const Floats mx = dy * ray.nz - dz * ray.ny, my = dz * ray.nx - dx * ray.nz,
@@ -118,9 +116,8 @@ bool respond_to(const SplatShape& g, const Rays& ray, const SplatLimits& limits,
   const Floats gv0 = g0 * v0, gv1 = g1 * v1, gv2 = g2 * v2;
   const Floats per_det = 1.0F / det;
   const Floats q = (gv0 * v0 + gv1 * v1 + gv2 * v2) * per_det;
-  ok = ok & (q <= source::kSplatCutOff * source::kSplatCutOff);
-  if (!any(ok)) return false;
-
+  const Ints ok =
+      (q <= source::kSplatCutOff * source::kSplatCutOff) & (cosine >= limits.min_cosine);
   const Floats bend =
       u0 * u1 * (s0 - s1) * gv2 + u1 * u2 * (s1 - s2) * gv0 + u2 * u0 * (s2 - s0) * gv1;
   const Floats depth = dx * ray.nx + dy * ray.ny + dz * ray.nz - bend * per_det;
@@ -133,24 +130,28 @@ bool respond_to(const SplatShape& g, const Rays& ray, const SplatLimits& limits,
   store(out.weight, select(ok, weight, all(0.0F)));
   store(out.depth, select(ok, depth, all(0.0F)));
   out.shape = &g;
-  return true;
+  return any(ok);
 }
 
 std::size_t respond(const SplatCandidates& candidates, std::size_t first, std::size_t last,
                     const RayBundle& bundle, float height, const TexelPacket& packet,
                     const SplatLimits& limits, SplatResponse* out) {
-  const Rays rays(packet);
+  const SplatShape* near[kMostResponses];
   std::size_t count = 0;
   for (std::size_t i = first; i < last; i += kLanes) {
     unsigned left = meet(candidates.x(i), candidates.y(i), candidates.z(i), candidates.radius(i),
                          bundle, height);
     if (last - i < kLanes) left &= (1U << (last - i)) - 1;
-    for (; left != 0; left &= left - 1) {
-      const std::size_t at = i + static_cast<std::size_t>(std::countr_zero(left));
-      if (respond_to(candidates.shape(at), rays, limits, out[count])) ++count;
-    }
+    for (; left != 0; left &= left - 1)
+      near[count++] = &candidates.shape(i + static_cast<std::size_t>(std::countr_zero(left)));
   }
-  return count;
+  const Rays rays(packet);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool keep = respond_to(*near[i], rays, limits, out[kept]);
+    kept += keep ? 1 : 0;
+  }
+  return kept;
 }
 
 Floats to_float(const Ints& a) {
@@ -164,26 +165,22 @@ void deposit(std::span<const SplatResponse> responses, const DepthPacket& depths
   for (const SplatResponse& response : responses) {
     const Floats weight = load(response.weight) * kProfileSteps;
     const Floats at = load(response.depth) * per_width + static_cast<float>(kMiddleBin);
-    const Ints inside =
-        (at >= 0.0F) & (at < static_cast<float>(kProfileBins - 1)) & (weight > 0.0F);
-    unsigned left = bits(inside);
-    if (left == 0) continue;
+    const Ints inside = (at >= 0.0F) & (at < static_cast<float>(kProfileBins - 1));
+    if (!any(inside)) continue;
     const Floats safe = select(inside, at, all(0.0F));
+    const Floats given = select(inside, weight, all(0.0F));
     const Ints bin = to_int(safe);
-    const Floats upper = weight * (safe - to_float(bin));
     alignas(64) std::int32_t bins[kLanes], whole[kLanes], above[kLanes];
     store(bins, bin);
-    store(whole, to_int(weight + 0.5F));
-    store(above, to_int(upper + 0.5F));
-    for (; left != 0; left &= left - 1) {
-      const int lane = std::countr_zero(left);
+    store(whole, to_int(given + 0.5F));
+    store(above, to_int(given * (safe - to_float(bin)) + 0.5F));
+    for (int lane = 0; lane < kLanes; ++lane) {
       std::int32_t& low = profile.bins[bins[lane]][lane];
       std::int32_t& high = profile.bins[bins[lane] + 1][lane];
       // Clamped sums of what is never negative come out the same in any order.
-      low += whole[lane] - above[lane];
-      high += above[lane];
-      if (low > kFullBin) low = kFullBin;
-      if (high > kFullBin) high = kFullBin;
+      const std::int32_t l = low + (whole[lane] - above[lane]), h = high + above[lane];
+      low = l < kFullBin ? l : kFullBin;
+      high = h < kFullBin ? h : kFullBin;
     }
   }
 }

@@ -81,14 +81,18 @@ class SplatCandidates {
   PageVector<const source::SplatShape*> shapes_;
 };
 
+/// Candidates that respond() takes at once, at most.
+inline constexpr std::size_t kMostResponses = 256;
+
 /// The kernels, one build per instruction set; all give the same bits. Thread-safe.
 struct SplatKernels {
   const char* isa;  ///< "sse2", "avx2", "avx512"
   /// Appends what the bundle may meet within `height`.
   void (*gather)(const source::SplatSet& set, const RayBundle& bundle, float height,
                  SplatCandidates& out);
-  /// Writes the responses of candidates [first, last) that reach some lane, at most last - first of
-  /// them, and returns their number; `first` is a multiple of 16.
+  /// Writes the responses of candidates [first, last) that reach some lane and returns their
+  /// number; `first` is a multiple of 16, last - first at most kMostResponses. Writes nothing
+  /// beyond last - first responses.
   std::size_t (*respond)(const SplatCandidates& candidates, std::size_t first, std::size_t last,
                          const RayBundle& bundle, float height, const TexelPacket& packet,
                          const SplatLimits& limits, SplatResponse* out);
