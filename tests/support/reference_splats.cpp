@@ -221,4 +221,63 @@ std::vector<ReferenceSplat> read_reference_splats(const std::string& path) {
   return scene;
 }
 
+void write_reference_splats(const std::string& path, const std::vector<ReferenceSplat>& scene) {
+  bool normals = false;
+  for (const ReferenceSplat& s : scene) normals = normals || length(s.normal) > 0;
+  std::ofstream out(path, std::ios::binary);
+  out << "ply\nformat binary_little_endian 1.0\nelement vertex " << scene.size() << "\n";
+  std::string names =
+      "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 "
+      "rot_3";
+  if (normals) names += " nx ny nz";
+  std::istringstream words(names);
+  for (std::string name; words >> name;) out << "property float " << name << "\n";
+  out << "end_header\n";
+  for (const ReferenceSplat& s : scene) {
+    const auto dc = [](double colour) { return (colour - 0.5) / 0.28209479177387814; };
+    std::vector<double> row{s.mean.x,
+                            s.mean.y,
+                            s.mean.z,
+                            dc(s.colour.x),
+                            dc(s.colour.y),
+                            dc(s.colour.z),
+                            std::log(s.alpha / (1 - s.alpha)),
+                            std::log(s.sigma[0]),
+                            std::log(s.sigma[1]),
+                            std::log(s.sigma[2])};
+    row.insert(row.end(), s.rotation.begin(), s.rotation.end());
+    if (normals) row.insert(row.end(), {s.normal.x, s.normal.y, s.normal.z});
+    for (const double value : row) {
+      const auto rounded = static_cast<float>(value);
+      out.write(reinterpret_cast<const char*>(&rounded), sizeof rounded);
+    }
+  }
+}
+
+std::optional<ReferenceTexel> reference_texel(const mesh::Mesh& mesh, const TargetRaster& raster,
+                                              std::size_t texel) {
+  if (!raster.covered(texel)) return std::nullopt;
+  const auto& corner = mesh.triangles[static_cast<std::size_t>(raster.owner[texel])];
+  std::array<Vec2d, 3> at;
+  std::array<Vec3d, 3> p, n;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec2f uv = mesh.uv_sets[0][corner[k]];
+    at[k] = {double{uv.x} * raster.width - 0.5, double{uv.y} * raster.height - 0.5};
+    p[k] = Vec3d(mesh.positions[corner[k]]);
+    n[k] = Vec3d(mesh.normals[corner[k]]);
+  }
+  const Vec2d a = at[1] - at[0], b = at[2] - at[0];
+  const Vec2d d = Vec2d{raster.x[texel], raster.y[texel]} - at[0];
+  const double area = a.x * b.y - a.y * b.x;
+  const double w1 = (d.x * b.y - d.y * b.x) / area, w2 = (a.x * d.y - a.y * d.x) / area;
+  const double w0 = 1 - w1 - w2;
+  ReferenceTexel out;
+  out.position = p[0] * w0 + p[1] * w1 + p[2] * w2;
+  out.normal = n[0] * w0 + n[1] * w1 + n[2] * w2;
+  out.edge = std::sqrt(length(cross(p[1] - p[0], p[2] - p[0])) / std::abs(area));
+  if (!(length(out.normal) > 1e-6) || !(out.edge > 0)) return std::nullopt;
+  out.normal = out.normal * (1 / length(out.normal));
+  return out;
+}
+
 }  // namespace pounce::test

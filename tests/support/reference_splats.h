@@ -2,10 +2,14 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/vec.h"
+#include "mesh/mesh.h"
+#include "support/target_raster.h"
 
 namespace pounce::test {
 
@@ -61,5 +65,13 @@ ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
 /// The Gaussians of a binary little-endian 3DGS PLY whose vertex element comes first and holds
 /// floats only.
 std::vector<ReferenceSplat> read_reference_splats(const std::string& path);
+
+/// Writes such a file, with normals if any Gaussian has one; rounded to floats.
+void write_reference_splats(const std::string& path, const std::vector<ReferenceSplat>& scene);
+
+/// The texel of a mesh's UV image, from its raster; nothing where no triangle covers it or the
+/// triangle has no area or normal there.
+std::optional<ReferenceTexel> reference_texel(const mesh::Mesh& mesh, const TargetRaster& raster,
+                                              std::size_t texel);
 
 }  // namespace pounce::test

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Splat scenes onto the meshes that they show.
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <numbers>
+
+#include "golden/golden.h"
+#include "io/read_mesh.h"
+#include "pounce/compare.h"
+#include "support/reference_splats.h"
+
+namespace pounce::test {
+
+TEST_CASE("a noisy sphere of splats is the sphere that it shows", "[golden]") {
+  const auto data = test_data();
+  if (!data) return;
+  const auto folder_in = *data / "splats/noisy_sphere";
+  const TempFolder folder;
+  TransferOptions options =
+      golden_options(folder_in / "scene.ply", folder_in / "sphere.obj", folder.file("sphere.png"));
+  options.size = ImageSize{512, 512};
+  const Report report = transfer(options);
+  CHECK(report.target_empty == 0);
+  CHECK(report.target_covered == 232288);
+  // The noise is about 0.006; the estimate is taken from part of the blocks.
+  CHECK(report.depth_window == Approx(2.5 * 0.006).epsilon(0.15));
+  const double psnr = compare(options.output, folder_in / "truth.512.png").psnr_db;
+  figure("noisy_sphere 512 psnr", psnr);
+  CHECK(psnr >= 34.5);  // 34 was asked for; 35.0 was measured
+  keep_picture(options.output, "noisy_sphere.png");
+}
+
+TEST_CASE("a trained scene covers its proxy as the brute force says", "[golden]") {
+  const auto data = test_data();
+  if (!data) return;
+  const TempFolder folder;
+  TransferOptions options =
+      golden_options(*data / "splats/playbot_lod3_converted/playbot_lod3.ply",
+                     *data / "meshes/playbot_proxy/playbot_proxy.glb", folder.file("playbot.png"));
+  options.size = ImageSize{2048, 2048};
+  const Report report = transfer(options);
+  const double covered =
+      static_cast<double>(report.target_covered) / static_cast<double>(report.target_texels);
+  figure("playbot 2048 covered", covered);
+  CHECK(covered >= 0.999);
+  keep_picture(options.output, "playbot.png");
+
+  const auto scene = read_reference_splats(options.source);
+  const mesh::Mesh target = io::read_mesh(options.targets.front());
+  const WholeImage out = read_whole_image(options.output),
+                   mask = read_whole_image(options.coverage_output);
+  const TargetRaster raster = raster_target(target, out.width, out.height);
+  Vec3d lo(target.positions[0]), hi(target.positions[0]);
+  for (const Vec3f& q : target.positions) {
+    const Vec3d p(q);
+    lo = {std::min(lo.x, p.x), std::min(lo.y, p.y), std::min(lo.z, p.z)};
+    hi = {std::max(hi.x, p.x), std::max(hi.y, p.y), std::max(hi.z, p.z)};
+  }
+  const ReferenceLimits limits{0.05 * length(hi - lo), std::cos(80 * std::numbers::pi / 180),
+                               report.depth_window, false};
+  std::size_t compared = 0, unsure = 0, wrong = 0, beyond = 0;
+  double largest = 0;
+  for (std::size_t i = 0; i < raster.owner.size(); i += 601) {
+    const auto texel = reference_texel(target, raster, i);
+    if (!texel || raster.on_edge[i] != 0) continue;
+    const ReferenceBlend expected = reference_blend(scene, *texel, limits);
+    if (expected.unsure) {
+      ++unsure;
+      continue;
+    }
+    ++compared;
+    wrong += (mask.at(i, 0) > 0.5) != expected.covered ? 1 : 0;
+    if (!expected.covered) continue;
+    const std::array<double, 3> colour{expected.colour.x, expected.colour.y, expected.colour.z};
+    double error = 0;
+    for (std::size_t c = 0; c < 3; ++c) error = std::max(error, std::abs(out.at(i, c) - colour[c]));
+    beyond += error > 1.0 / 255 ? 1 : 0;
+    largest = std::max(largest, error);
+  }
+  figure("playbot largest difference from the brute force, in 255ths", largest * 255);
+  figure("playbot texels compared", static_cast<double>(compared));
+  figure("playbot texels too close to call", static_cast<double>(unsure));
+  CHECK(compared >= 950);
+  CHECK(unsure * 50 < compared);
+  CHECK(wrong == 0);
+  CHECK(beyond == 0);
+}
+
+}  // namespace pounce::test
