@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
@@ -18,8 +19,13 @@ std::vector<SplatResponse> respond(const SplatKernels& kernels, const source::Sp
   SplatCandidates candidates;
   kernels.gather(set, everywhere, 1e9F, candidates);
   std::vector<SplatResponse> out(candidates.size());
-  out.resize(kernels.respond(candidates, 0, candidates.size(), everywhere, 1e9F, packet, limits,
-                             out.data()));
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < candidates.size(); i += kMostResponses) {
+    const std::size_t end = std::min(i + kMostResponses, candidates.size());
+    count +=
+        kernels.respond(candidates, i, end, everywhere, 1e9F, packet, limits, out.data() + count);
+  }
+  out.resize(count);
   return out;
 }
 
