@@ -97,6 +97,11 @@ struct TransferOptions {
   std::vector<std::uint32_t> tiles;  ///< only these UDIMs, sorted; empty = all there are
   std::string
       coverage_output;  ///< also write an 8-bit mask (255 = covered); same tokens; empty = no
+  /// Paint over: what is covered is written over these images (the same tokens as `output`), which
+  /// give size, depth and channels where nothing else does. May be the output itself.
+  std::string onto;
+  /// How much is painted: black nothing, white all; the same tokens; needs `onto`.
+  std::string mask;
   std::vector<SourceTexture> source_textures;
   std::optional<ImageSize> size;  ///< default: per channel the largest source image of that channel
   std::optional<Depth> depth;     ///< default: the source image's

@@ -28,6 +28,7 @@ struct ChannelPlan {
   Channel channel = Channel::base_color;
   ImageSize size;  ///< of each output image
   texture::TexelFormat format;
+  bool source_alpha = false;  ///< has some image of the source alpha here?
   /// By source page: the materials, then the same again for triangles without UVs.
   std::vector<PageTexture> pages;
 };

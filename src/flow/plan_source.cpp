@@ -367,7 +367,9 @@ class SourcePlanner {
 }  // namespace
 
 void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan) {
-  plan.size = options.size.value_or(look.size);
+  const std::optional<io::ImageInfo> onto = onto_header(options, plan.channel);
+  plan.source_alpha = look.alpha;
+  plan.size = options.size.value_or(onto ? ImageSize{onto->width, onto->height} : look.size);
   if (plan.size.width == 0) plan.size = {kUntexturedSize, kUntexturedSize};
   if (plan.size.width > kLargestSide || plan.size.height > kLargestSide) {
     throw Error(ErrorKind::usage, fmt::format("--size {}x{}: at most {} texels a side",
@@ -376,11 +378,16 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Chann
   plan.format.channels = (look.gray_only ? 1U : 3U) + (look.alpha ? 1U : 0U);
   plan.format.has_alpha = look.alpha;
   plan.format.is_colour = is_colour(plan.channel);
-  const Depth wanted = options.depth ? *options.depth : look.depth;
+  if (onto) {  // as the old image is, but for grey that is to take colour
+    plan.format.has_alpha = onto->has_alpha;
+    plan.format.channels =
+        (onto->channels <= 2 && look.gray_only ? 1U : 3U) + (onto->has_alpha ? 1U : 0U);
+  }
+  const Depth wanted = options.depth ? *options.depth : onto ? onto->depth : look.depth;
   plan.format.depth = options.depth ? wanted : io::writable_depth(options.output, wanted);
   // EXR is linear; float TIFF keeps linear input linear; everything else is sRGB-coded.
   const bool float_out = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
-  plan.format.linear = is_exr(options.output) || (float_out && look.linear);
+  plan.format.linear = is_exr(options.output) || (float_out && (onto ? onto->linear : look.linear));
   const io::ImageWriteSpec spec{plan.size.width,   plan.size.height,   plan.format.channels,
                                 plan.format.depth, plan.format.linear, plan.format.has_alpha};
   if (const std::string why = io::why_not_writable(options.output, spec); !why.empty())

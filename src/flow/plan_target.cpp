@@ -17,6 +17,7 @@ namespace pounce::flow {
 namespace {
 
 constexpr std::uint32_t kPaddingShare = 128;
+constexpr std::uint64_t kOccupiedBytes = 36;  // per triangle, see UvOccupancy
 
 /// The file name without folder and ending.
 std::string stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
@@ -89,6 +90,10 @@ class TargetPlanner {
       image.padding = options_.padding_px.value_or(
           std::max(channel.size.width, channel.size.height) / kPaddingShare);
       image.stripe_rows = options_.internal.stripe_rows;
+      if (!options_.onto.empty()) {
+        image.onto =
+            plan_onto(options_, values, channel.size, channel.format, channel.source_alpha);
+      }
       plan_.images.back().push_back(image);
     }
   }
@@ -122,6 +127,9 @@ void check_all_outputs(const TransferOptions& options, const Plan& plan,
   inputs.push_back(options.source);
   inputs.insert(inputs.end(), options.targets.begin(), options.targets.end());
   for (const ColumnPlan& column : plan.columns) inputs.push_back(column.image.path);
+  for (const std::string& path : {options.onto, options.mask}) {
+    if (path != options.output && path.find('<') == std::string::npos) inputs.push_back(path);
+  }
   for (const std::string& output : outputs) {
     std::error_code ignored;
     if (!std::filesystem::exists(output, ignored)) continue;
@@ -185,7 +193,11 @@ LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const 
     need(contexts + indices + (2ULL << 20) + projecting, "projecting one block of the target");
     for (const std::size_t c : pass.channels) {
       for (const ImageOutput& image : target_plan.images[c]) {
-        need(contexts + indices + image_least_bytes(image, plan.channels[c].format),
+        const std::uint64_t occupied =
+            image.onto && image.padding > 0
+                ? (target.triangles.size() + target.rest.size()) * kOccupiedBytes
+                : 0;
+        need(contexts + indices + occupied + image_least_bytes(image, plan.channels[c].format),
              "writing " + image.path);
       }
     }

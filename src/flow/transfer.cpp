@@ -141,7 +141,7 @@ class TransferJob {
   }
 
   mesh::Mesh load(const std::string& path, bool is_target) const {
-    return is_target ? load_mesh(path, options_.target_use, "target")
+    return is_target ? load_mesh(path, options_.target_use, "target", !options_.onto.empty())
                      : load_mesh(path, options_.source_use, "source");
   }
 
@@ -265,9 +265,24 @@ class TransferJob {
     }
     if (all_cached) job_->clock.set_cached("vectorize");
     count_texels(targets_.front()->directory());
+    find_occupied();
     target_ = {};
     target_lease_ = {};
     job_->meter.end();
+  }
+
+  /// What padding must leave alone when it is painted over old images.
+  void find_occupied() {
+    const bool pads = !options_.onto.empty() && options_.padding_px.value_or(1) > 0;
+    if (!pads) return;
+    const auto pages = occupied_pages(target_, target_plan_.pages, has_tiles(),
+                                      options_.target_use.uv_set.value_or(0));
+    std::uint64_t bytes = 0;
+    for (const auto& page : pages) bytes += page->size_bytes();
+    target_leases_.emplace_back(job_->budget, bytes, "the target's triangles on its images");
+    for (auto& images : target_plan_.images) {
+      for (std::size_t p = 0; p < pages.size(); ++p) images[p].onto->occupied = pages[p];
+    }
   }
 
   /// Counts are those of the first channel.
@@ -300,7 +315,7 @@ class TransferJob {
         const PageResult result = project_page(*projector, page, texels);
         covered += result.covered;
         done_texels_ += texels;
-        if (result.covered == 0 && (has_tiles() || model_)) {
+        if (result.covered == 0 && (model_ || (has_tiles() && options_.onto.empty()))) {
           nothing.push_back(page);
         } else {
           write_page(p, page, result);
@@ -504,6 +519,10 @@ void check_options(const TransferOptions& o) {
     if (udim < mesh::kFirstUdim || udim > mesh::kLastUdim)
       usage(fmt::format("--tiles {}: UDIMs go from 1001 to 9999", udim));
   }
+  if (o.onto.empty() && !o.mask.empty())
+    usage("--mask needs --onto: it says where an image is painted over");
+  if (!o.onto.empty() && has_token(o.output, "CHANNEL") && !has_token(o.onto, "CHANNEL"))
+    usage("--onto needs <CHANNEL> when the output has it: " + o.onto + " is one channel's image");
   axes_of(o.source_use, "source");
   axes_of(o.target_use, "target");
   if (!(o.max_distance.value > 0) || !std::isfinite(o.max_distance.value))

@@ -36,8 +36,13 @@ struct Rows {
 using RowsPtr = std::shared_ptr<Rows>;
 
 io::ImageWriteSpec colour_spec(const ImageOutput& output, const texture::TexelFormat& format) {
-  return {output.lattice.width, output.lattice.height, format.channels,
-          format.depth,         format.linear,         format.has_alpha};
+  return {output.lattice.width,
+          output.lattice.height,
+          format.channels,
+          format.depth,
+          format.linear,
+          format.has_alpha,
+          output.onto && output.onto->premultiplied};
 }
 
 io::ImageWriteSpec coverage_spec(const ImageOutput& output) {
@@ -73,6 +78,10 @@ class ImageAssembler {
         lease_(job.budget, image_least_bytes(output, format), "writing " + output.path),
         padder_(output.lattice.width, output.lattice.height, output.padding,
                 static_cast<std::uint32_t>(format.texel_bytes()), kBlockEdge) {
+    if (output.onto) {
+      painter_.emplace(*output.onto, format,
+                       ImageSize{output.lattice.width, output.lattice.height});
+    }
     if (sink != nullptr) {
       colours_.emplace(*sink, colour_spec(output, format));
     } else if (!output.path.empty()) {
@@ -100,7 +109,7 @@ class ImageAssembler {
     const WorkTimer encoding(job_.clock, "encode");
     if (colours_) colours_->commit();
     if (coverage_) coverage_->commit();
-    return padder_.filled();
+    return painter_ ? painter_->filled() : padder_.filled();
   }
 
  private:
@@ -138,7 +147,13 @@ class ImageAssembler {
     }
     out->count = padder_.ready_rows();
     out->texels.resize(std::size_t{out->count} * width * texel);
-    padder_.pop(out->count, out->texels.data());
+    if (painter_) {
+      PageVector<std::uint8_t> kinds(std::size_t{out->count} * width);
+      padder_.pop(out->count, out->texels.data(), kinds.data());
+      painter_->paint(out->count, kinds.data(), out->texels.data());
+    } else {
+      padder_.pop(out->count, out->texels.data());
+    }
     return out;
   }
 
@@ -179,6 +194,7 @@ class ImageAssembler {
   const std::vector<tiles::ChunkRef>& blocks_;
   Lease lease_;
   texture::SeamPadder padder_;
+  std::optional<OntoPainter> painter_;
   std::optional<io::ImageWriter> colours_, coverage_;
 };
 
@@ -204,6 +220,8 @@ std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelF
       texture::SeamPadder::memory_bytes(output.lattice.width, output.padding,
                                         static_cast<std::uint32_t>(texel), kBlockEdge) +
       (256 << 10);
+  if (output.onto)
+    bytes += OntoPainter::memory_bytes(*output.onto, output.lattice.width, output.padding);
   if (!output.path.empty())
     bytes += io::ImageWriter::encoder_bytes(output.path, colour_spec(output, format));
   if (!output.coverage_path.empty()) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "flow/job_context.h"
+#include "flow/onto.h"
 #include "mesh/lattice.h"
 #include "texture/result_block.h"
 #include "tiles/pack.h"
@@ -17,6 +18,7 @@ struct ImageOutput {
   std::string coverage_path;  ///< "" = no coverage mask
   mesh::Lattice lattice;      ///< its size
   std::uint32_t padding = 0;
+  std::optional<OntoImage> onto;  ///< --onto
   std::uint32_t stripe_rows = 0;  ///< rows handed to the padder at once; 0 = a row of blocks
 };
 

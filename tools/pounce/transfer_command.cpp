@@ -82,6 +82,21 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
             });
 }
 
+void add_paint_options(CLI::App& command, TransferOptions& options) {
+  const char* const group = "Painting over";
+  add_value(
+      command, "--onto", "IMAGE", group,
+      "Write what was found over this image instead of an empty one; it\n"
+      "gives size, depth and channels, its alpha stays where the source\n"
+      "has none. Same tokens as OUTPUT, and may be OUTPUT itself",
+      [&options](const std::string& text) { options.onto = parse_image_pattern("--onto", text); });
+  add_value(
+      command, "--mask", "IMAGE", group,
+      "Paint only as far as this mask is white (brightness times alpha;\n"
+      "grey mixes). Same tokens",
+      [&options](const std::string& text) { options.mask = parse_image_pattern("--mask", text); });
+}
+
 void add_source_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Source";
   add_value(command, "--channels", "LIST", group,
@@ -144,6 +159,7 @@ Command add_transfer_command(CLI::App& program) {
       ->option_text("...")
       ->required();
   add_picture_options(*command, options);
+  add_paint_options(*command, options);
   add_source_options(*command, options);
   add_mesh_options(*command, "source", "Source", options.source_use);
   add_mesh_options(*command, "target", "Target", options.target_use);
