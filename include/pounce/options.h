@@ -114,6 +114,9 @@ struct TransferOptions {
   /// Source surface that faces away from the texel's normal by more than this is not seen; 0..89.9.
   double max_angle_deg = 80;
   std::optional<std::uint32_t> padding_px;  ///< default: larger side of the image / 128
+  /// Outputs that are there and younger than everything they are made from stay as they are. That
+  /// the options were others is not noticed.
+  bool skip_existing = false;
   Resources resources;
   bool plan_only = false;  ///< find out what would be done, write nothing
 

@@ -46,6 +46,7 @@ struct Report {
   std::uint64_t least_memory_bytes = 0;  ///< the smallest budget that works for this job
 
   std::vector<std::string> warnings;
+  std::vector<std::string> kept;     ///< outputs that were up to date (skip_existing)
   std::vector<std::string> outputs;  ///< files written; with plan_only: files that would be written
 };
 

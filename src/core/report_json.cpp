@@ -52,6 +52,7 @@ std::string to_json(const Report& report) {
                     {"least", report.least_memory_bytes}};
   json["warnings"] = report.warnings;
   json["outputs"] = report.outputs;
+  json["kept"] = report.kept;
   // A file name need not be UTF-8; JSON must be.
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

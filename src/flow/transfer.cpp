@@ -19,6 +19,7 @@
 #include <set>
 
 #include "flow/build_splats.h"
+#include "flow/existing_outputs.h"
 #include "flow/job.h"
 #include "flow/load_mesh.h"
 #include "flow/model_output.h"
@@ -58,6 +59,7 @@ class TransferJob {
     plan();
     // From here on it is known what will be done and that it fits.
     if (options_.plan_only) return finish_report(*job_);
+    if (options_.skip_existing && !anything_to_write_) return finish_report(*job_);
     if (plan_.from_splats) {
       precondition_splats();
     } else {
@@ -84,12 +86,14 @@ class TransferJob {
     LeastMemory least;
     if (is_splat_scene(options_.source)) {
       plan_ = plan_splats(options_);
+      source_files_ = {options_.source};
       least = {splat_least_bytes({options_.source, axes_of(options_.source_use, "source")}) +
                    job_->threads * tiles::Compressor::context_bytes(),
                "sorting " + options_.source};
       job_->meter.advance(1);
     } else {
       source_ = read(options_.source, 0, false);
+      source_files_ = source_.files;
       plan_ = plan_source(options_, source_);
       if (!model_pattern_.empty()) factors_ = model_factors(plan_, source_, plan_.warnings);
     }
@@ -100,6 +104,9 @@ class TransferJob {
       plan_one(path);
       add_warnings(target_plan_.warnings);
       outputs.insert(outputs.end(), target_plan_.outputs.begin(), target_plan_.outputs.end());
+      anything_to_write_ = anything_to_write_ || has_work();
+      job_->report.kept.insert(job_->report.kept.end(), target_plan_.kept.begin(),
+                               target_plan_.kept.end());
       inputs.insert(inputs.end(), target_plan_.inputs.begin(), target_plan_.inputs.end());
       const LeastMemory one =
           least_memory(plan_, target_plan_, source_, target_, job_->threads, job_->tile_cap_bytes);
@@ -124,6 +131,33 @@ class TransferJob {
   void plan_one(const std::string& path) {
     target_plan_ = plan_target(options_, plan_, path, target_);
     if (!model_pattern_.empty()) model_.emplace(model_pattern_, plan_, factors_, target_plan_);
+    if (options_.skip_existing) keep_what_is_there();
+  }
+
+  void keep_what_is_there() {
+    std::vector<std::string> meshes = target_.files;
+    meshes.insert(meshes.end(), source_files_.begin(), source_files_.end());
+    if (!model_) return keep_existing(plan_, newest(meshes), target_plan_);
+    for (const ColumnPlan& column : plan_.columns) meshes.push_back(column.image.path);
+    if (!is_up_to_date(model_->path(), newest(meshes))) return;
+    for (auto& images : target_plan_.images) {
+      for (ImageOutput& image : images) image.keep = true;
+    }
+    target_plan_.kept = std::exchange(target_plan_.outputs, {});
+  }
+
+  /// Is there an image of this page in these channels that has to be written?
+  bool has_work(const std::vector<std::size_t>& channels, std::size_t page) const {
+    return std::any_of(channels.begin(), channels.end(),
+                       [&](std::size_t c) { return !target_plan_.images[c][page].keep; });
+  }
+  bool has_work() const {
+    for (const auto& images : target_plan_.images) {
+      for (const ImageOutput& image : images) {
+        if (!image.keep) return true;
+      }
+    }
+    return false;
   }
 
   std::uint64_t contexts() const { return job_->threads * tiles::Compressor::context_bytes(); }
@@ -225,6 +259,7 @@ class TransferJob {
 
   void transfer_to(std::size_t t) {
     begin_target(t);
+    if (!has_work()) return;
     vectorize_target();
     // From here on only the stores are read, never the inputs.
     for (std::size_t p = 0; p < plan_.passes.size(); ++p) project_pass(p);
@@ -302,12 +337,17 @@ class TransferJob {
     const tiles::GeometryStore& target = *targets_[p];
     const tiles::PackReader& source = plan_.from_splats ? splats_->pack() : sources_[p]->pack();
     const std::uint64_t read_before = source.bytes_read();
-    std::uint64_t covered = 0;
+    std::uint64_t covered = 0, kept_texels = 0;
     {
       const auto projector = make_projector(p);
       std::vector<std::uint32_t> nothing;  // pages
       for (std::uint32_t page = 0; page < target_plan_.pages.size(); ++page) {
         const std::uint64_t texels = target.directory().page_texels[page];
+        if (!has_work(plan_.passes[p].channels, page)) {
+          done_texels_ += texels;
+          kept_texels += p == 0 ? texels : 0;
+          continue;
+        }
         if (texels == 0 && (has_tiles() || model_)) {
           if (model_) nothing.push_back(page);
           continue;
@@ -326,8 +366,9 @@ class TransferJob {
     }
     if (p == 0) {
       job_->report.target_covered += covered;
-      job_->report.target_empty += target.directory().texels - covered;
-      if (covered == 0) {
+      job_->report.target_texels -= kept_texels;
+      job_->report.target_empty += target.directory().texels - kept_texels - covered;
+      if (covered == 0 && kept_texels == 0) {
         warn_of_nothing(
             plan_.from_splats ? splats_->directory().middle_box : sources_[p]->directory().box,
             target.directory());
@@ -413,6 +454,7 @@ class TransferJob {
     for (std::size_t i = 0; i < pass.channels.size(); ++i) {
       const std::size_t c = pass.channels[i];
       const ImageOutput& image = target_plan_.images[c][page];
+      if (image.keep) continue;
       const Lease index(job_->budget, result.blocks[i].size() * sizeof(tiles::ChunkRef),
                         "the index of the results");
       const std::uint64_t filled =
@@ -497,6 +539,8 @@ class TransferJob {
   double target_start_ = 0, target_share_ = 0;  ///< of the progress bar
   std::uint64_t texels_ = 0, done_texels_ = 0;  ///< of the target at hand, over all passes
   bool all_cached_ = true;
+  std::vector<std::string> source_files_;
+  bool anything_to_write_ = false;  ///< --skip-existing may leave nothing to do
 };
 
 void check_options(const TransferOptions& o) {
@@ -508,9 +552,10 @@ void check_options(const TransferOptions& o) {
                       o.output));
   }
   if (io::is_model_path(o.output) && o.depth && *o.depth != Depth::u8 && *o.depth != Depth::u16) {
-    usage(fmt::format("--depth {}: the images of a model are PNG, which holds u8 and u16; ask for "
-                      "one of these, or write images",
-                      depth_name(*o.depth)));
+    usage(
+        fmt::format("--depth {}: the images of a model are PNG, which holds u8 and u16; ask for "
+                    "one of these, or write images",
+                    depth_name(*o.depth)));
   }
   const bool by_tile = has_token(o.output, "UDIM") || has_token(o.output, "UVTILE");
   if (!o.tiles.empty() && !by_tile)
@@ -523,6 +568,8 @@ void check_options(const TransferOptions& o) {
     usage("--mask needs --onto: it says where an image is painted over");
   if (!o.onto.empty() && has_token(o.output, "CHANNEL") && !has_token(o.onto, "CHANNEL"))
     usage("--onto needs <CHANNEL> when the output has it: " + o.onto + " is one channel's image");
+  if (o.skip_existing && !o.onto.empty() && o.onto == o.output)
+    usage("--skip-existing cannot tell an image that was painted over in place from an old one");
   axes_of(o.source_use, "source");
   axes_of(o.target_use, "target");
   if (!(o.max_distance.value > 0) || !std::isfinite(o.max_distance.value))

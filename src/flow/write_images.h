@@ -17,6 +17,7 @@ struct ImageOutput {
   std::string path;           ///< "" = no colour image
   std::string coverage_path;  ///< "" = no coverage mask
   mesh::Lattice lattice;      ///< its size
+  bool keep = false;          ///< it is there already and stays as it is
   std::uint32_t padding = 0;
   std::optional<OntoImage> onto;  ///< --onto
   std::uint32_t stripe_rows = 0;  ///< rows handed to the padder at once; 0 = a row of blocks

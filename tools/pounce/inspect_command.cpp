@@ -33,8 +33,8 @@ struct Settings {
 
 Command add_inspect_command(CLI::App& program) {
   const auto settings = std::make_shared<Settings>();
-  CLI::App* command =
-      program.add_subcommand("inspect", "Say what a mesh, a splat scene, an image or a tile store holds");
+  CLI::App* command = program.add_subcommand(
+      "inspect", "Say what a mesh, a splat scene, an image or a tile store holds");
   set_help_text(*command, kUsage);
   command->add_option("FILE", settings->path, "Mesh, splat scene, image or pack file")
       ->option_text(" ")

@@ -57,6 +57,8 @@ std::string summary_text(const Report& report, double wall_s) {
                         wall_text(wall_s), report.threads);
     return text;
   }
+  if (!report.kept.empty())
+    text += fmt::format("kept {} that are younger than their inputs\n", report.kept.size());
   const std::uint64_t texels = report.target_texels;
   text += fmt::format("{} texels: {} covered{}, {} empty{}; {} filled around the charts\n",
                       with_commas(texels), with_commas(report.target_covered),

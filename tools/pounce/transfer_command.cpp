@@ -82,6 +82,14 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
             });
 }
 
+void add_skip_option(CLI::App& command, TransferOptions& options) {
+  add_switch(command, "--skip-existing", "Picture",
+             "Keep outputs that are there and younger than all their inputs:\n"
+             "goes on where a stopped run ended. Other options than last time\n"
+             "are not noticed",
+             options.skip_existing);
+}
+
 void add_paint_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Painting over";
   add_value(
@@ -159,6 +167,7 @@ Command add_transfer_command(CLI::App& program) {
       ->option_text("...")
       ->required();
   add_picture_options(*command, options);
+  add_skip_option(*command, options);
   add_paint_options(*command, options);
   add_source_options(*command, options);
   add_mesh_options(*command, "source", "Source", options.source_use);
