@@ -13,20 +13,18 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <optional>
-#include <set>
+#include <utility>
 
 #include "flow/build_splats.h"
+#include "flow/check_options.h"
 #include "flow/existing_outputs.h"
 #include "flow/job.h"
 #include "flow/load_mesh.h"
 #include "flow/model_output.h"
 #include "flow/output_names.h"
 #include "flow/plan.h"
-#include "flow/project_mesh.h"
-#include "flow/project_splats.h"
+#include "flow/source_stores.h"
 #include "io/read_mesh.h"
 
 namespace pounce {
@@ -47,25 +45,21 @@ class TransferJob {
       : options_(image_options(options)),
         model_pattern_(io::is_model_path(options.output) ? options.output : ""),
         job_(open_job(options.resources, options.output, options.internal.in_core, rebuild,
-                      options.plan_only, progress)) {
+                      options.plan_only, progress)),
+        source_stores_(*job_, options_, plan_) {
     job_->tile_cap_bytes =
         options.internal.tile_cap_bytes != 0 ? options.internal.tile_cap_bytes : kTileCapBytes;
-    kernels_ = &projection::kernels(options.internal.isa);
   }
 
   Report run() {
     job_->report.command = "transfer";
-    job_->report.isa = kernels_->isa;
     plan();
     // From here on it is known what will be done and that it fits.
     if (options_.plan_only) return finish_report(*job_);
     if (options_.skip_existing && !anything_to_write_) return finish_report(*job_);
-    if (plan_.from_splats) {
-      precondition_splats();
-    } else {
-      precondition_colours();
-      precondition_source();
-    }
+    source_stores_.build(kAfterReading, kAfterSource);
+    source_ = {};
+    source_lease_ = {};
     for (std::size_t t = 0; t < options_.targets.size(); ++t) transfer_to(t);
     return finish_report(*job_);
   }
@@ -87,9 +81,9 @@ class TransferJob {
     if (is_splat_scene(options_.source)) {
       plan_ = plan_splats(options_);
       source_files_ = {options_.source};
-      least = {splat_least_bytes({options_.source, axes_of(options_.source_use, "source")}) +
-                   job_->threads * tiles::Compressor::context_bytes(),
-               "sorting " + options_.source};
+      least = {
+          splat_least_bytes({options_.source, axes_of(options_.source_use, "source")}) + contexts(),
+          "sorting " + options_.source};
       job_->meter.advance(1);
     } else {
       source_ = read(options_.source, 0, false);
@@ -124,8 +118,7 @@ class TransferJob {
     require_least(*job_, least);
     source_lease_ = Lease(job_->budget, source_.size_bytes(), "the source's mesh");
     target_lease_ = Lease(job_->budget, target_.size_bytes(), "the target's mesh");
-    store_leases_.emplace_back(job_->budget, job_->threads * tiles::Compressor::context_bytes(),
-                               "the compressors");
+    compressors_lease_ = Lease(job_->budget, contexts(), "the compressors");
   }
 
   void plan_one(const std::string& path) {
@@ -181,78 +174,6 @@ class TransferJob {
 
   void add_warnings(const std::vector<std::string>& warnings) {
     job_->report.warnings.insert(job_->report.warnings.end(), warnings.begin(), warnings.end());
-  }
-
-  // --- the source --------------------------------------------------------------------------------
-
-  void precondition_colours() {
-    const StageTimer timer(job_->clock, "precondition");
-    std::uint64_t rows = 0;
-    for (const ColumnPlan& column : plan_.columns) rows += (column.info.height + 63) / 64;
-    job_->meter.begin("source colours", rows, "rows of tiles", (kAfterReading + kAfterSource) / 2);
-    for (const ColumnPlan& column : plan_.columns) {
-      bool cached = false;
-      columns_.push_back(
-          colour_store(*job_, {&column.image, column.wrap_u, column.wrap_v}, &cached));
-      all_cached_ = all_cached_ && cached;
-      const tiles::ColourDirectory& image = columns_.back()->directory();
-      if (image.nonfinite > 0) {
-        job_->report.source_filtered["nonfinite samples"] += image.nonfinite;
-        job_->report.warnings.push_back(
-            fmt::format("{}: {} samples are NaN or infinite and count as 0", column.image.label,
-                        image.nonfinite));
-      }
-      job_->report.bytes_written += cached ? 0 : columns_.back()->pack().size_bytes();
-      job_->report.source_store_bytes += columns_.back()->pack().size_bytes();
-    }
-    for (const TileSetPlan& set : plan_.tile_sets) {
-      tile_sets_.push_back({set.size.width, set.size.height, {}});
-      for (const auto& [tile, column] : set.columns)
-        tile_sets_.back().tiles[tile] = columns_[column].get();
-    }
-    job_->meter.end();
-  }
-
-  void precondition_source() {
-    const StageTimer timer(job_->clock, "precondition");
-    job_->meter.begin("precondition", 0, "tiles", kAfterSource);
-    for (const PassPlan& pass : plan_.passes) {
-      bool cached = false;
-      sources_.push_back(geometry_store(*job_, pass.source, &cached));
-      all_cached_ = all_cached_ && cached;
-      const tiles::GeometryStore& store = *sources_.back();
-      const tiles::GeometryDirectory& directory = store.directory();
-      job_->report.source_gaussians = std::max(job_->report.source_gaussians, directory.texels);
-      job_->report.source_tiles += directory.tiles.size();
-      job_->report.bytes_written += cached ? 0 : store.pack().size_bytes();
-      store_leases_.emplace_back(job_->budget, store.size_bytes(),
-                                 "the directory of the source store");
-      job_->report.source_store_bytes += store.pack().size_bytes();
-      if (directory.degenerate > 0)
-        job_->report.source_filtered["degenerate triangles"] = directory.degenerate;
-      if (directory.slivers > 0)
-        job_->report.source_filtered["triangles without a texel centre"] = directory.slivers;
-    }
-    if (all_cached_) job_->clock.set_cached("precondition");
-    source_ = {};
-    source_lease_ = {};
-    job_->meter.end();
-  }
-
-  void precondition_splats() {
-    const StageTimer timer(job_->clock, "precondition");
-    bool cached = false;
-    splats_ = splat_store(*job_, {options_.source, axes_of(options_.source_use, "source")}, &cached,
-                          kAfterSource);
-    if (cached) job_->clock.set_cached("precondition");
-    const tiles::SplatDirectory& directory = splats_->directory();
-    job_->report.source_gaussians = directory.splats;
-    job_->report.source_tiles = directory.tiles.size();
-    job_->report.depth_window = kWindowOverNoise * directory.surface_noise;
-    job_->report.bytes_written += cached ? 0 : splats_->pack().size_bytes();
-    job_->report.source_store_bytes = splats_->pack().size_bytes();
-    store_leases_.emplace_back(job_->budget, splats_->size_bytes(),
-                               "the directory of the source store");
   }
 
   // --- one target --------------------------------------------------------------------------------
@@ -335,11 +256,11 @@ class TransferJob {
   /// Page by page, so that each image is written as soon as nothing of it is missing.
   void project_pass(std::size_t p) {
     const tiles::GeometryStore& target = *targets_[p];
-    const tiles::PackReader& source = plan_.from_splats ? splats_->pack() : sources_[p]->pack();
+    const tiles::PackReader& source = source_stores_.pack(p);
     const std::uint64_t read_before = source.bytes_read();
     std::uint64_t covered = 0, kept_texels = 0;
     {
-      const auto projector = make_projector(p);
+      const auto projector = source_stores_.projector(p, target, target_plan_);
       std::vector<std::uint32_t> nothing;  // pages
       for (std::uint32_t page = 0; page < target_plan_.pages.size(); ++page) {
         const std::uint64_t texels = target.directory().page_texels[page];
@@ -369,9 +290,7 @@ class TransferJob {
       job_->report.target_texels -= kept_texels;
       job_->report.target_empty += target.directory().texels - kept_texels - covered;
       if (covered == 0 && kept_texels == 0) {
-        warn_of_nothing(
-            plan_.from_splats ? splats_->directory().middle_box : sources_[p]->directory().box,
-            target.directory());
+        warn_of_nothing(source_stores_.box(p), target.directory());
       }
     }
     job_->report.tiles_read += target.directory().tiles.size();
@@ -380,50 +299,6 @@ class TransferJob {
 
   /// Does each tile of the target's UVs have an image of its own?
   bool has_tiles() const { return target_plan_.requests.front().tile_pages.has_value(); }
-
-  std::unique_ptr<PageProjector> make_projector(std::size_t p) {
-    return plan_.from_splats ? make_splat_projector() : make_mesh_projector(p);
-  }
-
-  float min_cosine() const {
-    return static_cast<float>(std::cos(options_.max_angle_deg * std::numbers::pi / 180));
-  }
-
-  std::unique_ptr<PageProjector> make_splat_projector() {
-    SplatProjection request;
-    request.source = splats_.get();
-    request.target = targets_.front().get();
-    request.format = plan_.channels.front().format;
-    request.kernels = &projection::splat_kernels(options_.internal.isa);
-    request.limits.max_distance = target_plan_.max_distance;
-    request.limits.min_cosine = min_cosine();
-    request.limits.window = kWindowOverNoise * splats_->directory().surface_noise;
-    request.limits.antialiased = splats_->directory().model == tiles::SplatModel::antialiased;
-    request.smallest_edge = target_plan_.smallest_edge;
-    return project_splats(*job_, request);
-  }
-
-  std::unique_ptr<PageProjector> make_mesh_projector(std::size_t p) {
-    MeshProjection request;
-    request.source = sources_[p].get();
-    request.target = targets_[p].get();
-    request.kernels = kernels_;
-    request.limits.max_distance = target_plan_.max_distance;
-    request.limits.min_cosine = min_cosine();
-    request.smallest_edge = target_plan_.smallest_edge;
-    for (const std::size_t c : plan_.passes[p].channels) {
-      const ChannelPlan& channel = plan_.channels[c];
-      ChannelOutput output{channel.format, {}};
-      for (const PageTexture& page : channel.pages) {
-        output.pages.push_back(
-            {page.column < 0 ? nullptr : columns_[static_cast<std::size_t>(page.column)].get(),
-             page.tile_set < 0 ? nullptr : &tile_sets_[static_cast<std::size_t>(page.tile_set)],
-             page.constant});
-      }
-      request.channels.push_back(std::move(output));
-    }
-    return project_mesh(*job_, std::move(request));
-  }
 
   /// Where the progress bar stands when `texels` of this target's are done.
   double fraction(double texels) const {
@@ -522,64 +397,21 @@ class TransferJob {
   const TransferOptions options_;
   const std::string model_pattern_;  ///< of the output, if that is a model
   std::unique_ptr<JobContext> job_;
-  const projection::Kernels* kernels_ = nullptr;
   mesh::Mesh source_, target_;
   Plan plan_;
+  SourceStores source_stores_;
   TargetPlan target_plan_;                     ///< of the target at hand
   std::vector<std::array<float, 4>> factors_;  ///< by channel, of a model's materials
   std::optional<ModelOutput> model_;           ///< of the target at hand
   Lease source_lease_, target_lease_;
-  std::vector<Lease> store_leases_;  ///< what stays in use until the job ends
-  std::vector<std::unique_ptr<tiles::ColourStore>> columns_;
-  std::vector<TileColumns> tile_sets_;
-  std::vector<std::unique_ptr<tiles::GeometryStore>> sources_;  ///< by pass
-  std::unique_ptr<tiles::SplatStore> splats_;                   ///< instead of those
+  Lease compressors_lease_;
   std::vector<std::unique_ptr<tiles::GeometryStore>> targets_;  ///< by pass, of the target at hand
   std::vector<Lease> target_leases_;
   double target_start_ = 0, target_share_ = 0;  ///< of the progress bar
   std::uint64_t texels_ = 0, done_texels_ = 0;  ///< of the target at hand, over all passes
-  bool all_cached_ = true;
   std::vector<std::string> source_files_;
   bool anything_to_write_ = false;  ///< --skip-existing may leave nothing to do
 };
-
-void check_options(const TransferOptions& o) {
-  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
-  if (o.source.empty() || o.targets.empty() || o.output.empty())
-    usage("a source, a target and an output are needed");
-  if (o.targets.size() > 1 && !has_token(o.output, "TARGET")) {
-    usage(fmt::format("{} targets need <TARGET> in the output: {} is one name", o.targets.size(),
-                      o.output));
-  }
-  if (io::is_model_path(o.output) && o.depth && *o.depth != Depth::u8 && *o.depth != Depth::u16) {
-    usage(
-        fmt::format("--depth {}: the images of a model are PNG, which holds u8 and u16; ask for "
-                    "one of these, or write images",
-                    depth_name(*o.depth)));
-  }
-  const bool by_tile = has_token(o.output, "UDIM") || has_token(o.output, "UVTILE");
-  if (!o.tiles.empty() && !by_tile)
-    usage("--tiles needs <UDIM> or <UVTILE> in the output: " + o.output + " is one image");
-  for (const std::uint32_t udim : o.tiles) {
-    if (udim < mesh::kFirstUdim || udim > mesh::kLastUdim)
-      usage(fmt::format("--tiles {}: UDIMs go from 1001 to 9999", udim));
-  }
-  if (o.onto.empty() && !o.mask.empty())
-    usage("--mask needs --onto: it says where an image is painted over");
-  if (!o.onto.empty() && has_token(o.output, "CHANNEL") && !has_token(o.onto, "CHANNEL"))
-    usage("--onto needs <CHANNEL> when the output has it: " + o.onto + " is one channel's image");
-  if (o.skip_existing && !o.onto.empty() && o.onto == o.output)
-    usage("--skip-existing cannot tell an image that was painted over in place from an old one");
-  axes_of(o.source_use, "source");
-  axes_of(o.target_use, "target");
-  if (!(o.max_distance.value > 0) || !std::isfinite(o.max_distance.value))
-    usage("--max-distance must be above 0");
-  if (!(o.max_angle_deg >= 0 && o.max_angle_deg < 90))
-    usage("--max-angle must be at least 0 and below 90 degrees");
-  if (o.all_channels && !o.channels.empty()) usage("--channels takes either a list or all");
-  if (o.size && (o.size->width == 0 || o.size->height == 0)) usage("--size must be at least 1");
-  if (o.padding_px && *o.padding_px > 65536) usage("--padding must be at most 65536");
-}
 
 }  // namespace
 }  // namespace flow
