@@ -61,6 +61,7 @@ struct Rectangle {
     std::vector<Bytes> found;
     for (const auto& entry :
          std::filesystem::directory_iterator(folder.path() / "cache/v1" / kind)) {
+      if (entry.path().extension() != ".pack") continue;  // a label
       std::ifstream file(entry.path(), std::ios::binary);
       const std::vector<char> bytes{std::istreambuf_iterator<char>(file), {}};
       const auto* first = reinterpret_cast<const std::byte*>(bytes.data());
