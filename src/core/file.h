@@ -76,8 +76,8 @@ class FileSystem {
   /// Like open(), and holds the file until the reader is gone; null if there is none or it is just
   /// being removed.
   virtual std::unique_ptr<ReadFile> open_held(const std::string& path) = 0;
-  /// Like create(), and holds the file until writer and readers are gone. Null if it was taken for
-  /// a leftover and removed before it could be held; try another name.
+  /// Like create(), and holds the file until writer and readers are gone. Null if there is one of
+  /// that name, or it was taken for a leftover and removed before it could be held; try another.
   virtual std::unique_ptr<WriteFile> create_held(const std::string& path) = 0;
   /// Removes a file unless somebody holds or locks it (then false). A missing one is fine.
   virtual bool remove_unheld(const std::string& path) = 0;

@@ -244,6 +244,7 @@ class MemoryFileSystem final : public FileSystem {
   }
 
   std::unique_ptr<WriteFile> create_held(const std::string& path) override {
+    if (exists(path)) return nullptr;
     const auto contents = add(path);
     return std::make_unique<MemoryWriteFile>(contents, std::make_shared<Hold>(contents));
   }

@@ -356,6 +356,7 @@ class PosixFileSystem final : public FileSystem {
 
   std::unique_ptr<WriteFile> create_held(const std::string& path) override {
     const int fd = open_retrying(path.c_str(), O_RDWR | O_CREAT | O_EXCL, 0666);
+    if (fd < 0 && errno == EEXIST) return nullptr;
     if (fd < 0) fail(path, "create", errno);
     auto file = std::make_unique<PosixWriteFile>(fd, path);
     if (!lock_now(fd, path, LOCK_SH) || !is_named(fd, path)) return nullptr;

@@ -113,7 +113,7 @@ class CacheFolder final : public StoreFolder {
     for (;;) {
       const std::string path =
           fmt::format("{}/{}-{}.part", layout_.parts_folder(), ::getpid(), next_part_++);
-      if (files_.exists(path)) continue;  // another store of this process, or a namesake elsewhere
+      // None: another store of this process has the name, or a namesake on another machine.
       if (auto file = files_.create_held(path)) {
         return std::make_unique<PackWriter>(
             std::make_unique<CachePart>(files_, space_, path, std::move(file),
@@ -237,7 +237,7 @@ class CacheFolder final : public StoreFolder {
       const std::lock_guard lock(mutex_);
       const auto found = labels_.find(Name(kind, key.hi, key.lo));
       if (found == labels_.end()) return;
-      label = std::move(found->second);
+      label = std::move(found->second) + "\n";
       labels_.erase(found);
     }
     try {

@@ -182,6 +182,16 @@ TEST_CASE("a lock is held by one object at a time", "[core]") {
   CHECK(place.files().try_lock(place / "lock"));
 }
 
+TEST_CASE("of two files of one name, held from the start, there is one", "[core]") {
+  Place place(GENERATE(true, false));
+  const auto first = place.files().create_held(place / "part");
+  REQUIRE(first);
+  first->append(random_bytes(10, 11));
+  first->sync();
+  CHECK_FALSE(place.files().create_held(place / "part"));
+  CHECK(test::read_whole(place.files(), place / "part") == random_bytes(10, 11));
+}
+
 TEST_CASE("a scratch file has no name in its folder", "[core]") {
   const test::TempFolder folder;
   const auto file = posix_file_system().create_scratch(folder.path().string());
