@@ -3,6 +3,7 @@
 // Looking at a cache and tidying it, beside whatever jobs use it.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <span>
@@ -43,6 +44,10 @@ std::string label_text(const CachedObject& object) {
     const auto file = disk().open(object.label_path);
     std::string text(std::min(file->size_bytes(), kLongestLabel), '\0');
     file->read(0, std::as_writable_bytes(std::span(text)));
+    text.resize(std::min(text.find('\n'), text.size()));
+    // Names of files may hold anything, and a label may be damaged: nothing for a terminal to obey.
+    std::replace_if(
+        text.begin(), text.end(), [](unsigned char c) { return c < ' ' || c == 127; }, '?');
     return text;
   } catch (const Error&) {
     return "";  // it went with its pack

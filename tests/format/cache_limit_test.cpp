@@ -6,6 +6,7 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 
 #include "pounce/cache.h"
 #include "support/bytes.h"
@@ -242,6 +243,21 @@ TEST_CASE("prune and clear leave what is open, and what living writers write", "
   CHECK(cleared.objects == 2);
   CHECK(cleared.in_use == 0);
   CHECK(cleared.taken_bytes == room_of(root) + folders_of(root));
+}
+
+TEST_CASE("a damaged label says nothing to a terminal", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  const auto store = StoreFolder::open_cache(posix_file_system(), root);
+  std::uint64_t largest = 0;
+  make(*store, 1, 1, root, &largest);
+  const std::string label = CacheLayout(root).label(kKind, {0, 1});
+  std::ofstream(label) << "a\x1b[2Jb\x7f\tc\nsecond line";
+  CHECK(cache_list(root).at(0).label == "a?[2Jb??c");
+  fs::resize_file(label, 0);
+  CHECK(cache_list(root).at(0).label.empty());
+  fs::resize_file(label, 1 << 20);
+  CHECK(cache_list(root).at(0).label == std::string(4096, '?'));
 }
 
 TEST_CASE("a label whose pack is gone goes with the next tidying", "[format]") {
