@@ -29,8 +29,11 @@ std::uint64_t budget_bytes(const Resources& resources) {
 
 std::string scratch_folder(const Resources& resources, const std::string& output) {
   if (!resources.temp_dir.empty()) return resources.temp_dir;
-  const std::string folder = std::filesystem::path(output).parent_path().string();
-  return folder.empty() ? "." : folder;
+  std::filesystem::path folder = std::filesystem::path(output).parent_path();
+  while (folder.string().find('<') != std::string::npos && folder.has_relative_path())
+    folder = folder.parent_path();
+  return folder.empty() ? "." : folder.string();
+/// The output's folder; of a pattern that has tokens in its folders, the one above them all.
 }
 
 /// How this job deals with the other users of its cache.

@@ -14,3 +14,11 @@ err_has 'missing/report.json'
 expect 5 maps target.obj -o 'missing/<CHANNEL>.exr'
 err_has 'missing'
 only_files skin.ppm source.mtl source.obj taken.png target.obj
+# Tokens may be in the folders: scratch files are where those begin.
+mkdir -p tree/baseColor tree/target
+expect 0 transfer source.obj target.obj -o 'tree/<CHANNEL>/o.png' --no-cache -q
+expect 0 transfer source.obj target.obj -o 'tree/<TARGET>/o.png' --no-cache -q
+[[ -s tree/baseColor/o.png && -s tree/target/o.png ]] || fail 'an image is missing'
+mkdir target
+expect 0 transfer source.obj target.obj -o '<TARGET>/o.png' --no-cache -q
+[[ -s target/o.png ]] || fail 'an image is missing'
