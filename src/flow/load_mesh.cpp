@@ -21,7 +21,7 @@ Axes axes_of(const MeshUse& use, const std::string& side) {
 
 mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,
                      bool keep_rest) {
-  mesh::Mesh mesh = io::read_mesh(path);
+  mesh::Mesh mesh = io::read_mesh(path, side == "source" ? use.uv_set : std::nullopt);
   mesh::orient(mesh, axes_of(use, side));
   mesh::select(mesh, {use.meshes, use.materials}, side, keep_rest);
   if (use.uv_set && *use.uv_set >= mesh.uv_sets.size()) {

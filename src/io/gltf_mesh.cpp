@@ -291,6 +291,14 @@ void warn_of_extensions(const GltfFile& file, mesh::Mesh& mesh) {
   }
 }
 
+void bind_all(mesh::Mesh& mesh, std::uint32_t uv_set) {
+  for (auto& material : mesh.materials) {
+    for (auto& binding : material.textures) {
+      if (binding) binding->uv_set = uv_set;
+    }
+  }
+}
+
 /// Bindings to UV sets that no primitive has would look beyond uv_sets.
 void check_bindings(mesh::Mesh& mesh) {
   for (auto& material : mesh.materials) {
@@ -307,7 +315,7 @@ void check_bindings(mesh::Mesh& mesh) {
 
 }  // namespace
 
-mesh::Mesh read_gltf(const std::string& path) {
+mesh::Mesh read_gltf(const std::string& path, std::optional<std::uint32_t> texture_uv_set) {
   GltfFile file(path);
   const tinygltf::Model model = load_model(file);
   const AccessorReader accessors(file, model);
@@ -337,6 +345,7 @@ mesh::Mesh read_gltf(const std::string& path) {
     append_instance(file, model, accessors, plan, i, mesh);
   }
   mesh.parts = parts.finish(static_cast<std::uint32_t>(mesh.triangles.size()));
+  if (texture_uv_set) bind_all(mesh, *texture_uv_set);
   check_bindings(mesh);
   mesh::repair_normals(mesh);
   mesh::complete_tangents(mesh);

@@ -68,8 +68,8 @@ Format format_of(const std::string& path) {
 
 }  // namespace
 
-mesh::Mesh read_mesh(const std::string& path) {
-  return format_of(path) == Format::gltf ? read_gltf(path) : read_obj(path);
+mesh::Mesh read_mesh(const std::string& path, std::optional<std::uint32_t> texture_uv_set) {
+  return format_of(path) == Format::gltf ? read_gltf(path, texture_uv_set) : read_obj(path);
 }
 
 MeshCost mesh_cost(const std::string& path) {

@@ -49,3 +49,22 @@ err_has '--source-uv-set 7'
 expect 3 maps both.obj -o '<CHANNEL>.exr' --size 4 --target-mesh Middle
 err_has '--target-mesh Middle'
 [[ ! -e o.png ]] || fail 'something was written'
+# --source-uv-set also serves a texture whose own UV set is not there.
+{
+  printf '\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x80\x3f\0\0\0\0\0\0\0\0\0\0\x80\x3f\0\0\x80\x3f\0\0\0\0\0\0\0\0\0\0\x80\x3f\0\0\0\0'
+  printf '\0\0\0\0\0\0\x80\x3f\0\0\x80\x3f\0\0\x80\x3f\0\0\x80\x3f\0\0\0\0\0\0\0\0\0\0\0\0'
+  printf '\0\0\1\0\2\0\0\0\2\0\3\0'
+} >lost.bin
+cat >lost.gltf <<'END'
+{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"indices":2,"material":0}]}],
+"materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0,"texCoord":2}}}],
+"textures":[{"source":0}],"images":[{"uri":"left.png"}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,0],"max":[1,1,0]},
+{"bufferView":1,"componentType":5126,"count":4,"type":"VEC2"},{"bufferView":2,"componentType":5123,"count":6,"type":"SCALAR"}],
+"bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":32},{"buffer":0,"byteOffset":80,"byteLength":12}],
+"buffers":[{"uri":"lost.bin","byteLength":92}]}
+END
+expect 3 transfer lost.gltf both.obj -o lost.png --target-mesh Left
+expect 0 transfer lost.gltf both.obj -o lost.png --target-mesh Left --source-uv-set 0
+expect 0 compare lost.png left.ppm --min-psnr 99
