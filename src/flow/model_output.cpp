@@ -113,7 +113,7 @@ ModelOutput::ModelOutput(const std::string& pattern, const Plan& plan,
   const io::ModelPlan model = io::plan_model(request_);
   request_.textures.clear();  // until they have images
   least_bytes_ = model.least_bytes;
-  target.inputs = model.inputs;
+  target.inputs.insert(target.inputs.end(), model.inputs.begin(), model.inputs.end());
   target.outputs.insert(target.outputs.end(), model.outputs.begin(), model.outputs.end());
   target.warnings.insert(target.warnings.end(), model.warnings.begin(), model.warnings.end());
 }

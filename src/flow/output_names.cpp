@@ -46,16 +46,13 @@ std::string file_name_part(const std::string& name) {
   return out.empty() || out == "." || out == ".." ? "_" : out;
 }
 
-void check_outputs(const std::vector<std::string>& paths) {
+void check_outputs(const std::vector<std::string>& paths, const std::string& cure) {
   namespace fs = std::filesystem;
   std::set<std::string> seen;
   for (const std::string& path : paths) {
     if (!seen.insert(fs::path(path).lexically_normal().string()).second) {
-      throw Error(
-          ErrorKind::usage,
-          fmt::format(
-              "two images would be written to {}: put <CHANNEL> or <MATERIAL> into the pattern",
-              path));
+      throw Error(ErrorKind::usage,
+                  fmt::format("two images would be written to {}: {}", path, cure));
     }
     const fs::path folder = fs::path(path).parent_path();
     std::error_code ignored;
@@ -64,7 +61,13 @@ void check_outputs(const std::vector<std::string>& paths) {
           ErrorKind::storage,
           fmt::format("{}: the folder {} does not exist; create it first", path, folder.string()));
     }
-    if (fs::is_directory(path, ignored)) {
+    std::error_code problem;
+    const bool taken = fs::is_directory(path, problem);
+    if (problem == std::errc::filename_too_long) {
+      throw Error(ErrorKind::usage,
+                  path + ": is too long for a file name; shorten it, or what its tokens stand for");
+    }
+    if (taken) {
       throw Error(ErrorKind::storage, fmt::format("{}: is a folder; name a file in it", path));
     }
   }

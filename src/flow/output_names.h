@@ -15,8 +15,9 @@ bool has_token(const std::string& pattern, const std::string& token);
 /// A name as part of a file name: separators and control characters become '_'.
 std::string file_name_part(const std::string& name);
 
-/// Throws Error(usage) when two of the images would get one name, Error(storage) when a folder does
-/// not exist.
-void check_outputs(const std::vector<std::string>& paths);
+/// Throws Error(usage) when two of the images would get one name, saying `cure`, or when a name is
+/// too long for the file system; Error(storage) when a folder does not exist.
+void check_outputs(const std::vector<std::string>& paths,
+                   const std::string& cure = "put <CHANNEL> or <MATERIAL> into the pattern");
 
 }  // namespace pounce::flow

@@ -2,9 +2,13 @@
 //
 // A target's side of a plan: pages, output names, the least memory.
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
 
 #include "core/box.h"
 #include "flow/output_names.h"
@@ -93,9 +97,18 @@ class TargetPlanner {
       if (!options_.onto.empty()) {
         image.onto =
             plan_onto(options_, values, channel.size, channel.format, channel.source_alpha);
+        keep_from_harm(*image.onto, image.path);
       }
       plan_.images.back().push_back(image);
     }
+  }
+
+  /// An image may be painted over in place, but not be what another one is painted onto; a mask is
+  /// never an output.
+  void keep_from_harm(const OntoImage& onto, const std::string& output) {
+    if (!onto.mask_path.empty()) plan_.inputs.push_back(onto.mask_path);
+    std::error_code ignored;
+    if (!std::filesystem::equivalent(onto.path, output, ignored)) plan_.inputs.push_back(onto.path);
   }
 
   static void check_mask(const std::string& path, ImageSize size) {
@@ -113,6 +126,44 @@ class TargetPlanner {
 
 }  // namespace
 
+namespace {
+
+/// Device and number: the same for every name of a file.
+using FileId = std::pair<dev_t, ino_t>;
+
+std::optional<FileId> file_id(const std::string& path) {
+  struct stat found = {};
+  if (path.empty() || stat(path.c_str(), &found) != 0) return std::nullopt;
+  return FileId{found.st_dev, found.st_ino};
+}
+
+/// Why two images may get one name, and what to do about it.
+std::string how_to_tell_apart(const TransferOptions& options, const Plan& plan) {
+  std::map<std::string, std::string> targets;  // by stem
+  for (const std::string& path : options.targets) {
+    const auto [at, fresh] = targets.try_emplace(stem(path), path);
+    if (fresh) continue;
+    return fmt::format(
+        "<TARGET> is a file name without folder and ending, the same for {} and {}; rename one, or "
+        "make it in a run of its own",
+        at->second, path);
+  }
+  for (const char* token : {"TARGET", "UDIM", "UVTILE", "MATERIAL"}) {
+    if (!options.coverage_output.empty() && has_token(options.output, token) &&
+        !has_token(options.coverage_output, token))
+      return fmt::format("put <{}> into --coverage, as into -o", token);
+  }
+  if (plan.channels.size() > 1 && !has_token(options.output, "CHANNEL"))
+    return "put <CHANNEL> into the pattern";
+  if (has_token(options.output, "MATERIAL")) {
+    return "<MATERIAL> is a name in which / and \\ become _; rename one of the materials that get "
+           "the same";
+  }
+  return "give -o and --coverage names of their own";
+}
+
+}  // namespace
+
 TargetPlan plan_target(const TransferOptions& options, const Plan& plan, const std::string& path,
                        const mesh::Mesh& target) {
   return TargetPlanner(options, plan, target).make(path);
@@ -121,23 +172,21 @@ TargetPlan plan_target(const TransferOptions& options, const Plan& plan, const s
 void check_all_outputs(const TransferOptions& options, const Plan& plan,
                        const std::vector<std::string>& outputs,
                        const std::vector<std::string>& more_inputs) {
-  check_outputs(outputs);
+  check_outputs(outputs, how_to_tell_apart(options, plan));
   // The source and what it is made of are never written over; the targets' own textures may be.
   std::vector<std::string> inputs = more_inputs;
   inputs.push_back(options.source);
   inputs.insert(inputs.end(), options.targets.begin(), options.targets.end());
   for (const ColumnPlan& column : plan.columns) inputs.push_back(column.image.path);
-  for (const std::string& path : {options.onto, options.mask}) {
-    if (path != options.output && path.find('<') == std::string::npos) inputs.push_back(path);
+  std::set<FileId> read;
+  for (const std::string& input : inputs) {
+    if (const auto id = file_id(input)) read.insert(*id);
   }
   for (const std::string& output : outputs) {
-    std::error_code ignored;
-    if (!std::filesystem::exists(output, ignored)) continue;
-    for (const std::string& input : inputs) {
-      if (!input.empty() && std::filesystem::equivalent(output, input, ignored)) {
-        throw Error(ErrorKind::usage,
-                    fmt::format("{}: is also an input; write to another file", output));
-      }
+    const auto id = file_id(output);
+    if (id && read.count(*id) > 0) {
+      throw Error(ErrorKind::usage,
+                  fmt::format("{}: is also an input; write to another file", output));
     }
   }
 }
