@@ -11,5 +11,5 @@ expect 2 transfer source.obj target.obj -o link.tif --source-texture baseColor=s
 err_has 'is also an input'
 [[ $(md5sum skin.tif) == "$before" ]] || fail 'the texture was written over'
 expect 2 transfer source.obj target.obj -o o.png --report o.png
-err_has '--report o.png'
+err_has '--report: got "o.png"'
 [[ ! -e o.png ]] || fail 'something was written'

@@ -19,3 +19,11 @@ out_has '"covered": 256'
 rm report.json skin.ppm
 expect 3 transfer source.obj target.obj -o o.png --report report.json --no-cache
 [[ ! -e report.json ]] || fail 'a report of a job that failed'
+# A report never takes the place of an input or a result.
+image skin.ppm 16 16 200 100 50
+for name in target.obj skin.ppm o.1001.png ./SOURCE.OBJ; do
+  cp target.obj before.obj
+  expect 2 transfer source.obj target.obj -o 'o.<UDIM>.png' --report "$name"
+  err_has 'expected a name for JSON'
+  cmp target.obj before.obj || fail "$name was replaced"
+done

@@ -274,4 +274,16 @@ std::string parse_path(const std::string& option, const std::string& text) {
   return text;
 }
 
+std::string parse_report_path(const std::string& option, const std::string& text) {
+  static constexpr const char* kNotReports[] = {
+      ".glb",  ".gltf", ".bin", ".obj", ".mtl", ".ply",  ".png",  ".jpg", ".jpeg", ".tif",
+      ".tiff", ".exr",  ".ppm", ".pgm", ".pnm", ".webp", ".ktx2", ".bmp", ".tga",  ".hdr"};
+  const std::string path = lower(parse_path(option, text));
+  for (const char* ending : kNotReports) {
+    if (ends_with(path, ending))
+      refuse(option, text, "a name for JSON (such as report.json), not for a mesh or an image");
+  }
+  return text;
+}
+
 }  // namespace pounce::cli

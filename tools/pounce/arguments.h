@@ -46,5 +46,8 @@ std::string parse_pattern(const std::string& option, const std::string& text);
 std::string parse_axes_text(const std::string& option, const std::string& text);
 /// A path: not empty, and not what looks like the next option.
 std::string parse_path(const std::string& option, const std::string& text);
+/// A path for a report: one that ends as meshes, splats or images do is refused, since writing
+/// there would replace an input or a result.
+std::string parse_report_path(const std::string& option, const std::string& text);
 
 }  // namespace pounce::cli

@@ -140,7 +140,7 @@ void add_job_options(CLI::App& command, JobSettings& settings) {
             "Write what was done as JSON: times, counts, bytes, memory,\n"
             "warnings, outputs. - is the standard output",
             [&settings](const std::string& text) {
-              settings.report_path = parse_path("--report", text);
+              settings.report_path = parse_report_path("--report", text);
             });
   add_value(command, "--progress", "KIND", group,
             "auto   a bar on a terminal, plain lines elsewhere (default)\n"

@@ -184,11 +184,6 @@ Command add_transfer_command(CLI::App& program) {
              "Print least memory, disk and files; do and write nothing", options.plan_only);
   const auto run = [settings] {
     settings->job.plan_only = settings->options.plan_only;
-    const std::string& report = settings->job.report_path;
-    if (!report.empty() &&
-        (report == settings->options.output || report == settings->options.coverage_output)) {
-      throw Error(ErrorKind::usage, "--report " + report + ": is also the name of an image");
-    }
     return run_job(settings->job, [&settings](Progress* progress) {
       return transfer(settings->options, progress);
     });
