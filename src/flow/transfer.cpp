@@ -128,6 +128,7 @@ class TransferJob {
   }
 
   void keep_what_is_there() {
+    // A model is made of all its inputs, the images that it takes over among them.
     std::vector<std::string> meshes = target_.files;
     meshes.insert(meshes.end(), source_files_.begin(), source_files_.end());
     if (!model_) return keep_existing(plan_, newest(meshes), target_plan_);

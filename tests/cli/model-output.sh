@@ -83,3 +83,19 @@ expect 2 transfer source.obj one.gltf -o 'out.<CHANNEL>.glb'
 err_has '<TARGET>'
 expect 2 transfer source.obj one.gltf -o out.glb --coverage mask.glb
 [[ $(ls | wc -l) == "$inputs" ]] || fail "files were made: $(ls)"
+
+# --skip-existing looks at every file of a model, and at all that it is made of.
+sed 's/"materials":\[/"images":[{"uri":"own.png"}],"textures":[{"source":0}],"materials":[{"name":"unseen","occlusionTexture":{"index":0}},/; s/"material":0/"material":1/' \
+  one.gltf >own.gltf
+expect 0 transfer source.obj target.obj -o own.png --size 4 -q
+touch -d '2020-01-01' -- *
+keeps=(transfer source.obj own.gltf -o out.glb --coverage mask.png --skip-existing)
+expect 0 "${keeps[@]}"
+expect 0 "${keeps[@]}"
+err_has 'kept 2 '
+rm mask.png
+expect 0 "${keeps[@]}"
+[[ -s mask.png ]] || fail 'the mask was not made again'
+touch own.png # an image of the target that the model takes in
+expect 0 "${keeps[@]}"
+err_has 'wrote out.glb'
