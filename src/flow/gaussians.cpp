@@ -95,7 +95,7 @@ class GaussiansJob {
   void plan() {
     const StageTimer timer(job_->clock, "read");
     job_->meter.begin("read mesh", 1, "meshes", kAfterReading);
-    require_least(*job_, {io::mesh_cost(options_.source).peak_bytes, "reading " + options_.source});
+    require_reading(*job_, io::mesh_cost(options_.source).peak_bytes, options_.source);
     mesh_ = io::read_mesh(options_.source);
     TransferOptions transfer;
     transfer.source = options_.source;

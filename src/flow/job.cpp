@@ -18,6 +18,10 @@
 namespace pounce::flow {
 namespace {
 
+/// A mesh whose reading takes no more than this is read even if the budget is smaller, to say
+/// exactly how much the job needs.
+constexpr std::uint64_t kReadAnyway = 64ULL << 20;
+
 unsigned thread_count(const Resources& resources) {
   return resources.threads != 0 ? resources.threads
                                 : std::max(1U, std::thread::hardware_concurrency());
@@ -27,13 +31,13 @@ std::uint64_t budget_bytes(const Resources& resources) {
   return resources.memory_bytes != 0 ? resources.memory_bytes : usable_memory().bytes / 2;
 }
 
+/// The output's folder; of a pattern that has tokens in its folders, the one above them all.
 std::string scratch_folder(const Resources& resources, const std::string& output) {
   if (!resources.temp_dir.empty()) return resources.temp_dir;
   std::filesystem::path folder = std::filesystem::path(output).parent_path();
   while (folder.string().find('<') != std::string::npos && folder.has_relative_path())
     folder = folder.parent_path();
   return folder.empty() ? "." : folder.string();
-/// The output's folder; of a pattern that has tokens in its folders, the one above them all.
 }
 
 /// How this job deals with the other users of its cache.
@@ -135,6 +139,11 @@ void require_least(JobContext& job, const LeastMemory& least) {
               fmt::format("--memory {} is too small: this job needs at least {}MiB, for {}; run it "
                           "with --memory {}MiB",
                           format_bytes(job.budget.limit()), mib, least.why, mib));
+}
+
+void require_reading(JobContext& job, std::uint64_t bytes, const std::string& path) {
+  if (bytes > std::max(job.budget.limit(), kReadAnyway))
+    require_least(job, {bytes + kReadAnyway, "reading " + path});
 }
 
 Report finish_report(JobContext& job) {

@@ -27,6 +27,10 @@ Report run_job(const Resources& resources, const std::function<Report(bool rebui
 /// Throws Error(budget) that names the least memory that works and what asks for it.
 void require_least(JobContext& job, const LeastMemory& least);
 
+/// Before a mesh is read, which takes `bytes`: throws Error(budget) if that is so much more than
+/// the budget that it is not worth looking inside to say exactly what the whole job needs.
+void require_reading(JobContext& job, std::uint64_t bytes, const std::string& path);
+
 /// Fills in what is only known at the end.
 Report finish_report(JobContext& job);
 

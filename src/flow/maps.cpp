@@ -99,6 +99,7 @@ class MapsJob {
   void vectorize() {
     const StageTimer timer(job_->clock, "vectorize");
     job_->meter.begin("vectorize", 0, "tiles", kAfterVectorizing);
+    require_reading(*job_, io::mesh_cost(options_.target).peak_bytes, options_.target);
     const mesh::Mesh target = load_mesh(options_.target, options_.target_use, "target");
     job_->report.warnings.insert(job_->report.warnings.end(), target.warnings.begin(),
                                  target.warnings.end());

@@ -35,10 +35,6 @@ namespace {
 constexpr double kAfterReading = 0.02, kAfterSource = 0.2;
 constexpr double kVectorizeShare = 0.06, kProjectShare = 0.7;  // of a target, of a page
 
-/// A mesh whose reading takes no more than this is read even if the budget is smaller, to say
-/// exactly how much the job needs.
-constexpr std::uint64_t kReadAnyway = 64ULL << 20;
-
 class TransferJob {
  public:
   TransferJob(const TransferOptions& options, Progress* progress, bool rebuild)
@@ -94,6 +90,7 @@ class TransferJob {
     add_warnings(plan_.warnings);
     std::vector<std::string> outputs, inputs;
     for (const std::string& path : options_.targets) {
+      target_ = {};  // the one before, whose memory this one takes
       target_ = read(path, source_.size_bytes(), true);
       plan_one(path);
       add_warnings(target_plan_.warnings);
@@ -128,12 +125,16 @@ class TransferJob {
   }
 
   void keep_what_is_there() {
-    // A model is made of all its inputs, the images that it takes over among them.
     std::vector<std::string> meshes = target_.files;
     meshes.insert(meshes.end(), source_files_.begin(), source_files_.end());
     if (!model_) return keep_existing(plan_, newest(meshes), target_plan_);
+    // A model is made of all its inputs, the images that it takes over among them.
     for (const ColumnPlan& column : plan_.columns) meshes.push_back(column.image.path);
-    if (!is_up_to_date(model_->path(), newest(meshes))) return;
+    meshes.insert(meshes.end(), target_plan_.inputs.begin(), target_plan_.inputs.end());
+    const FileTime inputs = newest(meshes);
+    for (const std::string& output : target_plan_.outputs) {
+      if (!is_up_to_date(output, inputs)) return;
+    }
     for (auto& images : target_plan_.images) {
       for (ImageOutput& image : images) image.keep = true;
     }
@@ -157,11 +158,7 @@ class TransferJob {
   std::uint64_t contexts() const { return job_->threads * tiles::Compressor::context_bytes(); }
 
   mesh::Mesh read(const std::string& path, std::uint64_t beside, bool is_target) {
-    const std::uint64_t reading = beside + io::mesh_cost(path).peak_bytes;
-    if (reading > std::max(job_->budget.limit(), kReadAnyway)) {
-      // Too large to look inside and say more exactly what the rest needs.
-      require_least(*job_, {reading + kReadAnyway, "reading " + path});
-    }
+    require_reading(*job_, beside + io::mesh_cost(path).peak_bytes, path);
     mesh::Mesh mesh = load(path, is_target);
     add_warnings(mesh.warnings);
     job_->meter.advance(1);

@@ -31,3 +31,8 @@ cmp scene.ply given.ply || fail 'the same texture from the command line gives ot
 [[ ! -e limited.ply ]] || fail 'a part of the file was left'
 expect 5 gaussians source.obj -o missing/scene.ply
 err_has 'does not exist'
+# The least memory that is named works, also when even the mesh does not fit.
+"$POUNCE_FIXTURE" head -o head --triangles 20000 --texture 256 >/dev/null
+expect 4 gaussians head/head_src.glb -o head.ply --memory 1MiB --no-cache
+least=$(grep -o -- '--memory [0-9]*MiB$' "$err" | cut -d' ' -f2)
+expect 0 gaussians head/head_src.glb -o head.ply --memory "$least" --no-cache -q
