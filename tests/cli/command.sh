@@ -8,8 +8,7 @@ refused 'SOURCE is required' transfer
 refused 'TARGET is required' transfer a.glb
 refused '--output is required' transfer a.glb b.glb
 refused '2 targets need <TARGET> in the output' transfer a.glb b.glb c.glb -o o.png
-for option in --tiles --onto --mask --source-mesh --target-material --source-axes --skip-existing \
-  --bogus; do
+for option in --cage --colour-space --normal-map --bogus; do
   refused "$option" transfer a.glb b.glb -o o.png $option
 done
 refused '--coverage' maps b.glb -o '<CHANNEL>.exr' --coverage c.png
