@@ -9,11 +9,12 @@
 //
 // The window's centre t0 is where the surface is, and one Gaussian does not tell: the nearest one
 // is as likely a floater. So weights are counted by depth in bins of the window's width w; a bin
-// with its neighbours (1 2 1) says how much surface there is. t0 is the nearest peak that has half
-// an opaque, flat Gaussian's worth, refined by a parabola. Bins reach 16 w both ways; a texel
-// without a peak there doubles w and looks again, until it has looked as far as the maximum
-// distance. Then the nearest peak counts that has half of what the highest has. Measured against
-// other centres in docs/decisions/011-splat-blend.md.
+// with its neighbours (1 2 1) says how much surface there is. The needle factor is left out there:
+// a needle's colour is worth little, but it lies in its surface like any other Gaussian. t0 is the
+// nearest peak with 0.35 of what the highest bin has, or with 0.7 of an opaque, flat Gaussian's
+// worth, refined by a parabola. Bins reach 16 w both ways; a texel with no half of a Gaussian there
+// doubles w and looks again, until it has looked as far as the maximum distance; what there is
+// counts then. Measured against other centres in docs/decisions/011-splat-blend.md.
 //
 // Profiles are clamped sums of integers and sums are integers, so nothing depends on order. A
 // texel's heights depend on itself alone. It ends because w doubles.
@@ -32,7 +33,11 @@ namespace {
 
 constexpr float kLeastWidth = 0.5F;  // texels
 /// S(i) = p(i - 1) + 2 p(i) + p(i + 1) counts a Gaussian in the middle of bin i twice.
-constexpr std::int32_t kSurface = static_cast<std::int32_t>(kProfileSteps);  // half a Gaussian
+constexpr std::int32_t worth(float gaussians) {
+  return static_cast<std::int32_t>(2 * gaussians * kProfileSteps);
+}
+constexpr std::int32_t kSurface = worth(0.5F);  // a height with less has no surface
+constexpr std::int32_t kEnough = worth(0.7F);   // a peak that need not be compared with others
 /// Gaussians may lie this many widths from the texel and matter: the outermost centre, refined by
 /// half a bin, and its window. The neighbours of its bin are nearer.
 constexpr float kReach = kDepthBins + 0.5F + kWindowReach;
@@ -106,6 +111,12 @@ class Profile {
   int lane_;
 };
 
+/// What a peak must have to be the surface where the highest bin has `top`: 0.35 of it, rounded up.
+std::int32_t least_peak(std::int32_t top) {
+  return static_cast<std::int32_t>(
+      std::min<std::int64_t>(kEnough, (top * std::int64_t{7} + 19) / 20));
+}
+
 /// Where the lanes that are open have their surface.
 void find_centres_of(const SplatLimits& limits, int height, const TexelPacket& packet,
                      const ProfilePacket& profile, DepthPacket& depths) {
@@ -116,12 +127,10 @@ void find_centres_of(const SplatLimits& limits, int height, const TexelPacket& p
     const bool is_last = bins <= kDepthBins;
     const int most = is_last ? static_cast<int>(bins) : kDepthBins;
     const Profile lane_profile(profile, lane);
-    auto centre = lane_profile.nearest(most, kSurface);
-    if (!centre && is_last) {
-      const std::int32_t top = lane_profile.highest(most);
-      if (top > 0) centre = lane_profile.nearest(most, (top + 1) / 2);
-      if (top > 0 && !centre) centre = lane_profile.nearest_highest(most);
-    }
+    const std::int32_t top = lane_profile.highest(most);
+    std::optional<float> centre;
+    if (top >= (is_last ? 1 : kSurface)) centre = lane_profile.nearest(most, least_peak(top));
+    if (top > 0 && is_last && !centre) centre = lane_profile.nearest_highest(most);
     if (centre) {
       depths.centre[lane] = *centre * width;
       depths.take[lane] = 1;

@@ -218,7 +218,8 @@ void accumulate(std::span<const SplatResponse> responses, DepthPacket& depths) {
     if (!any(inside)) continue;
     const Floats safe = select(inside, x, all(0.0F));
     const Floats weight =
-        select(inside, load(response.weight), all(0.0F)) * exp_of_minus(safe * safe * 0.5F);
+        select(inside, load(response.weight) * response.shape->roundness, all(0.0F)) *
+        exp_of_minus(safe * safe * 0.5F);
     add_steps(weight, depths.weight);
     for (int c = 0; c < 3; ++c) add_steps(weight * response.shape->colour[c], depths.colour[c]);
   }

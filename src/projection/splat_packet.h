@@ -40,7 +40,7 @@ struct SplatLimits {
 
 /// What one Gaussian gives to sixteen texels before the depth window. Lengths are in texels.
 struct SplatResponse {
-  float weight[kLanes];  ///< 0: nothing
+  float weight[kLanes];  ///< without the needle factor; 0: nothing
   float depth[kLanes];   ///< of the best hit along the texel's normal
   const source::SplatShape* shape = nullptr;
 };

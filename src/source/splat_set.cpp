@@ -53,8 +53,9 @@ SplatShape shape_of(const tiles::SplatBlock& block, std::size_t i) {
   }
   const float planarity =
       sigma[1] > 0 ? std::max(kLeastPlanarity, 1 - sigma[2] / sigma[1]) : kLeastPlanarity;
-  const float roundness = sigma[0] > 0 ? sigma[1] / sigma[0] : 1.0F;
-  out.strength = block.alpha[i] * planarity * roundness;
+  out.roundness = sigma[0] > 0 ? sigma[1] / sigma[0] : 1.0F;
+  // A line has no colour to give, so it shall not say where to look for one.
+  out.strength = out.roundness > 0 ? block.alpha[i] * planarity : 0.0F;
   out.two_sided = 1;
   std::copy_n(out.axis[2], 3, out.normal);
   if (!block.normal[0].empty()) {

@@ -17,7 +17,8 @@ namespace pounce::source {
 /// One Gaussian of a splat scene, ready to be blended.
 struct SplatShape {
   float mean[3];
-  float strength;          ///< opacity x planarity x needle factor: what it weighs at its best
+  float strength;          ///< opacity x planarity: how surely a surface is there, at its best
+  float roundness;         ///< the needle factor: what that counts for the colour, 0..1
   float axis[3][3];        ///< unit, right-handed; the longest first
   float variance[3];       ///< along the axes: the squared standard deviations
   float normal[3];         ///< of the file, or the shortest axis

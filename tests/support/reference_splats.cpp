@@ -81,21 +81,22 @@ Contribution contribution(const ReferenceSplat& splat, const ReferenceTexel& tex
 
   double alpha = splat.alpha;
   if (limits.antialiased) alpha *= std::sqrt(std::max(0.0, bare_a * bare_c - b * b) / det);
-  out.weight = alpha * std::exp(-squared / 2) * planarity * needle * cosine * cosine;
+  out.evidence = alpha * std::exp(-squared / 2) * planarity * cosine * cosine;
+  out.weight = out.evidence * needle;
   return out;
 }
 
 namespace {
 
-/// Weights by depth, in bins of `width`, each shared by the two bins around it; at(i) is smoothed.
+/// Evidence by depth, in bins of `width`, each shared by the two bins around it; at(i) is smoothed.
 class DepthProfile {
  public:
   DepthProfile(const std::vector<Contribution>& all, double width) : width_(width) {
     for (const Contribution& c : all) {
       const double at = c.t / width;
       const int low = static_cast<int>(std::floor(at));
-      bins_[low] += c.weight * (1 - (at - low));
-      bins_[low + 1] += c.weight * (at - low);
+      bins_[low] += c.evidence * (1 - (at - low));
+      bins_[low + 1] += c.evidence * (at - low);
     }
   }
   double at(int i) const { return (bin(i - 1) + 2 * bin(i) + bin(i + 1)) / 2; }
@@ -135,13 +136,16 @@ bool find_centre(const std::vector<Contribution>& all, const ReferenceLimits& li
     const double bins = limits.max_distance / width;
     if (std::abs(bins - std::round(bins)) < 1e-4) out.unsure = true;
     const int most = static_cast<int>(std::floor(std::min(bins, 16.0)));
-    if (profile.find(most, 0.5, out.depth, out.unsure)) return true;
-    if (bins > 16) continue;
     double top = 0;
     for (int i = -most; i <= most; ++i) top = std::max(top, profile.at(i));
+    if (bins > 16) {
+      if (std::abs(top / 0.5 - 1) < 1e-4) out.unsure = true;
+      if (top < 0.5) continue;
+    }
     if (top < 1e-5) out.unsure = out.unsure || top > 0;  // next to nothing: steps decide
     if (top == 0) return false;
-    if (profile.find(most, top / 2, out.depth, out.unsure)) return true;
+    if (profile.find(most, std::min(0.7, 0.35 * top), out.depth, out.unsure)) return true;
+    if (bins > 16) continue;
     for (int distance = 0; distance <= most; ++distance) {
       for (const int i : {distance, -distance}) {
         if (profile.at(i) < top) continue;
@@ -221,11 +225,14 @@ std::vector<ReferenceSplat> read_reference_splats(const std::string& path) {
   return scene;
 }
 
-void write_reference_splats(const std::string& path, const std::vector<ReferenceSplat>& scene) {
+void write_reference_splats(const std::string& path, const std::vector<ReferenceSplat>& scene,
+                            const std::string& comment) {
   bool normals = false;
   for (const ReferenceSplat& s : scene) normals = normals || length(s.normal) > 0;
   std::ofstream out(path, std::ios::binary);
-  out << "ply\nformat binary_little_endian 1.0\nelement vertex " << scene.size() << "\n";
+  out << "ply\nformat binary_little_endian 1.0\n";
+  if (!comment.empty()) out << "comment " << comment << "\n";
+  out << "element vertex " << scene.size() << "\n";
   std::string names =
       "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 "
       "rot_3";

@@ -38,8 +38,9 @@ struct ReferenceLimits {
 
 /// What one Gaussian gives to one texel before the depth window.
 struct Contribution {
-  double weight = 0;  ///< opacity x response x planarity x cos^2 x needle factor
-  double t = 0;       ///< of the best hit, along the normal
+  double weight = 0;    ///< opacity x response x planarity x cos^2 x needle factor
+  double evidence = 0;  ///< the same without the needle factor: how sure there is a surface at t
+  double t = 0;         ///< of the best hit, along the normal
   Vec3d colour;
 };
 
@@ -66,8 +67,10 @@ ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
 /// floats only.
 std::vector<ReferenceSplat> read_reference_splats(const std::string& path);
 
-/// Writes such a file, with normals if any Gaussian has one; rounded to floats.
-void write_reference_splats(const std::string& path, const std::vector<ReferenceSplat>& scene);
+/// Writes such a file, with normals if any Gaussian has one; rounded to floats. `comment` is a line
+/// of the header if it is not empty.
+void write_reference_splats(const std::string& path, const std::vector<ReferenceSplat>& scene,
+                            const std::string& comment = "");
 
 /// The texel of a mesh's UV image, from its raster; nothing where no triangle covers it or the
 /// triangle has no area or normal there.

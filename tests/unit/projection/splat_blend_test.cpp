@@ -172,6 +172,16 @@ TEST_CASE("the window stays with the surface", "[projection]") {
     REQUIRE(colour);
     CHECK((*colour)[0] > 0.99);
   }
+  // A layer with gaps, of needles: little against the opaque one, and yet the surface.
+  auto needle = disc(0.05, 0.7, {0, 1, 0});
+  needle.sigma = {0.1, 0.03, 0.0003};
+  SplatState gaps;
+  gaps.packets = state.packets;
+  gaps.groups = state.groups;
+  run_whole(make_sets({scene[0], needle}, 10), limits, splat_kernels(""), gaps);
+  const auto seen = splat_colour(gaps.depths[0], 7);
+  REQUIRE(seen);
+  CHECK((*seen)[1] > 0.99);
   // Without the layers the speck is all there is: it counts then.
   SplatState alone;
   alone.packets = state.packets;

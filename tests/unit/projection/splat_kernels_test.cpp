@@ -117,13 +117,13 @@ TEST_CASE("responses are those of the reference", "[projection]") {
       const double weight = responses.empty() ? 0 : responses[0].weight[lane];
       const double depth = responses.empty() ? 0 : responses[0].depth[lane] * 0.01;
       // At the cut-off and at the largest angle rounding may decide; little is left there.
-      if ((weight == 0) != (c.weight == 0)) {
-        CHECK(std::max(weight, c.weight) < 0.06);
+      if ((weight == 0) != (c.evidence == 0)) {
+        CHECK(std::max(weight, c.evidence) < 0.06);
         continue;
       }
       if (weight == 0) continue;
       ++found;
-      worst_weight = std::max(worst_weight, std::abs(weight / c.weight - 1));
+      worst_weight = std::max(worst_weight, std::abs(weight / c.evidence - 1));
       worst_depth = std::max(worst_depth, std::abs(depth - c.t));
     }
   }
@@ -149,9 +149,8 @@ TEST_CASE("a Gaussian's weight by hand", "[projection]") {
     const auto responses =
         respond(*kernels, source::make_splat_set(splat_block({splat})), packet, {});
     REQUIRE(responses.size() == 1);
-    // 0.5 opaque, 1 - 1/4 planar, 2/3 round; q = 9 / 9.3.
-    CHECK(responses[0].weight[0] ==
-          Approx(0.5 * 0.75 * 2 / 3 * std::exp(-0.5 * 9 / 9.3)).epsilon(1e-6));
+    // 0.5 opaque, 1 - 1/4 planar; q = 9 / 9.3. That it is 2/3 round counts in the sums.
+    CHECK(responses[0].weight[0] == Approx(0.5 * 0.75 * std::exp(-0.5 * 9 / 9.3)).epsilon(1e-6));
     CHECK(responses[0].depth[0] == Approx(0.25).epsilon(1e-6));
     // Antialiased: sqrt(9 * 4 / (9.3 * 4.3)) of it.
     SplatLimits limits;

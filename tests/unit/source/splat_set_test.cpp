@@ -41,11 +41,12 @@ TEST_CASE("a Gaussian's axes are sorted, right-handed and keep its covariance", 
   }
 }
 
-TEST_CASE("strength is opacity x planarity x needle factor", "[source]") {
+TEST_CASE("strength is opacity x planarity, the needle factor is apart", "[source]") {
   ReferenceSplat splat;
   splat.alpha = 0.5;
   splat.sigma = {2, 4, 1};  // planarity 1 - 1/2, needle 2/4
-  CHECK(shape_of(splat).strength == Approx(0.5 * 0.5 * 0.5));
+  CHECK(shape_of(splat).strength == Approx(0.5 * 0.5));
+  CHECK(shape_of(splat).roundness == Approx(0.5));
   splat.sigma = {2, 2, 2};  // a ball is next to nothing
   CHECK(shape_of(splat).strength == Approx(0.5 * 0.02));
   splat.sigma = {2, 0, 0};  // a thread is nothing
