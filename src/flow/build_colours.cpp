@@ -10,6 +10,7 @@
 #include <tbb/parallel_pipeline.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -42,7 +43,12 @@ struct StoredRow {
   std::uint32_t tile_row = 0;
   std::vector<std::vector<std::byte>> tiles;
 };
-using StoredRowPtr = std::shared_ptr<StoredRow>;
+
+/// What one token of the pipeline owns.
+struct Slot {
+  StripPtr strip;
+  StoredRow stored;
+};
 
 class ColumnBuilder {
  public:
@@ -71,27 +77,34 @@ class ColumnBuilder {
   }
 
   std::unique_ptr<tiles::ColourStore> build() {
+    // A pipeline forgets the tokens under way when a stage throws, so they are not what owns rows.
+    // They leave in order, so those under way are neighbours: each has its own slot.
+    std::array<Slot, kMostTokens> slots;
     tbb::parallel_pipeline(
-        kMostTokens, tbb::make_filter<void, StripPtr>(tbb::filter_mode::serial_in_order,
-                                                      [&](tbb::flow_control& flow) -> StripPtr {
-                                                        if (next_row_ == image_.tiles_y()) {
-                                                          flow.stop();
-                                                          return nullptr;
-                                                        }
-                                                        return read_strip();
-                                                      }) &
-                         tbb::make_filter<StripPtr, StoredRowPtr>(tbb::filter_mode::parallel,
-                                                                  [&](const StripPtr& strip) {
-                                                                    return strip->tile_row == 0
-                                                                               ? nullptr
-                                                                               : encode(*strip);
-                                                                  }) &
-                         tbb::make_filter<StoredRowPtr, void>(tbb::filter_mode::serial_in_order,
-                                                              [&](const StoredRowPtr& row) {
-                                                                if (row != nullptr) write(*row);
-                                                                job_.meter.advance(1);
-                                                              }));
-    write(*encode(*top_));
+        kMostTokens,
+        tbb::make_filter<void, Slot*>(tbb::filter_mode::serial_in_order,
+                                      [&](tbb::flow_control& flow) -> Slot* {
+                                        if (next_row_ == image_.tiles_y()) {
+                                          flow.stop();
+                                          return nullptr;
+                                        }
+                                        Slot& slot = slots[next_row_ % kMostTokens];
+                                        slot.strip = read_strip();
+                                        return &slot;
+                                      }) &
+            tbb::make_filter<Slot*, Slot*>(tbb::filter_mode::parallel,
+                                           [&](Slot* slot) {
+                                             const StripPtr strip = std::move(slot->strip);
+                                             slot->stored = {};
+                                             if (strip->tile_row > 0) slot->stored = encode(*strip);
+                                             return slot;
+                                           }) &
+            tbb::make_filter<Slot*, void>(tbb::filter_mode::serial_in_order, [&](Slot* slot) {
+              if (!slot->stored.tiles.empty()) write(slot->stored);
+              slot->stored = {};
+              job_.meter.advance(1);
+            }));
+    write(encode(*top_));
     image_.scale = largest_ > 0 ? std::exp2(std::ceil(std::log2(largest_))) : 1;
     if (image_.scale < largest_) image_.scale *= 2;
     ++job_.report.images_decoded;
@@ -169,10 +182,10 @@ class ColumnBuilder {
     throw Error(ErrorKind::internal, "an image row was let go too early");
   }
 
-  StoredRowPtr encode(const Strip& strip) {
-    auto out = std::make_shared<StoredRow>();
-    out->tile_row = strip.tile_row;
-    out->tiles.resize(image_.tiles_x());
+  StoredRow encode(const Strip& strip) {
+    StoredRow out;
+    out.tile_row = strip.tile_row;
+    out.tiles.resize(image_.tiles_x());
     const std::size_t texel = image_.texel_bytes();
     std::vector<const std::byte*> rows(kColourTileEdge,
                                        nullptr);  // null: beyond what any blend reads
@@ -202,7 +215,7 @@ class ColumnBuilder {
       }
       std::vector<std::byte> raw;
       tiles::filter_colours(image_, tile, raw);
-      job_.compressor().compress(raw, out->tiles[tx]);
+      job_.compressor().compress(raw, out.tiles[tx]);
     });
     return out;
   }

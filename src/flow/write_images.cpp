@@ -33,7 +33,6 @@ struct Rows {
   PageVector<std::byte> texels;
   PageVector<std::byte> covered;  ///< 0 or the depth's 1, one sample per texel
 };
-using RowsPtr = std::shared_ptr<Rows>;
 
 io::ImageWriteSpec colour_spec(const ImageOutput& output, const texture::TexelFormat& format) {
   return {output.lattice.width,
@@ -94,18 +93,25 @@ class ImageAssembler {
   std::uint64_t run() {
     const std::uint32_t block_rows = (output_.lattice.height + kBlockEdge - 1) / kBlockEdge;
     std::uint32_t next = 0;
+    // A pipeline forgets the tokens under way when a stage throws, so they are not what owns rows.
+    // They leave in order, so those under way are neighbours: each has its own slot.
+    std::array<Rows, kMostTokens> slots;
     tbb::parallel_pipeline(
         kMostTokens,
-        tbb::make_filter<void, RowsPtr>(tbb::filter_mode::serial_in_order,
-                                        [&](tbb::flow_control& flow) -> RowsPtr {
-                                          if (next == block_rows) {
-                                            flow.stop();
-                                            return nullptr;
-                                          }
-                                          return assemble(next++);
-                                        }) &
-            tbb::make_filter<RowsPtr, void>(tbb::filter_mode::serial_in_order,
-                                            [&](const RowsPtr& rows) { write(*rows); }));
+        tbb::make_filter<void, Rows*>(tbb::filter_mode::serial_in_order,
+                                      [&](tbb::flow_control& flow) -> Rows* {
+                                        if (next == block_rows) {
+                                          flow.stop();
+                                          return nullptr;
+                                        }
+                                        Rows& slot = slots[next % kMostTokens];
+                                        assemble(next++, slot);
+                                        return &slot;
+                                      }) &
+            tbb::make_filter<Rows*, void>(tbb::filter_mode::serial_in_order, [&](Rows* rows) {
+              write(*rows);
+              *rows = {};
+            }));
     const WorkTimer encoding(job_.clock, "encode");
     if (colours_) colours_->commit();
     if (coverage_) coverage_->commit();
@@ -113,7 +119,7 @@ class ImageAssembler {
   }
 
  private:
-  RowsPtr assemble(std::uint32_t block_row) {
+  void assemble(std::uint32_t block_row, Rows& out) {
     const std::uint32_t width = output_.lattice.width;
     const std::uint32_t rows =
         std::min<std::uint32_t>(kBlockEdge, output_.lattice.height - block_row * kBlockEdge);
@@ -133,10 +139,9 @@ class ImageAssembler {
         expand_mask(block.mask.data() + y * kBlockEdge / 8, columns, covered.data() + to);
       }
     });
-    auto out = std::make_shared<Rows>();
     if (coverage_) {
-      out->covered_count = rows;
-      store_mask(covered, out->covered);
+      out.covered_count = rows;
+      store_mask(covered, out.covered);
     }
     const std::uint32_t step =
         output_.stripe_rows == 0 ? rows : std::min(output_.stripe_rows, rows);
@@ -145,16 +150,15 @@ class ImageAssembler {
       padder_.push(count, texels.data() + std::size_t{y} * width * texel,
                    covered.data() + std::size_t{y} * width);
     }
-    out->count = padder_.ready_rows();
-    out->texels.resize(std::size_t{out->count} * width * texel);
+    out.count = padder_.ready_rows();
+    out.texels.resize(std::size_t{out.count} * width * texel);
     if (painter_) {
-      PageVector<std::uint8_t> kinds(std::size_t{out->count} * width);
-      padder_.pop(out->count, out->texels.data(), kinds.data());
-      painter_->paint(out->count, kinds.data(), out->texels.data());
+      PageVector<std::uint8_t> kinds(std::size_t{out.count} * width);
+      padder_.pop(out.count, out.texels.data(), kinds.data());
+      painter_->paint(out.count, kinds.data(), out.texels.data());
     } else {
-      padder_.pop(out->count, out->texels.data());
+      padder_.pop(out.count, out.texels.data());
     }
-    return out;
   }
 
   /// 0 and 1 as the mask's format holds them.
