@@ -194,7 +194,7 @@ class MapsJob {
       PageVector<std::byte> rows(std::size_t{count} * spec.width * texel);
       std::size_t end = next;
       while (end < all.size() && all[end].y == static_cast<std::int32_t>(top / kBlockEdge)) ++end;
-      tbb::parallel_for(next, end, [&](std::size_t i) { fill(all[i], map, spec, rows); });
+      tbb::parallel_for(next, end, [&](std::size_t i) { fill(page, all[i], map, spec, rows); });
       next = end;
       {
         const WorkTimer encoding(job_->clock, "encode");
@@ -207,15 +207,16 @@ class MapsJob {
     job_->meter.end();
   }
 
-  void fill(const BlockPlace& place, int map, const io::ImageWriteSpec& spec,
+  void fill(std::uint32_t page, const BlockPlace& place, int map, const io::ImageWriteSpec& spec,
             PageVector<std::byte>& rows) {
     tiles::BlockEntry entry;
+    entry.page = page;
     entry.x = place.x;
     entry.y = place.y;
     entry.triangles = place.triangles;
     entry.chunk = place.chunk;
     const target::TargetBlock block(store_->read_block(entry, job_->compressor()),
-                                    store_->directory().pages[0], smallest_edge_);
+                                    store_->directory().pages[page], smallest_edge_);
     for (std::uint32_t t = 0; t < tiles::kTexelsPerBlock; ++t) {
       if (!block.covered(t)) continue;
       const std::size_t x = static_cast<std::size_t>(place.x) * kBlockEdge + t % kBlockEdge;
