@@ -76,6 +76,16 @@ int open_retrying(const char* path, int flags, mode_t mode = 0) {
   }
 }
 
+/// Opens a file to lock it. Another user's, in a folder that users share, may only be opened for
+/// reading, which is enough for a lock (but on NFS).
+int open_to_lock(const char* path, int flags, mode_t mode = 0) {
+  const int fd = open_retrying(path, O_RDWR | flags, mode);
+  if (fd >= 0 || errno != EACCES) return fd;
+  const int readable = open_retrying(path, O_RDONLY);
+  if (readable < 0) errno = EACCES;
+  return readable;
+}
+
 /// Takes a lock (LOCK_SH or LOCK_EX) without waiting; false if somebody else has it.
 bool lock_now(int fd, const std::string& path, int kind) {
   while (::flock(fd, kind | LOCK_NB) != 0) {
@@ -334,7 +344,7 @@ class PosixFileSystem final : public FileSystem {
 
   std::unique_ptr<FileLock> try_lock(const std::string& path) override {
     for (;;) {
-      auto fd = std::make_unique<Descriptor>(open_retrying(path.c_str(), O_RDWR | O_CREAT, 0666));
+      auto fd = std::make_unique<Descriptor>(open_to_lock(path.c_str(), O_CREAT, 0666));
       if (fd->get() < 0) fail(path, "open the lock file", errno);
       if (!lock_now(fd->get(), path, LOCK_EX)) return nullptr;
       if (!is_named(fd->get(), path)) continue;  // its last holder removed it
@@ -365,7 +375,7 @@ class PosixFileSystem final : public FileSystem {
 
   bool remove_unheld(const std::string& path) override {
     for (;;) {
-      const Descriptor fd(open_retrying(path.c_str(), O_RDWR));
+      const Descriptor fd(open_to_lock(path.c_str(), 0));
       if (fd.get() < 0 && errno == ENOENT) return true;
       if (fd.get() < 0) fail(path, "remove", errno);
       if (!lock_now(fd.get(), path, LOCK_EX)) return false;
