@@ -162,6 +162,7 @@ CachePruned cache_prune(const std::string& folder, std::optional<std::uint64_t> 
 CachePruned cache_clear(const std::string& folder) {
   return tidy(folder, [](tiles::CacheSpace& space, CachePruned& pruned) {
     add(pruned, space.evict(0, nullptr));
+    disk().remove(space.layout().hash_memo());
   });
 }
 

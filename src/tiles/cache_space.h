@@ -28,11 +28,12 @@ class CacheSpace {
              std::function<void()> stopped);
 
   /// Makes sure that the file at `part`, `reserved_bytes` long, may grow to `size_bytes`, removing
-  /// the objects used longest ago; makes it as long as it may grow now and returns that length, its
-  /// new reserved_bytes; 0 if it does not fit.
+  /// the objects used longest ago if the limit, or the disk, has no room; makes it as long as it
+  /// may grow now and returns that length, its new reserved_bytes; 0 if it does not fit.
   std::uint64_t reserve(const std::string& part, std::uint64_t reserved_bytes,
                         std::uint64_t size_bytes);
   std::uint64_t limit_bytes() const { return limit_bytes_; }
+  const CacheLayout& layout() const { return layout_; }
 
   /// Removes objects that `unwanted` names, longest unused first, until the cache takes no more
   /// than `most_bytes`. Objects in use stay.

@@ -79,7 +79,7 @@ int show_info(const Settings& settings) {
       fmt::format("folder      {}\ntaken       {}\n", info.folder, bytes_text(info.taken_bytes));
   text += info.default_limit_bytes == 0
               ? "limit       none\n"
-              : fmt::format("limit       {}, a tenth of the disk, unless a job has --cache-limit\n",
+              : fmt::format("limit       {}, a tenth of the disk, for jobs without --cache-limit\n",
                             bytes_text(info.default_limit_bytes));
   for (const auto& [kind, share] : info.kinds) {
     text += fmt::format("{:<11} {}, {}\n", kind, count_text(share.objects, "pack"),
@@ -143,10 +143,12 @@ int show_verdict(const Settings& settings) {
 }
 
 int show_pruned(const CachePruned& pruned) {
-  std::string text = fmt::format("removed {}, {}; {} left\n", count_text(pruned.objects, "pack"),
-                                 bytes_text(pruned.bytes), bytes_text(pruned.taken_bytes));
+  std::string text =
+      fmt::format("removed {}, {}; the cache takes {} now\n", count_text(pruned.objects, "pack"),
+                  bytes_text(pruned.bytes), bytes_text(pruned.taken_bytes));
   if (pruned.in_use > 0) {
-    text += fmt::format("{} in use by a running job stayed\n", count_text(pruned.in_use, "pack"));
+    text += fmt::format("{} stayed: in use by a running job, or another user's\n",
+                        count_text(pruned.in_use, "pack"));
   }
   write_stdout(text);
   return 0;
@@ -164,7 +166,8 @@ CLI::App* add_action(CLI::App& command, Settings& settings, const char* name, co
 }
 
 void add_json(CLI::App& action, Settings& settings) {
-  add_switch(action, "--json", kGroup, "As JSON instead of text; sizes in bytes", settings.json);
+  add_switch(action, "--json", kGroup,
+             "As JSON instead of text; sizes in bytes, times in seconds since 1970", settings.json);
 }
 
 }  // namespace
@@ -190,9 +193,11 @@ Command add_cache_command(CLI::App& program) {
              "Remove damaged packs; the next job that needs one makes it again", settings->remove);
   CLI::App* prune = add_action(*command, *settings, "prune",
                                "Remove packs, longest unused first, and what dead runs left");
-  set_help_text(*prune,
-                "Usage: pounce cache prune [--to SIZE] [--older-than TIME] [--cache DIR]\n\n"
-                "With neither option: removes only what dead runs left half-built.");
+  set_help_text(
+      *prune,
+      "Usage: pounce cache prune [--to SIZE] [--older-than TIME] [--cache DIR]\n\n"
+      "With neither option: removes only what dead runs left half-built. With both: first\n"
+      "what was not used for so long, then, if that is not enough, longest unused first.");
   add_value(
       *prune, "--to", "SIZE", kGroup, "Until the cache takes no more than this: 10GiB, 500MB",
       [settings](const std::string& text) { settings->most_bytes = parse_bytes("--to", text); });
@@ -201,8 +206,8 @@ Command add_cache_command(CLI::App& program) {
             [settings](const std::string& text) {
               settings->older_than_s = parse_duration("--older-than", text);
             });
-  CLI::App* clear =
-      add_action(*command, *settings, "clear", "Remove every pack that no running job uses");
+  CLI::App* clear = add_action(*command, *settings, "clear",
+                               "Remove every pack that no running job uses, and remembered hashes");
   set_help_text(*clear, "Usage: pounce cache clear [--cache DIR]");
   const auto run = [settings, info, list, verify, prune] {
     if (info->parsed()) return show_info(*settings);
