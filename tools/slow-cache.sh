@@ -100,6 +100,12 @@ if mount -t tmpfs -o size=$((job_bytes / 2)) none "$work/disk" 2>/dev/null; then
   check "a full disk leaves a sound cache" is_sound "$work/disk/cache"
   check "a full disk with the default limit" transfer a "$work/full.png" --cache "$work/disk/cache" --temp "$work" 2>/dev/null
   check "a full disk: the same picture" cmp -s "$work/full.png" "$work/a.png"
+  # Full of other people's files, and a limit that knows nothing of it.
+  rm -rf "$work/disk/cache"
+  head -c $((job_bytes / 3)) /dev/zero >"$work/disk/others"
+  check "a disk that others fill" transfer a "$work/full.png" --cache "$work/disk/cache" --cache-limit 1GiB --temp "$work" 2>"$work/log"
+  check "a disk that others fill: the same picture" cmp -s "$work/full.png" "$work/a.png"
+  check "a disk that others fill: said once" test "$(grep -c 'free on the disk' "$work/log")" = 1
   umount "$work/disk"
   mount -t tmpfs -o size=64m none "$work/disk"
   transfer a "$work/x.png" --cache "$work/disk/cache" --cache-limit none 2>/dev/null
@@ -109,6 +115,14 @@ if mount -t tmpfs -o size=$((job_bytes / 2)) none "$work/disk" 2>/dev/null; then
   transfer b "$work/ro.png" --cache "$work/disk/cache" 2>"$work/log"
   check "a read-only cache does not stop another job" cmp -s "$work/ro.png" "$work/b.png"
   check "and that is said once" test "$(grep -c 'cannot be written' "$work/log")" = 1
+  # A cache that users share: nobody uses, and removes, what root made.
+  transfer a "$work/x.png" --cache "$work/shared" 2>/dev/null
+  chmod 755 "$work" && find "$work/shared" -type d -exec chmod 777 {} + && mkdir -m 777 "$work/nobody"
+  as_nobody() { setpriv --reuid=65534 --regid=65534 --clear-groups "$pounce" "$@"; }
+  check "another user's packs" as_nobody transfer "$work/b/head_src.glb" "$work/b/head_same.glb" -o "$work/nobody/o.png" \
+    --size 512 --cache "$work/shared" --cache-limit $limit 2>"$work/log"
+  check "another user's packs: the same picture" cmp -s "$work/nobody/o.png" "$work/b.png"
+  check "another user's packs made room" test "$(room "$work/shared")" -le $limit
 else
   echo "SKIPPED: a full disk and a read-only one need root"
 fi

@@ -93,6 +93,8 @@ class FileSystem {
   virtual bool is_writable(const std::string& folder) = 0;
   /// Size of the file system that holds the folder; 0 = it has none.
   virtual std::uint64_t disk_bytes(const std::string& folder) = 0;
+  /// Room that files of this user may still take there; UINT64_MAX = nobody knows.
+  virtual std::uint64_t free_bytes(const std::string& folder) = 0;
 };
 
 FileSystem& posix_file_system();

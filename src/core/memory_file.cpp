@@ -284,6 +284,7 @@ class MemoryFileSystem final : public FileSystem {
     return has_folder(normal(folder));
   }
   std::uint64_t disk_bytes(const std::string&) override { return 0; }
+  std::uint64_t free_bytes(const std::string&) override { return UINT64_MAX; }
 
  private:
   std::shared_ptr<Contents> add(const std::string& path) {

@@ -436,6 +436,12 @@ class PosixFileSystem final : public FileSystem {
     if (::statvfs(folder.c_str(), &disk) != 0) fail(folder, "look at its file system", errno);
     return std::uint64_t{disk.f_blocks} * disk.f_frsize;
   }
+
+  std::uint64_t free_bytes(const std::string& folder) override {
+    struct statvfs disk {};
+    if (::statvfs(folder.c_str(), &disk) != 0) fail(folder, "look at its file system", errno);
+    return disk.f_blocks == 0 ? UINT64_MAX : std::uint64_t{disk.f_bavail} * disk.f_frsize;
+  }
 };
 
 }  // namespace

@@ -39,6 +39,8 @@ namespace {
 constexpr auto kLookAgain = std::chrono::milliseconds(50);
 constexpr auto kTidiedAway = std::chrono::milliseconds(2);
 
+double mebibytes(std::uint64_t bytes) { return static_cast<double>(bytes) / (1 << 20); }
+
 /// The lock on a key; its file goes with it.
 class Claim final : public FileLock {
  public:
@@ -224,10 +226,11 @@ class CacheFolder final : public StoreFolder {
   void note_unkept(std::uint64_t size_bytes) {
     const std::lock_guard lock(mutex_);
     if (std::exchange(unkept_told_, true)) return;
-    notes_.push_back(fmt::format(
-        "{}: no room for a pack of {} MiB within --cache-limit ({} MiB); this run does without "
-        "keeping what does not fit",
-        layout_.folder(), (size_bytes + (1 << 20) - 1) >> 20, space_.limit_bytes() >> 20));
+    notes_.push_back(
+        fmt::format("{}: no room for a pack of {:.1f} MiB within --cache-limit ({:.1f} MiB) and "
+                    "what is free on "
+                    "the disk; this run does without keeping what does not fit",
+                    layout_.folder(), mebibytes(size_bytes), mebibytes(space_.limit_bytes())));
   }
 
   /// For people: that it cannot be written does not matter.

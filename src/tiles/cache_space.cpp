@@ -13,6 +13,8 @@ namespace {
 
 /// Room for what comes with a pack: its label, its key's lock, a longer folder.
 constexpr std::uint64_t kBesideBytes = 24 << 10;
+/// The most that a file was given and keeps in memory.
+constexpr std::uint64_t kUnwrittenBytes = 1 << 20;
 /// A file reserves this share of the limit at a time: fewer looks at the folder, little in vain.
 constexpr std::uint64_t kStepsPerLimit = 64;
 constexpr std::uint64_t kSmallestStep = 64 << 10, kLargestStep = 16 << 20;
@@ -21,11 +23,15 @@ constexpr std::uint64_t kSmallestStep = 64 << 10, kLargestStep = 16 << 20;
 bool remove_object(FileSystem& files, const CachedObject& object) {
   try {
     if (!files.remove_unheld(object.path)) return false;
-    if (!object.label_path.empty()) files.remove(object.label_path);
-    return true;
   } catch (const Error&) {
     return false;
   }
+  try {
+    if (!object.label_path.empty()) files.remove(object.label_path);
+  } catch (const Error&) {
+    // It hurts nobody.
+  }
+  return true;
 }
 
 }  // namespace
@@ -55,11 +61,17 @@ std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserve
   std::uint64_t evictable = 0;
   for (const CachedObject& object : scan.objects) evictable += object.taken_bytes;
   const std::uint64_t step = std::clamp(limit_bytes_ / kStepsPerLimit, kSmallestStep, kLargestStep);
+  // A disk that fills up is a lower limit. What parts reserved and did not write yet is still free.
+  const std::uint64_t free = files_.free_bytes(layout_.folder());
+  const std::uint64_t unwritten = std::max<std::uint64_t>(scan.parts, 1) * (step + kUnwrittenBytes);
+  const std::uint64_t spare = free - std::min(free, unwritten);
+  const std::uint64_t limit =
+      spare < limit_bytes_ ? std::min(limit_bytes_, scan.total_bytes + spare) : limit_bytes_;
   for (const std::uint64_t size : {size_bytes + step, size_bytes}) {
     // What the cache may take before this file grows.
     const std::uint64_t growth = room_bytes(size) - own + beside;
-    if (growth > limit_bytes_) continue;
-    const std::uint64_t most = limit_bytes_ - growth;
+    if (growth > limit) continue;
+    const std::uint64_t most = limit - growth;
     // Before anything goes: would it be enough? An object that cannot fit must not empty the cache.
     if (scan.total_bytes > most + evictable) continue;
     const Evicted evicted = evict_locked(scan, most, nullptr);
@@ -80,7 +92,13 @@ Evicted CacheSpace::evict(std::uint64_t most_bytes,
 Evicted CacheSpace::evict_locked(CacheScan scan, std::uint64_t most_bytes,
                                  const std::function<bool(const CachedObject&)>& unwanted) {
   Evicted evicted;
-  for (const std::string& orphan : scan.orphans) files_.remove(orphan);
+  for (const std::string& orphan : scan.orphans) {
+    try {
+      files_.remove(orphan);
+    } catch (const Error&) {
+      // Another user's, in a folder where each removes their own.
+    }
+  }
   for (const CachedObject& object : scan.objects) {
     if (scan.total_bytes <= most_bytes) break;
     if (unwanted && !unwanted(object)) continue;

@@ -11,6 +11,7 @@
 #include "pounce/cache.h"
 #include "support/bytes.h"
 #include "support/child.h"
+#include "support/failing_file_system.h"
 #include "support/test_data.h"
 #include "tiles/cache_layout.h"
 #include "tiles/store_folder.h"
@@ -130,7 +131,7 @@ TEST_CASE("a pack that does not fit is made in scratch, once said, and found aga
   CHECK(again->verify() == 61);
   const auto notes = store->take_notes();
   REQUIRE(notes.size() == 1);
-  CHECK_THAT(notes[0], Catch::Contains("--cache-limit") && Catch::Contains("2 MiB"));
+  CHECK_THAT(notes[0], Catch::Contains("--cache-limit") && Catch::Contains("2.0 MiB"));
   CHECK(posix_file_system().list(root + "/v1/tmp").empty());
   CHECK(posix_file_system().list(root + "/v1/locks").empty());  // others may try
 }
@@ -243,6 +244,38 @@ TEST_CASE("prune and clear leave what is open, and what living writers write", "
   CHECK(cleared.objects == 2);
   CHECK(cleared.in_use == 0);
   CHECK(cleared.taken_bytes == room_of(root) + folders_of(root));
+}
+
+/// A disk with room for so much below `root`.
+class SmallDisk final : public test::FailingFileSystem {
+ public:
+  SmallDisk(std::string root, std::uint64_t bytes)
+      : FailingFileSystem(posix_file_system()), root_(std::move(root)), bytes_(bytes) {}
+  std::uint64_t free_bytes(const std::string&) override {
+    return bytes_ - std::min(bytes_, room_of(root_));
+  }
+
+ private:
+  const std::string root_;
+  const std::uint64_t bytes_;
+};
+
+TEST_CASE("a disk that fills up is a lower limit", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  SmallDisk disk(root, 5 * kMiB);
+  CacheOptions options = limited(100 * kMiB);
+  options.scratch_folder = folder.path().string();
+  const auto store = StoreFolder::open_cache(disk, root, options);
+  std::uint64_t largest = 0;
+  for (std::uint64_t key = 1; key <= 8; ++key) make(*store, key, 10, root, &largest);
+  CHECK(largest <= 5 * kMiB);
+  CHECK(cache_list(root).size() >= 2);
+  CHECK(cache_list(root).back().key == to_hex({0, 8}));  // older ones made room
+  CHECK(store->take_notes().empty());
+  make(*store, 9, 90, root, &largest);  // larger than the disk: it is made all the same
+  CHECK(largest <= 5 * kMiB);
+  CHECK(store->take_notes().size() == 1);
 }
 
 TEST_CASE("a damaged label says nothing to a terminal", "[format]") {

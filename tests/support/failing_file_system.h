@@ -106,6 +106,7 @@ class FailingFileSystem : public FileSystem {
   }
   bool is_writable(const std::string& folder) override { return real_.is_writable(folder); }
   std::uint64_t disk_bytes(const std::string& folder) override { return real_.disk_bytes(folder); }
+  std::uint64_t free_bytes(const std::string& folder) override { return real_.free_bytes(folder); }
 
  private:
   /// Counts a call; true if it is to fail.
