@@ -89,9 +89,9 @@ class MapsJob {
           options_.size.width, options_.size.height, map == kMask ? 1U : 3U, depth, true, false};
       std::string why = io::why_not_writable(path, spec);
       if (why.empty() && map != kMask && depth != Depth::float32) {
-        why = "positions and normals need a float format; write .exr or .tif";
+        why = path + ": positions and normals need a float format; write .exr or .tif";
       }
-      if (!why.empty()) throw Error(ErrorKind::usage, path + ": " + why);
+      if (!why.empty()) throw Error(ErrorKind::usage, why);
       specs_.push_back(spec);
     }
   }

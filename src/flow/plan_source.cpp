@@ -391,7 +391,7 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Chann
   const io::ImageWriteSpec spec{plan.size.width,   plan.size.height,   plan.format.channels,
                                 plan.format.depth, plan.format.linear, plan.format.has_alpha};
   if (const std::string why = io::why_not_writable(options.output, spec); !why.empty())
-    throw Error(ErrorKind::usage, options.output + ": " + why);
+    throw Error(ErrorKind::usage, why);
 }
 
 Plan plan_source(const TransferOptions& options, const mesh::Mesh& source) {

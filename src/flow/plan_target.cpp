@@ -115,7 +115,7 @@ class TargetPlanner {
     const io::ImageWriteSpec mask{size.width, size.height, 1, io::writable_depth(path, Depth::u8),
                                   false,      false};
     if (const std::string why = io::why_not_writable(path, mask); !why.empty())
-      throw Error(ErrorKind::usage, path + ": " + why);
+      throw Error(ErrorKind::usage, why);
   }
 
   const TransferOptions& options_;

@@ -22,3 +22,5 @@ expect 0 maps two.obj -o '<UDIM>.<CHANNEL>.exr' --size 4
 cmp 1001.position.exr position.exr || fail 'the first tile is another picture'
 cmp 1012.position.exr far.position.exr || fail 'the second tile is another picture'
 cmp 1012.mask.exr far.mask.exr || fail 'the second tile has another mask'
+expect 2 maps target.obj -o '<CHANNEL>.png'
+err_has 'error: position.png: positions and normals need'
