@@ -17,8 +17,8 @@
 namespace pounce::tiles {
 
 /// Every kind that has a folder of its own. A new kind of pack is added here and in kind_name().
-inline constexpr std::array kCachedKinds = {PackKind::geometry, PackKind::colour,
-                                            PackKind::results, PackKind::splats};
+inline constexpr std::array kCachedKinds = {PackKind::geometry, PackKind::colour, PackKind::results,
+                                            PackKind::splats};
 /// "geometry", "colour", ...: also the folder's name.
 const char* kind_name(PackKind kind);
 
