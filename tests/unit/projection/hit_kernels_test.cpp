@@ -149,11 +149,8 @@ TEST_CASE("the nearest facet wins on either side, equal ones by the smaller tria
 }
 
 TEST_CASE("a facet at the maximum distance or too oblique is not hit") {
-  for (const auto& [limits, hits] :
-       std::vector<std::pair<SearchLimits, bool>>{{{0.5002F, 0.5F}, true},
-                                                  {{0.5F, 0.5F}, false},
-                                                  {{1, 1}, true},
-                                                  {{1, 1.0001F}, false}}) {
+  for (const auto& [limits, hits] : std::vector<std::pair<SearchLimits, bool>>{
+           {{0.5002F, 0.5F}, true}, {{0.5F, 0.5F}, false}, {{1, 1}, true}, {{1, 1.0001F}, false}}) {
     HitPacket best;
     clear(best);
     kernels("").hit(flat_facet(1, 0.5F), flat_packet(), limits, best);
