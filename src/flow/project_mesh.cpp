@@ -54,20 +54,16 @@ class MeshProjector : public PageProjector {
         heights_(projection::search_heights(request_.limits.max_distance)) {
     for (const ChannelOutput& channel : request_.channels)
       result_texel_bytes_ += channel.format.texel_bytes();
-    make_pieces();
+    cut();
   }
 
   ~MeshProjector() override { job_.report.tiles_read += cache_.tiles_read(); }
 
   PageResult project(std::uint32_t page) override {
-    ResultCollector results(job_, request_.target->directory().pages[page],
-                            request_.channels.size());
-    const auto [first, last] = pieces_.of_page(page);
-    stream_pieces<Work>(
-        job_, std::span(pieces_.costs).subspan(first, last - first),
-        [&, first = first](std::size_t i) { return read_piece(pieces_.pieces[first + i]); },
-        [&](Work& work) { search_piece(work); }, [&](Work& work) { blend_piece(work); }, results);
-    return results.finish();
+    return stream_page<Work>(
+        job_, target_.pieces, page, request_.target->directory().pages[page],
+        request_.channels.size(), [&](const Piece& piece) { return read_piece(piece); },
+        [&](Work& work) { search_piece(work); }, [&](Work& work) { blend_piece(work); });
   }
 
  private:
@@ -87,20 +83,12 @@ class MeshProjector : public PageProjector {
     return largest * (ColourWindow::kTiles + 2);
   }
 
-  /// Half of what a share leaves goes to a batch of source blocks, half to the texels' state.
-  void make_pieces() {
-    const std::uint64_t share = budget_share(job_);
+  void cut() {
     const std::uint64_t fixed = kPieceScratch + colour_bytes();
-    batch_bytes_ = std::max(source_least(), share > fixed ? (share - fixed) / 2 : 0);
-    const std::uint64_t rest = share > fixed + batch_bytes_ ? share - fixed - batch_bytes_ : 0;
-    pieces_ = cut_pieces(
-        job_, *request_.target, fixed + batch_bytes_, rest, [&](const tiles::BlockEntry& entry) {
+    target_ = cut_target(
+        job_, *request_.target, fixed, source_least(), [&](const tiles::BlockEntry& entry) {
           return block_state_bytes(entry.texels, entry.triangles, result_texel_bytes_);
         });
-    pieces_lease_ = Lease(job_.budget, pieces_.size_bytes(), "the index of the target");
-    if (pieces_.costs.empty()) return;
-    const Lease fits(job_.budget, *std::max_element(pieces_.costs.begin(), pieces_.costs.end()),
-                     "projecting one block of the target");
   }
 
   // --- the stream --------------------------------------------------------------------------------
@@ -137,7 +125,7 @@ class MeshProjector : public PageProjector {
         for (const tiles::BlockEntry& entry : *index) {
           if (!meets(entry, boxes)) continue;
           const std::uint64_t cost = batch_cost(entry.triangles, entry.patches);
-          if (bytes + cost > batch_bytes_) flush();
+          if (bytes + cost > target_.batch_bytes) flush();
           bytes += cost;
           batch.push_back(cache_.block(entry));
         }
@@ -235,9 +223,7 @@ class MeshProjector : public PageProjector {
   std::vector<float> heights_;
   std::atomic<float> expected_distance_{0};
   std::uint64_t result_texel_bytes_ = 0;
-  std::uint64_t batch_bytes_ = 0;
-  PieceList pieces_;
-  Lease pieces_lease_;
+  CutTarget target_;
 };
 
 }  // namespace

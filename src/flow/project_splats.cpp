@@ -50,38 +50,28 @@ class SplatProjector : public PageProjector {
  public:
   SplatProjector(JobContext& job, const SplatProjection& request)
       : job_(job), request_(request), cache_(job, *request_.source) {
-    make_pieces();
+    cut();
   }
 
   ~SplatProjector() override { job_.report.tiles_read += cache_.tiles_read(); }
 
   PageResult project(std::uint32_t page) override {
-    ResultCollector results(job_, request_.target->directory().pages[page], 1);
-    const auto [first, last] = pieces_.of_page(page);
-    stream_pieces<Work>(
-        job_, std::span(pieces_.costs).subspan(first, last - first),
-        [&, first = first](std::size_t i) { return read_piece(pieces_.pieces[first + i]); },
-        [&](Work& work) { search_piece(work); }, [&](Work& work) { blend_piece(work); }, results);
-    return results.finish();
+    return stream_page<Work>(
+        job_, target_.pieces, page, request_.target->directory().pages[page], 1,
+        [&](const Piece& piece) { return read_piece(piece); },
+        [&](Work& work) { search_piece(work); }, [&](Work& work) { blend_piece(work); });
   }
 
  private:
-  /// Half of what a share leaves goes to a batch of blocks, half to the texels' state.
-  void make_pieces() {
+  void cut() {
     const tiles::SplatDirectory& d = request_.source->directory();
-    const std::uint64_t share = budget_share(job_);
     const std::uint64_t fixed = kPieceScratch + projection::splat_scratch_bytes(0) +
                                 reading_bytes(d.most_splats, d.largest_chunk_bytes);
-    batch_bytes_ = std::max(batch_cost(d.most_splats), share > fixed ? (share - fixed) / 2 : 0);
-    const std::uint64_t rest = share > fixed + batch_bytes_ ? share - fixed - batch_bytes_ : 0;
-    pieces_ = cut_pieces(
-        job_, *request_.target, fixed + batch_bytes_, rest, [&](const tiles::BlockEntry& entry) {
-          return block_state_bytes(entry.texels, entry.triangles, request_.format.texel_bytes());
-        });
-    pieces_lease_ = Lease(job_.budget, pieces_.size_bytes(), "the index of the target");
-    if (pieces_.costs.empty()) return;
-    const Lease fits(job_.budget, *std::max_element(pieces_.costs.begin(), pieces_.costs.end()),
-                     "projecting one block of the target");
+    target_ = cut_target(job_, *request_.target, fixed, batch_cost(d.most_splats),
+                         [&](const tiles::BlockEntry& entry) {
+                           return block_state_bytes(entry.texels, entry.triangles,
+                                                    request_.format.texel_bytes());
+                         });
   }
 
   std::shared_ptr<Work> read_piece(const Piece& piece) {
@@ -98,7 +88,7 @@ class SplatProjector : public PageProjector {
       const auto boxes = projection::open_boxes(state, work.blocks.size());
       std::uint64_t bytes = 0;
       for_blocks(boxes, [&](const tiles::SplatEntry& entry) { bytes += batch_cost(entry.splats); });
-      if (bytes <= batch_bytes_) {
+      if (bytes <= target_.batch_bytes) {
         for_batches(boxes, [&](projection::SplatSets sets) {
           projection::blend_height(sets, request_.limits, *request_.kernels, state);
         });
@@ -148,7 +138,7 @@ class SplatProjector : public PageProjector {
     };
     for_blocks(boxes, [&](const tiles::SplatEntry& entry) {
       const std::uint64_t cost = batch_cost(entry.splats);
-      if (!sets.empty() && bytes + cost > batch_bytes_) flush();
+      if (!sets.empty() && bytes + cost > target_.batch_bytes) flush();
       bytes += cost;
       held.push_back(cache_.set(entry));
       sets.push_back(held.back().get());
@@ -191,9 +181,7 @@ class SplatProjector : public PageProjector {
   JobContext& job_;
   const SplatProjection request_;
   SplatCache cache_;
-  std::uint64_t batch_bytes_ = 0;
-  PieceList pieces_;
-  Lease pieces_lease_;
+  CutTarget target_;
 };
 
 }  // namespace

@@ -12,21 +12,14 @@ std::uint32_t blocks_across(std::uint32_t texels) {
   return (texels + mesh::kBlockEdge - 1) / mesh::kBlockEdge;
 }
 
-}  // namespace
-
-std::pair<std::size_t, std::size_t> PieceList::of_page(std::uint32_t page) const {
-  const auto [first, last] =
-      std::equal_range(pieces.begin(), pieces.end(), Piece{page, 0, 0, 0},
-                       [](const Piece& a, const Piece& b) { return a.page < b.page; });
-  return {static_cast<std::size_t>(first - pieces.begin()),
-          static_cast<std::size_t>(last - pieces.begin())};
-}
-
+/// Bytes of one thread's share of the budget: a quarter of an equal one, so that pieces overlap.
 std::uint64_t budget_share(const JobContext& job) {
   return std::min(kLargestShare,
                   job.budget.limit() / (4 * std::uint64_t{std::max(job.threads, 1U)}));
 }
 
+/// Cuts the target's tiles into pieces whose blocks' state fits `state_share`; `fixed` is what a
+/// piece needs besides.
 PieceList cut_pieces(JobContext& job, const tiles::GeometryStore& target, std::uint64_t fixed,
                      std::uint64_t state_share,
                      const std::function<std::uint64_t(const tiles::BlockEntry&)>& state_bytes) {
@@ -53,6 +46,33 @@ PieceList cut_pieces(JobContext& job, const tiles::GeometryStore& target, std::u
     finish();
   }
   return list;
+}
+
+}  // namespace
+
+std::pair<std::size_t, std::size_t> PieceList::of_page(std::uint32_t page) const {
+  const auto [first, last] =
+      std::equal_range(pieces.begin(), pieces.end(), Piece{page, 0, 0, 0},
+                       [](const Piece& a, const Piece& b) { return a.page < b.page; });
+  return {static_cast<std::size_t>(first - pieces.begin()),
+          static_cast<std::size_t>(last - pieces.begin())};
+}
+
+CutTarget cut_target(JobContext& job, const tiles::GeometryStore& target, std::uint64_t fixed,
+                     std::uint64_t least_batch,
+                     const std::function<std::uint64_t(const tiles::BlockEntry&)>& state_bytes) {
+  CutTarget cut;
+  const std::uint64_t share = budget_share(job);
+  cut.batch_bytes = std::max(least_batch, share > fixed ? (share - fixed) / 2 : 0);
+  const std::uint64_t taken = fixed + cut.batch_bytes;
+  cut.pieces = cut_pieces(job, target, taken, share > taken ? share - taken : 0, state_bytes);
+  cut.index = Lease(job.budget, cut.pieces.size_bytes(), "the index of the target");
+  const std::vector<std::uint64_t>& costs = cut.pieces.costs;
+  if (!costs.empty()) {
+    const Lease fits(job.budget, *std::max_element(costs.begin(), costs.end()),
+                     "projecting one block of the target");
+  }
+  return cut;
 }
 
 void read_packets(JobContext& job, const tiles::GeometryStore& target, const Piece& piece,

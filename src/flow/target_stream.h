@@ -45,13 +45,17 @@ struct PieceList {
   std::pair<std::size_t, std::size_t> of_page(std::uint32_t page) const;
 };
 
-/// Bytes of one thread's share of the budget: a quarter of an equal one, so that pieces overlap.
-std::uint64_t budget_share(const JobContext& job);
-
-/// Cuts the target's tiles into pieces whose blocks' state fits `state_share`; `fixed` is what a
-/// piece needs besides. state_bytes(entry) is what a block needs.
-PieceList cut_pieces(JobContext& job, const tiles::GeometryStore& target, std::uint64_t fixed,
-                     std::uint64_t state_share,
+/// A target cut for one projection under the budget.
+struct CutTarget {
+  PieceList pieces;
+  std::uint64_t batch_bytes = 0;  ///< of a piece's lease: for the source blocks it searches at once
+  Lease index;                    ///< of the list itself
+};
+/// Shares the budget out: beside `fixed`, half of a piece's share goes to a batch of source blocks
+/// (at least `least_batch`), half to its texels' state, of which a block needs state_bytes(entry).
+/// Throws Error(budget) if the largest piece does not fit.
+CutTarget cut_target(JobContext& job, const tiles::GeometryStore& target, std::uint64_t fixed,
+                     std::uint64_t least_batch,
                      const std::function<std::uint64_t(const tiles::BlockEntry&)>& state_bytes);
 
 /// A piece on its way through the graph. A projection adds its own state.
@@ -107,18 +111,23 @@ class ResultCollector {
   PageResult result_;
 };
 
-/// Streams the pieces of one page: read(index) makes a std::shared_ptr<Work> (Work derives from
-/// PieceWork), search(Work&) and blend(Work&) run in parallel, the results go to `results` one at a
+/// Streams the pieces of one page: read(piece) makes a std::shared_ptr<Work> (Work derives from
+/// PieceWork), search(Work&) and blend(Work&) run in parallel, the results are collected one at a
 /// time. Throws whatever they throw.
 template <class Work, class Read, class Search, class Blend>
-void stream_pieces(JobContext& job, std::span<const std::uint64_t> costs, Read read_piece,
-                   Search search_piece, Blend blend_piece, ResultCollector& results) {
+PageResult stream_page(JobContext& job, const PieceList& list, std::uint32_t page,
+                       const mesh::Lattice& lattice, std::size_t channels, Read read_piece,
+                       Search search_piece, Blend blend_piece) {
   namespace tf = tbb::flow;
+  ResultCollector results(job, lattice, channels);
+  const auto [first, last] = list.of_page(page);
+  const auto pieces = std::span(list.pieces).subspan(first, last - first);
+  const auto costs = std::span(list.costs).subspan(first, last - first);
   using WorkPtr = std::shared_ptr<Work>;
   std::size_t stored = 0;
   tf::graph graph;
   tf::function_node<std::size_t, WorkPtr> read(graph, tf::unlimited, [&](std::size_t i) {
-    WorkPtr work = read_piece(i);
+    WorkPtr work = read_piece(pieces[i]);
     work->index = i;
     return work;
   });
@@ -144,6 +153,7 @@ void stream_pieces(JobContext& job, std::span<const std::uint64_t> costs, Read r
   pump.admit();
   graph.wait_for_all();  // rethrows
   if (stored != costs.size()) throw Error(ErrorKind::internal, "the projection graph ended early");
+  return results.finish();
 }
 
 }  // namespace pounce::flow
