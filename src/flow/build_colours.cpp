@@ -18,6 +18,7 @@
 
 #include "core/half.h"
 #include "flow/build_stores.h"
+#include "flow/find_store.h"
 #include "io/image_read.h"
 
 namespace pounce::flow {
@@ -267,12 +268,12 @@ std::unique_ptr<tiles::ColourStore> colour_store(JobContext& job, const ColourRe
   hash.add(request.wrap_u);
   hash.add(request.wrap_v);
   const Hash128 key = hash.digest();
-  if (auto pack = job.find_pack(tiles::PackKind::colour, key)) {
-    *cached = true;
-    return std::make_unique<tiles::ColourStore>(std::move(pack), job.compressor());
-  }
-  *cached = false;
-  return ColumnBuilder(job, request, key).build();
+  auto store =
+      find_store(job, tiles::PackKind::colour, key, [&](std::unique_ptr<tiles::PackReader> pack) {
+        return std::make_unique<tiles::ColourStore>(std::move(pack), job.compressor());
+      });
+  *cached = store != nullptr;
+  return *cached ? std::move(store) : ColumnBuilder(job, request, key).build();
 }
 
 }  // namespace pounce::flow

@@ -15,6 +15,7 @@
 #include <filesystem>
 
 #include "flow/build_stores.h"
+#include "flow/find_store.h"
 #include "flow/ordered_stream.h"
 #include "mesh/uv_raster.h"
 #include "source/source_block.h"
@@ -221,6 +222,10 @@ std::string label_of(const GeometryRequest& request) {
   return label;
 }
 
+tiles::GeometryFacts facts_of(const GeometryRequest& request) {
+  return {request.is_target, request.pages, request.mesh->triangles.size()};
+}
+
 std::unique_ptr<tiles::GeometryStore> build(JobContext& job, const GeometryRequest& request,
                                             const Hash128& key) {
   const auto bin_with = bin_request(request, job.tile_cap_bytes);
@@ -253,7 +258,8 @@ std::unique_ptr<tiles::GeometryStore> build(JobContext& job, const GeometryReque
         job.meter.advance(1);
       });
   return std::make_unique<tiles::GeometryStore>(
-      job.stores->publish(writer.finish(directory, job.compressor())), job.compressor());
+      job.stores->publish(writer.finish(directory, job.compressor())), facts_of(request),
+      job.compressor());
 }
 
 }  // namespace
@@ -295,12 +301,13 @@ Hash128 geometry_key(const GeometryRequest& request) {
 std::unique_ptr<tiles::GeometryStore> geometry_store(JobContext& job,
                                                      const GeometryRequest& request, bool* cached) {
   const Hash128 key = geometry_key(request);
-  if (auto pack = job.find_pack(tiles::PackKind::geometry, key)) {
-    *cached = true;
-    return std::make_unique<tiles::GeometryStore>(std::move(pack), job.compressor());
-  }
-  *cached = false;
-  return build(job, request, key);
+  auto store =
+      find_store(job, tiles::PackKind::geometry, key, [&](std::unique_ptr<tiles::PackReader> pack) {
+        return std::make_unique<tiles::GeometryStore>(std::move(pack), facts_of(request),
+                                                      job.compressor());
+      });
+  *cached = store != nullptr;
+  return *cached ? std::move(store) : build(job, request, key);
 }
 
 std::uint64_t geometry_least_bytes(const GeometryRequest& request, std::uint64_t tile_cap_bytes) {

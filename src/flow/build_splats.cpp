@@ -19,6 +19,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "flow/find_store.h"
 #include "flow/ordered_stream.h"
 #include "flow/splat_sort.h"
 #include "io/splat_ply.h"
@@ -344,14 +345,12 @@ std::unique_ptr<tiles::SplatStore> splat_store(JobContext& job, const SplatReque
   const io::SplatPly ply(request.path, request.axes);
   job.meter.begin("precondition", 2 * ply.header().splats, "Gaussians", progress_end);
   const Hash128 key = store_key(job, request, ply);
-  std::unique_ptr<tiles::SplatStore> store;
-  if (auto pack = job.find_pack(tiles::PackKind::splats, key)) {
-    *cached = true;
-    store = std::make_unique<tiles::SplatStore>(std::move(pack), job.compressor());
-  } else {
-    *cached = false;
-    store = StoreBuilder(job, request, ply, key).build();
-  }
+  auto store =
+      find_store(job, tiles::PackKind::splats, key, [&](std::unique_ptr<tiles::PackReader> pack) {
+        return std::make_unique<tiles::SplatStore>(std::move(pack), job.compressor());
+      });
+  *cached = store != nullptr;
+  if (!*cached) store = StoreBuilder(job, request, ply, key).build();
   job.meter.end();
   for (std::size_t k = 0; k < tiles::kSplatFilters; ++k) {
     const std::uint64_t count = store->directory().filtered[k];

@@ -110,6 +110,7 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
     job->stores = open_cache(resources, cache, scratch, rebuild, *job);
   }
   if (job->stores == nullptr) job->stores = tiles::StoreFolder::make_scratch(*job->files, scratch);
+  job->check_packs = rebuild;
   if (rebuild) {
     job->report.warnings.push_back(
         cache + ": a damaged pack was found; every pack that this job uses is checked");

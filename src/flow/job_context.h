@@ -62,6 +62,7 @@ struct JobContext {
   std::unique_ptr<tiles::StoreFolder> stores;   ///< source and target stores
   std::unique_ptr<tiles::StoreFolder> scratch;  ///< results; vanish with the process
   std::string scratch_folder;                   ///< for other nameless files
+  bool check_packs = false;                     ///< of the cache, whole, before they are believed
   unsigned threads = 1;
   std::uint64_t tile_cap_bytes = 0;
   tbb::enumerable_thread_specific<tiles::Compressor> compressors;

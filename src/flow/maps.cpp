@@ -34,7 +34,7 @@ constexpr double kAfterVectorizing = 0.4;  // of the progress bar
 /// Where a block is, without its boxes.
 struct BlockPlace {
   std::int32_t y = 0, x = 0;
-  std::uint32_t triangles = 0;
+  std::uint32_t triangles = 0, texels = 0;
   tiles::ChunkRef chunk;
 };
 
@@ -161,13 +161,18 @@ class MapsJob {
     std::vector<BlockPlace> all;
     for (; next_tile_ < store_->directory().tiles.size(); ++next_tile_) {
       const auto entries = store_->read_index(next_tile_, job_->compressor());
-      if (!entries.empty() && entries.front().page != page) break;
+      if (entries.front().page > page) break;
+      if (entries.front().page < page) store_->damaged("its pages are out of order");
       for (const tiles::BlockEntry& entry : entries)
-        all.push_back({entry.y, entry.x, entry.triangles, entry.chunk});
+        all.push_back({entry.y, entry.x, entry.triangles, entry.texels, entry.chunk});
     }
     std::sort(all.begin(), all.end(), [](const BlockPlace& a, const BlockPlace& b) {
       return std::tie(a.y, a.x) < std::tie(b.y, b.x);
     });
+    const auto twice = std::adjacent_find(all.begin(), all.end(), [](const auto& a, const auto& b) {
+      return a.y == b.y && a.x == b.x;
+    });
+    if (twice != all.end()) store_->damaged("a block is there twice");
     return all;
   }
 
@@ -214,6 +219,7 @@ class MapsJob {
     entry.x = place.x;
     entry.y = place.y;
     entry.triangles = place.triangles;
+    entry.texels = place.texels;
     entry.chunk = place.chunk;
     const target::TargetBlock block(store_->read_block(entry, job_->compressor()),
                                     store_->directory().pages[page], smallest_edge_);

@@ -61,8 +61,8 @@ class MeshProjector : public PageProjector {
 
   PageResult project(std::uint32_t page) override {
     return stream_page<Work>(
-        job_, target_.pieces, page, request_.target->directory().pages[page],
-        request_.channels.size(), [&](const Piece& piece) { return read_piece(piece); },
+        job_, *request_.target, target_.pieces, page, request_.channels.size(),
+        [&](const Piece& piece) { return read_piece(piece); },
         [&](Work& work) { search_piece(work); }, [&](Work& work) { blend_piece(work); });
   }
 

@@ -57,7 +57,7 @@ class SplatProjector : public PageProjector {
 
   PageResult project(std::uint32_t page) override {
     return stream_page<Work>(
-        job_, target_.pieces, page, request_.target->directory().pages[page], 1,
+        job_, *request_.target, target_.pieces, page, 1,
         [&](const Piece& piece) { return read_piece(piece); },
         [&](Work& work) { search_piece(work); }, [&](Work& work) { blend_piece(work); });
   }

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "flow/find_store.h"
+
 namespace pounce::flow {
 namespace {
 
@@ -32,8 +34,8 @@ std::shared_ptr<const source::SourceBlock> SourceCache::block(const tiles::Block
   const CacheKey key{store_id(&geometry_), entry.chunk.offset};
   if (auto kept = job_.budget.find(key))
     return std::static_pointer_cast<const source::SourceBlock>(kept);
-  auto made = std::make_shared<const source::SourceBlock>(source::make_source_block(
-      geometry_.read_block(entry, job_.compressor()), geometry_.directory().pages[entry.page]));
+  auto made = std::make_shared<const source::SourceBlock>(
+      decoded_source(geometry_, entry, geometry_.read_block(entry, job_.compressor())));
   job_.budget.keep(key, made, source::SourceBlock::decoded_bytes(entry.triangles, entry.patches));
   return made;
 }

@@ -26,7 +26,9 @@ PieceList cut_pieces(JobContext& job, const tiles::GeometryStore& target, std::u
   PieceList list;
   for (std::uint32_t t = 0; t < target.directory().tiles.size(); ++t) {
     const auto blocks = target.read_index(t, job.compressor());
-    Piece piece{blocks.empty() ? 0 : blocks.front().page, t, 0, 0};
+    Piece piece{blocks.front().page, t, 0, 0};
+    if (!list.pieces.empty() && piece.page < list.pieces.back().page)
+      target.damaged("its pages are out of order");
     std::uint64_t state = 0;
     const auto finish = [&] {
       if (piece.count == 0) return;
@@ -101,8 +103,10 @@ void finish_block(JobContext& job, const texture::TexelFormat& format,
   job.compressor().compress(raw, work.stored[c][b], tiles::kScratchLevel);
 }
 
-ResultCollector::ResultCollector(JobContext& job, const mesh::Lattice& page, std::size_t channels)
+ResultCollector::ResultCollector(JobContext& job, const tiles::GeometryStore& target,
+                                 const mesh::Lattice& page, std::size_t channels)
     : job_(job),
+      target_(target),
       across_(blocks_across(page.width)),
       index_lease_(job.budget, index_bytes(page, channels), "the index of the results"),
       writer_(job.scratch->create(tiles::PackKind::results, Hash128{})) {
@@ -125,6 +129,7 @@ void ResultCollector::store(const PieceWork& work) {
     for (std::size_t c = 0; c < result_.blocks.size(); ++c) {
       const auto& stored = work.stored[c][b];
       if (stored.empty()) continue;
+      if (result_.blocks[c][slot].raw_bytes != 0) target_.damaged("a block is there twice");
       result_.blocks[c][slot] = writer_->append(tiles::ChunkKind::block, stored, work.raw_bytes[c]);
     }
   }

@@ -97,7 +97,8 @@ class PageProjector {
 /// Collects the result blocks of one page, in any order, in a scratch pack. Not thread-safe.
 class ResultCollector {
  public:
-  ResultCollector(JobContext& job, const mesh::Lattice& page, std::size_t channels);
+  ResultCollector(JobContext& job, const tiles::GeometryStore& target, const mesh::Lattice& page,
+                  std::size_t channels);
   void store(const PieceWork& work);
   PageResult finish();
   /// Bytes of the index of a page's results.
@@ -105,6 +106,7 @@ class ResultCollector {
 
  private:
   JobContext& job_;
+  const tiles::GeometryStore& target_;
   std::uint32_t across_;
   Lease index_lease_;
   std::unique_ptr<tiles::PackWriter> writer_;
@@ -115,11 +117,11 @@ class ResultCollector {
 /// PieceWork), search(Work&) and blend(Work&) run in parallel, the results are collected one at a
 /// time. Throws whatever they throw.
 template <class Work, class Read, class Search, class Blend>
-PageResult stream_page(JobContext& job, const PieceList& list, std::uint32_t page,
-                       const mesh::Lattice& lattice, std::size_t channels, Read read_piece,
+PageResult stream_page(JobContext& job, const tiles::GeometryStore& target, const PieceList& list,
+                       std::uint32_t page, std::size_t channels, Read read_piece,
                        Search search_piece, Blend blend_piece) {
   namespace tf = tbb::flow;
-  ResultCollector results(job, lattice, channels);
+  ResultCollector results(job, target, target.directory().pages[page], channels);
   const auto [first, last] = list.of_page(page);
   const auto pieces = std::span(list.pieces).subspan(first, last - first);
   const auto costs = std::span(list.costs).subspan(first, last - first);

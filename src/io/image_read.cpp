@@ -19,6 +19,7 @@
 #include "io/sample.h"
 #include "io/straight_alpha.h"
 #include "pounce/error.h"
+#include "tiles/colour_store.h"
 
 // OpenImageIO decodes; this file gives it the bytes (a C stream over a range of a file or over
 // memory, which every format it reads here accepts, so nothing is copied whole), asks for samples
@@ -29,7 +30,7 @@
 namespace pounce::io {
 namespace {
 
-constexpr std::uint32_t kLargestSide = 65536;
+constexpr std::uint32_t kLargestSide = tiles::kLargestImageSide;
 /// Rows asked of a decoder in one call: of a TIFF strip that is asked for whole it would make two
 /// copies.
 constexpr std::uint32_t kMostRowsAtOnce = 64;

@@ -19,7 +19,6 @@
 namespace pounce::mesh {
 namespace {
 
-constexpr double kLargestTexel = 1e9;  // unwrapped coordinates beyond this are a broken file
 constexpr std::uint64_t kMostEntries = 1ULL << 24;
 constexpr double kVastTriangleTexels = 0x1p31;  // doubled area; 2^18 blocks
 constexpr std::uint32_t kMostBlocksPerTile = 64;

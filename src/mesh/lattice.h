@@ -10,6 +10,8 @@ namespace pounce::mesh {
 
 /// Edge of a block of texels: the unit of storage.
 inline constexpr int kBlockEdge = 64;
+/// Unwrapped texel coordinates beyond this are a broken file.
+inline constexpr double kLargestTexel = 1e9;
 
 /// How UVs of one page become texel coordinates. A page is one image of the target, or one material
 /// of the source with the image size it samples: each has a lattice of its own. Texel coordinates:

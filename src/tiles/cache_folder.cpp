@@ -23,6 +23,7 @@
 #include <chrono>
 #include <map>
 #include <mutex>
+#include <set>
 #include <thread>
 #include <tuple>
 #include <utility>
@@ -85,26 +86,28 @@ class CacheFolder final : public StoreFolder {
                                    std::string* warning) override {
     if (auto pack = unkept_->find(kind, key, warning)) return pack;
     std::string damage;
+    if (is_left_out(kind, key)) return nullptr;
     if (auto pack = open_sound(kind, key, &damage)) return pack;
+    bool removed = false;
     if (!read_only_) {
       auto claim = claim_key(kind, key);
       // Somebody may have made it, or made it anew, before the key was ours.
       damage.clear();
       if (auto pack = open_sound(kind, key, &damage)) return pack;
-      if (!damage.empty()) discard(kind, key);
+      if (!damage.empty()) removed = discard(kind, key);
       const std::lock_guard lock(mutex_);
-      claims_[Name(kind, key.hi, key.lo)] = std::move(claim);
+      if (damage.empty() || removed) claims_[Name(kind, key.hi, key.lo)] = std::move(claim);
     }
     if (!damage.empty() && warning != nullptr) {
       *warning += fmt::format("{}{} ({}; it is built again)", warning->empty() ? "" : "\n", damage,
-                              read_only_ ? "left out" : "removed");
+                              removed ? "removed" : "left out");
     }
     return nullptr;
   }
 
   std::unique_ptr<PackWriter> create(PackKind kind, const Hash128& key,
                                      const std::string& label) override {
-    if (read_only_) return unkept_->create(kind, key, label);
+    if (read_only_ || is_left_out(kind, key)) return unkept_->create(kind, key, label);
     std::unique_ptr<FileLock> claim;
     {
       const std::lock_guard lock(mutex_);
@@ -127,7 +130,10 @@ class CacheFolder final : public StoreFolder {
 
   std::unique_ptr<PackReader> publish(std::unique_ptr<PackWriter> writer) override {
     auto* part = writer == nullptr ? nullptr : dynamic_cast<CachePart*>(&writer->file());
-    if (part == nullptr && read_only_) return unkept_->publish(std::move(writer));
+    if (part == nullptr && writer != nullptr &&
+        (read_only_ || is_left_out(writer->kind(), writer->key()))) {
+      return unkept_->publish(std::move(writer));
+    }
     if (part == nullptr || !writer->finished()) {
       throw Error(ErrorKind::internal,
                   "an unfinished pack, or one of another store, was published (please report)");
@@ -148,9 +154,19 @@ class CacheFolder final : public StoreFolder {
     return std::make_unique<PackReader>(std::move(file), path, kind, key);
   }
 
-  void discard(PackKind kind, const Hash128& key) override {
+  bool discard(PackKind kind, const Hash128& key) override {
     unkept_->discard(kind, key);
-    if (!read_only_) files_.remove(layout_.pack(kind, key));
+    try {
+      if (!read_only_) {
+        files_.remove(layout_.pack(kind, key));
+        return true;
+      }
+    } catch (const Error&) {
+      // Another user's, in a folder where each removes their own.
+    }
+    const std::lock_guard lock(mutex_);
+    left_out_.insert(Name(kind, key.hi, key.lo));
+    return false;
   }
 
   bool persistent() const override { return true; }
@@ -181,6 +197,11 @@ class CacheFolder final : public StoreFolder {
       *damage = e.what();
       return nullptr;
     }
+  }
+
+  bool is_left_out(PackKind kind, const Hash128& key) {
+    const std::lock_guard lock(mutex_);
+    return left_out_.contains(Name(kind, key.hi, key.lo));
   }
 
   /// Remembers when a pack was used last. Somebody else's pack, or a folder that is read only, may
@@ -264,6 +285,7 @@ class CacheFolder final : public StoreFolder {
   std::mutex mutex_;                                  // guards all below
   std::map<Name, std::unique_ptr<FileLock>> claims_;  ///< keys that find() claimed, until create()
   std::map<Name, std::string> labels_;
+  std::set<Name> left_out_;  ///< damaged packs that may not be removed
   std::vector<std::string> notes_;
   bool unkept_told_ = false;
 };

@@ -2,8 +2,11 @@
 #include "tiles/colour_store.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstring>
 
-#include "core/bytes.h"
+#include "core/half.h"
+#include "tiles/chunk_fields.h"
 #include "tiles/chunk_payload.h"
 
 namespace pounce::tiles {
@@ -22,22 +25,14 @@ std::vector<std::byte> encode_directory(const ColourDirectory& d) {
   }
   out.put(d.scale);
   out.put(d.nonfinite);
-  for (const ChunkRef& page : d.row_pages) {
-    out.put(page.offset);
-    out.put(page.stored_bytes);
-    out.put(page.raw_bytes);
-  }
+  for (const ChunkRef& page : d.row_pages) put_chunk(out, page);
   return raw;
 }
 
 std::vector<ChunkRef> get_chunks(ByteReader& in, std::size_t count) {
   if (in.left() != count * 16) in.fail("has another size than its counts say");
   std::vector<ChunkRef> chunks(count);
-  for (ChunkRef& chunk : chunks) {
-    chunk.offset = in.get<std::uint64_t>();
-    chunk.stored_bytes = in.get<std::uint32_t>();
-    chunk.raw_bytes = in.get<std::uint32_t>();
-  }
+  for (ChunkRef& chunk : chunks) chunk = get_chunk(in);
   return chunks;
 }
 
@@ -50,7 +45,8 @@ ColourDirectory decode_directory(std::span<const std::byte> raw, const std::stri
   const auto depth = in.get<std::uint8_t>(), linear = in.get<std::uint8_t>(),
              alpha = in.get<std::uint8_t>(), wrap_u = in.get<std::uint8_t>(),
              wrap_v = in.get<std::uint8_t>();
-  if (d.width == 0 || d.height == 0 || d.channels == 0 || d.channels > 4 || depth > 3 ||
+  if (d.width == 0 || d.width > kLargestImageSide || d.height == 0 ||
+      d.height > kLargestImageSide || d.channels == 0 || d.channels > 4 || depth > 3 ||
       linear > 1 || alpha > 1 || wrap_u > 2 || wrap_v > 2) {
     in.fail("has an impossible image header");
   }
@@ -60,9 +56,29 @@ ColourDirectory decode_directory(std::span<const std::byte> raw, const std::stri
   d.wrap_u = static_cast<mesh::Wrap>(wrap_u);
   d.wrap_v = static_cast<mesh::Wrap>(wrap_v);
   d.scale = in.get<float>();
+  if (!(d.scale > 0)) in.fail("has an impossible scale");
   d.nonfinite = in.get<std::uint64_t>();
   d.row_pages = get_chunks(in, d.tiles_y());
   return d;
+}
+
+/// Float samples are counted in steps of the scale (projection/blend.cpp): one beyond it, or NaN,
+/// would not fit the sums.
+bool is_within_scale(const ColourDirectory& image, std::span<const std::byte> tile) {
+  if (image.depth == Depth::u8 || image.depth == Depth::u16) return true;
+  const std::size_t size = depth_bytes(image.depth);
+  for (std::size_t at = 0; at < tile.size(); at += size) {
+    float sample;
+    if (image.depth == Depth::half) {
+      std::uint16_t bits;
+      std::memcpy(&bits, tile.data() + at, sizeof bits);
+      sample = half_to_float(bits);
+    } else {
+      std::memcpy(&sample, tile.data() + at, sizeof sample);
+    }
+    if (!(std::abs(sample) <= image.scale)) return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -102,9 +118,7 @@ void ColourStoreWriter::add_row(std::uint32_t tile_row,
   ByteWriter out(raw);
   for (const auto& tile : stored_tiles) {
     const ChunkRef chunk = pack_->append(ChunkKind::block, tile, raw_bytes);
-    out.put(chunk.offset);
-    out.put(chunk.stored_bytes);
-    out.put(chunk.raw_bytes);
+    put_chunk(out, chunk);
   }
   row_pages_[tile_row] = append_payload(*pack_, ChunkKind::index_page, raw, compressor);
 }
@@ -137,6 +151,8 @@ ColourTile ColourStore::read_tile(const ChunkRef& chunk, Compressor& compressor)
   const auto raw = read_payload(*pack_, chunk, ChunkKind::block, compressor);
   ColourTile tile(size);
   unfilter_colours(directory_, raw, tile);
+  if (!is_within_scale(directory_, tile))
+    throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile of samples beyond its scale");
   return tile;
 }
 

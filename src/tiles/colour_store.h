@@ -19,6 +19,9 @@ namespace pounce::tiles {
 inline constexpr int kApron = 2;
 inline constexpr int kColourTileEdge = mesh::kBlockEdge + 2 * kApron;
 
+/// No image has more texels along a side.
+inline constexpr std::uint32_t kLargestImageSide = 65536;
+
 std::size_t depth_bytes(Depth depth);
 
 /// One channel's image as a column of tiles.

@@ -18,6 +18,10 @@ inline constexpr std::size_t kTexelsPerBlock = std::size_t{mesh::kBlockEdge} * m
 inline constexpr std::uint16_t kNoTriangle = 0xFFFF;
 /// Vertices are indexed by 16 bits, and a block's decoded size stays small whatever the mesh.
 inline constexpr std::uint32_t kMostTrianglesPerBlock = 4096;
+/// No encoded block is larger: three vertices of its own for each of the most triangles, and a run
+/// for each texel.
+inline constexpr std::size_t kLargestGeometryBytes =
+    28 + (3 * 40 + 18) * std::size_t{kMostTrianglesPerBlock} + 4 * kTexelsPerBlock;
 
 /// What reproduces a 64x64 window of texels: the triangles that touch it and, on the target, which
 /// of them owns each texel centre. Positions, normals and dual frames of all texels (or Gaussians)

@@ -3,36 +3,11 @@
 
 #include <algorithm>
 
-#include "core/bytes.h"
+#include "tiles/chunk_fields.h"
 #include "tiles/chunk_payload.h"
 
 namespace pounce::tiles {
 namespace {
-
-void put_chunk(ByteWriter& out, const ChunkRef& chunk) {
-  out.put(chunk.offset);
-  out.put(chunk.stored_bytes);
-  out.put(chunk.raw_bytes);
-}
-
-ChunkRef get_chunk(ByteReader& in) {
-  ChunkRef chunk;
-  chunk.offset = in.get<std::uint64_t>();
-  chunk.stored_bytes = in.get<std::uint32_t>();
-  chunk.raw_bytes = in.get<std::uint32_t>();
-  return chunk;
-}
-
-void put_box(ByteWriter& out, const Box3f& box) {
-  for (const float v : {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z}) out.put(v);
-}
-
-Box3f get_box(ByteReader& in) {
-  Box3f box;
-  for (float* v : {&box.lo.x, &box.lo.y, &box.lo.z, &box.hi.x, &box.hi.y, &box.hi.z})
-    *v = in.get<float>();
-  return box;
-}
 
 constexpr std::size_t kLatticeBytes = 60;
 constexpr std::size_t kTileBytes = 44;
@@ -155,10 +130,12 @@ std::unique_ptr<PackWriter> GeometryStoreWriter::finish(GeometryDirectory direct
   return std::move(pack_);
 }
 
-GeometryStore::GeometryStore(std::unique_ptr<PackReader> pack, Compressor& compressor)
-    : pack_(std::move(pack)) {
+GeometryStore::GeometryStore(std::unique_ptr<PackReader> pack, GeometryFacts facts,
+                             Compressor& compressor)
+    : pack_(std::move(pack)), facts_(std::move(facts)) {
   const auto raw = read_payload(*pack_, pack_->directory(), ChunkKind::directory, compressor);
   directory_ = decode_directory(raw, pack_->name());
+  check(directory_, facts_, pack_->name() + ": directory");
 }
 
 std::vector<BlockEntry> GeometryStore::read_index(std::uint32_t tile,
@@ -176,29 +153,28 @@ std::vector<BlockEntry> GeometryStore::read_index(std::uint32_t tile,
       *v = in.get<std::uint32_t>();
     entry.chunk = get_chunk(in);
     entry.box_count = in.get<std::uint32_t>();
-    if (entry.box_count > kMostBoxesPerBlock || entry.page >= directory_.pages.size()) {
-      in.fail("has an impossible block entry");
-    }
+    if (entry.box_count > kMostBoxesPerBlock) in.fail("has a block of too many boxes");
     for (std::uint32_t i = 0; i < entry.box_count; ++i) entry.boxes[i] = get_box(in);
   }
   if (in.left() != 0) in.fail("has bytes left over");
+  check(entries, directory_, facts_, pack_->name() + ": index page");
   return entries;
 }
 
 GeometryBlock GeometryStore::read_block(const BlockEntry& entry, Compressor& compressor) const {
   const auto raw = read_payload(*pack_, entry.chunk, ChunkKind::block, compressor);
   GeometryBlock block = decode_geometry(raw, pack_->name() + ": block");
-  if (block.page != entry.page || block.x != entry.x || block.y != entry.y ||
-      block.triangles.size() != entry.triangles) {
-    throw Error(ErrorKind::damaged_store,
-                pack_->name() + ": a block is not the one its index names");
-  }
+  check(block, entry, facts_, pack_->name() + ": block");
   return block;
+}
+
+void GeometryStore::damaged(const char* why) const {
+  throw Error(ErrorKind::damaged_store, pack_->name() + ": " + why);
 }
 
 std::uint64_t GeometryStore::size_bytes() const {
   return directory_.tiles.capacity() * sizeof(TileEntry) +
-         directory_.pages.capacity() * sizeof(mesh::Lattice);
+         (directory_.pages.capacity() + facts_.pages.capacity()) * sizeof(mesh::Lattice);
 }
 
 void cluster_boxes(std::vector<Box3f>& boxes, BlockEntry& entry) {

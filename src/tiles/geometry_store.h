@@ -8,6 +8,7 @@
 
 #include "tiles/codec.h"
 #include "tiles/geometry_block.h"
+#include "tiles/geometry_check.h"
 #include "tiles/pack.h"
 
 namespace pounce::tiles {
@@ -67,19 +68,25 @@ class GeometryStoreWriter {
   GeometryDirectory built_;
 };
 
-/// Reads a geometry pack. Const members are thread-safe.
+/// Reads a geometry pack. Whatever the pack holds, what comes out of here agrees with `facts` and
+/// with itself, or Error(damaged_store) is thrown. Const members are thread-safe.
 class GeometryStore {
  public:
-  GeometryStore(std::unique_ptr<PackReader> pack, Compressor& compressor);
+  GeometryStore(std::unique_ptr<PackReader> pack, GeometryFacts facts, Compressor& compressor);
   const GeometryDirectory& directory() const { return directory_; }
+  const GeometryFacts& facts() const { return facts_; }
+  /// Blocks of one page, at least one.
   std::vector<BlockEntry> read_index(std::uint32_t tile, Compressor& compressor) const;
   GeometryBlock read_block(const BlockEntry& entry, Compressor& compressor) const;
   const PackReader& pack() const { return *pack_; }
+  /// Throws Error(damaged_store): "<pack>: <why>".
+  [[noreturn]] void damaged(const char* why) const;
   /// Memory that stays in use while the store is open.
   std::uint64_t size_bytes() const;
 
  private:
   std::unique_ptr<PackReader> pack_;
+  GeometryFacts facts_;
   GeometryDirectory directory_;
 };
 

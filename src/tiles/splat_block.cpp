@@ -26,6 +26,24 @@ void for_columns(Block& block, bool normals, const Visitor& visit) {
   for (auto& column : block.normal) visit(column, false);
 }
 
+/// How far from 1 the squared length of what was rounded to 16 significant bits may be.
+constexpr float kLengthSlack = 0x1p-12F;
+
+/// Is this what a reader of scenes lets through? Everything that follows relies on it.
+bool is_legal(const Splat& s) {
+  const auto finite = [](Vec3f v) {
+    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+  };
+  float length = 0;
+  for (const float q : s.rotation) length += q * q;
+  const float normal = dot(s.normal, s.normal);
+  return finite(s.mean) && finite(s.sigma) &&
+         !(std::isnan(s.colour.x) || std::isnan(s.colour.y) || std::isnan(s.colour.z)) &&
+         std::min({s.sigma.x, s.sigma.y, s.sigma.z}) >= 0 && size_of(s) > 0 &&
+         std::abs(length - 1) <= kLengthSlack && s.alpha > 0 && s.alpha <= 1 &&
+         (normal == 0 || std::abs(normal - 1) <= kLengthSlack);
+}
+
 /// Larger than the rounding of the few operations that make a box.
 constexpr float kOutwards = 0x1p-20F;
 
@@ -131,6 +149,9 @@ SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name
     unshuffle(in.take(bytes.size()), sizeof(float), bytes);
     if (near) undelta(bytes, sizeof(float), 1);
   });
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!is_legal(block.splat(i))) in.fail("has a Gaussian that is none");
+  }
   return block;
 }
 

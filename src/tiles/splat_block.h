@@ -16,6 +16,8 @@
 namespace pounce::tiles {
 
 inline constexpr std::size_t kMostSplatsPerBlock = 4096;
+/// No encoded block is larger: 17 columns, normals included.
+inline constexpr std::size_t kLargestSplatBytes = 8 + 17 * sizeof(float) * kMostSplatsPerBlock;
 
 /// One Gaussian of a splat scene, as readers make it and sorting moves it.
 struct Splat {
@@ -67,7 +69,8 @@ struct SplatBlock {
 
 /// Serialises a block into `raw` (replaced), filtered for compression. Layout: docs/tile-format.md.
 void encode(const SplatBlock& block, std::vector<std::byte>& raw);
-/// The inverse. Throws Error(damaged_store) naming `name` if `raw` is not what encode() makes.
+/// The inverse. Throws Error(damaged_store) naming `name` if `raw` is not what encode() makes of
+/// Gaussians that a reader lets through.
 SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name);
 
 }  // namespace pounce::tiles

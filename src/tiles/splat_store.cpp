@@ -2,8 +2,9 @@
 #include "tiles/splat_store.h"
 
 #include <algorithm>
+#include <cmath>
 
-#include "core/bytes.h"
+#include "tiles/chunk_fields.h"
 #include "tiles/chunk_payload.h"
 
 namespace pounce::tiles {
@@ -12,31 +13,6 @@ namespace {
 constexpr std::size_t kEntryBytes = 48;
 constexpr std::size_t kTileBytes = 48;
 constexpr std::uint32_t kHasNormals = 1;
-
-void put_chunk(ByteWriter& out, const ChunkRef& chunk) {
-  out.put(chunk.offset);
-  out.put(chunk.stored_bytes);
-  out.put(chunk.raw_bytes);
-}
-
-ChunkRef get_chunk(ByteReader& in) {
-  ChunkRef chunk;
-  chunk.offset = in.get<std::uint64_t>();
-  chunk.stored_bytes = in.get<std::uint32_t>();
-  chunk.raw_bytes = in.get<std::uint32_t>();
-  return chunk;
-}
-
-void put_box(ByteWriter& out, const Box3f& box) {
-  for (const float v : {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z}) out.put(v);
-}
-
-Box3f get_box(ByteReader& in) {
-  Box3f box;
-  for (float* v : {&box.lo.x, &box.lo.y, &box.lo.z, &box.hi.x, &box.hi.y, &box.hi.z})
-    *v = in.get<float>();
-  return box;
-}
 
 std::vector<std::byte> encode_directory(const SplatDirectory& directory) {
   std::vector<std::byte> raw;
@@ -81,6 +57,11 @@ SplatDirectory decode_directory(std::span<const std::byte> raw, const std::strin
     *v = in.get<std::uint32_t>();
   }
   if (in.get<std::uint32_t>() != 0) in.fail("has a reserved field that is not 0");
+  if (directory.most_splats > kMostSplatsPerBlock ||
+      directory.largest_chunk_bytes > kLargestSplatBytes ||
+      !(directory.surface_noise >= 0 && std::isfinite(directory.surface_noise))) {
+    in.fail("has impossible maxima");
+  }
   directory.box = get_box(in);
   directory.middle_box = get_box(in);
   if (in.left() != std::uint64_t{tiles} * kTileBytes) {
@@ -92,6 +73,9 @@ SplatDirectory decode_directory(std::span<const std::byte> raw, const std::strin
     tile.index_page = get_chunk(in);
     tile.blocks = in.get<std::uint32_t>();
     tile.size_class = in.get<std::uint32_t>();
+    if (tile.blocks == 0 || tile.blocks > directory.most_blocks) {
+      in.fail("has a tile of an impossible number of blocks");
+    }
   }
   return directory;
 }
@@ -180,7 +164,9 @@ std::vector<SplatEntry> SplatStore::read_index(std::uint32_t tile, Compressor& c
     entry.size_class = in.get<std::uint32_t>();
     entry.box = get_box(in);
     entry.chunk = get_chunk(in);
-    if (entry.splats > directory_.most_splats || entry.size_class != where.size_class) {
+    if (entry.splats == 0 || entry.splats > directory_.most_splats ||
+        entry.size_class != where.size_class ||
+        entry.chunk.raw_bytes > directory_.largest_chunk_bytes) {
       in.fail("has an impossible block entry");
     }
   }
@@ -190,7 +176,7 @@ std::vector<SplatEntry> SplatStore::read_index(std::uint32_t tile, Compressor& c
 SplatBlock SplatStore::read_block(const SplatEntry& entry, Compressor& compressor) const {
   const auto raw = read_payload(*pack_, entry.chunk, ChunkKind::block, compressor);
   SplatBlock block = decode_splats(raw, pack_->name() + ": block");
-  if (block.size() != entry.splats) {
+  if (block.size() != entry.splats || (!block.normal[0].empty() && !directory_.has_normals)) {
     throw Error(ErrorKind::damaged_store,
                 pack_->name() + ": a block is not the one its index names");
   }

@@ -40,9 +40,10 @@ class ScratchStore final : public StoreFolder {
     return reader;
   }
 
-  void discard(PackKind kind, const Hash128& key) override {
+  bool discard(PackKind kind, const Hash128& key) override {
     const std::lock_guard lock(mutex_);
     packs_.erase(Name(kind, key.hi, key.lo));
+    return true;
   }
   bool persistent() const override { return false; }
 

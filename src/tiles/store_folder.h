@@ -58,8 +58,9 @@ class StoreFolder {
   /// Publishes a finished pack and opens it for reading. One that somebody else published meanwhile
   /// stays.
   virtual std::unique_ptr<PackReader> publish(std::unique_ptr<PackWriter> writer) = 0;
-  /// Removes a pack that turned out to be damaged. Who reads it goes on reading.
-  virtual void discard(PackKind kind, const Hash128& key) = 0;
+  /// Removes a pack that turned out to be damaged. Who reads it goes on reading. False: it is not
+  /// ours to remove; then this store behaves as if it were not there.
+  virtual bool discard(PackKind kind, const Hash128& key) = 0;
   virtual bool persistent() const = 0;  ///< true for the cache
   /// What a user should know of how the store went, each once; empty afterwards.
   virtual std::vector<std::string> take_notes() { return {}; }

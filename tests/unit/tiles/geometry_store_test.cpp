@@ -36,6 +36,7 @@ TEST_CASE("a geometry store gives back its tiles, blocks and directory") {
   const auto folder = StoreFolder::make_scratch(*files, "/scratch");
   Compressor compressor;
   GeometryStoreWriter writer(folder->create(PackKind::geometry, {1, 2}));
+  constexpr std::uint32_t kTriangles = 1000;
   const std::vector<std::size_t> tile_sizes{3, 1, 20};
   std::vector<std::vector<BlockEntry>> entries;
   std::vector<std::vector<std::vector<std::byte>>> raws;
@@ -44,12 +45,14 @@ TEST_CASE("a geometry store gives back its tiles, blocks and directory") {
     entries.emplace_back();
     raws.emplace_back();
     for (std::size_t b = 0; b < blocks; ++b) {
-      const GeometryBlock block =
-          test::random_block(random, random.one_in(2), random.one_in(2), false);
+      GeometryBlock block = test::random_block(random, false, false, false);
+      block.page = static_cast<std::uint32_t>(entries.size() - 1);  // one page per tile
+      for (Vec3f& normal : block.normals) normal = {0, 0, 1};
+      for (std::uint32_t& id : block.ids) id %= kTriangles;
       std::vector<std::byte> raw, stored;
       encode(block, raw);
       compressor.compress(raw, stored);
-      BlockEntry entry{block.page, block.x, block.y, {}, 17, 99, {}, 0, {}};
+      BlockEntry entry{block.page, block.x, block.y, {}, 9, 99, {}, 0, {}};
       entry.triangles = static_cast<std::uint32_t>(block.triangles.size());
       entry.box_count = static_cast<std::uint32_t>(1 + random.below(kMostBoxesPerBlock));
       for (std::uint32_t i = 0; i < entry.box_count; ++i) entry.boxes[i] = random_box(random, 3);
@@ -64,22 +67,23 @@ TEST_CASE("a geometry store gives back its tiles, blocks and directory") {
   writer.end_tile(compressor);  // nothing since the last one: no tile
   GeometryDirectory directory;
   directory.pages = {{64, 32, 0, {}}, {8, 8, 1, {2, 0.5, 0.25, -1, 3, 7}}, {}, {1, 2, 3, {}}};
-  directory.page_texels = {5, 6, 7, 8};
-  directory.texels = 1ULL << 40;
+  directory.page_texels = {5, 1ULL << 40, 7, 9};
+  directory.texels = (1ULL << 40) + 21;
   directory.overlapping = 2;
   directory.slivers = 3;
   directory.degenerate = 4;
-  const GeometryStore store(folder->publish(writer.finish(directory, compressor)), compressor);
+  const GeometryStore store(folder->publish(writer.finish(directory, compressor)),
+                            {false, directory.pages, kTriangles}, compressor);
 
   const GeometryDirectory& read = store.directory();
   CHECK(read.pages == directory.pages);
   CHECK(read.page_texels == directory.page_texels);
-  CHECK(read.texels == 1ULL << 40);
+  CHECK(read.texels == (1ULL << 40) + 21);
   CHECK(read.overlapping == 2);
   CHECK(read.slivers == 3);
   CHECK(read.degenerate == 4);
   CHECK(read.most_triangles == most_triangles);
-  CHECK(read.most_patches == 17);
+  CHECK(read.most_patches == 9);
   CHECK(read.most_blocks == 20);
   CHECK(read.largest_chunk_bytes == largest);
   REQUIRE(read.tiles.size() == 3);
@@ -93,7 +97,7 @@ TEST_CASE("a geometry store gives back its tiles, blocks and directory") {
       CHECK(index[b].page == expected.page);
       CHECK(index[b].x == expected.x);
       CHECK(index[b].y == expected.y);
-      CHECK(index[b].patches == 17);
+      CHECK(index[b].patches == 9);
       CHECK(index[b].texels == 99);
       REQUIRE(index[b].box_count == expected.box_count);
       CHECK(index[b].boxes == expected.boxes);

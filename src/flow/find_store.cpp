@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "flow/find_store.h"
+
+#include <algorithm>
+#include <tuple>
+#include <vector>
+
+namespace pounce::flow {
+
+namespace {
+
+/// A target's block stands in its image once, and images follow each other.
+void check_places(const tiles::GeometryStore& store,
+                  std::vector<std::tuple<std::uint32_t, std::int32_t, std::int32_t>> places) {
+  const auto page = [](const auto& a, const auto& b) { return std::get<0>(a) < std::get<0>(b); };
+  if (!std::is_sorted(places.begin(), places.end(), page))
+    store.damaged("its pages are out of order");
+  std::sort(places.begin(), places.end());
+  if (std::adjacent_find(places.begin(), places.end()) != places.end())
+    store.damaged("a block is there twice");
+}
+
+}  // namespace
+
+void check_store(JobContext& job, const tiles::GeometryStore& store) {
+  std::vector<std::tuple<std::uint32_t, std::int32_t, std::int32_t>> places;
+  for (std::uint32_t tile = 0; tile < store.directory().tiles.size(); ++tile) {
+    for (const tiles::BlockEntry& entry : store.read_index(tile, job.compressor())) {
+      const tiles::GeometryBlock block = store.read_block(entry, job.compressor());
+      if (store.facts().is_target) {
+        places.emplace_back(entry.page, entry.y, entry.x);
+      } else {
+        decoded_source(store, entry, block);
+      }
+    }
+    job.meter.advance(0);  // stops here if the caller asked to
+  }
+  check_places(store, std::move(places));
+}
+
+void check_store(JobContext& job, const tiles::ColourStore& store) {
+  for (std::uint32_t row = 0; row < store.directory().tiles_y(); ++row) {
+    for (const tiles::ChunkRef& chunk : store.read_row(row, job.compressor()))
+      (void)store.read_tile(chunk, job.compressor());
+    job.meter.advance(0);
+  }
+}
+
+void check_store(JobContext& job, const tiles::SplatStore& store) {
+  for (std::uint32_t tile = 0; tile < store.directory().tiles.size(); ++tile) {
+    for (const tiles::SplatEntry& entry : store.read_index(tile, job.compressor()))
+      (void)store.read_block(entry, job.compressor());
+    job.meter.advance(0);
+  }
+}
+
+source::SourceBlock decoded_source(const tiles::GeometryStore& store,
+                                   const tiles::BlockEntry& entry,
+                                   const tiles::GeometryBlock& block) {
+  source::SourceBlock made =
+      source::make_source_block(block, store.directory().pages[entry.page]);
+  if (made.patches.size() != entry.patches)
+    store.damaged("a block decodes to another number of patches than its index says");
+  return made;
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,353 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A cache that somebody else may write: packs whose checksums are right and whose fields are not.
+// Every field of every kind of pack is set to what does most harm; a job must notice and make the
+// pack itself, or get through unharmed. Meant to be run with AddressSanitizer as well.
+#include <algorithm>
+#include <bit>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/half.h"
+#include "pounce/gaussians.h"
+#include "pounce/transfer.h"
+#include "support/pack_tree.h"
+#include "support/random_scene.h"
+#include "support/splat_ply_builder.h"
+#include "support/test_data.h"
+#include "tiles/colour_store.h"
+#include "tiles/geometry_block.h"
+#include "tiles/splat_block.h"
+
+namespace pounce::test {
+namespace {
+
+using Bytes = std::vector<std::byte>;
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+/// Jobs that share a cache: a transfer, the target's maps, the source as Gaussians.
+struct Jobs {
+  TempFolder folder;
+  std::string cache = folder.file("cache"), pristine = folder.file("pristine");
+  TransferOptions transfer_options;
+  bool from_splats = false;
+  std::vector<Bytes> expected;
+
+  explicit Jobs(bool splats) : from_splats(splats) {
+    transfer_options = make_random_scene(folder.path().string(), 41);
+    transfer_options.size = ImageSize{70, 50};
+    transfer_options.output = folder.file("result.png");
+    transfer_options.resources.threads = 1;
+    transfer_options.resources.memory_bytes = 256 << 20;
+    transfer_options.resources.cache_dir = cache;
+    if (splats) make_splats();
+    expected = run(nullptr);
+    std::filesystem::copy(cache, pristine, std::filesystem::copy_options::recursive);
+  }
+
+  void make_splats() {
+    SplatPlyBuilder ply;
+    for (int i = 0; i < 300; ++i) {
+      ply.rows.push_back(SplatPlyBuilder::usual_row(0.01 * i));
+      ply.rows.back()["y"] = 0.01 * (i % 17);
+      ply.rows.back()["nz"] = i % 2;
+    }
+    transfer_options.source = folder.file("scene.ply");
+    transfer_options.channels = {Channel::base_color};
+    ply.write(transfer_options.source);
+  }
+
+  /// The bytes of all that they write; `warnings` gets theirs.
+  std::vector<Bytes> run(std::vector<std::string>* warnings) const {
+    std::vector<Bytes> written;
+    const auto take = [&](const Report& report) {
+      for (const std::string& output : report.outputs)
+        written.push_back(read_whole(posix_file_system(), output));
+      if (warnings != nullptr)
+        warnings->insert(warnings->end(), report.warnings.begin(), report.warnings.end());
+    };
+    take(transfer(transfer_options));
+    MapsOptions map_options;
+    map_options.target = transfer_options.targets.front();
+    map_options.size = *transfer_options.size;
+    map_options.output = folder.file("map_<CHANNEL>.exr");
+    map_options.resources = transfer_options.resources;
+    take(maps(map_options));
+    if (from_splats) return written;
+    GaussiansOptions gaussian_options;
+    gaussian_options.source = transfer_options.source;
+    gaussian_options.output = folder.file("gaussians.ply");
+    gaussian_options.resources = transfer_options.resources;
+    take(gaussians(gaussian_options));
+    return written;
+  }
+
+  std::vector<std::string> packs(const std::string& kind) const {
+    std::vector<std::string> found;
+    for (const auto& entry : std::filesystem::directory_iterator(pristine + "/v1/" + kind)) {
+      if (entry.path().extension() == ".pack") found.push_back(kind + "/" + entry.path().filename().string());
+    }
+    std::sort(found.begin(), found.end());
+    return found;
+  }
+
+  struct Verdict {
+    bool noticed = false, same = false;
+  };
+  /// Runs everything beside one pack that `harm` wrote.
+  Verdict judge(const std::string& pack, const std::function<void(const std::string&)>& harm) const {
+    std::filesystem::remove_all(cache);
+    std::filesystem::copy(pristine, cache, std::filesystem::copy_options::recursive);
+    harm(cache + "/v1/" + pack);
+    Verdict verdict;
+    std::vector<std::string> warnings;
+    verdict.same = run(&warnings) == expected;
+    verdict.noticed = std::any_of(warnings.begin(), warnings.end(), [](const std::string& w) {
+      return w.find("it is built again") != std::string::npos;
+    });
+    return verdict;
+  }
+  /// What must be noticed, and then does no harm.
+  void refuse(const std::string& what, const std::string& pack,
+              const std::function<void(const std::string&)>& harm) const {
+    const Verdict verdict = judge(pack, harm);
+    INFO(what << " in " << pack);
+    CHECK(verdict.noticed);
+    CHECK(verdict.same);
+  }
+};
+
+void set_u32(Bytes& raw, std::size_t at, std::uint32_t value) {
+  if (at + 4 <= raw.size()) tiles::put_u32(raw.data() + at, value);
+}
+
+/// What a field of 32 bits may be made to say: counts, signs, places, floats.
+std::vector<std::uint32_t> harmful(std::uint32_t was) {
+  return {0, was + 1, was ^ 1U, 0x7FFFFFFFU, 0x80000000U, 0xFFFFFFFFU, 0x7FC00000U};
+}
+
+/// Sets every 32 bits of the directory and of the first pages in turn. No job may fail.
+void harm_everywhere(const Jobs& jobs, const std::string& pack) {
+  const PackTree tree(jobs.pristine + "/v1/" + pack);
+  int cases = 0, noticed = 0;
+  const auto try_all = [&](int tile, const Bytes& raw) {
+    const std::size_t step = std::max<std::size_t>(4, raw.size() / 60 / 4 * 4);
+    // Odd places too: a colour directory has fields of one byte.
+    for (std::size_t at = 0; at + 4 <= raw.size(); at += at < 148 ? 4 : step) {
+      const std::vector<std::uint32_t> values = harmful(PackTree::u32(raw, at));
+      for (std::size_t v = at < 148 ? 0 : cases % 3; v < values.size(); v += at < 148 ? 1 : 3) {
+        const auto verdict = jobs.judge(pack, [&](const std::string& path) {
+          tree.write(path, [&](int where, Bytes& page) {
+            if (where == tile) set_u32(page, at, values[v]);
+          });
+        });
+        ++cases;
+        noticed += verdict.noticed ? 1 : 0;
+        if (verdict.noticed && !verdict.same)
+          FAIL("another picture: " << pack << " tile " << tile << " at " << at << " value " << v);
+      }
+    }
+  };
+  try_all(-1, tree.directory);
+  if (!tree.tiles.empty()) try_all(0, tree.tiles.front().page);
+  std::printf("FIGURE hostile %s: %d cases, %d noticed\n", pack.c_str(), cases, noticed);
+  CHECK(noticed > cases / 4);
+}
+
+/// A geometry pack with another first block.
+void harm_block(const std::string& pristine, const std::string& path,
+                const std::function<void(tiles::GeometryBlock&)>& harm) {
+  PackTree tree(pristine);
+  tiles::GeometryBlock block = tiles::decode_geometry(tree.tiles[0].blocks[0], "block");
+  harm(block);
+  tiles::encode(block, tree.tiles[0].blocks[0]);
+  tree.write(path, [&](int tile, Bytes& raw) {
+    if (tile != 0) return;
+    tiles::put_u32(raw.data(), block.page);
+    tiles::put_u32(raw.data() + 4, static_cast<std::uint32_t>(block.x));
+    tiles::put_u32(raw.data() + 8, static_cast<std::uint32_t>(block.y));
+    tiles::put_u32(raw.data() + 12, static_cast<std::uint32_t>(block.triangles.size()));
+  });
+}
+
+bool is_target(const Jobs& jobs, const std::string& pack) {
+  const PackTree tree(jobs.pristine + "/v1/" + pack);
+  return !tiles::decode_geometry(tree.tiles[0].blocks[0], "block").owner.empty();
+}
+
+}  // namespace
+
+TEST_CASE("blocks of a geometry pack that cannot be are noticed", "[flow]") {
+  const Jobs jobs(false);
+  using Block = tiles::GeometryBlock;
+  using Harm = std::function<void(Block&)>;
+  const std::vector<std::pair<std::string, Harm>> both{
+      {"a page beyond the last", [](Block& b) { b.page = 77; }},
+      {"an x far away", [](Block& b) { b.x = 1 << 30; }},
+      {"a y far away", [](Block& b) { b.y = INT32_MIN; }},
+      {"a position of NaN", [](Block& b) { b.positions[0].x = kNan; }},
+      {"an infinite position", [](Block& b) { b.positions[1].z = -kInfinity; }},
+      {"a long normal", [](Block& b) { b.normals[0] = {1e18F, 0, 0}; }},
+      {"a normal of NaN", [](Block& b) { b.normals[0].y = kNan; }},
+      {"a UV of NaN", [](Block& b) { b.uvs[0].x = kNan; }},
+      {"a UV that spans too much", [](Block& b) { b.uvs[0].y = 3e37F; }},
+      {"a triangle that the mesh lacks", [](Block& b) { b.ids[0] = 0xFFFFFFFF; }},
+  };
+  const std::vector<std::pair<std::string, Harm>> target{
+      {"an x beyond the image", [](Block& b) { b.x = 2; }},
+      {"an x before the image", [](Block& b) { b.x = -1; }},
+      {"a y beyond the image", [](Block& b) { b.y = 1; }},
+      {"no runs", [](Block& b) { b.owner.clear(); }},
+      {"texels beyond the image", [](Block& b) { b.owner.assign(tiles::kTexelsPerBlock, 0); }},
+      {"no texels", [](Block& b) { b.owner.assign(tiles::kTexelsPerBlock, tiles::kNoTriangle); }},
+      {"periods that span too much",
+       [](Block& b) { b.shifts.assign(b.triangles.size(), {INT32_MAX, INT32_MIN}); }},
+  };
+  const std::vector<std::pair<std::string, Harm>> source{
+      {"runs", [](Block& b) { b.owner.assign(tiles::kTexelsPerBlock, 0); }},
+      {"periods", [](Block& b) { b.shifts.assign(b.triangles.size(), {1, 1}); }},
+  };
+  int targets = 0;
+  for (const std::string& pack : jobs.packs("geometry")) {
+    const bool side = is_target(jobs, pack);
+    targets += side ? 1 : 0;
+    auto all = both;
+    all.insert(all.end(), (side ? target : source).begin(), (side ? target : source).end());
+    for (const auto& [what, harm] : all) {
+      jobs.refuse(what, pack, [&](const std::string& path) {
+        harm_block(jobs.pristine + "/v1/" + pack, path, harm);
+      });
+    }
+  }
+  CHECK(targets == 1);
+}
+
+TEST_CASE("a chunk at an odd place is no other thing of the same name", "[flow]") {
+  // Decoded things are kept under their place in the pack, pages of the index with a low bit set.
+  const Jobs jobs(false);
+  for (const std::string& pack : jobs.packs("geometry")) {
+    const PackTree tree(jobs.pristine + "/v1/" + pack);
+    jobs.refuse("a block in place of a page", pack, [&](const std::string& path) {
+      std::uint64_t page_at = 0;
+      tree.write(path, [&](int tile, Bytes& raw) {
+        if (tile == -1) page_at = tiles::get_u64(raw.data() + tree.at[0]);
+      });
+      tree.write(path, [&](int tile, Bytes& raw) {
+        if (tile == 0) tiles::put_u64(raw.data() + tree.tiles[0].at[0], page_at | 1);
+      });
+    });
+  }
+}
+
+TEST_CASE("blocks that are there twice, or pages in another order, are noticed", "[flow]") {
+  const Jobs jobs(false);
+  for (const std::string& pack : jobs.packs("geometry")) {
+    if (!is_target(jobs, pack)) continue;
+    PackTree tree(jobs.pristine + "/v1/" + pack);
+    tree.tiles.push_back(tree.tiles.front());
+    tree.directory.insert(tree.directory.end(),
+                          tree.directory.begin() + static_cast<std::ptrdiff_t>(tree.at[0]) - 24,
+                          tree.directory.begin() + static_cast<std::ptrdiff_t>(tree.at[0]) + 20);
+    tree.at.push_back(tree.directory.size() - 20);
+    tiles::put_u32(tree.directory.data() + 4, static_cast<std::uint32_t>(tree.tiles.size()));
+    jobs.refuse("a tile twice", pack, [&](const std::string& path) { tree.write(path); });
+  }
+}
+
+TEST_CASE("fields of geometry packs do no harm whatever they say", "[flow]") {
+  const Jobs jobs(false);
+  for (const std::string& pack : jobs.packs("geometry")) harm_everywhere(jobs, pack);
+}
+
+TEST_CASE("fields of colour packs do no harm whatever they say", "[flow]") {
+  const Jobs jobs(false);
+  const auto packs = jobs.packs("colour");
+  REQUIRE(!packs.empty());
+  harm_everywhere(jobs, packs.front());
+  const PackTree tree(jobs.pristine + "/v1/" + packs.front());
+  const auto directory = [&](std::size_t at, unsigned value) {
+    return [&tree, at, value](const std::string& path) {
+      tree.write(path, [&](int tile, Bytes& raw) {
+        if (tile == -1) raw[at] = static_cast<std::byte>(value);
+      });
+    };
+  };
+  jobs.refuse("a depth that is none", packs.front(), directory(12, 4));
+  jobs.refuse("a wrap mode that is none", packs.front(), directory(15, 3));
+  jobs.refuse("a huge width", packs.front(), directory(3, 0xFF));
+  jobs.refuse("a huge height", packs.front(), directory(7, 0xFF));
+}
+
+TEST_CASE("fields of splat packs do no harm whatever they say", "[flow]") {
+  const Jobs jobs(true);
+  const auto packs = jobs.packs("splats");
+  REQUIRE(packs.size() == 1);
+  harm_everywhere(jobs, packs.front());
+  using Block = tiles::SplatBlock;
+  const std::vector<std::pair<std::string, std::function<void(Block&)>>> blocks{
+      {"a mean of NaN", [](Block& b) { b.mean[1][0] = kNan; }},
+      {"an infinite mean", [](Block& b) { b.mean[2][0] = kInfinity; }},
+      {"a sigma below 0", [](Block& b) { b.sigma[0][0] = -1; }},
+      {"an infinite sigma", [](Block& b) { b.sigma[0][0] = kInfinity; }},
+      {"no sigma at all", [](Block& b) { b.sigma[0][0] = b.sigma[1][0] = b.sigma[2][0] = 0; }},
+      {"a quaternion that turns nothing", [](Block& b) { b.rotation[0][0] = 0; }},
+      {"a long quaternion", [](Block& b) { b.rotation[0][0] = 1e18F; }},
+      {"an alpha of 0", [](Block& b) { b.alpha[0] = 0; }},
+      {"an alpha of 2", [](Block& b) { b.alpha[0] = 2; }},
+      {"a colour of NaN", [](Block& b) { b.colour[0][0] = kNan; }},
+      {"a long normal", [](Block& b) { b.normal[0][0] = 1e18F; }},
+  };
+  for (const auto& [what, harm] : blocks) {
+    jobs.refuse(what, packs.front(), [&](const std::string& path) {
+      PackTree tree(jobs.pristine + "/v1/" + packs.front());
+      Block block = tiles::decode_splats(tree.tiles[0].blocks[0], "block");
+      harm(block);
+      tiles::encode(block, tree.tiles[0].blocks[0]);
+      tree.write(path);
+    });
+  }
+}
+
+TEST_CASE("float colours beyond their scale are noticed", "[flow]") {
+  tiles::ColourDirectory image;
+  image.width = image.height = 4;
+  image.channels = 1;
+  image.scale = 2;
+  const auto files = make_memory_file_system();
+  tiles::Compressor compressor;
+  for (const Depth depth : {Depth::half, Depth::float32}) {
+    image.depth = depth;
+    for (const float sample : {2.0F, -2.0F, 2.5F, kNan, kInfinity}) {
+      Bytes tile(std::size_t{68} * 68 * tiles::depth_bytes(depth)), raw;
+      const std::uint32_t bits = depth == Depth::float32 ? std::bit_cast<std::uint32_t>(sample)
+                                                         : float_to_half(sample);
+      std::memcpy(tile.data() + 40, &bits, tiles::depth_bytes(depth));
+      tiles::filter_colours(image, tile, raw);
+      files->remove("pack");
+      tiles::ColourStoreWriter writer(
+          std::make_unique<tiles::PackWriter>(files->create("pack"), tiles::PackKind::colour,
+                                              Hash128{1, 2}),
+          1);
+      std::vector<Bytes> stored(1);
+      compressor.compress(raw, stored[0]);
+      writer.add_row(0, stored, static_cast<std::uint32_t>(raw.size()), compressor);
+      writer.finish(image, compressor);
+      const tiles::ColourStore store(
+          std::make_unique<tiles::PackReader>(files->open("pack"), "pack", tiles::PackKind::colour,
+                                              Hash128{1, 2}),
+          compressor);
+      const auto chunk = store.read_row(0, compressor).front();
+      CHECK((error_kind([&] { store.read_tile(chunk, compressor); }) == kDamaged) ==
+            !(std::abs(sample) <= 2));
+    }
+  }
+}
+
+}  // namespace pounce::test

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A pack taken apart into payloads and put together again with right checksums and places, whatever
+// its payloads say by then: what somebody who means harm would write.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "core/file.h"
+#include "support/bytes.h"
+#include "tiles/chunk_payload.h"
+#include "tiles/pack.h"
+#include "tiles/pack_layout.h"
+
+namespace pounce::test {
+
+struct PackTree {
+  using Bytes = std::vector<std::byte>;
+  struct Tile {
+    Bytes page;                  ///< of the index
+    std::vector<Bytes> blocks;   ///< payloads, in the page's order
+    std::vector<std::size_t> at;  ///< where the page holds each block's chunk
+  };
+  tiles::PackKind kind{};
+  Hash128 key;
+  Bytes directory;
+  std::vector<Tile> tiles;
+  std::vector<std::size_t> at;  ///< where the directory holds each page's chunk
+
+  static std::uint32_t u32(const Bytes& raw, std::size_t at) {
+    return tiles::get_u32(raw.data() + at);
+  }
+
+  explicit PackTree(const std::string& path) {
+    auto file = posix_file_system().open(path);
+    const tiles::PackInfo info = tiles::read_pack_info(*file, path);
+    kind = info.kind;
+    key = info.key;
+    const tiles::PackReader pack(std::move(file), path, kind, key);
+    tiles::Compressor compressor;
+    directory = tiles::read_payload(pack, pack.directory(), tiles::ChunkKind::directory, compressor);
+    find_tiles();
+    for (const std::size_t place : at) {
+      Tile tile;
+      tile.page = tiles::read_payload(pack, chunk(directory, place), tiles::ChunkKind::index_page,
+                                      compressor);
+      find_blocks(tile);
+      for (const std::size_t block : tile.at) {
+        tile.blocks.push_back(tiles::read_payload(pack, chunk(tile.page, block),
+                                                  tiles::ChunkKind::block, compressor));
+      }
+      tiles.push_back(std::move(tile));
+    }
+  }
+
+  /// Called with each page (its tile's number) and the directory (-1) when all places are right.
+  using Harm = std::function<void(int tile, Bytes& raw)>;
+
+  void write(const std::string& path, const Harm& harm) const {
+    PackTree copy = *this;
+    posix_file_system().remove(path);
+    tiles::PackWriter pack(posix_file_system().create(path), kind, key);
+    tiles::Compressor compressor;
+    for (std::size_t t = 0; t < copy.tiles.size(); ++t) {
+      Tile& tile = copy.tiles[t];
+      for (std::size_t b = 0; b < tile.blocks.size(); ++b) {
+        put(tile.page, tile.at[b],
+            tiles::append_payload(pack, tiles::ChunkKind::block, tile.blocks[b], compressor));
+      }
+      harm(static_cast<int>(t), tile.page);
+      put(copy.directory, copy.at[t],
+          tiles::append_payload(pack, tiles::ChunkKind::index_page, tile.page, compressor));
+    }
+    harm(-1, copy.directory);
+    pack.finish(tiles::append_payload(pack, tiles::ChunkKind::directory, copy.directory, compressor));
+    pack.file().sync();
+  }
+  void write(const std::string& path) const {
+    write(path, [](int, Bytes&) {});
+  }
+
+ private:
+  static tiles::ChunkRef chunk(const Bytes& raw, std::size_t at) {
+    return {tiles::get_u64(raw.data() + at), u32(raw, at + 8), u32(raw, at + 12)};
+  }
+  static void put(Bytes& raw, std::size_t at, const tiles::ChunkRef& chunk) {
+    tiles::put_u64(raw.data() + at, chunk.offset);
+    tiles::put_u32(raw.data() + at + 8, chunk.stored_bytes);
+    tiles::put_u32(raw.data() + at + 12, chunk.raw_bytes);
+  }
+
+  void find_tiles() {
+    const bool geometry = kind == tiles::PackKind::geometry;
+    const std::size_t first = geometry ? 80 + 68 * std::size_t{u32(directory, 0)} + 24
+                              : kind == tiles::PackKind::colour ? 29
+                                                                : 136 + 24;
+    const std::size_t step = geometry ? 44 : kind == tiles::PackKind::colour ? 16 : 48;
+    for (std::size_t place = first; place + 16 <= directory.size(); place += step)
+      at.push_back(place);
+  }
+  void find_blocks(Tile& tile) const {
+    std::size_t place = 0;
+    while (place < tile.page.size()) {
+      if (kind == tiles::PackKind::geometry) {
+        tile.at.push_back(place + 24);
+        place += 44 + 24 * std::size_t{u32(tile.page, place + 40)};
+      } else {
+        tile.at.push_back(kind == tiles::PackKind::colour ? place : place + 32);
+        place += kind == tiles::PackKind::colour ? 16 : 48;
+      }
+    }
+  }
+};
+
+}  // namespace pounce::test
