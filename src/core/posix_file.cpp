@@ -20,6 +20,7 @@
 #include <utility>
 
 #include "core/file.h"
+#include "core/open_file.h"
 #include "pounce/error.h"
 
 namespace pounce {
@@ -81,7 +82,7 @@ int open_retrying(const char* path, int flags, mode_t mode = 0) {
 int open_to_lock(const char* path, int flags, mode_t mode = 0) {
   const int fd = open_retrying(path, O_RDWR | flags, mode);
   if (fd >= 0 || errno != EACCES) return fd;
-  const int readable = open_retrying(path, O_RDONLY);
+  const int readable = open_for_reading(path);
   if (readable < 0) errno = EACCES;
   return readable;
 }
@@ -147,7 +148,12 @@ class PosixReadFile final : public ReadFile {
   PosixReadFile(int fd, std::string path) : fd_(fd), path_(std::move(path)) {
     struct stat status {};
     if (::fstat(fd_.get(), &status) != 0) fail(path_, "read the size", errno);
-    if (!S_ISREG(status.st_mode)) fail(path_, "read", S_ISDIR(status.st_mode) ? EISDIR : EINVAL);
+    if (!S_ISREG(status.st_mode)) {
+      throw Error(ErrorKind::storage,
+                  fmt::format("{}: cannot read: it is {}, not a file; write what should be read "
+                              "into a file first",
+                              path_, kind_of_file(status.st_mode)));
+    }
     size_ = static_cast<std::uint64_t>(status.st_size);
   }
   std::uint64_t size_bytes() const override { return size_; }
@@ -267,7 +273,7 @@ class PosixFileLock final : public FileLock {
 class PosixFileSystem final : public FileSystem {
  public:
   std::unique_ptr<ReadFile> open(const std::string& path) override {
-    const int fd = open_retrying(path.c_str(), O_RDONLY);
+    const int fd = open_for_reading(path);
     if (fd < 0) fail(path, "open", errno);
     return std::make_unique<PosixReadFile>(fd, path);
   }
@@ -356,7 +362,7 @@ class PosixFileSystem final : public FileSystem {
   }
 
   std::unique_ptr<ReadFile> open_held(const std::string& path) override {
-    const int fd = open_retrying(path.c_str(), O_RDONLY);
+    const int fd = open_for_reading(path);
     if (fd < 0 && errno == ENOENT) return nullptr;
     if (fd < 0) fail(path, "open", errno);
     auto file = std::make_unique<PosixReadFile>(fd, path);

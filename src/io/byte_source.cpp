@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/byte_source.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -10,6 +9,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "core/open_file.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -65,7 +65,7 @@ ByteSource::ByteSource(const mesh::ImageRef& image)
     memory_ = image.bytes;
     size_bytes_ = memory_->size();
   } else {
-    descriptor_ = ::open(image.path.c_str(), O_RDONLY | O_CLOEXEC);
+    descriptor_ = open_for_reading(image.path);
     struct stat status {};
     if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0) {
       const int reason = errno;
@@ -86,7 +86,8 @@ ByteSource::ByteSource(const mesh::ImageRef& image)
                                 "the file was cut off",
                                 label_, offset_bytes_, offset_bytes_ + size_bytes_, image.path,
                                 file_bytes)
-                  : fmt::format("{}: {} is not a file", label_, image.path));
+                  : fmt::format("{}: {} is {}, not a file", label_, image.path,
+                                kind_of_file(status.st_mode)));
     }
   }
   if (size_bytes_ == 0) {

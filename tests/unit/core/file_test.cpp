@@ -4,6 +4,7 @@
 #include "core/file.h"
 
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <atomic>
 #include <catch2/catch.hpp>
@@ -199,12 +200,21 @@ TEST_CASE("a scratch file has no name in its folder", "[core]") {
   CHECK(posix_file_system().list(folder.path().string()).empty());
 }
 
-TEST_CASE("a folder is not a file to read", "[core]") {
+TEST_CASE("a folder, a pipe and a device are not files to read, and nothing waits", "[core]") {
   const test::TempFolder folder;
+  const std::string pipe = folder.file("pipe");
+  REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
   std::string message;
-  CHECK(error_kind([&] { posix_file_system().open(folder.path().string()); }, &message) ==
-        kStorage);
-  CHECK_THAT(message, Catch::Contains("directory"));
+  const auto open = [&](const std::string& path) {
+    return error_kind([&] { posix_file_system().open(path); }, &message);
+  };
+  CHECK(open(folder.path().string()) == kStorage);
+  CHECK_THAT(message, Catch::Contains("it is a folder, not a file"));
+  CHECK(open(pipe) == kStorage);
+  CHECK_THAT(message, Catch::Contains("it is a pipe, not a file"));
+  CHECK(open("/dev/zero") == kStorage);
+  CHECK_THAT(message, Catch::Contains("it is a device, not a file"));
+  CHECK(error_kind([&] { posix_file_system().open_held(pipe); }, &message) == kStorage);
 }
 
 /// No file of this process may grow beyond a size while this object lives.
