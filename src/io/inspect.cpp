@@ -120,10 +120,22 @@ Json describe_file(const std::string& path) {
   return json;
 }
 
+/// In text a line is one thing: a name with a line end in it must not look like the next.
+void join_lines(Json& value) {
+  if (value.is_structured()) {
+    for (Json& item : value) join_lines(item);
+  } else if (value.is_string()) {
+    for (char& c : value.get_ref<std::string&>()) {
+      if (c == '\n' || c == '\r') c = ' ';
+    }
+  }
+}
+
 }  // namespace
 
 std::string inspect_text(const std::string& path) {
-  const Json file = describe_file(path);
+  Json file = describe_file(path);
+  join_lines(file);
   const std::string type = file["type"].get<std::string>();
   std::string text = fmt::format("{}: {}\n", path, type == "pack" ? "tile pack" : type);
   if (type == "mesh") return text + io::mesh_text(file);

@@ -64,8 +64,8 @@ int run_comparison(const Settings& settings) {
   const bool passed = !settings.min_psnr_db || result.psnr_db >= *settings.min_psnr_db;
   write_stdout(settings.json ? comparison_json(result, passed) : comparison_text(result));
   if (!passed) {
-    fmt::print(stderr, "pounce: {} and {}: {:.2f} dB, below the {:g} dB asked for\n", settings.a,
-               settings.b, result.psnr_db, *settings.min_psnr_db);
+    write_stderr(fmt::format("pounce: {} and {}: {:.2f} dB, below the {:g} dB asked for\n",
+                             settings.a, settings.b, result.psnr_db, *settings.min_psnr_db));
   }
   return passed ? 0 : kBelowThreshold;
 }

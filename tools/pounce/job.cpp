@@ -15,6 +15,7 @@
 
 #include "pounce/error.h"
 #include "summary.h"
+#include "visible.h"
 
 namespace pounce::cli {
 namespace {
@@ -113,9 +114,15 @@ void write_file(const std::string& path, const std::string& text) {
 }  // namespace
 
 void write_stdout(const std::string& text) {
-  const bool arrived =
-      std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0;
+  const std::string shown = visible(text);
+  const bool arrived = std::fwrite(shown.data(), 1, shown.size(), stdout) == shown.size() &&
+                       std::fflush(stdout) == 0;
   if (!arrived) cannot("cannot be written", "standard output");
+}
+
+void write_stderr(const std::string& text) {
+  const std::string shown = visible(text);
+  std::fwrite(shown.data(), 1, shown.size(), stderr);
 }
 
 int run_job(const JobSettings& settings, const std::function<Report(Progress*)>& job) {
@@ -146,7 +153,7 @@ int run_job(const JobSettings& settings, const std::function<Report(Progress*)>&
       said += summary_text(report, wall_s);
       if (settings.verbose) said += details_text(report);
     }
-    std::fwrite(said.data(), 1, said.size(), stderr);
+    write_stderr(said);
   }
   return 0;
 }

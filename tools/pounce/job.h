@@ -25,7 +25,10 @@ struct JobSettings {
 /// in a process.
 int run_job(const JobSettings& settings, const std::function<Report(Progress*)>& job);
 
-/// Writes text to the standard output and makes sure that it arrived; throws Error(storage).
+/// Writes text or JSON to the standard output, visible(), and makes sure that it arrived; throws
+/// Error(storage).
 void write_stdout(const std::string& text);
+/// Writes text to the standard error output, visible(). That it cannot be read there is no error.
+void write_stderr(const std::string& text);
 
 }  // namespace pounce::cli

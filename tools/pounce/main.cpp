@@ -14,6 +14,7 @@
 #include "pounce/error.h"
 #include "pounce/version.h"
 #include "shared_options.h"
+#include "visible.h"
 
 namespace {
 
@@ -43,7 +44,7 @@ int usage_error(const CLI::App& program, const std::string& message) {
     command = command->get_subcommands().front();
     name += " " + command->get_name();
   }
-  std::fprintf(stderr, "pounce: error: %s\nTry '%s --help'.\n", message.c_str(), name.c_str());
+  pounce::cli::write_stderr("pounce: error: " + message + "\nTry '" + name + " --help'.\n");
   return pounce::exit_status(pounce::ErrorKind::usage);
 }
 
@@ -98,9 +99,10 @@ int main(int argc, char** argv) try {
   std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is then an error of write(), like a full disk
   return run(argc, argv);
 } catch (const pounce::Error& error) {
-  std::fprintf(stderr, "pounce: error: %s\n", error.what());
+  pounce::cli::write_stderr("pounce: error: " + pounce::cli::visible_line(error.what()) + "\n");
   return pounce::exit_status(error.kind());
 } catch (const std::exception& error) {
-  std::fprintf(stderr, "pounce: internal error: %s (please report)\n", error.what());
+  pounce::cli::write_stderr("pounce: internal error: " + pounce::cli::visible_line(error.what()) +
+                            " (please report)\n");
   return pounce::exit_status(pounce::ErrorKind::internal);
 }

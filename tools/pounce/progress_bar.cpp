@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pounce/error.h"
+#include "visible.h"
 
 namespace pounce::cli {
 namespace {
@@ -159,8 +160,9 @@ ProgressFigures ProgressBar::figures(const ProgressEvent& event) {
   return {!is_new && stage_s >= kShortestS ? units / stage_s : 0, time_left_.seconds()};
 }
 
-void ProgressBar::show(const ProgressEvent& event) {
+void ProgressBar::show(ProgressEvent event) {
   if (kind_ == ProgressKind::none) return;
+  event.stage = visible_line(event.stage);  // it may quote a file of the cache
   const ProgressFigures now = figures(event);
   switch (kind_) {
     case ProgressKind::json:

@@ -57,7 +57,7 @@ class ProgressBar {
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
 
-  void show(const ProgressEvent& event);
+  void show(ProgressEvent event);
   /// Erases the bar, so that what is printed next starts on a clean line.
   void finish();
 

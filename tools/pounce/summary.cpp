@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "visible.h"
+
 namespace pounce::cli {
 namespace {
 
@@ -48,7 +50,8 @@ std::string bytes_text(std::uint64_t bytes) {
 std::string summary_text(const Report& report, double wall_s) {
   std::string text;
   const std::size_t listed = std::min(report.outputs.size(), kMostOutputsListed);
-  for (std::size_t i = 0; i < listed; ++i) text += fmt::format("wrote {}\n", report.outputs[i]);
+  for (std::size_t i = 0; i < listed; ++i)
+    text += fmt::format("wrote {}\n", visible_line(report.outputs[i]));
   if (listed < report.outputs.size()) {
     text += fmt::format("wrote {} more\n", report.outputs.size() - listed);
   }
@@ -116,14 +119,15 @@ std::string plan_text(const Report& report) {
   add("target store", report.target_store_bytes);
   add("scratch disk", report.temp_peak_bytes);
   add("written", report.bytes_written);
-  for (const std::string& path : report.outputs) text += fmt::format("would write   {}\n", path);
+  for (const std::string& path : report.outputs)
+    text += fmt::format("would write   {}\n", visible_line(path));
   return text;
 }
 
 std::string warnings_text(const Report& report) {
   std::string text;
   for (const std::string& warning : report.warnings) {
-    text += fmt::format("pounce: warning: {}\n", warning);
+    text += fmt::format("pounce: warning: {}\n", visible_line(warning));
   }
   return text;
 }
