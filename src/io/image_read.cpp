@@ -205,6 +205,7 @@ void ImageReader::Impl::open() {
   proxy = std::make_unique<SourceProxy>(bytes, stream.get());
   auto created = OIIO::ImageInput::create(info.format);
   if (!created) refuse(bytes.label(), fmt::format("OpenImageIO was built without {}", info.format));
+  created->threads(1);
   OIIO::ImageSpec config, spec;
   config.attribute("oiio:UnassociatedAlpha", 1);
   OIIO::Filesystem::IOProxy* io = proxy.get();

@@ -220,6 +220,7 @@ struct ImageWriter::Impl {
     proxy = std::move(to);
     output = OIIO::ImageOutput::create(format.name);
     if (!output) fail(fmt::format("OpenImageIO was built without {}", format.name));
+    output->threads(1);
     OIIO::ImageSpec foreign = oiio_spec(format, spec);
     OIIO::Filesystem::IOProxy* io = proxy.get();
     foreign.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &io);

@@ -10,8 +10,7 @@ namespace pounce::io {
 void set_up_oiio() {
   static std::once_flag once;
   std::call_once(once, [] {
-    OIIO::attribute("threads", 1);
-    OIIO::attribute("exr_threads", -1);         // -1: none at all
+    OIIO::attribute("exr_threads", -1);         // -1: none at all; it has no setting per file
     OIIO::attribute("limits:imagesize_MB", 0);  // no limit: we never allocate by what a header says
   });
 }
