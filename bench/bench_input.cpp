@@ -74,7 +74,7 @@ std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
   job->target_plan =
       flow::plan_target(job->options, job->plan, job->options.targets.front(), job->target);
   job->context =
-      flow::open_job(job->options.resources, job->options.output, true, false, false, nullptr);
+      flow::open_job(job->options.resources, job->options.output, true, false, false, job->run);
   job->context->tile_cap_bytes = flow::kTileCapBytes;
   const flow::PassPlan& pass = job->plan.passes.at(0);
   bool cached = false;

@@ -39,6 +39,7 @@ struct PreparedJob {
   mesh::Mesh source, target;
   flow::Plan plan;
   flow::TargetPlan target_plan;
+  flow::JobRun run{nullptr};
   std::unique_ptr<flow::JobContext> context;
   std::unique_ptr<tiles::GeometryStore> source_store, target_store;
   std::unique_ptr<tiles::ColourStore> colours;

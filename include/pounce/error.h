@@ -30,6 +30,9 @@ class Error : public std::runtime_error {
   ErrorKind kind_;
 };
 
+/// The name of a kind, as written above: "usage", "damaged_store", ...
+const char* error_kind_name(ErrorKind kind) noexcept;
+
 /// The exit status that belongs to a kind of error.
 constexpr int exit_status(ErrorKind kind) noexcept { return static_cast<int>(kind); }
 

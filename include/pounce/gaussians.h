@@ -16,6 +16,8 @@ namespace pounce {
 /// output bytes, at any budget, thread count and cache state. The file appears whole or not at all.
 ///
 /// Blocks until done. Throws pounce::Error. `progress` may be null; it must outlive the call.
-Report gaussians(const GaussiansOptions& options, Progress* progress = nullptr);
+/// `so_far` as in transfer().
+Report gaussians(const GaussiansOptions& options, Progress* progress = nullptr,
+                 Report* so_far = nullptr);
 
 }  // namespace pounce

@@ -108,12 +108,15 @@ struct TransferOptions {
   /// Empty: baseColor if `output` is an image without <CHANNEL>, else every channel the source has.
   std::vector<Channel> channels;
   bool all_channels = false;  ///< every channel the source has; `channels` must be empty
-  /// How far along its normal, both ways, a texel may look. Larger costs time where nothing is
-  /// near.
+  /// How far along its normal, both ways, a texel may look. Larger costs time: much where nothing
+  /// is near, up to half as much again of splats, else little.
   Length max_distance{5, true};
   /// Source surface that faces away from the texel's normal by more than this is not seen; 0..89.9.
   double max_angle_deg = 80;
   std::optional<std::uint32_t> padding_px;  ///< default: larger side of the image / 128
+  /// 0..100: of how many of its texels a target must find the source. A target below this is
+  /// written like any other; TargetReport::enough says which are.
+  double min_coverage_percent = 0;
   /// Outputs that are there and younger than everything they are made from stay as they are. That
   /// the options were others is not noticed.
   bool skip_existing = false;

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,11 +19,79 @@ struct StageTime {
   bool cached = false;  ///< its result came from the cache
 };
 
+/// An option that the job was given: what differs from its default.
+struct OptionReport {
+  std::string name;  ///< as on the command line, without dashes
+  std::vector<std::string> values;
+  bool is_list = false;  ///< may have several values
+};
+
+/// Texels of one image, or of several.
+struct TexelCounts {
+  std::uint64_t texels = 0;   ///< in the charts
+  std::uint64_t covered = 0;  ///< of those: found a source
+  std::uint64_t empty = 0;    ///< of those: found none
+  std::uint64_t filled = 0;   ///< outside the charts: filled by padding
+};
+
+/// One image of a target.
+struct ImageReport {
+  std::string path;  ///< the file; of a model: the model
+  std::string channel;
+  std::string material;  ///< texture set; "default" where all materials share one
+  int udim = 0;          ///< 0: the output has no tiles
+  std::uint32_t width = 0, height = 0;
+  /// "written"; "kept": up to date (skip_existing), its counts are 0; "empty": nothing was found
+  /// and nothing written.
+  std::string state;
+  TexelCounts counts;
+};
+
+/// Covered texels by how far away they found the source, in sixteenths of the maximum distance.
+inline constexpr std::size_t kDistanceBins = 16;
+using DistanceCounts = std::array<std::uint64_t, kDistanceBins>;
+
+/// What one target got.
+struct TargetReport {
+  std::string path;
+  TexelCounts counts;             ///< of its first channel, over all images that were not kept
+  std::uint64_t overlapping = 0;  ///< texels that more than one triangle claims
+  double max_distance = 0;        ///< in the target's units
+  DistanceCounts distances{};     ///< of the first channel
+  std::vector<ImageReport> images;
+  bool enough = true;  ///< not below TransferOptions::min_coverage_percent
+};
+
+/// One channel over all targets.
+struct ChannelReport {
+  std::string name;
+  std::uint64_t images = 0;  ///< written
+  TexelCounts counts;
+};
+
+/// Room on disk that a job may take, known before its work: bounds from above. What it really takes
+/// depends on how well things compress.
+struct DiskForecast {
+  std::uint64_t scratch_bytes = 0;  ///< of scratch files, at one moment
+  std::uint64_t cache_bytes = 0;    ///< added to the cache; 0 without one
+  std::uint64_t output_bytes = 0;   ///< of all outputs
+};
+
+/// What a job that failed ended with.
+struct Failure {
+  std::string kind;     ///< error_kind_name()
+  int exit_status = 0;  ///< of the program
+  std::string message;
+};
+
 /// What a job did. Bytes and seconds throughout.
 struct Report {
   std::string version;
   std::string command;
-  std::string isa;  ///< instruction set of the kernels: "sse2", "avx2", "avx512"
+  std::optional<Failure> failure;     ///< nothing: the job succeeded
+  std::vector<std::string> inputs;    ///< files that were read
+  std::vector<OptionReport> options;  ///< that were given
+  std::string isa;                    ///< instruction set of the kernels: "sse2", "avx2", "avx512"
   unsigned threads = 0;
   std::vector<StageTime> stages;
 
@@ -38,10 +108,14 @@ struct Report {
   std::uint64_t target_empty = 0;        ///< of target_texels: found nothing
   std::uint64_t target_overlapping = 0;  ///< texels that more than one target triangle claimed
   std::vector<int> udims;                ///< UDIM numbers written
+  std::vector<TargetReport> targets;     ///< in the order they were made
+  std::vector<ChannelReport> channels;   ///< in the order of their channels
 
   std::uint64_t source_tiles = 0, target_tiles = 0, tiles_read = 0, tiles_written = 0;
   std::uint64_t bytes_read = 0, bytes_written = 0, temp_peak_bytes = 0;
   std::uint64_t source_store_bytes = 0, target_store_bytes = 0;
+  std::uint64_t output_bytes = 0;  ///< of the files in `outputs`
+  DiskForecast disk_most;
   std::uint64_t memory_budget_bytes = 0, leased_peak_bytes = 0, peak_rss_bytes = 0;
   std::uint64_t least_memory_bytes = 0;  ///< the smallest budget that works for this job
 

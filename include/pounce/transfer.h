@@ -15,12 +15,14 @@ namespace pounce {
 /// all.
 ///
 /// Blocks until done; one job may run beside another in one process (each with its own budget).
-/// Throws pounce::Error. `progress` may be null; it must outlive the call.
-Report transfer(const TransferOptions& options, Progress* progress = nullptr);
+/// Throws pounce::Error. `progress` may be null; it must outlive the call. `so_far`, if given, is
+/// the report also of a job that throws: what was done until then, and its failure.
+Report transfer(const TransferOptions& options, Progress* progress = nullptr,
+                Report* so_far = nullptr);
 
 /// Vectorizes the target alone and writes its projection maps as images:
 /// "position" (xyz in the target's units), "normal" (unit xyz) and "mask" (1 = covered).
 /// Same promises as transfer().
-Report maps(const MapsOptions& options, Progress* progress = nullptr);
+Report maps(const MapsOptions& options, Progress* progress = nullptr, Report* so_far = nullptr);
 
 }  // namespace pounce

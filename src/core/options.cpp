@@ -4,6 +4,8 @@
 #include <array>
 #include <cstddef>
 
+#include "pounce/error.h"
+
 namespace pounce {
 namespace {
 
@@ -36,6 +38,28 @@ const char* depth_name(Depth depth) noexcept {
 
 std::optional<Depth> depth_from_name(const std::string& name) noexcept {
   return find_name<Depth>(kDepthNames, name);
+}
+
+const char* error_kind_name(ErrorKind kind) noexcept {
+  switch (kind) {
+    case ErrorKind::usage:
+      return "usage";
+    case ErrorKind::input:
+      return "input";
+    case ErrorKind::budget:
+      return "budget";
+    case ErrorKind::storage:
+      return "storage";
+    case ErrorKind::damaged_store:
+      return "damaged_store";
+    case ErrorKind::internal:
+      return "internal";
+    case ErrorKind::busy:
+      return "busy";
+    case ErrorKind::cancelled:
+      return "cancelled";
+  }
+  return "internal";
 }
 
 }  // namespace pounce

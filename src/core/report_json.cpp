@@ -19,12 +19,83 @@ Json stages_json(const Report& report) {
   return stages;
 }
 
+Json failure_json(const Report& report) {
+  if (!report.failure) return nullptr;
+  return {{"kind", report.failure->kind},
+          {"exit_status", report.failure->exit_status},
+          {"message", report.failure->message}};
+}
+
+Json options_json(const Report& report) {
+  Json options = Json::object();
+  for (const OptionReport& option : report.options) {
+    if (option.is_list) {
+      options[option.name] = option.values;
+    } else {
+      options[option.name] = option.values.front();
+    }
+  }
+  return options;
+}
+
+void add_counts(const TexelCounts& counts, Json& json) {
+  json["texels"] = counts.texels;
+  json["covered"] = counts.covered;
+  json["empty"] = counts.empty;
+  json["filled"] = counts.filled;
+}
+
+Json image_json(const ImageReport& image) {
+  Json json;
+  json["path"] = image.path;
+  json["channel"] = image.channel;
+  json["material"] = image.material;
+  json["udim"] = image.udim == 0 ? Json(nullptr) : Json(image.udim);
+  json["width"] = image.width;
+  json["height"] = image.height;
+  json["state"] = image.state;
+  add_counts(image.counts, json);
+  return json;
+}
+
+Json targets_json(const Report& report) {
+  Json targets = Json::array();
+  for (const TargetReport& target : report.targets) {
+    Json json;
+    json["path"] = target.path;
+    add_counts(target.counts, json);
+    json["overlapping"] = target.overlapping;
+    json["enough"] = target.enough;
+    json["max_distance"] = target.max_distance;
+    json["distances"] = target.distances;
+    json["images"] = Json::array();
+    for (const ImageReport& image : target.images) json["images"].push_back(image_json(image));
+    targets.push_back(std::move(json));
+  }
+  return targets;
+}
+
+Json channels_json(const Report& report) {
+  Json channels = Json::array();
+  for (const ChannelReport& channel : report.channels) {
+    Json json;
+    json["name"] = channel.name;
+    json["images"] = channel.images;
+    add_counts(channel.counts, json);
+    channels.push_back(std::move(json));
+  }
+  return channels;
+}
+
 }  // namespace
 
 std::string to_json(const Report& report) {
   Json json;
   json["version"] = report.version;
   json["command"] = report.command;
+  json["failure"] = failure_json(report);
+  json["inputs"] = report.inputs;
+  json["options"] = options_json(report);
   json["isa"] = report.isa;
   json["threads"] = report.threads;
   json["stages"] = stages_json(report);
@@ -37,6 +108,8 @@ std::string to_json(const Report& report) {
   json["target"] = {{"texels", report.target_texels},           {"covered", report.target_covered},
                     {"filled", report.target_filled},           {"empty", report.target_empty},
                     {"overlapping", report.target_overlapping}, {"udims", report.udims}};
+  json["targets"] = targets_json(report);
+  json["channels"] = channels_json(report);
   json["tiles"] = {{"source", report.source_tiles},
                    {"target", report.target_tiles},
                    {"read", report.tiles_read},
@@ -45,7 +118,11 @@ std::string to_json(const Report& report) {
                    {"written", report.bytes_written},
                    {"temp_peak", report.temp_peak_bytes},
                    {"source_store", report.source_store_bytes},
-                   {"target_store", report.target_store_bytes}};
+                   {"target_store", report.target_store_bytes},
+                   {"outputs", report.output_bytes}};
+  json["disk_most"] = {{"scratch", report.disk_most.scratch_bytes},
+                       {"cache", report.disk_most.cache_bytes},
+                       {"outputs", report.disk_most.output_bytes}};
   json["memory"] = {{"budget", report.memory_budget_bytes},
                     {"leased_peak", report.leased_peak_bytes},
                     {"peak_rss", report.peak_rss_bytes},

@@ -16,6 +16,7 @@
 
 #include "flow/build_stores.h"
 #include "flow/find_store.h"
+#include "flow/job.h"
 #include "flow/ordered_stream.h"
 #include "mesh/uv_raster.h"
 #include "source/source_block.h"
@@ -319,6 +320,26 @@ std::uint64_t geometry_least_bytes(const GeometryRequest& request, std::uint64_t
   return bins + (1ULL << 20) +
          1000 * std::min<std::uint64_t>(triangles, tiles::kMostTrianglesPerBlock) +
          80 * std::min<std::uint64_t>(triangles * 4, 1 << 18);
+}
+
+GeometrySize geometry_most(const GeometryRequest& request) {
+  constexpr std::uint64_t kPerTriangle = 138;  // three vertices that it shares with none
+  constexpr std::uint64_t kPerBlock = 320;     // header, place and boxes
+  constexpr std::uint64_t kPerRun = 4;         // of texels with one owner
+  constexpr std::uint64_t kEdge = mesh::kBlockEdge;
+  const std::uint64_t entries = mesh::count_entries(bin_request(request, kTileCapBytes));
+  // Each block has a triangle, and the blocks of a target lie in its images.
+  std::uint64_t blocks = entries, runs = 0;
+  if (request.is_target) {
+    std::uint64_t in_images = 0;
+    for (const mesh::Lattice& page : request.pages)
+      in_images += ((page.width + kEdge - 1) / kEdge) * ((page.height + kEdge - 1) / kEdge);
+    blocks = std::min(entries, in_images);
+    // A triangle adds two ends of runs to a row of a block at most.
+    runs = std::min(blocks * tiles::kTexelsPerBlock, kEdge * blocks + 2 * kEdge * entries);
+  }
+  const std::uint64_t pages = request.pages.size() * (sizeof(mesh::Lattice) + 16);
+  return {entries * kPerTriangle + blocks * kPerBlock + runs * kPerRun + pages, 2 * blocks};
 }
 
 }  // namespace pounce::flow

@@ -246,7 +246,6 @@ std::unique_ptr<tiles::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   const Lease lease(job_.budget,
                     pending_bytes() + tokens * token_bytes() + fan_in * SplatMerge::cursor_bytes(),
                     "merging the Gaussians of " + request_.path);
-  job_.report.temp_peak_bytes = std::max(job_.report.temp_peak_bytes, runs.pack->size_bytes());
   runs = merge_to_fan_in(job_, lattice, std::move(runs), fan_in);
 
   SplatMerge sequence(job_, lattice, runs.pack, runs.runs);
@@ -368,6 +367,10 @@ std::uint64_t splat_least_bytes(const SplatRequest& request) {
              {sample_bytes(ply), run_bytes(ply, kLeastRun) + lists,
               lists + pending_bytes() + token_bytes() + kLeastFanIn * SplatMerge::cursor_bytes()}) +
          (64 << 10);
+}
+
+std::uint64_t splat_count(const SplatRequest& request) {
+  return io::SplatPly(request.path, request.axes).header().splats;
 }
 
 }  // namespace pounce::flow

@@ -29,5 +29,7 @@ std::unique_ptr<tiles::SplatStore> splat_store(JobContext& job, const SplatReque
                                                bool* cached, double progress_end);
 /// The least that the work above may need at once; the same for a file of any length.
 std::uint64_t splat_least_bytes(const SplatRequest& request);
+/// Gaussians that the scene's file holds.
+std::uint64_t splat_count(const SplatRequest& request);
 
 }  // namespace pounce::flow

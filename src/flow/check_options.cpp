@@ -10,6 +10,7 @@
 #include "io/write_model.h"
 #include "mesh/uv_tiles.h"
 #include "pounce/error.h"
+#include "texture/pad_seams.h"
 
 namespace pounce::flow {
 
@@ -48,7 +49,10 @@ void check_options(const TransferOptions& o) {
     usage("--max-angle must be at least 0 and below 90 degrees");
   if (o.all_channels && !o.channels.empty()) usage("--channels takes either a list or all");
   if (o.size && (o.size->width == 0 || o.size->height == 0)) usage("--size must be at least 1");
-  if (o.padding_px && *o.padding_px > 65536) usage("--padding must be at most 65536");
+  if (o.padding_px && *o.padding_px > texture::SeamPadder::kLargestRadius)
+    usage(fmt::format("--padding must be at most {}", texture::SeamPadder::kLargestRadius));
+  if (!(o.min_coverage_percent >= 0 && o.min_coverage_percent <= 100))
+    usage("--min-coverage must be 0 to 100 percent");
 }
 
 }  // namespace pounce::flow

@@ -57,8 +57,7 @@ void check_store(JobContext& job, const tiles::SplatStore& store) {
 source::SourceBlock decoded_source(const tiles::GeometryStore& store,
                                    const tiles::BlockEntry& entry,
                                    const tiles::GeometryBlock& block) {
-  source::SourceBlock made =
-      source::make_source_block(block, store.directory().pages[entry.page]);
+  source::SourceBlock made = source::make_source_block(block, store.directory().pages[entry.page]);
   if (made.patches.size() != entry.patches)
     store.damaged("a block decodes to another number of patches than its index says");
   return made;

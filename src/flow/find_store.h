@@ -40,8 +40,8 @@ auto find_store(JobContext& job, tiles::PackKind kind, const Hash128& key, const
     } catch (const Error& e) {
       if (e.kind() != ErrorKind::damaged_store) throw;
       const bool removed = job.stores->discard(kind, key);
-      job.report.warnings.push_back(fmt::format("{} ({}; it is built again)", e.what(),
-                                                removed ? "removed" : "left out"));
+      job.report.warnings.push_back(
+          fmt::format("{} ({}; it is built again)", e.what(), removed ? "removed" : "left out"));
     }
   }
   return nullptr;

@@ -18,6 +18,7 @@
 #include <filesystem>
 #include <tuple>
 
+#include "flow/describe_job.h"
 #include "flow/job.h"
 #include "flow/ordered_stream.h"
 #include "flow/output_names.h"
@@ -73,22 +74,19 @@ float opacity_of(float alpha) {
 
 class GaussiansJob {
  public:
-  GaussiansJob(const GaussiansOptions& options, Progress* progress, bool rebuild)
+  GaussiansJob(const GaussiansOptions& options, JobRun& run, bool rebuild)
       : options_(options),
-        job_(open_job(options.resources, options.output, false, rebuild, false, progress)) {
+        job_(open_job(options.resources, options.output, false, rebuild, false, run)) {
     job_->tile_cap_bytes = kTileCapBytes;
   }
 
-  Report run() {
-    job_->report.command = "gaussians";
-    job_->report.outputs = {options_.output};
+  void run() {
     plan();
     precondition_colours();
     precondition_geometry();
     // From here on only the stores are read, never the inputs.
     count();
     write();
-    return finish_report(*job_);
   }
 
  private:
@@ -106,6 +104,8 @@ class GaussiansJob {
     for (const auto* warnings : {&mesh_.warnings, &plan_.warnings}) {
       job_->report.warnings.insert(job_->report.warnings.end(), warnings->begin(), warnings->end());
     }
+    for (const std::string& file : mesh_.files) add_input(file, job_->report);
+    for (const ColumnPlan& column : plan_.columns) add_input(column.image.path, job_->report);
     check_output();
     require_least(*job_, least());
     mesh_lease_ = Lease(job_->budget, mesh_.size_bytes(), "the mesh");
@@ -178,7 +178,7 @@ class GaussiansJob {
             fmt::format("{}: {} samples are NaN or infinite and count as 0", column.image.label,
                         store.directory().nonfinite));
       }
-      job_->report.bytes_written += cached ? 0 : store.pack().size_bytes();
+      job_->count_store(store.pack(), cached);
       job_->report.source_store_bytes += store.pack().size_bytes();
     }
     for (const TileSetPlan& set : plan_.tile_sets) {
@@ -204,7 +204,7 @@ class GaussiansJob {
     leases_.emplace_back(job_->budget, store_->size_bytes(), "the directory of the source store");
     job_->report.source_tiles = directory.tiles.size();
     job_->report.source_store_bytes += store_->pack().size_bytes();
-    job_->report.bytes_written += cached ? 0 : store_->pack().size_bytes();
+    job_->count_store(store_->pack(), cached);
     if (directory.degenerate > 0)
       job_->report.source_filtered["degenerate triangles"] = directory.degenerate;
     mesh_ = {};
@@ -317,6 +317,7 @@ class GaussiansJob {
     if (rows < counted)
       job_->report.source_filtered["in a UDIM tile without image"] = counted - rows;
     writer.commit();
+    job_->report.outputs = {options_.output};
     job_->report.source_gaussians = rows;
     job_->report.bytes_written += rows * sizeof(io::SplatPlyRow);
     job_->report.bytes_read += store_->pack().bytes_read();
@@ -400,10 +401,11 @@ void check_options(const GaussiansOptions& o) {
 }  // namespace
 }  // namespace flow
 
-Report gaussians(const GaussiansOptions& options, Progress* progress) {
-  flow::check_options(options);
-  return flow::run_job(options.resources, [&](bool rebuild) {
-    return flow::GaussiansJob(options, progress, rebuild).run();
+Report gaussians(const GaussiansOptions& options, Progress* progress, Report* so_far) {
+  return flow::run_job(options.resources, progress, so_far, [&](flow::JobRun& run, bool rebuild) {
+    flow::describe(options, run.report);
+    flow::check_options(options);
+    flow::GaussiansJob(options, run, rebuild).run();
   });
 }
 

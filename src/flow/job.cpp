@@ -2,7 +2,6 @@
 #include "flow/job.h"
 
 #include <fmt/format.h>
-#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -40,12 +39,20 @@ std::string scratch_folder(const Resources& resources, const std::string& output
   return folder.empty() ? "." : folder.string();
 }
 
+std::uint64_t cache_limit(const Resources& resources, const std::string& cache, FileSystem& files) {
+  if (resources.cache_limit_bytes) return *resources.cache_limit_bytes;
+  try {
+    return tiles::default_limit_bytes(files, cache);
+  } catch (const Error&) {
+    return 0;  // a folder that cannot be looked at cannot be opened either, and that is said then
+  }
+}
+
 /// How this job deals with the other users of its cache.
-tiles::CacheOptions cache_options(const Resources& resources, const std::string& cache,
-                                  const std::string& scratch, bool rebuild, JobContext& job) {
+tiles::CacheOptions cache_options(const Resources& resources, const std::string& scratch,
+                                  bool rebuild, JobContext& job) {
   tiles::CacheOptions options;
-  options.limit_bytes = resources.cache_limit_bytes ? *resources.cache_limit_bytes
-                                                    : tiles::default_limit_bytes(*job.files, cache);
+  options.limit_bytes = job.cache_limit_bytes;
   options.scratch_folder = scratch;
   options.verify = rebuild;
   options.waiting = [&job, wait = resources.wait_for_cache](const std::string& holder,
@@ -67,8 +74,8 @@ std::unique_ptr<tiles::StoreFolder> open_cache(const Resources& resources, const
                                                const std::string& scratch, bool rebuild,
                                                JobContext& job) {
   try {
-    auto stores = tiles::StoreFolder::open_cache(
-        *job.files, cache, cache_options(resources, cache, scratch, rebuild, job));
+    auto stores = tiles::StoreFolder::open_cache(*job.files, cache,
+                                                 cache_options(resources, scratch, rebuild, job));
     const tiles::CacheLayout layout(cache);
     job.hashes = std::make_unique<HashMemo>(*job.files, layout.hash_memo(), layout.parts_folder());
     return stores;
@@ -84,13 +91,27 @@ std::unique_ptr<tiles::StoreFolder> open_cache(const Resources& resources, const
   }
 }
 
+void run_attempts(const Resources& resources, JobRun& run,
+                  const std::function<void(JobRun&, bool rebuild)>& job) {
+  try {
+    run.report.version = POUNCE_VERSION;
+    return job(run, false);
+  } catch (const Error& e) {
+    if (e.kind() != ErrorKind::damaged_store || !resources.use_cache) throw;
+  }
+  run.meter.restart();
+  run.report = {};
+  run.report.version = POUNCE_VERSION;
+  job(run, true);
+}
+
 }  // namespace
 
 std::unique_ptr<JobContext> open_job(const Resources& resources, const std::string& output,
-                                     bool in_core, bool rebuild, bool plan_only,
-                                     Progress* progress) {
-  auto job = std::make_unique<JobContext>(budget_bytes(resources), progress);
+                                     bool in_core, bool rebuild, bool plan_only, JobRun& run) {
+  auto job = std::make_unique<JobContext>(budget_bytes(resources), run);
   job->threads = thread_count(resources);
+  job->plan_only = plan_only;
   if (in_core) {
     job->memory_files = make_memory_file_system();
     job->files = job->memory_files.get();
@@ -103,13 +124,18 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   const std::string scratch = scratch_folder(resources, output);
   job->scratch_folder = scratch;
   job->scratch = tiles::StoreFolder::make_scratch(*job->files, scratch);
-  const std::string cache = !resources.use_cache || plan_only ? std::string()
-                            : resources.cache_dir.empty()     ? default_cache_folder()
-                                                              : resources.cache_dir;
-  if (!cache.empty()) {
+  const std::string cache = !resources.use_cache          ? std::string()
+                            : resources.cache_dir.empty() ? default_cache_folder()
+                                                          : resources.cache_dir;
+  job->keeps_stores = !cache.empty();
+  if (!cache.empty()) job->cache_limit_bytes = cache_limit(resources, cache, *job->files);
+  if (!cache.empty() && !plan_only) {
     job->stores = open_cache(resources, cache, scratch, rebuild, *job);
   }
-  if (job->stores == nullptr) job->stores = tiles::StoreFolder::make_scratch(*job->files, scratch);
+  if (job->stores == nullptr) {
+    job->stores = tiles::StoreFolder::make_scratch(*job->files, scratch);
+    job->keeps_stores = job->keeps_stores && plan_only;
+  }
   job->check_packs = rebuild;
   if (rebuild) {
     job->report.warnings.push_back(
@@ -118,18 +144,21 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   return job;
 }
 
-Report run_job(const Resources& resources, const std::function<Report(bool rebuild)>& job) {
+Report run_job(const Resources& resources, Progress* progress, Report* so_far,
+               const std::function<void(JobRun&, bool rebuild)>& job) {
+  // Threads of the job's own: what else the process runs keeps its number, and so does this job.
   tbb::task_arena arena(static_cast<int>(thread_count(resources)));
-  const tbb::global_control more_than_cores(tbb::global_control::max_allowed_parallelism,
-                                            std::max<std::size_t>(thread_count(resources), 1));
-  return arena.execute([&] {
-    try {
-      return job(false);
-    } catch (const Error& e) {
-      if (e.kind() != ErrorKind::damaged_store || !resources.use_cache) throw;
-    }
-    return job(true);
-  });
+  JobRun run(progress);
+  try {
+    arena.execute([&] { run_attempts(resources, run, job); });
+  } catch (const Error& e) {
+    run.report.failure = Failure{error_kind_name(e.kind()), exit_status(e.kind()), e.what()};
+    if (so_far != nullptr) *so_far = std::move(run.report);
+    throw;
+  }
+  run.meter.finish();
+  if (so_far != nullptr) *so_far = run.report;
+  return std::move(run.report);
 }
 
 void require_least(JobContext& job, const LeastMemory& least) {
@@ -145,21 +174,6 @@ void require_least(JobContext& job, const LeastMemory& least) {
 void require_reading(JobContext& job, std::uint64_t bytes, const std::string& path) {
   if (bytes > std::max(job.budget.limit(), kReadAnyway))
     require_least(job, {bytes + kReadAnyway, "reading " + path});
-}
-
-Report finish_report(JobContext& job) {
-  Report& report = job.report;
-  report.version = POUNCE_VERSION;
-  report.threads = job.threads;
-  report.stages = job.clock.times();
-  for (StageTime& stage : report.stages) {
-    if (stage.name == "decode") stage.cached = report.images_decoded == 0;
-  }
-  for (std::string& note : job.stores->take_notes()) report.warnings.push_back(std::move(note));
-  report.memory_budget_bytes = job.budget.limit();
-  report.leased_peak_bytes = job.budget.leased_peak();
-  report.peak_rss_bytes = peak_rss_bytes();
-  return report;
 }
 
 }  // namespace pounce::flow

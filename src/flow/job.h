@@ -17,12 +17,13 @@ inline constexpr std::uint64_t kTileCapBytes = 1ULL << 20;
 /// default folder for scratch files. `rebuild` ignores what the cache holds: some of it turned out
 /// to be damaged.
 std::unique_ptr<JobContext> open_job(const Resources& resources, const std::string& output,
-                                     bool in_core, bool rebuild, bool plan_only,
-                                     Progress* progress);
+                                     bool in_core, bool rebuild, bool plan_only, JobRun& run);
 
-/// Runs a job on its threads. A damaged pack in the cache costs one rebuild from the inputs, with a
-/// warning.
-Report run_job(const Resources& resources, const std::function<Report(bool rebuild)>& job);
+/// Runs a job on threads of its own, as many as it asks for; what they are beside does not change.
+/// A damaged pack in the cache costs one rebuild from the inputs, with a warning. The report goes
+/// to `so_far`, if given, whether the job succeeds or throws.
+Report run_job(const Resources& resources, Progress* progress, Report* so_far,
+               const std::function<void(JobRun&, bool rebuild)>& job);
 
 /// Throws Error(budget) that names the least memory that works and what asks for it.
 void require_least(JobContext& job, const LeastMemory& least);
@@ -30,8 +31,5 @@ void require_least(JobContext& job, const LeastMemory& least);
 /// Before a mesh is read, which takes `bytes`: throws Error(budget) if that is so much more than
 /// the budget that it is not worth looking inside to say exactly what the whole job needs.
 void require_reading(JobContext& job, std::uint64_t bytes, const std::string& path);
-
-/// Fills in what is only known at the end.
-Report finish_report(JobContext& job);
 
 }  // namespace pounce::flow

@@ -1,76 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "flow/job_context.h"
 
-#include <algorithm>
+#include <filesystem>
 
 namespace pounce::flow {
-Meter::Meter(Progress* progress)
-    : progress_(progress), start_(std::chrono::steady_clock::now()), last_(start_) {}
+namespace {
 
-void Meter::begin(const std::string& stage, std::uint64_t total, const std::string& unit,
-                  double end) {
-  const std::lock_guard lock(mutex_);
-  event_.stage = stage;
-  event_.done = 0;
-  event_.total = total;
-  event_.unit = unit;
-  stage_start_ = event_.fraction;
-  stage_end_ = std::max(end, stage_start_);
-  emit(true);
-}
-
-void Meter::throw_if_cancelled() const {
-  if (progress_ != nullptr && progress_->cancelled()) {
-    throw Error(ErrorKind::cancelled,
-                "stopped; nothing half-written is left, run the same command to start again");
+std::uint64_t size_on_disk(const std::vector<std::string>& files) {
+  std::uint64_t bytes = 0;
+  for (const std::string& file : files) {
+    std::error_code failed;
+    const std::uint64_t size = std::filesystem::file_size(file, failed);
+    if (!failed) bytes += size;
   }
+  return bytes;
 }
 
-void Meter::wait(const std::string& what) {
-  throw_if_cancelled();
-  const std::lock_guard lock(mutex_);
-  const bool begins = event_.stage != what;
-  if (begins) {
-    if (!interrupted_) interrupted_ = event_;
-    event_.stage = what;
-    event_.done = event_.total = 0;
+}  // namespace
+
+JobContext::~JobContext() {
+  try {
+    report.threads = threads;
+    report.stages = clock.times();
+    for (StageTime& stage : report.stages) {
+      if (stage.name == "decode") stage.cached = report.images_decoded == 0;
+    }
+    if (stores != nullptr) {
+      for (std::string& note : stores->take_notes()) report.warnings.push_back(std::move(note));
+    }
+    if (!plan_only) report.output_bytes = size_on_disk(report.outputs);
+    report.temp_peak_bytes = scratch_use.peak_bytes();
+    report.memory_budget_bytes = budget.limit();
+    report.leased_peak_bytes = budget.leased_peak();
+    report.peak_rss_bytes = peak_rss_bytes();
+  } catch (const std::bad_alloc&) {
+    // The job has ended already; its report says less.
   }
-  emit(begins);
-}
-
-void Meter::resume() {
-  const std::lock_guard lock(mutex_);
-  if (!interrupted_) return;
-  event_ = *interrupted_;
-  interrupted_.reset();
-  emit(true);
-}
-
-void Meter::advance(std::uint64_t units) {
-  throw_if_cancelled();
-  const std::lock_guard lock(mutex_);
-  event_.done = std::min(event_.done + units, std::max(event_.total, event_.done));
-  if (event_.total > 0) {
-    const double part = static_cast<double>(event_.done) / static_cast<double>(event_.total);
-    event_.fraction = std::max(event_.fraction, stage_start_ + (stage_end_ - stage_start_) * part);
-  }
-  emit(false);
-}
-
-void Meter::end() {
-  const std::lock_guard lock(mutex_);
-  event_.done = event_.total;
-  event_.fraction = std::max(event_.fraction, stage_end_);
-  emit(true);
-}
-
-void Meter::emit(bool always) {
-  if (progress_ == nullptr || !progress_->on_event) return;
-  const auto now = std::chrono::steady_clock::now();
-  if (!always && now - last_ < std::chrono::milliseconds(200)) return;
-  last_ = now;
-  event_.elapsed_s = std::chrono::duration<double>(now - start_).count();
-  progress_->on_event(event_);
 }
 
 std::unique_ptr<tiles::PackReader> JobContext::find_pack(tiles::PackKind kind, const Hash128& key) {
@@ -80,6 +45,23 @@ std::unique_ptr<tiles::PackReader> JobContext::find_pack(tiles::PackKind kind, c
   meter.resume();
   if (!warning.empty()) report.warnings.push_back(warning);
   return pack;
+}
+
+void JobContext::count_store(const tiles::PackReader& pack, bool cached) {
+  if (cached) return;
+  report.bytes_written += pack.size_bytes();
+  if (!stores->persistent()) scratch_use.add(pack.size_bytes());
+}
+
+std::unique_ptr<tiles::PackReader> publish_scratch(JobContext& job,
+                                                   std::unique_ptr<tiles::PackWriter> writer) {
+  job.scratch_use.replace(writer->kind(), writer->size_bytes());
+  return job.scratch->publish(std::move(writer));
+}
+
+ScratchPack::~ScratchPack() {
+  job_.scratch_use.replace(kind_, 0);
+  job_.scratch->discard(kind_, Hash128{});
 }
 
 }  // namespace pounce::flow

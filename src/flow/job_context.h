@@ -3,76 +3,89 @@
 
 #include <tbb/enumerable_thread_specific.h>
 
-#include <chrono>
+#include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
-#include <mutex>
-#include <optional>
 #include <string>
+#include <utility>
 
 #include "core/file.h"
 #include "core/timer.h"
 #include "flow/hash_memo.h"
 #include "flow/memory_budget.h"
+#include "flow/meter.h"
 #include "pounce/options.h"
-#include "pounce/progress.h"
 #include "pounce/report.h"
 #include "tiles/codec.h"
 #include "tiles/store_folder.h"
 
 namespace pounce::flow {
 
-/// Progress of a job as its stages report it: fractions never fall, events are a few a second.
-/// Thread-safe.
-class Meter {
- public:
-  explicit Meter(Progress* progress);
-  /// A new stage of `total` units that takes the job's fraction to `end`.
-  void begin(const std::string& stage, std::uint64_t total, const std::string& unit, double end);
-  /// `units` more are done. Throws Error(cancelled) if the caller asked to stop.
-  void advance(std::uint64_t units);
-  void end();
-  /// Says in between that the job waits, and what for. Throws Error(cancelled) like advance().
-  void wait(const std::string& what);
-  /// The wait, if there was one, is over: back to the stage.
-  void resume();
-
- private:
-  void throw_if_cancelled() const;
-  void emit(bool always);
-
-  Progress* progress_;
-  std::chrono::steady_clock::time_point start_, last_;
-  std::mutex mutex_;
-  ProgressEvent event_;
-  std::optional<ProgressEvent> interrupted_;  ///< the stage that waits
-  double stage_start_ = 0, stage_end_ = 0;
-};
-
-/// What every stage of a running job shares.
-struct JobContext {
-  MemoryBudget budget;
+/// What the caller sees of a job. It outlives the attempts: a job begins again when its stores
+/// turn out to be damaged.
+struct JobRun {
   Meter meter;
   Report report;
+  explicit JobRun(Progress* progress) : meter(progress) {}
+};
+
+/// What the scratch files of a job take on disk. Not thread-safe: files are finished one at a time.
+class ScratchUse {
+ public:
+  void add(std::uint64_t bytes) {
+    bytes_ += bytes;
+    peak_bytes_ = std::max(peak_bytes_, bytes_);
+  }
+  void remove(std::uint64_t bytes) { bytes_ -= bytes; }
+  /// A pack of a kind of which there is one at a time.
+  void replace(tiles::PackKind kind, std::uint64_t bytes) {
+    add(bytes);
+    remove(std::exchange(packs_[kind], bytes));
+  }
+  std::uint64_t peak_bytes() const { return peak_bytes_; }
+
+ private:
+  std::uint64_t bytes_ = 0, peak_bytes_ = 0;
+  std::map<tiles::PackKind, std::uint64_t> packs_;
+};
+
+/// What every stage of a running job shares. When it goes, however the job ends, the report gets
+/// what is only known then.
+struct JobContext {
+  MemoryBudget budget;
+  Meter& meter;
+  Report& report;
   StageClock clock;
   FileSystem* files = nullptr;
   std::unique_ptr<FileSystem> memory_files;     ///< in-core runs
   std::unique_ptr<HashMemo> hashes;             ///< of input files; null without a cache
   std::unique_ptr<tiles::StoreFolder> stores;   ///< source and target stores
   std::unique_ptr<tiles::StoreFolder> scratch;  ///< results; vanish with the process
-  std::string scratch_folder;                   ///< for other nameless files
-  bool check_packs = false;                     ///< of the cache, whole, before they are believed
+  ScratchUse scratch_use;
+  std::string scratch_folder;  ///< for other nameless files
+  bool check_packs = false;    ///< of the cache, whole, before they are believed
   unsigned threads = 1;
+  bool plan_only = false;
+  bool keeps_stores = false;            ///< stores go into the cache (of a plan: would go)
+  std::uint64_t cache_limit_bytes = 0;  ///< then: what the cache may take; 0 = no limit
   std::uint64_t tile_cap_bytes = 0;
   tbb::enumerable_thread_specific<tiles::Compressor> compressors;
 
-  JobContext(std::uint64_t budget_bytes, Progress* progress)
-      : budget(budget_bytes), meter(progress) {}
+  JobContext(std::uint64_t budget_bytes, JobRun& run)
+      : budget(budget_bytes), meter(run.meter), report(run.report) {}
+  ~JobContext();
+  JobContext(const JobContext&) = delete;
+  JobContext& operator=(const JobContext&) = delete;
+
   tiles::Compressor& compressor() { return compressors.local(); }
   /// A pack that the store has; nothing if the caller is to make it (tiles::StoreFolder::find).
   /// Says in progress and times when it had to wait for another process, and warns of damage.
   std::unique_ptr<tiles::PackReader> find_pack(tiles::PackKind kind, const Hash128& key);
+
+  /// Counts a store that the job goes on with; `cached`: it was there already.
+  void count_store(const tiles::PackReader& pack, bool cached);
 
   /// The hash of a part of an input file (size 0 = all of it): remembered, else computed.
   Hash128 content_hash(const std::string& path, std::uint64_t offset, std::uint64_t size_bytes,
@@ -81,6 +94,24 @@ struct JobContext {
   }
 
   std::unique_ptr<StageTimer> waiting;  ///< while find_pack() waits for another process
+};
+
+/// Publishes a scratch pack that nobody looks for by its key. There is one of a kind at a time: it
+/// takes the place of the one before, whose room is free once its last reader is gone.
+std::unique_ptr<tiles::PackReader> publish_scratch(JobContext& job,
+                                                   std::unique_ptr<tiles::PackWriter> writer);
+
+/// When it goes, so does the scratch pack of its kind.
+class ScratchPack {
+ public:
+  ScratchPack(JobContext& job, tiles::PackKind kind) : job_(job), kind_(kind) {}
+  ~ScratchPack();
+  ScratchPack(const ScratchPack&) = delete;
+  ScratchPack& operator=(const ScratchPack&) = delete;
+
+ private:
+  JobContext& job_;
+  tiles::PackKind kind_;
 };
 
 }  // namespace pounce::flow

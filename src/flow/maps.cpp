@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "core/half.h"
+#include "flow/describe_job.h"
 #include "flow/job.h"
 #include "flow/load_mesh.h"
 #include "flow/output_names.h"
@@ -40,14 +41,13 @@ struct BlockPlace {
 
 class MapsJob {
  public:
-  MapsJob(const MapsOptions& options, Progress* progress, bool rebuild)
+  MapsJob(const MapsOptions& options, JobRun& run, bool rebuild)
       : options_(options),
-        job_(open_job(options.resources, options.output, false, rebuild, false, progress)) {
+        job_(open_job(options.resources, options.output, false, rebuild, false, run)) {
     job_->tile_cap_bytes = kTileCapBytes;
   }
 
-  Report run() {
-    job_->report.command = "maps";
+  void run() {
     check_output();
     vectorize();
     for (std::uint32_t page = 0; page < pages_.size(); ++page) {
@@ -55,7 +55,6 @@ class MapsJob {
       write_page(page);
       if (by_tile_) job_->report.udims.push_back(static_cast<int>(pages_[page].udim));
     }
-    return finish_report(*job_);
   }
 
  private:
@@ -103,6 +102,7 @@ class MapsJob {
     const mesh::Mesh target = load_mesh(options_.target, options_.target_use, "target");
     job_->report.warnings.insert(job_->report.warnings.end(), target.warnings.begin(),
                                  target.warnings.end());
+    for (const std::string& file : target.files) add_input(file, job_->report);
     PageRequest page_request;
     page_request.by_tile = by_tile_;
     page_request.uv_set = options_.target_use.uv_set.value_or(0);
@@ -129,7 +129,26 @@ class MapsJob {
     job_->report.target_overlapping = directory.overlapping;
     job_->report.target_tiles = directory.tiles.size();
     job_->report.target_store_bytes = store_->pack().size_bytes();
+    job_->count_store(store_->pack(), cached);
+    TargetReport& entry = job_->report.targets.emplace_back();
+    entry.path = options_.target;
+    entry.counts = {directory.texels, directory.texels, 0, 0};
+    entry.overlapping = directory.overlapping;
     job_->meter.end();
+  }
+
+  void add_image(std::uint32_t page, const std::string& path, const char* map) {
+    ImageReport image;
+    image.path = path;
+    image.channel = map;
+    image.material = pages_[page].set;
+    image.udim = by_tile_ ? static_cast<int>(pages_[page].udim) : 0;
+    image.width = options_.size.width;
+    image.height = options_.size.height;
+    image.state = "written";
+    const std::uint64_t texels = store_->directory().page_texels[page];
+    image.counts = {texels, texels, 0, 0};
+    job_->report.targets.back().images.push_back(image);
   }
 
   std::uint64_t row_bytes() const {
@@ -209,6 +228,7 @@ class MapsJob {
     }
     writer.commit();
     job_->report.outputs.push_back(path);
+    add_image(page, path, kMapNames[m]);
     job_->meter.end();
   }
 
@@ -252,17 +272,20 @@ class MapsJob {
   float smallest_edge_ = 0;
 };
 
+void check_options(const MapsOptions& o) {
+  if (o.target.empty()) throw Error(ErrorKind::usage, "a target is needed");
+  if (o.size.width == 0 || o.size.height == 0 || o.size.width > 65536 || o.size.height > 65536)
+    throw Error(ErrorKind::usage, "--size must be 1 to 65536");
+}
+
 }  // namespace
 }  // namespace flow
 
-Report maps(const MapsOptions& options, Progress* progress) {
-  if (options.target.empty()) throw Error(ErrorKind::usage, "a target is needed");
-  if (options.size.width == 0 || options.size.height == 0 || options.size.width > 65536 ||
-      options.size.height > 65536) {
-    throw Error(ErrorKind::usage, "--size must be 1 to 65536");
-  }
-  return flow::run_job(options.resources, [&](bool rebuild) {
-    return flow::MapsJob(options, progress, rebuild).run();
+Report maps(const MapsOptions& options, Progress* progress, Report* so_far) {
+  return flow::run_job(options.resources, progress, so_far, [&](flow::JobRun& run, bool rebuild) {
+    flow::describe(options, run.report);
+    flow::check_options(options);
+    flow::MapsJob(options, run, rebuild).run();
   });
 }
 

@@ -41,6 +41,17 @@ std::uint64_t block_state_bytes(std::uint32_t texels, std::uint32_t triangles,
          kTexelsPerBlock * result_texel_bytes + texture::kMaskBytes + 4 * kPageBytes;
 }
 
+/// How far from a texel a hit can be: looking farther finds nothing, and heights are shares of how
+/// far a search looks. A hit lies outside of its triangle by no more than the triangle's size.
+float farthest(const Box3f& source, const Box3f& target) {
+  if (source.empty() || target.empty()) return 0;
+  Box3f both = source;
+  both.extend(target);
+  const double apart = length(Vec3d(both.hi) - Vec3d(both.lo));
+  const double size = length(Vec3d(source.hi) - Vec3d(source.lo));
+  return static_cast<float>((apart + size) * 1.001);
+}
+
 struct Work : PieceWork {
   projection::SearchState state;
 };
@@ -51,7 +62,9 @@ class MeshProjector : public PageProjector {
       : job_(job),
         request_(std::move(request)),
         cache_(job, *request_.source),
-        heights_(projection::search_heights(request_.limits.max_distance)) {
+        heights_(projection::search_heights(std::min(
+            request_.limits.max_distance,
+            farthest(request_.source->directory().box, request_.target->directory().box)))) {
     for (const ChannelOutput& channel : request_.channels)
       result_texel_bytes_ += channel.format.texel_bytes();
     cut();
@@ -182,6 +195,8 @@ class MeshProjector : public PageProjector {
   void blend_piece(Work& work) {
     work.stored.resize(request_.channels.size());
     work.raw_bytes.resize(request_.channels.size());
+    work.covered.resize(request_.channels.size());
+    projection::count_distances(work.state, request_.limits.max_distance, work.distances);
     std::vector<std::uint32_t> first_packet(work.blocks.size() + 1, 0);
     for (const auto& packet : work.state.packets) ++first_packet[packet.block + 1];
     for (std::size_t b = 0; b < work.blocks.size(); ++b) first_packet[b + 1] += first_packet[b];
@@ -212,7 +227,7 @@ class MeshProjector : public PageProjector {
         ++covered;
       }
     }
-    if (c == 0) work.covered += covered;
+    work.covered[c] += covered;
     if (covered == 0) return;
     finish_block(job_, channel.format, result, c, b, work);
   }

@@ -149,6 +149,8 @@ class SplatProjector : public PageProjector {
   void blend_piece(Work& work) {
     work.stored.assign(1, std::vector<std::vector<std::byte>>(work.blocks.size()));
     work.raw_bytes.assign(1, 0);
+    work.covered.assign(1, 0);
+    projection::count_distances(work.state, request_.limits.max_distance, work.distances);
     std::size_t p = 0;  // packets are in the order of their blocks
     for (std::size_t b = 0; b < work.blocks.size(); ++b) {
       const std::size_t first = p;
@@ -174,7 +176,7 @@ class SplatProjector : public PageProjector {
         ++covered;
       }
     }
-    work.covered += covered;
+    work.covered[0] += covered;
     if (covered > 0) finish_block(job_, request_.format, result, 0, b, work);
   }
 

@@ -42,7 +42,7 @@ void SourceStores::build_columns(double end) {
           fmt::format("{}: {} samples are NaN or infinite and count as 0", column.image.label,
                       image.nonfinite));
     }
-    job_.report.bytes_written += cached ? 0 : columns_.back()->pack().size_bytes();
+    job_.count_store(columns_.back()->pack(), cached);
     job_.report.source_store_bytes += columns_.back()->pack().size_bytes();
   }
   for (const TileSetPlan& set : plan_.tile_sets) {
@@ -64,7 +64,7 @@ void SourceStores::build_geometry(double end) {
     const tiles::GeometryDirectory& directory = store.directory();
     job_.report.source_gaussians = std::max(job_.report.source_gaussians, directory.texels);
     job_.report.source_tiles += directory.tiles.size();
-    job_.report.bytes_written += cached ? 0 : store.pack().size_bytes();
+    job_.count_store(store.pack(), cached);
     leases_.emplace_back(job_.budget, store.size_bytes(), "the directory of the source store");
     job_.report.source_store_bytes += store.pack().size_bytes();
     if (directory.degenerate > 0)
@@ -78,6 +78,7 @@ void SourceStores::build_geometry(double end) {
 
 void SourceStores::build_splats(double end) {
   const StageTimer timer(job_.clock, "precondition");
+  const ScratchPack runs_go(job_, tiles::PackKind::splats);  // what the store is sorted from
   bool cached = false;
   splats_ =
       splat_store(job_, {options_.source, axes_of(options_.source_use, "source")}, &cached, end);
@@ -86,7 +87,7 @@ void SourceStores::build_splats(double end) {
   job_.report.source_gaussians = directory.splats;
   job_.report.source_tiles = directory.tiles.size();
   job_.report.depth_window = kWindowOverNoise * directory.surface_noise;
-  job_.report.bytes_written += cached ? 0 : splats_->pack().size_bytes();
+  job_.count_store(splats_->pack(), cached);
   job_.report.source_store_bytes = splats_->pack().size_bytes();
   leases_.emplace_back(job_.budget, splats_->size_bytes(), "the directory of the source store");
 }

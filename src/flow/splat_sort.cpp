@@ -142,7 +142,7 @@ std::shared_ptr<tiles::PackReader> SplatRunWriter::finish() {
   const std::vector<std::byte> nothing(1);
   pack_->finish(
       tiles::append_payload(*pack_, tiles::ChunkKind::directory, nothing, job_.compressor()));
-  return job_.scratch->publish(std::move(pack_));
+  return publish_scratch(job_, std::move(pack_));
 }
 
 /// Where a merge stands in one run.

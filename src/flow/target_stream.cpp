@@ -110,6 +110,7 @@ ResultCollector::ResultCollector(JobContext& job, const tiles::GeometryStore& ta
       across_(blocks_across(page.width)),
       index_lease_(job.budget, index_bytes(page, channels), "the index of the results"),
       writer_(job.scratch->create(tiles::PackKind::results, Hash128{})) {
+  result_.covered.assign(channels, 0);
   result_.blocks.assign(
       channels, std::vector<tiles::ChunkRef>(std::size_t{across_} * blocks_across(page.height)));
 }
@@ -133,7 +134,8 @@ void ResultCollector::store(const PieceWork& work) {
       result_.blocks[c][slot] = writer_->append(tiles::ChunkKind::block, stored, work.raw_bytes[c]);
     }
   }
-  result_.covered += work.covered;
+  for (std::size_t c = 0; c < result_.covered.size(); ++c) result_.covered[c] += work.covered[c];
+  for (std::size_t i = 0; i < kDistanceBins; ++i) result_.distances[i] += work.distances[i];
   job_.meter.advance(texels);
 }
 
@@ -141,8 +143,7 @@ PageResult ResultCollector::finish() {
   std::vector<std::byte> nothing(1), stored;
   job_.compressor().compress(nothing, stored);
   writer_->finish(writer_->append(tiles::ChunkKind::directory, stored, 1));
-  job_.report.temp_peak_bytes = std::max(job_.report.temp_peak_bytes, writer_->size_bytes());
-  result_.pack = job_.scratch->publish(std::move(writer_));
+  result_.pack = publish_scratch(job_, std::move(writer_));
   return std::move(result_);
 }
 

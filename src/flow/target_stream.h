@@ -65,7 +65,8 @@ struct PieceWork {
   /// [channel][block], encoded and compressed; empty: nothing covered.
   std::vector<std::vector<std::vector<std::byte>>> stored;
   std::vector<std::uint32_t> raw_bytes;  ///< [channel]
-  std::uint64_t covered = 0;             ///< texels of the first channel
+  std::vector<std::uint64_t> covered;    ///< [channel] texels
+  DistanceCounts distances{};            ///< of all texels that found something
 };
 
 /// Reads a piece's blocks into work.blocks and appends their packets to `packets` and `groups`.
@@ -83,7 +84,8 @@ struct PageResult {
   std::unique_ptr<tiles::PackReader> pack;  ///< scratch; empty when the page has no texels
   /// [channel][block_y * blocks_x + block_x]; raw_bytes == 0: nothing covered there.
   std::vector<std::vector<tiles::ChunkRef>> blocks;
-  std::uint64_t covered = 0;  ///< texels of the first channel
+  std::vector<std::uint64_t> covered;  ///< [channel] texels
+  DistanceCounts distances{};          ///< of all texels that found something
 };
 
 /// One source against one target. Not thread-safe; uses the job's threads.

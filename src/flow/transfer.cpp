@@ -18,13 +18,16 @@
 
 #include "flow/build_splats.h"
 #include "flow/check_options.h"
+#include "flow/describe_job.h"
 #include "flow/existing_outputs.h"
 #include "flow/job.h"
 #include "flow/load_mesh.h"
 #include "flow/model_output.h"
 #include "flow/output_names.h"
 #include "flow/plan.h"
+#include "flow/plan_disk.h"
 #include "flow/source_stores.h"
+#include "flow/target_tally.h"
 #include "io/read_mesh.h"
 
 namespace pounce {
@@ -37,27 +40,25 @@ constexpr double kVectorizeShare = 0.06, kProjectShare = 0.7;  // of a target, o
 
 class TransferJob {
  public:
-  TransferJob(const TransferOptions& options, Progress* progress, bool rebuild)
+  TransferJob(const TransferOptions& options, JobRun& run, bool rebuild)
       : options_(image_options(options)),
         model_pattern_(io::is_model_path(options.output) ? options.output : ""),
         job_(open_job(options.resources, options.output, options.internal.in_core, rebuild,
-                      options.plan_only, progress)),
+                      options.plan_only, run)),
         source_stores_(*job_, options_, plan_) {
     job_->tile_cap_bytes =
         options.internal.tile_cap_bytes != 0 ? options.internal.tile_cap_bytes : kTileCapBytes;
   }
 
-  Report run() {
-    job_->report.command = "transfer";
+  void run() {
     plan();
     // From here on it is known what will be done and that it fits.
-    if (options_.plan_only) return finish_report(*job_);
-    if (options_.skip_existing && !anything_to_write_) return finish_report(*job_);
+    if (options_.plan_only) return;
+    if (options_.skip_existing && !anything_to_write_) return;
     source_stores_.build(kAfterReading, kAfterSource);
     source_ = {};
     source_lease_ = {};
     for (std::size_t t = 0; t < options_.targets.size(); ++t) transfer_to(t);
-    return finish_report(*job_);
   }
 
  private:
@@ -74,26 +75,34 @@ class TransferJob {
     const StageTimer timer(job_->clock, "read");
     job_->meter.begin("read meshes", 1 + options_.targets.size(), "meshes", kAfterReading);
     LeastMemory least;
+    DiskPlan disk(job_->keeps_stores, job_->cache_limit_bytes);
     if (is_splat_scene(options_.source)) {
       plan_ = plan_splats(options_);
       source_files_ = {options_.source};
       least = {
           splat_least_bytes({options_.source, axes_of(options_.source_use, "source")}) + contexts(),
           "sorting " + options_.source};
+      disk.add_splats(splat_count({options_.source, axes_of(options_.source_use, "source")}));
       job_->meter.advance(1);
     } else {
       source_ = read(options_.source, 0, false);
       source_files_ = source_.files;
       plan_ = plan_source(options_, source_);
+      disk.add_source(plan_);
       if (!model_pattern_.empty()) factors_ = model_factors(plan_, source_, plan_.warnings);
     }
     add_warnings(plan_.warnings);
+    add_inputs(source_files_);
+    for (const ColumnPlan& column : plan_.columns) add_input(column.image.path, job_->report);
     std::vector<std::string> outputs, inputs;
     for (const std::string& path : options_.targets) {
       target_ = {};  // the one before, whose memory this one takes
       target_ = read(path, source_.size_bytes(), true);
       plan_one(path);
+      disk.add_target(plan_, target_plan_, target_, model_.has_value());
       add_warnings(target_plan_.warnings);
+      add_inputs(target_.files);
+      add_inputs(target_plan_.inputs);
       outputs.insert(outputs.end(), target_plan_.outputs.begin(), target_plan_.outputs.end());
       anything_to_write_ = anything_to_write_ || has_work();
       job_->report.kept.insert(job_->report.kept.end(), target_plan_.kept.begin(),
@@ -110,6 +119,7 @@ class TransferJob {
       if (reading > least.bytes) least = {reading, "reading " + options_.source + " and " + path};
     }
     job_->meter.end();
+    job_->report.disk_most = disk.forecast();
     check_all_outputs(options_, plan_, outputs, inputs);
     if (options_.plan_only) job_->report.outputs = outputs;
     require_least(*job_, least);
@@ -174,10 +184,15 @@ class TransferJob {
     job_->report.warnings.insert(job_->report.warnings.end(), warnings.begin(), warnings.end());
   }
 
+  void add_inputs(const std::vector<std::string>& files) {
+    for (const std::string& file : files) add_input(file, job_->report);
+  }
+
   // --- one target --------------------------------------------------------------------------------
 
   void transfer_to(std::size_t t) {
     begin_target(t);
+    tally_.emplace(options_, plan_, target_plan_, model_ ? model_->path() : "", job_->report);
     if (!has_work()) return;
     vectorize_target();
     // From here on only the stores are read, never the inputs.
@@ -185,6 +200,7 @@ class TransferJob {
     targets_.clear();
     target_leases_.clear();
     if (model_) write_model();
+    tally_->finish(source_stores_.box(0));
   }
 
   void begin_target(std::size_t t) {
@@ -215,10 +231,10 @@ class TransferJob {
       target_leases_.emplace_back(job_->budget, store.size_bytes(),
                                   "the directory of the target store");
       job_->report.target_store_bytes += store.pack().size_bytes();
-      job_->report.bytes_written += cached ? 0 : store.pack().size_bytes();
+      job_->count_store(store.pack(), cached);
     }
     if (all_cached) job_->clock.set_cached("vectorize");
-    count_texels(targets_.front()->directory());
+    tally_->vectorized(targets_.front()->directory());
     find_occupied();
     target_ = {};
     target_lease_ = {};
@@ -239,60 +255,32 @@ class TransferJob {
     }
   }
 
-  /// Counts are those of the first channel.
-  void count_texels(const tiles::GeometryDirectory& directory) {
-    job_->report.target_texels += directory.texels;
-    job_->report.target_overlapping += directory.overlapping;
-    if (directory.overlapping > 0) {
-      job_->report.warnings.push_back(
-          fmt::format("{}: {} texels are claimed by more than one triangle; the first in "
-                      "file order has them",
-                      target_plan_.path, directory.overlapping));
-    }
-  }
-
   /// Page by page, so that each image is written as soon as nothing of it is missing.
   void project_pass(std::size_t p) {
     const tiles::GeometryStore& target = *targets_[p];
     const tiles::PackReader& source = source_stores_.pack(p);
     const std::uint64_t read_before = source.bytes_read();
-    std::uint64_t covered = 0, kept_texels = 0;
     {
       const auto projector = source_stores_.projector(p, target, target_plan_);
-      std::vector<std::uint32_t> nothing;  // pages
       for (std::uint32_t page = 0; page < target_plan_.pages.size(); ++page) {
         const std::uint64_t texels = target.directory().page_texels[page];
-        if (!has_work(plan_.passes[p].channels, page)) {
-          done_texels_ += texels;
-          kept_texels += p == 0 ? texels : 0;
-          continue;
-        }
-        if (texels == 0 && (has_tiles() || model_)) {
-          if (model_) nothing.push_back(page);
-          continue;
-        }
-        const PageResult result = project_page(*projector, page, texels);
-        covered += result.covered;
+        if (has_work(plan_.passes[p].channels, page)) transfer_page(p, *projector, page, texels);
         done_texels_ += texels;
-        if (result.covered == 0 && (model_ || (has_tiles() && options_.onto.empty()))) {
-          nothing.push_back(page);
-        } else {
-          write_page(p, page, result);
-        }
-      }
-      if (p == 0 && covered > 0)
-        model_ ? warn_of_old_materials(nothing) : warn_of_empty_tiles(nothing);
-    }
-    if (p == 0) {
-      job_->report.target_covered += covered;
-      job_->report.target_texels -= kept_texels;
-      job_->report.target_empty += target.directory().texels - kept_texels - covered;
-      if (covered == 0 && kept_texels == 0) {
-        warn_of_nothing(source_stores_.box(p), target.directory());
       }
     }
     job_->report.tiles_read += target.directory().tiles.size();
     job_->report.bytes_read += source.bytes_read() - read_before + target.pack().bytes_read();
+  }
+
+  void transfer_page(std::size_t p, PageProjector& projector, std::uint32_t page,
+                     std::uint64_t texels) {
+    if (texels == 0 && has_tiles()) return;
+    if (texels == 0 && model_) return tally_->add_page(p, page, 0, nullptr);
+    const ScratchPack results_go(*job_, tiles::PackKind::results);
+    const PageResult result = project_page(projector, page, texels);
+    tally_->add_page(p, page, texels, &result);
+    const bool may_stay_empty = model_ || (has_tiles() && options_.onto.empty());
+    if (result.covered.front() > 0 || !may_stay_empty) write_page(p, page, texels, result);
   }
 
   /// Does each tile of the target's UVs have an image of its own?
@@ -319,11 +307,12 @@ class TransferJob {
     return has_tiles() ? fmt::format("{} {}", stage, target_plan_.pages[page].udim) : stage;
   }
 
-  void write_page(std::size_t p, std::uint32_t page, const PageResult& result) {
+  void write_page(std::size_t p, std::uint32_t page, std::uint64_t texels,
+                  const PageResult& result) {
     const PassPlan& pass = plan_.passes[p];
     const StageTimer timer(job_->clock, "assemble");
     job_->meter.begin(page_title("write", page), pass.channels.size() * pass.size.height, "rows",
-                      fraction(static_cast<double>(done_texels_)));
+                      fraction(static_cast<double>(done_texels_ + texels)));
     for (std::size_t i = 0; i < pass.channels.size(); ++i) {
       const std::size_t c = pass.channels[i];
       const ImageOutput& image = target_plan_.images[c][page];
@@ -333,9 +322,9 @@ class TransferJob {
       const std::uint64_t filled =
           write_image(*job_, image, plan_.channels[c].format, *result.pack, result.blocks[i],
                       model_ ? &model_->sink(*job_) : nullptr);
-      if (c == 0) job_->report.target_filled += filled;
+      tally_->wrote(c, filled);
       if (model_) {
-        model_->add(c, page);
+        model_->add(*job_, c, page);
       } else {
         job_->report.outputs.push_back(image.path);
       }
@@ -357,41 +346,6 @@ class TransferJob {
     job_->report.outputs.insert(job_->report.outputs.end(), files.begin(), files.end());
   }
 
-  void warn_of_old_materials(const std::vector<std::uint32_t>& pages) {
-    for (const std::uint32_t page : pages) {
-      job_->report.warnings.push_back(
-          fmt::format("{}: no texel of material \"{}\" found a source; it stays as it was",
-                      target_plan_.path, target_plan_.pages[page].set));
-    }
-  }
-
-  void warn_of_empty_tiles(const std::vector<std::uint32_t>& pages) {
-    if (pages.empty()) return;
-    std::vector<std::uint32_t> udims;
-    for (const std::uint32_t page : pages) udims.push_back(target_plan_.pages[page].udim);
-    job_->report.warnings.push_back(
-        fmt::format("{}: no texel of UDIM {} found a source; no image was written for that",
-                    target_plan_.path, udim_list(udims)));
-  }
-
-  /// A result without a single covered texel is hardly what was wanted: say what may be wrong.
-  void warn_of_nothing(const Box3f& source, const tiles::GeometryDirectory& target) {
-    const auto text = [](const Box3f& b) {
-      return fmt::format("({:g} {:g} {:g})..({:g} {:g} {:g})", b.lo.x, b.lo.y, b.lo.z, b.hi.x,
-                         b.hi.y, b.hi.z);
-    };
-    if (target.texels == 0) {
-      job_->report.warnings.push_back(target_plan_.path +
-                                      ": its UVs cover no texel centre; the result is empty");
-      return;
-    }
-    job_->report.warnings.push_back(
-        fmt::format("no texel found a source within {:g}: the result is empty. The source spans "
-                    "{}, the target {}; align "
-                    "them, or raise --max-distance or --max-angle",
-                    target_plan_.max_distance, text(source), text(target.box)));
-  }
-
   const TransferOptions options_;
   const std::string model_pattern_;  ///< of the output, if that is a model
   std::unique_ptr<JobContext> job_;
@@ -401,6 +355,7 @@ class TransferJob {
   TargetPlan target_plan_;                     ///< of the target at hand
   std::vector<std::array<float, 4>> factors_;  ///< by channel, of a model's materials
   std::optional<ModelOutput> model_;           ///< of the target at hand
+  std::optional<TargetTally> tally_;           ///< of the target at hand
   Lease source_lease_, target_lease_;
   Lease compressors_lease_;
   std::vector<std::unique_ptr<tiles::GeometryStore>> targets_;  ///< by pass, of the target at hand
@@ -414,10 +369,11 @@ class TransferJob {
 }  // namespace
 }  // namespace flow
 
-Report transfer(const TransferOptions& options, Progress* progress) {
-  flow::check_options(options);
-  return flow::run_job(options.resources, [&](bool rebuild) {
-    return flow::TransferJob(options, progress, rebuild).run();
+Report transfer(const TransferOptions& options, Progress* progress, Report* so_far) {
+  return flow::run_job(options.resources, progress, so_far, [&](flow::JobRun& run, bool rebuild) {
+    flow::describe(options, run.report);
+    flow::check_options(options);
+    flow::TransferJob(options, run, rebuild).run();
   });
 }
 

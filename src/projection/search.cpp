@@ -17,6 +17,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "projection/distance_counts.h"
+
 namespace pounce::projection {
 namespace {
 
@@ -24,6 +26,12 @@ namespace {
 // patches one by one, so reaching too far costs little, and every height costs a pass over the
 // source's boxes.
 constexpr int kHeights = 4;
+
+/// How far away a lane's hit is, in space.
+float found_distance(const SearchState& state, std::size_t packet, int lane) {
+  return static_cast<float>(state.hits[packet].key[lane]) /
+         (kKeySteps * state.packets[packet].per_texel[lane]);
+}
 
 }  // namespace
 
@@ -73,13 +81,22 @@ float middle_distance(const SearchState& state) {
   std::vector<float> distances;
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     if (state.hits[p].key[0] == kNoHit) continue;
-    distances.push_back(static_cast<float>(state.hits[p].key[0]) /
-                        (kKeySteps * state.packets[p].per_texel[0]));
+    distances.push_back(found_distance(state, p, 0));
   }
   if (distances.empty()) return 0;
   const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
   std::nth_element(distances.begin(), middle, distances.end());
   return *middle;
+}
+
+void count_distances(const SearchState& state, float max_distance, DistanceCounts& counts) {
+  for (std::size_t p = 0; p < state.packets.size(); ++p) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const bool is_found =
+          state.packets[p].texel[lane] != target::kNoTexel && state.hits[p].key[lane] != kNoHit;
+      if (is_found) count_distance(found_distance(state, p, lane), max_distance, counts);
+    }
+  }
 }
 
 void close_groups(float height, const Kernels& kernels, SearchState& state) {

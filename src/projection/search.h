@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/page_pool.h"
+#include "pounce/report.h"
 #include "projection/hit_packet.h"
 #include "projection/packet_bundle.h"
 
@@ -48,5 +49,8 @@ void close_groups(float height, const Kernels& kernels, SearchState& state);
 /// How far away the texels found what they found, in the middle: a good first height for their
 /// neighbours.
 float middle_distance(const SearchState& state);
+
+/// Adds how far away the texels found what they found.
+void count_distances(const SearchState& state, float max_distance, DistanceCounts& counts);
 
 }  // namespace pounce::projection

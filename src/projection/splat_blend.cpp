@@ -26,6 +26,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "projection/distance_counts.h"
 #include "projection/packet_bundle.h"
 
 namespace pounce::projection {
@@ -312,6 +313,17 @@ std::optional<std::array<double, 3>> splat_colour(const DepthPacket& depths, int
     out[c] = std::clamp(value, 0.0, 1.0);
   }
   return out;
+}
+
+void count_distances(const SplatState& state, float max_distance, DistanceCounts& counts) {
+  for (std::size_t p = 0; p < state.packets.size(); ++p) {
+    const DepthPacket& depths = state.depths[p];
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (state.packets[p].texel[lane] == target::kNoTexel || depths.weight[lane] <= 0) continue;
+      const float distance = std::abs(depths.centre[lane]) / state.packets[p].per_texel[lane];
+      count_distance(distance, max_distance, counts);
+    }
+  }
 }
 
 std::uint64_t splat_scratch_bytes(std::uint64_t splats) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/page_pool.h"
+#include "pounce/report.h"
 #include "projection/splat_packet.h"
 
 namespace pounce::projection {
@@ -59,6 +60,9 @@ void next_height(const SplatLimits& limits, SplatState& state);
 
 /// The colour of a texel, each channel clamped to 0..1; nothing if no Gaussian contributed.
 std::optional<std::array<double, 3>> splat_colour(const DepthPacket& depths, int lane);
+
+/// Adds how far away the coloured texels found their surface: the centre of the depth window.
+void count_distances(const SplatState& state, float max_distance, DistanceCounts& counts);
 
 /// What blending holds beside the state and the sets, for so many Gaussians in a batch.
 std::uint64_t splat_scratch_bytes(std::uint64_t splats);

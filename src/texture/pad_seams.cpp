@@ -33,7 +33,6 @@
 namespace pounce::texture {
 namespace {
 
-constexpr std::uint32_t kLargestRadius = 16384;  // distances in 16 bits
 /// Rows made final together: the pass upwards visits `radius` rows more than these.
 constexpr std::uint32_t kLeastBatch = 64;
 

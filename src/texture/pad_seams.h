@@ -11,10 +11,11 @@ namespace pounce::texture {
 /// (Euclidean distance between centres, dx*dx + dy*dy <= radius*radius) gets the value of the
 /// nearest covered texel by (distance, y, x); others become 0. Exact, in integers. Rows go in from
 /// top to bottom in pieces of any size and come out `radius` rows later; what is ready must be
-/// popped before the next push. Memory is O(width * radius) whatever the height. radius <= 16384,
-/// else Error(usage). Not thread-safe.
+/// popped before the next push. Memory is O(width * radius) whatever the height. Not thread-safe.
 class SeamPadder {
  public:
+  /// Distances are kept in 16 bits; a larger radius throws Error(usage).
+  static constexpr std::uint32_t kLargestRadius = 16384;
   /// What a texel that pop() hands out is.
   static constexpr std::uint8_t kEmpty = 0, kCovered = 1, kFilled = 2;
 

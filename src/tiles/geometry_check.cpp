@@ -120,8 +120,8 @@ void check(const std::vector<BlockEntry>& entries, const GeometryDirectory& dire
       fail(name, "has a block outside its page");
     }
     if (entry.triangles == 0 || entry.triangles > directory.most_triangles ||
-        entry.patches > std::min(directory.most_patches,
-                                 kMostPatchesPerTriangle * entry.triangles) ||
+        entry.patches >
+            std::min(directory.most_patches, kMostPatchesPerTriangle * entry.triangles) ||
         entry.chunk.raw_bytes > directory.largest_chunk_bytes ||
         (facts.is_target && (entry.texels == 0 || entry.texels > kTexelsPerBlock))) {
       fail(name, "has an impossible block entry");

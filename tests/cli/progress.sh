@@ -6,7 +6,7 @@ job=(transfer source.obj target.obj --size 512)
 expect 0 "${job[@]}" -o o.png --progress json
 silent "$out"
 [[ -s $err ]] || fail 'no progress'
-grep -vqE '^\{"(stage|warning)":.*\}$' "$err" && fail 'a line that is no JSON object'
+grep -vqE '^\{"(stage|warning|end)":.*\}$' "$err" && fail 'a line that is no JSON object'
 sed -nE 's/.*"fraction":([0-9.e-]+).*/\1/p' "$err" | sort -g -c || fail 'the fraction falls'
 expect 0 "${job[@]}" -o p.png --progress plain
 grep -qE '^[a-z]+: +[0-9]+ %' "$err" || fail 'no plain lines'

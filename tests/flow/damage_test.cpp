@@ -108,6 +108,31 @@ TEST_CASE("a flipped byte anywhere in a cache never changes the picture", "[flow
   }
 }
 
+TEST_CASE("progress does not fall when a job begins again", "[flow]") {
+  const TempFolder folder;
+  const Job job = make_job(folder);
+  FileSystem& files = posix_file_system();
+  int restarts = 0;
+  for (const std::string& pack : job.packs) {
+    auto damaged = read_whole(files, job.pristine + "/" + pack);
+    damaged[100] ^= std::byte{1};  // in the first block: it shows once the job is under way
+    write_whole(files, job.cache + "/" + pack, damaged);
+    Progress progress;
+    std::vector<double> fractions;
+    int plans = 0;
+    progress.on_event = [&](const ProgressEvent& event) {
+      fractions.push_back(event.fraction);
+      if (event.stage == "read meshes" && event.done == 0) ++plans;
+    };
+    transfer(job.options, &progress);
+    restarts += plans - 1;
+    CHECK(std::is_sorted(fractions.begin(), fractions.end()));
+    CHECK(fractions.back() == 1);
+    restore(job);
+  }
+  CHECK(restarts > 0);
+}
+
 TEST_CASE("cut, emptied, swapped and zeroed packs never change the picture", "[flow]") {
   const TempFolder folder;
   const Job job = make_job(folder);

@@ -92,7 +92,8 @@ struct Jobs {
   std::vector<std::string> packs(const std::string& kind) const {
     std::vector<std::string> found;
     for (const auto& entry : std::filesystem::directory_iterator(pristine + "/v1/" + kind)) {
-      if (entry.path().extension() == ".pack") found.push_back(kind + "/" + entry.path().filename().string());
+      if (entry.path().extension() == ".pack")
+        found.push_back(kind + "/" + entry.path().filename().string());
     }
     std::sort(found.begin(), found.end());
     return found;
@@ -102,7 +103,8 @@ struct Jobs {
     bool noticed = false, same = false;
   };
   /// Runs everything beside one pack that `harm` wrote.
-  Verdict judge(const std::string& pack, const std::function<void(const std::string&)>& harm) const {
+  Verdict judge(const std::string& pack,
+                const std::function<void(const std::string&)>& harm) const {
     std::filesystem::remove_all(cache);
     std::filesystem::copy(pristine, cache, std::filesystem::copy_options::recursive);
     harm(cache + "/v1/" + pack);
@@ -194,7 +196,10 @@ TEST_CASE("blocks of a geometry pack that cannot be are noticed", "[flow]") {
       {"a y far away", [](Block& b) { b.y = INT32_MIN; }},
       {"a position of NaN", [](Block& b) { b.positions[0].x = kNan; }},
       {"an infinite position", [](Block& b) { b.positions[1].z = -kInfinity; }},
-      {"a long normal", [](Block& b) { b.normals[0] = {1e18F, 0, 0}; }},
+      {"a long normal",
+       [](Block& b) {
+         b.normals[0] = {1e18F, 0, 0};
+       }},
       {"a normal of NaN", [](Block& b) { b.normals[0].y = kNan; }},
       {"a UV of NaN", [](Block& b) { b.uvs[0].x = kNan; }},
       {"a UV that spans too much", [](Block& b) { b.uvs[0].y = 3e37F; }},
@@ -208,11 +213,16 @@ TEST_CASE("blocks of a geometry pack that cannot be are noticed", "[flow]") {
       {"texels beyond the image", [](Block& b) { b.owner.assign(tiles::kTexelsPerBlock, 0); }},
       {"no texels", [](Block& b) { b.owner.assign(tiles::kTexelsPerBlock, tiles::kNoTriangle); }},
       {"periods that span too much",
-       [](Block& b) { b.shifts.assign(b.triangles.size(), {INT32_MAX, INT32_MIN}); }},
+       [](Block& b) {
+         b.shifts.assign(b.triangles.size(), {INT32_MAX, INT32_MIN});
+       }},
   };
   const std::vector<std::pair<std::string, Harm>> source{
       {"runs", [](Block& b) { b.owner.assign(tiles::kTexelsPerBlock, 0); }},
-      {"periods", [](Block& b) { b.shifts.assign(b.triangles.size(), {1, 1}); }},
+      {"periods",
+       [](Block& b) {
+         b.shifts.assign(b.triangles.size(), {1, 1});
+       }},
   };
   int targets = 0;
   for (const std::string& pack : jobs.packs("geometry")) {
@@ -326,8 +336,8 @@ TEST_CASE("float colours beyond their scale are noticed", "[flow]") {
     image.depth = depth;
     for (const float sample : {2.0F, -2.0F, 2.5F, kNan, kInfinity}) {
       Bytes tile(std::size_t{68} * 68 * tiles::depth_bytes(depth)), raw;
-      const std::uint32_t bits = depth == Depth::float32 ? std::bit_cast<std::uint32_t>(sample)
-                                                         : float_to_half(sample);
+      const std::uint32_t bits =
+          depth == Depth::float32 ? std::bit_cast<std::uint32_t>(sample) : float_to_half(sample);
       std::memcpy(tile.data() + 40, &bits, tiles::depth_bytes(depth));
       tiles::filter_colours(image, tile, raw);
       files->remove("pack");

@@ -26,9 +26,10 @@ using test::SplatPlyBuilder;
 using tiles::Splat;
 
 struct Job {
+  JobRun run;
   JobContext context;
   explicit Job(std::uint64_t budget, unsigned threads = 2, Progress* progress = nullptr)
-      : context(budget, progress) {
+      : run(progress), context(budget, run) {
     context.memory_files = make_memory_file_system();
     context.files = context.memory_files.get();
     context.stores = tiles::StoreFolder::open_cache(*context.files, "/cache");

@@ -250,7 +250,8 @@ TEST_CASE("a tile without an image is named and stays empty", "[flow]") {
   const Report report = transfer(scene.options);
   CHECK(report.udims == std::vector<int>{1002, 1011});
   CHECK(report.target_empty == 4 * 100 * 70);
-  REQUIRE(report.warnings.size() == 2);
+  REQUIRE(report.warnings.size() == 3);
+  CHECK(report.warnings[2].find("only 33.33 % of its texels") != std::string::npos);
   CHECK(report.warnings[0].find("no image for UDIM 1001, 1003, 1012, 1013") != std::string::npos);
   CHECK(report.warnings[1].find("UDIM 1001, 1003, 1012, 1013") != std::string::npos);
   CHECK_FALSE(std::filesystem::exists(scene.folder.file("out.1001.png")));

@@ -20,8 +20,8 @@ namespace pounce::test {
 struct PackTree {
   using Bytes = std::vector<std::byte>;
   struct Tile {
-    Bytes page;                  ///< of the index
-    std::vector<Bytes> blocks;   ///< payloads, in the page's order
+    Bytes page;                   ///< of the index
+    std::vector<Bytes> blocks;    ///< payloads, in the page's order
     std::vector<std::size_t> at;  ///< where the page holds each block's chunk
   };
   tiles::PackKind kind{};
@@ -41,7 +41,8 @@ struct PackTree {
     key = info.key;
     const tiles::PackReader pack(std::move(file), path, kind, key);
     tiles::Compressor compressor;
-    directory = tiles::read_payload(pack, pack.directory(), tiles::ChunkKind::directory, compressor);
+    directory =
+        tiles::read_payload(pack, pack.directory(), tiles::ChunkKind::directory, compressor);
     find_tiles();
     for (const std::size_t place : at) {
       Tile tile;
@@ -75,7 +76,8 @@ struct PackTree {
           tiles::append_payload(pack, tiles::ChunkKind::index_page, tile.page, compressor));
     }
     harm(-1, copy.directory);
-    pack.finish(tiles::append_payload(pack, tiles::ChunkKind::directory, copy.directory, compressor));
+    pack.finish(
+        tiles::append_payload(pack, tiles::ChunkKind::directory, copy.directory, compressor));
     pack.file().sync();
   }
   void write(const std::string& path) const {

@@ -61,8 +61,8 @@ Command add_gaussians_command(CLI::App& program) {
   add_resource_options(*command, options.resources);
   add_job_options(*command, settings->job);
   const auto run = [settings] {
-    return run_job(settings->job, [&settings](Progress* progress) {
-      return gaussians(settings->options, progress);
+    return run_job(settings->job, [&settings](Progress* progress, Report* report) {
+      gaussians(settings->options, progress, report);
     });
   };
   return {command, run};

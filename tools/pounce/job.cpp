@@ -6,11 +6,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <exception>
 #include <filesystem>
 
 #include "pounce/error.h"
@@ -19,6 +21,8 @@
 
 namespace pounce::cli {
 namespace {
+
+constexpr int kBelow = 1;  // exit status, see the README
 
 // What the signal handler may touch.
 std::atomic<Progress*> running_job{nullptr};
@@ -111,6 +115,36 @@ void write_file(const std::string& path, const std::string& text) {
   cannot("the report cannot be written", path);
 }
 
+/// To the standard output, a file or nowhere.
+void write_report(const std::string& path, const Report& report) {
+  if (path == "-") {
+    write_stdout(to_json(report));
+  } else if (!path.empty()) {
+    write_file(path, to_json(report));
+  }
+}
+
+/// A report that cannot be written does not hide why the job failed.
+void write_failed_report(const std::string& path, const Report& report) {
+  try {
+    write_report(path, report);
+  } catch (const Error& error) {
+    write_stderr(fmt::format("pounce: warning: {}\n", visible_line(error.what())));
+  }
+}
+
+/// Of what the library did not turn into an error of its own.
+Failure failure_of(const std::exception& error) {
+  const auto* known = dynamic_cast<const Error*>(&error);
+  const ErrorKind kind = known != nullptr ? known->kind() : ErrorKind::internal;
+  return {error_kind_name(kind), exit_status(kind), error.what()};
+}
+
+bool has_enough(const Report& report) {
+  return std::all_of(report.targets.begin(), report.targets.end(),
+                     [](const TargetReport& target) { return target.enough; });
+}
+
 }  // namespace
 
 void write_stdout(const std::string& text) {
@@ -125,7 +159,7 @@ void write_stderr(const std::string& text) {
   std::fwrite(shown.data(), 1, shown.size(), stderr);
 }
 
-int run_job(const JobSettings& settings, const std::function<Report(Progress*)>& job) {
+int run_job(const JobSettings& settings, const std::function<void(Progress*, Report*)>& job) {
   check_report_folder(settings.report_path);
   Progress progress;
   const SignalsCancel signals(progress);
@@ -133,29 +167,34 @@ int run_job(const JobSettings& settings, const std::function<Report(Progress*)>&
   ProgressBar bar(kind, stderr);
   progress.on_event = [&bar](const ProgressEvent& event) { bar.show(event); };
 
+  Report report;
   const double begin_s = monotonic_seconds();
-  const Report report = job(&progress);
+  try {
+    job(&progress, &report);
+  } catch (const std::exception& error) {
+    bar.finish();
+    if (!report.failure) report.failure = failure_of(error);
+    write_failed_report(settings.report_path, report);
+    if (kind != ProgressKind::json) throw;
+    write_stderr(warnings_json(report) + end_line(report, report.failure->exit_status));
+    return report.failure->exit_status;
+  }
   const double wall_s = monotonic_seconds() - begin_s;
   bar.finish();
-
-  const bool report_on_stdout = settings.report_path == "-";
-  if (report_on_stdout) {
-    write_stdout(to_json(report));
-  } else if (!settings.report_path.empty()) {
-    write_file(settings.report_path, to_json(report));
-  }
-  if (settings.plan_only && !report_on_stdout) write_stdout(plan_text(report));
-  if (!settings.quiet) {
-    // A program that reads JSON lines gets nothing else; the report has the figures.
-    const bool for_programs = kind == ProgressKind::json;
-    std::string said = for_programs ? warnings_json(report) : warnings_text(report);
-    if (!settings.plan_only && !for_programs) {
-      said += summary_text(report, wall_s);
-      if (settings.verbose) said += details_text(report);
-    }
+  const int status = has_enough(report) ? 0 : kBelow;
+  write_report(settings.report_path, report);
+  if (settings.plan_only && settings.report_path != "-") write_stdout(plan_text(report));
+  // A program that reads JSON lines gets nothing else; the report has the figures.
+  if (kind == ProgressKind::json) {
+    write_stderr(warnings_json(report) + end_line(report, status));
+  } else if (!settings.quiet) {
+    std::string said = warnings_text(report);
+    if (!settings.plan_only) said += summary_text(report, wall_s);
+    if (!settings.plan_only && settings.verbose) said += details_text(report);
     write_stderr(said);
   }
-  return 0;
+  if (kind != ProgressKind::json) write_stderr(too_little_text(report));
+  return status;
 }
 
 }  // namespace pounce::cli

@@ -21,9 +21,10 @@ struct JobSettings {
 
 /// Runs a job with progress on the standard error output and SIGINT/SIGTERM wired to its
 /// cancellation (a second one ends the process at once, with status 130); then writes the report
-/// and says what was done. Returns the exit status; throws what the job throws. One job at a time
-/// in a process.
-int run_job(const JobSettings& settings, const std::function<Report(Progress*)>& job);
+/// and says what was done, also of a job that throws. Returns the exit status: 0, or 1 where a
+/// target found less than it was to. Throws what the job throws, but with JSON lines, where the
+/// last one says it, returns its status. One job at a time in a process.
+int run_job(const JobSettings& settings, const std::function<void(Progress*, Report*)>& job);
 
 /// Writes text or JSON to the standard output, visible(), and makes sure that it arrived; throws
 /// Error(storage).

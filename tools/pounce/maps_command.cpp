@@ -58,8 +58,9 @@ Command add_maps_command(CLI::App& program) {
   add_resource_options(*command, options.resources);
   add_job_options(*command, settings->job);
   const auto run = [settings] {
-    return run_job(settings->job,
-                   [&settings](Progress* progress) { return maps(settings->options, progress); });
+    return run_job(settings->job, [&settings](Progress* progress, Report* report) {
+      maps(settings->options, progress, report);
+    });
   };
   return {command, run};
 }

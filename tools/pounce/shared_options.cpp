@@ -13,7 +13,7 @@ constexpr int kHelpColumn = 30;
 constexpr const char* kExitStatusHelp =
     "Exit status:\n"
     "    0  done\n"
-    "    1  compare: below --min-psnr\n"
+    "    1  compare: below --min-psnr; transfer: below --min-coverage\n"
     "    2  the command line makes no sense\n"
     "    3  a mesh or an image cannot be used\n"
     "    4  --memory is too small; the message names the least that works\n"
@@ -138,14 +138,15 @@ void add_job_options(CLI::App& command, JobSettings& settings) {
   const char* const group = "What is said";
   add_value(command, "--report", "FILE", group,
             "Write what was done as JSON: times, counts, bytes, memory,\n"
-            "warnings, outputs. - is the standard output",
+            "warnings, outputs; also of a job that fails, with its error.\n"
+            "- is the standard output",
             [&settings](const std::string& text) {
               settings.report_path = parse_report_path("--report", text);
             });
   add_value(command, "--progress", "KIND", group,
             "auto   a bar on a terminal, plain lines elsewhere (default)\n"
             "plain  a line every few seconds and at the end of each stage\n"
-            "json   one JSON object per line\n"
+            "json   one JSON object per line; the last says how the job ended\n"
             "none   nothing. All on the standard error output",
             [&settings](const std::string& text) {
               settings.progress = parse_progress_kind("--progress", text);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "pounce/error.h"
 #include "visible.h"
 
 namespace pounce::cli {
@@ -111,14 +112,12 @@ std::string plan_text(const Report& report) {
                                  bytes_text(report.least_memory_bytes), report.least_memory_bytes);
   text += fmt::format("budget        {}\n", bytes_text(report.memory_budget_bytes));
   text += fmt::format("threads       {}\n", report.threads);
-  // What only a run can know stays 0 in a plan and is not worth a line.
   const auto add = [&text](const char* name, std::uint64_t bytes) {
-    if (bytes > 0) text += fmt::format("{:<13} {}\n", name, bytes_text(bytes));
+    if (bytes > 0) text += fmt::format("{:<13} at most {}\n", name, bytes_text(bytes));
   };
-  add("source store", report.source_store_bytes);
-  add("target store", report.target_store_bytes);
-  add("scratch disk", report.temp_peak_bytes);
-  add("written", report.bytes_written);
+  add("scratch disk", report.disk_most.scratch_bytes);
+  add("cache", report.disk_most.cache_bytes);
+  add("outputs", report.disk_most.output_bytes);
   for (const std::string& path : report.outputs)
     text += fmt::format("would write   {}\n", visible_line(path));
   return text;
@@ -137,6 +136,30 @@ std::string warnings_json(const Report& report) {
   std::string text;
   for (const std::string& warning : report.warnings) {
     text += Json{{"warning", warning}}.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  }
+  return text;
+}
+
+std::string end_line(const Report& report, int status) {
+  nlohmann::ordered_json line;
+  const bool cancelled = status == exit_status(ErrorKind::cancelled);
+  line["end"] = !report.failure ? "done" : cancelled ? "cancelled" : "failed";
+  line["exit_status"] = status;
+  if (report.failure) {
+    line["kind"] = report.failure->kind;
+    line["message"] = report.failure->message;
+  }
+  return line.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+std::string too_little_text(const Report& report) {
+  std::string text;
+  for (const TargetReport& target : report.targets) {
+    if (target.enough) continue;
+    const TexelCounts& counts = target.counts;
+    text += fmt::format("pounce: {}: {} of {} texels covered{}, less than --min-coverage\n",
+                        visible_line(target.path), with_commas(counts.covered),
+                        with_commas(counts.texels), share_text(counts.covered, counts.texels));
   }
   return text;
 }

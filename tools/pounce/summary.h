@@ -13,6 +13,10 @@ std::string details_text(const Report& report);                 ///< -v: stages,
 std::string plan_text(const Report& report);                    ///< --plan
 std::string warnings_text(const Report& report);
 std::string warnings_json(const Report& report);  ///< one {"warning": text} per line
+/// The last line of --progress json: how the job ended.
+std::string end_line(const Report& report, int status);
+/// A line for each target that found less than --min-coverage.
+std::string too_little_text(const Report& report);
 
 /// 12345678 -> "12,345,678".
 std::string with_commas(std::uint64_t count);

@@ -82,6 +82,16 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
             });
 }
 
+void add_coverage_option(CLI::App& command, TransferOptions& options) {
+  add_value(command, "--min-coverage", "PCT", "Picture",
+            "Exit with status 1 if a target finds the source for less than\n"
+            "this many percent of its texels, 0 to 100; all is written all\n"
+            "the same. Default: 0",
+            [&options](const std::string& text) {
+              options.min_coverage_percent = parse_number("--min-coverage", text, 0, 100);
+            });
+}
+
 void add_skip_option(CLI::App& command, TransferOptions& options) {
   add_switch(command, "--skip-existing", "Picture",
              "Keep outputs that are there and younger than all their inputs:\n"
@@ -138,7 +148,8 @@ void add_search_options(CLI::App& command, TransferOptions& options) {
   add_value(command, "--max-distance", "D|P%", group,
             "How far along its normal, both ways, a texel may look: in the\n"
             "target's units, or % of its diagonal (up to 100%). A larger value\n"
-            "costs time only where nothing is near. Default: 5%",
+            "costs time: much where nothing is near, up to half as much again\n"
+            "of splats, else little. Default: 5%",
             [&options](const std::string& text) {
               options.max_distance = parse_length("--max-distance", text);
             });
@@ -167,6 +178,7 @@ Command add_transfer_command(CLI::App& program) {
       ->option_text("...")
       ->required();
   add_picture_options(*command, options);
+  add_coverage_option(*command, options);
   add_skip_option(*command, options);
   add_paint_options(*command, options);
   add_source_options(*command, options);
@@ -184,8 +196,8 @@ Command add_transfer_command(CLI::App& program) {
              "Print least memory, disk and files; do and write nothing", options.plan_only);
   const auto run = [settings] {
     settings->job.plan_only = settings->options.plan_only;
-    return run_job(settings->job, [&settings](Progress* progress) {
-      return transfer(settings->options, progress);
+    return run_job(settings->job, [&settings](Progress* progress, Report* report) {
+      transfer(settings->options, progress, report);
     });
   };
   return {command, run};

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "flow/describe_job.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace pounce::flow {
+namespace {
+
+std::string text_of(ImageSize size) { return fmt::format("{}x{}", size.width, size.height); }
+
+std::string text_of(const Length& length) {
+  return fmt::format("{:g}{}", length.value, length.is_percent ? "%" : "");
+}
+
+class OptionList {
+ public:
+  explicit OptionList(Report& report) : options_(report.options) {}
+
+  void add(const std::string& name, const std::string& value) {
+    if (!value.empty()) options_.push_back({name, {value}, false});
+  }
+  void add(const std::string& name, const std::vector<std::string>& values) {
+    if (!values.empty()) options_.push_back({name, values, true});
+  }
+  void add(const std::string& name, bool given) {
+    if (given) options_.push_back({name, {"true"}, false});
+  }
+  void add(const std::vector<SourceTexture>& textures) {
+    std::vector<std::string> values;
+    for (const SourceTexture& texture : textures)
+      values.push_back(fmt::format("{}={}", channel_name(texture.channel), texture.path));
+    add("source-texture", values);
+  }
+  void add(const std::string& side, const MeshUse& use) {
+    add(side + "-mesh", use.meshes);
+    add(side + "-material", use.materials);
+    add(side + "-uv-set", use.uv_set ? std::to_string(*use.uv_set) : std::string());
+    add(side + "-axes", use.axes);
+  }
+  void add(const Resources& r) {
+    add("memory", r.memory_bytes != 0 ? std::to_string(r.memory_bytes) : std::string());
+    add("threads", r.threads != 0 ? std::to_string(r.threads) : std::string());
+    add("cache", r.cache_dir);
+    add("no-cache", !r.use_cache);
+    if (r.cache_limit_bytes) {
+      add("cache-limit",
+          *r.cache_limit_bytes == 0 ? std::string("none") : std::to_string(*r.cache_limit_bytes));
+    }
+    add("no-wait", !r.wait_for_cache);
+    add("temp", r.temp_dir);
+  }
+
+ private:
+  std::vector<OptionReport>& options_;
+};
+
+std::vector<std::string> names_of(const std::vector<Channel>& channels) {
+  std::vector<std::string> names;
+  for (const Channel channel : channels) names.push_back(channel_name(channel));
+  return names;
+}
+
+std::vector<std::string> texts_of(const std::vector<std::uint32_t>& numbers) {
+  std::vector<std::string> texts;
+  for (const std::uint32_t number : numbers) texts.push_back(std::to_string(number));
+  return texts;
+}
+
+}  // namespace
+
+void describe(const TransferOptions& o, Report& report) {
+  const TransferOptions usual;
+  report.command = "transfer";
+  add_input(o.source, report);
+  for (const std::string& target : o.targets) add_input(target, report);
+  OptionList list(report);
+  list.add("output", o.output);
+  list.add("coverage", o.coverage_output);
+  list.add("tiles", texts_of(o.tiles));
+  list.add("size", o.size ? text_of(*o.size) : std::string());
+  list.add("depth", o.depth ? std::string(depth_name(*o.depth)) : std::string());
+  list.add("padding", o.padding_px ? std::to_string(*o.padding_px) : std::string());
+  list.add("skip-existing", o.skip_existing);
+  list.add("min-coverage",
+           o.min_coverage_percent > 0 ? fmt::format("{:g}", o.min_coverage_percent) : "");
+  list.add("onto", o.onto);
+  list.add("mask", o.mask);
+  list.add("channels", o.all_channels ? std::vector<std::string>{"all"} : names_of(o.channels));
+  list.add(o.source_textures);
+  list.add("source", o.source_use);
+  list.add("target", o.target_use);
+  const bool other_distance = o.max_distance.value != usual.max_distance.value ||
+                              o.max_distance.is_percent != usual.max_distance.is_percent;
+  list.add("max-distance", other_distance ? text_of(o.max_distance) : std::string());
+  list.add("max-angle",
+           o.max_angle_deg != usual.max_angle_deg ? fmt::format("{:g}", o.max_angle_deg) : "");
+  list.add(o.resources);
+  list.add("plan", o.plan_only);
+}
+
+void describe(const MapsOptions& o, Report& report) {
+  report.command = "maps";
+  add_input(o.target, report);
+  OptionList list(report);
+  list.add("output", o.output);
+  list.add("size", text_of(o.size));
+  list.add("target", o.target_use);
+  list.add(o.resources);
+}
+
+void describe(const GaussiansOptions& o, Report& report) {
+  report.command = "gaussians";
+  add_input(o.source, report);
+  OptionList list(report);
+  list.add("output", o.output);
+  list.add(o.source_textures);
+  list.add(o.resources);
+}
+
+void add_input(const std::string& path, Report& report) {
+  std::vector<std::string>& inputs = report.inputs;
+  if (!path.empty() && std::find(inputs.begin(), inputs.end(), path) == inputs.end())
+    inputs.push_back(path);
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/box.h"
+#include "flow/plan.h"
+#include "flow/target_stream.h"
+#include "pounce/options.h"
+#include "pounce/report.h"
+
+namespace pounce::flow {
+
+/// Counts what one target got into the report, image by image as they are made, and says in the end
+/// what a user should know of it. Not thread-safe.
+class TargetTally {
+ public:
+  /// All must outlive it. `model`: the path of a model output, else empty.
+  TargetTally(const TransferOptions& options, const Plan& plan, const TargetPlan& target,
+              std::string model, Report& report);
+
+  /// The target's store of the first pass.
+  void vectorized(const tiles::GeometryDirectory& directory);
+  /// A page of a pass with so many texels; `result` is null where there was nothing to project.
+  void add_page(std::size_t pass, std::uint32_t page, std::uint64_t texels,
+                const PageResult* result);
+  /// Of the page that was added last, an image was written.
+  void wrote(std::size_t channel, std::uint64_t filled);
+  /// Warns of what was not found; `source` is where the source lies.
+  void finish(const Box3f& source);
+
+ private:
+  TargetReport& target() { return report_.targets.back(); }
+  ImageReport describe(std::size_t channel, std::size_t page) const;
+  void count(const TexelCounts& counts, std::size_t channel, bool is_first);
+  void warn_of_empty_pages();
+  void warn_of_little(const Box3f& source);
+  void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }
+
+  const TransferOptions& options_;
+  const Plan& plan_;
+  const TargetPlan& target_;
+  const std::string model_;
+  Report& report_;
+  Box3f box_;
+  std::size_t page_begin_ = 0;            ///< images of the page that was added last begin here
+  std::size_t first_counted_ = SIZE_MAX;  ///< of those: whose counts are the target's
+  bool any_kept_ = false;
+};
+
+/// What the distances at which a target found its source say: a sentence for a warning, or nothing.
+std::string judge_distances(const DistanceCounts& distances);
+
+}  // namespace pounce::flow

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+# --plan forecasts the disk that a job takes: bounds that a real run stays within, in the summary and the report.
+source "$(dirname "$0")/support.sh"
+head -c 786432 /dev/urandom >noise.raw # what no encoder makes smaller
+{ printf 'P6\n512 512\n255\n' && cat noise.raw; } >skin.ppm
+quad source skin.ppm
+quad target
+quad other
+number() { tr -d ' \n' <"$1" | sed -nE "s/.*$2.*/\1/p"; }
+# holds NAME ARGUMENT...: the job takes no more than its plan says, of scratch, cache and outputs.
+holds() {
+  local name=$1 real most
+  shift
+  rm -rf "$XDG_CACHE_HOME"
+  expect 0 transfer "$@" --plan --report plan.json
+  grep -qE '^outputs +at most [0-9.]+ [KMG]iB$' "$out" || fail "$name: no outputs in the plan"
+  grep -qE '^(scratch disk|cache) +at most [0-9.]+ [KMG]iB$' "$out" || fail "$name: no disk in the plan"
+  expect 0 transfer "$@" --report run.json
+  real=$(number run.json '"temp_peak":([0-9]+)') most=$(number plan.json '"disk_most":\{"scratch":([0-9]+)')
+  ((real > 0 && real <= most)) || fail "$name: scratch $real, at most $most"
+  real=$(number run.json '"outputs":([0-9]+)\}') most=$(number plan.json '"disk_most":[^}]*"outputs":([0-9]+)')
+  ((real > 0 && real <= most && most < 3 * real)) || fail "$name: outputs $real, at most $most"
+  real=0 most=$(number plan.json '"disk_most":[^}]*"cache":([0-9]+)')
+  [[ ! -e $XDG_CACHE_HOME ]] || real=$(find "$XDG_CACHE_HOME" -name '*.pack' -printf '%s\n' | awk '{ s += $1 } END { print s + 0 }')
+  ((real <= most)) || fail "$name: cache $real, at most $most"
+  [[ $(number run.json '"disk_most":(\{[^}]*\})') == "$(number plan.json '"disk_most":(\{[^}]*\})')" ]] ||
+    fail "$name: run and plan disagree"
+}
+holds png source.obj target.obj -o o.png
+holds no-cache source.obj target.obj -o o.png --no-cache
+holds depth source.obj target.obj -o o.exr --depth float --coverage mask.exr
+holds tif source.obj target.obj -o o.tif --depth u16 --size 700x300
+holds jpg source.obj target.obj -o o.jpg
+holds targets source.obj target.obj other.obj -o '<TARGET>.png' --no-cache
+holds limit source.obj target.obj -o o.png --cache-limit 100KB
+"$POUNCE_FIXTURE" one-texel -o one >"$out"
+holds model one/one_texel_src.glb one/one_texel_target.glb -o m.glb --size 256
+"$POUNCE_FIXTURE" splats -o s.ply --count 20000 --target-size 64 >"$out"
+holds splats s.ply s_target.glb -o s.png
+holds splats-no-cache s.ply s_target.glb -o s.png --no-cache
+"$POUNCE_FIXTURE" plane -o p.obj --triangles 2000 --texture 128 --uv-tiles 4 >"$out"
+holds udim p.obj p.obj -o 'u.<UDIM>.png' --source-texture 'baseColor=p.<UDIM>.png' --size 200

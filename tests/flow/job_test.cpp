@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "flow/job.h"
+
+#include <tbb/info.h>
+#include <tbb/parallel_for.h>
+
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <chrono>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include "pounce/transfer.h"
+
+namespace pounce::flow {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// Do two tasks of one loop run at the same time? Each waits for the other, for some seconds.
+bool two_meet() {
+  std::atomic<int> arrived{0};
+  std::atomic<bool> met{true};
+  const auto late = Clock::now() + std::chrono::seconds(20);
+  tbb::parallel_for(
+      0, 2,
+      [&](int) {
+        ++arrived;
+        while (arrived < 2 && Clock::now() < late) std::this_thread::yield();
+        if (arrived < 2) met = false;
+      },
+      tbb::simple_partitioner());
+  return met;
+}
+
+/// Threads that take part in a loop of many tasks.
+std::size_t threads_of_a_loop() {
+  std::mutex mutex;
+  std::set<std::thread::id> threads;
+  tbb::parallel_for(
+      0, 64,
+      [&](int) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        const std::lock_guard lock(mutex);
+        threads.insert(std::this_thread::get_id());
+      },
+      tbb::simple_partitioner());
+  return threads.size();
+}
+
+Resources with_threads(unsigned threads) {
+  Resources resources;
+  resources.threads = threads;
+  return resources;
+}
+
+}  // namespace
+
+TEST_CASE("a job leaves what runs beside it its threads", "[flow]") {
+  if (tbb::info::default_concurrency() < 2) return;
+  run_job(with_threads(1), nullptr, nullptr, [](JobRun&, bool) {
+    bool met = false;
+    std::thread host([&] { met = two_meet(); });
+    host.join();
+    CHECK(met);
+  });
+}
+
+TEST_CASE("two jobs in one process keep their own numbers of threads", "[flow]") {
+  if (tbb::info::default_concurrency() < 2) return;
+  run_job(with_threads(1), nullptr, nullptr, [](JobRun&, bool) {
+    bool met = false;
+    std::size_t inner = 0;
+    std::thread host([&] {
+      run_job(with_threads(2), nullptr, nullptr, [&](JobRun&, bool) {
+        met = two_meet();
+        inner = threads_of_a_loop();
+      });
+    });
+    const std::size_t outer = threads_of_a_loop();
+    host.join();
+    CHECK(met);
+    CHECK(outer == 1);
+    CHECK(inner <= 2);
+  });
+}
+
+TEST_CASE("the report of a failed job says what happened and what was done", "[flow]") {
+  Report so_far;
+  CHECK_THROWS_AS(run_job(with_threads(1), nullptr, &so_far,
+                          [](JobRun& run, bool) {
+                            run.report.outputs = {"first.png"};
+                            throw Error(ErrorKind::storage, "second.png: the disk is full");
+                          }),
+                  Error);
+  REQUIRE(so_far.failure);
+  CHECK(so_far.failure->kind == "storage");
+  CHECK(so_far.failure->exit_status == 5);
+  CHECK(so_far.failure->message == "second.png: the disk is full");
+  CHECK(so_far.outputs == std::vector<std::string>{"first.png"});
+}
+
+TEST_CASE("what no transfer can do is refused before any file is looked at", "[flow]") {
+  TransferOptions options;
+  options.source = "absent.glb";
+  options.targets = {"absent.glb"};
+  options.output = "o.png";
+  const auto kind = [&options] {
+    Report report;
+    CHECK_THROWS_AS(transfer(options, nullptr, &report), Error);
+    return report.failure ? report.failure->kind : std::string();
+  };
+  CHECK(kind() != "usage");
+  options.padding_px = 16384;
+  CHECK(kind() != "usage");
+  options.padding_px = 16385;  // more than the padder's distances hold
+  CHECK(kind() == "usage");
+  options.padding_px.reset();
+  options.min_coverage_percent = 101;
+  CHECK(kind() == "usage");
+}
+
+}  // namespace pounce::flow
