@@ -55,7 +55,8 @@ struct Resources {
   /// image stripes, triangle tables, caches. 0 = half of what the process may use (cgroup
   /// included).
   std::uint64_t memory_bytes = 0;
-  /// Worker threads, the calling one included; 0 = all cores. The result does not depend on it.
+  /// Worker threads, the calling one included; 0 = all cores. No more than the process lets oneTBB
+  /// have: its cores, or its tbb::global_control. The result does not depend on it.
   unsigned threads = 0;
   /// Folder of the tile cache; empty = $XDG_CACHE_HOME/pounce, else ~/.cache/pounce.
   std::string cache_dir;

@@ -2,12 +2,12 @@
 #include "flow/job.h"
 
 #include <fmt/format.h>
+#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
-#include <thread>
 
 #include "core/system_memory.h"
 #include "pounce/cache.h"
@@ -21,9 +21,12 @@ namespace {
 /// exactly how much the job needs.
 constexpr std::uint64_t kReadAnyway = 64ULL << 20;
 
+/// As many as were asked for, but no more than the process lets TBB have: raising that would raise
+/// it for all that runs there.
 unsigned thread_count(const Resources& resources) {
-  return resources.threads != 0 ? resources.threads
-                                : std::max(1U, std::thread::hardware_concurrency());
+  const auto most = static_cast<unsigned>(
+      tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
+  return resources.threads != 0 ? std::min(resources.threads, most) : most;
 }
 
 std::uint64_t budget_bytes(const Resources& resources) {

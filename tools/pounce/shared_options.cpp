@@ -106,7 +106,8 @@ void add_resource_options(CLI::App& command, Resources& resources) {
             [&resources](const std::string& text) {
               resources.memory_bytes = parse_bytes("--memory", text);
             });
-  add_value(command, "--threads", "N", group, "Worker threads, 1 to 1024. Default: all cores",
+  add_value(command, "--threads", "N", group,
+            "Worker threads, 1 to 1024, no more than cores. Default: all cores",
             [&resources](const std::string& text) {
               resources.threads =
                   static_cast<unsigned>(parse_integer("--threads", text, 1, kMostThreads));
