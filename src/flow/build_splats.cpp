@@ -35,7 +35,7 @@ using tiles::SplatBlock;
 using tiles::SplatLattice;
 
 /// Raised whenever the same file would make another store: part of the key.
-constexpr std::uint32_t kSplatStoreVersion = 1;
+constexpr std::uint32_t kSplatStoreVersion = 2;
 
 constexpr std::uint64_t kLeastRun = 16 << 10, kMostRun = 4 << 20;
 constexpr std::size_t kLeastFanIn = 16, kMostFanIn = 1024;

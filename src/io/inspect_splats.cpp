@@ -97,8 +97,13 @@ Json describe_splats(const std::string& path) {
     json["size"] = quantiles(sample, [](const Splat& s) { return tiles::size_of(s); });
   }
   Json columns = Json::array();
-  for (const PlyColumn& column : header.columns) columns.push_back(column.name);
+  std::size_t halves = 0;
+  for (const PlyColumn& column : header.columns) {
+    columns.push_back(column.name);
+    halves += column.type == PlyType::u16 ? 1 : 0;
+  }
   json["columns"] = columns;
+  json["half_columns"] = halves;
   return json;
 }
 
@@ -108,9 +113,11 @@ std::string splats_text(const Json& splats) {
                   splats["usable"].get<std::uint64_t>());
   for (const auto& [reason, count] : splats["filtered"].items())
     text += fmt::format("left out   {} {}\n", count.get<std::uint64_t>(), reason);
-  text += fmt::format("columns    {}, {} bytes per Gaussian, spherical harmonics of degree {}\n",
-                      splats["columns"].size(), splats["row_bytes"].get<unsigned>(),
-                      splats["sh_degree"].get<unsigned>());
+  const auto halves = splats["half_columns"].get<std::size_t>();
+  text += fmt::format("columns    {}{}, {} bytes per Gaussian, spherical harmonics of degree {}\n",
+                      splats["columns"].size(),
+                      halves == 0 ? "" : fmt::format(" ({} half floats)", halves),
+                      splats["row_bytes"].get<unsigned>(), splats["sh_degree"].get<unsigned>());
   text += fmt::format("model      {}\n", splats["model"].get<std::string>());
   text += fmt::format("normals    {}\n", splats["with_normal"].get<std::uint64_t>());
   const auto box_text = [&](const char* name, const char* key) {

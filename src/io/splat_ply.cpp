@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "core/exp.h"
+#include "core/half.h"
 
 namespace pounce::io {
 namespace {
@@ -40,11 +41,17 @@ constexpr std::array<const char*, 17> kNames{
 using Values = std::array<float, kRows>;
 
 template <class T>
+float number(T value) {
+  return static_cast<float>(value);
+}
+float number(std::uint16_t half) { return half_to_float(half); }
+
+template <class T>
 void load_as(const std::byte* from, std::size_t stride, std::size_t rows, Values& to) {
   for (std::size_t i = 0; i < rows; ++i) {
     T value;
     std::memcpy(&value, from + i * stride, sizeof value);
-    to[i] = static_cast<float>(value);
+    to[i] = number(value);
   }
 }
 
@@ -55,7 +62,7 @@ void load(const std::byte* from, PlyType type, std::size_t stride, std::size_t r
     case PlyType::u8:
       return load_as<std::uint8_t>(from, stride, rows, to);
     case PlyType::i16:
-      return load_as<std::int16_t>(from, stride, rows, to);
+      break;  // refused with the header
     case PlyType::u16:
       return load_as<std::uint16_t>(from, stride, rows, to);
     case PlyType::i32:

@@ -230,6 +230,23 @@ constexpr const char* kWanted =
     "opacity, "
     "scale_0..2, rot_0..3)";
 
+/// Two bytes are half floats where they are unsigned; signed ones are somebody's own quantisation.
+void check_types(const std::vector<PlyColumn>& columns, const std::string& path) {
+  constexpr std::array<std::string_view, 14> kSplatColumns{
+      "x",     "y",     "z",     "opacity", "scale_0", "scale_1", "scale_2",
+      "rot_0", "rot_1", "rot_2", "rot_3",   "nx",      "ny",      "nz"};
+  for (const PlyColumn& column : columns) {
+    const bool is_splat =
+        column.name.starts_with("f_dc_") || column.name.starts_with("f_rest_") ||
+        std::find(kSplatColumns.begin(), kSplatColumns.end(), column.name) != kSplatColumns.end();
+    if (!is_splat || column.type != PlyType::i16) continue;
+    throw Error(ErrorKind::input,
+                fmt::format("{}: its column \"{}\" is of type short (int16), whose scale no splat "
+                            "PLY says; export it as float, or as half floats in ushort",
+                            path, shown(column.name)));
+  }
+}
+
 /// What the file is, where it is not what we read.
 void check_kind(const Header& header, const std::string& path) {
   const auto fail = [&](const std::string& what) {
@@ -374,6 +391,18 @@ bool is_ply(const ReadFile& file) {
   return begins == "ply\n" || begins == "ply\r" || begins == "ply ";
 }
 
+bool holds_splats(const ReadFile& file, const std::string& path) {
+  try {
+    const Header header = parse(file, path);
+    const Element* vertex = header.find("vertex");
+    return vertex != nullptr && (find_column(vertex->columns, "f_dc_0") != nullptr ||
+                                 find_column(vertex->columns, "packed_position") != nullptr);
+  } catch (const Error& e) {
+    if (e.kind() != ErrorKind::input) throw;
+    return false;
+  }
+}
+
 SplatPlyHeader read_splat_ply_header(const ReadFile& file, const std::string& path) {
   if (file.size_bytes() == 0) {
     throw Error(ErrorKind::input, path + ": the file is empty; export it again");
@@ -389,6 +418,7 @@ SplatPlyHeader read_splat_ply_header(const ReadFile& file, const std::string& pa
   result.rows_at = rows_at(header, file.size_bytes(), path);
   result.splats = vertex.count;
   result.row_bytes = static_cast<std::uint32_t>(vertex.row_bytes);
+  check_types(vertex.columns, path);
   result.columns = vertex.columns;
   result.sh_degree = sh_degree(vertex.columns, path);
   result.model = header.model;

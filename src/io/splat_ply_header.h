@@ -10,7 +10,8 @@
 
 namespace pounce::io {
 
-/// The scalar types of PLY.
+/// The scalar types of PLY. It has none for half floats: where a splat column is u16, its values
+/// are the bits of IEEE binary16.
 enum class PlyType : std::uint8_t { i8, u8, i16, u16, i32, u32, f32, f64 };
 std::uint32_t ply_type_bytes(PlyType type);
 
@@ -36,10 +37,14 @@ struct SplatPlyHeader {
 /// True if the file begins as a PLY does.
 bool is_ply(const ReadFile& file);
 
-/// Reads the header of the 3DGS PLY that trainers write: binary little endian, columns in any order
-/// and of any scalar type, other elements beside the Gaussians. Throws Error(input) naming the
-/// file, what it holds instead (a mesh, a point cloud, text, big-endian or compressed data, fewer
-/// bytes than announced) and the cure. Takes no more than 1 MiB whatever the file says.
+/// Does this PLY hold Gaussians, in whatever form? Else it is a mesh, a point cloud, or damaged.
+bool holds_splats(const ReadFile& file, const std::string& path);
+
+/// Reads the header of the 3DGS PLY that trainers write: binary little endian, columns in any
+/// order, splat columns of any scalar type but i16, other elements beside the Gaussians. Throws
+/// Error(input) naming the file, what it holds instead (a mesh, a point cloud, text, big-endian or
+/// compressed data, fewer bytes than announced) and the cure. Takes no more than 1 MiB whatever the
+/// file says.
 SplatPlyHeader read_splat_ply_header(const ReadFile& file, const std::string& path);
 
 }  // namespace pounce::io

@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "core/half.h"
+
 namespace pounce::test {
 
 /// Columns as "float x", in order; rows by column name, 0 where a row does not say.
@@ -76,7 +78,9 @@ class SplatPlyBuilder {
     if (type == "uchar" || type == "uint8") return put<unsigned char>(out, value);
     if (type == "char" || type == "int8") return put<signed char>(out, value);
     if (type == "short" || type == "int16") return put<short>(out, value);
-    if (type == "ushort" || type == "uint16") return put<unsigned short>(out, value);
+    if (type == "ushort" || type == "uint16") {  // half floats, as splat columns hold them
+      return put<unsigned short>(out, float_to_half(static_cast<float>(value)));
+    }
     if (type == "int" || type == "int32") return put<int>(out, value);
     put<unsigned>(out, value);
   }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <fstream>
@@ -141,8 +142,8 @@ TEST_CASE("columns may come in any order, type and company", "[io]") {
 
 TEST_CASE("every scalar type is read as its value", "[io]") {
   const auto type =
-      GENERATE(as<std::string>{}, "char", "int8", "uchar", "uint8", "short", "int16", "ushort",
-               "uint16", "int", "int32", "uint", "uint32", "float", "float32", "double", "float64");
+      GENERATE(as<std::string>{}, "char", "int8", "uchar", "uint8", "ushort", "uint16", "int",
+               "int32", "uint", "uint32", "float", "float32", "double", "float64");
   CAPTURE(type);
   SplatPlyBuilder ply = usual(1);
   ply.columns[1] = type + " y";
@@ -152,6 +153,42 @@ TEST_CASE("every scalar type is read as its value", "[io]") {
   const Read read = read_all(folder.file("s.ply"));
   REQUIRE(read.splats.size() == 1);
   CHECK(read.splats[0].mean.y == (type.front() == 'u' ? 200.0F : -100.0F));
+}
+
+TEST_CASE("columns of ushort hold half floats", "[io]") {
+  const auto name_of = [](const std::string& column) {
+    return column.substr(column.find(' ') + 1);
+  };
+  SplatPlyBuilder ply;
+  ply.rows = {golden_row(), golden_row(), golden_row()};
+  ply.rows[1]["opacity"] = kInfinity;
+  ply.rows[2]["x"] = kNan;
+  SECTION("all of them") {
+    for (std::string& column : ply.columns) column = "ushort " + name_of(column);
+  }
+  SECTION("beside floats and doubles") {
+    for (std::size_t c = 0; c < ply.columns.size(); ++c) {
+      const std::array types{"uint16 ", "double ", "float "};
+      ply.columns[c] = types[c % 3] + name_of(ply.columns[c]);
+    }
+  }
+  const test::TempFolder folder;
+  ply.write(folder.file("s.ply"));
+  const Read read = read_all(folder.file("s.ply"));
+  REQUIRE(read.splats.size() == 2);
+  check_golden(read.splats[0]);
+  CHECK(read.splats[1].alpha == 1);
+  CHECK(read.count(SplatFilter::not_finite) == 1);
+}
+
+TEST_CASE("splat columns of short are refused by name", "[io]") {
+  for (const std::string name : {"x", "f_dc_2", "f_rest_0", "opacity", "scale_1", "rot_3", "nx"}) {
+    SplatPlyBuilder ply = usual(1);
+    if (name == "f_rest_0") ply.columns = SplatPlyBuilder::usual_columns(9);
+    *std::find(ply.columns.begin(), ply.columns.end(), "float " + name) =
+        (name == "x" ? "short " : "int16 ") + name;
+    has(problem_of(ply.bytes()), "its column \"" + name + "\" is of type short (int16)");
+  }
 }
 
 TEST_CASE("discs without a third scale have a third sigma of 0", "[io]") {
