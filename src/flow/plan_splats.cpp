@@ -3,28 +3,16 @@
 // The source's side of a plan where the source is a splat scene: one channel, one pass.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-#include <filesystem>
-
 #include "flow/plan.h"
+#include "io/splat_format.h"
 
 namespace pounce::flow {
 
 bool is_splat_scene(const std::string& path) {
-  std::string ending = std::filesystem::path(path).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  if (ending == ".ply") return true;
-  constexpr std::array kOthers{".spz", ".splat", ".ksplat", ".sog"};
-  if (std::find(kOthers.begin(), kOthers.end(), ending) != kOthers.end()) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: splat scenes are read from 3DGS PLY files; convert it with "
-                            "splat-transform {} {}.ply",
-                            path, path, std::filesystem::path(path).stem().string()));
-  }
-  return false;
+  const auto format = io::splat_format(path);
+  if (!format) return false;
+  if (!format->is_read) throw Error(ErrorKind::input, io::why_not_read(path, *format));
+  return true;
 }
 
 Plan plan_splats(const TransferOptions& options) {

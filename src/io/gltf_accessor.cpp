@@ -14,8 +14,6 @@ namespace pounce::io {
 namespace {
 
 constexpr std::uint64_t kPieceBytes = 1 << 20;
-// An accessor without bytes of its own may be this long whatever the file's size.
-constexpr std::uint64_t kUnbackedElements = 1 << 20;
 
 std::uint64_t component_count(int type) {
   return static_cast<std::uint64_t>(
@@ -82,9 +80,9 @@ void AccessorReader::fail(int index, const std::string& place, const std::string
                                             file_.path(), place, index, what));
 }
 
-void AccessorReader::check_count(int index, const std::string& place) const {
+void AccessorReader::check_unbacked(int index, std::uint64_t most, const std::string& place) const {
   const tinygltf::Accessor& a = accessor(index);
-  if (a.bufferView < 0 && a.count > std::max(kUnbackedElements, file_.total_buffer_bytes())) {
+  if (a.bufferView < 0 && a.count > most) {
     fail(index, place, fmt::format("claims {} elements but has no bytes", a.count));
   }
 }

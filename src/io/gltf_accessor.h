@@ -21,10 +21,9 @@ class AccessorReader {
   const tinygltf::Accessor& accessor(int index) const { return model_.accessors.at(idx(index)); }
   std::uint64_t count(int index) const { return accessor(index).count; }
 
-  /// Throws Error(input) if an accessor without bytes claims more elements than such a file can
-  /// mean: what stands between a tiny file and a huge allocation. Call before allocating for
-  /// count() elements.
-  void check_count(int index, const std::string& place) const;
+  /// Throws Error(input) if an accessor without bytes (all zeros) claims more than `most` elements:
+  /// where nothing else bounds them, this stands between a tiny file and a huge allocation.
+  void check_unbacked(int index, std::uint64_t most, const std::string& place) const;
 
   /// Fills out[0 .. count * components) with real numbers; normalised integers become 0..1 or
   /// -1..1. Throws Error(input) for NaN and infinity unless `any_value`.

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <set>
 
 #include "io/gltf_accessor.h"
 #include "io/gltf_file.h"
@@ -80,6 +81,12 @@ tinygltf::Model load_model(const GltfFile& file) {
     if (const auto it = file.document().find(key); it != file.document().end()) part[key] = *it;
   }
   drop_extras(part);
+  // tinygltf wants indices to have a buffer view; glTF means zeros where they have none.
+  if (const auto meshes = part.find("meshes"); meshes != part.end()) {
+    for (auto& mesh : *meshes) {
+      for (auto& primitive : mesh.at("primitives")) primitive.erase("indices");
+    }
+  }
   const std::string text = part.dump();
   part = nullptr;
   const auto fail = [&](const std::string& what) {
@@ -104,6 +111,11 @@ tinygltf::Model load_model(const GltfFile& file) {
     fail(fmt::format("cannot be understood ({})", error));
   }
   if (!is_complete(file.document(), model)) fail("holds entries that cannot be understood");
+  for (std::size_t m = 0; m < model.meshes.size(); ++m) {
+    const auto& primitives = file.document().at("meshes").at(m).at("primitives");
+    for (std::size_t p = 0; p < primitives.size(); ++p)
+      model.meshes[m].primitives[p].indices = primitives[p].value("indices", -1);
+  }
   return model;
 }
 
@@ -118,7 +130,9 @@ struct Plan {
   std::vector<Affine> worlds;
   std::vector<MeshInstance> instances;
   std::vector<std::vector<PrimitiveShape>> shapes;  ///< by instance, then primitive
-  std::uint64_t vertices = 0, triangles = 0, skipped = 0;
+  std::uint64_t vertices = 0, triangles = 0;
+  std::uint64_t skipped = 0;  ///< primitives without a surface
+  std::uint64_t splats = 0;   ///< primitives of Gaussians
   std::uint64_t largest_primitive_bytes = 0;
   std::size_t uv_sets = 0;
 
@@ -142,6 +156,27 @@ std::uint64_t reading_bytes(const PrimitiveShape& shape) {
          shape.triangles * (12 + 12) + (2U << 20);
 }
 
+/// What makes Gaussians of a primitive's points; "" if nothing does.
+std::string splat_extension(const tinygltf::Primitive& primitive) {
+  for (const auto& [name, value] : primitive.extensions) {
+    if (!is_splat_extension(name)) continue;
+    if (!value.Has("extensions")) return name;
+    const std::vector<std::string> inner = value.Get("extensions").Keys();
+    return inner.empty() ? name : fmt::format("{} with {}", name, fmt::join(inner, ", "));
+  }
+  return "";
+}
+
+std::string splat_extensions(const tinygltf::Model& model) {
+  std::set<std::string> names;
+  for (const tinygltf::Mesh& mesh : model.meshes) {
+    for (const tinygltf::Primitive& primitive : mesh.primitives)
+      names.insert(splat_extension(primitive));
+  }
+  names.erase("");
+  return fmt::format("{}", fmt::join(names, "; "));
+}
+
 Plan make_plan(GltfFile& file, const tinygltf::Model& model, const AccessorReader& accessors) {
   Plan plan;
   plan.worlds = world_transforms(model);
@@ -150,6 +185,11 @@ Plan make_plan(GltfFile& file, const tinygltf::Model& model, const AccessorReade
     const auto& primitives = model.meshes[static_cast<std::size_t>(instance.mesh)].primitives;
     auto& shapes = plan.shapes.emplace_back();
     for (std::size_t p = 0; p < primitives.size(); ++p) {
+      if (!splat_extension(primitives[p]).empty()) {
+        ++plan.splats;
+        shapes.emplace_back();
+        continue;
+      }
       const PrimitiveShape shape =
           check_primitive(accessors, primitives[p], primitive_place(model, instance.mesh, p),
                           joints_of(model, instance));
@@ -168,12 +208,19 @@ Plan make_plan(GltfFile& file, const tinygltf::Model& model, const AccessorReade
       if (plan.vertices > std::numeric_limits<std::uint32_t>::max() ||
           plan.triangles > std::numeric_limits<std::uint32_t>::max() || plan.mesh_bytes() > limit) {
         throw Error(ErrorKind::input,
-                    fmt::format("{}: its scene repeats meshes until there are more than {} "
-                                "vertices and {} triangles, too many for a file of this size; "
-                                "export fewer instances",
+                    fmt::format("{}: its scene has {} vertices and {} triangles or more, too many "
+                                "for a file of this size; export fewer instances, and no accessors "
+                                "without bytes",
                                 file.path(), plan.vertices, plan.triangles));
       }
     }
+  }
+  if (plan.triangles == 0 && plan.splats > 0) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: a Gaussian splat scene in glTF ({}), without a triangle; pounce "
+                            "reads splat scenes from 3DGS PLY, as the source of a transfer: take "
+                            "the PLY that this was made from",
+                            file.path(), splat_extensions(model)));
   }
   if (plan.triangles == 0) {
     throw Error(ErrorKind::input,
@@ -206,7 +253,7 @@ std::vector<Affine> joint_matrices(const tinygltf::Model& model, const AccessorR
   std::vector<float> inverse_bind;
   if (skin.inverseBindMatrices >= 0) {
     const std::string place = fmt::format("skin {} inverseBindMatrices", skin_index);
-    accessors.check_count(skin.inverseBindMatrices, place);
+    accessors.check_unbacked(skin.inverseBindMatrices, skin.joints.size(), place);
     inverse_bind.resize(accessors.count(skin.inverseBindMatrices) * 16);
     accessors.read_floats(skin.inverseBindMatrices, inverse_bind.data(), place);
   }
@@ -259,6 +306,7 @@ void append_instance(const GltfFile& file, const tinygltf::Model& model,
                               ? static_cast<std::uint32_t>(model.materials.size())
                               : static_cast<std::uint32_t>(primitive.material);
     if (material == mesh.materials.size()) add_default_material(mesh);
+    mesh.has_vertex_colours |= primitive.attributes.contains("COLOR_0");
     if (!joints.empty() && shape.joint_sets == 0) {
       mesh.warnings.push_back(
           fmt::format("{}: {} has a skin but no joints and weights; placed by "
@@ -336,6 +384,10 @@ mesh::Mesh read_gltf(const std::string& path, std::optional<std::uint32_t> textu
     mesh.warnings.push_back(
         fmt::format("{}: {} primitives of points or lines, or without positions, left out", path,
                     plan.skipped));
+  }
+  if (plan.splats > 0) {
+    mesh.warnings.push_back(fmt::format("{}: {} primitives of Gaussian splats ({}) left out", path,
+                                        plan.splats, splat_extensions(model)));
   }
   reserve(plan, mesh);
   mesh::PartsBuilder parts;

@@ -104,7 +104,6 @@ void check_attribute_set(const AccessorReader& accessors,
           index, where,
           fmt::format("has {} elements, but POSITION has {}", accessors.count(index), vertices));
     }
-    accessors.check_count(index, where);
   }
 }
 
@@ -436,7 +435,6 @@ PrimitiveShape check_primitive(const AccessorReader& accessors,
          indices.componentType != kUInt)) {
       accessors.fail(primitive.indices, where, "is not an accessor of unsigned integers");
     }
-    accessors.check_count(primitive.indices, where);
     corners = indices.count;
   }
   shape.is_surface = primitive.mode >= TINYGLTF_MODE_TRIANGLES;

@@ -17,7 +17,7 @@
 #include "io/inspect_mesh.h"
 #include "io/inspect_splats.h"
 #include "io/read_mesh.h"
-#include "io/splat_ply_header.h"
+#include "io/splat_format.h"
 #include "tiles/pack.h"
 
 namespace pounce {
@@ -40,16 +40,18 @@ std::string lower_ending(const std::string& path) {
 /// By the first bytes where they say it, else by the ending; what is neither mesh nor pack is left
 /// to the image reader, which tells formats by content.
 FileType file_type(const std::string& path, const ReadFile& file) {
+  if (const auto splats = io::splat_format(path)) {
+    if (!splats->is_read) throw Error(ErrorKind::input, io::why_not_read(path, *splats));
+    return FileType::splats;
+  }
   std::array<char, 8> start{};
   const std::size_t length = std::min<std::uint64_t>(start.size(), file.size_bytes());
   file.read(0, std::as_writable_bytes(std::span(start)).first(length));
   const std::string_view begins(start.data(), length);
   if (begins == kPackStart) return FileType::pack;
   if (begins.substr(0, kGlbStart.size()) == kGlbStart) return FileType::mesh;
-  if (io::is_ply(file)) return FileType::splats;
   const std::string ending = lower_ending(path);
   if (ending == ".pack") return FileType::pack;
-  if (ending == ".ply") return FileType::splats;
   const bool is_mesh = ending == ".glb" || ending == ".gltf" || ending == ".obj";
   return is_mesh ? FileType::mesh : FileType::image;
 }
@@ -93,6 +95,8 @@ Json describe_image(const std::string& path) {
 Json describe_file(const std::string& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) {
+    if (const auto splats = io::splat_format(path))
+      throw Error(ErrorKind::input, io::why_not_read(path, *splats));
     throw Error(
         ErrorKind::input,
         fmt::format("{}: is a folder; name a mesh, a splat scene, an image or a pack file", path));

@@ -11,6 +11,8 @@
 #include "core/file.h"
 #include "io/gltf_mesh.h"
 #include "io/obj_mesh.h"
+#include "io/splat_format.h"
+#include "io/splat_ply_header.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -26,9 +28,26 @@ std::string lower_ending(const std::string& path) {
   return ending;
 }
 
+/// A splat scene where a mesh is wanted: often the two are in the wrong order.
+[[noreturn]] void refuse_splats(const std::string& path, const SplatFormat& format) {
+  if (format.is_read && !holds_splats(*posix_file_system().open(path), path)) {
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: a PLY file is read as a splat scene, which is a source only; convert "
+                    "a mesh to .glb, .gltf or .obj",
+                    path));
+  }
+  throw Error(ErrorKind::input,
+              fmt::format("{}: a Gaussian splat scene in {}, where a mesh is wanted (.glb, .gltf "
+                          "or .obj); a scene comes first, as the source of a transfer: pounce "
+                          "transfer SCENE.ply TARGET.glb -o OUTPUT",
+                          path, format.name));
+}
+
 /// Content first: a GLB is one whatever its name. JSON and OBJ are text, so their ending decides,
 /// after a look at the first character.
 Format format_of(const std::string& path) {
+  if (const auto splats = splat_format(path)) refuse_splats(path, *splats);
   const auto file = posix_file_system().open(path);
   std::array<char, 64> head{};
   const std::uint64_t size = file->size_bytes();
@@ -38,13 +57,6 @@ Format format_of(const std::string& path) {
   if (text.starts_with("glTF")) return Format::gltf;
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
   const std::string ending = lower_ending(path);
-  if (ending == ".ply" || text.starts_with("ply\n") || text.starts_with("ply\r\n")) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: a PLY file is read as a splat scene, which is a source only; convert "
-                    "a mesh to .glb, .gltf or .obj",
-                    path));
-  }
   const std::size_t start = text.find_first_not_of(" \t\r\n");
   const bool is_json = start != std::string_view::npos && text[start] == '{';
   if (ending == ".gltf" || ending == ".glb" || (is_json && ending != ".obj")) {

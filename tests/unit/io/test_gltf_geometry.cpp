@@ -4,6 +4,7 @@
 #include "io/read_mesh.h"
 #include "support/gltf_builder.h"
 #include "support/test_data.h"
+#include "unit/io/read_error.h"
 
 using namespace pounce;
 using test::GltfBuilder;
@@ -95,6 +96,43 @@ TEST_CASE("sparse accessors replace single elements, of zeros where there is no 
   const mesh::Mesh m = read(b);
   const Vec3f third = with_base ? Vec3f{1, 1, 0} : Vec3f{};
   CHECK(m.positions == std::vector<Vec3f>{{0, 0, 0}, {5, 6, 7}, third, {8, 9, 10}});
+}
+
+TEST_CASE("accessors without bytes are zeros, indices too", "[io]") {
+  GltfBuilder b;
+  const int positions = b.add<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, "VEC3");
+  const auto zeros = [&](const char* type, int component, std::uint64_t count) {
+    return b.push("accessors", {{"componentType", component}, {"count", count}, {"type", type}});
+  };
+  b.primitive({{"POSITION", positions}, {"TEXCOORD_0", zeros("VEC2", 5126, 3)}},
+              zeros("SCALAR", 5123, 6));
+  b.primitive({{"POSITION", zeros("VEC3", 5126, 1500000)}});  // more than the file has bytes
+  const mesh::Mesh m = read(b);
+  CHECK(m.triangles.size() == 2 + 500000);
+  for (const Vec3f& position : m.positions) REQUIRE(position == Vec3f{});
+  for (std::uint32_t k = 0; k < 6; ++k) CHECK(m.uv_sets.at(0).at(k) == Vec2f{});
+}
+
+TEST_CASE("primitives of Gaussian splats are left out of a mesh, and refused alone", "[io]") {
+  GltfBuilder b;
+  b.triangle();
+  auto& points = b.triangle();
+  points["mode"] = 0;
+  points["extensions"]["KHR_gaussian_splatting"] = {
+      {"kernel", "ellipse"},
+      {"extensions", {{"KHR_gaussian_splatting_compression_spz_2", {{"bufferView", 0}}}}}};
+  b.doc["extensionsRequired"] = {"KHR_gaussian_splatting",
+                                 "KHR_gaussian_splatting_compression_spz_2"};
+  const std::string name = "KHR_gaussian_splatting with KHR_gaussian_splatting_compression_spz_2";
+  const mesh::Mesh m = read(b);
+  CHECK(m.triangles.size() == 1);
+  REQUIRE(m.warnings.size() == 1);
+  CHECK_THAT(m.warnings[0], Catch::Contains("1 primitives of Gaussian splats (" + name));
+  b.doc["nodes"].erase(0);
+  b.doc["nodes"][0]["mesh"] = 1;
+  const test::TempFolder folder;
+  CHECK_THAT(test::refusal(b.write(folder.file("m.gltf"))),
+             Catch::Contains("a Gaussian splat scene in glTF (" + name));
 }
 
 TEST_CASE("quantised attributes keep their integers, normalised ones become 0..1 or -1..1",
