@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <set>
 
+#include "io/gltf_validate.h"
 #include "io/json_edit.h"
 #include "io/model_material.h"
 
@@ -227,28 +228,48 @@ class DocumentEditor {
     if (!same) changes_["buffers"] = "[" + list + "]";
   }
 
-  /// Names of extensions that came or went with the materials.
-  void edit_extensions() {
-    const auto materials = changes_.find("materials");
-    if (materials == changes_.end()) return;
-    std::set<std::string> in_use;
-    for (const std::string_view material : json_elements(*materials->second)) {
-      const std::string_view extensions = json_member(material, "extensions");
+  /// Names of extensions that the entries of an array have, as they are now.
+  std::set<std::string> extensions_of(const char* key) const {
+    const auto changed = changes_.find(key);
+    const std::string_view list = changed == changes_.end() ? array(key) : *changed->second;
+    std::set<std::string> names;
+    for (const std::string_view entry : json_elements(list.empty() ? "[]" : list)) {
+      const std::string_view extensions = json_member(entry, "extensions");
       if (!extensions.starts_with('{')) continue;
-      for (const JsonMember& member : json_members(extensions)) in_use.insert(member.key);
+      for (const JsonMember& member : json_members(extensions)) names.insert(member.key);
     }
+    return names;
+  }
+
+  std::vector<std::string> names_in(const char* key) const {
+    const auto list = document_.find(key);
+    return list == document_.end() ? std::vector<std::string>()
+                                   : list->get<std::vector<std::string>>();
+  }
+
+  /// Names of extensions that came or went with the materials and textures.
+  void edit_extensions() {
+    if (!changes_.contains("materials")) return;
     constexpr const char* kGlossy = "KHR_materials_pbrSpecularGlossiness";
     constexpr const char* kStrength = "KHR_materials_emissive_strength";
+    const std::set<std::string> of_materials = extensions_of("materials");
+    const std::set<std::string> of_textures = extensions_of("textures");
+    const std::vector<std::string> required = names_in("extensionsRequired");
+    const auto is_gone = [&](const std::string& name) {
+      if (name == kGlossy || name == kStrength) return !of_materials.contains(name);
+      // Required means that it stood for a plain image: without a texture none of its is left.
+      return is_image_extension(name) && !of_textures.contains(name) &&
+             std::find(required.begin(), required.end(), name) != required.end();
+    };
     for (const char* key : {"extensionsUsed", "extensionsRequired"}) {
-      const auto list = document_.find(key);
-      std::vector<std::string> kept, before;
-      if (list != document_.end()) before = list->get<std::vector<std::string>>();
+      const std::vector<std::string> before = names_in(key);
+      std::vector<std::string> kept;
       for (const std::string& name : before) {
-        if ((name == kGlossy || name == kStrength) && !in_use.contains(name)) continue;
-        kept.push_back(json_quoted(name));
+        if (!is_gone(name)) kept.push_back(json_quoted(name));
       }
       const bool missing = std::find(before.begin(), before.end(), kStrength) == before.end();
-      if (std::string_view(key) == "extensionsUsed" && missing && in_use.contains(kStrength)) {
+      if (std::string_view(key) == "extensionsUsed" && missing &&
+          of_materials.contains(kStrength)) {
         kept.push_back(json_quoted(kStrength));
       }
       if (kept.size() == before.size()) continue;

@@ -12,6 +12,8 @@
 #include <set>
 #include <string_view>
 
+#include "io/gltf_validate.h"
+
 namespace pounce::io {
 namespace {
 
@@ -199,6 +201,12 @@ class SlotFinder {
     for (const char* key : {"source", "bufferView"}) {
       const Json* value = at(entry, {key});
       if (value != nullptr && *value == index) return true;
+    }
+    const Json* extensions = at(entry, {"extensions"});
+    if (extensions == nullptr || !extensions->is_object()) return false;
+    for (const auto& item : extensions->items()) {
+      const Json* image = is_image_extension(item.key()) ? at(item.value(), {"source"}) : nullptr;
+      if (image != nullptr && *image == index) return true;
     }
     return false;
   }
