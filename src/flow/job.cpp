@@ -10,6 +10,7 @@
 #include <filesystem>
 
 #include "core/system_memory.h"
+#include "io/new_folders.h"
 #include "pounce/cache.h"
 #include "pounce/version.h"
 #include "tiles/cache_layout.h"
@@ -33,13 +34,14 @@ std::uint64_t budget_bytes(const Resources& resources) {
   return resources.memory_bytes != 0 ? resources.memory_bytes : usable_memory().bytes / 2;
 }
 
-/// The output's folder; of a pattern that has tokens in its folders, the one above them all.
+/// The output's folder, or the nearest above it that is there; of a pattern that has tokens in its
+/// folders, the one above them all.
 std::string scratch_folder(const Resources& resources, const std::string& output) {
   if (!resources.temp_dir.empty()) return resources.temp_dir;
   std::filesystem::path folder = std::filesystem::path(output).parent_path();
   while (folder.string().find('<') != std::string::npos && folder.has_relative_path())
     folder = folder.parent_path();
-  return folder.empty() ? "." : folder.string();
+  return io::existing_folder(folder.string());
 }
 
 std::uint64_t cache_limit(const Resources& resources, const std::string& cache, FileSystem& files) {

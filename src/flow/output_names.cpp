@@ -2,11 +2,15 @@
 #include "flow/output_names.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <set>
 
+#include "io/new_folders.h"
 #include "pounce/error.h"
 
 namespace pounce::flow {
@@ -46,6 +50,25 @@ std::string file_name_part(const std::string& name) {
   return out.empty() || out == "." || out == ".." ? "_" : out;
 }
 
+namespace {
+
+/// A folder that is missing is made when there is something to put into it: can it be?
+void check_folder(const std::string& path) {
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  const std::string there = io::existing_folder(folder);
+  std::error_code ignored;
+  if (!std::filesystem::is_directory(there, ignored)) {
+    throw Error(ErrorKind::storage,
+                fmt::format("{}: {} is not a folder; choose another", path, there));
+  }
+  if (!folder.empty() && there != folder && ::access(there.c_str(), W_OK | X_OK) != 0) {
+    throw Error(ErrorKind::storage, fmt::format("{}: the folder {} cannot be made in {}: {}", path,
+                                                folder, there, std::strerror(errno)));
+  }
+}
+
+}  // namespace
+
 void check_outputs(const std::vector<std::string>& paths, const std::string& cure) {
   namespace fs = std::filesystem;
   std::set<std::string> seen;
@@ -54,13 +77,7 @@ void check_outputs(const std::vector<std::string>& paths, const std::string& cur
       throw Error(ErrorKind::usage,
                   fmt::format("two images would be written to {}: {}", path, cure));
     }
-    const fs::path folder = fs::path(path).parent_path();
-    std::error_code ignored;
-    if (!folder.empty() && !fs::is_directory(folder, ignored)) {
-      throw Error(
-          ErrorKind::storage,
-          fmt::format("{}: the folder {} does not exist; create it first", path, folder.string()));
-    }
+    check_folder(path);
     std::error_code problem;
     const bool taken = fs::is_directory(path, problem);
     if (problem == std::errc::filename_too_long) {

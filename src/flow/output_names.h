@@ -16,7 +16,7 @@ bool has_token(const std::string& pattern, const std::string& token);
 std::string file_name_part(const std::string& name);
 
 /// Throws Error(usage) when two of the images would get one name, saying `cure`, or when a name is
-/// too long for the file system; Error(storage) when a folder does not exist.
+/// too long for the file system; Error(storage) when a folder is not there and cannot be made.
 void check_outputs(const std::vector<std::string>& paths,
                    const std::string& cure = "put <CHANNEL> or <MATERIAL> into the pattern");
 

@@ -17,16 +17,20 @@
 // nothing behind. It gets a hidden name beside its final one only to be renamed over it: linkat()
 // cannot replace.
 namespace pounce::io {
+namespace {
 
-OutputFile::OutputFile(const std::string& path) : path_(path) {
+std::string folder_of(const std::filesystem::path& path) {
+  return path.has_parent_path() ? path.parent_path().string() : ".";
+}
+
+}  // namespace
+
+OutputFile::OutputFile(const std::string& path)
+    : path_(path), folder_(folder_of(path)), folders_(folder_) {
   const std::filesystem::path whole(path);
-  folder_ = whole.has_parent_path() ? whole.parent_path().string() : ".";
   struct stat status {};
-  if (::stat(folder_.c_str(), &status) != 0) {
-    const int reason = errno;
-    fail(reason == ENOENT ? fmt::format("the folder {} does not exist; create it first", folder_)
-                          : fmt::format("{}: {}", folder_, std::strerror(reason)));
-  }
+  if (::stat(folder_.c_str(), &status) != 0)
+    fail(fmt::format("{}: {}", folder_, std::strerror(errno)));
   if (!S_ISDIR(status.st_mode)) fail(fmt::format("{} is not a folder", folder_));
   if (::stat(path_.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
     fail("there is something of that name that is not a file");

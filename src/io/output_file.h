@@ -5,10 +5,13 @@
 #include <cstdio>
 #include <string>
 
+#include "io/new_folders.h"
+
 namespace pounce::io {
 
 /// A file that appears under its name whole or not at all, for libraries that write and seek
-/// through a C stream. Throws Error(storage) with path and reason. Not thread-safe.
+/// through a C stream. Folders that are missing are made. Throws Error(storage) with path and
+/// reason. Not thread-safe.
 class OutputFile {
  public:
   explicit OutputFile(const std::string& path);
@@ -33,7 +36,9 @@ class OutputFile {
   static long write_piece(void* self, const char* bytes, std::size_t count);
   static int seek(void* self, std::int64_t* offset, int whence);
 
-  std::string path_, folder_, temporary_;
+  std::string path_, folder_;
+  NewFolders folders_;
+  std::string temporary_;
   bool nameless_ = false;
   bool has_temporary_ = false;
   int descriptor_ = -1;

@@ -29,8 +29,8 @@ cmp scene.ply given.ply || fail 'the same texture from the command line gives ot
 # A limit on file sizes is a full disk: nothing is left.
 (ulimit -f 8 && expect 5 gaussians source.obj -o limited.ply --no-cache) || exit 1
 [[ ! -e limited.ply ]] || fail 'a part of the file was left'
-expect 5 gaussians source.obj -o missing/scene.ply
-err_has 'does not exist'
+expect 5 gaussians source.obj -o source.obj/scene.ply
+err_has 'source.obj is not a folder'
 # The least memory that is named works, also when even the mesh does not fit.
 "$POUNCE_FIXTURE" head -o head --triangles 20000 --texture 256 >/dev/null
 expect 4 gaussians head/head_src.glb -o head.ply --memory 1MiB --no-cache

@@ -79,7 +79,9 @@ bool is_written_in_place(const std::string& path) {
 /// A report that cannot be written is better known before a long job than after it.
 void check_report_folder(const std::string& path) {
   if (path.empty() || path == "-") return;
-  const std::string folder = folder_of(path);
+  std::filesystem::path folder = folder_of(path);  // or what is there of it: the rest is made
+  for (std::error_code gone; !std::filesystem::exists(folder, gone);)
+    folder = folder.has_parent_path() ? folder.parent_path() : ".";
   if (!is_written_in_place(path) && access(folder.c_str(), W_OK | X_OK) != 0) {
     cannot("the report cannot be written into its folder", path);
   }
@@ -92,6 +94,8 @@ void check_report_folder(const std::string& path) {
 /// Writes beside, then renames: a reader sees the whole report or none.
 void write_file(const std::string& path, const std::string& text) {
   const bool in_place = is_written_in_place(path);
+  std::error_code ignored;  // open() says what is wrong
+  std::filesystem::create_directories(folder_of(path), ignored);
   const std::string beside = in_place ? path : fmt::format("{}.{}.tmp", path, getpid());
   const int file = open(beside.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) cannot("the report cannot be created", path);
