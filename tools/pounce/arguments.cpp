@@ -176,9 +176,68 @@ std::vector<Channel> parse_channels(const std::string& option, const std::string
 
 namespace {
 
+/// The end of the run of characters from `at` on that are of a kind.
+template <class Kind>
+std::size_t run_end(const std::string& text, std::size_t at, Kind kind) {
+  while (at < text.size() && kind(static_cast<unsigned char>(text[at]))) ++at;
+  return at;
+}
+
+/// The end of a token of another program that begins here; 0 if none does. `is_tile`: it stands for
+/// a tile of UV space, not for a number of any kind.
+std::size_t foreign_token_end(const std::string& text, std::size_t at, bool& is_tile) {
+  const auto is_digit = [](unsigned char c) { return std::isdigit(c) != 0; };
+  const auto is_letter = [](unsigned char c) { return std::isalpha(c) != 0; };
+  const auto next = [&](std::size_t i) { return i < text.size() ? text[i] : '\0'; };
+  is_tile = false;
+  if (text[at] == '%') {  // %(UDIM)d, %04d
+    const std::size_t close = next(at + 1) == '(' ? text.find(')', at) : at;
+    is_tile = close != at;
+    if (close == std::string::npos) return 0;
+    const std::size_t end = run_end(text, close + 1, is_digit);
+    return next(end) == 'd' || (is_tile && next(end) == 's') ? end + 1 : 0;
+  }
+  if (text[at] == '$') {  // $F, $F4, ${F}, $UDIM
+    const std::size_t begin = at + (next(at + 1) == '{' ? 2 : 1);
+    const std::size_t end = run_end(text, begin, is_letter);
+    const std::string name = lower(text.substr(begin, end - begin));
+    is_tile = name == "udim";
+    if (!is_tile && name != "f" && name != "ff") return 0;
+    const std::size_t digits = run_end(text, end, is_digit);
+    return begin == at + 2 && next(digits) == '}' ? digits + 1 : digits;
+  }
+  if (text[at] == '#') {
+    const std::size_t end = run_end(text, at, [](unsigned char c) { return c == '#'; });
+    return end - at > 1 ? end : 0;
+  }
+  for (const std::string name : {"<udim>", "<uvtile>", "{udim}", "_mapid_"}) {
+    const std::string found = text.substr(at, name.size());
+    is_tile = lower(found) == name && found != "<UDIM>" && found != "<UVTILE>";
+    if (is_tile) return at + name.size();
+  }
+  return 0;
+}
+
+/// Refuses what stands for a tile or a frame in other programs: here it would be a name like any.
+void check_foreign_tokens(const std::string& option, const std::string& text) {
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    bool is_tile = false;
+    const std::size_t end = foreign_token_end(text, at, is_tile);
+    if (end == 0) continue;
+    const std::string token = text.substr(at, end - at);
+    refuse(option, text,
+           is_tile
+               ? fmt::format("<UDIM> (1001) or <UVTILE> (u1_v1) for a tile's number, not {}", token)
+               : fmt::format("no {}: pounce has no frames, and writes a UDIM tile's number as "
+                             "<UDIM>",
+                             token));
+  }
+}
+
 /// Refuses anything between < and > that is not one of `tokens`.
 void check_tokens(const std::string& option, const std::string& text,
                   const std::vector<std::string>& tokens) {
+  check_foreign_tokens(option, text);
   for (std::size_t begin = text.find('<'); begin != std::string::npos;
        begin = text.find('<', begin + 1)) {
     const std::size_t end = text.find('>', begin);
