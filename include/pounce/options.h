@@ -84,14 +84,14 @@ struct MeshUse {
   std::string axes;
 };
 
-/// One transfer of appearance from a textured mesh onto the UV textures of other meshes.
+/// One transfer of appearance from a textured mesh or a splat scene onto the UV textures of meshes.
 struct TransferOptions {
-  std::string source;                ///< .glb, .gltf or .obj with textures
+  std::string source;  ///< .glb, .gltf or .obj with textures, or a splat scene: 3DGS .ply
   std::vector<std::string> targets;  ///< .glb, .gltf or .obj with UVs; at least one
   MeshUse source_use, target_use;    ///< the second for every target
   /// Image path; may hold <CHANNEL>, <MATERIAL>, <TARGET> (needed for several), <UDIM> and
   /// <UVTILE>. With one of the last two, UVs outside [0,1) are UDIM tiles with an image each;
-  /// without, they wrap. The ending picks the format.
+  /// without, they wrap. The ending picks the format. Folders that are not there are made.
   /// Or a model, .glb or .gltf: the target, which must be one of these too, with a new texture per
   /// material and channel and everything else as it was; may hold <TARGET>.
   std::string output;
@@ -106,7 +106,8 @@ struct TransferOptions {
   std::vector<SourceTexture> source_textures;
   std::optional<ImageSize> size;  ///< default: per channel the largest source image of that channel
   std::optional<Depth> depth;     ///< default: the source image's
-  /// Empty: baseColor if `output` is an image without <CHANNEL>, else every channel the source has.
+  /// Empty: baseColor if `output` is an image without <CHANNEL>, else every channel the source has,
+  /// less those (baseColor apart) whose images cannot be read, which is a warning.
   std::vector<Channel> channels;
   bool all_channels = false;  ///< every channel the source has; `channels` must be empty
   /// How far along its normal, both ways, a texel may look. Larger costs time: much where nothing

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "io/read_mesh.h"
 #include "mesh/orient.h"
 #include "mesh/select.h"
@@ -17,6 +19,22 @@ Axes axes_of(const MeshUse& use, const std::string& side) {
   } catch (const Error& e) {
     throw Error(ErrorKind::usage, fmt::format("--{}-axes: {}", side, e.what()));
   }
+}
+
+bool has_textures(const mesh::Mesh& mesh) {
+  return std::any_of(mesh.materials.begin(), mesh.materials.end(), [](const mesh::Material& m) {
+    return std::any_of(m.textures.begin(), m.textures.end(),
+                       [](const auto& texture) { return texture.has_value(); });
+  });
+}
+
+void refuse_swapped(const mesh::Mesh& source, const mesh::Mesh& target) {
+  if (has_textures(source) || !has_textures(target)) return;
+  throw Error(
+      ErrorKind::input,
+      fmt::format("{}: the source has no texture, but the target {} has; the source comes first: "
+                  "swap the two, or give --source-texture baseColor=FILE",
+                  source.path, target.path));
 }
 
 mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,

@@ -15,6 +15,11 @@ namespace pounce::flow {
 mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,
                      bool keep_rest = false);
 
+/// Throws Error(input) where the source has no texture, but this target has: they are in the wrong
+/// order.
+void refuse_swapped(const mesh::Mesh& source, const mesh::Mesh& target);
+bool has_textures(const mesh::Mesh& mesh);
+
 /// The axes of that side. Throws Error(usage) where they make no sense, naming the option.
 Axes axes_of(const MeshUse& use, const std::string& side);
 

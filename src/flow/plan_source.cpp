@@ -30,11 +30,26 @@ bool is_colour(Channel channel) {
   return channel == Channel::base_color || channel == Channel::emissive;
 }
 
+/// Of the channel's name in a sentence.
+const char* article(Channel channel) {
+  return channel == Channel::occlusion || channel == Channel::emissive ? "an" : "a";
+}
+
 /// Materials that triangles really use.
 std::vector<bool> used_materials(const mesh::Mesh& mesh) {
   std::vector<bool> used(mesh.materials.size());
   for (const std::uint32_t m : mesh.triangle_material) used[m] = true;
   return used;
+}
+
+/// Has any triangle an area?
+bool has_surface(const mesh::Mesh& mesh) {
+  return std::any_of(mesh.triangles.begin(), mesh.triangles.end(), [&](const auto& triangle) {
+    const Vec3d a(mesh.positions[triangle[0]]), b(mesh.positions[triangle[1]]),
+        c(mesh.positions[triangle[2]]);
+    const double doubled_area = length(cross(b - a, c - a));
+    return doubled_area > 0 && std::isfinite(1 / doubled_area);
+  });
 }
 
 Vec2d transformed(const mesh::UvTransform& m, Vec2f uv) {
@@ -97,8 +112,16 @@ class SourcePlanner {
   Plan make() {
     if (source_.triangles.empty())
       throw Error(ErrorKind::input, source_.path + ": has no triangles");
-    for (const Channel channel : chosen_channels()) plan_.channels.push_back(plan_channel(channel));
-    group_passes();
+    if (!has_surface(source_)) {
+      throw Error(
+          ErrorKind::input,
+          fmt::format("{}: all of its {} triangles are degenerate, none has an area; export "
+                      "the model again",
+                      source_.path, source_.triangles.size()));
+    }
+    for (const Channel channel : chosen_channels()) {
+      is_asked_for(channel) ? add_channel(channel) : try_channel(channel);
+    }
     return std::move(plan_);
   }
 
@@ -110,9 +133,64 @@ class SourcePlanner {
     return false;
   }
 
+  /// All channels are chosen, not some by name.
+  bool takes_all() const {
+    return options_.all_channels ||
+           (options_.channels.empty() && has_token(options_.output, "CHANNEL"));
+  }
+
+  /// By name, or by an image of its own. Nobody leaves out the colour without saying so.
+  bool is_asked_for(Channel channel) const {
+    const auto& given = options_.source_textures;
+    return !takes_all() || channel == Channel::base_color ||
+           std::any_of(given.begin(), given.end(),
+                       [&](const SourceTexture& texture) { return texture.channel == channel; });
+  }
+
+  /// Of all that the source has, what cannot be read is left out.
+  void try_channel(Channel channel) {
+    const std::size_t columns = plan_.columns.size(), warnings = plan_.warnings.size();
+    try {
+      add_channel(channel);
+    } catch (const Error& error) {
+      const bool is_last = channel == last_channel_ && plan_.channels.empty();
+      if (is_last || (error.kind() != ErrorKind::input && error.kind() != ErrorKind::storage)) {
+        throw;
+      }
+      plan_.columns.erase(plan_.columns.begin() + static_cast<std::ptrdiff_t>(columns),
+                          plan_.columns.end());
+      plan_.warnings.resize(warnings);
+      plan_.warnings.push_back(fmt::format("{}: {} is left out: {}; --channels {} insists on it",
+                                           source_.path, channel_name(channel), error.what(),
+                                           channel_name(channel)));
+    }
+  }
+
+  void add_channel(Channel channel) {
+    ChannelPlan plan = plan_channel(channel);
+    GeometryRequest source = source_request(plan);
+    const std::size_t c = plan_.channels.size();
+    const auto same =
+        std::find_if(plan_.passes.begin(), plan_.passes.end(), [&](const PassPlan& pass) {
+          return pass.size == plan.size && pass.source.pages == source.pages;
+        });
+    if (same != plan_.passes.end()) {
+      same->channels.push_back(c);
+    } else {
+      plan_.passes.push_back({std::move(source), plan.size, {c}});
+    }
+    plan_.channels.push_back(std::move(plan));
+  }
+
+  /// Why there may be no textures: " (its material file ... is not there)".
+  std::string missing_files() const {
+    if (source_.missing_files.empty()) return "";
+    return fmt::format(" (its material file {} cannot be read: put it back)",
+                       source_.missing_files.front());
+  }
+
   std::vector<Channel> chosen_channels() {
-    const bool all = options_.all_channels ||
-                     (options_.channels.empty() && has_token(options_.output, "CHANNEL"));
+    const bool all = takes_all();
     std::vector<Channel> chosen = options_.channels;
     if (!all && chosen.empty()) chosen = {Channel::base_color};
     if (all) {
@@ -126,17 +204,21 @@ class SourcePlanner {
     }
     for (const Channel c : distinct) {
       if (!source_has(c)) {
-        throw Error(ErrorKind::input,
-                    fmt::format("{}: no material has a {} texture; give one with --source-texture "
-                                "{}=FILE",
-                                source_.path, channel_name(c), channel_name(c)));
+        throw Error(
+            ErrorKind::input,
+            fmt::format("{}: no material has {} {} texture{}; give one with --source-texture "
+                        "{}=FILE",
+                        source_.path, article(c), channel_name(c), missing_files(),
+                        channel_name(c)));
       }
     }
     if (distinct.empty()) {
-      throw Error(
-          ErrorKind::input,
-          source_.path + ": has no textures; give one with --source-texture baseColor=FILE");
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: has no textures{}; give one with --source-texture "
+                              "baseColor=FILE",
+                              source_.path, missing_files()));
     }
+    last_channel_ = distinct.back();
     return distinct;
   }
 
@@ -341,26 +423,11 @@ class SourcePlanner {
     }
   }
 
-  void group_passes() {
-    for (std::size_t c = 0; c < plan_.channels.size(); ++c) {
-      GeometryRequest source = source_request(plan_.channels[c]);
-      const ImageSize size = plan_.channels[c].size;
-      const auto same =
-          std::find_if(plan_.passes.begin(), plan_.passes.end(), [&](const PassPlan& pass) {
-            return pass.size == size && pass.source.pages == source.pages;
-          });
-      if (same != plan_.passes.end()) {
-        same->channels.push_back(c);
-      } else {
-        plan_.passes.push_back({std::move(source), size, {c}});
-      }
-    }
-  }
-
   const TransferOptions& options_;
   const mesh::Mesh& source_;
   SourceTextures textures_;
   std::vector<bool> used_;
+  Channel last_channel_ = Channel::base_color;  ///< of those that are chosen
   Plan plan_;
 };
 

@@ -165,17 +165,4 @@ TargetPages target_pages(const mesh::Mesh& target, const PageRequest& request,
   return PageFinder(target, request, warnings).find();
 }
 
-std::string udim_list(const std::vector<std::uint32_t>& sorted) {
-  std::string text;
-  for (std::size_t i = 0; i < sorted.size();) {
-    std::size_t end = i + 1;
-    while (end < sorted.size() && sorted[end] == sorted[end - 1] + 1) ++end;
-    text += (text.empty() ? "" : ", ") + std::to_string(sorted[i]);
-    if (end - i > 2) text += "-" + std::to_string(sorted[end - 1]);
-    if (end - i == 2) text += ", " + std::to_string(sorted[end - 1]);
-    i = end;
-  }
-  return text;
-}
-
 }  // namespace pounce::flow

@@ -41,7 +41,6 @@ struct TargetPages {
 TargetPages target_pages(const mesh::Mesh& target, const PageRequest& request,
                          std::vector<std::string>& warnings);
 
-/// {1001, 1002, 1003, 1011} -> "1001-1003, 1011".
-std::string udim_list(const std::vector<std::uint32_t>& sorted);
+using mesh::udim_list;
 
 }  // namespace pounce::flow

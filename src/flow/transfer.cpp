@@ -21,6 +21,7 @@
 #include "flow/describe_job.h"
 #include "flow/existing_outputs.h"
 #include "flow/job.h"
+#include "flow/left_behind.h"
 #include "flow/load_mesh.h"
 #include "flow/model_output.h"
 #include "flow/output_names.h"
@@ -87,8 +88,10 @@ class TransferJob {
     } else {
       source_ = read(options_.source, 0, false);
       source_files_ = source_.files;
+      check_order();
       plan_ = plan_source(options_, source_);
       disk.add_source(plan_);
+      add_warnings(left_behind(plan_, source_, !model_pattern_.empty()));
       if (!model_pattern_.empty()) factors_ = model_factors(plan_, source_, plan_.warnings);
     }
     add_warnings(plan_.warnings);
@@ -126,6 +129,16 @@ class TransferJob {
     source_lease_ = Lease(job_->budget, source_.size_bytes(), "the source's mesh");
     target_lease_ = Lease(job_->budget, target_.size_bytes(), "the target's mesh");
     compressors_lease_ = Lease(job_->budget, contexts(), "the compressors");
+  }
+
+  /// What shows that source and target are in the wrong order is said before what is missing.
+  void check_order() {
+    for (const std::string& path : options_.targets) io::is_gltf(path);  // refuses splat scenes
+    if (!options_.source_textures.empty() || has_textures(source_)) return;
+    for (const std::string& path : options_.targets) {
+      require_reading(*job_, source_.size_bytes() + io::mesh_cost(path).peak_bytes, path);
+      refuse_swapped(source_, load(path, true));
+    }
   }
 
   void plan_one(const std::string& path) {

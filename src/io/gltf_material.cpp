@@ -110,6 +110,8 @@ class MaterialReader {
  private:
   template <class Info>
   void bind(mesh::Material& material, Channel channel, const Info& info);
+  void note_others(mesh::Material& material, const tinygltf::Material& in);
+  void note_other(mesh::Material& material, const std::string& slot, int texture);
   std::optional<std::uint32_t> image_of(const tinygltf::Texture& texture);
 
   const GltfFile& file_;
@@ -163,6 +165,25 @@ void MaterialReader::bind(mesh::Material& material, Channel channel, const Info&
   material.textures[static_cast<std::size_t>(channel)] = binding;
 }
 
+/// Textures that no channel takes: the normal map, and those of extensions.
+void MaterialReader::note_others(mesh::Material& material, const tinygltf::Material& in) {
+  note_other(material, "normalTexture", in.normalTexture.index);
+  for (const auto& [extension, value] : in.extensions) {
+    if (!value.IsObject()) continue;
+    for (const std::string& key : value.Keys()) {
+      const tinygltf::Value& info = value.Get(key);
+      if (info.IsObject() && info.Has("index") && info.Get("index").IsInt())
+        note_other(material, extension + " " + key, info.Get("index").GetNumberAsInt());
+    }
+  }
+}
+
+void MaterialReader::note_other(mesh::Material& material, const std::string& slot, int texture) {
+  if (texture < 0 || static_cast<std::size_t>(texture) >= model_.textures.size()) return;
+  const auto image = image_of(model_.textures[static_cast<std::size_t>(texture)]);
+  if (image) material.other_textures.push_back({slot, *image});
+}
+
 mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   mesh::Material out;
   out.name = in.name;
@@ -187,6 +208,7 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   bind(out, Channel::metallic_roughness, pbr.metallicRoughnessTexture);
   bind(out, Channel::occlusion, in.occlusionTexture);
   bind(out, Channel::emissive, in.emissiveTexture);
+  note_others(out, in);
   if (in.extensions.contains("KHR_materials_pbrSpecularGlossiness") &&
       pbr.baseColorTexture.index < 0) {
     mesh_.warnings.push_back(fmt::format(

@@ -4,11 +4,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdlib>
 #include <map>
+#include <optional>
+#include <set>
 #include <vector>
 
 #include "core/box.h"
+#include "mesh/uv_tiles.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -47,15 +52,26 @@ Json image_json(const mesh::ImageRef& image) {
   return json;
 }
 
-Json textures_json(const mesh::Mesh& mesh, const mesh::Material& material,
-                   std::map<std::uint32_t, Json>& images) {
+/// Of this mesh, each opened once.
+class Images {
+ public:
+  explicit Images(const mesh::Mesh& mesh) : mesh_(mesh) {}
+  const Json& operator[](std::uint32_t image) {
+    const auto found = known_.find(image);
+    if (found != known_.end()) return found->second;
+    return known_[image] = image_json(mesh_.images.at(image));
+  }
+
+ private:
+  const mesh::Mesh& mesh_;
+  std::map<std::uint32_t, Json> known_;
+};
+
+Json textures_json(const mesh::Material& material, Images& images) {
   Json textures = Json::array();
   for (int i = 0; i < kChannelCount; ++i) {
     const auto& binding = material.textures[static_cast<std::size_t>(i)];
     if (!binding) continue;
-    if (!images.count(binding->image)) {
-      images[binding->image] = image_json(mesh.images.at(binding->image));
-    }
     Json texture{{"channel", channel_name(static_cast<Channel>(i))}};
     texture.update(images[binding->image]);
     texture["uv_set"] = binding->uv_set;
@@ -69,19 +85,88 @@ Json textures_json(const mesh::Mesh& mesh, const mesh::Material& material,
   return textures;
 }
 
+Json other_textures_json(const mesh::Material& material, Images& images) {
+  Json textures = Json::array();
+  for (const mesh::OtherTexture& other : material.other_textures) {
+    Json texture{{"slot", other.slot}};
+    texture.update(images[other.image]);
+    textures.push_back(texture);
+  }
+  return textures;
+}
+
 Json materials_json(const mesh::Mesh& mesh) {
   std::vector<std::uint64_t> triangles(mesh.materials.size());
   for (const std::uint32_t material : mesh.triangle_material) ++triangles.at(material);
-  std::map<std::uint32_t, Json> images;  // an image that many materials use is opened once
+  Images images(mesh);
   Json materials = Json::array();
   for (std::size_t i = 0; i < mesh.materials.size(); ++i) {
     const mesh::Material& material = mesh.materials[i];
     materials.push_back({{"name", material.name},
                          {"triangles", triangles[i]},
                          {"double_sided", material.double_sided},
-                         {"textures", textures_json(mesh, material, images)}});
+                         {"textures", textures_json(material, images)},
+                         {"other_textures", other_textures_json(material, images)}});
   }
   return materials;
+}
+
+/// What can be selected by name, in the order of appearance.
+Json parts_json(const mesh::Mesh& mesh) {
+  std::vector<std::uint64_t> triangles(mesh.parts.part_names.size());
+  const auto& runs = mesh.parts.runs;
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const std::size_t end =
+        r + 1 < runs.size() ? runs[r + 1].first_triangle : mesh.triangles.size();
+    triangles.at(runs[r].part) += end - runs[r].first_triangle;
+  }
+  Json parts = Json::array();
+  for (std::size_t p = 0; p < triangles.size(); ++p) {
+    Json names = Json::array();
+    for (const std::uint32_t name : mesh.parts.part_names[p])
+      names.push_back(mesh.parts.names.at(name));
+    if (!names.empty()) parts.push_back({{"names", names}, {"triangles", triangles[p]}});
+  }
+  return parts;
+}
+
+/// The one tile that UVs between these corners can lie in; nothing if there are several.
+std::optional<mesh::UvTile> only_tile(const Box3f& uvs) {
+  const float column = std::floor(uvs.lo.x), row = std::floor(uvs.lo.y);
+  constexpr float kFar = 1e6F;
+  if (uvs.hi.x > column + 1 || uvs.hi.y > row + 1 || std::abs(column) > kFar ||
+      std::abs(row) > kFar)
+    return std::nullopt;
+  return mesh::tile_of_period(static_cast<std::int32_t>(column), static_cast<std::int32_t>(row));
+}
+
+/// The UDIM tiles that a UV set lies in. Triangles that spread over more than a few tiles wrap, and
+/// are left out.
+Json udims_json(const mesh::Mesh& mesh, std::size_t set) {
+  constexpr float kMostSpread = 8;
+  std::set<std::uint32_t> udims;
+  for (const auto& triangle : mesh.triangles) {
+    std::array<Vec2d, 3> uvs;
+    Box3f box;  // z unused
+    bool has_uvs = true;
+    for (std::size_t k = 0; k < 3; ++k) {
+      has_uvs = has_uvs && mesh.has_uv(set, triangle[k]);
+      const Vec2f uv = mesh.uv_sets[set][triangle[k]];
+      uvs[k] = {uv.x, uv.y};
+      box.extend(Vec3f{uv.x, uv.y, 0});
+    }
+    if (!has_uvs || box.hi.x - box.lo.x > kMostSpread || box.hi.y - box.lo.y > kMostSpread)
+      continue;
+    // Most triangles lie in a tile that is known already.
+    if (const auto tile = only_tile(box)) {
+      const auto udim = mesh::udim_number(*tile);
+      if (!udim || udims.contains(*udim)) continue;
+    }
+    mesh::visit_uv_tiles(uvs, [&](mesh::UvTile tile) {
+      if (const auto udim = mesh::udim_number(tile)) udims.insert(*udim);
+    });
+  }
+  return udims;
 }
 
 Json uv_sets_json(const mesh::Mesh& mesh) {
@@ -100,6 +185,7 @@ Json uv_sets_json(const mesh::Mesh& mesh) {
       json["u"] = {shortest(range.lo.x), shortest(range.hi.x)};
       json["v"] = {shortest(range.lo.y), shortest(range.hi.y)};
     }
+    json["udims"] = udims_json(mesh, set);
     sets.push_back(json);
   }
   return sets;
@@ -113,16 +199,24 @@ std::string numbers_text(const Json& numbers) {
   return text;
 }
 
+constexpr int kTextureColumn = 23;
+
+/// Two lines: what it is for and where it is, and what the image is.
+std::string texture_lines(const std::string& use, const Json& texture) {
+  return fmt::format("    {:<18} {}\n{:{}}{}\n", use + ":",
+                     texture.contains("path") && texture["embedded"] == false
+                         ? texture["path"].get<std::string>()
+                         : texture["image"].get<std::string>(),
+                     "", kTextureColumn,
+                     texture.contains("problem")
+                         ? "problem: " + texture["problem"].get<std::string>()
+                         : image_text(texture));
+}
+
 std::string texture_text(const Json& texture) {
-  std::string text = fmt::format("    {:<18} {}\n", texture["channel"].get<std::string>() + ":",
-                                 texture.contains("path") && texture["embedded"] == false
-                                     ? texture["path"].get<std::string>()
-                                     : texture["image"].get<std::string>());
-  const std::string indent(23, ' ');
-  text +=
-      indent + (texture.contains("problem") ? "problem: " + texture["problem"].get<std::string>()
-                                            : image_text(texture));
-  text += fmt::format("\n{}uv set {}, wrap {} x {}\n", indent, texture["uv_set"].get<unsigned>(),
+  std::string text = texture_lines(texture["channel"].get<std::string>(), texture);
+  const std::string indent(kTextureColumn, ' ');
+  text += fmt::format("{}uv set {}, wrap {} x {}\n", indent, texture["uv_set"].get<unsigned>(),
                       texture["wrap_u"].get<std::string>(), texture["wrap_v"].get<std::string>());
   if (texture.contains("uv_transform")) {
     text += fmt::format("{}uv transform {}\n", indent, numbers_text(texture["uv_transform"]));
@@ -137,6 +231,8 @@ Json describe(const mesh::Mesh& mesh) {
   for (const Vec3f& position : mesh.positions) box.extend(position);
   Json json{{"triangles", mesh.triangles.size()}, {"vertices", mesh.positions.size()}};
   if (!box.empty()) json["box"] = {{"lo", vector_json(box.lo)}, {"hi", vector_json(box.hi)}};
+  json["parts"] = parts_json(mesh);
+  json["vertex_colours"] = mesh.has_vertex_colours;
   json["uv_sets"] = uv_sets_json(mesh);
   json["materials"] = materials_json(mesh);
   json["warnings"] = mesh.warnings;
@@ -151,6 +247,12 @@ std::string mesh_text(const Json& mesh) {
     text += fmt::format("box        {}  to  {}\n", numbers_text(mesh["box"]["lo"]),
                         numbers_text(mesh["box"]["hi"]));
   }
+  for (const Json& part : mesh["parts"]) {
+    text += fmt::format("part       \"{}\", {} triangles\n",
+                        fmt::join(part["names"].get<std::vector<std::string>>(), "\", \""),
+                        part["triangles"].get<std::uint64_t>());
+  }
+  if (mesh["vertex_colours"].get<bool>()) text += "colours    per vertex, not transferred\n";
   if (mesh["uv_sets"].empty()) text += "uv sets    none\n";
   for (std::size_t i = 0; i < mesh["uv_sets"].size(); ++i) {
     const Json& set = mesh["uv_sets"][i];
@@ -160,6 +262,8 @@ std::string mesh_text(const Json& mesh) {
                           fmt::join(set["u"].get<std::vector<double>>(), " to "),
                           fmt::join(set["v"].get<std::vector<double>>(), " to "));
     }
+    const auto udims = set["udims"].get<std::vector<std::uint32_t>>();
+    if (!udims.empty()) text += ", UDIM " + mesh::udim_list(udims);
     text += "\n";
   }
   for (const Json& material : mesh["materials"]) {
@@ -167,6 +271,8 @@ std::string mesh_text(const Json& mesh) {
                         material["triangles"].get<std::uint64_t>(),
                         material["double_sided"].get<bool>() ? ", double sided" : "");
     for (const Json& texture : material["textures"]) text += texture_text(texture);
+    for (const Json& texture : material["other_textures"])
+      text += texture_lines(texture["slot"].get<std::string>() + " (not transferred)", texture);
   }
   for (const Json& warning : mesh["warnings"]) {
     text += fmt::format("warning    {}\n", warning.get<std::string>());

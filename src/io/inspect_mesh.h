@@ -9,8 +9,9 @@
 
 namespace pounce::io {
 
-/// What a mesh holds: counts, bounding box, UV sets with their ranges, materials with their
-/// textures. Images that cannot be read are named with their problem; nothing is thrown for them.
+/// What a mesh holds: counts, bounding box, names of its parts, UV sets with their ranges and UDIM
+/// tiles, materials with all their textures, those that no channel takes among them. Images that
+/// cannot be read are named with their problem; nothing is thrown for them.
 nlohmann::ordered_json describe(const mesh::Mesh& mesh);
 /// That description for people.
 std::string mesh_text(const nlohmann::ordered_json& description);

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <initializer_list>
 #include <sstream>
+#include <utility>
 
 #include "core/file.h"
 #include "pounce/error.h"
@@ -68,6 +70,7 @@ bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::mate
   } catch (const Error& e) {
     mesh_.warnings.push_back(
         fmt::format("{}: material file {} cannot be read ({})", path_, path.string(), e.what()));
+    mesh_.missing_files.push_back(path.string());
     return false;
   }
   mesh_.files.push_back(path.string());
@@ -100,10 +103,20 @@ std::uint32_t ObjMaterials::make() {
     if (dark && !in.emissive_texname.empty()) emissive = {1, 1, 1, 1};
     bind(out, Channel::base_color, in.diffuse_texname, in.diffuse_texopt, folder);
     bind(out, Channel::emissive, in.emissive_texname, in.emissive_texopt, folder);
-    if (!in.roughness_texname.empty() || !in.metallic_texname.empty()) {
-      mesh_.warnings.push_back(fmt::format(
-          "{}: material \"{}\": map_Pr and map_Pm are not read; no metallicRoughness texture",
-          path_, out.name));
+    const std::initializer_list<std::pair<const char*, const std::string&>> others{
+        {"map_Ka", in.ambient_texname},
+        {"map_Ks", in.specular_texname},
+        {"map_Ns", in.specular_highlight_texname},
+        {"map_Bump", in.bump_texname},
+        {"disp", in.displacement_texname},
+        {"map_d", in.alpha_texname},
+        {"refl", in.reflection_texname},
+        {"map_Pr", in.roughness_texname},
+        {"map_Pm", in.metallic_texname},
+        {"map_Ps", in.sheen_texname},
+        {"norm", in.normal_texname}};
+    for (const auto& [slot, texture] : others) {
+      if (!texture.empty()) out.other_textures.push_back({slot, image(texture, folder)});
     }
   } else if (!name.empty()) {
     out.name = name;

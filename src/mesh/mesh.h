@@ -47,6 +47,12 @@ struct TextureBinding {
   Wrap wrap_v = Wrap::repeat;
 };
 
+/// A texture that no channel takes: a normal map, one of an extension.
+struct OtherTexture {
+  std::string slot;         ///< as the file names it: "normalTexture", "map_Bump"
+  std::uint32_t image = 0;  ///< index into Mesh::images
+};
+
 struct Material {
   std::string name;  ///< "default" for primitives without one
   /// By Channel; nothing where the material has no such texture.
@@ -58,6 +64,7 @@ struct Material {
   /// What the factors above have no room for; a model output copies them with the texture.
   float occlusion_strength = 1, emissive_strength = 1;
   bool double_sided = false;
+  std::vector<OtherTexture> other_textures;
 };
 
 /// A whole mesh file, flattened: node transforms applied (mirroring ones keep the winding outward),
@@ -82,12 +89,15 @@ struct Mesh {
   /// images.
   std::vector<std::array<std::uint32_t, 3>> rest;
   std::vector<std::uint32_t> rest_material;
+  bool has_vertex_colours = false;  ///< glTF's COLOR_0, which is not read
   Parts parts;                      ///< what --source-mesh and --target-mesh look at
   std::vector<Material> materials;  ///< never empty when there are triangles
   std::vector<ImageRef> images;
   std::vector<std::string> warnings;
   /// Every file that was read for this mesh, images aside: buffers of glTF, material files of OBJ.
   std::vector<std::string> files;
+  std::vector<std::string>
+      missing_files;  ///< material files that it names and that nobody can read
 
   bool has_uv(std::size_t uv_set, std::uint32_t vertex) const {
     return uv_set < uv_sets.size() && (uv_present[uv_set].empty() || uv_present[uv_set][vertex]);

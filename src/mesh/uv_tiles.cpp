@@ -71,6 +71,19 @@ std::string uvtile_name(UvTile tile) {
   return "u" + std::to_string(tile.column + 1) + "_v" + std::to_string(tile.row + 1);
 }
 
+std::string udim_list(const std::vector<std::uint32_t>& sorted) {
+  std::string text;
+  for (std::size_t i = 0; i < sorted.size();) {
+    std::size_t end = i + 1;
+    while (end < sorted.size() && sorted[end] == sorted[end - 1] + 1) ++end;
+    text += (text.empty() ? "" : ", ") + std::to_string(sorted[i]);
+    if (end - i > 2) text += "-" + std::to_string(sorted[end - 1]);
+    if (end - i == 2) text += ", " + std::to_string(sorted[end - 1]);
+    i = end;
+  }
+  return text;
+}
+
 std::uint64_t visit_uv_tiles(const std::array<Vec2d, 3>& uvs,
                              const std::function<void(UvTile)>& visit) {
   const auto [low_u, high_u] = std::minmax({uvs[0].x, uvs[1].x, uvs[2].x});

@@ -7,6 +7,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/vec.h"
 
@@ -28,6 +29,9 @@ std::optional<std::uint32_t> udim_number(UvTile tile);
 UvTile udim_tile(std::uint32_t udim);
 /// The tile as <UVTILE> spells it: "u1_v1" is UDIM 1001.
 std::string uvtile_name(UvTile tile);
+
+/// {1001, 1002, 1003, 1011} -> "1001-1003, 1011".
+std::string udim_list(const std::vector<std::uint32_t>& sorted);
 
 /// How many periods below v = 0 (v down, as in Mesh) the tile begins: what an instance's shift_y
 /// and a texture's row count.

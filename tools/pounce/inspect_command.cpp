@@ -1,18 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "commands.h"
+#include "pounce/error.h"
 #include "pounce/inspect.h"
 #include "shared_options.h"
+#include "visible.h"
 
 namespace pounce::cli {
 namespace {
 
 constexpr const char* kUsage =
-    "Usage: pounce inspect FILE [--json]\n"
+    "Usage: pounce inspect FILE... [--json]\n"
     "\n"
     "Examples:\n"
-    "  # Triangles, UV sets and their ranges, materials and their textures.\n"
+    "  # Triangles, names, UV sets with their ranges and UDIM tiles, materials and all their\n"
+    "  # textures, those that are not transferred among them.\n"
     "  pounce inspect avatar.glb\n"
     "\n"
     "  # Gaussians of a splat scene, those a transfer would leave out, and why.\n"
@@ -21,13 +27,43 @@ constexpr const char* kUsage =
     "  # Size, sample type and colour space of an image, for a program.\n"
     "  pounce inspect skin.png --json\n"
     "\n"
-    "  # Is this pack of the tile cache sound?\n"
+    "  # Are these packs of the tile cache sound?\n"
     "  pounce inspect ~/.cache/pounce/v1/geometry/*.pack";
 
 struct Settings {
-  std::string path;
+  std::vector<std::string> paths;
   bool json = false;
 };
+
+/// One file's description. What is wrong with one of several is said, and the others are looked at
+/// all the same; the first such problem is the exit status.
+std::string inspect_one(const Settings& settings, const std::string& path, int& status) {
+  try {
+    return settings.json ? inspect_json(path) : inspect_text(path);
+  } catch (const Error& error) {
+    if (settings.paths.size() == 1) throw;
+    write_stderr("pounce: error: " + visible_line(error.what()) + "\n");
+    if (status == 0) status = exit_status(error.kind());
+    if (!settings.json) return "";
+    const nlohmann::ordered_json said{{"file", path}, {"error", error.what()}};
+    return said.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  }
+}
+
+int inspect_all(const Settings& settings) {
+  const bool is_list = settings.json && settings.paths.size() > 1;
+  int status = 0;
+  std::string before = is_list ? "[\n" : "";
+  for (const std::string& path : settings.paths) {
+    std::string text = inspect_one(settings, path, status);
+    if (text.empty()) continue;
+    if (is_list) text.pop_back();  // the line's end: a comma may follow
+    write_stdout(before + text);
+    before = is_list ? ",\n" : "\n";
+  }
+  if (is_list) write_stdout("\n]\n");
+  return status;
+}
 
 }  // namespace
 
@@ -36,14 +72,14 @@ Command add_inspect_command(CLI::App& program) {
   CLI::App* command = program.add_subcommand(
       "inspect", "Say what a mesh, a splat scene, an image or a tile store holds");
   set_help_text(*command, kUsage);
-  command->add_option("FILE", settings->path, "Mesh, splat scene, image or pack file")
-      ->option_text(" ")
+  command
+      ->add_option("FILE", settings->paths,
+                   "Mesh (.glb .gltf .obj), splat scene (.ply), image or pack file")
+      ->option_text("...")
       ->required();
-  add_switch(*command, "--json", "Options", "As JSON instead of text", settings->json);
-  const auto run = [settings] {
-    write_stdout(settings->json ? inspect_json(settings->path) : inspect_text(settings->path));
-    return 0;
-  };
+  add_switch(*command, "--json", "Options",
+             "As JSON instead of text: an object; of several files a list of them", settings->json);
+  const auto run = [settings] { return inspect_all(*settings); };
   return {command, run};
 }
 

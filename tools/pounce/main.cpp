@@ -50,7 +50,9 @@ int usage_error(const CLI::App& program, const std::string& message) {
 
 int run(int argc, char** argv) {
   CLI::App program(
-      "pounce moves the appearance of a textured mesh onto the UV textures of another.", "pounce");
+      "pounce moves the appearance of a textured mesh or a splat scene onto the UV textures of a "
+      "mesh.",
+      "pounce");
   program.set_version_flag("--version", "pounce " POUNCE_VERSION);
   program.require_subcommand(1);
   pounce::cli::set_help_text(program, kUsage);

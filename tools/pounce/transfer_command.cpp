@@ -53,7 +53,8 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
             "An image (.png .jpg .tif .exr) may hold <CHANNEL>,\n"
             "<MATERIAL>, <TARGET>, and <UDIM> (1001) or <UVTILE> (u1_v1).\n"
             "Without <MATERIAL> all materials of the target share one image;\n"
-            "without <UDIM> UVs outside the image wrap around into it",
+            "without <UDIM> UVs outside the image wrap around into it.\n"
+            "Folders that are not there are made",
             [&options](const std::string& text) { options.output = parse_output("-o", text); })
       ->required();
   add_value(command, "--coverage", "PATTERN", group,
@@ -167,9 +168,11 @@ Command add_transfer_command(CLI::App& program) {
   const auto settings = std::make_shared<Settings>();
   TransferOptions& options = settings->options;
   CLI::App* command = program.add_subcommand(
-      "transfer", "Move a textured mesh's appearance onto another mesh's UVs");
+      "transfer", "Move a textured mesh's or splat scene's appearance onto another mesh's UVs");
   set_help_text(*command, kUsage);
-  command->add_option("SOURCE", options.source, "Textured mesh: .glb, .gltf or .obj")
+  command
+      ->add_option("SOURCE", options.source,
+                   "Textured mesh (.glb, .gltf, .obj) or splat scene (3DGS .ply)")
       ->option_text(" ")
       ->required();
   command

@@ -186,8 +186,10 @@ TEST_CASE("MTL materials give textures, factors and wrap modes", "[io]") {
         std::array<float, 4>{1, 1, 1, 1});
   CHECK_FALSE(glow.textures[static_cast<std::size_t>(Channel::metallic_roughness)].has_value());
   CHECK(plain.factors[0] == std::array<float, 4>{1, 1, 1, 1});
-  REQUIRE(m.warnings.size() == 1);
-  CHECK_THAT(m.warnings[0], Catch::Contains("map_Pr"));
+  CHECK(m.warnings.empty());
+  REQUIRE(glow.other_textures.size() == 1);
+  CHECK(glow.other_textures[0].slot == "map_Pr");
+  CHECK(m.images.at(glow.other_textures[0].image).path == folder.file("rough.png"));
 }
 
 TEST_CASE("a missing MTL file or material is a warning", "[io]") {
@@ -195,6 +197,8 @@ TEST_CASE("a missing MTL file or material is a warning", "[io]") {
   CHECK(m.materials.at(0).name == "skin");
   REQUIRE(m.warnings.size() == 2);
   CHECK_THAT(m.warnings[0], Catch::Contains("gone.mtl"));
+  REQUIRE(m.missing_files.size() == 1);
+  CHECK_THAT(m.missing_files[0], Catch::Contains("gone.mtl"));
 }
 
 TEST_CASE("bad OBJ lines are refused, naming file and line", "[io]") {

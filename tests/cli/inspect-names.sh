@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+# inspect lists what a mesh can be selected by, its UDIM tiles, and every texture; transfer says in a line per kind what
+# it leaves behind.
+source "$(dirname "$0")/support.sh"
+check_json() { ! command -v python3 >/dev/null || python3 - "$out"; } # a script on the standard input
+image skin.ppm 4 4 200 100 50
+cat >model.mtl <<'END'
+newmtl skin
+Kd 0.5 1 1
+map_Kd skin.ppm
+map_Bump -bm 0.5 bumps.png
+norm skin.ppm
+newmtl eyes
+map_Kd skin.ppm
+map_Ks shine.png
+map_Bump skin.ppm
+END
+cat >model.obj <<'END'
+mtllib model.mtl
+v 0 0 0
+v 1 0 0
+v 1 1 0
+vt 0.1 0.1
+vt 0.9 0.1
+vt 0.9 0.9
+vt 1.1 0.1
+vt 1.9 0.1
+vt 1.9 0.9
+vt 2.1 1.1
+vt 2.9 1.1
+vt 2.9 1.9
+o head
+usemtl skin
+f 1/1 2/2 3/3
+f 1/4 2/5 3/6
+o ball
+usemtl eyes
+f 1/7 2/8 3/9
+END
+expect 0 inspect model.obj
+for text in 'part       "head", 2 triangles' 'part       "ball", 1 triangles' 'UDIM 1001, 1002, 1013' '"skin", 2 triangles' \
+  'map_Bump (not transferred):' 'map_Ks (not transferred):' 'norm (not transferred):' 'bumps.png' 'shine.png' \
+  'problem: ' '4 x 4, 3 channels'; do
+  out_has "$text"
+done
+expect 0 inspect model.obj --json
+check_json <<'END' || fail 'the JSON lacks something'
+import json, sys
+mesh = json.load(open(sys.argv[1]))
+assert mesh["parts"] == [{"names": ["head"], "triangles": 2}, {"names": ["ball"], "triangles": 1}], mesh["parts"]
+assert mesh["uv_sets"][0]["udims"] == [1001, 1002, 1013]
+skin, eyes = mesh["materials"]
+assert [t["slot"] for t in skin["other_textures"]] == ["map_Bump", "norm"]
+assert skin["other_textures"][1]["width"] == 4 and "problem" in skin["other_textures"][0]
+assert [t["slot"] for t in eyes["other_textures"]] == ["map_Ks", "map_Bump"]
+END
+
+quad target
+expect 0 transfer model.obj target.obj -o o.png --size 8
+err_has 'model.obj: textures left behind: map_Bump (2 materials), map_Ks (1), norm (1)'
+err_has 'model.obj: factors left behind, an image holds the texture alone: baseColor (1 material)'
+[[ $(grep -c 'left behind' "$err") == 2 ]] || fail 'more than a line per kind'
+# What is not selected is not missed.
+expect 0 transfer model.obj target.obj -o o.png --size 8 --source-material eyes
+! grep -q 'factors left behind' "$err" || fail 'a factor of a material that takes no part'
+# glTF: a normal map, a texture of an extension, vertex colours; a model output keeps factors.
+cat >m.gltf <<'END'
+{"asset":{"version":"2.0"},"nodes":[{"mesh":0,"name":"body"}],"meshes":[{"name":"shape","primitives":[{"material":0,
+"attributes":{"POSITION":0,"TEXCOORD_0":1,"COLOR_0":0}}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},{"bufferView":1,"componentType":5126,"count":3,"type":"VEC2"}],
+"bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":24}],
+"buffers":[{"byteLength":60,"uri":"data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAACAPwAAgD8AAAAAAAAAAAAAAAAAAIA/AAAAAAAAgD8AAIA/"}],
+"images":[{"uri":"skin.ppm"}],"textures":[{"source":0}],"extensionsUsed":["KHR_materials_clearcoat"],
+"materials":[{"name":"paint","pbrMetallicRoughness":{"baseColorFactor":[1,1,0.5,1],"baseColorTexture":{"index":0}},
+"normalTexture":{"index":0},"extensions":{"KHR_materials_clearcoat":{"clearcoatFactor":1,"clearcoatTexture":{"index":0}}}}]}
+END
+expect 0 inspect m.gltf
+for text in 'part       "body", "shape", 1 triangles' 'normalTexture (not transferred):' 'colours    per vertex' \
+  'KHR_materials_clearcoat clearcoatTexture (not transferred):'; do
+  out_has "$text"
+done
+expect 0 transfer m.gltf target.obj -o o.png --size 8
+err_has 'textures left behind: KHR_materials_clearcoat clearcoatTexture (1 material), normalTexture (1)'
+err_has 'm.gltf: factors left behind'
+err_has 'm.gltf: vertex colours left behind'
+expect 0 transfer m.gltf m.gltf -o o.glb --size 8
+err_has 'textures left behind'
+! grep -q 'factors left behind' "$err" || fail 'a model holds factors'

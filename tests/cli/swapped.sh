@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+# SOURCE and TARGET in the wrong order are told as such; a source that only lacks its MTL file, too.
+source "$(dirname "$0")/support.sh"
+make_job
+expect 3 transfer target.obj source.obj -o o.png
+err_has 'target.obj: the source has no texture, but the target source.obj has; the source comes first: swap the two'
+expect 3 transfer target.obj source.obj -o o.png --channels occlusion
+err_has 'swap the two'
+# Nobody has a texture: that alone is said.
+expect 3 transfer target.obj target.obj -o o.png
+err_has 'target.obj: no material has a baseColor texture; give one with --source-texture'
+! grep -q 'swap' "$err" || fail 'nothing is swapped'
+expect 3 transfer source.obj target.obj -o o.png --channels occlusion
+err_has 'source.obj: no material has an occlusion texture'
+expect 3 transfer source.obj target.obj -o o.png --channels emissive
+err_has 'source.obj: no material has an emissive texture'
+# The MTL file is gone, and with it the texture.
+rm source.mtl
+expect 3 transfer source.obj target.obj -o o.png
+err_has 'no material has a baseColor texture (its material file source.mtl cannot be read: put it back)'
+expect 3 transfer source.obj target.obj -o 'o.<CHANNEL>.png'
+err_has 'has no textures (its material file source.mtl cannot be read: put it back)'
+expect 0 transfer source.obj target.obj -o o.png --source-texture baseColor=skin.ppm -q
