@@ -3,6 +3,7 @@
 
 #include <catch2/catch.hpp>
 #include <filesystem>
+#include <fstream>
 
 #include "support/bytes.h"
 #include "support/test_data.h"
@@ -49,7 +50,7 @@ TEST_CASE("a name from a file cannot leave the folder it is written to") {
   CHECK(file_name_part("H\xC3\xA4nde") == "H\xC3\xA4nde");
 }
 
-TEST_CASE("two images of one name, missing folders and folders as files are refused") {
+TEST_CASE("two images of one name, impossible folders and folders as files are refused") {
   const test::TempFolder folder;
   const auto kind = [](const std::vector<std::string>& paths) {
     return test::error_kind([&] { check_outputs(paths); });
@@ -59,7 +60,11 @@ TEST_CASE("two images of one name, missing folders and folders as files are refu
   CHECK(kind({"plain.png"}) == 0);
   CHECK(kind({a, b, a}) == static_cast<int>(ErrorKind::usage));
   CHECK(kind({a, folder.file("./x/../a.png")}) == static_cast<int>(ErrorKind::usage));
-  CHECK(kind({folder.file("missing/a.png")}) == static_cast<int>(ErrorKind::storage));
+  CHECK(kind({folder.file("missing/deep/a.png")}) == 0);
+  CHECK_FALSE(std::filesystem::exists(folder.file("missing")));
+  std::ofstream(folder.file("file")) << "x";
+  CHECK(kind({folder.file("file/a.png")}) == static_cast<int>(ErrorKind::storage));
+  CHECK(kind({folder.file("file/deep/a.png")}) == static_cast<int>(ErrorKind::storage));
   std::filesystem::create_directory(folder.file("c.png"));
   CHECK(kind({folder.file("c.png")}) == static_cast<int>(ErrorKind::storage));
 }

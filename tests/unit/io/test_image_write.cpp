@@ -7,10 +7,12 @@
 #include <chrono>
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <thread>
 
 #include "io/half.h"
 #include "io/image_write.h"
+#include "io/output_file.h"
 #include "io/sample.h"
 #include "pounce/error.h"
 #include "support/failing_file_system.h"
@@ -182,10 +184,24 @@ TEST_CASE("without commit nothing appears and what was there stays", "[image][wr
   CHECK(files_in(folder.path()) == 1);
 }
 
-TEST_CASE("a folder that is missing is named, and how to mend it", "[image][write]") {
+TEST_CASE("folders that are missing are made, and go again with a file that fails",
+          "[image][write]") {
   test::TempFolder folder;
-  CHECK_THAT(failure_of(folder.file("no/a.png"), ErrorKind::storage),
-             Contains(folder.file("no/a.png")) && Contains("create it first"));
+  {
+    io::OutputFile whole(folder.file("new/deep/a.txt"));
+    whole.commit();
+    io::OutputFile given_up(folder.file("no/deep/a.txt"));
+    CHECK(std::filesystem::exists(folder.file("no/deep")));
+  }
+  CHECK(std::filesystem::exists(folder.file("new/deep/a.txt")));
+  CHECK_FALSE(std::filesystem::exists(folder.file("no")));
+}
+
+TEST_CASE("what cannot be written is named", "[image][write]") {
+  test::TempFolder folder;
+  std::ofstream(folder.file("file")) << "x";
+  CHECK_THAT(failure_of(folder.file("file/new/a.png"), ErrorKind::storage),
+             Contains(folder.file("file/new")));
   std::filesystem::create_directory(folder.file("b.png"));
   CHECK_THAT(failure_of(folder.file("b.png"), ErrorKind::storage), Contains("not a file"));
   CHECK_THAT(failure_of("/proc/a.png", ErrorKind::storage), Contains("/proc/a.png"));
