@@ -58,8 +58,6 @@ std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserve
   CacheScan scan = scan_cache(files_, layout_);
   const std::uint64_t own = room_bytes(reserved_bytes);
   const std::uint64_t beside = std::max<std::uint64_t>(scan.parts, 1) * kBesideBytes;
-  std::uint64_t evictable = 0;
-  for (const CachedObject& object : scan.objects) evictable += object.taken_bytes;
   const std::uint64_t step = std::clamp(limit_bytes_ / kStepsPerLimit, kSmallestStep, kLargestStep);
   // A disk that fills up is a lower limit. What parts reserved and did not write yet is still free.
   const std::uint64_t free = files_.free_bytes(layout_.folder());
@@ -73,10 +71,11 @@ std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserve
     if (growth > limit) continue;
     const std::uint64_t most = limit - growth;
     // Before anything goes: would it be enough? An object that cannot fit must not empty the cache.
+    std::uint64_t evictable = 0;
+    for (const CachedObject& object : scan.objects) evictable += object.taken_bytes;
     if (scan.total_bytes > most + evictable) continue;
-    const Evicted evicted = evict_locked(scan, most, nullptr);
-    scan.total_bytes -= std::min(scan.total_bytes, evicted.bytes);
-    if (scan.total_bytes > most) return 0;  // the rest is in use
+    evict_locked(scan, most, nullptr);
+    if (scan.total_bytes > most) continue;  // the rest is in use: without the step it may do
     files_.resize(part, size);
     return size;
   }
@@ -86,10 +85,11 @@ std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserve
 Evicted CacheSpace::evict(std::uint64_t most_bytes,
                           const std::function<bool(const CachedObject&)>& unwanted) {
   const auto held = lock();
-  return evict_locked(scan_cache(files_, layout_), most_bytes, unwanted);
+  CacheScan scan = scan_cache(files_, layout_);
+  return evict_locked(scan, most_bytes, unwanted);
 }
 
-Evicted CacheSpace::evict_locked(CacheScan scan, std::uint64_t most_bytes,
+Evicted CacheSpace::evict_locked(CacheScan& scan, std::uint64_t most_bytes,
                                  const std::function<bool(const CachedObject&)>& unwanted) {
   Evicted evicted;
   for (const std::string& orphan : scan.orphans) {
@@ -99,8 +99,9 @@ Evicted CacheSpace::evict_locked(CacheScan scan, std::uint64_t most_bytes,
       // Another user's, in a folder where each removes their own.
     }
   }
-  for (const CachedObject& object : scan.objects) {
-    if (scan.total_bytes <= most_bytes) break;
+  auto next = scan.objects.begin();
+  for (; next != scan.objects.end() && scan.total_bytes > most_bytes; ++next) {
+    const CachedObject& object = *next;
     if (unwanted && !unwanted(object)) continue;
     if (!remove_object(files_, object)) {
       ++evicted.in_use;
@@ -111,6 +112,7 @@ Evicted CacheSpace::evict_locked(CacheScan scan, std::uint64_t most_bytes,
     evicted.bytes += object.taken_bytes;
     scan.total_bytes -= std::min(scan.total_bytes, object.taken_bytes);
   }
+  scan.objects.erase(scan.objects.begin(), next);
   return evicted;
 }
 

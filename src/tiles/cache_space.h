@@ -40,7 +40,8 @@ class CacheSpace {
   Evicted evict(std::uint64_t most_bytes, const std::function<bool(const CachedObject&)>& unwanted);
 
  private:
-  Evicted evict_locked(CacheScan scan, std::uint64_t most_bytes,
+  /// What was tried is no longer in `scan`, whether it went or not.
+  Evicted evict_locked(CacheScan& scan, std::uint64_t most_bytes,
                        const std::function<bool(const CachedObject&)>& unwanted);
   std::unique_ptr<FileLock> lock();
 

@@ -14,6 +14,7 @@
 #include "support/failing_file_system.h"
 #include "support/test_data.h"
 #include "tiles/cache_layout.h"
+#include "tiles/cache_space.h"
 #include "tiles/store_folder.h"
 
 namespace pounce::tiles {
@@ -110,6 +111,30 @@ TEST_CASE("a pack that is open is never removed to make room", "[format]") {
   for (std::uint64_t key = 6; key < 9; ++key) make(*store, key, 16, root, &largest);
   CHECK_FALSE(has(root, 0));
   CHECK(largest <= 4 * kMiB);
+}
+
+TEST_CASE("what fits only without room ahead is not given up for a pack in use", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  constexpr std::uint64_t kLimit = 4 * kMiB, kStep = 64 * kKiB, kBeside = 24 * kKiB;
+  const auto store = StoreFolder::open_cache(posix_file_system(), root);
+  std::uint64_t largest = 0;
+  const auto in_use = make(*store, 1, 16, root, &largest);
+  make(*store, 2, 8, root, &largest);
+  const CacheLayout layout(root);
+  const std::string part = layout.parts_folder() + "/part";
+  const auto file = posix_file_system().create(part);
+  CacheSpace space(posix_file_system(), layout, kLimit, nullptr);
+  const CacheScan scan = scan_cache(posix_file_system(), layout);
+  REQUIRE(scan.objects.size() == 2);
+  // Half a step is left when all that is not in use has gone.
+  const std::uint64_t size =
+      kLimit - kBeside - kStep / 2 - (scan.total_bytes - scan.objects[1].taken_bytes);
+  CHECK(space.reserve(part, 0, size) == size);
+  CHECK(has(root, 1));
+  CHECK_FALSE(has(root, 2));
+  CHECK(room_of(root) <= kLimit);
+  CHECK(space.reserve(part, size, size + kStep) == 0);
 }
 
 TEST_CASE("a pack that does not fit is made in scratch, once said, and found again", "[format]") {
