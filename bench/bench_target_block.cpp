@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bench_input.h"
+#include "projection/hit_packet.h"
 #include "target/target_block.h"
 
 namespace pounce::bench {
@@ -17,7 +18,8 @@ void target_block_packets(benchmark::State& state) {
     for (const tiles::GeometryBlock& block : job.target_blocks) {
       packets.clear();
       groups.clear();
-      const target::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge);
+      const target::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge,
+                                     projection::step_of({0, 0, job.target_plan.coarseness}));
       maps.make_packets(0, packets, groups);
       made += packets.size();
       benchmark::DoNotOptimize(packets.data());

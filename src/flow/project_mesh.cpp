@@ -37,7 +37,7 @@ std::uint64_t block_state_bytes(std::uint32_t texels, std::uint32_t triangles,
   const std::uint64_t packets = target::TargetBlock::most_packets(texels);
   return packets * (sizeof(target::TexelPacket) + sizeof(projection::HitPacket) +
                     sizeof(RayBundle) + 16) +
-         2 * kTexelsPerBlock + std::uint64_t{triangles} * 220 +
+         2 * kTexelsPerBlock + std::uint64_t{triangles} * 268 +
          kTexelsPerBlock * result_texel_bytes + texture::kMaskBytes + 4 * kPageBytes;
 }
 
@@ -108,7 +108,8 @@ class MeshProjector : public PageProjector {
 
   std::shared_ptr<Work> read_piece(const Piece& piece) {
     auto work = std::make_shared<Work>();
-    read_packets(job_, *request_.target, piece, request_.smallest_edge, *work, work->state.packets,
+    read_packets(job_, *request_.target, piece, request_.smallest_edge,
+                 projection::step_of(request_.limits), *work, work->state.packets,
                  work->state.groups);
     projection::start(work->state);
     return work;
@@ -144,9 +145,10 @@ class MeshProjector : public PageProjector {
         }
       }
       flush();
-      projection::close_groups(height, *request_.kernels, work.state);
+      projection::close_groups(height, request_.limits, *request_.kernels, work.state);
     }
-    expected_distance_.store(projection::middle_distance(work.state), std::memory_order_relaxed);
+    expected_distance_.store(projection::middle_distance(request_.limits, work.state),
+                             std::memory_order_relaxed);
   }
 
   static bool meets(const tiles::BlockEntry& entry, const std::vector<Box3f>& boxes) {
@@ -196,7 +198,7 @@ class MeshProjector : public PageProjector {
     work.stored.resize(request_.channels.size());
     work.raw_bytes.resize(request_.channels.size());
     work.covered.resize(request_.channels.size());
-    projection::count_distances(work.state, request_.limits.max_distance, work.distances);
+    projection::count_distances(request_.limits, work.state, work.distances);
     std::vector<std::uint32_t> first_packet(work.blocks.size() + 1, 0);
     for (const auto& packet : work.state.packets) ++first_packet[packet.block + 1];
     for (std::size_t b = 0; b < work.blocks.size(); ++b) first_packet[b + 1] += first_packet[b];

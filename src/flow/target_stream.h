@@ -70,8 +70,10 @@ struct PieceWork {
 };
 
 /// Reads a piece's blocks into work.blocks and appends their packets to `packets` and `groups`.
+/// `smallest_edge` and `step`: see TargetBlock.
 void read_packets(JobContext& job, const tiles::GeometryStore& target, const Piece& piece,
-                  float smallest_edge, PieceWork& work, PageVector<target::TexelPacket>& packets,
+                  float smallest_edge, float step, PieceWork& work,
+                  PageVector<target::TexelPacket>& packets,
                   std::vector<target::PacketGroup>& groups);
 
 /// Encodes and compresses a finished result block of channel `c` and block `b` into the work.

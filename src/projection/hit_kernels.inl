@@ -9,12 +9,15 @@
 //   d = p + t n - m                   the hit, from corner 0
 //   w1 = g1 . d, w2 = g2 . d          barycentrics of corners 1 and 2
 //   outside = |d - inside(w1, w2)|    inside() clamps the barycentrics into the triangle
-//   key = (|t| + outside) / texel     the winner has the least (key, triangle)
+//   s + s1 w1 + s2 w2                 the surface's normal there, which must face the texel's
+//   |t| + outside                     the winner has the least (key of this, triangle)
 //
 // A hit counts while its key is below that of the distance limit: the winner of a texel is the same
 // for every limit that lets anything through.
 //
-// and the winner's texel coordinates, affine in the clamped barycentrics.
+// A texel's ray starts a little inside of the triangle that owns it (TexelPacket), so that on an
+// edge its own side wins by more than rounding; where the winner's image is read is said by the
+// texel's own point, in coordinates affine in the clamped barycentrics.
 #include <immintrin.h>
 
 #include <bit>
@@ -28,63 +31,107 @@ namespace {
 
 #include "projection/lanes.inl"
 
-/// The quantised key of hits at `distance`.
-Ints key_limit(const TexelPacket& packet, float distance) {
-  const Floats limit = distance * load(packet.per_texel) * kKeySteps;
-  return to_int(select(limit < 1e9F, limit, all(1e9F)));
+/// Where a packet's rays meet a facet's plane.
+struct Meeting {
+  Floats t, dx, dy, dz, w1, w2;
+};
+
+/// (rx, ry, rz) leads from the rays' starts to corner 0.
+[[gnu::always_inline]] inline Meeting meet(const source::Facet& f, const TexelPacket& packet,
+                                           const Floats& rising, const Floats& rx, const Floats& ry,
+                                           const Floats& rz) {
+  Meeting out;
+  out.t = (f.n[0] * rx + f.n[1] * ry + f.n[2] * rz) / rising;
+  out.dx = out.t * load(packet.nx) - rx;
+  out.dy = out.t * load(packet.ny) - ry;
+  out.dz = out.t * load(packet.nz) - rz;
+  out.w1 = f.g1[0] * out.dx + f.g1[1] * out.dy + f.g1[2] * out.dz;
+  out.w2 = f.g2[0] * out.dx + f.g2[1] * out.dy + f.g2[2] * out.dz;
+  return out;
+}
+
+/// Barycentrics 1 and 2 clamped into the triangle.
+struct Inside {
+  Floats c1, c2;
+};
+inline Inside inside(const Floats& w1, const Floats& w2) {
+  const Floats c1 = select(w1 > 0.0F, w1, all(0.0F)), c2 = select(w2 > 0.0F, w2, all(0.0F));
+  const Floats sum = c1 + c2;
+  const Floats scale = 1.0F / select(sum > 1.0F, sum, all(1.0F));
+  return {c1 * scale, c2 * scale};
+}
+
+/// Lanes that the surface faces where they hit it.
+inline Ints faces(const source::Facet& f, const TexelPacket& packet, const Inside& at,
+                  float min_cosine) {
+  const Floats sx = f.s[0] + (f.s1[0] * at.c1 + f.s2[0] * at.c2);
+  const Floats sy = f.s[1] + (f.s1[1] * at.c1 + f.s2[1] * at.c2);
+  const Floats sz = f.s[2] + (f.s1[2] * at.c1 + f.s2[2] * at.c2);
+  const Floats along = sx * load(packet.nx) + sy * load(packet.ny) + sz * load(packet.nz);
+  const Floats squared = sx * sx + sy * sy + sz * sz;
+  // The least cosine is above zero, as is that of a zero normal below any.
+  return (along > 0.0F) & (along * along >= min_cosine * min_cosine * squared);
+}
+
+/// Keeps a hit in the lanes of `better`, with the texel coordinates of the texels' own points.
+inline void keep(const source::Facet& f, const TexelPacket& packet, const Floats& rising, Inside at,
+                 float step, const Ints& better, const Ints& key, HitPacket& best) {
+  if (packet.is_inset) {
+    const Meeting own =
+        meet(f, packet, rising, f.m[0] - (load(packet.px) - load(packet.inset_x) * step),
+             f.m[1] - (load(packet.py) - load(packet.inset_y) * step),
+             f.m[2] - (load(packet.pz) - load(packet.inset_z) * step));
+    at = inside(own.w1, own.w2);
+  }
+  store(best.key, select(better, key, load(best.key)));
+  store(best.id, select(better, all(f.id), load(best.id)));
+  store(best.page, select(better, all(f.page), load(best.page)));
+  store(best.base_x, select(better, all(f.base[0]), load(best.base_x)));
+  store(best.base_y, select(better, all(f.base[1]), load(best.base_y)));
+  const Floats x = f.frac[0] + (f.du[0] * at.c1 + f.du[1] * at.c2);
+  const Floats y = f.frac[1] + (f.dv[0] * at.c1 + f.dv[1] * at.c2);
+  store(best.frac_x, select(better, x, load(best.frac_x)));
+  store(best.frac_y, select(better, y, load(best.frac_y)));
 }
 
 void hit(const source::Facet& f, const TexelPacket& packet, const SearchLimits& limits,
          HitPacket& best) {
   const Floats nx = load(packet.nx), ny = load(packet.ny), nz = load(packet.nz);
-  const Floats facing = f.n[0] * nx + f.n[1] * ny + f.n[2] * nz;
-  Ints ok = facing >= limits.min_cosine;
+  Floats rising = f.n[0] * nx + f.n[1] * ny + f.n[2] * nz;
+  // Nothing of the surface can face a texel whose normal is farther than this from the plane's.
+  const float least = limits.min_cosine - f.lean;
+  Ints ok = rising >= least;
+  if (!any(ok)) return;
+  if (least < kGrazing) {
+    const Floats bound = select(rising < 0.0F, all(-kGrazing), all(kGrazing));
+    rising = select(absolute(rising) >= kGrazing, rising, bound);
+  }
+
+  const Meeting at = meet(f, packet, rising, f.m[0] - load(packet.px), f.m[1] - load(packet.py),
+                          f.m[2] - load(packet.pz));
+  const Floats distance = absolute(at.t);
+  const Floats w0 = 1.0F - at.w1 - at.w2;
+  ok = ok & (distance <= limits.max_distance) & (w0 >= -f.reach[0]) & (at.w1 >= -f.reach[1]) &
+       (at.w2 >= -f.reach[2]);
   if (!any(ok)) return;
 
-  const Floats rx = f.m[0] - load(packet.px), ry = f.m[1] - load(packet.py),
-               rz = f.m[2] - load(packet.pz);
-  const Floats t = (f.n[0] * rx + f.n[1] * ry + f.n[2] * rz) / facing;
-  const Floats distance = absolute(t);
-  const Floats dx = t * nx - rx, dy = t * ny - ry, dz = t * nz - rz;
-  const Floats w1 = f.g1[0] * dx + f.g1[1] * dy + f.g1[2] * dz;
-  const Floats w2 = f.g2[0] * dx + f.g2[1] * dy + f.g2[2] * dz;
-  const Floats w0 = 1.0F - w1 - w2;
-  ok = ok & (distance <= limits.max_distance) & (w0 >= -f.reach[0]) & (w1 >= -f.reach[1]) &
-       (w2 >= -f.reach[2]);
-  if (!any(ok)) return;
-
-  Floats c1 = select(w1 > 0.0F, w1, all(0.0F)), c2 = select(w2 > 0.0F, w2, all(0.0F));
-  const Floats sum = c1 + c2;
-  const Floats scale = 1.0F / select(sum > 1.0F, sum, all(1.0F));
-  c1 = c1 * scale;
-  c2 = c2 * scale;
-  const Floats ox = dx - (f.e1[0] * c1 + f.e2[0] * c2);
-  const Floats oy = dy - (f.e1[1] * c1 + f.e2[1] * c2);
-  const Floats oz = dz - (f.e1[2] * c1 + f.e2[2] * c2);
-  const Floats squared = ox * ox + oy * oy + oz * oz;
-  const Floats outside = square_root(squared);
-  ok = ok & (outside <= f.tolerance);
-
-  Floats key = (distance + outside) * load(packet.per_texel) * kKeySteps;
-  // The limit keeps NaN and infinity out of the conversion.
-  key = select(ok & (key < 1e9F), key, all(1e9F));
-  const Ints quantised = to_int(key);
-  const Ints limit = key_limit(packet, limits.max_distance);
-  ok = ok & ((quantised < limit) | (quantised == all(0)));
-  const Ints old_key = load(best.key), old_id = load(best.id);
-  const Ints better =
-      ok & ((quantised < old_key) | ((quantised == old_key) & (all(f.id) < old_id)));
+  const Inside in = inside(at.w1, at.w2);
+  const Floats ox = at.dx - (f.e1[0] * in.c1 + f.e2[0] * in.c2);
+  const Floats oy = at.dy - (f.e1[1] * in.c1 + f.e2[1] * in.c2);
+  const Floats oz = at.dz - (f.e1[2] * in.c1 + f.e2[2] * in.c2);
+  const Floats outside = square_root(ox * ox + oy * oy + oz * oz);
+  const Ints key = bits_of(distance + outside + limits.coarseness);
+  const Ints old_key = load(best.key);
+  Ints better =
+      ok & (outside <= f.tolerance) &
+      ((key < all(key_of(limits.max_distance, limits))) | (key == all(key_of(0, limits)))) &
+      ((key < old_key) | ((key == old_key) & (all(f.id) < load(best.id))));
   if (!any(better)) return;
-
-  store(best.key, select(better, quantised, old_key));
-  store(best.id, select(better, all(f.id), old_id));
-  store(best.page, select(better, all(f.page), load(best.page)));
-  store(best.base_x, select(better, all(f.base[0]), load(best.base_x)));
-  store(best.base_y, select(better, all(f.base[1]), load(best.base_y)));
-  const Floats x = f.frac[0] + (f.du[0] * c1 + f.du[1] * c2);
-  const Floats y = f.frac[1] + (f.dv[0] * c1 + f.dv[1] * c2);
-  store(best.frac_x, select(better, x, load(best.frac_x)));
-  store(best.frac_y, select(better, y, load(best.frac_y)));
+  // Where the plane's normal leaves no doubt, the surface's need not be known.
+  const float enough = limits.min_cosine + f.lean;
+  if (any(better & (rising < (enough > 2 * kGrazing ? enough : 2 * kGrazing))))
+    better = better & faces(f, packet, in, limits.min_cosine);
+  if (any(better)) keep(f, packet, rising, in, step_of(limits), better, key, best);
 }
 
 /// RayBundle::may_meet for sixteen spheres.
@@ -108,8 +155,9 @@ void search(const Candidates& candidates, const RayBundle& bundle, float height,
   }
 }
 
-bool all_final(const TexelPacket& packet, const HitPacket& best, float height) {
-  const Ints open = load(best.key) >= key_limit(packet, height);
+bool all_final(const TexelPacket& packet, const HitPacket& best, float height,
+               const SearchLimits& limits) {
+  const Ints open = load(best.key) >= all(key_of(height, limits));
   for (unsigned left = bits(open); left != 0; left &= left - 1) {
     if (packet.texel[std::countr_zero(left)] != target::kNoTexel) return false;
   }

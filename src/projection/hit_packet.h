@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -18,13 +19,13 @@ using target::kLanes;
 using target::TexelPacket;
 
 inline constexpr std::int32_t kNoHit = std::numeric_limits<std::int32_t>::max();
-/// Keys are counted in steps of 1/1024 target texel: ties are broken by triangle, not by rounding.
-inline constexpr float kKeySteps = 1024;
+/// A ray that runs more nearly in a facet's plane meets it as if it rose by this much per unit: a
+/// point of the plane meets it where it is, whatever its normal.
+inline constexpr float kGrazing = 1.0F / 64;
 
 /// The best hit so far of sixteen texels: structure of arrays.
 struct alignas(64) HitPacket {
-  std::int32_t
-      key[kLanes];  ///< (|t| + distance outside the triangle) / texel, quantised; kNoHit = none
+  std::int32_t key[kLanes];                     ///< see key_of(); kNoHit = none
   std::int32_t id[kLanes];                      ///< triangle
   std::int32_t page[kLanes];                    ///< source page
   std::int32_t base_x[kLanes], base_y[kLanes];  ///< whole texels of the hit, not wrapped
@@ -34,8 +35,21 @@ struct alignas(64) HitPacket {
 /// What counts as a hit.
 struct SearchLimits {
   float max_distance = 0;  ///< half-length of a texel's ray
-  float min_cosine = 0;    ///< of the angle between the texel's and the triangle's normals
+  float min_cosine = 0;    ///< of the angle between the texel's normal and the surface's at the hit
+  float coarseness = 0;    ///< what is added to a distance to make it a key
 };
+
+/// The key of hits at `distance` = |t| + distance outside the triangle: the bits of a float, which
+/// rise with it. Adding rounds it to the last place of `coarseness` where it is smaller, to its own
+/// where it is larger: what single precision cannot tell apart on this target is a tie.
+inline std::int32_t key_of(float distance, const SearchLimits& limits) {
+  return std::bit_cast<std::int32_t>(distance + limits.coarseness);
+}
+/// The step that keys of small distances count in: the last place of `coarseness`.
+inline float step_of(const SearchLimits& limits) { return limits.coarseness * 0x1p-23F; }
+inline float distance_of(std::int32_t key, const SearchLimits& limits) {
+  return std::bit_cast<float>(key) - limits.coarseness;
+}
 
 /// Patches that a group of packets may meet: spheres in arrays, so that sixteen are culled at once.
 class Candidates {
@@ -68,7 +82,8 @@ struct Kernels {
   void (*search)(const Candidates& candidates, const RayBundle& bundle, float height,
                  const TexelPacket& packet, const SearchLimits& limits, HitPacket& best);
   /// True when no facet farther away than `height` can beat what any lane has.
-  bool (*all_final)(const TexelPacket& packet, const HitPacket& best, float height);
+  bool (*all_final)(const TexelPacket& packet, const HitPacket& best, float height,
+                    const SearchLimits& limits);
 };
 
 /// The kernels for `isa`, or the best that this processor has for "". Throws Error(usage) if it

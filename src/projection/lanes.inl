@@ -100,6 +100,9 @@ inline Floats square_root(const Floats& a) {
       },
       a);
 }
+inline Ints bits_of(const Floats& a) {
+  return each([](FloatRegister x) { return (IntRegister)x; }, a);
+}
 /// Towards zero; values must fit.
 inline Ints to_int(const Floats& a) {
   return each([](FloatRegister x) { return __builtin_convertvector(x, IntRegister); }, a);
@@ -113,6 +116,13 @@ inline Floats load(const float* at) {
 inline Ints load(const std::int32_t* at) {
   Ints out;
   std::memcpy(&out, at, sizeof out);
+  return out;
+}
+inline Floats load(const std::int8_t* at) {
+  Floats out;
+  for (auto& part : out.part) {
+    for (int lane = 0; lane < kWidth; ++lane) part[lane] = static_cast<float>(*at++);
+  }
   return out;
 }
 template <class Register, class T>

@@ -2,13 +2,13 @@
 //
 // Search outward: which Gaussian does each target texel see first, along its normal, both ways?
 //
-// The answer is defined without any search: of all facets that face the texel, lie within the
-// maximum distance and are hit (or missed by no more than their tolerance), the one with the least
-// (key, triangle), where key =
-// (|t| + distance outside) / texel. Heights only save work: at height h every facet with |t| <= h
-// is met, and one beyond has a key above h / texel. So a texel whose key is below that is final,
-// and the result does not depend on the heights, the order of the batches, the grid or the maximum
-// distance (where something is in reach). It ends because the last height is the maximum distance.
+// The answer is defined without any search: of all facets that are within the maximum distance, are
+// hit (or missed by no more than their tolerance) and whose surface faces the texel there, the one
+// with the least (key, triangle), where the key is |t| + distance outside, as single precision
+// knows it. Heights only save work: at height h every facet with |t| <= h is met, and one beyond
+// has at least the key of h. So a texel whose key is below that is final, and the result does not
+// depend on the heights, the order of the batches, the grid or the maximum distance (where
+// something is in reach). It ends because the last height is the maximum distance.
 //
 // A minimum over (key, triangle) is associative, commutative and idempotent: source blocks may come
 // in any order and any number of times, which is what lets the source be streamed past the texels.
@@ -26,12 +26,6 @@ namespace {
 // patches one by one, so reaching too far costs little, and every height costs a pass over the
 // source's boxes.
 constexpr int kHeights = 4;
-
-/// How far away a lane's hit is, in space.
-float found_distance(const SearchState& state, std::size_t packet, int lane) {
-  return static_cast<float>(state.hits[packet].key[lane]) /
-         (kKeySteps * state.packets[packet].per_texel[lane]);
-}
 
 }  // namespace
 
@@ -77,11 +71,11 @@ void search_batch(grid::PatchGrid& grid, float height, const SearchLimits& limit
   }
 }
 
-float middle_distance(const SearchState& state) {
+float middle_distance(const SearchLimits& limits, const SearchState& state) {
   std::vector<float> distances;
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     if (state.hits[p].key[0] == kNoHit) continue;
-    distances.push_back(found_distance(state, p, 0));
+    distances.push_back(distance_of(state.hits[p].key[0], limits));
   }
   if (distances.empty()) return 0;
   const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
@@ -89,21 +83,23 @@ float middle_distance(const SearchState& state) {
   return *middle;
 }
 
-void count_distances(const SearchState& state, float max_distance, DistanceCounts& counts) {
+void count_distances(const SearchLimits& limits, const SearchState& state, DistanceCounts& counts) {
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
       const bool is_found =
           state.packets[p].texel[lane] != target::kNoTexel && state.hits[p].key[lane] != kNoHit;
-      if (is_found) count_distance(found_distance(state, p, lane), max_distance, counts);
+      if (is_found)
+        count_distance(distance_of(state.hits[p].key[lane], limits), limits.max_distance, counts);
     }
   }
 }
 
-void close_groups(float height, const Kernels& kernels, SearchState& state) {
+void close_groups(float height, const SearchLimits& limits, const Kernels& kernels,
+                  SearchState& state) {
   std::erase_if(state.open, [&](std::uint32_t g) {
     const target::PacketGroup& group = state.groups[g];
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
-      if (!kernels.all_final(state.packets[p], state.hits[p], height)) return false;
+      if (!kernels.all_final(state.packets[p], state.hits[p], height, limits)) return false;
     }
     return true;
   });

@@ -32,6 +32,25 @@ void store(float (&out)[3], Vec3d v) {
   out[2] = static_cast<float>(v.z);
 }
 
+/// The surface's normals, and how far from the plane's they lean. A mean of unit vectors within a
+/// cone of less than 90 degrees stays in it; of wider ones it may point anywhere.
+void set_shading(const std::array<Vec3d, 3>& normals, Facet& facet) {
+  constexpr double kRounding = 1e-5, kAny = 4;
+  const Vec3d plane{facet.n[0], facet.n[1], facet.n[2]};
+  double lean = 0;
+  std::array<Vec3d, 3> shading;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double size = length(normals[k]);
+    shading[k] = size > 0 ? normals[k] : plane;  // where a mesh says nothing, its plane does
+    const Vec3d unit = size > 0 ? normals[k] * (1 / size) : plane;
+    lean = std::max(lean, dot(unit, plane) > 0 ? length(unit - plane) + kRounding : kAny);
+  }
+  facet.lean = static_cast<float>(lean);
+  store(facet.s, shading[0]);
+  store(facet.s1, shading[1] - shading[0]);
+  store(facet.s2, shading[2] - shading[0]);
+}
+
 Facet make_facet(const tiles::GeometryBlock& block, std::size_t triangle,
                  const mesh::Lattice& lattice, const Setup& s) {
   Facet facet{};
@@ -42,10 +61,12 @@ Facet make_facet(const tiles::GeometryBlock& block, std::size_t triangle,
   const Vec3d g1 = across1 * (1.0 / dot(e1, across1));
   const Vec3d g2 = across2 * (1.0 / dot(e2, across2));
   // The front is where the vertex normals point; the winding alone decides where they say nothing.
-  Vec3d shading{};
+  std::array<Vec3d, 3> normals;
   for (std::size_t k = 0; k < 3; ++k)
-    shading = shading + Vec3d(block.normals[block.triangles[triangle][k]]);
+    normals[k] = Vec3d(block.normals[block.triangles[triangle][k]]);
+  const Vec3d shading = normals[0] + normals[1] + normals[2];
   store(facet.n, dot(shading, s.normal) < 0 ? s.normal * -1.0 : s.normal);
+  set_shading(normals, facet);
   store(facet.m, s.corners[0]);
   store(facet.g1, g1);
   store(facet.g2, g2);

@@ -18,12 +18,15 @@ namespace pounce::source {
 /// and texel coordinates base + frac + du1 w1 + du2 w2. Evaluated from the triangle alone, never
 /// from a block or a tile, so that it is the same bits wherever it is stored.
 struct Facet {
-  float n[3];            ///< unit normal on the front side
+  float n[3];            ///< unit normal of the plane on the front side
+  float lean;            ///< no unit normal of the surface is farther from n; 4: any may be
   float m[3];            ///< first corner
   float g1[3], g2[3];    ///< gradients of the barycentrics of corners 1 and 2
-  float e1[3], e2[3];    ///< edges from corner 0 to corners 1 and 2
   float reach[3];        ///< how far below zero each barycentric may be: tolerance over height
   float tolerance;       ///< how far outside the triangle a hit still counts, in space
+  float e1[3], e2[3];    ///< edges from corner 0 to corners 1 and 2
+  float s[3];            ///< the surface's normal at corner 0, as the mesh shades it
+  float s1[3], s2[3];    ///< what it changes by to corners 1 and 2: affine, not of unit length
   float frac[2];         ///< texel coordinates of corner 0, beyond base
   float du[2], dv[2];    ///< texel edges: x over corners 1 and 2, y over corners 1 and 2
   std::int32_t base[2];  ///< whole texels of corner 0's coordinates, not wrapped

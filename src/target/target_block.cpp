@@ -6,6 +6,10 @@
 // a few multiplications instead of stored bytes. Each triangle is evaluated from an anchor near the
 // block, set up in double precision, so that a triangle of thousands of texels loses nothing far
 // from its corners.
+//
+// A texel's centre may lie on the edge of two triangles, within rounding: the raster gives it to
+// one of them. Its ray starts a little inside of that one, so that the search sees what the raster
+// decided (docs/decisions/015-own-surface-first.md).
 #include "target/target_block.h"
 
 #include <algorithm>
@@ -19,18 +23,22 @@ constexpr int kWindow = 8;        // texels a group spans
 constexpr int kHalfWindow = 4;    // texels a packet spans
 constexpr float kSpread = 16.0F;  // texel edges beyond which two texels do not share a packet
 constexpr int kMostClusters = 4;  // per window; what is left then shares packets, however far apart
+// Enough for the own side of an edge to win against rounding, which is worth a few steps.
+constexpr double kInsetSteps = 32;
+constexpr double kLargestInset = 1.0 / 16;  // texels: never enough to be seen
 
 struct Gradients {
   Vec3d pu, pv, nu, nv;
   Vec3d p, n;
   Vec2d anchor;
+  std::array<Vec2d, 3> texels;  ///< the corners
 };
 
 /// The affine maps of one triangle around an anchor in texels; nothing if it has no area in the
 /// image.
 bool gradients(const tiles::GeometryBlock& block, const mesh::Lattice& lattice,
                std::size_t triangle, Gradients& g) {
-  const auto t = block.texel_corners(lattice, triangle);
+  const auto t = g.texels = block.texel_corners(lattice, triangle);
   const double area = mesh::doubled_area(t[0], t[1], t[2]);
   if (area == 0) return false;
   const auto& corner = block.triangles[triangle];
@@ -60,11 +68,26 @@ bool gradients(const tiles::GeometryBlock& block, const mesh::Lattice& lattice,
   return true;
 }
 
+template <class Four>
+bool any_negative(Four v) {
+  return __builtin_ia32_movmskps(v) != 0;
+}
+
+/// Moves a coordinate by the whole steps nearest to `steps`: exact, and so is the way back.
+void move(float steps, float step, float& coordinate, std::int8_t& moved) {
+  const float whole = std::floor(std::clamp(steps, -127.0F, 127.0F) + 0.5F);
+  moved = static_cast<std::int8_t>(whole);
+  coordinate += whole * step;
+}
+
 }  // namespace
 
 TargetBlock::TargetBlock(const tiles::GeometryBlock& block, const mesh::Lattice& lattice,
-                         float smallest_edge)
-    : owner_(block.owner), triangles_(block.triangles.size()) {
+                         float smallest_edge, float step)
+    : owner_(block.owner),
+      triangles_(block.triangles.size()),
+      edges_(step > 0 ? block.triangles.size() : 0),
+      step_(step) {
   for (std::size_t i = 0; i < block.triangles.size(); ++i) {
     Gradients g;
     if (!gradients(block, lattice, i, g)) continue;  // owns no texel
@@ -79,7 +102,32 @@ TargetBlock::TargetBlock(const tiles::GeometryBlock& block, const mesh::Lattice&
     a.y = static_cast<float>(g.anchor.y - block.y * double{mesh::kBlockEdge});
     const double edge = std::sqrt(length(cross(g.pu, g.pv)));
     a.per_texel = 1.0F / std::max(static_cast<float>(edge), smallest_edge);
+    if (step > 0) edges_[i] = make_edges(g.texels, g.anchor, kInsetSteps * step * a.per_texel);
   }
+}
+
+TargetBlock::Edges TargetBlock::make_edges(const std::array<Vec2d, 3>& t, Vec2d anchor,
+                                           double inset) {
+  const double area = mesh::doubled_area(t[0], t[1], t[2]);
+  double around = 0;
+  std::array<Vec3d, 3> lines;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec2d from = t[k], along = t[(k + 1) % 3] - from;
+    const double size = std::sqrt(along.x * along.x + along.y * along.y);
+    const double scale = (area < 0 ? -1 : 1) / size;
+    around += size;
+    const double x = -along.y * scale, y = along.x * scale;
+    lines[k] = {x, y, x * (anchor.x - from.x) + y * (anchor.y - from.y)};
+  }
+  const double start = std::min({inset, kLargestInset, std::abs(area) / around});
+  Edges out;
+  for (int k = 0; k < 3; ++k) {
+    const Vec3d& line = lines[static_cast<std::size_t>(k)];
+    out.x[k] = static_cast<float>(line.x);
+    out.y[k] = static_cast<float>(line.y);
+    out.at_anchor[k] = static_cast<float>(line.z - start);
+  }
+  return out;
 }
 
 TargetBlock::Texel TargetBlock::texel(std::uint32_t texel) const {
@@ -117,7 +165,43 @@ TargetBlock::Window TargetBlock::window(std::uint32_t index) const {
   return window;
 }
 
-void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, TexelPacket& packet) const {
+/// No texel of the window is near an edge of its owner, so none of their rays starts elsewhere.
+bool TargetBlock::is_deep(const Window& window) const {
+  if (edges_.empty()) return true;
+  if (!window.one_triangle) return false;
+  const std::uint32_t first = window.texels[0];
+  const Affine& a = triangles_[owner_[first]];
+  const Edges& edges = edges_[owner_[first]];
+  const float left = static_cast<float>(first % mesh::kBlockEdge / kWindow * kWindow) - a.x;
+  const float top = static_cast<float>(first / mesh::kBlockEdge / kWindow * kWindow) - a.y;
+  for (const float dx : {left, left + kWindow - 1}) {
+    for (const float dy : {top, top + kWindow - 1}) {
+      if (any_negative(edges.beyond(dx, dy))) return false;
+    }
+  }
+  return true;
+}
+
+/// Moves the start of a ray that is nearer to an edge of its owner than the inset away from it.
+void TargetBlock::move_start(std::size_t lane, Four beyond, TexelPacket& packet) const {
+  const std::uint16_t owner = owner_[packet.texel[lane]];
+  const Edges& edges = edges_[owner];
+  const Affine& a = triangles_[owner];
+  float x = 0, y = 0;  // into the triangle, in texels
+  for (int k = 0; k < 3; ++k) {
+    const float lacking = std::max(-beyond[k], 0.0F);
+    x += edges.x[k] * lacking;
+    y += edges.y[k] * lacking;
+  }
+  const Vec3f way = (a.pu * x + a.pv * y) * (1 / step_);
+  move(way.x, step_, packet.px[lane], packet.inset_x[lane]);
+  move(way.y, step_, packet.py[lane], packet.inset_y[lane]);
+  move(way.z, step_, packet.pz[lane], packet.inset_z[lane]);
+  packet.is_inset = true;
+}
+
+void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_deep,
+                       TexelPacket& packet) const {
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const bool used = lane < count;
     const std::uint32_t at = texels[used ? lane : 0];
@@ -132,6 +216,15 @@ void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, TexelPack
     packet.nz[lane] = used ? a.n.z + (a.nu.z * dx + a.nv.z * dy) : 0;
     packet.per_texel[lane] = a.per_texel;
     packet.texel[lane] = used ? texels[lane] : kNoTexel;
+    if (is_deep) continue;
+    if (!used) {  // where lane 0 starts
+      packet.px[lane] = packet.px[0];
+      packet.py[lane] = packet.py[0];
+      packet.pz[lane] = packet.pz[0];
+      continue;
+    }
+    const Four beyond = edges_[owner_[at]].beyond(dx, dy);
+    if (any_negative(beyond)) move_start(lane, beyond, packet);
   }
   // Lane by lane as in texel(), in loops that become vectors.
   float scale[kLanes];
@@ -149,19 +242,20 @@ void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, TexelPack
 
 void TargetBlock::make_packets(std::uint32_t block_index, PageVector<TexelPacket>& packets,
                                std::vector<PacketGroup>& groups) const {
-  const auto add_group = [&](const std::uint16_t* texels, std::size_t count) {
+  const auto add_group = [&](const std::uint16_t* texels, std::size_t count, bool is_deep) {
     const auto first = static_cast<std::uint32_t>(packets.size());
     for (std::size_t i = 0; i < count; i += kLanes) {
       packets.emplace_back().block = block_index;
-      fill(texels + i, std::min<std::size_t>(kLanes, count - i), packets.back());
+      fill(texels + i, std::min<std::size_t>(kLanes, count - i), is_deep, packets.back());
     }
     groups.push_back({first, static_cast<std::uint32_t>(packets.size()) - first});
   };
   for (std::uint32_t w = 0; w < 64; ++w) {
     Window rest = window(w);
     if (rest.count == 0) continue;
+    const bool deep = is_deep(rest);
     if (rest.one_triangle) {
-      add_group(rest.texels.data(), rest.count);
+      add_group(rest.texels.data(), rest.count, deep);
       continue;
     }
     // One group of packets per cluster: usually all of the window, one each where charts meet.
@@ -177,7 +271,7 @@ void TargetBlock::make_packets(std::uint32_t block_index, PageVector<TexelPacket
                              spread * std::min(seed.per_texel, other.per_texel) <= kSpread;
         (is_near ? together[near++] : rest.texels[far++]) = rest.texels[i];
       }
-      add_group(together.data(), near);
+      add_group(together.data(), near, deep);
       rest.count = far;
     }
   }

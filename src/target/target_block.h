@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -15,11 +16,14 @@ inline constexpr int kLanes = 16;  ///< texels in a packet: one AVX-512 register
 /// Sixteen target texels that lie together on the surface: structure of arrays, one lane each.
 /// Unused lanes have a zero normal, which faces nothing.
 struct alignas(64) TexelPacket {
-  float px[kLanes], py[kLanes], pz[kLanes];  ///< surface point
+  float px[kLanes], py[kLanes], pz[kLanes];  ///< where the ray starts
   float nx[kLanes], ny[kLanes], nz[kLanes];  ///< unit normal
   float per_texel[kLanes];                   ///< 1 / the texel's edge on the surface
   std::uint16_t texel[kLanes];  ///< y * 64 + x within the block; kNoTexel in unused lanes
   std::uint32_t block = 0;      ///< index of the block in its piece of work
+  bool is_inset = false;        ///< some ray starts elsewhere than at its texel's own point
+  /// From the texel's own point to where the ray starts, in whole steps: a little into the owner.
+  std::int8_t inset_x[kLanes], inset_y[kLanes], inset_z[kLanes];
 };
 inline constexpr std::uint16_t kNoTexel = 0xFFFF;
 
@@ -32,7 +36,10 @@ struct PacketGroup {
 class TargetBlock {
  public:
   /// `smallest_edge` bounds the texel's edge from below (for triangles without area in space), > 0.
-  TargetBlock(const tiles::GeometryBlock& block, const mesh::Lattice& lattice, float smallest_edge);
+  /// `step` is what distances are told apart by, in space: rays start 32 of them inside of their
+  /// texel's owner; 0: where the texel is.
+  TargetBlock(const tiles::GeometryBlock& block, const mesh::Lattice& lattice, float smallest_edge,
+              float step = 0);
 
   struct Texel {
     Vec3f position, normal;
@@ -57,12 +64,25 @@ class TargetBlock {
     float x = 0, y = 0;  ///< anchor, in texels of the block
     float per_texel = 0;
   };
+  using Four = float __attribute__((vector_size(16)));
+  /// A triangle's edges in the image, each as an affine function: how much farther inside than rays
+  /// start (at most as far as its middle is) a texel lies, in texels. The fourth is never negative.
+  struct Edges {
+    Four x{}, y{}, at_anchor{};
+    Four beyond(float dx, float dy) const { return at_anchor + (x * dx + y * dy); }
+  };
+  static Edges make_edges(const std::array<Vec2d, 3>& corners, Vec2d anchor, double inset);
   struct Window;
   Window window(std::uint32_t index) const;
-  void fill(const std::uint16_t* texels, std::size_t count, TexelPacket& packet) const;
+  bool is_deep(const Window& window) const;
+  void fill(const std::uint16_t* texels, std::size_t count, bool is_deep,
+            TexelPacket& packet) const;
+  void move_start(std::size_t lane, Four beyond, TexelPacket& packet) const;
 
   std::vector<std::uint16_t> owner_;
   std::vector<Affine> triangles_;
+  std::vector<Edges> edges_;  ///< by triangle; empty without an inset
+  float step_;
 };
 
 /// Tight boxes around the covered texels of each triangle, for the index.

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "pounce/options.h"
+#include "support/target_raster.h"
 
 namespace pounce::test {
 
@@ -24,9 +26,26 @@ struct ReferenceResult {
 };
 
 /// The transfer of one channel onto one image, in core, in double precision, by trying every source
-/// triangle on every target texel. Slow and obvious; shares no code with the product's stages (only
-/// the readers of meshes and images). `channels` and `linear_output` say what the output file is.
-/// Source textures must come from the source file; options.size must be given.
+/// triangle. Slow and obvious; shares no code with the product's stages (only the readers of meshes
+/// and images). `channels` and `linear_output` say what the output file is. Selections and UDIM are
+/// not known to it; options.size must be given, and the options must live.
+class Reference {
+ public:
+  Reference(const TransferOptions& options, Channel channel, std::uint32_t channels,
+            bool linear_output);
+  ~Reference();
+  const TargetRaster& raster() const;
+  /// One texel; `samples` has room for all channels.
+  Verdict texel(std::size_t texel, double* samples) const;
+  /// The value that the source has at a covered texel if it is the target as well: no search.
+  void own(std::size_t texel, double* samples) const;
+
+ private:
+  class Search;
+  std::unique_ptr<Search> search_;
+};
+
+/// All texels.
 ReferenceResult reference_transfer(const TransferOptions& options, Channel channel,
                                    std::uint32_t channels, bool linear_output);
 

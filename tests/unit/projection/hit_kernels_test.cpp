@@ -26,48 +26,68 @@ std::vector<const Kernels*> available() {
 }
 
 struct Hit {
-  double key = 0, x = 0, y = 0;
+  double distance = 0, x = 0, y = 0;
 };
 
-/// The definition in double precision. Nothing: no hit. `unsure`: too near a limit to say.
-std::optional<Hit> reference(const source::Facet& f, const TexelPacket& packet, int lane,
-                             const SearchLimits& limits, bool& unsure) {
-  const auto vec = [](const float(&v)[3]) { return Vec3d{v[0], v[1], v[2]}; };
-  const Vec3d p{packet.px[lane], packet.py[lane], packet.pz[lane]};
-  const Vec3d n{packet.nx[lane], packet.ny[lane], packet.nz[lane]};
-  const auto beyond = [&](double value, double limit, double scale) {
-    if (std::abs(value - limit) <= 1e-4 * scale) unsure = true;
-    return value > limit;
-  };
-  const double facing = dot(vec(f.n), n);
-  if (beyond(limits.min_cosine, facing, 1)) return {};
-  const Vec3d r = vec(f.m) - p;
-  const double t = dot(vec(f.n), r) / facing;
-  if (beyond(std::abs(t), limits.max_distance, 1)) return {};
-  const Vec3d d = n * t - r;
-  const double w1 = dot(vec(f.g1), d), w2 = dot(vec(f.g2), d), w0 = 1 - w1 - w2;
-  const double steep = 1 + length(vec(f.g1)) + length(vec(f.g2));
-  if (beyond(-w0, f.reach[0], steep) || beyond(-w1, f.reach[1], steep) ||
-      beyond(-w2, f.reach[2], steep)) {
-    return {};
-  }
+/// Where a line meets a facet.
+struct Meeting {
+  double t = 0, outside = 0;
+  std::array<double, 3> raw{}, inside{};  ///< barycentrics, before and after they are clamped
+};
+
+Vec3d vec(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
+
+Meeting meet(const source::Facet& f, Vec3d p, Vec3d n) {
+  double rise = dot(vec(f.n), n);
+  if (std::abs(rise) < kGrazing) rise = std::copysign(double{kGrazing}, rise);
+  Meeting out;
+  out.t = dot(vec(f.n), vec(f.m) - p) / rise;
+  const Vec3d d = p + n * out.t - vec(f.m);
+  const double w1 = dot(vec(f.g1), d), w2 = dot(vec(f.g2), d);
+  out.raw = {1 - w1 - w2, w1, w2};
   double c1 = std::max(w1, 0.0), c2 = std::max(w2, 0.0);
   const double sum = std::max(c1 + c2, 1.0);
   c1 /= sum;
   c2 /= sum;
-  const double outside = length(d - (vec(f.e1) * c1 + vec(f.e2) * c2));
-  if (beyond(outside, f.tolerance, 1)) return {};
-  if (beyond(std::abs(t) + outside, limits.max_distance, 1 + 20 / packet.per_texel[lane]))
-    return {};
-  return Hit{(std::abs(t) + outside) * packet.per_texel[lane] * kKeySteps,
-             f.base[0] + double{f.frac[0]} + f.du[0] * c1 + f.du[1] * c2,
-             f.base[1] + double{f.frac[1]} + f.dv[0] * c1 + f.dv[1] * c2};
+  out.inside = {1 - c1 - c2, c1, c2};
+  out.outside = length(d - (vec(f.e1) * c1 + vec(f.e2) * c2));
+  return out;
+}
+
+/// The definition in double precision. Nothing: no hit. `unsure`: too near a limit to say.
+std::optional<Hit> reference(const source::Facet& f, const TexelPacket& packet, int lane,
+                             const SearchLimits& limits, bool& unsure) {
+  const Vec3d p{packet.px[lane], packet.py[lane], packet.pz[lane]};
+  const Vec3d n{packet.nx[lane], packet.ny[lane], packet.nz[lane]};
+  if (n == Vec3d{}) return {};
+  const auto beyond = [&](double value, double limit, double scale) {
+    if (std::abs(value - limit) <= 1e-4 * scale) unsure = true;
+    return value > limit;
+  };
+  const Meeting at = meet(f, p, n);
+  const double amplified = 1 / std::max(std::abs(dot(vec(f.n), n)), double{kGrazing});
+  if (beyond(std::abs(at.t), limits.max_distance, amplified)) return {};
+  const double steep = amplified * (1 + length(vec(f.g1)) + length(vec(f.g2)));
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (beyond(-at.raw[k], f.reach[k], steep)) return {};
+  }
+  if (beyond(at.outside, f.tolerance, amplified)) return {};
+  if (beyond(std::abs(at.t) + at.outside, limits.max_distance, amplified)) return {};
+  const Vec3d surface = vec(f.s) + vec(f.s1) * at.inside[1] + vec(f.s2) * at.inside[2];
+  if (beyond(limits.min_cosine, dot(surface, n) / length(surface), steep)) return {};
+  const Vec3d inset{1.0 * packet.inset_x[lane], 1.0 * packet.inset_y[lane],
+                    1.0 * packet.inset_z[lane]};
+  const Vec3d own = p - inset * double{step_of(limits)};
+  const auto w = meet(f, own, n).inside;
+  return Hit{std::abs(at.t) + at.outside,
+             f.base[0] + double{f.frac[0]} + f.du[0] * w[1] + f.du[1] * w[2],
+             f.base[1] + double{f.frac[1]} + f.dv[0] * w[1] + f.dv[1] * w[2]};
 }
 
 source::Facet flat_facet(std::int32_t id, float height) {
   // The right triangle (0,0) (1,0) (0,1) at z = height, ten texels along its legs.
   source::Facet f{};
-  f.n[2] = 1;
+  f.n[2] = f.s[2] = 1;
   f.m[2] = height;
   f.g1[0] = f.e1[0] = 1;
   f.g2[1] = f.e2[1] = 1;
@@ -103,7 +123,8 @@ TEST_CASE("hits of a right triangle are what one works out by hand") {
   TexelPacket packet = flat_packet();
   packet.nz[5] = -1;                   // faces away
   packet.nz[6] = 0, packet.nx[6] = 1;  // along the plane
-  kernels("").hit(flat_facet(9, 0.5F), packet, {1, 0.5F}, best);
+  const SearchLimits limits{1, 0.5F, 4};
+  kernels("").hit(flat_facet(9, 0.5F), packet, limits, best);
   for (int lane = 0; lane < kLanes; ++lane) {
     CAPTURE(lane);
     const double x = lane / 16.0;
@@ -115,7 +136,7 @@ TEST_CASE("hits of a right triangle are what one works out by hand") {
       CHECK(best.id[lane] == kNoHit);
       continue;
     }
-    CHECK(best.key[lane] == Approx((0.5 + outside) * 8 * 1024).margin(1));
+    CHECK(distance_of(best.key[lane], limits) == Approx(0.5 + outside));
     CHECK(best.id[lane] == 9);
     CHECK(best.page[lane] == 2);
     CHECK(best.base_x[lane] == 3);
@@ -123,7 +144,7 @@ TEST_CASE("hits of a right triangle are what one works out by hand") {
     CHECK(best.frac_x[lane] == Approx(10 * x / sum));
     CHECK(best.frac_y[lane] == Approx(2.5 / sum));
   }
-  CHECK(best.key[12] == 4096);  // on the edge
+  CHECK(best.key[12] == key_of(0.5F, limits));  // on the edge
   CHECK(best.key[13] != kNoHit);
 }
 
@@ -139,7 +160,7 @@ TEST_CASE("the nearest facet wins on either side, equal ones by the smaller tria
       kernels("").hit(flat_facet(20 + i, height), flat_packet(), {1, 0.5F}, best);
     }
     CHECK(best.id[0] == 11);
-    CHECK(best.key[0] == 2048);
+    CHECK(best.key[0] == key_of(0.25F, {}));
   } while (std::next_permutation(order.begin(), order.end()));
   HitPacket best;
   clear(best);
@@ -164,7 +185,8 @@ TEST_CASE("the hit kernel agrees with the definition in double precision") {
   for (int round = 0; round < 3000; ++round) {
     const source::SourceBlock block = test::random_source(random, 4, random.one_in(2) ? 1 : 0.2F);
     const TexelPacket packet = test::random_packet(random, 0.5F);
-    const SearchLimits limits{random.between(0.5F, 2.0F), random.between(0.1F, 0.9F)};
+    const SearchLimits limits{random.between(0.5F, 2.0F), random.between(0.1F, 0.9F),
+                              random.one_in(2) ? 0.0F : 4.0F};
     for (const source::Facet& facet : block.facets) {
       HitPacket best;
       clear(best);
@@ -188,11 +210,14 @@ TEST_CASE("the hit kernel agrees with the definition in double precision") {
         const double y = best.base_y[lane] + double{best.frac_y[lane]};
         const double bends = length(Vec3d{facet.g1[0], facet.g1[1], facet.g1[2]}) +
                              length(Vec3d{facet.g2[0], facet.g2[1], facet.g2[2]});
-        if (std::abs(best.key[lane] - expected->key) > 1.5 + 1e-4 * expected->key * (1 + bends) ||
-            std::abs(x - expected->x) > 1e-5 * steep * (1 + bends) ||
-            std::abs(y - expected->y) > 1e-5 * steep * (1 + bends)) {
-          FAIL("round " << round << " lane " << lane << ": key " << best.key[lane] << " for "
-                        << expected->key << ", x " << x << " for " << expected->x);
+        const double distance = double{distance_of(best.key[lane], limits)};
+        const double rise = std::abs(facet.n[0] * packet.nx[lane] + facet.n[1] * packet.ny[lane] +
+                                     facet.n[2] * packet.nz[lane]);
+        const double loss = 1e-6 * (1 + bends) / std::max(rise, double{kGrazing});
+        if (std::abs(distance - expected->distance) > 1e-6 + loss ||
+            std::abs(x - expected->x) > loss * steep || std::abs(y - expected->y) > loss * steep) {
+          FAIL("round " << round << " lane " << lane << ": distance " << distance << " for "
+                        << expected->distance << ", x " << x << " for " << expected->x);
         }
       }
     }
@@ -230,15 +255,17 @@ TEST_CASE("all instruction sets give the same bits, whatever is in the packets")
     const bool wild = random.one_in(3);
     if (wild) {
       for (source::Facet& f : block.facets) {
-        float* const parts[] = {f.n, f.m, f.g1, f.g2, f.e1, f.e2, f.reach, &f.tolerance};
-        *parts[random.below(8)] = any_float();
+        float* const parts[] = {f.n, f.m,  f.g1, f.g2,    f.e1,         f.e2,
+                                f.s, f.s1, f.s2, f.reach, &f.tolerance, &f.lean};
+        *parts[random.below(12)] = any_float();
       }
       for (TexelPacket& p : packets) {
         float* const parts[] = {p.px, p.py, p.pz, p.nx, p.ny, p.nz, p.per_texel};
         for (int i = 0; i < 10; ++i) parts[random.below(7)][random.below(kLanes)] = any_float();
       }
     }
-    const SearchLimits limits{random.between(0.1F, 3.0F), random.between(0.0F, 0.9F)};
+    const SearchLimits limits{random.between(0.1F, 3.0F), random.between(0.0F, 0.9F),
+                              random.one_in(2) ? 0.0F : random.between(0.0F, 9.0F)};
     const float height = random.between(0.0F, 2.0F);
     Candidates candidates;
     for (const source::Patch& patch : block.patches)
@@ -252,7 +279,7 @@ TEST_CASE("all instruction sets give the same bits, whatever is in the packets")
         for (const source::Facet& facet : block.facets)
           isas[k]->hit(facet, packet, limits, results[2 * k]);
         isas[k]->search(candidates, bundle_of(packet), height, packet, limits, results[2 * k + 1]);
-        finals[k] = isas[k]->all_final(packet, results[2 * k], height);
+        finals[k] = isas[k]->all_final(packet, results[2 * k], height, limits);
         if (std::memcmp(&results[0], &results[2 * k], sizeof(HitPacket)) != 0 ||
             std::memcmp(&results[1], &results[2 * k + 1], sizeof(HitPacket)) != 0 ||
             finals[k] != finals[0]) {
@@ -277,26 +304,136 @@ TEST_CASE("a NaN anywhere is never a hit") {
     clear(best);
     kernels("").hit(flat_facet(1, 0.5F), packet, {1, 0.5F}, best);
     CHECK(best.key[2] == kNoHit);
-    CHECK(best.key[1] == 4096);
+    CHECK(best.key[1] == key_of(0.5F, {}));
   }
 }
 
 TEST_CASE("a packet is final when every used lane's key is below the height") {
   for (const Kernels* k : available()) {
     CAPTURE(k->isa);
-    TexelPacket packet = flat_packet();  // 8 texels per unit: height h is the key 8192 h
+    TexelPacket packet = flat_packet();
+    const SearchLimits limits{1, 0.5F, 4};
     HitPacket best;
     clear(best);
-    CHECK_FALSE(k->all_final(packet, best, 1e30F));
-    for (std::int32_t& key : best.key) key = 4095;
-    CHECK(k->all_final(packet, best, 0.5F));
-    CHECK_FALSE(k->all_final(packet, best, 0.4999F));
-    best.key[15] = 4096;  // a facet just beyond could have the same key and a smaller id
-    CHECK_FALSE(k->all_final(packet, best, 0.5F));
+    CHECK_FALSE(k->all_final(packet, best, 1e30F, limits));
+    const std::int32_t half = key_of(0.5F, limits);
+    for (std::int32_t& key : best.key) key = half - 1;
+    CHECK(k->all_final(packet, best, 0.5F, limits));
+    CHECK_FALSE(k->all_final(packet, best, 0.4999F, limits));
+    best.key[15] = half;  // a facet just beyond could have the same key and a smaller id
+    CHECK_FALSE(k->all_final(packet, best, 0.5F, limits));
     best.key[15] = kNoHit;
-    CHECK_FALSE(k->all_final(packet, best, 0.5F));
+    CHECK_FALSE(k->all_final(packet, best, 0.5F, limits));
     packet.texel[15] = target::kNoTexel;
-    CHECK(k->all_final(packet, best, 0.5F));
+    CHECK(k->all_final(packet, best, 0.5F, limits));
+  }
+}
+
+TEST_CASE("keys rise with the distance: in steps where it is small, relative where it is large") {
+  const SearchLimits limits{1, 0.5F, 4};  // steps of 2^-21 up to 4
+  CHECK(key_of(0x1p-21F, limits) == key_of(0, limits) + 1);
+  CHECK(key_of(0x1p-23F, limits) == key_of(0, limits));
+  CHECK(key_of(3.5F, limits) == key_of(3.5F - 0x1p-21F, limits) + 1);
+  CHECK(key_of(1e20F, limits) < key_of(1.000001e20F, limits));
+  CHECK(key_of(3e38F, limits) < kNoHit);
+  std::int32_t last = 0;
+  for (float distance = 0x1p-40F; distance < 0x1p100F; distance *= 1.5F) {
+    CHECK(key_of(distance, limits) >= last);
+    last = key_of(distance, limits);
+    CHECK(double{distance_of(last, limits)} == Approx(double{distance}).margin(0x1p-21));
+  }
+}
+
+TEST_CASE("the surface's own normal decides what it faces, not its plane's") {
+  // At x = 0 the normals lean 45 degrees to the left of the plane's, at x = 1 45 to the right.
+  for (const Kernels* k : available()) {
+    CAPTURE(k->isa);
+    source::Facet facet = flat_facet(1, 0.5F);
+    facet.lean = 4;
+    facet.s[0] = -1;
+    facet.s1[0] = 2;
+    TexelPacket packet = flat_packet();
+    for (int lane = 0; lane < kLanes; ++lane) {
+      packet.px[lane] = 0.25F - 0.5F;  // looks half a unit to the right: hits at 1/4, or...
+      packet.nx[lane] = packet.nz[lane] = std::sqrt(0.5F);
+      if (lane % 2 != 0) packet.px[lane] = 0.6F - 0.5F;  // ...at 0.6
+    }
+    HitPacket best;
+    clear(best);
+    k->hit(facet, packet, {1, std::cos(0.9F), 4}, best);  // 51.6 degrees
+    // At 1/4 the normal leans 26.6 degrees left, 71.6 from the texel's; at 0.6, 33.7.
+    CHECK(best.key[0] == kNoHit);
+    CHECK(best.key[1] != kNoHit);
+    clear(best);
+    k->hit(facet, packet, {1, std::cos(1.3F), 4}, best);  // 74.5 degrees
+    CHECK(best.key[0] != kNoHit);
+    CHECK(best.id[1] == 1);
+  }
+}
+
+TEST_CASE("a texel on a facet finds it whatever its normal, also within the plane") {
+  for (const Kernels* k : available()) {
+    for (const float degrees : {0.0F, 60.0F, 89.0F, 90.0F, 91.0F, 120.0F, 170.0F}) {
+      CAPTURE(k->isa, degrees);
+      const float angle = degrees * 3.14159265F / 180;
+      source::Facet facet = flat_facet(1, 0);
+      facet.lean = 4;
+      facet.s[0] = std::sin(angle);
+      facet.s[2] = std::cos(angle);
+      TexelPacket packet = flat_packet();
+      for (int lane = 0; lane < kLanes; ++lane) {
+        packet.nx[lane] = facet.s[0];
+        packet.nz[lane] = facet.s[2];
+        packet.pz[lane] = lane % 2 != 0 ? 1e-7F : -1e-7F;  // off by rounding
+      }
+      HitPacket best;
+      clear(best);
+      k->hit(facet, packet, {1, 0.99F, 4}, best);
+      for (int lane = 0; lane < 12; ++lane) {
+        CAPTURE(lane);
+        CHECK(distance_of(best.key[lane], {1, 0.99F, 4}) <= 2e-5F);
+        CHECK(best.frac_x[lane] == Approx(10 * lane / 16.0).margin(1e-4));
+      }
+    }
+  }
+}
+
+TEST_CASE("a ray in a facet's plane does not reach for it from beside") {
+  source::Facet facet = flat_facet(1, 0.05F);
+  facet.lean = 4;
+  facet.s[0] = 1;
+  facet.s[2] = 0;
+  TexelPacket packet = flat_packet();
+  for (int lane = 0; lane < kLanes; ++lane) {
+    packet.nx[lane] = 1;
+    packet.nz[lane] = 0;
+  }
+  HitPacket best;
+  clear(best);
+  kernels("").hit(facet, packet, {100, 0.5F, 4}, best);  // 1/20 above: 3.2 along the ray
+  for (const std::int32_t key : best.key) CHECK(key == kNoHit);
+}
+
+TEST_CASE("the image is read where the texel is, not where its ray starts") {
+  for (const Kernels* k : available()) {
+    CAPTURE(k->isa);
+    TexelPacket packet = flat_packet();
+    HitPacket plain, inset;
+    clear(plain);
+    k->hit(flat_facet(1, 0.5F), packet, {1, 0.5F, 0x1p11F}, plain);
+    packet.is_inset = true;
+    for (int lane = 0; lane < kLanes; ++lane) {
+      packet.inset_x[lane] = -32;  // of 2^-12, as far as the start is to the left
+      packet.px[lane] -= 0x1p-7F;
+    }
+    clear(inset);
+    k->hit(flat_facet(1, 0.5F), packet, {1, 0.5F, 0x1p11F}, inset);
+    for (int lane = 0; lane <= 12; ++lane) {
+      CAPTURE(lane);
+      CHECK(inset.frac_x[lane] == plain.frac_x[lane]);
+      CHECK(inset.frac_y[lane] == plain.frac_y[lane]);
+    }
+    CHECK(inset.key[13] < plain.key[13]);  // nearer to the triangle
   }
 }
 

@@ -29,12 +29,14 @@ inline source::SourceBlock random_source(Random& random, int count, float size,
     const auto first = static_cast<std::uint16_t>(block.positions.size());
     const Vec3f at = random_vec(random, 1);
     const Vec3f normal = random_direction(random);
+    const float bend = random.one_in(2) ? 0.0F : random.between(0.0F, 1.5F);
     // All in the block's window, so that a cut triangle loses nothing.
     const float u = random.between(0.1F, 0.6F), v = random.between(0.1F, 0.6F);
     const float texels = random.one_in(2) ? 0.3F : 0.02F;
     for (std::uint16_t k = 0; k < 3; ++k) {
       block.positions.push_back(at + random_vec(random, size));
-      block.normals.push_back(normal);
+      const Vec3f bent = normal + random_vec(random, bend);
+      block.normals.push_back(bent * (1 / length(bent)));
       block.uvs.push_back({u + random.between(0.0F, texels), v + random.between(0.0F, texels)});
       block.tangents.push_back({});
     }
@@ -64,6 +66,12 @@ inline target::TexelPacket random_packet(Random& random, float size) {
     packet.nz[lane] = normal.z;
     packet.per_texel[lane] = is_used ? 1 / edge : 1;
     packet.texel[lane] = is_used ? static_cast<std::uint16_t>(lane) : target::kNoTexel;
+  }
+  packet.is_inset = random.one_in(2);
+  for (int lane = 0; lane < target::kLanes && packet.is_inset; ++lane) {
+    packet.inset_x[lane] = static_cast<std::int8_t>(random.whole(-64, 64));
+    packet.inset_y[lane] = static_cast<std::int8_t>(random.whole(-64, 64));
+    packet.inset_z[lane] = static_cast<std::int8_t>(random.whole(-64, 64));
   }
   return packet;
 }

@@ -114,6 +114,30 @@ TEST_CASE("the front is where the vertex normals point, else where the winding s
   CHECK(vec(out.facets[4].n) == Vec3f{0, 0, -1});
 }
 
+TEST_CASE("a facet knows its vertices' normals and how far they lean from its plane's") {
+  const std::array<Vec3f, 3> corners{Vec3f{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  const std::array<Vec2d, 3> texels{Vec2d{0, 0}, {4, 0}, {0, 4}};
+  BlockMaker maker{kImage, {}};
+  for (int i = 0; i < 4; ++i) maker.add(corners, texels);
+  maker.block.normals[3] = {0, 0.6F, 0.8F};
+  maker.block.normals[4] = {0.28F, 0, 0.96F};
+  maker.block.normals[7] = {0, 1, 0};  // 90 degrees: what lies between may lean anywhere
+  for (std::size_t i = 9; i < 12; ++i) maker.block.normals[i] = {};
+  const SourceBlock out = maker.make();
+  REQUIRE(out.facets.size() == 4);
+  CHECK(out.facets[0].lean == Approx(0).margin(2e-5));
+  CHECK(vec(out.facets[0].s) == Vec3f{0, 0, 1});
+  CHECK(vec(out.facets[0].s1) == Vec3f{});
+  CHECK(out.facets[1].lean == Approx(std::sqrt(0.4)).margin(2e-5));
+  CHECK(out.facets[1].lean > std::sqrt(0.4F));
+  CHECK(vec(out.facets[1].s) == Vec3f{0, 0.6F, 0.8F});
+  CHECK(vec(out.facets[1].s1) == Vec3f{0.28F, -0.6F, 0.96F - 0.8F});
+  CHECK(vec(out.facets[1].s2) == Vec3f{0, -0.6F, 1 - 0.8F});
+  CHECK(out.facets[2].lean == 4);
+  CHECK(vec(out.facets[3].s) == Vec3f{0, 0, 1});  // no normals: the plane's
+  CHECK(vec(out.facets[3].s2) == Vec3f{});
+}
+
 TEST_CASE("the tolerance is a texel's edge, but never more than the triangle's own size") {
   const std::array<Vec3f, 3> corners{Vec3f{0, 0, 0}, {2, 0, 0}, {0, 4, 0}};  // 4 square units
   BlockMaker maker{kImage, {}};

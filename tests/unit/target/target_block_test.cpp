@@ -200,6 +200,65 @@ TEST_CASE("texels of charts far apart never share a packet, up to four of them")
   }
 }
 
+TEST_CASE("rays start inside of the triangle that owns their texel, by the inset or its middle") {
+  Random random(33);
+  const float step = 0x1p-14F;  // in space; 32 of them are 0.002 units, a texel about 0.35
+  std::size_t moved = 0, kept = 0;
+  for (int round = 0; round < 60; ++round) {
+    BlockMaker maker(0, 0);
+    const bool on_grid = random.one_in(2);  // corners on texel centres: centres on edges
+    for (int i = 0; i < 6; ++i) {
+      const auto corner = [&] {
+        const double x = random.between(-9.0, 73.0), y = random.between(-9.0, 73.0);
+        return flat_corner(on_grid ? std::round(x) : x, on_grid ? std::round(y) : y, {0, 0, 1});
+      };
+      maker.add({corner(), corner(), corner()});
+    }
+    const TargetBlock plain(maker.block, kImage, 1e-6F), map(maker.block, kImage, 1e-6F, step);
+    PageVector<TexelPacket> packets;
+    std::vector<PacketGroup> groups;
+    map.make_packets(0, packets, groups);
+    for (const TexelPacket& packet : packets) {
+      bool any = false;
+      for (int lane = 0; lane < kLanes; ++lane) {
+        const Vec3f start{packet.px[lane], packet.py[lane], packet.pz[lane]};
+        if (packet.texel[lane] == kNoTexel) {
+          CHECK(start == Vec3f{packet.px[0], packet.py[0], packet.pz[0]});
+          continue;
+        }
+        const Vec3f back = Vec3f{static_cast<float>(packet.inset_x[lane]),
+                                 static_cast<float>(packet.inset_y[lane]),
+                                 static_cast<float>(packet.inset_z[lane])} *
+                           step;
+        CHECK(start - back == plain.texel(packet.texel[lane]).position);
+        any = any || back != Vec3f{};
+        const auto corners =
+            maker.block.texel_corners(kImage, maker.block.owner[packet.texel[lane]]);
+        // flat_corner(), turned around
+        const Vec2d at{double{start.x} * 2, (100 - double{start.y}) * 4};
+        const double area = mesh::doubled_area(corners[0], corners[1], corners[2]);
+        double around = 0, nearest = 1e9;
+        for (std::size_t k = 0; k < 3; ++k) {
+          const Vec2d a = corners[k], b = corners[(k + 1) % 3];
+          const double size = std::hypot(b.x - a.x, b.y - a.y);
+          around += size;
+          nearest = std::min(nearest, mesh::doubled_area(a, b, at) / size * (area < 0 ? -1 : 1));
+        }
+        const double wanted =
+            std::min(32 * double{step} / std::sqrt(0.5 * 0.25), std::abs(area) / around);
+        const double loss = 4 * double{step};  // half a step each way, in texels
+        if (nearest < -loss) FAIL("a ray starts outside by " << -nearest);
+        back == Vec3f{} ? ++kept : ++moved;
+        if (back == Vec3f{}) CHECK(nearest > wanted - loss);
+        CHECK(std::hypot(back.x * 2, back.y * 4) <= 2 * wanted + loss);
+      }
+      CHECK(packet.is_inset >= any);
+    }
+  }
+  CHECK(moved > 300);
+  CHECK(kept > 10000);
+}
+
 TEST_CASE("texel boxes hold every texel of their triangle, and none is empty") {
   Random random(32);
   BlockMaker maker(0, 0);
