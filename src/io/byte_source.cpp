@@ -57,59 +57,88 @@ int cookie_close(void* opaque) {
 }  // namespace
 
 ByteSource::ByteSource(const mesh::ImageRef& image)
-    : label_(image.label.empty() ? image.path : image.label) {
+    : label_(image.label.empty() ? image.path : image.label), path_(image.path) {
   if (!image.problem.empty()) {
-    throw Error(ErrorKind::input, fmt::format("{}: {}", label_, image.problem));
+    throw Error(image.missing ? ErrorKind::storage : ErrorKind::input,
+                fmt::format("{}: {}", label_, image.problem));
   }
   if (image.bytes) {
     memory_ = image.bytes;
     size_bytes_ = memory_->size();
   } else {
-    descriptor_ = open_for_reading(image.path);
-    struct stat status {};
-    if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0) {
-      const int reason = errno;
-      if (descriptor_ >= 0) ::close(descriptor_);
-      throw Error(ErrorKind::input, fmt::format("{}: cannot open the image file {}: {}", label_,
-                                                image.path, std::strerror(reason)));
-    }
-    const bool is_file = S_ISREG(status.st_mode);
-    const std::uint64_t file_bytes = is_file ? static_cast<std::uint64_t>(status.st_size) : 0;
-    offset_bytes_ = image.offset_bytes;
-    size_bytes_ = image.size_bytes;
-    if (size_bytes_ == 0 && file_bytes > offset_bytes_) size_bytes_ = file_bytes - offset_bytes_;
-    if (!is_file || offset_bytes_ > file_bytes || size_bytes_ > file_bytes - offset_bytes_) {
-      ::close(descriptor_);
-      throw Error(
-          ErrorKind::input,
-          is_file ? fmt::format("{}: the image should be bytes {} to {} of {}, which has only {}; "
-                                "the file was cut off",
-                                label_, offset_bytes_, offset_bytes_ + size_bytes_, image.path,
-                                file_bytes)
-                  : fmt::format("{}: {} is {}, not a file", label_, image.path,
-                                kind_of_file(status.st_mode)));
-    }
+    open(image);
   }
   if (size_bytes_ == 0) {
-    if (descriptor_ >= 0) ::close(descriptor_);
     throw Error(ErrorKind::input, fmt::format("{}: the image is empty (0 bytes)", label_));
   }
 }
 
-ByteSource::~ByteSource() {
-  if (descriptor_ >= 0) ::close(descriptor_);
+void ByteSource::open(const mesh::ImageRef& image) {
+  descriptor_.reset(open_for_reading(path_));
+  struct stat status {};
+  if (descriptor_.get() < 0 || ::fstat(descriptor_.get(), &status) != 0) fail("open", errno);
+  if (!S_ISREG(status.st_mode)) {
+    throw Error(ErrorKind::storage, fmt::format("{}: cannot read {}: it is {}, not a file", label_,
+                                                path_, kind_of_file(status.st_mode)));
+  }
+  const auto file_bytes = static_cast<std::uint64_t>(status.st_size);
+  offset_bytes_ = image.offset_bytes;
+  size_bytes_ = image.size_bytes;
+  if (size_bytes_ == 0 && file_bytes > offset_bytes_) size_bytes_ = file_bytes - offset_bytes_;
+  if (offset_bytes_ > file_bytes || size_bytes_ > file_bytes - offset_bytes_) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: the image should be bytes {} to {} of {}, which has only {}; the "
+                            "file was cut off",
+                            label_, offset_bytes_, offset_bytes_ + size_bytes_, path_, file_bytes));
+  }
+}
+
+void ByteSource::show_only(std::vector<Piece> pieces) {
+  starts_.clear();
+  pieces_ = std::move(pieces);
+  size_bytes_ = 0;
+  for (const Piece& piece : pieces_) {
+    starts_.push_back(size_bytes_);
+    size_bytes_ += piece.size_bytes;
+  }
 }
 
 std::size_t ByteSource::read_at(std::uint64_t offset, void* out, std::size_t count) noexcept {
   if (offset >= size_bytes_) return 0;
   count = static_cast<std::size_t>(std::min<std::uint64_t>(count, size_bytes_ - offset));
+  if (pieces_.empty()) return read_stored(offset, static_cast<char*>(out), count);
+  std::size_t done = 0;
+  while (done < count) {
+    const auto after = std::upper_bound(starts_.begin(), starts_.end(), offset + done);
+    const auto at = static_cast<std::size_t>(after - starts_.begin()) - 1;
+    const Piece& piece = pieces_[at];
+    const std::uint64_t inside = offset + done - starts_[at];
+    const auto wanted =
+        static_cast<std::size_t>(std::min<std::uint64_t>(count - done, piece.size_bytes - inside));
+    char* const to = static_cast<char*>(out) + done;
+    std::size_t got = wanted;
+    if (piece.instead.empty())
+      got = read_stored(piece.offset_bytes + inside, to, wanted);
+    else
+      std::memcpy(to, piece.instead.data() + inside, wanted);
+    done += got;
+    if (got < wanted) break;
+  }
+  return done;
+}
+
+ByteSource::Descriptor::~Descriptor() {
+  if (number_ >= 0) ::close(number_);
+}
+
+std::size_t ByteSource::read_stored(std::uint64_t offset, char* out, std::size_t count) noexcept {
   if (memory_) {
     std::memcpy(out, memory_->data() + offset, count);
     return count;
   }
   std::size_t done = 0;
   while (done < count) {
-    const ssize_t got = ::pread(descriptor_, static_cast<char*>(out) + done, count - done,
+    const ssize_t got = ::pread(descriptor_.get(), out + done, count - done,
                                 static_cast<off_t>(offset_bytes_ + offset + done));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0 && failure_ == 0) failure_ = errno;
@@ -117,6 +146,17 @@ std::size_t ByteSource::read_at(std::uint64_t offset, void* out, std::size_t cou
     done += static_cast<std::size_t>(got);
   }
   return done;
+}
+
+void ByteSource::check() const {
+  if (failure_ != 0) fail("read", failure_);
+}
+
+void ByteSource::fail(const char* what, int reason) const {
+  throw Error(ErrorKind::storage,
+              label_ == path_ ? fmt::format("{}: cannot {}: {}", path_, what, std::strerror(reason))
+                              : fmt::format("{}: cannot {} {}: {}", label_, what, path_,
+                                            std::strerror(reason)));
 }
 
 FILE* ByteSource::stream() {

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <optional>
 #include <stdexcept>
+#include <string_view>
 
 #include "io/material_names.h"
 
@@ -16,9 +17,11 @@ namespace {
 using mesh::ImageRef;
 using mesh::TextureBinding;
 
-const char* const kOtherSources[] = {"KHR_texture_basisu", "EXT_texture_webp",
-                                     "EXT_texture_avif",   "MSFT_texture_dds",
-                                     "EXT_texture_video",  "GOOGLE_texture_basis"};
+/// WebP is read like any other image, the others are not.
+constexpr std::string_view kWebp = "EXT_texture_webp";
+const char* const kOtherSources[] = {kWebp.data(),        "KHR_texture_basisu",
+                                     "EXT_texture_avif",  "MSFT_texture_dds",
+                                     "EXT_texture_video", "GOOGLE_texture_basis"};
 
 std::string image_label(const GltfFile& file, std::size_t index, const nlohmann::json& image) {
   const std::string name = image.value("name", std::string());
@@ -76,8 +79,10 @@ ImageRef read_image_ref(const GltfFile& file, std::size_t index, const nlohmann:
   } else {
     out.label = out.path;
     std::error_code error;
-    if (!std::filesystem::exists(out.path, error)) {
+    // Whatever else is wrong with it, reading says.
+    if (std::filesystem::status(out.path, error).type() == std::filesystem::file_type::not_found) {
       out.problem = fmt::format("the file is not there (named by {})", file.path());
+      out.missing = true;
     }
   }
   return out;
@@ -119,8 +124,8 @@ class MaterialReader {
   mesh::Mesh& mesh_;
 };
 
-/// The image a texture shows: its plain source if it has one, else a stand-in whose problem names
-/// the extension that holds it.
+/// The image a texture shows: its plain source if it has one, else a WebP, else a stand-in whose
+/// problem names the extension that holds it.
 std::optional<std::uint32_t> MaterialReader::image_of(const tinygltf::Texture& texture) {
   if (texture.source >= 0) return static_cast<std::uint32_t>(texture.source);
   for (const char* name : kOtherSources) {
@@ -128,6 +133,7 @@ std::optional<std::uint32_t> MaterialReader::image_of(const tinygltf::Texture& t
     if (extension == nullptr || !extension->Has("source")) continue;
     const int source = extension->Get("source").GetNumberAsInt();
     ImageRef& image = mesh_.images.at(static_cast<std::size_t>(source));
+    if (name == kWebp) return static_cast<std::uint32_t>(source);
     image.problem =
         fmt::format("is stored with the extension {}, which pounce does not read", name);
     return static_cast<std::uint32_t>(source);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <string_view>
 
 #include "pounce/error.h"
@@ -27,6 +28,7 @@ class JpegCursor {
   std::uint32_t u8() {
     std::uint8_t value = 0;
     if (bytes_.read_at(position++, &value, 1) != 1) {
+      bytes_.check();
       throw Error(
           ErrorKind::input,
           fmt::format(
@@ -73,6 +75,65 @@ void read_frame_header(JpegCursor at, std::uint32_t marker, JpegHeader& header) 
   }
 }
 
+/// The first chunk says it all.
+std::optional<WholeHeader> webp_header(ByteSource& bytes) {
+  std::array<std::uint8_t, 30> b{};
+  if (bytes.read_at(0, b.data(), b.size()) < 25) return std::nullopt;
+  const std::string_view chunk(reinterpret_cast<const char*>(b.data()) + 12, 4);
+  const auto number = [&](std::size_t at, int size) {
+    std::uint32_t value = 0;
+    for (int i = size - 1; i >= 0; --i) value = value << 8 | b[at + static_cast<std::size_t>(i)];
+    return value;
+  };
+  WholeHeader header;
+  if (chunk == "VP8 ") {
+    header = {number(26, 2) & 0x3FFFU, number(28, 2) & 0x3FFFU, 3, Depth::u8, false};
+  } else if (chunk == "VP8L") {
+    const std::uint32_t bits = number(21, 4);
+    header = {(bits & 0x3FFFU) + 1, (bits >> 14 & 0x3FFFU) + 1, 3, Depth::u8,
+              (bits >> 28 & 1U) != 0};
+  } else if (chunk == "VP8X") {
+    header = {number(24, 3) + 1, number(27, 3) + 1, 3, Depth::u8, (b[20] & 0x10U) != 0};
+  } else {
+    return std::nullopt;
+  }
+  header.channels += header.has_alpha ? 1 : 0;
+  return header;
+}
+
+/// "P6 width height largest", with comments from # to the end of a line.
+std::optional<WholeHeader> pnm_header(ByteSource& bytes) {
+  std::array<char, 4096> window;
+  std::uint64_t position = 0;
+  std::size_t at = 0, count = 0;
+  const auto next = [&]() -> int {
+    if (at == count) {
+      count = bytes.read_at(position, window.data(), window.size());
+      position += count;
+      at = 0;
+    }
+    return at < count ? static_cast<unsigned char>(window[at++]) : -1;
+  };
+  next();
+  const int kind = next();
+  std::array<std::uint32_t, 3> numbers{};
+  int c = next();
+  for (std::uint32_t& number : numbers) {
+    while (c == '#' || c == ' ' || (c >= '\t' && c <= '\r')) {
+      const bool comment = c == '#';
+      c = next();
+      while (comment && c != '\n' && c >= 0) c = next();
+    }
+    if (c < '0' || c > '9') return std::nullopt;
+    for (; c >= '0' && c <= '9'; c = next()) {
+      if (number > 9'999'999) return std::nullopt;
+      number = number * 10 + static_cast<std::uint32_t>(c - '0');
+    }
+  }
+  return WholeHeader{numbers[0], numbers[1], kind == '6' ? 3U : 1U,
+                     numbers[2] > 255 ? Depth::u16 : Depth::u8, false};
+}
+
 }  // namespace
 
 std::string image_format(ByteSource& bytes, const std::string& path) {
@@ -102,6 +163,17 @@ std::string image_format(ByteSource& bytes, const std::string& path) {
 bool is_interlaced_png(ByteSource& bytes) {
   std::uint8_t method = 0;  // the last byte of IHDR, which is always the first chunk
   return bytes.read_at(28, &method, 1) == 1 && method != 0;
+}
+
+bool opens_whole(const std::string& format) { return format == "webp" || format == "pnm"; }
+
+WholeHeader read_whole_header(ByteSource& bytes, const std::string& format) {
+  const auto header = format == "webp" ? webp_header(bytes) : pnm_header(bytes);
+  bytes.check();
+  if (header) return *header;
+  throw Error(ErrorKind::input,
+              fmt::format("{}: the image header cannot be read; the file is damaged or cut off",
+                          bytes.label()));
 }
 
 JpegHeader read_jpeg_header(ByteSource& bytes) {

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "io/byte_source.h"
+#include "pounce/options.h"
 
 namespace pounce::io {
 
@@ -23,5 +24,16 @@ struct JpegHeader {
   std::uint64_t coefficient_bytes = 0;  ///< of the whole image, as libjpeg keeps them
 };
 JpegHeader read_jpeg_header(ByteSource& bytes);
+
+/// What the headers of formats say that OpenImageIO takes into memory when it opens them: WebP,
+/// PNM.
+struct WholeHeader {
+  std::uint32_t width = 0, height = 0, channels = 0;
+  Depth depth = Depth::u8;
+  bool has_alpha = false;
+};
+bool opens_whole(const std::string& format);
+/// Throws Error(input) if there is none. Sizes are as they are claimed.
+WholeHeader read_whole_header(ByteSource& bytes, const std::string& format);
 
 }  // namespace pounce::io

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "io/byte_source.h"
+#include "io/image_guard.h"
 #include "io/image_header.h"
 #include "io/oiio_setup.h"
 #include "io/png_check.h"
@@ -46,6 +47,17 @@ void check_size(const std::string& label, std::int64_t width, std::int64_t heigh
   }
 }
 
+/// The deepest of these channels' samples.
+OIIO::TypeDesc sample_type_of(const OIIO::ImageSpec& spec, const std::vector<int>& places) {
+  OIIO::TypeDesc deepest = spec.channelformat(places.front());
+  for (const int place : places) {
+    const OIIO::TypeDesc type = spec.channelformat(place);
+    if (type.basetype != OIIO::TypeDesc::HALF) deepest = type;
+    if (type.basetype != OIIO::TypeDesc::HALF && type.basetype != OIIO::TypeDesc::FLOAT) break;
+  }
+  return deepest;
+}
+
 Depth depth_of(const std::string& label, OIIO::TypeDesc type) {
   switch (type.basetype) {
     case OIIO::TypeDesc::UINT8:
@@ -64,24 +76,32 @@ Depth depth_of(const std::string& label, OIIO::TypeDesc type) {
   }
 }
 
-/// The channels to read of a file that names many: R, G, B (and A) or Y (and A) where they are
-/// neighbours.
-struct ChannelRange {
-  int first = 0, count = 0;
-};
+/// The channels of the file that make the image.
+ChosenChannels channels_of(ByteSource& bytes, const std::string& format,
+                           const OIIO::ImageSpec& spec) {
+  // OpenImageIO takes a fourth sample for alpha even if the TIFF says nothing of it.
+  const bool guessed = format == "tiff" && !tiff_says_extra_samples(bytes);
+  std::vector<std::string> names = spec.channelnames;
+  if (guessed && spec.alpha_channel >= 0)
+    names[static_cast<std::size_t>(spec.alpha_channel)] =
+        fmt::format("channel{}", spec.alpha_channel);
+  ChosenChannels chosen = choose_channels(names, guessed ? -1 : spec.alpha_channel);
+  if (!chosen.places.empty()) return chosen;
+  refuse(bytes.label(),
+         fmt::format("it has {} channels ({}) and not one set of R, G, B or Y among them; "
+                     "save those that are wanted, 4 at most, in a file of their own",
+                     spec.nchannels, joined(spec.channelnames)));
+}
 
-ChannelRange choose_channels(const std::string& label, const OIIO::ImageSpec& spec) {
-  if (spec.nchannels <= 4) return {0, spec.nchannels};
-  for (const auto& names :
-       {std::vector<std::string_view>{"R", "G", "B", "A"}, {"R", "G", "B"}, {"Y", "A"}, {"Y"}}) {
-    const auto& all = spec.channelnames;
-    const auto at = std::search(all.begin(), all.end(), names.begin(), names.end());
-    if (at != all.end()) {
-      return {static_cast<int>(at - all.begin()), static_cast<int>(names.size())};
-    }
+std::optional<Chromaticities> chromaticities_of(const OIIO::ImageSpec& spec) {
+  const OIIO::ParamValue* found = spec.find_attribute("chromaticities");
+  if (found == nullptr || found->type().basetype != OIIO::TypeDesc::FLOAT ||
+      found->type().basevalues() * static_cast<std::size_t>(found->nvalues()) != 8) {
+    return std::nullopt;
   }
-  refuse(label, fmt::format("it has {} channels and none called R, G, B or Y; 1 to 4 can be read",
-                            spec.nchannels));
+  Chromaticities out;
+  std::memcpy(out.data(), found->data(), sizeof out);
+  return out;
 }
 
 /// The stream for libjpeg, which asks for a FILE, and for everybody else. IOFile's own pread() and
@@ -123,10 +143,16 @@ std::uint32_t block_rows(const OIIO::ImageSpec& spec, const std::string& format)
   return static_cast<std::uint32_t>(std::clamp(rows, 1, spec.height));
 }
 
+constexpr std::uint64_t kBase = 1U << 20;
+
+/// Of a format that only decodes whole, from a copy of the file.
+std::uint64_t whole_cost(std::uint64_t decoded_bytes, const ByteSource& bytes) {
+  return kBase + decoded_bytes + bytes.size_bytes();
+}
+
 /// Upper bounds, checked against resident memory by tests/unit/io/test_image_memory.cpp.
 std::uint64_t decoder_cost(const OIIO::ImageSpec& spec, const std::string& format,
                            ByteSource& bytes) {
-  constexpr std::uint64_t kBase = 1U << 20;
   const auto row = static_cast<std::uint64_t>(spec.scanline_bytes(true));
   const std::uint64_t whole = row * static_cast<std::uint64_t>(spec.height);
   const std::uint64_t block = row * block_rows(spec, format);
@@ -140,7 +166,7 @@ std::uint64_t decoder_cost(const OIIO::ImageSpec& spec, const std::string& forma
     const std::uint64_t rows = std::min(block_rows(spec, format), kMostRowsAtOnce);
     return kBase + 4 * row * rows + std::min(block, bytes.size_bytes());
   }
-  return kBase + whole + bytes.size_bytes();
+  return whole_cost(whole, bytes);
 }
 
 }  // namespace
@@ -149,8 +175,13 @@ struct ImageReader::Impl {
   explicit Impl(const mesh::ImageRef& image);
   void open();
   void take_spec();
+  void take_channels(const ChosenChannels& chosen);
+  void refuse_webp_alpha(bool has_alpha) const;
   void describe_unopened_jpeg(const JpegHeader& header);
+  void describe_unopened(const WholeHeader& header);
+  std::size_t decoded_row_bytes() const;
   void read_tile_row(std::uint32_t row);
+  void pick(std::uint32_t row_count, std::byte* out) const;
   void read_decoded(std::uint32_t row_count, std::byte* rows);
   void check_bytes_after_last_row();
   [[noreturn]] void fail(const std::string& what) const;
@@ -161,7 +192,8 @@ struct ImageReader::Impl {
   std::unique_ptr<SourceProxy> proxy;
   std::unique_ptr<OIIO::ImageInput> input;  // null until open()
   ImageInfo info;
-  ChannelRange channels;
+  int first_channel = 0, end_channel = 0;  // asked of the decoder
+  std::vector<std::size_t> picked;  // of these, the image's; empty: all of them, in their order
   OIIO::TypeDesc sample_type;
   // What is asked of OpenImageIO: UNKNOWN = "as it is". Named types make it convert through a
   // scratch buffer of 64 MB, which is mapped anew for every call, even if nothing is to be
@@ -173,22 +205,27 @@ struct ImageReader::Impl {
   bool tiled = false;
   std::uint32_t rows_together = 1;  // a tile's height, or the rows compressed together
   std::vector<std::byte> tile_row;
+  std::vector<std::byte> unpicked;  // rows with channels that the image has not
   PngCheck png_check;
 };
 
 ImageReader::Impl::Impl(const mesh::ImageRef& image) : bytes(image) {
   info.format = image_format(bytes, image.path);
+  bytes.check();
   if (info.format.empty()) {
     refuse(bytes.label(),
            "this is not an image of a known format (PNG, JPEG, EXR, TIFF, WebP, BMP, Targa, HDR, "
            "PNM)");
   }
+  hide_metadata(bytes, info.format);
   JpegHeader jpeg;
   if (info.format == "jpeg") jpeg = read_jpeg_header(bytes);
   if (jpeg.several_scans) {
     // Opening these decodes everything, so it waits for the first read: by then the caller has
     // leased decoder_bytes.
     describe_unopened_jpeg(jpeg);
+  } else if (opens_whole(info.format)) {  // the same
+    describe_unopened(read_whole_header(bytes, info.format));
   } else {
     open();
   }
@@ -231,25 +268,41 @@ void ImageReader::Impl::take_spec() {
                spec.width, spec.height, spec.x, spec.y, spec.full_width, spec.full_height,
                spec.full_x, spec.full_y));
   }
-  channels = choose_channels(label, spec);
+  take_channels(channels_of(bytes, info.format, spec));
   first_row = spec.y;
   first_column = spec.x;
   info.width = static_cast<std::uint32_t>(spec.width);
   info.height = static_cast<std::uint32_t>(spec.height);
-  info.channels = static_cast<std::uint32_t>(channels.count);
-  info.depth = depth_of(label, spec.format);
   info.linear = info.depth == Depth::half || info.depth == Depth::float32;
-  info.has_alpha = info.channels == 2 || info.channels == 4;
+  info.chromaticities = chromaticities_of(spec);
   info.premultiplied = info.has_alpha && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0;
-  if (info.format == "webp" && info.has_alpha) {
-    refuse(label, "WebP images with alpha cannot be read exactly; convert it to PNG");
-  }
-  sample_type = spec.format;
-  const bool all_alike = spec.channelformats.empty() && channels.count == spec.nchannels;
+  refuse_webp_alpha(info.has_alpha);
+  const bool all_alike =
+      spec.channelformats.empty() && end_channel - first_channel == spec.nchannels;
   asked_type = all_alike ? OIIO::TypeDesc(OIIO::TypeDesc::UNKNOWN) : sample_type;
   rows_together = block_rows(spec, info.format);
   tiled = spec.tile_width > 0;
   info.decoder_bytes = decoder_cost(spec, info.format, bytes);
+  if (!picked.empty()) info.decoder_bytes += kMostRowsAtOnce * decoded_row_bytes();
+}
+
+void ImageReader::Impl::take_channels(const ChosenChannels& chosen) {
+  const OIIO::ImageSpec& spec = input->spec();
+  const auto [first, last] = std::minmax_element(chosen.places.begin(), chosen.places.end());
+  first_channel = *first;
+  end_channel = *last + 1;
+  picked.clear();
+  for (const int place : chosen.places) picked.push_back(static_cast<std::size_t>(place - *first));
+  const bool as_they_come =
+      static_cast<std::size_t>(end_channel - first_channel) == picked.size() &&
+      std::is_sorted(picked.begin(), picked.end());
+  if (as_they_come) picked.clear();
+  info.channels = static_cast<std::uint32_t>(chosen.places.size());
+  info.has_alpha = chosen.has_alpha;
+  info.left_out = chosen.left_out;
+  info.names = chosen.names;
+  sample_type = sample_type_of(spec, chosen.places);
+  info.depth = depth_of(bytes.label(), sample_type);
 }
 
 void ImageReader::Impl::describe_unopened_jpeg(const JpegHeader& header) {
@@ -257,37 +310,63 @@ void ImageReader::Impl::describe_unopened_jpeg(const JpegHeader& header) {
   info.width = header.width;
   info.height = header.height;
   info.channels = header.components == 1 ? 1 : 3;  // CMYK is converted
-  info.decoder_bytes = header.coefficient_bytes + jpeg_row_cost(header.width);
+  info.names = usual_names(info.channels, false);
+  // libjpeg keeps what there is between the scans beside them.
+  info.decoder_bytes = header.coefficient_bytes + jpeg_row_cost(header.width) + bytes.size_bytes();
+}
+
+void ImageReader::Impl::describe_unopened(const WholeHeader& header) {
+  check_size(bytes.label(), header.width, header.height);
+  refuse_webp_alpha(header.has_alpha);
+  info.width = header.width;
+  info.height = header.height;
+  info.channels = header.channels;
+  info.depth = header.depth;
+  info.names = usual_names(header.channels, header.has_alpha);
+  info.decoder_bytes = whole_cost(
+      std::uint64_t{header.width} * header.height * header.channels * sample_bytes(header.depth),
+      bytes);
+}
+
+void ImageReader::Impl::refuse_webp_alpha(bool has_alpha) const {
+  if (info.format == "webp" && has_alpha)
+    refuse(bytes.label(), "WebP images with alpha cannot be read exactly; convert it to PNG");
 }
 
 std::string ImageReader::Impl::decoder_message() const {
-  if (bytes.failure() != 0) return fmt::format(" ({})", std::strerror(bytes.failure()));
   if (!png_check.problem().empty()) return fmt::format(" ({})", png_check.problem());
   const std::string message = input ? one_line(input->geterror()) : "";
   return message.empty() ? "" : fmt::format(" ({})", message);
 }
 
 void ImageReader::Impl::fail(const std::string& what) const {
+  bytes.check();
   refuse(bytes.label(),
          fmt::format("{}{}; the file is damaged or cut off", what, decoder_message()));
 }
 
+/// Bytes of a row as the decoder gives it.
+std::size_t ImageReader::Impl::decoded_row_bytes() const {
+  return std::size_t{info.width} * static_cast<std::size_t>(end_channel - first_channel) *
+         sample_type.size();
+}
+
 void ImageReader::Impl::read_tile_row(std::uint32_t row) {
   const auto& spec = input->spec();
-  const std::size_t row_bytes = spec.width * channels.count * sample_type.size();
+  const std::size_t row_bytes = decoded_row_bytes();
   tile_row.resize(row_bytes * rows_together);
   const int begin = first_row + static_cast<int>(row);
   const int end = std::min(begin + static_cast<int>(rows_together), first_row + spec.height);
   if (!input->read_tiles(0, 0, first_column, first_column + spec.width, begin, end, 0, 1,
-                         channels.first, channels.first + channels.count, asked_type,
-                         tile_row.data())) {
+                         first_channel, end_channel, asked_type, tile_row.data())) {
     fail(fmt::format("the picture breaks off in rows {} to {} of {}", row, end - first_row - 1,
                      info.height));
   }
 }
 
 void ImageReader::Impl::read_decoded(std::uint32_t row_count, std::byte* rows) {
-  const std::size_t row_bytes = info.width * info.channels * sample_type.size();
+  const std::size_t row_bytes = decoded_row_bytes();
+  const std::size_t image_row_bytes = std::size_t{info.width} * info.channels * sample_type.size();
   for (std::uint32_t done = 0; done < row_count;) {
     const std::uint32_t row = next_row + done;
     const std::uint32_t in_block = row % rows_together;
@@ -295,18 +374,36 @@ void ImageReader::Impl::read_decoded(std::uint32_t row_count, std::byte* rows) {
     // asks for.
     const std::uint32_t piece =
         std::min({row_count - done, rows_together - in_block, kMostRowsAtOnce});
-    std::byte* const out = rows + done * row_bytes;
+    std::byte* out = rows + done * image_row_bytes;
+    if (!picked.empty()) {
+      unpicked.resize(piece * row_bytes);
+      out = unpicked.data();
+    }
     if (tiled) {
       if (in_block == 0) read_tile_row(row);
       std::memcpy(out, tile_row.data() + in_block * row_bytes, piece * row_bytes);
     } else {
       const int begin = first_row + static_cast<int>(row);
-      if (!input->read_scanlines(0, 0, begin, begin + static_cast<int>(piece), 0, channels.first,
-                                 channels.first + channels.count, asked_type, out)) {
+      if (!input->read_scanlines(0, 0, begin, begin + static_cast<int>(piece), 0, first_channel,
+                                 end_channel, asked_type, out)) {
         fail(fmt::format("the picture breaks off in row {} of {}", row, info.height));
       }
     }
+    if (!picked.empty()) pick(piece, rows + done * image_row_bytes);
     done += piece;
+  }
+}
+
+/// Of rows in `unpicked`, the image's channels.
+void ImageReader::Impl::pick(std::uint32_t row_count, std::byte* out) const {
+  const std::size_t sample = sample_type.size();
+  const std::size_t stride = static_cast<std::size_t>(end_channel - first_channel) * sample;
+  const std::byte* texel = unpicked.data();
+  for (std::size_t i = 0; i < std::size_t{info.width} * row_count; ++i, texel += stride) {
+    for (const std::size_t channel : picked) {
+      std::memcpy(out, texel + channel * sample, sample);
+      out += sample;
+    }
   }
 }
 
@@ -349,8 +446,8 @@ void ImageReader::read_rows(std::uint32_t row_count, std::byte* rows) {
     const ImageInfo promised = self.info;
     self.open();
     if (self.info.width != promised.width || self.info.height != promised.height ||
-        self.info.channels != promised.channels) {
-      self.fail("the JPEG contradicts itself about its size");
+        self.info.channels != promised.channels || self.info.depth != promised.depth) {
+      self.fail("the image contradicts itself about its size");
     }
     self.info.decoder_bytes = promised.decoder_bytes;
   }
@@ -376,11 +473,10 @@ Hash128 hash_image(const mesh::ImageRef& image) {
   Hasher hasher;
   for (std::uint64_t at = 0; at < bytes.size_bytes();) {
     const std::size_t got = bytes.read_at(at, piece.data(), piece.size());
+    bytes.check();
     if (got == 0) {
-      refuse(
-          bytes.label(),
-          fmt::format("reading stopped after {} of {} bytes: {}", at, bytes.size_bytes(),
-                      bytes.failure() != 0 ? std::strerror(bytes.failure()) : "the file shrank"));
+      refuse(bytes.label(), fmt::format("reading stopped after {} of {} bytes: the file shrank", at,
+                                        bytes.size_bytes()));
     }
     hasher.add(std::span<const std::byte>(piece.data(), got));
     at += got;

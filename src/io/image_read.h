@@ -4,9 +4,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "core/hash.h"
+#include "io/image_channels.h"
 #include "mesh/mesh.h"
 #include "pounce/options.h"
 
@@ -15,22 +18,26 @@ namespace pounce::io {
 /// What an image file says of itself.
 struct ImageInfo {
   std::uint32_t width = 0, height = 0;
-  std::uint32_t channels = 0;  ///< 1..4 (gray, gray+alpha, RGB, RGBA); palettes are expanded
+  std::uint32_t channels = 0;  ///< 1..4; palettes are expanded
   Depth depth = Depth::u8;     ///< below 8 bits per sample: u8, scaled to 0..255
   bool linear = false;  ///< samples are scene-linear (float formats), else as stored (sRGB-coded)
-  bool has_alpha = false;      ///< the last channel is straight (unassociated) alpha
-  bool premultiplied = false;  ///< the file holds colours times alpha (EXR always does)
-  std::string format;          ///< "png", "jpeg", "openexr", "tiff", ...
+  bool has_alpha = false;             ///< the last channel is straight (unassociated) alpha
+  bool premultiplied = false;         ///< the file holds colours times alpha (EXR always does)
+  std::string format;                 ///< "png", "jpeg", "openexr", "tiff", ...
+  std::vector<std::string> names;     ///< of the channels: "R", "G", "B", "disp"
+  std::vector<std::string> left_out;  ///< the names of the file's other channels
+  std::optional<Chromaticities> chromaticities;  ///< EXR, where the file has them
   /// Memory that the decoder itself needs beyond the rows handed out: small where the file decodes
   /// by rows, the whole image where it only decodes whole (interlaced PNG, progressive JPEG, WebP).
   std::uint64_t decoder_bytes = 0;
 };
 
 /// Reads an image top to bottom in strips of rows, samples exactly as stored (no colour
-/// conversion). Alpha is handed out straight: where the file says that its colours are
-/// premultiplied (EXR always does) they are divided by alpha, and kept where alpha is 0. Of a file
-/// with several images the first is read. Formats, told by content: PNG, JPEG, EXR, TIFF, WebP
-/// without alpha, BMP, Targa, Radiance HDR, PNM.
+/// conversion). Alpha is what the file says is alpha, and no other fourth channel. It is handed out
+/// straight: where the file says that its colours are premultiplied (EXR always does) they are
+/// divided by alpha, and kept where alpha is 0. Of a file with several images the first is read, of
+/// one with more than four channels those that choose_channels() says. Formats, told by content:
+/// PNG, JPEG, EXR, TIFF, WebP without alpha, BMP, Targa, Radiance HDR, PNM.
 ///
 /// Damage: a file that was cut off, a wrong PNG checksum and whatever the decoders notice throw
 /// Error(input) naming image.label and the rows, at the latest after the last row. No other format

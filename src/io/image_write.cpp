@@ -66,12 +66,17 @@ class SinkProxy : public OIIO::Filesystem::IOProxy {
   std::exception_ptr failure_;
 };
 
+/// What a second or fourth channel may be: alpha, or also data, which may have a name.
+enum class Holds { alpha, data, names };
+
 struct Format {
   const char* name;  // OpenImageIO's
   std::array<std::string_view, 2> endings;
   const char* holds;
   std::array<Depth, 4> depth_for;  // nearest by wanted depth: u8, u16, half, float32
   std::uint32_t largest_side;
+  const char* title;
+  Holds channels;
 };
 
 constexpr std::array<Format, 4> kFormats{{
@@ -79,22 +84,30 @@ constexpr std::array<Format, 4> kFormats{{
      {".png", ""},
      "8 or 16 bit integers",
      {Depth::u8, Depth::u16, Depth::u16, Depth::u16},
-     65536},
+     65536,
+     "PNG",
+     Holds::alpha},
     {"jpeg",
      {".jpg", ".jpeg"},
      "8 bit integers",
      {Depth::u8, Depth::u8, Depth::u8, Depth::u8},
-     65500},
+     65500,
+     "JPEG",
+     Holds::alpha},
     {"openexr",
      {".exr", ""},
      "half or float",
      {Depth::half, Depth::half, Depth::half, Depth::float32},
-     65536},
+     65536,
+     "EXR",
+     Holds::names},
     {"tiff",
      {".tif", ".tiff"},
      "8 or 16 bit integers or float",
      {Depth::u8, Depth::u16, Depth::float32, Depth::float32},
-     65536},
+     65536,
+     "TIFF",
+     Holds::data},
 }};
 
 const Format* format_of(const std::string& path) {
@@ -139,9 +152,14 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
   const std::string_view name = format.name;
   OIIO::ImageSpec out(static_cast<int>(spec.width), static_cast<int>(spec.height),
                       static_cast<int>(spec.channels), type_of(spec.depth));
-  if (spec.channels <= 2) out.channelnames = {"Y", "A"};
-  out.channelnames.resize(spec.channels);
-  out.alpha_channel = spec.channels % 2 == 0 ? static_cast<int>(spec.channels) - 1 : -1;
+  out.channelnames = spec.names.empty() || name != "openexr"
+                         ? usual_names(spec.channels, spec.has_alpha)
+                         : spec.names;
+  out.alpha_channel = spec.has_alpha ? static_cast<int>(spec.channels) - 1 : -1;
+  if (spec.chromaticities && name == "openexr") {
+    out.attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8),
+                  spec.chromaticities->data());
+  }
   if (out.alpha_channel >= 0 && name != "openexr") out.attribute("oiio:UnassociatedAlpha", 1);
   // In a TIFF this would only add an Exif directory, for which libtiff reads the main one back.
   if (name != "tiff")
@@ -181,14 +199,24 @@ std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec
   if (spec.channels < 1 || spec.channels > 4) {
     return fmt::format("{}: {} channels; 1 to 4 can be written", path, spec.channels);
   }
-  if (std::string_view(format->name) == "jpeg" && spec.channels % 2 == 0) {
+  if (std::string_view(format->name) == "jpeg" && spec.has_alpha) {
     return fmt::format("{}: JPEG holds no alpha; choose .png, .tif or .exr", path);
+  }
+  if (format->channels == Holds::alpha && spec.channels % 2 == 0 && !spec.has_alpha) {
+    return fmt::format("{}: {} holds no {} channels without alpha; choose .tif or .exr", path,
+                       format->title, spec.channels);
   }
   if (writable_depth(path, spec.depth) != spec.depth) {
     return fmt::format("{}: this format holds {}, not {}", path, format->holds,
                        depth_name(spec.depth));
   }
   return "";
+}
+
+FormatLook format_look(const std::string& path) {
+  const Format* format = format_of(path);
+  if (format == nullptr) return {};
+  return {format->title, format->channels != Holds::alpha, format->channels == Holds::names};
 }
 
 Depth writable_depth(const std::string& path, Depth wanted) {

@@ -4,17 +4,19 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "core/file.h"
+#include "io/image_channels.h"
 #include "pounce/options.h"
 
 namespace pounce::io {
 
-/// What to write. Samples handed over are in `depth`, row-major, tightly packed, native endian. Two
-/// and four channels always end in straight alpha: no format here can say otherwise and be
-/// believed. EXR stores colours premultiplied, so they are multiplied by alpha when written (where
-/// alpha is 0 the colour is lost).
+/// What to write. Samples handed over are in `depth`, row-major, tightly packed, native endian. EXR
+/// stores colours premultiplied, so they are multiplied by alpha when written (where alpha is 0 the
+/// colour is lost).
 struct ImageWriteSpec {
   std::uint32_t width = 0, height = 0;
   std::uint32_t channels = 0;  ///< 1..4
@@ -22,11 +24,21 @@ struct ImageWriteSpec {
   bool linear = false;         ///< samples are scene-linear: tagged so where the format can say it
   bool has_alpha = false;      ///< the last channel is straight alpha
   bool premultiplied = false;  ///< EXR only: colours come multiplied by alpha already
+  /// EXR only: what the channels are called; empty: usual_names().
+  std::vector<std::string> names = {};
+  std::optional<Chromaticities> chromaticities = {};  ///< EXR only
 };
 
 /// Can the format of `path` (by its ending) hold this? Returns "" or a sentence that says what it
 /// can hold.
 std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec);
+/// What a format can say of an image's channels.
+struct FormatLook {
+  std::string name;        ///< "PNG"
+  bool data = false;       ///< two or four channels without alpha
+  bool annotated = false;  ///< names of channels, chromaticities
+};
+FormatLook format_look(const std::string& path);
 /// The nearest depth that the format of `path` can hold (png: u8/u16; jpeg: u8; exr: half/float;
 /// tiff: all).
 Depth writable_depth(const std::string& path, Depth wanted);

@@ -156,8 +156,10 @@ std::uint32_t ObjMaterials::image(const std::string& name, const std::string& fo
   if (is_new) {
     mesh::ImageRef& out = mesh_.images.emplace_back();
     out.path = out.label = path.string();
-    if (!is_file(path)) {
+    std::error_code error;  // whatever else is wrong with it, reading says
+    if (fs::status(path, error).type() == fs::file_type::not_found) {
       out.problem = fmt::format("the file is not there (named by a material of {})", path_);
+      out.missing = true;
     }
   }
   return it->second;

@@ -36,6 +36,7 @@ struct ImageRef {
   std::string mime_type;  ///< "" when unknown
   std::string
       problem;  ///< not empty: cannot be read, and why (unsupported extension, missing file)
+  bool missing = false;  ///< the problem is that the file is not there
 };
 
 /// A texture as a material uses it.

@@ -2,36 +2,18 @@
 #include <OpenImageIO/imageio.h>
 
 #include <catch2/catch.hpp>
-#include <cstdio>
 
 #include "io/image_write.h"
 #include "io/sample.h"
+#include "support/resident_memory.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"
 
 using namespace pounce;
+using test::peak_rss;
+using test::reset_peak_rss;
 
 namespace {
-
-/// Peak resident bytes since the last reset, or 0 where the system does not tell.
-std::uint64_t peak_rss() {
-  std::FILE* file = std::fopen("/proc/self/status", "r");
-  unsigned long long kilobytes = 0;
-  char line[256];
-  while (file != nullptr && std::fgets(line, sizeof line, file) != nullptr) {
-    if (std::sscanf(line, "VmHWM: %llu", &kilobytes) == 1) break;
-  }
-  if (file != nullptr) std::fclose(file);
-  return kilobytes << 10;
-}
-
-std::uint64_t reset_peak_rss() {
-  if (std::FILE* file = std::fopen("/proc/self/clear_refs", "w")) {
-    std::fputs("5", file);
-    std::fclose(file);
-  }
-  return peak_rss();
-}
 
 constexpr std::uint32_t kSide = 4096;
 

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace pounce::io {
+
+inline constexpr std::size_t kMostChannels = 4;
+
+/// A colour space's primaries as EXR's attribute has them: x and y of red, green, blue and white.
+using Chromaticities = std::array<float, 8>;
+
+/// Which channels of a file make the image: places in the file, in the image's order.
+struct ChosenChannels {
+  std::vector<int> places;
+  bool has_alpha = false;  ///< the last one is alpha, because the file says so
+  std::vector<std::string> names;
+  std::vector<std::string> left_out;
+};
+
+/// Chooses by name: R, G and B or Y, of no layer or else of the one layer that has them, with their
+/// alpha. A file without such, or with more but no alpha, gives all that it has, up to four, as
+/// data. `alpha` is the place that the file calls alpha, -1 for none. Empty places: too many
+/// channels, and no names to choose by.
+ChosenChannels choose_channels(const std::vector<std::string>& names, int alpha);
+
+/// "Y" or "R", "G", "B", ..., "A": the names of an image that has no others. A fourth colour is
+/// "fourth".
+std::vector<std::string> usual_names(std::uint32_t channels, bool has_alpha);
+
+/// Are these the names that readers expect of so many channels, in any case of letters?
+bool are_usual(const std::vector<std::string>& names, bool has_alpha);
+
+/// "R, G, B".
+std::string joined(const std::vector<std::string>& names);
+
+}  // namespace pounce::io

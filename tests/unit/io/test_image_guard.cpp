@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <catch2/catch.hpp>
+#include <chrono>
+
+#include "io/image_guard.h"
+#include "io/image_write.h"
+#include "pounce/error.h"
+#include "support/resident_memory.h"
+#include "support/test_data.h"
+#include "unit/io/image_files.h"
+
+using namespace pounce;
+using Catch::Contains;
+using test::in_memory;
+
+namespace {
+
+constexpr std::size_t kMuch = 48 << 20;
+
+/// A WebP's picture of 16 x 16 texels.
+const std::string kWebpChunk(
+    "\x56\x50\x38\x20\x36\x00\x00\x00\x50\x02\x00\x9D\x01\x2A\x10\x00\x10\x00\x00\x00"
+    "\x00\x25\xA0\x02\x74\xBA\x01\xF8\x01\xFA\x01\xFC\x00\x07\x90\x00\xFE\xED\xCE\xDF"
+    "\xFF\x92\x0F\x5E\x4F\x3F\x3F\xF2\x42\x3F\xFE\xD4\x9F\xAF\x30\x72\xBF\xFB\x4C\x80"
+    "\x00\x00",
+    62);
+
+std::string big_endian(std::uint32_t n, int size) {
+  std::string out;
+  for (int i = size - 1; i >= 0; --i) out += static_cast<char>(n >> 8 * i);
+  return out;
+}
+
+std::string little_endian(std::uint64_t n, int size) {
+  std::string out;
+  for (int i = 0; i < size; ++i) out += static_cast<char>(n >> 8 * i);
+  return out;
+}
+
+/// A file of 16 x 16 texels.
+std::string image_file(const std::string& ending, Depth depth = Depth::u8) {
+  test::TempFolder folder;
+  const std::string path = folder.file("a" + ending);
+  const io::ImageWriteSpec spec{16, 16, 3, depth, depth >= Depth::half, false};
+  io::ImageWriter writer(path, spec);
+  std::vector<std::byte> rows(16 * 16 * 3 * 4);
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = static_cast<std::byte>(i % 60);
+  writer.write_rows(16, rows.data());
+  writer.commit();
+  return test::read_file(path);
+}
+
+/// A chunk whose checksum nobody looks at.
+std::string png_chunk(const std::string& type, const std::string& data) {
+  return big_endian(static_cast<std::uint32_t>(data.size()), 4) + type + data + "nono";
+}
+
+std::string with_png_chunk(const std::string& png, const std::string& chunk) {
+  return png.substr(0, 33) + chunk + png.substr(33);
+}
+
+std::string jpeg_segment(char marker, const std::string& data) {
+  return std::string{'\xFF', marker} + big_endian(static_cast<std::uint32_t>(data.size()) + 2, 2) +
+         data;
+}
+
+/// The TIFF with one more field in its directory, whose values are at its end.
+std::string with_tiff_field(const std::string& tiff, std::uint16_t tag, std::uint16_t type,
+                            std::uint32_t count, const std::string& values) {
+  const auto number = [&](std::size_t at, int size) {
+    std::uint32_t n = 0;
+    for (int i = size - 1; i >= 0; --i)
+      n = n << 8 | static_cast<std::uint8_t>(tiff[at + static_cast<std::size_t>(i)]);
+    return n;
+  };
+  const std::size_t place = number(4, 4);
+  const std::uint32_t fields = number(place, 2);
+  const std::string field = little_endian(tag, 2) + little_endian(type, 2) +
+                            little_endian(count, 4) + little_endian(tiff.size(), 4);
+  std::string all;
+  bool added = false;
+  for (std::size_t i = 0; i < fields; ++i) {
+    const std::string old = tiff.substr(place + 2 + 12 * i, 12);
+    if (!added && number(place + 2 + 12 * i, 2) > tag) {
+      all += field;
+      added = true;
+    }
+    all += old;
+  }
+  if (!added) all += field;
+  std::string out = tiff + values;
+  const std::size_t end = out.size();
+  out += little_endian(fields + 1, 2) + all + std::string(4, '\0');
+  return out.replace(4, 4, little_endian(end, 4));
+}
+
+std::string with_exr_attribute(const std::string& exr, std::uint32_t claimed,
+                               const std::string& value) {
+  return exr.substr(0, 8) + "manifest" + '\0' + "string" + '\0' + little_endian(claimed, 4) +
+         value + exr.substr(8);
+}
+
+/// Reads the file and says what that took.
+struct Reading {
+  std::vector<std::uint8_t> samples;
+  std::uint64_t memory = 0;
+  double seconds = 0;
+};
+Reading reading(const std::string& file) {
+  const mesh::ImageRef image = in_memory(file);
+  const std::uint64_t before = test::reset_peak_rss();
+  const auto start = std::chrono::steady_clock::now();
+  Reading out;
+  out.samples = test::read_all(image);
+  out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  out.memory = test::peak_rss() - std::min(before, test::peak_rss());
+  return out;
+}
+
+void check_small(const std::string& file, const std::vector<std::uint8_t>& samples) {
+  const Reading got = reading(file);
+  CHECK(got.samples == samples);
+  CHECK(got.memory < kMuch / 3);
+  CHECK(got.seconds < 2);
+}
+
+std::string refusal(const std::string& file) {
+  const mesh::ImageRef image = in_memory(file);
+  const std::uint64_t before = test::reset_peak_rss();
+  try {
+    test::read_all(image);
+  } catch (const Error& e) {
+    CHECK(e.kind() == ErrorKind::input);
+    CHECK(test::peak_rss() - std::min(before, test::peak_rss()) < kMuch / 3);
+    return e.what();
+  }
+  return "nothing";
+}
+
+}  // namespace
+
+TEST_CASE("texts, profiles and EXIF of a PNG are never decoded", "[image]") {
+  const std::string png = image_file(".png");
+  const auto samples = reading(png).samples;
+  for (const char* type : {"tEXt", "zTXt", "iTXt", "iCCP", "eXIf", "sPLT", "abCd"})
+    check_small(with_png_chunk(png, png_chunk(type, std::string(kMuch, 'x'))), samples);
+  std::string many;
+  for (int i = 0; i < 200000; ++i) many += png_chunk("zTXt", "k");
+  check_small(with_png_chunk(png, many), samples);
+  check_small(png + std::string(kMuch, 'x'), samples);  // behind its end
+}
+
+TEST_CASE("a PNG chunk that claims more than there is is refused unread", "[image]") {
+  const std::string png = image_file(".png");
+  const std::string claim = big_endian(1'150'000'000, 4) + "tEXtk";
+  CHECK_THAT(refusal(png.substr(0, 33) + claim + std::string(12, 'x')),
+             Contains("claims 1150000000 bytes"));
+  CHECK_THAT(refusal(with_png_chunk(png, png_chunk("ABCD", "x"))), Contains("no PNG has"));
+}
+
+TEST_CASE("a PNG's transparency and palette still count", "[image]") {
+  const std::string png =
+      test::make_png(2, 1, 8, 3, false, std::string("\0\0\1", 3),
+                     std::string("\x0A\x14\x1E\x28\x32\x3C"), std::string("\x80\xFF"));
+  const std::vector<std::uint8_t> expected{10, 20, 30, 128, 40, 50, 60, 255};
+  CHECK(reading(png).samples == expected);
+  CHECK(reading(with_png_chunk(png, png_chunk("tEXt", "k"))).samples == expected);
+}
+
+TEST_CASE("APP segments and comments of a JPEG are never kept", "[image]") {
+  const std::string jpeg = image_file(".jpg");
+  const auto samples = reading(jpeg).samples;
+  for (const char marker : {'\xE1', '\xE2', '\xED', '\xFE', '\xEE'}) {
+    std::string many;
+    while (many.size() < kMuch) many += jpeg_segment(marker, std::string(65533, 'x'));
+    check_small(jpeg.substr(0, 2) + many + jpeg.substr(2), samples);
+  }
+}
+
+TEST_CASE("profiles and EXIF of a WebP are never read", "[image]") {
+  // 16 x 16 texels of one colour, as libwebp writes them.
+  const std::string picture = kWebpChunk;
+  const auto riff = [](const std::string& chunks) {
+    return "RIFF" + little_endian(chunks.size() + 4, 4) + "WEBP" + chunks;
+  };
+  const auto chunk = [](const std::string& type, const std::string& data) {
+    return type + little_endian(data.size(), 4) + data + (data.size() % 2 == 1 ? " " : "");
+  };
+  const auto samples = reading(riff(picture)).samples;
+  REQUIRE(samples.size() == 768);
+  const std::string all = std::string("\x2C\0\0\0\x0F\0\0\x0F\0\0", 10);
+  const std::string much(kMuch + 1, 'x');
+  check_small(riff(chunk("VP8X", all) + chunk("ICCP", much) + picture + chunk("EXIF", much)),
+              samples);
+}
+
+TEST_CASE("fields of a TIFF that make no pixels are never read", "[image]") {
+  const std::string tiff = image_file(".tif");
+  const auto samples = reading(tiff).samples;
+  for (const std::uint16_t tag : {270, 305, 700, 33723, 34377, 34675, 37724, 60001}) {
+    CAPTURE(tag);
+    check_small(with_tiff_field(tiff, tag, 7, kMuch, std::string(kMuch, 'x')), samples);
+  }
+  // EXIF and GPS directories, wherever they may lead.
+  check_small(with_tiff_field(tiff, 34665, 4, 1, "xxxx"), samples);
+  CHECK_THAT(refusal(with_tiff_field(tiff, 347, 7, kMuch, std::string(kMuch, 'x'))),
+             Contains("field 347"));
+}
+
+TEST_CASE("an EXR header that is larger than any in use is refused unread", "[image]") {
+  const std::string exr = image_file(".exr", Depth::half);
+  CHECK_THAT(refusal(with_exr_attribute(exr, 2'000'000'000, "")),
+             Contains("\"manifest\"") && Contains("2000000000 bytes"));
+  CHECK_THAT(refusal(with_exr_attribute(exr, kMuch, std::string(kMuch, 'x'))),
+             Contains("headers of up to 8 MiB"));
+}
+
+TEST_CASE("an EXR that promises more chunks than it can list is refused unread", "[image]") {
+  std::string exr = image_file(".exr", Depth::half);
+  const std::size_t at = exr.find("compression");
+  exr[at + 28] = 0;  // none: a chunk per row
+  const std::size_t window = exr.find("dataWindow");
+  exr.replace(window + 33, 4, little_endian(60000, 4));
+  CHECK_THAT(refusal(exr), Contains("60001 parts"));
+  exr.replace(window + 33, 4, little_endian(1'000'000'000, 4));
+  CHECK_THAT(refusal(exr), Contains("1 to 65536 each way"));
+}
