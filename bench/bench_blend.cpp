@@ -56,7 +56,8 @@ class BlendInput {
 void blend_tent(benchmark::State& state, Depth depth) {
   const BlendInput input(depth);
   input.run(state, [&](int column, int row, const projection::Taps& taps) {
-    benchmark::DoNotOptimize(projection::blend(input.image, input.tile.data(), column, row, taps));
+    benchmark::DoNotOptimize(projection::blend(input.image, input.tile.data(), column, row, taps,
+                                               projection::BlendAlpha::straight));
   });
 }
 BENCHMARK_CAPTURE(blend_tent, rgb_u8, Depth::u8);

@@ -107,9 +107,12 @@ struct Report {
   std::uint64_t target_filled = 0;       ///< outside the charts, filled by padding
   std::uint64_t target_empty = 0;        ///< of target_texels: found nothing
   std::uint64_t target_overlapping = 0;  ///< texels that more than one target triangle claimed
-  std::vector<int> udims;                ///< UDIM numbers written
-  std::vector<TargetReport> targets;     ///< in the order they were made
-  std::vector<ChannelReport> channels;   ///< in the order of their channels
+  /// Samples that the outputs' depth cannot hold (below 0 or above 1 in integers, beyond 65504 in
+  /// half): cut to what it holds.
+  std::uint64_t target_clipped = 0;
+  std::vector<int> udims;               ///< UDIM numbers written
+  std::vector<TargetReport> targets;    ///< in the order they were made
+  std::vector<ChannelReport> channels;  ///< in the order of their channels
 
   std::uint64_t source_tiles = 0, target_tiles = 0, tiles_read = 0, tiles_written = 0;
   std::uint64_t bytes_read = 0, bytes_written = 0, temp_peak_bytes = 0;

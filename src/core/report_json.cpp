@@ -105,9 +105,13 @@ std::string to_json(const Report& report) {
                     {"filtered", filtered},
                     {"depth_window", report.depth_window},
                     {"images_decoded", report.images_decoded}};
-  json["target"] = {{"texels", report.target_texels},           {"covered", report.target_covered},
-                    {"filled", report.target_filled},           {"empty", report.target_empty},
-                    {"overlapping", report.target_overlapping}, {"udims", report.udims}};
+  json["target"] = {{"texels", report.target_texels},
+                    {"covered", report.target_covered},
+                    {"filled", report.target_filled},
+                    {"empty", report.target_empty},
+                    {"overlapping", report.target_overlapping},
+                    {"clipped", report.target_clipped},
+                    {"udims", report.udims}};
   json["targets"] = targets_json(report);
   json["channels"] = channels_json(report);
   json["tiles"] = {{"source", report.source_tiles},

@@ -62,6 +62,9 @@ class ColumnBuilder {
     image_.depth = info.depth;
     image_.linear = info.linear;
     image_.has_alpha = info.has_alpha;
+    // Float colours stay as the file has them, so that they can be written so again bit by bit.
+    image_.premultiplied = info.premultiplied && info.linear;
+    if (image_.premultiplied) reader_.keep_premultiplied();
     image_.wrap_u = request.wrap_u;
     image_.wrap_v = request.wrap_v;
     row_bytes_ = reader_.row_bytes();
@@ -106,8 +109,6 @@ class ColumnBuilder {
               job_.meter.advance(1);
             }));
     write(encode(*top_));
-    image_.scale = largest_ > 0 ? std::exp2(std::ceil(std::log2(largest_))) : 1;
-    if (image_.scale < largest_) image_.scale *= 2;
     ++job_.report.images_decoded;
     return std::make_unique<tiles::ColourStore>(
         job_.stores->publish(writer_->finish(image_, job_.compressor())), job_.compressor());
@@ -145,8 +146,7 @@ class ColumnBuilder {
     return strip;
   }
 
-  /// Float samples: NaN and infinity become 0, counted; the largest magnitude sets the fixed-point
-  /// scale.
+  /// Float samples: NaN and infinity become 0, counted.
   void clean(std::byte* samples, std::size_t count) {
     if (image_.depth == Depth::u8 || image_.depth == Depth::u16) return;
     const std::size_t size = tiles::depth_bytes(image_.depth);
@@ -160,12 +160,9 @@ class ColumnBuilder {
       } else {
         std::memcpy(&value, at, 4);
       }
-      if (std::isfinite(value)) {
-        largest_ = std::max(largest_, std::abs(value));
-      } else {
-        std::memset(at, 0, size);
-        ++image_.nonfinite;
-      }
+      if (std::isfinite(value)) continue;
+      std::memset(at, 0, size);
+      ++image_.nonfinite;
     }
   }
 
@@ -235,7 +232,6 @@ class ColumnBuilder {
   std::unique_ptr<tiles::ColourStoreWriter> writer_;
   std::uint32_t next_row_ = 0;
   StripPtr top_, previous_;
-  float largest_ = 0;
 };
 
 }  // namespace

@@ -361,8 +361,7 @@ class GaussiansJob {
       if (at.image == nullptr) return false;
       projection::Taps taps;
       projection::tent(at.rest_x, at.rest_y, taps);
-      value = {projection::blend(*at.image, at.tile, at.column, at.row, taps), at.image->channels,
-               at.image->linear};
+      value = blended(at, taps, false);
     }
     float rgba[4];
     texture::store_texel(kCodedRgba, value, reinterpret_cast<std::byte*>(rgba));

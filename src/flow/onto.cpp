@@ -29,7 +29,7 @@ constexpr std::uint32_t kRowsTogether = 16;
 constexpr std::uint32_t kMostTexelBytes = 16;
 
 texture::TexelFormat format_of(const io::ImageInfo& info, bool is_colour) {
-  return {info.channels, info.depth, info.linear, is_colour, info.has_alpha};
+  return {info.channels, info.depth, info.linear, is_colour, info.has_alpha, false};
 }
 
 std::string header_text(const io::ImageInfo& info) {
@@ -61,10 +61,10 @@ std::string replaced(std::string pattern, const std::string& token, const std::s
 }
 
 io::ImageInfo checked_header(const std::string& option, const std::string& path, ImageSize size) {
-  std::error_code ignored;
-  if (!fs::exists(path, ignored)) {
+  std::error_code error;
+  if (fs::status(path, error).type() == fs::file_type::not_found) {
     throw Error(
-        ErrorKind::input,
+        ErrorKind::storage,
         fmt::format("{}: there is no such file for {}; make it (an empty image will do), or "
                     "name the UDIMs that there are with --tiles",
                     path, option));
@@ -98,7 +98,7 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options, Channel
   }
   if (first.empty()) {
     throw Error(
-        ErrorKind::input,
+        ErrorKind::storage,
         fmt::format("{}: --onto: no file has such a name; name images that are there", pattern));
   }
   return io::ImageReader((path.parent_path() / first).string()).info();
@@ -106,7 +106,7 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options, Channel
 
 OntoImage plan_onto(const TransferOptions& options,
                     const std::map<std::string, std::string>& tokens, ImageSize size,
-                    const texture::TexelFormat& format, bool source_alpha) {
+                    const texture::TexelFormat& format, const SourceSamples& source) {
   OntoImage onto;
   onto.path = expand_pattern(options.onto, tokens);
   const io::ImageInfo info = checked_header("--onto", onto.path, size);
@@ -115,15 +115,18 @@ OntoImage plan_onto(const TransferOptions& options,
     onto.mask_path = expand_pattern(options.mask, tokens);
     onto.decoder_bytes += checked_header("--mask", onto.mask_path, size).decoder_bytes;
   }
-  if (info.channels > format.channels && !(info.channels == 4 && format.channels == 4)) {
+  const bool lost_alpha = info.has_alpha && !format.has_alpha;
+  const bool made_alpha = !info.has_alpha && info.channels == 4 && format.has_alpha;
+  if (info.channels > format.channels || lost_alpha || made_alpha) {
     throw Error(
         ErrorKind::input,
         fmt::format("{}: --onto holds {}, unlike the first image of that pattern; make them "
                     "alike",
                     onto.path, header_text(info)));
   }
-  onto.alpha = format.has_alpha && source_alpha && info.has_alpha ? texture::PaintAlpha::mix
+  onto.alpha = format.has_alpha && source.alpha && info.has_alpha ? texture::PaintAlpha::mix
                                                                   : texture::PaintAlpha::keep;
+  onto.keep_last = format.colours() == 4 && source.colours < 4;
   onto.premultiplied = info.premultiplied && format.has_alpha && info.format == "openexr" &&
                        info.depth == format.depth && info.channels == format.channels &&
                        fs::path(expand_pattern(options.output, tokens)).extension() == ".exr";
@@ -176,6 +179,9 @@ OntoPainter::OntoPainter(const OntoImage& onto, const texture::TexelFormat& form
     mask_format_ = format_of(mask_->info(), false);
   }
   if (onto.occupied) occupied_rows_.emplace(*onto.occupied, size.width, size.height);
+  painted_format_ = format_;
+  // What the source has nothing for stays as alpha does.
+  painted_format_.has_alpha = format_.has_alpha || onto.keep_last;
   const std::size_t texels = std::size_t{kRowsTogether} * width_;
   old_raw_.resize(texels * onto_format_.texel_bytes());
   old_.resize(texels * format_.texel_bytes());
@@ -194,7 +200,7 @@ void OntoPainter::paint(std::uint32_t rows, const std::uint8_t* kinds, std::byte
 void OntoPainter::paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels) {
   const std::size_t count = std::size_t{rows} * width_;
   image_.read_rows(rows, old_raw_.data());
-  texture::convert_texels(onto_format_, old_raw_.data(), format_, count, old_.data());
+  clipped_ += texture::convert_texels(onto_format_, old_raw_.data(), format_, count, old_.data());
   std::fill_n(weights_.begin(), count, 1.0F);
   if (mask_) {
     mask_->read_rows(rows, mask_raw_.data());
@@ -213,7 +219,7 @@ void OntoPainter::paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std:
     io::multiply_by_alpha(format_.depth, format_.channels, count, texels);
     alpha = texture::PaintAlpha::premultiplied;
   }
-  texture::paint_over(format_, alpha, weights_.data(), texels, count, old_.data());
+  texture::paint_over(painted_format_, alpha, weights_.data(), texels, count, old_.data());
   std::memcpy(texels, old_.data(), count * format_.texel_bytes());
 }
 

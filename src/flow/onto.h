@@ -22,6 +22,7 @@ struct OntoImage {
   std::string path;
   std::string mask_path;  ///< "" = all of it is painted
   texture::PaintAlpha alpha = texture::PaintAlpha::keep;
+  bool keep_last = false;      ///< a fourth channel that is no alpha and that the source has not
   bool premultiplied = false;  ///< EXR onto EXR: colours stay multiplied by alpha, bit for bit
   std::uint64_t decoder_bytes = 0;
   /// What padding must not run into; null: there is no padding.
@@ -29,14 +30,20 @@ struct OntoImage {
 };
 
 /// Header of an image that --onto means for this channel: the first by name of those that the
-/// pattern fits. All must be alike. Nothing without --onto. Throws Error(input) if there is none.
+/// pattern fits. All must be alike. Nothing without --onto. Throws Error(storage) if there is none.
 std::optional<io::ImageInfo> onto_header(const TransferOptions& options, Channel channel);
 
-/// The images for one output, checked: there, and of its size. `source_alpha`: has the source alpha
-/// in this channel? Throws Error(input) naming the file and the cure.
+/// What the source has in a channel: how many samples besides alpha, and whether it has alpha.
+struct SourceSamples {
+  std::uint32_t colours = 0;
+  bool alpha = false;
+};
+
+/// The images for one output, checked: there, and of its size. Throws Error(input) naming the file
+/// and the cure, Error(storage) for what is not there or cannot be read.
 OntoImage plan_onto(const TransferOptions& options,
                     const std::map<std::string, std::string>& tokens, ImageSize size,
-                    const texture::TexelFormat& format, bool source_alpha);
+                    const texture::TexelFormat& format, const SourceSamples& source);
 
 /// By page: the UV triangles of the whole target, selected or not.
 std::vector<std::shared_ptr<const mesh::UvOccupancy>> occupied_pages(
@@ -51,6 +58,8 @@ class OntoPainter {
   /// padder says they are.
   void paint(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels);
   std::uint64_t filled() const { return filled_; }  ///< padding that was painted
+  /// Samples of the old image that the output's depth cannot hold.
+  std::uint64_t clipped() const { return clipped_; }
   static std::uint64_t memory_bytes(const OntoImage& onto, std::uint32_t width,
                                     std::uint32_t padding);
 
@@ -58,7 +67,7 @@ class OntoPainter {
   void paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels);
 
   const OntoImage& onto_;
-  texture::TexelFormat format_, onto_format_, mask_format_;
+  texture::TexelFormat format_, painted_format_, onto_format_, mask_format_;
   std::uint32_t width_;
   io::ImageReader image_;
   std::optional<io::ImageReader> mask_;
@@ -66,7 +75,7 @@ class OntoPainter {
   PageVector<std::byte> old_raw_, old_, mask_raw_;
   PageVector<float> weights_;
   PageVector<std::uint8_t> occupied_;
-  std::uint64_t filled_ = 0;
+  std::uint64_t filled_ = 0, clipped_ = 0;
 };
 
 }  // namespace pounce::flow

@@ -53,6 +53,17 @@ struct ColourPlace {
   double rest_x = 0, rest_y = 0;
 };
 
+/// The blended value at a place. `premultiplied`: colours that the image holds times alpha are
+/// wanted so.
+inline texture::TexelValue blended(const ColourPlace& at, const projection::Taps& taps,
+                                   bool premultiplied) noexcept {
+  const bool as_stored = premultiplied && at.image->premultiplied;
+  return {projection::blend(
+              *at.image, at.tile, at.column, at.row, taps,
+              as_stored ? projection::BlendAlpha::stored : projection::BlendAlpha::straight),
+          at.image->channels, at.image->linear, at.image->has_alpha, as_stored};
+}
+
 /// Finds colours of pages that are no constants, and keeps the tiles that it used just now:
 /// neighbouring places mostly want the same one. One per thread.
 class ColourWindow {
@@ -68,12 +79,14 @@ class ColourWindow {
     // Texel -1 belongs to the first tile's apron.
     const std::int32_t tile_x = std::max(in.x.texel, 0) / mesh::kBlockEdge,
                        tile_y = std::max(in.y.texel, 0) / mesh::kBlockEdge;
-    return {&in.column->directory(),
+    const tiles::ColourDirectory& image = in.column->directory();
+    const bool floats = image.depth == Depth::half || image.depth == Depth::float32;
+    return {&image,
             get(*in.column, static_cast<std::uint32_t>(tile_x), static_cast<std::uint32_t>(tile_y)),
             in.x.texel - tile_x * mesh::kBlockEdge,
             in.y.texel - tile_y * mesh::kBlockEdge,
-            in.x.rest,
-            in.y.rest};
+            floats ? projection::settled(in.x.rest) : in.x.rest,
+            floats ? projection::settled(in.y.rest) : in.y.rest};
   }
 
  private:

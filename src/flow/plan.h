@@ -16,6 +16,11 @@
 
 namespace pounce::flow {
 
+/// Data is never converted between sRGB coding and linear light.
+inline bool is_colour(Channel channel) {
+  return channel == Channel::base_color || channel == Channel::emissive;
+}
+
 /// What one source page gives to a channel: an image, a set of UDIM tiles, or else a constant.
 struct PageTexture {
   int column = -1;    ///< index into Plan::columns
@@ -28,7 +33,10 @@ struct ChannelPlan {
   Channel channel = Channel::base_color;
   ImageSize size;  ///< of each output image
   texture::TexelFormat format;
-  bool source_alpha = false;  ///< has some image of the source alpha here?
+  bool source_alpha = false;         ///< has some image of the source alpha here?
+  std::uint32_t source_colours = 3;  ///< the most channels besides alpha that an image here has
+  std::vector<std::string> names;    ///< of the output's channels, where its format has names
+  std::optional<io::Chromaticities> chromaticities;  ///< the same
   /// By source page: the materials, then the same again for triangles without UVs.
   std::vector<PageTexture> pages;
 };
@@ -96,11 +104,17 @@ bool is_splat_scene(const std::string& path);
 /// What a channel's output is, given what its source has: for plan_source() and plan_splats().
 /// Throws Error(usage) where the output's format cannot hold it.
 struct SourceLook {
-  ImageSize size;  ///< of the largest image; 0 x 0: none
-  bool gray_only = false, alpha = false, linear = false;
+  ImageSize size;             ///< of the largest image; 0 x 0: none
+  std::uint32_t colours = 3;  ///< the most channels besides alpha
+  bool alpha = false, linear = false;
+  bool premultiplied = false;  ///< every image that has alpha holds its colours so
   Depth depth = Depth::u8;
+  std::vector<std::string> names;  ///< of the image's channels with the most colours; empty: usual
+  std::optional<io::Chromaticities> chromaticities;
 };
-void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan);
+/// What is lost on the way is told in `warnings`.
+void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan,
+                   std::vector<std::string>& warnings);
 
 /// Decides what happens to one target: pages, output names. Throws what a user must hear at once:
 /// missing UVs or folders, names that clash. The requests refer to `target`.

@@ -10,25 +10,9 @@
 
 #include "flow/output_names.h"
 #include "flow/plan.h"
-#include "io/image_write.h"
 
 namespace pounce::flow {
 namespace {
-
-constexpr std::uint32_t kLargestSide = 65536;
-constexpr std::uint32_t kUntexturedSize = 1024;
-
-bool is_exr(const std::string& path) {
-  std::string ending = std::filesystem::path(path).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  return ending == ".exr";
-}
-
-bool is_colour(Channel channel) {
-  return channel == Channel::base_color || channel == Channel::emissive;
-}
 
 /// Of the channel's name in a sentence.
 const char* article(Channel channel) {
@@ -231,8 +215,13 @@ class SourcePlanner {
         return static_cast<int>(i);
       }
     }
-    if (!image.problem.empty()) throw Error(ErrorKind::input, image.label + ": " + image.problem);
     plan_.columns.push_back({image, wrap_u, wrap_v, io::ImageReader(image).info()});
+    if (const io::ImageInfo& info = plan_.columns.back().info; !info.left_out.empty()) {
+      plan_.warnings.push_back(
+          fmt::format("{}: of its {} channels {} are taken, the others are left out: {}",
+                      image.label, info.names.size() + info.left_out.size(), io::joined(info.names),
+                      io::joined(info.left_out)));
+    }
     return static_cast<int>(plan_.columns.size() - 1);
   }
 
@@ -248,7 +237,8 @@ class SourcePlanner {
       image.path = image.label = expand_pattern(
           pattern, {{"UDIM", std::to_string(udim)}, {"UVTILE", mesh::uvtile_name(tile)}});
       std::error_code ignored;
-      if (!std::filesystem::exists(image.path, ignored)) {
+      if (std::filesystem::status(image.path, ignored).type() ==
+          std::filesystem::file_type::not_found) {
         missing.push_back(udim);
         if (first_missing.empty()) first_missing = image.path;
         continue;
@@ -260,7 +250,7 @@ class SourcePlanner {
       set.size.height = std::max(set.size.height, info.height);
     }
     if (set.columns.empty()) {
-      throw Error(ErrorKind::input,
+      throw Error(missing.empty() ? ErrorKind::input : ErrorKind::storage,
                   missing.empty()
                       ? fmt::format("{}: the source's UVs lie in no UDIM tile", pattern)
                       : fmt::format("{}: no image of this set is there for the tiles that the "
@@ -315,7 +305,7 @@ class SourcePlanner {
   /// hold it.
   texture::TexelValue constant(std::size_t material, Channel channel) const {
     const auto& f = source_.materials[material].factors[static_cast<std::size_t>(channel)];
-    return {{f[0], f[1], f[2], f[3]}, 4, is_colour(channel)};
+    return {{f[0], f[1], f[2], f[3]}, 4, is_colour(channel), true, false};
   }
 
   /// What a material gives to a channel.
@@ -335,7 +325,7 @@ class SourcePlanner {
   }
 
   /// The images that a channel samples.
-  std::vector<const io::ImageInfo*> images_of(const ChannelPlan& plan) const {
+  std::vector<const ColumnPlan*> images_of(const ChannelPlan& plan) const {
     std::set<std::size_t> columns;
     for (const PageTexture& page : plan.pages) {
       if (page.column >= 0) columns.insert(static_cast<std::size_t>(page.column));
@@ -344,9 +334,9 @@ class SourcePlanner {
            plan_.tile_sets[static_cast<std::size_t>(page.tile_set)].columns)
         columns.insert(column);
     }
-    std::vector<const io::ImageInfo*> infos;
-    for (const std::size_t column : columns) infos.push_back(&plan_.columns[column].info);
-    return infos;
+    std::vector<const ColumnPlan*> images;
+    for (const std::size_t column : columns) images.push_back(&plan_.columns[column]);
+    return images;
   }
 
   ChannelPlan plan_channel(Channel channel) {
@@ -355,20 +345,65 @@ class SourcePlanner {
     int tile_set = -1;
     for (std::size_t m = 0; m < source_.materials.size(); ++m)
       plan.pages.push_back(page_texture(m, channel, tile_set));
-    SourceLook look;
-    look.gray_only = true;
-    for (const io::ImageInfo* info : images_of(plan)) {
-      look.size.width = std::max(look.size.width, info->width);
-      look.size.height = std::max(look.size.height, info->height);
-      look.gray_only = look.gray_only && info->channels <= 2;
-      look.alpha = look.alpha || info->has_alpha;
-      look.linear = look.linear || info->linear;
-      look.depth = std::max(look.depth, info->depth);
-    }
+    const SourceLook look = look_of(channel, images_of(plan));
     for (std::size_t m = 0; m < source_.materials.size(); ++m)  // triangles without UVs
       plan.pages.push_back({-1, -1, plan.pages[m].constant});
-    choose_output(options_, look, plan);
+    choose_output(options_, look, plan, plan_.warnings);
     return plan;
+  }
+
+  SourceLook look_of(Channel channel, const std::vector<const ColumnPlan*>& images) {
+    SourceLook look;
+    look.colours = 1;
+    look.premultiplied = true;
+    for (const ColumnPlan* image : images) {
+      const io::ImageInfo& info = image->info;
+      look.size.width = std::max(look.size.width, info.width);
+      look.size.height = std::max(look.size.height, info.height);
+      look.colours = std::max(look.colours, info.channels - (info.has_alpha ? 1U : 0U));
+      look.alpha = look.alpha || info.has_alpha;
+      look.linear = look.linear || info.linear;
+      look.premultiplied =
+          look.premultiplied && (!info.has_alpha || (info.premultiplied && info.linear));
+      look.depth = std::max(look.depth, info.depth);
+    }
+    take_names(channel, images, look);
+    take_chromaticities(channel, images, look);
+    return look;
+  }
+
+  /// The names of the channels, if all images that have them agree.
+  void take_names(Channel channel, const std::vector<const ColumnPlan*>& images, SourceLook& look) {
+    const ColumnPlan* first = nullptr;
+    for (const ColumnPlan* image : images) {
+      std::vector<std::string> names = image->info.names;
+      if (image->info.has_alpha) names.pop_back();
+      if (names.size() < look.colours) continue;
+      if (first == nullptr) {
+        first = image;
+        look.names = names;
+      } else if (names != look.names) {
+        plan_.warnings.push_back(fmt::format(
+            "{}: the channels of {} are {}, those of {} {}; the output has the usual names",
+            channel_name(channel), first->image.label, io::joined(look.names), image->image.label,
+            io::joined(names)));
+        look.names.clear();
+        return;
+      }
+    }
+  }
+
+  void take_chromaticities(Channel channel, const std::vector<const ColumnPlan*>& images,
+                           SourceLook& look) {
+    for (const ColumnPlan* image : images) {
+      if (image->info.chromaticities == images.front()->info.chromaticities) continue;
+      plan_.warnings.push_back(fmt::format(
+          "{}: {} and {} differ in their chromaticities; the output gets none, as if all were of "
+          "one colour space",
+          channel_name(channel), images.front()->image.label, image->image.label));
+      return;
+    }
+    if (!images.empty()) look.chromaticities = images.front()->info.chromaticities;
   }
 
   /// How this channel sees the source: a lattice per material.
@@ -432,34 +467,6 @@ class SourcePlanner {
 };
 
 }  // namespace
-
-void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan) {
-  const std::optional<io::ImageInfo> onto = onto_header(options, plan.channel);
-  plan.source_alpha = look.alpha;
-  plan.size = options.size.value_or(onto ? ImageSize{onto->width, onto->height} : look.size);
-  if (plan.size.width == 0) plan.size = {kUntexturedSize, kUntexturedSize};
-  if (plan.size.width > kLargestSide || plan.size.height > kLargestSide) {
-    throw Error(ErrorKind::usage, fmt::format("--size {}x{}: at most {} texels a side",
-                                              plan.size.width, plan.size.height, kLargestSide));
-  }
-  plan.format.channels = (look.gray_only ? 1U : 3U) + (look.alpha ? 1U : 0U);
-  plan.format.has_alpha = look.alpha;
-  plan.format.is_colour = is_colour(plan.channel);
-  if (onto) {  // as the old image is, but for grey that is to take colour
-    plan.format.has_alpha = onto->has_alpha;
-    plan.format.channels =
-        (onto->channels <= 2 && look.gray_only ? 1U : 3U) + (onto->has_alpha ? 1U : 0U);
-  }
-  const Depth wanted = options.depth ? *options.depth : onto ? onto->depth : look.depth;
-  plan.format.depth = options.depth ? wanted : io::writable_depth(options.output, wanted);
-  // EXR is linear; float TIFF keeps linear input linear; everything else is sRGB-coded.
-  const bool float_out = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
-  plan.format.linear = is_exr(options.output) || (float_out && (onto ? onto->linear : look.linear));
-  const io::ImageWriteSpec spec{plan.size.width,   plan.size.height,   plan.format.channels,
-                                plan.format.depth, plan.format.linear, plan.format.has_alpha};
-  if (const std::string why = io::why_not_writable(options.output, spec); !why.empty())
-    throw Error(ErrorKind::usage, why);
-}
 
 Plan plan_source(const TransferOptions& options, const mesh::Mesh& source) {
   return SourcePlanner(options, source).make();

@@ -39,7 +39,7 @@ Plan plan_splats(const TransferOptions& options) {
   plan.from_splats = true;
   ChannelPlan& channel = plan.channels.emplace_back();
   channel.channel = Channel::base_color;
-  choose_output(options, SourceLook{}, channel);
+  choose_output(options, SourceLook{}, channel, plan.warnings);
   plan.passes.push_back({{}, channel.size, {0}});
   return plan;
 }

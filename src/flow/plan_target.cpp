@@ -111,13 +111,15 @@ class TargetPlanner {
         check_mask(image.coverage_path, channel.size);
         plan_.outputs.push_back(image.coverage_path);
       }
+      image.channel_names = channel.names;
+      image.chromaticities = channel.chromaticities;
       image.lattice = {channel.size.width, channel.size.height, 0, {}};
       image.padding = options_.padding_px.value_or(
           std::max(channel.size.width, channel.size.height) / kPaddingShare);
       image.stripe_rows = options_.internal.stripe_rows;
       if (!options_.onto.empty()) {
-        image.onto =
-            plan_onto(options_, values, channel.size, channel.format, channel.source_alpha);
+        image.onto = plan_onto(options_, values, channel.size, channel.format,
+                               {channel.source_colours, channel.source_alpha});
         keep_from_harm(*image.onto, image.path);
       }
       plan_.images.back().push_back(image);

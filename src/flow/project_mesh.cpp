@@ -170,12 +170,13 @@ class MeshProjector : public PageProjector {
 
   // --- colours -----------------------------------------------------------------------------------
 
-  /// Writes the colour of one hit in the output's format. False: it met a UDIM tile without image.
+  /// Writes the colour of one hit in the output's format and adds the samples that it cannot hold
+  /// to `clipped`. False: it met a UDIM tile without image.
   bool store_colour(const ChannelOutput& channel, const projection::HitPacket& hit, int lane,
-                    ColourWindow& window, std::byte* out) const {
+                    ColourWindow& window, std::byte* out, std::uint64_t& clipped) const {
     const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
     if (page.column == nullptr && page.tile_set == nullptr) {
-      texture::store_texel(channel.format, page.constant, out);
+      clipped += texture::store_texel(channel.format, page.constant, out);
       return true;
     }
     const ColourPlace at =
@@ -186,10 +187,8 @@ class MeshProjector : public PageProjector {
     if (channel.format.keeps(*at.image)) {
       projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
     } else {
-      texture::store_texel(channel.format,
-                           {projection::blend(*at.image, at.tile, at.column, at.row, taps),
-                            at.image->channels, at.image->linear},
-                           out);
+      clipped += texture::store_texel(channel.format,
+                                      blended(at, taps, channel.format.premultiplied), out);
     }
     return true;
   }
@@ -199,6 +198,7 @@ class MeshProjector : public PageProjector {
     work.raw_bytes.resize(request_.channels.size());
     work.covered.resize(request_.channels.size());
     projection::count_distances(request_.limits, work.state, work.distances);
+    work.clipped.resize(request_.channels.size());
     std::vector<std::uint32_t> first_packet(work.blocks.size() + 1, 0);
     for (const auto& packet : work.state.packets) ++first_packet[packet.block + 1];
     for (std::size_t b = 0; b < work.blocks.size(); ++b) first_packet[b + 1] += first_packet[b];
@@ -223,8 +223,8 @@ class MeshProjector : public PageProjector {
       for (int lane = 0; lane < target::kLanes; ++lane) {
         const std::uint16_t texel = work.state.packets[p].texel[lane];
         if (texel == target::kNoTexel || hit.key[lane] == projection::kNoHit) continue;
-        if (!store_colour(channel, hit, lane, window, result.texels.data() + texel * texel_bytes))
-          continue;
+        std::byte* const out = result.texels.data() + texel * texel_bytes;
+        if (!store_colour(channel, hit, lane, window, out, work.clipped[c])) continue;
         result.cover(texel);
         ++covered;
       }

@@ -114,6 +114,7 @@ ResultCollector::ResultCollector(JobContext& job, const tiles::GeometryStore& ta
   result_.covered.assign(channels, 0);
   result_.blocks.assign(
       channels, std::vector<tiles::ChunkRef>(std::size_t{across_} * blocks_across(page.height)));
+  result_.clipped.assign(channels, 0);
 }
 
 std::uint64_t ResultCollector::index_bytes(const mesh::Lattice& page, std::size_t channels) {
@@ -137,6 +138,7 @@ void ResultCollector::store(const PieceWork& work) {
   }
   for (std::size_t c = 0; c < result_.covered.size(); ++c) result_.covered[c] += work.covered[c];
   for (std::size_t i = 0; i < kDistanceBins; ++i) result_.distances[i] += work.distances[i];
+  for (std::size_t c = 0; c < work.clipped.size(); ++c) result_.clipped[c] += work.clipped[c];
   job_.meter.advance(texels);
 }
 

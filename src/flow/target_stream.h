@@ -67,6 +67,7 @@ struct PieceWork {
   std::vector<std::uint32_t> raw_bytes;  ///< [channel]
   std::vector<std::uint64_t> covered;    ///< [channel] texels
   DistanceCounts distances{};            ///< of all texels that found something
+  std::vector<std::uint64_t> clipped;  ///< [channel]: samples beyond what the output's depth holds
 };
 
 /// Reads a piece's blocks into work.blocks and appends their packets to `packets` and `groups`.
@@ -88,6 +89,7 @@ struct PageResult {
   std::vector<std::vector<tiles::ChunkRef>> blocks;
   std::vector<std::uint64_t> covered;  ///< [channel] texels
   DistanceCounts distances{};          ///< of all texels that found something
+  std::vector<std::uint64_t> clipped;  ///< [channel]
 };
 
 /// One source against one target. Not thread-safe; uses the job's threads.

@@ -210,6 +210,7 @@ class TransferJob {
     vectorize_target();
     // From here on only the stores are read, never the inputs.
     for (std::size_t p = 0; p < plan_.passes.size(); ++p) project_pass(p);
+    warn_of_clipped();
     targets_.clear();
     target_leases_.clear();
     if (model_) write_model();
@@ -332,10 +333,11 @@ class TransferJob {
       if (image.keep) continue;
       const Lease index(job_->budget, result.blocks[i].size() * sizeof(tiles::ChunkRef),
                         "the index of the results");
-      const std::uint64_t filled =
+      const WrittenTexels written =
           write_image(*job_, image, plan_.channels[c].format, *result.pack, result.blocks[i],
                       model_ ? &model_->sink(*job_) : nullptr);
-      tally_->wrote(c, filled);
+      tally_->wrote(c, written.filled);
+      count_clipped(c, result.clipped[i] + written.clipped, image.path);
       if (model_) {
         model_->add(*job_, c, page);
       } else {
@@ -351,6 +353,33 @@ class TransferJob {
       if (at == udims.end() || *at != udim) udims.insert(at, udim);
     }
     job_->meter.end();
+  }
+
+  /// Samples of an image of channel `c` that its depth cannot hold.
+  void count_clipped(std::size_t c, std::uint64_t samples, const std::string& path) {
+    if (samples == 0) return;
+    job_->report.target_clipped += samples;
+    clipped_.resize(plan_.channels.size());
+    Clipped& clipped = clipped_[c];
+    clipped.samples += samples;
+    if (clipped.images++ == 0) clipped.first = path;
+  }
+
+  /// One warning per channel, however many images it has.
+  void warn_of_clipped() {
+    for (std::size_t c = 0; c < clipped_.size(); ++c) {
+      const Clipped& clipped = clipped_[c];
+      if (clipped.samples == 0) continue;
+      const Depth depth = plan_.channels[c].format.depth;
+      const bool is_half = depth == Depth::half;
+      job_->report.warnings.push_back(fmt::format(
+          "{}{}: {} samples of {} were clipped: {} holds {}; {} keeps them", clipped.first,
+          clipped.images > 1 ? fmt::format(" and {} more", clipped.images - 1) : "",
+          clipped.samples, channel_name(plan_.channels[c].channel), depth_name(depth),
+          is_half ? "-65504 to 65504" : "0 to 1",
+          is_half ? "--depth float" : "--depth half or float with .exr"));
+    }
+    clipped_.clear();
   }
 
   void write_model() {
@@ -369,6 +398,11 @@ class TransferJob {
   std::vector<std::array<float, 4>> factors_;  ///< by channel, of a model's materials
   std::optional<ModelOutput> model_;           ///< of the target at hand
   std::optional<TargetTally> tally_;           ///< of the target at hand
+  struct Clipped {
+    std::uint64_t samples = 0, images = 0;
+    std::string first;  ///< image
+  };
+  std::vector<Clipped> clipped_;  ///< by channel, of the target at hand
   Lease source_lease_, target_lease_;
   Lease compressors_lease_;
   std::vector<std::unique_ptr<tiles::GeometryStore>> targets_;  ///< by pass, of the target at hand

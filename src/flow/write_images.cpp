@@ -41,7 +41,9 @@ io::ImageWriteSpec colour_spec(const ImageOutput& output, const texture::TexelFo
           format.depth,
           format.linear,
           format.has_alpha,
-          output.onto && output.onto->premultiplied};
+          format.premultiplied || (output.onto && output.onto->premultiplied),
+          output.channel_names,
+          output.chromaticities};
 }
 
 io::ImageWriteSpec coverage_spec(const ImageOutput& output) {
@@ -50,7 +52,10 @@ io::ImageWriteSpec coverage_spec(const ImageOutput& output) {
           1,
           io::writable_depth(output.coverage_path, Depth::u8),
           false,
-          false};
+          false,
+          false,
+          {},
+          {}};
 }
 
 /// One byte, 0 or 1, for each of the first `count` bits.
@@ -90,7 +95,7 @@ class ImageAssembler {
       coverage_.emplace(output.coverage_path, coverage_spec(output));
   }
 
-  std::uint64_t run() {
+  WrittenTexels run() {
     const std::uint32_t block_rows = (output_.lattice.height + kBlockEdge - 1) / kBlockEdge;
     std::uint32_t next = 0;
     // A pipeline forgets the tokens under way when a stage throws, so they are not what owns rows.
@@ -115,7 +120,8 @@ class ImageAssembler {
     const WorkTimer encoding(job_.clock, "encode");
     if (colours_) colours_->commit();
     if (coverage_) coverage_->commit();
-    return painter_ ? painter_->filled() : padder_.filled();
+    if (painter_) return {painter_->filled(), painter_->clipped()};
+    return {padder_.filled(), 0};
   }
 
  private:
@@ -163,9 +169,9 @@ class ImageAssembler {
 
   /// 0 and 1 as the mask's format holds them.
   void store_mask(const PageVector<std::uint8_t>& covered, PageVector<std::byte>& samples) const {
-    const texture::TexelFormat mask{1, coverage_spec(output_).depth, false, false, false};
+    const texture::TexelFormat mask{1, coverage_spec(output_).depth, false, false, false, false};
     std::array<std::byte, 4> one{};
-    texture::store_texel(mask, {{1, 0, 0, 0}, 1, false}, one.data());
+    texture::store_texel(mask, {.v = {1}, .channels = 1}, one.data());
     const std::size_t size = mask.texel_bytes();
     samples.resize(covered.size() * size);
     for (std::size_t i = 0; i < covered.size(); ++i) {
@@ -204,7 +210,7 @@ class ImageAssembler {
 
 }  // namespace
 
-std::uint64_t write_image(JobContext& job, const ImageOutput& output,
+WrittenTexels write_image(JobContext& job, const ImageOutput& output,
                           const texture::TexelFormat& format, const tiles::PackReader& results,
                           const std::vector<tiles::ChunkRef>& blocks, WriteFile* sink) {
   return ImageAssembler(job, output, format, results, blocks, sink).run();

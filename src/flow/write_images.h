@@ -19,14 +19,21 @@ struct ImageOutput {
   mesh::Lattice lattice;      ///< its size
   bool keep = false;          ///< it is there already and stays as it is
   std::uint32_t padding = 0;
+  std::vector<std::string> channel_names;
+  std::optional<io::Chromaticities> chromaticities;
   std::optional<OntoImage> onto;  ///< --onto
   std::uint32_t stripe_rows = 0;  ///< rows handed to the padder at once; 0 = a row of blocks
 };
 
+/// What became of texels on their way into an image.
+struct WrittenTexels {
+  std::uint64_t filled = 0;   ///< texels that padding filled
+  std::uint64_t clipped = 0;  ///< samples painted onto that the output's depth cannot hold
+};
+
 /// Assembles result blocks into rows, pads charts, writes the image (and its coverage) in order and
-/// renames it into place. With a `sink` the image goes to its end instead, as PNG. Returns the
-/// texels that padding filled.
-std::uint64_t write_image(JobContext& job, const ImageOutput& output,
+/// renames it into place. With a `sink` the image goes to its end instead, as PNG.
+WrittenTexels write_image(JobContext& job, const ImageOutput& output,
                           const texture::TexelFormat& format, const tiles::PackReader& results,
                           const std::vector<tiles::ChunkRef>& blocks, WriteFile* sink = nullptr);
 

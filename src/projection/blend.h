@@ -54,6 +54,15 @@ inline TileCoordinate in_tile(std::int32_t base, float frac, std::uint32_t size)
   return {static_cast<std::int32_t>(period), texel - static_cast<double>(period * n)};
 }
 
+/// Float images: a place within 1/512 texel of a centre is that centre, so that a texel that meets
+/// a texel has its samples bit by bit, however large those beside it are (docs/decisions/008:
+/// places of a surface on itself are off by up to 1/1500). Integer images round to the same by
+/// themselves.
+inline double settled(double rest) noexcept {
+  constexpr double kNear = 1.0 / 512;
+  return rest < kNear ? 0 : rest > 1 - kNear ? 1 : rest;
+}
+
 /// A place in a tile of `size` texels, in an image of `image_size` texels that shows the same tile:
 /// -1 <= texel < image_size.
 inline Coordinate scaled(double texel, std::uint32_t size, std::uint32_t image_size) noexcept {
@@ -80,12 +89,19 @@ void tent(double u, double v, Taps& taps) noexcept;
 /// One texel's blended channels: 0..1 for integer images, as stored for float ones.
 using Blended = std::array<double, 4>;
 
+/// What happens to colours that an image holds multiplied by their alpha.
+enum class BlendAlpha : std::uint8_t {
+  straight,  ///< each texel's are divided by its alpha before they are blended
+  stored     ///< they are blended as they are
+};
+
 /// Blends the Gaussians around a hit. `tile` is a decoded colour tile of `image`; column and row
-/// are the hit's texel in it, apron excluded, -1..63. Samples are counted in whole steps (2^-30 of
-/// the image's scale for float images), so sums are integers and come out the same in any order.
+/// are the hit's texel in it, apron excluded, -1..63. Sums are integers and come out the same in
+/// any order: integer samples are counted as they are, float samples times their weights in 2^-64
+/// of the largest one's exponent. A hit that has one texel alone gives its samples exactly.
 /// noexcept, thread-safe.
 Blended blend(const tiles::ColourDirectory& image, const std::byte* tile, int column, int row,
-              const Taps& taps) noexcept;
+              const Taps& taps, BlendAlpha alpha) noexcept;
 /// The same for 8-bit images, rounded to 8 bits at `out` (image.channels of them).
 void blend_u8(const tiles::ColourDirectory& image, const std::byte* tile, int column, int row,
               const Taps& taps, std::byte* out) noexcept;

@@ -47,6 +47,7 @@ TexelValue load_texel(const TexelFormat& format, const std::byte* at) noexcept {
   TexelValue value;
   value.channels = format.channels;
   value.linear = format.linear;
+  value.has_alpha = format.has_alpha;
   const std::size_t sample = tiles::depth_bytes(format.depth);
   for (std::uint32_t c = 0; c < format.channels; ++c)
     value.v[c] = load_sample(format.depth, at + c * sample);
@@ -58,7 +59,7 @@ void store_values(const TexelFormat& format, const std::array<double, 4>& values
                   std::byte* out) noexcept {
   TexelFormat plain = format;
   plain.is_colour = false;
-  store_texel(plain, {values, format.channels, format.linear}, out);
+  store_texel(plain, {values, format.channels, format.linear, format.has_alpha, false}, out);
 }
 
 bool alike(const TexelFormat& a, const TexelFormat& b) {
@@ -72,21 +73,24 @@ double mixed(double old, double fresh, double weight) noexcept {
 
 }  // namespace
 
-void convert_texels(const TexelFormat& from, const std::byte* in, const TexelFormat& to,
-                    std::size_t count, std::byte* out) {
+std::uint64_t convert_texels(const TexelFormat& from, const std::byte* in, const TexelFormat& to,
+                             std::size_t count, std::byte* out) {
   if (alike(from, to)) {
     std::memcpy(out, in, count * to.texel_bytes());
-    return;
+    return 0;
   }
+  std::uint64_t clipped = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    store_texel(to, load_texel(from, in + i * from.texel_bytes()), out + i * to.texel_bytes());
+    clipped +=
+        store_texel(to, load_texel(from, in + i * from.texel_bytes()), out + i * to.texel_bytes());
   }
+  return clipped;
 }
 
 void mask_weights(const TexelFormat& mask, const std::byte* in, std::size_t count, float* weights) {
   for (std::size_t i = 0; i < count; ++i, in += mask.texel_bytes()) {
     const auto v = load_texel(mask, in).v;
-    const bool grey = mask.channels <= 2 || (v[0] == v[1] && v[1] == v[2]);
+    const bool grey = mask.colours() <= 2 || (v[0] == v[1] && v[1] == v[2]);
     double weight = grey ? v[0] : 0.2126 * v[0] + 0.7152 * v[1] + 0.0722 * v[2];
     if (mask.has_alpha) weight *= v[mask.channels - 1];
     weights[i] = weight > 0 ? static_cast<float>(std::min(weight, 1.0)) : 0.0F;
@@ -97,7 +101,7 @@ void paint_over(const TexelFormat& format, PaintAlpha alpha, const float* weight
                 const std::byte* fresh, std::size_t count, std::byte* texels) {
   const std::size_t size = format.texel_bytes();
   const std::size_t sample = tiles::depth_bytes(format.depth);
-  const std::uint32_t colours = format.channels - (format.has_alpha ? 1U : 0U);
+  const std::uint32_t colours = format.colours();
   const std::uint32_t painted = alpha == PaintAlpha::keep ? colours : format.channels;
   const bool by_opacity = alpha == PaintAlpha::mix && format.has_alpha;
   for (std::size_t i = 0; i < count; ++i, fresh += size, texels += size) {

@@ -13,9 +13,9 @@ namespace pounce::texture {
 // nothing between calls.
 
 /// Samples of one format in another: bit for bit where the two are alike, else as store_texel()
-/// rounds them.
-void convert_texels(const TexelFormat& from, const std::byte* in, const TexelFormat& to,
-                    std::size_t count, std::byte* out);
+/// rounds them. Returns how many the other one cannot hold.
+std::uint64_t convert_texels(const TexelFormat& from, const std::byte* in, const TexelFormat& to,
+                             std::size_t count, std::byte* out);
 
 /// What a mask image says, per texel: 0 keeps what is there, 1 replaces it, in between mixes. It is
 /// the brightness of the samples as they are stored (of colour: 0.2126 R + 0.7152 G + 0.0722 B)

@@ -50,8 +50,8 @@ class CoarseCurve {
 
 double converted(const TexelFormat& format, const TexelValue& value, std::uint32_t channel,
                  double v) noexcept {
-  const bool is_alpha = format.has_alpha && channel + 1 == format.channels;
-  if (!format.is_colour || is_alpha || format.linear == value.linear) return v;
+  const bool is_data = channel >= std::min(format.colours(), 3U);
+  if (!format.is_colour || is_data || format.linear == value.linear) return v;
   const bool coarse = format.depth == Depth::u8 || format.depth == Depth::half;
   if (coarse && v >= 0 && v <= 1) {
     static const CoarseCurve to_linear(srgb_to_linear), to_coded(linear_to_srgb);
@@ -62,11 +62,41 @@ double converted(const TexelFormat& format, const TexelValue& value, std::uint32
 
 /// Output channel c of a value that may have fewer or more channels.
 double pick(const TexelFormat& format, const TexelValue& value, std::uint32_t c) noexcept {
-  const bool wants_alpha = format.has_alpha && c + 1 == format.channels;
-  const bool value_has_alpha = value.channels == 2 || value.channels == 4;
-  if (wants_alpha) return value_has_alpha ? value.v[value.channels - 1] : 1.0;
-  if (value.channels <= 2) return value.v[0];
-  return value.v[std::min(c, 2U)];
+  if (c >= format.colours()) return value.has_alpha ? value.v[value.channels - 1] : 1.0;
+  const std::uint32_t colours = value.channels - (value.has_alpha ? 1U : 0U);
+  if (colours == 1 && c < 3) return value.v[0];
+  return c < colours ? value.v[c] : 0.0;
+}
+
+/// Rounds to the steps of an integer of 0..`most`. Returns 1 if it is too far off for that; what is
+/// no number counts as 0.
+template <class Sample>
+std::uint32_t store_integer(double v, double most, std::byte* out) noexcept {
+  const bool outside = !(v * most >= -0.5 && v * most < most + 0.5);
+  const auto sample = static_cast<Sample>(std::isnan(v) ? 0 : std::clamp(v, 0.0, 1.0) * most + 0.5);
+  std::memcpy(out, &sample, sizeof sample);
+  return outside ? 1 : 0;
+}
+
+std::uint32_t store_sample(Depth depth, double v, std::byte* out) noexcept {
+  switch (depth) {
+    case Depth::u8:
+      return store_integer<std::uint8_t>(v, 255, out);
+    case Depth::u16:
+      return store_integer<std::uint16_t>(v, 65535, out);
+    case Depth::half: {
+      constexpr double kLargest = 65504, kRoundsBeyond = 65520;
+      const std::uint16_t sample =
+          float_to_half(static_cast<float>(std::clamp(v, -kLargest, kLargest)));
+      std::memcpy(out, &sample, 2);
+      return v > -kRoundsBeyond && v < kRoundsBeyond ? 0 : 1;
+    }
+    case Depth::float32:
+      break;
+  }
+  const auto sample = static_cast<float>(v);
+  std::memcpy(out, &sample, 4);
+  return 0;
 }
 
 }  // namespace
@@ -86,31 +116,17 @@ double linear_to_srgb(double linear) noexcept {
   return 1.055 * std::sqrt(std::sqrt(root(x5, 3))) - 0.055;
 }
 
-void store_texel(const TexelFormat& format, const TexelValue& value, std::byte* out) noexcept {
-  for (std::uint32_t c = 0; c < format.channels; ++c) {
-    const double v = converted(format, value, c, pick(format, value, c));
-    switch (format.depth) {
-      case Depth::u8:
-        out[c] = static_cast<std::byte>(std::clamp(v, 0.0, 1.0) * 255 + 0.5);
-        break;
-      case Depth::u16: {
-        const auto sample = static_cast<std::uint16_t>(std::clamp(v, 0.0, 1.0) * 65535 + 0.5);
-        std::memcpy(out + 2 * c, &sample, 2);
-        break;
-      }
-      case Depth::half: {
-        const std::uint16_t sample =
-            float_to_half(static_cast<float>(std::clamp(v, -65504.0, 65504.0)));
-        std::memcpy(out + 2 * c, &sample, 2);
-        break;
-      }
-      case Depth::float32: {
-        const auto sample = static_cast<float>(v);
-        std::memcpy(out + 4 * c, &sample, 4);
-        break;
-      }
-    }
+std::uint32_t store_texel(const TexelFormat& format, const TexelValue& value,
+                          std::byte* out) noexcept {
+  std::uint32_t clipped = 0;
+  const std::size_t size = tiles::depth_bytes(format.depth);
+  const bool multiplies = format.premultiplied && value.has_alpha && !value.premultiplied;
+  for (std::uint32_t c = 0; c < format.channels; ++c, out += size) {
+    double v = converted(format, value, c, pick(format, value, c));
+    if (multiplies && c < format.colours()) v *= value.v[value.channels - 1];
+    clipped += store_sample(format.depth, v, out);
   }
+  return clipped;
 }
 
 void encode(const ResultBlock& block, const TexelFormat& format, std::vector<std::byte>& raw) {

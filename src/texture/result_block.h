@@ -18,9 +18,11 @@ namespace pounce::texture {
 struct TexelFormat {
   std::uint32_t channels = 0;
   Depth depth = Depth::u8;
-  bool linear = false;     ///< samples are scene-linear
-  bool is_colour = true;   ///< false: data, never converted between sRGB coding and linear
-  bool has_alpha = false;  ///< the last channel is alpha: never converted
+  bool linear = false;         ///< samples are scene-linear
+  bool is_colour = true;       ///< false: data, never converted between sRGB coding and linear
+  bool has_alpha = false;      ///< the last channel is alpha: never converted
+  bool premultiplied = false;  ///< colours are held times alpha
+  std::uint32_t colours() const { return channels - (has_alpha ? 1U : 0U); }
   std::size_t texel_bytes() const;
   /// Are 8-bit samples of this image what the output holds, with nothing to convert?
   bool keeps(const tiles::ColourDirectory& image) const {
@@ -34,12 +36,16 @@ struct TexelValue {
   std::array<double, 4> v{};
   std::uint32_t channels = 0;
   bool linear = false;
+  bool has_alpha = false;      ///< the last channel is alpha
+  bool premultiplied = false;  ///< colours come times alpha; only into a format that wants that
 };
 
-/// Writes a value in the output's format at `out`: gray becomes RGB, a missing alpha 1, colour is
-/// converted between sRGB coding and linear where source and output differ. Rounds to nearest;
-/// clamps integers.
-void store_texel(const TexelFormat& format, const TexelValue& value, std::byte* out) noexcept;
+/// Writes a value in the output's format at `out`: gray becomes RGB, a missing alpha 1, any other
+/// missing channel 0; the first three of a colour are converted between sRGB coding and linear
+/// where source and output differ. Rounds to nearest; clamps integers and half. Returns how many
+/// samples the depth cannot hold, not even rounded.
+std::uint32_t store_texel(const TexelFormat& format, const TexelValue& value,
+                          std::byte* out) noexcept;
 
 /// The sRGB transfer function and its inverse by +, *, / and sqrt alone, so that every machine
 /// agrees.

@@ -19,11 +19,10 @@ std::vector<std::byte> encode_directory(const ColourDirectory& d) {
   ByteWriter out(raw);
   for (const std::uint32_t v : {d.width, d.height, d.channels}) out.put(v);
   for (const auto v : {static_cast<std::uint8_t>(d.depth), static_cast<std::uint8_t>(d.linear),
-                       static_cast<std::uint8_t>(d.has_alpha), static_cast<std::uint8_t>(d.wrap_u),
-                       static_cast<std::uint8_t>(d.wrap_v)}) {
+                       static_cast<std::uint8_t>(d.has_alpha + d.premultiplied),
+                       static_cast<std::uint8_t>(d.wrap_u), static_cast<std::uint8_t>(d.wrap_v)}) {
     out.put(v);
   }
-  out.put(d.scale);
   out.put(d.nonfinite);
   for (const ChunkRef& page : d.row_pages) put_chunk(out, page);
   return raw;
@@ -47,24 +46,24 @@ ColourDirectory decode_directory(std::span<const std::byte> raw, const std::stri
              wrap_v = in.get<std::uint8_t>();
   if (d.width == 0 || d.width > kLargestImageSide || d.height == 0 ||
       d.height > kLargestImageSide || d.channels == 0 || d.channels > 4 || depth > 3 ||
-      linear > 1 || alpha > 1 || wrap_u > 2 || wrap_v > 2) {
+      linear > 1 || alpha > 2 || (alpha > 0 && d.channels < 2) || (alpha > 1 && depth < 2) ||
+      wrap_u > 2 || wrap_v > 2) {
     in.fail("has an impossible image header");
   }
   d.depth = static_cast<Depth>(depth);
   d.linear = linear != 0;
-  d.has_alpha = alpha != 0;
+  d.has_alpha = alpha > 0;
+  d.premultiplied = alpha > 1;
   d.wrap_u = static_cast<mesh::Wrap>(wrap_u);
   d.wrap_v = static_cast<mesh::Wrap>(wrap_v);
-  d.scale = in.get<float>();
-  if (!(d.scale > 0)) in.fail("has an impossible scale");
   d.nonfinite = in.get<std::uint64_t>();
   d.row_pages = get_chunks(in, d.tiles_y());
   return d;
 }
 
-/// Float samples are counted in steps of the scale (projection/blend.cpp): one beyond it, or NaN,
-/// would not fit the sums.
-bool is_within_scale(const ColourDirectory& image, std::span<const std::byte> tile) {
+/// Float samples are summed as mantissas and exponents (projection/blend.cpp), which NaN and
+/// infinity have not.
+bool are_finite(const ColourDirectory& image, std::span<const std::byte> tile) {
   if (image.depth == Depth::u8 || image.depth == Depth::u16) return true;
   const std::size_t size = depth_bytes(image.depth);
   for (std::size_t at = 0; at < tile.size(); at += size) {
@@ -76,7 +75,7 @@ bool is_within_scale(const ColourDirectory& image, std::span<const std::byte> ti
     } else {
       std::memcpy(&sample, tile.data() + at, sizeof sample);
     }
-    if (!(std::abs(sample) <= image.scale)) return false;
+    if (!std::isfinite(sample)) return false;
   }
   return true;
 }
@@ -151,8 +150,9 @@ ColourTile ColourStore::read_tile(const ChunkRef& chunk, Compressor& compressor)
   const auto raw = read_payload(*pack_, chunk, ChunkKind::block, compressor);
   ColourTile tile(size);
   unfilter_colours(directory_, raw, tile);
-  if (!is_within_scale(directory_, tile))
-    throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile of samples beyond its scale");
+  if (!are_finite(directory_, tile))
+    throw Error(ErrorKind::damaged_store,
+                pack_->name() + ": a tile of samples that are not finite");
   return tile;
 }
 

@@ -30,11 +30,9 @@ struct ColourDirectory {
   std::uint32_t channels = 0;
   Depth depth = Depth::u8;
   bool linear = false;
-  bool has_alpha = false;
+  bool has_alpha = false;      ///< the last channel is alpha
+  bool premultiplied = false;  ///< float images alone: colours are stored times alpha
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
-  /// Float images: the power of two >= the largest finite value; samples are counted in 2^-30 of
-  /// it.
-  float scale = 1;
   std::uint64_t nonfinite = 0;      ///< NaN and infinite samples, stored as 0
   std::vector<ChunkRef> row_pages;  ///< per row of tiles: the index page with its chunks
 

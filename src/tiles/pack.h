@@ -28,7 +28,7 @@ struct ChunkRef {
   bool operator==(const ChunkRef&) const = default;
 };
 
-inline constexpr std::uint32_t kFormatVersion = 1;
+inline constexpr std::uint32_t kFormatVersion = 2;
 inline constexpr std::size_t kPackHeaderBytes = 64;
 inline constexpr std::size_t kChunkHeaderBytes = 32;
 inline constexpr std::size_t kPackFooterBytes = 64;

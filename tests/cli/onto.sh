@@ -14,7 +14,7 @@ mask black.pgm 8 8 $(yes 0 | head -64)
 expect 0 transfer source.obj target.obj -o same.tif --onto old.ppm --mask black.pgm
 expect 0 compare same.tif old.ppm --min-psnr 99
 expect 0 transfer source.obj target.obj -o same.tif --onto same.tif
-expect 3 transfer source.obj target.obj -o o.png --onto gone.png
+expect 5 transfer source.obj target.obj -o o.png --onto gone.png
 expect 3 transfer source.obj target.obj -o o.png --onto old.ppm --size 16
 err_has 'old.ppm: --onto has 8 x 8 texels, but the output 16 x 16'
 # Neither a mask nor what another image is painted onto is written over.

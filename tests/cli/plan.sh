@@ -11,6 +11,6 @@ out_has 'would write   mask.png'
 expect 0 transfer source.obj target.obj -o o.png --plan --report - -q
 out_has '"least":'
 out_has '"o.png"'
-expect 3 transfer source.obj target.obj -o o.png --plan --source-texture baseColor=absent.png
+expect 5 transfer source.obj target.obj -o o.png --plan --source-texture baseColor=absent.png
 err_has 'absent.png'
 only_files skin.ppm source.mtl source.obj target.obj

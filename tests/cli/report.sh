@@ -18,8 +18,8 @@ expect 0 transfer source.obj target.obj -o o.png --report - -q
 out_has '"covered": 256'
 [[ $(head -c 1 "$out") == '{' && $(tail -n 1 "$out") == '}' ]] || fail 'more than the report on the output'
 rm report.json skin.ppm
-expect 3 transfer source.obj target.obj -o o.png --report report.json --no-cache
-grep -q '"kind": "input"' report.json || fail 'no report of a job that failed'
+expect 5 transfer source.obj target.obj -o o.png --report report.json --no-cache
+grep -q '"kind": "storage"' report.json || fail 'no report of a job that failed'
 # A report never takes the place of an input or a result.
 image skin.ppm 16 16 200 100 50
 for name in target.obj skin.ppm o.1001.png ./SOURCE.OBJ; do

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-# A texture that is needed and missing or damaged is exit 3 and named; one that is not needed is not opened.
+# A texture that is needed and missing is exit 5, one that is damaged exit 3, and named; one that is not needed
+# is not opened.
 source "$(dirname "$0")/support.sh"
 make_job
 "$POUNCE_FIXTURE" one-texel -o one >"$out"
 cp skin.ppm good.ppm
 rm skin.ppm
-expect 3 transfer source.obj target.obj -o o.png
+expect 5 transfer source.obj target.obj -o o.png
 err_has 'skin.ppm'
 head -c 100 good.ppm >skin.ppm
 expect 3 transfer source.obj target.obj -o o.png
 err_has 'skin.ppm'
-expect 3 transfer source.obj target.obj -o o.png --source-texture baseColor=absent.png
+expect 5 transfer source.obj target.obj -o o.png --source-texture baseColor=absent.png
 err_has 'absent.png'
 # A PNG with one flipped byte inside a GLB.
 glb=one/one_texel_src.glb

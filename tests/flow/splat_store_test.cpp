@@ -63,10 +63,10 @@ SplatPlyBuilder scene(int count, std::uint64_t seed = 1) {
 
 std::vector<std::byte> store_bytes(Job& job) {
   auto& files = *job.context.files;
-  auto names = files.list("/cache/v1/splats");
+  auto names = files.list("/cache/v2/splats");
   std::erase_if(names, [](const std::string& name) { return !name.ends_with(".pack"); });
   REQUIRE(names.size() == 1);
-  return test::read_whole(files, "/cache/v1/splats/" + names[0]);
+  return test::read_whole(files, "/cache/v2/splats/" + names[0]);
 }
 
 std::vector<Splat> all_splats(const tiles::SplatStore& store) {

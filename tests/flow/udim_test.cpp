@@ -243,7 +243,7 @@ TEST_CASE("a tile without an image is named and stays empty", "[flow]") {
   scene.options.source_textures = {{Channel::base_color, scene.folder.file("skin.<UDIM>.png")}};
   scene.options.coverage_output = scene.folder.file("mask.<UDIM>.png");
   std::string message;
-  CHECK(error_kind([&] { transfer(scene.options); }, &message) == exit_status(ErrorKind::input));
+  CHECK(error_kind([&] { transfer(scene.options); }, &message) == exit_status(ErrorKind::storage));
   CHECK(message.find("1001-1003, 1011-1013") != std::string::npos);
   for (const char* udim : {"1002", "1011"})
     write_whole_image(scene.folder.file(std::string("skin.") + udim + ".png"), noise(50, 50, 1));

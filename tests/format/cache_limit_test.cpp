@@ -38,7 +38,7 @@ std::uint64_t room_of(const std::string& root) {
 /// Room that its folders take.
 std::uint64_t folders_of(const std::string& root) {
   std::uint64_t room = 0;
-  for (const auto& entry : fs::directory_iterator(root + "/v1")) {
+  for (const auto& entry : fs::directory_iterator(root + "/v2")) {
     room += entry.is_directory() ? 4096 : 0;
   }
   return room;
@@ -85,7 +85,7 @@ TEST_CASE("what was used longest ago makes room before anything is written", "[f
   CHECK(largest <= 4 * kMiB);
   CHECK(largest > 3 * kMiB);  // and it is used
   CHECK(store->take_notes().empty());
-  CHECK(posix_file_system().list(root + "/v1/tmp").empty());
+  CHECK(posix_file_system().list(root + "/v2/tmp").empty());
 }
 
 TEST_CASE("a pack that is open is never removed to make room", "[format]") {
@@ -157,8 +157,8 @@ TEST_CASE("a pack that does not fit is made in scratch, once said, and found aga
   const auto notes = store->take_notes();
   REQUIRE(notes.size() == 1);
   CHECK_THAT(notes[0], Catch::Contains("--cache-limit") && Catch::Contains("2.0 MiB"));
-  CHECK(posix_file_system().list(root + "/v1/tmp").empty());
-  CHECK(posix_file_system().list(root + "/v1/locks").empty());  // others may try
+  CHECK(posix_file_system().list(root + "/v2/tmp").empty());
+  CHECK(posix_file_system().list(root + "/v2/locks").empty());  // others may try
 }
 
 TEST_CASE("writers beside each other keep to the limit together", "[format]") {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "projection/blend.h"
 
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
@@ -35,7 +36,6 @@ Tile random_tile(Random& random, Depth depth, std::uint32_t channels) {
   tile.image.width = tile.image.height = 64;
   tile.image.channels = channels;
   tile.image.depth = depth;
-  tile.image.scale = depth == Depth::half || depth == Depth::float32 ? 4.0F : 1.0F;
   const auto put = [&](auto value) {
     const auto* first = reinterpret_cast<const std::byte*>(&value);
     tile.bytes.insert(tile.bytes.end(), first, first + sizeof value);
@@ -103,21 +103,86 @@ TEST_CASE("a blend is bilinear for every depth, exact at texel centres, and read
         const double u = centre ? 0 : random.unit(), v = centre ? 0 : random.unit();
         Taps taps;
         tent(u, v, taps);
-        const Blended out = blend(tile.image, tile.bytes.data(), column, row, taps);
+        const Blended out =
+            blend(tile.image, tile.bytes.data(), column, row, taps, BlendAlpha::straight);
         for (std::uint32_t c = 0; c < channels; ++c) {
           const double expected = bilinear(tile, column, row, u, v, c);
           worst = std::max(worst, std::abs(out[c] - expected));
           if (!centre) continue;
-          if (depth == Depth::float32)
-            CHECK(std::abs(out[c] - expected) <= 4 * 0x1p-31);  // half a step of 2^-30 of the scale
-          else
-            CHECK(out[c] == expected);
+          CHECK(out[c] == expected);
         }
         for (std::uint32_t c = channels; c < 4; ++c) CHECK(out[c] == 0);
       }
-      CHECK(worst < (tile.image.scale == 1 ? 4e-6 : 3e-5));  // far below 1/255 and 1e-4
+      CHECK(worst <
+            (depth == Depth::u8 || depth == Depth::u16 ? 4e-6 : 3e-5));  // far below 1/255 and 1e-4
     }
   }
+}
+
+TEST_CASE("a float blend is right to the last bit or two, however far its samples are apart") {
+  Random random(75);
+  Tile tile;
+  tile.image.channels = 1;
+  tile.image.depth = Depth::float32;
+  std::vector<float> samples(static_cast<std::size_t>(kEdge) * kEdge);
+  for (int i = 0; i < 20000; ++i) {
+    const std::size_t at =
+        static_cast<std::size_t>((10 + tiles::kApron) * kEdge + 10 + tiles::kApron);
+    const std::array<std::size_t, 4> places{at, at + 1, at + kEdge, at + kEdge + 1};
+    for (const std::size_t place : places) {
+      const auto exponent = static_cast<int>(random.whole(-160, 120));
+      samples[place] = std::ldexp(random.between(-1.0F, 1.0F), exponent);
+    }
+    Taps taps;
+    tent(random.unit(), random.unit(), taps);
+    long double exact = 0, magnitude = 0;
+    for (std::size_t k = 0; k < 4; ++k) {
+      const long double term =
+          static_cast<long double>(samples[places[k]]) * taps.weights[k] / taps.total;
+      exact += term;
+      magnitude += std::abs(term);
+    }
+    const double out = blend(tile.image, reinterpret_cast<const std::byte*>(samples.data()), 10, 10,
+                             taps, BlendAlpha::straight)[0];
+    if (std::abs(out - exact) > magnitude * 0x1p-50L) FAIL(out << " for " << exact);
+    // The same four samples and weights in another order.
+    std::swap(samples[places[0]], samples[places[3]]);
+    std::swap(samples[places[1]], samples[places[2]]);
+    std::swap(taps.weights[0], taps.weights[3]);
+    std::swap(taps.weights[1], taps.weights[2]);
+    CHECK(blend(tile.image, reinterpret_cast<const std::byte*>(samples.data()), 10, 10, taps,
+                BlendAlpha::straight)[0] == out);
+  }
+}
+
+TEST_CASE("colours times alpha are divided before they are blended, or left as they are") {
+  Tile tile;
+  tile.image.channels = 4;
+  tile.image.depth = Depth::float32;
+  tile.image.has_alpha = tile.image.premultiplied = true;
+  std::vector<float> samples(static_cast<std::size_t>(kEdge) * kEdge * 4);
+  float* const left =
+      &samples[static_cast<std::size_t>((10 + tiles::kApron) * kEdge + 10 + tiles::kApron) * 4];
+  for (const int i : {0, 4}) left[i + 3] = i == 0 ? 0.25F : 0.75F;
+  for (const int i : {0, 4}) left[i] = i == 0 ? 0.125F : 0.375F;  // 0.5 each
+  left[1] = 3;
+  Taps taps;
+  tent(0.5, 0, taps);
+  const auto out = [&](BlendAlpha alpha) {
+    return blend(tile.image, reinterpret_cast<const std::byte*>(samples.data()), 10, 10, taps,
+                 alpha);
+  };
+  CHECK(out(BlendAlpha::straight) == Blended{0.5, 6, 0, 0.5});
+  CHECK(out(BlendAlpha::stored) == Blended{0.25, 1.5, 0, 0.5});
+  left[3] = 0;  // then a colour stays as it is
+  CHECK(out(BlendAlpha::straight) == Blended{0.3125, 1.5, 0, 0.375});
+}
+
+TEST_CASE("places within 1/512 texel of a centre are that centre") {
+  CHECK(settled(0.0019) == 0);
+  CHECK(settled(0.002) == 0.002);
+  CHECK(settled(0.998) == 0.998);
+  CHECK(settled(0.9981) == 1);
 }
 
 TEST_CASE("blending 8-bit images to 8 bits is the blend, rounded to nearest") {
@@ -129,7 +194,8 @@ TEST_CASE("blending 8-bit images to 8 bits is the blend, rounded to nearest") {
       const int row = static_cast<int>(random.whole(-1, 63));
       Taps taps;
       tent(random.one_in(4) ? 0 : random.unit(), random.one_in(4) ? 0.5 : random.unit(), taps);
-      const Blended exact = blend(tile.image, tile.bytes.data(), column, row, taps);
+      const Blended exact =
+          blend(tile.image, tile.bytes.data(), column, row, taps, BlendAlpha::straight);
       std::array<std::byte, 5> out{};
       out[channels] = std::byte{0xAB};  // not to be touched
       blend_u8(tile.image, tile.bytes.data(), column, row, taps, out.data());

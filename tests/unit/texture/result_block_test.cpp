@@ -69,9 +69,9 @@ TEST_CASE("the sRGB functions agree with std::pow to twelve digits and undo each
 }
 
 TEST_CASE("channels are expanded and dropped by rule") {
-  const TexelValue gray_alpha{{0.2, 0.6, 0, 0}, 2, false};
+  const TexelValue gray_alpha{{0.2, 0.6, 0, 0}, 2, false, true, false};
   const TexelValue rgb{{0.2, 0.4, 0.6, 0}, 3, false};
-  const TexelValue rgba{{0.2, 0.4, 0.6, 0.8}, 4, false};
+  const TexelValue rgba{{0.2, 0.4, 0.6, 0.8}, 4, false, true, false};
   const auto out = [](std::uint32_t channels, bool has_alpha, const TexelValue& value) {
     return stored({channels, Depth::u8, false, true, has_alpha}, value);
   };
@@ -106,7 +106,7 @@ TEST_CASE("integers are clamped and rounded to nearest, floats are kept") {
 }
 
 TEST_CASE("colour is converted where source and output differ, data and alpha never") {
-  TexelValue value{{0.5, 0.5, 0.5, 0.5}, 4, false};
+  TexelValue value{{0.5, 0.5, 0.5, 0.5}, 4, false, true, false};
   const TexelFormat linear{4, Depth::float32, true, true, true};
   Values out = stored(linear, value);
   CHECK(out[0] == Approx(0.21404114048223255).epsilon(1e-6));
@@ -121,6 +121,37 @@ TEST_CASE("colour is converted where source and output differ, data and alpha ne
   out = stored(linear, gray(0.5));
   CHECK(out[1] == out[0]);
   CHECK(out[3] == 1);
+}
+
+TEST_CASE("what a depth cannot hold is cut and counted, what rounding absorbs is not") {
+  const auto clipped = [](Depth depth, double a, double b) {
+    std::array<std::byte, 16> out{};
+    return store_texel({3, depth, true, true, false}, {{a, b, 0.5, 0}, 3, true}, out.data());
+  };
+  CHECK(clipped(Depth::u8, -0.01, 1.01) == 2);
+  CHECK(clipped(Depth::u8, -0.0019, 1.0019) == 0);  // half a step is 0.00196
+  CHECK(clipped(Depth::u16, -0.0019, 1.0019) == 2);
+  CHECK(clipped(Depth::u16, 0, 1) == 0);
+  CHECK(clipped(Depth::half, -65519, 65519) == 0);
+  CHECK(clipped(Depth::half, -65520, 1e30) == 2);
+  CHECK(clipped(Depth::float32, -1e30, 1e30) == 0);
+  CHECK(clipped(Depth::u8, std::nan(""), 0.5) == 1);
+}
+
+TEST_CASE("a fourth channel without alpha is data") {
+  const TexelValue data{{0.5, 0.5, 0.5, 0.5}, 4, true};
+  const Values out = stored({4, Depth::float32, false, true, false}, data);
+  CHECK(out[2] == Approx(0.7353569830524495).epsilon(1e-6));
+  CHECK(out[3] == 0.5);                                                // not converted
+  CHECK(stored({4, Depth::float32, true, true, true}, data)[3] == 1);  // and no alpha
+  CHECK(stored({4, Depth::float32, true, true, false}, {{0.5, 0.5, 0.5, 0}, 3, true})[3] == 0);
+}
+
+TEST_CASE("colours are multiplied for a format that holds them so, once") {
+  const TexelFormat format{4, Depth::float32, true, true, true, true};
+  CHECK(stored(format, {{0.5, 1, 2, 0.25}, 4, true, true, false}) ==
+        Values{0.125, 0.25, 0.5, 0.25});
+  CHECK(stored(format, {{0.5, 1, 2, 0.25}, 4, true, true, true}) == Values{0.5, 1, 2, 0.25});
 }
 
 TEST_CASE("every 8-bit sRGB value survives a trip through a linear half or float image") {

@@ -89,7 +89,6 @@ TEST_CASE("a colour store gives back its tiles whatever order the rows came in")
   d.linear = true;
   d.wrap_u = Wrap::mirror;
   d.wrap_v = Wrap::clamp;
-  d.scale = 4;
   d.nonfinite = 1234567890123;
   REQUIRE(d.tiles_x() == 3);
   REQUIRE(d.tiles_y() == 2);
@@ -115,7 +114,6 @@ TEST_CASE("a colour store gives back its tiles whatever order the rows came in")
   CHECK_FALSE(read.has_alpha);
   CHECK(read.wrap_u == Wrap::mirror);
   CHECK(read.wrap_v == Wrap::clamp);
-  CHECK(read.scale == 4);
   CHECK(read.nonfinite == 1234567890123);
   for (std::uint32_t row = 0; row < 2; ++row) {
     const auto chunks = store.read_row(row, compressor);

@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What becomes of an image's channels, samples and colour space on their way through a transfer.
+#include <bit>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "core/half.h"
+#include "io/image_write.h"
+#include "pounce/transfer.h"
+#include "support/mesh_files.h"
+#include "support/test_data.h"
+#include "support/whole_image.h"
+
+namespace pounce::test {
+namespace {
+
+constexpr std::uint32_t kWidth = 96, kHeight = 80;
+
+/// A wavy sheet whose UVs fill the unit square.
+mesh::Mesh wavy_sheet() {
+  constexpr std::uint32_t kCells = 9;
+  mesh::Mesh mesh;
+  mesh.uv_sets.emplace_back();
+  mesh.uv_present.emplace_back();
+  for (std::uint32_t j = 0; j <= kCells; ++j) {
+    for (std::uint32_t i = 0; i <= kCells; ++i) {
+      const double u = double{i} / kCells, v = double{j} / kCells;
+      mesh.positions.push_back({static_cast<float>(u), static_cast<float>(-v),
+                                static_cast<float>(0.02 * std::sin(5 * u) * std::cos(3 * v))});
+      mesh.normals.push_back({0, 0, 1});
+      mesh.uv_sets[0].push_back({static_cast<float>(u), static_cast<float>(v)});
+    }
+  }
+  const auto at = [](std::uint32_t i, std::uint32_t j) { return j * (kCells + 1) + i; };
+  for (std::uint32_t j = 0; j < kCells; ++j) {
+    for (std::uint32_t i = 0; i < kCells; ++i) {
+      mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i + 1, j)});
+      mesh.triangles.push_back({at(i, j), at(i, j + 1), at(i + 1, j + 1)});
+    }
+  }
+  return mesh;
+}
+
+template <class Sample>
+void write_samples(const std::string& path, io::ImageWriteSpec spec,
+                   const std::vector<Sample>& samples) {
+  spec.width = kWidth;
+  spec.height = kHeight;
+  io::ImageWriter writer(path, spec);
+  writer.write_rows(kHeight, reinterpret_cast<const std::byte*>(samples.data()));
+  writer.commit();
+}
+
+/// An image as it is stored.
+struct Stored {
+  io::ImageInfo info;
+  std::vector<std::byte> bytes;
+};
+
+Stored stored(const std::string& path) {
+  io::ImageReader reader(path);
+  reader.keep_premultiplied();
+  Stored out{reader.info(), std::vector<std::byte>(reader.row_bytes() * reader.info().height)};
+  reader.read_rows(out.info.height, out.bytes.data());
+  return out;
+}
+
+std::vector<float> floats(const Stored& image) {
+  std::vector<float> out(image.bytes.size() / 4);
+  std::memcpy(out.data(), image.bytes.data(), image.bytes.size());
+  return out;
+}
+
+std::vector<float> noise(std::uint32_t channels, std::uint32_t seed = 7) {
+  std::mt19937 random(seed);
+  std::vector<float> out(std::size_t{kWidth} * kHeight * channels);
+  for (float& v : out) v = static_cast<float>(random() % 65536) / 65536;
+  return out;
+}
+
+using Names = std::vector<std::string>;
+
+/// The sheet onto itself.
+struct Scene {
+  TempFolder folder;
+  TransferOptions options;
+
+  explicit Scene(const std::string& texture) {
+    write_glb(folder.file("sheet.glb"), wavy_sheet());
+    options.source = folder.file("sheet.glb");
+    options.targets = {folder.file("sheet.glb")};
+    options.source_textures = {{Channel::base_color, folder.file(texture)}};
+    options.max_angle_deg = 89;
+    options.resources.use_cache = false;
+    options.resources.memory_bytes = 256 << 20;
+  }
+  std::string texture() const { return options.source_textures.front().path; }
+  Report run(const std::string& output) {
+    options.output = folder.file(output);
+    return transfer(options);
+  }
+  Stored result() const { return stored(options.output); }
+};
+
+/// The warnings that hold this text.
+std::size_t warnings(const Report& report, const std::string& text) {
+  std::size_t count = 0;
+  for (const std::string& warning : report.warnings)
+    count += warning.find(text) != std::string::npos ? 1 : 0;
+  return count;
+}
+
+ErrorKind error_of(Scene& scene, const std::string& output, std::string& message) {
+  try {
+    scene.run(output);
+  } catch (const Error& e) {
+    message = e.what();
+    return e.kind();
+  }
+  return ErrorKind::internal;
+}
+
+const io::ImageWriteSpec kFloatRgb{0, 0, 3, Depth::float32, true, false};
+const io::ImageWriteSpec kFloatData{
+    0, 0, 4, Depth::float32, true, false, false, {"R", "G", "B", "disp"}, {}};
+const io::ImageWriteSpec kFloatRgba{0, 0, 4, Depth::float32, true, true, true, {}, {}};
+const io::Chromaticities kWide{0.713F, 0.293F, 0.165F, 0.83F, 0.128F, 0.044F, 0.32168F, 0.33767F};
+
+}  // namespace
+
+TEST_CASE("float samples come back bit for bit on the surface they are from", "[flow]") {
+  Scene scene("noise.exr");
+  std::vector<float> samples = noise(3);
+  std::mt19937 random(11);
+  for (float& v : samples) {  // every finite float, tiny ones beside huge ones
+    do {
+      v = std::bit_cast<float>(static_cast<std::uint32_t>(random()));
+    } while (!std::isfinite(v));
+  }
+  samples[0] = std::numeric_limits<float>::max();
+  samples[3] = std::numeric_limits<float>::denorm_min();
+  samples[6] = -std::numeric_limits<float>::denorm_min();
+  write_samples(scene.texture(), kFloatRgb, samples);
+  const Report report = scene.run("out.exr");
+  REQUIRE(report.target_covered == std::uint64_t{kWidth} * kHeight);
+  CHECK(report.warnings.empty());
+  const std::vector<float> out = floats(scene.result());
+  REQUIRE(out.size() == samples.size());
+  CHECK(std::memcmp(out.data(), samples.data(), out.size() * 4) == 0);
+}
+
+TEST_CASE("half samples come back bit for bit", "[flow]") {
+  Scene scene("noise.exr");
+  std::mt19937 random(12);
+  std::vector<std::uint16_t> samples(std::size_t{kWidth} * kHeight * 3);
+  for (std::uint16_t& v : samples) {
+    do {
+      v = static_cast<std::uint16_t>(random());
+    } while (!std::isfinite(half_to_float(v)));
+  }
+  write_samples(scene.texture(), {0, 0, 3, Depth::half, true, false}, samples);
+  CHECK(scene.run("out.exr").warnings.empty());
+  const Stored out = scene.result();
+  REQUIRE(out.bytes.size() == samples.size() * 2);
+  CHECK(std::memcmp(out.bytes.data(), samples.data(), out.bytes.size()) == 0);
+}
+
+TEST_CASE("colours of an EXR with alpha come back bit for bit, even where alpha is 0", "[flow]") {
+  Scene scene("noise.exr");
+  std::vector<float> samples = noise(4);
+  for (std::size_t i = 3; i < samples.size(); i += 12) samples[i] = 0;
+  write_samples(scene.texture(), kFloatRgba, samples);
+  CHECK(scene.run("out.exr").warnings.empty());
+  const Stored out = scene.result();
+  CHECK(out.info.has_alpha);
+  CHECK(floats(out) == samples);
+}
+
+TEST_CASE("NaN and infinite samples become 0, counted", "[flow]") {
+  Scene scene("noise.exr");
+  std::vector<float> samples = noise(3);
+  samples[30] = std::numeric_limits<float>::quiet_NaN();
+  samples[31] = std::numeric_limits<float>::infinity();
+  write_samples(scene.texture(), kFloatRgb, samples);
+  const Report report = scene.run("out.exr");
+  CHECK(warnings(report, "2 samples are NaN or infinite and count as 0") == 1);
+  samples[30] = samples[31] = 0;
+  CHECK(floats(scene.result()) == samples);
+}
+
+TEST_CASE("a fourth channel that is no alpha keeps its name and weighs nothing", "[flow]") {
+  Scene scene("data.exr");
+  const std::vector<float> samples = noise(4);
+  write_samples(scene.texture(), kFloatData, samples);
+  const Report report = scene.run("out.exr");
+  CHECK(report.warnings.empty());
+  const Stored out = scene.result();
+  CHECK(out.info.names == Names{"R", "G", "B", "disp"});
+  CHECK_FALSE(out.info.has_alpha);
+  CHECK(floats(out) == samples);
+}
+
+TEST_CASE("what a format has no place for is left out and said", "[flow]") {
+  Scene scene("data.exr");
+  const std::vector<float> samples = noise(4);
+  write_samples(scene.texture(), kFloatData, samples);
+  const Report png = scene.run("out.png");
+  CHECK(warnings(png, "out.png") == 1);
+  CHECK(warnings(png, "has no place in PNG and is left out: disp") == 1);
+  CHECK(scene.result().info.channels == 3);
+  CHECK(warnings(scene.run("out.jpg"), "has no place in JPEG and is left out: disp") == 1);
+  const Report tiff = scene.run("out.tif");
+  CHECK(warnings(tiff, "TIFF has no names for channels: R, G, B, disp") == 1);
+  const Stored out = scene.result();
+  CHECK(out.info.channels == 4);
+  CHECK_FALSE(out.info.has_alpha);
+  CHECK(floats(out) == samples);
+}
+
+TEST_CASE("a TIFF whose fourth sample is no alpha is data, one with alpha is not", "[flow]") {
+  Scene scene("data.tif");
+  std::vector<std::uint8_t> samples(std::size_t{kWidth} * kHeight * 4);
+  std::mt19937 random(3);
+  for (std::uint8_t& v : samples) v = static_cast<std::uint8_t>(random());
+  write_samples(scene.texture(), {0, 0, 4, Depth::u8, false, false}, samples);
+  CHECK_FALSE(stored(scene.texture()).info.has_alpha);
+  CHECK(scene.run("out.tif").warnings.size() == 1);
+  Stored out = scene.result();
+  CHECK_FALSE(out.info.has_alpha);
+  CHECK(std::memcmp(out.bytes.data(), samples.data(), samples.size()) == 0);
+  write_samples(scene.texture(), {0, 0, 4, Depth::u8, false, true}, samples);
+  CHECK(scene.run("out.tif").warnings.empty());
+  out = scene.result();
+  CHECK(out.info.has_alpha);
+  CHECK(std::memcmp(out.bytes.data(), samples.data(), samples.size()) == 0);
+}
+
+TEST_CASE("names of other channels and layers are kept, or said where they cannot be", "[flow]") {
+  const auto names = GENERATE(values<Names>(
+      {{"Y"}, {"Z"}, {"R", "G"}, {"N.X", "N.Y", "N.Z"}, {"diffuse.R", "diffuse.G", "diffuse.B"}}));
+  Scene scene("data.exr");
+  io::ImageWriteSpec spec = kFloatRgb;
+  spec.channels = static_cast<std::uint32_t>(names.size());
+  spec.names = names;
+  const std::vector<float> samples = noise(spec.channels);
+  write_samples(scene.texture(), spec, samples);
+  CHECK(scene.run("out.exr").warnings.empty());
+  const Stored out = scene.result();
+  CHECK(out.info.names == names);
+  CHECK(floats(out) == samples);
+  CHECK(scene.run("out.png").warnings.size() == (names == Names{"Y"} ? 0 : 1));
+}
+
+TEST_CASE("grey with alpha keeps both", "[flow]") {
+  Scene scene("grey.exr");
+  const std::vector<float> samples = noise(2);
+  write_samples(scene.texture(), {0, 0, 2, Depth::float32, true, true, true, {}, {}}, samples);
+  CHECK(scene.run("out.exr").warnings.empty());
+  CHECK(scene.result().info.names == Names{"Y", "A"});
+  CHECK(scene.result().info.has_alpha);
+  CHECK(floats(scene.result()) == samples);
+}
+
+TEST_CASE("chromaticities are carried into EXR and missed elsewhere", "[flow]") {
+  Scene scene("wide.exr");
+  io::ImageWriteSpec spec = kFloatRgb;
+  spec.chromaticities = kWide;
+  write_samples(scene.texture(), spec, noise(3));
+  CHECK(scene.run("out.exr").warnings.empty());
+  REQUIRE(scene.result().info.chromaticities);
+  CHECK(*scene.result().info.chromaticities == kWide);
+  for (const char* name : {"out.png", "out.tif", "out.jpg"}) {
+    const Report report = scene.run(name);
+    CHECK(warnings(report, name) == 1);
+    CHECK(warnings(report, "holds no chromaticities") == 1);
+  }
+}
+
+TEST_CASE("chromaticities that differ are not made up", "[flow]") {
+  Scene scene("set.<UDIM>.exr");
+  io::ImageWriteSpec spec = kFloatRgb;
+  write_samples(scene.folder.file("set.1001.exr"), spec, noise(3));
+  spec.chromaticities = kWide;
+  write_samples(scene.folder.file("set.1002.exr"), spec, noise(3));
+  mesh::Mesh two = wavy_sheet();
+  for (Vec2f& uv : two.uv_sets[0]) uv.x *= 2;
+  write_glb(scene.folder.file("sheet.glb"), two);
+  CHECK(warnings(scene.run("out.exr"), "differ in their chromaticities") == 1);
+  CHECK_FALSE(scene.result().info.chromaticities);
+}
+
+TEST_CASE("samples that the output cannot hold are counted and said once", "[flow]") {
+  Scene scene("hdr.exr");
+  std::vector<float> samples = noise(3);
+  const std::size_t texel = (10 * kWidth + 10) * 3;
+  samples[texel] = 4;
+  samples[texel + 1] = -2;
+  samples[texel + 2] = 1.000005F;  // rounds to 1
+  samples[texel + 30] = 70000;
+  write_samples(scene.texture(), kFloatRgb, samples);
+  for (const char* name : {"out.png", "out.jpg"}) {
+    const Report report = scene.run(name);
+    CHECK(report.target_clipped == 3);
+    CHECK(warnings(report, "3 samples of baseColor were clipped") == 1);
+    CHECK(warnings(report, "--depth half or float with .exr") == 1);
+  }
+  const Report exr = scene.run("out.exr");
+  CHECK(exr.target_clipped == 0);
+  CHECK(exr.warnings.empty());
+  scene.options.depth = Depth::half;
+  const Report half = scene.run("half.exr");
+  CHECK(half.target_clipped == 1);
+  CHECK(warnings(half, "--depth float keeps them") == 1);
+}
+
+TEST_CASE("painting over leaves a channel alone that the source has not", "[flow]") {
+  Scene scene("colour.exr");
+  const std::vector<float> fresh = noise(3, 1), old = noise(4, 2);
+  write_samples(scene.texture(), kFloatRgb, fresh);
+  write_samples(scene.folder.file("old.exr"), kFloatData, old);
+  scene.options.onto = scene.folder.file("old.exr");
+  CHECK(scene.run("out.exr").warnings.empty());
+  const std::vector<float> out = floats(scene.result());
+  CHECK(scene.result().info.names == Names{"R", "G", "B", "disp"});
+  REQUIRE(out.size() == old.size());
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (out[i] != (i % 4 == 3 ? old[i] : fresh[i / 4 * 3 + i % 4])) FAIL("sample " << i);
+}
+
+TEST_CASE("images whose channels do not go together are said so", "[flow]") {
+  std::string message;
+  Scene scene("set.<UDIM>.exr");
+  mesh::Mesh two = wavy_sheet();
+  for (Vec2f& uv : two.uv_sets[0]) uv.x *= 2;
+  write_glb(scene.folder.file("sheet.glb"), two);
+  write_samples(scene.folder.file("set.1001.exr"), kFloatData, noise(4));
+  write_samples(scene.folder.file("set.1002.exr"), kFloatRgba, noise(4));
+  const Report report = scene.run("out.exr");
+  CHECK(warnings(report, "has no place in an image with alpha and is left out: disp") == 1);
+  CHECK(scene.result().info.names == Names{"R", "G", "B", "A"});
+  Scene absent("absent.exr");
+  CHECK(error_of(absent, "out.exr", message) == ErrorKind::storage);
+  CHECK_THAT(message, Catch::Contains("absent.exr: cannot open: No such file or directory"));
+}
+
+}  // namespace pounce::test
