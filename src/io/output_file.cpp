@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -10,45 +11,95 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <string_view>
+#include <system_error>
 
 #include "pounce/error.h"
 
 // The file has no name while it is being written (O_TMPFILE), so that even a killed process leaves
 // nothing behind. It gets a hidden name beside its final one only to be renamed over it: linkat()
-// cannot replace.
+// cannot replace. Where there are no nameless files it has the hidden name from the start. It is
+// locked (flock) as long as it is open: an unlocked one was left by a process that died, and the
+// next job with the same output removes it.
 namespace pounce::io {
 namespace {
 
-std::string folder_of(const std::filesystem::path& path) {
+namespace fs = std::filesystem;
+constexpr int kMostLinks = 40;  // as the kernel
+
+/// What `path` stands for once all its links are followed; the last one may lead to nothing yet.
+/// Empty: they lead in a circle, or into /proc, where a name is no name of a file.
+std::string followed(fs::path path) {
+  for (int link = 0; link < kMostLinks; ++link) {
+    std::error_code none;
+    const fs::path to = fs::read_symlink(path, none);
+    if (none) return path.string();
+    path = to.is_absolute() ? to : path.parent_path() / to;
+    if (path.string().starts_with("/proc/")) return {};
+  }
+  return {};
+}
+
+/// Is this ".NAME.<digits>-<digits>.tmp"?
+bool is_temporary(std::string_view entry, std::string_view name) {
+  const std::string start = fmt::format(".{}.", name);
+  if (!entry.starts_with(start) || !entry.ends_with(".tmp")) return false;
+  entry.remove_prefix(start.size());
+  if (entry.size() < 4) return false;
+  entry.remove_suffix(4);
+  const std::size_t dash = entry.find('-');
+  return dash != std::string_view::npos && dash > 0 && dash + 1 < entry.size() &&
+         entry.find_first_not_of("0123456789") == dash &&
+         entry.find_first_not_of("0123456789", dash + 1) == std::string_view::npos;
+}
+
+/// Removes a leftover of this user unless some process holds it. Failures do not matter.
+void remove_if_left(const std::string& path) {
+  const int file = ::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+  if (file < 0) return;
+  struct stat opened {
+  }, named{};
+  const bool dead = ::fstat(file, &opened) == 0 && S_ISREG(opened.st_mode) &&
+                    opened.st_uid == ::geteuid() && ::flock(file, LOCK_EX | LOCK_NB) == 0 &&
+                    ::lstat(path.c_str(), &named) == 0 && opened.st_dev == named.st_dev &&
+                    opened.st_ino == named.st_ino;
+  if (dead) ::unlink(path.c_str());
+  ::close(file);
+}
+
+void remove_leftovers(const std::string& folder, const std::string& name) {
+  std::error_code ignored;
+  for (fs::directory_iterator entry(folder, ignored), end; !ignored && entry != end;
+       entry.increment(ignored)) {
+    if (is_temporary(entry->path().filename().string(), name))
+      remove_if_left(entry->path().string());
+  }
+}
+
+std::string folder_of(const fs::path& path) {
   return path.has_parent_path() ? path.parent_path().string() : ".";
 }
 
 }  // namespace
 
 OutputFile::OutputFile(const std::string& path)
-    : path_(path), folder_(folder_of(path)), folders_(folder_) {
-  const std::filesystem::path whole(path);
-  struct stat status {};
-  if (::stat(folder_.c_str(), &status) != 0)
-    fail(fmt::format("{}: {}", folder_, std::strerror(errno)));
-  if (!S_ISDIR(status.st_mode)) fail(fmt::format("{} is not a folder", folder_));
-  if (::stat(path_.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
+    : path_(path), target_(followed(path)), folder_(folder_of(target_)), folders_(folder_) {
+  if (target_.empty()) fail("it is a link that leads to no file");
+  struct stat there {};
+  const bool replaces = ::stat(path_.c_str(), &there) == 0;
+  if (replaces && !S_ISREG(there.st_mode)) {
     fail("there is something of that name that is not a file");
   }
-  static std::atomic<unsigned> counter{0};
-  temporary_ = (std::filesystem::path(folder_) /
-                fmt::format(".{}.{}-{}.tmp", whole.filename().string(), ::getpid(), counter++))
-                   .string();
+  check_folder();
+  name_ = fs::path(target_).filename().string();
+  remove_leftovers(folder_, name_);
   if (::access("/proc/self/fd", X_OK) == 0) {
     descriptor_ = ::open(folder_.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
     nameless_ = descriptor_ >= 0;
+    if (nameless_) ::flock(descriptor_, LOCK_EX | LOCK_NB);  // it has no name: nobody else can
   }
-  if (descriptor_ < 0) {
-    ::unlink(temporary_.c_str());  // of a dead process that had our number
-    descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0666);
-    if (descriptor_ < 0) fail(std::strerror(errno));
-    has_temporary_ = true;
-  }
+  if (descriptor_ < 0) open_named();
+  if (replaces) keep_mode(there);
   stream_ = ::fopencookie(this, "w", {nullptr, write_piece, seek, nullptr});
   if (stream_ == nullptr) {
     ::close(descriptor_);
@@ -56,6 +107,60 @@ OutputFile::OutputFile(const std::string& path)
     fail("no stream");
   }
   std::setvbuf(stream_, nullptr, _IOFBF, 256 << 10);
+}
+
+void OutputFile::check_folder() const {
+  struct stat status {};
+  if (::stat(folder_.c_str(), &status) != 0)
+    fail(fmt::format("{}: {}", folder_, std::strerror(errno)));
+  if (!S_ISDIR(status.st_mode)) fail(fmt::format("{} is not a folder", folder_));
+}
+
+void OutputFile::next_temporary() {
+  static std::atomic<unsigned> counter{0};
+  temporary_ =
+      (fs::path(folder_) / fmt::format(".{}.{}-{}.tmp", name_, ::getpid(), counter++)).string();
+}
+
+void OutputFile::open_named() {
+  for (;;) {
+    next_temporary();
+    descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0666);
+    if (descriptor_ < 0 && errno == EEXIST) continue;  // a process of our number elsewhere
+    if (descriptor_ < 0) fail(std::strerror(errno));
+    // Before it is locked another job may take it for a leftover.
+    struct stat named {};
+    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+      ::close(descriptor_);
+      continue;
+    }
+    if (::lstat(temporary_.c_str(), &named) == 0) break;
+    ::close(descriptor_);
+  }
+  has_temporary_ = true;
+}
+
+void OutputFile::give_temporary_name() {
+  const std::string self = fmt::format("/proc/self/fd/{}", descriptor_);
+  while (!has_temporary_) {
+    next_temporary();
+    has_temporary_ =
+        ::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, temporary_.c_str(), AT_SYMLINK_FOLLOW) == 0;
+    if (!has_temporary_ && errno != EEXIST) fail(std::strerror(errno));
+  }
+}
+
+/// A file that is replaced keeps its permissions, and its owner as far as that is allowed.
+void OutputFile::keep_mode(const struct stat& old) const {
+  mode_t mode = old.st_mode & 07777;
+  struct stat own {};
+  if (::fstat(descriptor_, &own) != 0) return;
+  if ((own.st_uid != old.st_uid || own.st_gid != old.st_gid) &&
+      ::fchown(descriptor_, old.st_uid, old.st_gid) != 0) {
+    if (::fchown(descriptor_, static_cast<uid_t>(-1), old.st_gid) != 0) mode &= ~02070U;
+    mode &= ~04000U;
+  }
+  (void)!::fchmod(descriptor_, mode);
 }
 
 OutputFile::~OutputFile() {
@@ -116,15 +221,8 @@ void OutputFile::commit() {
   const bool flushed = std::fclose(stream) == 0;
   check();
   if (!flushed || ::fsync(descriptor_) != 0) fail(std::strerror(errno));
-  if (nameless_) {
-    ::unlink(temporary_.c_str());
-    const std::string self = fmt::format("/proc/self/fd/{}", descriptor_);
-    if (::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, temporary_.c_str(), AT_SYMLINK_FOLLOW) != 0) {
-      fail(std::strerror(errno));
-    }
-    has_temporary_ = true;
-  }
-  if (::rename(temporary_.c_str(), path_.c_str()) != 0) fail(std::strerror(errno));
+  if (nameless_) give_temporary_name();
+  if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail(std::strerror(errno));
   has_temporary_ = false;
   const int folder = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   const bool synced = folder >= 0 && ::fsync(folder) == 0;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <sys/stat.h>
+
 #include <cstdint>
 #include <cstdio>
 #include <string>
@@ -10,8 +12,9 @@
 namespace pounce::io {
 
 /// A file that appears under its name whole or not at all, for libraries that write and seek
-/// through a C stream. Folders that are missing are made. Throws Error(storage) with path and
-/// reason. Not thread-safe.
+/// through a C stream. Folders that are missing are made. A symbolic link stays and what it leads to
+/// is replaced; a file that is replaced hands on its permissions. Throws Error(storage) with path
+/// and reason. Not thread-safe.
 class OutputFile {
  public:
   explicit OutputFile(const std::string& path);
@@ -36,7 +39,14 @@ class OutputFile {
   static long write_piece(void* self, const char* bytes, std::size_t count);
   static int seek(void* self, std::int64_t* offset, int whence);
 
-  std::string path_, folder_;
+  void check_folder() const;
+  void next_temporary();
+  void open_named();
+  void give_temporary_name();
+  void keep_mode(const struct stat& old) const;
+
+  std::string path_, target_;  ///< as given; what it stands for once links are followed
+  std::string folder_, name_;  ///< of target_
   NewFolders folders_;
   std::string temporary_;
   bool nameless_ = false;

@@ -76,8 +76,13 @@ std::uint64_t CacheSpace::reserve(const std::string& part, std::uint64_t reserve
     if (scan.total_bytes > most + evictable) continue;
     evict_locked(scan, most, nullptr);
     if (scan.total_bytes > most) continue;  // the rest is in use: without the step it may do
-    files_.resize(part, size);
-    return size;
+    try {
+      files_.resize(part, size);
+      return size;
+    } catch (const Error&) {
+      // Files may be limited (ulimit -f) to less than what is reserved beyond what is needed.
+      if (size == size_bytes) throw;
+    }
   }
   return 0;
 }
@@ -116,9 +121,21 @@ Evicted CacheSpace::evict_locked(CacheScan& scan, std::uint64_t most_bytes,
   return evicted;
 }
 
+namespace {
+
+/// Only what jobs leave is removed, wherever the folder may lead.
+bool is_leftover(const std::string& name) {
+  if (name.ends_with(".part") || name.ends_with(".hashes")) return true;
+  const std::size_t key = name.find('-') + 1;
+  return key != 0 && key_from_hex(name.substr(key)).has_value();
+}
+
+}  // namespace
+
 void remove_leftovers(FileSystem& files, const CacheLayout& layout) {
   for (const std::string& folder : {layout.parts_folder(), layout.locks_folder()}) {
     for (const std::string& name : files.list(folder)) {
+      if (!is_leftover(name)) continue;
       try {
         files.remove_unheld(folder + "/" + name);
       } catch (const Error&) {

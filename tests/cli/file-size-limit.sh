@@ -12,3 +12,10 @@ for cache in '--no-cache' '--cache stored'; do
   [[ -z $(ls -A result) ]] || fail "left behind: $(ls -A result)"
 done
 expect 0 transfer head/head_src.glb head/head_same.glb -o result/o.png --size 64 --cache stored
+
+# A limit that the job's files fit into does no harm, though a cache reserves more than it needs.
+rm -rf stored
+(ulimit -f 2048 && exec "$POUNCE" transfer head/head_src.glb head/head_same.glb -o result/p.png --size 64 --cache stored \
+  --cache-limit 4GiB) >"$out" 2>"$err" || fail 'a job that fits was refused'
+cmp result/o.png result/p.png || fail 'the limit changes the picture'
+[[ -n $(ls stored/v1/geometry/*.pack) ]] || fail 'nothing was kept'
