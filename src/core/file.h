@@ -71,7 +71,8 @@ class FileSystem {
   virtual std::unique_ptr<FileLock> try_lock(const std::string& path) = 0;
 
   // Files that several processes share. Whoever has one open through these holds it (a shared
-  // lock); whoever removes one through remove_unheld() is sure that nobody does.
+  // lock); whoever removes one through remove_unheld() is sure that nobody does. None of
+  // them follows a symbolic link: in a folder that users share it may lead anywhere.
 
   /// Like open(), and holds the file until the reader is gone; null if there is none or it is just
   /// being removed.
@@ -79,6 +80,10 @@ class FileSystem {
   /// Like create(), and holds the file until writer and readers are gone. Null if there is one of
   /// that name, or it was taken for a leftover and removed before it could be held; try another.
   virtual std::unique_ptr<WriteFile> create_held(const std::string& path) = 0;
+  /// Like open(), but null unless the file is this user's own and nobody else may write to it.
+  virtual std::unique_ptr<ReadFile> open_private(const std::string& path) = 0;
+  /// Like create_held(), and no other user may read or write it.
+  virtual std::unique_ptr<WriteFile> create_private(const std::string& path) = 0;
   /// Removes a file unless somebody holds or locks it (then false). A missing one is fine.
   virtual bool remove_unheld(const std::string& path) = 0;
   /// Like rename(), but false, and nothing done, if `to` exists.

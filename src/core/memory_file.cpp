@@ -249,6 +249,13 @@ class MemoryFileSystem final : public FileSystem {
     return std::make_unique<MemoryWriteFile>(contents, std::make_shared<Hold>(contents));
   }
 
+  std::unique_ptr<ReadFile> open_private(const std::string& path) override {
+    return open_held(path);
+  }
+  std::unique_ptr<WriteFile> create_private(const std::string& path) override {
+    return create_held(path);
+  }
+
   bool remove_unheld(const std::string& path) override {
     const std::lock_guard lock(mutex_);
     const auto found = files_.find(normal(path));

@@ -80,9 +80,9 @@ int open_retrying(const char* path, int flags, mode_t mode = 0) {
 /// Opens a file to lock it. Another user's, in a folder that users share, may only be opened for
 /// reading, which is enough for a lock (but on NFS).
 int open_to_lock(const char* path, int flags, mode_t mode = 0) {
-  const int fd = open_retrying(path, O_RDWR | flags, mode);
+  const int fd = open_retrying(path, O_RDWR | O_NOFOLLOW | O_NONBLOCK | flags, mode);
   if (fd >= 0 || errno != EACCES) return fd;
-  const int readable = open_for_reading(path);
+  const int readable = open_retrying(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
   if (readable < 0) errno = EACCES;
   return readable;
 }
@@ -270,6 +270,8 @@ class PosixFileLock final : public FileLock {
   std::unique_ptr<Descriptor> fd_;  // closing it gives the flock back
 };
 
+int close_folder(DIR* folder) { return folder == nullptr ? 0 : ::closedir(folder); }
+
 class PosixFileSystem final : public FileSystem {
  public:
   std::unique_ptr<ReadFile> open(const std::string& path) override {
@@ -333,7 +335,9 @@ class PosixFileSystem final : public FileSystem {
   }
 
   std::vector<std::string> list(const std::string& folder) override {
-    const std::unique_ptr<DIR, int (*)(DIR*)> stream(::opendir(folder.c_str()), ::closedir);
+    const int fd = open_retrying(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW);
+    const std::unique_ptr<DIR, int (*)(DIR*)> stream(fd < 0 ? nullptr : ::fdopendir(fd),
+                                                     close_folder);
     if (!stream) fail(folder, "list the folder", errno);
     std::vector<std::string> names;
     for (;;) {
@@ -362,8 +366,8 @@ class PosixFileSystem final : public FileSystem {
   }
 
   std::unique_ptr<ReadFile> open_held(const std::string& path) override {
-    const int fd = open_for_reading(path);
-    if (fd < 0 && errno == ENOENT) return nullptr;
+    const int fd = open_retrying(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
+    if (fd < 0 && (errno == ENOENT || errno == ELOOP)) return nullptr;
     if (fd < 0) fail(path, "open", errno);
     auto file = std::make_unique<PosixReadFile>(fd, path);
     if (!lock_now(fd, path, LOCK_SH) || !is_named(fd, path)) return nullptr;
@@ -371,7 +375,11 @@ class PosixFileSystem final : public FileSystem {
   }
 
   std::unique_ptr<WriteFile> create_held(const std::string& path) override {
-    const int fd = open_retrying(path.c_str(), O_RDWR | O_CREAT | O_EXCL, 0666);
+    return create_held_with(path, 0666);
+  }
+
+  static std::unique_ptr<WriteFile> create_held_with(const std::string& path, mode_t mode) {
+    const int fd = open_retrying(path.c_str(), O_RDWR | O_CREAT | O_EXCL, mode);
     if (fd < 0 && errno == EEXIST) return nullptr;
     if (fd < 0) fail(path, "create", errno);
     auto file = std::make_unique<PosixWriteFile>(fd, path);
@@ -379,10 +387,29 @@ class PosixFileSystem final : public FileSystem {
     return file;
   }
 
+  std::unique_ptr<ReadFile> open_private(const std::string& path) override {
+    const int fd = open_retrying(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
+    if (fd < 0 && (errno == ENOENT || errno == ELOOP || errno == EACCES)) return nullptr;
+    if (fd < 0) fail(path, "open", errno);
+    auto file = std::make_unique<PosixReadFile>(fd, path);
+    struct stat found {};
+    if (::fstat(fd, &found) != 0) fail(path, "look at it", errno);
+    const bool ours = found.st_uid == ::geteuid() && (found.st_mode & (S_IWGRP | S_IWOTH)) == 0;
+    return ours ? std::move(file) : nullptr;
+  }
+
+  std::unique_ptr<WriteFile> create_private(const std::string& path) override {
+    return create_held_with(path, 0600);
+  }
+
   bool remove_unheld(const std::string& path) override {
     for (;;) {
       const Descriptor fd(open_to_lock(path.c_str(), 0));
       if (fd.get() < 0 && errno == ENOENT) return true;
+      if (fd.get() < 0 && errno == ELOOP) {  // a link, which nobody holds
+        remove(path);
+        return true;
+      }
       if (fd.get() < 0) fail(path, "remove", errno);
       if (!lock_now(fd.get(), path, LOCK_EX)) return false;
       if (!is_named(fd.get(), path)) continue;
@@ -424,11 +451,14 @@ class PosixFileSystem final : public FileSystem {
 
   void touch(const std::string& path) override {
     const timespec times[2] = {{0, UTIME_OMIT}, {0, UTIME_NOW}};
-    if (::utimensat(AT_FDCWD, path.c_str(), times, 0) != 0) fail(path, "set its time", errno);
+    if (::utimensat(AT_FDCWD, path.c_str(), times, AT_SYMLINK_NOFOLLOW) != 0)
+      fail(path, "set its time", errno);
   }
 
   void resize(const std::string& path, std::uint64_t size_bytes) override {
-    while (::truncate(path.c_str(), static_cast<off_t>(size_bytes)) != 0) {
+    const Descriptor fd(open_retrying(path.c_str(), O_WRONLY | O_NOFOLLOW));
+    if (fd.get() < 0) fail(path, "open", errno);
+    while (::ftruncate(fd.get(), static_cast<off_t>(size_bytes)) != 0) {
       if (errno != EINTR) fail(path, "set its size", errno);
     }
   }

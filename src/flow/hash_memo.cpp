@@ -73,8 +73,8 @@ std::vector<HashMemo::Entry> HashMemo::load() const {
   std::vector<Entry> entries;
   std::vector<std::byte> bytes;
   try {
-    if (!files_.exists(path_)) return entries;
-    const auto file = files_.open(path_);
+    const auto file = files_.open_private(path_);
+    if (file == nullptr) return entries;
     const std::uint64_t size = file->size_bytes();
     if (size < kFrameBytes || size > kFrameBytes + kMostEntries * kEntryBytes ||
         (size - kFrameBytes) % kEntryBytes != 0) {
@@ -119,7 +119,7 @@ void HashMemo::save(std::vector<Entry> entries) {
   put_u64(bytes.data() + at, checksum(std::span(bytes).first(at)));
   const std::string part = fmt::format("{}/{}-{}.hashes", parts_folder_, ::getpid(), now_ns());
   try {
-    const auto file = files_.create_held(part);
+    const auto file = files_.create_private(part);
     if (file == nullptr) return;
     file->append(bytes);
     file->sync();

@@ -19,8 +19,10 @@ namespace pounce::flow {
 /// so shortly before it was hashed that a later change could carry the same time is not remembered
 /// (git calls such files racily clean).
 ///
-/// One small file in the cache, replaced as a whole and checked by a checksum: several processes
-/// may write it, the last one wins, and what is damaged or lost is hashed again. Thread-safe.
+/// One small file per user in the cache (whoever could write it could have any scene taken for any
+/// other, so nobody's is believed but one's own), replaced as a whole and checked by a checksum:
+/// several processes may write it, the last one wins, and what is damaged or lost is hashed again.
+/// Thread-safe.
 class HashMemo {
  public:
   /// Files (or parts of files) below this are hashed each time: 5 ms at 3 GB/s.

@@ -2,6 +2,7 @@
 #include "tiles/cache_layout.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <charconv>
@@ -120,6 +121,9 @@ std::string CacheLayout::pack(PackKind kind, const Hash128& key) const {
 }
 std::string CacheLayout::label(PackKind kind, const Hash128& key) const {
   return fmt::format("{}/{}{}", kind_folder(kind), to_hex(key), kLabelEnding);
+}
+std::string CacheLayout::hash_memo() const {
+  return fmt::format("{}/hashes-{}", folder_, ::geteuid());
 }
 std::string CacheLayout::key_lock(PackKind kind, const Hash128& key) const {
   return fmt::format("{}/{}-{}", locks_folder(), kind_name(kind), to_hex(key));

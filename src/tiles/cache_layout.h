@@ -36,7 +36,7 @@ class CacheLayout {
   std::string locks_folder() const { return folder_ + "/locks"; }
   std::string parts_folder() const { return folder_ + "/tmp"; }
   std::string space_lock() const { return folder_ + "/space.lock"; }
-  std::string hash_memo() const { return folder_ + "/hashes"; }
+  std::string hash_memo() const;  ///< of this user
 
  private:
   std::string folder_;

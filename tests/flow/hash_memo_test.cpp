@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "flow/hash_memo.h"
 
+#include <unistd.h>
+
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <filesystem>
@@ -97,6 +99,25 @@ TEST_CASE("a damaged memo is ignored and replaced", "[flow]") {
   CHECK(memo.computed == 1 + 2 * static_cast<int>(bytes.size()));
   test::write_whole(posix_file_system(), memo.path, bytes);
   CHECK(memo.get() == first);
+}
+
+TEST_CASE("a memo that somebody else may have written is not believed", "[flow]") {
+  Memo memo;
+  const Hash128 first = memo.get();
+  for (const fs::perms writer : {fs::perms::group_write, fs::perms::others_write}) {
+    fs::permissions(memo.path, writer, fs::perm_options::add);
+    CHECK(memo.get() != first);  // and is replaced
+    CHECK((fs::status(memo.path).permissions() & fs::perms(077)) == fs::perms::none);
+  }
+  const Hash128 last = memo.get();
+  CHECK(memo.computed == 3);
+  fs::rename(memo.path, memo.folder.file("elsewhere"));
+  fs::create_symlink(memo.folder.file("elsewhere"), memo.path);
+  CHECK(memo.get() != last);
+  fs::remove(memo.path);
+  fs::rename(memo.folder.file("elsewhere"), memo.path);
+  CHECK(memo.get() == last);
+  if (::chown(memo.path.c_str(), 65534, 65534) == 0) CHECK(memo.get() != last);  // only as root
 }
 
 TEST_CASE("a memo that cannot be written costs nothing but time", "[flow]") {

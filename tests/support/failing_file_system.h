@@ -84,6 +84,16 @@ class FailingFileSystem : public FileSystem {
     auto file = real_.create_held(path);
     return file ? std::make_unique<Writer>(*this, std::move(file)) : nullptr;
   }
+  std::unique_ptr<ReadFile> open_private(const std::string& path) override {
+    step("open_private");
+    auto file = real_.open_private(path);
+    return file ? std::make_unique<Reader>(*this, std::move(file)) : nullptr;
+  }
+  std::unique_ptr<WriteFile> create_private(const std::string& path) override {
+    step("create_private");
+    auto file = real_.create_private(path);
+    return file ? std::make_unique<Writer>(*this, std::move(file)) : nullptr;
+  }
   bool remove_unheld(const std::string& path) override {
     step("remove_unheld");
     return real_.remove_unheld(path);
