@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+# Small whole jobs that together touch every feature, for programs that were built with sanitizers: POUNCE and
+# POUNCE_FIXTURE. Any report of a sanitizer, or another exit status than is expected, ends it with 1.
+# tools/sanitize.sh builds and runs it.
+set -euo pipefail
+: "${POUNCE:?the program under test}" "${POUNCE_FIXTURE:?the maker of input}"
+work=$(mktemp -d "${TMPDIR:-/tmp}/pounce-sanitize-XXXXXX")
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+export LC_ALL=C XDG_CACHE_HOME=$work/default
+export ASAN_OPTIONS=exitcode=99:detect_leaks=1:strict_string_checks=1:detect_stack_use_after_return=1
+export UBSAN_OPTIONS=print_stacktrace=1
+export TSAN_OPTIONS=exitcode=99
+
+jobs=0
+# job STATUS ARGUMENT...
+job() {
+  local wanted=$1 status=0
+  shift
+  jobs=$((jobs + 1))
+  timeout 300 "$POUNCE" "$@" >out.txt 2>err.txt || status=$?
+  if [[ $status != "$wanted" ]] || grep -qE 'Sanitizer|runtime error:' out.txt err.txt; then
+    printf 'FAILED with %s, not %s: pounce %s\n' "$status" "$wanted" "$*"
+    head -c 6000 err.txt
+    exit 1
+  fi
+}
+fixture() { "$POUNCE_FIXTURE" "$@" >/dev/null; }
+text() { printf '%s\n' "${@:2}" >"$1"; }
+
+fixture head -o head --triangles 1500 --texture 96 --target-size 64
+fixture channels -o channels
+fixture splats -o splats/scene.ply --count 6000 --broken 3 --target-size 64 --sh-degree 1
+source=head/head_src.glb target=head/head_same.glb
+text tiles.obj 'v 0 0 0' 'v 2 0 0' 'v 2 1 0' 'v 0 1 0' 'vt 0 0' 'vt 2 0' 'vt 2 1' 'vt 0 1' 'f 1/1 2/2 3/3 4/4'
+text plane.obj 'mtllib plane.mtl' 'usemtl skin' 'v 0 0 0' 'v 2 0 0' 'v 2 1 0' 'v 0 1 0' 'vt 0 0' 'vt 1 0' \
+  'vt 1 1' 'vt 0 1' 'o one' 'f 1/1 2/2 3/3' 'o two' 'f 1/1 3/3 4/4'
+text plane.mtl 'newmtl skin' 'map_Kd skin.ppm'
+{ printf 'P6\n8 8\n255\n' && head -c 192 /dev/zero | tr '\0' 'p'; } >skin.ppm
+
+# Meshes: the cache cold, warm, too small; threads and search; every format and depth.
+job 0 transfer $source $target -o a.png --size 96 --cache cold --coverage covered.png --report report.json
+job 0 transfer $source $target -o a.png --size 96 --cache cold --progress json
+job 0 transfer $source $target -o b.png --size 96 --cache small --cache-limit 200KiB
+job 0 transfer $source $target -o b.png --size 64 --cache small --cache-limit 200KiB
+job 0 transfer $source $target -o c.png --size 96 --threads 7 --max-distance 50% --max-angle 60 --padding 3
+job 0 transfer $source $target -o d.jpg --size 70x50 --no-cache
+job 0 transfer $source $target -o e.png --depth u16 --size 64 --no-cache
+job 0 transfer $source $target -o f.exr --depth half --size 64 --no-cache
+job 0 transfer $source $target -o g.tif --depth float --size 64 --no-cache
+job 0 transfer $source $target -o h.exr --source-texture baseColor=f.exr --size 64 --no-cache
+job 0 transfer $source $target -o i.tif --source-texture baseColor=g.tif --size 64 --no-cache
+job 0 transfer $source $target -o j.png --plan
+# Models, channels, texture sets, selection, painting over, several targets.
+job 0 transfer $source $target -o k.glb --size 64
+job 0 transfer $source $target -o l.gltf --size 64
+job 0 transfer channels/channels_src.glb channels/channels_target.glb -o 'm_<CHANNEL>.png' --channels all --size 64
+job 0 transfer plane.obj tiles.obj -o 'n.<UDIM>.tif' --size 70
+job 0 transfer tiles.obj plane.obj -o o.png --source-texture 'baseColor=n.<UDIM>.tif' --size 64
+job 0 transfer plane.obj plane.obj -o p.png --source-mesh one --target-material 'sk*' --source-axes x,y,z
+job 0 transfer $source $target -o q.png --onto a.png --mask covered.png
+job 0 transfer $source $target head/head_other.glb -o 'r_<TARGET>.png' --size 64
+job 0 transfer $source $target -o a.png --size 96 --skip-existing
+# Splats; the other commands.
+job 0 transfer splats/scene.ply splats/scene_target.glb -o s.png --size 64 --cache cold
+job 0 transfer splats/scene.ply splats/scene_target.glb -o t.exr --size 64 --cache cold --threads 3
+job 0 gaussians $source -o u.ply
+job 0 maps $target -o 'v_<CHANNEL>.exr' --size 70
+for file in $source plane.obj splats/scene.ply a.png; do job 0 inspect "$file"; done
+job 0 compare a.png c.png
+job 0 cache verify --cache cold
+job 0 cache prune --cache cold --to 4096
+# What must fail, and how.
+job 2 transfer $source $target -o a.png --size 0
+job 5 transfer absent.glb $target -o a.png
+job 4 transfer $source $target -o a.png --memory 1MiB
+job 5 transfer $source $target -o /dev/full --size 64
+head -c 3000 $source >cut.glb
+job 3 transfer cut.glb $target -o a.png
+
+# The odd files, as sources and as targets: none may make a sanitizer speak, whatever pounce thinks of them.
+any_status() {
+  local status=0
+  timeout 300 "$POUNCE" "$@" >out.txt 2>err.txt || status=$?
+  jobs=$((jobs + 1))
+  if ((status >= 99)) || grep -qE 'Sanitizer|runtime error:' out.txt err.txt; then
+    printf 'FAILED with %s: pounce %s\n' "$status" "$*"
+    head -c 6000 err.txt
+    exit 1
+  fi
+}
+if [[ ${1-short} == full ]]; then
+  fixture odd -o odd
+  for file in odd/*; do
+    any_status inspect "$file"
+    any_status transfer "$file" $target -o odd.png --size 64 --no-cache
+    any_status transfer $source "$file" -o odd.png --size 64 --no-cache
+    any_status transfer $source "$file" -o odd.glb --size 64 --no-cache
+  done
+fi
+echo "sanitize: $jobs jobs, no report"

@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Whole jobs under sanitizers; any report fails.
+#
+#   tools/sanitize.sh short   the two programs with AddressSanitizer and UndefinedBehaviorSanitizer, and small jobs
+#                             of every feature (tests/sanitize/transfers.sh); part of .ci/run
+#   tools/sanitize.sh full    the same with odd files, every test of the preset asan, and the flow tests of the
+#                             preset tsan (tools/tsan-tbb.sh must have run)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+mode=${1:-short}
+[[ $mode == short || $mode == full ]] || {
+  echo "usage: tools/sanitize.sh short|full" >&2
+  exit 2
+}
+
+# Little optimisation and no tests: half the time to build.
+folder=$PWD/build/sanitize
+cmake -S . -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=None -DCMAKE_CXX_FLAGS='-O1 -g1' \
+  -DPOUNCE_SANITIZE=address,undefined -DPOUNCE_BUILD_TESTS=OFF >/dev/null
+cmake --build "$folder" --target pounce_cli pounce_fixture_cli
+POUNCE=$folder/pounce POUNCE_FIXTURE=$folder/pounce-fixture bash tests/sanitize/transfers.sh "$mode"
+
+[[ $mode == full ]] || exit 0
+export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 ASAN_OPTIONS=detect_stack_use_after_return=1
+cmake --preset asan -DPOUNCE_BUILD_TESTS=ON
+cmake --build --preset asan
+ctest --preset asan -j2
+cmake --preset tsan -DPOUNCE_BUILD_TESTS=ON
+cmake --build --preset tsan
+TSAN_OPTIONS=halt_on_error=1 ctest --preset tsan -L flow
