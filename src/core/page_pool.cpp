@@ -16,6 +16,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <new>
 
 namespace pounce {
 namespace {
@@ -161,7 +162,11 @@ void PagePool::release(void* at, std::size_t bytes) noexcept {
   Pool& p = pool();
   const std::lock_guard lock(p.mutex);
   if (pages < kLongRun) return free_run(p, static_cast<std::byte*>(at), pages);
-  p.waiting.push_back({static_cast<std::byte*>(at), pages});
+  try {
+    p.waiting.push_back({static_cast<std::byte*>(at), pages});
+  } catch (const std::bad_alloc&) {
+    return free_run(p, static_cast<std::byte*>(at), pages);
+  }
   p.waiting_pages += pages;
   while (p.waiting_pages > kMostWaitingPages) {
     const WaitingRun oldest = p.waiting.front();

@@ -51,6 +51,21 @@ std::uint64_t least_limit(const std::string& mount, std::string group, const std
   }
 }
 
+/// Bytes of the process's address space (field 0) or data (field 5) that are taken already.
+std::uint64_t taken_bytes(const std::string& system_root, int field) {
+  std::ifstream file(system_root + "/proc/self/statm");
+  std::uint64_t pages = 0;
+  for (int i = 0; i <= field; ++i) {
+    if (!(file >> pages)) return 0;
+  }
+  return pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGE_SIZE));
+}
+
+/// What a limit of the process leaves to it: libraries alone take hundreds of MiB of address space.
+std::uint64_t left_of(std::uint64_t limit, std::uint64_t taken) {
+  return limit == kNoLimit ? kNoLimit : limit - std::min(limit, taken);
+}
+
 bool lists_memory(const std::string& controllers) {
   std::stringstream list(controllers);
   for (std::string name; std::getline(list, name, ',');) {
@@ -89,8 +104,8 @@ UsableMemory usable_memory(const std::string& system_root) {
     if (limit < usable.bytes) usable = {limit, name};
   };
   apply(cgroup_limit(system_root), "cgroup");
-  apply(resource_limit(RLIMIT_AS), "address space limit");
-  apply(resource_limit(RLIMIT_DATA), "data limit");
+  apply(left_of(resource_limit(RLIMIT_AS), taken_bytes(system_root, 0)), "address space limit");
+  apply(left_of(resource_limit(RLIMIT_DATA), taken_bytes(system_root, 5)), "data limit");
   return usable;
 }
 

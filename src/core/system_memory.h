@@ -13,8 +13,9 @@ struct UsableMemory {
 };
 
 /// The least of: physical memory, the memory limits of this process's control groups and of all
-/// groups above them (v2 memory.max, v1 memory.limit_in_bytes), RLIMIT_AS and RLIMIT_DATA. What
-/// cannot be read does not limit. `system_root` stands in front of /proc and /sys, for tests.
+/// groups above them (v2 memory.max, v1 memory.limit_in_bytes), and what RLIMIT_AS and RLIMIT_DATA
+/// leave beside what the process took already (libraries, above all). What cannot be read does not
+/// limit. `system_root` stands in front of /proc and /sys, for tests.
 UsableMemory usable_memory(const std::string& system_root = {});
 
 }  // namespace pounce

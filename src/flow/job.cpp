@@ -9,7 +9,9 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "core/own_errors.h"
 #include "core/system_memory.h"
+#include "core/threads.h"
 #include "io/new_folders.h"
 #include "pounce/cache.h"
 #include "pounce/version.h"
@@ -96,6 +98,16 @@ std::unique_ptr<tiles::StoreFolder> open_cache(const Resources& resources, const
   }
 }
 
+void require_threads(unsigned count) {
+  const unsigned obtainable = obtainable_threads(count);
+  if (obtainable == count) return;
+  throw Error(
+      ErrorKind::storage,
+      fmt::format("only {} of {} threads can be had; run it with --threads {}, or raise the "
+                  "limit (ulimit -u for threads, -v and -d for the memory of their stacks)",
+                  obtainable, count, obtainable));
+}
+
 void run_attempts(const Resources& resources, JobRun& run,
                   const std::function<void(JobRun&, bool rebuild)>& job) {
   try {
@@ -155,7 +167,10 @@ Report run_job(const Resources& resources, Progress* progress, Report* so_far,
   tbb::task_arena arena(static_cast<int>(thread_count(resources)));
   JobRun run(progress);
   try {
-    arena.execute([&] { run_attempts(resources, run, job); });
+    with_own_errors([&] {
+      require_threads(thread_count(resources));
+      arena.execute([&] { run_attempts(resources, run, job); });
+    });
   } catch (const Error& e) {
     run.report.failure = Failure{error_kind_name(e.kind()), exit_status(e.kind()), e.what()};
     if (so_far != nullptr) *so_far = std::move(run.report);

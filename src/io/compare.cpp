@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "core/own_errors.h"
 #include "io/image_read.h"
 #include "io/sample.h"
 
@@ -68,10 +69,8 @@ void check_sizes(const std::string& path, const io::ImageInfo& info, const std::
                   path, info.width, info.height, other_path, other.width, other.height));
 }
 
-}  // namespace
-
-Comparison compare(const std::string& a_path, const std::string& b_path,
-                   const std::string& mask_path) {
+Comparison compare_images(const std::string& a_path, const std::string& b_path,
+                          const std::string& mask_path) {
   Strips a(a_path), b(b_path);
   check_sizes(a_path, a.info(), b_path, b.info());
   std::optional<Strips> mask;
@@ -115,6 +114,13 @@ Comparison compare(const std::string& a_path, const std::string& b_path,
   result.psnr_db = sums.squared == 0 ? std::numeric_limits<double>::infinity()
                                      : 10 * std::log10(count / sums.squared);
   return result;
+}
+
+}  // namespace
+
+Comparison compare(const std::string& a_path, const std::string& b_path,
+                   const std::string& mask_path) {
+  return with_own_errors([&] { return compare_images(a_path, b_path, mask_path); });
 }
 
 }  // namespace pounce

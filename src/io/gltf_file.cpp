@@ -263,6 +263,7 @@ void GltfFile::open_buffer(std::size_t index, nlohmann::json& buffer) {
       out.file = posix_file_system().open(out.path);
     } catch (const Error& e) {
       out.problem = fmt::format("cannot be read ({})", e.what());
+      out.refused = e.kind() == ErrorKind::storage;
       return;
     }
     if (out.path != path_) available = out.file->size_bytes();
@@ -276,6 +277,9 @@ void GltfFile::read_view(std::size_t view, std::uint64_t offset, std::span<std::
   const nlohmann::json& json = document_.at("bufferViews").at(view);
   const auto index = json.at("buffer").get<std::size_t>();
   const GltfBuffer& buffer = buffers_.at(index);
+  if (buffer.refused) {
+    throw Error(ErrorKind::storage, fmt::format("{}: buffer {} {}", path_, index, buffer.problem));
+  }
   if (!buffer.problem.empty()) {
     throw Error(ErrorKind::input,
                 fmt::format("{}: buffer {} {}; put the missing data back or export the model again",

@@ -21,7 +21,8 @@ struct GltfBuffer {
   std::uint64_t size_bytes = 0;    ///< as declared; the document's checks keep every view within it
   std::shared_ptr<const std::vector<std::byte>> bytes;  ///< a decoded data URI
   std::shared_ptr<ReadFile> file;
-  std::string problem;  ///< not empty: cannot be read, and why
+  std::string problem;   ///< not empty: cannot be read, and why
+  bool refused = false;  ///< by the system (open files, permissions), not by what the file holds
 };
 
 /// A chunk of a GLB that is neither JSON nor BIN: what it means is not known here.

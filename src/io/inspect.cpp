@@ -13,6 +13,7 @@
 
 #include "core/file.h"
 #include "core/hash.h"
+#include "core/own_errors.h"
 #include "io/image_read.h"
 #include "io/inspect_mesh.h"
 #include "io/inspect_splats.h"
@@ -138,7 +139,7 @@ void join_lines(Json& value) {
 }  // namespace
 
 std::string inspect_text(const std::string& path) {
-  Json file = describe_file(path);
+  Json file = with_own_errors([&] { return describe_file(path); });
   join_lines(file);
   const std::string type = file["type"].get<std::string>();
   std::string text = fmt::format("{}: {}\n", path, type == "pack" ? "tile pack" : type);
@@ -156,7 +157,8 @@ std::string inspect_text(const std::string& path) {
 
 std::string inspect_json(const std::string& path) {
   // A name inside a file need not be UTF-8; JSON must be.
-  return describe_file(path).dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  const Json file = with_own_errors([&] { return describe_file(path); });
+  return file.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace pounce

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <zstd.h>
+#include <zstd_errors.h>
 
 #include <algorithm>
 #include <array>
@@ -19,6 +20,7 @@ namespace {
 constexpr int kWindowLog = 17;
 
 void check_zstd(std::size_t code, const char* what) {
+  if (ZSTD_getErrorCode(code) == ZSTD_error_memory_allocation) throw std::bad_alloc();
   if (ZSTD_isError(code)) {
     throw Error(ErrorKind::internal,
                 fmt::format("zstd: cannot {}: {} (please report)", what, ZSTD_getErrorName(code)));
@@ -206,6 +208,7 @@ void Compressor::decompress(std::span<const std::byte> stored, std::span<std::by
     damaged("its frame does not end where it should");
   const std::size_t size = ZSTD_decompressDCtx(contexts_->decompress, raw.data(), raw.size(),
                                                stored.data(), stored.size());
+  if (ZSTD_getErrorCode(size) == ZSTD_error_memory_allocation) throw std::bad_alloc();
   if (ZSTD_isError(size)) damaged(ZSTD_getErrorName(size));
   if (size != raw.size()) damaged(fmt::format("{} of {} bytes came out", size, raw.size()));
 }

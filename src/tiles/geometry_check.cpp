@@ -146,8 +146,8 @@ void check(const GeometryBlock& block, const BlockEntry& entry, const GeometryFa
     fail(name, "has texel runs or periods, which a source has not");
   }
   for (const auto& shift : block.shifts) {
-    if (std::abs(double{page.width} * shift[0]) > 2 * mesh::kLargestTexel ||
-        std::abs(double{page.height} * shift[1]) > 2 * mesh::kLargestTexel) {
+    if (std::abs(static_cast<double>(page.width) * shift[0]) > 2 * mesh::kLargestTexel ||
+        std::abs(static_cast<double>(page.height) * shift[1]) > 2 * mesh::kLargestTexel) {
       fail(name, "has periods that span too many texels");
     }
   }

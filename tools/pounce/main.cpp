@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <new>
 #include <string>
 
 #include "commands.h"
@@ -103,6 +104,9 @@ int main(int argc, char** argv) try {
 } catch (const pounce::Error& error) {
   pounce::cli::write_stderr("pounce: error: " + pounce::cli::visible_line(error.what()) + "\n");
   return pounce::exit_status(error.kind());
+} catch (const std::bad_alloc&) {
+  pounce::cli::write_stderr("pounce: error: out of memory; give it more (ulimit -v, ulimit -d)\n");
+  return pounce::exit_status(pounce::ErrorKind::budget);
 } catch (const std::exception& error) {
   pounce::cli::write_stderr("pounce: internal error: " + pounce::cli::visible_line(error.what()) +
                             " (please report)\n");

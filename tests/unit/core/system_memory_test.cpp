@@ -92,6 +92,12 @@ TEST_CASE("a limit of the process's data is a limit", "[core]") {
   ::setrlimit(RLIMIT_DATA, &before);
   CHECK(usable.bytes == bytes);
   CHECK(usable.limited_by == "data limit");
+  // Of it, 300 MiB are taken: size, resident, shared, text, library, data, dirty; in pages.
+  system.put("proc/self/statm", "200000 1 1 1 0 76800 0\n");
+  REQUIRE(::setrlimit(RLIMIT_DATA, &limit) == 0);
+  const UsableMemory rest = usable_memory(system.root());
+  ::setrlimit(RLIMIT_DATA, &before);
+  CHECK(rest.bytes == bytes - 300 * kMiB);
 }
 
 }  // namespace
