@@ -15,20 +15,20 @@ unharmed() {
 # A lock of a pack that is to be made, the lock of the folder, the folders of parts and of locks.
 pristine
 rm -rf cache
-mkdir -p cache/v1
-ln -s "$PWD/victim/file" cache/v1/space.lock
+mkdir -p cache/v2
+ln -s "$PWD/victim/file" cache/v2/space.lock
 "$POUNCE" transfer source.obj target.obj -o o.png --size 64 --cache cache -q 2>"$err" || true
 unharmed space.lock
 for folder in tmp locks; do
   pristine
-  rm -rf cache/v1/$folder cache/v1/*/*.pack
-  ln -s "$PWD/victim" cache/v1/$folder
+  rm -rf cache/v2/$folder cache/v2/*/*.pack
+  ln -s "$PWD/victim" cache/v2/$folder
   "$POUNCE" transfer source.obj target.obj -o o.png --size 64 --cache cache -q 2>"$err" || true
   unharmed $folder
 done
 # A pack that is a link counts as none.
 pristine
-pack=$(ls cache/v1/colour/*.pack)
+pack=$(ls cache/v2/colour/*.pack)
 mv "$pack" elsewhere.pack
 ln -s "$PWD/elsewhere.pack" "$pack"
 touch -d 2001-01-01 elsewhere.pack
@@ -40,7 +40,7 @@ cmp o.png expected.png
 if [[ $(id -u) == 0 ]] && command -v setpriv >/dev/null &&
   setpriv --reuid 65534 --clear-groups "$POUNCE" --version >/dev/null 2>&1; then
   pristine
-  pack=$(ls cache/v1/colour/*.pack)
+  pack=$(ls cache/v2/colour/*.pack)
   printf 'x' | dd of="$pack" bs=1 seek=70 conv=notrunc status=none
   chmod 755 "$work" && chmod 777 . && find cache -type d -exec chmod 1777 {} + && rm o.png
   status=0
