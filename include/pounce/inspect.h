@@ -10,9 +10,9 @@ namespace pounce {
 /// What a mesh (.glb, .gltf, .obj), splat scene (.ply), image or tile store holds, as text for
 /// people.
 /// Throws Error(input) if the file is none of these or malformed, Error(damaged_store) for a store
-/// whose bytes do not match their checksums.
-std::string inspect_text(const std::string& path);
+/// whose bytes do not match their checksums. `allow_external`: as in TransferOptions.
+std::string inspect_text(const std::string& path, bool allow_external = false);
 /// The same as JSON. Ends with a newline.
-std::string inspect_json(const std::string& path);
+std::string inspect_json(const std::string& path, bool allow_external = false);
 
 }  // namespace pounce

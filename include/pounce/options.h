@@ -122,6 +122,10 @@ struct TransferOptions {
   /// Outputs that are there and younger than everything they are made from stay as they are. That
   /// the options were others is not noticed.
   bool skip_existing = false;
+  /// Buffers, images and material files that a mesh file names may lie outside of its folder (an
+  /// absolute path, "..", a link); false: they are refused, since a model from elsewhere could
+  /// bring any file of this machine into the output.
+  bool allow_external = false;
   Resources resources;
   bool plan_only = false;  ///< find out what would be done, write nothing
 
@@ -143,6 +147,7 @@ struct MapsOptions {
   /// <UVTILE> one image per tile of UV space.
   std::string output;
   ImageSize size{1024, 1024};
+  bool allow_external = false;  ///< as in TransferOptions
   Resources resources;
 };
 
@@ -151,6 +156,7 @@ struct GaussiansOptions {
   std::string source;                          ///< .glb, .gltf or .obj with a baseColor texture
   std::string output;                          ///< .ply
   std::vector<SourceTexture> source_textures;  ///< instead of what the mesh says; baseColor alone
+  bool allow_external = false;                 ///< as in TransferOptions
   Resources resources;
 };
 

@@ -90,11 +90,16 @@ class GaussiansJob {
   }
 
  private:
+  std::uint64_t reading_bytes() const {
+    return io::mesh_cost(options_.source, {options_.allow_external, {}}, job_->budget.limit())
+        .peak_bytes;
+  }
+
   void plan() {
     const StageTimer timer(job_->clock, "read");
     job_->meter.begin("read mesh", 1, "meshes", kAfterReading);
-    require_reading(*job_, io::mesh_cost(options_.source).peak_bytes, options_.source);
-    mesh_ = io::read_mesh(options_.source);
+    require_reading(*job_, reading_bytes(), options_.source);
+    mesh_ = io::read_mesh(options_.source, {options_.allow_external, {}});
     TransferOptions transfer;
     transfer.source = options_.source;
     transfer.source_textures = options_.source_textures;
@@ -139,7 +144,7 @@ class GaussiansJob {
   LeastMemory least() const {
     const std::uint64_t contexts = job_->threads * tiles::Compressor::context_bytes();
     const std::uint64_t beside = contexts + mesh_.size_bytes();
-    LeastMemory most{io::mesh_cost(options_.source).peak_bytes, "reading " + options_.source};
+    LeastMemory most{reading_bytes(), "reading " + options_.source};
     const auto need = [&most](std::uint64_t bytes, const std::string& why) {
       if (bytes > most.bytes) most = {bytes, why};
     };

@@ -38,8 +38,9 @@ void refuse_swapped(const mesh::Mesh& source, const mesh::Mesh& target) {
 }
 
 mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,
-                     bool keep_rest) {
-  mesh::Mesh mesh = io::read_mesh(path, side == "source" ? use.uv_set : std::nullopt);
+                     bool allow_external, bool keep_rest) {
+  mesh::Mesh mesh =
+      io::read_mesh(path, {allow_external, side == "source" ? use.uv_set : std::nullopt});
   mesh::orient(mesh, axes_of(use, side));
   mesh::select(mesh, {use.meshes, use.materials}, side, keep_rest);
   if (use.uv_set && *use.uv_set >= mesh.uv_sets.size()) {

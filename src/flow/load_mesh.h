@@ -10,10 +10,11 @@
 namespace pounce::flow {
 
 /// A mesh as a job sees it: read, its axes turned, and only what is selected. `side` is "source" or
-/// "target", for messages. `keep_rest`: what was not selected goes to Mesh::rest instead of being
-/// dropped. Throws Error(input) if nothing is selected or the UV set asked for does not exist.
+/// "target", for messages. `allow_external`: see io::MeshReading. `keep_rest`: what was not
+/// selected goes to Mesh::rest instead of being dropped. Throws Error(input) if nothing is selected
+/// or the UV set asked for does not exist.
 mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,
-                     bool keep_rest = false);
+                     bool allow_external, bool keep_rest = false);
 
 /// Throws Error(input) where the source has no texture, but this target has: they are in the wrong
 /// order.

@@ -58,6 +58,11 @@ class MapsJob {
   }
 
  private:
+  std::uint64_t reading_bytes() const {
+    return io::mesh_cost(options_.target, {options_.allow_external, {}}, job_->budget.limit())
+        .peak_bytes;
+  }
+
   void check_output() {
     if (!has_token(options_.output, "CHANNEL")) {
       throw Error(ErrorKind::usage,
@@ -98,8 +103,9 @@ class MapsJob {
   void vectorize() {
     const StageTimer timer(job_->clock, "vectorize");
     job_->meter.begin("vectorize", 0, "tiles", kAfterVectorizing);
-    require_reading(*job_, io::mesh_cost(options_.target).peak_bytes, options_.target);
-    const mesh::Mesh target = load_mesh(options_.target, options_.target_use, "target");
+    require_reading(*job_, reading_bytes(), options_.target);
+    const mesh::Mesh target =
+        load_mesh(options_.target, options_.target_use, "target", options_.allow_external);
     job_->report.warnings.insert(job_->report.warnings.end(), target.warnings.begin(),
                                  target.warnings.end());
     for (const std::string& file : target.files) add_input(file, job_->report);
@@ -167,7 +173,7 @@ class MapsJob {
     const std::uint64_t writing =
         row_bytes() + 2 * blocks() * sizeof(BlockPlace) +
         io::ImageWriter::encoder_bytes(path_of(pages_.front(), 0), specs_.front());
-    const std::uint64_t reading = io::mesh_cost(options_.target).peak_bytes;
+    const std::uint64_t reading = reading_bytes();
     LeastMemory most{reading, "reading " + options_.target};
     if (building > most.bytes) most = {building, "vectorizing " + options_.target};
     if (writing > most.bytes) most = {writing, "writing " + path_of(pages_.front(), 0)};

@@ -93,8 +93,10 @@ std::vector<Factor> model_factors(const Plan& plan, const mesh::Mesh& source,
 }
 
 ModelOutput::ModelOutput(const std::string& pattern, const Plan& plan,
-                         const std::vector<Factor>& factors, TargetPlan& target) {
+                         const std::vector<Factor>& factors, bool allow_external,
+                         TargetPlan& target) {
   request_.target = target.path;
+  request_.allow_external = allow_external;
   request_.output = expand_pattern(pattern, {{"TARGET", stem(target.path)}});
   request_.uv_set = target.requests.front().pages.front().uv_set;
   make_distinct(target.images);

@@ -25,7 +25,8 @@ class ModelOutput {
  public:
   /// Plans it: `target` gets the model's files as its outputs and inputs, and its warnings.
   ModelOutput(const std::string& pattern, const Plan& plan,
-              const std::vector<std::array<float, 4>>& factors, TargetPlan& target);
+              const std::vector<std::array<float, 4>>& factors, bool allow_external,
+              TargetPlan& target);
 
   const std::string& path() const { return request_.output; }
   /// Memory that write() needs.

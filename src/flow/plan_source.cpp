@@ -10,6 +10,7 @@
 
 #include "flow/output_names.h"
 #include "flow/plan.h"
+#include "flow/uv_repeats.h"
 
 namespace pounce::flow {
 namespace {
@@ -161,6 +162,7 @@ class SourcePlanner {
     if (same != plan_.passes.end()) {
       same->channels.push_back(c);
     } else {
+      warn_of_repeats(source, channel_name(plan.channel), plan_.warnings);
       plan_.passes.push_back({std::move(source), plan.size, {c}});
     }
     plan_.channels.push_back(std::move(plan));
@@ -169,8 +171,7 @@ class SourcePlanner {
   /// Why there may be no textures: " (its material file ... is not there)".
   std::string missing_files() const {
     if (source_.missing_files.empty()) return "";
-    return fmt::format(" (its material file {} cannot be read: put it back)",
-                       source_.missing_files.front());
+    return fmt::format(" (its material file {})", source_.missing_files.front());
   }
 
   std::vector<Channel> chosen_channels() {

@@ -116,9 +116,8 @@ class TransferJob {
       if (one.bytes > least.bytes) least = one;
       if (model_ && model_->least_bytes() + contexts() > least.bytes)
         least = {model_->least_bytes() + contexts(), "writing " + model_->path()};
-      const std::uint64_t reading =
-          std::max(plan_.from_splats ? 0 : io::mesh_cost(options_.source).peak_bytes,
-                   source_.size_bytes() + io::mesh_cost(path).peak_bytes);
+      const std::uint64_t reading = std::max(plan_.from_splats ? 0 : reading_bytes(options_.source),
+                                             source_.size_bytes() + reading_bytes(path));
       if (reading > least.bytes) least = {reading, "reading " + options_.source + " and " + path};
     }
     job_->meter.end();
@@ -133,7 +132,6 @@ class TransferJob {
 
   /// What shows that source and target are in the wrong order is said before what is missing.
   void check_order() {
-    for (const std::string& path : options_.targets) io::is_gltf(path);  // refuses splat scenes
     if (!options_.source_textures.empty() || has_textures(source_)) return;
     for (const std::string& path : options_.targets) {
       require_reading(*job_, source_.size_bytes() + io::mesh_cost(path).peak_bytes, path);
@@ -143,7 +141,9 @@ class TransferJob {
 
   void plan_one(const std::string& path) {
     target_plan_ = plan_target(options_, plan_, path, target_);
-    if (!model_pattern_.empty()) model_.emplace(model_pattern_, plan_, factors_, target_plan_);
+    if (!model_pattern_.empty()) {
+      model_.emplace(model_pattern_, plan_, factors_, options_.allow_external, target_plan_);
+    }
     if (options_.skip_existing) keep_what_is_there();
   }
 
@@ -181,16 +181,22 @@ class TransferJob {
   std::uint64_t contexts() const { return job_->threads * tiles::Compressor::context_bytes(); }
 
   mesh::Mesh read(const std::string& path, std::uint64_t beside, bool is_target) {
-    require_reading(*job_, beside + io::mesh_cost(path).peak_bytes, path);
+    require_reading(*job_, beside + reading_bytes(path), path);
     mesh::Mesh mesh = load(path, is_target);
     add_warnings(mesh.warnings);
     job_->meter.advance(1);
     return mesh;
   }
 
+  std::uint64_t reading_bytes(const std::string& path) const {
+    return io::mesh_cost(path, {options_.allow_external, {}}, job_->budget.limit()).peak_bytes;
+  }
+
   mesh::Mesh load(const std::string& path, bool is_target) const {
-    return is_target ? load_mesh(path, options_.target_use, "target", !options_.onto.empty())
-                     : load_mesh(path, options_.source_use, "source");
+    const bool external = options_.allow_external;
+    return is_target
+               ? load_mesh(path, options_.target_use, "target", external, !options_.onto.empty())
+               : load_mesh(path, options_.source_use, "source", external);
   }
 
   void add_warnings(const std::vector<std::string>& warnings) {

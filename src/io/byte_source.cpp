@@ -64,7 +64,8 @@ ByteSource::ByteSource(const mesh::ImageRef& image)
   }
   if (image.bytes) {
     memory_ = image.bytes;
-    size_bytes_ = memory_->size();
+    offset_bytes_ = image.offset_bytes;
+    size_bytes_ = image.size_bytes != 0 ? image.size_bytes : memory_->size();
   } else {
     open(image);
   }
@@ -133,7 +134,7 @@ ByteSource::Descriptor::~Descriptor() {
 
 std::size_t ByteSource::read_stored(std::uint64_t offset, char* out, std::size_t count) noexcept {
   if (memory_) {
-    std::memcpy(out, memory_->data() + offset, count);
+    std::memcpy(out, memory_->data() + offset_bytes_ + offset, count);
     return count;
   }
   std::size_t done = 0;

@@ -18,8 +18,8 @@ namespace {
 constexpr std::uint32_t kGlbMagic = 0x46546C67;   // "glTF"
 constexpr std::uint32_t kJsonChunk = 0x4E4F534A;  // "JSON"
 constexpr std::uint32_t kBinChunk = 0x004E4942;   // "BIN\0"
-// tinygltf and nlohmann's writer recurse; real files nest less than 20 deep.
-constexpr int kMaxJsonDepth = 64;
+constexpr int kMaxJsonDepth = 64;                 // real files nest less than 20 deep
+constexpr std::size_t kMaxOtherChunks = 1000;
 
 std::uint32_t read_u32(const ReadFile& file, std::uint64_t offset) {
   std::array<std::byte, 4> raw{};
@@ -90,26 +90,6 @@ std::vector<std::byte> decode_base64(std::string_view text) {
   return bytes;
 }
 
-/// How deep brackets nest outside of strings; of text that is not JSON, anything.
-int json_depth(std::string_view text) {
-  int depth = 0, deepest = 0;
-  bool in_string = false;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const char c = text[i];
-    if (in_string) {
-      if (c == '\\') ++i;
-      if (c == '"') in_string = false;
-    } else if (c == '"') {
-      in_string = true;
-    } else if (c == '{' || c == '[') {
-      deepest = std::max(deepest, ++depth);
-    } else if (c == '}' || c == ']') {
-      --depth;
-    }
-  }
-  return deepest;
-}
-
 }  // namespace
 
 DataUri decode_data_uri(std::string_view uri) {
@@ -120,6 +100,13 @@ DataUri decode_data_uri(std::string_view uri) {
   if (!head.ends_with(kBase64)) throw std::invalid_argument("a data URI that is not base64");
   head.remove_suffix(kBase64.size());
   return {std::string(head.substr(0, head.find(';'))), decode_base64(uri.substr(comma + 1))};
+}
+
+JsonSize gltf_json_size(const std::string& path) {
+  const auto file = posix_file_system().open(path);
+  const std::uint64_t size = file->size_bytes();
+  if (size < 20 || read_u32(*file, 0) != kGlbMagic) return json_size(*file, 0, size);
+  return json_size(*file, 20, std::min<std::uint64_t>(read_u32(*file, 12), size - 20));
 }
 
 bool GltfFile::is_data_uri(std::string_view uri) { return uri.starts_with("data:"); }
@@ -137,9 +124,17 @@ std::string GltfFile::resolve(const std::string& uri) const {
   return decoded;
 }
 
-GltfFile::GltfFile(const std::string& path) : path_(path) {
+GltfFile::GltfFile(const std::string& path, bool allow_external)
+    : path_(path), folder_(path, allow_external) {
   const std::shared_ptr<ReadFile> file = posix_file_system().open(path);
-  parse(read_container(*file));
+  find_chunks(*file);
+  // tinygltf and nlohmann's writer recurse, and the parser's own callback for this is quadratic.
+  if (json_size(*file, json_offset_, json_text_bytes_).depth > kMaxJsonDepth) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: JSON nested deeper than {} levels; this is no sensible glTF file",
+                            path_, kMaxJsonDepth));
+  }
+  parse(read_text(*file, json_offset_, json_text_bytes_));
   for (const auto& extension : check_gltf(path_, document_)) warnings_.push_back(extension);
   if (const auto it = document_.find("buffers"); it != document_.end()) {
     buffers_.resize(it->size());
@@ -155,7 +150,7 @@ GltfFile::GltfFile(const std::string& path) : path_(path) {
   }
 }
 
-std::string GltfFile::read_container(const ReadFile& file) {
+void GltfFile::find_chunks(const ReadFile& file) {
   const std::uint64_t file_bytes = file.size_bytes();
   const auto fail = [&](const std::string& what) {
     throw Error(ErrorKind::input,
@@ -163,7 +158,7 @@ std::string GltfFile::read_container(const ReadFile& file) {
   };
   if (file_bytes < 4 || read_u32(file, 0) != kGlbMagic) {
     json_text_bytes_ = file_bytes;
-    return read_text(file, 0, file_bytes);
+    return;
   }
 
   if (file_bytes < 20) fail("a GLB header that is cut off");
@@ -176,7 +171,6 @@ std::string GltfFile::read_container(const ReadFile& file) {
   if (length > file_bytes) {
     fail(fmt::format("the GLB header says {} bytes, the file has {}", length, file_bytes));
   }
-  std::string text;
   std::uint64_t offset = 12;
   for (std::size_t chunk = 0; offset < length; ++chunk) {
     if (length - offset < 8) fail(fmt::format("the header of GLB chunk {} is cut off", chunk));
@@ -187,10 +181,12 @@ std::string GltfFile::read_container(const ReadFile& file) {
     if ((chunk == 0) != (type == kJsonChunk))
       fail("the first GLB chunk, and only it, must be JSON");
     if (chunk == 0) {
-      text = read_text(file, offset, chunk_bytes);
       json_offset_ = offset;
       json_text_bytes_ = chunk_bytes;
     } else if (type != kBinChunk) {
+      if (other_chunks_.size() == kMaxOtherChunks) {
+        fail(fmt::format("more than {} GLB chunks of unknown meaning", kMaxOtherChunks));
+      }
       other_chunks_.push_back({type, offset, chunk_bytes});
     }
     if (type == kBinChunk) {
@@ -201,7 +197,6 @@ std::string GltfFile::read_container(const ReadFile& file) {
     }
     offset += chunk_bytes;
   }
-  return text;
 }
 
 std::string GltfFile::json_text() const {
@@ -212,12 +207,6 @@ std::string GltfFile::json_text() const {
 }
 
 void GltfFile::parse(const std::string& text) {
-  // Before the parser sees it: its own callback for this makes it quadratic.
-  if (json_depth(text) > kMaxJsonDepth) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: JSON nested deeper than {} levels; this is no sensible glTF file",
-                            path_, kMaxJsonDepth));
-  }
   try {
     document_ = nlohmann::json::parse(text);
   } catch (const nlohmann::json::exception& e) {
@@ -255,6 +244,10 @@ void GltfFile::open_buffer(std::size_t index, nlohmann::json& buffer) {
     out.path = resolve(uri);
     if (out.path.empty() || !posix_file_system().exists(out.path)) {
       out.problem = fmt::format("is the file \"{}\", which is not there", uri);
+      return;
+    }
+    if (!may_read(out.path)) {
+      out.problem = fmt::format("is the file \"{}\", which {}", uri, kOutsideProblem);
       return;
     }
   }

@@ -11,6 +11,8 @@
 #include <vector>
 
 #include "core/file.h"
+#include "io/asset_folder.h"
+#include "io/json_size.h"
 
 namespace pounce::io {
 
@@ -36,7 +38,8 @@ struct GlbChunk {
 class GltfFile {
  public:
   /// Throws Error(storage) where `path` cannot be read, Error(input) where it is not valid glTF 2.
-  explicit GltfFile(const std::string& path);
+  /// With `allow_external` its URIs may lead anywhere (see AssetFolder).
+  GltfFile(const std::string& path, bool allow_external);
 
   const std::string& path() const { return path_; }
   const nlohmann::json& document() const { return document_; }
@@ -51,6 +54,8 @@ class GltfFile {
   /// ...). The file need not exist.
   static bool is_data_uri(std::string_view uri);
   std::string resolve(const std::string& uri) const;
+  /// May this file, which a URI led to, be read?
+  bool may_read(const std::string& path) const { return folder_.holds(path); }
 
   /// What mesh_cost() needs: bytes of JSON text without data URIs, of buffers decoded from data
   /// URIs, and of the text of images' data URIs.
@@ -68,11 +73,12 @@ class GltfFile {
   const std::vector<GlbChunk>& other_chunks() const { return other_chunks_; }
 
  private:
-  std::string read_container(const ReadFile& file);
+  void find_chunks(const ReadFile& file);
   void open_buffer(std::size_t index, nlohmann::json& buffer);
   void parse(const std::string& text);
 
   std::string path_;
+  AssetFolder folder_;
   nlohmann::json document_;
   std::vector<GltfBuffer> buffers_;
   std::vector<std::string> warnings_;
@@ -82,6 +88,9 @@ class GltfFile {
   std::uint64_t bin_offset_ = 0, bin_bytes_ = 0;
   std::uint64_t json_bytes_ = 0, inline_bytes_ = 0, image_text_bytes_ = 0;
 };
+
+/// The size of a file's JSON, found without reading it into memory; of a damaged file, anything.
+JsonSize gltf_json_size(const std::string& path);
 
 /// A data URI taken apart. Throws std::invalid_argument with the reason.
 struct DataUri {

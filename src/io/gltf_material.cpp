@@ -39,9 +39,9 @@ void refer_to_view(const GltfFile& file, std::size_t view_index, ImageRef& out) 
   } else if (size == 0) {
     out.problem = "its buffer view is empty";
   } else if (buffer.bytes != nullptr) {
-    const auto first = buffer.bytes->begin() + static_cast<std::ptrdiff_t>(offset);
-    out.bytes = std::make_shared<const std::vector<std::byte>>(
-        first, first + static_cast<std::ptrdiff_t>(size));
+    out.bytes = buffer.bytes;  // shared: any number of images may lie in the same bytes
+    out.offset_bytes = offset;
+    out.size_bytes = size;
   } else {
     out.path = buffer.path;
     out.offset_bytes = buffer.offset_bytes + offset;
@@ -83,6 +83,8 @@ ImageRef read_image_ref(const GltfFile& file, std::size_t index, const nlohmann:
     if (std::filesystem::status(out.path, error).type() == std::filesystem::file_type::not_found) {
       out.problem = fmt::format("the file is not there (named by {})", file.path());
       out.missing = true;
+    } else if (!file.may_read(out.path)) {
+      out.problem = fmt::format("the file {} (named by {})", kOutsideProblem, file.path());
     }
   }
   return out;

@@ -12,11 +12,14 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <set>
+#include <utility>
 
 #include "io/gltf_accessor.h"
 #include "io/gltf_file.h"
 #include "io/gltf_material.h"
+#include "io/gltf_plan.h"
 #include "io/gltf_primitive.h"
 #include "io/gltf_scene.h"
 #include "io/gltf_validate.h"
@@ -27,17 +30,19 @@
 namespace pounce::io {
 namespace {
 
-// A scene may repeat its meshes; what it becomes must stay in some proportion to the file.
-constexpr std::uint64_t kFlattenedBase = 256U << 20;
-constexpr std::uint64_t kFlattenedPerByte = 256;
 // JSON text, its tree, the text again, tinygltf's tree and model. Measured with 300,000 entries of
 // one kind: 38 bytes per byte of accessors, 1.2 kB per empty node, 4 kB per empty material.
-constexpr std::uint64_t kBytesPerJsonByte = 40;
+constexpr std::uint64_t kBytesPerJsonByte = 44;
+constexpr std::uint64_t kBytesPerExtensionValue = 640;
 constexpr std::uint64_t kBytesPerEntry = 1200;
+/// JSON that takes no more is looked into whatever the limit, to say exactly what is needed.
+constexpr std::uint64_t kUnderstoodAnyway = 64U << 20;
 constexpr std::uint64_t kBytesPerMaterial = 5000;
 // Two names, the part that has them, its run, and the tables that find them again while reading.
 constexpr std::uint64_t kBytesPerInstance = 600;
 constexpr std::uint64_t kBytesPerPath = 300;
+/// Its matrix, and the inverse bind matrix it is made with.
+constexpr std::uint64_t kBytesPerJoint = sizeof(Affine) + 2 * 64;
 
 void drop_extras(nlohmann::json& value) {
   if (value.is_object()) value.erase("extras");
@@ -119,119 +124,7 @@ tinygltf::Model load_model(const GltfFile& file) {
   return model;
 }
 
-std::string primitive_place(const tinygltf::Model& model, int mesh, std::size_t primitive) {
-  const std::string& name = model.meshes[static_cast<std::size_t>(mesh)].name;
-  return fmt::format("mesh {}{} primitive {}", mesh, name.empty() ? "" : " \"" + name + "\"",
-                     primitive);
-}
-
-/// What the scene becomes, found without reading geometry.
-struct Plan {
-  std::vector<Affine> worlds;
-  std::vector<MeshInstance> instances;
-  std::vector<std::vector<PrimitiveShape>> shapes;  ///< by instance, then primitive
-  std::uint64_t vertices = 0, triangles = 0;
-  std::uint64_t skipped = 0;  ///< primitives without a surface
-  std::uint64_t splats = 0;   ///< primitives of Gaussians
-  std::uint64_t largest_primitive_bytes = 0;
-  std::size_t uv_sets = 0;
-
-  std::uint64_t mesh_bytes() const {
-    const std::uint64_t per_vertex =
-        sizeof(Vec3f) * 2 + sizeof(Vec4f) + uv_sets * sizeof(Vec2f) + (uv_sets + 7) / 8;
-    return vertices * per_vertex + triangles * (sizeof(std::uint32_t) * 4);
-  }
-};
-
-std::size_t joints_of(const tinygltf::Model& model, const MeshInstance& instance) {
-  if (instance.node < 0) return 0;
-  const int skin = model.nodes[static_cast<std::size_t>(instance.node)].skin;
-  return skin < 0 ? 0 : model.skins[static_cast<std::size_t>(skin)].joints.size();
-}
-
-std::uint64_t reading_bytes(const PrimitiveShape& shape) {
-  // Positions, normals, tangents twice over (morphing), UVs, joints and weights, indices and
-  // triangles.
-  return shape.vertices * (12 + 12 + 16 + 12 + 12 + 8 * shape.uv_sets + 32 * shape.joint_sets) +
-         shape.triangles * (12 + 12) + (2U << 20);
-}
-
-/// What makes Gaussians of a primitive's points; "" if nothing does.
-std::string splat_extension(const tinygltf::Primitive& primitive) {
-  for (const auto& [name, value] : primitive.extensions) {
-    if (!is_splat_extension(name)) continue;
-    if (!value.Has("extensions")) return name;
-    const std::vector<std::string> inner = value.Get("extensions").Keys();
-    return inner.empty() ? name : fmt::format("{} with {}", name, fmt::join(inner, ", "));
-  }
-  return "";
-}
-
-std::string splat_extensions(const tinygltf::Model& model) {
-  std::set<std::string> names;
-  for (const tinygltf::Mesh& mesh : model.meshes) {
-    for (const tinygltf::Primitive& primitive : mesh.primitives)
-      names.insert(splat_extension(primitive));
-  }
-  names.erase("");
-  return fmt::format("{}", fmt::join(names, "; "));
-}
-
-Plan make_plan(GltfFile& file, const tinygltf::Model& model, const AccessorReader& accessors) {
-  Plan plan;
-  plan.worlds = world_transforms(model);
-  plan.instances = mesh_instances(model, plan.worlds);
-  for (const MeshInstance& instance : plan.instances) {
-    const auto& primitives = model.meshes[static_cast<std::size_t>(instance.mesh)].primitives;
-    auto& shapes = plan.shapes.emplace_back();
-    for (std::size_t p = 0; p < primitives.size(); ++p) {
-      if (!splat_extension(primitives[p]).empty()) {
-        ++plan.splats;
-        shapes.emplace_back();
-        continue;
-      }
-      const PrimitiveShape shape =
-          check_primitive(accessors, primitives[p], primitive_place(model, instance.mesh, p),
-                          joints_of(model, instance));
-      shapes.push_back(shape);
-      if (!shape.is_surface) {
-        ++plan.skipped;
-        continue;
-      }
-      plan.vertices += shape.flattened;
-      plan.triangles += shape.triangles;
-      plan.uv_sets = std::max(plan.uv_sets, shape.uv_sets);
-      plan.largest_primitive_bytes = std::max(plan.largest_primitive_bytes, reading_bytes(shape));
-      // Checked at every step: the sums stay far from overflow, whatever the file says.
-      const std::uint64_t limit =
-          kFlattenedBase + kFlattenedPerByte * (file.total_buffer_bytes() + file.json_bytes());
-      if (plan.vertices > std::numeric_limits<std::uint32_t>::max() ||
-          plan.triangles > std::numeric_limits<std::uint32_t>::max() || plan.mesh_bytes() > limit) {
-        throw Error(ErrorKind::input,
-                    fmt::format("{}: its scene has {} vertices and {} triangles or more, too many "
-                                "for a file of this size; export fewer instances, and no accessors "
-                                "without bytes",
-                                file.path(), plan.vertices, plan.triangles));
-      }
-    }
-  }
-  if (plan.triangles == 0 && plan.splats > 0) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: a Gaussian splat scene in glTF ({}), without a triangle; pounce "
-                            "reads splat scenes from 3DGS PLY, as the source of a transfer: take "
-                            "the PLY that this was made from",
-                            file.path(), splat_extensions(model)));
-  }
-  if (plan.triangles == 0) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: no triangles in its scene ({} primitives of points or lines or "
-                            "without positions); export a model with a surface",
-                            file.path(), plan.skipped));
-  }
-  return plan;
-}
-
-void reserve(const Plan& plan, mesh::Mesh& mesh) {
+void reserve(const ScenePlan& plan, mesh::Mesh& mesh) {
   mesh.positions.reserve(plan.vertices);
   mesh.normals.reserve(plan.vertices);
   mesh.tangents.reserve(plan.vertices);
@@ -242,12 +135,10 @@ void reserve(const Plan& plan, mesh::Mesh& mesh) {
   for (auto& set : mesh.uv_sets) set.reserve(plan.vertices);
 }
 
-/// Joint matrices of a skinned node: where each joint is now, after taking the vertex to its bind
-/// pose.
+/// Joint matrices of a skin: where each joint is now, after taking the vertex to its bind pose.
 std::vector<Affine> joint_matrices(const tinygltf::Model& model, const AccessorReader& accessors,
-                                   const Plan& plan, int node) {
+                                   const ScenePlan& plan, int skin_index) {
   std::vector<Affine> matrices;
-  const int skin_index = node < 0 ? -1 : model.nodes[static_cast<std::size_t>(node)].skin;
   if (skin_index < 0) return matrices;
   const tinygltf::Skin& skin = model.skins[static_cast<std::size_t>(skin_index)];
   std::vector<float> inverse_bind;
@@ -287,18 +178,13 @@ std::vector<std::string> instance_names(const tinygltf::Model& model,
 }
 
 void append_instance(const GltfFile& file, const tinygltf::Model& model,
-                     const AccessorReader& accessors, const Plan& plan, std::size_t index,
-                     mesh::Mesh& mesh) {
+                     const AccessorReader& accessors, const ScenePlan& plan, std::size_t index,
+                     const std::vector<Affine>& joints, mesh::Mesh& mesh) {
   const MeshInstance& instance = plan.instances[index];
   const tinygltf::Mesh& source = model.meshes[static_cast<std::size_t>(instance.mesh)];
-  const tinygltf::Node* node =
-      instance.node < 0 ? nullptr : &model.nodes[static_cast<std::size_t>(instance.node)];
-  const std::vector<double>& weights =
-      node != nullptr && !node->weights.empty() ? node->weights : source.weights;
-  const std::vector<Affine> joints = joint_matrices(model, accessors, plan, instance.node);
-  for (std::size_t p = 0; p < source.primitives.size(); ++p) {
-    const PrimitiveShape& shape = plan.shapes[index][p];
-    if (!shape.is_surface) continue;
+  const std::vector<double>& weights = weights_of(model, instance);
+  for (const std::size_t p : plan.shapes[index]->surfaces) {
+    const PrimitiveShape& shape = plan.shapes[index]->primitives[p];
     const tinygltf::Primitive& primitive = source.primitives[p];
     const std::string place = primitive_place(model, instance.mesh, p);
     // The last material is the one for primitives without any.
@@ -363,11 +249,11 @@ void check_bindings(mesh::Mesh& mesh) {
 
 }  // namespace
 
-mesh::Mesh read_gltf(const std::string& path, std::optional<std::uint32_t> texture_uv_set) {
-  GltfFile file(path);
+mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
+  GltfFile file(path, reading.allow_external);
   const tinygltf::Model model = load_model(file);
   const AccessorReader accessors(file, model);
-  const Plan plan = make_plan(file, model, accessors);
+  const ScenePlan plan = plan_scene(file, model, accessors);
 
   mesh::Mesh mesh;
   mesh.path = path;
@@ -391,34 +277,58 @@ mesh::Mesh read_gltf(const std::string& path, std::optional<std::uint32_t> textu
   }
   reserve(plan, mesh);
   mesh::PartsBuilder parts;
+  std::map<int, std::vector<Affine>> joints;  // by skin; many nodes may share one
+  joints[-1];
+  for (const int skin : plan.skins) joints[skin] = joint_matrices(model, accessors, plan, skin);
   for (std::size_t i = 0; i < plan.instances.size(); ++i) {
     parts.start(static_cast<std::uint32_t>(mesh.triangles.size()),
                 instance_names(model, plan.instances[i]));
-    append_instance(file, model, accessors, plan, i, mesh);
+    append_instance(file, model, accessors, plan, i, joints.at(skin_of(model, plan.instances[i])),
+                    mesh);
   }
   mesh.parts = parts.finish(static_cast<std::uint32_t>(mesh.triangles.size()));
-  if (texture_uv_set) bind_all(mesh, *texture_uv_set);
+  if (reading.texture_uv_set) bind_all(mesh, *reading.texture_uv_set);
   check_bindings(mesh);
   mesh::repair_normals(mesh);
   mesh::complete_tangents(mesh);
   return mesh;
 }
 
-MeshCost gltf_cost(const std::string& path) {
-  GltfFile file(path);
+namespace {
+
+/// What it takes to understand the JSON: its text, its trees and tinygltf's model.
+std::uint64_t json_cost(std::uint64_t text_bytes, std::uint64_t entries, std::uint64_t materials,
+                        std::uint64_t extension_values) {
+  return kBytesPerJsonByte * text_bytes + kBytesPerEntry * entries + kBytesPerMaterial * materials +
+         kBytesPerExtensionValue * extension_values;
+}
+
+}  // namespace
+
+MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uint64_t most_bytes) {
+  const JsonSize size = gltf_json_size(path);
+  const std::uint64_t understanding =
+      json_cost(size.text_bytes, size.entries, size.materials, size.extension_values) +
+      3 * size.data_bytes;
+  if (understanding > std::max(most_bytes, kUnderstoodAnyway))
+    return {understanding, size.text_bytes};
+  GltfFile file(path, reading.allow_external);
   const tinygltf::Model model = load_model(file);
-  const Plan plan = make_plan(file, model, AccessorReader(file, model));
+  const ScenePlan plan = plan_scene(file, model, AccessorReader(file, model));
   MeshCost cost;
   // Embedded data URIs may all be images, which the mesh keeps.
   const auto materials = model.materials.size() + 1;
+  std::uint64_t joints = 0;
+  for (const int skin : plan.skins)
+    joints += model.skins[static_cast<std::size_t>(skin)].joints.size();
   const std::uint64_t names =
       plan.instances.size() * kBytesPerInstance + file.buffers().size() * kBytesPerPath;
   cost.kept_bytes = plan.mesh_bytes() + file.inline_bytes() + file.image_text_bytes() +
                     file.json_bytes() + materials * sizeof(mesh::Material) + names + (1U << 20);
   cost.peak_bytes = cost.kept_bytes + plan.largest_primitive_bytes + 3 * file.inline_bytes() +
-                    2 * file.image_text_bytes() + kBytesPerJsonByte * file.json_bytes() +
-                    kBytesPerEntry * gltf_entry_count(file.document()) +
-                    kBytesPerMaterial * materials;
+                    joints * kBytesPerJoint + 2 * file.image_text_bytes() +
+                    json_cost(file.json_bytes(), gltf_entry_count(file.document()), materials,
+                              size.extension_values);
   return cost;
 }
 

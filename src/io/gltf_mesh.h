@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
 
 #include "io/read_mesh.h"
@@ -10,7 +9,7 @@
 namespace pounce::io {
 
 /// read_mesh() and mesh_cost() for .gltf and .glb files.
-mesh::Mesh read_gltf(const std::string& path, std::optional<std::uint32_t> texture_uv_set);
-MeshCost gltf_cost(const std::string& path);
+mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading);
+MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uint64_t most_bytes);
 
 }  // namespace pounce::io

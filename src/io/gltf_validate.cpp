@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "io/json_check.h"
+#include "io/material_names.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -21,7 +22,6 @@ constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 53;
 // An empty object of 3 bytes becomes 1.2 kB in tinygltf, an empty material 4 kB. No real file comes
 // near.
 constexpr std::size_t kMaxEntries = 1 << 19;
-constexpr std::size_t kMaxMaterials = 1 << 15;
 constexpr std::uint64_t kMaxInt = 0x7FFFFFFF;  // tinygltf keeps some offsets in an int
 
 // Besides every KHR_materials_*: these change neither geometry nor UVs nor how images are decoded,

@@ -14,6 +14,7 @@
 #include "core/file.h"
 #include "core/hash.h"
 #include "core/own_errors.h"
+#include "core/system_memory.h"
 #include "io/image_read.h"
 #include "io/inspect_mesh.h"
 #include "io/inspect_splats.h"
@@ -93,7 +94,18 @@ Json describe_image(const std::string& path) {
   }
 }
 
-Json describe_file(const std::string& path) {
+/// There is no budget here; what does not fit into this machine is not begun.
+void require_memory(const std::string& path, bool allow_external) {
+  const std::uint64_t most = usable_memory().bytes;
+  const std::uint64_t needed = io::mesh_cost(path, {allow_external, {}}, most).peak_bytes;
+  if (needed <= most) return;
+  throw Error(ErrorKind::budget,
+              fmt::format("{}: reading it takes {} MiB, more than the {} MiB that this "
+                          "process may use; split the model",
+                          path, needed >> 20, most >> 20));
+}
+
+Json describe_file(const std::string& path, bool allow_external) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) {
     if (const auto splats = io::splat_format(path))
@@ -107,7 +119,8 @@ Json describe_file(const std::string& path) {
   switch (file_type(path, *file)) {
     case FileType::mesh:
       json["type"] = "mesh";
-      json.update(io::describe(io::read_mesh(path)));
+      require_memory(path, allow_external);
+      json.update(io::describe(io::read_mesh(path, {allow_external, {}})));
       break;
     case FileType::splats:
       json["type"] = "splats";
@@ -138,8 +151,8 @@ void join_lines(Json& value) {
 
 }  // namespace
 
-std::string inspect_text(const std::string& path) {
-  Json file = with_own_errors([&] { return describe_file(path); });
+std::string inspect_text(const std::string& path, bool allow_external) {
+  Json file = with_own_errors([&] { return describe_file(path, allow_external); });
   join_lines(file);
   const std::string type = file["type"].get<std::string>();
   std::string text = fmt::format("{}: {}\n", path, type == "pack" ? "tile pack" : type);
@@ -155,9 +168,9 @@ std::string inspect_text(const std::string& path) {
              file["chunks"].get<std::uint64_t>());
 }
 
-std::string inspect_json(const std::string& path) {
+std::string inspect_json(const std::string& path, bool allow_external) {
   // A name inside a file need not be UTF-8; JSON must be.
-  const Json file = with_own_errors([&] { return describe_file(path); });
+  const Json file = with_own_errors([&] { return describe_file(path, allow_external); });
   return file.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

@@ -18,7 +18,9 @@ namespace pounce::io {
 namespace {
 
 constexpr std::size_t kPieceBytes = 1 << 20;
+constexpr std::size_t kMaxLibraries = 1000;
 constexpr std::size_t kMaxLineBytes = 16 << 20;
+constexpr std::size_t kMaxNameBytes = 4096;  // of what o, g, usemtl and mtllib say
 
 bool is_space(char c) { return c == ' ' || c == '\t'; }
 
@@ -81,11 +83,13 @@ class ObjCounter {
       end_of_line();
     } else if (is_space(c) || c == '\r') {
       end_of_word();
+      if (is_library_ && library_.size() < kMaxNameBytes) library_ += ' ';
     } else {
       if (first_word_) {
-        if (word_size_ < 2) word_[word_size_] = c;
-        word_size_ = std::min<std::size_t>(word_size_ + 1, 3);
+        if (word_size_ < word_.size()) word_[word_size_] = c;
+        word_size_ = std::min(word_size_ + 1, word_.size() + 1);
       }
+      if (is_library_ && library_.size() < kMaxNameBytes) library_ += c;
       in_word_ = true;
       corner_ = (corner_ + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
       // Negative indices mean something else after each new vertex.
@@ -99,13 +103,21 @@ class ObjCounter {
     counts_.distinct_corners = std::min(counts_.corners, rounded_up);
     const auto parts = static_cast<std::uint64_t>(parts_.count() * 1.05) + 16;
     counts_.distinct_parts = std::min(counts_.names + 1, parts);
+    const auto materials = static_cast<std::uint64_t>(materials_.count() * 1.05) + 16;
+    counts_.distinct_materials = std::min(counts_.uses + 1, materials);
     return counts_;
   }
 
  private:
-  bool is_word(std::string_view word) const { return std::string_view(word_, word_size_) == word; }
+  bool is_word(std::string_view word) const {
+    return word_size_ <= word_.size() && std::string_view(word_.data(), word_size_) == word;
+  }
   void end_of_line() {
     end_of_word();
+    if (is_library_) counts_.libraries.insert(library_);
+    is_library_ = false;
+    counts_.most_groups = std::max(counts_.most_groups, groups_);
+    groups_ = 0;
     if (!first_word_ && (is_word("o") || is_word("g"))) counts_.name_bytes += line_bytes_;
     counts_.longest_line_bytes = std::max(counts_.longest_line_bytes, line_bytes_);
     line_bytes_ = 0;
@@ -116,13 +128,18 @@ class ObjCounter {
   void end_of_word() {
     if (in_word_ && first_word_) {
       first_word_ = false;
-      if (word_size_ > 2) word_size_ = 0;  // no statement that counts
       if (is_word("v")) ++counts_.positions;
       if (is_word("vt")) ++counts_.texcoords;
       if (is_word("vn")) ++counts_.normals;
       if (is_word("f")) start_face();
       if (is_word("o") || is_word("g")) start_name();
+      if (is_word("usemtl")) ++counts_.uses, material_ = 0;
+      is_library_ = is_word("mtllib") && counts_.libraries.size() < kMaxLibraries;
+      library_.clear();
+    } else if (in_word_ && is_word("usemtl")) {
+      material_ = (material_ + corner_) * 0xD6E8FEB86659FD93ULL;
     } else if (in_word_ && (is_word("o") || is_word("g"))) {
+      ++groups_;
       std::uint64_t& hash = is_word("o") ? object_ : group_;
       hash = (hash + corner_) * 0xD6E8FEB86659FD93ULL;
     } else if (in_word_ && is_word("f")) {
@@ -135,6 +152,7 @@ class ObjCounter {
 
   void start_face() {
     ++counts_.faces;
+    materials_.add(material_);
     if (part_counted_) return;
     parts_.add(object_ * 31 + group_);
     part_counted_ = true;
@@ -146,11 +164,15 @@ class ObjCounter {
   }
 
   ObjCounts counts_;
-  DistinctCounter distinct_, parts_;
+  DistinctCounter distinct_, parts_, materials_;
   std::uint64_t object_ = 0, group_ = 0;  ///< hashes of the names in use
+  std::uint64_t material_ = 0;            ///< hash of the one in use
+  std::uint64_t groups_ = 0;              ///< names of the line so far
   bool part_counted_ = false;
-  char word_[2] = {0, 0};  ///< the first two characters of the line's first word
+  std::array<char, 6> word_{};  ///< the first characters of the line's first word
   std::size_t word_size_ = 0;
+  bool is_library_ = false;  ///< a "mtllib" line; library_ is what it says
+  std::string library_;
   bool in_word_ = false, first_word_ = true;
   std::uint64_t corner_ = 0;  ///< hash of the word being read
   std::uint64_t line_bytes_ = 0;
@@ -264,7 +286,8 @@ bool ObjLines::next_checked_line() {
     }
     std::string_view rest(text_);
     if (line_ == 1 && rest.starts_with("\xEF\xBB\xBF")) rest.remove_prefix(3);
-    const std::string_view word = next_word(rest);
+    const std::string word(next_word(rest).substr(0, 8));
+    const std::size_t rest_bytes = rest.size();
     if (word == "v") {
       check_numbers(rest, 3, 3, "a vertex");
     } else if (word == "vt") {
@@ -281,6 +304,10 @@ bool ObjLines::next_checked_line() {
       text_ = "o default";
     } else if (word != "usemtl" && word != "o" && word != "g") {
       continue;
+    }
+    const bool has_names = word != "f" && word[0] != 'v';
+    if (has_names && rest_bytes > kMaxNameBytes) {
+      fail(fmt::format("names of more than {} bytes, which no model has", kMaxNameBytes));
     }
     if (text_.starts_with("\xEF\xBB\xBF")) text_.erase(0, 3);
     text_ += '\n';

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <exception>
 #include <memory>
+#include <set>
 #include <streambuf>
 #include <string>
 #include <vector>
@@ -58,6 +59,10 @@ struct ObjCounts {
   /// (estimated like distinct_corners).
   std::uint64_t names = 0, name_bytes = 0, distinct_parts = 0;
   std::uint64_t longest_line_bytes = 0;
+  std::uint64_t most_groups = 0;  ///< names in one "o" or "g" statement
+  /// "usemtl" statements, and how many different ones faces have (estimated, too).
+  std::uint64_t uses = 0, distinct_materials = 0;
+  std::set<std::string> libraries;  ///< what "mtllib" statements say, the first thousand
 };
 ObjCounts count_obj(const std::string& path);
 

@@ -5,11 +5,8 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <initializer_list>
-#include <sstream>
-#include <utility>
 
-#include "core/file.h"
+#include "io/material_names.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -17,32 +14,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kMaxMtlBytes = 64 << 20;
-
-/// tinyobjloader invents a diffuse colour of 0.6 where a material has a map but no Kd, and black
-/// where it has neither. One more line after each "newmtl" makes white the default.
-std::string with_white_default(const std::string& text) {
-  std::istringstream lines(text);
-  std::string out, line;
-  while (std::getline(lines, line)) {
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    out += line;
-    out += '\n';
-    const std::size_t start = line.find_first_not_of(" \t");
-    if (start != std::string::npos && line.compare(start, 6, "newmtl") == 0) out += "Kd 1 1 1\n";
-  }
-  return out;
-}
-
-std::string read_all(const std::string& path) {
-  const auto file = posix_file_system().open(path);
-  if (file->size_bytes() > kMaxMtlBytes) {
-    throw Error(ErrorKind::input, path + ": larger than 64 MiB, which no material file is");
-  }
-  std::string text(file->size_bytes(), '\0');
-  file->read(0, std::as_writable_bytes(std::span(text)));
-  return text;
-}
+constexpr std::size_t kMaxLibraries = 1000;
+constexpr std::size_t kListedUnknown = 5;
 
 std::string slashed(std::string name) {
   std::replace(name.begin(), name.end(), '\\', '/');
@@ -54,74 +27,86 @@ bool is_file(const fs::path& path) {
   return fs::is_regular_file(path, error);
 }
 
+fs::path library_path(const std::string& obj_path, const std::string& name) {
+  return fs::path(obj_path).parent_path() / slashed(name);
+}
+
 }  // namespace
 
-ObjMaterials::ObjMaterials(const std::string& obj_path, mesh::Mesh& mesh)
-    : path_(obj_path), mesh_(mesh) {}
+std::optional<std::string> material_library(const std::string& obj_path, const AssetFolder& folder,
+                                            const std::string& name) {
+  const fs::path path = library_path(obj_path, name);
+  if (!is_file(path) || !folder.holds(path.string())) return std::nullopt;
+  return path.string();
+}
 
-bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::material_t>* materials,
-                              std::map<std::string, int>* by_name, std::string* warning,
-                              std::string* error) {
-  const fs::path path = fs::path(path_).parent_path() / slashed(name);
-  std::string text;
+ObjMaterials::ObjMaterials(const std::string& obj_path, bool allow_external, mesh::Mesh& mesh)
+    : path_(obj_path), folder_(obj_path, allow_external), mesh_(mesh) {}
+
+bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::material_t>*,
+                              std::map<std::string, int>* by_name, std::string*, std::string*) {
+  const std::string path = library_path(path_, name).lexically_normal().string();
+  const auto [library, is_new] = libraries_.try_emplace(path, false);
+  if (!is_new) return library->second;
+  if (libraries_.size() > kMaxLibraries) {
+    throw Error(ErrorKind::input, fmt::format("{}: names more than {} material files; split the "
+                                              "model or leave out those that no face uses",
+                                              path_, kMaxLibraries));
+  }
+  const std::string shown = library_path(path_, name).string();
+  std::string cure = "cannot be read: put it back";
   try {
-    if (!is_file(path)) throw Error(ErrorKind::storage, "no such file");
-    text = read_all(path.string());
+    if (!is_file(shown)) throw Error(ErrorKind::storage, "no such file");
+    if (!folder_.holds(shown)) {
+      cure = kOutsideProblem;
+      throw Error(ErrorKind::input, std::string("it ") + kOutsideProblem);
+    }
+    library->second = read(shown, *by_name);
   } catch (const Error& e) {
     mesh_.warnings.push_back(
-        fmt::format("{}: material file {} cannot be read ({})", path_, path.string(), e.what()));
-    mesh_.missing_files.push_back(path.string());
-    return false;
+        fmt::format("{}: material file {} cannot be read ({})", path_, shown, e.what()));
+    mesh_.missing_files.push_back(shown + " " + cure);
   }
-  mesh_.files.push_back(path.string());
-  std::istringstream stream(with_white_default(text));
-  tinyobj::LoadMtl(by_name, materials, &stream, warning, error);
-  for (std::size_t i = loaded_.size(); i < materials->size(); ++i) {
-    loaded_.push_back({(*materials)[i], path.parent_path().string()});
-  }
+  return library->second;
+}
+
+bool ObjMaterials::read(const std::string& path, std::map<std::string, int>& by_name) {
+  const std::string& folder = *folders_.insert(fs::path(path).parent_path().string()).first;
+  read_mtl(path, [&](MtlMaterial&& material) {
+    const auto id = static_cast<int>(loaded_.size());
+    if (!by_name.try_emplace(material.name, id).second) return;  // the first of a name counts
+    loaded_.push_back({std::move(material), &folder});
+  });
+  mesh_.files.push_back(path);
   return true;
 }
 
-void ObjMaterials::use(const std::string& name, int id) { in_use_ = {id, id >= 0 ? "" : name}; }
+void ObjMaterials::use(const std::string& name, int id) {
+  in_use_ = {id, id >= 0 ? "" : name};
+  current_.reset();
+}
 
 std::uint32_t ObjMaterials::current() {
-  const auto found = made_.find(in_use_);
-  return found != made_.end() ? found->second : made_[in_use_] = make();
+  if (!current_) {
+    const auto found = made_.find(in_use_);
+    current_ = found != made_.end() ? found->second : made_[in_use_] = make();
+  }
+  return *current_;
 }
 
 std::uint32_t ObjMaterials::make() {
+  if (mesh_.materials.size() == kMaxMaterials) {
+    throw Error(ErrorKind::input, fmt::format("{}: its faces use more than {} materials; split the "
+                                              "model",
+                                              path_, kMaxMaterials));
+  }
   mesh::Material out;
   const auto& [id, name] = in_use_;
-  if (id >= 0 && static_cast<std::size_t>(id) < loaded_.size()) {
-    const auto& [in, folder] = loaded_[static_cast<std::size_t>(id)];
-    out.name = in.name;
-    out.factors[static_cast<std::size_t>(Channel::base_color)] = {in.diffuse[0], in.diffuse[1],
-                                                                  in.diffuse[2], in.dissolve};
-    const bool dark = in.emission[0] == 0 && in.emission[1] == 0 && in.emission[2] == 0;
-    auto& emissive = out.factors[static_cast<std::size_t>(Channel::emissive)];
-    emissive = {in.emission[0], in.emission[1], in.emission[2], 1};
-    if (dark && !in.emissive_texname.empty()) emissive = {1, 1, 1, 1};
-    bind(out, Channel::base_color, in.diffuse_texname, in.diffuse_texopt, folder);
-    bind(out, Channel::emissive, in.emissive_texname, in.emissive_texopt, folder);
-    const std::initializer_list<std::pair<const char*, const std::string&>> others{
-        {"map_Ka", in.ambient_texname},
-        {"map_Ks", in.specular_texname},
-        {"map_Ns", in.specular_highlight_texname},
-        {"map_Bump", in.bump_texname},
-        {"disp", in.displacement_texname},
-        {"map_d", in.alpha_texname},
-        {"refl", in.reflection_texname},
-        {"map_Pr", in.roughness_texname},
-        {"map_Pm", in.metallic_texname},
-        {"map_Ps", in.sheen_texname},
-        {"norm", in.normal_texname}};
-    for (const auto& [slot, texture] : others) {
-      if (!texture.empty()) out.other_textures.push_back({slot, image(texture, folder)});
-    }
+  if (id >= 0) {
+    fill(out, loaded_.at(static_cast<std::size_t>(id)));
   } else if (!name.empty()) {
     out.name = name;
-    mesh_.warnings.push_back(fmt::format(
-        "{}: no material file has the material \"{}\"; it has no textures", path_, name));
+    if (++unknown_count_ <= kListedUnknown) unknown_.push_back(name);
   } else {
     out.name = "default";
   }
@@ -129,15 +114,43 @@ std::uint32_t ObjMaterials::make() {
   return static_cast<std::uint32_t>(mesh_.materials.size() - 1);
 }
 
-void ObjMaterials::bind(mesh::Material& material, Channel channel, const std::string& texture,
-                        const tinyobj::texture_option_t& options, const std::string& folder) {
-  if (texture.empty()) return;
+void ObjMaterials::finish() {
+  for (const std::string& name : unknown_) {
+    mesh_.warnings.push_back(fmt::format(
+        "{}: no material file has the material \"{}\"; it has no textures", path_, name));
+  }
+  if (unknown_count_ > unknown_.size()) {
+    mesh_.warnings.push_back(
+        fmt::format("{}: no material file has {} more materials; they have no textures", path_,
+                    unknown_count_ - unknown_.size()));
+  }
+}
+
+void ObjMaterials::fill(mesh::Material& out, const Loaded& loaded) {
+  const MtlMaterial& in = loaded.material;
+  out.name = in.name;
+  out.factors[static_cast<std::size_t>(Channel::base_color)] = {in.diffuse[0], in.diffuse[1],
+                                                                in.diffuse[2], in.dissolve};
+  const bool dark = in.emission[0] == 0 && in.emission[1] == 0 && in.emission[2] == 0;
+  auto& emissive = out.factors[static_cast<std::size_t>(Channel::emissive)];
+  emissive = {in.emission[0], in.emission[1], in.emission[2], 1};
+  if (dark && !in.emissive.name.empty()) emissive = {1, 1, 1, 1};
+  bind(out, Channel::base_color, in.base_color, *loaded.folder);
+  bind(out, Channel::emissive, in.emissive, *loaded.folder);
+  for (const auto& [slot, texture] : in.others) {
+    out.other_textures.push_back({slot, image(texture, *loaded.folder)});
+  }
+}
+
+void ObjMaterials::bind(mesh::Material& material, Channel channel, const MtlTexture& texture,
+                        const std::string& folder) {
+  if (texture.name.empty()) return;
   mesh::TextureBinding binding;
-  binding.image = image(texture, folder);
-  binding.wrap_u = binding.wrap_v = options.clamp ? mesh::Wrap::clamp : mesh::Wrap::repeat;
+  binding.image = image(texture.name, folder);
+  binding.wrap_u = binding.wrap_v = texture.clamp ? mesh::Wrap::clamp : mesh::Wrap::repeat;
   // "-s" and "-o" scale and move with v up: v_up' = s v_up + o, written for v down = 1 - v_up.
-  const double su = options.scale[0], sv = options.scale[1];
-  const double ou = options.origin_offset[0], ov = options.origin_offset[1];
+  const auto [su, sv] = texture.scale;
+  const auto [ou, ov] = texture.offset;
   binding.transform = {su, 0, ou, 0, sv, 1 - sv - ov};
   material.textures[static_cast<std::size_t>(channel)] = binding;
 }
@@ -146,9 +159,13 @@ std::uint32_t ObjMaterials::image(const std::string& name, const std::string& fo
   std::string clean = slashed(name);
   while (!clean.empty() && (clean.back() == ' ' || clean.back() == '\t')) clean.pop_back();
   fs::path path = fs::path(folder) / clean;
-  // Paths of another machine ("C:/art/skin.png"): the file is often beside the MTL.
+  // Paths of another machine ("C:/art/skin.png") or to elsewhere on this one: the file is often
+  // beside the MTL.
+  const auto is_readable = [&](const fs::path& file) {
+    return is_file(file) && folder_.holds(file.string());
+  };
   if (const fs::path beside = fs::path(folder) / fs::path(clean).filename();
-      !is_file(path) && is_file(beside)) {
+      !is_readable(path) && is_readable(beside)) {
     path = beside;
   }
   const auto [it, is_new] =
@@ -160,6 +177,8 @@ std::uint32_t ObjMaterials::image(const std::string& name, const std::string& fo
     if (fs::status(path, error).type() == fs::file_type::not_found) {
       out.problem = fmt::format("the file is not there (named by a material of {})", path_);
       out.missing = true;
+    } else if (!folder_.holds(path.string())) {
+      out.problem = fmt::format("the file (named by a material of {}) {}", path_, kOutsideProblem);
     }
   }
   return it->second;

@@ -8,9 +8,12 @@
 #include <fmt/format.h>
 #include <tiny_obj_loader.h>
 
+#include <algorithm>
 #include <cmath>
 #include <istream>
 #include <limits>
+#include <set>
+#include <sstream>
 
 #include "io/material_names.h"
 #include "io/obj_lines.h"
@@ -24,6 +27,9 @@ namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr double kSmoothAngleDeg = 60;
+/// In the mesh, with its name, and the tables that find it.
+constexpr std::uint64_t kBytesPerMaterial = sizeof(mesh::Material) + 1024;
+constexpr int kMaxGroups = 64;  // that a face can be selected by
 
 struct CornerKey {
   std::uint32_t position = kNone, texcoord = kNone, normal = kNone;
@@ -67,8 +73,8 @@ class CornerSet {
 
 class ObjReader {
  public:
-  explicit ObjReader(const std::string& path)
-      : path_(path), lines_(path), materials_(path, mesh_) {}
+  ObjReader(const std::string& path, bool allow_external)
+      : path_(path), lines_(path), materials_(path, allow_external, mesh_) {}
 
   mesh::Mesh read();
 
@@ -91,7 +97,7 @@ class ObjReader {
   std::string object_;               ///< the last "o"
   std::vector<std::string> groups_;  ///< the last "g"
   mesh::PartsBuilder parts_;
-  std::uint64_t small_faces_ = 0;
+  std::uint64_t small_faces_ = 0, crowded_groups_ = 0;
   // Scratch of add_face.
   std::vector<std::uint32_t> face_;
   std::vector<Vec3f> face_positions_;
@@ -142,7 +148,8 @@ void ObjReader::parse() {
   };
   calls.group_cb = [](void* data, const char** names, int count) {
     auto* reader = static_cast<ObjReader*>(data);
-    reader->groups_.assign(names, names + count);
+    reader->groups_.assign(names, names + std::min(count, kMaxGroups));
+    reader->crowded_groups_ += count > kMaxGroups ? 1 : 0;
     reader->start_part();
   };
   calls.usemtl_cb = [](void* data, const char* name, int id) {
@@ -278,6 +285,12 @@ mesh::Mesh ObjReader::read() {
     mesh_.warnings.push_back(
         fmt::format("{}: {} faces of fewer than 3 corners left out", path_, small_faces_));
   }
+  if (crowded_groups_ > 0) {
+    mesh_.warnings.push_back(fmt::format(
+        "{}: {} statements put faces into more than {} groups; only the first {} of each count",
+        path_, crowded_groups_, kMaxGroups, kMaxGroups));
+  }
+  materials_.finish();
   finish_normals(keep_vertices());
   mesh::complete_tangents(mesh_);
   std::vector<std::string> names;
@@ -298,11 +311,38 @@ mesh::Mesh ObjReader::read() {
   return std::move(mesh_);
 }
 
+/// What its material files need.
+std::uint64_t library_bytes(const std::string& path, const MeshReading& reading,
+                            const ObjCounts& counts) {
+  const AssetFolder folder(path, reading.allow_external);
+  std::set<std::string> files;
+  for (const std::string& said : counts.libraries) {
+    // One name with spaces in it, or several.
+    std::istringstream words(said);
+    std::vector<std::string> names{said.substr(std::min(said.find_first_not_of(' '), said.size()))};
+    for (std::string word; words >> word;) names.push_back(word);
+    for (const std::string& name : names) {
+      if (const auto file = material_library(path, folder, name)) files.insert(*file);
+    }
+  }
+  std::uint64_t total = 0;
+  for (const std::string& file : files) {
+    try {
+      total += mtl_bytes(file);
+    } catch (const Error&) {
+      // Reading it says what is wrong.
+    }
+  }
+  return total;
+}
+
 }  // namespace
 
-mesh::Mesh read_obj(const std::string& path) { return ObjReader(path).read(); }
+mesh::Mesh read_obj(const std::string& path, const MeshReading& reading) {
+  return ObjReader(path, reading.allow_external).read();
+}
 
-MeshCost obj_cost(const std::string& path) {
+MeshCost obj_cost(const std::string& path, const MeshReading& reading) {
   const ObjCounts counts = count_obj(path);
   const std::uint64_t triangles =
       counts.corners > 2 * counts.faces ? counts.corners - 2 * counts.faces : 0;
@@ -316,8 +356,11 @@ MeshCost obj_cost(const std::string& path) {
   const std::uint64_t name_bytes =
       std::min(counts.name_bytes, counts.distinct_parts * counts.longest_line_bytes);
   const std::uint64_t runs = std::min(counts.names, counts.faces) * sizeof(mesh::Parts::Run);
+  const std::uint64_t part_groups =
+      counts.distinct_parts * (1 + std::min<std::uint64_t>(counts.most_groups, kMaxGroups)) * 4;
+  const std::uint64_t materials = std::min<std::uint64_t>(counts.distinct_materials, kMaxMaterials);
   cost.kept_bytes = vertices * per_vertex + triangles * 16 + runs + counts.distinct_parts * 128 +
-                    name_bytes * 8 + (1U << 20);
+                    part_groups + materials * kBytesPerMaterial + name_bytes * 8 + (1U << 20);
   const std::uint64_t lists = counts.positions * 12 + counts.texcoords * 8 + counts.normals * 12;
   // Keys and slots while they double: three times and one and a half times what is in use.
   const std::uint64_t corner_set = corner_keys * (3 * 12 + 6 * 4);
@@ -326,9 +369,11 @@ MeshCost obj_cost(const std::string& path) {
                                                corner_keys * (8 + per_vertex) +
                                                (vertices - corner_keys) * (3 * 16 + 3 * 4)
                                          : 0;
-  const std::uint64_t part_tables = counts.distinct_parts * 280 + name_bytes * 32 + runs;
+  const std::uint64_t part_tables =
+      counts.distinct_parts * 280 + part_groups + name_bytes * 32 + runs;
   cost.peak_bytes = cost.kept_bytes + part_tables + lists + std::max(corner_set, smoothing) +
-                    4 * counts.longest_line_bytes + (4U << 20);  // pieces of the file, MTL files
+                    library_bytes(path, reading, counts) + 4 * counts.longest_line_bytes +
+                    (4U << 20);  // pieces of the file
   return cost;
 }
 

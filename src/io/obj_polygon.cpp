@@ -50,18 +50,37 @@ bool is_convex(const std::vector<Vec2d>& flat) {
   return true;
 }
 
-bool is_ear(const std::vector<Vec2d>& flat, const std::vector<std::uint32_t>& ring,
-            std::size_t at) {
-  const std::size_t n = ring.size();
-  const Vec2d a = flat[ring[(at + n - 1) % n]], b = flat[ring[at]], c = flat[ring[(at + 1) % n]];
-  if (turn(a, b, c) <= 0) return false;
-  for (std::size_t k = 2; k + 1 < n; ++k) {
-    const Vec2d p = flat[ring[(at + k) % n]];
-    if (p == a || p == b || p == c) continue;
-    if (turn(a, b, p) >= 0 && turn(b, c, p) >= 0 && turn(c, a, p) >= 0) return false;
+/// Which corners of a polygon may be cut off. Remembers for each the corner that it met in its way:
+/// while that one is there the answer holds, and the corners before it need not be looked at again.
+/// So cutting all ears costs the square of the corner count, not its cube.
+class Ears {
+ public:
+  explicit Ears(const std::vector<Vec2d>& flat)
+      : flat_(flat), is_there_(flat.size(), true), looked_(flat.size(), 0) {}
+
+  /// Is corner b, between a and c, an ear of what is left?
+  bool is_ear(std::uint32_t corner_a, std::uint32_t corner_b, std::uint32_t corner_c) {
+    const Vec2d a = flat_[corner_a], b = flat_[corner_b], c = flat_[corner_c];
+    if (turn(a, b, c) <= 0) return false;
+    std::uint32_t& at = looked_[corner_b];
+    for (; at < flat_.size(); ++at) {
+      const Vec2d p = flat_[at];
+      if (!is_there_[at] || p == a || p == b || p == c) continue;
+      if (turn(a, b, p) >= 0 && turn(b, c, p) >= 0 && turn(c, a, p) >= 0) return false;
+    }
+    return true;
   }
-  return true;
-}
+  /// b was cut off between a and c, whose triangles are others now.
+  void cut(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    is_there_[b] = false;
+    looked_[a] = looked_[c] = 0;
+  }
+
+ private:
+  const std::vector<Vec2d>& flat_;
+  std::vector<bool> is_there_;
+  std::vector<std::uint32_t> looked_;  ///< by corner: those before are not in its way
+};
 
 }  // namespace
 
@@ -74,13 +93,16 @@ std::vector<std::array<std::uint32_t, 3>> triangulate(std::span<const Vec3f> cor
   for (std::uint32_t i = 0; i < n; ++i) ring[i] = i;
   if (n > 3 && n <= kMaxEars) {
     const std::vector<Vec2d> flat = flatten(corners, area_vector(corners));
+    Ears ears(flat);
     bool cut = !is_convex(flat);
     while (cut && ring.size() > 3) {
       cut = false;
       for (std::size_t i = 0; i < ring.size() && !cut; ++i) {
-        if (!is_ear(flat, ring, i)) continue;
         const std::size_t size = ring.size();
-        triangles.push_back({ring[(i + size - 1) % size], ring[i], ring[(i + 1) % size]});
+        const std::uint32_t a = ring[(i + size - 1) % size], b = ring[i], c = ring[(i + 1) % size];
+        if (!ears.is_ear(a, b, c)) continue;
+        triangles.push_back({a, b, c});
+        ears.cut(a, b, c);
         ring.erase(ring.begin() + static_cast<std::ptrdiff_t>(i));
         cut = true;
       }

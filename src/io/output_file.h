@@ -12,9 +12,9 @@
 namespace pounce::io {
 
 /// A file that appears under its name whole or not at all, for libraries that write and seek
-/// through a C stream. Folders that are missing are made. A symbolic link stays and what it leads to
-/// is replaced; a file that is replaced hands on its permissions. Throws Error(storage) with path
-/// and reason. Not thread-safe.
+/// through a C stream. Folders that are missing are made. A symbolic link stays and what it leads
+/// to is replaced; a file that is replaced hands on its permissions. Throws Error(storage) with
+/// path and reason. Not thread-safe.
 class OutputFile {
  public:
   explicit OutputFile(const std::string& path);

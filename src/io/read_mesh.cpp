@@ -20,6 +20,9 @@ namespace {
 
 enum class Format { gltf, obj };
 
+/// A file may be wrong in a million places; nobody reads as many lines.
+constexpr std::size_t kMaxWarnings = 100;
+
 std::string lower_ending(const std::string& path) {
   std::string ending = std::filesystem::path(path).extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
@@ -80,12 +83,20 @@ Format format_of(const std::string& path) {
 
 }  // namespace
 
-mesh::Mesh read_mesh(const std::string& path, std::optional<std::uint32_t> texture_uv_set) {
-  return format_of(path) == Format::gltf ? read_gltf(path, texture_uv_set) : read_obj(path);
+mesh::Mesh read_mesh(const std::string& path, const MeshReading& reading) {
+  mesh::Mesh mesh =
+      format_of(path) == Format::gltf ? read_gltf(path, reading) : read_obj(path, reading);
+  if (const std::size_t count = mesh.warnings.size(); count > kMaxWarnings) {
+    mesh.warnings.resize(kMaxWarnings);
+    mesh.warnings.push_back(
+        fmt::format("{}: {} more warnings, not shown", path, count - kMaxWarnings));
+  }
+  return mesh;
 }
 
-MeshCost mesh_cost(const std::string& path) {
-  return format_of(path) == Format::gltf ? gltf_cost(path) : obj_cost(path);
+MeshCost mesh_cost(const std::string& path, const MeshReading& reading, std::uint64_t most_bytes) {
+  return format_of(path) == Format::gltf ? gltf_cost(path, reading, most_bytes)
+                                         : obj_cost(path, reading);
 }
 
 bool is_gltf(const std::string& path) { return format_of(path) == Format::gltf; }

@@ -9,11 +9,17 @@
 
 namespace pounce::io {
 
+/// How a mesh file is read.
+struct MeshReading {
+  bool allow_external = false;  ///< also files outside of the mesh's folder that it names
+  /// Every texture lies on that UV set, whatever the materials say.
+  std::optional<std::uint32_t> texture_uv_set;
+};
+
 /// Reads a .glb, .gltf or .obj (by content, then by ending). Throws Error(input) naming the file,
 /// the place in it and what to do; Error(storage) where the file cannot be read at all. Never
-/// decodes an image. With `texture_uv_set` every texture lies on that UV set, whatever the
-/// materials say.
-mesh::Mesh read_mesh(const std::string& path, std::optional<std::uint32_t> texture_uv_set = {});
+/// decodes an image.
+mesh::Mesh read_mesh(const std::string& path, const MeshReading& reading = {});
 
 /// An upper bound on the memory that read_mesh() needs for this file at its peak, and the part of
 /// it that the returned Mesh keeps, judged from file sizes and headers alone.
@@ -21,7 +27,10 @@ struct MeshCost {
   std::uint64_t peak_bytes = 0;
   std::uint64_t kept_bytes = 0;
 };
-MeshCost mesh_cost(const std::string& path);
+/// Stops looking, and tells a larger bound, where more than `most_bytes` are sure to be needed
+/// only to find out: the text of a glTF file may need far more than its size.
+MeshCost mesh_cost(const std::string& path, const MeshReading& reading = {},
+                   std::uint64_t most_bytes = UINT64_MAX);
 
 /// Is this read as glTF? Throws as read_mesh() does for what is no mesh file.
 bool is_gltf(const std::string& path);

@@ -86,7 +86,7 @@ class ModelCopy {
  public:
   explicit ModelCopy(const ModelRequest& request)
       : request_(request),
-        target_(request.target),
+        target_(request.target, request.allow_external),
         slots_(find_slots(target_.document(), request)),
         buffers_(target_, slots_, request.output) {
     find_images();
@@ -163,6 +163,11 @@ void ModelCopy::find_images() {
       warnings_.push_back(fmt::format("{}: its image {} is not there; {} names it as before",
                                       request_.target, path, request_.output));
       continue;
+    }
+    if (!target_.may_read(path)) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: its image {} {}, and {} would take it along", request_.target,
+                              path, kOutsideProblem, request_.output));
     }
     StayingImage image{i, path,
                        stem + fmt::format(".image{}", i) + fs::path(path).extension().string(), ""};

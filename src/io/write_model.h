@@ -29,6 +29,7 @@ struct ModelRequest {
   std::string output;        ///< .gltf or .glb: the format to write
   std::uint32_t uv_set = 0;  ///< what the new textures were drawn on
   std::vector<ModelTexture> textures;
+  bool allow_external = false;  ///< copy files from outside of the target's folder, too
 };
 
 /// Is this the name of a model that can be written (.glb, .gltf)?

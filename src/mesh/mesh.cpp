@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mesh/mesh.h"
 
+#include <set>
+
 namespace pounce::mesh {
 namespace {
 
@@ -19,8 +21,10 @@ std::uint64_t Mesh::size_bytes() const {
                         bytes_of(files);
   for (const auto& set : uv_sets) total += bytes_of(set);
   for (const auto& present : uv_present) total += present.capacity() / 8;
+  std::set<const void*> counted;  // images may share bytes
   for (const auto& image : images) {
-    if (image.bytes != nullptr) total += image.bytes->capacity();
+    const bool is_new = image.bytes != nullptr && counted.insert(image.bytes.get()).second;
+    if (is_new) total += image.bytes->capacity();
     total += image.path.capacity() + image.label.capacity() + image.problem.capacity();
   }
   return total;

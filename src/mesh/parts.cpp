@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mesh/parts.h"
 
-#include <algorithm>
+#include <utility>
 
 namespace pounce::mesh {
 
@@ -23,12 +23,14 @@ void PartsBuilder::start(std::uint32_t first_triangle, const std::vector<std::st
 void PartsBuilder::end_run(std::uint32_t triangles) {
   if (triangles == first_) return;
   std::vector<std::uint32_t> key;
+  ++uses_;
   for (const std::string& name : names_) {
     if (name.empty()) continue;
     const auto [at, fresh] =
         name_index_.try_emplace(name, static_cast<std::uint32_t>(parts_.names.size()));
     if (fresh) parts_.names.push_back(name);
-    if (std::find(key.begin(), key.end(), at->second) == key.end()) key.push_back(at->second);
+    last_use_.resize(parts_.names.size(), 0);
+    if (std::exchange(last_use_[at->second], uses_) != uses_) key.push_back(at->second);
   }
   const auto [at, fresh] =
       part_index_.try_emplace(key, static_cast<std::uint32_t>(parts_.part_names.size()));

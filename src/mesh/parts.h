@@ -39,6 +39,8 @@ class PartsBuilder {
   Parts parts_;
   std::map<std::string, std::uint32_t> name_index_;
   std::map<std::vector<std::uint32_t>, std::uint32_t> part_index_;
+  std::vector<std::uint64_t> last_use_;  ///< by name: the run that had it last
+  std::uint64_t uses_ = 0;               ///< runs so far
   std::vector<std::string> names_;
   std::uint32_t first_ = 0;
 };

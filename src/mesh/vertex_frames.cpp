@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <unordered_map>
 
 namespace pounce::mesh {
 namespace {
@@ -156,18 +157,39 @@ Incidence triangles_around(const Mesh& mesh, const std::vector<std::uint32_t>& p
   return out;
 }
 
-Vec3f corner_normal(const Mesh& mesh, const Incidence& around, std::uint32_t triangle,
-                    std::uint32_t position, double min_cosine) {
-  const std::uint32_t first = around.starts[position], last = around.starts[position + 1];
-  const Vec3d own = unit(area_normal(mesh, mesh.triangles[triangle]));
-  const bool compare = last - first <= kMaxCompared && !is_zero(own);
-  Vec3d sum;
-  for (std::uint32_t k = first; k < last; ++k) {
-    const Vec3d other = area_normal(mesh, mesh.triangles[around.items[k]]);
-    if (!compare || dot(own, other) >= min_cosine * length(other)) sum = sum + other;
+/// Normals of triangles' corners, smoothed over what lies around their position.
+class CornerNormals {
+ public:
+  CornerNormals(const Mesh& mesh, const Incidence& around, double min_cosine)
+      : mesh_(mesh), around_(around), min_cosine_(min_cosine) {}
+
+  Vec3f at(std::uint32_t triangle, std::uint32_t position) {
+    const std::uint32_t count = around_.starts[position + 1] - around_.starts[position];
+    if (count <= kMaxCompared) {
+      return smoothed(position, unit(area_normal(mesh_, mesh_.triangles[triangle])));
+    }
+    // All triangles there have the same: found once, or a fan would cost the square of its size.
+    const auto [known, is_new] = crowded_.try_emplace(position);
+    if (is_new) known->second = smoothed(position, {});
+    return known->second;
   }
-  return Vec3f(unit(sum));
-}
+
+ private:
+  /// The mean of those that lean little from `own`; of all if that is zero.
+  Vec3f smoothed(std::uint32_t position, Vec3d own) const {
+    Vec3d sum;
+    for (std::uint32_t k = around_.starts[position]; k < around_.starts[position + 1]; ++k) {
+      const Vec3d other = area_normal(mesh_, mesh_.triangles[around_.items[k]]);
+      if (is_zero(own) || dot(own, other) >= min_cosine_ * length(other)) sum = sum + other;
+    }
+    return Vec3f(unit(sum));
+  }
+
+  const Mesh& mesh_;
+  const Incidence& around_;
+  const double min_cosine_;
+  std::unordered_map<std::uint32_t, Vec3f> crowded_;
+};
 
 /// Vertices to be added: copies of others with normals of their own. Kept apart until their number
 /// is known, so that the mesh's arrays grow once.
@@ -206,6 +228,7 @@ void smooth_normals(Mesh& mesh, const std::vector<std::uint32_t>& position_of,
   const double min_cosine = std::cos(max_angle_deg * kPi / 180) - 1e-6;
   const Incidence around = triangles_around(mesh, position_of, position_count);
   const auto vertex_count = static_cast<std::uint32_t>(mesh.positions.size());
+  CornerNormals normals(mesh, around, min_cosine);
   Copies copies;
   // The copies of a vertex form a chain: next_copy[v] is the next one with another normal.
   std::vector<std::uint32_t> next_copy(vertex_count, kNone);
@@ -218,7 +241,7 @@ void smooth_normals(Mesh& mesh, const std::vector<std::uint32_t>& position_of,
     std::array<std::uint32_t, 3> corners = mesh.triangles[i];
     for (std::uint32_t& corner : corners) {
       if (!missing[corner]) continue;
-      const Vec3f normal = corner_normal(mesh, around, i, position_of[corner], min_cosine);
+      const Vec3f normal = normals.at(i, position_of[corner]);
       if (!used[corner]) {
         used[corner] = true;
         mesh.normals[corner] = normal;

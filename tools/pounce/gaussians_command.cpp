@@ -58,6 +58,7 @@ Command add_gaussians_command(CLI::App& program) {
               }
               options.source_textures = {texture};
             });
+  add_external_option(*command, "Splats", options.allow_external);
   add_resource_options(*command, options.resources);
   add_job_options(*command, settings->job);
   const auto run = [settings] {

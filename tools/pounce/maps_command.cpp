@@ -55,6 +55,7 @@ Command add_maps_command(CLI::App& program) {
       "Default: 1024",
       [&options](const std::string& text) { options.size = parse_image_size("--size", text); });
   add_mesh_options(*command, "target", "Target", options.target_use);
+  add_external_option(*command, "Target", options.allow_external);
   add_resource_options(*command, options.resources);
   add_job_options(*command, settings->job);
   const auto run = [settings] {

@@ -96,6 +96,14 @@ void add_mesh_options(CLI::App& command, const std::string& side, const std::str
             });
 }
 
+void add_external_option(CLI::App& command, const std::string& group, bool& allow) {
+  add_switch(command, "--allow-external", group,
+             "Also read buffers, images and material files that a mesh names\n"
+             "outside of its own folder (.., absolute paths, links). Without\n"
+             "it they are refused: a model could bring any file into the output",
+             allow);
+}
+
 void add_resource_options(CLI::App& command, Resources& resources) {
   const char* const group = "Machine (the result does not depend on these)";
   add_value(command, "--memory", "SIZE", group,

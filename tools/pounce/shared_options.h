@@ -27,6 +27,8 @@ CLI::Option* add_value(CLI::App& command, const std::string& name, const std::st
 CLI::Option* add_switch(CLI::App& command, const std::string& name, const std::string& group,
                         const std::string& help, bool& flag, bool value = true);
 
+/// --allow-external, for commands that read meshes.
+void add_external_option(CLI::App& command, const std::string& group, bool& allow);
 /// --memory, --threads, --cache and --no-cache.
 void add_resource_options(CLI::App& command, Resources& resources);
 /// --SIDE-mesh, --SIDE-material, --SIDE-uv-set and --SIDE-axes; `side` is "source" or "target".

@@ -188,6 +188,7 @@ Command add_transfer_command(CLI::App& program) {
   add_mesh_options(*command, "source", "Source", options.source_use);
   add_mesh_options(*command, "target", "Target", options.target_use);
   add_search_options(*command, options);
+  add_external_option(*command, "Target", options.allow_external);
   add_resource_options(*command, options.resources);
   add_value(*command, "--temp", "DIR", "Machine (the result does not depend on these)",
             "Folder for scratch files. Default: the output's folder",

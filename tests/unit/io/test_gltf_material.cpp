@@ -44,7 +44,8 @@ Vec2d apply(const mesh::UvTransform& t, double u, double v) {
 
 std::string bytes_of(const mesh::ImageRef& image) {
   if (image.bytes != nullptr) {
-    return {reinterpret_cast<const char*>(image.bytes->data()), image.bytes->size()};
+    return {reinterpret_cast<const char*>(image.bytes->data()) + image.offset_bytes,
+            image.size_bytes != 0 ? image.size_bytes : image.bytes->size()};
   }
   std::ifstream file(image.path, std::ios::binary);
   file.seekg(static_cast<std::streamoff>(image.offset_bytes));

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "core/file.h"
+
+namespace pounce::io {
+
+/// What a JSON text holds, found in one pass that keeps nothing of it: what bounds the memory that
+/// parsing it needs. Of text that is no JSON, anything.
+struct JsonSize {
+  std::uint64_t text_bytes = 0;  ///< without data URIs
+  std::uint64_t data_bytes = 0;  ///< of strings that begin with "data:"
+  int depth = 0;                 ///< how deep brackets nest outside of strings
+  /// Objects in the root's "nodes", "accessors" and the like; in "meshes" those within them, too.
+  std::uint64_t entries = 0;
+  std::uint64_t extension_values = 0;  ///< values inside of "extensions", at least
+  std::uint64_t materials = 0;         ///< objects of the root's "materials"
+};
+
+/// Looks at `size` bytes of a file from `offset`.
+JsonSize json_size(const ReadFile& file, std::uint64_t offset, std::uint64_t size);
+
+}  // namespace pounce::io

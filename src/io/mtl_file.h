@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace pounce::io {
+
+/// A texture of an MTL file, as it is named there.
+struct MtlTexture {
+  std::string name;  ///< empty: none
+  bool clamp = false;
+  std::array<double, 2> scale{1, 1}, offset{0, 0};
+};
+
+/// What counts of one material of an MTL file; white where it says nothing.
+struct MtlMaterial {
+  std::string name;
+  std::array<float, 3> diffuse{1, 1, 1}, emission{0, 0, 0};
+  float dissolve = 1;
+  MtlTexture base_color, emissive;
+  /// Textures that no channel is made of: by statement ("map_Bump"), the name.
+  std::vector<std::pair<const char*, std::string>> others;
+};
+
+/// Reads the materials one after the other, in the order of the file; what is in memory is one of
+/// them. Throws Error(storage) or Error(input).
+void read_mtl(const std::string& path, const std::function<void(MtlMaterial&&)>& found);
+
+/// An upper bound on the memory that all its materials take, from one pass over the file.
+std::uint64_t mtl_bytes(const std::string& path);
+
+}  // namespace pounce::io
