@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "io/image_write.h"
+#include "support/many_threads.h"
 #include "support/random_scene.h"
 #include "support/test_data.h"
 
@@ -197,6 +198,7 @@ TEST_CASE("what cannot become Gaussians is refused and nothing is written", "[fl
   GaussiansOptions options = quad_options(folder);
   options.output = folder.file("quad.glb");
   CHECK(kind_of(options) == ErrorKind::usage);
+  write_text(folder.file("none"), "a file where a folder should be");
   options.output = folder.file("none/quad.ply");
   CHECK(kind_of(options) == ErrorKind::storage);
   options.output = folder.file("quad.ply");

@@ -11,6 +11,7 @@
 #include "core/file.h"
 #include "pounce/transfer.h"
 #include "support/bytes.h"
+#include "support/many_threads.h"
 #include "support/random_scene.h"
 #include "support/test_data.h"
 
@@ -29,7 +30,8 @@ Files run(TransferOptions options, const TempFolder& folder) {
   std::filesystem::create_directory(out);
   options.output = out + "/result.<CHANNEL>.png";
   options.coverage_output = out + "/coverage.<CHANNEL>.png";
-  transfer(options);
+  const Report report = transfer(options);
+  if (options.resources.threads != 0) CHECK(report.threads == options.resources.threads);
   Files files;
   for (const auto& entry : std::filesystem::directory_iterator(out)) {
     files[entry.path().filename().string()] =

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <numbers>
 #include <string>
 
@@ -13,6 +14,7 @@
 #include "io/read_mesh.h"
 #include "pounce/transfer.h"
 #include "support/bytes.h"
+#include "support/many_threads.h"
 #include "support/random_scene.h"
 #include "support/reference_splats.h"
 #include "support/splat_scenes.h"
@@ -212,6 +214,7 @@ TEST_CASE("what a splat scene cannot give is refused with the reason", "[flow]")
   refusal(other, ErrorKind::usage, "--source-texture");
   other = options;
   other.source = folder.file("scene.spz");
+  std::ofstream(other.source, std::ios::binary) << "NGSP" << std::string(28, '\4');
   refusal(other, ErrorKind::input, "splat-transform");
   other = options;
   other.resources.memory_bytes = kMiB;

@@ -11,6 +11,7 @@
 #include "mesh/uv_tiles.h"
 #include "pounce/transfer.h"
 #include "support/bytes.h"
+#include "support/many_threads.h"
 #include "support/mesh_files.h"
 #include "support/test_data.h"
 #include "support/whole_image.h"
