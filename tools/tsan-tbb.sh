@@ -13,11 +13,14 @@ fi
 mkdir -p "$folder"
 cd "$folder"
 if ! compgen -G 'onetbb-*/CMakeLists.txt' >/dev/null; then
-  apt-get source --only-source onetbb || {
-    echo "tsan-tbb.sh: apt-get source needs a deb-src line, e.g. 'Types: deb deb-src' in" \
-      "/etc/apt/sources.list.d/debian.sources, and apt-get update" >&2
-    exit 1
-  }
+  # The machine's own package lists seldom name sources, so this brings its own.
+  mkdir -p apt/lists/partial
+  echo 'deb-src [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] http://deb.debian.org/debian bookworm main' \
+    >apt/sources.list
+  lists=(-o "Dir::Etc::SourceList=$PWD/apt/sources.list" -o Dir::Etc::SourceParts=/dev/null
+    -o "Dir::State::Lists=$PWD/apt/lists")
+  apt-get "${lists[@]}" update
+  apt-get "${lists[@]}" source --only-source onetbb
 fi
 source=$(compgen -G 'onetbb-*/CMakeLists.txt' | head -n 1)
 cmake -S "${source%/*}" -B build -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DTBB_SANITIZE=thread \
