@@ -97,7 +97,7 @@ struct PackTree {
   void find_tiles() {
     const bool geometry = kind == tiles::PackKind::geometry;
     const std::size_t first = geometry ? 80 + 68 * std::size_t{u32(directory, 0)} + 24
-                              : kind == tiles::PackKind::colour ? 29
+                              : kind == tiles::PackKind::colour ? 25
                                                                 : 136 + 24;
     const std::size_t step = geometry ? 44 : kind == tiles::PackKind::colour ? 16 : 48;
     for (std::size_t place = first; place + 16 <= directory.size(); place += step)
