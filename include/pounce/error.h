@@ -8,10 +8,11 @@ namespace pounce {
 
 /// What kind of thing went wrong. The numbers are the exit statuses of the `pounce` program.
 enum class ErrorKind : int {
-  usage = 2,          ///< options that contradict each other or make no sense
-  input = 3,          ///< a mesh, texture or splat file that cannot be used
-  budget = 4,         ///< the memory budget is below the least that works
-  storage = 5,        ///< a file or folder that cannot be read, written or created; a full disk
+  usage = 2,    ///< options that contradict each other or make no sense
+  input = 3,    ///< a mesh, texture or splat file that cannot be used
+  budget = 4,   ///< the memory budget is below the least that works, or the system has no memory
+  storage = 5,  ///< a file or folder that cannot be read, written or created; a full disk; no
+                ///< thread to be had
   damaged_store = 6,  ///< a tile store whose bytes do not match their checksums
   internal = 70,      ///< a broken promise of ours; please report
   busy = 75,          ///< another process holds what is needed
