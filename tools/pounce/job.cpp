@@ -179,7 +179,11 @@ int run_job(const JobSettings& settings, const std::function<void(Progress*, Rep
     bar.finish();
     if (!report.failure) report.failure = failure_of(error);
     write_failed_report(settings.report_path, report);
-    if (kind != ProgressKind::json) throw;
+    if (kind != ProgressKind::json) {
+      // What was noticed until then may be why.
+      if (!settings.quiet) write_stderr(warnings_text(report));
+      throw;
+    }
     write_stderr(warnings_json(report) + end_line(report, report.failure->exit_status));
     return report.failure->exit_status;
   }
