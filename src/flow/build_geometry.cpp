@@ -27,8 +27,8 @@ namespace {
 
 using tiles::kNoTriangle;
 
-/// The Gaussians of a whole triangle larger than this are counted by its area, to the row.
-constexpr double kCountedTexels = 1e6;
+/// The Gaussians of a whole triangle that spans more rows than this are counted by its area.
+constexpr double kCountedRows = 1 << 20;
 
 struct EncodedBlock {
   tiles::BlockEntry entry;
@@ -89,9 +89,11 @@ class TileMaker {
     const mesh::Lattice& l = lattice(bin);
     if (l.width == 0) return 1;
     const auto corners = mesh::texel_corners(*request_.mesh, l, instance);
-    const bool whole = mesh::is_whole(corners);
+    const bool whole = mesh::is_whole(corners, l);
     const double area = std::abs(mesh::doubled_area(corners[0], corners[1], corners[2])) / 2;
-    if (whole && area > kCountedTexels) return static_cast<std::uint64_t>(area);
+    const auto [low, high] = std::minmax({corners[0].y, corners[1].y, corners[2].y});
+    if (whole && (high - low > kCountedRows || area > double{1} * l.width * l.height))
+      return std::max<std::uint64_t>(static_cast<std::uint64_t>(area), 1);
     const mesh::TexelWindow everywhere{INT32_MIN, INT32_MIN, INT32_MAX, INT32_MAX};
     std::uint64_t count = 0;
     mesh::raster_triangle(corners, whole ? everywhere : window_of(bin),
@@ -267,7 +269,8 @@ std::unique_ptr<tiles::GeometryStore> build(JobContext& job, const GeometryReque
 
 Hash128 geometry_key(const GeometryRequest& request) {
   Hasher hash;
-  hash.add(std::string_view(request.is_target ? "target geometry" : "source geometry"));
+  // The number is of the rule that cuts triangles: another one makes other blocks.
+  hash.add(std::string_view(request.is_target ? "target geometry" : "source geometry 2"));
   hash.add(tiles::kFormatVersion);
   const mesh::Mesh& m = *request.mesh;
   const auto add = [&](const auto& values) {

@@ -24,6 +24,7 @@
 #include "flow/output_names.h"
 #include "flow/page_colour.h"
 #include "flow/plan.h"
+#include "flow/uv_repeats.h"
 #include "io/read_mesh.h"
 #include "io/splat_ply_write.h"
 #include "source/texel_gaussians.h"
@@ -106,6 +107,7 @@ class GaussiansJob {
     transfer.channels = {Channel::base_color};
     transfer.output = "colours.exr";  // a format that holds any image: nothing is written there
     plan_ = plan_source(transfer, mesh_);
+    warn_of_repeats(request(), plan_.warnings);
     for (const auto* warnings : {&mesh_.warnings, &plan_.warnings}) {
       job_->report.warnings.insert(job_->report.warnings.end(), warnings->begin(), warnings->end());
     }

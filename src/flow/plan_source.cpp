@@ -10,7 +10,6 @@
 
 #include "flow/output_names.h"
 #include "flow/plan.h"
-#include "flow/uv_repeats.h"
 
 namespace pounce::flow {
 namespace {
@@ -162,7 +161,6 @@ class SourcePlanner {
     if (same != plan_.passes.end()) {
       same->channels.push_back(c);
     } else {
-      warn_of_repeats(source, channel_name(plan.channel), plan_.warnings);
       plan_.passes.push_back({std::move(source), plan.size, {c}});
     }
     plan_.channels.push_back(std::move(plan));

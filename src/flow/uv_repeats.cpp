@@ -22,8 +22,7 @@ struct Covered {
 
 }  // namespace
 
-void warn_of_repeats(const GeometryRequest& request, const std::string& channel,
-                     std::vector<std::string>& warnings) {
+void warn_of_repeats(const GeometryRequest& request, std::vector<std::string>& warnings) {
   const mesh::Mesh& mesh = *request.mesh;
   std::vector<Covered> pages(request.pages.size());
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -44,12 +43,11 @@ void warn_of_repeats(const GeometryRequest& request, const std::string& channel,
     const Covered& sum = pages[page];
     if (sum.texels <= kUsualTexels || sum.texels <= kUsualRepeats * image) continue;
     warnings.push_back(fmt::format(
-        "{}: the UVs of material \"{}\" repeat its {} image {:.0f} times, triangle {} alone {:.0f} "
-        "times; that makes {:.0f} million Gaussians, which cost time and disk; repair stray "
-        "texture "
-        "coordinates or leave the material out with --source-material",
-        mesh.path, mesh.materials[page].name, channel, sum.texels / image, sum.triangle,
-        sum.most / image, sum.texels / 1e6));
+        "{}: the UVs of material \"{}\" repeat its image {:.0f} times, triangle {} alone {:.0f} "
+        "times; that makes {:.0f} million Gaussians; repair stray texture coordinates, if that is "
+        "not meant",
+        mesh.path, mesh.materials[page].name, sum.texels / image, sum.triangle, sum.most / image,
+        sum.texels / 1e6));
   }
 }
 

@@ -8,10 +8,9 @@
 
 namespace pounce::flow {
 
-/// Adds a warning for each material whose UVs lie over its image so many times that the source
-/// becomes unreasonably large: each repetition costs what the image costs. One stray texture
+/// Adds a warning for each material whose UVs lie over its image so many times that its Gaussians
+/// are unreasonably many: each repetition writes all of the image's again. One stray texture
 /// coordinate is enough.
-void warn_of_repeats(const GeometryRequest& request, const std::string& channel,
-                     std::vector<std::string>& warnings);
+void warn_of_repeats(const GeometryRequest& request, std::vector<std::string>& warnings);
 
 }  // namespace pounce::flow

@@ -20,7 +20,7 @@ namespace pounce::mesh {
 namespace {
 
 constexpr std::uint64_t kMostEntries = 1ULL << 24;
-constexpr double kVastTriangleTexels = 0x1p31;  // doubled area; 2^18 blocks
+constexpr double kLargeShare = 1.0 / 256;  // of an image
 constexpr std::uint32_t kMostBlocksPerTile = 64;
 constexpr std::uint32_t kConstantRun = 1024;  // triangles of a page without an image, per block
 
@@ -90,7 +90,7 @@ void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& v
         std::abs(low_y) < kLargestTexel && std::abs(high_y) < kLargestTexel)) {
     fail_span(*request.mesh, triangle);
   }
-  if (!request.is_target && is_whole(corners)) {
+  if (!request.is_target && is_whole(corners, lattice)) {
     visit(own, TriangleInstance{triangle, 0, 0}, block_of((low_x + high_x) / 2),
           block_of((low_y + high_y) / 2));
     return;
@@ -183,15 +183,15 @@ std::array<Vec2d, 3> texel_corners(const Mesh& mesh, const Lattice& lattice,
   return corners;
 }
 
-bool is_whole(const std::array<Vec2d, 3>& c) {
+bool is_whole(const std::array<Vec2d, 3>& c, const Lattice& lattice) {
   const auto [low_x, high_x] = std::minmax({c[0].x, c[1].x, c[2].x});
   const auto [low_y, high_y] = std::minmax({c[0].y, c[1].y, c[2].y});
   const double extent = std::max(high_x - low_x, high_y - low_y);
   if (extent <= kWholeTriangleTexels) return true;
   const double area = std::abs(doubled_area(c[0], c[1], c[2]));
-  // Thin: its height over the longest side is below a texel, so cutting it gains nothing. Vast: an
-  // image repeated thousands of times; its blocks would outnumber everything else.
-  return area < extent || area > kVastTriangleTexels;
+  // Thin: its height over the longest side is below a texel, so cutting it gains nothing.
+  return area < extent ||
+         area >= 2 * kLargeShare * static_cast<double>(lattice.width) * lattice.height;
 }
 
 std::uint64_t count_entries(const BinRequest& request) {

@@ -82,8 +82,11 @@ inline constexpr double kWholeTriangleTexels = 32;
 
 std::array<Vec2d, 3> texel_corners(const Mesh& mesh, const Lattice& lattice,
                                    const TriangleInstance& instance);
-/// Is the source triangle kept whole (small, thin or vast), or cut at block borders?
-bool is_whole(const std::array<Vec2d, 3>& corners);
+/// Is the source triangle kept whole (small, thin or large), or cut at block borders? Cutting makes
+/// boxes small where an image has many triangles. One that covers a 256th of its image is large: an
+/// image that is used once has few of these, and one that is repeated (tiling, trim sheets, a stray
+/// coordinate) would be cut into more parts than its surface has texels.
+bool is_whole(const std::array<Vec2d, 3>& corners, const Lattice& lattice);
 
 /// Bins triangles into blocks and groups the blocks into tiles by a k-d split in integers. Throws
 /// Error(input) when the UVs span an absurd number of blocks.

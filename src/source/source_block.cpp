@@ -187,7 +187,7 @@ SourceBlock make_source_block(const tiles::GeometryBlock& block, const mesh::Lat
     bool whole = true;
     if (lattice.width != 0) {
       s.texels = block.texel_corners(lattice, i);
-      whole = mesh::is_whole(s.texels);
+      whole = mesh::is_whole(s.texels, lattice);
       const double texel_area = std::abs(mesh::doubled_area(s.texels[0], s.texels[1], s.texels[2]));
       if (texel_area > 0) s.tolerance = std::min(s.tolerance, std::sqrt(doubled_area / texel_area));
     }

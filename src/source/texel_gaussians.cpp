@@ -93,7 +93,7 @@ template <class Span>
 void MeshGaussians::raster(const Corners& c, const Span& span) const {
   const std::int64_t x = std::int64_t{block_.x} * mesh::kBlockEdge;
   const std::int64_t y = std::int64_t{block_.y} * mesh::kBlockEdge;
-  const bool whole = mesh::is_whole(c.texels);
+  const bool whole = mesh::is_whole(c.texels, lattice_);
   mesh::raster_triangle(c.texels,
                         whole ? mesh::TexelWindow{INT32_MIN, INT32_MIN, INT32_MAX, INT32_MAX}
                               : mesh::TexelWindow{x, y, x + mesh::kBlockEdge, y + mesh::kBlockEdge},
@@ -111,7 +111,7 @@ MeshGaussians::MeshGaussians(const tiles::GeometryBlock& block, const mesh::Latt
           count += static_cast<std::uint64_t>(end - begin);
         });
       }
-      if (count == 0 && (lattice.width == 0 || mesh::is_whole(c.texels))) count = 1;
+      if (count == 0 && (lattice.width == 0 || mesh::is_whole(c.texels, lattice))) count = 1;
     }
     first_[t + 1] = first_[t] + count;
   }

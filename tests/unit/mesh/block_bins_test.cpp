@@ -71,14 +71,16 @@ Vec2f random_uv(Random& random, float low, float high) {
 
 std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a / b - (a % b < 0 ? 1 : 0); }
 
-Scene random_scene(std::uint64_t seed, bool wraps) {
+/// Three images, `scale` times as large as usual, with triangles of usual sizes in texels and some
+/// that repeat their image; and a page without.
+Scene random_scene(std::uint64_t seed, bool wraps, std::uint32_t scale = 1) {
   Random random(seed);
-  Scene scene({image(200, 136), image(640, 64), image(1, 1), {}});
+  Scene scene({image(200 * scale, 136 * scale), image(640 * scale, 64 * scale), image(1, 1), {}});
   scene.wraps = wraps;
   for (int i = 0; i < 400; ++i) {
     const auto page = static_cast<std::uint32_t>(random.below(4));
     const Vec2f a = random_uv(random, -1.2F, 2.2F);
-    const float size = random.one_in(8) ? 2.5F : 0.1F;
+    const float size = random.one_in(8) ? 2.5F : 0.1F / static_cast<float>(scale);
     const auto near = [&] {
       return Vec2f{a.x + random.between(-size, size), a.y + random.between(-size, size)};
     };
@@ -128,14 +130,14 @@ TEST_CASE("on a target every covered texel's block holds the triangle, with the 
 }
 
 TEST_CASE("on a source every covered texel's block holds a cut triangle, none is wrapped") {
-  const Scene scene = random_scene(4, false);
+  const Scene scene = random_scene(4, false, 10);
   const std::set<Placed> all = placed(bin_triangles(scene.request()));
   std::size_t cut = 0, whole = 0;
   for (std::uint32_t t = 0; t < scene.mesh.triangles.size(); ++t) {
     const std::uint32_t page = scene.triangle_page[t];
     if (page == kNoPage || scene.pages[page].width == 0) continue;
     const auto corners = texel_corners(scene.mesh, scene.pages[page], {t, 0, 0});
-    if (is_whole(corners)) {
+    if (is_whole(corners, scene.pages[page])) {
       std::size_t times = 0;
       for (const Placed& p : all) times += std::get<3>(p) == t;
       if (times != 1) FAIL("whole triangle " << t << " is in " << times << " blocks");
@@ -158,6 +160,19 @@ TEST_CASE("on a source every covered texel's block holds a cut triangle, none is
   }
   CHECK(cut > 30);
   CHECK(whole > 30);
+}
+
+TEST_CASE("a triangle that covers a 256th of its image is in one block, however often it repeats it") {
+  Scene scene({image(1024, 1024)});
+  scene.add_texels({0, 0}, {120, 0}, {0, 60});      // 3600 texels: less
+  scene.add_texels({0, 0}, {128, 0}, {0, 64});      // 4096
+  scene.add_texels({0, 0}, {3.6e6, 0}, {0, 1024});  // one stray corner
+  const std::set<Placed> all = placed(bin_triangles(scene.request()));
+  std::map<std::uint32_t, int> times;
+  for (const Placed& p : all) ++times[std::get<3>(p)];
+  CHECK(times[0] == 2);
+  CHECK(times[1] == 1);
+  CHECK(times[2] == 1);
 }
 
 TEST_CASE("a triangle that hangs over u = 0 stands at both ends of the image") {
@@ -184,7 +199,7 @@ TEST_CASE("UVs over three periods make three instances") {
 }
 
 TEST_CASE("a source triangle of 32 texels is whole where its middle is, of 33 it is cut") {
-  Scene scene({image(256, 256)});
+  Scene scene({image(4096, 4096)});
   scene.add_texels({50, 10}, {82, 10}, {50, 42});      // middle at 66
   scene.add_texels({50, 10}, {83, 10}, {50, 42});      // in both blocks
   scene.add_texels({10, 10}, {210, 10}, {110, 10.9});  // thin: 0.9 texels high

@@ -175,7 +175,7 @@ TEST_CASE("patches hold their triangle within the block's window, cut at 16 texe
   Random random(21);
   std::size_t cut = 0, whole = 0, samples = 0;
   for (int round = 0; round < 300; ++round) {
-    BlockMaker maker{{256, 256, 0, {}}, {}};
+    BlockMaker maker{{4096, 4096, 0, {}}, {}};
     maker.block.x = static_cast<std::int32_t>(random.whole(-2, 2));
     maker.block.y = static_cast<std::int32_t>(random.whole(-2, 2));
     const double size = random.one_in(2) ? 15 : 150;
@@ -192,7 +192,7 @@ TEST_CASE("patches hold their triangle within the block's window, cut at 16 texe
     const SourceBlock out = maker.make();
     REQUIRE(out.facets.size() == 1);
     const Facet& f = out.facets[0];
-    const bool is_whole = mesh::is_whole(maker.block.texel_corners(maker.lattice, 0));
+    const bool is_whole = mesh::is_whole(maker.block.texel_corners(maker.lattice, 0), maker.lattice);
     is_whole ? ++whole : ++cut;
     if (is_whole) CHECK(out.patches.size() == 1);
     CHECK(out.patches.size() <= 16);
@@ -220,8 +220,9 @@ TEST_CASE("patches hold their triangle within the block's window, cut at 16 texe
 }
 
 TEST_CASE("a cut triangle's patches are small where it is large") {
-  // A square unit per texel; the block's window of 64 texels is 64 units wide.
-  BlockMaker maker{{256, 256, 0, {}}, {}};
+  // A square unit per texel; the block's window of 64 texels is 64 units wide. The triangle covers
+  // a 512th of its image.
+  BlockMaker maker{{4096, 4096, 0, {}}, {}};
   maker.add({Vec3f{0, 0, 0}, {256, 0, 0}, {0, 256, 0}}, {Vec2d{0, 0}, {256, 0}, {0, 256}});
   const SourceBlock out = maker.make();
   CHECK(out.patches.size() == 16);
