@@ -26,12 +26,11 @@ class SearchInput {
       if (b % kBlocksPerPiece == 0) pieces_.emplace_back();
       const target::TargetBlock maps(job.target_blocks[b], job.target_lattice(),
                                      job.target_plan.smallest_edge,
-                                     projection::step_of({0, 0, job.target_plan.coarseness}));
+                                     target::TargetBlock::Start::inset);
       maps.make_packets(static_cast<std::uint32_t>(b % kBlocksPerPiece), pieces_.back().packets,
                         pieces_.back().groups);
     }
     limits_.max_distance = job.target_plan.max_distance;
-    limits_.coarseness = job.target_plan.coarseness;
     limits_.min_cosine =
         static_cast<float>(std::cos(job.options.max_angle_deg * std::numbers::pi / 180));
     heights_ = projection::search_heights(limits_.max_distance);
@@ -48,7 +47,7 @@ class SearchInput {
       for (const float height : heights_) {
         if (work.open.empty()) break;
         projection::search_batch(*grid_, height, limits_, kernels, work);
-        projection::close_groups(height, limits_, kernels, work);
+        projection::close_groups(height, kernels, work);
       }
       state.PauseTiming();
       for (std::size_t p = 0; p < work.packets.size(); ++p) {

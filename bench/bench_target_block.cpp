@@ -19,7 +19,7 @@ void target_block_packets(benchmark::State& state) {
       packets.clear();
       groups.clear();
       const target::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge,
-                                     projection::step_of({0, 0, job.target_plan.coarseness}));
+                                     target::TargetBlock::Start::inset);
       maps.make_packets(0, packets, groups);
       made += packets.size();
       benchmark::DoNotOptimize(packets.data());

@@ -78,7 +78,6 @@ struct TargetPlan {
   std::string path;
   float max_distance = 0;   ///< in the target's units
   float smallest_edge = 0;  ///< see TargetBlock
-  float coarseness = 0;     ///< a power of two: of distances at the target, see SearchLimits
   std::vector<TargetPage> pages;
   std::vector<GeometryRequest> requests;         ///< by pass
   std::vector<std::vector<ImageOutput>> images;  ///< [channel][page]

@@ -39,17 +39,6 @@ Box3f box_of(const mesh::Mesh& mesh) {
   return box;
 }
 
-/// Two to four times the largest coordinate: added to a distance it leaves steps of four last
-/// places of that coordinate, about what a hit's arithmetic loses.
-float coarseness(const mesh::Mesh& mesh) {
-  const Box3f box = box_of(mesh);
-  if (box.empty()) return 0;
-  float largest = 0;
-  for (const Vec3f& corner : {box.lo, box.hi})
-    largest = std::max({largest, std::abs(corner.x), std::abs(corner.y), std::abs(corner.z)});
-  return largest > 0 ? std::ldexp(1.0F, std::min(std::ilogb(largest) + 2, 126)) : 0;
-}
-
 class TargetPlanner {
  public:
   TargetPlanner(const TransferOptions& options, const Plan& plan, const mesh::Mesh& target)
@@ -62,7 +51,6 @@ class TargetPlanner {
                                                 ? options_.max_distance.value / 100 * diag
                                                 : options_.max_distance.value);
     plan_.smallest_edge = static_cast<float>(std::max(diag * 1e-7, 1e-30));
-    plan_.coarseness = coarseness(target_);
     PageRequest request;
     request.by_material = has_token(options_.output, "MATERIAL");
     request.by_tile = by_tile(options_.output);

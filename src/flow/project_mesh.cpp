@@ -109,8 +109,7 @@ class MeshProjector : public PageProjector {
   std::shared_ptr<Work> read_piece(const Piece& piece) {
     auto work = std::make_shared<Work>();
     read_packets(job_, *request_.target, piece, request_.smallest_edge,
-                 projection::step_of(request_.limits), *work, work->state.packets,
-                 work->state.groups);
+                 target::TargetBlock::Start::inset, *work, work->state.packets, work->state.groups);
     projection::start(work->state);
     return work;
   }
@@ -145,9 +144,9 @@ class MeshProjector : public PageProjector {
         }
       }
       flush();
-      projection::close_groups(height, request_.limits, *request_.kernels, work.state);
+      projection::close_groups(height, *request_.kernels, work.state);
     }
-    expected_distance_.store(projection::middle_distance(request_.limits, work.state),
+    expected_distance_.store(projection::middle_distance(work.state),
                              std::memory_order_relaxed);
   }
 
@@ -197,7 +196,7 @@ class MeshProjector : public PageProjector {
     work.stored.resize(request_.channels.size());
     work.raw_bytes.resize(request_.channels.size());
     work.covered.resize(request_.channels.size());
-    projection::count_distances(request_.limits, work.state, work.distances);
+    projection::count_distances(request_.limits.max_distance, work.state, work.distances);
     work.clipped.resize(request_.channels.size());
     std::vector<std::uint32_t> first_packet(work.blocks.size() + 1, 0);
     for (const auto& packet : work.state.packets) ++first_packet[packet.block + 1];

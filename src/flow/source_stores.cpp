@@ -127,7 +127,6 @@ std::unique_ptr<PageProjector> SourceStores::mesh_projector(std::size_t pass,
   request.kernels = kernels_;
   request.limits.max_distance = target_plan.max_distance;
   request.limits.min_cosine = min_cosine();
-  request.limits.coarseness = target_plan.coarseness;
   request.smallest_edge = target_plan.smallest_edge;
   for (const std::size_t c : plan_.passes[pass].channels) {
     const ChannelPlan& channel = plan_.channels[c];

@@ -78,7 +78,7 @@ CutTarget cut_target(JobContext& job, const tiles::GeometryStore& target, std::u
 }
 
 void read_packets(JobContext& job, const tiles::GeometryStore& target, const Piece& piece,
-                  float smallest_edge, float step, PieceWork& work,
+                  float smallest_edge, target::TargetBlock::Start start, PieceWork& work,
                   PageVector<target::TexelPacket>& packets,
                   std::vector<target::PacketGroup>& groups) {
   const auto entries = target.read_index(piece.tile, job.compressor());
@@ -90,7 +90,7 @@ void read_packets(JobContext& job, const tiles::GeometryStore& target, const Pie
   for (std::uint32_t b = 0; b < work.blocks.size(); ++b) {
     const tiles::BlockEntry& entry = work.blocks[b];
     const target::TargetBlock maps(target.read_block(entry, job.compressor()),
-                                   target.directory().pages[entry.page], smallest_edge, step);
+                                   target.directory().pages[entry.page], smallest_edge, start);
     maps.make_packets(b, packets, groups);
   }
 }

@@ -71,9 +71,9 @@ struct PieceWork {
 };
 
 /// Reads a piece's blocks into work.blocks and appends their packets to `packets` and `groups`.
-/// `smallest_edge` and `step`: see TargetBlock.
+/// `smallest_edge` and `start`: see TargetBlock.
 void read_packets(JobContext& job, const tiles::GeometryStore& target, const Piece& piece,
-                  float smallest_edge, float step, PieceWork& work,
+                  float smallest_edge, target::TargetBlock::Start start, PieceWork& work,
                   PageVector<target::TexelPacket>& packets,
                   std::vector<target::PacketGroup>& groups);
 

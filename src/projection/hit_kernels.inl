@@ -75,8 +75,9 @@ inline Ints faces(const source::Facet& f, const TexelPacket& packet, const Insid
 
 /// Keeps a hit in the lanes of `better`, with the texel coordinates of the texels' own points.
 inline void keep(const source::Facet& f, const TexelPacket& packet, const Floats& rising, Inside at,
-                 float step, const Ints& better, const Ints& key, HitPacket& best) {
+                 const Ints& better, const Ints& key, HitPacket& best) {
   if (packet.is_inset) {
+    const float step = target::step_of(packet);
     const Meeting own =
         meet(f, packet, rising, f.m[0] - (load(packet.px) - load(packet.inset_x) * step),
              f.m[1] - (load(packet.py) - load(packet.inset_y) * step),
@@ -120,18 +121,18 @@ void hit(const source::Facet& f, const TexelPacket& packet, const SearchLimits& 
   const Floats oy = at.dy - (f.e1[1] * in.c1 + f.e2[1] * in.c2);
   const Floats oz = at.dz - (f.e1[2] * in.c1 + f.e2[2] * in.c2);
   const Floats outside = square_root(ox * ox + oy * oy + oz * oz);
-  const Ints key = bits_of(distance + outside + limits.coarseness);
+  const Ints key = bits_of(distance + outside + packet.coarseness);
   const Ints old_key = load(best.key);
   Ints better =
       ok & (outside <= f.tolerance) &
-      ((key < all(key_of(limits.max_distance, limits))) | (key == all(key_of(0, limits)))) &
+      ((key < all(key_of(limits.max_distance, packet))) | (key == all(key_of(0, packet)))) &
       ((key < old_key) | ((key == old_key) & (all(f.id) < load(best.id))));
   if (!any(better)) return;
   // Where the plane's normal leaves no doubt, the surface's need not be known.
   const float enough = limits.min_cosine + f.lean;
   if (any(better & (rising < (enough > 2 * kGrazing ? enough : 2 * kGrazing))))
     better = better & faces(f, packet, in, limits.min_cosine);
-  if (any(better)) keep(f, packet, rising, in, step_of(limits), better, key, best);
+  if (any(better)) keep(f, packet, rising, in, better, key, best);
 }
 
 /// RayBundle::may_meet for sixteen spheres.
@@ -155,9 +156,8 @@ void search(const Candidates& candidates, const RayBundle& bundle, float height,
   }
 }
 
-bool all_final(const TexelPacket& packet, const HitPacket& best, float height,
-               const SearchLimits& limits) {
-  const Ints open = load(best.key) >= all(key_of(height, limits));
+bool all_final(const TexelPacket& packet, const HitPacket& best, float height) {
+  const Ints open = load(best.key) >= all(key_of(height, packet));
   for (unsigned left = bits(open); left != 0; left &= left - 1) {
     if (packet.texel[std::countr_zero(left)] != target::kNoTexel) return false;
   }

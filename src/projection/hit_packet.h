@@ -36,19 +36,17 @@ struct alignas(64) HitPacket {
 struct SearchLimits {
   float max_distance = 0;  ///< half-length of a texel's ray
   float min_cosine = 0;    ///< of the angle between the texel's normal and the surface's at the hit
-  float coarseness = 0;    ///< what is added to a distance to make it a key
 };
 
-/// The key of hits at `distance` = |t| + distance outside the triangle: the bits of a float, which
-/// rise with it. Adding rounds it to the last place of `coarseness` where it is smaller, to its own
-/// where it is larger: what single precision cannot tell apart on this target is a tie.
-inline std::int32_t key_of(float distance, const SearchLimits& limits) {
-  return std::bit_cast<std::int32_t>(distance + limits.coarseness);
+/// The key of a packet's hits at `distance` = |t| + distance outside the triangle: the bits of a
+/// float, which rise with it. Adding rounds it to the last place of the packet's coarseness where
+/// it is smaller, to its own where it is larger: what single precision cannot tell apart here is a
+/// tie.
+inline std::int32_t key_of(float distance, const TexelPacket& packet) {
+  return std::bit_cast<std::int32_t>(distance + packet.coarseness);
 }
-/// The step that keys of small distances count in: the last place of `coarseness`.
-inline float step_of(const SearchLimits& limits) { return limits.coarseness * 0x1p-23F; }
-inline float distance_of(std::int32_t key, const SearchLimits& limits) {
-  return std::bit_cast<float>(key) - limits.coarseness;
+inline float distance_of(std::int32_t key, const TexelPacket& packet) {
+  return std::bit_cast<float>(key) - packet.coarseness;
 }
 
 /// Patches that a group of packets may meet: spheres in arrays, so that sixteen are culled at once.
@@ -82,8 +80,7 @@ struct Kernels {
   void (*search)(const Candidates& candidates, const RayBundle& bundle, float height,
                  const TexelPacket& packet, const SearchLimits& limits, HitPacket& best);
   /// True when no facet farther away than `height` can beat what any lane has.
-  bool (*all_final)(const TexelPacket& packet, const HitPacket& best, float height,
-                    const SearchLimits& limits);
+  bool (*all_final)(const TexelPacket& packet, const HitPacket& best, float height);
 };
 
 /// The kernels for `isa`, or the best that this processor has for "". Throws Error(usage) if it

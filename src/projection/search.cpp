@@ -71,11 +71,11 @@ void search_batch(grid::PatchGrid& grid, float height, const SearchLimits& limit
   }
 }
 
-float middle_distance(const SearchLimits& limits, const SearchState& state) {
+float middle_distance(const SearchState& state) {
   std::vector<float> distances;
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     if (state.hits[p].key[0] == kNoHit) continue;
-    distances.push_back(distance_of(state.hits[p].key[0], limits));
+    distances.push_back(distance_of(state.hits[p].key[0], state.packets[p]));
   }
   if (distances.empty()) return 0;
   const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
@@ -83,23 +83,23 @@ float middle_distance(const SearchLimits& limits, const SearchState& state) {
   return *middle;
 }
 
-void count_distances(const SearchLimits& limits, const SearchState& state, DistanceCounts& counts) {
+void count_distances(float max_distance, const SearchState& state, DistanceCounts& counts) {
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
       const bool is_found =
           state.packets[p].texel[lane] != target::kNoTexel && state.hits[p].key[lane] != kNoHit;
       if (is_found)
-        count_distance(distance_of(state.hits[p].key[lane], limits), limits.max_distance, counts);
+        count_distance(distance_of(state.hits[p].key[lane], state.packets[p]), max_distance,
+                       counts);
     }
   }
 }
 
-void close_groups(float height, const SearchLimits& limits, const Kernels& kernels,
-                  SearchState& state) {
+void close_groups(float height, const Kernels& kernels, SearchState& state) {
   std::erase_if(state.open, [&](std::uint32_t g) {
     const target::PacketGroup& group = state.groups[g];
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
-      if (!kernels.all_final(state.packets[p], state.hits[p], height, limits)) return false;
+      if (!kernels.all_final(state.packets[p], state.hits[p], height)) return false;
     }
     return true;
   });

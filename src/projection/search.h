@@ -44,14 +44,13 @@ void search_batch(grid::PatchGrid& grid, float height, const SearchLimits& limit
                   const Kernels& kernels, SearchState& state);
 
 /// Closes the groups that nothing beyond `height` can improve.
-void close_groups(float height, const SearchLimits& limits, const Kernels& kernels,
-                  SearchState& state);
+void close_groups(float height, const Kernels& kernels, SearchState& state);
 
 /// How far away the texels found what they found, in the middle: a good first height for their
 /// neighbours.
-float middle_distance(const SearchLimits& limits, const SearchState& state);
+float middle_distance(const SearchState& state);
 
 /// Adds how far away the texels found what they found.
-void count_distances(const SearchLimits& limits, const SearchState& state, DistanceCounts& counts);
+void count_distances(float max_distance, const SearchState& state, DistanceCounts& counts);
 
 }  // namespace pounce::projection

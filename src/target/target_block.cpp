@@ -24,7 +24,7 @@ constexpr int kHalfWindow = 4;    // texels a packet spans
 constexpr float kSpread = 16.0F;  // texel edges beyond which two texels do not share a packet
 constexpr int kMostClusters = 4;  // per window; what is left then shares packets, however far apart
 // Enough for the own side of an edge to win against rounding, which is worth a few steps.
-constexpr double kInsetSteps = 32;
+constexpr float kInsetSteps = 32;
 constexpr double kLargestInset = 1.0 / 16;  // texels: never enough to be seen
 
 struct Gradients {
@@ -73,6 +73,17 @@ bool any_negative(Four v) {
   return __builtin_ia32_movmskps(v) != 0;
 }
 
+/// Two to four times the largest coordinate of a triangle's corners. Not so small that what is
+/// divided by its step would be infinite.
+float coarseness_of(const tiles::GeometryBlock& block, std::size_t triangle) {
+  float largest = 0;
+  for (const std::uint16_t corner : block.triangles[triangle]) {
+    const Vec3f& p = block.positions[corner];
+    largest = std::max({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+  }
+  return std::ldexp(1.0F, std::clamp(std::ilogb(largest), -100, 124) + 2);
+}
+
 /// Moves a coordinate by the whole steps nearest to `steps`: exact, and so is the way back.
 void move(float steps, float step, float& coordinate, std::int8_t& moved) {
   const float whole = std::floor(std::clamp(steps, -127.0F, 127.0F) + 0.5F);
@@ -83,11 +94,10 @@ void move(float steps, float step, float& coordinate, std::int8_t& moved) {
 }  // namespace
 
 TargetBlock::TargetBlock(const tiles::GeometryBlock& block, const mesh::Lattice& lattice,
-                         float smallest_edge, float step)
+                         float smallest_edge, Start start)
     : owner_(block.owner),
       triangles_(block.triangles.size()),
-      edges_(step > 0 ? block.triangles.size() : 0),
-      step_(step) {
+      edges_(start == Start::inset ? block.triangles.size() : 0) {
   for (std::size_t i = 0; i < block.triangles.size(); ++i) {
     Gradients g;
     if (!gradients(block, lattice, i, g)) continue;  // owns no texel
@@ -102,12 +112,12 @@ TargetBlock::TargetBlock(const tiles::GeometryBlock& block, const mesh::Lattice&
     a.y = static_cast<float>(g.anchor.y - block.y * double{mesh::kBlockEdge});
     const double edge = std::sqrt(length(cross(g.pu, g.pv)));
     a.per_texel = 1.0F / std::max(static_cast<float>(edge), smallest_edge);
-    if (step > 0) edges_[i] = make_edges(g.texels, g.anchor, kInsetSteps * step * a.per_texel);
+    a.coarseness = coarseness_of(block, i);
+    if (start == Start::inset) edges_[i] = make_edges(g.texels, g.anchor);
   }
 }
 
-TargetBlock::Edges TargetBlock::make_edges(const std::array<Vec2d, 3>& t, Vec2d anchor,
-                                           double inset) {
+TargetBlock::Edges TargetBlock::make_edges(const std::array<Vec2d, 3>& t, Vec2d anchor) {
   const double area = mesh::doubled_area(t[0], t[1], t[2]);
   double around = 0;
   std::array<Vec3d, 3> lines;
@@ -119,15 +129,29 @@ TargetBlock::Edges TargetBlock::make_edges(const std::array<Vec2d, 3>& t, Vec2d 
     const double x = -along.y * scale, y = along.x * scale;
     lines[k] = {x, y, x * (anchor.x - from.x) + y * (anchor.y - from.y)};
   }
-  const double start = std::min({inset, kLargestInset, std::abs(area) / around});
   Edges out;
+  out.most = static_cast<float>(std::min(kLargestInset, std::abs(area) / around));
+  out.at_anchor[3] = 1;
   for (int k = 0; k < 3; ++k) {
     const Vec3d& line = lines[static_cast<std::size_t>(k)];
     out.x[k] = static_cast<float>(line.x);
     out.y[k] = static_cast<float>(line.y);
-    out.at_anchor[k] = static_cast<float>(line.z - start);
+    out.at_anchor[k] = static_cast<float>(line.z);
   }
   return out;
+}
+
+float TargetBlock::start_of(std::uint16_t triangle, float coarseness) const {
+  return std::min(kInsetSteps * kStepShare * coarseness * triangles_[triangle].per_texel,
+                  edges_[triangle].most);
+}
+
+/// The largest of these texels' owners'.
+float TargetBlock::coarseness(const std::uint16_t* texels, std::size_t count) const {
+  float largest = 0;
+  for (std::size_t i = 0; i < count; ++i)
+    largest = std::max(largest, triangles_[owner_[texels[i]]].coarseness);
+  return largest;
 }
 
 TargetBlock::Texel TargetBlock::texel(std::uint32_t texel) const {
@@ -172,11 +196,12 @@ bool TargetBlock::is_deep(const Window& window) const {
   const std::uint32_t first = window.texels[0];
   const Affine& a = triangles_[owner_[first]];
   const Edges& edges = edges_[owner_[first]];
+  const float start = start_of(owner_[first], a.coarseness);
   const float left = static_cast<float>(first % mesh::kBlockEdge / kWindow * kWindow) - a.x;
   const float top = static_cast<float>(first / mesh::kBlockEdge / kWindow * kWindow) - a.y;
   for (const float dx : {left, left + kWindow - 1}) {
     for (const float dy : {top, top + kWindow - 1}) {
-      if (any_negative(edges.beyond(dx, dy))) return false;
+      if (any_negative(edges.beyond(dx, dy, start))) return false;
     }
   }
   return true;
@@ -193,15 +218,18 @@ void TargetBlock::move_start(std::size_t lane, Four beyond, TexelPacket& packet)
     x += edges.x[k] * lacking;
     y += edges.y[k] * lacking;
   }
-  const Vec3f way = (a.pu * x + a.pv * y) * (1 / step_);
-  move(way.x, step_, packet.px[lane], packet.inset_x[lane]);
-  move(way.y, step_, packet.py[lane], packet.inset_y[lane]);
-  move(way.z, step_, packet.pz[lane], packet.inset_z[lane]);
+  const float step = step_of(packet);
+  const Vec3f way = (a.pu * x + a.pv * y) * (1 / step);
+  if (!std::isfinite(way.x + way.y + way.z)) return;  // no area in the image to speak of
+  move(way.x, step, packet.px[lane], packet.inset_x[lane]);
+  move(way.y, step, packet.py[lane], packet.inset_y[lane]);
+  move(way.z, step, packet.pz[lane], packet.inset_z[lane]);
   packet.is_inset = true;
 }
 
 void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_deep,
                        TexelPacket& packet) const {
+  packet.coarseness = coarseness(texels, count);
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const bool used = lane < count;
     const std::uint32_t at = texels[used ? lane : 0];
@@ -223,7 +251,8 @@ void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_d
       packet.pz[lane] = packet.pz[0];
       continue;
     }
-    const Four beyond = edges_[owner_[at]].beyond(dx, dy);
+    const std::uint16_t owner = owner_[at];
+    const Four beyond = edges_[owner].beyond(dx, dy, start_of(owner, packet.coarseness));
     if (any_negative(beyond)) move_start(lane, beyond, packet);
   }
   // Lane by lane as in texel(), in loops that become vectors.

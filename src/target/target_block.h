@@ -21,11 +21,19 @@ struct alignas(64) TexelPacket {
   float per_texel[kLanes];                   ///< 1 / the texel's edge on the surface
   std::uint16_t texel[kLanes];  ///< y * 64 + x within the block; kNoTexel in unused lanes
   std::uint32_t block = 0;      ///< index of the block in its piece of work
+  /// A power of two, two to four times the largest coordinate of the triangles that own the texels:
+  /// distances from here are as exact as this is large (step_of()).
+  float coarseness = 0;
   bool is_inset = false;        ///< some ray starts elsewhere than at its texel's own point
   /// From the texel's own point to where the ray starts, in whole steps: a little into the owner.
   std::int8_t inset_x[kLanes], inset_y[kLanes], inset_z[kLanes];
 };
 inline constexpr std::uint16_t kNoTexel = 0xFFFF;
+
+/// What distances from these texels are told apart by, in space: the last place of `coarseness`,
+/// four of a coordinate's, about what a hit's arithmetic loses.
+inline constexpr float kStepShare = 0x1p-23F;
+inline float step_of(const TexelPacket& packet) { return packet.coarseness * kStepShare; }
 
 /// Packets of one 8x8 window that lie together: looked up in the grid at once.
 struct PacketGroup {
@@ -35,11 +43,13 @@ struct PacketGroup {
 /// The projection maps of a block, by texel: position, normal and the texel's edge on the surface.
 class TargetBlock {
  public:
+  enum class Start {
+    at_texel,  ///< rays start where their texel is
+    inset      ///< 32 steps inside of its owner
+  };
   /// `smallest_edge` bounds the texel's edge from below (for triangles without area in space), > 0.
-  /// `step` is what distances are told apart by, in space: rays start 32 of them inside of their
-  /// texel's owner; 0: where the texel is.
   TargetBlock(const tiles::GeometryBlock& block, const mesh::Lattice& lattice, float smallest_edge,
-              float step = 0);
+              Start start = Start::at_texel);
 
   struct Texel {
     Vec3f position, normal;
@@ -63,26 +73,33 @@ class TargetBlock {
     Vec3f p, pu, pv, n, nu, nv;
     float x = 0, y = 0;  ///< anchor, in texels of the block
     float per_texel = 0;
+    float coarseness = 0;  ///< see TexelPacket
   };
   using Four = float __attribute__((vector_size(16)));
-  /// A triangle's edges in the image, each as an affine function: how much farther inside than rays
-  /// start (at most as far as its middle is) a texel lies, in texels. The fourth is never negative.
+  /// A triangle's edges in the image, each as an affine function: how far inside of it a texel
+  /// lies, in texels. The fourth is always inside.
   struct Edges {
     Four x{}, y{}, at_anchor{};
-    Four beyond(float dx, float dy) const { return at_anchor + (x * dx + y * dy); }
+    float most = 0;  ///< no ray starts farther inside
+    /// How much farther inside than `start` a texel is, `dx` and `dy` from the anchor.
+    Four beyond(float dx, float dy, float start) const {
+      return at_anchor + (x * dx + y * dy) - start;
+    }
   };
-  static Edges make_edges(const std::array<Vec2d, 3>& corners, Vec2d anchor, double inset);
+  static Edges make_edges(const std::array<Vec2d, 3>& corners, Vec2d anchor);
+  /// How far inside of a triangle rays start where distances have this coarseness, in texels.
+  float start_of(std::uint16_t triangle, float coarseness) const;
   struct Window;
   Window window(std::uint32_t index) const;
   bool is_deep(const Window& window) const;
   void fill(const std::uint16_t* texels, std::size_t count, bool is_deep,
             TexelPacket& packet) const;
   void move_start(std::size_t lane, Four beyond, TexelPacket& packet) const;
+  float coarseness(const std::uint16_t* texels, std::size_t count) const;
 
   std::vector<std::uint16_t> owner_;
   std::vector<Affine> triangles_;
-  std::vector<Edges> edges_;  ///< by triangle; empty without an inset
-  float step_;
+  std::vector<Edges> edges_;  ///< by triangle; empty where rays start at their texels
 };
 
 /// Tight boxes around the covered texels of each triangle, for the index.

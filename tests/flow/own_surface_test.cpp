@@ -153,6 +153,46 @@ std::string write_leaning_planks(const TempFolder& folder) {
 
 }  // namespace
 
+TEST_CASE("sheets that lie close are told apart, however far away something else is", "[flow]") {
+  // Two sheets of 10 cm, a tenth of a millimetre apart, and one triangle that makes the mesh large.
+  const float away = GENERATE(1.0F, 1e3F, 1e4F);
+  CAPTURE(away);
+  constexpr float kGap = 1e-4F, kSize = 0.1F;
+  constexpr std::uint32_t kTexels = 128;
+  const TempFolder folder;
+  GltfBuilder file;
+  std::vector<float> positions, normals, uvs;
+  std::vector<std::uint32_t> triangles;
+  const auto corner = [&](float x, float y, float z, float u, float v) {
+    positions.insert(positions.end(), {x, y, z});
+    normals.insert(normals.end(), {0, 0, 1});
+    uvs.insert(uvs.end(), {u, v});
+  };
+  for (const float sheet : {0.0F, 1.0F}) {
+    const float z = kGap * sheet, u = sheet / 2;
+    const auto first = static_cast<std::uint32_t>(uvs.size() / 2);
+    corner(0, 0, z, u, 0.9F), corner(kSize, 0, z, u + 0.45F, 0.9F);
+    corner(kSize, kSize, z, u + 0.45F, 0), corner(0, kSize, z, u, 0);
+    for (const std::uint32_t k : {0U, 1U, 2U, 0U, 2U, 3U}) triangles.push_back(first + k);
+  }
+  const auto first = static_cast<std::uint32_t>(uvs.size() / 2);
+  corner(away, 0, 0, 0, 1), corner(away + 1, 0, 0, 0.9F, 1), corner(away, 1, 0, 0, 0.93F);
+  for (const std::uint32_t k : {0U, 1U, 2U}) triangles.push_back(first + k);
+  const int material = textured_material(file, "sheets.png");
+  file.primitive({{"POSITION", file.add<float>(positions, "VEC3")},
+                  {"NORMAL", file.add<float>(normals, "VEC3")},
+                  {"TEXCOORD_0", file.add<float>(uvs, "VEC2")}},
+                 file.add(triangles, "SCALAR"))["material"] = material;
+  const std::string path = file.write_glb(folder.file("sheets.glb"));
+  write_picture(folder.file("sheets.png"), kTexels, [](std::uint32_t x, std::uint32_t y) {
+    if (y > kTexels * 11 / 12) return kWhite;  // far away, where coordinates are coarse
+    return std::array{x < kTexels / 2 ? 1.0 : 0.0, y % 16 / 16.0, x % 16 / 16.0};
+  });
+  const auto options = onto_itself(path, folder, kTexels);
+  CHECK(transfer(options).target_empty == 0);
+  CHECK(wrong_texels(options, 8) == 0);
+}
+
 TEST_CASE("texels whose normals lean 60 to 120 degrees from their triangle find it", "[flow]") {
   const double max_angle = GENERATE(20.0, 80.0, 89.5);
   CAPTURE(max_angle);

@@ -4,15 +4,16 @@
 //
 //   target texel -> its point p and normal n, interpolated over the triangle that owns it; and p',
 //     the same point moved off that triangle's edges by 32 steps (a step: four last places of the
-//     target's largest coordinate), at most 1/16 texel, at most to the triangle's middle
+//     triangle's largest coordinate), at most 1/16 texel, at most to the triangle's middle
 //   every source triangle -> where does the line p' + t n meet its plane (as if it rose by at least
 //     1/64 per unit), is that inside it, or outside by no more than one source texel (never more
 //     than the triangle's own size), and does the surface face n there?
 //   the winner has the least |t| + distance outside; ties: file order
 //   the value is the bilinear lookup of the winner's texture where p + t n meets it
 //
-// The product counts distances in those steps in single precision, so rivals within eight steps of
-// the best are ambiguous unless they would give the same value.
+// The product counts distances in those steps in single precision, of a neighbour in the image if
+// those are coarser, so rivals within sixteen steps of the best are ambiguous unless they would give
+// the same value.
 #include "support/reference_transfer.h"
 
 #include <algorithm>
@@ -28,7 +29,7 @@
 namespace pounce::test {
 namespace {
 
-constexpr double kTieSteps = 8, kInsetSteps = 32;
+constexpr double kTieSteps = 16, kInsetSteps = 32;
 constexpr double kLeastRise = 1.0 / 64;
 constexpr double kSameValue = 1e-5;
 constexpr double kDoubt = 1e-4;  // relative: nearer to a limit than this, rounding decides
@@ -50,6 +51,7 @@ struct SourceTriangle {
 /// A target texel as the search sees it.
 struct Ray {
   Vec3d start, own, normal;
+  double step = 0;  ///< what distances from it are rounded to
 };
 
 /// Where a line meets a triangle's plane.
@@ -135,7 +137,7 @@ class Reference::Search {
     for (const SourceTriangle& triangle : triangles_) {
       if (const auto hit = try_triangle(triangle, *line)) hits.push_back(*hit);
     }
-    return choose(hits, out);
+    return choose(hits, line->step, out);
   }
 
   void own(std::size_t i, double* out) const {
@@ -238,7 +240,8 @@ class Reference::Search {
     double around = 0;
     for (std::size_t k = 0; k < 3; ++k)
       around += std::hypot(at[(k + 1) % 3].x - at[k].x, at[(k + 1) % 3].y - at[k].y);
-    const double inset = std::min({kInsetSteps * step_ / edge, 1.0 / 16, std::abs(whole) / around});
+    const double step = step_of(p);
+    const double inset = std::min({kInsetSteps * step / edge, 1.0 / 16, std::abs(whole) / around});
     Vec2d moved = centre;
     for (std::size_t k = 0; k < 3; ++k) {
       const Vec2d a = at[k], b = at[(k + 1) % 3], c = at[(k + 2) % 3];
@@ -252,7 +255,14 @@ class Reference::Search {
     const Vec3d normal = mix(n, weights_at(at, centre));
     if (!(length(normal) > 0)) return std::nullopt;
     return Ray{mix(p, weights_at(at, moved)), mix(p, weights_at(at, centre)),
-               normal * (1 / length(normal))};
+               normal * (1 / length(normal)), step};
+  }
+
+  static double step_of(const std::array<Vec3d, 3>& corners) {
+    double largest = 0;
+    for (const Vec3d& p : corners)
+      largest = std::max({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+    return largest > 0 ? std::ldexp(1.0, std::ilogb(largest) - 21) : 0;
   }
 
   static Meeting meet(const SourceTriangle& s, Vec3d point, Vec3d normal) {
@@ -290,18 +300,18 @@ class Reference::Search {
     if (std::abs(at.t) > limit_ * (1 + kDoubt)) return std::nullopt;
     if (at.outside > s.tolerance * (1 + kDoubt)) return std::nullopt;
     const double key = std::abs(at.t) + at.outside;
-    const double farthest = std::max(limit_, step_);
+    const double farthest = std::max(limit_, ray.step);
     if (key > farthest * (1 + kDoubt)) return std::nullopt;
     const Vec3d surface = mix(s.shading, at.weights);
     const double least = std::cos(options_.max_angle_deg * std::numbers::pi / 180);
     const double facing = dot(surface, ray.normal) / length(surface);
     if (!(facing >= least - kDoubt)) return std::nullopt;
-    const bool sure = facing > least + kDoubt && key < farthest * (1 - kDoubt) - step_ &&
+    const bool sure = facing > least + kDoubt && key < farthest * (1 - kDoubt) - ray.step &&
                       at.outside < s.tolerance * (1 - kDoubt);
     return Hit{key, &s, meet(s, ray.own, ray.normal).weights, sure};
   }
 
-  Verdict choose(const std::vector<Hit>& hits, double* out) const {
+  Verdict choose(const std::vector<Hit>& hits, double step, double* out) const {
     const Hit* best = nullptr;  // hits are in file order: the first of equals stays
     for (const Hit& hit : hits) {
       if (hit.sure && (best == nullptr || hit.key < best->key)) best = &hit;
@@ -310,7 +320,7 @@ class Reference::Search {
     const Value value = coded(*best);
     std::copy_n(value.begin(), channels_, out);
     for (const Hit& hit : hits) {
-      if (hit.key > best->key + kTieSteps * step_ + 1e-6 * best->key) continue;
+      if (hit.key > best->key + kTieSteps * step + 1e-6 * best->key) continue;
       const Value rival = coded(hit);
       for (std::size_t c = 0; c < channels_; ++c) {
         if (std::abs(rival[c] - value[c]) > kSameValue) return Verdict::ambiguous;
@@ -346,18 +356,15 @@ class Reference::Search {
 
   void measure() {
     Vec3d lo{1e300, 1e300, 1e300}, hi{-1e300, -1e300, -1e300};
-    double largest = 0;
     for (const auto& triangle : target_.triangles) {
       for (const std::uint32_t v : triangle) {
         const Vec3d p(target_.positions[v]);
         lo = {std::min(lo.x, p.x), std::min(lo.y, p.y), std::min(lo.z, p.z)};
         hi = {std::max(hi.x, p.x), std::max(hi.y, p.y), std::max(hi.z, p.z)};
-        largest = std::max({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
       }
     }
     limit_ = options_.max_distance.is_percent ? options_.max_distance.value / 100 * length(hi - lo)
                                               : options_.max_distance.value;
-    step_ = largest > 0 ? std::ldexp(1.0, std::ilogb(largest) - 21) : 0;
   }
 
   const TransferOptions& options_;
@@ -369,7 +376,6 @@ class Reference::Search {
   std::vector<SourceTriangle> triangles_;
   TargetRaster raster_;
   double limit_ = 0;  ///< of |t|
-  double step_ = 0;   ///< what distances are rounded to
 };
 
 std::uint64_t ReferenceResult::count(Verdict verdict) const {

@@ -77,7 +77,7 @@ std::optional<Hit> reference(const source::Facet& f, const TexelPacket& packet, 
   if (beyond(limits.min_cosine, dot(surface, n) / length(surface), steep)) return {};
   const Vec3d inset{1.0 * packet.inset_x[lane], 1.0 * packet.inset_y[lane],
                     1.0 * packet.inset_z[lane]};
-  const Vec3d own = p - inset * double{step_of(limits)};
+  const Vec3d own = p - inset * double{target::step_of(packet)};
   const auto w = meet(f, own, n).inside;
   return Hit{std::abs(at.t) + at.outside,
              f.base[0] + double{f.frac[0]} + f.du[0] * w[1] + f.du[1] * w[2],
@@ -103,8 +103,9 @@ source::Facet flat_facet(std::int32_t id, float height) {
 }
 
 /// Texel i at (x[i], 0.25, 0) facing up; one unit per 8 texels.
-TexelPacket flat_packet() {
+TexelPacket flat_packet(float coarseness = 0) {
   TexelPacket packet{};
+  packet.coarseness = coarseness;
   for (int lane = 0; lane < kLanes; ++lane) {
     packet.px[lane] = static_cast<float>(lane) / 16;
     packet.py[lane] = 0.25F;
@@ -120,10 +121,10 @@ TexelPacket flat_packet() {
 TEST_CASE("hits of a right triangle are what one works out by hand") {
   HitPacket best;
   clear(best);
-  TexelPacket packet = flat_packet();
+  TexelPacket packet = flat_packet(4);
   packet.nz[5] = -1;                   // faces away
   packet.nz[6] = 0, packet.nx[6] = 1;  // along the plane
-  const SearchLimits limits{1, 0.5F, 4};
+  const SearchLimits limits{1, 0.5F};
   kernels("").hit(flat_facet(9, 0.5F), packet, limits, best);
   for (int lane = 0; lane < kLanes; ++lane) {
     CAPTURE(lane);
@@ -136,7 +137,7 @@ TEST_CASE("hits of a right triangle are what one works out by hand") {
       CHECK(best.id[lane] == kNoHit);
       continue;
     }
-    CHECK(distance_of(best.key[lane], limits) == Approx(0.5 + outside));
+    CHECK(distance_of(best.key[lane], packet) == Approx(0.5 + outside));
     CHECK(best.id[lane] == 9);
     CHECK(best.page[lane] == 2);
     CHECK(best.base_x[lane] == 3);
@@ -144,7 +145,7 @@ TEST_CASE("hits of a right triangle are what one works out by hand") {
     CHECK(best.frac_x[lane] == Approx(10 * x / sum));
     CHECK(best.frac_y[lane] == Approx(2.5 / sum));
   }
-  CHECK(best.key[12] == key_of(0.5F, limits));  // on the edge
+  CHECK(best.key[12] == key_of(0.5F, packet));  // on the edge
   CHECK(best.key[13] != kNoHit);
 }
 
@@ -160,7 +161,7 @@ TEST_CASE("the nearest facet wins on either side, equal ones by the smaller tria
       kernels("").hit(flat_facet(20 + i, height), flat_packet(), {1, 0.5F}, best);
     }
     CHECK(best.id[0] == 11);
-    CHECK(best.key[0] == key_of(0.25F, {}));
+    CHECK(best.key[0] == key_of(0.25F, flat_packet()));
   } while (std::next_permutation(order.begin(), order.end()));
   HitPacket best;
   clear(best);
@@ -184,9 +185,9 @@ TEST_CASE("the hit kernel agrees with the definition in double precision") {
   std::size_t hits = 0, misses = 0, unsure_ones = 0;
   for (int round = 0; round < 3000; ++round) {
     const source::SourceBlock block = test::random_source(random, 4, random.one_in(2) ? 1 : 0.2F);
-    const TexelPacket packet = test::random_packet(random, 0.5F);
-    const SearchLimits limits{random.between(0.5F, 2.0F), random.between(0.1F, 0.9F),
-                              random.one_in(2) ? 0.0F : 4.0F};
+    TexelPacket packet = test::random_packet(random, 0.5F);
+    packet.coarseness = random.one_in(2) ? 0.0F : 4.0F;
+    const SearchLimits limits{random.between(0.5F, 2.0F), random.between(0.1F, 0.9F)};
     for (const source::Facet& facet : block.facets) {
       HitPacket best;
       clear(best);
@@ -210,7 +211,7 @@ TEST_CASE("the hit kernel agrees with the definition in double precision") {
         const double y = best.base_y[lane] + double{best.frac_y[lane]};
         const double bends = length(Vec3d{facet.g1[0], facet.g1[1], facet.g1[2]}) +
                              length(Vec3d{facet.g2[0], facet.g2[1], facet.g2[2]});
-        const double distance = double{distance_of(best.key[lane], limits)};
+        const double distance = double{distance_of(best.key[lane], packet)};
         const double rise = std::abs(facet.n[0] * packet.nx[lane] + facet.n[1] * packet.ny[lane] +
                                      facet.n[2] * packet.nz[lane]);
         const double loss = 1e-6 * (1 + bends) / std::max(rise, double{kGrazing});
@@ -264,8 +265,9 @@ TEST_CASE("all instruction sets give the same bits, whatever is in the packets")
         for (int i = 0; i < 10; ++i) parts[random.below(7)][random.below(kLanes)] = any_float();
       }
     }
-    const SearchLimits limits{random.between(0.1F, 3.0F), random.between(0.0F, 0.9F),
-                              random.one_in(2) ? 0.0F : random.between(0.0F, 9.0F)};
+    const SearchLimits limits{random.between(0.1F, 3.0F), random.between(0.0F, 0.9F)};
+    for (TexelPacket& packet : packets)
+      packet.coarseness = random.one_in(2) ? 0.0F : random.between(0.0F, 9.0F);
     const float height = random.between(0.0F, 2.0F);
     Candidates candidates;
     for (const source::Patch& patch : block.patches)
@@ -279,7 +281,7 @@ TEST_CASE("all instruction sets give the same bits, whatever is in the packets")
         for (const source::Facet& facet : block.facets)
           isas[k]->hit(facet, packet, limits, results[2 * k]);
         isas[k]->search(candidates, bundle_of(packet), height, packet, limits, results[2 * k + 1]);
-        finals[k] = isas[k]->all_final(packet, results[2 * k], height, limits);
+        finals[k] = isas[k]->all_final(packet, results[2 * k], height);
         if (std::memcmp(&results[0], &results[2 * k], sizeof(HitPacket)) != 0 ||
             std::memcmp(&results[1], &results[2 * k + 1], sizeof(HitPacket)) != 0 ||
             finals[k] != finals[0]) {
@@ -304,43 +306,42 @@ TEST_CASE("a NaN anywhere is never a hit") {
     clear(best);
     kernels("").hit(flat_facet(1, 0.5F), packet, {1, 0.5F}, best);
     CHECK(best.key[2] == kNoHit);
-    CHECK(best.key[1] == key_of(0.5F, {}));
+    CHECK(best.key[1] == key_of(0.5F, packet));
   }
 }
 
 TEST_CASE("a packet is final when every used lane's key is below the height") {
   for (const Kernels* k : available()) {
     CAPTURE(k->isa);
-    TexelPacket packet = flat_packet();
-    const SearchLimits limits{1, 0.5F, 4};
+    TexelPacket packet = flat_packet(4);
     HitPacket best;
     clear(best);
-    CHECK_FALSE(k->all_final(packet, best, 1e30F, limits));
-    const std::int32_t half = key_of(0.5F, limits);
+    CHECK_FALSE(k->all_final(packet, best, 1e30F));
+    const std::int32_t half = key_of(0.5F, packet);
     for (std::int32_t& key : best.key) key = half - 1;
-    CHECK(k->all_final(packet, best, 0.5F, limits));
-    CHECK_FALSE(k->all_final(packet, best, 0.4999F, limits));
+    CHECK(k->all_final(packet, best, 0.5F));
+    CHECK_FALSE(k->all_final(packet, best, 0.4999F));
     best.key[15] = half;  // a facet just beyond could have the same key and a smaller id
-    CHECK_FALSE(k->all_final(packet, best, 0.5F, limits));
+    CHECK_FALSE(k->all_final(packet, best, 0.5F));
     best.key[15] = kNoHit;
-    CHECK_FALSE(k->all_final(packet, best, 0.5F, limits));
+    CHECK_FALSE(k->all_final(packet, best, 0.5F));
     packet.texel[15] = target::kNoTexel;
-    CHECK(k->all_final(packet, best, 0.5F, limits));
+    CHECK(k->all_final(packet, best, 0.5F));
   }
 }
 
 TEST_CASE("keys rise with the distance: in steps where it is small, relative where it is large") {
-  const SearchLimits limits{1, 0.5F, 4};  // steps of 2^-21 up to 4
-  CHECK(key_of(0x1p-21F, limits) == key_of(0, limits) + 1);
-  CHECK(key_of(0x1p-23F, limits) == key_of(0, limits));
-  CHECK(key_of(3.5F, limits) == key_of(3.5F - 0x1p-21F, limits) + 1);
-  CHECK(key_of(1e20F, limits) < key_of(1.000001e20F, limits));
-  CHECK(key_of(3e38F, limits) < kNoHit);
+  const TexelPacket packet = flat_packet(4);  // steps of 2^-21 up to 4
+  CHECK(key_of(0x1p-21F, packet) == key_of(0, packet) + 1);
+  CHECK(key_of(0x1p-23F, packet) == key_of(0, packet));
+  CHECK(key_of(3.5F, packet) == key_of(3.5F - 0x1p-21F, packet) + 1);
+  CHECK(key_of(1e20F, packet) < key_of(1.000001e20F, packet));
+  CHECK(key_of(3e38F, packet) < kNoHit);
   std::int32_t last = 0;
   for (float distance = 0x1p-40F; distance < 0x1p100F; distance *= 1.5F) {
-    CHECK(key_of(distance, limits) >= last);
-    last = key_of(distance, limits);
-    CHECK(double{distance_of(last, limits)} == Approx(double{distance}).margin(0x1p-21));
+    CHECK(key_of(distance, packet) >= last);
+    last = key_of(distance, packet);
+    CHECK(double{distance_of(last, packet)} == Approx(double{distance}).margin(0x1p-21));
   }
 }
 
@@ -352,7 +353,7 @@ TEST_CASE("the surface's own normal decides what it faces, not its plane's") {
     facet.lean = 4;
     facet.s[0] = -1;
     facet.s1[0] = 2;
-    TexelPacket packet = flat_packet();
+    TexelPacket packet = flat_packet(4);
     for (int lane = 0; lane < kLanes; ++lane) {
       packet.px[lane] = 0.25F - 0.5F;  // looks half a unit to the right: hits at 1/4, or...
       packet.nx[lane] = packet.nz[lane] = std::sqrt(0.5F);
@@ -360,12 +361,12 @@ TEST_CASE("the surface's own normal decides what it faces, not its plane's") {
     }
     HitPacket best;
     clear(best);
-    k->hit(facet, packet, {1, std::cos(0.9F), 4}, best);  // 51.6 degrees
+    k->hit(facet, packet, {1, std::cos(0.9F)}, best);  // 51.6 degrees
     // At 1/4 the normal leans 26.6 degrees left, 71.6 from the texel's; at 0.6, 33.7.
     CHECK(best.key[0] == kNoHit);
     CHECK(best.key[1] != kNoHit);
     clear(best);
-    k->hit(facet, packet, {1, std::cos(1.3F), 4}, best);  // 74.5 degrees
+    k->hit(facet, packet, {1, std::cos(1.3F)}, best);  // 74.5 degrees
     CHECK(best.key[0] != kNoHit);
     CHECK(best.id[1] == 1);
   }
@@ -380,7 +381,7 @@ TEST_CASE("a texel on a facet finds it whatever its normal, also within the plan
       facet.lean = 4;
       facet.s[0] = std::sin(angle);
       facet.s[2] = std::cos(angle);
-      TexelPacket packet = flat_packet();
+      TexelPacket packet = flat_packet(4);
       for (int lane = 0; lane < kLanes; ++lane) {
         packet.nx[lane] = facet.s[0];
         packet.nz[lane] = facet.s[2];
@@ -388,10 +389,10 @@ TEST_CASE("a texel on a facet finds it whatever its normal, also within the plan
       }
       HitPacket best;
       clear(best);
-      k->hit(facet, packet, {1, 0.99F, 4}, best);
+      k->hit(facet, packet, {1, 0.99F}, best);
       for (int lane = 0; lane < 12; ++lane) {
         CAPTURE(lane);
-        CHECK(distance_of(best.key[lane], {1, 0.99F, 4}) <= 2e-5F);
+        CHECK(distance_of(best.key[lane], packet) <= 2e-5F);
         CHECK(best.frac_x[lane] == Approx(10 * lane / 16.0).margin(1e-4));
       }
     }
@@ -403,31 +404,31 @@ TEST_CASE("a ray in a facet's plane does not reach for it from beside") {
   facet.lean = 4;
   facet.s[0] = 1;
   facet.s[2] = 0;
-  TexelPacket packet = flat_packet();
+  TexelPacket packet = flat_packet(4);
   for (int lane = 0; lane < kLanes; ++lane) {
     packet.nx[lane] = 1;
     packet.nz[lane] = 0;
   }
   HitPacket best;
   clear(best);
-  kernels("").hit(facet, packet, {100, 0.5F, 4}, best);  // 1/20 above: 3.2 along the ray
+  kernels("").hit(facet, packet, {100, 0.5F}, best);  // 1/20 above: 3.2 along the ray
   for (const std::int32_t key : best.key) CHECK(key == kNoHit);
 }
 
 TEST_CASE("the image is read where the texel is, not where its ray starts") {
   for (const Kernels* k : available()) {
     CAPTURE(k->isa);
-    TexelPacket packet = flat_packet();
+    TexelPacket packet = flat_packet(0x1p11F);
     HitPacket plain, inset;
     clear(plain);
-    k->hit(flat_facet(1, 0.5F), packet, {1, 0.5F, 0x1p11F}, plain);
+    k->hit(flat_facet(1, 0.5F), packet, {1, 0.5F}, plain);
     packet.is_inset = true;
     for (int lane = 0; lane < kLanes; ++lane) {
       packet.inset_x[lane] = -32;  // of 2^-12, as far as the start is to the left
       packet.px[lane] -= 0x1p-7F;
     }
     clear(inset);
-    k->hit(flat_facet(1, 0.5F), packet, {1, 0.5F, 0x1p11F}, inset);
+    k->hit(flat_facet(1, 0.5F), packet, {1, 0.5F}, inset);
     for (int lane = 0; lane <= 12; ++lane) {
       CAPTURE(lane);
       CHECK(inset.frac_x[lane] == plain.frac_x[lane]);

@@ -39,10 +39,9 @@ Scene random_scene(Random& random) {
     }
     scene.groups.push_back({first, static_cast<std::uint32_t>(packets)});
   }
-  scene.limits = {random.between(0.1F, 1.5F), random.between(0.0F, 0.7F),
-                  random.one_in(3)   ? 0.0F
-                  : random.one_in(2) ? 4.0F
-                                     : 4096.0F};
+  for (TexelPacket& packet : scene.packets)
+    packet.coarseness = random.one_in(3) ? 0.0F : random.one_in(2) ? 4.0F : 4096.0F;
+  scene.limits = {random.between(0.1F, 1.5F), random.between(0.0F, 0.7F)};
   return scene;
 }
 
@@ -85,7 +84,7 @@ PageVector<HitPacket> search(const Scene& scene, const std::vector<float>& heigh
       search_batch(grid, height, scene.limits, kernels(""), state);
       at += count;
     }
-    close_groups(height, scene.limits, kernels(""), state);
+    close_groups(height, kernels(""), state);
   }
   return state.hits;
 }
@@ -138,7 +137,7 @@ TEST_CASE("a smaller maximum distance only takes hits away") {
   const auto near = search(scene, search_heights(0.2F), random);
   for (std::size_t p = 0; p < far.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
-      if (far[p].key[lane] < key_of(0.19F, scene.limits))
+      if (far[p].key[lane] < key_of(0.19F, scene.packets[p]))
         CHECK(near[p].id[lane] == far[p].id[lane]);
     }
   }

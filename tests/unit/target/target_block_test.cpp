@@ -202,7 +202,6 @@ TEST_CASE("texels of charts far apart never share a packet, up to four of them")
 
 TEST_CASE("rays start inside of the triangle that owns their texel, by the inset or its middle") {
   Random random(33);
-  const float step = 0x1p-14F;  // in space; 32 of them are 0.002 units, a texel about 0.35
   std::size_t moved = 0, kept = 0;
   for (int round = 0; round < 60; ++round) {
     BlockMaker maker(0, 0);
@@ -214,11 +213,13 @@ TEST_CASE("rays start inside of the triangle that owns their texel, by the inset
       };
       maker.add({corner(), corner(), corner()});
     }
-    const TargetBlock plain(maker.block, kImage, 1e-6F), map(maker.block, kImage, 1e-6F, step);
+    const TargetBlock plain(maker.block, kImage, 1e-6F), map(maker.block, kImage, 1e-6F, TargetBlock::Start::inset);
     PageVector<TexelPacket> packets;
     std::vector<PacketGroup> groups;
     map.make_packets(0, packets, groups);
     for (const TexelPacket& packet : packets) {
+      const float step = step_of(packet);
+      REQUIRE(step == 0x1p-15F);  // coordinates reach 64 to 127; 32 steps are 0.001 units
       bool any = false;
       for (int lane = 0; lane < kLanes; ++lane) {
         const Vec3f start{packet.px[lane], packet.py[lane], packet.pz[lane]};
