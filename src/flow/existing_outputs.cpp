@@ -38,14 +38,15 @@ bool is_up_to_date(const std::string& output, FileTime inputs) {
   return !failed && time > inputs;
 }
 
-void keep_existing(const Plan& plan, FileTime meshes, TargetPlan& target) {
+void keep_existing(const Plan& plan, FileTime meshes, const std::set<std::string>& made,
+                   TargetPlan& target) {
   for (std::size_t c = 0; c < plan.channels.size(); ++c) {
     const FileTime source = std::max(meshes, newest(images_of(plan, plan.channels[c])));
     for (ImageOutput& image : target.images[c]) {
       const FileTime old =
           image.onto ? newest({image.onto->path, image.onto->mask_path}) : FileTime::min();
       const FileTime inputs = std::max(source, old);
-      image.keep = is_up_to_date(image.path, inputs) &&
+      image.keep = made.count(image.path) == 0 && is_up_to_date(image.path, inputs) &&
                    (image.coverage_path.empty() || is_up_to_date(image.coverage_path, inputs));
       if (!image.keep) continue;
       for (const std::string& path : {image.path, image.coverage_path}) {

@@ -115,8 +115,14 @@ void run_attempts(const Resources& resources, JobRun& run,
     return job(run, false);
   } catch (const Error& e) {
     if (e.kind() != ErrorKind::damaged_store || !resources.use_cache) throw;
+    if (run.painted_in_place) {
+      throw Error(ErrorKind::damaged_store,
+                  fmt::format("{}; {} outputs were written before, do not paint over these again",
+                              e.what(), run.report.outputs.size()));
+    }
   }
   run.meter.restart();
+  run.written_before.insert(run.report.outputs.begin(), run.report.outputs.end());
   run.report = {};
   run.report.version = POUNCE_VERSION;
   job(run, true);
@@ -173,6 +179,9 @@ Report run_job(const Resources& resources, Progress* progress, Report* so_far,
     });
   } catch (const Error& e) {
     run.report.failure = Failure{error_kind_name(e.kind()), exit_status(e.kind()), e.what()};
+    for (const std::string& path : run.report.outputs) run.written_before.erase(path);
+    run.report.outputs.insert(run.report.outputs.begin(), run.written_before.begin(),
+                              run.written_before.end());
     if (so_far != nullptr) *so_far = std::move(run.report);
     throw;
   }

@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -28,6 +29,10 @@ namespace pounce::flow {
 struct JobRun {
   Meter meter;
   Report report;
+  /// Outputs of an attempt before this one: made again, whatever --skip-existing says.
+  std::set<std::string> written_before;
+  /// An image took the place of what it was painted onto: no attempt may paint it again.
+  bool painted_in_place = false;
   explicit JobRun(Progress* progress) : meter(progress) {}
 };
 
@@ -54,6 +59,7 @@ class ScratchUse {
 /// What every stage of a running job shares. When it goes, however the job ends, the report gets
 /// what is only known then.
 struct JobContext {
+  JobRun& run;
   MemoryBudget budget;
   Meter& meter;
   Report& report;
@@ -73,8 +79,8 @@ struct JobContext {
   std::uint64_t tile_cap_bytes = 0;
   tbb::enumerable_thread_specific<tiles::Compressor> compressors;
 
-  JobContext(std::uint64_t budget_bytes, JobRun& run)
-      : budget(budget_bytes), meter(run.meter), report(run.report) {}
+  JobContext(std::uint64_t budget_bytes, JobRun& of_run)
+      : run(of_run), budget(budget_bytes), meter(of_run.meter), report(of_run.report) {}
   ~JobContext();
   JobContext(const JobContext&) = delete;
   JobContext& operator=(const JobContext&) = delete;

@@ -23,6 +23,7 @@ struct OntoImage {
   std::string mask_path;  ///< "" = all of it is painted
   texture::PaintAlpha alpha = texture::PaintAlpha::keep;
   bool keep_last = false;      ///< a fourth channel that is no alpha and that the source has not
+  bool in_place = false;       ///< the output takes its place: painted once, it is another image
   bool premultiplied = false;  ///< EXR onto EXR: colours stay multiplied by alpha, bit for bit
   std::uint64_t decoder_bytes = 0;
   /// What padding must not run into; null: there is no padding.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -47,9 +48,12 @@ class TargetPlanner {
   TargetPlan make(const std::string& path) {
     plan_.path = path;
     const double diag = diagonal(target_);
-    plan_.max_distance = static_cast<float>(options_.max_distance.is_percent
-                                                ? options_.max_distance.value / 100 * diag
-                                                : options_.max_distance.value);
+    const double distance = options_.max_distance.is_percent
+                                ? options_.max_distance.value / 100 * diag
+                                : options_.max_distance.value;
+    using Float = std::numeric_limits<float>;
+    plan_.max_distance =
+        static_cast<float>(std::clamp<double>(distance, Float::min(), Float::max()));
     plan_.smallest_edge = static_cast<float>(std::max(diag * 1e-7, 1e-30));
     PageRequest request;
     request.by_material = has_token(options_.output, "MATERIAL");
@@ -116,10 +120,11 @@ class TargetPlanner {
 
   /// An image may be painted over in place, but not be what another one is painted onto; a mask is
   /// never an output.
-  void keep_from_harm(const OntoImage& onto, const std::string& output) {
+  void keep_from_harm(OntoImage& onto, const std::string& output) {
     if (!onto.mask_path.empty()) plan_.inputs.push_back(onto.mask_path);
     std::error_code ignored;
-    if (!std::filesystem::equivalent(onto.path, output, ignored)) plan_.inputs.push_back(onto.path);
+    onto.in_place = std::filesystem::equivalent(onto.path, output, ignored);
+    if (!onto.in_place) plan_.inputs.push_back(onto.path);
   }
 
   static void check_mask(const std::string& path, ImageSize size) {

@@ -144,19 +144,24 @@ class TransferJob {
     if (!model_pattern_.empty()) {
       model_.emplace(model_pattern_, plan_, factors_, options_.allow_external, target_plan_);
     }
+    // A job that finds damage begins again; what is painted over in place must be painted once.
+    for (const auto& images : target_plan_.images) {
+      for (const ImageOutput& image : images)
+        job_->check_packs = job_->check_packs || (image.onto && image.onto->in_place);
+    }
     if (options_.skip_existing) keep_what_is_there();
   }
 
   void keep_what_is_there() {
     std::vector<std::string> meshes = target_.files;
     meshes.insert(meshes.end(), source_files_.begin(), source_files_.end());
-    if (!model_) return keep_existing(plan_, newest(meshes), target_plan_);
+    if (!model_) return keep_existing(plan_, newest(meshes), job_->run.written_before, target_plan_);
     // A model is made of all its inputs, the images that it takes over among them.
     for (const ColumnPlan& column : plan_.columns) meshes.push_back(column.image.path);
     meshes.insert(meshes.end(), target_plan_.inputs.begin(), target_plan_.inputs.end());
     const FileTime inputs = newest(meshes);
     for (const std::string& output : target_plan_.outputs) {
-      if (!is_up_to_date(output, inputs)) return;
+      if (job_->run.written_before.count(output) > 0 || !is_up_to_date(output, inputs)) return;
     }
     for (auto& images : target_plan_.images) {
       for (ImageOutput& image : images) image.keep = true;
@@ -339,9 +344,11 @@ class TransferJob {
       if (image.keep) continue;
       const Lease index(job_->budget, result.blocks[i].size() * sizeof(tiles::ChunkRef),
                         "the index of the results");
+      const bool in_place = image.onto && image.onto->in_place;
       const WrittenTexels written =
           write_image(*job_, image, plan_.channels[c].format, *result.pack, result.blocks[i],
                       model_ ? &model_->sink(*job_) : nullptr);
+      job_->run.painted_in_place = job_->run.painted_in_place || in_place;
       tally_->wrote(c, written.filled);
       count_clipped(c, result.clipped[i] + written.clipped, image.path);
       if (model_) {
