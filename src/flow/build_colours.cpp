@@ -51,22 +51,29 @@ struct Slot {
   StoredRow stored;
 };
 
+/// What a column says of itself before its image is read.
+tiles::ColourDirectory column_of(const io::ImageInfo& info, const ColourRequest& request) {
+  tiles::ColourDirectory column;
+  column.width = info.width;
+  column.height = info.height;
+  column.channels = info.channels;
+  column.depth = info.depth;
+  column.linear = info.linear;
+  column.has_alpha = info.has_alpha;
+  // Float colours stay as the file has them, so that they can be written so again bit by bit.
+  column.premultiplied = info.premultiplied && info.linear;
+  column.wrap_u = request.wrap_u;
+  column.wrap_v = request.wrap_v;
+  return column;
+}
+
 class ColumnBuilder {
  public:
   ColumnBuilder(JobContext& job, const ColourRequest& request, const Hash128& key)
       : job_(job), reader_(*request.image) {
     const io::ImageInfo& info = reader_.info();
-    image_.width = info.width;
-    image_.height = info.height;
-    image_.channels = info.channels;
-    image_.depth = info.depth;
-    image_.linear = info.linear;
-    image_.has_alpha = info.has_alpha;
-    // Float colours stay as the file has them, so that they can be written so again bit by bit.
-    image_.premultiplied = info.premultiplied && info.linear;
+    image_ = column_of(info, request);
     if (image_.premultiplied) reader_.keep_premultiplied();
-    image_.wrap_u = request.wrap_u;
-    image_.wrap_v = request.wrap_v;
     row_bytes_ = reader_.row_bytes();
     const std::uint64_t least =
         colour_least_bytes(info.width, image_.texel_bytes(), info.decoder_bytes);
@@ -111,7 +118,8 @@ class ColumnBuilder {
     write(encode(*top_));
     ++job_.report.images_decoded;
     return std::make_unique<tiles::ColourStore>(
-        job_.stores->publish(writer_->finish(image_, job_.compressor())), job_.compressor());
+        job_.stores->publish(writer_->finish(image_, job_.compressor())), image_,
+        job_.compressor());
   }
 
  private:
@@ -266,7 +274,8 @@ std::unique_ptr<tiles::ColourStore> colour_store(JobContext& job, const ColourRe
   const Hash128 key = hash.digest();
   auto store =
       find_store(job, tiles::PackKind::colour, key, [&](std::unique_ptr<tiles::PackReader> pack) {
-        return std::make_unique<tiles::ColourStore>(std::move(pack), job.compressor());
+        return std::make_unique<tiles::ColourStore>(
+            std::move(pack), column_of(*request.info, request), job.compressor());
       });
   *cached = store != nullptr;
   return *cached ? std::move(store) : ColumnBuilder(job, request, key).build();

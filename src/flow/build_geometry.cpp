@@ -226,7 +226,8 @@ std::string label_of(const GeometryRequest& request) {
 }
 
 tiles::GeometryFacts facts_of(const GeometryRequest& request) {
-  return {request.is_target, request.pages, request.mesh->triangles.size()};
+  return {request.is_target, request.pages, request.mesh->triangles.size(),
+          mesh::count_entries(bin_request(request, kTileCapBytes))};
 }
 
 std::unique_ptr<tiles::GeometryStore> build(JobContext& job, const GeometryRequest& request,

@@ -39,7 +39,6 @@ constexpr std::uint32_t kSplatStoreVersion = 2;
 
 constexpr std::uint64_t kLeastRun = 16 << 10, kMostRun = 4 << 20;
 constexpr std::size_t kLeastFanIn = 16, kMostFanIn = 1024;
-constexpr std::size_t kTileBlocks = 32;
 // Of the noise estimate: this many blocks are asked, taken evenly, or up to twice as many.
 constexpr std::uint32_t kNoiseBlocksLog2 = 5;
 
@@ -67,6 +66,10 @@ std::uint64_t token_bytes() {
 /// The merge's own: the Gaussians of two blocks and their keys.
 std::uint64_t pending_bytes() {
   return 3 * round_to_pages(kMostSplatsPerBlock * (sizeof(Splat) + sizeof(std::uint64_t)));
+}
+
+tiles::SplatFacts facts_of(const io::SplatPly& ply) {
+  return {ply.header().splats, ply.header().model};
 }
 
 class StoreBuilder {
@@ -260,7 +263,7 @@ std::unique_ptr<tiles::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   std::uint64_t blocks = 0, done = 0;
   const auto write = [&](Slot& slot) {
     if (blocks > 0 &&
-        (writer.tile_blocks() == kTileBlocks || slot.entry.size_class != writer.tile_class())) {
+        (writer.tile_blocks() == tiles::kMostBlocksPerSplatTile || slot.entry.size_class != writer.tile_class())) {
       writer.end_tile(job_.compressor());
       ++job_.report.tiles_written;
     }
@@ -301,7 +304,8 @@ std::unique_ptr<tiles::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   }
   directory_.surface_noise = source::median(figures);
   return std::make_unique<tiles::SplatStore>(
-      job_.stores->publish(writer.finish(directory_, job_.compressor())), job_.compressor());
+      job_.stores->publish(writer.finish(directory_, job_.compressor())), facts_of(ply_),
+      job_.compressor());
 }
 
 /// Hash of the whole file, in pieces.
@@ -346,7 +350,8 @@ std::unique_ptr<tiles::SplatStore> splat_store(JobContext& job, const SplatReque
   const Hash128 key = store_key(job, request, ply);
   auto store =
       find_store(job, tiles::PackKind::splats, key, [&](std::unique_ptr<tiles::PackReader> pack) {
-        return std::make_unique<tiles::SplatStore>(std::move(pack), job.compressor());
+        return std::make_unique<tiles::SplatStore>(std::move(pack), facts_of(ply),
+                                                   job.compressor());
       });
   *cached = store != nullptr;
   if (!*cached) store = StoreBuilder(job, request, ply, key).build();

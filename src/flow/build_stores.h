@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "flow/job_context.h"
+#include "io/image_read.h"
 #include "mesh/block_bins.h"
 #include "tiles/colour_store.h"
 #include "tiles/geometry_store.h"
@@ -38,6 +39,7 @@ GeometrySize geometry_most(const GeometryRequest& request);
 /// One source image as a column of the source store.
 struct ColourRequest {
   const mesh::ImageRef* image = nullptr;
+  const io::ImageInfo* info = nullptr;  ///< of that image
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
 };
 /// Builds the column or finds it in the cache.

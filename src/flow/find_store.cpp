@@ -54,6 +54,27 @@ void check_store(JobContext& job, const tiles::SplatStore& store) {
   }
 }
 
+void check_largest(JobContext& job, const tiles::GeometryStore& store) {
+  const tiles::GeometryDirectory& says = store.directory();
+  std::uint32_t triangles = 0, patches = 0, chunk_bytes = 0;
+  for (std::uint32_t tile = 0; tile < says.tiles.size(); ++tile) {
+    for (const tiles::BlockEntry& entry : store.read_index(tile, job.compressor())) {
+      const bool is_larger = entry.triangles > triangles || entry.patches > patches ||
+                             entry.chunk.raw_bytes > chunk_bytes;
+      if (!is_larger) continue;
+      decoded_source(store, entry, store.read_block(entry, job.compressor()));
+      triangles = std::max(triangles, entry.triangles);
+      patches = std::max(patches, entry.patches);
+      chunk_bytes = std::max(chunk_bytes, entry.chunk.raw_bytes);
+    }
+    job.meter.advance(0);  // stops here if the caller asked to
+  }
+  if (triangles != says.most_triangles || patches != says.most_patches ||
+      chunk_bytes != says.largest_chunk_bytes) {
+    store.damaged("its blocks are smaller than it says");
+  }
+}
+
 source::SourceBlock decoded_source(const tiles::GeometryStore& store,
                                    const tiles::BlockEntry& entry,
                                    const tiles::GeometryBlock& block) {

@@ -21,6 +21,10 @@ void check_store(JobContext& job, const tiles::GeometryStore& store);
 void check_store(JobContext& job, const tiles::ColourStore& store);
 void check_store(JobContext& job, const tiles::SplatStore& store);
 
+/// Throws Error(damaged_store) if a source's largest blocks are smaller than it says: that it asks
+/// for more memory than there is may be a lie.
+void check_largest(JobContext& job, const tiles::GeometryStore& store);
+
 /// A stored block of a source as projection uses it, which its index has announced.
 source::SourceBlock decoded_source(const tiles::GeometryStore& store,
                                    const tiles::BlockEntry& entry,

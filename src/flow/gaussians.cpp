@@ -177,7 +177,7 @@ class GaussiansJob {
     for (const ColumnPlan& column : plan_.columns) {
       bool cached = false;
       columns_.push_back(
-          colour_store(*job_, {&column.image, column.wrap_u, column.wrap_v}, &cached));
+          colour_store(*job_, {&column.image, &column.info, column.wrap_u, column.wrap_v}, &cached));
       const tiles::ColourStore& store = *columns_.back();
       if (store.directory().nonfinite > 0) {
         job_->report.source_filtered["nonfinite samples"] += store.directory().nonfinite;

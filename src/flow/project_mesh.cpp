@@ -17,6 +17,7 @@
 #include <cmath>
 #include <optional>
 
+#include "flow/find_store.h"
 #include "flow/source_cache.h"
 
 namespace pounce::flow {
@@ -98,10 +99,15 @@ class MeshProjector : public PageProjector {
 
   void cut() {
     const std::uint64_t fixed = kPieceScratch + colour_bytes();
-    target_ = cut_target(
-        job_, *request_.target, fixed, source_least(), [&](const tiles::BlockEntry& entry) {
-          return block_state_bytes(entry.texels, entry.triangles, result_texel_bytes_);
-        });
+    try {
+      target_ = cut_target(
+          job_, *request_.target, fixed, source_least(), [&](const tiles::BlockEntry& entry) {
+            return block_state_bytes(entry.texels, entry.triangles, result_texel_bytes_);
+          });
+    } catch (const Error& e) {
+      if (e.kind() == ErrorKind::budget) check_largest(job_, *request_.source);
+      throw;
+    }
   }
 
   // --- the stream --------------------------------------------------------------------------------

@@ -180,8 +180,8 @@ class ImageAssembler {
   }
 
   texture::ResultBlock read_block(const tiles::ChunkRef& chunk) {
-    const auto raw =
-        tiles::read_payload(results_, chunk, tiles::ChunkKind::block, job_.compressor());
+    const auto raw = tiles::read_payload(results_, chunk, tiles::ChunkKind::block,
+                                         tiles::kLargestChunkBytes, job_.compressor());
     texture::ResultBlock block;
     texture::decode_result(raw, format_, "results", block);
     return block;

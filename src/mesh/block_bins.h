@@ -32,6 +32,8 @@ struct BlockBin {
   std::uint32_t count = 0;
 };
 
+/// No tile holds more windows.
+inline constexpr std::uint32_t kMostBlocksPerTile = 64;
 /// A spatial tile: neighbouring blocks, stored together.
 struct TileRange {
   std::uint32_t first_block = 0, block_count = 0;

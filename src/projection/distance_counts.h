@@ -12,7 +12,7 @@ namespace pounce::projection {
 inline void count_distance(float distance, float max_distance, DistanceCounts& counts) {
   const auto last = static_cast<float>(kDistanceBins - 1);
   const float bin = distance / max_distance * static_cast<float>(kDistanceBins);
-  ++counts[static_cast<std::size_t>(std::clamp(bin, 0.0F, last))];
+  ++counts[bin > 0 ? static_cast<std::size_t>(std::min(bin, last)) : 0];
 }
 
 }  // namespace pounce::projection

@@ -100,8 +100,9 @@ TargetBlock::TargetBlock(const tiles::GeometryBlock& block, const mesh::Lattice&
       edges_(start == Start::inset ? block.triangles.size() : 0) {
   for (std::size_t i = 0; i < block.triangles.size(); ++i) {
     Gradients g;
-    if (!gradients(block, lattice, i, g)) continue;  // owns no texel
     Affine& a = triangles_[i];
+    a.per_texel = 1.0F / smallest_edge;
+    if (!gradients(block, lattice, i, g)) continue;  // owns no texel
     a.p = Vec3f(g.p);
     a.pu = Vec3f(g.pu);
     a.pv = Vec3f(g.pv);

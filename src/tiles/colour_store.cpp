@@ -13,6 +13,7 @@ namespace pounce::tiles {
 namespace {
 
 constexpr std::size_t kTileTexels = std::size_t{kColourTileEdge} * kColourTileEdge;
+constexpr std::size_t kHeaderBytes = 25, kChunkRefBytes = 16;
 
 std::vector<std::byte> encode_directory(const ColourDirectory& d) {
   std::vector<std::byte> raw;
@@ -29,7 +30,7 @@ std::vector<std::byte> encode_directory(const ColourDirectory& d) {
 }
 
 std::vector<ChunkRef> get_chunks(ByteReader& in, std::size_t count) {
-  if (in.left() != count * 16) in.fail("has another size than its counts say");
+  if (in.left() != count * kChunkRefBytes) in.fail("has another size than its counts say");
   std::vector<ChunkRef> chunks(count);
   for (ChunkRef& chunk : chunks) chunk = get_chunk(in);
   return chunks;
@@ -59,6 +60,13 @@ ColourDirectory decode_directory(std::span<const std::byte> raw, const std::stri
   d.nonfinite = in.get<std::uint64_t>();
   d.row_pages = get_chunks(in, d.tiles_y());
   return d;
+}
+
+bool is_of(const ColourDirectory& d, const ColourDirectory& image) {
+  return d.width == image.width && d.height == image.height && d.channels == image.channels &&
+         d.depth == image.depth && d.linear == image.linear && d.has_alpha == image.has_alpha &&
+         d.premultiplied == image.premultiplied && d.wrap_u == image.wrap_u &&
+         d.wrap_v == image.wrap_v;
 }
 
 /// Float samples are summed as mantissas and exponents (projection/blend.cpp), which NaN and
@@ -130,15 +138,22 @@ std::unique_ptr<PackWriter> ColourStoreWriter::finish(ColourDirectory directory,
   return std::move(pack_);
 }
 
-ColourStore::ColourStore(std::unique_ptr<PackReader> pack, Compressor& compressor)
+ColourStore::ColourStore(std::unique_ptr<PackReader> pack, const ColourDirectory& image,
+                         Compressor& compressor)
     : pack_(std::move(pack)) {
-  const auto raw = read_payload(*pack_, pack_->directory(), ChunkKind::directory, compressor);
+  const auto raw = read_payload(*pack_, pack_->directory(), ChunkKind::directory,
+                                kHeaderBytes + image.tiles_y() * kChunkRefBytes, compressor);
   directory_ = decode_directory(raw, pack_->name());
+  if (!is_of(directory_, image)) {
+    throw Error(ErrorKind::damaged_store,
+                pack_->name() + ": directory is of another image than its key stands for");
+  }
 }
 
 std::vector<ChunkRef> ColourStore::read_row(std::uint32_t tile_row, Compressor& compressor) const {
   const ChunkRef& page = directory_.row_pages[tile_row];
-  const auto raw = read_payload(*pack_, page, ChunkKind::index_page, compressor);
+  const auto raw = read_payload(*pack_, page, ChunkKind::index_page,
+                                directory_.tiles_x() * kChunkRefBytes, compressor);
   ByteReader in(raw, pack_->name() + ": index page");
   return get_chunks(in, directory_.tiles_x());
 }
@@ -147,7 +162,7 @@ ColourTile ColourStore::read_tile(const ChunkRef& chunk, Compressor& compressor)
   const std::size_t size = kTileTexels * directory_.texel_bytes();
   if (chunk.raw_bytes != size)
     throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile of another size");
-  const auto raw = read_payload(*pack_, chunk, ChunkKind::block, compressor);
+  const auto raw = read_payload(*pack_, chunk, ChunkKind::block, size, compressor);
   ColourTile tile(size);
   unfilter_colours(directory_, raw, tile);
   if (!are_finite(directory_, tile))

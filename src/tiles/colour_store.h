@@ -70,7 +70,10 @@ class ColourStoreWriter {
 /// Reads a colour pack. Const members are thread-safe.
 class ColourStore {
  public:
-  ColourStore(std::unique_ptr<PackReader> pack, Compressor& compressor);
+  /// `image` is what the job knows of it: all but the samples that are not finite and the places of
+  /// rows. Throws Error(damaged_store) if the pack says anything else.
+  ColourStore(std::unique_ptr<PackReader> pack, const ColourDirectory& image,
+              Compressor& compressor);
   const ColourDirectory& directory() const { return directory_; }
   std::vector<ChunkRef> read_row(std::uint32_t tile_row, Compressor& compressor) const;
   ColourTile read_tile(const ChunkRef& chunk, Compressor& compressor) const;

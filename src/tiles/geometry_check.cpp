@@ -105,6 +105,10 @@ void check(const GeometryDirectory& directory, const GeometryFacts& facts,
       directory.largest_chunk_bytes > kLargestGeometryBytes) {
     fail(name, "has impossible maxima");
   }
+  // A window of more triangles than a block holds becomes several blocks.
+  const std::uint64_t most_blocks =
+      mesh::kMostBlocksPerTile * (1 + facts.triangles / kMostTrianglesPerBlock);
+  if (directory.most_blocks > most_blocks) fail(name, "has impossible maxima");
   for (const TileEntry& tile : directory.tiles) {
     if (tile.blocks == 0 || tile.blocks > directory.most_blocks) {
       fail(name, "has a tile of an impossible number of blocks");

@@ -24,7 +24,8 @@ struct TileEntry;
 struct GeometryFacts {
   bool is_target = false;
   std::vector<mesh::Lattice> pages;
-  std::uint64_t triangles = 0;  ///< of the mesh
+  std::uint64_t triangles = 0;    ///< of the mesh
+  std::uint64_t most_blocks = 0;  ///< that it may have
 };
 
 /// Each throws Error(damaged_store) that begins with `name`.

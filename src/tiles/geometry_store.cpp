@@ -11,6 +11,8 @@ namespace {
 
 constexpr std::size_t kLatticeBytes = 60;
 constexpr std::size_t kTileBytes = 44;
+constexpr std::size_t kHeaderBytes = 80;
+constexpr std::size_t kEntryBytes = 44, kBoxBytes = 24;  // an entry has up to kMostBoxesPerBlock
 
 std::vector<std::byte> encode_directory(const GeometryDirectory& directory) {
   std::vector<std::byte> raw;
@@ -133,7 +135,10 @@ std::unique_ptr<PackWriter> GeometryStoreWriter::finish(GeometryDirectory direct
 GeometryStore::GeometryStore(std::unique_ptr<PackReader> pack, GeometryFacts facts,
                              Compressor& compressor)
     : pack_(std::move(pack)), facts_(std::move(facts)) {
-  const auto raw = read_payload(*pack_, pack_->directory(), ChunkKind::directory, compressor);
+  const std::uint64_t most_bytes =
+      kHeaderBytes + facts_.pages.size() * (kLatticeBytes + 8) + facts_.most_blocks * kTileBytes;
+  const auto raw =
+      read_payload(*pack_, pack_->directory(), ChunkKind::directory, most_bytes, compressor);
   directory_ = decode_directory(raw, pack_->name());
   check(directory_, facts_, pack_->name() + ": directory");
 }
@@ -141,9 +146,11 @@ GeometryStore::GeometryStore(std::unique_ptr<PackReader> pack, GeometryFacts fac
 std::vector<BlockEntry> GeometryStore::read_index(std::uint32_t tile,
                                                   Compressor& compressor) const {
   const TileEntry& where = directory_.tiles[tile];
-  const auto raw = read_payload(*pack_, where.index_page, ChunkKind::index_page, compressor);
+  const auto raw =
+      read_payload(*pack_, where.index_page, ChunkKind::index_page,
+                   where.blocks * (kEntryBytes + kMostBoxesPerBlock * kBoxBytes), compressor);
   ByteReader in(raw, pack_->name() + ": index page");
-  if (std::uint64_t{where.blocks} * 44 > raw.size()) in.fail("is too small for its blocks");
+  if (where.blocks * kEntryBytes > raw.size()) in.fail("is too small for its blocks");
   std::vector<BlockEntry> entries(where.blocks);
   for (BlockEntry& entry : entries) {
     entry.page = in.get<std::uint32_t>();
@@ -162,7 +169,8 @@ std::vector<BlockEntry> GeometryStore::read_index(std::uint32_t tile,
 }
 
 GeometryBlock GeometryStore::read_block(const BlockEntry& entry, Compressor& compressor) const {
-  const auto raw = read_payload(*pack_, entry.chunk, ChunkKind::block, compressor);
+  const auto raw =
+      read_payload(*pack_, entry.chunk, ChunkKind::block, kLargestGeometryBytes, compressor);
   GeometryBlock block = decode_geometry(raw, pack_->name() + ": block");
   check(block, entry, facts_, pack_->name() + ": block");
   return block;

@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::size_t kEntryBytes = 48;
 constexpr std::size_t kTileBytes = 48;
+constexpr std::size_t kHeaderBytes = 136;
 constexpr std::uint32_t kHasNormals = 1;
 
 std::vector<std::byte> encode_directory(const SplatDirectory& directory) {
@@ -58,6 +59,7 @@ SplatDirectory decode_directory(std::span<const std::byte> raw, const std::strin
   }
   if (in.get<std::uint32_t>() != 0) in.fail("has a reserved field that is not 0");
   if (directory.most_splats > kMostSplatsPerBlock ||
+      directory.most_blocks > kMostBlocksPerSplatTile ||
       directory.largest_chunk_bytes > kLargestSplatBytes ||
       !(directory.surface_noise >= 0 && std::isfinite(directory.surface_noise))) {
     in.fail("has impossible maxima");
@@ -145,15 +147,25 @@ std::unique_ptr<PackWriter> SplatStoreWriter::finish(SplatDirectory directory,
   return std::move(pack_);
 }
 
-SplatStore::SplatStore(std::unique_ptr<PackReader> pack, Compressor& compressor)
+SplatStore::SplatStore(std::unique_ptr<PackReader> pack, const SplatFacts& facts,
+                       Compressor& compressor)
     : pack_(std::move(pack)) {
-  const auto raw = read_payload(*pack_, pack_->directory(), ChunkKind::directory, compressor);
+  // Every tile has a Gaussian.
+  const auto raw = read_payload(*pack_, pack_->directory(), ChunkKind::directory,
+                                kHeaderBytes + facts.rows * kTileBytes, compressor);
   directory_ = decode_directory(raw, pack_->name());
+  std::uint64_t rows = directory_.splats;
+  for (const std::uint64_t count : directory_.filtered) rows += count;
+  if (rows != facts.rows || directory_.model != facts.model) {
+    throw Error(ErrorKind::damaged_store,
+                pack_->name() + ": directory is of another scene than its key stands for");
+  }
 }
 
 std::vector<SplatEntry> SplatStore::read_index(std::uint32_t tile, Compressor& compressor) const {
   const SplatTile& where = directory_.tiles[tile];
-  const auto raw = read_payload(*pack_, where.index_page, ChunkKind::index_page, compressor);
+  const auto raw = read_payload(*pack_, where.index_page, ChunkKind::index_page,
+                                where.blocks * kEntryBytes, compressor);
   ByteReader in(raw, pack_->name() + ": index page");
   if (std::uint64_t{where.blocks} * kEntryBytes != raw.size()) {
     in.fail("has another size than its blocks");
@@ -174,7 +186,8 @@ std::vector<SplatEntry> SplatStore::read_index(std::uint32_t tile, Compressor& c
 }
 
 SplatBlock SplatStore::read_block(const SplatEntry& entry, Compressor& compressor) const {
-  const auto raw = read_payload(*pack_, entry.chunk, ChunkKind::block, compressor);
+  const auto raw =
+      read_payload(*pack_, entry.chunk, ChunkKind::block, kLargestSplatBytes, compressor);
   SplatBlock block = decode_splats(raw, pack_->name() + ": block");
   if (block.size() != entry.splats || (!block.normal[0].empty() && !directory_.has_normals)) {
     throw Error(ErrorKind::damaged_store,

@@ -43,6 +43,14 @@ struct SplatEntry {
   ChunkRef chunk;
 };
 
+/// No tile holds more blocks.
+inline constexpr std::uint32_t kMostBlocksPerSplatTile = 32;
+/// What a job knows of a splat pack before it has seen it.
+struct SplatFacts {
+  std::uint64_t rows = 0;  ///< of the scene's file
+  SplatModel model = SplatModel::standard;
+};
+
 /// A spatial tile: blocks of one size class that are neighbours, and their page of the index.
 struct SplatTile {
   Box3f box;
@@ -89,10 +97,11 @@ class SplatStoreWriter {
   SplatDirectory built_;
 };
 
-/// Reads a splat pack. Const members are thread-safe.
+/// Reads a splat pack. Whatever the pack holds, what comes out of here agrees with `facts` and with
+/// itself, or Error(damaged_store) is thrown. Const members are thread-safe.
 class SplatStore {
  public:
-  SplatStore(std::unique_ptr<PackReader> pack, Compressor& compressor);
+  SplatStore(std::unique_ptr<PackReader> pack, const SplatFacts& facts, Compressor& compressor);
   const SplatDirectory& directory() const { return directory_; }
   std::vector<SplatEntry> read_index(std::uint32_t tile, Compressor& compressor) const;
   SplatBlock read_block(const SplatEntry& entry, Compressor& compressor) const;

@@ -41,18 +41,17 @@ struct PackTree {
     key = info.key;
     const tiles::PackReader pack(std::move(file), path, kind, key);
     tiles::Compressor compressor;
-    directory =
-        tiles::read_payload(pack, pack.directory(), tiles::ChunkKind::directory, compressor);
+    const auto read = [&](const tiles::ChunkRef& ref, tiles::ChunkKind what) {
+      return tiles::read_payload(pack, ref, what, tiles::kLargestChunkBytes, compressor);
+    };
+    directory = read(pack.directory(), tiles::ChunkKind::directory);
     find_tiles();
     for (const std::size_t place : at) {
       Tile tile;
-      tile.page = tiles::read_payload(pack, chunk(directory, place), tiles::ChunkKind::index_page,
-                                      compressor);
+      tile.page = read(chunk(directory, place), tiles::ChunkKind::index_page);
       find_blocks(tile);
-      for (const std::size_t block : tile.at) {
-        tile.blocks.push_back(tiles::read_payload(pack, chunk(tile.page, block),
-                                                  tiles::ChunkKind::block, compressor));
-      }
+      for (const std::size_t block : tile.at)
+        tile.blocks.push_back(read(chunk(tile.page, block), tiles::ChunkKind::block));
       tiles.push_back(std::move(tile));
     }
   }
