@@ -16,6 +16,7 @@
 #include <filesystem>
 
 #include "flow/output_names.h"
+#include "io/missing_file.h"
 #include "io/straight_alpha.h"
 #include "pounce/error.h"
 #include "texture/pad_seams.h"
@@ -97,8 +98,7 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options, Channel
       first = name;
   }
   if (first.empty()) {
-    throw Error(
-        ErrorKind::storage,
+    throw io::MissingFile(
         fmt::format("{}: --onto: no file has such a name; name images that are there", pattern));
   }
   return io::ImageReader((path.parent_path() / first).string()).info();

@@ -10,6 +10,7 @@
 
 #include "flow/output_names.h"
 #include "flow/plan.h"
+#include "io/missing_file.h"
 
 namespace pounce::flow {
 namespace {
@@ -104,7 +105,11 @@ class SourcePlanner {
                       source_.path, source_.triangles.size()));
     }
     for (const Channel channel : chosen_channels()) {
-      is_asked_for(channel) ? add_channel(channel) : try_channel(channel);
+      if (is_asked_for(channel)) {
+        add_channel(channel);
+      } else {
+        try_channel(channel);
+      }
     }
     return std::move(plan_);
   }
@@ -131,16 +136,16 @@ class SourcePlanner {
                        [&](const SourceTexture& texture) { return texture.channel == channel; });
   }
 
-  /// Of all that the source has, what cannot be read is left out.
+  /// Of all that the source has, what is missing, damaged or of no use is left out. A file that is
+  /// there and that the system does not let us read ends the job: the next run would give more.
   void try_channel(Channel channel) {
     const std::size_t columns = plan_.columns.size(), warnings = plan_.warnings.size();
     try {
       add_channel(channel);
     } catch (const Error& error) {
       const bool is_last = channel == last_channel_ && plan_.channels.empty();
-      if (is_last || (error.kind() != ErrorKind::input && error.kind() != ErrorKind::storage)) {
-        throw;
-      }
+      const bool is_missing = dynamic_cast<const io::MissingFile*>(&error) != nullptr;
+      if (is_last || (error.kind() != ErrorKind::input && !is_missing)) throw;
       plan_.columns.erase(plan_.columns.begin() + static_cast<std::ptrdiff_t>(columns),
                           plan_.columns.end());
       plan_.warnings.resize(warnings);

@@ -10,6 +10,7 @@
 #include <cstring>
 
 #include "core/open_file.h"
+#include "io/missing_file.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -59,8 +60,9 @@ int cookie_close(void* opaque) {
 ByteSource::ByteSource(const mesh::ImageRef& image)
     : label_(image.label.empty() ? image.path : image.label), path_(image.path) {
   if (!image.problem.empty()) {
-    throw Error(image.missing ? ErrorKind::storage : ErrorKind::input,
-                fmt::format("{}: {}", label_, image.problem));
+    const std::string what = fmt::format("{}: {}", label_, image.problem);
+    if (image.missing) throw MissingFile(what);
+    throw Error(ErrorKind::input, what);
   }
   if (image.bytes) {
     memory_ = image.bytes;
@@ -154,10 +156,12 @@ void ByteSource::check() const {
 }
 
 void ByteSource::fail(const char* what, int reason) const {
-  throw Error(ErrorKind::storage,
-              label_ == path_ ? fmt::format("{}: cannot {}: {}", path_, what, std::strerror(reason))
-                              : fmt::format("{}: cannot {} {}: {}", label_, what, path_,
-                                            std::strerror(reason)));
+  const std::string said =
+      label_ == path_
+          ? fmt::format("{}: cannot {}: {}", path_, what, std::strerror(reason))
+          : fmt::format("{}: cannot {} {}: {}", label_, what, path_, std::strerror(reason));
+  if (reason == ENOENT || reason == ENOTDIR) throw MissingFile(said);
+  throw Error(ErrorKind::storage, said);
 }
 
 FILE* ByteSource::stream() {

@@ -27,6 +27,14 @@ expect() {
   [[ $got == "$wanted" ]] || fail "exit status $got, not $wanted: pounce $*"
 }
 
+# as_nobody COMMAND...: runs it as another user who may look into this folder, output in $out and $err; fails where that
+# is not to be had. For root alone, whom no permission stops.
+as_nobody() {
+  command -v setpriv >/dev/null || return 1
+  chmod 755 "$work"
+  setpriv --reuid 65534 --regid 65534 --clear-groups "$@" >"$out" 2>"$err"
+}
+
 out_has() { grep -qF -- "$1" "$out" || fail "the standard output lacks: $1"; }
 err_has() { grep -qF -- "$1" "$err" || fail "the standard error output lacks: $1"; }
 silent() { [[ ! -s $1 ]] || fail "$(basename "$1") should be empty"; }
