@@ -11,6 +11,7 @@
 #include <set>
 
 #include "io/new_folders.h"
+#include "io/output_file.h"
 #include "pounce/error.h"
 
 namespace pounce::flow {
@@ -52,19 +53,28 @@ std::string file_name_part(const std::string& name) {
 
 namespace {
 
-/// A folder that is missing is made when there is something to put into it: can it be?
+/// Every file is made anew in its folder, also where it replaces one: can it be? A folder that is
+/// missing is made when there is something to put into it.
 void check_folder(const std::string& path) {
-  const std::string folder = std::filesystem::path(path).parent_path().string();
+  const std::string place = io::output_place(path);
+  if (place.empty()) {
+    throw Error(ErrorKind::storage,
+                path + ": is a link that leads to no file; write to another name");
+  }
+  const std::string folder = std::filesystem::path(place).parent_path().string();
   const std::string there = io::existing_folder(folder);
   std::error_code ignored;
   if (!std::filesystem::is_directory(there, ignored)) {
     throw Error(ErrorKind::storage,
                 fmt::format("{}: {} is not a folder; choose another", path, there));
   }
-  if (!folder.empty() && there != folder && ::access(there.c_str(), W_OK | X_OK) != 0) {
-    throw Error(ErrorKind::storage, fmt::format("{}: the folder {} cannot be made in {}: {}", path,
-                                                folder, there, std::strerror(errno)));
-  }
+  if (::access(there.c_str(), W_OK | X_OK) == 0) return;
+  const char* const reason = std::strerror(errno);
+  throw Error(
+      ErrorKind::storage,
+      folder.empty() || there == folder
+          ? fmt::format("{}: no file can be made in the folder {}: {}", path, there, reason)
+          : fmt::format("{}: the folder {} cannot be made in {}: {}", path, folder, there, reason));
 }
 
 }  // namespace
@@ -86,6 +96,10 @@ void check_outputs(const std::vector<std::string>& paths, const std::string& cur
     }
     if (taken) {
       throw Error(ErrorKind::storage, fmt::format("{}: is a folder; name a file in it", path));
+    }
+    if (fs::exists(path, problem) && !fs::is_regular_file(path, problem)) {
+      throw Error(ErrorKind::storage,
+                  path + ": there is something of that name that is not a file; choose another");
     }
   }
 }

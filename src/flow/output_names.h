@@ -16,7 +16,8 @@ bool has_token(const std::string& pattern, const std::string& token);
 std::string file_name_part(const std::string& name);
 
 /// Throws Error(usage) when two of the images would get one name, saying `cure`, or when a name is
-/// too long for the file system; Error(storage) when a folder is not there and cannot be made.
+/// too long for the file system; Error(storage) where no file can be made: a folder that may not be
+/// written or made, a link that leads nowhere, something that is no file.
 void check_outputs(const std::vector<std::string>& paths,
                    const std::string& cure = "put <CHANNEL> or <MATERIAL> into the pattern");
 

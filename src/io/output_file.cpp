@@ -27,19 +27,6 @@ namespace {
 namespace fs = std::filesystem;
 constexpr int kMostLinks = 40;  // as the kernel
 
-/// What `path` stands for once all its links are followed; the last one may lead to nothing yet.
-/// Empty: they lead in a circle, or into /proc, where a name is no name of a file.
-std::string followed(fs::path path) {
-  for (int link = 0; link < kMostLinks; ++link) {
-    std::error_code none;
-    const fs::path to = fs::read_symlink(path, none);
-    if (none) return path.string();
-    path = to.is_absolute() ? to : path.parent_path() / to;
-    if (path.string().starts_with("/proc/")) return {};
-  }
-  return {};
-}
-
 /// Is this ".NAME.<digits>-<digits>.tmp"?
 bool is_temporary(std::string_view entry, std::string_view name) {
   const std::string start = fmt::format(".{}.", name);
@@ -82,8 +69,20 @@ std::string folder_of(const fs::path& path) {
 
 }  // namespace
 
+std::string output_place(const std::string& given) {
+  fs::path path = given;
+  for (int link = 0; link < kMostLinks; ++link) {
+    std::error_code none;
+    const fs::path to = fs::read_symlink(path, none);
+    if (none) return path.string();
+    path = to.is_absolute() ? to : path.parent_path() / to;
+    if (path.string().starts_with("/proc/")) return {};
+  }
+  return {};
+}
+
 OutputFile::OutputFile(const std::string& path)
-    : path_(path), target_(followed(path)), folder_(folder_of(target_)), folders_(folder_) {
+    : path_(path), target_(output_place(path)), folder_(folder_of(target_)), folders_(folder_) {
   if (target_.empty()) fail("it is a link that leads to no file");
   struct stat there {};
   const bool replaces = ::stat(path_.c_str(), &there) == 0;

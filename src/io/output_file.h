@@ -11,6 +11,11 @@
 
 namespace pounce::io {
 
+/// What `path` stands for once its links are followed; the last one may lead to nothing yet. Empty:
+/// they lead in a circle, or into /proc, where a name is no name of a file. OutputFile makes its
+/// file in that folder.
+std::string output_place(const std::string& path);
+
 /// A file that appears under its name whole or not at all, for libraries that write and seek
 /// through a C stream. Folders that are missing are made. A symbolic link stays and what it leads
 /// to is replaced; a file that is replaced hands on its permissions. Throws Error(storage) with

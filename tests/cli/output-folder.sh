@@ -26,12 +26,49 @@ expect 5 transfer source.obj target.obj -o skin.ppm/new/o.png
 err_has 'skin.ppm/new/o.png: skin.ppm is not a folder'
 expect 5 transfer source.obj target.obj -o o.png --report skin.ppm/report.json
 err_has 'skin.ppm/report.json'
-if [[ $(id -u) != 0 ]]; then
-  mkdir locked && chmod a-w locked
-  expect 5 transfer source.obj target.obj -o locked/new/o.png --plan
+# As whom permissions stop: every file is made anew in its folder, also where it replaces one that may be written.
+locked() {
+  local wanted=$1 got=0
+  if [[ $(id -u) == 0 ]]; then
+    as_nobody "$POUNCE" "${@:2}" --no-cache || got=$?
+  else
+    "$POUNCE" "${@:2}" --no-cache >"$out" 2>"$err" || got=$?
+  fi
+  [[ $got == "$wanted" ]] || fail "exit status $got, not $wanted: pounce ${*:2}"
+}
+if [[ $(id -u) == 0 ]] && ! as_nobody "$POUNCE" --version; then
+  echo 'SKIPPED: folders that may not be written (root without setpriv)'
+else
+  mkdir locked open
+  echo 'an old picture' >locked/old.png
+  ln -s ../open/there.png locked/there.png
+  ln -s ../locked/away.png open/away.png
+  chmod 666 locked/old.png && chmod 555 locked && chmod 777 open
+  for name in locked/o.png locked/old.png open/away.png; do
+    locked 5 transfer source.obj target.obj -o $name --temp /tmp --plan
+    err_has "$name: no file can be made in the folder "
+    locked 5 transfer source.obj target.obj -o $name --temp /tmp
+    ! grep -q project "$err" || fail "$name: refused after the work"
+  done
+  locked 5 transfer source.obj target.obj -o locked/new/o.png --plan
   err_has 'the folder locked/new cannot be made in locked'
-  rmdir locked
+  locked 5 transfer source.obj target.obj -o open/o.png --coverage locked/m.png --plan
+  err_has 'locked/m.png'
+  locked 5 maps target.obj -o 'locked/<CHANNEL>.exr' --size 4
+  err_has 'locked/position.exr: no file can be made'
+  locked 5 gaussians source.obj -o locked/s.ply
+  err_has 'locked/s.ply: no file can be made'
+  locked 0 transfer source.obj target.obj -o locked/there.png --temp /tmp
+  [[ -s open/there.png ]] || fail 'a link out of a locked folder leads nowhere'
+  chmod 755 locked && rm -rf locked open
 fi
+ln -s round.png round.png
+expect 5 transfer source.obj target.obj -o round.png --plan
+err_has 'round.png: is a link that leads to no file'
+rm round.png && mkfifo pipe.png
+expect 5 transfer source.obj target.obj -o pipe.png --plan
+err_has 'pipe.png: there is something of that name that is not a file'
+rm pipe.png
 only_files "${inputs[@]:0:3}" taken.png target.obj
 # Tokens may be in the folders.
 expect 0 transfer source.obj target.obj -o 'tree/<CHANNEL>/o.png' --no-cache -q
