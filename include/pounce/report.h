@@ -42,7 +42,7 @@ struct ImageReport {
   int udim = 0;          ///< 0: the output has no tiles
   std::uint32_t width = 0, height = 0;
   /// "written"; "kept": up to date (skip_existing), its counts are 0; "empty": nothing was found
-  /// and nothing written.
+  /// and nothing written; "not written": found, but the job ended before its file was there.
   std::string state;
   TexelCounts counts;
 };
@@ -54,12 +54,15 @@ using DistanceCounts = std::array<std::uint64_t, kDistanceBins>;
 /// What one target got.
 struct TargetReport {
   std::string path;
-  TexelCounts counts;             ///< of its first channel, over all images that were not kept
+  /// Over its pages (material and UDIM tile), of the first channel of each that was not kept.
+  TexelCounts counts;
   std::uint64_t overlapping = 0;  ///< texels that more than one triangle claims
   double max_distance = 0;        ///< in the target's units
-  DistanceCounts distances{};     ///< of the first channel
+  DistanceCounts distances{};     ///< of the same texels
   std::vector<ImageReport> images;
-  bool enough = true;  ///< not below TransferOptions::min_coverage_percent
+  /// No channel is below TransferOptions::min_coverage_percent over its images that were not kept;
+  /// false, too, where the job ended before that was known.
+  bool enough = true;
 };
 
 /// One channel over all targets.

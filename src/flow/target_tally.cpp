@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <numeric>
+#include <optional>
 
 namespace pounce::flow {
 namespace {
@@ -53,18 +55,23 @@ TargetTally::TargetTally(const TransferOptions& options, const Plan& plan,
   TargetReport& entry = report_.targets.emplace_back();
   entry.path = target_.path;
   entry.max_distance = double{target_.max_distance};
+  page_states_.resize(target_.pages.size());
   if (report_.channels.empty()) {
     for (const ChannelPlan& channel : plan_.channels)
       report_.channels.push_back({channel_name(channel.channel), 0, {}});
   }
+  bool any_to_make = false;
   for (std::size_t c = 0; c < target_.images.size(); ++c) {
     for (std::size_t page = 0; page < target_.pages.size(); ++page) {
-      if (!target_.images[c][page].keep) continue;
-      any_kept_ = true;
+      if (!target_.images[c][page].keep) {
+        any_to_make = true;
+        continue;
+      }
       entry.images.push_back(describe(c, page));
       entry.images.back().state = "kept";
     }
   }
+  entry.enough = options_.min_coverage_percent <= 0 || !any_to_make;  // until finish() knows
 }
 
 ImageReport TargetTally::describe(std::size_t channel, std::size_t page) const {
@@ -94,26 +101,30 @@ void TargetTally::vectorized(const tiles::GeometryDirectory& directory) {
 void TargetTally::add_page(std::size_t pass, std::uint32_t page, std::uint64_t texels,
                            const PageResult* result) {
   const std::vector<std::size_t>& channels = plan_.passes[pass].channels;
+  page_ = page;
   page_begin_ = target().images.size();
+  first_counted_ = kNone;
   for (std::size_t i = 0; i < channels.size(); ++i) {
     const std::size_t c = channels[i];
     if (target_.images[c][page].keep) continue;
     ImageReport image = describe(c, page);
-    image.state = "empty";
     const std::uint64_t covered = result == nullptr ? 0 : result->covered[i];
+    image.state = covered == 0 ? "empty" : "not written";
     image.counts = {texels, covered, texels - covered, 0};
-    const bool is_first = pass == 0 && target().images.size() == page_begin_;
-    if (is_first) first_counted_ = c;
-    count(image.counts, c, is_first);
+    if (page_states_[page] == PageState::unseen) {
+      first_counted_ = c;
+      page_states_[page] = covered == 0 ? PageState::empty : PageState::found;
+    }
+    count(image.counts, c);
     target().images.push_back(std::move(image));
   }
-  if (pass != 0 || result == nullptr) return;
+  if (first_counted_ == kNone || result == nullptr) return;
   for (std::size_t i = 0; i < kDistanceBins; ++i) target().distances[i] += result->distances[i];
 }
 
-void TargetTally::count(const TexelCounts& counts, std::size_t channel, bool is_first) {
+void TargetTally::count(const TexelCounts& counts, std::size_t channel) {
   add(counts, report_.channels[channel].counts);
-  if (!is_first) return;
+  if (channel != first_counted_) return;
   add(counts, target().counts);
   report_.target_texels += counts.texels;
   report_.target_covered += counts.covered;
@@ -126,42 +137,71 @@ void TargetTally::wrote(std::size_t channel, std::uint64_t filled) {
   const auto image =
       std::find_if(images.begin() + static_cast<std::ptrdiff_t>(page_begin_), images.end(),
                    [&](const ImageReport& one) { return one.channel == name; });
-  image->state = "written";
   image->counts.filled = filled;
-  ++report_.channels[channel].images;
+  page_states_[page_] = PageState::found;
+  in_model_.emplace_back(static_cast<std::size_t>(image - images.begin()), channel);
+  if (model_.empty()) wrote_model();
   report_.channels[channel].counts.filled += filled;
   if (channel != first_counted_) return;
   target().counts.filled += filled;
   report_.target_filled += filled;
 }
 
+void TargetTally::wrote_model() {
+  for (const auto& [image, channel] : in_model_) {
+    target().images[image].state = "written";
+    ++report_.channels[channel].images;
+  }
+  in_model_.clear();
+}
+
 void TargetTally::finish(const Box3f& source) {
   const TexelCounts& counts = target().counts;
   if (counts.covered > 0) warn_of_empty_pages();
-  if (counts.texels > 0 || !any_kept_) warn_of_little(source);
-  const bool nothing_done = counts.texels == 0 && any_kept_;
-  target().enough =
-      nothing_done || options_.min_coverage_percent <= 0 ||
-      (counts.texels > 0 && static_cast<double>(counts.covered) * 100 >=
-                                options_.min_coverage_percent * static_cast<double>(counts.texels));
+  if (counts.texels > 0 || !any_kept()) warn_of_little(source);
+  target().enough = has_enough();
+}
+
+bool TargetTally::any_kept() const {
+  const std::vector<ImageReport>& images = report_.targets.back().images;
+  return std::any_of(images.begin(), images.end(),
+                     [](const ImageReport& image) { return image.state == "kept"; });
+}
+
+/// Every channel by itself: one may have been made alone, or lack images that others have.
+bool TargetTally::has_enough() const {
+  if (options_.min_coverage_percent <= 0) return true;
+  std::map<std::string, TexelCounts> channels;
+  for (const ImageReport& image : report_.targets.back().images)
+    add(image.counts, channels[image.channel]);
+  const auto is_enough = [&](const TexelCounts& counts) {
+    return static_cast<double>(counts.covered) * 100 >=
+           options_.min_coverage_percent * static_cast<double>(counts.texels);
+  };
+  const bool found_any = std::any_of(channels.begin(), channels.end(),
+                                     [](const auto& one) { return one.second.texels > 0; });
+  return (found_any || any_kept()) &&
+         std::all_of(channels.begin(), channels.end(),
+                     [&](const auto& one) { return is_enough(one.second); });
 }
 
 /// Pages that stay as they were, or have no image, for want of a source.
 void TargetTally::warn_of_empty_pages() {
-  const std::string first = report_.channels.front().name;
-  std::vector<std::uint32_t> udims;
-  for (const ImageReport& image : target().images) {
-    if (image.state != "empty" || image.channel != first) continue;
-    if (!model_.empty()) {
-      warn(fmt::format("no texel of material \"{}\" found a source; it stays as it was",
-                       image.material));
-    } else {
-      udims.push_back(static_cast<std::uint32_t>(image.udim));
-    }
+  std::map<std::optional<std::uint32_t>, std::vector<std::size_t>> sets;  // by material
+  for (std::size_t page = 0; page < page_states_.size(); ++page) {
+    if (page_states_[page] == PageState::empty) sets[target_.pages[page].material].push_back(page);
   }
-  if (!udims.empty()) {
-    warn(fmt::format("no texel of UDIM {} found a source; no image was written for that",
-                     udim_list(udims)));
+  for (const auto& [material, pages] : sets) {
+    const std::string name = fmt::format("material \"{}\"", target_.pages[pages.front()].set);
+    if (!model_.empty()) {
+      warn(fmt::format("no texel of {} found a source; it stays as it was", name));
+      continue;
+    }
+    std::vector<std::uint32_t> udims;
+    for (const std::size_t page : pages) udims.push_back(target_.pages[page].udim);
+    std::sort(udims.begin(), udims.end());
+    warn(fmt::format("no texel of UDIM {}{} found a source; no image was written for that",
+                     udim_list(udims), material ? " of " + name : ""));
   }
 }
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/box.h"
@@ -25,15 +27,20 @@ class TargetTally {
   /// A page of a pass with so many texels; `result` is null where there was nothing to project.
   void add_page(std::size_t pass, std::uint32_t page, std::uint64_t texels,
                 const PageResult* result);
-  /// Of the page that was added last, an image was written.
+  /// Of the page that was added last, an image was written: as a file, or into what becomes the
+  /// model.
   void wrote(std::size_t channel, std::uint64_t filled);
+  /// The model was written, with all such images.
+  void wrote_model();
   /// Warns of what was not found; `source` is where the source lies.
   void finish(const Box3f& source);
 
  private:
   TargetReport& target() { return report_.targets.back(); }
   ImageReport describe(std::size_t channel, std::size_t page) const;
-  void count(const TexelCounts& counts, std::size_t channel, bool is_first);
+  void count(const TexelCounts& counts, std::size_t channel);
+  bool any_kept() const;
+  bool has_enough() const;
   void warn_of_empty_pages();
   void warn_of_little(const Box3f& source);
   void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }
@@ -44,9 +51,14 @@ class TargetTally {
   const std::string model_;
   Report& report_;
   Box3f box_;
-  std::size_t page_begin_ = 0;            ///< images of the page that was added last begin here
-  std::size_t first_counted_ = SIZE_MAX;  ///< of those: whose counts are the target's
-  bool any_kept_ = false;
+  /// What the first channel of a page that is made found there, or that some channel was written.
+  enum class PageState : std::uint8_t { unseen, empty, found };
+  static constexpr std::size_t kNone = SIZE_MAX;
+  std::vector<PageState> page_states_;
+  std::uint32_t page_ = 0;             ///< that was added last
+  std::size_t page_begin_ = 0;         ///< images of the page that was added last begin here
+  std::size_t first_counted_ = kNone;  ///< of those: whose counts are the target's
+  std::vector<std::pair<std::size_t, std::size_t>> in_model_;  ///< (image, channel), not there yet
 };
 
 /// What the distances at which a target found its source say: a sentence for a warning, or nothing.

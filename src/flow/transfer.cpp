@@ -399,6 +399,7 @@ class TransferJob {
     const StageTimer timer(job_->clock, "model");
     const std::vector<std::string> files = model_->write(*job_);
     job_->report.outputs.insert(job_->report.outputs.end(), files.begin(), files.end());
+    tally_->wrote_model();
   }
 
   const TransferOptions options_;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "pounce/error.h"
@@ -23,6 +24,25 @@ std::string wall_text(double seconds) {
 std::string share_text(std::uint64_t part, std::uint64_t whole) {
   if (whole == 0) return "";
   return fmt::format(" ({:.2f} %)", 100.0 * static_cast<double>(part) / static_cast<double>(whole));
+}
+
+/// The channel that is covered least; without a name where there is only one.
+std::pair<std::string, TexelCounts> least_covered(const TargetReport& target) {
+  std::map<std::string, TexelCounts> channels;
+  for (const ImageReport& image : target.images) {
+    if (image.state == "kept") continue;
+    channels[image.channel].texels += image.counts.texels;
+    channels[image.channel].covered += image.counts.covered;
+  }
+  if (channels.size() < 2) return {"", target.counts};
+  const auto share = [](const TexelCounts& counts) {
+    return counts.texels == 0
+               ? 0.0
+               : static_cast<double>(counts.covered) / static_cast<double>(counts.texels);
+  };
+  return *std::min_element(channels.begin(), channels.end(), [&](const auto& a, const auto& b) {
+    return share(a.second) < share(b.second);
+  });
 }
 
 }  // namespace
@@ -156,10 +176,11 @@ std::string too_little_text(const Report& report) {
   std::string text;
   for (const TargetReport& target : report.targets) {
     if (target.enough) continue;
-    const TexelCounts& counts = target.counts;
-    text += fmt::format("pounce: {}: {} of {} texels covered{}, less than --min-coverage\n",
+    const auto [channel, counts] = least_covered(target);
+    text += fmt::format("pounce: {}: {} of {} texels{} covered{}, less than --min-coverage\n",
                         visible_line(target.path), with_commas(counts.covered),
-                        with_commas(counts.texels), share_text(counts.covered, counts.texels));
+                        with_commas(counts.texels), channel.empty() ? "" : " of " + channel,
+                        share_text(counts.covered, counts.texels));
   }
   return text;
 }
