@@ -134,7 +134,7 @@ class TransferJob {
   void check_order() {
     if (!options_.source_textures.empty() || has_textures(source_)) return;
     for (const std::string& path : options_.targets) {
-      require_reading(*job_, source_.size_bytes() + io::mesh_cost(path).peak_bytes, path);
+      require_reading(*job_, source_.size_bytes() + reading_bytes(path), path);
       refuse_swapped(source_, load(path, true));
     }
   }
