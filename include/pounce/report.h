@@ -120,8 +120,8 @@ struct Report {
   std::uint64_t source_tiles = 0, target_tiles = 0, tiles_read = 0, tiles_written = 0;
   std::uint64_t bytes_read = 0, bytes_written = 0, temp_peak_bytes = 0;
   std::uint64_t source_store_bytes = 0, target_store_bytes = 0;
-  std::uint64_t output_bytes = 0;  ///< of the files in `outputs`
-  DiskForecast disk_most;
+  std::uint64_t output_bytes = 0;         ///< of the files in `outputs`
+  std::optional<DiskForecast> disk_most;  ///< of a transfer, once it is planned
   std::uint64_t memory_budget_bytes = 0, leased_peak_bytes = 0, peak_rss_bytes = 0;
   std::uint64_t least_memory_bytes = 0;  ///< the smallest budget that works for this job
 

@@ -87,6 +87,13 @@ Json channels_json(const Report& report) {
   return channels;
 }
 
+Json disk_json(const Report& report) {
+  if (!report.disk_most) return nullptr;
+  return {{"scratch", report.disk_most->scratch_bytes},
+          {"cache", report.disk_most->cache_bytes},
+          {"outputs", report.disk_most->output_bytes}};
+}
+
 }  // namespace
 
 std::string to_json(const Report& report) {
@@ -124,9 +131,7 @@ std::string to_json(const Report& report) {
                    {"source_store", report.source_store_bytes},
                    {"target_store", report.target_store_bytes},
                    {"outputs", report.output_bytes}};
-  json["disk_most"] = {{"scratch", report.disk_most.scratch_bytes},
-                       {"cache", report.disk_most.cache_bytes},
-                       {"outputs", report.disk_most.output_bytes}};
+  json["disk_most"] = disk_json(report);
   json["memory"] = {{"budget", report.memory_budget_bytes},
                     {"leased_peak", report.leased_peak_bytes},
                     {"peak_rss", report.peak_rss_bytes},

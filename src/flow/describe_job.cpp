@@ -96,6 +96,7 @@ void describe(const TransferOptions& o, Report& report) {
   list.add("max-distance", other_distance ? text_of(o.max_distance) : std::string());
   list.add("max-angle",
            o.max_angle_deg != usual.max_angle_deg ? fmt::format("{:g}", o.max_angle_deg) : "");
+  list.add("allow-external", o.allow_external);
   list.add(o.resources);
   list.add("plan", o.plan_only);
 }
@@ -107,6 +108,7 @@ void describe(const MapsOptions& o, Report& report) {
   list.add("output", o.output);
   list.add("size", text_of(o.size));
   list.add("target", o.target_use);
+  list.add("allow-external", o.allow_external);
   list.add(o.resources);
 }
 
@@ -116,6 +118,7 @@ void describe(const GaussiansOptions& o, Report& report) {
   OptionList list(report);
   list.add("output", o.output);
   list.add(o.source_textures);
+  list.add("allow-external", o.allow_external);
   list.add(o.resources);
 }
 

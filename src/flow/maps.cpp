@@ -140,6 +140,7 @@ class MapsJob {
     entry.path = options_.target;
     entry.counts = {directory.texels, directory.texels, 0, 0};
     entry.overlapping = directory.overlapping;
+    for (const char* map : kMapNames) job_->report.channels.push_back({map, 0, {}});
     job_->meter.end();
   }
 
@@ -155,6 +156,12 @@ class MapsJob {
     const std::uint64_t texels = store_->directory().page_texels[page];
     image.counts = {texels, texels, 0, 0};
     job_->report.targets.back().images.push_back(image);
+    ChannelReport& channel =
+        *std::find_if(job_->report.channels.begin(), job_->report.channels.end(),
+                      [map](const ChannelReport& one) { return one.name == map; });
+    ++channel.images;
+    channel.counts.texels += texels;
+    channel.counts.covered += texels;
   }
 
   std::uint64_t row_bytes() const {

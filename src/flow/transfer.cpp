@@ -106,6 +106,11 @@ class TransferJob {
       add_warnings(target_plan_.warnings);
       add_inputs(target_.files);
       add_inputs(target_plan_.inputs);
+      for (const auto& images :
+           target_plan_.images) {  // what is painted over in place is read, too
+        for (const ImageOutput& image : images)
+          add_input(image.onto ? image.onto->path : "", job_->report);
+      }
       outputs.insert(outputs.end(), target_plan_.outputs.begin(), target_plan_.outputs.end());
       anything_to_write_ = anything_to_write_ || has_work();
       job_->report.kept.insert(job_->report.kept.end(), target_plan_.kept.begin(),

@@ -135,9 +135,10 @@ std::string plan_text(const Report& report) {
   const auto add = [&text](const char* name, std::uint64_t bytes) {
     if (bytes > 0) text += fmt::format("{:<13} at most {}\n", name, bytes_text(bytes));
   };
-  add("scratch disk", report.disk_most.scratch_bytes);
-  add("cache", report.disk_most.cache_bytes);
-  add("outputs", report.disk_most.output_bytes);
+  const DiskForecast disk = report.disk_most.value_or(DiskForecast{});
+  add("scratch disk", disk.scratch_bytes);
+  add("cache", disk.cache_bytes);
+  add("outputs", disk.output_bytes);
   for (const std::string& path : report.outputs)
     text += fmt::format("would write   {}\n", visible_line(path));
   return text;

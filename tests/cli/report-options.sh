@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+# A report has every option that a job can be given, by the name that its help has.
+source "$(dirname "$0")/support.sh"
+make_job
+mask mask.pgm 16 16 $(for ((i = 0; i < 256; ++i)); do echo 255; done)
+# Options of how things are said, not of what is done.
+said=' help quiet verbose progress report '
+# reported COMMAND: the options in r.json are among those that were seen of it.
+seen=
+reported() {
+  seen+=" $(tr -d '\n' <r.json | sed -E 's/.*"options": \{([^}]*)\}.*/\1/' | grep -oE '"[a-z-]+":' | tr -d '":' | tr '\n' ' ')"
+}
+job() { expect 0 "$@" --report r.json && reported; }
+all_of() { # COMMAND
+  expect 0 "$1" --help
+  local option
+  for option in $(grep -oE '^  (-[a-z], ?)?--[a-z-]+' "$out" | grep -oE '\-\-[a-z-]+' | sed 's/^--//' | sort -u); do
+    [[ $said$seen == *" $option "* ]] || fail "no report of $1 has --$option"
+  done
+  seen=
+}
+machine=(--memory 1GiB --threads 2 --cache cache --cache-limit 1GB --no-wait)
+job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' --tiles 1001 --size 8 --depth u16 --padding 2 \
+  --min-coverage 1 --channels baseColor --source-texture baseColor=skin.ppm --source-material skin --source-uv-set 0 \
+  --source-axes x,y,z --target-uv-set 0 --target-axes x,y,z --max-distance 1 --max-angle 70 --allow-external "${machine[@]}" \
+  --temp . --plan
+job transfer source.obj target.obj -o o.png --skip-existing --no-cache
+job transfer source.obj target.obj -o o.png --onto o.png --mask mask.pgm --no-cache
+sed 's/^usemtl/o thing\nusemtl/' source.obj >named.obj
+job transfer named.obj named.obj -o n.png --source-mesh thing --target-mesh thing --target-material skin --no-cache
+all_of transfer
+job maps named.obj -o '<CHANNEL>.exr' --size 8 --target-mesh thing --target-material skin --target-uv-set 0 \
+  --target-axes x,y,z --allow-external "${machine[@]}"
+job maps named.obj -o '<CHANNEL>.exr' --no-cache
+all_of maps
+job gaussians source.obj -o s.ply --source-texture baseColor=skin.ppm --allow-external "${machine[@]}"
+job gaussians source.obj -o s.ply --no-cache
+all_of gaussians
+# An image that is painted over in place was read.
+expect 0 transfer source.obj target.obj -o o.png --onto o.png --report r.json
+tr -d ' \n' <r.json | grep -qF '"inputs":["source.obj","target.obj","source.mtl","skin.ppm","o.png"]' ||
+  tr -d ' \n' <r.json | grep -qE '"inputs":\[[^]]*"o.png"' || fail 'o.png is no input'
+# Channels and disk of the commands that are not transfer.
+expect 0 maps target.obj -o '<CHANNEL>.exr' --size 8 --report r.json
+tr -d ' \n' <r.json | grep -qF '"channels":[{"name":"position","images":1,"texels":64,"covered":64,"empty":0,"filled":0},' ||
+  fail 'the channels of maps'
+tr -d ' \n' <r.json | grep -qF '"disk_most":null' || fail 'a forecast that nobody made'
+expect 0 gaussians source.obj -o s.ply --report r.json
+tr -d ' \n' <r.json | grep -qF '"disk_most":null' || fail 'a forecast that nobody made'
