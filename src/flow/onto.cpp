@@ -200,7 +200,6 @@ void OntoPainter::paint(std::uint32_t rows, const std::uint8_t* kinds, std::byte
 void OntoPainter::paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels) {
   const std::size_t count = std::size_t{rows} * width_;
   image_.read_rows(rows, old_raw_.data());
-  clipped_ += texture::convert_texels(onto_format_, old_raw_.data(), format_, count, old_.data());
   std::fill_n(weights_.begin(), count, 1.0F);
   if (mask_) {
     mask_->read_rows(rows, mask_raw_.data());
@@ -211,7 +210,9 @@ void OntoPainter::paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std:
     const bool gutter = kinds[i] == texture::SeamPadder::kFilled && occupied_[i] == 0;
     if (kinds[i] != texture::SeamPadder::kCovered && !gutter) weights_[i] = 0;
     if (gutter && weights_[i] > 0) ++filled_;
+    paints_ = paints_ || weights_[i] > 0;
   }
+  convert_old(count);
   texture::PaintAlpha alpha = onto_.alpha;
   if (onto_.premultiplied) {
     if (alpha == texture::PaintAlpha::keep)
@@ -221,6 +222,18 @@ void OntoPainter::paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std:
   }
   texture::paint_over(painted_format_, alpha, weights_.data(), texels, count, old_.data());
   std::memcpy(texels, old_.data(), count * format_.texel_bytes());
+}
+
+/// The old samples in the output's format. Those that are painted over whole are not counted.
+void OntoPainter::convert_old(std::size_t count) {
+  for (std::size_t begin = 0, end = 0; begin < count; begin = end) {
+    const bool stays = weights_[begin] < 1;
+    while (end < count && (weights_[end] < 1) == stays) ++end;
+    const std::uint64_t clipped =
+        texture::convert_texels(onto_format_, old_raw_.data() + begin * onto_format_.texel_bytes(),
+                                format_, end - begin, old_.data() + begin * format_.texel_bytes());
+    if (stays) clipped_ += clipped;
+  }
 }
 
 std::uint64_t OntoPainter::memory_bytes(const OntoImage& onto, std::uint32_t width,

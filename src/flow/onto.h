@@ -59,12 +59,14 @@ class OntoPainter {
   /// padder says they are.
   void paint(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels);
   std::uint64_t filled() const { return filled_; }  ///< padding that was painted
-  /// Samples of the old image that the output's depth cannot hold.
+  /// Samples of the old image that stay and that the output's depth cannot hold.
   std::uint64_t clipped() const { return clipped_; }
+  bool paints() const { return paints_; }  ///< is any texel so far painted?
   static std::uint64_t memory_bytes(const OntoImage& onto, std::uint32_t width,
                                     std::uint32_t padding);
 
  private:
+  void convert_old(std::size_t count);
   void paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels);
 
   const OntoImage& onto_;
@@ -77,6 +79,7 @@ class OntoPainter {
   PageVector<float> weights_;
   PageVector<std::uint8_t> occupied_;
   std::uint64_t filled_ = 0, clipped_ = 0;
+  bool paints_ = false;
 };
 
 }  // namespace pounce::flow

@@ -355,7 +355,7 @@ class TransferJob {
                       model_ ? &model_->sink(*job_) : nullptr);
       job_->run.painted_in_place = job_->run.painted_in_place || in_place;
       tally_->wrote(c, written.filled);
-      count_clipped(c, result.clipped[i] + written.clipped, image.path);
+      count_clipped(c, (written.any_fresh ? result.clipped[i] : 0) + written.clipped, image.path);
       if (model_) {
         model_->add(*job_, c, page);
       } else {

@@ -120,8 +120,8 @@ class ImageAssembler {
     const WorkTimer encoding(job_.clock, "encode");
     if (colours_) colours_->commit();
     if (coverage_) coverage_->commit();
-    if (painter_) return {painter_->filled(), painter_->clipped()};
-    return {padder_.filled(), 0};
+    if (painter_) return {painter_->filled(), painter_->clipped(), painter_->paints()};
+    return {padder_.filled(), 0, true};
   }
 
  private:

@@ -28,7 +28,8 @@ struct ImageOutput {
 /// What became of texels on their way into an image.
 struct WrittenTexels {
   std::uint64_t filled = 0;   ///< texels that padding filled
-  std::uint64_t clipped = 0;  ///< samples painted onto that the output's depth cannot hold
+  std::uint64_t clipped = 0;  ///< old samples that stay and that the output's depth cannot hold
+  bool any_fresh = true;      ///< false: a mask let nothing of the results into the image
 };
 
 /// Assembles result blocks into rows, pads charts, writes the image (and its coverage) in order and
