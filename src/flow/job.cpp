@@ -84,6 +84,8 @@ std::unique_ptr<tiles::StoreFolder> open_cache(const Resources& resources, const
     auto stores = tiles::StoreFolder::open_cache(*job.files, cache,
                                                  cache_options(resources, scratch, rebuild, job));
     const tiles::CacheLayout layout(cache);
+    for (const tiles::PackKind kind : tiles::kCachedKinds)
+      job.cache_folders.push_back(layout.kind_folder(kind));
     job.hashes = std::make_unique<HashMemo>(*job.files, layout.hash_memo(), layout.parts_folder());
     return stores;
   } catch (const Error& e) {

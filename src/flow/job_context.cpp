@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "flow/job_context.h"
 
+#include <algorithm>
 #include <filesystem>
 
 namespace pounce::flow {
-namespace {
 
 std::uint64_t size_on_disk(const std::vector<std::string>& files) {
   std::uint64_t bytes = 0;
@@ -15,8 +15,6 @@ std::uint64_t size_on_disk(const std::vector<std::string>& files) {
   }
   return bytes;
 }
-
-}  // namespace
 
 JobContext::~JobContext() {
   try {
@@ -50,7 +48,11 @@ std::unique_ptr<tiles::PackReader> JobContext::find_pack(tiles::PackKind kind, c
 void JobContext::count_store(const tiles::PackReader& pack, bool cached) {
   if (cached) return;
   report.bytes_written += pack.size_bytes();
-  if (!stores->persistent()) scratch_use.add(pack.size_bytes());
+  // What the cache has no room for, or may not keep, lives in a scratch file.
+  const std::string folder = std::filesystem::path(pack.name()).parent_path().string();
+  const bool is_kept =
+      std::find(cache_folders.begin(), cache_folders.end(), folder) != cache_folders.end();
+  if (!is_kept) scratch_use.add(pack.size_bytes());
 }
 
 std::unique_ptr<tiles::PackReader> publish_scratch(JobContext& job,
@@ -60,7 +62,7 @@ std::unique_ptr<tiles::PackReader> publish_scratch(JobContext& job,
 }
 
 ScratchPack::~ScratchPack() {
-  job_.scratch_use.replace(kind_, 0);
+  job_.scratch_use.release(kind_);
   job_.scratch->discard(kind_, Hash128{});
 }
 

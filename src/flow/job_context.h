@@ -11,6 +11,7 @@
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "core/file.h"
 #include "core/timer.h"
@@ -49,6 +50,11 @@ class ScratchUse {
     add(bytes);
     remove(std::exchange(packs_[kind], bytes));
   }
+  /// It is gone, if there was one. Allocates nothing: memory may be what has run out.
+  void release(tiles::PackKind kind) noexcept {
+    const auto pack = packs_.find(kind);
+    if (pack != packs_.end()) remove(std::exchange(pack->second, 0));
+  }
   std::uint64_t peak_bytes() const { return peak_bytes_; }
 
  private:
@@ -70,8 +76,9 @@ struct JobContext {
   std::unique_ptr<tiles::StoreFolder> stores;   ///< source and target stores
   std::unique_ptr<tiles::StoreFolder> scratch;  ///< results; vanish with the process
   ScratchUse scratch_use;
-  std::string scratch_folder;  ///< for other nameless files
-  bool check_packs = false;    ///< of the cache, whole, before they are believed
+  std::string scratch_folder;              ///< for other nameless files
+  std::vector<std::string> cache_folders;  ///< where the cache keeps packs; none without one
+  bool check_packs = false;                ///< of the cache, whole, before they are believed
   unsigned threads = 1;
   bool plan_only = false;
   bool keeps_stores = false;            ///< stores go into the cache (of a plan: would go)
@@ -101,6 +108,9 @@ struct JobContext {
 
   std::unique_ptr<StageTimer> waiting;  ///< while find_pack() waits for another process
 };
+
+/// What these files take; of what is not there nothing.
+std::uint64_t size_on_disk(const std::vector<std::string>& files);
 
 /// Publishes a scratch pack that nobody looks for by its key. There is one of a kind at a time: it
 /// takes the place of the one before, whose room is free once its last reader is gone.

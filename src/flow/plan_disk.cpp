@@ -2,8 +2,8 @@
 #include "flow/plan_disk.h"
 
 #include <algorithm>
-#include <filesystem>
 
+#include "flow/job_context.h"
 #include "io/image_write.h"
 #include "tiles/colour_store.h"
 #include "tiles/splat_block.h"
@@ -27,16 +27,6 @@ std::uint64_t image_bytes(ImageSize size, std::uint64_t texel_bytes) {
   constexpr std::uint64_t kPerRow = 16, kFixed = 64 << 10;
   const std::uint64_t raw = std::uint64_t{size.width} * size.height * texel_bytes;
   return raw + raw / 64 + kPerRow * size.height + kFixed;
-}
-
-std::uint64_t file_bytes(const std::vector<std::string>& paths) {
-  std::uint64_t bytes = 0;
-  for (const std::string& path : paths) {
-    std::error_code failed;
-    const std::uint64_t size = std::filesystem::file_size(path, failed);
-    if (!failed) bytes += size;
-  }
-  return bytes;
 }
 
 }  // namespace
@@ -89,7 +79,7 @@ void DiskPlan::add_target(const Plan& plan, const TargetPlan& target, const mesh
     }
   }
   outputs_ += images;
-  if (is_model) outputs_ += file_bytes(mesh.files) + file_bytes(target.inputs) + (1ULL << 20);
+  if (is_model) outputs_ += size_on_disk(mesh.files) + size_on_disk(target.inputs) + (1ULL << 20);
   // One page's results at a time; a model's images wait in a file until all are there.
   passing_ = std::max(passing_, results + (is_model ? images : 0));
 }
