@@ -174,21 +174,35 @@ Report run_job(const Resources& resources, Progress* progress, Report* so_far,
   // Threads of the job's own: what else the process runs keeps its number, and so does this job.
   tbb::task_arena arena(static_cast<int>(thread_count(resources)));
   JobRun run(progress);
+  const auto fail = [&](ErrorKind kind, const char* what) {
+    if (so_far == nullptr) return;
+    try {
+      run.report.failure = Failure{error_kind_name(kind), exit_status(kind), what};
+      for (const std::string& path : run.report.outputs) run.written_before.erase(path);
+      run.report.outputs.insert(run.report.outputs.begin(), run.written_before.begin(),
+                                run.written_before.end());
+    } catch (const std::bad_alloc&) {
+      // No memory for words: what was done is told all the same.
+    }
+    *so_far = std::move(run.report);
+  };
   try {
     with_own_errors([&] {
       require_threads(thread_count(resources));
       arena.execute([&] { run_attempts(resources, run, job); });
+      run.meter.finish();
+      if (so_far != nullptr) *so_far = run.report;
     });
   } catch (const Error& e) {
-    run.report.failure = Failure{error_kind_name(e.kind()), exit_status(e.kind()), e.what()};
-    for (const std::string& path : run.report.outputs) run.written_before.erase(path);
-    run.report.outputs.insert(run.report.outputs.begin(), run.written_before.begin(),
-                              run.written_before.end());
-    if (so_far != nullptr) *so_far = std::move(run.report);
+    fail(e.kind(), e.what());
+    throw;
+  } catch (const std::exception& e) {
+    fail(ErrorKind::internal, e.what());
+    throw;
+  } catch (...) {  // of the caller's own, by way of a callback
+    fail(ErrorKind::internal, "an exception of an unknown type");
     throw;
   }
-  run.meter.finish();
-  if (so_far != nullptr) *so_far = run.report;
   return std::move(run.report);
 }
 

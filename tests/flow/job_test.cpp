@@ -7,8 +7,11 @@
 #include <atomic>
 #include <catch2/catch.hpp>
 #include <chrono>
+#include <functional>
 #include <mutex>
+#include <new>
 #include <set>
+#include <stdexcept>
 #include <thread>
 
 #include "pounce/transfer.h"
@@ -56,6 +59,32 @@ Resources with_threads(unsigned threads) {
 }
 
 }  // namespace
+
+TEST_CASE("a job that any exception ends hands over its report", "[flow]") {
+  const auto ended_by = [](const std::function<void()>& end) {
+    Report so_far;
+    CHECK_THROWS(run_job(with_threads(1), nullptr, &so_far, [&](JobRun& run, bool) {
+      run.report.command = "transfer";
+      end();
+    }));
+    CHECK(so_far.command == "transfer");
+    REQUIRE(so_far.failure);
+    return so_far.failure->kind + ": " + so_far.failure->message;
+  };
+  CHECK(ended_by([] { throw Error(ErrorKind::input, "no mesh"); }) == "input: no mesh");
+  CHECK(ended_by([] { throw std::out_of_range("map::at"); }) == "internal: map::at");
+  CHECK(ended_by([] { throw std::bad_alloc(); }).starts_with("budget: out of memory"));
+  CHECK(ended_by([] { throw 1; }).starts_with("internal: "));
+}
+
+TEST_CASE("scratch files that were never there are released without harm", "[flow]") {
+  ScratchUse use;
+  use.release(tiles::PackKind::results);
+  use.replace(tiles::PackKind::results, 10);
+  use.release(tiles::PackKind::results);
+  use.replace(tiles::PackKind::results, 7);
+  CHECK(use.peak_bytes() == 10);
+}
 
 TEST_CASE("a job leaves what runs beside it its threads", "[flow]") {
   if (tbb::info::default_concurrency() < 2) return;
