@@ -29,11 +29,12 @@ std::unique_ptr<tiles::GeometryStore> geometry_store(JobContext& job,
                                                      const GeometryRequest& request, bool* cached);
 /// The least that the work above may need at once, from bin counts.
 std::uint64_t geometry_least_bytes(const GeometryRequest& request, std::uint64_t tile_cap_bytes);
-/// The most that such a store holds, before compression.
+/// What a geometry store holds, before compression.
 struct GeometrySize {
   std::uint64_t bytes = 0;
   std::uint64_t chunks = 0;
 };
+/// The most that such a store holds.
 GeometrySize geometry_most(const GeometryRequest& request);
 
 /// One source image as a column of the source store.

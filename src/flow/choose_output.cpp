@@ -13,7 +13,6 @@
 namespace pounce::flow {
 namespace {
 
-constexpr std::uint32_t kLargestSide = 65536;
 constexpr std::uint32_t kUntexturedSize = 1024;
 
 bool is_exr(const std::string& path) {
@@ -105,9 +104,10 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Chann
   plan.source_colours = look.colours;
   plan.size = options.size.value_or(onto ? ImageSize{onto->width, onto->height} : look.size);
   if (plan.size.width == 0) plan.size = {kUntexturedSize, kUntexturedSize};
-  if (plan.size.width > kLargestSide || plan.size.height > kLargestSide) {
-    throw Error(ErrorKind::usage, fmt::format("--size {}x{}: at most {} texels a side",
-                                              plan.size.width, plan.size.height, kLargestSide));
+  if (plan.size.width > tiles::kLargestImageSide || plan.size.height > tiles::kLargestImageSide) {
+    throw Error(ErrorKind::usage,
+                fmt::format("--size {}x{}: at most {} texels a side", plan.size.width,
+                            plan.size.height, tiles::kLargestImageSide));
   }
   choose_channels(options, look, onto, plan, warnings);
   choose_chromaticities(options, look, onto, plan, warnings);

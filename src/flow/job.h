@@ -14,8 +14,8 @@ namespace pounce::flow {
 inline constexpr std::uint64_t kTileCapBytes = 1ULL << 20;
 
 /// Opens what a job needs: budget, stores (the cache, or scratch), progress. `output` gives the
-/// default folder for scratch files. `rebuild` ignores what the cache holds: some of it turned out
-/// to be damaged.
+/// default folder for scratch files. `rebuild` checks every pack of the cache before it is
+/// believed: one of them turned out to be damaged.
 std::unique_ptr<JobContext> open_job(const Resources& resources, const std::string& output,
                                      bool in_core, bool rebuild, bool plan_only, JobRun& run);
 
