@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <limits>
 #include <map>
+#include <new>
 #include <set>
 #include <utility>
 
@@ -108,10 +109,14 @@ tinygltf::Model load_model(const GltfFile& file) {
   try {
     loaded = loader.LoadASCIIFromString(&model, &error, &warning, text.data(),
                                         static_cast<unsigned>(text.size()), "");
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception& e) {
     error = e.what();
   }
   if (!loaded) {
+    // tinygltf tells what its parser threw, but not that it was no fault of the file.
+    if (error.find(std::bad_alloc().what()) != std::string::npos) throw std::bad_alloc();
     while (!error.empty() && (error.back() == '\n' || error.back() == ' ')) error.pop_back();
     fail(fmt::format("cannot be understood ({})", error));
   }

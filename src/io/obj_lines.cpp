@@ -319,7 +319,7 @@ ObjLines::int_type ObjLines::underflow() {
   if (failure_ != nullptr) return traits_type::eof();
   try {
     if (!next_checked_line()) return traits_type::eof();
-  } catch (const Error&) {
+  } catch (...) {
     failure_ = std::current_exception();
     return traits_type::eof();
   }

@@ -23,7 +23,8 @@ class ObjLines : public std::streambuf {
 
   /// Number of the line now being read, from 1.
   std::uint64_t line() const { return line_; }
-  /// What stopped the reading, if anything did: Error(input) with file and line, or Error(storage).
+  /// What stopped the reading, if anything did: Error(input) with file and line, Error(storage), or
+  /// no memory.
   /// An exception cannot pass through std::istream, so look here when tinyobjloader returns.
   std::exception_ptr failure() const { return failure_; }
   [[noreturn]] void fail(const std::string& what) const;

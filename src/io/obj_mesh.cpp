@@ -12,6 +12,7 @@
 #include <cmath>
 #include <istream>
 #include <limits>
+#include <new>
 #include <set>
 #include <sstream>
 
@@ -161,6 +162,8 @@ void ObjReader::parse() {
   try {
     parsed = tinyobj::LoadObjWithCallback(stream, calls, this, &materials_, &warning, &error);
   } catch (const Error&) {
+    throw;
+  } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::exception& e) {
     lines_.fail(e.what());
