@@ -109,8 +109,9 @@ double number(const tinygltf::Value& object, const char* key, int element, doubl
 
 class MaterialReader {
  public:
-  MaterialReader(const GltfFile& file, const tinygltf::Model& model, mesh::Mesh& mesh)
-      : file_(file), model_(model), mesh_(mesh) {}
+  MaterialReader(const GltfFile& file, const tinygltf::Model& model, mesh::Mesh& mesh,
+                 MeshWarnings& warnings)
+      : file_(file), model_(model), mesh_(mesh), warnings_(warnings) {}
 
   mesh::Material read(const tinygltf::Material& in);
 
@@ -124,6 +125,7 @@ class MaterialReader {
   const GltfFile& file_;
   const tinygltf::Model& model_;
   mesh::Mesh& mesh_;
+  MeshWarnings& warnings_;
 };
 
 /// The image a texture shows: its plain source if it has one, else a WebP, else a stand-in whose
@@ -149,9 +151,8 @@ void MaterialReader::bind(mesh::Material& material, Channel channel, const Info&
   const tinygltf::Texture& texture = model_.textures.at(static_cast<std::size_t>(info.index));
   const std::optional<std::uint32_t> image = image_of(texture);
   if (!image) {
-    mesh_.warnings.push_back(fmt::format("{}: material \"{}\": texture {} of {} has no image",
-                                         file_.path(), material.name, info.index,
-                                         channel_name(channel)));
+    warnings_.add("material \"{}\": texture {} of {} has no image", material.name, info.index,
+                  channel_name(channel));
     return;
   }
   TextureBinding binding;
@@ -219,10 +220,10 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   note_others(out, in);
   if (in.extensions.contains("KHR_materials_pbrSpecularGlossiness") &&
       pbr.baseColorTexture.index < 0) {
-    mesh_.warnings.push_back(fmt::format(
-        "{}: material \"{}\" keeps its colour in KHR_materials_pbrSpecularGlossiness, which pounce "
+    warnings_.add(
+        "material \"{}\" keeps its colour in KHR_materials_pbrSpecularGlossiness, which pounce "
         "does not read; it has no baseColor or metallicRoughness texture",
-        file_.path(), out.name));
+        out.name);
   }
   return out;
 }
@@ -241,7 +242,8 @@ mesh::UvTransform gltf_uv_transform(double offset_u, double offset_v, double rot
   return {c * scale_u, s * scale_v, offset_u, -s * scale_u, c * scale_v, offset_v};
 }
 
-void read_gltf_materials(const GltfFile& file, const tinygltf::Model& model, mesh::Mesh& mesh) {
+void read_gltf_materials(const GltfFile& file, const tinygltf::Model& model, mesh::Mesh& mesh,
+                         MeshWarnings& warnings) {
   if (const auto it = file.document().find("images"); it != file.document().end()) {
     for (std::size_t i = 0; i < it->size(); ++i) {
       mesh.images.push_back(read_image_ref(file, i, (*it)[i]));
@@ -250,7 +252,7 @@ void read_gltf_materials(const GltfFile& file, const tinygltf::Model& model, mes
   std::vector<std::string> names;
   for (const auto& material : model.materials) names.push_back(material.name);
   names = unique_material_names(std::move(names));
-  MaterialReader reader(file, model, mesh);
+  MaterialReader reader(file, model, mesh, warnings);
   for (std::size_t i = 0; i < model.materials.size(); ++i) {
     tinygltf::Material material = model.materials[i];
     material.name = names[i];

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "io/gltf_file.h"
+#include "io/mesh_warnings.h"
 #include "mesh/mesh.h"
 
 namespace pounce::io {
@@ -15,7 +16,8 @@ namespace pounce::io {
 /// "default" that primitives without a material use. A channel's texture is left out (with a
 /// warning) where an extension keeps its image elsewhere. Never throws for what is wrong with an
 /// image: ImageRef::problem says it.
-void read_gltf_materials(const GltfFile& file, const tinygltf::Model& model, mesh::Mesh& mesh);
+void read_gltf_materials(const GltfFile& file, const tinygltf::Model& model, mesh::Mesh& mesh,
+                         MeshWarnings& warnings);
 
 /// KHR_texture_transform as a matrix: scale, then rotate, then offset.
 mesh::UvTransform gltf_uv_transform(double offset_u, double offset_v, double rotation,

@@ -25,6 +25,7 @@
 #include "io/gltf_scene.h"
 #include "io/gltf_validate.h"
 #include "io/material_names.h"
+#include "io/mesh_warnings.h"
 #include "mesh/vertex_frames.h"
 #include "pounce/error.h"
 
@@ -182,9 +183,9 @@ std::vector<std::string> instance_names(const tinygltf::Model& model,
   return {node, mesh};
 }
 
-void append_instance(const GltfFile& file, const tinygltf::Model& model,
-                     const AccessorReader& accessors, const ScenePlan& plan, std::size_t index,
-                     const std::vector<Affine>& joints, mesh::Mesh& mesh) {
+void append_instance(const tinygltf::Model& model, const AccessorReader& accessors,
+                     const ScenePlan& plan, std::size_t index, const std::vector<Affine>& joints,
+                     mesh::Mesh& mesh, MeshWarnings& warnings) {
   const MeshInstance& instance = plan.instances[index];
   const tinygltf::Mesh& source = model.meshes[static_cast<std::size_t>(instance.mesh)];
   const std::vector<double>& weights = weights_of(model, instance);
@@ -199,33 +200,27 @@ void append_instance(const GltfFile& file, const tinygltf::Model& model,
     if (material == mesh.materials.size()) add_default_material(mesh);
     mesh.has_vertex_colours |= primitive.attributes.contains("COLOR_0");
     if (!joints.empty() && shape.joint_sets == 0) {
-      mesh.warnings.push_back(
-          fmt::format("{}: {} has a skin but no joints and weights; placed by "
-                      "its node instead",
-                      file.path(), place));
+      warnings.add("{} has a skin but no joints and weights; placed by its node instead", place);
     }
     const PrimitiveContext context{accessors, primitive, place, weights, instance.to_world, joints};
     const AppendCounts counts = append_primitive(context, shape, material, mesh);
     if (counts.incomplete_triangles > 0) {
-      mesh.warnings.push_back(
-          fmt::format("{}: {} ends with an incomplete triangle, left out", file.path(), place));
+      warnings.add("{} ends with an incomplete triangle, left out", place);
     }
     if (counts.bad_normals > 0) {
-      mesh.warnings.push_back(
-          fmt::format("{}: {} has {} normals that are zero or not finite; replaced by those of the "
-                      "triangles",
-                      file.path(), place, counts.bad_normals));
+      warnings.add(
+          "{} has {} normals that are zero or not finite; replaced by those of the triangles",
+          place, counts.bad_normals);
     }
   }
 }
 
-void warn_of_extensions(const GltfFile& file, mesh::Mesh& mesh) {
+void warn_of_extensions(const GltfFile& file, MeshWarnings& warnings) {
   const auto used = file.document().find("extensionsUsed");
   if (used == file.document().end()) return;
   for (const auto& name : *used) {
     if (name == "EXT_mesh_gpu_instancing") {
-      mesh.warnings.push_back(fmt::format(
-          "{}: EXT_mesh_gpu_instancing is not read; each mesh appears once", file.path()));
+      warnings.add("EXT_mesh_gpu_instancing is not read; each mesh appears once");
     }
   }
 }
@@ -239,14 +234,14 @@ void bind_all(mesh::Mesh& mesh, std::uint32_t uv_set) {
 }
 
 /// Bindings to UV sets that no primitive has would look beyond uv_sets.
-void check_bindings(mesh::Mesh& mesh) {
+void check_bindings(mesh::Mesh& mesh, MeshWarnings& warnings) {
   for (auto& material : mesh.materials) {
     for (std::size_t c = 0; c < material.textures.size(); ++c) {
       auto& binding = material.textures[c];
       if (!binding || binding->uv_set < mesh.uv_sets.size()) continue;
-      mesh.warnings.push_back(fmt::format(
-          "{}: material \"{}\" wants TEXCOORD_{} for {}, which no primitive has; texture left out",
-          mesh.path, material.name, binding->uv_set, channel_name(static_cast<Channel>(c))));
+      warnings.add(
+          "material \"{}\" wants TEXCOORD_{} for {}, which no primitive has; texture left out",
+          material.name, binding->uv_set, channel_name(static_cast<Channel>(c)));
       binding.reset();
     }
   }
@@ -262,23 +257,22 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
 
   mesh::Mesh mesh;
   mesh.path = path;
+  MeshWarnings warnings(mesh);
   mesh.files = {path};
   for (const GltfBuffer& buffer : file.buffers()) {
     if (!buffer.path.empty() && buffer.path != path) mesh.files.push_back(buffer.path);
   }
   for (const std::string& warning : file.warnings()) {
-    mesh.warnings.push_back(fmt::format("{}: {}", path, warning));
+    warnings.add("{}", warning);
   }
-  read_gltf_materials(file, model, mesh);
-  warn_of_extensions(file, mesh);
+  read_gltf_materials(file, model, mesh, warnings);
+  warn_of_extensions(file, warnings);
   if (plan.skipped > 0) {
-    mesh.warnings.push_back(
-        fmt::format("{}: {} primitives of points or lines, or without positions, left out", path,
-                    plan.skipped));
+    warnings.add("{} primitives of points or lines, or without positions, left out", plan.skipped);
   }
   if (plan.splats > 0) {
-    mesh.warnings.push_back(fmt::format("{}: {} primitives of Gaussian splats ({}) left out", path,
-                                        plan.splats, splat_extensions(model)));
+    warnings.add("{} primitives of Gaussian splats ({}) left out", plan.splats,
+                 splat_extensions(model));
   }
   reserve(plan, mesh);
   mesh::PartsBuilder parts;
@@ -288,14 +282,15 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
   for (std::size_t i = 0; i < plan.instances.size(); ++i) {
     parts.start(static_cast<std::uint32_t>(mesh.triangles.size()),
                 instance_names(model, plan.instances[i]));
-    append_instance(file, model, accessors, plan, i, joints.at(skin_of(model, plan.instances[i])),
-                    mesh);
+    append_instance(model, accessors, plan, i, joints.at(skin_of(model, plan.instances[i])), mesh,
+                    warnings);
   }
   mesh.parts = parts.finish(static_cast<std::uint32_t>(mesh.triangles.size()));
   if (reading.texture_uv_set) bind_all(mesh, *reading.texture_uv_set);
-  check_bindings(mesh);
+  check_bindings(mesh, warnings);
   mesh::repair_normals(mesh);
   mesh::complete_tangents(mesh);
+  warnings.finish();
   return mesh;
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <string_view>
 
 #include "io/gltf_validate.h"
 #include "pounce/error.h"
@@ -16,6 +17,8 @@ namespace {
 constexpr std::uint64_t kFlattenedBase = 256U << 20;
 constexpr std::uint64_t kFlattenedPerByte = 256;
 constexpr std::uint64_t kReadingPerFlattened = 8;  // and what is read to make it
+/// Messages are made for every primitive of every instance, needed or not.
+constexpr std::size_t kShownNameBytes = 100;
 constexpr std::uint64_t kClaimedVertices = std::uint64_t{1} << 40;
 
 std::size_t joints_of(const tinygltf::Model& model, const MeshInstance& instance) {
@@ -111,8 +114,11 @@ const std::vector<double>& weights_of(const tinygltf::Model& model, const MeshIn
 
 std::string primitive_place(const tinygltf::Model& model, int mesh, std::size_t primitive) {
   const std::string& name = model.meshes[static_cast<std::size_t>(mesh)].name;
-  return fmt::format("mesh {}{} primitive {}", mesh, name.empty() ? "" : " \"" + name + "\"",
-                     primitive);
+  if (name.empty()) return fmt::format("mesh {} primitive {}", mesh, primitive);
+  std::size_t shown = std::min(name.size(), kShownNameBytes);
+  while (shown < name.size() && (name[shown] & 0xC0) == 0x80) --shown;  // whole characters
+  return fmt::format("mesh {} \"{}{}\" primitive {}", mesh, std::string_view(name).substr(0, shown),
+                     shown < name.size() ? "..." : "", primitive);
 }
 
 std::string splat_extensions(const tinygltf::Model& model) {

@@ -23,6 +23,8 @@ constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 53;
 // near.
 constexpr std::size_t kMaxEntries = 1 << 19;
 constexpr std::uint64_t kMaxInt = 0x7FFFFFFF;  // tinygltf keeps some offsets in an int
+/// Every node that shows a mesh says its name anew.
+constexpr std::size_t kMaxNameBytes = 4096;
 
 // Besides every KHR_materials_*: these change neither geometry nor UVs nor how images are decoded,
 // or pounce implements them.
@@ -311,6 +313,19 @@ void check_node(const JsonCheck& check, const Json& node, const std::string& pla
   }
 }
 
+/// Long ones are valid, but each costs its length again and again.
+void check_name_lengths(const JsonCheck& check, const std::string& path) {
+  for (const char* collection : {"nodes", "meshes", "materials", "images"}) {
+    check.for_each(collection, [&](const Json& object, const std::string& place) {
+      const std::string* name = check.string(object, "name", place);
+      if (name == nullptr || name->size() <= kMaxNameBytes) return;
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: the name of {} has {} bytes; give it one of at most {}", path,
+                              place, name->size(), kMaxNameBytes));
+    });
+  }
+}
+
 /// Every node has at most one parent and no node is its own ancestor.
 std::vector<std::int64_t> check_forest(const JsonCheck& check, const Json& root) {
   std::vector<std::int64_t> parent(check.size_of("nodes"), -1);
@@ -415,6 +430,7 @@ std::vector<std::string> check_gltf(const std::string& path, const nlohmann::jso
   check.for_each("nodes", [&](const Json& node, const std::string& place) {
     check_node(check, node, place, warnings);
   });
+  check_name_lengths(check, path);
   check_skins(check, document);
   check_scenes(check, document, check_forest(check, document));
   if (gltf_entry_count(document) > kMaxEntries || check.size_of("materials") > kMaxMaterials) {

@@ -40,8 +40,9 @@ std::optional<std::string> material_library(const std::string& obj_path, const A
   return path.string();
 }
 
-ObjMaterials::ObjMaterials(const std::string& obj_path, bool allow_external, mesh::Mesh& mesh)
-    : path_(obj_path), folder_(obj_path, allow_external), mesh_(mesh) {}
+ObjMaterials::ObjMaterials(const std::string& obj_path, bool allow_external, mesh::Mesh& mesh,
+                           MeshWarnings& warnings)
+    : path_(obj_path), folder_(obj_path, allow_external), mesh_(mesh), warnings_(warnings) {}
 
 bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::material_t>*,
                               std::map<std::string, int>* by_name, std::string*, std::string*) {
@@ -63,8 +64,7 @@ bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::mate
     }
     library->second = read(shown, *by_name);
   } catch (const Error& e) {
-    mesh_.warnings.push_back(
-        fmt::format("{}: material file {} cannot be read ({})", path_, shown, e.what()));
+    warnings_.add("material file {} cannot be read ({})", shown, e.what());
     mesh_.missing_files.push_back(shown + " " + cure);
   }
   return library->second;
@@ -116,13 +116,11 @@ std::uint32_t ObjMaterials::make() {
 
 void ObjMaterials::finish() {
   for (const std::string& name : unknown_) {
-    mesh_.warnings.push_back(fmt::format(
-        "{}: no material file has the material \"{}\"; it has no textures", path_, name));
+    warnings_.add("no material file has the material \"{}\"; it has no textures", name);
   }
   if (unknown_count_ > unknown_.size()) {
-    mesh_.warnings.push_back(
-        fmt::format("{}: no material file has {} more materials; they have no textures", path_,
-                    unknown_count_ - unknown_.size()));
+    warnings_.add("no material file has {} more materials; they have no textures",
+                  unknown_count_ - unknown_.size());
   }
 }
 

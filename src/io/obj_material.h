@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "io/asset_folder.h"
+#include "io/mesh_warnings.h"
 #include "io/mtl_file.h"
 #include "mesh/mesh.h"
 
@@ -19,8 +20,9 @@ namespace pounce::io {
 /// Reads the MTL files that an OBJ names, and makes mesh materials of theirs as faces use them.
 class ObjMaterials : public tinyobj::MaterialReader {
  public:
-  /// Messages and images go to `mesh`, which must outlive this.
-  ObjMaterials(const std::string& obj_path, bool allow_external, mesh::Mesh& mesh);
+  /// Images go to `mesh`, which must outlive this, like `warnings`.
+  ObjMaterials(const std::string& obj_path, bool allow_external, mesh::Mesh& mesh,
+               MeshWarnings& warnings);
 
   /// Called by tinyobjloader for "mtllib". A missing file is a warning. `materials` stays empty:
   /// what tinyobjloader would keep of each is large.
@@ -51,6 +53,7 @@ class ObjMaterials : public tinyobj::MaterialReader {
   std::string path_;
   AssetFolder folder_;
   mesh::Mesh& mesh_;
+  MeshWarnings& warnings_;
   std::map<std::string, bool> libraries_;  ///< by name: could it be read?
   std::set<std::string> folders_;
   std::deque<Loaded> loaded_;                                  // by id

@@ -17,6 +17,7 @@
 #include <sstream>
 
 #include "io/material_names.h"
+#include "io/mesh_warnings.h"
 #include "io/obj_lines.h"
 #include "io/obj_material.h"
 #include "io/obj_polygon.h"
@@ -75,7 +76,10 @@ class CornerSet {
 class ObjReader {
  public:
   ObjReader(const std::string& path, bool allow_external)
-      : path_(path), lines_(path), materials_(path, allow_external, mesh_) {}
+      : path_(path),
+        lines_(path),
+        warnings_(mesh_),
+        materials_(path, allow_external, mesh_, warnings_) {}
 
   mesh::Mesh read();
 
@@ -91,6 +95,7 @@ class ObjReader {
   std::string path_;
   ObjLines lines_;
   mesh::Mesh mesh_;
+  MeshWarnings warnings_;
   ObjMaterials materials_;
   std::vector<Vec3f> positions_, normals_;
   std::vector<Vec2f> texcoords_;
@@ -264,9 +269,8 @@ void ObjReader::finish_normals(bool all_given) {
   }
   const std::uint64_t replaced = mesh::repair_normals(mesh_);
   if (replaced > 0 && all_given) {
-    mesh_.warnings.push_back(
-        fmt::format("{}: {} normals were zero or not finite; replaced by those of the triangles",
-                    path_, replaced));
+    warnings_.add("{} normals were zero or not finite; replaced by those of the triangles",
+                  replaced);
   }
 }
 
@@ -285,13 +289,12 @@ mesh::Mesh ObjReader::read() {
                     path_, positions_.size(), small_faces_));
   }
   if (small_faces_ > 0) {
-    mesh_.warnings.push_back(
-        fmt::format("{}: {} faces of fewer than 3 corners left out", path_, small_faces_));
+    warnings_.add("{} faces of fewer than 3 corners left out", small_faces_);
   }
   if (crowded_groups_ > 0) {
-    mesh_.warnings.push_back(fmt::format(
-        "{}: {} statements put faces into more than {} groups; only the first {} of each count",
-        path_, crowded_groups_, kMaxGroups, kMaxGroups));
+    warnings_.add(
+        "{} statements put faces into more than {} groups; only the first {} of each count",
+        crowded_groups_, kMaxGroups, kMaxGroups);
   }
   materials_.finish();
   finish_normals(keep_vertices());
@@ -305,12 +308,13 @@ mesh::Mesh ObjReader::read() {
     if (!mesh_.uv_sets.empty()) continue;
     for (auto& binding : material.textures) {
       if (!binding) continue;
-      mesh_.warnings.push_back(fmt::format(
-          "{}: material \"{}\" has a texture, but the model has no texture coordinates; left out",
-          path_, material.name));
+      warnings_.add(
+          "material \"{}\" has a texture, but the model has no texture coordinates; left out",
+          material.name);
       binding.reset();
     }
   }
+  warnings_.finish();
   return std::move(mesh_);
 }
 

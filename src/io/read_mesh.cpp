@@ -20,9 +20,6 @@ namespace {
 
 enum class Format { gltf, obj };
 
-/// A file may be wrong in a million places; nobody reads as many lines.
-constexpr std::size_t kMaxWarnings = 100;
-
 std::string lower_ending(const std::string& path) {
   std::string ending = std::filesystem::path(path).extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
@@ -84,14 +81,7 @@ Format format_of(const std::string& path) {
 }  // namespace
 
 mesh::Mesh read_mesh(const std::string& path, const MeshReading& reading) {
-  mesh::Mesh mesh =
-      format_of(path) == Format::gltf ? read_gltf(path, reading) : read_obj(path, reading);
-  if (const std::size_t count = mesh.warnings.size(); count > kMaxWarnings) {
-    mesh.warnings.resize(kMaxWarnings);
-    mesh.warnings.push_back(
-        fmt::format("{}: {} more warnings, not shown", path, count - kMaxWarnings));
-  }
-  return mesh;
+  return format_of(path) == Format::gltf ? read_gltf(path, reading) : read_obj(path, reading);
 }
 
 MeshCost mesh_cost(const std::string& path, const MeshReading& reading, std::uint64_t most_bytes) {

@@ -223,6 +223,10 @@ TEST_CASE("what a file repeats is refused, counted or read once", "[io]") {
                       R"("targets":[)" + repeated(R"({"POSITION":0})", 50'000) + "],",
                       R"("weights":[)" + repeated("1", 50'000) + "],")) == 3);
 
+  CHECK(read("a long name of many nodes", path,
+             triangle(kAccessors + nodes, "",
+                      R"("name":")" + std::string(100'000, 'n') + R"(",)")) == 3);
+
   // A GLB of empty chunks.
   std::string text = triangle(kAccessors), glb = "glTF";
   while (text.size() % 4 != 0) text += ' ';
@@ -252,6 +256,29 @@ TEST_CASE("images in one embedded buffer share it", "[io]") {
   const mesh::Mesh mesh = io::read_mesh(path);
   CHECK(mesh.images[199].size_bytes == 4'000'000);
   CHECK(mesh.size_bytes() < 8 * kMiB);
+}
+
+TEST_CASE("a warning for every instance costs nothing", "[io]") {
+  const test::TempFolder folder;
+  const std::string path = folder.file("m.gltf");
+  // Four loose vertices are a triangle and an incomplete one; the name is as long as one may be.
+  const std::vector<float> corners{0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0};
+  write_file(path, R"({"asset":{"version":"2.0"},"buffers":[{"byteLength":48,)"
+                   R"("uri":"data:a/b;base64,)" +
+                       test::base64(test::GltfBuilder::bytes_of(corners)) +
+                       R"("}],"bufferViews":[{"buffer":0,"byteLength":48}],)" +
+                       R"("accessors":[{"bufferView":0,"componentType":5126,"count":4,)" +
+                       R"("type":"VEC3"}],"meshes":[{"name":")" + std::string(4096, 'n') +
+                       R"(","primitives":[{"attributes":{"POSITION":0}}]}],"nodes":[)" +
+                       repeated(R"({"mesh":0})", 50'000) + "]}");
+  const Taken taken = taken_by([&] { io::read_mesh(path); });
+  CHECK(taken.status == 0);
+  CHECK(taken.grown_bytes <= 200 * kMiB);
+  const mesh::Mesh mesh = io::read_mesh(path);
+  REQUIRE(mesh.warnings.size() == 101);
+  CHECK(mesh.warnings[0] == path + ": mesh 0 \"" + std::string(100, 'n') +
+                                "...\" primitive 0 ends with an incomplete triangle, left out");
+  CHECK(mesh.warnings.back() == path + ": 49900 more warnings, not shown");
 }
 
 TEST_CASE("warnings are not more than somebody reads", "[io]") {
