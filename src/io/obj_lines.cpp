@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 #include <string_view>
+#include <utility>
 
 #include "pounce/error.h"
 
@@ -18,7 +19,9 @@ namespace pounce::io {
 namespace {
 
 constexpr std::size_t kPieceBytes = 1 << 20;
-constexpr std::size_t kMaxLibraries = 1000;
+/// Of the names of material files, used or not, until there are too many.
+constexpr std::size_t kMaxLibraryBytes = 4 << 20;
+constexpr std::size_t kBytesPerLibrary = 64;
 constexpr std::size_t kMaxLineBytes = 16 << 20;
 constexpr std::size_t kMaxNameBytes = 4096;  // of what o, g, usemtl and mtllib say
 
@@ -74,122 +77,117 @@ class DistinctCounter {
   std::array<std::uint8_t, std::size_t{1} << kBits> registers_{};
 };
 
-/// Counts statements and corners, one character after the other.
+/// Counts statements and what they hold.
 class ObjCounter {
  public:
-  void add(char c) {
-    ++line_bytes_;
-    if (c == '\n') {
-      end_of_line();
-    } else if (is_space(c) || c == '\r') {
-      end_of_word();
-      if (is_library_ && library_.size() < kMaxNameBytes) library_ += ' ';
+  void add(std::string_view statement) {
+    const std::uint64_t line_bytes = statement.size() + 1;
+    counts_.longest_line_bytes = std::max(counts_.longest_line_bytes, line_bytes);
+    std::string_view rest = statement;
+    const std::string_view word = next_word(rest);
+    if (word == "v") ++counts_.positions;
+    if (word == "vt") ++counts_.texcoords;
+    if (word == "vn") ++counts_.normals;
+    if (word == "f") add_face(rest);
+    if (word == "mtllib") add_library(rest);
+    if (word == "o" || word == "g") {
+      ++counts_.names;
+      counts_.name_bytes += line_bytes;
+      (word == "o" ? object_ : group_) = hash_of(rest) + 1;
+      part_counted_ = false;
+      if (word == "g") counts_.most_groups = std::max(counts_.most_groups, words_of(rest));
+    } else if (word == "usemtl") {
+      ++counts_.uses;
+      counts_.use_bytes += line_bytes;
+      material_ = hash_of(rest);
     } else {
-      if (first_word_) {
-        if (word_size_ < word_.size()) word_[word_size_] = c;
-        word_size_ = std::min(word_size_ + 1, word_.size() + 1);
-      }
-      if (is_library_ && library_.size() < kMaxNameBytes) library_ += c;
-      in_word_ = true;
-      corner_ = (corner_ + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
-      // Negative indices mean something else after each new vertex.
-      if (c == '-') corner_ += (counts_.positions * 31 + counts_.texcoords) * 31 + counts_.normals;
+      return;
     }
-    if (c != '\r') last_ = c;
+    counts_.longest_name_bytes = std::max(counts_.longest_name_bytes, line_bytes);
   }
+  /// What the names of material files take that were met so far.
+  std::uint64_t library_bytes() const { return library_bytes_; }
   ObjCounts finish() {
-    end_of_line();
     const auto rounded_up = static_cast<std::uint64_t>(distinct_.count() * 1.05) + 16;
     counts_.distinct_corners = std::min(counts_.corners, rounded_up);
     const auto parts = static_cast<std::uint64_t>(parts_.count() * 1.05) + 16;
     counts_.distinct_parts = std::min(counts_.names + 1, parts);
     const auto materials = static_cast<std::uint64_t>(materials_.count() * 1.05) + 16;
     counts_.distinct_materials = std::min(counts_.uses + 1, materials);
-    return counts_;
+    return std::move(counts_);
   }
 
  private:
-  bool is_word(std::string_view word) const {
-    return word_size_ <= word_.size() && std::string_view(word_.data(), word_size_) == word;
+  static std::uint64_t hash_of(std::string_view text) {
+    std::uint64_t hash = 0;
+    for (const char c : text) hash = (hash + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
+    return hash * 0xD6E8FEB86659FD93ULL;
   }
-  void end_of_line() {
-    end_of_word();
-    if (is_library_) counts_.libraries.insert(library_);
-    is_library_ = false;
-    counts_.most_groups = std::max(counts_.most_groups, groups_);
-    groups_ = 0;
-    if (!first_word_ && (is_word("o") || is_word("g"))) counts_.name_bytes += line_bytes_;
-    counts_.longest_line_bytes = std::max(counts_.longest_line_bytes, line_bytes_);
-    line_bytes_ = 0;
-    if (last_ == '\\') return;  // the statement goes on
-    first_word_ = true;
-    word_size_ = 0;
+  static std::uint64_t words_of(std::string_view rest) {
+    std::uint64_t count = 0;
+    while (!next_word(rest).empty()) ++count;
+    return count;
   }
-  void end_of_word() {
-    if (in_word_ && first_word_) {
-      first_word_ = false;
-      if (is_word("v")) ++counts_.positions;
-      if (is_word("vt")) ++counts_.texcoords;
-      if (is_word("vn")) ++counts_.normals;
-      if (is_word("f")) start_face();
-      if (is_word("o") || is_word("g")) start_name();
-      if (is_word("usemtl")) ++counts_.uses, material_ = 0;
-      is_library_ = is_word("mtllib") && counts_.libraries.size() < kMaxLibraries;
-      library_.clear();
-    } else if (in_word_ && is_word("usemtl")) {
-      material_ = (material_ + corner_) * 0xD6E8FEB86659FD93ULL;
-    } else if (in_word_ && (is_word("o") || is_word("g"))) {
-      ++groups_;
-      std::uint64_t& hash = is_word("o") ? object_ : group_;
-      hash = (hash + corner_) * 0xD6E8FEB86659FD93ULL;
-    } else if (in_word_ && is_word("f")) {
-      ++counts_.corners;
-      distinct_.add(corner_);
+  std::uint64_t corner_hash(std::string_view word) const {
+    std::uint64_t hash = 0;
+    for (const char c : word) {
+      hash = (hash + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
+      // Negative indices mean something else after each new vertex.
+      if (c == '-') hash += (counts_.positions * 31 + counts_.texcoords) * 31 + counts_.normals;
     }
-    in_word_ = false;
-    corner_ = 0;
+    return hash;
   }
 
-  void start_face() {
+  void add_face(std::string_view rest) {
     ++counts_.faces;
     materials_.add(material_);
+    std::uint64_t corners = 0;
+    for (std::string_view word = next_word(rest); !word.empty(); word = next_word(rest)) {
+      ++corners;
+      distinct_.add(corner_hash(word));
+    }
+    counts_.corners += corners;
+    counts_.most_corners = std::max(counts_.most_corners, corners);
     if (part_counted_) return;
     parts_.add(object_ * 31 + group_);
     part_counted_ = true;
   }
-  void start_name() {
-    ++counts_.names;
-    (is_word("o") ? object_ : group_) = 1;
-    part_counted_ = false;
+
+  /// One name with spaces in it, or several.
+  void add_library(std::string_view rest) {
+    while (!rest.empty() && is_space(rest.front())) rest.remove_prefix(1);
+    if (rest.size() > kMaxNameBytes) return;  // reading refuses it
+    const auto add_one = [&](std::string_view name) {
+      if (name.empty() || !counts_.libraries.emplace(name).second) return;
+      library_bytes_ += name.size() + kBytesPerLibrary;
+    };
+    add_one(rest);
+    for (std::size_t at = 0; at < rest.size();) {
+      const std::size_t end = std::min(rest.find(' ', at), rest.size());
+      add_one(rest.substr(at, end - at));
+      at = end + 1;
+    }
   }
 
   ObjCounts counts_;
   DistinctCounter distinct_, parts_, materials_;
   std::uint64_t object_ = 0, group_ = 0;  ///< hashes of the names in use
   std::uint64_t material_ = 0;            ///< hash of the one in use
-  std::uint64_t groups_ = 0;              ///< names of the line so far
   bool part_counted_ = false;
-  std::array<char, 6> word_{};  ///< the first characters of the line's first word
-  std::size_t word_size_ = 0;
-  bool is_library_ = false;  ///< a "mtllib" line; library_ is what it says
-  std::string library_;
-  bool in_word_ = false, first_word_ = true;
-  std::uint64_t corner_ = 0;  ///< hash of the word being read
-  std::uint64_t line_bytes_ = 0;
-  char last_ = 0;
+  std::uint64_t library_bytes_ = 0;
 };
 
 }  // namespace
 
-ObjLines::ObjLines(const std::string& path) : path_(path), file_(posix_file_system().open(path)) {}
+ObjText::ObjText(const std::string& path) : path_(path), file_(posix_file_system().open(path)) {}
 
-void ObjLines::fail(const std::string& what) const {
+void ObjText::fail(const std::string& what) const {
   throw Error(ErrorKind::input,
               fmt::format("{}: line {}: {}; repair the line or export the model again", path_,
                           line_, what));
 }
 
-bool ObjLines::next_raw_line(std::string& out) {
+bool ObjText::next_raw_line(std::string& out) {
   bool any = false;
   for (;;) {
     if (at_ == piece_.size()) {
@@ -220,6 +218,22 @@ bool ObjLines::next_raw_line(std::string& out) {
   while (!out.empty() && (out.back() == '\r' || is_space(out.back()))) out.pop_back();
   return any;
 }
+
+bool ObjText::next(std::string& out) {
+  out.clear();
+  line_ = raw_lines_ + 1;
+  if (!next_raw_line(out)) return false;
+  // A library's name may end in a backslash only by accident; every other statement goes on.
+  while (!out.empty() && out.back() == '\\') {
+    out.back() = ' ';
+    if (!next_raw_line(out)) break;
+  }
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (line_ == 1 && out.starts_with(kByteOrderMark)) out.erase(0, kByteOrderMark.size());
+  return true;
+}
+
+ObjLines::ObjLines(const std::string& path) : path_(path), file_(path) {}
 
 void ObjLines::check_numbers(std::string_view rest, int needed, int at_most,
                              const char* what) const {
@@ -275,17 +289,8 @@ void ObjLines::quote_material_library(std::string_view rest) {
 }
 
 bool ObjLines::next_checked_line() {
-  for (;;) {
-    text_.clear();
-    line_ = raw_lines_ + 1;
-    if (!next_raw_line(text_)) return false;
-    // A library's name may end in a backslash only by accident; every other statement goes on.
-    while (!text_.empty() && text_.back() == '\\') {
-      text_.back() = ' ';
-      if (!next_raw_line(text_)) break;
-    }
+  while (file_.next(text_)) {
     std::string_view rest(text_);
-    if (line_ == 1 && rest.starts_with("\xEF\xBB\xBF")) rest.remove_prefix(3);
     const std::string word(next_word(rest).substr(0, 8));
     const std::size_t rest_bytes = rest.size();
     if (word == "v") {
@@ -309,10 +314,12 @@ bool ObjLines::next_checked_line() {
     if (has_names && rest_bytes > kMaxNameBytes) {
       fail(fmt::format("names of more than {} bytes, which no model has", kMaxNameBytes));
     }
-    if (text_.starts_with("\xEF\xBB\xBF")) text_.erase(0, 3);
+    // tinyobjloader would see another line, which nobody has checked.
+    if (has_names) std::replace(text_.begin(), text_.end(), '\r', ' ');
     text_ += '\n';
     return true;
   }
+  return false;
 }
 
 ObjLines::int_type ObjLines::underflow() {
@@ -328,16 +335,19 @@ ObjLines::int_type ObjLines::underflow() {
 }
 
 ObjCounts count_obj(const std::string& path) {
-  const auto file = posix_file_system().open(path);
-  std::vector<char> piece;
+  ObjText file(path);
   ObjCounter counter;
-  const std::uint64_t size = file->size_bytes();
-  for (std::uint64_t offset = 0; offset < size; offset += piece.size()) {
-    piece.resize(std::min<std::uint64_t>(size - offset, kPieceBytes));
-    file->read(offset, std::as_writable_bytes(std::span(piece)));
-    for (const char c : piece) counter.add(c);
+  for (std::string statement; file.next(statement);) {
+    counter.add(statement);
+    if (counter.library_bytes() > kMaxLibraryBytes) refuse_libraries(path);
   }
   return counter.finish();
+}
+
+void refuse_libraries(const std::string& path) {
+  throw Error(ErrorKind::input, fmt::format("{}: names more than {} material files; split the "
+                                            "model or leave out those that no face uses",
+                                            path, kMaxLibraries));
 }
 
 }  // namespace pounce::io

@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "io/material_names.h"
+#include "io/obj_lines.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -14,7 +15,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMaxLibraries = 1000;
 constexpr std::size_t kListedUnknown = 5;
 
 std::string slashed(std::string name) {
@@ -49,11 +49,7 @@ bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::mate
   const std::string path = library_path(path_, name).lexically_normal().string();
   const auto [library, is_new] = libraries_.try_emplace(path, false);
   if (!is_new) return library->second;
-  if (libraries_.size() > kMaxLibraries) {
-    throw Error(ErrorKind::input, fmt::format("{}: names more than {} material files; split the "
-                                              "model or leave out those that no face uses",
-                                              path_, kMaxLibraries));
-  }
+  if (libraries_.size() > kMaxLibraries) refuse_libraries(path_);
   const std::string shown = library_path(path_, name).string();
   std::string cure = "cannot be read: put it back";
   try {

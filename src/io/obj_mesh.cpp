@@ -14,7 +14,6 @@
 #include <limits>
 #include <new>
 #include <set>
-#include <sstream>
 
 #include "io/material_names.h"
 #include "io/mesh_warnings.h"
@@ -323,14 +322,8 @@ std::uint64_t library_bytes(const std::string& path, const MeshReading& reading,
                             const ObjCounts& counts) {
   const AssetFolder folder(path, reading.allow_external);
   std::set<std::string> files;
-  for (const std::string& said : counts.libraries) {
-    // One name with spaces in it, or several.
-    std::istringstream words(said);
-    std::vector<std::string> names{said.substr(std::min(said.find_first_not_of(' '), said.size()))};
-    for (std::string word; words >> word;) names.push_back(word);
-    for (const std::string& name : names) {
-      if (const auto file = material_library(path, folder, name)) files.insert(*file);
-    }
+  for (const std::string& name : counts.libraries) {
+    if (const auto file = material_library(path, folder, name)) files.insert(*file);
   }
   std::uint64_t total = 0;
   for (const std::string& file : files) {

@@ -172,9 +172,22 @@ TEST_CASE("reading takes no more memory than its cost says", "[io]") {
   write_file(obj, std::string("mtllib m.mtl\nusemtl m7\n") + kSquare + kFace);
   check("material file", obj, 0.3);
   CHECK(io::mesh_cost(obj).peak_bytes < 200 * kMiB);
+  // The same file by another name, named in ways that only the reader's eyes could follow.
+  write_file(folder.file("my big.mtl"), mtl);
+  for (const char* said : {"mtllib my big.mtl \r\n", "\xEF\xBB\xBFmtllib my big.mtl\n",
+                           "mtllib \\\n my big.mtl\n", "mtllib \\ \n\tmy big.mtl\n"}) {
+    write_file(obj, said + ("usemtl m7\n" + std::string(kSquare)) + kFace);
+    check(said, obj, 0.3);
+    CHECK(io::read_mesh(obj).materials.at(0).name == "m7");
+  }
   for (int i = 0; i < 30'000; ++i) uses += "usemtl u" + std::to_string(i) + "\n" + kFace;
   write_file(obj, kSquare + uses);
   check("unknown materials", obj, 0.1);
+  // Blanks behind the backslash: the statement goes on all the same.
+  std::string faces = kSquare;
+  for (int i = 0; i < 1'000'000; ++i) faces += "f 1/1/1 \\ \n2/2/1 \\\t\n3/3/1\n";
+  write_file(obj, faces);
+  check("continued faces", obj, 0.3);
 }
 
 TEST_CASE("what a file repeats is refused, counted or read once", "[io]") {
