@@ -245,6 +245,7 @@ mesh::UvTransform gltf_uv_transform(double offset_u, double offset_v, double rot
 void read_gltf_materials(const GltfFile& file, const tinygltf::Model& model, mesh::Mesh& mesh,
                          MeshWarnings& warnings) {
   if (const auto it = file.document().find("images"); it != file.document().end()) {
+    mesh.images.reserve(it->size());
     for (std::size_t i = 0; i < it->size(); ++i) {
       mesh.images.push_back(read_image_ref(file, i, (*it)[i]));
     }

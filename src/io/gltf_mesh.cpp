@@ -247,6 +247,24 @@ void check_bindings(mesh::Mesh& mesh, MeshWarnings& warnings) {
   }
 }
 
+/// What it takes to understand the JSON: its text, its trees and tinygltf's model.
+std::uint64_t json_cost(std::uint64_t text_bytes, std::uint64_t entries, std::uint64_t materials,
+                        std::uint64_t extension_values) {
+  return kBytesPerJsonByte * text_bytes + kBytesPerEntry * entries + kBytesPerMaterial * materials +
+         kBytesPerExtensionValue * extension_values;
+}
+
+/// What the mesh keeps of where its images are: paths, labels and problems, which name the file.
+std::uint64_t image_ref_bytes(const GltfFile& file) {
+  const auto images = file.document().find("images");
+  if (images == file.document().end()) return 0;
+  std::uint64_t longest = 0;  // of what is said of a buffer that an image lies in
+  for (const GltfBuffer& buffer : file.buffers())
+    longest = std::max<std::uint64_t>(longest, buffer.path.size() + buffer.problem.size());
+  return images->size() *
+         (sizeof(mesh::ImageRef) + kBytesPerPath + 3 * file.path().size() + longest);
+}
+
 }  // namespace
 
 mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
@@ -294,17 +312,6 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
   return mesh;
 }
 
-namespace {
-
-/// What it takes to understand the JSON: its text, its trees and tinygltf's model.
-std::uint64_t json_cost(std::uint64_t text_bytes, std::uint64_t entries, std::uint64_t materials,
-                        std::uint64_t extension_values) {
-  return kBytesPerJsonByte * text_bytes + kBytesPerEntry * entries + kBytesPerMaterial * materials +
-         kBytesPerExtensionValue * extension_values;
-}
-
-}  // namespace
-
 MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uint64_t most_bytes) {
   const JsonSize size = gltf_json_size(path);
   const std::uint64_t understanding =
@@ -321,8 +328,9 @@ MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uin
   std::uint64_t joints = 0;
   for (const int skin : plan.skins)
     joints += model.skins[static_cast<std::size_t>(skin)].joints.size();
-  const std::uint64_t names =
-      plan.instances.size() * kBytesPerInstance + file.buffers().size() * kBytesPerPath;
+  const std::uint64_t names = plan.instances.size() * kBytesPerInstance +
+                              file.buffers().size() * (kBytesPerPath + 3 * path.size()) +
+                              image_ref_bytes(file);
   cost.kept_bytes = plan.mesh_bytes() + file.inline_bytes() + file.image_text_bytes() +
                     file.json_bytes() + materials * sizeof(mesh::Material) + names + (1U << 20);
   cost.peak_bytes = cost.kept_bytes + plan.largest_primitive_bytes + 3 * file.inline_bytes() +

@@ -34,6 +34,9 @@ constexpr std::array<std::string_view, 19> kCounting = {
     "map_Ks", "map_Ns", "map_bump", "map_Bump", "bump",   "disp",   "map_d",
     "refl",   "map_Pr", "map_Pm",   "map_Ps",   "norm"};
 
+/// Of those that count: the others are colours and numbers.
+bool is_texture(std::string_view word) { return word.size() > 2; }
+
 std::string_view first_word(std::string_view line) {
   const std::size_t first = line.find_first_not_of(" \t");
   if (first == std::string_view::npos) return {};
@@ -135,7 +138,8 @@ void read_mtl(const std::string& path, const std::function<void(MtlMaterial&&)>&
   parse(statements, found);
 }
 
-std::uint64_t mtl_bytes(const std::string& path) {
+MtlSize mtl_size(const std::string& path) {
+  MtlSize size;
   std::uint64_t materials = 0, texts = 0, longest = 0;
   for_each_line(path, [&](std::string_view line) {
     const std::string_view word = first_word(line);
@@ -145,8 +149,14 @@ std::uint64_t mtl_bytes(const std::string& path) {
     const bool is_counting = std::find(kCounting.begin(), kCounting.end(), word) != kCounting.end();
     if (is_new || is_counting) texts += line.size() * (is_new ? 2 : 1) + kBytesPerText;
     longest = std::max<std::uint64_t>(longest, line.size());
+    if (is_counting && is_texture(word)) {
+      ++size.textures;
+      size.texture_bytes += line.size();
+      size.longest_texture_bytes = std::max<std::uint64_t>(size.longest_texture_bytes, line.size());
+    }
   });
-  return materials * kBytesPerMaterial + texts + 8 * longest + (2U << 20);
+  size.bytes = materials * kBytesPerMaterial + texts + 8 * longest + (2U << 20);
+  return size;
 }
 
 }  // namespace pounce::io

@@ -31,7 +31,15 @@ struct MtlMaterial {
 /// them. Throws Error(storage) or Error(input).
 void read_mtl(const std::string& path, const std::function<void(MtlMaterial&&)>& found);
 
-/// An upper bound on the memory that all its materials take, from one pass over the file.
-std::uint64_t mtl_bytes(const std::string& path);
+/// No material names more.
+inline constexpr std::size_t kMaxMtlTextures = 13;
+
+/// From one pass over the file.
+struct MtlSize {
+  std::uint64_t bytes = 0;  ///< that all its materials take while they are read, at most
+  /// Statements that name textures, and their bytes.
+  std::uint64_t textures = 0, texture_bytes = 0, longest_texture_bytes = 0;
+};
+MtlSize mtl_size(const std::string& path);
 
 }  // namespace pounce::io

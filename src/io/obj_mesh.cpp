@@ -28,8 +28,12 @@ namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr double kSmoothAngleDeg = 60;
-/// In the mesh, with its name, and the tables that find it.
+/// In the mesh, and the tables that find it.
 constexpr std::uint64_t kBytesPerMaterial = sizeof(mesh::Material) + 1024;
+/// Of an image: the heads of its texts, and what a problem says beside the model's name.
+constexpr std::uint64_t kBytesPerImage = 128;
+/// Of the face at hand: tinyobjloader's list of corners while it grows, our copies, the triangles.
+constexpr std::uint64_t kBytesPerFaceCorner = 60;
 constexpr int kMaxGroups = 64;  // that a face can be selected by
 
 struct CornerKey {
@@ -200,6 +204,8 @@ void ObjReader::add_face(const tinyobj::index_t* indices, int count) {
   }
   face_.clear();
   face_positions_.clear();
+  face_.reserve(static_cast<std::size_t>(count));
+  face_positions_.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) {
     CornerKey key;
     key.position = resolve(indices[i].vertex_index, positions_.size(), "vertex");
@@ -317,23 +323,43 @@ mesh::Mesh ObjReader::read() {
   return std::move(mesh_);
 }
 
-/// What its material files need.
-std::uint64_t library_bytes(const std::string& path, const MeshReading& reading,
-                            const ObjCounts& counts) {
+/// What its material files need, and what the mesh keeps of them: the images of its materials.
+struct LibraryCost {
+  std::uint64_t reading_bytes = 0, kept_bytes = 0;
+};
+
+LibraryCost library_cost(const std::string& path, const MeshReading& reading,
+                         const ObjCounts& counts) {
   const AssetFolder folder(path, reading.allow_external);
   std::set<std::string> files;
   for (const std::string& name : counts.libraries) {
     if (const auto file = material_library(path, folder, name)) files.insert(*file);
   }
-  std::uint64_t total = 0;
+  LibraryCost cost;
+  MtlSize all;
+  std::uint64_t folder_bytes = 0;
   for (const std::string& file : files) {
     try {
-      total += mtl_bytes(file);
+      const MtlSize size = mtl_size(file);
+      cost.reading_bytes += size.bytes;
+      all.textures += size.textures;
+      all.texture_bytes += size.texture_bytes;
+      all.longest_texture_bytes = std::max(all.longest_texture_bytes, size.longest_texture_bytes);
+      folder_bytes = std::max<std::uint64_t>(folder_bytes, file.size());
     } catch (const Error&) {
       // Reading it says what is wrong.
     }
   }
-  return total;
+  const std::uint64_t images = std::min(all.textures, counts.distinct_materials * kMaxMtlTextures);
+  const std::uint64_t names = std::min(all.texture_bytes, images * all.longest_texture_bytes);
+  // Path, label and, of one that is not there, a problem that names the model.
+  cost.kept_bytes =
+      images * (sizeof(mesh::ImageRef) + 2 * folder_bytes + path.size() + kBytesPerImage) +
+      2 * names;
+  // Their list while it grows, and the table that finds them by path.
+  cost.reading_bytes +=
+      images * (2 * sizeof(mesh::ImageRef) + folder_bytes + kBytesPerImage) + names;
+  return cost;
 }
 
 }  // namespace
@@ -354,13 +380,17 @@ MeshCost obj_cost(const std::string& path, const MeshReading& reading) {
   MeshCost cost;
   // Names, what points at them, and while reading the tables that find them again.
   const std::uint64_t name_bytes =
-      std::min(counts.name_bytes, counts.distinct_parts * counts.longest_line_bytes);
+      std::min(counts.name_bytes, 2 * counts.distinct_parts * counts.longest_name_bytes);
   const std::uint64_t runs = std::min(counts.names, counts.faces) * sizeof(mesh::Parts::Run);
   const std::uint64_t part_groups =
       counts.distinct_parts * (1 + std::min<std::uint64_t>(counts.most_groups, kMaxGroups)) * 4;
   const std::uint64_t materials = std::min<std::uint64_t>(counts.distinct_materials, kMaxMaterials);
+  const std::uint64_t material_name_bytes =
+      std::min(counts.use_bytes, materials * counts.longest_name_bytes);
+  const LibraryCost libraries = library_cost(path, reading, counts);
   cost.kept_bytes = vertices * per_vertex + triangles * 16 + runs + counts.distinct_parts * 128 +
-                    part_groups + materials * kBytesPerMaterial + name_bytes * 8 + (1U << 20);
+                    part_groups + materials * kBytesPerMaterial + material_name_bytes +
+                    libraries.kept_bytes + name_bytes * 8 + (1U << 20);
   const std::uint64_t lists = counts.positions * 12 + counts.texcoords * 8 + counts.normals * 12;
   // Keys and slots while they double: three times and one and a half times what is in use.
   const std::uint64_t corner_set = corner_keys * (3 * 12 + 6 * 4);
@@ -372,7 +402,8 @@ MeshCost obj_cost(const std::string& path, const MeshReading& reading) {
   const std::uint64_t part_tables =
       counts.distinct_parts * 280 + part_groups + name_bytes * 32 + runs;
   cost.peak_bytes = cost.kept_bytes + part_tables + lists + std::max(corner_set, smoothing) +
-                    library_bytes(path, reading, counts) + 4 * counts.longest_line_bytes +
+                    libraries.reading_bytes + 3 * material_name_bytes +
+                    counts.most_corners * kBytesPerFaceCorner + 4 * counts.longest_line_bytes +
                     (4U << 20);  // pieces of the file
   return cost;
 }

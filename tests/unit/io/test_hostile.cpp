@@ -11,6 +11,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <functional>
 
@@ -183,6 +184,39 @@ TEST_CASE("reading takes no more memory than its cost says", "[io]") {
   for (int i = 0; i < 30'000; ++i) uses += "usemtl u" + std::to_string(i) + "\n" + kFace;
   write_file(obj, kSquare + uses);
   check("unknown materials", obj, 0.1);
+  const std::string name(3900, 'n');
+  uses.clear();
+  for (int i = 0; i < 10'000; ++i) uses += "usemtl " + name + std::to_string(i) + "\n" + kFace;
+  write_file(obj, kSquare + uses);
+  check("long names of unknown materials", obj, 0.3);
+  std::string face = "f";
+  for (int i = 0; i < 1'500'000; ++i) face += " 1/1/1";
+  write_file(obj, kSquare + face + "\n");
+  check("one face", obj, 0.3);
+  // Images in a deep folder, each with every texture that a material may name.
+  std::string deep = folder.file("deep");
+  for (int i = 0; i < 10; ++i) {
+    std::filesystem::create_directory(deep);
+    deep += "/" + std::string(70, 'd');
+  }
+  std::filesystem::create_directory(deep);
+  std::string textured;
+  uses.clear();
+  for (int i = 0; i < 3'000; ++i) {
+    const std::string n = std::to_string(i);
+    textured += "newmtl m" + n + "\n";
+    for (const char* slot : {"map_Kd", "map_Ke", "map_Ka", "map_Ks", "map_Ns", "map_Bump", "disp",
+                             "map_d", "refl", "map_Pr", "map_Pm", "map_Ps", "norm"}) {
+      textured += std::string(slot) + " " + n + slot + "\n";
+    }
+    uses += "usemtl m" + n + "\n" + kFace;
+  }
+  write_file(deep + "/m.mtl", textured);
+  write_file(deep + "/m.obj", "mtllib m.mtl\n" + (kSquare + uses));
+  check("images of an OBJ in a deep folder", deep + "/m.obj", 0.3);
+  write_file(deep + "/m.gltf",
+             triangle(kAccessors + R"("images":[)" + repeated(R"({"uri":"a"})", 40'000) + "],"));
+  check("images of a glTF in a deep folder", deep + "/m.gltf", 0.3);
   // Blanks behind the backslash: the statement goes on all the same.
   std::string faces = kSquare;
   for (int i = 0; i < 1'000'000; ++i) faces += "f 1/1/1 \\ \n2/2/1 \\\t\n3/3/1\n";
