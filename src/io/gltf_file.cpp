@@ -90,6 +90,24 @@ std::vector<std::byte> decode_base64(std::string_view text) {
   return bytes;
 }
 
+/// Surely there; what cannot be looked at is not.
+bool is_there(const std::string& path) {
+  std::error_code ignored;
+  return std::filesystem::exists(path, ignored);
+}
+
+/// Surely not there; opening what cannot be looked at says why.
+bool is_missing(const std::string& path) {
+  std::error_code ignored;
+  return std::filesystem::status(path, ignored).type() == std::filesystem::file_type::not_found;
+}
+
+/// A problem may be that of any number of images.
+std::string shown_uri(const std::string& uri) {
+  constexpr std::size_t kMost = 200;
+  return uri.size() <= kMost ? uri : uri.substr(0, kMost) + "...";
+}
+
 }  // namespace
 
 DataUri decode_data_uri(std::string_view uri) {
@@ -118,7 +136,7 @@ std::string GltfFile::resolve(const std::string& uri) const {
   const std::string decoded = (folder / percent_decoded(uri)).string();
   // Some writers forget to encode a '%' that belongs to the name.
   if (const std::string raw = (folder / uri).string();
-      raw != decoded && !posix_file_system().exists(decoded) && posix_file_system().exists(raw)) {
+      raw != decoded && is_missing(decoded) && is_there(raw)) {
     return raw;
   }
   return decoded;
@@ -242,12 +260,12 @@ void GltfFile::open_buffer(std::size_t index, nlohmann::json& buffer) {
     uri_it->get_ref<std::string&>() = "data:";  // the text is not needed again
   } else {
     out.path = resolve(uri);
-    if (out.path.empty() || !posix_file_system().exists(out.path)) {
-      out.problem = fmt::format("is the file \"{}\", which is not there", uri);
+    if (out.path.empty() || is_missing(out.path)) {
+      out.problem = fmt::format("is the file \"{}\", which is not there", shown_uri(uri));
       return;
     }
     if (!may_read(out.path)) {
-      out.problem = fmt::format("is the file \"{}\", which {}", uri, kOutsideProblem);
+      out.problem = fmt::format("is the file \"{}\", which {}", shown_uri(uri), kOutsideProblem);
       return;
     }
   }

@@ -50,9 +50,9 @@ class GltfFile {
   /// checked).
   void read_view(std::size_t view, std::uint64_t offset, std::span<std::byte> out) const;
 
-  /// Where a relative URI of this file leads, percent-decoded; nothing for other schemes (http:,
-  /// ...). The file need not exist.
   static bool is_data_uri(std::string_view uri);
+  /// Where a relative URI of this file leads, percent-decoded; nothing for other schemes (http:,
+  /// ...). The file need not exist, nor be one that may be looked at.
   std::string resolve(const std::string& uri) const;
   /// May this file, which a URI led to, be read?
   bool may_read(const std::string& path) const { return folder_.holds(path); }

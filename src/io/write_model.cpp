@@ -12,14 +12,18 @@
 #include "io/write_model.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <memory>
 #include <set>
+#include <system_error>
 
+#include "core/open_file.h"
 #include "core/page_pool.h"
 #include "io/gltf_validate.h"
 #include "io/model_document.h"
@@ -71,6 +75,22 @@ std::string image_mime_type(const ReadFile& file) {
   if (head.starts_with("RIFF") && head.ends_with("WEBP")) return "image/webp";
   if (head.starts_with("\xABKTX 20\xBB")) return "image/ktx2";
   return "";
+}
+
+/// Why a file cannot be taken along, "" if it can.
+std::string why_unreadable(const std::string& path) {
+  std::error_code error;
+  const fs::file_type type = fs::status(path, error).type();
+  if (type == fs::file_type::not_found) return "is not there";
+  if (type != fs::file_type::none && type != fs::file_type::regular) return "is no file";
+  const int file = open_for_reading(path);
+  if (file >= 0) {
+    ::close(file);
+    return "";
+  }
+  // Another time there may be files to be had: that is no property of this one.
+  if (errno == EMFILE || errno == ENFILE || errno == ENOMEM) return "";
+  return fmt::format("cannot be read ({})", std::generic_category().message(errno));
 }
 
 /// A file that the target names beside its buffers: an image that stays.
@@ -158,10 +178,9 @@ void ModelCopy::find_images() {
     if (GltfFile::is_data_uri(text)) continue;
     const std::string path = target_.resolve(text);
     if (path.empty()) continue;  // on the web
-    std::error_code ignored;
-    if (!fs::is_regular_file(path, ignored)) {
-      warnings_.push_back(fmt::format("{}: its image {} is not there; {} names it as before",
-                                      request_.target, path, request_.output));
+    if (const std::string why = why_unreadable(path); !why.empty()) {
+      warnings_.push_back(fmt::format("{}: its image {} {}; {} names it as before", request_.target,
+                                      path, why, request_.output));
       continue;
     }
     if (!target_.may_read(path)) {
