@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <map>
@@ -6,6 +7,7 @@
 #include "io/obj_polygon.h"
 #include "read_error.h"
 #include "support/gltf_builder.h"
+#include "support/random.h"
 #include "support/test_data.h"
 
 using namespace pounce;
@@ -94,6 +96,64 @@ TEST_CASE("concave polygons are cut along their inside", "[io]") {
       }
       CHECK(sum == 3);
     }
+  }
+}
+
+/// The rule that triangulate() follows, in the plainest way, for polygons in the xy plane: cut the
+/// first ear off, again and again.
+std::vector<std::array<std::uint32_t, 3>> first_ears(const std::vector<Vec3f>& corners) {
+  const auto turn = [&](std::uint32_t i, std::uint32_t j, std::uint32_t k) {
+    const Vec3d a(corners[i]), b(corners[j]), c(corners[k]);
+    return (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
+  };
+  std::vector<std::uint32_t> ring;
+  for (std::uint32_t i = 0; i < corners.size(); ++i) ring.push_back(i);
+  std::vector<std::array<std::uint32_t, 3>> out;
+  const auto is_ear = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    if (turn(a, b, c) <= 0) return false;
+    return std::none_of(ring.begin(), ring.end(), [&](std::uint32_t p) {
+      const Vec3f at = corners[p];
+      if (at == corners[a] || at == corners[b] || at == corners[c]) return false;
+      return turn(a, b, p) >= 0 && turn(b, c, p) >= 0 && turn(c, a, p) >= 0;
+    });
+  };
+  for (std::size_t i = 0; i < ring.size() && ring.size() > 3; ++i) {
+    const std::size_t n = ring.size();
+    const std::uint32_t a = ring[(i + n - 1) % n], b = ring[i], c = ring[(i + 1) % n];
+    if (!is_ear(a, b, c)) continue;
+    out.push_back({a, b, c});
+    ring.erase(ring.begin() + static_cast<std::ptrdiff_t>(i));
+    i = static_cast<std::size_t>(-1);
+  }
+  for (std::size_t i = 1; i + 1 < ring.size(); ++i) out.push_back({ring[0], ring[i], ring[i + 1]});
+  return out;
+}
+
+TEST_CASE("ears are cut in the order of the corners", "[io]") {
+  test::Random random(11);
+  for (int round = 0; round < 3000; ++round) {
+    const int n = 4 + static_cast<int>(random.bits() % 40);
+    std::vector<Vec3f> corners;
+    for (int i = 0; i < n; ++i) {
+      // Stars; and corners of a coarse grid, which touch and cross each other.
+      const double angle = 6.283185307179586 * i / n, radius = 0.2 + double(random.bits() % 100);
+      if (round % 2 == 0) {
+        corners.push_back({float(radius * std::cos(angle)), float(radius * std::sin(angle)), 0});
+      } else {
+        corners.push_back({float(random.bits() % 5), float(random.bits() % 5), 0});
+      }
+    }
+    // Seen from below, or convex, it is another matter.
+    Vec3d sum;
+    bool concave = false;
+    for (int i = 0; i < n; ++i) {
+      const auto at = [&](int k) { return Vec3d(corners[static_cast<std::size_t>((i + k) % n)]); };
+      sum = sum + cross(at(0), at(1));
+      concave = concave || cross(at(1) - at(0), at(2) - at(0)).z < 0;
+    }
+    if (sum.z <= 0 || !concave) continue;
+    CAPTURE(round);
+    REQUIRE(io::triangulate(corners) == first_ears(corners));
   }
 }
 
