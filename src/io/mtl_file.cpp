@@ -22,11 +22,11 @@ namespace pounce::io {
 namespace {
 
 constexpr std::uint64_t kMaxMtlBytes = 64 << 20;
-// Of a line, and of all that counts of one material.
-constexpr std::size_t kMaxMaterialBytes = 1 << 20;
+constexpr std::size_t kMaxLineBytes = 1 << 20;
+constexpr std::size_t kMaxMaterialBytes = 2 << 20;  // of all that counts of one
 constexpr std::size_t kPieceBytes = 256 << 10;
 /// A kept material without its texts, and where it is found by name: an estimate upwards.
-constexpr std::uint64_t kBytesPerMaterial = 560;
+constexpr std::uint64_t kMtlBytesPerMaterial = 560;
 constexpr std::uint64_t kBytesPerText = 40;
 
 constexpr std::array<std::string_view, 19> kCounting = {
@@ -54,23 +54,31 @@ void for_each_line(const std::string& path, F f) {
   }
   std::vector<char> piece;
   std::string line;
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  bool is_first = true;
+  const auto end_line = [&] {
+    std::string_view text(line);
+    if (is_first && text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
+    is_first = false;
+    f(text);
+    line.clear();
+  };
   for (std::uint64_t offset = 0; offset < size; offset += piece.size()) {
     piece.resize(std::min<std::uint64_t>(size - offset, kPieceBytes));
     file->read(offset, std::as_writable_bytes(std::span(piece)));
     for (const char c : piece) {
       if (c != '\n' && c != '\r') {
-        if (line.size() == kMaxMaterialBytes) {
+        if (line.size() == kMaxLineBytes) {
           throw Error(ErrorKind::input,
                       path + ": a line longer than 1 MiB, which no material file has");
         }
         line.push_back(c);
       } else if (!line.empty()) {
-        f(std::string_view(line));
-        line.clear();
+        end_line();
       }
     }
   }
-  if (!line.empty()) f(std::string_view(line));
+  if (!line.empty()) end_line();
 }
 
 MtlTexture texture(const std::string& name, const tinyobj::texture_option_t& options) {
@@ -129,9 +137,9 @@ void read_mtl(const std::string& path, const std::function<void(MtlMaterial&&)>&
     } else if (!statements.empty() &&
                std::find(kCounting.begin(), kCounting.end(), word) != kCounting.end()) {
       statements.append(line).push_back('\n');
-      if (statements.size() > 2 * kMaxMaterialBytes) {
+      if (statements.size() > kMaxMaterialBytes) {
         throw Error(ErrorKind::input,
-                    path + ": a material longer than 1 MiB, which no material file has");
+                    path + ": a material longer than 2 MiB, which no material file has");
       }
     }
   });
@@ -155,7 +163,7 @@ MtlSize mtl_size(const std::string& path) {
       size.longest_texture_bytes = std::max<std::uint64_t>(size.longest_texture_bytes, line.size());
     }
   });
-  size.bytes = materials * kBytesPerMaterial + texts + 8 * longest + (2U << 20);
+  size.bytes = materials * kMtlBytesPerMaterial + texts + 8 * longest + (2U << 20);
   return size;
 }
 

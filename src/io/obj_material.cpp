@@ -53,13 +53,21 @@ bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::mate
   const std::string shown = library_path(path_, name).string();
   std::string cure = "cannot be read: put it back";
   try {
-    if (!is_file(shown)) throw Error(ErrorKind::storage, "no such file");
+    if (!is_file(shown)) {
+      std::error_code ignored;
+      if (fs::status(shown, ignored).type() == fs::file_type::not_found)
+        throw Error(ErrorKind::storage, "no such file");
+      cure = "is no file that may be read: put one there";
+      throw Error(ErrorKind::storage, "no file that may be read");
+    }
     if (!folder_.holds(shown)) {
       cure = kOutsideProblem;
       throw Error(ErrorKind::input, std::string("it ") + kOutsideProblem);
     }
+    cure = "cannot be read: let this user read it";
     library->second = read(shown, *by_name);
   } catch (const Error& e) {
+    if (e.kind() == ErrorKind::input && folder_.holds(shown)) cure = "is damaged: export it again";
     warnings_.add("material file {} cannot be read ({})", shown, e.what());
     mesh_.missing_files.push_back(shown + " " + cure);
   }
