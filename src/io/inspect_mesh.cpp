@@ -6,13 +6,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <map>
 #include <optional>
 #include <set>
 #include <vector>
 
 #include "core/box.h"
+#include "io/shortest.h"
 #include "mesh/uv_tiles.h"
 #include "pounce/error.h"
 
@@ -20,9 +20,6 @@ namespace pounce::io {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-/// The double with the fewest digits that names this float: 0.1f as 0.1, not 0.10000000149.
-double shortest(float value) { return std::strtod(fmt::format("{}", value).c_str(), nullptr); }
 
 Json vector_json(Vec3f v) { return {shortest(v.x), shortest(v.y), shortest(v.z)}; }
 

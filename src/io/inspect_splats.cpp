@@ -4,10 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdlib>
 
 #include "core/box.h"
+#include "io/shortest.h"
 #include "io/splat_ply.h"
+#include "io/splat_ply_header.h"
 #include "tiles/splat_lattice.h"
 
 namespace pounce::io {
@@ -15,9 +16,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 using tiles::Splat;
-
-/// The double with the fewest digits that names this float.
-double shortest(float value) { return std::strtod(fmt::format("{}", value).c_str(), nullptr); }
 
 Json box_json(const Box3f& box) {
   const auto corner = [](Vec3f v) { return Json{shortest(v.x), shortest(v.y), shortest(v.z)}; };
@@ -100,7 +98,7 @@ Json describe_splats(const std::string& path) {
   std::size_t halves = 0;
   for (const PlyColumn& column : header.columns) {
     columns.push_back(column.name);
-    halves += column.type == PlyType::u16 ? 1 : 0;
+    halves += column.type == PlyType::u16 && is_splat_column(column.name) ? 1 : 0;
   }
   json["columns"] = columns;
   json["half_columns"] = halves;

@@ -232,14 +232,8 @@ constexpr const char* kWanted =
 
 /// Two bytes are half floats where they are unsigned; signed ones are somebody's own quantisation.
 void check_types(const std::vector<PlyColumn>& columns, const std::string& path) {
-  constexpr std::array<std::string_view, 14> kSplatColumns{
-      "x",     "y",     "z",     "opacity", "scale_0", "scale_1", "scale_2",
-      "rot_0", "rot_1", "rot_2", "rot_3",   "nx",      "ny",      "nz"};
   for (const PlyColumn& column : columns) {
-    const bool is_splat =
-        column.name.starts_with("f_dc_") || column.name.starts_with("f_rest_") ||
-        std::find(kSplatColumns.begin(), kSplatColumns.end(), column.name) != kSplatColumns.end();
-    if (!is_splat || column.type != PlyType::i16) continue;
+    if (!is_splat_column(column.name) || column.type != PlyType::i16) continue;
     throw Error(ErrorKind::input,
                 fmt::format("{}: its column \"{}\" is of type short (int16), whose scale no splat "
                             "PLY says; export it as float, or as half floats in ushort",
@@ -381,6 +375,14 @@ std::uint32_t ply_type_bytes(PlyType type) {
 
 const PlyColumn* SplatPlyHeader::find(const std::string& name) const {
   return find_column(columns, name);
+}
+
+bool is_splat_column(std::string_view name) {
+  constexpr std::array<std::string_view, 14> kSplatColumns{
+      "x",     "y",     "z",     "opacity", "scale_0", "scale_1", "scale_2",
+      "rot_0", "rot_1", "rot_2", "rot_3",   "nx",      "ny",      "nz"};
+  return name.starts_with("f_dc_") || name.starts_with("f_rest_") ||
+         std::find(kSplatColumns.begin(), kSplatColumns.end(), name) != kSplatColumns.end();
 }
 
 bool is_ply(const ReadFile& file) {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/file.h"
@@ -33,6 +34,9 @@ struct SplatPlyHeader {
   /// Null where there is no such column.
   const PlyColumn* find(const std::string& name) const;
 };
+
+/// Is a column of that name part of a Gaussian? Any other means what its writer likes.
+bool is_splat_column(std::string_view name);
 
 /// True if the file begins as a PLY does.
 bool is_ply(const ReadFile& file);

@@ -22,3 +22,14 @@ err_has 'a mesh (3 vertices, 1 face rows)'
 make_job
 expect 3 transfer source.obj mesh.ply -o out.png
 err_has 'mesh.ply' 'convert a mesh to .glb, .gltf or .obj'
+# Half floats are those of splat columns; what another column of two bytes means, only its writer knows.
+{
+  printf 'ply\nformat binary_little_endian 1.0\nelement vertex 1\n'
+  for name in x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2; do
+    printf 'property float %s\n' $name
+  done
+  printf 'property ushort rot_3\nproperty ushort segment\nend_header\n'
+  head -c 56 /dev/zero
+} >segments.ply
+expect 0 inspect segments.ply
+out_has 'columns    15 (1 half floats), 56 bytes per Gaussian'
