@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
 #include <new>
 #include <string>
 #include <system_error>
@@ -10,7 +11,7 @@
 namespace pounce {
 
 /// Runs `work`. What the system refuses leaves it as an Error, too: no memory as Error(budget), no
-/// thread, lock or other thing of the system as Error(storage).
+/// file, thread, lock or other thing of the system as Error(storage).
 template <class Work>
 decltype(auto) with_own_errors(const Work& work) {
   try {
@@ -19,6 +20,8 @@ decltype(auto) with_own_errors(const Work& work) {
     throw Error(ErrorKind::budget,
                 "out of memory; run it with a smaller --memory or with fewer --threads, or give it "
                 "more (ulimit -v, ulimit -d, a control group)");
+  } catch (const std::filesystem::filesystem_error& e) {
+    throw Error(ErrorKind::storage, e.path1().string() + ": " + e.code().message());
   } catch (const std::system_error& e) {
     throw Error(ErrorKind::storage,
                 std::string("the system refuses what the job needs: ") + e.what() +
