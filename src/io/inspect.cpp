@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -15,6 +14,7 @@
 #include "core/hash.h"
 #include "core/own_errors.h"
 #include "core/system_memory.h"
+#include "io/file_ending.h"
 #include "io/image_read.h"
 #include "io/inspect_mesh.h"
 #include "io/inspect_splats.h"
@@ -32,13 +32,6 @@ enum class FileType { mesh, splats, image, pack };
 constexpr std::string_view kPackStart = "POUNCEPK";
 constexpr std::string_view kGlbStart = "glTF";
 
-std::string lower_ending(const std::string& path) {
-  std::string ending = std::filesystem::path(path).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return ending;
-}
-
 /// By the first bytes where they say it, else by the ending; what is neither mesh nor pack is left
 /// to the image reader, which tells formats by content.
 FileType file_type(const std::string& path, const ReadFile& file) {
@@ -52,7 +45,7 @@ FileType file_type(const std::string& path, const ReadFile& file) {
   const std::string_view begins(start.data(), length);
   if (begins == kPackStart) return FileType::pack;
   if (begins.substr(0, kGlbStart.size()) == kGlbStart) return FileType::mesh;
-  const std::string ending = lower_ending(path);
+  const std::string ending = io::lower_ending(path);
   if (ending == ".pack") return FileType::pack;
   const bool is_mesh = ending == ".glb" || ending == ".gltf" || ending == ".obj";
   return is_mesh ? FileType::mesh : FileType::image;

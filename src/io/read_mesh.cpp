@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "core/file.h"
+#include "io/file_ending.h"
 #include "io/gltf_mesh.h"
 #include "io/obj_mesh.h"
 #include "io/splat_format.h"
@@ -19,14 +20,6 @@ namespace pounce::io {
 namespace {
 
 enum class Format { gltf, obj };
-
-std::string lower_ending(const std::string& path) {
-  std::string ending = std::filesystem::path(path).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  return ending;
-}
 
 /// A splat scene where a mesh is wanted: often the two are in the wrong order.
 [[noreturn]] void refuse_splats(const std::string& path, const SplatFormat& format) {
@@ -48,6 +41,12 @@ std::string lower_ending(const std::string& path) {
 /// after a look at the first character.
 Format format_of(const std::string& path) {
   if (const auto splats = splat_format(path)) refuse_splats(path, *splats);
+  if (std::error_code ignored; std::filesystem::is_directory(path, ignored)) {
+    throw Error(ErrorKind::storage,
+                fmt::format("{}: is a folder; name a mesh in it (.glb, .gltf or .obj) or, as a "
+                            "source, a splat scene (.ply)",
+                            path));
+  }
   const auto file = posix_file_system().open(path);
   std::array<char, 64> head{};
   const std::uint64_t size = file->size_bytes();

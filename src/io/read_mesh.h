@@ -22,7 +22,7 @@ struct MeshReading {
 mesh::Mesh read_mesh(const std::string& path, const MeshReading& reading = {});
 
 /// An upper bound on the memory that read_mesh() needs for this file at its peak, and the part of
-/// it that the returned Mesh keeps, judged from file sizes and headers alone.
+/// it that the returned Mesh keeps. Takes a pass over the text (JSON, OBJ, MTL), none over buffers.
 struct MeshCost {
   std::uint64_t peak_bytes = 0;
   std::uint64_t kept_bytes = 0;

@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "core/file.h"
+#include "io/file_ending.h"
 #include "io/splat_ply_header.h"
 
 namespace pounce::io {
@@ -20,14 +21,6 @@ namespace fs = std::filesystem;
 
 constexpr std::uint64_t kMostMetaBytes = 1 << 20;       // real ones have 20 kB
 constexpr std::uint64_t kZipDirectoryBytes = 64 << 10;  // of a dozen entries, at the end
-
-std::string lower_ending(const std::string& path) {
-  std::string ending = fs::path(path).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  return ending;
-}
 
 std::string text_at(const ReadFile& file, std::uint64_t offset, std::uint64_t most) {
   const std::uint64_t size = file.size_bytes();
