@@ -34,12 +34,12 @@ namespace {
 
 // JSON text, its tree, the text again, tinygltf's tree and model. Measured with 300,000 entries of
 // one kind: 38 bytes per byte of accessors, 1.2 kB per empty node, 4 kB per empty material.
-constexpr std::uint64_t kBytesPerJsonByte = 44;
+constexpr std::uint64_t kTypedBytesPerJsonByte = 44;
 constexpr std::uint64_t kBytesPerExtensionValue = 640;
 constexpr std::uint64_t kBytesPerEntry = 1200;
 /// JSON that takes no more is looked into whatever the limit, to say exactly what is needed.
 constexpr std::uint64_t kUnderstoodAnyway = 64U << 20;
-constexpr std::uint64_t kBytesPerMaterial = 5000;
+constexpr std::uint64_t kTypedBytesPerMaterial = 5000;
 // Two names, the part that has them, its run, and the tables that find them again while reading.
 constexpr std::uint64_t kBytesPerInstance = 600;
 constexpr std::uint64_t kBytesPerPath = 300;
@@ -250,8 +250,8 @@ void check_bindings(mesh::Mesh& mesh, MeshWarnings& warnings) {
 /// What it takes to understand the JSON: its text, its trees and tinygltf's model.
 std::uint64_t json_cost(std::uint64_t text_bytes, std::uint64_t entries, std::uint64_t materials,
                         std::uint64_t extension_values) {
-  return kBytesPerJsonByte * text_bytes + kBytesPerEntry * entries + kBytesPerMaterial * materials +
-         kBytesPerExtensionValue * extension_values;
+  return kTypedBytesPerJsonByte * text_bytes + kBytesPerEntry * entries +
+         kTypedBytesPerMaterial * materials + kBytesPerExtensionValue * extension_values;
 }
 
 /// What the mesh keeps of where its images are: paths, labels and problems, which name the file.

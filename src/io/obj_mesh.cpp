@@ -29,7 +29,7 @@ namespace {
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr double kSmoothAngleDeg = 60;
 /// In the mesh, and the tables that find it.
-constexpr std::uint64_t kBytesPerMaterial = sizeof(mesh::Material) + 1024;
+constexpr std::uint64_t kMeshBytesPerMaterial = sizeof(mesh::Material) + 1024;
 /// Of an image: the heads of its texts, and what a problem says beside the model's name.
 constexpr std::uint64_t kBytesPerImage = 128;
 /// Of the face at hand: tinyobjloader's list of corners while it grows, our copies, the triangles.
@@ -389,7 +389,7 @@ MeshCost obj_cost(const std::string& path, const MeshReading& reading) {
       std::min(counts.use_bytes, materials * counts.longest_name_bytes);
   const LibraryCost libraries = library_cost(path, reading, counts);
   cost.kept_bytes = vertices * per_vertex + triangles * 16 + runs + counts.distinct_parts * 128 +
-                    part_groups + materials * kBytesPerMaterial + material_name_bytes +
+                    part_groups + materials * kMeshBytesPerMaterial + material_name_bytes +
                     libraries.kept_bytes + name_bytes * 8 + (1U << 20);
   const std::uint64_t lists = counts.positions * 12 + counts.texcoords * 8 + counts.normals * 12;
   // Keys and slots while they double: three times and one and a half times what is in use.

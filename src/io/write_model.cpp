@@ -41,7 +41,7 @@ constexpr std::uint32_t kJsonChunk = 0x4E4F534A;  // "JSON"
 constexpr std::uint32_t kBinChunk = 0x004E4942;   // "BIN\0"
 constexpr std::uint64_t kCopyBytes = 1 << 20;
 // nlohmann's tree: 16 bytes per value and about 100 per member; 8-12 bytes per byte of real files.
-constexpr std::uint64_t kBytesPerJsonByte = 20;
+constexpr std::uint64_t kTreeBytesPerJsonByte = 20;
 constexpr std::uint64_t kBytesPerEntry = 1200;
 constexpr std::uint64_t kTextCopies = 6;
 
@@ -134,7 +134,7 @@ class ModelCopy {
     plan.outputs.push_back(request_.output);
     plan.warnings = warnings_;
     plan.least_bytes = kTextCopies * target_.json_text_bytes() + 3 * target_.inline_bytes() +
-                       kBytesPerJsonByte * target_.json_bytes() +
+                       kTreeBytesPerJsonByte * target_.json_bytes() +
                        kBytesPerEntry * gltf_entry_count(target_.document()) + kCopyBytes;
     return plan;
   }
