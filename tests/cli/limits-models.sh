@@ -21,14 +21,14 @@ awk 'BEGIN {
 }' >big.gltf
 printf '\0\0\0\0\0\0\0\0\0\0\0\0\0\0\200\077\0\0\0\0\0\0\0\0\0\0\0\0\0\0\200\077\0\0\0\0' >big.bin
 
-for run in "big.obj 8 212" "big.gltf 16 300"; do
-  read -r model step last <<<"$run"
+for run in "big.obj 140 204" "big.gltf 148 260"; do
+  read -r model first last <<<"$run"
   job="transfer $model target.obj -o o.png --source-texture baseColor=skin.ppm --size 16 --no-cache --memory 1GiB -q"
   # shellcheck disable=SC2086  # words on purpose
   expect 0 $job
   mv o.png whole.png
   refusals=0
-  for ((mib = 148; mib <= last; mib += step)); do
+  for ((mib = first; mib <= last; mib += 16)); do
     status=0
     # shellcheck disable=SC2086
     prlimit --data=$((mib << 20)) "$POUNCE" $job >"$out" 2>"$err" || status=$?
