@@ -125,15 +125,22 @@ void hide_in_png(ByteSource& bytes) {
   kept.show();
 }
 
-/// Segments of (marker, length, data) up to the first scan; the first of each of the two that say
-/// how colours are coded stay: JFIF's and Adobe's.
+/// Does this begin with that text?
+bool begins_with(Cursor& at, std::uint64_t begin, std::uint64_t end, std::string_view text) {
+  if (end < begin + text.size()) return false;
+  return std::all_of(text.begin(), text.end(),
+                     [&](char c) { return static_cast<char>(at.u8(begin++)) == c; });
+}
+
+/// Segments of (marker, length, data) up to the first scan; JFIF's and Adobe's stay, all of them,
+/// which say how colours are coded. Others may use their markers, too.
 void hide_in_jpeg(ByteSource& bytes) {
+  using namespace std::string_view_literals;
   constexpr std::uint8_t kJfif = 0xE0, kAdobe = 0xEE, kComment = 0xFE, kScan = 0xDA, kEnd = 0xD9;
   Cursor at(bytes, "JPEG", true);
   Kept kept(at);
   std::uint64_t position = 2;
   kept.add(0, position);
-  bool has_jfif = false, has_adobe = false;
   for (;;) {
     const std::uint64_t begin = position;
     if (at.u8(position++) != 0xFF) return;  // damaged: read_jpeg_header() says where
@@ -144,11 +151,11 @@ void hide_in_jpeg(ByteSource& bytes) {
       return kept.show();
     }
     const bool alone = marker <= 0x01 || (marker >= 0xD0 && marker <= 0xD8);
+    const std::uint64_t data = position + 2;
     if (!alone) position += std::max<std::uint16_t>(2, at.u16(position));
-    bool& seen = marker == kJfif ? has_jfif : has_adobe;
-    const bool of_colour = (marker == kJfif || marker == kAdobe) && !seen;
-    if (of_colour) seen = true;
     const bool about = (marker >= 0xE0 && marker <= 0xEF) || marker == kComment;
+    const bool of_colour = (marker == kJfif && begins_with(at, data, position, "JFIF\0"sv)) ||
+                           (marker == kAdobe && begins_with(at, data, position, "Adobe"sv));
     if (!about || of_colour) kept.add(begin, position);
   }
 }

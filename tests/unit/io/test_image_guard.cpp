@@ -177,6 +177,29 @@ TEST_CASE("APP segments and comments of a JPEG are never kept", "[image]") {
   }
 }
 
+TEST_CASE("what says how a JPEG's colours are coded is found behind others' segments", "[image]") {
+  const std::string jpeg = image_file(".jpg");
+  const std::string bare = jpeg.substr(0, 2) + jpeg.substr(4 + 16);  // without JFIF's segment
+  const std::string adobe = jpeg_segment('\xEE', std::string("Adobe\0\x64\0\0\0\0\0", 12));
+  const auto with = [&](const std::string& segments) {
+    return reading(bare.substr(0, 2) + segments + bare.substr(2)).samples;
+  };
+  const auto coded = with("");
+  const auto rgb = with(adobe);  // its transform is 0: the components are red, green and blue
+  REQUIRE(rgb != coded);
+  const std::string foreign = jpeg_segment('\xEE', "FotoWare") + jpeg_segment('\xEE', "Ad");
+  CHECK(with(foreign) == coded);
+  CHECK(with(foreign + adobe) == rgb);
+  CHECK(with(adobe + foreign) == rgb);
+  // The last one counts, as without a guard.
+  const std::string ycc = jpeg_segment('\xEE', std::string("Adobe\0\x64\0\0\0\0\1", 12));
+  CHECK(with(adobe + foreign + ycc) == coded);
+  // JFIF is always YCbCr, whatever Adobe says.
+  const std::string jfif = jpeg.substr(2, 18);
+  REQUIRE(jfif.substr(4, 4) == "JFIF");
+  CHECK(with(jpeg_segment('\xE0', "AVI1") + jfif + adobe) == coded);
+}
+
 TEST_CASE("profiles and EXIF of a WebP are never read", "[image]") {
   // 16 x 16 texels of one colour, as libwebp writes them.
   const std::string picture = kWebpChunk;
