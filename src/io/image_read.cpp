@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <new>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -169,6 +170,27 @@ std::uint64_t decoder_cost(const OIIO::ImageSpec& spec, const std::string& forma
   return whole_cost(whole, bytes);
 }
 
+/// Does a decoder's message say that it got no memory? Decoders turn that into an error like any.
+bool tells_of_memory(std::string message) {
+  std::transform(message.begin(), message.end(), message.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+  constexpr std::array<std::string_view, 4> kWords{"bad_alloc", "no space", "memory", "allocat"};
+  return std::any_of(kWords.begin(), kWords.end(), [&](std::string_view word) {
+    return message.find(word) != std::string::npos;
+  });
+}
+
+/// Could a decoder have got that much?
+bool has_room(std::uint64_t size_bytes) {
+  void* const room = ::operator new(static_cast<std::size_t>(size_bytes), std::nothrow);
+  ::operator delete(room);
+  return room != nullptr;
+}
+
+std::string in_brackets(const std::string& text) {
+  return text.empty() ? "" : fmt::format(" ({})", text);
+}
+
 }  // namespace
 
 struct ImageReader::Impl {
@@ -185,7 +207,6 @@ struct ImageReader::Impl {
   void read_decoded(std::uint32_t row_count, std::byte* rows);
   void check_bytes_after_last_row();
   [[noreturn]] void fail(const std::string& what) const;
-  std::string decoder_message() const;
 
   ByteSource bytes;
   std::unique_ptr<FILE, int (*)(FILE*)> stream{nullptr, std::fclose};  // outlives proxy and input
@@ -333,16 +354,20 @@ void ImageReader::Impl::refuse_webp_alpha(bool has_alpha) const {
     refuse(bytes.label(), "WebP images with alpha cannot be read exactly; convert it to PNG");
 }
 
-std::string ImageReader::Impl::decoder_message() const {
-  if (!png_check.problem().empty()) return fmt::format(" ({})", png_check.problem());
-  const std::string message = input ? one_line(input->geterror()) : "";
-  return message.empty() ? "" : fmt::format(" ({})", message);
-}
-
 void ImageReader::Impl::fail(const std::string& what) const {
   bytes.check();
-  refuse(bytes.label(),
-         fmt::format("{}{}; the file is damaged or cut off", what, decoder_message()));
+  std::string why = png_check.problem();
+  if (why.empty()) {
+    why = input ? one_line(input->geterror()) : "";
+    if (tells_of_memory(why) || (why.empty() && !has_room(info.decoder_bytes))) {
+      throw Error(ErrorKind::budget,
+                  fmt::format("{}: there is no memory to decode it{}; give the job more (ulimit "
+                              "-v, ulimit -d, a control group), or run it with a smaller --memory "
+                              "or fewer --threads",
+                              bytes.label(), in_brackets(why)));
+    }
+  }
+  refuse(bytes.label(), fmt::format("{}{}; the file is damaged or cut off", what, in_brackets(why)));
 }
 
 /// Bytes of a row as the decoder gives it.

@@ -42,7 +42,8 @@ struct ImageInfo {
 /// Damage: a file that was cut off, a wrong PNG checksum and whatever the decoders notice throw
 /// Error(input) naming image.label and the rows, at the latest after the last row. No other format
 /// protects every byte: a changed one that still decodes (in a JPEG four of five, in a deflated
-/// TIFF one of six, in an EXR one of a thousand) cannot be told from a picture.
+/// TIFF one of six, in an EXR one of a thousand) cannot be told from a picture. A decoder that gets
+/// no memory is Error(budget), a file that cannot be read Error(storage).
 ///
 /// Not thread-safe; one reader per thread, several at once are fine.
 class ImageReader {
@@ -67,7 +68,7 @@ class ImageReader {
 };
 
 /// 128-bit content hash of the encoded bytes of an image, streamed in 1 MiB pieces. Throws
-/// Error(input).
+/// Error(storage) if they cannot be read, Error(input) if they are fewer than they were.
 Hash128 hash_image(const mesh::ImageRef& image);
 
 }  // namespace pounce::io
