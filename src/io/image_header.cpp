@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <optional>
 #include <string_view>
 
@@ -134,6 +135,44 @@ std::optional<WholeHeader> pnm_header(ByteSource& bytes) {
                      numbers[2] > 255 ? Depth::u16 : Depth::u8, false};
 }
 
+/// A BMP's header with its windows version's fields, the lowest byte first.
+struct BmpHeader {
+  std::int64_t width = 0, height = 0;
+  std::uint32_t bits = 0, compression = 0;
+  bool has_runs() const { return compression == 1 || compression == 2; }  // RLE8, RLE4
+};
+
+/// Nothing if it has another header, which knows no compression.
+std::optional<BmpHeader> bmp_header(ByteSource& bytes) {
+  std::array<std::uint8_t, 34> b{};
+  if (bytes.read_at(0, b.data(), b.size()) < b.size()) return std::nullopt;
+  const auto number = [&](std::size_t at) {
+    return b[at] | b[at + 1] << 8 | b[at + 2] << 16 | static_cast<std::uint32_t>(b[at + 3]) << 24;
+  };
+  if (number(14) < 40) return std::nullopt;
+  const auto side = [&](std::size_t at) {
+    return std::int64_t{static_cast<std::int32_t>(number(at))};
+  };
+  return BmpHeader{side(18), std::abs(side(22)), number(28) & 0xFFFFU, number(30)};
+}
+
+/// Always three channels: see ImageReader.
+std::optional<WholeHeader> bmp_runs_header(ByteSource& bytes) {
+  const std::optional<BmpHeader> header = bmp_header(bytes);
+  // For other bits the decoder has no palette, and looks into it.
+  if (!header || header->bits != (header->compression == 1 ? 8U : 4U)) return std::nullopt;
+  constexpr std::int64_t kMostTexels = INT32_MAX;  // it counts them in int
+  if (header->width > 0 && header->height > kMostTexels / header->width) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: a BMP with run lengths of {} x {} texels; convert it to PNG",
+                            bytes.label(), header->width, header->height));
+  }
+  const auto side = [](std::int64_t n) {
+    return static_cast<std::uint32_t>(std::max<std::int64_t>(n, 0));
+  };
+  return WholeHeader{side(header->width), side(header->height), 3, Depth::u8, false};
+}
+
 }  // namespace
 
 std::string image_format(ByteSource& bytes, const std::string& path) {
@@ -165,10 +204,17 @@ bool is_interlaced_png(ByteSource& bytes) {
   return bytes.read_at(28, &method, 1) == 1 && method != 0;
 }
 
-bool opens_whole(const std::string& format) { return format == "webp" || format == "pnm"; }
+bool opens_whole(ByteSource& bytes, const std::string& format) {
+  if (format == "webp" || format == "pnm") return true;
+  if (format != "bmp") return false;
+  const std::optional<BmpHeader> header = bmp_header(bytes);
+  return header && header->has_runs();
+}
 
 WholeHeader read_whole_header(ByteSource& bytes, const std::string& format) {
-  const auto header = format == "webp" ? webp_header(bytes) : pnm_header(bytes);
+  const auto header = format == "webp"  ? webp_header(bytes)
+                      : format == "pnm" ? pnm_header(bytes)
+                                        : bmp_runs_header(bytes);
   bytes.check();
   if (header) return *header;
   throw Error(ErrorKind::input,

@@ -25,15 +25,16 @@ struct JpegHeader {
 };
 JpegHeader read_jpeg_header(ByteSource& bytes);
 
-/// What the headers of formats say that OpenImageIO takes into memory when it opens them: WebP,
-/// PNM.
+/// What the headers of files say that OpenImageIO takes into memory when it opens them: WebP, PNM,
+/// BMP with run lengths.
 struct WholeHeader {
   std::uint32_t width = 0, height = 0, channels = 0;
   Depth depth = Depth::u8;
   bool has_alpha = false;
 };
-bool opens_whole(const std::string& format);
-/// Throws Error(input) if there is none. Sizes are as they are claimed.
+bool opens_whole(ByteSource& bytes, const std::string& format);
+/// Throws Error(input) if there is none, or none that the decoder can be trusted with. Sizes are as
+/// they are claimed.
 WholeHeader read_whole_header(ByteSource& bytes, const std::string& format);
 
 }  // namespace pounce::io

@@ -245,7 +245,7 @@ ImageReader::Impl::Impl(const mesh::ImageRef& image) : bytes(image) {
     // Opening these decodes everything, so it waits for the first read: by then the caller has
     // leased decoder_bytes.
     describe_unopened_jpeg(jpeg);
-  } else if (opens_whole(info.format)) {  // the same
+  } else if (opens_whole(bytes, info.format)) {  // the same
     describe_unopened(read_whole_header(bytes, info.format));
   } else {
     open();
@@ -266,6 +266,9 @@ void ImageReader::Impl::open() {
   created->threads(1);
   OIIO::ImageSpec config, spec;
   config.attribute("oiio:UnassociatedAlpha", 1);
+  // A BMP with run lengths and a grey palette is said to have one channel, and three are written.
+  if (info.format == "bmp" && opens_whole(bytes, info.format))
+    config.attribute("bmp:monochrome_detect", 0);
   OIIO::Filesystem::IOProxy* io = proxy.get();
   config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &io);
   const bool opened = created->open(bytes.label(), spec, config);

@@ -100,6 +100,37 @@ std::string with_exr_attribute(const std::string& exr, std::uint32_t claimed,
          value + exr.substr(8);
 }
 
+/// A BMP with run lengths: every texel of a row has the row's number.
+std::string run_length_bmp(std::uint32_t width, std::uint32_t height, int bits,
+                           const std::string& palette) {
+  std::string runs;
+  for (std::uint32_t y = 0; y < height; ++y) {
+    if (y > 0) runs += std::string(2, '\0');
+    for (std::uint32_t x = 0; x < width; x += 250) {
+      runs += static_cast<char>(std::min(250U, width - x));
+      runs += static_cast<char>(y);
+    }
+  }
+  runs += std::string("\0\1", 2);
+  const std::uint64_t start = 54 + palette.size();
+  return "BM" + little_endian(start + runs.size(), 4) + little_endian(0, 4) +
+         little_endian(start, 4) + little_endian(40, 4) + little_endian(width, 4) +
+         little_endian(height, 4) + little_endian(1, 2) +
+         little_endian(static_cast<std::uint64_t>(bits), 2) + little_endian(1, 4) +
+         little_endian(runs.size(), 4) + little_endian(0, 8) +
+         little_endian(palette.size() / 4, 4) + little_endian(0, 4) + palette + runs;
+}
+
+/// 256 colours; all grey ones, or not.
+std::string bmp_palette(bool grey) {
+  std::string out;
+  for (int i = 0; i < 256; ++i) {
+    const char value = static_cast<char>(i);
+    out += {value, grey ? value : '\x05', value, '\0'};
+  }
+  return out;
+}
+
 /// Reads the file and says what that took.
 struct Reading {
   std::vector<std::uint8_t> samples;
@@ -247,4 +278,35 @@ TEST_CASE("an EXR that promises more chunks than it can list is refused unread",
   CHECK_THAT(refusal(exr), Contains("60001 parts"));
   exr.replace(window + 33, 4, little_endian(1'000'000'000, 4));
   CHECK_THAT(refusal(exr), Contains("1 to 65536 each way"));
+}
+
+TEST_CASE("a BMP with run lengths is not unpacked before it is read", "[image]") {
+  const auto three = [](bool grey) {
+    const io::ImageReader reader(in_memory(run_length_bmp(300, 2, 8, bmp_palette(grey))));
+    CHECK(reader.info().decoder_bytes >= 600);
+    return reader.info().channels;
+  };
+  CHECK(three(false) == 3);
+  CHECK(three(true) == 3);
+  const auto samples = reading(run_length_bmp(300, 2, 8, bmp_palette(true))).samples;
+  std::vector<std::uint8_t> rows(900, 1);  // from below to above
+  rows.resize(1800, 0);
+  CHECK(samples == rows);
+  const auto coloured = reading(run_length_bmp(300, 2, 8, bmp_palette(false))).samples;
+  CHECK(std::vector<std::uint8_t>(coloured.begin(), coloured.begin() + 3) ==
+        std::vector<std::uint8_t>{1, 5, 1});
+
+  const std::string much = run_length_bmp(kMuch / 4096, 4096, 8, bmp_palette(true));
+  const mesh::ImageRef image = in_memory(much);
+  const std::uint64_t before = test::reset_peak_rss();
+  const io::ImageReader reader(image);
+  CHECK(test::peak_rss() - std::min(before, test::peak_rss()) < kMuch / 3);
+  CHECK(reader.info().decoder_bytes > kMuch);
+}
+
+TEST_CASE("a BMP with run lengths and no palette, or of too many texels, is refused", "[image]") {
+  CHECK_THAT(refusal(run_length_bmp(30, 2, 24, "")), Contains("header cannot be read"));
+  std::string huge = run_length_bmp(30, 2, 8, bmp_palette(true));
+  huge.replace(18, 8, little_endian(65536, 4) + little_endian(65536, 4));
+  CHECK_THAT(refusal(huge), Contains("65536 x 65536 texels; convert it to PNG"));
 }
