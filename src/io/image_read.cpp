@@ -370,7 +370,8 @@ void ImageReader::Impl::fail(const std::string& what) const {
                               bytes.label(), in_brackets(why)));
     }
   }
-  refuse(bytes.label(), fmt::format("{}{}; the file is damaged or cut off", what, in_brackets(why)));
+  refuse(bytes.label(),
+         fmt::format("{}{}; the file is damaged or cut off", what, in_brackets(why)));
 }
 
 /// Bytes of a row as the decoder gives it.

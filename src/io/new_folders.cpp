@@ -14,7 +14,15 @@
 namespace pounce::io {
 namespace fs = std::filesystem;
 
-NewFolders::NewFolders(const std::string& folder) {
+void NewFolders::make(const std::string& folder) {
+  constexpr int kMostTries = 100;
+  for (int tries = 1; !make_missing(folder, tries == kMostTries); ++tries) {
+  }
+}
+
+/// False where another process removed meanwhile what was made or found, if that is not the `last`
+/// try.
+bool NewFolders::make_missing(const std::string& folder, bool last) {
   std::vector<std::string> missing;
   std::error_code ignored;
   for (fs::path path = folder; !path.empty() && !fs::exists(path, ignored);
@@ -23,11 +31,14 @@ NewFolders::NewFolders(const std::string& folder) {
   for (auto path = missing.rbegin(); path != missing.rend(); ++path) {
     if (::mkdir(path->c_str(), 0777) == 0) {
       made_.push_back(*path);
+    } else if (errno == ENOENT && !last) {
+      return false;
     } else if (errno != EEXIST) {  // another process may be as fast
       throw Error(ErrorKind::storage,
                   fmt::format("{}: cannot create the folder: {}", *path, std::strerror(errno)));
     }
   }
+  return true;
 }
 
 NewFolders::~NewFolders() {

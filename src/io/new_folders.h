@@ -11,12 +11,16 @@ namespace pounce::io {
 class NewFolders {
  public:
   /// Throws Error(storage) naming the folder and the reason.
-  explicit NewFolders(const std::string& folder);
+  explicit NewFolders(const std::string& folder) { make(folder); }
   ~NewFolders();
   NewFolders(const NewFolders&) = delete;
   NewFolders& operator=(const NewFolders&) = delete;
+  /// Once more, where another job removed it.
+  void make(const std::string& folder);
 
  private:
+  bool make_missing(const std::string& folder, bool last);
+
   std::vector<std::string> made_;  ///< outermost first
 };
 

@@ -11,9 +11,9 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <string_view>
 #include <system_error>
 
+#include "io/output_leftovers.h"
 #include "pounce/error.h"
 
 // The file has no name while it is being written (O_TMPFILE), so that even a killed process leaves
@@ -26,42 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr int kMostLinks = 40;  // as the kernel
-
-/// Is this ".NAME.<digits>-<digits>.tmp"?
-bool is_temporary(std::string_view entry, std::string_view name) {
-  const std::string start = fmt::format(".{}.", name);
-  if (!entry.starts_with(start) || !entry.ends_with(".tmp")) return false;
-  entry.remove_prefix(start.size());
-  if (entry.size() < 4) return false;
-  entry.remove_suffix(4);
-  const std::size_t dash = entry.find('-');
-  return dash != std::string_view::npos && dash > 0 && dash + 1 < entry.size() &&
-         entry.find_first_not_of("0123456789") == dash &&
-         entry.find_first_not_of("0123456789", dash + 1) == std::string_view::npos;
-}
-
-/// Removes a leftover of this user unless some process holds it. Failures do not matter.
-void remove_if_left(const std::string& path) {
-  const int file = ::open(path.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
-  if (file < 0) return;
-  struct stat opened {
-  }, named{};
-  const bool dead = ::fstat(file, &opened) == 0 && S_ISREG(opened.st_mode) &&
-                    opened.st_uid == ::geteuid() && ::flock(file, LOCK_EX | LOCK_NB) == 0 &&
-                    ::lstat(path.c_str(), &named) == 0 && opened.st_dev == named.st_dev &&
-                    opened.st_ino == named.st_ino;
-  if (dead) ::unlink(path.c_str());
-  ::close(file);
-}
-
-void remove_leftovers(const std::string& folder, const std::string& name) {
-  std::error_code ignored;
-  for (fs::directory_iterator entry(folder, ignored), end; !ignored && entry != end;
-       entry.increment(ignored)) {
-    if (is_temporary(entry->path().filename().string(), name))
-      remove_if_left(entry->path().string());
-  }
-}
+constexpr int kMostTries = 100;
 
 std::string folder_of(const fs::path& path) {
   return path.has_parent_path() ? path.parent_path().string() : ".";
@@ -85,20 +50,21 @@ OutputFile::OutputFile(const std::string& path)
     : path_(path), target_(output_place(path)), folder_(folder_of(target_)), folders_(folder_) {
   if (target_.empty()) fail("it is a link that leads to no file");
   struct stat there {};
-  const bool replaces = ::stat(path_.c_str(), &there) == 0;
-  if (replaces && !S_ISREG(there.st_mode)) {
-    fail("there is something of that name that is not a file");
+  if (::stat(path_.c_str(), &there) == 0) {
+    if (!S_ISREG(there.st_mode)) fail("there is something of that name that is not a file");
+    replaced_ = there;
   }
   check_folder();
   name_ = fs::path(target_).filename().string();
-  remove_leftovers(folder_, name_);
+  remove_leftovers(folder_, name_, replaced_ ? there.st_uid : ::geteuid());
+  // Until it has the mode of what it replaces nobody else may look into it.
+  const mode_t mode = replaced_ ? 0600 : 0666;
   if (::access("/proc/self/fd", X_OK) == 0) {
-    descriptor_ = ::open(folder_.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
+    descriptor_ = ::open(folder_.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, mode);
     nameless_ = descriptor_ >= 0;
     if (nameless_) ::flock(descriptor_, LOCK_EX | LOCK_NB);  // it has no name: nobody else can
   }
-  if (descriptor_ < 0) open_named();
-  if (replaces) keep_mode(there);
+  if (descriptor_ < 0) open_named(mode);
   stream_ = ::fopencookie(this, "w", {nullptr, write_piece, seek, nullptr});
   if (stream_ == nullptr) {
     ::close(descriptor_);
@@ -108,10 +74,19 @@ OutputFile::OutputFile(const std::string& path)
   std::setvbuf(stream_, nullptr, _IOFBF, 256 << 10);
 }
 
-void OutputFile::check_folder() const {
+/// A job that failed removes the folders that it made and that are empty, as this one's are until
+/// its file has a name.
+bool OutputFile::folder_is_back(int& tries) {
+  if (errno != ENOENT || ++tries > kMostTries) return false;
+  folders_.make(folder_);
+  return true;
+}
+
+void OutputFile::check_folder() {
   struct stat status {};
-  if (::stat(folder_.c_str(), &status) != 0)
-    fail(fmt::format("{}: {}", folder_, std::strerror(errno)));
+  for (int tries = 0; ::stat(folder_.c_str(), &status) != 0;) {
+    if (!folder_is_back(tries)) fail(fmt::format("{}: {}", folder_, std::strerror(errno)));
+  }
   if (!S_ISDIR(status.st_mode)) fail(fmt::format("{} is not a folder", folder_));
 }
 
@@ -121,11 +96,12 @@ void OutputFile::next_temporary() {
       (fs::path(folder_) / fmt::format(".{}.{}-{}.tmp", name_, ::getpid(), counter++)).string();
 }
 
-void OutputFile::open_named() {
-  for (;;) {
+void OutputFile::open_named(mode_t mode) {
+  for (int tries = 0;;) {
     next_temporary();
-    descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0666);
+    descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, mode);
     if (descriptor_ < 0 && errno == EEXIST) continue;  // a process of our number elsewhere
+    if (descriptor_ < 0 && folder_is_back(tries)) continue;
     if (descriptor_ < 0) fail(std::strerror(errno));
     // Before it is locked another job may take it for a leftover.
     struct stat named {};
@@ -141,16 +117,19 @@ void OutputFile::open_named() {
 
 void OutputFile::give_temporary_name() {
   const std::string self = fmt::format("/proc/self/fd/{}", descriptor_);
-  while (!has_temporary_) {
+  for (int tries = 0; !has_temporary_;) {
     next_temporary();
     has_temporary_ =
         ::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, temporary_.c_str(), AT_SYMLINK_FOLLOW) == 0;
-    if (!has_temporary_ && errno != EEXIST) fail(std::strerror(errno));
+    if (!has_temporary_ && errno != EEXIST && !folder_is_back(tries)) fail(std::strerror(errno));
   }
 }
 
-/// A file that is replaced keeps its permissions, and its owner as far as that is allowed.
-void OutputFile::keep_mode(const struct stat& old) const {
+/// A file that is replaced keeps its permissions, and its owner as far as that is allowed. They are
+/// given last: what a killed process leaves is then its user's own, who may remove it.
+void OutputFile::keep_mode() const {
+  if (!replaced_) return;
+  const struct stat& old = *replaced_;
   mode_t mode = old.st_mode & 07777;
   struct stat own {};
   if (::fstat(descriptor_, &own) != 0) return;
@@ -221,6 +200,7 @@ void OutputFile::commit() {
   check();
   if (!flushed || ::fsync(descriptor_) != 0) fail(std::strerror(errno));
   if (nameless_) give_temporary_name();
+  keep_mode();
   if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail(std::strerror(errno));
   has_temporary_ = false;
   const int folder = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);

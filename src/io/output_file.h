@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <cstdio>
+#include <optional>
 #include <string>
 
 #include "io/new_folders.h"
@@ -44,15 +45,17 @@ class OutputFile {
   static long write_piece(void* self, const char* bytes, std::size_t count);
   static int seek(void* self, std::int64_t* offset, int whence);
 
-  void check_folder() const;
+  void check_folder();
+  bool folder_is_back(int& tries);
   void next_temporary();
-  void open_named();
+  void open_named(mode_t mode);
   void give_temporary_name();
-  void keep_mode(const struct stat& old) const;
+  void keep_mode() const;
 
   std::string path_, target_;  ///< as given; what it stands for once links are followed
   std::string folder_, name_;  ///< of target_
   NewFolders folders_;
+  std::optional<struct stat> replaced_;  ///< the file of that name, if there is one
   std::string temporary_;
   bool nameless_ = false;
   bool has_temporary_ = false;

@@ -17,6 +17,19 @@ exec 8>&-
 expect 0 transfer source.obj target.obj -o out/o.png --size 64 --no-cache -q
 [[ ! -e out/.o.png.4711-1.tmp ]] || fail 'the file of a dead process stayed'
 
+# Also one that nobody may write to, and for root one that belongs to whom the output belongs to.
+if [[ $(id -u) == 0 ]] && command -v setpriv >/dev/null; then
+  chmod 755 "$work" && chmod 777 out
+  touch out/.o.png.6-6.tmp && chown 65534:65534 out/.o.png.6-6.tmp out/o.png
+  expect 0 transfer source.obj target.obj -o out/o.png --size 64 --no-cache -q
+  [[ ! -e out/.o.png.6-6.tmp ]] || fail 'a leftover of the owner of the output stayed'
+  touch out/.o.png.6-6.tmp && chmod 444 out/.o.png.6-6.tmp && chown 65534:65534 out/.o.png.6-6.tmp
+  setpriv --reuid 65534 --clear-groups "$POUNCE" transfer source.obj target.obj -o out/o.png --size 64 --no-cache -q \
+    2>"$err" || fail 'the job as nobody'
+  [[ ! -e out/.o.png.6-6.tmp ]] || fail 'a leftover without write permission stayed'
+  rm -f out/o.png
+fi
+
 # A job's own file is locked while it has a name: many at once, each with the same output, do not hurt each other.
 for i in 1 2 3 4; do "$POUNCE" transfer source.obj target.obj -o out/o.png --size 256 --no-cache -q 2>>"$err" & done
 wait
