@@ -310,7 +310,9 @@ class TransferJob {
     const PageResult result = project_page(projector, page, texels);
     tally_->add_page(p, page, texels, &result);
     const bool may_stay_empty = model_ || (has_tiles() && options_.onto.empty());
-    if (result.covered.front() > 0 || !may_stay_empty) write_page(p, page, texels, result);
+    const bool found = std::any_of(result.covered.begin(), result.covered.end(),
+                                   [](std::uint64_t covered) { return covered > 0; });
+    if (found || !may_stay_empty) write_page(p, page, texels, result);
   }
 
   /// Does each tile of the target's UVs have an image of its own?

@@ -30,3 +30,12 @@ expect 0 "${job[@]}" # baseColor stays
 said
 expect 0 transfer source.obj target.obj -o 'p.<UDIM>.png' --max-distance 1 --no-cache
 err_has 'no texel of UDIM 1002, 1003 found a source; no image was written for that'
+
+# A page of which the first channel has no source is written for what the second found.
+printf 'v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 1 0\nvt 2 0\nvt 2 1\nvt 1 1\n' >two.obj
+printf 'f 1/1 2/2 3/3 4/4\nf 2/5 5/6 6/7 3/8\n' >>two.obj
+image base.1001.ppm 8 8 9 99 9
+for udim in 1001 1002; do image glow.$udim.ppm 8 8 9 9 99; done
+expect 0 transfer two.obj two.obj -o 'q.<CHANNEL>.<UDIM>.png' --size 8 --no-cache \
+  --source-texture 'baseColor=base.<UDIM>.ppm' --source-texture 'emissive=glow.<UDIM>.ppm'
+[[ -e q.emissive.1002.png ]] || fail "what the second channel found is lost: $(ls)"
