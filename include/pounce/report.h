@@ -133,4 +133,8 @@ struct Report {
 /// The report as JSON with the keys of docs/report.md. Ends with a newline.
 std::string to_json(const Report& report);
 
+/// Writes it into a file, which appears whole or not at all, as outputs do: links stay, what is
+/// replaced hands on its permissions, missing folders are made. Throws Error(storage).
+void save_report(const Report& report, const std::string& path);
+
 }  // namespace pounce

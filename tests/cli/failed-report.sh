@@ -74,3 +74,26 @@ expect 0 transfer source.obj target.obj -o o.png --progress json
 [[ $(last) == '{"end":"done","exit_status":0}' ]] || fail 'the last line of a job that is done'
 expect 0 transfer source.obj target.obj -o o.png --report r.json -q
 report_has '"failure": null'
+
+# Where it is the report that cannot be written, the last line says so, too.
+mkdir folder
+touch file
+for report in /dev/full folder file/r.json; do
+  expect 5 transfer source.obj target.obj -o o.png --report "$report" --progress json
+  [[ $(last) == '{"end":"failed","exit_status":5,"kind":"storage","message":"'* ]] || fail "the last line: $report"
+  ! grep -v '^{' "$err" || fail 'text among JSON lines'
+  expect 5 transfer source.obj target.obj -o o.png --report "$report"
+  [[ $(grep -c '^pounce: ' "$err") == 1 ]] || fail 'not said once'
+done
+expect 2 maps target.obj -o '<CHANNEL>.jpg' --report /dev/full --progress json
+[[ $(last) == '{"end":"failed","exit_status":2,'* ]] || fail 'the last line with two errors'
+grep -q '^{"warning":"/dev/full' "$err" || fail 'no warning of the report'
+got=0
+"$POUNCE" transfer source.obj target.obj -o o.png --plan --progress json >/dev/full 2>"$err" || got=$?
+[[ $got == 5 && $(last) == '{"end":"failed","exit_status":5,'* ]] || fail "a plan that cannot be written: $got"
+# What was noticed until then is said before the error, unless --quiet.
+rm source.mtl
+expect 3 transfer source.obj target.obj -o o.png
+grep -q '^pounce: warning: source.obj: material file source.mtl cannot be read' "$err" || fail 'no warnings of a failed job'
+expect 3 transfer source.obj target.obj -o o.png -q
+! grep -q 'warning' "$err" || fail 'warnings of a quiet job'

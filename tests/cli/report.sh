@@ -28,3 +28,12 @@ for name in target.obj skin.ppm o.1001.png ./SOURCE.OBJ; do
   err_has 'expected a name for JSON'
   cmp target.obj before.obj || fail "$name was replaced"
 done
+# What a killed job left of it goes; what is replaced keeps its permissions.
+rm -f r.json
+touch .r.json.123-0.tmp
+echo '{}' >r.json
+chmod 600 r.json
+expect 0 transfer source.obj target.obj -o o.png --report r.json -q
+[[ $(stat -c %a r.json) == 600 ]] || fail "mode 600 became $(stat -c %a r.json)"
+[[ ! -e .r.json.123-0.tmp ]] || fail 'a leftover stayed'
+grep -q '"covered": 256' r.json || fail 'the report was not replaced'

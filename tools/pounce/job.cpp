@@ -14,6 +14,7 @@
 #include <cstring>
 #include <exception>
 #include <filesystem>
+#include <new>
 
 #include "pounce/error.h"
 #include "summary.h"
@@ -91,13 +92,8 @@ void check_report_folder(const std::string& path) {
   }
 }
 
-/// Writes beside, then renames: a reader sees the whole report or none.
-void write_file(const std::string& path, const std::string& text) {
-  const bool in_place = is_written_in_place(path);
-  std::error_code ignored;  // open() says what is wrong
-  std::filesystem::create_directories(folder_of(path), ignored);
-  const std::string beside = in_place ? path : fmt::format("{}.{}.tmp", path, getpid());
-  const int file = open(beside.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+void write_in_place(const std::string& path, const std::string& text) {
+  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) cannot("the report cannot be created", path);
   std::size_t written = 0;
   while (written < text.size()) {
@@ -106,16 +102,9 @@ void write_file(const std::string& path, const std::string& text) {
     if (count < 0) break;
     written += static_cast<std::size_t>(count);
   }
-  bool whole = written == text.size() && (in_place || fsync(file) == 0);
-  int reason = errno;
-  if (close(file) != 0 && whole) {
-    whole = false;
-    reason = errno;
-  }
-  if (whole && (in_place || std::rename(beside.c_str(), path.c_str()) == 0)) return;
-  if (whole) reason = errno;
-  if (!in_place) unlink(beside.c_str());
-  errno = reason;
+  const int reason = errno;
+  if (close(file) == 0 && written == text.size()) return;
+  if (written < text.size()) errno = reason;
   cannot("the report cannot be written", path);
 }
 
@@ -123,25 +112,34 @@ void write_file(const std::string& path, const std::string& text) {
 void write_report(const std::string& path, const Report& report) {
   if (path == "-") {
     write_stdout(to_json(report));
+  } else if (is_written_in_place(path)) {
+    write_in_place(path, to_json(report));
   } else if (!path.empty()) {
-    write_file(path, to_json(report));
+    save_report(report, path);
   }
 }
 
 /// A report that cannot be written does not hide why the job failed.
-void write_failed_report(const std::string& path, const Report& report) {
+void write_failed_report(const std::string& path, ProgressKind kind, Report& report) {
   try {
     write_report(path, report);
   } catch (const Error& error) {
-    write_stderr(fmt::format("pounce: warning: {}\n", visible_line(error.what())));
+    if (kind == ProgressKind::json) {
+      report.warnings.push_back(error.what());
+    } else {
+      write_stderr(fmt::format("pounce: warning: {}\n", visible_line(error.what())));
+    }
   }
 }
 
 /// Of what the library did not turn into an error of its own.
 Failure failure_of(const std::exception& error) {
+  const bool no_memory = dynamic_cast<const std::bad_alloc*>(&error) != nullptr;
   const auto* known = dynamic_cast<const Error*>(&error);
-  const ErrorKind kind = known != nullptr ? known->kind() : ErrorKind::internal;
-  return {error_kind_name(kind), exit_status(kind), error.what()};
+  const ErrorKind kind = known != nullptr ? known->kind()
+                         : no_memory      ? ErrorKind::budget
+                                          : ErrorKind::internal;
+  return {error_kind_name(kind), exit_status(kind), no_memory ? "out of memory" : error.what()};
 }
 
 bool has_enough(const Report& report) {
@@ -164,7 +162,6 @@ void write_stderr(const std::string& text) {
 }
 
 int run_job(const JobSettings& settings, const std::function<void(Progress*, Report*)>& job) {
-  check_report_folder(settings.report_path);
   Progress progress;
   const SignalsCancel signals(progress);
   const ProgressKind kind = settings.quiet ? ProgressKind::none : choose_kind(settings.progress);
@@ -172,13 +169,24 @@ int run_job(const JobSettings& settings, const std::function<void(Progress*, Rep
   progress.on_event = [&bar](const ProgressEvent& event) { bar.show(event); };
 
   Report report;
-  const double begin_s = monotonic_seconds();
+  double wall_s = 0;
+  int status = 0;
+  bool is_of_report = true;  // what is done now: it would only fail again
   try {
+    check_report_folder(settings.report_path);
+    is_of_report = false;
+    const double begin_s = monotonic_seconds();
     job(&progress, &report);
+    wall_s = monotonic_seconds() - begin_s;
+    bar.finish();
+    status = has_enough(report) ? 0 : kBelow;
+    is_of_report = true;
+    write_report(settings.report_path, report);
+    if (settings.plan_only && settings.report_path != "-") write_stdout(plan_text(report));
   } catch (const std::exception& error) {
     bar.finish();
     if (!report.failure) report.failure = failure_of(error);
-    write_failed_report(settings.report_path, report);
+    if (!is_of_report) write_failed_report(settings.report_path, kind, report);
     if (kind != ProgressKind::json) {
       // What was noticed until then may be why.
       if (!settings.quiet) write_stderr(warnings_text(report));
@@ -187,11 +195,6 @@ int run_job(const JobSettings& settings, const std::function<void(Progress*, Rep
     write_stderr(warnings_json(report) + end_line(report, report.failure->exit_status));
     return report.failure->exit_status;
   }
-  const double wall_s = monotonic_seconds() - begin_s;
-  bar.finish();
-  const int status = has_enough(report) ? 0 : kBelow;
-  write_report(settings.report_path, report);
-  if (settings.plan_only && settings.report_path != "-") write_stdout(plan_text(report));
   // A program that reads JSON lines gets nothing else; the report has the figures.
   if (kind == ProgressKind::json) {
     write_stderr(warnings_json(report) + end_line(report, status));
