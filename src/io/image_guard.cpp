@@ -20,6 +20,9 @@ constexpr std::uint64_t kMostExrHeaderBytes = 8 << 20;
 /// The largest field of a TIFF that makes pixels, but for the places of its strips or tiles.
 constexpr std::uint64_t kMostTiffFieldBytes = 1 << 20;
 constexpr std::uint64_t kMostTiffFields = 4096;  // as libtiff
+/// libtiff keeps 16 bytes for each strip or tile, and twice that while it reads the lists: no
+/// budget knows of it. 65536 x 65536 in tiles of 64 x 64 are as many.
+constexpr std::uint64_t kMostTiffParts = 1 << 20;
 /// Pictures are in one or a few pieces; what is cut into more was made to be.
 constexpr std::size_t kMostPieces = 256;
 constexpr std::uint64_t kLargestSide = 65536;
@@ -292,7 +295,8 @@ TiffDirectory tiff_directory(Cursor& at) {
   return found;
 }
 
-/// libtiff makes room for as many strips or tiles as the size asks for.
+/// libtiff makes room for as many strips or tiles as the size asks for, and for as many as are
+/// listed.
 void check_tiff_parts(Cursor& at, const TiffDirectory& directory) {
   const std::uint64_t width = directory.value(kWidth, 1), height = directory.value(kHeight, 1);
   if (width > kLargestSide || height > kLargestSide) {
@@ -304,12 +308,15 @@ void check_tiff_parts(Cursor& at, const TiffDirectory& directory) {
   const std::uint64_t parts = ((width - 1) / across + 1) * ((height - 1) / down + 1);
   std::uint64_t listed = 0;
   for (const TiffField& field : directory.fields) {
-    if (field.tag == kStripOffsets || field.tag == kTileOffsets)
-      listed = std::max(listed, std::min(field.count, at.size()));
+    const bool places = field.tag == kStripOffsets || field.tag == kStripBytes ||
+                        field.tag == kTileOffsets || field.tag == kTileBytes;
+    if (places) listed = std::max(listed, field.count);
   }
-  if (parts > (1U << 20) && listed < parts) {
-    at.refuse(fmt::format("the TIFF should be in {} parts and lists {}; the file is damaged", parts,
-                          listed));
+  if (std::max(parts, listed) > kMostTiffParts) {
+    at.refuse(
+        fmt::format("the TIFF is in {} strips or tiles, of which up to {} can be read; save "
+                    "it with larger ones",
+                    std::max(parts, listed), kMostTiffParts));
   }
 }
 

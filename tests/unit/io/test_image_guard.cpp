@@ -261,6 +261,14 @@ TEST_CASE("fields of a TIFF that make no pixels are never read", "[image]") {
              Contains("field 347"));
 }
 
+TEST_CASE("a TIFF in too many parts is refused unread", "[image]") {
+  const std::string tiff = image_file(".tif");
+  // As many places as 65536 x 65536 texels in tiles of 16 x 16 have.
+  const std::string places((std::size_t{1} << 24) * 4, '\0');
+  CHECK_THAT(refusal(with_tiff_field(tiff, 324, 4, 1 << 24, places)),
+             Contains("in 16777216 strips or tiles"));
+}
+
 TEST_CASE("an EXR header that is larger than any in use is refused unread", "[image]") {
   const std::string exr = image_file(".exr", Depth::half);
   CHECK_THAT(refusal(with_exr_attribute(exr, 2'000'000'000, "")),
