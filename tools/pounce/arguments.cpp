@@ -9,6 +9,7 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <system_error>
 
 #include "pounce/error.h"
@@ -190,12 +191,13 @@ std::size_t foreign_token_end(const std::string& text, std::size_t at, bool& is_
   const auto is_letter = [](unsigned char c) { return std::isalpha(c) != 0; };
   const auto next = [&](std::size_t i) { return i < text.size() ? text[i] : '\0'; };
   is_tile = false;
-  if (text[at] == '%') {  // %(UDIM)d, %04d
+  if (text[at] == '%') {  // %(UDIM)d, %04d; a %d alone may be a word's ("100%done")
     const std::size_t close = next(at + 1) == '(' ? text.find(')', at) : at;
     is_tile = close != at;
     if (close == std::string::npos) return 0;
     const std::size_t end = run_end(text, close + 1, is_digit);
-    return next(end) == 'd' || (is_tile && next(end) == 's') ? end + 1 : 0;
+    const bool is_number = next(end) == 'd' && (is_tile || end > close + 1);
+    return is_number || (is_tile && next(end) == 's') ? end + 1 : 0;
   }
   if (text[at] == '$') {  // $F, $F4, ${F}, $UDIM
     const std::size_t begin = at + (next(at + 1) == '{' ? 2 : 1);
@@ -218,12 +220,14 @@ std::size_t foreign_token_end(const std::string& text, std::size_t at, bool& is_
   return 0;
 }
 
-/// Refuses what stands for a tile or a frame in other programs: here it would be a name like any.
-void check_foreign_tokens(const std::string& option, const std::string& text) {
-  for (std::size_t at = 0; at < text.size(); ++at) {
+/// Refuses what stands for a tile, or unless `tiles_only` for a frame, in other programs: here it
+/// would be a name like any. `text` is looked at from `at` on.
+void check_foreign_tokens(const std::string& option, const std::string& text, std::size_t at,
+                          bool tiles_only) {
+  for (; at < text.size(); ++at) {
     bool is_tile = false;
     const std::size_t end = foreign_token_end(text, at, is_tile);
-    if (end == 0) continue;
+    if (end == 0 || (tiles_only && !is_tile)) continue;
     const std::string token = text.substr(at, end - at);
     refuse(option, text,
            is_tile
@@ -237,7 +241,6 @@ void check_foreign_tokens(const std::string& option, const std::string& text) {
 /// Refuses anything between < and > that is not one of `tokens`.
 void check_tokens(const std::string& option, const std::string& text,
                   const std::vector<std::string>& tokens) {
-  check_foreign_tokens(option, text);
   for (std::size_t begin = text.find('<'); begin != std::string::npos;
        begin = text.find('<', begin + 1)) {
     const std::size_t end = text.find('>', begin);
@@ -250,6 +253,11 @@ void check_tokens(const std::string& option, const std::string& text,
   }
 }
 
+/// Of an output. Folders may be called what they like: they are there already.
+void check_file_name(const std::string& option, const std::string& text) {
+  check_foreign_tokens(option, text, text.rfind('/') + 1, false);  // npos + 1 is 0
+}
+
 }  // namespace
 
 SourceTexture parse_source_texture(const std::string& option, const std::string& text) {
@@ -258,6 +266,9 @@ SourceTexture parse_source_texture(const std::string& option, const std::string&
     refuse(option, text, "CHANNEL=PATH, for example baseColor=skin.png");
   }
   SourceTexture texture{parse_channel(option, text.substr(0, equals)), text.substr(equals + 1)};
+  std::error_code unknown;
+  if (!std::filesystem::exists(texture.path, unknown))
+    check_foreign_tokens(option, text, equals + 1, true);
   check_tokens(option, text, {"<UDIM>", "<UVTILE>"});
   return texture;
 }
@@ -269,6 +280,7 @@ std::string parse_image_pattern(const std::string& option, const std::string& te
       refuse(option, text, "an image (.png, .jpg, .tif, .exr)");
     }
   }
+  check_file_name(option, text);
   check_tokens(option, text, {"<CHANNEL>", "<MATERIAL>", "<TARGET>", "<UDIM>", "<UVTILE>"});
   return text;
 }
@@ -277,6 +289,7 @@ std::string parse_output(const std::string& option, const std::string& text) {
   const bool is_model = ends_with(lower(text), ".glb") || ends_with(lower(text), ".gltf");
   if (!is_model) return parse_image_pattern(option, text);
   parse_path(option, text);
+  check_file_name(option, text);
   check_tokens(option, text, {"<TARGET>"});
   return text;
 }
