@@ -17,7 +17,8 @@ mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::str
                      bool allow_external, bool keep_rest = false);
 
 /// Throws Error(input) where the source has no texture, but this target has: they are in the wrong
-/// order.
+/// order. A source whose material files are missing may have some; Error(storage) if one is there
+/// and cannot be read.
 void refuse_swapped(const mesh::Mesh& source, const mesh::Mesh& target);
 bool has_textures(const mesh::Mesh& mesh);
 

@@ -21,3 +21,25 @@ err_has 'no material has a baseColor texture (its material file source.mtl canno
 expect 3 transfer source.obj target.obj -o 'o.<CHANNEL>.png'
 err_has 'has no textures (its material file source.mtl cannot be read: put it back)'
 expect 0 transfer source.obj target.obj -o o.png --source-texture baseColor=skin.ppm -q
+# Also where the target has textures: nothing is swapped.
+quad textured skin.ppm
+for harm in 'rm source.mtl' 'mkfifo source.mtl'; do
+  rm -f source.mtl
+  [[ $harm == rm* ]] || $harm
+  expect 3 transfer source.obj textured.obj -o o.png
+  err_has 'no material has a baseColor texture (its material file source.mtl cannot be read'
+  ! grep -q 'swap' "$err" || fail 'nothing is swapped'
+done
+rm source.mtl
+quad source skin.ppm
+chmod 0 source.mtl
+if [[ $(id -u) != 0 ]]; then
+  expect 5 transfer source.obj textured.obj -o o.png
+  err_has 'source.mtl: cannot open: Permission denied'
+elif command -v setpriv >/dev/null; then
+  chmod 755 "$work"
+  got=0
+  setpriv --reuid 65534 --clear-groups "$POUNCE" transfer source.obj textured.obj -o o.png --no-cache >"$out" 2>"$err" || got=$?
+  [[ $got == 5 ]] || fail "exit status $got, not 5, for a material file that may not be read"
+  err_has 'source.mtl: cannot open: Permission denied'
+fi
