@@ -148,7 +148,8 @@ std::string inspect_text(const std::string& path, bool allow_external) {
   Json file = with_own_errors([&] { return describe_file(path, allow_external); });
   join_lines(file);
   const std::string type = file["type"].get<std::string>();
-  std::string text = fmt::format("{}: {}\n", path, type == "pack" ? "tile pack" : type);
+  std::string text =
+      fmt::format("{}: {}\n", file["file"].get<std::string>(), type == "pack" ? "tile pack" : type);
   if (type == "mesh") return text + io::mesh_text(file);
   if (type == "splats") return text + io::splats_text(file);
   if (type == "image") return text + io::image_text(file) + "\n";

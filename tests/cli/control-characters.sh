@@ -36,3 +36,17 @@ plain "$err"
 err_has 'wrote o\u001b[7m\u000a.png'
 expect 2 transfer source.obj target.obj -o o.png --size $'\x1b[2J'
 plain "$err"
+
+# A usage error is one line, too, whatever was given; so is a name that is compared or inspected.
+forged=$'x\npounce: error: forged'
+for words in "-o|$forged.xyz" "--size|$forged"; do
+  got=0
+  "$POUNCE" transfer a.glb b.glb -o o.png "${words%%|*}" "${words#*|}" >"$out" 2>"$err" || got=$?
+  [[ $got == 2 && $(grep -c '^pounce: error' "$err") == 1 ]] || fail "a forged line: ${words%%|*}"
+done
+mask "$forged" 2 2 10 20 30 40
+mask plain.pgm 2 2 40 30 20 10
+expect 1 compare "$forged" plain.pgm --min-psnr 90
+[[ $(grep -c '^pounce: ' "$err") == 1 ]] || fail 'a forged line: compare'
+expect 0 inspect "$forged"
+! grep -q '^pounce: error' "$out" || fail 'a forged line: inspect'

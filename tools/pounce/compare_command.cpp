@@ -11,6 +11,7 @@
 #include "pounce/compare.h"
 #include "shared_options.h"
 #include "summary.h"
+#include "visible.h"
 
 namespace pounce::cli {
 namespace {
@@ -65,7 +66,8 @@ int run_comparison(const Settings& settings) {
   write_stdout(settings.json ? comparison_json(result, passed) : comparison_text(result));
   if (!passed) {
     write_stderr(fmt::format("pounce: {} and {}: {:.2f} dB, below the {:g} dB asked for\n",
-                             settings.a, settings.b, result.psnr_db, *settings.min_psnr_db));
+                             visible_line(settings.a), visible_line(settings.b), result.psnr_db,
+                             *settings.min_psnr_db));
   }
   return passed ? 0 : kBelowThreshold;
 }

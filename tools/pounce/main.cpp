@@ -45,7 +45,8 @@ int usage_error(const CLI::App& program, const std::string& message) {
     command = command->get_subcommands().front();
     name += " " + command->get_name();
   }
-  pounce::cli::write_stderr("pounce: error: " + message + "\nTry '" + name + " --help'.\n");
+  pounce::cli::write_stderr("pounce: error: " + pounce::cli::visible_line(message) + "\nTry '" +
+                            name + " --help'.\n");
   return pounce::exit_status(pounce::ErrorKind::usage);
 }
 
