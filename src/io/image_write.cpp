@@ -237,7 +237,10 @@ struct ImageWriter::Impl {
   }
 
   ~Impl() {
-    // An encoder that is closed early complains about missing rows; nobody wants to know.
+    // An encoder that is closed early complains about missing rows; nobody wants to know. libpng
+    // says so on the standard error output, unless it has put out something.
+    if (output && next_row < spec.height && std::string_view(output->format_name()) == "png")
+      write_noise();
     if (output) output->close();
     if (output) output->geterror();
   }
@@ -255,6 +258,19 @@ struct ImageWriter::Impl {
     premultiply = foreign.alpha_channel >= 0 && std::string_view(format.name) == "openexr" &&
                   !spec.premultiplied;
     if (!output->open(path, foreign)) fail();
+  }
+
+  /// Rows that do not deflate, enough to make the encoder put some out.
+  void write_noise() {
+    constexpr std::size_t kEnough = 512 << 10;
+    std::vector<std::byte> noise(row_bytes_of(spec));
+    std::uint32_t state = 1;
+    for (std::size_t done = 0; done < kEnough && next_row < spec.height; done += noise.size()) {
+      for (std::byte& b : noise)
+        b = static_cast<std::byte>((state = state * 1664525 + 1013904223) >> 24);
+      const int y = static_cast<int>(next_row++);
+      if (!output->write_scanline(y, 0, type_of(spec.depth), noise.data())) return;
+    }
   }
 
   /// Throws if any byte so far did not reach the file.

@@ -6,6 +6,7 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 #include <csignal>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <thread>
@@ -299,5 +300,25 @@ TEST_CASE("a scratch file that fails ends the encoding with its reason", "[image
     files.restart({at, false, true});
     CAPTURE(at);
     CHECK(failure(ErrorKind::storage, encode) != "written");
+  }
+}
+
+TEST_CASE("a PNG that is given up says nothing on the standard error output", "[image]") {
+  const test::TempFolder folder;
+  const std::string said = folder.file("stderr");
+  for (const std::uint32_t rows : {0U, 1U, 500U}) {
+    std::fflush(stderr);
+    const int kept = ::dup(2);
+    REQUIRE(std::freopen(said.c_str(), "w", stderr) != nullptr);
+    {
+      const io::ImageWriteSpec spec{1000, 1000, 3, Depth::u8, false, false};
+      io::ImageWriter writer(folder.file("a.png"), spec);
+      const std::vector<std::byte> row(3000);
+      for (std::uint32_t y = 0; y < rows; ++y) writer.write_rows(1, row.data());
+    }
+    std::fflush(stderr);
+    ::dup2(kept, 2);
+    ::close(kept);
+    CHECK(test::read_file(said).empty());
   }
 }
