@@ -37,8 +37,6 @@ const char* advice(int code) {
     case EMFILE:
     case ENFILE:
       return "; raise the limit of open files (ulimit -n)";
-    case EACCES:
-    case EPERM:
     case EROFS:
       return "; choose a folder that this user may write to";
     case ENOLCK:
@@ -50,9 +48,23 @@ const char* advice(int code) {
   }
 }
 
-[[noreturn]] void fail(const std::string& path, const char* what, int code) {
-  throw Error(ErrorKind::storage, fmt::format("{}: cannot {}: {}{}", path, what,
-                                              std::generic_category().message(code), advice(code)));
+[[noreturn]] void fail(const std::string& path, const char* what, int code,
+                       const char* cure = nullptr) {
+  throw Error(ErrorKind::storage,
+              fmt::format("{}: cannot {}: {}{}", path, what, std::generic_category().message(code),
+                          cure != nullptr ? cure : advice(code)));
+}
+
+/// Where something should have been written or removed.
+[[noreturn]] void fail_to_change(const std::string& path, const char* what, int code) {
+  const bool forbidden = code == EACCES || code == EPERM;
+  fail(path, what, code, forbidden ? "; choose a folder that this user may write to" : nullptr);
+}
+
+bool is_regular(int fd, const std::string& path) {
+  struct stat status {};
+  if (::fstat(fd, &status) != 0) fail(path, "look at it", errno);
+  return S_ISREG(status.st_mode);
 }
 
 /// A file descriptor that is closed with this object.
@@ -65,6 +77,7 @@ class Descriptor {
   Descriptor(const Descriptor&) = delete;
   Descriptor& operator=(const Descriptor&) = delete;
   int get() const { return fd_; }
+  int release() { return std::exchange(fd_, -1); }
 
  private:
   int fd_;
@@ -149,10 +162,12 @@ class PosixReadFile final : public ReadFile {
     struct stat status {};
     if (::fstat(fd_.get(), &status) != 0) fail(path_, "read the size", errno);
     if (!S_ISREG(status.st_mode)) {
-      throw Error(ErrorKind::storage,
-                  fmt::format("{}: cannot read: it is {}, not a file; write what should be read "
-                              "into a file first",
-                              path_, kind_of_file(status.st_mode)));
+      throw Error(
+          ErrorKind::storage,
+          fmt::format("{}: cannot read: it is {}, not a file; {}", path_,
+                      kind_of_file(status.st_mode),
+                      S_ISDIR(status.st_mode) ? "name a mesh, a splat scene or an image in it"
+                                              : "write what should be read into a file first"));
     }
     size_ = static_cast<std::uint64_t>(status.st_size);
   }
@@ -282,7 +297,7 @@ class PosixFileSystem final : public FileSystem {
 
   std::unique_ptr<WriteFile> create(const std::string& path) override {
     const int fd = open_retrying(path.c_str(), O_RDWR | O_CREAT | O_EXCL, 0666);
-    if (fd < 0) fail(path, "create", errno);
+    if (fd < 0) fail_to_change(path, "create", errno);
     return std::make_unique<PosixWriteFile>(fd, path);
   }
 
@@ -296,7 +311,7 @@ class PosixFileSystem final : public FileSystem {
       fd = ::mkostemp(path.data(), O_CLOEXEC);
       if (fd >= 0) ::unlink(path.c_str());
     }
-    if (fd < 0) fail(where, "create a scratch file there", errno);
+    if (fd < 0) fail_to_change(where, "create a scratch file there", errno);
     return std::make_unique<PosixWriteFile>(fd, name);
   }
 
@@ -309,18 +324,18 @@ class PosixFileSystem final : public FileSystem {
 
   void rename(const std::string& from, const std::string& to) override {
     if (::rename(from.c_str(), to.c_str()) != 0) {
-      fail(from, fmt::format("rename to {}", to).c_str(), errno);
+      fail_to_change(from, fmt::format("rename to {}", to).c_str(), errno);
     }
   }
 
   void remove(const std::string& path) override {
-    if (::unlink(path.c_str()) != 0 && errno != ENOENT) fail(path, "remove", errno);
+    if (::unlink(path.c_str()) != 0 && errno != ENOENT) fail_to_change(path, "remove", errno);
   }
 
   void make_folders(const std::string& path) override {
     std::error_code code;
     std::filesystem::create_directories(path, code);
-    if (code) fail(path, "create the folder", code.value());
+    if (code) fail_to_change(path, "create the folder", code.value());
   }
 
   void sync_folder(const std::string& path) override {
@@ -338,7 +353,17 @@ class PosixFileSystem final : public FileSystem {
     const int fd = open_retrying(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW);
     const std::unique_ptr<DIR, int (*)(DIR*)> stream(fd < 0 ? nullptr : ::fdopendir(fd),
                                                      close_folder);
-    if (!stream) fail(folder, "list the folder", errno);
+    if (!stream) {
+      const int reason = errno;
+      struct stat status {};
+      if (::lstat(folder.c_str(), &status) == 0 && S_ISLNK(status.st_mode)) {
+        throw Error(ErrorKind::storage,
+                    fmt::format("{}: cannot list the folder: it is a link, which is not followed "
+                                "there; make a link of the whole cache instead, or bind-mount it",
+                                folder));
+      }
+      fail(folder, "list the folder", reason);
+    }
     std::vector<std::string> names;
     for (;;) {
       errno = 0;
@@ -355,7 +380,7 @@ class PosixFileSystem final : public FileSystem {
   std::unique_ptr<FileLock> try_lock(const std::string& path) override {
     for (;;) {
       auto fd = std::make_unique<Descriptor>(open_to_lock(path.c_str(), O_CREAT, 0666));
-      if (fd->get() < 0) fail(path, "open the lock file", errno);
+      if (fd->get() < 0) fail_to_change(path, "open the lock file", errno);
       if (!lock_now(fd->get(), path, LOCK_EX)) return nullptr;
       if (!is_named(fd->get(), path)) continue;  // its last holder removed it
       // Who holds it is for messages only: on a full disk it stays unknown.
@@ -368,8 +393,10 @@ class PosixFileSystem final : public FileSystem {
   std::unique_ptr<ReadFile> open_held(const std::string& path) override {
     const int fd = open_retrying(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
     if (fd < 0 && (errno == ENOENT || errno == ELOOP)) return nullptr;
+    Descriptor held(fd);
     if (fd < 0) fail(path, "open", errno);
-    auto file = std::make_unique<PosixReadFile>(fd, path);
+    if (!is_regular(fd, path)) return nullptr;
+    auto file = std::make_unique<PosixReadFile>(held.release(), path);
     if (!lock_now(fd, path, LOCK_SH) || !is_named(fd, path)) return nullptr;
     return file;
   }
@@ -381,7 +408,7 @@ class PosixFileSystem final : public FileSystem {
   static std::unique_ptr<WriteFile> create_held_with(const std::string& path, mode_t mode) {
     const int fd = open_retrying(path.c_str(), O_RDWR | O_CREAT | O_EXCL, mode);
     if (fd < 0 && errno == EEXIST) return nullptr;
-    if (fd < 0) fail(path, "create", errno);
+    if (fd < 0) fail_to_change(path, "create", errno);
     auto file = std::make_unique<PosixWriteFile>(fd, path);
     if (!lock_now(fd, path, LOCK_SH) || !is_named(fd, path)) return nullptr;
     return file;
@@ -390,8 +417,10 @@ class PosixFileSystem final : public FileSystem {
   std::unique_ptr<ReadFile> open_private(const std::string& path) override {
     const int fd = open_retrying(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
     if (fd < 0 && (errno == ENOENT || errno == ELOOP || errno == EACCES)) return nullptr;
+    Descriptor held(fd);
     if (fd < 0) fail(path, "open", errno);
-    auto file = std::make_unique<PosixReadFile>(fd, path);
+    if (!is_regular(fd, path)) return nullptr;
+    auto file = std::make_unique<PosixReadFile>(held.release(), path);
     struct stat found {};
     if (::fstat(fd, &found) != 0) fail(path, "look at it", errno);
     const bool ours = found.st_uid == ::geteuid() && (found.st_mode & (S_IWGRP | S_IWOTH)) == 0;
@@ -410,7 +439,7 @@ class PosixFileSystem final : public FileSystem {
         remove(path);
         return true;
       }
-      if (fd.get() < 0) fail(path, "remove", errno);
+      if (fd.get() < 0) fail_to_change(path, "remove", errno);
       if (!lock_now(fd.get(), path, LOCK_EX)) return false;
       if (!is_named(fd.get(), path)) continue;
       remove(path);
@@ -428,7 +457,7 @@ class PosixFileSystem final : public FileSystem {
       return true;
     }
     if (errno == EEXIST) return false;
-    if (!unsupported) fail(from, fmt::format("rename to {}", to).c_str(), errno);
+    if (!unsupported) fail_to_change(from, fmt::format("rename to {}", to).c_str(), errno);
     // Neither that nor hard links (FAT): the lock on the key must do.
     if (exists(to)) return false;
     rename(from, to);
@@ -452,14 +481,14 @@ class PosixFileSystem final : public FileSystem {
   void touch(const std::string& path) override {
     const timespec times[2] = {{0, UTIME_OMIT}, {0, UTIME_NOW}};
     if (::utimensat(AT_FDCWD, path.c_str(), times, AT_SYMLINK_NOFOLLOW) != 0)
-      fail(path, "set its time", errno);
+      fail_to_change(path, "set its time", errno);
   }
 
   void resize(const std::string& path, std::uint64_t size_bytes) override {
-    const Descriptor fd(open_retrying(path.c_str(), O_WRONLY | O_NOFOLLOW));
+    const Descriptor fd(open_retrying(path.c_str(), O_WRONLY | O_NOFOLLOW | O_NONBLOCK));
     if (fd.get() < 0) fail(path, "open", errno);
     while (::ftruncate(fd.get(), static_cast<off_t>(size_bytes)) != 0) {
-      if (errno != EINTR) fail(path, "set its size", errno);
+      if (errno != EINTR) fail_to_change(path, "set its size", errno);
     }
   }
 

@@ -47,6 +47,23 @@ job 0
 cmp o.png expected.png
 [[ $(stat -c %Y elsewhere.pack) == $(date -d 2001-01-01 +%s) ]] || fail 'the time of a file elsewhere was set'
 
+# So does one that is a pipe or a folder; no job waits for it or ends by it.
+for make in mkfifo mkdir; do
+  pristine
+  pack=$(ls cache/v2/colour/*.pack)
+  rm "$pack"
+  $make "$pack"
+  job 0
+  cmp o.png expected.png
+  ! grep -q 'not a file' "$err" || fail "$make stops a job"
+done
+# A link in a folder's place is told as such.
+pristine
+mv cache/v2/geometry elsewhere.geometry
+ln -s "$PWD/elsewhere.geometry" cache/v2/geometry
+expect 5 cache info --cache cache
+err_has 'it is a link, which is not followed'
+
 # Another user's damaged pack, in a folder where each removes their own.
 if [[ $(id -u) == 0 ]] && command -v setpriv >/dev/null &&
   setpriv --reuid 65534 --clear-groups "$POUNCE" --version >/dev/null 2>&1; then
