@@ -15,7 +15,8 @@ cd "$folder"
 if ! compgen -G 'onetbb-*/CMakeLists.txt' >/dev/null; then
   # The machine's own package lists seldom name sources, so this brings its own.
   mkdir -p apt/lists/partial
-  echo 'deb-src [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] http://deb.debian.org/debian bookworm main' \
+  release=$(. /etc/os-release && echo "$VERSION_CODENAME")
+  echo "deb-src [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] http://deb.debian.org/debian $release main" \
     >apt/sources.list
   lists=(-o "Dir::Etc::SourceList=$PWD/apt/sources.list" -o Dir::Etc::SourceParts=/dev/null
     -o "Dir::State::Lists=$PWD/apt/lists")

@@ -81,8 +81,9 @@ void ByteSource::open(const mesh::ImageRef& image) {
   struct stat status {};
   if (descriptor_.get() < 0 || ::fstat(descriptor_.get(), &status) != 0) fail("open", errno);
   if (!S_ISREG(status.st_mode)) {
-    throw Error(ErrorKind::storage, fmt::format("{}: cannot read {}: it is {}, not a file", label_,
-                                                path_, kind_of_file(status.st_mode)));
+    throw Error(ErrorKind::storage,
+                fmt::format("{}: cannot read{}: it is {}, not a file", label_,
+                            label_ == path_ ? "" : " " + path_, kind_of_file(status.st_mode)));
   }
   const auto file_bytes = static_cast<std::uint64_t>(status.st_size);
   offset_bytes_ = image.offset_bytes;
@@ -167,7 +168,8 @@ void ByteSource::fail(const char* what, int reason) const {
 FILE* ByteSource::stream() {
   auto cookie = std::make_unique<Cookie>(Cookie{this, 0});
   FILE* file = ::fopencookie(cookie.get(), "r", {cookie_read, nullptr, cookie_seek, cookie_close});
-  if (file == nullptr) throw Error(ErrorKind::internal, label_ + ": cannot make a stream");
+  if (file == nullptr)
+    throw Error(ErrorKind::budget, label_ + ": no memory to read it; give it more");
   cookie.release();
   // Decoders ask for 4 KB at a time; 64 KB halves the system time of a 100 MB PNG.
   std::setvbuf(file, nullptr, _IOFBF, 64 << 10);

@@ -18,7 +18,7 @@ for name in pipe.png folder.png /dev/zero; do
   at_once "$name" --onto "$name"
   at_once "$name" --onto skin.ppm --mask "$name"
 done
-at_once 'folder.png: cannot read folder.png: it is a folder' --source-texture baseColor=folder.png
+at_once 'folder.png: cannot read: it is a folder' --source-texture baseColor=folder.png
 at_once 'set.<UDIM>.png' --source-texture 'baseColor=set.<UDIM>.png'
 at_once 'skin.ppm/none.png: cannot open: Not a directory' --source-texture baseColor=skin.ppm/none.png
 at_once 'gone.png: cannot open: No such file or directory' --onto gone.png

@@ -71,7 +71,7 @@ void check_stack() {
   if (getrlimit(RLIMIT_STACK, &limit) != 0 || limit.rlim_cur >= kUsualStackBytes) return;
   limit.rlim_cur = std::min<rlim_t>(kUsualStackBytes, limit.rlim_max);
   if (limit.rlim_cur < kLeastStackBytes || setrlimit(RLIMIT_STACK, &limit) != 0)
-    end(ErrorKind::budget, "stacks may be no larger than 1 MiB; raise that limit (ulimit -s)");
+    end(ErrorKind::budget, "stacks need at least 1 MiB; raise their limit (ulimit -s)");
   pthread_attr_t usual;
   if (pthread_attr_init(&usual) != 0) return;
   if (pthread_attr_setstacksize(&usual, limit.rlim_cur) == 0) pthread_setattr_default_np(&usual);
