@@ -27,7 +27,7 @@ mesh::Mesh wavy_sheet() {
   mesh.uv_present.emplace_back();
   for (std::uint32_t j = 0; j <= kCells; ++j) {
     for (std::uint32_t i = 0; i <= kCells; ++i) {
-      const double u = double{i} / kCells, v = double{j} / kCells;
+      const double u = 1.0 * i / kCells, v = 1.0 * j / kCells;
       mesh.positions.push_back({static_cast<float>(u), static_cast<float>(-v),
                                 static_cast<float>(0.02 * std::sin(5 * u) * std::cos(3 * v))});
       mesh.normals.push_back({0, 0, 1});
