@@ -81,8 +81,8 @@ std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
   job->source_store = flow::geometry_store(*job->context, pass.source, &cached);
   job->target_store = flow::geometry_store(*job->context, job->target_plan.requests.at(0), &cached);
   const flow::ColumnPlan& column = job->plan.columns.at(0);
-  job->colours =
-      flow::colour_store(*job->context, {&column.image, &column.info, column.wrap_u, column.wrap_v}, &cached);
+  job->colours = flow::colour_store(
+      *job->context, {&column.image, &column.info, column.wrap_u, column.wrap_v}, &cached);
   job->source_blocks = read_blocks(*job->source_store, *job->context);
   job->target_blocks = read_blocks(*job->target_store, *job->context);
   return job;

@@ -262,8 +262,8 @@ std::unique_ptr<tiles::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   std::vector<std::pair<std::uint64_t, std::vector<float>>> noise;
   std::uint64_t blocks = 0, done = 0;
   const auto write = [&](Slot& slot) {
-    if (blocks > 0 &&
-        (writer.tile_blocks() == tiles::kMostBlocksPerSplatTile || slot.entry.size_class != writer.tile_class())) {
+    if (blocks > 0 && (writer.tile_blocks() == tiles::kMostBlocksPerSplatTile ||
+                       slot.entry.size_class != writer.tile_class())) {
       writer.end_tile(job_.compressor());
       ++job_.report.tiles_written;
     }

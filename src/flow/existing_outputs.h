@@ -20,8 +20,8 @@ bool is_up_to_date(const std::string& output, FileTime inputs);
 
 /// --skip-existing: marks the images (ImageOutput::keep) that are there, with their masks, and
 /// younger than all they are made from: `meshes`, the channel's source images, the image painted
-/// over. What is kept leaves TargetPlan::outputs for TargetPlan::kept. What the job has `made` is no
-/// older work.
+/// over. What is kept leaves TargetPlan::outputs for TargetPlan::kept. What the job has `made` is
+/// no older work.
 void keep_existing(const Plan& plan, FileTime meshes, const std::set<std::string>& made,
                    TargetPlan& target);
 

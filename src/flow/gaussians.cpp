@@ -176,8 +176,8 @@ class GaussiansJob {
     job_->meter.begin("source colours", rows, "rows of tiles", kAfterColours);
     for (const ColumnPlan& column : plan_.columns) {
       bool cached = false;
-      columns_.push_back(
-          colour_store(*job_, {&column.image, &column.info, column.wrap_u, column.wrap_v}, &cached));
+      columns_.push_back(colour_store(
+          *job_, {&column.image, &column.info, column.wrap_u, column.wrap_v}, &cached));
       const tiles::ColourStore& store = *columns_.back();
       if (store.directory().nonfinite > 0) {
         job_->report.source_filtered["nonfinite samples"] += store.directory().nonfinite;

@@ -152,8 +152,7 @@ class MeshProjector : public PageProjector {
       flush();
       projection::close_groups(height, *request_.kernels, work.state);
     }
-    expected_distance_.store(projection::middle_distance(work.state),
-                             std::memory_order_relaxed);
+    expected_distance_.store(projection::middle_distance(work.state), std::memory_order_relaxed);
   }
 
   static bool meets(const tiles::BlockEntry& entry, const std::vector<Box3f>& boxes) {

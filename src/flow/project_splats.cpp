@@ -77,8 +77,8 @@ class SplatProjector : public PageProjector {
   std::shared_ptr<Work> read_piece(const Piece& piece) {
     auto work = std::make_shared<Work>();
     read_packets(job_, *request_.target, piece, request_.smallest_edge,
-                 target::TargetBlock::Start::at_texel, *work,
-                 work->state.packets, work->state.groups);
+                 target::TargetBlock::Start::at_texel, *work, work->state.packets,
+                 work->state.groups);
     projection::start(request_.limits, work->state);
     return work;
   }

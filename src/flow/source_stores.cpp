@@ -33,7 +33,8 @@ void SourceStores::build_columns(double end) {
   job_.meter.begin("source colours", rows, "rows of tiles", end);
   for (const ColumnPlan& column : plan_.columns) {
     bool cached = false;
-    columns_.push_back(colour_store(job_, {&column.image, &column.info, column.wrap_u, column.wrap_v}, &cached));
+    columns_.push_back(
+        colour_store(job_, {&column.image, &column.info, column.wrap_u, column.wrap_v}, &cached));
     all_cached_ = all_cached_ && cached;
     const tiles::ColourDirectory& image = columns_.back()->directory();
     if (image.nonfinite > 0) {

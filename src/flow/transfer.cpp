@@ -160,7 +160,8 @@ class TransferJob {
   void keep_what_is_there() {
     std::vector<std::string> meshes = target_.files;
     meshes.insert(meshes.end(), source_files_.begin(), source_files_.end());
-    if (!model_) return keep_existing(plan_, newest(meshes), job_->run.written_before, target_plan_);
+    if (!model_)
+      return keep_existing(plan_, newest(meshes), job_->run.written_before, target_plan_);
     // A model is made of all its inputs, the images that it takes over among them.
     for (const ColumnPlan& column : plan_.columns) meshes.push_back(column.image.path);
     meshes.insert(meshes.end(), target_plan_.inputs.begin(), target_plan_.inputs.end());

@@ -20,7 +20,7 @@ namespace pounce::mesh {
 namespace {
 
 constexpr std::uint64_t kMostEntries = 1ULL << 24;
-constexpr double kLargeShare = 1.0 / 256;  // of an image
+constexpr double kLargeShare = 1.0 / 256;     // of an image
 constexpr std::uint32_t kConstantRun = 1024;  // triangles of a page without an image, per block
 
 struct KeyedEntry {

@@ -24,7 +24,7 @@ struct alignas(64) TexelPacket {
   /// A power of two, two to four times the largest coordinate of the triangles that own the texels:
   /// distances from here are as exact as this is large (step_of()).
   float coarseness = 0;
-  bool is_inset = false;        ///< some ray starts elsewhere than at its texel's own point
+  bool is_inset = false;  ///< some ray starts elsewhere than at its texel's own point
   /// From the texel's own point to where the ray starts, in whole steps: a little into the owner.
   std::int8_t inset_x[kLanes], inset_y[kLanes], inset_z[kLanes];
 };

@@ -12,8 +12,8 @@
 //   the value is the bilinear lookup of the winner's texture where p + t n meets it
 //
 // The product counts distances in those steps in single precision, of a neighbour in the image if
-// those are coarser, so rivals within sixteen steps of the best are ambiguous unless they would give
-// the same value.
+// those are coarser, so rivals within sixteen steps of the best are ambiguous unless they would
+// give the same value.
 #include "support/reference_transfer.h"
 
 #include <algorithm>

@@ -253,7 +253,9 @@ TEST_CASE("fields of a TIFF that make no pixels are never read", "[image]") {
   const auto samples = reading(tiff).samples;
   for (const int tag : {270, 305, 700, 33723, 34377, 34675, 37724, 60001}) {
     CAPTURE(tag);
-    check_small(with_tiff_field(tiff, static_cast<std::uint16_t>(tag), 7, kMuch, std::string(kMuch, 'x')), samples);
+    check_small(
+        with_tiff_field(tiff, static_cast<std::uint16_t>(tag), 7, kMuch, std::string(kMuch, 'x')),
+        samples);
   }
   // EXIF and GPS directories, wherever they may lead.
   check_small(with_tiff_field(tiff, 34665, 4, 1, "xxxx"), samples);

@@ -162,7 +162,8 @@ TEST_CASE("on a source every covered texel's block holds a cut triangle, none is
   CHECK(whole > 30);
 }
 
-TEST_CASE("a triangle that covers a 256th of its image is in one block, however often it repeats it") {
+TEST_CASE(
+    "a triangle that covers a 256th of its image is in one block, however often it repeats it") {
   Scene scene({image(1024, 1024)});
   scene.add_texels({0, 0}, {120, 0}, {0, 60});      // 3600 texels: less
   scene.add_texels({0, 0}, {128, 0}, {0, 64});      // 4096

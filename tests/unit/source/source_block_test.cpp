@@ -192,7 +192,8 @@ TEST_CASE("patches hold their triangle within the block's window, cut at 16 texe
     const SourceBlock out = maker.make();
     REQUIRE(out.facets.size() == 1);
     const Facet& f = out.facets[0];
-    const bool is_whole = mesh::is_whole(maker.block.texel_corners(maker.lattice, 0), maker.lattice);
+    const bool is_whole =
+        mesh::is_whole(maker.block.texel_corners(maker.lattice, 0), maker.lattice);
     is_whole ? ++whole : ++cut;
     if (is_whole) CHECK(out.patches.size() == 1);
     CHECK(out.patches.size() <= 16);

@@ -213,7 +213,8 @@ TEST_CASE("rays start inside of the triangle that owns their texel, by the inset
       };
       maker.add({corner(), corner(), corner()});
     }
-    const TargetBlock plain(maker.block, kImage, 1e-6F), map(maker.block, kImage, 1e-6F, TargetBlock::Start::inset);
+    const TargetBlock plain(maker.block, kImage, 1e-6F),
+        map(maker.block, kImage, 1e-6F, TargetBlock::Start::inset);
     PageVector<TexelPacket> packets;
     std::vector<PacketGroup> groups;
     map.make_packets(0, packets, groups);
