@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "fuzz/fuzz_support.h"
+#include "io/byte_source.h"
+#include "io/image_guard.h"
+#include "io/image_header.h"
+#include "io/png_check.h"
+#include "mesh/mesh.h"
+
+namespace pounce::fuzz {
+
+/// All that is seen of a source, read in pieces of that many bytes.
+inline std::vector<std::byte> seen(io::ByteSource& source, std::size_t step) {
+  std::vector<std::byte> all(source.size_bytes());
+  for (std::size_t at = 0; at < all.size(); at += step) {
+    const std::size_t wanted = std::min(step, all.size() - at);
+    require(source.read_at(at, all.data() + at, wanted) == wanted, "what is shown can be read");
+  }
+  return all;
+}
+
+inline mesh::ImageRef in_memory(std::vector<std::byte> bytes, const std::string& path) {
+  mesh::ImageRef image;
+  image.label = image.path = path;
+  image.bytes = std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+  return image;
+}
+
+/// What ImageReader does with an image before a foreign decoder sees any of it.
+inline void guard_image(const mesh::ImageRef& image) {
+  io::ByteSource source(image);
+  const std::string format = io::image_format(source, image.path);
+  if (format.empty()) return;
+  const std::uint64_t stored = source.size_bytes();
+  io::hide_metadata(source, format);
+  // The last field of a TIFF's directory and what follows it may be cut off.
+  require(source.size_bytes() <= stored + 16, "nothing is shown that is not there");
+  const std::vector<std::byte> shown = seen(source, 4096);
+  if (shown.size() < 20000) require(shown == seen(source, 7), "it can be read in any pieces");
+  if (format == "png") {
+    io::is_interlaced_png(source);
+    io::PngCheck whole, pieces;
+    whole.see(0, shown.data(), shown.size());
+    for (std::size_t at = 0; at < shown.size(); at += 5)
+      pieces.see(at, shown.data() + at, std::min<std::size_t>(5, shown.size() - at));
+    require(whole.finished() == pieces.finished() && whole.problem() == pieces.problem(),
+            "a PNG is judged alike in any pieces");
+  }
+  // What was hidden once stays hidden, and nothing else goes.
+  if (!shown.empty()) {
+    attempt([&] {
+      io::ByteSource again(in_memory(shown, image.path));
+      if (io::image_format(again, image.path) != format) return;
+      io::hide_metadata(again, format);
+      if (format == "png" || format == "jpeg" || format == "webp")
+        require(seen(again, 4096) == shown, "hiding twice is hiding once");
+    });
+  }
+  if (format == "tiff") io::tiff_says_extra_samples(source);
+  if (format == "jpeg") io::read_jpeg_header(source);
+  if (io::opens_whole(format)) io::read_whole_header(source, format);
+}
+
+}  // namespace pounce::fuzz

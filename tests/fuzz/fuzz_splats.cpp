@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Splat scenes in PLY: header, rows, and the way of what is read into a store's blocks. Half of the
+// mutations give the file as many bytes as its header announces, else few would get beyond it.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <sstream>
+#include <vector>
+
+#include "core/axes.h"
+#include "fuzz/fuzz_support.h"
+#include "io/inspect_splats.h"
+#include "io/splat_format.h"
+#include "io/splat_ply.h"
+#include "tiles/splat_block.h"
+#include "tiles/splat_lattice.h"
+
+namespace pounce::fuzz {
+namespace {
+
+using tiles::Splat;
+
+bool finite(Vec3f v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+void check_splat(const Splat& s) {
+  require(finite(s.mean) && finite(s.sigma) && finite(s.colour) && finite(s.normal),
+          "Gaussians are finite");
+  require(std::min({s.sigma.x, s.sigma.y, s.sigma.z}) >= 0 && tiles::size_of(s) > 0,
+          "Gaussians have a size");
+  require(s.alpha > 0 && s.alpha <= 1, "Gaussians have an opacity");
+  double length = 0;
+  for (const float q : s.rotation) length += double{q} * q;
+  require(std::abs(length - 1) < 1e-4, "Gaussians have a rotation");
+}
+
+/// What a store does with them: rounded, sorted out, ordered, encoded, decoded.
+void store(PageVector<Splat>& splats, const tiles::SplatLattice& lattice) {
+  std::vector<Splat> kept;
+  for (Splat& s : splats) {
+    check_splat(s);
+    tiles::round_for_store(s);
+    if (!lattice.filter(s)) kept.push_back(s);
+  }
+  std::sort(kept.begin(), kept.end(),
+            [&](const Splat& a, const Splat& b) { return lattice.key(a) < lattice.key(b); });
+  for (std::size_t at = 0; at < kept.size(); at += tiles::kMostSplatsPerBlock) {
+    const std::size_t count = std::min(tiles::kMostSplatsPerBlock, kept.size() - at);
+    tiles::SplatBlock block;
+    block.assign(std::span(kept).subspan(at, count));
+    std::vector<std::byte> raw;
+    tiles::encode(block, raw);
+    const tiles::SplatBlock decoded = [&] {
+      try {
+        return tiles::decode_splats(raw, "a block");
+      } catch (const Error& e) {
+        require(false, e.what());
+        throw;
+      }
+    }();
+    for (std::size_t i = 0; i < count; ++i) {
+      require(decoded.splat(i) == kept[at + i], "blocks hold what was put into them");
+      // Of what is far larger than the scene, everything: it must hold what is in it, no more.
+      require(!tiles::splat_box(kept[at + i]).empty(), "Gaussians are in their boxes");
+    }
+  }
+}
+
+void read(const std::string& path) {
+  const auto format = io::splat_format(path);
+  if (!format) return;  // a GLB, whatever its name
+  if (!format->is_read) {
+    require(!io::why_not_read(path, *format).empty(), "there is a reason");
+    return;
+  }
+  require(!io::splats_text(io::describe_splats(path)).empty(), "a scene can be described");
+  const io::SplatPly ply(path, parse_axes("x,-z,-y"));
+  PageVector<Splat> splats;
+  tiles::SplatCounts filtered{};
+  ply.read(0, ply.header().splats, splats, filtered);
+  std::uint64_t rows = splats.size();
+  for (const std::uint64_t count : filtered) rows += count;
+  require(rows == ply.header().splats, "every row is kept or counted");
+  store(splats, tiles::SplatLattice(ply.sample()));
+}
+
+/// As many bytes as the elements of a header take; most_bytes where it is none or asks for more.
+std::size_t announced_bytes(std::string_view file, std::size_t most_bytes) {
+  constexpr std::string_view kEnd = "end_header\n";
+  const std::size_t end = file.find(kEnd);
+  if (end == std::string_view::npos) return most_bytes;
+  std::istringstream header{std::string(file.substr(0, end))};
+  std::uint64_t total = end + kEnd.size(), count = 0;
+  for (std::string line; std::getline(header, line);) {
+    std::istringstream words(line);
+    std::string key, type;
+    words >> key >> type;
+    if (key == "element" && !(words >> count)) return most_bytes;
+    if (key != "property") continue;
+    const auto ends = [&](const char* with) { return type.find(with) != std::string::npos; };
+    const std::uint64_t size = ends("char") || ends("t8")                       ? 1
+                               : ends("short") || ends("t16")                   ? 2
+                               : ends("double") || ends("64") || type == "list" ? 8
+                                                                                : 4;
+    if (count > most_bytes || (total += count * size) > most_bytes) return most_bytes;
+  }
+  return total;
+}
+
+}  // namespace
+}  // namespace pounce::fuzz
+
+extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
+
+extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size,
+                                               std::size_t max_size, unsigned seed) {
+  using namespace pounce::fuzz;
+  size = LLVMFuzzerMutate(data, size, max_size);
+  if (seed % 2 == 0) return size;
+  const std::size_t wanted = announced_bytes(text_of(data, size), max_size);
+  if (wanted == max_size) return size;
+  for (std::size_t i = size; i < wanted; ++i) data[i] = data[i - std::min<std::size_t>(i, 56)];
+  return wanted;
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace pounce;
+  static const fuzz::Folder folder;
+  const std::string path = folder.write("scene.ply", fuzz::text_of(data, size));
+  fuzz::attempt([&] { fuzz::read(path); });
+  return 0;
+}

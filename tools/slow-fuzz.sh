@@ -1,0 +1,59 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Coverage-guided fuzzing of all that reads files (tests/fuzz): glTF, OBJ with its materials, splat PLY, what is
+# done with images before they are decoded, packs of the tile cache; under AddressSanitizer and
+# UndefinedBehaviorSanitizer. An input passes if its reader ends, or refuses it with pounce's own error, within time
+# and memory. Anything else fails, and is kept in build/fuzz/findings.
+# Usage: tools/slow-fuzz.sh [SECONDS per target] [TARGET...]   (default 600; gltf obj splats image pack)
+# What was learnt stays in build/fuzz/corpus, where the next run goes on. To see a finding again:
+#   build/fuzz/fuzz_gltf build/fuzz/findings/gltf-crash-...    (pack: POUNCE_FUZZ_PACKS=build/fuzz/corpus/packs)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+seconds=${1:-600}
+shift || true
+targets=("$@")
+[[ ${#targets[@]} -gt 0 ]] || targets=(gltf obj splats image pack)
+
+tools/install-packages.sh
+if ! command -v clang++ >/dev/null || ! compgen -G '/usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.fuzzer-x86_64.a' >/dev/null; then
+  as_root=
+  [[ $(id -u) -eq 0 ]] || as_root=sudo
+  $as_root apt-get update
+  $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends clang libclang-rt-14-dev
+fi
+build=$PWD/build/fuzz
+cmake --preset fuzz >/dev/null
+cmake --build --preset fuzz --target fuzz_seeds "${targets[@]/#/fuzz_}"
+
+corpus=$build/corpus findings=$build/findings
+mkdir -p "$findings"
+data=${POUNCE_TEST_DATA:-$PWD/../shared/data}
+[[ -d $data ]] || data=
+"$build/fuzz_seeds" "$corpus" ${data:+"$data"}
+export POUNCE_FUZZ_PACKS=$corpus/packs
+export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1:quarantine_size_mb=64
+export UBSAN_OPTIONS=print_stacktrace=1
+
+# As many bytes as an input may have: what is read in pieces of 64 KiB or so is read in more than one.
+declare -A most_bytes=([gltf]=65536 [obj]=16384 [splats]=65536 [image]=65536 [pack]=65536)
+declare -A words=([gltf]=gltf [obj]=obj [splats]=ply [image]=image)
+failed=0
+for target in "${targets[@]}"; do
+  log=$build/fuzz-$target.log status=0
+  dictionary=()
+  [[ -z ${words[$target]:-} ]] || dictionary=(-dict="tests/fuzz/${words[$target]}.dict")
+  mkdir -p "$corpus/$target"
+  "$build/fuzz_$target" "$corpus/$target" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 \
+    -malloc_limit_mb=512 -max_len="${most_bytes[$target]}" "${dictionary[@]}" -use_value_profile=1 \
+    -artifact_prefix="$findings/$target-" -print_final_stats=1 >"$log" 2>&1 || status=$?
+  executions=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log" | tail -n 1)
+  coverage=$(sed -n 's/.* cov: \([0-9]*\) ft: \([0-9]*\) corp: \([0-9]*\).*/\1 edges, \2 features, \3 inputs/p' "$log" | tail -n 1)
+  echo "fuzz_$target: ${executions:-?} executions, ${coverage:-nothing covered}"
+  if [[ $status -ne 0 ]]; then
+    failed=$((failed + 1))
+    echo "FINDING in fuzz_$target (status $status); the whole log: $log"
+    grep -m 12 -E 'a promise is broken|ERROR|SUMMARY|runtime error|Test unit written|terminate called|what\(\)|^ *#[0-9]+ .* pounce' "$log" || true
+  fi
+done
+echo "$failed of ${#targets[@]} targets have findings"
+[[ $failed -eq 0 ]]
