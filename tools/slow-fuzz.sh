@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Coverage-guided fuzzing of all that reads files (tests/fuzz): glTF, OBJ with its materials, splat PLY, what is
-# done with images before they are decoded, packs of the tile cache, glTF with new textures; under AddressSanitizer
-# and UndefinedBehaviorSanitizer. An input passes if its reader ends, or refuses it with pounce's own error, within time
-# and memory. Anything else fails, and is kept in build/fuzz/findings.
-# Usage: tools/slow-fuzz.sh [SECONDS per target] [TARGET...]   (default 600; gltf obj splats image pack model)
+# done with images before they are decoded, packs of the tile cache, glTF with new textures, whole jobs on odd
+# meshes and scenes; under AddressSanitizer and UndefinedBehaviorSanitizer. An input passes if its reader ends, or
+# refuses it with pounce's own error, within time and memory. Anything else fails, and is kept in
+# build/fuzz/findings.
+# Usage: tools/slow-fuzz.sh [SECONDS per target] [TARGET...]   (default 600; gltf obj splats image pack model job)
 # What was learnt stays in build/fuzz/corpus, where the next run goes on. To see a finding again:
 #   build/fuzz/fuzz_gltf build/fuzz/findings/gltf-crash-...    (pack: POUNCE_FUZZ_PACKS=build/fuzz/corpus/packs)
 set -euo pipefail
@@ -12,7 +13,7 @@ cd "$(dirname "$0")/.."
 seconds=${1:-600}
 shift || true
 targets=("$@")
-[[ ${#targets[@]} -gt 0 ]] || targets=(gltf obj splats image pack model)
+[[ ${#targets[@]} -gt 0 ]] || targets=(gltf obj splats image pack model job)
 
 tools/install-packages.sh
 if ! command -v clang++ >/dev/null || ! compgen -G '/usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.fuzzer-x86_64.a' >/dev/null; then
@@ -35,8 +36,8 @@ export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1:quara
 export UBSAN_OPTIONS=print_stacktrace=1
 
 # As many bytes as an input may have: what is read in pieces of 64 KiB or so is read in more than one.
-declare -A most_bytes=([gltf]=65536 [obj]=16384 [splats]=65536 [image]=65536 [pack]=65536 [model]=65536)
-declare -A words=([gltf]=gltf [model]=gltf [obj]=obj [splats]=ply [image]=image)
+declare -A most_bytes=([gltf]=65536 [obj]=16384 [splats]=65536 [image]=65536 [pack]=65536 [model]=65536 [job]=8192)
+declare -A words=([gltf]=gltf [model]=gltf [job]=gltf [obj]=obj [splats]=ply [image]=image)
 failed=0
 for target in "${targets[@]}"; do
   log=$build/fuzz-$target.log status=0

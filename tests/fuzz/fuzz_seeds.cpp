@@ -119,7 +119,10 @@ void gltf_seeds(const fs::path& folder) {
         model.add<std::uint8_t>({0, 1, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0}, "VEC4");
     const int weights =
         model.add<float>({1, 0, 0, 0, .5, .5, 0, 0, 1, 0, 0, 0, .5, .5, 0, 0}, "VEC4");
-    model.primitive({{"POSITION", p}, {"JOINTS_0", joints}, {"WEIGHTS_0", weights}},
+    model.primitive({{"POSITION", p},
+                     {"TEXCOORD_0", model.add(kSquareUvs, "VEC2")},
+                     {"JOINTS_0", joints},
+                     {"WEIGHTS_0", weights}},
                     model.add(kSquareCorners, "SCALAR"));
     std::vector<float> matrices(32, 0.0F);
     for (std::size_t i = 0; i < 32; i += i % 16 == 15 ? 1 : 5) matrices[i] = 1;
@@ -139,6 +142,7 @@ void gltf_seeds(const fs::path& folder) {
         json::array({{{"POSITION", model.add<float>({0, 0, 1, 0, 0, 2, 0, 0, 0}, "VEC3")}},
                      {{"NORMAL", model.add<float>({1, 0, 0, 0, 0, 0, 0, 0, 0}, "VEC3")}}});
     primitive["targets"] = targets;
+    primitive["attributes"]["TEXCOORD_0"] = model.add<float>({0, 0, 1, 0, 0, 1}, "VEC2");
     model.doc["meshes"][0]["weights"] = {0.5, 1};
     model.doc["meshes"][0]["name"] = "face";
     model.doc["nodes"][0]["weights"] = {1, 0.25};
@@ -154,6 +158,16 @@ void gltf_seeds(const fs::path& folder) {
         {"indices", {{"bufferView", indices}, {"componentType", 5123}}},
         {"values", {{"bufferView", values}}}};
     put_gltf(folder, "sparse", model);
+    model.doc["meshes"][0]["primitives"][0]["indices"] = model.push(
+        "accessors",
+        {{"componentType", 5125},
+         {"count", 6},
+         {"type", "SCALAR"},
+         {"bufferView", model.view(GltfBuilder::bytes_of<std::uint32_t>({0, 1, 2, 2, 1, 0}))},
+         {"sparse", model.doc["accessors"][0]["sparse"]}});
+    model.doc["accessors"].back()["sparse"]["values"]["bufferView"] =
+        model.view(GltfBuilder::bytes_of<std::uint32_t>({1, 1}));
+    put_gltf(folder, "sparse-indices", model);
   }
   {
     GltfBuilder model;
@@ -163,7 +177,8 @@ void gltf_seeds(const fs::path& folder) {
     const int n = model.add<std::int8_t>({0, 0, 127, 0, 0, 0, 127, 0, 0, 0, 127, 0}, "VEC4", true);
     model.doc["accessors"][1]["type"] = "VEC3";
     model.doc["bufferViews"][1]["byteStride"] = 4;
-    model.primitive({{"POSITION", p}, {"NORMAL", n}});
+    const int uv = model.add<std::uint16_t>({0, 0, 65535, 0, 0, 65535}, "VEC2", true);
+    model.primitive({{"POSITION", p}, {"NORMAL", n}, {"TEXCOORD_0", uv}});
     model.doc["extensionsUsed"] = model.doc["extensionsRequired"] = {"KHR_mesh_quantization"};
     model.doc["nodes"][0]["matrix"] = {1, 0, 0, 0, 0, 2, 0, 0, 0, 0, -1, 0, 3, 4, 5, 1};
     put_gltf(folder, "quantized", model);
@@ -367,6 +382,9 @@ int main(int argc, char** argv) try {
   pounce::splat_seeds(folder / "splats");
   pounce::image_seeds(folder / "image");
   pounce::pack_seeds(folder);
+  pounce::gltf_seeds(folder / "job");
+  pounce::obj_seeds(folder / "job");
+  pounce::splat_seeds(folder / "job");
   if (argc > 2) pounce::data_seeds(folder, argv[2]);
   return 0;
 } catch (const std::exception& e) {
