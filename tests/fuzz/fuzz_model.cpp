@@ -36,7 +36,9 @@ void check_written(const mesh::Mesh& before, const io::ModelRequest& request) {
   for (std::size_t set = 0; set < before.uv_sets.size(); ++set)
     require(same(before.uv_sets[set], after.uv_sets[set]), "UVs stay");
   for (std::size_t t = 0; t < before.triangles.size(); ++t) {
-    if (before.triangle_material[t] != request.textures[0].material) continue;
+    if (before.triangle_material[t] != request.textures[0].material ||
+        !before.has_uv(request.uv_set, before.triangles[t][0]))
+      continue;  // without the UVs it keeps the old texture
     const mesh::Material& material = after.materials[after.triangle_material[t]];
     const auto& binding = material.textures[static_cast<std::size_t>(request.textures[0].channel)];
     require(binding && binding->uv_set == request.uv_set, "the new texture is there");

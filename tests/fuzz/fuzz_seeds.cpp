@@ -150,8 +150,9 @@ void gltf_seeds(const fs::path& folder) {
   }
   {
     GltfBuilder model;
-    model.triangle();
-    const int indices = model.view(GltfBuilder::bytes_of<std::uint16_t>({0, 2}));
+    model.primitive({{"POSITION", model.add(kSquare, "VEC3")}},
+                    model.add<std::uint8_t>({0, 1, 2}, "SCALAR"));
+    const int indices = model.view(GltfBuilder::bytes_of<std::uint16_t>({0, 3}));
     const int values = model.view(GltfBuilder::bytes_of<float>({5, 0, 0, 0, 5, 0}));
     model.doc["accessors"][0]["sparse"] = {
         {"count", 2},
@@ -163,7 +164,7 @@ void gltf_seeds(const fs::path& folder) {
         {{"componentType", 5125},
          {"count", 6},
          {"type", "SCALAR"},
-         {"bufferView", model.view(GltfBuilder::bytes_of<std::uint32_t>({0, 1, 2, 2, 1, 0}))},
+         {"bufferView", model.view(GltfBuilder::bytes_of<std::uint32_t>({0, 1, 2, 3, 1, 0}))},
          {"sparse", model.doc["accessors"][0]["sparse"]}});
     model.doc["accessors"].back()["sparse"]["values"]["bufferView"] =
         model.view(GltfBuilder::bytes_of<std::uint32_t>({1, 1}));

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What the glTF targets take as input: a GLB as it stands; or JSON, as a .gltf has it; or JSON, a
-// line "%%" and the bytes of a BIN chunk, of which a GLB with right lengths is made. Half of the
-// mutations know that JSON is a tree. To be included by one file of a program.
+// line "%%" and the bytes of a BIN chunk, of which a GLB with right lengths is made. Most
+// mutations know that JSON is a tree, or leave it as it is and change the bytes behind it. To be
+// included by one file of a program.
 #pragma once
 
 #include <array>
@@ -98,9 +99,10 @@ inline void mutate(Json& document, Random& random) {
     case 4:
       if (value.is_object()) value[pick(kWords, random)] = other;
       break;
-    case 5:
+    case 5:  // an off-by-one, mostly
       if (value.is_number_integer())
-        value = value.get<std::int64_t>() / 2 + std::int64_t(random() % 9);
+        value = value.get<std::int64_t>() / (random() % 4 == 0 ? 2 : 1) +
+                static_cast<std::int64_t>(random() % 5) - 2;
       break;
     case 6:
       if (value.is_object()) value[pick(kWords, random)] = number(random);
@@ -119,8 +121,16 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
   using namespace pounce::fuzz;
   Random random(seed);
   const Parts parts = split(text_of(data, size));
-  if (random() % 2 == 0 || parts.first.starts_with("glTF"))
-    return LLVMFuzzerMutate(data, size, max_size);
+  const unsigned how = static_cast<unsigned>(random() % 4);
+  if (how == 0 || parts.first.starts_with("glTF")) return LLVMFuzzerMutate(data, size, max_size);
+  if (how == 1 && !parts.second.empty()) {
+    const std::size_t before = size - parts.second.size();
+    if (random() % 2 == 0) {  // a small number, as indices are
+      data[before + random() % parts.second.size()] = static_cast<std::uint8_t>(random() % 9);
+      return size;
+    }
+    return before + LLVMFuzzerMutate(data + before, parts.second.size(), max_size - before);
+  }
   Json document = Json::parse(parts.first, nullptr, false);
   if (document.is_discarded()) return LLVMFuzzerMutate(data, size, max_size);
   for (unsigned n = 1 + random() % 3; n > 0; --n) mutate(document, random);
