@@ -4,6 +4,7 @@
 // list of changes to a sound pack, whose checksums and places are made right again afterwards: a
 // fuzzer would not find them. Sound packs are in the folder $POUNCE_FUZZ_PACKS (fuzz_seeds).
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <deque>
@@ -24,7 +25,33 @@ using test::PackTree;
 struct Sound {
   PackTree tree;
   tiles::GeometryFacts facts;
+  tiles::ColourDirectory image;
+  tiles::SplatFacts splats;
 };
+
+tiles::ColourDirectory image_of(const PackTree& tree) {
+  const std::byte* at = tree.directory.data();
+  tiles::ColourDirectory image;
+  image.width = tiles::get_u32(at);
+  image.height = tiles::get_u32(at + 4);
+  image.channels = tiles::get_u32(at + 8);
+  image.depth = static_cast<Depth>(at[12]);
+  image.linear = at[13] != std::byte{0};
+  image.has_alpha = at[14] != std::byte{0};
+  image.premultiplied = at[14] == std::byte{2};
+  image.wrap_u = static_cast<mesh::Wrap>(at[15]);
+  image.wrap_v = static_cast<mesh::Wrap>(at[16]);
+  return image;
+}
+
+tiles::SplatFacts splats_of(const PackTree& tree) {
+  std::array<std::uint64_t, 1 + tiles::kSplatFilters> counts;
+  std::memcpy(counts.data(), tree.directory.data() + 16, sizeof counts);
+  tiles::SplatFacts facts;
+  facts.model = static_cast<tiles::SplatModel>(PackTree::u32(tree.directory, 8));
+  for (const std::uint64_t count : counts) facts.rows += count;
+  return facts;
+}
 
 tiles::GeometryFacts facts_of(const PackTree& tree) {
   tiles::GeometryFacts facts;
@@ -48,6 +75,7 @@ tiles::GeometryFacts facts_of(const PackTree& tree) {
       for (const std::uint32_t id : block.ids)
         facts.triangles = std::max(facts.triangles, std::uint64_t{id} + 1);
     }
+    facts.most_blocks += tile.blocks.size();
   }
   return facts;
 }
@@ -61,8 +89,10 @@ std::deque<Sound> read_sound_packs() {
     paths.push_back(entry.path().string());
   std::sort(paths.begin(), paths.end());
   for (const std::string& path : paths) {
-    Sound& sound = packs.emplace_back(Sound{PackTree(path), {}});
+    Sound& sound = packs.emplace_back(Sound{PackTree(path), {}, {}, {}});
     if (sound.tree.kind == tiles::PackKind::geometry) sound.facts = facts_of(sound.tree);
+    if (sound.tree.kind == tiles::PackKind::colour) sound.image = image_of(sound.tree);
+    if (sound.tree.kind == tiles::PackKind::splats) sound.splats = splats_of(sound.tree);
   }
   require(!packs.empty(), "there are sound packs");
   return packs;
@@ -132,9 +162,9 @@ void read_geometry(std::unique_ptr<tiles::PackReader> pack, const tiles::Geometr
   }
 }
 
-void read_colours(std::unique_ptr<tiles::PackReader> pack) {
+void read_colours(std::unique_ptr<tiles::PackReader> pack, const tiles::ColourDirectory& image) {
   tiles::Compressor compressor;
-  const tiles::ColourStore store(std::move(pack), compressor);
+  const tiles::ColourStore store(std::move(pack), image, compressor);
   for (std::uint32_t row = 0; row < store.directory().row_pages.size(); ++row) {
     attempt([&] {
       for (const tiles::ChunkRef& chunk : store.read_row(row, compressor))
@@ -146,9 +176,9 @@ void read_colours(std::unique_ptr<tiles::PackReader> pack) {
   }
 }
 
-void read_splats(std::unique_ptr<tiles::PackReader> pack) {
+void read_splats(std::unique_ptr<tiles::PackReader> pack, const tiles::SplatFacts& facts) {
   tiles::Compressor compressor;
-  const tiles::SplatStore store(std::move(pack), compressor);
+  const tiles::SplatStore store(std::move(pack), facts, compressor);
   for (std::uint32_t t = 0; t < store.directory().tiles.size(); ++t) {
     attempt([&] {
       for (const tiles::SplatEntry& entry : store.read_index(t, compressor)) {
@@ -160,16 +190,16 @@ void read_splats(std::unique_ptr<tiles::PackReader> pack) {
   }
 }
 
-void read_pack(const std::string& path, const tiles::GeometryFacts& facts) {
+void read_pack(const std::string& path, const Sound& sound) {
   const auto open = [&](const tiles::PackInfo& info) {
     return std::make_unique<tiles::PackReader>(posix_file_system().open(path), path, info.kind,
                                                info.key);
   };
   const tiles::PackInfo info = tiles::read_pack_info(*posix_file_system().open(path), path);
   attempt([&] { open(info)->verify(); });
-  if (info.kind == tiles::PackKind::geometry) read_geometry(open(info), facts);
-  if (info.kind == tiles::PackKind::colour) read_colours(open(info));
-  if (info.kind == tiles::PackKind::splats) read_splats(open(info));
+  if (info.kind == tiles::PackKind::geometry) read_geometry(open(info), sound.facts);
+  if (info.kind == tiles::PackKind::colour) read_colours(open(info), sound.image);
+  if (info.kind == tiles::PackKind::splats) read_splats(open(info), sound.splats);
 }
 
 /// The sound pack with the changes of an input.
@@ -213,6 +243,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     folder.write("x.pack", input);
   else
     fuzz::write_changed(sound, input.substr(std::min<std::size_t>(1, size)), path);
-  fuzz::attempt([&] { fuzz::read_pack(path, sound.facts); });
+  fuzz::attempt([&] { fuzz::read_pack(path, sound); });
   return 0;
 }
