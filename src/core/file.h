@@ -74,8 +74,8 @@ class FileSystem {
   // lock); whoever removes one through remove_unheld() is sure that nobody does. None of
   // them follows a symbolic link: in a folder that users share it may lead anywhere.
 
-  /// Like open(), and holds the file until the reader is gone; null if there is none or it is just
-  /// being removed.
+  /// Like open(), and holds the file until the reader is gone; null if there is none, it is just
+  /// being removed, or it is no regular file.
   virtual std::unique_ptr<ReadFile> open_held(const std::string& path) = 0;
   /// Like create(), and holds the file until writer and readers are gone. Null if there is one of
   /// that name, or it was taken for a leftover and removed before it could be held; try another.
