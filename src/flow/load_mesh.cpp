@@ -4,11 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstddef>
-#include <filesystem>
-#include <vector>
 
-#include "core/file.h"
 #include "io/read_mesh.h"
 #include "mesh/orient.h"
 #include "mesh/select.h"
@@ -32,31 +28,13 @@ bool has_textures(const mesh::Mesh& mesh) {
   });
 }
 
-namespace {
-
-/// Throws Error(storage) for a material file that is there and may not be read, or whose disk
-/// fails: what it says of textures is not known.
-void check_material_files(const mesh::Mesh& mesh) {
-  for (const std::string& missing : mesh.missing_files) {  // "PATH cannot be read: ..."
-    const std::string path = missing.substr(0, missing.rfind(" cannot be read"));
-    std::error_code ignored;
-    if (!std::filesystem::is_regular_file(path, ignored)) continue;
-    const auto file = posix_file_system().open(path);
-    std::vector<std::byte> piece(64 << 10);
-    for (std::uint64_t at = 0; at < file->size_bytes(); at += piece.size()) {
-      piece.resize(std::min<std::uint64_t>(piece.size(), file->size_bytes() - at));
-      file->read(at, piece);
-    }
-  }
-}
-
-}  // namespace
-
 void refuse_swapped(const mesh::Mesh& source, const mesh::Mesh& target) {
   if (has_textures(source)) return;
-  check_material_files(source);
+  for (const mesh::UnreadFile& file : source.unread_files) {
+    if (!file.refused.empty()) throw Error(ErrorKind::storage, file.refused);
+  }
   // It may have some, and whoever needs them says what is missing.
-  if (!source.missing_files.empty() || !has_textures(target)) return;
+  if (!source.unread_files.empty() || !has_textures(target)) return;
   throw Error(
       ErrorKind::input,
       fmt::format("{}: the source has no texture, but the target {} has; the source comes first: "

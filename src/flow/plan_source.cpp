@@ -173,8 +173,9 @@ class SourcePlanner {
 
   /// Why there may be no textures: " (its material file ... is not there)".
   std::string missing_files() const {
-    if (source_.missing_files.empty()) return "";
-    return fmt::format(" (its material file {})", source_.missing_files.front());
+    if (source_.unread_files.empty()) return "";
+    const mesh::UnreadFile& file = source_.unread_files.front();
+    return fmt::format(" (its material file {} {})", file.path, file.cure);
   }
 
   std::vector<Channel> chosen_channels() {

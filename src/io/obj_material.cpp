@@ -51,7 +51,7 @@ bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::mate
   if (!is_new) return library->second;
   if (libraries_.size() > kMaxLibraries) refuse_libraries(path_);
   const std::string shown = library_path(path_, name).string();
-  std::string cure = "cannot be read: put it back";
+  std::string cure = "cannot be read: put it back", refused;
   try {
     if (!is_file(shown)) {
       std::error_code ignored;
@@ -68,8 +68,9 @@ bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::mate
     library->second = read(shown, *by_name);
   } catch (const Error& e) {
     if (e.kind() == ErrorKind::input && folder_.holds(shown)) cure = "is damaged: export it again";
+    if (e.kind() == ErrorKind::storage && is_file(shown)) refused = e.what();
     warnings_.add("material file {} cannot be read ({})", shown, e.what());
-    mesh_.missing_files.push_back(shown + " " + cure);
+    mesh_.unread_files.push_back({shown, cure, refused});
   }
   return library->second;
 }

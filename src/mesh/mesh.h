@@ -68,6 +68,13 @@ struct Material {
   std::vector<OtherTexture> other_textures;
 };
 
+/// A file that a mesh names and that could not be read.
+struct UnreadFile {
+  std::string path;
+  std::string cure;     ///< "cannot be read: put it back"
+  std::string refused;  ///< why the system would not read a file that is there; empty: it is not so
+};
+
 /// A whole mesh file, flattened: node transforms applied (mirroring ones keep the winding outward),
 /// every primitive triangulated, all in the file's own axes and units.
 /// Invariants (readers guarantee): every index < vertex count, positions and UVs finite, normals
@@ -97,8 +104,7 @@ struct Mesh {
   std::vector<std::string> warnings;
   /// Every file that was read for this mesh, images aside: buffers of glTF, material files of OBJ.
   std::vector<std::string> files;
-  std::vector<std::string>
-      missing_files;  ///< material files that it names and that nobody can read
+  std::vector<UnreadFile> unread_files;  ///< material files that it names
 
   bool has_uv(std::size_t uv_set, std::uint32_t vertex) const {
     return uv_set < uv_sets.size() && (uv_present[uv_set].empty() || uv_present[uv_set][vertex]);

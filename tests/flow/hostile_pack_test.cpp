@@ -351,7 +351,7 @@ TEST_CASE("float colours that are not finite are noticed", "[flow]") {
       const tiles::ColourStore store(
           std::make_unique<tiles::PackReader>(files->open("pack"), "pack", tiles::PackKind::colour,
                                               Hash128{1, 2}),
-          compressor);
+          image, compressor);
       const auto chunk = store.read_row(0, compressor).front();
       CHECK((error_kind([&] { store.read_tile(chunk, compressor); }) == kDamaged) ==
             !std::isfinite(sample));

@@ -299,8 +299,8 @@ TEST_CASE("a BMP with run lengths is not unpacked before it is read", "[image]")
   CHECK(three(false) == 3);
   CHECK(three(true) == 3);
   const auto samples = reading(run_length_bmp(300, 2, 8, bmp_palette(true))).samples;
-  std::vector<std::uint8_t> rows(900, 1);  // from below to above
-  rows.resize(1800, 0);
+  std::vector<std::uint8_t> rows(1800, 0);
+  std::fill_n(rows.begin(), 900, std::uint8_t{1});  // from below to above
   CHECK(samples == rows);
   const auto coloured = reading(run_length_bmp(300, 2, 8, bmp_palette(false))).samples;
   CHECK(std::vector<std::uint8_t>(coloured.begin(), coloured.begin() + 3) ==

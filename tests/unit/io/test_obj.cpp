@@ -257,8 +257,9 @@ TEST_CASE("a missing MTL file or material is a warning", "[io]") {
   CHECK(m.materials.at(0).name == "skin");
   REQUIRE(m.warnings.size() == 2);
   CHECK_THAT(m.warnings[0], Catch::Contains("gone.mtl"));
-  REQUIRE(m.missing_files.size() == 1);
-  CHECK_THAT(m.missing_files[0], Catch::Contains("gone.mtl"));
+  REQUIRE(m.unread_files.size() == 1);
+  CHECK_THAT(m.unread_files[0].path, Catch::EndsWith("gone.mtl"));
+  CHECK(m.unread_files[0].refused.empty());
 }
 
 TEST_CASE("bad OBJ lines are refused, naming file and line", "[io]") {

@@ -104,7 +104,7 @@ TEST_CASE("a colour store gives back its tiles whatever order the rows came in")
     }
     writer.add_row(row, stored_row, static_cast<std::uint32_t>(raw.size()), compressor);
   }
-  const ColourStore store(folder->publish(writer.finish(d, compressor)), compressor);
+  const ColourStore store(folder->publish(writer.finish(d, compressor)), d, compressor);
   const ColourDirectory& read = store.directory();
   CHECK(read.width == 130);
   CHECK(read.height == 65);

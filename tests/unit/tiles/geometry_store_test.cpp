@@ -73,7 +73,7 @@ TEST_CASE("a geometry store gives back its tiles, blocks and directory") {
   directory.slivers = 3;
   directory.degenerate = 4;
   const GeometryStore store(folder->publish(writer.finish(directory, compressor)),
-                            {false, directory.pages, kTriangles}, compressor);
+                            {false, directory.pages, kTriangles, kTriangles}, compressor);
 
   const GeometryDirectory& read = store.directory();
   CHECK(read.pages == directory.pages);

@@ -129,7 +129,7 @@ TEST_CASE("a splat store gives back its tiles, entries and blocks", "[tiles]") {
 
   const SplatStore store(
       std::make_unique<PackReader>(files->open("pack"), "pack", PackKind::splats, kKey),
-      compressor);
+      SplatFacts{510 + 21, SplatModel::flat}, compressor);
   const SplatDirectory& found = store.directory();
   CHECK(found.splats == 510);
   CHECK(found.filtered == SplatCounts{1, 2, 3, 4, 5, 6});
