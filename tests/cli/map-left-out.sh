@@ -28,7 +28,7 @@ done
 # What the system does not give is another matter: the next run may give more.
 mkdir glow.png
 expect 5 transfer source.obj target.obj -o 'o.<CHANNEL>.png'
-err_has 'glow.png: it is a folder, not a file'
+err_has 'glow.png: cannot read: it is a folder, not a file'
 rmdir glow.png
 image glow.png 4 4 1 2 3
 if [[ $(id -u) != 0 ]]; then
