@@ -5,9 +5,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 
 #include "flow/plan.h"
+#include "io/file_ending.h"
 #include "io/image_write.h"
 
 namespace pounce::flow {
@@ -15,13 +15,7 @@ namespace {
 
 constexpr std::uint32_t kUntexturedSize = 1024;
 
-bool is_exr(const std::string& path) {
-  std::string ending = std::filesystem::path(path).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  return ending == ".exr";
-}
+bool is_exr(const std::string& path) { return io::lower_ending(path) == ".exr"; }
 
 /// How many channels the output has, and what they are.
 void choose_channels(const TransferOptions& options, const SourceLook& look,

@@ -25,6 +25,7 @@
 #include "flow/page_colour.h"
 #include "flow/plan.h"
 #include "flow/uv_repeats.h"
+#include "io/file_ending.h"
 #include "io/read_mesh.h"
 #include "io/splat_ply_write.h"
 #include "source/texel_gaussians.h"
@@ -43,13 +44,7 @@ constexpr float kLargestLogit = 10;
 /// A decoded block's vertices and triangles, and what counting them takes.
 constexpr std::uint64_t kPerTriangle = 300;
 
-bool ends_in_ply(const std::string& path) {
-  std::string ending = std::filesystem::path(path).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  return ending == ".ply";
-}
+bool ends_in_ply(const std::string& path) { return io::lower_ending(path) == ".ply"; }
 
 /// A block in the order of the output.
 struct BlockPlace {
