@@ -28,4 +28,7 @@ cmake --build --preset asan
 ctest --preset asan -j2
 cmake --preset tsan -DPOUNCE_BUILD_TESTS=ON
 cmake --build --preset tsan
-TSAN_OPTIONS=halt_on_error=1 ctest --preset tsan -L flow
+export TSAN_OPTIONS=halt_on_error=1
+ctest --preset tsan -L flow -E flow_images
+# Here the installed OpenImageIO, whose locks ThreadSanitizer does not see, starts threads to read a TIFF.
+TSAN_OPTIONS=$TSAN_OPTIONS:ignore_noninstrumented_modules=1 ctest --preset tsan -R flow_images
