@@ -33,7 +33,7 @@ class BlendInput {
     image.linear = depth == Depth::half;
     // Bytes below 0x3C make finite halves, too.
     std::mt19937 random(2);
-    tile.resize(std::size_t{tiles::kColourTileEdge} * tiles::kColourTileEdge * image.texel_bytes());
+    tile.resize(std::size_t{store::kColourTileEdge} * store::kColourTileEdge * image.texel_bytes());
     for (std::byte& byte : tile) byte = static_cast<std::byte>(random() % 0x3C);
   }
   template <class Blend>
@@ -48,7 +48,7 @@ class BlendInput {
     }
     count_work(state, "texel", static_cast<double>(kPlaces));
   }
-  tiles::ColourDirectory image;
+  store::ColourDirectory image;
   std::vector<Vec2d> places;
   std::vector<std::byte> tile;
 };

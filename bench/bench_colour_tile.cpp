@@ -5,7 +5,7 @@ namespace pounce::bench {
 namespace {
 
 double image_texels(const PreparedJob& job) {
-  const tiles::ColourDirectory& image = job.colours->directory();
+  const store::ColourDirectory& image = job.colours->directory();
   return static_cast<double>(image.width) * image.height;
 }
 
@@ -17,8 +17,8 @@ void colour_tile_encode(benchmark::State& state) {
   std::size_t bytes = 0;
   for (auto _ : state) {
     bytes = 0;
-    for (const tiles::ColourTile& tile : tiles) {
-      tiles::filter_colours(job.colours->directory(), tile, raw);
+    for (const store::ColourTile& tile : tiles) {
+      store::filter_colours(job.colours->directory(), tile, raw);
       job.context->compressor().compress(raw, stored);
       bytes += stored.size();
     }
@@ -32,13 +32,13 @@ BENCHMARK(colour_tile_encode)->Arg(1024)->Unit(benchmark::kMillisecond);
 /// does.
 void colour_tile_read(benchmark::State& state) {
   PreparedJob& job = prepared_job(Shape::same, state.range(0));
-  std::vector<tiles::ChunkRef> chunks;
+  std::vector<store::ChunkRef> chunks;
   for (std::uint32_t y = 0; y < job.colours->directory().tiles_y(); ++y) {
     const auto row = job.colours->read_row(y, job.context->compressor());
     chunks.insert(chunks.end(), row.begin(), row.end());
   }
   for (auto _ : state) {
-    for (const tiles::ChunkRef& chunk : chunks)
+    for (const store::ChunkRef& chunk : chunks)
       benchmark::DoNotOptimize(job.colours->read_tile(chunk, job.context->compressor()));
   }
   count_work(state, "texel", image_texels(job));

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bench_input.h"
-#include "tiles/geometry_block.h"
+#include "store/blocks/geometry_block.h"
 
 namespace pounce::bench {
 namespace {
 
 enum class Side { source, target };
 
-const std::vector<tiles::GeometryBlock>& blocks_of(const PreparedJob& job, Side side) {
+const std::vector<store::GeometryBlock>& blocks_of(const PreparedJob& job, Side side) {
   return side == Side::source ? job.source_blocks : job.target_blocks;
 }
 
@@ -23,8 +23,8 @@ void geometry_block_encode(benchmark::State& state, Side side) {
   std::size_t bytes = 0;
   for (auto _ : state) {
     bytes = 0;
-    for (const tiles::GeometryBlock& block : blocks_of(job, side)) {
-      tiles::encode(block, raw);
+    for (const store::GeometryBlock& block : blocks_of(job, side)) {
+      store::encode(block, raw);
       job.context->compressor().compress(raw, stored);
       bytes += stored.size();
     }
@@ -49,8 +49,8 @@ void geometry_block_decode(benchmark::State& state, Side side) {
   };
   std::vector<Stored> stored;
   std::vector<std::byte> raw;
-  for (const tiles::GeometryBlock& block : blocks_of(job, side)) {
-    tiles::encode(block, raw);
+  for (const store::GeometryBlock& block : blocks_of(job, side)) {
+    store::encode(block, raw);
     stored.push_back({{}, raw.size()});
     job.context->compressor().compress(raw, stored.back().bytes);
   }
@@ -58,7 +58,7 @@ void geometry_block_decode(benchmark::State& state, Side side) {
     for (const Stored& block : stored) {
       raw.resize(block.raw_bytes);
       job.context->compressor().decompress(block.bytes, raw);
-      benchmark::DoNotOptimize(tiles::decode_geometry(raw, "benchmark"));
+      benchmark::DoNotOptimize(store::decode_geometry(raw, "benchmark"));
     }
   }
   count_work(state, "texel", texels_of(job, side));

@@ -14,7 +14,7 @@ struct Blocks {
 
 Blocks source_blocks(const PreparedJob& job) {
   Blocks blocks;
-  for (const tiles::GeometryBlock& block : job.source_blocks)
+  for (const store::GeometryBlock& block : job.source_blocks)
     blocks.made.push_back(source::make_source_block(block, job.source_lattice()));
   for (const source::SourceBlock& block : blocks.made) {
     blocks.pointers.push_back(&block);
@@ -42,7 +42,7 @@ void grid_query(benchmark::State& state) {
   grid::PatchGrid grid(blocks.pointers,
                        job.source_store->directory().box.grown(job.target_plan.max_distance));
   projection::SearchState target;
-  for (const tiles::GeometryBlock& block : job.target_blocks) {
+  for (const store::GeometryBlock& block : job.target_blocks) {
     target::TargetBlock(block, job.target_lattice(), job.target_plan.smallest_edge)
         .make_packets(0, target.packets, target.groups);
   }

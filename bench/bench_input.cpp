@@ -7,10 +7,11 @@
 #include <filesystem>
 #include <map>
 
-#include "flow/build_stores.h"
+#include "flow/build/build_stores.h"
 #include "flow/job.h"
 #include "io/read_mesh.h"
 #include "recipes.h"
+#include "target/target_block.h"
 
 namespace pounce::bench {
 namespace {
@@ -55,11 +56,11 @@ const std::string& heads() {
   return folder;
 }
 
-std::vector<tiles::GeometryBlock> read_blocks(const tiles::GeometryStore& store,
+std::vector<store::GeometryBlock> read_blocks(const store::GeometryStore& store,
                                               flow::JobContext& job) {
-  std::vector<tiles::GeometryBlock> blocks;
+  std::vector<store::GeometryBlock> blocks;
   for (std::uint32_t t = 0; t < store.directory().tiles.size(); ++t) {
-    for (const tiles::BlockEntry& entry : store.read_index(t, job.compressor()))
+    for (const store::BlockEntry& entry : store.read_index(t, job.compressor()))
       blocks.push_back(store.read_block(entry, job.compressor()));
   }
   return blocks;
@@ -79,7 +80,8 @@ std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
   const flow::PassPlan& pass = job->plan.passes.at(0);
   bool cached = false;
   job->source_store = flow::geometry_store(*job->context, pass.source, &cached);
-  job->target_store = flow::geometry_store(*job->context, job->target_plan.requests.at(0), &cached);
+  job->target_store =
+      flow::geometry_store(*job->context, job->target_plan.requests.at(0).at(0), &cached);
   const flow::ColumnPlan& column = job->plan.columns.at(0);
   job->colours = flow::colour_store(
       *job->context, {&column.image, &column.info, column.wrap_u, column.wrap_v}, &cached);
@@ -120,13 +122,27 @@ PreparedJob& prepared_job(Shape shape, std::int64_t size) {
   return *job;
 }
 
-std::vector<tiles::ColourTile> colour_tiles(PreparedJob& job) {
-  std::vector<tiles::ColourTile> read;
+std::vector<store::ColourTile> colour_tiles(PreparedJob& job) {
+  std::vector<store::ColourTile> read;
   for (std::uint32_t y = 0; y < job.colours->directory().tiles_y(); ++y) {
-    for (const tiles::ChunkRef& chunk : job.colours->read_row(y, job.context->compressor()))
+    for (const store::ChunkRef& chunk : job.colours->read_row(y, job.context->compressor()))
       read.push_back(job.colours->read_tile(chunk, job.context->compressor()));
   }
   return read;
+}
+
+std::vector<TargetTexel> target_texels(const PreparedJob& job) {
+  std::vector<TargetTexel> texels;
+  texels.reserve(job.target_texels());
+  for (const store::GeometryBlock& block : job.target_blocks) {
+    const target::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge);
+    for (std::uint32_t i = 0; i < store::kTexelsPerBlock; ++i) {
+      if (!maps.covered(i)) continue;
+      const auto texel = maps.texel(i);
+      texels.push_back({texel.position, texel.normal});
+    }
+  }
+  return texels;
 }
 
 void count_work(benchmark::State& state, const std::string& unit, double per_iteration) {

@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "flow/job_context.h"
-#include "flow/plan.h"
+#include "flow/plan/plan.h"
 #include "pounce/transfer.h"
-#include "tiles/colour_store.h"
-#include "tiles/geometry_store.h"
+#include "store/blocks/colour_store.h"
+#include "store/blocks/geometry_store.h"
 
 namespace pounce::bench {
 
@@ -41,9 +41,9 @@ struct PreparedJob {
   flow::TargetPlan target_plan;
   flow::JobRun run{nullptr};
   std::unique_ptr<flow::JobContext> context;
-  std::unique_ptr<tiles::GeometryStore> source_store, target_store;
-  std::unique_ptr<tiles::ColourStore> colours;
-  std::vector<tiles::GeometryBlock> source_blocks, target_blocks;
+  std::unique_ptr<store::GeometryStore> source_store, target_store;
+  std::unique_ptr<store::ColourStore> colours;
+  std::vector<store::GeometryBlock> source_blocks, target_blocks;
 
   /// The only page of each side.
   const mesh::Lattice& source_lattice() const { return source_store->directory().pages[0]; }
@@ -56,8 +56,15 @@ struct PreparedJob {
 /// Made once per shape and size, then kept.
 PreparedJob& prepared_job(Shape shape, std::int64_t size);
 
+/// A texel of the target on its surface.
+struct TargetTexel {
+  Vec3f position, normal;
+};
+/// All that are covered: the projection maps, whole.
+std::vector<TargetTexel> target_texels(const PreparedJob& job);
+
 /// The tiles of the reference job's image, row after row.
-std::vector<tiles::ColourTile> colour_tiles(PreparedJob& job);
+std::vector<store::ColourTile> colour_tiles(PreparedJob& job);
 
 /// Counters "per_<unit>" (seconds) and "<unit>/s" from how much one iteration works on.
 void count_work(benchmark::State& state, const std::string& unit, double per_iteration);

@@ -14,7 +14,6 @@
 
 #include "bench_input.h"
 #include "mesh/uv_raster.h"
-#include "target/target_block.h"
 
 namespace pounce::bench {
 namespace {
@@ -29,25 +28,21 @@ struct Gaussian {
   Vec3f colour;  ///< 0..255
 };
 
-struct TargetTexel {
-  Vec3f position, normal;
-};
-
 /// The texture of the reference job, RGB.
 struct Picture {
   std::uint32_t width = 0;
   std::vector<std::byte> rgb;
 
   explicit Picture(PreparedJob& job) : width(job.colours->directory().width) {
-    const tiles::ColourDirectory& image = job.colours->directory();
+    const store::ColourDirectory& image = job.colours->directory();
     rgb.resize(std::size_t{width} * image.height * 3);
     const auto tiles = colour_tiles(job);
     for (std::uint32_t y = 0; y < image.height; ++y) {
       for (std::uint32_t x = 0; x < width; ++x) {
-        const tiles::ColourTile& tile =
+        const store::ColourTile& tile =
             tiles[y / mesh::kBlockEdge * image.tiles_x() + x / mesh::kBlockEdge];
-        const std::size_t at = (y % mesh::kBlockEdge + tiles::kApron) * tiles::kColourTileEdge +
-                               x % mesh::kBlockEdge + tiles::kApron;
+        const std::size_t at = (y % mesh::kBlockEdge + store::kApron) * store::kColourTileEdge +
+                               x % mesh::kBlockEdge + store::kApron;
         std::copy_n(&tile[at * image.texel_bytes()], 3, &rgb[(std::size_t{y} * width + x) * 3]);
       }
     }
@@ -99,20 +94,6 @@ std::vector<Gaussian> mesh_to_gaussians(const PreparedJob& job, const Picture& p
         });
   }
   return gaussians;
-}
-
-std::vector<TargetTexel> target_texels(const PreparedJob& job) {
-  std::vector<TargetTexel> texels;
-  texels.reserve(job.target_texels());
-  for (const tiles::GeometryBlock& block : job.target_blocks) {
-    const target::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge);
-    for (std::uint32_t i = 0; i < tiles::kTexelsPerBlock; ++i) {
-      if (!maps.covered(i)) continue;
-      const auto texel = maps.texel(i);
-      texels.push_back({texel.position, texel.normal});
-    }
-  }
-  return texels;
 }
 
 /// About one cell per target texel, if texels filled space.

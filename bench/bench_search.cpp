@@ -16,7 +16,7 @@ constexpr std::size_t kBlocksPerPiece = 8;
 class SearchInput {
  public:
   explicit SearchInput(const PreparedJob& job) {
-    for (const tiles::GeometryBlock& block : job.source_blocks)
+    for (const store::GeometryBlock& block : job.source_blocks)
       blocks_.push_back(source::make_source_block(block, job.source_lattice()));
     std::vector<const source::SourceBlock*> pointers;
     for (const source::SourceBlock& block : blocks_) pointers.push_back(&block);

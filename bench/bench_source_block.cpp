@@ -11,7 +11,7 @@ void source_block_setup(benchmark::State& state) {
   std::size_t triangles = 0, patches = 0;
   for (auto _ : state) {
     triangles = patches = 0;
-    for (const tiles::GeometryBlock& block : job.source_blocks) {
+    for (const store::GeometryBlock& block : job.source_blocks) {
       const source::SourceBlock made = source::make_source_block(block, job.source_lattice());
       triangles += block.triangles.size();
       patches += made.patches.size();

@@ -15,7 +15,7 @@ void target_block_packets(benchmark::State& state) {
   std::size_t made = 0;
   for (auto _ : state) {
     made = 0;
-    for (const tiles::GeometryBlock& block : job.target_blocks) {
+    for (const store::GeometryBlock& block : job.target_blocks) {
       packets.clear();
       groups.clear();
       const target::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge,

@@ -13,6 +13,7 @@
 #include <map>
 
 #include "bench_input.h"
+#include "flow/test_knobs.h"
 
 namespace pounce::bench {
 namespace {
@@ -71,18 +72,17 @@ TransferOptions options_for(Shape shape, const benchmark::State& state) {
   return options;
 }
 
-void run_jobs(benchmark::State& state, const TransferOptions& options) {
+void run_jobs(benchmark::State& state, const TransferOptions& options,
+              const flow::TestKnobs& knobs = {}) {
   JobTotals totals;
   reset_peak_rss();
-  for (auto _ : state) totals.add(transfer(options));
+  for (auto _ : state) totals.add(flow::transfer(options, knobs));
   totals.publish(state);
 }
 
 /// All stores in memory.
 void transfer_in_core(benchmark::State& state, Shape shape) {
-  TransferOptions options = options_for(shape, state);
-  options.internal.in_core = true;
-  run_jobs(state, options);
+  run_jobs(state, options_for(shape, state), {.in_core = true});
 }
 
 /// Stores in scratch files, ample memory.
@@ -93,9 +93,7 @@ void transfer_files(benchmark::State& state, Shape shape) {
 /// Stores in scratch files and hardly more memory than the least that works.
 void transfer_small_budget(benchmark::State& state, Shape shape) {
   TransferOptions options = options_for(shape, state);
-  options.plan_only = true;
-  const std::uint64_t least = transfer(options).least_memory_bytes;
-  options.plan_only = false;
+  const std::uint64_t least = plan(options).least_memory_bytes;
   options.resources.memory_bytes = least + least / 8;
   run_jobs(state, options);
   state.counters["budget_MiB"] = static_cast<double>(options.resources.memory_bytes) / (1 << 20);

@@ -84,9 +84,9 @@ for round in $(seq "${1:-3}"); do
   check "round $round: the evicting one's picture" cmp -s "$work/u.png" "$work/b.png"
   check "round $round: at most $(($(cat "$work/most") >> 10)) KiB seen" test "$(cat "$work/most")" -le $limit
   "$pounce" cache prune --cache "$work/tight" >/dev/null  # what the killed one left
-  check "round $round: no leftovers" test -z "$(ls "$work/tight/v2/tmp" "$work/tight/v2/locks" | grep -v :)"
+  check "round $round: no leftovers" test -z "$(ls "$work/tight/v3/tmp" "$work/tight/v3/locks" | grep -v :)"
   taken=$("$pounce" cache info --json --cache "$work/tight" | sed -n 's/.*"taken": \([0-9]*\).*/\1/p')
-  folders=$(find "$work/tight/v2" -mindepth 1 -type d | wc -l)
+  folders=$(find "$work/tight/v3" -mindepth 1 -type d | wc -l)
   check "round $round: reported is real" test "$taken" -eq $(($(room "$work/tight") + folders * 4096))
   check "round $round: every pack is sound" is_sound "$work/tight"
 done

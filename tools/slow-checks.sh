@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # The checks that take minutes: a texture of 8192², a target of 16384², a budget of 512 MiB, measured from outside; and 20
-# UDIMs of 4096² from 16 of 4096² in 256 MiB.
+# UDIMs of 4096² from 16 of 4096² in 256 MiB; and 4096² by --method gaussian in 128 MiB.
 # Run before a release and after every change of the flow; tools/test.sh holds smaller siblings.
 # Usage: tools/slow-checks.sh [SOURCE.glb TARGET.glb TEXTURE]   (default: generated, in build/release/slow)
 set -euo pipefail
@@ -50,6 +50,17 @@ rss_kib "$pounce" transfer "$source" "$target" "${override[@]}" -o "$work/3.png"
   --threads 3 --no-cache >/dev/null
 check "the same bytes at 1 thread" cmp -s "$work/1.png" "$work/3.png"
 check "the same bytes at 2 threads" cmp -s "$work/2.png" "$work/3.png"
+
+# 16 million texels as Gaussians in 128 MiB. Their sort takes 1.4 GB of disk.
+"$fixture" head -o "$work/gaussians" --texture 4096 --target-size 64 >/dev/null
+limit=$((baseline + 128 * 1024 * 105 / 100 + 16 * 1024))
+for memory in 128MiB 4GiB; do
+  peak=$(rss_kib "$pounce" transfer "$work/gaussians/head_src.glb" "$work/gaussians/head_src.glb" --method gaussian \
+    -o "$work/g.$memory.png" --size 4096 --memory $memory --no-cache)
+  [[ $memory != 128MiB ]] ||
+    check "peak of --method gaussian at 4096² in 128 MiB: $((peak / 1024)) MiB, limit $((limit / 1024)) MiB" test "$peak" -le "$limit"
+done
+check "the same bytes in 128 MiB and 4 GiB" cmp -s "$work/g.128MiB.png" "$work/g.4GiB.png"
 
 # 20 UDIMs from 16. What the source costs once is left out of the time per texel.
 "$fixture" one-texel -o "$work/one" --mesh-format obj >/dev/null

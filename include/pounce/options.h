@@ -84,6 +84,18 @@ struct MeshUse {
   std::string axes;
 };
 
+/// How a texel finds its colour on a mesh. A splat scene is always blended as what it is.
+enum class Method : std::uint8_t {
+  surface,   ///< "surface": what the ray hits, blended with its neighbours in the source's image
+  gaussian,  ///< "gaussian": all of the source's texels that the ray meets, as Gaussians
+};
+/// "surface", "gaussian".
+const char* method_name(Method method) noexcept;
+std::optional<Method> method_from_name(const std::string& name) noexcept;
+
+/// Standard deviation of a texel's Gaussian in texels where nothing else is asked for.
+inline constexpr double kDefaultSigma = 0.5;
+
 /// One transfer of appearance from a textured mesh or a splat scene onto the UV textures of meshes.
 struct TransferOptions {
   std::string source;  ///< .glb, .gltf or .obj with textures, or a splat scene: 3DGS .ply
@@ -115,6 +127,14 @@ struct TransferOptions {
   Length max_distance{5, true};
   /// Source surface that faces away from the texel's normal by more than this is not seen; 0..89.9.
   double max_angle_deg = 80;
+  /// `gaussian` transfers baseColor alone; see docs/paper.md.
+  Method method = Method::surface;
+  /// Of a texel's Gaussian, in texels: 0.1..4; default kDefaultSigma; needs Method::gaussian and a
+  /// mesh. Wider blurs more and costs time with its square.
+  std::optional<double> sigma_texels;
+  /// Split texels that are large on the surface, so that it is about uniformly dense; the same.
+  /// Three times as many Gaussians at most.
+  bool densify = false;
   std::optional<std::uint32_t> padding_px;  ///< default: larger side of the image / 128
   /// 0..100: of how many of its texels a target must find the source. A target below this is
   /// written like any other; TargetReport::enough says which are.
@@ -127,16 +147,6 @@ struct TransferOptions {
   /// bring any file of this machine into the output.
   bool allow_external = false;
   Resources resources;
-  bool plan_only = false;  ///< find out what would be done, write nothing
-
-  /// For tests: byte cap of a spatial tile, rows of an output stripe, instruction set ("" = best of
-  /// "sse2", "avx2", "avx512"). The result depends on none of them.
-  struct Internal {
-    std::uint64_t tile_cap_bytes = 0;
-    std::uint32_t stripe_rows = 0;
-    std::string isa;
-    bool in_core = false;  ///< keep every store in memory: the reference of the streamed path
-  } internal;
 };
 
 /// Target vectorization alone: position, normal and mask images.

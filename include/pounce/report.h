@@ -72,6 +72,17 @@ struct ChannelReport {
   TexelCounts counts;
 };
 
+/// A node of the graph that projects, over all pages (docs/architecture.md).
+struct NodeReport {
+  std::string name;                ///< "fetch", "bin", "hit", "blend", "store"
+  std::uint64_t runs = 0;          ///< works that it did
+  std::uint64_t most_waiting = 0;  ///< works that waited for it at one moment
+  double busy_s = 0;               ///< summed over threads
+  std::uint64_t stalls = 0;        ///< works that waited for memory before they came to it: "fetch"
+  double stalled_s = 0;            ///< how long, all in all
+  std::uint64_t bytes = 0;         ///< decoded by "fetch", written by "store"
+};
+
 /// Room on disk that a job may take, known before its work: bounds from above. What it really takes
 /// depends on how well things compress.
 struct DiskForecast {
@@ -97,7 +108,12 @@ struct Report {
   std::string isa;                    ///< instruction set of the kernels: "sse2", "avx2", "avx512"
   unsigned threads = 0;
   std::vector<StageTime> stages;
+  std::vector<NodeReport> nodes;  ///< of the projection, in their order
 
+  std::string method;  ///< of a transfer: "surface", "gaussian"; "" for the other commands
+  /// Of a mesh's texels as Gaussians: standard deviation in texels; 0: no such thing was made.
+  double sigma_texels = 0;
+  bool densify = false;  ///< and whether sparse ones were split
   std::uint64_t source_gaussians = 0;
   std::map<std::string, std::uint64_t> source_filtered;  ///< reason -> count
   /// Splats: sigma of the depth window that is averaged over, before half a texel bounds it;
@@ -124,10 +140,24 @@ struct Report {
   std::optional<DiskForecast> disk_most;  ///< of a transfer, once it is planned
   std::uint64_t memory_budget_bytes = 0, leased_peak_bytes = 0, peak_rss_bytes = 0;
   std::uint64_t least_memory_bytes = 0;  ///< the smallest budget that works for this job
+  std::string least_memory_for;          ///< what needs so much: "writing skin.png"
 
   std::vector<std::string> warnings;
   std::vector<std::string> kept;     ///< outputs that were up to date (skip_existing)
-  std::vector<std::string> outputs;  ///< files written; with plan_only: files that would be written
+  std::vector<std::string> outputs;  ///< files written; of a plan: that would be written
+};
+
+/// What a transfer would do and take.
+struct PlanReport {
+  std::uint64_t least_memory_bytes = 0;   ///< the smallest budget that works
+  std::string least_memory_for;           ///< what needs so much: "writing skin.png"
+  std::uint64_t memory_budget_bytes = 0;  ///< what the job would have, the default worked out
+  unsigned threads = 0;                   ///< so, too
+  DiskForecast disk_most;
+  std::vector<std::string> inputs;    ///< files that would be read
+  std::vector<std::string> outputs;   ///< files that would be written
+  std::vector<std::string> kept;      ///< outputs that are up to date (skip_existing)
+  std::vector<std::string> warnings;  ///< what the job would warn of before its work
 };
 
 /// The report as JSON with the keys of docs/report.md. Ends with a newline.

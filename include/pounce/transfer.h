@@ -20,6 +20,14 @@ namespace pounce {
 Report transfer(const TransferOptions& options, Progress* progress = nullptr,
                 Report* so_far = nullptr);
 
+/// Finds out what transfer() would do with these options, and what it would take: reads the meshes
+/// and the headers of images, writes nothing. Throws what transfer() would throw before its work,
+/// Error(ErrorKind::budget) among it if the budget is below the least that works: ask with a large
+/// one to get the least as a number. `so_far`, if given, is the same as a report (its `failure` and
+/// `options` too), also when it throws.
+PlanReport plan(const TransferOptions& options, Progress* progress = nullptr,
+                Report* so_far = nullptr);
+
 /// Vectorizes the target alone and writes its projection maps as images:
 /// "position" (xyz in the target's units), "normal" (unit xyz) and "mask" (1 = covered).
 /// Same promises as transfer().

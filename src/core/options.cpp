@@ -12,6 +12,7 @@ namespace {
 // In the order of the enumerations.
 constexpr std::array<const char*, kChannelCount> kChannelNames = {"baseColor", "metallicRoughness",
                                                                   "occlusion", "emissive"};
+constexpr std::array<const char*, 2> kMethodNames = {"surface", "gaussian"};
 constexpr std::array<const char*, 4> kDepthNames = {"u8", "u16", "half", "float"};
 
 template <class Enum, std::size_t N>
@@ -38,6 +39,14 @@ const char* depth_name(Depth depth) noexcept {
 
 std::optional<Depth> depth_from_name(const std::string& name) noexcept {
   return find_name<Depth>(kDepthNames, name);
+}
+
+const char* method_name(Method method) noexcept {
+  return kMethodNames[static_cast<std::size_t>(method)];
+}
+
+std::optional<Method> method_from_name(const std::string& name) noexcept {
+  return find_name<Method>(kMethodNames, name);
 }
 
 const char* error_kind_name(ErrorKind kind) noexcept {

@@ -58,6 +58,20 @@ Json image_json(const ImageReport& image) {
   return json;
 }
 
+Json nodes_json(const Report& report) {
+  Json nodes = Json::array();
+  for (const NodeReport& node : report.nodes) {
+    nodes.push_back({{"name", node.name},
+                     {"runs", node.runs},
+                     {"most_waiting", node.most_waiting},
+                     {"busy_s", node.busy_s},
+                     {"stalls", node.stalls},
+                     {"stalled_s", node.stalled_s},
+                     {"bytes", node.bytes}});
+  }
+  return nodes;
+}
+
 Json targets_json(const Report& report) {
   Json targets = Json::array();
   for (const TargetReport& target : report.targets) {
@@ -106,12 +120,14 @@ std::string to_json(const Report& report) {
   json["isa"] = report.isa;
   json["threads"] = report.threads;
   json["stages"] = stages_json(report);
+  json["nodes"] = nodes_json(report);
   Json filtered = Json::object();  // {} and not null where nothing was left out
   for (const auto& [reason, count] : report.source_filtered) filtered[reason] = count;
-  json["source"] = {{"gaussians", report.source_gaussians},
-                    {"filtered", filtered},
-                    {"depth_window", report.depth_window},
-                    {"images_decoded", report.images_decoded}};
+  json["method"] = report.method;
+  json["source"] = {
+      {"gaussians", report.source_gaussians}, {"filtered", filtered},
+      {"sigma", report.sigma_texels},         {"densify", report.densify},
+      {"depth_window", report.depth_window},  {"images_decoded", report.images_decoded}};
   json["target"] = {{"texels", report.target_texels},
                     {"covered", report.target_covered},
                     {"filled", report.target_filled},
@@ -135,7 +151,8 @@ std::string to_json(const Report& report) {
   json["memory"] = {{"budget", report.memory_budget_bytes},
                     {"leased_peak", report.leased_peak_bytes},
                     {"peak_rss", report.peak_rss_bytes},
-                    {"least", report.least_memory_bytes}};
+                    {"least", report.least_memory_bytes},
+                    {"least_for", report.least_memory_for}};
   json["warnings"] = report.warnings;
   json["outputs"] = report.outputs;
   json["kept"] = report.kept;

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// What a job was asked to do, for its report: options that differ from their defaults, by the names
+// that they have on the command line.
 #include "flow/describe_job.h"
 
 #include <fmt/format.h>
@@ -70,9 +73,10 @@ std::vector<std::string> texts_of(const std::vector<std::uint32_t>& numbers) {
 
 }  // namespace
 
-void describe(const TransferOptions& o, Report& report) {
+void describe(const TransferOptions& o, bool plan_only, Report& report) {
   const TransferOptions usual;
   report.command = "transfer";
+  report.method = method_name(o.method);
   add_input(o.source, report);
   for (const std::string& target : o.targets) add_input(target, report);
   OptionList list(report);
@@ -93,12 +97,15 @@ void describe(const TransferOptions& o, Report& report) {
   list.add("target", o.target_use);
   const bool other_distance = o.max_distance.value != usual.max_distance.value ||
                               o.max_distance.is_percent != usual.max_distance.is_percent;
+  list.add("method", o.method != usual.method ? std::string(method_name(o.method)) : "");
+  list.add("sigma", o.sigma_texels ? fmt::format("{:g}", *o.sigma_texels) : std::string());
+  list.add("densify", o.densify);
   list.add("max-distance", other_distance ? text_of(o.max_distance) : std::string());
   list.add("max-angle",
            o.max_angle_deg != usual.max_angle_deg ? fmt::format("{:g}", o.max_angle_deg) : "");
   list.add("allow-external", o.allow_external);
   list.add(o.resources);
-  list.add("plan", o.plan_only);
+  list.add("plan", plan_only);
 }
 
 void describe(const MapsOptions& o, Report& report) {

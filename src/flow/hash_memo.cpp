@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Hashes of input files that are remembered from job to job, as long as a file's size, times and
+// inode stay what they were: a large image is not read again to find that its column is cached.
 #include "flow/hash_memo.h"
 
 #include <fmt/format.h>
@@ -9,13 +12,13 @@
 #include <utility>
 
 #include "pounce/error.h"
-#include "tiles/pack_layout.h"
+#include "store/pack/pack_layout.h"
 
 namespace pounce::flow {
 namespace {
 
-using tiles::get_u64;
-using tiles::put_u64;
+using store::get_u64;
+using store::put_u64;
 
 constexpr std::uint64_t kMagic = 0x3130485345434e50;  // "PNCESH01" as bytes in the file
 constexpr std::size_t kEntryBytes = 9 * 8;

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// How a job begins and ends, whatever it is: threads of its own, a budget, a cache or scratch
+// stores, one more attempt where a pack turns out to be damaged, and a report in any case.
 #include "flow/job.h"
 
 #include <fmt/format.h>
@@ -12,10 +15,10 @@
 #include "core/own_errors.h"
 #include "core/system_memory.h"
 #include "core/threads.h"
-#include "io/new_folders.h"
+#include "io/files/new_folders.h"
 #include "pounce/cache.h"
 #include "pounce/version.h"
-#include "tiles/cache_layout.h"
+#include "store/cache/cache_layout.h"
 
 namespace pounce::flow {
 namespace {
@@ -49,16 +52,16 @@ std::string scratch_folder(const Resources& resources, const std::string& output
 std::uint64_t cache_limit(const Resources& resources, const std::string& cache, FileSystem& files) {
   if (resources.cache_limit_bytes) return *resources.cache_limit_bytes;
   try {
-    return tiles::default_limit_bytes(files, cache);
+    return store::default_limit_bytes(files, cache);
   } catch (const Error&) {
     return 0;  // a folder that cannot be looked at cannot be opened either, and that is said then
   }
 }
 
 /// How this job deals with the other users of its cache.
-tiles::CacheOptions cache_options(const Resources& resources, const std::string& scratch,
+store::CacheOptions cache_options(const Resources& resources, const std::string& scratch,
                                   bool rebuild, JobContext& job) {
-  tiles::CacheOptions options;
+  store::CacheOptions options;
   options.limit_bytes = job.cache_limit_bytes;
   options.scratch_folder = scratch;
   options.verify = rebuild;
@@ -77,14 +80,14 @@ tiles::CacheOptions cache_options(const Resources& resources, const std::string&
 }
 
 /// The cache; nothing, with a warning, if the user did not name it and it cannot be used.
-std::unique_ptr<tiles::StoreFolder> open_cache(const Resources& resources, const std::string& cache,
+std::unique_ptr<store::StoreFolder> open_cache(const Resources& resources, const std::string& cache,
                                                const std::string& scratch, bool rebuild,
                                                JobContext& job) {
   try {
-    auto stores = tiles::StoreFolder::open_cache(*job.files, cache,
+    auto stores = store::StoreFolder::open_cache(*job.files, cache,
                                                  cache_options(resources, scratch, rebuild, job));
-    const tiles::CacheLayout layout(cache);
-    for (const tiles::PackKind kind : tiles::kCachedKinds)
+    const store::CacheLayout layout(cache);
+    for (const store::PackKind kind : store::kCachedKinds)
       job.cache_folders.push_back(layout.kind_folder(kind));
     job.hashes = std::make_unique<HashMemo>(*job.files, layout.hash_memo(), layout.parts_folder());
     return stores;
@@ -141,14 +144,14 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
     job->memory_files = make_memory_file_system();
     job->files = job->memory_files.get();
     job->scratch_folder = "/";
-    job->stores = tiles::StoreFolder::make_scratch(*job->files, "/");
-    job->scratch = tiles::StoreFolder::make_scratch(*job->files, "/");
+    job->stores = store::StoreFolder::make_scratch(*job->files, "/");
+    job->scratch = store::StoreFolder::make_scratch(*job->files, "/");
     return job;
   }
   job->files = &posix_file_system();
   const std::string scratch = scratch_folder(resources, output);
   job->scratch_folder = scratch;
-  job->scratch = tiles::StoreFolder::make_scratch(*job->files, scratch);
+  job->scratch = store::StoreFolder::make_scratch(*job->files, scratch);
   const std::string cache = !resources.use_cache          ? std::string()
                             : resources.cache_dir.empty() ? default_cache_folder()
                                                           : resources.cache_dir;
@@ -158,7 +161,7 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
     job->stores = open_cache(resources, cache, scratch, rebuild, *job);
   }
   if (job->stores == nullptr) {
-    job->stores = tiles::StoreFolder::make_scratch(*job->files, scratch);
+    job->stores = store::StoreFolder::make_scratch(*job->files, scratch);
     job->keeps_stores = job->keeps_stores && plan_only;
   }
   job->check_packs = rebuild;
@@ -208,12 +211,13 @@ Report run_job(const Resources& resources, Progress* progress, Report* so_far,
 
 void require_least(JobContext& job, const LeastMemory& least) {
   job.report.least_memory_bytes = least.bytes;
+  job.report.least_memory_for = least.why;
   if (job.budget.limit() >= least.bytes) return;
   const std::uint64_t mib = (least.bytes + (1 << 20) - 1) >> 20;
   throw Error(ErrorKind::budget,
               fmt::format("--memory {} is too small: this job needs at least {}MiB, for {}; run it "
                           "with --memory {}MiB",
-                          format_bytes(job.budget.limit()), mib, least.why, mib));
+                          runtime::format_bytes(job.budget.limit()), mib, least.why, mib));
 }
 
 void require_reading(JobContext& job, std::uint64_t bytes, const std::string& path) {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "flow/job_context.h"
-#include "flow/plan.h"
+#include "flow/plan/plan.h"
 
 namespace pounce::flow {
 

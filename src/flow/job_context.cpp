@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// What all stages of a running job share.
 #include "flow/job_context.h"
 
 #include <algorithm>
@@ -36,7 +38,7 @@ JobContext::~JobContext() {
   }
 }
 
-std::unique_ptr<tiles::PackReader> JobContext::find_pack(tiles::PackKind kind, const Hash128& key) {
+std::unique_ptr<store::PackReader> JobContext::find_pack(store::PackKind kind, const Hash128& key) {
   std::string warning;
   auto pack = stores->find(kind, key, &warning);
   waiting.reset();
@@ -45,7 +47,7 @@ std::unique_ptr<tiles::PackReader> JobContext::find_pack(tiles::PackKind kind, c
   return pack;
 }
 
-void JobContext::count_store(const tiles::PackReader& pack, bool cached) {
+void JobContext::count_store(const store::PackReader& pack, bool cached) {
   if (cached) return;
   report.bytes_written += pack.size_bytes();
   // What the cache has no room for, or may not keep, lives in a scratch file.
@@ -55,8 +57,8 @@ void JobContext::count_store(const tiles::PackReader& pack, bool cached) {
   if (!is_kept) scratch_use.add(pack.size_bytes());
 }
 
-std::unique_ptr<tiles::PackReader> publish_scratch(JobContext& job,
-                                                   std::unique_ptr<tiles::PackWriter> writer) {
+std::unique_ptr<store::PackReader> publish_scratch(JobContext& job,
+                                                   std::unique_ptr<store::PackWriter> writer) {
   job.scratch_use.replace(writer->kind(), writer->size_bytes());
   return job.scratch->publish(std::move(writer));
 }

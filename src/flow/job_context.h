@@ -16,19 +16,19 @@
 #include "core/file.h"
 #include "core/timer.h"
 #include "flow/hash_memo.h"
-#include "flow/memory_budget.h"
-#include "flow/meter.h"
 #include "pounce/options.h"
 #include "pounce/report.h"
-#include "tiles/codec.h"
-#include "tiles/store_folder.h"
+#include "runtime/memory_budget.h"
+#include "runtime/meter.h"
+#include "store/cache/store_folder.h"
+#include "store/pack/codec.h"
 
 namespace pounce::flow {
 
 /// What the caller sees of a job. It outlives the attempts: a job begins again when its stores
 /// turn out to be damaged.
 struct JobRun {
-  Meter meter;
+  runtime::Meter meter;
   Report report;
   /// Outputs of an attempt before this one: made again, whatever --skip-existing says.
   std::set<std::string> written_before;
@@ -46,12 +46,12 @@ class ScratchUse {
   }
   void remove(std::uint64_t bytes) { bytes_ -= bytes; }
   /// A pack of a kind of which there is one at a time.
-  void replace(tiles::PackKind kind, std::uint64_t bytes) {
+  void replace(store::PackKind kind, std::uint64_t bytes) {
     add(bytes);
     remove(std::exchange(packs_[kind], bytes));
   }
   /// It is gone, if there was one. Allocates nothing: memory may be what has run out.
-  void release(tiles::PackKind kind) noexcept {
+  void release(store::PackKind kind) noexcept {
     const auto pack = packs_.find(kind);
     if (pack != packs_.end()) remove(std::exchange(pack->second, 0));
   }
@@ -59,22 +59,22 @@ class ScratchUse {
 
  private:
   std::uint64_t bytes_ = 0, peak_bytes_ = 0;
-  std::map<tiles::PackKind, std::uint64_t> packs_;
+  std::map<store::PackKind, std::uint64_t> packs_;
 };
 
 /// What every stage of a running job shares. When it goes, however the job ends, the report gets
 /// what is only known then.
 struct JobContext {
   JobRun& run;
-  MemoryBudget budget;
-  Meter& meter;
+  runtime::MemoryBudget budget;
+  runtime::Meter& meter;
   Report& report;
   StageClock clock;
   FileSystem* files = nullptr;
   std::unique_ptr<FileSystem> memory_files;     ///< in-core runs
   std::unique_ptr<HashMemo> hashes;             ///< of input files; null without a cache
-  std::unique_ptr<tiles::StoreFolder> stores;   ///< source and target stores
-  std::unique_ptr<tiles::StoreFolder> scratch;  ///< results; vanish with the process
+  std::unique_ptr<store::StoreFolder> stores;   ///< source and target stores
+  std::unique_ptr<store::StoreFolder> scratch;  ///< results; vanish with the process
   ScratchUse scratch_use;
   std::string scratch_folder;              ///< for other nameless files
   std::vector<std::string> cache_folders;  ///< where the cache keeps packs; none without one
@@ -84,7 +84,7 @@ struct JobContext {
   bool keeps_stores = false;            ///< stores go into the cache (of a plan: would go)
   std::uint64_t cache_limit_bytes = 0;  ///< then: what the cache may take; 0 = no limit
   std::uint64_t tile_cap_bytes = 0;
-  tbb::enumerable_thread_specific<tiles::Compressor> compressors;
+  tbb::enumerable_thread_specific<store::Compressor> compressors;
 
   JobContext(std::uint64_t budget_bytes, JobRun& of_run)
       : run(of_run), budget(budget_bytes), meter(of_run.meter), report(of_run.report) {}
@@ -92,13 +92,13 @@ struct JobContext {
   JobContext(const JobContext&) = delete;
   JobContext& operator=(const JobContext&) = delete;
 
-  tiles::Compressor& compressor() { return compressors.local(); }
-  /// A pack that the store has; nothing if the caller is to make it (tiles::StoreFolder::find).
+  store::Compressor& compressor() { return compressors.local(); }
+  /// A pack that the store has; nothing if the caller is to make it (store::StoreFolder::find).
   /// Says in progress and times when it had to wait for another process, and warns of damage.
-  std::unique_ptr<tiles::PackReader> find_pack(tiles::PackKind kind, const Hash128& key);
+  std::unique_ptr<store::PackReader> find_pack(store::PackKind kind, const Hash128& key);
 
   /// Counts a store that the job goes on with; `cached`: it was there already.
-  void count_store(const tiles::PackReader& pack, bool cached);
+  void count_store(const store::PackReader& pack, bool cached);
 
   /// The hash of a part of an input file (size 0 = all of it): remembered, else computed.
   Hash128 content_hash(const std::string& path, std::uint64_t offset, std::uint64_t size_bytes,
@@ -114,20 +114,20 @@ std::uint64_t size_on_disk(const std::vector<std::string>& files);
 
 /// Publishes a scratch pack that nobody looks for by its key. There is one of a kind at a time: it
 /// takes the place of the one before, whose room is free once its last reader is gone.
-std::unique_ptr<tiles::PackReader> publish_scratch(JobContext& job,
-                                                   std::unique_ptr<tiles::PackWriter> writer);
+std::unique_ptr<store::PackReader> publish_scratch(JobContext& job,
+                                                   std::unique_ptr<store::PackWriter> writer);
 
 /// When it goes, so does the scratch pack of its kind.
 class ScratchPack {
  public:
-  ScratchPack(JobContext& job, tiles::PackKind kind) : job_(job), kind_(kind) {}
+  ScratchPack(JobContext& job, store::PackKind kind) : job_(job), kind_(kind) {}
   ~ScratchPack();
   ScratchPack(const ScratchPack&) = delete;
   ScratchPack& operator=(const ScratchPack&) = delete;
 
  private:
   JobContext& job_;
-  tiles::PackKind kind_;
+  store::PackKind kind_;
 };
 
 }  // namespace pounce::flow

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A mesh as a job sees it: read, turned to the job's axes, and only what was selected.
 #include "flow/load_mesh.h"
 
 #include <fmt/format.h>

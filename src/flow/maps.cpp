@@ -15,9 +15,9 @@
 #include "flow/describe_job.h"
 #include "flow/job.h"
 #include "flow/load_mesh.h"
-#include "flow/output_names.h"
-#include "flow/plan.h"
-#include "io/image_write.h"
+#include "flow/plan/output_names.h"
+#include "flow/plan/plan.h"
+#include "io/image/write.h"
 #include "io/read_mesh.h"
 #include "pounce/transfer.h"
 #include "target/target_block.h"
@@ -30,13 +30,13 @@ using mesh::kBlockEdge;
 
 constexpr std::array<const char*, 3> kMapNames{"position", "normal", "mask"};
 constexpr int kMask = 2;
-constexpr double kAfterVectorizing = 0.4;  // of the progress bar
+constexpr double kVectorizeShare = 0.4;  // of a page
 
 /// Where a block is, without its boxes.
 struct BlockPlace {
   std::int32_t y = 0, x = 0;
   std::uint32_t triangles = 0, texels = 0;
-  tiles::ChunkRef chunk;
+  store::ChunkRef chunk;
 };
 
 class MapsJob {
@@ -49,9 +49,10 @@ class MapsJob {
 
   void run() {
     check_output();
-    vectorize();
+    read();
     for (std::uint32_t page = 0; page < pages_.size(); ++page) {
-      if (by_tile_ && store_->directory().page_texels[page] == 0) continue;
+      vectorize(page);
+      if (by_tile_ && store_->directory().texels == 0) continue;
       write_page(page);
       if (by_tile_) job_->report.udims.push_back(static_cast<int>(pages_[page].udim));
     }
@@ -100,47 +101,62 @@ class MapsJob {
     }
   }
 
-  void vectorize() {
-    const StageTimer timer(job_->clock, "vectorize");
-    job_->meter.begin("vectorize", 0, "tiles", kAfterVectorizing);
+  void read() {
+    const StageTimer timer(job_->clock, "read");
     require_reading(*job_, reading_bytes(), options_.target);
-    const mesh::Mesh target =
-        load_mesh(options_.target, options_.target_use, "target", options_.allow_external);
-    job_->report.warnings.insert(job_->report.warnings.end(), target.warnings.begin(),
-                                 target.warnings.end());
-    for (const std::string& file : target.files) add_input(file, job_->report);
-    PageRequest page_request;
-    page_request.by_tile = by_tile_;
-    page_request.uv_set = options_.target_use.uv_set.value_or(0);
-    TargetPages pages = target_pages(target, page_request, job_->report.warnings);
+    target_ = load_mesh(options_.target, options_.target_use, "target", options_.allow_external);
+    job_->report.warnings.insert(job_->report.warnings.end(), target_.warnings.begin(),
+                                 target_.warnings.end());
+    for (const std::string& file : target_.files) add_input(file, job_->report);
+    PageRequest request;
+    request.by_tile = by_tile_;
+    request.uv_set = options_.target_use.uv_set.value_or(0);
+    const TargetPages pages = target_pages(target_, request, job_->report.warnings);
     pages_ = pages.pages;
     name_outputs();
-    GeometryRequest request;
-    request.mesh = &target;
-    request.is_target = true;
-    request.pages.assign(
-        pages_.size(),
-        mesh::Lattice{options_.size.width, options_.size.height, page_request.uv_set, {}});
-    request.triangle_page = std::move(pages.triangle_page);
-    request.tile_pages = std::move(pages.tile_pages);
-    require_least(*job_, least(target, request));
-    const Lease mesh_lease(job_->budget, target.size_bytes(), "the mesh");
-    bool cached = false;
-    store_ = geometry_store(*job_, request, &cached);
-    if (cached) job_->clock.set_cached("vectorize");
-    smallest_edge_ = static_cast<float>(std::max(diagonal(target) * 1e-7, 1e-30));
-    const tiles::GeometryDirectory& directory = store_->directory();
-    job_->report.target_texels = directory.texels;
-    job_->report.target_covered = directory.texels;  // every texel of the charts has its map
-    job_->report.target_overlapping = directory.overlapping;
-    job_->report.target_tiles = directory.tiles.size();
-    job_->report.target_store_bytes = store_->pack().size_bytes();
-    job_->count_store(store_->pack(), cached);
-    TargetReport& entry = job_->report.targets.emplace_back();
-    entry.path = options_.target;
-    entry.counts = {directory.texels, directory.texels, 0, 0};
-    entry.overlapping = directory.overlapping;
+    const auto hashes = std::make_shared<MeshHashes>(target_);
+    for (std::uint32_t p = 0; p < pages_.size(); ++p) {
+      GeometryRequest& one = requests_.emplace_back();
+      one.mesh = &target_;
+      one.hashes = hashes;
+      one.is_target = true;
+      one.exact_maps = true;  // they are what a user asked for, not a step on the way
+      one.pages.push_back({options_.size.width, options_.size.height, request.uv_set, {}});
+      one.triangles = pages.triangles;
+      one.first_page = p;
+      if (by_tile_) one.tile = mesh::udim_tile(pages_[p].udim);
+    }
+    require_least(*job_, least());
+    mesh_lease_ = runtime::Lease(job_->budget, target_.size_bytes(), "the mesh");
+    smallest_edge_ = static_cast<float>(std::max(diagonal(target_) * 1e-7, 1e-30));
+    job_->report.targets.emplace_back().path = options_.target;
     for (const char* map : kMapNames) job_->report.channels.push_back({map, 0, {}});
+  }
+
+  void vectorize(std::uint32_t page) {
+    const StageTimer timer(job_->clock, "vectorize");
+    const double done = page + kVectorizeShare;
+    job_->meter.begin("vectorize", 0, "tiles", done / static_cast<double>(pages_.size()));
+    bool cached = false;
+    store_ = geometry_store(*job_, requests_[page], &cached);
+    all_cached_ = all_cached_ && cached;
+    if (all_cached_) job_->clock.set_cached("vectorize");
+    if (page + 1 == pages_.size()) {
+      target_ = {};
+      mesh_lease_ = {};
+    }
+    const store::GeometryDirectory& directory = store_->directory();
+    Report& report = job_->report;
+    report.target_texels += directory.texels;
+    report.target_covered += directory.texels;  // every texel of the charts has its map
+    report.target_overlapping += directory.overlapping;
+    report.target_tiles += directory.tiles.size();
+    report.target_store_bytes += store_->pack().size_bytes();
+    job_->count_store(store_->pack(), cached);
+    TargetReport& entry = report.targets.back();
+    entry.counts.texels += directory.texels;
+    entry.counts.covered += directory.texels;
+    entry.overlapping += directory.overlapping;
     job_->meter.end();
   }
 
@@ -153,7 +169,7 @@ class MapsJob {
     image.width = options_.size.width;
     image.height = options_.size.height;
     image.state = "written";
-    const std::uint64_t texels = store_->directory().page_texels[page];
+    const std::uint64_t texels = store_->directory().texels;
     image.counts = {texels, texels, 0, 0};
     job_->report.targets.back().images.push_back(image);
     ChannelReport& channel =
@@ -174,28 +190,28 @@ class MapsJob {
     return (options_.size.width / kBlockEdge + 1ULL) * (options_.size.height / kBlockEdge + 1ULL);
   }
 
-  LeastMemory least(const mesh::Mesh& target, const GeometryRequest& request) const {
-    const std::uint64_t building =
-        target.size_bytes() + geometry_least_bytes(request, kTileCapBytes);
+  LeastMemory least() const {
+    std::uint64_t building = 0;
+    for (const GeometryRequest& request : requests_)
+      building = std::max(building, geometry_least_bytes(request, kTileCapBytes));
+    building += target_.size_bytes();
     const std::uint64_t writing =
-        row_bytes() + 2 * blocks() * sizeof(BlockPlace) +
+        (pages_.size() > 1 ? target_.size_bytes() : 0) + row_bytes() +
+        2 * blocks() * sizeof(BlockPlace) +
         io::ImageWriter::encoder_bytes(path_of(pages_.front(), 0), specs_.front());
     const std::uint64_t reading = reading_bytes();
     LeastMemory most{reading, "reading " + options_.target};
     if (building > most.bytes) most = {building, "vectorizing " + options_.target};
     if (writing > most.bytes) most = {writing, "writing " + path_of(pages_.front(), 0)};
-    most.bytes += job_->threads * tiles::Compressor::context_bytes();
+    most.bytes += job_->threads * store::Compressor::context_bytes();
     return most;
   }
 
-  /// All blocks of a page, in image order.
-  std::vector<BlockPlace> places(std::uint32_t page) {
+  /// All blocks of the page at hand, in image order.
+  std::vector<BlockPlace> places() {
     std::vector<BlockPlace> all;
-    for (; next_tile_ < store_->directory().tiles.size(); ++next_tile_) {
-      const auto entries = store_->read_index(next_tile_, job_->compressor());
-      if (entries.front().page > page) break;
-      if (entries.front().page < page) store_->damaged("its pages are out of order");
-      for (const tiles::BlockEntry& entry : entries)
+    for (std::uint32_t tile = 0; tile < store_->directory().tiles.size(); ++tile) {
+      for (const store::BlockEntry& entry : store_->read_index(tile, job_->compressor()))
         all.push_back({entry.y, entry.x, entry.triangles, entry.texels, entry.chunk});
     }
     std::sort(all.begin(), all.end(), [](const BlockPlace& a, const BlockPlace& b) {
@@ -210,9 +226,9 @@ class MapsJob {
 
   void write_page(std::uint32_t page) {
     const StageTimer timer(job_->clock, "assemble");
-    const Lease lease(job_->budget, row_bytes() + 2 * blocks() * sizeof(BlockPlace),
-                      "writing the maps");
-    const std::vector<BlockPlace> all = places(page);
+    const runtime::Lease lease(job_->budget, row_bytes() + 2 * blocks() * sizeof(BlockPlace),
+                               "writing the maps");
+    const std::vector<BlockPlace> all = places();
     for (int map = 0; map < 3; ++map) write_map(page, map, all);
   }
 
@@ -220,18 +236,18 @@ class MapsJob {
     const auto m = static_cast<std::size_t>(map);
     const io::ImageWriteSpec& spec = specs_[m];
     const std::string path = path_of(pages_[page], map);
-    const double done = (page * 3.0 + map + 1) / (3.0 * static_cast<double>(pages_.size()));
+    const double done = page + kVectorizeShare + (1 - kVectorizeShare) * (map + 1) / 3;
     job_->meter.begin(std::string("write ") + kMapNames[m], spec.height, "rows",
-                      kAfterVectorizing + (1 - kAfterVectorizing) * done);
+                      done / static_cast<double>(pages_.size()));
     io::ImageWriter writer(path, spec);
-    const std::size_t texel = spec.channels * tiles::depth_bytes(spec.depth);
+    const std::size_t texel = spec.channels * store::depth_bytes(spec.depth);
     std::size_t next = 0;
     for (std::uint32_t top = 0; top < spec.height; top += kBlockEdge) {
       const std::uint32_t count = std::min<std::uint32_t>(kBlockEdge, spec.height - top);
       PageVector<std::byte> rows(std::size_t{count} * spec.width * texel);
       std::size_t end = next;
       while (end < all.size() && all[end].y == static_cast<std::int32_t>(top / kBlockEdge)) ++end;
-      tbb::parallel_for(next, end, [&](std::size_t i) { fill(page, all[i], map, spec, rows); });
+      tbb::parallel_for(next, end, [&](std::size_t i) { fill(all[i], map, spec, rows); });
       next = end;
       {
         const WorkTimer encoding(job_->clock, "encode");
@@ -245,22 +261,21 @@ class MapsJob {
     job_->meter.end();
   }
 
-  void fill(std::uint32_t page, const BlockPlace& place, int map, const io::ImageWriteSpec& spec,
+  void fill(const BlockPlace& place, int map, const io::ImageWriteSpec& spec,
             PageVector<std::byte>& rows) {
-    tiles::BlockEntry entry;
-    entry.page = page;
+    store::BlockEntry entry;
     entry.x = place.x;
     entry.y = place.y;
     entry.triangles = place.triangles;
     entry.texels = place.texels;
     entry.chunk = place.chunk;
     const target::TargetBlock block(store_->read_block(entry, job_->compressor()),
-                                    store_->directory().pages[page], smallest_edge_);
-    for (std::uint32_t t = 0; t < tiles::kTexelsPerBlock; ++t) {
+                                    store_->directory().pages.front(), smallest_edge_);
+    for (std::uint32_t t = 0; t < store::kTexelsPerBlock; ++t) {
       if (!block.covered(t)) continue;
       const std::size_t x = static_cast<std::size_t>(place.x) * kBlockEdge + t % kBlockEdge;
       std::byte* const at = rows.data() + (t / kBlockEdge * std::size_t{spec.width} + x) *
-                                              spec.channels * tiles::depth_bytes(spec.depth);
+                                              spec.channels * store::depth_bytes(spec.depth);
       const target::TargetBlock::Texel texel = block.texel(t);
       const Vec3f v = map == 0 ? texel.position : texel.normal;
       const float samples[3] = {v.x, v.y, v.z};
@@ -280,8 +295,11 @@ class MapsJob {
   std::vector<io::ImageWriteSpec> specs_;
   std::vector<TargetPage> pages_;
   bool by_tile_ = false;
-  std::uint32_t next_tile_ = 0;  ///< pages' tiles follow each other
-  std::unique_ptr<tiles::GeometryStore> store_;
+  mesh::Mesh target_;  ///< until its last page is vectorized
+  runtime::Lease mesh_lease_;
+  std::vector<GeometryRequest> requests_;        ///< by page
+  std::unique_ptr<store::GeometryStore> store_;  ///< of the page at hand
+  bool all_cached_ = true;
   float smallest_edge_ = 0;
 };
 

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// What became of one target, as numbers and as warnings.
+//
+// A result that is empty, mostly empty or far away is written all the same, but it is hardly what
+// somebody wanted: here it is said, with both boxes and the options that would change it.
 #include "flow/target_tally.h"
 
 #include <fmt/format.h>
@@ -56,6 +61,7 @@ TargetTally::TargetTally(const TransferOptions& options, const Plan& plan,
   entry.path = target_.path;
   entry.max_distance = double{target_.max_distance};
   page_states_.resize(target_.pages.size());
+  page_vectorized_.resize(target_.pages.size());
   if (report_.channels.empty()) {
     for (const ChannelPlan& channel : plan_.channels)
       report_.channels.push_back({channel_name(channel.channel), 0, {}});
@@ -76,26 +82,22 @@ TargetTally::TargetTally(const TransferOptions& options, const Plan& plan,
 
 ImageReport TargetTally::describe(std::size_t channel, std::size_t page) const {
   const ImageOutput& output = target_.images[channel][page];
-  const bool has_tiles = target_.requests.front().tile_pages.has_value();
   ImageReport image;
   image.path = model_.empty() ? output.path : model_;
   image.channel = channel_name(plan_.channels[channel].channel);
   image.material = target_.pages[page].set;
-  image.udim = has_tiles ? static_cast<int>(target_.pages[page].udim) : 0;
+  image.udim = target_.by_tile ? static_cast<int>(target_.pages[page].udim) : 0;
   image.width = output.lattice.width;
   image.height = output.lattice.height;
   return image;
 }
 
-void TargetTally::vectorized(const tiles::GeometryDirectory& directory) {
-  box_ = directory.box;
-  target().overlapping = directory.overlapping;
+void TargetTally::vectorized(std::uint32_t page, const store::GeometryDirectory& directory) {
+  if (page_vectorized_[page]) return;
+  page_vectorized_[page] = true;
+  box_.extend(directory.box);
+  target().overlapping += directory.overlapping;
   report_.target_overlapping += directory.overlapping;
-  if (directory.overlapping > 0) {
-    warn(fmt::format(
-        "{} texels are claimed by more than one triangle; the first in file order has them",
-        directory.overlapping));
-  }
 }
 
 void TargetTally::add_page(std::size_t pass, std::uint32_t page, std::uint64_t texels,
@@ -157,6 +159,11 @@ void TargetTally::wrote_model() {
 
 void TargetTally::finish(const Box3f& source) {
   const TexelCounts& counts = target().counts;
+  if (target().overlapping > 0) {
+    warn(fmt::format(
+        "{} texels are claimed by more than one triangle; the first in file order has them",
+        target().overlapping));
+  }
   if (counts.covered > 0) warn_of_empty_pages();
   if (counts.texels > 0 || !any_kept()) warn_of_little(source);
   target().enough = has_enough();

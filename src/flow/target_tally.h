@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "core/box.h"
-#include "flow/plan.h"
-#include "flow/target_stream.h"
+#include "flow/plan/plan.h"
+#include "flow/project/results.h"
 #include "pounce/options.h"
 #include "pounce/report.h"
 
@@ -22,8 +22,8 @@ class TargetTally {
   TargetTally(const TransferOptions& options, const Plan& plan, const TargetPlan& target,
               std::string model, Report& report);
 
-  /// The target's store of the first pass.
-  void vectorized(const tiles::GeometryDirectory& directory);
+  /// A page's store; of several passes the first one counts.
+  void vectorized(std::uint32_t page, const store::GeometryDirectory& directory);
   /// A page of a pass with so many texels; `result` is null where there was nothing to project.
   void add_page(std::size_t pass, std::uint32_t page, std::uint64_t texels,
                 const PageResult* result);
@@ -55,6 +55,7 @@ class TargetTally {
   enum class PageState : std::uint8_t { unseen, empty, found };
   static constexpr std::size_t kNone = SIZE_MAX;
   std::vector<PageState> page_states_;
+  std::vector<bool> page_vectorized_;
   std::uint32_t page_ = 0;             ///< that was added last
   std::size_t page_begin_ = 0;         ///< images of the page that was added last begin here
   std::size_t first_counted_ = kNone;  ///< of those: whose counts are the target's

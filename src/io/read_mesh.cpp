@@ -9,11 +9,11 @@
 #include <string_view>
 
 #include "core/file.h"
-#include "io/file_ending.h"
-#include "io/gltf_mesh.h"
-#include "io/obj_mesh.h"
-#include "io/splat_format.h"
-#include "io/splat_ply_header.h"
+#include "io/files/file_ending.h"
+#include "io/gltf/mesh.h"
+#include "io/obj/mesh.h"
+#include "io/splats/format.h"
+#include "io/splats/ply_header.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

@@ -3,15 +3,19 @@
 // Which triangles touch which 64x64 window of texels, and which windows make a tile.
 //
 // Blocks are made from these bins, in any order and in parallel, so neither side needs an external
-// shuffle. Tiles come from a k-d split over block coordinates: integers only, so the same on every
-// machine. A tile's weight is an estimate of its stored bytes; it bounds a write buffer and sizes
-// the index pages.
+// shuffle. Binning goes through the triangles once to count entries by row of blocks, and once more
+// for each band of rows, which is all that is in memory at a time. Tiles come from a k-d split over
+// block coordinates: integers only, so the same on every machine. A tile's weight is an estimate of
+// its stored bytes; it bounds a write buffer and sizes the index pages.
 #include "mesh/block_bins.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <climits>
 #include <cmath>
+#include <map>
+#include <memory>
 #include <tuple>
 
 #include "pounce/error.h"
@@ -19,16 +23,12 @@
 namespace pounce::mesh {
 namespace {
 
-constexpr std::uint64_t kMostEntries = 1ULL << 24;
+/// Of all bands of a request: more blocks than any texture set has, by far.
+constexpr std::uint64_t kMostEntries = 1ULL << 32;
+constexpr double kMostPeriods = 65536;        // of one triangle on a target
 constexpr double kLargeShare = 1.0 / 256;     // of an image
 constexpr std::uint32_t kConstantRun = 1024;  // triangles of a page without an image, per block
-
-struct KeyedEntry {
-  std::uint32_t page;
-  std::int32_t y, x;
-  std::uint32_t instance;
-  auto operator<=>(const KeyedEntry&) const = default;
-};
+constexpr std::uint32_t kRunsPerRow = 256;    // blocks of such a page, per row
 
 std::int32_t block_of(double texel) {
   return static_cast<std::int32_t>(std::floor(texel / kBlockEdge));
@@ -47,102 +47,202 @@ struct BlockRange {
   std::int32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
 };
 
-/// Calls visit(x, y) for every block of the range that the triangle touches. Halves the range, so
-/// that a long thin triangle does not pay for all of its box.
+/// The x that a triangle has between two heights, these included; low > high: none.
+struct Extent {
+  double low = INFINITY, high = -INFINITY;
+  void extend(double x) { low = std::min(low, x), high = std::max(high, x); }
+};
+Extent extent_between(const std::array<Vec2d, 3>& corners, double y0, double y1) {
+  Extent extent;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec2d a = corners[k], b = corners[(k + 1) % 3];
+    if (a.y >= y0 && a.y <= y1) extent.extend(a.x);
+    for (const double y : {y0, y1}) {
+      if ((a.y < y) != (b.y < y)) extent.extend(a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)));
+    }
+  }
+  return extent;
+}
+
+/// Calls visit(y, x0, x1), ends included, for each row of blocks of the range that the triangle
+/// touches. A block counts as wider by a texel on each side, which is more than rounding can be
+/// off.
 template <class Visit>
-void visit_blocks(const std::array<Vec2d, 3>& corners, const BlockRange& range,
-                  const Visit& visit) {
-  if (range.x0 > range.x1 || range.y0 > range.y1) return;
-  const TexelWindow window{std::int64_t{range.x0} * kBlockEdge, std::int64_t{range.y0} * kBlockEdge,
-                           (std::int64_t{range.x1} + 1) * kBlockEdge,
-                           (std::int64_t{range.y1} + 1) * kBlockEdge};
-  if (!triangle_touches(corners, window, 1.0)) return;
-  const std::int32_t across = range.x1 - range.x0, down = range.y1 - range.y0;
-  if (across == 0 && down == 0) {
-    visit(range.x0, range.y0);
-  } else if (across >= down) {
-    const std::int32_t middle = range.x0 + across / 2;
-    visit_blocks(corners, {range.x0, range.y0, middle, range.y1}, visit);
-    visit_blocks(corners, {middle + 1, range.y0, range.x1, range.y1}, visit);
-  } else {
-    const std::int32_t middle = range.y0 + down / 2;
-    visit_blocks(corners, {range.x0, range.y0, range.x1, middle}, visit);
-    visit_blocks(corners, {range.x0, middle + 1, range.x1, range.y1}, visit);
+void visit_rows(const std::array<Vec2d, 3>& corners, const BlockRange& range, const Visit& visit) {
+  for (std::int32_t y = range.y0; y <= range.y1; ++y) {
+    const double top = static_cast<double>(y) * kBlockEdge - 1;
+    const Extent extent = extent_between(corners, top, top + kBlockEdge + 1);
+    if (extent.low > extent.high) continue;
+    // The first block whose last texel, and one more, is not before the triangle, and so on.
+    const std::int32_t x0 =
+        std::max(range.x0, static_cast<std::int32_t>(std::ceil(extent.low / kBlockEdge)) - 1);
+    const std::int32_t x1 = std::min(range.x1, block_of(extent.high + 1));
+    if (x0 <= x1) visit(y, x0, x1);
   }
 }
 
-/// Calls visit(page, instance, block_x, block_y) for every block a triangle belongs to.
-template <class Visit>
-void for_each_block(const BinRequest& request, std::uint32_t triangle, Visit&& visit) {
-  const std::uint32_t own = request.triangle_page[triangle];
-  const Lattice& lattice = request.pages[request.tile_pages != nullptr ? 0 : own];
-  if (lattice.width == 0) {
-    // No image, so no texels: runs of the file's order stand in for blocks.
-    visit(own, TriangleInstance{triangle, 0, 0}, static_cast<std::int32_t>(triangle / kConstantRun),
-          0);
-    return;
-  }
-  const auto corners = texel_corners(*request.mesh, lattice, {triangle, 0, 0});
-  const auto [low_x, high_x] = std::minmax({corners[0].x, corners[1].x, corners[2].x});
-  const auto [low_y, high_y] = std::minmax({corners[0].y, corners[1].y, corners[2].y});
-  if (!(std::abs(low_x) < kLargestTexel && std::abs(high_x) < kLargestTexel &&
-        std::abs(low_y) < kLargestTexel && std::abs(high_y) < kLargestTexel)) {
-    fail_span(*request.mesh, triangle);
-  }
-  if (!request.is_target && is_whole(corners, lattice)) {
-    visit(own, TriangleInstance{triangle, 0, 0}, block_of((low_x + high_x) / 2),
-          block_of((low_y + high_y) / 2));
-    return;
-  }
-  // It touches at least as many blocks as it has room for: no need to visit them to know.
-  constexpr double kMostArea = static_cast<double>(kMostEntries) * kBlockEdge * kBlockEdge;
-  const double area = std::abs(doubled_area(corners[0], corners[1], corners[2])) / 2;
-  if (area > kMostArea) fail_span(*request.mesh, triangle);
-  const auto visit_touched = [&](std::uint32_t page, const TriangleInstance& instance, double bx0,
-                                 double by0, double bx1, double by1) {
-    const double sx = static_cast<double>(instance.shift_x) * lattice.width;
-    const double sy = static_cast<double>(instance.shift_y) * lattice.height;
-    const std::array<Vec2d, 3> moved{Vec2d{corners[0].x - sx, corners[0].y - sy},
-                                     Vec2d{corners[1].x - sx, corners[1].y - sy},
-                                     Vec2d{corners[2].x - sx, corners[2].y - sy}};
-    const std::int64_t across = block_of(bx1) - block_of(bx0) + 1;
-    const std::int64_t down = block_of(by1) - block_of(by0) + 1;
-    if (across * down > static_cast<std::int64_t>(kMostEntries)) fail_span(*request.mesh, triangle);
-    visit_blocks(moved, {block_of(bx0), block_of(by0), block_of(bx1), block_of(by1)},
-                 [&](std::int32_t x, std::int32_t y) { visit(page, instance, x, y); });
-  };
-  if (!request.is_target) {
-    visit_touched(own, {triangle, 0, 0}, low_x, low_y, high_x, high_y);
-    return;
-  }
-  if (area == 0) return;
-  const double w = lattice.width, h = lattice.height;
-  // Periods in which some texel centre may be covered; a triangle wholly inside [0,1) has exactly
-  // one.
-  const auto first_x = static_cast<std::int32_t>(std::floor(std::ceil(low_x) / w));
-  const auto last_x = static_cast<std::int32_t>(std::floor(std::floor(high_x) / w));
-  const auto first_y = static_cast<std::int32_t>(std::floor(std::ceil(low_y) / h));
-  const auto last_y = static_cast<std::int32_t>(std::floor(std::floor(high_y) / h));
-  if ((std::int64_t{last_x} - first_x + 1) * (std::int64_t{last_y} - first_y + 1) > 65536) {
-    fail_span(*request.mesh, triangle);
-  }
-  for (std::int32_t sy = first_y; sy <= last_y; ++sy) {
-    for (std::int32_t sx = first_x; sx <= last_x; ++sx) {
-      const std::uint32_t page = request.tile_pages == nullptr
-                                     ? own
-                                     : request.tile_pages->find(own, tile_of_period(sx, sy));
-      if (page == kNoPage) continue;
-      visit_touched(page, {triangle, sx, sy}, std::max(low_x - sx * w, 0.0),
-                    std::max(low_y - sy * h, 0.0), std::min(high_x - sx * w, w - 1),
-                    std::min(high_y - sy * h, h - 1));
+/// Rows of blocks of one page, ends included.
+struct RowRange {
+  std::int32_t first = INT32_MIN, last = INT32_MAX;
+  bool holds(std::int32_t y) const { return first <= y && y <= last; }
+};
+
+/// Where one triangle belongs on one page of a request, row by row of blocks.
+class Placement {
+ public:
+  Placement(const BinRequest& request, std::uint32_t page, std::uint32_t triangle)
+      : request_(request), lattice_(request.pages[page]), triangle_(triangle) {}
+
+  /// Calls visit(instance, y, x0, x1) for every row of blocks among `rows` that it belongs to.
+  template <class Visit>
+  void visit_within(const RowRange& rows, const Visit& visit) {
+    if (lattice_.width == 0) return visit_run(rows, visit);
+    measure();
+    if (!request_.is_target) return visit_source(rows, visit);
+    if (doubled_area(corners_[0], corners_[1], corners_[2]) == 0) return;
+    if (request_.tile)
+      return visit_period(rows, request_.tile->column, period_y(*request_.tile), visit);
+    // Periods in which some texel centre may be covered; a triangle wholly inside [0,1) has exactly
+    // one.
+    const double w = lattice_.width, h = lattice_.height;
+    const double x0 = std::floor(std::ceil(low_.x) / w), x1 = std::floor(std::floor(high_.x) / w);
+    const double y0 = std::floor(std::ceil(low_.y) / h), y1 = std::floor(std::floor(high_.y) / h);
+    if ((x1 - x0 + 1) * (y1 - y0 + 1) > kMostPeriods) fail_span(*request_.mesh, triangle_);
+    for (double y = y0; y <= y1; ++y) {
+      for (double x = x0; x <= x1; ++x)
+        visit_period(rows, static_cast<std::int32_t>(x), static_cast<std::int32_t>(y), visit);
     }
+  }
+
+ private:
+  void measure() {
+    corners_ = texel_corners(*request_.mesh, lattice_, {triangle_, 0, 0});
+    std::tie(low_.x, high_.x) = std::minmax({corners_[0].x, corners_[1].x, corners_[2].x});
+    std::tie(low_.y, high_.y) = std::minmax({corners_[0].y, corners_[1].y, corners_[2].y});
+    if (!(std::abs(low_.x) < kLargestTexel && std::abs(high_.x) < kLargestTexel &&
+          std::abs(low_.y) < kLargestTexel && std::abs(high_.y) < kLargestTexel)) {
+      fail_span(*request_.mesh, triangle_);
+    }
+  }
+
+  /// No image, so no texels: runs of the file's order stand in for blocks.
+  template <class Visit>
+  void visit_run(const RowRange& rows, const Visit& visit) const {
+    const std::uint32_t run = triangle_ / kConstantRun;
+    const auto y = static_cast<std::int32_t>(run / kRunsPerRow);
+    const auto x = static_cast<std::int32_t>(run % kRunsPerRow);
+    if (rows.holds(y)) visit(TriangleInstance{triangle_, 0, 0}, y, x, x);
+  }
+
+  template <class Visit>
+  void visit_source(const RowRange& rows, const Visit& visit) const {
+    const TriangleInstance instance{triangle_, 0, 0};
+    if (!is_whole(corners_, lattice_)) {
+      return visit_touched(
+          rows, corners_,
+          {block_of(low_.x), block_of(low_.y), block_of(high_.x), block_of(high_.y)}, instance,
+          visit);
+    }
+    const std::int32_t y = block_of((low_.y + high_.y) / 2);
+    const std::int32_t x = block_of((low_.x + high_.x) / 2);
+    if (rows.holds(y)) visit(instance, y, x, x);
+  }
+
+  template <class Visit>
+  void visit_period(const RowRange& rows, std::int32_t px, std::int32_t py,
+                    const Visit& visit) const {
+    const double w = lattice_.width, h = lattice_.height;
+    const double sx = px * w, sy = py * h;
+    const std::array<Vec2d, 3> moved{Vec2d{corners_[0].x - sx, corners_[0].y - sy},
+                                     Vec2d{corners_[1].x - sx, corners_[1].y - sy},
+                                     Vec2d{corners_[2].x - sx, corners_[2].y - sy}};
+    const BlockRange range{
+        block_of(std::max(low_.x - sx, 0.0)), block_of(std::max(low_.y - sy, 0.0)),
+        block_of(std::min(high_.x - sx, w - 1)), block_of(std::min(high_.y - sy, h - 1))};
+    visit_touched(rows, moved, range, {triangle_, px, py}, visit);
+  }
+
+  template <class Visit>
+  static void visit_touched(const RowRange& rows, const std::array<Vec2d, 3>& corners,
+                            BlockRange range, const TriangleInstance& instance,
+                            const Visit& visit) {
+    if (range.x0 == range.x1 && range.y0 == range.y1) {  // most triangles of a dense mesh
+      if (rows.holds(range.y0)) visit(instance, range.y0, range.x0, range.x1);
+      return;
+    }
+    range.y0 = std::max(range.y0, rows.first);
+    range.y1 = std::min(range.y1, rows.last);
+    visit_rows(corners, range, [&](std::int32_t y, std::int32_t x0, std::int32_t x1) {
+      visit(instance, y, x0, x1);
+    });
+  }
+
+  const BinRequest& request_;
+  const Lattice& lattice_;
+  const std::uint32_t triangle_;
+  std::array<Vec2d, 3> corners_;
+  Vec2d low_, high_;
+};
+
+/// How many triangles the fullest window has, page by page: of meshes that are worth it.
+class WindowCounts {
+ public:
+  explicit WindowCounts(std::uint64_t triangles) : counts_(triangles > kFewTriangles) {}
+
+  void begin(const Lattice& page) {
+    columns_ = static_cast<std::int32_t>((page.width + kBlockEdge - 1) / kBlockEdge);
+    rows_ = static_cast<std::int32_t>((page.height + kBlockEdge - 1) / kBlockEdge);
+    beyond_ = 0;
+    const auto windows = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_);
+    of_window_.assign(counts_ ? windows : 0, 0);
+  }
+  void add(std::int32_t y, std::int32_t x0, std::int32_t x1) {
+    if (!counts_) return;
+    for (std::int32_t x = x0; x <= x1; ++x) {
+      const bool inside = x >= 0 && x < columns_ && y >= 0 && y < rows_;
+      ++(inside ? of_window_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_) +
+                             static_cast<std::size_t>(x)]
+                : beyond_);
+    }
+  }
+  void end() {
+    most_ = std::max(most_, beyond_);
+    for (const std::uint64_t count : of_window_) most_ = std::max(most_, count);
+  }
+  std::uint64_t most() const { return counts_ ? most_ : UINT64_MAX; }
+
+ private:
+  const bool counts_;
+  std::int32_t columns_ = 0, rows_ = 0;
+  PageVector<std::uint64_t> of_window_;
+  std::uint64_t beyond_ = 0;  ///< in windows outside of the image, all together
+  std::uint64_t most_ = 0;
+};
+
+/// Groups sorted entries into blocks.
+void find_blocks(BlockBins& bins) {
+  std::size_t count = 0;
+  const auto starts = [&](std::size_t i) {
+    const BinEntry& a = bins.entries[i];
+    if (i == 0) return true;
+    const BinEntry& b = bins.entries[i - 1];
+    return a.page != b.page || a.y != b.y || a.x != b.x;
+  };
+  for (std::size_t i = 0; i < bins.entries.size(); ++i) count += starts(i);
+  bins.blocks.reserve(count);
+  bins.tiles.reserve(count);
+  for (std::size_t i = 0; i < bins.entries.size(); ++i) {
+    const BinEntry& entry = bins.entries[i];
+    if (starts(i))
+      bins.blocks.push_back({entry.page, entry.x, entry.y, static_cast<std::uint32_t>(i), 0});
+    ++bins.blocks.back().count;
   }
 }
 
 /// Cuts blocks[first, first + count) until each part is light enough, reordering them.
 void split_tiles(BlockBins& bins, std::uint32_t first, std::uint32_t count, std::uint64_t cap) {
   const auto weight = [](const BlockBin& b) {
-    return 256 + std::uint64_t{80} * std::min<std::uint32_t>(b.count, 8192);
+    return 256 + kTileBytesPerTriangle * std::min<std::uint32_t>(b.count, 8192);
   };
   std::uint64_t total = 0;
   auto* begin = bins.blocks.data() + first;
@@ -193,61 +293,89 @@ bool is_whole(const std::array<Vec2d, 3>& c, const Lattice& lattice) {
          area >= 2 * kLargeShare * static_cast<double>(lattice.width) * lattice.height;
 }
 
-std::uint64_t count_entries(const BinRequest& request) {
-  std::uint64_t entries = 0;
-  for (std::uint32_t t = 0; t < request.mesh->triangles.size(); ++t) {
-    if (request.triangle_page[t] == kNoPage) continue;
-    // Inside the visit: one triangle over many periods of a large image has billions of blocks.
-    for_each_block(request, t,
-                   [&](std::uint32_t, const TriangleInstance&, std::int32_t, std::int32_t) {
-                     if (++entries > kMostEntries) fail_span(*request.mesh, t);
-                   });
-  }
-  return entries;
+BlockBands count_bands(const BinRequest& request) {
+  return count_bands(request,
+                     std::max<std::uint64_t>(kBandEntries, request.mesh->triangles.size() / 2));
 }
 
-std::uint64_t bin_cost_bytes(std::uint64_t triangles, std::uint64_t entries) {
-  // instances (twice while the vector grows) + keyed entries + entries + blocks (at most one per
-  // entry)
-  return triangles * 2 * sizeof(TriangleInstance) +
-         entries * (sizeof(KeyedEntry) + 4 + sizeof(BlockBin) + 4);
-}
-
-BlockBins bin_triangles(const BinRequest& request) {
-  BlockBins bins;
-  std::vector<KeyedEntry> keyed;
-  keyed.reserve(count_entries(request));
-  for (std::uint32_t t = 0; t < request.mesh->triangles.size(); ++t) {
-    if (request.triangle_page[t] == kNoPage) continue;
-    for_each_block(
-        request, t,
-        [&](std::uint32_t page, const TriangleInstance& instance, std::int32_t x, std::int32_t y) {
-          if (bins.instances.empty() || bins.instances.back().triangle != instance.triangle ||
-              bins.instances.back().shift_x != instance.shift_x ||
-              bins.instances.back().shift_y != instance.shift_y) {
-            bins.instances.push_back(instance);
-          }
-          keyed.push_back({page, y, x, static_cast<std::uint32_t>(bins.instances.size() - 1)});
-        });
-  }
-  std::sort(keyed.begin(), keyed.end());
-  bins.entries.reserve(keyed.size());
-  for (const KeyedEntry& entry : keyed) {
-    if (bins.blocks.empty() || bins.blocks.back().page != entry.page ||
-        bins.blocks.back().x != entry.x || bins.blocks.back().y != entry.y) {
-      bins.blocks.push_back(
-          {entry.page, entry.x, entry.y, static_cast<std::uint32_t>(bins.entries.size()), 0});
+BlockBands count_bands(const BinRequest& request, std::uint64_t band_entries) {
+  BlockBands out;
+  WindowCounts windows(request.mesh->triangles.size());
+  std::map<std::int32_t, std::uint64_t> rows;  // of one page: how many entries each has
+  for (std::uint32_t page = 0; page < request.pages.size(); ++page) {
+    rows.clear();
+    auto last = rows.end();
+    windows.begin(request.pages[page]);
+    for (const std::uint32_t t : request.triangles->of(request.first_page + page)) {
+      Placement(request, page, t)
+          .visit_within(
+              {}, [&](const TriangleInstance&, std::int32_t y, std::int32_t x0, std::int32_t x1) {
+                if (last == rows.end() || last->first != y) last = rows.try_emplace(y, 0).first;
+                const auto count = static_cast<std::uint64_t>(x1 - x0 + 1);
+                last->second += count;
+                windows.add(y, x0, x1);
+                // Inside the visit: one triangle over many periods has billions of blocks.
+                if ((out.entries += count) > kMostEntries) fail_span(*request.mesh, t);
+              });
     }
-    bins.entries.push_back(entry.instance);
-    ++bins.blocks.back().count;
+    for (const auto& [y, count] : rows) {
+      if (out.bands.empty() || out.bands.back().entries + count > band_entries)
+        out.bands.push_back({{page, y}, {page, y}, 0});
+      out.bands.back().last = {page, y};
+      out.bands.back().entries += count;
+    }
+    windows.end();
   }
+  out.most_in_block = std::min(windows.most(), out.entries);
+  return out;
+}
+
+BlockBinner::BlockBinner(const BinRequest& request, std::shared_ptr<const BlockBands> bands)
+    : request_(request), bands_(std::move(bands)) {}
+
+BlockBinner::BlockBinner(const BinRequest& request)
+    : BlockBinner(request, std::make_shared<const BlockBands>(count_bands(request))) {}
+
+std::uint64_t BlockBinner::most_entries() const {
+  std::uint64_t most = 0;
+  for (const BlockBands::Band& band : bands_->bands) most = std::max(most, band.entries);
+  return most;
+}
+
+std::uint64_t BlockBinner::cost_bytes(std::uint64_t entries) {
+  return entries * (sizeof(BinEntry) + sizeof(BlockBin) + sizeof(TileRange));
+}
+
+BlockBins BlockBinner::bin(std::size_t band) const {
+  const BlockBands::Band& here = bands_->bands[band];
+  BlockBins bins;
+  bins.entries.reserve(here.entries);
+  for (std::uint32_t page = here.first.page; page <= here.last.page; ++page) {
+    RowRange rows;
+    if (page == here.first.page) rows.first = here.first.y;
+    if (page == here.last.page) rows.last = here.last.y;
+    for (const std::uint32_t t : request_.triangles->of(request_.first_page + page)) {
+      Placement(request_, page, t)
+          .visit_within(rows, [&](const TriangleInstance& instance, std::int32_t y, std::int32_t x0,
+                                  std::int32_t x1) {
+            for (std::int32_t x = x0; x <= x1; ++x) bins.entries.push_back({page, y, x, instance});
+          });
+    }
+  }
+  const auto place = [](const BinEntry& e) {
+    return std::tuple(e.page, e.y, e.x, e.instance.triangle, e.instance.shift_y,
+                      e.instance.shift_x);
+  };
+  std::sort(bins.entries.begin(), bins.entries.end(),
+            [&](const BinEntry& a, const BinEntry& b) { return place(a) < place(b); });
+  find_blocks(bins);
   std::uint32_t first = 0;
   while (first < bins.blocks.size()) {  // a tile never mixes pages
     std::uint32_t count = 1;
     while (first + count < bins.blocks.size() &&
            bins.blocks[first + count].page == bins.blocks[first].page)
       ++count;
-    split_tiles(bins, first, count, std::max<std::uint64_t>(request.tile_cap_bytes, 1));
+    split_tiles(bins, first, count, std::max<std::uint64_t>(request_.tile_cap_bytes, 1));
     first += count;
   }
   return bins;

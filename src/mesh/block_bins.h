@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <functional>
-#include <map>
+#include <memory>
+#include <optional>
 #include <span>
-#include <utility>
 #include <vector>
 
+#include "core/page_pool.h"
 #include "mesh/lattice.h"
+#include "mesh/page_triangles.h"
 #include "mesh/uv_raster.h"
 #include "mesh/uv_tiles.h"
 
 namespace pounce::mesh {
-
-inline constexpr std::uint32_t kNoPage = 0xFFFFFFFF;
 
 /// A triangle of the mesh as one page sees it; on a target whose UVs leave the image it may stand
 /// in several periods of UV space.
@@ -24,14 +24,23 @@ struct TriangleInstance {
   std::int32_t shift_y = 0;
 };
 
-/// One 64x64 window of one page and the instances that touch it, in file order.
+/// That an instance touches a 64x64 window of a page; the window starts at texel (64 x, 64 y).
+struct BinEntry {
+  std::uint32_t page = 0;
+  std::int32_t y = 0, x = 0;
+  TriangleInstance instance;
+};
+
+/// One window of one page and the instances that touch it, in file order.
 struct BlockBin {
   std::uint32_t page = 0;
-  std::int32_t x = 0, y = 0;  ///< the window starts at texel (64 x, 64 y)
-  std::uint32_t first = 0;    ///< into BlockBins::entries
+  std::int32_t x = 0, y = 0;
+  std::uint32_t first = 0;  ///< into BlockBins::entries
   std::uint32_t count = 0;
 };
 
+/// What a triangle in a window is taken to need when stored: tiles are cut by it.
+inline constexpr std::uint64_t kTileBytesPerTriangle = 80;
 /// No tile holds more windows.
 inline constexpr std::uint32_t kMostBlocksPerTile = 64;
 /// A spatial tile: neighbouring blocks, stored together.
@@ -39,44 +48,26 @@ struct TileRange {
   std::uint32_t first_block = 0, block_count = 0;
 };
 
+/// The bins of one band.
 struct BlockBins {
-  std::vector<TriangleInstance> instances;
-  std::vector<std::uint32_t> entries;  ///< indices into instances
-  std::vector<BlockBin> blocks;        ///< in tile order
+  PageVector<BinEntry> entries;  ///< by page, y, x and file order
+  std::vector<BlockBin> blocks;  ///< in tile order
   std::vector<TileRange> tiles;
 };
 
-/// Which page shows a tile of a target's UV space, for targets of many UDIMs. Tiles that are not in
-/// it are not written.
-class TilePages {
- public:
-  void add(UvTile tile, std::uint32_t set, std::uint32_t page) { pages_[{set, tile}] = page; }
-  /// The page of a tile of a texture set, or kNoPage.
-  std::uint32_t find(std::uint32_t set, UvTile tile) const {
-    const auto at = pages_.find({set, tile});
-    return at == pages_.end() ? kNoPage : at->second;
-  }
-  /// ((texture set, tile), page), sorted.
-  const std::map<std::pair<std::uint32_t, UvTile>, std::uint32_t>& all() const { return pages_; }
-
- private:
-  std::map<std::pair<std::uint32_t, UvTile>, std::uint32_t> pages_;
-};
-
-/// Which triangles each page has, and where a triangle belongs.
+/// Which triangles each page has, and where a triangle belongs. All that it points to must outlive
+/// its use.
 struct BinRequest {
   const Mesh* mesh = nullptr;
   std::span<const Lattice> pages;
-  /// Per triangle: its page, or with tile_pages its texture set; kNoPage = not in any.
-  std::span<const std::uint32_t> triangle_page;
-  /// true (target): UVs that leave the image come back into it, or go to the page of their tile; a
+  const PageTriangles* triangles = nullptr;
+  std::uint32_t first_page = 0;  ///< of `triangles`: what pages[0] stands for
+  /// true (target): UVs that leave the image come back into it, or only those of `tile` count; a
   /// triangle goes to every block it touches.
   /// false (source): texel coordinates go on beyond the image; a triangle that is small or thin
   /// goes to the one block that holds its middle, a large one to every block it touches.
   bool is_target = false;
-  /// Target: the page of every tile; null: UVs wrap around into the triangle's page. All pages are
-  /// of one size then.
-  const TilePages* tile_pages = nullptr;
+  std::optional<UvTile> tile;  ///< target: the only tile of UV space that is on its page
   std::uint64_t tile_cap_bytes = 0;
 };
 /// Source triangles at most this large in both directions, in texels, are kept whole in one block.
@@ -90,13 +81,52 @@ std::array<Vec2d, 3> texel_corners(const Mesh& mesh, const Lattice& lattice,
 /// coordinate) would be cut into more parts than its surface has texels.
 bool is_whole(const std::array<Vec2d, 3>& corners, const Lattice& lattice);
 
-/// Bins triangles into blocks and groups the blocks into tiles by a k-d split in integers. Throws
-/// Error(input) when the UVs span an absurd number of blocks.
-BlockBins bin_triangles(const BinRequest& request);
+/// A mesh's blocks in bands: as many rows of blocks, one page after the other, as have kBandEntries
+/// entries, or half as many as the mesh has triangles, which takes less memory than the mesh; at
+/// least one row. Each band goes through all triangles of its pages, so there should not be many.
+/// Bands depend on the request alone, not on the memory there is.
+struct BlockBands {
+  struct Row {
+    std::uint32_t page;
+    std::int32_t y;
+  };
+  struct Band {
+    Row first, last;
+    std::uint64_t entries = 0;
+  };
+  std::vector<Band> bands;
+  std::uint64_t entries = 0;  ///< of all bands
+  /// Of any window, at most. Only known of meshes of more than kFewTriangles, else it is entries.
+  std::uint64_t most_in_block = 0;
+};
+inline constexpr std::uint64_t kFewTriangles = 1 << 16;
+inline constexpr std::uint64_t kBandEntries = 1 << 18;
+/// Visits rows of blocks, not blocks. Throws Error(input) when the UVs span an absurd number of
+/// texels or blocks.
+BlockBands count_bands(const BinRequest& request);
+BlockBands count_bands(const BinRequest& request, std::uint64_t band_entries);
 
-/// Bytes that bin_triangles needs at its peak for so many triangles and block entries.
-std::uint64_t bin_cost_bytes(std::uint64_t triangles, std::uint64_t entries);
-/// How many (block, triangle) entries bin_triangles will make.
-std::uint64_t count_entries(const BinRequest& request);
+/// Bins triangles into blocks and groups the blocks into tiles by a k-d split in integers, band by
+/// band, so that it needs memory for one band alone. Const members are thread-safe.
+class BlockBinner {
+ public:
+  /// `bands`: what count_bands() says of this request.
+  BlockBinner(const BinRequest& request, std::shared_ptr<const BlockBands> bands);
+  /// Counts them itself.
+  explicit BlockBinner(const BinRequest& request);
+
+  std::uint64_t entries() const { return bands_->entries; }  ///< of all bands
+  std::size_t bands() const { return bands_->bands.size(); }
+  std::uint64_t entries(std::size_t band) const { return bands_->bands[band].entries; }
+  std::uint64_t most_entries() const;  ///< of a band
+  std::uint64_t most_in_block() const { return bands_->most_in_block; }
+  BlockBins bin(std::size_t band) const;
+  /// Bytes that bin() needs at its peak, its result included, for so many entries.
+  static std::uint64_t cost_bytes(std::uint64_t entries);
+
+ private:
+  BinRequest request_;
+  std::shared_ptr<const BlockBands> bands_;
+};
 
 }  // namespace pounce::mesh

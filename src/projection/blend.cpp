@@ -79,8 +79,8 @@ class FloatSum {
 
 const std::byte* first_tap(const std::byte* tile, int column, int row, const Taps& taps,
                            std::size_t texel) noexcept {
-  const int at = (row + taps.first + tiles::kApron) * tiles::kColourTileEdge + column + taps.first +
-                 tiles::kApron;
+  const int at = (row + taps.first + store::kApron) * store::kColourTileEdge + column + taps.first +
+                 store::kApron;
   return tile + static_cast<std::size_t>(at) * texel;
 }
 
@@ -106,9 +106,9 @@ struct FloatTaps {
   std::size_t count = 0;
 };
 
-Blended blend_floats(const tiles::ColourDirectory& image, const FloatTaps& taps, std::int32_t total,
+Blended blend_floats(const store::ColourDirectory& image, const FloatTaps& taps, std::int32_t total,
                      BlendAlpha alpha) noexcept {
-  const std::size_t sample = tiles::depth_bytes(image.depth);
+  const std::size_t sample = store::depth_bytes(image.depth);
   const bool divides = image.premultiplied && alpha == BlendAlpha::straight;
   const std::size_t last = image.channels - 1;
   Blended out{};
@@ -131,15 +131,15 @@ Blended blend_floats(const tiles::ColourDirectory& image, const FloatTaps& taps,
   return out;
 }
 
-Blended blend_integers(const tiles::ColourDirectory& image, const std::byte* first,
+Blended blend_integers(const store::ColourDirectory& image, const std::byte* first,
                        const Taps& taps) noexcept {
-  const std::size_t texel = image.texel_bytes(), sample = tiles::depth_bytes(image.depth);
+  const std::size_t texel = image.texel_bytes(), sample = store::depth_bytes(image.depth);
   std::array<std::int64_t, 4> sums{};
   for (int y = 0; y < taps.size; ++y) {
     for (int x = 0; x < taps.size; ++x) {
       const std::int64_t weight = taps.weights[static_cast<std::size_t>(y * taps.size + x)];
       const std::byte* const at =
-          first + static_cast<std::size_t>(y * tiles::kColourTileEdge + x) * texel;
+          first + static_cast<std::size_t>(y * store::kColourTileEdge + x) * texel;
       for (std::size_t c = 0; c < image.channels; ++c)
         sums[c] += weight * steps(image.depth, at + c * sample);
     }
@@ -152,7 +152,7 @@ Blended blend_integers(const tiles::ColourDirectory& image, const std::byte* fir
 
 }  // namespace
 
-Blended blend(const tiles::ColourDirectory& image, const std::byte* tile, int column, int row,
+Blended blend(const store::ColourDirectory& image, const std::byte* tile, int column, int row,
               const Taps& taps, BlendAlpha alpha) noexcept {
   const std::size_t texel = image.texel_bytes();
   const std::byte* const first = first_tap(tile, column, row, taps, texel);
@@ -164,7 +164,7 @@ Blended blend(const tiles::ColourDirectory& image, const std::byte* tile, int co
       const std::int32_t weight = taps.weights[static_cast<std::size_t>(y * taps.size + x)];
       if (weight == 0) continue;
       floats.texels[floats.count] =
-          first + static_cast<std::size_t>(y * tiles::kColourTileEdge + x) * texel;
+          first + static_cast<std::size_t>(y * store::kColourTileEdge + x) * texel;
       floats.weights[floats.count++] = weight;
     }
   }
@@ -180,7 +180,7 @@ void blend_u8_channels(const std::byte* tile, int column, int row, const Taps& t
   std::array<std::int32_t, kChannels>
       sums{};  // 2^20 * 255 at most, and kernels with negative weights stay near it
   for (int y = 0; y < taps.size; ++y) {
-    const std::byte* at = first + static_cast<std::size_t>(y * tiles::kColourTileEdge) * kChannels;
+    const std::byte* at = first + static_cast<std::size_t>(y * store::kColourTileEdge) * kChannels;
     for (int x = 0; x < taps.size; ++x, at += kChannels) {
       const std::int32_t weight = taps.weights[static_cast<std::size_t>(y * taps.size + x)];
       for (std::size_t c = 0; c < kChannels; ++c)
@@ -196,7 +196,7 @@ void blend_u8_channels(const std::byte* tile, int column, int row, const Taps& t
 
 }  // namespace
 
-void blend_u8(const tiles::ColourDirectory& image, const std::byte* tile, int column, int row,
+void blend_u8(const store::ColourDirectory& image, const std::byte* tile, int column, int row,
               const Taps& taps, std::byte* out) noexcept {
   switch (image.channels) {
     case 1:

@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "pounce/options.h"
-#include "tiles/colour_store.h"
+#include "store/blocks/colour_store.h"
 
 namespace pounce::projection {
 
@@ -30,9 +30,9 @@ inline Coordinate placed(std::int32_t base, float frac, std::uint32_t size,
   if (wrap == mesh::Wrap::clamp)
     return at.texel < 0 ? Coordinate{-1, at.texel < -1 ? 0 : at.rest} : Coordinate{n - 1, 0};
   if (wrap == mesh::Wrap::repeat)
-    return {static_cast<std::int32_t>(tiles::wrapped(at.texel, n, wrap)), at.rest};
+    return {static_cast<std::int32_t>(store::wrapped(at.texel, n, wrap)), at.rest};
   const std::int32_t inside =
-      static_cast<std::int32_t>(tiles::wrapped(at.texel, std::int64_t{2} * n, mesh::Wrap::repeat));
+      static_cast<std::int32_t>(store::wrapped(at.texel, std::int64_t{2} * n, mesh::Wrap::repeat));
   if (inside < n) return {inside, at.rest};
   // The mirrored period runs backwards: x becomes 2 n - 1 - x.
   return at.rest > 0 ? Coordinate{2 * n - 2 - inside, 1 - at.rest}
@@ -100,10 +100,10 @@ enum class BlendAlpha : std::uint8_t {
 /// any order: integer samples are counted as they are, float samples times their weights in 2^-64
 /// of the largest one's exponent. A hit that has one texel alone gives its samples exactly.
 /// noexcept, thread-safe.
-Blended blend(const tiles::ColourDirectory& image, const std::byte* tile, int column, int row,
+Blended blend(const store::ColourDirectory& image, const std::byte* tile, int column, int row,
               const Taps& taps, BlendAlpha alpha) noexcept;
 /// The same for 8-bit images, rounded to 8 bits at `out` (image.channels of them).
-void blend_u8(const tiles::ColourDirectory& image, const std::byte* tile, int column, int row,
+void blend_u8(const store::ColourDirectory& image, const std::byte* tile, int column, int row,
               const Taps& taps, std::byte* out) noexcept;
 
 }  // namespace pounce::projection

@@ -13,6 +13,7 @@
 //   q     = (g_0 v_0^2 + g_1 v_1^2 + g_2 v_2^2) / det M
 //   t     = n.d - sum over cyclic (i, j, k) of u_i u_j (s_i - s_j) g_k v_k / det M
 //
+// The plain blend of a mesh's texels (add_met) is the same with f = 0 and other weights.
 // (minors of M after Cauchy and Binet, and u_0^2 + u_1^2 + u_2^2 = 1). All terms of the first two
 // are positive: nothing cancels, however thin a disc or a needle is. Lengths are in texel edges, so
 // f is a constant and neither underflows.
@@ -225,9 +226,61 @@ void accumulate(std::span<const SplatResponse> responses, DepthPacket& depths) {
   }
 }
 
+/// One Gaussian on the rays of sixteen texels: alpha x response x cosine, and where.
+[[gnu::always_inline]] inline void add_one(const SplatShape& g, const Rays& ray,
+                                           const Floats& reach, float min_cosine, RayPacket& sums) {
+  const auto along_normal = [&](const float* a) {
+    return a[0] * ray.nx + a[1] * ray.ny + a[2] * ray.nz;
+  };
+  Floats cosine = along_normal(g.normal);
+  cosine = select(all(g.two_sided) > all(0), absolute(cosine), cosine);
+  const Floats dx = (g.mean[0] - ray.px) * ray.per_texel, dy = (g.mean[1] - ray.py) * ray.per_texel,
+               dz = (g.mean[2] - ray.pz) * ray.per_texel;
+  const Floats mx = dy * ray.nz - dz * ray.ny, my = dz * ray.nx - dx * ray.nz,
+               mz = dx * ray.ny - dy * ray.nx;
+  const auto along_m = [&](const float* a) { return a[0] * mx + a[1] * my + a[2] * mz; };
+  const Floats u0 = along_normal(g.axis[0]), u1 = along_normal(g.axis[1]),
+               u2 = along_normal(g.axis[2]);
+  const Floats v0 = along_m(g.axis[0]), v1 = along_m(g.axis[1]), v2 = along_m(g.axis[2]);
+  const Floats scale = ray.per_texel * ray.per_texel;
+  const Floats s0 = g.variance[0] * scale, s1 = g.variance[1] * scale, s2 = g.variance[2] * scale;
+  const Floats per_det = 1.0F / (u0 * u0 * (s1 * s2) + u1 * u1 * (s0 * s2) + u2 * u2 * (s0 * s1));
+  const Floats sv0 = s0 * v0, sv1 = s1 * v1, sv2 = s2 * v2;
+  const Floats q = (sv0 * v0 + sv1 * v1 + sv2 * v2) * per_det;
+  const Floats bend =
+      u0 * u1 * (s0 - s1) * sv2 + u1 * u2 * (s1 - s2) * sv0 + u2 * u0 * (s2 - s0) * sv1;
+  const Floats depth = absolute(dx * ray.nx + dy * ray.ny + dz * ray.nz - bend * per_det);
+  // No number compares as true, so a Gaussian without extent adds nothing.
+  const Ints ok =
+      (q <= source::kSplatCutOff * source::kSplatCutOff) & (cosine >= min_cosine) & (depth < reach);
+  if (!any(ok)) return;
+  const Floats plain =
+      select(ok, cosine, all(0.0F)) * exp_of_minus(select(ok, q, all(0.0F)) * 0.5F);
+  const Floats weight = plain * g.alpha;
+  add_steps(plain, sums.plain);
+  add_steps(weight, sums.weight);
+  for (int c = 0; c < 3; ++c) add_steps(weight * g.colour[c], sums.colour[c]);
+  add_steps(select(ok, weight * depth / reach, all(0.0F)), sums.away);
+}
+
+void add_met(const SplatCandidates& candidates, const RayBundle& bundle, float height,
+             const TexelPacket& packet, const RayLimits& limits, RayPacket& sums) {
+  const Rays rays(packet);
+  const Floats reach = load(sums.reach) * rays.per_texel;
+  for (std::size_t i = 0; i < candidates.size(); i += kLanes) {
+    unsigned left = meet(candidates.x(i), candidates.y(i), candidates.z(i), candidates.radius(i),
+                         bundle, height);
+    if (candidates.size() - i < kLanes) left &= (1U << (candidates.size() - i)) - 1;
+    for (; left != 0; left &= left - 1) {
+      add_one(candidates.shape(i + static_cast<std::size_t>(std::countr_zero(left))), rays, reach,
+              limits.min_cosine, sums);
+    }
+  }
+}
+
 }  // namespace
 
 extern const SplatKernels kSplatKernels;
-const SplatKernels kSplatKernels{POUNCE_ISA_NAME, gather, respond, deposit, accumulate};
+const SplatKernels kSplatKernels{POUNCE_ISA_NAME, gather, respond, deposit, accumulate, add_met};
 
 }  // namespace pounce::projection::POUNCE_ISA_NAMESPACE

@@ -55,6 +55,23 @@ struct alignas(64) DepthPacket {
   std::uint32_t open = 0;          ///< bit per lane: no centre yet
 };
 
+/// What sixteen texels have met on their rays: the plain blend of a mesh's texels (ray_blend.h).
+/// All sums are in steps of 2^-36. Lengths are in space.
+struct alignas(64) RayPacket {
+  std::int64_t weight[kLanes];     ///< of alpha x response x cosine
+  std::int64_t colour[3][kLanes];  ///< of that x colour
+  std::int64_t plain[kLanes];      ///< of response x cosine
+  std::int64_t away[kLanes];       ///< of weight x distance / reach
+  float reach[kLanes];             ///< how far a lane looks; 0: it has what it wants
+};
+
+/// What counts when the texels of a mesh are blended.
+struct RayLimits {
+  float max_distance = 0;  ///< along the ray, both ways
+  float first_reach = 0;   ///< half the edge of a cell of the paper's grid
+  float min_cosine = 0;    ///< of the angle between the two normals
+};
+
 /// Weights by depth, in steps, bin by bin.
 struct alignas(64) ProfilePacket {
   std::int32_t bins[kProfileBins][kLanes];
@@ -101,6 +118,10 @@ struct SplatKernels {
                   ProfilePacket& profile);
   /// Adds responses inside the windows to the sums of the lanes that take.
   void (*accumulate)(std::span<const SplatResponse> responses, DepthPacket& depths);
+  /// Adds all candidates that the packet's rays meet within their reach, none of which is beyond
+  /// `height`.
+  void (*add_met)(const SplatCandidates& candidates, const RayBundle& bundle, float height,
+                  const TexelPacket& packet, const RayLimits& limits, RayPacket& sums);
 };
 
 /// The kernels for `isa`, or the best that this processor has for "". Throws Error(usage) if it

@@ -10,7 +10,9 @@
 #include "source/source_block.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
 
 namespace pounce::source {
 namespace {
@@ -22,7 +24,7 @@ struct Setup {
   double tolerance = 0;
 };
 
-Vec3d position(const tiles::GeometryBlock& block, std::size_t triangle, std::size_t corner) {
+Vec3d position(const store::GeometryBlock& block, std::size_t triangle, std::size_t corner) {
   return Vec3d(block.positions[block.triangles[triangle][corner]]);
 }
 
@@ -51,7 +53,7 @@ void set_shading(const std::array<Vec3d, 3>& normals, Facet& facet) {
   store(facet.s2, shading[2] - shading[0]);
 }
 
-Facet make_facet(const tiles::GeometryBlock& block, std::size_t triangle,
+Facet make_facet(const store::GeometryBlock& block, std::size_t triangle,
                  const mesh::Lattice& lattice, const Setup& s) {
   Facet facet{};
   const Vec3d e1 = s.corners[1] - s.corners[0];
@@ -120,20 +122,19 @@ void clip(std::vector<ClippedCorner>& polygon, bool by_x, double limit, double s
   polygon.swap(scratch);
 }
 
-Patch bounded(const Setup& s, const std::vector<ClippedCorner>& polygon, std::uint32_t facet) {
-  std::vector<Vec3d> corners;
+Patch bounded(const Setup& s, std::span<const ClippedCorner> polygon, std::uint32_t facet) {
+  const auto place = [&](const ClippedCorner& c) {
+    return s.corners[0] + (s.corners[1] - s.corners[0]) * c.w1 +
+           (s.corners[2] - s.corners[0]) * c.w2;
+  };
   Patch patch;
   patch.facet = facet;
-  for (const ClippedCorner& c : polygon) {
-    corners.push_back(s.corners[0] + (s.corners[1] - s.corners[0]) * c.w1 +
-                      (s.corners[2] - s.corners[0]) * c.w2);
-    patch.box.extend(Vec3f(corners.back()));
-  }
+  for (const ClippedCorner& corner : polygon) patch.box.extend(Vec3f(place(corner)));
   const Box3f& box = patch.box;
   patch.centre = (box.lo + box.hi) * 0.5F;
   double farthest = 0;
-  for (const Vec3d& corner : corners)
-    farthest = std::max(farthest, length(corner - Vec3d(patch.centre)));
+  for (const ClippedCorner& corner : polygon)
+    farthest = std::max(farthest, length(place(corner) - Vec3d(patch.centre)));
   // Coordinates are floats: a few of their last places cover every rounding on the way to a hit.
   const float largest = std::max({std::abs(box.lo.x), std::abs(box.lo.y), std::abs(box.lo.z),
                                   std::abs(box.hi.x), std::abs(box.hi.y), std::abs(box.hi.z)});
@@ -143,10 +144,11 @@ Patch bounded(const Setup& s, const std::vector<ClippedCorner>& polygon, std::ui
   return patch;
 }
 
-void add_patches(const tiles::GeometryBlock& block, const Setup& s, bool whole, std::uint32_t facet,
+void add_patches(const store::GeometryBlock& block, const Setup& s, bool whole, std::uint32_t facet,
                  std::vector<Patch>& patches) {
-  const std::vector<ClippedCorner> triangle{
-      {s.texels[0], 0, 0}, {s.texels[1], 1, 0}, {s.texels[2], 0, 1}};
+  // No heap for whole triangles: dense meshes have millions.
+  const std::array<ClippedCorner, 3> triangle{
+      ClippedCorner{s.texels[0], 0, 0}, {s.texels[1], 1, 0}, {s.texels[2], 0, 1}};
   if (whole) {
     patches.push_back(bounded(s, triangle, facet));
     return;
@@ -157,7 +159,7 @@ void add_patches(const tiles::GeometryBlock& block, const Setup& s, bool whole, 
   const double top = static_cast<double>(block.y) * mesh::kBlockEdge;
   for (int wy = 0; wy < mesh::kBlockEdge / kPatchWindow; ++wy) {
     for (int wx = 0; wx < mesh::kBlockEdge / kPatchWindow; ++wx) {
-      polygon = triangle;
+      polygon.assign(triangle.begin(), triangle.end());
       clip(polygon, true, left + wx * kPatchWindow, 1, scratch);
       clip(polygon, true, left + (wx + 1) * kPatchWindow, -1, scratch);
       clip(polygon, false, top + wy * kPatchWindow, 1, scratch);
@@ -169,7 +171,7 @@ void add_patches(const tiles::GeometryBlock& block, const Setup& s, bool whole, 
 
 }  // namespace
 
-SourceBlock make_source_block(const tiles::GeometryBlock& block, const mesh::Lattice& lattice) {
+SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lattice& lattice) {
   SourceBlock out;
   out.facets.reserve(block.triangles.size());
   std::vector<Patch> patches;

@@ -6,7 +6,7 @@
 
 #include "core/box.h"
 #include "core/page_pool.h"
-#include "tiles/geometry_block.h"
+#include "store/blocks/geometry_block.h"
 
 namespace pounce::source {
 
@@ -60,6 +60,6 @@ struct SourceBlock {
 inline constexpr int kPatchWindow = 16;
 
 /// Sets up the facets and patches of a stored block. `lattice` is its page's.
-SourceBlock make_source_block(const tiles::GeometryBlock& block, const mesh::Lattice& lattice);
+SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lattice& lattice);
 
 }  // namespace pounce::source

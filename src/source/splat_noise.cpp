@@ -18,7 +18,7 @@ float middle(std::array<float, kNeighbours>& values) {
   return (values[kNeighbours / 2 - 1] + values[kNeighbours / 2]) / 2;
 }
 
-Vec3f normal_of(const tiles::Splat& s) {
+Vec3f normal_of(const store::Splat& s) {
   if (s.normal != Vec3f{}) return s.normal;
   const float w = s.rotation[0], x = s.rotation[1], y = s.rotation[2], z = s.rotation[3];
   if (s.sigma.x < s.sigma.y && s.sigma.x < s.sigma.z)
@@ -30,14 +30,14 @@ Vec3f normal_of(const tiles::Splat& s) {
 
 }  // namespace
 
-void append_surface_noise(const tiles::SplatBlock& block, std::vector<float>& figures) {
+void append_surface_noise(const store::SplatBlock& block, std::vector<float>& figures) {
   const std::size_t count = block.size();
   if (count <= kNeighbours) return;
   const std::size_t probes = std::min(count, kMostPerBlock);
   std::vector<std::pair<float, std::uint32_t>> near(count);  // squared distance, index
   for (std::size_t p = 0; p < probes; ++p) {
     const std::size_t at = p * count / probes;
-    const tiles::Splat probe = block.splat(at);
+    const store::Splat probe = block.splat(at);
     for (std::size_t i = 0; i < count; ++i) {
       const float dx = block.mean[0][i] - probe.mean.x, dy = block.mean[1][i] - probe.mean.y,
                   dz = block.mean[2][i] - probe.mean.z;

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "tiles/splat_block.h"
+#include "store/blocks/splat_block.h"
 
 namespace pounce::source {
 
@@ -12,7 +12,7 @@ namespace pounce::source {
 /// nearest neighbours in the block along its normal (the file's, else its shortest axis). For
 /// normal noise that is its standard deviation. Appends one figure per Gaussian; none for blocks of
 /// fewer than 17.
-void append_surface_noise(const tiles::SplatBlock& block, std::vector<float>& figures);
+void append_surface_noise(const store::SplatBlock& block, std::vector<float>& figures);
 
 /// The median; 0 if there are none. Reorders `figures`.
 float median(std::vector<float>& figures);

@@ -30,7 +30,7 @@ std::array<Vec3f, 3> axes_of(float w, float x, float y, float z) {
            {2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)}}};
 }
 
-SplatShape shape_of(const tiles::SplatBlock& block, std::size_t i) {
+SplatShape shape_of(const store::SplatBlock& block, std::size_t i) {
   SplatShape out{};
   const auto axes = axes_of(block.rotation[0][i], block.rotation[1][i], block.rotation[2][i],
                             block.rotation[3][i]);
@@ -56,6 +56,7 @@ SplatShape shape_of(const tiles::SplatBlock& block, std::size_t i) {
   out.roundness = sigma[0] > 0 ? sigma[1] / sigma[0] : 1.0F;
   // A line has no colour to give, so it shall not say where to look for one.
   out.strength = out.roundness > 0 ? block.alpha[i] * planarity : 0.0F;
+  out.alpha = block.alpha[i];
   out.two_sided = 1;
   std::copy_n(out.axis[2], 3, out.normal);
   if (!block.normal[0].empty()) {
@@ -107,7 +108,7 @@ std::uint64_t SplatSet::most_bytes(std::uint64_t splats) {
   return bytes;
 }
 
-SplatSet make_splat_set(const tiles::SplatBlock& block) {
+SplatSet make_splat_set(const store::SplatBlock& block) {
   SplatSet set;
   set.shapes.reserve(block.size());
   resize(set.levels[0], block.size());

@@ -10,14 +10,15 @@
 
 #include "core/page_pool.h"
 #include "core/ray_bundle.h"
-#include "tiles/splat_block.h"
+#include "store/blocks/splat_block.h"
 
 namespace pounce::source {
 
-/// One Gaussian of a splat scene, ready to be blended.
+/// One Gaussian, ready to be blended.
 struct SplatShape {
   float mean[3];
   float strength;          ///< opacity x planarity: how surely a surface is there, at its best
+  float alpha;             ///< opacity alone
   float roundness;         ///< the needle factor: what that counts for the colour, 0..1
   float axis[3][3];        ///< unit, right-handed; the longest first
   float variance[3];       ///< along the axes: the squared standard deviations
@@ -39,7 +40,7 @@ struct SplatSpheres {
   std::size_t count = 0;
 };
 
-/// A block of a splat scene as projection uses it: its Gaussians and a tree over them. The store
+/// A block of Gaussians as projection uses it: its Gaussians and a tree over them. The store
 /// orders Gaussians along a curve, so that sixteen in a row lie together, and sixteen times
 /// sixteen, too: level 0 of the tree are the Gaussians, sphere i of level k + 1 holds spheres 16 i
 /// to 16 i + 15 of level k.
@@ -51,6 +52,6 @@ struct SplatSet {
   static std::uint64_t most_bytes(std::uint64_t splats);
 };
 
-SplatSet make_splat_set(const tiles::SplatBlock& block);
+SplatSet make_splat_set(const store::SplatBlock& block);
 
 }  // namespace pounce::source

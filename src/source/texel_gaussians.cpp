@@ -4,13 +4,19 @@
 //
 // On a triangle position is affine in the texel: p(x, y) = p0 + jx x + jy y. A texel's square is
 // then a parallelogram with edges jx and jy, and its Gaussian has the covariance
-// s^2 (jx jx' + jy jy'), s = kSigmaTexels. In an orthonormal frame of the triangle's plane that is
-// a symmetric 2x2 matrix, whose eigenvectors are the axes of the disc.
+// s^2 (jx jx' + jy jy'), s = TexelSampling::sigma. In an orthonormal frame of the triangle's plane
+// that is a symmetric 2x2 matrix, whose eigenvectors are the axes of the disc.
 //
 // A whole triangle as one Gaussian (it holds no texel's centre, is smaller than a texel, or has no
 // image) takes the second moments of its own area instead: (v0 v0' + v1 v1' + v2 v2') / 12 with v
 // from its centroid. The unit square's are 1/12 along each side, so the same s relates the two:
 // s^2 (v0 v0' + v1 v1' + v2 v2').
+//
+// Splitting (TexelSampling::spacing) makes the surface uniformly dense where texels are large: a
+// texel of area n d^2, d the spacing, becomes a grid of about n parts, each what a texel is else,
+// at a place between texels. n < 1.5 is left alone, so that at most three times as many Gaussians
+// come out as the surface has texels and squares of d together. Triangles without image get texels
+// of edge d in their own plane.
 //
 // The matrix of a thin triangle loses its smaller eigenvalue to rounding: that one comes from the
 // determinant, which is the square of an area.
@@ -59,10 +65,12 @@ void to_quaternion(Vec3d a, Vec3d b, Vec3d c, double (&q)[4]) {
 
 struct MeshGaussians::Corners {
   Vec3d positions[3], normals[3];
-  std::array<Vec2d, 3> texels{};
-  Vec3d face;               // unit, on the front side
-  double doubled_area = 0;  // in space
-  double texel_area = 0;    // doubled, with the sign of its direction in the image
+  std::array<Vec2d, 3> texels{}, whole_texels{};
+  Vec3d face;                             // unit, on the front side
+  double doubled_area = 0;                // in space
+  double texel_area = 0;                  // doubled, with the sign of its direction in the image
+  std::int64_t split_x = 1, split_y = 1;  // parts of a texel: `texels` counts parts
+  bool from_plane = false;                // no image: texels were laid into its plane
 };
 
 MeshGaussians::Corners MeshGaussians::corners(std::uint32_t triangle) const {
@@ -79,10 +87,45 @@ MeshGaussians::Corners MeshGaussians::corners(std::uint32_t triangle) const {
   c.face = doubled * (1 / c.doubled_area);
   if (dot(shading, c.face) < 0) c.face = c.face * -1.0;
   if (lattice_.width != 0) {
-    c.texels = block_.texel_corners(lattice_, triangle);
+    c.texels = c.whole_texels = block_.texel_corners(lattice_, triangle);
     c.texel_area = mesh::doubled_area(c.texels[0], c.texels[1], c.texels[2]);
   }
+  if (sampling_.spacing > 0) split(c);
   return c;
+}
+
+/// Makes texels of their parts where they are larger than the spacing.
+void MeshGaussians::split(Corners& c) const {
+  constexpr double kWorthIt = 1.5, kMostParts = 4096;
+  const double square = sampling_.spacing * sampling_.spacing;
+  const Vec3d e1 = c.positions[1] - c.positions[0], e2 = c.positions[2] - c.positions[0];
+  if (lattice_.width == 0) {
+    if (!(c.doubled_area / 2 >= kWorthIt * square)) return;
+    const Vec3d right = unit(e1), up = cross(c.face, right);
+    const auto flat = [&](Vec3d v) {
+      return Vec2d{dot(v, right) / sampling_.spacing - 0.5, dot(v, up) / sampling_.spacing - 0.5};
+    };
+    c.texels = {flat({}), flat(e1), flat(e2)};
+    c.texel_area = mesh::doubled_area(c.texels[0], c.texels[1], c.texels[2]);
+    c.from_plane = true;
+    return;
+  }
+  if (is_single(c)) return;
+  const double parts = c.doubled_area / std::abs(c.texel_area) / square;
+  if (!(parts >= kWorthIt)) return;
+  const Vec2d t1 = c.texels[1] - c.texels[0], t2 = c.texels[2] - c.texels[0];
+  const double edge_x = length((e1 * t2.y - e2 * t1.y) * (1 / c.texel_area));
+  const double edge_y = length((e2 * t1.x - e1 * t2.x) * (1 / c.texel_area));
+  // The longer edge first; the other one takes what is left of the number of parts.
+  const double n = std::min(std::round(parts), kMostParts);
+  const double along = std::clamp(std::round(std::max(edge_x, edge_y) / sampling_.spacing), 1.0, n);
+  const auto longer = static_cast<std::int64_t>(along);
+  const auto shorter = static_cast<std::int64_t>(std::max(1.0, std::round(n / along)));
+  c.split_x = edge_x >= edge_y ? longer : shorter;
+  c.split_y = edge_x >= edge_y ? shorter : longer;
+  const auto sx = static_cast<double>(c.split_x), sy = static_cast<double>(c.split_y);
+  for (Vec2d& t : c.texels) t = {t.x * sx + (sx - 1) / 2, t.y * sy + (sy - 1) / 2};
+  c.texel_area *= sx * sy;
 }
 
 /// Is the triangle's own size its Gaussian's? A texel of a triangle smaller than a texel would
@@ -93,25 +136,32 @@ template <class Span>
 void MeshGaussians::raster(const Corners& c, const Span& span) const {
   const std::int64_t x = std::int64_t{block_.x} * mesh::kBlockEdge;
   const std::int64_t y = std::int64_t{block_.y} * mesh::kBlockEdge;
-  const bool whole = mesh::is_whole(c.texels, lattice_);
-  mesh::raster_triangle(c.texels,
-                        whole ? mesh::TexelWindow{INT32_MIN, INT32_MIN, INT32_MAX, INT32_MAX}
-                              : mesh::TexelWindow{x, y, x + mesh::kBlockEdge, y + mesh::kBlockEdge},
-                        span);
+  const bool whole = c.from_plane || mesh::is_whole(c.whole_texels, lattice_);
+  constexpr std::int64_t kFar = std::int64_t{1} << 40;
+  mesh::raster_triangle(
+      c.texels,
+      whole ? mesh::TexelWindow{-kFar, -kFar, kFar, kFar}
+            : mesh::TexelWindow{x * c.split_x, y * c.split_y, (x + mesh::kBlockEdge) * c.split_x,
+                                (y + mesh::kBlockEdge) * c.split_y},
+      span);
 }
 
-MeshGaussians::MeshGaussians(const tiles::GeometryBlock& block, const mesh::Lattice& lattice)
-    : block_(block), lattice_(lattice), first_(block.triangles.size() + 1, 0) {
+MeshGaussians::MeshGaussians(const store::GeometryBlock& block, const mesh::Lattice& lattice,
+                             const TexelSampling& sampling)
+    : block_(block), lattice_(lattice), sampling_(sampling), first_(block.triangles.size() + 1, 0) {
   for (std::uint32_t t = 0; t < block.triangles.size(); ++t) {
     const Corners c = corners(t);
     std::uint64_t count = 0;
     if (c.doubled_area > 0 && std::isfinite(1 / c.doubled_area)) {
-      if (lattice.width != 0) {
+      if (c.texel_area != 0) {
         raster(c, [&count](std::int64_t, std::int64_t begin, std::int64_t end) {
           count += static_cast<std::uint64_t>(end - begin);
         });
       }
-      if (count == 0 && (lattice.width == 0 || mesh::is_whole(c.texels, lattice))) count = 1;
+      if (count == 0 && (lattice.width == 0 || mesh::is_whole(c.whole_texels, lattice))) count = 1;
+      const double each =
+          is_single(c) ? c.doubled_area / 2 : c.doubled_area / std::abs(c.texel_area);
+      area_ += static_cast<double>(count) * each;
     }
     first_[t + 1] = first_[t] + count;
   }
@@ -146,16 +196,18 @@ void MeshGaussians::visit(std::uint64_t begin, std::uint64_t end,
       const std::uint64_t stop = std::min(length, end > next ? end - next : 0);
       for (std::uint64_t i = skip; i < stop; ++i) {
         const Vec2d p{static_cast<double>(from) + static_cast<double>(i), static_cast<double>(y)};
-        at(p, mesh::doubled_area(c.texels[0], p, c.texels[2]) / c.texel_area,
+        const Vec2d texel{(p.x + 0.5) / static_cast<double>(c.split_x) - 0.5,
+                          (p.y + 0.5) / static_cast<double>(c.split_y) - 0.5};
+        at(c.from_plane ? Vec2d{} : texel,
+           mesh::doubled_area(c.texels[0], p, c.texels[2]) / c.texel_area,
            mesh::doubled_area(c.texels[0], c.texels[1], p) / c.texel_area);
       }
       next += length;
     };
-    if (lattice_.width != 0) raster(c, span);
+    if (c.texel_area != 0) raster(c, span);
     if (any) continue;
-    at({(c.texels[0].x + c.texels[1].x + c.texels[2].x) / 3,
-        (c.texels[0].y + c.texels[1].y + c.texels[2].y) / 3},
-       1.0 / 3, 1.0 / 3);
+    const auto& w = c.whole_texels;
+    at({(w[0].x + w[1].x + w[2].x) / 3, (w[0].y + w[1].y + w[2].y) / 3}, 1.0 / 3, 1.0 / 3);
   }
 }
 
@@ -189,8 +241,8 @@ Footprint MeshGaussians::footprint(std::uint32_t triangle) const {
   axis = size > large * 1e-12 ? Vec2d{axis.x / size, axis.y / size} : Vec2d{1, 0};
   const Vec3d long_axis = right * axis.x + up * axis.y;
   Footprint f{};
-  f.sigma[0] = kSigmaTexels * std::sqrt(large);
-  f.sigma[1] = kSigmaTexels * area / std::sqrt(large);
+  f.sigma[0] = sampling_.sigma * std::sqrt(large);
+  f.sigma[1] = sampling_.sigma * area / std::sqrt(large);
   f.sigma[2] = kFlatness * f.sigma[1];
   to_quaternion(long_axis, cross(c.face, long_axis), c.face, f.rotation);
   return f;

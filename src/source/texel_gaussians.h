@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "mesh/lattice.h"
-#include "tiles/geometry_block.h"
+#include "store/blocks/geometry_block.h"
 
 namespace pounce::source {
 
@@ -29,7 +29,15 @@ struct MeshGaussian {
   Vec3f mean, normal;      ///< the interpolated vertex normal, unit
   std::uint32_t triangle;  ///< index in the block
   std::int32_t x, y;       ///< whole texel coordinates of the colour, not wrapped
-  float frac_x, frac_y;    ///< and the rest: 0 unless the Gaussian is a whole triangle
+  float frac_x, frac_y;    ///< and the rest: 0 where the Gaussian is a whole texel
+};
+
+/// How a surface is sampled.
+struct TexelSampling {
+  double sigma = kSigmaTexels;  ///< standard deviation in texels (or parts of them), > 0
+  /// Texels of more than twice its square are split into parts of about that; so are triangles
+  /// without image. 0: one Gaussian per texel.
+  double spacing = 0;
 };
 
 /// The Gaussians of one stored block: by triangle in file order, within a triangle in raster order.
@@ -37,9 +45,12 @@ struct MeshGaussian {
 /// thread-safe.
 class MeshGaussians {
  public:
-  MeshGaussians(const tiles::GeometryBlock& block, const mesh::Lattice& lattice);
+  MeshGaussians(const store::GeometryBlock& block, const mesh::Lattice& lattice,
+                const TexelSampling& sampling = {});
 
   std::uint64_t count() const { return first_.back(); }
+  /// The surface that these Gaussians stand for: the sum of their texels' (or triangles') areas.
+  double area() const { return area_; }
   /// Visits Gaussians [begin, end) in order.
   void visit(std::uint64_t begin, std::uint64_t end,
              const std::function<void(const MeshGaussian&)>& each) const;
@@ -49,12 +60,15 @@ class MeshGaussians {
  private:
   struct Corners;
   Corners corners(std::uint32_t triangle) const;
+  void split(Corners& c) const;
   bool is_single(const Corners& c) const;
   template <class Span>
   void raster(const Corners& c, const Span& span) const;
 
-  const tiles::GeometryBlock& block_;
+  const store::GeometryBlock& block_;
   const mesh::Lattice& lattice_;
+  const TexelSampling sampling_;
+  double area_ = 0;
   std::vector<std::uint64_t> first_;  ///< by triangle: its first Gaussian; and the end
 };
 

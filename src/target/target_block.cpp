@@ -36,7 +36,7 @@ struct Gradients {
 
 /// The affine maps of one triangle around an anchor in texels; nothing if it has no area in the
 /// image.
-bool gradients(const tiles::GeometryBlock& block, const mesh::Lattice& lattice,
+bool gradients(const store::GeometryBlock& block, const mesh::Lattice& lattice,
                std::size_t triangle, Gradients& g) {
   const auto t = g.texels = block.texel_corners(lattice, triangle);
   const double area = mesh::doubled_area(t[0], t[1], t[2]);
@@ -75,7 +75,7 @@ bool any_negative(Four v) {
 
 /// Two to four times the largest coordinate of a triangle's corners. Not so small that what is
 /// divided by its step would be infinite.
-float coarseness_of(const tiles::GeometryBlock& block, std::size_t triangle) {
+float coarseness_of(const store::GeometryBlock& block, std::size_t triangle) {
   float largest = 0;
   for (const std::uint16_t corner : block.triangles[triangle]) {
     const Vec3f& p = block.positions[corner];
@@ -93,11 +93,12 @@ void move(float steps, float step, float& coordinate, std::int8_t& moved) {
 
 }  // namespace
 
-TargetBlock::TargetBlock(const tiles::GeometryBlock& block, const mesh::Lattice& lattice,
+TargetBlock::TargetBlock(const store::GeometryBlock& block, const mesh::Lattice& lattice,
                          float smallest_edge, Start start)
     : owner_(block.owner),
       triangles_(block.triangles.size()),
       edges_(start == Start::inset ? block.triangles.size() : 0) {
+  if (!block.records.empty()) read_records(block, smallest_edge, start);
   for (std::size_t i = 0; i < block.triangles.size(); ++i) {
     Gradients g;
     Affine& a = triangles_[i];
@@ -155,7 +156,16 @@ float TargetBlock::coarseness(const std::uint16_t* texels, std::size_t count) co
   return largest;
 }
 
+Vec3f TargetBlock::position(std::uint32_t texel) const {
+  if (has_records()) return records_[owner_[texel]].map.position;
+  const Affine& a = triangles_[owner_[texel]];
+  const float dx = static_cast<float>(texel % mesh::kBlockEdge) - a.x;
+  const float dy = static_cast<float>(texel / mesh::kBlockEdge) - a.y;
+  return a.p + (a.pu * dx + a.pv * dy);
+}
+
 TargetBlock::Texel TargetBlock::texel(std::uint32_t texel) const {
+  if (has_records()) return records_[owner_[texel]].map;
   const Affine& a = triangles_[owner_[texel]];
   const float dx = static_cast<float>(texel % mesh::kBlockEdge) - a.x;
   const float dy = static_cast<float>(texel / mesh::kBlockEdge) - a.y;
@@ -185,7 +195,8 @@ TargetBlock::Window TargetBlock::window(std::uint32_t index) const {
     const std::uint32_t at = y * mesh::kBlockEdge + x;
     if (!covered(at)) continue;
     window.texels[window.count++] = static_cast<std::uint16_t>(at);
-    window.one_triangle = window.one_triangle && owner_[at] == owner_[window.texels[0]];
+    window.one_triangle =
+        window.one_triangle && owner_[at] == owner_[window.texels[0]] && !has_records();
   }
   return window;
 }
@@ -208,19 +219,22 @@ bool TargetBlock::is_deep(const Window& window) const {
   return true;
 }
 
-/// Moves the start of a ray that is nearer to an edge of its owner than the inset away from it.
-void TargetBlock::move_start(std::size_t lane, Four beyond, TexelPacket& packet) const {
-  const std::uint16_t owner = owner_[packet.texel[lane]];
-  const Edges& edges = edges_[owner];
-  const Affine& a = triangles_[owner];
+Vec3f TargetBlock::way_inside(std::uint16_t triangle, Four beyond) const {
+  const Edges& edges = edges_[triangle];
+  const Affine& a = triangles_[triangle];
   float x = 0, y = 0;  // into the triangle, in texels
   for (int k = 0; k < 3; ++k) {
     const float lacking = std::max(-beyond[k], 0.0F);
     x += edges.x[k] * lacking;
     y += edges.y[k] * lacking;
   }
+  return a.pu * x + a.pv * y;
+}
+
+/// Moves the start of a ray that is nearer to an edge of its owner than the inset away from it.
+void TargetBlock::move_start(std::size_t lane, Four beyond, TexelPacket& packet) const {
   const float step = step_of(packet);
-  const Vec3f way = (a.pu * x + a.pv * y) * (1 / step);
+  const Vec3f way = way_inside(owner_[packet.texel[lane]], beyond) * (1 / step);
   if (!std::isfinite(way.x + way.y + way.z)) return;  // no area in the image to speak of
   move(way.x, step, packet.px[lane], packet.inset_x[lane]);
   move(way.y, step, packet.py[lane], packet.inset_y[lane]);
@@ -230,6 +244,7 @@ void TargetBlock::move_start(std::size_t lane, Four beyond, TexelPacket& packet)
 
 void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_deep,
                        TexelPacket& packet) const {
+  if (has_records()) return fill_records(texels, count, packet);
   packet.coarseness = coarseness(texels, count);
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const bool used = lane < count;
@@ -290,15 +305,16 @@ void TargetBlock::make_packets(std::uint32_t block_index, PageVector<TexelPacket
     }
     // One group of packets per cluster: usually all of the window, one each where charts meet.
     for (int cluster = 1; rest.count > 0; ++cluster) {
-      const Texel seed = texel(rest.texels[0]);
+      const Vec3f seed = position(rest.texels[0]);
+      const float seed_per_texel = per_texel(rest.texels[0]);
       std::array<std::uint16_t, kWindow * kWindow> together;
       std::size_t near = 0, far = 0;
       for (std::size_t i = 0; i < rest.count; ++i) {
-        const Texel other = texel(rest.texels[i]);
-        const Vec3f d = other.position - seed.position;
+        const Vec3f d = position(rest.texels[i]) - seed;
         const float spread = std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)});
-        const bool is_near = i == 0 || cluster >= kMostClusters ||
-                             spread * std::min(seed.per_texel, other.per_texel) <= kSpread;
+        const bool is_near =
+            i == 0 || cluster >= kMostClusters ||
+            spread * std::min(seed_per_texel, per_texel(rest.texels[i])) <= kSpread;
         (is_near ? together[near++] : rest.texels[far++]) = rest.texels[i];
       }
       add_group(together.data(), near, deep);
@@ -307,7 +323,7 @@ void TargetBlock::make_packets(std::uint32_t block_index, PageVector<TexelPacket
   }
 }
 
-std::vector<Box3f> texel_boxes(const tiles::GeometryBlock& block, const mesh::Lattice& lattice) {
+std::vector<Box3f> texel_boxes(const store::GeometryBlock& block, const mesh::Lattice& lattice) {
   std::vector<Box3f> boxes(block.triangles.size());
   const TargetBlock map(block, lattice, 1e-30F);
   const auto& owner = block.owner;
@@ -315,7 +331,7 @@ std::vector<Box3f> texel_boxes(const tiles::GeometryBlock& block, const mesh::La
     // A row's run of one triangle is a straight segment: its ends bound it.
     const bool starts = i % mesh::kBlockEdge == 0 || owner[i - 1] != owner[i];
     const bool ends = i % mesh::kBlockEdge == mesh::kBlockEdge - 1 || owner[i + 1] != owner[i];
-    if (owner[i] != tiles::kNoTriangle && (starts || ends))
+    if (owner[i] != store::kNoTriangle && (starts || ends))
       boxes[owner[i]].extend(map.texel(i).position);
   }
   std::erase_if(boxes, [](const Box3f& b) { return b.empty(); });

@@ -3,11 +3,12 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/box.h"
 #include "core/page_pool.h"
-#include "tiles/geometry_block.h"
+#include "store/blocks/geometry_block.h"
 
 namespace pounce::target {
 
@@ -22,7 +23,8 @@ struct alignas(64) TexelPacket {
   std::uint16_t texel[kLanes];  ///< y * 64 + x within the block; kNoTexel in unused lanes
   std::uint32_t block = 0;      ///< index of the block in its piece of work
   /// A power of two, two to four times the largest coordinate of the triangles that own the texels:
-  /// distances from here are as exact as this is large (step_of()).
+  /// distances from here are as exact as this is large (step_of()). Of records whose step is
+  /// coarser than that: what makes it their step.
   float coarseness = 0;
   bool is_inset = false;  ///< some ray starts elsewhere than at its texel's own point
   /// From the texel's own point to where the ray starts, in whole steps: a little into the owner.
@@ -48,7 +50,7 @@ class TargetBlock {
     inset      ///< 32 steps inside of its owner
   };
   /// `smallest_edge` bounds the texel's edge from below (for triangles without area in space), > 0.
-  TargetBlock(const tiles::GeometryBlock& block, const mesh::Lattice& lattice, float smallest_edge,
+  TargetBlock(const store::GeometryBlock& block, const mesh::Lattice& lattice, float smallest_edge,
               Start start = Start::at_texel);
 
   struct Texel {
@@ -57,7 +59,7 @@ class TargetBlock {
   };
   /// `texel` must be covered.
   Texel texel(std::uint32_t texel) const;
-  bool covered(std::uint32_t texel) const { return owner_[texel] != tiles::kNoTriangle; }
+  bool covered(std::uint32_t texel) const { return owner_[texel] != store::kNoTriangle; }
 
   /// Appends the block's packets and groups. Packets never cross an 8x8 window of the image, and
   /// texels that lie far apart (another chart) never share one, so a packet does not depend on how
@@ -67,8 +69,22 @@ class TargetBlock {
   /// At most so many packets for a block with so many covered texels: 64 windows of up to 4
   /// clusters.
   static std::uint32_t most_packets(std::uint32_t texels) { return texels < 448 ? texels : 448; }
+  /// Bytes of a decoded block of so many records and of its maps.
+  static std::uint64_t record_bytes(std::uint64_t records) {
+    return records * (sizeof(store::TexelRecord) + store::kRecordBytes + sizeof(RecordTexel));
+  }
+
+  /// The block with records instead of triangles, for a dense target: the maps that they give
+  /// differ by no more than single precision does, or a few 1/2048 of a texel. Nothing where that
+  /// cannot be. `block` is what these maps were made from, with Start::inset.
+  std::optional<store::GeometryBlock> as_records(const store::GeometryBlock& block) const;
 
  private:
+  /// A decoded record.
+  struct RecordTexel {
+    Texel map;
+    std::array<std::int8_t, 3> inset{};
+  };
   struct Affine {
     Vec3f p, pu, pv, n, nu, nv;
     float x = 0, y = 0;  ///< anchor, in texels of the block
@@ -89,6 +105,18 @@ class TargetBlock {
   static Edges make_edges(const std::array<Vec2d, 3>& corners, Vec2d anchor);
   /// How far inside of a triangle rays start where distances have this coarseness, in texels.
   float start_of(std::uint16_t triangle, float coarseness) const;
+  /// From a point of a triangle to where its ray starts; see Edges::beyond.
+  Vec3f way_inside(std::uint16_t triangle, Four beyond) const;
+  float record_step() const;
+  store::TexelRecord record(std::uint32_t texel, float step) const;
+  void read_records(const store::GeometryBlock& block, float smallest_edge, Start start);
+  void fill_records(const std::uint16_t* texels, std::size_t count, TexelPacket& packet) const;
+  bool has_records() const { return !records_.empty(); }
+  Vec3f position(std::uint32_t texel) const;
+  float per_texel(std::uint32_t texel) const {
+    return has_records() ? records_[owner_[texel]].map.per_texel
+                         : triangles_[owner_[texel]].per_texel;
+  }
   struct Window;
   Window window(std::uint32_t index) const;
   bool is_deep(const Window& window) const;
@@ -100,9 +128,13 @@ class TargetBlock {
   std::vector<std::uint16_t> owner_;
   std::vector<Affine> triangles_;
   std::vector<Edges> edges_;  ///< by triangle; empty where rays start at their texels
+  // Instead of triangles, for a block of records.
+  std::vector<RecordTexel> records_;
+  float records_coarseness_ = 0;
+  bool records_are_inset_ = false;
 };
 
 /// Tight boxes around the covered texels of each triangle, for the index.
-std::vector<Box3f> texel_boxes(const tiles::GeometryBlock& block, const mesh::Lattice& lattice);
+std::vector<Box3f> texel_boxes(const store::GeometryBlock& block, const mesh::Lattice& lattice);
 
 }  // namespace pounce::target

@@ -48,7 +48,7 @@ TexelValue load_texel(const TexelFormat& format, const std::byte* at) noexcept {
   value.channels = format.channels;
   value.linear = format.linear;
   value.has_alpha = format.has_alpha;
-  const std::size_t sample = tiles::depth_bytes(format.depth);
+  const std::size_t sample = store::depth_bytes(format.depth);
   for (std::uint32_t c = 0; c < format.channels; ++c)
     value.v[c] = load_sample(format.depth, at + c * sample);
   return value;
@@ -100,7 +100,7 @@ void mask_weights(const TexelFormat& mask, const std::byte* in, std::size_t coun
 void paint_over(const TexelFormat& format, PaintAlpha alpha, const float* weights,
                 const std::byte* fresh, std::size_t count, std::byte* texels) {
   const std::size_t size = format.texel_bytes();
-  const std::size_t sample = tiles::depth_bytes(format.depth);
+  const std::size_t sample = store::depth_bytes(format.depth);
   const std::uint32_t colours = format.colours();
   const std::uint32_t painted = alpha == PaintAlpha::keep ? colours : format.channels;
   const bool by_opacity = alpha == PaintAlpha::mix && format.has_alpha;
@@ -130,7 +130,7 @@ void paint_over(const TexelFormat& format, PaintAlpha alpha, const float* weight
 void copy_alpha(const TexelFormat& format, const std::byte* from, std::size_t count,
                 std::byte* to) {
   const std::size_t size = format.texel_bytes();
-  const std::size_t sample = tiles::depth_bytes(format.depth);
+  const std::size_t sample = store::depth_bytes(format.depth);
   for (std::size_t i = 0; i < count; ++i) {
     std::memcpy(to + (i + 1) * size - sample, from + (i + 1) * size - sample, sample);
   }

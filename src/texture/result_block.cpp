@@ -7,8 +7,8 @@
 
 #include "core/half.h"
 #include "pounce/error.h"
-#include "tiles/codec.h"
-#include "tiles/colour_store.h"
+#include "store/blocks/colour_store.h"
+#include "store/pack/codec.h"
 
 namespace pounce::texture {
 namespace {
@@ -101,7 +101,7 @@ std::uint32_t store_sample(Depth depth, double v, std::byte* out) noexcept {
 
 }  // namespace
 
-std::size_t TexelFormat::texel_bytes() const { return channels * tiles::depth_bytes(depth); }
+std::size_t TexelFormat::texel_bytes() const { return channels * store::depth_bytes(depth); }
 
 // IEC 61966-2-1. x^2.4 = x^2 * (x^2)^(1/5); x^(1/2.4) = (x^5)^(1/12) = sqrt(sqrt(cbrt(x^5))).
 double srgb_to_linear(double coded) noexcept {
@@ -119,7 +119,7 @@ double linear_to_srgb(double linear) noexcept {
 std::uint32_t store_texel(const TexelFormat& format, const TexelValue& value,
                           std::byte* out) noexcept {
   std::uint32_t clipped = 0;
-  const std::size_t size = tiles::depth_bytes(format.depth);
+  const std::size_t size = store::depth_bytes(format.depth);
   const bool multiplies = format.premultiplied && value.has_alpha && !value.premultiplied;
   for (std::uint32_t c = 0; c < format.channels; ++c, out += size) {
     double v = converted(format, value, c, pick(format, value, c));
@@ -131,10 +131,10 @@ std::uint32_t store_texel(const TexelFormat& format, const TexelValue& value,
 
 void encode(const ResultBlock& block, const TexelFormat& format, std::vector<std::byte>& raw) {
   std::vector<std::byte> differences(block.texels.begin(), block.texels.end());
-  tiles::delta(differences, tiles::depth_bytes(format.depth), format.channels);
+  store::delta(differences, store::depth_bytes(format.depth), format.channels);
   raw.resize(kMaskBytes + differences.size());
   std::memcpy(raw.data(), block.mask.data(), kMaskBytes);
-  tiles::shuffle(differences, format.texel_bytes(), std::span(raw).subspan(kMaskBytes));
+  store::shuffle(differences, format.texel_bytes(), std::span(raw).subspan(kMaskBytes));
 }
 
 void decode_result(std::span<const std::byte> raw, const TexelFormat& format,
@@ -144,8 +144,8 @@ void decode_result(std::span<const std::byte> raw, const TexelFormat& format,
     throw Error(ErrorKind::damaged_store, name + ": a result of another size");
   std::memcpy(block.mask.data(), raw.data(), kMaskBytes);
   block.texels.resize(size);
-  tiles::unshuffle(raw.subspan(kMaskBytes), format.texel_bytes(), block.texels);
-  tiles::undelta(block.texels, tiles::depth_bytes(format.depth), format.channels);
+  store::unshuffle(raw.subspan(kMaskBytes), format.texel_bytes(), block.texels);
+  store::undelta(block.texels, store::depth_bytes(format.depth), format.channels);
 }
 
 }  // namespace pounce::texture

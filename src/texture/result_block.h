@@ -10,7 +10,7 @@
 
 #include "core/page_pool.h"
 #include "pounce/options.h"
-#include "tiles/colour_store.h"
+#include "store/blocks/colour_store.h"
 
 namespace pounce::texture {
 
@@ -25,7 +25,7 @@ struct TexelFormat {
   std::uint32_t colours() const { return channels - (has_alpha ? 1U : 0U); }
   std::size_t texel_bytes() const;
   /// Are 8-bit samples of this image what the output holds, with nothing to convert?
-  bool keeps(const tiles::ColourDirectory& image) const {
+  bool keeps(const store::ColourDirectory& image) const {
     return depth == Depth::u8 && image.depth == Depth::u8 && channels == image.channels &&
            has_alpha == image.has_alpha && (linear == image.linear || !is_colour);
   }

@@ -26,7 +26,7 @@ expect 0 cache info --json
 grep -A2 '"colour"' "$out" | grep -q '"objects": 1' || fail 'info does not count the image'
 expect 0 cache verify
 out_has '3 packs'
-pack=$(ls "$XDG_CACHE_HOME"/pounce/v2/colour/*.pack)
+pack=$(ls "$XDG_CACHE_HOME"/pounce/v3/colour/*.pack)
 printf 'X' | dd of="$pack" bs=1 seek=300 conv=notrunc status=none
 expect 6 cache verify
 out_has "$pack"

@@ -26,20 +26,20 @@ unharmed() {
 # A lock of a pack that is to be made, the lock of the folder, the folders of parts and of locks.
 pristine
 rm -rf cache
-mkdir -p cache/v2
-ln -s "$PWD/victim/file" cache/v2/space.lock
+mkdir -p cache/v3
+ln -s "$PWD/victim/file" cache/v3/space.lock
 refused_or_right
 unharmed space.lock
 for folder in tmp locks; do
   pristine
-  rm -rf cache/v2/$folder cache/v2/*/*.pack
-  ln -s "$PWD/victim" cache/v2/$folder
+  rm -rf cache/v3/$folder cache/v3/*/*.pack
+  ln -s "$PWD/victim" cache/v3/$folder
   refused_or_right
   unharmed $folder
 done
 # A pack that is a link counts as none.
 pristine
-pack=$(ls cache/v2/colour/*.pack)
+pack=$(ls cache/v3/colour/*.pack)
 mv "$pack" elsewhere.pack
 ln -s "$PWD/elsewhere.pack" "$pack"
 touch -d 2001-01-01 elsewhere.pack
@@ -50,7 +50,7 @@ cmp o.png expected.png
 # So does one that is a pipe or a folder; no job waits for it or ends by it.
 for make in mkfifo mkdir; do
   pristine
-  pack=$(ls cache/v2/colour/*.pack)
+  pack=$(ls cache/v3/colour/*.pack)
   rm "$pack"
   $make "$pack"
   job 0
@@ -59,8 +59,8 @@ for make in mkfifo mkdir; do
 done
 # A link in a folder's place is told as such.
 pristine
-mv cache/v2/geometry elsewhere.geometry
-ln -s "$PWD/elsewhere.geometry" cache/v2/geometry
+mv cache/v3/geometry elsewhere.geometry
+ln -s "$PWD/elsewhere.geometry" cache/v3/geometry
 expect 5 cache info --cache cache
 err_has 'it is a link, which is not followed'
 
@@ -68,7 +68,7 @@ err_has 'it is a link, which is not followed'
 if [[ $(id -u) == 0 ]] && command -v setpriv >/dev/null &&
   setpriv --reuid 65534 --clear-groups "$POUNCE" --version >/dev/null 2>&1; then
   pristine
-  pack=$(ls cache/v2/colour/*.pack)
+  pack=$(ls cache/v3/colour/*.pack)
   printf 'x' | dd of="$pack" bs=1 seek=70 conv=notrunc status=none
   chmod 755 "$work" && chmod 777 . && find cache -type d -exec chmod 1777 {} + && rm o.png
   status=0

@@ -19,10 +19,10 @@ done
 [[ $decoded -le 1 ]] || fail "the image was decoded $decoded times"
 
 # The lock of a pack that somebody makes, held by hand. Its name is the pack's.
-pack=$(ls cache/v2/colour/*.pack)
+pack=$(ls cache/v3/colour/*.pack)
 key=$(basename "$pack" .pack)
 rm "$pack"
-exec 8>"cache/v2/locks/colour-$key"
+exec 8>"cache/v3/locks/colour-$key"
 echo 4711 >&8
 flock -x 8
 expect 75 transfer in/head_src.glb in/head_same.glb -o o.png --size 256 --cache cache --no-wait

@@ -18,4 +18,4 @@ rm -rf stored
 (ulimit -f 2048 && exec "$POUNCE" transfer head/head_src.glb head/head_same.glb -o result/p.png --size 64 --cache stored \
   --cache-limit 4GiB) >"$out" 2>"$err" || fail 'a job that fits was refused'
 cmp result/o.png result/p.png || fail 'the limit changes the picture'
-[[ -n $(ls stored/v2/geometry/*.pack) ]] || fail 'nothing was kept'
+[[ -n $(ls stored/v3/geometry/*.pack) ]] || fail 'nothing was kept'

@@ -25,7 +25,7 @@ cp w.1001.png right.1001.png
 cp w.1002.png right.1002.png
 
 # One byte in the middle of each pack in turn: of an image, of a mesh.
-packs=$(find cache/v2/colour cache/v2/geometry -name '*.pack')
+packs=$(find cache/v3/colour cache/v3/geometry -name '*.pack')
 for pack in $packs; do
   cp "$pack" sound
   chmod u+w "$pack"
@@ -38,7 +38,7 @@ for pack in $packs; do
 done
 
 run -o 'sound.<UDIM>.png'
-for pack in $(find cache/v2/colour -name '*.pack'); do
+for pack in $(find cache/v3/colour -name '*.pack'); do
   chmod u+w "$pack"
   printf '\xff' | dd of="$pack" bs=1 seek=$(($(stat -c %s "$pack") / 2 - 70)) conv=notrunc status=none
   rm -f made.*.png

@@ -13,6 +13,8 @@ has '"path":"o.1001.png","channel":"baseColor","material":"default","udim":1001,
 has '"channels":[{"name":"baseColor","images":1,"texels":64,"covered":64,"empty":0,"filled":0}]'
 has '"path":"target.obj","texels":64,"covered":64'
 has '"kept":[]'
+has '"nodes":[{"name":"fetch","runs":'
+has '{"name":"store","runs":1,"most_waiting":1,'
 [[ $(tr -d ' \n' <r.json) != *'"max-distance":'* ]] || fail 'an option that was not given'
 size=$(stat -c %s o.1001.png)
 has "\"outputs\":$size}"

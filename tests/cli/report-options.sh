@@ -25,6 +25,7 @@ job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' -
   --source-axes x,y,z --target-uv-set 0 --target-axes x,y,z --max-distance 1 --max-angle 70 --allow-external "${machine[@]}" \
   --temp . --plan
 job transfer source.obj target.obj -o o.png --skip-existing --no-cache
+job transfer source.obj target.obj -o g.png --method gaussian --sigma 1 --densify --no-cache
 job transfer source.obj target.obj -o o.png --onto o.png --mask mask.pgm --no-cache
 sed 's/^usemtl/o thing\nusemtl/' source.obj >named.obj
 job transfer named.obj named.obj -o n.png --source-mesh thing --target-mesh thing --target-material skin --no-cache

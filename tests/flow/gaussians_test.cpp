@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "io/image_write.h"
+#include "io/image/write.h"
 #include "support/many_threads.h"
 #include "support/random_scene.h"
 #include "support/test_data.h"

@@ -11,19 +11,20 @@
 #include <functional>
 #include <limits>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "core/half.h"
 #include "pounce/gaussians.h"
 #include "pounce/transfer.h"
+#include "store/blocks/colour_store.h"
+#include "store/blocks/geometry_block.h"
+#include "store/blocks/splat_block.h"
 #include "support/pack_tree.h"
 #include "support/random_scene.h"
 #include "support/splat_ply_builder.h"
 #include "support/test_data.h"
-#include "tiles/colour_store.h"
-#include "tiles/geometry_block.h"
-#include "tiles/splat_block.h"
 
 namespace pounce::test {
 namespace {
@@ -91,7 +92,7 @@ struct Jobs {
 
   std::vector<std::string> packs(const std::string& kind) const {
     std::vector<std::string> found;
-    for (const auto& entry : std::filesystem::directory_iterator(pristine + "/v2/" + kind)) {
+    for (const auto& entry : std::filesystem::directory_iterator(pristine + "/v3/" + kind)) {
       if (entry.path().extension() == ".pack")
         found.push_back(kind + "/" + entry.path().filename().string());
     }
@@ -107,7 +108,7 @@ struct Jobs {
                 const std::function<void(const std::string&)>& harm) const {
     std::filesystem::remove_all(cache);
     std::filesystem::copy(pristine, cache, std::filesystem::copy_options::recursive);
-    harm(cache + "/v2/" + pack);
+    harm(cache + "/v3/" + pack);
     Verdict verdict;
     std::vector<std::string> warnings;
     verdict.same = run(&warnings) == expected;
@@ -127,7 +128,7 @@ struct Jobs {
 };
 
 void set_u32(Bytes& raw, std::size_t at, std::uint32_t value) {
-  if (at + 4 <= raw.size()) tiles::put_u32(raw.data() + at, value);
+  if (at + 4 <= raw.size()) store::put_u32(raw.data() + at, value);
 }
 
 /// What a field of 32 bits may be made to say: counts, signs, places, floats.
@@ -137,7 +138,7 @@ std::vector<std::uint32_t> harmful(std::uint32_t was) {
 
 /// Sets every 32 bits of the directory and of the first pages in turn. No job may fail.
 void harm_everywhere(const Jobs& jobs, const std::string& pack) {
-  const PackTree tree(jobs.pristine + "/v2/" + pack);
+  const PackTree tree(jobs.pristine + "/v3/" + pack);
   int cases = 0, noticed = 0;
   const auto try_all = [&](int tile, const Bytes& raw) {
     const std::size_t step = std::max<std::size_t>(4, raw.size() / 60 / 4 * 4);
@@ -165,30 +166,31 @@ void harm_everywhere(const Jobs& jobs, const std::string& pack) {
 
 /// A geometry pack with another first block.
 void harm_block(const std::string& pristine, const std::string& path,
-                const std::function<void(tiles::GeometryBlock&)>& harm) {
+                const std::function<void(store::GeometryBlock&)>& harm) {
   PackTree tree(pristine);
-  tiles::GeometryBlock block = tiles::decode_geometry(tree.tiles[0].blocks[0], "block");
+  store::GeometryBlock block = store::decode_geometry(tree.tiles[0].blocks[0], "block");
   harm(block);
-  tiles::encode(block, tree.tiles[0].blocks[0]);
+  store::encode(block, tree.tiles[0].blocks[0]);
   tree.write(path, [&](int tile, Bytes& raw) {
+    if (tile == -1) store::put_u32(raw.data() + 52, store::kLargestGeometryBytes);
     if (tile != 0) return;
-    tiles::put_u32(raw.data(), block.page);
-    tiles::put_u32(raw.data() + 4, static_cast<std::uint32_t>(block.x));
-    tiles::put_u32(raw.data() + 8, static_cast<std::uint32_t>(block.y));
-    tiles::put_u32(raw.data() + 12, static_cast<std::uint32_t>(block.triangles.size()));
+    store::put_u32(raw.data(), block.page);
+    store::put_u32(raw.data() + 4, static_cast<std::uint32_t>(block.x));
+    store::put_u32(raw.data() + 8, static_cast<std::uint32_t>(block.y));
+    store::put_u32(raw.data() + 12, static_cast<std::uint32_t>(block.triangles.size()));
   });
 }
 
 bool is_target(const Jobs& jobs, const std::string& pack) {
-  const PackTree tree(jobs.pristine + "/v2/" + pack);
-  return !tiles::decode_geometry(tree.tiles[0].blocks[0], "block").owner.empty();
+  const PackTree tree(jobs.pristine + "/v3/" + pack);
+  return !store::decode_geometry(tree.tiles[0].blocks[0], "block").owner.empty();
 }
 
 }  // namespace
 
 TEST_CASE("blocks of a geometry pack that cannot be are noticed", "[flow]") {
   const Jobs jobs(false);
-  using Block = tiles::GeometryBlock;
+  using Block = store::GeometryBlock;
   using Harm = std::function<void(Block&)>;
   const std::vector<std::pair<std::string, Harm>> both{
       {"a page beyond the last", [](Block& b) { b.page = 77; }},
@@ -210,15 +212,15 @@ TEST_CASE("blocks of a geometry pack that cannot be are noticed", "[flow]") {
       {"an x before the image", [](Block& b) { b.x = -1; }},
       {"a y beyond the image", [](Block& b) { b.y = 1; }},
       {"no runs", [](Block& b) { b.owner.clear(); }},
-      {"texels beyond the image", [](Block& b) { b.owner.assign(tiles::kTexelsPerBlock, 0); }},
-      {"no texels", [](Block& b) { b.owner.assign(tiles::kTexelsPerBlock, tiles::kNoTriangle); }},
+      {"texels beyond the image", [](Block& b) { b.owner.assign(store::kTexelsPerBlock, 0); }},
+      {"no texels", [](Block& b) { b.owner.assign(store::kTexelsPerBlock, store::kNoTriangle); }},
       {"periods that span too much",
        [](Block& b) {
          b.shifts.assign(b.triangles.size(), {INT32_MAX, INT32_MIN});
        }},
   };
   const std::vector<std::pair<std::string, Harm>> source{
-      {"runs", [](Block& b) { b.owner.assign(tiles::kTexelsPerBlock, 0); }},
+      {"runs", [](Block& b) { b.owner.assign(store::kTexelsPerBlock, 0); }},
       {"periods",
        [](Block& b) {
          b.shifts.assign(b.triangles.size(), {1, 1});
@@ -232,25 +234,96 @@ TEST_CASE("blocks of a geometry pack that cannot be are noticed", "[flow]") {
     all.insert(all.end(), (side ? target : source).begin(), (side ? target : source).end());
     for (const auto& [what, harm] : all) {
       jobs.refuse(what, pack, [&](const std::string& path) {
-        harm_block(jobs.pristine + "/v2/" + pack, path, harm);
+        harm_block(jobs.pristine + "/v3/" + pack, path, harm);
       });
     }
   }
-  CHECK(targets == 1);
+  CHECK(targets == 2);  // of the transfer and of the maps
+}
+
+TEST_CASE("records of a geometry pack that cannot be are noticed", "[flow]") {
+  const Jobs jobs(false);
+  using Block = store::GeometryBlock;
+  using Harm = std::function<void(Block&)>;
+  const auto first_free = [](const Block& b) {
+    return static_cast<std::size_t>(std::find(b.owner.begin(), b.owner.end(), store::kNoTriangle) -
+                                    b.owner.begin());
+  };
+  const std::vector<std::pair<std::string, Harm>> harms{
+      {"a step of NaN", [](Block& b) { b.step = kNan; }},
+      {"an infinite step", [](Block& b) { b.step = kInfinity; }},
+      {"a step that is no power of two", [](Block& b) { b.step *= 1.5F; }},
+      {"a position out of range",
+       [](Block& b) { b.records[0].position[1] = store::kLargestPosition + 1; }},
+      {"an edge of 0", [](Block& b) { b.records[0].edge = 0; }},
+      {"an infinite edge", [](Block& b) { b.records.back().edge = 0x7F80; }},
+      {"texels beyond the image",
+       [](Block& b) {
+         b.owner.assign(store::kTexelsPerBlock, 0);
+         b.records.resize(store::kTexelsPerBlock, b.records[0]);
+         for (std::size_t t = 0; t < b.owner.size(); ++t)
+           b.owner[t] = static_cast<std::uint16_t>(t);
+       }},
+      {"a texel more",
+       [&](Block& b) {
+         b.owner[first_free(b)] = 0;
+         b.records.push_back(b.records[0]);
+       }},
+      {"an x beyond the image", [](Block& b) { b.x = 2; }},
+      {"a page beyond the last", [](Block& b) { b.page = 77; }},
+  };
+  for (const std::string& pack : jobs.packs("geometry")) {
+    const std::string pristine = jobs.pristine + "/v3/" + pack;
+    PackTree tree(pristine);
+    const Block block = store::decode_geometry(tree.tiles[0].blocks[0], "block");
+    Block records;
+    records.page = block.page;
+    records.x = block.x;
+    records.y = block.y;
+    records.step = 0x1p-20F;
+    records.owner = block.owner;
+    for (auto& owner : records.owner) {
+      if (owner == store::kNoTriangle) continue;
+      owner = static_cast<std::uint16_t>(records.records.size());
+      records.records.push_back({{1 << 19, 1 << 18, 0}, {0, 0}, 0x3C00, {}});
+    }
+    if (block.owner.empty()) {  // a source has none at all
+      records.owner.assign(store::kTexelsPerBlock, store::kNoTriangle);
+      records.owner[0] = 0;
+      records.records.push_back({{0, 0, 0}, {0, 0}, 0x3C00, {}});
+      jobs.refuse("records of a source", pack, [&](const std::string& path) {
+        harm_block(pristine, path, [&](Block& b) { b = records; });
+      });
+      continue;
+    }
+    for (const auto& [what, harm] : harms) {
+      jobs.refuse(what, pack, [&](const std::string& path) {
+        harm_block(pristine, path, [&](Block& b) {
+          b = records;
+          harm(b);
+        });
+      });
+    }
+    // What is sound is not noticed, and nothing but another picture.
+    const auto verdict = jobs.judge(pack, [&](const std::string& path) {
+      harm_block(pristine, path, [&](Block& b) { b = records; });
+    });
+    CHECK_FALSE(verdict.noticed);
+  }
 }
 
 TEST_CASE("a chunk at an odd place is no other thing of the same name", "[flow]") {
   // Decoded things are kept under their place in the pack, pages of the index with a low bit set.
   const Jobs jobs(false);
   for (const std::string& pack : jobs.packs("geometry")) {
-    const PackTree tree(jobs.pristine + "/v2/" + pack);
+    const PackTree tree(jobs.pristine + "/v3/" + pack);
     jobs.refuse("a block in place of a page", pack, [&](const std::string& path) {
       std::uint64_t page_at = 0;
       tree.write(path, [&](int tile, Bytes& raw) {
-        if (tile == -1) page_at = tiles::get_u64(raw.data() + tree.at[0]);
+        if (tile == -1) page_at = store::get_u64(raw.data() + tree.at[0]);
       });
       tree.write(path, [&](int tile, Bytes& raw) {
-        if (tile == 0) tiles::put_u64(raw.data() + tree.tiles[0].at[0], page_at | 1);
+        if (tile == 0) store::put_u64(raw.data() + tree.tiles[0].at[0], page_at | 1);
       });
     });
   }
@@ -260,20 +333,23 @@ TEST_CASE("blocks that are there twice, or pages in another order, are noticed",
   const Jobs jobs(false);
   for (const std::string& pack : jobs.packs("geometry")) {
     if (!is_target(jobs, pack)) continue;
-    PackTree tree(jobs.pristine + "/v2/" + pack);
+    PackTree tree(jobs.pristine + "/v3/" + pack);
     tree.tiles.push_back(tree.tiles.front());
     tree.directory.insert(tree.directory.end(),
                           tree.directory.begin() + static_cast<std::ptrdiff_t>(tree.at[0]) - 24,
                           tree.directory.begin() + static_cast<std::ptrdiff_t>(tree.at[0]) + 20);
     tree.at.push_back(tree.directory.size() - 20);
-    tiles::put_u32(tree.directory.data() + 4, static_cast<std::uint32_t>(tree.tiles.size()));
+    store::put_u32(tree.directory.data() + 4, static_cast<std::uint32_t>(tree.tiles.size()));
     jobs.refuse("a tile twice", pack, [&](const std::string& path) { tree.write(path); });
   }
 }
 
 TEST_CASE("fields of geometry packs do no harm whatever they say", "[flow]") {
   const Jobs jobs(false);
-  for (const std::string& pack : jobs.packs("geometry")) harm_everywhere(jobs, pack);
+  std::set<bool> sides;  // the transfer's target and the maps' have the same fields
+  for (const std::string& pack : jobs.packs("geometry")) {
+    if (sides.insert(is_target(jobs, pack)).second) harm_everywhere(jobs, pack);
+  }
 }
 
 TEST_CASE("fields of colour packs do no harm whatever they say", "[flow]") {
@@ -281,7 +357,7 @@ TEST_CASE("fields of colour packs do no harm whatever they say", "[flow]") {
   const auto packs = jobs.packs("colour");
   REQUIRE(!packs.empty());
   harm_everywhere(jobs, packs.front());
-  const PackTree tree(jobs.pristine + "/v2/" + packs.front());
+  const PackTree tree(jobs.pristine + "/v3/" + packs.front());
   const auto directory = [&](std::size_t at, unsigned value) {
     return [&tree, at, value](const std::string& path) {
       tree.write(path, [&](int tile, Bytes& raw) {
@@ -300,7 +376,7 @@ TEST_CASE("fields of splat packs do no harm whatever they say", "[flow]") {
   const auto packs = jobs.packs("splats");
   REQUIRE(packs.size() == 1);
   harm_everywhere(jobs, packs.front());
-  using Block = tiles::SplatBlock;
+  using Block = store::SplatBlock;
   const std::vector<std::pair<std::string, std::function<void(Block&)>>> blocks{
       {"a mean of NaN", [](Block& b) { b.mean[1][0] = kNan; }},
       {"an infinite mean", [](Block& b) { b.mean[2][0] = kInfinity; }},
@@ -316,40 +392,40 @@ TEST_CASE("fields of splat packs do no harm whatever they say", "[flow]") {
   };
   for (const auto& [what, harm] : blocks) {
     jobs.refuse(what, packs.front(), [&](const std::string& path) {
-      PackTree tree(jobs.pristine + "/v2/" + packs.front());
-      Block block = tiles::decode_splats(tree.tiles[0].blocks[0], "block");
+      PackTree tree(jobs.pristine + "/v3/" + packs.front());
+      Block block = store::decode_splats(tree.tiles[0].blocks[0], "block");
       harm(block);
-      tiles::encode(block, tree.tiles[0].blocks[0]);
+      store::encode(block, tree.tiles[0].blocks[0]);
       tree.write(path);
     });
   }
 }
 
 TEST_CASE("float colours that are not finite are noticed", "[flow]") {
-  tiles::ColourDirectory image;
+  store::ColourDirectory image;
   image.width = image.height = 4;
   image.channels = 1;
   const auto files = make_memory_file_system();
-  tiles::Compressor compressor;
+  store::Compressor compressor;
   for (const Depth depth : {Depth::half, Depth::float32}) {
     image.depth = depth;
     for (const float sample : {2.0F, -2.0F, 65504.0F, kNan, kInfinity}) {
-      Bytes tile(std::size_t{68} * 68 * tiles::depth_bytes(depth)), raw;
+      Bytes tile(std::size_t{68} * 68 * store::depth_bytes(depth)), raw;
       const std::uint32_t bits =
           depth == Depth::float32 ? std::bit_cast<std::uint32_t>(sample) : float_to_half(sample);
-      std::memcpy(tile.data() + 40, &bits, tiles::depth_bytes(depth));
-      tiles::filter_colours(image, tile, raw);
+      std::memcpy(tile.data() + 40, &bits, store::depth_bytes(depth));
+      store::filter_colours(image, tile, raw);
       files->remove("pack");
-      tiles::ColourStoreWriter writer(
-          std::make_unique<tiles::PackWriter>(files->create("pack"), tiles::PackKind::colour,
+      store::ColourStoreWriter writer(
+          std::make_unique<store::PackWriter>(files->create("pack"), store::PackKind::colour,
                                               Hash128{1, 2}),
           1);
       std::vector<Bytes> stored(1);
       compressor.compress(raw, stored[0]);
       writer.add_row(0, stored, static_cast<std::uint32_t>(raw.size()), compressor);
       writer.finish(image, compressor);
-      const tiles::ColourStore store(
-          std::make_unique<tiles::PackReader>(files->open("pack"), "pack", tiles::PackKind::colour,
+      const store::ColourStore store(
+          std::make_unique<store::PackReader>(files->open("pack"), "pack", store::PackKind::colour,
                                               Hash128{1, 2}),
           image, compressor);
       const auto chunk = store.read_row(0, compressor).front();

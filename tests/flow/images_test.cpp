@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What becomes of an image's channels, samples and colour space on their way through a transfer.
+#include "flow/write/images.h"
+
 #include <bit>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -8,11 +10,12 @@
 #include <random>
 
 #include "core/half.h"
-#include "io/image_write.h"
+#include "io/image/write.h"
 #include "pounce/transfer.h"
 #include "support/mesh_files.h"
 #include "support/test_data.h"
 #include "support/whole_image.h"
+#include "texture/pad_seams.h"
 
 namespace pounce::test {
 namespace {
@@ -344,6 +347,22 @@ TEST_CASE("images whose channels do not go together are said so", "[flow]") {
   Scene absent("absent.exr");
   CHECK(error_of(absent, "out.exr", message) == ErrorKind::storage);
   CHECK_THAT(message, Catch::Contains("absent.exr: cannot open: No such file or directory"));
+}
+
+TEST_CASE("padding costs an image the rows that it looks ahead, once", "[flow]") {
+  const Depth depth = GENERATE(Depth::u8, Depth::float32);
+  const std::uint32_t padding = GENERATE(16U, 512U, 4096U);
+  const texture::TexelFormat format{4, depth, true, false, true, false};
+  flow::ImageOutput image;
+  image.path = "o.exr";
+  image.lattice = {65536, 65536, 0, {}};
+  const auto padder = [&](std::uint32_t radius) {
+    return texture::SeamPadder::memory_bytes(65536, radius,
+                                             static_cast<std::uint32_t>(format.texel_bytes()), 64);
+  };
+  const std::uint64_t without = flow::image_least_bytes(image, format);
+  image.padding = padding;
+  CHECK(flow::image_least_bytes(image, format) - without == padder(padding) - padder(0));
 }
 
 }  // namespace pounce::test

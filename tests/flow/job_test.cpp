@@ -79,10 +79,10 @@ TEST_CASE("a job that any exception ends hands over its report", "[flow]") {
 
 TEST_CASE("scratch files that were never there are released without harm", "[flow]") {
   ScratchUse use;
-  use.release(tiles::PackKind::results);
-  use.replace(tiles::PackKind::results, 10);
-  use.release(tiles::PackKind::results);
-  use.replace(tiles::PackKind::results, 7);
+  use.release(store::PackKind::results);
+  use.replace(store::PackKind::results, 10);
+  use.release(store::PackKind::results);
+  use.replace(store::PackKind::results, 7);
   CHECK(use.peak_bytes() == 10);
 }
 

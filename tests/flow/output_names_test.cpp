@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "flow/output_names.h"
+#include "flow/plan/output_names.h"
 
 #include <catch2/catch.hpp>
 #include <filesystem>

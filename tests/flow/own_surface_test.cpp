@@ -109,6 +109,63 @@ TEST_CASE("texels on the edge of two materials take the one that they belong to"
   CHECK(white == 0);
 }
 
+TEST_CASE("a surface of a triangle per texel and more takes its own materials", "[flow]") {
+  // A bent sheet of squares of two triangles whose corners are texel centres, so that every centre
+  // lies on six edges; every other square has another material. Each image is white where the other
+  // material is.
+  const std::uint32_t size = 200;
+  const auto cells = static_cast<std::uint32_t>(GENERATE(199, 398));
+  const TempFolder folder;
+  GltfBuilder file;
+  std::vector<float> positions, normals, uvs;
+  for (std::uint32_t y = 0; y <= cells; ++y) {
+    for (std::uint32_t x = 0; x <= cells; ++x) {
+      const double u = (0.5 + x * 199.0 / cells) / size, v = (0.5 + y * 199.0 / cells) / size;
+      const double z = 0.01 * std::sin(40 * u) * std::cos(31 * v);
+      for (const double p : {u, 1 - v, z}) positions.push_back(static_cast<float>(p));
+      for (const float n : {0.0F, 0.0F, 1.0F}) normals.push_back(n);
+      for (const double w : {u, v}) uvs.push_back(static_cast<float>(w));
+    }
+  }
+  std::array<std::vector<std::uint32_t>, 2> triangles;
+  for (std::uint32_t y = 0; y < cells; ++y) {
+    for (std::uint32_t x = 0; x < cells; ++x) {
+      const std::uint32_t a = y * (cells + 1) + x, b = a + cells + 1;
+      auto& list = triangles[(x + y) % 2];
+      list.insert(list.end(), {a, b, b + 1, a, b + 1, a + 1});
+    }
+  }
+  const int p = file.add<float>(positions, "VEC3"), n = file.add<float>(normals, "VEC3"),
+            t = file.add<float>(uvs, "VEC2");
+  for (std::size_t m = 0; m < 2; ++m) {
+    file.primitive({{"POSITION", p}, {"NORMAL", n}, {"TEXCOORD_0", t}},
+                   file.add(triangles[m], "SCALAR"))["material"] =
+        textured_material(file, "m" + std::to_string(m) + ".png");
+  }
+  const std::string path = file.write_glb(folder.file("sheet.glb"));
+  const auto options = onto_itself(path, folder, size);
+  for (const char* name : {"m0.png", "m1.png"})
+    write_picture(folder.file(name), size, [](auto, auto) { return kWhite; });
+  const TargetRaster raster = Reference(options, Channel::base_color, 3, false).raster();
+  const auto first_of_second = static_cast<std::int32_t>(triangles[0].size() / 3);
+  for (std::int32_t m = 0; m < 2; ++m) {
+    write_picture(folder.file("m" + std::to_string(m) + ".png"), size,
+                  [&](std::uint32_t x, std::uint32_t y) {
+                    const std::int32_t owner = raster.owner[std::size_t{y} * size + x];
+                    const bool own = (owner >= first_of_second ? 1 : 0) == m;
+                    return own ? std::array{1.0 - m, 0.2, 1.0 * m} : kWhite;
+                  });
+  }
+  const Report report = transfer(options);
+  CHECK(report.target_empty == 0);
+  CHECK(report.target_store_bytes < 6 * report.target_texels);  // not as triangles
+  const WholeImage out = read_whole_image(options.output);
+  std::size_t white = 0;
+  for (std::size_t i = 0; i < raster.owner.size(); ++i)
+    white += raster.covered(i) && out.at(i, 1) > 0.5 ? 1 : 0;
+  CHECK(white == 0);
+}
+
 namespace {
 
 /// Thirteen planks whose normals lean from 60 to 120 degrees away from their plane, one way at one

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "core/file.h"
+#include "flow/test_knobs.h"
 #include "pounce/transfer.h"
 #include "support/bytes.h"
 #include "support/many_threads.h"
@@ -24,13 +25,13 @@ constexpr std::uint64_t kPlenty = 1024 * kMiB;
 using Files = std::map<std::string, std::vector<std::byte>>;
 
 /// Runs the transfer into a folder of its own and hands out every file it wrote.
-Files run(TransferOptions options, const TempFolder& folder) {
+Files run(TransferOptions options, const TempFolder& folder, const flow::TestKnobs& knobs = {}) {
   const std::string out = folder.file("out");
   std::filesystem::remove_all(out);
   std::filesystem::create_directory(out);
   options.output = out + "/result.<CHANNEL>.png";
   options.coverage_output = out + "/coverage.<CHANNEL>.png";
-  const Report report = transfer(options);
+  const Report report = flow::transfer(options, knobs);
   if (options.resources.threads != 0) CHECK(report.threads == options.resources.threads);
   Files files;
   for (const auto& entry : std::filesystem::directory_iterator(out)) {
@@ -40,11 +41,11 @@ Files run(TransferOptions options, const TempFolder& folder) {
   return files;
 }
 
-std::uint64_t least_memory(TransferOptions options, const TempFolder& folder) {
+std::uint64_t least_memory(TransferOptions options, const TempFolder& folder,
+                           const flow::TestKnobs& knobs = {}) {
   options.output = folder.file("planned.<CHANNEL>.png");
-  options.plan_only = true;
   options.resources.memory_bytes = kPlenty;
-  return transfer(options).least_memory_bytes;
+  return flow::plan(options, knobs).least_memory_bytes;
 }
 
 TransferOptions scene(const TempFolder& folder, std::uint32_t seed) {
@@ -55,9 +56,8 @@ TransferOptions scene(const TempFolder& folder, std::uint32_t seed) {
 }
 
 Files in_core(TransferOptions options, const TempFolder& folder) {
-  options.internal.in_core = true;
   options.resources.threads = 1;
-  return run(options, folder);
+  return run(options, folder, {.in_core = true});
 }
 
 }  // namespace
@@ -72,19 +72,19 @@ TEST_CASE("streamed runs give the bytes of the in-core run", "[flow]") {
     for (const std::uint64_t tile_cap :
          {std::uint64_t{1}, std::uint64_t{20000}, std::uint64_t{0}}) {
       options.resources.threads = threads;
-      options.internal.tile_cap_bytes = tile_cap;
-      const std::uint64_t least = least_memory(options, folder);
+      const flow::TestKnobs knobs{.tile_cap_bytes = tile_cap,
+                                  .stripe_rows = threads == 3 ? 7U : 0U};
+      const std::uint64_t least = least_memory(options, folder, knobs);
       for (const std::uint64_t memory : {least, 2 * least, kPlenty}) {
         options.resources.memory_bytes = memory;
-        options.internal.stripe_rows = threads == 3 ? 7 : 0;
         CAPTURE(seed, threads, tile_cap, memory);
         options.resources.use_cache = false;
-        CHECK(run(options, folder) == expected);
+        CHECK(run(options, folder, knobs) == expected);
         options.resources.use_cache = true;
         options.resources.cache_dir = folder.file("cache");
         std::filesystem::remove_all(options.resources.cache_dir);
-        CHECK(run(options, folder) == expected);  // cold
-        CHECK(run(options, folder) == expected);  // warm
+        CHECK(run(options, folder, knobs) == expected);  // cold
+        CHECK(run(options, folder, knobs) == expected);  // warm
       }
     }
   }
@@ -96,10 +96,9 @@ TEST_CASE("every instruction set gives the same bytes", "[flow]") {
   TransferOptions options = scene(folder, seed);
   const Files expected = in_core(options, folder);
   for (const char* isa : {"sse2", "avx2", "avx512"}) {
-    options.internal.isa = isa;
     CAPTURE(seed, isa);
     try {
-      CHECK(run(options, folder) == expected);
+      CHECK(run(options, folder, {.isa = isa}) == expected);
     } catch (const Error& e) {
       CHECK(e.kind() == ErrorKind::usage);  // this processor has no such kernels
       CHECK(std::string(isa) != "sse2");

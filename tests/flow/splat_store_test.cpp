@@ -11,9 +11,9 @@
 #include <cmath>
 #include <map>
 
-#include "flow/build_splats.h"
-#include "flow/splat_sort.h"
-#include "io/splat_ply.h"
+#include "flow/build/splat_sort.h"
+#include "flow/build/splats.h"
+#include "io/splats/ply.h"
 #include "support/bytes.h"
 #include "support/random.h"
 #include "support/splat_ply_builder.h"
@@ -22,8 +22,8 @@
 namespace pounce::flow {
 namespace {
 
+using store::Splat;
 using test::SplatPlyBuilder;
-using tiles::Splat;
 
 struct Job {
   JobRun run;
@@ -32,8 +32,8 @@ struct Job {
       : run(progress), context(budget, run) {
     context.memory_files = make_memory_file_system();
     context.files = context.memory_files.get();
-    context.stores = tiles::StoreFolder::open_cache(*context.files, "/cache");
-    context.scratch = tiles::StoreFolder::make_scratch(*context.files, "/");
+    context.stores = store::StoreFolder::open_cache(*context.files, "/cache");
+    context.scratch = store::StoreFolder::make_scratch(*context.files, "/");
     context.threads = threads;
   }
 };
@@ -63,14 +63,14 @@ SplatPlyBuilder scene(int count, std::uint64_t seed = 1) {
 
 std::vector<std::byte> store_bytes(Job& job) {
   auto& files = *job.context.files;
-  auto names = files.list("/cache/v2/splats");
+  auto names = files.list("/cache/v3/splats");
   std::erase_if(names, [](const std::string& name) { return !name.ends_with(".pack"); });
   REQUIRE(names.size() == 1);
-  return test::read_whole(files, "/cache/v2/splats/" + names[0]);
+  return test::read_whole(files, "/cache/v3/splats/" + names[0]);
 }
 
-std::vector<Splat> all_splats(const tiles::SplatStore& store) {
-  tiles::Compressor compressor;
+std::vector<Splat> all_splats(const store::SplatStore& store) {
+  store::Compressor compressor;
   std::vector<Splat> splats;
   for (std::uint32_t t = 0; t < store.directory().tiles.size(); ++t) {
     for (const auto& entry : store.read_index(t, compressor)) {
@@ -125,10 +125,10 @@ TEST_CASE("an external sort is std::stable_sort of the file", "[flow]") {
   scene(20000, 5).write(path);
   const io::SplatPly ply(path);
   PageVector<Splat> splats;
-  tiles::SplatCounts filtered{};
+  store::SplatCounts filtered{};
   ply.read(0, ply.header().splats, splats, filtered);
-  const tiles::SplatLattice lattice(splats);
-  for (Splat& s : splats) tiles::round_for_store(s);
+  const store::SplatLattice lattice(splats);
+  for (Splat& s : splats) store::round_for_store(s);
   const auto key = [&](const Splat& s) { return lattice.key(s); };
   std::erase_if(splats, [&](const Splat& s) { return lattice.filter(s).has_value(); });
   std::stable_sort(splats.begin(), splats.end(),
@@ -208,7 +208,7 @@ TEST_CASE("strays are counted, and do not touch the others", "[flow]") {
   const auto store = splat_store(job.context, {folder.file("s.ply"), {}}, &cached, 1);
   const auto& directory = store->directory();
   CHECK(directory.splats == sound + 1);
-  using tiles::SplatFilter;
+  using store::SplatFilter;
   CHECK(directory.filtered[static_cast<std::size_t>(SplatFilter::far)] == 2);
   CHECK(directory.filtered[static_cast<std::size_t>(SplatFilter::exploded)] == 1);
   CHECK(job.context.report.source_filtered ==
@@ -243,7 +243,7 @@ TEST_CASE("boxes hold their blocks, and large Gaussians do not widen those of sm
   Job job(64 << 20);
   bool cached;
   const auto store = splat_store(job.context, {folder.file("s.ply"), {}}, &cached, 1);
-  tiles::Compressor compressor;
+  store::Compressor compressor;
   std::uint32_t last_class = 0;
   std::size_t small_blocks = 0, classes = 1;
   for (std::uint32_t t = 0; t < store->directory().tiles.size(); ++t) {
@@ -256,7 +256,7 @@ TEST_CASE("boxes hold their blocks, and large Gaussians do not widen those of sm
       CHECK(entry.splats <= 4096);
       const auto block = store->read_block(entry, compressor);
       Box3f box;
-      for (std::size_t i = 0; i < block.size(); ++i) box.extend(tiles::splat_box(block.splat(i)));
+      for (std::size_t i = 0; i < block.size(); ++i) box.extend(store::splat_box(block.splat(i)));
       CHECK(box == entry.box);
       CHECK(tile.box.lo.x <= box.lo.x);
       CHECK(tile.box.hi.y >= box.hi.y);

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "core/file.h"
+#include "flow/test_knobs.h"
 #include "io/read_mesh.h"
 #include "pounce/transfer.h"
 #include "support/bytes.h"
@@ -84,8 +85,8 @@ TransferOptions splat_scene(const TempFolder& folder, std::uint32_t seed, std::s
   return options;
 }
 
-std::vector<std::byte> run(const TransferOptions& options) {
-  transfer(options);
+std::vector<std::byte> run(const TransferOptions& options, const flow::TestKnobs& knobs = {}) {
+  flow::transfer(options, knobs);
   return read_whole(posix_file_system(), options.output);
 }
 
@@ -160,36 +161,31 @@ TEST_CASE("splats give the same bytes however they are streamed", "[flow]") {
       splat_scene(folder, seed, 20000);  // several blocks, one at a time below
   options.size = ImageSize{300, 260};
   options.resources.threads = 1;
-  options.internal.in_core = true;
-  const auto expected = run(options);
-  options.internal.in_core = false;
+  const auto expected = run(options, {.in_core = true});
   for (const unsigned threads : {1U, 5U}) {
     for (const std::uint64_t tile_cap : {std::uint64_t{1}, std::uint64_t{0}}) {
       options.resources.threads = threads;
-      options.internal.tile_cap_bytes = tile_cap;
-      options.plan_only = true;
+      const flow::TestKnobs knobs{.tile_cap_bytes = tile_cap};
       options.resources.memory_bytes = 512 * kMiB;
-      const std::uint64_t least = transfer(options).least_memory_bytes;
-      options.plan_only = false;
+      const std::uint64_t least = flow::plan(options, knobs).least_memory_bytes;
       for (const std::uint64_t memory : {least, 512 * kMiB}) {
         options.resources.memory_bytes = memory;
         CAPTURE(seed, threads, tile_cap, memory);
         options.resources.use_cache = false;
-        CHECK(run(options) == expected);
+        CHECK(run(options, knobs) == expected);
         options.resources.use_cache = true;
         options.resources.cache_dir = folder.file("cache");
         std::filesystem::remove_all(options.resources.cache_dir);
-        CHECK(run(options) == expected);  // cold
-        CHECK(run(options) == expected);  // warm
+        CHECK(run(options, knobs) == expected);  // cold
+        CHECK(run(options, knobs) == expected);  // warm
       }
     }
   }
   options.resources.use_cache = false;
   for (const char* isa : {"sse2", "avx2", "avx512"}) {
-    options.internal.isa = isa;
     CAPTURE(seed, isa);
     try {
-      CHECK(run(options) == expected);
+      CHECK(run(options, {.isa = isa}) == expected);
     } catch (const Error& e) {
       CHECK(e.kind() == ErrorKind::usage);  // this processor has no such kernels
     }

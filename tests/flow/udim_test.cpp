@@ -174,10 +174,8 @@ TEST_CASE("a choice of tiles, threads and budgets changes no byte of a tile", "[
   some.tiles = {1003, 1012, 1999};
   for (const unsigned threads : {1U, 3U}) {
     some.resources.threads = threads;
-    some.plan_only = true;
     some.resources.memory_bytes = std::uint64_t{1} << 30;
-    const std::uint64_t least = transfer(some).least_memory_bytes;
-    some.plan_only = false;
+    const std::uint64_t least = plan(some).least_memory_bytes;
     for (const std::uint64_t memory : {least, std::uint64_t{1} << 30}) {
       some.resources.memory_bytes = memory;
       const Report report = transfer(some);

@@ -7,14 +7,14 @@
 #include <filesystem>
 #include <thread>
 
+#include "store/cache/cache_layout.h"
+#include "store/cache/store_folder.h"
 #include "support/bytes.h"
 #include "support/child.h"
 #include "support/failing_file_system.h"
 #include "support/test_data.h"
-#include "tiles/cache_layout.h"
-#include "tiles/store_folder.h"
 
-namespace pounce::tiles {
+namespace pounce::store {
 namespace {
 
 using test::Child;
@@ -85,15 +85,15 @@ TEST_CASE("when the maker of a pack dies, a waiter takes over", "[format]") {
   };
   const auto store = StoreFolder::open_cache(files, root, options);
   // What the living one writes is no leftover.
-  CHECK(files.list(root + "/v2/tmp").size() == 1);
+  CHECK(files.list(root + "/v3/tmp").size() == 1);
   CHECK_FALSE(store->find(kKind, kKey, nullptr));
   CHECK(calls == 3);
   CHECK(store->publish(write(*store, kKey))->verify() == 2);
   // What the dead one wrote is one, for the next who comes.
-  CHECK(files.list(root + "/v2/tmp").size() == 1);
+  CHECK(files.list(root + "/v3/tmp").size() == 1);
   StoreFolder::open_cache(files, root);
-  CHECK(files.list(root + "/v2/tmp").empty());
-  CHECK(files.list(root + "/v2/locks").empty());
+  CHECK(files.list(root + "/v3/tmp").empty());
+  CHECK(files.list(root + "/v3/locks").empty());
 }
 
 TEST_CASE("waiting ends with what its callback throws, and then holds nothing", "[format]") {
@@ -110,7 +110,7 @@ TEST_CASE("waiting ends with what its callback throws, and then holds nothing", 
   std::string message;
   CHECK(error_kind([&] { store->find(kKind, kKey, nullptr); }, &message) ==
         static_cast<int>(ErrorKind::busy));
-  CHECK(message == root + "/v2/geometry/" + to_hex(kKey) + ".pack");
+  CHECK(message == root + "/v3/geometry/" + to_hex(kKey) + ".pack");
   CHECK(maker->publish(write(*maker, kKey))->verify() == 2);
   CHECK(store->find(kKind, kKey, nullptr));
 }
@@ -133,7 +133,7 @@ TEST_CASE("nobody waits for a key while holding one, so two stores never wait fo
   const auto late = second->publish(write(*second, kKey));
   CHECK(late->verify() == 2);
   CHECK(files.status(late->name())->inode == status->inode);
-  CHECK(files.list(root + "/v2/tmp").empty());
+  CHECK(files.list(root + "/v3/tmp").empty());
 }
 
 TEST_CASE("eight threads that want one cold key make it once", "[format]") {
@@ -210,7 +210,7 @@ TEST_CASE("a cache that cannot be written is read", "[format]") {
     store->find(kKind, kKey, nullptr);
     store->publish(write(*store, kKey));
   }
-  const auto before = posix_file_system().status(root + "/v2/geometry/" + to_hex(kKey) + ".pack");
+  const auto before = posix_file_system().status(root + "/v3/geometry/" + to_hex(kKey) + ".pack");
   ReadOnly files(posix_file_system());
   CacheOptions options;
   options.scratch_folder = folder.path().string();
@@ -219,9 +219,9 @@ TEST_CASE("a cache that cannot be written is read", "[format]") {
   CHECK_FALSE(store->find(kKind, kOther, nullptr));
   CHECK(store->publish(write(*store, kOther))->verify() == 2);
   CHECK(store->find(kKind, kOther, nullptr));
-  CHECK(posix_file_system().list(root + "/v2/geometry").size() == 2);  // the pack and its label
-  CHECK(posix_file_system().list(root + "/v2/locks").empty());
-  CHECK(posix_file_system().status(root + "/v2/geometry/" + to_hex(kKey) + ".pack")->modified_ns ==
+  CHECK(posix_file_system().list(root + "/v3/geometry").size() == 2);  // the pack and its label
+  CHECK(posix_file_system().list(root + "/v3/locks").empty());
+  CHECK(posix_file_system().status(root + "/v3/geometry/" + to_hex(kKey) + ".pack")->modified_ns ==
         before->modified_ns);
   const auto notes = store->take_notes();
   REQUIRE(notes.size() == 1);
@@ -230,4 +230,4 @@ TEST_CASE("a cache that cannot be written is read", "[format]") {
 }
 
 }  // namespace
-}  // namespace pounce::tiles
+}  // namespace pounce::store

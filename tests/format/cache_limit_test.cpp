@@ -9,15 +9,15 @@
 #include <fstream>
 
 #include "pounce/cache.h"
+#include "store/cache/cache_layout.h"
+#include "store/cache/cache_space.h"
+#include "store/cache/store_folder.h"
 #include "support/bytes.h"
 #include "support/child.h"
 #include "support/failing_file_system.h"
 #include "support/test_data.h"
-#include "tiles/cache_layout.h"
-#include "tiles/cache_space.h"
-#include "tiles/store_folder.h"
 
-namespace pounce::tiles {
+namespace pounce::store {
 namespace {
 
 namespace fs = std::filesystem;
@@ -38,7 +38,7 @@ std::uint64_t room_of(const std::string& root) {
 /// Room that its folders take.
 std::uint64_t folders_of(const std::string& root) {
   std::uint64_t room = 0;
-  for (const auto& entry : fs::directory_iterator(root + "/v2")) {
+  for (const auto& entry : fs::directory_iterator(root + "/v3")) {
     room += entry.is_directory() ? 4096 : 0;
   }
   return room;
@@ -85,7 +85,7 @@ TEST_CASE("what was used longest ago makes room before anything is written", "[f
   CHECK(largest <= 4 * kMiB);
   CHECK(largest > 3 * kMiB);  // and it is used
   CHECK(store->take_notes().empty());
-  CHECK(posix_file_system().list(root + "/v2/tmp").empty());
+  CHECK(posix_file_system().list(root + "/v3/tmp").empty());
 }
 
 TEST_CASE("a pack that is open is never removed to make room", "[format]") {
@@ -157,8 +157,8 @@ TEST_CASE("a pack that does not fit is made in scratch, once said, and found aga
   const auto notes = store->take_notes();
   REQUIRE(notes.size() == 1);
   CHECK_THAT(notes[0], Catch::Contains("--cache-limit") && Catch::Contains("2.0 MiB"));
-  CHECK(posix_file_system().list(root + "/v2/tmp").empty());
-  CHECK(posix_file_system().list(root + "/v2/locks").empty());  // others may try
+  CHECK(posix_file_system().list(root + "/v3/tmp").empty());
+  CHECK(posix_file_system().list(root + "/v3/locks").empty());  // others may try
 }
 
 TEST_CASE("writers beside each other keep to the limit together", "[format]") {
@@ -331,4 +331,4 @@ TEST_CASE("a label whose pack is gone goes with the next tidying", "[format]") {
 }
 
 }  // namespace
-}  // namespace pounce::tiles
+}  // namespace pounce::store

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tiles/codec.h"
+#include "store/pack/codec.h"
 
 #include <zstd.h>
 
@@ -8,7 +8,7 @@
 
 #include "support/bytes.h"
 
-namespace pounce::tiles {
+namespace pounce::store {
 namespace {
 
 using test::error_kind;
@@ -189,4 +189,4 @@ TEST_CASE("element sizes and strides that make no sense are refused", "[format]"
 }
 
 }  // namespace
-}  // namespace pounce::tiles
+}  // namespace pounce::store

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Every way in which the bytes of a pack can be wrong must be noticed before anybody uses them.
-#include "tiles/pack.h"
+#include "store/pack/pack.h"
 
 #include <catch2/catch.hpp>
 #include <cstring>
 #include <functional>
 
+#include "store/pack/codec.h"
 #include "support/bytes.h"
 #include "support/hex_dump.h"
-#include "tiles/codec.h"
 
-namespace pounce::tiles {
+namespace pounce::store {
 namespace {
 
 using test::error_kind;
@@ -192,8 +192,9 @@ std::vector<std::byte> with_field(const SmallPack& pack, std::size_t frame, std:
 TEST_CASE("packs of a future version are refused by version, not by accident", "[format]") {
   const SmallPack pack = make_pack({64, 8});
   std::string message;
-  CHECK(error_kind([&] { open_pack(with_field(pack, 0, 8, 3, 4)); }, &message) == kDamaged);
-  CHECK_THAT(message, Catch::Contains("version 3") && Catch::Contains("version 2"));
+  CHECK(error_kind([&] { open_pack(with_field(pack, 0, 8, kFormatVersion + 1, 4)); }, &message) ==
+        kDamaged);
+  CHECK_THAT(message, Catch::Contains("version 4") && Catch::Contains("version 3"));
   CHECK(error_kind([&] { open_pack(with_field(pack, 0, 12, 4, 4)); }) == kDamaged);  // kind
   CHECK(error_kind([&] { open_pack(with_field(pack, 0, 32, 1, 8)); }) == kDamaged);  // reserved
 }
@@ -242,7 +243,7 @@ TEST_CASE("a pack tells what it is to a program that does not know", "[format]")
   const auto files = make_memory_file_system();
   test::write_whole(*files, "pack", pack.bytes);
   const PackInfo info = read_pack_info(*files->open("pack"), "pack");
-  CHECK(info.version == 2);
+  CHECK(info.version == kFormatVersion);
   CHECK(info.kind == PackKind::colour);
   CHECK(info.key == Hash128{5, 6});
 }
@@ -259,4 +260,4 @@ TEST_CASE("the hex dump in the documentation is what the writer makes", "[format
 }
 
 }  // namespace
-}  // namespace pounce::tiles
+}  // namespace pounce::store

@@ -5,15 +5,16 @@
 #include <array>
 #include <catch2/catch.hpp>
 
+#include "core/octahedral.h"
 #include "format/stranger.h"
 #include "mesh/uv_raster.h"
+#include "store/blocks/colour_store.h"
+#include "store/blocks/geometry_store.h"
 #include "support/bytes.h"
 #include "support/hex_dump.h"
 #include "texture/result_block.h"
-#include "tiles/colour_store.h"
-#include "tiles/geometry_store.h"
 
-namespace pounce::tiles {
+namespace pounce::store {
 namespace {
 
 using Bytes = std::vector<std::byte>;
@@ -117,6 +118,51 @@ TEST_CASE("a decoder written from the page reads the documented geometry block",
   // Rows of 3, 2 and 1 texels: the centres on the slanted edge belong to its other side.
   CHECK(in.column(6, 1, 2, false) == std::vector<std::uint32_t>{2, 60, 1, 61, 0, 3966});
   CHECK(in.column(6, 1, 2) == std::vector<std::uint32_t>{0, 0xFFFF, 0, 0xFFFF, 0, 0xFFFF});
+  CHECK(in.left() == 0);
+}
+
+/// Four texels of a dense target: a row of three, and one below the second.
+GeometryBlock example_records() {
+  GeometryBlock block;
+  block.x = 1;
+  block.step = 0x1p-10F;
+  block.owner.assign(kTexelsPerBlock, kNoTriangle);
+  block.owner[10] = 0;
+  block.owner[11] = 1;
+  block.owner[12] = 2;
+  block.owner[75] = 3;
+  block.records = {{{1024, -2048, 0}, to_octahedral({0, 0, 1}), 0x3F80, {}},
+                   {{3072, -2048, 2}, to_octahedral({0, 0, 1}), 0x3F80, {-3, 0, 5}},
+                   {{5120, -2048, 4}, to_octahedral({0, 1, 0}), 0x3F81, {}},
+                   {{3072, -4097, 2}, kNoDirection, 0x3F80, {}}};
+  return block;
+}
+
+TEST_CASE("the documented records are what the writer makes", "[format]") {
+  Bytes raw;
+  encode(example_records(), raw);
+  CHECK(test::documented_dump("hexdump geometry-records") == test::hex_dump(raw));
+}
+
+TEST_CASE("a decoder written from the page reads the documented records", "[format]") {
+  Stranger in(documented("geometry-records"));
+  CHECK(in.u32() == 0);  // page
+  CHECK(in.i32() == 1);
+  CHECK(in.i32() == 0);
+  CHECK(in.u32() == 4);  // records
+  CHECK(in.u32() == 0);
+  CHECK(in.u32() == 0);
+  CHECK(in.f32() == 0x1p-10F);
+  const std::vector<bool> covered = in.coverage();
+  REQUIRE(covered.size() == 4096);
+  for (std::size_t t = 0; t < 4096; ++t) CHECK(covered[t] == ((t >= 10 && t <= 12) || t == 75));
+  CHECK(in.expected(covered, 4) == std::vector<std::int32_t>{1024, 3072, 5120, 3072});
+  CHECK(in.expected(covered, 4) == std::vector<std::int32_t>{-2048, -2048, -2048, -4097});
+  CHECK(in.expected(covered, 4) == std::vector<std::int32_t>{0, 2, 4, 2});
+  CHECK(in.expected(covered, 2) == std::vector<std::int32_t>{0, 0, 0, -32768});
+  CHECK(in.expected(covered, 2) == std::vector<std::int32_t>{0, 0, 32767, -32768});
+  CHECK(in.expected(covered, 2) == std::vector<std::int32_t>{0x3F80, 0x3F80, 0x3F81, 0x3F80});
+  for (const std::uint64_t v : {0, 0xFD, 0, 0, 0, 0, 0, 0, 0, 5, 0, 0}) CHECK(in.integer(1) == v);
   CHECK(in.left() == 0);
 }
 
@@ -240,4 +286,4 @@ TEST_CASE("the documented example of the filters holds", "[format]") {
 }
 
 }  // namespace
-}  // namespace pounce::tiles
+}  // namespace pounce::store

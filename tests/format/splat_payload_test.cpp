@@ -7,11 +7,11 @@
 #include <catch2/catch.hpp>
 
 #include "format/stranger.h"
+#include "store/blocks/splat_store.h"
 #include "support/hex_dump.h"
 #include "support/random.h"
-#include "tiles/splat_store.h"
 
-namespace pounce::tiles {
+namespace pounce::store {
 namespace {
 
 using Bytes = std::vector<std::byte>;
@@ -156,4 +156,4 @@ TEST_CASE("the documented splat index page and directory are what the writers ma
 }
 
 }  // namespace
-}  // namespace pounce::tiles
+}  // namespace pounce::store

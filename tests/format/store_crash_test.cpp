@@ -6,12 +6,12 @@
 
 #include <catch2/catch.hpp>
 
+#include "store/cache/store_folder.h"
 #include "support/bytes.h"
 #include "support/child.h"
 #include "support/test_data.h"
-#include "tiles/store_folder.h"
 
-namespace pounce::tiles {
+namespace pounce::store {
 namespace {
 
 using test::Child;
@@ -21,7 +21,7 @@ constexpr Hash128 kKey{7, 8};
 TEST_CASE("a process killed while it writes leaves nothing that is seen or stays", "[format]") {
   const test::TempFolder folder;
   FileSystem& files = posix_file_system();
-  const std::string tmp = folder.file("cache") + "/v2/tmp";
+  const std::string tmp = folder.file("cache") + "/v3/tmp";
   Child child([&](const auto& ready) {
     const auto store = StoreFolder::open_cache(files, folder.file("cache"));
     const auto writer = store->create(PackKind::geometry, kKey);
@@ -66,8 +66,8 @@ TEST_CASE("at whatever moment a process is killed, packs are whole or absent", "
     }
     const auto store = StoreFolder::open_cache(files, folder.file("cache"));
     REQUIRE(store);
-    CHECK(files.list(folder.file("cache") + "/v2/tmp").empty());
-    const auto names = files.list(folder.file("cache") + "/v2/results");
+    CHECK(files.list(folder.file("cache") + "/v3/tmp").empty());
+    const auto names = files.list(folder.file("cache") + "/v3/results");
     CHECK(names.size() >= moment % 3);
     std::string warning;
     for (std::uint64_t key = 0; key < names.size(); ++key) {
@@ -80,4 +80,4 @@ TEST_CASE("at whatever moment a process is killed, packs are whole or absent", "
 }
 
 }  // namespace
-}  // namespace pounce::tiles
+}  // namespace pounce::store

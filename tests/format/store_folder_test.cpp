@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tiles/store_folder.h"
+#include "store/cache/store_folder.h"
 
 #include <catch2/catch.hpp>
 #include <filesystem>
@@ -8,7 +8,7 @@
 #include "support/failing_file_system.h"
 #include "support/test_data.h"
 
-namespace pounce::tiles {
+namespace pounce::store {
 namespace {
 
 using test::error_kind;
@@ -30,7 +30,7 @@ std::unique_ptr<PackReader> build(StoreFolder& store, const Hash128& key = kKey,
 }
 
 std::string pack_path(const std::string& root) {
-  return root + "/v2/geometry/" + to_hex(kKey) + ".pack";
+  return root + "/v3/geometry/" + to_hex(kKey) + ".pack";
 }
 
 TEST_CASE("a published pack is found by this run and the next, under its own key", "[format]") {
@@ -53,10 +53,10 @@ TEST_CASE("a published pack is found by this run and the next, under its own key
     CHECK(found->name() == pack_path(root));
     CHECK_FALSE(store->find(PackKind::colour, kKey, &warning));
     CHECK_FALSE(store->find(PackKind::geometry, {1, 2}, &warning));
-    CHECK(files.list(root + "/v2/tmp").empty());
+    CHECK(files.list(root + "/v3/tmp").empty());
   }
   CHECK(warning.empty());
-  CHECK(files.list(root + "/v2/geometry") == std::vector<std::string>{to_hex(kKey) + ".pack"});
+  CHECK(files.list(root + "/v3/geometry") == std::vector<std::string>{to_hex(kKey) + ".pack"});
 }
 
 TEST_CASE("a discarded pack is gone, but not for those who read it", "[format]") {
@@ -132,7 +132,7 @@ TEST_CASE("a pack copied under another key is not taken for it", "[format]") {
   const auto store = StoreFolder::open_cache(posix_file_system(), root);
   build(*store);
   const Hash128 other{0xabc, 0xdee};
-  std::filesystem::copy_file(pack_path(root), root + "/v2/geometry/" + to_hex(other) + ".pack");
+  std::filesystem::copy_file(pack_path(root), root + "/v3/geometry/" + to_hex(other) + ".pack");
   std::string warning;
   CHECK_FALSE(store->find(PackKind::geometry, other, &warning));
   CHECK_THAT(warning, Catch::Contains(to_hex(other)));
@@ -145,9 +145,9 @@ TEST_CASE("an abandoned writer leaves nothing behind", "[format]") {
   {
     const auto writer = store->create(PackKind::results, kKey);
     writer->append(ChunkKind::block, random_bytes(300'000, 1), 300'000);
-    CHECK(posix_file_system().list(root + "/v2/tmp").size() == 1);
+    CHECK(posix_file_system().list(root + "/v3/tmp").size() == 1);
   }
-  CHECK(posix_file_system().list(root + "/v2/tmp").empty());
+  CHECK(posix_file_system().list(root + "/v3/tmp").empty());
   auto unfinished = store->create(PackKind::results, kKey);
   CHECK(error_kind([&] { store->publish(std::move(unfinished)); }) ==
         static_cast<int>(ErrorKind::internal));
@@ -199,7 +199,7 @@ TEST_CASE("whichever file call fails, the store holds a whole pack or none", "[f
     // The next run, on a disk that works.
     const auto store = StoreFolder::open_cache(real, root);
     REQUIRE(store);
-    CHECK(real.list(root + "/v2/tmp").empty());
+    CHECK(real.list(root + "/v3/tmp").empty());
     std::string warning;
     if (const auto found = store->find(PackKind::geometry, kKey, &warning))
       CHECK(found->verify() == 3);
@@ -234,4 +234,4 @@ TEST_CASE("a scratch store reports every failing file call", "[format]") {
 }
 
 }  // namespace
-}  // namespace pounce::tiles
+}  // namespace pounce::store

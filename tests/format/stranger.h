@@ -3,6 +3,7 @@
 // A reader of payloads written from docs/tile-format.md alone: it shares no code with the library.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -54,6 +55,40 @@ class Stranger {
     for (std::size_t i = channels; i < samples.size(); ++i)
       samples[i] = (samples[i] + samples[i - channels]) & mask;
     return samples;
+  }
+  /// Which of a block's 4096 texels have a record.
+  std::vector<bool> coverage() {
+    const std::uint32_t runs = u32();
+    std::vector<bool> covered;
+    bool is = false;
+    for (const std::uint32_t length : column(runs, 1, 2, false)) {
+      covered.insert(covered.end(), length, is);
+      is = !is;
+    }
+    return covered;
+  }
+  /// A column of records: integers of `size` bytes, each told by what it differs by from what its
+  /// neighbours let expect.
+  std::vector<std::int32_t> expected(const std::vector<bool>& covered, unsigned size) {
+    const auto count = static_cast<std::size_t>(std::count(covered.begin(), covered.end(), true));
+    const auto numbers = column(count, 1, size, false);
+    const int spare = 32 - 8 * static_cast<int>(size);
+    std::vector<std::int32_t> values, at(covered.size());
+    for (std::size_t t = 0; t < covered.size(); ++t) {
+      if (!covered[t]) continue;
+      const bool left = t % 64 != 0 && covered[t - 1], above = t >= 64 && covered[t - 64];
+      const bool corner = t % 64 != 0 && t >= 64 && covered[t - 65];
+      std::int64_t value = values.empty() ? 0 : values.back();
+      if (left && above && corner)
+        value = std::int64_t{at[t - 1]} + at[t - 64] - at[t - 65];
+      else if (!left && above)
+        value = at[t - 64];
+      const std::int64_t n = numbers[values.size()];
+      value += n % 2 == 0 ? n / 2 : -(n + 1) / 2;
+      const auto wrapped = static_cast<std::int32_t>(static_cast<std::uint32_t>(value) << spare);
+      values.push_back(at[t] = wrapped >> spare);
+    }
+    return values;
   }
   std::size_t left() const { return bytes_.size() - at_; }
 

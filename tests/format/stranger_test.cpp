@@ -13,7 +13,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "io/image_write.h"
+#include "io/image/write.h"
 #include "pounce/transfer.h"
 #include "support/test_data.h"
 
@@ -60,7 +60,7 @@ struct Rectangle {
   std::vector<Bytes> packs(const std::string& kind) const {
     std::vector<Bytes> found;
     for (const auto& entry :
-         std::filesystem::directory_iterator(folder.path() / "cache/v2" / kind)) {
+         std::filesystem::directory_iterator(folder.path() / "cache/v3" / kind)) {
       if (entry.path().extension() != ".pack") continue;  // a label
       std::ifstream file(entry.path(), std::ios::binary);
       const std::vector<char> bytes{std::istreambuf_iterator<char>(file), {}};

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <string>
 
+#include "commands/inspect_mesh.h"
 #include "fuzz/fuzz_image.h"
 #include "fuzz/fuzz_support.h"
-#include "io/inspect_mesh.h"
 #include "io/read_mesh.h"
 #include "mesh/mesh.h"
 #include "mesh/orient.h"

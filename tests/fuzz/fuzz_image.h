@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "fuzz/fuzz_support.h"
-#include "io/byte_source.h"
-#include "io/image_guard.h"
-#include "io/image_header.h"
-#include "io/png_check.h"
+#include "io/files/byte_source.h"
+#include "io/image/guard.h"
+#include "io/image/header.h"
+#include "io/image/png_check.h"
 #include "mesh/mesh.h"
 
 namespace pounce::fuzz {

@@ -3,6 +3,7 @@
 // Whole jobs on what readers let through: odd numbers must do no harm on their way to a picture. An
 // input is a mesh or a splat scene (told by its first bytes) and takes part as the source, as the
 // target, or as both; textures are pounce's own, so that no foreign decoder is tested.
+#include "flow/test_knobs.h"
 #include "fuzz/gltf_input.h"
 #include "pounce/transfer.h"
 
@@ -38,8 +39,7 @@ void run(const Folder& folder, const std::string& source, const std::string& tar
   options.resources.threads = 1;
   options.resources.use_cache = false;
   options.resources.temp_dir = folder.path("");
-  options.internal.in_core = true;
-  transfer(options);
+  flow::transfer(options, {.in_core = true});
 }
 
 }  // namespace

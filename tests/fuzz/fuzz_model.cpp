@@ -7,8 +7,8 @@
 #include "core/file.h"
 #include "fuzz/fuzz_support.h"
 #include "fuzz/gltf_input.h"
+#include "io/model/write.h"
 #include "io/read_mesh.h"
-#include "io/write_model.h"
 
 namespace pounce::fuzz {
 namespace {

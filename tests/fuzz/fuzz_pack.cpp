@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "fuzz/fuzz_support.h"
+#include "store/blocks/colour_store.h"
+#include "store/blocks/geometry_store.h"
+#include "store/blocks/splat_store.h"
 #include "support/pack_tree.h"
-#include "tiles/colour_store.h"
-#include "tiles/geometry_store.h"
-#include "tiles/splat_store.h"
 
 namespace pounce::fuzz {
 namespace {
@@ -24,17 +24,17 @@ using test::PackTree;
 /// A sound pack, and what a job would know of it.
 struct Sound {
   PackTree tree;
-  tiles::GeometryFacts facts;
-  tiles::ColourDirectory image;
-  tiles::SplatFacts splats;
+  store::GeometryFacts facts;
+  store::ColourDirectory image;
+  store::SplatFacts splats;
 };
 
-tiles::ColourDirectory image_of(const PackTree& tree) {
+store::ColourDirectory image_of(const PackTree& tree) {
   const std::byte* at = tree.directory.data();
-  tiles::ColourDirectory image;
-  image.width = tiles::get_u32(at);
-  image.height = tiles::get_u32(at + 4);
-  image.channels = tiles::get_u32(at + 8);
+  store::ColourDirectory image;
+  image.width = store::get_u32(at);
+  image.height = store::get_u32(at + 4);
+  image.channels = store::get_u32(at + 8);
   image.depth = static_cast<Depth>(at[12]);
   image.linear = at[13] != std::byte{0};
   image.has_alpha = at[14] != std::byte{0};
@@ -44,23 +44,23 @@ tiles::ColourDirectory image_of(const PackTree& tree) {
   return image;
 }
 
-tiles::SplatFacts splats_of(const PackTree& tree) {
-  std::array<std::uint64_t, 1 + tiles::kSplatFilters> counts;
+store::SplatFacts splats_of(const PackTree& tree) {
+  std::array<std::uint64_t, 1 + store::kSplatFilters> counts;
   std::memcpy(counts.data(), tree.directory.data() + 16, sizeof counts);
-  tiles::SplatFacts facts;
-  facts.model = static_cast<tiles::SplatModel>(PackTree::u32(tree.directory, 8));
+  store::SplatFacts facts;
+  facts.model = static_cast<store::SplatModel>(PackTree::u32(tree.directory, 8));
   for (const std::uint64_t count : counts) facts.rows += count;
   return facts;
 }
 
-tiles::GeometryFacts facts_of(const PackTree& tree) {
-  tiles::GeometryFacts facts;
+store::GeometryFacts facts_of(const PackTree& tree) {
+  store::GeometryFacts facts;
   const std::byte* at = tree.directory.data() + 80;
   for (std::uint32_t i = 0; i < PackTree::u32(tree.directory, 0); ++i, at += 60) {
     mesh::Lattice& page = facts.pages.emplace_back();
-    page.width = tiles::get_u32(at);
-    page.height = tiles::get_u32(at + 4);
-    page.uv_set = tiles::get_u32(at + 8);
+    page.width = store::get_u32(at);
+    page.height = store::get_u32(at + 4);
+    page.uv_set = store::get_u32(at + 8);
     mesh::UvTransform& m = page.transform;
     std::size_t place = 12;
     for (double* v : {&m.a, &m.b, &m.c, &m.d, &m.e, &m.f}) {
@@ -70,7 +70,7 @@ tiles::GeometryFacts facts_of(const PackTree& tree) {
   }
   for (const PackTree::Tile& tile : tree.tiles) {
     for (const auto& raw : tile.blocks) {
-      const tiles::GeometryBlock block = tiles::decode_geometry(raw, "block");
+      const store::GeometryBlock block = store::decode_geometry(raw, "block");
       facts.is_target = !block.owner.empty();
       for (const std::uint32_t id : block.ids)
         facts.triangles = std::max(facts.triangles, std::uint64_t{id} + 1);
@@ -90,9 +90,9 @@ std::deque<Sound> read_sound_packs() {
   std::sort(paths.begin(), paths.end());
   for (const std::string& path : paths) {
     Sound& sound = packs.emplace_back(Sound{PackTree(path), {}, {}, {}});
-    if (sound.tree.kind == tiles::PackKind::geometry) sound.facts = facts_of(sound.tree);
-    if (sound.tree.kind == tiles::PackKind::colour) sound.image = image_of(sound.tree);
-    if (sound.tree.kind == tiles::PackKind::splats) sound.splats = splats_of(sound.tree);
+    if (sound.tree.kind == store::PackKind::geometry) sound.facts = facts_of(sound.tree);
+    if (sound.tree.kind == store::PackKind::colour) sound.image = image_of(sound.tree);
+    if (sound.tree.kind == store::PackKind::splats) sound.splats = splats_of(sound.tree);
   }
   require(!packs.empty(), "there are sound packs");
   return packs;
@@ -111,7 +111,7 @@ void change_bytes(const Change& change, PackTree::Bytes& raw) {
   const std::size_t at = change.place % raw.size();
   switch (change.kind % 6) {
     case 0:
-      if (at + 4 <= raw.size()) tiles::put_u32(raw.data() + at, change.value);
+      if (at + 4 <= raw.size()) store::put_u32(raw.data() + at, change.value);
       break;
     case 1:
       raw[at] = static_cast<std::byte>(change.value);
@@ -125,28 +125,32 @@ void change_bytes(const Change& change, PackTree::Bytes& raw) {
       break;
     case 4:
       if (at + 4 <= raw.size())
-        tiles::put_u32(raw.data() + at, PackTree::u32(raw, at) + change.value % 16 - 8);
+        store::put_u32(raw.data() + at, PackTree::u32(raw, at) + change.value % 16 - 8);
       break;
     default:
       raw[at] ^= static_cast<std::byte>(1U << change.value % 8);
   }
 }
 
-void read_geometry(std::unique_ptr<tiles::PackReader> pack, const tiles::GeometryFacts& facts) {
-  tiles::Compressor compressor;
-  const tiles::GeometryStore store(std::move(pack), facts, compressor);
+void read_geometry(std::unique_ptr<store::PackReader> pack, const store::GeometryFacts& facts) {
+  store::Compressor compressor;
+  const store::GeometryStore store(std::move(pack), facts, compressor);
   for (std::uint32_t t = 0; t < store.directory().tiles.size(); ++t) {
-    for (const tiles::BlockEntry& entry : store.read_index(t, compressor)) {
+    for (const store::BlockEntry& entry : store.read_index(t, compressor)) {
       attempt([&] {
-        const tiles::GeometryBlock block = store.read_block(entry, compressor);
+        const store::GeometryBlock block = store.read_block(entry, compressor);
         require(block.page < facts.pages.size(), "blocks lie on pages");
         for (const auto& triangle : block.triangles) {
           for (const std::uint16_t corner : triangle)
             require(corner < block.positions.size(), "corners are vertices");
         }
         for (const std::uint16_t owner : block.owner)
-          require(owner == tiles::kNoTriangle || owner < block.triangles.size(),
-                  "owners are triangles");
+          require(owner == store::kNoTriangle ||
+                      owner < std::max(block.triangles.size(), block.records.size()),
+                  "owners are triangles or records");
+        require(block.triangles.empty() || block.records.empty(), "blocks are of one kind");
+        for (const store::TexelRecord& record : block.records)
+          require(record.edge > 0 && record.edge < 0x7F80, "edges are finite");
         require(block.ids.size() == block.triangles.size() &&
                     block.normals.size() == block.positions.size() &&
                     block.uvs.size() == block.positions.size() &&
@@ -156,50 +160,50 @@ void read_geometry(std::unique_ptr<tiles::PackReader> pack, const tiles::Geometr
         for (std::size_t i = 0; i < block.triangles.size(); ++i)
           block.texel_corners(facts.pages[block.page], i);
         std::vector<std::byte> raw;
-        tiles::encode(block, raw);
+        store::encode(block, raw);
       });
     }
   }
 }
 
-void read_colours(std::unique_ptr<tiles::PackReader> pack, const tiles::ColourDirectory& image) {
-  tiles::Compressor compressor;
-  const tiles::ColourStore store(std::move(pack), image, compressor);
+void read_colours(std::unique_ptr<store::PackReader> pack, const store::ColourDirectory& image) {
+  store::Compressor compressor;
+  const store::ColourStore store(std::move(pack), image, compressor);
   for (std::uint32_t row = 0; row < store.directory().row_pages.size(); ++row) {
     attempt([&] {
-      for (const tiles::ChunkRef& chunk : store.read_row(row, compressor))
-        require(store.read_tile(chunk, compressor).size() == std::size_t{tiles::kColourTileEdge} *
-                                                                 tiles::kColourTileEdge *
+      for (const store::ChunkRef& chunk : store.read_row(row, compressor))
+        require(store.read_tile(chunk, compressor).size() == std::size_t{store::kColourTileEdge} *
+                                                                 store::kColourTileEdge *
                                                                  store.directory().texel_bytes(),
                 "tiles have all their texels");
     });
   }
 }
 
-void read_splats(std::unique_ptr<tiles::PackReader> pack, const tiles::SplatFacts& facts) {
-  tiles::Compressor compressor;
-  const tiles::SplatStore store(std::move(pack), facts, compressor);
+void read_splats(std::unique_ptr<store::PackReader> pack, const store::SplatFacts& facts) {
+  store::Compressor compressor;
+  const store::SplatStore store(std::move(pack), facts, compressor);
   for (std::uint32_t t = 0; t < store.directory().tiles.size(); ++t) {
     attempt([&] {
-      for (const tiles::SplatEntry& entry : store.read_index(t, compressor)) {
-        const tiles::SplatBlock block = store.read_block(entry, compressor);
+      for (const store::SplatEntry& entry : store.read_index(t, compressor)) {
+        const store::SplatBlock block = store.read_block(entry, compressor);
         for (std::size_t i = 0; i < block.size(); ++i)
-          require(tiles::size_of(block.splat(i)) > 0, "Gaussians have a size");
+          require(store::size_of(block.splat(i)) > 0, "Gaussians have a size");
       }
     });
   }
 }
 
 void read_pack(const std::string& path, const Sound& sound) {
-  const auto open = [&](const tiles::PackInfo& info) {
-    return std::make_unique<tiles::PackReader>(posix_file_system().open(path), path, info.kind,
+  const auto open = [&](const store::PackInfo& info) {
+    return std::make_unique<store::PackReader>(posix_file_system().open(path), path, info.kind,
                                                info.key);
   };
-  const tiles::PackInfo info = tiles::read_pack_info(*posix_file_system().open(path), path);
+  const store::PackInfo info = store::read_pack_info(*posix_file_system().open(path), path);
   attempt([&] { open(info)->verify(); });
-  if (info.kind == tiles::PackKind::geometry) read_geometry(open(info), sound.facts);
-  if (info.kind == tiles::PackKind::colour) read_colours(open(info), sound.image);
-  if (info.kind == tiles::PackKind::splats) read_splats(open(info), sound.splats);
+  if (info.kind == store::PackKind::geometry) read_geometry(open(info), sound.facts);
+  if (info.kind == store::PackKind::colour) read_colours(open(info), sound.image);
+  if (info.kind == store::PackKind::splats) read_splats(open(info), sound.splats);
 }
 
 /// The sound pack with the changes of an input.

@@ -288,6 +288,26 @@ void image_seeds(const fs::path& folder) {
                   72));
 }
 
+/// A sheet of more triangles than a small image has texels: its packs hold records.
+std::string dense_sheet(int cells) {
+  std::string text;
+  const auto part = [&](int i) { return std::to_string(static_cast<double>(i) / cells); };
+  for (int y = 0; y <= cells; ++y) {
+    for (int x = 0; x <= cells; ++x)
+      text += "v " + part(x) + " " + part(y) + " 0\nvt " + part(x) + " " + part(y) + "\n";
+  }
+  for (int y = 0; y < cells; ++y) {
+    for (int x = 0; x < cells; ++x) {
+      text += "f";
+      for (const int corner : {y * (cells + 1) + x + 1, y * (cells + 1) + x + 2,
+                               (y + 1) * (cells + 1) + x + 2, (y + 1) * (cells + 1) + x + 1})
+        text += " " + std::to_string(corner) + "/" + std::to_string(corner);
+      text += "\n";
+    }
+  }
+  return text;
+}
+
 /// Sound packs of every kind that jobs read back, and changes to them.
 void pack_seeds(const fs::path& folder) {
   const fs::path work = folder / "work", packs = folder / "packs";
@@ -299,6 +319,9 @@ void pack_seeds(const fs::path& folder) {
   options.resources.threads = 1;
   options.resources.memory_bytes = 256 << 20;
   options.resources.cache_dir = (work / "cache").string();
+  transfer(options);
+  options.targets = {(work / "dense.obj").string()};
+  put(work, "dense.obj", dense_sheet(90));
   transfer(options);
   test::SplatPlyBuilder ply;
   for (int i = 0; i < 300; ++i) {

@@ -8,25 +8,25 @@
 #include <sstream>
 #include <vector>
 
+#include "commands/inspect_splats.h"
 #include "core/axes.h"
 #include "fuzz/fuzz_support.h"
-#include "io/inspect_splats.h"
-#include "io/splat_format.h"
-#include "io/splat_ply.h"
-#include "tiles/splat_block.h"
-#include "tiles/splat_lattice.h"
+#include "io/splats/format.h"
+#include "io/splats/ply.h"
+#include "store/blocks/splat_block.h"
+#include "store/blocks/splat_lattice.h"
 
 namespace pounce::fuzz {
 namespace {
 
-using tiles::Splat;
+using store::Splat;
 
 bool finite(Vec3f v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
 void check_splat(const Splat& s) {
   require(finite(s.mean) && finite(s.sigma) && finite(s.colour) && finite(s.normal),
           "Gaussians are finite");
-  require(std::min({s.sigma.x, s.sigma.y, s.sigma.z}) >= 0 && tiles::size_of(s) > 0,
+  require(std::min({s.sigma.x, s.sigma.y, s.sigma.z}) >= 0 && store::size_of(s) > 0,
           "Gaussians have a size");
   require(s.alpha > 0 && s.alpha <= 1, "Gaussians have an opacity");
   double length = 0;
@@ -35,24 +35,24 @@ void check_splat(const Splat& s) {
 }
 
 /// What a store does with them: rounded, sorted out, ordered, encoded, decoded.
-void store(PageVector<Splat>& splats, const tiles::SplatLattice& lattice) {
+void store(PageVector<Splat>& splats, const store::SplatLattice& lattice) {
   std::vector<Splat> kept;
   for (Splat& s : splats) {
     check_splat(s);
-    tiles::round_for_store(s);
+    store::round_for_store(s);
     if (!lattice.filter(s)) kept.push_back(s);
   }
   std::sort(kept.begin(), kept.end(),
             [&](const Splat& a, const Splat& b) { return lattice.key(a) < lattice.key(b); });
-  for (std::size_t at = 0; at < kept.size(); at += tiles::kMostSplatsPerBlock) {
-    const std::size_t count = std::min(tiles::kMostSplatsPerBlock, kept.size() - at);
-    tiles::SplatBlock block;
+  for (std::size_t at = 0; at < kept.size(); at += store::kMostSplatsPerBlock) {
+    const std::size_t count = std::min(store::kMostSplatsPerBlock, kept.size() - at);
+    store::SplatBlock block;
     block.assign(std::span(kept).subspan(at, count));
     std::vector<std::byte> raw;
-    tiles::encode(block, raw);
-    const tiles::SplatBlock decoded = [&] {
+    store::encode(block, raw);
+    const store::SplatBlock decoded = [&] {
       try {
-        return tiles::decode_splats(raw, "a block");
+        return store::decode_splats(raw, "a block");
       } catch (const Error& e) {
         require(false, e.what());
         throw;
@@ -61,7 +61,7 @@ void store(PageVector<Splat>& splats, const tiles::SplatLattice& lattice) {
     for (std::size_t i = 0; i < count; ++i) {
       require(decoded.splat(i) == kept[at + i], "blocks hold what was put into them");
       // Of what is far larger than the scene, everything: it must hold what is in it, no more.
-      require(!tiles::splat_box(kept[at + i]).empty(), "Gaussians are in their boxes");
+      require(!store::splat_box(kept[at + i]).empty(), "Gaussians are in their boxes");
     }
   }
 }
@@ -76,12 +76,12 @@ void read(const std::string& path) {
   require(!io::splats_text(io::describe_splats(path)).empty(), "a scene can be described");
   const io::SplatPly ply(path, parse_axes("x,-z,-y"));
   PageVector<Splat> splats;
-  tiles::SplatCounts filtered{};
+  store::SplatCounts filtered{};
   ply.read(0, ply.header().splats, splats, filtered);
   std::uint64_t rows = splats.size();
   for (const std::uint64_t count : filtered) rows += count;
   require(rows == ply.header().splats, "every row is kept or counted");
-  store(splats, tiles::SplatLattice(ply.sample()));
+  store(splats, store::SplatLattice(ply.sample()));
 }
 
 /// As many bytes as the elements of a header take; most_bytes where it is none or asks for more.

@@ -94,6 +94,8 @@ plain_jobs() {
   transfer plain-mask roof.obj target.obj out.png --onto mask.pgm --mask mask.pgm
   transfer plain-mask-exr roof.obj target.obj out.exr --onto mask.pgm --mask mask.pgm --depth half
   transfer plain-least roof.obj target.obj out.png --size 512 --memory 64MiB
+  transfer plain-as-gaussians roof.obj target.obj out.png --size 64 --method gaussian --sigma 0.7 --coverage OUT/mask.png
+  transfer plain-as-gaussians-dense roof.obj target.obj 'out.<UDIM>.png' --size 64 --method gaussian --densify
   job plain-maps maps target.obj -o 'OUT/<CHANNEL>.exr' --size 96
   job plain-maps-udim maps target.obj -o 'OUT/<CHANNEL>.<UDIM>.exr' --size 32
   job plain-gaussians gaussians roof.obj -o OUT/out.ply
@@ -127,6 +129,9 @@ made_jobs() {
   transfer made-head-exr-u16 float/head_src.glb float/head_other.glb out.png --depth u16 --size 256 --source-texture baseColor=float/head_src.exr
   transfer made-head-model head/head_src.glb head/head_other.glb out.glb --size 128
   transfer made-head-model-gltf head/head_src.glb head/head_other.glb out.gltf --size 128
+  transfer made-as-gaussians head/head_src.glb head/head_other.glb out.png --size 256 --method gaussian
+  transfer made-as-gaussians-exr float/head_src.glb float/head_other.glb out.exr --size 256 --method gaussian \
+    --source-texture baseColor=float/head_src.exr
   transfer made-shell shell/shell_src.glb shell/shell_target.glb out.png
   transfer made-channels channels/channels_src.glb channels/channels_target.glb '<CHANNEL>.png'
   transfer made-channels-exr channels/channels_src.glb channels/channels_target.glb '<CHANNEL>.exr' --size 128
@@ -136,6 +141,8 @@ made_jobs() {
   transfer made-splats-broken broken.ply sphere_target.glb out.png --size 128
   transfer made-splats-model sphere.ply dense.glb out.glb --size 128
   transfer made-plane-udim plane.obj plane.obj 'out.<UDIM>.png' --size 128 --source-texture 'baseColor=plane.<UDIM>.png'
+  transfer made-plane-as-gaussians plane.obj plane.obj 'out.<UDIM>.png' --size 128 --method gaussian \
+    --source-texture 'baseColor=plane.<UDIM>.png'
   transfer made-dense dense.glb dense.glb out.png --size 128
   transfer made-dense-onto dense.glb sphere_target.glb out.png --onto head/head_same.truth.png
   job made-maps maps head/head_other.glb -o 'OUT/<CHANNEL>.exr' --size 256

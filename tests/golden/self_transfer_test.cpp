@@ -118,4 +118,26 @@ TEST_CASE("a mesh onto itself gives its own texture back", "[golden]") {
   check("shuffled and turned", true);
 }
 
+TEST_CASE("a head's texels as Gaussians give it back as the paper says", "[golden]") {
+  const auto data = test_data();
+  if (!data) return;
+  const std::string heads = (*data / "heads").string(), head = heads + "/head_src.glb";
+  const TempFolder folder;
+  const WholeImage texture = read_whole_image(heads + "/head_src_1k.png");
+  auto options = golden_options(head, head, folder.file("out.png"));
+  options.method = Method::gaussian;
+  options.size = ImageSize{texture.width, texture.height};
+  transfer(options);
+  const WholeImage coverage = read_whole_image(options.coverage_output);
+  std::vector<std::uint8_t> mask(coverage.samples.size());
+  for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = coverage.samples[i] > 0.5 ? 1 : 0;
+  const Score s = score(read_whole_image(options.output), texture, mask);
+  keep_picture(options.output, "head_as_gaussians.png");
+  figure("head as Gaussians, similarity %", 100 * s.similarity);
+  figure("head as Gaussians dB", s.psnr_db);
+  CHECK(s.texels == 1008000);
+  CHECK(s.similarity >= 0.975);  // the paper: about 98 %
+  CHECK(s.psnr_db >= 34.5);      // 34.75 when written
+}
+
 }  // namespace pounce::test

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "core/file.h"
-#include "io/write_model.h"
+#include "io/model/write.h"
 
 namespace pounce::test {
 

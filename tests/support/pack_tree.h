@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "core/file.h"
+#include "store/pack/chunk_payload.h"
+#include "store/pack/pack.h"
+#include "store/pack/pack_layout.h"
 #include "support/bytes.h"
-#include "tiles/chunk_payload.h"
-#include "tiles/pack.h"
-#include "tiles/pack_layout.h"
 
 namespace pounce::test {
 
@@ -24,34 +24,34 @@ struct PackTree {
     std::vector<Bytes> blocks;    ///< payloads, in the page's order
     std::vector<std::size_t> at;  ///< where the page holds each block's chunk
   };
-  tiles::PackKind kind{};
+  store::PackKind kind{};
   Hash128 key;
   Bytes directory;
   std::vector<Tile> tiles;
   std::vector<std::size_t> at;  ///< where the directory holds each page's chunk
 
   static std::uint32_t u32(const Bytes& raw, std::size_t at) {
-    return tiles::get_u32(raw.data() + at);
+    return store::get_u32(raw.data() + at);
   }
 
   explicit PackTree(const std::string& path) {
     auto file = posix_file_system().open(path);
-    const tiles::PackInfo info = tiles::read_pack_info(*file, path);
+    const store::PackInfo info = store::read_pack_info(*file, path);
     kind = info.kind;
     key = info.key;
-    const tiles::PackReader pack(std::move(file), path, kind, key);
-    tiles::Compressor compressor;
-    const auto read = [&](const tiles::ChunkRef& ref, tiles::ChunkKind what) {
-      return tiles::read_payload(pack, ref, what, tiles::kLargestChunkBytes, compressor);
+    const store::PackReader pack(std::move(file), path, kind, key);
+    store::Compressor compressor;
+    const auto read = [&](const store::ChunkRef& ref, store::ChunkKind what) {
+      return store::read_payload(pack, ref, what, store::kLargestChunkBytes, compressor);
     };
-    directory = read(pack.directory(), tiles::ChunkKind::directory);
+    directory = read(pack.directory(), store::ChunkKind::directory);
     find_tiles();
     for (const std::size_t place : at) {
       Tile tile;
-      tile.page = read(chunk(directory, place), tiles::ChunkKind::index_page);
+      tile.page = read(chunk(directory, place), store::ChunkKind::index_page);
       find_blocks(tile);
       for (const std::size_t block : tile.at)
-        tile.blocks.push_back(read(chunk(tile.page, block), tiles::ChunkKind::block));
+        tile.blocks.push_back(read(chunk(tile.page, block), store::ChunkKind::block));
       tiles.push_back(std::move(tile));
     }
   }
@@ -62,21 +62,21 @@ struct PackTree {
   void write(const std::string& path, const Harm& harm) const {
     PackTree copy = *this;
     posix_file_system().remove(path);
-    tiles::PackWriter pack(posix_file_system().create(path), kind, key);
-    tiles::Compressor compressor;
+    store::PackWriter pack(posix_file_system().create(path), kind, key);
+    store::Compressor compressor;
     for (std::size_t t = 0; t < copy.tiles.size(); ++t) {
       Tile& tile = copy.tiles[t];
       for (std::size_t b = 0; b < tile.blocks.size(); ++b) {
         put(tile.page, tile.at[b],
-            tiles::append_payload(pack, tiles::ChunkKind::block, tile.blocks[b], compressor));
+            store::append_payload(pack, store::ChunkKind::block, tile.blocks[b], compressor));
       }
       harm(static_cast<int>(t), tile.page);
       put(copy.directory, copy.at[t],
-          tiles::append_payload(pack, tiles::ChunkKind::index_page, tile.page, compressor));
+          store::append_payload(pack, store::ChunkKind::index_page, tile.page, compressor));
     }
     harm(-1, copy.directory);
     pack.finish(
-        tiles::append_payload(pack, tiles::ChunkKind::directory, copy.directory, compressor));
+        store::append_payload(pack, store::ChunkKind::directory, copy.directory, compressor));
     pack.file().sync();
   }
   void write(const std::string& path) const {
@@ -84,33 +84,33 @@ struct PackTree {
   }
 
  private:
-  static tiles::ChunkRef chunk(const Bytes& raw, std::size_t at) {
-    return {tiles::get_u64(raw.data() + at), u32(raw, at + 8), u32(raw, at + 12)};
+  static store::ChunkRef chunk(const Bytes& raw, std::size_t at) {
+    return {store::get_u64(raw.data() + at), u32(raw, at + 8), u32(raw, at + 12)};
   }
-  static void put(Bytes& raw, std::size_t at, const tiles::ChunkRef& chunk) {
-    tiles::put_u64(raw.data() + at, chunk.offset);
-    tiles::put_u32(raw.data() + at + 8, chunk.stored_bytes);
-    tiles::put_u32(raw.data() + at + 12, chunk.raw_bytes);
+  static void put(Bytes& raw, std::size_t at, const store::ChunkRef& chunk) {
+    store::put_u64(raw.data() + at, chunk.offset);
+    store::put_u32(raw.data() + at + 8, chunk.stored_bytes);
+    store::put_u32(raw.data() + at + 12, chunk.raw_bytes);
   }
 
   void find_tiles() {
-    const bool geometry = kind == tiles::PackKind::geometry;
+    const bool geometry = kind == store::PackKind::geometry;
     const std::size_t first = geometry ? 80 + 68 * std::size_t{u32(directory, 0)} + 24
-                              : kind == tiles::PackKind::colour ? 25
+                              : kind == store::PackKind::colour ? 25
                                                                 : 136 + 24;
-    const std::size_t step = geometry ? 44 : kind == tiles::PackKind::colour ? 16 : 48;
+    const std::size_t step = geometry ? 44 : kind == store::PackKind::colour ? 16 : 48;
     for (std::size_t place = first; place + 16 <= directory.size(); place += step)
       at.push_back(place);
   }
   void find_blocks(Tile& tile) const {
     std::size_t place = 0;
     while (place < tile.page.size()) {
-      if (kind == tiles::PackKind::geometry) {
+      if (kind == store::PackKind::geometry) {
         tile.at.push_back(place + 24);
         place += 44 + 24 * std::size_t{u32(tile.page, place + 40)};
       } else {
-        tile.at.push_back(kind == tiles::PackKind::colour ? place : place + 32);
-        place += kind == tiles::PackKind::colour ? 16 : 48;
+        tile.at.push_back(kind == store::PackKind::colour ? place : place + 32);
+        place += kind == store::PackKind::colour ? 16 : 48;
       }
     }
   }

@@ -6,15 +6,15 @@
 #include <cmath>
 #include <vector>
 
+#include "store/blocks/splat_block.h"
 #include "support/random.h"
 #include "support/reference_splats.h"
-#include "tiles/splat_block.h"
 
 namespace pounce::test {
 
 /// A block of these, in their order; values rounded to floats.
-inline tiles::SplatBlock splat_block(const std::vector<ReferenceSplat>& scene) {
-  tiles::SplatBlock block;
+inline store::SplatBlock splat_block(const std::vector<ReferenceSplat>& scene) {
+  store::SplatBlock block;
   const auto put = [](PageVector<float>& column, double v) {
     column.push_back(static_cast<float>(v));
   };

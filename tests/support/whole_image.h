@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "core/half.h"
-#include "io/image_read.h"
-#include "io/image_write.h"
+#include "io/image/read.h"
+#include "io/image/write.h"
 
 namespace pounce::test {
 

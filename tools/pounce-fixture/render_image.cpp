@@ -11,7 +11,7 @@
 #include <cstring>
 #include <vector>
 
-#include "io/image_write.h"
+#include "io/image/write.h"
 #include "pounce/error.h"
 
 namespace pounce::fixture {

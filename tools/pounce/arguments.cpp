@@ -155,6 +155,12 @@ Length parse_length(const std::string& option, const std::string& text) {
   return length;
 }
 
+Method parse_method(const std::string& option, const std::string& text) {
+  const std::optional<Method> method = method_from_name(text);
+  if (!method) refuse(option, text, "surface or gaussian");
+  return *method;
+}
+
 Depth parse_depth(const std::string& option, const std::string& text) {
   const std::optional<Depth> depth = depth_from_name(text);
   if (!depth) refuse(option, text, "u8, u16, half or float");

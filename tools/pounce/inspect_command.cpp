@@ -28,7 +28,7 @@ constexpr const char* kUsage =
     "  pounce inspect skin.png --json\n"
     "\n"
     "  # Are these packs of the tile cache sound?\n"
-    "  pounce inspect ~/.cache/pounce/v2/geometry/*.pack";
+    "  pounce inspect ~/.cache/pounce/v3/geometry/*.pack";
 
 struct Settings {
   std::vector<std::string> paths;

@@ -123,6 +123,16 @@ std::string details_text(const Report& report) {
     text += fmt::format("target   {} texels claimed by more than one triangle\n",
                         with_commas(report.target_overlapping));
   }
+  for (const NodeReport& node : report.nodes) {
+    const std::string bytes = node.bytes > 0 ? ", " + bytes_text(node.bytes) : "";
+    const std::string stalls = node.stalls > 0
+                                   ? fmt::format(", {} waited {:.2f} s for memory",
+                                                 with_commas(node.stalls), node.stalled_s)
+                                   : "";
+    text +=
+        fmt::format("node     {:<6} {:>9} runs {:8.2f} s busy, {} waiting at most{}{}\n", node.name,
+                    with_commas(node.runs), node.busy_s, node.most_waiting, stalls, bytes);
+  }
   text += fmt::format("kernels  {}\n", report.isa);
   return text;
 }
@@ -130,6 +140,7 @@ std::string details_text(const Report& report) {
 std::string plan_text(const Report& report) {
   std::string text = fmt::format("least memory  {} ({} bytes)\n",
                                  bytes_text(report.least_memory_bytes), report.least_memory_bytes);
+  text += fmt::format("needed for    {}\n", visible_line(report.least_memory_for));
   text += fmt::format("budget        {}\n", bytes_text(report.memory_budget_bytes));
   text += fmt::format("threads       {}\n", report.threads);
   const auto add = [&text](const char* name, std::uint64_t bytes) {

@@ -144,6 +144,27 @@ void add_source_options(CLI::App& command, TransferOptions& options) {
       ->group(group);
 }
 
+void add_method_options(CLI::App& command, TransferOptions& options) {
+  const char* const group = "Method (SOURCE is a mesh)";
+  add_value(
+      command, "--method", "NAME", group,
+      "surface: what a texel's ray hits first, as sharp as the source; the better default.\n"
+      "gaussian: the paper's blend of all texels on the ray, as Gaussians: to compare\n"
+      "with it, or for layers and noise that shall melt together. Default: surface",
+      [&options](const std::string& text) { options.method = parse_method("--method", text); });
+  add_value(command, "--sigma", "S", group,
+            "Of gaussian: a texel's standard deviation in texels, 0.1 to 4. Wider\n"
+            "blurs more and costs time with its square; below 0.35 texels may\n"
+            "find nothing. Default: 0.5",
+            [&options](const std::string& text) {
+              options.sigma_texels = parse_number("--sigma", text, 0.1, 4);
+            });
+  add_switch(command, "--densify", group,
+             "Of gaussian: split texels that are large on the surface, so that it\n"
+             "is about uniformly dense: up to three times as many Gaussians",
+             options.densify);
+}
+
 void add_search_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Search";
   add_value(command, "--max-distance", "D|P%", group,
@@ -187,6 +208,7 @@ Command add_transfer_command(CLI::App& program) {
   add_source_options(*command, options);
   add_mesh_options(*command, "source", "Source", options.source_use);
   add_mesh_options(*command, "target", "Target", options.target_use);
+  add_method_options(*command, options);
   add_search_options(*command, options);
   add_external_option(*command, "Target", options.allow_external);
   add_resource_options(*command, options.resources);
@@ -197,11 +219,14 @@ Command add_transfer_command(CLI::App& program) {
             });
   add_job_options(*command, settings->job);
   add_switch(*command, "--plan", "What is said",
-             "Print least memory, disk and files; do and write nothing", options.plan_only);
+             "Print least memory, disk and files; do and write nothing", settings->job.plan_only);
   const auto run = [settings] {
-    settings->job.plan_only = settings->options.plan_only;
     return run_job(settings->job, [&settings](Progress* progress, Report* report) {
-      transfer(settings->options, progress, report);
+      if (settings->job.plan_only) {
+        plan(settings->options, progress, report);
+      } else {
+        transfer(settings->options, progress, report);
+      }
     });
   };
   return {command, run};

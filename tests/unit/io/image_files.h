@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "io/image_read.h"
+#include "io/image/read.h"
 #include "mesh/mesh.h"
 
 namespace pounce::test {

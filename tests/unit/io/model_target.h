@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "io/model/write.h"
 #include "io/read_mesh.h"
-#include "io/write_model.h"
 #include "support/gltf_builder.h"
 #include "support/model_files.h"
 #include "support/test_data.h"

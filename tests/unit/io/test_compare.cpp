@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "io/image_write.h"
+#include "io/image/write.h"
 #include "pounce/compare.h"
 #include "support/test_data.h"
 

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <map>
 
-#include "io/image_write.h"
+#include "io/image/write.h"
 #include "pounce/error.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"

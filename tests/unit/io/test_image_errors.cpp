@@ -10,7 +10,7 @@
 #include <catch2/catch.hpp>
 #include <cerrno>
 
-#include "io/image_write.h"
+#include "io/image/write.h"
 #include "pounce/error.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"

@@ -2,8 +2,8 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 
-#include "io/image_guard.h"
-#include "io/image_write.h"
+#include "io/image/guard.h"
+#include "io/image/write.h"
 #include "pounce/error.h"
 #include "support/resident_memory.h"
 #include "support/test_data.h"

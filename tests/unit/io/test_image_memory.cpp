@@ -3,8 +3,8 @@
 
 #include <catch2/catch.hpp>
 
-#include "io/image_write.h"
-#include "io/sample.h"
+#include "io/image/sample.h"
+#include "io/image/write.h"
 #include "support/resident_memory.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"

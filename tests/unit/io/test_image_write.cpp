@@ -11,10 +11,10 @@
 #include <fstream>
 #include <thread>
 
-#include "io/half.h"
-#include "io/image_write.h"
-#include "io/output_file.h"
-#include "io/sample.h"
+#include "core/half.h"
+#include "io/files/output_file.h"
+#include "io/image/sample.h"
+#include "io/image/write.h"
 #include "pounce/error.h"
 #include "support/failing_file_system.h"
 #include "support/test_data.h"

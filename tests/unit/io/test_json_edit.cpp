@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
-#include "io/json_edit.h"
+#include "io/json/edit.h"
 #include "support/random.h"
 
 using namespace pounce::io;

@@ -3,8 +3,8 @@
 #include <filesystem>
 #include <set>
 
+#include "io/model/write.h"
 #include "io/read_mesh.h"
-#include "io/write_model.h"
 #include "pounce/error.h"
 #include "support/model_files.h"
 #include "support/test_data.h"

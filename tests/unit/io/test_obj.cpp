@@ -4,7 +4,7 @@
 #include <cmath>
 #include <map>
 
-#include "io/obj_polygon.h"
+#include "io/obj/polygon.h"
 #include "read_error.h"
 #include "support/gltf_builder.h"
 #include "support/random.h"

@@ -10,7 +10,7 @@
 #include <functional>
 #include <thread>
 
-#include "io/output_file.h"
+#include "io/files/output_file.h"
 #include "support/test_data.h"
 
 using namespace pounce;

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "io/splat_ply.h"
+#include "io/splats/ply.h"
 #include "pounce/error.h"
 #include "support/splat_ply_builder.h"
 #include "support/test_data.h"
@@ -17,10 +17,10 @@
 namespace pounce::io {
 namespace {
 
+using store::Splat;
+using store::SplatCounts;
+using store::SplatFilter;
 using test::SplatPlyBuilder;
-using tiles::Splat;
-using tiles::SplatCounts;
-using tiles::SplatFilter;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -262,7 +262,7 @@ TEST_CASE("the header's comments say how a scene was trained, the last one count
     ply.write(folder.file("s.ply"));
     return SplatPly(folder.file("s.ply")).header().model;
   };
-  using tiles::SplatModel;
+  using store::SplatModel;
   CHECK(model("comment by hand\nobj_info nothing\n") == SplatModel::standard);
   CHECK(model("comment SplatRenderMode: mip\n") == SplatModel::antialiased);
   CHECK(model("comment splatrendermode: 2DGS\n") == SplatModel::flat);
@@ -350,7 +350,7 @@ TEST_CASE("axes turn Gaussians as they turn their covariance", "[io]") {
   CHECK(to.normal == axes.apply(from.normal));
   // x^T Sigma' x = (P^T x)^T Sigma (P^T x) for directions x: compare the boxes' half widths.
   const auto half = [](const Splat& s) {
-    const Box3f box = tiles::splat_box(s);
+    const Box3f box = store::splat_box(s);
     return Vec3f{box.hi.x - s.mean.x, box.hi.y - s.mean.y, box.hi.z - s.mean.z};
   };
   const Vec3f turned = axes.apply(half(from)), found = half(to);

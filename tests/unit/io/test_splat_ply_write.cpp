@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "io/splat_ply_write.h"
+#include "io/splats/ply_write.h"
 #include "support/test_data.h"
 
 using namespace pounce;

@@ -8,10 +8,17 @@ cd "${1:-$(dirname "$0")/../../..}"
 # What each room may include besides itself and the public headers. Only flow/ knows every stage; grid and
 # projection know the records they work on (source patches, target texels), not how those come to be.
 declare -A may_include=(
-  [core]="" [mesh]="core" [tiles]="core mesh" [io]="core mesh tiles"
-  [source]="core mesh tiles" [target]="core mesh tiles" [texture]="core mesh tiles"
-  [grid]="core mesh tiles source" [projection]="core mesh tiles source target grid"
-  [flow]="core mesh tiles io source target texture grid projection"
+  [core]="" [runtime]="core" [mesh]="core" [store]="core mesh" [io]="core mesh store"
+  [source]="core mesh store" [target]="core mesh store" [texture]="core mesh store"
+  [grid]="core mesh store source" [projection]="core mesh store source target grid"
+  [commands]="core mesh store io"
+  [flow]="core runtime mesh store io source target texture grid projection"
+)
+# The same within rooms that have folders: what each may include besides itself and what lies above it.
+declare -A may_include_within=(
+  [store/pack]="" [store/blocks]="pack" [store/cache]="pack"
+  [io/files]="" [io/json]="" [io/image]="files" [io/gltf]="files json" [io/obj]="files" [io/splats]="files"
+  [io/model]="files json gltf"
 )
 broken=0
 complain() {
@@ -30,6 +37,20 @@ for folder in src/*/; do
     [[ " $room pounce ${may_include[$room]} " == *" $other "* ]] ||
       complain "$file:$line: $room/ must not include $other/"
   done < <(grep -rnE '^#include "[^"]+/' "$folder")
+done
+
+for folder in src/{store,io}/*/; do
+  [[ -d $folder ]] || continue
+  inner=${folder#src/} inner=${inner%/} room=${folder#src/} room=${room%%/*}
+  if [[ -z ${may_include_within[$inner]+known} ]]; then
+    complain "src/$inner: a folder without a line in tests/unit/layout/check_includes.sh"
+    continue
+  fi
+  while IFS=: read -r file line text; do
+    other=$(sed -E "s|^#include \"$room/([^/\"]*)/.*|\1|" <<<"$text")
+    [[ " ${inner#*/} ${may_include_within[$inner]} " == *" $other "* ]] ||
+      complain "$file:$line: $inner/ must not include $room/$other/"
+  done < <(grep -rnE "^#include \"$room/[^\"]+/" "$folder")
 done
 
 file_libraries='OpenImageIO|tiny_gltf|tiny_obj_loader|stb_image'

@@ -45,22 +45,56 @@ struct Scene {
     };
     add(uv(a), uv(b), uv(c), page);
   }
-  BinRequest request(std::uint64_t cap = 1 << 20) const {
-    return {&mesh, pages, triangle_page, wraps, nullptr, cap};
-  }
 };
+
+/// All bands one after the other.
+struct Bins : BlockBins {
+  std::uint64_t counted = 0;  ///< entries, before they were made
+  std::size_t bands = 0;
+};
+Bins bin(const Scene& scene, std::uint64_t cap = 1 << 20,
+         std::uint64_t band_entries = kBandEntries) {
+  const PageTriangles triangles(std::span(scene.triangle_page), scene.pages.size());
+  const BinRequest request{&scene.mesh, scene.pages, &triangles, 0, scene.wraps, std::nullopt, cap};
+  const BlockBinner binner(request,
+                           std::make_shared<const BlockBands>(count_bands(request, band_entries)));
+  Bins all;
+  all.counted = binner.entries();
+  all.bands = binner.bands();
+  for (std::size_t band = 0; band < binner.bands(); ++band) {
+    const BlockBins one = binner.bin(band);
+    CHECK(one.entries.size() == binner.entries(band));
+    CHECK(binner.entries(band) <= binner.most_entries());
+    const auto entries = static_cast<std::uint32_t>(all.entries.size());
+    const auto blocks = static_cast<std::uint32_t>(all.blocks.size());
+    all.entries.insert(all.entries.end(), one.entries.begin(), one.entries.end());
+    for (BlockBin block : one.blocks) {
+      block.first += entries;
+      all.blocks.push_back(block);
+    }
+    for (TileRange tile : one.tiles) {
+      tile.first_block += blocks;
+      all.tiles.push_back(tile);
+    }
+  }
+  return all;
+}
 
 std::set<Placed> placed(const BlockBins& bins) {
   std::set<Placed> all;
   for (const BlockBin& block : bins.blocks) {
     for (std::uint32_t i = block.first; i < block.first + block.count; ++i) {
-      const TriangleInstance& t = bins.instances[bins.entries[i]];
+      const TriangleInstance& t = bins.entries[i].instance;
       const bool is_new =
           all.insert({block.page, block.x, block.y, t.triangle, t.shift_x, t.shift_y}).second;
       if (!is_new) FAIL("triangle " << t.triangle << " stands twice in a block");
     }
   }
   return all;
+}
+
+std::tuple<std::uint32_t, std::int32_t, std::int32_t> file_order(const TriangleInstance& i) {
+  return {i.triangle, i.shift_y, i.shift_x};
 }
 
 Lattice image(std::uint32_t width, std::uint32_t height) { return {width, height, 0, {}}; }
@@ -94,9 +128,9 @@ Scene random_scene(std::uint64_t seed, bool wraps, std::uint32_t scale = 1) {
 
 TEST_CASE("on a target every covered texel's block holds the triangle, with the period it is in") {
   const Scene scene = random_scene(3, true);
-  const BlockBins bins = bin_triangles(scene.request());
+  const Bins bins = bin(scene);
   const std::set<Placed> all = placed(bins);
-  CHECK(bins.entries.size() == count_entries(scene.request()));
+  CHECK(bins.entries.size() == bins.counted);
   std::size_t texels = 0;
   for (std::uint32_t t = 0; t < scene.mesh.triangles.size(); ++t) {
     const std::uint32_t page = scene.triangle_page[t];
@@ -131,7 +165,7 @@ TEST_CASE("on a target every covered texel's block holds the triangle, with the 
 
 TEST_CASE("on a source every covered texel's block holds a cut triangle, none is wrapped") {
   const Scene scene = random_scene(4, false, 10);
-  const std::set<Placed> all = placed(bin_triangles(scene.request()));
+  const std::set<Placed> all = placed(bin(scene));
   std::size_t cut = 0, whole = 0;
   for (std::uint32_t t = 0; t < scene.mesh.triangles.size(); ++t) {
     const std::uint32_t page = scene.triangle_page[t];
@@ -168,7 +202,7 @@ TEST_CASE(
   scene.add_texels({0, 0}, {120, 0}, {0, 60});      // 3600 texels: less
   scene.add_texels({0, 0}, {128, 0}, {0, 64});      // 4096
   scene.add_texels({0, 0}, {3.6e6, 0}, {0, 1024});  // one stray corner
-  const std::set<Placed> all = placed(bin_triangles(scene.request()));
+  const std::set<Placed> all = placed(bin(scene));
   std::map<std::uint32_t, int> times;
   for (const Placed& p : all) ++times[std::get<3>(p)];
   CHECK(times[0] == 2);
@@ -180,22 +214,21 @@ TEST_CASE("a triangle that hangs over u = 0 stands at both ends of the image") {
   Scene scene({image(128, 64)});
   scene.wraps = true;
   scene.add_texels({-2, 10}, {6, 10}, {-2, 30});  // covers texel columns -2..6
-  CHECK(placed(bin_triangles(scene.request())) ==
-        std::set<Placed>{{0, 0, 0, 0, 0, 0}, {0, 1, 0, 0, -1, 0}});
+  CHECK(placed(bin(scene)) == std::set<Placed>{{0, 0, 0, 0, 0, 0}, {0, 1, 0, 0, -1, 0}});
 }
 
 TEST_CASE("a triangle that only leans over u = 0 without covering a centre there stays once") {
   Scene scene({image(128, 64)});
   scene.wraps = true;
   scene.add_texels({-0.75, 10}, {6, 10}, {-0.75, 30});
-  CHECK(placed(bin_triangles(scene.request())) == std::set<Placed>{{0, 0, 0, 0, 0, 0}});
+  CHECK(placed(bin(scene)) == std::set<Placed>{{0, 0, 0, 0, 0, 0}});
 }
 
 TEST_CASE("UVs over three periods make three instances") {
   Scene scene({image(64, 64)});
   scene.wraps = true;
   scene.add({0.25F, 0.25F}, {2.75F, 0.25F}, {2.75F, 0.75F});
-  CHECK(placed(bin_triangles(scene.request())) ==
+  CHECK(placed(bin(scene)) ==
         std::set<Placed>{{0, 0, 0, 0, 0, 0}, {0, 0, 0, 0, 1, 0}, {0, 0, 0, 0, 2, 0}});
 }
 
@@ -205,31 +238,31 @@ TEST_CASE("a source triangle of 32 texels is whole where its middle is, of 33 it
   scene.add_texels({50, 10}, {83, 10}, {50, 42});      // in both blocks
   scene.add_texels({10, 10}, {210, 10}, {110, 10.9});  // thin: 0.9 texels high
   scene.add_texels({10, 10}, {210, 10}, {110, 11.1});
-  CHECK(placed(bin_triangles(scene.request())) == std::set<Placed>{{0, 1, 0, 0, 0, 0},
-                                                                   {0, 0, 0, 1, 0, 0},
-                                                                   {0, 1, 0, 1, 0, 0},
-                                                                   {0, 1, 0, 2, 0, 0},
-                                                                   {0, 0, 0, 3, 0, 0},
-                                                                   {0, 1, 0, 3, 0, 0},
-                                                                   {0, 2, 0, 3, 0, 0},
-                                                                   {0, 3, 0, 3, 0, 0}});
+  CHECK(placed(bin(scene)) == std::set<Placed>{{0, 1, 0, 0, 0, 0},
+                                               {0, 0, 0, 1, 0, 0},
+                                               {0, 1, 0, 1, 0, 0},
+                                               {0, 1, 0, 2, 0, 0},
+                                               {0, 0, 0, 3, 0, 0},
+                                               {0, 1, 0, 3, 0, 0},
+                                               {0, 2, 0, 3, 0, 0},
+                                               {0, 3, 0, 3, 0, 0}});
 }
 
 TEST_CASE("triangles of a page without an image are stored in runs of file order") {
   Scene scene({Lattice{}});
   for (int i = 0; i < 2500; ++i) scene.add({0, 0}, {9e30F, 0}, {0, 0});
-  const BlockBins bins = bin_triangles(scene.request());
+  const Bins bins = bin(scene);
   REQUIRE(bins.blocks.size() == 3);
   CHECK(bins.blocks[0].count == 1024);
   CHECK(bins.blocks[2].count == 452);
-  CHECK(bins.instances[bins.entries[bins.blocks[1].first]].triangle == 1024);
+  CHECK(bins.entries[bins.blocks[1].first].instance.triangle == 1024);
 }
 
 TEST_CASE("tiles cover each block once, respect the cap and never mix pages") {
   const std::uint64_t cap = GENERATE(1, 5000, 40000, 1 << 20, 1 << 30);
   const bool wraps = GENERATE(false, true);
   const Scene scene = random_scene(5, wraps);
-  const BlockBins bins = bin_triangles(scene.request(cap));
+  const Bins bins = bin(scene, cap);
   std::uint32_t next = 0, entries = 0;
   for (const TileRange& tile : bins.tiles) {
     CHECK(tile.first_block == next);
@@ -249,7 +282,7 @@ TEST_CASE("tiles cover each block once, respect the cap and never mix pages") {
     CHECK(seen.insert({block.page, block.x, block.y}).second);
     entries += block.count;
     for (std::uint32_t i = block.first; i + 1 < block.first + block.count; ++i)
-      CHECK(bins.entries[i] < bins.entries[i + 1]);  // file order
+      CHECK(file_order(bins.entries[i].instance) < file_order(bins.entries[i + 1].instance));
   }
   CHECK(entries == bins.entries.size());
   if (cap == 1) CHECK(bins.tiles.size() == bins.blocks.size());
@@ -266,8 +299,7 @@ TEST_CASE("absurd UVs are refused at once") {
   CAPTURE(wraps, far);
   const auto start = std::chrono::steady_clock::now();
   std::string message;
-  CHECK(test::error_kind([&] { bin_triangles(scene.request()); }, &message) ==
-        static_cast<int>(ErrorKind::input));
+  CHECK(test::error_kind([&] { bin(scene); }, &message) == static_cast<int>(ErrorKind::input));
   CHECK(message.find("scene.glb") != std::string::npos);
   CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(20));
 }
@@ -276,7 +308,7 @@ TEST_CASE("a source triangle over a million repeats of its image is one entry") 
   Scene scene({image(65536, 65536)});
   scene.wraps = false;
   scene.add({0, 0}, {1000, 0}, {1000, 1000});
-  CHECK(bin_triangles(scene.request()).entries.size() == 1);
+  CHECK(bin(scene).entries.size() == 1);
 }
 
 TEST_CASE("UVs over thousands of periods are refused or binned without visiting every block") {
@@ -285,14 +317,85 @@ TEST_CASE("UVs over thousands of periods are refused or binned without visiting 
   const auto start = std::chrono::steady_clock::now();
   SECTION("a triangle over 20,000 periods") {
     scene.add({0, 0}, {200, 0}, {200, 200});
-    CHECK(test::error_kind([&] { bin_triangles(scene.request()); }) ==
-          static_cast<int>(ErrorKind::input));
+    CHECK(test::error_kind([&] { bin(scene); }) == static_cast<int>(ErrorKind::input));
   }
   SECTION("a needle along their diagonal") {
     scene.add({0, 0}, {200, 199.999F}, {200, 200});
-    const std::uint64_t entries = count_entries(scene.request());
+    const std::uint64_t entries = bin(scene).counted;
     CHECK(entries >= 200 * 1024);
     CHECK(entries < 4 * 200 * 1024);
   }
   CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(20));
+}
+
+TEST_CASE("bands hold the same blocks as one, each whole, and no more entries than they may") {
+  const bool wraps = GENERATE(false, true);
+  const std::uint64_t most = GENERATE(1, 50, 400);
+  const Scene scene = random_scene(6, wraps, wraps ? 3 : 10);
+  const Bins one = bin(scene, 1 << 20, UINT64_MAX), many = bin(scene, 1 << 20, most);
+  CHECK(one.bands == 1);
+  CHECK(many.bands > (most < 100 ? 4 : 0));
+  CHECK(placed(one) == placed(many));
+  CHECK(one.blocks.size() == many.blocks.size());
+  std::map<std::pair<std::uint32_t, std::int32_t>, std::uint64_t> rows;
+  for (const BinEntry& entry : one.entries) ++rows[{entry.page, entry.y}];
+  std::uint64_t largest_row = 0;
+  for (const auto& [row, count] : rows) largest_row = std::max(largest_row, count);
+  const PageTriangles triangles(std::span(scene.triangle_page), scene.pages.size());
+  const BinRequest request{&scene.mesh, scene.pages,  &triangles, 0,
+                           scene.wraps, std::nullopt, 1 << 20};
+  const BlockBinner binner(request, std::make_shared<const BlockBands>(count_bands(request, most)));
+  CHECK(binner.most_entries() <= std::max(most, largest_row));
+}
+
+TEST_CASE("a page of one tile of UV space has what that tile shows") {
+  Scene scene({image(64, 64)});
+  scene.wraps = true;
+  scene.add({0.25F, 0.25F}, {2.75F, 0.25F}, {2.75F, 0.75F});
+  scene.add({1.25F, -0.75F}, {1.75F, -0.75F}, {1.75F, -0.25F});  // one tile up
+  const PageTriangles triangles(std::span(scene.triangle_page), 1);
+  const auto in_tile = [&](UvTile tile) {
+    const BlockBinner binner({&scene.mesh, scene.pages, &triangles, 0, true, tile, 1 << 20});
+    return binner.bands() == 0 ? std::set<Placed>{} : placed(binner.bin(0));
+  };
+  CHECK(in_tile({1, 0}) == std::set<Placed>{{0, 0, 0, 0, 1, 0}});
+  CHECK(in_tile({1, 1}) == std::set<Placed>{{0, 0, 0, 1, 1, -1}});
+  CHECK(in_tile({5, 0}).empty());
+}
+
+TEST_CASE("200 tiles of 65536 texels each with 40 triangles are counted in no time and no memory") {
+  Scene scene({image(65536, 65536)});
+  scene.wraps = true;
+  for (int i = 0; i < 20; ++i) {
+    const float x0 = static_cast<float>(i) / 20, x1 = static_cast<float>(i + 1) / 20;
+    scene.add({x0, 0}, {x1, 0}, {x1, 1});
+    scene.add({x0, 0}, {x1, 1}, {x0, 1});
+  }
+  const PageTriangles triangles(std::span(scene.triangle_page), 1);
+  const auto start = std::chrono::steady_clock::now();
+  for (int tile = 0; tile < 200; ++tile) {
+    const BlockBinner binner(
+        {&scene.mesh, scene.pages, &triangles, 0, true, UvTile{0, 0}, 1 << 20});
+    CHECK(binner.entries() >= 1024 * 1024);
+    CHECK(binner.entries() < 2 * 1024 * 1024);
+    CHECK(binner.most_entries() <= kBandEntries);
+  }
+  CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(20));
+}
+
+TEST_CASE("the fullest window of a dense mesh is counted") {
+  Scene scene({image(256, 256)});
+  scene.wraps = GENERATE(false, true);
+  Random random(7);
+  for (int i = 0; i < 70000; ++i) {
+    const double x = random.between(0.0F, 255.0F), y = random.between(0.0F, 255.0F);
+    scene.add_texels({x, y}, {x + 1, y}, {x, y + 1});
+  }
+  const Bins bins = bin(scene);
+  std::uint64_t most = 0;
+  for (const BlockBin& block : bins.blocks) most = std::max<std::uint64_t>(most, block.count);
+  const PageTriangles triangles(std::span(scene.triangle_page), 1);
+  const BinRequest request{&scene.mesh, scene.pages,  &triangles, 0,
+                           scene.wraps, std::nullopt, 1 << 20};
+  CHECK(count_bands(request).most_in_block == most);
 }

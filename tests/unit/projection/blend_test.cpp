@@ -16,16 +16,16 @@ using pounce::test::Random;
 
 namespace {
 
-constexpr int kEdge = tiles::kColourTileEdge;
+constexpr int kEdge = store::kColourTileEdge;
 
 struct Tile {
-  tiles::ColourDirectory image;
+  store::ColourDirectory image;
   std::vector<std::byte> bytes;
   std::vector<double> samples;  ///< what they mean: 0..1 or the float itself
 
   double at(int column, int row, std::uint32_t channel) const {
-    return samples[(static_cast<std::size_t>(row + tiles::kApron) * kEdge +
-                    static_cast<std::size_t>(column + tiles::kApron)) *
+    return samples[(static_cast<std::size_t>(row + store::kApron) * kEdge +
+                    static_cast<std::size_t>(column + store::kApron)) *
                        image.channels +
                    channel];
   }
@@ -127,7 +127,7 @@ TEST_CASE("a float blend is right to the last bit or two, however far its sample
   std::vector<float> samples(static_cast<std::size_t>(kEdge) * kEdge);
   for (int i = 0; i < 20000; ++i) {
     const std::size_t at =
-        static_cast<std::size_t>((10 + tiles::kApron) * kEdge + 10 + tiles::kApron);
+        static_cast<std::size_t>((10 + store::kApron) * kEdge + 10 + store::kApron);
     const std::array<std::size_t, 4> places{at, at + 1, at + kEdge, at + kEdge + 1};
     for (const std::size_t place : places) {
       const auto exponent = static_cast<int>(random.whole(-160, 120));
@@ -162,7 +162,7 @@ TEST_CASE("colours times alpha are divided before they are blended, or left as t
   tile.image.has_alpha = tile.image.premultiplied = true;
   std::vector<float> samples(static_cast<std::size_t>(kEdge) * kEdge * 4);
   float* const left =
-      &samples[static_cast<std::size_t>((10 + tiles::kApron) * kEdge + 10 + tiles::kApron) * 4];
+      &samples[static_cast<std::size_t>((10 + store::kApron) * kEdge + 10 + store::kApron) * 4];
   for (const int i : {0, 4}) left[i + 3] = i == 0 ? 0.25F : 0.75F;
   for (const int i : {0, 4}) left[i] = i == 0 ? 0.125F : 0.375F;  // 0.5 each
   left[1] = 3;
@@ -214,7 +214,7 @@ TEST_CASE("8-bit blends clamp what a kernel with negative weights overshoots") {
   tile.image.channels = 1;
   tile.bytes.assign(static_cast<std::size_t>(kEdge) * kEdge, std::byte{0});
   const auto at = [](int column, int row) {
-    return static_cast<std::size_t>((row + tiles::kApron) * kEdge + column + tiles::kApron);
+    return static_cast<std::size_t>((row + store::kApron) * kEdge + column + store::kApron);
   };
   tile.bytes[at(10, 10)] = std::byte{255};
   Taps taps;
@@ -237,7 +237,7 @@ TEST_CASE("a placed coordinate blends what the unbounded image has there") {
     for (double& t : texels) t = random.unit();
     for (const Wrap wrap : {Wrap::repeat, Wrap::mirror, Wrap::clamp}) {
       const auto texel = [&](std::int64_t i) {
-        return texels[static_cast<std::size_t>(tiles::wrapped(i, size, wrap))];
+        return texels[static_cast<std::size_t>(store::wrapped(i, size, wrap))];
       };
       for (int i = 0; i < 3000; ++i) {
         const auto base = static_cast<std::int32_t>(random.whole(-400, 400));

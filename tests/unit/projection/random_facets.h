@@ -24,7 +24,7 @@ inline Vec3f random_direction(Random& random) {
 /// of a 64x64 image, so that some are cut and some whole.
 inline source::SourceBlock random_source(Random& random, int count, float size,
                                          std::uint32_t first_id = 0) {
-  tiles::GeometryBlock block;
+  store::GeometryBlock block;
   for (int i = 0; i < count; ++i) {
     const auto first = static_cast<std::uint16_t>(block.positions.size());
     const Vec3f at = random_vec(random, 1);

@@ -18,7 +18,7 @@ constexpr mesh::Lattice kImage{8, 8, 0, {}};
 /// A block of triangles with corners at texels of an image.
 struct BlockMaker {
   mesh::Lattice lattice;
-  tiles::GeometryBlock block;
+  store::GeometryBlock block;
 
   void add(std::array<Vec3f, 3> positions, std::array<Vec2d, 3> texels, Vec3f normal = {0, 0, 1}) {
     const auto first = static_cast<std::uint16_t>(block.positions.size());

@@ -16,7 +16,7 @@ namespace {
 /// A block of triangles with corners at texel coordinates of an image (its centres are integers).
 struct BlockMaker {
   mesh::Lattice lattice;
-  tiles::GeometryBlock block;
+  store::GeometryBlock block;
 
   void add(std::array<Vec3f, 3> positions, std::array<Vec2d, 3> texels,
            std::array<Vec3f, 3> normals = {Vec3f{0, 0, 1}, {0, 0, 1}, {0, 0, 1}}) {

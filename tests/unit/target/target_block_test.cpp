@@ -19,11 +19,11 @@ constexpr mesh::Lattice kImage{128, 128, 0, {}};
 
 /// A block of triangles in texels of a 128x128 image, owners by the raster.
 struct BlockMaker {
-  tiles::GeometryBlock block;
+  store::GeometryBlock block;
   BlockMaker(std::int32_t x, std::int32_t y) {
     block.x = x;
     block.y = y;
-    block.owner.assign(tiles::kTexelsPerBlock, tiles::kNoTriangle);
+    block.owner.assign(store::kTexelsPerBlock, store::kNoTriangle);
   }
   struct Corner {
     Vec2d texel;
@@ -50,7 +50,7 @@ struct BlockMaker {
                             for (std::int64_t x = begin; x < end; ++x) {
                               auto& owner =
                                   block.owner[static_cast<std::size_t>((y - y0) * 64 + x - x0)];
-                              if (owner == tiles::kNoTriangle) owner = triangle;
+                              if (owner == store::kNoTriangle) owner = triangle;
                             }
                           });
   }
@@ -63,7 +63,7 @@ BlockMaker::Corner flat_corner(double x, double y, Vec3f normal) {
 
 std::set<std::uint32_t> covered(const TargetBlock& map) {
   std::set<std::uint32_t> texels;
-  for (std::uint32_t i = 0; i < tiles::kTexelsPerBlock; ++i) {
+  for (std::uint32_t i = 0; i < store::kTexelsPerBlock; ++i) {
     if (map.covered(i)) texels.insert(i);
   }
   return texels;
@@ -167,13 +167,13 @@ TEST_CASE("packets hold every covered texel once, whatever is covered") {
     maker.add({flat_corner(-1, 63, up), flat_corner(300, 63, up), flat_corner(-1, 300, up)});
     const std::uint64_t holes = 1 + random.below(20);
     for (auto& owner : maker.block.owner) {
-      if (!random.one_in(holes)) owner = tiles::kNoTriangle;
+      if (!random.one_in(holes)) owner = store::kNoTriangle;
     }
     checked_packets(TargetBlock(maker.block, kImage, 1e-6F));
   }
   BlockMaker nothing(0, 0);
   nothing.add({flat_corner(0, 0, {}), flat_corner(0.5, 0.5, {}), flat_corner(0.25, 0.5, {})});
-  nothing.block.owner.assign(tiles::kTexelsPerBlock, tiles::kNoTriangle);
+  nothing.block.owner.assign(store::kTexelsPerBlock, store::kNoTriangle);
   CHECK(checked_packets(TargetBlock(nothing.block, kImage, 1e-6F)).packets.empty());
 }
 
@@ -287,4 +287,125 @@ TEST_CASE("texel boxes hold every texel of their triangle, and none is empty") {
     CHECK((grown.lo.x <= box.lo.x && grown.lo.y <= box.lo.y && grown.lo.z <= box.lo.z));
     CHECK((grown.hi.x >= box.hi.x && grown.hi.y >= box.hi.y && grown.hi.z >= box.hi.z));
   }
+}
+
+namespace {
+
+/// A bent and uneven surface of small triangles that fills a block, and one of no area.
+BlockMaker dense_block(Random& random, float size, Vec3f at) {
+  BlockMaker maker(1, 1);
+  constexpr int kCells = 30;
+  std::vector<BlockMaker::Corner> corners;
+  for (int j = 0; j <= kCells; ++j) {
+    for (int i = 0; i <= kCells; ++i) {
+      const bool inner = i > 0 && i < kCells && j > 0 && j < kCells;
+      const double x = 64 + (i + (inner ? random.between(-0.4, 0.4) : 0)) * 63.0 / kCells;
+      const double y = 64 + (j + (inner ? random.between(-0.4, 0.4) : 0)) * 63.0 / kCells;
+      const Vec3f bump{0, 0, random.between(-0.3F, 0.3F)};
+      Vec3f normal{random.between(-0.2F, 0.2F), random.between(-0.2F, 0.2F), 1};
+      normal = normal * (1 / length(normal));
+      const Vec3f flat{static_cast<float>(x - 64), static_cast<float>(y - 64), 0};
+      corners.push_back({{x, y}, at + (flat + bump) * size, normal});
+    }
+  }
+  const auto corner = [&](int i, int j) {
+    return corners[static_cast<std::size_t>(j * (kCells + 1) + i)];
+  };
+  for (int j = 0; j < kCells; ++j) {
+    for (int i = 0; i < kCells; ++i) {
+      maker.add({corner(i, j), corner(i + 1, j), corner(i + 1, j + 1)});
+      maker.add({corner(i, j), corner(i + 1, j + 1), corner(i, j + 1)});
+    }
+  }
+  maker.add({corner(0, 0), corner(0, 0), corner(0, 0)});
+  return maker;
+}
+
+struct Start {
+  Vec3f at, own;
+  float coarseness = 0;
+};
+
+/// By texel: where its ray starts, and its own point.
+std::map<std::uint32_t, Start> starts(const TargetBlock& map) {
+  PageVector<TexelPacket> packets;
+  std::vector<PacketGroup> groups;
+  map.make_packets(0, packets, groups);
+  std::map<std::uint32_t, Start> all;
+  for (const TexelPacket& p : packets) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (p.texel[lane] == kNoTexel) continue;
+      const Vec3f inset{static_cast<float>(p.inset_x[lane]), static_cast<float>(p.inset_y[lane]),
+                        static_cast<float>(p.inset_z[lane])};
+      const Vec3f at{p.px[lane], p.py[lane], p.pz[lane]};
+      all[p.texel[lane]] = {at, at - inset * step_of(p), p.coarseness};
+    }
+  }
+  return all;
+}
+
+}  // namespace
+
+TEST_CASE("records say the same as their triangles, to a 2000th of a texel") {
+  Random random(34);
+  const float size = GENERATE(1.0F, 1e-6F, 1e6F);
+  const BlockMaker maker = dense_block(random, size, Vec3f{40, -70, 10} * size);
+  const TargetBlock exact(maker.block, kImage, 1e-30F, TargetBlock::Start::inset);
+  const auto records = exact.as_records(maker.block);
+  REQUIRE(records);
+  CHECK(records->triangles.empty());
+  const TargetBlock map(*records, kImage, 1e-30F, TargetBlock::Start::inset);
+  checked_packets(TargetBlock(*records, kImage, 1e-30F));
+  CHECK(covered(map) == covered(exact));
+  const auto mine = starts(map);
+  std::size_t moved = 0;
+  for (const std::uint32_t t : covered(exact)) {
+    const TargetBlock::Texel a = exact.texel(t), b = map.texel(t);
+    const float edge = 1 / a.per_texel;
+    CHECK(length(a.position - b.position) < edge / 2000);
+    CHECK(length(a.normal - b.normal) < 7e-5F);
+    CHECK(std::abs(b.per_texel * edge - 1) < 1.0F / 256);
+    const Start& start = mine.at(t);
+    CHECK(start.own == b.position);
+    CHECK(length(start.at - start.own) < edge / 16);
+    moved += start.at == start.own ? 0 : 1;
+  }
+  CHECK(moved > 20);
+}
+
+TEST_CASE("rays of records start inside of the triangle that owned their texel") {
+  Random random(35);
+  BlockMaker maker = dense_block(random, 1, {40, -70, 10});
+  for (auto& p : maker.block.positions) p.z = 10;  // flat: inside or not is seen in the plane
+  const TargetBlock exact(maker.block, kImage, 1e-30F, TargetBlock::Start::inset);
+  const auto records = exact.as_records(maker.block);
+  REQUIRE(records);
+  for (const auto& [texel, start] :
+       starts(TargetBlock(*records, kImage, 1e-30F, TargetBlock::Start::inset))) {
+    const auto& triangle = maker.block.triangles[maker.block.owner[texel]];
+    std::array<Vec2d, 3> c;
+    for (std::size_t k = 0; k < 3; ++k)
+      c[k] = {maker.block.positions[triangle[k]].x, maker.block.positions[triangle[k]].y};
+    const double area = mesh::doubled_area(c[0], c[1], c[2]);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double inside = mesh::doubled_area(c[k], c[(k + 1) % 3], {start.at.x, start.at.y});
+      const double side = std::hypot(c[k].x - c[(k + 1) % 3].x, c[k].y - c[(k + 1) % 3].y);
+      CHECK(inside / side * (area < 0 ? -1 : 1) > 2 * records->step);
+    }
+  }
+}
+
+TEST_CASE(
+    "a block keeps its triangles where one far out makes the steps too coarse for the others") {
+  Random random(36);
+  BlockMaker maker = dense_block(random, 1e-3F, {});
+  CHECK(
+      TargetBlock(maker.block, kImage, 1e-30F, TargetBlock::Start::inset).as_records(maker.block));
+  maker.block.owner[0] = static_cast<std::uint16_t>(maker.block.triangles.size());
+  const Vec3f up{0, 0, 1};
+  maker.add({BlockMaker::Corner{{63, 63}, {9e4F, 0, 0}, up},
+             BlockMaker::Corner{{65, 63}, {9e4F, 9e4F, 0}, up},
+             BlockMaker::Corner{{63, 65}, {9e4F, 0, 9e4F}, up}});
+  CHECK_FALSE(
+      TargetBlock(maker.block, kImage, 1e-30F, TargetBlock::Start::inset).as_records(maker.block));
 }

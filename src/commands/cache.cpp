@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Looking at a cache and tidying it, beside whatever jobs use it.
+#include "pounce/cache.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <span>
+
+#include "store/cache/cache_layout.h"
+#include "store/cache/cache_space.h"
+
+namespace pounce {
+namespace {
+
+using store::CachedObject;
+using store::CacheLayout;
+
+constexpr std::uint64_t kLongestLabel = 4096;
+
+FileSystem& disk() { return posix_file_system(); }
+
+std::string chosen(const std::string& folder) {
+  const std::string root = folder.empty() ? default_cache_folder() : folder;
+  if (root.empty()) {
+    throw Error(ErrorKind::storage,
+                "there is no cache: neither XDG_CACHE_HOME nor HOME is set; name one with --cache");
+  }
+  // Never taken for an empty cache: somebody mistyped.
+  const auto status = disk().status(root);
+  if (status && !status->is_folder) {
+    throw Error(ErrorKind::storage, root + ": this is a file, not the folder of a cache");
+  }
+  return root;
+}
+
+double seconds(std::int64_t nanoseconds) { return static_cast<double>(nanoseconds) * 1e-9; }
+
+std::string label_text(const CachedObject& object) {
+  if (object.label_path.empty()) return "";
+  try {
+    const auto file = disk().open(object.label_path);
+    std::string text(std::min(file->size_bytes(), kLongestLabel), '\0');
+    file->read(0, std::as_writable_bytes(std::span(text)));
+    text.resize(std::min(text.find('\n'), text.size()));
+    // Names of files may hold anything, and a label may be damaged: nothing for a terminal to obey.
+    std::replace_if(
+        text.begin(), text.end(), [](unsigned char c) { return c < ' ' || c == 127; }, '?');
+    return text;
+  } catch (const Error&) {
+    return "";  // it went with its pack
+  }
+}
+
+CacheObject described(const CachedObject& object) {
+  return {store::kind_name(object.kind),
+          to_hex(object.key),
+          object.path,
+          label_text(object),
+          object.size_bytes,
+          seconds(object.last_used_ns)};
+}
+
+/// Runs `evict` on a cache that exists and says what it did.
+template <class Evict>
+CachePruned tidy(const std::string& folder, const Evict& evict) {
+  const CacheLayout layout(chosen(folder));
+  CachePruned pruned;
+  if (!disk().exists(layout.parts_folder())) return pruned;
+  store::remove_leftovers(disk(), layout);
+  store::CacheSpace space(disk(), layout, 0, nullptr);
+  evict(space, pruned);
+  pruned.taken_bytes = store::scan_cache(disk(), layout).total_bytes;
+  return pruned;
+}
+
+void add(CachePruned& pruned, const store::Evicted& evicted) {
+  pruned.objects += evicted.objects;
+  pruned.bytes += evicted.bytes;
+  pruned.in_use += evicted.in_use;
+}
+
+}  // namespace
+
+std::string default_cache_folder() {
+  const auto from = [](const char* name) {
+    const char* value = std::getenv(name);
+    return value != nullptr ? std::string(value) : std::string();
+  };
+  if (const std::string xdg = from("XDG_CACHE_HOME"); !xdg.empty()) return xdg + "/pounce";
+  if (const std::string home = from("HOME"); !home.empty()) return home + "/.cache/pounce";
+  return {};
+}
+
+std::vector<CacheObject> cache_list(const std::string& folder) {
+  std::vector<CacheObject> list;
+  for (const CachedObject& object :
+       store::scan_cache(disk(), CacheLayout(chosen(folder))).objects) {
+    list.push_back(described(object));
+  }
+  return list;
+}
+
+CacheInfo cache_info(const std::string& folder) {
+  CacheInfo info;
+  info.folder = chosen(folder);
+  const store::CacheScan scan = store::scan_cache(disk(), CacheLayout(info.folder));
+  info.taken_bytes = scan.total_bytes;
+  info.default_limit_bytes = store::default_limit_bytes(disk(), info.folder);
+  for (const CachedObject& object : scan.objects) {
+    CacheShare& share = info.kinds[store::kind_name(object.kind)];
+    ++share.objects;
+    share.bytes += object.size_bytes;
+  }
+  info.unfinished = {scan.parts, scan.part_bytes};
+  return info;
+}
+
+CacheVerdict cache_verify(const std::string& folder, bool remove) {
+  CacheVerdict verdict;
+  for (const CachedObject& object :
+       store::scan_cache(disk(), CacheLayout(chosen(folder))).objects) {
+    auto file = disk().open_held(object.path);
+    if (file == nullptr) continue;  // removed meanwhile
+    ++verdict.objects;
+    verdict.bytes += object.size_bytes;
+    try {
+      store::PackReader(std::move(file), object.path, object.kind, object.key).verify();
+    } catch (const Error& e) {
+      if (e.kind() != ErrorKind::damaged_store) throw;
+      verdict.damaged.push_back({described(object), e.what(), remove});
+      if (remove) {
+        disk().remove(object.path);
+        if (!object.label_path.empty()) disk().remove(object.label_path);
+      }
+    }
+  }
+  return verdict;
+}
+
+CachePruned cache_prune(const std::string& folder, std::optional<std::uint64_t> most_bytes,
+                        std::optional<double> older_than_s) {
+  return tidy(folder, [&](store::CacheSpace& space, CachePruned& pruned) {
+    if (older_than_s) {
+      const auto now = std::chrono::system_clock::now().time_since_epoch();
+      const double oldest = std::chrono::duration<double>(now).count() - *older_than_s;
+      add(pruned, space.evict(0, [&](const CachedObject& object) {
+        return seconds(object.last_used_ns) < oldest;
+      }));
+    }
+    if (most_bytes) {
+      const store::Evicted more = space.evict(*most_bytes, nullptr);
+      pruned.objects += more.objects;
+      pruned.bytes += more.bytes;
+      pruned.in_use = std::max(pruned.in_use, more.in_use);
+    }
+  });
+}
+
+CachePruned cache_clear(const std::string& folder) {
+  return tidy(folder, [](store::CacheSpace& space, CachePruned& pruned) {
+    add(pruned, space.evict(0, nullptr));
+    disk().remove(space.layout().hash_memo());
+  });
+}
+
+}  // namespace pounce

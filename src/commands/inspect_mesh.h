@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "io/image/read.h"
+#include "mesh/mesh.h"
+
+namespace pounce::commands {
+
+/// What a mesh holds: counts, bounding box, names of its parts, UV sets with their ranges and UDIM
+/// tiles, materials with all their textures, those that no channel takes among them. Images that
+/// cannot be read are named with their problem; nothing is thrown for them.
+nlohmann::ordered_json describe(const mesh::Mesh& mesh);
+/// That description for people.
+std::string mesh_text(const nlohmann::ordered_json& description);
+
+nlohmann::ordered_json describe(const io::ImageInfo& info);
+/// "1024 x 1024, 3 channels, u8, png".
+std::string image_text(const nlohmann::ordered_json& description);
+
+}  // namespace pounce::commands

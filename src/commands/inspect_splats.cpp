@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "commands/inspect_splats.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "core/box.h"
+#include "io/files/shortest.h"
+#include "io/splats/ply.h"
+#include "io/splats/ply_header.h"
+#include "store/blocks/splat_lattice.h"
+
+namespace pounce::commands {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using store::Splat;
+
+Json box_json(const Box3f& box) {
+  const auto corner = [](Vec3f v) {
+    return Json{io::shortest(v.x), io::shortest(v.y), io::shortest(v.z)};
+  };
+  return {{"lo", corner(box.lo)}, {"hi", corner(box.hi)}};
+}
+
+const char* model_name(store::SplatModel model) {
+  switch (model) {
+    case store::SplatModel::standard:
+      return "default";
+    case store::SplatModel::antialiased:
+      return "antialiased";
+    case store::SplatModel::flat:
+      break;
+  }
+  return "2dgs";
+}
+
+/// Of the sample.
+template <class Value>
+Json quantiles(const PageVector<Splat>& sample, const Value& value) {
+  std::vector<float> values;
+  for (const Splat& s : sample) values.push_back(value(s));
+  std::sort(values.begin(), values.end());
+  const auto at = [&](std::size_t percent) {
+    return io::shortest(values[(values.size() - 1) * percent / 100]);
+  };
+  return {{"p10", at(10)}, {"p50", at(50)}, {"p90", at(90)}};
+}
+
+std::string vector_text(const Json& v) {
+  return fmt::format("{} {} {}", v[0].get<double>(), v[1].get<double>(), v[2].get<double>());
+}
+
+std::string quantiles_text(const Json& q) {
+  return fmt::format("10 % {}, half {}, 90 % {}", q["p10"].get<double>(), q["p50"].get<double>(),
+                     q["p90"].get<double>());
+}
+
+}  // namespace
+
+Json describe_splats(const std::string& path) {
+  constexpr std::uint64_t kRows = 16 << 10;
+  const io::SplatPly ply(path);
+  const io::SplatPlyHeader& header = ply.header();
+  const PageVector<Splat> sample = ply.sample();
+  const store::SplatLattice lattice(sample);
+  store::SplatCounts filtered{};
+  std::uint64_t usable = 0, with_normal = 0;
+  Box3f box;  // of all that have a place, the strays included: it says why there are strays
+  PageVector<Splat> splats;
+  for (std::uint64_t first = 0; first < header.splats; first += kRows) {
+    splats.clear();
+    ply.read(first, std::min(kRows, header.splats - first), splats, filtered);
+    for (const Splat& s : splats) {
+      box.extend(s.mean);
+      if (const auto reason = lattice.filter(s)) {
+        ++filtered[static_cast<std::size_t>(*reason)];
+        continue;
+      }
+      ++usable;
+      with_normal += s.normal != Vec3f{} ? 1 : 0;
+    }
+  }
+  Json json{{"gaussians", header.splats},        {"usable", usable},
+            {"filtered", Json::object()},        {"sh_degree", header.sh_degree},
+            {"model", model_name(header.model)}, {"with_normal", with_normal},
+            {"row_bytes", header.row_bytes}};
+  for (std::size_t k = 0; k < filtered.size(); ++k) {
+    if (filtered[k] > 0)
+      json["filtered"][store::filter_name(static_cast<store::SplatFilter>(k))] = filtered[k];
+  }
+  if (!box.empty()) json["box"] = box_json(box);
+  if (!sample.empty()) {
+    json["middle_box"] = box_json(lattice.middle_box());
+    json["opacity"] = quantiles(sample, [](const Splat& s) { return s.alpha; });
+    json["size"] = quantiles(sample, [](const Splat& s) { return store::size_of(s); });
+  }
+  Json columns = Json::array();
+  std::size_t halves = 0;
+  for (const io::PlyColumn& column : header.columns) {
+    columns.push_back(column.name);
+    halves += column.type == io::PlyType::u16 && io::is_splat_column(column.name) ? 1 : 0;
+  }
+  json["columns"] = columns;
+  json["half_columns"] = halves;
+  return json;
+}
+
+std::string splats_text(const Json& splats) {
+  std::string text =
+      fmt::format("gaussians  {}, {} usable\n", splats["gaussians"].get<std::uint64_t>(),
+                  splats["usable"].get<std::uint64_t>());
+  for (const auto& [reason, count] : splats["filtered"].items())
+    text += fmt::format("left out   {} {}\n", count.get<std::uint64_t>(), reason);
+  const auto halves = splats["half_columns"].get<std::size_t>();
+  text += fmt::format("columns    {}{}, {} bytes per Gaussian, spherical harmonics of degree {}\n",
+                      splats["columns"].size(),
+                      halves == 0 ? "" : fmt::format(" ({} half floats)", halves),
+                      splats["row_bytes"].get<unsigned>(), splats["sh_degree"].get<unsigned>());
+  text += fmt::format("model      {}\n", splats["model"].get<std::string>());
+  text += fmt::format("normals    {}\n", splats["with_normal"].get<std::uint64_t>());
+  const auto box_text = [&](const char* name, const char* key) {
+    if (!splats.contains(key)) return;
+    text += fmt::format("{:<10} {}  to  {}\n", name, vector_text(splats[key]["lo"]),
+                        vector_text(splats[key]["hi"]));
+  };
+  box_text("box", "box");
+  box_text("middle", "middle_box");
+  if (splats.contains("opacity")) {
+    text += fmt::format("opacity    {}\n", quantiles_text(splats["opacity"]));
+    text += fmt::format("size       {} (largest sigma)\n", quantiles_text(splats["size"]));
+  }
+  return text;
+}
+
+}  // namespace pounce::commands

@@ -1,0 +1,328 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Gaussians become a store of blocks, whatever they come from.
+//
+//   sample    a few from everywhere: where they are, how large they are
+//   runs      consecutive ones are read, filtered, sorted in memory and spilled, runs in parallel
+//   merge     all runs at once, cut into blocks where neighbours are farthest apart; blocks are
+//             encoded in parallel and written in order
+//
+// Whatever the budget, the sequence is that of one stable sort of the source's order by key, and
+// the cuts depend on that sequence alone: so do the bytes of the store.
+#include "flow/build/gaussian_store.h"
+
+#include <fmt/format.h>
+#include <tbb/parallel_pipeline.h>
+
+#include <algorithm>
+#include <bit>
+#include <filesystem>
+#include <utility>
+
+#include "flow/build/splat_sort.h"
+#include "runtime/ordered_stream.h"
+#include "source/splat_noise.h"
+#include "store/blocks/splat_lattice.h"
+
+namespace pounce::flow {
+namespace {
+
+using store::kMostSplatsPerBlock;
+using store::Splat;
+using store::SplatBlock;
+using store::SplatLattice;
+
+constexpr std::uint64_t kLeastRun = 16 << 10, kMostRun = 4 << 20;
+constexpr std::size_t kLeastFanIn = 16, kMostFanIn = 1024;
+// Of the noise estimate: this many blocks are asked, taken evenly, or up to twice as many.
+constexpr std::uint32_t kNoiseBlocksLog2 = 5;
+
+/// Per Gaussian of a run that is being made: the Gaussian, and twice its key.
+constexpr std::uint64_t kRunBytes = sizeof(Splat) + 2 * sizeof(KeyedSplat);
+
+/// The sample, what the lattice makes of it (vectors that grow hold up to three times their size),
+/// and what reading takes.
+std::uint64_t sample_bytes(std::uint64_t read_bytes) {
+  return GaussianSource::kSampleSplats * (sizeof(Splat) + 3 * 4 * sizeof(float)) + read_bytes;
+}
+
+std::uint64_t run_bytes(std::uint64_t read_bytes, std::uint64_t splats) {
+  constexpr std::uint64_t kCounts = 64 << 10;  // of the sort's digits
+  return read_bytes + SplatRunWriter::write_bytes() + kCounts +
+         round_to_pages(splats * sizeof(Splat)) + 2 * round_to_pages(splats * sizeof(KeyedSplat));
+}
+
+/// One block on its way through the pipeline: Gaussians, columns, encoded and compressed.
+std::uint64_t token_bytes() {
+  return round_to_pages(kMostSplatsPerBlock * sizeof(Splat)) +
+         4 * SplatBlock::decoded_bytes(kMostSplatsPerBlock, true);
+}
+
+/// The merge's own: the Gaussians of two blocks and their keys.
+std::uint64_t pending_bytes() {
+  return 3 * round_to_pages(kMostSplatsPerBlock * (sizeof(Splat) + sizeof(std::uint64_t)));
+}
+
+class StoreBuilder {
+ public:
+  StoreBuilder(JobContext& job, const GaussianStoreRequest& request)
+      : job_(job), request_(request), source_(*request.source) {}
+
+  std::unique_ptr<store::SplatStore> build() {
+    directory_.model = request_.facts.model;
+    const SplatLattice lattice = make_lattice();
+    directory_.middle_box = lattice.middle_box();
+    SplatRuns runs = make_runs(lattice);
+    return merge(lattice, std::move(runs));
+  }
+
+ private:
+  SplatLattice make_lattice();
+  SplatRuns make_runs(const SplatLattice& lattice);
+  SplatRun make_run(const SplatLattice& lattice, SplatRunWriter& writer, std::uint64_t first,
+                    std::uint64_t rows, store::SplatCounts& filtered);
+  std::unique_ptr<store::SplatStore> merge(const SplatLattice& lattice, SplatRuns runs);
+
+  JobContext& job_;
+  const GaussianStoreRequest& request_;
+  const GaussianSource& source_;
+  store::SplatDirectory directory_;
+};
+
+SplatLattice StoreBuilder::make_lattice() {
+  const runtime::Lease lease(job_.budget, sample_bytes(source_.read_bytes()),
+                             "looking at " + request_.path);
+  return SplatLattice(source_.sample());
+}
+
+SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& writer,
+                                std::uint64_t first, std::uint64_t rows,
+                                store::SplatCounts& filtered) {
+  PageVector<Splat> splats;
+  splats.reserve(rows);
+  source_.read(first, rows, splats, filtered);
+  PageVector<KeyedSplat> order, scratch;
+  order.reserve(splats.size());
+  for (std::size_t i = 0; i < splats.size(); ++i) {
+    Splat& s = splats[i];
+    store::round_for_store(s);
+    if (const auto reason = lattice.filter(s)) {
+      ++filtered[static_cast<std::size_t>(*reason)];
+      continue;
+    }
+    order.push_back({lattice.key(s), static_cast<std::uint32_t>(i)});
+  }
+  sort_by_key(order, scratch);
+  return writer.write(splats, order);
+}
+
+SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
+  const std::uint64_t rows = source_.count();
+  // As many runs at once as there are threads, and no longer than that leaves room for.
+  const std::uint64_t room = (job_.budget.limit() - job_.budget.leased()) / job_.threads;
+  const std::uint64_t fixed = run_bytes(source_.read_bytes(), 0);
+  std::uint64_t run = room > fixed ? (room - fixed) * 7 / 8 / kRunBytes : 0;
+  run = std::clamp(run, kLeastRun, kMostRun);
+  run = std::min(run, std::max(kLeastRun, (rows + job_.threads - 1) / job_.threads));
+  if (request_.run_splats > 0) run = request_.run_splats;
+
+  struct Made {
+    SplatRun run;
+    store::SplatCounts filtered{};
+  };
+  const std::uint64_t count = (rows + run - 1) / run;
+  const std::vector<std::uint64_t> costs(count,
+                                         run_bytes(source_.read_bytes(), std::min(run, rows)));
+  SplatRunWriter writer(job_);
+  SplatRuns runs;
+  runtime::run_ordered<Made>(
+      job_.budget, costs, "sorting the Gaussians of " + request_.path,
+      [&](std::size_t i) {
+        const std::uint64_t first = i * run, here = std::min(run, rows - first);
+        Made made;
+        made.run = make_run(lattice, writer, first, here, made.filtered);
+        return made;
+      },
+      [&](std::size_t i, Made& made) {
+        if (made.run.splats > 0) runs.runs.push_back(std::move(made.run));
+        for (std::size_t k = 0; k < store::kSplatFilters; ++k)
+          directory_.filtered[k] += made.filtered[k];
+        job_.meter.advance(std::min(run, rows - i * run));
+      });
+  runs.pack = writer.finish();
+  return runs;
+}
+
+/// Blocks in order, cut from the merged sequence.
+class BlockCutter {
+ public:
+  explicit BlockCutter(SplatMerge& merge) : merge_(merge) {
+    splats_.reserve(2 * kMostSplatsPerBlock);
+    keys_.reserve(2 * kMostSplatsPerBlock);
+  }
+
+  struct Cut {
+    std::uint64_t ordinal = 0;
+    std::uint64_t first_key = 0;
+    PageVector<Splat> splats;
+  };
+  /// False at the end.
+  bool next(Cut& cut) {
+    Splat splat;
+    std::uint64_t key;
+    while (keys_.size() <= kMostSplatsPerBlock && merge_.next(splat, key)) {
+      splats_.push_back(splat);
+      keys_.push_back(key);
+    }
+    if (keys_.empty()) return false;
+    const bool ended = keys_.size() <= kMostSplatsPerBlock;
+    const std::size_t count = store::splat_cut(keys_, kMostSplatsPerBlock, ended);
+    cut.ordinal = next_++;
+    cut.first_key = keys_.front();
+    const auto end = static_cast<std::ptrdiff_t>(count);
+    cut.splats.assign(splats_.begin(), splats_.begin() + end);
+    splats_.erase(splats_.begin(), splats_.begin() + end);
+    keys_.erase(keys_.begin(), keys_.begin() + end);
+    return true;
+  }
+
+ private:
+  SplatMerge& merge_;
+  PageVector<Splat> splats_;  ///< merged, not cut yet
+  PageVector<std::uint64_t> keys_;
+  std::uint64_t next_ = 0;
+};
+
+/// A block on its way from the merge to the pack. Slots are used in turn and keep their memory.
+struct Slot {
+  BlockCutter::Cut cut;
+  SplatBlock block;
+  std::vector<std::byte> raw, stored;
+  store::SplatEntry entry;
+  std::vector<float> noise;  ///< of the blocks that are asked
+};
+
+/// The noise is estimated from every 2^k-th block. How many blocks there will be is not known when
+/// they pass: k grows with their number, and those that were asked too often are forgotten.
+std::uint32_t noise_step_log2(std::uint64_t ordinal) {
+  const auto bits = static_cast<std::uint32_t>(std::bit_width(ordinal));
+  return bits > kNoiseBlocksLog2 + 1 ? bits - kNoiseBlocksLog2 - 1 : 0;
+}
+bool asked_for_noise(std::uint64_t ordinal, std::uint32_t step_log2) {
+  return (ordinal & ((1ULL << step_log2) - 1)) == 0;
+}
+
+void encode_block(JobContext& job, Slot& slot) {
+  slot.entry = {};
+  slot.entry.splats = static_cast<std::uint32_t>(slot.cut.splats.size());
+  slot.entry.size_class =
+      static_cast<std::uint32_t>(SplatLattice::key_size_class(slot.cut.first_key));
+  for (const Splat& s : slot.cut.splats) slot.entry.box.extend(store::splat_box(s));
+  slot.block.assign(slot.cut.splats);
+  store::encode(slot.block, slot.raw);
+  job.compressor().compress(slot.raw, slot.stored);
+  slot.noise.clear();
+  if (asked_for_noise(slot.cut.ordinal, noise_step_log2(slot.cut.ordinal)))
+    source::append_surface_noise(slot.block, slot.noise);
+}
+
+std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& lattice,
+                                                       SplatRuns runs) {
+  const std::uint64_t total = std::max<std::uint64_t>(runs.splats(), 1);
+  const runtime::Lease lists(job_.budget, runs.size_bytes(), "the places of sorted Gaussians");
+  // Where little is left, the lease below says what is missing.
+  const auto less = [](std::uint64_t a, std::uint64_t b) { return a > b ? a - b : 0; };
+  const std::uint64_t room = less(job_.budget.limit(), job_.budget.leased() + pending_bytes());
+  const std::uint64_t tokens = std::clamp<std::uint64_t>(
+      room / 2 / token_bytes(), 1, 2 * static_cast<std::uint64_t>(job_.threads));
+  const std::uint64_t cursors = less(room, tokens * token_bytes()) / SplatMerge::cursor_bytes();
+  std::size_t fan_in = std::clamp<std::size_t>(cursors, kLeastFanIn, kMostFanIn);
+  if (request_.fan_in > 0) fan_in = request_.fan_in;
+  fan_in = std::min(fan_in, std::max<std::size_t>(runs.runs.size(), 1));
+  const runtime::Lease lease(
+      job_.budget, pending_bytes() + tokens * token_bytes() + fan_in * SplatMerge::cursor_bytes(),
+      "merging the Gaussians of " + request_.path);
+  runs = merge_to_fan_in(job_, lattice, std::move(runs), fan_in);
+
+  SplatMerge sequence(job_, lattice, runs.pack, runs.runs);
+  BlockCutter cutter(sequence);
+  // The last stage ends blocks in order, so those under way are neighbours: each has its own slot.
+  std::vector<Slot> slots(tokens);
+  store::SplatStoreWriter writer(job_.stores->create(
+      store::PackKind::splats, request_.key,
+      fmt::format("{}, {} Gaussians", std::filesystem::path(request_.path).filename().string(),
+                  source_.count())));
+  std::vector<std::pair<std::uint64_t, std::vector<float>>> noise;
+  std::uint64_t blocks = 0, done = 0;
+  const auto write = [&](Slot& slot) {
+    if (blocks > 0 && (writer.tile_blocks() == store::kMostBlocksPerSplatTile ||
+                       slot.entry.size_class != writer.tile_class())) {
+      writer.end_tile(job_.compressor());
+      ++job_.report.tiles_written;
+    }
+    writer.add_block(slot.entry, !slot.block.normal[0].empty(), slot.stored,
+                     static_cast<std::uint32_t>(slot.raw.size()));
+    if (!slot.noise.empty()) noise.emplace_back(slot.cut.ordinal, slot.noise);
+    blocks = slot.cut.ordinal + 1;
+    done += slot.entry.splats;
+    job_.meter.advance(source_.count() * done / total -
+                       source_.count() * (done - slot.entry.splats) / total);
+  };
+  std::size_t next_slot = 0;
+  tbb::parallel_pipeline(tokens,
+                         tbb::make_filter<void, Slot*>(tbb::filter_mode::serial_in_order,
+                                                       [&](tbb::flow_control& control) -> Slot* {
+                                                         Slot& slot = slots[next_slot++ % tokens];
+                                                         if (!cutter.next(slot.cut)) control.stop();
+                                                         return &slot;
+                                                       }) &
+                             tbb::make_filter<Slot*, Slot*>(tbb::filter_mode::parallel,
+                                                            [&](Slot* slot) {
+                                                              encode_block(job_, *slot);
+                                                              return slot;
+                                                            }) &
+                             tbb::make_filter<Slot*, void>(tbb::filter_mode::serial_in_order,
+                                                           [&](Slot* slot) { write(*slot); }));
+  if (blocks == 0) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: none of its {} Gaussians can be used ({})", request_.path,
+                            source_.count(), store::filtered_text(directory_.filtered)));
+  }
+  writer.end_tile(job_.compressor());
+  ++job_.report.tiles_written;
+  std::vector<float> figures;
+  for (const auto& [ordinal, of_block] : noise) {
+    if (asked_for_noise(ordinal, noise_step_log2(blocks - 1)))
+      figures.insert(figures.end(), of_block.begin(), of_block.end());
+  }
+  directory_.surface_noise = source::median(figures);
+  return std::make_unique<store::SplatStore>(
+      job_.stores->publish(writer.finish(directory_, job_.compressor())), request_.facts,
+      job_.compressor());
+}
+
+}  // namespace
+
+std::unique_ptr<store::SplatStore> build_gaussian_store(JobContext& job,
+                                                        const GaussianStoreRequest& request) {
+  return StoreBuilder(job, request).build();
+}
+
+std::uint64_t gaussian_store_least_bytes(std::uint64_t count, std::uint64_t read_bytes) {
+  const std::uint64_t lists = count / 1024 * 2 * sizeof(store::ChunkRef) +
+                              count / kLeastRun * 2 * sizeof(SplatRun) + kPageBytes;
+  return std::max(
+             {sample_bytes(read_bytes), run_bytes(read_bytes, kLeastRun) + lists,
+              lists + pending_bytes() + token_bytes() + kLeastFanIn * SplatMerge::cursor_bytes()}) +
+         (64 << 10);
+}
+
+void report_filtered(JobContext& job, const store::SplatStore& store) {
+  for (std::size_t k = 0; k < store::kSplatFilters; ++k) {
+    const std::uint64_t count = store.directory().filtered[k];
+    if (count > 0)
+      job.report.source_filtered[store::filter_name(static_cast<store::SplatFilter>(k))] += count;
+  }
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "flow/job_context.h"
+#include "flow/plan/plan.h"
+#include "flow/project/page_colour.h"
+
+namespace pounce::flow {
+
+/// The images of a mesh as columns of colour tiles, open as long as this lives, and what is kept of
+/// them.
+struct SourceColumns {
+  std::vector<std::unique_ptr<ColourCache>> columns;  ///< by Plan::columns
+  std::vector<TileColumns> tile_sets;                 ///< by Plan::tile_sets
+  bool all_cached = true;
+
+  /// What each source page gives to a channel.
+  std::vector<PageColour> pages_of(const ChannelPlan& channel) const;
+  std::uint64_t most_tile_bytes() const;
+  std::uint64_t bytes_read() const;
+};
+
+/// Builds the columns of a plan or finds them in the cache; takes job.meter through a stage whose
+/// end is `progress_end`, and counts what was done in job.report.
+SourceColumns build_columns(JobContext& job, const Plan& plan, double progress_end);
+
+}  // namespace pounce::flow

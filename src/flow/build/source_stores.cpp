@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The source of a job, preconditioned: built or found in the cache once, then put in front of one
+// page of a target after the other. Decoded blocks stay from page to page as the budget allows.
+#include "flow/build/source_stores.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "flow/build/texel_source.h"
+#include "flow/load_mesh.h"
+#include "flow/project/gaussians.h"
+#include "flow/project/splats.h"
+
+namespace pounce::flow {
+
+SourceStores::SourceStores(JobContext& job, const TransferOptions& options, const Plan& plan,
+                           const std::string& isa)
+    : job_(job), options_(options), plan_(plan), isa_(isa), kernels_(&projection::kernels(isa)) {
+  job.report.isa = kernels_->isa;
+}
+
+void SourceStores::build(double begin, double end) {
+  if (plan_.from_splats) return build_splats(end);
+  if (plan_.as_gaussians) return build_texels(begin, end);
+  {
+    const StageTimer timer(job_.clock, "precondition");
+    columns_ = build_columns(job_, plan_, (begin + end) / 2);
+    all_cached_ = columns_.all_cached;
+  }
+  build_geometry(end);
+}
+
+void SourceStores::build_geometry(double end) {
+  const StageTimer timer(job_.clock, "precondition");
+  job_.meter.begin("precondition", 0, "tiles", end);
+  for (const PassPlan& pass : plan_.passes) {
+    bool cached = false;
+    auto opened = geometry_store(job_, pass.source, &cached);
+    all_cached_ = all_cached_ && cached;
+    geometry_.push_back(
+        std::make_unique<SurfaceCache>(job_.budget, SurfaceReader{{&job_, std::move(opened)}}));
+    const store::GeometryStore& store = geometry_.back()->store();
+    const store::GeometryDirectory& directory = store.directory();
+    job_.report.source_gaussians = std::max(job_.report.source_gaussians, directory.texels);
+    job_.report.source_tiles += directory.tiles.size();
+    job_.count_store(store.pack(), cached);
+    leases_.emplace_back(job_.budget, store.size_bytes(), "the directory of the source store");
+    job_.report.source_store_bytes += store.pack().size_bytes();
+    if (directory.degenerate > 0)
+      job_.report.source_filtered["degenerate triangles"] = directory.degenerate;
+    if (directory.slivers > 0)
+      job_.report.source_filtered["triangles without a texel centre"] = directory.slivers;
+  }
+  if (all_cached_) job_.clock.set_cached("precondition");
+  job_.meter.end();
+}
+
+void SourceStores::build_splats(double end) {
+  const StageTimer timer(job_.clock, "precondition");
+  const ScratchPack runs_go(job_, store::PackKind::splats);  // what the store is sorted from
+  bool cached = false;
+  auto opened =
+      splat_store(job_, {options_.source, axes_of(options_.source_use, "source")}, &cached, end);
+  splats_ = std::make_unique<SplatCache>(job_.budget, SplatReader{{&job_, std::move(opened)}});
+  job_.report.depth_window = kWindowOverNoise * splats_->store().directory().surface_noise;
+  count_splats(cached);
+}
+
+void SourceStores::build_texels(double begin, double end) {
+  const StageTimer timer(job_.clock, "precondition");
+  const ScratchPack runs_go(job_, store::PackKind::splats);
+  bool cached = false;
+  auto opened = texel_store(job_, texels_of(plan_), &cached, begin, end);
+  splats_ = std::make_unique<SplatCache>(job_.budget, SplatReader{{&job_, std::move(opened)}});
+  count_splats(cached);
+}
+
+void SourceStores::count_splats(bool cached) {
+  if (cached) job_.clock.set_cached("precondition");
+  const store::SplatStore& store = splats_->store();
+  const store::SplatDirectory& directory = store.directory();
+  job_.report.source_gaussians = directory.splats;
+  job_.report.source_tiles = directory.tiles.size();
+  job_.count_store(store.pack(), cached);
+  job_.report.source_store_bytes += store.pack().size_bytes();
+  leases_.emplace_back(job_.budget, store.size_bytes(), "the directory of the source store");
+}
+
+std::unique_ptr<Projection> SourceStores::projector(std::size_t pass,
+                                                    const store::GeometryStore& target,
+                                                    const TargetPlan& target_plan) const {
+  return plan_.from_splats    ? splat_projector(target, target_plan)
+         : plan_.as_gaussians ? gaussian_projector(target, target_plan)
+                              : mesh_projector(pass, target, target_plan);
+}
+
+float SourceStores::min_cosine() const {
+  return static_cast<float>(std::cos(options_.max_angle_deg * std::numbers::pi / 180));
+}
+
+std::unique_ptr<Projection> SourceStores::splat_projector(const store::GeometryStore& target,
+                                                          const TargetPlan& target_plan) const {
+  SplatProjection request;
+  request.source = splats_.get();
+  request.target = &target;
+  request.format = plan_.channels.front().format;
+  request.kernels = &projection::splat_kernels(isa_);
+  request.limits.max_distance = target_plan.max_distance;
+  request.limits.min_cosine = min_cosine();
+  request.limits.window = kWindowOverNoise * splats_->store().directory().surface_noise;
+  request.limits.antialiased = splats_->store().directory().model == store::SplatModel::antialiased;
+  request.smallest_edge = target_plan.smallest_edge;
+  return project_splats(job_, request);
+}
+
+std::unique_ptr<Projection> SourceStores::gaussian_projector(const store::GeometryStore& target,
+                                                             const TargetPlan& target_plan) const {
+  const ChannelPlan& channel = plan_.channels.front();
+  GaussianProjection request;
+  request.source = splats_.get();
+  request.target = &target;
+  request.format = channel.format;
+  request.linear = texels_are_linear(plan_);
+  request.has_alpha = channel.source_alpha;
+  request.kernels = &projection::splat_kernels(isa_);
+  request.limits.max_distance = target_plan.max_distance;
+  request.limits.first_reach = first_reach(target_plan.diagonal, channel.size);
+  request.limits.min_cosine = min_cosine();
+  request.smallest_edge = target_plan.smallest_edge;
+  return project_gaussians(job_, request);
+}
+
+std::unique_ptr<Projection> SourceStores::mesh_projector(std::size_t pass,
+                                                         const store::GeometryStore& target,
+                                                         const TargetPlan& target_plan) const {
+  MeshProjection request;
+  request.source = geometry_[pass].get();
+  request.target = &target;
+  request.kernels = kernels_;
+  request.limits.max_distance = target_plan.max_distance;
+  request.limits.min_cosine = min_cosine();
+  request.smallest_edge = target_plan.smallest_edge;
+  for (const std::size_t c : plan_.passes[pass].channels) {
+    const ChannelPlan& channel = plan_.channels[c];
+    request.channels.push_back({channel.format, columns_.pages_of(channel)});
+  }
+  return project_mesh(job_, std::move(request));
+}
+
+const store::PackReader& SourceStores::pack(std::size_t pass) const {
+  return splats_ != nullptr ? splats_->store().pack() : geometry_[pass]->store().pack();
+}
+
+Box3f SourceStores::box(std::size_t pass) const {
+  return splats_ != nullptr ? splats_->store().directory().middle_box
+                            : geometry_[pass]->store().directory().box;
+}
+
+std::uint64_t SourceStores::tiles_read() const {
+  std::uint64_t tiles = splats_ == nullptr ? 0 : splats_->indices_read();
+  for (const auto& geometry : geometry_) tiles += geometry->indices_read();
+  return tiles;
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "flow/build/source_columns.h"
+#include "flow/build/splats.h"
+#include "flow/job_context.h"
+#include "flow/plan/plan.h"
+#include "flow/project/mesh.h"
+#include "projection/hit_packet.h"
+#include "store/blocks/splat_store.h"
+
+namespace pounce::flow {
+
+/// The preconditioned source of a job: what its targets share. A mesh is a geometry store per pass
+/// and a column per image; a splat scene, or a mesh whose texels are Gaussians, is one store. Not
+/// thread-safe.
+class SourceStores {
+ public:
+  /// `job`, `options` and `plan` must outlive it. `isa`: see TestKnobs.
+  SourceStores(JobContext& job, const TransferOptions& options, const Plan& plan,
+               const std::string& isa);
+
+  /// Builds the stores or finds them in the cache; takes the progress bar from `begin` to `end`.
+  /// The plan's mesh is not needed afterwards.
+  void build(double begin, double end);
+
+  /// Puts the source in front of one target's texels, for one pass.
+  std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
+                                        const TargetPlan& target_plan) const;
+  /// The pack that a pass reads most.
+  const store::PackReader& pack(std::size_t pass) const;
+  /// Where the source of a pass lies.
+  Box3f box(std::size_t pass) const;
+  /// How often a tile's part of an index was read, so far.
+  std::uint64_t tiles_read() const;
+
+ private:
+  void build_geometry(double end);
+  void build_splats(double end);
+  void build_texels(double begin, double end);
+  void count_splats(bool cached);
+  std::unique_ptr<Projection> mesh_projector(std::size_t pass, const store::GeometryStore& target,
+                                             const TargetPlan& target_plan) const;
+  std::unique_ptr<Projection> splat_projector(const store::GeometryStore& target,
+                                              const TargetPlan& target_plan) const;
+  std::unique_ptr<Projection> gaussian_projector(const store::GeometryStore& target,
+                                                 const TargetPlan& target_plan) const;
+  float min_cosine() const;
+
+  JobContext& job_;
+  const TransferOptions& options_;
+  const Plan& plan_;
+  const std::string isa_;
+  const projection::Kernels* kernels_;
+  SourceColumns columns_;
+  std::vector<std::unique_ptr<SurfaceCache>> geometry_;  ///< by pass
+  std::unique_ptr<SplatCache> splats_;
+  std::vector<runtime::Lease> leases_;
+  bool all_cached_ = true;
+};
+
+}  // namespace pounce::flow

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include "flow/job_context.h"
+#include "store/blocks/splat_lattice.h"
+#include "store/pack/pack.h"
+
+namespace pounce::flow {
+
+/// Gaussians in the order of their keys, in chunks of a scratch pack.
+struct SplatRun {
+  std::vector<store::ChunkRef> chunks;
+  std::uint64_t splats = 0;
+};
+
+/// Runs in the order of the file they came from: a Gaussian of an earlier run goes before one of a
+/// later run that has the same key.
+struct SplatRuns {
+  std::shared_ptr<store::PackReader> pack;
+  std::vector<SplatRun> runs;
+  std::uint64_t splats() const;
+  std::uint64_t size_bytes() const;  ///< memory of the lists of chunks
+};
+
+struct KeyedSplat {
+  std::uint64_t key;
+  std::uint32_t index;
+};
+/// Stable. `scratch` takes as much memory as `splats`.
+void sort_by_key(PageVector<KeyedSplat>& splats, PageVector<KeyedSplat>& scratch);
+
+class SplatMerge;
+
+/// A scratch pack of runs that several threads write at once. The place of a chunk does not matter.
+/// What is written is read once and soon, so it is not compressed: that would save a sixth.
+class SplatRunWriter {
+ public:
+  explicit SplatRunWriter(JobContext& job);
+  /// Appends those of `splats` that `order` names, in that order. Thread-safe.
+  SplatRun write(std::span<const store::Splat> splats, std::span<const KeyedSplat> order);
+  /// Appends all that is left of a merge. Thread-safe.
+  SplatRun write(SplatMerge& merge);
+  std::shared_ptr<store::PackReader> finish();
+  /// Memory that one call of write() takes.
+  static std::uint64_t write_bytes();
+
+ private:
+  class Chunk;
+
+  JobContext& job_;
+  std::mutex mutex_;  ///< guards pack_
+  std::unique_ptr<store::PackWriter> pack_;
+};
+
+/// Merges runs into one sequence, ordered by key and then by run.
+class SplatMerge {
+ public:
+  SplatMerge(JobContext& job, const store::SplatLattice& lattice,
+             std::shared_ptr<store::PackReader> pack, std::span<const SplatRun> runs);
+  ~SplatMerge();
+  /// The next Gaussian and its key; false at the end.
+  bool next(store::Splat& splat, std::uint64_t& key);
+  /// Memory per run that is merged at once.
+  static std::uint64_t cursor_bytes();
+
+ private:
+  struct Cursor;
+  void refill(Cursor& cursor);
+  void replay(std::size_t leaf);
+
+  JobContext& job_;
+  const store::SplatLattice& lattice_;
+  std::shared_ptr<store::PackReader> pack_;
+  std::vector<std::byte> chunk_;  ///< the last one that was read
+  std::vector<Cursor> cursors_;
+  std::vector<std::uint64_t> keys_;  ///< of the cursors; the largest number there is once it ended
+  std::vector<std::uint32_t> tree_;  ///< losers; [0] is the winner
+};
+
+/// Merges groups of `fan_in` neighbouring runs until no more than that are left.
+SplatRuns merge_to_fan_in(JobContext& job, const store::SplatLattice& lattice, SplatRuns runs,
+                          std::size_t fan_in);
+
+}  // namespace pounce::flow

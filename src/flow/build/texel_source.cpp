@@ -1,0 +1,382 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A textured mesh as a source of Gaussians.
+//
+//   geometry store ─▶ list of blocks ─▶ count ─▶ any range: decode a block, raster it, look colours
+//   up colour columns ───────────────────────────────────────────▲
+//
+// What is held is a place and a first number per block, some 50 bytes for up to a few thousand
+// Gaussians. A range decodes the blocks that it touches and visits the part it wants, so that even
+// a block of millions (an image repeated over one triangle) is read in pieces whose bytes are known
+// before they are made.
+#include "flow/build/texel_source.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+#include "flow/build/find_store.h"
+#include "flow/build/gaussian_store.h"
+#include "flow/build/source_columns.h"
+#include "runtime/ordered_stream.h"
+
+namespace pounce::flow {
+namespace {
+
+/// A decoded block's vertices and triangles, and what counting them takes.
+constexpr std::uint64_t kPerTriangle = 300;
+/// Alpha that a store can hold: so that texels which are not seen have a colour, too, where nothing
+/// else is in reach. What is blended from them alone comes out as 0.
+constexpr float kLeastAlpha = 0x1p-20F;
+/// Samples are taken in pieces, each of which decodes a block or two.
+constexpr std::uint64_t kSamplePieces = 256;
+
+}  // namespace
+
+/// A block in the order of the source.
+struct TexelSource::Block {
+  std::uint32_t page = 0;
+  std::int32_t y = 0, x = 0;
+  std::uint32_t triangles = 0;
+  store::ChunkRef chunk;
+};
+
+TexelSource::TexelSource(JobContext& job, Request request, double progress_end)
+    : job_(job), request_(std::move(request)) {
+  sampling_.sigma = request_.sigma;
+  list_blocks();
+  job_.meter.begin("count", (request_.densify ? 2 : 1) * blocks_.size(), "blocks", progress_end);
+  const double area = count_blocks();
+  if (request_.densify && count() > 0) {
+    sampling_.spacing = std::sqrt(area / static_cast<double>(count()));
+    count_blocks();
+  }
+  job_.meter.end();
+  std::uint64_t tile = 0, triangles = 0, chunk = 0;
+  for (const PageColour& page : request_.pages) tile = std::max(tile, tile_bytes(page));
+  for (const Block& block : blocks_) {
+    triangles = std::max<std::uint64_t>(triangles, block.triangles);
+    chunk = std::max<std::uint64_t>(chunk, block.chunk.raw_bytes);
+  }
+  read_bytes_ = read_bytes(triangles, chunk, tile);
+}
+
+TexelSource::~TexelSource() = default;
+
+std::uint64_t TexelSource::read_bytes(std::uint64_t triangles, std::uint64_t chunk_bytes,
+                                      std::uint64_t colour_tile_bytes) {
+  return triangles * kPerTriangle + 2 * chunk_bytes +
+         (ColourWindow::kTiles + 2) * colour_tile_bytes + (64 << 10);
+}
+
+std::uint64_t TexelSource::list_bytes(const GeometryRequest& geometry) {
+  // Blocks are windows of the texels that triangles lie in; very full ones are cut.
+  const std::uint64_t entries = geometry_most(geometry).chunks / 2;
+  std::uint64_t windows = 0;
+  for (std::size_t p = 0; p < geometry.pages.size(); ++p) {
+    const mesh::Lattice& page = geometry.pages[p];
+    Box3f texels;
+    for (const std::uint32_t t : geometry.triangles->of(geometry.first_page + p)) {
+      if (page.width == 0) continue;
+      for (const Vec2d& c : mesh::texel_corners(*geometry.mesh, page, {t, 0, 0}))
+        texels.extend(Vec3f{static_cast<float>(c.x), static_cast<float>(c.y), 0});
+    }
+    const auto along = [](float low, float high) {
+      const double blocks =
+          (static_cast<double>(high) - static_cast<double>(low)) / mesh::kBlockEdge;
+      return static_cast<std::uint64_t>(std::clamp(blocks, 0.0, 1e9)) + 3;
+    };
+    if (texels.empty()) texels.extend(Vec3f{});
+    windows += along(texels.lo.x, texels.hi.x) * along(texels.lo.y, texels.hi.y);
+  }
+  const std::uint64_t blocks =
+      std::min(entries, windows + entries / store::kMostTrianglesPerBlock) + 1;
+  return round_to_pages(blocks * (sizeof(Block) + sizeof(store::TileEntry))) +
+         2 * round_to_pages((blocks + 1) * sizeof(std::uint64_t)) + kPageBytes;
+}
+
+void TexelSource::list_blocks() {
+  const store::GeometryDirectory& directory = request_.geometry->directory();
+  std::uint64_t blocks = 0;
+  for (const store::TileEntry& tile : directory.tiles) blocks += tile.blocks;
+  // Beside the list and the firsts: what each block costs while they are counted.
+  leases_.emplace_back(job_.budget,
+                       round_to_pages(blocks * sizeof(Block)) +
+                           2 * round_to_pages((blocks + 1) * sizeof(std::uint64_t)),
+                       "the list of blocks");
+  blocks_.reserve(blocks);
+  for (std::uint32_t t = 0; t < directory.tiles.size(); ++t) {
+    for (const store::BlockEntry& e : request_.geometry->read_index(t, job_.compressor()))
+      blocks_.push_back({e.page, e.y, e.x, e.triangles, e.chunk});
+  }
+  std::sort(blocks_.begin(), blocks_.end(), [](const Block& a, const Block& b) {
+    // Blocks of one window were stored in the order of their triangles.
+    return std::tie(a.page, a.y, a.x, a.chunk.offset) < std::tie(b.page, b.y, b.x, b.chunk.offset);
+  });
+}
+
+/// Fills first_; returns the surface that the Gaussians stand for.
+double TexelSource::count_blocks() {
+  PageVector<std::uint64_t> costs;
+  costs.reserve(blocks_.size());
+  for (const Block& block : blocks_)
+    costs.push_back(read_bytes(block.triangles, block.chunk.raw_bytes, 0));
+  first_.assign(1, 0);
+  first_.reserve(blocks_.size() + 1);
+  double area = 0;
+  using Counted = std::pair<std::uint64_t, double>;
+  runtime::run_ordered<Counted>(
+      job_.budget, costs, "counting Gaussians",
+      [&](std::size_t b) {
+        const store::GeometryBlock block = decode(blocks_[b]);
+        const source::MeshGaussians gaussians(
+            block, request_.geometry->directory().pages[blocks_[b].page], sampling_);
+        return Counted{gaussians.count(), gaussians.area()};
+      },
+      [&](std::size_t, const Counted& counted) {
+        first_.push_back(first_.back() + counted.first);
+        area += counted.second;  // in the order of the blocks: the same sum every time
+        job_.meter.advance(1);
+      });
+  return area;
+}
+
+store::GeometryBlock TexelSource::decode(const Block& place) const {
+  store::BlockEntry entry;
+  entry.page = place.page;
+  entry.x = place.x;
+  entry.y = place.y;
+  entry.triangles = place.triangles;
+  entry.chunk = place.chunk;
+  return request_.geometry->read_block(entry, job_.compressor());
+}
+
+void TexelSource::visit(std::uint64_t first, std::uint64_t last,
+                        const std::function<void(const TexelGaussian&)>& each) const {
+  const texture::TexelFormat format{4, Depth::float32, request_.linear, true, true};
+  ColourWindow window;
+  auto b = static_cast<std::size_t>(std::upper_bound(first_.begin(), first_.end(), first) -
+                                    first_.begin() - 1);
+  for (; b < blocks_.size() && first_[b] < last; ++b) {
+    if (first_[b] == first_[b + 1]) continue;
+    const store::GeometryBlock block = decode(blocks_[b]);
+    const source::MeshGaussians gaussians(
+        block, request_.geometry->directory().pages[blocks_[b].page], sampling_);
+    const PageColour& page = request_.pages[blocks_[b].page];
+    std::uint32_t shaped = UINT32_MAX;  // the triangle whose shape it is
+    source::Footprint shape{};
+    const std::uint64_t begin = std::max(first, first_[b]) - first_[b];
+    gaussians.visit(
+        begin, std::min(last, first_[b + 1]) - first_[b], [&](const source::MeshGaussian& g) {
+          texture::TexelValue value = page.constant;
+          if (page.column != nullptr || page.tile_set != nullptr) {
+            const ColourPlace at = window.find(page, {g.x, g.y, g.frac_x, g.frac_y});
+            if (at.image == nullptr) return;
+            projection::Taps taps;
+            projection::tent(at.rest_x, at.rest_y, taps);
+            value = blended(at, taps, false);
+          }
+          if (g.triangle != shaped) shape = gaussians.footprint(g.triangle);
+          shaped = g.triangle;
+          TexelGaussian texel{g, shape, {}};
+          texture::store_texel(format, value, reinterpret_cast<std::byte*>(texel.rgba.data()));
+          each(texel);
+        });
+  }
+}
+
+bool to_splat(const TexelGaussian& texel, store::Splat& splat, store::SplatCounts& filtered) {
+  const auto count = [&](store::SplatFilter why) {
+    ++filtered[static_cast<std::size_t>(why)];
+    return false;
+  };
+  const auto value = [](double v) { return static_cast<float>(v); };
+  splat.mean = texel.place.mean;
+  splat.sigma = {value(texel.shape.sigma[0]), value(texel.shape.sigma[1]),
+                 value(texel.shape.sigma[2])};
+  for (std::size_t k = 0; k < 4; ++k) splat.rotation[k] = value(texel.shape.rotation[k]);
+  splat.alpha = std::clamp(texel.rgba[3], kLeastAlpha, 1.0F);
+  splat.colour = {texel.rgba[0], texel.rgba[1], texel.rgba[2]};
+  splat.normal = texel.place.normal;
+  if (!std::isfinite(splat.sigma.x) || !std::isfinite(splat.rotation[0]))
+    return count(store::SplatFilter::not_finite);
+  if (!(splat.sigma.x > 0)) return count(store::SplatFilter::sizeless);
+  return true;
+}
+
+void TexelSource::read(std::uint64_t first, std::uint64_t count, PageVector<store::Splat>& out,
+                       store::SplatCounts& filtered) const {
+  visit(first, first + count, [&](const TexelGaussian& texel) {
+    store::Splat splat;
+    if (to_splat(texel, splat, filtered)) out.push_back(splat);
+  });
+}
+
+PageVector<store::Splat> TexelSource::sample() const {
+  PageVector<store::Splat> sample;
+  store::SplatCounts ignored{};
+  const std::uint64_t length = kSampleSplats / kSamplePieces;
+  const auto start = [&](std::uint64_t piece) {
+    return count() / kSamplePieces * piece + std::min(piece, count() % kSamplePieces);
+  };
+  for (std::uint64_t piece = 0; piece < kSamplePieces; ++piece) {
+    const std::uint64_t here = std::min(length, start(piece + 1) - start(piece));
+    if (here > 0) read(start(piece), here, sample, ignored);
+    job_.meter.advance(0);  // stops here if the caller asked to
+  }
+  return sample;
+}
+
+bool texels_are_linear(const Plan& plan) {
+  return std::any_of(plan.columns.begin(), plan.columns.end(),
+                     [](const ColumnPlan& column) { return column.info.linear; });
+}
+
+TexelStoreRequest texels_of(const Plan& plan) { return {&plan, plan.sigma_texels, plan.densify}; }
+
+// --- the store -----------------------------------------------------------------------------------
+
+namespace {
+
+/// Raised whenever the same mesh and images would make other Gaussians.
+constexpr std::uint32_t kTexelSourceVersion = 1;
+
+const ChannelPlan& channel_of(const TexelStoreRequest& request) {
+  return request.plan->channels.front();
+}
+const GeometryRequest& mesh_of(const TexelStoreRequest& request) {
+  return request.plan->passes.front().source;
+}
+
+Hash128 store_key(JobContext& job, const TexelStoreRequest& request) {
+  const Plan& plan = *request.plan;
+  std::vector<Hash128> columns;
+  for (const ColumnPlan& column : plan.columns)
+    columns.push_back(colour_key(job, {&column.image, &column.info, column.wrap_u, column.wrap_v}));
+  Hasher hash;
+  hash.add(std::string_view("texels"));
+  hash.add(store::kFormatVersion);
+  hash.add(kGaussianStoreVersion);
+  hash.add(kTexelSourceVersion);
+  const auto add = [&hash](const Hash128& key) {
+    hash.add(key.hi);
+    hash.add(key.lo);
+  };
+  add(geometry_key(mesh_of(request)));
+  for (const PageTexture& page : channel_of(request).pages) {
+    hash.add(page.column);
+    hash.add(page.tile_set);
+    if (page.column >= 0) add(columns[static_cast<std::size_t>(page.column)]);
+    for (const double v : page.constant.v) hash.add(v);
+    hash.add(page.constant.linear);
+  }
+  hash.add(static_cast<std::uint64_t>(plan.tile_sets.size()));
+  for (const TileSetPlan& set : plan.tile_sets) {
+    hash.add(static_cast<std::uint64_t>(set.columns.size()));
+    for (const auto& [tile, column] : set.columns) {
+      hash.add(tile.column);
+      hash.add(tile.row);
+      add(columns[column]);
+    }
+  }
+  hash.add(request.sigma);
+  hash.add(request.densify);
+  return hash.digest();
+}
+
+std::unique_ptr<store::SplatStore> build(JobContext& job, const TexelStoreRequest& request,
+                                         const Hash128& key, double begin, double end) {
+  const auto until = [&](double share) { return begin + (end - begin) * share; };
+  const SourceColumns columns = build_columns(job, *request.plan, until(0.2));
+  job.meter.begin("precondition", 0, "tiles", until(0.3));
+  bool cached = false;
+  const auto geometry = geometry_store(job, mesh_of(request), &cached);
+  job.count_store(geometry->pack(), cached);
+  job.meter.end();
+  const store::GeometryDirectory& directory = geometry->directory();
+  if (directory.degenerate > 0)
+    job.report.source_filtered["degenerate triangles"] = directory.degenerate;
+  const runtime::Lease lease(job.budget, geometry->size_bytes(),
+                             "the directory of the source store");
+  const TexelSource source(job,
+                           {geometry.get(), columns.pages_of(channel_of(request)), request.sigma,
+                            request.densify, texels_are_linear(*request.plan)},
+                           until(0.4));
+  job.meter.begin("sort", 2 * source.count(), "Gaussians", end);
+  GaussianStoreRequest sort{&source, key, mesh_of(request).mesh->path, {}, 0, 0};
+  auto made = build_gaussian_store(job, sort);
+  job.meter.end();
+  job.report.bytes_read += geometry->pack().bytes_read() + columns.bytes_read();
+  return made;
+}
+
+}  // namespace
+
+std::unique_ptr<store::SplatStore> texel_store(JobContext& job, const TexelStoreRequest& request,
+                                               bool* cached, double begin, double end) {
+  const Hash128 key = store_key(job, request);
+  auto store =
+      find_store(job, store::PackKind::splats, key, [&](std::unique_ptr<store::PackReader> pack) {
+        return std::make_unique<store::SplatStore>(std::move(pack), store::SplatFacts{},
+                                                   job.compressor());
+      });
+  *cached = store != nullptr;
+  if (!*cached) store = build(job, request, key, begin, end);
+  report_filtered(job, *store);
+  return store;
+}
+
+std::uint64_t texel_count_bound(const GeometryRequest& geometry) {
+  // A convex shape holds no more lattice points than its area, half its perimeter and one.
+  double most = 0;
+  for (std::size_t p = 0; p < geometry.pages.size(); ++p) {
+    const mesh::Lattice& page = geometry.pages[p];
+    for (const std::uint32_t t : geometry.triangles->of(geometry.first_page + p)) {
+      most += 1;
+      if (page.width == 0) continue;
+      const auto c = mesh::texel_corners(*geometry.mesh, page, {t, 0, 0});
+      const auto side = [&](std::size_t a, std::size_t b) {
+        return std::hypot(c[a].x - c[b].x, c[a].y - c[b].y);
+      };
+      most += std::abs(mesh::doubled_area(c[0], c[1], c[2])) / 2 +
+              (side(0, 1) + side(1, 2) + side(2, 0)) / 2;
+    }
+  }
+  return static_cast<std::uint64_t>(std::min(most, 1e15));
+}
+
+std::uint64_t texel_store_most(const TexelStoreRequest& request) {
+  // Splitting makes at most three of one, on average.
+  return texel_count_bound(mesh_of(request)) * (request.densify ? 4 : 1);
+}
+
+LeastMemory texel_store_least(const TexelStoreRequest& request, std::uint64_t tile_cap_bytes) {
+  LeastMemory least;
+  const auto need = [&least](std::uint64_t bytes, const std::string& why) {
+    if (bytes > least.bytes) least = {bytes, why};
+  };
+  const GeometryRequest& geometry = mesh_of(request);
+  std::uint64_t tile = 0;
+  for (const ColumnPlan& column : request.plan->columns) {
+    const std::uint64_t texel = column.info.channels * store::depth_bytes(column.info.depth);
+    tile = std::max(tile, round_to_pages(store::kColourTileEdge * store::kColourTileEdge * texel));
+  }
+  const std::uint64_t building = geometry_least_bytes(geometry, tile_cap_bytes);
+  const std::uint64_t triangles =
+      std::min<std::uint64_t>(geometry.mesh->triangles.size(), store::kMostTrianglesPerBlock);
+  const std::uint64_t reading =
+      TexelSource::read_bytes(triangles, triangles * 160 + (1 << 16), tile);
+  const std::uint64_t lists = TexelSource::list_bytes(geometry);
+  need(building, "preconditioning " + geometry.mesh->path);
+  need(lists + reading, "counting the texels of " + geometry.mesh->path);
+  need(lists + gaussian_store_least_bytes(texel_store_most(request), reading),
+       "sorting the texels of " + geometry.mesh->path);
+  return least;
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What no transfer can do, whatever is in the files: said before any of them is opened.
+#include "flow/plan/check_options.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "flow/load_mesh.h"
+#include "flow/plan/output_names.h"
+#include "io/model/write.h"
+#include "mesh/uv_tiles.h"
+#include "pounce/error.h"
+#include "texture/pad_seams.h"
+
+namespace pounce::flow {
+
+namespace {
+
+void check_method(const TransferOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  if (o.method == Method::surface) {
+    if (o.sigma_texels || o.densify) {
+      usage(fmt::format("{} is about texels as Gaussians: it needs --method gaussian",
+                        o.sigma_texels ? "--sigma" : "--densify"));
+    }
+    return;
+  }
+  if (o.sigma_texels && !(*o.sigma_texels >= 0.1 && *o.sigma_texels <= 4))
+    usage("--sigma must be 0.1 to 4 texels");
+  const bool only_colour = std::all_of(o.channels.begin(), o.channels.end(), [](Channel channel) {
+    return channel == Channel::base_color;
+  });
+  if (o.all_channels || !only_colour) {
+    usage(
+        "--method gaussian transfers baseColor alone; ask for that, or use --method surface for "
+        "other channels");
+  }
+}
+
+}  // namespace
+
+void check_options(const TransferOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  if (o.source.empty() || o.targets.empty() || o.output.empty())
+    usage("a source, a target and an output are needed");
+  if (o.targets.size() > 1 && !has_token(o.output, "TARGET")) {
+    usage(fmt::format("{} targets need <TARGET> in the output: {} is one name", o.targets.size(),
+                      o.output));
+  }
+  if (io::is_model_path(o.output) && o.depth && *o.depth != Depth::u8 && *o.depth != Depth::u16) {
+    usage(
+        fmt::format("--depth {}: the images of a model are PNG, which holds u8 and u16; ask for "
+                    "one of these, or write images",
+                    depth_name(*o.depth)));
+  }
+  const bool by_tile = has_token(o.output, "UDIM") || has_token(o.output, "UVTILE");
+  if (!o.tiles.empty() && !by_tile)
+    usage("--tiles needs <UDIM> or <UVTILE> in the output: " + o.output + " is one image");
+  for (const std::uint32_t udim : o.tiles) {
+    if (udim < mesh::kFirstUdim || udim > mesh::kLastUdim)
+      usage(fmt::format("--tiles {}: UDIMs go from 1001 to 9999", udim));
+  }
+  if (o.onto.empty() && !o.mask.empty())
+    usage("--mask needs --onto: it says where an image is painted over");
+  if (!o.onto.empty() && has_token(o.output, "CHANNEL") && !has_token(o.onto, "CHANNEL"))
+    usage("--onto needs <CHANNEL> when the output has it: " + o.onto + " is one channel's image");
+  if (o.skip_existing && !o.onto.empty() && o.onto == o.output)
+    usage("--skip-existing cannot tell an image that was painted over in place from an old one");
+  axes_of(o.source_use, "source");
+  axes_of(o.target_use, "target");
+  if (!(o.max_distance.value > 0) || !std::isfinite(o.max_distance.value))
+    usage("--max-distance must be above 0");
+  if (!(o.max_angle_deg >= 0 && o.max_angle_deg < 90))
+    usage("--max-angle must be at least 0 and below 90 degrees");
+  check_method(o);
+  if (o.all_channels && !o.channels.empty()) usage("--channels takes either a list or all");
+  if (o.size && (o.size->width == 0 || o.size->height == 0)) usage("--size must be at least 1");
+  if (o.padding_px && *o.padding_px > texture::SeamPadder::kLargestRadius)
+    usage(fmt::format("--padding must be at most {}", texture::SeamPadder::kLargestRadius));
+  if (!(o.min_coverage_percent >= 0 && o.min_coverage_percent <= 100))
+    usage("--min-coverage must be 0 to 100 percent");
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The output of a channel: its size, its channels and what they are called, its depth; and what its
+// format cannot hold.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "flow/plan/plan.h"
+#include "io/files/file_ending.h"
+#include "io/image/write.h"
+
+namespace pounce::flow {
+namespace {
+
+constexpr std::uint32_t kUntexturedSize = 1024;
+
+bool is_exr(const std::string& path) { return io::lower_ending(path) == ".exr"; }
+
+/// How many channels the output has, and what they are.
+void choose_channels(const TransferOptions& options, const SourceLook& look,
+                     const std::optional<io::ImageInfo>& onto, ChannelPlan& plan,
+                     std::vector<std::string>& warnings) {
+  const io::FormatLook format = io::format_look(options.output);
+  plan.format.has_alpha = onto ? onto->has_alpha : look.alpha;
+  std::uint32_t colours = look.colours;
+  plan.names = look.names;
+  if (onto) {  // as the old image is, but for grey that is to take colour
+    const std::uint32_t old = onto->channels - (onto->has_alpha ? 1U : 0U);
+    colours = std::max(old, std::min(look.colours, 3U));
+    plan.names = onto->names;
+    if (onto->has_alpha) plan.names.pop_back();
+  }
+  const bool fits = colours + (plan.format.has_alpha ? 1U : 0U) <= io::kMostChannels;
+  const bool data = colours == 2 || colours == 4;
+  const bool held = format.annotated || (format.data && !plan.format.has_alpha);
+  if (!fits || (data && !held)) colours = 3;
+  plan.format.channels = colours + (plan.format.has_alpha ? 1U : 0U);
+  if (look.colours == 4 && colours == 3) {
+    warnings.push_back(
+        fmt::format("{}: a fourth channel that is no alpha has no place in {} and is left out: {}",
+                    options.output,
+                    onto   ? "what is painted onto"
+                    : fits ? format.name
+                           : "an image with alpha",
+                    look.names.empty() ? "the fourth" : look.names.back()));
+  }
+  if (look.colours == 2 && colours == 3 && !onto) {
+    warnings.push_back(fmt::format("{}: {} holds no images of two channels; the third is 0",
+                                   options.output, format.name));
+  }
+  if (plan.names.size() > colours) plan.names.resize(colours);
+  const bool named = !plan.names.empty() && !io::are_usual(plan.names, false);
+  if (named && !format.annotated) {
+    const auto usual = io::usual_names(colours, false);
+    warnings.push_back(
+        fmt::format("{}: {} has no names for channels: {} are written as {}; .exr keeps the names",
+                    options.output, format.name, io::joined(plan.names),
+                    io::joined({usual.begin(),
+                                usual.begin() + static_cast<std::ptrdiff_t>(plan.names.size())})));
+  }
+  if (plan.names.size() < colours) plan.names.clear();
+  if (!plan.names.empty() && plan.format.has_alpha) {  // of their layer: "diffuse.R", "diffuse.A"
+    const std::size_t dot = plan.names.front().rfind('.');
+    const std::size_t layer = dot == std::string::npos ? 0 : dot + 1;
+    plan.names.push_back(plan.names.front().substr(0, layer) + "A");
+  }
+}
+
+void choose_chromaticities(const TransferOptions& options, const SourceLook& look,
+                           const std::optional<io::ImageInfo>& onto, ChannelPlan& plan,
+                           std::vector<std::string>& warnings) {
+  plan.chromaticities = onto ? onto->chromaticities : look.chromaticities;
+  if (onto && look.chromaticities && look.chromaticities != onto->chromaticities) {
+    warnings.push_back(fmt::format(
+        "{}: the chromaticities of the source differ from those of the image that is painted onto, "
+        "which the output keeps",
+        options.output));
+  }
+  const io::FormatLook format = io::format_look(options.output);
+  if (!plan.chromaticities || format.annotated) return;
+  const io::Chromaticities& c = *plan.chromaticities;
+  warnings.push_back(
+      fmt::format("{}: {} holds no chromaticities; those of the {} textures are lost (red {:g} "
+                  "{:g}, green {:g} "
+                  "{:g}, blue {:g} {:g}, white {:g} {:g}); .exr keeps them",
+                  options.output, format.name, channel_name(plan.channel), c[0], c[1], c[2], c[3],
+                  c[4], c[5], c[6], c[7]));
+  plan.chromaticities.reset();
+}
+
+}  // namespace
+
+void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan,
+                   std::vector<std::string>& warnings) {
+  const std::optional<io::ImageInfo> onto = onto_header(options, plan.channel);
+  plan.source_alpha = look.alpha;
+  plan.source_colours = look.colours;
+  plan.size = options.size.value_or(onto ? ImageSize{onto->width, onto->height} : look.size);
+  if (plan.size.width == 0) plan.size = {kUntexturedSize, kUntexturedSize};
+  if (plan.size.width > store::kLargestImageSide || plan.size.height > store::kLargestImageSide) {
+    throw Error(ErrorKind::usage,
+                fmt::format("--size {}x{}: at most {} texels a side", plan.size.width,
+                            plan.size.height, store::kLargestImageSide));
+  }
+  choose_channels(options, look, onto, plan, warnings);
+  choose_chromaticities(options, look, onto, plan, warnings);
+  plan.format.is_colour = is_colour(plan.channel);
+  const Depth wanted = options.depth ? *options.depth : onto ? onto->depth : look.depth;
+  plan.format.depth = options.depth ? wanted : io::writable_depth(options.output, wanted);
+  // EXR is linear; float TIFF keeps linear input linear; everything else is sRGB-coded.
+  const bool float_out = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
+  plan.format.linear = is_exr(options.output) || (float_out && (onto ? onto->linear : look.linear));
+  // EXR holds colours times alpha: what comes so goes so, bit by bit.
+  plan.format.premultiplied =
+      is_exr(options.output) && !onto && plan.format.has_alpha && look.premultiplied;
+  const io::ImageWriteSpec spec{plan.size.width,   plan.size.height,   plan.format.channels,
+                                plan.format.depth, plan.format.linear, plan.format.has_alpha};
+  if (const std::string why = io::why_not_writable(options.output, spec); !why.empty())
+    throw Error(ErrorKind::usage, why);
+}
+
+}  // namespace pounce::flow

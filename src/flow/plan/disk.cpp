@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// How much room on disk a job takes, at most: known before it begins.
+//
+// Every bound assumes that nothing compresses. What lives as long as the job (stores) adds up; of
+// what comes and goes (results of a page, runs of a sort) the largest counts.
+#include "flow/plan/disk.h"
+
+#include <algorithm>
+
+#include "flow/build/texel_source.h"
+#include "flow/job_context.h"
+#include "io/image/write.h"
+#include "store/blocks/colour_store.h"
+#include "store/blocks/splat_block.h"
+
+namespace pounce::flow {
+namespace {
+
+/// A pack of chunks that do not compress: zstd adds a 256th and some bytes, each chunk has a header
+/// and a place in an index.
+std::uint64_t pack_bytes(std::uint64_t raw_bytes, std::uint64_t chunks) {
+  constexpr std::uint64_t kPerChunk = 256, kFixed = 16 << 10;
+  return raw_bytes + raw_bytes / 128 + chunks * kPerChunk + kFixed;
+}
+
+std::uint64_t blocks_of(ImageSize size) {
+  return ((size.width + 63) / 64) * std::uint64_t{(size.height + 63) / 64};
+}
+
+/// An image file whose encoder finds nothing to save.
+std::uint64_t image_bytes(ImageSize size, std::uint64_t texel_bytes) {
+  constexpr std::uint64_t kPerRow = 16, kFixed = 64 << 10;
+  const std::uint64_t raw = std::uint64_t{size.width} * size.height * texel_bytes;
+  return raw + raw / 64 + kPerRow * size.height + kFixed;
+}
+
+}  // namespace
+
+void DiskPlan::add_source(const Plan& plan) {
+  for (const ColumnPlan& column : plan.columns) {
+    constexpr std::uint64_t kTile = std::uint64_t{store::kColourTileEdge} * store::kColourTileEdge;
+    const std::uint64_t tiles = blocks_of({column.info.width, column.info.height});
+    const std::uint64_t texel = column.info.channels * store::depth_bytes(column.info.depth);
+    stores_ += pack_bytes(tiles * kTile * texel, tiles + column.info.height / 64 + 1);
+  }
+  for (const PassPlan& pass : plan.passes) {
+    const GeometrySize size = geometry_most(pass.source);
+    stores_ += pack_bytes(size.bytes, size.chunks);
+  }
+  if (plan.as_gaussians) add_splats(texel_store_most(texels_of(plan)));
+}
+
+void DiskPlan::add_splats(std::uint64_t splats) {
+  // A chunk of a run is a thousand Gaussians, a block of the store hundreds at least; runs are
+  // merged into new ones at times, while the old ones are still there.
+  const std::uint64_t pack =
+      pack_bytes(splats * (sizeof(store::Splat) + sizeof(std::uint64_t)), splats / 64 + 64);
+  stores_ += pack;
+  passing_ = std::max(passing_, 2 * pack);
+}
+
+void DiskPlan::add_target(const Plan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
+                          bool is_model) {
+  std::uint64_t results = 0, images = 0;
+  for (std::size_t p = 0; p < plan.passes.size(); ++p) {
+    for (const GeometryRequest& request : target.requests[p]) {
+      const GeometrySize size = geometry_most(request);
+      stores_ += pack_bytes(size.bytes, size.chunks);
+    }
+    const std::uint64_t blocks = blocks_of(plan.passes[p].size);
+    std::uint64_t of_page = 0;
+    for (const std::size_t c : plan.passes[p].channels) {
+      const std::uint64_t block =
+          store::kTexelsPerBlock * plan.channels[c].format.texel_bytes() + texture::kMaskBytes + 64;
+      of_page += pack_bytes(blocks * block, blocks);
+    }
+    results = std::max(results, of_page);
+  }
+  for (std::size_t c = 0; c < target.images.size(); ++c) {
+    const ChannelPlan& channel = plan.channels[c];
+    for (const ImageOutput& image : target.images[c]) {
+      if (image.keep) continue;
+      images += image_bytes(channel.size, channel.format.texel_bytes());
+      if (image.coverage_path.empty()) continue;
+      const Depth depth = io::writable_depth(image.coverage_path, Depth::u8);
+      outputs_ += image_bytes(channel.size, store::depth_bytes(depth));
+    }
+  }
+  outputs_ += images;
+  if (is_model) outputs_ += size_on_disk(mesh.files) + size_on_disk(target.inputs) + (1ULL << 20);
+  // One page's results at a time; a model's images wait in a file until all are there.
+  passing_ = std::max(passing_, results + (is_model ? images : 0));
+}
+
+DiskForecast DiskPlan::forecast() const {
+  DiskForecast forecast;
+  const bool is_limited = keeps_ && cache_limit_bytes_ != 0 && stores_ > cache_limit_bytes_;
+  if (keeps_) forecast.cache_bytes = is_limited ? cache_limit_bytes_ : stores_;
+  // What the cache has no room for lives in scratch files.
+  forecast.scratch_bytes = passing_ + (keeps_ && !is_limited ? 0 : stores_);
+  forecast.output_bytes = outputs_;
+  return forecast;
+}
+
+}  // namespace pounce::flow

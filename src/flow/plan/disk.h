@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "flow/plan/plan.h"
+#include "pounce/report.h"
+
+namespace pounce::flow {
+
+/// Room on disk, bounds from above: what a job would take if nothing compressed. Adds up a job from
+/// its source and its targets.
+class DiskPlan {
+ public:
+  /// `keeps`: stores go into the cache, which takes no more than `cache_limit_bytes` (0 = any),
+  /// else into scratch files.
+  DiskPlan(bool keeps, std::uint64_t cache_limit_bytes)
+      : keeps_(keeps), cache_limit_bytes_(cache_limit_bytes) {}
+
+  /// The stores of a mesh and its images, and of its texels where they are Gaussians.
+  void add_source(const Plan& plan);
+  /// Of a splat scene of so many Gaussians.
+  void add_splats(std::uint64_t splats);
+  /// A target. `is_model`: its images pass through a scratch file into copies of its files.
+  void add_target(const Plan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
+                  bool is_model);
+  DiskForecast forecast() const;
+
+ private:
+  std::uint64_t stores_ = 0;   ///< that stay until the job ends, or in the cache
+  std::uint64_t passing_ = 0;  ///< the most of other scratch files at one moment
+  std::uint64_t outputs_ = 0;
+  const bool keeps_;
+  const std::uint64_t cache_limit_bytes_;
+};
+
+}  // namespace pounce::flow

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "flow/build/build_stores.h"
+#include "flow/plan/target_pages.h"
+#include "flow/write/images.h"
+#include "io/image/read.h"
+#include "mesh/mesh.h"
+#include "mesh/uv_tiles.h"
+
+namespace pounce::flow {
+
+/// Data is never converted between sRGB coding and linear light.
+inline bool is_colour(Channel channel) {
+  return channel == Channel::base_color || channel == Channel::emissive;
+}
+
+/// What one source page gives to a channel: an image, a set of UDIM tiles, or else a constant.
+struct PageTexture {
+  int column = -1;    ///< index into Plan::columns
+  int tile_set = -1;  ///< index into Plan::tile_sets
+  texture::TexelValue constant;
+};
+
+/// One channel of the job: its images on the source side, its format on the output side.
+struct ChannelPlan {
+  Channel channel = Channel::base_color;
+  ImageSize size;  ///< of each output image
+  texture::TexelFormat format;
+  bool source_alpha = false;         ///< has some image of the source alpha here?
+  std::uint32_t source_colours = 3;  ///< the most channels besides alpha that an image here has
+  std::vector<std::string> names;    ///< of the output's channels, where its format has names
+  std::optional<io::Chromaticities> chromaticities;  ///< the same
+  /// By source page: the materials, then the same again for triangles without UVs.
+  std::vector<PageTexture> pages;
+};
+
+/// An image that some channel needs, with the wrap modes it is sampled with.
+struct ColumnPlan {
+  mesh::ImageRef image;
+  mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
+  io::ImageInfo info;
+};
+
+/// A source texture of many UDIM tiles, which may differ in size. The source is seen through one
+/// lattice whose tiles are as large as the largest of them.
+struct TileSetPlan {
+  ImageSize size;
+  std::map<mesh::UvTile, std::size_t> columns;  ///< index into Plan::columns
+};
+
+/// Channels that share their sampling groups (the same lattice for every source page) and their
+/// output size: one search serves them all.
+struct PassPlan {
+  GeometryRequest source;
+  SourceShape shape;                  ///< of that
+  ImageSize size;                     ///< of the outputs
+  std::vector<std::size_t> channels;  ///< into Plan::channels
+};
+
+/// The source's side of a job: the same for all its targets.
+struct Plan {
+  bool from_splats = false;  ///< then there is one channel and one pass, and no mesh or image
+  /// A mesh's texels are blended as Gaussians (Method::gaussian): one channel and one pass.
+  bool as_gaussians = false;
+  double sigma_texels = kDefaultSigma;  ///< then
+  bool densify = false;                 ///< then
+  std::vector<ChannelPlan> channels;
+  std::vector<ColumnPlan> columns;
+  std::vector<TileSetPlan> tile_sets;
+  std::vector<PassPlan> passes;
+  std::vector<std::string> warnings;
+};
+
+/// One target's side.
+struct TargetPlan {
+  std::string path;
+  float max_distance = 0;   ///< in the target's units
+  double diagonal = 0;      ///< of the target's bounding box
+  float smallest_edge = 0;  ///< see TargetBlock
+  std::vector<TargetPage> pages;
+  bool by_tile = false;  ///< each tile of UV space has images of its own
+  std::vector<std::vector<GeometryRequest>> requests;  ///< [pass][page]
+  std::vector<std::vector<ImageOutput>> images;        ///< [channel][page]
+  std::vector<std::string> warnings;
+  /// Every file that may be written: a tile that turns out to have no covered texel centre is not.
+  std::vector<std::string> outputs;
+  std::vector<std::string> kept;    ///< --skip-existing: there already, and not written
+  std::vector<std::string> inputs;  ///< files besides the meshes that must not be written over
+};
+
+/// Decides what a transfer takes from the source, from its mesh and the headers of its images:
+/// channels, sizes, passes. Throws what a user must hear before any work is done: missing UVs or
+/// textures, formats that cannot hold the result.
+Plan plan_source(const TransferOptions& options, const mesh::Mesh& source);
+
+/// The same for a splat scene, from the options alone. Throws Error(usage) for options that only
+/// make sense for a mesh, Error(input) for channels that a scene does not have.
+Plan plan_splats(const TransferOptions& options);
+/// Is this source to be read as a splat scene? Throws Error(input) for scenes in formats that are
+/// not read, naming the cure.
+bool is_splat_scene(const std::string& path);
+
+/// What a channel's output is, given what its source has: for plan_source() and plan_splats().
+/// Throws Error(usage) where the output's format cannot hold it.
+struct SourceLook {
+  ImageSize size;             ///< of the largest image; 0 x 0: none
+  std::uint32_t colours = 3;  ///< the most channels besides alpha
+  bool alpha = false, linear = false;
+  bool premultiplied = false;  ///< every image that has alpha holds its colours so
+  Depth depth = Depth::u8;
+  std::vector<std::string> names;  ///< of the image's channels with the most colours; empty: usual
+  std::optional<io::Chromaticities> chromaticities;
+};
+/// What is lost on the way is told in `warnings`.
+void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan,
+                   std::vector<std::string>& warnings);
+
+/// Decides what happens to one target: pages, output names. Throws what a user must hear at once:
+/// missing UVs or folders, names that clash. The requests refer to `target`.
+TargetPlan plan_target(const TransferOptions& options, const Plan& plan, const std::string& path,
+                       const mesh::Mesh& target);
+
+/// Throws Error(usage) if two images of these plans have one name, or one of them is an input:
+/// these, the meshes or the source's images.
+void check_all_outputs(const TransferOptions& options, const Plan& plan,
+                       const std::vector<std::string>& outputs,
+                       const std::vector<std::string>& inputs);
+
+/// What asks for the most memory, and how much the whole job needs at least.
+struct LeastMemory {
+  std::uint64_t bytes = 0;
+  std::string why;
+};
+/// For one target.
+LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const mesh::Mesh& source,
+                         const mesh::Mesh& target, unsigned threads, std::uint64_t tile_cap_bytes);
+
+/// Length of the diagonal of the mesh's bounding box.
+double diagonal(const mesh::Mesh& mesh);
+
+}  // namespace pounce::flow

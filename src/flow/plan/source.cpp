@@ -1,0 +1,503 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The source's side of a plan: channels, images, sampling groups.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <set>
+
+#include "flow/plan/output_names.h"
+#include "flow/plan/plan.h"
+#include "io/files/missing_file.h"
+
+namespace pounce::flow {
+namespace {
+
+/// Of the channel's name in a sentence.
+const char* article(Channel channel) {
+  return channel == Channel::occlusion || channel == Channel::emissive ? "an" : "a";
+}
+
+/// Materials that triangles really use.
+std::vector<bool> used_materials(const mesh::Mesh& mesh) {
+  std::vector<bool> used(mesh.materials.size());
+  for (const std::uint32_t m : mesh.triangle_material) used[m] = true;
+  return used;
+}
+
+/// Has any triangle an area?
+bool has_surface(const mesh::Mesh& mesh) {
+  return std::any_of(mesh.triangles.begin(), mesh.triangles.end(), [&](const auto& triangle) {
+    const Vec3d a(mesh.positions[triangle[0]]), b(mesh.positions[triangle[1]]),
+        c(mesh.positions[triangle[2]]);
+    const double doubled_area = length(cross(b - a, c - a));
+    return doubled_area > 0 && std::isfinite(1 / doubled_area);
+  });
+}
+
+Vec2d transformed(const mesh::UvTransform& m, Vec2f uv) {
+  return {m.a * uv.x + m.b * uv.y + m.c, m.d * uv.x + m.e * uv.y + m.f};
+}
+
+/// Does the path name a set of UDIM tiles?
+bool is_tile_pattern(const std::string& path) {
+  return has_token(path, "UDIM") || has_token(path, "UVTILE");
+}
+
+/// The texture of a material in a channel, with --source-texture applied.
+class SourceTextures {
+ public:
+  SourceTextures(const TransferOptions& options, const mesh::Mesh& source)
+      : mesh_(source), images_(source.images), uv_set_(options.source_use.uv_set) {
+    for (const SourceTexture& given : options.source_textures) {
+      const auto c = static_cast<std::size_t>(given.channel);
+      if (override_[c] >= 0) {
+        throw Error(
+            ErrorKind::usage,
+            fmt::format("two source textures for {}: {} and {}", channel_name(given.channel),
+                        images_[static_cast<std::size_t>(override_[c])].path, given.path));
+      }
+      mesh::ImageRef image;
+      image.path = given.path;
+      image.label = given.path;
+      override_[c] = static_cast<int>(images_.size());
+      images_.push_back(image);
+    }
+  }
+
+  std::optional<mesh::TextureBinding> binding(std::size_t material, Channel channel) const {
+    const auto c = static_cast<std::size_t>(channel);
+    std::optional<mesh::TextureBinding> found = mesh_.materials[material].textures[c];
+    if (override_[c] >= 0) {
+      if (!found) found.emplace();
+      found->image = static_cast<std::uint32_t>(override_[c]);
+    }
+    if (found && uv_set_) found->uv_set = *uv_set_;
+    return found;
+  }
+  const mesh::ImageRef& image(std::uint32_t index) const { return images_[index]; }
+
+ private:
+  const mesh::Mesh& mesh_;
+  std::vector<mesh::ImageRef> images_;
+  std::optional<std::uint32_t> uv_set_;  ///< instead of what the materials say
+  std::array<int, kChannelCount> override_{-1, -1, -1, -1};
+};
+
+class SourcePlanner {
+ public:
+  SourcePlanner(const TransferOptions& options, const mesh::Mesh& source)
+      : options_(options),
+        source_(source),
+        textures_(options, source),
+        used_(used_materials(source)) {}
+
+  Plan make() {
+    plan_.as_gaussians = options_.method == Method::gaussian;
+    plan_.sigma_texels = options_.sigma_texels.value_or(kDefaultSigma);
+    plan_.densify = options_.densify;
+    if (source_.triangles.empty())
+      throw Error(ErrorKind::input, source_.path + ": has no triangles");
+    if (!has_surface(source_)) {
+      throw Error(
+          ErrorKind::input,
+          fmt::format("{}: all of its {} triangles are degenerate, none has an area; export "
+                      "the model again",
+                      source_.path, source_.triangles.size()));
+    }
+    for (const Channel channel : chosen_channels()) {
+      if (is_asked_for(channel)) {
+        add_channel(channel);
+      } else {
+        try_channel(channel);
+      }
+    }
+    return std::move(plan_);
+  }
+
+ private:
+  bool source_has(Channel channel) const {
+    for (std::size_t m = 0; m < used_.size(); ++m) {
+      if (used_[m] && textures_.binding(m, channel)) return true;
+    }
+    return false;
+  }
+
+  /// All channels are chosen, not some by name.
+  bool takes_all() const {
+    return options_.all_channels ||
+           (options_.channels.empty() && has_token(options_.output, "CHANNEL"));
+  }
+
+  /// By name, or by an image of its own. Nobody leaves out the colour without saying so.
+  bool is_asked_for(Channel channel) const {
+    const auto& given = options_.source_textures;
+    return !takes_all() || channel == Channel::base_color ||
+           std::any_of(given.begin(), given.end(),
+                       [&](const SourceTexture& texture) { return texture.channel == channel; });
+  }
+
+  /// Of all that the source has, what is missing, damaged or of no use is left out. A file that is
+  /// there and that the system does not let us read ends the job: the next run would give more.
+  void try_channel(Channel channel) {
+    const std::size_t columns = plan_.columns.size(), warnings = plan_.warnings.size();
+    try {
+      add_channel(channel);
+    } catch (const Error& error) {
+      const bool is_last = channel == last_channel_ && plan_.channels.empty();
+      const bool is_missing = dynamic_cast<const io::MissingFile*>(&error) != nullptr;
+      if (is_last || (error.kind() != ErrorKind::input && !is_missing)) throw;
+      plan_.columns.erase(plan_.columns.begin() + static_cast<std::ptrdiff_t>(columns),
+                          plan_.columns.end());
+      plan_.warnings.resize(warnings);
+      plan_.warnings.push_back(fmt::format("{}: {} is left out: {}; --channels {} insists on it",
+                                           source_.path, channel_name(channel), error.what(),
+                                           channel_name(channel)));
+    }
+  }
+
+  void add_channel(Channel channel) {
+    ChannelPlan plan = plan_channel(channel);
+    GeometryRequest source = source_request(plan);
+    const std::size_t c = plan_.channels.size();
+    const auto same =
+        std::find_if(plan_.passes.begin(), plan_.passes.end(), [&](const PassPlan& pass) {
+          return pass.size == plan.size && pass.source.pages == source.pages;
+        });
+    if (same != plan_.passes.end()) {
+      same->channels.push_back(c);
+    } else {
+      const SourceShape shape = source_shape(source);
+      plan_.passes.push_back({std::move(source), shape, plan.size, {c}});
+    }
+    plan_.channels.push_back(std::move(plan));
+  }
+
+  /// Where every channel is meant, but not by name.
+  void warn_of_one_channel() {
+    std::string others;
+    for (int c = 1; c < kChannelCount; ++c) {
+      const auto channel = static_cast<Channel>(c);
+      if (source_has(channel)) others += fmt::format(", {}", channel_name(channel));
+    }
+    if (others.empty()) return;
+    plan_.warnings.push_back(
+        fmt::format("{}: --method gaussian transfers baseColor alone; left out: {}", source_.path,
+                    others.substr(2)));
+  }
+
+  /// Why there may be no textures: " (its material file ... is not there)".
+  std::string missing_files() const {
+    if (source_.unread_files.empty()) return "";
+    const mesh::UnreadFile& file = source_.unread_files.front();
+    return fmt::format(" (its material file {} {})", file.path, file.cure);
+  }
+
+  std::vector<Channel> chosen_channels() {
+    const bool all = takes_all() && options_.method == Method::surface;
+    if (takes_all() && !all) warn_of_one_channel();
+    std::vector<Channel> chosen = options_.channels;
+    if (!all && chosen.empty()) chosen = {Channel::base_color};
+    if (all) {
+      for (int c = 0; c < kChannelCount; ++c) {
+        if (source_has(static_cast<Channel>(c))) chosen.push_back(static_cast<Channel>(c));
+      }
+    }
+    std::vector<Channel> distinct;
+    for (const Channel c : chosen) {
+      if (std::find(distinct.begin(), distinct.end(), c) == distinct.end()) distinct.push_back(c);
+    }
+    for (const Channel c : distinct) {
+      if (!source_has(c)) {
+        throw Error(
+            ErrorKind::input,
+            fmt::format("{}: no material has {} {} texture{}; give one with --source-texture "
+                        "{}=FILE",
+                        source_.path, article(c), channel_name(c), missing_files(),
+                        channel_name(c)));
+      }
+    }
+    if (distinct.empty()) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: has no textures{}; give one with --source-texture "
+                              "baseColor=FILE",
+                              source_.path, missing_files()));
+    }
+    last_channel_ = distinct.back();
+    return distinct;
+  }
+
+  int column_for(const mesh::ImageRef& image, mesh::Wrap wrap_u, mesh::Wrap wrap_v) {
+    for (std::size_t i = 0; i < plan_.columns.size(); ++i) {
+      const ColumnPlan& c = plan_.columns[i];
+      if (c.image.label == image.label && c.image.path == image.path &&
+          c.image.offset_bytes == image.offset_bytes && c.image.bytes == image.bytes &&
+          c.wrap_u == wrap_u && c.wrap_v == wrap_v) {
+        return static_cast<int>(i);
+      }
+    }
+    plan_.columns.push_back({image, wrap_u, wrap_v, io::ImageReader(image).info()});
+    if (const io::ImageInfo& info = plan_.columns.back().info; !info.left_out.empty()) {
+      plan_.warnings.push_back(
+          fmt::format("{}: of its {} channels {} are taken, the others are left out: {}",
+                      image.label, info.names.size() + info.left_out.size(), io::joined(info.names),
+                      io::joined(info.left_out)));
+    }
+    return static_cast<int>(plan_.columns.size() - 1);
+  }
+
+  /// The UDIM tiles that the source's UVs enter where this channel samples `pattern`, and the
+  /// images there are for them.
+  int tile_set_for(const std::string& pattern, Channel channel) {
+    TileSetPlan set;
+    std::vector<std::uint32_t> missing;
+    std::string first_missing;
+    for (const std::uint32_t udim : entered_udims(channel)) {
+      const mesh::UvTile tile = mesh::udim_tile(udim);
+      mesh::ImageRef image;
+      image.path = image.label = expand_pattern(
+          pattern, {{"UDIM", std::to_string(udim)}, {"UVTILE", mesh::uvtile_name(tile)}});
+      std::error_code ignored;
+      if (std::filesystem::status(image.path, ignored).type() ==
+          std::filesystem::file_type::not_found) {
+        missing.push_back(udim);
+        if (first_missing.empty()) first_missing = image.path;
+        continue;
+      }
+      const int column = column_for(image, mesh::Wrap::clamp, mesh::Wrap::clamp);
+      const io::ImageInfo& info = plan_.columns[static_cast<std::size_t>(column)].info;
+      set.columns[tile] = static_cast<std::size_t>(column);
+      set.size.width = std::max(set.size.width, info.width);
+      set.size.height = std::max(set.size.height, info.height);
+    }
+    if (set.columns.empty()) {
+      throw Error(missing.empty() ? ErrorKind::input : ErrorKind::storage,
+                  missing.empty()
+                      ? fmt::format("{}: the source's UVs lie in no UDIM tile", pattern)
+                      : fmt::format("{}: no image of this set is there for the tiles that the "
+                                    "source's UVs enter ({}); the first would be {}",
+                                    pattern, udim_list(missing), first_missing));
+    }
+    if (!missing.empty()) {
+      plan_.warnings.push_back(
+          fmt::format("{}: no image for UDIM {}, which the source's UVs enter; texels that meet it "
+                      "stay empty",
+                      pattern, udim_list(missing)));
+    }
+    plan_.tile_sets.push_back(std::move(set));
+    return static_cast<int>(plan_.tile_sets.size() - 1);
+  }
+
+  std::vector<std::uint32_t> entered_udims(Channel channel) {
+    std::set<std::uint32_t> entered;
+    std::uint64_t beyond = 0;
+    for (std::size_t t = 0; t < source_.triangles.size(); ++t) {
+      const auto binding = textures_.binding(source_.triangle_material[t], channel);
+      if (!binding || !has_uvs(t, binding->uv_set)) continue;
+      std::array<Vec2d, 3> uvs;
+      for (std::size_t k = 0; k < 3; ++k) {
+        uvs[k] = transformed(binding->transform,
+                             source_.uv_sets[binding->uv_set][source_.triangles[t][k]]);
+      }
+      bool outside = false;
+      const std::uint64_t count = mesh::visit_uv_tiles(uvs, [&](mesh::UvTile tile) {
+        const auto udim = mesh::udim_number(tile);
+        outside = outside || !udim;
+        if (udim) entered.insert(*udim);
+      });
+      beyond += outside || count > 65536 ? 1 : 0;
+    }
+    if (beyond > 0) {
+      plan_.warnings.push_back(
+          fmt::format("{}: the UVs of {} triangles leave the UDIM tiles 1001 to 9999; texels that "
+                      "meet them there stay empty",
+                      source_.path, beyond));
+    }
+    return {entered.begin(), entered.end()};
+  }
+
+  bool has_uvs(std::size_t triangle, std::uint32_t uv_set) const {
+    const auto& corners = source_.triangles[triangle];
+    return std::all_of(corners.begin(), corners.end(),
+                       [&](std::uint32_t v) { return source_.has_uv(uv_set, v); });
+  }
+
+  /// A primitive without this texture still hides what is behind it: its factor, as the image would
+  /// hold it.
+  texture::TexelValue constant(std::size_t material, Channel channel) const {
+    const auto& f = source_.materials[material].factors[static_cast<std::size_t>(channel)];
+    return {{f[0], f[1], f[2], f[3]}, 4, is_colour(channel), true, false};
+  }
+
+  /// What a material gives to a channel.
+  PageTexture page_texture(std::size_t material, Channel channel, int& tile_set) {
+    PageTexture page;
+    page.constant = constant(material, channel);
+    const auto binding = used_[material] ? textures_.binding(material, channel) : std::nullopt;
+    if (!binding) return page;
+    const mesh::ImageRef& image = textures_.image(binding->image);
+    if (is_tile_pattern(image.path) && binding->image >= source_.images.size()) {
+      if (tile_set < 0) tile_set = tile_set_for(image.path, channel);
+      page.tile_set = tile_set;
+    } else {
+      page.column = column_for(image, binding->wrap_u, binding->wrap_v);
+    }
+    return page;
+  }
+
+  /// The images that a channel samples.
+  std::vector<const ColumnPlan*> images_of(const ChannelPlan& plan) const {
+    std::set<std::size_t> columns;
+    for (const PageTexture& page : plan.pages) {
+      if (page.column >= 0) columns.insert(static_cast<std::size_t>(page.column));
+      if (page.tile_set < 0) continue;
+      for (const auto& [tile, column] :
+           plan_.tile_sets[static_cast<std::size_t>(page.tile_set)].columns)
+        columns.insert(column);
+    }
+    std::vector<const ColumnPlan*> images;
+    for (const std::size_t column : columns) images.push_back(&plan_.columns[column]);
+    return images;
+  }
+
+  ChannelPlan plan_channel(Channel channel) {
+    ChannelPlan plan;
+    plan.channel = channel;
+    int tile_set = -1;
+    for (std::size_t m = 0; m < source_.materials.size(); ++m)
+      plan.pages.push_back(page_texture(m, channel, tile_set));
+    const SourceLook look = look_of(channel, images_of(plan));
+    for (std::size_t m = 0; m < source_.materials.size(); ++m)  // triangles without UVs
+      plan.pages.push_back({-1, -1, plan.pages[m].constant});
+    choose_output(options_, look, plan, plan_.warnings);
+    return plan;
+  }
+
+  SourceLook look_of(Channel channel, const std::vector<const ColumnPlan*>& images) {
+    SourceLook look;
+    look.colours = 1;
+    look.premultiplied = true;
+    for (const ColumnPlan* image : images) {
+      const io::ImageInfo& info = image->info;
+      look.size.width = std::max(look.size.width, info.width);
+      look.size.height = std::max(look.size.height, info.height);
+      look.colours = std::max(look.colours, info.channels - (info.has_alpha ? 1U : 0U));
+      look.alpha = look.alpha || info.has_alpha;
+      look.linear = look.linear || info.linear;
+      look.premultiplied =
+          look.premultiplied && (!info.has_alpha || (info.premultiplied && info.linear));
+      look.depth = std::max(look.depth, info.depth);
+    }
+    take_names(channel, images, look);
+    take_chromaticities(channel, images, look);
+    return look;
+  }
+
+  /// The names of the channels, if all images that have them agree.
+  void take_names(Channel channel, const std::vector<const ColumnPlan*>& images, SourceLook& look) {
+    const ColumnPlan* first = nullptr;
+    for (const ColumnPlan* image : images) {
+      std::vector<std::string> names = image->info.names;
+      if (image->info.has_alpha) names.pop_back();
+      if (names.size() < look.colours) continue;
+      if (first == nullptr) {
+        first = image;
+        look.names = names;
+      } else if (names != look.names) {
+        plan_.warnings.push_back(fmt::format(
+            "{}: the channels of {} are {}, those of {} {}; the output has the usual names",
+            channel_name(channel), first->image.label, io::joined(look.names), image->image.label,
+            io::joined(names)));
+        look.names.clear();
+        return;
+      }
+    }
+  }
+
+  void take_chromaticities(Channel channel, const std::vector<const ColumnPlan*>& images,
+                           SourceLook& look) {
+    for (const ColumnPlan* image : images) {
+      if (image->info.chromaticities == images.front()->info.chromaticities) continue;
+      plan_.warnings.push_back(fmt::format(
+          "{}: {} and {} differ in their chromaticities; the output gets none, as if all were of "
+          "one colour space",
+          channel_name(channel), images.front()->image.label, image->image.label));
+      return;
+    }
+    if (!images.empty()) look.chromaticities = images.front()->info.chromaticities;
+  }
+
+  /// How this channel sees the source: a lattice per material.
+  GeometryRequest source_request(const ChannelPlan& channel) {
+    GeometryRequest request;
+    request.mesh = &source_;
+    for (std::size_t m = 0; m < source_.materials.size(); ++m) {
+      mesh::Lattice lattice;
+      const PageTexture& page = channel.pages[m];
+      if (page.column >= 0 || page.tile_set >= 0) {
+        const auto binding = *textures_.binding(m, channel.channel);
+        const ImageSize size = sampled_size(page);
+        lattice = {size.width, size.height, binding.uv_set, binding.transform};
+      }
+      request.pages.push_back(lattice);
+    }
+    // What has the texture but not the UVs for it is constant, as if it had no texture.
+    std::vector<std::uint32_t> triangle_page = source_.triangle_material;
+    set_apart_without_uvs(request, channel.channel, triangle_page);
+    request.hashes = hashes_;
+    request.triangles =
+        std::make_shared<const mesh::PageTriangles>(std::span(triangle_page), request.pages.size());
+    return request;
+  }
+
+  ImageSize sampled_size(const PageTexture& page) const {
+    if (page.tile_set >= 0) return plan_.tile_sets[static_cast<std::size_t>(page.tile_set)].size;
+    const io::ImageInfo& info = plan_.columns[static_cast<std::size_t>(page.column)].info;
+    return {info.width, info.height};
+  }
+
+  void set_apart_without_uvs(GeometryRequest& request, Channel channel,
+                             std::vector<std::uint32_t>& triangle_page) {
+    std::size_t with = 0, without = 0;
+    for (std::size_t t = 0; t < source_.triangles.size(); ++t) {
+      std::uint32_t& page = triangle_page[t];
+      const mesh::Lattice& lattice = request.pages[page];
+      if (lattice.width == 0) continue;
+      if (has_uvs(t, lattice.uv_set)) {
+        ++with;
+        continue;
+      }
+      page += static_cast<std::uint32_t>(source_.materials.size());
+      ++without;
+    }
+    if (with == 0) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: has no UVs for its {} texture; unwrap the source first",
+                              source_.path, channel_name(channel)));
+    }
+    if (without > 0) {
+      request.pages.resize(2 * source_.materials.size());
+      plan_.warnings.push_back(fmt::format(
+          "{}: {} triangles have no UVs for their {} texture and count as one plain colour",
+          source_.path, without, channel_name(channel)));
+    }
+  }
+
+  const TransferOptions& options_;
+  const mesh::Mesh& source_;
+  const std::shared_ptr<MeshHashes> hashes_ = std::make_shared<MeshHashes>(source_);
+  SourceTextures textures_;
+  std::vector<bool> used_;
+  Channel last_channel_ = Channel::base_color;  ///< of those that are chosen
+  Plan plan_;
+};
+
+}  // namespace
+
+Plan plan_source(const TransferOptions& options, const mesh::Mesh& source) {
+  return SourcePlanner(options, source).make();
+}
+
+}  // namespace pounce::flow

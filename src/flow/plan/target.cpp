@@ -1,0 +1,284 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A target's side of a plan: pages, output names, the least memory.
+#include <fmt/format.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "core/box.h"
+#include "flow/build/texel_source.h"
+#include "flow/plan/output_names.h"
+#include "flow/plan/plan.h"
+#include "flow/project/gaussians.h"
+#include "flow/project/mesh.h"
+#include "flow/project/splats.h"
+#include "io/image/write.h"
+
+namespace pounce::flow {
+namespace {
+
+constexpr std::uint32_t kPaddingShare = 128;
+
+/// The file name without folder and ending.
+std::string stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
+
+bool by_tile(const std::string& pattern) {
+  return has_token(pattern, "UDIM") || has_token(pattern, "UVTILE");
+}
+
+Box3f box_of(const mesh::Mesh& mesh) {
+  Box3f box;
+  for (const auto& triangle : mesh.triangles) {
+    for (const std::uint32_t v : triangle) box.extend(mesh.positions[v]);
+  }
+  return box;
+}
+
+class TargetPlanner {
+ public:
+  TargetPlanner(const TransferOptions& options, const Plan& plan, const mesh::Mesh& target)
+      : options_(options), source_(plan), target_(target) {}
+
+  TargetPlan make(const std::string& path) {
+    plan_.path = path;
+    const double diag = diagonal(target_);
+    plan_.diagonal = diag;
+    const double distance = options_.max_distance.is_percent
+                                ? options_.max_distance.value / 100 * diag
+                                : options_.max_distance.value;
+    using Float = std::numeric_limits<float>;
+    plan_.max_distance =
+        static_cast<float>(std::clamp<double>(distance, Float::min(), Float::max()));
+    plan_.smallest_edge = static_cast<float>(std::max(diag * 1e-7, 1e-30));
+    PageRequest request;
+    request.by_material = has_token(options_.output, "MATERIAL");
+    request.by_tile = by_tile(options_.output);
+    request.selected = options_.tiles;
+    request.uv_set = options_.target_use.uv_set.value_or(0);
+    TargetPages pages = target_pages(target_, request, plan_.warnings);
+    plan_.pages = pages.pages;
+    plan_.by_tile = request.by_tile;
+    const auto hashes = std::make_shared<MeshHashes>(target_);
+    for (const PassPlan& pass : source_.passes) {
+      plan_.requests.emplace_back();
+      for (std::uint32_t p = 0; p < plan_.pages.size(); ++p)
+        plan_.requests.back().push_back(target_request(pass, pages, p, hashes));
+    }
+    for (std::size_t c = 0; c < source_.channels.size(); ++c) name_images(c);
+    return std::move(plan_);
+  }
+
+ private:
+  GeometryRequest target_request(const PassPlan& pass, const TargetPages& pages, std::uint32_t page,
+                                 const std::shared_ptr<MeshHashes>& hashes) const {
+    GeometryRequest request;
+    request.mesh = &target_;
+    request.hashes = hashes;
+    request.is_target = true;
+    request.pages.push_back(
+        {pass.size.width, pass.size.height, options_.target_use.uv_set.value_or(0), {}});
+    request.triangles = pages.triangles;
+    request.first_page = page;
+    if (plan_.by_tile) request.tile = mesh::udim_tile(pages.pages[page].udim);
+    return request;
+  }
+
+  void name_images(std::size_t c) {
+    const ChannelPlan& channel = source_.channels[c];
+    plan_.images.emplace_back();
+    for (const TargetPage& page : plan_.pages) {
+      std::map<std::string, std::string> values = page.tokens();
+      values["CHANNEL"] = channel_name(channel.channel);
+      values["TARGET"] = stem(plan_.path);
+      if (!by_tile(options_.output)) {  // one image: a tile's number would mean nothing
+        values.erase("UDIM");
+        values.erase("UVTILE");
+      }
+      ImageOutput image;
+      image.path = expand_pattern(options_.output, values);
+      plan_.outputs.push_back(image.path);
+      // Without <CHANNEL> one mask stands for all channels: that of the first.
+      if (!options_.coverage_output.empty() &&
+          (c == 0 || has_token(options_.coverage_output, "CHANNEL"))) {
+        image.coverage_path = expand_pattern(options_.coverage_output, values);
+        check_mask(image.coverage_path, channel.size);
+        plan_.outputs.push_back(image.coverage_path);
+      }
+      image.channel_names = channel.names;
+      image.chromaticities = channel.chromaticities;
+      image.lattice = {channel.size.width, channel.size.height, 0, {}};
+      image.padding = options_.padding_px.value_or(
+          std::max(channel.size.width, channel.size.height) / kPaddingShare);
+      if (!options_.onto.empty()) {
+        image.onto = plan_onto(options_, values, channel.size, channel.format,
+                               {channel.source_colours, channel.source_alpha});
+        keep_from_harm(*image.onto, image.path);
+      }
+      plan_.images.back().push_back(image);
+    }
+  }
+
+  /// An image may be painted over in place, but not be what another one is painted onto; a mask is
+  /// never an output.
+  void keep_from_harm(OntoImage& onto, const std::string& output) {
+    if (!onto.mask_path.empty()) plan_.inputs.push_back(onto.mask_path);
+    std::error_code ignored;
+    onto.in_place = std::filesystem::equivalent(onto.path, output, ignored);
+    if (!onto.in_place) plan_.inputs.push_back(onto.path);
+  }
+
+  static void check_mask(const std::string& path, ImageSize size) {
+    const io::ImageWriteSpec mask{size.width, size.height, 1, io::writable_depth(path, Depth::u8),
+                                  false,      false};
+    if (const std::string why = io::why_not_writable(path, mask); !why.empty())
+      throw Error(ErrorKind::usage, why);
+  }
+
+  const TransferOptions& options_;
+  const Plan& source_;
+  const mesh::Mesh& target_;
+  TargetPlan plan_;
+};
+
+}  // namespace
+
+namespace {
+
+/// Device and number: the same for every name of a file.
+using FileId = std::pair<dev_t, ino_t>;
+
+std::optional<FileId> file_id(const std::string& path) {
+  struct stat found = {};
+  if (path.empty() || stat(path.c_str(), &found) != 0) return std::nullopt;
+  return FileId{found.st_dev, found.st_ino};
+}
+
+/// Why two images may get one name, and what to do about it.
+std::string how_to_tell_apart(const TransferOptions& options, const Plan& plan) {
+  std::map<std::string, std::string> targets;  // by stem
+  for (const std::string& path : options.targets) {
+    const auto [at, fresh] = targets.try_emplace(stem(path), path);
+    if (fresh) continue;
+    return fmt::format(
+        "<TARGET> is a file name without folder and ending, the same for {} and {}; rename one, or "
+        "make it in a run of its own",
+        at->second, path);
+  }
+  for (const char* token : {"TARGET", "UDIM", "UVTILE", "MATERIAL"}) {
+    if (!options.coverage_output.empty() && has_token(options.output, token) &&
+        !has_token(options.coverage_output, token))
+      return fmt::format("put <{}> into --coverage, as into -o", token);
+  }
+  if (plan.channels.size() > 1 && !has_token(options.output, "CHANNEL"))
+    return "put <CHANNEL> into the pattern";
+  if (has_token(options.output, "MATERIAL")) {
+    return "<MATERIAL> is a name in which / and \\ become _; rename one of the materials that get "
+           "the same";
+  }
+  return "give -o and --coverage names of their own";
+}
+
+}  // namespace
+
+TargetPlan plan_target(const TransferOptions& options, const Plan& plan, const std::string& path,
+                       const mesh::Mesh& target) {
+  return TargetPlanner(options, plan, target).make(path);
+}
+
+void check_all_outputs(const TransferOptions& options, const Plan& plan,
+                       const std::vector<std::string>& outputs,
+                       const std::vector<std::string>& more_inputs) {
+  check_outputs(outputs, how_to_tell_apart(options, plan));
+  // The source and what it is made of are never written over; the targets' own textures may be.
+  std::vector<std::string> inputs = more_inputs;
+  inputs.push_back(options.source);
+  inputs.insert(inputs.end(), options.targets.begin(), options.targets.end());
+  for (const ColumnPlan& column : plan.columns) inputs.push_back(column.image.path);
+  std::set<FileId> read;
+  for (const std::string& input : inputs) {
+    if (const auto id = file_id(input)) read.insert(*id);
+  }
+  for (const std::string& output : outputs) {
+    const auto id = file_id(output);
+    if (id && read.count(*id) > 0) {
+      throw Error(ErrorKind::usage,
+                  fmt::format("{}: is also an input; write to another file", output));
+    }
+  }
+}
+
+double diagonal(const mesh::Mesh& mesh) {
+  const Box3f box = box_of(mesh);
+  return box.empty() ? 0 : length(Vec3d(box.hi) - Vec3d(box.lo));
+}
+
+LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const mesh::Mesh& source,
+                         const mesh::Mesh& target, unsigned threads, std::uint64_t tile_cap_bytes) {
+  const std::uint64_t contexts = threads * store::Compressor::context_bytes();
+  const std::uint64_t meshes = source.size_bytes() + target.size_bytes();
+  LeastMemory least;
+  const auto need = [&](std::uint64_t bytes, const std::string& why) {
+    if (bytes > least.bytes) least = {bytes, why};
+  };
+  std::uint64_t colour_tile = 0;
+  for (const ColumnPlan& column : plan.columns) {
+    const std::uint64_t texel = column.info.channels * store::depth_bytes(column.info.depth);
+    need(
+        contexts + meshes + colour_least_bytes(column.info.width, texel, column.info.decoder_bytes),
+        "reading " + column.image.label);
+    colour_tile = std::max(colour_tile,
+                           round_to_pages(store::kColourTileEdge * store::kColourTileEdge * texel));
+  }
+  for (std::size_t p = 0; p < plan.passes.size(); ++p) {
+    const PassPlan& pass = plan.passes[p];
+    if (plan.as_gaussians) {
+      const LeastMemory texels = texel_store_least(texels_of(plan), tile_cap_bytes);
+      need(contexts + meshes + texels.bytes, texels.why);
+    }
+    if (!plan.from_splats) {
+      need(contexts + meshes + geometry_least_bytes(pass.source, tile_cap_bytes),
+           "preconditioning " + source.path);
+    }
+    for (const GeometryRequest& request : target_plan.requests[p]) {
+      need(contexts + meshes + geometry_least_bytes(request, tile_cap_bytes),
+           "vectorizing " + target.path);
+    }
+    std::uint64_t result_texel = 0;
+    for (const std::size_t c : pass.channels) result_texel += plan.channels[c].format.texel_bytes();
+    // Where the results of one page are, and its pieces; the mesh is there for the next page.
+    const std::uint64_t page_blocks =
+        (pass.size.width / 64 + 1ULL) * (pass.size.height / 64 + 1ULL);
+    const bool more_pages = plan.passes.size() * target_plan.pages.size() > 1;
+    const std::uint64_t indices =
+        page_blocks * (sizeof(store::ChunkRef) * pass.channels.size() + 32) +
+        (more_pages ? target.size_bytes() : 0);
+    const std::uint64_t projecting =
+        plan.from_splats ? project_splats_least_bytes(result_texel)
+        : plan.as_gaussians
+            ? project_gaussians_least_bytes(result_texel)
+            : project_least_bytes(pass.shape.most_triangles, pass.shape.most_patches,
+                                  pass.shape.most_triangles * 160 + (1 << 16), result_texel,
+                                  colour_tile);
+    need(contexts + indices + (2ULL << 20) + projecting, "projecting one block of the target");
+    for (const std::size_t c : pass.channels) {
+      for (const ImageOutput& image : target_plan.images[c]) {
+        const std::uint64_t occupied =
+            image.onto && image.padding > 0
+                ? (target.triangles.size() + target.rest.size()) * kOccupiedBytes
+                : 0;
+        need(contexts + indices + occupied + image_least_bytes(image, plan.channels[c].format),
+             "writing " + image.path);
+      }
+    }
+  }
+  return least;
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// All that is decided before any work, so that whatever is wrong is said before it: the source,
+// then each target, then what all of it needs of memory and disk. Several targets are read one
+// after the other here, and again when their turn comes: only one of their meshes is in memory.
+#include "flow/plan/transfer_plan.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "flow/build/splats.h"
+#include "flow/describe_job.h"
+#include "flow/job.h"
+#include "flow/load_mesh.h"
+#include "flow/plan/existing_outputs.h"
+#include "flow/plan/left_behind.h"
+#include "flow/plan/output_names.h"
+#include "io/read_mesh.h"
+
+namespace pounce::flow {
+namespace {
+
+/// A model output is planned as its images.
+TransferOptions image_options(TransferOptions options) {
+  if (io::is_model_path(options.output)) options.output = model_image_pattern(options.output);
+  return options;
+}
+
+}  // namespace
+
+bool PlannedTarget::has_work(const std::vector<std::size_t>& channels, std::size_t page) const {
+  return std::any_of(channels.begin(), channels.end(),
+                     [&](std::size_t c) { return !plan.images[c][page].keep; });
+}
+
+bool PlannedTarget::has_work() const {
+  for (const auto& images : plan.images) {
+    for (const ImageOutput& image : images) {
+      if (!image.keep) return true;
+    }
+  }
+  return false;
+}
+
+void PlannedTarget::drop_mesh() {
+  mesh = {};
+  mesh_lease = {};
+}
+
+TransferPlan::TransferPlan(JobContext& job, const TransferOptions& options,
+                           std::uint32_t stripe_rows)
+    : job_(job),
+      options_(image_options(options)),
+      model_pattern_(io::is_model_path(options.output) ? options.output : ""),
+      stripe_rows_(stripe_rows) {}
+
+void TransferPlan::make(double end) {
+  const StageTimer timer(job_.clock, "read");
+  job_.meter.begin("read meshes", 1 + options_.targets.size(), "meshes", end);
+  DiskPlan disk(job_.keeps_stores, job_.cache_limit_bytes);
+  plan_source_side(disk);
+  for (const std::string& path : options_.targets) plan_target_side(path, disk);
+  if (source_plan_.from_splats) {  // with the last target's mesh beside
+    need(splat_least_bytes({options_.source, axes_of(options_.source_use, "source")}) + contexts() +
+             target_.mesh.size_bytes(),
+         "sorting " + options_.source);
+  }
+  job_.meter.end();
+  job_.report.disk_most = disk.forecast();
+  check_all_outputs(options_, source_plan_, outputs_, inputs_);
+  if (job_.plan_only) job_.report.outputs = outputs_;
+  require_least(job_, least_);
+  source_lease_ = runtime::Lease(job_.budget, source_.size_bytes(), "the source's mesh");
+  target_.mesh_lease = runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
+  compressors_lease_ = runtime::Lease(job_.budget, contexts(), "the compressors");
+}
+
+void TransferPlan::plan_source_side(DiskPlan& disk) {
+  if (is_splat_scene(options_.source)) {
+    source_plan_ = plan_splats(options_);
+    source_files_ = {options_.source};
+    disk.add_splats(splat_count({options_.source, axes_of(options_.source_use, "source")}));
+    job_.meter.advance(1);
+  } else {
+    source_ = read(options_.source, 0, false);
+    source_files_ = source_.files;
+    check_order();
+    source_plan_ = plan_source(options_, source_);
+    if (source_plan_.as_gaussians) {
+      job_.report.sigma_texels = source_plan_.sigma_texels;
+      job_.report.densify = source_plan_.densify;
+    }
+    disk.add_source(source_plan_);
+    add_warnings(left_behind(source_plan_, source_, !model_pattern_.empty()));
+    if (!model_pattern_.empty())
+      factors_ = model_factors(source_plan_, source_, source_plan_.warnings);
+  }
+  add_warnings(source_plan_.warnings);
+  add_inputs(source_files_);
+  for (const ColumnPlan& column : source_plan_.columns) add_input(column.image.path, job_.report);
+}
+
+void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
+  target_.mesh = {};  // the one before, whose memory this one takes
+  target_.mesh = read(path, source_.size_bytes(), true);
+  plan_one(path);
+  const TargetPlan& plan = target_.plan;
+  disk.add_target(source_plan_, plan, target_.mesh, target_.model.has_value());
+  add_warnings(plan.warnings);
+  add_inputs(target_.mesh.files);
+  add_inputs(plan.inputs);
+  for (const auto& images : plan.images) {  // what is painted over in place is read, too
+    for (const ImageOutput& image : images)
+      add_input(image.onto ? image.onto->path : "", job_.report);
+  }
+  outputs_.insert(outputs_.end(), plan.outputs.begin(), plan.outputs.end());
+  inputs_.insert(inputs_.end(), plan.inputs.begin(), plan.inputs.end());
+  job_.report.kept.insert(job_.report.kept.end(), plan.kept.begin(), plan.kept.end());
+  anything_to_write_ = anything_to_write_ || target_.has_work();
+  need_target(path);
+}
+
+void TransferPlan::need(std::uint64_t bytes, const std::string& why) {
+  if (bytes > least_.bytes) least_ = {bytes, why};
+}
+
+void TransferPlan::need_target(const std::string& path) {
+  const LeastMemory one = least_memory(source_plan_, target_.plan, source_, target_.mesh,
+                                       job_.threads, job_.tile_cap_bytes);
+  need(one.bytes, one.why);
+  if (target_.model)
+    need(target_.model->least_bytes() + contexts(), "writing " + target_.model->path());
+  need(std::max(source_plan_.from_splats ? 0 : reading_bytes(options_.source),
+                source_.size_bytes() + reading_bytes(path)),
+       "reading " + options_.source + " and " + path);
+  if (options_.targets.size() == 1) return;
+  // Again when its turn comes, beside the stores of the source.
+  std::uint64_t directories = 0;
+  for (const PassPlan& pass : source_plan_.passes) {
+    directories += source_plan_.from_splats
+                       ? 64 << 10
+                       : geometry_directory_bytes(pass.source, job_.tile_cap_bytes);
+  }
+  need(contexts() + directories + reading_bytes(path), "reading " + path);
+}
+
+void TransferPlan::drop_source_mesh() {
+  source_ = {};
+  source_lease_ = {};
+}
+
+PlannedTarget& TransferPlan::target(std::size_t t) {
+  if (options_.targets.size() > 1) {
+    const StageTimer timer(job_.clock, "read");
+    target_ = {};
+    const std::string& path = options_.targets[t];
+    {
+      const runtime::Lease reading(job_.budget, reading_bytes(path), "reading " + path);
+      target_.mesh = load(path, true);
+    }
+    target_.mesh_lease =
+        runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
+    plan_one(options_.targets[t]);
+  }
+  return target_;
+}
+
+/// What shows that source and target are in the wrong order is said before what is missing.
+void TransferPlan::check_order() {
+  if (!options_.source_textures.empty() || has_textures(source_)) return;
+  for (const std::string& path : options_.targets) {
+    require_reading(job_, source_.size_bytes() + reading_bytes(path), path);
+    refuse_swapped(source_, load(path, true));
+  }
+}
+
+void TransferPlan::plan_one(const std::string& path) {
+  target_.plan = plan_target(options_, source_plan_, path, target_.mesh);
+  for (auto& images : target_.plan.images) {
+    for (ImageOutput& image : images) image.stripe_rows = stripe_rows_;
+  }
+  if (!model_pattern_.empty()) {
+    target_.model.emplace(model_pattern_, source_plan_, factors_, options_.allow_external,
+                          target_.plan);
+  }
+  // A job that finds damage begins again; what is painted over in place must be painted once.
+  for (const auto& images : target_.plan.images) {
+    for (const ImageOutput& image : images)
+      job_.check_packs = job_.check_packs || (image.onto && image.onto->in_place);
+  }
+  if (options_.skip_existing) keep_what_is_there();
+}
+
+void TransferPlan::keep_what_is_there() {
+  std::vector<std::string> meshes = target_.mesh.files;
+  meshes.insert(meshes.end(), source_files_.begin(), source_files_.end());
+  if (!target_.model)
+    return keep_existing(source_plan_, newest(meshes), job_.run.written_before, target_.plan);
+  // A model is made of all its inputs, the images that it takes over among them.
+  for (const ColumnPlan& column : source_plan_.columns) meshes.push_back(column.image.path);
+  meshes.insert(meshes.end(), target_.plan.inputs.begin(), target_.plan.inputs.end());
+  const FileTime inputs = newest(meshes);
+  for (const std::string& output : target_.plan.outputs) {
+    if (job_.run.written_before.count(output) > 0 || !is_up_to_date(output, inputs)) return;
+  }
+  for (auto& images : target_.plan.images) {
+    for (ImageOutput& image : images) image.keep = true;
+  }
+  target_.plan.kept = std::exchange(target_.plan.outputs, {});
+}
+
+std::uint64_t TransferPlan::contexts() const {
+  return job_.threads * store::Compressor::context_bytes();
+}
+
+mesh::Mesh TransferPlan::read(const std::string& path, std::uint64_t beside, bool is_target) {
+  require_reading(job_, beside + reading_bytes(path), path);
+  mesh::Mesh mesh = load(path, is_target);
+  add_warnings(mesh.warnings);
+  job_.meter.advance(1);
+  return mesh;
+}
+
+std::uint64_t TransferPlan::reading_bytes(const std::string& path) const {
+  return io::mesh_cost(path, {options_.allow_external, {}}, job_.budget.limit()).peak_bytes;
+}
+
+mesh::Mesh TransferPlan::load(const std::string& path, bool is_target) const {
+  const bool external = options_.allow_external;
+  return is_target
+             ? load_mesh(path, options_.target_use, "target", external, !options_.onto.empty())
+             : load_mesh(path, options_.source_use, "source", external);
+}
+
+void TransferPlan::add_warnings(const std::vector<std::string>& warnings) {
+  job_.report.warnings.insert(job_.report.warnings.end(), warnings.begin(), warnings.end());
+}
+
+void TransferPlan::add_inputs(const std::vector<std::string>& files) {
+  for (const std::string& file : files) add_input(file, job_.report);
+}
+
+}  // namespace pounce::flow

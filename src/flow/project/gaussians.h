@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+
+#include "flow/project/page_projector.h"
+#include "flow/project/source_readers.h"
+#include "projection/ray_blend.h"
+#include "store/blocks/splat_store.h"
+
+namespace pounce::flow {
+
+/// A mesh's texels, as Gaussians, onto a target: the paper's method.
+struct GaussianProjection {
+  const SplatCache* source = nullptr;
+  const store::GeometryStore* target = nullptr;
+  texture::TexelFormat format;  ///< of the one channel there is
+  bool linear = false;          ///< the Gaussians' colours are
+  bool has_alpha = false;       ///< some of the source's images have alpha
+  projection::RayLimits limits;
+  const projection::SplatKernels* kernels = nullptr;
+  float smallest_edge = 0;  ///< see TargetBlock
+};
+
+/// How far a texel looks first: half the edge of a cell where a target's box has about one cell per
+/// texel of its image.
+float first_reach(double diagonal, ImageSize size);
+
+/// The texels of a target past the blocks of Gaussians. `job` and what the request points to must
+/// outlive it.
+std::unique_ptr<Projection> project_gaussians(JobContext& job, const GaussianProjection& request);
+
+/// The least that projecting needs at once: one target block, one block of Gaussians.
+std::uint64_t project_gaussians_least_bytes(std::uint64_t result_texel_bytes);
+
+}  // namespace pounce::flow

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A mesh in front of a target: exact hits on its facets.
+//
+//   fetch: the join. Source tiles are never leased whole: of each, only the blocks whose boxes meet
+//          the piece's swept boxes are read
+//   bin:   a grid over the patches of the batch
+//   hit:   the hit kernels; with a height's last batch, what nothing farther can improve is closed
+//   blend: each winner's texel in its image, in the winner's frame
+//
+// A piece that meets more source than its batch holds goes through it batch by batch: the best hit
+// of a texel is a minimum, so batches may be cut anywhere. What the leases leave keeps decoded
+// source blocks for the next pieces.
+#include "flow/project/mesh.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <optional>
+
+#include "flow/build/find_store.h"
+#include "flow/project/block_walk.h"
+#include "flow/project/page_projector.h"
+
+namespace pounce::flow {
+namespace {
+
+using store::kTexelsPerBlock;
+
+constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, candidate lists, encode buffers
+
+/// What one source block costs a batch: itself decoded, what it is decoded from, and its share of
+/// the grid.
+std::uint64_t batch_cost(std::uint64_t triangles, std::uint64_t patches) {
+  return source::SourceBlock::decoded_bytes(triangles, patches) + patches * 128;
+}
+
+std::uint64_t block_state_bytes(std::uint32_t texels, std::uint32_t triangles,
+                                std::uint64_t result_texel_bytes) {
+  const std::uint64_t packets = target::TargetBlock::most_packets(texels);
+  return packets * (sizeof(target::TexelPacket) + sizeof(projection::HitPacket) +
+                    sizeof(RayBundle) + 16) +
+         2 * kTexelsPerBlock + std::uint64_t{triangles} * 268 +
+         target::TargetBlock::record_bytes(triangles == 0 ? texels : 0) +
+         kTexelsPerBlock * result_texel_bytes + texture::kMaskBytes + 4 * kPageBytes;
+}
+
+/// How far from a texel a hit can be: looking farther finds nothing, and heights are shares of how
+/// far a search looks. A hit lies outside of its triangle by no more than the triangle's size.
+float farthest(const Box3f& source, const Box3f& target) {
+  if (source.empty() || target.empty()) return 0;
+  Box3f both = source;
+  both.extend(target);
+  const double apart = length(Vec3d(both.hi) - Vec3d(both.lo));
+  const double size = length(Vec3d(source.hi) - Vec3d(source.lo));
+  return static_cast<float>((apart + size) * 1.001);
+}
+
+class SurfaceMethod {
+ public:
+  struct Work : PieceWork {
+    projection::SearchState state;
+    std::size_t height = 0;                       ///< index of the height at hand
+    std::optional<BlockWalk<SurfaceCache>> walk;  ///< over the blocks of this height
+    std::vector<std::shared_ptr<const source::SourceBlock>> batch;
+    std::optional<grid::PatchGrid> grid;  ///< over the batch
+  };
+
+  SurfaceMethod(JobContext& job, MeshProjection request)
+      : job_(&job),
+        request_(std::move(request)),
+        heights_(projection::search_heights(std::min(
+            request_.limits.max_distance, farthest(request_.source->store().directory().box,
+                                                   request_.target->directory().box)))) {
+    for (const ChannelOutput& channel : request_.channels)
+      result_texel_bytes_ += channel.format.texel_bytes();
+  }
+
+  std::size_t channels() const { return request_.channels.size(); }
+
+  std::uint64_t fixed_bytes() const {
+    std::uint64_t largest = 0;
+    for (const ChannelOutput& channel : request_.channels) {
+      for (const PageColour& page : channel.pages) largest = std::max(largest, tile_bytes(page));
+    }
+    return kPieceScratch + largest * (ColourWindow::kTiles + 2);
+  }
+
+  std::uint64_t least_batch_bytes() const {
+    const store::GeometryDirectory& d = request_.source->store().directory();
+    return batch_cost(d.most_triangles, d.most_patches) + grid::PatchGrid::most_bytes(0) +
+           3 * std::uint64_t{d.largest_chunk_bytes};
+  }
+
+  std::uint64_t state_bytes(const store::BlockEntry& entry) const {
+    return block_state_bytes(entry.texels, entry.triangles, result_texel_bytes_);
+  }
+
+  void begin(Work& work) const {
+    read_packets(*job_, *request_.target, request_.smallest_edge, target::TargetBlock::Start::inset,
+                 work, work.state.packets, work.state.groups);
+    projection::start(work.state);
+    // Neighbouring pieces lie about as far from the source: start where the last one found it.
+    const float expected = neighbours_->distance.load(std::memory_order_relaxed);
+    while (work.height + 1 < heights_.size() && heights_[work.height] < expected) ++work.height;
+  }
+
+  /// Height after height: every source block that the open texels may meet goes past them.
+  std::uint64_t fetch(Work& work) const {
+    work.grid.reset();
+    work.batch.clear();
+    while (!work.state.open.empty() && work.height < heights_.size()) {
+      if (!work.walk) {
+        work.walk.emplace(*request_.source, projection::open_boxes(work.state, work.blocks.size(),
+                                                                   heights_[work.height]));
+      }
+      if (!work.walk->done()) return take(work);
+      end_height(work);
+    }
+    neighbours_->distance.store(projection::middle_distance(work.state), std::memory_order_relaxed);
+    return 0;
+  }
+
+  static void bin(Work& work) {
+    std::vector<const source::SourceBlock*> blocks;
+    for (const auto& block : work.batch) blocks.push_back(block.get());
+    work.grid.emplace(blocks, work.walk->region());
+  }
+
+  void hit(Work& work) const {
+    projection::search_batch(*work.grid, heights_[work.height], request_.limits, *request_.kernels,
+                             work.state);
+    if (work.walk->done()) end_height(work);
+  }
+
+  void blend(Work& work) const {
+    work.stored.resize(request_.channels.size());
+    work.raw_bytes.resize(request_.channels.size());
+    work.covered.resize(request_.channels.size());
+    projection::count_distances(request_.limits.max_distance, work.state, work.distances);
+    work.clipped.resize(request_.channels.size());
+    std::vector<std::uint32_t> first_packet(work.blocks.size() + 1, 0);
+    for (const auto& packet : work.state.packets) ++first_packet[packet.block + 1];
+    for (std::size_t b = 0; b < work.blocks.size(); ++b) first_packet[b + 1] += first_packet[b];
+    for (std::size_t c = 0; c < request_.channels.size(); ++c) {
+      work.stored[c].resize(work.blocks.size());
+      for (std::size_t b = 0; b < work.blocks.size(); ++b) {
+        blend_block(work, c, b, first_packet[b], first_packet[b + 1]);
+      }
+    }
+  }
+
+ private:
+  static std::uint64_t cost(const store::BlockEntry& entry) {
+    return batch_cost(entry.triangles, entry.patches);
+  }
+
+  static std::uint64_t take(Work& work) {
+    work.batch = work.walk->take(work.batch_bytes, cost);
+    std::uint64_t bytes = 0;
+    for (const auto& block : work.batch)
+      bytes += source::SourceBlock::decoded_bytes(block->facets.size(), block->patches.size());
+    return bytes;
+  }
+
+  void end_height(Work& work) const {
+    projection::close_groups(heights_[work.height], *request_.kernels, work.state);
+    work.walk.reset();
+    ++work.height;
+  }
+
+  // --- colours -----------------------------------------------------------------------------------
+
+  /// Writes the colour of one hit in the output's format and adds the samples that it cannot hold
+  /// to `clipped`. False: it met a UDIM tile without image.
+  bool store_colour(const ChannelOutput& channel, const projection::HitPacket& hit, int lane,
+                    ColourWindow& window, std::byte* out, std::uint64_t& clipped) const {
+    const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
+    if (page.column == nullptr && page.tile_set == nullptr) {
+      clipped += texture::store_texel(channel.format, page.constant, out);
+      return true;
+    }
+    const ColourPlace at =
+        window.find(page, {hit.base_x[lane], hit.base_y[lane], hit.frac_x[lane], hit.frac_y[lane]});
+    if (at.image == nullptr) return false;
+    projection::Taps taps;
+    request_.blend(at.rest_x, at.rest_y, taps);
+    if (channel.format.keeps(*at.image)) {
+      projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
+    } else {
+      clipped += texture::store_texel(channel.format,
+                                      blended(at, taps, channel.format.premultiplied), out);
+    }
+    return true;
+  }
+
+  void blend_block(Work& work, std::size_t c, std::size_t b, std::uint32_t first,
+                   std::uint32_t last) const {
+    const ChannelOutput& channel = request_.channels[c];
+    const std::size_t texel_bytes = channel.format.texel_bytes();
+    texture::ResultBlock result;
+    result.texels.resize(kTexelsPerBlock * texel_bytes);
+    ColourWindow window;
+    std::uint64_t covered = 0;
+    for (std::uint32_t p = first; p < last; ++p) {
+      const projection::HitPacket& hit = work.state.hits[p];
+      for (int lane = 0; lane < target::kLanes; ++lane) {
+        const std::uint16_t texel = work.state.packets[p].texel[lane];
+        if (texel == target::kNoTexel || hit.key[lane] == projection::kNoHit) continue;
+        std::byte* const out = result.texels.data() + texel * texel_bytes;
+        if (!store_colour(channel, hit, lane, window, out, work.clipped[c])) continue;
+        result.cover(texel);
+        ++covered;
+      }
+    }
+    work.covered[c] += covered;
+    if (covered == 0) return;
+    finish_block(*job_, channel.format, result, c, b, work);
+  }
+
+  /// How far away the piece before found the source. Only saves work.
+  struct Neighbours {
+    std::atomic<float> distance{0};
+  };
+
+  JobContext* job_;
+  MeshProjection request_;
+  std::vector<float> heights_;
+  std::shared_ptr<Neighbours> neighbours_ = std::make_shared<Neighbours>();
+  std::uint64_t result_texel_bytes_ = 0;
+};
+
+/// Says damaged, not too little memory, where the source lies about its largest blocks.
+class CheckedProjection : public Projection {
+ public:
+  CheckedProjection(JobContext& job, const MeshProjection& request)
+      : job_(job),
+        source_(request.source->store()),
+        projector_(job, *request.target, SurfaceMethod(job, request)) {}
+
+  PageResult project() override {
+    try {
+      return projector_.project();
+    } catch (const Error& e) {
+      if (e.kind() == ErrorKind::budget) check_largest(job_, source_);
+      throw;
+    }
+  }
+
+ private:
+  JobContext& job_;
+  const store::GeometryStore& source_;
+  PageProjector<SurfaceMethod> projector_;
+};
+
+}  // namespace
+
+std::unique_ptr<Projection> project_mesh(JobContext& job, const MeshProjection& request) {
+  return std::make_unique<CheckedProjection>(job, request);
+}
+
+std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t most_patches,
+                                  std::uint32_t largest_chunk_bytes,
+                                  std::uint64_t result_texel_bytes,
+                                  std::uint64_t colour_tile_bytes) {
+  return kPieceScratch + colour_tile_bytes * (ColourWindow::kTiles + 2) +
+         batch_cost(most_triangles, most_patches) + 3 * std::uint64_t{largest_chunk_bytes} +
+         block_state_bytes(kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes);
+}
+
+}  // namespace pounce::flow

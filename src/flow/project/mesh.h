@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "flow/project/page_colour.h"
+#include "flow/project/page_projector.h"
+#include "projection/blend.h"
+#include "projection/search.h"
+#include "store/blocks/geometry_store.h"
+
+namespace pounce::flow {
+
+/// One channel that a pass transfers.
+struct ChannelOutput {
+  texture::TexelFormat format;
+  std::vector<PageColour> pages;  ///< by source page
+};
+
+struct MeshProjection {
+  const SurfaceCache* source = nullptr;
+  const store::GeometryStore* target = nullptr;
+  std::vector<ChannelOutput> channels;
+  projection::SearchLimits limits;
+  const projection::Kernels* kernels = nullptr;
+  projection::BlendKernel blend = projection::tent;
+  float smallest_edge = 0;  ///< see TargetBlock
+};
+
+/// The texels of a target past the source's blocks. `job` and what the request points to must
+/// outlive it.
+std::unique_ptr<Projection> project_mesh(JobContext& job, const MeshProjection& request);
+
+/// The least that projecting needs at once: one target block, one source block at a time, its
+/// colours.
+std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t most_patches,
+                                  std::uint32_t largest_chunk_bytes,
+                                  std::uint64_t result_texel_bytes,
+                                  std::uint64_t colour_tile_bytes);
+
+}  // namespace pounce::flow

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// One source in front of one page of a target: the graph of a projection.
+//
+//                  ┌──────────────────────┐ as long as there is more of the source
+//                  ▼                      │
+//   pump ─▶ fetch ─┬─▶ bin ─▶ hit ────────┘
+//             ▲    └─▶ blend ─▶ store
+//      target and                 ▼
+//      source stores           results (scratch)
+//
+// A piece of the target goes round: fetch reads the next source blocks that its texels may meet and
+// decodes them, bin sorts them in space, hit tries them on the texels. When nothing is left, blend
+// makes colours of what was found. Several pieces are under way at once, so that one waits for the
+// disk while others compute. The best hit of a texel is a minimum and sums are integers, so batches
+// may be cut anywhere and pieces may overtake each other.
+//
+// A piece's memory is leased by the pump before the piece is made, and released after its results
+// were written. It belongs to one node at a time.
+#pragma once
+
+#include <tbb/flow_graph.h>
+
+#include <memory>
+#include <span>
+#include <tuple>
+
+#include "flow/job_context.h"
+#include "flow/project/pieces.h"
+#include "flow/project/results.h"
+#include "pounce/error.h"
+#include "runtime/node_meter.h"
+#include "runtime/pump.h"
+
+namespace pounce::flow {
+
+/// One source against one page of a target. Not thread-safe; uses the job's threads.
+class Projection {
+ public:
+  virtual ~Projection() = default;
+  virtual PageResult project() = 0;
+};
+
+/// What differs from source to source is its `Method`, whose members are thread-safe for different
+/// works:
+///   struct Work                    derives from PieceWork
+///   size_t channels() const
+///   uint64_t fixed_bytes() const, least_batch_bytes() const, state_bytes(const BlockEntry&) const
+///                                  of a piece: what it needs in any case, for the smallest batch
+///                                  of source blocks, for the texels of one target block
+///   void begin(Work&)              reads the piece's texels
+///   uint64_t fetch(Work&)          reads the next batch of source blocks: its bytes; 0: no more
+///   void bin(Work&), hit(Work&)
+///   void blend(Work&)
+template <class Method>
+class PageProjector final : public Projection {
+ public:
+  PageProjector(JobContext& job, const store::GeometryStore& target, Method method)
+      : job_(job), target_(target), method_(std::move(method)) {}
+
+  PageResult project() override {
+    ResultCollector results(job_, target_, method_.channels());
+    const CutTarget cut =
+        cut_target(job_, target_, method_.fixed_bytes(), method_.least_batch_bytes(),
+                   [&](const store::BlockEntry& entry) { return method_.state_bytes(entry); });
+    stream(cut, results);
+    PageResult result = results.finish();
+    for (const runtime::NodeMeter* node : {&fetch_, &bin_, &hit_, &blend_, &store_})
+      result.nodes.push_back(node->report());
+    return result;
+  }
+
+ private:
+  using Work = typename Method::Work;
+  using WorkPtr = std::shared_ptr<Work>;
+
+  void stream(const CutTarget& cut, ResultCollector& results) {
+    namespace tf = tbb::flow;
+    const std::span costs(cut.pieces.costs);
+    std::size_t stored = 0;
+    tf::graph graph;
+    using Fetch = tf::multifunction_node<WorkPtr, std::tuple<WorkPtr, WorkPtr>>;
+    Fetch fetch(graph, tf::unlimited,
+                [&](const WorkPtr& work, typename Fetch::output_ports_type& to) {
+                  const bool more = fetch_.run([&] { return fetch_next(*work); });
+                  (more ? bin_ : blend_).sent();
+                  more ? std::get<0>(to).try_put(work) : std::get<1>(to).try_put(work);
+                });
+    tf::function_node<WorkPtr, WorkPtr> bin(graph, tf::unlimited, [&](const WorkPtr& work) {
+      bin_.run([&] { method_.bin(*work); });
+      hit_.sent();
+      return work;
+    });
+    tf::function_node<WorkPtr, WorkPtr> hit(graph, tf::unlimited, [&](const WorkPtr& work) {
+      hit_.run([&] { method_.hit(*work); });
+      fetch_.sent();
+      return work;
+    });
+    tf::function_node<WorkPtr, WorkPtr> blend(graph, tf::unlimited, [&](const WorkPtr& work) {
+      blend_.run([&] { method_.blend(*work); });
+      store_.sent();
+      return work;
+    });
+    auto pump =
+        runtime::Pump(job_.budget, costs, "projecting one block of the target", [&](std::size_t i) {
+          auto work = std::make_shared<Work>();
+          work->index = i;
+          work->piece = cut.pieces.pieces[i];
+          work->batch_bytes = cut.batch_bytes;
+          fetch_.sent();
+          fetch.try_put(work);
+        });
+    tf::function_node<WorkPtr> store(graph, tf::serial, [&](const WorkPtr& work) {
+      store_.run([&] { store_.add_bytes(results.store(*work)); });
+      const std::size_t index = work->index;
+      *work = Work{};  // its memory goes before its lease does; the graph still holds the object
+      ++stored;
+      pump.release(index);
+    });
+    tf::make_edge(tf::output_port<0>(fetch), bin);
+    tf::make_edge(bin, hit);
+    tf::make_edge(hit, fetch);
+    tf::make_edge(tf::output_port<1>(fetch), blend);
+    tf::make_edge(blend, store);
+    pump.admit();
+    graph.wait_for_all();  // rethrows
+    fetch_.set_stalls(pump.stalls().count, pump.stalls().seconds);
+    if (stored != costs.size())
+      throw Error(ErrorKind::internal, "the projection graph ended early");
+  }
+
+  bool fetch_next(Work& work) {
+    if (!work.begun) method_.begin(work);
+    work.begun = true;
+    const std::uint64_t bytes = method_.fetch(work);
+    fetch_.add_bytes(bytes);
+    return bytes > 0;
+  }
+
+  JobContext& job_;
+  const store::GeometryStore& target_;
+  Method method_;
+  runtime::NodeMeter fetch_{"fetch"}, bin_{"bin"}, hit_{"hit"}, blend_{"blend"}, store_{"store"};
+};
+
+}  // namespace pounce::flow

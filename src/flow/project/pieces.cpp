@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A target cut into pieces under the budget.
+#include "flow/project/pieces.h"
+
+#include <algorithm>
+
+namespace pounce::flow {
+namespace {
+
+constexpr std::uint64_t kLargestShare = 32ULL << 20;  // beyond this a larger batch saves nothing
+
+/// Bytes of one thread's share of the budget: a quarter of an equal one, so that pieces overlap;
+/// never more than what the leases leave.
+std::uint64_t budget_share(const JobContext& job) {
+  return std::min({kLargestShare,
+                   job.budget.limit() / (4 * std::uint64_t{std::max(job.threads, 1U)}),
+                   job.budget.limit() - job.budget.leased()});
+}
+
+/// Cuts the target's tiles into pieces whose blocks' state fits `state_share`; `fixed` is what a
+/// piece needs besides.
+PieceList cut_pieces(JobContext& job, const store::GeometryStore& target, std::uint64_t fixed,
+                     std::uint64_t state_share,
+                     const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes) {
+  PieceList list;
+  for (std::uint32_t t = 0; t < target.directory().tiles.size(); ++t) {
+    const auto blocks = target.read_index(t, job.compressor());
+    Piece piece{t, 0, 0};
+    std::uint64_t state = 0;
+    const auto finish = [&] {
+      if (piece.count == 0) return;
+      list.pieces.push_back(piece);
+      list.costs.push_back(fixed + state);
+    };
+    for (std::uint32_t b = 0; b < blocks.size(); ++b) {
+      const std::uint64_t more = state_bytes(blocks[b]);
+      if (piece.count > 0 && (piece.count == kMostBlocksPerPiece || state + more > state_share)) {
+        finish();
+        piece = {t, b, 0};
+        state = 0;
+      }
+      ++piece.count;
+      state += more;
+    }
+    finish();
+  }
+  return list;
+}
+
+}  // namespace
+
+CutTarget cut_target(JobContext& job, const store::GeometryStore& target, std::uint64_t fixed,
+                     std::uint64_t least_batch,
+                     const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes) {
+  CutTarget cut;
+  const std::uint64_t share = budget_share(job);
+  cut.batch_bytes = std::max(least_batch, share > fixed ? (share - fixed) / 2 : 0);
+  const std::uint64_t taken = fixed + cut.batch_bytes;
+  std::uint64_t blocks = 0;
+  for (const store::TileEntry& tile : target.directory().tiles) blocks += tile.blocks;
+  cut.index = runtime::Lease(job.budget, PieceList::most_bytes(blocks), "the index of the target");
+  cut.pieces = cut_pieces(job, target, taken, share > taken ? share - taken : 0, state_bytes);
+  const std::vector<std::uint64_t>& costs = cut.pieces.costs;
+  if (!costs.empty()) {
+    const runtime::Lease fits(job.budget, *std::max_element(costs.begin(), costs.end()),
+                              "projecting one block of the target");
+  }
+  return cut;
+}
+
+void read_packets(JobContext& job, const store::GeometryStore& target, float smallest_edge,
+                  target::TargetBlock::Start start, PieceWork& work,
+                  PageVector<target::TexelPacket>& packets,
+                  std::vector<target::PacketGroup>& groups) {
+  const auto entries = target.read_index(work.piece.tile, job.compressor());
+  const auto first = entries.begin() + work.piece.first;
+  work.blocks.assign(first, first + work.piece.count);
+  std::size_t most_packets = 0;
+  for (const auto& entry : work.blocks)
+    most_packets += target::TargetBlock::most_packets(entry.texels);
+  packets.reserve(most_packets);
+  for (std::uint32_t b = 0; b < work.blocks.size(); ++b) {
+    const store::BlockEntry& entry = work.blocks[b];
+    const target::TargetBlock maps(target.read_block(entry, job.compressor()),
+                                   target.directory().pages[entry.page], smallest_edge, start);
+    maps.make_packets(b, packets, groups);
+  }
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A target cut into pieces: the unit of projection work, of its memory, and of what is under way.
+//
+// A piece is a few neighbouring blocks of one target, cut so that its lease (its texels' state, its
+// result, and room for what it reads of the source) is at most budget / (4 x threads).
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "flow/job_context.h"
+#include "store/blocks/geometry_store.h"
+#include "target/target_block.h"
+#include "texture/result_block.h"
+
+namespace pounce::flow {
+
+inline constexpr std::uint32_t kMostBlocksPerPiece = 8;
+
+/// Neighbouring blocks of one target tile.
+struct Piece {
+  std::uint32_t tile = 0, first = 0, count = 0;
+};
+
+/// The pieces of a target and what each costs.
+struct PieceList {
+  std::vector<Piece> pieces;
+  std::vector<std::uint64_t> costs;  ///< bytes of a piece's lease
+
+  /// Of a target of so many blocks: no piece has less than one.
+  static std::uint64_t most_bytes(std::uint64_t blocks) {
+    return blocks * (sizeof(Piece) + sizeof(std::uint64_t));
+  }
+};
+
+/// A target cut for one projection under the budget.
+struct CutTarget {
+  PieceList pieces;
+  std::uint64_t batch_bytes = 0;  ///< of a piece's lease: for the source blocks it searches at once
+  runtime::Lease index;           ///< of the list itself
+};
+/// Shares the budget out: beside `fixed`, half of a piece's share goes to a batch of source blocks
+/// (at least `least_batch`), half to its texels' state, of which a block needs state_bytes(entry).
+/// Throws Error(budget) if the largest piece does not fit.
+CutTarget cut_target(JobContext& job, const store::GeometryStore& target, std::uint64_t fixed,
+                     std::uint64_t least_batch,
+                     const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes);
+
+/// A piece on its way through the graph, and its result. A projection adds its own state. Owned by
+/// whichever node has it; the piece's lease covers all of it.
+struct PieceWork {
+  std::size_t index = 0;
+  Piece piece;
+  bool begun = false;             ///< its packets have been read
+  std::uint64_t batch_bytes = 0;  ///< of its lease: for the source blocks it searches at once
+  std::vector<store::BlockEntry> blocks;
+  /// [channel][block], encoded and compressed; empty: nothing covered.
+  std::vector<std::vector<std::vector<std::byte>>> stored;
+  std::vector<std::uint32_t> raw_bytes;  ///< [channel]
+  std::vector<std::uint64_t> covered;    ///< [channel] texels
+  DistanceCounts distances{};            ///< of all texels that found something
+  std::vector<std::uint64_t> clipped;  ///< [channel]: samples beyond what the output's depth holds
+};
+
+/// Reads a piece's blocks into work.blocks and appends their packets to `packets` and `groups`.
+/// `smallest_edge` and `start`: see TargetBlock.
+void read_packets(JobContext& job, const store::GeometryStore& target, float smallest_edge,
+                  target::TargetBlock::Start start, PieceWork& work,
+                  PageVector<target::TexelPacket>& packets,
+                  std::vector<target::PacketGroup>& groups);
+
+}  // namespace pounce::flow

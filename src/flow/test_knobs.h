@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "pounce/options.h"
+#include "pounce/progress.h"
+#include "pounce/report.h"
+
+namespace pounce::flow {
+
+/// What tests and benchmarks turn besides a job's options. The result depends on none of it.
+struct TestKnobs {
+  std::uint64_t tile_cap_bytes = 0;  ///< of a spatial tile; 0 = usual
+  std::uint32_t stripe_rows = 0;     ///< rows handed to the padder at once; 0 = a row of blocks
+  std::string isa;                   ///< "sse2", "avx2" or "avx512"; empty = the best there is
+  bool in_core = false;  ///< keep every store in memory: the reference of the streamed path
+};
+
+/// As pounce::transfer() and pounce::plan().
+Report transfer(const TransferOptions& options, const TestKnobs& knobs,
+                Progress* progress = nullptr, Report* so_far = nullptr);
+PlanReport plan(const TransferOptions& options, const TestKnobs& knobs,
+                Progress* progress = nullptr, Report* so_far = nullptr);
+
+}  // namespace pounce::flow

@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// One target, page by page:
+//
+//   mesh ─▶ vectorize ─▶ target store ─▶ project ─▶ results ─▶ write ─▶ images
+//                                           ▲
+//                                      source stores
+//
+// A page is finished before the next one begins: what is there when a job is stopped is whole.
+#include "flow/transfer_target.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "flow/target_tally.h"
+
+namespace pounce::flow {
+namespace {
+
+// Shares of the progress bar, measured on a 4096² transfer of a head with a PNG in and out.
+constexpr double kVectorizeShare = 0.06, kProjectShare = 0.66;  // of a page
+
+class TargetTransfer {
+ public:
+  TargetTransfer(JobContext& job, const TransferOptions& options, const Plan& source_plan,
+                 const SourceStores& source, PlannedTarget& target, ProgressRange range)
+      : job_(job),
+        options_(options),
+        source_plan_(source_plan),
+        source_(source),
+        target_(target),
+        range_(range),
+        tally_(options, source_plan, target.plan, target.model ? target.model->path() : "",
+               job.report) {}
+
+  void run() {
+    if (!target_.has_work()) return;
+    find_occupied();
+    for (std::uint32_t page = 0; page < target_.plan.pages.size(); ++page) make_page(page);
+    warn_of_clipped();
+    if (target_.model) write_model();
+    tally_.finish(source_.box(0));
+  }
+
+ private:
+  /// What padding must leave alone when it is painted over old images.
+  void find_occupied() {
+    const bool pads = !options_.onto.empty() && options_.padding_px.value_or(1) > 0;
+    if (!pads) return;
+    const std::uint64_t triangles = target_.mesh.triangles.size() + target_.mesh.rest.size();
+    occupied_lease_ = runtime::Lease(job_.budget, triangles * kOccupiedBytes,
+                                     "the target's triangles on its images");
+    const auto pages = occupied_pages(target_.mesh, target_.plan.pages, target_.plan.by_tile,
+                                      options_.target_use.uv_set.value_or(0));
+    std::uint64_t bytes = 0;
+    for (const auto& page : pages) bytes += page->size_bytes();
+    if (bytes > occupied_lease_.bytes()) {  // some stand in several periods of UV space
+      occupied_lease_ = {};
+      occupied_lease_ = runtime::Lease(job_.budget, bytes, "the target's triangles on its images");
+    }
+    for (auto& images : target_.plan.images) {
+      for (std::size_t p = 0; p < pages.size(); ++p) images[p].onto->occupied = pages[p];
+    }
+  }
+
+  /// A page at a time, pass by pass: each image is written as soon as nothing of it is missing, and
+  /// memory and scratch files are of one page.
+  void make_page(std::uint32_t page) {
+    for (std::size_t p = 0; p < source_plan_.passes.size(); ++p) {
+      if (target_.has_work(source_plan_.passes[p].channels, page)) make_images(p, page);
+      ++steps_done_;
+    }
+  }
+
+  void make_images(std::size_t p, std::uint32_t page) {
+    const auto target = vectorize(p, page);
+    const runtime::Lease directory(job_.budget, target->size_bytes(),
+                                   "the directory of the target store");
+    if (is_last_use(p, page)) {  // from here on only stores are read, never the inputs
+      target_.drop_mesh();
+    }
+    const store::PackReader& source = source_.pack(p);
+    const std::uint64_t read_before = source.bytes_read();
+    transfer_page(p, page, *target);
+    job_.report.tiles_read += target->directory().tiles.size();
+    job_.report.bytes_read += source.bytes_read() - read_before + target->pack().bytes_read();
+  }
+
+  bool is_last_use(std::size_t p, std::uint32_t page) const {
+    return p + 1 == source_plan_.passes.size() && page + 1 == target_.plan.pages.size();
+  }
+
+  std::unique_ptr<store::GeometryStore> vectorize(std::size_t p, std::uint32_t page) {
+    const StageTimer timer(job_.clock, "vectorize");
+    job_.meter.begin(page_title("vectorize", page), 0, "tiles", fraction(kVectorizeShare));
+    bool cached = false;
+    auto target = geometry_store(job_, target_.plan.requests[p][page], &cached);
+    all_targets_cached_ = all_targets_cached_ && cached;
+    if (all_targets_cached_) job_.clock.set_cached("vectorize");
+    job_.report.target_tiles += target->directory().tiles.size();
+    job_.report.target_store_bytes += target->pack().size_bytes();
+    job_.count_store(target->pack(), cached);
+    tally_.vectorized(page, target->directory());
+    job_.meter.end();
+    return target;
+  }
+
+  void transfer_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target) {
+    const std::uint64_t texels = target.directory().texels;
+    if (texels == 0 && target_.plan.by_tile) return;
+    if (texels == 0 && target_.model) return tally_.add_page(p, page, 0, nullptr);
+    const ScratchPack results_go(job_, store::PackKind::results);
+    const PageResult result = project_page(p, page, target);
+    tally_.add_page(p, page, texels, &result);
+    const bool may_stay_empty = target_.model || (target_.plan.by_tile && options_.onto.empty());
+    const bool found = std::any_of(result.covered.begin(), result.covered.end(),
+                                   [](std::uint64_t covered) { return covered > 0; });
+    if (found || !may_stay_empty) write_page(p, page, result);
+  }
+
+  /// Where the progress bar stands when this share of the page and pass at hand is done. All pages
+  /// and passes count alike: how many texels a page has is known when it is vectorized.
+  double fraction(double share) const {
+    const double steps = static_cast<double>(source_plan_.passes.size()) *
+                         static_cast<double>(target_.plan.pages.size());
+    return range_.begin +
+           (range_.end - range_.begin) * (static_cast<double>(steps_done_) + share) / steps;
+  }
+
+  PageResult project_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target) {
+    const StageTimer timer(job_.clock, "project");
+    job_.meter.begin(page_title("project", page), target.directory().texels, "texels",
+                     fraction(kVectorizeShare + kProjectShare));
+    PageResult result = source_.projector(p, target, target_.plan)->project();
+    job_.report.bytes_written += result.pack->size_bytes();
+    add_nodes(result.nodes, job_.report.nodes);
+    job_.meter.end();
+    return result;
+  }
+
+  static void add_nodes(const std::vector<NodeReport>& page, std::vector<NodeReport>& all) {
+    if (all.empty()) return void(all = page);
+    for (std::size_t n = 0; n < all.size(); ++n) {
+      all[n].runs += page[n].runs;
+      all[n].busy_s += page[n].busy_s;
+      all[n].stalls += page[n].stalls;
+      all[n].stalled_s += page[n].stalled_s;
+      all[n].bytes += page[n].bytes;
+      all[n].most_waiting = std::max(all[n].most_waiting, page[n].most_waiting);
+    }
+  }
+
+  std::string page_title(const std::string& stage, std::uint32_t page) const {
+    return target_.plan.by_tile ? fmt::format("{} {}", stage, target_.plan.pages[page].udim)
+                                : stage;
+  }
+
+  void write_page(std::size_t p, std::uint32_t page, const PageResult& result) {
+    const PassPlan& pass = source_plan_.passes[p];
+    const StageTimer timer(job_.clock, "assemble");
+    job_.meter.begin(page_title("write", page), pass.channels.size() * pass.size.height, "rows",
+                     fraction(1));
+    for (std::size_t i = 0; i < pass.channels.size(); ++i) {
+      const std::size_t c = pass.channels[i];
+      const ImageOutput& image = target_.plan.images[c][page];
+      if (image.keep) continue;
+      const runtime::Lease index(job_.budget, result.blocks[i].size() * sizeof(store::ChunkRef),
+                                 "the index of the results");
+      const bool in_place = image.onto && image.onto->in_place;
+      const WrittenTexels written =
+          write_image(job_, image, source_plan_.channels[c].format, *result.pack, result.blocks[i],
+                      target_.model ? &target_.model->sink(job_) : nullptr);
+      job_.run.painted_in_place = job_.run.painted_in_place || in_place;
+      tally_.wrote(c, written.filled);
+      count_clipped(c, (written.any_fresh ? result.clipped[i] : 0) + written.clipped, image.path);
+      if (target_.model) {
+        target_.model->add(job_, c, page);
+      } else {
+        job_.report.outputs.push_back(image.path);
+      }
+      if (!image.coverage_path.empty()) job_.report.outputs.push_back(image.coverage_path);
+    }
+    job_.report.bytes_read += result.pack->bytes_read();
+    if (target_.plan.by_tile) {
+      std::vector<int>& udims = job_.report.udims;
+      const auto udim = static_cast<int>(target_.plan.pages[page].udim);
+      const auto at = std::lower_bound(udims.begin(), udims.end(), udim);
+      if (at == udims.end() || *at != udim) udims.insert(at, udim);
+    }
+    job_.meter.end();
+  }
+
+  /// Samples of an image of channel `c` that its depth cannot hold.
+  void count_clipped(std::size_t c, std::uint64_t samples, const std::string& path) {
+    if (samples == 0) return;
+    job_.report.target_clipped += samples;
+    clipped_.resize(source_plan_.channels.size());
+    Clipped& clipped = clipped_[c];
+    clipped.samples += samples;
+    if (clipped.images++ == 0) clipped.first = path;
+  }
+
+  /// One warning per channel, however many images it has.
+  void warn_of_clipped() {
+    for (std::size_t c = 0; c < clipped_.size(); ++c) {
+      const Clipped& clipped = clipped_[c];
+      if (clipped.samples == 0) continue;
+      const Depth depth = source_plan_.channels[c].format.depth;
+      const bool is_half = depth == Depth::half;
+      job_.report.warnings.push_back(fmt::format(
+          "{}{}: {} samples of {} were clipped: {} holds {}; {} keeps them", clipped.first,
+          clipped.images > 1 ? fmt::format(" and {} more", clipped.images - 1) : "",
+          clipped.samples, channel_name(source_plan_.channels[c].channel), depth_name(depth),
+          is_half ? "-65504 to 65504" : "0 to 1",
+          is_half ? "--depth float" : "--depth half or float with .exr"));
+    }
+    clipped_.clear();
+  }
+
+  void write_model() {
+    const StageTimer timer(job_.clock, "model");
+    const std::vector<std::string> files = target_.model->write(job_);
+    job_.report.outputs.insert(job_.report.outputs.end(), files.begin(), files.end());
+    tally_.wrote_model();
+  }
+
+  JobContext& job_;
+  const TransferOptions& options_;
+  const Plan& source_plan_;
+  const SourceStores& source_;
+  PlannedTarget& target_;
+  const ProgressRange range_;
+  TargetTally tally_;
+  struct Clipped {
+    std::uint64_t samples = 0, images = 0;
+    std::string first;  ///< image
+  };
+  std::vector<Clipped> clipped_;  ///< by channel
+  runtime::Lease occupied_lease_;
+  bool all_targets_cached_ = true;
+  std::uint64_t steps_done_ = 0;  ///< passes of pages
+};
+
+}  // namespace
+
+void transfer_to(JobContext& job, const TransferOptions& options, const Plan& source_plan,
+                 const SourceStores& source, PlannedTarget& target, ProgressRange range) {
+  TargetTransfer(job, options, source_plan, source, target, range).run();
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "flow/build/source_stores.h"
+#include "flow/job_context.h"
+#include "flow/plan/transfer_plan.h"
+
+namespace pounce::flow {
+
+/// A part of the progress bar.
+struct ProgressRange {
+  double begin = 0, end = 1;
+};
+
+/// Makes one target: page after page it is vectorized, projected and written, then the model, if
+/// that is the output. What was found goes to the job's report. The target's mesh goes as soon as
+/// its last page is vectorized.
+void transfer_to(JobContext& job, const TransferOptions& options, const Plan& source_plan,
+                 const SourceStores& source, PlannedTarget& target, ProgressRange range);
+
+}  // namespace pounce::flow

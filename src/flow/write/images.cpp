@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Assemble, pad, write: result blocks become image files.
+//
+// A row of blocks is decoded in parallel into 64 rows of texels, the padder turns them into
+// finished rows `padding` rows later, and a second pipeline stage encodes these while the next row
+// of blocks is assembled. Finished rows leave in stripes of at most 64, also at the end, where all
+// that the padder holds is ready at once. Everything is in order from top to bottom, so an image of
+// any height needs the same memory.
+#include "flow/write/images.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_pipeline.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <optional>
+
+#include "io/image/write.h"
+#include "store/pack/chunk_payload.h"
+#include "texture/pad_seams.h"
+
+namespace pounce::flow {
+namespace {
+
+using mesh::kBlockEdge;
+
+constexpr std::uint64_t kMostTokens = 2;
+
+/// A stripe of rows that are ready for the encoders.
+struct Rows {
+  std::uint32_t count = 0, covered_count = 0;
+  PageVector<std::byte> texels;
+  PageVector<std::byte> covered;  ///< 0 or the depth's 1, one sample per texel
+};
+
+io::ImageWriteSpec colour_spec(const ImageOutput& output, const texture::TexelFormat& format) {
+  return {output.lattice.width,
+          output.lattice.height,
+          format.channels,
+          format.depth,
+          format.linear,
+          format.has_alpha,
+          format.premultiplied || (output.onto && output.onto->premultiplied),
+          output.channel_names,
+          output.chromaticities};
+}
+
+io::ImageWriteSpec coverage_spec(const ImageOutput& output) {
+  return {output.lattice.width,
+          output.lattice.height,
+          1,
+          io::writable_depth(output.coverage_path, Depth::u8),
+          false,
+          false,
+          false,
+          {},
+          {}};
+}
+
+/// One byte, 0 or 1, for each of the first `count` bits.
+void expand_mask(const std::uint8_t* bits, std::uint32_t count, std::uint8_t* bytes) {
+  for (std::uint32_t x = 0; x < count; x += 8) {
+    // The multiplication puts a copy of the bits into every byte, the mask leaves one bit in each:
+    // byte i keeps bit i, which the addition carries to the top of its byte unless it is 0.
+    const std::uint64_t copies = (bits[x / 8] * 0x0101010101010101ULL) & 0x8040201008040201ULL;
+    const std::uint64_t ones = ((copies + 0x7F7F7F7F7F7F7F7FULL) & 0x8080808080808080ULL) >> 7;
+    std::memcpy(bytes + x, &ones, std::min(count - x, 8U));
+  }
+}
+
+class ImageAssembler {
+ public:
+  ImageAssembler(JobContext& job, const ImageOutput& output, const texture::TexelFormat& format,
+                 const store::PackReader& results, const std::vector<store::ChunkRef>& blocks,
+                 WriteFile* sink)
+      : job_(job),
+        output_(output),
+        format_(format),
+        results_(results),
+        blocks_(blocks),
+        lease_(job.budget, image_least_bytes(output, format), "writing " + output.path),
+        padder_(output.lattice.width, output.lattice.height, output.padding,
+                static_cast<std::uint32_t>(format.texel_bytes()), kBlockEdge) {
+    if (output.onto) {
+      painter_.emplace(*output.onto, format,
+                       ImageSize{output.lattice.width, output.lattice.height});
+    }
+    if (sink != nullptr) {
+      colours_.emplace(*sink, colour_spec(output, format));
+    } else if (!output.path.empty()) {
+      colours_.emplace(output.path, colour_spec(output, format));
+    }
+    if (!output.coverage_path.empty())
+      coverage_.emplace(output.coverage_path, coverage_spec(output));
+  }
+
+  WrittenTexels run() {
+    std::uint32_t next = 0;
+    // A pipeline forgets the tokens under way when a stage throws, so they are not what owns rows.
+    // They leave in order, so those under way are neighbours: each has its own slot.
+    std::array<Rows, kMostTokens> slots;
+    tbb::parallel_pipeline(
+        kMostTokens,
+        tbb::make_filter<void, Rows*>(tbb::filter_mode::serial_in_order,
+                                      [&](tbb::flow_control& flow) -> Rows* {
+                                        Rows& slot = slots[next++ % kMostTokens];
+                                        if (make_stripe(slot)) return &slot;
+                                        flow.stop();
+                                        return nullptr;
+                                      }) &
+            tbb::make_filter<Rows*, void>(tbb::filter_mode::serial_in_order, [&](Rows* rows) {
+              write(*rows);
+              *rows = {};
+            }));
+    const WorkTimer encoding(job_.clock, "encode");
+    if (colours_) colours_->commit();
+    if (coverage_) coverage_->commit();
+    if (painter_) return {painter_->filled(), painter_->clipped(), painter_->paints()};
+    return {padder_.filled(), 0, true};
+  }
+
+ private:
+  /// The next stripe; false: there are no more. While the padder's delay builds up a stripe has no
+  /// finished rows, only its row of blocks in the mask.
+  bool make_stripe(Rows& out) {
+    const bool all_pushed = next_row_ == output_.lattice.height;
+    if (padder_.ready_rows() == 0) {
+      if (all_pushed) return false;
+      push_row_of_blocks(out);
+    }
+    pop(std::min<std::uint32_t>(kBlockEdge, padder_.ready_rows()), out);
+    return true;
+  }
+
+  void push_row_of_blocks(Rows& out) {
+    const std::uint32_t width = output_.lattice.width;
+    const std::uint32_t block_row = next_row_ / kBlockEdge;
+    const std::uint32_t rows =
+        std::min<std::uint32_t>(kBlockEdge, output_.lattice.height - next_row_);
+    const std::size_t texel = format_.texel_bytes();
+    PageVector<std::byte> texels(std::size_t{rows} * width * texel);
+    PageVector<std::uint8_t> covered(std::size_t{rows} * width);
+    const std::uint32_t across = (width + kBlockEdge - 1) / kBlockEdge;
+    tbb::parallel_for(std::uint32_t{0}, across, [&](std::uint32_t bx) {
+      const store::ChunkRef& chunk = blocks_[std::size_t{block_row} * across + bx];
+      if (chunk.raw_bytes == 0) return;
+      const texture::ResultBlock block = read_block(chunk);
+      const std::uint32_t columns = std::min<std::uint32_t>(kBlockEdge, width - bx * kBlockEdge);
+      for (std::uint32_t y = 0; y < rows; ++y) {
+        const std::size_t to = std::size_t{y} * width + std::size_t{bx} * kBlockEdge;
+        std::memcpy(texels.data() + to * texel, block.texels.data() + y * kBlockEdge * texel,
+                    columns * texel);
+        expand_mask(block.mask.data() + y * kBlockEdge / 8, columns, covered.data() + to);
+      }
+    });
+    if (coverage_) {
+      out.covered_count = rows;
+      store_mask(covered, out.covered);
+    }
+    const std::uint32_t step =
+        output_.stripe_rows == 0 ? rows : std::min(output_.stripe_rows, rows);
+    for (std::uint32_t y = 0; y < rows; y += step) {
+      const std::uint32_t count = std::min(step, rows - y);
+      padder_.push(count, texels.data() + std::size_t{y} * width * texel,
+                   covered.data() + std::size_t{y} * width);
+    }
+    next_row_ += rows;
+  }
+
+  void pop(std::uint32_t rows, Rows& out) {
+    out.count = rows;
+    out.texels.resize(std::size_t{rows} * output_.lattice.width * format_.texel_bytes());
+    if (painter_) {
+      PageVector<std::uint8_t> kinds(std::size_t{rows} * output_.lattice.width);
+      padder_.pop(rows, out.texels.data(), kinds.data());
+      painter_->paint(rows, kinds.data(), out.texels.data());
+    } else {
+      padder_.pop(rows, out.texels.data());
+    }
+  }
+
+  /// 0 and 1 as the mask's format holds them.
+  void store_mask(const PageVector<std::uint8_t>& covered, PageVector<std::byte>& samples) const {
+    const texture::TexelFormat mask{1, coverage_spec(output_).depth, false, false, false, false};
+    std::array<std::byte, 4> one{};
+    texture::store_texel(mask, {.v = {1}, .channels = 1}, one.data());
+    const std::size_t size = mask.texel_bytes();
+    samples.resize(covered.size() * size);
+    for (std::size_t i = 0; i < covered.size(); ++i) {
+      if (covered[i] != 0) std::memcpy(samples.data() + i * size, one.data(), size);
+    }
+  }
+
+  texture::ResultBlock read_block(const store::ChunkRef& chunk) {
+    const auto raw = store::read_payload(results_, chunk, store::ChunkKind::block,
+                                         store::kLargestChunkBytes, job_.compressor());
+    texture::ResultBlock block;
+    texture::decode_result(raw, format_, "results", block);
+    return block;
+  }
+
+  void write(const Rows& rows) {
+    {
+      const WorkTimer encoding(job_.clock, "encode");
+      if (colours_ && rows.count > 0) colours_->write_rows(rows.count, rows.texels.data());
+      if (coverage_ && rows.covered_count > 0)
+        coverage_->write_rows(rows.covered_count, rows.covered.data());
+    }
+    job_.meter.advance(rows.count);
+  }
+
+  JobContext& job_;
+  const ImageOutput& output_;
+  const texture::TexelFormat& format_;
+  const store::PackReader& results_;
+  const std::vector<store::ChunkRef>& blocks_;
+  runtime::Lease lease_;
+  texture::SeamPadder padder_;
+  std::uint32_t next_row_ = 0;  ///< that the padder gets
+  std::optional<OntoPainter> painter_;
+  std::optional<io::ImageWriter> colours_, coverage_;
+};
+
+}  // namespace
+
+WrittenTexels write_image(JobContext& job, const ImageOutput& output,
+                          const texture::TexelFormat& format, const store::PackReader& results,
+                          const std::vector<store::ChunkRef>& blocks, WriteFile* sink) {
+  return ImageAssembler(job, output, format, results, blocks, sink).run();
+}
+
+std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelFormat& format) {
+  const std::uint64_t width = output.lattice.width;
+  const std::uint64_t texel = format.texel_bytes();
+  const std::uint64_t row_of_blocks = round_to_pages(kBlockEdge * width * (texel + 1));
+  const std::uint64_t mask =
+      output.coverage_path.empty() ? 0 : store::depth_bytes(coverage_spec(output).depth);
+  const std::uint64_t stripe = round_to_pages(kBlockEdge * width * (texel + mask));
+  std::uint64_t bytes =
+      row_of_blocks + kMostTokens * stripe +
+      texture::SeamPadder::memory_bytes(output.lattice.width, output.padding,
+                                        static_cast<std::uint32_t>(texel), kBlockEdge) +
+      (256 << 10);
+  if (output.onto) bytes += OntoPainter::memory_bytes(*output.onto, output.lattice.width);
+  if (!output.path.empty())
+    bytes += io::ImageWriter::encoder_bytes(output.path, colour_spec(output, format));
+  if (!output.coverage_path.empty()) {
+    bytes += io::ImageWriter::encoder_bytes(output.coverage_path, coverage_spec(output));
+  }
+  return bytes;
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A target as a model with new textures: its images wait in a scratch file, one after the other,
+// until all are there and the model can be written around them.
+#include "flow/write/model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "flow/plan/output_names.h"
+
+namespace pounce::flow {
+namespace {
+
+using Factor = std::array<float, 4>;
+
+/// As a glTF file may hold it: 0..1, more light as strength.
+Factor factor_of(const mesh::Material& material, Channel channel) {
+  Factor factor = material.factors[static_cast<std::size_t>(channel)];
+  if (channel == Channel::occlusion) factor = {material.occlusion_strength, 1, 1, 1};
+  if (channel == Channel::emissive) {
+    const float most = std::max({factor[0], factor[1], factor[2]});
+    const float over = std::isfinite(most) ? std::max(most, 1.0F) : 1.0F;
+    for (std::size_t i = 0; i < 3; ++i) factor[i] /= over;
+    factor[3] = material.emissive_strength * over;
+  }
+  for (std::size_t i = 0; i < factor.size(); ++i) {
+    const bool is_strength = channel == Channel::emissive && i == 3;
+    if (!std::isfinite(factor[i])) factor[i] = 1;
+    if (!is_strength) factor[i] = std::clamp(factor[i], 0.0F, 1.0F);
+  }
+  return factor;
+}
+
+std::string stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
+
+/// Materials may have names that give the same file name: the later ones are numbered.
+void make_distinct(std::vector<std::vector<ImageOutput>>& images) {
+  std::set<std::string> seen;
+  for (auto& channel : images) {
+    for (ImageOutput& image : channel) {
+      const std::string wanted = image.path;
+      for (int n = 2; !seen.insert(image.path).second; ++n) {
+        const std::size_t dot = wanted.rfind('.', wanted.rfind('.') - 1);
+        image.path = fmt::format("{}-{}{}", wanted.substr(0, dot), n, wanted.substr(dot));
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::string model_image_pattern(const std::string& output) {
+  for (const char* token : {"UDIM", "UVTILE", "CHANNEL", "MATERIAL"}) {
+    if (!has_token(output, token)) continue;
+    throw Error(ErrorKind::usage,
+                fmt::format("{}: a model holds every material and channel, and UVs wrap into its "
+                            "images; leave out <{}>",
+                            output, token));
+  }
+  const std::string base = std::filesystem::path(output).replace_extension().string();
+  return base + ".<MATERIAL>.<CHANNEL>.png";
+}
+
+std::vector<Factor> model_factors(const Plan& plan, const mesh::Mesh& source,
+                                  std::vector<std::string>& warnings) {
+  std::vector<Factor> factors;
+  for (const ChannelPlan& channel : plan.channels) {
+    std::optional<Factor> common;
+    bool differ = false;
+    for (std::size_t m = 0; m < source.materials.size(); ++m) {
+      const PageTexture& page = channel.pages[m];
+      if (page.column < 0 && page.tile_set < 0) continue;
+      // An image given by the user says it all where the material has none.
+      const mesh::Material& material = source.materials[m];
+      const bool own = material.textures[static_cast<std::size_t>(channel.channel)].has_value();
+      const Factor factor = own ? factor_of(material, channel.channel) : Factor{1, 1, 1, 1};
+      differ = differ || (common && *common != factor);
+      common = factor;
+    }
+    if (differ) {
+      warnings.push_back(
+          fmt::format("{}: its materials have different {} factors, but one model material gets "
+                      "one; taken as 1",
+                      source.path, channel_name(channel.channel)));
+    }
+    factors.push_back(differ || !common ? Factor{1, 1, 1, 1} : *common);
+  }
+  return factors;
+}
+
+ModelOutput::ModelOutput(const std::string& pattern, const Plan& plan,
+                         const std::vector<Factor>& factors, bool allow_external,
+                         TargetPlan& target) {
+  request_.target = target.path;
+  request_.allow_external = allow_external;
+  request_.output = expand_pattern(pattern, {{"TARGET", stem(target.path)}});
+  request_.uv_set = target.requests.front().front().pages.front().uv_set;
+  make_distinct(target.images);
+  target.outputs.clear();
+  for (std::size_t c = 0; c < plan.channels.size(); ++c) {
+    textures_.emplace_back();
+    for (std::size_t page = 0; page < target.pages.size(); ++page) {
+      const ImageOutput& image = target.images[c][page];
+      if (!image.coverage_path.empty()) target.outputs.push_back(image.coverage_path);
+      textures_.back().push_back({target.pages[page].material.value(), plan.channels[c].channel,
+                                  factors.empty() ? Factor{1, 1, 1, 1} : factors[c], image.path});
+    }
+    request_.textures.insert(request_.textures.end(), textures_.back().begin(),
+                             textures_.back().end());
+  }
+  const io::ModelPlan model = io::plan_model(request_);
+  request_.textures.clear();  // until they have images
+  least_bytes_ = model.least_bytes;
+  target.inputs.insert(target.inputs.end(), model.inputs.begin(), model.inputs.end());
+  target.outputs.insert(target.outputs.end(), model.outputs.begin(), model.outputs.end());
+  target.warnings.insert(target.warnings.end(), model.warnings.begin(), model.warnings.end());
+}
+
+WriteFile& ModelOutput::sink(JobContext& job) {
+  if (scratch_ == nullptr) scratch_ = job.files->create_scratch(job.scratch_folder);
+  return *scratch_;
+}
+
+void ModelOutput::add(JobContext& job, std::size_t channel, std::size_t page) {
+  const std::uint64_t before =
+      places_.empty() ? 0 : places_.back().offset_bytes + places_.back().size_bytes;
+  places_.push_back({before, scratch_->size_bytes() - before});
+  request_.textures.push_back(textures_[channel][page]);
+  job.scratch_use.add(places_.back().size_bytes);
+}
+
+std::vector<std::string> ModelOutput::write(JobContext& job) {
+  const runtime::Lease lease(job.budget, least_bytes_, "writing " + request_.output);
+  const auto images = sink(job).reader();
+  io::write_model(request_, *images, places_);
+  job.report.bytes_written += sink(job).size_bytes();
+  job.scratch_use.remove(sink(job).size_bytes());
+  scratch_.reset();
+  return io::plan_model(request_).outputs;
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "flow/plan/plan.h"
+#include "io/model/write.h"
+
+namespace pounce::flow {
+
+/// What the images of a model output would be called, as a pattern: one per material and channel.
+/// Throws Error(usage) for tokens that a model has no use for.
+std::string model_image_pattern(const std::string& output);
+
+/// By Plan::channels: the factors that go with the textures (io::ModelTexture::factor). Those of
+/// the source's materials that have the texture; 1 where these differ, which goes to `warnings`.
+std::vector<std::array<float, 4>> model_factors(const Plan& plan, const mesh::Mesh& source,
+                                                std::vector<std::string>& warnings);
+
+/// One target that is written as a model: its images go to a scratch file, one after the other, and
+/// from there into the model.
+class ModelOutput {
+ public:
+  /// Plans it: `target` gets the model's files as its outputs and inputs, and its warnings.
+  ModelOutput(const std::string& pattern, const Plan& plan,
+              const std::vector<std::array<float, 4>>& factors, bool allow_external,
+              TargetPlan& target);
+
+  const std::string& path() const { return request_.output; }
+  /// Memory that write() needs.
+  std::uint64_t least_bytes() const { return least_bytes_; }
+
+  /// Where the next image goes.
+  WriteFile& sink(JobContext& job);
+  /// What was written to the sink since the last call is the image of this channel and page.
+  void add(JobContext& job, std::size_t channel, std::size_t page);
+  /// Writes the model with the images that were added. Returns the files.
+  std::vector<std::string> write(JobContext& job);
+
+ private:
+  io::ModelRequest request_;
+  std::vector<std::vector<io::ModelTexture>> textures_;  ///< [channel][page]
+  std::uint64_t least_bytes_ = 0;
+  std::unique_ptr<WriteFile> scratch_;
+  std::vector<io::EncodedImage> places_;  ///< by request_.textures
+};
+
+}  // namespace pounce::flow

@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Painting over: which image each output is painted onto, and the rows of both meeting.
+//
+// Padding is part of the picture (a chart's rim must not show the old colour when a renderer blends
+// across it), but it must not run into what is no gutter: the part of a chart that found no source,
+// or charts that were not selected. So a padded texel is painted only where no triangle of the
+// whole target owns it, and, like every other, only as far as the mask lets it.
+#include "flow/write/onto.h"
+
+#include <fmt/format.h>
+#include <fnmatch.h>
+
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+
+#include "flow/plan/output_names.h"
+#include "io/files/missing_file.h"
+#include "io/image/straight_alpha.h"
+#include "pounce/error.h"
+#include "texture/pad_seams.h"
+
+namespace pounce::flow {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint32_t kRowsTogether = 16;
+constexpr std::uint32_t kMostTexelBytes = 16;
+
+texture::TexelFormat format_of(const io::ImageInfo& info, bool is_colour) {
+  return {info.channels, info.depth, info.linear, is_colour, info.has_alpha, false};
+}
+
+std::string header_text(const io::ImageInfo& info) {
+  return fmt::format("{} x {} texels, {} channels, {}", info.width, info.height, info.channels,
+                     depth_name(info.depth));
+}
+
+/// The pattern's file name as one for fnmatch(): every token may be anything.
+std::string any_name(const std::string& name) {
+  std::string out;
+  for (std::size_t at = 0; at < name.size(); ++at) {
+    const std::size_t close = name[at] == '<' ? name.find('>', at) : std::string::npos;
+    if (close != std::string::npos) {
+      out += '*';
+      at = close;
+    } else {
+      if (std::string_view("*?[\\").find(name[at]) != std::string_view::npos) out += '\\';
+      out += name[at];
+    }
+  }
+  return out;
+}
+
+std::string replaced(std::string pattern, const std::string& token, const std::string& value) {
+  const std::string all = "<" + token + ">";
+  for (std::size_t at = pattern.find(all); at != std::string::npos; at = pattern.find(all))
+    pattern.replace(at, all.size(), value);
+  return pattern;
+}
+
+io::ImageInfo checked_header(const std::string& option, const std::string& path, ImageSize size) {
+  std::error_code error;
+  if (fs::status(path, error).type() == fs::file_type::not_found) {
+    throw Error(
+        ErrorKind::storage,
+        fmt::format("{}: there is no such file for {}; make it (an empty image will do), or "
+                    "name the UDIMs that there are with --tiles",
+                    path, option));
+  }
+  const io::ImageInfo info = io::ImageReader(path).info();
+  if (info.width != size.width || info.height != size.height) {
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: {} has {} x {} texels, but the output {} x {}; resize it, or leave "
+                    "out --size to get the size of the image that is painted onto",
+                    path, option, info.width, info.height, size.width, size.height));
+  }
+  return info;
+}
+
+}  // namespace
+
+std::optional<io::ImageInfo> onto_header(const TransferOptions& options, Channel channel) {
+  if (options.onto.empty()) return std::nullopt;
+  const std::string pattern = replaced(options.onto, "CHANNEL", channel_name(channel));
+  if (pattern.find('<') == std::string::npos) return io::ImageReader(pattern).info();
+  const fs::path path(pattern);
+  const std::string wanted = any_name(path.filename().string());
+  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  std::string first;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    if (fnmatch(wanted.c_str(), name.c_str(), 0) == 0 && (first.empty() || name < first))
+      first = name;
+  }
+  if (first.empty()) {
+    throw io::MissingFile(
+        fmt::format("{}: --onto: no file has such a name; name images that are there", pattern));
+  }
+  return io::ImageReader((path.parent_path() / first).string()).info();
+}
+
+OntoImage plan_onto(const TransferOptions& options,
+                    const std::map<std::string, std::string>& tokens, ImageSize size,
+                    const texture::TexelFormat& format, const SourceSamples& source) {
+  OntoImage onto;
+  onto.path = expand_pattern(options.onto, tokens);
+  const io::ImageInfo info = checked_header("--onto", onto.path, size);
+  onto.decoder_bytes = info.decoder_bytes;
+  if (!options.mask.empty()) {
+    onto.mask_path = expand_pattern(options.mask, tokens);
+    onto.decoder_bytes += checked_header("--mask", onto.mask_path, size).decoder_bytes;
+  }
+  const bool lost_alpha = info.has_alpha && !format.has_alpha;
+  const bool made_alpha = !info.has_alpha && info.channels == 4 && format.has_alpha;
+  if (info.channels > format.channels || lost_alpha || made_alpha) {
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: --onto holds {}, unlike the first image of that pattern; make them "
+                    "alike",
+                    onto.path, header_text(info)));
+  }
+  onto.alpha = format.has_alpha && source.alpha && info.has_alpha ? texture::PaintAlpha::mix
+                                                                  : texture::PaintAlpha::keep;
+  onto.keep_last = format.colours() == 4 && source.colours < 4;
+  onto.premultiplied = info.premultiplied && format.has_alpha && info.format == "openexr" &&
+                       info.depth == format.depth && info.channels == format.channels &&
+                       fs::path(expand_pattern(options.output, tokens)).extension() == ".exr";
+  return onto;
+}
+
+std::vector<std::shared_ptr<const mesh::UvOccupancy>> occupied_pages(
+    const mesh::Mesh& target, const std::vector<TargetPage>& pages, bool by_tile,
+    std::uint32_t uv_set) {
+  std::vector<std::shared_ptr<mesh::UvOccupancy>> made;
+  std::map<std::pair<std::int64_t, std::uint32_t>, std::size_t> page_of;  // (material, UDIM)
+  for (std::size_t p = 0; p < pages.size(); ++p) {
+    made.push_back(std::make_shared<mesh::UvOccupancy>());
+    page_of[{pages[p].material ? std::int64_t{*pages[p].material} : -1, pages[p].udim}] = p;
+  }
+  const bool by_material = !pages.empty() && pages.front().material.has_value();
+  const auto add = [&](const std::array<std::uint32_t, 3>& corners, std::uint32_t material) {
+    const std::int64_t set = by_material ? std::int64_t{material} : -1;
+    std::array<Vec2f, 3> uv;
+    std::array<Vec2d, 3> precise;
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (!target.has_uv(uv_set, corners[k])) return;
+      uv[k] = target.uv_sets[uv_set][corners[k]];
+      precise[k] = {uv[k].x, uv[k].y};
+    }
+    if (!by_tile) {
+      const auto at = page_of.find({set, mesh::kFirstUdim});
+      if (at != page_of.end()) made[at->second]->add_wrapped(uv);
+      return;
+    }
+    mesh::visit_uv_tiles(precise, [&](mesh::UvTile tile) {
+      const auto udim = mesh::udim_number(tile);
+      const auto at = udim ? page_of.find({set, *udim}) : page_of.end();
+      if (at != page_of.end()) made[at->second]->add(uv, tile.column, mesh::period_y(tile));
+    });
+  };
+  for (std::size_t t = 0; t < target.triangles.size(); ++t)
+    add(target.triangles[t], target.triangle_material[t]);
+  for (std::size_t t = 0; t < target.rest.size(); ++t) add(target.rest[t], target.rest_material[t]);
+  for (const auto& each : made) each->finish();
+  return {made.begin(), made.end()};
+}
+
+OntoPainter::OntoPainter(const OntoImage& onto, const texture::TexelFormat& format, ImageSize size)
+    : onto_(onto), format_(format), width_(size.width), image_(onto.path) {
+  onto_format_ = format_of(image_.info(), format.is_colour);
+  if (onto.premultiplied) image_.keep_premultiplied();
+  if (!onto.mask_path.empty()) {
+    mask_.emplace(onto.mask_path);
+    mask_format_ = format_of(mask_->info(), false);
+  }
+  if (onto.occupied) occupied_rows_.emplace(*onto.occupied, size.width, size.height);
+  painted_format_ = format_;
+  // What the source has nothing for stays as alpha does.
+  painted_format_.has_alpha = format_.has_alpha || onto.keep_last;
+  const std::size_t texels = std::size_t{kRowsTogether} * width_;
+  old_raw_.resize(texels * onto_format_.texel_bytes());
+  old_.resize(texels * format_.texel_bytes());
+  if (mask_) mask_raw_.resize(texels * mask_format_.texel_bytes());
+  weights_.resize(texels);
+  occupied_.resize(texels);
+}
+
+void OntoPainter::paint(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels) {
+  for (std::uint32_t y = 0; y < rows; y += kRowsTogether) {
+    const std::size_t at = std::size_t{y} * width_;
+    paint_rows(std::min(kRowsTogether, rows - y), kinds + at, texels + at * format_.texel_bytes());
+  }
+}
+
+void OntoPainter::paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels) {
+  const std::size_t count = std::size_t{rows} * width_;
+  image_.read_rows(rows, old_raw_.data());
+  std::fill_n(weights_.begin(), count, 1.0F);
+  if (mask_) {
+    mask_->read_rows(rows, mask_raw_.data());
+    texture::mask_weights(mask_format_, mask_raw_.data(), count, weights_.data());
+  }
+  if (occupied_rows_) occupied_rows_->next(rows, occupied_.data());
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool gutter = kinds[i] == texture::SeamPadder::kFilled && occupied_[i] == 0;
+    if (kinds[i] != texture::SeamPadder::kCovered && !gutter) weights_[i] = 0;
+    if (gutter && weights_[i] > 0) ++filled_;
+    paints_ = paints_ || weights_[i] > 0;
+  }
+  convert_old(count);
+  texture::PaintAlpha alpha = onto_.alpha;
+  if (onto_.premultiplied) {
+    if (alpha == texture::PaintAlpha::keep)
+      texture::copy_alpha(format_, old_.data(), count, texels);
+    io::multiply_by_alpha(format_.depth, format_.channels, count, texels);
+    alpha = texture::PaintAlpha::premultiplied;
+  }
+  texture::paint_over(painted_format_, alpha, weights_.data(), texels, count, old_.data());
+  std::memcpy(texels, old_.data(), count * format_.texel_bytes());
+}
+
+/// The old samples in the output's format. Those that are painted over whole are not counted.
+void OntoPainter::convert_old(std::size_t count) {
+  for (std::size_t begin = 0, end = 0; begin < count; begin = end) {
+    const bool stays = weights_[begin] < 1;
+    while (end < count && (weights_[end] < 1) == stays) ++end;
+    const std::uint64_t clipped =
+        texture::convert_texels(onto_format_, old_raw_.data() + begin * onto_format_.texel_bytes(),
+                                format_, end - begin, old_.data() + begin * format_.texel_bytes());
+    if (stays) clipped_ += clipped;
+  }
+}
+
+std::uint64_t OntoPainter::memory_bytes(const OntoImage& onto, std::uint32_t width) {
+  const std::uint64_t rows = std::uint64_t{kRowsTogether} * width * (3 * kMostTexelBytes + 5);
+  return onto.decoder_bytes + rows + 64ULL * width + (64 << 10);
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/files/output_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+
+#include "io/files/output_leftovers.h"
+#include "pounce/error.h"
+
+// The file has no name while it is being written (O_TMPFILE), so that even a killed process leaves
+// nothing behind. It gets a hidden name beside its final one only to be renamed over it: linkat()
+// cannot replace. Where there are no nameless files it has the hidden name from the start. It is
+// locked (flock) as long as it is open: an unlocked one was left by a process that died, and the
+// next job with the same output removes it.
+namespace pounce::io {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr int kMostLinks = 40;  // as the kernel
+constexpr int kMostTries = 100;
+
+std::string folder_of(const fs::path& path) {
+  return path.has_parent_path() ? path.parent_path().string() : ".";
+}
+
+}  // namespace
+
+std::string output_place(const std::string& given) {
+  fs::path path = given;
+  for (int link = 0; link < kMostLinks; ++link) {
+    std::error_code none;
+    const fs::path to = fs::read_symlink(path, none);
+    if (none) return path.string();
+    path = to.is_absolute() ? to : path.parent_path() / to;
+    if (path.string().starts_with("/proc/")) return {};
+  }
+  return {};
+}
+
+OutputFile::OutputFile(const std::string& path)
+    : path_(path), target_(output_place(path)), folder_(folder_of(target_)), folders_(folder_) {
+  if (target_.empty()) fail("it is a link that leads to no file");
+  struct stat there {};
+  if (::stat(path_.c_str(), &there) == 0) {
+    if (!S_ISREG(there.st_mode)) fail("there is something of that name that is not a file");
+    replaced_ = there;
+  }
+  check_folder();
+  name_ = fs::path(target_).filename().string();
+  remove_leftovers(folder_, name_, replaced_ ? there.st_uid : ::geteuid());
+  // Until it has the mode of what it replaces nobody else may look into it.
+  const mode_t mode = replaced_ ? 0600 : 0666;
+  if (::access("/proc/self/fd", X_OK) == 0) {
+    descriptor_ = ::open(folder_.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, mode);
+    nameless_ = descriptor_ >= 0;
+    if (nameless_) ::flock(descriptor_, LOCK_EX | LOCK_NB);  // it has no name: nobody else can
+  }
+  if (descriptor_ < 0) open_named(mode);
+  stream_ = ::fopencookie(this, "w", {nullptr, write_piece, seek, nullptr});
+  if (stream_ == nullptr) {
+    ::close(descriptor_);
+    if (has_temporary_) ::unlink(temporary_.c_str());
+    fail("no stream");
+  }
+  std::setvbuf(stream_, nullptr, _IOFBF, 256 << 10);
+}
+
+/// A job that failed removes the folders that it made and that are empty, as this one's are until
+/// its file has a name.
+bool OutputFile::folder_is_back(int& tries) {
+  if (errno != ENOENT || ++tries > kMostTries) return false;
+  folders_.make(folder_);
+  return true;
+}
+
+void OutputFile::check_folder() {
+  struct stat status {};
+  for (int tries = 0; ::stat(folder_.c_str(), &status) != 0;) {
+    if (!folder_is_back(tries)) fail(fmt::format("{}: {}", folder_, std::strerror(errno)));
+  }
+  if (!S_ISDIR(status.st_mode)) fail(fmt::format("{} is not a folder", folder_));
+}
+
+void OutputFile::next_temporary() {
+  static std::atomic<unsigned> counter{0};
+  temporary_ =
+      (fs::path(folder_) / fmt::format(".{}.{}-{}.tmp", name_, ::getpid(), counter++)).string();
+}
+
+void OutputFile::open_named(mode_t mode) {
+  for (int tries = 0;;) {
+    next_temporary();
+    descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, mode);
+    if (descriptor_ < 0 && errno == EEXIST) continue;  // a process of our number elsewhere
+    if (descriptor_ < 0 && folder_is_back(tries)) continue;
+    if (descriptor_ < 0) fail(std::strerror(errno));
+    // Before it is locked another job may take it for a leftover.
+    struct stat named {};
+    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+      ::close(descriptor_);
+      continue;
+    }
+    if (::lstat(temporary_.c_str(), &named) == 0) break;
+    ::close(descriptor_);
+  }
+  has_temporary_ = true;
+}
+
+void OutputFile::give_temporary_name() {
+  const std::string self = fmt::format("/proc/self/fd/{}", descriptor_);
+  for (int tries = 0; !has_temporary_;) {
+    next_temporary();
+    has_temporary_ =
+        ::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, temporary_.c_str(), AT_SYMLINK_FOLLOW) == 0;
+    if (!has_temporary_ && errno != EEXIST && !folder_is_back(tries)) fail(std::strerror(errno));
+  }
+}
+
+/// A file that is replaced keeps its permissions, and its owner as far as that is allowed. They are
+/// given last: what a killed process leaves is then its user's own, who may remove it.
+void OutputFile::keep_mode() const {
+  if (!replaced_) return;
+  const struct stat& old = *replaced_;
+  mode_t mode = old.st_mode & 07777;
+  struct stat own {};
+  if (::fstat(descriptor_, &own) != 0) return;
+  if ((own.st_uid != old.st_uid || own.st_gid != old.st_gid) &&
+      ::fchown(descriptor_, old.st_uid, old.st_gid) != 0) {
+    if (::fchown(descriptor_, static_cast<uid_t>(-1), old.st_gid) != 0) mode &= ~02070U;
+    mode &= ~04000U;
+  }
+  (void)!::fchmod(descriptor_, mode);
+}
+
+OutputFile::~OutputFile() {
+  if (stream_ != nullptr) std::fclose(stream_);
+  if (descriptor_ >= 0) ::close(descriptor_);
+  if (has_temporary_) ::unlink(temporary_.c_str());
+}
+
+long OutputFile::write_piece(void* opaque, const char* bytes, std::size_t count) {
+  auto& self = *static_cast<OutputFile*>(opaque);
+  // A failure is kept for check() and never shown to the encoder: libjpeg ends the process on one.
+  for (std::size_t done = 0; done < count && self.failure_ == 0;) {
+    const ssize_t put =
+        ::pwrite(self.descriptor_, bytes + done, count - done,
+                 static_cast<off_t>(self.position_ + static_cast<std::int64_t>(done)));
+    if (put > 0) {
+      done += static_cast<std::size_t>(put);
+    } else if (put == 0 || errno != EINTR) {
+      self.failure_ = put == 0 ? EIO : errno;
+    }
+  }
+  self.position_ += static_cast<std::int64_t>(count);
+  return static_cast<long>(count);
+}
+
+int OutputFile::seek(void* opaque, std::int64_t* offset, int whence) {
+  auto& self = *static_cast<OutputFile*>(opaque);
+  std::int64_t base = 0;
+  if (whence == SEEK_CUR) base = self.position_;
+  if (whence == SEEK_END) base = ::lseek(self.descriptor_, 0, SEEK_END);
+  if (base + *offset < 0) {
+    errno = EINVAL;
+    return -1;
+  }
+  self.position_ = *offset = base + *offset;
+  return 0;
+}
+
+std::uint64_t OutputFile::size_bytes() {
+  std::fflush(stream_);
+  struct stat status {};
+  return ::fstat(descriptor_, &status) == 0 ? static_cast<std::uint64_t>(status.st_size) : 0;
+}
+
+std::size_t OutputFile::read_back(std::int64_t offset, void* out, std::size_t count) noexcept {
+  std::fflush(stream_);
+  const ssize_t got = ::pread(descriptor_, out, count, static_cast<off_t>(offset));
+  return got < 0 ? 0 : static_cast<std::size_t>(got);
+}
+
+void OutputFile::check() const {
+  if (failure_ != 0) fail(std::strerror(failure_));
+}
+
+void OutputFile::commit() {
+  FILE* const stream = stream_;
+  stream_ = nullptr;
+  const bool flushed = std::fclose(stream) == 0;
+  check();
+  if (!flushed || ::fsync(descriptor_) != 0) fail(std::strerror(errno));
+  if (nameless_) give_temporary_name();
+  keep_mode();
+  if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail(std::strerror(errno));
+  has_temporary_ = false;
+  const int folder = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const bool synced = folder >= 0 && ::fsync(folder) == 0;
+  const int reason = errno;
+  if (folder >= 0) ::close(folder);
+  // Some network file systems cannot sync a folder; the file itself is safe.
+  if (!synced && reason != EINVAL && reason != EACCES) fail(std::strerror(reason));
+}
+
+void OutputFile::fail(const std::string& what) const {
+  throw Error(ErrorKind::storage, fmt::format("cannot write {}: {}", path_, what));
+}
+
+}  // namespace pounce::io

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <sys/stat.h>
+
+#include <cstdint>
+#include <cstdio>
+#include <optional>
+#include <string>
+
+#include "io/files/new_folders.h"
+
+namespace pounce::io {
+
+/// What `path` stands for once its links are followed; the last one may lead to nothing yet. Empty:
+/// they lead in a circle, or into /proc, where a name is no name of a file. OutputFile makes its
+/// file in that folder.
+std::string output_place(const std::string& path);
+
+/// A file that appears under its name whole or not at all, for libraries that write and seek
+/// through a C stream. Folders that are missing are made. A symbolic link stays and what it leads
+/// to is replaced; a file that is replaced hands on its permissions. Throws Error(storage) with
+/// path and reason. Not thread-safe.
+class OutputFile {
+ public:
+  explicit OutputFile(const std::string& path);
+  ~OutputFile();
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+
+  FILE* stream() { return stream_; }
+  /// Bytes written so far, those in the stream's buffer included.
+  std::uint64_t size_bytes();
+  /// Up to `count` of the bytes written so far, from `offset`.
+  std::size_t read_back(std::int64_t offset, void* out, std::size_t count) noexcept;
+  /// Throws if any write so far did not reach the file.
+  void check() const;
+  /// Flushes, fsyncs, gives the file its name, fsyncs the folder. Nobody may use the stream
+  /// afterwards.
+  void commit();
+  /// Throws Error(storage): "cannot write <path>: <what>".
+  [[noreturn]] void fail(const std::string& what) const;
+
+ private:
+  static long write_piece(void* self, const char* bytes, std::size_t count);
+  static int seek(void* self, std::int64_t* offset, int whence);
+
+  void check_folder();
+  bool folder_is_back(int& tries);
+  void next_temporary();
+  void open_named(mode_t mode);
+  void give_temporary_name();
+  void keep_mode() const;
+
+  std::string path_, target_;  ///< as given; what it stands for once links are followed
+  std::string folder_, name_;  ///< of target_
+  NewFolders folders_;
+  std::optional<struct stat> replaced_;  ///< the file of that name, if there is one
+  std::string temporary_;
+  bool nameless_ = false;
+  bool has_temporary_ = false;
+  int descriptor_ = -1;
+  FILE* stream_ = nullptr;
+  std::int64_t position_ = 0;
+  int failure_ = 0;  ///< errno of the first write that failed
+};
+
+}  // namespace pounce::io

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <tiny_gltf.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "io/gltf/file.h"
+
+namespace pounce::io {
+
+/// Reads the elements of accessors, whatever their component type, stride, normalisation and sparse
+/// part; one without a buffer view is all zeros. Bytes come from the file in pieces of about 1 MiB.
+/// `place` names the user of the accessor in messages ("mesh 0 \"Head\" primitive 1 POSITION").
+class AccessorReader {
+ public:
+  AccessorReader(const GltfFile& file, const tinygltf::Model& model) : file_(file), model_(model) {}
+
+  const tinygltf::Accessor& accessor(int index) const { return model_.accessors.at(idx(index)); }
+  std::uint64_t count(int index) const { return accessor(index).count; }
+
+  /// Throws Error(input) if an accessor without bytes (all zeros) claims more than `most` elements:
+  /// where nothing else bounds them, this stands between a tiny file and a huge allocation.
+  void check_unbacked(int index, std::uint64_t most, const std::string& place) const;
+
+  /// Fills out[0 .. count * components) with real numbers; normalised integers become 0..1 or
+  /// -1..1. Throws Error(input) for NaN and infinity unless `any_value`.
+  void read_floats(int index, float* out, const std::string& place, bool any_value = false) const;
+  /// The same for unsigned integers (indices, joints).
+  void read_whole(int index, std::uint32_t* out, const std::string& place) const;
+
+  [[noreturn]] void fail(int index, const std::string& place, const std::string& what) const;
+
+ private:
+  static std::size_t idx(int index) { return static_cast<std::size_t>(index); }
+  template <class Out>
+  void read(int index, Out* out, const std::string& place) const;
+  template <class Out>
+  void read_sparse(const tinygltf::Accessor& accessor, int index, Out* out,
+                   const std::string& place) const;
+
+  const GltfFile& file_;
+  const tinygltf::Model& model_;
+};
+
+}  // namespace pounce::io

@@ -1,0 +1,315 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/gltf/file.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <filesystem>
+#include <stdexcept>
+
+#include "io/gltf/validate.h"
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+constexpr std::uint32_t kGlbMagic = 0x46546C67;   // "glTF"
+constexpr std::uint32_t kJsonChunk = 0x4E4F534A;  // "JSON"
+constexpr std::uint32_t kBinChunk = 0x004E4942;   // "BIN\0"
+constexpr int kMaxJsonDepth = 64;                 // real files nest less than 20 deep
+constexpr std::size_t kMaxOtherChunks = 1000;
+
+std::uint32_t read_u32(const ReadFile& file, std::uint64_t offset) {
+  std::array<std::byte, 4> raw{};
+  file.read(offset, raw);
+  std::uint32_t value = 0;
+  std::memcpy(&value, raw.data(), 4);
+  return value;
+}
+
+std::string read_text(const ReadFile& file, std::uint64_t offset, std::uint64_t size) {
+  std::string text(size, '\0');
+  file.read(offset, std::as_writable_bytes(std::span(text)));
+  return text;
+}
+
+int hex_digit(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+std::string percent_decoded(const std::string& uri) {
+  std::string out;
+  out.reserve(uri.size());
+  for (std::size_t i = 0; i < uri.size(); ++i) {
+    const int hi = uri[i] == '%' && i + 2 < uri.size() ? hex_digit(uri[i + 1]) : -1;
+    const int lo = hi >= 0 ? hex_digit(uri[i + 2]) : -1;
+    if (lo >= 0 && hi * 16 + lo != 0) {
+      out.push_back(static_cast<char>(hi * 16 + lo));
+      i += 2;
+    } else {
+      out.push_back(uri[i]);
+    }
+  }
+  return out;
+}
+
+std::array<std::int8_t, 256> make_base64_table() {
+  std::array<std::int8_t, 256> table{};
+  table.fill(-1);
+  const std::string_view letters =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  for (std::size_t i = 0; i < letters.size(); ++i) {
+    table[static_cast<unsigned char>(letters[i])] = static_cast<std::int8_t>(i);
+  }
+  return table;
+}
+
+std::vector<std::byte> decode_base64(std::string_view text) {
+  static const std::array<std::int8_t, 256> table = make_base64_table();
+  while (!text.empty() && text.back() == '=') text.remove_suffix(1);
+  if (text.size() % 4 == 1) throw std::invalid_argument("base64 text of impossible length");
+  std::vector<std::byte> bytes;
+  bytes.reserve(text.size() / 4 * 3 + 2);
+  std::uint32_t bits = 0;
+  int bit_count = 0;
+  for (const char c : text) {
+    const int value = table[static_cast<unsigned char>(c)];
+    if (value < 0) throw std::invalid_argument("a character that is not base64");
+    bits = ((bits << 6) | static_cast<std::uint32_t>(value)) & 0xFFFFFF;
+    bit_count += 6;
+    if (bit_count >= 8) {
+      bit_count -= 8;
+      bytes.push_back(static_cast<std::byte>((bits >> bit_count) & 0xFF));
+    }
+  }
+  return bytes;
+}
+
+/// Surely there; what cannot be looked at is not.
+bool is_there(const std::string& path) {
+  std::error_code ignored;
+  return std::filesystem::exists(path, ignored);
+}
+
+/// Surely not there; opening what cannot be looked at says why.
+bool is_missing(const std::string& path) {
+  std::error_code ignored;
+  return std::filesystem::status(path, ignored).type() == std::filesystem::file_type::not_found;
+}
+
+/// A problem may be that of any number of images.
+std::string shown_uri(const std::string& uri) {
+  constexpr std::size_t kMost = 200;
+  return uri.size() <= kMost ? uri : uri.substr(0, kMost) + "...";
+}
+
+}  // namespace
+
+DataUri decode_data_uri(std::string_view uri) {
+  const std::size_t comma = uri.find(',');
+  if (comma == std::string_view::npos) throw std::invalid_argument("a data URI without a comma");
+  std::string_view head = uri.substr(5, comma - 5);
+  constexpr std::string_view kBase64 = ";base64";
+  if (!head.ends_with(kBase64)) throw std::invalid_argument("a data URI that is not base64");
+  head.remove_suffix(kBase64.size());
+  return {std::string(head.substr(0, head.find(';'))), decode_base64(uri.substr(comma + 1))};
+}
+
+JsonSize gltf_json_size(const std::string& path) {
+  const auto file = posix_file_system().open(path);
+  const std::uint64_t size = file->size_bytes();
+  if (size < 20 || read_u32(*file, 0) != kGlbMagic) return json_size(*file, 0, size);
+  return json_size(*file, 20, std::min<std::uint64_t>(read_u32(*file, 12), size - 20));
+}
+
+bool GltfFile::is_data_uri(std::string_view uri) { return uri.starts_with("data:"); }
+
+std::string GltfFile::resolve(const std::string& uri) const {
+  const std::size_t scheme = uri.find("://");
+  if (scheme != std::string::npos || uri.empty()) return {};
+  const std::filesystem::path folder = std::filesystem::path(path_).parent_path();
+  const std::string decoded = (folder / percent_decoded(uri)).string();
+  // Some writers forget to encode a '%' that belongs to the name.
+  if (const std::string raw = (folder / uri).string();
+      raw != decoded && is_missing(decoded) && is_there(raw)) {
+    return raw;
+  }
+  return decoded;
+}
+
+GltfFile::GltfFile(const std::string& path, bool allow_external)
+    : path_(path), folder_(path, allow_external) {
+  const std::shared_ptr<ReadFile> file = posix_file_system().open(path);
+  find_chunks(*file);
+  // tinygltf and nlohmann's writer recurse, and the parser's own callback for this is quadratic.
+  if (json_size(*file, json_offset_, json_text_bytes_).depth > kMaxJsonDepth) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: JSON nested deeper than {} levels; this is no sensible glTF file",
+                            path_, kMaxJsonDepth));
+  }
+  parse(read_text(*file, json_offset_, json_text_bytes_));
+  for (const auto& extension : check_gltf(path_, document_)) warnings_.push_back(extension);
+  if (const auto it = document_.find("buffers"); it != document_.end()) {
+    buffers_.resize(it->size());
+    for (std::size_t i = 0; i < it->size(); ++i) open_buffer(i, (*it)[i]);
+  }
+  if (const auto it = document_.find("images"); it != document_.end()) {
+    for (const auto& image : *it) {
+      const auto uri = image.find("uri");
+      if (uri == image.end() || !is_data_uri(uri->get_ref<const std::string&>())) continue;
+      image_text_bytes_ += uri->get_ref<const std::string&>().size();
+    }
+    json_bytes_ -= image_text_bytes_;
+  }
+}
+
+void GltfFile::find_chunks(const ReadFile& file) {
+  const std::uint64_t file_bytes = file.size_bytes();
+  const auto fail = [&](const std::string& what) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: {}; the file is damaged, export it again", path_, what));
+  };
+  if (file_bytes < 4 || read_u32(file, 0) != kGlbMagic) {
+    json_text_bytes_ = file_bytes;
+    return;
+  }
+
+  if (file_bytes < 20) fail("a GLB header that is cut off");
+  if (const std::uint32_t version = read_u32(file, 4); version != 2) {
+    throw Error(ErrorKind::input, fmt::format("{}: GLB version {}, but only version 2 is read; "
+                                              "export the model as glTF 2.0",
+                                              path_, version));
+  }
+  const std::uint64_t length = read_u32(file, 8);
+  if (length > file_bytes) {
+    fail(fmt::format("the GLB header says {} bytes, the file has {}", length, file_bytes));
+  }
+  std::uint64_t offset = 12;
+  for (std::size_t chunk = 0; offset < length; ++chunk) {
+    if (length - offset < 8) fail(fmt::format("the header of GLB chunk {} is cut off", chunk));
+    const std::uint64_t chunk_bytes = read_u32(file, offset);
+    const std::uint32_t type = read_u32(file, offset + 4);
+    offset += 8;
+    if (chunk_bytes > length - offset) fail(fmt::format("GLB chunk {} is cut off", chunk));
+    if ((chunk == 0) != (type == kJsonChunk))
+      fail("the first GLB chunk, and only it, must be JSON");
+    if (chunk == 0) {
+      json_offset_ = offset;
+      json_text_bytes_ = chunk_bytes;
+    } else if (type != kBinChunk) {
+      if (other_chunks_.size() == kMaxOtherChunks) {
+        fail(fmt::format("more than {} GLB chunks of unknown meaning", kMaxOtherChunks));
+      }
+      other_chunks_.push_back({type, offset, chunk_bytes});
+    }
+    if (type == kBinChunk) {
+      if (has_bin_chunk_) fail("two BIN chunks");
+      has_bin_chunk_ = true;
+      bin_offset_ = offset;
+      bin_bytes_ = chunk_bytes;
+    }
+    offset += chunk_bytes;
+  }
+}
+
+std::string GltfFile::json_text() const {
+  std::string text = read_text(*posix_file_system().open(path_), json_offset_, json_text_bytes_);
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
+  return text;
+}
+
+void GltfFile::parse(const std::string& text) {
+  try {
+    document_ = nlohmann::json::parse(text);
+  } catch (const nlohmann::json::exception& e) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: no valid JSON ({}); the file is damaged, export it again", path_,
+                            e.what()));
+  }
+  json_bytes_ = text.size();
+}
+
+void GltfFile::open_buffer(std::size_t index, nlohmann::json& buffer) {
+  GltfBuffer& out = buffers_[index];
+  out.size_bytes = buffer.at("byteLength").get<std::uint64_t>();
+  std::uint64_t available = 0;
+  if (const auto uri_it = buffer.find("uri"); uri_it == buffer.end()) {
+    if (index != 0 || !has_bin_chunk_) {
+      out.problem = "has neither a uri nor a BIN chunk";
+      return;
+    }
+    out.path = path_;
+    out.offset_bytes = bin_offset_;
+    available = bin_bytes_;
+  } else if (const auto& uri = uri_it->get_ref<std::string&>(); is_data_uri(uri)) {
+    try {
+      out.bytes = std::make_shared<const std::vector<std::byte>>(decode_data_uri(uri).bytes);
+    } catch (const std::invalid_argument& e) {
+      out.problem = fmt::format("has {}", e.what());
+      return;
+    }
+    available = out.bytes->size();
+    inline_bytes_ += available;
+    json_bytes_ -= uri.size();
+    uri_it->get_ref<std::string&>() = "data:";  // the text is not needed again
+  } else {
+    out.path = resolve(uri);
+    if (out.path.empty() || is_missing(out.path)) {
+      out.problem = fmt::format("is the file \"{}\", which is not there", shown_uri(uri));
+      return;
+    }
+    if (!may_read(out.path)) {
+      out.problem = fmt::format("is the file \"{}\", which {}", shown_uri(uri), kOutsideProblem);
+      return;
+    }
+  }
+  if (!out.path.empty()) {
+    try {
+      out.file = posix_file_system().open(out.path);
+    } catch (const Error& e) {
+      out.problem = fmt::format("cannot be read ({})", e.what());
+      out.refused = e.kind() == ErrorKind::storage;
+      return;
+    }
+    if (out.path != path_) available = out.file->size_bytes();
+  }
+  if (out.size_bytes > available) {
+    out.problem = fmt::format("should hold {} bytes, but there are {}", out.size_bytes, available);
+  }
+}
+
+void GltfFile::read_view(std::size_t view, std::uint64_t offset, std::span<std::byte> out) const {
+  const nlohmann::json& json = document_.at("bufferViews").at(view);
+  const auto index = json.at("buffer").get<std::size_t>();
+  const GltfBuffer& buffer = buffers_.at(index);
+  if (buffer.refused) {
+    throw Error(ErrorKind::storage, fmt::format("{}: buffer {} {}", path_, index, buffer.problem));
+  }
+  if (!buffer.problem.empty()) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: buffer {} {}; put the missing data back or export the model again",
+                            path_, index, buffer.problem));
+  }
+  const std::uint64_t start = json.value("byteOffset", std::uint64_t{0}) + offset;
+  if (buffer.bytes != nullptr) {
+    std::memcpy(out.data(), buffer.bytes->data() + start, out.size());
+  } else {
+    buffer.file->read(buffer.offset_bytes + start, out);
+  }
+}
+
+std::uint64_t GltfFile::total_buffer_bytes() const {
+  std::uint64_t total = 0;
+  for (const GltfBuffer& buffer : buffers_) {
+    if (buffer.problem.empty()) total += buffer.size_bytes;
+  }
+  return total;
+}
+
+}  // namespace pounce::io

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/image/channels.h"
+
+#include <algorithm>
+#include <map>
+#include <string_view>
+
+namespace pounce::io {
+namespace {
+
+/// "diffuse.R" is R of the layer "diffuse".
+struct Name {
+  std::string layer, channel;
+};
+
+Name parsed(const std::string& name) {
+  const std::size_t dot = name.rfind('.');
+  Name out =
+      dot == std::string::npos ? Name{"", name} : Name{name.substr(0, dot), name.substr(dot + 1)};
+  for (char& c : out.channel) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c + 32);
+  }
+  if (out.channel == "red" || out.channel == "green" || out.channel == "blue" ||
+      out.channel == "alpha") {
+    out.channel.resize(1);
+  }
+  return out;
+}
+
+using Layers = std::map<std::string, std::map<std::string, int>>;  // layer -> channel -> place
+
+/// The places of R, G, B or Y in a layer; empty if it has none of these.
+std::vector<int> colours_of(const std::map<std::string, int>& layer) {
+  for (const std::vector<std::string>& wanted :
+       {std::vector<std::string>{"r", "g", "b"}, std::vector<std::string>{"y"}}) {
+    std::vector<int> places;
+    for (const std::string& channel : wanted) {
+      if (const auto at = layer.find(channel); at != layer.end()) places.push_back(at->second);
+    }
+    if (places.size() == wanted.size()) return places;
+  }
+  return {};
+}
+
+/// The layer whose colours are taken: that without a name, or the only one that has colours.
+const std::map<std::string, int>* colour_layer(const Layers& layers) {
+  const std::map<std::string, int>* found = nullptr;
+  for (const auto& [name, layer] : layers) {
+    if (colours_of(layer).empty()) continue;
+    if (name.empty()) return &layer;
+    if (found != nullptr) return nullptr;
+    found = &layer;
+  }
+  return found;
+}
+
+}  // namespace
+
+ChosenChannels choose_channels(const std::vector<std::string>& names, int alpha) {
+  ChosenChannels chosen;
+  Layers layers;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const Name name = parsed(names[i]);
+    layers[name.layer].try_emplace(name.channel, static_cast<int>(i));
+  }
+  if (const auto* layer = colour_layer(layers)) {
+    chosen.places = colours_of(*layer);
+    const auto named = layer->find("a");
+    const int own = named != layer->end() ? named->second : layers.size() == 1 ? alpha : -1;
+    if (own >= 0 && alpha >= 0) {
+      chosen.places.push_back(own);
+      chosen.has_alpha = true;
+    }
+  }
+  if (!chosen.has_alpha && names.size() <= kMostChannels) {
+    // Whatever there is, in the file's order; alpha that is not the last is data like the others.
+    chosen.places.clear();
+    for (int i = 0; i < static_cast<int>(names.size()); ++i) chosen.places.push_back(i);
+    chosen.has_alpha = names.size() > 1 && alpha == static_cast<int>(names.size()) - 1 &&
+                       parsed(names.back()).layer == parsed(names.front()).layer;
+  }
+  for (const int place : chosen.places)
+    chosen.names.push_back(names[static_cast<std::size_t>(place)]);
+  if (chosen.places.empty()) return chosen;
+  for (int i = 0; i < static_cast<int>(names.size()); ++i) {
+    if (std::find(chosen.places.begin(), chosen.places.end(), i) == chosen.places.end())
+      chosen.left_out.push_back(names[static_cast<std::size_t>(i)]);
+  }
+  return chosen;
+}
+
+std::vector<std::string> usual_names(std::uint32_t channels, bool has_alpha) {
+  const std::uint32_t colours = channels - (has_alpha ? 1 : 0);
+  std::vector<std::string> names{"R", "G", "B", "fourth"};
+  names.resize(colours);
+  if (colours == 1) names = {"Y"};
+  if (has_alpha) names.push_back("A");
+  return names;
+}
+
+bool are_usual(const std::vector<std::string>& names, bool has_alpha) {
+  const auto usual = usual_names(static_cast<std::uint32_t>(names.size()), has_alpha);
+  return names.size() < kMostChannels + (has_alpha ? 1 : 0) &&
+         std::equal(names.begin(), names.end(), usual.begin(), usual.end(),
+                    [](const std::string& a, const std::string& b) {
+                      return parsed(a).layer.empty() && parsed(a).channel == parsed(b).channel;
+                    });
+}
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string out;
+  for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
+  return out;
+}
+
+}  // namespace pounce::io

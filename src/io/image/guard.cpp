@@ -1,0 +1,454 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/image/guard.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <iterator>
+#include <string_view>
+#include <vector>
+
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+/// The largest header of an EXR, preview and manifests included. OpenEXR keeps it whole, twice.
+constexpr std::uint64_t kMostExrHeaderBytes = 8 << 20;
+/// The largest field of a TIFF that makes pixels, but for the places of its strips or tiles.
+constexpr std::uint64_t kMostTiffFieldBytes = 1 << 20;
+constexpr std::uint64_t kMostTiffFields = 4096;  // as libtiff
+/// libtiff keeps 16 bytes for each strip or tile, and twice that while it reads the lists: no
+/// budget knows of it. 65536 x 65536 in tiles of 64 x 64 are as many.
+constexpr std::uint64_t kMostTiffParts = 1 << 20;
+/// Pictures are in one or a few pieces; what is cut into more was made to be.
+constexpr std::size_t kMostPieces = 256;
+constexpr std::uint64_t kLargestSide = 65536;
+
+/// Reads numbers from anywhere in a source through a small window.
+class Cursor {
+ public:
+  Cursor(ByteSource& bytes, std::string_view what, bool big_endian)
+      : bytes_(bytes), what_(what), big_endian_(big_endian) {}
+
+  [[noreturn]] void refuse(const std::string& why) const {
+    throw Error(ErrorKind::input, fmt::format("{}: {}", bytes_.label(), why));
+  }
+
+  std::uint8_t u8(std::uint64_t at) {
+    if (at < first_ || at - first_ >= count_) {
+      first_ = at;
+      count_ = bytes_.read_at(at, window_.data(), window_.size());
+      bytes_.check();
+      if (count_ == 0) {
+        refuse(fmt::format("the {} is cut off: it has {} bytes and goes on", what_,
+                           bytes_.size_bytes()));
+      }
+    }
+    return static_cast<std::uint8_t>(window_[at - first_]);
+  }
+  std::uint64_t number(std::uint64_t at, std::size_t size) {
+    std::uint64_t value = 0;
+    for (std::size_t i = 0; i < size; ++i)
+      value |= std::uint64_t{u8(at + i)} << 8 * (big_endian_ ? size - 1 - i : i);
+    return value;
+  }
+  std::uint16_t u16(std::uint64_t at) { return static_cast<std::uint16_t>(number(at, 2)); }
+  std::uint32_t u32(std::uint64_t at) { return static_cast<std::uint32_t>(number(at, 4)); }
+  std::uint64_t size() const { return bytes_.size_bytes(); }
+  ByteSource& bytes() { return bytes_; }
+
+ private:
+  ByteSource& bytes_;
+  std::string_view what_;
+  bool big_endian_;
+  std::array<std::byte, 4096> window_;
+  std::uint64_t first_ = 0;
+  std::size_t count_ = 0;
+};
+
+/// The pieces of a source that are kept.
+class Kept {
+ public:
+  explicit Kept(Cursor& from) : from_(from) {}
+
+  void add(std::uint64_t begin, std::uint64_t end) {
+    end = std::min(end, from_.size());
+    if (begin >= end) return;
+    if (!pieces_.empty() && pieces_.back().offset_bytes + pieces_.back().size_bytes == begin) {
+      pieces_.back().size_bytes += end - begin;
+      return;
+    }
+    if (pieces_.size() == kMostPieces)
+      from_.refuse("its picture is in too many pieces, between which there is something else");
+    pieces_.push_back({begin, end - begin, {}});
+  }
+
+  void show() {
+    if (pieces_.size() > 1 || (pieces_.size() == 1 && pieces_[0].size_bytes < from_.size()))
+      from_.bytes().show_only(std::move(pieces_));
+  }
+
+ private:
+  Cursor& from_;
+  std::vector<ByteSource::Piece> pieces_;
+};
+
+/// Chunks of (length, type, data, checksum). Whatever is wrong with those that are kept the decoder
+/// and PngCheck say.
+void hide_in_png(ByteSource& bytes) {
+  constexpr std::array<std::string_view, 5> kPixels{"IHDR", "PLTE", "tRNS", "IDAT", "IEND"};
+  Cursor at(bytes, "PNG", true);
+  Kept kept(at);
+  std::uint64_t position = 8;
+  kept.add(0, position);
+  while (position + 8 <= at.size()) {
+    const std::uint64_t length = at.u32(position);
+    std::array<char, 4> letters;
+    for (std::size_t i = 0; i < 4; ++i) letters[i] = static_cast<char>(at.u8(position + 4 + i));
+    const std::string_view type(letters.data(), letters.size());
+    const std::uint64_t end = position + 12 + length;
+    const bool optional = (letters[0] & 0x20) != 0;
+    if (std::find(kPixels.begin(), kPixels.end(), type) != kPixels.end()) {
+      kept.add(position, end);
+    } else if (!optional) {
+      at.refuse("it has a chunk that no PNG has and that must not be skipped; the file is damaged");
+    } else if (end > at.size()) {
+      at.refuse(
+          fmt::format("a chunk beside the picture claims {} bytes, the file has {}; it is "
+                      "damaged or cut off",
+                      length, at.size()));
+    }
+    position = end;
+    if (type == "IEND") break;
+  }
+  kept.add(position, at.size());  // what is too short for a chunk: the decoder finds it cut off
+  kept.show();
+}
+
+/// Does this begin with that text?
+bool begins_with(Cursor& at, std::uint64_t begin, std::uint64_t end, std::string_view text) {
+  if (end < begin + text.size()) return false;
+  return std::all_of(text.begin(), text.end(),
+                     [&](char c) { return static_cast<char>(at.u8(begin++)) == c; });
+}
+
+/// Segments of (marker, length, data) up to the first scan; JFIF's and Adobe's stay, all of them,
+/// which say how colours are coded. Others may use their markers, too.
+void hide_in_jpeg(ByteSource& bytes) {
+  using namespace std::string_view_literals;
+  constexpr std::uint8_t kJfif = 0xE0, kAdobe = 0xEE, kComment = 0xFE, kScan = 0xDA, kEnd = 0xD9;
+  Cursor at(bytes, "JPEG", true);
+  Kept kept(at);
+  std::uint64_t position = 2;
+  kept.add(0, position);
+  for (;;) {
+    const std::uint64_t begin = position;
+    if (at.u8(position++) != 0xFF) return;  // damaged: read_jpeg_header() says where
+    std::uint8_t marker = at.u8(position++);
+    while (marker == 0xFF) marker = at.u8(position++);
+    if (marker == kScan || marker == kEnd) {
+      kept.add(begin, at.size());
+      return kept.show();
+    }
+    const bool alone = marker <= 0x01 || (marker >= 0xD0 && marker <= 0xD8);
+    const std::uint64_t data = position + 2;
+    if (!alone) position += std::max<std::uint16_t>(2, at.u16(position));
+    const bool about = (marker >= 0xE0 && marker <= 0xEF) || marker == kComment;
+    const bool of_colour = (marker == kJfif && begins_with(at, data, position, "JFIF\0"sv)) ||
+                           (marker == kAdobe && begins_with(at, data, position, "Adobe"sv));
+    if (!about || of_colour) kept.add(begin, position);
+  }
+}
+
+/// Chunks of (type, length, data), padded to even lengths. What the header says of those that are
+/// hidden goes, too.
+void hide_in_webp(ByteSource& bytes) {
+  constexpr std::array<std::string_view, 3> kAbout{"ICCP", "EXIF", "XMP "};
+  constexpr std::uint8_t kAboutFlags = 0x20 | 0x08 | 0x04;
+  Cursor at(bytes, "WebP", false);
+  std::vector<ByteSource::Piece> pieces;
+  std::uint64_t kept = 4;  // behind the length: "WEBP"
+  bool hides = false;
+  for (std::uint64_t position = 12; position + 8 <= at.size();) {
+    const std::uint64_t end =
+        std::min(position + 8 + (std::uint64_t{at.u32(position + 4)} + 1) / 2 * 2, at.size());
+    std::vector<std::byte> chunk;
+    std::array<char, 4> letters;
+    for (std::size_t i = 0; i < 4; ++i) letters[i] = static_cast<char>(at.u8(position + i));
+    const std::string_view type(letters.data(), letters.size());
+    if (type == "VP8X" && end - position == 18) {
+      for (std::uint64_t i = position; i < end; ++i) chunk.push_back(std::byte{at.u8(i)});
+      chunk[8] &= std::byte{static_cast<std::uint8_t>(~kAboutFlags)};
+    }
+    if (std::find(kAbout.begin(), kAbout.end(), type) != kAbout.end()) {
+      hides = true;
+    } else {
+      if (pieces.size() == kMostPieces) at.refuse("the WebP is in too many pieces");
+      pieces.push_back({position, end - position, std::move(chunk)});
+      kept += end - position;
+    }
+    position = end;
+  }
+  if (!hides || kept > UINT32_MAX) return;
+  std::vector<std::byte> head;
+  for (std::uint64_t i = 0; i < 12; ++i) {
+    const bool length = i >= 4 && i < 8;
+    head.push_back(length ? static_cast<std::byte>(kept >> 8 * (i - 4)) : std::byte{at.u8(i)});
+  }
+  pieces.insert(pieces.begin(), {0, 12, std::move(head)});
+  bytes.show_only(std::move(pieces));
+}
+
+/// A field of a TIFF's directory.
+struct TiffField {
+  std::uint16_t tag = 0, type = 0;
+  std::uint64_t count = 0;
+  std::uint64_t first = 0;                  ///< its value, if that is one number
+  std::uint64_t place = 0, size_bytes = 0;  ///< of the field itself
+  std::uint64_t data_bytes() const;
+};
+
+/// A TIFF's first directory.
+struct TiffDirectory {
+  bool big = false;  ///< 64-bit offsets
+  std::uint64_t place = 0, count_bytes = 0, end = 0;
+  std::vector<TiffField> fields;
+
+  /// The value of a field that is one number, or what stands for a missing one.
+  std::uint64_t value(std::uint16_t tag, std::uint64_t fallback) const {
+    for (const TiffField& field : fields) {
+      if (field.tag == tag && field.first > 0) return field.first;
+    }
+    return fallback;
+  }
+};
+
+bool is_big_endian(ByteSource& bytes) {
+  char first = 0;
+  return bytes.read_at(0, &first, 1) == 1 && first == 'M';
+}
+
+enum TiffTag : std::uint16_t {
+  kWidth = 256,
+  kHeight = 257,
+  kStripOffsets = 273,
+  kStripRows = 278,
+  kStripBytes = 279,
+  kTileWidth = 322,
+  kTileHeight = 323,
+  kTileOffsets = 324,
+  kTileBytes = 325,
+  kExtraSamples = 338,
+  kMatteing = 32995,
+};
+
+/// Fields that say how the samples are coded and where they are.
+bool makes_pixels(std::uint16_t tag) {
+  constexpr std::array kTags = std::to_array<std::uint16_t>(
+      {254, 255, 256, 257, 258, 259, 262, 263, 264, 265, 266, 273, 274, 277, 278,
+       279, 280, 281, 284, 292, 293, 317, 320, 321, 322, 323, 324, 325, 332, 334,
+       336, 338, 339, 347, 512, 513, 514, 519, 520, 521, 529, 530, 531, 532});
+  // SGI's alpha and depth, the Pixar and SGI codecs, LERC.
+  constexpr std::array kPrivate = std::to_array<std::uint16_t>({32995, 32996, 32997, 32998, 50674});
+  return std::binary_search(kTags.begin(), kTags.end(), tag) ||
+         std::binary_search(kPrivate.begin(), kPrivate.end(), tag);
+}
+
+std::uint64_t TiffField::data_bytes() const {
+  constexpr std::array<std::uint8_t, 19> kTypeBytes{1, 1, 1, 2, 4, 8, 1, 1, 2, 4,
+                                                    8, 4, 8, 4, 1, 1, 8, 8, 8};
+  const std::uint64_t each = type < kTypeBytes.size() ? kTypeBytes[type] : 1;
+  return count > UINT64_MAX / each ? UINT64_MAX : count * each;
+}
+
+TiffField tiff_field(Cursor& at, std::uint64_t place, bool big) {
+  TiffField field;
+  field.place = place;
+  field.size_bytes = big ? 20 : 12;
+  field.tag = at.u16(place);
+  field.type = at.u16(place + 2);
+  field.count = at.number(place + 4, big ? 8 : 4);
+  if (field.count == 1 && field.data_bytes() <= (big ? 8 : 4))
+    field.first = at.number(place + (big ? 12 : 8), static_cast<std::size_t>(field.data_bytes()));
+  return field;
+}
+
+TiffDirectory tiff_directory(Cursor& at) {
+  TiffDirectory found;
+  found.big = at.u16(2) == 43;
+  found.place = found.big ? at.number(8, 8) : at.u32(4);
+  found.count_bytes = found.big ? 8 : 2;
+  if (found.place >= at.size())
+    at.refuse("the TIFF has no directory where it should be; the file is damaged or cut off");
+  const std::uint64_t count = at.number(found.place, static_cast<std::size_t>(found.count_bytes));
+  if (count == 0 || count > kMostTiffFields)
+    at.refuse(fmt::format("the TIFF's directory claims {} fields; the file is damaged", count));
+  std::uint64_t place = found.place + found.count_bytes;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    found.fields.push_back(tiff_field(at, place, found.big));
+    place += found.fields.back().size_bytes;
+  }
+  found.end = place + (found.big ? 8 : 4);
+  return found;
+}
+
+/// libtiff makes room for as many strips or tiles as the size asks for, and for as many as are
+/// listed.
+void check_tiff_parts(Cursor& at, const TiffDirectory& directory) {
+  const std::uint64_t width = directory.value(kWidth, 1), height = directory.value(kHeight, 1);
+  if (width > kLargestSide || height > kLargestSide) {
+    at.refuse(fmt::format("the image is {} x {} texels; 1 to {} each way can be read", width,
+                          height, kLargestSide));
+  }
+  const std::uint64_t across = directory.value(kTileWidth, width);
+  const std::uint64_t down = directory.value(kTileHeight, directory.value(kStripRows, height));
+  const std::uint64_t parts = ((width - 1) / across + 1) * ((height - 1) / down + 1);
+  std::uint64_t listed = 0;
+  for (const TiffField& field : directory.fields) {
+    const bool places = field.tag == kStripOffsets || field.tag == kStripBytes ||
+                        field.tag == kTileOffsets || field.tag == kTileBytes;
+    if (places) listed = std::max(listed, field.count);
+  }
+  if (std::max(parts, listed) > kMostTiffParts) {
+    at.refuse(
+        fmt::format("the TIFF is in {} strips or tiles, of which up to {} can be read; save "
+                    "it with larger ones",
+                    std::max(parts, listed), kMostTiffParts));
+  }
+}
+
+/// The directory is shown without the fields that make no pixels, and as the only one. Everything
+/// else keeps its place.
+void hide_in_tiff(ByteSource& bytes) {
+  Cursor at(bytes, "TIFF", is_big_endian(bytes));
+  const TiffDirectory directory = tiff_directory(at);
+  check_tiff_parts(at, directory);
+  std::vector<std::byte> shown(static_cast<std::size_t>(directory.end - directory.place));
+  std::size_t end = static_cast<std::size_t>(directory.count_bytes);
+  std::uint64_t kept = 0;
+  for (const TiffField& field : directory.fields) {
+    if (!makes_pixels(field.tag)) continue;
+    const bool places = field.tag == kStripOffsets || field.tag == kStripBytes ||
+                        field.tag == kTileOffsets || field.tag == kTileBytes;
+    if (!places && field.data_bytes() > kMostTiffFieldBytes) {
+      at.refuse(fmt::format("field {} of the TIFF claims {} values; the file is damaged", field.tag,
+                            field.count));
+    }
+    for (std::uint64_t i = 0; i < field.size_bytes; ++i)
+      shown[end++] = static_cast<std::byte>(at.u8(field.place + i));
+    ++kept;
+  }
+  const std::size_t count_bytes = static_cast<std::size_t>(directory.count_bytes);
+  for (std::size_t i = 0; i < count_bytes; ++i) {
+    const std::size_t digit = is_big_endian(bytes) ? count_bytes - 1 - i : i;
+    shown[digit] = static_cast<std::byte>(kept >> 8 * i);
+  }
+  std::vector<ByteSource::Piece> pieces;
+  if (directory.place > 0) pieces.push_back({0, directory.place, {}});
+  const std::uint64_t size = shown.size();
+  pieces.push_back({directory.place, size, std::move(shown)});
+  if (directory.end < bytes.size_bytes())
+    pieces.push_back({directory.end, bytes.size_bytes() - directory.end, {}});
+  bytes.show_only(std::move(pieces));
+}
+
+/// A header of an EXR, that is of one of its parts.
+struct ExrHeader {
+  std::uint64_t end = 0;     ///< behind it
+  std::uint64_t chunks = 0;  ///< of pixels, at least
+};
+
+std::string exr_text(Cursor& at, std::uint64_t& position) {
+  constexpr std::size_t kLongest = 255;
+  std::string text;
+  while (const std::uint8_t c = at.u8(position++)) {
+    text += static_cast<char>(c);
+    if (text.size() > kLongest) at.refuse("the EXR's header is damaged: it has a name without end");
+  }
+  return text;
+}
+
+ExrHeader exr_header(Cursor& at, std::uint64_t position, std::uint64_t most_end) {
+  std::int64_t width = 0, height = 0;
+  std::uint32_t across = 0, down = 0, rows = 1;
+  for (;;) {
+    const std::string name = exr_text(at, position);
+    if (name.empty()) break;
+    exr_text(at, position);  // type
+    const std::uint32_t size = at.u32(position);
+    position += 4;
+    if (size > most_end || position + size > most_end || position + size > at.size()) {
+      at.refuse(
+          fmt::format("the attribute \"{}\" of its header claims {} bytes; headers of up to "
+                      "{} MiB can be read: remove what is not needed, or the file is damaged",
+                      name, size, kMostExrHeaderBytes >> 20));
+    }
+    if (name == "dataWindow" && size == 16) {
+      const auto side = [&](std::uint64_t low, std::uint64_t high) {
+        return std::int64_t{static_cast<std::int32_t>(at.u32(position + high))} -
+               static_cast<std::int32_t>(at.u32(position + low)) + 1;
+      };
+      width = side(0, 8);
+      height = side(4, 12);
+    } else if (name == "tiles" && size >= 8) {
+      across = at.u32(position);
+      down = at.u32(position + 4);
+    } else if (name == "compression" && size == 1) {
+      constexpr std::array<std::uint16_t, 10> kRows{1, 1, 1, 16, 32, 16, 32, 32, 32, 256};
+      const std::uint8_t kind = at.u8(position);
+      rows = kind < kRows.size() ? kRows[kind] : 1;
+    }
+    position += size;
+  }
+  if (width > static_cast<std::int64_t>(kLargestSide) ||
+      height > static_cast<std::int64_t>(kLargestSide)) {
+    at.refuse(fmt::format("the image is {} x {} texels; 1 to {} each way can be read", width,
+                          height, kLargestSide));
+  }
+  const auto parts = [](std::int64_t side, std::uint32_t part) {
+    return (static_cast<std::uint64_t>(std::max<std::int64_t>(side, 1)) - 1) / std::max(part, 1U) +
+           1;
+  };
+  return {position, across > 0 ? parts(width, across) * parts(height, down) : parts(height, rows)};
+}
+
+/// OpenEXR makes room for what an attribute claims, and for the places of all chunks.
+void check_exr(ByteSource& bytes) {
+  Cursor at(bytes, "EXR", false);
+  const bool several = (at.u32(4) & 0x1000U) != 0;
+  std::uint64_t position = 8, chunks = 0;
+  do {
+    const ExrHeader header = exr_header(at, position, kMostExrHeaderBytes);
+    position = header.end;
+    chunks += header.chunks;
+  } while (several && at.u8(position) != 0);
+  if (chunks > at.size() / 8) {
+    at.refuse(
+        fmt::format("the EXR should be in {} parts, more than a file of {} bytes can list; it "
+                    "is damaged or cut off",
+                    chunks, at.size()));
+  }
+}
+
+}  // namespace
+
+void hide_metadata(ByteSource& bytes, const std::string& format) {
+  if (format == "png") hide_in_png(bytes);
+  if (format == "jpeg") hide_in_jpeg(bytes);
+  if (format == "tiff") hide_in_tiff(bytes);
+  if (format == "webp") hide_in_webp(bytes);
+  if (format == "openexr") check_exr(bytes);
+}
+
+bool tiff_says_extra_samples(ByteSource& bytes) {
+  Cursor at(bytes, "TIFF", is_big_endian(bytes));
+  const TiffDirectory directory = tiff_directory(at);
+  return std::any_of(directory.fields.begin(), directory.fields.end(), [](const TiffField& field) {
+    return field.tag == kExtraSamples || field.tag == kMatteing;
+  });
+}
+
+}  // namespace pounce::io

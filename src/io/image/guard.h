@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "io/files/byte_source.h"
+
+namespace pounce::io {
+
+/// Hides from the decoder what is no picture, before it sees any of it: decoders keep texts,
+/// profiles and EXIF blocks whole in memory, believe the sizes they claim, and inflate them. Of a
+/// PNG, a JPEG, a WebP and a TIFF only what makes pixels is left to see; an EXR, whose parts are
+/// found by their places, is refused where its header is larger than any that is in use. Throws
+/// Error(input) naming what is too large or cut off, Error(storage) if the file cannot be read.
+void hide_metadata(ByteSource& bytes, const std::string& format);
+
+/// What the directory of a TIFF, after hide_metadata(), says about samples beyond the colours: does
+/// it say anything?
+bool tiff_says_extra_samples(ByteSource& bytes);
+
+}  // namespace pounce::io

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "io/files/byte_source.h"
+#include "pounce/options.h"
+
+namespace pounce::io {
+
+/// The name OpenImageIO has for the format of these bytes, judged by what they start with; "" if it
+/// is none that pounce reads. Only Targa, which has no signature at its start, is believed by its
+/// ending or its footer.
+std::string image_format(ByteSource& bytes, const std::string& path);
+
+/// True for an interlaced PNG: it decodes whole or not at all.
+bool is_interlaced_png(ByteSource& bytes);
+
+/// What a JPEG's markers before its first scan say. Throws Error(input) if they are damaged.
+struct JpegHeader {
+  std::uint32_t width = 0, height = 0, components = 0;
+  bool several_scans = false;           ///< progressive, or one scan per component: decodes whole
+  std::uint64_t coefficient_bytes = 0;  ///< of the whole image, as libjpeg keeps them
+};
+JpegHeader read_jpeg_header(ByteSource& bytes);
+
+/// What the headers of files say that OpenImageIO takes into memory when it opens them: WebP, PNM,
+/// BMP with run lengths.
+struct WholeHeader {
+  std::uint32_t width = 0, height = 0, channels = 0;
+  Depth depth = Depth::u8;
+  bool has_alpha = false;
+};
+bool opens_whole(ByteSource& bytes, const std::string& format);
+/// Throws Error(input) if there is none, or none that the decoder can be trusted with. Sizes are as
+/// they are claimed.
+WholeHeader read_whole_header(ByteSource& bytes, const std::string& format);
+
+}  // namespace pounce::io

@@ -1,0 +1,516 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/image/read.h"
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <new>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "io/files/byte_source.h"
+#include "io/image/guard.h"
+#include "io/image/header.h"
+#include "io/image/oiio_setup.h"
+#include "io/image/png_check.h"
+#include "io/image/sample.h"
+#include "io/image/straight_alpha.h"
+#include "pounce/error.h"
+#include "store/blocks/colour_store.h"
+
+// OpenImageIO decodes; this file gives it the bytes (a C stream over a range of a file or over
+// memory, which every format it reads here accepts, so nothing is copied whole), asks for samples
+// as stored, and does not trust its word on damaged files: its JPEG reader returns grey rows and
+// success for a file that was cut off (libjpeg's warning is only kept as an error text, which is
+// asked for after every strip), and its PNG reader never looks at the last checksum (PngCheck
+// does).
+namespace pounce::io {
+namespace {
+
+constexpr std::uint32_t kLargestSide = store::kLargestImageSide;
+/// Rows asked of a decoder in one call: of a TIFF strip that is asked for whole it would make two
+/// copies.
+constexpr std::uint32_t kMostRowsAtOnce = 64;
+
+[[noreturn]] void refuse(const std::string& label, const std::string& what) {
+  throw Error(ErrorKind::input, label + ": " + what);
+}
+
+void check_size(const std::string& label, std::int64_t width, std::int64_t height) {
+  if (width < 1 || height < 1 || width > kLargestSide || height > kLargestSide) {
+    refuse(label, fmt::format("the image is {} x {} texels; 1 to {} each way can be read", width,
+                              height, kLargestSide));
+  }
+}
+
+/// The deepest of these channels' samples.
+OIIO::TypeDesc sample_type_of(const OIIO::ImageSpec& spec, const std::vector<int>& places) {
+  OIIO::TypeDesc deepest = spec.channelformat(places.front());
+  for (const int place : places) {
+    const OIIO::TypeDesc type = spec.channelformat(place);
+    if (type.basetype != OIIO::TypeDesc::HALF) deepest = type;
+    if (type.basetype != OIIO::TypeDesc::HALF && type.basetype != OIIO::TypeDesc::FLOAT) break;
+  }
+  return deepest;
+}
+
+Depth depth_of(const std::string& label, OIIO::TypeDesc type) {
+  switch (type.basetype) {
+    case OIIO::TypeDesc::UINT8:
+      return Depth::u8;
+    case OIIO::TypeDesc::UINT16:
+      return Depth::u16;
+    case OIIO::TypeDesc::HALF:
+      return Depth::half;
+    case OIIO::TypeDesc::FLOAT:
+      return Depth::float32;
+    default:
+      refuse(label,
+             fmt::format(
+                 "its samples are of type {}; convert it to 8 or 16 bit integers, half or float",
+                 type.c_str()));
+  }
+}
+
+/// The channels of the file that make the image.
+ChosenChannels channels_of(ByteSource& bytes, const std::string& format,
+                           const OIIO::ImageSpec& spec) {
+  // OpenImageIO takes a fourth sample for alpha even if the TIFF says nothing of it.
+  const bool guessed = format == "tiff" && !tiff_says_extra_samples(bytes);
+  std::vector<std::string> names = spec.channelnames;
+  if (guessed && spec.alpha_channel >= 0)
+    names[static_cast<std::size_t>(spec.alpha_channel)] =
+        fmt::format("channel{}", spec.alpha_channel);
+  ChosenChannels chosen = choose_channels(names, guessed ? -1 : spec.alpha_channel);
+  if (!chosen.places.empty()) return chosen;
+  refuse(bytes.label(),
+         fmt::format("it has {} channels ({}) and not one set of R, G, B or Y among them; "
+                     "save those that are wanted, 4 at most, in a file of their own",
+                     spec.nchannels, joined(spec.channelnames)));
+}
+
+std::optional<Chromaticities> chromaticities_of(const OIIO::ImageSpec& spec) {
+  const OIIO::ParamValue* found = spec.find_attribute("chromaticities");
+  if (found == nullptr || found->type().basetype != OIIO::TypeDesc::FLOAT ||
+      found->type().basevalues() * static_cast<std::size_t>(found->nvalues()) != 8) {
+    return std::nullopt;
+  }
+  Chromaticities out;
+  std::memcpy(out.data(), found->data(), sizeof out);
+  return out;
+}
+
+/// The stream for libjpeg, which asks for a FILE, and for everybody else. IOFile's own pread() and
+/// size() want a file descriptor, which a stream over a part of a file has not.
+class SourceProxy : public OIIO::Filesystem::IOFile {
+ public:
+  SourceProxy(ByteSource& bytes, FILE* stream) : IOFile(stream, Read), bytes_(bytes) {}
+  std::size_t pread(void* out, std::size_t count, std::int64_t offset) override {
+    return offset < 0 ? 0 : bytes_.read_at(static_cast<std::uint64_t>(offset), out, count);
+  }
+  std::size_t size() const override { return static_cast<std::size_t>(bytes_.size_bytes()); }
+
+ private:
+  ByteSource& bytes_;
+};
+
+/// libjpeg holds a few rows of blocks per component.
+std::uint64_t jpeg_row_cost(std::uint64_t width) { return (1U << 20) + width * 3 * 64; }
+
+/// Rows that an EXR file compresses together.
+int exr_block_rows(const std::string& compression) {
+  if (compression.starts_with("dwab")) return 256;
+  if (compression == "piz" || compression.starts_with("dwaa") || compression.starts_with("b44"))
+    return 32;
+  if (compression == "zip" || compression == "pxr24") return 16;
+  return 1;
+}
+
+/// Rows that the decoder unpacks together: a row of tiles, an EXR block, a TIFF strip; else 1.
+std::uint32_t block_rows(const OIIO::ImageSpec& spec, const std::string& format) {
+  int rows = 1;
+  if (spec.tile_width > 0) {
+    rows = spec.tile_height;
+  } else if (format == "openexr") {
+    rows = exr_block_rows(spec.get_string_attribute("compression"));
+  } else if (format == "tiff") {
+    rows = spec.get_int_attribute("tiff:RowsPerStrip", spec.height);
+  }
+  return static_cast<std::uint32_t>(std::clamp(rows, 1, spec.height));
+}
+
+constexpr std::uint64_t kBase = 1U << 20;
+
+/// Of a format that only decodes whole, from a copy of the file.
+std::uint64_t whole_cost(std::uint64_t decoded_bytes, const ByteSource& bytes) {
+  return kBase + decoded_bytes + bytes.size_bytes();
+}
+
+/// Upper bounds, checked against resident memory by tests/unit/io/test_image_memory.cpp.
+std::uint64_t decoder_cost(const OIIO::ImageSpec& spec, const std::string& format,
+                           ByteSource& bytes) {
+  const auto row = static_cast<std::uint64_t>(spec.scanline_bytes(true));
+  const std::uint64_t whole = row * static_cast<std::uint64_t>(spec.height);
+  const std::uint64_t block = row * block_rows(spec, format);
+  if (spec.tile_width > 0) return kBase + 4 * block;
+  if (format == "png") return kBase + (is_interlaced_png(bytes) ? whole : 4 * row);
+  if (format == "jpeg") return jpeg_row_cost(static_cast<std::uint64_t>(spec.width));
+  if (format == "openexr") return kBase + 6 * block;
+  if (format == "hdr") return kBase + 4 * row;
+  // libtiff holds a strip as it is in the file, however large.
+  if (format == "tiff") {
+    const std::uint64_t rows = std::min(block_rows(spec, format), kMostRowsAtOnce);
+    return kBase + 4 * row * rows + std::min(block, bytes.size_bytes());
+  }
+  return whole_cost(whole, bytes);
+}
+
+/// Does a decoder's message say that it got no memory? Decoders turn that into an error like any.
+bool tells_of_memory(std::string message) {
+  std::transform(message.begin(), message.end(), message.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+  constexpr std::array<std::string_view, 4> kWords{"bad_alloc", "no space", "memory", "allocat"};
+  return std::any_of(kWords.begin(), kWords.end(), [&](std::string_view word) {
+    return message.find(word) != std::string::npos;
+  });
+}
+
+/// Could a decoder have got that much?
+bool has_room(std::uint64_t size_bytes) {
+  void* const room = ::operator new(static_cast<std::size_t>(size_bytes), std::nothrow);
+  ::operator delete(room);
+  return room != nullptr;
+}
+
+std::string in_brackets(const std::string& text) {
+  return text.empty() ? "" : fmt::format(" ({})", text);
+}
+
+}  // namespace
+
+struct ImageReader::Impl {
+  explicit Impl(const mesh::ImageRef& image);
+  void open();
+  void take_spec();
+  void take_channels(const ChosenChannels& chosen);
+  void refuse_webp_alpha(bool has_alpha) const;
+  void describe_unopened_jpeg(const JpegHeader& header);
+  void describe_unopened(const WholeHeader& header);
+  std::size_t decoded_row_bytes() const;
+  void read_tile_row(std::uint32_t row);
+  void pick(std::uint32_t row_count, std::byte* out) const;
+  void read_decoded(std::uint32_t row_count, std::byte* rows);
+  void check_bytes_after_last_row();
+  [[noreturn]] void fail(const std::string& what) const;
+
+  ByteSource bytes;
+  std::unique_ptr<FILE, int (*)(FILE*)> stream{nullptr, std::fclose};  // outlives proxy and input
+  std::unique_ptr<SourceProxy> proxy;
+  std::unique_ptr<OIIO::ImageInput> input;  // null until open()
+  ImageInfo info;
+  int first_channel = 0, end_channel = 0;  // asked of the decoder
+  std::vector<std::size_t> picked;  // of these, the image's; empty: all of them, in their order
+  OIIO::TypeDesc sample_type;
+  // What is asked of OpenImageIO: UNKNOWN = "as it is". Named types make it convert through a
+  // scratch buffer of 64 MB, which is mapped anew for every call, even if nothing is to be
+  // converted.
+  OIIO::TypeDesc asked_type;
+  bool straighten = true;
+  int first_row = 0, first_column = 0;  // of the data window
+  std::uint32_t next_row = 0;
+  bool tiled = false;
+  std::uint32_t rows_together = 1;  // a tile's height, or the rows compressed together
+  std::vector<std::byte> tile_row;
+  std::vector<std::byte> unpicked;  // rows with channels that the image has not
+  PngCheck png_check;
+};
+
+ImageReader::Impl::Impl(const mesh::ImageRef& image) : bytes(image) {
+  info.format = image_format(bytes, image.path);
+  bytes.check();
+  if (info.format.empty()) {
+    refuse(bytes.label(),
+           "this is not an image of a known format (PNG, JPEG, EXR, TIFF, WebP, BMP, Targa, HDR, "
+           "PNM)");
+  }
+  hide_metadata(bytes, info.format);
+  JpegHeader jpeg;
+  if (info.format == "jpeg") jpeg = read_jpeg_header(bytes);
+  if (jpeg.several_scans) {
+    // Opening these decodes everything, so it waits for the first read: by then the caller has
+    // leased decoder_bytes.
+    describe_unopened_jpeg(jpeg);
+  } else if (opens_whole(bytes, info.format)) {  // the same
+    describe_unopened(read_whole_header(bytes, info.format));
+  } else {
+    open();
+  }
+}
+
+void ImageReader::Impl::open() {
+  set_up_oiio();
+  stream.reset(bytes.stream());
+  if (info.format == "png") {
+    bytes.watcher = [this](std::uint64_t offset, const std::byte* data, std::size_t count) {
+      png_check.see(offset, data, count);
+    };
+  }
+  proxy = std::make_unique<SourceProxy>(bytes, stream.get());
+  auto created = OIIO::ImageInput::create(info.format);
+  if (!created) refuse(bytes.label(), fmt::format("OpenImageIO was built without {}", info.format));
+  created->threads(1);
+  OIIO::ImageSpec config, spec;
+  config.attribute("oiio:UnassociatedAlpha", 1);
+  // A BMP with run lengths and a grey palette is said to have one channel, and three are written.
+  if (info.format == "bmp" && opens_whole(bytes, info.format))
+    config.attribute("bmp:monochrome_detect", 0);
+  OIIO::Filesystem::IOProxy* io = proxy.get();
+  config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &io);
+  const bool opened = created->open(bytes.label(), spec, config);
+  input = std::move(created);
+  if (!opened || input->has_error()) fail("the image header cannot be read");
+  take_spec();
+}
+
+void ImageReader::Impl::take_spec() {
+  const OIIO::ImageSpec& spec = input->spec();
+  const std::string& label = bytes.label();
+  check_size(label, spec.width, spec.height);
+  if (spec.deep || spec.depth > 1) refuse(label, "deep and volume images cannot be read");
+  if (info.format == "openexr" &&
+      (spec.x != spec.full_x || spec.y != spec.full_y || spec.width != spec.full_width ||
+       spec.height != spec.full_height)) {
+    refuse(label,
+           fmt::format(
+               "its data window ({} x {} at {}, {}) is not its display window ({} x {} at {}, {}); "
+               "save it uncropped",
+               spec.width, spec.height, spec.x, spec.y, spec.full_width, spec.full_height,
+               spec.full_x, spec.full_y));
+  }
+  take_channels(channels_of(bytes, info.format, spec));
+  first_row = spec.y;
+  first_column = spec.x;
+  info.width = static_cast<std::uint32_t>(spec.width);
+  info.height = static_cast<std::uint32_t>(spec.height);
+  info.linear = info.depth == Depth::half || info.depth == Depth::float32;
+  info.chromaticities = chromaticities_of(spec);
+  info.premultiplied = info.has_alpha && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0;
+  refuse_webp_alpha(info.has_alpha);
+  const bool all_alike =
+      spec.channelformats.empty() && end_channel - first_channel == spec.nchannels;
+  asked_type = all_alike ? OIIO::TypeDesc(OIIO::TypeDesc::UNKNOWN) : sample_type;
+  rows_together = block_rows(spec, info.format);
+  tiled = spec.tile_width > 0;
+  info.decoder_bytes = decoder_cost(spec, info.format, bytes);
+  if (!picked.empty()) info.decoder_bytes += kMostRowsAtOnce * decoded_row_bytes();
+}
+
+void ImageReader::Impl::take_channels(const ChosenChannels& chosen) {
+  const OIIO::ImageSpec& spec = input->spec();
+  const auto [first, last] = std::minmax_element(chosen.places.begin(), chosen.places.end());
+  first_channel = *first;
+  end_channel = *last + 1;
+  picked.clear();
+  for (const int place : chosen.places) picked.push_back(static_cast<std::size_t>(place - *first));
+  const bool as_they_come =
+      static_cast<std::size_t>(end_channel - first_channel) == picked.size() &&
+      std::is_sorted(picked.begin(), picked.end());
+  if (as_they_come) picked.clear();
+  info.channels = static_cast<std::uint32_t>(chosen.places.size());
+  info.has_alpha = chosen.has_alpha;
+  info.left_out = chosen.left_out;
+  info.names = chosen.names;
+  sample_type = sample_type_of(spec, chosen.places);
+  info.depth = depth_of(bytes.label(), sample_type);
+}
+
+void ImageReader::Impl::describe_unopened_jpeg(const JpegHeader& header) {
+  check_size(bytes.label(), header.width, header.height);
+  info.width = header.width;
+  info.height = header.height;
+  info.channels = header.components == 1 ? 1 : 3;  // CMYK is converted
+  info.names = usual_names(info.channels, false);
+  // libjpeg keeps what there is between the scans beside them.
+  info.decoder_bytes = header.coefficient_bytes + jpeg_row_cost(header.width) + bytes.size_bytes();
+}
+
+void ImageReader::Impl::describe_unopened(const WholeHeader& header) {
+  check_size(bytes.label(), header.width, header.height);
+  refuse_webp_alpha(header.has_alpha);
+  info.width = header.width;
+  info.height = header.height;
+  info.channels = header.channels;
+  info.depth = header.depth;
+  info.names = usual_names(header.channels, header.has_alpha);
+  info.decoder_bytes = whole_cost(
+      std::uint64_t{header.width} * header.height * header.channels * sample_bytes(header.depth),
+      bytes);
+}
+
+void ImageReader::Impl::refuse_webp_alpha(bool has_alpha) const {
+  if (info.format == "webp" && has_alpha)
+    refuse(bytes.label(), "WebP images with alpha cannot be read exactly; convert it to PNG");
+}
+
+void ImageReader::Impl::fail(const std::string& what) const {
+  bytes.check();
+  std::string why = png_check.problem();
+  if (why.empty()) {
+    why = input ? one_line(input->geterror()) : "";
+    if (tells_of_memory(why) || (why.empty() && !has_room(info.decoder_bytes))) {
+      throw Error(ErrorKind::budget,
+                  fmt::format("{}: there is no memory to decode it{}; give the job more (ulimit "
+                              "-v, ulimit -d, a control group), or run it with a smaller --memory "
+                              "or fewer --threads",
+                              bytes.label(), in_brackets(why)));
+    }
+  }
+  refuse(bytes.label(),
+         fmt::format("{}{}; the file is damaged or cut off", what, in_brackets(why)));
+}
+
+/// Bytes of a row as the decoder gives it.
+std::size_t ImageReader::Impl::decoded_row_bytes() const {
+  return std::size_t{info.width} * static_cast<std::size_t>(end_channel - first_channel) *
+         sample_type.size();
+}
+
+void ImageReader::Impl::read_tile_row(std::uint32_t row) {
+  const auto& spec = input->spec();
+  const std::size_t row_bytes = decoded_row_bytes();
+  tile_row.resize(row_bytes * rows_together);
+  const int begin = first_row + static_cast<int>(row);
+  const int end = std::min(begin + static_cast<int>(rows_together), first_row + spec.height);
+  if (!input->read_tiles(0, 0, first_column, first_column + spec.width, begin, end, 0, 1,
+                         first_channel, end_channel, asked_type, tile_row.data())) {
+    fail(fmt::format("the picture breaks off in rows {} to {} of {}", row, end - first_row - 1,
+                     info.height));
+  }
+}
+
+void ImageReader::Impl::read_decoded(std::uint32_t row_count, std::byte* rows) {
+  const std::size_t row_bytes = decoded_row_bytes();
+  const std::size_t image_row_bytes = std::size_t{info.width} * info.channels * sample_type.size();
+  for (std::uint32_t done = 0; done < row_count;) {
+    const std::uint32_t row = next_row + done;
+    const std::uint32_t in_block = row % rows_together;
+    // Never across the end of a block: what the decoder holds must not depend on what the caller
+    // asks for.
+    const std::uint32_t piece =
+        std::min({row_count - done, rows_together - in_block, kMostRowsAtOnce});
+    std::byte* out = rows + done * image_row_bytes;
+    if (!picked.empty()) {
+      unpicked.resize(piece * row_bytes);
+      out = unpicked.data();
+    }
+    if (tiled) {
+      if (in_block == 0) read_tile_row(row);
+      std::memcpy(out, tile_row.data() + in_block * row_bytes, piece * row_bytes);
+    } else {
+      const int begin = first_row + static_cast<int>(row);
+      if (!input->read_scanlines(0, 0, begin, begin + static_cast<int>(piece), 0, first_channel,
+                                 end_channel, asked_type, out)) {
+        fail(fmt::format("the picture breaks off in row {} of {}", row, info.height));
+      }
+    }
+    if (!picked.empty()) pick(piece, rows + done * image_row_bytes);
+    done += piece;
+  }
+}
+
+/// Of rows in `unpicked`, the image's channels.
+void ImageReader::Impl::pick(std::uint32_t row_count, std::byte* out) const {
+  const std::size_t sample = sample_type.size();
+  const std::size_t stride = static_cast<std::size_t>(end_channel - first_channel) * sample;
+  const std::byte* texel = unpicked.data();
+  for (std::size_t i = 0; i < std::size_t{info.width} * row_count; ++i, texel += stride) {
+    for (const std::size_t channel : picked) {
+      std::memcpy(out, texel + channel * sample, sample);
+      out += sample;
+    }
+  }
+}
+
+void ImageReader::Impl::check_bytes_after_last_row() {
+  if (info.format != "png") return;
+  std::array<std::byte, 16384> piece;
+  while (!png_check.finished() && png_check.problem().empty()) {
+    const std::uint64_t at = png_check.position();
+    const std::size_t got = bytes.read_at(at, piece.data(), piece.size());
+    if (got == 0) fail("all rows are there, but the PNG has no end");
+    png_check.see(at, piece.data(), got);
+  }
+  if (!png_check.problem().empty()) fail("the PNG cannot be trusted");
+}
+
+ImageReader::ImageReader(const mesh::ImageRef& image) : impl_(std::make_unique<Impl>(image)) {}
+
+ImageReader::ImageReader(const std::string& path)
+    : impl_(std::make_unique<Impl>(mesh::ImageRef{path, 0, 0, nullptr, path, "", ""})) {}
+
+ImageReader::~ImageReader() = default;
+ImageReader::ImageReader(ImageReader&&) noexcept = default;
+ImageReader& ImageReader::operator=(ImageReader&&) noexcept = default;
+
+const ImageInfo& ImageReader::info() const { return impl_->info; }
+
+std::size_t ImageReader::row_bytes() const {
+  return impl_->info.width * impl_->info.channels * sample_bytes(impl_->info.depth);
+}
+
+void ImageReader::read_rows(std::uint32_t row_count, std::byte* rows) {
+  Impl& self = *impl_;
+  if (row_count > self.info.height - self.next_row) {
+    throw Error(ErrorKind::internal,
+                fmt::format("{}: rows {} to {} of {} asked for", self.bytes.label(), self.next_row,
+                            self.next_row + row_count, self.info.height));
+  }
+  if (row_count == 0) return;
+  if (!self.input) {
+    const ImageInfo promised = self.info;
+    self.open();
+    if (self.info.width != promised.width || self.info.height != promised.height ||
+        self.info.channels != promised.channels || self.info.depth != promised.depth) {
+      self.fail("the image contradicts itself about its size");
+    }
+    self.info.decoder_bytes = promised.decoder_bytes;
+  }
+  self.read_decoded(row_count, rows);
+  // Decoders that go on after damage leave a text behind.
+  if (self.input->has_error() || self.bytes.failure() != 0 || !self.png_check.problem().empty()) {
+    self.fail(fmt::format("the picture is damaged in rows {} to {} of {}", self.next_row,
+                          self.next_row + row_count - 1, self.info.height));
+  }
+  if (self.info.premultiplied && self.straighten) {
+    divide_by_alpha(self.info.depth, self.info.channels, std::size_t{self.info.width} * row_count,
+                    rows);
+  }
+  self.next_row += row_count;
+  if (self.next_row == self.info.height) self.check_bytes_after_last_row();
+}
+
+void ImageReader::keep_premultiplied() { impl_->straighten = false; }
+
+Hash128 hash_image(const mesh::ImageRef& image) {
+  ByteSource bytes(image);
+  std::vector<std::byte> piece(std::min<std::uint64_t>(bytes.size_bytes(), 1 << 20));
+  Hasher hasher;
+  for (std::uint64_t at = 0; at < bytes.size_bytes();) {
+    const std::size_t got = bytes.read_at(at, piece.data(), piece.size());
+    bytes.check();
+    if (got == 0) {
+      refuse(bytes.label(), fmt::format("reading stopped after {} of {} bytes: the file shrank", at,
+                                        bytes.size_bytes()));
+    }
+    hasher.add(std::span<const std::byte>(piece.data(), got));
+    at += got;
+  }
+  return hasher.digest();
+}
+
+}  // namespace pounce::io

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/hash.h"
+#include "io/image/channels.h"
+#include "mesh/mesh.h"
+#include "pounce/options.h"
+
+namespace pounce::io {
+
+/// What an image file says of itself.
+struct ImageInfo {
+  std::uint32_t width = 0, height = 0;
+  std::uint32_t channels = 0;  ///< 1..4; palettes are expanded
+  Depth depth = Depth::u8;     ///< below 8 bits per sample: u8, scaled to 0..255
+  bool linear = false;  ///< samples are scene-linear (float formats), else as stored (sRGB-coded)
+  bool has_alpha = false;             ///< the last channel is straight (unassociated) alpha
+  bool premultiplied = false;         ///< the file holds colours times alpha (EXR always does)
+  std::string format;                 ///< "png", "jpeg", "openexr", "tiff", ...
+  std::vector<std::string> names;     ///< of the channels: "R", "G", "B", "disp"
+  std::vector<std::string> left_out;  ///< the names of the file's other channels
+  std::optional<Chromaticities> chromaticities;  ///< EXR, where the file has them
+  /// Memory that the decoder itself needs beyond the rows handed out: small where the file decodes
+  /// by rows, the whole image where it only decodes whole (interlaced PNG, progressive JPEG, WebP).
+  std::uint64_t decoder_bytes = 0;
+};
+
+/// Reads an image top to bottom in strips of rows, samples exactly as stored (no colour
+/// conversion). Alpha is what the file says is alpha, and no other fourth channel. It is handed out
+/// straight: where the file says that its colours are premultiplied (EXR always does) they are
+/// divided by alpha, and kept where alpha is 0. Of a file with several images the first is read, of
+/// one with more than four channels those that choose_channels() says. Formats, told by content:
+/// PNG, JPEG, EXR, TIFF, WebP without alpha, BMP, Targa, Radiance HDR, PNM.
+///
+/// Damage: a file that was cut off, a wrong PNG checksum and whatever the decoders notice throw
+/// Error(input) naming image.label and the rows, at the latest after the last row. No other format
+/// protects every byte: a changed one that still decodes (in a JPEG four of five, in a deflated
+/// TIFF one of six, in an EXR one of a thousand) cannot be told from a picture. A decoder that gets
+/// no memory is Error(budget), a file that cannot be read Error(storage).
+///
+/// Not thread-safe; one reader per thread, several at once are fine.
+class ImageReader {
+ public:
+  explicit ImageReader(const mesh::ImageRef& image);
+  explicit ImageReader(const std::string& path);
+  ~ImageReader();
+  ImageReader(ImageReader&&) noexcept;
+  ImageReader& operator=(ImageReader&&) noexcept;
+
+  const ImageInfo& info() const;
+  std::size_t row_bytes() const;  ///< width * channels * bytes per sample
+  /// Reads the next `row_count` rows (row_count <= rows left) into `rows`, tightly packed, native
+  /// endian.
+  void read_rows(std::uint32_t row_count, std::byte* rows);
+  /// From here on colours come as the file has them, premultiplied or not.
+  void keep_premultiplied();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// 128-bit content hash of the encoded bytes of an image, streamed in 1 MiB pieces. Throws
+/// Error(storage) if they cannot be read, Error(input) if they are fewer than they were.
+Hash128 hash_image(const mesh::ImageRef& image);
+
+}  // namespace pounce::io

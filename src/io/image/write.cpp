@@ -1,0 +1,367 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/image/write.h"
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <exception>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "io/files/output_file.h"
+#include "io/image/oiio_setup.h"
+#include "io/image/straight_alpha.h"
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+/// The stream for the encoders. IOFile knows the size of files it opened itself only, and libtiff
+/// appends at the end.
+class OutputProxy : public OIIO::Filesystem::IOFile {
+ public:
+  explicit OutputProxy(OutputFile& file) : IOFile(file.stream(), Write), file_(file) {}
+  std::size_t pread(void* out, std::size_t count, std::int64_t offset) override {
+    return file_.read_back(offset, out, count);
+  }
+  std::size_t read(void* out, std::size_t count) override {
+    const std::size_t got = file_.read_back(tell(), out, count);
+    seek(tell() + static_cast<std::int64_t>(got));
+    return got;
+  }
+  std::size_t size() const override { return static_cast<std::size_t>(file_.size_bytes()); }
+
+ private:
+  OutputFile& file_;
+};
+
+/// The same for an encoder that writes from start to end (PNG), at the end of a file of ours. What
+/// that file throws waits for the encoder to return: it is C.
+class SinkProxy : public OIIO::Filesystem::IOProxy {
+ public:
+  explicit SinkProxy(WriteFile& sink) : IOProxy("", Write), sink_(sink) {}
+  const char* proxytype() const override { return "sink"; }
+  std::size_t write(const void* bytes, std::size_t count) override {
+    if (!failure_) {
+      try {
+        sink_.append({static_cast<const std::byte*>(bytes), count});
+      } catch (...) {
+        failure_ = std::current_exception();
+      }
+    }
+    m_pos += static_cast<std::int64_t>(count);
+    return count;
+  }
+  std::size_t size() const override { return static_cast<std::size_t>(m_pos); }
+  void check() const {
+    if (failure_) std::rethrow_exception(failure_);
+  }
+
+ private:
+  WriteFile& sink_;
+  std::exception_ptr failure_;
+};
+
+/// What a second or fourth channel may be: alpha, or also data, which may have a name.
+enum class Holds { alpha, data, names };
+
+struct Format {
+  const char* name;  // OpenImageIO's
+  std::array<std::string_view, 2> endings;
+  const char* holds;
+  std::array<Depth, 4> depth_for;  // nearest by wanted depth: u8, u16, half, float32
+  std::uint32_t largest_side;
+  const char* title;
+  Holds channels;
+};
+
+constexpr std::array<Format, 4> kFormats{{
+    {"png",
+     {".png", ""},
+     "8 or 16 bit integers",
+     {Depth::u8, Depth::u16, Depth::u16, Depth::u16},
+     65536,
+     "PNG",
+     Holds::alpha},
+    {"jpeg",
+     {".jpg", ".jpeg"},
+     "8 bit integers",
+     {Depth::u8, Depth::u8, Depth::u8, Depth::u8},
+     65500,
+     "JPEG",
+     Holds::alpha},
+    {"openexr",
+     {".exr", ""},
+     "half or float",
+     {Depth::half, Depth::half, Depth::half, Depth::float32},
+     65536,
+     "EXR",
+     Holds::names},
+    {"tiff",
+     {".tif", ".tiff"},
+     "8 or 16 bit integers or float",
+     {Depth::u8, Depth::u16, Depth::float32, Depth::float32},
+     65536,
+     "TIFF",
+     Holds::data},
+}};
+
+const Format* format_of(const std::string& path) {
+  std::string lower = path;
+  for (char& c : lower) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c + 32);
+  }
+  for (const Format& format : kFormats) {
+    for (const std::string_view ending : format.endings) {
+      if (!ending.empty() && lower.size() > ending.size() && lower.ends_with(ending))
+        return &format;
+    }
+  }
+  return nullptr;
+}
+
+// Deflating a 2048^2 photograph as PNG, ns and bytes per texel: level 6 with libpng's choice of
+// filters 175 and 0.46, level 3 67 and 0.52, level 2 57 and 0.56; with the Up filter alone level 3
+// 43 and 0.48, level 2 30 and 0.55, level 1 28 and 0.59. A checkerboard costs 7. Projection costs
+// tens of ns: level 2 does not hold it up. The same level in TIFF 47 (6: 240), in half EXR 70 (6:
+// 306).
+constexpr int kDeflateLevel = 2;
+constexpr int kPngFilter = 32;  // PNG_FILTER_UP
+
+OIIO::TypeDesc type_of(Depth depth) {
+  constexpr std::array kTypes{OIIO::TypeDesc::UINT8, OIIO::TypeDesc::UINT16, OIIO::TypeDesc::HALF,
+                              OIIO::TypeDesc::FLOAT};
+  return kTypes[static_cast<std::size_t>(depth)];
+}
+
+std::uint64_t row_bytes_of(const ImageWriteSpec& spec) {
+  return std::uint64_t{spec.width} * spec.channels * type_of(spec.depth).size();
+}
+
+/// Rows of a TIFF strip: 64 KiB or a row.
+std::uint32_t strip_rows(const ImageWriteSpec& spec) {
+  const std::uint64_t rows = (64U << 10) / std::max<std::uint64_t>(1, row_bytes_of(spec));
+  return static_cast<std::uint32_t>(std::clamp<std::uint64_t>(rows, 1, spec.height));
+}
+
+OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
+  const std::string_view name = format.name;
+  OIIO::ImageSpec out(static_cast<int>(spec.width), static_cast<int>(spec.height),
+                      static_cast<int>(spec.channels), type_of(spec.depth));
+  out.channelnames = spec.names.empty() || name != "openexr"
+                         ? usual_names(spec.channels, spec.has_alpha)
+                         : spec.names;
+  out.alpha_channel = spec.has_alpha ? static_cast<int>(spec.channels) - 1 : -1;
+  if (spec.chromaticities && name == "openexr") {
+    out.attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8),
+                  spec.chromaticities->data());
+  }
+  if (out.alpha_channel >= 0 && name != "openexr") out.attribute("oiio:UnassociatedAlpha", 1);
+  // In a TIFF this would only add an Exif directory, for which libtiff reads the main one back.
+  if (name != "tiff")
+    out.attribute("oiio:ColorSpace", spec.linear || name == "openexr" ? "linear" : "sRGB");
+  out.attribute("DateTime", "");  // else TIFF and EXR are given the time of day
+  if (name == "png") {
+    out.attribute("png:compressionLevel", kDeflateLevel);
+    out.attribute("png:filter", kPngFilter);
+  } else if (name == "jpeg") {
+    out.attribute("Compression", "jpeg:95");
+    out.attribute("jpeg:subsampling", "4:4:4");
+  } else if (name == "tiff") {
+    out.attribute("compression", "zip");
+    out.attribute("tiff:zipquality", kDeflateLevel);
+    out.attribute("tiff:RowsPerStrip", static_cast<int>(strip_rows(spec)));
+  } else {
+    out.attribute("compression", fmt::format("zip:{}", kDeflateLevel));
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec) {
+  const Format* format = format_of(path);
+  if (format == nullptr) {
+    return fmt::format(
+        "{}: images are written as .png, .jpg, .jpeg, .tif, .tiff or .exr; choose one of these "
+        "endings",
+        path);
+  }
+  if (spec.width < 1 || spec.height < 1 || spec.width > format->largest_side ||
+      spec.height > format->largest_side) {
+    return fmt::format("{}: {} x {} texels do not fit; this format holds 1 to {} each way", path,
+                       spec.width, spec.height, format->largest_side);
+  }
+  if (spec.channels < 1 || spec.channels > 4) {
+    return fmt::format("{}: {} channels; 1 to 4 can be written", path, spec.channels);
+  }
+  if (std::string_view(format->name) == "jpeg" && spec.has_alpha) {
+    return fmt::format("{}: JPEG holds no alpha; choose .png, .tif or .exr", path);
+  }
+  if (format->channels == Holds::alpha && spec.channels % 2 == 0 && !spec.has_alpha) {
+    return fmt::format("{}: {} holds no {} channels without alpha; choose .tif or .exr", path,
+                       format->title, spec.channels);
+  }
+  if (writable_depth(path, spec.depth) != spec.depth) {
+    return fmt::format("{}: this format holds {}, not {}", path, format->holds,
+                       depth_name(spec.depth));
+  }
+  return "";
+}
+
+FormatLook format_look(const std::string& path) {
+  const Format* format = format_of(path);
+  if (format == nullptr) return {};
+  return {format->title, format->channels != Holds::alpha, format->channels == Holds::names};
+}
+
+Depth writable_depth(const std::string& path, Depth wanted) {
+  const Format* format = format_of(path);
+  return format == nullptr ? wanted : format->depth_for[static_cast<std::size_t>(wanted)];
+}
+
+struct ImageWriter::Impl {
+  Impl(const std::string& path, const ImageWriteSpec& wanted)
+      : spec(wanted), file(std::in_place, path) {
+    auto to_file = std::make_unique<OutputProxy>(*file);
+    open(*format_of(path), path, std::move(to_file));
+  }
+  Impl(WriteFile& to, const ImageWriteSpec& wanted) : spec(wanted) {
+    auto to_sink = std::make_unique<SinkProxy>(to);
+    sink = to_sink.get();
+    open(kFormats.front(), "image.png", std::move(to_sink));
+  }
+
+  ~Impl() {
+    // An encoder that is closed early complains about missing rows; nobody wants to know. libpng
+    // says so on the standard error output, unless it has put out something.
+    if (output && next_row < spec.height && std::string_view(output->format_name()) == "png")
+      write_noise();
+    if (output) output->close();
+    if (output) output->geterror();
+  }
+
+  void open(const Format& format, const std::string& path,
+            std::unique_ptr<OIIO::Filesystem::IOProxy> to) {
+    set_up_oiio();
+    proxy = std::move(to);
+    output = OIIO::ImageOutput::create(format.name);
+    if (!output) fail(fmt::format("OpenImageIO was built without {}", format.name));
+    output->threads(1);
+    OIIO::ImageSpec foreign = oiio_spec(format, spec);
+    OIIO::Filesystem::IOProxy* io = proxy.get();
+    foreign.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &io);
+    premultiply = foreign.alpha_channel >= 0 && std::string_view(format.name) == "openexr" &&
+                  !spec.premultiplied;
+    if (!output->open(path, foreign)) fail();
+  }
+
+  /// Rows that do not deflate, enough to make the encoder put some out.
+  void write_noise() {
+    constexpr std::size_t kEnough = 512 << 10;
+    std::vector<std::byte> noise(row_bytes_of(spec));
+    std::uint32_t state = 1;
+    for (std::size_t done = 0; done < kEnough && next_row < spec.height; done += noise.size()) {
+      for (std::byte& b : noise)
+        b = static_cast<std::byte>((state = state * 1664525 + 1013904223) >> 24);
+      const int y = static_cast<int>(next_row++);
+      if (!output->write_scanline(y, 0, type_of(spec.depth), noise.data())) return;
+    }
+  }
+
+  /// Throws if any byte so far did not reach the file.
+  void check() const {
+    if (file) file->check();
+    if (sink != nullptr) sink->check();
+  }
+
+  [[noreturn]] void fail() {
+    const std::string message = one_line(output->geterror());
+    fail(message.empty() ? "the encoder gave no reason" : message);
+  }
+  [[noreturn]] void fail(const std::string& what) const {
+    check();
+    if (file) file->fail(what);
+    throw Error(ErrorKind::storage, "cannot encode an image: " + what);
+  }
+
+  ImageWriteSpec spec;
+  std::optional<OutputFile> file;  // outlives the proxy and the encoder
+  std::unique_ptr<OIIO::Filesystem::IOProxy> proxy;
+  SinkProxy* sink = nullptr;  // the proxy, where there is no file
+  std::unique_ptr<OIIO::ImageOutput> output;
+  bool premultiply = false;
+  std::uint32_t next_row = 0;
+  std::vector<std::byte> row;  // premultiplied copy of one row
+};
+
+ImageWriter::ImageWriter(const std::string& path, const ImageWriteSpec& spec) {
+  if (const std::string reason = why_not_writable(path, spec); !reason.empty()) {
+    throw Error(ErrorKind::usage, reason);
+  }
+  impl_ = std::make_unique<Impl>(path, spec);
+}
+
+ImageWriter::ImageWriter(WriteFile& sink, const ImageWriteSpec& spec) {
+  if (const std::string reason = why_not_writable("image.png", spec); !reason.empty()) {
+    throw Error(ErrorKind::usage, reason);
+  }
+  impl_ = std::make_unique<Impl>(sink, spec);
+}
+
+ImageWriter::~ImageWriter() = default;
+ImageWriter::ImageWriter(ImageWriter&&) noexcept = default;
+ImageWriter& ImageWriter::operator=(ImageWriter&&) noexcept = default;
+
+void ImageWriter::write_rows(std::uint32_t row_count, const std::byte* rows) {
+  Impl& self = *impl_;
+  if (row_count > self.spec.height - self.next_row) {
+    throw Error(ErrorKind::internal, "more rows written than the image has");
+  }
+  const std::size_t row_bytes = row_bytes_of(self.spec);
+  for (std::uint32_t i = 0; i < row_count; ++i, ++self.next_row, rows += row_bytes) {
+    const std::byte* samples = rows;
+    if (self.premultiply) {
+      self.row.assign(rows, rows + row_bytes);
+      multiply_by_alpha(self.spec.depth, self.spec.channels, self.spec.width, self.row.data());
+      samples = self.row.data();
+    }
+    if (!self.output->write_scanline(static_cast<int>(self.next_row), 0, type_of(self.spec.depth),
+                                     samples)) {
+      self.fail();
+    }
+  }
+  self.check();
+}
+
+void ImageWriter::commit() {
+  Impl& self = *impl_;
+  if (self.next_row != self.spec.height) {
+    throw Error(ErrorKind::internal,
+                fmt::format("{} of {} rows written at commit", self.next_row, self.spec.height));
+  }
+  if (!self.output->close()) self.fail();
+  if (self.file) self.proxy->flush();
+  self.check();
+  self.output.reset();
+  self.sink = nullptr;
+  self.proxy.reset();
+  if (self.file) self.file->commit();
+}
+
+std::uint64_t ImageWriter::encoder_bytes(const std::string& path, const ImageWriteSpec& spec) {
+  const Format* format = format_of(path);
+  const std::string_view name = format == nullptr ? "" : format->name;
+  const std::uint64_t row = row_bytes_of(spec);
+  constexpr std::uint64_t kBase = 1U << 20;
+  if (name == "openexr") return kBase + 16 * 6 * row;
+  if (name == "tiff") return kBase + 3 * row * strip_rows(spec);
+  if (name == "jpeg") return kBase + 64 * row;
+  return kBase + 8 * row;
+}
+
+}  // namespace pounce::io

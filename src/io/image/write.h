@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/file.h"
+#include "io/image/channels.h"
+#include "pounce/options.h"
+
+namespace pounce::io {
+
+/// What to write. Samples handed over are in `depth`, row-major, tightly packed, native endian. EXR
+/// stores colours premultiplied, so they are multiplied by alpha when written (where alpha is 0 the
+/// colour is lost).
+struct ImageWriteSpec {
+  std::uint32_t width = 0, height = 0;
+  std::uint32_t channels = 0;  ///< 1..4
+  Depth depth = Depth::u8;
+  bool linear = false;         ///< samples are scene-linear: tagged so where the format can say it
+  bool has_alpha = false;      ///< the last channel is straight alpha
+  bool premultiplied = false;  ///< EXR only: colours come multiplied by alpha already
+  /// EXR only: what the channels are called; empty: usual_names().
+  std::vector<std::string> names = {};
+  std::optional<Chromaticities> chromaticities = {};  ///< EXR only
+};
+
+/// Can the format of `path` (by its ending) hold this? Returns "" or a sentence that says what it
+/// can hold.
+std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec);
+/// What a format can say of an image's channels.
+struct FormatLook {
+  std::string name;        ///< "PNG"
+  bool data = false;       ///< two or four channels without alpha
+  bool annotated = false;  ///< names of channels, chromaticities
+};
+FormatLook format_look(const std::string& path);
+/// The nearest depth that the format of `path` can hold (png: u8/u16; jpeg: u8; exr: half/float;
+/// tiff: all).
+Depth writable_depth(const std::string& path, Depth wanted);
+
+/// Writes an image top to bottom in strips of rows in bounded memory. Until commit() the bytes have
+/// no name, or where the file system cannot do that a hidden temporary one beside `path`, which the
+/// destructor removes. The same samples give the same bytes, whenever and wherever they are
+/// written. PNG: deflate at a level that keeps pace with the projection. JPEG: quality 95, 4:4:4.
+/// TIFF: deflate, strips. EXR: zip, scanlines. Throws Error(usage) for what why_not_writable()
+/// names, Error(storage) with path and reason. Not thread-safe.
+class ImageWriter {
+ public:
+  ImageWriter(const std::string& path, const ImageWriteSpec& spec);
+  /// As PNG at the end of `sink`, which must outlive the writer; commit() only ends the image.
+  ImageWriter(WriteFile& sink, const ImageWriteSpec& spec);
+  ~ImageWriter();
+  ImageWriter(ImageWriter&&) noexcept;
+  ImageWriter& operator=(ImageWriter&&) noexcept;
+
+  void write_rows(std::uint32_t row_count, const std::byte* rows);
+  /// Flushes, fsyncs, renames, fsyncs the folder. All rows must have been written.
+  void commit();
+  /// Memory the encoder holds beyond the rows handed over, for the budget.
+  static std::uint64_t encoder_bytes(const std::string& path, const ImageWriteSpec& spec);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace pounce::io

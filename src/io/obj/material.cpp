@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/obj/material.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "io/material_names.h"
+#include "io/obj/lines.h"
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kListedUnknown = 5;
+
+std::string slashed(std::string name) {
+  std::replace(name.begin(), name.end(), '\\', '/');
+  return name;
+}
+
+bool is_file(const fs::path& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error);
+}
+
+fs::path library_path(const std::string& obj_path, const std::string& name) {
+  return fs::path(obj_path).parent_path() / slashed(name);
+}
+
+}  // namespace
+
+std::optional<std::string> material_library(const std::string& obj_path, const AssetFolder& folder,
+                                            const std::string& name) {
+  const fs::path path = library_path(obj_path, name);
+  if (!is_file(path) || !folder.holds(path.string())) return std::nullopt;
+  return path.string();
+}
+
+ObjMaterials::ObjMaterials(const std::string& obj_path, bool allow_external, mesh::Mesh& mesh,
+                           MeshWarnings& warnings)
+    : path_(obj_path), folder_(obj_path, allow_external), mesh_(mesh), warnings_(warnings) {}
+
+bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::material_t>*,
+                              std::map<std::string, int>* by_name, std::string*, std::string*) {
+  const std::string path = library_path(path_, name).lexically_normal().string();
+  const auto [library, is_new] = libraries_.try_emplace(path, false);
+  if (!is_new) return library->second;
+  if (libraries_.size() > kMaxLibraries) refuse_libraries(path_);
+  const std::string shown = library_path(path_, name).string();
+  std::string cure = "cannot be read: put it back", refused;
+  try {
+    if (!is_file(shown)) {
+      std::error_code ignored;
+      if (fs::status(shown, ignored).type() == fs::file_type::not_found)
+        throw Error(ErrorKind::storage, "no such file");
+      cure = "is no file that may be read: put one there";
+      throw Error(ErrorKind::storage, "no file that may be read");
+    }
+    if (!folder_.holds(shown)) {
+      cure = kOutsideProblem;
+      throw Error(ErrorKind::input, std::string("it ") + kOutsideProblem);
+    }
+    cure = "cannot be read: let this user read it";
+    library->second = read(shown, *by_name);
+  } catch (const Error& e) {
+    if (e.kind() == ErrorKind::input && folder_.holds(shown)) cure = "is damaged: export it again";
+    if (e.kind() == ErrorKind::storage && is_file(shown)) refused = e.what();
+    warnings_.add("material file {} cannot be read ({})", shown, e.what());
+    mesh_.unread_files.push_back({shown, cure, refused});
+  }
+  return library->second;
+}
+
+bool ObjMaterials::read(const std::string& path, std::map<std::string, int>& by_name) {
+  const std::string& folder = *folders_.insert(fs::path(path).parent_path().string()).first;
+  read_mtl(path, [&](MtlMaterial&& material) {
+    const auto id = static_cast<int>(loaded_.size());
+    if (!by_name.try_emplace(material.name, id).second) return;  // the first of a name counts
+    loaded_.push_back({std::move(material), &folder});
+  });
+  mesh_.files.push_back(path);
+  return true;
+}
+
+void ObjMaterials::use(const std::string& name, int id) {
+  in_use_ = {id, id >= 0 ? "" : name};
+  current_.reset();
+}
+
+std::uint32_t ObjMaterials::current() {
+  if (!current_) {
+    const auto found = made_.find(in_use_);
+    current_ = found != made_.end() ? found->second : made_[in_use_] = make();
+  }
+  return *current_;
+}
+
+std::uint32_t ObjMaterials::make() {
+  if (mesh_.materials.size() == kMaxMaterials) {
+    throw Error(ErrorKind::input, fmt::format("{}: its faces use more than {} materials; split the "
+                                              "model",
+                                              path_, kMaxMaterials));
+  }
+  mesh::Material out;
+  const auto& [id, name] = in_use_;
+  if (id >= 0) {
+    fill(out, loaded_.at(static_cast<std::size_t>(id)));
+  } else if (!name.empty()) {
+    out.name = name;
+    if (++unknown_count_ <= kListedUnknown) unknown_.push_back(name);
+  } else {
+    out.name = "default";
+  }
+  mesh_.materials.push_back(std::move(out));
+  return static_cast<std::uint32_t>(mesh_.materials.size() - 1);
+}
+
+void ObjMaterials::finish() {
+  for (const std::string& name : unknown_) {
+    warnings_.add("no material file has the material \"{}\"; it has no textures", name);
+  }
+  if (unknown_count_ > unknown_.size()) {
+    warnings_.add("no material file has {} more materials; they have no textures",
+                  unknown_count_ - unknown_.size());
+  }
+}
+
+void ObjMaterials::fill(mesh::Material& out, const Loaded& loaded) {
+  const MtlMaterial& in = loaded.material;
+  out.name = in.name;
+  out.factors[static_cast<std::size_t>(Channel::base_color)] = {in.diffuse[0], in.diffuse[1],
+                                                                in.diffuse[2], in.dissolve};
+  const bool dark = in.emission[0] == 0 && in.emission[1] == 0 && in.emission[2] == 0;
+  auto& emissive = out.factors[static_cast<std::size_t>(Channel::emissive)];
+  emissive = {in.emission[0], in.emission[1], in.emission[2], 1};
+  if (dark && !in.emissive.name.empty()) emissive = {1, 1, 1, 1};
+  bind(out, Channel::base_color, in.base_color, *loaded.folder);
+  bind(out, Channel::emissive, in.emissive, *loaded.folder);
+  for (const auto& [slot, texture] : in.others) {
+    out.other_textures.push_back({slot, image(texture, *loaded.folder)});
+  }
+}
+
+void ObjMaterials::bind(mesh::Material& material, Channel channel, const MtlTexture& texture,
+                        const std::string& folder) {
+  if (texture.name.empty()) return;
+  mesh::TextureBinding binding;
+  binding.image = image(texture.name, folder);
+  binding.wrap_u = binding.wrap_v = texture.clamp ? mesh::Wrap::clamp : mesh::Wrap::repeat;
+  // "-s" and "-o" scale and move with v up: v_up' = s v_up + o, written for v down = 1 - v_up.
+  const auto [su, sv] = texture.scale;
+  const auto [ou, ov] = texture.offset;
+  binding.transform = {su, 0, ou, 0, sv, 1 - sv - ov};
+  material.textures[static_cast<std::size_t>(channel)] = binding;
+}
+
+std::uint32_t ObjMaterials::image(const std::string& name, const std::string& folder) {
+  std::string clean = slashed(name);
+  while (!clean.empty() && (clean.back() == ' ' || clean.back() == '\t')) clean.pop_back();
+  fs::path path = fs::path(folder) / clean;
+  // Paths of another machine ("C:/art/skin.png") or to elsewhere on this one: the file is often
+  // beside the MTL.
+  const auto is_readable = [&](const fs::path& file) {
+    return is_file(file) && folder_.holds(file.string());
+  };
+  if (const fs::path beside = fs::path(folder) / fs::path(clean).filename();
+      !is_readable(path) && is_readable(beside)) {
+    path = beside;
+  }
+  const auto [it, is_new] =
+      images_.try_emplace(path.string(), static_cast<std::uint32_t>(mesh_.images.size()));
+  if (is_new) {
+    mesh::ImageRef& out = mesh_.images.emplace_back();
+    out.path = out.label = path.string();
+    std::error_code error;  // whatever else is wrong with it, reading says
+    if (fs::status(path, error).type() == fs::file_type::not_found) {
+      out.problem = fmt::format("the file is not there (named by a material of {})", path_);
+      out.missing = true;
+    } else if (!folder_.holds(path.string())) {
+      out.problem = fmt::format("the file (named by a material of {}) {}", path_, kOutsideProblem);
+    }
+  }
+  return it->second;
+}
+
+}  // namespace pounce::io

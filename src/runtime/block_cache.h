@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <utility>
+
+#include "runtime/memory_budget.h"
+
+namespace pounce::runtime {
+
+/// An open store and what was decoded of it: kept in what the leases leave of the budget, else
+/// read, checked and decoded again. Whoever asks shares the ownership of what it gets; what it
+/// holds is under its own lease. Two threads that miss at once both decode: rarer than a lock would
+/// cost. Thread-safe.
+///
+/// `Reader` owns the store and knows how to read it:
+///   Index, Entry, Block                what a part of the index, an entry of it and a block are
+///   Index read_index(part) const, uint64_t index_bytes(const Index&) const
+///   Block read_block(entry) const, uint64_t block_bytes(entry) const      (decoded)
+///   uint64_t index_place(part) const, uint64_t place(entry) const         (offsets: multiples of
+///   8)
+template <class Reader>
+class BlockCache {
+ public:
+  using Index = typename Reader::Index;
+  using Entry = typename Reader::Entry;
+  using Block = typename Reader::Block;
+
+  BlockCache(MemoryBudget& budget, Reader reader) : budget_(budget), reader_(std::move(reader)) {}
+  ~BlockCache() { budget_.forget(id()); }
+  BlockCache(const BlockCache&) = delete;
+  BlockCache& operator=(const BlockCache&) = delete;
+
+  const auto& store() const { return *reader_.store; }
+  std::uint64_t indices_read() const { return indices_read_; }  ///< parts of the index, so far
+
+  std::shared_ptr<const Index> index(std::uint32_t part) const {
+    // A low bit of the offset tells parts of the index from blocks.
+    const CacheKey key{id(), reader_.index_place(part) | 1};
+    if (auto kept = budget_.find(key)) return std::static_pointer_cast<const Index>(kept);
+    auto made = std::make_shared<const Index>(reader_.read_index(part));
+    ++indices_read_;
+    budget_.keep(key, made, reader_.index_bytes(*made));
+    return made;
+  }
+
+  std::shared_ptr<const Block> block(const Entry& entry) const {
+    const CacheKey key{id(), reader_.place(entry)};
+    if (auto kept = budget_.find(key)) return std::static_pointer_cast<const Block>(kept);
+    auto made = std::make_shared<const Block>(reader_.read_block(entry));
+    budget_.keep(key, made, reader_.block_bytes(entry));
+    return made;
+  }
+
+ private:
+  std::uint64_t id() const { return reinterpret_cast<std::uintptr_t>(this); }
+
+  MemoryBudget& budget_;
+  const Reader reader_;
+  mutable std::atomic<std::uint64_t> indices_read_{0};
+};
+
+}  // namespace pounce::runtime

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <unordered_map>
+
+#include "pounce/error.h"
+
+namespace pounce::runtime {
+
+/// Names a decoded thing in the cache: which store, what kind of thing in it, which one.
+struct CacheKey {
+  std::uint64_t store = 0;
+  std::uint64_t item = 0;
+  bool operator==(const CacheKey&) const = default;
+};
+
+/// The bytes of one job. Leases are for what a piece of work needs while it lives; what they leave
+/// over keeps decoded blocks, least recently used ones going first when a lease asks for room.
+/// leased + cached never exceeds the limit. Thread-safe.
+class MemoryBudget {
+ public:
+  explicit MemoryBudget(std::uint64_t limit_bytes) : limit_(limit_bytes) {}
+
+  /// First come, first served is the caller's affair (see Pump). Never blocks.
+  bool try_lease(std::uint64_t bytes);
+  void release(std::uint64_t bytes);
+
+  /// A decoded thing that is still there, or nothing.
+  std::shared_ptr<const void> find(const CacheKey& key);
+  /// Keeps it if there is room; the caller's own reference is under the caller's lease.
+  void keep(const CacheKey& key, std::shared_ptr<const void> thing, std::uint64_t bytes);
+  /// Forgets everything of one store (before it is closed).
+  void forget(std::uint64_t store);
+
+  std::uint64_t limit() const { return limit_; }
+  std::uint64_t leased() const;
+  std::uint64_t leased_peak() const;  ///< largest leased + cached so far
+
+ private:
+  struct Kept {
+    CacheKey key;
+    std::shared_ptr<const void> thing;
+    std::uint64_t bytes;
+  };
+  struct KeyHash {
+    std::size_t operator()(const CacheKey& k) const {
+      return k.store * 0x9E3779B97F4A7C15ULL ^ k.item;
+    }
+  };
+  void make_room(std::uint64_t bytes);  ///< with mutex_ held
+
+  const std::uint64_t limit_;
+  mutable std::mutex mutex_;  ///< guards everything below
+  std::uint64_t leased_ = 0, cached_ = 0, peak_ = 0;
+  std::list<Kept> recent_;  ///< most recently used first
+  std::unordered_map<CacheKey, std::list<Kept>::iterator, KeyHash> kept_;
+};
+
+/// A lease that ends with its object. Throws Error(budget) if there is no room: only for what must
+/// be there.
+class Lease {
+ public:
+  Lease() = default;
+  Lease(MemoryBudget& budget, std::uint64_t bytes, const std::string& what);
+  Lease(Lease&& other) noexcept;
+  Lease& operator=(Lease&& other) noexcept;
+  ~Lease();
+  std::uint64_t bytes() const { return bytes_; }
+
+ private:
+  MemoryBudget* budget_ = nullptr;
+  std::uint64_t bytes_ = 0;
+};
+
+/// What to throw where `bytes` more are needed for `what` and cannot come: it names the least that
+/// works. "The memory budget of 8.0 MiB is too small: sorting needs 9.0 MiB beside ..."
+Error too_small(const MemoryBudget& budget, std::uint64_t bytes, const std::string& what);
+
+/// "12.5 MiB"
+std::string format_bytes(std::uint64_t bytes);
+
+}  // namespace pounce::runtime

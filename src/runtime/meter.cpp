@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "runtime/meter.h"
+
+#include <algorithm>
+
+#include "pounce/error.h"
+
+namespace pounce::runtime {
+
+Meter::Meter(Progress* progress)
+    : progress_(progress), start_(std::chrono::steady_clock::now()), last_(start_) {}
+
+void Meter::begin(const std::string& stage, std::uint64_t total, const std::string& unit,
+                  double end) {
+  const std::lock_guard lock(mutex_);
+  stage_ = {stage, 0, total, unit, fraction_, restarted_ + (1 - restarted_) * end};
+  emit(true);
+}
+
+void Meter::throw_if_cancelled() const {
+  if (progress_ != nullptr && progress_->cancelled()) {
+    throw Error(ErrorKind::cancelled,
+                "stopped; nothing half-written is left, run the same command to start again");
+  }
+}
+
+void Meter::wait(const std::string& what) {
+  throw_if_cancelled();
+  const std::lock_guard lock(mutex_);
+  const bool begins = waiting_ != what;
+  waiting_ = what;
+  emit(begins);
+}
+
+void Meter::resume() {
+  const std::lock_guard lock(mutex_);
+  if (waiting_.empty()) return;
+  waiting_.clear();
+  emit(true);
+}
+
+void Meter::advance(std::uint64_t units) {
+  throw_if_cancelled();
+  const std::lock_guard lock(mutex_);
+  stage_.done = std::min(stage_.done + units, std::max(stage_.total, stage_.done));
+  if (stage_.total > 0) {
+    const double part = static_cast<double>(stage_.done) / static_cast<double>(stage_.total);
+    raise(stage_.start + (stage_.end - stage_.start) * part);
+  }
+  emit(false);
+}
+
+void Meter::end() {
+  const std::lock_guard lock(mutex_);
+  stage_.done = stage_.total;
+  raise(stage_.end);
+  emit(true);
+}
+
+void Meter::restart() {
+  const std::lock_guard lock(mutex_);
+  restarted_ = fraction_;
+  stage_ = {};
+  waiting_.clear();
+}
+
+void Meter::finish() {
+  const std::lock_guard lock(mutex_);
+  stage_.done = stage_.total;
+  raise(1);
+  emit(true);
+}
+
+void Meter::raise(double fraction) { fraction_ = std::max(fraction_, std::min(fraction, 1.0)); }
+
+void Meter::emit(bool always) {
+  if (progress_ == nullptr || !progress_->on_event) return;
+  const auto now = std::chrono::steady_clock::now();
+  if (!always && now - last_ < std::chrono::milliseconds(200)) return;
+  last_ = now;
+  const double elapsed_s = std::chrono::duration<double>(now - start_).count();
+  if (waiting_.empty()) {
+    progress_->on_event(
+        {stage_.name, fraction_, stage_.done, stage_.total, stage_.unit, elapsed_s});
+  } else {
+    progress_->on_event({waiting_, fraction_, 0, 0, stage_.unit, elapsed_s});
+  }
+}
+
+}  // namespace pounce::runtime

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <mutex>
+#include <string>
+
+#include "pounce/progress.h"
+
+namespace pounce::runtime {
+
+/// Progress of a job as its stages report it, a few events a second. The fraction has one writer,
+/// which only raises it, so it never falls: not for a stage that ends earlier than the one before,
+/// not while other threads go on during a wait, not when the job begins again. Thread-safe.
+class Meter {
+ public:
+  explicit Meter(Progress* progress);
+  /// A new stage of `total` units that takes the job's fraction to `end`.
+  void begin(const std::string& stage, std::uint64_t total, const std::string& unit, double end);
+  /// `units` more are done. Throws Error(cancelled) if the caller asked to stop.
+  void advance(std::uint64_t units);
+  void end();
+  /// Says in between that the job waits, and what for. Throws Error(cancelled) like advance().
+  void wait(const std::string& what);
+  /// The wait, if there was one, is over: back to the stage.
+  void resume();
+  /// The job begins again: from here on 0 is where it stands and 1 stays the end.
+  void restart();
+  /// All is done: the fraction is 1.
+  void finish();
+
+ private:
+  struct Stage {
+    std::string name;
+    std::uint64_t done = 0, total = 0;
+    std::string unit;
+    double start = 0, end = 0;  ///< of fraction_
+  };
+  void throw_if_cancelled() const;
+  void raise(double fraction);
+  void emit(bool always);
+
+  Progress* progress_;
+  const std::chrono::steady_clock::time_point start_;
+  std::mutex mutex_;  ///< guards what follows, and is held during on_event
+  std::chrono::steady_clock::time_point last_;
+  Stage stage_;
+  std::string waiting_;   ///< what is said instead of the stage; may be empty
+  double fraction_ = 0;   ///< written by raise() alone
+  double restarted_ = 0;  ///< where the job began again
+};
+
+}  // namespace pounce::runtime

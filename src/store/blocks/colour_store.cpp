@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/blocks/colour_store.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "core/half.h"
+#include "store/pack/chunk_fields.h"
+#include "store/pack/chunk_payload.h"
+
+namespace pounce::store {
+namespace {
+
+constexpr std::size_t kTileTexels = std::size_t{kColourTileEdge} * kColourTileEdge;
+constexpr std::size_t kHeaderBytes = 25, kChunkRefBytes = 16;
+
+std::vector<std::byte> encode_directory(const ColourDirectory& d) {
+  std::vector<std::byte> raw;
+  ByteWriter out(raw);
+  for (const std::uint32_t v : {d.width, d.height, d.channels}) out.put(v);
+  for (const auto v : {static_cast<std::uint8_t>(d.depth), static_cast<std::uint8_t>(d.linear),
+                       static_cast<std::uint8_t>(d.has_alpha + d.premultiplied),
+                       static_cast<std::uint8_t>(d.wrap_u), static_cast<std::uint8_t>(d.wrap_v)}) {
+    out.put(v);
+  }
+  out.put(d.nonfinite);
+  for (const ChunkRef& page : d.row_pages) put_chunk(out, page);
+  return raw;
+}
+
+std::vector<ChunkRef> get_chunks(ByteReader& in, std::size_t count) {
+  if (in.left() != count * kChunkRefBytes) in.fail("has another size than its counts say");
+  std::vector<ChunkRef> chunks(count);
+  for (ChunkRef& chunk : chunks) chunk = get_chunk(in);
+  return chunks;
+}
+
+ColourDirectory decode_directory(std::span<const std::byte> raw, const std::string& name) {
+  ByteReader in(raw, name + ": directory");
+  ColourDirectory d;
+  d.width = in.get<std::uint32_t>();
+  d.height = in.get<std::uint32_t>();
+  d.channels = in.get<std::uint32_t>();
+  const auto depth = in.get<std::uint8_t>(), linear = in.get<std::uint8_t>(),
+             alpha = in.get<std::uint8_t>(), wrap_u = in.get<std::uint8_t>(),
+             wrap_v = in.get<std::uint8_t>();
+  if (d.width == 0 || d.width > kLargestImageSide || d.height == 0 ||
+      d.height > kLargestImageSide || d.channels == 0 || d.channels > 4 || depth > 3 ||
+      linear > 1 || alpha > 2 || (alpha > 0 && d.channels < 2) || (alpha > 1 && depth < 2) ||
+      wrap_u > 2 || wrap_v > 2) {
+    in.fail("has an impossible image header");
+  }
+  d.depth = static_cast<Depth>(depth);
+  d.linear = linear != 0;
+  d.has_alpha = alpha > 0;
+  d.premultiplied = alpha > 1;
+  d.wrap_u = static_cast<mesh::Wrap>(wrap_u);
+  d.wrap_v = static_cast<mesh::Wrap>(wrap_v);
+  d.nonfinite = in.get<std::uint64_t>();
+  d.row_pages = get_chunks(in, d.tiles_y());
+  return d;
+}
+
+bool is_of(const ColourDirectory& d, const ColourDirectory& image) {
+  return d.width == image.width && d.height == image.height && d.channels == image.channels &&
+         d.depth == image.depth && d.linear == image.linear && d.has_alpha == image.has_alpha &&
+         d.premultiplied == image.premultiplied && d.wrap_u == image.wrap_u &&
+         d.wrap_v == image.wrap_v;
+}
+
+/// Float samples are summed as mantissas and exponents (projection/blend.cpp), which NaN and
+/// infinity have not.
+bool are_finite(const ColourDirectory& image, std::span<const std::byte> tile) {
+  if (image.depth == Depth::u8 || image.depth == Depth::u16) return true;
+  const std::size_t size = depth_bytes(image.depth);
+  for (std::size_t at = 0; at < tile.size(); at += size) {
+    float sample;
+    if (image.depth == Depth::half) {
+      std::uint16_t bits;
+      std::memcpy(&bits, tile.data() + at, sizeof bits);
+      sample = half_to_float(bits);
+    } else {
+      std::memcpy(&sample, tile.data() + at, sizeof sample);
+    }
+    if (!std::isfinite(sample)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+std::size_t depth_bytes(Depth depth) {
+  return depth == Depth::u8 ? 1 : depth == Depth::float32 ? 4 : 2;
+}
+
+std::int64_t wrapped(std::int64_t texel, std::int64_t size, mesh::Wrap wrap) {
+  if (wrap == mesh::Wrap::clamp) return std::clamp<std::int64_t>(texel, 0, size - 1);
+  const std::int64_t period = wrap == mesh::Wrap::repeat ? size : 2 * size;
+  const std::int64_t inside = ((texel % period) + period) % period;
+  return inside < size ? inside : period - 1 - inside;
+}
+
+void filter_colours(const ColourDirectory& image, std::span<const std::byte> tile,
+                    std::vector<std::byte>& raw) {
+  std::vector<std::byte> differences(tile.begin(), tile.end());
+  delta(differences, depth_bytes(image.depth), image.channels);
+  raw.resize(tile.size());
+  shuffle(differences, image.texel_bytes(), raw);
+}
+
+void unfilter_colours(const ColourDirectory& image, std::span<const std::byte> raw,
+                      std::span<std::byte> tile) {
+  unshuffle(raw, image.texel_bytes(), tile);
+  undelta(tile, depth_bytes(image.depth), image.channels);
+}
+
+ColourStoreWriter::ColourStoreWriter(std::unique_ptr<PackWriter> pack, std::uint32_t tile_rows)
+    : pack_(std::move(pack)), row_pages_(tile_rows) {}
+
+void ColourStoreWriter::add_row(std::uint32_t tile_row,
+                                const std::vector<std::vector<std::byte>>& stored_tiles,
+                                std::uint32_t raw_bytes, Compressor& compressor) {
+  std::vector<std::byte> raw;
+  ByteWriter out(raw);
+  for (const auto& tile : stored_tiles) {
+    const ChunkRef chunk = pack_->append(ChunkKind::block, tile, raw_bytes);
+    put_chunk(out, chunk);
+  }
+  row_pages_[tile_row] = append_payload(*pack_, ChunkKind::index_page, raw, compressor);
+}
+
+std::unique_ptr<PackWriter> ColourStoreWriter::finish(ColourDirectory directory,
+                                                      Compressor& compressor) {
+  directory.row_pages = std::move(row_pages_);
+  const auto raw = encode_directory(directory);
+  pack_->finish(append_payload(*pack_, ChunkKind::directory, raw, compressor));
+  return std::move(pack_);
+}
+
+ColourStore::ColourStore(std::unique_ptr<PackReader> pack, const ColourDirectory& image,
+                         Compressor& compressor)
+    : pack_(std::move(pack)) {
+  const auto raw = read_payload(*pack_, pack_->directory(), ChunkKind::directory,
+                                kHeaderBytes + image.tiles_y() * kChunkRefBytes, compressor);
+  directory_ = decode_directory(raw, pack_->name());
+  if (!is_of(directory_, image)) {
+    throw Error(ErrorKind::damaged_store,
+                pack_->name() + ": directory is of another image than its key stands for");
+  }
+}
+
+std::vector<ChunkRef> ColourStore::read_row(std::uint32_t tile_row, Compressor& compressor) const {
+  const ChunkRef& page = directory_.row_pages[tile_row];
+  const auto raw = read_payload(*pack_, page, ChunkKind::index_page,
+                                directory_.tiles_x() * kChunkRefBytes, compressor);
+  ByteReader in(raw, pack_->name() + ": index page");
+  return get_chunks(in, directory_.tiles_x());
+}
+
+ColourTile ColourStore::read_tile(const ChunkRef& chunk, Compressor& compressor) const {
+  const std::size_t size = kTileTexels * directory_.texel_bytes();
+  if (chunk.raw_bytes != size)
+    throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile of another size");
+  const auto raw = read_payload(*pack_, chunk, ChunkKind::block, size, compressor);
+  ColourTile tile(size);
+  unfilter_colours(directory_, raw, tile);
+  if (!are_finite(directory_, tile))
+    throw Error(ErrorKind::damaged_store,
+                pack_->name() + ": a tile of samples that are not finite");
+  return tile;
+}
+
+std::uint64_t ColourStore::tile_bytes() const {
+  return round_to_pages(kTileTexels * directory_.texel_bytes());
+}
+
+}  // namespace pounce::store

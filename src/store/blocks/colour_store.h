@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/page_pool.h"
+#include "mesh/lattice.h"
+#include "mesh/mesh.h"
+#include "pounce/options.h"
+#include "store/pack/codec.h"
+#include "store/pack/pack.h"
+
+namespace pounce::store {
+
+/// Texels around a colour tile that are stored with it: the widest kernel's reach, so that a blend
+/// never needs a second tile. What lies beyond the image follows the wrap mode.
+inline constexpr int kApron = 2;
+inline constexpr int kColourTileEdge = mesh::kBlockEdge + 2 * kApron;
+
+/// No image has more texels along a side.
+inline constexpr std::uint32_t kLargestImageSide = 65536;
+
+std::size_t depth_bytes(Depth depth);
+
+/// One channel's image as a column of tiles.
+struct ColourDirectory {
+  std::uint32_t width = 0, height = 0;
+  std::uint32_t channels = 0;
+  Depth depth = Depth::u8;
+  bool linear = false;
+  bool has_alpha = false;      ///< the last channel is alpha
+  bool premultiplied = false;  ///< float images alone: colours are stored times alpha
+  mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
+  std::uint64_t nonfinite = 0;      ///< NaN and infinite samples, stored as 0
+  std::vector<ChunkRef> row_pages;  ///< per row of tiles: the index page with its chunks
+
+  std::uint32_t tiles_x() const { return (width + mesh::kBlockEdge - 1) / mesh::kBlockEdge; }
+  std::uint32_t tiles_y() const { return (height + mesh::kBlockEdge - 1) / mesh::kBlockEdge; }
+  std::size_t texel_bytes() const { return channels * depth_bytes(depth); }
+};
+
+/// The texel of an image of `size` texels that a coordinate outside it means.
+std::int64_t wrapped(std::int64_t texel, std::int64_t size, mesh::Wrap wrap);
+
+/// Samples of one tile and its apron, kColourTileEdge wide and high, texels interleaved, as in the
+/// image.
+using ColourTile = PageVector<std::byte>;
+
+/// Serialises a tile for compression (differences between neighbours, byte planes), and back.
+void filter_colours(const ColourDirectory& image, std::span<const std::byte> tile,
+                    std::vector<std::byte>& raw);
+void unfilter_colours(const ColourDirectory& image, std::span<const std::byte> raw,
+                      std::span<std::byte> tile);
+
+/// Writes the tiles of one image. Rows of tiles may come in any order.
+class ColourStoreWriter {
+ public:
+  explicit ColourStoreWriter(std::unique_ptr<PackWriter> pack, std::uint32_t tile_rows);
+  void add_row(std::uint32_t tile_row, const std::vector<std::vector<std::byte>>& stored_tiles,
+               std::uint32_t raw_bytes, Compressor& compressor);
+  std::unique_ptr<PackWriter> finish(ColourDirectory directory, Compressor& compressor);
+
+ private:
+  std::unique_ptr<PackWriter> pack_;
+  std::vector<ChunkRef> row_pages_;
+};
+
+/// Reads a colour pack. Const members are thread-safe.
+class ColourStore {
+ public:
+  /// `image` is what the job knows of it: all but the samples that are not finite and the places of
+  /// rows. Throws Error(damaged_store) if the pack says anything else.
+  ColourStore(std::unique_ptr<PackReader> pack, const ColourDirectory& image,
+              Compressor& compressor);
+  const ColourDirectory& directory() const { return directory_; }
+  std::vector<ChunkRef> read_row(std::uint32_t tile_row, Compressor& compressor) const;
+  ColourTile read_tile(const ChunkRef& chunk, Compressor& compressor) const;
+  const PackReader& pack() const { return *pack_; }
+  /// Bytes of a decoded tile.
+  std::uint64_t tile_bytes() const;
+
+ private:
+  std::unique_ptr<PackReader> pack_;
+  ColourDirectory directory_;
+};
+
+}  // namespace pounce::store

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/box.h"
+#include "core/vec.h"
+#include "mesh/block_bins.h"
+#include "store/blocks/texel_records.h"
+
+namespace pounce::store {
+
+inline constexpr std::size_t kTexelsPerBlock = std::size_t{mesh::kBlockEdge} * mesh::kBlockEdge;
+/// Vertices are indexed by 16 bits, and a block's decoded size stays small whatever the mesh.
+inline constexpr std::uint32_t kMostTrianglesPerBlock = 4096;
+/// No encoded block is larger: three vertices of its own for each of the most triangles, and a run
+/// for each texel.
+inline constexpr std::size_t kLargestGeometryBytes =
+    28 + (3 * 40 + 18) * std::size_t{kMostTrianglesPerBlock} + 4 * kTexelsPerBlock;
+
+/// What reproduces a 64x64 window of texels: the triangles that touch it and, on the target, which
+/// of them owns each texel centre. Positions, normals and dual frames of all texels (or Gaussians)
+/// follow from it exactly, at a fraction of a byte per texel. A dense block of a target has records
+/// instead of vertices and triangles.
+struct GeometryBlock {
+  std::uint32_t page = 0;
+  std::int32_t x = 0, y = 0;  ///< block coordinates in the page
+  // Vertices: structure of arrays, each of the same length.
+  std::vector<Vec3f> positions;
+  std::vector<Vec3f> normals;
+  std::vector<Vec2f> uvs;  ///< as in the mesh: the page's lattice makes them texels
+  std::vector<std::array<std::int16_t, 4>> tangents;  ///< unit vector and handedness, times 32767
+  // Triangles.
+  std::vector<std::array<std::uint16_t, 3>> triangles;  ///< vertex indices
+  std::vector<std::uint32_t> ids;                       ///< index in the mesh file's order
+  std::vector<std::array<std::int32_t, 2>> shifts;      ///< periods to subtract; empty: all zero
+  /// Target only: kTexelsPerBlock triangle indices in raster order, kNoTriangle where no centre is
+  /// covered.
+  std::vector<std::uint16_t> owner;
+  // Dense blocks of a target: one record per covered texel; `owner` is a texel's record then.
+  float step = 0;  ///< what records count in, a power of two
+  std::vector<TexelRecord> records;
+
+  std::array<Vec2d, 3> texel_corners(const mesh::Lattice& lattice, std::size_t triangle) const;
+};
+
+/// Serialises a block into `raw` (replaced), filtered for compression. Layout: docs/tile-format.md.
+void encode(const GeometryBlock& block, std::vector<std::byte>& raw);
+/// The inverse. Throws Error(damaged_store) naming `name` if `raw` is not what encode() makes.
+GeometryBlock decode_geometry(std::span<const std::byte> raw, const std::string& name);
+
+/// Collects triangles of a mesh into a block, sharing vertices.
+class GeometryBlockBuilder {
+ public:
+  explicit GeometryBlockBuilder(const mesh::Mesh& mesh);
+  /// Begins an empty block that will hold at most `most_triangles`.
+  void start(std::uint32_t page, std::int32_t x, std::int32_t y, std::size_t most_triangles);
+  /// Adds a triangle and returns its index in the block.
+  std::uint16_t add(const mesh::TriangleInstance& instance, std::uint32_t uv_set, bool has_image);
+  GeometryBlock& block() { return block_; }
+  bool full() const { return block_.triangles.size() >= kMostTrianglesPerBlock; }
+
+ private:
+  std::uint16_t local_vertex(std::uint32_t vertex, std::uint32_t uv_set, bool has_image);
+
+  const mesh::Mesh& mesh_;
+  GeometryBlock block_;
+  std::vector<std::pair<std::uint32_t, std::uint16_t>>
+      slots_;  // open addressing: mesh vertex -> local
+};
+
+}  // namespace pounce::store

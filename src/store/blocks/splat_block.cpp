@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/blocks/splat_block.h"
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "core/bytes.h"
+#include "store/pack/codec.h"
+
+namespace pounce::store {
+namespace {
+
+constexpr std::uint32_t kHasNormals = 1;
+constexpr std::size_t kColumns = 14, kNormalColumns = 3, kHeaderBytes = 8;
+
+/// Visits every column in the payload's order: (column, its values are near their neighbours').
+template <class Block, class Visitor>
+void for_columns(Block& block, bool normals, const Visitor& visit) {
+  for (auto& column : block.mean) visit(column, true);
+  for (auto& column : block.sigma) visit(column, false);
+  for (auto& column : block.rotation) visit(column, false);
+  visit(block.alpha, false);
+  for (auto& column : block.colour) visit(column, false);
+  if (!normals) return;
+  for (auto& column : block.normal) visit(column, false);
+}
+
+/// How far from 1 the squared length of what was rounded to 16 significant bits may be.
+constexpr float kLengthSlack = 0x1p-12F;
+
+/// Is this what a reader of scenes lets through? Everything that follows relies on it.
+bool is_legal(const Splat& s) {
+  const auto finite = [](Vec3f v) {
+    return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+  };
+  float length = 0;
+  for (const float q : s.rotation) length += q * q;
+  const float normal = dot(s.normal, s.normal);
+  return finite(s.mean) && finite(s.sigma) &&
+         !(std::isnan(s.colour.x) || std::isnan(s.colour.y) || std::isnan(s.colour.z)) &&
+         std::min({s.sigma.x, s.sigma.y, s.sigma.z}) >= 0 && size_of(s) > 0 &&
+         std::abs(length - 1) <= kLengthSlack && s.alpha > 0 && s.alpha <= 1 &&
+         (normal == 0 || std::abs(normal - 1) <= kLengthSlack);
+}
+
+/// Larger than the rounding of the few operations that make a box.
+constexpr float kOutwards = 0x1p-20F;
+
+/// To 16 significant bits, halves away from zero.
+void round_bits(float& value) {
+  value = std::bit_cast<float>((std::bit_cast<std::uint32_t>(value) + 0x80U) & 0xFFFFFF00U);
+}
+
+}  // namespace
+
+void round_for_store(Splat& splat) {
+  for (float* v :
+       {&splat.sigma.x, &splat.sigma.y, &splat.sigma.z, &splat.alpha, &splat.colour.x,
+        &splat.colour.y, &splat.colour.z, &splat.normal.x, &splat.normal.y, &splat.normal.z}) {
+    round_bits(*v);
+  }
+  for (float& v : splat.rotation) round_bits(v);
+}
+
+Box3f splat_box(const Splat& splat) {
+  const float w = splat.rotation[0], x = splat.rotation[1], y = splat.rotation[2],
+              z = splat.rotation[3];
+  const auto half = [&](float mean, float r0, float r1, float r2) {
+    const float a = r0 * splat.sigma.x, b = r1 * splat.sigma.y, c = r2 * splat.sigma.z;
+    const float h = 3 * std::sqrt(a * a + b * b + c * c);
+    return h + (h + std::abs(mean)) * kOutwards;
+  };
+  const Vec3f& m = splat.mean;
+  const Vec3f h{half(m.x, 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+                half(m.y, 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+                half(m.z, 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))};
+  return {{m.x - h.x, m.y - h.y, m.z - h.z}, {m.x + h.x, m.y + h.y, m.z + h.z}};
+}
+
+Splat SplatBlock::splat(std::size_t i) const {
+  Splat out;
+  out.mean = {mean[0][i], mean[1][i], mean[2][i]};
+  out.sigma = {sigma[0][i], sigma[1][i], sigma[2][i]};
+  out.rotation = {rotation[0][i], rotation[1][i], rotation[2][i], rotation[3][i]};
+  out.alpha = alpha[i];
+  out.colour = {colour[0][i], colour[1][i], colour[2][i]};
+  if (!normal[0].empty()) out.normal = {normal[0][i], normal[1][i], normal[2][i]};
+  return out;
+}
+
+void SplatBlock::assign(std::span<const Splat> splats) {
+  const std::size_t count = splats.size();
+  bool normals = false;
+  for (const Splat& s : splats) normals |= s.normal != Vec3f{};
+  for (auto& column : normal) column.clear();
+  for_columns(*this, normals, [&](PageVector<float>& column, bool) { column.resize(count); });
+  for (std::size_t i = 0; i < count; ++i) {
+    const Splat& s = splats[i];
+    mean[0][i] = s.mean.x, mean[1][i] = s.mean.y, mean[2][i] = s.mean.z;
+    sigma[0][i] = s.sigma.x, sigma[1][i] = s.sigma.y, sigma[2][i] = s.sigma.z;
+    for (std::size_t k = 0; k < 4; ++k) rotation[k][i] = s.rotation[k];
+    alpha[i] = s.alpha;
+    colour[0][i] = s.colour.x, colour[1][i] = s.colour.y, colour[2][i] = s.colour.z;
+  }
+  for (std::size_t i = 0; normals && i < count; ++i) {
+    const Vec3f& n = splats[i].normal;
+    normal[0][i] = n.x, normal[1][i] = n.y, normal[2][i] = n.z;
+  }
+}
+
+std::uint64_t SplatBlock::decoded_bytes(std::size_t splats, bool normals) {
+  return (kColumns + (normals ? kNormalColumns : 0)) * round_to_pages(splats * sizeof(float));
+}
+
+void encode(const SplatBlock& block, std::vector<std::byte>& raw) {
+  const bool normals = !block.normal[0].empty();
+  const auto count = static_cast<std::uint32_t>(block.size());
+  const std::uint32_t flags = normals ? kHasNormals : 0U;
+  const std::size_t bytes = block.size() * sizeof(float);
+  raw.resize(kHeaderBytes + bytes * (kColumns + (normals ? kNormalColumns : 0)));
+  std::memcpy(raw.data(), &count, 4);
+  std::memcpy(raw.data() + 4, &flags, 4);
+  std::vector<std::byte> values(bytes);
+  std::size_t at = kHeaderBytes;
+  for_columns(block, normals, [&](const PageVector<float>& column, bool near) {
+    if (bytes == 0) return;
+    std::memcpy(values.data(), column.data(), bytes);
+    if (near) delta(values, sizeof(float), 1);
+    shuffle(values, sizeof(float), std::span(raw).subspan(at, bytes));
+    at += bytes;
+  });
+}
+
+SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name) {
+  ByteReader in(raw, name);
+  const auto count = in.get<std::uint32_t>();
+  const auto flags = in.get<std::uint32_t>();
+  const bool normals = (flags & kHasNormals) != 0;
+  const std::size_t columns = kColumns + (normals ? kNormalColumns : 0);
+  if (count > kMostSplatsPerBlock || (flags & ~kHasNormals) != 0 ||
+      in.left() != columns * count * sizeof(float)) {
+    in.fail("has an impossible block header");
+  }
+  SplatBlock block;
+  for_columns(block, normals, [&](PageVector<float>& column, bool near) {
+    column.resize(count);
+    const auto bytes = std::as_writable_bytes(std::span(column));
+    unshuffle(in.take(bytes.size()), sizeof(float), bytes);
+    if (near) undelta(bytes, sizeof(float), 1);
+  });
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!is_legal(block.splat(i))) in.fail("has a Gaussian that is none");
+  }
+  return block;
+}
+
+}  // namespace pounce::store

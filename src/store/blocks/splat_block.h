@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/box.h"
+#include "core/page_pool.h"
+#include "core/vec.h"
+
+namespace pounce::store {
+
+inline constexpr std::size_t kMostSplatsPerBlock = 4096;
+/// No encoded block is larger: 17 columns, normals included.
+inline constexpr std::size_t kLargestSplatBytes = 8 + 17 * sizeof(float) * kMostSplatsPerBlock;
+
+/// One Gaussian of a splat scene, as readers make it and sorting moves it.
+struct Splat {
+  Vec3f mean;
+  Vec3f sigma;  ///< standard deviations along the axes of `rotation`; >= 0, one of them > 0
+  std::array<float, 4> rotation{1, 0, 0, 0};  ///< unit quaternion w, x, y, z
+  float alpha = 1;                            ///< opacity, in (0, 1]
+  Vec3f colour;                               ///< as the scene encodes it, not clamped
+  Vec3f normal;                               ///< unit, or 0 0 0 where the file has none
+  bool operator==(const Splat&) const = default;
+};
+
+/// The largest standard deviation.
+inline float size_of(const Splat& splat) {
+  return std::max({splat.sigma.x, splat.sigma.y, splat.sigma.z});
+}
+
+/// Rounds everything but the mean to 16 significant bits, a relative error of at most 2^-16: far
+/// below what a blend shows, and a quarter of those columns' bytes becomes zero
+/// (docs/decisions/010-splat-store.md). What it rounded it leaves alone.
+void round_for_store(Splat& splat);
+
+/// The box of the Gaussian's 3-sigma ellipsoid: half extents 3 sqrt(Sigma_xx) and so on, rounded
+/// outwards.
+Box3f splat_box(const Splat& splat);
+
+/// Neighbouring Gaussians of a splat scene: structure of arrays, every column of the same length
+/// (at most kMostSplatsPerBlock), in the store's order. Values are finite and filtered: what cannot
+/// be seen or is broken never gets here.
+struct SplatBlock {
+  std::array<PageVector<float>, 3> mean;  ///< x, y, z, after --source-axes
+  std::array<PageVector<float>, 3>
+      sigma;  ///< standard deviations along the axes of `rotation`; >= 0, the largest > 0
+  /// Unit quaternion w, x, y, z. Axis k of the Gaussian is column k of its matrix.
+  std::array<PageVector<float>, 4> rotation;
+  PageVector<float> alpha;                  ///< opacity, in (0, 1]
+  std::array<PageVector<float>, 3> colour;  ///< as the scene encodes it (sRGB-coded), not clamped
+  /// Unit normals from the file, 0 0 0 for a Gaussian without one; all empty where no Gaussian of
+  /// the block has one (then the shortest axis is meant, and its sign is unknown).
+  std::array<PageVector<float>, 3> normal;
+
+  std::size_t size() const { return alpha.size(); }
+  Splat splat(std::size_t i) const;
+  /// Replaces the content by these; normals are kept if any is not 0 0 0.
+  void assign(std::span<const Splat> splats);
+  /// Bytes of a decoded block of that many Gaussians, whole pages.
+  static std::uint64_t decoded_bytes(std::size_t splats, bool normals);
+};
+
+/// Serialises a block into `raw` (replaced), filtered for compression. Layout: docs/tile-format.md.
+void encode(const SplatBlock& block, std::vector<std::byte>& raw);
+/// The inverse. Throws Error(damaged_store) naming `name` if `raw` is not what encode() makes of
+/// Gaussians that a reader lets through.
+SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name);
+
+}  // namespace pounce::store

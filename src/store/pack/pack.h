@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/file.h"
+#include "core/hash.h"
+
+namespace pounce::store {
+
+/// What a pack file holds; part of its header.
+enum class PackKind : std::uint32_t { geometry = 1, colour = 2, results = 3, splats = 4 };
+
+/// What a chunk of a pack holds; part of its header.
+enum class ChunkKind : std::uint32_t { block = 1, index_page = 2, directory = 3 };
+
+/// Where a chunk is and how large: enough to size every buffer before reading.
+struct ChunkRef {
+  std::uint64_t offset = 0;        ///< of its header
+  std::uint32_t stored_bytes = 0;  ///< compressed payload, without header
+  std::uint32_t raw_bytes = 0;     ///< after decompression
+  bool operator==(const ChunkRef&) const = default;
+};
+
+inline constexpr std::uint32_t kFormatVersion = 3;
+inline constexpr std::size_t kPackHeaderBytes = 64;
+inline constexpr std::size_t kChunkHeaderBytes = 32;
+inline constexpr std::size_t kPackFooterBytes = 64;
+/// No chunk is larger, raw or stored: sizes are bounded before anything is allocated.
+inline constexpr std::uint32_t kLargestChunkBytes = 64u << 20;
+
+/// What the header of a pack says.
+struct PackInfo {
+  std::uint32_t version = 0;
+  PackKind kind = PackKind::geometry;
+  Hash128 key;
+};
+/// Reads and checks the header alone, for programs that do not know what to expect (`pounce
+/// inspect`). Throws Error(damaged_store).
+PackInfo read_pack_info(const ReadFile& file, const std::string& name);
+
+/// Append-only pack file: header, chunks, footer. Layout: docs/tile-format.md. Not thread-safe.
+/// The header carries kind, version and key; the footer (written by finish()) the directory's
+/// place, the number of chunks and the file's size. Every byte is under a checksum.
+class PackWriter {
+ public:
+  PackWriter(std::unique_ptr<WriteFile> file, PackKind kind, const Hash128& key);
+  ~PackWriter();
+  /// `stored` is the zstd frame of raw_bytes bytes.
+  ChunkRef append(ChunkKind kind, std::span<const std::byte> stored, std::uint32_t raw_bytes);
+  /// Writes the footer. `directory` is the chunk a reader starts from.
+  void finish(const ChunkRef& directory);
+  std::uint64_t size_bytes() const;
+  WriteFile& file();
+  PackKind kind() const;
+  const Hash128& key() const;
+  bool finished() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Reads a finished pack. read() is thread-safe. A wrong magic, version, kind, key, size or
+/// checksum throws Error(damaged_store) that names the file, the offset and what did not match.
+class PackReader {
+ public:
+  PackReader(std::unique_ptr<ReadFile> file, std::string name, PackKind kind, const Hash128& key);
+  ~PackReader();
+  ChunkRef directory() const;
+  /// Reads one chunk's stored payload into `stored` (exactly ref.stored_bytes) and checks its
+  /// header (kind, sizes, its own offset) and checksum. The header is read with the payload in one
+  /// pread.
+  void read(const ChunkRef& ref, ChunkKind kind, std::vector<std::byte>& stored) const;
+  /// Reads and checks every chunk from the header to the footer; returns how many there are.
+  std::uint64_t verify() const;
+  std::uint64_t size_bytes() const;
+  std::uint64_t bytes_read() const;  ///< so far
+  const std::string& name() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace pounce::store

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+# --method, --sigma and --densify: what they refuse, what the help and the report say of them.
+source "$(dirname "$0")/support.sh"
+rejected --method paper Gaussian ''
+rejected --sigma 0 0.05 5 wide ''
+refused '--sigma is about texels as Gaussians: it needs --method gaussian' transfer a.glb b.glb -o o.png --sigma 0.5
+refused '--densify is about texels as Gaussians' transfer a.glb b.glb -o o.png --densify
+refused 'baseColor alone' transfer a.glb b.glb -o o.png --method gaussian --channels occlusion
+refused 'baseColor alone' transfer a.glb b.glb -o '<CHANNEL>.png' --method gaussian --channels all
+expect 0 transfer --help
+for word in '--method ' '--sigma ' '--densify' 'surface: ' 'gaussian: ' 'Default: surface'; do out_has "$word"; done
+
+make_job
+expect 0 transfer source.obj target.obj -o g.png --method gaussian --sigma 0.75 --densify --report r.json -q
+json() { tr -d ' \n' <r.json | grep -qF -- "$1" || fail "the report lacks $1: $(cat r.json)"; }
+json '"method":"gaussian"'
+json '"sigma":0.75,"densify":true'
+json '"gaussians":256,'
+json '"method":"gaussian","sigma":"0.75","densify":"true"'
+# One colour everywhere: both methods give it.
+expect 0 transfer source.obj target.obj -o s.png --method surface --report r.json -q
+json '"method":"surface"'
+json '"sigma":0.0,"densify":false'
+expect 0 compare g.png s.png --min-psnr 100
+# A model or a pattern means all channels; what the method leaves out is said.
+"$POUNCE_FIXTURE" channels -o channels >/dev/null
+source=$(find channels -name '*_src.glb') target=$(find channels -name '*_target.glb')
+expect 0 transfer "$source" "$target" -o '<CHANNEL>.png' --method gaussian
+err_has 'transfers baseColor alone; left out: metallicRoughness, occlusion'
+[[ -e baseColor.png && ! -e occlusion.png ]] || fail "files: $(ls)"
+# Gaussians of a scene have their own sizes; the method is the scene's own.
+"$POUNCE_FIXTURE" splats -o scene.ply --count 2000 --target-size 64 >/dev/null
+expect 2 transfer scene.ply scene_target.glb -o o.png --method gaussian --sigma 1
+err_has 'Gaussians have their own sizes'
+expect 0 transfer scene.ply scene_target.glb -o one.png --size 64 --method gaussian -q
+expect 0 transfer scene.ply scene_target.glb -o two.png --size 64 -q
+cmp one.png two.png || fail 'a scene is blended differently'
+# The least memory that is named works; disk stays within the forecast.
+"$POUNCE_FIXTURE" head -o head --triangles 20000 --texture 512 --target-size 64 >/dev/null
+job=(transfer head/head_src.glb head/head_same.glb -o h.png --size 512 --method gaussian --no-cache --report r.json)
+expect 4 "${job[@]}" --memory 4MiB
+least=$(grep -o -- '--memory [0-9]*MiB$' "$err" | cut -d' ' -f2)
+expect 0 "${job[@]}" --memory "$least" -q
+peak=$(sed -n 's/.*"temp_peak": \([0-9]*\).*/\1/p' r.json)
+most=$(sed -n 's/.*"scratch": \([0-9]*\).*/\1/p' r.json)
+((peak <= most)) || fail "scratch files took $peak bytes, the forecast was $most"

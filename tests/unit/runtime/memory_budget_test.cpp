@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "runtime/memory_budget.h"
+
+#include <atomic>
+#include <catch2/catch.hpp>
+#include <thread>
+#include <vector>
+
+#include "support/bytes.h"
+#include "support/random.h"
+
+using namespace pounce;
+using namespace pounce::runtime;
+using pounce::test::Random;
+
+namespace {
+
+std::shared_ptr<const void> thing() { return std::make_shared<int>(1); }
+
+}  // namespace
+
+TEST_CASE("leases add up to the limit and not a byte further") {
+  runtime::MemoryBudget budget(100);
+  CHECK(budget.try_lease(60));
+  CHECK_FALSE(budget.try_lease(41));
+  CHECK(budget.try_lease(40));
+  CHECK(budget.try_lease(0));
+  CHECK_FALSE(budget.try_lease(1));
+  CHECK_FALSE(budget.try_lease(UINT64_MAX));  // no overflow
+  budget.release(60);
+  CHECK(budget.leased() == 40);
+  CHECK(budget.try_lease(60));
+  CHECK(budget.leased_peak() == 100);
+}
+
+TEST_CASE("a lease that does not fit says how much would") {
+  runtime::MemoryBudget budget(3 << 20);
+  const runtime::Lease first(budget, 1 << 20, "the first");
+  std::string message;
+  CHECK(
+      test::error_kind([&] { const runtime::Lease second(budget, 5 << 20, "a very large image"); },
+                       &message) == static_cast<int>(ErrorKind::budget));
+  CHECK(message.find("a very large image") != std::string::npos);
+  CHECK(message.find("3.0 MiB") != std::string::npos);
+  CHECK(message.find("6MiB") != std::string::npos);
+  CHECK(budget.leased() == 1 << 20);
+}
+
+TEST_CASE("a lease ends with its object, also when moved") {
+  runtime::MemoryBudget budget(100);
+  {
+    runtime::Lease a(budget, 10, "a");
+    runtime::Lease b = std::move(a);
+    CHECK(budget.leased() == 10);
+    runtime::Lease c(budget, 20, "c");
+    c = std::move(b);
+    CHECK(c.bytes() == 10);
+    c = {};
+    CHECK(c.bytes() == 0);
+  }
+  CHECK(budget.leased() == 0);
+}
+
+TEST_CASE("the least recently used thing goes first when a lease asks for room") {
+  runtime::MemoryBudget budget(100);
+  for (std::uint64_t item = 0; item < 4; ++item) budget.keep({1, item}, thing(), 25);
+  CHECK(budget.find({1, 0}) != nullptr);  // now the most recent
+  CHECK(budget.try_lease(1));
+  CHECK(budget.find({1, 1}) == nullptr);
+  CHECK(budget.find({1, 2}) != nullptr);
+  CHECK(budget.try_lease(49));  // 50 leased beside 75: one more goes, and it is item 3
+  CHECK(budget.find({1, 3}) == nullptr);
+  CHECK(budget.find({1, 0}) != nullptr);
+  CHECK(budget.find({1, 2}) != nullptr);
+  budget.keep({1, 4}, thing(), 25);  // pushes 0 out: 2 was asked for later
+  CHECK(budget.find({1, 0}) == nullptr);
+  CHECK(budget.find({1, 2}) != nullptr);
+  CHECK(budget.find({1, 4}) != nullptr);
+  CHECK(budget.leased_peak() == 100);
+}
+
+TEST_CASE("what does not fit beside the leases is not kept, what is kept is kept once") {
+  runtime::MemoryBudget budget(100);
+  CHECK(budget.try_lease(70));
+  budget.keep({1, 1}, thing(), 31);
+  CHECK(budget.find({1, 1}) == nullptr);
+  const auto first = thing();
+  budget.keep({1, 1}, first, 30);
+  budget.keep({1, 1}, thing(), 30);  // somebody decoded it meanwhile
+  CHECK(budget.find({1, 1}) == first);
+  CHECK_FALSE(budget.try_lease(31));
+  CHECK(budget.find({1, 1}) == first);  // a lease in vain costs nothing
+  CHECK(budget.try_lease(30));
+  CHECK(budget.find({1, 1}) == nullptr);
+  CHECK(first.use_count() == 1);
+}
+
+TEST_CASE("forgetting a store leaves the others alone and frees its bytes") {
+  runtime::MemoryBudget budget(100);
+  std::weak_ptr<const void> gone;
+  for (std::uint64_t item = 0; item < 5; ++item) {
+    const auto a = thing();
+    if (item == 2) gone = a;
+    budget.keep({7, item}, a, 10);
+    budget.keep({8, item}, thing(), 10);
+  }
+  budget.forget(7);
+  CHECK(gone.expired());
+  for (std::uint64_t item = 0; item < 5; ++item) {
+    CHECK(budget.find({7, item}) == nullptr);
+    CHECK(budget.find({8, item}) != nullptr);
+  }
+  for (std::uint64_t item = 0; item < 5; ++item) budget.keep({9, item}, thing(), 10);
+  CHECK(budget.find({8, 0}) != nullptr);  // there was room for the new ones
+}
+
+TEST_CASE("from several threads leases and cache stay within the limit") {
+  runtime::MemoryBudget budget(1000);
+  std::atomic<std::uint64_t> leased = 0;
+  std::atomic<bool> exceeded = false;
+  std::vector<std::thread> threads;
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    threads.emplace_back([&, seed] {
+      Random random(seed);
+      for (int i = 0; i < 20000; ++i) {
+        const std::uint64_t bytes = random.below(400);
+        const runtime::CacheKey key{random.below(3), random.below(50)};
+        if (random.one_in(2)) budget.keep(key, thing(), 1 + random.below(200));
+        if (random.one_in(50)) budget.forget(key.store);
+        budget.find(key);
+        if (!budget.try_lease(bytes)) continue;
+        if (leased.fetch_add(bytes) + bytes > 1000) exceeded = true;
+        leased.fetch_sub(bytes);
+        budget.release(bytes);
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  CHECK_FALSE(exceeded);
+  CHECK(budget.leased() == 0);
+  CHECK(budget.leased_peak() <= 1000);
+  CHECK(budget.leased_peak() > 900);
+}
+
+TEST_CASE("bytes are written the way people read them") {
+  CHECK(runtime::format_bytes(0) == "0 B");
+  CHECK(runtime::format_bytes(1023) == "1023 B");
+  CHECK(runtime::format_bytes(1536) == "1.5 KiB");
+  CHECK(runtime::format_bytes(13107200) == "12.5 MiB");
+  CHECK(runtime::format_bytes(5ULL << 29) == "2.50 GiB");
+}
