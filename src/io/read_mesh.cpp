@@ -11,6 +11,7 @@
 #include "core/file.h"
 #include "io/files/file_ending.h"
 #include "io/gltf/mesh.h"
+#include "io/obj/cost.h"
 #include "io/obj/mesh.h"
 #include "io/splats/format.h"
 #include "io/splats/ply_header.h"

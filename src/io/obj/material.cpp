@@ -7,7 +7,6 @@
 #include <filesystem>
 
 #include "io/material_names.h"
-#include "io/obj/lines.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -33,6 +32,18 @@ fs::path library_path(const std::string& obj_path, const std::string& name) {
 
 }  // namespace
 
+std::vector<std::string> library_names(std::string_view said) {
+  said.remove_prefix(std::min(said.find_first_not_of(" \t"), said.size()));
+  std::vector<std::string> names{std::string(said)};
+  if (said.find(' ') == std::string_view::npos) return names;
+  for (std::size_t at = 0; at < said.size();) {
+    const std::size_t end = std::min(said.find(' ', at), said.size());
+    if (end > at) names.emplace_back(said.substr(at, end - at));
+    at = end + 1;
+  }
+  return names;
+}
+
 std::optional<std::string> material_library(const std::string& obj_path, const AssetFolder& folder,
                                             const std::string& name) {
   const fs::path path = library_path(obj_path, name);
@@ -44,8 +55,27 @@ ObjMaterials::ObjMaterials(const std::string& obj_path, bool allow_external, mes
                            MeshWarnings& warnings)
     : path_(obj_path), folder_(obj_path, allow_external), mesh_(mesh), warnings_(warnings) {}
 
-bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::material_t>*,
-                              std::map<std::string, int>* by_name, std::string*, std::string*) {
+void refuse_libraries(const std::string& obj_path) {
+  throw Error(ErrorKind::input, fmt::format("{}: names more than {} material files; split the "
+                                            "model or leave out those that no face uses",
+                                            obj_path, kMaxLibraries));
+}
+
+void ObjMaterials::load(const std::string& said) {
+  std::vector<std::string> names = library_names(said);
+  if (std::error_code error; fs::exists(library_path(path_, names[0]), error)) {
+    names.resize(1);
+  } else if (names.size() > 1) {
+    names.erase(names.begin());
+  }
+  for (const std::string& name : names) {
+    if (loaded_names_.contains(name) || !can_load(name)) continue;
+    loaded_names_.insert(name);
+    return;
+  }
+}
+
+bool ObjMaterials::can_load(const std::string& name) {
   const std::string path = library_path(path_, name).lexically_normal().string();
   const auto [library, is_new] = libraries_.try_emplace(path, false);
   if (!is_new) return library->second;
@@ -65,7 +95,8 @@ bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::mate
       throw Error(ErrorKind::input, std::string("it ") + kOutsideProblem);
     }
     cure = "cannot be read: let this user read it";
-    library->second = read(shown, *by_name);
+    read(shown);
+    library->second = true;
   } catch (const Error& e) {
     if (e.kind() == ErrorKind::input && folder_.holds(shown)) cure = "is damaged: export it again";
     if (e.kind() == ErrorKind::storage && is_file(shown)) refused = e.what();
@@ -75,19 +106,19 @@ bool ObjMaterials::operator()(const std::string& name, std::vector<tinyobj::mate
   return library->second;
 }
 
-bool ObjMaterials::read(const std::string& path, std::map<std::string, int>& by_name) {
+void ObjMaterials::read(const std::string& path) {
   const std::string& folder = *folders_.insert(fs::path(path).parent_path().string()).first;
   read_mtl(path, [&](MtlMaterial&& material) {
     const auto id = static_cast<int>(loaded_.size());
-    if (!by_name.try_emplace(material.name, id).second) return;  // the first of a name counts
+    if (!ids_.try_emplace(material.name, id).second) return;  // the first of a name counts
     loaded_.push_back({std::move(material), &folder});
   });
   mesh_.files.push_back(path);
-  return true;
 }
 
-void ObjMaterials::use(const std::string& name, int id) {
-  in_use_ = {id, id >= 0 ? "" : name};
+void ObjMaterials::use(const std::string& name) {
+  const auto found = ids_.find(name);
+  in_use_ = found != ids_.end() ? std::pair(found->second, std::string()) : std::pair(-1, name);
   current_.reset();
 }
 

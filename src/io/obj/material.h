@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <tiny_obj_loader.h>
-
+#include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <map>
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "io/files/asset_folder.h"
@@ -18,20 +20,17 @@
 namespace pounce::io {
 
 /// Reads the MTL files that an OBJ names, and makes mesh materials of theirs as faces use them.
-class ObjMaterials : public tinyobj::MaterialReader {
+class ObjMaterials {
  public:
   /// Images go to `mesh`, which must outlive this, like `warnings`.
   ObjMaterials(const std::string& obj_path, bool allow_external, mesh::Mesh& mesh,
                MeshWarnings& warnings);
 
-  /// Called by tinyobjloader for "mtllib". A missing file is a warning. `materials` stays empty:
-  /// what tinyobjloader would keep of each is large.
-  bool operator()(const std::string& name, std::vector<tinyobj::material_t>* materials,
-                  std::map<std::string, int>* by_name, std::string* warning,
-                  std::string* error) override;
-
-  /// Called for "usemtl"; `id` is what by_name says, -1 for a name that no MTL file has.
-  void use(const std::string& name, int id);
+  /// For "mtllib": of the files that it names, and that none named so before, reads the first that
+  /// can be read. One that is missing is a warning.
+  void load(const std::string& said);
+  /// For "usemtl".
+  void use(const std::string& name);
   /// Index in mesh.materials of the material in use, made when a face needs it first.
   std::uint32_t current();
   /// Says what no MTL file had. To be called once, at the end.
@@ -43,7 +42,8 @@ class ObjMaterials : public tinyobj::MaterialReader {
     const std::string* folder;  ///< of its MTL file
   };
 
-  bool read(const std::string& path, std::map<std::string, int>& by_name);
+  bool can_load(const std::string& name);
+  void read(const std::string& path);
   std::uint32_t make();
   void fill(mesh::Material& out, const Loaded& loaded);
   void bind(mesh::Material& material, Channel channel, const MtlTexture& texture,
@@ -54,9 +54,11 @@ class ObjMaterials : public tinyobj::MaterialReader {
   AssetFolder folder_;
   mesh::Mesh& mesh_;
   MeshWarnings& warnings_;
-  std::map<std::string, bool> libraries_;  ///< by name: could it be read?
+  std::map<std::string, bool> libraries_;  ///< by path: could it be read?
+  std::set<std::string> loaded_names_;     ///< as they were named
   std::set<std::string> folders_;
   std::deque<Loaded> loaded_;                                  // by id
+  std::map<std::string, int> ids_;                             // by name
   std::map<std::string, std::uint32_t> images_;                // by path
   std::map<std::pair<int, std::string>, std::uint32_t> made_;  // by (id, name)
   std::pair<int, std::string> in_use_{-1, ""};
@@ -65,7 +67,15 @@ class ObjMaterials : public tinyobj::MaterialReader {
   std::uint64_t unknown_count_ = 0;
 };
 
-/// The files that an OBJ's "mtllib NAME" may mean: there and allowed.
+/// A model that names more material files is refused.
+inline constexpr std::size_t kMaxLibraries = 1000;
+[[noreturn]] void refuse_libraries(const std::string& obj_path);
+
+/// What an "mtllib" may mean: first the whole as one name, spaces and all, then, if there are any,
+/// its words. They count if there is no file of the first name.
+std::vector<std::string> library_names(std::string_view said);
+
+/// The file of that name beside an OBJ, if it is there and allowed.
 std::optional<std::string> material_library(const std::string& obj_path, const AssetFolder& folder,
                                             const std::string& name);
 

@@ -1,25 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// tinyobjloader parses, by callbacks: its own mesh would take 12 bytes per corner and per index,
-// and its triangulation never ends on some polygons. What it cannot tell from garbage is refused
-// before it sees it (obj_lines). Corners with the same (v, vt, vn) become one vertex.
+// Statements become corners, and corners with the same (v, vt, vn) one vertex, numbered as faces
+// first name them. A number or an index that is none is refused with its line: read as 0 it would
+// bend the surface without a word. Curves, lines, points, smoothing groups, and what follows the
+// numbers of a vertex, are passed over.
 #include "io/obj/mesh.h"
 
 #include <fmt/format.h>
-#include <tiny_obj_loader.h>
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
-#include <istream>
+#include <cstdint>
 #include <limits>
-#include <new>
-#include <set>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 #include "io/material_names.h"
 #include "io/mesh_warnings.h"
-#include "io/obj/lines.h"
+#include "io/obj/cost.h"
 #include "io/obj/material.h"
 #include "io/obj/polygon.h"
+#include "io/obj/text.h"
 #include "mesh/vertex_frames.h"
 #include "pounce/error.h"
 
@@ -28,13 +33,6 @@ namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr double kSmoothAngleDeg = 60;
-/// In the mesh, and the tables that find it.
-constexpr std::uint64_t kMeshBytesPerMaterial = sizeof(mesh::Material) + 1024;
-/// Of an image: the heads of its texts, and what a problem says beside the model's name.
-constexpr std::uint64_t kBytesPerImage = 128;
-/// Of the face at hand: tinyobjloader's list of corners while it grows, our copies, the triangles.
-constexpr std::uint64_t kBytesPerFaceCorner = 60;
-constexpr int kMaxGroups = 64;  // that a face can be selected by
 
 struct CornerKey {
   std::uint32_t position = kNone, texcoord = kNone, normal = kNone;
@@ -80,34 +78,43 @@ class ObjReader {
  public:
   ObjReader(const std::string& path, bool allow_external)
       : path_(path),
-        lines_(path),
+        text_(path, ObjText::Kind::obj),
         warnings_(mesh_),
         materials_(path, allow_external, mesh_, warnings_) {}
 
   mesh::Mesh read();
 
  private:
+  /// The indices of a corner (v, vt, vn) as the file counts them; 0: none.
+  using Corner = std::array<int, 3>;
+
   void reserve();
   void parse();
+  std::array<float, 3> numbers(std::string_view rest, std::size_t needed, std::size_t at_most,
+                               const char* what) const;
+  std::string name(std::string_view rest) const;
+  void set_groups(const std::string& names);
   void start_part();
-  void add_face(const tinyobj::index_t* indices, int count);
+  Corner corner(std::string_view word) const;
+  void add_face(std::string_view rest);
   std::uint32_t resolve(int index, std::size_t count, const char* what) const;
   bool keep_vertices();
   void finish_normals(bool all_given);
 
   std::string path_;
-  ObjLines lines_;
+  ObjText text_;
   mesh::Mesh mesh_;
   MeshWarnings warnings_;
   ObjMaterials materials_;
   std::vector<Vec3f> positions_, normals_;
   std::vector<Vec2f> texcoords_;
-  CornerSet corners_;
+  CornerSet vertices_;
   std::string object_;               ///< the last "o"
   std::vector<std::string> groups_;  ///< the last "g"
   mesh::PartsBuilder parts_;
   std::uint64_t small_faces_ = 0, crowded_groups_ = 0;
   // Scratch of add_face.
+  std::vector<Corner> corners_;
   std::vector<std::uint32_t> face_;
   std::vector<Vec3f> face_positions_;
 };
@@ -122,62 +129,80 @@ void ObjReader::reserve() {
   positions_.reserve(counts.positions);
   texcoords_.reserve(counts.texcoords);
   normals_.reserve(counts.normals);
-  if (counts.corners > 2 * counts.faces) {
-    mesh_.triangles.reserve(counts.corners - 2 * counts.faces);
-    mesh_.triangle_material.reserve(counts.corners - 2 * counts.faces);
-  }
+  mesh_.triangles.reserve(counts.triangles);
+  mesh_.triangle_material.reserve(counts.triangles);
 }
 
 void ObjReader::parse() {
-  tinyobj::callback_t calls;
-  calls.vertex_cb = [](void* data, float x, float y, float z, float) {
-    auto* reader = static_cast<ObjReader*>(data);
-    if (!std::isfinite(x) || !std::isfinite(y) || !std::isfinite(z)) {
-      reader->lines_.fail("a vertex is too large for a float");
+  for (std::string statement; text_.next(statement);) {
+    std::string_view rest(statement);
+    const std::string_view word = next_word(rest);
+    if (word == "v") {
+      const auto [x, y, z] = numbers(rest, 3, 3, "a vertex");
+      if (!std::isfinite(x) || !std::isfinite(y) || !std::isfinite(z)) {
+        text_.fail("a vertex is too large for a float");
+      }
+      positions_.push_back({x, y, z});
+    } else if (word == "vt") {
+      const auto [u, v, w] = numbers(rest, 1, 2, "a texture coordinate");
+      if (!std::isfinite(u) || !std::isfinite(v)) {
+        text_.fail("a texture coordinate is too large for a float");
+      }
+      texcoords_.push_back({u, static_cast<float>(1.0 - static_cast<double>(v))});
+    } else if (word == "vn") {
+      const auto [x, y, z] = numbers(rest, 3, 3, "a normal");
+      normals_.push_back({x, y, z});  // too large ones are replaced at the end
+    } else if (word == "f") {
+      add_face(rest);
+    } else if (word == "o") {
+      object_ = rest.empty() ? "default" : name(rest);
+      start_part();
+    } else if (word == "g") {
+      set_groups(rest.empty() ? "default" : name(rest));
+      start_part();
+    } else if (word == "usemtl") {
+      if (!rest.empty()) materials_.use(name(rest));
+    } else if (word == "mtllib") {
+      materials_.load(name(rest));
     }
-    reader->positions_.push_back({x, y, z});
-  };
-  calls.normal_cb = [](void* data, float x, float y, float z) {
-    static_cast<ObjReader*>(data)->normals_.push_back({x, y, z});
-  };
-  calls.texcoord_cb = [](void* data, float u, float v, float) {
-    auto* reader = static_cast<ObjReader*>(data);
-    if (!std::isfinite(u) || !std::isfinite(v)) {
-      reader->lines_.fail("a texture coordinate is too large for a float");
-    }
-    reader->texcoords_.push_back({u, static_cast<float>(1.0 - static_cast<double>(v))});
-  };
-  calls.index_cb = [](void* data, tinyobj::index_t* indices, int count) {
-    static_cast<ObjReader*>(data)->add_face(indices, count);
-  };
-  calls.object_cb = [](void* data, const char* name) {
-    auto* reader = static_cast<ObjReader*>(data);
-    reader->object_ = name;
-    reader->start_part();
-  };
-  calls.group_cb = [](void* data, const char** names, int count) {
-    auto* reader = static_cast<ObjReader*>(data);
-    reader->groups_.assign(names, names + std::min(count, kMaxGroups));
-    reader->crowded_groups_ += count > kMaxGroups ? 1 : 0;
-    reader->start_part();
-  };
-  calls.usemtl_cb = [](void* data, const char* name, int id) {
-    static_cast<ObjReader*>(data)->materials_.use(name, id);
-  };
-  std::istream stream(&lines_);
-  std::string warning, error;
-  bool parsed = false;
-  try {
-    parsed = tinyobj::LoadObjWithCallback(stream, calls, this, &materials_, &warning, &error);
-  } catch (const Error&) {
-    throw;
-  } catch (const std::bad_alloc&) {
-    throw;
-  } catch (const std::exception& e) {
-    lines_.fail(e.what());
   }
-  if (lines_.failure() != nullptr) std::rethrow_exception(lines_.failure());
-  if (!parsed) lines_.fail(error);
+}
+
+/// The numbers of a statement, 0 for those that may be left out.
+std::array<float, 3> ObjReader::numbers(std::string_view rest, std::size_t needed,
+                                        std::size_t at_most, const char* what) const {
+  std::array<float, 3> values{};
+  for (std::size_t i = 0; i < at_most; ++i) {
+    const std::string_view word = next_word(rest);
+    if (word.empty() && i >= needed) break;
+    if (word.empty()) text_.fail(fmt::format("{} has {} numbers, but needs {}", what, i, needed));
+    const auto value = to_float(word);
+    if (!value) {
+      text_.fail(
+          fmt::format("{} holds \"{}\", which is not a finite number", what, word.substr(0, 40)));
+    }
+    values[i] = *value;
+  }
+  return values;
+}
+
+std::string ObjReader::name(std::string_view rest) const {
+  if (rest.size() > kMaxNameBytes) {
+    text_.fail(fmt::format("names of more than {} bytes, which no model has", kMaxNameBytes));
+  }
+  return name_in(rest);
+}
+
+void ObjReader::set_groups(const std::string& names) {
+  groups_.clear();
+  std::string_view rest(names);
+  for (std::string_view group = next_word(rest); !group.empty(); group = next_word(rest)) {
+    if (groups_.size() == kMaxGroups) {
+      ++crowded_groups_;
+      break;
+    }
+    groups_.emplace_back(group);
+  }
 }
 
 void ObjReader::start_part() {
@@ -191,31 +216,55 @@ std::uint32_t ObjReader::resolve(int index, std::size_t count, const char* what)
   const auto total = static_cast<std::int64_t>(count);
   const std::int64_t zero_based = index > 0 ? std::int64_t{index} - 1 : total + index;
   if (zero_based < 0 || zero_based >= total) {
-    lines_.fail(
+    text_.fail(
         fmt::format("a face names {} {}, but {} have been given so far", what, index, count));
   }
   return static_cast<std::uint32_t>(zero_based);
 }
 
-void ObjReader::add_face(const tinyobj::index_t* indices, int count) {
+/// One word of a face: "v", "v/vt", "v//vn" or "v/vt/vn"; what is empty behind a slash is none.
+ObjReader::Corner ObjReader::corner(std::string_view word) const {
+  Corner indices{};
+  const char* at = word.data();
+  const char* const end = at + word.size();
+  for (std::size_t part = 0;; ++part) {
+    const auto result = std::from_chars(at, end, indices[part]);
+    if (result.ec == std::errc() && indices[part] == 0) {
+      text_.fail(fmt::format("the corner \"{}\" has index 0; OBJ counts from 1", word));
+    }
+    if (result.ec == std::errc::result_out_of_range ||
+        (result.ec == std::errc::invalid_argument && part == 0)) {
+      text_.fail(fmt::format("the corner \"{}\" has no valid index", word.substr(0, 60)));
+    }
+    at = result.ec == std::errc() ? result.ptr : at;
+    if (at == end) return indices;
+    if (*at != '/' || part == 2) {
+      text_.fail(fmt::format("\"{}\" is no corner of a face", word.substr(0, 60)));
+    }
+    ++at;
+  }
+}
+
+void ObjReader::add_face(std::string_view rest) {
+  corners_.clear();
+  for (std::string_view word = next_word(rest); !word.empty(); word = next_word(rest)) {
+    corners_.push_back(corner(word));
+  }
+  const std::size_t count = corners_.size();
   if (count < 3) {
-    ++small_faces_;
+    small_faces_ += count > 0 ? 1 : 0;
     return;
   }
   face_.clear();
   face_positions_.clear();
-  face_.reserve(static_cast<std::size_t>(count));
-  face_positions_.reserve(static_cast<std::size_t>(count));
-  for (int i = 0; i < count; ++i) {
+  face_.reserve(count);
+  face_positions_.reserve(count);
+  for (const auto& [position, texcoord, normal] : corners_) {
     CornerKey key;
-    key.position = resolve(indices[i].vertex_index, positions_.size(), "vertex");
-    if (indices[i].texcoord_index != 0) {
-      key.texcoord = resolve(indices[i].texcoord_index, texcoords_.size(), "texture coordinate");
-    }
-    if (indices[i].normal_index != 0) {
-      key.normal = resolve(indices[i].normal_index, normals_.size(), "normal");
-    }
-    face_.push_back(corners_.number_of(key));
+    key.position = resolve(position, positions_.size(), "vertex");
+    if (texcoord != 0) key.texcoord = resolve(texcoord, texcoords_.size(), "texture coordinate");
+    if (normal != 0) key.normal = resolve(normal, normals_.size(), "normal");
+    face_.push_back(vertices_.number_of(key));
     face_positions_.push_back(positions_[key.position]);
   }
   const std::uint32_t material = materials_.current();
@@ -232,7 +281,7 @@ void ObjReader::add_face(const tinyobj::index_t* indices, int count) {
 
 /// Turns the distinct corners into vertices. Do all of them have normals?
 bool ObjReader::keep_vertices() {
-  const std::vector<CornerKey>& keys = corners_.keys();
+  const std::vector<CornerKey>& keys = vertices_.keys();
   bool any_uv = false, all_uv = true, all_normals = true;
   for (const CornerKey& key : keys) {
     any_uv = any_uv || key.texcoord != kNone;
@@ -264,11 +313,11 @@ void ObjReader::finish_normals(bool all_given) {
   if (!all_given) {
     std::vector<std::uint32_t> position_of;
     std::vector<bool> missing;
-    for (const CornerKey& key : corners_.keys()) {
+    for (const CornerKey& key : vertices_.keys()) {
       position_of.push_back(key.position);
       missing.push_back(key.normal == kNone);
     }
-    corners_ = CornerSet();
+    vertices_ = CornerSet();
     mesh::smooth_normals(mesh_, position_of, static_cast<std::uint32_t>(positions_.size()), missing,
                          kSmoothAngleDeg);
   }
@@ -323,89 +372,10 @@ mesh::Mesh ObjReader::read() {
   return std::move(mesh_);
 }
 
-/// What its material files need, and what the mesh keeps of them: the images of its materials.
-struct LibraryCost {
-  std::uint64_t reading_bytes = 0, kept_bytes = 0;
-};
-
-LibraryCost library_cost(const std::string& path, const MeshReading& reading,
-                         const ObjCounts& counts) {
-  const AssetFolder folder(path, reading.allow_external);
-  std::set<std::string> files;
-  for (const std::string& name : counts.libraries) {
-    if (const auto file = material_library(path, folder, name)) files.insert(*file);
-  }
-  LibraryCost cost;
-  MtlSize all;
-  std::uint64_t folder_bytes = 0;
-  for (const std::string& file : files) {
-    try {
-      const MtlSize size = mtl_size(file);
-      cost.reading_bytes += size.bytes;
-      all.textures += size.textures;
-      all.texture_bytes += size.texture_bytes;
-      all.longest_texture_bytes = std::max(all.longest_texture_bytes, size.longest_texture_bytes);
-      folder_bytes = std::max<std::uint64_t>(folder_bytes, file.size());
-    } catch (const Error&) {
-      // Reading it says what is wrong.
-    }
-  }
-  const std::uint64_t images = std::min(all.textures, counts.distinct_materials * kMaxMtlTextures);
-  const std::uint64_t names = std::min(all.texture_bytes, images * all.longest_texture_bytes);
-  // Path, label and, of one that is not there, a problem that names the model.
-  cost.kept_bytes =
-      images * (sizeof(mesh::ImageRef) + 2 * folder_bytes + path.size() + kBytesPerImage) +
-      2 * names;
-  // Their list while it grows, and the table that finds them by path.
-  cost.reading_bytes +=
-      images * (2 * sizeof(mesh::ImageRef) + folder_bytes + kBytesPerImage) + names;
-  return cost;
-}
-
 }  // namespace
 
 mesh::Mesh read_obj(const std::string& path, const MeshReading& reading) {
   return ObjReader(path, reading.allow_external).read();
-}
-
-MeshCost obj_cost(const std::string& path, const MeshReading& reading) {
-  const ObjCounts counts = count_obj(path);
-  const std::uint64_t triangles =
-      counts.corners > 2 * counts.faces ? counts.corners - 2 * counts.faces : 0;
-  // Where normals are missing, every corner may become a vertex of its own.
-  const bool smooth = counts.normals == 0;
-  const std::uint64_t corner_keys = counts.distinct_corners;
-  const std::uint64_t vertices = smooth ? counts.corners : corner_keys;
-  const std::uint64_t per_vertex = 12 + 12 + 16 + (counts.texcoords > 0 ? 8 + 1 : 0);
-  MeshCost cost;
-  // Names, what points at them, and while reading the tables that find them again.
-  const std::uint64_t name_bytes =
-      std::min(counts.name_bytes, 2 * counts.distinct_parts * counts.longest_name_bytes);
-  const std::uint64_t runs = std::min(counts.names, counts.faces) * sizeof(mesh::Parts::Run);
-  const std::uint64_t part_groups =
-      counts.distinct_parts * (1 + std::min<std::uint64_t>(counts.most_groups, kMaxGroups)) * 4;
-  const std::uint64_t materials = std::min<std::uint64_t>(counts.distinct_materials, kMaxMaterials);
-  const std::uint64_t material_name_bytes =
-      std::min(counts.use_bytes, materials * counts.longest_name_bytes);
-  const LibraryCost libraries = library_cost(path, reading, counts);
-  cost.kept_bytes = vertices * per_vertex + triangles * 16 + runs + counts.distinct_parts * 128 +
-                    part_groups + materials * kMeshBytesPerMaterial + material_name_bytes +
-                    libraries.kept_bytes + name_bytes * 8 + (1U << 20);
-  const std::uint64_t lists = counts.positions * 12 + counts.texcoords * 8 + counts.normals * 12;
-  // Keys and slots while they double: three times and one and a half times what is in use.
-  const std::uint64_t corner_set = corner_keys * (3 * 12 + 6 * 4);
-  // Smoothing: triangles by position, renumbered triangles, copies, and the arrays while they grow.
-  const std::uint64_t smoothing = smooth ? counts.positions * 8 + triangles * (12 + 12) +
-                                               corner_keys * (8 + per_vertex) +
-                                               (vertices - corner_keys) * (3 * 16 + 3 * 4)
-                                         : 0;
-  const std::uint64_t part_tables =
-      counts.distinct_parts * 280 + part_groups + name_bytes * 32 + runs;
-  cost.peak_bytes = cost.kept_bytes + part_tables + lists + std::max(corner_set, smoothing) +
-                    libraries.reading_bytes + 3 * material_name_bytes +
-                    counts.most_corners * kBytesPerFaceCorner + 4 * counts.longest_line_bytes +
-                    (4U << 20);  // pieces of the file
-  return cost;
 }
 
 }  // namespace pounce::io

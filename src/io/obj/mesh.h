@@ -7,8 +7,7 @@
 
 namespace pounce::io {
 
-/// read_mesh() and mesh_cost() for .obj files.
+/// read_mesh() for .obj files.
 mesh::Mesh read_obj(const std::string& path, const MeshReading& reading);
-MeshCost obj_cost(const std::string& path, const MeshReading& reading);
 
 }  // namespace pounce::io

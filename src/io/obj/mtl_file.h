@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -36,7 +37,8 @@ inline constexpr std::size_t kMaxMtlTextures = 13;
 
 /// From one pass over the file.
 struct MtlSize {
-  std::uint64_t bytes = 0;  ///< that all its materials take while they are read, at most
+  std::uint64_t bytes = 0;  ///< that all its materials take until the OBJ is read, at most
+  std::uint64_t longest_line_bytes = 0;
   /// Statements that name textures, and their bytes.
   std::uint64_t textures = 0, texture_bytes = 0, longest_texture_bytes = 0;
 };

@@ -40,6 +40,7 @@ TEST_CASE("MTL colours and opacity are read, what is missing in them is 0", "[io
   CHECK(material("Kd spectral skin.rfl 2\n").diffuse == Colour{0, 0, 2});
   CHECK(material("Kd xyz 0.5 1,5\n").diffuse == Colour{0, .5F, 1});
   CHECK(material("Kd nan -inf 0x7\n").diffuse == Colour{0, 0, 0});
+  CHECK(material("Kd 1e999 -1e39 1e-50\n").diffuse == Colour{0, 0, 0});
   CHECK(material("Kd \nKe\n").diffuse == Colour{1, 1, 1});
   CHECK(material("Kd 1 0 0\nKd 0 1 0\n").diffuse == Colour{0, 1, 0});
   CHECK(material("Ke 1 2 3\n").emission == Colour{1, 2, 3});
@@ -53,9 +54,10 @@ TEST_CASE("MTL colours and opacity are read, what is missing in them is 0", "[io
 
 TEST_CASE("options stand before the name of an MTL texture", "[io]") {
   const io::MtlTexture all =
-      material("map_Kd -blendu off -blendv on -boost 2 -bm 1 -mm 0 1 -t 0 0 0 -texres 512 "
-               "-type cube_top -imfchan r -colorspace sRGB -s 2 0.1 4 -o .5\t-.25 0 -clamp on "
-               " my skin.png \n")
+      material(
+          "map_Kd -blendu off -blendv on -boost 2 -bm 1 -mm 0 1 -t 0 0 0 -texres 512 "
+          "-type cube_top -imfchan r -colorspace sRGB -s 2 0.1 4 -o .5\t-.25 0 -clamp on "
+          " my skin.png \n")
           .base_color;
   CHECK(all.name == "my skin.png");
   CHECK(all.clamp);
@@ -71,6 +73,7 @@ TEST_CASE("options stand before the name of an MTL texture", "[io]") {
   CHECK_FALSE(material("map_Kd -clamp off a.png\n").base_color.clamp);
   CHECK(material("map_Kd -clamp what a.png\n").base_color.clamp);
   CHECK(material("map_Kd -s x y z a.png\n").base_color.scale == Pair{1, 1});
+  CHECK(material("map_Kd -s 1e999 2 2 a.png\n").base_color.scale == Pair{1, 2});
   CHECK(material("map_Kd -bm\t1 a.png\n").base_color.name == "a.png");
 }
 

@@ -2,10 +2,15 @@
 //
 // What the statements of an OBJ mean: which vertices and triangles they make, in which order, and
 // which material files and materials they name.
+#include <bit>
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <cstdio>
 
+#include "io/obj/text.h"
 #include "read_error.h"
 #include "support/gltf_builder.h"
+#include "support/random.h"
 #include "support/test_data.h"
 
 using namespace pounce;
@@ -53,7 +58,8 @@ float red(const mesh::Material& material) { return material.factors[0][0]; }
 }  // namespace
 
 TEST_CASE("OBJ vertices are numbered as faces first name them", "[io]") {
-  const mesh::Mesh m = read(kSquare + "f 3/3/1 2/2/1 1/1/1\nf 1/1/2 2/2/1 3/3\nf 3/3/1 1/1/1 4/1/1\n");
+  const mesh::Mesh m =
+      read(kSquare + "f 3/3/1 2/2/1 1/1/1\nf 1/1/2 2/2/1 3/3\nf 3/3/1 1/1/1 4/1/1\n");
   CHECK(m.triangles == std::vector<Triangle>{{0, 1, 2}, {3, 1, 4}, {0, 2, 5}});
   CHECK(m.positions ==
         std::vector<Vec3f>{{1, 1, 0}, {1, 0, 0}, {0, 0, 0}, {0, 0, 0}, {1, 1, 0}, {0, 1, 0}});
@@ -71,8 +77,9 @@ TEST_CASE("corners of a face may have different parts", "[io]") {
 }
 
 TEST_CASE("relative indices of an OBJ are those of the lines before", "[io]") {
-  const mesh::Mesh m = read(kSquare + "f -4/-4/-2 -3/-3/-2 -2/-2/-2\nv 5 5 5\nvt 5 5\nvn 1 0 0\n"
-                                      "f -5/-5/-3 -4/-4/-3 -1/-1/-1\n");
+  const mesh::Mesh m = read(kSquare +
+                            "f -4/-4/-2 -3/-3/-2 -2/-2/-2\nv 5 5 5\nvt 5 5\nvn 1 0 0\n"
+                            "f -5/-5/-3 -4/-4/-3 -1/-1/-1\n");
   CHECK(m.triangles == std::vector<Triangle>{{0, 1, 2}, {0, 1, 3}});
   CHECK(m.positions[3] == Vec3f{5, 5, 5});
   CHECK(m.normals[3] == Vec3f{1, 0, 0});
@@ -83,8 +90,8 @@ TEST_CASE("relative indices of an OBJ are those of the lines before", "[io]") {
 }
 
 TEST_CASE("what is no corner is refused before what is out of range", "[io]") {
-  const Strings corners = {"+1",     "1/+1",       "1.5", "/1", "1/x", "1//0", "1/0", "#",
-                           "1/1/1/", "2147483648", "1,2", "-",  "1/2-3"};
+  const Strings corners = {"+1", "1/+1",   "1.5",        "/1",  "1/x", "1//0", "1/0",
+                           "#",  "1/1/1/", "2147483648", "1,2", "-",   "1/2-3"};
   for (const std::string& corner : corners) {
     INFO(corner);
     CHECK_THAT(refused(kSquare + "f 99 2 3 " + corner + "\n"),
@@ -123,8 +130,9 @@ TEST_CASE("an OBJ's lines have an end", "[io]") {
              Catch::Contains("line 11: longer than 16 MiB"));
   CHECK_THAT(refused(kSquare + "g " + std::string(4096, 'x') + "\n"),
              Catch::Contains("line 11: names of more than 4096 bytes"));
-  CHECK(read(kSquare + "usemtl " + std::string(4095, 'x') + "\nf 1 2 3\n").materials[0].name.size() ==
-        4095);
+  CHECK(
+      read(kSquare + "usemtl " + std::string(4095, 'x') + "\nf 1 2 3\n").materials[0].name.size() ==
+      4095);
 }
 
 TEST_CASE("faces have the material that was named last", "[io]") {
@@ -167,4 +175,98 @@ TEST_CASE("a face is in 64 groups at most", "[io]") {
   CHECK(m.parts.names.size() == 64);
   REQUIRE(m.warnings.size() == 1);
   CHECK_THAT(m.warnings[0], Catch::Contains("only the first 64"));
+}
+
+TEST_CASE("the cost of an OBJ knows of what is missing", "[io]") {
+  const auto check = [](const std::string& text) {
+    const TempFolder folder;
+    write_file(folder.file("m.obj"), text);
+    const io::MeshCost cost = io::mesh_cost(folder.file("m.obj"));
+    const mesh::Mesh m = io::read_mesh(folder.file("m.obj"));
+    CHECK(cost.kept_bytes >= m.size_bytes());
+    CHECK(cost.kept_bytes < 2 * m.size_bytes() + (2U << 20));
+    return cost.peak_bytes;
+  };
+  std::string faces = kSquare;
+  for (int i = 0; i < 200'000; ++i) faces += "f 1//1\nf 1//1 2//1 3//1\n";
+  check(faces);
+  // Not all corners have normals, and no two faces of this fold share a vertex.
+  std::string fold = "vn 0 0 1\nv 0 0 0\nv 0 1 0\n";
+  for (int i = 1; i < 50'000; ++i) {
+    const std::string x = std::to_string(i), z = std::to_string(i % 2);
+    fold += "v " + x + " 0 " + z + "\nv " + x + " 1 " + z + "\nf -4 -2 -1 -3\n";
+  }
+  check(fold + "f 1//1 2//1 3//1\n");
+  // Blanks at the end of a line are read, too.
+  CHECK(check(kSquare + "f 1 2 3\n" + std::string(8 << 20, ' ')) > 16U << 20);
+}
+
+TEST_CASE("decimal numbers become the floats nearest to them", "[io]") {
+  test::Random random(5);
+  for (int i = 0; i < 100'000; ++i) {
+    const float value = std::bit_cast<float>(static_cast<std::uint32_t>(random.bits()));
+    if (!std::isfinite(value)) continue;
+    char text[64];
+    std::snprintf(text, sizeof text, "%.9g", double{value});
+    REQUIRE(std::bit_cast<std::uint32_t>(io::to_float(text).value()) ==
+            std::bit_cast<std::uint32_t>(value));
+  }
+  // Halfway between two floats, and a hair above: as doubles both are the same.
+  CHECK(io::to_float("1.000000059604644775390625") == 1.F);
+  CHECK(io::to_float("1.0000000596046447753906251") == std::nextafter(1.F, 2.F));
+}
+
+TEST_CASE("numbers that no float can hold are infinite or 0", "[io]") {
+  const std::string zeros(400, '0');
+  for (const std::string& text :
+       Strings{"1e39", "3.5e38", "1e999", "1e99999999999999999999", "1" + zeros,
+               "1" + zeros + "e-9", "0." + zeros + "1e999", "1e+400", "00010e999"}) {
+    INFO(text);
+    CHECK(io::to_float(text) == INFINITY);
+    CHECK(io::to_float("-" + text) == -INFINITY);
+    CHECK(io::to_float_or(text, 7) == 7);
+  }
+  for (const std::string& text :
+       Strings{"1e-50", "1e-999", "1e-99999999999999999999", "0." + zeros + "1",
+               "1" + zeros + "e-999", "0e999", ".000e-1"}) {
+    INFO(text);
+    CHECK(io::to_float(text) == 0.F);
+    CHECK(std::signbit(io::to_float("-" + text).value()));
+  }
+}
+
+TEST_CASE("what only begins like a number is none", "[io]") {
+  for (const char* text : {"", "+", "-", ".", "+.", "+-5", "--5", "nan", "-nan", "inf", "+inf",
+                           "infinity", "0x10", "1,5", "1e", "1e+", "5f", "1.2.3", "e5"}) {
+    INFO(text);
+    CHECK_FALSE(io::to_float(text).has_value());
+  }
+  CHECK(io::to_float_or("1,5", 7) == 1);
+  CHECK(io::to_float_or("+-5", 7) == 7);
+  CHECK(io::to_float_or("inf", 7) == 7);
+  CHECK(io::to_float_or("", 7) == 7);
+  CHECK(io::to_float("+.5") == .5F);
+  CHECK(io::to_float("5.") == 5.F);
+  CHECK_THAT(refused("v 0 0 +-5\n"), Catch::Contains("\"+-5\", which is not a finite number"));
+}
+
+TEST_CASE("statements come without marks, ends and blanks", "[io]") {
+  const TempFolder folder;
+  const auto statements = [&](const std::string& text, io::ObjText::Kind kind) {
+    write_file(folder.file("t"), text);
+    io::ObjText file(folder.file("t"), kind);
+    Strings out;
+    for (std::string statement; file.next(statement);) out.push_back(statement);
+    out.push_back(std::to_string(file.longest_bytes()));
+    return out;
+  };
+  using Kind = io::ObjText::Kind;
+  CHECK(statements("", Kind::obj) == Strings{"0"});
+  CHECK(statements("\xEF\xBB\xBF", Kind::obj) == Strings{"", "0"});
+  CHECK(statements("\xEF\xBB\xBF a b \t\r\n\nc\\\r\n d \\\n\ne\rf\\", Kind::obj) ==
+        Strings{" a b", "", "c  d", "e\rf", "7"});
+  CHECK(statements(" a b \t\r\n\nc\\\rd", Kind::mtl) == Strings{" a b", "", "", "c\\", "d", "6"});
+  // Longer than the pieces that are read.
+  const std::string line(300'000, 'x');
+  CHECK(statements(line + "\n" + line, Kind::obj) == Strings{line, line, "300000"});
 }

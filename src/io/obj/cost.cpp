@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/obj/cost.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <string_view>
+#include <utility>
+
+#include "io/files/asset_folder.h"
+#include "io/material_names.h"
+#include "io/obj/material.h"
+#include "io/obj/mtl_file.h"
+#include "io/obj/text.h"
+#include "mesh/mesh.h"
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+/// Of the names of material files, used or not, until there are too many.
+constexpr std::size_t kMaxLibraryBytes = 4 << 20;
+constexpr std::size_t kBytesPerLibrary = 64;
+/// In the mesh, and the tables that find it.
+constexpr std::uint64_t kMeshBytesPerMaterial = sizeof(mesh::Material) + 1024;
+/// Of an image: the heads of its texts, and what a problem says beside the model's name.
+constexpr std::uint64_t kBytesPerImage = 128;
+/// Of the face at hand: its corners while their list grows, their vertices, the triangles.
+constexpr std::uint64_t kBytesPerFaceCorner = 60;
+
+/// Counts different keys in 16 KiB: each hash goes to one of 2^14 registers, which keep the longest
+/// run of leading zeros they met; their harmonic mean tells the count (HyperLogLog, with linear
+/// counting for few keys).
+class DistinctCounter {
+ public:
+  void add(std::uint64_t key) {
+    key = (key ^ (key >> 31)) * 0x9E3779B97F4A7C15ULL;
+    key = (key ^ (key >> 29)) * 0xBF58476D1CE4E5B9ULL;
+    key ^= key >> 32;
+    auto& slot = registers_[key >> (64 - kBits)];
+    const int run = std::countl_zero((key << kBits) | 1) + 1;
+    slot = std::max(slot, static_cast<std::uint8_t>(run));
+  }
+  double count() const {
+    double sum = 0, empty = 0;
+    for (const std::uint8_t run : registers_) {
+      sum += std::ldexp(1.0, -run);
+      empty += run == 0 ? 1 : 0;
+    }
+    constexpr double kSize = std::size_t{1} << kBits;
+    const double estimate = 0.7213 / (1 + 1.079 / kSize) * kSize * kSize / sum;
+    return estimate < 2.5 * kSize && empty > 0 ? kSize * std::log(kSize / empty) : estimate;
+  }
+
+ private:
+  static constexpr int kBits = 14;
+  std::array<std::uint8_t, std::size_t{1} << kBits> registers_{};
+};
+
+/// Counts statements and what they hold.
+class ObjCounter {
+ public:
+  void add(std::string_view statement) {
+    const std::uint64_t line_bytes = statement.size() + 1;
+    std::string_view rest = statement;
+    const std::string_view word = next_word(rest);
+    if (word == "v") ++counts_.positions;
+    if (word == "vt") ++counts_.texcoords;
+    if (word == "vn") ++counts_.normals;
+    if (word == "f") add_face(rest);
+    if (word == "mtllib") add_libraries(rest);
+    if (word == "o" || word == "g") {
+      ++counts_.names;
+      counts_.name_bytes += line_bytes;
+      (word == "o" ? object_ : group_) = hash_of(rest) + 1;
+      part_counted_ = false;
+      if (word == "g") counts_.most_groups = std::max(counts_.most_groups, words_of(rest));
+    } else if (word == "usemtl") {
+      ++counts_.uses;
+      counts_.use_bytes += line_bytes;
+      material_ = hash_of(rest);
+    } else {
+      return;
+    }
+    counts_.longest_name_bytes = std::max(counts_.longest_name_bytes, line_bytes);
+  }
+  /// What the names of material files take that were met so far.
+  std::uint64_t library_bytes() const { return library_bytes_; }
+  ObjCounts finish(std::uint64_t longest_line_bytes) {
+    counts_.longest_line_bytes = longest_line_bytes;
+    const auto rounded_up = static_cast<std::uint64_t>(distinct_.count() * 1.05) + 16;
+    counts_.distinct_corners = std::min(counts_.corners, rounded_up);
+    const auto parts = static_cast<std::uint64_t>(parts_.count() * 1.05) + 16;
+    counts_.distinct_parts = std::min(counts_.names + 1, parts);
+    const auto materials = static_cast<std::uint64_t>(materials_.count() * 1.05) + 16;
+    counts_.distinct_materials = std::min(counts_.uses + 1, materials);
+    return std::move(counts_);
+  }
+
+ private:
+  static std::uint64_t hash_of(std::string_view text) {
+    std::uint64_t hash = 0;
+    for (const char c : text) hash = (hash + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
+    return hash * 0xD6E8FEB86659FD93ULL;
+  }
+  static std::uint64_t words_of(std::string_view rest) {
+    std::uint64_t count = 0;
+    while (!next_word(rest).empty()) ++count;
+    return count;
+  }
+  std::uint64_t corner_hash(std::string_view word) const {
+    std::uint64_t hash = 0;
+    for (const char c : word) {
+      hash = (hash + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
+      // Negative indices mean something else after each new vertex.
+      if (c == '-') hash += (counts_.positions * 31 + counts_.texcoords) * 31 + counts_.normals;
+    }
+    return hash;
+  }
+
+  void add_face(std::string_view rest) {
+    ++counts_.faces;
+    materials_.add(material_);
+    std::uint64_t corners = 0;
+    for (std::string_view word = next_word(rest); !word.empty(); word = next_word(rest)) {
+      ++corners;
+      distinct_.add(corner_hash(word));
+      const auto slashes = std::count(word.begin(), word.end(), '/');
+      if (slashes < 2 || word.back() == '/') counts_.lacks_normals = true;
+    }
+    counts_.corners += corners;
+    counts_.triangles += corners > 2 ? corners - 2 : 0;
+    counts_.most_corners = std::max(counts_.most_corners, corners);
+    if (part_counted_) return;
+    parts_.add(object_ * 31 + group_);
+    part_counted_ = true;
+  }
+
+  void add_libraries(std::string_view rest) {
+    if (rest.size() > kMaxNameBytes) return;  // reading refuses it
+    for (std::string& name : library_names(name_in(rest))) {
+      const std::size_t name_bytes = name.size();
+      if (counts_.libraries.insert(std::move(name)).second)
+        library_bytes_ += name_bytes + kBytesPerLibrary;
+    }
+  }
+
+  ObjCounts counts_;
+  DistinctCounter distinct_, parts_, materials_;
+  std::uint64_t object_ = 0, group_ = 0;  ///< hashes of the names in use
+  std::uint64_t material_ = 0;            ///< hash of the one in use
+  bool part_counted_ = false;
+  std::uint64_t library_bytes_ = 0;
+};
+
+/// What its material files need, and what the mesh keeps of them: the images of its materials.
+struct LibraryCost {
+  std::uint64_t reading_bytes = 0, kept_bytes = 0;
+};
+
+LibraryCost library_cost(const std::string& path, const MeshReading& reading,
+                         const ObjCounts& counts) {
+  const AssetFolder folder(path, reading.allow_external);
+  std::set<std::string> files;
+  for (const std::string& name : counts.libraries) {
+    if (const auto file = material_library(path, folder, name)) files.insert(*file);
+  }
+  LibraryCost cost;
+  MtlSize all;
+  std::uint64_t folder_bytes = 0;
+  for (const std::string& file : files) {
+    try {
+      const MtlSize size = mtl_size(file);
+      all.bytes += size.bytes;
+      all.longest_line_bytes = std::max(all.longest_line_bytes, size.longest_line_bytes);
+      all.textures += size.textures;
+      all.texture_bytes += size.texture_bytes;
+      all.longest_texture_bytes = std::max(all.longest_texture_bytes, size.longest_texture_bytes);
+      folder_bytes = std::max<std::uint64_t>(folder_bytes, file.size());
+    } catch (const Error&) {
+      // Reading it says what is wrong.
+    }
+  }
+  const std::uint64_t images = std::min(all.textures, counts.distinct_materials * kMaxMtlTextures);
+  const std::uint64_t names = std::min(all.texture_bytes, images * all.longest_texture_bytes);
+  // Path, label and, of one that is not there, a problem that names the model.
+  cost.kept_bytes =
+      images * (sizeof(mesh::ImageRef) + 2 * folder_bytes + path.size() + kBytesPerImage) +
+      2 * names;
+  // The list of images while it grows, and the table that finds them by path; the line at hand.
+  cost.reading_bytes = all.bytes + 4 * all.longest_line_bytes +
+                       images * (2 * sizeof(mesh::ImageRef) + folder_bytes + kBytesPerImage) +
+                       names;
+  return cost;
+}
+
+}  // namespace
+
+ObjCounts count_obj(const std::string& path) {
+  ObjText file(path, ObjText::Kind::obj);
+  ObjCounter counter;
+  for (std::string statement; file.next(statement);) {
+    counter.add(statement);
+    if (counter.library_bytes() > kMaxLibraryBytes) refuse_libraries(path);
+  }
+  return counter.finish(file.longest_bytes());
+}
+
+MeshCost obj_cost(const std::string& path, const MeshReading& reading) {
+  const ObjCounts counts = count_obj(path);
+  const std::uint64_t triangles = counts.triangles;
+  // Where normals are missing, every corner may become a vertex of its own.
+  const bool smooth = counts.lacks_normals;
+  const std::uint64_t corner_keys = counts.distinct_corners;
+  const std::uint64_t vertices = smooth ? counts.corners : corner_keys;
+  const std::uint64_t per_vertex = 12 + 12 + 16 + (counts.texcoords > 0 ? 8 + 1 : 0);
+  MeshCost cost;
+  // Names, what points at them, and while reading the tables that find them again.
+  const std::uint64_t name_bytes =
+      std::min(counts.name_bytes, 2 * counts.distinct_parts * counts.longest_name_bytes);
+  const std::uint64_t runs = std::min(counts.names, counts.faces) * sizeof(mesh::Parts::Run);
+  const std::uint64_t part_groups =
+      counts.distinct_parts * (1 + std::min<std::uint64_t>(counts.most_groups, kMaxGroups)) * 4;
+  const std::uint64_t materials = std::min<std::uint64_t>(counts.distinct_materials, kMaxMaterials);
+  const std::uint64_t material_name_bytes =
+      std::min(counts.use_bytes, materials * counts.longest_name_bytes);
+  const LibraryCost libraries = library_cost(path, reading, counts);
+  cost.kept_bytes = vertices * per_vertex + triangles * 16 + runs + counts.distinct_parts * 128 +
+                    part_groups + materials * kMeshBytesPerMaterial + material_name_bytes +
+                    libraries.kept_bytes + name_bytes * 8 + (1U << 20);
+  const std::uint64_t lists = counts.positions * 12 + counts.texcoords * 8 + counts.normals * 12;
+  // Keys and slots while they double: three times and one and a half times what is in use.
+  const std::uint64_t corner_set = corner_keys * (3 * 12 + 6 * 4);
+  // Smoothing: triangles by position, renumbered triangles, copies, and the arrays while they grow.
+  const std::uint64_t smoothing = smooth ? counts.positions * 8 + triangles * (12 + 12) +
+                                               corner_keys * (8 + per_vertex) +
+                                               (vertices - corner_keys) * (3 * 16 + 3 * 4)
+                                         : 0;
+  const std::uint64_t part_tables =
+      counts.distinct_parts * 280 + part_groups + name_bytes * 32 + runs;
+  cost.peak_bytes = cost.kept_bytes + part_tables + lists + std::max(corner_set, smoothing) +
+                    libraries.reading_bytes + 3 * material_name_bytes +
+                    counts.most_corners * kBytesPerFaceCorner + 3 * counts.longest_line_bytes +
+                    (4U << 20);  // pieces of the files, names of material files
+  return cost;
+}
+
+}  // namespace pounce::io

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/file.h"
+
+namespace pounce::io {
+
+/// An OBJ or MTL file statement by statement: lines without the blanks at their ends, without a
+/// byte order mark. Whoever reads or counts takes them from here, so that both see the same. Holds
+/// 256 KiB of the file, and the statement.
+class ObjText {
+ public:
+  enum class Kind {
+    obj,  ///< lines end with LF or CR LF; "\" at the end of one joins the next; up to 16 MiB
+    mtl,  ///< lines end with LF, CR LF or CR, and are never joined; up to 1 MiB
+  };
+  ObjText(const std::string& path, Kind kind);
+
+  /// Replaces `out` with the next statement; false at the end. Throws Error(storage), or
+  /// Error(input) for a line that is none.
+  bool next(std::string& out);
+  /// Throws Error(input) that names the line of the statement.
+  [[noreturn]] void fail(const std::string& what) const;
+  /// Of all statements so far, blanks at their ends included.
+  std::uint64_t longest_bytes() const { return longest_bytes_; }
+
+ private:
+  bool next_piece();
+  bool append_line(std::string& out);
+
+  std::string path_;
+  Kind kind_;
+  std::unique_ptr<ReadFile> file_;
+  std::uint64_t offset_ = 0;
+  std::vector<char> piece_;
+  std::size_t at_ = 0;
+  std::uint64_t line_ = 0;         ///< first line of the statement, from 1
+  std::uint64_t lines_ended_ = 0;  ///< LFs so far
+  std::uint64_t longest_bytes_ = 0;
+};
+
+/// Takes the next word off the front of `rest`; empty at the end.
+std::string_view next_word(std::string_view& rest);
+
+/// The name that follows the word of a statement: all behind one blank, further blanks included.
+/// A zero byte ends it.
+std::string name_in(std::string_view rest);
+inline constexpr std::size_t kMaxNameBytes = 4096;  ///< longer ones of an OBJ are refused
+
+/// The float nearest to a decimal number; infinite where that is too large. Nothing for any other
+/// word, such as "nan", "inf" and "1,5".
+std::optional<float> to_float(std::string_view word);
+/// The same of the number that a word begins with; `otherwise` where that is none or too large.
+float to_float_or(std::string_view word, float otherwise);
+
+}  // namespace pounce::io
