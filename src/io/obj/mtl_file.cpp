@@ -36,7 +36,7 @@ std::optional<std::size_t> texture_index(std::string_view word) {
   return static_cast<std::size_t>(found - kTextures.begin());
 }
 
-/// How many words an option before a texture's name takes; 0 for what is no option.
+/// How many words an option before a texture's name takes, at most; 0 for what is no option.
 std::size_t option_words(std::string_view word) {
   constexpr std::array<std::string_view, 9> kOneWord = {"-blendu",  "-blendv", "-boost",
                                                         "-bm",      "-clamp",  "-colorspace",
@@ -59,7 +59,14 @@ void read_texture(std::string_view rest, MtlTexture& texture) {
     }
     rest = behind;
     std::array<std::string_view, 3> values;
-    for (std::size_t i = 0; i < word_count; ++i) values[i] = next_word(rest);
+    for (std::size_t i = 0; i < word_count; ++i) {
+      std::string_view after = rest;
+      const std::string_view value = next_word(after);
+      // "-s u [v [w]]": the name may come after the first of three numbers.
+      if (word_count == 3 && i > 0 && !to_float(value)) break;
+      values[i] = value;
+      rest = after;
+    }
     if (word == "-clamp") texture.clamp = !values[0].starts_with("off");
     if (word == "-s") texture.scale = {to_float_or(values[0], 1), to_float_or(values[1], 1)};
     if (word == "-o") texture.offset = {to_float_or(values[0], 0), to_float_or(values[1], 0)};

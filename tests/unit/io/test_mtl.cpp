@@ -72,9 +72,19 @@ TEST_CASE("options stand before the name of an MTL texture", "[io]") {
   CHECK(material("map_Kd a.png -clamp on\n").base_color.name == "a.png -clamp on");
   CHECK_FALSE(material("map_Kd -clamp off a.png\n").base_color.clamp);
   CHECK(material("map_Kd -clamp what a.png\n").base_color.clamp);
-  CHECK(material("map_Kd -s x y z a.png\n").base_color.scale == Pair{1, 1});
+  CHECK(material("map_Kd -s x 2 2 a.png\n").base_color.scale == Pair{1, 2});
   CHECK(material("map_Kd -s 1e999 2 2 a.png\n").base_color.scale == Pair{1, 2});
   CHECK(material("map_Kd -bm\t1 a.png\n").base_color.name == "a.png");
+}
+
+TEST_CASE("the second and third number of an MTL option may be left out", "[io]") {
+  const io::MtlTexture two = material("map_Kd -s 2 3 -o .5 my skin.png\n").base_color;
+  CHECK(two.name == "my skin.png");
+  CHECK(two.scale == Pair{2, 3});
+  CHECK(two.offset == Pair{.5, 0});
+  CHECK(material("map_Kd -s 2 -clamp on 7.png\n").base_color.name == "7.png");
+  CHECK(material("map_Kd -s 2 -clamp on 7.png\n").base_color.scale == Pair{2, 1});
+  CHECK(material("bump -t 1 1 1 2 x.png\n").others.at(0).second == "2 x.png");
 }
 
 TEST_CASE("the last statement of a texture counts, with the options of those before", "[io]") {
