@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <span>
+#include <utility>
 
 #include "pounce/error.h"
 
@@ -18,6 +19,7 @@ constexpr std::size_t kPieceBytes = 256 << 10;
 constexpr std::size_t kMaxObjLineBytes = 16 << 20, kMaxMtlLineBytes = 1 << 20;
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
+bool is_line_end(char c) { return c == '\n' || c == '\r'; }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 /// Of a decimal number without sign that no float can hold: is it too large, not too small?
@@ -76,21 +78,30 @@ bool ObjText::append_line(std::string& out) {
   const std::size_t most_bytes = kind_ == Kind::obj ? kMaxObjLineBytes : kMaxMtlLineBytes;
   bool any = false;
   for (bool ended = false; !ended && (at_ < piece_.size() || next_piece());) {
+    if (std::exchange(after_cr_, false) && piece_[at_] == '\n') {
+      ++at_;
+      continue;
+    }
     any = true;
-    const std::string_view left(piece_.data() + at_, piece_.size() - at_);
-    const std::size_t end = kind_ == Kind::obj ? left.find('\n') : left.find_first_of("\r\n");
-    ended = end != std::string_view::npos;
-    const std::size_t size = ended ? end : left.size();
+    const char* const first = piece_.data() + at_;
+    const char* const piece_end = piece_.data() + piece_.size();
+    const char* const last = std::find_if(first, piece_end, is_line_end);
+    const auto size = static_cast<std::size_t>(last - first);
     if (out.size() + size > most_bytes) {
       line_ = lines_ended_ + 1;
       fail(fmt::format("longer than {} MiB, which no line of such a file is", most_bytes >> 20));
     }
-    out.append(left, 0, size);
-    if (ended && left[end] == '\n') ++lines_ended_;
-    at_ += size + (ended ? 1 : 0);
+    out.append(first, size);
+    at_ += size;
+    ended = last != piece_end;
+    if (ended) {
+      ++lines_ended_;
+      ++at_;
+      after_cr_ = *last == '\r';
+    }
   }
   longest_bytes_ = std::max<std::uint64_t>(longest_bytes_, out.size());
-  while (!out.empty() && (out.back() == '\r' || is_blank(out.back()))) out.pop_back();
+  while (!out.empty() && is_blank(out.back())) out.pop_back();
   return any;
 }
 
@@ -117,9 +128,7 @@ std::string_view next_word(std::string_view& rest) {
 
 std::string name_in(std::string_view rest) {
   rest = rest.substr(0, rest.find('\0'));
-  std::string name(rest.substr(std::min<std::size_t>(1, rest.size())));
-  std::replace(name.begin(), name.end(), '\r', ' ');
-  return name;
+  return std::string(rest.substr(std::min<std::size_t>(1, rest.size())));
 }
 
 std::optional<float> to_float(std::string_view word) {

@@ -13,14 +13,14 @@
 
 namespace pounce::io {
 
-/// An OBJ or MTL file statement by statement: lines without the blanks at their ends, without a
-/// byte order mark. Whoever reads or counts takes them from here, so that both see the same. Holds
-/// 256 KiB of the file, and the statement.
+/// An OBJ or MTL file statement by statement: lines, which end with LF, CR LF or CR, without the
+/// blanks at their ends, without a byte order mark. Whoever reads or counts takes them from here,
+/// so that both see the same. Holds 256 KiB of the file, and the statement.
 class ObjText {
  public:
   enum class Kind {
-    obj,  ///< lines end with LF or CR LF; "\" at the end of one joins the next; up to 16 MiB
-    mtl,  ///< lines end with LF, CR LF or CR, and are never joined; up to 1 MiB
+    obj,  ///< "\" at the end of a line joins the next; up to 16 MiB
+    mtl,  ///< lines are never joined; up to 1 MiB
   };
   ObjText(const std::string& path, Kind kind);
 
@@ -43,7 +43,8 @@ class ObjText {
   std::vector<char> piece_;
   std::size_t at_ = 0;
   std::uint64_t line_ = 0;         ///< first line of the statement, from 1
-  std::uint64_t lines_ended_ = 0;  ///< LFs so far
+  std::uint64_t lines_ended_ = 0;  ///< so far
+  bool after_cr_ = false;          ///< a LF now is of the same end
   std::uint64_t longest_bytes_ = 0;
 };
 

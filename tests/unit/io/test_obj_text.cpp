@@ -250,6 +250,23 @@ TEST_CASE("what only begins like a number is none", "[io]") {
   CHECK_THAT(refused("v 0 0 +-5\n"), Catch::Contains("\"+-5\", which is not a finite number"));
 }
 
+TEST_CASE("lines of an OBJ end in every way", "[io]") {
+  for (const std::string end : {"\n", "\r\n", "\r"}) {
+    const auto ended = [&](const Strings& lines) {
+      std::string text;
+      for (const std::string& line : lines) text += line + end;
+      return text;
+    };
+    const Strings square = {"v 0 0 0 1 1 1", "v 1 0 0", "",       "v 1 1 0 \\",
+                            "1 1",           "o a \t",  "v 0 1 0"};
+    const mesh::Mesh m = read(ended(square) + "f 1 2 3" + end + "f 1 \\" + end + "3 4");
+    CHECK(m.positions.size() == 4);
+    CHECK(m.triangles == std::vector<Triangle>{{0, 1, 2}, {0, 2, 3}});
+    CHECK(m.parts.names == Strings{"a"});
+    CHECK_THAT(refused(ended(square) + "f 1 2 5" + end), Catch::Contains("line 8: a face names"));
+  }
+}
+
 TEST_CASE("statements come without marks, ends and blanks", "[io]") {
   const TempFolder folder;
   const auto statements = [&](const std::string& text, io::ObjText::Kind kind) {
@@ -264,8 +281,8 @@ TEST_CASE("statements come without marks, ends and blanks", "[io]") {
   CHECK(statements("", Kind::obj) == Strings{"0"});
   CHECK(statements("\xEF\xBB\xBF", Kind::obj) == Strings{"", "0"});
   CHECK(statements("\xEF\xBB\xBF a b \t\r\n\nc\\\r\n d \\\n\ne\rf\\", Kind::obj) ==
-        Strings{" a b", "", "c  d", "e\rf", "7"});
-  CHECK(statements(" a b \t\r\n\nc\\\rd", Kind::mtl) == Strings{" a b", "", "", "c\\", "d", "6"});
+        Strings{" a b", "", "c  d", "e", "f", "6"});
+  CHECK(statements(" a b \t\r\n\nc\\\rd", Kind::mtl) == Strings{" a b", "", "c\\", "d", "6"});
   // Longer than the pieces that are read.
   const std::string line(300'000, 'x');
   CHECK(statements(line + "\n" + line, Kind::obj) == Strings{line, line, "300000"});
