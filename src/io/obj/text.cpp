@@ -19,7 +19,6 @@ constexpr std::size_t kPieceBytes = 256 << 10;
 constexpr std::size_t kMaxObjLineBytes = 16 << 20, kMaxMtlLineBytes = 1 << 20;
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
-bool is_line_end(char c) { return c == '\n' || c == '\r'; }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 /// Of a decimal number without sign that no float can hold: is it too large, not too small?
@@ -67,9 +66,9 @@ bool ObjText::next_piece() {
   piece_.resize(std::min<std::uint64_t>(left, kPieceBytes));
   file_->read(offset_, std::as_writable_bytes(std::span(piece_)));
   constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
-  const bool is_marked =
-      offset_ == 0 && std::string_view(piece_.data(), piece_.size()).starts_with(kByteOrderMark);
-  at_ = is_marked ? kByteOrderMark.size() : 0;
+  const std::string_view piece(piece_.data(), piece_.size());
+  at_ = offset_ == 0 && piece.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
+  next_lf_ = std::min(piece.find('\n', at_), piece.size());
   offset_ += piece_.size();
   return true;
 }
@@ -83,21 +82,21 @@ bool ObjText::append_line(std::string& out) {
       continue;
     }
     any = true;
-    const char* const first = piece_.data() + at_;
-    const char* const piece_end = piece_.data() + piece_.size();
-    const char* const last = std::find_if(first, piece_end, is_line_end);
-    const auto size = static_cast<std::size_t>(last - first);
+    const std::string_view piece(piece_.data(), piece_.size());
+    // Searched for once: where lines end with CR alone, the next LF may be far.
+    if (next_lf_ < at_) next_lf_ = std::min(piece.find('\n', at_), piece.size());
+    const std::string_view line = piece.substr(at_, next_lf_ - at_);
+    const std::size_t size = std::min(line.find('\r'), line.size());
     if (out.size() + size > most_bytes) {
       line_ = lines_ended_ + 1;
       fail(fmt::format("longer than {} MiB, which no line of such a file is", most_bytes >> 20));
     }
-    out.append(first, size);
+    out.append(line, 0, size);
     at_ += size;
-    ended = last != piece_end;
+    ended = at_ < piece.size();
     if (ended) {
       ++lines_ended_;
-      ++at_;
-      after_cr_ = *last == '\r';
+      after_cr_ = piece[at_++] == '\r';
     }
   }
   longest_bytes_ = std::max<std::uint64_t>(longest_bytes_, out.size());

@@ -41,10 +41,10 @@ class ObjText {
   std::unique_ptr<ReadFile> file_;
   std::uint64_t offset_ = 0;
   std::vector<char> piece_;
-  std::size_t at_ = 0;
-  std::uint64_t line_ = 0;         ///< first line of the statement, from 1
-  std::uint64_t lines_ended_ = 0;  ///< so far
-  bool after_cr_ = false;          ///< a LF now is of the same end
+  std::size_t at_ = 0, next_lf_ = 0;  ///< in the piece
+  std::uint64_t line_ = 0;            ///< first line of the statement, from 1
+  std::uint64_t lines_ended_ = 0;     ///< so far
+  bool after_cr_ = false;             ///< a LF now is of the same end
   std::uint64_t longest_bytes_ = 0;
 };
 
