@@ -10,8 +10,10 @@
 #include <atomic>
 #include <cerrno>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <exception>
 #include <filesystem>
 #include <new>
@@ -27,12 +29,30 @@ constexpr int kBelow = 1;  // exit status, see the README
 
 // What the signal handler may touch.
 std::atomic<Progress*> running_job{nullptr};
+std::atomic<std::int64_t> stopped_ms{0};
 static_assert(std::atomic<Progress*>::is_always_lock_free);
+static_assert(std::atomic<std::int64_t>::is_always_lock_free);
+
+/// timeout(1) and other supervisors signal the process and then its group: that is one wish.
+constexpr std::int64_t kSameWishMs = 500;
+
+std::int64_t now_ms() {
+  timespec now = {};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return std::int64_t{now.tv_sec} * 1000 + now.tv_nsec / 1'000'000;
+}
 
 extern "C" void stop_job(int) {
+  const int before = errno;
   Progress* const progress = running_job.load();
-  if (progress == nullptr || progress->cancelled()) _exit(exit_status(ErrorKind::cancelled));
-  progress->cancel();
+  if (progress == nullptr) _exit(exit_status(ErrorKind::cancelled));
+  if (!progress->cancelled()) {
+    stopped_ms = now_ms();
+    progress->cancel();
+  } else if (now_ms() - stopped_ms > kSameWishMs) {
+    _exit(exit_status(ErrorKind::cancelled));
+  }
+  errno = before;
 }
 
 /// While it lives, SIGINT and SIGTERM cancel the job.
