@@ -109,7 +109,7 @@ TEST_CASE("the documented splat index page and directory are what the writers ma
   entry.splats = 2;
   entry.size_class = 1;
   entry.box = {{-0.5F, 1.25F, 1}, {3, 2.75F, 1}};
-  writer.add_block(entry, false, Bytes(100), 120);  // the stored size is made up
+  writer.add_block(entry, Bytes(100), 120);  // the stored size is made up
   writer.end_tile(compressor);
   SplatDirectory directory;
   directory.filtered = {1, 0, 5, 0, 0, 2};

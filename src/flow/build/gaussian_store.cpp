@@ -255,13 +255,14 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   std::vector<std::pair<std::uint64_t, std::vector<float>>> noise;
   std::uint64_t blocks = 0, done = 0;
   const auto write = [&](Slot& slot) {
-    if (blocks > 0 && (writer.tile_blocks() == store::kMostBlocksPerSplatTile ||
-                       slot.entry.size_class != writer.tile_class())) {
+    const auto tile = writer.open_tile();
+    if (!tile.empty() && (tile.size() == store::kMostBlocksPerSplatTile ||
+                          slot.entry.size_class != tile.front().size_class)) {
       writer.end_tile(job_.compressor());
       ++job_.report.tiles_written;
     }
-    writer.add_block(slot.entry, !slot.block.normal[0].empty(), slot.stored,
-                     static_cast<std::uint32_t>(slot.raw.size()));
+    writer.add_block(slot.entry, slot.stored, static_cast<std::uint32_t>(slot.raw.size()));
+    directory_.has_normals |= !slot.block.normal[0].empty();
     if (!slot.noise.empty()) noise.emplace_back(slot.cut.ordinal, slot.noise);
     blocks = slot.cut.ordinal + 1;
     done += slot.entry.splats;

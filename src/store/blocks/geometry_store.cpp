@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "store/pack/chunk_fields.h"
-#include "store/pack/chunk_payload.h"
 
 namespace pounce::store {
 namespace {
@@ -12,11 +11,49 @@ namespace {
 constexpr std::size_t kLatticeBytes = 60;
 constexpr std::size_t kTileBytes = 44;
 constexpr std::size_t kHeaderBytes = 80;
-constexpr std::size_t kEntryBytes = 44, kBoxBytes = 24;  // an entry has up to kMostBoxesPerBlock
 
-std::vector<std::byte> encode_directory(const GeometryDirectory& directory) {
-  std::vector<std::byte> raw;
-  ByteWriter out(raw);
+}  // namespace
+
+Box3f BlockEntry::box() const {
+  Box3f all;
+  for (std::uint32_t i = 0; i < box_count; ++i) all.extend(boxes[i]);
+  return all;
+}
+
+std::uint64_t GeometryCodec::most_directory_bytes(const Facts& facts, std::uint64_t) {
+  return kHeaderBytes + facts.pages.size() * (kLatticeBytes + 8) + facts.most_blocks * kTileBytes;
+}
+
+void GeometryCodec::count(const Entry& entry, Index& index) {
+  index.most_triangles = std::max(index.most_triangles, entry.triangles);
+  index.most_patches = std::max(index.most_patches, entry.patches);
+}
+
+void GeometryCodec::put(const Entry& entry, ByteWriter& out) {
+  out.put(entry.page);
+  out.put(entry.x);
+  out.put(entry.y);
+  for (const std::uint32_t v : {entry.triangles, entry.patches, entry.texels}) out.put(v);
+  put_chunk(out, entry.chunk);
+  out.put(entry.box_count);
+  for (std::uint32_t i = 0; i < entry.box_count; ++i) put_box(out, entry.boxes[i]);
+}
+
+BlockEntry GeometryCodec::get_entry(ByteReader& in) {
+  Entry entry;
+  entry.page = in.get<std::uint32_t>();
+  entry.x = in.get<std::int32_t>();
+  entry.y = in.get<std::int32_t>();
+  for (std::uint32_t* v : {&entry.triangles, &entry.patches, &entry.texels})
+    *v = in.get<std::uint32_t>();
+  entry.chunk = get_chunk(in);
+  entry.box_count = in.get<std::uint32_t>();
+  if (entry.box_count > kMostBoxesPerBlock) in.fail("has a block of too many boxes");
+  for (std::uint32_t i = 0; i < entry.box_count; ++i) entry.boxes[i] = get_box(in);
+  return entry;
+}
+
+void GeometryCodec::put(const Directory& directory, ByteWriter& out) {
   out.put(static_cast<std::uint32_t>(directory.pages.size()));
   out.put(static_cast<std::uint32_t>(directory.tiles.size()));
   for (const std::uint64_t v :
@@ -39,11 +76,9 @@ std::vector<std::byte> encode_directory(const GeometryDirectory& directory) {
     put_chunk(out, tile.index_page);
     out.put(tile.blocks);
   }
-  return raw;
 }
 
-GeometryDirectory decode_directory(std::span<const std::byte> raw, const std::string& name) {
-  ByteReader in(raw, name + ": directory");
+GeometryDirectory GeometryCodec::get_directory(ByteReader& in) {
   GeometryDirectory directory;
   const auto pages = in.get<std::uint32_t>();
   const auto tiles = in.get<std::uint32_t>();
@@ -76,113 +111,9 @@ GeometryDirectory decode_directory(std::span<const std::byte> raw, const std::st
   return directory;
 }
 
-}  // namespace
-
-Box3f BlockEntry::box() const {
-  Box3f all;
-  for (std::uint32_t i = 0; i < box_count; ++i) all.extend(boxes[i]);
-  return all;
-}
-
-GeometryStoreWriter::GeometryStoreWriter(std::unique_ptr<PackWriter> pack)
-    : pack_(std::move(pack)) {}
-
-void GeometryStoreWriter::add_block(BlockEntry entry, std::span<const std::byte> stored,
-                                    std::uint32_t raw_bytes) {
-  entry.chunk = pack_->append(ChunkKind::block, stored, raw_bytes);
-  built_.most_triangles = std::max(built_.most_triangles, entry.triangles);
-  built_.most_patches = std::max(built_.most_patches, entry.patches);
-  built_.largest_chunk_bytes = std::max(built_.largest_chunk_bytes, raw_bytes);
-  tile_.push_back(entry);
-}
-
-void GeometryStoreWriter::end_tile(Compressor& compressor) {
-  if (tile_.empty()) return;
-  std::vector<std::byte> raw;
-  ByteWriter out(raw);
-  TileEntry tile;
-  for (const BlockEntry& entry : tile_) {
-    out.put(entry.page);
-    out.put(entry.x);
-    out.put(entry.y);
-    for (const std::uint32_t v : {entry.triangles, entry.patches, entry.texels}) out.put(v);
-    put_chunk(out, entry.chunk);
-    out.put(entry.box_count);
-    for (std::uint32_t i = 0; i < entry.box_count; ++i) put_box(out, entry.boxes[i]);
-    tile.box.extend(entry.box());
-  }
-  tile.index_page = append_payload(*pack_, ChunkKind::index_page, raw, compressor);
-  tile.blocks = static_cast<std::uint32_t>(tile_.size());
-  built_.most_blocks = std::max(built_.most_blocks, tile.blocks);
-  built_.box.extend(tile.box);
-  built_.tiles.push_back(tile);
-  tile_.clear();
-}
-
-std::unique_ptr<PackWriter> GeometryStoreWriter::finish(GeometryDirectory directory,
-                                                        Compressor& compressor) {
-  directory.tiles = std::move(built_.tiles);
-  directory.most_triangles = built_.most_triangles;
-  directory.most_patches = built_.most_patches;
-  directory.most_blocks = built_.most_blocks;
-  directory.largest_chunk_bytes = built_.largest_chunk_bytes;
-  directory.box = built_.box;
-  const auto raw = encode_directory(directory);
-  pack_->finish(append_payload(*pack_, ChunkKind::directory, raw, compressor));
-  return std::move(pack_);
-}
-
-GeometryStore::GeometryStore(std::unique_ptr<PackReader> pack, GeometryFacts facts,
-                             Compressor& compressor)
-    : pack_(std::move(pack)), facts_(std::move(facts)) {
-  const std::uint64_t most_bytes =
-      kHeaderBytes + facts_.pages.size() * (kLatticeBytes + 8) + facts_.most_blocks * kTileBytes;
-  const auto raw =
-      read_payload(*pack_, pack_->directory(), ChunkKind::directory, most_bytes, compressor);
-  directory_ = decode_directory(raw, pack_->name());
-  check(directory_, facts_, pack_->name() + ": directory");
-}
-
-std::vector<BlockEntry> GeometryStore::read_index(std::uint32_t tile,
-                                                  Compressor& compressor) const {
-  const TileEntry& where = directory_.tiles[tile];
-  const auto raw =
-      read_payload(*pack_, where.index_page, ChunkKind::index_page,
-                   where.blocks * (kEntryBytes + kMostBoxesPerBlock * kBoxBytes), compressor);
-  ByteReader in(raw, pack_->name() + ": index page");
-  if (where.blocks * kEntryBytes > raw.size()) in.fail("is too small for its blocks");
-  std::vector<BlockEntry> entries(where.blocks);
-  for (BlockEntry& entry : entries) {
-    entry.page = in.get<std::uint32_t>();
-    entry.x = in.get<std::int32_t>();
-    entry.y = in.get<std::int32_t>();
-    for (std::uint32_t* v : {&entry.triangles, &entry.patches, &entry.texels})
-      *v = in.get<std::uint32_t>();
-    entry.chunk = get_chunk(in);
-    entry.box_count = in.get<std::uint32_t>();
-    if (entry.box_count > kMostBoxesPerBlock) in.fail("has a block of too many boxes");
-    for (std::uint32_t i = 0; i < entry.box_count; ++i) entry.boxes[i] = get_box(in);
-  }
-  if (in.left() != 0) in.fail("has bytes left over");
-  check(entries, directory_, facts_, pack_->name() + ": index page");
-  return entries;
-}
-
-GeometryBlock GeometryStore::read_block(const BlockEntry& entry, Compressor& compressor) const {
-  const auto raw =
-      read_payload(*pack_, entry.chunk, ChunkKind::block, kLargestGeometryBytes, compressor);
-  GeometryBlock block = decode_geometry(raw, pack_->name() + ": block");
-  check(block, entry, facts_, pack_->name() + ": block");
-  return block;
-}
-
-void GeometryStore::damaged(const char* why) const {
-  throw Error(ErrorKind::damaged_store, pack_->name() + ": " + why);
-}
-
-std::uint64_t GeometryStore::size_bytes() const {
-  return directory_.tiles.capacity() * sizeof(TileEntry) +
-         (directory_.pages.capacity() + facts_.pages.capacity()) * sizeof(mesh::Lattice);
+std::uint64_t GeometryCodec::size_bytes(const Directory& directory, const Facts& facts) {
+  return directory.tiles.capacity() * sizeof(Tile) +
+         (directory.pages.capacity() + facts.pages.capacity()) * sizeof(mesh::Lattice);
 }
 
 void cluster_boxes(std::vector<Box3f>& boxes, BlockEntry& entry) {

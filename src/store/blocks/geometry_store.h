@@ -3,13 +3,13 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
+#include <span>
+#include <string>
 #include <vector>
 
+#include "store/blocks/block_store.h"
 #include "store/blocks/geometry_block.h"
 #include "store/blocks/geometry_check.h"
-#include "store/pack/codec.h"
-#include "store/pack/pack.h"
 
 namespace pounce::store {
 
@@ -36,59 +36,61 @@ struct TileEntry {
   std::uint32_t blocks = 0;
 };
 
+struct GeometryIndex : TileIndex<TileEntry> {
+  std::uint32_t most_triangles = 0, most_patches = 0;  ///< of any block
+};
+
 /// What a geometry pack says of itself: the chunk a reader starts from. Small; always in memory.
-struct GeometryDirectory {
+struct GeometryDirectory : GeometryIndex {
   std::vector<mesh::Lattice> pages;
-  std::vector<TileEntry> tiles;
   std::uint64_t texels =
       0;  ///< covered texel centres: the Gaussians of a source, the map of a target
   std::uint64_t overlapping = 0;  ///< target: texels that more than one triangle claimed
   std::uint64_t slivers = 0;      ///< source: triangles that cover no texel centre
   std::uint64_t degenerate = 0;   ///< triangles without area in space, left out
-  std::uint32_t most_triangles = 0, most_patches = 0;  ///< of any block
-  std::uint32_t most_blocks = 0;                       ///< of any tile
-  std::uint32_t largest_chunk_bytes = 0;               ///< raw
-  Box3f box;
   std::vector<std::uint64_t> page_texels;  ///< covered texel centres per page
 };
 
-/// Writes blocks in tile order.
-class GeometryStoreWriter {
- public:
-  explicit GeometryStoreWriter(std::unique_ptr<PackWriter> pack);
-  /// One encoded block and its entry (without chunk) belongs to the tile that end_tile() closes.
-  void add_block(BlockEntry entry, std::span<const std::byte> stored, std::uint32_t raw_bytes);
-  void end_tile(Compressor& compressor);
-  /// Writes the directory (its tiles and maxima are filled in here) and the footer.
-  std::unique_ptr<PackWriter> finish(GeometryDirectory directory, Compressor& compressor);
+/// Triangles of a mesh, or texels of a dense target: see BlockStore. The checks are those of
+/// geometry_check.h.
+struct GeometryCodec {
+  using Entry = BlockEntry;
+  using Tile = TileEntry;
+  using Index = GeometryIndex;
+  using Directory = GeometryDirectory;
+  using Facts = GeometryFacts;
+  using Block = GeometryBlock;
+  static constexpr std::size_t kLeastEntryBytes = 44;
+  static constexpr std::size_t kMostEntryBytes = kLeastEntryBytes + 24 * kMostBoxesPerBlock;
+  static constexpr std::size_t kMostBlockBytes = kLargestGeometryBytes;
+  static std::uint64_t most_directory_bytes(const Facts& facts, std::uint64_t pack_bytes);
 
- private:
-  std::unique_ptr<PackWriter> pack_;
-  std::vector<BlockEntry> tile_;
-  GeometryDirectory built_;
+  static void count(const Entry& entry, Index& index);
+  static Tile tile_of(const Entry&) { return {}; }
+  static Box3f box_of(const Entry& entry) { return entry.box(); }
+  static void put(const Entry& entry, ByteWriter& out);
+  static Entry get_entry(ByteReader& in);
+  static void put(const Directory& directory, ByteWriter& out);
+  static Directory get_directory(ByteReader& in);
+  static Block decode(std::span<const std::byte> raw, const std::string& name) {
+    return decode_geometry(raw, name);
+  }
+  static std::uint64_t size_bytes(const Directory& directory, const Facts& facts);
+
+  static void check(const Directory& directory, const Facts& facts, const std::string& name) {
+    store::check(directory, facts, name);
+  }
+  static void check(const std::vector<Entry>& entries, const Tile&, const Directory& directory,
+                    const Facts& facts, const std::string& name) {
+    store::check(entries, directory, facts, name);
+  }
+  static void check(const Block& block, const Entry& entry, const Directory&, const Facts& facts,
+                    const std::string& name) {
+    store::check(block, entry, facts, name);
+  }
 };
-
-/// Reads a geometry pack. Whatever the pack holds, what comes out of here agrees with `facts` and
-/// with itself, or Error(damaged_store) is thrown. Const members are thread-safe.
-class GeometryStore {
- public:
-  GeometryStore(std::unique_ptr<PackReader> pack, GeometryFacts facts, Compressor& compressor);
-  const GeometryDirectory& directory() const { return directory_; }
-  const GeometryFacts& facts() const { return facts_; }
-  /// Blocks of one page, at least one.
-  std::vector<BlockEntry> read_index(std::uint32_t tile, Compressor& compressor) const;
-  GeometryBlock read_block(const BlockEntry& entry, Compressor& compressor) const;
-  const PackReader& pack() const { return *pack_; }
-  /// Throws Error(damaged_store): "<pack>: <why>".
-  [[noreturn]] void damaged(const char* why) const;
-  /// Memory that stays in use while the store is open.
-  std::uint64_t size_bytes() const;
-
- private:
-  std::unique_ptr<PackReader> pack_;
-  GeometryFacts facts_;
-  GeometryDirectory directory_;
-};
+using GeometryStoreWriter = BlockStoreWriter<GeometryCodec>;
+using GeometryStore = BlockStore<GeometryCodec>;
 
 /// Groups triangles' boxes into at most kMostBoxesPerBlock tight ones. Reorders `boxes`.
 void cluster_boxes(std::vector<Box3f>& boxes, BlockEntry& entry);

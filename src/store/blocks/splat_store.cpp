@@ -4,20 +4,71 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pounce/error.h"
 #include "store/pack/chunk_fields.h"
-#include "store/pack/chunk_payload.h"
 
 namespace pounce::store {
 namespace {
 
-constexpr std::size_t kEntryBytes = 48;
 constexpr std::size_t kTileBytes = 48;
 constexpr std::size_t kHeaderBytes = 136;
 constexpr std::uint32_t kHasNormals = 1;
 
-std::vector<std::byte> encode_directory(const SplatDirectory& directory) {
-  std::vector<std::byte> raw;
-  ByteWriter out(raw);
+[[noreturn]] void fail(const std::string& name, const char* why) {
+  throw Error(ErrorKind::damaged_store, name + " " + why);
+}
+
+}  // namespace
+
+const char* filter_name(SplatFilter filter) {
+  constexpr std::array<const char*, kSplatFilters> kNames{
+      "not_finite", "zero_quaternion", "transparent", "sizeless", "exploded", "far"};
+  return kNames[static_cast<std::size_t>(filter)];
+}
+
+std::string filtered_text(const SplatCounts& counts) {
+  std::string text;
+  for (std::size_t k = 0; k < counts.size(); ++k) {
+    if (counts[k] == 0) continue;
+    text += (text.empty() ? "" : ", ") + std::to_string(counts[k]) + " " +
+            filter_name(static_cast<SplatFilter>(k));
+  }
+  return text;
+}
+
+std::uint64_t SplatCodec::most_directory_bytes(const Facts& facts, std::uint64_t pack_bytes) {
+  // Every tile has a Gaussian, and two chunks of the pack.
+  return kHeaderBytes + facts.rows.value_or(pack_bytes / 32) * kTileBytes;
+}
+
+void SplatCodec::count(const Entry& entry, Index& index) {
+  index.splats += entry.splats;
+  index.most_splats = std::max(index.most_splats, entry.splats);
+}
+
+SplatTile SplatCodec::tile_of(const Entry& first) {
+  Tile tile;
+  tile.size_class = first.size_class;
+  return tile;
+}
+
+void SplatCodec::put(const Entry& entry, ByteWriter& out) {
+  out.put(entry.splats);
+  out.put(entry.size_class);
+  put_box(out, entry.box);
+  put_chunk(out, entry.chunk);
+}
+
+SplatEntry SplatCodec::get_entry(ByteReader& in) {
+  Entry entry;
+  entry.splats = in.get<std::uint32_t>();
+  entry.size_class = in.get<std::uint32_t>();
+  entry.box = get_box(in);
+  entry.chunk = get_chunk(in);
+  return entry;
+}
+
+void SplatCodec::put(const Directory& directory, ByteWriter& out) {
   out.put(static_cast<std::uint32_t>(directory.tiles.size()));
   out.put(directory.has_normals ? kHasNormals : 0U);
   out.put(static_cast<std::uint32_t>(directory.model));
@@ -36,11 +87,9 @@ std::vector<std::byte> encode_directory(const SplatDirectory& directory) {
     out.put(tile.blocks);
     out.put(tile.size_class);
   }
-  return raw;
 }
 
-SplatDirectory decode_directory(std::span<const std::byte> raw, const std::string& name) {
-  ByteReader in(raw, name + ": directory");
+SplatDirectory SplatCodec::get_directory(ByteReader& in) {
   SplatDirectory directory;
   const auto tiles = in.get<std::uint32_t>();
   const auto flags = in.get<std::uint32_t>();
@@ -82,123 +131,28 @@ SplatDirectory decode_directory(std::span<const std::byte> raw, const std::strin
   return directory;
 }
 
-}  // namespace
-
-const char* filter_name(SplatFilter filter) {
-  constexpr std::array<const char*, kSplatFilters> kNames{
-      "not_finite", "zero_quaternion", "transparent", "sizeless", "exploded", "far"};
-  return kNames[static_cast<std::size_t>(filter)];
+void SplatCodec::check(const Directory& directory, const Facts& facts, const std::string& name) {
+  std::uint64_t rows = directory.splats;
+  for (const std::uint64_t count : directory.filtered) rows += count;
+  if (rows != facts.rows.value_or(rows) || directory.model != facts.model)
+    fail(name, "is of another scene than its key stands for");
 }
 
-std::string filtered_text(const SplatCounts& counts) {
-  std::string text;
-  for (std::size_t k = 0; k < counts.size(); ++k) {
-    if (counts[k] == 0) continue;
-    text += (text.empty() ? "" : ", ") + std::to_string(counts[k]) + " " +
-            filter_name(static_cast<SplatFilter>(k));
-  }
-  return text;
-}
-
-SplatStoreWriter::SplatStoreWriter(std::unique_ptr<PackWriter> pack) : pack_(std::move(pack)) {}
-
-void SplatStoreWriter::add_block(SplatEntry entry, bool has_normals,
-                                 std::span<const std::byte> stored, std::uint32_t raw_bytes) {
-  entry.chunk = pack_->append(ChunkKind::block, stored, raw_bytes);
-  built_.splats += entry.splats;
-  built_.has_normals |= has_normals;
-  built_.most_splats = std::max(built_.most_splats, entry.splats);
-  built_.largest_chunk_bytes = std::max(built_.largest_chunk_bytes, raw_bytes);
-  tile_.push_back(entry);
-}
-
-void SplatStoreWriter::end_tile(Compressor& compressor) {
-  if (tile_.empty()) return;
-  std::vector<std::byte> raw;
-  ByteWriter out(raw);
-  SplatTile tile;
-  tile.size_class = tile_.front().size_class;
-  for (const SplatEntry& entry : tile_) {
-    out.put(entry.splats);
-    out.put(entry.size_class);
-    put_box(out, entry.box);
-    put_chunk(out, entry.chunk);
-    tile.box.extend(entry.box);
-  }
-  tile.index_page = append_payload(*pack_, ChunkKind::index_page, raw, compressor);
-  tile.blocks = static_cast<std::uint32_t>(tile_.size());
-  built_.most_blocks = std::max(built_.most_blocks, tile.blocks);
-  built_.box.extend(tile.box);
-  built_.tiles.push_back(tile);
-  tile_.clear();
-}
-
-std::unique_ptr<PackWriter> SplatStoreWriter::finish(SplatDirectory directory,
-                                                     Compressor& compressor) {
-  directory.tiles = std::move(built_.tiles);
-  directory.splats = built_.splats;
-  directory.has_normals = built_.has_normals;
-  directory.box = built_.box;
-  directory.most_splats = built_.most_splats;
-  directory.most_blocks = built_.most_blocks;
-  directory.largest_chunk_bytes = built_.largest_chunk_bytes;
-  const auto raw = encode_directory(directory);
-  pack_->finish(append_payload(*pack_, ChunkKind::directory, raw, compressor));
-  return std::move(pack_);
-}
-
-SplatStore::SplatStore(std::unique_ptr<PackReader> pack, const SplatFacts& facts,
-                       Compressor& compressor)
-    : pack_(std::move(pack)) {
-  // Every tile has a Gaussian, and two chunks of the pack.
-  const std::uint64_t tiles = facts.rows.value_or(pack_->size_bytes() / 32);
-  const auto raw = read_payload(*pack_, pack_->directory(), ChunkKind::directory,
-                                kHeaderBytes + tiles * kTileBytes, compressor);
-  directory_ = decode_directory(raw, pack_->name());
-  std::uint64_t rows = directory_.splats;
-  for (const std::uint64_t count : directory_.filtered) rows += count;
-  if (rows != facts.rows.value_or(rows) || directory_.model != facts.model) {
-    throw Error(ErrorKind::damaged_store,
-                pack_->name() + ": directory is of another scene than its key stands for");
-  }
-}
-
-std::vector<SplatEntry> SplatStore::read_index(std::uint32_t tile, Compressor& compressor) const {
-  const SplatTile& where = directory_.tiles[tile];
-  const auto raw = read_payload(*pack_, where.index_page, ChunkKind::index_page,
-                                where.blocks * kEntryBytes, compressor);
-  ByteReader in(raw, pack_->name() + ": index page");
-  if (std::uint64_t{where.blocks} * kEntryBytes != raw.size()) {
-    in.fail("has another size than its blocks");
-  }
-  std::vector<SplatEntry> entries(where.blocks);
-  for (SplatEntry& entry : entries) {
-    entry.splats = in.get<std::uint32_t>();
-    entry.size_class = in.get<std::uint32_t>();
-    entry.box = get_box(in);
-    entry.chunk = get_chunk(in);
-    if (entry.splats == 0 || entry.splats > directory_.most_splats ||
-        entry.size_class != where.size_class ||
-        entry.chunk.raw_bytes > directory_.largest_chunk_bytes) {
-      in.fail("has an impossible block entry");
+void SplatCodec::check(const std::vector<Entry>& entries, const Tile& tile,
+                       const Directory& directory, const Facts&, const std::string& name) {
+  for (const Entry& entry : entries) {
+    if (entry.splats == 0 || entry.splats > directory.most_splats ||
+        entry.size_class != tile.size_class ||
+        entry.chunk.raw_bytes > directory.largest_chunk_bytes) {
+      fail(name, "has an impossible block entry");
     }
   }
-  return entries;
 }
 
-SplatBlock SplatStore::read_block(const SplatEntry& entry, Compressor& compressor) const {
-  const auto raw =
-      read_payload(*pack_, entry.chunk, ChunkKind::block, kLargestSplatBytes, compressor);
-  SplatBlock block = decode_splats(raw, pack_->name() + ": block");
-  if (block.size() != entry.splats || (!block.normal[0].empty() && !directory_.has_normals)) {
-    throw Error(ErrorKind::damaged_store,
-                pack_->name() + ": a block is not the one its index names");
-  }
-  return block;
-}
-
-std::uint64_t SplatStore::size_bytes() const {
-  return directory_.tiles.capacity() * sizeof(SplatTile);
+void SplatCodec::check(const Block& block, const Entry& entry, const Directory& directory,
+                       const Facts&, const std::string& name) {
+  if (block.size() != entry.splats || (!block.normal[0].empty() && !directory.has_normals))
+    fail(name, "is not the one its index names");
 }
 
 }  // namespace pounce::store

@@ -3,14 +3,13 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "store/blocks/block_store.h"
 #include "store/blocks/splat_block.h"
-#include "store/pack/codec.h"
-#include "store/pack/pack.h"
 
 namespace pounce::store {
 
@@ -60,59 +59,56 @@ struct SplatTile {
   std::uint32_t size_class = 0;
 };
 
-/// What a splat pack says of itself: the chunk a reader starts from. Small; always in memory.
-struct SplatDirectory {
-  std::vector<SplatTile> tiles;
-  std::uint64_t splats = 0;  ///< in the store
-  SplatCounts filtered{};    ///< not in the store
+struct SplatIndex : TileIndex<SplatTile> {
+  std::uint64_t splats = 0;       ///< in the store
+  std::uint32_t most_splats = 0;  ///< of any block
+};
+
+/// What a splat pack says of itself: the chunk a reader starts from. Small; always in memory. Its
+/// box is huge where a trained scene has strays.
+struct SplatDirectory : SplatIndex {
+  SplatCounts filtered{};  ///< not in the store
   SplatModel model = SplatModel::standard;
   bool has_normals = false;  ///< some block has any
   /// Typical distance of a Gaussian from the surface that its neighbours make: the median of
   /// 1.4826 MAD of 16 neighbours' offsets along its normal. 0 where there are too few to tell.
   float surface_noise = 0;
-  Box3f box;         ///< of everything; the strays of a trained scene make it huge
   Box3f middle_box;  ///< of the means without the outer tenth on each side of each axis
-  std::uint32_t most_splats = 0;          ///< of any block
-  std::uint32_t most_blocks = 0;          ///< of any tile
-  std::uint32_t largest_chunk_bytes = 0;  ///< raw, of a block
 };
 
-/// Writes blocks in their order.
-class SplatStoreWriter {
- public:
-  explicit SplatStoreWriter(std::unique_ptr<PackWriter> pack);
-  /// One encoded block and its entry (without chunk) belongs to the tile that end_tile() closes.
-  void add_block(SplatEntry entry, bool has_normals, std::span<const std::byte> stored,
-                 std::uint32_t raw_bytes);
-  void end_tile(Compressor& compressor);
-  std::size_t tile_blocks() const { return tile_.size(); }  ///< of the tile that is open
-  /// Of the tile that is open, which has blocks.
-  std::uint32_t tile_class() const { return tile_.front().size_class; }
-  /// Writes the directory (its tiles, number of splats, maxima, box and has_normals are filled in
-  /// here) and the footer.
-  std::unique_ptr<PackWriter> finish(SplatDirectory directory, Compressor& compressor);
+/// Gaussians, of a scene or of a mesh's texels: see BlockStore.
+struct SplatCodec {
+  using Entry = SplatEntry;
+  using Tile = SplatTile;
+  using Index = SplatIndex;
+  using Directory = SplatDirectory;
+  using Facts = SplatFacts;
+  using Block = SplatBlock;
+  static constexpr std::size_t kLeastEntryBytes = 48, kMostEntryBytes = kLeastEntryBytes;
+  static constexpr std::size_t kMostBlockBytes = kLargestSplatBytes;
+  static std::uint64_t most_directory_bytes(const Facts& facts, std::uint64_t pack_bytes);
 
- private:
-  std::unique_ptr<PackWriter> pack_;
-  std::vector<SplatEntry> tile_;
-  SplatDirectory built_;
+  static void count(const Entry& entry, Index& index);
+  static Tile tile_of(const Entry& first);
+  static Box3f box_of(const Entry& entry) { return entry.box; }
+  static void put(const Entry& entry, ByteWriter& out);
+  static Entry get_entry(ByteReader& in);
+  static void put(const Directory& directory, ByteWriter& out);
+  static Directory get_directory(ByteReader& in);
+  static Block decode(std::span<const std::byte> raw, const std::string& name) {
+    return decode_splats(raw, name);
+  }
+  static std::uint64_t size_bytes(const Directory& directory, const Facts&) {
+    return directory.tiles.capacity() * sizeof(Tile);
+  }
+
+  static void check(const Directory& directory, const Facts& facts, const std::string& name);
+  static void check(const std::vector<Entry>& entries, const Tile& tile, const Directory& directory,
+                    const Facts& facts, const std::string& name);
+  static void check(const Block& block, const Entry& entry, const Directory& directory,
+                    const Facts& facts, const std::string& name);
 };
-
-/// Reads a splat pack. Whatever the pack holds, what comes out of here agrees with `facts` and with
-/// itself, or Error(damaged_store) is thrown. Const members are thread-safe.
-class SplatStore {
- public:
-  SplatStore(std::unique_ptr<PackReader> pack, const SplatFacts& facts, Compressor& compressor);
-  const SplatDirectory& directory() const { return directory_; }
-  std::vector<SplatEntry> read_index(std::uint32_t tile, Compressor& compressor) const;
-  SplatBlock read_block(const SplatEntry& entry, Compressor& compressor) const;
-  const PackReader& pack() const { return *pack_; }
-  /// Memory that stays in use while the store is open.
-  std::uint64_t size_bytes() const;
-
- private:
-  std::unique_ptr<PackReader> pack_;
-  SplatDirectory directory_;
-};
+using SplatStoreWriter = BlockStoreWriter<SplatCodec>;
+using SplatStore = BlockStore<SplatCodec>;
 
 }  // namespace pounce::store

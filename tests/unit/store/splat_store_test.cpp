@@ -116,13 +116,13 @@ TEST_CASE("a splat store gives back its tiles, entries and blocks", "[tiles]") {
     std::vector<std::byte> raw, stored;
     encode(blocks[b], raw);
     compressor.compress(raw, stored);
-    writer.add_block(entry, !blocks[b].normal[0].empty(), stored,
-                     static_cast<std::uint32_t>(raw.size()));
+    writer.add_block(entry, stored, static_cast<std::uint32_t>(raw.size()));
     if (b == 1 || b >= 3) writer.end_tile(compressor);
   }
   SplatDirectory directory;
   directory.filtered = {1, 2, 3, 4, 5, 6};
   directory.model = SplatModel::flat;
+  directory.has_normals = true;
   directory.surface_noise = 0.25F;
   directory.middle_box = {{-1, -1, -1}, {1, 1, 1}};
   writer.finish(directory, compressor);
