@@ -78,6 +78,7 @@ class GaussiansJob {
     transfer.channels = {Channel::base_color};
     transfer.output = "colours.exr";  // a format that holds any image: nothing is written there
     plan_ = plan_source(transfer, mesh_);
+    plan_.passes.front().source.exact = true;  // each of its texels is one
     warn_of_repeats(request(), plan_.warnings);
     for (const auto* warnings : {&mesh_.warnings, &plan_.warnings}) {
       job_->report.warnings.insert(job_->report.warnings.end(), warnings->begin(), warnings->end());

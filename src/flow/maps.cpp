@@ -120,7 +120,7 @@ class MapsJob {
       one.mesh = &target_;
       one.hashes = hashes;
       one.is_target = true;
-      one.exact_maps = true;  // they are what a user asked for, not a step on the way
+      one.exact = true;  // they are what a user asked for, not a step on the way
       one.pages.push_back({options_.size.width, options_.size.height, request.uv_set, {}});
       one.triangles = pages.triangles;
       one.first_page = p;

@@ -137,15 +137,16 @@ class Placement {
   template <class Visit>
   void visit_source(const RowRange& rows, const Visit& visit) const {
     const TriangleInstance instance{triangle_, 0, 0};
-    if (!is_whole(corners_, lattice_)) {
-      return visit_touched(
-          rows, corners_,
-          {block_of(low_.x), block_of(low_.y), block_of(high_.x), block_of(high_.y)}, instance,
-          visit);
+    const BlockRange all{block_of(low_.x), block_of(low_.y), block_of(high_.x), block_of(high_.y)};
+    if (!is_whole(corners_, lattice_)) return visit_touched(rows, corners_, all, instance, visit);
+    const bool is_tiny =
+        high_.x - low_.x < kTinyTriangleTexels && high_.y - low_.y < kTinyTriangleTexels;
+    const HomeBlock home = home_block(corners_);
+    const BlockRange blocks =
+        request_.shares_tiny && is_tiny ? all : BlockRange{home.x, home.y, home.x, home.y};
+    for (std::int32_t y = blocks.y0; y <= blocks.y1; ++y) {
+      if (rows.holds(y)) visit(instance, y, blocks.x0, blocks.x1);
     }
-    const std::int32_t y = block_of((low_.y + high_.y) / 2);
-    const std::int32_t x = block_of((low_.x + high_.x) / 2);
-    if (rows.holds(y)) visit(instance, y, x, x);
   }
 
   template <class Visit>
@@ -291,6 +292,12 @@ bool is_whole(const std::array<Vec2d, 3>& c, const Lattice& lattice) {
   // Thin: its height over the longest side is below a texel, so cutting it gains nothing.
   return area < extent ||
          area >= 2 * kLargeShare * static_cast<double>(lattice.width) * lattice.height;
+}
+
+HomeBlock home_block(const std::array<Vec2d, 3>& c) {
+  const auto [low_x, high_x] = std::minmax({c[0].x, c[1].x, c[2].x});
+  const auto [low_y, high_y] = std::minmax({c[0].y, c[1].y, c[2].y});
+  return {block_of((low_x + high_x) / 2), block_of((low_y + high_y) / 2)};
 }
 
 BlockBands count_bands(const BinRequest& request) {

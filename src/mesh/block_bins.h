@@ -69,9 +69,15 @@ struct BinRequest {
   bool is_target = false;
   std::optional<UvTile> tile;  ///< target: the only tile of UV space that is on its page
   std::uint64_t tile_cap_bytes = 0;
+  /// source: a triangle smaller than kTinyTriangleTexels, too, goes to every block that it touches,
+  /// so that each block has all of its surface and may say it otherwise.
+  bool shares_tiny = false;
 };
 /// Source triangles at most this large in both directions, in texels, are kept whole in one block.
 inline constexpr double kWholeTriangleTexels = 32;
+
+/// No block has a quarter as many triangles as texels of larger ones.
+inline constexpr double kTinyTriangleTexels = 4;
 
 std::array<Vec2d, 3> texel_corners(const Mesh& mesh, const Lattice& lattice,
                                    const TriangleInstance& instance);
@@ -80,6 +86,11 @@ std::array<Vec2d, 3> texel_corners(const Mesh& mesh, const Lattice& lattice,
 /// image that is used once has few of these, and one that is repeated (tiling, trim sheets, a stray
 /// coordinate) would be cut into more parts than its surface has texels.
 bool is_whole(const std::array<Vec2d, 3>& corners, const Lattice& lattice);
+/// The block that holds the middle of a triangle: where it is counted.
+struct HomeBlock {
+  std::int32_t x = 0, y = 0;
+};
+HomeBlock home_block(const std::array<Vec2d, 3>& corners);
 
 /// A mesh's blocks in bands: as many rows of blocks, one page after the other, as have kBandEntries
 /// entries, or half as many as the mesh has triangles, which takes less memory than the mesh; at

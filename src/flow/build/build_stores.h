@@ -41,7 +41,7 @@ struct GeometryRequest {
   std::shared_ptr<const mesh::PageTriangles> triangles;
   std::uint32_t first_page = 0;  ///< of `triangles`: what pages[0] stands for
   bool is_target = false;
-  bool exact_maps = false;           ///< target: no block has records, however dense
+  bool exact = false;  ///< the mesh's own triangles, however dense: no records, nothing coarsened
   std::optional<mesh::UvTile> tile;  ///< see mesh::BinRequest
   /// Filled when the first stage asks; the mesh may not change.
   std::shared_ptr<CountedBands> counted = std::make_shared<CountedBands>();

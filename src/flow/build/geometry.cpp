@@ -13,12 +13,14 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <utility>
 
 #include "flow/build/build_stores.h"
 #include "flow/build/find_store.h"
 #include "flow/job.h"
 #include "mesh/uv_raster.h"
 #include "runtime/ordered_stream.h"
+#include "source/coarsen.h"
 #include "source/source_block.h"
 #include "target/target_block.h"
 
@@ -35,6 +37,9 @@ constexpr double kCountedRows = 1 << 20;
 /// one of few texels, which has little to save: their maps are exact.
 constexpr std::uint32_t kExactBytes = 8, kFewTexels = 512;
 constexpr float kNoEdge = 1e-30F;  // as a bound: none
+
+/// Are blocks of a source with tiny triangles said in fewer?
+bool coarsens_dense(const GeometryRequest& request) { return !request.is_target && !request.exact; }
 
 struct EncodedBlock {
   store::BlockEntry entry;
@@ -83,23 +88,55 @@ class TileMaker {
 
  private:
   const mesh::Lattice& lattice(const mesh::BlockBin& bin) const { return request_.pages[bin.page]; }
+  std::span<const mesh::BinEntry> entries(const mesh::BlockBin& bin) const {
+    return std::span(bins_.entries).subspan(bin.first, bin.count);
+  }
   const mesh::TriangleInstance& instance(const mesh::BlockBin& bin, std::uint32_t i) const {
     return bins_.entries[bin.first + i].instance;
   }
 
   void source_blocks(const mesh::BlockBin& bin) {
     const mesh::Lattice& l = lattice(bin);
-    builder_.start(bin.page, bin.x, bin.y, bin.count);
-    std::uint64_t texels = 0;
+    const bool is_dense = coarsens_dense(request_) && l.width != 0 && source::is_dense(bin.count);
+    const source::CoarseSurface coarse =
+        is_dense ? source::coarsen(*request_.mesh, l, entries(bin)) : source::CoarseSurface{};
+    start_source(bin);
     for (std::uint32_t i = 0; i < bin.count; ++i) {
-      texels += count_texels(bin, instance(bin, i));
-      builder_.add(instance(bin, i), l.uv_set, l.width != 0);
-      if (builder_.full() || i + 1 == bin.count) {
-        finish_source(l, texels);
-        texels = 0;
-        builder_.start(bin.page, bin.x, bin.y, bin.count - i - 1);
-      }
+      const mesh::TriangleInstance& triangle = instance(bin, i);
+      if (counts_in(bin, triangle)) source_texels_ += count_texels(bin, triangle);
+      if (is_dense && coarse.replaced[i] != 0) continue;
+      builder_.add(triangle, l.uv_set, l.width != 0);
+      if (builder_.full()) finish_source(bin);
     }
+    add_coarse(bin, coarse);
+    finish_source(bin);
+  }
+
+  void add_coarse(const mesh::BlockBin& bin, const source::CoarseSurface& coarse) {
+    std::vector<std::uint16_t> local(coarse.points.size(), kNoTriangle);
+    for (const source::CoarseTriangle& triangle : coarse.triangles) {
+      std::array<std::uint16_t, 3> points;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const source::SurfacePoint& p = coarse.points[triangle.points[k]];
+        std::uint16_t& at = local[triangle.points[k]];
+        if (at == kNoTriangle) at = builder_.add_point(p.position, p.normal, p.uv, p.tangent);
+        points[k] = at;
+      }
+      builder_.add(points, triangle.id);
+      if (!builder_.full()) continue;
+      finish_source(bin);
+      std::fill(local.begin(), local.end(), kNoTriangle);
+    }
+  }
+
+  /// A whole triangle counts once, however many blocks have it; of a cut one, each counts its part.
+  bool counts_in(const mesh::BlockBin& bin, const mesh::TriangleInstance& triangle) const {
+    const mesh::Lattice& l = lattice(bin);
+    if (!coarsens_dense(request_) || l.width == 0) return true;
+    const auto corners = mesh::texel_corners(*request_.mesh, l, triangle);
+    if (!mesh::is_whole(corners, l)) return true;
+    const mesh::HomeBlock home = mesh::home_block(corners);
+    return home.x == bin.x && home.y == bin.y;
   }
 
   /// Gaussians of one triangle in this block; a triangle that covers no texel centre still gives
@@ -126,10 +163,21 @@ class TileMaker {
     return count;
   }
 
-  void finish_source(const mesh::Lattice& l, std::uint64_t texels) {
-    store::GeometryBlock& block = builder_.block();
-    const source::SourceBlock decoded = source::make_source_block(block, l);
-    out_.degenerate += decoded.degenerate;
+  void start_source(const mesh::BlockBin& bin) {
+    builder_.start(bin.page, bin.x, bin.y, bin.count);
+    source_texels_ = 0;
+  }
+
+  /// Encodes what was added and begins the next part of the bin.
+  void finish_source(const mesh::BlockBin& bin) {
+    encode_source(bin, source_texels_);
+    start_source(bin);
+  }
+
+  void encode_source(const mesh::BlockBin& bin, std::uint64_t texels) {
+    const store::GeometryBlock& block = builder_.block();
+    const source::SourceBlock decoded = source::make_source_block(block, lattice(bin));
+    if (decoded.degenerate > 0) count_degenerate(bin, decoded);
     out_.texels += texels;
     if (decoded.patches.empty()) return;
     std::vector<Box3f> boxes;
@@ -138,6 +186,18 @@ class TileMaker {
     encoded.entry.patches = static_cast<std::uint32_t>(decoded.patches.size());
     encoded.entry.texels = static_cast<std::uint32_t>(std::min<std::uint64_t>(texels, UINT32_MAX));
     out_.blocks.push_back(std::move(encoded));
+  }
+
+  /// Triangles of the builder's block that became no facet.
+  void count_degenerate(const mesh::BlockBin& bin, const source::SourceBlock& decoded) {
+    auto facet = decoded.facets.begin();  // in the order of the triangles
+    for (const std::uint32_t id : builder_.block().ids) {
+      if (facet != decoded.facets.end() && static_cast<std::uint32_t>(facet->id) == id) {
+        ++facet;
+      } else if (counts_in(bin, {id, 0, 0})) {
+        ++out_.degenerate;
+      }
+    }
   }
 
   void target_block(const mesh::BlockBin& bin) {
@@ -191,7 +251,7 @@ class TileMaker {
                              std::uint32_t texels, std::vector<Box3f>& boxes) {
     store::encode(block, raw_);
     const std::size_t exact = std::size_t{kExactBytes} * std::max(texels, kFewTexels);
-    if (request_.exact_maps || raw_.size() <= exact) return compress(block, raw_, boxes);
+    if (request_.exact || raw_.size() <= exact) return compress(block, raw_, boxes);
     const std::uint64_t as_triangles = store::estimated_bytes(raw_);
     if (as_triangles > exact) {
       const auto records = target::TargetBlock(block, l, kNoEdge, target::TargetBlock::Start::inset)
@@ -229,31 +289,36 @@ class TileMaker {
   const mesh::BlockBins& bins_;
   JobContext& job_;
   store::GeometryBlockBuilder builder_;
+  std::uint64_t source_texels_ = 0;  ///< Gaussians of what the builder holds
   std::vector<std::byte> raw_, records_raw_;
   EncodedTile out_;
 };
 
-/// Bytes that a tile may need while it is made: its largest block decoded twice over, and all of it
-/// encoded. `largest`, `all`: triangles.
-std::uint64_t tile_bytes(std::uint64_t largest, std::uint64_t all, std::uint64_t blocks) {
+/// Bytes that a tile may need while it is made: its largest block decoded twice over and coarsened,
+/// and all of it encoded. `largest`, `all`: triangles.
+std::uint64_t tile_bytes(const GeometryRequest& request, std::uint64_t largest, std::uint64_t all,
+                         std::uint64_t blocks) {
   constexpr std::uint64_t kPerTriangle = 1000, kStoredPerTriangle = 80, kPerBlock = 12 << 10,
                           kFixed = 256 << 10;
+  const bool coarsens = coarsens_dense(request) && source::is_dense(largest);
   return kFixed + kPerTriangle * std::min<std::uint64_t>(largest, store::kMostTrianglesPerBlock) +
-         kStoredPerTriangle * all + kPerBlock * blocks;
+         (coarsens ? source::coarsen_bytes(largest) : 0) + kStoredPerTriangle * all +
+         kPerBlock * blocks;
 }
 
-std::uint64_t tile_cost(const mesh::BlockBins& bins, const mesh::TileRange& tile) {
+std::uint64_t tile_cost(const GeometryRequest& request, const mesh::BlockBins& bins,
+                        const mesh::TileRange& tile) {
   std::uint64_t largest = 0, all = 0;
   for (std::uint32_t b = tile.first_block; b < tile.first_block + tile.block_count; ++b) {
     largest = std::max<std::uint64_t>(largest, bins.blocks[b].count);
     all += bins.blocks[b].count;
   }
-  return tile_bytes(largest, all, tile.block_count);
+  return tile_bytes(request, largest, all, tile.block_count);
 }
 
 mesh::BinRequest bin_request(const GeometryRequest& request, std::uint64_t tile_cap_bytes) {
   return {request.mesh,      request.pages, request.triangles.get(), request.first_page,
-          request.is_target, request.tile,  tile_cap_bytes};
+          request.is_target, request.tile,  tile_cap_bytes,          coarsens_dense(request)};
 }
 
 /// Its bands are counted once, whoever asks first.
@@ -301,7 +366,7 @@ store::GeometryFacts facts_of(const GeometryRequest& request, std::uint64_t entr
 void build_band(JobContext& job, const GeometryRequest& request, const mesh::BlockBins& bins,
                 store::GeometryStoreWriter& writer, store::GeometryDirectory& directory) {
   std::vector<std::uint64_t> costs;
-  for (const mesh::TileRange& tile : bins.tiles) costs.push_back(tile_cost(bins, tile));
+  for (const mesh::TileRange& tile : bins.tiles) costs.push_back(tile_cost(request, bins, tile));
   runtime::run_ordered<EncodedTile>(
       job.budget, costs,
       request.is_target ? "vectorizing the target" : "preconditioning the source",
@@ -363,9 +428,8 @@ const Hash128& MeshHashes::uvs(std::uint32_t uv_set) {
 Hash128 geometry_key(const GeometryRequest& request) {
   Hasher hash;
   // The numbers are of the rules that cut triangles and pages: others make other blocks.
-  hash.add(std::string_view(!request.is_target   ? "source geometry 3"
-                            : request.exact_maps ? "target geometry 2, exact"
-                                                 : "target geometry 2"));
+  hash.add(std::string_view(request.is_target ? "target geometry 2" : "source geometry 4"));
+  hash.add(std::uint32_t{request.exact ? 1U : 0U});
   hash.add(store::kFormatVersion);
   add(request.hashes->shape(), hash);
   hash.add(static_cast<std::uint64_t>(request.pages.size()));
@@ -408,7 +472,9 @@ std::uint64_t geometry_least_bytes(const GeometryRequest& request, std::uint64_t
   const std::uint64_t in_cap = tile_cap_bytes / mesh::kTileBytesPerTriangle;
   const std::uint64_t all = std::min(binner.entries(), in_cap + binner.most_in_block());
   const std::uint64_t triangles = request.mesh->triangles.size();
-  return bins + tile_bytes(triangles, std::min(all, 4 * triangles), mesh::kMostBlocksPerTile);
+  const std::uint64_t largest = std::min(triangles, binner.most_in_block());
+  return bins +
+         tile_bytes(request, largest, std::min(all, 4 * triangles), mesh::kMostBlocksPerTile);
 }
 
 std::uint64_t geometry_directory_bytes(const GeometryRequest& request,

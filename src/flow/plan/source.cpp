@@ -433,6 +433,7 @@ class SourcePlanner {
   GeometryRequest source_request(const ChannelPlan& channel) {
     GeometryRequest request;
     request.mesh = &source_;
+    request.exact = plan_.as_gaussians;  // each of its texels is one
     for (std::size_t m = 0; m < source_.materials.size(); ++m) {
       mesh::Lattice lattice;
       const PageTexture& page = channel.pages[m];

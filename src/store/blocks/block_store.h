@@ -123,8 +123,8 @@ class BlockStore {
   }
 
   typename Codec::Block read_block(const Entry& entry, Compressor& compressor) const {
-    const auto raw = read_payload(*pack_, entry.chunk, ChunkKind::block, Codec::kMostBlockBytes,
-                                  compressor);
+    const auto raw =
+        read_payload(*pack_, entry.chunk, ChunkKind::block, Codec::kMostBlockBytes, compressor);
     auto block = Codec::decode(raw, pack_->name() + ": block");
     Codec::check(block, entry, directory_, facts_, pack_->name() + ": block");
     return block;

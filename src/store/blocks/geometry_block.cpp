@@ -172,13 +172,21 @@ std::uint16_t GeometryBlockBuilder::local_vertex(std::uint32_t vertex, std::uint
     if (slots_[slot].first == vertex) return slots_[slot].second;
     slot = (slot + 1) & mask;
   }
-  const auto local = static_cast<std::uint16_t>(block_.positions.size());
+  const std::uint16_t local = add_point(mesh_.positions[vertex], mesh_.normals[vertex],
+                                        has_image ? mesh_.uv_sets[uv_set][vertex] : Vec2f{},
+                                        mesh_.tangents.empty() ? Vec4f{} : mesh_.tangents[vertex]);
   slots_[slot] = {vertex, local};
-  block_.positions.push_back(mesh_.positions[vertex]);
-  block_.normals.push_back(mesh_.normals[vertex]);
-  block_.uvs.push_back(has_image ? mesh_.uv_sets[uv_set][vertex] : Vec2f{});
-  const Vec4f t = mesh_.tangents.empty() ? Vec4f{} : mesh_.tangents[vertex];
-  block_.tangents.push_back({to_snorm(t.x), to_snorm(t.y), to_snorm(t.z), to_snorm(t.w)});
+  return local;
+}
+
+std::uint16_t GeometryBlockBuilder::add_point(Vec3f position, Vec3f normal, Vec2f uv,
+                                              Vec4f tangent) {
+  const auto local = static_cast<std::uint16_t>(block_.positions.size());
+  block_.positions.push_back(position);
+  block_.normals.push_back(normal);
+  block_.uvs.push_back(uv);
+  block_.tangents.push_back(
+      {to_snorm(tangent.x), to_snorm(tangent.y), to_snorm(tangent.z), to_snorm(tangent.w)});
   return local;
 }
 
@@ -191,6 +199,14 @@ std::uint16_t GeometryBlockBuilder::add(const mesh::TriangleInstance& instance,
   block_.triangles.push_back(local);
   block_.ids.push_back(instance.triangle);
   block_.shifts.push_back({instance.shift_x, instance.shift_y});
+  return static_cast<std::uint16_t>(block_.triangles.size() - 1);
+}
+
+std::uint16_t GeometryBlockBuilder::add(const std::array<std::uint16_t, 3>& points,
+                                        std::uint32_t id) {
+  block_.triangles.push_back(points);
+  block_.ids.push_back(id);
+  block_.shifts.push_back({0, 0});
   return static_cast<std::uint16_t>(block_.triangles.size() - 1);
 }
 

@@ -62,6 +62,10 @@ class GeometryBlockBuilder {
   void start(std::uint32_t page, std::int32_t x, std::int32_t y, std::size_t most_triangles);
   /// Adds a triangle and returns its index in the block.
   std::uint16_t add(const mesh::TriangleInstance& instance, std::uint32_t uv_set, bool has_image);
+  /// The same of a triangle that the mesh does not have: `points` are what add_point() returned.
+  std::uint16_t add(const std::array<std::uint16_t, 3>& points, std::uint32_t id);
+  /// Adds a vertex that the mesh does not have.
+  std::uint16_t add_point(Vec3f position, Vec3f normal, Vec2f uv, Vec4f tangent);
   GeometryBlock& block() { return block_; }
   bool full() const { return block_.triangles.size() >= kMostTrianglesPerBlock; }
 

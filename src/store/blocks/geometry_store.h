@@ -45,9 +45,9 @@ struct GeometryDirectory : GeometryIndex {
   std::vector<mesh::Lattice> pages;
   std::uint64_t texels =
       0;  ///< covered texel centres: the Gaussians of a source, the map of a target
-  std::uint64_t overlapping = 0;  ///< target: texels that more than one triangle claimed
-  std::uint64_t slivers = 0;      ///< source: triangles that cover no texel centre
-  std::uint64_t degenerate = 0;   ///< triangles without area in space, left out
+  std::uint64_t overlapping = 0;           ///< target: texels that more than one triangle claimed
+  std::uint64_t slivers = 0;               ///< source: triangles that cover no texel centre
+  std::uint64_t degenerate = 0;            ///< triangles without area in space, left out
   std::vector<std::uint64_t> page_texels;  ///< covered texel centres per page
 };
 
