@@ -33,22 +33,28 @@ using Bytes = std::vector<std::byte>;
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
+enum class From { surface, texels, splats };
+
 /// Jobs that share a cache: a transfer, the target's maps, the source as Gaussians.
 struct Jobs {
   TempFolder folder;
   std::string cache = folder.file("cache"), pristine = folder.file("pristine");
   TransferOptions transfer_options;
-  bool from_splats = false;
+  From from;
   std::vector<Bytes> expected;
 
-  explicit Jobs(bool splats) : from_splats(splats) {
+  explicit Jobs(From source) : from(source) {
     transfer_options = make_random_scene(folder.path().string(), 41);
     transfer_options.size = ImageSize{70, 50};
     transfer_options.output = folder.file("result.png");
     transfer_options.resources.threads = 1;
     transfer_options.resources.memory_bytes = 256 << 20;
     transfer_options.resources.cache_dir = cache;
-    if (splats) make_splats();
+    if (from == From::splats) make_splats();
+    if (from == From::texels) {
+      transfer_options.method = Method::gaussian;
+      transfer_options.channels = {Channel::base_color};
+    }
     expected = run(nullptr);
     std::filesystem::copy(cache, pristine, std::filesystem::copy_options::recursive);
   }
@@ -81,7 +87,7 @@ struct Jobs {
     map_options.output = folder.file("map_<CHANNEL>.exr");
     map_options.resources = transfer_options.resources;
     take(maps(map_options));
-    if (from_splats) return written;
+    if (from == From::splats) return written;
     GaussiansOptions gaussian_options;
     gaussian_options.source = transfer_options.source;
     gaussian_options.output = folder.file("gaussians.ply");
@@ -189,7 +195,7 @@ bool is_target(const Jobs& jobs, const std::string& pack) {
 }  // namespace
 
 TEST_CASE("blocks of a geometry pack that cannot be are noticed", "[flow]") {
-  const Jobs jobs(false);
+  const Jobs jobs(From::surface);
   using Block = store::GeometryBlock;
   using Harm = std::function<void(Block&)>;
   const std::vector<std::pair<std::string, Harm>> both{
@@ -242,7 +248,7 @@ TEST_CASE("blocks of a geometry pack that cannot be are noticed", "[flow]") {
 }
 
 TEST_CASE("records of a geometry pack that cannot be are noticed", "[flow]") {
-  const Jobs jobs(false);
+  const Jobs jobs(From::surface);
   using Block = store::GeometryBlock;
   using Harm = std::function<void(Block&)>;
   const auto first_free = [](const Block& b) {
@@ -314,7 +320,7 @@ TEST_CASE("records of a geometry pack that cannot be are noticed", "[flow]") {
 
 TEST_CASE("a chunk at an odd place is no other thing of the same name", "[flow]") {
   // Decoded things are kept under their place in the pack, pages of the index with a low bit set.
-  const Jobs jobs(false);
+  const Jobs jobs(From::surface);
   for (const std::string& pack : jobs.packs("geometry")) {
     const PackTree tree(jobs.pristine + "/v3/" + pack);
     jobs.refuse("a block in place of a page", pack, [&](const std::string& path) {
@@ -330,7 +336,7 @@ TEST_CASE("a chunk at an odd place is no other thing of the same name", "[flow]"
 }
 
 TEST_CASE("blocks that are there twice, or pages in another order, are noticed", "[flow]") {
-  const Jobs jobs(false);
+  const Jobs jobs(From::surface);
   for (const std::string& pack : jobs.packs("geometry")) {
     if (!is_target(jobs, pack)) continue;
     PackTree tree(jobs.pristine + "/v3/" + pack);
@@ -345,7 +351,7 @@ TEST_CASE("blocks that are there twice, or pages in another order, are noticed",
 }
 
 TEST_CASE("fields of geometry packs do no harm whatever they say", "[flow]") {
-  const Jobs jobs(false);
+  const Jobs jobs(From::surface);
   std::set<bool> sides;  // the transfer's target and the maps' have the same fields
   for (const std::string& pack : jobs.packs("geometry")) {
     if (sides.insert(is_target(jobs, pack)).second) harm_everywhere(jobs, pack);
@@ -353,7 +359,7 @@ TEST_CASE("fields of geometry packs do no harm whatever they say", "[flow]") {
 }
 
 TEST_CASE("fields of colour packs do no harm whatever they say", "[flow]") {
-  const Jobs jobs(false);
+  const Jobs jobs(From::surface);
   const auto packs = jobs.packs("colour");
   REQUIRE(!packs.empty());
   harm_everywhere(jobs, packs.front());
@@ -372,7 +378,7 @@ TEST_CASE("fields of colour packs do no harm whatever they say", "[flow]") {
 }
 
 TEST_CASE("fields of splat packs do no harm whatever they say", "[flow]") {
-  const Jobs jobs(true);
+  const Jobs jobs(From::splats);
   const auto packs = jobs.packs("splats");
   REQUIRE(packs.size() == 1);
   harm_everywhere(jobs, packs.front());
@@ -399,6 +405,13 @@ TEST_CASE("fields of splat packs do no harm whatever they say", "[flow]") {
       tree.write(path);
     });
   }
+}
+
+TEST_CASE("fields of packs of texels as Gaussians do no harm whatever they say", "[flow]") {
+  const Jobs jobs(From::texels);
+  const auto packs = jobs.packs("splats");
+  REQUIRE(packs.size() == 1);
+  harm_everywhere(jobs, packs.front());  // how many there are is not known before
 }
 
 TEST_CASE("float colours that are not finite are noticed", "[flow]") {
