@@ -15,7 +15,7 @@ inline void put_chunk(ByteWriter& out, const ChunkRef& chunk) {
   out.put(chunk.raw_bytes);
 }
 
-/// A chunk's place is also its name in memory (flow/project/source_cache.cpp), so it is checked
+/// A chunk's place is also its name in memory (runtime/block_cache.h), so it is checked
 /// here, long before anything is read from it.
 inline ChunkRef get_chunk(ByteReader& in) {
   ChunkRef chunk;
