@@ -123,7 +123,7 @@ void count_distances(const RayState& state, float max_distance, DistanceCounts& 
   }
 }
 
-std::uint64_t ray_scratch_bytes(std::uint64_t splats) {
+std::uint64_t RayState::scratch_bytes(std::uint64_t splats) {
   return splats * SplatCandidates::kBytes + 8 * kPageBytes;
 }
 

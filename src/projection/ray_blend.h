@@ -27,6 +27,8 @@ struct RayState {
            round_to_pages(packets * sizeof(RayPacket)) +
            packets * (sizeof(target::PacketGroup) + sizeof(std::uint32_t));
   }
+  /// What adding holds beside the state and the sets, for so many Gaussians in a batch.
+  static std::uint64_t scratch_bytes(std::uint64_t splats);
 };
 
 /// Prepares the search of state.packets and state.groups: all open, at the first reach.
@@ -49,8 +51,5 @@ std::optional<std::array<double, 4>> ray_colour(const RayPacket& sums, int lane)
 
 /// Adds how far away the coloured texels met theirs: the mean by weight.
 void count_distances(const RayState& state, float max_distance, DistanceCounts& counts);
-
-/// What adding holds beside the state and the sets, for so many Gaussians in a batch.
-std::uint64_t ray_scratch_bytes(std::uint64_t splats);
 
 }  // namespace pounce::projection

@@ -326,7 +326,7 @@ void count_distances(const SplatState& state, float max_distance, DistanceCounts
   }
 }
 
-std::uint64_t splat_scratch_bytes(std::uint64_t splats) {
+std::uint64_t SplatState::scratch_bytes(std::uint64_t splats) {
   return splats * SplatCandidates::kBytes + round_to_pages(kMostKept * sizeof(SplatResponse)) +
          8 * kPageBytes;
 }

@@ -32,6 +32,8 @@ struct SplatState {
            round_to_pages(packets * sizeof(float)) +
            packets * (sizeof(target::PacketGroup) + sizeof(std::uint32_t));
   }
+  /// What blending holds beside the state and the sets, for so many Gaussians in a batch.
+  static std::uint64_t scratch_bytes(std::uint64_t splats);
 };
 
 /// Prepares the search of state.packets and state.groups: all open, at the first height.
@@ -63,8 +65,5 @@ std::optional<std::array<double, 3>> splat_colour(const DepthPacket& depths, int
 
 /// Adds how far away the coloured texels found their surface: the centre of the depth window.
 void count_distances(const SplatState& state, float max_distance, DistanceCounts& counts);
-
-/// What blending holds beside the state and the sets, for so many Gaussians in a batch.
-std::uint64_t splat_scratch_bytes(std::uint64_t splats);
 
 }  // namespace pounce::projection

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a scene's Gaussians (splats.cpp) and a mesh's texels as Gaussians (gaussians.cpp) have in
+// common when they go past the pieces of a target: costs, batches, and colours that become results.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "flow/project/block_walk.h"
+#include "flow/project/page_projector.h"
+#include "projection/splat_packet.h"
+#include "store/blocks/splat_block.h"
+
+namespace pounce::flow {
+
+/// What one block of Gaussians costs a batch: itself prepared, and its share of the candidates.
+inline std::uint64_t splat_batch_cost(std::uint64_t splats) {
+  return source::SplatSet::most_bytes(splats) + splats * projection::SplatCandidates::kBytes;
+}
+
+/// The part of a Method (page_projector.h) that does not depend on how Gaussians are blended.
+/// `State`: of a piece's texels. `Request`: SplatProjection or GaussianProjection.
+template <class Request, class State>
+class SplatMethodBase {
+ public:
+  struct Work : PieceWork {
+    State state;
+    std::optional<BlockWalk<SplatCache>> walk;  ///< over the blocks of this pass
+    std::vector<std::shared_ptr<const source::SplatSet>> batch;
+    std::vector<const source::SplatSet*> sets;  ///< of the batch
+  };
+
+  static std::size_t channels() { return 1; }
+  std::uint64_t fixed_bytes() const {
+    const store::SplatDirectory& d = request_.source->store().directory();
+    return scratch_bytes() + reading_bytes(d.most_splats, d.largest_chunk_bytes);
+  }
+  std::uint64_t least_batch_bytes() const {
+    return splat_batch_cost(request_.source->store().directory().most_splats);
+  }
+  std::uint64_t state_bytes(const store::BlockEntry& entry) const {
+    return block_bytes(entry.texels, entry.triangles, request_.format.texel_bytes());
+  }
+  /// What projecting one block needs at once, whatever is in it.
+  static std::uint64_t least_bytes(std::uint64_t result_texel_bytes) {
+    constexpr std::uint64_t kSplats = store::kMostSplatsPerBlock;
+    return scratch_bytes() + reading_bytes(kSplats, kSplats * sizeof(store::Splat) + kPageBytes) +
+           splat_batch_cost(kSplats) +
+           block_bytes(store::kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes);
+  }
+
+  void begin(Work& work) const {
+    read_packets(*job_, *request_.target, request_.smallest_edge,
+                 target::TargetBlock::Start::at_texel, work, work.state.packets, work.state.groups);
+    projection::start(request_.limits, work.state);
+  }
+
+  static void bin(Work&) {}  // blocks bring their trees of spheres
+
+ protected:
+  SplatMethodBase(JobContext& job, Request request) : job_(&job), request_(std::move(request)) {}
+
+  static std::uint64_t cost(const store::SplatEntry& entry) {
+    return splat_batch_cost(entry.splats);
+  }
+
+  /// The walk's next blocks become the batch. Returns their bytes.
+  static std::uint64_t take(Work& work) {
+    work.batch = work.walk->take(work.batch_bytes, cost);
+    std::uint64_t bytes = 0;
+    for (const auto& set : work.batch) {
+      work.sets.push_back(set.get());
+      bytes += source::SplatSet::most_bytes(set->shapes.size());
+    }
+    return bytes;
+  }
+  static void drop_batch(Work& work) {
+    work.sets.clear();
+    work.batch.clear();
+  }
+
+  /// colour_of(packet, lane) is an optional texture::TexelValue: nothing where nothing was met.
+  template <class ColourOf>
+  void blend_blocks(Work& work, const ColourOf& colour_of) const {
+    work.stored.assign(1, std::vector<std::vector<std::byte>>(work.blocks.size()));
+    work.raw_bytes.assign(1, 0);
+    work.covered.assign(1, 0);
+    work.clipped.assign(1, 0);
+    projection::count_distances(work.state, request_.limits.max_distance, work.distances);
+    std::size_t p = 0;  // packets are in the order of their blocks
+    for (std::size_t b = 0; b < work.blocks.size(); ++b) {
+      const std::size_t first = p;
+      while (p < work.state.packets.size() && work.state.packets[p].block == b) ++p;
+      blend_block(work, b, first, p, colour_of);
+    }
+  }
+
+  JobContext* job_;
+  Request request_;
+
+ private:
+  static std::uint64_t scratch_bytes() {
+    constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, encode buffers
+    return kPieceScratch + State::scratch_bytes(0);
+  }
+  static std::uint64_t reading_bytes(std::uint64_t splats, std::uint64_t chunk_bytes) {
+    return store::SplatBlock::decoded_bytes(splats, true) + 3 * chunk_bytes;
+  }
+  static std::uint64_t block_bytes(std::uint32_t texels, std::uint32_t triangles,
+                                   std::uint64_t result_texel_bytes) {
+    return State::most_bytes(target::TargetBlock::most_packets(texels)) +
+           2 * store::kTexelsPerBlock + std::uint64_t{triangles} * 220 +
+           target::TargetBlock::record_bytes(triangles == 0 ? texels : 0) +
+           store::kTexelsPerBlock * result_texel_bytes + texture::kMaskBytes + 4 * kPageBytes;
+  }
+
+  template <class ColourOf>
+  void blend_block(Work& work, std::size_t b, std::size_t first, std::size_t last,
+                   const ColourOf& colour_of) const {
+    const std::size_t texel_bytes = request_.format.texel_bytes();
+    texture::ResultBlock result;
+    result.texels.resize(store::kTexelsPerBlock * texel_bytes);
+    std::uint64_t covered = 0;
+    for (std::size_t p = first; p < last; ++p) {
+      for (int lane = 0; lane < target::kLanes; ++lane) {
+        const std::uint16_t texel = work.state.packets[p].texel[lane];
+        if (texel == target::kNoTexel) continue;
+        const std::optional<texture::TexelValue> value = colour_of(p, lane);
+        if (!value) continue;
+        work.clipped[0] += texture::store_texel(request_.format, *value,
+                                                result.texels.data() + texel * texel_bytes);
+        result.cover(texel);
+        ++covered;
+      }
+    }
+    work.covered[0] += covered;
+    if (covered > 0) finish_block(*job_, request_.format, result, 0, b, work);
+  }
+};
+
+}  // namespace pounce::flow
