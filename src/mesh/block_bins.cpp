@@ -47,23 +47,6 @@ struct BlockRange {
   std::int32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
 };
 
-/// The x that a triangle has between two heights, these included; low > high: none.
-struct Extent {
-  double low = INFINITY, high = -INFINITY;
-  void extend(double x) { low = std::min(low, x), high = std::max(high, x); }
-};
-Extent extent_between(const std::array<Vec2d, 3>& corners, double y0, double y1) {
-  Extent extent;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const Vec2d a = corners[k], b = corners[(k + 1) % 3];
-    if (a.y >= y0 && a.y <= y1) extent.extend(a.x);
-    for (const double y : {y0, y1}) {
-      if ((a.y < y) != (b.y < y)) extent.extend(a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)));
-    }
-  }
-  return extent;
-}
-
 /// Calls visit(y, x0, x1), ends included, for each row of blocks of the range that the triangle
 /// touches. A block counts as wider by a texel on each side, which is more than rounding can be
 /// off.
@@ -139,11 +122,10 @@ class Placement {
     const TriangleInstance instance{triangle_, 0, 0};
     const BlockRange all{block_of(low_.x), block_of(low_.y), block_of(high_.x), block_of(high_.y)};
     if (!is_whole(corners_, lattice_)) return visit_touched(rows, corners_, all, instance, visit);
-    const bool is_tiny =
-        high_.x - low_.x < kTinyTriangleTexels && high_.y - low_.y < kTinyTriangleTexels;
     const HomeBlock home = home_block(corners_);
-    const BlockRange blocks =
-        request_.shares_tiny && is_tiny ? all : BlockRange{home.x, home.y, home.x, home.y};
+    const BlockRange blocks = request_.shares_tiny && is_tiny(corners_)
+                                  ? all
+                                  : BlockRange{home.x, home.y, home.x, home.y};
     for (std::int32_t y = blocks.y0; y <= blocks.y1; ++y) {
       if (rows.holds(y)) visit(instance, y, blocks.x0, blocks.x1);
     }
@@ -292,6 +274,12 @@ bool is_whole(const std::array<Vec2d, 3>& c, const Lattice& lattice) {
   // Thin: its height over the longest side is below a texel, so cutting it gains nothing.
   return area < extent ||
          area >= 2 * kLargeShare * static_cast<double>(lattice.width) * lattice.height;
+}
+
+bool is_tiny(const std::array<Vec2d, 3>& c) {
+  const auto [low_x, high_x] = std::minmax({c[0].x, c[1].x, c[2].x});
+  const auto [low_y, high_y] = std::minmax({c[0].y, c[1].y, c[2].y});
+  return high_x - low_x < kTinyTriangleTexels && high_y - low_y < kTinyTriangleTexels;
 }
 
 HomeBlock home_block(const std::array<Vec2d, 3>& c) {

@@ -64,19 +64,20 @@ struct BinRequest {
   std::uint32_t first_page = 0;  ///< of `triangles`: what pages[0] stands for
   /// true (target): UVs that leave the image come back into it, or only those of `tile` count; a
   /// triangle goes to every block it touches.
-  /// false (source): texel coordinates go on beyond the image; a triangle that is small or thin
-  /// goes to the one block that holds its middle, a large one to every block it touches.
+  /// false (source): texel coordinates go on beyond the image; a whole triangle goes to the one
+  /// block that holds its middle (but see shares_tiny), any other to every block it touches.
   bool is_target = false;
   std::optional<UvTile> tile;  ///< target: the only tile of UV space that is on its page
   std::uint64_t tile_cap_bytes = 0;
-  /// source: a triangle smaller than kTinyTriangleTexels, too, goes to every block that it touches,
-  /// so that each block has all of its surface and may say it otherwise.
+  /// source: tiny triangles, too, go to every block that they touch, so that each block has what it
+  /// needs to say its surface in fewer.
   bool shares_tiny = false;
 };
 /// Source triangles at most this large in both directions, in texels, are kept whole in one block.
 inline constexpr double kWholeTriangleTexels = 32;
 
-/// No block has a quarter as many triangles as texels of larger ones.
+/// Smaller source triangles, in both directions, are tiny: where they are many, a texel is about as
+/// large as a triangle.
 inline constexpr double kTinyTriangleTexels = 4;
 
 std::array<Vec2d, 3> texel_corners(const Mesh& mesh, const Lattice& lattice,
@@ -86,6 +87,7 @@ std::array<Vec2d, 3> texel_corners(const Mesh& mesh, const Lattice& lattice,
 /// image that is used once has few of these, and one that is repeated (tiling, trim sheets, a stray
 /// coordinate) would be cut into more parts than its surface has texels.
 bool is_whole(const std::array<Vec2d, 3>& corners, const Lattice& lattice);
+bool is_tiny(const std::array<Vec2d, 3>& corners);
 /// The block that holds the middle of a triangle: where it is counted.
 struct HomeBlock {
   std::int32_t x = 0, y = 0;

@@ -3,6 +3,18 @@
 
 namespace pounce::mesh {
 
+Extent extent_between(const std::array<Vec2d, 3>& corners, double y0, double y1) {
+  Extent extent;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec2d a = corners[k], b = corners[(k + 1) % 3];
+    if (a.y >= y0 && a.y <= y1) extent.extend(a.x);
+    for (const double y : {y0, y1}) {
+      if ((a.y < y) != (b.y < y)) extent.extend(a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)));
+    }
+  }
+  return extent;
+}
+
 bool triangle_touches(const std::array<Vec2d, 3>& corners, const TexelWindow& window,
                       double margin) {
   const double x0 = static_cast<double>(window.x0) - margin;

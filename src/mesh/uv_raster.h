@@ -103,6 +103,13 @@ void raster_triangle(const std::array<Vec2d, 3>& corners, const TexelWindow& win
   }
 }
 
+/// The x that a triangle has between two heights, these included; low > high: none.
+struct Extent {
+  double low = INFINITY, high = -INFINITY;
+  void extend(double x) { low = std::min(low, x), high = std::max(high, x); }
+};
+Extent extent_between(const std::array<Vec2d, 3>& corners, double y0, double y1);
+
 /// Do triangle and window (widened by `margin` texels on each side) overlap? May say yes for a near
 /// miss.
 bool triangle_touches(const std::array<Vec2d, 3>& corners, const TexelWindow& window,

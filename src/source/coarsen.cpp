@@ -96,12 +96,12 @@ struct Footprint {
   bool lies_in(double x0, double y0, double edge) const {
     return low.x >= x0 && low.y >= y0 && high.x <= x0 + edge && high.y <= y0 + edge;
   }
+  bool is_line() const { return mesh::doubled_area(texels[0], texels[1], texels[2]) == 0; }
 };
 
 /// The same triangle in space.
 struct Triangle : Footprint {
   std::array<Vec3d, 3> positions, normals;
-  std::uint32_t id = 0;
   float handedness = 0;
 
   Vec3d position(double w1, double w2) const { return mixed(positions, w1, w2); }
@@ -125,8 +125,13 @@ struct Window {
   double bound = 0;                       ///< of positions
   double area = 0;                        ///< that triangles fill, of 1
   double winding = 0;                     ///< their common sign
-  std::uint32_t inside = 0;               ///< triangles that lie in it and nowhere else ...
-  std::array<std::uint32_t, 2> ids{};     ///< ... and the first two
+  std::array<std::uint32_t, 2> ids{};     ///< of triangles that lie in it and nowhere else
+};
+
+/// How many triangles lie in a window, and the first two.
+struct Inside {
+  std::uint32_t count = 0;
+  std::array<std::uint32_t, 2> ids{};
 };
 
 class Coarsener {
@@ -168,7 +173,7 @@ class Coarsener {
   }
 
   Triangle triangle(std::size_t i, const Footprint& footprint) const {
-    Triangle t{footprint, {}, {}, entries_[i].instance.triangle, 0};
+    Triangle t{footprint, {}, {}, 0};
     for (std::size_t k = 0; k < 3; ++k) {
       t.positions[k] = Vec3d(mesh_.positions[corners(i)[k]]);
       t.normals[k] = Vec3d(mesh_.normals[corners(i)[k]]);
@@ -232,36 +237,71 @@ class Coarsener {
   void replace_windows(int edge) {
     const int across = kEdge / edge;
     std::vector<std::optional<Window>> windows(static_cast<std::size_t>(across * across));
+    if (open_windows(edge, windows) == 0) return;
+    for (std::size_t i = 0; i < entries_.size(); ++i) {
+      const Footprint f = footprint(i);
+      std::optional<Triangle> t;  // in space only where a window is left to be compared
+      visit_touched(f, edge, [&](std::size_t at) {
+        std::optional<Window>& window = windows[at];
+        if (!window) return;
+        if (!t) t = triangle(i, f);
+        if (!agrees(*t, *window, edge)) window.reset();
+      });
+    }
+    for (const std::optional<Window>& window : windows) {
+      if (window && std::abs(window->area - 1) <= kAreaBound) take(*window, edge);
+    }
+  }
+
+  /// Those with two triangles to take the numbers of. Returns how many.
+  std::size_t open_windows(int edge, std::vector<std::optional<Window>>& windows) {
+    const int across = kEdge / edge;
+    std::vector<Inside> inside(windows.size());
+    for (std::size_t i = 0; i < entries_.size(); ++i) {
+      const Footprint f = footprint(i);
+      const double x = std::floor(f.low.x / edge), y = std::floor(f.low.y / edge);
+      // What ends at the border of the block may be another's, too.
+      if (!f.lies_in(x * edge, y * edge, edge) || x < 0 || y < 0 || f.high.x >= kEdge ||
+          f.high.y >= kEdge || f.is_line()) {
+        continue;
+      }
+      Inside& of = inside[static_cast<std::size_t>(y) * static_cast<std::size_t>(across) +
+                          static_cast<std::size_t>(x)];
+      if (of.count < 2) of.ids[of.count] = entries_[i].instance.triangle;
+      ++of.count;
+    }
     std::size_t open = 0;
     for (int y = 0; y < across; ++y) {
       for (int x = 0; x < across; ++x) {
-        windows[static_cast<std::size_t>(y * across + x)] = open_window(x * edge, y * edge, edge);
-        open += windows[static_cast<std::size_t>(y * across + x)].has_value();
+        const auto at = static_cast<std::size_t>(y * across + x);
+        if (inside[at].count < 2) continue;
+        windows[at] = open_window(x * edge, y * edge, edge);
+        if (!windows[at]) continue;
+        windows[at]->ids = inside[at].ids;
+        ++open;
       }
     }
-    for (std::size_t i = 0; i < entries_.size() && open > 0; ++i) {
-      const Footprint f = footprint(i);
-      const auto first = [&](double low) {
-        return std::max(0, static_cast<int>(std::floor(low / edge)));
-      };
-      const auto last = [&](double high) {
-        return std::min(across - 1, static_cast<int>(std::floor(high / edge)));
-      };
-      std::optional<Triangle> t;  // in space only where a window is left to be compared
-      for (int y = first(f.low.y); y <= last(f.high.y); ++y) {
-        for (int x = first(f.low.x); x <= last(f.high.x); ++x) {
-          std::optional<Window>& window = windows[static_cast<std::size_t>(y * across + x)];
-          if (!window) continue;
-          if (!t) t = triangle(i, f);
-          if (agrees(*t, *window, edge)) continue;
-          window.reset();
-          --open;
-        }
-      }
-    }
-    for (const std::optional<Window>& window : windows) {
-      if (window && window->inside >= 2 && std::abs(window->area - 1) <= kAreaBound)
-        take(*window, edge);
+    return open;
+  }
+
+  /// Calls visit(index) for each window of this size that the triangle touches.
+  template <class Visit>
+  static void visit_touched(const Footprint& f, int edge, const Visit& visit) {
+    const int across = kEdge / edge;
+    const auto first = [&](double low) {
+      return static_cast<int>(std::max(std::floor(low / edge), 0.0));
+    };
+    const auto last = [&](double high) {
+      return static_cast<int>(std::min(std::floor(high / edge), across - 1.0));
+    };
+    const bool is_small = f.high.x - f.low.x < 2 * edge;  // its rectangle will do
+    for (int y = first(f.low.y); y <= last(f.high.y); ++y) {
+      const mesh::Extent row =
+          is_small ? mesh::Extent{f.low.x, f.high.x}
+                   : mesh::extent_between(f.texels, double{1} * y * edge, (y + 1.0) * edge);
+      if (row.low > row.high) continue;
+      for (int x = first(row.low); x <= last(row.high); ++x)
+        visit(static_cast<std::size_t>(y * across + x));
     }
   }
 
@@ -298,7 +338,6 @@ class Coarsener {
                 k == 1 ? 1.0 : 0.0,
                 k == 2 ? 1.0 : 0.0});
     }
-    const bool lies_in = t.lies_in(window.x, window.y, edge);
     if (t.low.x < window.x) part = part.clipped(&Vec2d::x, 0, 1);
     if (t.high.x > window.x + edge) part = part.clipped(&Vec2d::x, 1, -1);
     if (t.low.y < window.y) part = part.clipped(&Vec2d::y, 0, 1);
@@ -308,10 +347,6 @@ class Coarsener {
     window.area += std::abs(area);
     if (area * window.winding < 0 || t.handedness * window.handedness < 0) return false;
     if (area != 0) window.winding = area;
-    if (lies_in && area != 0) {  // so that it lies in no other
-      if (window.inside < 2) window.ids[window.inside] = t.id;
-      ++window.inside;
-    }
     if (t.handedness != 0) window.handedness = t.handedness;
     const TwoHalves positions = at_corners(window, &SurfacePoint::position);
     const TwoHalves normals = at_corners(window, &SurfacePoint::normal);
@@ -347,6 +382,8 @@ class Coarsener {
   /// Are all texels of the block replaced that the triangle may touch?
   bool is_replaced(std::size_t i) const {
     const Footprint f = footprint(i);
+    if (!f.lies_in(0, 0, kEdge) && mesh::is_whole(f.texels, lattice_) && !mesh::is_tiny(f.texels))
+      return false;  // no other block has it
     for (int y = first_touched(f.low.y); y <= last_touched(f.low.y, f.high.y); ++y) {
       for (int x = first_touched(f.low.x); x <= last_touched(f.low.x, f.high.x); ++x) {
         if (!taken_[texel(x, y)]) return false;
@@ -384,7 +421,8 @@ CoarseSurface coarsen(const mesh::Mesh& mesh, const mesh::Lattice& lattice,
 std::uint64_t coarsen_bytes(std::uint64_t triangles) {
   return triangles + kPoints * kPoints * sizeof(SurfacePoint) +
          kMostTriangles * sizeof(CoarseTriangle) +
-         std::uint64_t{kEdge} * kEdge * sizeof(std::optional<Window>) + sizeof(Coarsener);
+         std::uint64_t{kEdge} * kEdge * (sizeof(std::optional<Window>) + sizeof(Inside)) +
+         sizeof(Coarsener);
 }
 
 }  // namespace pounce::source

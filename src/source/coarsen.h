@@ -16,7 +16,7 @@ struct SurfacePoint {
   Vec3f position;
   Vec3f normal;   ///< between its triangle's; no longer than 1
   Vec2f uv;       ///< as in the mesh
-  Vec4f tangent;  ///< zero if the mesh has none
+  Vec4f tangent;  ///< kept, as the mesh's own are, for normal maps; zero if the mesh has none
 };
 
 /// Half a window of texels, in place of all the triangles in it.

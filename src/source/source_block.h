@@ -30,7 +30,7 @@ struct Facet {
   float frac[2];         ///< texel coordinates of corner 0, beyond base
   float du[2], dv[2];    ///< texel edges: x over corners 1 and 2, y over corners 1 and 2
   std::int32_t base[2];  ///< whole texels of corner 0's coordinates, not wrapped
-  std::int32_t id;       ///< triangle index in file order: ties go to the smaller
+  std::int32_t id;       ///< triangle number in file order: ties go to the smaller
   std::int32_t page;     ///< whose image
 };
 

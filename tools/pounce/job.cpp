@@ -55,7 +55,7 @@ extern "C" void stop_job(int) {
   errno = before;
 }
 
-/// While it lives, SIGINT and SIGTERM cancel the job.
+/// While it lives, SIGINT and SIGTERM cancel the job; a second wish ends the program at once.
 class SignalsCancel {
  public:
   explicit SignalsCancel(Progress& progress) {

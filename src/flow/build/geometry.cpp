@@ -5,8 +5,8 @@
 // Triangles are binned by the 64x64 windows that they touch, windows grouped into tiles, and each
 // tile made, compressed and written on its own: in parallel, in order, under the budget. Source and
 // target differ in one thing: a target texel belongs to the first triangle in file order that
-// covers its centre; a source keeps every triangle, since a texel that the surface uses twice is
-// two Gaussians.
+// covers its centre; a source keeps all of its surface, since a texel that the surface uses twice
+// is two Gaussians, in fewer triangles than the mesh has where these are tiny (source/coarsen.h).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -79,6 +79,7 @@ class TileMaker {
 
   EncodedTile make(const mesh::TileRange& tile) {
     for (std::uint32_t b = tile.first_block; b < tile.first_block + tile.block_count; ++b) {
+      job_.meter.advance(0);  // stops here if the caller asked to
       const mesh::BlockBin& bin = bins_.blocks[b];
       out_.page = bin.page;
       request_.is_target ? target_block(bin) : source_blocks(bin);

@@ -230,7 +230,8 @@ ObjReader::Corner ObjReader::corner(std::string_view word) const {
   for (std::size_t part = 0;; ++part) {
     const auto result = std::from_chars(at, end, indices[part]);
     if (result.ec == std::errc() && indices[part] == 0) {
-      text_.fail(fmt::format("the corner \"{}\" has index 0; OBJ counts from 1", word));
+      text_.fail(
+          fmt::format("the corner \"{}\" has index 0; OBJ counts from 1", word.substr(0, 60)));
     }
     if (result.ec == std::errc::result_out_of_range ||
         (result.ec == std::errc::invalid_argument && part == 0)) {

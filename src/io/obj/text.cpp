@@ -108,7 +108,9 @@ bool ObjText::next(std::string& out) {
   out.clear();
   line_ = lines_ended_ + 1;
   if (!append_line(out)) return false;
-  while (kind_ == Kind::obj && !out.empty() && out.back() == '\\') {
+  const bool may_go_on =
+      kind_ == Kind::obj && out[std::min(out.find_first_not_of(" \t"), out.size())] != '#';
+  while (may_go_on && !out.empty() && out.back() == '\\') {
     out.back() = ' ';
     if (!append_line(out)) break;
   }

@@ -19,7 +19,7 @@ namespace pounce::io {
 class ObjText {
  public:
   enum class Kind {
-    obj,  ///< "\" at the end of a line joins the next; up to 16 MiB
+    obj,  ///< "\" at the end of a line joins the next, but not of a comment; up to 16 MiB
     mtl,  ///< lines are never joined; up to 1 MiB
   };
   ObjText(const std::string& path, Kind kind);

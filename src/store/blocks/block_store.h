@@ -20,6 +20,7 @@
 
 #include "core/box.h"
 #include "core/bytes.h"
+#include "pounce/error.h"
 #include "store/pack/chunk_payload.h"
 #include "store/pack/codec.h"
 #include "store/pack/pack.h"

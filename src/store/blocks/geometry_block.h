@@ -25,8 +25,8 @@ inline constexpr std::size_t kLargestGeometryBytes =
 
 /// What reproduces a 64x64 window of texels: the triangles that touch it and, on the target, which
 /// of them owns each texel centre. Positions, normals and dual frames of all texels (or Gaussians)
-/// follow from it exactly, at a fraction of a byte per texel. A dense block of a target has records
-/// instead of vertices and triangles.
+/// follow from it, at a fraction of a byte per texel. A dense block of a target has records instead
+/// of vertices and triangles; one of a source may have fewer triangles than the mesh.
 struct GeometryBlock {
   std::uint32_t page = 0;
   std::int32_t x = 0, y = 0;  ///< block coordinates in the page
@@ -37,8 +37,8 @@ struct GeometryBlock {
   std::vector<std::array<std::int16_t, 4>> tangents;  ///< unit vector and handedness, times 32767
   // Triangles.
   std::vector<std::array<std::uint16_t, 3>> triangles;  ///< vertex indices
-  std::vector<std::uint32_t> ids;                       ///< index in the mesh file's order
-  std::vector<std::array<std::int32_t, 2>> shifts;      ///< periods to subtract; empty: all zero
+  std::vector<std::uint32_t> ids;  ///< index in the mesh file's order, of one that it stands for
+  std::vector<std::array<std::int32_t, 2>> shifts;  ///< periods to subtract; empty: all zero
   /// Target only: kTexelsPerBlock triangle indices in raster order, kNoTriangle where no centre is
   /// covered.
   std::vector<std::uint16_t> owner;

@@ -135,6 +135,16 @@ TEST_CASE("an OBJ's lines have an end", "[io]") {
       4095);
 }
 
+TEST_CASE("a comment takes no other line with it", "[io]") {
+  const mesh::Mesh with = read("# from C:\\models\\\n \t# and\\\n" + kSquare + "f 1 2 3\n");
+  CHECK(with.positions == read(kSquare + "f 1 2 3\n").positions);
+  CHECK(read(kSquare + "f 1 2 \\\n3\n").triangles.size() == 1);
+}
+
+TEST_CASE("of a long word a message quotes the beginning", "[io]") {
+  CHECK(refused(kSquare + "f " + std::string(100000, '0') + "/1 2 3\n").size() < 300);
+}
+
 TEST_CASE("faces have the material that was named last", "[io]") {
   const mesh::Mesh m = read_beside(
       "f 1 2 3\nusemtl a\nmtllib a.mtl\nf 1 2 3\nusemtl a\nusemtl\nf 1 2 3 4\nusemtl b\nf 1 2\n"

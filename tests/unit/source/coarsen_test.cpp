@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <cmath>
 #include <functional>
 #include <optional>
@@ -319,6 +320,58 @@ TEST_CASE("no window has two sides of a surface in front") {
     const double x = (at(0).x + at(1).x + at(2).x) / 3 / kTexel;
     CHECK((cross(at(1) - at(0), at(2) - at(0)).z < 0) == (x < 84.5));
   }
+}
+
+TEST_CASE("what only this block has stays, if it leaves it") {
+  // A strip of 26.5 x 5 texels across the border: whole, and not tiny, so the next block lacks it.
+  Sheet sheet;
+  sheet.jitter = 0;
+  Block block = block_of(sheet);
+  const double left = 64 + 50, right = 64 + 76.5, top = 128 + 20, bottom = 128 + 25;
+  std::erase_if(block.entries, [&](const mesh::BinEntry& e) {
+    const auto t = mesh::texel_corners(block.mesh, kImage, e.instance);
+    return std::all_of(t.begin(), t.end(), [&](Vec2d p) {
+      return p.x >= left && p.x <= right && p.y >= top && p.y <= bottom;
+    });
+  });
+  const std::size_t tiny = block.entries.size();
+  const auto at = [](Vec2d t) { return Vec3d{kTexel * t.x, kTexel * t.y, 0}; };
+  const Vec2d a{left, top}, b{right, top}, c{right, bottom}, d{left, bottom};
+  block.add({a, b, c}, {at(a), at(b), at(c)}, {0, 0, 1});
+  block.add({a, c, d}, {at(a), at(c), at(d)}, {0, 0, 1});
+  const CoarseSurface coarse = block.run();
+  check_surface(block, coarse);
+  CHECK(coarse.replaced[tiny] == 0);
+  CHECK(coarse.replaced[tiny + 1] == 0);
+  CHECK(replaced(coarse) > tiny * 3 / 4);
+}
+
+TEST_CASE("numbers are of triangles that no other block has") {
+  Sheet sheet;
+  sheet.jitter = 0;
+  sheet.beyond = 0;  // so that vertices lie on the border itself
+  const Block block = block_of(sheet);
+  const CoarseSurface coarse = block.run();
+  CHECK(coarse.triangles.size() > 100);
+  for (const CoarseTriangle& t : coarse.triangles) {
+    for (const std::uint32_t vertex : block.mesh.triangles[t.id]) {
+      const Vec2d texel = mesh::to_texel(kImage, block.mesh.uv_sets[0][vertex]);
+      CHECK((texel.x < 128 && texel.y < 192));
+    }
+  }
+}
+
+TEST_CASE("needles across a block cost next to nothing") {
+  Block block = block_of({});
+  block.entries.clear();
+  const auto at = [](Vec2d t) { return Vec3d{kTexel * t.x, kTexel * t.y, 0}; };
+  for (int i = 0; i < 20000; ++i) {  // 10 s before windows were opened for two triangles alone
+    const Vec2d a{64.5 + i % 60, 128.5}, b{127.5 - i % 60, 191.5}, c{a.x + 0.01, a.y};
+    block.add({a, b, c}, {at(a), at(b), at(c)}, {0, 0, 1});
+  }
+  const auto begin = std::chrono::steady_clock::now();
+  CHECK(block.run().triangles.empty());
+  CHECK(std::chrono::steady_clock::now() - begin < std::chrono::seconds(2));
 }
 
 TEST_CASE("tangents come along, and no window mixes their handedness") {
