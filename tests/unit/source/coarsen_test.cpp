@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <catch2/catch.hpp>
-#include <chrono>
 #include <cmath>
+#include <ctime>
 #include <functional>
 #include <optional>
 #include <set>
@@ -365,13 +365,23 @@ TEST_CASE("needles across a block cost next to nothing") {
   Block block = block_of({});
   block.entries.clear();
   const auto at = [](Vec2d t) { return Vec3d{kTexel * t.x, kTexel * t.y, 0}; };
-  for (int i = 0; i < 20000; ++i) {  // 10 s before windows were opened for two triangles alone
-    const Vec2d a{64.5 + i % 60, 128.5}, b{127.5 - i % 60, 191.5}, c{a.x + 0.01, a.y};
+  // Strips side by side along the diagonal: they cover each texel centre once.
+  const auto first = [](double off) {
+    return Vec2d{64 + std::max(0.0, -off), 128 + std::max(0.0, off)};
+  };
+  const auto last = [](double off) {
+    return Vec2d{64 + std::min(64.0, 64 - off), 128 + std::min(64.0, 64 + off)};
+  };
+  constexpr int kStrips = 20000;
+  for (int i = 0; i < kStrips; ++i) {
+    const double off = -63 + 126.0 * i / kStrips, next = -63 + 126.0 * (i + 1) / kStrips;
+    const Vec2d a = first(off), b = last(off), c = last(next), d = first(next);
     block.add({a, b, c}, {at(a), at(b), at(c)}, {0, 0, 1});
+    block.add({a, c, d}, {at(a), at(c), at(d)}, {0, 0, 1});
   }
-  const auto begin = std::chrono::steady_clock::now();
-  CHECK(block.run().triangles.empty());
-  CHECK(std::chrono::steady_clock::now() - begin < std::chrono::seconds(2));
+  const std::clock_t begin = std::clock();  // of the CPU: other programs do not count
+  CHECK(block.run().triangles.size() < 16);
+  CHECK(std::clock() - begin < 2 * CLOCKS_PER_SEC);
 }
 
 TEST_CASE("tangents come along, and no window mixes their handedness") {
