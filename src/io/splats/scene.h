@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/axes.h"
+#include "core/file.h"
+#include "core/page_pool.h"
+#include "store/blocks/splat_rows.h"
+#include "store/blocks/splat_store.h"
+
+namespace pounce::io {
+
+/// What a scene's file says before its Gaussians are read.
+struct SplatSceneInfo {
+  std::string format;           ///< "3DGS PLY", "SPZ v3", "SOG v2 (bundled)", ...
+  std::uint64_t splats = 0;     ///< in the file
+  std::uint32_t sh_degree = 0;  ///< of the file, 0 to 4; read() gives no more than 3
+  store::SplatModel model = store::SplatModel::standard;
+  bool is_linear = false;                ///< colours are linear light, not sRGB-coded
+  std::vector<std::string> files;        ///< that hold it; the first is the one that was named
+  std::vector<std::string> assumptions;  ///< what the format leaves open, for warnings: its axes
+};
+
+/// A trained scene in one of the formats there are: Gaussians in the file's order, of which any
+/// range can be read. Memory does not grow with their number. Const members are thread-safe.
+class SplatScene {
+ public:
+  virtual ~SplatScene() = default;
+  const SplatSceneInfo& info() const { return info_; }
+
+  /// To be called once before read() and sample(): formats in which a Gaussian cannot be found
+  /// without all before it are unpacked into a nameless file of `folder`. Calls `poll` often; what
+  /// it throws ends the work. Throws Error(input) for damaged files, Error(storage).
+  virtual void prepare(const std::string& folder, const std::function<void()>& poll) = 0;
+  /// What prepare() takes while it runs.
+  virtual std::uint64_t prepare_bytes() const = 0;
+
+  /// Appends those of Gaussians [first, first + count) that can be used, in order, with
+  /// `out.lobes` coefficients each (zeros beyond the file's degree), and counts the others by
+  /// reason (all but SplatFilter::far, which needs to know the whole scene). Throws Error(input),
+  /// Error(storage). Needs read_bytes() beside what it appends.
+  virtual void read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
+                    store::SplatCounts& filtered) const = 0;
+  virtual std::uint64_t read_bytes() const = 0;
+
+ protected:
+  SplatSceneInfo info_;
+};
+
+/// Opens a scene: its format is found by content; reads headers only. Throws Error(input) naming
+/// file, place and cure, Error(storage) where there is nothing to read.
+std::unique_ptr<SplatScene> open_splat_scene(const std::string& path, const Axes& axes);
+
+/// The usable Gaussians of up to 65,536 rows, taken evenly from the whole scene.
+inline constexpr std::uint64_t kSampleSplats = 1 << 16;
+PageVector<store::Splat> sample(const SplatScene& scene);
+
+}  // namespace pounce::io
