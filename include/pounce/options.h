@@ -123,8 +123,8 @@ struct TransferOptions {
   std::vector<Channel> channels;
   bool all_channels = false;  ///< every channel the source has; `channels` must be empty
   /// How far along its normal, both ways, a texel may look. Larger costs time: much where nothing
-  /// is near, up to half as much again of splats, else little.
-  Length max_distance{5, true};
+  /// is near, else little. Default: 5 % of the target's diagonal, 3 % for splat scenes.
+  std::optional<Length> max_distance;
   /// Source surface that faces away from the texel's normal by more than this is not seen; 0..89.9.
   double max_angle_deg = 80;
   /// `gaussian` transfers baseColor alone; see docs/paper.md.

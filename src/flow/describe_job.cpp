@@ -95,12 +95,10 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add(o.source_textures);
   list.add("source", o.source_use);
   list.add("target", o.target_use);
-  const bool other_distance = o.max_distance.value != usual.max_distance.value ||
-                              o.max_distance.is_percent != usual.max_distance.is_percent;
   list.add("method", o.method != usual.method ? std::string(method_name(o.method)) : "");
   list.add("sigma", o.sigma_texels ? fmt::format("{:g}", *o.sigma_texels) : std::string());
   list.add("densify", o.densify);
-  list.add("max-distance", other_distance ? text_of(o.max_distance) : std::string());
+  list.add("max-distance", o.max_distance ? text_of(*o.max_distance) : std::string());
   list.add("max-angle",
            o.max_angle_deg != usual.max_angle_deg ? fmt::format("{:g}", o.max_angle_deg) : "");
   list.add("allow-external", o.allow_external);

@@ -66,7 +66,7 @@ void add_batch(SplatSets sets, const RayLimits& limits, const SplatKernels& kern
     const target::PacketGroup& group = state.groups[g];
     const RayBundle all = unite(std::span(state.bundles.data() + group.first, group.count));
     candidates.clear();
-    for (const source::SplatSet* set : sets) kernels.gather(*set, all, height, candidates);
+    for (const source::SplatSet* set : sets) kernels.gather(*set, all, height, 0, candidates);
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
       if (!is_open(state.sums[p])) continue;
       kernels.add_met(candidates, state.bundles[p], height, state.packets[p], limits,

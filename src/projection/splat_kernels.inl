@@ -13,12 +13,14 @@
 //   q     = (g_0 v_0^2 + g_1 v_1^2 + g_2 v_2^2) / det M
 //   t     = n.d - sum over cyclic (i, j, k) of u_i u_j (s_i - s_j) g_k v_k / det M
 //
-// The plain blend of a mesh's texels (add_met) is the same with f = 0 and other weights.
 // (minors of M after Cauchy and Binet, and u_0^2 + u_1^2 + u_2^2 = 1). All terms of the first two
-// are positive: nothing cancels, however thin a disc or a needle is. Lengths are in texel edges, so
-// f is a constant and neither underflows.
+// are positive: nothing cancels, however thin a disc or a needle is. Here lengths are in means of
+// the packet's texel edges, so that products of four do not leave what floats can hold.
+//
+// The plain blend of a mesh's texels (add_met) is the same with f = 0 and other weights.
 #include <immintrin.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -32,6 +34,12 @@ namespace {
 
 using source::SplatShape;
 
+constexpr float kMostAlpha = 0.99F;
+constexpr float kPerCutOff = 1 / (source::kSplatCutOff * source::kSplatCutOff);
+constexpr float kBlurred = 0.4F;          // of a Gaussian's optical depth, spread over more texels
+constexpr float kReachOverAnchor = 3;     // where the target is thought to lie, in its deviations
+constexpr float kUnhidden = 0.5F;         // bins before a Gaussian that do not hide it
+
 /// exp(-x) for 0 <= x <= 4.5 to within 1e-6 of itself: a polynomial for exp(-x / 8), then its
 /// eighth power. Multiplications and additions alone, so every machine agrees.
 [[gnu::always_inline]] inline Floats exp_of_minus(const Floats& x) {
@@ -44,6 +52,13 @@ using source::SplatShape;
   e = e * e;
   e = e * e;
   return e * e;
+}
+
+/// The same for 0 <= x <= 18; from there on it stays.
+[[gnu::always_inline]] inline Floats exp_of_minus_far(const Floats& x) {
+  const Floats e = exp_of_minus(select(x < 18.0F, x, all(18.0F)) * 0.25F);
+  const Floats square = e * e;
+  return square * square;
 }
 
 /// RayBundle::may_meet for sixteen spheres: a bit each.
@@ -65,15 +80,93 @@ unsigned meet(const source::SplatSpheres& spheres, std::size_t i, const RayBundl
   return left < kLanes ? found & ((1U << left) - 1) : found;
 }
 
-void gather(const source::SplatSet& set, const RayBundle& bundle, float height,
+/// A bundle that looks at ellipses: every ray lies in a cone around its first, so what it meets of a
+/// Gaussian lies in the ellipse that the Gaussian has across that first ray, grown by the cone. The
+/// sum of an ellipse of the matrix A and a disc of radius r is within that of (1 + b) A + (1 + 1 / b)
+/// r^2 I for any b > 0.
+class EllipseSight {
+ public:
+  /// `bundle` without footprints.
+  EllipseSight(const RayBundle& bundle, float height, float footprint)
+      : bundle_(bundle), height_(height), footprint_(footprint) {
+    const Vec3f d = bundle.direction;
+    const Vec3f helper = std::abs(d.x) < 0.6F ? Vec3f{1, 0, 0} : Vec3f{0, 1, 0};
+    u_ = cross(d, helper);
+    const float square = dot(u_, u_);
+    sees_all_ = !(square > 0.25F);  // no direction
+    u_ = u_ * (1 / std::sqrt(sees_all_ ? 1 : square));
+    v_ = cross(d, u_);
+    per_depth_ = 1 / std::max(1 - bundle.spread, 0.01F);
+    set(u_, u_, uu_);
+    set(u_, v_, uv_);
+    set(v_, v_, vv_);
+  }
+
+  /// May it meet these sixteen? A bit each; `covariance(c)` is where their components are.
+  template <class Covariance>
+  unsigned meet(const float* x, const float* y, const float* z, const float* radius,
+                const Covariance& covariance) const {
+    if (sees_all_) return 0xFFFF;
+    const Vec3f o = bundle_.origin, d = bundle_.direction;
+    const Floats vx = load(x) - o.x, vy = load(y) - o.y, vz = load(z) - o.z;
+    const auto along = [&](Vec3f a) { return vx * a.x + vy * a.y + vz * a.z; };
+    // How far along its ray one of the bundle can be where it meets the Gaussian.
+    const Floats depth = (absolute(along(d)) + (load(radius) + bundle_.offset)) * per_depth_;
+    const Floats a = along(u_), b = along(v_);
+    Floats xx = all(footprint_), xy = all(0.0F), yy = all(footprint_);
+    for (std::size_t c = 0; c < 6; ++c) {
+      const Floats s = load(covariance(c));
+      xx = xx + s * uu_[c];
+      xy = xy + s * uv_[c];
+      yy = yy + s * vv_[c];
+    }
+    const Floats r =
+        (bundle_.offset + select(depth < height_, depth, all(height_)) * bundle_.spread) * 1.0001F;
+    const Floats size = square_root((xx + yy) * (0.5F * kSquaredCutOff)) + 1e-30F;
+    const Floats grown = (1.0F + r / size) * kSquaredCutOff, disc = r * (r + size);
+    xx = grown * xx + disc;
+    xy = grown * xy;
+    yy = grown * yy + disc;
+    const Floats aa = a * a * yy, bb = b * b * xx, det = xx * yy;
+    // Rounding may not keep any out.
+    return bits(aa + bb - 2.0F * a * b * xy <=
+                (det - xy * xy) * 1.001F + (aa + bb + det) * 1e-6F);
+  }
+
+ private:
+  static constexpr float kSquaredCutOff = source::kSplatCutOff * source::kSplatCutOff;
+  /// The weights of a covariance's six components in a' S b.
+  static void set(Vec3f a, Vec3f b, float* weights) {
+    const float w[6] = {a.x * b.x, a.x * b.y + a.y * b.x, a.x * b.z + a.z * b.x,
+                        a.y * b.y, a.y * b.z + a.z * b.y, a.z * b.z};
+    std::copy_n(w, 6, weights);
+  }
+
+  RayBundle bundle_;
+  float height_, footprint_;
+  Vec3f u_, v_;  ///< across the direction
+  float uu_[6], uv_[6], vv_[6];
+  float per_depth_ = 1;
+  bool sees_all_ = false;
+};
+
+void gather(const source::SplatSet& set, const RayBundle& bundle, float height, float footprint,
             SplatCandidates& out) {
+  RayBundle spheres = bundle;
+  spheres.offset += source::kSplatCutOff * std::sqrt(footprint) * 1.0001F;
+  const EllipseSight sight(bundle, height, footprint);
+  const auto& level = set.levels[0];
   for (std::size_t i = 0; i < set.levels[2].count; i += kLanes) {
-    for (unsigned a = meet(set.levels[2], i, bundle, height); a != 0; a &= a - 1) {
+    for (unsigned a = meet(set.levels[2], i, spheres, height); a != 0; a &= a - 1) {
       const std::size_t j = (i + static_cast<std::size_t>(std::countr_zero(a))) * kLanes;
-      for (unsigned b = meet(set.levels[1], j, bundle, height); b != 0; b &= b - 1) {
+      for (unsigned b = meet(set.levels[1], j, spheres, height); b != 0; b &= b - 1) {
         const std::size_t k = (j + static_cast<std::size_t>(std::countr_zero(b))) * kLanes;
-        for (unsigned c = meet(set.levels[0], k, bundle, height); c != 0; c &= c - 1)
-          out.add(set, k + static_cast<std::size_t>(std::countr_zero(c)));
+        unsigned c = meet(level, k, spheres, height);
+        if (c == 0) continue;
+        c &= sight.meet(&level.centre[0][k], &level.centre[1][k], &level.centre[2][k],
+                        &level.radius[k],
+                        [&](std::size_t at) { return &set.covariance[at][k]; });
+        for (; c != 0; c &= c - 1) out.add(set, k + static_cast<std::size_t>(std::countr_zero(c)));
       }
     }
   }
@@ -92,97 +185,280 @@ struct Rays {
   Floats px, py, pz, nx, ny, nz, per_texel;
 };
 
-/// One Gaussian and sixteen texels; false if none of them gets anything. Without branches: what
-/// passes is as good as random, and guessing wrong costs more than the rest of the formulas.
-[[gnu::always_inline]] inline bool respond_to(const SplatShape& g, const Rays& ray,
-                                              const SplatLimits& limits, SplatResponse& out) {
+inline Floats to_float(const Ints& a) {
+  return each([](IntRegister x) { return __builtin_convertvector(x, FloatRegister); }, a);
+}
+inline Ints operator+(const Ints& a, const Ints& b) {
+  return each([](IntRegister x, IntRegister y) { return x + y; }, a, b);
+}
+inline Ints operator-(const Ints& a, const Ints& b) {
+  return each([](IntRegister x, IntRegister y) { return x - y; }, a, b);
+}
+inline Ints least(const Ints& a, std::int32_t b) {
+  return each([b](IntRegister x) { return x < b ? x : IntRegister{} + b; }, a);
+}
+inline Floats largest(const Floats& a, float b) { return select(a > b, a, all(b)); }
+
+/// The packet's texels and what of them counts for every Gaussian.
+struct Lookers : Rays {
+  Lookers(const TexelPacket& packet, const DepthPacket& depths, const SplatLimits& limits)
+      : Rays(packet),
+        per_edge(std::sqrt(kFootprint / depths.footprint)),
+        per_bin(load(depths.per_bin)),
+        reach(limits.reach) {
+    for (int lane = 0; lane < kLanes; ++lane) used_lanes[lane] = -(depths.used >> lane & 1);
+    used = load(used_lanes);
+  }
+  alignas(64) std::int32_t used_lanes[kLanes];
+  Ints used;
+  float per_edge;  ///< 1 / the mean edge of the packet's texels
+  Floats per_bin;
+  float reach;
+};
+
+/// The smallest and the largest of the lanes of a mask, of which one is set.
+[[gnu::always_inline]] inline void range_of(const Ints& values, const Ints& mask,
+                                            std::int32_t& first, std::int32_t& last) {
+  const Ints low = select(mask, values, all(kProfileBins)),
+             high = select(mask, all(0) - values, all(0));
+  IntRegister l = low.part[0], h = high.part[0];
+  for (int p = 1; p < kParts; ++p) {
+    l = low.part[p] < l ? low.part[p] : l;
+    h = high.part[p] < h ? high.part[p] : h;
+  }
+  first = l[0], last = h[0];
+  for (int lane = 1; lane < kWidth; ++lane) {
+    first = std::min<std::int32_t>(first, l[lane]);
+    last = std::min<std::int32_t>(last, h[lane]);
+  }
+  last = -last;
+}
+
+/// A depth is shared by the two bins around it: the profile follows it smoothly. Bins from `first`
+/// to `last` are met.
+[[gnu::always_inline]] inline void deposit(const Floats& mass, const Floats& at, const Ints& bin,
+                                           std::int32_t first, std::int32_t last,
+                                           ProfilePacket& profile) {
+  const Ints whole = to_int(mass * kSplatSteps + 0.5F);
+  const Ints above = to_int(mass * (at - to_float(bin)) * kSplatSteps + 0.5F);
+  const Ints low = whole - above;
+  // Clamped sums of what is never negative come out the same in any order.
+  for (std::int32_t k = first; k <= last + 1; ++k) {
+    const Ints here = select(bin == all(k), low, all(0)) + select(bin == all(k - 1), above, all(0));
+    store(profile.bins[k], least(load(profile.bins[k]) + here, kFullBin));
+  }
+}
+
+/// One Gaussian and sixteen texels; false if none of them gets anything.
+[[gnu::always_inline]] inline bool respond_to(const SplatShape& g, const Lookers& ray,
+                                              const SplatLimits& limits, SplatResponse& out,
+                                              ProfilePacket* profile) {
   const auto along_normal = [&](const float* a) {
     return a[0] * ray.nx + a[1] * ray.ny + a[2] * ray.nz;
   };
-  Floats cosine = along_normal(g.normal);
-  cosine = select(all(g.two_sided) > all(0), absolute(cosine), cosine);
-  const Floats dx = (g.mean[0] - ray.px) * ray.per_texel, dy = (g.mean[1] - ray.py) * ray.per_texel,
-               dz = (g.mean[2] - ray.pz) * ray.per_texel;
+  const float per_edge = ray.per_edge;
+  const Floats dx = (g.mean[0] - ray.px) * per_edge, dy = (g.mean[1] - ray.py) * per_edge,
+               dz = (g.mean[2] - ray.pz) * per_edge;
   const Floats mx = dy * ray.nz - dz * ray.ny, my = dz * ray.nx - dx * ray.nz,
                mz = dx * ray.ny - dy * ray.nx;
   const auto along_m = [&](const float* a) { return a[0] * mx + a[1] * my + a[2] * mz; };
   const Floats u0 = along_normal(g.axis[0]), u1 = along_normal(g.axis[1]),
                u2 = along_normal(g.axis[2]);
   const Floats v0 = along_m(g.axis[0]), v1 = along_m(g.axis[1]), v2 = along_m(g.axis[2]);
-  const Floats scale = ray.per_texel * ray.per_texel;
-  const Floats s0 = g.variance[0] * scale, s1 = g.variance[1] * scale, s2 = g.variance[2] * scale;
-  const Floats g0 = s0 + kFootprint, g1 = s1 + kFootprint, g2 = s2 + kFootprint;
+  const float scale = per_edge * per_edge;
+  const float s0 = g.variance[0] * scale, s1 = g.variance[1] * scale, s2 = g.variance[2] * scale;
+  const float g0 = s0 + kFootprint, g1 = s1 + kFootprint, g2 = s2 + kFootprint;
   const Floats uu0 = u0 * u0, uu1 = u1 * u1, uu2 = u2 * u2;
   const Floats det = uu0 * (g1 * g2) + uu1 * (g0 * g2) + uu2 * (g0 * g1);
   const Floats gv0 = g0 * v0, gv1 = g1 * v1, gv2 = g2 * v2;
   const Floats per_det = 1.0F / det;
   const Floats q = (gv0 * v0 + gv1 * v1 + gv2 * v2) * per_det;
-  const Ints ok =
-      (q <= source::kSplatCutOff * source::kSplatCutOff) & (cosine >= limits.min_cosine);
   const Floats bend =
       u0 * u1 * (s0 - s1) * gv2 + u1 * u2 * (s1 - s2) * gv0 + u2 * u0 * (s2 - s0) * gv1;
-  const Floats depth = dx * ray.nx + dy * ray.ny + dz * ray.nz - bend * per_det;
-  Floats weight = g.strength * (cosine * cosine);
-  if (limits.antialiased) {
-    const Floats bare = uu0 * (s1 * s2) + uu1 * (s0 * s2) + uu2 * (s0 * s1);
-    weight = weight * square_root(bare * per_det);
-  }
-  weight = weight * exp_of_minus(select(ok, q, all(0.0F)) * 0.5F);
-  store(out.weight, select(ok, weight, all(0.0F)));
-  store(out.depth, select(ok, depth, all(0.0F)));
+  const Floats t =
+      (dx * ray.nx + dy * ray.ny + dz * ray.nz - bend * per_det) * (1 / per_edge);
+  Ints ok = (q <= source::kSplatCutOff * source::kSplatCutOff) & (absolute(t) <= ray.reach) &
+            ray.used;
+  if (g.two_sided == 0) ok = ok & (along_normal(g.normal) >= limits.min_cosine);
+  if (!any(ok)) return false;
+  // How much fainter the footprint makes it: all of that where the scene was trained so, half (in
+  // decibels) where it was not.
+  const Floats bare = uu0 * (s1 * s2) + uu1 * (s0 * s2) + uu2 * (s0 * s1);
+  Floats kept = square_root(bare * per_det);
+  if (!limits.antialiased) kept = square_root(kept);
+  const Floats safe = select(ok, q, all(0.0F));
+  const Floats peak = select(ok, g.alpha * kept, all(0.0F));
+  Floats alpha = peak * exp_of_minus(safe * 0.5F);
+  alpha = select(alpha < kMostAlpha, alpha, all(kMostAlpha));
+  const Floats at = select(ok, (ray.reach - t) * ray.per_bin, all(0.0F));
+  const Ints bin = to_int(at);
+  store(out.alpha, alpha);
+  store(out.at, at);
+  range_of(bin, ok, out.first, out.last);
   out.shape = &g;
-  return any(ok);
+  if (profile != nullptr) {
+    deposit(peak * (1.0F - safe * kPerCutOff) * kBlurred, at, bin, out.first, out.last, *profile);
+  }
+  return true;
 }
 
 std::size_t respond(const SplatCandidates& candidates, std::size_t first, std::size_t last,
-                    const RayBundle& bundle, float height, const TexelPacket& packet,
-                    const SplatLimits& limits, SplatResponse* out) {
+                    const RayBundle& bundle, const TexelPacket& packet, const DepthPacket& depths,
+                    const SplatLimits& limits, SplatResponse* out, ProfilePacket* profile) {
   const SplatShape* near[kMostResponses];
   std::size_t count = 0;
+  RayBundle spheres = bundle;
+  spheres.offset += source::kSplatCutOff * std::sqrt(depths.footprint) * 1.0001F;
+  const EllipseSight sight(bundle, limits.reach, depths.footprint);
   for (std::size_t i = first; i < last; i += kLanes) {
     unsigned left = meet(candidates.x(i), candidates.y(i), candidates.z(i), candidates.radius(i),
-                         bundle, height);
+                         spheres, limits.reach);
     if (last - i < kLanes) left &= (1U << (last - i)) - 1;
+    if (left == 0) continue;
+    left &= sight.meet(candidates.x(i), candidates.y(i), candidates.z(i), candidates.radius(i),
+                       [&](std::size_t c) { return candidates.covariance(c, i); });
     for (; left != 0; left &= left - 1)
       near[count++] = &candidates.shape(i + static_cast<std::size_t>(std::countr_zero(left)));
   }
-  const Rays rays(packet);
+  const Lookers rays(packet, depths, limits);
   std::size_t kept = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    const bool keep = respond_to(*near[i], rays, limits, out[kept]);
+    const bool keep = respond_to(*near[i], rays, limits, out[kept], profile);
     kept += keep ? 1 : 0;
   }
   return kept;
 }
 
-Floats to_float(const Ints& a) {
-  return each([](IntRegister x) { return __builtin_convertvector(x, FloatRegister); }, a);
+/// Values per bin of a profile.
+using Bins = Floats[kProfileBins];
+
+/// (1 4 6 4 1) / 16 over the bins, nothing beyond them.
+Floats smooth(const Bins& bins, int k) {
+  const auto bin = [&](int i) { return i < 0 || i >= kProfileBins ? all(0.0F) : bins[i]; };
+  return (bin(k - 2) + bin(k + 2) + 4.0F * (bin(k - 1) + bin(k + 1)) + 6.0F * bin(k)) * 0.0625F;
 }
 
-/// A weight is shared by the two bins around its depth: the profile follows the depth smoothly.
-void deposit(std::span<const SplatResponse> responses, const DepthPacket& depths,
-             ProfilePacket& profile) {
-  const Floats per_width = load(depths.per_width);
-  for (const SplatResponse& response : responses) {
-    const Floats weight = load(response.weight) * kProfileSteps;
-    const Floats at = load(response.depth) * per_width + static_cast<float>(kMiddleBin);
-    const Ints inside = (at >= 0.0F) & (at < static_cast<float>(kProfileBins - 1));
-    if (!any(inside)) continue;
-    const Floats safe = select(inside, at, all(0.0F));
-    const Floats given = select(inside, weight, all(0.0F));
-    const Ints bin = to_int(safe);
-    alignas(64) std::int32_t bins[kLanes], whole[kLanes], above[kLanes];
-    store(bins, bin);
-    store(whole, to_int(given + 0.5F));
-    store(above, to_int(given * (safe - to_float(bin)) + 0.5F));
-    for (int lane = 0; lane < kLanes; ++lane) {
-      std::int32_t& low = profile.bins[bins[lane]][lane];
-      std::int32_t& high = profile.bins[bins[lane] + 1][lane];
-      // Clamped sums of what is never negative come out the same in any order.
-      const std::int32_t l = low + (whole[lane] - above[lane]), h = high + above[lane];
-      low = l < kFullBin ? l : kFullBin;
-      high = h < kFullBin ? h : kFullBin;
+/// What is seen of each bin through those before it.
+void make_visible(const Bins& mass, Bins& visible) {
+  Floats through = all(1.0F);
+  for (int k = 0; k < kProfileBins; ++k) {
+    const Floats kept = exp_of_minus_far(mass[k]);
+    visible[k] = through * (1.0F - kept);
+    through = through * kept;
+  }
+}
+
+/// The first of the bins in which most is there and most of it is seen.
+template <class Prior>
+Floats peak_bin(const Bins& mass, const Bins& visible, const Prior& prior) {
+  Floats best = all(-1.0F), at = all(0.0F);
+  for (int k = 0; k < kProfileBins; ++k) {
+    const Floats value = smooth(visible, k) * smooth(mass, k) * prior(k);
+    const Ints is_better = value > best;
+    best = select(is_better, value, best);
+    at = select(is_better, all(static_cast<float>(k)), at);
+  }
+  return at;
+}
+
+void find_surface(const SplatLimits& limits, ProfilePacket& profile, DepthPacket& depths) {
+  const Floats width = 1.0F / load(depths.per_bin);
+  const float per_anchor = kReachOverAnchor / limits.reach;
+  const auto depth = [&](int k) { return limits.reach - static_cast<float>(k) * width; };
+  /// exp(-x^2 / 2), at its least from the reach on.
+  const auto bell = [](const Floats& x) {
+    const Floats half = x * x * 0.5F;
+    return exp_of_minus(select(half < 4.5F, half, all(4.5F)));
+  };
+  Bins mass, visible;
+  for (int k = 0; k < kProfileBins; ++k)
+    mass[k] = to_float(load(profile.bins[k])) * (1 / kSplatSteps);
+  make_visible(mass, visible);
+  const Floats at =
+      peak_bin(mass, visible, [&](int k) { return bell(depth(k) * per_anchor); });
+  const Floats anchor = largest(limits.reach - at * width, 0.0F);
+  store(depths.anchor, anchor);
+  Ints sum = all(0);
+  for (int k = 0; k < kProfileBins; ++k) {
+    const Floats before = largest((depth(k) - anchor) * per_anchor, 0.0F);
+    mass[k] = mass[k] * bell(before);
+    sum = sum + to_int(mass[k] * kSplatSteps + 0.5F);
+    store(profile.bins[k], sum);
+  }
+  Floats focus = anchor;
+  if (limits.discness > 0) {
+    make_visible(mass, visible);
+    const Floats peak = peak_bin(mass, visible, [](int) { return all(1.0F); });
+    const Floats per_window = width * load(depths.per_window);
+    Floats weights = all(0.0F), places = all(0.0F);
+    for (int k = 0; k < kProfileBins; ++k) {
+      const Floats z = (static_cast<float>(k) - peak) * per_window;
+      const Floats near = exp_of_minus_far(z * z * 0.5F) * visible[k];
+      weights = weights + near;
+      places = places + near * static_cast<float>(k);
     }
+    const Floats place = select(weights > 0.0F, places / largest(weights, 1e-30F), peak);
+    focus = limits.reach - place * width;
+  }
+  store(depths.focus, focus);
+}
+
+/// Optical depth until `before` bins before a response, between bins linearly.
+[[gnu::always_inline]] inline Floats depth_until(const ProfilePacket& profile,
+                                                 const SplatResponse& response, float before) {
+  const float shift = 1 - before;  // before bin 0 there is one of nothing
+  const Floats at = largest(load(response.at) + shift, 0.0F);
+  const Ints bin = to_int(at);
+  const Floats part = at - to_float(bin);
+  const auto bin_of = [&](std::int32_t k) {
+    return static_cast<std::int32_t>(std::floor(static_cast<float>(k) + shift));
+  };
+  const std::int32_t first = std::max(bin_of(response.first), 1),
+                     last = std::min(bin_of(response.last + 1) + 1, kProfileBins);
+  Floats sum = all(0.0F);
+  for (std::int32_t k = first; k <= last; ++k) {
+    const Floats here = to_float(load(profile.bins[k - 1]));
+    sum = sum + here * select(bin == all(k), 1.0F - part,
+                              select(bin == all(k - 1), part, all(0.0F)));
+  }
+  return sum * (1 / kSplatSteps);
+}
+
+/// Adds 0 <= value in steps; a full sum stays full.
+[[gnu::always_inline]] inline void add(const Floats& value, std::int32_t* sums) {
+  const Ints steps = to_int(value * kSplatSteps + 0.5F);
+  store(sums, least(load(sums) + steps, kFullSum));
+}
+
+void accumulate(std::span<const SplatResponse> responses, const TexelPacket& packet,
+                const ProfilePacket& profile, const SplatLimits& limits, DepthPacket& depths) {
+  const Rays ray(packet);
+  const Floats per_bin = load(depths.per_bin), anchor = load(depths.anchor),
+               focus = load(depths.focus), per_window = load(depths.per_window);
+  const Floats width = 1.0F / per_bin;
+  const float per_anchor = kReachOverAnchor / limits.reach;
+  const float unhidden = kUnhidden + limits.discness;
+  for (const SplatResponse& response : responses) {
+    const SplatShape& g = *response.shape;
+    const Floats at = load(response.at);
+    Floats weight = load(response.alpha) * exp_of_minus_far(depth_until(profile, response, unhidden));
+    if (!any(weight >= 0.5F / kSplatSteps)) continue;
+    const Floats t = limits.reach - at * width;
+    const Floats before = largest((t - anchor) * per_anchor, 0.0F);
+    weight = weight * exp_of_minus(before * before * 0.5F);
+    if (limits.discness > 0) {
+      const Floats cosine = g.normal[0] * ray.nx + g.normal[1] * ray.ny + g.normal[2] * ray.nz;
+      const Floats disc = cosine * cosine * g.flatness;
+      const Floats z = (t - focus) * per_window;
+      weight = weight * (1.0F - limits.discness + limits.discness * disc) *
+               exp_of_minus_far(z * z * (0.5F * limits.discness));
+    }
+    if (!any(weight >= 0.5F / kSplatSteps)) continue;
+    add(weight, depths.weight);
+    for (int c = 0; c < 3; ++c) add(weight * g.colour[c], depths.colour[c]);
+    const Floats place = at * (1.0F / kProfileBins);
+    add(weight * place, depths.depth);
+    add(weight * place * place, depths.spread);
   }
 }
 
@@ -207,22 +483,6 @@ void add_steps(const Floats& value, std::int64_t* sums) {
     std::memcpy(&sum, sums + i, sizeof sum);
     sum += (LongRegister)rounded - std::bit_cast<std::int64_t>(kNoFraction);
     std::memcpy(sums + i, &sum, sizeof sum);
-  }
-}
-
-void accumulate(std::span<const SplatResponse> responses, DepthPacket& depths) {
-  const Floats per_width = load(depths.per_width), centre = load(depths.centre),
-               take = load(depths.take);
-  for (const SplatResponse& response : responses) {
-    const Floats x = (load(response.depth) - centre) * per_width;
-    const Ints inside = (x >= -kWindowReach) & (x <= kWindowReach) & (take > 0.0F);
-    if (!any(inside)) continue;
-    const Floats safe = select(inside, x, all(0.0F));
-    const Floats weight =
-        select(inside, load(response.weight) * response.shape->roundness, all(0.0F)) *
-        exp_of_minus(safe * safe * 0.5F);
-    add_steps(weight, depths.weight);
-    for (int c = 0; c < 3; ++c) add_steps(weight * response.shape->colour[c], depths.colour[c]);
   }
 }
 
@@ -281,6 +541,7 @@ void add_met(const SplatCandidates& candidates, const RayBundle& bundle, float h
 }  // namespace
 
 extern const SplatKernels kSplatKernels;
-const SplatKernels kSplatKernels{POUNCE_ISA_NAME, gather, respond, deposit, accumulate, add_met};
+const SplatKernels kSplatKernels{POUNCE_ISA_NAME, gather,     respond,
+                                 find_surface,    accumulate, add_met};
 
 }  // namespace pounce::projection::POUNCE_ISA_NAMESPACE

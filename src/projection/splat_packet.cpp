@@ -27,11 +27,13 @@ void SplatCandidates::add(const source::SplatSet& set, std::size_t i) {
     const std::size_t room = count_ == 0 ? 64 * kLanes : 2 * count_;
     for (auto& axis : centre_) axis.resize(room);
     radius_.resize(room);
+    for (auto& column : covariance_) column.resize(room);
     shapes_.resize(room);
   }
   const source::SplatSpheres& spheres = set.levels[0];
   for (std::size_t k = 0; k < 3; ++k) centre_[k][count_] = spheres.centre[k][i];
   radius_[count_] = spheres.radius[i];
+  for (std::size_t c = 0; c < 6; ++c) covariance_[c][count_] = set.covariance[c][i];
   shapes_[count_++] = &set.shapes[i];
 }
 

@@ -16,43 +16,49 @@ namespace pounce::projection {
 using target::kLanes;
 using target::TexelPacket;
 
-/// Bins of a texel's depth profile: the middle one at the texel itself, kDepthBins on each side
-/// that may be the window's centre, and what their neighbourhood takes.
-inline constexpr int kDepthBins = 16;
-inline constexpr int kMiddleBin = kDepthBins + 3;
-inline constexpr int kProfileBins = 2 * kMiddleBin + 1;
-/// Profiles count weights in steps of 2^-22, sums in steps of 2^-36.
-inline constexpr float kProfileSteps = 1 << 22;
-/// A bin is full at 64 opaque Gaussians: no scene is told apart above that, and nothing overflows.
-inline constexpr std::int32_t kFullBin = 1 << 28;
-/// Half the window, in units of its width: beyond it a Gaussian weighs exactly nothing.
-inline constexpr float kWindowReach = 3;
+/// Bins of a texel's depth profile, from the outermost depth inwards. A depth between two is shared
+/// by them, so the last two are only met by what lies at the other end.
+inline constexpr int kDepthBins = 24;
+inline constexpr int kProfileBins = kDepthBins + 2;
+/// Profiles and sums count in steps of 2^-22.
+inline constexpr float kSplatSteps = 1 << 22;
+/// A bin is full at an optical depth of 16: nothing is seen through a millionth of that, and no sum
+/// of bins overflows.
+inline constexpr std::int32_t kFullBin = 1 << 26;
+/// Sums are full, too: at 256 opaque Gaussians that do not hide each other.
+inline constexpr std::int32_t kFullSum = 1 << 30;
 /// The texel's own footprint, added to every Gaussian's 2D marginal: of a squared texel edge.
 inline constexpr float kFootprint = 0.3F;
 
-/// What counts when splats are blended.
+/// What counts when splats are blended (splat_blend.cpp says how). Lengths are in space.
 struct SplatLimits {
-  float max_distance = 0;    ///< of the window's centre from the texel
-  float min_cosine = 0;      ///< of the angle between the texel's and the Gaussian's normals
-  float window = 0;          ///< width of the depth window in space; half a texel at least
+  float reach = 0;           ///< how far along its normal, both ways, a texel looks
+  float min_cosine = 0;      ///< between the texel's normal and that of a Gaussian that has one
+  float window = 0;          ///< width of the depth window; half a texel at least
+  float discness = 0;        ///< 0..1: are the scene's Gaussians the discs of a surface?
   bool antialiased = false;  ///< the scene was trained with opacity x sqrt(det / det')
 };
 
-/// What one Gaussian gives to sixteen texels before the depth window. Lengths are in texels.
+/// What one Gaussian gives to sixteen texels.
 struct SplatResponse {
-  float weight[kLanes];  ///< without the needle factor; 0: nothing
-  float depth[kLanes];   ///< of the best hit along the texel's normal
+  float alpha[kLanes];  ///< opacity x response; 0: nothing
+  float at[kLanes];     ///< where in the profile, in bins
+  std::int32_t first = 0, last = 0;  ///< bins of the lanes that get anything
   const source::SplatShape* shape = nullptr;
 };
 
-/// Where sixteen texels stand: structure of arrays. Lengths are in texels.
+/// Where sixteen texels look and what they have seen: structure of arrays.
 struct alignas(64) DepthPacket {
-  float per_width[kLanes];         ///< 1 / width of a bin at the height of the search, > 0
-  float centre[kLanes];            ///< the window's, once found
-  float take[kLanes];              ///< 1: found at this height, 0: already blended or still open
-  std::int64_t weight[kLanes];     ///< sum of weights, in steps of 2^-36
-  std::int64_t colour[3][kLanes];  ///< sums of weight x colour, in the same steps
-  std::uint32_t open = 0;          ///< bit per lane: no centre yet
+  float per_bin[kLanes];           ///< 1 / width of a bin, > 0
+  float per_window[kLanes];        ///< 1 / width of the window, > 0
+  float anchor[kLanes];            ///< what lies farther out than this depth fades
+  float focus[kLanes];             ///< depth of the window's middle
+  std::int32_t weight[kLanes];     ///< sums of weights, in steps
+  std::int32_t colour[3][kLanes];  ///< of weight x colour
+  std::int32_t depth[kLanes];      ///< of weight x place in the profile, 0..1
+  std::int32_t spread[kLanes];     ///< of weight x its square
+  float footprint = 0;             ///< of the packet's texels: kFootprint x their mean squared edge
+  unsigned used = 0;               ///< bit per lane
 };
 
 /// What sixteen texels have met on their rays: the plain blend of a mesh's texels (ray_blend.h).
@@ -72,12 +78,13 @@ struct RayLimits {
   float min_cosine = 0;    ///< of the angle between the two normals
 };
 
-/// Weights by depth, in steps, bin by bin.
+/// Blurred optical depth, in steps: bin by bin, and once the surface is found, all until the end of
+/// each bin.
 struct alignas(64) ProfilePacket {
   std::int32_t bins[kProfileBins][kLanes];
 };
 
-/// Gaussians that a group of packets may meet: spheres in arrays.
+/// Gaussians that a group of packets may meet, in arrays: their spheres and covariances.
 class SplatCandidates {
  public:
   void clear() { count_ = 0; }
@@ -87,14 +94,16 @@ class SplatCandidates {
   const float* y(std::size_t i) const { return centre_[1].data() + i; }
   const float* z(std::size_t i) const { return centre_[2].data() + i; }
   const float* radius(std::size_t i) const { return radius_.data() + i; }
+  const float* covariance(std::size_t c, std::size_t i) const { return covariance_[c].data() + i; }
   const source::SplatShape& shape(std::size_t i) const { return *shapes_[i]; }
   /// Bytes per Gaussian, at most.
-  static constexpr std::uint64_t kBytes = 2 * (4 * sizeof(float) + sizeof(void*));
+  static constexpr std::uint64_t kBytes = 2 * (10 * sizeof(float) + sizeof(void*));
 
  private:
   std::size_t count_ = 0;
   std::array<PageVector<float>, 3> centre_;
   PageVector<float> radius_;
+  std::array<PageVector<float>, 6> covariance_;
   PageVector<const source::SplatShape*> shapes_;
 };
 
@@ -104,20 +113,22 @@ inline constexpr std::size_t kMostResponses = 256;
 /// The kernels, one build per instruction set; all give the same bits. Thread-safe.
 struct SplatKernels {
   const char* isa;  ///< "sse2", "avx2", "avx512"
-  /// Appends what the bundle may meet within `height`.
+  /// Appends what the bundle may meet within `height` with so much of a footprint (its variance).
   void (*gather)(const source::SplatSet& set, const RayBundle& bundle, float height,
-                 SplatCandidates& out);
+                 float footprint, SplatCandidates& out);
   /// Writes the responses of candidates [first, last) that reach some lane and returns their
   /// number; `first` is a multiple of 16, last - first at most kMostResponses. Writes nothing
-  /// beyond last - first responses.
+  /// beyond last - first responses. Adds them to `profile`, if there is one.
   std::size_t (*respond)(const SplatCandidates& candidates, std::size_t first, std::size_t last,
-                         const RayBundle& bundle, float height, const TexelPacket& packet,
-                         const SplatLimits& limits, SplatResponse* out);
-  /// Adds responses to the depth profiles.
-  void (*deposit)(std::span<const SplatResponse> responses, const DepthPacket& depths,
-                  ProfilePacket& profile);
-  /// Adds responses inside the windows to the sums of the lanes that take.
-  void (*accumulate)(std::span<const SplatResponse> responses, DepthPacket& depths);
+                         const RayBundle& bundle, const TexelPacket& packet,
+                         const DepthPacket& depths, const SplatLimits& limits, SplatResponse* out,
+                         ProfilePacket* profile);
+  /// Finds the lanes' surface: the anchor and the focus. The profile becomes sums from the outermost
+  /// bin inwards, without what lies before the anchor.
+  void (*find_surface)(const SplatLimits& limits, ProfilePacket& profile, DepthPacket& depths);
+  /// Adds responses to the sums, as far as the profile lets them be seen.
+  void (*accumulate)(std::span<const SplatResponse> responses, const TexelPacket& packet,
+                     const ProfilePacket& profile, const SplatLimits& limits, DepthPacket& depths);
   /// Adds all candidates that the packet's rays meet within their reach, none of which is beyond
   /// `height`.
   void (*add_met)(const SplatCandidates& candidates, const RayBundle& bundle, float height,

@@ -53,9 +53,7 @@ SplatShape shape_of(const store::SplatBlock& block, std::size_t i) {
   }
   const float planarity =
       sigma[1] > 0 ? std::max(kLeastPlanarity, 1 - sigma[2] / sigma[1]) : kLeastPlanarity;
-  out.roundness = sigma[0] > 0 ? sigma[1] / sigma[0] : 1.0F;
-  // A line has no colour to give, so it shall not say where to look for one.
-  out.strength = out.roundness > 0 ? block.alpha[i] * planarity : 0.0F;
+  out.flatness = planarity * (sigma[0] > 0 ? sigma[1] / sigma[0] : 1.0F);
   out.alpha = block.alpha[i];
   out.two_sided = 1;
   std::copy_n(out.axis[2], 3, out.normal);
@@ -69,6 +67,18 @@ SplatShape shape_of(const store::SplatBlock& block, std::size_t i) {
     }
   }
   return out;
+}
+
+void set_covariance(const SplatShape& shape, std::size_t i, SplatSet& set) {
+  std::size_t c = 0;
+  for (std::size_t a = 0; a < 3; ++a) {
+    for (std::size_t b = a; b < 3; ++b) {
+      float sum = 0;
+      for (std::size_t k = 0; k < 3; ++k)
+        sum += shape.axis[k][a] * shape.axis[k][b] * shape.variance[k];
+      set.covariance[c++][i] = sum;
+    }
+  }
 }
 
 /// Spheres around sixteen spheres each.
@@ -100,7 +110,8 @@ void make_level(const SplatSpheres& below, SplatSpheres& level) {
 }  // namespace
 
 std::uint64_t SplatSet::most_bytes(std::uint64_t splats) {
-  std::uint64_t bytes = round_to_pages(splats * sizeof(SplatShape)) + sizeof(SplatSet);
+  std::uint64_t bytes = round_to_pages(splats * sizeof(SplatShape)) + sizeof(SplatSet) +
+                        6 * round_to_pages(whole_registers(splats) * sizeof(float));
   for (int level = 0; level < 3; ++level) {
     bytes += 4 * round_to_pages(whole_registers(splats) * sizeof(float));
     splats = (splats + kFanOut - 1) / kFanOut;
@@ -112,10 +123,12 @@ SplatSet make_splat_set(const store::SplatBlock& block) {
   SplatSet set;
   set.shapes.reserve(block.size());
   resize(set.levels[0], block.size());
+  for (auto& column : set.covariance) column.assign(whole_registers(block.size()), 0.0F);
   for (std::size_t i = 0; i < block.size(); ++i) {
     const SplatShape& shape = set.shapes.emplace_back(shape_of(block, i));
     for (std::size_t k = 0; k < 3; ++k) set.levels[0].centre[k][i] = shape.mean[k];
     set.levels[0].radius[i] = kSplatCutOff * std::sqrt(shape.variance[0]) * kMargin;
+    set_covariance(shape, i, set);
   }
   make_level(set.levels[0], set.levels[1]);
   make_level(set.levels[1], set.levels[2]);

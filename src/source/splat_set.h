@@ -17,9 +17,8 @@ namespace pounce::source {
 /// One Gaussian, ready to be blended.
 struct SplatShape {
   float mean[3];
-  float strength;          ///< opacity x planarity: how surely a surface is there, at its best
-  float alpha;             ///< opacity alone
-  float roundness;         ///< the needle factor: what that counts for the colour, 0..1
+  float alpha;             ///< opacity
+  float flatness;          ///< 1: a round disc; a needle or a ball is next to nothing
   float axis[3][3];        ///< unit, right-handed; the longest first
   float variance[3];       ///< along the axes: the squared standard deviations
   float normal[3];         ///< of the file, or the shortest axis
@@ -47,6 +46,8 @@ struct SplatSpheres {
 struct SplatSet {
   PageVector<SplatShape> shapes;
   std::array<SplatSpheres, 3> levels;
+  /// Covariances of the Gaussians, in arrays like levels[0]: xx, xy, xz, yy, yz, zz.
+  std::array<PageVector<float>, 6> covariance;
 
   /// Bytes of a set of so many Gaussians, known from the index before it is read.
   static std::uint64_t most_bytes(std::uint64_t splats);

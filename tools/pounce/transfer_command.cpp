@@ -170,8 +170,8 @@ void add_search_options(CLI::App& command, TransferOptions& options) {
   add_value(command, "--max-distance", "D|P%", group,
             "How far along its normal, both ways, a texel may look: in the\n"
             "target's units, or % of its diagonal (up to 100%). A larger value\n"
-            "costs time: much where nothing is near, up to half as much again\n"
-            "of splats, else little. Default: 5%",
+            "costs time: much where nothing is near, else little. Default: 5%,\n"
+            "3% for splat scenes",
             [&options](const std::string& text) {
               options.max_distance = parse_length("--max-distance", text);
             });

@@ -22,6 +22,7 @@
 #include "flow/build/splat_sort.h"
 #include "runtime/ordered_stream.h"
 #include "source/splat_noise.h"
+#include "source/splat_shapes.h"
 #include "store/blocks/splat_lattice.h"
 
 namespace pounce::flow {
@@ -92,7 +93,9 @@ class StoreBuilder {
 SplatLattice StoreBuilder::make_lattice() {
   const runtime::Lease lease(job_.budget, sample_bytes(source_.read_bytes()),
                              "looking at " + request_.path);
-  return SplatLattice(source_.sample());
+  const PageVector<Splat> sample = source_.sample();
+  directory_.roundness = source::median_roundness(sample);
+  return SplatLattice(sample);
 }
 
 SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& writer,

@@ -14,6 +14,7 @@
 #include "flow/load_mesh.h"
 #include "flow/project/gaussians.h"
 #include "flow/project/splats.h"
+#include "source/splat_shapes.h"
 
 namespace pounce::flow {
 
@@ -109,10 +110,12 @@ std::unique_ptr<Projection> SourceStores::splat_projector(const store::GeometryS
   request.target = &target;
   request.format = plan_.channels.front().format;
   request.kernels = &projection::splat_kernels(isa_);
-  request.limits.max_distance = target_plan.max_distance;
+  const store::SplatDirectory& scene = splats_->store().directory();
+  request.limits.reach = target_plan.max_distance;
   request.limits.min_cosine = min_cosine();
-  request.limits.window = kWindowOverNoise * splats_->store().directory().surface_noise;
-  request.limits.antialiased = splats_->store().directory().model == store::SplatModel::antialiased;
+  request.limits.window = kWindowOverNoise * scene.surface_noise;
+  request.limits.discness = source::discness(scene.roundness);
+  request.limits.antialiased = scene.model == store::SplatModel::antialiased;
   request.smallest_edge = target_plan.smallest_edge;
   return project_splats(job_, request);
 }

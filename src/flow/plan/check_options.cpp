@@ -71,7 +71,7 @@ void check_options(const TransferOptions& o) {
     usage("--skip-existing cannot tell an image that was painted over in place from an old one");
   axes_of(o.source_use, "source");
   axes_of(o.target_use, "target");
-  if (!(o.max_distance.value > 0) || !std::isfinite(o.max_distance.value))
+  if (o.max_distance && (!(o.max_distance->value > 0) || !std::isfinite(o.max_distance->value)))
     usage("--max-distance must be above 0");
   if (!(o.max_angle_deg >= 0 && o.max_angle_deg < 90))
     usage("--max-angle must be at least 0 and below 90 degrees");

@@ -41,6 +41,10 @@ Box3f box_of(const mesh::Mesh& mesh) {
   return box;
 }
 
+// How far texels look where nobody says: of the target's diagonal. Of splats three deviations of where
+// a proxy's surface lies (docs/decisions/023-splat-blend.md).
+constexpr double kReachPercent = 5, kSplatReachPercent = 3;
+
 class TargetPlanner {
  public:
   TargetPlanner(const TransferOptions& options, const Plan& plan, const mesh::Mesh& target)
@@ -50,9 +54,9 @@ class TargetPlanner {
     plan_.path = path;
     const double diag = diagonal(target_);
     plan_.diagonal = diag;
-    const double distance = options_.max_distance.is_percent
-                                ? options_.max_distance.value / 100 * diag
-                                : options_.max_distance.value;
+    const Length usual{source_.from_splats ? kSplatReachPercent : kReachPercent, true};
+    const Length reach = options_.max_distance.value_or(usual);
+    const double distance = reach.is_percent ? reach.value / 100 * diag : reach.value;
     using Float = std::numeric_limits<float>;
     plan_.max_distance =
         static_cast<float>(std::clamp<double>(distance, Float::min(), Float::max()));

@@ -43,6 +43,7 @@ class GaussianMethod : public SplatMethodBase<GaussianProjection, projection::Ra
   }
 
   void blend(Work& work) const {
+    projection::count_distances(work.state, request_.limits.max_distance, work.distances);
     blend_blocks(work, [&](std::size_t p, int lane) -> std::optional<texture::TexelValue> {
       const auto colour = projection::ray_colour(work.state.sums[p], lane);
       if (!colour) return std::nullopt;

@@ -91,7 +91,6 @@ class SplatMethodBase {
     work.raw_bytes.assign(1, 0);
     work.covered.assign(1, 0);
     work.clipped.assign(1, 0);
-    projection::count_distances(work.state, request_.limits.max_distance, work.distances);
     std::size_t p = 0;  // packets are in the order of their blocks
     for (std::size_t b = 0; b < work.blocks.size(); ++b) {
       const std::size_t first = p;

@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A splat scene in front of a target: Gaussians blended around the surface that they make.
+// A splat scene in front of a target: what a viewer sees of it along the normals.
 //
 //   fetch: the join. Large Gaussians have blocks of their own (size classes): they are in many
 //          pieces' batches, but make no other block's box larger
 //   bin:   nothing: blocks bring their trees of spheres
-//   hit:   profile, centre, sum
+//   hit:   profile, surface, sum
 //   blend: sums become colours
 //
-// A height needs two passes over all Gaussians that its texels may meet: one finds where the
-// surface is, the other averages there (projection/splat_blend.cpp). Where they fit the piece's
-// batch they are looked at once, packet by packet; else they go past batch by batch, twice. Sums
-// are integers, so batches may be cut anywhere.
+// Two passes over all Gaussians that a piece's texels may meet: one finds where the surface is, the
+// other averages there (projection/splat_blend.cpp). Where they fit the piece's batch they are
+// looked at once, packet by packet; else they go past batch by batch, twice. Sums are integers, so
+// batches may be cut anywhere.
 #include "flow/project/splats.h"
 
 #include <optional>
+#include <tuple>
 
 #include "flow/project/splat_method.h"
 
@@ -25,10 +26,10 @@ using Base = SplatMethodBase<SplatProjection, projection::SplatState>;
 
 class SplatMethod : public Base {
  public:
-  /// What a height's Gaussians go past the texels for.
-  enum class Pass : std::uint8_t { whole, profile, sum };
+  /// What the Gaussians go past the texels for.
+  enum class Pass : std::uint8_t { none, whole, profile, sum, done };
   struct Work : Base::Work {
-    Pass pass = Pass::whole;
+    Pass pass = Pass::none;
   };
 
   SplatMethod(JobContext& job, const SplatProjection& request) : Base(job, request) {}
@@ -36,8 +37,8 @@ class SplatMethod : public Base {
   /// A pass without any Gaussians goes by here: its batch would be empty.
   std::uint64_t fetch(Work& work) const {
     drop_batch(work);
-    while (!work.state.open.empty()) {
-      if (!work.walk) begin_height(work);
+    if (work.pass == Pass::none) begin_walk(work);
+    while (work.pass != Pass::done) {
       if (!work.walk->done()) return take(work);
       use(work);
       end_pass(work);
@@ -51,20 +52,22 @@ class SplatMethod : public Base {
   }
 
   void blend(Work& work) const {
+    projection::count_distances(request_.limits, work.state, work.distances);
     blend_blocks(work, [&](std::size_t p, int lane) -> std::optional<texture::TexelValue> {
-      const auto colour = projection::splat_colour(work.state.depths[p], lane);
-      if (!colour) return std::nullopt;
-      return texture::TexelValue{{(*colour)[0], (*colour)[1], (*colour)[2], 1}, 3, false};
+      const auto found = projection::finding(request_.limits, work.state, p, lane);
+      if (!found) return std::nullopt;
+      const auto& c = found->colour;
+      return texture::TexelValue{{c[0], c[1], c[2], 1}, 3, false};
     });
   }
 
  private:
   std::vector<Box3f> boxes(const Work& work) const {
-    return projection::open_boxes(work.state, work.blocks.size());
+    return projection::reachable_boxes(request_.limits, work.state, work.blocks.size());
   }
 
   /// In one pass, if all that its texels may meet fits a batch.
-  void begin_height(Work& work) const {
+  void begin_walk(Work& work) const {
     BlockWalk<SplatCache> count(*request_.source, boxes(work));
     std::uint64_t bytes = 0;
     for (; !count.done() && bytes <= work.batch_bytes; count.next()) bytes += cost(*count.entry());
@@ -74,26 +77,29 @@ class SplatMethod : public Base {
 
   void use(Work& work) const {
     const projection::SplatSets sets(work.sets);
+    const auto& [limits, kernels] = std::tie(request_.limits, *request_.kernels);
     switch (work.pass) {
       case Pass::whole:
-        return projection::blend_height(sets, request_.limits, *request_.kernels, work.state);
+        return projection::blend_whole(sets, limits, kernels, work.state);
       case Pass::profile:
-        return projection::profile_batch(sets, request_.limits, *request_.kernels, work.state);
+        return projection::profile_batch(sets, limits, kernels, work.state);
       case Pass::sum:
-        return projection::sum_batch(sets, request_.limits, *request_.kernels, work.state);
+        return projection::sum_batch(sets, limits, kernels, work.state);
+      case Pass::none:
+      case Pass::done:
+        break;
     }
   }
 
   void end_pass(Work& work) const {
     drop_batch(work);
-    if (work.pass == Pass::profile) {
-      projection::find_centres(request_.limits, work.state);
-      work.pass = Pass::sum;
-      work.walk.emplace(*request_.source, boxes(work));
+    if (work.pass != Pass::profile) {
+      work.pass = Pass::done;
       return;
     }
-    projection::next_height(request_.limits, work.state);
-    work.walk.reset();
+    projection::find_surfaces(request_.limits, *request_.kernels, work.state);
+    work.pass = Pass::sum;
+    work.walk.emplace(*request_.source, boxes(work));
   }
 };
 

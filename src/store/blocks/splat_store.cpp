@@ -11,7 +11,7 @@ namespace pounce::store {
 namespace {
 
 constexpr std::size_t kTileBytes = 48;
-constexpr std::size_t kHeaderBytes = 136;
+constexpr std::size_t kHeaderBytes = 140;
 constexpr std::uint32_t kHasNormals = 1;
 
 [[noreturn]] void fail(const std::string& name, const char* why) {
@@ -73,6 +73,7 @@ void SplatCodec::put(const Directory& directory, ByteWriter& out) {
   out.put(directory.has_normals ? kHasNormals : 0U);
   out.put(static_cast<std::uint32_t>(directory.model));
   out.put(directory.surface_noise);
+  out.put(directory.roundness);
   out.put(directory.splats);
   for (const std::uint64_t count : directory.filtered) out.put(count);
   for (const std::uint32_t v :
@@ -100,6 +101,7 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
   directory.has_normals = flags != 0;
   directory.model = static_cast<SplatModel>(model);
   directory.surface_noise = in.get<float>();
+  directory.roundness = in.get<float>();
   directory.splats = in.get<std::uint64_t>();
   for (std::uint64_t& count : directory.filtered) count = in.get<std::uint64_t>();
   for (std::uint32_t* v :
@@ -110,7 +112,8 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
   if (directory.most_splats > kMostSplatsPerBlock ||
       directory.most_blocks > kMostBlocksPerSplatTile ||
       directory.largest_chunk_bytes > kLargestSplatBytes ||
-      !(directory.surface_noise >= 0 && std::isfinite(directory.surface_noise))) {
+      !(directory.surface_noise >= 0 && std::isfinite(directory.surface_noise)) ||
+      !(directory.roundness >= 0 && directory.roundness <= 1)) {
     in.fail("has impossible maxima");
   }
   directory.box = get_box(in);
