@@ -124,9 +124,10 @@ TEST_CASE("an external sort is std::stable_sort of the file", "[flow]") {
   const std::string path = folder.file("s.ply");
   scene(20000, 5).write(path);
   const io::SplatPly ply(path);
-  PageVector<Splat> splats;
+  store::SplatRows rows;
   store::SplatCounts filtered{};
-  ply.read(0, ply.header().splats, splats, filtered);
+  ply.read(0, ply.header().splats, rows, filtered);
+  PageVector<Splat>& splats = rows.splats;
   const store::SplatLattice lattice(splats);
   for (Splat& s : splats) store::round_for_store(s);
   const auto key = [&](const Splat& s) { return lattice.key(s); };

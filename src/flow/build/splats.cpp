@@ -7,27 +7,30 @@
 
 #include "flow/build/find_store.h"
 #include "flow/build/gaussian_store.h"
-#include "io/splats/ply.h"
+#include "io/splats/scene.h"
 
 namespace pounce::flow {
 namespace {
 
-class PlyGaussians : public GaussianSource {
+class SceneGaussians : public GaussianSource {
  public:
-  explicit PlyGaussians(const io::SplatPly& ply) : ply_(ply) {}
-  std::uint64_t count() const override { return ply_.header().splats; }
+  explicit SceneGaussians(const io::SplatScene& scene) : scene_(scene) {}
+  std::uint64_t count() const override { return scene_.info().splats; }
   void read(std::uint64_t first, std::uint64_t count, PageVector<store::Splat>& out,
             store::SplatCounts& filtered) const override {
-    ply_.read(first, count, out, filtered);
+    store::SplatRows rows;
+    rows.splats.swap(out);
+    scene_.read(first, count, rows, filtered);
+    out.swap(rows.splats);
   }
-  std::uint64_t read_bytes() const override { return ply_.read_bytes(); }
+  std::uint64_t read_bytes() const override { return scene_.read_bytes(); }
   PageVector<store::Splat> sample() const override {
-    static_assert(io::SplatPly::kSampleSplats <= kSampleSplats);
-    return ply_.sample();
+    static_assert(io::kSampleSplats <= kSampleSplats);
+    return io::sample(scene_);
   }
 
  private:
-  const io::SplatPly& ply_;
+  const io::SplatScene& scene_;
 };
 
 /// Hash of the whole file, in pieces.
@@ -46,14 +49,15 @@ Hash128 hash_file(JobContext& job, const ReadFile& file) {
   return hash.digest();
 }
 
-Hash128 store_key(JobContext& job, const SplatRequest& request, const io::SplatPly& ply) {
+Hash128 store_key(JobContext& job, const SplatRequest& request) {
   Hasher hash;
   hash.add(std::string_view("splats"));
   hash.add(store::kFormatVersion);
   hash.add(kGaussianStoreVersion);
   if (job.stores->persistent()) {
-    const Hash128 content =
-        job.content_hash(request.path, 0, 0, [&] { return hash_file(job, ply.file()); });
+    const Hash128 content = job.content_hash(request.path, 0, 0, [&] {
+      return hash_file(job, *posix_file_system().open(request.path));
+    });
     hash.add(content.hi);
     hash.add(content.lo);
   } else {  // nobody will look for it: spare the second reading of a file of many GB
@@ -67,13 +71,13 @@ Hash128 store_key(JobContext& job, const SplatRequest& request, const io::SplatP
 
 std::unique_ptr<store::SplatStore> splat_store(JobContext& job, const SplatRequest& request,
                                                bool* cached, double progress_end) {
-  const io::SplatPly ply(request.path, request.axes);
-  const PlyGaussians source(ply);
+  const auto scene = io::open_splat_scene(request.path, request.axes);
+  const SceneGaussians source(*scene);
   job.meter.begin("precondition", 2 * source.count(), "Gaussians", progress_end);
   const GaussianStoreRequest build{&source,
-                                   store_key(job, request, ply),
+                                   store_key(job, request),
                                    request.path,
-                                   {source.count(), ply.header().model},
+                                   {source.count(), scene->info().model},
                                    request.run_splats,
                                    request.fan_in};
   auto store = find_store(
@@ -88,12 +92,12 @@ std::unique_ptr<store::SplatStore> splat_store(JobContext& job, const SplatReque
 }
 
 std::uint64_t splat_least_bytes(const SplatRequest& request) {
-  const io::SplatPly ply(request.path, request.axes);
-  return gaussian_store_least_bytes(ply.header().splats, ply.read_bytes());
+  const auto scene = io::open_splat_scene(request.path, request.axes);
+  return gaussian_store_least_bytes(scene->info().splats, scene->read_bytes());
 }
 
 std::uint64_t splat_count(const SplatRequest& request) {
-  return io::SplatPly(request.path, request.axes).header().splats;
+  return io::open_splat_scene(request.path, request.axes)->info().splats;
 }
 
 }  // namespace pounce::flow
