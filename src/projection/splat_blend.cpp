@@ -256,7 +256,9 @@ void blend_height(SplatSets sets, const SplatLimits& limits, const SplatKernels&
     });
     find_centres_of(limits, state.height, state.packets[p], profile, depths);
     if (!takes(depths)) return;
-    const auto sum = [&](std::span<const SplatResponse> some) { kernels.accumulate(some, depths); };
+    const auto sum = [&](std::span<const SplatResponse> some) {
+      kernels.accumulate(some, state.packets[p], depths);
+    };
     if (kept) {
       sum(responses.kept());
     } else {
@@ -287,7 +289,7 @@ void sum_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& ke
   for_packets(sets, kernels, state, [&](std::uint32_t p, const SplatCandidates& near) {
     if (!takes(state.depths[p])) return;
     responses.run(p, near, [&](std::span<const SplatResponse> some) {
-      kernels.accumulate(some, state.depths[p]);
+      kernels.accumulate(some, state.packets[p], state.depths[p]);
     });
   });
 }

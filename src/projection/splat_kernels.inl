@@ -19,10 +19,12 @@
 // f is a constant and neither underflows.
 #include <immintrin.h>
 
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
 
+#include "core/sh_basis.h"
 #include "projection/splat_packet.h"
 
 namespace pounce::projection::POUNCE_ISA_NAMESPACE {
@@ -210,7 +212,33 @@ void add_steps(const Floats& value, std::int64_t* sums) {
   }
 }
 
-void accumulate(std::span<const SplatResponse> responses, DepthPacket& depths) {
+/// The colours that sixteen texels see of Gaussians: their harmonics, looked at against the
+/// texels' normals.
+class SeenColours {
+ public:
+  /// `any`: of the Gaussians, which all have as many lobes.
+  SeenColours(const SplatShape& any, const TexelPacket& packet) {
+    if (any.lobes == 0) return;
+    basis_ =
+        sh_basis<float>(0.0F - load(packet.nx), 0.0F - load(packet.ny), 0.0F - load(packet.nz));
+  }
+  Floats operator()(const SplatShape& g, int channel) const {
+    if (g.lobes == 0) return all(g.colour[channel]);
+    Floats sum = all(g.colour[channel]);
+    for (int k = 0; k < g.lobes; ++k)
+      sum = sum + basis_[static_cast<std::size_t>(k + 1)] * g.sh[3 * k + channel];
+    sum = select(sum > all(0.0F), sum, all(0.0F));
+    return select(sum < source::kLargestSplatColour, sum, all(source::kLargestSplatColour));
+  }
+
+ private:
+  std::array<Floats, 16> basis_;
+};
+
+void accumulate(std::span<const SplatResponse> responses, const TexelPacket& packet,
+                DepthPacket& depths) {
+  if (responses.empty()) return;
+  const SeenColours seen(*responses.front().shape, packet);
   const Floats per_width = load(depths.per_width), centre = load(depths.centre),
                take = load(depths.take);
   for (const SplatResponse& response : responses) {
@@ -222,7 +250,7 @@ void accumulate(std::span<const SplatResponse> responses, DepthPacket& depths) {
         select(inside, load(response.weight) * response.shape->roundness, all(0.0F)) *
         exp_of_minus(safe * safe * 0.5F);
     add_steps(weight, depths.weight);
-    for (int c = 0; c < 3; ++c) add_steps(weight * response.shape->colour[c], depths.colour[c]);
+    for (int c = 0; c < 3; ++c) add_steps(weight * seen(*response.shape, c), depths.colour[c]);
   }
 }
 

@@ -116,8 +116,10 @@ struct SplatKernels {
   /// Adds responses to the depth profiles.
   void (*deposit)(std::span<const SplatResponse> responses, const DepthPacket& depths,
                   ProfilePacket& profile);
-  /// Adds responses inside the windows to the sums of the lanes that take.
-  void (*accumulate)(std::span<const SplatResponse> responses, DepthPacket& depths);
+  /// Adds responses inside the windows to the sums of the lanes that take, with the colours that
+  /// the packet's normals see.
+  void (*accumulate)(std::span<const SplatResponse> responses, const TexelPacket& packet,
+                     DepthPacket& depths);
   /// Adds all candidates that the packet's rays meet within their reach, none of which is beyond
   /// `height`.
   void (*add_met)(const SplatCandidates& candidates, const RayBundle& bundle, float height,

@@ -96,7 +96,7 @@ TEST_CASE("a splat store has the same bytes at any threads, budget and runs", "[
     std::uint64_t budget, run;
     std::size_t fan_in;
   };
-  const std::uint64_t least = splat_least_bytes({path, {}});
+  const std::uint64_t least = scene_facts({path, {}}).least_bytes;
   CAPTURE(least);
   std::vector<std::byte> first;
   for (const How& how :
@@ -301,7 +301,7 @@ TEST_CASE("a budget below the least is refused, the least works for a long file"
   const test::TempFolder folder;
   scene(100).write(folder.file("s.ply"));
   const SplatRequest request{folder.file("s.ply"), {}};
-  CHECK(splat_least_bytes(request) < (16 << 20));
+  CHECK(scene_facts(request).least_bytes < (16 << 20));
   Job job(1 << 20);
   bool cached;
   CHECK(test::error_kind([&] { splat_store(job.context, request, &cached, 1); }) ==

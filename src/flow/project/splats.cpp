@@ -54,7 +54,7 @@ class SplatMethod : public Base {
     blend_blocks(work, [&](std::size_t p, int lane) -> std::optional<texture::TexelValue> {
       const auto colour = projection::splat_colour(work.state.depths[p], lane);
       if (!colour) return std::nullopt;
-      return texture::TexelValue{{(*colour)[0], (*colour)[1], (*colour)[2], 1}, 3, false};
+      return texture::TexelValue{{(*colour)[0], (*colour)[1], (*colour)[2], 1}, 3, request_.linear};
     });
   }
 
@@ -104,8 +104,8 @@ std::unique_ptr<Projection> project_splats(JobContext& job, const SplatProjectio
                                                       SplatMethod(job, request));
 }
 
-std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes) {
-  return SplatMethod::least_bytes(result_texel_bytes);
+std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::uint32_t lobes) {
+  return SplatMethod::least_bytes(result_texel_bytes, lobes);
 }
 
 }  // namespace pounce::flow

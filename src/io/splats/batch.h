@@ -20,7 +20,7 @@ struct SplatBatch {
   std::array<Column, 3> mean{}, sigma{}, colour{};
   std::array<Column, 4> rotation{};  ///< w, x, y, z, of any length
   Column alpha{};
-  std::array<Column, 3> normal{};                 ///< of any length; zeros = none
+  std::array<Column, 3> normal{};                  ///< of any length; zeros = none
   std::array<Column, 3 * store::kMostLobes> sh{};  ///< 3 k + channel, coefficient k from 0
 };
 
