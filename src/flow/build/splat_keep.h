@@ -31,16 +31,16 @@ class NearSurface {
   using Cell = std::array<int, 3>;
   Cell cell_of(Vec3f at) const;
 
-  Box3f box_;       ///< of the surface, grown
-  float cell_ = 1;  ///< edge; infinite where the distance reaches everywhere
+  Box3f box_;                        ///< of the surface, grown
+  float cell_ = 1;                   ///< edge; infinite where the distance reaches everywhere
   std::vector<std::uint64_t> rows_;  ///< of cells along x: bit x of rows_[64 z + y]
 };
 
 /// Which Gaussians of a scene its user wants. Empty members let everything through.
 struct SplatKeep {
   std::optional<float> min_alpha;
-  std::optional<float> max_sigma;  ///< in the scene's units
-  std::optional<Box3f> box;        ///< of means, after --source-axes
+  std::optional<float> max_sigma;                        ///< in the scene's units
+  std::optional<Box3f> box;                              ///< of means, after --source-axes
   std::vector<std::shared_ptr<const NearSurface>> near;  ///< any of them; none: everywhere
 
   /// Why a Gaussian is left out, if it is.

@@ -90,8 +90,7 @@ TEST_CASE("the basis is that of the definition", "[projection]") {
     Vec3d d{random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0)};
     d = d * (1 / length(d));
     const auto fast = sh_basis<double>(d.x, d.y, d.z), slow = slow_basis(d);
-    for (std::size_t k = 0; k < fast.size(); ++k)
-      CHECK(fast[k] == Approx(slow[k]).margin(1e-12));
+    for (std::size_t k = 0; k < fast.size(); ++k) CHECK(fast[k] == Approx(slow[k]).margin(1e-12));
   }
 }
 
@@ -149,6 +148,5 @@ TEST_CASE("the base colour alone is the mean over the whole sphere", "[projectio
   const auto set = source::make_splat_set(splat.block, SphericalHarmonics::dc);
   CHECK(set.sh.empty());
   const DepthPacket sums = summed(splat_kernels(""), set, packet_of_normals(random));
-  for (std::size_t c = 0; c < 3; ++c)
-    CHECK(colour(sums, 5, c) == Approx(splat.dc[c]).margin(1e-6));
+  for (std::size_t c = 0; c < 3; ++c) CHECK(colour(sums, 5, c) == Approx(splat.dc[c]).margin(1e-6));
 }
