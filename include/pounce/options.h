@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -93,6 +94,22 @@ enum class Method : std::uint8_t {
 const char* method_name(Method method) noexcept;
 std::optional<Method> method_from_name(const std::string& name) noexcept;
 
+/// Which colour a Gaussian of a splat scene shows to a texel. Scenes whose files have no harmonics
+/// look the same with all three.
+enum class SphericalHarmonics : std::uint8_t {
+  dc,      ///< "dc": its base colour, which is the mean over all directions
+  normal,  ///< "normal": what it shows along the texel's normal: highlights as seen from there
+  mean,    ///< "mean": the mean over the directions that look at the texel, by their cosine
+};
+/// "dc", "normal", "mean".
+const char* harmonics_name(SphericalHarmonics harmonics) noexcept;
+std::optional<SphericalHarmonics> harmonics_from_name(const std::string& name) noexcept;
+
+/// A box with its sides along the axes, in the job's axes and units.
+struct AxisBox {
+  std::array<double, 3> lowest{}, highest{};  ///< x, y, z
+};
+
 /// Standard deviation of a texel's Gaussian in texels where nothing else is asked for.
 inline constexpr double kDefaultSigma = 0.5;
 
@@ -135,6 +152,21 @@ struct TransferOptions {
   /// Split texels that are large on the surface, so that it is about uniformly dense; the same.
   /// Three times as many Gaussians at most.
   bool densify = false;
+  /// Of a splat scene; degree 3 is kept for `normal` alone.
+  SphericalHarmonics harmonics = SphericalHarmonics::mean;
+  /// Of a splat scene: Gaussians that are less opaque are left out; 1/255..1. Below 1/255, which is
+  /// the default, nobody sees them.
+  std::optional<double> min_opacity;
+  /// Of a splat scene: Gaussians with a larger standard deviation are left out; above 0, in its
+  /// units.
+  std::optional<double> max_scale;
+  /// Of a splat scene: Gaussians whose middle is outside are left out.
+  std::optional<AxisBox> box;
+  /// Of a splat scene: what comes no nearer to a target's surface is not sorted, with 3 standard
+  /// deviations counted as near. Nothing: 1.5 times max_distance, and only where a sample says that
+  /// three quarters of the scene are farther away, since such a store serves these targets alone.
+  std::optional<Length> near_target;
+  bool everywhere = false;                  ///< `near_target` is off: all of the scene is sorted
   std::optional<std::uint32_t> padding_px;  ///< default: larger side of the image / 128
   /// 0..100: of how many of its texels a target must find the source. A target below this is
   /// written like any other; TargetReport::enough says which are.

@@ -63,16 +63,16 @@ Json describe_splats(const std::string& path) {
   constexpr std::uint64_t kRows = 16 << 10;
   const io::SplatPly ply(path);
   const io::SplatPlyHeader& header = ply.header();
-  const PageVector<Splat> sample = ply.sample();
+  const PageVector<Splat> sample = io::sample(ply);
   const store::SplatLattice lattice(sample);
   store::SplatCounts filtered{};
   std::uint64_t usable = 0, with_normal = 0;
   Box3f box;  // of all that have a place, the strays included: it says why there are strays
-  PageVector<Splat> splats;
+  store::SplatRows rows;
   for (std::uint64_t first = 0; first < header.splats; first += kRows) {
-    splats.clear();
-    ply.read(first, std::min(kRows, header.splats - first), splats, filtered);
-    for (const Splat& s : splats) {
+    rows.splats.clear();
+    ply.read(first, std::min(kRows, header.splats - first), rows, filtered);
+    for (const Splat& s : rows.splats) {
       box.extend(s.mean);
       if (const auto reason = lattice.filter(s)) {
         ++filtered[static_cast<std::size_t>(*reason)];

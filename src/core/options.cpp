@@ -13,6 +13,7 @@ namespace {
 constexpr std::array<const char*, kChannelCount> kChannelNames = {"baseColor", "metallicRoughness",
                                                                   "occlusion", "emissive"};
 constexpr std::array<const char*, 2> kMethodNames = {"surface", "gaussian"};
+constexpr std::array<const char*, 3> kHarmonicsNames = {"dc", "normal", "mean"};
 constexpr std::array<const char*, 4> kDepthNames = {"u8", "u16", "half", "float"};
 
 template <class Enum, std::size_t N>
@@ -47,6 +48,14 @@ const char* method_name(Method method) noexcept {
 
 std::optional<Method> method_from_name(const std::string& name) noexcept {
   return find_name<Method>(kMethodNames, name);
+}
+
+const char* harmonics_name(SphericalHarmonics harmonics) noexcept {
+  return kHarmonicsNames[static_cast<std::size_t>(harmonics)];
+}
+
+std::optional<SphericalHarmonics> harmonics_from_name(const std::string& name) noexcept {
+  return find_name<SphericalHarmonics>(kHarmonicsNames, name);
 }
 
 const char* error_kind_name(ErrorKind kind) noexcept {

@@ -154,6 +154,7 @@ std::string to_json(const Report& report) {
                     {"least", report.least_memory_bytes},
                     {"least_for", report.least_memory_for}};
   json["warnings"] = report.warnings;
+  json["notes"] = report.notes;
   json["outputs"] = report.outputs;
   json["kept"] = report.kept;
   // A file name need not be UTF-8; JSON must be.

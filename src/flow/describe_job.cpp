@@ -42,6 +42,19 @@ class OptionList {
     add(side + "-uv-set", use.uv_set ? std::to_string(*use.uv_set) : std::string());
     add(side + "-axes", use.axes);
   }
+  void add_splats(const TransferOptions& o) {
+    const bool other_harmonics = o.harmonics != TransferOptions{}.harmonics;
+    add("sh", other_harmonics ? std::string(harmonics_name(o.harmonics)) : "");
+    add("min-opacity", o.min_opacity ? fmt::format("{:g}", *o.min_opacity) : "");
+    add("max-scale", o.max_scale ? fmt::format("{:g}", *o.max_scale) : "");
+    if (o.box) {
+      add("box",
+          fmt::format("{:g},{:g}", fmt::join(o.box->lowest, ","), fmt::join(o.box->highest, ",")));
+    }
+    add("near-target", o.everywhere    ? std::string("off")
+                       : o.near_target ? text_of(*o.near_target)
+                                       : std::string());
+  }
   void add(const Resources& r) {
     add("memory", r.memory_bytes != 0 ? std::to_string(r.memory_bytes) : std::string());
     add("threads", r.threads != 0 ? std::to_string(r.threads) : std::string());
@@ -101,6 +114,7 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add("max-distance", o.max_distance ? text_of(*o.max_distance) : std::string());
   list.add("max-angle",
            o.max_angle_deg != usual.max_angle_deg ? fmt::format("{:g}", o.max_angle_deg) : "");
+  list.add_splats(o);
   list.add("allow-external", o.allow_external);
   list.add(o.resources);
   list.add("plan", plan_only);

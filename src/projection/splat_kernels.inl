@@ -21,10 +21,12 @@
 #include <immintrin.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
 
+#include "core/sh_basis.h"
 #include "projection/splat_packet.h"
 
 namespace pounce::projection::POUNCE_ISA_NAMESPACE {
@@ -424,6 +426,29 @@ void find_surface(const SplatLimits& limits, ProfilePacket& profile, DepthPacket
   return sum * (1 / kSplatSteps);
 }
 
+/// The colours that sixteen texels see of Gaussians: their harmonics, looked at against the
+/// texels' normals.
+class SeenColours {
+ public:
+  /// `any`: of the Gaussians, which all have as many lobes.
+  SeenColours(const SplatShape& any, const TexelPacket& packet) {
+    if (any.lobes == 0) return;
+    basis_ =
+        sh_basis<float>(0.0F - load(packet.nx), 0.0F - load(packet.ny), 0.0F - load(packet.nz));
+  }
+  Floats operator()(const SplatShape& g, int channel) const {
+    if (g.lobes == 0) return all(g.colour[channel]);
+    Floats sum = all(g.colour[channel]);
+    for (int k = 0; k < g.lobes; ++k)
+      sum = sum + basis_[static_cast<std::size_t>(k + 1)] * g.sh[3 * k + channel];
+    sum = select(sum > all(0.0F), sum, all(0.0F));
+    return select(sum < source::kLargestSplatColour, sum, all(source::kLargestSplatColour));
+  }
+
+ private:
+  std::array<Floats, 16> basis_;
+};
+
 /// Adds 0 <= value in steps; a full sum stays full.
 [[gnu::always_inline]] inline void add(const Floats& value, std::int32_t* sums) {
   const Ints steps = to_int(value * kSplatSteps + 0.5F);
@@ -432,7 +457,9 @@ void find_surface(const SplatLimits& limits, ProfilePacket& profile, DepthPacket
 
 void accumulate(std::span<const SplatResponse> responses, const TexelPacket& packet,
                 const ProfilePacket& profile, const SplatLimits& limits, DepthPacket& depths) {
+  if (responses.empty()) return;
   const Rays ray(packet);
+  const SeenColours seen(*responses.front().shape, packet);
   const Floats per_bin = load(depths.per_bin), anchor = load(depths.anchor),
                focus = load(depths.focus), per_window = load(depths.per_window);
   const Floats width = 1.0F / per_bin;
@@ -455,7 +482,7 @@ void accumulate(std::span<const SplatResponse> responses, const TexelPacket& pac
     }
     if (!any(weight >= 0.5F / kSplatSteps)) continue;
     add(weight, depths.weight);
-    for (int c = 0; c < 3; ++c) add(weight * g.colour[c], depths.colour[c]);
+    for (int c = 0; c < 3; ++c) add(weight * seen(g, c), depths.colour[c]);
     const Floats place = at * (1.0F / kProfileBins);
     add(weight * place, depths.depth);
     add(weight * place * place, depths.spread);

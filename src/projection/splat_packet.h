@@ -126,7 +126,8 @@ struct SplatKernels {
   /// Finds the lanes' surface: the anchor and the focus. The profile becomes sums from the outermost
   /// bin inwards, without what lies before the anchor.
   void (*find_surface)(const SplatLimits& limits, ProfilePacket& profile, DepthPacket& depths);
-  /// Adds responses to the sums, as far as the profile lets them be seen.
+  /// Adds responses to the sums, as far as the profile lets them be seen, with the colours
+  /// that the packet's normals see.
   void (*accumulate)(std::span<const SplatResponse> responses, const TexelPacket& packet,
                      const ProfilePacket& profile, const SplatLimits& limits, DepthPacket& depths);
   /// Adds all candidates that the packet's rays meet within their reach, none of which is beyond

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/box.h"
+#include "core/half.h"
 
 namespace pounce::source {
 namespace {
@@ -49,7 +50,7 @@ SplatShape shape_of(const store::SplatBlock& block, std::size_t i) {
     out.axis[k][2] = axis.z;
     out.mean[k] = block.mean[k][i];
     out.variance[k] = sigma[k] * sigma[k];
-    out.colour[k] = std::clamp(block.colour[k][i], 0.0F, kLargestSplatColour);
+    out.colour[k] = block.colour[k][i];
   }
   const float planarity =
       sigma[1] > 0 ? std::max(kLeastPlanarity, 1 - sigma[2] / sigma[1]) : kLeastPlanarity;
@@ -81,6 +82,32 @@ void set_covariance(const SplatShape& shape, std::size_t i, SplatSet& set) {
   }
 }
 
+/// What counts of coefficient k = 0.. (degree 1 first) of a Gaussian.
+float weight_of(SphericalHarmonics harmonics, std::uint32_t k) {
+  if (harmonics == SphericalHarmonics::normal) return 1;
+  return k < store::kLobesOfDegree[1] ? 2.0F / 3 : k < store::kLobesOfDegree[2] ? 0.25F : 0.0F;
+}
+
+/// Coefficients that count, of one Gaussian after the other.
+void add_harmonics(const store::SplatBlock& block, SphericalHarmonics harmonics, SplatSet& set) {
+  std::uint32_t lobes = harmonics == SphericalHarmonics::dc ? 0 : block.lobes;
+  if (harmonics == SphericalHarmonics::mean) lobes = std::min(lobes, store::kLobesOfDegree[2]);
+  const std::size_t count = block.size();
+  set.sh.resize(count * 3 * lobes);
+  for (std::size_t c = 0; c < std::size_t{3} * lobes; ++c) {
+    const float weight = weight_of(harmonics, static_cast<std::uint32_t>(c / 3));
+    for (std::size_t i = 0; i < count; ++i)
+      set.sh[i * 3 * lobes + c] = weight * half_to_float(block.sh[c * count + i]);
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    SplatShape& shape = set.shapes[i];
+    shape.lobes = static_cast<std::int32_t>(lobes);
+    shape.sh = set.sh.data() + i * 3 * lobes;
+    if (lobes > 0) continue;
+    for (float& v : shape.colour) v = std::clamp(v, 0.0F, kLargestSplatColour);
+  }
+}
+
 /// Spheres around sixteen spheres each.
 void make_level(const SplatSpheres& below, SplatSpheres& level) {
   resize(level, (below.count + kFanOut - 1) / kFanOut);
@@ -109,8 +136,9 @@ void make_level(const SplatSpheres& below, SplatSpheres& level) {
 
 }  // namespace
 
-std::uint64_t SplatSet::most_bytes(std::uint64_t splats) {
+std::uint64_t SplatSet::most_bytes(std::uint64_t splats, std::uint32_t lobes) {
   std::uint64_t bytes = round_to_pages(splats * sizeof(SplatShape)) + sizeof(SplatSet) +
+                        round_to_pages(splats * 3 * lobes * sizeof(float)) +
                         6 * round_to_pages(whole_registers(splats) * sizeof(float));
   for (int level = 0; level < 3; ++level) {
     bytes += 4 * round_to_pages(whole_registers(splats) * sizeof(float));
@@ -119,7 +147,7 @@ std::uint64_t SplatSet::most_bytes(std::uint64_t splats) {
   return bytes;
 }
 
-SplatSet make_splat_set(const store::SplatBlock& block) {
+SplatSet make_splat_set(const store::SplatBlock& block, SphericalHarmonics harmonics) {
   SplatSet set;
   set.shapes.reserve(block.size());
   resize(set.levels[0], block.size());
@@ -130,6 +158,7 @@ SplatSet make_splat_set(const store::SplatBlock& block) {
     set.levels[0].radius[i] = kSplatCutOff * std::sqrt(shape.variance[0]) * kMargin;
     set_covariance(shape, i, set);
   }
+  add_harmonics(block, harmonics, set);
   make_level(set.levels[0], set.levels[1]);
   make_level(set.levels[1], set.levels[2]);
   return set;

@@ -10,6 +10,7 @@
 
 #include "core/page_pool.h"
 #include "core/ray_bundle.h"
+#include "pounce/options.h"
 #include "store/blocks/splat_block.h"
 
 namespace pounce::source {
@@ -22,8 +23,13 @@ struct SplatShape {
   float axis[3][3];        ///< unit, right-handed; the longest first
   float variance[3];       ///< along the axes: the squared standard deviations
   float normal[3];         ///< of the file, or the shortest axis
-  float colour[3];         ///< 0..kLargestSplatColour
+  float colour[3];         ///< of degree 0; 0..kLargestSplatColour where there are no harmonics
   std::int32_t two_sided;  ///< the normal's sign is unknown
+  std::int32_t lobes;      ///< of its harmonics, one of store::kLobesOfDegree
+  /// 3 * lobes coefficients in the order of store::SplatRows, weighted for the texels that look:
+  /// with the direction d = -n from the eye to the surface a texel of unit normal n sees colour +
+  /// sum basis(d) * sh, clamped to 0..kLargestSplatColour. Of the SplatSet.
+  const float* sh;
 };
 
 /// Colours are clamped to 0..8 each: what a viewer shows ends at 1, and sums stay in 64 bits.
@@ -44,15 +50,24 @@ struct SplatSpheres {
 /// sixteen, too: level 0 of the tree are the Gaussians, sphere i of level k + 1 holds spheres 16 i
 /// to 16 i + 15 of level k.
 struct SplatSet {
+  SplatSet() = default;
+  SplatSet(SplatSet&&) = default;  // shapes point into sh, which a move leaves where it is
+  SplatSet& operator=(SplatSet&&) = default;
+
   PageVector<SplatShape> shapes;
+  PageVector<float> sh;  ///< of one Gaussian after the other
   std::array<SplatSpheres, 3> levels;
   /// Covariances of the Gaussians, in arrays like levels[0]: xx, xy, xz, yy, yz, zz.
   std::array<PageVector<float>, 6> covariance;
 
   /// Bytes of a set of so many Gaussians, known from the index before it is read.
-  static std::uint64_t most_bytes(std::uint64_t splats);
+  static std::uint64_t most_bytes(std::uint64_t splats, std::uint32_t lobes);
 };
 
-SplatSet make_splat_set(const store::SplatBlock& block);
+/// A texel of unit normal n is looked at from the hemisphere around n. `normal`: from n itself.
+/// `mean`: from everywhere, by cosine, which is `normal` with the coefficients of degree 1 times
+/// 2/3, degree 2 times 1/4 and degree 3 times 0: a clamped cosine's share of each degree.
+SplatSet make_splat_set(const store::SplatBlock& block,
+                        SphericalHarmonics harmonics = SphericalHarmonics::mean);
 
 }  // namespace pounce::source

@@ -61,10 +61,12 @@ struct Jobs {
 
   void make_splats() {
     SplatPlyBuilder ply;
+    ply.columns = SplatPlyBuilder::usual_columns(9);
     for (int i = 0; i < 300; ++i) {
       ply.rows.push_back(SplatPlyBuilder::usual_row(0.01 * i));
       ply.rows.back()["y"] = 0.01 * (i % 17);
       ply.rows.back()["nz"] = i % 2;
+      ply.rows.back()["f_rest_1"] = 0.01 * i;
     }
     transfer_options.source = folder.file("scene.ply");
     transfer_options.channels = {Channel::base_color};
@@ -378,7 +380,7 @@ TEST_CASE("fields of colour packs do no harm whatever they say", "[flow]") {
 }
 
 TEST_CASE("fields of splat packs do no harm whatever they say", "[flow]") {
-  const Jobs jobs(From::splats);
+  const Jobs jobs(From::splats);  // with harmonics of degree 1
   const auto packs = jobs.packs("splats");
   REQUIRE(packs.size() == 1);
   harm_everywhere(jobs, packs.front());
@@ -395,6 +397,10 @@ TEST_CASE("fields of splat packs do no harm whatever they say", "[flow]") {
       {"an alpha of 2", [](Block& b) { b.alpha[0] = 2; }},
       {"a colour of NaN", [](Block& b) { b.colour[0][0] = kNan; }},
       {"a long normal", [](Block& b) { b.normal[0][0] = 1e18F; }},
+      {"infinite harmonics", [](Block& b) { b.sh[0] = 0x7C00; }},
+      {"harmonics of NaN", [](Block& b) { b.sh.back() = 0xFE00; }},
+      {"no harmonics", [](Block& b) { b.lobes = 0, b.sh.clear(); }},
+      {"harmonics of degree 2", [](Block& b) { b.lobes = 8, b.sh.resize(24 * b.size()); }},
   };
   for (const auto& [what, harm] : blocks) {
     jobs.refuse(what, packs.front(), [&](const std::string& path) {

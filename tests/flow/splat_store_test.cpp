@@ -11,6 +11,7 @@
 #include <cmath>
 #include <map>
 
+#include "core/half.h"
 #include "flow/build/splat_sort.h"
 #include "flow/build/splats.h"
 #include "io/splats/ply.h"
@@ -96,7 +97,7 @@ TEST_CASE("a splat store has the same bytes at any threads, budget and runs", "[
     std::uint64_t budget, run;
     std::size_t fan_in;
   };
-  const std::uint64_t least = splat_least_bytes({path, {}});
+  const std::uint64_t least = scene_facts({path, {}}).least_bytes;
   CAPTURE(least);
   std::vector<std::byte> first;
   for (const How& how :
@@ -124,9 +125,10 @@ TEST_CASE("an external sort is std::stable_sort of the file", "[flow]") {
   const std::string path = folder.file("s.ply");
   scene(20000, 5).write(path);
   const io::SplatPly ply(path);
-  PageVector<Splat> splats;
+  store::SplatRows rows;
   store::SplatCounts filtered{};
-  ply.read(0, ply.header().splats, splats, filtered);
+  ply.read(0, ply.header().splats, rows, filtered);
+  PageVector<Splat>& splats = rows.splats;
   const store::SplatLattice lattice(splats);
   for (Splat& s : splats) store::round_for_store(s);
   const auto key = [&](const Splat& s) { return lattice.key(s); };
@@ -145,6 +147,167 @@ TEST_CASE("an external sort is std::stable_sort of the file", "[flow]") {
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (!(found[i] == splats[i])) FAIL("Gaussian " << i << " of " << found.size());
   }
+}
+
+TEST_CASE("harmonics stay with their Gaussians whatever the runs", "[flow]") {
+  const test::TempFolder folder;
+  const int degree = GENERATE(1, 2, 3);
+  const int lobes = (degree + 1) * (degree + 1) - 1;
+  SplatPlyBuilder ply = scene(3000, 6);
+  ply.columns = SplatPlyBuilder::usual_columns(3 * lobes, GENERATE(false, true));
+  for (std::size_t i = 0; i < ply.rows.size(); ++i) {
+    ply.rows[i]["f_dc_1"] = static_cast<double>(i) / 256;  // who is who, in 16 bits
+    ply.rows[i]["f_rest_0"] = 0.25 * static_cast<double>(i % 512);
+    ply.rows[i]["f_rest_" + std::to_string(3 * lobes - 1)] = static_cast<double>(i / 512);
+    ply.rows[i]["nz"] = i % 3 == 0 ? 1 : 0;
+  }
+  ply.write(folder.file("s.ply"));
+  Job job(16 << 20);
+  SplatRequest request{folder.file("s.ply"), {}};
+  request.harmonics = SphericalHarmonics::normal;
+  request.run_splats = GENERATE(100U, 3000U);
+  request.fan_in = GENERATE(2U, 64U);
+  bool cached;
+  const auto store = splat_store(job.context, request, &cached, 1);
+  REQUIRE(store->directory().lobes == static_cast<std::uint32_t>(lobes));
+  store::Compressor compressor;
+  std::size_t seen = 0;
+  for (std::uint32_t t = 0; t < store->directory().tiles.size(); ++t) {
+    for (const auto& entry : store->read_index(t, compressor)) {
+      const auto block = store->read_block(entry, compressor);
+      const std::size_t last = (3 * static_cast<std::size_t>(lobes) - 1) * block.size();
+      for (std::size_t i = 0; i < block.size(); ++i, ++seen) {
+        const double at = (static_cast<double>(block.colour[1][i]) - 0.5) / 0.28209479177387814;
+        const auto who = static_cast<int>(std::lround(at * 256));
+        if (half_to_float(block.sh[i]) != 0.25F * static_cast<float>(who % 512) ||
+            half_to_float(block.sh[last + i]) != static_cast<float>(who / 512)) {
+          FAIL("Gaussian " << who);
+        }
+      }
+    }
+  }
+  CHECK(seen == store->directory().splats);
+}
+
+TEST_CASE("a store holds the harmonics that its mode wants", "[flow]") {
+  const test::TempFolder folder;
+  SplatPlyBuilder ply = scene(500, 8);
+  ply.columns = SplatPlyBuilder::usual_columns(45);
+  ply.write(folder.file("s.ply"));
+  Job job(64 << 20);
+  bool cached;
+  SplatRequest request{folder.file("s.ply"), {}};
+  const auto lobes = [&](SphericalHarmonics harmonics) {
+    request.harmonics = harmonics;
+    CHECK(scene_facts(request).lobes ==
+          splat_store(job.context, request, &cached, 1)->directory().lobes);
+    return scene_facts(request).lobes;
+  };
+  CHECK(lobes(SphericalHarmonics::dc) == 0);
+  CHECK(lobes(SphericalHarmonics::mean) == 8);
+  CHECK_FALSE(cached);
+  CHECK(lobes(SphericalHarmonics::normal) == 15);
+  CHECK_FALSE(cached);
+  CHECK(lobes(SphericalHarmonics::mean) == 8);
+  CHECK(cached);
+  ply.columns = SplatPlyBuilder::usual_columns(24);
+  ply.write(folder.file("s.ply"));
+  CHECK(lobes(SphericalHarmonics::mean) == 8);
+  CHECK_FALSE(cached);
+  CHECK(lobes(SphericalHarmonics::normal) == 8);
+  CHECK(cached);  // the same coefficients, used in another way
+}
+
+TEST_CASE("what the user does not want is left out and makes another store", "[flow]") {
+  const test::TempFolder folder;
+  SplatPlyBuilder ply;
+  for (int i = 0; i < 1000; ++i) {
+    auto row = SplatPlyBuilder::usual_row(0.01 * i);
+    row["opacity"] = i % 10 == 0 ? -2 : 2;  // 100 of alpha 0.1192
+    row["scale_1"] = i % 10 == 1 ? 0 : -3;  // 100 of sigma 1
+    ply.rows.push_back(row);
+  }
+  ply.write(folder.file("s.ply"));
+  Job job(64 << 20);
+  bool cached;
+  const auto left = [&](const SplatKeep& keep, store::SplatFilter why) {
+    SplatRequest request{folder.file("s.ply"), {}};
+    request.keep = keep;
+    request.near_is_asked = true;
+    const auto directory = splat_store(job.context, request, &cached, 1)->directory();
+    CHECK(directory.splats + directory.filtered[static_cast<std::size_t>(why)] == 1000);
+    return directory.splats;
+  };
+  using store::SplatFilter;
+  SplatKeep keep;
+  CHECK(left(keep, SplatFilter::faint) == 1000);
+  keep.min_alpha = 0.119F;
+  CHECK(left(keep, SplatFilter::faint) == 1000);
+  CHECK_FALSE(cached);
+  keep.min_alpha = 0.1193F;
+  CHECK(left(keep, SplatFilter::faint) == 900);
+  CHECK_FALSE(cached);
+  CHECK(left(keep, SplatFilter::faint) == 900);
+  CHECK(cached);
+  keep = {};
+  keep.max_sigma = 1;
+  CHECK(left(keep, SplatFilter::too_large) == 1000);
+  keep.max_sigma = 0.999F;
+  CHECK(left(keep, SplatFilter::too_large) == 900);
+  CHECK_FALSE(cached);
+  keep = {};
+  keep.box = Box3f{{1.995F, -1, -1}, {2.995F, 1, 1}};
+  CHECK(left(keep, SplatFilter::outside_box) == 100);
+  keep.box->hi.x = 3.005F;
+  CHECK(left(keep, SplatFilter::outside_box) == 101);
+  CHECK_FALSE(cached);
+  keep = {};
+  mesh::Mesh target;  // at x = 5; the discs reach 0.3 along x
+  target.positions = {{5, 0, 0}, {5, 1, 0}, {5, 0, 1}};
+  target.triangles = {{0, 1, 2}};
+  keep.near = {std::make_shared<NearSurface>(target, 0.1)};
+  const std::uint64_t near = left(keep, SplatFilter::out_of_reach);
+  // From 4.6 to 5.4 at least, 80; cells of 0.02 (1.2 / 64) make it a few more.
+  CHECK(near >= 80);
+  CHECK(near <= 88);
+}
+
+TEST_CASE("nothing that is near a surface is said to be far", "[flow]") {
+  test::Random random(12);
+  mesh::Mesh target;
+  for (int t = 0; t < 40; ++t) {
+    const Vec3f at{random.between(-2.0F, 2.0F), random.between(-1.0F, 1.0F),
+                   random.between(-5.0F, 5.0F)};
+    const auto first = static_cast<std::uint32_t>(target.positions.size());
+    for (int corner = 0; corner < 3; ++corner) {
+      target.positions.push_back(at + Vec3f{random.between(-0.3F, 0.3F),
+                                            random.between(-0.3F, 0.3F),
+                                            random.between(-0.3F, 0.3F)});
+    }
+    target.triangles.push_back({first, first + 1, first + 2});
+  }
+  constexpr double kDistance = 0.2;
+  const NearSurface surface(target, kDistance);
+  std::size_t far = 0;
+  for (int i = 0; i < 20000; ++i) {
+    // A point of a triangle, moved: the box around it meets the surface within the distance.
+    const auto& corners = target.triangles[random.below(target.triangles.size())];
+    float u = random.between(0.0F, 1.0F), v = random.between(0.0F, 1.0F);
+    if (u + v > 1) u = 1 - u, v = 1 - v;
+    const Vec3f on = target.positions[corners[0]] * (1 - u - v) + target.positions[corners[1]] * u +
+                     target.positions[corners[2]] * v;
+    Vec3f away{random.between(-1.0F, 1.0F), random.between(-1.0F, 1.0F),
+               random.between(-1.0F, 1.0F)};
+    away = away * (random.between(0.0F, 0.2F) / length(away));
+    const Vec3f at = on + away;
+    REQUIRE(surface.meets(Box3f{at, at}));
+    const Vec3f anywhere{random.between(-3.0F, 3.0F), random.between(-2.0F, 2.0F),
+                         random.between(-6.0F, 6.0F)};
+    far += surface.meets(Box3f{anywhere, anywhere}) ? 0 : 1;
+  }
+  CHECK(far > 14000);
+  CHECK(NearSurface(target, 1e38).meets(Box3f{{1e30F, 0, 0}, {1e30F, 0, 0}}));
+  CHECK_FALSE(NearSurface(mesh::Mesh{}, 1).meets(Box3f{{0, 0, 0}, {0, 0, 0}}));
 }
 
 TEST_CASE("runs that are all alike, empty or single merge in order", "[flow]") {
@@ -300,7 +463,7 @@ TEST_CASE("a budget below the least is refused, the least works for a long file"
   const test::TempFolder folder;
   scene(100).write(folder.file("s.ply"));
   const SplatRequest request{folder.file("s.ply"), {}};
-  CHECK(splat_least_bytes(request) < (16 << 20));
+  CHECK(scene_facts(request).least_bytes < (16 << 20));
   Job job(1 << 20);
   bool cached;
   CHECK(test::error_kind([&] { splat_store(job.context, request, &cached, 1); }) ==

@@ -18,6 +18,7 @@
 #include "support/many_threads.h"
 #include "support/random_scene.h"
 #include "support/reference_splats.h"
+#include "support/splat_ply_builder.h"
 #include "support/splat_scenes.h"
 #include "support/test_data.h"
 #include "support/whole_image.h"
@@ -216,6 +217,169 @@ TEST_CASE("what a splat scene cannot give is refused with the reason", "[flow]")
   other = options;
   other.resources.memory_bytes = kMiB;
   refusal(other, ErrorKind::budget, "--memory");
+}
+
+namespace {
+
+/// A square of opaque discs in the plane z = 0, all with the same harmonics, and a square target of
+/// 16x16 texels in their middle, facing +z.
+class Plane {
+ public:
+  Plane() {
+    ply.columns = SplatPlyBuilder::usual_columns(45, false);
+    for (int i = 0; i < 20 * 20; ++i) {
+      auto row = SplatPlyBuilder::usual_row(0.1 * (i % 20) - 0.45);
+      row["y"] = 0.1 * (i / 20) - 0.45;
+      row["scale_0"] = row["scale_1"] = std::log(0.08);
+      row["scale_2"] = -9;
+      row["opacity"] = 6;
+      ply.rows.push_back(row);
+    }
+    std::ofstream(folder.file("target.obj"))
+        << "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+           "vn 0 0 1\nf 1/1/1 2/2/1 3/3/1 4/4/1\n";
+    options.source = folder.file("scene.ply");
+    options.targets = {folder.file("target.obj")};
+    options.output = folder.file("out.png");
+    options.size = ImageSize{16, 16};
+    options.depth = Depth::u16;
+    options.resources.threads = 1;
+    options.resources.memory_bytes = 128 * kMiB;
+    options.resources.use_cache = false;
+  }
+
+  /// The texel in the middle; `report` gets what was left out.
+  std::array<double, 3> colour(Report* report = nullptr) {
+    ply.write(options.source);
+    const Report made = transfer(options);
+    if (report != nullptr) *report = made;
+    CHECK(made.target_empty == 0);
+    const WholeImage out = read_whole_image(options.output);
+    return {out.at(8 * 16 + 8, 0), out.at(8 * 16 + 8, 1), out.at(8 * 16 + 8, 2)};
+  }
+
+  TempFolder folder;
+  SplatPlyBuilder ply;
+  TransferOptions options;
+};
+
+}  // namespace
+
+TEST_CASE("a plane of Gaussians shows the harmonics worked by hand", "[flow]") {
+  // Seen from +z the direction is (0 0 -1). Of the functions that are not 0 there: degree 1 (the
+  // second) is -0.4886025, degree 2 (the third) 0.6307831, degree 3 (the fourth) -0.7463527. Red
+  // has the first with 0.25, green the second with 0.5, blue the third with -0.25, and each has
+  // another that is 0 there. The file holds 15 of red, then of green, then of blue.
+  Plane plane;
+  for (auto& row : plane.ply.rows) {
+    row["f_rest_1"] = 0.25;
+    row["f_rest_0"] = 0.7;
+    row["f_rest_20"] = 0.5;
+    row["f_rest_18"] = 0.7;
+    row["f_rest_41"] = -0.25;
+    row["f_rest_39"] = 0.7;
+  }
+  const auto check = [&](SphericalHarmonics harmonics, std::array<double, 3> expected) {
+    plane.options.harmonics = harmonics;
+    const auto found = plane.colour();
+    CAPTURE(harmonics_name(harmonics));
+    for (std::size_t c = 0; c < 3; ++c) CHECK(found[c] == Approx(expected[c]).margin(2e-5));
+  };
+  check(SphericalHarmonics::dc, {0.5, 0.5, 0.5});
+  check(SphericalHarmonics::normal, {0.3778494, 0.8153916, 0.6865882});
+  check(SphericalHarmonics::mean, {0.4185662, 0.5788479, 0.5});
+  // Turned upside down the scene shows its other side: odd degrees change their sign.
+  plane.options.source_use.axes = "x,-y,-z";
+  for (auto& row : plane.ply.rows) row["y"] = -row["y"];
+  check(SphericalHarmonics::normal, {0.6221506, 0.8153916, 0.3134118});
+}
+
+TEST_CASE("a transfer leaves out what the user does not want", "[flow]") {
+  Plane plane;
+  Report report;
+  const std::size_t sheet = plane.ply.rows.size();
+  const auto add = [&](double z, double sigma, double opacity) {
+    auto row = SplatPlyBuilder::usual_row(0.5);
+    row["y"] = 0.5;
+    row["z"] = z;
+    row["scale_0"] = row["scale_1"] = row["scale_2"] = std::log(sigma);
+    row["opacity"] = opacity;
+    row["f_dc_0"] = 1;
+    plane.ply.rows.push_back(row);
+  };
+  add(0, 0.05, 0.0);   // alpha 0.5
+  add(0, 0.05, 0.01);  // alpha 0.5025
+  add(0, 3, 6);
+  add(0, 3.1, 6);
+  add(-9, 0.05, 6);
+  plane.options.min_opacity = 0.501;
+  plane.options.max_scale = 3.05;
+  plane.options.box = AxisBox{{-2, -2, -2}, {2, 2, 2}};
+  plane.colour(&report);
+  CHECK(report.source_filtered ==
+        std::map<std::string, std::uint64_t>{{"faint", 1}, {"outside_box", 1}, {"too_large", 1}});
+  CHECK(report.source_gaussians == sheet + 2);
+  plane.options.box.reset();
+  plane.options.near_target = Length{1, false};
+  plane.colour(&report);
+  CHECK(report.source_filtered.at("out_of_reach") == 1);  // the one at -9; the sheet ends near 1.45
+}
+
+TEST_CASE("where most of a scene is far from the target it is not sorted", "[flow]") {
+  Plane plane;
+  const std::size_t near = plane.ply.rows.size();
+  for (std::size_t i = 0; i < 4 * near; ++i) {  // a landscape
+    auto row = SplatPlyBuilder::usual_row(0.1 * static_cast<double>(i % 40) + 5);
+    row["y"] = 0.1 * static_cast<double>(i / 40);
+    plane.ply.rows.push_back(row);
+  }
+  Report report;
+  plane.options.resources.use_cache = true;
+  plane.options.resources.cache_dir = plane.folder.file("cache");
+  const auto colour = plane.colour(&report);
+  CHECK(report.source_filtered.at("out_of_reach") >= 4 * near);
+  const auto filtered = report.source_filtered;
+  const std::uint64_t sorted = report.source_gaussians;
+  plane.colour(&report);  // found again, and the same is said of it
+  CHECK(report.source_filtered == filtered);
+  CHECK(report.stages[1].cached);
+  plane.options.everywhere = true;
+  CHECK(plane.colour(&report) == colour);
+  CHECK(report.source_filtered.empty());
+  CHECK(report.source_gaussians == 5 * near);
+  // A third of the landscape: more than a quarter of the scene is near, and it is kept for others.
+  plane.options.everywhere = false;
+  plane.ply.rows.resize(near + 4 * near / 3);
+  plane.colour(&report);
+  CHECK(report.source_filtered.empty());
+  CHECK(sorted < near);
+}
+
+TEST_CASE("options of scenes are refused for meshes, and values that are none", "[flow]") {
+  const TempFolder folder;
+  TransferOptions mesh = make_random_scene(folder.path().string(), 5);
+  mesh.output = folder.file("out.png");
+  const auto refused = [&](TransferOptions asked, const std::string& part) {
+    std::string message;
+    CHECK(error_kind([&] { transfer(asked); }, &message) == exit_status(ErrorKind::usage));
+    CAPTURE(message);
+    CHECK(message.find(part) != std::string::npos);
+  };
+  TransferOptions asked = mesh;
+  asked.harmonics = SphericalHarmonics::dc;
+  refused(asked, "--sh is about the Gaussians of a splat scene");
+  asked = mesh;
+  asked.near_target = Length{1, false};
+  refused(asked, "--near-target is about");
+  asked = splat_scene(folder, 3, 100);
+  asked.box = AxisBox{{0, 0, 0}, {1, -1, 1}};
+  refused(asked, "from 0 to -1 along y");
+  asked.box.reset();
+  asked.min_opacity = 0;
+  refused(asked, "--min-opacity 0: from 1/255");
+  asked.min_opacity.reset();
+  asked.max_scale = -1.0;
+  refused(asked, "--max-scale");
 }
 
 TEST_CASE("a splat scene without a size gives 1024 texels", "[flow]") {

@@ -80,15 +80,24 @@ TEST_CASE("a decoder written from the page reads any splat block", "[format]") {
     for (float* v : {&s.mean.x, &s.mean.y, &s.mean.z, &s.sigma.x, &s.colour.y, &s.normal.z})
       *v = random.between(-10.0F, 10.0F);
   }
+  const std::uint32_t degree = GENERATE(0U, 1U, 2U, 3U);
+  const std::uint32_t lobes = kLobesOfDegree[degree];
+  std::vector<std::uint16_t> halves(3 * lobes * count);
+  for (std::uint16_t& half : halves) half = static_cast<std::uint16_t>(random.below(0x7C00));
   SplatBlock block;
-  block.assign(splats);
+  block.assign(splats, lobes, halves);
   Bytes raw;
   encode(block, raw);
   Stranger in(raw);
   REQUIRE(in.u32() == count);
-  CHECK(in.u32() == 1);
+  CHECK(in.u32() == (1 | degree << 1));
   std::vector<std::vector<float>> columns;
   for (int c = 0; c < 17; ++c) columns.push_back(floats(in.column(count, 1, 4, c < 3)));
+  const auto sh = in.column(halves.size(), 1, 2, false);
+  for (std::size_t i = 0; i < halves.size(); ++i) {
+    const std::size_t column = i / count, row = i % count;
+    if (sh[i] != halves[row * 3 * lobes + column]) FAIL("coefficient " << i);
+  }
   CHECK(in.left() == 0);
   for (std::size_t i = 0; i < count; ++i) {
     const Splat& s = splats[i];
@@ -112,7 +121,7 @@ TEST_CASE("the documented splat index page and directory are what the writers ma
   writer.add_block(entry, Bytes(100), 120);  // the stored size is made up
   writer.end_tile(compressor);
   SplatDirectory directory;
-  directory.filtered = {1, 0, 5, 0, 0, 2};
+  directory.filtered = {1, 0, 5, 0, 0, 2, 0, 0, 0, 0};
   directory.model = SplatModel::antialiased;
   directory.surface_noise = 0.125F;
   directory.middle_box = {{1, 2, 1}, {1.5F, 2, 1}};
@@ -132,8 +141,9 @@ TEST_CASE("the documented splat index page and directory are what the writers ma
   CHECK(in.u32() == 1);  // antialiased
   CHECK(in.f32() == 0.125F);
   CHECK(in.integer(8) == 2);
-  for (const std::uint64_t count : {1, 0, 5, 0, 0, 2}) CHECK(in.integer(8) == count);
-  for (const unsigned v : {2U, 1U, 120U, 0U}) CHECK(in.u32() == v);
+  for (const std::uint64_t count : {1, 0, 5, 0, 0, 2, 0, 0, 0, 0}) CHECK(in.integer(8) == count);
+  for (const unsigned v : {2U, 1U, 120U, 0U})  // the last: no harmonics
+    CHECK(in.u32() == v);
   for (const float v : {-0.5F, 1.25F, 1.0F, 3.0F, 2.75F, 1.0F}) CHECK(in.f32() == v);
   for (const float v : {1.0F, 2.0F, 1.0F, 1.5F, 2.0F, 1.0F}) CHECK(in.f32() == v);
   for (const float v : {-0.5F, 1.25F, 1.0F, 3.0F, 2.75F, 1.0F}) CHECK(in.f32() == v);

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstring>
 #include <deque>
+#include <numeric>
 #include <vector>
 
 #include "fuzz/fuzz_support.h"
@@ -49,7 +50,9 @@ store::SplatFacts splats_of(const PackTree& tree) {
   std::memcpy(counts.data(), tree.directory.data() + 16, sizeof counts);
   store::SplatFacts facts;
   facts.model = static_cast<store::SplatModel>(PackTree::u32(tree.directory, 8));
-  for (const std::uint64_t count : counts) facts.rows += count;
+  facts.is_linear = (PackTree::u32(tree.directory, 4) & 2) != 0;
+  facts.lobes = PackTree::u32(tree.directory, 116);
+  facts.rows = std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
   return facts;
 }
 

@@ -75,13 +75,13 @@ void read(const std::string& path) {
   }
   require(!io::splats_text(io::describe_splats(path)).empty(), "a scene can be described");
   const io::SplatPly ply(path, parse_axes("x,-z,-y"));
-  PageVector<Splat> splats;
+  store::SplatRows rows;
   store::SplatCounts filtered{};
-  ply.read(0, ply.header().splats, splats, filtered);
-  std::uint64_t rows = splats.size();
-  for (const std::uint64_t count : filtered) rows += count;
-  require(rows == ply.header().splats, "every row is kept or counted");
-  store(splats, store::SplatLattice(ply.sample()));
+  ply.read(0, ply.header().splats, rows, filtered);
+  std::uint64_t count = rows.splats.size();
+  for (const std::uint64_t out : filtered) count += out;
+  require(count == ply.header().splats, "every row is kept or counted");
+  store(rows.splats, store::SplatLattice(io::sample(ply)));
 }
 
 /// As many bytes as the elements of a header take; most_bytes where it is none or asks for more.

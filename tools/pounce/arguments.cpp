@@ -161,6 +161,26 @@ Method parse_method(const std::string& option, const std::string& text) {
   return *method;
 }
 
+SphericalHarmonics parse_harmonics(const std::string& option, const std::string& text) {
+  const auto harmonics = harmonics_from_name(text);
+  if (!harmonics) refuse(option, text, "dc, normal or mean");
+  return *harmonics;
+}
+
+AxisBox parse_box(const std::string& option, const std::string& text) {
+  AxisBox box;
+  std::string rest = "," + text;
+  for (std::size_t i = 0; i < 6; ++i) {
+    double& value = i < 3 ? box.lowest[i] : box.highest[i - 3];
+    const bool is_next = rest.starts_with(",");
+    std::string after;
+    if (!is_next || !leading_number(rest.substr(1), value, after) || (i == 5 && !after.empty()))
+      refuse(option, text, "six numbers, lowest x,y,z before highest x,y,z (-1,-1,0,1,1,2)");
+    rest = after;
+  }
+  return box;
+}
+
 Depth parse_depth(const std::string& option, const std::string& text) {
   const std::optional<Depth> depth = depth_from_name(text);
   if (!depth) refuse(option, text, "u8, u16, half or float");

@@ -30,6 +30,10 @@ ImageSize parse_image_size(const std::string& option, const std::string& text);
 Length parse_length(const std::string& option, const std::string& text);
 /// "surface" or "gaussian".
 Method parse_method(const std::string& option, const std::string& text);
+/// "dc", "normal" or "mean".
+SphericalHarmonics parse_harmonics(const std::string& option, const std::string& text);
+/// "x0,y0,z0,x1,y1,z1": six numbers, the lower end of each side first.
+AxisBox parse_box(const std::string& option, const std::string& text);
 Depth parse_depth(const std::string& option, const std::string& text);
 /// Channel names between commas, each at most once.
 std::vector<Channel> parse_channels(const std::string& option, const std::string& text);

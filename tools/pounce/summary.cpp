@@ -160,6 +160,8 @@ std::string warnings_text(const Report& report) {
   for (const std::string& warning : report.warnings) {
     text += fmt::format("pounce: warning: {}\n", visible_line(warning));
   }
+  for (const std::string& note : report.notes)
+    text += fmt::format("pounce: note: {}\n", visible_line(note));
   return text;
 }
 
@@ -169,6 +171,8 @@ std::string warnings_json(const Report& report) {
   for (const std::string& warning : report.warnings) {
     text += Json{{"warning", warning}}.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
   }
+  for (const std::string& note : report.notes)
+    text += Json{{"note", note}}.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
   return text;
 }
 

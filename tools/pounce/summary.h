@@ -12,7 +12,8 @@ std::string summary_text(const Report& report, double wall_s);  ///< outputs, te
 std::string details_text(const Report& report);                 ///< -v: stages, memory, tiles
 std::string plan_text(const Report& report);                    ///< --plan
 std::string warnings_text(const Report& report);
-std::string warnings_json(const Report& report);  ///< one {"warning": text} per line
+/// One {"warning": text} or {"note": text} per line.
+std::string warnings_json(const Report& report);
 /// The last line of --progress json: how the job ended.
 std::string end_line(const Report& report, int status);
 /// A line for each target that found less than --min-coverage.

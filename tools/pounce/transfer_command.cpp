@@ -165,6 +165,44 @@ void add_method_options(CLI::App& command, TransferOptions& options) {
              options.densify);
 }
 
+void add_splat_options(CLI::App& command, TransferOptions& options) {
+  const char* const group = "Gaussians (SOURCE is a splat scene)";
+  add_value(
+      command, "--sh", "MODE", group,
+      "Which colour a Gaussian with spherical harmonics shows to a texel.\n"
+      "mean: over all directions that look at the texel, as for a material\n"
+      "that is lit anew. normal: as seen from straight above, with the\n"
+      "highlights of there. dc: its base colour, a little faster. Default: mean",
+      [&options](const std::string& text) { options.harmonics = parse_harmonics("--sh", text); });
+  add_value(command, "--min-opacity", "A", group,
+            "Leave out Gaussians less opaque than this, 0.0039 (1/255) to 1:\n"
+            "against haze. Default: 1/255",
+            [&options](const std::string& text) {
+              options.min_opacity = parse_number("--min-opacity", text, 0.0039, 1);
+            });
+  add_value(command, "--max-scale", "L", group,
+            "Leave out Gaussians whose largest standard deviation is above this,\n"
+            "in the scene's units: against sky and fog. Default: no limit",
+            [&options](const std::string& text) {
+              options.max_scale = parse_number("--max-scale", text, 1e-30, 1e30);
+            });
+  add_value(command, "--box", "X0,Y0,Z0,X1,Y1,Z1", group,
+            "Leave out Gaussians whose middle is outside of this box, given\n"
+            "in the job's axes: after --source-axes. Default: no box",
+            [&options](const std::string& text) { options.box = parse_box("--box", text); });
+  add_value(command, "--near-target", "D|P%|off", group,
+            "Do not sort what stays farther than this from every target's\n"
+            "surface, with 3 standard deviations counted in. The store in the\n"
+            "cache is then of use to these targets alone. off: sort all.\n"
+            "Default: 1.5 times --max-distance where a sample says that this\n"
+            "spares three quarters of the scene, else off",
+            [&options](const std::string& text) {
+              options.everywhere = text == "off";
+              options.near_target.reset();
+              if (!options.everywhere) options.near_target = parse_length("--near-target", text);
+            });
+}
+
 void add_search_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Search";
   add_value(command, "--max-distance", "D|P%", group,
@@ -209,6 +247,7 @@ Command add_transfer_command(CLI::App& program) {
   add_mesh_options(*command, "source", "Source", options.source_use);
   add_mesh_options(*command, "target", "Target", options.target_use);
   add_method_options(*command, options);
+  add_splat_options(*command, options);
   add_search_options(*command, options);
   add_external_option(*command, "Target", options.allow_external);
   add_resource_options(*command, options.resources);

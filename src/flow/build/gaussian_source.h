@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "core/page_pool.h"
+#include "store/blocks/splat_rows.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::flow {
@@ -16,10 +17,12 @@ class GaussianSource {
   virtual ~GaussianSource() = default;
 
   virtual std::uint64_t count() const = 0;
+  /// Coefficients of harmonics per Gaussian and channel, one of kLobesOfDegree.
+  virtual std::uint32_t lobes() const = 0;
   /// Appends those of Gaussians [first, first + count) that can be used, in order, and counts the
-  /// others by reason; what has no colour at all is left out uncounted. Needs read_bytes() beside
-  /// what it appends.
-  virtual void read(std::uint64_t first, std::uint64_t count, PageVector<store::Splat>& out,
+  /// others by reason; what has no colour at all is left out uncounted. `out.lobes` is lobes().
+  /// Needs read_bytes() beside what it appends.
+  virtual void read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
                     store::SplatCounts& filtered) const = 0;
   virtual std::uint64_t read_bytes() const = 0;
   /// Usable Gaussians from everywhere, at most kSampleSplats: where they are and how large. Needs

@@ -38,8 +38,13 @@ constexpr std::size_t kLeastFanIn = 16, kMostFanIn = 1024;
 // Of the noise estimate: this many blocks are asked, taken evenly, or up to twice as many.
 constexpr std::uint32_t kNoiseBlocksLog2 = 5;
 
-/// Per Gaussian of a run that is being made: the Gaussian, and twice its key.
-constexpr std::uint64_t kRunBytes = sizeof(Splat) + 2 * sizeof(KeyedSplat);
+// A sample of fewer Gaussians than that says nothing of where a scene is.
+constexpr std::size_t kLeastSample = 64;
+
+/// Per Gaussian of a run that is being made: the Gaussian, its harmonics, and twice its key.
+constexpr std::uint64_t row_bytes(std::uint32_t lobes) {
+  return sizeof(Splat) + store::lobe_bytes(lobes) + 2 * sizeof(KeyedSplat);
+}
 
 /// The sample, what the lattice makes of it (vectors that grow hold up to three times their size),
 /// and what reading takes.
@@ -47,30 +52,36 @@ std::uint64_t sample_bytes(std::uint64_t read_bytes) {
   return GaussianSource::kSampleSplats * (sizeof(Splat) + 3 * 4 * sizeof(float)) + read_bytes;
 }
 
-std::uint64_t run_bytes(std::uint64_t read_bytes, std::uint64_t splats) {
+std::uint64_t run_bytes(std::uint64_t read_bytes, std::uint64_t splats, std::uint32_t lobes) {
   constexpr std::uint64_t kCounts = 64 << 10;  // of the sort's digits
-  return read_bytes + SplatRunWriter::write_bytes() + kCounts +
-         round_to_pages(splats * sizeof(Splat)) + 2 * round_to_pages(splats * sizeof(KeyedSplat));
+  return read_bytes + SplatRunWriter::write_bytes(lobes) + kCounts +
+         round_to_pages(splats * sizeof(Splat)) +
+         round_to_pages(splats * store::lobe_bytes(lobes)) +
+         2 * round_to_pages(splats * sizeof(KeyedSplat));
 }
 
 /// One block on its way through the pipeline: Gaussians, columns, encoded and compressed.
-std::uint64_t token_bytes() {
+std::uint64_t token_bytes(std::uint32_t lobes) {
   return round_to_pages(kMostSplatsPerBlock * sizeof(Splat)) +
-         4 * SplatBlock::decoded_bytes(kMostSplatsPerBlock, true);
+         round_to_pages(kMostSplatsPerBlock * store::lobe_bytes(lobes)) +
+         4 * SplatBlock::decoded_bytes(kMostSplatsPerBlock, true, lobes);
 }
 
 /// The merge's own: the Gaussians of two blocks and their keys.
-std::uint64_t pending_bytes() {
-  return 3 * round_to_pages(kMostSplatsPerBlock * (sizeof(Splat) + sizeof(std::uint64_t)));
+std::uint64_t pending_bytes(std::uint32_t lobes) {
+  return 3 * round_to_pages(kMostSplatsPerBlock *
+                            (sizeof(Splat) + store::lobe_bytes(lobes) + sizeof(std::uint64_t)));
 }
 
 class StoreBuilder {
  public:
   StoreBuilder(JobContext& job, const GaussianStoreRequest& request)
-      : job_(job), request_(request), source_(*request.source) {}
+      : job_(job), request_(request), source_(*request.source), lobes_(source_.lobes()) {}
 
   std::unique_ptr<store::SplatStore> build() {
     directory_.model = request_.facts.model;
+    directory_.is_linear = request_.facts.is_linear;
+    directory_.lobes = lobes_;
     const SplatLattice lattice = make_lattice();
     directory_.middle_box = lattice.middle_box();
     SplatRuns runs = make_runs(lattice);
@@ -82,18 +93,27 @@ class StoreBuilder {
   SplatRuns make_runs(const SplatLattice& lattice);
   SplatRun make_run(const SplatLattice& lattice, SplatRunWriter& writer, std::uint64_t first,
                     std::uint64_t rows, store::SplatCounts& filtered);
+  std::optional<store::SplatFilter> prepare(const SplatLattice& lattice, store::SplatRows& rows,
+                                            std::size_t i) const;
   std::unique_ptr<store::SplatStore> merge(const SplatLattice& lattice, SplatRuns runs);
 
   JobContext& job_;
   const GaussianStoreRequest& request_;
   const GaussianSource& source_;
+  const std::uint32_t lobes_;
   store::SplatDirectory directory_;
 };
 
 SplatLattice StoreBuilder::make_lattice() {
   const runtime::Lease lease(job_.budget, sample_bytes(source_.read_bytes()),
                              "looking at " + request_.path);
-  const PageVector<Splat> sample = source_.sample();
+  PageVector<Splat> sample = source_.sample();
+  const auto left =
+      static_cast<std::size_t>(std::count_if(sample.begin(), sample.end(), [&](const Splat& s) {
+        return !request_.keep.filter(s).has_value();
+      }));
+  if (left >= kLeastSample)
+    std::erase_if(sample, [&](const Splat& s) { return request_.keep.filter(s).has_value(); });
   directory_.roundness = source::median_roundness(sample);
   return SplatLattice(sample);
 }
@@ -101,30 +121,41 @@ SplatLattice StoreBuilder::make_lattice() {
 SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& writer,
                                 std::uint64_t first, std::uint64_t rows,
                                 store::SplatCounts& filtered) {
-  PageVector<Splat> splats;
-  splats.reserve(rows);
-  source_.read(first, rows, splats, filtered);
+  store::SplatRows read{lobes_, {}, {}};
+  read.splats.reserve(rows);
+  read.sh.reserve(rows * 3 * lobes_);
+  source_.read(first, rows, read, filtered);
   PageVector<KeyedSplat> order, scratch;
-  order.reserve(splats.size());
-  for (std::size_t i = 0; i < splats.size(); ++i) {
-    Splat& s = splats[i];
-    store::round_for_store(s);
-    if (const auto reason = lattice.filter(s)) {
+  order.reserve(read.splats.size());
+  for (std::size_t i = 0; i < read.splats.size(); ++i) {
+    if (const auto reason = prepare(lattice, read, i)) {
       ++filtered[static_cast<std::size_t>(*reason)];
       continue;
     }
-    order.push_back({lattice.key(s), static_cast<std::uint32_t>(i)});
+    order.push_back({lattice.key(read.splats[i]), static_cast<std::uint32_t>(i)});
   }
   sort_by_key(order, scratch);
-  return writer.write(splats, order);
+  return writer.write(read, order);
+}
+
+/// Rounds Gaussian i, or says why it is left out. What the user wants is compared unrounded.
+std::optional<store::SplatFilter> StoreBuilder::prepare(const SplatLattice& lattice,
+                                                        store::SplatRows& rows,
+                                                        std::size_t i) const {
+  if (const auto reason = request_.keep.filter(rows.splats[i])) return reason;
+  const std::size_t halves = std::size_t{3} * lobes_;
+  if (!store::all_finite(std::span(rows.sh).subspan(i * halves, halves)))
+    return store::SplatFilter::not_finite;
+  store::round_for_store(rows.splats[i]);
+  return lattice.filter(rows.splats[i]);
 }
 
 SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
   const std::uint64_t rows = source_.count();
   // As many runs at once as there are threads, and no longer than that leaves room for.
   const std::uint64_t room = (job_.budget.limit() - job_.budget.leased()) / job_.threads;
-  const std::uint64_t fixed = run_bytes(source_.read_bytes(), 0);
-  std::uint64_t run = room > fixed ? (room - fixed) * 7 / 8 / kRunBytes : 0;
+  const std::uint64_t fixed = run_bytes(source_.read_bytes(), 0, lobes_);
+  std::uint64_t run = room > fixed ? (room - fixed) * 7 / 8 / row_bytes(lobes_) : 0;
   run = std::clamp(run, kLeastRun, kMostRun);
   run = std::min(run, std::max(kLeastRun, (rows + job_.threads - 1) / job_.threads));
   if (request_.run_splats > 0) run = request_.run_splats;
@@ -134,9 +165,9 @@ SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
     store::SplatCounts filtered{};
   };
   const std::uint64_t count = (rows + run - 1) / run;
-  const std::vector<std::uint64_t> costs(count,
-                                         run_bytes(source_.read_bytes(), std::min(run, rows)));
-  SplatRunWriter writer(job_);
+  const std::vector<std::uint64_t> costs(
+      count, run_bytes(source_.read_bytes(), std::min(run, rows), lobes_));
+  SplatRunWriter writer(job_, lobes_);
   SplatRuns runs;
   runtime::run_ordered<Made>(
       job_.budget, costs, "sorting the Gaussians of " + request_.path,
@@ -159,8 +190,9 @@ SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
 /// Blocks in order, cut from the merged sequence.
 class BlockCutter {
  public:
-  explicit BlockCutter(SplatMerge& merge) : merge_(merge) {
-    splats_.reserve(2 * kMostSplatsPerBlock);
+  BlockCutter(SplatMerge& merge, std::uint32_t lobes) : merge_(merge), rows_{lobes, {}, {}} {
+    rows_.splats.reserve(2 * kMostSplatsPerBlock);
+    rows_.sh.reserve(2 * kMostSplatsPerBlock * halves());
     keys_.reserve(2 * kMostSplatsPerBlock);
   }
 
@@ -168,30 +200,32 @@ class BlockCutter {
     std::uint64_t ordinal = 0;
     std::uint64_t first_key = 0;
     PageVector<Splat> splats;
+    PageVector<std::uint16_t> sh;
   };
   /// False at the end.
   bool next(Cut& cut) {
-    Splat splat;
     std::uint64_t key;
-    while (keys_.size() <= kMostSplatsPerBlock && merge_.next(splat, key)) {
-      splats_.push_back(splat);
-      keys_.push_back(key);
-    }
+    while (keys_.size() <= kMostSplatsPerBlock && merge_.next(rows_, key)) keys_.push_back(key);
     if (keys_.empty()) return false;
     const bool ended = keys_.size() <= kMostSplatsPerBlock;
     const std::size_t count = store::splat_cut(keys_, kMostSplatsPerBlock, ended);
     cut.ordinal = next_++;
     cut.first_key = keys_.front();
     const auto end = static_cast<std::ptrdiff_t>(count);
-    cut.splats.assign(splats_.begin(), splats_.begin() + end);
-    splats_.erase(splats_.begin(), splats_.begin() + end);
+    const auto sh_end = static_cast<std::ptrdiff_t>(count * halves());
+    cut.splats.assign(rows_.splats.begin(), rows_.splats.begin() + end);
+    cut.sh.assign(rows_.sh.begin(), rows_.sh.begin() + sh_end);
+    rows_.splats.erase(rows_.splats.begin(), rows_.splats.begin() + end);
+    rows_.sh.erase(rows_.sh.begin(), rows_.sh.begin() + sh_end);
     keys_.erase(keys_.begin(), keys_.begin() + end);
     return true;
   }
 
  private:
+  std::size_t halves() const { return std::size_t{3} * rows_.lobes; }
+
   SplatMerge& merge_;
-  PageVector<Splat> splats_;  ///< merged, not cut yet
+  store::SplatRows rows_;  ///< merged, not cut yet
   PageVector<std::uint64_t> keys_;
   std::uint64_t next_ = 0;
 };
@@ -215,13 +249,13 @@ bool asked_for_noise(std::uint64_t ordinal, std::uint32_t step_log2) {
   return (ordinal & ((1ULL << step_log2) - 1)) == 0;
 }
 
-void encode_block(JobContext& job, Slot& slot) {
+void encode_block(JobContext& job, std::uint32_t lobes, Slot& slot) {
   slot.entry = {};
   slot.entry.splats = static_cast<std::uint32_t>(slot.cut.splats.size());
   slot.entry.size_class =
       static_cast<std::uint32_t>(SplatLattice::key_size_class(slot.cut.first_key));
   for (const Splat& s : slot.cut.splats) slot.entry.box.extend(store::splat_box(s));
-  slot.block.assign(slot.cut.splats);
+  slot.block.assign(slot.cut.splats, lobes, slot.cut.sh);
   store::encode(slot.block, slot.raw);
   job.compressor().compress(slot.raw, slot.stored);
   slot.noise.clear();
@@ -235,20 +269,23 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   const runtime::Lease lists(job_.budget, runs.size_bytes(), "the places of sorted Gaussians");
   // Where little is left, the lease below says what is missing.
   const auto less = [](std::uint64_t a, std::uint64_t b) { return a > b ? a - b : 0; };
-  const std::uint64_t room = less(job_.budget.limit(), job_.budget.leased() + pending_bytes());
+  const std::uint64_t room =
+      less(job_.budget.limit(), job_.budget.leased() + pending_bytes(lobes_));
   const std::uint64_t tokens = std::clamp<std::uint64_t>(
-      room / 2 / token_bytes(), 1, 2 * static_cast<std::uint64_t>(job_.threads));
-  const std::uint64_t cursors = less(room, tokens * token_bytes()) / SplatMerge::cursor_bytes();
+      room / 2 / token_bytes(lobes_), 1, 2 * static_cast<std::uint64_t>(job_.threads));
+  const std::uint64_t cursors =
+      less(room, tokens * token_bytes(lobes_)) / SplatMerge::cursor_bytes(lobes_);
   std::size_t fan_in = std::clamp<std::size_t>(cursors, kLeastFanIn, kMostFanIn);
   if (request_.fan_in > 0) fan_in = request_.fan_in;
   fan_in = std::min(fan_in, std::max<std::size_t>(runs.runs.size(), 1));
-  const runtime::Lease lease(
-      job_.budget, pending_bytes() + tokens * token_bytes() + fan_in * SplatMerge::cursor_bytes(),
-      "merging the Gaussians of " + request_.path);
-  runs = merge_to_fan_in(job_, lattice, std::move(runs), fan_in);
+  const runtime::Lease lease(job_.budget,
+                             pending_bytes(lobes_) + tokens * token_bytes(lobes_) +
+                                 fan_in * SplatMerge::cursor_bytes(lobes_),
+                             "merging the Gaussians of " + request_.path);
+  runs = merge_to_fan_in(job_, lattice, lobes_, std::move(runs), fan_in);
 
-  SplatMerge sequence(job_, lattice, runs.pack, runs.runs);
-  BlockCutter cutter(sequence);
+  SplatMerge sequence(job_, lattice, lobes_, runs.pack, runs.runs);
+  BlockCutter cutter(sequence, lobes_);
   // The last stage ends blocks in order, so those under way are neighbours: each has its own slot.
   std::vector<Slot> slots(tokens);
   store::SplatStoreWriter writer(job_.stores->create(
@@ -282,7 +319,7 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
                                                        }) &
                              tbb::make_filter<Slot*, Slot*>(tbb::filter_mode::parallel,
                                                             [&](Slot* slot) {
-                                                              encode_block(job_, *slot);
+                                                              encode_block(job_, lobes_, *slot);
                                                               return slot;
                                                             }) &
                              tbb::make_filter<Slot*, void>(tbb::filter_mode::serial_in_order,
@@ -312,12 +349,13 @@ std::unique_ptr<store::SplatStore> build_gaussian_store(JobContext& job,
   return StoreBuilder(job, request).build();
 }
 
-std::uint64_t gaussian_store_least_bytes(std::uint64_t count, std::uint64_t read_bytes) {
+std::uint64_t gaussian_store_least_bytes(std::uint64_t count, std::uint64_t read_bytes,
+                                         std::uint32_t lobes) {
   const std::uint64_t lists = count / 1024 * 2 * sizeof(store::ChunkRef) +
                               count / kLeastRun * 2 * sizeof(SplatRun) + kPageBytes;
-  return std::max(
-             {sample_bytes(read_bytes), run_bytes(read_bytes, kLeastRun) + lists,
-              lists + pending_bytes() + token_bytes() + kLeastFanIn * SplatMerge::cursor_bytes()}) +
+  return std::max({sample_bytes(read_bytes), run_bytes(read_bytes, kLeastRun, lobes) + lists,
+                   lists + pending_bytes(lobes) + token_bytes(lobes) +
+                       kLeastFanIn * SplatMerge::cursor_bytes(lobes)}) +
          (64 << 10);
 }
 

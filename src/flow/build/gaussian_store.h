@@ -6,6 +6,7 @@
 #include <string>
 
 #include "flow/build/gaussian_source.h"
+#include "flow/build/splat_keep.h"
 #include "flow/job_context.h"
 #include "store/blocks/splat_store.h"
 
@@ -17,6 +18,7 @@ struct GaussianStoreRequest {
   Hash128 key;
   std::string path;  ///< of the source, for messages
   store::SplatFacts facts;
+  SplatKeep keep = {};
   /// For tests: most Gaussians of a run and most runs merged at once; 0 = what the budget holds.
   /// The store does not depend on them.
   std::uint64_t run_splats = 0;
@@ -24,7 +26,7 @@ struct GaussianStoreRequest {
 };
 
 /// Raised whenever the same Gaussians would make another store: part of every key.
-inline constexpr std::uint32_t kGaussianStoreVersion = 2;
+inline constexpr std::uint32_t kGaussianStoreVersion = 3;
 
 /// Samples, filters and sorts Gaussians into a store of blocks. Advances job.meter by twice their
 /// number. Throws Error(input) where none is of use, Error(budget) below
@@ -32,8 +34,9 @@ inline constexpr std::uint32_t kGaussianStoreVersion = 2;
 std::unique_ptr<store::SplatStore> build_gaussian_store(JobContext& job,
                                                         const GaussianStoreRequest& request);
 /// The least that the work above may need at once, for so many Gaussians whose source reads with
-/// `read_bytes`.
-std::uint64_t gaussian_store_least_bytes(std::uint64_t count, std::uint64_t read_bytes);
+/// `read_bytes`, with `lobes` coefficients of harmonics each.
+std::uint64_t gaussian_store_least_bytes(std::uint64_t count, std::uint64_t read_bytes,
+                                         std::uint32_t lobes);
 
 /// What a stored scene has left out, into job.report.source_filtered.
 void report_filtered(JobContext& job, const store::SplatStore& store);

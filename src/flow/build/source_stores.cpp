@@ -64,9 +64,9 @@ void SourceStores::build_splats(double end) {
   const StageTimer timer(job_.clock, "precondition");
   const ScratchPack runs_go(job_, store::PackKind::splats);  // what the store is sorted from
   bool cached = false;
-  auto opened =
-      splat_store(job_, {options_.source, axes_of(options_.source_use, "source")}, &cached, end);
-  splats_ = std::make_unique<SplatCache>(job_.budget, SplatReader{{&job_, std::move(opened)}});
+  auto opened = splat_store(job_, plan_.splats, &cached, end);
+  splats_ = std::make_unique<SplatCache>(
+      job_.budget, SplatReader{{&job_, std::move(opened)}, options_.harmonics});
   job_.report.depth_window = kWindowOverNoise * splats_->store().directory().surface_noise;
   count_splats(cached);
 }
@@ -76,7 +76,8 @@ void SourceStores::build_texels(double begin, double end) {
   const ScratchPack runs_go(job_, store::PackKind::splats);
   bool cached = false;
   auto opened = texel_store(job_, texels_of(plan_), &cached, begin, end);
-  splats_ = std::make_unique<SplatCache>(job_.budget, SplatReader{{&job_, std::move(opened)}});
+  splats_ = std::make_unique<SplatCache>(
+      job_.budget, SplatReader{{&job_, std::move(opened)}, options_.harmonics});
   count_splats(cached);
 }
 
@@ -111,6 +112,7 @@ std::unique_ptr<Projection> SourceStores::splat_projector(const store::GeometryS
   request.format = plan_.channels.front().format;
   request.kernels = &projection::splat_kernels(isa_);
   const store::SplatDirectory& scene = splats_->store().directory();
+  request.linear = scene.is_linear;
   request.limits.reach = target_plan.max_distance;
   request.limits.min_cosine = min_cosine();
   request.limits.window = kWindowOverNoise * scene.surface_noise;

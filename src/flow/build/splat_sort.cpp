@@ -27,6 +27,11 @@ static_assert(sizeof(Splat) == kPlainBytes + sizeof(Vec3f) && sizeof(Splat) == 1
 constexpr std::size_t kAhead = 16;  // Gaussians to fetch before they are wanted: a run is no cache
 constexpr std::uint64_t kNoKey = std::numeric_limits<std::uint64_t>::max();
 
+/// Of a Gaussian with a normal.
+constexpr std::size_t record_bytes(std::uint32_t lobes) {
+  return sizeof(Splat) + store::lobe_bytes(lobes);
+}
+
 constexpr int kDigitBits = 11;
 constexpr std::size_t kDigits = (64 + kDigitBits - 1) / kDigitBits;
 constexpr std::size_t kDigitValues = std::size_t{1} << kDigitBits;
@@ -71,15 +76,18 @@ void sort_by_key(PageVector<KeyedSplat>& splats, PageVector<KeyedSplat>& scratch
 }
 
 /// Gaussians on their way into the pack: their number, the records without normals, then, if any
-/// has one, all normals.
+/// has one, all normals, then all harmonics.
 class SplatRunWriter::Chunk {
  public:
   Chunk(SplatRunWriter& writer, SplatRun& run) : writer_(writer), run_(run) {
-    bytes_.resize(kChunkHeader + kRunChunk * sizeof(Splat));
+    bytes_.resize(kChunkHeader + kRunChunk * record_bytes(writer.lobes_));
+    sh_.resize(kRunChunk * halves());
   }
-  void add(const Splat& splat) {
+  /// `sh`: its coefficients, if there are any.
+  void add(const Splat& splat, const std::uint16_t* sh) {
     std::memcpy(&bytes_[kChunkHeader + count_ * kPlainBytes], &splat, kPlainBytes);
     normals_[count_] = splat.normal;
+    if (halves() > 0) std::copy_n(sh, halves(), &sh_[count_ * halves()]);
     has_normals_ |= splat.normal != Vec3f{};
     if (++count_ == kRunChunk) flush();
   }
@@ -91,6 +99,11 @@ class SplatRunWriter::Chunk {
       std::memcpy(&bytes_[size], normals_.data(), count_ * sizeof(Vec3f));
       size += count_ * sizeof(Vec3f);
     }
+    if (halves() > 0) {
+      const std::size_t sh_bytes = count_ * store::lobe_bytes(writer_.lobes_);
+      std::memcpy(&bytes_[size], sh_.data(), sh_bytes);
+      size += sh_bytes;
+    }
     const std::lock_guard lock(writer_.mutex_);
     run_.chunks.push_back(writer_.pack_->append(
         store::ChunkKind::block, std::span(bytes_).first(size), static_cast<std::uint32_t>(size)));
@@ -100,29 +113,35 @@ class SplatRunWriter::Chunk {
   }
 
  private:
+  std::size_t halves() const { return std::size_t{3} * writer_.lobes_; }
+
   SplatRunWriter& writer_;
   SplatRun& run_;
   PageVector<std::byte> bytes_;
+  PageVector<std::uint16_t> sh_;
   std::array<Vec3f, kRunChunk> normals_;
   std::uint64_t count_ = 0;
   bool has_normals_ = false;
 };
 
-SplatRunWriter::SplatRunWriter(JobContext& job)
-    : job_(job), pack_(job.scratch->create(store::PackKind::splats, Hash128{})) {}
+SplatRunWriter::SplatRunWriter(JobContext& job, std::uint32_t lobes)
+    : job_(job), lobes_(lobes), pack_(job.scratch->create(store::PackKind::splats, Hash128{})) {}
 
-std::uint64_t SplatRunWriter::write_bytes() {
-  return 2 * round_to_pages(kChunkHeader + kRunChunk * sizeof(Splat));
+std::uint64_t SplatRunWriter::write_bytes(std::uint32_t lobes) {
+  return 2 * round_to_pages(kChunkHeader + kRunChunk * record_bytes(lobes)) +
+         round_to_pages(kRunChunk * store::lobe_bytes(lobes));
 }
 
-SplatRun SplatRunWriter::write(std::span<const Splat> splats, std::span<const KeyedSplat> order) {
+SplatRun SplatRunWriter::write(const store::SplatRows& rows, std::span<const KeyedSplat> order) {
+  const PageVector<Splat>& splats = rows.splats;
+  const std::size_t halves = std::size_t{3} * lobes_;
   SplatRun run;
   Chunk chunk(*this, run);
   for (std::size_t i = 0; i < order.size(); ++i) {
     const Splat* const ahead = &splats[order[std::min(i + kAhead, order.size() - 1)].index];
     __builtin_prefetch(ahead);
     __builtin_prefetch(reinterpret_cast<const std::byte*>(ahead + 1) - 1);
-    chunk.add(splats[order[i].index]);
+    chunk.add(splats[order[i].index], rows.sh.data() + order[i].index * halves);
   }
   chunk.flush();
   return run;
@@ -131,9 +150,13 @@ SplatRun SplatRunWriter::write(std::span<const Splat> splats, std::span<const Ke
 SplatRun SplatRunWriter::write(SplatMerge& merge) {
   SplatRun run;
   Chunk chunk(*this, run);
-  Splat splat;
+  store::SplatRows one{lobes_, {}, {}};
   std::uint64_t key;
-  while (merge.next(splat, key)) chunk.add(splat);
+  while (merge.next(one, key)) {
+    chunk.add(one.splats.front(), one.sh.data());
+    one.splats.clear();
+    one.sh.clear();
+  }
   chunk.flush();
   return run;
 }
@@ -151,17 +174,19 @@ struct SplatMerge::Cursor {
   std::size_t next_chunk = 0;
   std::size_t at = 0;
   PageVector<Splat> splats;
+  PageVector<std::uint16_t> sh;
   PageVector<std::uint64_t> keys;
 };
 
-std::uint64_t SplatMerge::cursor_bytes() {
+std::uint64_t SplatMerge::cursor_bytes(std::uint32_t lobes) {
   return round_to_pages(kRunChunk * sizeof(Splat)) +
+         round_to_pages(kRunChunk * store::lobe_bytes(lobes)) +
          round_to_pages(kRunChunk * sizeof(std::uint64_t)) + 512;
 }
 
-SplatMerge::SplatMerge(JobContext& job, const store::SplatLattice& lattice,
+SplatMerge::SplatMerge(JobContext& job, const store::SplatLattice& lattice, std::uint32_t lobes,
                        std::shared_ptr<store::PackReader> pack, std::span<const SplatRun> runs)
-    : job_(job), lattice_(lattice), pack_(std::move(pack)), cursors_(runs.size()) {
+    : job_(job), lattice_(lattice), lobes_(lobes), pack_(std::move(pack)), cursors_(runs.size()) {
   keys_.assign(std::max<std::size_t>(runs.size(), 1), kNoKey);
   tree_.assign(keys_.size(), std::numeric_limits<std::uint32_t>::max());
   for (std::size_t r = 0; r < runs.size(); ++r) {
@@ -181,8 +206,9 @@ void SplatMerge::refill(Cursor& cursor) {
   pack_->read(cursor.run->chunks[cursor.next_chunk++], store::ChunkKind::block, chunk_);
   ByteReader in(chunk_, pack_->name() + ": run");
   const auto count = in.get<std::uint64_t>();
-  const bool has_normals = in.left() == count * sizeof(Splat);
-  if (count > kRunChunk || (!has_normals && in.left() != count * kPlainBytes))
+  if (count > kRunChunk) in.fail("has more Gaussians than a chunk holds");
+  const bool has_normals = in.left() == count * record_bytes(lobes_);
+  if (!has_normals && in.left() != count * (record_bytes(lobes_) - sizeof(Vec3f)))
     in.fail("has another size than its count says");
   cursor.splats.resize(count);
   cursor.keys.resize(count);
@@ -192,8 +218,11 @@ void SplatMerge::refill(Cursor& cursor) {
     s.normal = {};
     cursor.keys[i] = lattice_.key(s);
   }
-  if (!has_normals) return;
-  for (Splat& s : cursor.splats) in.get_span(std::span(&s.normal, 1));
+  if (has_normals) {
+    for (Splat& s : cursor.splats) in.get_span(std::span(&s.normal, 1));
+  }
+  cursor.sh.resize(count * 3 * lobes_);
+  if (lobes_ > 0) in.get_span(std::span(cursor.sh));
 }
 
 /// Takes a cursor up the tree of losers: each inner node keeps the one that lost there.
@@ -214,26 +243,31 @@ void SplatMerge::replay(std::size_t leaf) {
   tree_[0] = winner;
 }
 
-bool SplatMerge::next(Splat& splat, std::uint64_t& key) {
+bool SplatMerge::next(store::SplatRows& out, std::uint64_t& key) {
   const std::uint32_t winner = tree_[0];
   if (keys_[winner] == kNoKey) return false;
   Cursor& cursor = cursors_[winner];
   key = keys_[winner];
-  splat = cursor.splats[cursor.at++];
+  out.splats.push_back(cursor.splats[cursor.at]);
+  if (lobes_ > 0) {
+    const std::uint16_t* const sh = cursor.sh.data() + cursor.at * 3 * lobes_;
+    out.sh.insert(out.sh.end(), sh, sh + std::size_t{3} * lobes_);
+  }
+  ++cursor.at;
   if (cursor.at == cursor.keys.size()) refill(cursor);
   keys_[winner] = cursor.keys.empty() ? kNoKey : cursor.keys[cursor.at];
   replay(winner);
   return true;
 }
 
-SplatRuns merge_to_fan_in(JobContext& job, const store::SplatLattice& lattice, SplatRuns runs,
-                          std::size_t fan_in) {
+SplatRuns merge_to_fan_in(JobContext& job, const store::SplatLattice& lattice, std::uint32_t lobes,
+                          SplatRuns runs, std::size_t fan_in) {
   while (runs.runs.size() > fan_in) {
     SplatRuns merged;
-    SplatRunWriter writer(job);
+    SplatRunWriter writer(job, lobes);
     for (std::size_t first = 0; first < runs.runs.size(); first += fan_in) {
       const std::size_t count = std::min(fan_in, runs.runs.size() - first);
-      SplatMerge merge(job, lattice, runs.pack, std::span(runs.runs).subspan(first, count));
+      SplatMerge merge(job, lattice, lobes, runs.pack, std::span(runs.runs).subspan(first, count));
       merged.runs.push_back(writer.write(merge));
       job.meter.advance(0);  // stops here if the caller asked to
     }

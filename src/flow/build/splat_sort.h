@@ -10,6 +10,7 @@
 
 #include "flow/job_context.h"
 #include "store/blocks/splat_lattice.h"
+#include "store/blocks/splat_rows.h"
 #include "store/pack/pack.h"
 
 namespace pounce::flow {
@@ -42,19 +43,21 @@ class SplatMerge;
 /// What is written is read once and soon, so it is not compressed: that would save a sixth.
 class SplatRunWriter {
  public:
-  explicit SplatRunWriter(JobContext& job);
-  /// Appends those of `splats` that `order` names, in that order. Thread-safe.
-  SplatRun write(std::span<const store::Splat> splats, std::span<const KeyedSplat> order);
+  /// `lobes`: of the harmonics of every Gaussian.
+  SplatRunWriter(JobContext& job, std::uint32_t lobes);
+  /// Appends those of `rows` that `order` names, in that order. Thread-safe.
+  SplatRun write(const store::SplatRows& rows, std::span<const KeyedSplat> order);
   /// Appends all that is left of a merge. Thread-safe.
   SplatRun write(SplatMerge& merge);
   std::shared_ptr<store::PackReader> finish();
   /// Memory that one call of write() takes.
-  static std::uint64_t write_bytes();
+  static std::uint64_t write_bytes(std::uint32_t lobes);
 
  private:
   class Chunk;
 
   JobContext& job_;
+  const std::uint32_t lobes_;
   std::mutex mutex_;  ///< guards pack_
   std::unique_ptr<store::PackWriter> pack_;
 };
@@ -62,13 +65,13 @@ class SplatRunWriter {
 /// Merges runs into one sequence, ordered by key and then by run.
 class SplatMerge {
  public:
-  SplatMerge(JobContext& job, const store::SplatLattice& lattice,
+  SplatMerge(JobContext& job, const store::SplatLattice& lattice, std::uint32_t lobes,
              std::shared_ptr<store::PackReader> pack, std::span<const SplatRun> runs);
   ~SplatMerge();
-  /// The next Gaussian and its key; false at the end.
-  bool next(store::Splat& splat, std::uint64_t& key);
+  /// Appends the next Gaussian and tells its key; false at the end.
+  bool next(store::SplatRows& out, std::uint64_t& key);
   /// Memory per run that is merged at once.
-  static std::uint64_t cursor_bytes();
+  static std::uint64_t cursor_bytes(std::uint32_t lobes);
 
  private:
   struct Cursor;
@@ -77,6 +80,7 @@ class SplatMerge {
 
   JobContext& job_;
   const store::SplatLattice& lattice_;
+  const std::uint32_t lobes_;
   std::shared_ptr<store::PackReader> pack_;
   std::vector<std::byte> chunk_;  ///< the last one that was read
   std::vector<Cursor> cursors_;
@@ -85,7 +89,7 @@ class SplatMerge {
 };
 
 /// Merges groups of `fan_in` neighbouring runs until no more than that are left.
-SplatRuns merge_to_fan_in(JobContext& job, const store::SplatLattice& lattice, SplatRuns runs,
-                          std::size_t fan_in);
+SplatRuns merge_to_fan_in(JobContext& job, const store::SplatLattice& lattice, std::uint32_t lobes,
+                          SplatRuns runs, std::size_t fan_in);
 
 }  // namespace pounce::flow

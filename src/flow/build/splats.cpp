@@ -1,33 +1,56 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A scene's file as a source of Gaussians: rows in any order, hashed once, sorted into a store.
+//
+// One scene serves many targets, so its store knows of none, unless that would waste most of the
+// work: where no more than a quarter of a sample is near the job's targets, what is far from them
+// is left out, and the store's key says what was near (docs/decisions/024-near-target.md).
 #include "flow/build/splats.h"
 
 #include <algorithm>
 
 #include "flow/build/find_store.h"
 #include "flow/build/gaussian_store.h"
-#include "io/splats/ply.h"
+#include "io/splats/scene.h"
 
 namespace pounce::flow {
 namespace {
 
-class PlyGaussians : public GaussianSource {
- public:
-  explicit PlyGaussians(const io::SplatPly& ply) : ply_(ply) {}
-  std::uint64_t count() const override { return ply_.header().splats; }
-  void read(std::uint64_t first, std::uint64_t count, PageVector<store::Splat>& out,
-            store::SplatCounts& filtered) const override {
-    ply_.read(first, count, out, filtered);
+/// A store of its own for these targets is worth it where it holds no more than one in so many.
+constexpr std::size_t kWorthLeavingOut = 4;
+
+std::uint32_t kept_lobes(const io::SplatSceneInfo& info, SphericalHarmonics harmonics) {
+  const std::uint32_t of_file = store::kLobesOfDegree[std::min<std::size_t>(
+      info.sh_degree, store::kLobesOfDegree.size() - 1)];
+  switch (harmonics) {
+    case SphericalHarmonics::dc:
+      return 0;
+    case SphericalHarmonics::normal:
+      return of_file;
+    case SphericalHarmonics::mean:  // the hemisphere's mean of degree 3 is 0
+      return std::min(of_file, store::kLobesOfDegree[2]);
   }
-  std::uint64_t read_bytes() const override { return ply_.read_bytes(); }
+  return 0;
+}
+
+class SceneGaussians : public GaussianSource {
+ public:
+  SceneGaussians(const io::SplatScene& scene, std::uint32_t lobes) : scene_(scene), lobes_(lobes) {}
+  std::uint64_t count() const override { return scene_.info().splats; }
+  std::uint32_t lobes() const override { return lobes_; }
+  void read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
+            store::SplatCounts& filtered) const override {
+    scene_.read(first, count, out, filtered);
+  }
+  std::uint64_t read_bytes() const override { return scene_.read_bytes(); }
   PageVector<store::Splat> sample() const override {
-    static_assert(io::SplatPly::kSampleSplats <= kSampleSplats);
-    return ply_.sample();
+    static_assert(io::kSampleSplats <= kSampleSplats);
+    return io::sample(scene_);
   }
 
  private:
-  const io::SplatPly& ply_;
+  const io::SplatScene& scene_;
+  const std::uint32_t lobes_;
 };
 
 /// Hash of the whole file, in pieces.
@@ -46,54 +69,114 @@ Hash128 hash_file(JobContext& job, const ReadFile& file) {
   return hash.digest();
 }
 
-Hash128 store_key(JobContext& job, const SplatRequest& request, const io::SplatPly& ply) {
-  Hasher hash;
-  hash.add(std::string_view("splats"));
-  hash.add(store::kFormatVersion);
-  hash.add(kGaussianStoreVersion);
-  if (job.stores->persistent()) {
-    const Hash128 content =
-        job.content_hash(request.path, 0, 0, [&] { return hash_file(job, ply.file()); });
-    hash.add(content.hi);
-    hash.add(content.lo);
-  } else {  // nobody will look for it: spare the second reading of a file of many GB
-    hash.add(std::string_view(request.path));
+/// A scene on its way into a store.
+class SceneStore {
+ public:
+  SceneStore(JobContext& job, const SplatRequest& request)
+      : job_(job),
+        request_(request),
+        scene_(io::open_splat_scene(request.path, request.axes)),
+        source_(*scene_, kept_lobes(scene_->info(), request.harmonics)) {}
+
+  std::uint64_t count() const { return source_.count(); }
+
+  std::unique_ptr<store::SplatStore> make(bool* cached) {
+    SplatKeep keep = request_.keep;
+    *cached = true;
+    if (!keep.near.empty() && !request_.near_is_asked) {
+      if (auto found = find(keep)) return found;
+      if (!is_mostly_far(keep)) keep.near.clear();
+    }
+    if (auto found = find(keep)) return found;
+    *cached = false;
+    prepare();
+    return build_gaussian_store(job_, {&source_, key(keep), request_.path, facts(), keep,
+                                       request_.run_splats, request_.fan_in});
   }
-  hash.add(to_text(request.axes));
-  return hash.digest();
-}
+
+ private:
+  store::SplatFacts facts() const {
+    const io::SplatSceneInfo& info = scene_->info();
+    return {info.splats, info.model, source_.lobes(), info.is_linear};
+  }
+
+  std::unique_ptr<store::SplatStore> find(const SplatKeep& keep) {
+    return find_store(
+        job_, store::PackKind::splats, key(keep), [&](std::unique_ptr<store::PackReader> pack) {
+          return std::make_unique<store::SplatStore>(std::move(pack), facts(), job_.compressor());
+        });
+  }
+
+  Hash128 key(const SplatKeep& keep) {
+    Hasher hash;
+    hash.add(std::string_view("splats"));
+    hash.add(store::kFormatVersion);
+    hash.add(kGaussianStoreVersion);
+    for (const std::string& path : scene_->info().files) {
+      if (!job_.stores->persistent()) {    // nobody will look for it: spare the second reading of a
+        hash.add(std::string_view(path));  // file of many GB
+        continue;
+      }
+      const Hash128 content = job_.content_hash(
+          path, 0, 0, [&] { return hash_file(job_, *posix_file_system().open(path)); });
+      hash.add(content.hi);
+      hash.add(content.lo);
+    }
+    hash.add(to_text(request_.axes));
+    hash.add(source_.lobes());
+    keep.add_to(hash);
+    return hash.digest();
+  }
+
+  void prepare() {
+    if (is_prepared_) return;
+    const runtime::Lease lease(job_.budget, scene_->prepare_bytes(), "unpacking " + request_.path);
+    scene_->prepare(job_.scratch_folder, [this] { job_.meter.advance(0); });
+    is_prepared_ = true;
+  }
+
+  bool is_mostly_far(const SplatKeep& keep) {
+    prepare();
+    const runtime::Lease lease(job_.budget,
+                               io::kSampleSplats * sizeof(store::Splat) + source_.read_bytes(),
+                               "looking at " + request_.path);
+    const PageVector<store::Splat> sample = source_.sample();
+    const auto near = static_cast<std::size_t>(
+        std::count_if(sample.begin(), sample.end(), [&](const store::Splat& splat) {
+          return keep.filter(splat) != store::SplatFilter::out_of_reach;
+        }));
+    return near * kWorthLeavingOut <= sample.size();
+  }
+
+  JobContext& job_;
+  const SplatRequest& request_;
+  const std::unique_ptr<io::SplatScene> scene_;
+  const SceneGaussians source_;
+  bool is_prepared_ = false;
+};
 
 }  // namespace
 
 std::unique_ptr<store::SplatStore> splat_store(JobContext& job, const SplatRequest& request,
                                                bool* cached, double progress_end) {
-  const io::SplatPly ply(request.path, request.axes);
-  const PlyGaussians source(ply);
-  job.meter.begin("precondition", 2 * source.count(), "Gaussians", progress_end);
-  const GaussianStoreRequest build{&source,
-                                   store_key(job, request, ply),
-                                   request.path,
-                                   {source.count(), ply.header().model},
-                                   request.run_splats,
-                                   request.fan_in};
-  auto store = find_store(
-      job, store::PackKind::splats, build.key, [&](std::unique_ptr<store::PackReader> pack) {
-        return std::make_unique<store::SplatStore>(std::move(pack), build.facts, job.compressor());
-      });
-  *cached = store != nullptr;
-  if (!*cached) store = build_gaussian_store(job, build);
+  SceneStore scene(job, request);
+  job.meter.begin("precondition", 2 * scene.count(), "Gaussians", progress_end);
+  auto store = scene.make(cached);
   job.meter.end();
   report_filtered(job, *store);
   return store;
 }
 
-std::uint64_t splat_least_bytes(const SplatRequest& request) {
-  const io::SplatPly ply(request.path, request.axes);
-  return gaussian_store_least_bytes(ply.header().splats, ply.read_bytes());
-}
-
-std::uint64_t splat_count(const SplatRequest& request) {
-  return io::SplatPly(request.path, request.axes).header().splats;
+SceneFacts scene_facts(const SplatRequest& request) {
+  const auto scene = io::open_splat_scene(request.path, request.axes);
+  const io::SplatSceneInfo& info = scene->info();
+  SceneFacts facts{info.splats,      kept_lobes(info, request.harmonics),
+                   info.is_linear,   info.files,
+                   info.assumptions, 0};
+  facts.least_bytes =
+      std::max(scene->prepare_bytes(),
+               gaussian_store_least_bytes(info.splats, scene->read_bytes(), facts.lobes));
+  return facts;
 }
 
 }  // namespace pounce::flow

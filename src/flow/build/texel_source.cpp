@@ -209,16 +209,16 @@ bool to_splat(const TexelGaussian& texel, store::Splat& splat, store::SplatCount
   return true;
 }
 
-void TexelSource::read(std::uint64_t first, std::uint64_t count, PageVector<store::Splat>& out,
+void TexelSource::read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
                        store::SplatCounts& filtered) const {
   visit(first, first + count, [&](const TexelGaussian& texel) {
     store::Splat splat;
-    if (to_splat(texel, splat, filtered)) out.push_back(splat);
+    if (to_splat(texel, splat, filtered)) out.splats.push_back(splat);
   });
 }
 
 PageVector<store::Splat> TexelSource::sample() const {
-  PageVector<store::Splat> sample;
+  store::SplatRows sample;
   store::SplatCounts ignored{};
   const std::uint64_t length = kSampleSplats / kSamplePieces;
   const auto start = [&](std::uint64_t piece) {
@@ -229,7 +229,7 @@ PageVector<store::Splat> TexelSource::sample() const {
     if (here > 0) read(start(piece), here, sample, ignored);
     job_.meter.advance(0);  // stops here if the caller asked to
   }
-  return sample;
+  return std::move(sample.splats);
 }
 
 bool texels_are_linear(const Plan& plan) {
@@ -308,7 +308,7 @@ std::unique_ptr<store::SplatStore> build(JobContext& job, const TexelStoreReques
                             request.densify, texels_are_linear(*request.plan)},
                            until(0.4));
   job.meter.begin("sort", 2 * source.count(), "Gaussians", end);
-  GaussianStoreRequest sort{&source, key, mesh_of(request).mesh->path, {}, 0, 0};
+  GaussianStoreRequest sort{&source, key, mesh_of(request).mesh->path, {}, {}, 0, 0};
   auto made = build_gaussian_store(job, sort);
   job.meter.end();
   job.report.bytes_read += geometry->pack().bytes_read() + columns.bytes_read();
@@ -374,7 +374,7 @@ LeastMemory texel_store_least(const TexelStoreRequest& request, std::uint64_t ti
   const std::uint64_t lists = TexelSource::list_bytes(geometry);
   need(building, "preconditioning " + geometry.mesh->path);
   need(lists + reading, "counting the texels of " + geometry.mesh->path);
-  need(lists + gaussian_store_least_bytes(texel_store_most(request), reading),
+  need(lists + gaussian_store_least_bytes(texel_store_most(request), reading, 0),
        "sorting the texels of " + geometry.mesh->path);
   return least;
 }

@@ -42,7 +42,8 @@ class TexelSource : public GaussianSource {
   ~TexelSource() override;
 
   std::uint64_t count() const override { return first_.back(); }
-  void read(std::uint64_t first, std::uint64_t count, PageVector<store::Splat>& out,
+  std::uint32_t lobes() const override { return 0; }
+  void read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
             store::SplatCounts& filtered) const override;
   std::uint64_t read_bytes() const override { return read_bytes_; }
   PageVector<store::Splat> sample() const override;

@@ -19,6 +19,8 @@ namespace pounce::flow {
 
 namespace {
 
+constexpr double kLeastOpacity = 0.0039;  // what people write for 1/255
+
 void check_method(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   if (o.method == Method::surface) {
@@ -38,6 +40,25 @@ void check_method(const TransferOptions& o) {
         "--method gaussian transfers baseColor alone; ask for that, or use --method surface for "
         "other channels");
   }
+}
+
+void check_splat_options(const TransferOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  if (o.min_opacity && !(*o.min_opacity >= kLeastOpacity && *o.min_opacity <= 1)) {
+    usage(fmt::format("--min-opacity {:g}: from 1/255, below which nothing is seen, to 1",
+                      *o.min_opacity));
+  }
+  if (o.max_scale && !(*o.max_scale > 0 && std::isfinite(*o.max_scale)))
+    usage("--max-scale must be above 0");
+  for (std::size_t k = 0; o.box && k < 3; ++k) {
+    const double low = o.box->lowest[k], high = o.box->highest[k];
+    if (!(low <= high && std::isfinite(low) && std::isfinite(high))) {
+      usage(fmt::format("--box: from {:g} to {:g} along {} is no range: the lower end comes first",
+                        low, high, "xyz"[k]));
+    }
+  }
+  if (o.near_target && !(o.near_target->value > 0 && std::isfinite(o.near_target->value)))
+    usage("--near-target must be above 0");
 }
 
 }  // namespace
@@ -76,6 +97,7 @@ void check_options(const TransferOptions& o) {
   if (!(o.max_angle_deg >= 0 && o.max_angle_deg < 90))
     usage("--max-angle must be at least 0 and below 90 degrees");
   check_method(o);
+  check_splat_options(o);
   if (o.all_channels && !o.channels.empty()) usage("--channels takes either a list or all");
   if (o.size && (o.size->width == 0 || o.size->height == 0)) usage("--size must be at least 1");
   if (o.padding_px && *o.padding_px > texture::SeamPadder::kLargestRadius)

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "flow/build/build_stores.h"
+#include "flow/build/splats.h"
 #include "flow/plan/target_pages.h"
 #include "flow/write/images.h"
 #include "io/image/read.h"
@@ -67,6 +68,8 @@ struct PassPlan {
 /// The source's side of a job: the same for all its targets.
 struct Plan {
   bool from_splats = false;  ///< then there is one channel and one pass, and no mesh or image
+  SplatRequest splats;       ///< then
+  SceneFacts scene;          ///< then
   /// A mesh's texels are blended as Gaussians (Method::gaussian): one channel and one pass.
   bool as_gaussians = false;
   double sigma_texels = kDefaultSigma;  ///< then
@@ -100,9 +103,16 @@ struct TargetPlan {
 /// textures, formats that cannot hold the result.
 Plan plan_source(const TransferOptions& options, const mesh::Mesh& source);
 
-/// The same for a splat scene, from the options alone. Throws Error(usage) for options that only
-/// make sense for a mesh, Error(input) for channels that a scene does not have.
+/// The same for a splat scene, from the options and the headers of its files. Throws Error(usage)
+/// for options that only make sense for a mesh, Error(input) for channels that a scene does not
+/// have.
 Plan plan_splats(const TransferOptions& options);
+/// Leaves out of a scene what is far from this target too, as the options say. To be called for
+/// every target.
+void keep_near(const TransferOptions& options, const TargetPlan& target, const mesh::Mesh& mesh,
+               SplatRequest& splats);
+/// Throws Error(usage) for options that only make sense for a splat scene.
+void refuse_splat_options(const TransferOptions& options);
 /// Is this source to be read as a splat scene? Throws Error(input) for scenes in formats that are
 /// not read, naming the cure.
 bool is_splat_scene(const std::string& path);

@@ -61,8 +61,7 @@ void TransferPlan::make(double end) {
   plan_source_side(disk);
   for (const std::string& path : options_.targets) plan_target_side(path, disk);
   if (source_plan_.from_splats) {  // with the last target's mesh beside
-    need(splat_least_bytes({options_.source, axes_of(options_.source_use, "source")}) + contexts() +
-             target_.mesh.size_bytes(),
+    need(source_plan_.scene.least_bytes + contexts() + target_.mesh.size_bytes(),
          "sorting " + options_.source);
   }
   job_.meter.end();
@@ -78,10 +77,12 @@ void TransferPlan::make(double end) {
 void TransferPlan::plan_source_side(DiskPlan& disk) {
   if (is_splat_scene(options_.source)) {
     source_plan_ = plan_splats(options_);
-    source_files_ = {options_.source};
-    disk.add_splats(splat_count({options_.source, axes_of(options_.source_use, "source")}));
+    source_files_ = source_plan_.scene.files;
+    disk.add_splats(source_plan_.scene.splats, source_plan_.scene.lobes);
+    job_.report.notes = source_plan_.scene.assumptions;
     job_.meter.advance(1);
   } else {
+    refuse_splat_options(options_);
     source_ = read(options_.source, 0, false);
     source_files_ = source_.files;
     check_order();
@@ -106,6 +107,7 @@ void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
   plan_one(path);
   const TargetPlan& plan = target_.plan;
   disk.add_target(source_plan_, plan, target_.mesh, target_.model.has_value());
+  if (source_plan_.from_splats) keep_near(options_, plan, target_.mesh, source_plan_.splats);
   add_warnings(plan.warnings);
   add_inputs(target_.mesh.files);
   add_inputs(plan.inputs);

@@ -50,10 +50,14 @@ using SurfaceCache = runtime::BlockCache<SurfaceReader>;
 
 /// Gaussians, of a splat scene or of a mesh's texels.
 struct SplatReader : TileReader<store::SplatStore, store::SplatEntry, source::SplatSet> {
+  SphericalHarmonics harmonics = SphericalHarmonics::mean;
+
   Block read_block(const Entry& entry) const {
-    return source::make_splat_set(store->read_block(entry, job->compressor()));
+    return source::make_splat_set(store->read_block(entry, job->compressor()), harmonics);
   }
-  static std::uint64_t block_bytes(const Entry& entry) { return Block::most_bytes(entry.splats); }
+  std::uint64_t block_bytes(const Entry& entry) const {
+    return Block::most_bytes(entry.splats, store->directory().lobes);
+  }
 };
 using SplatCache = runtime::BlockCache<SplatReader>;
 

@@ -19,8 +19,8 @@
 namespace pounce::flow {
 
 /// What one block of Gaussians costs a batch: itself prepared, and its share of the candidates.
-inline std::uint64_t splat_batch_cost(std::uint64_t splats) {
-  return source::SplatSet::most_bytes(splats) + splats * projection::SplatCandidates::kBytes;
+inline std::uint64_t splat_batch_cost(std::uint64_t splats, std::uint32_t lobes) {
+  return source::SplatSet::most_bytes(splats, lobes) + splats * projection::SplatCandidates::kBytes;
 }
 
 /// The part of a Method (page_projector.h) that does not depend on how Gaussians are blended.
@@ -38,19 +38,21 @@ class SplatMethodBase {
   static std::size_t channels() { return 1; }
   std::uint64_t fixed_bytes() const {
     const store::SplatDirectory& d = request_.source->store().directory();
-    return scratch_bytes() + reading_bytes(d.most_splats, d.largest_chunk_bytes);
+    return scratch_bytes() + reading_bytes(d.most_splats, d.lobes, d.largest_chunk_bytes);
   }
   std::uint64_t least_batch_bytes() const {
-    return splat_batch_cost(request_.source->store().directory().most_splats);
+    return splat_batch_cost(request_.source->store().directory().most_splats, lobes());
   }
   std::uint64_t state_bytes(const store::BlockEntry& entry) const {
     return block_bytes(entry.texels, entry.triangles, request_.format.texel_bytes());
   }
   /// What projecting one block needs at once, whatever is in it.
-  static std::uint64_t least_bytes(std::uint64_t result_texel_bytes) {
+  static std::uint64_t least_bytes(std::uint64_t result_texel_bytes, std::uint32_t lobes) {
     constexpr std::uint64_t kSplats = store::kMostSplatsPerBlock;
-    return scratch_bytes() + reading_bytes(kSplats, kSplats * sizeof(store::Splat) + kPageBytes) +
-           splat_batch_cost(kSplats) +
+    const std::uint64_t chunk =
+        kSplats * (sizeof(store::Splat) + store::lobe_bytes(lobes)) + kPageBytes;
+    return scratch_bytes() + reading_bytes(kSplats, lobes, chunk) +
+           splat_batch_cost(kSplats, lobes) +
            block_bytes(store::kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes);
   }
 
@@ -65,17 +67,18 @@ class SplatMethodBase {
  protected:
   SplatMethodBase(JobContext& job, Request request) : job_(&job), request_(std::move(request)) {}
 
-  static std::uint64_t cost(const store::SplatEntry& entry) {
-    return splat_batch_cost(entry.splats);
+  std::uint64_t cost(const store::SplatEntry& entry) const {
+    return splat_batch_cost(entry.splats, lobes());
   }
 
   /// The walk's next blocks become the batch. Returns their bytes.
-  static std::uint64_t take(Work& work) {
-    work.batch = work.walk->take(work.batch_bytes, cost);
+  std::uint64_t take(Work& work) const {
+    work.batch = work.walk->take(work.batch_bytes,
+                                 [this](const store::SplatEntry& entry) { return cost(entry); });
     std::uint64_t bytes = 0;
     for (const auto& set : work.batch) {
       work.sets.push_back(set.get());
-      bytes += source::SplatSet::most_bytes(set->shapes.size());
+      bytes += source::SplatSet::most_bytes(set->shapes.size(), lobes());
     }
     return bytes;
   }
@@ -103,12 +106,14 @@ class SplatMethodBase {
   Request request_;
 
  private:
+  std::uint32_t lobes() const { return request_.source->store().directory().lobes; }
   static std::uint64_t scratch_bytes() {
     constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, encode buffers
     return kPieceScratch + State::scratch_bytes(0);
   }
-  static std::uint64_t reading_bytes(std::uint64_t splats, std::uint64_t chunk_bytes) {
-    return store::SplatBlock::decoded_bytes(splats, true) + 3 * chunk_bytes;
+  static std::uint64_t reading_bytes(std::uint64_t splats, std::uint32_t lobes,
+                                     std::uint64_t chunk_bytes) {
+    return store::SplatBlock::decoded_bytes(splats, true, lobes) + 3 * chunk_bytes;
   }
   static std::uint64_t block_bytes(std::uint32_t texels, std::uint32_t triangles,
                                    std::uint64_t result_texel_bytes) {

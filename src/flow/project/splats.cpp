@@ -57,7 +57,7 @@ class SplatMethod : public Base {
       const auto found = projection::finding(request_.limits, work.state, p, lane);
       if (!found) return std::nullopt;
       const auto& c = found->colour;
-      return texture::TexelValue{{c[0], c[1], c[2], 1}, 3, false};
+      return texture::TexelValue{{c[0], c[1], c[2], 1}, 3, request_.linear};
     });
   }
 
@@ -110,8 +110,8 @@ std::unique_ptr<Projection> project_splats(JobContext& job, const SplatProjectio
                                                       SplatMethod(job, request));
 }
 
-std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes) {
-  return SplatMethod::least_bytes(result_texel_bytes);
+std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::uint32_t lobes) {
+  return SplatMethod::least_bytes(result_texel_bytes, lobes);
 }
 
 }  // namespace pounce::flow

@@ -17,6 +17,7 @@ struct SplatProjection {
   const SplatCache* source = nullptr;
   const store::GeometryStore* target = nullptr;
   texture::TexelFormat format;  ///< of the one channel there is: colour, without alpha
+  bool linear = false;          ///< the scene's colours are linear light
   projection::SplatLimits limits;
   const projection::SplatKernels* kernels = nullptr;
   float smallest_edge = 0;  ///< see TargetBlock
@@ -26,7 +27,8 @@ struct SplatProjection {
 /// outlive it.
 std::unique_ptr<Projection> project_splats(JobContext& job, const SplatProjection& request);
 
-/// The least that projecting needs at once: one target block, one block of the scene.
-std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes);
+/// The least that projecting needs at once: one target block, one block of a scene that has so many
+/// lobes of harmonics.
+std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::uint32_t lobes);
 
 }  // namespace pounce::flow

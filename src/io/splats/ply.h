@@ -3,49 +3,42 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
-#include "core/axes.h"
-#include "core/file.h"
-#include "core/page_pool.h"
+#include "io/splats/batch.h"
 #include "io/splats/ply_header.h"
-#include "store/blocks/splat_store.h"
+#include "io/splats/scene.h"
 
 namespace pounce::io {
 
-/// Reads the Gaussians of a 3DGS PLY, rows in any order. Const members are thread-safe.
-class SplatPly {
+/// A 3DGS PLY as trainers write it. Sigma = exp(scale_i), alpha = 1 / (1 + exp(-opacity)), colour =
+/// 0.5 + C0 f_dc; of f_rest, which is channel by channel in the file, degrees 1 to 3.
+class SplatPly : public SplatScene {
  public:
   /// Reads and checks the header. Throws as read_splat_ply_header(), and Error(storage) where the
   /// file cannot be opened.
   explicit SplatPly(const std::string& path, const Axes& axes = {});
 
   const SplatPlyHeader& header() const { return header_; }
-  const ReadFile& file() const { return *file_; }
 
-  /// Appends the Gaussians of `rows` rows from `first_row` that can be used, in order, and counts
-  /// the others by reason (all but SplatFilter::far, which needs to know the whole scene). Sigma =
-  /// exp(scale_i), alpha = 1 / (1 + exp(-opacity)), colour = 0.5 + C0 f_dc; spherical harmonics of
-  /// higher degrees are not read. Throws Error(storage) if the file cannot be read any more.
-  /// Needs read_bytes() beside what it appends.
-  void read(std::uint64_t first_row, std::uint64_t rows, PageVector<store::Splat>& out,
-            store::SplatCounts& filtered) const;
-  /// The usable Gaussians of up to kSampleSplats rows, taken evenly from the whole file.
-  static constexpr std::uint64_t kSampleSplats = 1 << 16;
-  PageVector<store::Splat> sample() const;
-  /// What a call of read() takes for itself.
-  std::uint64_t read_bytes() const;
+  void prepare(const std::string&, const std::function<void()>&) override {}
+  std::uint64_t prepare_bytes() const override { return 0; }
+  void read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
+            store::SplatCounts& filtered) const override;
+  std::uint64_t read_bytes() const override;
 
  private:
-  struct Batch;
-  std::uint64_t batch_rows() const;
+  std::uint64_t piece_rows() const;
+  void find_columns(const std::string& path);
 
   std::unique_ptr<ReadFile> file_;
   SplatPlyHeader header_;
-  Axes axes_;
-  std::array<PlyColumn, 17> columns_;
-  bool has_scale_2_ = false, has_normals_ = false;
+  SplatIntake intake_;
+  std::array<PlyColumn, 17> columns_;  ///< of what a Gaussian has; without a name: not in the file
+  std::vector<PlyColumn> harmonics_;   ///< as SplatBatch::sh
 };
 
 }  // namespace pounce::io

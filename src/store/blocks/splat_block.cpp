@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/blocks/splat_block.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -12,6 +13,7 @@ namespace pounce::store {
 namespace {
 
 constexpr std::uint32_t kHasNormals = 1;
+constexpr std::uint32_t kDegreeShift = 1, kMostDegree = 3;  // of the harmonics: two bits
 constexpr std::size_t kColumns = 14, kNormalColumns = 3, kHeaderBytes = 8;
 
 /// Visits every column in the payload's order: (column, its values are near their neighbours').
@@ -52,7 +54,19 @@ void round_bits(float& value) {
   value = std::bit_cast<float>((std::bit_cast<std::uint32_t>(value) + 0x80U) & 0xFFFFFF00U);
 }
 
+std::uint32_t degree_of(std::uint32_t lobes) {
+  return static_cast<std::uint32_t>(std::find(kLobesOfDegree.begin(), kLobesOfDegree.end(), lobes) -
+                                    kLobesOfDegree.begin());
+}
+
 }  // namespace
+
+bool all_finite(std::span<const std::uint16_t> halves) {
+  constexpr std::uint16_t kExponent = 0x7C00;
+  bool finite = true;
+  for (const std::uint16_t half : halves) finite &= (half & kExponent) != kExponent;
+  return finite;
+}
 
 void round_for_store(Splat& splat) {
   for (float* v :
@@ -89,7 +103,8 @@ Splat SplatBlock::splat(std::size_t i) const {
   return out;
 }
 
-void SplatBlock::assign(std::span<const Splat> splats) {
+void SplatBlock::assign(std::span<const Splat> splats, std::uint32_t lobes_each,
+                        std::span<const std::uint16_t> coefficients) {
   const std::size_t count = splats.size();
   bool normals = false;
   for (const Splat& s : splats) normals |= s.normal != Vec3f{};
@@ -107,18 +122,27 @@ void SplatBlock::assign(std::span<const Splat> splats) {
     const Vec3f& n = splats[i].normal;
     normal[0][i] = n.x, normal[1][i] = n.y, normal[2][i] = n.z;
   }
+  lobes = lobes_each;
+  const std::size_t columns = std::size_t{3} * lobes;
+  sh.resize(columns * count);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t c = 0; c < columns; ++c) sh[c * count + i] = coefficients[i * columns + c];
+  }
 }
 
-std::uint64_t SplatBlock::decoded_bytes(std::size_t splats, bool normals) {
-  return (kColumns + (normals ? kNormalColumns : 0)) * round_to_pages(splats * sizeof(float));
+std::uint64_t SplatBlock::decoded_bytes(std::size_t splats, bool normals, std::uint32_t lobes) {
+  return (kColumns + (normals ? kNormalColumns : 0)) * round_to_pages(splats * sizeof(float)) +
+         round_to_pages(splats * lobe_bytes(lobes));
 }
 
 void encode(const SplatBlock& block, std::vector<std::byte>& raw) {
   const bool normals = !block.normal[0].empty();
   const auto count = static_cast<std::uint32_t>(block.size());
-  const std::uint32_t flags = normals ? kHasNormals : 0U;
+  const std::uint32_t flags =
+      (normals ? kHasNormals : 0U) | (degree_of(block.lobes) << kDegreeShift);
   const std::size_t bytes = block.size() * sizeof(float);
-  raw.resize(kHeaderBytes + bytes * (kColumns + (normals ? kNormalColumns : 0)));
+  const auto sh = std::as_bytes(std::span(block.sh));
+  raw.resize(kHeaderBytes + bytes * (kColumns + (normals ? kNormalColumns : 0)) + sh.size());
   std::memcpy(raw.data(), &count, 4);
   std::memcpy(raw.data() + 4, &flags, 4);
   std::vector<std::byte> values(bytes);
@@ -130,6 +154,7 @@ void encode(const SplatBlock& block, std::vector<std::byte>& raw) {
     shuffle(values, sizeof(float), std::span(raw).subspan(at, bytes));
     at += bytes;
   });
+  if (!sh.empty()) shuffle(sh, sizeof(std::uint16_t), std::span(raw).subspan(at, sh.size()));
 }
 
 SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name) {
@@ -137,18 +162,24 @@ SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name
   const auto count = in.get<std::uint32_t>();
   const auto flags = in.get<std::uint32_t>();
   const bool normals = (flags & kHasNormals) != 0;
+  const std::uint32_t degree = flags >> kDegreeShift;
   const std::size_t columns = kColumns + (normals ? kNormalColumns : 0);
-  if (count > kMostSplatsPerBlock || (flags & ~kHasNormals) != 0 ||
-      in.left() != columns * count * sizeof(float)) {
+  if (count > kMostSplatsPerBlock || degree > kMostDegree ||
+      in.left() != (columns * sizeof(float) + lobe_bytes(kLobesOfDegree[degree])) * count) {
     in.fail("has an impossible block header");
   }
   SplatBlock block;
+  block.lobes = kLobesOfDegree[degree];
   for_columns(block, normals, [&](PageVector<float>& column, bool near) {
     column.resize(count);
     const auto bytes = std::as_writable_bytes(std::span(column));
     unshuffle(in.take(bytes.size()), sizeof(float), bytes);
     if (near) undelta(bytes, sizeof(float), 1);
   });
+  block.sh.resize(std::size_t{3} * block.lobes * count);
+  const auto sh = std::as_writable_bytes(std::span(block.sh));
+  if (!sh.empty()) unshuffle(in.take(sh.size()), sizeof(std::uint16_t), sh);
+  if (!all_finite(block.sh)) in.fail("has harmonics that are not finite");
   for (std::size_t i = 0; i < count; ++i) {
     if (!is_legal(block.splat(i))) in.fail("has a Gaussian that is none");
   }

@@ -16,8 +16,16 @@
 namespace pounce::store {
 
 inline constexpr std::size_t kMostSplatsPerBlock = 4096;
-/// No encoded block is larger: 17 columns, normals included.
-inline constexpr std::size_t kLargestSplatBytes = 8 + 17 * sizeof(float) * kMostSplatsPerBlock;
+/// Coefficients of spherical harmonics beyond degree 0, of each colour channel, by highest degree.
+inline constexpr std::array<std::uint32_t, 4> kLobesOfDegree{0, 3, 8, 15};
+inline constexpr std::uint32_t kMostLobes = 15;
+/// Bytes of a Gaussian's coefficients: half floats of three channels.
+constexpr std::uint64_t lobe_bytes(std::uint32_t lobes) {
+  return 3 * sizeof(std::uint16_t) * lobes;
+}
+/// No encoded block is larger: 17 columns of floats, normals included, and harmonics.
+inline constexpr std::size_t kLargestSplatBytes =
+    8 + (17 * sizeof(float) + lobe_bytes(kMostLobes)) * kMostSplatsPerBlock;
 
 /// One Gaussian of a splat scene, as readers make it and sorting moves it.
 struct Splat {
@@ -40,6 +48,9 @@ inline float size_of(const Splat& splat) {
 /// (docs/decisions/010-splat-store.md). What it rounded it leaves alone.
 void round_for_store(Splat& splat);
 
+/// Is no half float of these infinite or NaN?
+bool all_finite(std::span<const std::uint16_t> halves);
+
 /// The box of the Gaussian's 3-sigma ellipsoid: half extents 3 sqrt(Sigma_xx) and so on, rounded
 /// outwards.
 Box3f splat_box(const Splat& splat);
@@ -58,13 +69,18 @@ struct SplatBlock {
   /// Unit normals from the file, 0 0 0 for a Gaussian without one; all empty where no Gaussian of
   /// the block has one (then the shortest axis is meant, and its sign is unknown).
   std::array<PageVector<float>, 3> normal;
+  std::uint32_t lobes = 0;  ///< one of kLobesOfDegree
+  /// Half floats, finite: 3 * lobes columns of size() one after the other, in SplatRows' order.
+  PageVector<std::uint16_t> sh;
 
   std::size_t size() const { return alpha.size(); }
   Splat splat(std::size_t i) const;
-  /// Replaces the content by these; normals are kept if any is not 0 0 0.
-  void assign(std::span<const Splat> splats);
+  /// Replaces the content by these; normals are kept if any is not 0 0 0. `coefficients`: those of
+  /// one Gaussian after the other, 3 * lobes each.
+  void assign(std::span<const Splat> splats, std::uint32_t lobes_each = 0,
+              std::span<const std::uint16_t> coefficients = {});
   /// Bytes of a decoded block of that many Gaussians, whole pages.
-  static std::uint64_t decoded_bytes(std::size_t splats, bool normals);
+  static std::uint64_t decoded_bytes(std::size_t splats, bool normals, std::uint32_t lobes);
 };
 
 /// Serialises a block into `raw` (replaced), filtered for compression. Layout: docs/tile-format.md.

@@ -11,8 +11,8 @@ namespace pounce::store {
 namespace {
 
 constexpr std::size_t kTileBytes = 48;
-constexpr std::size_t kHeaderBytes = 140;
-constexpr std::uint32_t kHasNormals = 1;
+constexpr std::size_t kHeaderBytes = 172;
+constexpr std::uint32_t kHasNormals = 1, kIsLinear = 2;
 
 [[noreturn]] void fail(const std::string& name, const char* why) {
   throw Error(ErrorKind::damaged_store, name + " " + why);
@@ -22,7 +22,8 @@ constexpr std::uint32_t kHasNormals = 1;
 
 const char* filter_name(SplatFilter filter) {
   constexpr std::array<const char*, kSplatFilters> kNames{
-      "not_finite", "zero_quaternion", "transparent", "sizeless", "exploded", "far"};
+      "not_finite", "zero_quaternion", "transparent", "sizeless",    "exploded",
+      "far",        "faint",           "too_large",   "outside_box", "out_of_reach"};
   return kNames[static_cast<std::size_t>(filter)];
 }
 
@@ -70,14 +71,14 @@ SplatEntry SplatCodec::get_entry(ByteReader& in) {
 
 void SplatCodec::put(const Directory& directory, ByteWriter& out) {
   out.put(static_cast<std::uint32_t>(directory.tiles.size()));
-  out.put(directory.has_normals ? kHasNormals : 0U);
+  out.put((directory.has_normals ? kHasNormals : 0U) | (directory.is_linear ? kIsLinear : 0U));
   out.put(static_cast<std::uint32_t>(directory.model));
   out.put(directory.surface_noise);
   out.put(directory.roundness);
   out.put(directory.splats);
   for (const std::uint64_t count : directory.filtered) out.put(count);
-  for (const std::uint32_t v :
-       {directory.most_splats, directory.most_blocks, directory.largest_chunk_bytes, 0U}) {
+  for (const std::uint32_t v : {directory.most_splats, directory.most_blocks,
+                                directory.largest_chunk_bytes, directory.lobes}) {
     out.put(v);
   }
   put_box(out, directory.box);
@@ -95,20 +96,21 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
   const auto tiles = in.get<std::uint32_t>();
   const auto flags = in.get<std::uint32_t>();
   const auto model = in.get<std::uint32_t>();
-  if ((flags & ~kHasNormals) != 0 || model > static_cast<std::uint32_t>(SplatModel::flat)) {
+  if ((flags & ~(kHasNormals | kIsLinear)) != 0 ||
+      model > static_cast<std::uint32_t>(SplatModel::flat)) {
     in.fail("has impossible flags");
   }
-  directory.has_normals = flags != 0;
+  directory.has_normals = (flags & kHasNormals) != 0;
+  directory.is_linear = (flags & kIsLinear) != 0;
   directory.model = static_cast<SplatModel>(model);
   directory.surface_noise = in.get<float>();
   directory.roundness = in.get<float>();
   directory.splats = in.get<std::uint64_t>();
   for (std::uint64_t& count : directory.filtered) count = in.get<std::uint64_t>();
-  for (std::uint32_t* v :
-       {&directory.most_splats, &directory.most_blocks, &directory.largest_chunk_bytes}) {
+  for (std::uint32_t* v : {&directory.most_splats, &directory.most_blocks,
+                           &directory.largest_chunk_bytes, &directory.lobes}) {
     *v = in.get<std::uint32_t>();
   }
-  if (in.get<std::uint32_t>() != 0) in.fail("has a reserved field that is not 0");
   if (directory.most_splats > kMostSplatsPerBlock ||
       directory.most_blocks > kMostBlocksPerSplatTile ||
       directory.largest_chunk_bytes > kLargestSplatBytes ||
@@ -137,7 +139,8 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
 void SplatCodec::check(const Directory& directory, const Facts& facts, const std::string& name) {
   std::uint64_t rows = directory.splats;
   for (const std::uint64_t count : directory.filtered) rows += count;
-  if (rows != facts.rows.value_or(rows) || directory.model != facts.model)
+  if (rows != facts.rows.value_or(rows) || directory.model != facts.model ||
+      directory.lobes != facts.lobes || directory.is_linear != facts.is_linear)
     fail(name, "is of another scene than its key stands for");
 }
 
@@ -154,7 +157,8 @@ void SplatCodec::check(const std::vector<Entry>& entries, const Tile& tile,
 
 void SplatCodec::check(const Block& block, const Entry& entry, const Directory& directory,
                        const Facts&, const std::string& name) {
-  if (block.size() != entry.splats || (!block.normal[0].empty() && !directory.has_normals))
+  if (block.size() != entry.splats || block.lobes != directory.lobes ||
+      (!block.normal[0].empty() && !directory.has_normals))
     fail(name, "is not the one its index names");
 }
 

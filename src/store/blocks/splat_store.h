@@ -21,8 +21,12 @@ enum class SplatFilter : std::uint8_t {
   sizeless,         ///< every standard deviation is 0
   exploded,         ///< larger than the whole scene: a standard deviation beyond `far`'s limit
   far,              ///< beyond 65,536 times the half width of the scene's middle
+  faint,            ///< less opaque than the user wants
+  too_large,        ///< a standard deviation beyond what the user wants
+  outside_box,      ///< of the user
+  out_of_reach,     ///< of every texel
 };
-inline constexpr std::size_t kSplatFilters = 6;
+inline constexpr std::size_t kSplatFilters = 10;
 /// As in the report: "not_finite", ...
 const char* filter_name(SplatFilter filter);
 using SplatCounts = std::array<std::uint64_t, kSplatFilters>;  ///< by SplatFilter
@@ -49,6 +53,8 @@ inline constexpr std::uint32_t kMostBlocksPerSplatTile = 32;
 struct SplatFacts {
   std::optional<std::uint64_t> rows;  ///< of the scene's file; of a mesh's texels not known
   SplatModel model = SplatModel::standard;
+  std::uint32_t lobes = 0;  ///< that are kept
+  bool is_linear = false;   ///< colours are linear light, not sRGB-coded
 };
 
 /// A spatial tile: blocks of one size class that are neighbours, and their page of the index.
@@ -70,6 +76,8 @@ struct SplatDirectory : SplatIndex {
   SplatCounts filtered{};  ///< not in the store
   SplatModel model = SplatModel::standard;
   bool has_normals = false;  ///< some block has any
+  bool is_linear = false;    ///< colours are linear light, not sRGB-coded
+  std::uint32_t lobes = 0;   ///< of every block, one of kLobesOfDegree
   /// Typical distance of a Gaussian from the surface that its neighbours make: the median of
   /// 1.4826 MAD of 16 neighbours' offsets along its normal. 0 where there are too few to tell.
   float surface_noise = 0;

@@ -35,8 +35,10 @@ struct Read {
 
 Read read_all(const std::string& path, const Axes& axes = {}) {
   const SplatPly ply(path, axes);
+  store::SplatRows rows;
   Read result;
-  ply.read(0, ply.header().splats, result.splats, result.filtered);
+  ply.read(0, ply.header().splats, rows, result.filtered);
+  result.splats = std::move(rows.splats);
   return result;
 }
 

@@ -221,7 +221,7 @@ TEST_CASE("every instruction set gives the same bits for splats", "[projection]"
         depths.take[lane] = lane % 3 == 0 ? 0 : 1;
         depths.centre[lane] = 0.25F * static_cast<float>(lane) - 1;
       }
-      kernels->accumulate(responses, depths);
+      kernels->accumulate(responses, state.packets[0], depths);
       if (kernels == all.front()) {
         first = responses;
         first_depths = depths;

@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "core/half.h"
 #include "support/splat_scenes.h"
 
 using namespace pounce;
@@ -93,5 +94,30 @@ TEST_CASE("every sphere of the tree holds its children", "[source]") {
       CHECK(away + double{low.radius[i]} <= double{high.radius[i / 16]});
     }
   }
-  CHECK(SplatSet::most_bytes(3001) >= 3001 * (sizeof(SplatShape) + 16));
+  CHECK(SplatSet::most_bytes(3001, 0) >= 3001 * (sizeof(SplatShape) + 16));
+}
+
+TEST_CASE("harmonics are weighted by degree, one Gaussian after the other", "[source]") {
+  std::vector<store::Splat> splats(2);
+  for (store::Splat& s : splats) s.sigma = {1, 1, 1};
+  splats[1].colour = {-1, 0.5F, 9};
+  std::vector<std::uint16_t> halves;
+  for (int i = 0; i < 2 * 45; ++i) halves.push_back(float_to_half(static_cast<float>(i)));
+  store::SplatBlock block;
+  block.assign(splats, 15, halves);
+  const SplatSet all = make_splat_set(block, SphericalHarmonics::normal);
+  CHECK(all.shapes[1].lobes == 15);
+  CHECK(all.shapes[1].colour[0] == -1);  // what is added may bring it back
+  for (int i = 0; i < 45; ++i) CHECK(all.shapes[1].sh[i] == static_cast<float>(45 + i));
+  const SplatSet mean = make_splat_set(block, SphericalHarmonics::mean);
+  CHECK(mean.shapes[1].lobes == 8);  // degree 3 is 0
+  for (int i = 0; i < 24; ++i) {
+    const double weight = i < 9 ? 2.0 / 3 : 0.25;
+    CHECK(double{mean.shapes[1].sh[i]} == Approx(weight * (45 + i)));
+  }
+  const SplatSet dc = make_splat_set(block, SphericalHarmonics::dc);
+  CHECK(dc.shapes[1].lobes == 0);
+  CHECK(dc.shapes[1].colour[0] == 0);
+  CHECK(dc.shapes[1].colour[2] == 8);
+  CHECK(SplatSet::most_bytes(1000, 15) >= SplatSet::most_bytes(1000, 0) + 1000 * 45 * 4);
 }

@@ -70,16 +70,28 @@ TEST_CASE("splat blocks come back as they went in", "[tiles]") {
   std::mt19937 random(1);
   const std::size_t count = GENERATE(1U, 2U, 777U, 4096U);
   const bool normals = GENERATE(false, true);
+  const std::uint32_t degree = GENERATE(0U, 1U, 3U);
+  const std::uint32_t lobes = kLobesOfDegree[degree];
   std::vector<Splat> splats;
-  for (std::size_t i = 0; i < count; ++i)
+  std::vector<std::uint16_t> sh;
+  for (std::size_t i = 0; i < count; ++i) {
     splats.push_back(some_splat(random, normals && i % 2 == 0));
+    for (std::size_t c = 0; c < std::size_t{3} * lobes; ++c)
+      sh.push_back(static_cast<std::uint16_t>(0x8000 | random() % 0x7C00));
+  }
   SplatBlock block;
-  block.assign(splats);
+  block.assign(splats, lobes, sh);
   std::vector<std::byte> raw;
   encode(block, raw);
   const SplatBlock back = decode_splats(raw, "block");
   REQUIRE(back.size() == count);
   CHECK(back.normal[0].empty() == !normals);
+  CHECK(back.lobes == lobes);
+  REQUIRE(back.sh.size() == sh.size());
+  if (lobes > 0) {  // the last Gaussian's first coefficient, its green
+    CHECK(back.sh[2 * count - 1] == sh[(count - 1) * 3 * lobes + 1]);
+  }
+  CHECK(back.sh == block.sh);
   for (std::size_t i = 0; i < count; ++i) {
     if (!(back.splat(i) == splats[i])) FAIL("splat " << i);
   }
@@ -91,8 +103,18 @@ TEST_CASE("splat blocks come back as they went in", "[tiles]") {
   raw.push_back(std::byte{0});
   CHECK(refused(raw));
   raw.pop_back();
-  raw[4] = std::byte{2};
-  CHECK(refused(raw));
+  const std::byte flags = raw[4];
+  for (const unsigned other : {1U, 2U, 4U, 8U}) {  // what is there says otherwise
+    raw[4] = flags ^ static_cast<std::byte>(other);
+    CHECK(refused(raw));
+  }
+  raw[4] = flags;
+  if (lobes == 0) return;
+  for (const int broken : {0x7C00, 0xFC00, 0x7E00}) {  // infinities, NaN
+    block.sh[0] = static_cast<std::uint16_t>(broken);
+    encode(block, raw);
+    CHECK(refused(raw));
+  }
 }
 
 TEST_CASE("a splat store gives back its tiles, entries and blocks", "[tiles]") {
@@ -120,8 +142,9 @@ TEST_CASE("a splat store gives back its tiles, entries and blocks", "[tiles]") {
     if (b == 1 || b >= 3) writer.end_tile(compressor);
   }
   SplatDirectory directory;
-  directory.filtered = {1, 2, 3, 4, 5, 6};
+  directory.filtered = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
   directory.model = SplatModel::flat;
+  directory.is_linear = true;
   directory.has_normals = true;
   directory.surface_noise = 0.25F;
   directory.middle_box = {{-1, -1, -1}, {1, 1, 1}};
@@ -129,10 +152,11 @@ TEST_CASE("a splat store gives back its tiles, entries and blocks", "[tiles]") {
 
   const SplatStore store(
       std::make_unique<PackReader>(files->open("pack"), "pack", PackKind::splats, kKey),
-      SplatFacts{510 + 21, SplatModel::flat}, compressor);
+      SplatFacts{510 + 55, SplatModel::flat, 0, true}, compressor);
   const SplatDirectory& found = store.directory();
   CHECK(found.splats == 510);
-  CHECK(found.filtered == SplatCounts{1, 2, 3, 4, 5, 6});
+  CHECK(found.filtered == SplatCounts{1, 2, 3, 4, 5, 6, 7, 8, 9, 10});
+  CHECK(found.is_linear);
   CHECK(found.model == SplatModel::flat);
   CHECK(found.has_normals);
   CHECK(found.surface_noise == 0.25F);
