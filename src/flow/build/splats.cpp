@@ -85,7 +85,10 @@ std::unique_ptr<store::SplatStore> splat_store(JobContext& job, const SplatReque
         return std::make_unique<store::SplatStore>(std::move(pack), build.facts, job.compressor());
       });
   *cached = store != nullptr;
-  if (!*cached) store = build_gaussian_store(job, build);
+  if (!*cached) {
+    scene->prepare(job.scratch_folder, [&] { job.meter.advance(0); });
+    store = build_gaussian_store(job, build);
+  }
   job.meter.end();
   report_filtered(job, *store);
   return store;

@@ -9,9 +9,9 @@
 namespace pounce::flow {
 
 bool is_splat_scene(const std::string& path) {
-  const auto format = io::splat_format(path);
+  const auto format = io::source_splat_format(path);
   if (!format) return false;
-  if (!format->is_read) throw Error(ErrorKind::input, io::why_not_read(path, *format));
+  if (!format->is_read()) throw Error(ErrorKind::input, io::why_not_read(path, *format));
   return true;
 }
 

@@ -72,8 +72,8 @@ ShRotation::ShRotation(const std::array<Vec3d, 3>& columns) {
 }
 
 ShRotation::ShRotation(const Axes& axes)
-    : ShRotation({axes.apply(Vec3d{1, 0, 0}), axes.apply(Vec3d{0, 1, 0}),
-                  axes.apply(Vec3d{0, 0, 1})}) {}
+    : ShRotation(
+          {axes.apply(Vec3d{1, 0, 0}), axes.apply(Vec3d{0, 1, 0}), axes.apply(Vec3d{0, 0, 1})}) {}
 
 void ShRotation::apply(float* values, std::size_t stride, std::uint32_t lobes) const {
   if (lobes >= 3) multiply(degree_1_, values, stride);
