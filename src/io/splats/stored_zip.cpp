@@ -69,8 +69,9 @@ Directory find_directory(const ReadFile& file, const std::string& path) {
   std::size_t end = tail_bytes - kEndBytes;
   while (fields.u32(end) != kEndMark || fields.u16(end + 20) != tail_bytes - kEndBytes - end) {
     if (end == 0)
-      refuse(path, fmt::format("has no directory at its end, as a ZIP archive has that is whole; {}",
-                               kAgain));
+      refuse(path,
+             fmt::format("has no directory at its end, as a ZIP archive has that is whole; {}",
+                         kAgain));
     --end;
   }
   Directory directory;
@@ -86,9 +87,9 @@ Directory find_directory(const ReadFile& file, const std::string& path) {
       fields.u16(end + 8) != directory.entries)
     refuse(path, "is one of several parts of a ZIP archive; put them together first");
   if (directory.entries > kMostEntries || directory.bytes > kMostDirectoryBytes) {
-    refuse(path, fmt::format("lists {} entries in {} bytes; a scene has no more than {} in {}",
-                             directory.entries, directory.bytes, kMostEntries,
-                             kMostDirectoryBytes));
+    refuse(path,
+           fmt::format("lists {} entries in {} bytes; a scene has no more than {} in {}",
+                       directory.entries, directory.bytes, kMostEntries, kMostDirectoryBytes));
   }
   if (directory.at + directory.bytes > size - tail_bytes + end)
     refuse(path, fmt::format("has a directory that ends beyond its end; {}", kAgain));
@@ -183,8 +184,8 @@ void refuse_overlaps(const std::string& path, const std::vector<StoredEntry>& en
   for (std::size_t i = 1; i < places.size(); ++i) {
     if (places[i].begin >= places[i - 1].end) continue;
     refuse(path, fmt::format("its entries \"{}\" and \"{}\" lie over each other; {}",
-                             shown(entries[places[i - 1].entry].name), shown(entries[places[i].entry].name),
-                             kAgain));
+                             shown(entries[places[i - 1].entry].name),
+                             shown(entries[places[i].entry].name), kAgain));
   }
 }
 

@@ -65,10 +65,11 @@ std::uint32_t number_of(const std::array<std::uint8_t, N>& bytes, std::size_t at
 
 /// The size and place of the bits of the VP8L chunk whose data begin at `offset`.
 Vp8lHeader read_stream_header(const Range& range, std::uint64_t offset, std::uint32_t size) {
-  const auto start = range.read<5>(offset);
-  const std::uint32_t bits = number_of(start, 1);
-  if (size < start.size() || start[0] != 0x2F)
+  std::array<std::uint8_t, 5> start{};
+  if (size >= start.size()) start = range.read<5>(offset);
+  if (start[0] != 0x2F)
     refuse(range.name, "does not begin as a lossless WebP image; download it or export it again");
+  const std::uint32_t bits = number_of(start, 1);
   if (bits >> 29 != 0) {
     refuse(range.name, fmt::format("is lossless WebP of version {}, and only 0 is known; "
                                    "export the scene again with a plain encoder",
@@ -141,9 +142,9 @@ void Vp8lDecoder::read_transforms(WriteFile& scratch) {
     const std::uint32_t kind = source_.read(2);
     if (seen[kind]) source_.fail("a transform that it had before");
     seen[kind] = true;
-    transforms_.push_back(read_vp8l_transform(
-        static_cast<Vp8lTransformKind>(kind),
-        {source_, stored_width_, header_.height, ring_, scratch}));
+    transforms_.push_back(
+        read_vp8l_transform(static_cast<Vp8lTransformKind>(kind),
+                            {source_, stored_width_, header_.height, ring_, scratch}));
     stored_width_ = transforms_.back()->stored_width(stored_width_);
   }
 }

@@ -74,7 +74,7 @@ class BitSource {
   std::uint64_t at_, bytes_, origin_;
   std::string name_;
   std::vector<std::byte> buffer_;
-  std::uint64_t loaded_ = 0;      ///< bytes that were read so far
+  std::uint64_t loaded_ = 0;     ///< bytes that were read so far
   std::uint64_t buffer_at_ = 0;  ///< of the stretch: its first byte in the buffer
   BitState state_;
 };

@@ -23,9 +23,7 @@ class Vp8lBlocks {
 
   std::uint32_t bits() const { return bits_; }
   /// How many blocks cover so many pixels.
-  std::uint32_t size(std::uint32_t pixels) const {
-    return (pixels + (1U << bits_) - 1) >> bits_;
-  }
+  std::uint32_t size(std::uint32_t pixels) const { return (pixels + (1U << bits_) - 1) >> bits_; }
 
   /// Adds the next row. Nothing else may be appended to the file before the last one.
   void append(std::span<const Value> row) { scratch_.append(std::as_bytes(row)); }

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::uint32_t kMostBits = 15;
 /// The order in which the lengths of the code of the lengths are stored: rare ones last.
-constexpr std::array<std::uint8_t, 19> kLengthOrder{17, 18, 0, 1, 2,  3,  4,  5,  16, 6,
+constexpr std::array<std::uint8_t, 19> kLengthOrder{17, 18, 0, 1,  2,  3,  4,  5,  16, 6,
                                                     7,  8,  9, 10, 11, 12, 13, 14, 15};
 
 std::uint32_t reversed(std::uint32_t code, std::uint32_t bits) {

@@ -46,7 +46,8 @@ class PrefixTables {
   /// Canonical codes come sorted by length: but for one second table for each length there are no
   /// more entries in them than symbols.
   static constexpr std::size_t kMostEntries =
-      (1 << PrefixCode::kPrimaryBits) + kMostSymbols + (15 - PrefixCode::kPrimaryBits) * (1 << (15 - PrefixCode::kPrimaryBits));
+      (1 << PrefixCode::kPrimaryBits) + kMostSymbols +
+      (15 - PrefixCode::kPrimaryBits) * (1 << (15 - PrefixCode::kPrimaryBits));
 
   PrefixCode add(std::span<const std::uint16_t> table);
   std::uint64_t bytes() const { return blocks_.size() * kBlockEntries * sizeof(std::uint16_t); }
@@ -58,8 +59,8 @@ class PrefixTables {
   std::size_t used_ = kBlockEntries;  ///< entries of the last block
 };
 
-/// Reads the lengths of the code of an alphabet of `symbols` symbols and adds it to `tables`, if they
-/// are given. Throws Error(input) where they make no code.
+/// Reads the lengths of the code of an alphabet of `symbols` symbols and adds it to `tables`, if
+/// they are given. Throws Error(input) where they make no code.
 PrefixCode read_prefix_code(BitSource& source, std::uint32_t symbols, PrefixTables* tables);
 
 }  // namespace pounce::io

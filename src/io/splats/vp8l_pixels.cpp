@@ -165,14 +165,16 @@ void Vp8lPixels::decode_row() {
     }
     std::uint64_t position = position_;
     while (position < stop) {
-      if (state.next >= state.safe) [[unlikely]] state = source_.more(state);
+      if (state.next >= state.safe) [[unlikely]]
+        state = source_.more(state);
       state.refill();
       const std::uint32_t green = group->green.read(state);
       std::uint32_t pixel;
       if (green < kLengths) {
         const std::uint32_t red = group->red.read(state);
         const std::uint32_t blue = group->blue.read(state);
-        if (state.count < 15) [[unlikely]] state.refill();
+        if (state.count < 15) [[unlikely]]
+          state.refill();
         pixel = group->alpha.read(state) << 24 | red << 16 | green << 8 | blue;
       } else if (green < kCached) {
         position_ = position;
@@ -198,7 +200,8 @@ void Vp8lPixels::read_row(std::span<std::uint32_t> out) {
     decode_row<true>();
   }
   const std::uint64_t mask = ring_.mask(), at = std::uint64_t{row_} * width_ & mask;
-  const std::size_t first = static_cast<std::size_t>(std::min<std::uint64_t>(width_, mask + 1 - at));
+  const std::size_t first =
+      static_cast<std::size_t>(std::min<std::uint64_t>(width_, mask + 1 - at));
   std::copy_n(ring_.data() + at, first, out.begin());
   std::copy_n(ring_.data(), width_ - first, out.begin() + static_cast<std::ptrdiff_t>(first));
   ++row_;

@@ -124,12 +124,14 @@ Vp8lBlocks<Value> read_blocks(const Vp8lTransformInput& input, const ValueOf& va
 class Predictor final : public Vp8lTransform {
  public:
   explicit Predictor(const Vp8lTransformInput& input)
-      : predictors_(read_blocks<std::uint8_t>(input, [&](Pixel pixel) {
-          const std::uint32_t predictor = pixel >> 8 & 0xFF;
-          if (predictor >= kPredictors)
-            input.source.fail(fmt::format("a predictor of number {}", predictor));
-          return static_cast<std::uint8_t>(predictor);
-        })),
+      : predictors_(read_blocks<std::uint8_t>(input,
+                                              [&](Pixel pixel) {
+                                                const std::uint32_t predictor = pixel >> 8 & 0xFF;
+                                                if (predictor >= kPredictors)
+                                                  input.source.fail(fmt::format(
+                                                      "a predictor of number {}", predictor));
+                                                return static_cast<std::uint8_t>(predictor);
+                                              })),
         above_(input.width + std::size_t{1}) {}
 
   void undo(std::uint32_t y, PixelRow& row) override {
