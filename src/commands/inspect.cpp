@@ -35,8 +35,8 @@ constexpr std::string_view kGlbStart = "glTF";
 /// By the first bytes where they say it, else by the ending; what is neither mesh nor pack is left
 /// to the image reader, which tells formats by content.
 FileType file_type(const std::string& path, const ReadFile& file) {
-  if (const auto splats = io::splat_format(path)) {
-    if (!splats->is_read) throw Error(ErrorKind::input, io::why_not_read(path, *splats));
+  if (const auto splats = io::source_splat_format(path)) {
+    if (!splats->is_read()) throw Error(ErrorKind::input, io::why_not_read(path, *splats));
     return FileType::splats;
   }
   std::array<char, 8> start{};
@@ -79,11 +79,10 @@ Json describe_image(const std::string& path) {
     return commands::describe(io::ImageReader(path).info());
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::input) throw;
-    throw Error(
-        ErrorKind::input,
-        fmt::format(
-            "{}; it is no mesh (.glb, .gltf, .obj), no splat scene (.ply) and no tile pack either",
-            error.what()));
+    throw Error(ErrorKind::input,
+                fmt::format("{}; it is no mesh (.glb, .gltf, .obj), no splat scene (PLY, SPZ, SOG, "
+                            ".splat, .ksplat) and no tile pack either",
+                            error.what()));
   }
 }
 
@@ -101,8 +100,13 @@ void require_memory(const std::string& path, bool allow_external) {
 Json describe_file(const std::string& path, bool allow_external) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) {
-    if (const auto splats = io::splat_format(path))
+    if (const auto splats = io::splat_format(path); splats && splats->is_read()) {
+      Json json{{"file", path}, {"type", "splats"}};
+      json.update(commands::describe_splats(path));
+      return json;
+    } else if (splats) {
       throw Error(ErrorKind::input, io::why_not_read(path, *splats));
+    }
     throw Error(
         ErrorKind::input,
         fmt::format("{}: is a folder; name a mesh, a splat scene, an image or a pack file", path));

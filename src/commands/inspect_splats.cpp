@@ -4,11 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "core/box.h"
 #include "io/files/shortest.h"
 #include "io/splats/ply.h"
 #include "io/splats/ply_header.h"
+#include "io/splats/scene.h"
 #include "store/blocks/splat_lattice.h"
 
 namespace pounce::commands {
@@ -57,21 +59,34 @@ std::string quantiles_text(const Json& q) {
                      q["p90"].get<double>());
 }
 
+void add_columns(const io::SplatPlyHeader& header, Json& json) {
+  Json columns = Json::array();
+  std::size_t halves = 0;
+  for (const io::PlyColumn& column : header.columns) {
+    columns.push_back(column.name);
+    halves += column.type == io::PlyType::u16 && io::is_splat_column(column.name) ? 1 : 0;
+  }
+  json["row_bytes"] = header.row_bytes;
+  json["columns"] = columns;
+  json["half_columns"] = halves;
+}
+
 }  // namespace
 
 Json describe_splats(const std::string& path) {
   constexpr std::uint64_t kRows = 16 << 10;
-  const io::SplatPly ply(path);
-  const io::SplatPlyHeader& header = ply.header();
-  const PageVector<Splat> sample = io::sample(ply);
+  const auto scene = io::open_splat_scene(path, {});
+  scene->prepare(std::filesystem::temp_directory_path().string(), [] {});
+  const io::SplatSceneInfo& info = scene->info();
+  const PageVector<Splat> sample = io::sample(*scene);
   const store::SplatLattice lattice(sample);
   store::SplatCounts filtered{};
   std::uint64_t usable = 0, with_normal = 0;
   Box3f box;  // of all that have a place, the strays included: it says why there are strays
   store::SplatRows rows;
-  for (std::uint64_t first = 0; first < header.splats; first += kRows) {
+  for (std::uint64_t first = 0; first < info.splats; first += kRows) {
     rows.splats.clear();
-    ply.read(first, std::min(kRows, header.splats - first), rows, filtered);
+    scene->read(first, std::min(kRows, info.splats - first), rows, filtered);
     for (const Splat& s : rows.splats) {
       box.extend(s.mean);
       if (const auto reason = lattice.filter(s)) {
@@ -82,10 +97,14 @@ Json describe_splats(const std::string& path) {
       with_normal += s.normal != Vec3f{} ? 1 : 0;
     }
   }
-  Json json{{"gaussians", header.splats},        {"usable", usable},
-            {"filtered", Json::object()},        {"sh_degree", header.sh_degree},
-            {"model", model_name(header.model)}, {"with_normal", with_normal},
-            {"row_bytes", header.row_bytes}};
+  Json json{{"format", info.format},
+            {"gaussians", info.splats},
+            {"usable", usable},
+            {"filtered", Json::object()},
+            {"sh_degree", info.sh_degree},
+            {"model", model_name(info.model)},
+            {"colour_space", info.is_linear ? "linear" : "sRGB"},
+            {"with_normal", with_normal}};
   for (std::size_t k = 0; k < filtered.size(); ++k) {
     if (filtered[k] > 0)
       json["filtered"][store::filter_name(static_cast<store::SplatFilter>(k))] = filtered[k];
@@ -96,28 +115,27 @@ Json describe_splats(const std::string& path) {
     json["opacity"] = quantiles(sample, [](const Splat& s) { return s.alpha; });
     json["size"] = quantiles(sample, [](const Splat& s) { return store::size_of(s); });
   }
-  Json columns = Json::array();
-  std::size_t halves = 0;
-  for (const io::PlyColumn& column : header.columns) {
-    columns.push_back(column.name);
-    halves += column.type == io::PlyType::u16 && io::is_splat_column(column.name) ? 1 : 0;
-  }
-  json["columns"] = columns;
-  json["half_columns"] = halves;
+  if (const auto* ply = dynamic_cast<const io::SplatPly*>(scene.get()))
+    add_columns(ply->header(), json);
+  json["notes"] = info.assumptions;
   return json;
 }
 
 std::string splats_text(const Json& splats) {
   std::string text =
-      fmt::format("gaussians  {}, {} usable\n", splats["gaussians"].get<std::uint64_t>(),
-                  splats["usable"].get<std::uint64_t>());
+      fmt::format("format     {}\ngaussians  {}, {} usable\n", splats["format"].get<std::string>(),
+                  splats["gaussians"].get<std::uint64_t>(), splats["usable"].get<std::uint64_t>());
   for (const auto& [reason, count] : splats["filtered"].items())
     text += fmt::format("left out   {} {}\n", count.get<std::uint64_t>(), reason);
-  const auto halves = splats["half_columns"].get<std::size_t>();
-  text += fmt::format("columns    {}{}, {} bytes per Gaussian, spherical harmonics of degree {}\n",
-                      splats["columns"].size(),
-                      halves == 0 ? "" : fmt::format(" ({} half floats)", halves),
-                      splats["row_bytes"].get<unsigned>(), splats["sh_degree"].get<unsigned>());
+  if (splats.contains("columns")) {
+    const auto halves = splats["half_columns"].get<std::size_t>();
+    text += fmt::format("columns    {}{}, {} bytes per Gaussian\n", splats["columns"].size(),
+                        halves == 0 ? "" : fmt::format(" ({} half floats)", halves),
+                        splats["row_bytes"].get<unsigned>());
+  }
+  text +=
+      fmt::format("colours    {}, spherical harmonics of degree {}\n",
+                  splats["colour_space"].get<std::string>(), splats["sh_degree"].get<unsigned>());
   text += fmt::format("model      {}\n", splats["model"].get<std::string>());
   text += fmt::format("normals    {}\n", splats["with_normal"].get<std::uint64_t>());
   const auto box_text = [&](const char* name, const char* key) {
@@ -131,6 +149,8 @@ std::string splats_text(const Json& splats) {
     text += fmt::format("opacity    {}\n", quantiles_text(splats["opacity"]));
     text += fmt::format("size       {} (largest sigma)\n", quantiles_text(splats["size"]));
   }
+  for (const Json& note : splats["notes"])
+    text += fmt::format("note       {}\n", note.get<std::string>());
   return text;
 }
 

@@ -24,7 +24,7 @@ enum class Format { gltf, obj };
 
 /// A splat scene where a mesh is wanted: often the two are in the wrong order.
 [[noreturn]] void refuse_splats(const std::string& path, const SplatFormat& format) {
-  if (format.is_read && !holds_splats(*posix_file_system().open(path), path)) {
+  if (format.kind == SplatKind::ply && !holds_splats(*posix_file_system().open(path), path)) {
     throw Error(
         ErrorKind::input,
         fmt::format("{}: a PLY file is read as a splat scene, which is a source only; convert "
@@ -34,7 +34,7 @@ enum class Format { gltf, obj };
   throw Error(ErrorKind::input,
               fmt::format("{}: a Gaussian splat scene in {}, where a mesh is wanted (.glb, .gltf "
                           "or .obj); a scene comes first, as the source of a transfer: pounce "
-                          "transfer SCENE.ply TARGET.glb -o OUTPUT",
+                          "transfer SCENE TARGET.glb -o OUTPUT",
                           path, format.name));
 }
 
@@ -45,7 +45,7 @@ Format format_of(const std::string& path) {
   if (std::error_code ignored; std::filesystem::is_directory(path, ignored)) {
     throw Error(ErrorKind::storage,
                 fmt::format("{}: is a folder; name a mesh in it (.glb, .gltf or .obj) or, as a "
-                            "source, a splat scene (.ply)",
+                            "source, a splat scene",
                             path));
   }
   const auto file = posix_file_system().open(path);

@@ -14,6 +14,7 @@
 #include "pounce/transfer.h"
 #include "support/gltf_builder.h"
 #include "support/random_scene.h"
+#include "support/splat_encoders.h"
 #include "support/splat_ply_builder.h"
 
 namespace pounce {
@@ -246,7 +247,15 @@ void splat_seeds(const fs::path& folder) {
   put(folder, "mesh",
       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nelement face 1\nproperty list "
       "uchar int vertex_indices\nend_header\n0\n3 0 0 0\n");
-  put(folder, "spz", std::string("NGSP\3\0\0\0", 8));
+  const test::Scene small = test::random_scene(6, 1);
+  put(folder, "compressed", test::compressed_ply_bytes(small));
+  for (const std::uint32_t version : {1U, 2U, 3U, 4U})
+    put(folder, "spz" + std::to_string(version), test::spz_bytes(small, version));
+  put(folder, "spz3.gz", test::gzipped(test::spz_bytes(small, 3)));
+  put(folder, "splat", "s" + test::dot_splat_bytes(small));
+  for (const unsigned level : {0U, 1U, 2U})
+    put(folder, "ksplat" + std::to_string(level), "k" + test::ksplat_bytes(small, level));
+  put(folder, "glb", test::gltf_scene(small).bytes());
 }
 
 /// In formats that are guarded or judged by their bytes, with texts and profiles beside the

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Splat scenes in PLY: header, rows, and the way of what is read into a store's blocks. Half of the
-// mutations give the file as many bytes as its header announces, else few would get beyond it.
+// Splat scenes in one file of any format: headers, Gaussians, and the way of what is read into a
+// store's blocks. Half of the mutations of a PLY give the file as many bytes as its header
+// announces, else few would get beyond it.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -10,9 +11,10 @@
 
 #include "commands/inspect_splats.h"
 #include "core/axes.h"
+#include "core/half.h"
 #include "fuzz/fuzz_support.h"
 #include "io/splats/format.h"
-#include "io/splats/ply.h"
+#include "io/splats/scene.h"
 #include "store/blocks/splat_block.h"
 #include "store/blocks/splat_lattice.h"
 
@@ -66,22 +68,29 @@ void store(PageVector<Splat>& splats, const store::SplatLattice& lattice) {
   }
 }
 
-void read(const std::string& path) {
-  const auto format = io::splat_format(path);
-  if (!format) return;  // a GLB, whatever its name
-  if (!format->is_read) {
+void read(const std::string& path, const std::string& scratch) {
+  const auto format = io::source_splat_format(path);
+  if (!format) return;  // a GLB of meshes, whatever its name
+  if (!format->is_read()) {
     require(!io::why_not_read(path, *format).empty(), "there is a reason");
     return;
   }
+  const auto scene = io::open_splat_scene(path, parse_axes("x,-z,-y"));
+  constexpr std::uint64_t kMostSplats = 1 << 20;  // a file of a few KB may rightly hold more
+  if (scene->info().splats > kMostSplats) return;
   require(!io::splats_text(io::describe_splats(path)).empty(), "a scene can be described");
-  const io::SplatPly ply(path, parse_axes("x,-z,-y"));
+  scene->prepare(scratch, [] {});
   store::SplatRows rows;
+  rows.lobes = store::kMostLobes;
   store::SplatCounts filtered{};
-  ply.read(0, ply.header().splats, rows, filtered);
+  scene->read(0, scene->info().splats, rows, filtered);
   std::uint64_t count = rows.splats.size();
   for (const std::uint64_t out : filtered) count += out;
-  require(count == ply.header().splats, "every row is kept or counted");
-  store(rows.splats, store::SplatLattice(io::sample(ply)));
+  require(count == scene->info().splats, "every row is kept or counted");
+  require(rows.sh.size() == rows.splats.size() * 3 * rows.lobes, "every Gaussian has harmonics");
+  for (const std::uint16_t half : rows.sh)
+    require(std::isfinite(half_to_float(half)), "harmonics are finite");
+  store(rows.splats, store::SplatLattice(io::sample(*scene)));
 }
 
 /// As many bytes as the elements of a header take; most_bytes where it is none or asks for more.
@@ -126,7 +135,13 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace pounce;
   static const fuzz::Folder folder;
-  const std::string path = folder.write("scene.ply", fuzz::text_of(data, size));
-  fuzz::attempt([&] { fuzz::read(path); });
+  // Two formats have no mark of their own: the first byte stands for an ending.
+  const char* const name = size > 0 && data[0] == 's'   ? "scene.splat"
+                           : size > 0 && data[0] == 'k' ? "scene.ksplat"
+                                                        : "scene.ply";
+  const bool is_marked = size > 0 && (data[0] == 's' || data[0] == 'k');
+  const auto bytes = fuzz::text_of(data, size).substr(is_marked ? 1 : 0);
+  const std::string path = folder.write(name, bytes);
+  fuzz::attempt([&] { fuzz::read(path, folder.path("")); });
   return 0;
 }

@@ -10,8 +10,8 @@
 namespace pounce::flow {
 namespace {
 
-/// Windows in depth reach beyond the maximum distance, by up to 0.44 of it and a few texels.
-constexpr double kReachOverDistance = 1.5;
+/// With room for the footprints of texels.
+constexpr double kReachOverDistance = 1.1;
 /// What is near more targets is not known: 32 KiB each would add up.
 constexpr std::size_t kMostNearTargets = 8;
 
@@ -35,9 +35,9 @@ SplatRequest request_of(const TransferOptions& options) {
 }  // namespace
 
 bool is_splat_scene(const std::string& path) {
-  const auto format = io::splat_format(path);
+  const auto format = io::source_splat_format(path);
   if (!format) return false;
-  if (!format->is_read) throw Error(ErrorKind::input, io::why_not_read(path, *format));
+  if (!format->is_read()) throw Error(ErrorKind::input, io::why_not_read(path, *format));
   return true;
 }
 

@@ -90,24 +90,36 @@ void AccessorReader::check_unbacked(int index, std::uint64_t most, const std::st
 template <class Out>
 void AccessorReader::read(int index, Out* out, const std::string& place) const {
   const tinygltf::Accessor& a = accessor(index);
-  const std::uint64_t components = component_count(a.type);
-  const std::uint64_t element = components * component_bytes(a.componentType);
   if (a.bufferView < 0) {
-    std::fill_n(out, a.count * components, Out{});
+    std::fill_n(out, a.count * component_count(a.type), Out{});
   } else {
-    const std::uint64_t view_stride = model_.bufferViews.at(idx(a.bufferView)).byteStride;
-    const std::uint64_t stride = view_stride == 0 ? element : view_stride;
-    const std::uint64_t piece = std::max<std::uint64_t>(1, kPieceBytes / stride);
-    std::vector<std::byte> raw;
-    for (std::uint64_t first = 0; first < a.count; first += piece) {
-      const std::uint64_t count = std::min<std::uint64_t>(piece, a.count - first);
-      raw.resize((count - 1) * stride + element);
-      file_.read_view(idx(a.bufferView), a.byteOffset + first * stride, raw);
-      convert_any(a.componentType, raw.data(), stride, count, components, a.normalized,
-                  out + first * components);
-    }
+    read_elements(a, 0, a.count, out);
   }
   if (a.sparse.isSparse) read_sparse(a, index, out, place);
+}
+
+template <class Out>
+void AccessorReader::read_elements(const tinygltf::Accessor& a, std::uint64_t first,
+                                   std::uint64_t count, Out* out) const {
+  const std::uint64_t components = component_count(a.type);
+  const std::uint64_t element = components * component_bytes(a.componentType);
+  const std::uint64_t view_stride = model_.bufferViews.at(idx(a.bufferView)).byteStride;
+  const std::uint64_t stride = view_stride == 0 ? element : view_stride;
+  const std::uint64_t most = std::max<std::uint64_t>(1, kPieceBytes / stride);
+  std::vector<std::byte> raw;
+  for (std::uint64_t done = 0; done < count;) {
+    const std::uint64_t piece = std::min(most, count - done);
+    raw.resize((piece - 1) * stride + element);
+    file_.read_view(idx(a.bufferView), a.byteOffset + (first + done) * stride, raw);
+    convert_any(a.componentType, raw.data(), stride, piece, components, a.normalized,
+                out + done * components);
+    done += piece;
+  }
+}
+
+void AccessorReader::read_range(int index, std::uint64_t first, std::uint64_t count,
+                                float* out) const {
+  read_elements(accessor(index), first, count, out);
 }
 
 template <class Out>

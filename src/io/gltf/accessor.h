@@ -30,6 +30,9 @@ class AccessorReader {
   void read_floats(int index, float* out, const std::string& place, bool any_value = false) const;
   /// The same for unsigned integers (indices, joints).
   void read_whole(int index, std::uint32_t* out, const std::string& place) const;
+  /// Elements [first, first + count) of an accessor that has a buffer view and no sparse part, as
+  /// real numbers of any value.
+  void read_range(int index, std::uint64_t first, std::uint64_t count, float* out) const;
 
   [[noreturn]] void fail(int index, const std::string& place, const std::string& what) const;
 
@@ -37,6 +40,9 @@ class AccessorReader {
   static std::size_t idx(int index) { return static_cast<std::size_t>(index); }
   template <class Out>
   void read(int index, Out* out, const std::string& place) const;
+  template <class Out>
+  void read_elements(const tinygltf::Accessor& accessor, std::uint64_t first, std::uint64_t count,
+                     Out* out) const;
   template <class Out>
   void read_sparse(const tinygltf::Accessor& accessor, int index, Out* out,
                    const std::string& place) const;

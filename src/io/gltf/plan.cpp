@@ -156,9 +156,10 @@ ScenePlan plan_scene(const GltfFile& file, const tinygltf::Model& model,
   }
   if (plan.triangles == 0 && plan.splats > 0) {
     throw Error(ErrorKind::input,
-                fmt::format("{}: a Gaussian splat scene in glTF ({}), without a triangle; pounce "
-                            "reads splat scenes from 3DGS PLY, as the source of a transfer: take "
-                            "the PLY that this was made from",
+                fmt::format("{}: a Gaussian splat scene in glTF ({}), without a triangle, where a "
+                            "mesh is wanted; a scene comes first, as the source of a transfer (of "
+                            "KHR_gaussian_splatting, as .glb): pounce transfer SCENE TARGET.glb "
+                            "-o OUTPUT",
                             file.path(), splat_extensions(model)));
   }
   if (plan.triangles == 0) {

@@ -127,4 +127,16 @@ void SplatIntake::take(const SplatBatch& batch, std::size_t rows, store::SplatRo
   }
 }
 
+void BatchScene::read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
+                      store::SplatCounts& filtered) const {
+  PageVector<SplatBatch> storage(1);
+  SplatBatch& batch = storage.front();
+  decode(first, count, out.lobes, batch,
+         [&](std::size_t rows) { intake_.take(batch, rows, out, filtered); });
+}
+
+std::uint64_t BatchScene::read_bytes() const {
+  return round_to_pages(sizeof(SplatBatch)) + decode_bytes();
+}
+
 }  // namespace pounce::io

@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <string>
 
 #include "core/axes.h"
+#include "io/splats/scene.h"
 #include "io/splats/sh_rotation.h"
 #include "store/blocks/splat_rows.h"
 #include "store/blocks/splat_store.h"
@@ -48,5 +53,42 @@ class SplatIntake {
   Axes axes_;
   ShRotation harmonics_;
 };
+
+/// A scene whose format gives batches: what is left to a format is where its values are.
+class BatchScene : public SplatScene {
+ public:
+  void prepare(const std::string&, const std::function<void()>&) override {}
+  std::uint64_t prepare_bytes() const override { return 0; }
+  void read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
+            store::SplatCounts& filtered) const final;
+  std::uint64_t read_bytes() const final;
+
+  /// Fills `batch` with the next rows of [first, first + count) and calls take(rows), again and
+  /// again. Of the harmonics, `lobes` per channel are asked for; columns beyond the file's degree
+  /// are left alone. Throws Error(input), Error(storage).
+  using Take = std::function<void(std::size_t rows)>;
+  virtual void decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes,
+                      SplatBatch& batch, const Take& take) const = 0;
+  /// What decode() takes beside the batch.
+  virtual std::uint64_t decode_bytes() const = 0;
+
+ protected:
+  explicit BatchScene(const Axes& axes) : intake_(axes) {}
+  /// The file itself says how its axes lie: `axes` are those of the constructor after that.
+  void set_axes(const Axes& axes) { intake_ = SplatIntake(axes); }
+
+ private:
+  SplatIntake intake_;
+};
+
+/// Rows that a format reads at once; small enough for a stack of buffers.
+inline constexpr std::uint64_t kPieceRows = 4096;
+
+/// Calls f(begin, rows) for [0, count) in steps of a batch.
+template <class F>
+void for_batches(std::uint64_t count, const F& f) {
+  for (std::uint64_t begin = 0; begin < count; begin += SplatBatch::kRows)
+    f(begin, static_cast<std::size_t>(std::min<std::uint64_t>(SplatBatch::kRows, count - begin)));
+}
 
 }  // namespace pounce::io

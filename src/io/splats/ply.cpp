@@ -73,9 +73,9 @@ void load(const std::byte* from, PlyType type, std::size_t stride, std::size_t r
 }  // namespace
 
 SplatPly::SplatPly(const std::string& path, const Axes& axes)
-    : file_(posix_file_system().open(path)),
-      header_(read_splat_ply_header(*file_, path)),
-      intake_(axes) {
+    : BatchScene(axes),
+      file_(posix_file_system().open(path)),
+      header_(read_splat_ply_header(*file_, path)) {
   find_columns(path);
   info_.format = "3DGS PLY";
   info_.splats = header_.splats;
@@ -113,22 +113,19 @@ std::uint64_t SplatPly::piece_rows() const {
   return std::max<std::uint64_t>(1, kReadBytes / header_.row_bytes);
 }
 
-std::uint64_t SplatPly::read_bytes() const {
-  return round_to_pages(piece_rows() * header_.row_bytes) + round_to_pages(sizeof(SplatBatch));
+std::uint64_t SplatPly::decode_bytes() const {
+  return round_to_pages(piece_rows() * header_.row_bytes);
 }
 
-void SplatPly::read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
-                    store::SplatCounts& filtered) const {
+void SplatPly::decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes,
+                      SplatBatch& batch, const Take& take) const {
   const std::size_t stride = header_.row_bytes;
-  const std::size_t harmonics = std::min<std::size_t>(harmonics_.size(), 3 * out.lobes);
+  const std::size_t harmonics = std::min<std::size_t>(harmonics_.size(), 3 * lobes);
   PageVector<std::byte> raw(std::min(count, piece_rows()) * stride);
-  PageVector<SplatBatch> storage(1);
-  SplatBatch& batch = storage.front();
   for (const std::uint64_t end = first + count; first < end;) {
     const std::uint64_t rows = std::min(end - first, piece_rows());
     file_->read(header_.rows_at + first * stride, std::span(raw).first(rows * stride));
-    for (std::uint64_t begin = 0; begin < rows; begin += SplatBatch::kRows) {
-      const std::size_t n = std::min<std::uint64_t>(SplatBatch::kRows, rows - begin);
+    for_batches(rows, [&](std::uint64_t begin, std::size_t n) {
       const auto load_column = [&](const PlyColumn& from, SplatBatch::Column& to) {
         load(&raw[begin * stride + from.offset], from.type, stride, n, to);
       };
@@ -141,8 +138,8 @@ void SplatPly::read(std::uint64_t first, std::uint64_t count, store::SplatRows& 
         colour_of_dc(batch.colour[k], n);
       }
       logistic(batch.alpha, n);
-      intake_.take(batch, n, out, filtered);
-    }
+      take(n);
+    });
     first += rows;
   }
 }

@@ -3,20 +3,18 @@
 
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "io/splats/batch.h"
 #include "io/splats/ply_header.h"
-#include "io/splats/scene.h"
 
 namespace pounce::io {
 
 /// A 3DGS PLY as trainers write it. Sigma = exp(scale_i), alpha = 1 / (1 + exp(-opacity)), colour =
 /// 0.5 + C0 f_dc; of f_rest, which is channel by channel in the file, degrees 1 to 3.
-class SplatPly : public SplatScene {
+class SplatPly : public BatchScene {
  public:
   /// Reads and checks the header. Throws as read_splat_ply_header(), and Error(storage) where the
   /// file cannot be opened.
@@ -24,11 +22,9 @@ class SplatPly : public SplatScene {
 
   const SplatPlyHeader& header() const { return header_; }
 
-  void prepare(const std::string&, const std::function<void()>&) override {}
-  std::uint64_t prepare_bytes() const override { return 0; }
-  void read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
-            store::SplatCounts& filtered) const override;
-  std::uint64_t read_bytes() const override;
+  void decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes, SplatBatch& batch,
+              const Take& take) const override;
+  std::uint64_t decode_bytes() const override;
 
  private:
   std::uint64_t piece_rows() const;
@@ -36,7 +32,6 @@ class SplatPly : public SplatScene {
 
   std::unique_ptr<ReadFile> file_;
   SplatPlyHeader header_;
-  SplatIntake intake_;
   std::array<PlyColumn, 17> columns_;  ///< of what a Gaussian has; without a name: not in the file
   std::vector<PlyColumn> harmonics_;   ///< as SplatBatch::sh
 };

@@ -241,6 +241,21 @@ void check_types(const std::vector<PlyColumn>& columns, const std::string& path)
   }
 }
 
+void check_encoding(const Header& header, const std::string& path) {
+  const auto fail = [&](const std::string& what) {
+    throw Error(ErrorKind::input, path + ": " + what);
+  };
+  if (header.format == "ascii") {
+    fail(fmt::format("an ASCII PLY; {}: export it as binary", kWanted));
+  }
+  if (header.format == "binary_big_endian") {
+    fail(fmt::format("a big-endian PLY; {}: export it as little endian", kWanted));
+  }
+  if (header.format != "binary_little_endian") {
+    fail(fmt::format("its format is \"{}\"; {}", shown(header.format), kWanted));
+  }
+}
+
 /// What the file is, where it is not what we read.
 void check_kind(const Header& header, const std::string& path) {
   const auto fail = [&](const std::string& what) {
@@ -251,11 +266,6 @@ void check_kind(const Header& header, const std::string& path) {
     fail(fmt::format("the PLY has no element \"vertex\"; {}", kWanted));
   }
   const auto has = [&](const char* name) { return find_column(vertex->columns, name) != nullptr; };
-  if (has("packed_position")) {
-    fail(
-        "a SuperSplat compressed PLY (packed_position); decompress it first, for example with "
-        "splat-transform IN.compressed.ply OUT.ply");
-  }
   if (!has("f_dc_0")) {
     for (const char* name : {"face", "tristrips"}) {
       if (const Element* e = header.find(name); e != nullptr && e->count > 0) {
@@ -277,15 +287,7 @@ void check_kind(const Header& header, const std::string& path) {
   if (vertex->has_list) {
     fail(fmt::format("its vertices have a list property, which no splat scene has; {}", kWanted));
   }
-  if (header.format == "ascii") {
-    fail(fmt::format("an ASCII PLY; {}: export it as binary", kWanted));
-  }
-  if (header.format == "binary_big_endian") {
-    fail(fmt::format("a big-endian PLY; {}: export it as little endian", kWanted));
-  }
-  if (header.format != "binary_little_endian") {
-    fail(fmt::format("its format is \"{}\"; {}", shown(header.format), kWanted));
-  }
+  check_encoding(header, path);
   if (vertex->count == 0) fail("the splat PLY holds no Gaussians (element vertex 0)");
 }
 
@@ -296,13 +298,14 @@ std::uint64_t saturated(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
   return a * b + c;
 }
 
-/// Where the vertices begin, once the file is known to have as many bytes as it says.
-std::uint64_t rows_at(const Header& header, std::uint64_t file_bytes, const std::string& path) {
+/// Where an element begins, once the file is known to have as many bytes as it says.
+std::uint64_t rows_at(const Header& header, std::uint64_t file_bytes, const std::string& path,
+                      std::string_view wanted = "vertex") {
   std::uint64_t at = header.bytes, begin = 0;
   bool exact = true;
   for (const Element& element : header.elements) {
     const bool is_vertex = element.name == "vertex";
-    if (is_vertex) begin = at;
+    if (element.name == wanted) begin = at;
     if (element.has_list) {
       if (begin == 0) {
         throw Error(ErrorKind::input,
@@ -424,6 +427,79 @@ SplatPlyHeader read_splat_ply_header(const ReadFile& file, const std::string& pa
   result.columns = vertex.columns;
   result.sh_degree = sh_degree(vertex.columns, path);
   result.model = header.model;
+  return result;
+}
+
+bool is_compressed_ply(const ReadFile& file, const std::string& path) {
+  try {
+    const Header header = parse(file, path);
+    const Element* vertex = header.find("vertex");
+    return vertex != nullptr && find_column(vertex->columns, "packed_position") != nullptr;
+  } catch (const Error& e) {
+    if (e.kind() != ErrorKind::input) throw;
+    return false;
+  }
+}
+
+CompressedPlyHeader read_compressed_ply_header(const ReadFile& file, const std::string& path) {
+  const Header header = parse(file, path);
+  const auto fail = [&](const std::string& what) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: the compressed PLY {}; export it again", path, what));
+  };
+  const auto element = [&](const char* name) {
+    const Element* found = header.find(name);
+    if (found == nullptr) fail(fmt::format("has no element \"{}\"", name));
+    if (found->has_list) fail(fmt::format("has a list in its element \"{}\"", name));
+    return found;
+  };
+  const auto column = [&](const Element& of, const std::string& name, PlyType type) {
+    const PlyColumn* found = find_column(of.columns, name);
+    if (found == nullptr) fail(fmt::format("has no column \"{}\"", name));
+    if (found->type != type) fail(fmt::format("has a column \"{}\" of an unknown type", name));
+    return found->offset;
+  };
+  check_encoding(header, path);
+  const Element &chunk = *element("chunk"), &vertex = *element("vertex");
+  CompressedPlyHeader result;
+  result.splats = vertex.count;
+  if (vertex.count == 0) fail("holds no Gaussians (element vertex 0)");
+  result.model = header.model;
+  result.rows_at = rows_at(header, file.size_bytes(), path);
+  result.chunks_at = rows_at(header, file.size_bytes(), path, "chunk");
+  result.row_bytes = static_cast<std::uint32_t>(vertex.row_bytes);
+  result.chunk_bytes = static_cast<std::uint32_t>(chunk.row_bytes);
+  if (const std::uint64_t chunks = (vertex.count - 1) / 256 + 1; chunk.count < chunks) {
+    fail(fmt::format("has {} chunks of 256, its {} Gaussians need {}", chunk.count, vertex.count,
+                     chunks));
+  }
+  constexpr std::array<const char*, kCompressedBounds> kBounds{
+      "min_x",       "min_y",       "min_z",       "max_x",       "max_y",       "max_z",
+      "min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z",
+      "min_r",       "min_g",       "min_b",       "max_r",       "max_g",       "max_b"};
+  const bool has_colours = find_column(chunk.columns, "min_r") != nullptr;
+  for (std::size_t k = 0; k < (has_colours ? kBounds.size() : 12); ++k)
+    result.bounds[k] = column(chunk, kBounds[k], PlyType::f32);
+  constexpr std::array<const char*, 4> kPacked{"packed_position", "packed_rotation", "packed_scale",
+                                               "packed_color"};
+  for (std::size_t k = 0; k < kPacked.size(); ++k)
+    result.packed[k] = column(vertex, kPacked[k], PlyType::u32);
+  if (const Element* harmonics = header.find("sh")) {
+    element("sh");
+    if (harmonics->count != vertex.count) {
+      fail(
+          fmt::format("has {} rows of harmonics for {} Gaussians", harmonics->count, vertex.count));
+    }
+    result.sh_degree = sh_degree(harmonics->columns, path);
+    result.harmonics = static_cast<std::uint32_t>(harmonics->row_bytes);
+    result.harmonics_at = rows_at(header, file.size_bytes(), path, "sh");
+    if (harmonics->columns.size() != result.harmonics || result.harmonics > 45)
+      fail("has harmonics that are not bytes, or other columns among them");
+    for (std::uint32_t k = 0; k < result.harmonics; ++k) {
+      if (column(*harmonics, fmt::format("f_rest_{}", k), PlyType::u8) != k)
+        fail("has harmonics in an unknown order");
+    }
+  }
   return result;
 }
 

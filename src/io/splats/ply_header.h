@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -46,9 +48,32 @@ bool holds_splats(const ReadFile& file, const std::string& path);
 
 /// Reads the header of the 3DGS PLY that trainers write: binary little endian, columns in any
 /// order, splat columns of any scalar type but i16, other elements beside the Gaussians. Throws
-/// Error(input) naming the file, what it holds instead (a mesh, a point cloud, text, big-endian or
-/// compressed data, fewer bytes than announced) and the cure. Takes no more than 1 MiB whatever the
+/// Error(input) naming the file, what it holds instead (a mesh, a point cloud, text or big-endian
+/// data, fewer bytes than announced) and the cure. Takes no more than 1 MiB whatever the
 /// file says.
 SplatPlyHeader read_splat_ply_header(const ReadFile& file, const std::string& path);
+
+/// Bounds of a chunk of a compressed PLY: of positions, of logarithms of sigma, of colours; the
+/// three lower ends of each, then the three upper ones.
+inline constexpr std::size_t kCompressedBounds = 18;
+
+/// What the header of a SuperSplat compressed PLY says, checked against the size of the file.
+struct CompressedPlyHeader {
+  std::uint64_t splats = 0;
+  std::uint64_t chunks_at = 0, rows_at = 0, harmonics_at = 0;
+  std::uint32_t chunk_bytes = 0, row_bytes = 0;
+  /// Where the bounds are in a chunk; of colours nothing in older files (they are 0 and 1).
+  std::array<std::optional<std::uint32_t>, kCompressedBounds> bounds;
+  std::array<std::uint32_t, 4> packed{};  ///< position, rotation, scale, colour in a row
+  std::uint32_t harmonics = 0;            ///< bytes per Gaussian: 0, 9, 24 or 45
+  std::uint32_t sh_degree = 0;
+  store::SplatModel model = store::SplatModel::standard;
+};
+
+/// Is it a PLY with an element "vertex" that has packed positions?
+bool is_compressed_ply(const ReadFile& file, const std::string& path);
+
+/// Throws Error(input) naming file, what is missing or wrong, and the cure.
+CompressedPlyHeader read_compressed_ply_header(const ReadFile& file, const std::string& path);
 
 }  // namespace pounce::io

@@ -1,15 +1,44 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/splats/scene.h"
 
+#include "io/splats/compressed_ply.h"
+#include "io/splats/dot_splat.h"
 #include "io/splats/format.h"
+#include "io/splats/gltf_scene.h"
+#include "io/splats/ksplat.h"
 #include "io/splats/ply.h"
+#include "io/splats/sog.h"
+#include "io/splats/spz.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
 
 std::unique_ptr<SplatScene> open_splat_scene(const std::string& path, const Axes& axes) {
-  const auto format = splat_format(path);
-  if (!format || format->is_read) return std::make_unique<SplatPly>(path, axes);
+  const auto format = source_splat_format(path);
+  if (!format) {
+    throw Error(ErrorKind::input,
+                path +
+                    ": no splat scene (PLY, SPZ, SOG, glTF with KHR_gaussian_splatting, .splat "
+                    "and .ksplat are read)");
+  }
+  switch (format->kind) {
+    case SplatKind::ply:
+      return std::make_unique<SplatPly>(path, axes);
+    case SplatKind::compressed_ply:
+      return std::make_unique<CompressedPly>(path, axes);
+    case SplatKind::spz:
+      return std::make_unique<SpzScene>(posix_file_system().open(path), path, axes);
+    case SplatKind::sog:
+      return std::make_unique<SogScene>(path, axes);
+    case SplatKind::gltf:
+      return std::make_unique<GltfSplats>(path, axes);
+    case SplatKind::dot_splat:
+      return std::make_unique<DotSplat>(path, axes);
+    case SplatKind::ksplat:
+      return std::make_unique<KsplatScene>(path, axes);
+    case SplatKind::unread:
+      break;
+  }
   throw Error(ErrorKind::input, why_not_read(path, *format));
 }
 

@@ -17,7 +17,7 @@ declare -A may_include=(
 # The same within rooms that have folders: what each may include besides itself and what lies above it.
 declare -A may_include_within=(
   [store/pack]="" [store/blocks]="pack" [store/cache]="pack"
-  [io/files]="" [io/json]="" [io/image]="files" [io/gltf]="files json" [io/obj]="files" [io/splats]="files"
+  [io/files]="" [io/json]="" [io/image]="files" [io/gltf]="files json" [io/obj]="files" [io/splats]="files json gltf"
   [io/model]="files json gltf"
 )
 broken=0

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The directory at the end is what counts: writers that do not know sizes beforehand leave zeros in
+// the headers before the entries. A local header is read for its own length alone.
+#include "io/splats/stored_zip.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <set>
+#include <span>
+
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+constexpr std::uint32_t kLocalMark = 0x04034B50, kEntryMark = 0x02014B50, kEndMark = 0x06054B50;
+constexpr std::uint32_t kZip64LocatorMark = 0x07064B50;
+constexpr std::size_t kLocalBytes = 30, kEntryBytes = 46, kEndBytes = 22, kZip64LocatorBytes = 20;
+constexpr std::size_t kMostComment = 65535;
+constexpr std::size_t kMostEntries = 4096;
+constexpr std::uint32_t kMostDirectoryBytes = 1 << 20;
+constexpr std::uint16_t kEncrypted = 1 << 0 | 1 << 6 | 1 << 13;  // of the flags
+
+[[noreturn]] void refuse(const std::string& path, const std::string& what) {
+  throw Error(ErrorKind::input, fmt::format("{}: {}", path, what));
+}
+
+constexpr const char* kAgain = "download it or export it again";
+
+/// Little-endian fields of a piece of the archive.
+class Fields {
+ public:
+  explicit Fields(std::span<const std::byte> bytes) : bytes_(bytes) {}
+  std::uint16_t u16(std::size_t at) const { return number<std::uint16_t>(at); }
+  std::uint32_t u32(std::size_t at) const { return number<std::uint32_t>(at); }
+  std::string text(std::size_t at, std::size_t count) const {
+    return {reinterpret_cast<const char*>(bytes_.data()) + at, count};
+  }
+
+ private:
+  template <class T>
+  T number(std::size_t at) const {
+    T value;
+    std::memcpy(&value, bytes_.subspan(at, sizeof value).data(), sizeof value);
+    return value;
+  }
+  std::span<const std::byte> bytes_;
+};
+
+struct Directory {
+  std::uint64_t at = 0;
+  std::uint32_t bytes = 0;
+  std::uint16_t entries = 0;
+};
+
+/// Finds the record at the end of the archive, before a comment of any length.
+Directory find_directory(const ReadFile& file, const std::string& path) {
+  const std::uint64_t size = file.size_bytes();
+  const std::size_t tail_bytes = static_cast<std::size_t>(
+      std::min<std::uint64_t>(size, kEndBytes + kMostComment + kZip64LocatorBytes));
+  std::vector<std::byte> tail(tail_bytes);
+  file.read(size - tail_bytes, tail);
+  const Fields fields(tail);
+  if (tail_bytes < kEndBytes) refuse(path, fmt::format("is no whole ZIP archive; {}", kAgain));
+  std::size_t end = tail_bytes - kEndBytes;
+  while (fields.u32(end) != kEndMark || fields.u16(end + 20) != tail_bytes - kEndBytes - end) {
+    if (end == 0)
+      refuse(path,
+             fmt::format("has no directory at its end, as a ZIP archive has that is whole; {}",
+                         kAgain));
+    --end;
+  }
+  Directory directory;
+  directory.entries = fields.u16(end + 10);
+  directory.bytes = fields.u32(end + 12);
+  directory.at = fields.u32(end + 16);
+  const bool has_locator =
+      end >= kZip64LocatorBytes && fields.u32(end - kZip64LocatorBytes) == kZip64LocatorMark;
+  if (has_locator || directory.entries == 0xFFFF || directory.bytes == 0xFFFFFFFF ||
+      directory.at == 0xFFFFFFFF)
+    refuse(path, "is a ZIP64 archive, which is not read; unpack it and name the folder's file");
+  if (fields.u16(end + 4) != 0 || fields.u16(end + 6) != 0 ||
+      fields.u16(end + 8) != directory.entries)
+    refuse(path, "is one of several parts of a ZIP archive; put them together first");
+  if (directory.entries > kMostEntries || directory.bytes > kMostDirectoryBytes) {
+    refuse(path,
+           fmt::format("lists {} entries in {} bytes; a scene has no more than {} in {}",
+                       directory.entries, directory.bytes, kMostEntries, kMostDirectoryBytes));
+  }
+  if (directory.at + directory.bytes > size - tail_bytes + end)
+    refuse(path, fmt::format("has a directory that ends beyond its end; {}", kAgain));
+  return directory;
+}
+
+/// An entry and all that is its own: from its local header to its last byte.
+struct Place {
+  std::uint64_t begin = 0, end = 0;
+  std::size_t entry = 0;
+};
+
+/// A name for messages: its first bytes, without what would upset a terminal.
+std::string shown(const std::string& name) {
+  std::string text = name.substr(0, 80);
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = '?';
+  return text.size() < name.size() ? text + "..." : text;
+}
+
+/// Goes through the directory of an archive.
+class DirectoryReader {
+ public:
+  DirectoryReader(const ReadFile& file, const std::string& path, const Directory& directory)
+      : file_(file), path_(path), directory_(directory), bytes_(directory.bytes) {
+    file.read(directory.at, bytes_);
+  }
+
+  /// The next entry, without its place, and where its local header begins.
+  StoredEntry next(std::uint32_t* header_at) {
+    ++number_;
+    const std::span<const std::byte> left = std::span(bytes_).subspan(at_);
+    const Fields fields(left);
+    if (left.size() < kEntryBytes || fields.u32(0) != kEntryMark) refuse_directory();
+    const std::size_t name_bytes = fields.u16(28);
+    const std::size_t entry_bytes = kEntryBytes + name_bytes + fields.u16(30) + fields.u16(32);
+    if (left.size() < entry_bytes) refuse_directory();
+    StoredEntry entry;
+    entry.name = fields.text(kEntryBytes, name_bytes);
+    entry.bytes = fields.u32(24);
+    *header_at = fields.u32(42);
+    const std::uint16_t method = fields.u16(10);
+    if ((fields.u16(8) & kEncrypted) != 0)
+      refuse_entry(entry, "is encrypted; unpack the archive and name the folder's file");
+    if (method != 0) {
+      refuse_entry(entry, fmt::format("is compressed (method {}), and only stored ones are read; "
+                                      "unpack the archive, or pack it again with zip -0",
+                                      method));
+    }
+    if (entry.bytes == 0xFFFFFFFF || *header_at == 0xFFFFFFFF)
+      refuse_entry(entry, "is of ZIP64, which is not read; unpack the archive");
+    if (fields.u32(20) != entry.bytes) refuse_directory();
+    at_ += entry_bytes;
+    return entry;
+  }
+
+  /// Finds the bytes of the entry whose local header is at `header_at`.
+  Place locate(std::uint64_t header_at, StoredEntry& entry) const {
+    const std::string outside = fmt::format("lies outside of it; {}", kAgain);
+    if (header_at + kLocalBytes > directory_.at) refuse_entry(entry, outside);
+    std::array<std::byte, kLocalBytes> bytes;
+    file_.read(header_at, bytes);
+    const Fields local(bytes);
+    if (local.u32(0) != kLocalMark)
+      refuse_entry(entry, fmt::format("is not where its directory says; {}", kAgain));
+    entry.at = header_at + kLocalBytes + local.u16(26) + local.u16(28);
+    if (entry.at + entry.bytes > directory_.at) refuse_entry(entry, outside);
+    return {header_at, entry.at + entry.bytes, 0};
+  }
+
+ private:
+  [[noreturn]] void refuse_directory() const {
+    refuse(path_, fmt::format("its directory is damaged at entry {} of {}; {}", number_,
+                              directory_.entries, kAgain));
+  }
+  [[noreturn]] void refuse_entry(const StoredEntry& entry, const std::string& what) const {
+    refuse(path_, fmt::format("its entry \"{}\" {}", shown(entry.name), what));
+  }
+
+  const ReadFile& file_;
+  const std::string& path_;
+  const Directory& directory_;
+  std::vector<std::byte> bytes_;
+  std::size_t at_ = 0;
+  std::uint32_t number_ = 0;
+};
+
+void refuse_overlaps(const std::string& path, const std::vector<StoredEntry>& entries,
+                     std::vector<Place> places) {
+  std::sort(places.begin(), places.end(),
+            [](const Place& a, const Place& b) { return a.begin < b.begin; });
+  for (std::size_t i = 1; i < places.size(); ++i) {
+    if (places[i].begin >= places[i - 1].end) continue;
+    refuse(path, fmt::format("its entries \"{}\" and \"{}\" lie over each other; {}",
+                             shown(entries[places[i - 1].entry].name),
+                             shown(entries[places[i].entry].name), kAgain));
+  }
+}
+
+}  // namespace
+
+bool is_zip(const ReadFile& file) {
+  if (file.size_bytes() < kEndBytes) return false;
+  std::array<std::byte, 4> start;
+  file.read(0, start);
+  const std::uint32_t mark = Fields(start).u32(0);
+  return mark == kLocalMark || mark == kEndMark;
+}
+
+std::vector<StoredEntry> read_stored_zip(const ReadFile& file, const std::string& path) {
+  const Directory directory = find_directory(file, path);
+  DirectoryReader reader(file, path, directory);
+  std::vector<StoredEntry> entries;
+  std::vector<Place> places;
+  std::set<std::string> names;
+  for (std::uint32_t i = 0; i < directory.entries; ++i) {
+    std::uint32_t header_at = 0;
+    StoredEntry entry = reader.next(&header_at);
+    Place place = reader.locate(header_at, entry);
+    if (entry.name.ends_with('/') && entry.bytes == 0) continue;
+    if (!names.insert(entry.name).second)
+      refuse(path, fmt::format("has two entries \"{}\"; {}", shown(entry.name), kAgain));
+    place.entry = entries.size();
+    places.push_back(place);
+    entries.push_back(std::move(entry));
+  }
+  refuse_overlaps(path, entries, std::move(places));
+  return entries;
+}
+
+}  // namespace pounce::io
