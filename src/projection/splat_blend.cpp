@@ -96,7 +96,6 @@ void ignore(std::span<const SplatResponse>) {}
 
 DepthPacket start_of(const SplatLimits& limits, const TexelPacket& packet) {
   DepthPacket depths{};
-  float squares = 0, count = 0;
   for (int lane = 0; lane < kLanes; ++lane) {
     const float edge = 1 / packet.per_texel[lane];
     const float window = std::max(limits.window, kLeastWindow * edge);
@@ -104,10 +103,8 @@ DepthPacket start_of(const SplatLimits& limits, const TexelPacket& packet) {
     depths.per_bin[lane] = 1 / std::max(window / 2, 2 * limits.reach / kDepthBins);
     if (packet.texel[lane] == target::kNoTexel) continue;
     depths.used |= 1U << lane;
-    squares += edge * edge;
-    ++count;
+    depths.footprint = std::max(depths.footprint, kFootprint * edge * edge);
   }
-  depths.footprint = kFootprint * squares / count;
   return depths;
 }
 

@@ -14,8 +14,8 @@
 //   t     = n.d - sum over cyclic (i, j, k) of u_i u_j (s_i - s_j) g_k v_k / det M
 //
 // (minors of M after Cauchy and Binet, and u_0^2 + u_1^2 + u_2^2 = 1). All terms of the first two
-// are positive: nothing cancels, however thin a disc or a needle is. Here lengths are in means of
-// the packet's texel edges, so that products of four do not leave what floats can hold.
+// are positive: nothing cancels, however thin a disc or a needle is. Here lengths are in edges of the
+// packet's largest texel, so that products of four do not leave what floats can hold.
 //
 // The plain blend of a mesh's texels (add_met) is the same with f = 0 and other weights.
 #include <immintrin.h>
@@ -206,6 +206,7 @@ struct Lookers : Rays {
   Lookers(const TexelPacket& packet, const DepthPacket& depths, const SplatLimits& limits)
       : Rays(packet),
         per_edge(std::sqrt(kFootprint / depths.footprint)),
+        footprint((1.0F / (per_texel * per_texel)) * (kFootprint * per_edge * per_edge)),
         per_bin(load(depths.per_bin)),
         reach(limits.reach) {
     for (int lane = 0; lane < kLanes; ++lane) used_lanes[lane] = -(depths.used >> lane & 1);
@@ -213,7 +214,8 @@ struct Lookers : Rays {
   }
   alignas(64) std::int32_t used_lanes[kLanes];
   Ints used;
-  float per_edge;  ///< 1 / the mean edge of the packet's texels
+  float per_edge;  ///< 1 / the largest edge of the packet's texels: the unit of lengths
+  Floats footprint;
   Floats per_bin;
   float reach;
 };
@@ -263,24 +265,29 @@ struct Lookers : Rays {
                dz = (g.mean[2] - ray.pz) * per_edge;
   const Floats mx = dy * ray.nz - dz * ray.ny, my = dz * ray.nx - dx * ray.nz,
                mz = dx * ray.ny - dy * ray.nx;
+  const float scale = per_edge * per_edge;
+  // Most of what comes here passes all rays: its sphere says so sooner.
+  const Floats away = mx * mx + my * my + mz * mz;
+  const float widest = (g.variance[0] * scale + kFootprint) * (1.0001F / kPerCutOff);
+  if (!any(away <= widest)) return false;
   const auto along_m = [&](const float* a) { return a[0] * mx + a[1] * my + a[2] * mz; };
   const Floats u0 = along_normal(g.axis[0]), u1 = along_normal(g.axis[1]),
                u2 = along_normal(g.axis[2]);
   const Floats v0 = along_m(g.axis[0]), v1 = along_m(g.axis[1]), v2 = along_m(g.axis[2]);
-  const float scale = per_edge * per_edge;
   const float s0 = g.variance[0] * scale, s1 = g.variance[1] * scale, s2 = g.variance[2] * scale;
-  const float g0 = s0 + kFootprint, g1 = s1 + kFootprint, g2 = s2 + kFootprint;
+  const Floats g0 = s0 + ray.footprint, g1 = s1 + ray.footprint, g2 = s2 + ray.footprint;
   const Floats uu0 = u0 * u0, uu1 = u1 * u1, uu2 = u2 * u2;
   const Floats det = uu0 * (g1 * g2) + uu1 * (g0 * g2) + uu2 * (g0 * g1);
   const Floats gv0 = g0 * v0, gv1 = g1 * v1, gv2 = g2 * v2;
   const Floats per_det = 1.0F / det;
   const Floats q = (gv0 * v0 + gv1 * v1 + gv2 * v2) * per_det;
+  Ints ok = (q <= source::kSplatCutOff * source::kSplatCutOff) & ray.used;
+  if (!any(ok)) return false;
   const Floats bend =
       u0 * u1 * (s0 - s1) * gv2 + u1 * u2 * (s1 - s2) * gv0 + u2 * u0 * (s2 - s0) * gv1;
   const Floats t =
       (dx * ray.nx + dy * ray.ny + dz * ray.nz - bend * per_det) * (1 / per_edge);
-  Ints ok = (q <= source::kSplatCutOff * source::kSplatCutOff) & (absolute(t) <= ray.reach) &
-            ray.used;
+  ok = ok & (absolute(t) <= ray.reach);
   if (g.two_sided == 0) ok = ok & (along_normal(g.normal) >= limits.min_cosine);
   if (!any(ok)) return false;
   // How much fainter the footprint makes it: all of that where the scene was trained so, half (in

@@ -57,7 +57,7 @@ struct alignas(64) DepthPacket {
   std::int32_t colour[3][kLanes];  ///< of weight x colour
   std::int32_t depth[kLanes];      ///< of weight x place in the profile, 0..1
   std::int32_t spread[kLanes];     ///< of weight x its square
-  float footprint = 0;             ///< of the packet's texels: kFootprint x their mean squared edge
+  float footprint = 0;             ///< of the packet's largest texel: kFootprint x its squared edge
   unsigned used = 0;               ///< bit per lane
 };
 

@@ -62,8 +62,11 @@ Contribution contribution(const ReferenceSplat& splat, const ReferenceTexel& tex
   const double dx = dot(u, away), dy = dot(v, away);
   const double ix = (c * dx - b * dy) / det, iy = (a * dy - b * dx) / det;  // M^-1 D
   const double squared = dx * ix + dy * iy;
+  out.unsure = std::abs(squared / (kCutOff * kCutOff) - 1) < 1e-4;
   if (!(squared <= kCutOff * kCutOff)) return out;
   out.t = dot(n, away) - (dot(n, su) * ix + dot(n, sv) * iy);
+  out.unsure = out.unsure || std::abs(std::abs(out.t) / limits.reach - 1) < 1e-5;
+  if (!(std::abs(out.t) <= limits.reach)) return out;
 
   std::array<std::size_t, 3> order{0, 1, 2};
   std::stable_sort(order.begin(), order.end(),
@@ -76,87 +79,76 @@ Contribution contribution(const ReferenceSplat& splat, const ReferenceTexel& tex
   const bool has_normal = length(splat.normal) > 0;
   const Vec3d axis =
       has_normal ? splat.normal : Vec3d{r[order[2]], r[3 + order[2]], r[6 + order[2]]};
-  const double cosine = has_normal ? dot(axis, n) : std::abs(dot(axis, n));
-  if (cosine < limits.min_cosine) return out;
+  const double cosine = dot(axis, n);
+  if (has_normal && cosine < limits.min_cosine) return out;
+  out.disc = cosine * cosine * planarity * needle;
 
-  double alpha = splat.alpha;
-  if (limits.antialiased) alpha *= std::sqrt(std::max(0.0, bare_a * bare_c - b * b) / det);
-  out.evidence = alpha * std::exp(-squared / 2) * planarity * cosine * cosine;
-  out.weight = out.evidence * needle;
+  const double kept = std::max(0.0, bare_a * bare_c - b * b) / det;
+  const double peak = splat.alpha * std::pow(kept, limits.antialiased ? 0.5 : 0.25);
+  out.alpha = std::min(0.99, peak * std::exp(-squared / 2));
+  out.mass = 0.4 * peak * (1 - squared / (kCutOff * kCutOff));
   return out;
 }
 
 namespace {
 
-/// Evidence by depth, in bins of `width`, each shared by the two bins around it; at(i) is smoothed.
-class DepthProfile {
- public:
-  DepthProfile(const std::vector<Contribution>& all, double width) : width_(width) {
-    for (const Contribution& c : all) {
-      const double at = c.t / width;
-      const int low = static_cast<int>(std::floor(at));
-      bins_[low] += c.evidence * (1 - (at - low));
-      bins_[low + 1] += c.evidence * (at - low);
-    }
-  }
-  double at(int i) const { return (bin(i - 1) + 2 * bin(i) + bin(i + 1)) / 2; }
+constexpr int kBins = 26;
+using Bins = std::array<double, kBins>;
 
-  /// Every peak or other bin that at least `least` is found at, nearest first, front before back.
-  bool find(int most, double least, double& depth, bool& unsure) const {
-    for (int distance = 0; distance <= most; ++distance) {
-      double best = 0;
-      for (const int i : {distance, -distance}) {
-        if (std::abs(at(i) / least - 1) < kSame) unsure = true;
-        if (at(i) < least || at(i) < at(i - 1) || at(i) < at(i + 1) || at(i) <= best) continue;
-        if (best > 0 && at(i) < best * (1 + kSame)) unsure = true;
-        best = at(i);
-        const double curve = at(i - 1) - 2 * at(i) + at(i + 1);
-        depth = width_ * (curve < 0 ? i + 0.5 * (at(i - 1) - at(i + 1)) / curve : i);
-      }
-      if (best > 0) return true;
-    }
-    return false;
+/// 1 2 1 twice, nothing beyond the bins.
+double smoothed(const Bins& bins, int k) {
+  constexpr std::array<double, 5> kWeights{1, 4, 6, 4, 1};
+  double sum = 0;
+  for (int i = -2; i <= 2; ++i) {
+    if (k + i >= 0 && k + i < kBins)
+      sum += kWeights[static_cast<std::size_t>(i + 2)] * bins[static_cast<std::size_t>(k + i)];
   }
+  return sum / 16;
+}
 
- private:
-  static constexpr double kSame = 1e-4;
-  double bin(int i) const {
-    const auto found = bins_.find(i);
-    return found == bins_.end() ? 0 : found->second;
+Bins visible(const Bins& mass) {
+  Bins out{};
+  double before = 0;
+  for (std::size_t k = 0; k < kBins; ++k) {
+    out[k] = std::exp(-before) * (1 - std::exp(-mass[k]));
+    before += mass[k];
   }
-  double width_;
-  std::map<int, double> bins_;
-};
+  return out;
+}
 
-/// The window's centre; the window's width in `width`.
-bool find_centre(const std::vector<Contribution>& all, const ReferenceLimits& limits, double& width,
-                 ReferenceBlend& out) {
-  for (;; width *= 2) {
-    const DepthProfile profile(all, width);
-    const double bins = limits.max_distance / width;
-    if (std::abs(bins - std::round(bins)) < 1e-4) out.unsure = true;
-    const int most = static_cast<int>(std::floor(std::min(bins, 16.0)));
-    double top = 0;
-    for (int i = -most; i <= most; ++i) top = std::max(top, profile.at(i));
-    if (bins > 16) {
-      if (std::abs(top / 0.5 - 1) < 1e-4) out.unsure = true;
-      if (top < 0.5) continue;
-    }
-    if (top < 1e-5) out.unsure = out.unsure || top > 0;  // next to nothing: steps decide
-    if (top == 0) return false;
-    if (profile.find(most, std::min(0.7, 0.35 * top), out.depth, out.unsure)) return true;
-    if (bins > 16) continue;
-    for (int distance = 0; distance <= most; ++distance) {
-      for (const int i : {distance, -distance}) {
-        if (profile.at(i) < top) continue;
-        out.depth = i * width;
-        return true;
-      }
+/// The bin of which most is there and most is seen.
+template <class Prior>
+int peak_bin(const Bins& mass, const Prior& prior, bool& unsure) {
+  const Bins seen = visible(mass);
+  double best = -1, second = -1;
+  int at = 0;
+  for (int k = 0; k < kBins; ++k) {
+    const double value = smoothed(seen, k) * smoothed(mass, k) * prior(k);
+    if (value > best) {
+      second = best;
+      best = value;
+      at = k;
+    } else {
+      second = std::max(second, value);
     }
   }
+  unsure = unsure || (best > 0 && second > best * (1 - 2e-4));
+  return at;
 }
 
 }  // namespace
+
+double reference_discness(const std::vector<ReferenceSplat>& scene) {
+  std::vector<double> roundness;
+  for (const ReferenceSplat& splat : scene) {
+    auto sigma = splat.sigma;
+    std::sort(sigma.begin(), sigma.end());
+    roundness.push_back(sigma[1] / sigma[2]);
+  }
+  std::sort(roundness.begin(), roundness.end());
+  const double x = std::clamp((roundness[roundness.size() / 2] - 0.45) / 0.25, 0.0, 1.0);
+  return x * x * (3 - 2 * x);
+}
 
 ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
                                const ReferenceTexel& texel, const ReferenceLimits& limits) {
@@ -164,20 +156,64 @@ ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
   std::vector<Contribution> all;
   for (const ReferenceSplat& splat : scene) {
     const Contribution c = contribution(splat, texel, limits);
-    if (c.weight > 0) all.push_back(c);
+    out.unsure = out.unsure || c.unsure;
+    if (c.alpha > 0) all.push_back(c);
   }
-  double width = std::max(limits.window, texel.edge / 2);
-  if (!find_centre(all, limits, width, out)) return out;
-  double total = 0;
+  const double window = std::max(limits.window, texel.edge / 2);
+  const double width = std::max(window / 2, limits.reach / 12);
+  const double deviation = limits.reach / 3;
+  const auto depth = [&](int k) { return limits.reach - k * width; };
+  const auto bell = [](double x) { return std::exp(-std::min(x * x / 2, 4.5)); };
+
+  Bins mass{};
   for (const Contribution& c : all) {
-    const double x = (c.t - out.depth) / width;
-    if (std::abs(x) > 3) continue;
-    const double weight = c.weight * std::exp(-x * x / 2);
+    const double at = (limits.reach - c.t) / width;
+    const auto low = static_cast<std::size_t>(at);
+    mass[low] += c.mass * (1 - (at - std::floor(at)));
+    mass[low + 1] += c.mass * (at - std::floor(at));
+  }
+  const int first = peak_bin(mass, [&](int k) { return bell(depth(k) / deviation); }, out.unsure);
+  const double anchor = std::max(depth(first), 0.0);
+  const auto fade = [&](double t) { return bell(std::max(t - anchor, 0.0) / deviation); };
+  double passed = 0;
+  std::array<double, kBins + 1> until{};  // all before bin k
+  for (int k = 0; k < kBins; ++k) {
+    mass[static_cast<std::size_t>(k)] *= fade(depth(k));
+    until[static_cast<std::size_t>(k + 1)] = passed += mass[static_cast<std::size_t>(k)];
+  }
+  double focus = anchor;
+  if (limits.discness > 0) {
+    const int peak = peak_bin(mass, [](int) { return 1.0; }, out.unsure);
+    const Bins seen = visible(mass);
+    double weights = 0, places = 0;
+    for (int k = 0; k < kBins; ++k) {
+      const double z = (k - peak) * width / window;
+      const double weight = std::exp(-std::min(z * z / 2, 18.0)) * seen[static_cast<std::size_t>(k)];
+      weights += weight;
+      places += weight * k;
+    }
+    focus = limits.reach - width * (weights > 0 ? places / weights : peak);
+  }
+
+  double total = 0, depths = 0;
+  for (const Contribution& c : all) {
+    const double at = std::max((limits.reach - c.t) / width - 0.5 - limits.discness + 1, 0.0);
+    const auto low = static_cast<std::size_t>(at);
+    const double share = at - std::floor(at);
+    const double before = until[low] * (1 - share) + until[std::min<std::size_t>(low + 1, kBins)] * share;
+    const double z = (c.t - focus) / window;
+    const double weight = c.alpha * fade(c.t) * std::exp(-before) *
+                          (1 - limits.discness + limits.discness * c.disc) *
+                          std::exp(-std::min(limits.discness * z * z / 2, 18.0));
     total += weight;
+    depths += weight * c.t;
     out.colour = out.colour + c.colour * weight;
   }
-  if (total == 0) return out;
+  out.opacity = 1 - std::exp(-passed);
+  out.unsure = out.unsure || std::abs(out.opacity - 0.1) < 1e-3 || (total > 0 && total < 1e-4);
+  if (total == 0 || out.opacity < 0.1) return out;
   out.covered = true;
+  out.distance = depths / total;
   out.colour = out.colour * (1 / total);
   const auto inside = [](double v) { return std::clamp(v, 0.0, 1.0); };
   out.colour = {inside(out.colour.x), inside(out.colour.y), inside(out.colour.z)};

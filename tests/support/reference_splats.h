@@ -30,34 +30,41 @@ struct ReferenceTexel {
 };
 
 struct ReferenceLimits {
-  double max_distance = 0;
+  double reach = 0;
   double min_cosine = 0;
-  double window = 0;  ///< half-width of the depth window, before half a texel bounds it
+  double window = 0;    ///< width of the depth window, before half a texel bounds it
+  double discness = 0;  ///< 0..1
   bool antialiased = false;
 };
 
-/// What one Gaussian gives to one texel before the depth window.
+/// What one Gaussian gives to one texel before anything is hidden.
 struct Contribution {
-  double weight = 0;    ///< opacity x response x planarity x cos^2 x needle factor
-  double evidence = 0;  ///< the same without the needle factor: how sure there is a surface at t
-  double t = 0;         ///< of the best hit, along the normal
+  double alpha = 0;  ///< opacity x response; 0: nothing
+  double mass = 0;   ///< what it adds to the depth profile
+  double t = 0;      ///< of the best hit, along the normal
+  double disc = 0;   ///< cos^2 x planarity x needle factor
   Vec3d colour;
+  bool unsure = false;  ///< at the cut-off or at the end of the reach
 };
 
 /// Covariance of a Gaussian, row by row.
 std::array<double, 9> covariance(const ReferenceSplat& splat);
 
 /// The textbook formulas of one pair: tangent basis, 2x2 marginal, its inverse, the conditional
-/// mean. Weight 0: beyond the cut-off or facing away.
+/// mean. Alpha 0: beyond the cut-off or the reach, or facing away.
 Contribution contribution(const ReferenceSplat& splat, const ReferenceTexel& texel,
                           const ReferenceLimits& limits);
 
 struct ReferenceBlend {
   bool covered = false;
   Vec3d colour;
-  double depth = 0;     ///< where the window's centre is
-  bool unsure = false;  ///< another centre is as good to within rounding
+  double opacity = 0;
+  double distance = 0;
+  bool unsure = false;  ///< another surface is as good to within rounding
 };
+
+/// How far a scene's Gaussians are the discs of a surface, from the median of their roundness.
+double reference_discness(const std::vector<ReferenceSplat>& scene);
 
 /// Every Gaussian against one texel. Slow and obvious; shares no code with the product.
 ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,

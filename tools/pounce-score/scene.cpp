@@ -3,9 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 #include "core/half.h"
-#include "io/splats/ply.h"
+#include "io/splats/scene.h"
 
 namespace pounce::score {
 namespace {
@@ -39,13 +40,25 @@ Gaussian gaussian_of(const store::Splat& splat) {
 }  // namespace
 
 Scene read_scene(const std::string& path) {
-  const io::SplatPly file(path);
-  PageVector<store::Splat> splats;
+  const auto file = io::open_splat_scene(path, Axes{});
+  file->prepare(std::filesystem::temp_directory_path().string(), [] {});
+  const io::SplatSceneInfo& info = file->info();
+  store::SplatRows rows;
+  rows.lobes = store::kLobesOfDegree[std::min<std::size_t>(info.sh_degree, 3)];
   store::SplatCounts filtered{};
-  file.read(0, file.header().splats, splats, filtered);
+  file->read(0, info.splats, rows, filtered);
   Scene scene;
-  scene.antialiased = file.header().model == store::SplatModel::antialiased;
-  for (const store::Splat& splat : splats) scene.gaussians.push_back(gaussian_of(splat));
+  scene.antialiased = info.model == store::SplatModel::antialiased;
+  scene.lobes = rows.lobes;
+  for (const store::Splat& splat : rows.splats) {
+    Gaussian& g = scene.gaussians.emplace_back(gaussian_of(splat));
+    g.sh = static_cast<std::uint32_t>(scene.sh.size());
+    const auto coefficient = [&](std::size_t at) {
+      return static_cast<double>(half_to_float(rows.sh[3 * std::size_t{g.sh} + at]));
+    };
+    for (std::size_t k = 0; k < rows.lobes; ++k)
+      scene.sh.push_back({coefficient(3 * k), coefficient(3 * k + 1), coefficient(3 * k + 2)});
+  }
   return scene;
 }
 
