@@ -132,7 +132,7 @@ Compared compare_with_definition(const TransferOptions& options) {
   const TargetRaster raster = raster_target(target, out.width, out.height);
   RayBlendLimits limits;
   const double diag = diagonal(target);
-  limits.max_distance = options.max_distance.value / 100 * diag;
+  limits.max_distance = options.max_distance->value / 100 * diag;
   limits.first_reach =
       diag / std::ceil(std::cbrt(static_cast<double>(out.width) * out.height) - 1e-9) / 2;
   limits.min_cosine = std::cos(options.max_angle_deg * std::numbers::pi / 180);
@@ -179,13 +179,13 @@ TEST_CASE("texels as Gaussians reach as far as they may and turn as far as they 
   const TempFolder folder;
   TransferOptions options = sheets(folder, 3);
   write_glb(folder.file("target.glb"), sheet(7, 0.06F, true, 1));  // several cells away
-  options.max_distance = {6, true};
+  options.max_distance = Length{6, true};
   options.max_angle_deg = 20;
   const Compared c = compare_with_definition(options);
   CHECK(c.texels > 1000);
   CHECK(c.wrong == 0);
   CHECK(c.largest <= 1);
-  options.max_distance = {2, true};
+  options.max_distance = Length{2, true};
   const Compared none = compare_with_definition(options);
   CHECK(none.wrong == 0);
   CHECK(none.empty > 100);

@@ -78,7 +78,7 @@ TransferOptions splat_scene(const TempFolder& folder, std::uint32_t seed, std::s
   const mesh::Mesh target = io::read_mesh(options.targets.front());
   options.source = folder.file("scene.ply");
   write_reference_splats(options.source, strew(target, random, count, seed % 2 == 0));
-  options.max_distance = {5.3, true};
+  options.max_distance = Length{5.3, true};
   options.output = folder.file("out.png");
   options.coverage_output = folder.file("coverage.png");
   options.resources.use_cache = false;
@@ -104,9 +104,10 @@ void compare_with_brute_force(const TransferOptions& options, bool antialiased) 
   REQUIRE(out.channels == 3);
   const TargetRaster raster = raster_target(target, out.width, out.height);
   ReferenceLimits limits;
-  limits.max_distance = options.max_distance.value / 100 * diagonal(target);
+  limits.reach = options.max_distance->value / 100 * diagonal(target);
   limits.min_cosine = std::cos(options.max_angle_deg * std::numbers::pi / 180);
   limits.window = report.depth_window;
+  limits.discness = reference_discness(scene);
   limits.antialiased = antialiased;
   std::size_t compared = 0, unsure = 0, wrong = 0, empty = 0;
   double largest = 0;

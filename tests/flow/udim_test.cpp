@@ -106,7 +106,7 @@ struct Scene {
     options.source_textures = {{Channel::base_color, folder.file("skin.png")}};
     options.output = folder.file("out.<UDIM>.png");
     options.size = ImageSize{100, 70};
-    options.max_distance = {0.2, false};
+    options.max_distance = Length{0.2, false};
     options.resources.use_cache = false;
     options.resources.memory_bytes = 256 << 20;
   }

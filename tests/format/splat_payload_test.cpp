@@ -124,6 +124,7 @@ TEST_CASE("the documented splat index page and directory are what the writers ma
   directory.filtered = {1, 0, 5, 0, 0, 2, 0, 0, 0, 0};
   directory.model = SplatModel::antialiased;
   directory.surface_noise = 0.125F;
+  directory.roundness = 0.25F;
   directory.middle_box = {{1, 2, 1}, {1.5F, 2, 1}};
   writer.finish(directory, compressor);
   const PackReader reader(files->open("pack"), "pack", PackKind::splats, kKey);
@@ -144,6 +145,8 @@ TEST_CASE("the documented splat index page and directory are what the writers ma
   for (const std::uint64_t count : {1, 0, 5, 0, 0, 2, 0, 0, 0, 0}) CHECK(in.integer(8) == count);
   for (const unsigned v : {2U, 1U, 120U, 0U})  // the last: no harmonics
     CHECK(in.u32() == v);
+  CHECK(in.f32() == 0.25F);
+  CHECK(in.u32() == 0);
   for (const float v : {-0.5F, 1.25F, 1.0F, 3.0F, 2.75F, 1.0F}) CHECK(in.f32() == v);
   for (const float v : {1.0F, 2.0F, 1.0F, 1.5F, 2.0F, 1.0F}) CHECK(in.f32() == v);
   for (const float v : {-0.5F, 1.25F, 1.0F, 3.0F, 2.75F, 1.0F}) CHECK(in.f32() == v);

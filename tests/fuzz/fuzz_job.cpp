@@ -33,7 +33,7 @@ void run(const Folder& folder, const std::string& source, const std::string& tar
   if (!source.ends_with(".ply"))
     options.source_textures = {{Channel::base_color, folder.path("t.pgm")}};
   options.size = ImageSize{24, 20};
-  options.max_distance = {max_distance, true};
+  options.max_distance = Length{max_distance, true};
   options.channels = {Channel::base_color};
   options.resources.memory_bytes = 128 << 20;
   options.resources.threads = 1;

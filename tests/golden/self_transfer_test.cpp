@@ -104,9 +104,9 @@ TEST_CASE("a mesh onto itself gives its own texture back", "[golden]") {
   };
   check("as it is", false);
   keep_picture(options.output, name + ".png");
-  options.max_distance = {8, true};
+  options.max_distance = Length{8, true};
   check("at 8 %", false);
-  options.max_distance = {5, true};
+  options.max_distance = Length{5, true};
 
   mesh::Mesh shuffled = mesh;
   std::mt19937 random(5);

@@ -93,7 +93,7 @@ TEST_CASE("a head over many UDIMs is covered everywhere, whatever the search lim
   const Report near = transfer(options);
   options.output = folder.file("far.<UDIM>.png");
   options.coverage_output = folder.file("far_mask.<UDIM>.png");
-  options.max_distance = {8, true};
+  options.max_distance = Length{8, true};
   const Report far = transfer(options);
   REQUIRE(near.udims.size() == static_cast<std::size_t>(tiles));
   CHECK(near.udims.front() == 1001);

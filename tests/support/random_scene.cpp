@@ -187,7 +187,7 @@ TransferOptions make_random_scene(const std::string& folder, std::uint32_t seed)
   }
   options.size = ImageSize{static_cast<std::uint32_t>(dice.whole(48, 200)),
                            static_cast<std::uint32_t>(dice.whole(48, 200))};
-  options.max_distance = {seed % 5 == 0 ? 0.4 : seed % 3 == 1 ? 20.0 : 5.0, true};
+  options.max_distance = Length{seed % 5 == 0 ? 0.4 : seed % 3 == 1 ? 20.0 : 5.0, true};
   return options;
 }
 

@@ -363,8 +363,8 @@ class Reference::Search {
         hi = {std::max(hi.x, p.x), std::max(hi.y, p.y), std::max(hi.z, p.z)};
       }
     }
-    limit_ = options_.max_distance.is_percent ? options_.max_distance.value / 100 * length(hi - lo)
-                                              : options_.max_distance.value;
+    const Length distance = options_.max_distance.value_or(Length{5, true});
+    limit_ = distance.is_percent ? distance.value / 100 * length(hi - lo) : distance.value;
   }
 
   const TransferOptions& options_;

@@ -11,7 +11,7 @@ namespace pounce::store {
 namespace {
 
 constexpr std::size_t kTileBytes = 48;
-constexpr std::size_t kHeaderBytes = 172;
+constexpr std::size_t kHeaderBytes = 176;
 constexpr std::uint32_t kHasNormals = 1, kIsLinear = 2;
 
 [[noreturn]] void fail(const std::string& name, const char* why) {
@@ -74,13 +74,14 @@ void SplatCodec::put(const Directory& directory, ByteWriter& out) {
   out.put((directory.has_normals ? kHasNormals : 0U) | (directory.is_linear ? kIsLinear : 0U));
   out.put(static_cast<std::uint32_t>(directory.model));
   out.put(directory.surface_noise);
-  out.put(directory.roundness);
   out.put(directory.splats);
   for (const std::uint64_t count : directory.filtered) out.put(count);
   for (const std::uint32_t v : {directory.most_splats, directory.most_blocks,
                                 directory.largest_chunk_bytes, directory.lobes}) {
     out.put(v);
   }
+  out.put(directory.roundness);
+  out.put(0U);
   put_box(out, directory.box);
   put_box(out, directory.middle_box);
   for (const SplatTile& tile : directory.tiles) {
@@ -104,13 +105,14 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
   directory.is_linear = (flags & kIsLinear) != 0;
   directory.model = static_cast<SplatModel>(model);
   directory.surface_noise = in.get<float>();
-  directory.roundness = in.get<float>();
   directory.splats = in.get<std::uint64_t>();
   for (std::uint64_t& count : directory.filtered) count = in.get<std::uint64_t>();
   for (std::uint32_t* v : {&directory.most_splats, &directory.most_blocks,
                            &directory.largest_chunk_bytes, &directory.lobes}) {
     *v = in.get<std::uint32_t>();
   }
+  directory.roundness = in.get<float>();
+  if (in.get<std::uint32_t>() != 0) in.fail("has a reserved field that is not 0");
   if (directory.most_splats > kMostSplatsPerBlock ||
       directory.most_blocks > kMostBlocksPerSplatTile ||
       directory.largest_chunk_bytes > kLargestSplatBytes ||

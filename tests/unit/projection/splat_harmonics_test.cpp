@@ -69,11 +69,14 @@ DepthPacket summed(const SplatKernels& kernels, const source::SplatSet& set,
                    const TexelPacket& packet) {
   SplatResponse response{};
   response.shape = &set.shapes[0];
-  std::fill(std::begin(response.weight), std::end(response.weight), 1.0F);
+  std::fill(std::begin(response.alpha), std::end(response.alpha), 1.0F);
+  SplatLimits limits;
+  limits.reach = 1;
   DepthPacket depths{};
-  std::fill(std::begin(depths.per_width), std::end(depths.per_width), 1.0F);
-  std::fill(std::begin(depths.take), std::end(depths.take), 1.0F);
-  kernels.accumulate(std::span(&response, 1), packet, depths);
+  std::fill(std::begin(depths.per_bin), std::end(depths.per_bin), 1.0F);
+  std::fill(std::begin(depths.per_window), std::end(depths.per_window), 1.0F);
+  std::fill(std::begin(depths.anchor), std::end(depths.anchor), 1.0F);
+  kernels.accumulate(std::span(&response, 1), packet, ProfilePacket{}, limits, depths);
   return depths;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "source/splat_set.h"
+#include "source/splat_shapes.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -42,18 +43,47 @@ TEST_CASE("a Gaussian's axes are sorted, right-handed and keep its covariance", 
   }
 }
 
-TEST_CASE("strength is opacity x planarity, the needle factor is apart", "[source]") {
+TEST_CASE("flatness is planarity x needle factor", "[source]") {
   ReferenceSplat splat;
   splat.alpha = 0.5;
   splat.sigma = {2, 4, 1};  // planarity 1 - 1/2, needle 2/4
-  CHECK(shape_of(splat).strength == Approx(0.5 * 0.5));
-  CHECK(shape_of(splat).roundness == Approx(0.5));
+  CHECK(shape_of(splat).alpha == 0.5F);
+  CHECK(shape_of(splat).flatness == Approx(0.25));
   splat.sigma = {2, 2, 2};  // a ball is next to nothing
-  CHECK(shape_of(splat).strength == Approx(0.5 * 0.02));
+  CHECK(shape_of(splat).flatness == Approx(0.02));
   splat.sigma = {2, 0, 0};  // a thread is nothing
-  CHECK(shape_of(splat).strength == 0);
+  CHECK(shape_of(splat).flatness == 0);
   splat.sigma = {3, 3, 0};  // "2dgs"
-  CHECK(shape_of(splat).strength == Approx(0.5));
+  CHECK(shape_of(splat).flatness == Approx(1));
+}
+
+TEST_CASE("a scene's roundness is the median of second over first", "[source]") {
+  std::vector<store::Splat> splats(3);
+  splats[0].sigma = {4, 1, 2};  // 0.5, in whatever order
+  splats[1].sigma = {0, 3, 3};  // 1
+  splats[2].sigma = {1, 10, 0.1F};  // 0.1
+  CHECK(median_roundness(splats) == 0.5F);
+  CHECK(median_roundness({}) == 1);
+  CHECK(discness(0.33F) == 0);
+  CHECK(discness(0.45F) == 0);
+  CHECK(discness(0.575F) == Approx(0.5));
+  CHECK(discness(0.78F) == 1);
+}
+
+TEST_CASE("covariances are those of the shapes", "[source]") {
+  Random random(4);
+  const auto scene = random_splats(random, 50, false);
+  const SplatSet set = make_splat_set(splat_block(scene));
+  for (std::size_t i = 0; i < scene.size(); ++i) {
+    const auto expected = covariance(scene[i]);
+    std::size_t c = 0;
+    for (std::size_t a = 0; a < 3; ++a) {
+      for (std::size_t b = a; b < 3; ++b) {
+        CHECK(set.covariance[c++][i] ==
+              Approx(expected[3 * a + b]).margin(1e-5 * double{set.shapes[i].variance[0]}));
+      }
+    }
+  }
 }
 
 TEST_CASE("the file's normal counts, the shortest axis stands in", "[source]") {
