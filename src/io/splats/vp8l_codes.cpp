@@ -78,7 +78,8 @@ std::span<const std::uint16_t> make_table(std::span<const std::uint8_t> lengths,
   std::array<Second, 1 << kPrimary> seconds{};
   for (std::uint32_t i = 0; i < canonical.used; ++i) {
     const std::uint8_t bits = lengths[canonical.symbols[i]];
-    if (bits > kPrimary) seconds[canonical.codes[i] % slots].longest = bits;  // they come sorted
+    if (bits > kPrimary)
+      seconds[canonical.codes[i] & (slots - 1)].longest = bits;  // they come sorted
   }
   std::size_t entries = slots;
   for (std::size_t slot = 0; slot < slots; ++slot) {
@@ -92,7 +93,7 @@ std::span<const std::uint16_t> make_table(std::span<const std::uint8_t> lengths,
     const std::uint32_t code = canonical.codes[i];
     const std::uint32_t bits = lengths[canonical.symbols[i]];
     const bool is_short = bits <= kPrimary;
-    const Second& second = seconds[code % slots];
+    const Second& second = seconds[code & (slots - 1)];
     const std::size_t begin = is_short ? 0 : second.begin;
     const std::size_t size = is_short ? slots : std::size_t{1} << (second.longest - kPrimary);
     const std::uint32_t skipped = is_short ? 0 : kPrimary;

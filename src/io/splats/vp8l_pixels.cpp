@@ -135,7 +135,8 @@ BitState Vp8lPixels::copy(BitState state, std::uint32_t length_symbol,
   const std::uint64_t to = position_ & mask, from = (position_ - distance) & mask;
   position_ += length;
   if (!kHasCache && distance >= length && to + length <= mask && from + length <= mask) {
-    std::memcpy(ring + to, ring + from, length * sizeof *ring);
+    // The source may begin in what is about to be overwritten: the ring's oldest pixels.
+    std::memmove(ring + to, ring + from, length * sizeof *ring);
     return state;
   }
   for (std::uint64_t i = 0; i < length; ++i) {

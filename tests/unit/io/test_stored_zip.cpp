@@ -174,6 +174,29 @@ TEST_CASE("entries that lie where they cannot are refused", "[zip]") {
   }
 }
 
+TEST_CASE("entries may be listed in another order than they lie in", "[zip]") {
+  ZipBuilder zip = two_entries();
+  zip.entries.push_back({"third", "3"});
+  std::string bytes = zip.bytes();
+  // The place of the first and the third entry, 42 bytes into their part of the directory.
+  const std::size_t first = bytes.find("PK\1\2") + 42;
+  const std::size_t third = bytes.rfind("PK\1\2") + 42;
+  for (std::size_t i = 0; i < 4; ++i) std::swap(bytes[first + i], bytes[third + i]);
+  const auto entries = read(bytes);
+  REQUIRE(entries.size() == 3);
+  CHECK(entries[0].at > entries[1].at);
+  CHECK(entries[1].at > entries[2].at);
+}
+
+TEST_CASE("directories that contradict themselves are refused", "[zip]") {
+  std::string bytes = two_entries().bytes();
+  const std::size_t second = bytes.rfind("PK\1\2");
+  SECTION("a name beyond the end") { bytes[second + 29] = 1; }
+  SECTION("a stored entry of two sizes") { bytes[second + 20] = 7; }
+  SECTION("another mark") { bytes[second] = 'Q'; }
+  check_refused(bytes, "its directory is damaged at entry 2 of 2");
+}
+
 TEST_CASE("archives that were cut off or have wrong bytes are refused or read", "[zip]") {
   const std::string bytes = two_entries().bytes();
   for (std::size_t size = 0; size < bytes.size(); ++size) {

@@ -177,6 +177,22 @@ TEST_CASE("each of the 120 near pixels can be copied", "[vp8l]") {
   CHECK(image.at(19, 19) == image.at(11, 12));  // code 120: 8 to the left, 7 up
 }
 
+TEST_CASE("near pixels that a narrow image has not are the one before", "[vp8l]") {
+  // In an image one pixel wide, above and one to the right is the pixel itself.
+  std::vector<std::uint8_t> greens(280);
+  greens[20] = greens[256] = 1;
+  const test::CodeGroup group{test::CodeWriter(greens), test::CodeWriter::flat(256),
+                              test::CodeWriter::single(256, 0), test::CodeWriter::single(256, 1),
+                              test::CodeWriter::flat(40, 16)};
+  BitWriter out;
+  out.put(0, 3);
+  test::describe(out, group);
+  for (const std::uint32_t red : {50U, 60U}) test::put_pixel(out, group, argb(1, red, 20, 0));
+  group[0].put(out, 256);
+  group[4].put(out, 3);  // number 4
+  CHECK(decode(vp8l_file(1, 3, out.bytes())).at(0, 2) == rgba(1, 60, 20, 0));
+}
+
 TEST_CASE("random streams of every feature are decoded as libwebp does", "[vp8l]") {
   std::map<std::string, int> met;
   for (std::uint32_t seed = 0; seed < 150; ++seed) {

@@ -194,32 +194,43 @@ TEST_CASE("more codes than the memory for them are refused, unused ones are not 
   BitWriter out;
   out.put(0b100, 3);  // no transform, no cache, an image of groups
   out.put(0, 3);      // of blocks of 4 x 4
-  SECTION("10,000 groups, each of four tables of 1 KiB") {
-    std::vector<std::uint32_t> groups(kBlocks * kBlocks);
-    for (std::uint32_t i = 0; i < groups.size(); ++i) groups[i] = (i % 10'000) << 8;
-    test::put_image(out, groups);
-    std::vector<std::uint8_t> lengths(256, 8);
-    lengths[0] = 7;
-    lengths[254] = lengths[255] = 9;
-    const test::CodeWriter code(lengths);
-    lengths.resize(280);
-    const test::CodeWriter green(lengths);
-    for (int i = 0; i < 10'000; ++i) {
-      green.describe(out, true);
-      for (int k = 0; k < 3; ++k) code.describe(out, true);
-      put_single_codes(out, 1);
-    }
-    check_refused(vp8l_file(4 * kBlocks, 4 * kBlocks, stream_of(out)),
-                  "its 10000 groups of prefix codes take more than 32 MiB");
+  const bool used = GENERATE(true, false);
+  std::vector<std::uint32_t> groups(kBlocks * kBlocks);
+  for (std::uint32_t i = 0; i < groups.size(); ++i) groups[i] = used ? (i % 10'000) << 8 : 0;
+  groups[5] = 9'999 << 8;
+  test::put_image(out, groups);
+  // Four tables of 1 KiB each.
+  std::vector<std::uint8_t> lengths(256, 8);
+  lengths[0] = 7;
+  lengths[254] = lengths[255] = 9;
+  const test::CodeWriter code(lengths);
+  lengths.resize(280);
+  const test::CodeWriter green(lengths);
+  for (int i = 0; i < 10'000; ++i) {
+    green.describe(out, true);
+    for (int k = 0; k < 3; ++k) code.describe(out, true);
+    put_single_codes(out, 1);
   }
-  SECTION("65,536 groups, two of them used") {
-    std::vector<std::uint32_t> groups(kBlocks * kBlocks);
-    groups[5] = 0xFFFF00;
-    test::put_image(out, groups);
-    for (int i = 0; i < 65'536; ++i) put_single_codes(out, 5);
-    const std::string file = vp8l_file(4 * kBlocks, 4 * kBlocks, out.bytes());
+  const std::uint32_t side = 4 * kBlocks;
+  if (used) {
+    check_refused(vp8l_file(side, side, stream_of(out)),
+                  "its 10000 groups of prefix codes take more than 32 MiB");
+  } else {
+    // Pixels of zero bits.
+    const std::string file =
+        vp8l_file(side, side, out.bytes() + std::string(side * side * 4, '\0'));
     CHECK(decode(file) == test::decode_by_libwebp(file).value());
   }
+}
+
+TEST_CASE("as many groups as can be numbered are read", "[vp8l]") {
+  BitWriter out;
+  out.put(0b100, 3);
+  out.put(0, 3);
+  test::put_image(out, {0xFFFF00, 0, 0, 0xFFFF00});
+  for (int i = 0; i < 65'536; ++i) put_single_codes(out, 5);
+  const std::string file = vp8l_file(8, 8, out.bytes());
+  CHECK(decode(file) == test::decode_by_libwebp(file).value());
 }
 
 TEST_CASE("images that end too early are refused wherever they end", "[vp8l]") {
