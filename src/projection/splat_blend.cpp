@@ -7,18 +7,18 @@
 // it let through, and what lies before it is read off a profile, optical depth by depth.
 //
 //   profile   bins from the outermost depth to the innermost. A Gaussian's mass is 0.4 alpha
-//             (1 - q / 9), with q its squared distance from the ray: wider than the Gaussian itself,
-//             so that a normal that passes between the surface's Gaussians finds a surface, and
-//             one that meets a lone floater finds little
+//             (1 - q / 9), with q its squared distance from the ray: wider than the Gaussian
+//             itself, so that a normal that passes between the surface's Gaussians finds a surface,
+//             and one that meets a lone floater finds little
 //   surface   the bin of which most is there and most is seen, near the texel rather than far: the
 //             anchor. What lies farther out than that fades
 //   sum       alpha x what the profile lets through, from half a bin before the Gaussian
 //
-// In scenes whose Gaussians are the discs of a surface (generated ones, meshes as Gaussians) what is
-// no disc, or lies across, is an outlier, and the surface is a layer: there a Gaussian weighs how
-// flat it is and how well it faces the texel, and a window keeps to that layer. In captures needles
-// and balls carry the picture. SplatLimits::discness says which it is, from what the scene's
-// Gaussians are like. Measured on both kinds in docs/decisions/023-splat-blend.md.
+// In scenes whose Gaussians are the discs of a surface (generated ones, meshes as Gaussians) what
+// is no disc, or lies across, is an outlier, and the surface is a layer: there a Gaussian weighs
+// how flat it is and how well it faces the texel, and a window keeps to that layer. In captures
+// needles and balls carry the picture. SplatLimits::discness says which it is, from what the
+// scene's Gaussians are like. Measured on both kinds in docs/decisions/023-splat-blend.md.
 //
 // Profiles and sums are clamped sums of integers, so Gaussians may come in any order and batches.
 //
@@ -75,9 +75,8 @@ class Responses {
         count_ = 0;
         all = false;
       }
-      count_ +=
-          kernels_.respond(candidates, first, last, state_.bundles[p], state_.packets[p],
-                           state_.depths[p], limits_, buffer_.data() + count_, profile);
+      count_ += kernels_.respond(candidates, first, last, state_.bundles[p], state_.packets[p],
+                                 state_.depths[p], limits_, buffer_.data() + count_, profile);
     }
     use(kept());
     return all;

@@ -25,8 +25,7 @@ struct SplatState {
     return round_to_pages(packets * sizeof(TexelPacket)) +
            round_to_pages(packets * sizeof(RayBundle)) +
            round_to_pages(packets * sizeof(DepthPacket)) +
-           round_to_pages(packets * sizeof(ProfilePacket)) +
-           packets * sizeof(target::PacketGroup);
+           round_to_pages(packets * sizeof(ProfilePacket)) + packets * sizeof(target::PacketGroup);
   }
   /// What blending holds beside the state and the sets, for so many Gaussians in a batch.
   static std::uint64_t scratch_bytes(std::uint64_t splats);

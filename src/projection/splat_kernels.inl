@@ -14,8 +14,8 @@
 //   t     = n.d - sum over cyclic (i, j, k) of u_i u_j (s_i - s_j) g_k v_k / det M
 //
 // (minors of M after Cauchy and Binet, and u_0^2 + u_1^2 + u_2^2 = 1). All terms of the first two
-// are positive: nothing cancels, however thin a disc or a needle is. Here lengths are in edges of the
-// packet's largest texel, so that products of four do not leave what floats can hold.
+// are positive: nothing cancels, however thin a disc or a needle is. Here lengths are in edges of
+// the packet's largest texel, so that products of four do not leave what floats can hold.
 //
 // The plain blend of a mesh's texels (add_met) is the same with f = 0 and other weights.
 #include <immintrin.h>
@@ -38,9 +38,9 @@ using source::SplatShape;
 
 constexpr float kMostAlpha = 0.99F;
 constexpr float kPerCutOff = 1 / (source::kSplatCutOff * source::kSplatCutOff);
-constexpr float kBlurred = 0.4F;          // of a Gaussian's optical depth, spread over more texels
-constexpr float kReachOverAnchor = 3;     // where the target is thought to lie, in its deviations
-constexpr float kUnhidden = 0.5F;         // bins before a Gaussian that do not hide it
+constexpr float kBlurred = 0.4F;       // of a Gaussian's optical depth, spread over more texels
+constexpr float kReachOverAnchor = 3;  // where the target is thought to lie, in its deviations
+constexpr float kUnhidden = 0.5F;      // bins before a Gaussian that do not hide it
 
 /// exp(-x) for 0 <= x <= 4.5 to within 1e-6 of itself: a polynomial for exp(-x / 8), then its
 /// eighth power. Multiplications and additions alone, so every machine agrees.
@@ -82,10 +82,10 @@ unsigned meet(const source::SplatSpheres& spheres, std::size_t i, const RayBundl
   return left < kLanes ? found & ((1U << left) - 1) : found;
 }
 
-/// A bundle that looks at ellipses: every ray lies in a cone around its first, so what it meets of a
-/// Gaussian lies in the ellipse that the Gaussian has across that first ray, grown by the cone. The
-/// sum of an ellipse of the matrix A and a disc of radius r is within that of (1 + b) A + (1 + 1 / b)
-/// r^2 I for any b > 0.
+/// A bundle that looks at ellipses: every ray lies in a cone around its first, so what it meets of
+/// a Gaussian lies in the ellipse that the Gaussian has across that first ray, grown by the cone.
+/// The sum of an ellipse of the matrix A and a disc of radius r is within that of (1 + b) A + (1 +
+/// 1 / b) r^2 I for any b > 0.
 class EllipseSight {
  public:
   /// `bundle` without footprints.
@@ -131,8 +131,7 @@ class EllipseSight {
     yy = grown * yy + disc;
     const Floats aa = a * a * yy, bb = b * b * xx, det = xx * yy;
     // Rounding may not keep any out.
-    return bits(aa + bb - 2.0F * a * b * xy <=
-                (det - xy * xy) * 1.001F + (aa + bb + det) * 1e-6F);
+    return bits(aa + bb - 2.0F * a * b * xy <= (det - xy * xy) * 1.001F + (aa + bb + det) * 1e-6F);
   }
 
  private:
@@ -166,8 +165,7 @@ void gather(const source::SplatSet& set, const RayBundle& bundle, float height, 
         unsigned c = meet(level, k, spheres, height);
         if (c == 0) continue;
         c &= sight.meet(&level.centre[0][k], &level.centre[1][k], &level.centre[2][k],
-                        &level.radius[k],
-                        [&](std::size_t at) { return &set.covariance[at][k]; });
+                        &level.radius[k], [&](std::size_t at) { return &set.covariance[at][k]; });
         for (; c != 0; c &= c - 1) out.add(set, k + static_cast<std::size_t>(std::countr_zero(c)));
       }
     }
@@ -285,8 +283,7 @@ struct Lookers : Rays {
   if (!any(ok)) return false;
   const Floats bend =
       u0 * u1 * (s0 - s1) * gv2 + u1 * u2 * (s1 - s2) * gv0 + u2 * u0 * (s2 - s0) * gv1;
-  const Floats t =
-      (dx * ray.nx + dy * ray.ny + dz * ray.nz - bend * per_det) * (1 / per_edge);
+  const Floats t = (dx * ray.nx + dy * ray.ny + dz * ray.nz - bend * per_det) * (1 / per_edge);
   ok = ok & (absolute(t) <= ray.reach);
   if (g.two_sided == 0) ok = ok & (along_normal(g.normal) >= limits.min_cosine);
   if (!any(ok)) return false;
@@ -383,8 +380,7 @@ void find_surface(const SplatLimits& limits, ProfilePacket& profile, DepthPacket
   for (int k = 0; k < kProfileBins; ++k)
     mass[k] = to_float(load(profile.bins[k])) * (1 / kSplatSteps);
   make_visible(mass, visible);
-  const Floats at =
-      peak_bin(mass, visible, [&](int k) { return bell(depth(k) * per_anchor); });
+  const Floats at = peak_bin(mass, visible, [&](int k) { return bell(depth(k) * per_anchor); });
   const Floats anchor = largest(limits.reach - at * width, 0.0F);
   store(depths.anchor, anchor);
   Ints sum = all(0);
@@ -427,8 +423,8 @@ void find_surface(const SplatLimits& limits, ProfilePacket& profile, DepthPacket
   Floats sum = all(0.0F);
   for (std::int32_t k = first; k <= last; ++k) {
     const Floats here = to_float(load(profile.bins[k - 1]));
-    sum = sum + here * select(bin == all(k), 1.0F - part,
-                              select(bin == all(k - 1), part, all(0.0F)));
+    sum =
+        sum + here * select(bin == all(k), 1.0F - part, select(bin == all(k - 1), part, all(0.0F)));
   }
   return sum * (1 / kSplatSteps);
 }
@@ -475,7 +471,8 @@ void accumulate(std::span<const SplatResponse> responses, const TexelPacket& pac
   for (const SplatResponse& response : responses) {
     const SplatShape& g = *response.shape;
     const Floats at = load(response.at);
-    Floats weight = load(response.alpha) * exp_of_minus_far(depth_until(profile, response, unhidden));
+    Floats weight =
+        load(response.alpha) * exp_of_minus_far(depth_until(profile, response, unhidden));
     if (!any(weight >= 0.5F / kSplatSteps)) continue;
     const Floats t = limits.reach - at * width;
     const Floats before = largest((t - anchor) * per_anchor, 0.0F);

@@ -41,8 +41,8 @@ struct SplatLimits {
 
 /// What one Gaussian gives to sixteen texels.
 struct SplatResponse {
-  float alpha[kLanes];  ///< opacity x response; 0: nothing
-  float at[kLanes];     ///< where in the profile, in bins
+  float alpha[kLanes];               ///< opacity x response; 0: nothing
+  float at[kLanes];                  ///< where in the profile, in bins
   std::int32_t first = 0, last = 0;  ///< bins of the lanes that get anything
   const source::SplatShape* shape = nullptr;
 };
@@ -123,8 +123,8 @@ struct SplatKernels {
                          const RayBundle& bundle, const TexelPacket& packet,
                          const DepthPacket& depths, const SplatLimits& limits, SplatResponse* out,
                          ProfilePacket* profile);
-  /// Finds the lanes' surface: the anchor and the focus. The profile becomes sums from the outermost
-  /// bin inwards, without what lies before the anchor.
+  /// Finds the lanes' surface: the anchor and the focus. The profile becomes sums from the
+  /// outermost bin inwards, without what lies before the anchor.
   void (*find_surface)(const SplatLimits& limits, ProfilePacket& profile, DepthPacket& depths);
   /// Adds responses to the sums, as far as the profile lets them be seen, with the colours
   /// that the packet's normals see.

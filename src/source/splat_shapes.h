@@ -12,8 +12,8 @@ namespace pounce::source {
 float median_roundness(std::span<const store::Splat> splats);
 
 /// Are a scene's Gaussians the discs of a surface (1), or needles and tilted ellipsoids that make a
-/// picture together (0)? By their roundness: trained captures have 0.24 to 0.33, made scenes 0.78 to
-/// 0.83 (docs/decisions/023-splat-blend.md).
+/// picture together (0)? By their roundness: trained captures have 0.24 to 0.33, made scenes 0.78
+/// to 0.83 (docs/decisions/023-splat-blend.md).
 float discness(float roundness);
 
 }  // namespace pounce::source

@@ -153,7 +153,8 @@ void harm_everywhere(const Jobs& jobs, const std::string& pack) {
     // Odd places too: a colour directory has fields of one byte.
     for (std::size_t at = 0; at + 4 <= raw.size(); at += at < 148 ? 4 : step) {
       const std::vector<std::uint32_t> values = harmful(PackTree::u32(raw, at));
-      for (std::size_t v = at < 148 ? 0 : cases % 3; v < values.size(); v += at < 148 ? 1 : 3) {
+      // A third of what could be said, another third of each field: every case is a job.
+      for (std::size_t v = cases % 3; v < values.size(); v += 3) {
         const auto verdict = jobs.judge(pack, [&](const std::string& path) {
           tree.write(path, [&](int where, Bytes& page) {
             if (where == tile) set_u32(page, at, values[v]);

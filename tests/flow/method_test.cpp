@@ -132,7 +132,7 @@ Compared compare_with_definition(const TransferOptions& options) {
   const TargetRaster raster = raster_target(target, out.width, out.height);
   RayBlendLimits limits;
   const double diag = diagonal(target);
-  limits.max_distance = options.max_distance->value / 100 * diag;
+  limits.max_distance = options.max_distance.value_or(Length{5, true}).value / 100 * diag;
   limits.first_reach =
       diag / std::ceil(std::cbrt(static_cast<double>(out.width) * out.height) - 1e-9) / 2;
   limits.min_cosine = std::cos(options.max_angle_deg * std::numbers::pi / 180);

@@ -140,6 +140,7 @@ TEST_CASE("an external sort is std::stable_sort of the file", "[flow]") {
   SplatRequest request{path, {}};
   request.run_splats = GENERATE(19U, 500U, 20000U);
   request.fan_in = GENERATE(2U, 7U, 100U);
+  request.fades_isolated = false;
   bool cached;
   const auto store = splat_store(job.context, request, &cached, 1);
   const auto found = all_splats(*store);

@@ -132,7 +132,7 @@ int peak_bin(const Bins& mass, const Prior& prior, bool& unsure) {
       second = std::max(second, value);
     }
   }
-  unsure = unsure || (best > 0 && second > best * (1 - 2e-4));
+  unsure = unsure || (best > 0 && second > best * (1 - 2e-3));
   return at;
 }
 
@@ -172,7 +172,8 @@ ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
     mass[low] += c.mass * (1 - (at - std::floor(at)));
     mass[low + 1] += c.mass * (at - std::floor(at));
   }
-  const int first = peak_bin(mass, [&](int k) { return bell(depth(k) / deviation); }, out.unsure);
+  const int first = peak_bin(
+      mass, [&](int k) { return bell(depth(k) / deviation); }, out.unsure);
   const double anchor = std::max(depth(first), 0.0);
   const auto fade = [&](double t) { return bell(std::max(t - anchor, 0.0) / deviation); };
   double passed = 0;
@@ -183,12 +184,14 @@ ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
   }
   double focus = anchor;
   if (limits.discness > 0) {
-    const int peak = peak_bin(mass, [](int) { return 1.0; }, out.unsure);
+    const int peak = peak_bin(
+        mass, [](int) { return 1.0; }, out.unsure);
     const Bins seen = visible(mass);
     double weights = 0, places = 0;
     for (int k = 0; k < kBins; ++k) {
       const double z = (k - peak) * width / window;
-      const double weight = std::exp(-std::min(z * z / 2, 18.0)) * seen[static_cast<std::size_t>(k)];
+      const double weight =
+          std::exp(-std::min(z * z / 2, 18.0)) * seen[static_cast<std::size_t>(k)];
       weights += weight;
       places += weight * k;
     }
@@ -200,7 +203,8 @@ ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
     const double at = std::max((limits.reach - c.t) / width - 0.5 - limits.discness + 1, 0.0);
     const auto low = static_cast<std::size_t>(at);
     const double share = at - std::floor(at);
-    const double before = until[low] * (1 - share) + until[std::min<std::size_t>(low + 1, kBins)] * share;
+    const double before =
+        until[low] * (1 - share) + until[std::min<std::size_t>(low + 1, kBins)] * share;
     const double z = (c.t - focus) / window;
     const double weight = c.alpha * fade(c.t) * std::exp(-before) *
                           (1 - limits.discness + limits.discness * c.disc) *

@@ -14,9 +14,9 @@ namespace {
 using namespace pounce;
 
 void row(const std::string& name, const score::Truth& truth, const std::vector<Vec3d>& colours) {
-  fmt::print("{:<28} {:6.2f} {:6.2f} {:6.2f}   {:5.1f} %\n", name,
-             score::psnr(truth.four, colours), score::psnr(truth.sides, colours),
-             score::psnr(truth.many, colours), 100 * score::share_off(truth.four, colours));
+  fmt::print("{:<28} {:6.2f} {:6.2f} {:6.2f}   {:5.1f} %\n", name, score::psnr(truth.four, colours),
+             score::psnr(truth.sides, colours), score::psnr(truth.many, colours),
+             100 * score::share_off(truth.four, colours));
 }
 
 }  // namespace
@@ -38,9 +38,10 @@ int main(int argc, char** argv) {
     const score::Scene scene = score::read_scene(scene_path);
     const score::Points points = score::read_points(maps, most);
     const score::Truth truth = score::make_truth(scene, points, harmonics);
-    fmt::print("{} Gaussians, {} texels; seen {} times from 4 sides, {} from 14, {} by >= 3 of 24\n",
-               scene.gaussians.size(), points.points.size(), truth.four.size(),
-               truth.sides.size(), truth.many.size());
+    fmt::print(
+        "{} Gaussians, {} texels; seen {} times from 4 sides, {} from 14, {} by >= 3 of 24\n",
+        scene.gaussians.size(), points.points.size(), truth.four.size(), truth.sides.size(),
+        truth.many.size());
     fmt::print("{:<28} {:>6} {:>6} {:>6}   off by > 0.15\n", "PSNR in dB", "4", "14", "many");
     for (const double percent : {1.0, 2.0})
       row(fmt::format("compositing from +{} %", percent), truth,

@@ -23,6 +23,7 @@
 #include "runtime/ordered_stream.h"
 #include "source/splat_noise.h"
 #include "source/splat_shapes.h"
+#include "source/splat_support.h"
 #include "store/blocks/splat_lattice.h"
 
 namespace pounce::flow {
@@ -249,7 +250,8 @@ bool asked_for_noise(std::uint64_t ordinal, std::uint32_t step_log2) {
   return (ordinal & ((1ULL << step_log2) - 1)) == 0;
 }
 
-void encode_block(JobContext& job, std::uint32_t lobes, Slot& slot) {
+void encode_block(JobContext& job, std::uint32_t lobes, bool fades_isolated, Slot& slot) {
+  if (fades_isolated) source::fade_isolated(slot.cut.splats);
   slot.entry = {};
   slot.entry.splats = static_cast<std::uint32_t>(slot.cut.splats.size());
   slot.entry.size_class =
@@ -319,7 +321,7 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
                                                        }) &
                              tbb::make_filter<Slot*, Slot*>(tbb::filter_mode::parallel,
                                                             [&](Slot* slot) {
-                                                              encode_block(job_, lobes_, *slot);
+                                                              encode_block(job_, lobes_, request_.fades_isolated, *slot);
                                                               return slot;
                                                             }) &
                              tbb::make_filter<Slot*, void>(tbb::filter_mode::serial_in_order,

@@ -19,6 +19,7 @@ struct GaussianStoreRequest {
   std::string path;  ///< of the source, for messages
   store::SplatFacts facts;
   SplatKeep keep = {};
+  bool fades_isolated = false;  ///< see source::fade_isolated()
   /// For tests: most Gaussians of a run and most runs merged at once; 0 = what the budget holds.
   /// The store does not depend on them.
   std::uint64_t run_splats = 0;
@@ -26,7 +27,7 @@ struct GaussianStoreRequest {
 };
 
 /// Raised whenever the same Gaussians would make another store: part of every key.
-inline constexpr std::uint32_t kGaussianStoreVersion = 3;
+inline constexpr std::uint32_t kGaussianStoreVersion = 4;
 
 /// Samples, filters and sorts Gaussians into a store of blocks. Advances job.meter by twice their
 /// number. Throws Error(input) where none is of use, Error(budget) below

@@ -19,8 +19,13 @@
 namespace pounce::flow {
 
 SourceStores::SourceStores(JobContext& job, const TransferOptions& options, const Plan& plan,
-                           const std::string& isa)
-    : job_(job), options_(options), plan_(plan), isa_(isa), kernels_(&projection::kernels(isa)) {
+                           const std::string& isa, bool fades_isolated)
+    : job_(job),
+      options_(options),
+      plan_(plan),
+      isa_(isa),
+      fades_isolated_(fades_isolated),
+      kernels_(&projection::kernels(isa)) {
   job.report.isa = kernels_->isa;
 }
 
@@ -64,7 +69,9 @@ void SourceStores::build_splats(double end) {
   const StageTimer timer(job_.clock, "precondition");
   const ScratchPack runs_go(job_, store::PackKind::splats);  // what the store is sorted from
   bool cached = false;
-  auto opened = splat_store(job_, plan_.splats, &cached, end);
+  SplatRequest request = plan_.splats;
+  request.fades_isolated = fades_isolated_;
+  auto opened = splat_store(job_, request, &cached, end);
   splats_ = std::make_unique<SplatCache>(
       job_.budget, SplatReader{{&job_, std::move(opened)}, options_.harmonics});
   job_.report.depth_window = kWindowOverNoise * splats_->store().directory().surface_noise;

@@ -20,9 +20,9 @@ namespace pounce::flow {
 /// thread-safe.
 class SourceStores {
  public:
-  /// `job`, `options` and `plan` must outlive it. `isa`: see TestKnobs.
+  /// `job`, `options` and `plan` must outlive it. `isa`, `fades_isolated`: see TestKnobs.
   SourceStores(JobContext& job, const TransferOptions& options, const Plan& plan,
-               const std::string& isa);
+               const std::string& isa, bool fades_isolated);
 
   /// Builds the stores or finds them in the cache; takes the progress bar from `begin` to `end`.
   /// The plan's mesh is not needed afterwards.
@@ -55,6 +55,7 @@ class SourceStores {
   const TransferOptions& options_;
   const Plan& plan_;
   const std::string isa_;
+  const bool fades_isolated_;
   const projection::Kernels* kernels_;
   SourceColumns columns_;
   std::vector<std::unique_ptr<SurfaceCache>> geometry_;  ///< by pass

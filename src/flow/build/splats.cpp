@@ -91,7 +91,7 @@ class SceneStore {
     *cached = false;
     prepare();
     return build_gaussian_store(job_, {&source_, key(keep), request_.path, facts(), keep,
-                                       request_.run_splats, request_.fan_in});
+                                       request_.fades_isolated, request_.run_splats, request_.fan_in});
   }
 
  private:
@@ -125,6 +125,7 @@ class SceneStore {
     hash.add(to_text(request_.axes));
     hash.add(source_.lobes());
     keep.add_to(hash);
+    if (!request_.fades_isolated) hash.add(std::string_view("isolated"));
     return hash.digest();
   }
 

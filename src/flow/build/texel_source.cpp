@@ -308,7 +308,7 @@ std::unique_ptr<store::SplatStore> build(JobContext& job, const TexelStoreReques
                             request.densify, texels_are_linear(*request.plan)},
                            until(0.4));
   job.meter.begin("sort", 2 * source.count(), "Gaussians", end);
-  GaussianStoreRequest sort{&source, key, mesh_of(request).mesh->path, {}, {}, 0, 0};
+  GaussianStoreRequest sort{&source, key, mesh_of(request).mesh->path, {}, {}, false, 0, 0};
   auto made = build_gaussian_store(job, sort);
   job.meter.end();
   job.report.bytes_read += geometry->pack().bytes_read() + columns.bytes_read();

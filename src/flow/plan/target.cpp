@@ -41,8 +41,8 @@ Box3f box_of(const mesh::Mesh& mesh) {
   return box;
 }
 
-// How far texels look where nobody says: of the target's diagonal. Of splats three deviations of where
-// a proxy's surface lies (docs/decisions/023-splat-blend.md).
+// How far texels look where nobody says: of the target's diagonal. Of splats three deviations of
+// where a proxy's surface lies (docs/decisions/023-splat-blend.md).
 constexpr double kReachPercent = 5, kSplatReachPercent = 3;
 
 class TargetPlanner {

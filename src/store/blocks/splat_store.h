@@ -81,8 +81,8 @@ struct SplatDirectory : SplatIndex {
   /// Typical distance of a Gaussian from the surface that its neighbours make: the median of
   /// 1.4826 MAD of 16 neighbours' offsets along its normal. 0 where there are too few to tell.
   float surface_noise = 0;
-  /// The middle one of a Gaussian's two larger standard deviations over the largest: the median over
-  /// a sample. 1: round discs or balls, 0: needles.
+  /// The middle one of a Gaussian's two larger standard deviations over the largest: the median
+  /// over a sample. 1: round discs or balls, 0: needles.
   float roundness = 1;
   Box3f middle_box;  ///< of the means without the outer tenth on each side of each axis
 };

@@ -201,8 +201,8 @@ TEST_CASE("the surface hides what lies behind it", "[projection]") {
 }
 
 TEST_CASE("one opaque Gaussian before a surface neither hides nor tints it", "[projection]") {
-  // It floats 2 % of the diagonal above the target (the reach is 3 %), wide of the texel's normal by
-  // one of its deviations; the surface is eight discs deep, as scenes are where they are sure.
+  // It floats 2 % of the diagonal above the target (the reach is 3 %), wide of the texel's normal
+  // by one of its deviations; the surface is eight discs deep, as scenes are where they are sure.
   const SplatLimits limits{0.3F, 0.17F, 0.01F, 1, false};
   std::vector<ReferenceSplat> scene(8, disc(0, 0.9, {0.8, 0.8, 0.8}));
   scene.push_back(disc(0.2, 0.9, {0, 0, 0}));

@@ -175,7 +175,8 @@ TEST_CASE("a Gaussian's alpha and mass by hand", "[projection]") {
     REQUIRE(responses.size() == 1);
     // q = 9 / 9.3; the footprint makes it fainter by the fourth root of 9 * 4 / (9.3 * 4.3).
     const double kept = 36 / (9.3 * 4.3), q = 9 / 9.3;
-    CHECK(responses[0].alpha[0] == Approx(0.5 * std::pow(kept, 0.25) * std::exp(-q / 2)).epsilon(2e-6));
+    CHECK(responses[0].alpha[0] ==
+          Approx(0.5 * std::pow(kept, 0.25) * std::exp(-q / 2)).epsilon(2e-6));
     // Bins are one long, the first at depth 12: 0.25 lies between the twelfth and the next.
     CHECK(responses[0].at[0] == Approx(11.75).epsilon(1e-6));
     const double mass = 0.4 * 0.5 * std::pow(kept, 0.25) * (1 - q / 9) * kSplatSteps;
@@ -238,8 +239,8 @@ TEST_CASE("gathering leaves out nothing that gives anything", "[projection]") {
   std::size_t given = 0, gathered = 0;
   for (int i = 0; i < 40; ++i) {
     SplatState state;
-    TexelPacket packet = wavy_packet(random.between(-1.0F, 0.9F), random.between(-1.0F, 0.9F),
-                                     0.01F, 0, kLanes);
+    TexelPacket packet =
+        wavy_packet(random.between(-1.0F, 0.9F), random.between(-1.0F, 0.9F), 0.01F, 0, kLanes);
     if (i % 2 == 1) {  // a packet around a sharp bend: a wide cone
       for (int lane = 0; lane < kLanes; ++lane) {
         Vec3f n{packet.nx[lane] + random.between(-0.5F, 0.5F), packet.ny[lane], packet.nz[lane]};

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "source/splat_set.h"
-#include "source/splat_shapes.h"
 
 #include <catch2/catch.hpp>
 #include <cmath>
 
 #include "core/half.h"
+#include "source/splat_shapes.h"
 #include "support/splat_scenes.h"
 
 using namespace pounce;
@@ -59,8 +59,8 @@ TEST_CASE("flatness is planarity x needle factor", "[source]") {
 
 TEST_CASE("a scene's roundness is the median of second over first", "[source]") {
   std::vector<store::Splat> splats(3);
-  splats[0].sigma = {4, 1, 2};  // 0.5, in whatever order
-  splats[1].sigma = {0, 3, 3};  // 1
+  splats[0].sigma = {4, 1, 2};      // 0.5, in whatever order
+  splats[1].sigma = {0, 3, 3};      // 1
   splats[2].sigma = {1, 10, 0.1F};  // 0.1
   CHECK(median_roundness(splats) == 0.5F);
   CHECK(median_roundness({}) == 1);
