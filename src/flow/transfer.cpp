@@ -40,8 +40,7 @@ void run_transfer(const TransferOptions& options, const TestKnobs& knobs, JobRun
   // From here on it is known what will be done and that it fits.
   if (options.skip_existing && !plan.anything_to_write()) return;
 
-  SourceStores source(*job, plan.options(), plan.source(), knobs.isa,
-                      !knobs.keeps_isolated);
+  SourceStores source(*job, plan.options(), plan.source(), knobs.isa, !knobs.keeps_isolated);
   source.build(kAfterReading, kAfterSource);
   plan.drop_source_mesh();
 

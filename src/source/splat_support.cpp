@@ -10,9 +10,9 @@
 namespace pounce::source {
 namespace {
 
-constexpr std::size_t kAround = 32;     // neighbours in the order, each way
+constexpr std::size_t kAround = 32;  // neighbours in the order, each way
 constexpr std::size_t kLeastBlock = 17;
-constexpr std::size_t kNth = 8;         // the usual spacing: as far as the 8th of them is
+constexpr std::size_t kNth = 8;  // the usual spacing: as far as the 8th of them is
 constexpr std::size_t kProbeEvery = 16;
 constexpr int kEnough = 4;
 constexpr float kAlone = 1.0F / 64;
@@ -41,7 +41,8 @@ float usual_spacing(const Means& means) {
   std::vector<float> figures, near;
   for (std::size_t i = 0; i < means.x.size(); i += kProbeEvery) {
     near.clear();
-    for (std::size_t j = means.first(i); j < means.last(i); ++j) near.push_back(means.squared(i, j));
+    for (std::size_t j = means.first(i); j < means.last(i); ++j)
+      near.push_back(means.squared(i, j));
     const auto nth = near.begin() + kNth;  // the nearest is itself
     std::nth_element(near.begin(), nth, near.end());
     figures.push_back(*nth);

@@ -126,8 +126,7 @@ void compare_with_brute_force(const TransferOptions& options, bool antialiased) 
     if (!covered || !expected.covered) continue;
     const std::array<double, 3> colour{expected.colour.x, expected.colour.y, expected.colour.z};
     double error = 0;
-    for (std::size_t c = 0; c < 3; ++c)
-      error = std::max(error, std::abs(out.at(i, c) - colour[c]));
+    for (std::size_t c = 0; c < 3; ++c) error = std::max(error, std::abs(out.at(i, c) - colour[c]));
     beyond += error > 1.0 / 255 ? 1 : 0;
     largest = std::max(largest, error);
   }

@@ -312,20 +312,21 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
                        source_.count() * (done - slot.entry.splats) / total);
   };
   std::size_t next_slot = 0;
-  tbb::parallel_pipeline(tokens,
-                         tbb::make_filter<void, Slot*>(tbb::filter_mode::serial_in_order,
-                                                       [&](tbb::flow_control& control) -> Slot* {
-                                                         Slot& slot = slots[next_slot++ % tokens];
-                                                         if (!cutter.next(slot.cut)) control.stop();
-                                                         return &slot;
-                                                       }) &
-                             tbb::make_filter<Slot*, Slot*>(tbb::filter_mode::parallel,
-                                                            [&](Slot* slot) {
-                                                              encode_block(job_, lobes_, request_.fades_isolated, *slot);
-                                                              return slot;
-                                                            }) &
-                             tbb::make_filter<Slot*, void>(tbb::filter_mode::serial_in_order,
-                                                           [&](Slot* slot) { write(*slot); }));
+  tbb::parallel_pipeline(
+      tokens, tbb::make_filter<void, Slot*>(tbb::filter_mode::serial_in_order,
+                                            [&](tbb::flow_control& control) -> Slot* {
+                                              Slot& slot = slots[next_slot++ % tokens];
+                                              if (!cutter.next(slot.cut)) control.stop();
+                                              return &slot;
+                                            }) &
+                  tbb::make_filter<Slot*, Slot*>(tbb::filter_mode::parallel,
+                                                 [&](Slot* slot) {
+                                                   encode_block(job_, lobes_,
+                                                                request_.fades_isolated, *slot);
+                                                   return slot;
+                                                 }) &
+                  tbb::make_filter<Slot*, void>(tbb::filter_mode::serial_in_order,
+                                                [&](Slot* slot) { write(*slot); }));
   if (blocks == 0) {
     throw Error(ErrorKind::input,
                 fmt::format("{}: none of its {} Gaussians can be used ({})", request_.path,

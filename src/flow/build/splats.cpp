@@ -90,8 +90,9 @@ class SceneStore {
     if (auto found = find(keep)) return found;
     *cached = false;
     prepare();
-    return build_gaussian_store(job_, {&source_, key(keep), request_.path, facts(), keep,
-                                       request_.fades_isolated, request_.run_splats, request_.fan_in});
+    return build_gaussian_store(
+        job_, {&source_, key(keep), request_.path, facts(), keep, request_.fades_isolated,
+               request_.run_splats, request_.fan_in});
   }
 
  private:
