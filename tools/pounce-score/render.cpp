@@ -30,8 +30,8 @@ Frame frame_along(Vec3d w) {
 
 /// A Gaussian's marginal across a direction, with a footprint.
 struct Marginal {
-  double xx, xy, yy;    ///< inverse
-  double grown = 1;     ///< det / det'
+  double xx, xy, yy;      ///< inverse
+  double grown = 1;       ///< det / det'
   double lean_x, lean_y;  ///< of the best hit along the direction, per offset
   double half_x, half_y;  ///< of the box out to the cut-off
 
@@ -152,7 +152,9 @@ std::vector<std::vector<Hit>> hits(const Scene& scene, std::span<const Point> po
     box.extend(Vec3f(middle.back()));
   }
   const double cell = std::max(2 * half, length(Vec3d(box.hi) - Vec3d(box.lo)) / 100);
-  const auto axis = [&](double v, double lo) { return static_cast<int>(std::floor((v - lo) / cell)); };
+  const auto axis = [&](double v, double lo) {
+    return static_cast<int>(std::floor((v - lo) / cell));
+  };
   const Vec3d lo(box.lo);
   const int nx = axis(box.hi.x, lo.x) + 1, ny = axis(box.hi.y, lo.y) + 1,
             nz = axis(box.hi.z, lo.z) + 1;
@@ -211,7 +213,8 @@ Vec3d composite(const Scene& scene, std::vector<Hit> hits) {
   double through = 1;
   for (const Hit& hit : hits) {
     const Vec3d c = scene.gaussians[hit.gaussian].colour;
-    sum = sum + Vec3d{std::max(c.x, 0.0), std::max(c.y, 0.0), std::max(c.z, 0.0)} * (through * hit.alpha);
+    sum = sum +
+          Vec3d{std::max(c.x, 0.0), std::max(c.y, 0.0), std::max(c.z, 0.0)} * (through * hit.alpha);
     through *= 1 - hit.alpha;
   }
   if (through > 1 - 1e-6) return {0.5, 0.5, 0.5};

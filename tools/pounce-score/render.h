@@ -12,9 +12,9 @@ namespace pounce::score {
 
 /// What an orthographic viewer sees where a point would be drawn.
 struct Pixel {
-  Vec3d colour;              ///< of what is there, without the background
-  double opacity = 0;        ///< of all of it
-  double median_depth = 0;   ///< where half of the light is taken; beyond everything if it is not
+  Vec3d colour;             ///< of what is there, without the background
+  double opacity = 0;       ///< of all of it
+  double median_depth = 0;  ///< where half of the light is taken; beyond everything if it is not
 };
 
 /// Draws the scene along `direction` at the points, as its trainer's rasteriser would: ellipses
@@ -25,8 +25,8 @@ std::vector<Pixel> render(const Scene& scene, std::span<const Point> points, Vec
 
 /// What a Gaussian gives to the ray through a point along its normal.
 struct Hit {
-  double t = 0;       ///< depth of the best hit, positive outside
-  double alpha = 0;   ///< opacity x response, with the point's own footprint
+  double t = 0;      ///< depth of the best hit, positive outside
+  double alpha = 0;  ///< opacity x response, with the point's own footprint
   std::uint32_t gaussian = 0;
 };
 

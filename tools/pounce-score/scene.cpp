@@ -71,24 +71,22 @@ Vec3d colour_along(const Scene& scene, const Gaussian& gaussian, Vec3d d, bool h
   Vec3d sum = gaussian.colour;
   if (harmonics && scene.lobes > 0) {
     const double xx = d.x * d.x, yy = d.y * d.y, zz = d.z * d.z;
-    const std::array<double, 15> basis{
-        -0.4886025119029199 * d.y,
-        0.4886025119029199 * d.z,
-        -0.4886025119029199 * d.x,
-        1.0925484305920792 * d.x * d.y,
-        -1.0925484305920792 * d.y * d.z,
-        0.31539156525252005 * (2 * zz - xx - yy),
-        -1.0925484305920792 * d.x * d.z,
-        0.5462742152960396 * (xx - yy),
-        -0.5900435899266435 * d.y * (3 * xx - yy),
-        2.890611442640554 * d.x * d.y * d.z,
-        -0.4570457994644658 * d.y * (4 * zz - xx - yy),
-        0.3731763325901154 * d.z * (2 * zz - 3 * xx - 3 * yy),
-        -0.4570457994644658 * d.x * (4 * zz - xx - yy),
-        1.445305721320277 * d.z * (xx - yy),
-        -0.5900435899266435 * d.x * (xx - 3 * yy)};
-    for (std::size_t k = 0; k < scene.lobes; ++k)
-      sum = sum + scene.sh[gaussian.sh + k] * basis[k];
+    const std::array<double, 15> basis{-0.4886025119029199 * d.y,
+                                       0.4886025119029199 * d.z,
+                                       -0.4886025119029199 * d.x,
+                                       1.0925484305920792 * d.x * d.y,
+                                       -1.0925484305920792 * d.y * d.z,
+                                       0.31539156525252005 * (2 * zz - xx - yy),
+                                       -1.0925484305920792 * d.x * d.z,
+                                       0.5462742152960396 * (xx - yy),
+                                       -0.5900435899266435 * d.y * (3 * xx - yy),
+                                       2.890611442640554 * d.x * d.y * d.z,
+                                       -0.4570457994644658 * d.y * (4 * zz - xx - yy),
+                                       0.3731763325901154 * d.z * (2 * zz - 3 * xx - 3 * yy),
+                                       -0.4570457994644658 * d.x * (4 * zz - xx - yy),
+                                       1.445305721320277 * d.z * (xx - yy),
+                                       -0.5900435899266435 * d.x * (xx - 3 * yy)};
+    for (std::size_t k = 0; k < scene.lobes; ++k) sum = sum + scene.sh[gaussian.sh + k] * basis[k];
   }
   return {std::max(sum.x, 0.0), std::max(sum.y, 0.0), std::max(sum.z, 0.0)};
 }

@@ -17,8 +17,8 @@ struct Gaussian {
   std::array<Vec3d, 3> axis;           ///< unit, the longest first
   std::array<double, 3> sigma{};       ///< along them
   double alpha = 0;
-  Vec3d colour;              ///< of degree 0
-  std::uint32_t sh = 0;      ///< of its first coefficient in Scene::sh
+  Vec3d colour;          ///< of degree 0
+  std::uint32_t sh = 0;  ///< of its first coefficient in Scene::sh
 };
 
 struct Scene {

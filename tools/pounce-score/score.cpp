@@ -26,8 +26,7 @@ std::vector<Vec3d> fourteen_sides() {
   out.push_back({0, -1, 0});
   for (const double x : {1.0, -1.0}) {
     for (const double y : {1.0, -1.0}) {
-      for (const double z : {1.0, -1.0})
-        out.push_back(Vec3d{x, y, z} * (1 / std::numbers::sqrt3));
+      for (const double z : {1.0, -1.0}) out.push_back(Vec3d{x, y, z} * (1 / std::numbers::sqrt3));
     }
   }
   return out;
@@ -124,8 +123,7 @@ double share_off(const std::vector<Sight>& truth, const std::vector<Vec3d>& colo
 
 std::vector<Vec3d> composited(const Scene& scene, const Points& points, double above) {
   constexpr double kBelow = 0.05;
-  const auto all =
-      hits(scene, points.points, above * points.diagonal, kBelow * points.diagonal);
+  const auto all = hits(scene, points.points, above * points.diagonal, kBelow * points.diagonal);
   std::vector<Vec3d> out(all.size());
   tbb::parallel_for(std::size_t{0}, all.size(),
                     [&](std::size_t p) { out[p] = composite(scene, all[p]); });
