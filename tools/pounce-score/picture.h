@@ -26,11 +26,11 @@ struct View {
 
 /// What a camera is to show.
 struct Framing {
-  Vec3d from{1, 0, 1};          ///< where it stands as seen from the middle; of any length
-  Vec3d up{0, 1, 0};            ///< of any length
-  std::optional<Vec3d> middle;  ///< default: the mesh's
-  std::optional<double> edge;   ///< what fits into the picture's edge; default: the whole mesh
-  std::uint32_t size = 512;     ///< pixels along an edge
+  Vec3d from{1, 0, 1};               ///< where it stands as seen from the middle; of any length
+  Vec3d up{0, 1, 0};                 ///< of any length
+  std::optional<Vec3d> middle = {};  ///< default: the mesh's
+  std::optional<double> edge = {};   ///< what fits into the picture's edge; default: the whole mesh
+  std::uint32_t size = 512;          ///< pixels along an edge
 };
 
 /// Throws Error(usage) where `up` does not say how to hold the camera, Error(input) for a mesh
