@@ -173,6 +173,11 @@ void add_splats(CLI::App& app, std::function<Paths()>& run, SplatOptions& o) {
        "as NAME_target.truth.png of this width and height; 0: neither")
       ->check(CLI::Range(0, 65536))
       ->capture_default_str();
+  c->add_option("--target-offset", o.target_offset,
+                "move the target outward along its normals, in percent of its diagonal; negative: "
+                "inward")
+      ->check(CLI::Range(-10.0, 10.0))
+      ->capture_default_str();
   c->callback([&run, &o] { run = [&o] { return make_splats(o); }; });
 }
 

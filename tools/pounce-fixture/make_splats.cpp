@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/box.h"
 #include "cube_charts.h"
 #include "head_texture.h"
 #include "output_file.h"
@@ -74,13 +75,34 @@ void sphere_truth_row(const GridMesh& mesh, const ChartPositions& positions,
   }
 }
 
+/// The charts, moved along their normals by a part of their box's diagonal.
+GridMesh moved_outward(const GridMesh& mesh, double part) {
+  Box3f box;
+  for (const GridChart& chart : mesh) {
+    for (std::uint32_t row = 0; row <= chart.rows; ++row) {
+      for (std::uint32_t column = 0; column <= chart.columns; ++column)
+        box.extend(Vec3f(chart.point(column, row).position));
+    }
+  }
+  const double distance = part * length(Vec3d(box.hi) - Vec3d(box.lo));
+  GridMesh moved = mesh;
+  for (GridChart& chart : moved) {
+    chart.point = [point = chart.point, distance](std::uint32_t column, std::uint32_t row) {
+      const SurfacePoint p = point(column, row);
+      return SurfacePoint{p.position + p.normal * distance, p.normal};
+    };
+  }
+  return moved;
+}
+
 void write_target(const SplatOptions& options, const SplatScene& scene, const std::string& stem,
                   Paths& written) {
   const std::uint32_t size = options.target_size;
   const bool is_sphere = options.shape == "sphere";
   const GridMesh mesh =
       is_sphere ? sphere_charts(20000, 1) : head_target_charts(source_head(), 13000, Turn(27, 19));
-  write_plain_mesh({stem + "_target", true, false, {}}, mesh, written);
+  write_plain_mesh({stem + "_target", true, false, {}},
+                   moved_outward(mesh, options.target_offset / 100), written);
   written.push_back(stem + "_target.truth.png");
   const RenderSpec spec{.width = size, .height = size, .channels = 4, .depth = Depth::u16};
   if (is_sphere) {

@@ -68,6 +68,9 @@ struct SplatOptions {
   double haze = 0.02;
   std::uint64_t broken = 0;       ///< rows of each kind of breakage
   std::uint32_t target_size = 0;  ///< of the truth image; 0: no target and no truth
+  /// The target is moved so far along its normals, in percent of its diagonal; positive is outward.
+  /// The truth stays what the surface itself has.
+  double target_offset = 0;
 };
 /// A splat scene as training leaves it behind, as a PLY of any size in constant memory; and a
 /// target of the same surface (STEM_target.glb) with the exact answer (STEM_target.truth.png).

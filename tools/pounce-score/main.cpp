@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// How well do textures show a scene? Called by tools/score-splats.sh.
+// How well do textures show a scene? In figures, for tools/score-splats.sh, and in pictures.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <functional>
 
+#include "io/read_mesh.h"
+#include "picture.h"
 #include "pounce/error.h"
 #include "score.h"
 
@@ -13,43 +16,136 @@ namespace {
 
 using namespace pounce;
 
-void row(const std::string& name, const score::Truth& truth, const std::vector<Vec3d>& colours) {
+constexpr const char* kAbout =
+    "Scores textures of a target against front-to-back renders of the splat scene that they were "
+    "made of,\nand draws both from the same side.";
+constexpr std::uint32_t kGap = 4;  // pixels between two pictures
+constexpr Vec3d kBackground{1, 1, 1};
+
+struct TableOptions {
+  std::string scene, maps;
+  std::vector<std::string> images;
+  std::size_t most = 20000;
+  bool harmonics = false;
+};
+
+void print_row(const std::string& name, const score::Truth& truth,
+               const std::vector<Vec3d>& colours) {
   fmt::print("{:<28} {:6.2f} {:6.2f} {:6.2f}   {:5.1f} %\n", name, score::psnr(truth.four, colours),
              score::psnr(truth.sides, colours), score::psnr(truth.many, colours),
              100 * score::share_off(truth.four, colours));
 }
 
+void print_table(const TableOptions& o) {
+  const score::Scene scene = score::read_scene(o.scene);
+  const score::Points points = score::read_points(o.maps, o.most);
+  const score::Truth truth = score::make_truth(scene, points, o.harmonics);
+  fmt::print("{} Gaussians, {} texels; seen {} times from 4 sides, {} from 14, {} by >= 3 of 24\n",
+             scene.gaussians.size(), points.points.size(), truth.four.size(), truth.sides.size(),
+             truth.many.size());
+  fmt::print("{:<28} {:>6} {:>6} {:>6}   off by > 0.15\n", "PSNR in dB", "4", "14", "many");
+  for (const double percent : {1.0, 2.0})
+    print_row(fmt::format("compositing from +{} %", percent), truth,
+              score::composited(scene, points, percent / 100));
+  for (const std::string& image : o.images)
+    print_row(image, truth, score::read_colours(image, points));
+}
+
+struct PictureOptions {
+  std::string scene, target, output;
+  std::vector<std::string> images;
+  score::Framing framing;
+  bool harmonics = false;
+};
+
+void draw_pictures(const PictureOptions& o) {
+  const mesh::Mesh target = io::read_mesh(o.target);
+  const score::View view = score::view_of(target, o.framing);
+  const std::size_t size = view.size;
+  std::vector<std::vector<Vec3d>> pictures{
+      score::draw_scene(score::read_scene(o.scene), view, o.harmonics, kBackground)};
+  for (const std::string& image : o.images)
+    pictures.push_back(score::draw_mesh(target, score::read_image(image), view, kBackground));
+  std::vector<Vec3d> row_by_row;
+  for (std::size_t y = 0; y < size; ++y) {
+    for (std::size_t i = 0; i < pictures.size(); ++i) {
+      if (i > 0) row_by_row.insert(row_by_row.end(), kGap, kBackground);
+      const auto begin = pictures[i].begin() + static_cast<std::ptrdiff_t>(y * size);
+      row_by_row.insert(row_by_row.end(), begin, begin + static_cast<std::ptrdiff_t>(size));
+    }
+  }
+  const auto width = row_by_row.size() / size;
+  score::write_image(o.output, static_cast<std::uint32_t>(width), view.size, row_by_row);
+}
+
+void add_table(CLI::App& app, std::function<void()>& run, TableOptions& o) {
+  CLI::App* c = app.add_subcommand(
+      "table", "PSNR of textures, beside that of plain compositing along the texels' normals");
+  c->add_option("SCENE", o.scene, "The splat scene")->required();
+  c->add_option("--maps", o.maps, "What `pounce maps` wrote of the target: a path with <CHANNEL>")
+      ->required();
+  c->add_option("IMAGE", o.images, "Textures of the target, of the maps' size");
+  c->add_option("--points", o.most, "Most texels to look at")
+      ->check(CLI::Range(1, 100000000))
+      ->capture_default_str();
+  c->add_flag("--sh", o.harmonics, "The truth shows spherical harmonics; else degree 0 alone");
+  c->callback([&run, &o] { run = [&o] { print_table(o); }; });
+}
+
+void add_picture(CLI::App& app, std::function<void()>& run, PictureOptions& o) {
+  CLI::App* c = app.add_subcommand(
+      "render", "The scene and the target with each texture side by side, orthographic, unlit");
+  c->add_option("SCENE", o.scene, "The splat scene")->required();
+  c->add_option("TARGET", o.target, "The mesh whose UV set 0 the textures lie on")->required();
+  c->add_option("IMAGE", o.images, "Textures of the target")->required();
+  c->add_option("-o,--output", o.output, "An image")->required();
+  const auto vector = [c](const char* name, const char* about, auto set) {
+    c->add_option_function<std::vector<double>>(
+         name,
+         [set](const std::vector<double>& v) {
+           set(Vec3d{v[0], v[1], v[2]});
+         },
+         about)
+        ->delimiter(',')
+        ->expected(3);
+  };
+  score::Framing& framing = o.framing;
+  vector("--from", "X,Y,Z: where the camera stands, seen from the middle. Default: 1,0,1",
+         [&framing](Vec3d v) { framing.from = v; });
+  vector("--up", "X,Y,Z: what is up in the picture. Default: 0,1,0",
+         [&framing](Vec3d v) { framing.up = v; });
+  vector("--middle", "X,Y,Z: what is in the picture's middle. Default: the target's",
+         [&framing](Vec3d v) { framing.middle = v; });
+  c->add_option("--edge", framing.edge, "What a picture's edge shows, in units. Default: all")
+      ->check(CLI::PositiveNumber);
+  c->add_option("--size", framing.size, "Pixels along a picture's edge")
+      ->check(CLI::Range(1, 8192))
+      ->capture_default_str();
+  c->add_flag("--sh", o.harmonics, "The scene shows spherical harmonics; else degree 0 alone");
+  c->callback([&run, &o] { run = [&o] { draw_pictures(o); }; });
+}
+
 }  // namespace
 
-int main(int argc, char** argv) {
-  CLI::App app("Scores textures against front-to-back renders of the scene that they were made of");
-  std::string scene_path, maps;
-  std::vector<std::string> images;
-  std::size_t most = 20000;
-  bool harmonics = false;
-  app.add_option("SCENE", scene_path, "The splat scene")->required();
-  app.add_option("--maps", maps, "What `pounce maps` wrote of the target: a path with <CHANNEL>")
-      ->required();
-  app.add_option("IMAGE", images, "Textures of the target, of the maps' size");
-  app.add_option("--points", most, "Most texels to look at")->capture_default_str();
-  app.add_flag("--sh", harmonics, "The truth shows spherical harmonics; else degree 0 alone");
-  CLI11_PARSE(app, argc, argv);
+int main(int argc, char** argv) try {
+  CLI::App app(kAbout, "pounce-score");
+  app.require_subcommand(1);
+  TableOptions table;
+  PictureOptions picture;
+  std::function<void()> run;
+  add_table(app, run, table);
+  add_picture(app, run, picture);
   try {
-    const score::Scene scene = score::read_scene(scene_path);
-    const score::Points points = score::read_points(maps, most);
-    const score::Truth truth = score::make_truth(scene, points, harmonics);
-    fmt::print(
-        "{} Gaussians, {} texels; seen {} times from 4 sides, {} from 14, {} by >= 3 of 24\n",
-        scene.gaussians.size(), points.points.size(), truth.four.size(), truth.sides.size(),
-        truth.many.size());
-    fmt::print("{:<28} {:>6} {:>6} {:>6}   off by > 0.15\n", "PSNR in dB", "4", "14", "many");
-    for (const double percent : {1.0, 2.0})
-      row(fmt::format("compositing from +{} %", percent), truth,
-          score::composited(scene, points, percent / 100));
-    for (const std::string& image : images) row(image, truth, score::read_colours(image, points));
-  } catch (const Error& error) {
-    fmt::print(stderr, "pounce-score: {}\n", error.what());
-    return 1;
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : exit_status(ErrorKind::usage);
   }
+  run();
   return 0;
+} catch (const pounce::Error& e) {
+  std::fprintf(stderr, "pounce-score: error: %s\n", e.what());
+  return pounce::exit_status(e.kind());
+} catch (const std::exception& e) {
+  std::fprintf(stderr, "pounce-score: internal error: %s\n", e.what());
+  return 70;
 }

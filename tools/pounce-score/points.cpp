@@ -3,60 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <optional>
 
 #include "core/box.h"
-#include "core/half.h"
-#include "io/image/read.h"
+#include "image.h"
 #include "pounce/error.h"
 
 namespace pounce::score {
 namespace {
-
-struct Image {
-  std::uint32_t width = 0, height = 0, channels = 0;
-  std::vector<float> samples;
-
-  Vec3d at(std::size_t x, std::size_t y) const {
-    const float* const s = &samples[(y * width + x) * channels];
-    if (channels < 3) return {s[0], s[0], s[0]};
-    return {s[0], s[1], s[2]};
-  }
-};
-
-/// Samples as real numbers, 0..1 for whole ones.
-Image read_image(const std::string& path) {
-  io::ImageReader reader(path);
-  const io::ImageInfo& info = reader.info();
-  Image image{info.width, info.height, info.channels, {}};
-  std::vector<std::byte> row(reader.row_bytes());
-  image.samples.reserve(std::size_t{image.width} * image.height * image.channels);
-  const auto sample = [&](std::size_t i) -> float {
-    const auto as = [&]<class T>(T) {
-      T value;
-      std::memcpy(&value, row.data() + i * sizeof value, sizeof value);
-      return value;
-    };
-    switch (info.depth) {
-      case Depth::u8:
-        return static_cast<float>(as(std::uint8_t{})) / 255;
-      case Depth::u16:
-        return static_cast<float>(as(std::uint16_t{})) / 65535;
-      case Depth::half:
-        return half_to_float(as(std::uint16_t{}));
-      case Depth::float32:
-        break;
-    }
-    return as(0.0F);
-  };
-  for (std::uint32_t y = 0; y < image.height; ++y) {
-    reader.read_rows(1, row.data());
-    for (std::size_t i = 0; i < std::size_t{image.width} * image.channels; ++i)
-      image.samples.push_back(sample(i));
-  }
-  return image;
-}
 
 std::string map_path(const std::string& pattern, const std::string& channel) {
   constexpr std::string_view kMark = "<CHANNEL>";

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "picture.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "mesh/uv_raster.h"
+#include "points.h"
+#include "pounce/error.h"
+#include "render.h"
+
+namespace pounce::score {
+namespace {
+
+constexpr std::uint32_t kFiner = 2;  // samples along a pixel's edge, of the mesh
+constexpr double kMargin = 0.03;
+
+Vec3d unit(Vec3d v) { return v * (1 / length(v)); }
+
+/// Bilinear, repeating; v down.
+Vec3d lookup(const Image& image, double u, double v) {
+  const auto part = [](double at, std::uint32_t size, std::array<std::size_t, 2>& texel) {
+    const double x = at * size - 0.5, floor = std::floor(x), whole = size;
+    texel[0] = static_cast<std::size_t>(floor - whole * std::floor(floor / whole));
+    texel[1] = (texel[0] + 1) % size;
+    return x - floor;
+  };
+  std::array<std::size_t, 2> x{}, y{};
+  const double fx = part(u, image.width, x), fy = part(v, image.height, y);
+  const auto row = [&](std::size_t r) {
+    return image.at(x[0], r) * (1 - fx) + image.at(x[1], r) * fx;
+  };
+  return row(y[0]) * (1 - fy) + row(y[1]) * fy;
+}
+
+/// A triangle's corner where it is drawn: pixels (centres are whole numbers), depth, UV.
+struct Corner {
+  Vec2d at;
+  double depth, u, v;
+};
+
+struct Raster {
+  const Image& texture;
+  std::uint32_t size;
+  std::vector<double> depth;
+  std::vector<Vec3d> colours;
+
+  void draw(const std::array<Corner, 3>& c) {
+    const double area = (c[1].at.x - c[0].at.x) * (c[2].at.y - c[0].at.y) -
+                        (c[1].at.y - c[0].at.y) * (c[2].at.x - c[0].at.x);
+    const mesh::TexelWindow window{0, 0, size, size};
+    mesh::raster_triangle({c[0].at, c[1].at, c[2].at}, window,
+                          [&](std::int64_t y, std::int64_t begin, std::int64_t end) {
+                            for (std::int64_t x = begin; x < end; ++x)
+                              shade(c, area, static_cast<double>(x), static_cast<double>(y));
+                          });
+  }
+
+ private:
+  void shade(const std::array<Corner, 3>& c, double area, double x, double y) {
+    const auto share = [&](std::size_t i) {
+      const Vec2d a = c[(i + 1) % 3].at, b = c[(i + 2) % 3].at;
+      return ((a.x - x) * (b.y - y) - (a.y - y) * (b.x - x)) / area;
+    };
+    const double s0 = share(0), s1 = share(1), s2 = share(2);
+    const double here = s0 * c[0].depth + s1 * c[1].depth + s2 * c[2].depth;
+    const std::size_t pixel = static_cast<std::size_t>(y) * size + static_cast<std::size_t>(x);
+    if (here >= depth[pixel]) return;
+    depth[pixel] = here;
+    colours[pixel] = lookup(texture, s0 * c[0].u + s1 * c[1].u + s2 * c[2].u,
+                            s0 * c[0].v + s1 * c[1].v + s2 * c[2].v);
+  }
+};
+
+}  // namespace
+
+View view_of(const mesh::Mesh& mesh, const Framing& framing) {
+  View view;
+  view.size = framing.size;
+  const double far = length(framing.from), across = length(cross(framing.from, framing.up));
+  if (!(across > 1e-6 * far * length(framing.up)))
+    throw Error(ErrorKind::usage, "--from and --up lie along one line; give another --up");
+  view.forward = framing.from * (-1 / far);
+  view.right = unit(cross(view.forward, framing.up));
+  view.down = cross(view.forward, view.right);
+  const auto seen = [&](Vec3d p) {
+    return Vec3d{dot(view.right, p), dot(view.down, p), dot(view.forward, p)};
+  };
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Vec3d lo{kInfinity, kInfinity, kInfinity}, hi = lo * -1.0;
+  for (const Vec3f& position : mesh.positions) {
+    const Vec3d p = seen(Vec3d(position));
+    lo = {std::min(lo.x, p.x), std::min(lo.y, p.y), std::min(lo.z, p.z)};
+    hi = {std::max(hi.x, p.x), std::max(hi.y, p.y), std::max(hi.z, p.z)};
+  }
+  const double whole = std::max(hi.x - lo.x, hi.y - lo.y) * (1 + 2 * kMargin);
+  const double edge = framing.edge.value_or(whole);
+  if (!(edge > 0)) throw Error(ErrorKind::input, mesh.path + ": has no size; nothing to draw");
+  const Vec3d middle = framing.middle ? seen(*framing.middle) : (lo + hi) * 0.5;
+  view.pixel = edge / view.size;
+  const double half = (edge - view.pixel) / 2;
+  view.corner =
+      view.right * (middle.x - half) + view.down * (middle.y - half) + view.forward * lo.z;
+  return view;
+}
+
+std::vector<Vec3d> draw_scene(const Scene& scene, const View& view, bool harmonics,
+                              Vec3d background) {
+  std::vector<Point> points;
+  for (std::uint32_t y = 0; y < view.size; ++y) {
+    for (std::uint32_t x = 0; x < view.size; ++x) {
+      Point point;
+      point.position = view.place(x, y);
+      points.push_back(point);
+    }
+  }
+  std::vector<Vec3d> colours;
+  for (const Pixel& p : render(scene, points, view.forward, view.pixel, harmonics))
+    colours.push_back(p.colour * p.opacity + background * (1 - p.opacity));
+  return colours;
+}
+
+std::vector<Vec3d> draw_mesh(const mesh::Mesh& mesh, const Image& texture, const View& view,
+                             Vec3d background) {
+  if (mesh.uv_sets.empty())
+    throw Error(ErrorKind::input, mesh.path + ": has no UVs; unwrap it first");
+  const std::uint32_t size = view.size * kFiner;
+  const std::size_t samples = std::size_t{size} * size;
+  Raster raster{texture, size,
+                std::vector<double>(samples, std::numeric_limits<double>::infinity()),
+                std::vector<Vec3d>(samples, background)};
+  const auto corner = [&](std::uint32_t vertex) {
+    const Vec3d d = Vec3d(mesh.positions[vertex]) - view.corner;
+    const auto along = [&](Vec3d axis) { return (dot(axis, d) / view.pixel + 0.5) * kFiner - 0.5; };
+    const Vec2f uv = mesh.uv_sets[0][vertex];
+    return Corner{{along(view.right), along(view.down)}, dot(view.forward, d), uv.x, uv.y};
+  };
+  for (const auto& t : mesh.triangles) raster.draw({corner(t[0]), corner(t[1]), corner(t[2])});
+  std::vector<Vec3d> colours;
+  for (std::size_t y = 0; y < view.size; ++y) {
+    for (std::size_t x = 0; x < view.size; ++x) {
+      Vec3d sum;
+      for (std::size_t sy = 0; sy < kFiner; ++sy) {
+        for (std::size_t sx = 0; sx < kFiner; ++sx)
+          sum = sum + raster.colours[(y * kFiner + sy) * size + x * kFiner + sx];
+      }
+      colours.push_back(sum * (1.0 / (kFiner * kFiner)));
+    }
+  }
+  return colours;
+}
+
+}  // namespace pounce::score

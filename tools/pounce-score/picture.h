@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/vec.h"
+#include "image.h"
+#include "mesh/mesh.h"
+#include "scene.h"
+
+namespace pounce::score {
+
+/// An orthographic camera whose picture is square.
+struct View {
+  Vec3d right, down, forward;  ///< unit, orthogonal
+  Vec3d corner;                ///< centre of the upper left pixel
+  double pixel = 0;            ///< edge of a pixel in the scene's units
+  std::uint32_t size = 0;      ///< pixels along an edge
+
+  Vec3d place(double x, double y) const {
+    return corner + right * (x * pixel) + down * (y * pixel);
+  }
+};
+
+/// What a camera is to show.
+struct Framing {
+  Vec3d from{1, 0, 1};               ///< where it stands as seen from the middle; of any length
+  Vec3d up{0, 1, 0};                 ///< of any length
+  std::optional<Vec3d> middle = {};  ///< default: the mesh's
+  std::optional<double> edge = {};   ///< what fits into the picture's edge; default: the whole mesh
+  std::uint32_t size = 512;          ///< pixels along an edge
+};
+
+/// Throws Error(usage) where `up` does not say how to hold the camera, Error(input) for a mesh
+/// without size.
+View view_of(const mesh::Mesh& mesh, const Framing& framing);
+
+/// What the scene looks like, as render() draws it, before a background; row by row.
+std::vector<Vec3d> draw_scene(const Scene& scene, const View& view, bool harmonics,
+                              Vec3d background);
+
+/// What the mesh looks like with an image on UV set 0, unlit: the nearest surface from either side,
+/// bilinear lookup, 2x2 samples per pixel. Throws Error(input) for a mesh without UVs.
+std::vector<Vec3d> draw_mesh(const mesh::Mesh& mesh, const Image& texture, const View& view,
+                             Vec3d background);
+
+}  // namespace pounce::score
