@@ -37,7 +37,7 @@ namespace {
 
 constexpr float kLeastWindow = 0.5F;  // texels
 /// Responses that a packet keeps between the passes.
-constexpr std::size_t kMostKept = 512;
+constexpr std::size_t kMostKept = 2048;
 
 /// Runs `use` on every packet with the candidates that its group may meet.
 template <class Use>
@@ -176,17 +176,18 @@ void sum_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& ke
 std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState& state,
                                     std::size_t packet, int lane) {
   const DepthPacket& depths = state.depths[packet];
-  const double weight = depths.weight[lane];
+  const auto weight = static_cast<double>(depths.weight[lane]);
   if (weight <= 0) return std::nullopt;
   SplatFinding out;
   const double passed = state.profiles[packet].bins[kProfileBins - 1][lane];
   out.opacity = 1 - std::exp(-passed / double{kSplatSteps});
   if (out.opacity < kLeastOpacity) return std::nullopt;
   for (std::size_t c = 0; c < 3; ++c)
-    out.colour[c] = std::clamp(depths.colour[c][lane] / weight, 0.0, 1.0);
+    out.colour[c] = std::clamp(static_cast<double>(depths.colour[c][lane]) / weight, 0.0, 1.0);
   // Places in the profile, 0..1 of all its bins.
   const double bins = kProfileBins / double{depths.per_bin[lane]};
-  const double place = depths.depth[lane] / weight, square = depths.spread[lane] / weight;
+  const double place = static_cast<double>(depths.depth[lane]) / weight,
+               square = static_cast<double>(depths.spread[lane]) / weight;
   out.distance = double{limits.reach} - place * bins;
   out.spread = std::sqrt(std::max(square - place * place, 0.0)) * bins;
   return out;

@@ -15,7 +15,7 @@
 //
 // (minors of M after Cauchy and Binet, and u_0^2 + u_1^2 + u_2^2 = 1). All terms of the first two
 // are positive: nothing cancels, however thin a disc or a needle is. Here lengths are in edges of
-// the packet's largest texel, so that products of four do not leave what floats can hold.
+// about the packet's largest texel, so that products of four do not leave what floats can hold.
 //
 // The plain blend of a mesh's texels (add_met) is the same with f = 0 and other weights.
 #include <immintrin.h>
@@ -38,9 +38,10 @@ using source::SplatShape;
 
 constexpr float kMostAlpha = 0.99F;
 constexpr float kPerCutOff = 1 / (source::kSplatCutOff * source::kSplatCutOff);
-constexpr float kBlurred = 0.4F;       // of a Gaussian's optical depth, spread over more texels
-constexpr float kReachOverAnchor = 3;  // where the target is thought to lie, in its deviations
-constexpr float kUnhidden = 0.5F;      // bins before a Gaussian that do not hide it
+constexpr float kBlurred = 0.4F;        // of a Gaussian's optical depth, spread over more texels
+constexpr float kReachOverAnchor = 3;   // where the target is thought to lie, in its deviations
+constexpr float kUnhidden = 0.5F;       // bins before a Gaussian that do not hide it
+constexpr float kUnhiddenDiscs = 1.5F;  // and further ones in scenes of discs
 
 /// exp(-x) for 0 <= x <= 4.5 to within 1e-6 of itself: a polynomial for exp(-x / 8), then its
 /// eighth power. Multiplications and additions alone, so every machine agrees.
@@ -203,8 +204,9 @@ inline Floats largest(const Floats& a, float b) { return select(a > b, a, all(b)
 struct Lookers : Rays {
   Lookers(const TexelPacket& packet, const DepthPacket& depths, const SplatLimits& limits)
       : Rays(packet),
-        per_edge(std::sqrt(kFootprint / depths.footprint)),
+        per_edge(std::ldexp(1.0F, -std::ilogb(std::sqrt(depths.footprint / kFootprint)))),
         footprint((1.0F / (per_texel * per_texel)) * (kFootprint * per_edge * per_edge)),
+        widest(depths.footprint * per_edge * per_edge),
         per_bin(load(depths.per_bin)),
         reach(limits.reach) {
     for (int lane = 0; lane < kLanes; ++lane) used_lanes[lane] = -(depths.used >> lane & 1);
@@ -212,8 +214,11 @@ struct Lookers : Rays {
   }
   alignas(64) std::int32_t used_lanes[kLanes];
   Ints used;
-  float per_edge;  ///< 1 / the largest edge of the packet's texels: the unit of lengths
+  /// 1 / the unit of lengths: about the largest edge of the packet's texels, and a power of two, so
+  /// that a texel's results do not depend on who shares its packet.
+  float per_edge;
   Floats footprint;
+  float widest;  ///< of the footprints
   Floats per_bin;
   float reach;
 };
@@ -266,7 +271,7 @@ struct Lookers : Rays {
   const float scale = per_edge * per_edge;
   // Most of what comes here passes all rays: its sphere says so sooner.
   const Floats away = mx * mx + my * my + mz * mz;
-  const float widest = (g.variance[0] * scale + kFootprint) * (1.0001F / kPerCutOff);
+  const float widest = (g.variance[0] * scale + ray.widest) * (1.0001F / kPerCutOff);
   if (!any(away <= widest)) return false;
   const auto along_m = [&](const float* a) { return a[0] * mx + a[1] * my + a[2] * mz; };
   const Floats u0 = along_normal(g.axis[0]), u1 = along_normal(g.axis[1]),
@@ -452,10 +457,28 @@ class SeenColours {
   std::array<Floats, 16> basis_;
 };
 
-/// Adds 0 <= value in steps; a full sum stays full.
-[[gnu::always_inline]] inline void add(const Floats& value, std::int32_t* sums) {
-  const Ints steps = to_int(value * kSplatSteps + 0.5F);
-  store(sums, least(load(sums) + steps, kFullSum));
+// Half registers, because doubles are twice as wide.
+constexpr int kHalf = kWidth / 2;
+using HalfFloats = float __attribute__((vector_size(4 * kHalf)));
+using DoubleRegister = double __attribute__((vector_size(8 * kHalf)));
+using LongRegister = std::int64_t __attribute__((vector_size(8 * kHalf)));
+
+/// Adds 0 <= value <= 8 in whole steps of 2^-36: a double of 2^52 and more has no fraction, so the
+/// sum's low bits are the rounded steps.
+void add_steps(const Floats& value, std::int64_t* sums) {
+  constexpr double kNoFraction = 4503599627370496.0;           // 2^52
+  const Floats steps = value * static_cast<float>(kSumSteps);  // exact
+  float at[kLanes];
+  std::memcpy(at, &steps, sizeof at);
+  for (int i = 0; i < kLanes; i += kHalf) {
+    HalfFloats half;
+    std::memcpy(&half, at + i, sizeof half);
+    const DoubleRegister rounded = __builtin_convertvector(half, DoubleRegister) + kNoFraction;
+    LongRegister sum;
+    std::memcpy(&sum, sums + i, sizeof sum);
+    sum += (LongRegister)rounded - std::bit_cast<std::int64_t>(kNoFraction);
+    std::memcpy(sums + i, &sum, sizeof sum);
+  }
 }
 
 void accumulate(std::span<const SplatResponse> responses, const TexelPacket& packet,
@@ -467,13 +490,15 @@ void accumulate(std::span<const SplatResponse> responses, const TexelPacket& pac
                focus = load(depths.focus), per_window = load(depths.per_window);
   const Floats width = 1.0F / per_bin;
   const float per_anchor = kReachOverAnchor / limits.reach;
-  const float unhidden = kUnhidden + limits.discness;
+  const float unhidden = kUnhidden + kUnhiddenDiscs * limits.discness;
   for (const SplatResponse& response : responses) {
     const SplatShape& g = *response.shape;
     const Floats at = load(response.at);
     Floats weight =
         load(response.alpha) * exp_of_minus_far(depth_until(profile, response, unhidden));
-    if (!any(weight >= 0.5F / kSplatSteps)) continue;
+    const Ints is_seen = weight >= kLeastSeen;
+    if (!any(is_seen)) continue;
+    weight = select(is_seen, weight, all(0.0F));
     const Floats t = limits.reach - at * width;
     const Floats before = largest((t - anchor) * per_anchor, 0.0F);
     weight = weight * exp_of_minus(before * before * 0.5F);
@@ -484,36 +509,11 @@ void accumulate(std::span<const SplatResponse> responses, const TexelPacket& pac
       weight = weight * (1.0F - limits.discness + limits.discness * disc) *
                exp_of_minus_far(z * z * (0.5F * limits.discness));
     }
-    if (!any(weight >= 0.5F / kSplatSteps)) continue;
-    add(weight, depths.weight);
-    for (int c = 0; c < 3; ++c) add(weight * seen(g, c), depths.colour[c]);
+    add_steps(weight, depths.weight);
+    for (int c = 0; c < 3; ++c) add_steps(weight * seen(g, c), depths.colour[c]);
     const Floats place = at * (1.0F / kProfileBins);
-    add(weight * place, depths.depth);
-    add(weight * place * place, depths.spread);
-  }
-}
-
-// Half registers, because doubles are twice as wide.
-constexpr int kHalf = kWidth / 2;
-using HalfFloats = float __attribute__((vector_size(4 * kHalf)));
-using DoubleRegister = double __attribute__((vector_size(8 * kHalf)));
-using LongRegister = std::int64_t __attribute__((vector_size(8 * kHalf)));
-
-/// Adds 0 <= value <= 8 in whole steps of 2^-36: a double of 2^52 and more has no fraction, so the
-/// sum's low bits are the rounded steps.
-void add_steps(const Floats& value, std::int64_t* sums) {
-  constexpr double kNoFraction = 4503599627370496.0;  // 2^52
-  const Floats steps = value * 68719476736.0F;        // 2^36, exact
-  float at[kLanes];
-  std::memcpy(at, &steps, sizeof at);
-  for (int i = 0; i < kLanes; i += kHalf) {
-    HalfFloats half;
-    std::memcpy(&half, at + i, sizeof half);
-    const DoubleRegister rounded = __builtin_convertvector(half, DoubleRegister) + kNoFraction;
-    LongRegister sum;
-    std::memcpy(&sum, sums + i, sizeof sum);
-    sum += (LongRegister)rounded - std::bit_cast<std::int64_t>(kNoFraction);
-    std::memcpy(sums + i, &sum, sizeof sum);
+    add_steps(weight * place, depths.depth);
+    add_steps(weight * place * place, depths.spread);
   }
 }
 

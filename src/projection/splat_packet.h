@@ -20,13 +20,15 @@ using target::TexelPacket;
 /// by them, so the last two are only met by what lies at the other end.
 inline constexpr int kDepthBins = 24;
 inline constexpr int kProfileBins = kDepthBins + 2;
-/// Profiles and sums count in steps of 2^-22.
+/// Profiles count in steps of 2^-22.
 inline constexpr float kSplatSteps = 1 << 22;
+/// Sums count in steps of 2^-36: a texel of which little is seen has a colour as exact as others.
+inline constexpr double kSumSteps = 68719476736.0;
+/// A Gaussian of which a texel sees less is hidden.
+inline constexpr float kLeastSeen = 0x1p-24F;
 /// A bin is full at an optical depth of 16: nothing is seen through a millionth of that, and no sum
 /// of bins overflows.
 inline constexpr std::int32_t kFullBin = 1 << 26;
-/// Sums are full, too: at 256 opaque Gaussians that do not hide each other.
-inline constexpr std::int32_t kFullSum = 1 << 30;
 /// The texel's own footprint, added to every Gaussian's 2D marginal: of a squared texel edge.
 inline constexpr float kFootprint = 0.3F;
 
@@ -53,10 +55,10 @@ struct alignas(64) DepthPacket {
   float per_window[kLanes];        ///< 1 / width of the window, > 0
   float anchor[kLanes];            ///< what lies farther out than this depth fades
   float focus[kLanes];             ///< depth of the window's middle
-  std::int32_t weight[kLanes];     ///< sums of weights, in steps
-  std::int32_t colour[3][kLanes];  ///< of weight x colour
-  std::int32_t depth[kLanes];      ///< of weight x place in the profile, 0..1
-  std::int32_t spread[kLanes];     ///< of weight x its square
+  std::int64_t weight[kLanes];     ///< sums of weights, in steps
+  std::int64_t colour[3][kLanes];  ///< of weight x colour
+  std::int64_t depth[kLanes];      ///< of weight x place in the profile, 0..1
+  std::int64_t spread[kLanes];     ///< of weight x its square
   float footprint = 0;             ///< of the packet's largest texel: kFootprint x its squared edge
   unsigned used = 0;               ///< bit per lane
 };

@@ -29,7 +29,7 @@ TEST_CASE("a noisy sphere of splats is the sphere that it shows", "[golden]") {
   CHECK(report.depth_window == Approx(2.5 * 0.006).epsilon(0.15));
   const double psnr = compare(options.output, folder_in / "truth.512.png").psnr_db;
   figure("noisy_sphere 512 psnr", psnr);
-  CHECK(psnr >= 34.5);  // 34.8 was measured
+  CHECK(psnr >= 34.5);  // 35.1 was measured
   keep_picture(options.output, "noisy_sphere.png");
 }
 
@@ -47,7 +47,7 @@ TEST_CASE("a generated sphere of splats is the sphere that it shows", "[golden]"
   CHECK(report.target_empty == 0);
   const double psnr = compare(options.output, folder.file("s_target.truth.png")).psnr_db;
   figure("generated sphere 512 psnr", psnr);
-  CHECK(psnr >= 39);  // 39.4 was measured
+  CHECK(psnr >= 39.5);  // 39.8 was measured
 }
 
 TEST_CASE("a trained scene covers its proxy as the brute force says", "[golden]") {
@@ -103,7 +103,7 @@ TEST_CASE("a trained scene covers its proxy as the brute force says", "[golden]"
   figure("playbot texels compared", static_cast<double>(compared));
   figure("playbot texels too close to call", static_cast<double>(unsure));
   CHECK(compared >= 950);
-  CHECK(unsure * 30 < compared);
+  CHECK(unsure * 40 < compared);
   CHECK(wrong == 0);
   CHECK(beyond == 0);
 }

@@ -200,7 +200,7 @@ ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
 
   double total = 0, depths = 0;
   for (const Contribution& c : all) {
-    const double at = std::max((limits.reach - c.t) / width - 0.5 - limits.discness + 1, 0.0);
+    const double at = std::max((limits.reach - c.t) / width - 0.5 - 1.5 * limits.discness + 1, 0.0);
     const auto low = static_cast<std::size_t>(at);
     const double share = at - std::floor(at);
     const double before =

@@ -106,9 +106,9 @@ TEST_CASE("blends of random scenes are those of the reference", "[projection]") 
   }
   CAPTURE(seed, compared, unsure, wrong, empty, largest, farthest);
   CHECK(compared > 500);
-  CHECK(unsure * 8 < compared);
+  CHECK(unsure * 10 < compared);
   CHECK(wrong == 0);
-  CHECK(largest < 0.3 / 255);
+  CHECK(largest < 0.25 / 255);
   CHECK(farthest < 4e-3 * double{limits.reach});  // seed 3: the window is a texel's half
 }
 
@@ -137,6 +137,50 @@ TEST_CASE("batches, blocks and kernels do not change a splat blend", "[projectio
   SplatState state = piece;
   run_batches(make_sets(shuffled, 128), limits, splat_kernels("sse2"), state);
   CHECK(same_sums(first, state));
+}
+
+TEST_CASE("a texel does not depend on who shares its packet", "[projection]") {
+  const float discness = GENERATE(0.0F, 1.0F);
+  Random random(7);
+  auto scene = random_splats(random, 2000, false);
+  for (ReferenceSplat& splat : scene) {  // so many that some are hidden
+    for (double& sigma : splat.sigma) sigma *= 4;
+  }
+  const SplatLimits limits{0.4F, 0.17F, 0.002F, discness, false};
+  SplatState together = piece_of_packets(random, 10);
+  for (TexelPacket& packet : together.packets) packet.per_texel[1] *= 3;
+  SplatState alone;
+  for (const TexelPacket& packet : together.packets) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      TexelPacket one = packet;
+      std::fill_n(one.texel, kLanes, target::kNoTexel);
+      std::fill_n(one.nx, kLanes, 0.0F);
+      std::fill_n(one.ny, kLanes, 0.0F);
+      std::fill_n(one.nz, kLanes, 0.0F);
+      one.texel[lane] = packet.texel[lane];
+      one.nx[lane] = packet.nx[lane];
+      one.ny[lane] = packet.ny[lane];
+      one.nz[lane] = packet.nz[lane];
+      if (one.texel[lane] == target::kNoTexel) one.texel[lane] = 0;  // looks nowhere
+      alone.groups.push_back({static_cast<std::uint32_t>(alone.packets.size()), 1});
+      alone.packets.push_back(one);
+    }
+  }
+  run_whole(make_sets(scene, 700), limits, splat_kernels(""), together);
+  run_whole(make_sets(scene, 700), limits, splat_kernels(""), alone);
+  std::size_t compared = 0;
+  for (std::size_t p = 0; p < together.packets.size(); ++p) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (together.packets[p].texel[lane] == target::kNoTexel) continue;
+      const DepthPacket& a = together.depths[p];
+      const DepthPacket& b = alone.depths[p * kLanes + static_cast<std::size_t>(lane)];
+      CHECK(a.weight[lane] == b.weight[lane]);
+      for (int c = 0; c < 3; ++c) CHECK(a.colour[c][lane] == b.colour[c][lane]);
+      CHECK(a.depth[lane] == b.depth[lane]);
+      compared += a.weight[lane] > 0 ? 1 : 0;
+    }
+  }
+  CHECK(compared > 100);
 }
 
 TEST_CASE("more responses than a packet keeps change nothing", "[projection]") {
