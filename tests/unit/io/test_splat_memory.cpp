@@ -74,8 +74,10 @@ TEST_CASE("readers of ten times as many Gaussians take no more memory", "[io]") 
     if (format.starts_with("SOG")) more = 9 << 16;
     if (format.starts_with("glTF")) more = 8 << 10;
     CHECK(memory.said_bytes <= before.said_bytes + more);
+#ifndef __SANITIZE_ADDRESS__  // which keeps what was let go
     // The rows that it gave are beside it, and what the allocator does not give back.
     CHECK(memory.grown_bytes <= memory.said_bytes + (3 << 19));
+#endif
   }
 }
 
