@@ -115,7 +115,7 @@ inline constexpr double kDefaultSigma = 0.5;
 
 /// One transfer of appearance from a textured mesh or a splat scene onto the UV textures of meshes.
 struct TransferOptions {
-  std::string source;  ///< .glb, .gltf or .obj with textures, or a splat scene: 3DGS .ply
+  std::string source;  ///< .glb, .gltf or .obj with textures, or a splat scene in any format
   std::vector<std::string> targets;  ///< .glb, .gltf or .obj with UVs; at least one
   MeshUse source_use, target_use;    ///< the second for every target
   /// Image path; may hold <CHANNEL>, <MATERIAL>, <TARGET> (needed for several), <UDIM> and

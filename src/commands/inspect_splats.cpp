@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <utility>
+#include <vector>
 
 #include "core/box.h"
 #include "io/files/shortest.h"
@@ -48,6 +50,21 @@ Json quantiles(const PageVector<Splat>& sample, const Value& value) {
     return io::shortest(values[(values.size() - 1) * percent / 100]);
   };
   return {{"p10", at(10)}, {"p50", at(50)}, {"p90", at(90)}};
+}
+
+/// Holds at least 98 % of the sample: without the outermost 300th part on each of six sides,
+/// the floaters that make the whole box of a capture useless.
+Box3f most_of(const PageVector<Splat>& sample) {
+  constexpr std::size_t kSidesPerCent = 300;  // 2 % on six sides
+  const std::size_t cut = sample.size() / kSidesPerCent;
+  const auto ends = [&](float Vec3f::*axis) {
+    std::vector<float> values;
+    for (const Splat& s : sample) values.push_back(s.mean.*axis);
+    std::sort(values.begin(), values.end());
+    return std::pair{values[cut], values[values.size() - 1 - cut]};
+  };
+  const auto x = ends(&Vec3f::x), y = ends(&Vec3f::y), z = ends(&Vec3f::z);
+  return {{x.first, y.first, z.first}, {x.second, y.second, z.second}};
 }
 
 std::string vector_text(const Json& v) {
@@ -111,6 +128,7 @@ Json describe_splats(const std::string& path) {
   }
   if (!box.empty()) json["box"] = box_json(box);
   if (!sample.empty()) {
+    json["box_98"] = box_json(most_of(sample));
     json["middle_box"] = box_json(lattice.middle_box());
     json["opacity"] = quantiles(sample, [](const Splat& s) { return s.alpha; });
     json["size"] = quantiles(sample, [](const Splat& s) { return store::size_of(s); });
@@ -144,6 +162,7 @@ std::string splats_text(const Json& splats) {
                         vector_text(splats[key]["hi"]));
   };
   box_text("box", "box");
+  box_text("box 98 %", "box_98");
   box_text("middle", "middle_box");
   if (splats.contains("opacity")) {
     text += fmt::format("opacity    {}\n", quantiles_text(splats["opacity"]));

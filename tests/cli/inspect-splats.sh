@@ -12,6 +12,23 @@ expect 0 inspect scene.ply --json
 for text in '"type": "splats"' '"gaussians": 5000' '"usable": 4990' '"far": 2' '"sh_degree": 1' '"middle_box"' '"f_dc_0"'; do
   out_has "$text"
 done
+# Two far ones make the whole box; the box of 98 % is the scene's.
+{
+  printf 'ply\nformat binary_little_endian 1.0\nelement vertex 602\n'
+  for name in x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3; do
+    printf 'property float %s\n' $name
+  done
+  printf 'end_header\n'
+} >floaters.ply
+one='\0\0\200\77' minus='\0\0\200\277' hundred='\0\0\310\102' nothing='\0\0\0\0'
+rest=$(for _ in 1 2 3 4 5 6 7; do printf '%s' "$nothing"; done; printf '%s' "$one$nothing$nothing$nothing")
+for ((i = 0; i < 300; ++i)); do printf "$one$one$one$rest$minus$minus$minus$rest"; done >>floaters.ply
+printf "$hundred$one$one$rest$one$hundred$one$rest" >>floaters.ply
+expect 0 inspect floaters.ply
+out_has 'box        -1 -1 -1  to  100 100 1'
+out_has 'box 98 %   -1 -1 -1  to  1 1 1'
+expect 0 inspect floaters.ply --json
+out_has '"box_98": {'
 head -c 100000 scene.ply >short.ply
 expect 3 inspect short.ply
 silent "$out"

@@ -31,6 +31,9 @@ cmp all.png o.png || fail 'nothing was left out, and the picture is another'
 # Half of the scene; then nothing of it.
 expect 0 "${job[@]}" --box 0,-9,-9,9,9,9 --near-target off
 json '"near-target":"off"'
+inside=$(grep -o '"gaussians": [0-9]*' r.json | grep -o '[0-9]*')
+with_comma=$(printf "%d" $((2000 - inside)) | sed -E 's/^([0-9])([0-9]{3})$/\1,\2/')
+err_has "$with_comma Gaussians left out: $with_comma outside of --box"
 grep -q '"outside_box": [0-9]' r.json || fail "nothing is outside the box: $(cat r.json)"
 expect 3 "${job[@]}" --box 7,7,7,8,8,8
 err_has '2000 outside_box'

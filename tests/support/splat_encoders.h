@@ -80,18 +80,24 @@ inline SmallestThree smallest_three(const std::array<float, 4>& q) {
   return out;
 }
 
-inline std::string ply_bytes(const Scene& scene, bool halves) {
-  const std::string type = halves ? "ushort " : "float ";
+/// `type` is that of all columns: float, double, or ushort for half floats.
+inline std::string ply_bytes_of(const Scene& scene, const std::string& type) {
   std::string out =
       "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(scene.size()) + "\n";
-  const auto column = [&](const std::string& name) { out += "property " + type + name + "\n"; };
+  const auto column = [&](const std::string& name) {
+    out += "property " + type + " " + name + "\n";
+  };
   for (const char* name : {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2"}) column(name);
   for (int k = 0; k < 9; ++k) column("f_rest_" + std::to_string(k));
   for (const char* name :
        {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
     column(name);
   out += "end_header\n";
-  const auto value = [&](float v) { halves ? put(out, float_to_half(v)) : put(out, v); };
+  const auto value = [&](float v) {
+    type == "ushort"   ? put(out, float_to_half(v))
+    : type == "double" ? put(out, static_cast<double>(v))
+                       : put(out, v);
+  };
   for (const SceneSplat& s : scene) {
     for (const float v : s.mean) value(v);
     for (const float v : s.dc) value(v);
@@ -102,6 +108,10 @@ inline std::string ply_bytes(const Scene& scene, bool halves) {
     for (const float v : s.q) value(v);
   }
   return out;
+}
+
+inline std::string ply_bytes(const Scene& scene, bool halves) {
+  return ply_bytes_of(scene, halves ? "ushort" : "float");
 }
 
 inline std::string compressed_ply_bytes(const Scene& scene) {
@@ -400,8 +410,9 @@ inline std::string webp_bytes(std::uint32_t width, std::uint32_t height,
   return out + bits;
 }
 
-/// A folder of SOG version 2.
-inline void write_sog(const Scene& scene, const std::filesystem::path& folder) {
+/// A folder of SOG, version 1 or 2.
+inline void write_sog(const Scene& scene, const std::filesystem::path& folder,
+                      unsigned version = 2) {
   const std::size_t width = (static_cast<std::size_t>(std::sqrt(scene.size())) / 4 + 1) * 4;
   const std::size_t height = (scene.size() + width - 1) / width;
   using Pixels = std::vector<std::uint8_t>;
@@ -430,7 +441,8 @@ inline void write_sog(const Scene& scene, const std::filesystem::path& folder) {
       sh0[4 * i + k] = byte((s.dc[k] + 1.5) / 3 * 255);
     }
     low[4 * i + 3] = high[4 * i + 3] = scales[4 * i + 3] = 255;
-    sh0[4 * i + 3] = byte(s.alpha * 255);
+    const double logit = std::log(s.alpha / (1 - s.alpha));
+    sh0[4 * i + 3] = byte(version == 1 ? (logit + 4) / 8 * 255 : s.alpha * 255);
     const SmallestThree small = smallest_three(s.q);
     for (std::size_t k = 0; k < 3; ++k)
       quats[4 * i + k] = byte((small.rest[k] * std::sqrt(2.0) + 1) / 2 * 255);
@@ -455,20 +467,33 @@ inline void write_sog(const Scene& scene, const std::filesystem::path& folder) {
   image("sh0.webp", width, height, sh0);
   image("labels.webp", width, height, labels);
   image("centroids.webp", 64 * 3, palette_rows, centroids);
-  const nlohmann::json meta{{"version", 2},
-                            {"count", scene.size()},
-                            {"means",
-                             {{"mins", {-reach, -reach, -reach}},
-                              {"maxs", {reach, reach, reach}},
-                              {"files", {"low.webp", "high.webp"}}}},
-                            {"scales", {{"codebook", scale_book}, {"files", {"scales.webp"}}}},
-                            {"quats", {{"files", {"quats.webp"}}}},
-                            {"sh0", {{"codebook", colour_book}, {"files", {"sh0.webp"}}}},
-                            {"shN",
-                             {{"count", scene.size()},
-                              {"bands", 1},
-                              {"codebook", harmonic_book},
-                              {"files", {"centroids.webp", "labels.webp"}}}}};
+  nlohmann::json meta{{"version", 2},
+                      {"count", scene.size()},
+                      {"means",
+                       {{"mins", {-reach, -reach, -reach}},
+                        {"maxs", {reach, reach, reach}},
+                        {"files", {"low.webp", "high.webp"}}}},
+                      {"scales", {{"codebook", scale_book}, {"files", {"scales.webp"}}}},
+                      {"quats", {{"files", {"quats.webp"}}}},
+                      {"sh0", {{"codebook", colour_book}, {"files", {"sh0.webp"}}}},
+                      {"shN",
+                       {{"count", scene.size()},
+                        {"bands", 1},
+                        {"codebook", harmonic_book},
+                        {"files", {"centroids.webp", "labels.webp"}}}}};
+  if (version == 1) {  // equal steps between two ends in place of codebooks
+    meta.erase("version"), meta.erase("count");
+    meta["means"]["shape"] = {scene.size(), 3};
+    const auto ends = [&](const char* part, const nlohmann::json& least,
+                          const nlohmann::json& most) {
+      meta[part].erase("codebook");
+      meta[part]["mins"] = least, meta[part]["maxs"] = most;
+    };
+    ends("scales", {-6, -6, -6}, {-2, -2, -2});
+    ends("sh0", {-1.5, -1.5, -1.5, -4}, {1.5, 1.5, 1.5, 4});
+    ends("shN", -1, 1);
+    meta["shN"].erase("count"), meta["shN"].erase("bands");
+  }
   std::ofstream(folder / "meta.json") << meta;
 }
 

@@ -124,15 +124,17 @@ void add_odd(CLI::App& app, std::function<Paths()>& run, std::string& folder) {
 }
 
 void add_splats(CLI::App& app, std::function<Paths()>& run, SplatOptions& o) {
-  CLI::App* c = app.add_subcommand(
-      "splats",
-      "a splat scene (3DGS PLY) as training leaves it behind: a noisy surface, needles, a hidden "
-      "interior, floaters and haze; any number of splats in constant memory");
+  CLI::App* c =
+      app.add_subcommand("splats",
+                         "a splat scene (3DGS PLY, SPZ 2) as training leaves it behind: a noisy "
+                         "surface, needles, a hidden "
+                         "interior, floaters and haze; any number of splats in constant memory");
   c->footer(
       "How many splats there are of each kind, their spacing and the noise's sigma stand in the "
       "PLY's comments.\nRows of all kinds are mixed through the file. Colours are degree 0; higher "
       "degrees hold small noise.");
-  c->add_option("-o,--output", o.path, "a .ply file; its folder is made if missing")->required();
+  c->add_option("-o,--output", o.path, "a .ply or .spz file; its folder is made if missing")
+      ->required();
   c->add_option("--shape", o.shape,
                 "head: with the head's sharp picture; sphere: radius 1, with broad waves")
       ->check(CLI::IsMember({"head", "sphere"}))

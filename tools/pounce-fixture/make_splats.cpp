@@ -15,6 +15,7 @@
 #include "pounce/error.h"
 #include "recipes.h"
 #include "splat_scene.h"
+#include "write_spz.h"
 #include "write_textured_mesh.h"
 
 namespace pounce::fixture {
@@ -121,14 +122,19 @@ void write_target(const SplatOptions& options, const SplatScene& scene, const st
 
 Paths make_splats(const SplatOptions& options) {
   const std::filesystem::path path(options.path);
-  if (path.extension() != ".ply") {
-    throw Error(ErrorKind::usage,
-                fmt::format("{}: splat scenes are written as .ply; name it so", options.path));
+  const bool is_spz = path.extension() == ".spz";
+  if (path.extension() != ".ply" && !is_spz) {
+    throw Error(
+        ErrorKind::usage,
+        fmt::format("{}: splat scenes are written as .ply and .spz; name it so", options.path));
+  }
+  if (is_spz && options.broken > 0) {
+    throw Error(ErrorKind::usage, "SPZ has no place for broken rows; write a .ply");
   }
   const SplatScene scene(options);
   Paths written;
   if (path.has_parent_path()) make_folder(path.parent_path().string());
-  write_scene(options, scene);
+  is_spz ? write_spz(options, scene) : write_scene(options, scene);
   written.push_back(options.path);
   if (options.target_size != 0) {
     write_target(options, scene, (path.parent_path() / path.stem()).string(), written);

@@ -56,7 +56,7 @@ Paths make_sphere(const PlainOptions& options);
 Paths make_plane(const PlainOptions& options);
 
 struct SplatOptions {
-  std::string path;             ///< .ply; its folder is made
+  std::string path;             ///< .ply or .spz; its folder is made
   std::string shape = "head";   ///< head or sphere
   std::uint64_t count = 81200;  ///< rows, all kinds together; at most 1e9
   unsigned sh_degree = 0;       ///< 0 to 3
@@ -72,8 +72,8 @@ struct SplatOptions {
   /// The truth stays what the surface itself has.
   double target_offset = 0;
 };
-/// A splat scene as training leaves it behind, as a PLY of any size in constant memory; and a
-/// target of the same surface (STEM_target.glb) with the exact answer (STEM_target.truth.png).
+/// A splat scene as training leaves it behind, as a PLY or SPZ of any size in constant memory; and
+/// a target of the same surface (STEM_target.glb) with the exact answer (STEM_target.truth.png).
 Paths make_splats(const SplatOptions& options);
 
 /// A folder of odd inputs, each named by what is odd about it.

@@ -21,8 +21,9 @@ constexpr const char* kUsage =
     "  # textures, those that are not transferred among them.\n"
     "  pounce inspect avatar.glb\n"
     "\n"
-    "  # Gaussians of a splat scene, those a transfer would leave out, and why.\n"
-    "  pounce inspect room.ply\n"
+    "  # Gaussians of a splat scene, those a transfer would leave out and why, and whether the\n"
+    "  # scene (box 98 %: nearly all of it, floaters aside) lies where a mesh does.\n"
+    "  pounce inspect room.ply chair.glb\n"
     "\n"
     "  # Size, sample type and colour space of an image, for a program.\n"
     "  pounce inspect skin.png --json\n"
@@ -76,7 +77,8 @@ Command add_inspect_command(CLI::App& program) {
   set_help_text(*command, kUsage);
   command
       ->add_option("FILE", settings->paths,
-                   "Mesh (.glb .gltf .obj), splat scene (.ply), image or pack file")
+                   "Mesh (.glb .gltf .obj), splat scene (.ply .spz .sog .glb .splat .ksplat), "
+                   "image\nor pack file")
       ->option_text("...")
       ->required();
   add_switch(*command, "--json", "Options",

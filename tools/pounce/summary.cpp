@@ -4,8 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "pounce/error.h"
 #include "visible.h"
@@ -43,6 +45,32 @@ std::pair<std::string, TexelCounts> least_covered(const TargetReport& target) {
   return *std::min_element(channels.begin(), channels.end(), [&](const auto& a, const auto& b) {
     return share(a.second) < share(b.second);
   });
+}
+
+/// What of a scene was left out and why, in the words of the options; empty where nothing was.
+std::string left_out_text(const Report& report) {
+  constexpr std::array<std::pair<const char*, const char*>, 10> kReasons{{
+      {"outside_box", "outside of --box"},
+      {"faint", "below --min-opacity"},
+      {"too_large", "above --max-scale"},
+      {"out_of_reach", "far from the target (--near-target)"},
+      {"transparent", "transparent"},
+      {"far", "far away from the scene"},
+      {"exploded", "infinitely large"},
+      {"sizeless", "without size"},
+      {"zero_quaternion", "without rotation"},
+      {"not_finite", "not finite"},
+  }};
+  std::string text;
+  std::uint64_t total = 0;
+  for (const auto& [reason, words] : kReasons) {
+    const auto found = report.source_filtered.find(reason);
+    if (found == report.source_filtered.end()) continue;
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", with_commas(found->second), words);
+    total += found->second;
+  }
+  if (total == 0) return "";
+  return fmt::format("{} Gaussians left out: {}\n", with_commas(total), text);
 }
 
 }  // namespace
@@ -88,6 +116,7 @@ std::string summary_text(const Report& report, double wall_s) {
                       with_commas(texels), with_commas(report.target_covered),
                       share_text(report.target_covered, texels), with_commas(report.target_empty),
                       share_text(report.target_empty, texels), with_commas(report.target_filled));
+  text += left_out_text(report);
   text += fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
   return text;
 }

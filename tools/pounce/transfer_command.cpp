@@ -32,6 +32,12 @@ constexpr const char* kUsage =
     "  pounce transfer scan.obj hero.obj -o 'hero.<UDIM>.exr' --tiles 1003,1011 \\\n"
     "      --source-texture 'baseColor=scan.<UDIM>.exr'\n"
     "\n"
+    "  # A trained splat scene onto a mesh with UVs that lies where its surface is; the second\n"
+    "  # time only one chair of the room, without haze (more: docs/splats.md).\n"
+    "  pounce transfer room.ply proxy.glb -o proxy.png --size 4096\n"
+    "  pounce transfer room.ply chair.glb -o chair.png --size 2048 --min-opacity 0.1 \\\n"
+    "      --max-distance 1% --box 0,0,0,1.5,1,1\n"
+    "\n"
     "  # One scan onto many avatars: the source is prepared once.\n"
     "  pounce transfer scan.glb avatars/*.glb -o 'skins/<TARGET>.png'";
 
@@ -208,8 +214,9 @@ void add_search_options(CLI::App& command, TransferOptions& options) {
   add_value(command, "--max-distance", "D|P%", group,
             "How far along its normal, both ways, a texel may look: in the\n"
             "target's units, or % of its diagonal (up to 100%). A larger value\n"
-            "costs time: much where nothing is near, else little. Default: 5%,\n"
-            "3% for splat scenes",
+            "costs time: much where nothing is near, else little. Of a splat scene\n"
+            "1% keeps a second layer behind a thin one out, more reaches a scene\n"
+            "that a coarse mesh lies beside. Default: 5%, 3% for splat scenes",
             [&options](const std::string& text) {
               options.max_distance = parse_length("--max-distance", text);
             });
@@ -231,7 +238,8 @@ Command add_transfer_command(CLI::App& program) {
   set_help_text(*command, kUsage);
   command
       ->add_option("SOURCE", options.source,
-                   "Textured mesh (.glb, .gltf, .obj) or splat scene (3DGS .ply)")
+                   "Textured mesh (.glb, .gltf, .obj) or splat scene (.ply, .spz, .sog, .glb, "
+                   ".gltf,\n.splat, .ksplat)")
       ->option_text(" ")
       ->required();
   command
@@ -246,9 +254,9 @@ Command add_transfer_command(CLI::App& program) {
   add_source_options(*command, options);
   add_mesh_options(*command, "source", "Source", options.source_use);
   add_mesh_options(*command, "target", "Target", options.target_use);
-  add_method_options(*command, options);
-  add_splat_options(*command, options);
   add_search_options(*command, options);
+  add_splat_options(*command, options);
+  add_method_options(*command, options);
   add_external_option(*command, "Target", options.allow_external);
   add_resource_options(*command, options.resources);
   add_value(*command, "--temp", "DIR", "Machine (the result does not depend on these)",

@@ -208,6 +208,12 @@ const SpzScene& GltfSplats::open_spz(const Json& extension, const std::string& p
     scene = std::make_unique<SpzScene>(
         std::make_unique<ViewFile>(file_, view, json.at("byteLength").get<std::uint64_t>()),
         fmt::format("{}: {}", file_.path(), place), Axes{});
+    if (!scene->own_axes().empty()) {
+      info_.assumptions.push_back(
+          fmt::format("its SPZ says that its axes are {}; not turned, within a glTF they are those "
+                      "of glTF",
+                      scene->own_axes()));
+    }
   }
   return *scene;
 }

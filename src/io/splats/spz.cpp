@@ -129,8 +129,9 @@ SpzScene::SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, cons
                     info_.splats, needed, size));
   }
   for (std::size_t k = 0, at = kHeaderBytes; k < kBlocks; at += block_bytes(k++)) at_[k] = at;
-  if (is_gzip_ && has_extensions_) return;  // what it says of its axes is behind the Gaussians
-  if (has_extensions_) {
+  if (has_extensions_ && is_gzip_) {
+    find_extensions();
+  } else if (has_extensions_) {
     PageVector<std::byte> records(std::min(kMostExtensionBytes, size - needed));
     file_->read(needed, records);
     read_extensions(records);
@@ -138,6 +139,20 @@ SpzScene::SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, cons
     fail(fmt::format("the header announces {} bytes, the file has {}", needed, size));
   }
   assume_axes();
+}
+
+/// They are behind the Gaussians, so all of these are inflated: that a job says how a scene lies
+/// before it begins, and from a cached store too, is worth it. What is cut off is told by
+/// prepare().
+void SpzScene::find_extensions() {
+  GzipReader reader(*file_, name_);
+  PageVector<std::byte> piece(kMostExtensionBytes);
+  for (std::uint64_t left = kHeaderBytes + content_bytes(); left > 0;) {
+    const std::size_t got = reader.read(std::span(piece).first(std::min(left, piece.size())));
+    if (got == 0) return;
+    left -= got;
+  }
+  read_extensions(std::span(piece).first(reader.read(piece)));
 }
 
 void SpzScene::read_header(std::span<const std::byte, 16> raw) {
@@ -230,14 +245,14 @@ void SpzScene::read_extensions(std::span<const std::byte> records) {
           fmt::format("its axes are {} by its own word; turned to those of PLY scenes, RDF (right, "
                       "down, forward)",
                       name));
-      said_axes_ = true;
+      own_axes_ = name;
     }
     records = records.subspan(bytes);
   }
 }
 
 void SpzScene::assume_axes() {
-  if (said_axes_) return;
+  if (!own_axes_.empty() || axes_ != Axes{}) return;  // it is said, by the file or by the user
   info_.assumptions.push_back(
       "SPZ does not say how its axes lie (writers disagree): taken as stored; --source-axes "
       "x,-y,-z "
@@ -280,9 +295,6 @@ void SpzScene::unpack_gzip(WriteFile& to, const std::function<void()>& poll) {
   const std::size_t got = reader.read(rest);
   if (got == rest.size() || (got > 0 && !has_extensions_))
     fail("more bytes follow its Gaussians than the header announces");
-  if (!has_extensions_) return;
-  read_extensions(std::span(rest).first(got));
-  assume_axes();
 }
 
 void SpzScene::unpack_streams(WriteFile& to, const std::function<void()>& poll) const {

@@ -23,13 +23,14 @@ class SpzScene : public BatchScene {
   /// of an unknown version, or announces more Gaussians than its bytes can hold.
   SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, const Axes& axes);
 
-  /// Of gzip files, adds what the extensions behind the Gaussians say to info().assumptions.
   void prepare(const std::string& folder, const std::function<void()>& poll) override;
   std::uint64_t prepare_bytes() const override;
   void decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes, SplatBatch& batch,
               const Take& take) const override;
   std::uint64_t decode_bytes() const override;
   std::uint32_t version() const { return version_; }
+  /// How its axes lie by its own word, such as "RUB"; empty where it does not say.
+  const std::string& own_axes() const { return own_axes_; }
 
  private:
   /// In the file's order.
@@ -42,6 +43,7 @@ class SpzScene : public BatchScene {
   [[noreturn]] void fail(const std::string& what) const;
   void read_header(std::span<const std::byte, 16> raw);
   void read_contents();
+  void find_extensions();
   void unpack_gzip(WriteFile& to, const std::function<void()>& poll);
   void unpack_streams(WriteFile& to, const std::function<void()>& poll) const;
   void read_extensions(std::span<const std::byte> records);
@@ -54,7 +56,8 @@ class SpzScene : public BatchScene {
   Axes axes_;
   std::uint32_t version_ = 0;
   unsigned fraction_bits_ = 0;
-  bool is_gzip_ = false, has_extensions_ = false, said_axes_ = false;
+  bool is_gzip_ = false, has_extensions_ = false;
+  std::string own_axes_;
   std::array<std::uint64_t, kBlocks> row_bytes_{}, at_{};  ///< of a block in the unpacked file
   std::vector<Stream> streams_;                            ///< of version 4
   std::unique_ptr<WriteFile> scratch_;

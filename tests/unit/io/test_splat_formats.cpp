@@ -279,7 +279,14 @@ TEST_CASE("an SPZ that names its axes is turned to those of a PLY, others are no
     CHECK(rub.info.assumptions[0].find("RUB by its own word") != std::string::npos);
     CHECK(unknown.info.assumptions[0].find("taken as stored") != std::string::npos);
     CHECK(read(version, 4, parse_axes("z,x,y")).rows.splats[0].mean == Vec3f{-p.z, p.x, -p.y});
+    CHECK(read(version, 99, parse_axes("z,x,y")).info.assumptions.empty());  // the user said it
   }
+  // Of a gzip file too before it is unpacked.
+  const std::string path =
+      write_bytes(folder, "s.spz",
+                  test::gzipped(test::spz_bytes(test::random_scene(9000, 9), 3, extension(4))));
+  REQUIRE(open_splat_scene(path, {})->info().assumptions.size() == 1);
+  CHECK(open_splat_scene(path, {})->info().assumptions[0].find("RUB") != std::string::npos);
 }
 
 TEST_CASE("tags of training and coefficients beyond a file's are understood", "[io]") {

@@ -10,6 +10,7 @@
 #include "io/read_mesh.h"
 #include "io/splats/format.h"
 #include "splat_reading.h"
+#include "support/splat_encodings.h"
 
 namespace pounce::io {
 namespace {
@@ -131,10 +132,24 @@ TEST_CASE("SPZ in a buffer view is decoded", "[io]") {
   CHECK(found.rows.splats[7].mean.y == Approx(-splats[7].mean[1]).margin(2e-4));
   CHECK(found.sh(7, 0) == Approx(-splats[7].rest[0]).margin(5e-3));
   CHECK(found.sh(7, 6) == Approx(splats[7].rest[6]).margin(5e-3));
+  CHECK(found.info.assumptions.empty());
   extension["extensions"]["KHR_gaussian_splatting_compression_spz_2"]["bufferView"] = 99;
   has(problem_of(scene), "bufferView");
   extension["extensions"] = {{"KHR_gaussian_splatting_compression_egsc", {{"bufferView", view}}}};
   has(problem_of(scene), "KHR_gaussian_splatting_compression_egsc, which is not read");
+}
+
+TEST_CASE("what an SPZ within a glTF says of its axes is not followed, and told", "[io]") {
+  const test::Scene splats = test::random_scene(3, 1);
+  std::string record;
+  test::put(record, std::uint32_t{0xADBE0003});
+  test::put(record, std::uint32_t{4});
+  test::put(record, std::uint32_t{4});
+  const ReadScene found =
+      read(test::spz_in_gltf(splats, test::gzipped(test::spz_bytes(splats, 2, record))));
+  CHECK(found.rows.splats[1].mean.y == Approx(splats[1].mean[1]).margin(2e-4));
+  REQUIRE(found.info.assumptions.size() == 1);
+  has(found.info.assumptions[0], "says that its axes are RUB; not turned");
 }
 
 TEST_CASE("colour spaces are told, what is unknown is refused by name", "[io]") {
