@@ -12,6 +12,8 @@ using namespace pounce::test;
 
 namespace {
 
+void on() {}
+
 /// Sets of at most `block` Gaussians each, in their order.
 std::vector<source::SplatSet> make_sets(const std::vector<ReferenceSplat>& scene,
                                         std::size_t block) {
@@ -34,7 +36,7 @@ std::vector<const source::SplatSet*> pointers(const std::vector<source::SplatSet
 void run_whole(const std::vector<source::SplatSet>& sets, const SplatLimits& limits,
                const SplatKernels& kernels, SplatState& state) {
   start(limits, state);
-  blend_whole(pointers(sets), limits, kernels, state);
+  blend_whole(pointers(sets), limits, kernels, state, on);
 }
 
 void run_batches(const std::vector<source::SplatSet>& sets, const SplatLimits& limits,
@@ -42,10 +44,10 @@ void run_batches(const std::vector<source::SplatSet>& sets, const SplatLimits& l
   const auto all = pointers(sets);
   start(limits, state);
   for (std::size_t i = 0; i < all.size(); ++i)
-    profile_batch(std::span(all).subspan(i, 1), limits, kernels, state);
+    profile_batch(std::span(all).subspan(i, 1), limits, kernels, state, on);
   find_surfaces(limits, kernels, state);
   for (std::size_t i = all.size(); i-- > 0;)
-    sum_batch(std::span(all).subspan(i, 1), limits, kernels, state);
+    sum_batch(std::span(all).subspan(i, 1), limits, kernels, state, on);
 }
 
 /// What two runs must agree in, to the bit.
