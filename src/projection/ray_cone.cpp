@@ -38,7 +38,8 @@ target::TexelPacket tilted(const target::TexelPacket& packet, int k, int count) 
     const double sign = z < 0 ? -1 : 1;
     const double a = -1 / (sign + z), b = x * y * a;
     out.nx[lane] = static_cast<float>(kConeCosine * x + across * (1 + sign * x * x * a) + up * b);
-    out.ny[lane] = static_cast<float>(kConeCosine * y + across * sign * b + up * (sign + y * y * a));
+    out.ny[lane] =
+        static_cast<float>(kConeCosine * y + across * sign * b + up * (sign + y * y * a));
     out.nz[lane] = static_cast<float>(kConeCosine * z - across * sign * x - up * y);
   }
   return out;
