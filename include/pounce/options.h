@@ -173,7 +173,7 @@ struct TransferOptions {
   /// it is covered. Formats without alpha are refused.
   bool alpha = false;
   /// Of a splat scene: what comes no nearer to a target's surface is not sorted, with 3 standard
-  /// deviations counted as near. Nothing: 1.5 times max_distance, and only where a sample says that
+  /// deviations counted as near. Nothing: 1.1 times max_distance, and only where a sample says that
   /// three quarters of the scene are farther away, since such a store serves these targets alone.
   std::optional<Length> near_target;
   bool everywhere = false;                  ///< `near_target` is off: all of the scene is sorted

@@ -204,7 +204,7 @@ void add_splat_options(CLI::App& command, TransferOptions& options) {
             "Do not sort what stays farther than this from every target's\n"
             "surface, with 3 standard deviations counted in. The store in the\n"
             "cache is then of use to these targets alone. off: sort all.\n"
-            "Default: 1.5 times --max-distance where a sample says that this\n"
+            "Default: 1.1 times --max-distance where a sample says that this\n"
             "spares three quarters of the scene, else off",
             [&options](const std::string& text) {
               options.everywhere = text == "off";
