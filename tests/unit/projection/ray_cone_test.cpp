@@ -176,10 +176,9 @@ TEST_CASE("blends of several rays are those of the reference", "[projection]") {
       if (found.has_value() != own.covered) ++wrong;
       if (!found || !own.covered) continue;
       colour = colour * (1 / weights);
-      largest = std::max({largest, std::abs(found->colour[0] - colour.x),
-                          std::abs(found->colour[1] - colour.y),
-                          std::abs(found->colour[2] - colour.z),
-                          std::abs(found->opacity - own.opacity)});
+      largest = std::max(
+          {largest, std::abs(found->colour[0] - colour.x), std::abs(found->colour[1] - colour.y),
+           std::abs(found->colour[2] - colour.z), std::abs(found->opacity - own.opacity)});
     }
   }
   CAPTURE(seed, compared, unsure, wrong, largest);
@@ -217,7 +216,8 @@ TEST_CASE("what rays may meet is within the boxes that are asked for", "[project
   state.groups.push_back({0, 1});
   start(limits, state);
   const Box3f box = reachable_boxes(limits, state, 1)[0];
-  const float across = 0.39F * std::sin(35 * 3.14159F / 180), up = 0.39F * std::cos(35 * 3.14159F / 180);
+  const float across = 0.39F * std::sin(35 * 3.14159F / 180),
+              up = 0.39F * std::cos(35 * 3.14159F / 180);
   for (const float s : {-1.0F, 1.0F}) {
     CHECK(box.overlaps({{s * across, 0, up}, {s * across, 0, up}}));
     CHECK(box.overlaps({{0, s * across, -up}, {0, s * across, -up}}));
