@@ -192,8 +192,8 @@ void add_splat_options(CLI::App& command, TransferOptions& options) {
             [&options](const std::string& text) { options.box = parse_box("--box", text); });
   add_value(command, "--rays", "N", group,
             "So many further rays per texel, 0 to 16, in a cone of 35 degrees\n"
-            "around its normal: nearer to what many sides show, softer. Three\n"
-            "cost twice the time. Default: 0",
+            "around its normal: nearer to what many sides show, softer. Each\n"
+            "takes nearly as long as the normal. Default: 0",
             [&options](const std::string& text) {
               options.rays =
                   static_cast<std::uint32_t>(parse_integer("--rays", text, 0, kMostRays));
