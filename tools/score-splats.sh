@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # How well do transfers of splat scenes show the scene? Real scenes are drawn front to back from all sides and compared at
 # the target's texels (pounce-score table), beside plain compositing along the normals begun 1 % and 2 % of the diagonal
-# outside; generated spheres are compared with the truth, with the target on the surface and 1 % beside it. Two minutes.
+# outside; generated spheres are compared with the truth, with the target on the surface and 1 % beside it. Each transfer
+# is scored with three further rays, too (rays3). Three minutes.
 # Usage: [OPTIONS='--max-distance 2%'] tools/score-splats.sh [SCENE TARGET]...     OPTIONS go to every transfer
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -24,25 +25,31 @@ transfer() {  # transfer SCENE TARGET IMAGE SIZE OPTION...
 
 # Both sides without harmonics; then, of a scene that has some, both with them, for each way to choose a colour.
 real() {  # real SCENE TARGET
-  local mode modes=(dc)
+  local mode modes=(dc) images=()
   printf '\n%s onto %s\n' "$(basename "$1")" "$(basename "$2")"
   "$programs/pounce" maps "$2" -o "$work/maps.<CHANNEL>.exr" --size 1024 --quiet
-  if "$programs/pounce" inspect "$1" | grep -q 'harmonics of degree'; then modes=(dc normal mean); fi
-  for mode in "${modes[@]}"; do transfer "$1" "$2" "$work/pounce-$mode.png" 1024 --sh "$mode"; done
-  (cd "$work" && "$programs/pounce-score" table "$1" --maps 'maps.<CHANNEL>.exr' pounce-dc.png)
+  if "$programs/pounce" inspect "$1" | grep -q 'harmonics of degree [1-9]'; then modes=(dc normal mean); fi
+  for mode in "${modes[@]}"; do
+    transfer "$1" "$2" "$work/pounce-$mode.png" 1024 --sh "$mode"
+    transfer "$1" "$2" "$work/rays3-$mode.png" 1024 --sh "$mode" --rays 3
+    images+=("pounce-$mode.png" "rays3-$mode.png")
+  done
+  (cd "$work" && "$programs/pounce-score" table "$1" --maps 'maps.<CHANNEL>.exr' pounce-dc.png rays3-dc.png)
   ((${#modes[@]} == 1)) && return
   echo "the same with harmonics"
-  (cd "$work" && "$programs/pounce-score" table "$1" --maps 'maps.<CHANNEL>.exr' --sh $(printf "pounce-%s.png " "${modes[@]}") |
+  (cd "$work" && "$programs/pounce-score" table "$1" --maps 'maps.<CHANNEL>.exr' --sh "${images[@]}" |
     sed 1d)
 }
 
-sphere() {  # sphere NAME OPTION...: seed 5, the target on the surface, outside and inside
-  local offset
+sphere() {  # sphere NAME OPTION...: seed 5, the target on the surface, outside, inside, and with three rays
+  local offset rays
   printf '%-16s' "$1"
-  for offset in 0 1 -1; do
+  for offset in 0 1 -1 rays3; do
+    rays=0
+    if [[ $offset == rays3 ]]; then rays=3 offset=0; fi
     "$programs/pounce-fixture" splats -o "$work/sphere.ply" --shape sphere --seed 5 --target-size 512 \
       --target-offset "$offset" "${@:2}" >/dev/null
-    transfer "$work/sphere.ply" "$work/sphere_target.glb" "$work/sphere.png" 512
+    transfer "$work/sphere.ply" "$work/sphere_target.glb" "$work/sphere.png" 512 --rays "$rays"
     printf ' %7s' "$("$programs/pounce" compare "$work/sphere.png" "$work/sphere_target.truth.png" |
       grep -o '[0-9.]* dB' | head -n1 | cut -d' ' -f1)"
   done
@@ -71,7 +78,7 @@ captures/angel.ply captures/angel_proxy.glb
 captures/narcissus.ply captures/narcissus_proxy.glb
 END
 
-printf '\n%-16s %7s %7s %7s\n' 'PSNR in dB' there '+1 %' '-1 %'
+printf '\n%-16s %7s %7s %7s %7s\n' 'PSNR in dB' there '+1 %' '-1 %' rays3
 sphere sphere
 sphere 'interior 0.6' --interior 0.6
 sphere 'haze 0.4' --haze 0.4

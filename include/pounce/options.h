@@ -113,6 +113,9 @@ struct AxisBox {
 /// Standard deviation of a texel's Gaussian in texels where nothing else is asked for.
 inline constexpr double kDefaultSigma = 0.5;
 
+/// The most rays that a texel has beside its normal.
+inline constexpr std::uint32_t kMostRays = 16;
+
 /// One transfer of appearance from a textured mesh or a splat scene onto the UV textures of meshes.
 struct TransferOptions {
   std::string source;  ///< .glb, .gltf or .obj with textures, or a splat scene in any format
@@ -162,8 +165,15 @@ struct TransferOptions {
   std::optional<double> max_scale;
   /// Of a splat scene: Gaussians whose middle is outside are left out.
   std::optional<AxisBox> box;
+  /// Of a splat scene: so many further rays per texel, in a cone of 35 degrees around its normal,
+  /// whose colours are averaged with the normal's; 0..kMostRays. Nearer to what is seen from many
+  /// sides, softer; time and memory of projection grow with their number.
+  std::uint32_t rays = 0;
+  /// Of a splat scene: the output's alpha is the opacity that a texel's normal meets, 0.1..1 where
+  /// it is covered. Formats without alpha are refused.
+  bool alpha = false;
   /// Of a splat scene: what comes no nearer to a target's surface is not sorted, with 3 standard
-  /// deviations counted as near. Nothing: 1.5 times max_distance, and only where a sample says that
+  /// deviations counted as near. Nothing: 1.1 times max_distance, and only where a sample says that
   /// three quarters of the scene are farther away, since such a store serves these targets alone.
   std::optional<Length> near_target;
   bool everywhere = false;                  ///< `near_target` is off: all of the scene is sorted

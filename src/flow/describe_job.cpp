@@ -51,6 +51,8 @@ class OptionList {
       add("box",
           fmt::format("{:g},{:g}", fmt::join(o.box->lowest, ","), fmt::join(o.box->highest, ",")));
     }
+    add("rays", o.rays != 0 ? std::to_string(o.rays) : std::string());
+    add("alpha", o.alpha);
     add("near-target", o.everywhere    ? std::string("off")
                        : o.near_target ? text_of(*o.near_target)
                                        : std::string());

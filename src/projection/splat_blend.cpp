@@ -22,6 +22,10 @@
 //
 // Profiles and sums are clamped sums of integers, so Gaussians may come in any order and batches.
 //
+// Further rays of a texel are looked along in the same way, each with a profile of its own, past
+// the same candidates. The texel's colour is the mean of what they and the normal found, by opacity
+// and cosine.
+//
 // Two passes over the Gaussians, profile and sum. Where all that a piece may meet is at hand, each
 // packet keeps its responses from the first for the second.
 #include "projection/splat_blend.h"
@@ -29,8 +33,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/exp.h"
 #include "projection/distance_counts.h"
 #include "projection/packet_bundle.h"
+#include "projection/ray_cone.h"
 
 namespace pounce::projection {
 namespace {
@@ -39,20 +45,47 @@ constexpr float kLeastWindow = 0.5F;  // texels
 /// Responses that a packet keeps between the passes.
 constexpr std::size_t kMostKept = 2048;
 
-/// Runs `use` on every packet with the candidates that its group may meet.
+/// In how many directions a texel looks.
+std::size_t looks_of(const SplatLimits& limits) {
+  return 1 + static_cast<std::size_t>(limits.rays);
+}
+
+/// One packet along one of its rays.
+struct Look {
+  std::size_t at;  ///< into bundles, depths and profiles
+  const TexelPacket& packet;
+};
+
+/// Calls use(look) for every packet and ray of [first, last).
+template <class Use>
+void for_looks(const SplatLimits& limits, const SplatState& state, std::size_t first,
+               std::size_t last, Use use) {
+  std::size_t at = first * looks_of(limits);
+  for (std::size_t p = first; p < last; ++p) {
+    use(Look{at++, state.packets[p]});
+    for (int k = 0; k < limits.rays; ++k) use(Look{at++, tilted(state.packets[p], k, limits.rays)});
+  }
+}
+
+/// Runs `use` on every packet and ray with the candidates that its group may meet.
 template <class Use>
 void for_packets(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
-                 const SplatState& state, Use use) {
+                 const SplatState& state, const GoOn& go_on, Use use) {
   SplatCandidates candidates;
+  const std::size_t looks = looks_of(limits);
   for (const target::PacketGroup& group : state.groups) {
-    const RayBundle all = unite(std::span(state.bundles.data() + group.first, group.count));
+    const RayBundle all =
+        unite(std::span(state.bundles.data() + group.first * looks, group.count * looks));
     float footprint = 0;
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p)
-      footprint = std::max(footprint, state.depths[p].footprint);
+      footprint = std::max(footprint, state.depths[p * looks].footprint);
     candidates.clear();
     for (const source::SplatSet* set : sets)
       kernels.gather(*set, all, limits.reach, footprint, candidates);
-    for (std::uint32_t p = group.first; p < group.first + group.count; ++p) use(p, candidates);
+    for_looks(limits, state, group.first, group.first + group.count, [&](const Look& look) {
+      go_on();
+      use(look, candidates);
+    });
   }
 }
 
@@ -65,7 +98,7 @@ class Responses {
   /// Calls use(responses) until all were used, and adds them to `profile` if there is one. True if
   /// the last call had all of them: kept() has them then.
   template <class Use>
-  bool run(std::uint32_t p, const SplatCandidates& candidates, ProfilePacket* profile, Use use) {
+  bool run(const Look& look, const SplatCandidates& candidates, ProfilePacket* profile, Use use) {
     bool all = true;
     count_ = 0;
     for (std::size_t first = 0; first < candidates.size(); first += kMostResponses) {
@@ -75,8 +108,8 @@ class Responses {
         count_ = 0;
         all = false;
       }
-      count_ += kernels_.respond(candidates, first, last, state_.bundles[p], state_.packets[p],
-                                 state_.depths[p], limits_, buffer_.data() + count_, profile);
+      count_ += kernels_.respond(candidates, first, last, state_.bundles[look.at], look.packet,
+                                 state_.depths[look.at], limits_, buffer_.data() + count_, profile);
     }
     use(kept());
     return all;
@@ -110,77 +143,85 @@ DepthPacket start_of(const SplatLimits& limits, const TexelPacket& packet) {
 }  // namespace
 
 void start(const SplatLimits& limits, SplatState& state) {
+  const std::size_t looks = state.packets.size() * looks_of(limits);
   state.depths.clear();
-  state.depths.reserve(state.packets.size());
+  state.depths.reserve(looks);
   state.bundles.clear();
-  state.bundles.reserve(state.packets.size());
-  state.profiles.assign(state.packets.size(), ProfilePacket{});
-  for (const TexelPacket& packet : state.packets) {
-    state.depths.push_back(start_of(limits, packet));
-    state.bundles.push_back(bundle_of(packet));
-  }
+  state.bundles.reserve(looks);
+  state.profiles.assign(looks, ProfilePacket{});
+  for_looks(limits, state, 0, state.packets.size(), [&](const Look& look) {
+    state.depths.push_back(start_of(limits, look.packet));
+    state.bundles.push_back(bundle_of(look.packet));
+  });
 }
 
 std::vector<Box3f> reachable_boxes(const SplatLimits& limits, const SplatState& state,
                                    std::size_t blocks) {
   std::vector<Box3f> boxes(blocks);
-  for (std::size_t p = 0; p < state.packets.size(); ++p) {
-    RayBundle bundle = state.bundles[p];  // and how much farther a footprint lets a Gaussian reach
-    bundle.offset += source::kSplatCutOff * std::sqrt(state.depths[p].footprint) * 1.0001F;
-    boxes[state.packets[p].block].extend(bundle.swept_box(limits.reach));
+  for (std::size_t i = 0; i < state.bundles.size(); ++i) {
+    RayBundle bundle = state.bundles[i];  // and how much farther a footprint lets a Gaussian reach
+    bundle.offset += source::kSplatCutOff * std::sqrt(state.depths[i].footprint) * 1.0001F;
+    boxes[state.packets[i / looks_of(limits)].block].extend(bundle.swept_box(limits.reach));
   }
   return boxes;
 }
 
 void blend_whole(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
-                 SplatState& state) {
+                 SplatState& state, const GoOn& go_on) {
   Responses responses(limits, kernels, state);
-  for_packets(sets, limits, kernels, state, [&](std::uint32_t p, const SplatCandidates& near) {
-    ProfilePacket& profile = state.profiles[p];
+  const auto blend = [&](const Look& look, const SplatCandidates& near) {
+    ProfilePacket& profile = state.profiles[look.at];
+    DepthPacket& depths = state.depths[look.at];
     const auto sum = [&](std::span<const SplatResponse> some) {
-      kernels.accumulate(some, state.packets[p], profile, limits, state.depths[p]);
+      kernels.accumulate(some, look.packet, profile, limits, depths);
     };
-    const bool kept = responses.run(p, near, &profile, ignore);
-    kernels.find_surface(limits, profile, state.depths[p]);
+    const bool kept = responses.run(look, near, &profile, ignore);
+    kernels.find_surface(limits, profile, depths);
     if (kept) {
       sum(responses.kept());
     } else {
-      responses.run(p, near, nullptr, sum);
+      responses.run(look, near, nullptr, sum);
     }
-  });
+  };
+  for_packets(sets, limits, kernels, state, go_on, blend);
 }
 
 void profile_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
-                   SplatState& state) {
+                   SplatState& state, const GoOn& go_on) {
   Responses responses(limits, kernels, state);
-  for_packets(sets, limits, kernels, state, [&](std::uint32_t p, const SplatCandidates& near) {
-    responses.run(p, near, &state.profiles[p], ignore);
-  });
+  const auto profile = [&](const Look& look, const SplatCandidates& near) {
+    responses.run(look, near, &state.profiles[look.at], ignore);
+  };
+  for_packets(sets, limits, kernels, state, go_on, profile);
 }
 
 void find_surfaces(const SplatLimits& limits, const SplatKernels& kernels, SplatState& state) {
-  for (std::size_t p = 0; p < state.packets.size(); ++p)
-    kernels.find_surface(limits, state.profiles[p], state.depths[p]);
+  for (std::size_t i = 0; i < state.depths.size(); ++i)
+    kernels.find_surface(limits, state.profiles[i], state.depths[i]);
 }
 
 void sum_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
-               SplatState& state) {
+               SplatState& state, const GoOn& go_on) {
   Responses responses(limits, kernels, state);
-  for_packets(sets, limits, kernels, state, [&](std::uint32_t p, const SplatCandidates& near) {
-    responses.run(p, near, nullptr, [&](std::span<const SplatResponse> some) {
-      kernels.accumulate(some, state.packets[p], state.profiles[p], limits, state.depths[p]);
+  const auto sum = [&](const Look& look, const SplatCandidates& near) {
+    responses.run(look, near, nullptr, [&](std::span<const SplatResponse> some) {
+      kernels.accumulate(some, look.packet, state.profiles[look.at], limits, state.depths[look.at]);
     });
-  });
+  };
+  for_packets(sets, limits, kernels, state, go_on, sum);
 }
 
-std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState& state,
-                                    std::size_t packet, int lane) {
-  const DepthPacket& depths = state.depths[packet];
+namespace {
+
+/// What a texel has found along one of its rays.
+std::optional<SplatFinding> found_along(const SplatLimits& limits, const SplatState& state,
+                                        std::size_t look, int lane) {
+  const DepthPacket& depths = state.depths[look];
   const auto weight = static_cast<double>(depths.weight[lane]);
   if (weight <= 0) return std::nullopt;
   SplatFinding out;
-  const double passed = state.profiles[packet].bins[kProfileBins - 1][lane];
-  out.opacity = 1 - std::exp(-passed / double{kSplatSteps});
+  const double passed = state.profiles[look].bins[kProfileBins - 1][lane];
+  out.opacity = 1 - exp_same(-passed / double{kSplatSteps});
   if (out.opacity < kLeastOpacity) return std::nullopt;
   for (std::size_t c = 0; c < 3; ++c)
     out.colour[c] = std::clamp(static_cast<double>(depths.colour[c][lane]) / weight, 0.0, 1.0);
@@ -193,11 +234,31 @@ std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState&
   return out;
 }
 
+}  // namespace
+
+std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState& state,
+                                    std::size_t packet, int lane) {
+  const std::size_t own = packet * looks_of(limits);
+  std::optional<SplatFinding> out = found_along(limits, state, own, lane);
+  if (!out || limits.rays == 0) return out;
+  double weights = out->opacity;
+  for (double& c : out->colour) c *= weights;
+  for (std::size_t k = 1; k < looks_of(limits); ++k) {
+    const auto found = found_along(limits, state, own + k, lane);
+    if (!found) continue;
+    const double weight = kConeCosine * found->opacity;
+    for (std::size_t c = 0; c < 3; ++c) out->colour[c] += weight * found->colour[c];
+    weights += weight;
+  }
+  for (double& c : out->colour) c /= weights;
+  return out;
+}
+
 void count_distances(const SplatLimits& limits, const SplatState& state, DistanceCounts& counts) {
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
       if (state.packets[p].texel[lane] == target::kNoTexel) continue;
-      if (const auto found = finding(limits, state, p, lane)) {
+      if (const auto found = found_along(limits, state, p * looks_of(limits), lane)) {
         count_distance(static_cast<float>(std::abs(found->distance)), limits.reach, counts);
       }
     }

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -16,16 +17,18 @@ namespace pounce::projection {
 /// The texels of one piece of the target and what Gaussians gave them.
 struct SplatState {
   PageVector<TexelPacket> packets;
-  PageVector<RayBundle> bundles;       ///< one per packet
-  PageVector<DepthPacket> depths;      ///< one per packet
-  PageVector<ProfilePacket> profiles;  ///< one per packet
+  // One per packet, or with further rays a row of 1 + limits.rays: along the normals, then these.
+  PageVector<RayBundle> bundles;
+  PageVector<DepthPacket> depths;
+  PageVector<ProfilePacket> profiles;
   std::vector<target::PacketGroup> groups;
 
-  static std::uint64_t most_bytes(std::uint64_t packets) {
+  /// With so many rays beside each texel's normal.
+  static std::uint64_t most_bytes(std::uint64_t packets, std::uint64_t rays) {
+    const std::uint64_t looks = packets * (1 + rays);
     return round_to_pages(packets * sizeof(TexelPacket)) +
-           round_to_pages(packets * sizeof(RayBundle)) +
-           round_to_pages(packets * sizeof(DepthPacket)) +
-           round_to_pages(packets * sizeof(ProfilePacket)) + packets * sizeof(target::PacketGroup);
+           round_to_pages(looks * sizeof(RayBundle)) + round_to_pages(looks * sizeof(DepthPacket)) +
+           round_to_pages(looks * sizeof(ProfilePacket)) + packets * sizeof(target::PacketGroup);
   }
   /// What blending holds beside the state and the sets, for so many Gaussians in a batch.
   static std::uint64_t scratch_bytes(std::uint64_t splats);
@@ -39,25 +42,27 @@ std::vector<Box3f> reachable_boxes(const SplatLimits& limits, const SplatState& 
                                    std::size_t blocks);
 
 using SplatSets = std::span<const source::SplatSet* const>;
+/// Called for every packet, on the thread that blends: to end a blend, it throws.
+using GoOn = std::function<void()>;
 
 /// The whole search where `sets` hold every Gaussian that reachable_boxes() meet.
 void blend_whole(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
-                 SplatState& state);
+                 SplatState& state, const GoOn& go_on);
 
 /// The same in parts, for Gaussians that come batch by batch: every batch into the profiles, then
 /// the surfaces, then every batch into the sums.
 void profile_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
-                   SplatState& state);
+                   SplatState& state, const GoOn& go_on);
 void find_surfaces(const SplatLimits& limits, const SplatKernels& kernels, SplatState& state);
 void sum_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
-               SplatState& state);
+               SplatState& state, const GoOn& go_on);
 
 /// A texel with less of a surface than that (SplatFinding::opacity) stays empty.
 inline constexpr double kLeastOpacity = 0.1;
 
-/// What a texel has found.
+/// What a texel has found: along its normal, but for the colour.
 struct SplatFinding {
-  std::array<double, 3> colour;  ///< 0..1 each
+  std::array<double, 3> colour;  ///< 0..1 each; the mean of all rays that found a surface
   double opacity = 0;   ///< 0..1: of the Gaussians along its normal, blurred, within the reach
   double distance = 0;  ///< of the surface from the texel, in space; positive outside
   double spread = 0;    ///< standard deviation of that

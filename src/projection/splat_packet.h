@@ -39,6 +39,7 @@ struct SplatLimits {
   float window = 0;          ///< width of the depth window; half a texel at least
   float discness = 0;        ///< 0..1: are the scene's Gaussians the discs of a surface?
   bool antialiased = false;  ///< the scene was trained with opacity x sqrt(det / det')
+  int rays = 0;              ///< beside each texel's normal: ray_cone.h
 };
 
 /// What one Gaussian gives to sixteen texels.

@@ -25,6 +25,7 @@ class Meter {
   void wait(const std::string& what);
   /// The wait, if there was one, is over: back to the stage.
   void resume();
+  void throw_if_cancelled() const;  ///< Error(cancelled)
   /// The job begins again: from here on 0 is where it stands and 1 stays the end.
   void restart();
   /// All is done: the fraction is 1.
@@ -37,7 +38,6 @@ class Meter {
     std::string unit;
     double start = 0, end = 0;  ///< of fraction_
   };
-  void throw_if_cancelled() const;
   void raise(double fraction);
   void emit(bool always);
 

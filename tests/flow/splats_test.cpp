@@ -101,7 +101,7 @@ void compare_with_brute_force(const TransferOptions& options, bool antialiased) 
   const mesh::Mesh target = io::read_mesh(options.targets.front());
   const WholeImage out = read_whole_image(options.output),
                    coverage = read_whole_image(options.coverage_output);
-  REQUIRE(out.channels == 3);
+  REQUIRE(out.channels == (options.alpha ? 4 : 3));
   const TargetRaster raster = raster_target(target, out.width, out.height);
   ReferenceLimits limits;
   limits.reach = options.max_distance->value / 100 * diagonal(target);
@@ -127,6 +127,7 @@ void compare_with_brute_force(const TransferOptions& options, bool antialiased) 
     const std::array<double, 3> colour{expected.colour.x, expected.colour.y, expected.colour.z};
     double error = 0;
     for (std::size_t c = 0; c < 3; ++c) error = std::max(error, std::abs(out.at(i, c) - colour[c]));
+    if (options.alpha) error = std::max(error, std::abs(out.at(i, 3) - expected.opacity));
     beyond += error > 1.0 / 255 ? 1 : 0;
     largest = std::max(largest, error);
   }
@@ -160,12 +161,20 @@ TEST_CASE("a scene marked antialiased is blended as one", "[flow]") {
   compare_with_brute_force(options, true);
 }
 
+TEST_CASE("a texel's alpha is the opacity that its normal meets", "[flow]") {
+  const TempFolder folder;
+  TransferOptions options = splat_scene(folder, 3, 3000);
+  options.alpha = true;
+  compare_with_brute_force(options, false);
+}
+
 TEST_CASE("splats give the same bytes however they are streamed", "[flow]") {
-  const std::uint32_t seed = GENERATE(21U, 24U);
+  const std::uint32_t seed = GENERATE(21U, 24U, 27U);
   const TempFolder folder;
   TransferOptions options =
       splat_scene(folder, seed, 20000);  // several blocks, one at a time below
-  options.size = ImageSize{300, 260};
+  options.size = seed == 27 ? ImageSize{120, 100} : ImageSize{300, 260};
+  options.rays = seed == 27 ? 3 : 0;
   options.resources.threads = 1;
   const auto expected = run(options, {.in_core = true});
   for (const unsigned threads : {1U, 5U}) {
@@ -376,6 +385,12 @@ TEST_CASE("options of scenes are refused for meshes, and values that are none", 
   asked = mesh;
   asked.near_target = Length{1, false};
   refused(asked, "--near-target is about");
+  asked = mesh;
+  asked.rays = 1;
+  refused(asked, "--rays is about");
+  asked = mesh;
+  asked.alpha = true;
+  refused(asked, "--alpha is about");
   asked = splat_scene(folder, 3, 100);
   asked.box = AxisBox{{0, 0, 0}, {1, -1, 1}};
   refused(asked, "from 0 to -1 along y");
@@ -385,6 +400,9 @@ TEST_CASE("options of scenes are refused for meshes, and values that are none", 
   asked.min_opacity.reset();
   asked.max_scale = -1.0;
   refused(asked, "--max-scale");
+  asked.max_scale.reset();
+  asked.rays = 17;
+  refused(asked, "--rays 17: at most 16");
 }
 
 TEST_CASE("a splat scene without a size gives 1024 texels", "[flow]") {

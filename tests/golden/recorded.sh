@@ -138,6 +138,7 @@ made_jobs() {
   transfer made-channels-model channels/channels_src.glb channels/channels_target.glb out.glb --size 128
   transfer made-splats sphere.ply sphere_target.glb out.png --size 256 --coverage OUT/mask.png
   transfer made-splats-u16 sphere.ply dense.glb out.png --size 128 --depth u16
+  transfer made-splats-rays sphere.ply sphere_target.glb out.png --size 128 --rays 3 --alpha --coverage OUT/mask.png
   transfer made-splats-broken broken.ply sphere_target.glb out.png --size 128
   transfer made-splats-model sphere.ply dense.glb out.glb --size 128
   transfer made-plane-udim plane.obj plane.obj 'out.<UDIM>.png' --size 128 --source-texture 'baseColor=plane.<UDIM>.png'

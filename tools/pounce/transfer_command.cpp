@@ -196,11 +196,21 @@ void add_splat_options(CLI::App& command, TransferOptions& options) {
             "Leave out Gaussians whose middle is outside of this box, given\n"
             "in the job's axes: after --source-axes. Default: no box",
             [&options](const std::string& text) { options.box = parse_box("--box", text); });
+  add_value(command, "--rays", "N", group,
+            "So many further rays per texel, 0 to 16, in a cone of 35 degrees\n"
+            "around its normal: nearer to what many sides show, softer. Each\n"
+            "takes nearly as long as the normal. Default: 0",
+            [&options](const std::string& text) {
+              options.rays =
+                  static_cast<std::uint32_t>(parse_integer("--rays", text, 0, kMostRays));
+            });
+  add_switch(command, "--alpha", group,
+             "Write how opaque the scene is at each texel as the image's alpha", options.alpha);
   add_value(command, "--near-target", "D|P%|off", group,
             "Do not sort what stays farther than this from every target's\n"
             "surface, with 3 standard deviations counted in. The store in the\n"
             "cache is then of use to these targets alone. off: sort all.\n"
-            "Default: 1.5 times --max-distance where a sample says that this\n"
+            "Default: 1.1 times --max-distance where a sample says that this\n"
             "spares three quarters of the scene, else off",
             [&options](const std::string& text) {
               options.everywhere = text == "off";

@@ -120,11 +120,13 @@ std::unique_ptr<Projection> SourceStores::splat_projector(const store::GeometryS
   request.kernels = &projection::splat_kernels(isa_);
   const store::SplatDirectory& scene = splats_->store().directory();
   request.linear = scene.is_linear;
+  request.alpha = plan_.channels.front().source_alpha;
   request.limits.reach = target_plan.max_distance;
   request.limits.min_cosine = min_cosine();
   request.limits.window = kWindowOverNoise * scene.surface_noise;
   request.limits.discness = source::discness(scene.roundness);
   request.limits.antialiased = scene.model == store::SplatModel::antialiased;
+  request.limits.rays = static_cast<int>(plan_.rays);
   request.smallest_edge = target_plan.smallest_edge;
   return project_splats(job_, request);
 }

@@ -57,6 +57,7 @@ void check_splat_options(const TransferOptions& o) {
                         low, high, "xyz"[k]));
     }
   }
+  if (o.rays > kMostRays) usage(fmt::format("--rays {}: at most {}", o.rays, kMostRays));
   if (o.near_target && !(o.near_target->value > 0 && std::isfinite(o.near_target->value)))
     usage("--near-target must be above 0");
 }

@@ -70,6 +70,7 @@ struct Plan {
   bool from_splats = false;  ///< then there is one channel and one pass, and no mesh or image
   SplatRequest splats;       ///< then
   SceneFacts scene;          ///< then
+  std::uint32_t rays = 0;    ///< then: beside each texel's normal
   /// A mesh's texels are blended as Gaussians (Method::gaussian): one channel and one pass.
   bool as_gaussians = false;
   double sigma_texels = kDefaultSigma;  ///< then

@@ -57,6 +57,8 @@ void refuse_splat_options(const TransferOptions& options) {
                             : options.min_opacity                            ? "--min-opacity"
                             : options.max_scale                              ? "--max-scale"
                             : options.box                                    ? "--box"
+                            : options.rays > 0                               ? "--rays"
+                            : options.alpha                                  ? "--alpha"
                             : options.near_target || options.everywhere      ? "--near-target"
                                                                              : nullptr;
   if (given == nullptr) return;
@@ -96,11 +98,19 @@ Plan plan_splats(const TransferOptions& options) {
   plan.from_splats = true;
   plan.splats = request_of(options);
   plan.scene = scene_facts(plan.splats);
+  plan.rays = options.rays;
   ChannelPlan& channel = plan.channels.emplace_back();
   channel.channel = Channel::base_color;
   SourceLook look;
   look.linear = plan.scene.is_linear;
+  look.alpha = options.alpha;
   choose_output(options, look, channel, plan.warnings);
+  if (options.alpha && !channel.format.has_alpha) {
+    throw Error(ErrorKind::usage,
+                fmt::format("--alpha: {} has no alpha to paint over; paint onto an image with "
+                            "alpha, or leave --alpha out",
+                            options.onto));
+  }
   plan.passes.push_back({{}, {}, channel.size, {0}});
   return plan;
 }

@@ -264,7 +264,7 @@ LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const 
         page_blocks * (sizeof(store::ChunkRef) * pass.channels.size() + 32) +
         (more_pages ? target.size_bytes() : 0);
     const std::uint64_t projecting =
-        plan.from_splats ? project_splats_least_bytes(result_texel, plan.scene.lobes)
+        plan.from_splats ? project_splats_least_bytes(result_texel, plan.scene.lobes, plan.rays)
         : plan.as_gaussians
             ? project_gaussians_least_bytes(result_texel)
             : project_least_bytes(pass.shape.most_triangles, pass.shape.most_patches,

@@ -75,7 +75,8 @@ std::unique_ptr<Projection> project_gaussians(JobContext& job, const GaussianPro
 }
 
 std::uint64_t project_gaussians_least_bytes(std::uint64_t result_texel_bytes) {
-  return GaussianMethod::least_bytes(result_texel_bytes, 0);
+  return GaussianMethod::least_bytes(
+      result_texel_bytes, 0, GaussianProjection::packet_bytes(GaussianMethod::most_packets()));
 }
 
 }  // namespace pounce::flow

@@ -20,6 +20,10 @@ struct GaussianProjection {
   projection::RayLimits limits;
   const projection::SplatKernels* kernels = nullptr;
   float smallest_edge = 0;  ///< see TargetBlock
+
+  static std::uint64_t packet_bytes(std::uint64_t packets) {
+    return projection::RayState::most_bytes(packets);
+  }
 };
 
 /// How far a texel looks first: half the edge of a cell where a target's box has about one cell per

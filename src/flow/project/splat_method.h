@@ -44,16 +44,24 @@ class SplatMethodBase {
     return splat_batch_cost(request_.source->store().directory().most_splats, lobes());
   }
   std::uint64_t state_bytes(const store::BlockEntry& entry) const {
-    return block_bytes(entry.texels, entry.triangles, request_.format.texel_bytes());
+    const std::uint32_t packets = target::TargetBlock::most_packets(entry.texels);
+    return request_.packet_bytes(packets) +
+           block_bytes(entry.texels, entry.triangles, request_.format.texel_bytes());
   }
-  /// What projecting one block needs at once, whatever is in it.
-  static std::uint64_t least_bytes(std::uint64_t result_texel_bytes, std::uint32_t lobes) {
+  /// What projecting one block needs at once, whatever is in it; its packets take
+  /// request.packet_bytes(most_packets()).
+  static std::uint64_t least_bytes(std::uint64_t result_texel_bytes, std::uint32_t lobes,
+                                   std::uint64_t packet_bytes) {
     constexpr std::uint64_t kSplats = store::kMostSplatsPerBlock;
     const std::uint64_t chunk =
         kSplats * (sizeof(store::Splat) + store::lobe_bytes(lobes)) + kPageBytes;
     return scratch_bytes() + reading_bytes(kSplats, lobes, chunk) +
-           splat_batch_cost(kSplats, lobes) +
+           splat_batch_cost(kSplats, lobes) + packet_bytes +
            block_bytes(store::kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes);
+  }
+
+  static std::uint32_t most_packets() {
+    return target::TargetBlock::most_packets(store::kTexelsPerBlock);
   }
 
   void begin(Work& work) const {
@@ -117,8 +125,7 @@ class SplatMethodBase {
   }
   static std::uint64_t block_bytes(std::uint32_t texels, std::uint32_t triangles,
                                    std::uint64_t result_texel_bytes) {
-    return State::most_bytes(target::TargetBlock::most_packets(texels)) +
-           2 * store::kTexelsPerBlock + std::uint64_t{triangles} * 220 +
+    return 2 * store::kTexelsPerBlock + std::uint64_t{triangles} * 220 +
            target::TargetBlock::record_bytes(triangles == 0 ? texels : 0) +
            store::kTexelsPerBlock * result_texel_bytes + texture::kMaskBytes + 4 * kPageBytes;
   }

@@ -57,7 +57,10 @@ class SplatMethod : public Base {
       const auto found = projection::finding(request_.limits, work.state, p, lane);
       if (!found) return std::nullopt;
       const auto& c = found->colour;
-      return texture::TexelValue{{c[0], c[1], c[2], 1}, 3, request_.linear};
+      return texture::TexelValue{{c[0], c[1], c[2], found->opacity},
+                                 request_.alpha ? 4U : 3U,
+                                 request_.linear,
+                                 request_.alpha};
     });
   }
 
@@ -78,13 +81,14 @@ class SplatMethod : public Base {
   void use(Work& work) const {
     const projection::SplatSets sets(work.sets);
     const auto& [limits, kernels] = std::tie(request_.limits, *request_.kernels);
+    const projection::GoOn go_on = [this] { job_->meter.throw_if_cancelled(); };
     switch (work.pass) {
       case Pass::whole:
-        return projection::blend_whole(sets, limits, kernels, work.state);
+        return projection::blend_whole(sets, limits, kernels, work.state, go_on);
       case Pass::profile:
-        return projection::profile_batch(sets, limits, kernels, work.state);
+        return projection::profile_batch(sets, limits, kernels, work.state, go_on);
       case Pass::sum:
-        return projection::sum_batch(sets, limits, kernels, work.state);
+        return projection::sum_batch(sets, limits, kernels, work.state, go_on);
       case Pass::none:
       case Pass::done:
         break;
@@ -110,8 +114,11 @@ std::unique_ptr<Projection> project_splats(JobContext& job, const SplatProjectio
                                                       SplatMethod(job, request));
 }
 
-std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::uint32_t lobes) {
-  return SplatMethod::least_bytes(result_texel_bytes, lobes);
+std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::uint32_t lobes,
+                                         std::uint32_t rays) {
+  return SplatMethod::least_bytes(
+      result_texel_bytes, lobes,
+      projection::SplatState::most_bytes(SplatMethod::most_packets(), rays));
 }
 
 }  // namespace pounce::flow

@@ -2,64 +2,12 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <cstring>
 
-#include "unit/projection/splat_packets.h"
+#include "unit/projection/splat_runs.h"
 
 using namespace pounce;
 using namespace pounce::projection;
 using namespace pounce::test;
-
-namespace {
-
-/// Sets of at most `block` Gaussians each, in their order.
-std::vector<source::SplatSet> make_sets(const std::vector<ReferenceSplat>& scene,
-                                        std::size_t block) {
-  std::vector<source::SplatSet> sets;
-  for (std::size_t i = 0; i < scene.size(); i += block) {
-    const std::vector<ReferenceSplat> part(
-        scene.begin() + static_cast<std::ptrdiff_t>(i),
-        scene.begin() + static_cast<std::ptrdiff_t>(std::min(i + block, scene.size())));
-    sets.push_back(source::make_splat_set(splat_block(part)));
-  }
-  return sets;
-}
-
-std::vector<const source::SplatSet*> pointers(const std::vector<source::SplatSet>& sets) {
-  std::vector<const source::SplatSet*> out;
-  for (const auto& set : sets) out.push_back(&set);
-  return out;
-}
-
-void run_whole(const std::vector<source::SplatSet>& sets, const SplatLimits& limits,
-               const SplatKernels& kernels, SplatState& state) {
-  start(limits, state);
-  blend_whole(pointers(sets), limits, kernels, state);
-}
-
-void run_batches(const std::vector<source::SplatSet>& sets, const SplatLimits& limits,
-                 const SplatKernels& kernels, SplatState& state) {
-  const auto all = pointers(sets);
-  start(limits, state);
-  for (std::size_t i = 0; i < all.size(); ++i)
-    profile_batch(std::span(all).subspan(i, 1), limits, kernels, state);
-  find_surfaces(limits, kernels, state);
-  for (std::size_t i = all.size(); i-- > 0;)
-    sum_batch(std::span(all).subspan(i, 1), limits, kernels, state);
-}
-
-/// What two runs must agree in, to the bit.
-bool same_sums(const SplatState& a, const SplatState& b) {
-  for (std::size_t p = 0; p < a.depths.size(); ++p) {
-    if (std::memcmp(a.depths[p].weight, b.depths[p].weight, sizeof a.depths[p].weight) != 0 ||
-        std::memcmp(a.depths[p].colour, b.depths[p].colour, sizeof a.depths[p].colour) != 0) {
-      return false;
-    }
-  }
-  return true;
-}
-
-}  // namespace
 
 TEST_CASE("blends of random scenes are those of the reference", "[projection]") {
   const std::uint32_t seed = GENERATE(range(1U, 8U));
