@@ -51,6 +51,8 @@ class OptionList {
       add("box",
           fmt::format("{:g},{:g}", fmt::join(o.box->lowest, ","), fmt::join(o.box->highest, ",")));
     }
+    const bool other_confidence = o.min_confidence != TransferOptions{}.min_confidence;
+    add("min-confidence", other_confidence ? fmt::format("{:g}", o.min_confidence) : "");
     add("near-target", o.everywhere    ? std::string("off")
                        : o.near_target ? text_of(*o.near_target)
                                        : std::string());

@@ -29,6 +29,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/exp.h"
 #include "projection/distance_counts.h"
 #include "projection/packet_bundle.h"
 
@@ -180,8 +181,8 @@ std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState&
   if (weight <= 0) return std::nullopt;
   SplatFinding out;
   const double passed = state.profiles[packet].bins[kProfileBins - 1][lane];
-  out.opacity = 1 - std::exp(-passed / double{kSplatSteps});
-  if (out.opacity < kLeastOpacity) return std::nullopt;
+  out.opacity = 1 - exp_same(-passed / double{kSplatSteps});
+  if (out.opacity < limits.least_opacity) return std::nullopt;
   for (std::size_t c = 0; c < 3; ++c)
     out.colour[c] = std::clamp(depths.colour[c][lane] / weight, 0.0, 1.0);
   // Places in the profile, 0..1 of all its bins.

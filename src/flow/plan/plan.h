@@ -67,7 +67,7 @@ struct PassPlan {
 
 /// The source's side of a job: the same for all its targets.
 struct Plan {
-  bool from_splats = false;  ///< then there is one channel and one pass, and no mesh or image
+  bool from_splats = false;  ///< then there are colours and evidence alone, and no mesh or image
   SplatRequest splats;       ///< then
   SceneFacts scene;          ///< then
   /// A mesh's texels are blended as Gaussians (Method::gaussian): one channel and one pass.
@@ -86,6 +86,7 @@ struct TargetPlan {
   std::string path;
   float max_distance = 0;   ///< in the target's units
   double diagonal = 0;      ///< of the target's bounding box
+  float fit_reach = 0;      ///< splats: how far is looked to say whether the scene lies here at all
   float smallest_edge = 0;  ///< see TargetBlock
   std::vector<TargetPage> pages;
   bool by_tile = false;  ///< each tile of UV space has images of its own

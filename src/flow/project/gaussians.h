@@ -20,6 +20,9 @@ struct GaussianProjection {
   projection::RayLimits limits;
   const projection::SplatKernels* kernels = nullptr;
   float smallest_edge = 0;  ///< see TargetBlock
+
+  static std::size_t channels() { return 1; }
+  const texture::TexelFormat& format_of(std::size_t) const { return format; }
 };
 
 /// How far a texel looks first: half the edge of a cell where a target's box has about one cell per
