@@ -11,6 +11,7 @@ namespace {
 // By docs/decisions/026-evidence.md.
 constexpr double kStraySure = 0.15, kStrayNever = 0.28;  // of the reach
 constexpr double kFoundSure = 0.90, kFoundNever = 0.84;  // of the places
+constexpr double kFoundEnough = 0.05;                    // of the places, to say that they agree
 /// Median of absolute deviations to the standard deviation of normally spread numbers.
 constexpr double kDeviationOverMedian = 1.4826;
 
@@ -33,7 +34,8 @@ double fit_of(std::span<double> distances, std::size_t places, double reach) {
   const double middle = median(distances);
   for (double& d : distances) d = std::abs(d - middle);
   const double stray = kDeviationOverMedian * median(distances) / reach;
-  return std::max(ramp(stray, kStrayNever, kStraySure), ramp(found, kFoundNever, kFoundSure));
+  const double agree = ramp(stray, kStrayNever, kStraySure) * ramp(found, 0, kFoundEnough);
+  return std::max(agree, ramp(found, kFoundNever, kFoundSure));
 }
 
 double fit_of(const SplatLimits& limits, const SplatState& state) {

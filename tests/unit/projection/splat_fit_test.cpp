@@ -39,6 +39,11 @@ TEST_CASE("a scene that nearly all places find fits, however far it strays", "[p
   CHECK(fit(scattered(30), 100) == 0);
 }
 
+TEST_CASE("a few places that agree by chance say little", "[projection]") {
+  CHECK(fit({0.3, 0.3, 0.3}, 300) == Approx(0.2));
+  CHECK(fit({0.3, 0.3, 0.3}, 60) == Approx(1));
+}
+
 TEST_CASE("a scene that no place finds does not fit", "[projection]") {
   CHECK(fit({}, 448) == 0);
   CHECK(fit({}, 0) == 0);
