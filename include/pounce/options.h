@@ -176,8 +176,8 @@ struct TransferOptions {
   /// Of a splat scene: Gaussians whose middle is outside are left out.
   std::optional<AxisBox> box;
   /// Of a splat scene: what comes no nearer to a target's surface is not sorted, with 3 standard
-  /// deviations counted as near. Nothing: 1.5 times max_distance, and only where a sample says that
-  /// three quarters of the scene are farther away, since such a store serves these targets alone.
+  /// deviations counted as near. Nothing: 2.2 times max_distance, at least 6.6 %, and only where a
+  /// sample says that three quarters are farther away: such a store serves these targets alone.
   std::optional<Length> near_target;
   bool everywhere = false;  ///< `near_target` is off: all of the scene is sorted
   /// Of a splat scene: texels with less confidence stay empty; 0..1. 0 covers whatever has a

@@ -43,9 +43,8 @@ class Sheets {
   }
 
   void square(const std::string& corners, const std::string& normal) {
-    std::ofstream(folder.file("target.obj"))
-        << corners << "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn " << normal
-        << "\nf 1/1/1 2/2/1 3/3/1 4/4/1\n";
+    std::ofstream(folder.file("target.obj")) << corners << "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn "
+                                             << normal << "\nf 1/1/1 2/2/1 3/3/1 4/4/1\n";
   }
 
   /// A sheet at z of this opacity.
@@ -121,8 +120,7 @@ TEST_CASE("what shows through a sheet draws its distance inwards", "[flow]") {
   const double mass = mass_of(0.1), through = std::exp(-mass);
   REQUIRE(through > 0.3);
   CHECK(sheets.at(Channel::confidence) == Approx(1 - std::exp(-2 * mass)).margin(1e-4));
-  CHECK(sheets.at(Channel::distance) ==
-        Approx(0.2 * (1 - through) / (1 + through)).margin(1e-3));
+  CHECK(sheets.at(Channel::distance) == Approx(0.2 * (1 - through) / (1 + through)).margin(1e-3));
 }
 
 TEST_CASE("texels that are less sure than asked stay empty", "[flow]") {
@@ -150,8 +148,8 @@ TEST_CASE("a scene that crosses its target does not fit", "[flow]") {
   CHECK(report.target_covered * 20 < report.target_texels);
   REQUIRE(!report.warnings.empty());
   const std::string& warning = report.warnings.back();
-  for (const char* part : {"does not lie at this target", "--source-axes", "--max-distance",
-                           "--min-confidence 0"}) {
+  for (const char* part :
+       {"does not lie at this target", "--source-axes", "--max-distance", "--min-confidence 0"}) {
     CAPTURE(warning, part);
     CHECK(warning.find(part) != std::string::npos);
   }

@@ -203,8 +203,8 @@ void add_splat_options(CLI::App& command, TransferOptions& options) {
             "Do not sort what stays farther than this from every target's\n"
             "surface, with 3 standard deviations counted in. The store in the\n"
             "cache is then of use to these targets alone. off: sort all.\n"
-            "Default: 1.5 times --max-distance where a sample says that this\n"
-            "spares three quarters of the scene, else off",
+            "Default: 6.6% (or 2.2 times --max-distance, if more) where a sample\n"
+            "says that this spares three quarters of the scene, else off",
             [&options](const std::string& text) {
               options.everywhere = text == "off";
               options.near_target.reset();
