@@ -77,8 +77,8 @@ class Sheets {
 
 /// Blurred optical depth of a sheet before the middle texel: 0.4 peak (1 - q / 9) over its
 /// Gaussians, each grown by the texel's footprint, with the fourth root of what that takes.
-double mass_of(double alpha) {
-  const double footprint = 0.3 * kEdge * kEdge;
+double mass_of(double alpha, double edge = kEdge) {
+  const double footprint = 0.3 * edge * edge;
   const double across = kLong * kLong + footprint, along = kShort * kShort + footprint;
   const double peak = alpha * std::pow(kLong * kLong * kShort * kShort / (across * along), 0.25);
   double mass = 0;
@@ -121,6 +121,23 @@ TEST_CASE("what shows through a sheet draws its distance inwards", "[flow]") {
   REQUIRE(through > 0.3);
   CHECK(sheets.at(Channel::confidence) == Approx(1 - std::exp(-2 * mass)).margin(1e-4));
   CHECK(sheets.at(Channel::distance) == Approx(0.2 * (1 - through) / (1 + through)).margin(1e-3));
+}
+
+TEST_CASE("confidence is opacity times fit", "[flow]") {
+  // The sheet lies before some 2.5 % of the target: half as many places as would be sure of it.
+  Sheets sheets;
+  sheets.add(0.2, 0.5);
+  sheets.square("v -5.8 -5.8 0\nv 6.8 -5.8 0\nv 6.8 6.8 0\nv -5.8 6.8 0\n", "0 0 1");
+  sheets.options.size = ImageSize{200, 200};
+  const Report report = sheets.run();
+  REQUIRE(report.targets[0].fit);
+  const double fit = *report.targets[0].fit;
+  CHECK(fit > 0.4);
+  CHECK(fit < 0.6);
+  CHECK(report.target_covered > 0);
+  const double opacity = 1 - std::exp(-mass_of(0.5, 12.6 / 200));
+  const double found = read_whole_image(sheets.path(Channel::confidence)).at(100 * 200 + 100, 0);
+  CHECK(found / fit == Approx(opacity).margin(0.02));  // texels lie otherwise in the lattice
 }
 
 TEST_CASE("texels that are less sure than asked stay empty", "[flow]") {
