@@ -9,19 +9,29 @@
 
 namespace pounce {
 
-/// The texture channels of a glTF metallic-roughness material. baseColor carries the material's
-/// alpha as its fourth component.
+/// The texture channels of a glTF metallic-roughness material, of which baseColor carries the
+/// material's alpha as its fourth component; after them what a splat scene says of each texel.
 enum class Channel : std::uint8_t {
   base_color,          ///< "baseColor": colour, sRGB-coded unless the file is linear (EXR)
   metallic_roughness,  ///< "metallicRoughness": data
   occlusion,           ///< "occlusion": data
   emissive,            ///< "emissive": colour
+  confidence,          ///< "confidence": data, 0..1: how sure a texel's colour is
+  /// "distance": data, one float: how far along the texel's normal the surface was found, in the
+  /// target's units, positive outside.
+  distance,
 };
-inline constexpr int kChannelCount = 4;
+inline constexpr int kChannelCount = 4;   ///< of a material
+inline constexpr int kEvidenceCount = 2;  ///< of a splat scene, after those
 
-/// "baseColor", "metallicRoughness", "occlusion", "emissive".
+/// Is it evidence (confidence, distance), which splat scenes alone have?
+constexpr bool is_evidence(Channel channel) noexcept {
+  return static_cast<int>(channel) >= kChannelCount;
+}
+
+/// "baseColor", "metallicRoughness", "occlusion", "emissive", "confidence", "distance".
 const char* channel_name(Channel channel) noexcept;
-/// The channel with that name (exactly as glTF spells it), or nothing.
+/// The channel with that name (exactly as above), or nothing.
 std::optional<Channel> channel_from_name(const std::string& name) noexcept;
 
 /// How one sample of an image is stored.
@@ -112,6 +122,8 @@ struct AxisBox {
 
 /// Standard deviation of a texel's Gaussian in texels where nothing else is asked for.
 inline constexpr double kDefaultSigma = 0.5;
+/// Texels that are less sure stay empty where nothing else is asked for.
+inline constexpr double kDefaultMinConfidence = 0.01;
 
 /// The most rays that a texel has beside its normal.
 inline constexpr std::uint32_t kMostRays = 16;
@@ -141,7 +153,8 @@ struct TransferOptions {
   /// Empty: baseColor if `output` is an image without <CHANNEL>, else every channel the source has,
   /// less those (baseColor apart) whose images cannot be read, which is a warning.
   std::vector<Channel> channels;
-  bool all_channels = false;  ///< every channel the source has; `channels` must be empty
+  /// Every channel the source has, evidence apart; `channels` must be empty.
+  bool all_channels = false;
   /// How far along its normal, both ways, a texel may look. Larger costs time: much where nothing
   /// is near, else little. Default: 5 % of the target's diagonal, 3 % for splat scenes.
   std::optional<Length> max_distance;
@@ -173,10 +186,13 @@ struct TransferOptions {
   /// it is covered. Formats without alpha are refused.
   bool alpha = false;
   /// Of a splat scene: what comes no nearer to a target's surface is not sorted, with 3 standard
-  /// deviations counted as near. Nothing: 1.1 times max_distance, and only where a sample says that
-  /// three quarters of the scene are farther away, since such a store serves these targets alone.
+  /// deviations counted as near. Nothing: 2.2 times max_distance, at least 6.6 %, and only where a
+  /// sample says that three quarters are farther away: such a store serves these targets alone.
   std::optional<Length> near_target;
-  bool everywhere = false;                  ///< `near_target` is off: all of the scene is sorted
+  bool everywhere = false;  ///< `near_target` is off: all of the scene is sorted
+  /// Of a splat scene: texels with less confidence stay empty; 0..1. 0 covers whatever has a
+  /// surface, were it of another object.
+  double min_confidence = kDefaultMinConfidence;
   std::optional<std::uint32_t> padding_px;  ///< default: larger side of the image / 128
   /// 0..100: of how many of its texels a target must find the source. A target below this is
   /// written like any other; TargetReport::enough says which are.

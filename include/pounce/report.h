@@ -59,6 +59,9 @@ struct TargetReport {
   std::uint64_t overlapping = 0;  ///< texels that more than one triangle claims
   double max_distance = 0;        ///< in the target's units
   DistanceCounts distances{};     ///< of the same texels
+  /// Of a splat scene, 0..1: does it lie at this target's surface? Below 0.5 it hardly does.
+  /// Nothing for meshes, and where nothing was projected.
+  std::optional<double> fit;
   std::vector<ImageReport> images;
   /// No channel is below TransferOptions::min_coverage_percent over its images that were not kept;
   /// false, too, where the job ended before that was known.

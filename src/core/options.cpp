@@ -10,8 +10,8 @@ namespace pounce {
 namespace {
 
 // In the order of the enumerations.
-constexpr std::array<const char*, kChannelCount> kChannelNames = {"baseColor", "metallicRoughness",
-                                                                  "occlusion", "emissive"};
+constexpr std::array<const char*, kChannelCount + kEvidenceCount> kChannelNames = {
+    "baseColor", "metallicRoughness", "occlusion", "emissive", "confidence", "distance"};
 constexpr std::array<const char*, 2> kMethodNames = {"surface", "gaussian"};
 constexpr std::array<const char*, 3> kHarmonicsNames = {"dc", "normal", "mean"};
 constexpr std::array<const char*, 4> kDepthNames = {"u8", "u16", "half", "float"};

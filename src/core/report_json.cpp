@@ -82,6 +82,7 @@ Json targets_json(const Report& report) {
     json["enough"] = target.enough;
     json["max_distance"] = target.max_distance;
     json["distances"] = target.distances;
+    json["fit"] = target.fit ? Json(*target.fit) : Json(nullptr);
     json["images"] = Json::array();
     for (const ImageReport& image : target.images) json["images"].push_back(image_json(image));
     targets.push_back(std::move(json));

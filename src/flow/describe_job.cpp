@@ -53,6 +53,8 @@ class OptionList {
     }
     add("rays", o.rays != 0 ? std::to_string(o.rays) : std::string());
     add("alpha", o.alpha);
+    const bool other_confidence = o.min_confidence != TransferOptions{}.min_confidence;
+    add("min-confidence", other_confidence ? fmt::format("{:g}", o.min_confidence) : "");
     add("near-target", o.everywhere    ? std::string("off")
                        : o.near_target ? text_of(*o.near_target)
                                        : std::string());

@@ -20,6 +20,7 @@ namespace {
 /// no surface that lies close (docs/decisions/016-little-found.md).
 constexpr std::uint64_t kMostFarPercent = 6;
 constexpr std::uint64_t kFewPercent = 50;  // below that a result is hardly what was wanted
+constexpr double kLeastFit = 0.5;          // the same of a scene that does not lie at its target
 
 std::string text_of(const Box3f& b) {
   return fmt::format("({:g} {:g} {:g})..({:g} {:g} {:g})", b.lo.x, b.lo.y, b.lo.z, b.hi.x, b.hi.y,
@@ -219,6 +220,7 @@ void TargetTally::warn_of_little(const Box3f& source) {
   if (counts.texels == 0) return warn("its UVs cover no texel centre; the result is empty");
   const std::string places =
       fmt::format("The source spans {}, the target {}", text_of(source), text_of(box_));
+  if (is_misfit()) return warn_of_misfit(places);
   if (counts.covered == 0) {
     return warn(fmt::format(
         "no texel found a source within {:g}: the result is empty. {}; align them, or raise "
@@ -239,6 +241,22 @@ void TargetTally::warn_of_little(const Box3f& source) {
       fmt::format("{} ({:g}): either the source lies farther away, then raise it, or this is "
                   "another object, then colours are by chance. {}",
                   far, target_.max_distance, places));
+}
+
+bool TargetTally::is_misfit() const {
+  const std::optional<double> fit = report_.targets.back().fit;
+  return fit && *fit < kLeastFit;
+}
+
+/// What a texel finds of another object is found by chance, so this says all there is to say.
+void TargetTally::warn_of_misfit(const std::string& places) {
+  const TexelCounts& counts = target().counts;
+  warn(fmt::format(
+      "the scene does not lie at this target's surface (fit {:.2f} of 1): {:.2f} % of its texels "
+      "are covered. {}; if they are one object, align them (--source-axes, scale, units), or raise "
+      "--max-distance ({:g}) if the surface is farther away; --min-confidence 0 shows what is "
+      "there all the same",
+      *target().fit, percent(counts.covered, counts.texels), places, target_.max_distance));
 }
 
 }  // namespace pounce::flow

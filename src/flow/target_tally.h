@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,6 +23,8 @@ class TargetTally {
   TargetTally(const TransferOptions& options, const Plan& plan, const TargetPlan& target,
               std::string model, Report& report);
 
+  /// Does the source lie at this target, 0..1? Nothing: it is a mesh.
+  void fits(std::optional<double> fit) { target().fit = fit; }
   /// A page's store; of several passes the first one counts.
   void vectorized(std::uint32_t page, const store::GeometryDirectory& directory);
   /// A page of a pass with so many texels; `result` is null where there was nothing to project.
@@ -43,6 +46,8 @@ class TargetTally {
   bool has_enough() const;
   void warn_of_empty_pages();
   void warn_of_little(const Box3f& source);
+  bool is_misfit() const;
+  void warn_of_misfit(const std::string& places);
   void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }
 
   const TransferOptions& options_;

@@ -12,8 +12,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
+#include <vector>
 
 #include "flow/target_tally.h"
+#include "target/strewn_places.h"
 
 namespace pounce::flow {
 namespace {
@@ -37,6 +40,7 @@ class TargetTransfer {
   void run() {
     if (!target_.has_work()) return;
     find_occupied();
+    if (source_plan_.from_splats) places_ = target::strew(target_.mesh);
     for (std::uint32_t page = 0; page < target_.plan.pages.size(); ++page) make_page(page);
     warn_of_clipped();
     if (target_.model) write_model();
@@ -132,7 +136,8 @@ class TargetTransfer {
     const StageTimer timer(job_.clock, "project");
     job_.meter.begin(page_title("project", page), target.directory().texels, "texels",
                      fraction(kVectorizeShare + kProjectShare));
-    PageResult result = source_.projector(p, target, target_.plan)->project();
+    if (!fit_) tally_.fits(fit_ = source_.fit(places_, target_.plan));
+    PageResult result = source_.projector(p, target, target_.plan, fit_.value_or(1))->project();
     job_.report.bytes_written += result.pack->size_bytes();
     add_nodes(result.nodes, job_.report.nodes);
     job_.meter.end();
@@ -238,6 +243,8 @@ class TargetTransfer {
   };
   std::vector<Clipped> clipped_;  ///< by channel
   runtime::Lease occupied_lease_;
+  std::vector<target::Place> places_;  ///< of a splat scene's target: where its fit is found
+  std::optional<double> fit_;          ///< once the first page is projected
   bool all_targets_cached_ = true;
   std::uint64_t steps_done_ = 0;  ///< passes of pages
 };

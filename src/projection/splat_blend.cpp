@@ -222,7 +222,7 @@ std::optional<SplatFinding> found_along(const SplatLimits& limits, const SplatSt
   SplatFinding out;
   const double passed = state.profiles[look].bins[kProfileBins - 1][lane];
   out.opacity = 1 - exp_same(-passed / double{kSplatSteps});
-  if (out.opacity < kLeastOpacity) return std::nullopt;
+  if (out.opacity < limits.least_opacity) return std::nullopt;
   for (std::size_t c = 0; c < 3; ++c)
     out.colour[c] = std::clamp(static_cast<double>(depths.colour[c][lane]) / weight, 0.0, 1.0);
   // Places in the profile, 0..1 of all its bins.

@@ -57,9 +57,6 @@ void find_surfaces(const SplatLimits& limits, const SplatKernels& kernels, Splat
 void sum_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
                SplatState& state, const GoOn& go_on);
 
-/// A texel with less of a surface than that (SplatFinding::opacity) stays empty.
-inline constexpr double kLeastOpacity = 0.1;
-
 /// What a texel has found: along its normal, but for the colour.
 struct SplatFinding {
   std::array<double, 3> colour;  ///< 0..1 each; the mean of all rays that found a surface
@@ -68,11 +65,11 @@ struct SplatFinding {
   double spread = 0;    ///< standard deviation of that
 };
 
-/// Nothing where a texel has found less than kLeastOpacity.
+/// Nothing where a texel has found less than limits.least_opacity.
 std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState& state,
                                     std::size_t packet, int lane);
 
-/// Adds how far away the coloured texels found their surface.
+/// Adds how far away the covered texels found their surface.
 void count_distances(const SplatLimits& limits, const SplatState& state, DistanceCounts& counts);
 
 }  // namespace pounce::projection

@@ -32,6 +32,9 @@ inline constexpr std::int32_t kFullBin = 1 << 26;
 /// The texel's own footprint, added to every Gaussian's 2D marginal: of a squared texel edge.
 inline constexpr float kFootprint = 0.3F;
 
+/// A texel with less of a surface than that (SplatFinding::opacity) stays empty.
+inline constexpr double kLeastOpacity = 0.1;
+
 /// What counts when splats are blended (splat_blend.cpp says how). Lengths are in space.
 struct SplatLimits {
   float reach = 0;           ///< how far along its normal, both ways, a texel looks
@@ -40,6 +43,7 @@ struct SplatLimits {
   float discness = 0;        ///< 0..1: are the scene's Gaussians the discs of a surface?
   bool antialiased = false;  ///< the scene was trained with opacity x sqrt(det / det')
   int rays = 0;              ///< beside each texel's normal: ray_cone.h
+  double least_opacity = kLeastOpacity;  ///< what texels find with less is not taken
 };
 
 /// What one Gaussian gives to sixteen texels.

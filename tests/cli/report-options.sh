@@ -31,7 +31,7 @@ sed 's/^usemtl/o thing\nusemtl/' source.obj >named.obj
 job transfer named.obj named.obj -o n.png --source-mesh thing --target-mesh thing --target-material skin --no-cache
 "$POUNCE_FIXTURE" splats -o scene.ply --count 2000 --target-size 64 >/dev/null
 job transfer scene.ply scene_target.glb -o s.png --size 16 --no-cache --sh dc --min-opacity 0.01 --max-scale 9 \
-  --box -9,-9,-9,9,9,9 --near-target 50% --rays 1 --alpha
+  --box -9,-9,-9,9,9,9 --near-target 50% --rays 1 --alpha --min-confidence 0.2
 all_of transfer
 job maps named.obj -o '<CHANNEL>.exr' --size 8 --target-mesh thing --target-material skin --target-uv-set 0 \
   --target-axes x,y,z --allow-external "${machine[@]}"

@@ -10,7 +10,7 @@ cp report.json "$out"
 for key in version command isa threads stages name wall_s cpu_s cached source gaussians filtered images_decoded \
   target texels covered filled empty overlapping udims tiles read written bytes temp_peak source_store \
   target_store memory budget leased_peak peak_rss least warnings outputs failure inputs options targets channels \
-  images enough max_distance distances state disk_most kept notes; do
+  images enough max_distance distances fit state disk_most kept notes; do
   out_has "\"$key\":"
 done
 for text in '"texels": 256' '"covered": 256' '"empty": 0' '"images_decoded": 1' '"o.png"'; do out_has "$text"; done

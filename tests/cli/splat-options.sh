@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-# --sh, --min-opacity, --max-scale, --box and --near-target: what they refuse, what the help and the report say of them.
+# --sh, --min-opacity, --max-scale, --box, --min-confidence and --near-target: what they refuse, what the help and the report say of them.
 source "$(dirname "$0")/support.sh"
 rejected --sh DC degree3 ''
 rejected --min-opacity 0 0.003 1.5 half ''
 rejected --max-scale 0 -1 big ''
 rejected --box 1 0,0,0,1,1 0,0,0,1,1,1,1 0,0,0,1,1,x "0;0;0,1,1,1" ''
 rejected --near-target 0 -1 101% on ''
+rejected --min-confidence -0.1 1.1 sure ''
 refused 'from 1 to 0 along z' transfer a.glb b.glb -o o.png --box 0,0,1,1,1,0
 expect 0 transfer --help
-for word in '--sh ' '--min-opacity ' '--max-scale ' '--box ' '--near-target ' 'Default: mean'; do out_has "$word"; done
+for word in '--sh ' '--min-opacity ' '--max-scale ' '--box ' '--near-target ' '--min-confidence ' 'Default: mean'; do out_has "$word"; done
 
 make_job
-for given in '--sh dc' '--min-opacity 0.5' '--max-scale 1' '--box 0,0,0,1,1,1' '--near-target 1' '--near-target off'; do
+for given in '--sh dc' '--min-opacity 0.5' '--max-scale 1' '--box 0,0,0,1,1,1' '--near-target 1' '--near-target off' \
+  '--min-confidence 0.5'; do
   # shellcheck disable=SC2086
   expect 2 transfer source.obj target.obj -o o.png $given
   err_has "${given%% *} is about the Gaussians of a splat scene; source.obj is a mesh"

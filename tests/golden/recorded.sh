@@ -137,6 +137,7 @@ made_jobs() {
   transfer made-channels-exr channels/channels_src.glb channels/channels_target.glb '<CHANNEL>.exr' --size 128
   transfer made-channels-model channels/channels_src.glb channels/channels_target.glb out.glb --size 128
   transfer made-splats sphere.ply sphere_target.glb out.png --size 256 --coverage OUT/mask.png
+  transfer made-splats-evidence sphere.ply sphere_target.glb '<CHANNEL>.exr' --size 128 --channels baseColor,confidence,distance
   transfer made-splats-u16 sphere.ply dense.glb out.png --size 128 --depth u16
   transfer made-splats-rays sphere.ply sphere_target.glb out.png --size 128 --rays 3 --alpha --coverage OUT/mask.png
   transfer made-splats-broken broken.ply sphere_target.glb out.png --size 128

@@ -65,6 +65,8 @@ job 0 transfer $source $target -o a.png --size 96 --skip-existing
 job 0 transfer splats/scene.ply splats/scene_target.glb -o s.png --size 64 --cache cold
 job 0 transfer splats/scene.ply splats/scene_target.glb -o t.exr --size 64 --cache cold --threads 3
 job 0 transfer splats/scene.ply splats/scene_target.glb -o w.png --size 64 --cache cold --rays 3 --alpha
+job 0 transfer splats/scene.ply splats/scene_target.glb -o 't_<CHANNEL>.tif' --size 64 --channels baseColor,confidence,distance
+job 0 transfer splats/scene.ply $target -o w.png --size 64 --source-axes=-y,z,-x --min-confidence 0
 job 0 gaussians $source -o u.ply
 job 0 maps $target -o 'v_<CHANNEL>.exr' --size 70
 for file in $source plane.obj splats/scene.ply a.png; do job 0 inspect "$file"; done

@@ -70,7 +70,9 @@ double unit_bytes(const std::string& unit) {
 Channel parse_channel(const std::string& option, const std::string& name) {
   const std::optional<Channel> channel = channel_from_name(name);
   if (!channel) {
-    refuse(option, name, "baseColor, metallicRoughness, occlusion or emissive");
+    refuse(option, name,
+           "baseColor, metallicRoughness, occlusion or emissive; of splat scenes baseColor, "
+           "confidence or distance");
   }
   return *channel;
 }

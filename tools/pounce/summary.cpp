@@ -15,6 +15,7 @@
 namespace pounce::cli {
 namespace {
 
+constexpr double kLeastFit = 0.5;              // below that a scene hardly lies at its target
 constexpr std::size_t kMostOutputsListed = 8;  // a folder of files is better counted than listed
 
 std::string wall_text(double seconds) {
@@ -117,6 +118,10 @@ std::string summary_text(const Report& report, double wall_s) {
                       share_text(report.target_covered, texels), with_commas(report.target_empty),
                       share_text(report.target_empty, texels), with_commas(report.target_filled));
   text += left_out_text(report);
+  for (const TargetReport& target : report.targets) {
+    if (target.fit && *target.fit < kLeastFit)
+      text += fmt::format("{}: fit {:.2f} of 1\n", visible_line(target.path), *target.fit);
+  }
   text += fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
   return text;
 }

@@ -126,7 +126,9 @@ void add_source_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Source";
   add_value(command, "--channels", "LIST", group,
             "baseColor,metallicRoughness,occlusion,emissive, or all = what\n"
-            "the source has. Each costs one decoding and one image.\n"
+            "the source has. Each costs one decoding and one image. Of a splat\n"
+            "scene baseColor, and on demand confidence (0 to 1) and distance\n"
+            "(signed, of the surface found from the texel; .exr or .tif).\n"
             "Default: all if OUTPUT is a model or holds <CHANNEL>, else baseColor",
             [&options](const std::string& text) {
               options.all_channels = text == "all";
@@ -206,12 +208,19 @@ void add_splat_options(CLI::App& command, TransferOptions& options) {
             });
   add_switch(command, "--alpha", group,
              "Write how opaque the scene is at each texel as the image's alpha", options.alpha);
+  add_value(command, "--min-confidence", "C", group,
+            "Leave texels empty that are less sure than this, 0 to 1: how opaque\n"
+            "the surface is, times how well the scene lies at the target. 0: show\n"
+            "whatever is there. Default: 0.01",
+            [&options](const std::string& text) {
+              options.min_confidence = parse_number("--min-confidence", text, 0, 1);
+            });
   add_value(command, "--near-target", "D|P%|off", group,
             "Do not sort what stays farther than this from every target's\n"
             "surface, with 3 standard deviations counted in. The store in the\n"
             "cache is then of use to these targets alone. off: sort all.\n"
-            "Default: 1.1 times --max-distance where a sample says that this\n"
-            "spares three quarters of the scene, else off",
+            "Default: 6.6% (or 2.2 times --max-distance, if more) where a sample\n"
+            "says that this spares three quarters of the scene, else off",
             [&options](const std::string& text) {
               options.everywhere = text == "off";
               options.near_target.reset();

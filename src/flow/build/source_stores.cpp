@@ -17,6 +17,19 @@
 #include "source/splat_shapes.h"
 
 namespace pounce::flow {
+namespace {
+
+/// The texels that a target's places stand for, whatever its images' size: of its diagonal.
+constexpr double kPlaceEdge = 1.0 / 1024;
+
+/// Of a texel whose confidence, opacity x fit, is the least that is covered.
+double least_opacity(double min_confidence, double fit) {
+  constexpr double kNone = 2;  // no texel has that
+  if (fit > 0) return std::max(projection::kLeastOpacity, min_confidence / fit);
+  return min_confidence > 0 ? kNone : projection::kLeastOpacity;
+}
+
+}  // namespace
 
 SourceStores::SourceStores(JobContext& job, const TransferOptions& options, const Plan& plan,
                            const std::string& isa, bool fades_isolated)
@@ -101,8 +114,9 @@ void SourceStores::count_splats(bool cached) {
 
 std::unique_ptr<Projection> SourceStores::projector(std::size_t pass,
                                                     const store::GeometryStore& target,
-                                                    const TargetPlan& target_plan) const {
-  return plan_.from_splats    ? splat_projector(target, target_plan)
+                                                    const TargetPlan& target_plan,
+                                                    double fit) const {
+  return plan_.from_splats    ? splat_projector(pass, target, target_plan, fit)
          : plan_.as_gaussians ? gaussian_projector(target, target_plan)
                               : mesh_projector(pass, target, target_plan);
 }
@@ -111,16 +125,13 @@ float SourceStores::min_cosine() const {
   return static_cast<float>(std::cos(options_.max_angle_deg * std::numbers::pi / 180));
 }
 
-std::unique_ptr<Projection> SourceStores::splat_projector(const store::GeometryStore& target,
-                                                          const TargetPlan& target_plan) const {
+SplatProjection SourceStores::splat_request(const TargetPlan& target_plan) const {
   SplatProjection request;
   request.source = splats_.get();
-  request.target = &target;
-  request.format = plan_.channels.front().format;
   request.kernels = &projection::splat_kernels(isa_);
   const store::SplatDirectory& scene = splats_->store().directory();
   request.linear = scene.is_linear;
-  request.alpha = plan_.channels.front().source_alpha;
+  request.alpha = options_.alpha;
   request.limits.reach = target_plan.max_distance;
   request.limits.min_cosine = min_cosine();
   request.limits.window = kWindowOverNoise * scene.surface_noise;
@@ -128,6 +139,29 @@ std::unique_ptr<Projection> SourceStores::splat_projector(const store::GeometryS
   request.limits.antialiased = scene.model == store::SplatModel::antialiased;
   request.limits.rays = static_cast<int>(plan_.rays);
   request.smallest_edge = target_plan.smallest_edge;
+  return request;
+}
+
+std::optional<double> SourceStores::fit(std::span<const target::Place> places,
+                                        const TargetPlan& target_plan) const {
+  if (!plan_.from_splats) return std::nullopt;
+  SplatProjection request = splat_request(target_plan);
+  request.limits.reach = target_plan.fit_reach;
+  request.limits.rays = 0;
+  const auto edge = static_cast<float>(target_plan.diagonal * kPlaceEdge);
+  return find_fit(job_, request, places, std::max(edge, target_plan.smallest_edge));
+}
+
+std::unique_ptr<Projection> SourceStores::splat_projector(std::size_t pass,
+                                                          const store::GeometryStore& target,
+                                                          const TargetPlan& target_plan,
+                                                          double fit) const {
+  SplatProjection request = splat_request(target_plan);
+  request.target = &target;
+  for (const std::size_t c : plan_.passes[pass].channels)
+    request.outputs.push_back({plan_.channels[c].channel, plan_.channels[c].format});
+  request.fit = fit;
+  request.limits.least_opacity = least_opacity(options_.min_confidence, fit);
   return project_splats(job_, request);
 }
 

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -10,6 +12,7 @@
 #include "flow/job_context.h"
 #include "flow/plan/plan.h"
 #include "flow/project/mesh.h"
+#include "flow/project/splats.h"
 #include "projection/hit_packet.h"
 #include "store/blocks/splat_store.h"
 
@@ -28,9 +31,13 @@ class SourceStores {
   /// The plan's mesh is not needed afterwards.
   void build(double begin, double end);
 
-  /// Puts the source in front of one target's texels, for one pass.
+  /// Does a splat scene lie at a target, 0..1 (find_fit)? `places`: strewn over its surface.
+  /// Nothing for other sources.
+  std::optional<double> fit(std::span<const target::Place> places,
+                            const TargetPlan& target_plan) const;
+  /// Puts the source in front of one target's texels, for one pass. `fit`: of a scene; else 1.
   std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
-                                        const TargetPlan& target_plan) const;
+                                        const TargetPlan& target_plan, double fit) const;
   /// The pack that a pass reads most.
   const store::PackReader& pack(std::size_t pass) const;
   /// Where the source of a pass lies.
@@ -45,8 +52,9 @@ class SourceStores {
   void count_splats(bool cached);
   std::unique_ptr<Projection> mesh_projector(std::size_t pass, const store::GeometryStore& target,
                                              const TargetPlan& target_plan) const;
-  std::unique_ptr<Projection> splat_projector(const store::GeometryStore& target,
-                                              const TargetPlan& target_plan) const;
+  SplatProjection splat_request(const TargetPlan& target_plan) const;
+  std::unique_ptr<Projection> splat_projector(std::size_t pass, const store::GeometryStore& target,
+                                              const TargetPlan& target_plan, double fit) const;
   std::unique_ptr<Projection> gaussian_projector(const store::GeometryStore& target,
                                                  const TargetPlan& target_plan) const;
   float min_cosine() const;

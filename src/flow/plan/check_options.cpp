@@ -58,8 +58,27 @@ void check_splat_options(const TransferOptions& o) {
     }
   }
   if (o.rays > kMostRays) usage(fmt::format("--rays {}: at most {}", o.rays, kMostRays));
+  if (!(o.min_confidence >= 0 && o.min_confidence <= 1))
+    usage(fmt::format("--min-confidence {:g}: from 0 to 1", o.min_confidence));
   if (o.near_target && !(o.near_target->value > 0 && std::isfinite(o.near_target->value)))
     usage("--near-target must be above 0");
+}
+
+/// Where evidence cannot go, whatever the source is.
+void check_evidence(const TransferOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  for (const SourceTexture& texture : o.source_textures) {
+    if (!is_evidence(texture.channel)) continue;
+    usage(fmt::format("--source-texture: {} is no channel of a material; it is found, not read",
+                      channel_name(texture.channel)));
+  }
+  for (const Channel channel : o.channels) {
+    if (!is_evidence(channel) || !io::is_model_path(o.output)) continue;
+    usage(
+        fmt::format("--channels {}: {} is a model, whose materials have no such texture; write "
+                    "images, such as '<CHANNEL>.exr'",
+                    channel_name(channel), o.output));
+  }
 }
 
 }  // namespace
@@ -99,6 +118,7 @@ void check_options(const TransferOptions& o) {
     usage("--max-angle must be at least 0 and below 90 degrees");
   check_method(o);
   check_splat_options(o);
+  check_evidence(o);
   if (o.all_channels && !o.channels.empty()) usage("--channels takes either a list or all");
   if (o.size && (o.size->width == 0 || o.size->height == 0)) usage("--size must be at least 1");
   if (o.padding_px && *o.padding_px > texture::SeamPadder::kLargestRadius)

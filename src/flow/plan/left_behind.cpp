@@ -37,6 +37,8 @@ bool has_factor(const mesh::Material& material, Channel channel) {
     case Channel::occlusion:
       return material.occlusion_strength != 1;
     case Channel::emissive:
+    case Channel::confidence:  // no material has these
+    case Channel::distance:
       break;
   }
   return f[0] != 1 || f[1] != 1 || f[2] != 1 || material.emissive_strength != 1;

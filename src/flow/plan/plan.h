@@ -67,7 +67,7 @@ struct PassPlan {
 
 /// The source's side of a job: the same for all its targets.
 struct Plan {
-  bool from_splats = false;  ///< then there is one channel and one pass, and no mesh or image
+  bool from_splats = false;  ///< then there are colours and evidence alone, and no mesh or image
   SplatRequest splats;       ///< then
   SceneFacts scene;          ///< then
   std::uint32_t rays = 0;    ///< then: beside each texel's normal
@@ -87,6 +87,7 @@ struct TargetPlan {
   std::string path;
   float max_distance = 0;   ///< in the target's units
   double diagonal = 0;      ///< of the target's bounding box
+  float fit_reach = 0;      ///< splats: how far is looked to say whether the scene lies here at all
   float smallest_edge = 0;  ///< see TargetBlock
   std::vector<TargetPage> pages;
   bool by_tile = false;  ///< each tile of UV space has images of its own

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The source's side of a plan where the source is a splat scene: one channel, one pass.
+// The source's side of a plan where the source is a splat scene: colours and evidence, which share
+// one pass where their images are of one size.
 #include <fmt/format.h>
+
+#include <algorithm>
+#include <vector>
 
 #include "flow/load_mesh.h"
 #include "flow/plan/plan.h"
@@ -32,6 +36,67 @@ SplatRequest request_of(const TransferOptions& options) {
   return request;
 }
 
+/// `all` is what a scene looks like; how sure that is must be asked for.
+std::vector<Channel> channels_of(const TransferOptions& options) {
+  if (options.channels.empty()) return {Channel::base_color};
+  for (const Channel channel : options.channels) {
+    if (channel == Channel::base_color || is_evidence(channel)) continue;
+    throw Error(ErrorKind::input,
+                fmt::format("{}: a splat scene has colours only, no {}; ask for baseColor, "
+                            "confidence or distance",
+                            options.source, channel_name(channel)));
+  }
+  return options.channels;
+}
+
+SourceLook look_of(Channel channel, const SceneFacts& scene) {
+  SourceLook look;
+  look.linear = scene.is_linear;
+  if (is_evidence(channel)) look.colours = 1;
+  if (channel == Channel::distance) look.depth = Depth::float32;
+  return look;
+}
+
+/// Throws Error(usage) where evidence does not fit what it is to be written as.
+void check_evidence(const TransferOptions& options, const ChannelPlan& plan) {
+  if (!is_evidence(plan.channel)) return;
+  const char* const name = channel_name(plan.channel);
+  if (plan.format.channels > 1) {
+    throw Error(ErrorKind::usage,
+                fmt::format("--channels {}: --onto {} holds colours, this is one number per "
+                            "texel; put <CHANNEL> into --onto, or leave {} to a run of its own",
+                            name, options.onto, name));
+  }
+  const bool is_float = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
+  if (plan.channel != Channel::distance || is_float) return;
+  throw Error(ErrorKind::usage,
+              fmt::format("--channels {}: signed lengths need half or float samples, {} would "
+                          "hold {}; write .exr or .tif{}",
+                          name, options.output, depth_name(plan.format.depth),
+                          options.depth ? " and leave out --depth" : ""));
+}
+
+/// Channels whose images have one size share a pass.
+void add_channel(const TransferOptions& options, Channel channel, Plan& plan) {
+  ChannelPlan& added = plan.channels.emplace_back();
+  added.channel = channel;
+  SourceLook look = look_of(channel, plan.scene);
+  look.alpha = options.alpha && channel == Channel::base_color;
+  choose_output(options, look, added, plan.warnings);
+  check_evidence(options, added);
+  if (look.alpha && !added.format.has_alpha) {
+    throw Error(ErrorKind::usage,
+                fmt::format("--alpha: {} has no alpha to paint over; paint onto an image with "
+                            "alpha, or leave --alpha out",
+                            options.onto));
+  }
+  const std::size_t c = plan.channels.size() - 1;
+  for (PassPlan& pass : plan.passes) {
+    if (pass.size == added.size) return pass.channels.push_back(c);
+  }
+  plan.passes.push_back({{}, {}, added.size, {c}});
+}
+
 }  // namespace
 
 bool is_splat_scene(const std::string& path) {
@@ -44,7 +109,9 @@ bool is_splat_scene(const std::string& path) {
 void keep_near(const TransferOptions& options, const TargetPlan& target, const mesh::Mesh& mesh,
                SplatRequest& splats) {
   if (options.everywhere || options.targets.size() > kMostNearTargets) return;
-  double distance = kReachOverDistance * static_cast<double>(target.max_distance);
+  // What texels see, and what says whether the scene lies here at all.
+  double distance =
+      kReachOverDistance * static_cast<double>(std::max(target.max_distance, target.fit_reach));
   if (options.near_target) {
     distance = options.near_target->is_percent ? options.near_target->value / 100 * target.diagonal
                                                : options.near_target->value;
@@ -53,6 +120,14 @@ void keep_near(const TransferOptions& options, const TargetPlan& target, const m
 }
 
 void refuse_splat_options(const TransferOptions& options) {
+  for (const Channel channel : options.channels) {
+    if (!is_evidence(channel)) continue;
+    throw Error(ErrorKind::usage,
+                fmt::format("--channels {}: it says how sure a splat scene is of a texel; {} is a "
+                            "mesh",
+                            channel_name(channel), options.source));
+  }
+  const bool other_confidence = options.min_confidence != TransferOptions{}.min_confidence;
   const char* const given = options.harmonics != TransferOptions{}.harmonics ? "--sh"
                             : options.min_opacity                            ? "--min-opacity"
                             : options.max_scale                              ? "--max-scale"
@@ -60,6 +135,7 @@ void refuse_splat_options(const TransferOptions& options) {
                             : options.rays > 0                               ? "--rays"
                             : options.alpha                                  ? "--alpha"
                             : options.near_target || options.everywhere      ? "--near-target"
+                            : other_confidence                               ? "--min-confidence"
                                                                              : nullptr;
   if (given == nullptr) return;
   throw Error(ErrorKind::usage,
@@ -88,30 +164,18 @@ Plan plan_splats(const TransferOptions& options) {
                     "for the texels of a mesh",
                     options.sigma_texels ? "--sigma" : "--densify", options.source));
   }
-  for (const Channel channel : options.channels) {
-    if (channel == Channel::base_color) continue;
-    throw Error(ErrorKind::input,
-                fmt::format("{}: a splat scene has colours only, no {}; ask for baseColor",
-                            options.source, channel_name(channel)));
+  const std::vector<Channel> channels = channels_of(options);
+  if (options.alpha &&
+      std::find(channels.begin(), channels.end(), Channel::base_color) == channels.end()) {
+    throw Error(ErrorKind::usage,
+                "--alpha is of colours: add baseColor to --channels, or leave --alpha out");
   }
   Plan plan;
   plan.from_splats = true;
   plan.splats = request_of(options);
   plan.scene = scene_facts(plan.splats);
   plan.rays = options.rays;
-  ChannelPlan& channel = plan.channels.emplace_back();
-  channel.channel = Channel::base_color;
-  SourceLook look;
-  look.linear = plan.scene.is_linear;
-  look.alpha = options.alpha;
-  choose_output(options, look, channel, plan.warnings);
-  if (options.alpha && !channel.format.has_alpha) {
-    throw Error(ErrorKind::usage,
-                fmt::format("--alpha: {} has no alpha to paint over; paint onto an image with "
-                            "alpha, or leave --alpha out",
-                            options.onto));
-  }
-  plan.passes.push_back({{}, {}, channel.size, {0}});
+  for (const Channel channel : channels) add_channel(options, channel, plan);
   return plan;
 }
 

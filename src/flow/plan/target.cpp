@@ -44,6 +44,9 @@ Box3f box_of(const mesh::Mesh& mesh) {
 // How far texels look where nobody says: of the target's diagonal. Of splats three deviations of
 // where a proxy's surface lies (docs/decisions/023-splat-blend.md).
 constexpr double kReachPercent = 5, kSplatReachPercent = 3;
+// Whether a scene lies at a target shows farther away than texels look
+// (docs/decisions/026-evidence.md).
+constexpr double kFitPercent = 6, kFitOverReach = 2;
 
 class TargetPlanner {
  public:
@@ -60,6 +63,7 @@ class TargetPlanner {
     using Float = std::numeric_limits<float>;
     plan_.max_distance =
         static_cast<float>(std::clamp<double>(distance, Float::min(), Float::max()));
+    plan_.fit_reach = fit_reach(distance);
     plan_.smallest_edge = static_cast<float>(std::max(diag * 1e-7, 1e-30));
     PageRequest request;
     request.by_material = has_token(options_.output, "MATERIAL");
@@ -80,6 +84,17 @@ class TargetPlanner {
   }
 
  private:
+  /// Not farther than --near-target: beyond, the scene's store may lack what lies there.
+  float fit_reach(double max_distance) const {
+    const auto length_of = [&](const Length& length) {
+      return length.is_percent ? length.value / 100 * plan_.diagonal : length.value;
+    };
+    double reach = std::max(length_of({kFitPercent, true}), kFitOverReach * max_distance);
+    if (options_.near_target) reach = std::min(reach, length_of(*options_.near_target));
+    using Float = std::numeric_limits<float>;
+    return static_cast<float>(std::clamp<double>(reach, Float::min(), Float::max()));
+  }
+
   GeometryRequest target_request(const PassPlan& pass, const TargetPages& pages, std::uint32_t page,
                                  const std::shared_ptr<MeshHashes>& hashes) const {
     GeometryRequest request;
@@ -264,7 +279,8 @@ LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const 
         page_blocks * (sizeof(store::ChunkRef) * pass.channels.size() + 32) +
         (more_pages ? target.size_bytes() : 0);
     const std::uint64_t projecting =
-        plan.from_splats ? project_splats_least_bytes(result_texel, plan.scene.lobes, plan.rays)
+        plan.from_splats ? project_splats_least_bytes(result_texel, pass.channels.size(),
+                                                      plan.scene.lobes, plan.rays)
         : plan.as_gaussians
             ? project_gaussians_least_bytes(result_texel)
             : project_least_bytes(pass.shape.most_triangles, pass.shape.most_patches,

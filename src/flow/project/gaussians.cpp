@@ -44,12 +44,14 @@ class GaussianMethod : public SplatMethodBase<GaussianProjection, projection::Ra
 
   void blend(Work& work) const {
     projection::count_distances(work.state, request_.limits.max_distance, work.distances);
-    blend_blocks(work, [&](std::size_t p, int lane) -> std::optional<texture::TexelValue> {
+    const auto value_of = [&](std::size_t, std::size_t p,
+                              int lane) -> std::optional<texture::TexelValue> {
       const auto colour = projection::ray_colour(work.state.sums[p], lane);
       if (!colour) return std::nullopt;
       return texture::TexelValue{*colour, request_.has_alpha ? 4U : 3U, request_.linear,
                                  request_.has_alpha};
-    });
+    };
+    blend_blocks(work, value_of);
   }
 
  private:
@@ -76,7 +78,7 @@ std::unique_ptr<Projection> project_gaussians(JobContext& job, const GaussianPro
 
 std::uint64_t project_gaussians_least_bytes(std::uint64_t result_texel_bytes) {
   return GaussianMethod::least_bytes(
-      result_texel_bytes, 0, GaussianProjection::packet_bytes(GaussianMethod::most_packets()));
+      result_texel_bytes, 1, 0, GaussianProjection::packet_bytes(GaussianMethod::most_packets()));
 }
 
 }  // namespace pounce::flow

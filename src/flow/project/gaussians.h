@@ -24,6 +24,8 @@ struct GaussianProjection {
   static std::uint64_t packet_bytes(std::uint64_t packets) {
     return projection::RayState::most_bytes(packets);
   }
+  static std::size_t channels() { return 1; }
+  const texture::TexelFormat& format_of(std::size_t) const { return format; }
 };
 
 /// How far a texel looks first: half the edge of a cell where a target's box has about one cell per

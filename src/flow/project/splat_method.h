@@ -35,7 +35,7 @@ class SplatMethodBase {
     std::vector<const source::SplatSet*> sets;  ///< of the batch
   };
 
-  static std::size_t channels() { return 1; }
+  std::size_t channels() const { return request_.channels(); }
   std::uint64_t fixed_bytes() const {
     const store::SplatDirectory& d = request_.source->store().directory();
     return scratch_bytes() + reading_bytes(d.most_splats, d.lobes, d.largest_chunk_bytes);
@@ -45,19 +45,23 @@ class SplatMethodBase {
   }
   std::uint64_t state_bytes(const store::BlockEntry& entry) const {
     const std::uint32_t packets = target::TargetBlock::most_packets(entry.texels);
+    std::uint64_t result_texel = 0;
+    for (std::size_t c = 0; c < channels(); ++c)
+      result_texel += request_.format_of(c).texel_bytes();
     return request_.packet_bytes(packets) +
-           block_bytes(entry.texels, entry.triangles, request_.format.texel_bytes());
+           block_bytes(entry.texels, entry.triangles, result_texel, channels());
   }
   /// What projecting one block needs at once, whatever is in it; its packets take
   /// request.packet_bytes(most_packets()).
-  static std::uint64_t least_bytes(std::uint64_t result_texel_bytes, std::uint32_t lobes,
-                                   std::uint64_t packet_bytes) {
+  static std::uint64_t least_bytes(std::uint64_t result_texel_bytes, std::size_t channels,
+                                   std::uint32_t lobes, std::uint64_t packet_bytes) {
     constexpr std::uint64_t kSplats = store::kMostSplatsPerBlock;
     const std::uint64_t chunk =
         kSplats * (sizeof(store::Splat) + store::lobe_bytes(lobes)) + kPageBytes;
     return scratch_bytes() + reading_bytes(kSplats, lobes, chunk) +
            splat_batch_cost(kSplats, lobes) + packet_bytes +
-           block_bytes(store::kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes);
+           block_bytes(store::kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes,
+                       channels);
   }
 
   static std::uint32_t most_packets() {
@@ -95,18 +99,19 @@ class SplatMethodBase {
     work.batch.clear();
   }
 
-  /// colour_of(packet, lane) is an optional texture::TexelValue: nothing where nothing was met.
-  template <class ColourOf>
-  void blend_blocks(Work& work, const ColourOf& colour_of) const {
-    work.stored.assign(1, std::vector<std::vector<std::byte>>(work.blocks.size()));
-    work.raw_bytes.assign(1, 0);
-    work.covered.assign(1, 0);
-    work.clipped.assign(1, 0);
+  /// value_of(c, packet, lane), of channel c, is an optional texture::TexelValue: nothing where
+  /// nothing was met.
+  template <class ValueOf>
+  void blend_blocks(Work& work, const ValueOf& value_of) const {
+    work.stored.assign(channels(), std::vector<std::vector<std::byte>>(work.blocks.size()));
+    work.raw_bytes.assign(channels(), 0);
+    work.covered.assign(channels(), 0);
+    work.clipped.assign(channels(), 0);
     std::size_t p = 0;  // packets are in the order of their blocks
     for (std::size_t b = 0; b < work.blocks.size(); ++b) {
       const std::size_t first = p;
       while (p < work.state.packets.size() && work.state.packets[p].block == b) ++p;
-      blend_block(work, b, first, p, colour_of);
+      for (std::size_t c = 0; c < channels(); ++c) blend_block(work, c, b, first, p, value_of);
     }
   }
 
@@ -124,16 +129,18 @@ class SplatMethodBase {
     return store::SplatBlock::decoded_bytes(splats, true, lobes) + 3 * chunk_bytes;
   }
   static std::uint64_t block_bytes(std::uint32_t texels, std::uint32_t triangles,
-                                   std::uint64_t result_texel_bytes) {
+                                   std::uint64_t result_texel_bytes, std::uint64_t channels) {
     return 2 * store::kTexelsPerBlock + std::uint64_t{triangles} * 220 +
            target::TargetBlock::record_bytes(triangles == 0 ? texels : 0) +
-           store::kTexelsPerBlock * result_texel_bytes + texture::kMaskBytes + 4 * kPageBytes;
+           store::kTexelsPerBlock * result_texel_bytes + channels * texture::kMaskBytes +
+           (3 + channels) * kPageBytes;
   }
 
-  template <class ColourOf>
-  void blend_block(Work& work, std::size_t b, std::size_t first, std::size_t last,
-                   const ColourOf& colour_of) const {
-    const std::size_t texel_bytes = request_.format.texel_bytes();
+  template <class ValueOf>
+  void blend_block(Work& work, std::size_t c, std::size_t b, std::size_t first, std::size_t last,
+                   const ValueOf& value_of) const {
+    const texture::TexelFormat& format = request_.format_of(c);
+    const std::size_t texel_bytes = format.texel_bytes();
     texture::ResultBlock result;
     result.texels.resize(store::kTexelsPerBlock * texel_bytes);
     std::uint64_t covered = 0;
@@ -141,16 +148,16 @@ class SplatMethodBase {
       for (int lane = 0; lane < target::kLanes; ++lane) {
         const std::uint16_t texel = work.state.packets[p].texel[lane];
         if (texel == target::kNoTexel) continue;
-        const std::optional<texture::TexelValue> value = colour_of(p, lane);
+        const std::optional<texture::TexelValue> value = value_of(c, p, lane);
         if (!value) continue;
-        work.clipped[0] += texture::store_texel(request_.format, *value,
-                                                result.texels.data() + texel * texel_bytes);
+        work.clipped[c] +=
+            texture::store_texel(format, *value, result.texels.data() + texel * texel_bytes);
         result.cover(texel);
         ++covered;
       }
     }
-    work.covered[0] += covered;
-    if (covered > 0) finish_block(*job_, request_.format, result, 0, b, work);
+    work.covered[c] += covered;
+    if (covered > 0) finish_block(*job_, format, result, c, b, work);
   }
 };
 

@@ -18,6 +18,7 @@
 #include <tuple>
 
 #include "flow/project/splat_method.h"
+#include "projection/splat_fit.h"
 
 namespace pounce::flow {
 namespace {
@@ -53,18 +54,34 @@ class SplatMethod : public Base {
 
   void blend(Work& work) const {
     projection::count_distances(request_.limits, work.state, work.distances);
-    blend_blocks(work, [&](std::size_t p, int lane) -> std::optional<texture::TexelValue> {
+    const auto value_of = [&](std::size_t c, std::size_t p,
+                              int lane) -> std::optional<texture::TexelValue> {
       const auto found = projection::finding(request_.limits, work.state, p, lane);
       if (!found) return std::nullopt;
-      const auto& c = found->colour;
-      return texture::TexelValue{{c[0], c[1], c[2], found->opacity},
-                                 request_.alpha ? 4U : 3U,
-                                 request_.linear,
-                                 request_.alpha};
-    });
+      return value(request_.outputs[c].channel, *found);
+    };
+    blend_blocks(work, value_of);
   }
 
+  /// A work of places instead of texels; the rays of each need blocks of their own.
+  void begin(Work& work, std::span<const target::Place> places, float edge) const {
+    target::make_packets(places, edge, work.state.packets, work.state.groups);
+    work.blocks.resize(places.size());
+    projection::start(request_.limits, work.state);
+  }
+  using Base::begin;
+
  private:
+  texture::TexelValue value(Channel channel, const projection::SplatFinding& found) const {
+    if (channel == Channel::confidence) return {{found.opacity * request_.fit}, 1};
+    if (channel == Channel::distance) return {{found.distance}, 1};
+    const auto& c = found.colour;
+    return {{c[0], c[1], c[2], found.opacity},
+            request_.alpha ? 4U : 3U,
+            request_.linear,
+            request_.alpha};
+  }
+
   std::vector<Box3f> boxes(const Work& work) const {
     return projection::reachable_boxes(request_.limits, work.state, work.blocks.size());
   }
@@ -114,10 +131,25 @@ std::unique_ptr<Projection> project_splats(JobContext& job, const SplatProjectio
                                                       SplatMethod(job, request));
 }
 
-std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::uint32_t lobes,
-                                         std::uint32_t rays) {
+double find_fit(JobContext& job, const SplatProjection& request,
+                std::span<const target::Place> places, float edge) {
+  const SplatMethod method(job, request);
+  SplatMethod::Work work;
+  work.batch_bytes = method.least_batch_bytes();
+  const runtime::Lease lease(job.budget,
+                             method.fixed_bytes() + work.batch_bytes +
+                                 request.packet_bytes(places.size()) +
+                                 places.size() * sizeof(store::BlockEntry),
+                             "looking whether the scene lies at the target");
+  method.begin(work, places, edge);
+  while (method.fetch(work) > 0) method.hit(work);
+  return projection::fit_of(request.limits, work.state);
+}
+
+std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::size_t channels,
+                                         std::uint32_t lobes, std::uint32_t rays) {
   return SplatMethod::least_bytes(
-      result_texel_bytes, lobes,
+      result_texel_bytes, channels, lobes,
       projection::SplatState::most_bytes(SplatMethod::most_packets(), rays));
 }
 

@@ -2,27 +2,39 @@
 #pragma once
 
 #include <memory>
+#include <span>
+#include <vector>
 
 #include "flow/project/page_projector.h"
 #include "flow/project/source_readers.h"
 #include "projection/splat_blend.h"
 #include "store/blocks/splat_store.h"
+#include "target/strewn_places.h"
 
 namespace pounce::flow {
 
 /// The depth window's width, in units of the scene's surface noise.
 inline constexpr float kWindowOverNoise = 2.5F;
 
+/// One image of a page: colours, or evidence of them.
+struct SplatOutput {
+  Channel channel = Channel::base_color;
+  texture::TexelFormat format;  ///< of colours without alpha
+};
+
 struct SplatProjection {
   const SplatCache* source = nullptr;
   const store::GeometryStore* target = nullptr;
-  texture::TexelFormat format;  ///< of the one channel there is: colour
-  bool linear = false;          ///< the scene's colours are linear light
-  bool alpha = false;           ///< a texel's opacity is its alpha
+  std::vector<SplatOutput> outputs;
+  bool linear = false;  ///< the scene's colours are linear light
+  bool alpha = false;   ///< a texel's opacity is the alpha of its colour
+  double fit = 1;       ///< of the scene at this target, 0..1: find_fit()
   projection::SplatLimits limits;
   const projection::SplatKernels* kernels = nullptr;
   float smallest_edge = 0;  ///< see TargetBlock
 
+  std::size_t channels() const { return outputs.size(); }
+  const texture::TexelFormat& format_of(std::size_t c) const { return outputs[c].format; }
   std::uint64_t packet_bytes(std::uint64_t packets) const {
     return projection::SplatState::most_bytes(packets, static_cast<std::uint64_t>(limits.rays));
   }
@@ -32,9 +44,16 @@ struct SplatProjection {
 /// outlive it.
 std::unique_ptr<Projection> project_splats(JobContext& job, const SplatProjection& request);
 
+/// Does the scene lie at the surface where these places are? 0..1; 0 without any places. They look
+/// as far as request.limits say; `edge` is that of the texels they stand for. Target, outputs and
+/// fit of the request do not count. Needs no more memory than project_splats_least_bytes().
+double find_fit(JobContext& job, const SplatProjection& request,
+                std::span<const target::Place> places, float edge);
+
 /// The least that projecting needs at once: one target block, one block of a scene that has so many
-/// lobes of harmonics, and so many rays beside each texel's normal.
-std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::uint32_t lobes,
-                                         std::uint32_t rays);
+/// lobes of harmonics, and so many rays beside each texel's normal. `result_texel_bytes`: of all
+/// channels together.
+std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::size_t channels,
+                                         std::uint32_t lobes, std::uint32_t rays);
 
 }  // namespace pounce::flow

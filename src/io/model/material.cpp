@@ -71,6 +71,9 @@ class MaterialEditor {
       case Channel::emissive:
         write_emissive(texture);
         break;
+      case Channel::confidence:  // no material has these
+      case Channel::distance:
+        break;
     }
   }
   std::string text() { return std::move(text_); }

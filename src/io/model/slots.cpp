@@ -90,6 +90,9 @@ std::vector<std::size_t> replaced_textures(const Json& material, Channel channel
     case Channel::emissive:
       infos[0] = at(material, {"emissiveTexture", "index"});
       break;
+    case Channel::confidence:  // no material has these
+    case Channel::distance:
+      break;
   }
   std::vector<std::size_t> textures;
   for (const Json* info : infos) {

@@ -10,8 +10,11 @@ TEST_CASE("every channel has the name that glTF gives it", "[core]") {
   CHECK(std::string(channel_name(Channel::metallic_roughness)) == "metallicRoughness");
   CHECK(std::string(channel_name(Channel::occlusion)) == "occlusion");
   CHECK(std::string(channel_name(Channel::emissive)) == "emissive");
-  for (int i = 0; i < kChannelCount; ++i) {
+  CHECK(std::string(channel_name(Channel::confidence)) == "confidence");
+  CHECK(std::string(channel_name(Channel::distance)) == "distance");
+  for (int i = 0; i < kChannelCount + kEvidenceCount; ++i) {
     const auto channel = static_cast<Channel>(i);
+    CHECK(is_evidence(channel) == (channel == Channel::confidence || channel == Channel::distance));
     CHECK(channel_from_name(channel_name(channel)) == channel);
   }
 }

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+# --channels confidence,distance: images, names and refusals; a scene that lies elsewhere is said so.
+source "$(dirname "$0")/support.sh"
+make_job
+for channel in confidence distance; do
+  expect 2 transfer source.obj target.obj -o o.exr --channels $channel
+  err_has "--channels $channel: it says how sure a splat scene is of a texel; source.obj is a mesh"
+done
+"$POUNCE_FIXTURE" splats -o scene.ply --count 4000 --target-size 64 >/dev/null
+job=(transfer scene.ply scene_target.glb --size 32 --no-cache)
+expect 2 "${job[@]}" -o '<CHANNEL>.png' --channels baseColor,distance
+err_has 'signed lengths need half or float samples'
+err_has 'write .exr or .tif'
+expect 2 "${job[@]}" -o o.glb --channels confidence
+err_has 'o.glb is a model'
+expect 2 "${job[@]}" -o o.exr --channels baseColor,confidence
+err_has 'put <CHANNEL> into the pattern'
+expect 0 "${job[@]}" -o '<CHANNEL>.exr' --channels all
+[[ -e baseColor.exr && ! -e confidence.exr ]] || fail 'all is what a scene looks like'
+expect 0 "${job[@]}" -o '<CHANNEL>.tif' --channels baseColor,confidence,distance --report r.json
+grep -q '"fit": 1.0' r.json || fail "the scene lies there: $(cat r.json)"
+for channel in baseColor confidence distance; do [[ -e $channel.tif ]] || fail "no $channel"; done
+expect 0 inspect distance.tif
+out_has '1 channel, float'
+expect 0 inspect confidence.tif
+out_has '1 channel, u8'
+# A plane across the scene: told of in the summary, as a warning and in the report.
+expect 0 transfer scene.ply target.obj -o far.png --size 16 --no-cache --report r.json
+err_has 'target.obj: fit 0.00 of 1'
+err_has "target.obj: the scene does not lie at this target's surface (fit 0.00 of 1): 0.00 % of its texels are covered"
+for cure in --source-axes --max-distance '--min-confidence 0'; do err_has "$cure"; done
+grep -q '"fit": 0.0' r.json || fail "it fits: $(cat r.json)"
+# Of a mesh nobody knows.
+expect 0 transfer source.obj target.obj -o mesh.png --report r.json
+grep -q '"fit": null' r.json || fail "a mesh has a fit: $(cat r.json)"
