@@ -176,6 +176,22 @@ TEST_CASE("a scene that crosses its target does not fit", "[flow]") {
   CHECK(sheets.run().target_covered > 0);
 }
 
+TEST_CASE("the fit is looked for farther than colours are", "[flow]") {
+  // 6 % of the diagonal are 0.085: the sheet is there, but no texel may look so far.
+  Sheets sheets(0.05);
+  sheets.add(0.06, 0.9);
+  for (auto& row : sheets.ply.rows) row["scale_2"] = std::log(0.006);
+  const Report report = sheets.run();
+  CHECK(report.targets[0].fit == 1.0);
+  CHECK(report.target_covered * 20 < report.target_texels);
+  CHECK(report.source_filtered.empty());
+  // The sheet is so thick that it comes near enough to be sorted, but others would not be.
+  sheets.options.near_target = Length{0.05, false};
+  const Report near = sheets.run();
+  CHECK(near.source_gaussians > 400);  // all but those beside the target
+  CHECK(near.targets[0].fit == 0.0);
+}
+
 TEST_CASE("evidence has the same bytes however it is made", "[flow]") {
   Sheets sheets;
   sheets.options.size = ImageSize{150, 130};
