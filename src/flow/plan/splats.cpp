@@ -15,7 +15,9 @@ constexpr double kReachOverDistance = 1.1;
 /// What is near more targets is not known: 32 KiB each would add up.
 constexpr std::size_t kMostNearTargets = 8;
 
-SplatRequest request_of(const TransferOptions& options) {
+}  // namespace
+
+SplatRequest splat_request(const TransferOptions& options) {
   SplatRequest request;
   request.path = options.source;
   request.axes = axes_of(options.source_use, "source");
@@ -31,8 +33,6 @@ SplatRequest request_of(const TransferOptions& options) {
   request.near_is_asked = options.near_target.has_value();
   return request;
 }
-
-}  // namespace
 
 bool is_splat_scene(const std::string& path) {
   const auto format = io::source_splat_format(path);
@@ -94,7 +94,7 @@ Plan plan_splats(const TransferOptions& options) {
   }
   Plan plan;
   plan.from_splats = true;
-  plan.splats = request_of(options);
+  plan.splats = splat_request(options);
   plan.scene = scene_facts(plan.splats);
   ChannelPlan& channel = plan.channels.emplace_back();
   channel.channel = Channel::base_color;
