@@ -65,6 +65,10 @@ job 0 transfer $source $target -o a.png --size 96 --skip-existing
 job 0 transfer splats/scene.ply splats/scene_target.glb -o s.png --size 64 --cache cold
 job 0 transfer splats/scene.ply splats/scene_target.glb -o t.exr --size 64 --cache cold --threads 3
 job 0 gaussians $source -o u.ply
+job 0 gaussians $source -o u.spz --sigma 0.25 --sharpen 1
+job 0 gaussians splats/scene.ply -o u.glb --count 1000 --min-opacity 0.1
+job 0 gaussians u.glb -o u.ply --box -9,-9,-9,9,9,9
+job 3 gaussians splats/scene.ply -o u.ply --box 50,50,50,60,60,60
 job 0 maps $target -o 'v_<CHANNEL>.exr' --size 70
 for file in $source plane.obj splats/scene.ply a.png; do job 0 inspect "$file"; done
 job 0 compare a.png c.png
