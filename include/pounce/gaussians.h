@@ -8,9 +8,10 @@
 
 namespace pounce {
 
-/// Writes the Gaussians of a textured mesh as a 3DGS PLY (binary little endian, columns x y z,
-/// nx ny nz, f_dc_0..2, opacity, scale_0..2, rot_0..3): one flat disc per texel of the baseColor
-/// image that the surface uses, one per triangle that holds no texel's centre or has no image.
+/// Writes Gaussians as 3DGS PLY, SPZ 2 or glTF (KHR_gaussian_splatting), by the output's ending. Of
+/// a textured mesh: one flat disc per texel of the baseColor image that the surface uses, one per
+/// triangle that holds no texel's centre or has no image. Of a splat scene: its own, harmonics
+/// included, less what the options leave out, in its order.
 ///
 /// Out of core: never holds more than options.resources.memory_bytes of big data. Same input, same
 /// output bytes, at any budget, thread count and cache state. The file appears whole or not at all.

@@ -219,12 +219,32 @@ struct MapsOptions {
   Resources resources;
 };
 
-/// Source preconditioning alone: a textured mesh as a 3DGS PLY.
+/// Source preconditioning alone: a textured mesh or a splat scene as a file of Gaussians.
 struct GaussiansOptions {
-  std::string source;                          ///< .glb, .gltf or .obj with a baseColor texture
-  std::string output;                          ///< .ply
+  std::string source;  ///< .glb, .gltf or .obj with a baseColor texture, or a splat scene
+  /// .ply (3DGS), .spz (version 2) or .glb (KHR_gaussian_splatting, colours sRGB-coded).
+  std::string output;
+  /// Turns the source: the output's x, y and z as the file's, such as "x,-y,-z". Empty: a mesh as
+  /// it is stored; a scene as it is, but turned by 180 degrees about z from or to glTF, where y is
+  /// up.
+  std::string axes;
   std::vector<SourceTexture> source_textures;  ///< instead of what the mesh says; baseColor alone
-  bool allow_external = false;                 ///< as in TransferOptions
+  /// Of a mesh: standard deviation of a texel's Gaussian in texels: 0.1..4; default kDefaultSigma.
+  /// Narrower ones blend sharper and, below 0.4, leave gaps in viewers.
+  std::optional<double> sigma_texels;
+  /// Of a mesh: 0..4. Colours are sharpened by so much of what a transfer of these Gaussians onto
+  /// texels as large takes away from them, from texels of the same chart. Costs 25 lookups per
+  /// texel.
+  double sharpen = 0;
+  // Of a splat scene, as in TransferOptions:
+  std::optional<double> min_opacity;
+  std::optional<double> max_scale;
+  std::optional<AxisBox> box;
+  /// Of a splat scene: no more than these are written, at least 1: the most important ones, by
+  /// opacity times the product of their two larger standard deviations; of equals the first. Reads
+  /// the source twice.
+  std::optional<std::uint64_t> count;
+  bool allow_external = false;  ///< as in TransferOptions
   Resources resources;
 };
 

@@ -45,12 +45,7 @@ class OptionList {
   void add_splats(const TransferOptions& o) {
     const bool other_harmonics = o.harmonics != TransferOptions{}.harmonics;
     add("sh", other_harmonics ? std::string(harmonics_name(o.harmonics)) : "");
-    add("min-opacity", o.min_opacity ? fmt::format("{:g}", *o.min_opacity) : "");
-    add("max-scale", o.max_scale ? fmt::format("{:g}", *o.max_scale) : "");
-    if (o.box) {
-      add("box",
-          fmt::format("{:g},{:g}", fmt::join(o.box->lowest, ","), fmt::join(o.box->highest, ",")));
-    }
+    add_filters(o);
     add("rays", o.rays != 0 ? std::to_string(o.rays) : std::string());
     add("alpha", o.alpha);
     const bool other_confidence = o.min_confidence != TransferOptions{}.min_confidence;
@@ -58,6 +53,15 @@ class OptionList {
     add("near-target", o.everywhere    ? std::string("off")
                        : o.near_target ? text_of(*o.near_target)
                                        : std::string());
+  }
+  template <class Options>
+  void add_filters(const Options& o) {
+    add("min-opacity", o.min_opacity ? fmt::format("{:g}", *o.min_opacity) : "");
+    add("max-scale", o.max_scale ? fmt::format("{:g}", *o.max_scale) : "");
+    if (o.box) {
+      add("box",
+          fmt::format("{:g},{:g}", fmt::join(o.box->lowest, ","), fmt::join(o.box->highest, ",")));
+    }
   }
   void add(const Resources& r) {
     add("memory", r.memory_bytes != 0 ? std::to_string(r.memory_bytes) : std::string());
@@ -140,7 +144,12 @@ void describe(const GaussiansOptions& o, Report& report) {
   add_input(o.source, report);
   OptionList list(report);
   list.add("output", o.output);
+  list.add("source-axes", o.axes);
   list.add(o.source_textures);
+  list.add("sigma", o.sigma_texels ? fmt::format("{:g}", *o.sigma_texels) : std::string());
+  list.add("sharpen", o.sharpen > 0 ? fmt::format("{:g}", o.sharpen) : std::string());
+  list.add_filters(o);
+  list.add("count", o.count ? std::to_string(*o.count) : std::string());
   list.add("allow-external", o.allow_external);
   list.add(o.resources);
 }

@@ -1,28 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The source alone, preconditioned and written for other programs: a mesh as Gaussians.
+// The source alone, preconditioned and written for other programs: Gaussians of a mesh or a scene.
 //
-//   mesh + image ─▶ source stores ─▶ TexelSource ─▶ parts of its order ─▶ rows of a 3DGS PLY
+//   mesh + image ─▶ source stores ─▶ TexelSource ──┐ parts of its order ─▶ PLY, SPZ or glTF
+//   splat scene  ─▶ SceneGaussians ─▶ filter, cut ─┘
 #include "pounce/gaussians.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 
+#include "flow/build/scene_gaussians.h"
 #include "flow/build/source_columns.h"
+#include "flow/build/splats.h"
 #include "flow/build/texel_source.h"
 #include "flow/describe_job.h"
 #include "flow/job.h"
+#include "flow/load_mesh.h"
+#include "flow/plan/check_options.h"
 #include "flow/plan/output_names.h"
 #include "flow/plan/plan.h"
 #include "flow/plan/uv_repeats.h"
-#include "io/files/file_ending.h"
+#include "flow/write/gaussians.h"
 #include "io/read_mesh.h"
-#include "io/splats/ply_write.h"
-#include "runtime/ordered_stream.h"
+#include "io/splats/format.h"
 
 namespace pounce {
 namespace flow {
@@ -32,25 +35,37 @@ namespace {
 constexpr double kAfterReading = 0.02, kAfterColours = 0.3, kAfterGeometry = 0.4,
                  kAfterCount = 0.45;
 
-constexpr std::uint64_t kPartRows = 16384;
-/// Opacity is a logit: alpha 0 and 1 would be infinite. exp(-10) is a 22000th.
-constexpr float kLargestLogit = 10;
+/// From the axes of trained scenes (right, down, forward) to glTF's (left, up, forward), and back.
+constexpr const char* kHalfTurn = "-x,-y,z";
 
-bool ends_in_ply(const std::string& path) { return io::lower_ending(path) == ".ply"; }
-
-float opacity_of(float alpha) {
-  if (!(alpha > 0)) return -kLargestLogit;
-  if (alpha >= 1) return kLargestLogit;
-  const double logit = std::log(double{alpha} / (1 - double{alpha}));
-  return std::clamp(static_cast<float>(logit), -kLargestLogit, kLargestLogit);
+/// The same job as a transfer without a target: what the two have in common is checked, planned and
+/// named alike.
+TransferOptions as_transfer(const GaussiansOptions& o) {
+  TransferOptions transfer;
+  transfer.source = o.source;
+  transfer.source_textures = o.source_textures;
+  transfer.source_use.axes = o.axes;
+  transfer.channels = {Channel::base_color};
+  transfer.output = "colours.exr";  // a format that holds any image: nothing is written there
+  transfer.min_opacity = o.min_opacity;
+  transfer.max_scale = o.max_scale;
+  transfer.box = o.box;
+  return transfer;
 }
 
-class GaussiansJob {
+void refuse_over_input(const std::string& output, const std::vector<std::string>& inputs) {
+  for (const std::string& input : inputs) {
+    std::error_code ignored;
+    if (!input.empty() && std::filesystem::equivalent(output, input, ignored))
+      throw Error(ErrorKind::usage, output + ": is also an input; write to another file");
+  }
+}
+
+class MeshJob {
  public:
-  GaussiansJob(const GaussiansOptions& options, JobRun& run, bool rebuild)
-      : options_(options),
-        job_(open_job(options.resources, options.output, false, rebuild, false, run)) {
-    job_->tile_cap_bytes = kTileCapBytes;
+  MeshJob(const GaussiansOptions& options, JobContext& job) : options_(options), job_(job) {
+    job_.tile_cap_bytes = kTileCapBytes;
+    file_.path = options.output;
   }
 
   void run() {
@@ -63,53 +78,43 @@ class GaussiansJob {
 
  private:
   std::uint64_t reading_bytes() const {
-    return io::mesh_cost(options_.source, {options_.allow_external, {}}, job_->budget.limit())
+    return io::mesh_cost(options_.source, {options_.allow_external, {}}, job_.budget.limit())
         .peak_bytes;
   }
 
   void plan() {
-    const StageTimer timer(job_->clock, "read");
-    job_->meter.begin("read mesh", 1, "meshes", kAfterReading);
-    require_reading(*job_, reading_bytes(), options_.source);
-    mesh_ = io::read_mesh(options_.source, {options_.allow_external, {}});
-    TransferOptions transfer;
-    transfer.source = options_.source;
-    transfer.source_textures = options_.source_textures;
-    transfer.channels = {Channel::base_color};
-    transfer.output = "colours.exr";  // a format that holds any image: nothing is written there
+    const StageTimer timer(job_.clock, "read");
+    job_.meter.begin("read mesh", 1, "meshes", kAfterReading);
+    require_reading(job_, reading_bytes(), options_.source);
+    const TransferOptions transfer = as_transfer(options_);
+    mesh_ = load_mesh(options_.source, transfer.source_use, "source", options_.allow_external);
     plan_ = plan_source(transfer, mesh_);
     plan_.passes.front().source.exact = true;  // each of its texels is one
     warn_of_repeats(request(), plan_.warnings);
     for (const auto* warnings : {&mesh_.warnings, &plan_.warnings}) {
-      job_->report.warnings.insert(job_->report.warnings.end(), warnings->begin(), warnings->end());
+      job_.report.warnings.insert(job_.report.warnings.end(), warnings->begin(), warnings->end());
     }
-    for (const std::string& file : mesh_.files) add_input(file, job_->report);
-    for (const ColumnPlan& column : plan_.columns) add_input(column.image.path, job_->report);
+    for (const std::string& file : mesh_.files) add_input(file, job_.report);
+    for (const ColumnPlan& column : plan_.columns) add_input(column.image.path, job_.report);
     check_output();
-    require_least(*job_, least());
-    mesh_lease_ = runtime::Lease(job_->budget, mesh_.size_bytes(), "the mesh");
-    leases_.emplace_back(job_->budget, job_->threads * store::Compressor::context_bytes(),
+    require_least(job_, least());
+    mesh_lease_ = runtime::Lease(job_.budget, mesh_.size_bytes(), "the mesh");
+    leases_.emplace_back(job_.budget, job_.threads * store::Compressor::context_bytes(),
                          "the compressors");
-    job_->meter.end();
+    job_.meter.end();
   }
 
   void check_output() const {
     check_outputs({options_.output});
     std::vector<std::string> inputs{options_.source};
     for (const ColumnPlan& column : plan_.columns) inputs.push_back(column.image.path);
-    for (const std::string& input : inputs) {
-      std::error_code ignored;
-      if (!input.empty() && std::filesystem::equivalent(options_.output, input, ignored)) {
-        throw Error(ErrorKind::usage,
-                    options_.output + ": is also an input; write to another file");
-      }
-    }
+    refuse_over_input(options_.output, inputs);
   }
 
   const GeometryRequest& request() const { return plan_.passes.front().source; }
 
   LeastMemory least() const {
-    const std::uint64_t contexts = job_->threads * store::Compressor::context_bytes();
+    const std::uint64_t contexts = job_.threads * store::Compressor::context_bytes();
     const std::uint64_t beside = contexts + mesh_.size_bytes();
     LeastMemory most{reading_bytes(), "reading " + options_.source};
     const auto need = [&most](std::uint64_t bytes, const std::string& why) {
@@ -123,120 +128,73 @@ class GaussiansJob {
       tile =
           std::max(tile, round_to_pages(store::kColourTileEdge * store::kColourTileEdge * texel));
     }
-    const std::uint64_t building = geometry_least_bytes(request(), job_->tile_cap_bytes);
+    const std::uint64_t building = geometry_least_bytes(request(), job_.tile_cap_bytes);
     need(beside + building, "preconditioning " + options_.source);
     const std::uint64_t triangles =
         std::min<std::uint64_t>(mesh_.triangles.size(), store::kMostTrianglesPerBlock);
-    const std::uint64_t lists =  // of blocks, and of parts of 16 thousand
-        TexelSource::list_bytes(request()) +
-        round_to_pages(texel_count_bound(request()) / kPartRows * sizeof(std::uint64_t)) +
-        kPageBytes;
-    need(contexts + lists + round_to_pages(kPartRows * sizeof(io::SplatPlyRow)) +
-             TexelSource::read_bytes(triangles, triangles * 160 + (1 << 16), tile),
+    const std::uint64_t reading =
+        TexelSource::read_bytes(triangles, triangles * 160 + (1 << 16), tile, options_.sharpen > 0);
+    need(contexts + TexelSource::list_bytes(request()) +
+             write_gaussians_least_bytes(file_, texel_count_bound(request()), reading),
          "writing " + options_.output);
     return most;
   }
 
   void precondition_colours() {
-    const StageTimer timer(job_->clock, "precondition");
-    columns_ = build_columns(*job_, plan_, kAfterColours);
+    const StageTimer timer(job_.clock, "precondition");
+    columns_ = build_columns(job_, plan_, kAfterColours);
   }
 
   void precondition_geometry() {
-    const StageTimer timer(job_->clock, "precondition");
-    job_->meter.begin("precondition", 0, "tiles", kAfterGeometry);
+    const StageTimer timer(job_.clock, "precondition");
+    job_.meter.begin("precondition", 0, "tiles", kAfterGeometry);
     bool cached = false;
-    store_ = geometry_store(*job_, request(), &cached);
+    store_ = geometry_store(job_, request(), &cached);
     const store::GeometryDirectory& directory = store_->directory();
-    leases_.emplace_back(job_->budget, store_->size_bytes(), "the directory of the source store");
-    job_->report.source_tiles = directory.tiles.size();
-    job_->report.source_store_bytes += store_->pack().size_bytes();
-    job_->count_store(store_->pack(), cached);
+    leases_.emplace_back(job_.budget, store_->size_bytes(), "the directory of the source store");
+    job_.report.source_tiles = directory.tiles.size();
+    job_.report.source_store_bytes += store_->pack().size_bytes();
+    job_.count_store(store_->pack(), cached);
     if (directory.degenerate > 0)
-      job_->report.source_filtered["degenerate triangles"] = directory.degenerate;
+      job_.report.source_filtered["degenerate triangles"] = directory.degenerate;
     mesh_ = {};
     mesh_lease_ = {};
-    job_->meter.end();
+    job_.meter.end();
   }
 
-  // --- the rows
-  // -----------------------------------------------------------------------------------
-
   std::unique_ptr<TexelSource> list() {
-    const StageTimer timer(job_->clock, "count");
+    const StageTimer timer(job_.clock, "count");
     TexelSource::Request texels;
     texels.geometry = store_.get();
     texels.pages = columns_.pages_of(plan_.channels.front());
-    return std::make_unique<TexelSource>(*job_, std::move(texels), kAfterCount);
+    texels.sigma = options_.sigma_texels.value_or(source::kSigmaTexels);
+    texels.sharpen = options_.sharpen;
+    return std::make_unique<TexelSource>(job_, std::move(texels), kAfterCount);
   }
 
   void write() {
     const std::unique_ptr<TexelSource> source = list();
-    const StageTimer timer(job_->clock, "write");
-    const std::uint64_t total = source->count();
-    const std::uint64_t parts = (total + kPartRows - 1) / kPartRows;
-    const runtime::Lease list(job_->budget, round_to_pages(parts * sizeof(std::uint64_t)),
-                              "the list of parts");
-    const PageVector<std::uint64_t> costs(
-        parts, round_to_pages(kPartRows * sizeof(io::SplatPlyRow)) + source->read_bytes());
-    job_->meter.begin("write", total, "Gaussians", 1);
-    io::SplatPlyWriter writer(options_.output);
-    using Rows = PageVector<io::SplatPlyRow>;
-    const auto end = [&](std::size_t part) { return std::min((part + 1) * kPartRows, total); };
-    runtime::run_ordered<Rows>(
-        job_->budget, costs, "writing " + options_.output,
-        [&](std::size_t i) { return make_rows(*source, i * kPartRows, end(i)); },
-        [&](std::size_t i, Rows& rows) {
-          const WorkTimer encoding(job_->clock, "encode");
-          writer.write(rows);
-          job_->meter.advance(end(i) - i * kPartRows);
-        });
-    finish(writer, total);
-    job_->meter.end();
-  }
-
-  void finish(io::SplatPlyWriter& writer, std::uint64_t counted) {
-    const std::uint64_t rows = writer.rows();
-    if (rows == 0) {
+    std::uint64_t accounted = write_gaussians(job_, *source, file_);
+    if (accounted == 0) {
       throw Error(ErrorKind::input, options_.source +
                                         ": none of its triangles has an area and a colour, so "
                                         "there is no Gaussian to write");
     }
-    if (rows < counted)
-      job_->report.source_filtered["in a UDIM tile without image"] = counted - rows;
-    writer.commit();
-    job_->report.outputs = {options_.output};
-    job_->report.source_gaussians = rows;
-    job_->report.bytes_written += rows * sizeof(io::SplatPlyRow);
-    job_->report.bytes_read += store_->pack().bytes_read();
-    job_->report.bytes_read += columns_.bytes_read();
-    job_->report.tiles_read = store_->directory().tiles.size();
-  }
-
-  static PageVector<io::SplatPlyRow> make_rows(const TexelSource& source, std::uint64_t first,
-                                               std::uint64_t last) {
-    PageVector<io::SplatPlyRow> rows;
-    rows.reserve(last - first);
-    source.visit(first, last, [&](const TexelGaussian& texel) { rows.push_back(row_of(texel)); });
-    return rows;
-  }
-
-  static io::SplatPlyRow row_of(const TexelGaussian& texel) {
-    io::SplatPlyRow row;
-    std::memcpy(row.position, &texel.place.mean, sizeof row.position);
-    std::memcpy(row.normal, &texel.place.normal, sizeof row.normal);
-    for (std::size_t c = 0; c < 3; ++c)
-      row.dc[c] = static_cast<float>((double{texel.rgba[c]} - 0.5) / io::kDegree0);
-    row.opacity = opacity_of(texel.rgba[3]);
-    for (std::size_t i = 0; i < 3; ++i)
-      row.scale[i] = static_cast<float>(std::log(texel.shape.sigma[i]));
-    for (std::size_t i = 0; i < 4; ++i)
-      row.rotation[i] = static_cast<float>(texel.shape.rotation[i]);
-    return row;
+    auto& filtered = job_.report.source_filtered;
+    for (const auto reason : {store::SplatFilter::not_finite, store::SplatFilter::sizeless}) {
+      const auto found = filtered.find(store::filter_name(reason));
+      if (found != filtered.end()) accounted += found->second;
+    }
+    if (accounted < source->count())
+      filtered["in a UDIM tile without image"] = source->count() - accounted;
+    job_.report.bytes_read += store_->pack().bytes_read();
+    job_.report.bytes_read += columns_.bytes_read();
+    job_.report.tiles_read = store_->directory().tiles.size();
   }
 
   const GaussiansOptions& options_;
-  std::unique_ptr<JobContext> job_;
+  JobContext& job_;
+  GaussianFile file_;
   mesh::Mesh mesh_;
   Plan plan_;
   runtime::Lease mesh_lease_;
@@ -245,17 +203,140 @@ class GaussiansJob {
   std::unique_ptr<store::GeometryStore> store_;
 };
 
-void check_options(const GaussiansOptions& o) {
-  if (o.source.empty() || o.output.empty())
-    throw Error(ErrorKind::usage, "a source and an output are needed");
-  if (ends_in_ply(o.source)) {
-    throw Error(ErrorKind::usage,
-                o.source +
-                    ": Gaussians are made from a textured mesh (.glb, .gltf or .obj); a "
-                    "splat scene has them already");
+class SceneJob {
+ public:
+  SceneJob(const GaussiansOptions& options, JobContext& job)
+      : options_(options),
+        job_(job),
+        request_(request()),
+        scene_(io::open_splat_scene(options.source, request_.axes)) {}
+
+  void run() {
+    const io::SplatSceneInfo& info = scene_->info();
+    for (const std::string& file : info.files) add_input(file, job_.report);
+    check_outputs({options_.output});
+    refuse_over_input(options_.output, info.files);
+    const SceneGaussians source(*scene_,
+                                store::kLobesOfDegree[std::min<std::uint32_t>(info.sh_degree, 3)]);
+    const GaussianFile file{options_.output,
+                            {source.lobes(), info.model, info.is_linear},
+                            request_.keep,
+                            options_.count};
+    require_least(job_, least(source, file));
+    prepare();
+    tell();
+    if (write_gaussians(job_, source, file) == 0) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: none of its {} Gaussians is left to write ({})", options_.source,
+                              info.splats, left_out()));
+    }
+    for (const std::string& path : info.files) job_.report.bytes_read += size_on_disk({path});
   }
-  if (!ends_in_ply(o.output))
-    throw Error(ErrorKind::usage, o.output + ": Gaussians are written as .ply; name it so");
+
+ private:
+  SplatRequest request() const {
+    SplatRequest request = splat_request(as_transfer(options_));
+    if (turns()) {
+      request.axes = parse_axes(kHalfTurn);
+      if (auto& box = request.keep.box) {  // the user's, of the scene as it is stored
+        const Vec3f lo = request.axes.apply(box->lo), hi = request.axes.apply(box->hi);
+        box.emplace();
+        box->extend(lo);
+        box->extend(hi);
+      }
+    }
+    return request;
+  }
+  bool comes_from_gltf() const {
+    return io::source_splat_format(options_.source)->kind == io::SplatKind::gltf;
+  }
+  bool goes_to_gltf() const { return io::splat_output(options_.output) == io::SplatOutput::glb; }
+  /// Each side lies as its format says, unless the user does.
+  bool turns() const { return options_.axes.empty() && comes_from_gltf() != goes_to_gltf(); }
+
+  /// What is said of a scene is complete once it is prepared.
+  void tell() {
+    job_.report.notes = scene_->info().assumptions;
+    if (scene_->info().sh_degree > 3) {
+      job_.report.notes.push_back(
+          "harmonics of degree 4 are not written: degree 3 is the highest that is read");
+    }
+    if (!options_.axes.empty()) return;
+    job_.report.notes.push_back(
+        !turns()
+            ? fmt::format("{} lies as {} does", options_.output, options_.source)
+            : fmt::format("{} is taken to lie {} and is turned to lie {} ({}); --source-axes x,y,z "
+                          "writes it as it is stored",
+                          options_.source,
+                          comes_from_gltf() ? "as glTF does (y up)"
+                                            : "as trained scenes do (right, down, forward)",
+                          comes_from_gltf() ? "as trained scenes do (right, down, forward)"
+                                            : "as glTF does (y up)",
+                          kHalfTurn));
+  }
+
+  LeastMemory least(const SceneGaussians& source, const GaussianFile& file) const {
+    const std::uint64_t writing =
+        write_gaussians_least_bytes(file, source.count(), source.read_bytes());
+    const std::uint64_t preparing = scene_->prepare_bytes();
+    if (preparing > writing) return {preparing, "unpacking " + options_.source};
+    return {writing, "writing " + options_.output};
+  }
+
+  void prepare() {
+    const StageTimer timer(job_.clock, "read");
+    job_.meter.begin("read", 0, "Gaussians", kAfterReading);
+    const runtime::Lease lease(job_.budget, scene_->prepare_bytes(),
+                               "unpacking " + options_.source);
+    scene_->prepare(job_.scratch_folder, [this] { job_.meter.advance(0); });
+    job_.meter.end();
+  }
+
+  std::string left_out() const {
+    std::string text;
+    for (const auto& [reason, count] : job_.report.source_filtered)
+      text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, reason);
+    return text;
+  }
+
+  const GaussiansOptions& options_;
+  JobContext& job_;
+  const SplatRequest request_;
+  const std::unique_ptr<io::SplatScene> scene_;
+};
+
+void check_request(const GaussiansOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  if (o.source.empty() || o.output.empty()) usage("a source and an output are needed");
+  if (!io::splat_output(o.output)) {
+    usage(o.output + ": Gaussians are written as .ply, .spz or .glb; name it as one of these");
+  }
+  check_splat_options(as_transfer(o));
+  axes_of(as_transfer(o).source_use, "source");
+  if (o.sigma_texels && !(*o.sigma_texels >= 0.1 && *o.sigma_texels <= 4))
+    usage("--sigma must be 0.1 to 4 texels");
+  if (!(o.sharpen >= 0 && o.sharpen <= 4)) usage("--sharpen must be 0 to 4");
+  if (o.count && *o.count == 0) usage("--count must be at least 1");
+}
+
+/// What is about the other kind of source.
+void check_kind(const GaussiansOptions& o, bool is_scene) {
+  if (!is_scene) {
+    refuse_splat_options(as_transfer(o));
+    if (!o.count) return;
+    throw Error(
+        ErrorKind::usage,
+        fmt::format("--count is about the Gaussians of a splat scene; {} is a mesh", o.source));
+  }
+  const char* const given = !o.source_textures.empty() ? "--source-texture"
+                            : o.sigma_texels           ? "--sigma"
+                            : o.sharpen > 0            ? "--sharpen"
+                                                       : nullptr;
+  if (given == nullptr) return;
+  throw Error(ErrorKind::usage,
+              fmt::format("{} is about the texels of a mesh; {} is a splat scene, whose Gaussians "
+                          "have their own sizes and colours",
+                          given, o.source));
 }
 
 }  // namespace
@@ -264,8 +345,11 @@ void check_options(const GaussiansOptions& o) {
 Report gaussians(const GaussiansOptions& options, Progress* progress, Report* so_far) {
   return flow::run_job(options.resources, progress, so_far, [&](flow::JobRun& run, bool rebuild) {
     flow::describe(options, run.report);
-    flow::check_options(options);
-    flow::GaussiansJob(options, run, rebuild).run();
+    flow::check_request(options);
+    const bool is_scene = flow::is_splat_scene(options.source);
+    flow::check_kind(options, is_scene);
+    const auto job = flow::open_job(options.resources, options.output, false, rebuild, false, run);
+    is_scene ? flow::SceneJob(options, *job).run() : flow::MeshJob(options, *job).run();
   });
 }
 

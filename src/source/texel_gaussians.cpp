@@ -248,4 +248,13 @@ Footprint MeshGaussians::footprint(std::uint32_t triangle) const {
   return f;
 }
 
+TexelFrame MeshGaussians::frame(std::uint32_t triangle) const {
+  const Corners c = corners(triangle);
+  const Vec3d e1 = c.positions[1] - c.positions[0], e2 = c.positions[2] - c.positions[0];
+  const Vec2d t1 = c.texels[1] - c.texels[0], t2 = c.texels[2] - c.texels[0];
+  return {c.texels, c.texel_area,
+          std::max(length(e1 * t2.y - e2 * t1.y), length(e2 * t1.x - e1 * t2.x)) /
+              std::abs(c.texel_area)};
+}
+
 }  // namespace pounce::source

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -32,6 +33,13 @@ struct MeshGaussian {
   float frac_x, frac_y;    ///< and the rest: 0 where the Gaussian is a whole texel
 };
 
+/// How the texels of one triangle lie.
+struct TexelFrame {
+  std::array<Vec2d, 3> texels;  ///< its corners in texels
+  double doubled_area;          ///< of these, signed
+  double edge;                  ///< of a texel on the surface, the longer one
+};
+
 /// How a surface is sampled.
 struct TexelSampling {
   double sigma = kSigmaTexels;  ///< standard deviation in texels (or parts of them), > 0
@@ -56,6 +64,8 @@ class MeshGaussians {
              const std::function<void(const MeshGaussian&)>& each) const;
   /// The shape of one triangle's Gaussians; the triangle must have some.
   Footprint footprint(std::uint32_t triangle) const;
+  /// How the texels of one triangle lie, which must cover some.
+  TexelFrame frame(std::uint32_t triangle) const;
 
  private:
   struct Corners;

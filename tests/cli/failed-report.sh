@@ -23,7 +23,7 @@ failed 3 input transfer source.obj broken.obj -o o.png --no-cache --source-textu
 failed 2 usage transfer source.obj target.obj -o o.png --mask skin.ppm
 failed 4 budget transfer source.obj target.obj -o o.png --memory 4096
 failed 2 usage maps target.obj -o '<CHANNEL>.jpg'
-failed 2 usage gaussians scene.ply -o o.ply
+failed 2 usage gaussians source.obj -o o.stl
 failed 4 budget gaussians source.obj -o o.ply --memory 4096
 # What was done before is in it: the second page's JPEG is larger than a file may be, its results are not.
 "$POUNCE_FIXTURE" plane -o p.obj --triangles 400 --uv-tiles 2 >"$out"

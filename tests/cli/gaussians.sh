@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-# gaussians writes a textured mesh as a 3DGS PLY, whole or not at all.
+# gaussians writes a textured mesh or a splat scene as PLY, SPZ or glTF, whole or not at all.
 source "$(dirname "$0")/support.sh"
 refused 'SOURCE' gaussians
 refused '--output' gaussians source.obj
-refused 'name it so' gaussians source.obj -o scene.spz
-refused 'has them already' gaussians scene.ply -o other.ply
+refused 'written as .ply, .spz or .glb' gaussians source.obj -o scene.splat
+refused '--count' gaussians source.obj -o scene.ply --count 0
+refused '--sigma' gaussians source.obj -o scene.ply --sigma 9
+refused '--sharpen' gaussians source.obj -o scene.ply --sharpen -1
 refused 'expected baseColor=PATH' gaussians source.obj -o scene.ply --source-texture occlusion=a.png
 make_job
 expect 0 gaussians source.obj -o scene.ply --progress none
@@ -26,6 +28,35 @@ expect 3 gaussians target.obj -o none.ply
 err_has 'no material has a baseColor texture'
 expect 0 gaussians target.obj -o given.ply --source-texture baseColor=skin.ppm -q
 cmp scene.ply given.ply || fail 'the same texture from the command line gives other bytes'
+# A mesh and a scene in every format, and each of them is a source again.
+for format in ply spz glb; do
+  expect 0 gaussians source.obj -o mesh.$format -q
+  expect 0 inspect mesh.$format
+  out_has 'gaussians  256, 256 usable'
+  expect 0 transfer mesh.$format target.obj -o from.png -q
+  expect 0 gaussians scene.ply -o some.$format --count 100 --progress none
+  err_has '100 Gaussians'
+  expect 0 inspect some.$format
+  out_has 'gaussians  100, 100 usable'
+done
+expect 0 gaussians scene.ply -o turned.glb --progress none
+err_has 'is taken to lie as trained scenes do (right, down, forward)'
+err_has '--source-axes x,y,z'
+# What is about the other kind of source.
+for option in '--min-opacity 0.5' '--count 5'; do
+  expect 2 gaussians source.obj -o o.ply $option
+  err_has 'is about the Gaussians of a splat scene; source.obj is a mesh'
+done
+expect 2 gaussians scene.ply -o o.ply --sharpen 1
+err_has '--sharpen is about the texels of a mesh; scene.ply is a splat scene'
+# Nothing is left, or the source is damaged: what was there stays.
+cp some.spz before.spz
+expect 3 gaussians scene.ply -o some.spz --box 50,50,50,60,60,60
+err_has 'none of its 256 Gaussians is left to write (256 outside_box)'
+head -c 3000 scene.ply >cut.ply
+expect 3 gaussians cut.ply -o some.spz
+cmp some.spz before.spz || fail 'a job that failed changed its output'
+rm -f mesh.* some.* before.spz turned.glb from.png cut.ply
 # A limit on file sizes is a full disk: nothing is left.
 (ulimit -f 8 && expect 5 gaussians source.obj -o limited.ply --no-cache) || exit 1
 [[ ! -e limited.ply ]] || fail 'a part of the file was left'

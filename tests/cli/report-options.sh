@@ -37,8 +37,8 @@ job maps named.obj -o '<CHANNEL>.exr' --size 8 --target-mesh thing --target-mate
   --target-axes x,y,z --allow-external "${machine[@]}"
 job maps named.obj -o '<CHANNEL>.exr' --no-cache
 all_of maps
-job gaussians source.obj -o s.ply --source-texture baseColor=skin.ppm --allow-external "${machine[@]}"
-job gaussians source.obj -o s.ply --no-cache
+job gaussians source.obj -o s.ply --source-texture baseColor=skin.ppm --sigma 0.25 --sharpen 1 --allow-external "${machine[@]}"
+job gaussians scene.ply -o s.glb --source-axes x,-y,-z --min-opacity 0.01 --max-scale 9 --box -9,-9,-9,9,9,9 --count 100 --no-cache
 all_of gaussians
 # An image that is painted over in place was read.
 expect 0 transfer source.obj target.obj -o o.png --onto o.png --report r.json

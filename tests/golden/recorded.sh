@@ -99,6 +99,7 @@ plain_jobs() {
   job plain-maps maps target.obj -o 'OUT/<CHANNEL>.exr' --size 96
   job plain-maps-udim maps target.obj -o 'OUT/<CHANNEL>.<UDIM>.exr' --size 32
   job plain-gaussians gaussians roof.obj -o OUT/out.ply
+  job plain-gaussians-glb gaussians roof.obj -o OUT/out.glb --sigma 0.25 --sharpen 1
 }
 
 # Fixtures of the program itself; where this machine's C library gives other inputs, nothing can be said of outputs.
@@ -149,6 +150,7 @@ made_jobs() {
   transfer made-dense-onto dense.glb sphere_target.glb out.png --onto head/head_same.truth.png
   job made-maps maps head/head_other.glb -o 'OUT/<CHANNEL>.exr' --size 256
   job made-gaussians gaussians head/head_src.glb -o OUT/out.ply
+  job made-gaussians-spz gaussians head/head_src.glb -o OUT/out.spz --sigma 0.25 --sharpen 1
 }
 
 data_jobs() {
@@ -182,6 +184,9 @@ data_jobs() {
   transfer data-noisy-sphere "$s/noisy_sphere/scene.ply" "$s/noisy_sphere/sphere.obj" out.png --size 256
   job data-maps maps "$m/cesium_man/CesiumMan.glb" -o 'OUT/<CHANNEL>.exr' --size 256
   job data-gaussians gaussians "$m/cesium_man/CesiumMan.glb" -o OUT/out.ply
+  for format in ply spz glb; do
+    job data-scene-gaussians-$format gaussians "$s/playbot_lod3_converted/playbot_lod3.ply" -o OUT/out.$format --count 20000
+  done
 }
 
 [[ $mode != record ]] || pattern=${2-}

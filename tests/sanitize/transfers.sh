@@ -68,6 +68,10 @@ job 0 transfer splats/scene.ply splats/scene_target.glb -o w.png --size 64 --cac
 job 0 transfer splats/scene.ply splats/scene_target.glb -o 't_<CHANNEL>.tif' --size 64 --channels baseColor,confidence,distance
 job 0 transfer splats/scene.ply $target -o w.png --size 64 --source-axes=-y,z,-x --min-confidence 0
 job 0 gaussians $source -o u.ply
+job 0 gaussians $source -o u.spz --sigma 0.25 --sharpen 1
+job 0 gaussians splats/scene.ply -o u.glb --count 1000 --min-opacity 0.1
+job 0 gaussians u.glb -o u.ply --box -9,-9,-9,9,9,9
+job 3 gaussians splats/scene.ply -o u.ply --box 50,50,50,60,60,60
 job 0 maps $target -o 'v_<CHANNEL>.exr' --size 70
 for file in $source plane.obj splats/scene.ply a.png; do job 0 inspect "$file"; done
 job 0 compare a.png c.png

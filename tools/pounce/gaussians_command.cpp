@@ -10,12 +10,15 @@ namespace pounce::cli {
 namespace {
 
 constexpr const char* kUsage =
-    "Usage: pounce gaussians SOURCE -o OUTPUT.ply [options]\n"
+    "Usage: pounce gaussians SOURCE -o OUTPUT [options]\n"
     "\n"
-    "One flat disc for every texel of the baseColor image that the surface uses, half a\n"
-    "texel its standard deviation, stretched and turned as the texel is on the surface.\n"
-    "A triangle that holds no texel's centre, or has no image, becomes one disc.\n"
-    "A texel takes 68 bytes: a full 4096 x 4096 image 1.1 GB.\n"
+    "Writes Gaussian splats as 3DGS PLY (.ply), SPZ 2 (.spz) or glTF (.glb).\n"
+    "Of a mesh: one flat disc for every texel of the baseColor image that the surface\n"
+    "uses, stretched and turned as the texel is on the surface. A triangle that holds\n"
+    "no texel's centre, or has no image, becomes one disc.\n"
+    "Of a splat scene, in any format that is read: its Gaussians, or some of them.\n"
+    "A Gaussian takes 68 bytes as .ply, 56 as .glb, 19 before compression as .spz;\n"
+    "harmonics of degree 3 add 180, 180 and 45.\n"
     "\n"
     "Examples:\n"
     "  # A model for any viewer of Gaussian splats.\n"
@@ -23,30 +26,19 @@ constexpr const char* kUsage =
     "\n"
     "  # With another texture than the mesh names, in a quarter of a GiB of memory.\n"
     "  pounce gaussians scan.obj -o scan.ply --source-texture baseColor=scan.exr \\\n"
-    "    --memory 256MiB";
+    "    --memory 256MiB\n"
+    "\n"
+    "  # A trained scene for the web: the half million that matter, within a box.\n"
+    "  pounce gaussians room.ply -o table.spz --box -1,-1,-1,1,1,1 --count 500000";
 
 struct Settings {
   GaussiansOptions options;
   JobSettings job;
 };
 
-}  // namespace
-
-Command add_gaussians_command(CLI::App& program) {
-  const auto settings = std::make_shared<Settings>();
-  GaussiansOptions& options = settings->options;
-  CLI::App* command =
-      program.add_subcommand("gaussians", "Write a textured mesh as Gaussian splats (3DGS PLY)");
-  set_help_text(*command, kUsage);
-  command
-      ->add_option("SOURCE", options.source, "Mesh with a baseColor texture: .glb, .gltf or .obj")
-      ->option_text(" ")
-      ->required();
-  add_value(*command, "-o,--output", "OUTPUT", "Splats",
-            "File to write (.ply). It appears whole or not at all",
-            [&options](const std::string& text) { options.output = parse_path("-o", text); })
-      ->required();
-  add_value(*command, "--source-texture", "baseColor=PATH", "Splats",
+void add_mesh_source_options(CLI::App& command, GaussiansOptions& options) {
+  const char* const group = "Splats of a mesh";
+  add_value(command, "--source-texture", "baseColor=PATH", group,
             "Take the colours from this image instead of what the mesh\n"
             "says",
             [&options](const std::string& text) {
@@ -58,6 +50,74 @@ Command add_gaussians_command(CLI::App& program) {
               }
               options.source_textures = {texture};
             });
+  add_value(command, "--sigma", "S", group,
+            "Standard deviation of a texel's disc in texels, 0.1 to 4. Below 0.4\n"
+            "viewers show gaps. Default: 0.5",
+            [&options](const std::string& text) {
+              options.sigma_texels = parse_number("--sigma", text, 0.1, 4);
+            });
+  add_value(command, "--sharpen", "A", group,
+            "Sharpen colours by A times what a blend of the discs takes away\n"
+            "from them, 0 to 4: for a transfer back onto a mesh, best with\n"
+            "--sigma 0.25. Default: 0",
+            [&options](const std::string& text) {
+              options.sharpen = parse_number("--sharpen", text, 0, 4);
+            });
+}
+
+void add_scene_source_options(CLI::App& command, GaussiansOptions& options) {
+  const char* const group = "Splats of a scene";
+  add_value(command, "--count", "N", group,
+            "No more than the N most important Gaussians: by opacity times the\n"
+            "product of the two larger standard deviations. Reads the scene twice.\n"
+            "Default: all",
+            [&options](const std::string& text) {
+              options.count = parse_integer("--count", text, 1, UINT64_MAX);
+            });
+  add_value(command, "--min-opacity", "A", group,
+            "Leave out Gaussians less opaque than this, 0.0039 (1/255) to 1.\n"
+            "Default: 1/255",
+            [&options](const std::string& text) {
+              options.min_opacity = parse_number("--min-opacity", text, 0.0039, 1);
+            });
+  add_value(command, "--max-scale", "L", group,
+            "Leave out Gaussians whose largest standard deviation is above this,\n"
+            "in the scene's units. Default: no limit",
+            [&options](const std::string& text) {
+              options.max_scale = parse_number("--max-scale", text, 1e-30, 1e30);
+            });
+  add_value(command, "--box", "X0,Y0,Z0,X1,Y1,Z1", group,
+            "Leave out Gaussians whose middle is outside of this box, given as\n"
+            "the scene is stored, or after --source-axes. Default: no box",
+            [&options](const std::string& text) { options.box = parse_box("--box", text); });
+}
+
+}  // namespace
+
+Command add_gaussians_command(CLI::App& program) {
+  const auto settings = std::make_shared<Settings>();
+  GaussiansOptions& options = settings->options;
+  CLI::App* command = program.add_subcommand(
+      "gaussians", "Write a textured mesh or a splat scene as Gaussian splats");
+  set_help_text(*command, kUsage);
+  command
+      ->add_option("SOURCE", options.source,
+                   "Mesh with a baseColor texture (.glb, .gltf, .obj) or splat scene")
+      ->option_text(" ")
+      ->required();
+  add_value(*command, "-o,--output", "OUTPUT", "Splats",
+            "File to write (.ply, .spz or .glb). It appears whole or not at all",
+            [&options](const std::string& text) { options.output = parse_path("-o", text); })
+      ->required();
+  add_value(*command, "--source-axes", "AXES", "Splats",
+            "OUTPUT's x, y and z as SOURCE's, such as x,-y,-z. Default: as\n"
+            "stored; scenes that come from or go to glTF, where y is up, are\n"
+            "turned: -x,-y,z",
+            [&options](const std::string& text) {
+              options.axes = parse_axes_text("--source-axes", text);
+            });
+  add_mesh_source_options(*command, options);
+  add_scene_source_options(*command, options);
   add_external_option(*command, "Splats", options.allow_external);
   add_resource_options(*command, options.resources);
   add_job_options(*command, settings->job);

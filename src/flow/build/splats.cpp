@@ -11,7 +11,7 @@
 
 #include "flow/build/find_store.h"
 #include "flow/build/gaussian_store.h"
-#include "io/splats/scene.h"
+#include "flow/build/scene_gaussians.h"
 
 namespace pounce::flow {
 namespace {
@@ -32,26 +32,6 @@ std::uint32_t kept_lobes(const io::SplatSceneInfo& info, SphericalHarmonics harm
   }
   return 0;
 }
-
-class SceneGaussians : public GaussianSource {
- public:
-  SceneGaussians(const io::SplatScene& scene, std::uint32_t lobes) : scene_(scene), lobes_(lobes) {}
-  std::uint64_t count() const override { return scene_.info().splats; }
-  std::uint32_t lobes() const override { return lobes_; }
-  void read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
-            store::SplatCounts& filtered) const override {
-    scene_.read(first, count, out, filtered);
-  }
-  std::uint64_t read_bytes() const override { return scene_.read_bytes(); }
-  PageVector<store::Splat> sample() const override {
-    static_assert(io::kSampleSplats <= kSampleSplats);
-    return io::sample(scene_);
-  }
-
- private:
-  const io::SplatScene& scene_;
-  const std::uint32_t lobes_;
-};
 
 /// Hash of the whole file, in pieces.
 Hash128 hash_file(JobContext& job, const ReadFile& file) {

@@ -14,12 +14,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <optional>
 #include <tuple>
 #include <utility>
 
+#include "core/exp.h"
 #include "flow/build/find_store.h"
 #include "flow/build/gaussian_store.h"
 #include "flow/build/source_columns.h"
@@ -35,6 +37,28 @@ constexpr std::uint64_t kPerTriangle = 300;
 constexpr float kLeastAlpha = 0x1p-20F;
 /// Samples are taken in pieces, each of which decodes a block or two.
 constexpr std::uint64_t kSamplePieces = 256;
+
+/// The blend that a transfer makes of a mesh's texels as Gaussians, where the target's texels are
+/// as large: its kernel at (dx, dy).
+class BlendKernel {
+ public:
+  explicit BlendKernel(double sigma) {
+    constexpr double kFootprint = 0.3;  // of the target's texel: docs/stages/5-splats.md
+    const double variance = sigma * sigma + kFootprint;
+    for (int dy = -kReach; dy <= kReach; ++dy) {
+      for (int dx = -kReach; dx <= kReach; ++dx)
+        weights_[index(dx, dy)] = exp_same(-(dx * dx + dy * dy) / (2 * variance));
+    }
+  }
+  double operator()(int dx, int dy) const { return weights_[index(dx, dy)]; }
+  static constexpr int kReach = source::TexelNeighbours::kReach;
+
+ private:
+  static std::size_t index(int dx, int dy) {
+    return static_cast<std::size_t>((dy + kReach) * (2 * kReach + 1) + dx + kReach);
+  }
+  std::array<double, (2 * kReach + 1) * (2 * kReach + 1)> weights_{};
+};
 
 }  // namespace
 
@@ -63,15 +87,16 @@ TexelSource::TexelSource(JobContext& job, Request request, double progress_end)
     triangles = std::max<std::uint64_t>(triangles, block.triangles);
     chunk = std::max<std::uint64_t>(chunk, block.chunk.raw_bytes);
   }
-  read_bytes_ = read_bytes(triangles, chunk, tile);
+  read_bytes_ = read_bytes(triangles, chunk, tile, request_.sharpen > 0);
 }
 
 TexelSource::~TexelSource() = default;
 
 std::uint64_t TexelSource::read_bytes(std::uint64_t triangles, std::uint64_t chunk_bytes,
-                                      std::uint64_t colour_tile_bytes) {
-  return triangles * kPerTriangle + 2 * chunk_bytes +
-         (ColourWindow::kTiles + 2) * colour_tile_bytes + (64 << 10);
+                                      std::uint64_t colour_tile_bytes, bool sharpens) {
+  const std::uint64_t block = triangles * kPerTriangle + 2 * chunk_bytes;
+  return block + (ColourWindow::kTiles + 2) * colour_tile_bytes + (64 << 10) +
+         (sharpens ? block + source::TexelNeighbours::bytes() : 0);
 }
 
 std::uint64_t TexelSource::list_bytes(const GeometryRequest& geometry) {
@@ -156,10 +181,68 @@ store::GeometryBlock TexelSource::decode(const Block& place) const {
   return request_.geometry->read_block(entry, job_.compressor());
 }
 
+void TexelSource::find_neighbours(const Block& block, source::TexelNeighbours& neighbours) const {
+  neighbours.start(block.x, block.y);
+  const mesh::Lattice& lattice = request_.geometry->directory().pages[block.page];
+  const auto before = [](const Block& b, const std::tuple<std::uint32_t, int, int>& place) {
+    return std::tuple{b.page, b.y, b.x} < place;
+  };
+  for (int y = block.y - 1; y <= block.y + 1; ++y) {
+    auto near = std::lower_bound(blocks_.begin(), blocks_.end(),
+                                 std::tuple{block.page, y, block.x - 1}, before);
+    for (; near != blocks_.end() && near->page == block.page && near->y == y &&
+           near->x <= block.x + 1;
+         ++near)
+      neighbours.add(decode(*near), lattice);
+  }
+}
+
 void TexelSource::visit(std::uint64_t first, std::uint64_t last,
                         const std::function<void(const TexelGaussian&)>& each) const {
   const texture::TexelFormat format{4, Depth::float32, request_.linear, true, true};
+  const BlendKernel kernel(request_.sigma);
+  const bool sharpens = request_.sharpen > 0;
+  std::optional<source::TexelNeighbours> neighbours;
+  if (sharpens) neighbours.emplace();
   ColourWindow window;
+  using Colour = std::array<float, 4>;
+  // Nothing in a UDIM tile without image.
+  const auto colour_at = [&](const PageColour& page, const PagePlace& place) {
+    texture::TexelValue value = page.constant;
+    if (page.column != nullptr || page.tile_set != nullptr) {
+      const ColourPlace at = window.find(page, place);
+      if (at.image == nullptr) return std::optional<Colour>();
+      projection::Taps taps;
+      projection::tent(at.rest_x, at.rest_y, taps);
+      value = blended(at, taps, false);
+    }
+    Colour rgba;
+    texture::store_texel(format, value, reinterpret_cast<std::byte*>(rgba.data()));
+    return std::optional(rgba);
+  };
+  // c + sharpen (c - what the blend makes of c), within what colours are.
+  const auto sharpen = [&](const PageColour& page, const source::MeshGaussian& g,
+                           const source::TexelFrame& frame, Colour& rgba) {
+    std::array<double, 3> sum{};
+    double weights = 0;
+    for (int dy = -BlendKernel::kReach; dy <= BlendKernel::kReach; ++dy) {
+      for (int dx = -BlendKernel::kReach; dx <= BlendKernel::kReach; ++dx) {
+        const bool is_here = dx == 0 && dy == 0;
+        if (!is_here && !neighbours->continues(g, frame, dx, dy)) continue;
+        const auto there =
+            is_here ? std::optional(rgba) : colour_at(page, {g.x + dx, g.y + dy, 0, 0});
+        if (!there) continue;
+        for (std::size_t c = 0; c < 3; ++c)
+          sum[c] += kernel(dx, dy) * static_cast<double>((*there)[c]);
+        weights += kernel(dx, dy);
+      }
+    }
+    for (std::size_t c = 0; c < 3; ++c) {
+      const auto own = static_cast<double>(rgba[c]);
+      const double sharp = own + request_.sharpen * (own - sum[c] / weights);
+      rgba[c] = static_cast<float>(std::clamp(sharp, 0.0, std::max(1.0, own)));
+    }
+  };
   auto b = static_cast<std::size_t>(std::upper_bound(first_.begin(), first_.end(), first) -
                                     first_.begin() - 1);
   for (; b < blocks_.size() && first_[b] < last; ++b) {
@@ -168,25 +251,27 @@ void TexelSource::visit(std::uint64_t first, std::uint64_t last,
     const source::MeshGaussians gaussians(
         block, request_.geometry->directory().pages[blocks_[b].page], sampling_);
     const PageColour& page = request_.pages[blocks_[b].page];
+    const bool has_image = page.column != nullptr || page.tile_set != nullptr;
+    if (sharpens && has_image) find_neighbours(blocks_[b], *neighbours);
     std::uint32_t shaped = UINT32_MAX;  // the triangle whose shape it is
     source::Footprint shape{};
+    source::TexelFrame frame{};
     const std::uint64_t begin = std::max(first, first_[b]) - first_[b];
-    gaussians.visit(
-        begin, std::min(last, first_[b + 1]) - first_[b], [&](const source::MeshGaussian& g) {
-          texture::TexelValue value = page.constant;
-          if (page.column != nullptr || page.tile_set != nullptr) {
-            const ColourPlace at = window.find(page, {g.x, g.y, g.frac_x, g.frac_y});
-            if (at.image == nullptr) return;
-            projection::Taps taps;
-            projection::tent(at.rest_x, at.rest_y, taps);
-            value = blended(at, taps, false);
-          }
-          if (g.triangle != shaped) shape = gaussians.footprint(g.triangle);
-          shaped = g.triangle;
-          TexelGaussian texel{g, shape, {}};
-          texture::store_texel(format, value, reinterpret_cast<std::byte*>(texel.rgba.data()));
-          each(texel);
-        });
+    gaussians.visit(begin, std::min(last, first_[b + 1]) - first_[b],
+                    [&](const source::MeshGaussian& g) {
+                      auto rgba = colour_at(page, {g.x, g.y, g.frac_x, g.frac_y});
+                      if (!rgba) return;
+                      // A triangle without a texel's centre has the colour of a place between
+                      // texels.
+                      const bool is_texel = g.frac_x == 0 && g.frac_y == 0;
+                      if (g.triangle != shaped) {
+                        shape = gaussians.footprint(g.triangle);
+                        if (sharpens && has_image && is_texel) frame = gaussians.frame(g.triangle);
+                      }
+                      shaped = g.triangle;
+                      if (sharpens && has_image && is_texel) sharpen(page, g, frame, *rgba);
+                      each({g, shape, *rgba});
+                    });
   }
 }
 

@@ -12,6 +12,7 @@
 #include "flow/plan/plan.h"
 #include "flow/project/page_colour.h"
 #include "source/texel_gaussians.h"
+#include "source/texel_neighbours.h"
 #include "store/blocks/geometry_store.h"
 
 namespace pounce::flow {
@@ -35,6 +36,9 @@ class TexelSource : public GaussianSource {
     double sigma = source::kSigmaTexels;
     bool densify = false;  ///< split sparse texels: docs/paper.md
     bool linear = false;   ///< colours in linear light, else sRGB-coded
+    /// Adds so much of what a blend of these Gaussians would take away from a texel's colour;
+    /// without `densify` only.
+    double sharpen = 0;
   };
   /// Lists the blocks and counts their Gaussians: decodes each once, or twice to densify. Takes
   /// job.meter through a stage that ends at `progress_end`. Job and stores must outlive it.
@@ -57,7 +61,7 @@ class TexelSource : public GaussianSource {
 
   /// What a read needs where the largest block and colour tile are so large.
   static std::uint64_t read_bytes(std::uint64_t triangles, std::uint64_t chunk_bytes,
-                                  std::uint64_t colour_tile_bytes);
+                                  std::uint64_t colour_tile_bytes, bool sharpens = false);
   /// The most that the list of blocks takes, and the directory of the store that it is made from.
   static std::uint64_t list_bytes(const GeometryRequest& geometry);
 
@@ -66,6 +70,7 @@ class TexelSource : public GaussianSource {
   void list_blocks();
   double count_blocks();
   store::GeometryBlock decode(const Block& block) const;
+  void find_neighbours(const Block& block, source::TexelNeighbours& neighbours) const;
 
   JobContext& job_;
   const Request request_;

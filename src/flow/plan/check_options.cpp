@@ -42,6 +42,8 @@ void check_method(const TransferOptions& o) {
   }
 }
 
+}  // namespace
+
 void check_splat_options(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   if (o.min_opacity && !(*o.min_opacity >= kLeastOpacity && *o.min_opacity <= 1)) {
@@ -63,6 +65,8 @@ void check_splat_options(const TransferOptions& o) {
   if (o.near_target && !(o.near_target->value > 0 && std::isfinite(o.near_target->value)))
     usage("--near-target must be above 0");
 }
+
+namespace {
 
 /// Where evidence cannot go, whatever the source is.
 void check_evidence(const TransferOptions& o) {

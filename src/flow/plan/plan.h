@@ -113,6 +113,8 @@ Plan plan_splats(const TransferOptions& options);
 /// every target.
 void keep_near(const TransferOptions& options, const TargetPlan& target, const mesh::Mesh& mesh,
                SplatRequest& splats);
+/// The scene that is a job's source, and what its user wants of it.
+SplatRequest splat_request(const TransferOptions& options);
 /// Throws Error(usage) for options that only make sense for a splat scene.
 void refuse_splat_options(const TransferOptions& options);
 /// Is this source to be read as a splat scene? Throws Error(input) for scenes in formats that are

@@ -19,7 +19,9 @@ constexpr double kReachOverDistance = 1.1;
 /// What is near more targets is not known: 32 KiB each would add up.
 constexpr std::size_t kMostNearTargets = 8;
 
-SplatRequest request_of(const TransferOptions& options) {
+}  // namespace
+
+SplatRequest splat_request(const TransferOptions& options) {
   SplatRequest request;
   request.path = options.source;
   request.axes = axes_of(options.source_use, "source");
@@ -35,6 +37,8 @@ SplatRequest request_of(const TransferOptions& options) {
   request.near_is_asked = options.near_target.has_value();
   return request;
 }
+
+namespace {
 
 /// `all` is what a scene looks like; how sure that is must be asked for.
 std::vector<Channel> channels_of(const TransferOptions& options) {
@@ -172,7 +176,7 @@ Plan plan_splats(const TransferOptions& options) {
   }
   Plan plan;
   plan.from_splats = true;
-  plan.splats = request_of(options);
+  plan.splats = splat_request(options);
   plan.scene = scene_facts(plan.splats);
   plan.rays = options.rays;
   for (const Channel channel : channels) add_channel(options, channel, plan);

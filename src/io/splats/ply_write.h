@@ -1,43 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdint>
-#include <span>
-#include <string>
-
-#include "io/files/output_file.h"
+#include "io/splats/write.h"
 
 namespace pounce::io {
 
-/// One Gaussian as a 3DGS PLY without view dependence holds it.
-struct SplatPlyRow {
-  float position[3];
-  float normal[3];
-  float dc[3];        ///< (sRGB-coded colour - 0.5) / C0
-  float opacity;      ///< logit of alpha
-  float scale[3];     ///< natural logarithms of the standard deviations
-  float rotation[4];  ///< quaternion w, x, y, z
-};
-static_assert(sizeof(SplatPlyRow) == 68);
-
-/// The constant of the spherical harmonics of degree 0: colour = 0.5 + C0 * dc.
-inline constexpr double kDegree0 = 0.28209479177387814;
-
-/// Writes a 3DGS PLY (binary little endian, the column order of its first trainer) row by row in
-/// constant memory; it appears whole or not at all. Throws Error(storage). Not thread-safe.
-class SplatPlyWriter {
+/// A 3DGS PLY: binary little endian, the column order of its first trainer.
+class SplatPlyWriter : public SplatWriter {
  public:
-  explicit SplatPlyWriter(const std::string& path);
-  void write(std::span<const SplatPlyRow> rows);
-  std::uint64_t rows() const { return rows_; }
-  /// Says in the header how many rows there are; nothing can be written afterwards.
-  void commit();
+  SplatPlyWriter(const std::string& path, const SplatFileFacts& facts);
+  void commit(const std::function<void()>& poll) override;
 
  private:
-  void write_header();
-
-  OutputFile file_;
-  std::uint64_t rows_ = 0;
+  void encode_columns(const store::SplatRows& rows, std::span<std::byte* const> columns,
+                      SplatTally& tally) const override;
+  void check_rows(std::uint64_t) const override {}
+  void put_header();
 };
 
 }  // namespace pounce::io

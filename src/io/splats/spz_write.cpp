@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Attributes lie one behind the other, so each waits in a nameless file until all Gaussians are
+// known: then their number is, and how large a step their places need.
+#include "io/splats/spz_write.h"
+
+#include <fmt/format.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <new>
+
+#include "core/half.h"
+#include "io/splats/upright.h"
+#include "pounce/error.h"
+
+namespace pounce::io {
+namespace {
+
+enum Column : std::size_t { kPlaces, kAlphas, kColours, kScales, kRotations, kHarmonics };
+
+constexpr std::uint64_t kMostSplats = 0x7FFFFFFF;
+constexpr std::uint64_t kPieceBytes = 64 << 10;
+constexpr double kLargestFixed = 0x7FFFFF;
+/// A 48th of the smallest size that the format holds: more would be of no use.
+constexpr int kMostFractionBits = 20;
+constexpr unsigned kAntialiased = 1;
+// Logarithms of sizes, in sixteenths from -10.
+constexpr float kLeastLog = -10, kLogsPerUnit = 16;
+
+/// The byte next to a value; `clipped` where it lies beyond what bytes hold.
+std::byte byte_of(float value, bool& clipped) {
+  const float whole = std::floor(value + 0.5F);
+  clipped |= !(whole >= 0 && whole <= 255);
+  return static_cast<std::byte>(static_cast<unsigned>(std::clamp(whole, 0.0F, 255.0F)));
+}
+
+/// A gzip member, written piece by piece.
+class GzipWriter {
+ public:
+  using Put = std::function<void(std::span<const std::byte>)>;
+  explicit GzipWriter(Put put) : put_(std::move(put)), out_(kPieceBytes) {
+    constexpr int kGzipWrapper = 16, kUsualMemory = 8;  // its header has no time
+    if (deflateInit2(&stream_, Z_DEFAULT_COMPRESSION, Z_DEFLATED, MAX_WBITS + kGzipWrapper,
+                     kUsualMemory, Z_DEFAULT_STRATEGY) != Z_OK)
+      throw std::bad_alloc();
+  }
+  ~GzipWriter() { deflateEnd(&stream_); }
+  GzipWriter(const GzipWriter&) = delete;
+  GzipWriter& operator=(const GzipWriter&) = delete;
+
+  void write(std::span<const std::byte> bytes) { run(bytes, Z_NO_FLUSH); }
+  void finish() { run({}, Z_FINISH); }
+
+ private:
+  void run(std::span<const std::byte> bytes, int flush) {
+    // zlib's interface is older than const.
+    stream_.next_in = const_cast<Bytef*>(reinterpret_cast<const Bytef*>(bytes.data()));
+    stream_.avail_in = static_cast<uInt>(bytes.size());
+    do {
+      stream_.next_out = reinterpret_cast<Bytef*>(out_.data());
+      stream_.avail_out = static_cast<uInt>(out_.size());
+      deflate(&stream_, flush);
+      put_(std::span(out_).first(out_.size() - stream_.avail_out));
+    } while (stream_.avail_out == 0);
+  }
+
+  Put put_;
+  PageVector<std::byte> out_;
+  z_stream stream_{};
+};
+
+}  // namespace
+
+SpzWriter::SpzWriter(const std::string& path, const SplatFileFacts& facts,
+                     const std::string& folder)
+    : SplatWriter(path, facts, SplatOutput::spz, &folder) {
+  if (facts.is_linear) {
+    refuse("these colours are linear light, which SPZ cannot say; write a .glb, which can");
+  }
+  if (facts.model == store::SplatModel::flat)
+    notes_.push_back("SPZ cannot say that these Gaussians are discs (2DGS): they are written flat");
+}
+
+void SpzWriter::check_rows(std::uint64_t rows) const {
+  if (rows > kMostSplats) {
+    refuse("an SPZ holds no more than 2^31 - 1 Gaussians; write a .ply, or fewer with --count");
+  }
+}
+
+void SpzWriter::encode_columns(const store::SplatRows& rows, std::span<std::byte* const> columns,
+                               SplatTally& tally) const {
+  const std::size_t harmonics = std::size_t{3} * rows.lobes;
+  for (std::size_t i = 0; i < rows.splats.size(); ++i) {
+    store::Splat s = rows.splats[i];
+    bool clipped = false, ignored = false;
+    std::memcpy(columns[kPlaces] + i * sizeof s.mean, &s.mean, sizeof s.mean);
+    columns[kAlphas][i] = byte_of(s.alpha * 255, ignored);
+    const std::array<float, 3> colour{s.colour.x, s.colour.y, s.colour.z};
+    for (std::size_t k = 0; k < 3; ++k)
+      columns[kColours][3 * i + k] = byte_of((dc_of(colour[k]) * 0.15F + 0.5F) * 255, clipped);
+    turn_least(s);
+    std::array<float, 3> sizes{s.sigma.x, s.sigma.y, s.sigma.z};
+    for (std::size_t k = 0; k < 3; ++k) {
+      columns[kScales][3 * i + k] =
+          byte_of((log_sigma(sizes[k]) - kLeastLog) * kLogsPerUnit, ignored);
+      columns[kRotations][3 * i + k] = byte_of((s.rotation[1 + k] + 1) * 127.5F, ignored);
+    }
+    for (std::size_t k = 0; k < harmonics; ++k) {
+      const float value = half_to_float(rows.sh[harmonics * i + k]);
+      columns[kHarmonics][harmonics * i + k] = byte_of(value * 128 + 128, clipped);
+    }
+    tally.clipped += clipped ? 1 : 0;
+    // A disc thinner than the format's least is no thicker than wide: its width is what counts.
+    std::sort(sizes.begin(), sizes.end());
+    bool middle = false, largest = false;
+    byte_of((log_sigma(sizes[1]) - kLeastLog) * kLogsPerUnit, middle);
+    byte_of((log_sigma(sizes[2]) - kLeastLog) * kLogsPerUnit, largest);
+    tally.too_small += middle && log_sigma(sizes[1]) < 0 ? 1 : 0;
+    tally.too_large += largest && log_sigma(sizes[2]) > 0 ? 1 : 0;
+  }
+}
+
+int SpzWriter::fraction_bits() const {
+  const Box3f& box = tally_.box;
+  double farthest = 0;
+  for (const float v : {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z})
+    farthest = std::max(farthest, std::abs(static_cast<double>(v)));
+  for (int bits = kMostFractionBits; bits >= 0; --bits) {
+    if (std::floor(std::ldexp(farthest, bits) + 0.5) <= kLargestFixed) return bits;
+  }
+  refuse(fmt::format(
+      "Gaussians lie up to {:.3g} units from the origin, SPZ holds places up to {:.0f}; "
+      "leave out what is far with --box, or write a .ply or .glb",
+      farthest, kLargestFixed));
+}
+
+/// A place is rounded to the step: no matter to Gaussians that are larger.
+void SpzWriter::check_places(int bits) {
+  std::uint64_t smaller = 0;  // than 2^-bits
+  for (int e = 0; e <= 126 - bits; ++e) smaller += tally_.sizes[static_cast<std::size_t>(e)];
+  if (smaller == 0) return;
+  const std::string what = fmt::format(
+      "{} of {} Gaussians are smaller than the step of {:g} units that SPZ keeps places to in a "
+      "scene so wide",
+      smaller, rows_, std::ldexp(1.0, -bits));
+  if (2 * smaller > rows_)
+    refuse(what + "; leave out what is far with --box, or write a .ply or .glb");
+  warnings_.push_back(what);
+}
+
+void SpzWriter::check_sizes() {
+  const std::uint64_t clamped = tally_.too_small + tally_.too_large;
+  if (clamped > 0) {
+    const std::string what = fmt::format(
+        "{} of {} Gaussians are narrower or larger than SPZ holds (standard deviations of 4.5e-05 "
+        "to 379 units)",
+        clamped, rows_);
+    if (2 * clamped > rows_) refuse(what + "; scale the scene, or write a .ply or .glb");
+    warnings_.push_back(what + ": written as the nearest that it does");
+  }
+  if (tally_.clipped > 0) {
+    warnings_.push_back(
+        fmt::format("{} of {} Gaussians have colours or harmonics beyond what SPZ holds (harmonics "
+                    "of -1 to 1): "
+                    "cut to that",
+                    tally_.clipped, rows_));
+  }
+  if (tally_.normals > 0)
+    notes_.push_back("SPZ has no normals: those of the source are not written");
+}
+
+std::array<std::byte, 16> SpzWriter::header(int bits) const {
+  std::array<std::byte, 16> out{};
+  const auto put32 = [&](std::size_t at, std::uint32_t value) {
+    std::memcpy(&out[at], &value, sizeof value);
+  };
+  const auto degree =
+      std::find(store::kLobesOfDegree.begin(), store::kLobesOfDegree.end(), facts_.lobes) -
+      store::kLobesOfDegree.begin();
+  put32(0, 0x5053474E);  // "NGSP"
+  put32(4, 2);
+  put32(8, static_cast<std::uint32_t>(rows_));
+  out[12] = static_cast<std::byte>(degree);
+  out[13] = static_cast<std::byte>(bits);
+  if (facts_.model == store::SplatModel::antialiased) out[14] = std::byte{kAntialiased};
+  return out;
+}
+
+void SpzWriter::commit(const std::function<void()>& poll) {
+  const int bits = fraction_bits();
+  check_places(bits);
+  check_sizes();
+  GzipWriter gzip([this](std::span<const std::byte> bytes) { put(bytes); });
+  gzip.write(header(bits));
+  std::array<std::byte, 9> fixed;
+  PageVector<std::byte> places;
+  for_column(kPlaces, poll, [&](std::span<const std::byte> floats) {
+    places.clear();
+    for (std::size_t at = 0; at < floats.size(); at += sizeof(Vec3f)) {
+      std::array<float, 3> mean;
+      std::memcpy(mean.data(), &floats[at], sizeof mean);
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double steps = std::ldexp(static_cast<double>(mean[k]), bits);
+        const auto whole = static_cast<std::int32_t>(std::floor(steps + 0.5));
+        std::memcpy(&fixed[3 * k], &whole, 3);
+      }
+      places.insert(places.end(), fixed.begin(), fixed.end());
+    }
+    gzip.write(places);
+  });
+  for (std::size_t k = kAlphas; k < (facts_.lobes > 0 ? kHarmonics + 1 : kHarmonics); ++k)
+    for_column(k, poll, [&](std::span<const std::byte> bytes) { gzip.write(bytes); });
+  gzip.finish();
+  file_.commit();
+}
+
+}  // namespace pounce::io
