@@ -311,6 +311,10 @@ void check_request(const GaussiansOptions& o) {
   if (!io::splat_output(o.output)) {
     usage(o.output + ": Gaussians are written as .ply, .spz or .glb; name it as one of these");
   }
+  for (const SourceTexture& texture : o.source_textures) {
+    if (texture.channel != Channel::base_color)
+      usage("--source-texture: Gaussians have the colours of baseColor; give that channel alone");
+  }
   check_splat_options(as_transfer(o));
   axes_of(as_transfer(o).source_use, "source");
   if (o.sigma_texels && !(*o.sigma_texels >= 0.1 && *o.sigma_texels <= 4))

@@ -213,16 +213,16 @@ void sum_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& ke
 
 namespace {
 
-/// What a texel has found along one of its rays.
+/// What a texel has found along one of its rays, if its opacity is `least` or more.
 std::optional<SplatFinding> found_along(const SplatLimits& limits, const SplatState& state,
-                                        std::size_t look, int lane) {
+                                        std::size_t look, int lane, double least) {
   const DepthPacket& depths = state.depths[look];
   const auto weight = static_cast<double>(depths.weight[lane]);
   if (weight <= 0) return std::nullopt;
   SplatFinding out;
   const double passed = state.profiles[look].bins[kProfileBins - 1][lane];
   out.opacity = 1 - exp_same(-passed / double{kSplatSteps});
-  if (out.opacity < limits.least_opacity) return std::nullopt;
+  if (out.opacity < least) return std::nullopt;
   for (std::size_t c = 0; c < 3; ++c)
     out.colour[c] = std::clamp(static_cast<double>(depths.colour[c][lane]) / weight, 0.0, 1.0);
   // Places in the profile, 0..1 of all its bins.
@@ -239,12 +239,12 @@ std::optional<SplatFinding> found_along(const SplatLimits& limits, const SplatSt
 std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState& state,
                                     std::size_t packet, int lane) {
   const std::size_t own = packet * looks_of(limits);
-  std::optional<SplatFinding> out = found_along(limits, state, own, lane);
+  std::optional<SplatFinding> out = found_along(limits, state, own, lane, limits.least_opacity);
   if (!out || limits.rays == 0) return out;
   double weights = out->opacity;
   for (double& c : out->colour) c *= weights;
   for (std::size_t k = 1; k < looks_of(limits); ++k) {
-    const auto found = found_along(limits, state, own + k, lane);
+    const auto found = found_along(limits, state, own + k, lane, kLeastOpacity);
     if (!found) continue;
     const double weight = kConeCosine * found->opacity;
     for (std::size_t c = 0; c < 3; ++c) out->colour[c] += weight * found->colour[c];
@@ -258,7 +258,8 @@ void count_distances(const SplatLimits& limits, const SplatState& state, Distanc
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
       if (state.packets[p].texel[lane] == target::kNoTexel) continue;
-      if (const auto found = found_along(limits, state, p * looks_of(limits), lane)) {
+      if (const auto found =
+              found_along(limits, state, p * looks_of(limits), lane, limits.least_opacity)) {
         count_distance(static_cast<float>(std::abs(found->distance)), limits.reach, counts);
       }
     }

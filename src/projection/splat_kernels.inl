@@ -204,7 +204,8 @@ inline Floats largest(const Floats& a, float b) { return select(a > b, a, all(b)
 struct Lookers : Rays {
   Lookers(const TexelPacket& packet, const DepthPacket& depths, const SplatLimits& limits)
       : Rays(packet),
-        per_edge(std::ldexp(1.0F, -std::ilogb(std::sqrt(depths.footprint / kFootprint)))),
+        per_edge(std::ldexp(
+            1.0F, -std::clamp(std::ilogb(std::sqrt(depths.footprint / kFootprint)), -100, 100))),
         footprint((1.0F / (per_texel * per_texel)) * (kFootprint * per_edge * per_edge)),
         widest(depths.footprint * per_edge * per_edge),
         per_bin(load(depths.per_bin)),
