@@ -142,6 +142,7 @@ SplatPiece SplatWriter::encode(const store::SplatRows& rows) const {
 }
 
 void SplatWriter::append(const SplatPiece& piece) {
+  if (piece.rows == 0) return;  // a part of a source of which nothing is wanted
   check_rows(rows_ + piece.rows);
   const std::byte* at = piece.bytes.data();
   for (std::size_t k = 0; k < column_bytes_.size(); ++k) {
