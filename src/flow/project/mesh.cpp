@@ -58,6 +58,9 @@ float farthest(const Box3f& source, const Box3f& target) {
 
 class SurfaceMethod {
  public:
+  /// Blocks are met once, whatever the batch: a larger one saves nothing.
+  static constexpr std::uint64_t kLargestShare = 32ULL << 20;
+
   struct Work : PieceWork {
     projection::SearchState state;
     std::size_t height = 0;                       ///< index of the height at hand

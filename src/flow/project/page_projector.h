@@ -44,6 +44,7 @@ class Projection {
 /// What differs from source to source is its `Method`, whose members are thread-safe for different
 /// works:
 ///   struct Work                    derives from PieceWork
+///   uint64_t kLargestShare         of the budget that makes a piece faster
 ///   size_t channels() const
 ///   uint64_t fixed_bytes() const, least_batch_bytes() const, state_bytes(const BlockEntry&) const
 ///                                  of a piece: what it needs in any case, for the smallest batch
@@ -60,9 +61,9 @@ class PageProjector final : public Projection {
 
   PageResult project() override {
     ResultCollector results(job_, target_, method_.channels());
-    const CutTarget cut =
-        cut_target(job_, target_, method_.fixed_bytes(), method_.least_batch_bytes(),
-                   [&](const store::BlockEntry& entry) { return method_.state_bytes(entry); });
+    const CutTarget cut = cut_target(
+        job_, target_, Method::kLargestShare, method_.fixed_bytes(), method_.least_batch_bytes(),
+        [&](const store::BlockEntry& entry) { return method_.state_bytes(entry); });
     stream(cut, results);
     PageResult result = results.finish();
     for (const runtime::NodeMeter* node : {&fetch_, &bin_, &hit_, &blend_, &store_})

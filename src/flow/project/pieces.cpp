@@ -8,13 +8,10 @@
 namespace pounce::flow {
 namespace {
 
-constexpr std::uint64_t kLargestShare = 32ULL << 20;  // beyond this a larger batch saves nothing
-
 /// Bytes of one thread's share of the budget: a quarter of an equal one, so that pieces overlap;
-/// never more than what the leases leave.
-std::uint64_t budget_share(const JobContext& job) {
-  return std::min({kLargestShare,
-                   job.budget.limit() / (4 * std::uint64_t{std::max(job.threads, 1U)}),
+/// never more than what the leases leave, or than `largest`.
+std::uint64_t budget_share(const JobContext& job, std::uint64_t largest) {
+  return std::min({largest, job.budget.limit() / (4 * std::uint64_t{std::max(job.threads, 1U)}),
                    job.budget.limit() - job.budget.leased()});
 }
 
@@ -50,11 +47,11 @@ PieceList cut_pieces(JobContext& job, const store::GeometryStore& target, std::u
 
 }  // namespace
 
-CutTarget cut_target(JobContext& job, const store::GeometryStore& target, std::uint64_t fixed,
-                     std::uint64_t least_batch,
+CutTarget cut_target(JobContext& job, const store::GeometryStore& target,
+                     std::uint64_t largest_share, std::uint64_t fixed, std::uint64_t least_batch,
                      const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes) {
   CutTarget cut;
-  const std::uint64_t share = budget_share(job);
+  const std::uint64_t share = budget_share(job, largest_share);
   cut.batch_bytes = std::max(least_batch, share > fixed ? (share - fixed) / 2 : 0);
   const std::uint64_t taken = fixed + cut.batch_bytes;
   std::uint64_t blocks = 0;

@@ -41,11 +41,11 @@ struct CutTarget {
   std::uint64_t batch_bytes = 0;  ///< of a piece's lease: for the source blocks it searches at once
   runtime::Lease index;           ///< of the list itself
 };
-/// Shares the budget out: beside `fixed`, half of a piece's share goes to a batch of source blocks
-/// (at least `least_batch`), half to its texels' state, of which a block needs state_bytes(entry).
-/// Throws Error(budget) if the largest piece does not fit.
-CutTarget cut_target(JobContext& job, const store::GeometryStore& target, std::uint64_t fixed,
-                     std::uint64_t least_batch,
+/// Shares the budget out, to a piece `largest_share` at most: beside `fixed`, half of a piece's
+/// share goes to a batch of source blocks (at least `least_batch`), half to its texels' state, of
+/// which a block needs state_bytes(entry). Throws Error(budget) if the largest piece does not fit.
+CutTarget cut_target(JobContext& job, const store::GeometryStore& target,
+                     std::uint64_t largest_share, std::uint64_t fixed, std::uint64_t least_batch,
                      const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes);
 
 /// A piece on its way through the graph, and its result. A projection adds its own state. Owned by

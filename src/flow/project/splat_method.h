@@ -28,6 +28,10 @@ inline std::uint64_t splat_batch_cost(std::uint64_t splats, std::uint32_t lobes)
 template <class Request, class State>
 class SplatMethodBase {
  public:
+  /// What fits one batch is looked at once instead of twice: a capture of millions in front of a
+  /// piece.
+  static constexpr std::uint64_t kLargestShare = 512ULL << 20;
+
   struct Work : PieceWork {
     State state;
     std::optional<BlockWalk<SplatCache>> walk;  ///< over the blocks of this pass
