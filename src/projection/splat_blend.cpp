@@ -227,10 +227,8 @@ std::optional<SplatFinding> found_along(const SplatLimits& limits, const SplatSt
     out.colour[c] = std::clamp(static_cast<double>(depths.colour[c][lane]) / weight, 0.0, 1.0);
   // Places in the profile, 0..1 of all its bins.
   const double bins = kProfileBins / double{depths.per_bin[lane]};
-  const double place = static_cast<double>(depths.depth[lane]) / weight,
-               square = static_cast<double>(depths.spread[lane]) / weight;
+  const double place = static_cast<double>(depths.depth[lane]) / weight;
   out.distance = double{limits.reach} - place * bins;
-  out.spread = std::sqrt(std::max(square - place * place, 0.0)) * bins;
   return out;
 }
 

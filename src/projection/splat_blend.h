@@ -62,7 +62,6 @@ struct SplatFinding {
   std::array<double, 3> colour;  ///< 0..1 each; the mean of all rays that found a surface
   double opacity = 0;   ///< 0..1: of the Gaussians along its normal, blurred, within the reach
   double distance = 0;  ///< of the surface from the texel, in space; positive outside
-  double spread = 0;    ///< standard deviation of that
 };
 
 /// Nothing where a texel has found less than limits.least_opacity.

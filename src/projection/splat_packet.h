@@ -63,7 +63,6 @@ struct alignas(64) DepthPacket {
   std::int64_t weight[kLanes];     ///< sums of weights, in steps
   std::int64_t colour[3][kLanes];  ///< of weight x colour
   std::int64_t depth[kLanes];      ///< of weight x place in the profile, 0..1
-  std::int64_t spread[kLanes];     ///< of weight x its square
   float footprint = 0;             ///< of the packet's largest texel: kFootprint x its squared edge
   unsigned used = 0;               ///< bit per lane
 };

@@ -102,7 +102,6 @@ TEST_CASE("rays see one colour where there is one", "[projection]") {
   CHECK(found.colour[2] == Approx(0.6).margin(1e-6));
   CHECK(found.opacity == alone.opacity);
   CHECK(found.distance == alone.distance);
-  CHECK(found.spread == alone.spread);
 }
 
 TEST_CASE("a texel shows what its rays find, by cosine", "[projection]") {
