@@ -399,7 +399,8 @@ void find_surface(const SplatLimits& limits, ProfilePacket& profile, DepthPacket
   for (int k = 0; k < kProfileBins; ++k)
     mass[k] = to_float(load(profile.bins[k])) * (1 / kSplatSteps);
   make_visible(mass, visible);
-  const Floats at = peak_bin(mass, visible, [&](int k) { return bell(depth(k) * per_anchor); });
+  const auto near_target = [&](int k) { return bell(depth(k) * per_anchor); };
+  const Floats at = peak_bin(mass, visible, near_target);
   const Floats anchor = largest(limits.reach - at * width, 0.0F);
   store(depths.anchor, anchor);
   Ints sum = all(0);
@@ -412,7 +413,7 @@ void find_surface(const SplatLimits& limits, ProfilePacket& profile, DepthPacket
   Floats focus = anchor;
   if (limits.discness > 0) {
     make_visible(mass, visible);
-    const Floats peak = peak_bin(mass, visible, [](int) { return all(1.0F); });
+    const Floats peak = peak_bin(mass, visible, near_target);
     const Floats per_window = width * load(depths.per_window);
     Floats weights = all(0.0F), places = all(0.0F);
     for (int k = 0; k < kProfileBins; ++k) {

@@ -172,8 +172,8 @@ ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
     mass[low] += c.mass * (1 - (at - std::floor(at)));
     mass[low + 1] += c.mass * (at - std::floor(at));
   }
-  const int first = peak_bin(
-      mass, [&](int k) { return bell(depth(k) / deviation); }, out.unsure);
+  const auto near_target = [&](int k) { return bell(depth(k) / deviation); };
+  const int first = peak_bin(mass, near_target, out.unsure);
   const double anchor = std::max(depth(first), 0.0);
   const auto fade = [&](double t) { return bell(std::max(t - anchor, 0.0) / deviation); };
   double passed = 0;
@@ -184,8 +184,7 @@ ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
   }
   double focus = anchor;
   if (limits.discness > 0) {
-    const int peak = peak_bin(
-        mass, [](int) { return 1.0; }, out.unsure);
+    const int peak = peak_bin(mass, near_target, out.unsure);
     const Bins seen = visible(mass);
     double weights = 0, places = 0;
     for (int k = 0; k < kBins; ++k) {

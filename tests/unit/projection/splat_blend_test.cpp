@@ -204,6 +204,18 @@ TEST_CASE("one opaque Gaussian before a surface neither hides nor tints it", "[p
   CHECK(found.distance == Approx(0).margin(0.01));
 }
 
+TEST_CASE("through a gap in the surface no denser interior wins", "[projection]") {
+  // Where a scene's discs leave a gap their rims are all that a texel meets: 0.4 x 0.5 x 0.56 each
+  // at two deviations. Far below lie four times as many that face it.
+  const SplatLimits limits{0.3F, 0.17F, 0.01F, 1, false};
+  std::vector<ReferenceSplat> scene(6, disc(0, 0.5, {0.9, 0.7, 0.5}));
+  for (ReferenceSplat& rim : scene) rim.mean.x = 0.2;
+  scene.insert(scene.end(), 6, disc(-0.16, 0.9, {0.1, 0.2, 0.4}));
+  const SplatFinding found = look(scene, limits);
+  CHECK(found.distance == Approx(0).margin(0.01));
+  CHECK(found.colour[0] == Approx(0.9).margin(0.02));
+}
+
 TEST_CASE("distance is signed, positive outside", "[projection]") {
   const SplatLimits limits{0.4F, 0.17F, 0.01F, 0, false};
   const std::vector<ReferenceSplat> scene(6, disc(0, 0.9, {0.2, 0.4, 0.6}));
