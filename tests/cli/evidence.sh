@@ -30,6 +30,26 @@ err_has 'target.obj: fit 0.00 of 1'
 err_has "target.obj: the scene does not lie at this target's surface (fit 0.00 of 1): 0.00 % of its texels are covered"
 for cure in --source-axes --max-distance '--min-confidence 0'; do err_has "$cure"; done
 grep -q '"fit": 0.0' r.json || fail "it fits: $(cat r.json)"
+# A head in a sphere of about its size and a sphere in a head are found everywhere, but regions lie off.
+"$POUNCE_FIXTURE" splats -o ball.ply --shape sphere --count 4000 --target-size 64 >/dev/null
+for pair in 'scene ball' 'ball scene'; do
+  expect 0 transfer "${pair% *}.ply" "${pair#* }_target.glb" -o far.png --size 32 --no-cache
+  err_has '(fit 0.00 of 1): 0.00 % of its texels are covered'
+done
+expect 0 transfer ball.ply ball_target.glb -o ball.png --size 32 --no-cache --report r.json
+grep -q '"fit": 1.0' r.json || fail "the ball lies there: $(cat r.json)"
+! grep -q 'warning' "$err" || fail 'a warning without a reason'
+# Beyond --max-distance, but there: the warning has the distance that reaches it.
+"$POUNCE_FIXTURE" splats -o ball.ply --shape sphere --interior 0 --floaters 0 --haze 0 --target-size 64 --target-offset 4.5 >/dev/null
+expect 0 transfer ball.ply ball_target.glb -o out.png --size 32 --no-cache --report r.json
+grep -q '"fit": 1.0' r.json || fail "the ball lies there: $(cat r.json)"
+err_has 'align them, or give --max-distance'
+distance=$(grep -o -- 'give --max-distance [0-9.]*' "$err" | head -n1 | cut -d' ' -f3)
+expect 0 transfer ball.ply ball_target.glb -o out.png --size 32 --no-cache --max-distance "$distance"
+! grep -q 'warning' "$err" || fail "a warning at $distance: $(cat "$err")"
+"$POUNCE_FIXTURE" splats -o ball.ply --shape sphere --count 4000 --interior 0 --target-size 64 --target-offset 5 >/dev/null
+expect 0 transfer ball.ply ball_target.glb -o out.png --size 32 --no-cache
+err_has 'either the source lies farther away, then give --max-distance 0.'
 # Of a mesh nobody knows.
 expect 0 transfer source.obj target.obj -o mesh.png --report r.json
 grep -q '"fit": null' r.json || fail "a mesh has a fit: $(cat r.json)"
