@@ -50,6 +50,12 @@ expect 0 transfer ball.ply ball_target.glb -o out.png --size 32 --no-cache --max
 "$POUNCE_FIXTURE" splats -o ball.ply --shape sphere --count 4000 --interior 0 --target-size 64 --target-offset 5 >/dev/null
 expect 0 transfer ball.ply ball_target.glb -o out.png --size 32 --no-cache
 err_has 'either the source lies farther away, then give --max-distance 0.'
+# In other units: no Gaussian is near, which is told like any other place that is not the target's.
+awk '$1 == "v" { $2 *= 1000; $3 *= 1000; $4 = $4 * 1000 + 500 } 1' target.obj >units.obj
+expect 0 transfer scene.ply units.obj -o far.png --size 16 --no-cache --report r.json
+err_has 'units.obj: the scene does not lie at this target'"'"'s surface (fit 0.00 of 1)'
+for part in 'The source spans (' 'the target (' --source-axes units; do err_has "$part"; done
+! grep -q '"out_of_reach"' r.json || fail "nothing is left out where nothing is near: $(cat r.json)"
 # Of a mesh nobody knows.
 expect 0 transfer source.obj target.obj -o mesh.png --report r.json
 grep -q '"fit": null' r.json || fail "a mesh has a fit: $(cat r.json)"
