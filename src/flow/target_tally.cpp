@@ -22,7 +22,7 @@ constexpr std::uint64_t kMostFarPercent = 6;
 constexpr std::uint64_t kFewPercent = 50;  // below that a result is hardly what was wanted
 /// A distance that is proposed is so much longer than what it is to reach, or that would lie in its
 /// farthest quarter.
-constexpr double kDistanceToSpare = 1.4;
+constexpr double kDistanceToSpare = 1.5;
 
 std::string text_of(const Box3f& b) {
   return fmt::format("({:g} {:g} {:g})..({:g} {:g} {:g})", b.lo.x, b.lo.y, b.lo.z, b.hi.x, b.hi.y,
@@ -244,7 +244,7 @@ void TargetTally::warn_of_little(const Box3f& source) {
                   is_beyond() ? fmt::format("give {}", distance_to_give()) : "raise it", places));
 }
 
-/// Does a scene lie at the target, but farther away than texels look?
+/// Is there more of a scene than texels reach?
 bool TargetTally::is_beyond() const { return scene_distance_ > double{target_.max_distance}; }
 
 std::string TargetTally::distance_to_give() const {
@@ -269,10 +269,11 @@ void TargetTally::warn_of_misfit(const std::string& places) {
   const TexelCounts& counts = target().counts;
   warn(fmt::format(
       "the scene does not lie at this target's surface (fit {:.2f} of 1): {:.2f} % of its texels "
-      "are covered. {}; if they are one object, align them (--source-axes, scale, units), or raise "
-      "--max-distance ({:g}) if the surface is farther away; --min-confidence 0 shows what is "
-      "there all the same",
-      *target().fit, percent(counts.covered, counts.texels), places, target_.max_distance));
+      "are covered. {}; if they are one object, align them (--source-axes, scale, units), or {} if "
+      "the surface is farther away than {:g}; --min-confidence 0 shows what is there all the same",
+      *target().fit, percent(counts.covered, counts.texels), places,
+      is_beyond() ? fmt::format("give {}", distance_to_give()) : "raise --max-distance",
+      target_.max_distance));
 }
 
 }  // namespace pounce::flow

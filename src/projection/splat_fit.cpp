@@ -2,7 +2,8 @@
 //
 // Does a scene lie at a target? Two ways to say yes, since each alone refuses good pairs:
 //
-//   agree      the distances found are about one: half an object, an offset target
+//   agree      the distances found are about one, which texels nearly reach: half an object, an
+//              offset target
 //   complete   nearly all places find a surface, at distances that scatter from place to place, but
 //              whose medians over neighbourhoods are small: a target that is off here and there
 //
@@ -18,9 +19,10 @@ namespace pounce::projection {
 namespace {
 
 // By docs/decisions/026-evidence.md.
-constexpr double kStraySure = 0.15, kStrayNever = 0.25;  // of the reach
+constexpr double kStraySure = 0.15, kStrayNever = 0.28;  // of the reach
 constexpr double kFoundSure = 0.90, kFoundNever = 0.84;  // of the places
 constexpr double kOffSure = 0.40, kOffNever = 0.44;      // of the usual reach
+constexpr double kAwaySure = 0.55, kAwayNever = 0.65;    // the same of distances that agree
 constexpr double kFoundEnough = 0.05;                    // of the places, to say that they agree
 constexpr std::size_t kNeighbours = 25;                  // a place among them
 /// Median of absolute deviations to the standard deviation of normally spread numbers.
@@ -91,9 +93,11 @@ double distance_of_most(std::span<const FoundPlace> found) {
 SplatFit fit_of(std::span<const FoundPlace> found, std::size_t places, const FitLengths& lengths) {
   if (found.empty()) return {};
   const double part = static_cast<double>(found.size()) / static_cast<double>(places);
-  const double agree = ramp(stray_of(found) / lengths.reach, kStrayNever, kStraySure);
-  const double complete = std::min(ramp(part, kFoundNever, kFoundSure),
-                                   ramp(off_by(found) / lengths.usual, kOffNever, kOffSure));
+  const double off = off_by(found) / lengths.usual;
+  const double agree = std::min(ramp(stray_of(found) / lengths.reach, kStrayNever, kStraySure),
+                                ramp(off, kAwayNever, kAwaySure));
+  const double complete =
+      std::min(ramp(part, kFoundNever, kFoundSure), ramp(off, kOffNever, kOffSure));
   const double sure = std::max(agree, complete);
   return {sure < kLeastFit ? 0 : sure * ramp(part, 0, kFoundEnough), distance_of_most(found)};
 }

@@ -33,8 +33,8 @@ struct FitLengths {
   double usual = 0;  ///< the same, were they not held back: beyond a part of that a scene lies off
 };
 
-/// Either the places that found a surface found it at about one distance, or nearly all of `places`
-/// found one, and seen from afar, it lies near.
+/// Either the places that found a surface found it at about one distance that is not large, or
+/// nearly all of `places` found one, and over regions it lies near.
 SplatFit fit_of(std::span<const FoundPlace> found, std::size_t places, const FitLengths& lengths);
 
 /// What places that have been blended found: the first lane of each packet.

@@ -39,17 +39,19 @@ done
 expect 0 transfer ball.ply ball_target.glb -o ball.png --size 32 --no-cache --report r.json
 grep -q '"fit": 1.0' r.json || fail "the ball lies there: $(cat r.json)"
 ! grep -q 'warning' "$err" || fail 'a warning without a reason'
-# Beyond --max-distance, but there: the warning has the distance that reaches it.
+# Beyond --max-distance, but there: warnings have the distance that reaches it.
 "$POUNCE_FIXTURE" splats -o ball.ply --shape sphere --interior 0 --floaters 0 --haze 0 --target-size 64 --target-offset 4.5 >/dev/null
-expect 0 transfer ball.ply ball_target.glb -o out.png --size 32 --no-cache --report r.json
-grep -q '"fit": 1.0' r.json || fail "the ball lies there: $(cat r.json)"
-err_has 'align them, or give --max-distance'
-distance=$(grep -o -- 'give --max-distance [0-9.]*' "$err" | head -n1 | cut -d' ' -f3)
-expect 0 transfer ball.ply ball_target.glb -o out.png --size 32 --no-cache --max-distance "$distance"
-! grep -q 'warning' "$err" || fail "a warning at $distance: $(cat "$err")"
-"$POUNCE_FIXTURE" splats -o ball.ply --shape sphere --count 4000 --interior 0 --target-size 64 --target-offset 5 >/dev/null
+given() { grep -o -- 'give --max-distance [0-9.]*' "$err" | head -n1 | cut -d' ' -f3; }
 expect 0 transfer ball.ply ball_target.glb -o out.png --size 32 --no-cache
-err_has 'either the source lies farther away, then give --max-distance 0.'
+err_has "does not lie at this target's surface (fit 0.00 of 1)"
+expect 0 transfer ball.ply ball_target.glb -o out.png --size 32 --no-cache --max-distance "$(given)"
+! grep -q 'warning' "$err" || fail 'the distance that is given does not do'
+"$POUNCE_FIXTURE" splats -o ball.ply --shape sphere --interior 0 --floaters 0 --haze 0 --target-size 64 --target-offset 2.5 >/dev/null
+expect 0 transfer ball.ply ball_target.glb -o out.png --size 32 --no-cache --max-distance 0.5% --report r.json
+grep -q '"fit": 1.0' r.json || fail "the ball lies there: $(cat r.json)"
+err_has 'the result is empty'
+expect 0 transfer ball.ply ball_target.glb -o out.png --size 32 --no-cache --max-distance "$(given)"
+! grep -q 'warning' "$err" || fail 'the distance that is given does not do'
 # In other units: no Gaussian is near, which is told like any other place that is not the target's.
 awk '$1 == "v" { $2 *= 1000; $3 *= 1000; $4 = $4 * 1000 + 500 } 1' target.obj >units.obj
 expect 0 transfer scene.ply units.obj -o far.png --size 16 --no-cache --report r.json

@@ -46,14 +46,23 @@ TEST_CASE("a scene that lies at one distance everywhere fits", "[projection]") {
   CHECK(fit({0.3, 0.3, 0.3, 0.3, -0.9}, 20) == 1);
   // The median is 0.5, that of the deviations 0.12: 0.177912 of the reach.
   const std::vector<double> spread{0.26, 0.38, 0.5, 0.62, 0.74};
-  CHECK(fit(spread, 20) == Approx((0.25 - 0.177912) / 0.1));
-  CHECK(fit(spread, 20, {2, 2}) == 1);      // 0.088956 of it
-  CHECK(fit(spread, 20, {0.5, 0.5}) == 0);  // 0.355824
+  CHECK(fit(spread, 20) == Approx((0.28 - 0.177912) / 0.13));
+  CHECK(fit(spread, 20, {2, 2}) == 1);    // 0.088956 of it
+  CHECK(fit(spread, 20, {0.5, 2}) == 0);  // 0.355824
+}
+
+TEST_CASE("a scene that lies at one distance that is large does not fit", "[projection]") {
+  const auto at = [](double distance) { return std::vector<double>(100, distance); };
+  CHECK(fit(at(0.55), 100) == 1);
+  CHECK(fit(at(-0.59), 100) == Approx(0.6));
+  CHECK(fit(at(0.61), 100) == 0);
+  CHECK(fit(at(-0.9), 100) == 0);
+  CHECK(fit(at(0.9), 100, {1, 1.8}) == 1);  // the reach is held back
 }
 
 TEST_CASE("a scene that fits less than half does not fit", "[projection]") {
-  CHECK(fit({0.24, 0.37, 0.5, 0.63, 0.76}, 20) == Approx((0.25 - 0.192738) / 0.1));
-  CHECK(fit({0.22, 0.36, 0.5, 0.64, 0.78}, 20) == 0);  // 0.207564: 0.42
+  CHECK(fit({0.22, 0.36, 0.5, 0.64, 0.78}, 20) == Approx((0.28 - 0.207564) / 0.13));
+  CHECK(fit({0.20, 0.35, 0.5, 0.65, 0.80}, 20) == 0);  // 0.22239: 0.44
   CHECK(fit(scattered(86), 100) == 0);                 // 0.33
 }
 
