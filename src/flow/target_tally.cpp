@@ -20,7 +20,9 @@ namespace {
 /// no surface that lies close (docs/decisions/016-little-found.md).
 constexpr std::uint64_t kMostFarPercent = 6;
 constexpr std::uint64_t kFewPercent = 50;  // below that a result is hardly what was wanted
-constexpr double kLeastFit = 0.5;          // the same of a scene that does not lie at its target
+/// A distance that is proposed is so much longer than what it is to reach, or that would lie in its
+/// farthest quarter.
+constexpr double kDistanceToSpare = 1.5;
 
 std::string text_of(const Box3f& b) {
   return fmt::format("({:g} {:g} {:g})..({:g} {:g} {:g})", b.lo.x, b.lo.y, b.lo.z, b.hi.x, b.hi.y,
@@ -222,30 +224,44 @@ void TargetTally::warn_of_little(const Box3f& source) {
       fmt::format("The source spans {}, the target {}", text_of(source), text_of(box_));
   if (is_misfit()) return warn_of_misfit(places);
   if (counts.covered == 0) {
-    return warn(fmt::format(
-        "no texel found a source within {:g}: the result is empty. {}; align them, or raise "
-        "--max-distance or --max-angle",
-        target_.max_distance, places));
+    return warn(fmt::format("no texel found a source within {:g}: the result is empty. {}; {}",
+                            target_.max_distance, places, cure()));
   }
   const bool is_little = counts.covered * 100 < counts.texels * kFewPercent;
   if (is_little) {
     warn(
-        fmt::format("only {:.2f} % of its texels ({} of {}) found a source within {:g}. {}; align "
-                    "them, or raise --max-distance or --max-angle; --coverage shows where",
+        fmt::format("only {:.2f} % of its texels ({} of {}) found a source within {:g}. {}; {}; "
+                    "--coverage shows where",
                     percent(counts.covered, counts.texels), counts.covered, counts.texels,
-                    target_.max_distance, places));
+                    target_.max_distance, places, cure()));
   }
   const std::string far = judge_distances(target().distances);
   if (far.empty()) return;
   warn(
-      fmt::format("{} ({:g}): either the source lies farther away, then raise it, or this is "
+      fmt::format("{} ({:g}): either the source lies farther away, then {}, or this is "
                   "another object, then colours are by chance. {}",
-                  far, target_.max_distance, places));
+                  far, target_.max_distance,
+                  is_beyond() ? fmt::format("give {}", distance_to_give()) : "raise it", places));
+}
+
+/// Is there more of a scene than texels reach?
+bool TargetTally::is_beyond() const { return scene_distance_ > double{target_.max_distance}; }
+
+std::string TargetTally::distance_to_give() const {
+  return fmt::format("--max-distance {:.2g}", kDistanceToSpare * scene_distance_);
+}
+
+/// What may be done about a source that texels do not reach.
+std::string TargetTally::cure() const {
+  if (!is_beyond()) return "align them, or raise --max-distance or --max-angle";
+  return fmt::format(
+      "the scene's surface lies up to {:.2g} from the target's: align them, or give {}",
+      scene_distance_, distance_to_give());
 }
 
 bool TargetTally::is_misfit() const {
   const std::optional<double> fit = report_.targets.back().fit;
-  return fit && *fit < kLeastFit;
+  return fit && *fit < projection::kLeastFit;
 }
 
 /// What a texel finds of another object is found by chance, so this says all there is to say.
@@ -253,10 +269,11 @@ void TargetTally::warn_of_misfit(const std::string& places) {
   const TexelCounts& counts = target().counts;
   warn(fmt::format(
       "the scene does not lie at this target's surface (fit {:.2f} of 1): {:.2f} % of its texels "
-      "are covered. {}; if they are one object, align them (--source-axes, scale, units), or raise "
-      "--max-distance ({:g}) if the surface is farther away; --min-confidence 0 shows what is "
-      "there all the same",
-      *target().fit, percent(counts.covered, counts.texels), places, target_.max_distance));
+      "are covered. {}; if they are one object, align them (--source-axes, scale, units), or {} if "
+      "the surface is farther away than {:g}; --min-confidence 0 shows what is there all the same",
+      *target().fit, percent(counts.covered, counts.texels), places,
+      is_beyond() ? fmt::format("give {}", distance_to_give()) : "raise --max-distance",
+      target_.max_distance));
 }
 
 }  // namespace pounce::flow

@@ -12,6 +12,7 @@
 #include "flow/project/results.h"
 #include "pounce/options.h"
 #include "pounce/report.h"
+#include "projection/splat_fit.h"
 
 namespace pounce::flow {
 
@@ -23,8 +24,11 @@ class TargetTally {
   TargetTally(const TransferOptions& options, const Plan& plan, const TargetPlan& target,
               std::string model, Report& report);
 
-  /// Does the source lie at this target, 0..1? Nothing: it is a mesh.
-  void fits(std::optional<double> fit) { target().fit = fit; }
+  /// How a splat scene lies at this target.
+  void fits(const projection::SplatFit& fit) {
+    target().fit = fit.fit;
+    scene_distance_ = fit.distance;
+  }
   /// A page's store; of several passes the first one counts.
   void vectorized(std::uint32_t page, const store::GeometryDirectory& directory);
   /// A page of a pass with so many texels; `result` is null where there was nothing to project.
@@ -46,6 +50,9 @@ class TargetTally {
   bool has_enough() const;
   void warn_of_empty_pages();
   void warn_of_little(const Box3f& source);
+  bool is_beyond() const;
+  std::string distance_to_give() const;
+  std::string cure() const;
   bool is_misfit() const;
   void warn_of_misfit(const std::string& places);
   void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }
@@ -56,6 +63,7 @@ class TargetTally {
   const std::string model_;
   Report& report_;
   Box3f box_;
+  double scene_distance_ = 0;  ///< of a splat scene from this target, at most places
   /// What the first channel of a page that is made found there, or that some channel was written.
   enum class PageState : std::uint8_t { unseen, empty, found };
   static constexpr std::size_t kNone = SIZE_MAX;

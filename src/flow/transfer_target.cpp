@@ -136,8 +136,9 @@ class TargetTransfer {
     const StageTimer timer(job_.clock, "project");
     job_.meter.begin(page_title("project", page), target.directory().texels, "texels",
                      fraction(kVectorizeShare + kProjectShare));
-    if (!fit_) tally_.fits(fit_ = source_.fit(places_, target_.plan));
-    PageResult result = source_.projector(p, target, target_.plan, fit_.value_or(1))->project();
+    if (source_plan_.from_splats && !fit_)
+      tally_.fits(*(fit_ = source_.fit(places_, target_.plan)));
+    PageResult result = source_.projector(p, target, target_.plan, fit_ ? fit_->fit : 1)->project();
     job_.report.bytes_written += result.pack->size_bytes();
     add_nodes(result.nodes, job_.report.nodes);
     job_.meter.end();
@@ -243,8 +244,8 @@ class TargetTransfer {
   };
   std::vector<Clipped> clipped_;  ///< by channel
   runtime::Lease occupied_lease_;
-  std::vector<target::Place> places_;  ///< of a splat scene's target: where its fit is found
-  std::optional<double> fit_;          ///< once the first page is projected
+  std::vector<target::Place> places_;        ///< of a splat scene's target: where its fit is found
+  std::optional<projection::SplatFit> fit_;  ///< of a splat scene, once the first page is projected
   bool all_targets_cached_ = true;
   std::uint64_t steps_done_ = 0;  ///< passes of pages
 };

@@ -178,15 +178,17 @@ TEST_CASE("a scene that crosses its target does not fit", "[flow]") {
 
 TEST_CASE("the fit is looked for farther than colours are", "[flow]") {
   // 6 % of the diagonal are 0.085: the sheet is there, but no texel may look so far.
-  Sheets sheets(0.05);
-  sheets.add(0.06, 0.9);
-  for (auto& row : sheets.ply.rows) row["scale_2"] = std::log(0.006);
+  Sheets sheets(0.03);
+  sheets.add(0.045, 0.9);
+  for (auto& row : sheets.ply.rows) row["scale_2"] = std::log(0.005);
   const Report report = sheets.run();
   CHECK(report.targets[0].fit == 1.0);
   CHECK(report.target_covered * 20 < report.target_texels);
   CHECK(report.source_filtered.empty());
+  REQUIRE(!report.warnings.empty());
+  CHECK(report.warnings.back().find("or give --max-distance 0.06") != std::string::npos);
   // The sheet is so thick that it comes near enough to be sorted, but others would not be.
-  sheets.options.near_target = Length{0.05, false};
+  sheets.options.near_target = Length{0.03, false};
   const Report near = sheets.run();
   CHECK(near.source_gaussians > 400);  // all but those beside the target
   CHECK(near.targets[0].fit == 0.0);
@@ -289,7 +291,9 @@ TEST_CASE("real scenes fit their own targets and no others", "[flow]") {
                     angel = data + "/captures/angel.ply",
                     angel_proxy = data + "/captures/angel_proxy.glb",
                     narcissus = data + "/captures/narcissus.ply",
-                    narcissus_proxy = data + "/captures/narcissus_proxy.glb";
+                    narcissus_proxy = data + "/captures/narcissus_proxy.glb",
+                    sphere = data + "/splats/noisy_sphere/scene.ply",
+                    sphere_target = data + "/splats/noisy_sphere/sphere.obj";
   const auto covered = [&](const std::string& scene, const std::string& target,
                            const std::string& axes) {
     TransferOptions options;
@@ -312,6 +316,9 @@ TEST_CASE("real scenes fit their own targets and no others", "[flow]") {
   CHECK(covered(angel, narcissus_proxy, "") < 0.05);
   CHECK(covered(narcissus, bot_proxy, "") < 0.05);
   CHECK(covered(angel, angel_proxy, "x,-y,-z") < 0.05);
+  CHECK(covered(sphere, sphere_target, "") > 0.99);
+  CHECK(covered(narcissus, data + "/meshes/lee_perry_smith/LeePerrySmith_plain_textured.glb", "") <
+        0.05);  // a tenth of the places, at distances that nearly agree: a fit of 0.16 before
 }
 
 }  // namespace pounce::test

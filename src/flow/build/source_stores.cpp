@@ -142,14 +142,15 @@ SplatProjection SourceStores::splat_request(const TargetPlan& target_plan) const
   return request;
 }
 
-std::optional<double> SourceStores::fit(std::span<const target::Place> places,
-                                        const TargetPlan& target_plan) const {
+std::optional<projection::SplatFit> SourceStores::fit(std::span<const target::Place> places,
+                                                      const TargetPlan& target_plan) const {
   if (!plan_.from_splats) return std::nullopt;
   SplatProjection request = splat_request(target_plan);
   request.limits.reach = target_plan.fit_reach;
   request.limits.rays = 0;
   const auto edge = static_cast<float>(target_plan.diagonal * kPlaceEdge);
-  return find_fit(job_, request, places, std::max(edge, target_plan.smallest_edge));
+  return find_fit(job_, request, places, std::max(edge, target_plan.smallest_edge),
+                  target_plan.usual_fit_reach);
 }
 
 std::unique_ptr<Projection> SourceStores::splat_projector(std::size_t pass,

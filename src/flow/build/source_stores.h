@@ -31,10 +31,10 @@ class SourceStores {
   /// The plan's mesh is not needed afterwards.
   void build(double begin, double end);
 
-  /// Does a splat scene lie at a target, 0..1 (find_fit)? `places`: strewn over its surface.
-  /// Nothing for other sources.
-  std::optional<double> fit(std::span<const target::Place> places,
-                            const TargetPlan& target_plan) const;
+  /// Does a splat scene lie at a target (find_fit)? `places`: strewn over its surface. Nothing for
+  /// other sources.
+  std::optional<projection::SplatFit> fit(std::span<const target::Place> places,
+                                          const TargetPlan& target_plan) const;
   /// Puts the source in front of one target's texels, for one pass. `fit`: of a scene; else 1.
   std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
                                         const TargetPlan& target_plan, double fit) const;

@@ -16,7 +16,8 @@
 namespace pounce::flow {
 namespace {
 
-/// A store of its own for these targets is worth it where it holds no more than one in so many.
+/// A store of its own for these targets is worth it where it holds no more than one in so many, but
+/// some: a scene in other units, or elsewhere, is sorted as a whole, so that the job can say so.
 constexpr std::size_t kWorthLeavingOut = 4;
 
 std::uint32_t kept_lobes(const io::SplatSceneInfo& info, SphericalHarmonics harmonics) {
@@ -127,7 +128,7 @@ class SceneStore {
         std::count_if(sample.begin(), sample.end(), [&](const store::Splat& splat) {
           return keep.filter(splat) != store::SplatFilter::out_of_reach;
         }));
-    return near * kWorthLeavingOut <= sample.size();
+    return near > 0 && near * kWorthLeavingOut <= sample.size();
   }
 
   JobContext& job_;

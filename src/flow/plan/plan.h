@@ -85,10 +85,11 @@ struct Plan {
 /// One target's side.
 struct TargetPlan {
   std::string path;
-  float max_distance = 0;   ///< in the target's units
-  double diagonal = 0;      ///< of the target's bounding box
-  float fit_reach = 0;      ///< splats: how far is looked to say whether the scene lies here at all
-  float smallest_edge = 0;  ///< see TargetBlock
+  float max_distance = 0;  ///< in the target's units
+  double diagonal = 0;     ///< of the target's bounding box
+  float fit_reach = 0;     ///< splats: how far is looked to say whether the scene lies here at all
+  float usual_fit_reach = 0;  ///< the same without --near-target
+  float smallest_edge = 0;    ///< see TargetBlock
   std::vector<TargetPage> pages;
   bool by_tile = false;  ///< each tile of UV space has images of its own
   std::vector<std::vector<GeometryRequest>> requests;  ///< [pass][page]

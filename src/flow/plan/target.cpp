@@ -63,7 +63,7 @@ class TargetPlanner {
     using Float = std::numeric_limits<float>;
     plan_.max_distance =
         static_cast<float>(std::clamp<double>(distance, Float::min(), Float::max()));
-    plan_.fit_reach = fit_reach(distance);
+    set_fit_reach(distance);
     plan_.smallest_edge = static_cast<float>(std::max(diag * 1e-7, 1e-30));
     PageRequest request;
     request.by_material = has_token(options_.output, "MATERIAL");
@@ -85,14 +85,18 @@ class TargetPlanner {
 
  private:
   /// Not farther than --near-target: beyond, the scene's store may lack what lies there.
-  float fit_reach(double max_distance) const {
+  void set_fit_reach(double max_distance) {
     const auto length_of = [&](const Length& length) {
       return length.is_percent ? length.value / 100 * plan_.diagonal : length.value;
     };
-    double reach = std::max(length_of({kFitPercent, true}), kFitOverReach * max_distance);
-    if (options_.near_target) reach = std::min(reach, length_of(*options_.near_target));
-    using Float = std::numeric_limits<float>;
-    return static_cast<float>(std::clamp<double>(reach, Float::min(), Float::max()));
+    const auto to_float = [](double length) {
+      using Float = std::numeric_limits<float>;
+      return static_cast<float>(std::clamp<double>(length, Float::min(), Float::max()));
+    };
+    const double usual = std::max(length_of({kFitPercent, true}), kFitOverReach * max_distance);
+    plan_.usual_fit_reach = to_float(usual);
+    plan_.fit_reach =
+        to_float(options_.near_target ? std::min(usual, length_of(*options_.near_target)) : usual);
   }
 
   GeometryRequest target_request(const PassPlan& pass, const TargetPages& pages, std::uint32_t page,

@@ -18,7 +18,6 @@
 #include <tuple>
 
 #include "flow/project/splat_method.h"
-#include "projection/splat_fit.h"
 
 namespace pounce::flow {
 namespace {
@@ -131,8 +130,9 @@ std::unique_ptr<Projection> project_splats(JobContext& job, const SplatProjectio
                                                       SplatMethod(job, request));
 }
 
-double find_fit(JobContext& job, const SplatProjection& request,
-                std::span<const target::Place> places, float edge) {
+projection::SplatFit find_fit(JobContext& job, const SplatProjection& request,
+                              std::span<const target::Place> places, float edge,
+                              float usual_reach) {
   const SplatMethod method(job, request);
   SplatMethod::Work work;
   work.batch_bytes = method.least_batch_bytes();
@@ -143,7 +143,8 @@ double find_fit(JobContext& job, const SplatProjection& request,
                              "looking whether the scene lies at the target");
   method.begin(work, places, edge);
   while (method.fetch(work) > 0) method.hit(work);
-  return projection::fit_of(request.limits, work.state);
+  return projection::fit_of(projection::found_places(request.limits, work.state), places.size(),
+                            {double{request.limits.reach}, double{usual_reach}});
 }
 
 std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::size_t channels,

@@ -8,6 +8,7 @@
 #include "flow/project/page_projector.h"
 #include "flow/project/source_readers.h"
 #include "projection/splat_blend.h"
+#include "projection/splat_fit.h"
 #include "store/blocks/splat_store.h"
 #include "target/strewn_places.h"
 
@@ -44,11 +45,12 @@ struct SplatProjection {
 /// outlive it.
 std::unique_ptr<Projection> project_splats(JobContext& job, const SplatProjection& request);
 
-/// Does the scene lie at the surface where these places are? 0..1; 0 without any places. They look
-/// as far as request.limits say; `edge` is that of the texels they stand for. Target, outputs and
-/// fit of the request do not count. Needs no more memory than project_splats_least_bytes().
-double find_fit(JobContext& job, const SplatProjection& request,
-                std::span<const target::Place> places, float edge);
+/// Does the scene lie at the surface where these places are? No without any places. They look as
+/// far as request.limits say, `usual_reach` if nothing holds them back; `edge` is that of the
+/// texels they stand for. Target, outputs and fit of the request do not count. Needs no more memory
+/// than project_splats_least_bytes().
+projection::SplatFit find_fit(JobContext& job, const SplatProjection& request,
+                              std::span<const target::Place> places, float edge, float usual_reach);
 
 /// The least that projecting needs at once: one target block, one block of a scene that has so many
 /// lobes of harmonics, and so many rays beside each texel's normal. `result_texel_bytes`: of all
