@@ -138,7 +138,9 @@ class TargetTransfer {
                      fraction(kVectorizeShare + kProjectShare));
     if (source_plan_.from_splats && !fit_)
       tally_.fits(*(fit_ = source_.fit(places_, target_.plan)));
-    PageResult result = source_.projector(p, target, target_.plan, fit_ ? fit_->fit : 1)->project();
+    PageResult result =
+        source_.projector(p, target, target_.plan, fit_.value_or(projection::SplatFit{}))
+            ->project();
     job_.report.bytes_written += result.pack->size_bytes();
     add_nodes(result.nodes, job_.report.nodes);
     job_.meter.end();

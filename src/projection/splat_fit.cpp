@@ -82,9 +82,10 @@ double off_by(std::span<const FoundPlace> found) {
   return quantile(around, 0.75);
 }
 
-double distance_of_most(std::span<const FoundPlace> found) {
+/// No farther from `from` are nine places in ten.
+double distance_of_most(std::span<const FoundPlace> found, double from) {
   std::vector<double> distances = distances_of(found);
-  for (double& d : distances) d = std::abs(d);
+  for (double& d : distances) d = std::abs(d - from);
   return quantile(distances, 0.9);
 }
 
@@ -99,7 +100,10 @@ SplatFit fit_of(std::span<const FoundPlace> found, std::size_t places, const Fit
   const double complete =
       std::min(ramp(part, kFoundNever, kFoundSure), ramp(off, kOffNever, kOffSure));
   const double sure = std::max(agree, complete);
-  return {sure < kLeastFit ? 0 : sure * ramp(part, 0, kFoundEnough), distance_of_most(found)};
+  std::vector<double> distances = distances_of(found);
+  const double middle = median(distances);
+  return {sure < kLeastFit ? 0 : sure * ramp(part, 0, kFoundEnough), distance_of_most(found, 0),
+          middle, distance_of_most(found, middle)};
 }
 
 std::vector<FoundPlace> found_places(const SplatLimits& limits, const SplatState& state) {

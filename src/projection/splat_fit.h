@@ -25,6 +25,8 @@ struct SplatFit {
   /// at all; 0 where it does not.
   double fit = 0;
   double distance = 0;  ///< of nine places in ten the scene lies no farther away; in space
+  double middle = 0;    ///< the median of the distances found; in space, positive outside
+  double spread = 0;    ///< nine places in ten lie no farther from that; in space
 };
 
 /// How far lengths are looked for and from where on they are too far. In space.

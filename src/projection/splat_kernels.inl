@@ -399,7 +399,10 @@ void find_surface(const SplatLimits& limits, ProfilePacket& profile, DepthPacket
   for (int k = 0; k < kProfileBins; ++k)
     mass[k] = to_float(load(profile.bins[k])) * (1 / kSplatSteps);
   make_visible(mass, visible);
-  const auto near_target = [&](int k) { return bell(depth(k) * per_anchor); };
+  const float per_deviation = limits.deviation > 0 ? 1 / limits.deviation : per_anchor;
+  const auto near_target = [&](int k) {
+    return bell((depth(k) - limits.expected) * per_deviation);
+  };
   const Floats at = peak_bin(mass, visible, near_target);
   const Floats anchor = largest(limits.reach - at * width, 0.0F);
   store(depths.anchor, anchor);

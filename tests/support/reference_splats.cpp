@@ -172,7 +172,8 @@ ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
     mass[low] += c.mass * (1 - (at - std::floor(at)));
     mass[low + 1] += c.mass * (at - std::floor(at));
   }
-  const auto near_target = [&](int k) { return bell(depth(k) / deviation); };
+  const double prior = limits.deviation > 0 ? limits.deviation : deviation;
+  const auto near_target = [&](int k) { return bell((depth(k) - limits.expected) / prior); };
   const int first = peak_bin(mass, near_target, out.unsure);
   const double anchor = std::max(depth(first), 0.0);
   const auto fade = [&](double t) { return bell(std::max(t - anchor, 0.0) / deviation); };

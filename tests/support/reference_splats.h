@@ -35,6 +35,8 @@ struct ReferenceLimits {
   double window = 0;    ///< width of the depth window, before half a texel bounds it
   double discness = 0;  ///< 0..1
   bool antialiased = false;
+  double expected = 0;   ///< where along the normal the surface is thought to lie
+  double deviation = 0;  ///< from there; 0: a third of the reach
 };
 
 /// What one Gaussian gives to one texel before anything is hidden.

@@ -29,6 +29,17 @@ double least_opacity(double min_confidence, double fit) {
   return min_confidence > 0 ? kNone : projection::kLeastOpacity;
 }
 
+/// Texels look first where most places of the target found the scene: at least within a quarter of
+/// what is thought where nothing is known, at most within all of it.
+void expect_where_found(const projection::SplatFit& fit, projection::SplatLimits& limits) {
+  if (fit.fit < projection::kLeastFit) return;
+  constexpr float kPerSpread = 2, kMostOfReach = 1.0F / 3, kLeastOfReach = kMostOfReach / 4;
+  const auto middle = static_cast<float>(fit.middle), spread = static_cast<float>(fit.spread);
+  limits.expected = std::clamp(middle, -limits.reach, limits.reach);
+  limits.deviation =
+      std::clamp(kPerSpread * spread, kLeastOfReach * limits.reach, kMostOfReach * limits.reach);
+}
+
 }  // namespace
 
 SourceStores::SourceStores(JobContext& job, const TransferOptions& options, const Plan& plan,
@@ -115,7 +126,7 @@ void SourceStores::count_splats(bool cached) {
 std::unique_ptr<Projection> SourceStores::projector(std::size_t pass,
                                                     const store::GeometryStore& target,
                                                     const TargetPlan& target_plan,
-                                                    double fit) const {
+                                                    const projection::SplatFit& fit) const {
   return plan_.from_splats    ? splat_projector(pass, target, target_plan, fit)
          : plan_.as_gaussians ? gaussian_projector(target, target_plan)
                               : mesh_projector(pass, target, target_plan);
@@ -156,13 +167,14 @@ std::optional<projection::SplatFit> SourceStores::fit(std::span<const target::Pl
 std::unique_ptr<Projection> SourceStores::splat_projector(std::size_t pass,
                                                           const store::GeometryStore& target,
                                                           const TargetPlan& target_plan,
-                                                          double fit) const {
+                                                          const projection::SplatFit& fit) const {
   SplatProjection request = splat_request(target_plan);
   request.target = &target;
   for (const std::size_t c : plan_.passes[pass].channels)
     request.outputs.push_back({plan_.channels[c].channel, plan_.channels[c].format});
-  request.fit = fit;
-  request.limits.least_opacity = least_opacity(options_.min_confidence, fit);
+  request.fit = fit.fit;
+  request.limits.least_opacity = least_opacity(options_.min_confidence, fit.fit);
+  expect_where_found(fit, request.limits);
   return project_splats(job_, request);
 }
 

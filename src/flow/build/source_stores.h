@@ -35,9 +35,10 @@ class SourceStores {
   /// other sources.
   std::optional<projection::SplatFit> fit(std::span<const target::Place> places,
                                           const TargetPlan& target_plan) const;
-  /// Puts the source in front of one target's texels, for one pass. `fit`: of a scene; else 1.
+  /// Puts the source in front of one target's texels, for one pass. `fit`: of a scene.
   std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
-                                        const TargetPlan& target_plan, double fit) const;
+                                        const TargetPlan& target_plan,
+                                        const projection::SplatFit& fit) const;
   /// The pack that a pass reads most.
   const store::PackReader& pack(std::size_t pass) const;
   /// Where the source of a pass lies.
@@ -54,7 +55,8 @@ class SourceStores {
                                              const TargetPlan& target_plan) const;
   SplatProjection splat_request(const TargetPlan& target_plan) const;
   std::unique_ptr<Projection> splat_projector(std::size_t pass, const store::GeometryStore& target,
-                                              const TargetPlan& target_plan, double fit) const;
+                                              const TargetPlan& target_plan,
+                                              const projection::SplatFit& fit) const;
   std::unique_ptr<Projection> gaussian_projector(const store::GeometryStore& target,
                                                  const TargetPlan& target_plan) const;
   float min_cosine() const;

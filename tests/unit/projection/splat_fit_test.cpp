@@ -51,6 +51,15 @@ TEST_CASE("a scene that lies at one distance everywhere fits", "[projection]") {
   CHECK(fit(spread, 20, {0.5, 2}) == 0);  // 0.355824
 }
 
+TEST_CASE("a fit says where most places found the scene", "[projection]") {
+  // Eleven: the median is 0.1; |d - 0.1| in order 0 (six times), 0.02, 0.02, 0.03, 0.1, 0.7.
+  const std::vector<double> distances{0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.08, 0.12, 0.07, 0.2, 0.8};
+  const SplatFit found = fit_of(on_a_line(distances), 11, {1, 1});
+  CHECK(found.middle == 0.1);
+  CHECK(found.spread == Approx(0.1));
+  CHECK(found.distance == Approx(0.2));
+}
+
 TEST_CASE("a scene that lies at one distance that is large does not fit", "[projection]") {
   const auto at = [](double distance) { return std::vector<double>(100, distance); };
   CHECK(fit(at(0.55), 100) == 1);
