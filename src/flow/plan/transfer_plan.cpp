@@ -60,8 +60,9 @@ void TransferPlan::make(double end) {
   DiskPlan disk(job_.keeps_stores, job_.cache_limit_bytes);
   plan_source_side(disk);
   for (const std::string& path : options_.targets) plan_target_side(path, disk);
-  if (source_plan_.from_splats) {  // with the last target's mesh beside
-    need(source_plan_.scene.least_bytes + contexts() + target_.mesh.size_bytes(),
+  if (source_plan_.from_splats) {  // with the last target's mesh beside, and one without anything
+    need(source_plan_.scene.least_bytes + contexts() + target_.mesh.size_bytes() +
+             source_.size_bytes(),
          "sorting " + options_.source);
   }
   job_.meter.end();
