@@ -35,7 +35,7 @@ class ImportanceCut {
   static std::uint64_t bytes(std::uint64_t rows, std::uint64_t part_rows);
 
  private:
-  void find(const ReadFile& keys, std::uint64_t total, std::uint64_t count);
+  void find(runtime::Meter& meter, const ReadFile& keys, std::uint64_t total, std::uint64_t count);
 
   PageVector<std::uint64_t> first_;             ///< by part; and the end
   std::uint64_t least_ = 0, ties_end_ = ~0ULL;  ///< what is as important as the last one
