@@ -206,10 +206,7 @@ class MeshJob {
 class SceneJob {
  public:
   SceneJob(const GaussiansOptions& options, JobContext& job)
-      : options_(options),
-        job_(job),
-        request_(request()),
-        scene_(io::open_splat_scene(options.source, request_.axes)) {}
+      : options_(options), job_(job), request_(request()), scene_(open()) {}
 
   void run() {
     const io::SplatSceneInfo& info = scene_->info();
@@ -234,6 +231,10 @@ class SceneJob {
   }
 
  private:
+  std::unique_ptr<io::SplatScene> open() const {
+    return io::open_splat_scene(options_.source, request_.axes, [this] { job_.meter.advance(0); });
+  }
+
   SplatRequest request() const {
     SplatRequest request = splat_request(as_transfer(options_));
     if (turns()) {

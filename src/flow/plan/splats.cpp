@@ -147,7 +147,7 @@ void refuse_splat_options(const TransferOptions& options) {
                           options.source));
 }
 
-Plan plan_splats(const TransferOptions& options) {
+Plan plan_splats(const TransferOptions& options, const std::function<void()>& poll) {
   if (!options.source_textures.empty()) {
     throw Error(ErrorKind::usage,
                 fmt::format("--source-texture: {} is a splat scene; its Gaussians have their own "
@@ -177,7 +177,7 @@ Plan plan_splats(const TransferOptions& options) {
   Plan plan;
   plan.from_splats = true;
   plan.splats = splat_request(options);
-  plan.scene = scene_facts(plan.splats);
+  plan.scene = scene_facts(plan.splats, poll);
   plan.rays = options.rays;
   for (const Channel channel : channels) add_channel(options, channel, plan);
   return plan;

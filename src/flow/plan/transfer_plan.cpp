@@ -77,7 +77,7 @@ void TransferPlan::make(double end) {
 
 void TransferPlan::plan_source_side(DiskPlan& disk) {
   if (is_splat_scene(options_.source)) {
-    source_plan_ = plan_splats(options_);
+    source_plan_ = plan_splats(options_, [this] { job_.meter.advance(0); });
     source_files_ = source_plan_.scene.files;
     disk.add_splats(source_plan_.scene.splats, source_plan_.scene.lobes);
     job_.report.notes = source_plan_.scene.assumptions;

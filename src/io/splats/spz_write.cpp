@@ -198,6 +198,7 @@ void SpzWriter::commit(const std::function<void()>& poll) {
   std::array<std::byte, 9> fixed;
   PageVector<std::byte> places;
   for_column(kPlaces, poll, [&](std::span<const std::byte> floats) {
+    places.reserve(floats.size() / sizeof(Vec3f) * fixed.size());  // growing would hold it twice
     places.clear();
     for (std::size_t at = 0; at < floats.size(); at += sizeof(Vec3f)) {
       std::array<float, 3> mean;

@@ -24,8 +24,9 @@ static_assert(std::endian::native == std::endian::little);
 constexpr std::uint64_t kCopyBytes = 256 << 10;
 /// A nameless file's buffer.
 constexpr std::uint64_t kColumnBytes = 256 << 10;
-/// zlib's, or of a header; and the stream's.
-constexpr std::uint64_t kFinishBytes = 768 << 10;
+/// The stream's buffer of 256 KiB; of an SPZ what zlib holds (262), what comes out of it (64), and
+/// a piece's places in fixed point (192).
+constexpr std::uint64_t kFinishBytes = 832 << 10;
 
 /// Bytes per row of the columns that a format keeps.
 std::vector<std::uint32_t> splat_columns(SplatOutput kind, std::uint32_t lobes) {
