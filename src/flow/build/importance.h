@@ -28,7 +28,8 @@ class ImportanceCut {
   bool takes(std::uint64_t importance, std::uint64_t ordinal) const {
     return importance > least_ || (importance == least_ && ordinal < ties_end_);
   }
-  /// Gaussians that are not among them.
+  /// Gaussians that are among them, and that are not.
+  std::uint64_t taken() const { return first_.back() - left_out_; }
   std::uint64_t left_out() const { return left_out_; }
 
   /// What making it takes beside reading one part: for a source of so many rows.
