@@ -217,23 +217,27 @@ void TargetTally::warn_of_empty_pages() {
 /// may be wrong, and with which options it changes.
 void TargetTally::warn_of_little(const Box3f& source) {
   const TexelCounts& counts = target().counts;
+  // A capture's whole box is made by a few floaters, so that of its middle is known.
   if (counts.texels == 0) return warn("its UVs cover no texel centre; the result is empty");
   const std::string places =
-      fmt::format("The source spans {}, the target {}", text_of(source), text_of(box_));
+      fmt::format("{} spans {}, the target {}",
+                  plan_.from_splats ? "The scene without its outer tenths (\"middle\" of pounce "
+                                      "inspect)"
+                                    : "The source",
+                  text_of(source), text_of(box_));
   if (is_misfit()) return warn_of_misfit(places);
   if (counts.covered == 0) {
     return warn(fmt::format(
-        "no texel found a source within {:g}: the result is empty. {}; align them, or raise "
-        "--max-distance or --max-angle",
-        target_.max_distance, places));
+        "no texel found a source within {:g}: the result is empty. {}; align them, or {}",
+        target_.max_distance, places, cures()));
   }
   const bool is_little = counts.covered * 100 < counts.texels * kFewPercent;
   if (is_little) {
     warn(
         fmt::format("only {:.2f} % of its texels ({} of {}) found a source within {:g}. {}; align "
-                    "them, or raise --max-distance or --max-angle; --coverage shows where",
+                    "them, or {}; --coverage shows where",
                     percent(counts.covered, counts.texels), counts.covered, counts.texels,
-                    target_.max_distance, places));
+                    target_.max_distance, places, cures()));
   }
   const std::string far = judge_distances(target().distances);
   if (far.empty()) return;
@@ -242,6 +246,14 @@ void TargetTally::warn_of_little(const Box3f& source) {
                   "another object, then colours are by chance. {}",
                   far, target_.max_distance, places));
 }
+/// What lets texels find more. Most scenes show the same at any angle.
+std::string TargetTally::cures() const {
+  if (!plan_.from_splats) return "raise --max-distance or --max-angle";
+  if (options_.min_confidence <= TransferOptions{}.min_confidence) return "raise --max-distance";
+  return fmt::format("raise --max-distance, or lower --min-confidence ({:g})",
+                     options_.min_confidence);
+}
+
 
 bool TargetTally::is_misfit() const {
   const std::optional<double> fit = report_.targets.back().fit;

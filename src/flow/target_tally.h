@@ -46,6 +46,7 @@ class TargetTally {
   bool has_enough() const;
   void warn_of_empty_pages();
   void warn_of_little(const Box3f& source);
+  std::string cures() const;
   bool is_misfit() const;
   void warn_of_misfit(const std::string& places);
   void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }

@@ -42,6 +42,13 @@ done
 expect 0 gaussians scene.ply -o turned.glb --progress none
 err_has 'is taken to lie as trained scenes do (right, down, forward)'
 err_has '--source-axes x,y,z'
+# How a glTF lies is said wherever it is read, unless the user says it.
+expect 0 inspect turned.glb
+out_has "note       its axes are glTF's (left, up, forward), taken as stored; --source-axes=-x,-y,z"
+expect 0 transfer turned.glb target.obj -o from.png --progress none
+err_has "its axes are glTF's"
+expect 0 transfer turned.glb target.obj -o from.png --progress none --source-axes=-x,-y,z
+! grep -qF "glTF's" "$err" || fail 'what the user said is assumed'
 # What is about the other kind of source.
 for option in '--min-opacity 0.5' '--count 5'; do
   expect 2 gaussians source.obj -o o.ply $option

@@ -127,9 +127,10 @@ void refuse_splat_options(const TransferOptions& options) {
   for (const Channel channel : options.channels) {
     if (!is_evidence(channel)) continue;
     throw Error(ErrorKind::usage,
-                fmt::format("--channels {}: it says how sure a splat scene is of a texel; {} is a "
-                            "mesh",
-                            channel_name(channel), options.source));
+                fmt::format("--channels {}: it says {} a splat scene {} a texel; {} is a mesh",
+                            channel_name(channel),
+                            channel == Channel::confidence ? "how sure" : "how far away",
+                            channel == Channel::confidence ? "is of" : "is from", options.source));
   }
   const bool other_confidence = options.min_confidence != TransferOptions{}.min_confidence;
   const char* const given = options.harmonics != TransferOptions{}.harmonics ? "--sh"

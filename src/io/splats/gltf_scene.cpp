@@ -169,6 +169,12 @@ GltfSplats::GltfSplats(const std::string& path, const Axes& axes, const std::fun
   }
   info_.format = fmt::format("glTF ({})", spz_.empty() ? kExtension : kSpz);
   info_.is_linear = colour_space_ == "lin_rec709_display";
+  if (axes == Axes{}) {  // else the user says it
+    info_.assumptions.push_back(
+        "its axes are glTF's (left, up, forward), taken as stored; --source-axes=-x,-y,z turns it "
+        "to "
+        "lie as trained scenes do in other formats (right, down, forward)");
+  }
   if (others > 0) {
     info_.assumptions.push_back(fmt::format(
         "{} primitives without {} left out: where a file holds Gaussians, these are the source",
