@@ -165,6 +165,9 @@ struct PlanReport {
   std::vector<std::string> warnings;  ///< what the job would warn of before its work
 };
 
+/// A scene whose TargetReport::fit is below that hardly lies at its target.
+inline constexpr double kLeastFit = 0.5;
+
 /// Why a Gaussian is left out: a key of Report::source_filtered, and the same in words, with the
 /// option that decides it.
 struct LeftOutReason {

@@ -20,7 +20,6 @@ namespace {
 /// no surface that lies close (docs/decisions/016-little-found.md).
 constexpr std::uint64_t kMostFarPercent = 6;
 constexpr std::uint64_t kFewPercent = 50;  // below that a result is hardly what was wanted
-constexpr double kLeastFit = 0.5;          // the same of a scene that does not lie at its target
 
 std::string text_of(const Box3f& b) {
   return fmt::format("({:g} {:g} {:g})..({:g} {:g} {:g})", b.lo.x, b.lo.y, b.lo.z, b.hi.x, b.hi.y,
@@ -217,8 +216,8 @@ void TargetTally::warn_of_empty_pages() {
 /// may be wrong, and with which options it changes.
 void TargetTally::warn_of_little(const Box3f& source) {
   const TexelCounts& counts = target().counts;
-  // A capture's whole box is made by a few floaters, so that of its middle is known.
   if (counts.texels == 0) return warn("its UVs cover no texel centre; the result is empty");
+  // A capture's whole box is made by a few floaters, so that of its middle is known.
   const std::string places =
       fmt::format("{} spans {}, the target {}",
                   plan_.from_splats ? "The scene without its outer tenths (\"middle\" of pounce "
@@ -246,6 +245,7 @@ void TargetTally::warn_of_little(const Box3f& source) {
                   "another object, then colours are by chance. {}",
                   far, target_.max_distance, places));
 }
+
 /// What lets texels find more. Most scenes show the same at any angle.
 std::string TargetTally::cures() const {
   if (!plan_.from_splats) return "raise --max-distance or --max-angle";
@@ -253,7 +253,6 @@ std::string TargetTally::cures() const {
   return fmt::format("raise --max-distance, or lower --min-confidence ({:g})",
                      options_.min_confidence);
 }
-
 
 bool TargetTally::is_misfit() const {
   const std::optional<double> fit = report_.targets.back().fit;

@@ -14,7 +14,6 @@
 namespace pounce::cli {
 namespace {
 
-constexpr double kLeastFit = 0.5;              // below that a scene hardly lies at its target
 constexpr std::size_t kMostOutputsListed = 8;  // a folder of files is better counted than listed
 
 std::string wall_text(double seconds) {
