@@ -222,7 +222,8 @@ struct MapsOptions {
 /// Source preconditioning alone: a textured mesh or a splat scene as a file of Gaussians.
 struct GaussiansOptions {
   std::string source;  ///< .glb, .gltf or .obj with a baseColor texture, or a splat scene
-  /// .ply (3DGS), .spz (version 2) or .glb (KHR_gaussian_splatting, colours sRGB-coded).
+  /// .ply (3DGS), .spz (version 2) or .glb (KHR_gaussian_splatting, colours sRGB-coded or, where
+  /// the source's are, linear).
   std::string output;
   /// Turns the source: the output's x, y and z as the file's, such as "x,-y,-z". Empty: a mesh as
   /// it is stored; a scene as it is, but turned by 180 degrees about z from or to glTF, where y is

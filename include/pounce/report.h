@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -163,6 +164,19 @@ struct PlanReport {
   std::vector<std::string> kept;      ///< outputs that are up to date (skip_existing)
   std::vector<std::string> warnings;  ///< what the job would warn of before its work
 };
+
+/// A scene whose TargetReport::fit is below that hardly lies at its target: what fits less is
+/// warned of and stays empty.
+inline constexpr double kLeastFit = 0.5;
+
+/// Why a Gaussian is left out: a key of Report::source_filtered, and the same in words, with the
+/// option that decides it.
+struct LeftOutReason {
+  const char* key;
+  const char* words;
+};
+/// All reasons that a splat scene's Gaussians have, those of options first.
+std::span<const LeftOutReason> left_out_reasons();
 
 /// The report as JSON with the keys of docs/report.md. Ends with a newline.
 std::string to_json(const Report& report);

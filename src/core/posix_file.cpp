@@ -21,19 +21,18 @@
 
 #include "core/file.h"
 #include "core/open_file.h"
+#include "core/storage_advice.h"
 #include "pounce/error.h"
 
 namespace pounce {
-namespace {
 
-// Chunks are 1 KB to 1 MB: small ones are gathered so that a write costs no more than the copy.
-constexpr std::size_t kWriteBufferBytes = 256u << 10;
-
-const char* advice(int code) {
+const char* storage_advice(int code) {
   switch (code) {
     case ENOSPC:
     case EDQUOT:
       return "; free some space or choose another folder";
+    case EFBIG:
+      return "; raise the limit of file sizes (ulimit -f)";
     case EMFILE:
     case ENFILE:
       return "; raise the limit of open files (ulimit -n)";
@@ -48,11 +47,16 @@ const char* advice(int code) {
   }
 }
 
+namespace {
+
+// Chunks are 1 KB to 1 MB: small ones are gathered so that a write costs no more than the copy.
+constexpr std::size_t kWriteBufferBytes = 256u << 10;
+
 [[noreturn]] void fail(const std::string& path, const char* what, int code,
                        const char* cure = nullptr) {
   throw Error(ErrorKind::storage,
               fmt::format("{}: cannot {}: {}{}", path, what, std::generic_category().message(code),
-                          cure != nullptr ? cure : advice(code)));
+                          cure != nullptr ? cure : storage_advice(code)));
 }
 
 /// Where something should have been written or removed.

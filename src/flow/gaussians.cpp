@@ -12,6 +12,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "flow/build/kept_rows.h"
 #include "flow/build/scene_gaussians.h"
 #include "flow/build/source_columns.h"
 #include "flow/build/splats.h"
@@ -61,6 +62,28 @@ void refuse_over_input(const std::string& output, const std::vector<std::string>
   }
 }
 
+/// What is about the Gaussians of a scene.
+void refuse_scene_options(const GaussiansOptions& o) {
+  refuse_splat_options(as_transfer(o));
+  if (!o.count) return;
+  throw Error(
+      ErrorKind::usage,
+      fmt::format("--count is about the Gaussians of a splat scene; {} is a mesh", o.source));
+}
+
+/// What is about the texels of a mesh.
+void refuse_mesh_options(const GaussiansOptions& o) {
+  const char* const given = !o.source_textures.empty() ? "--source-texture"
+                            : o.sigma_texels           ? "--sigma"
+                            : o.sharpen > 0            ? "--sharpen"
+                                                       : nullptr;
+  if (given == nullptr) return;
+  throw Error(ErrorKind::usage,
+              fmt::format("{} is about the texels of a mesh; {} is a splat scene, whose Gaussians "
+                          "have their own sizes and colours",
+                          given, o.source));
+}
+
 class MeshJob {
  public:
   MeshJob(const GaussiansOptions& options, JobContext& job) : options_(options), job_(job) {
@@ -88,6 +111,7 @@ class MeshJob {
     require_reading(job_, reading_bytes(), options_.source);
     const TransferOptions transfer = as_transfer(options_);
     mesh_ = load_mesh(options_.source, transfer.source_use, "source", options_.allow_external);
+    refuse_scene_options(options_);  // now that it is known to be a mesh
     plan_ = plan_source(transfer, mesh_);
     plan_.passes.front().source.exact = true;  // each of its texels is one
     warn_of_repeats(request(), plan_.warnings);
@@ -174,6 +198,7 @@ class MeshJob {
 
   void write() {
     const std::unique_ptr<TexelSource> source = list();
+    io::check_splat_count(options_.output, source->count(), source->lobes());
     std::uint64_t accounted = write_gaussians(job_, *source, file_);
     if (accounted == 0) {
       throw Error(ErrorKind::input, options_.source +
@@ -206,10 +231,7 @@ class MeshJob {
 class SceneJob {
  public:
   SceneJob(const GaussiansOptions& options, JobContext& job)
-      : options_(options),
-        job_(job),
-        request_(request()),
-        scene_(io::open_splat_scene(options.source, request_.axes)) {}
+      : options_(options), job_(job), request_(request()), scene_(open()) {}
 
   void run() {
     const io::SplatSceneInfo& info = scene_->info();
@@ -218,13 +240,15 @@ class SceneJob {
     refuse_over_input(options_.output, info.files);
     const SceneGaussians source(*scene_,
                                 store::kLobesOfDegree[std::min<std::uint32_t>(info.sh_degree, 3)]);
-    const GaussianFile file{options_.output,
-                            {source.lobes(), info.model, info.is_linear},
-                            request_.keep,
-                            options_.count};
+    GaussianFile file{options_.output,
+                      {source.lobes(), info.model, info.is_linear},
+                      request_.keep,
+                      options_.count};
+    check_size(source, file);
     require_least(job_, least(source, file));
     prepare();
     tell();
+    file.keep.lattice = lattice(source, file.keep);
     if (write_gaussians(job_, source, file) == 0) {
       throw Error(ErrorKind::input,
                   fmt::format("{}: none of its {} Gaussians is left to write ({})", options_.source,
@@ -234,6 +258,10 @@ class SceneJob {
   }
 
  private:
+  std::unique_ptr<io::SplatScene> open() const {
+    return io::open_splat_scene(options_.source, request_.axes, [this] { job_.meter.advance(0); });
+  }
+
   SplatRequest request() const {
     SplatRequest request = splat_request(as_transfer(options_));
     if (turns()) {
@@ -253,6 +281,22 @@ class SceneJob {
   bool goes_to_gltf() const { return io::splat_output(options_.output) == io::SplatOutput::glb; }
   /// Each side lies as its format says, unless the user does.
   bool turns() const { return options_.axes.empty() && comes_from_gltf() != goes_to_gltf(); }
+
+  /// Says at once what could only be said after gigabytes were written: what is wanted, where no
+  /// filter makes it less, is more than the format holds.
+  void check_size(const SceneGaussians& source, const GaussianFile& file) const {
+    const SplatKeep& keep = file.keep;
+    if (keep.min_alpha || keep.max_sigma || keep.box) return;
+    const std::uint64_t wanted = std::min(source.count(), file.most.value_or(source.count()));
+    io::check_splat_count(file.path, wanted, file.facts.lobes);
+  }
+
+  /// What a transfer leaves out since it lies far away from all the rest is of no use to anybody.
+  store::SplatLattice lattice(const SceneGaussians& source, const SplatKeep& keep) const {
+    const runtime::Lease lease(job_.budget, kept_sample_bytes(source.read_bytes()),
+                               "looking at " + options_.source);
+    return store::SplatLattice(kept_sample(source, keep));
+  }
 
   /// What is said of a scene is complete once it is prepared.
   void tell() {
@@ -279,7 +323,9 @@ class SceneJob {
     const std::uint64_t writing =
         write_gaussians_least_bytes(file, source.count(), source.read_bytes());
     const std::uint64_t preparing = scene_->prepare_bytes();
-    if (preparing > writing) return {preparing, "unpacking " + options_.source};
+    const std::uint64_t looking = kept_sample_bytes(source.read_bytes());
+    if (preparing > std::max(looking, writing)) return {preparing, "unpacking " + options_.source};
+    if (looking > writing) return {looking, "looking at " + options_.source};
     return {writing, "writing " + options_.output};
   }
 
@@ -294,8 +340,11 @@ class SceneJob {
 
   std::string left_out() const {
     std::string text;
-    for (const auto& [reason, count] : job_.report.source_filtered)
-      text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, reason);
+    for (const auto& [reason, words] : left_out_reasons()) {
+      const auto found = job_.report.source_filtered.find(reason);
+      if (found != job_.report.source_filtered.end())
+        text += fmt::format("{}{} {}", text.empty() ? "" : ", ", found->second, words);
+    }
     return text;
   }
 
@@ -323,26 +372,6 @@ void check_request(const GaussiansOptions& o) {
   if (o.count && *o.count == 0) usage("--count must be at least 1");
 }
 
-/// What is about the other kind of source.
-void check_kind(const GaussiansOptions& o, bool is_scene) {
-  if (!is_scene) {
-    refuse_splat_options(as_transfer(o));
-    if (!o.count) return;
-    throw Error(
-        ErrorKind::usage,
-        fmt::format("--count is about the Gaussians of a splat scene; {} is a mesh", o.source));
-  }
-  const char* const given = !o.source_textures.empty() ? "--source-texture"
-                            : o.sigma_texels           ? "--sigma"
-                            : o.sharpen > 0            ? "--sharpen"
-                                                       : nullptr;
-  if (given == nullptr) return;
-  throw Error(ErrorKind::usage,
-              fmt::format("{} is about the texels of a mesh; {} is a splat scene, whose Gaussians "
-                          "have their own sizes and colours",
-                          given, o.source));
-}
-
 }  // namespace
 }  // namespace flow
 
@@ -351,7 +380,7 @@ Report gaussians(const GaussiansOptions& options, Progress* progress, Report* so
     flow::describe(options, run.report);
     flow::check_request(options);
     const bool is_scene = flow::is_splat_scene(options.source);
-    flow::check_kind(options, is_scene);
+    if (is_scene) flow::refuse_mesh_options(options);
     const auto job = flow::open_job(options.resources, options.output, false, rebuild, false, run);
     is_scene ? flow::SceneJob(options, *job).run() : flow::MeshJob(options, *job).run();
   });

@@ -220,8 +220,13 @@ void TargetTally::warn_of_empty_pages() {
 void TargetTally::warn_of_little(const Box3f& source) {
   const TexelCounts& counts = target().counts;
   if (counts.texels == 0) return warn("its UVs cover no texel centre; the result is empty");
+  // A capture's whole box is made by a few floaters, so that of its middle is known.
   const std::string places =
-      fmt::format("The source spans {}, the target {}", text_of(source), text_of(box_));
+      fmt::format("{} spans {}, the target {}",
+                  plan_.from_splats ? "The scene without its outer tenths (\"middle\" of pounce "
+                                      "inspect)"
+                                    : "The source",
+                  text_of(source), text_of(box_));
   if (is_misfit()) return warn_of_misfit(places);
   if (counts.covered == 0) {
     return warn(fmt::format("no texel found a source within {:g}: the result is empty. {}; {}",
@@ -251,17 +256,23 @@ std::string TargetTally::distance_to_give() const {
   return fmt::format("--max-distance {:.2g}", kDistanceToSpare * scene_distance_);
 }
 
-/// What may be done about a source that texels do not reach.
+/// What may be done about a source that texels do not reach. Most scenes show the same at any
+/// angle.
 std::string TargetTally::cure() const {
-  if (!is_beyond()) return "align them, or raise --max-distance or --max-angle";
-  return fmt::format(
-      "the scene's surface lies up to {:.2g} from the target's: align them, or give {}",
-      scene_distance_, distance_to_give());
+  if (is_beyond())
+    return fmt::format(
+        "the scene's surface lies up to {:.2g} from the target's: align them, or give {}",
+        scene_distance_, distance_to_give());
+  if (!plan_.from_splats) return "align them, or raise --max-distance or --max-angle";
+  if (options_.min_confidence <= TransferOptions{}.min_confidence)
+    return "align them, or raise --max-distance";
+  return fmt::format("align them, raise --max-distance, or lower --min-confidence ({:g})",
+                     options_.min_confidence);
 }
 
 bool TargetTally::is_misfit() const {
   const std::optional<double> fit = report_.targets.back().fit;
-  return fit && *fit < projection::kLeastFit;
+  return fit && *fit < kLeastFit;
 }
 
 /// What a texel finds of another object is found by chance, so this says all there is to say.

@@ -59,7 +59,7 @@ std::vector<Box3f> open_boxes(const RayState& state, std::size_t blocks) {
 }
 
 void add_batch(SplatSets sets, const RayLimits& limits, const SplatKernels& kernels,
-               RayState& state) {
+               RayState& state, const GoOn& go_on) {
   SplatCandidates candidates;
   const float height = state.reach * 1.0001F;
   for (const std::uint32_t g : state.open) {
@@ -69,6 +69,7 @@ void add_batch(SplatSets sets, const RayLimits& limits, const SplatKernels& kern
     for (const source::SplatSet* set : sets) kernels.gather(*set, all, height, 0, candidates);
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
       if (!is_open(state.sums[p])) continue;
+      go_on();
       kernels.add_met(candidates, state.bundles[p], height, state.packets[p], limits,
                       state.sums[p]);
     }

@@ -40,7 +40,7 @@ std::vector<Box3f> open_boxes(const RayState& state, std::size_t blocks);
 
 /// Adds a batch of what open_boxes() meet. Every Gaussian comes once, in any order and any batches.
 void add_batch(SplatSets sets, const RayLimits& limits, const SplatKernels& kernels,
-               RayState& state);
+               RayState& state, const GoOn& go_on);
 
 /// Once all have come: texels that met any have their colour, the others look twice as far, to the
 /// maximum distance; groups that have nothing left to find are closed.

@@ -20,7 +20,8 @@
 // needles and balls carry the picture. SplatLimits::discness says which it is, from what the
 // scene's Gaussians are like. Measured on both kinds in docs/decisions/023-splat-blend.md.
 //
-// Profiles and sums are clamped sums of integers, so Gaussians may come in any order and batches.
+// All sums are of integers, a profile's bins end at a full one, so Gaussians may come in any order
+// and batches.
 //
 // Further rays of a texel are looked along in the same way, each with a profile of its own, past
 // the same candidates. The texel's colour is the mean of what they and the normal found, by opacity

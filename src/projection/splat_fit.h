@@ -6,12 +6,10 @@
 #include <vector>
 
 #include "core/vec.h"
+#include "pounce/report.h"
 #include "projection/splat_blend.h"
 
 namespace pounce::projection {
-
-/// A target of which a scene fits less is hardly meant: it stays empty, and is warned of.
-inline constexpr double kLeastFit = 0.5;
 
 /// A place of a target's surface that found the scene's: where it is, and how far away that lies.
 struct FoundPlace {

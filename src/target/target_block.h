@@ -68,7 +68,9 @@ class TargetBlock {
                     std::vector<PacketGroup>& groups) const;
   /// At most so many packets for a block with so many covered texels: 64 windows of up to 4
   /// clusters.
-  static std::uint32_t most_packets(std::uint32_t texels) { return texels < 448 ? texels : 448; }
+  static constexpr std::uint32_t most_packets(std::uint32_t texels) {
+    return texels < 448 ? texels : 448;
+  }
   /// Bytes of a decoded block of so many records and of its maps.
   static std::uint64_t record_bytes(std::uint64_t records) {
     return records * (sizeof(store::TexelRecord) + store::kRecordBytes + sizeof(RecordTexel));

@@ -2,10 +2,12 @@
 # --channels confidence,distance: images, names and refusals; a scene that lies elsewhere is said so.
 source "$(dirname "$0")/support.sh"
 make_job
-for channel in confidence distance; do
-  expect 2 transfer source.obj target.obj -o o.exr --channels $channel
-  err_has "--channels $channel: it says how sure a splat scene is of a texel; source.obj is a mesh"
-done
+expect 2 transfer source.obj target.obj -o o.exr --channels confidence
+err_has '--channels confidence: it says how sure a splat scene is of a texel; source.obj is a mesh'
+expect 2 transfer source.obj target.obj -o o.exr --channels distance
+err_has '--channels distance: it says how far away a splat scene is from a texel; source.obj is a mesh'
+expect 2 transfer source.obj target.obj -o o.exr --channels all,confidence
+err_has 'got "all,confidence", expected all by itself, or the channels by name: baseColor,confidence'
 "$POUNCE_FIXTURE" splats -o scene.ply --count 4000 --target-size 64 >/dev/null
 job=(transfer scene.ply scene_target.glb --size 32 --no-cache)
 expect 2 "${job[@]}" -o '<CHANNEL>.png' --channels baseColor,distance
@@ -24,6 +26,11 @@ expect 0 inspect distance.tif
 out_has '1 channel, float'
 expect 0 inspect confidence.tif
 out_has '1 channel, u8'
+# What asked for too much is named, and nothing that would change nothing.
+expect 0 "${job[@]}" -o sure.png --min-confidence 1
+err_has 'raise --max-distance, or lower --min-confidence (1)'
+err_has 'The scene without its outer tenths ("middle" of pounce inspect) spans'
+! grep -qF -- --max-angle "$err" || fail '--max-angle does nothing here'
 # A plane across the scene: told of in the summary, as a warning and in the report.
 expect 0 transfer scene.ply target.obj -o far.png --size 16 --no-cache --report r.json
 err_has 'target.obj: fit 0.00 of 1'

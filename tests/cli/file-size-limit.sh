@@ -8,7 +8,7 @@ for cache in '--no-cache' '--cache stored'; do
   (ulimit -f 64 && exec "$POUNCE" transfer head/head_src.glb head/head_same.glb -o result/o.png --size 1024 \
     $cache) >"$out" 2>"$err" || status=$?
   [[ $status == 5 ]] || fail "exit status $status, not 5, with $cache"
-  err_has 'File too large'
+  err_has 'File too large; raise the limit of file sizes (ulimit -f)'
   [[ -z $(ls -A result) ]] || fail "left behind: $(ls -A result)"
 done
 expect 0 transfer head/head_src.glb head/head_same.glb -o result/o.png --size 64 --cache stored

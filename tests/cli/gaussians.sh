@@ -42,6 +42,13 @@ done
 expect 0 gaussians scene.ply -o turned.glb --progress none
 err_has 'is taken to lie as trained scenes do (right, down, forward)'
 err_has '--source-axes x,y,z'
+# How a glTF lies is said wherever it is read, unless the user says it.
+expect 0 inspect turned.glb
+out_has "note       its axes are glTF's (left, up, forward), taken as stored; --source-axes=-x,-y,z"
+expect 0 transfer turned.glb target.obj -o from.png --progress none
+err_has "its axes are glTF's"
+expect 0 transfer turned.glb target.obj -o from.png --progress none --source-axes=-x,-y,z
+! grep -qF "glTF's" "$err" || fail 'what the user said is assumed'
 # What is about the other kind of source.
 for option in '--min-opacity 0.5' '--count 5'; do
   expect 2 gaussians source.obj -o o.ply $option
@@ -52,11 +59,42 @@ err_has '--sharpen is about the texels of a mesh; scene.ply is a splat scene'
 # Nothing is left, or the source is damaged: what was there stays.
 cp some.spz before.spz
 expect 3 gaussians scene.ply -o some.spz --box 50,50,50,60,60,60
-err_has 'none of its 256 Gaussians is left to write (256 outside_box)'
+err_has 'none of its 256 Gaussians is left to write (256 outside of --box)'
 head -c 3000 scene.ply >cut.ply
 expect 3 gaussians cut.ply -o some.spz
 cmp some.spz before.spz || fail 'a job that failed changed its output'
 rm -f mesh.* some.* before.spz turned.glb from.png cut.ply
+# What a transfer leaves out of a scene is left out here, and the summary says so: SPZ could not hold what is far away.
+"$POUNCE_FIXTURE" splats -o broken.ply --count 5000 --broken 2 >/dev/null
+expect 0 gaussians broken.ply -o clean.spz --progress none
+err_has '4,990 Gaussians'
+err_has '10 Gaussians left out: '
+for words in '2 far away from the scene' '2 not finite' '2 transparent'; do err_has "$words"; done
+expect 0 inspect clean.spz
+out_has 'gaussians  4990, 4990 usable'
+expect 0 gaussians broken.ply -o clean.spz --progress none --count 90 --report r.json
+err_has '4,910 Gaussians left out: 4,900 beyond --count, '
+grep -q '"far": 2' r.json || fail 'the report does not count what is far away'
+rm broken* clean.spz r.json
+# More than 4 GiB of glTF is refused before anything is read. The file is a hole.
+{
+  printf 'ply\nformat binary_little_endian 1.0\nelement vertex 80000000\n'
+  for name in x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3; do
+    printf 'property float %s\n' $name
+  done
+  printf 'end_header\n'
+} >huge.ply
+truncate -s $(($(wc -c <huge.ply) + 80000000 * 56)) huge.ply
+expect 3 gaussians huge.ply -o huge.glb
+err_has 'a .glb is no larger than 4 GiB, which is 76695551 Gaussians of this kind; write a .ply or .spz'
+expect 3 gaussians huge.ply -o huge.glb --count 79000000
+err_has 'fewer with --count'
+rm huge.ply
+# A file that holds nothing is no mesh that an option does not fit.
+: >empty.glb
+expect 3 gaussians empty.glb -o some.ply --count 5
+err_has 'empty.glb: the file is empty'
+rm empty.glb
 # A limit on file sizes is a full disk: nothing is left.
 (ulimit -f 8 && expect 5 gaussians source.obj -o limited.ply --no-cache) || exit 1
 [[ ! -e limited.ply ]] || fail 'a part of the file was left'

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-# SIGINT and SIGTERM stop a job with status 130; the old image stays, nothing half-written is left.
+# SIGINT, SIGTERM and SIGHUP stop a job with status 130, whatever it is at; the old image stays, nothing half-written is left.
 source "$(dirname "$0")/support.sh"
 make_job
-for signal in INT TERM; do
+for signal in INT TERM HUP; do
   echo 'an old picture' >o.png
   status=0
   : >"$err"  # what the last run said must not pass for this one's first word
@@ -20,3 +20,35 @@ for signal in INT TERM; do
   [[ $(cat o.png) == 'an old picture' ]] || fail 'the old picture was touched'
   only_files o.png skin.ppm source.mtl source.obj target.obj
 done
+
+# Before any job runs, too: here it waits for room in a pipe, as soon as its handlers are there.
+mkfifo pipe
+exec 3<>pipe
+head -c 65536 /dev/zero >&3
+handles_term() { (($(sed -n 's/^SigCgt:[[:space:]]*/0x/p' "/proc/$job/status") & 1 << 14)); }
+for signal in INT TERM HUP; do
+  status=0
+  env --default-signal=INT "$POUNCE" --help >&3 2>"$err" &
+  job=$!
+  for wait in $(seq 100); do
+    handles_term && break
+    sleep 0.05
+  done
+  kill -$signal $job
+  wait $job || status=$?
+  [[ $status == 130 ]] || fail "status $status after SIG$signal without a job"
+done
+# What nohup starts outlives its terminal.
+status=0
+env --ignore-signal=HUP "$POUNCE" --help >&3 2>"$err" &
+job=$!
+for wait in $(seq 100); do
+  handles_term && break
+  sleep 0.05
+done
+kill -HUP $job
+sleep 0.1
+! grep -q '^State:[[:space:]]*Z' "/proc/$job/status" || fail 'an ignored SIGHUP was heard'
+kill -TERM $job
+wait $job || status=$?
+[[ $status == 130 ]] || fail "status $status after SIGTERM"

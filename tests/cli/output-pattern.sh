@@ -6,6 +6,7 @@ for name in 'o.<CHANNEL>.glb' 'o.<FRAME>.png' ''; do
   refused "--coverage: got \"$name\"" transfer a.glb b.glb -o o.png --coverage "$name"
 done
 refused '-o: got "o.exr", expected <CHANNEL>' maps b.glb -o o.exr
+refused 'o.obj: models are written as .glb or .gltf, images as .png' transfer a.glb b.glb -o o.obj
 # What other programs write for a tile or a frame is told from a name.
 for token in '%(UDIM)d' '<udim>' '<uvtile>' '$UDIM' '${UDIM}' '{udim}' '_MAPID_' '%(U)04d'; do
   refused "expected <UDIM> (1001) or <UVTILE> (u1_v1) for a tile's number, not $token" \

@@ -38,4 +38,4 @@ with_comma=$(printf "%d" $((2000 - inside)) | sed -E 's/^([0-9])([0-9]{3})$/\1,\
 err_has "$with_comma Gaussians left out: $with_comma outside of --box"
 grep -q '"outside_box": [0-9]' r.json || fail "nothing is outside the box: $(cat r.json)"
 expect 3 "${job[@]}" --box 7,7,7,8,8,8
-err_has '2000 outside_box'
+err_has '2000 outside of --box'

@@ -10,6 +10,7 @@
 
 #include "io/splats/scene.h"
 #include "pounce/transfer.h"
+#include "support/bytes.h"
 #include "support/splat_encodings.h"
 #include "support/whole_image.h"
 
@@ -136,6 +137,21 @@ TEST_CASE("one scene in nineteen encodings gives one picture", "[flow]") {
     ++compared;
   });
   CHECK(compared == bounds.size());
+}
+
+TEST_CASE("the least memory that a plan names works for every encoding", "[flow]") {
+  const TempFolder folder;
+  std::ofstream(folder.file("target.obj"))
+      << "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+         "f 1/1 2/2 3/3 4/4\n";
+  for_each_encoding(capture(), [&](const SplatEncoding& encoding) {
+    CAPTURE(encoding.format);
+    TransferOptions options = picture_of(folder, encoding.path);
+    options.resources.memory_bytes = plan(options).least_memory_bytes;
+    CHECK(transfer(options).target_empty == 0);
+    --options.resources.memory_bytes;
+    CHECK(error_kind([&] { transfer(options); }) == static_cast<int>(ErrorKind::budget));
+  });
 }
 
 TEST_CASE("a real scene in six formats gives one picture", "[flow][data]") {

@@ -484,7 +484,7 @@ TEST_CASE("a scene of nothing but broken Gaussians is refused with the reasons",
               splat_store(job.context, {folder.file("s.ply"), {}}, &cached, 1);
             },
             &message) == static_cast<int>(ErrorKind::input));
-  CHECK(message.find("3 not_finite") != std::string::npos);
+  CHECK(message.find("3 not finite") != std::string::npos);
 }
 
 TEST_CASE("a caller who asks to stop while a scene is read or merged is heard", "[flow]") {

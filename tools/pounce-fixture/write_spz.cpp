@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// An encoder of its own, although the product has one: what the product's writer and reader got
+// wrong alike would pass where only the one feeds the other.
 #include "write_spz.h"
 
 #include <fmt/format.h>

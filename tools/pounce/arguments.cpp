@@ -193,7 +193,10 @@ std::vector<Channel> parse_channels(const std::string& option, const std::string
   std::vector<Channel> channels;
   for (std::size_t begin = 0; begin <= text.size();) {
     const std::size_t end = std::min(text.find(',', begin), text.size());
-    const Channel channel = parse_channel(option, text.substr(begin, end - begin));
+    const std::string name = text.substr(begin, end - begin);
+    if (name == "all")
+      refuse(option, text, "all by itself, or the channels by name: baseColor,confidence");
+    const Channel channel = parse_channel(option, name);
     if (std::find(channels.begin(), channels.end(), channel) != channels.end()) {
       refuse(option, text, fmt::format("{} only once", channel_name(channel)));
     }

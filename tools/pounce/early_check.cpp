@@ -20,6 +20,7 @@
 #include <system_error>
 
 #include "pounce/error.h"
+#include "signals.h"
 
 // The sanitizers' own initialisers run later than this file.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
@@ -90,6 +91,7 @@ void check_memory() {
 }
 
 void check_early(int, char**, char**) {
+  pounce::cli::handle_signals();  // initialisers take a tenth of a second
   std::set_terminate(end_by_exception);
   check_stack();
   check_memory();

@@ -74,22 +74,8 @@ void add_scene_source_options(CLI::App& command, GaussiansOptions& options) {
             [&options](const std::string& text) {
               options.count = parse_integer("--count", text, 1, UINT64_MAX);
             });
-  add_value(command, "--min-opacity", "A", group,
-            "Leave out Gaussians less opaque than this, 0.0039 (1/255) to 1.\n"
-            "Default: 1/255",
-            [&options](const std::string& text) {
-              options.min_opacity = parse_number("--min-opacity", text, 0.0039, 1);
-            });
-  add_value(command, "--max-scale", "L", group,
-            "Leave out Gaussians whose largest standard deviation is above this,\n"
-            "in the scene's units. Default: no limit",
-            [&options](const std::string& text) {
-              options.max_scale = parse_number("--max-scale", text, 1e-30, 1e30);
-            });
-  add_value(command, "--box", "X0,Y0,Z0,X1,Y1,Z1", group,
-            "Leave out Gaussians whose middle is outside of this box, given as\n"
-            "the scene is stored, or after --source-axes. Default: no box",
-            [&options](const std::string& text) { options.box = parse_box("--box", text); });
+  add_filter_options(command, group, "as the scene is stored, or after --source-axes",
+                     options.min_opacity, options.max_scale, options.box);
 }
 
 }  // namespace

@@ -7,18 +7,15 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
-#include <csignal>
-#include <cstdint>
 #include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <exception>
 #include <filesystem>
 #include <new>
 
 #include "pounce/error.h"
+#include "signals.h"
 #include "summary.h"
 #include "visible.h"
 
@@ -26,59 +23,6 @@ namespace pounce::cli {
 namespace {
 
 constexpr int kBelow = 1;  // exit status, see the README
-
-// What the signal handler may touch.
-std::atomic<Progress*> running_job{nullptr};
-std::atomic<std::int64_t> stopped_ms{0};
-static_assert(std::atomic<Progress*>::is_always_lock_free);
-static_assert(std::atomic<std::int64_t>::is_always_lock_free);
-
-/// timeout(1) and other supervisors signal the process and then its group: that is one wish.
-constexpr std::int64_t kSameWishMs = 500;
-
-std::int64_t now_ms() {
-  timespec now = {};
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return std::int64_t{now.tv_sec} * 1000 + now.tv_nsec / 1'000'000;
-}
-
-extern "C" void stop_job(int) {
-  const int before = errno;
-  Progress* const progress = running_job.load();
-  if (progress == nullptr) _exit(exit_status(ErrorKind::cancelled));
-  if (!progress->cancelled()) {
-    stopped_ms = now_ms();
-    progress->cancel();
-  } else if (now_ms() - stopped_ms > kSameWishMs) {
-    _exit(exit_status(ErrorKind::cancelled));
-  }
-  errno = before;
-}
-
-/// While it lives, SIGINT and SIGTERM cancel the job; a second wish ends the program at once.
-class SignalsCancel {
- public:
-  explicit SignalsCancel(Progress& progress) {
-    running_job = &progress;
-    struct sigaction action = {};
-    action.sa_handler = stop_job;
-    action.sa_flags = SA_RESTART;  // no read or write of a library fails for a signal
-    sigemptyset(&action.sa_mask);
-    sigaction(SIGINT, &action, &old_interrupt_);
-    sigaction(SIGTERM, &action, &old_terminate_);
-  }
-  ~SignalsCancel() {
-    sigaction(SIGINT, &old_interrupt_, nullptr);
-    sigaction(SIGTERM, &old_terminate_, nullptr);
-    running_job = nullptr;
-  }
-  SignalsCancel(const SignalsCancel&) = delete;
-  SignalsCancel& operator=(const SignalsCancel&) = delete;
-
- private:
-  struct sigaction old_interrupt_ = {};
-  struct sigaction old_terminate_ = {};
-};
 
 std::string folder_of(const std::string& path) {
   const std::string folder = std::filesystem::path(path).parent_path().string();

@@ -19,8 +19,8 @@ struct JobSettings {
   bool plan_only = false;  ///< print the plan instead of the summary
 };
 
-/// Runs a job with progress on the standard error output and SIGINT/SIGTERM wired to its
-/// cancellation (a second one ends the process at once, with status 130); then writes the report
+/// Runs a job with progress on the standard error output and signals wired to its cancellation
+/// (signals.h); then writes the report
 /// and says what was done, also of a job that throws. Returns the exit status: 0, or 1 where a
 /// target found less than it was to. Throws what the job throws, but with JSON lines, where the
 /// last one says it, returns its status. One job at a time in a process.

@@ -15,6 +15,7 @@
 #include "pounce/error.h"
 #include "pounce/version.h"
 #include "shared_options.h"
+#include "signals.h"
 #include "visible.h"
 
 namespace {
@@ -99,6 +100,7 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) try {
+  pounce::cli::handle_signals();  // where early_check.cpp is not part of the program
   occupy_standard_streams();
   std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is then an error of write(), like a full disk
   return run(argc, argv);

@@ -143,6 +143,27 @@ void add_resource_options(CLI::App& command, Resources& resources) {
              resources.wait_for_cache, false);
 }
 
+void add_filter_options(CLI::App& command, const std::string& group, const std::string& box_axes,
+                        std::optional<double>& min_opacity, std::optional<double>& max_scale,
+                        std::optional<AxisBox>& box) {
+  add_value(command, "--min-opacity", "A", group,
+            "Leave out Gaussians less opaque than this, 0.0039 (1/255) to 1:\n"
+            "against haze. Default: 1/255",
+            [&min_opacity](const std::string& text) {
+              min_opacity = parse_number("--min-opacity", text, 0.0039, 1);
+            });
+  add_value(command, "--max-scale", "L", group,
+            "Leave out Gaussians whose largest standard deviation is above this,\n"
+            "in the scene's units: against sky and fog. Default: no limit",
+            [&max_scale](const std::string& text) {
+              max_scale = parse_number("--max-scale", text, 1e-30, 1e30);
+            });
+  add_value(command, "--box", "X0,Y0,Z0,X1,Y1,Z1", group,
+            "Leave out Gaussians whose middle is outside of this box, given\n" + box_axes +
+                ". Default: no box",
+            [&box](const std::string& text) { box = parse_box("--box", text); });
+}
+
 void add_job_options(CLI::App& command, JobSettings& settings) {
   const char* const group = "What is said";
   add_value(command, "--report", "FILE", group,

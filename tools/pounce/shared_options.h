@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <optional>
 #include <string>
 
 #include "job.h"
@@ -34,6 +35,11 @@ void add_resource_options(CLI::App& command, Resources& resources);
 /// --SIDE-mesh, --SIDE-material, --SIDE-uv-set and --SIDE-axes; `side` is "source" or "target".
 void add_mesh_options(CLI::App& command, const std::string& side, const std::string& group,
                       MeshUse& use);
+/// --min-opacity, --max-scale and --box: which Gaussians of a splat scene are wanted. The box is
+/// `box_axes`.
+void add_filter_options(CLI::App& command, const std::string& group, const std::string& box_axes,
+                        std::optional<double>& min_opacity, std::optional<double>& max_scale,
+                        std::optional<AxisBox>& box);
 /// --report, --progress, -q and -v.
 void add_job_options(CLI::App& command, JobSettings& settings);
 

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -15,7 +14,6 @@
 namespace pounce::cli {
 namespace {
 
-constexpr double kLeastFit = 0.5;              // below that a scene hardly lies at its target
 constexpr std::size_t kMostOutputsListed = 8;  // a folder of files is better counted than listed
 
 std::string wall_text(double seconds) {
@@ -48,23 +46,11 @@ std::pair<std::string, TexelCounts> least_covered(const TargetReport& target) {
   });
 }
 
-/// What of a scene was left out and why, in the words of the options; empty where nothing was.
+/// What was left out of a scene and why, in words; empty where nothing was.
 std::string left_out_text(const Report& report) {
-  constexpr std::array<std::pair<const char*, const char*>, 10> kReasons{{
-      {"outside_box", "outside of --box"},
-      {"faint", "below --min-opacity"},
-      {"too_large", "above --max-scale"},
-      {"out_of_reach", "far from the target (--near-target)"},
-      {"transparent", "transparent"},
-      {"far", "far away from the scene"},
-      {"exploded", "infinitely large"},
-      {"sizeless", "without size"},
-      {"zero_quaternion", "without rotation"},
-      {"not_finite", "not finite"},
-  }};
   std::string text;
   std::uint64_t total = 0;
-  for (const auto& [reason, words] : kReasons) {
+  for (const auto& [reason, words] : left_out_reasons()) {
     const auto found = report.source_filtered.find(reason);
     if (found == report.source_filtered.end()) continue;
     text += fmt::format("{}{} {}", text.empty() ? "" : ", ", with_commas(found->second), words);
@@ -106,9 +92,9 @@ std::string summary_text(const Report& report, double wall_s) {
     text += fmt::format("wrote {} more\n", report.outputs.size() - listed);
   }
   if (report.command == "gaussians") {
-    text += fmt::format("{} Gaussians; {}, {} threads\n", with_commas(report.source_gaussians),
-                        wall_text(wall_s), report.threads);
-    return text;
+    text += fmt::format("{} Gaussians\n", with_commas(report.source_gaussians));
+    text += left_out_text(report);
+    return text + fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
   }
   if (!report.kept.empty())
     text += fmt::format("kept {} that are younger than their inputs\n", report.kept.size());

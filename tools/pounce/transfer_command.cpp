@@ -182,22 +182,8 @@ void add_splat_options(CLI::App& command, TransferOptions& options) {
       "that is lit anew. normal: as seen from straight above, with the\n"
       "highlights of there. dc: its base colour, a little faster. Default: mean",
       [&options](const std::string& text) { options.harmonics = parse_harmonics("--sh", text); });
-  add_value(command, "--min-opacity", "A", group,
-            "Leave out Gaussians less opaque than this, 0.0039 (1/255) to 1:\n"
-            "against haze. Default: 1/255",
-            [&options](const std::string& text) {
-              options.min_opacity = parse_number("--min-opacity", text, 0.0039, 1);
-            });
-  add_value(command, "--max-scale", "L", group,
-            "Leave out Gaussians whose largest standard deviation is above this,\n"
-            "in the scene's units: against sky and fog. Default: no limit",
-            [&options](const std::string& text) {
-              options.max_scale = parse_number("--max-scale", text, 1e-30, 1e30);
-            });
-  add_value(command, "--box", "X0,Y0,Z0,X1,Y1,Z1", group,
-            "Leave out Gaussians whose middle is outside of this box, given\n"
-            "in the job's axes: after --source-axes. Default: no box",
-            [&options](const std::string& text) { options.box = parse_box("--box", text); });
+  add_filter_options(command, group, "in the job's axes: after --source-axes", options.min_opacity,
+                     options.max_scale, options.box);
   add_value(command, "--rays", "N", group,
             "So many further rays per texel, 0 to 16, in a cone of 35 degrees\n"
             "around its normal: nearer to what many sides show, softer. Each\n"

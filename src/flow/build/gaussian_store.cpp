@@ -19,6 +19,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "flow/build/kept_rows.h"
 #include "flow/build/splat_sort.h"
 #include "runtime/ordered_stream.h"
 #include "source/splat_noise.h"
@@ -39,18 +40,9 @@ constexpr std::size_t kLeastFanIn = 16, kMostFanIn = 1024;
 // Of the noise estimate: this many blocks are asked, taken evenly, or up to twice as many.
 constexpr std::uint32_t kNoiseBlocksLog2 = 5;
 
-// A sample of fewer Gaussians than that says nothing of where a scene is.
-constexpr std::size_t kLeastSample = 64;
-
 /// Per Gaussian of a run that is being made: the Gaussian, its harmonics, and twice its key.
 constexpr std::uint64_t row_bytes(std::uint32_t lobes) {
   return sizeof(Splat) + store::lobe_bytes(lobes) + 2 * sizeof(KeyedSplat);
-}
-
-/// The sample, what the lattice makes of it (vectors that grow hold up to three times their size),
-/// and what reading takes.
-std::uint64_t sample_bytes(std::uint64_t read_bytes) {
-  return GaussianSource::kSampleSplats * (sizeof(Splat) + 3 * 4 * sizeof(float)) + read_bytes;
 }
 
 std::uint64_t run_bytes(std::uint64_t read_bytes, std::uint64_t splats, std::uint32_t lobes) {
@@ -106,15 +98,9 @@ class StoreBuilder {
 };
 
 SplatLattice StoreBuilder::make_lattice() {
-  const runtime::Lease lease(job_.budget, sample_bytes(source_.read_bytes()),
+  const runtime::Lease lease(job_.budget, kept_sample_bytes(source_.read_bytes()),
                              "looking at " + request_.path);
-  PageVector<Splat> sample = source_.sample();
-  const auto left =
-      static_cast<std::size_t>(std::count_if(sample.begin(), sample.end(), [&](const Splat& s) {
-        return !request_.keep.filter(s).has_value();
-      }));
-  if (left >= kLeastSample)
-    std::erase_if(sample, [&](const Splat& s) { return request_.keep.filter(s).has_value(); });
+  const PageVector<Splat> sample = kept_sample(source_, request_.keep);
   directory_.roundness = source::median_roundness(sample);
   return SplatLattice(sample);
 }
@@ -356,7 +342,7 @@ std::uint64_t gaussian_store_least_bytes(std::uint64_t count, std::uint64_t read
                                          std::uint32_t lobes) {
   const std::uint64_t lists = count / 1024 * 2 * sizeof(store::ChunkRef) +
                               count / kLeastRun * 2 * sizeof(SplatRun) + kPageBytes;
-  return std::max({sample_bytes(read_bytes), run_bytes(read_bytes, kLeastRun, lobes) + lists,
+  return std::max({kept_sample_bytes(read_bytes), run_bytes(read_bytes, kLeastRun, lobes) + lists,
                    lists + pending_bytes(lobes) + token_bytes(lobes) +
                        kLeastFanIn * SplatMerge::cursor_bytes(lobes)}) +
          (64 << 10);

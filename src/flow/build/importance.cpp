@@ -22,13 +22,15 @@ std::uint64_t parts_of(std::uint64_t rows, std::uint64_t part_rows) {
   return (rows + part_rows - 1) / part_rows;
 }
 
+/// Stops here if the caller asked to: a reading of all keys of a huge scene takes seconds.
 template <class Take>
-void for_keys(const ReadFile& file, std::uint64_t total, const Take& take) {
+void for_keys(runtime::Meter& meter, const ReadFile& file, std::uint64_t total, const Take& take) {
   PageVector<std::uint64_t> piece(std::min(total, kPieceKeys));
   for (std::uint64_t at = 0; at < total; at += piece.size()) {
     const auto part = std::span(piece).first(std::min<std::uint64_t>(piece.size(), total - at));
     file.read(at * sizeof(std::uint64_t), std::as_writable_bytes(part));
     for (std::size_t i = 0; i < part.size(); ++i) take(at + i, part[i]);
+    meter.advance(0);
   }
 }
 
@@ -79,24 +81,25 @@ ImportanceCut::ImportanceCut(JobContext& job, const GaussianSource& source, cons
   if (count >= total) return;
   left_out_ = total - count;
   job.scratch_use.add(bytes);
-  find(*keys->reader(), total, count);
+  find(job.meter, *keys->reader(), total, count);
   job.scratch_use.remove(bytes);
 }
 
-void ImportanceCut::find(const ReadFile& keys, std::uint64_t total, std::uint64_t count) {
+void ImportanceCut::find(runtime::Meter& meter, const ReadFile& keys, std::uint64_t total,
+                         std::uint64_t count) {
   std::uint64_t wanted = count;  // of those that begin as the one that is looked for
   PageVector<std::uint64_t> histogram(std::size_t{1} << kDigitBits);
   for (int shift = 64 - kDigitBits; shift >= 0; shift -= kDigitBits) {
     std::fill(histogram.begin(), histogram.end(), 0);
     const std::uint64_t known = shift + kDigitBits == 64 ? 0 : ~0ULL << (shift + kDigitBits);
-    for_keys(keys, total, [&](std::uint64_t, std::uint64_t key) {
+    for_keys(meter, keys, total, [&](std::uint64_t, std::uint64_t key) {
       if ((key & known) == least_) ++histogram[key >> shift & 0xFFFF];
     });
     std::uint64_t digit = histogram.size() - 1;
     for (; histogram[digit] < wanted; --digit) wanted -= histogram[digit];
     least_ |= digit << shift;
   }
-  for_keys(keys, total, [&](std::uint64_t ordinal, std::uint64_t key) {
+  for_keys(meter, keys, total, [&](std::uint64_t ordinal, std::uint64_t key) {
     if (key == least_ && wanted > 0 && --wanted == 0) ties_end_ = ordinal + 1;
   });
 }

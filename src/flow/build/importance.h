@@ -28,14 +28,15 @@ class ImportanceCut {
   bool takes(std::uint64_t importance, std::uint64_t ordinal) const {
     return importance > least_ || (importance == least_ && ordinal < ties_end_);
   }
-  /// Gaussians that are not among them.
+  /// Gaussians that are among them, and that are not.
+  std::uint64_t taken() const { return first_.back() - left_out_; }
   std::uint64_t left_out() const { return left_out_; }
 
   /// What making it takes beside reading one part: for a source of so many rows.
   static std::uint64_t bytes(std::uint64_t rows, std::uint64_t part_rows);
 
  private:
-  void find(const ReadFile& keys, std::uint64_t total, std::uint64_t count);
+  void find(runtime::Meter& meter, const ReadFile& keys, std::uint64_t total, std::uint64_t count);
 
   PageVector<std::uint64_t> first_;             ///< by part; and the end
   std::uint64_t least_ = 0, ties_end_ = ~0ULL;  ///< what is as important as the last one

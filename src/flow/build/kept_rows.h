@@ -49,4 +49,23 @@ inline store::SplatRows read_kept(const GaussianSource& source, const SplatKeep&
   return rows;
 }
 
+/// What kept_sample() takes, with what a lattice made of it does (vectors that grow hold up to
+/// three times their size), and what reading takes.
+inline std::uint64_t kept_sample_bytes(std::uint64_t read_bytes) {
+  return GaussianSource::kSampleSplats * (sizeof(store::Splat) + 3 * 4 * sizeof(float)) +
+         read_bytes;
+}
+
+/// What is wanted of a source's sample; all of it where that is too little to say where the source
+/// is.
+inline PageVector<store::Splat> kept_sample(const GaussianSource& source, const SplatKeep& keep) {
+  constexpr std::size_t kLeastSample = 64;
+  PageVector<store::Splat> sample = source.sample();
+  const auto is_unwanted = [&](const store::Splat& s) { return keep.filter(s).has_value(); };
+  const auto unwanted =
+      static_cast<std::size_t>(std::count_if(sample.begin(), sample.end(), is_unwanted));
+  if (sample.size() - unwanted >= kLeastSample) std::erase_if(sample, is_unwanted);
+  return sample;
+}
+
 }  // namespace pounce::flow

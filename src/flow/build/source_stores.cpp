@@ -32,7 +32,7 @@ double least_opacity(double min_confidence, double fit) {
 /// Texels look first where most places of the target found the scene: at least within a quarter of
 /// what is thought where nothing is known, at most within all of it.
 void expect_where_found(const projection::SplatFit& fit, projection::SplatLimits& limits) {
-  if (fit.fit < projection::kLeastFit) return;
+  if (fit.fit < kLeastFit) return;
   constexpr float kPerSpread = 2, kMostOfReach = 1.0F / 3, kLeastOfReach = kMostOfReach / 4;
   const auto middle = static_cast<float>(fit.middle), spread = static_cast<float>(fit.spread);
   limits.expected = std::clamp(middle, -limits.reach, limits.reach);

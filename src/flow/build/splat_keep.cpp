@@ -80,11 +80,13 @@ std::optional<SplatFilter> SplatKeep::filter(const store::Splat& splat) const {
   if (min_alpha && splat.alpha < *min_alpha) return SplatFilter::faint;
   if (max_sigma && store::size_of(splat) > *max_sigma) return SplatFilter::too_large;
   if (box && !holds(*box, splat.mean)) return SplatFilter::outside_box;
-  if (near.empty()) return std::nullopt;
-  const Box3f reach = store::splat_box(splat);
-  const bool meets =
-      std::any_of(near.begin(), near.end(), [&](const auto& one) { return one->meets(reach); });
-  return meets ? std::nullopt : std::optional(SplatFilter::out_of_reach);
+  if (!near.empty()) {
+    const Box3f reach = store::splat_box(splat);
+    const bool meets =
+        std::any_of(near.begin(), near.end(), [&](const auto& one) { return one->meets(reach); });
+    if (!meets) return SplatFilter::out_of_reach;
+  }
+  return lattice ? lattice->filter(splat) : std::nullopt;
 }
 
 void SplatKeep::add_to(Hasher& hash) const {

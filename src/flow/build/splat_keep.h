@@ -10,6 +10,7 @@
 #include "core/box.h"
 #include "core/hash.h"
 #include "mesh/mesh.h"
+#include "store/blocks/splat_lattice.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::flow {
@@ -42,6 +43,9 @@ struct SplatKeep {
   std::optional<float> max_sigma;                        ///< in the scene's units
   std::optional<Box3f> box;                              ///< of means, after --source-axes
   std::vector<std::shared_ptr<const NearSurface>> near;  ///< any of them; none: everywhere
+  /// Of a scene that is written as a file: what is far away from all the rest goes. A store leaves
+  /// that out by itself, and its key does not depend on this.
+  std::optional<store::SplatLattice> lattice = {};
 
   /// Why a Gaussian is left out, if it is.
   std::optional<store::SplatFilter> filter(const store::Splat& splat) const;

@@ -56,7 +56,7 @@ class SceneStore {
   SceneStore(JobContext& job, const SplatRequest& request)
       : job_(job),
         request_(request),
-        scene_(io::open_splat_scene(request.path, request.axes)),
+        scene_(open(job, request)),
         source_(*scene_, kept_lobes(scene_->info(), request.harmonics)) {}
 
   std::uint64_t count() const { return source_.count(); }
@@ -77,6 +77,11 @@ class SceneStore {
   }
 
  private:
+  static std::unique_ptr<io::SplatScene> open(JobContext& job, const SplatRequest& request) {
+    const runtime::Lease lease(job.budget, io::kOpenSplatBytes, "opening " + request.path);
+    return io::open_splat_scene(request.path, request.axes, [&job] { job.meter.advance(0); });
+  }
+
   store::SplatFacts facts() const {
     const io::SplatSceneInfo& info = scene_->info();
     return {info.splats, info.model, source_.lobes(), info.is_linear};
@@ -150,8 +155,8 @@ std::unique_ptr<store::SplatStore> splat_store(JobContext& job, const SplatReque
   return store;
 }
 
-SceneFacts scene_facts(const SplatRequest& request) {
-  const auto scene = io::open_splat_scene(request.path, request.axes);
+SceneFacts scene_facts(const SplatRequest& request, const std::function<void()>& poll) {
+  const auto scene = io::open_splat_scene(request.path, request.axes, poll);
   const io::SplatSceneInfo& info = scene->info();
   SceneFacts facts{info.splats,      kept_lobes(info, request.harmonics),
                    info.is_linear,   info.files,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -39,7 +40,9 @@ struct SceneFacts {
   /// The least that splat_store() may need at once; the same for a file of any length.
   std::uint64_t least_bytes = 0;
 };
-SceneFacts scene_facts(const SplatRequest& request);
+/// `poll`: as io::open_splat_scene(), which takes io::kOpenSplatBytes.
+SceneFacts scene_facts(
+    const SplatRequest& request, const std::function<void()>& poll = [] {});
 
 /// Reads, filters and sorts a scene into a store of blocks, or finds the store in the cache. Takes
 /// job.meter through a stage "precondition" whose end is `progress_end`. Adds what was left out to

@@ -10,6 +10,7 @@
 
 #include "flow/load_mesh.h"
 #include "flow/plan/output_names.h"
+#include "io/image/write.h"
 #include "io/model/write.h"
 #include "mesh/uv_tiles.h"
 #include "pounce/error.h"
@@ -94,6 +95,12 @@ void check_options(const TransferOptions& o) {
   if (o.targets.size() > 1 && !has_token(o.output, "TARGET")) {
     usage(fmt::format("{} targets need <TARGET> in the output: {} is one name", o.targets.size(),
                       o.output));
+  }
+  if (!io::is_model_path(o.output) && !io::is_image_path(o.output)) {
+    usage(
+        o.output +
+        ": models are written as .glb or .gltf, images as .png, .jpg, .jpeg, .tif, .tiff or .exr; "
+        "choose one of these endings");
   }
   if (io::is_model_path(o.output) && o.depth && *o.depth != Depth::u8 && *o.depth != Depth::u16) {
     usage(

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -108,8 +109,8 @@ Plan plan_source(const TransferOptions& options, const mesh::Mesh& source);
 
 /// The same for a splat scene, from the options and the headers of its files. Throws Error(usage)
 /// for options that only make sense for a mesh, Error(input) for channels that a scene does not
-/// have.
-Plan plan_splats(const TransferOptions& options);
+/// have. Calls `poll` often where opening the scene takes long.
+Plan plan_splats(const TransferOptions& options, const std::function<void()>& poll);
 /// Leaves out of a scene what is far from this target too, as the options say. To be called for
 /// every target.
 void keep_near(const TransferOptions& options, const TargetPlan& target, const mesh::Mesh& mesh,

@@ -127,9 +127,10 @@ void refuse_splat_options(const TransferOptions& options) {
   for (const Channel channel : options.channels) {
     if (!is_evidence(channel)) continue;
     throw Error(ErrorKind::usage,
-                fmt::format("--channels {}: it says how sure a splat scene is of a texel; {} is a "
-                            "mesh",
-                            channel_name(channel), options.source));
+                fmt::format("--channels {}: it says {} a splat scene {} a texel; {} is a mesh",
+                            channel_name(channel),
+                            channel == Channel::confidence ? "how sure" : "how far away",
+                            channel == Channel::confidence ? "is of" : "is from", options.source));
   }
   const bool other_confidence = options.min_confidence != TransferOptions{}.min_confidence;
   const char* const given = options.harmonics != TransferOptions{}.harmonics ? "--sh"
@@ -147,7 +148,7 @@ void refuse_splat_options(const TransferOptions& options) {
                           options.source));
 }
 
-Plan plan_splats(const TransferOptions& options) {
+Plan plan_splats(const TransferOptions& options, const std::function<void()>& poll) {
   if (!options.source_textures.empty()) {
     throw Error(ErrorKind::usage,
                 fmt::format("--source-texture: {} is a splat scene; its Gaussians have their own "
@@ -177,7 +178,7 @@ Plan plan_splats(const TransferOptions& options) {
   Plan plan;
   plan.from_splats = true;
   plan.splats = splat_request(options);
-  plan.scene = scene_facts(plan.splats);
+  plan.scene = scene_facts(plan.splats, poll);
   plan.rays = options.rays;
   for (const Channel channel : channels) add_channel(options, channel, plan);
   return plan;

@@ -60,8 +60,9 @@ void TransferPlan::make(double end) {
   DiskPlan disk(job_.keeps_stores, job_.cache_limit_bytes);
   plan_source_side(disk);
   for (const std::string& path : options_.targets) plan_target_side(path, disk);
-  if (source_plan_.from_splats) {  // with the last target's mesh beside
-    need(source_plan_.scene.least_bytes + contexts() + target_.mesh.size_bytes(),
+  if (source_plan_.from_splats) {  // with the last target's mesh beside, and one without anything
+    need(source_plan_.scene.least_bytes + contexts() + target_.mesh.size_bytes() +
+             source_.size_bytes(),
          "sorting " + options_.source);
   }
   job_.meter.end();
@@ -76,7 +77,7 @@ void TransferPlan::make(double end) {
 
 void TransferPlan::plan_source_side(DiskPlan& disk) {
   if (is_splat_scene(options_.source)) {
-    source_plan_ = plan_splats(options_);
+    source_plan_ = plan_splats(options_, [this] { job_.meter.advance(0); });
     source_files_ = source_plan_.scene.files;
     disk.add_splats(source_plan_.scene.splats, source_plan_.scene.lobes);
     job_.report.notes = source_plan_.scene.assumptions;

@@ -37,7 +37,8 @@ class GaussianMethod : public SplatMethodBase<GaussianProjection, projection::Ra
   }
 
   void hit(Work& work) const {
-    projection::add_batch(work.sets, request_.limits, *request_.kernels, work.state);
+    projection::add_batch(work.sets, request_.limits, *request_.kernels, work.state,
+                          [this] { job_->meter.throw_if_cancelled(); });
     drop_batch(work);
     if (work.walk->done()) end_reach(work);
   }

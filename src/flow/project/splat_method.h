@@ -68,7 +68,7 @@ class SplatMethodBase {
                        channels);
   }
 
-  static std::uint32_t most_packets() {
+  static constexpr std::uint32_t most_packets() {
     return target::TargetBlock::most_packets(store::kTexelsPerBlock);
   }
 

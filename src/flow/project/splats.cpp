@@ -133,6 +133,8 @@ std::unique_ptr<Projection> project_splats(JobContext& job, const SplatProjectio
 projection::SplatFit find_fit(JobContext& job, const SplatProjection& request,
                               std::span<const target::Place> places, float edge,
                               float usual_reach) {
+  // As many packets as a full block has at most, so that projecting one takes as much memory.
+  static_assert(target::kStrewnPlaces == SplatMethod::most_packets());
   const SplatMethod method(job, request);
   SplatMethod::Work work;
   work.batch_bytes = method.least_batch_bytes();

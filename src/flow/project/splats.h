@@ -20,7 +20,7 @@ inline constexpr float kWindowOverNoise = 2.5F;
 /// One image of a page: colours, or evidence of them.
 struct SplatOutput {
   Channel channel = Channel::base_color;
-  texture::TexelFormat format;  ///< of colours without alpha
+  texture::TexelFormat format;  ///< of the image, alpha and all
 };
 
 struct SplatProjection {

@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <system_error>
 
+#include "core/storage_advice.h"
 #include "io/files/output_leftovers.h"
 #include "pounce/error.h"
 
@@ -102,7 +103,7 @@ void OutputFile::open_named(mode_t mode) {
     descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, mode);
     if (descriptor_ < 0 && errno == EEXIST) continue;  // a process of our number elsewhere
     if (descriptor_ < 0 && folder_is_back(tries)) continue;
-    if (descriptor_ < 0) fail(std::strerror(errno));
+    if (descriptor_ < 0) fail_by(errno);
     // Before it is locked another job may take it for a leftover.
     struct stat named {};
     if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
@@ -121,7 +122,7 @@ void OutputFile::give_temporary_name() {
     next_temporary();
     has_temporary_ =
         ::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, temporary_.c_str(), AT_SYMLINK_FOLLOW) == 0;
-    if (!has_temporary_ && errno != EEXIST && !folder_is_back(tries)) fail(std::strerror(errno));
+    if (!has_temporary_ && errno != EEXIST && !folder_is_back(tries)) fail_by(errno);
   }
 }
 
@@ -190,7 +191,7 @@ std::size_t OutputFile::read_back(std::int64_t offset, void* out, std::size_t co
 }
 
 void OutputFile::check() const {
-  if (failure_ != 0) fail(std::strerror(failure_));
+  if (failure_ != 0) fail_by(failure_);
 }
 
 void OutputFile::commit() {
@@ -198,17 +199,21 @@ void OutputFile::commit() {
   stream_ = nullptr;
   const bool flushed = std::fclose(stream) == 0;
   check();
-  if (!flushed || ::fsync(descriptor_) != 0) fail(std::strerror(errno));
+  if (!flushed || ::fsync(descriptor_) != 0) fail_by(errno);
   if (nameless_) give_temporary_name();
   keep_mode();
-  if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail(std::strerror(errno));
+  if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail_by(errno);
   has_temporary_ = false;
   const int folder = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   const bool synced = folder >= 0 && ::fsync(folder) == 0;
   const int reason = errno;
   if (folder >= 0) ::close(folder);
   // Some network file systems cannot sync a folder; the file itself is safe.
-  if (!synced && reason != EINVAL && reason != EACCES) fail(std::strerror(reason));
+  if (!synced && reason != EINVAL && reason != EACCES) fail_by(reason);
+}
+
+void OutputFile::fail_by(int code) const {
+  fail(std::string(std::strerror(code)) + storage_advice(code));
 }
 
 void OutputFile::fail(const std::string& what) const {

@@ -45,6 +45,8 @@ class OutputFile {
   static long write_piece(void* self, const char* bytes, std::size_t count);
   static int seek(void* self, std::int64_t* offset, int whence);
 
+  /// fail() with the reason that an errno has, and its cure.
+  [[noreturn]] void fail_by(int code) const;
   void check_folder();
   bool folder_is_back(int& tries);
   void next_temporary();

@@ -183,6 +183,8 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
 
 }  // namespace
 
+bool is_image_path(const std::string& path) { return format_of(path) != nullptr; }
+
 std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec) {
   const Format* format = format_of(path);
   if (format == nullptr) {

@@ -29,6 +29,8 @@ struct ImageWriteSpec {
   std::optional<Chromaticities> chromaticities = {};  ///< EXR only
 };
 
+/// Does the ending of `path` name a format that images are written in?
+bool is_image_path(const std::string& path);
 /// Can the format of `path` (by its ending) hold this? Returns "" or a sentence that says what it
 /// can hold.
 std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec);

@@ -138,7 +138,7 @@ void GltfSplats::fail(const std::string& what) const {
   throw Error(ErrorKind::input, fmt::format("{}: {}", file_.path(), what));
 }
 
-GltfSplats::GltfSplats(const std::string& path, const Axes& axes)
+GltfSplats::GltfSplats(const std::string& path, const Axes& axes, const std::function<void()>& poll)
     : BatchScene(axes),
       file_(checked(path), false),
       model_(load_scene(file_)),
@@ -158,7 +158,7 @@ GltfSplats::GltfSplats(const std::string& path, const Axes& axes)
       if (splat_extension(primitives[p]) == nullptr) {
         ++others;
       } else {
-        add(instance.mesh, p, placement);
+        add(instance.mesh, p, placement, poll);
       }
     }
   }
@@ -169,6 +169,12 @@ GltfSplats::GltfSplats(const std::string& path, const Axes& axes)
   }
   info_.format = fmt::format("glTF ({})", spz_.empty() ? kExtension : kSpz);
   info_.is_linear = colour_space_ == "lin_rec709_display";
+  if (axes == Axes{}) {  // else the user says it
+    info_.assumptions.push_back(
+        "its axes are glTF's (left, up, forward), taken as stored; --source-axes=-x,-y,z turns it "
+        "to "
+        "lie as trained scenes do in other formats (right, down, forward)");
+  }
   if (others > 0) {
     info_.assumptions.push_back(fmt::format(
         "{} primitives without {} left out: where a file holds Gaussians, these are the source",
@@ -197,7 +203,8 @@ void GltfSplats::check_kind(const Json& extension, const std::string& place) {
   colour_space_ = *space;
 }
 
-const SpzScene& GltfSplats::open_spz(const Json& extension, const std::string& place) {
+const SpzScene& GltfSplats::open_spz(const Json& extension, const std::string& place,
+                                     const std::function<void()>& poll) {
   const JsonCheck check(file_.path(), file_.document());
   check.required_index(extension, "bufferView", place, "bufferViews");
   const auto view = extension.at("bufferView").get<std::size_t>();
@@ -207,7 +214,7 @@ const SpzScene& GltfSplats::open_spz(const Json& extension, const std::string& p
     file_.read_view(view, 0, {});  // a buffer that cannot be read says so here
     scene = std::make_unique<SpzScene>(
         std::make_unique<ViewFile>(file_, view, json.at("byteLength").get<std::uint64_t>()),
-        fmt::format("{}: {}", file_.path(), place), Axes{});
+        fmt::format("{}: {}", file_.path(), place), Axes{}, poll);
     if (!scene->own_axes().empty()) {
       info_.assumptions.push_back(
           fmt::format("its SPZ says that its axes are {}; not turned, within a glTF they are those "
@@ -218,7 +225,8 @@ const SpzScene& GltfSplats::open_spz(const Json& extension, const std::string& p
   return *scene;
 }
 
-void GltfSplats::add(int mesh, std::size_t primitive, const SplatPlacement& placement) {
+void GltfSplats::add(int mesh, std::size_t primitive, const SplatPlacement& placement,
+                     const std::function<void()>& poll) {
   if (parts_.size() == kMostParts) {
     fail(fmt::format("its nodes show more than {} primitives of Gaussians; join them", kMostParts));
   }
@@ -238,7 +246,7 @@ void GltfSplats::add(int mesh, std::size_t primitive, const SplatPlacement& plac
                         "only {} is: export it without",
                         place, name.substr(0, 80), kSpz));
       }
-      part.spz = &open_spz(value, place + " " + kSpz);
+      part.spz = &open_spz(value, place + " " + kSpz, poll);
     }
   }
   const auto& source = model_.meshes[static_cast<std::size_t>(mesh)].primitives[primitive];

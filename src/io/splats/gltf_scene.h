@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -27,7 +28,8 @@ class GltfSplats : public BatchScene {
  public:
   /// Reads the JSON. Throws Error(input) where it is damaged, holds Gaussians in a form that is not
   /// read (another kernel, another compression: by name) or more JSON than a scene can need.
-  GltfSplats(const std::string& path, const Axes& axes);
+  /// `poll`: as SpzScene, of SPZ within it.
+  GltfSplats(const std::string& path, const Axes& axes, const std::function<void()>& poll);
 
   void prepare(const std::string& folder, const std::function<void()>& poll) override;
   std::uint64_t prepare_bytes() const override;
@@ -47,9 +49,11 @@ class GltfSplats : public BatchScene {
   };
 
   [[noreturn]] void fail(const std::string& what) const;
-  void add(int mesh, std::size_t primitive, const SplatPlacement& placement);
+  void add(int mesh, std::size_t primitive, const SplatPlacement& placement,
+           const std::function<void()>& poll);
   void check_kind(const nlohmann::json& extension, const std::string& place);
-  const SpzScene& open_spz(const nlohmann::json& extension, const std::string& place);
+  const SpzScene& open_spz(const nlohmann::json& extension, const std::string& place,
+                           const std::function<void()>& poll);
   int accessor(const tinygltf::Primitive& primitive, const std::string& name, int type,
                std::uint64_t count, const std::string& place) const;
   void find_accessors(const tinygltf::Primitive& primitive, const std::string& place, Part& part);

@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 
 #include <cstring>
-#include <limits>
 
 #include "core/half.h"
 
@@ -46,17 +45,6 @@ GltfSplatWriter::GltfSplatWriter(const std::string& path, const SplatFileFacts& 
   if (facts.model == store::SplatModel::flat)
     notes_.push_back(
         "glTF cannot say that these Gaussians are discs (2DGS): they are written flat");
-}
-
-void GltfSplatWriter::check_rows(std::uint64_t rows) const {
-  constexpr std::uint64_t kMostJsonBytes = 16 << 10;
-  const std::uint64_t most =
-      (std::numeric_limits<std::uint32_t>::max() - kMostJsonBytes) / row_bytes();
-  if (rows <= most) return;
-  refuse(fmt::format(
-      "a .glb is no larger than 4 GiB, which is {} Gaussians of this kind; write a .ply "
-      "or .spz, or fewer with --count",
-      most));
 }
 
 void GltfSplatWriter::encode_columns(const store::SplatRows& rows,

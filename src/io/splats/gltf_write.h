@@ -14,7 +14,6 @@ class GltfSplatWriter : public SplatWriter {
  private:
   void encode_columns(const store::SplatRows& rows, std::span<std::byte* const> columns,
                       SplatTally& tally) const override;
-  void check_rows(std::uint64_t rows) const override;
   std::string document() const;
 };
 

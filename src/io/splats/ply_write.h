@@ -14,7 +14,6 @@ class SplatPlyWriter : public SplatWriter {
  private:
   void encode_columns(const store::SplatRows& rows, std::span<std::byte* const> columns,
                       SplatTally& tally) const override;
-  void check_rows(std::uint64_t) const override {}
   void put_header();
 };
 

@@ -13,7 +13,8 @@
 
 namespace pounce::io {
 
-std::unique_ptr<SplatScene> open_splat_scene(const std::string& path, const Axes& axes) {
+std::unique_ptr<SplatScene> open_splat_scene(const std::string& path, const Axes& axes,
+                                             const std::function<void()>& poll) {
   const auto format = source_splat_format(path);
   if (!format) {
     throw Error(ErrorKind::input,
@@ -27,11 +28,11 @@ std::unique_ptr<SplatScene> open_splat_scene(const std::string& path, const Axes
     case SplatKind::compressed_ply:
       return std::make_unique<CompressedPly>(path, axes);
     case SplatKind::spz:
-      return std::make_unique<SpzScene>(posix_file_system().open(path), path, axes);
+      return std::make_unique<SpzScene>(posix_file_system().open(path), path, axes, poll);
     case SplatKind::sog:
       return std::make_unique<SogScene>(path, axes);
     case SplatKind::gltf:
-      return std::make_unique<GltfSplats>(path, axes);
+      return std::make_unique<GltfSplats>(path, axes, poll);
     case SplatKind::dot_splat:
       return std::make_unique<DotSplat>(path, axes);
     case SplatKind::ksplat:

@@ -52,9 +52,14 @@ class SplatScene {
   SplatSceneInfo info_;
 };
 
-/// Opens a scene: its format is found by content; reads headers only. Throws Error(input) naming
-/// file, place and cure, Error(storage) where there is nothing to read.
-std::unique_ptr<SplatScene> open_splat_scene(const std::string& path, const Axes& axes);
+/// Opens a scene: its format is found by content; reads headers only, but for an SPZ in gzip that
+/// announces extensions, all of which is inflated. Calls `poll` often then; what it throws ends the
+/// work. Throws Error(input) naming file, place and cure, Error(storage) where there is nothing to
+/// read.
+std::unique_ptr<SplatScene> open_splat_scene(
+    const std::string& path, const Axes& axes, const std::function<void()>& poll = [] {});
+/// What that takes beside what is read as JSON, and lets go again.
+inline constexpr std::uint64_t kOpenSplatBytes = 256 << 10;
 
 /// The usable Gaussians of up to 65,536 rows, taken evenly from the whole scene.
 inline constexpr std::uint64_t kSampleSplats = 1 << 16;

@@ -103,7 +103,8 @@ void SpzScene::fail(const std::string& what) const {
   throw Error(ErrorKind::input, fmt::format("{}: {}; copy or export it again", name_, what));
 }
 
-SpzScene::SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, const Axes& axes)
+SpzScene::SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, const Axes& axes,
+                   const std::function<void()>& poll)
     : BatchScene(axes), file_(std::move(file)), name_(name), axes_(axes) {
   info_.files = {name};
   const std::uint64_t size = file_->size_bytes();
@@ -130,7 +131,7 @@ SpzScene::SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, cons
   }
   for (std::size_t k = 0, at = kHeaderBytes; k < kBlocks; at += block_bytes(k++)) at_[k] = at;
   if (has_extensions_ && is_gzip_) {
-    find_extensions();
+    find_extensions(poll);
   } else if (has_extensions_) {
     PageVector<std::byte> records(std::min(kMostExtensionBytes, size - needed));
     file_->read(needed, records);
@@ -144,13 +145,15 @@ SpzScene::SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, cons
 /// They are behind the Gaussians, so all of these are inflated: that a job says how a scene lies
 /// before it begins, and from a cached store too, is worth it. What is cut off is told by
 /// prepare().
-void SpzScene::find_extensions() {
+void SpzScene::find_extensions(const std::function<void()>& poll) {
+  static_assert(GzipReader::kBytes + kMostExtensionBytes <= kOpenSplatBytes);
   GzipReader reader(*file_, name_);
   PageVector<std::byte> piece(kMostExtensionBytes);
   for (std::uint64_t left = kHeaderBytes + content_bytes(); left > 0;) {
     const std::size_t got = reader.read(std::span(piece).first(std::min(left, piece.size())));
     if (got == 0) return;
     left -= got;
+    poll();
   }
   read_extensions(std::span(piece).first(reader.read(piece)));
 }

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -21,7 +22,9 @@ class SpzScene : public BatchScene {
  public:
   /// Reads the header, in gzip too. Throws Error(input) beginning with `name`: where it is damaged,
   /// of an unknown version, or announces more Gaussians than its bytes can hold.
-  SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, const Axes& axes);
+  /// Calls `poll` often where extensions are to be found behind the Gaussians.
+  SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, const Axes& axes,
+           const std::function<void()>& poll);
 
   void prepare(const std::string& folder, const std::function<void()>& poll) override;
   std::uint64_t prepare_bytes() const override;
@@ -43,7 +46,7 @@ class SpzScene : public BatchScene {
   [[noreturn]] void fail(const std::string& what) const;
   void read_header(std::span<const std::byte, 16> raw);
   void read_contents();
-  void find_extensions();
+  void find_extensions(const std::function<void()>& poll);
   void unpack_gzip(WriteFile& to, const std::function<void()>& poll);
   void unpack_streams(WriteFile& to, const std::function<void()>& poll) const;
   void read_extensions(std::span<const std::byte> records);

@@ -21,7 +21,6 @@ namespace {
 
 enum Column : std::size_t { kPlaces, kAlphas, kColours, kScales, kRotations, kHarmonics };
 
-constexpr std::uint64_t kMostSplats = 0x7FFFFFFF;
 constexpr std::uint64_t kPieceBytes = 64 << 10;
 constexpr double kLargestFixed = 0x7FFFFF;
 /// A 48th of the smallest size that the format holds: more would be of no use.
@@ -84,12 +83,6 @@ SpzWriter::SpzWriter(const std::string& path, const SplatFileFacts& facts,
     notes_.push_back("SPZ cannot say that these Gaussians are discs (2DGS): they are written flat");
 }
 
-void SpzWriter::check_rows(std::uint64_t rows) const {
-  if (rows > kMostSplats) {
-    refuse("an SPZ holds no more than 2^31 - 1 Gaussians; write a .ply, or fewer with --count");
-  }
-}
-
 void SpzWriter::encode_columns(const store::SplatRows& rows, std::span<std::byte* const> columns,
                                SplatTally& tally) const {
   const std::size_t harmonics = std::size_t{3} * rows.lobes;
@@ -97,6 +90,8 @@ void SpzWriter::encode_columns(const store::SplatRows& rows, std::span<std::byte
     store::Splat s = rows.splats[i];
     bool clipped = false, ignored = false;
     std::memcpy(columns[kPlaces] + i * sizeof s.mean, &s.mean, sizeof s.mean);
+    const float farthest = std::max({std::abs(s.mean.x), std::abs(s.mean.y), std::abs(s.mean.z)});
+    tally.too_far += static_cast<double>(farthest) + 0.5 >= kLargestFixed + 1 ? 1 : 0;
     columns[kAlphas][i] = byte_of(s.alpha * 255, ignored);
     const std::array<float, 3> colour{s.colour.x, s.colour.y, s.colour.z};
     for (std::size_t k = 0; k < 3; ++k)
@@ -132,9 +127,11 @@ int SpzWriter::fraction_bits() const {
     if (std::floor(std::ldexp(farthest, bits) + 0.5) <= kLargestFixed) return bits;
   }
   refuse(fmt::format(
-      "Gaussians lie up to {:.3g} units from the origin, SPZ holds places up to {:.0f}; "
-      "leave out what is far with --box, or write a .ply or .glb",
-      farthest, kLargestFixed));
+      "{} of {} Gaussians lie farther than {:.0f} units from the origin, up to {:.3g}, which SPZ "
+      "cannot hold; leave them out with --box (\"box 98 %\" of pounce inspect holds nearly all of "
+      "a "
+      "scene), or write a .ply or .glb",
+      tally_.too_far, rows_, kLargestFixed, farthest));
 }
 
 /// A place is rounded to the step: no matter to Gaussians that are larger.
@@ -147,7 +144,9 @@ void SpzWriter::check_places(int bits) {
       "scene so wide",
       smaller, rows_, std::ldexp(1.0, -bits));
   if (2 * smaller > rows_)
-    refuse(what + "; leave out what is far with --box, or write a .ply or .glb");
+    refuse(what +
+           "; leave out what is far with --box (\"box 98 %\" of pounce inspect holds nearly all of "
+           "a scene), or write a .ply or .glb");
   warnings_.push_back(what);
 }
 
@@ -199,6 +198,7 @@ void SpzWriter::commit(const std::function<void()>& poll) {
   PageVector<std::byte> places;
   for_column(kPlaces, poll, [&](std::span<const std::byte> floats) {
     places.clear();
+    places.reserve(floats.size() / sizeof(Vec3f) * fixed.size());  // growing would hold it twice
     for (std::size_t at = 0; at < floats.size(); at += sizeof(Vec3f)) {
       std::array<float, 3> mean;
       std::memcpy(mean.data(), &floats[at], sizeof mean);

@@ -15,7 +15,6 @@ class SpzWriter : public SplatWriter {
  private:
   void encode_columns(const store::SplatRows& rows, std::span<std::byte* const> columns,
                       SplatTally& tally) const override;
-  void check_rows(std::uint64_t rows) const override;
   int fraction_bits() const;
   void check_places(int bits);
   void check_sizes();

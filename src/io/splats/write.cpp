@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "core/log.h"
@@ -24,8 +25,9 @@ static_assert(std::endian::native == std::endian::little);
 constexpr std::uint64_t kCopyBytes = 256 << 10;
 /// A nameless file's buffer.
 constexpr std::uint64_t kColumnBytes = 256 << 10;
-/// zlib's, or of a header; and the stream's.
-constexpr std::uint64_t kFinishBytes = 768 << 10;
+/// The stream's buffer of 256 KiB; of an SPZ what zlib holds (262), what comes out of it (64), and
+/// a piece's places in fixed point (192).
+constexpr std::uint64_t kFinishBytes = 832 << 10;
 
 /// Bytes per row of the columns that a format keeps.
 std::vector<std::uint32_t> splat_columns(SplatOutput kind, std::uint32_t lobes) {
@@ -86,6 +88,27 @@ SplatWriterCost splat_writer_cost(SplatOutput kind, std::uint32_t lobes) {
   return {files * kColumnBytes + kCopyBytes + kFinishBytes, sum(columns)};
 }
 
+void check_splat_count(const std::string& path, std::uint64_t splats, std::uint32_t lobes) {
+  const SplatOutput kind = splat_output(path).value();
+  const auto refuse_beyond = [&](std::uint64_t most, const std::string& why) {
+    if (splats > most) throw Error(ErrorKind::input, fmt::format("{}: {}", path, why));
+  };
+  if (kind == SplatOutput::spz) {
+    constexpr std::uint64_t kMost = 0x7FFFFFFF;
+    refuse_beyond(kMost,
+                  "an SPZ holds no more than 2^31 - 1 Gaussians; write a .ply, or fewer with "
+                  "--count");
+  }
+  if (kind == SplatOutput::glb) {
+    constexpr std::uint64_t kMostJsonBytes = 16 << 10;
+    const std::uint64_t most = (std::numeric_limits<std::uint32_t>::max() - kMostJsonBytes) /
+                               sum(splat_columns(kind, lobes));
+    refuse_beyond(most, fmt::format("a .glb is no larger than 4 GiB, which is {} Gaussians of this "
+                                    "kind; write a .ply or .spz, or fewer with --count",
+                                    most));
+  }
+}
+
 std::unique_ptr<SplatWriter> open_splat_writer(const std::string& path, const SplatFileFacts& facts,
                                                const std::string& folder) {
   switch (splat_output(path).value()) {
@@ -104,6 +127,7 @@ void SplatTally::add(const SplatTally& other) {
   for (std::size_t e = 0; e < sizes.size(); ++e) sizes[e] += other.sizes[e];
   too_small += other.too_small;
   too_large += other.too_large;
+  too_far += other.too_far;
   clipped += other.clipped;
   normals += other.normals;
 }
@@ -143,7 +167,7 @@ SplatPiece SplatWriter::encode(const store::SplatRows& rows) const {
 
 void SplatWriter::append(const SplatPiece& piece) {
   if (piece.rows == 0) return;  // a part of a source of which nothing is wanted
-  check_rows(rows_ + piece.rows);
+  check_splat_count(path_, rows_ + piece.rows, facts_.lobes);
   const std::byte* at = piece.bytes.data();
   for (std::size_t k = 0; k < column_bytes_.size(); ++k) {
     const std::span<const std::byte> bytes(at, piece.rows * column_bytes_[k]);

@@ -30,6 +30,10 @@ struct SplatWriterCost {
 };
 SplatWriterCost splat_writer_cost(SplatOutput kind, std::uint32_t lobes);
 
+/// Throws Error(input), with the cure, where so many Gaussians are too many for the format that the
+/// ending of `path` names.
+void check_splat_count(const std::string& path, std::uint64_t splats, std::uint32_t lobes);
+
 /// What a file of Gaussians says beside them.
 struct SplatFileFacts {
   std::uint32_t lobes = 0;  ///< coefficients per Gaussian and channel, one of store::kLobesOfDegree
@@ -43,9 +47,9 @@ struct SplatTally {
   /// Gaussians by the binary exponent of their largest standard deviation, as single precision
   /// codes it: entry e has those of 2^(e - 127) to 2^(e - 126).
   std::array<std::uint64_t, 256> sizes{};
-  std::uint64_t too_small = 0, too_large = 0;  ///< for the format
-  std::uint64_t clipped = 0;                   ///< colours or harmonics beyond what it holds
-  std::uint64_t normals = 0;                   ///< Gaussians that have one
+  std::uint64_t too_small = 0, too_large = 0, too_far = 0;  ///< for the format
+  std::uint64_t clipped = 0;  ///< colours or harmonics beyond what it holds
+  std::uint64_t normals = 0;  ///< Gaussians that have one
   void add(const SplatTally& other);
 };
 
@@ -87,9 +91,6 @@ class SplatWriter {
   /// columns[k]: where rows.splats.size() rows of column k go.
   virtual void encode_columns(const store::SplatRows& rows, std::span<std::byte* const> columns,
                               SplatTally& tally) const = 0;
-  /// Throws if so many rows are too many for the format.
-  virtual void check_rows(std::uint64_t rows) const = 0;
-
   /// A nameless file's bytes from the beginning to the end of what was appended, piece by piece.
   void for_column(std::size_t column, const std::function<void()>& poll,
                   const std::function<void(std::span<const std::byte>)>& take) const;

@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <string_view>
 
 #include "pounce/error.h"
+#include "pounce/report.h"
 #include "store/pack/chunk_fields.h"
 
 namespace pounce::store {
@@ -28,11 +31,13 @@ const char* filter_name(SplatFilter filter) {
 }
 
 std::string filtered_text(const SplatCounts& counts) {
+  std::map<std::string_view, std::uint64_t> by_key;
+  for (std::size_t k = 0; k < counts.size(); ++k)
+    by_key[filter_name(static_cast<SplatFilter>(k))] = counts[k];
   std::string text;
-  for (std::size_t k = 0; k < counts.size(); ++k) {
-    if (counts[k] == 0) continue;
-    text += (text.empty() ? "" : ", ") + std::to_string(counts[k]) + " " +
-            filter_name(static_cast<SplatFilter>(k));
+  for (const auto& [key, words] : left_out_reasons()) {
+    const std::uint64_t count = by_key[key];
+    if (count > 0) text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + words;
   }
   return text;
 }

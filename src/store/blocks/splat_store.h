@@ -30,7 +30,8 @@ inline constexpr std::size_t kSplatFilters = 10;
 /// As in the report: "not_finite", ...
 const char* filter_name(SplatFilter filter);
 using SplatCounts = std::array<std::uint64_t, kSplatFilters>;  ///< by SplatFilter
-std::string filtered_text(const SplatCounts& counts);          ///< "3 far, 1 transparent"
+/// In words, by left_out_reasons(): "1 transparent, 3 far away from the scene".
+std::string filtered_text(const SplatCounts& counts);
 
 /// What the trainer's rasteriser did to the Gaussians on the screen.
 enum class SplatModel : std::uint32_t {

@@ -287,6 +287,12 @@ TEST_CASE("an SPZ that names its axes is turned to those of a PLY, others are no
                   test::gzipped(test::spz_bytes(test::random_scene(9000, 9), 3, extension(4))));
   REQUIRE(open_splat_scene(path, {})->info().assumptions.size() == 1);
   CHECK(open_splat_scene(path, {})->info().assumptions[0].find("RUB") != std::string::npos);
+  // All of it is inflated for that: whoever waits is asked whether to go on.
+  int asked = 0;
+  open_splat_scene(path, {}, [&] { ++asked; });
+  CHECK(asked > 3);
+  CHECK_THROWS_AS(open_splat_scene(path, {}, [] { throw std::runtime_error("stop"); }),
+                  std::runtime_error);
 }
 
 TEST_CASE("tags of training and coefficients beyond a file's are understood", "[io]") {

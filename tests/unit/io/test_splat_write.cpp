@@ -366,7 +366,9 @@ TEST_CASE("an SPZ that cannot hold its scene is refused, else what was cut is sa
   CHECK(message.find("--box") != std::string::npos);
   rows.splats[3].mean.y = 0x1p23F;
   try_it();
-  CHECK(message.find("8.39e+06 units from the origin") != std::string::npos);
+  CHECK(message.find("1 of 10 Gaussians lie farther than 8388607 units from the origin, up to "
+                     "8.39e+06") != std::string::npos);
+  CHECK(message.find("--box (\"box 98 %\" of pounce inspect") != std::string::npos);
   rows = random_rows(10, 0);
   rows.splats[0].colour.x = 2;
   try_it();
