@@ -83,6 +83,8 @@ Json targets_json(const Report& report) {
     json["max_distance"] = target.max_distance;
     json["distances"] = target.distances;
     json["fit"] = target.fit ? Json(*target.fit) : Json(nullptr);
+    json["scene_offset"] = target.fit ? Json(target.scene_offset) : Json(nullptr);
+    json["scene_spread"] = target.fit ? Json(target.scene_spread) : Json(nullptr);
     json["images"] = Json::array();
     for (const ImageReport& image : target.images) json["images"].push_back(image_json(image));
     targets.push_back(std::move(json));

@@ -27,6 +27,8 @@ class TargetTally {
   /// How a splat scene lies at this target.
   void fits(const projection::SplatFit& fit) {
     target().fit = fit.fit;
+    target().scene_offset = fit.middle;
+    target().scene_spread = fit.spread;
     scene_distance_ = fit.distance;
   }
   /// A page's store; of several passes the first one counts.

@@ -102,6 +102,8 @@ TEST_CASE("a sheet's distance and confidence are those worked by hand", "[flow]"
   sheets.add(z, alpha);
   const Report report = sheets.run();
   CHECK(report.targets[0].fit == 1.0);
+  CHECK(report.targets[0].scene_offset == Approx(z).margin(1e-4));
+  CHECK(report.targets[0].scene_spread == Approx(0).margin(1e-4));
   CHECK(report.target_empty == 0);
   CHECK(sheets.at(Channel::confidence) == Approx(1 - std::exp(-mass_of(alpha))).margin(1e-4));
   CHECK(sheets.at(Channel::distance) == Approx(z).margin(1e-4));

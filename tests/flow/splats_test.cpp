@@ -111,6 +111,7 @@ void compare_with_brute_force(const TransferOptions& options, bool antialiased) 
   limits.window = report.depth_window;
   limits.discness = reference_discness(scene);
   limits.antialiased = antialiased;
+  look_where_found(report.targets.front(), limits);
   std::size_t compared = 0, unsure = 0, wrong = 0, empty = 0, beyond = 0;
   double largest = 0;
   for (std::size_t i = 0; i < raster.owner.size(); i += 5) {

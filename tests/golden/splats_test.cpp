@@ -78,8 +78,9 @@ TEST_CASE("a trained scene covers its proxy as the brute force says", "[golden]"
     lo = {std::min(lo.x, p.x), std::min(lo.y, p.y), std::min(lo.z, p.z)};
     hi = {std::max(hi.x, p.x), std::max(hi.y, p.y), std::max(hi.z, p.z)};
   }
-  const ReferenceLimits limits{0.03 * length(hi - lo), std::cos(80 * std::numbers::pi / 180),
-                               report.depth_window, reference_discness(scene), false};
+  ReferenceLimits limits{0.03 * length(hi - lo), std::cos(80 * std::numbers::pi / 180),
+                         report.depth_window, reference_discness(scene), false};
+  look_where_found(report.targets.front(), limits);
   std::size_t compared = 0, unsure = 0, wrong = 0, beyond = 0;
   double largest = 0;
   for (std::size_t i = 0; i < raster.owner.size(); i += 601) {

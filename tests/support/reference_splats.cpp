@@ -150,6 +150,12 @@ double reference_discness(const std::vector<ReferenceSplat>& scene) {
   return x * x * (3 - 2 * x);
 }
 
+void look_where_found(const TargetReport& target, ReferenceLimits& limits) {
+  if (!target.fit || *target.fit < 0.5) return;
+  limits.expected = target.scene_offset;
+  limits.deviation = std::clamp(2 * target.scene_spread, limits.reach / 12, limits.reach / 3);
+}
+
 ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,
                                const ReferenceTexel& texel, const ReferenceLimits& limits) {
   ReferenceBlend out;

@@ -9,6 +9,7 @@
 
 #include "core/vec.h"
 #include "mesh/mesh.h"
+#include "pounce/report.h"
 #include "support/target_raster.h"
 
 namespace pounce::test {
@@ -38,6 +39,9 @@ struct ReferenceLimits {
   double expected = 0;   ///< where along the normal the surface is thought to lie
   double deviation = 0;  ///< from there; 0: a third of the reach
 };
+
+/// Texels look first where most of their target found the scene, if it lies there.
+void look_where_found(const TargetReport& target, ReferenceLimits& limits);
 
 /// What one Gaussian gives to one texel before anything is hidden.
 struct Contribution {
