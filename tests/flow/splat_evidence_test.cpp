@@ -42,9 +42,11 @@ class Sheets {
     options.resources.use_cache = false;
   }
 
-  void square(const std::string& corners, const std::string& normal) {
-    std::ofstream(folder.file("target.obj")) << corners << "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn "
-                                             << normal << "\nf 1/1/1 2/2/1 3/3/1 4/4/1\n";
+  /// `part`: of the image's width and height, from its lower left corner.
+  void square(const std::string& corners, const std::string& normal, double part = 1) {
+    std::ofstream(folder.file("target.obj"))
+        << corners << "vt 0 0\nvt " << part << " 0\nvt " << part << ' ' << part << "\nvt 0 " << part
+        << "\nvn " << normal << "\nf 1/1/1 2/2/1 3/3/1 4/4/1\n";
   }
 
   /// A sheet at z of this opacity.
@@ -140,6 +142,22 @@ TEST_CASE("confidence is opacity times fit", "[flow]") {
   const double opacity = 1 - std::exp(-mass_of(0.5, 12.6 / 200));
   const double found = read_whole_image(sheets.path(Channel::confidence)).at(100 * 200 + 100, 0);
   CHECK(found / fit == Approx(opacity).margin(0.02));  // texels lie otherwise in the lattice
+}
+
+TEST_CASE("padding makes no texel sure", "[flow]") {
+  // A square over a quarter of the image: colours and distances go on around it, confidence ends.
+  Sheets sheets;
+  sheets.add(0.2, 0.5);
+  sheets.options.padding_px = 4;
+  sheets.square("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n", "0 0 1", 0.5);
+  sheets.run();
+  const auto beside = [&](Channel channel) {
+    return read_whole_image(sheets.path(channel))
+        .at(12 * 16 + 9, 0);  // a texel and a half beside the square
+  };
+  CHECK(beside(Channel::base_color) > 0.1);
+  CHECK(beside(Channel::distance) == Approx(0.2).margin(1e-4));
+  CHECK(beside(Channel::confidence) == 0);
 }
 
 TEST_CASE("texels that are less sure than asked stay empty", "[flow]") {

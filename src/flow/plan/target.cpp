@@ -137,8 +137,7 @@ class TargetPlanner {
       image.channel_names = channel.names;
       image.chromaticities = channel.chromaticities;
       image.lattice = {channel.size.width, channel.size.height, 0, {}};
-      image.padding = options_.padding_px.value_or(
-          std::max(channel.size.width, channel.size.height) / kPaddingShare);
+      image.padding = padding_of(channel);
       if (!options_.onto.empty()) {
         image.onto = plan_onto(options_, values, channel.size, channel.format,
                                {channel.source_colours, channel.source_alpha});
@@ -146,6 +145,13 @@ class TargetPlanner {
       }
       plan_.images.back().push_back(image);
     }
+  }
+
+  /// No texel is sure because its neighbour is. A distance is padded: meshes are displaced by it.
+  std::uint32_t padding_of(const ChannelPlan& channel) const {
+    if (channel.channel == Channel::confidence) return 0;
+    return options_.padding_px.value_or(std::max(channel.size.width, channel.size.height) /
+                                        kPaddingShare);
   }
 
   /// An image may be painted over in place, but not be what another one is painted onto; a mask is
