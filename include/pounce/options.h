@@ -104,6 +104,19 @@ enum class Method : std::uint8_t {
 const char* method_name(Method method) noexcept;
 std::optional<Method> method_from_name(const std::string& name) noexcept;
 
+/// How Method::surface blends the texels around a hit. None of them gives what is not between the
+/// four nearest texels, and a hit in a texel's middle gives that texel.
+enum class Filter : std::uint8_t {
+  tent,   ///< "tent": bilinear, as a renderer looks textures up; softens a little
+  cubic,  ///< "cubic": Catmull-Rom, over 4x4 texels; even gradients stay even
+  sharp,  ///< "sharp": a steeper cubic, for drawings and hard edges; gradients ripple a little
+};
+/// "tent", "cubic", "sharp".
+const char* filter_name(Filter filter) noexcept;
+std::optional<Filter> filter_from_name(const std::string& name) noexcept;
+/// Where nothing else is asked for.
+inline constexpr Filter kDefaultFilter = Filter::cubic;
+
 /// Which colour a Gaussian of a splat scene shows to a texel. Scenes whose files have no harmonics
 /// look the same with all three.
 enum class SphericalHarmonics : std::uint8_t {
@@ -162,6 +175,8 @@ struct TransferOptions {
   double max_angle_deg = 80;
   /// `gaussian` transfers baseColor alone; see docs/paper.md.
   Method method = Method::surface;
+  /// Of Method::surface and a mesh; default kDefaultFilter.
+  std::optional<Filter> filter;
   /// Of a texel's Gaussian, in texels: 0.1..4; default kDefaultSigma; needs Method::gaussian and a
   /// mesh. Wider blurs more and costs time with its square.
   std::optional<double> sigma_texels;

@@ -119,6 +119,7 @@ struct Report {
   std::vector<NodeReport> nodes;  ///< of the projection, in their order
 
   std::string method;  ///< of a transfer: "surface", "gaussian"; "" for the other commands
+  std::string filter;  ///< of a mesh's surface: "tent", "cubic", "sharp"; else ""
   /// Of a mesh's texels as Gaussians: standard deviation in texels; 0: no such thing was made.
   double sigma_texels = 0;
   bool densify = false;  ///< and whether sparse ones were split

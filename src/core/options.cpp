@@ -13,6 +13,7 @@ namespace {
 constexpr std::array<const char*, kChannelCount + kEvidenceCount> kChannelNames = {
     "baseColor", "metallicRoughness", "occlusion", "emissive", "confidence", "distance"};
 constexpr std::array<const char*, 2> kMethodNames = {"surface", "gaussian"};
+constexpr std::array<const char*, 3> kFilterNames = {"tent", "cubic", "sharp"};
 constexpr std::array<const char*, 3> kHarmonicsNames = {"dc", "normal", "mean"};
 constexpr std::array<const char*, 4> kDepthNames = {"u8", "u16", "half", "float"};
 
@@ -48,6 +49,14 @@ const char* method_name(Method method) noexcept {
 
 std::optional<Method> method_from_name(const std::string& name) noexcept {
   return find_name<Method>(kMethodNames, name);
+}
+
+const char* filter_name(Filter filter) noexcept {
+  return kFilterNames[static_cast<std::size_t>(filter)];
+}
+
+std::optional<Filter> filter_from_name(const std::string& name) noexcept {
+  return find_name<Filter>(kFilterNames, name);
 }
 
 const char* harmonics_name(SphericalHarmonics harmonics) noexcept {

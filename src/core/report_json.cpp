@@ -127,6 +127,7 @@ std::string to_json(const Report& report) {
   Json filtered = Json::object();  // {} and not null where nothing was left out
   for (const auto& [reason, count] : report.source_filtered) filtered[reason] = count;
   json["method"] = report.method;
+  json["filter"] = report.filter;
   json["source"] = {
       {"gaussians", report.source_gaussians}, {"filtered", filtered},
       {"sigma", report.sigma_texels},         {"densify", report.densify},

@@ -117,6 +117,7 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add("source", o.source_use);
   list.add("target", o.target_use);
   list.add("method", o.method != usual.method ? std::string(method_name(o.method)) : "");
+  list.add("filter", o.filter ? std::string(filter_name(*o.filter)) : std::string());
   list.add("sigma", o.sigma_texels ? fmt::format("{:g}", *o.sigma_texels) : std::string());
   list.add("densify", o.densify);
   list.add("max-distance", o.max_distance ? text_of(*o.max_distance) : std::string());

@@ -12,7 +12,9 @@
 namespace pounce::projection {
 namespace {
 
-constexpr double kWeightSteps = 1 << 20;
+constexpr std::int32_t kOne = 1 << 20;  // a weight of 1
+constexpr double kWeightSteps = kOne;
+constexpr double kPerSquare = 1 / (kWeightSteps * kWeightSteps);
 
 /// A sample of an integer image as it is counted: 0..255 or 0..65535.
 std::int64_t steps(Depth depth, const std::byte* at) noexcept {
@@ -43,7 +45,7 @@ float without_alpha(Depth depth, float colour, float alpha) noexcept {
   return depth == Depth::half && std::isfinite(rounded) ? rounded : straight;
 }
 
-/// Weighted float samples of one channel, summed in integers.
+/// Four weighted float samples of one channel, summed in integers.
 class FloatSum {
  public:
   void add(std::int32_t weight, float sample) noexcept {
@@ -57,7 +59,7 @@ class FloatSum {
   }
 
   double over(std::int32_t total) const noexcept {
-    Wide sum = 0;  // 16 products of 46 bits, in steps 2^64 finer than the largest sample's
+    Wide sum = 0;  // products of 46 bits, in steps 2^64 finer than the largest sample's
     for (std::size_t i = 0; i < count_; ++i) {
       const int up = exponents_[i] - largest_ + kFiner;
       if (up >= 0)
@@ -71,82 +73,176 @@ class FloatSum {
  private:
   __extension__ typedef __int128 Wide;
   static constexpr int kFiner = 64;
-  std::array<std::int64_t, 16> products_;
-  std::array<int, 16> exponents_;
+  std::array<std::int64_t, 4> products_;
+  std::array<int, 4> exponents_;
   std::size_t count_ = 0;
   int largest_ = 1;
 };
 
-const std::byte* first_tap(const std::byte* tile, int column, int row, const Taps& taps,
-                           std::size_t texel) noexcept {
-  const int at = (row + taps.first + store::kApron) * store::kColourTileEdge + column + taps.first +
-                 store::kApron;
-  return tile + static_cast<std::size_t>(at) * texel;
+/// Where the texels around a hit lie in a tile.
+struct Around {
+  const std::byte* hit;  ///< the hit's own
+  std::ptrdiff_t texel;  ///< bytes to the next in the row
+  std::ptrdiff_t row;    ///< bytes to the next row
+
+  /// The texel `x` columns and `y` rows from the hit's, -1..2.
+  const std::byte* at(int x, int y) const noexcept { return hit + x * texel + y * row; }
+};
+
+Around around(const std::byte* tile, int column, int row, std::size_t texel) noexcept {
+  const auto bytes = static_cast<std::ptrdiff_t>(texel);
+  return {tile + ((row + store::kApron) * store::kColourTileEdge + column + store::kApron) * bytes,
+          bytes, store::kColourTileEdge * bytes};
 }
 
 }  // namespace
 
 void tent(double u, double v, Taps& taps) noexcept {
-  taps.first = 0;
-  taps.size = 2;
+  taps.wide = false;
   const auto step = [](double w) { return static_cast<std::int32_t>(w * kWeightSteps + 0.5); };
-  taps.weights[0] = step((1 - u) * (1 - v));
-  taps.weights[1] = step(u * (1 - v));
-  taps.weights[2] = step((1 - u) * v);
-  taps.weights[3] = step(u * v);
-  taps.total = taps.weights[0] + taps.weights[1] + taps.weights[2] + taps.weights[3];
+  taps.square = {step((1 - u) * (1 - v)), step(u * (1 - v)), step((1 - u) * v), step(u * v)};
+  taps.total = taps.square[0] + taps.square[1] + taps.square[2] + taps.square[3];
 }
 
 namespace {
 
-/// What the taps that count see of a float image.
-struct FloatTaps {
-  std::array<const std::byte*, 16> texels;
-  std::array<std::int32_t, 16> weights;
-  std::size_t count = 0;
-};
+/// Keys' weights of the four texels in a row around a place `u` beyond the second; the nearer one
+/// of the two beside it gets what rounding leaves over.
+std::array<std::int32_t, 4> keys(double a, double u) noexcept {
+  const double rest = 1 - u;
+  const auto step = [](double w) {
+    constexpr std::int32_t kAbove = kOne;  // casts round towards zero: above zero, to nearest
+    return static_cast<std::int32_t>(w * kWeightSteps + (kAbove + 0.5)) - kAbove;
+  };
+  const std::int32_t before = step(a * u * rest * rest), after = step(a * u * u * rest);
+  const auto beside = [a](double x) { return ((a + 2) * x - (a + 3)) * x * x + 1; };
+  if (u < 0.5) {
+    const std::int32_t right = step(beside(rest));
+    return {before, kOne - before - right - after, right, after};
+  }
+  const std::int32_t left = step(beside(u));
+  return {before, left, kOne - before - left - after, after};
+}
 
-Blended blend_floats(const store::ColourDirectory& image, const FloatTaps& taps, std::int32_t total,
+void keys_taps(double a, double u, double v, Taps& taps) noexcept {
+  taps.wide = true;
+  taps.across = keys(a, u);
+  taps.down = keys(a, v);
+}
+
+}  // namespace
+
+void cubic(double u, double v, Taps& taps) noexcept { keys_taps(-0.5, u, v, taps); }
+
+void sharp(double u, double v, Taps& taps) noexcept { keys_taps(-0.75, u, v, taps); }
+
+BlendKernel kernel_of(Filter filter) noexcept {
+  switch (filter) {
+    case Filter::tent:
+      return tent;
+    case Filter::sharp:
+      return sharp;
+    case Filter::cubic:
+      break;
+  }
+  return cubic;
+}
+
+namespace {
+
+/// The sum of four in a row, kept between the two in the middle; 2^20 times as large as they are.
+template <typename Sum>
+Sum kept_sum(const std::array<std::int32_t, 4>& weights,
+             const std::array<Sum, 4>& values) noexcept {
+  Sum sum = 0;
+  for (std::size_t i = 0; i < 4; ++i) sum += static_cast<Sum>(weights[i]) * values[i];
+  return std::clamp<Sum>(sum, std::min(values[1], values[2]) * kOne,
+                         std::max(values[1], values[2]) * kOne);
+}
+
+/// A wide kernel's result for one channel, 2^40 times as large as its samples; `sample` gives them
+/// by column and row. 65535 * 2^40 and what negative weights add fits an integer of 64 bits.
+template <typename RowSum, typename Sum, typename Sample>
+Sum wide_sum(const Taps& taps, const Sample& sample) noexcept {
+  std::array<Sum, 4> rows{};
+  for (int y = -1; y < 3; ++y) {
+    const auto row = static_cast<std::size_t>(y + 1);
+    if ((y == -1 || y == 2) && taps.down[row] == 0) continue;
+    const std::array<RowSum, 4> values = {sample(-1, y), sample(0, y), sample(1, y), sample(2, y)};
+    rows[row] = static_cast<Sum>(kept_sum(taps.across, values));
+  }
+  return kept_sum(taps.down, rows);
+}
+
+/// Whether the first or the second of the two in the middle has all the weight.
+bool only_one(const std::array<std::int32_t, 4>& weights, std::size_t which) noexcept {
+  return weights[1 + which] == kOne && weights[2 - which] == 0 && weights[0] == 0 &&
+         weights[3] == 0;
+}
+
+/// The texel that has all the weight, if one has.
+const std::byte* only_texel(const Taps& taps, const Around& texels) noexcept {
+  for (int y = 0; y < 2; ++y) {
+    for (int x = 0; x < 2; ++x) {
+      const auto i = static_cast<std::size_t>(x), j = static_cast<std::size_t>(y);
+      if (taps.wide ? only_one(taps.across, i) && only_one(taps.down, j)
+                    : taps.square[j * 2 + i] == taps.total)
+        return texels.at(x, y);
+    }
+  }
+  return nullptr;
+}
+
+Blended blend_floats(const store::ColourDirectory& image, const Around& texels, const Taps& taps,
                      BlendAlpha alpha) noexcept {
   const std::size_t sample = store::depth_bytes(image.depth);
   const bool divides = image.premultiplied && alpha == BlendAlpha::straight;
   const std::size_t last = image.channels - 1;
+  const std::byte* const only = only_texel(taps, texels);
   Blended out{};
   for (std::size_t c = 0; c < image.channels; ++c) {
-    const auto value = [&](std::size_t tap) {
-      const float v = float_sample(image.depth, taps.texels[tap] + c * sample);
+    const auto value = [&](const std::byte* texel) {
+      const float v = float_sample(image.depth, texel + c * sample);
       return divides && c != last
-                 ? without_alpha(image.depth, v,
-                                 float_sample(image.depth, taps.texels[tap] + last * sample))
+                 ? without_alpha(image.depth, v, float_sample(image.depth, texel + last * sample))
                  : v;
     };
-    if (taps.count == 1) {
-      out[c] = static_cast<double>(value(0));
-      continue;
+    if (only != nullptr) {
+      out[c] = static_cast<double>(value(only));
+    } else if (taps.wide) {
+      out[c] = kPerSquare * wide_sum<double, double>(taps, [&](int x, int y) {
+                 return static_cast<double>(value(texels.at(x, y)));
+               });
+    } else {
+      FloatSum sum;
+      for (int k = 0; k < 4; ++k) {
+        const std::int32_t weight = taps.square[static_cast<std::size_t>(k)];
+        if (weight != 0) sum.add(weight, value(texels.at(k % 2, k / 2)));
+      }
+      out[c] = sum.over(taps.total);
     }
-    FloatSum sum;
-    for (std::size_t tap = 0; tap < taps.count; ++tap) sum.add(taps.weights[tap], value(tap));
-    out[c] = sum.over(total);
   }
   return out;
 }
 
-Blended blend_integers(const store::ColourDirectory& image, const std::byte* first,
+Blended blend_integers(const store::ColourDirectory& image, const Around& texels,
                        const Taps& taps) noexcept {
-  const std::size_t texel = image.texel_bytes(), sample = store::depth_bytes(image.depth);
-  std::array<std::int64_t, 4> sums{};
-  for (int y = 0; y < taps.size; ++y) {
-    for (int x = 0; x < taps.size; ++x) {
-      const std::int64_t weight = taps.weights[static_cast<std::size_t>(y * taps.size + x)];
-      const std::byte* const at =
-          first + static_cast<std::size_t>(y * store::kColourTileEdge + x) * texel;
-      for (std::size_t c = 0; c < image.channels; ++c)
-        sums[c] += weight * steps(image.depth, at + c * sample);
-    }
-  }
+  const std::size_t sample = store::depth_bytes(image.depth);
+  const double largest = image.depth == Depth::u8 ? 255.0 : 65535.0;
   Blended out{};
-  const double total = taps.total * (image.depth == Depth::u8 ? 255.0 : 65535.0);
-  for (std::size_t c = 0; c < image.channels; ++c) out[c] = static_cast<double>(sums[c]) / total;
+  for (std::size_t c = 0; c < image.channels; ++c) {
+    const auto value = [&](int x, int y) {
+      return steps(image.depth, texels.at(x, y) + c * sample);
+    };
+    if (taps.wide) {
+      out[c] = static_cast<double>(wide_sum<std::int64_t, std::int64_t>(taps, value)) * kPerSquare /
+               largest;
+      continue;
+    }
+    const std::int64_t sum = taps.square[0] * value(0, 0) + taps.square[1] * value(1, 0) +
+                             taps.square[2] * value(0, 1) + taps.square[3] * value(1, 1);
+    out[c] = static_cast<double>(sum) / (taps.total * largest);
+  }
   return out;
 }
 
@@ -154,21 +250,10 @@ Blended blend_integers(const store::ColourDirectory& image, const std::byte* fir
 
 Blended blend(const store::ColourDirectory& image, const std::byte* tile, int column, int row,
               const Taps& taps, BlendAlpha alpha) noexcept {
-  const std::size_t texel = image.texel_bytes();
-  const std::byte* const first = first_tap(tile, column, row, taps, texel);
-  if (image.depth == Depth::u8 || image.depth == Depth::u16)
-    return blend_integers(image, first, taps);
-  FloatTaps floats;
-  for (int y = 0; y < taps.size; ++y) {
-    for (int x = 0; x < taps.size; ++x) {
-      const std::int32_t weight = taps.weights[static_cast<std::size_t>(y * taps.size + x)];
-      if (weight == 0) continue;
-      floats.texels[floats.count] =
-          first + static_cast<std::size_t>(y * store::kColourTileEdge + x) * texel;
-      floats.weights[floats.count++] = weight;
-    }
-  }
-  return blend_floats(image, floats, taps.total, alpha);
+  const Around texels = around(tile, column, row, image.texel_bytes());
+  return image.depth == Depth::u8 || image.depth == Depth::u16
+             ? blend_integers(image, texels, taps)
+             : blend_floats(image, texels, taps, alpha);
 }
 
 namespace {
@@ -176,21 +261,19 @@ namespace {
 template <std::size_t kChannels>
 void blend_u8_channels(const std::byte* tile, int column, int row, const Taps& taps,
                        std::byte* out) noexcept {
-  const std::byte* const first = first_tap(tile, column, row, taps, kChannels);
-  std::array<std::int32_t, kChannels>
-      sums{};  // 2^20 * 255 at most, and kernels with negative weights stay near it
-  for (int y = 0; y < taps.size; ++y) {
-    const std::byte* at = first + static_cast<std::size_t>(y * store::kColourTileEdge) * kChannels;
-    for (int x = 0; x < taps.size; ++x, at += kChannels) {
-      const std::int32_t weight = taps.weights[static_cast<std::size_t>(y * taps.size + x)];
-      for (std::size_t c = 0; c < kChannels; ++c)
-        sums[c] += weight * std::to_integer<std::int32_t>(at[c]);
-    }
-  }
-  const double per_total = 1.0 / taps.total;
+  const Around texels = around(tile, column, row, kChannels);
+  const double per_sum = taps.wide ? kPerSquare : 1.0 / taps.total;
   for (std::size_t c = 0; c < kChannels; ++c) {
-    const auto value = static_cast<std::int32_t>(sums[c] * per_total + 0.5);
-    out[c] = static_cast<std::byte>(value < 0 ? 0 : value > 255 ? 255 : value);
+    const auto value = [&](int x, int y) {
+      return std::to_integer<std::int32_t>(texels.at(x, y)[c]);
+    };
+    // A row's sum is at most 255 * 2^20 and what negative weights add.
+    const std::int64_t sum = taps.wide
+                                 ? wide_sum<std::int32_t, std::int64_t>(taps, value)
+                                 : taps.square[0] * value(0, 0) + taps.square[1] * value(1, 0) +
+                                       taps.square[2] * value(0, 1) + taps.square[3] * value(1, 1);
+    out[c] =
+        static_cast<std::byte>(static_cast<std::int32_t>(static_cast<double>(sum) * per_sum + 0.5));
   }
 }
 

@@ -71,12 +71,15 @@ inline Coordinate scaled(double texel, std::uint32_t size, std::uint32_t image_s
   return {static_cast<std::int32_t>(whole), texel - whole};
 }
 
-/// Weights of the Gaussians around a hit, in steps of 2^-20: size x size of them, the first at
-/// (texel + first, texel + first) from the hit's texel, row by row.
+/// Weights of the texels around a hit, in steps of 2^-20.
 struct Taps {
-  int first = 0, size = 0;
-  std::array<std::int32_t, 16> weights{};
+  /// Whether a kernel reaches beyond the four texels around the hit.
+  bool wide = false;
+  /// If not, of these four, row by row, and their sum.
+  std::array<std::int32_t, 4> square{};
   std::int32_t total = 0;
+  /// If so, of four columns and of four rows, the first before the hit's texel: 2^20 each.
+  std::array<std::int32_t, 4> across{}, down{};
 };
 
 /// A blend kernel: weights for a hit at `u`, `v` (0..1) beyond its texel. It may reach from texel -
@@ -85,6 +88,14 @@ using BlendKernel = void (*)(double u, double v, Taps& taps) noexcept;
 
 /// The tent (1 - |du|)(1 - |dv|) in the hit Gaussian's texel frame.
 void tent(double u, double v, Taps& taps) noexcept;
+
+/// Keys' cubic convolution with a = -1/2 (Catmull-Rom): what is straight stays straight.
+void cubic(double u, double v, Taps& taps) noexcept;
+
+/// The same with a = -3/4: steeper at edges.
+void sharp(double u, double v, Taps& taps) noexcept;
+
+BlendKernel kernel_of(Filter filter) noexcept;
 
 /// One texel's blended channels: 0..1 for integer images, as stored for float ones.
 using Blended = std::array<double, 4>;
@@ -95,11 +106,13 @@ enum class BlendAlpha : std::uint8_t {
   stored     ///< they are blended as they are
 };
 
-/// Blends the Gaussians around a hit. `tile` is a decoded colour tile of `image`; column and row
-/// are the hit's texel in it, apron excluded, -1..63. Sums are integers and come out the same in
-/// any order: integer samples are counted as they are, float samples times their weights in 2^-64
-/// of the largest one's exponent. A hit that has one texel alone gives its samples exactly.
-/// noexcept, thread-safe.
+/// Blends the texels around a hit. `tile` is a decoded colour tile of `image`; column and row are
+/// the hit's texel in it, apron excluded, -1..63. Sums over four texels are integers and come out
+/// the same in any order: integer samples are counted as they are, float samples times their
+/// weights in 2^-64 of the largest one's exponent. A wide kernel goes along rows first and then
+/// down: each row's sum is kept between the row's two texels beside the hit, the column's between
+/// the two rows beside it (docs/decisions/028); floats are summed in that order, in double
+/// precision. A hit that has one texel alone gives its samples exactly. noexcept, thread-safe.
 Blended blend(const store::ColourDirectory& image, const std::byte* tile, int column, int row,
               const Taps& taps, BlendAlpha alpha) noexcept;
 /// The same for 8-bit images, rounded to 8 bits at `out` (image.channels of them).

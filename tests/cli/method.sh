@@ -7,19 +7,25 @@ refused '--sigma is about texels as Gaussians: it needs --method gaussian' trans
 refused '--densify is about texels as Gaussians' transfer a.glb b.glb -o o.png --densify
 refused 'baseColor alone' transfer a.glb b.glb -o o.png --method gaussian --channels occlusion
 refused 'baseColor alone' transfer a.glb b.glb -o '<CHANNEL>.png' --method gaussian --channels all
+rejected --filter bilinear Cubic ''
+refused '--filter is of --method surface' transfer a.glb b.glb -o o.png --method gaussian --filter tent
 expect 0 transfer --help
-for word in '--method ' '--sigma ' '--densify' 'surface: ' 'gaussian: ' 'Default: surface'; do out_has "$word"; done
+for word in '--method ' '--filter ' 'Default: cubic' '--sigma ' '--densify' 'surface: ' 'gaussian: ' 'Default: surface'; do out_has "$word"; done
 
 make_job
 expect 0 transfer source.obj target.obj -o g.png --method gaussian --sigma 0.75 --densify --report r.json -q
 json() { tr -d ' \n' <r.json | grep -qF -- "$1" || fail "the report lacks $1: $(cat r.json)"; }
-json '"method":"gaussian"'
+json '"method":"gaussian","filter":""'
 json '"sigma":0.75,"densify":true'
 json '"gaussians":256,'
 json '"method":"gaussian","sigma":"0.75","densify":"true"'
 # One colour everywhere: both methods give it.
 expect 0 transfer source.obj target.obj -o s.png --method surface --report r.json -q
-json '"method":"surface"'
+json '"method":"surface","filter":"cubic"'
+expect 0 transfer source.obj target.obj -o t.png --filter tent --plan --report r.json -q
+json '"method":"surface","filter":"tent"'
+json '"options":{"output":"t.png","filter":"tent","plan":"true"}'
+expect 0 transfer source.obj target.obj -o s.png --report r.json -q
 json '"sigma":0.0,"densify":false'
 expect 0 compare g.png s.png --min-psnr 100
 # A model or a pattern means all channels; what the method leaves out is said.
@@ -32,6 +38,8 @@ err_has 'transfers baseColor alone; left out: metallicRoughness, occlusion'
 "$POUNCE_FIXTURE" splats -o scene.ply --count 2000 --target-size 64 >/dev/null
 expect 2 transfer scene.ply scene_target.glb -o o.png --method gaussian --sigma 1
 err_has 'Gaussians have their own sizes'
+expect 2 transfer scene.ply scene_target.glb -o o.png --filter sharp
+err_has '--filter: scene.ply is a splat scene'
 expect 0 transfer scene.ply scene_target.glb -o one.png --size 64 --method gaussian -q
 expect 0 transfer scene.ply scene_target.glb -o two.png --size 64 -q
 cmp one.png two.png || fail 'a scene is blended differently'

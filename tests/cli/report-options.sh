@@ -22,7 +22,7 @@ all_of() { # COMMAND
 machine=(--memory 1GiB --threads 2 --cache cache --cache-limit 1GB --no-wait)
 job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' --tiles 1001 --size 8 --depth u16 --padding 2 \
   --min-coverage 1 --channels baseColor --source-texture baseColor=skin.ppm --source-material skin --source-uv-set 0 \
-  --source-axes x,y,z --target-uv-set 0 --target-axes x,y,z --max-distance 1 --max-angle 70 --allow-external "${machine[@]}" \
+  --source-axes x,y,z --target-uv-set 0 --target-axes x,y,z --max-distance 1 --max-angle 70 --filter tent --allow-external "${machine[@]}" \
   --temp . --plan
 job transfer source.obj target.obj -o o.png --skip-existing --no-cache
 job transfer source.obj target.obj -o g.png --method gaussian --sigma 1 --densify --no-cache

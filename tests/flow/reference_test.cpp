@@ -22,6 +22,7 @@ struct Difference {
 
 Difference compare_with_reference(TransferOptions options, Channel channel) {
   options.channels = {channel};
+  options.filter = Filter::tent;  // what the reference looks up
   options.resources.use_cache = false;
   options.resources.memory_bytes = 256 << 20;
   transfer(options);

@@ -206,6 +206,7 @@ TEST_CASE("tiles of a source may differ in size; each is clamped at its border",
     write_whole_image(scene.folder.file("skin." + mesh::uvtile_name(tile) + ".png"), images[tile]);
   }
   scene.options.source_textures = {{Channel::base_color, scene.folder.file("skin.<UVTILE>.png")}};
+  scene.options.filter = Filter::tent;  // what is looked up below
   const Report report = transfer(scene.options);
   CHECK(report.target_covered == report.target_texels);
   for (const auto& [tile, image] : images) {

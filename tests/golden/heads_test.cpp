@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Heads with a known answer, scored over a raster of this test's own.
+#include <array>
 #include <catch2/catch.hpp>
+#include <optional>
 
 #include "golden.h"
 #include "io/read_mesh.h"
@@ -51,8 +53,9 @@ TEST_CASE("the real head comes out as its truth says", "[golden]") {
   figure("head truth empty texels of the mask", static_cast<double>(empty));
   CHECK(plain.texels > 500000);
   CHECK(empty == 0);
-  CHECK(plain.similarity >= 0.987);
-  CHECK(plain.psnr_db >= 28.8);
+  // 98.83 % and 28.97 dB when written; bilinear lookups give 98.76 % and 28.94 dB.
+  CHECK(plain.similarity >= 0.988);
+  CHECK(plain.psnr_db >= 28.9);
 
   options.output = folder.file("aa.png");
   options.source_textures = {{Channel::base_color, heads + "/head_src_aa_1k.png"}};
@@ -62,7 +65,9 @@ TEST_CASE("the real head comes out as its truth says", "[golden]") {
       score(read_whole_image(options.output), truth_aa, truth_mask(target, truth_aa));
   figure("head truth_aa similarity %", 100 * smooth.similarity);
   figure("head truth_aa dB", smooth.psnr_db);
-  CHECK(smooth.psnr_db >= 38.7);
+  // 99.56 % and 40.26 dB when written; bilinear lookups give 99.49 % and 38.84 dB.
+  CHECK(smooth.similarity >= 0.995);
+  CHECK(smooth.psnr_db >= 40.2);
 
   options.source = heads + "/head_src.obj";
   options.source_textures.clear();
@@ -96,6 +101,53 @@ TEST_CASE("a generated head comes out as its analytic truth says", "[golden]") {
   CHECK(s.similarity >= 0.976);
 }
 
+namespace {
+
+/// An image shrunk to half its size by means of 2x2 texels.
+WholeImage halved(const WholeImage& image) {
+  WholeImage small{image.width / 2, image.height / 2, image.channels, image.linear, {}};
+  for (std::size_t y = 0; y < small.height; ++y) {
+    for (std::size_t x = 0; x < small.width; ++x) {
+      const std::size_t at = 2 * y * image.width + 2 * x;
+      for (std::size_t c = 0; c < image.channels; ++c)
+        small.samples.push_back((image.at(at, c) + image.at(at + 1, c) +
+                                 image.at(at + image.width, c) +
+                                 image.at(at + image.width + 1, c)) /
+                                4);
+    }
+  }
+  return small;
+}
+
+}  // namespace
+
+TEST_CASE("the default is sharper than a bilinear lookup where textures are sampled well",
+          "[golden]") {
+  const TempFolder folder;
+  const std::string in = folder.file("in");
+  fixture::make_head({.folder = in,
+                      .triangles = 10000,
+                      .texture_size = 1024,
+                      .target_size = 1024,
+                      .texture_format = "tif"});
+  write_whole_image(folder.file("skin.png"), halved(read_whole_image(in + "/head_src.tif")));
+  const std::string target = in + "/head_same.glb";
+  const WholeImage truth = halved(read_whole_image(in + "/head_same.truth.png"));
+  const auto mask = truth_mask(target, truth);
+  auto options = golden_options(in + "/head_src.glb", target, folder.file("out.png"));
+  options.size = ImageSize{512, 512};
+  options.source_textures = {{Channel::base_color, folder.file("skin.png")}};
+  std::array<double, 2> psnr{};
+  for (const auto filter : {std::optional<Filter>(), std::optional(Filter::tent)}) {
+    options.filter = filter;
+    transfer(options);
+    psnr[filter ? 1 : 0] = score(read_whole_image(options.output), truth, mask).psnr_db;
+  }
+  figure("generated head, averaged by 2, dB", psnr[0]);
+  figure("generated head, averaged by 2, tent dB", psnr[1]);
+  CHECK(psnr[0] >= psnr[1] + 0.8);  // 27.93 and 26.48 dB when written
+}
+
 TEST_CASE("the far side of a thin shell does not show through", "[golden]") {
   const TempFolder folder;
   const std::string in = folder.file("in");
@@ -117,6 +169,7 @@ TEST_CASE("each channel comes from its own image, size and UV set", "[golden]") 
   fixture::make_channels(in);
   const std::string target = in + "/channels_target.glb";
   auto options = golden_options(in + "/channels_src.glb", target, folder.file("out.<CHANNEL>.png"));
+  options.filter = Filter::tent;  // what the truth was made with
   transfer(options);
   for (const char* name : {"baseColor", "metallicRoughness", "occlusion"}) {
     const WholeImage truth = read_whole_image(in + "/channels_target.truth." + name + ".png");

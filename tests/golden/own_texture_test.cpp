@@ -55,6 +55,7 @@ TEST_CASE("no texel of a mesh onto itself is wrong that a brute force gets right
   options.size = ImageSize{model.size, model.size};
   options.depth = Depth::u8;
   options.channels = {Channel::base_color};
+  options.filter = Filter::tent;  // what the reference looks up
   if (model.texture != nullptr)
     options.source_textures = {{Channel::base_color, (*data / model.texture).string()}};
   transfer(options);

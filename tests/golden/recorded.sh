@@ -123,6 +123,8 @@ made_jobs() {
   printf '%s  made-inputs\n' "$inputs" >>"$seen"
   transfer made-head-self head/head_src.glb head/head_src.glb out.png --coverage OUT/mask.png
   transfer made-head-same head/head_src.glb head/head_same.glb out.png --size 512
+  transfer made-head-tent head/head_src.glb head/head_other.glb out.png --size 300x200 --filter tent
+  transfer made-head-sharp head/head_src.glb head/head_other.glb out.png --size 300x200 --filter sharp
   transfer made-head-other head/head_src.glb head/head_other.glb out.png --size 300x200
   transfer made-head-obj head/head_src.obj head/head_other.obj out.tif --size 256
   transfer made-head-big head/head_src.glb head/head_other.glb out.png --size 2048 --memory 64MiB
@@ -164,6 +166,7 @@ data_jobs() {
   bottle=$m/water_bottle/SpecGlossVsMetalRough.gltf
   transfer data-head-self "$h/head_src.glb" "$h/head_src.glb" out.png
   transfer data-head-same "$h/head_src.glb" "$h/head_dst_same.glb" out.png --size 512
+  transfer data-head-same-tent "$h/head_src.glb" "$h/head_dst_same.glb" out.png --size 512 --filter tent
   transfer data-head-udim "$h/head_src.glb" "$h/head_dst_udim4.obj" 'out.<UDIM>.png' --size 128
   transfer data-spot "$m/spot/spot.obj" "$m/spot_glb/cow.glb" out.png --size 512 --max-distance 20%
   transfer data-spot-self "$m/spot/spot.obj" "$m/spot/spot.obj" out.png --size 512

@@ -163,6 +163,12 @@ Method parse_method(const std::string& option, const std::string& text) {
   return *method;
 }
 
+Filter parse_filter(const std::string& option, const std::string& text) {
+  const std::optional<Filter> filter = filter_from_name(text);
+  if (!filter) refuse(option, text, "tent, cubic or sharp");
+  return *filter;
+}
+
 SphericalHarmonics parse_harmonics(const std::string& option, const std::string& text) {
   const auto harmonics = harmonics_from_name(text);
   if (!harmonics) refuse(option, text, "dc, normal or mean");

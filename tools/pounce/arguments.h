@@ -30,6 +30,8 @@ ImageSize parse_image_size(const std::string& option, const std::string& text);
 Length parse_length(const std::string& option, const std::string& text);
 /// "surface" or "gaussian".
 Method parse_method(const std::string& option, const std::string& text);
+/// "tent", "cubic" or "sharp".
+Filter parse_filter(const std::string& option, const std::string& text);
 /// "dc", "normal" or "mean".
 SphericalHarmonics parse_harmonics(const std::string& option, const std::string& text);
 /// "x0,y0,z0,x1,y1,z1": six numbers, the lower end of each side first.

@@ -163,6 +163,7 @@ std::string plan_text(const Report& report) {
   text += fmt::format("needed for    {}\n", visible_line(report.least_memory_for));
   text += fmt::format("budget        {}\n", bytes_text(report.memory_budget_bytes));
   text += fmt::format("threads       {}\n", report.threads);
+  if (!report.filter.empty()) text += fmt::format("filter        {}\n", report.filter);
   const auto add = [&text](const char* name, std::uint64_t bytes) {
     if (bytes > 0) text += fmt::format("{:<13} at most {}\n", name, bytes_text(bytes));
   };

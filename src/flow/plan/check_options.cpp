@@ -31,6 +31,8 @@ void check_method(const TransferOptions& o) {
     }
     return;
   }
+  if (o.filter)
+    usage("--filter is of --method surface: Gaussians have a width, which --sigma says");
   if (o.sigma_texels && !(*o.sigma_texels >= 0.1 && *o.sigma_texels <= 4))
     usage("--sigma must be 0.1 to 4 texels");
   const bool only_colour = std::all_of(o.channels.begin(), o.channels.end(), [](Channel channel) {

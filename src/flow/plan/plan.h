@@ -72,6 +72,7 @@ struct Plan {
   SplatRequest splats;       ///< then
   SceneFacts scene;          ///< then
   std::uint32_t rays = 0;    ///< then: beside each texel's normal
+  Filter filter = kDefaultFilter;  ///< of Method::surface
   /// A mesh's texels are blended as Gaussians (Method::gaussian): one channel and one pass.
   bool as_gaussians = false;
   double sigma_texels = kDefaultSigma;  ///< then

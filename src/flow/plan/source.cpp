@@ -95,6 +95,7 @@ class SourcePlanner {
         used_(used_materials(source)) {}
 
   Plan make() {
+    plan_.filter = options_.filter.value_or(kDefaultFilter);
     plan_.as_gaussians = options_.method == Method::gaussian;
     plan_.sigma_texels = options_.sigma_texels.value_or(kDefaultSigma);
     plan_.densify = options_.densify;

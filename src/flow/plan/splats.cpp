@@ -169,6 +169,12 @@ Plan plan_splats(const TransferOptions& options, const std::function<void()>& po
                     "for the texels of a mesh",
                     options.sigma_texels ? "--sigma" : "--densify", options.source));
   }
+  if (options.filter) {
+    throw Error(ErrorKind::usage,
+                fmt::format("--filter: {} is a splat scene, which has no image to look up; this is "
+                            "for meshes",
+                            options.source));
+  }
   const std::vector<Channel> channels = channels_of(options);
   if (options.alpha &&
       std::find(channels.begin(), channels.end(), Channel::base_color) == channels.end()) {

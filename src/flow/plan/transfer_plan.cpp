@@ -91,6 +91,8 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
     if (source_plan_.as_gaussians) {
       job_.report.sigma_texels = source_plan_.sigma_texels;
       job_.report.densify = source_plan_.densify;
+    } else {
+      job_.report.filter = filter_name(source_plan_.filter);
     }
     disk.add_source(source_plan_);
     add_warnings(left_behind(source_plan_, source_, !model_pattern_.empty()));

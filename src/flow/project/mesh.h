@@ -24,7 +24,7 @@ struct MeshProjection {
   std::vector<ChannelOutput> channels;
   projection::SearchLimits limits;
   const projection::Kernels* kernels = nullptr;
-  projection::BlendKernel blend = projection::tent;
+  projection::BlendKernel blend = projection::kernel_of(kDefaultFilter);
   float smallest_edge = 0;  ///< see TargetBlock
 };
 
