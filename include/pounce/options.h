@@ -212,8 +212,8 @@ struct TransferOptions {
   /// 0..100: of how many of its texels a target must find the source. A target below this is
   /// written like any other; TargetReport::enough says which are.
   double min_coverage_percent = 0;
-  /// Outputs that are there and younger than everything they are made from stay as they are. That
-  /// the options were others is not noticed.
+  /// Outputs that are there and say that this same job made them stay as they are; so do those that
+  /// say nothing and are younger than everything they are made from (docs/outputs.md).
   bool skip_existing = false;
   /// Buffers, images and material files that a mesh file names may lie outside of its folder (an
   /// absolute path, "..", a link); false: they are refused, since a model from elsewhere could

@@ -17,6 +17,7 @@
 #include "core/own_errors.h"
 #include "core/system_memory.h"
 #include "io/files/file_ending.h"
+#include "io/files/job_mark.h"
 #include "io/image/read.h"
 #include "io/read_mesh.h"
 #include "io/splats/format.h"
@@ -74,9 +75,22 @@ Json describe_pack(std::unique_ptr<ReadFile> file, const std::string& path) {
           {"bytes", reader.size_bytes()},   {"sound", true}};
 }
 
+/// Which job an image or a model says it was made by.
+void add_job(const std::string& path, Json& json) {
+  if (const auto job = io::read_job(path)) json["job"] = *job;
+}
+
+std::string job_text(const Json& file) {
+  return file.contains("job")
+             ? fmt::format("made by pounce, job {}\n", file["job"].get<std::string>())
+             : "";
+}
+
 Json describe_image(const std::string& path) {
   try {
-    return commands::describe(io::ImageReader(path).info());
+    Json json = commands::describe(io::ImageReader(path).info());
+    add_job(path, json);
+    return json;
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::input) throw;
     throw Error(ErrorKind::input,
@@ -118,6 +132,7 @@ Json describe_file(const std::string& path, bool allow_external) {
       json["type"] = "mesh";
       require_memory(path, allow_external);
       json.update(commands::describe(io::read_mesh(path, {allow_external, {}})));
+      add_job(path, json);
       break;
     case FileType::splats:
       json["type"] = "splats";
@@ -154,9 +169,9 @@ std::string inspect_text(const std::string& path, bool allow_external) {
   const std::string type = file["type"].get<std::string>();
   std::string text =
       fmt::format("{}: {}\n", file["file"].get<std::string>(), type == "pack" ? "tile pack" : type);
-  if (type == "mesh") return text + commands::mesh_text(file);
+  if (type == "mesh") return text + commands::mesh_text(file) + job_text(file);
   if (type == "splats") return text + commands::splats_text(file);
-  if (type == "image") return text + commands::image_text(file) + "\n";
+  if (type == "image") return text + commands::image_text(file) + "\n" + job_text(file);
   return text +
          fmt::format(
              "kind       {}\nkey        {}\nformat     version {}\nsize       {} bytes, {} chunks, "

@@ -14,7 +14,7 @@ namespace {
 std::string text_of(ImageSize size) { return fmt::format("{}x{}", size.width, size.height); }
 
 std::string text_of(const Length& length) {
-  return fmt::format("{:g}{}", length.value, length.is_percent ? "%" : "");
+  return fmt::format("{}{}", length.value, length.is_percent ? "%" : "");
 }
 
 class OptionList {
@@ -49,18 +49,18 @@ class OptionList {
     add("rays", o.rays != 0 ? std::to_string(o.rays) : std::string());
     add("alpha", o.alpha);
     const bool other_confidence = o.min_confidence != TransferOptions{}.min_confidence;
-    add("min-confidence", other_confidence ? fmt::format("{:g}", o.min_confidence) : "");
+    add("min-confidence", other_confidence ? fmt::format("{}", o.min_confidence) : "");
     add("near-target", o.everywhere    ? std::string("off")
                        : o.near_target ? text_of(*o.near_target)
                                        : std::string());
   }
   template <class Options>
   void add_filters(const Options& o) {
-    add("min-opacity", o.min_opacity ? fmt::format("{:g}", *o.min_opacity) : "");
-    add("max-scale", o.max_scale ? fmt::format("{:g}", *o.max_scale) : "");
+    add("min-opacity", o.min_opacity ? fmt::format("{}", *o.min_opacity) : "");
+    add("max-scale", o.max_scale ? fmt::format("{}", *o.max_scale) : "");
     if (o.box) {
       add("box",
-          fmt::format("{:g},{:g}", fmt::join(o.box->lowest, ","), fmt::join(o.box->highest, ",")));
+          fmt::format("{},{}", fmt::join(o.box->lowest, ","), fmt::join(o.box->highest, ",")));
     }
   }
   void add(const Resources& r) {
@@ -109,7 +109,7 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add("padding", o.padding_px ? std::to_string(*o.padding_px) : std::string());
   list.add("skip-existing", o.skip_existing);
   list.add("min-coverage",
-           o.min_coverage_percent > 0 ? fmt::format("{:g}", o.min_coverage_percent) : "");
+           o.min_coverage_percent > 0 ? fmt::format("{}", o.min_coverage_percent) : "");
   list.add("onto", o.onto);
   list.add("mask", o.mask);
   list.add("channels", o.all_channels ? std::vector<std::string>{"all"} : names_of(o.channels));
@@ -118,11 +118,11 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add("target", o.target_use);
   list.add("method", o.method != usual.method ? std::string(method_name(o.method)) : "");
   list.add("filter", o.filter ? std::string(filter_name(*o.filter)) : std::string());
-  list.add("sigma", o.sigma_texels ? fmt::format("{:g}", *o.sigma_texels) : std::string());
+  list.add("sigma", o.sigma_texels ? fmt::format("{}", *o.sigma_texels) : std::string());
   list.add("densify", o.densify);
   list.add("max-distance", o.max_distance ? text_of(*o.max_distance) : std::string());
   list.add("max-angle",
-           o.max_angle_deg != usual.max_angle_deg ? fmt::format("{:g}", o.max_angle_deg) : "");
+           o.max_angle_deg != usual.max_angle_deg ? fmt::format("{}", o.max_angle_deg) : "");
   list.add_splats(o);
   list.add("allow-external", o.allow_external);
   list.add(o.resources);
@@ -147,8 +147,8 @@ void describe(const GaussiansOptions& o, Report& report) {
   list.add("output", o.output);
   list.add("source-axes", o.axes);
   list.add(o.source_textures);
-  list.add("sigma", o.sigma_texels ? fmt::format("{:g}", *o.sigma_texels) : std::string());
-  list.add("sharpen", o.sharpen > 0 ? fmt::format("{:g}", o.sharpen) : std::string());
+  list.add("sigma", o.sigma_texels ? fmt::format("{}", *o.sigma_texels) : std::string());
+  list.add("sharpen", o.sharpen > 0 ? fmt::format("{}", o.sharpen) : std::string());
   list.add_filters(o);
   list.add("count", o.count ? std::to_string(*o.count) : std::string());
   list.add("allow-external", o.allow_external);

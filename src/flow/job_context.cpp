@@ -5,8 +5,35 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <span>
+
+#include "core/page_pool.h"
 
 namespace pounce::flow {
+
+namespace {
+
+Hash128 hash_of(JobContext& job, const ReadFile& file) {
+  constexpr std::uint64_t kPiece = 1 << 20;
+  const runtime::Lease lease(job.budget, kPiece, "hashing the inputs");
+  PageVector<std::byte> bytes(std::min(kPiece, file.size_bytes()));
+  Hasher hash;
+  for (std::uint64_t at = 0; at < file.size_bytes(); at += bytes.size()) {
+    const auto piece =
+        std::span(bytes).first(std::min<std::uint64_t>(bytes.size(), file.size_bytes() - at));
+    file.read(at, piece);
+    hash.add(std::span<const std::byte>(piece));
+    job.meter.advance(0);  // stops here if the caller asked to
+  }
+  return hash.digest();
+}
+
+}  // namespace
+
+Hash128 file_hash(JobContext& job, const std::string& path) {
+  return job.content_hash(path, 0, 0,
+                          [&] { return hash_of(job, *posix_file_system().open(path)); });
+}
 
 std::uint64_t size_on_disk(const std::vector<std::string>& files) {
   std::uint64_t bytes = 0;

@@ -109,6 +109,9 @@ struct JobContext {
   std::unique_ptr<StageTimer> waiting;  ///< while find_pack() waits for another process
 };
 
+/// The hash of a whole input file: remembered, else read in pieces.
+Hash128 file_hash(JobContext& job, const std::string& path);
+
 /// What these files take; of what is not there nothing.
 std::uint64_t size_on_disk(const std::vector<std::string>& files);
 

@@ -15,6 +15,7 @@
 #include "flow/describe_job.h"
 #include "flow/job.h"
 #include "flow/load_mesh.h"
+#include "flow/plan/job_hash.h"
 #include "flow/plan/output_names.h"
 #include "flow/plan/plan.h"
 #include "io/image/write.h"
@@ -43,7 +44,8 @@ class MapsJob {
  public:
   MapsJob(const MapsOptions& options, JobRun& run, bool rebuild)
       : options_(options),
-        job_(open_job(options.resources, options.output, false, rebuild, false, run)) {
+        job_(open_job(options.resources, options.output, false, rebuild, false, run)),
+        job_hash_(*job_, options) {
     job_->tile_cap_bytes = kTileCapBytes;
   }
 
@@ -107,7 +109,8 @@ class MapsJob {
     target_ = load_mesh(options_.target, options_.target_use, "target", options_.allow_external);
     job_->report.warnings.insert(job_->report.warnings.end(), target_.warnings.begin(),
                                  target_.warnings.end());
-    for (const std::string& file : target_.files) add_input(file, job_->report);
+    target_files_ = target_.files;
+    for (const std::string& file : target_files_) add_input(file, job_->report);
     PageRequest request;
     request.by_tile = by_tile_;
     request.uv_set = options_.target_use.uv_set.value_or(0);
@@ -234,8 +237,9 @@ class MapsJob {
 
   void write_map(std::uint32_t page, int map, const std::vector<BlockPlace>& all) {
     const auto m = static_cast<std::size_t>(map);
-    const io::ImageWriteSpec& spec = specs_[m];
     const std::string path = path_of(pages_[page], map);
+    io::ImageWriteSpec spec = specs_[m];
+    spec.job = job_hash_.of_map(target_files_, pages_[page], options_.size, kMapNames[m], path);
     const double done = page + kVectorizeShare + (1 - kVectorizeShare) * (map + 1) / 3;
     job_->meter.begin(std::string("write ") + kMapNames[m], spec.height, "rows",
                       done / static_cast<double>(pages_.size()));
@@ -292,6 +296,8 @@ class MapsJob {
 
   const MapsOptions& options_;
   std::unique_ptr<JobContext> job_;
+  JobHash job_hash_;
+  std::vector<std::string> target_files_;
   std::vector<io::ImageWriteSpec> specs_;
   std::vector<TargetPage> pages_;
   bool by_tile_ = false;

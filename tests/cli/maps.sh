@@ -19,8 +19,8 @@ sed 's/^v \([01]\)/v 2\1/' target.obj >far.obj
 expect 0 maps far.obj -o 'far.<CHANNEL>.exr' --size 4
 { cat target.obj && grep '^v ' far.obj && printf 'vt 1 1\nvt 2 1\nvt 2 2\nvt 1 2\nf 5/5 6/6 7/7 8/8\n'; } >two.obj
 expect 0 maps two.obj -o '<UDIM>.<CHANNEL>.exr' --size 4
-cmp 1001.position.exr position.exr || fail 'the first tile is another picture'
-cmp 1012.position.exr far.position.exr || fail 'the second tile is another picture'
-cmp 1012.mask.exr far.mask.exr || fail 'the second tile has another mask'
+same_picture 1001.position.exr position.exr || fail 'the first tile is another picture'
+same_picture 1012.position.exr far.position.exr || fail 'the second tile is another picture'
+same_picture 1012.mask.exr far.mask.exr || fail 'the second tile has another mask'
 expect 2 maps target.obj -o '<CHANNEL>.png'
 err_has 'error: position.png: positions and normals need'

@@ -96,6 +96,12 @@ err_has 'kept 2 '
 rm mask.png
 expect 0 "${keeps[@]}"
 [[ -s mask.png ]] || fail 'the mask was not made again'
-touch own.png # an image of the target that the model takes in
+touch own.png # an image of the target that the model takes in, and that is the same
 expect 0 "${keeps[@]}"
+err_has 'kept 2 '
+expect 0 transfer source.obj target.obj -o own.png --size 5 -q
+touch -d '2020-01-01' own.png
+expect 0 "${keeps[@]}"
+err_has 'wrote out.glb'
+expect 0 "${keeps[@]}" --max-angle 70
 err_has 'wrote out.glb'

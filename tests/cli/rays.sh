@@ -14,11 +14,11 @@ expect 0 "${job[@]}" -o none.png --coverage none.mask.png
 least=$(grep -o '"least": [0-9]*' r.json | grep -o '[0-9]*')
 expect 0 "${job[@]}" -o zero.png --rays 0
 json '"output":"zero.png","size":"128x128","no-cache":"true"}'
-cmp none.png zero.png || fail '--rays 0 is not the default'
+same_picture none.png zero.png || fail '--rays 0 is not the default'
 expect 0 "${job[@]}" -o all.png --coverage all.mask.png --rays 16
 json '"rays":"16"'
-cmp -s none.png all.png && fail 'further rays see nothing else'
-cmp none.mask.png all.mask.png || fail 'further rays cover other texels'
+same_picture none.png all.png && fail 'further rays see nothing else'
+same_picture none.mask.png all.mask.png || fail 'further rays cover other texels'
 more=$(grep -o '"least": [0-9]*' r.json | grep -o '[0-9]*')
 ((more > least + 5000000)) || fail "17 profiles need hardly more than one: $more, $least"
 # The least memory, in which scenes go past in batches, and one thread give the same bytes; less is refused.

@@ -25,6 +25,6 @@ expect 0 gaussians source.obj -o s.ply --report r.json
 has '"inputs":["source.obj","source.mtl","skin.ppm"]'
 has '"outputs":["s.ply"]'
 touch -d '1 hour ago' ./*.obj ./*.mtl ./*.ppm
-expect 0 transfer source.obj target.obj -o 'o.<UDIM>.png' --size 8 --skip-existing --report r.json
+expect 0 transfer source.obj target.obj -o 'o.<UDIM>.png' --size 8 --max-angle 70 --padding 2 --skip-existing --report r.json
 has '"kept":["o.1001.png"]'
 has '"skip-existing":"true"'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# --skip-existing: what is younger than all its inputs stays, all else is made.
+# --skip-existing: what this same job made stays, all else is made. Times count only where no job is said.
 source "$(dirname "$0")/support.sh"
 refused '--skip-existing cannot tell' transfer a.obj b.obj -o o.png --onto o.png --skip-existing
 "$POUNCE_FIXTURE" plane -o s.obj --triangles 400 --uv-tiles 3 --texture 16 >/dev/null
@@ -11,17 +11,41 @@ err_has 'wrote t.1003.png'
 sum() { cat "$@" | md5sum; }
 first=$(sum t.100?.png)
 expect 0 "${job[@]}" --report r.json
-err_has 'kept 3 that are younger'
+err_has 'kept 3 that are up to date'
 ! grep -q wrote "$err" || fail 'something was written again'
 grep -q '"outputs": \[\]' r.json || fail 'outputs'
 grep -q '"images_decoded": 0' r.json || fail 'images_decoded'
 rm t.1002.png
-touch t.1001.png
 expect 0 "${job[@]}" --report r.json
 err_has 'wrote t.1002.png'
 err_has 'kept 2'
 [[ $(sum t.100?.png) == "$first" ]] || fail 'other bytes'
-touch s.1002.png # an input that is younger than all of them
-expect 0 "${job[@]}"
+touch s.* t.obj # younger than the outputs, but the same
+expect 0 "${job[@]}" --threads 1 --memory 64MiB
+err_has 'kept 3'
+! grep -q 'is not recorded' "$err" || fail 'a warning of what is recorded'
+expect 0 "${job[@]}" --plan
+! grep -qF 't.1001.png' "$out" || fail 'a plan to write what is kept'
+
+# Another option, another content of an input: made again, though the outputs are younger.
+expect 0 "${job[@]}" --padding 2
+! grep -q kept "$err" || fail 'an output with other padding was kept'
 err_has 'wrote t.1001.png'
-! grep -q kept "$err" || fail 'an old output was kept'
+cp s.1001.png s.1002.png
+touch -d '2020-01-01' s.1002.png
+expect 0 "${job[@]}" --padding 2
+! grep -q kept "$err" || fail 'an output of other inputs was kept'
+
+# Without a record of its job: the times say.
+"$POUNCE_FIXTURE" plane -o u.obj --triangles 400 --uv-tiles 3 --texture 32 >/dev/null
+cp u.1001.png t.1001.png # painted by somebody
+touch -d '2020-01-01' s.* t.obj
+painted=$(sum t.1001.png)
+expect 0 "${job[@]}" --padding 2
+err_has 'kept 3'
+err_has 't.1001.png: kept because younger than all inputs; which job made it is not recorded there'
+[[ $(sum t.1001.png) == "$painted" ]] || fail 'painted work is lost'
+touch -d '2019-01-01' t.1001.png
+expect 0 "${job[@]}" --padding 2
+err_has 'wrote t.1001.png'
+err_has 'kept 2'

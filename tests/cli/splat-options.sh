@@ -29,7 +29,7 @@ json '"notes":[]'
 cp o.png all.png
 expect 0 "${job[@]}" --sh normal --min-opacity 0.004 --max-scale 5 --box -99,-99,-99,99,99,99 --near-target 100%
 json '"sh":"normal","min-opacity":"0.004","max-scale":"5","box":"-99,-99,-99,99,99,99","near-target":"100%"'
-cmp all.png o.png || fail 'nothing was left out, and the picture is another'
+same_picture all.png o.png || fail 'nothing was left out, and the picture is another'
 # Half of the scene; then nothing of it.
 expect 0 "${job[@]}" --box 0,-9,-9,9,9,9 --near-target off
 json '"near-target":"off"'

@@ -59,6 +59,9 @@ rejected() {
   done
 }
 
+# same_picture A B: have these the same texels? Files of other options say other jobs.
+same_picture() { "$POUNCE" compare "$1" "$2" --min-psnr 1000 >"$out" 2>"$err"; }
+
 only_files() { [[ $(ls -A | tr '\n' ' ') == "$* " ]] || fail "the folder holds: $(ls -A | tr '\n' ' ')"; }
 
 # quad NAME [TEXTURE]: a unit square as NAME.obj with UVs 0..1, optionally with a baseColor texture.

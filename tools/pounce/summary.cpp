@@ -97,7 +97,7 @@ std::string summary_text(const Report& report, double wall_s) {
     return text + fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
   }
   if (!report.kept.empty())
-    text += fmt::format("kept {} that are younger than their inputs\n", report.kept.size());
+    text += fmt::format("kept {} that are up to date\n", report.kept.size());
   const std::uint64_t texels = report.target_texels;
   text += fmt::format("{} texels: {} covered{}, {} empty{}; {} filled around the charts\n",
                       with_commas(texels), with_commas(report.target_covered),

@@ -101,9 +101,9 @@ void add_coverage_option(CLI::App& command, TransferOptions& options) {
 
 void add_skip_option(CLI::App& command, TransferOptions& options) {
   add_switch(command, "--skip-existing", "Picture",
-             "Keep outputs that are there and younger than all their inputs:\n"
-             "goes on where a stopped run ended. Other options than last time\n"
-             "are not noticed",
+             "Keep outputs that are there and that this same job made, with the\n"
+             "same inputs and options: goes on where a stopped run ended. What\n"
+             "does not say its job is kept if it is younger than all inputs",
              options.skip_existing);
 }
 

@@ -34,22 +34,6 @@ std::uint32_t kept_lobes(const io::SplatSceneInfo& info, SphericalHarmonics harm
   return 0;
 }
 
-/// Hash of the whole file, in pieces.
-Hash128 hash_file(JobContext& job, const ReadFile& file) {
-  constexpr std::uint64_t kPiece = 1 << 20;
-  const runtime::Lease lease(job.budget, kPiece, "hashing the source");
-  PageVector<std::byte> bytes(std::min(kPiece, file.size_bytes()));
-  Hasher hash;
-  for (std::uint64_t at = 0; at < file.size_bytes(); at += bytes.size()) {
-    const auto piece =
-        std::span(bytes).first(std::min<std::uint64_t>(bytes.size(), file.size_bytes() - at));
-    file.read(at, piece);
-    hash.add(std::span<const std::byte>(piece));
-    job.meter.advance(0);  // stops here if the caller asked to
-  }
-  return hash.digest();
-}
-
 /// A scene on its way into a store.
 class SceneStore {
  public:
@@ -104,8 +88,7 @@ class SceneStore {
         hash.add(std::string_view(path));  // file of many GB
         continue;
       }
-      const Hash128 content = job_.content_hash(
-          path, 0, 0, [&] { return hash_file(job_, *posix_file_system().open(path)); });
+      const Hash128 content = file_hash(job_, path);
       hash.add(content.hi);
       hash.add(content.lo);
     }

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// --skip-existing: which outputs are younger than everything that they are made from.
+// --skip-existing: which outputs this very job has made before. Images of other programs, and of
+// versions that did not say so, are told by times: whoever edited one by hand keeps it.
 #include "flow/plan/existing_outputs.h"
 
 #include <algorithm>
 #include <set>
+
+#include "io/files/job_mark.h"
 
 namespace pounce::flow {
 namespace {
@@ -34,10 +37,25 @@ FileTime newest(const std::vector<std::string>& files) {
   return latest;
 }
 
-bool is_up_to_date(const std::string& output, FileTime inputs) {
+Standing standing_of(const std::string& output, const std::string& job, FileTime inputs) {
   std::error_code failed;
   const FileTime time = std::filesystem::last_write_time(output, failed);
-  return !failed && time > inputs;
+  if (failed) return Standing::outdated;
+  if (const auto made_by = io::read_job(output))
+    return *made_by == job ? Standing::same_job : Standing::outdated;
+  return time > inputs ? Standing::younger : Standing::outdated;
+}
+
+bool keeps_all(const std::vector<std::string>& files, const std::string& job, FileTime inputs,
+               std::vector<std::string>& by_time) {
+  std::vector<std::string> younger;
+  for (const std::string& file : files) {
+    const Standing standing = standing_of(file, job, inputs);
+    if (standing == Standing::outdated) return false;
+    if (standing == Standing::younger) younger.push_back(file);
+  }
+  by_time.insert(by_time.end(), younger.begin(), younger.end());
+  return true;
 }
 
 void keep_existing(const Plan& plan, FileTime meshes, const std::set<std::string>& made,
@@ -48,11 +66,12 @@ void keep_existing(const Plan& plan, FileTime meshes, const std::set<std::string
       const FileTime old =
           image.onto ? newest({image.onto->path, image.onto->mask_path}) : FileTime::min();
       const FileTime inputs = std::max(source, old);
-      image.keep = made.count(image.path) == 0 && is_up_to_date(image.path, inputs) &&
-                   (image.coverage_path.empty() || is_up_to_date(image.coverage_path, inputs));
+      std::vector<std::string> files{image.path};
+      if (!image.coverage_path.empty()) files.push_back(image.coverage_path);
+      image.keep =
+          made.count(image.path) == 0 && keeps_all(files, image.job, inputs, target.kept_by_time);
       if (!image.keep) continue;
-      for (const std::string& path : {image.path, image.coverage_path}) {
-        if (path.empty()) continue;
+      for (const std::string& path : files) {
         std::erase(target.outputs, path);
         target.kept.push_back(path);
       }

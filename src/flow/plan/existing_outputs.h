@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <set>
 #include <string>
@@ -15,13 +16,23 @@ using FileTime = std::filesystem::file_time_type;
 /// When the youngest of these files was changed; what is not there does not count.
 FileTime newest(const std::vector<std::string>& files);
 
-/// Is `output` there, and changed after `inputs`? Equal times do not tell, so they mean no.
-bool is_up_to_date(const std::string& output, FileTime inputs);
+/// What --skip-existing thinks of a file.
+enum class Standing : std::uint8_t {
+  outdated,  ///< it is not there, or another job made it
+  same_job,  ///< it says that this job made it
+  younger,   ///< it says of no job, and was changed after all inputs
+};
+/// `job`: the hash of the one that would make it. Equal times do not tell, so they mean outdated.
+Standing standing_of(const std::string& output, const std::string& job, FileTime inputs);
+/// Are all of these there, and none outdated? Adds those that only their time speaks for to
+/// `by_time`.
+bool keeps_all(const std::vector<std::string>& files, const std::string& job, FileTime inputs,
+               std::vector<std::string>& by_time);
 
-/// --skip-existing: marks the images (ImageOutput::keep) that are there, with their masks, and
-/// younger than all they are made from: `meshes`, the channel's source images, the image painted
-/// over. What is kept leaves TargetPlan::outputs for TargetPlan::kept. What the job has `made` is
-/// no older work.
+/// --skip-existing: marks the images (ImageOutput::keep, whose `job` is known) that are there, with
+/// their masks, as this job would make them, or that say of no job and are younger than all they
+/// are made from: `meshes`, the channel's source images, the image painted over. What is kept
+/// leaves TargetPlan::outputs for TargetPlan::kept. What the job has `made` is no older work.
 void keep_existing(const Plan& plan, FileTime meshes, const std::set<std::string>& made,
                    TargetPlan& target);
 

@@ -99,7 +99,8 @@ struct TargetPlan {
   std::vector<std::string> warnings;
   /// Every file that may be written: a tile that turns out to have no covered texel centre is not.
   std::vector<std::string> outputs;
-  std::vector<std::string> kept;    ///< --skip-existing: there already, and not written
+  std::vector<std::string> kept;          ///< --skip-existing: there already, and not written
+  std::vector<std::string> kept_by_time;  ///< of these, those that do not say which job made them
   std::vector<std::string> inputs;  ///< files besides the meshes that must not be written over
 };
 

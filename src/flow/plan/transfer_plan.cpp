@@ -5,14 +5,17 @@
 // after the other here, and again when their turn comes: only one of their meshes is in memory.
 #include "flow/plan/transfer_plan.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <filesystem>
+#include <map>
 #include <utility>
 
 #include "flow/build/splats.h"
 #include "flow/describe_job.h"
 #include "flow/job.h"
 #include "flow/load_mesh.h"
-#include "flow/plan/existing_outputs.h"
 #include "flow/plan/left_behind.h"
 #include "flow/plan/output_names.h"
 #include "io/read_mesh.h"
@@ -52,7 +55,8 @@ TransferPlan::TransferPlan(JobContext& job, const TransferOptions& options,
     : job_(job),
       options_(image_options(options)),
       model_pattern_(io::is_model_path(options.output) ? options.output : ""),
-      stripe_rows_(stripe_rows) {}
+      stripe_rows_(stripe_rows),
+      job_hash_(job, options_) {}
 
 void TransferPlan::make(double end) {
   const StageTimer timer(job_.clock, "read");
@@ -73,6 +77,7 @@ void TransferPlan::make(double end) {
   source_lease_ = runtime::Lease(job_.budget, source_.size_bytes(), "the source's mesh");
   target_.mesh_lease = runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
   compressors_lease_ = runtime::Lease(job_.budget, contexts(), "the compressors");
+  if (options_.targets.size() == 1 && !job_.plan_only) name_jobs();
 }
 
 void TransferPlan::plan_source_side(DiskPlan& disk) {
@@ -166,6 +171,7 @@ PlannedTarget& TransferPlan::target(std::size_t t) {
     target_.mesh_lease =
         runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
     plan_one(options_.targets[t]);
+    name_jobs();
   }
   return target_;
 }
@@ -196,22 +202,66 @@ void TransferPlan::plan_one(const std::string& path) {
   if (options_.skip_existing) keep_what_is_there();
 }
 
+/// Reads every input, so not before it is known that the job can be done; --skip-existing must.
+void TransferPlan::name_jobs() {
+  TargetPlan& plan = target_.plan;
+  for (std::size_t c = 0; c < plan.images.size(); ++c) {
+    for (std::size_t page = 0; page < plan.images[c].size(); ++page) {
+      plan.images[c][page].job =
+          job_hash_.of_image(source_files_, source_plan_, target_.mesh.files, plan, c, page);
+    }
+  }
+  if (target_.model) target_.model->set_job(job_hash_.of_model(target_.model->path(), plan));
+}
+
+void TransferPlan::warn_of_kept() {
+  const std::vector<std::string>& kept = target_.plan.kept_by_time;
+  if (kept.empty()) return;
+  target_.plan.warnings.push_back(fmt::format(
+      "{}{}: kept because younger than all inputs; which job made it is not recorded there",
+      kept.front(), kept.size() > 1 ? fmt::format(" and {} more", kept.size() - 1) : ""));
+}
+
 void TransferPlan::keep_what_is_there() {
+  name_jobs();
   std::vector<std::string> meshes = target_.mesh.files;
   meshes.insert(meshes.end(), source_files_.begin(), source_files_.end());
-  if (!target_.model)
-    return keep_existing(source_plan_, newest(meshes), job_.run.written_before, target_.plan);
+  if (!target_.model) {
+    keep_existing(source_plan_, newest(meshes), job_.run.written_before, target_.plan);
+    return warn_of_kept();
+  }
   // A model is made of all its inputs, the images that it takes over among them.
   for (const ColumnPlan& column : source_plan_.columns) meshes.push_back(column.image.path);
   meshes.insert(meshes.end(), target_.plan.inputs.begin(), target_.plan.inputs.end());
-  const FileTime inputs = newest(meshes);
-  for (const std::string& output : target_.plan.outputs) {
-    if (job_.run.written_before.count(output) > 0 || !is_up_to_date(output, inputs)) return;
-  }
+  if (!keeps_model(newest(meshes))) return;
+  warn_of_kept();
   for (auto& images : target_.plan.images) {
     for (ImageOutput& image : images) image.keep = true;
   }
   target_.plan.kept = std::exchange(target_.plan.outputs, {});
+}
+
+/// The model says which job made it; of the files beside it, its images and masks say their own.
+bool TransferPlan::keeps_model(FileTime inputs) {
+  TargetPlan& plan = target_.plan;
+  std::map<std::string, std::string> jobs{{target_.model->path(), target_.model->job()}};
+  for (const auto& images : plan.images) {
+    for (const ImageOutput& image : images) {
+      jobs[image.path] = image.job;
+      jobs[image.coverage_path] = image.job;
+    }
+  }
+  std::vector<std::string> by_time;
+  for (const std::string& output : plan.outputs) {
+    if (job_.run.written_before.count(output) > 0) return false;
+    const auto job = jobs.find(output);
+    const bool keeps = job == jobs.end()  // a buffer or an image that was copied
+                           ? std::filesystem::exists(output)
+                           : keeps_all({output}, job->second, inputs, by_time);
+    if (!keeps) return false;
+  }
+  plan.kept_by_time = by_time;
+  return true;
 }
 
 std::uint64_t TransferPlan::contexts() const {

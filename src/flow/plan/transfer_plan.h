@@ -9,6 +9,8 @@
 
 #include "flow/job_context.h"
 #include "flow/plan/disk.h"
+#include "flow/plan/existing_outputs.h"
+#include "flow/plan/job_hash.h"
 #include "flow/plan/plan.h"
 #include "flow/write/model.h"
 #include "mesh/mesh.h"
@@ -54,7 +56,10 @@ class TransferPlan {
   void need(std::uint64_t bytes, const std::string& why);
   void check_order();
   void plan_one(const std::string& path);
+  void name_jobs();
   void keep_what_is_there();
+  bool keeps_model(FileTime inputs);
+  void warn_of_kept();
   std::uint64_t contexts() const;
   mesh::Mesh read(const std::string& path, std::uint64_t beside, bool is_target);
   std::uint64_t reading_bytes(const std::string& path) const;
@@ -66,6 +71,7 @@ class TransferPlan {
   const TransferOptions options_;
   const std::string model_pattern_;  ///< of the output, if that is a model
   const std::uint32_t stripe_rows_;
+  JobHash job_hash_;
   mesh::Mesh source_;
   runtime::Lease source_lease_, compressors_lease_;
   std::vector<std::string> source_files_;

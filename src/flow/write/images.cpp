@@ -44,7 +44,8 @@ io::ImageWriteSpec colour_spec(const ImageOutput& output, const texture::TexelFo
           format.has_alpha,
           format.premultiplied || (output.onto && output.onto->premultiplied),
           output.channel_names,
-          output.chromaticities};
+          output.chromaticities,
+          output.job};
 }
 
 io::ImageWriteSpec coverage_spec(const ImageOutput& output) {
@@ -56,7 +57,8 @@ io::ImageWriteSpec coverage_spec(const ImageOutput& output) {
           false,
           false,
           {},
-          {}};
+          {},
+          output.job};
 }
 
 /// One byte, 0 or 1, for each of the first `count` bits.

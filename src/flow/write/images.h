@@ -18,6 +18,7 @@ struct ImageOutput {
   std::string coverage_path;  ///< "" = no coverage mask
   mesh::Lattice lattice;      ///< its size
   bool keep = false;          ///< it is there already and stays as it is
+  std::string job;            ///< see JobHash; "" until it is known
   std::uint32_t padding = 0;
   std::vector<std::string> channel_names;
   std::optional<io::Chromaticities> chromaticities;

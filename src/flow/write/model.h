@@ -29,6 +29,8 @@ class ModelOutput {
               TargetPlan& target);
 
   const std::string& path() const { return request_.output; }
+  void set_job(const std::string& hash) { request_.job = hash; }  ///< see JobHash
+  const std::string& job() const { return request_.job; }
   /// Memory that write() needs.
   std::uint64_t least_bytes() const { return least_bytes_; }
 

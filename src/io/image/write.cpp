@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "io/files/job_mark.h"
 #include "io/files/output_file.h"
 #include "io/image/oiio_setup.h"
 #include "io/image/straight_alpha.h"
@@ -165,6 +166,8 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
   if (name != "tiff")
     out.attribute("oiio:ColorSpace", spec.linear || name == "openexr" ? "linear" : "sRGB");
   out.attribute("DateTime", "");  // else TIFF and EXR are given the time of day
+  out.attribute("Software", software_name());
+  if (!spec.job.empty()) out.attribute("ImageDescription", job_description(spec.job));
   if (name == "png") {
     out.attribute("png:compressionLevel", kDeflateLevel);
     out.attribute("png:filter", kPngFilter);

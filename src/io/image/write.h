@@ -27,6 +27,8 @@ struct ImageWriteSpec {
   /// EXR only: what the channels are called; empty: usual_names().
   std::vector<std::string> names = {};
   std::optional<Chromaticities> chromaticities = {};  ///< EXR only
+  std::string job =
+      {};  ///< hash of the job that makes it: recorded, as the software's name always is
 };
 
 /// Does the ending of `path` name a format that images are written in?

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <set>
 
+#include "io/files/job_mark.h"
 #include "io/gltf/validate.h"
 #include "io/json/edit.h"
 #include "io/model/material.h"
@@ -58,6 +59,7 @@ class DocumentEditor {
     edit_meshes();
     edit_buffers();
     edit_extensions();
+    edit_asset();
     return edit_json_object(text_, changes_);
   }
 
@@ -226,6 +228,17 @@ class DocumentEditor {
       list += (b == 0 ? "" : ",") + text;
     }
     if (!same) changes_["buffers"] = "[" + list + "]";
+  }
+
+  /// Extras that are no object stay as they are, and the model without its job.
+  void edit_asset() {
+    const std::string_view asset = array("asset");
+    std::string_view extras = json_member(asset, "extras");
+    if (extras.empty()) extras = "{}";
+    if (parts_.request.job.empty() || !extras.starts_with('{')) return;
+    const std::string with_job =
+        edit_json_object(extras, {{"pounce", job_extras(parts_.request.job)}});
+    changes_["asset"] = edit_json_object(asset, {{"extras", with_job}});
   }
 
   /// Names of extensions that the entries of an array have, as they are now.

@@ -30,6 +30,7 @@ struct ModelRequest {
   std::uint32_t uv_set = 0;  ///< what the new textures were drawn on
   std::vector<ModelTexture> textures;
   bool allow_external = false;  ///< copy files from outside of the target's folder, too
+  std::string job = {};         ///< hash of the job, for asset.extras; "" = none
 };
 
 /// Is this the name of a model that can be written (.glb, .gltf)?

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The hash that every output says of its job. What it must know is simple to forget one by one, so
+// nothing is listed that could be: files go in whole, as they are on disk, and options all but
+// those below, which are known to change no byte or are said otherwise.
+#include "flow/plan/job_hash.h"
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+#include "flow/describe_job.h"
+#include "io/files/file_ending.h"
+#include "pounce/version.h"
+
+namespace pounce::flow {
+namespace {
+
+constexpr std::array kOtherOptions = std::to_array<std::string_view>({
+    // Resources, and what is done with the result.
+    "memory", "threads", "cache", "no-cache", "cache-limit", "no-wait", "temp", "plan",
+    "skip-existing", "min-coverage", "allow-external",
+    // Which images there are; each knows its own channel and page.
+    "channels", "tiles", "coverage",
+    // Names of files, whose contents and kinds count.
+    "output", "onto", "mask", "source-texture",
+    // What the output turned out to be counts, whether it was asked for or not.
+    "size", "depth", "padding"});
+
+/// What the ending of an output says, without its spelling.
+std::string kind_of(const std::string& path) {
+  const std::string ending = io::lower_ending(path);
+  if (ending == ".jpeg") return ".jpg";
+  return ending == ".tiff" ? ".tif" : ending;
+}
+
+void add(const Hash128& value, Hasher& hash) {
+  hash.add(value.hi);
+  hash.add(value.lo);
+}
+
+void add_page(const TargetPage& page, bool by_tile, Hasher& hash) {
+  hash.add(page.material.value_or(UINT32_MAX));
+  hash.add(by_tile ? page.udim : 0);
+}
+
+}  // namespace
+
+JobHash::JobHash(JobContext& job, const TransferOptions& options) : JobHash(job) {
+  Report described;
+  describe(options, false, described);
+  take_options(described);
+}
+
+JobHash::JobHash(JobContext& job, const MapsOptions& options) : JobHash(job) {
+  Report described;
+  describe(options, described);
+  take_options(described);
+}
+
+void JobHash::take_options(const Report& described) {
+  for (const OptionReport& option : described.options) {
+    if (std::find(kOtherOptions.begin(), kOtherOptions.end(), option.name) == kOtherOptions.end())
+      options_.push_back(option);
+  }
+}
+
+void JobHash::begin(Hasher& hash) const {
+  hash.add(std::string_view("pounce " POUNCE_VERSION));
+  hash.add(std::uint64_t{options_.size()});
+  for (const OptionReport& option : options_) {
+    hash.add(std::string_view(option.name));
+    hash.add(std::uint64_t{option.values.size()});
+    for (const std::string& value : option.values) hash.add(std::string_view(value));
+  }
+}
+
+/// What cannot be read is not there: what needs it says so.
+void JobHash::add_file(const std::string& path, Hasher& hash) {
+  const auto known = contents_.find(path);
+  if (known != contents_.end()) return add(known->second, hash);
+  Hash128 content;
+  try {
+    content = file_hash(job_, path);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::storage) throw;
+  }
+  contents_.emplace(path, content);
+  add(content, hash);
+}
+
+void JobHash::add_files(const std::vector<std::string>& paths, Hasher& hash) {
+  hash.add(std::uint64_t{paths.size()});
+  for (const std::string& path : paths) add_file(path, hash);
+}
+
+/// Of an image inside of another file that file counts, and the place.
+void JobHash::add_image(const mesh::ImageRef& image, Hasher& hash) {
+  hash.add(image.offset_bytes);
+  hash.add(image.size_bytes);
+  if (image.bytes == nullptr) return add_file(image.path, hash);
+  Hasher bytes;
+  bytes.add(std::span<const std::byte>(*image.bytes));
+  add(bytes.digest(), hash);
+}
+
+void JobHash::add_source_images(const Plan& plan, const ChannelPlan& channel, Hasher& hash) {
+  const auto add_column = [&](std::size_t index) {
+    const ColumnPlan& column = plan.columns[index];
+    add_image(column.image, hash);
+    hash.add(column.wrap_u);
+    hash.add(column.wrap_v);
+  };
+  for (const PageTexture& page : channel.pages) {
+    hash.add(page.column >= 0);
+    hash.add(page.tile_set >= 0);
+    if (page.column >= 0) add_column(static_cast<std::size_t>(page.column));
+    if (page.tile_set < 0) continue;
+    for (const auto& [tile, column] : plan.tile_sets[static_cast<std::size_t>(page.tile_set)].columns) {
+      hash.add(tile.column);
+      hash.add(tile.row);
+      add_column(column);
+    }
+  }
+}
+
+void JobHash::add_output(const ChannelPlan& channel, const ImageOutput& image, Hasher& hash) {
+  hash.add(std::string_view(channel_name(channel.channel)));
+  hash.add(std::string_view(kind_of(image.path)));
+  hash.add(image.lattice.width);
+  hash.add(image.lattice.height);
+  hash.add(channel.format.channels);
+  hash.add(channel.format.depth);
+  hash.add(image.padding);
+  hash.add(image.onto.has_value());
+  if (!image.onto) return;
+  add_file(image.onto->path, hash);
+  hash.add(!image.onto->mask_path.empty());
+  if (!image.onto->mask_path.empty()) add_file(image.onto->mask_path, hash);
+}
+
+std::string JobHash::of_image(const std::vector<std::string>& source, const Plan& plan,
+                              const std::vector<std::string>& target,
+                              const TargetPlan& target_plan, std::size_t channel,
+                              std::size_t page) {
+  Hasher hash;
+  begin(hash);
+  add_files(source, hash);
+  add_source_images(plan, plan.channels[channel], hash);
+  add_files(target, hash);
+  add_page(target_plan.pages[page], target_plan.by_tile, hash);
+  add_output(plan.channels[channel], target_plan.images[channel][page], hash);
+  return to_hex(hash.digest());
+}
+
+std::string JobHash::of_model(const std::string& path, const TargetPlan& target_plan) {
+  Hasher hash;
+  hash.add(std::string_view(kind_of(path)));
+  for (const auto& images : target_plan.images) {
+    for (const ImageOutput& image : images) hash.add(std::string_view(image.job));
+  }
+  add_files(target_plan.inputs, hash);
+  return to_hex(hash.digest());
+}
+
+std::string JobHash::of_map(const std::vector<std::string>& target, const TargetPage& page,
+                            ImageSize size, const std::string& map, const std::string& path) {
+  Hasher hash;
+  begin(hash);
+  hash.add(size.width);
+  hash.add(size.height);
+  add_files(target, hash);
+  add_page(page, true, hash);
+  hash.add(std::string_view(map));
+  hash.add(std::string_view(kind_of(path)));
+  return to_hex(hash.digest());
+}
+
+}  // namespace pounce::flow
