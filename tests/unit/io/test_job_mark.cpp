@@ -59,14 +59,14 @@ TEST_CASE("what is no job is none", "[image][write]") {
   };
   CHECK_FALSE(io::read_job(folder.file("absent.png")));
   CHECK_FALSE(job_in(""));
-  CHECK_FALSE(job_in("pounce:job=0011"));                                   // cut off
-  CHECK_FALSE(job_in("pounce:job=" + std::string(31, '0') + "G"));          // no digit
+  CHECK_FALSE(job_in("pounce:job=0011"));                           // cut off
+  CHECK_FALSE(job_in("pounce:job=" + std::string(31, '0') + "G"));  // no digit
   CHECK(job_in("pounce:job=none pounce:job=" + kJob) == kJob);
-  CHECK_FALSE(job_in(std::string(70'000, ' ') + "pounce:job=" + kJob));     // in the pixels
+  CHECK_FALSE(job_in(std::string(70'000, ' ') + "pounce:job=" + kJob));  // in the pixels
   using namespace std::string_literals;
   CHECK_FALSE(job_in("II*\0"s));
   CHECK_FALSE(job_in("II*\0\xff\xff\xff\xff"s));
-  CHECK_FALSE(job_in("II*\0\x08\0\0\0\xff\xff"s));                          // fields that are not there
+  CHECK_FALSE(job_in("II*\0\x08\0\0\0\xff\xff"s));  // fields that are not there
   CHECK_FALSE(job_in("glTF\2\0\0\0"s));
   // Across the windows in which a long text is read.
   for (const std::size_t before : {65500U, 65536U, 131000U}) {
