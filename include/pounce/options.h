@@ -60,6 +60,13 @@ struct SourceTexture {
   std::string path;
 };
 
+/// What the images of the source's colours hold, whatever their files say: "srgb", "lin_rec709",
+/// "acescg", "aces2065-1", "display-p3".
+struct SourceColourSpace {
+  std::optional<Channel> channel;  ///< nothing: every one of colours that is not named itself
+  std::string space;
+};
+
 /// What machine resources a job may use.
 struct Resources {
   /// Everything big the job holds in memory, in bytes: blocks in flight, grids, result blocks,
@@ -161,6 +168,13 @@ struct TransferOptions {
   /// How much is painted: black nothing, white all; the same tokens; needs `onto`.
   std::string mask;
   std::vector<SourceTexture> source_textures;
+  /// Default: what the image files say (ICC profiles that are known, PNG's chunks, EXR's
+  /// chromaticities; not those in glTF, whose textures are sRGB), else sRGB for integers and linear
+  /// Rec. 709 for floats. Not for splat scenes.
+  std::vector<SourceColourSpace> source_colour_spaces;
+  /// Of colours, one of the same names. Default: the source's, but sRGB where a format of integers
+  /// is to hold linear light, and in models.
+  std::string output_colour_space;
   std::optional<ImageSize> size;  ///< default: per channel the largest source image of that channel
   std::optional<Depth> depth;     ///< default: the source image's
   /// Empty: baseColor if `output` is an image without <CHANNEL>, else every channel the source has,
@@ -245,6 +259,7 @@ struct GaussiansOptions {
   /// up.
   std::string axes;
   std::vector<SourceTexture> source_textures;  ///< instead of what the mesh says; baseColor alone
+  std::vector<SourceColourSpace> source_colour_spaces;  ///< of a mesh, as in TransferOptions
   /// Of a mesh: standard deviation of a texel's Gaussian in texels: 0.1..4; default kDefaultSigma.
   /// Narrower ones blend sharper and, below 0.4, leave gaps in viewers.
   std::optional<double> sigma_texels;

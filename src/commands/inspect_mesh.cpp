@@ -278,19 +278,24 @@ std::string mesh_text(const Json& mesh) {
 }
 
 Json describe(const io::ImageInfo& info) {
-  return {{"width", info.width},       {"height", info.height},
-          {"channels", info.channels}, {"depth", depth_name(info.depth)},
-          {"linear", info.linear},     {"alpha", info.has_alpha},
-          {"format", info.format},     {"decoder_bytes", info.decoder_bytes}};
+  return {{"width", info.width},
+          {"height", info.height},
+          {"channels", info.channels},
+          {"depth", depth_name(info.depth)},
+          {"linear", info.space().linear},
+          {"colour_space", colour_space_name(info.space())},
+          {"alpha", info.has_alpha},
+          {"format", info.format},
+          {"decoder_bytes", info.decoder_bytes}};
 }
 
 std::string image_text(const Json& image) {
-  return fmt::format(
-      "{} x {}, {} channel{}{}, {}{}, {}", image["width"].get<std::uint32_t>(),
-      image["height"].get<std::uint32_t>(), image["channels"].get<std::uint32_t>(),
-      image["channels"].get<std::uint32_t>() == 1 ? "" : "s",
-      image["alpha"].get<bool>() ? " with alpha" : "", image["depth"].get<std::string>(),
-      image["linear"].get<bool>() ? " linear" : "", image["format"].get<std::string>());
+  return fmt::format("{} x {}, {} channel{}{}, {}, {}, {}", image["width"].get<std::uint32_t>(),
+                     image["height"].get<std::uint32_t>(), image["channels"].get<std::uint32_t>(),
+                     image["channels"].get<std::uint32_t>() == 1 ? "" : "s",
+                     image["alpha"].get<bool>() ? " with alpha" : "",
+                     image["depth"].get<std::string>(), image["colour_space"].get<std::string>(),
+                     image["format"].get<std::string>());
 }
 
 }  // namespace pounce::commands

@@ -36,6 +36,14 @@ class OptionList {
       values.push_back(fmt::format("{}={}", channel_name(texture.channel), texture.path));
     add("source-texture", values);
   }
+  void add(const std::vector<SourceColourSpace>& spaces) {
+    std::vector<std::string> values;
+    for (const SourceColourSpace& given : spaces) {
+      values.push_back((given.channel ? channel_name(*given.channel) + std::string("=") : "") +
+                       given.space);
+    }
+    add("source-colorspace", values);
+  }
   void add(const std::string& side, const MeshUse& use) {
     add(side + "-mesh", use.meshes);
     add(side + "-material", use.materials);
@@ -114,6 +122,8 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add("mask", o.mask);
   list.add("channels", o.all_channels ? std::vector<std::string>{"all"} : names_of(o.channels));
   list.add(o.source_textures);
+  list.add(o.source_colour_spaces);
+  list.add("output-colorspace", o.output_colour_space);
   list.add("source", o.source_use);
   list.add("target", o.target_use);
   list.add("method", o.method != usual.method ? std::string(method_name(o.method)) : "");
@@ -147,6 +157,7 @@ void describe(const GaussiansOptions& o, Report& report) {
   list.add("output", o.output);
   list.add("source-axes", o.axes);
   list.add(o.source_textures);
+  list.add(o.source_colour_spaces);
   list.add("sigma", o.sigma_texels ? fmt::format("{}", *o.sigma_texels) : std::string());
   list.add("sharpen", o.sharpen > 0 ? fmt::format("{}", o.sharpen) : std::string());
   list.add_filters(o);

@@ -45,9 +45,11 @@ TransferOptions as_transfer(const GaussiansOptions& o) {
   TransferOptions transfer;
   transfer.source = o.source;
   transfer.source_textures = o.source_textures;
+  transfer.source_colour_spaces = o.source_colour_spaces;
   transfer.source_use.axes = o.axes;
   transfer.channels = {Channel::base_color};
   transfer.output = "colours.exr";  // a format that holds any image: nothing is written there
+  transfer.output_colour_space = "lin_rec709";  // the primaries of Gaussians
   transfer.min_opacity = o.min_opacity;
   transfer.max_scale = o.max_scale;
   transfer.box = o.box;
@@ -73,10 +75,11 @@ void refuse_scene_options(const GaussiansOptions& o) {
 
 /// What is about the texels of a mesh.
 void refuse_mesh_options(const GaussiansOptions& o) {
-  const char* const given = !o.source_textures.empty() ? "--source-texture"
-                            : o.sigma_texels           ? "--sigma"
-                            : o.sharpen > 0            ? "--sharpen"
-                                                       : nullptr;
+  const char* const given = !o.source_textures.empty()        ? "--source-texture"
+                            : !o.source_colour_spaces.empty() ? "--source-colorspace"
+                            : o.sigma_texels                  ? "--sigma"
+                            : o.sharpen > 0                   ? "--sharpen"
+                                                              : nullptr;
   if (given == nullptr) return;
   throw Error(ErrorKind::usage,
               fmt::format("{} is about the texels of a mesh; {} is a splat scene, whose Gaussians "
@@ -118,6 +121,7 @@ class MeshJob {
     for (const auto* warnings : {&mesh_.warnings, &plan_.warnings}) {
       job_.report.warnings.insert(job_.report.warnings.end(), warnings->begin(), warnings->end());
     }
+    job_.report.notes.insert(job_.report.notes.end(), plan_.notes.begin(), plan_.notes.end());
     for (const std::string& file : mesh_.files) add_input(file, job_.report);
     for (const ColumnPlan& column : plan_.columns) add_input(column.image.path, job_.report);
     check_output();

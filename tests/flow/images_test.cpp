@@ -3,12 +3,14 @@
 // What becomes of an image's channels, samples and colour space on their way through a transfer.
 #include "flow/write/images.h"
 
+#include <algorithm>
 #include <bit>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <limits>
 #include <random>
 
+#include "core/colour_space.h"
 #include "core/half.h"
 #include "io/image/write.h"
 #include "pounce/transfer.h"
@@ -130,7 +132,7 @@ const io::ImageWriteSpec kFloatRgb{0, 0, 3, Depth::float32, true, false};
 const io::ImageWriteSpec kFloatData{
     0, 0, 4, Depth::float32, true, false, false, {"R", "G", "B", "disp"}, {}};
 const io::ImageWriteSpec kFloatRgba{0, 0, 4, Depth::float32, true, true, true, {}, {}};
-const io::Chromaticities kWide{0.713F, 0.293F, 0.165F, 0.83F, 0.128F, 0.044F, 0.32168F, 0.33767F};
+const Chromaticities kWide{0.713F, 0.293F, 0.165F, 0.83F, 0.128F, 0.044F, 0.32168F, 0.33767F};
 
 }  // namespace
 
@@ -267,32 +269,138 @@ TEST_CASE("grey with alpha keeps both", "[flow]") {
   CHECK(floats(scene.result()) == samples);
 }
 
-TEST_CASE("chromaticities are carried into EXR and missed elsewhere", "[flow]") {
+/// The one note of a job, "" if there are none.
+std::string note(const Report& report) {
+  REQUIRE(report.notes.size() <= 1);
+  return report.notes.empty() ? "" : report.notes.front();
+}
+
+TEST_CASE("linear light of other primaries stays in EXR and becomes sRGB elsewhere", "[flow]") {
   Scene scene("wide.exr");
   io::ImageWriteSpec spec = kFloatRgb;
   spec.chromaticities = kWide;
-  write_samples(scene.texture(), spec, noise(3));
-  CHECK(scene.run("out.exr").warnings.empty());
-  REQUIRE(scene.result().info.chromaticities);
-  CHECK(*scene.result().info.chromaticities == kWide);
-  for (const char* name : {"out.png", "out.tif", "out.jpg"}) {
-    const Report report = scene.run(name);
-    CHECK(warnings(report, name) == 1);
-    CHECK(warnings(report, "holds no chromaticities") == 1);
+  const std::vector<float> samples = noise(3);
+  write_samples(scene.texture(), spec, samples);
+  const Report exr = scene.run("out.exr");
+  CHECK(exr.warnings.empty());
+  CHECK(exr.notes.empty());
+  REQUIRE(scene.result().info.colours.primaries);
+  CHECK(*scene.result().info.colours.primaries == kWide);
+  CHECK(floats(scene.result()) == samples);
+  const Report tiff = scene.run("out.tif");  // float, which stays linear: a profile says of what
+  CHECK(tiff.notes.empty());
+  CHECK(same_primaries(scene.result().info.space().primaries, kWide));
+  CHECK(floats(scene.result()) == samples);
+  CHECK(note(scene.run("out.png")) == "baseColor is converted from acescg to srgb");
+  const Stored png = scene.result();
+  CHECK(png.info.depth == Depth::u16);
+  std::size_t clipped = 0;
+  for (std::size_t i = 0; i < samples.size(); i += 3) {
+    // ACES' published matrix, by hand.
+    const double r = samples[i], g = samples[i + 1], b = samples[i + 2];
+    const std::array<double, 3> linear{1.70505 * r - 0.62179 * g - 0.08326 * b,
+                                       -0.13026 * r + 1.14080 * g - 0.01055 * b,
+                                       -0.02400 * r - 0.12897 * g + 1.15297 * b};
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double l = std::clamp(linear[c], 0.0, 1.0);
+      const double coded = l <= 0.0031308 ? 12.92 * l : 1.055 * std::pow(l, 1 / 2.4) - 0.055;
+      std::uint16_t sample;
+      std::memcpy(&sample, png.bytes.data() + 2 * (i + c), 2);
+      clipped += linear[c] != l ? 1 : 0;
+      if (std::fabs(sample / 65535.0 - coded) > 1e-3) FAIL(i << " " << sample << " " << coded);
+    }
   }
+  CHECK(clipped > 0);
 }
 
-TEST_CASE("chromaticities that differ are not made up", "[flow]") {
+TEST_CASE("coded colours of Display P3 stay so, with a profile", "[flow]") {
+  const Chromaticities p3 = colour_space_from_name("display-p3")->primaries;
+  Scene scene("p3.png");
+  std::vector<std::uint8_t> samples(std::size_t{kWidth} * kHeight * 3);
+  std::mt19937 random(5);
+  for (std::uint8_t& v : samples) v = static_cast<std::uint8_t>(random());
+  io::ImageWriteSpec spec{0, 0, 3, Depth::u8, false, false};
+  spec.chromaticities = p3;
+  write_samples(scene.texture(), spec, samples);
+  for (const char* name : {"out.png", "out.tif"}) {
+    CAPTURE(name);
+    CHECK(note(scene.run(name)).empty());
+    const Stored out = scene.result();
+    CHECK(colour_space_name(out.info.space()) == "display-p3");
+    CHECK(std::memcmp(out.bytes.data(), samples.data(), samples.size()) == 0);
+  }
+  CHECK(note(scene.run("out.jpg")).empty());
+  CHECK(colour_space_name(scene.result().info.space()) == "display-p3");
+  // EXR: the curve alone.
+  CHECK(note(scene.run("out.exr")).starts_with("baseColor is converted from display-p3 to linear"));
+  REQUIRE(scene.result().info.colours.primaries);
+  CHECK(*scene.result().info.colours.primaries == p3);
+  // Asked for: its red is out of sRGB.
+  std::fill(samples.begin(), samples.end(), std::uint8_t{0});
+  for (std::size_t i = 0; i < samples.size(); i += 3) samples[i] = 255;
+  write_samples(scene.texture(), spec, samples);
+  scene.options.output_colour_space = "lin_rec709";
+  CHECK(note(scene.run("out.exr")) == "baseColor is converted from display-p3 to lin_rec709");
+  scene.options.depth = Depth::float32;
+  scene.run("out.exr");
+  const std::vector<float> red = floats(scene.result());
+  CHECK(red[0] == Approx(1.22494F).epsilon(1e-5));
+  CHECK(red[1] == Approx(-0.042057F).epsilon(1e-4));
+  CHECK(red[2] == Approx(-0.019638F).epsilon(1e-4));
+  // What the file says does not count where the user says otherwise.
+  scene.options.source_colour_spaces = {{std::nullopt, "srgb"}};
+  scene.run("out.exr");
+  CHECK(floats(scene.result())[0] == 1);
+  CHECK(floats(scene.result())[1] == 0);
+  scene.options.source_colour_spaces = {{std::nullopt, "srgb"}, {Channel::base_color, "acescg"}};
+  scene.run("out.exr");
+  CHECK(floats(scene.result())[0] == Approx(1.70505F).epsilon(1e-5));
+}
+
+TEST_CASE("UDIM tiles of different colour spaces meet in the first one's", "[flow]") {
   Scene scene("set.<UDIM>.exr");
   io::ImageWriteSpec spec = kFloatRgb;
-  write_samples(scene.folder.file("set.1001.exr"), spec, noise(3));
+  const std::vector<float> grey(std::size_t{kWidth} * kHeight * 3, 0.25F);
+  std::vector<float> red(grey.size());
+  for (std::size_t i = 0; i < red.size(); i += 3) red[i] = 1;
+  write_samples(scene.folder.file("set.1001.exr"), spec, grey);
   spec.chromaticities = kWide;
-  write_samples(scene.folder.file("set.1002.exr"), spec, noise(3));
+  write_samples(scene.folder.file("set.1002.exr"), spec, red);
   mesh::Mesh two = wavy_sheet();
   for (Vec2f& uv : two.uv_sets[0]) uv.x *= 2;
   write_glb(scene.folder.file("sheet.glb"), two);
-  CHECK(warnings(scene.run("out.exr"), "differ in their chromaticities") == 1);
-  CHECK_FALSE(scene.result().info.chromaticities);
+  const std::string said = note(scene.run("out.<UDIM>.exr"));
+  CHECK(said.find("set.1002.exr is converted from acescg to the colour space of") !=
+        std::string::npos);
+  const std::vector<float> first = floats(stored(scene.folder.file("out.1001.exr")));
+  const std::vector<float> second = floats(stored(scene.folder.file("out.1002.exr")));
+  const std::size_t middle = 3 * (std::size_t{kHeight} / 2 * kWidth + kWidth / 2);
+  CHECK(first[middle] == 0.25F);
+  CHECK(first[middle + 1] == 0.25F);
+  CHECK(second[middle] == Approx(1.70505F).epsilon(1e-5));
+  CHECK(second[middle + 1] == Approx(-0.13026F).epsilon(1e-4));
+}
+
+TEST_CASE("a profile that is not known is told", "[flow]") {
+  Scene scene("odd.png");
+  io::ImageWriteSpec spec{0, 0, 3, Depth::u8, false, false};
+  spec.chromaticities = Chromaticities{0.64F, 0.33F, 0.21F, 0.71F, 0.15F, 0.06F, 0.3127F, 0.329F};
+  const std::vector<std::uint8_t> samples(std::size_t{kWidth} * kHeight * 3, 100);
+  write_samples(scene.texture(), spec, samples);
+  const Report report = scene.run("out.png");
+  CHECK(warnings(report, "is not applied; its colours are taken as srgb") == 1);
+  scene.options.source_colour_spaces = {{std::nullopt, "srgb"}};
+  CHECK(scene.run("out.png").warnings.empty());
+}
+
+TEST_CASE("a half of 40 arrives as 40", "[flow]") {
+  Scene scene("hot.exr");
+  const std::vector<std::uint16_t> samples(std::size_t{kWidth} * kHeight * 3, float_to_half(40.0F));
+  write_samples(scene.texture(), {0, 0, 3, Depth::half, true, false}, samples);
+  CHECK(scene.run("out.exr").warnings.empty());
+  const Stored out = scene.result();
+  REQUIRE(out.bytes.size() == samples.size() * 2);
+  CHECK(std::memcmp(out.bytes.data(), samples.data(), out.bytes.size()) == 0);
 }
 
 TEST_CASE("samples that the output cannot hold are counted and said once", "[flow]") {

@@ -310,6 +310,12 @@ SourceTexture parse_source_texture(const std::string& option, const std::string&
   return texture;
 }
 
+SourceColourSpace parse_source_space(const std::string& option, const std::string& text) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos) return {std::nullopt, text};
+  return {parse_channel(option, text.substr(0, equals)), text.substr(equals + 1)};
+}
+
 std::string parse_image_pattern(const std::string& option, const std::string& text) {
   parse_path(option, text);
   for (const char* ending : {".glb", ".gltf"}) {

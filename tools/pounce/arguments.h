@@ -41,6 +41,8 @@ Depth parse_depth(const std::string& option, const std::string& text);
 std::vector<Channel> parse_channels(const std::string& option, const std::string& text);
 /// "CHANNEL=PATH"; PATH may hold <UDIM> or <UVTILE>.
 SourceTexture parse_source_texture(const std::string& option, const std::string& text);
+/// "[CHANNEL=]SPACE"; the library knows which spaces there are.
+SourceColourSpace parse_source_space(const std::string& option, const std::string& text);
 /// An image path that may hold <CHANNEL>, <MATERIAL>, <TARGET>, <UDIM> and <UVTILE>; nothing else
 /// between < and >, and no ending of a model.
 std::string parse_image_pattern(const std::string& option, const std::string& text);

@@ -50,6 +50,12 @@ void add_mesh_source_options(CLI::App& command, GaussiansOptions& options) {
               }
               options.source_textures = {texture};
             });
+  add_value(command, "--source-colorspace", "SPACE", group,
+            "What the colours of the images are: srgb, lin_rec709, acescg,\n"
+            "aces2065-1, display-p3. Default: what their files say",
+            [&options](const std::string& text) {
+              options.source_colour_spaces = {parse_source_space("--source-colorspace", text)};
+            });
   add_value(command, "--sigma", "S", group,
             "Standard deviation of a texel's disc in texels, 0.1 to 4. Below 0.4\n"
             "viewers show gaps. Default: 0.5",

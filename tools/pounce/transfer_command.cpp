@@ -152,6 +152,31 @@ void add_source_options(CLI::App& command, TransferOptions& options) {
       ->group(group);
 }
 
+void add_colour_options(CLI::App& command, TransferOptions& options) {
+  const char* const group = "Colour";
+  command
+      .add_option_function<std::vector<std::string>>(
+          "--source-colorspace",
+          [&options](const std::vector<std::string>& texts) {
+            for (const std::string& text : texts)
+              options.source_colour_spaces.push_back(
+                  parse_source_space("--source-colorspace", text));
+          },
+          "What the source's images of colours hold, of this channel or of all:\n"
+          "srgb, lin_rec709, acescg, aces2065-1, display-p3. Default: what their\n"
+          "files say (EXR, ICC profiles, PNG's chunks), but srgb in glTF; else\n"
+          "srgb for integers, lin_rec709 for floats")
+      ->type_name("[CHANNEL=]SPACE")
+      ->option_text("[CHANNEL=]SPACE")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->group(group);
+  add_value(command, "--output-colorspace", "SPACE", group,
+            "Convert colours to this. Default: the source's as far as the format\n"
+            "holds it: EXR is linear light, others are srgb or display-p3, models srgb",
+            [&options](const std::string& text) { options.output_colour_space = text; });
+}
+
 void add_method_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Method (SOURCE is a mesh)";
   add_value(
@@ -265,6 +290,7 @@ Command add_transfer_command(CLI::App& program) {
   add_skip_option(*command, options);
   add_paint_options(*command, options);
   add_source_options(*command, options);
+  add_colour_options(*command, options);
   add_mesh_options(*command, "source", "Source", options.source_use);
   add_mesh_options(*command, "target", "Target", options.target_use);
   add_search_options(*command, options);

@@ -13,7 +13,7 @@ std::vector<PageColour> SourceColumns::pages_of(const ChannelPlan& channel) cons
     pages.push_back(
         {page.column < 0 ? nullptr : columns[static_cast<std::size_t>(page.column)].get(),
          page.tile_set < 0 ? nullptr : &tile_sets[static_cast<std::size_t>(page.tile_set)],
-         page.constant});
+         page.constant, page.input});
   }
   return pages;
 }
@@ -54,8 +54,12 @@ SourceColumns build_columns(JobContext& job, const Plan& plan, double progress_e
   }
   for (const TileSetPlan& set : plan.tile_sets) {
     made.tile_sets.push_back({set.size.width, set.size.height, {}});
-    for (const auto& [tile, column] : set.columns)
-      made.tile_sets.back().tiles[tile] = made.columns[column].get();
+    for (const auto& [tile, column] : set.columns) {
+      const auto input = set.inputs.find(tile);
+      made.tile_sets.back().tiles[tile] = {
+          made.columns[column].get(),
+          input == set.inputs.end() ? std::nullopt : std::optional(input->second)};
+    }
   }
   job.meter.end();
   return made;

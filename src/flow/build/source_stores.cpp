@@ -12,6 +12,7 @@
 
 #include "flow/build/texel_source.h"
 #include "flow/load_mesh.h"
+#include "flow/plan/colour_spaces.h"
 #include "flow/project/gaussians.h"
 #include "flow/project/splats.h"
 #include "source/splat_shapes.h"
@@ -170,8 +171,11 @@ std::unique_ptr<Projection> SourceStores::splat_projector(std::size_t pass,
                                                           const projection::SplatFit& fit) const {
   SplatProjection request = splat_request(target_plan);
   request.target = &target;
-  for (const std::size_t c : plan_.passes[pass].channels)
-    request.outputs.push_back({plan_.channels[c].channel, plan_.channels[c].format});
+  for (const std::size_t c : plan_.passes[pass].channels) {
+    const ChannelPlan& channel = plan_.channels[c];
+    const auto input = colour_input({kRec709, request.linear}, request.linear, channel);
+    request.outputs.push_back({channel.channel, channel.format, input});
+  }
   request.fit = fit.fit;
   request.limits.least_opacity = least_opacity(options_.min_confidence, fit.fit);
   expect_where_found(fit, request.limits);

@@ -318,8 +318,19 @@ PageVector<store::Splat> TexelSource::sample() const {
 }
 
 bool texels_are_linear(const Plan& plan) {
-  return std::any_of(plan.columns.begin(), plan.columns.end(),
-                     [](const ColumnPlan& column) { return column.info.linear; });
+  const auto is_linear = [&](const PageTexture& page) {
+    if (page.input) return page.input->linear || page.input->primaries.has_value();
+    if (page.column >= 0) return plan.columns[static_cast<std::size_t>(page.column)].info.linear;
+    if (page.tile_set < 0) return false;
+    const TileSetPlan& set = plan.tile_sets[static_cast<std::size_t>(page.tile_set)];
+    return std::any_of(set.columns.begin(), set.columns.end(), [&](const auto& column) {
+      const auto input = set.inputs.find(column.first);
+      if (input == set.inputs.end()) return plan.columns[column.second].info.linear;
+      return input->second.linear || input->second.primaries.has_value();
+    });
+  };
+  const auto& pages = plan.channels.front().pages;
+  return std::any_of(pages.begin(), pages.end(), is_linear);
 }
 
 TexelStoreRequest texels_of(const Plan& plan) { return {&plan, plan.sigma_texels, plan.densify}; }
@@ -336,6 +347,11 @@ const ChannelPlan& channel_of(const TexelStoreRequest& request) {
 }
 const GeometryRequest& mesh_of(const TexelStoreRequest& request) {
   return request.plan->passes.front().source;
+}
+
+void add_input(const texture::ColourInput& input, Hasher& hash) {
+  hash.add(input.linear);
+  for (const double v : input.primaries.value_or(Matrix3{})) hash.add(v);
 }
 
 Hash128 store_key(JobContext& job, const TexelStoreRequest& request) {
@@ -359,6 +375,7 @@ Hash128 store_key(JobContext& job, const TexelStoreRequest& request) {
     if (page.column >= 0) add(columns[static_cast<std::size_t>(page.column)]);
     for (const double v : page.constant.v) hash.add(v);
     hash.add(page.constant.linear);
+    if (page.input) add_input(*page.input, hash);
   }
   hash.add(static_cast<std::uint64_t>(plan.tile_sets.size()));
   for (const TileSetPlan& set : plan.tile_sets) {
@@ -367,6 +384,8 @@ Hash128 store_key(JobContext& job, const TexelStoreRequest& request) {
       hash.add(tile.column);
       hash.add(tile.row);
       add(columns[column]);
+      if (const auto input = set.inputs.find(tile); input != set.inputs.end())
+        add_input(input->second, hash);
     }
   }
   hash.add(request.sigma);

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "flow/load_mesh.h"
+#include "flow/plan/colour_spaces.h"
 #include "flow/plan/output_names.h"
 #include "io/image/write.h"
 #include "io/model/write.h"
@@ -132,6 +133,7 @@ void check_options(const TransferOptions& o) {
   check_method(o);
   check_splat_options(o);
   check_evidence(o);
+  check_colour_spaces(o);
   if (o.all_channels && !o.channels.empty()) usage("--channels takes either a list or all");
   if (o.size && (o.size->width == 0 || o.size->height == 0)) usage("--size must be at least 1");
   if (o.padding_px && *o.padding_px > texture::SeamPadder::kLargestRadius)

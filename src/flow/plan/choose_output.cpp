@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "flow/plan/colour_spaces.h"
 #include "flow/plan/plan.h"
 #include "io/files/file_ending.h"
 #include "io/image/write.h"
@@ -67,32 +68,10 @@ void choose_channels(const TransferOptions& options, const SourceLook& look,
   }
 }
 
-void choose_chromaticities(const TransferOptions& options, const SourceLook& look,
-                           const std::optional<io::ImageInfo>& onto, ChannelPlan& plan,
-                           std::vector<std::string>& warnings) {
-  plan.chromaticities = onto ? onto->chromaticities : look.chromaticities;
-  if (onto && look.chromaticities && look.chromaticities != onto->chromaticities) {
-    warnings.push_back(fmt::format(
-        "{}: the chromaticities of the source differ from those of the image that is painted onto, "
-        "which the output keeps",
-        options.output));
-  }
-  const io::FormatLook format = io::format_look(options.output);
-  if (!plan.chromaticities || format.annotated) return;
-  const io::Chromaticities& c = *plan.chromaticities;
-  warnings.push_back(
-      fmt::format("{}: {} holds no chromaticities; those of the {} textures are lost (red {:g} "
-                  "{:g}, green {:g} "
-                  "{:g}, blue {:g} {:g}, white {:g} {:g}); .exr keeps them",
-                  options.output, format.name, channel_name(plan.channel), c[0], c[1], c[2], c[3],
-                  c[4], c[5], c[6], c[7]));
-  plan.chromaticities.reset();
-}
-
 }  // namespace
 
 void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan,
-                   std::vector<std::string>& warnings) {
+                   std::vector<std::string>& warnings, std::vector<std::string>& notes) {
   const std::optional<io::ImageInfo> onto = onto_header(options, plan.channel);
   plan.source_alpha = look.alpha;
   plan.source_colours = look.colours;
@@ -104,13 +83,10 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Chann
                             plan.size.height, store::kLargestImageSide));
   }
   choose_channels(options, look, onto, plan, warnings);
-  choose_chromaticities(options, look, onto, plan, warnings);
   plan.format.is_colour = is_colour(plan.channel);
   const Depth wanted = options.depth ? *options.depth : onto ? onto->depth : look.depth;
   plan.format.depth = options.depth ? wanted : io::writable_depth(options.output, wanted);
-  // EXR is linear; float TIFF keeps linear input linear; everything else is sRGB-coded.
-  const bool float_out = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
-  plan.format.linear = is_exr(options.output) || (float_out && (onto ? onto->linear : look.linear));
+  choose_space(options, look, onto, plan, notes);
   // EXR holds colours times alpha: what comes so goes so, bit by bit.
   plan.format.premultiplied =
       is_exr(options.output) && !onto && plan.format.has_alpha && look.premultiplied;

@@ -15,6 +15,7 @@
 #include "io/image/read.h"
 #include "mesh/mesh.h"
 #include "mesh/uv_tiles.h"
+#include "texture/colour_input.h"
 
 namespace pounce::flow {
 
@@ -28,6 +29,7 @@ struct PageTexture {
   int column = -1;    ///< index into Plan::columns
   int tile_set = -1;  ///< index into Plan::tile_sets
   texture::TexelValue constant;
+  std::optional<texture::ColourInput> input;  ///< for the texels of the column
 };
 
 /// One channel of the job: its images on the source side, its format on the output side.
@@ -35,10 +37,11 @@ struct ChannelPlan {
   Channel channel = Channel::base_color;
   ImageSize size;  ///< of each output image
   texture::TexelFormat format;
-  bool source_alpha = false;         ///< has some image of the source alpha here?
-  std::uint32_t source_colours = 3;  ///< the most channels besides alpha that an image here has
-  std::vector<std::string> names;    ///< of the output's channels, where its format has names
-  std::optional<io::Chromaticities> chromaticities;  ///< the same
+  bool source_alpha = false;           ///< has some image of the source alpha here?
+  std::uint32_t source_colours = 3;    ///< the most channels besides alpha that an image here has
+  std::vector<std::string> names;      ///< of the output's channels, where its format has names
+  Chromaticities primaries = kRec709;  ///< of the output's colours
+  std::optional<Chromaticities> chromaticities;  ///< the same, where its file is to say it
   /// By source page: the materials, then the same again for triangles without UVs.
   std::vector<PageTexture> pages;
 };
@@ -48,13 +51,15 @@ struct ColumnPlan {
   mesh::ImageRef image;
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
   io::ImageInfo info;
+  bool heeds_tags = true;  ///< what the file says of its colours counts; glTF's textures are sRGB
 };
 
 /// A source texture of many UDIM tiles, which may differ in size. The source is seen through one
 /// lattice whose tiles are as large as the largest of them.
 struct TileSetPlan {
   ImageSize size;
-  std::map<mesh::UvTile, std::size_t> columns;  ///< index into Plan::columns
+  std::map<mesh::UvTile, std::size_t> columns;          ///< index into Plan::columns
+  std::map<mesh::UvTile, texture::ColourInput> inputs;  ///< of the tiles that need one
 };
 
 /// Channels that share their sampling groups (the same lattice for every source page) and their
@@ -81,7 +86,7 @@ struct Plan {
   std::vector<ColumnPlan> columns;
   std::vector<TileSetPlan> tile_sets;
   std::vector<PassPlan> passes;
-  std::vector<std::string> warnings;
+  std::vector<std::string> warnings, notes;
 };
 
 /// One target's side.
@@ -134,11 +139,11 @@ struct SourceLook {
   bool premultiplied = false;  ///< every image that has alpha holds its colours so
   Depth depth = Depth::u8;
   std::vector<std::string> names;  ///< of the image's channels with the most colours; empty: usual
-  std::optional<io::Chromaticities> chromaticities;
+  std::optional<Chromaticities> chromaticities;  ///< where some image is of such or says so
 };
-/// What is lost on the way is told in `warnings`.
+/// What is lost on the way is told in `warnings`, what is converted in `notes`.
 void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan,
-                   std::vector<std::string>& warnings);
+                   std::vector<std::string>& warnings, std::vector<std::string>& notes);
 
 /// Decides what happens to one target: pages, output names. Throws what a user must hear at once:
 /// missing UVs or folders, names that clash. The requests refer to `target`.

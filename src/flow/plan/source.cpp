@@ -8,9 +8,11 @@
 #include <filesystem>
 #include <set>
 
+#include "flow/plan/colour_spaces.h"
 #include "flow/plan/output_names.h"
 #include "flow/plan/plan.h"
 #include "io/files/missing_file.h"
+#include "io/read_mesh.h"
 
 namespace pounce::flow {
 namespace {
@@ -143,7 +145,8 @@ class SourcePlanner {
   /// Of all that the source has, what is missing, damaged or of no use is left out. A file that is
   /// there and that the system does not let us read ends the job: the next run would give more.
   void try_channel(Channel channel) {
-    const std::size_t columns = plan_.columns.size(), warnings = plan_.warnings.size();
+    const std::size_t columns = plan_.columns.size(), warnings = plan_.warnings.size(),
+                      notes = plan_.notes.size();
     try {
       add_channel(channel);
     } catch (const Error& error) {
@@ -153,6 +156,7 @@ class SourcePlanner {
       plan_.columns.erase(plan_.columns.begin() + static_cast<std::ptrdiff_t>(columns),
                           plan_.columns.end());
       plan_.warnings.resize(warnings);
+      plan_.notes.resize(notes);
       plan_.warnings.push_back(fmt::format("{}: {} is left out: {}; --channels {} insists on it",
                                            source_.path, channel_name(channel), error.what(),
                                            channel_name(channel)));
@@ -230,16 +234,17 @@ class SourcePlanner {
     return distinct;
   }
 
-  int column_for(const mesh::ImageRef& image, mesh::Wrap wrap_u, mesh::Wrap wrap_v) {
+  int column_for(const mesh::ImageRef& image, mesh::Wrap wrap_u, mesh::Wrap wrap_v,
+                 bool heeds_tags) {
     for (std::size_t i = 0; i < plan_.columns.size(); ++i) {
       const ColumnPlan& c = plan_.columns[i];
       if (c.image.label == image.label && c.image.path == image.path &&
           c.image.offset_bytes == image.offset_bytes && c.image.bytes == image.bytes &&
-          c.wrap_u == wrap_u && c.wrap_v == wrap_v) {
+          c.wrap_u == wrap_u && c.wrap_v == wrap_v && c.heeds_tags == heeds_tags) {
         return static_cast<int>(i);
       }
     }
-    plan_.columns.push_back({image, wrap_u, wrap_v, io::ImageReader(image).info()});
+    plan_.columns.push_back({image, wrap_u, wrap_v, io::ImageReader(image).info(), heeds_tags});
     if (const io::ImageInfo& info = plan_.columns.back().info; !info.left_out.empty()) {
       plan_.warnings.push_back(
           fmt::format("{}: of its {} channels {} are taken, the others are left out: {}",
@@ -267,7 +272,7 @@ class SourcePlanner {
         if (first_missing.empty()) first_missing = image.path;
         continue;
       }
-      const int column = column_for(image, mesh::Wrap::clamp, mesh::Wrap::clamp);
+      const int column = column_for(image, mesh::Wrap::clamp, mesh::Wrap::clamp, true);
       const io::ImageInfo& info = plan_.columns[static_cast<std::size_t>(column)].info;
       set.columns[tile] = static_cast<std::size_t>(column);
       set.size.width = std::max(set.size.width, info.width);
@@ -343,7 +348,10 @@ class SourcePlanner {
       if (tile_set < 0) tile_set = tile_set_for(image.path, channel);
       page.tile_set = tile_set;
     } else {
-      page.column = column_for(image, binding->wrap_u, binding->wrap_v);
+      // glTF has the profiles of its images ignored: its colours are sRGB.
+      const bool is_own = binding->image < source_.images.size();
+      page.column = column_for(image, binding->wrap_u, binding->wrap_v,
+                               !(is_own && io::is_gltf(source_.path)));
     }
     return page;
   }
@@ -370,10 +378,29 @@ class SourcePlanner {
     for (std::size_t m = 0; m < source_.materials.size(); ++m)
       plan.pages.push_back(page_texture(m, channel, tile_set));
     const SourceLook look = look_of(channel, images_of(plan));
+    choose_output(options_, look, plan, plan_.warnings, plan_.notes);
+    for (PageTexture& page : plan.pages) give_space(plan, page);
     for (std::size_t m = 0; m < source_.materials.size(); ++m)  // triangles without UVs
-      plan.pages.push_back({-1, -1, plan.pages[m].constant});
-    choose_output(options_, look, plan, plan_.warnings);
+      plan.pages.push_back({-1, -1, plan.pages[m].constant, {}});
     return plan;
+  }
+
+  /// What a page's samples mean, and its constant, which is a factor of the material: linear light
+  /// of sRGB's primaries.
+  void give_space(const ChannelPlan& plan, PageTexture& page) {
+    if (const auto input = colour_input({kRec709, true}, true, plan))
+      texture::apply(*input, page.constant);
+    if (page.column >= 0) page.input = input_of(plan, static_cast<std::size_t>(page.column));
+    if (page.tile_set < 0) return;
+    TileSetPlan& set = plan_.tile_sets[static_cast<std::size_t>(page.tile_set)];
+    for (const auto& [tile, column] : set.columns) {
+      if (const auto input = input_of(plan, column)) set.inputs[tile] = *input;
+    }
+  }
+
+  std::optional<texture::ColourInput> input_of(const ChannelPlan& plan, std::size_t column) const {
+    const ColumnPlan& c = plan_.columns[column];
+    return colour_input(space_of(options_, plan.channel, c), c.info.linear, plan);
   }
 
   SourceLook look_of(Channel channel, const std::vector<const ColumnPlan*>& images) {
@@ -386,13 +413,13 @@ class SourcePlanner {
       look.size.height = std::max(look.size.height, info.height);
       look.colours = std::max(look.colours, info.channels - (info.has_alpha ? 1U : 0U));
       look.alpha = look.alpha || info.has_alpha;
-      look.linear = look.linear || info.linear;
+      look.linear = look.linear || space_of(options_, channel, *image).linear;
       look.premultiplied =
           look.premultiplied && (!info.has_alpha || (info.premultiplied && info.linear));
       look.depth = std::max(look.depth, info.depth);
     }
     take_names(channel, images, look);
-    take_chromaticities(channel, images, look);
+    take_primaries(channel, images, look);
     return look;
   }
 
@@ -417,17 +444,27 @@ class SourcePlanner {
     }
   }
 
-  void take_chromaticities(Channel channel, const std::vector<const ColumnPlan*>& images,
-                           SourceLook& look) {
+  /// The primaries of the images: of the first, to which the others are converted.
+  void take_primaries(Channel channel, const std::vector<const ColumnPlan*>& images,
+                      SourceLook& look) {
+    if (!is_colour(channel)) return;
     for (const ColumnPlan* image : images) {
-      if (image->info.chromaticities == images.front()->info.chromaticities) continue;
-      plan_.warnings.push_back(fmt::format(
-          "{}: {} and {} differ in their chromaticities; the output gets none, as if all were of "
-          "one colour space",
-          channel_name(channel), images.front()->image.label, image->image.label));
-      return;
+      const std::string& problem = image->info.colours.problem;
+      const ColourSpace space = space_of(options_, channel, *image);
+      if (!problem.empty() && image->heeds_tags && !given_space(options_, channel)) {
+        plan_.warnings.push_back(
+            fmt::format("{}: {}; its colours are taken as {}; convert the image, or say what they "
+                        "are with --source-colorspace",
+                        image->image.label, problem, colour_space_name(space)));
+      }
+      const bool is_said = !same_primaries(space.primaries, kRec709) ||
+                           (image->heeds_tags && image->info.colours.primaries);
+      if (image == images.front() && is_said) look.chromaticities = space.primaries;
+      if (same_primaries(space.primaries, look.chromaticities.value_or(kRec709))) continue;
+      plan_.notes.push_back(fmt::format("{}: {} is converted from {} to the colour space of {}",
+                                        channel_name(channel), image->image.label,
+                                        colour_space_name(space), images.front()->image.label));
     }
-    if (!images.empty()) look.chromaticities = images.front()->info.chromaticities;
   }
 
   /// How this channel sees the source: a lattice per material.

@@ -86,7 +86,7 @@ void add_channel(const TransferOptions& options, Channel channel, Plan& plan) {
   added.channel = channel;
   SourceLook look = look_of(channel, plan.scene);
   look.alpha = options.alpha && channel == Channel::base_color;
-  choose_output(options, look, added, plan.warnings);
+  choose_output(options, look, added, plan.warnings, plan.notes);
   check_evidence(options, added);
   if (look.alpha && !added.format.has_alpha) {
     throw Error(ErrorKind::usage,
@@ -160,6 +160,12 @@ Plan plan_splats(const TransferOptions& options, const std::function<void()>& po
     throw Error(ErrorKind::usage,
                 fmt::format("--source-mesh, --source-material, --source-uv-set: {} is a splat "
                             "scene, which has no meshes, materials and UVs",
+                            options.source));
+  }
+  if (!options.source_colour_spaces.empty()) {
+    throw Error(ErrorKind::usage,
+                fmt::format("--source-colorspace: {} is a splat scene, whose file says what its "
+                            "colours are",
                             options.source));
   }
   if (options.sigma_texels || options.densify) {

@@ -105,6 +105,7 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
       factors_ = model_factors(source_plan_, source_, source_plan_.warnings);
   }
   add_warnings(source_plan_.warnings);
+  for (const std::string& note : source_plan_.notes) job_.report.notes.push_back(note);
   add_inputs(source_files_);
   for (const ColumnPlan& column : source_plan_.columns) add_input(column.image.path, job_.report);
 }

@@ -188,7 +188,7 @@ class SurfaceMethod {
     if (at.image == nullptr) return false;
     projection::Taps taps;
     request_.blend(at.rest_x, at.rest_y, taps);
-    if (channel.format.keeps(*at.image)) {
+    if (channel.format.keeps(*at.image) && at.input == nullptr) {
       projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
     } else {
       clipped += texture::store_texel(channel.format,

@@ -5,11 +5,13 @@
 #include <array>
 #include <map>
 #include <memory>
+#include <optional>
 
 #include "flow/project/source_readers.h"
 #include "mesh/uv_tiles.h"
 #include "projection/blend.h"
 #include "store/blocks/colour_store.h"
+#include "texture/colour_input.h"
 #include "texture/result_block.h"
 
 namespace pounce::flow {
@@ -18,8 +20,12 @@ namespace pounce::flow {
 /// `width` x `height`; which image a hit means is found when it is blended. Blends do not reach
 /// across a tile's border: every image is clamped, as renderers do.
 struct TileColumns {
+  struct Tile {
+    const ColourCache* column = nullptr;
+    std::optional<texture::ColourInput> input;  ///< for its texels
+  };
   std::uint32_t width = 0, height = 0;
-  std::map<mesh::UvTile, const ColourCache*> tiles;
+  std::map<mesh::UvTile, Tile> tiles;
 };
 
 /// What one source page gives to one channel.
@@ -27,14 +33,15 @@ struct PageColour {
   const ColourCache* column = nullptr;
   const TileColumns* tile_set = nullptr;  ///< null as well as column: a constant
   texture::TexelValue constant;
+  std::optional<texture::ColourInput> input;  ///< for the texels of the column
 };
 
 /// The largest decoded colour tile that a page may ask for; 0 for a constant.
 inline std::uint64_t tile_bytes(const PageColour& page) {
   std::uint64_t largest = page.column != nullptr ? page.column->store().tile_bytes() : 0;
   if (page.tile_set != nullptr) {
-    for (const auto& [tile, column] : page.tile_set->tiles)
-      largest = std::max(largest, column->store().tile_bytes());
+    for (const auto& [number, tile] : page.tile_set->tiles)
+      largest = std::max(largest, tile.column->store().tile_bytes());
   }
   return largest;
 }
@@ -51,17 +58,21 @@ struct ColourPlace {
   const std::byte* tile = nullptr;                ///< decoded
   int column = 0, row = 0;                        ///< in the tile, apron excluded
   double rest_x = 0, rest_y = 0;
+  const texture::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
 };
 
-/// The blended value at a place. `premultiplied`: colours that the image holds times alpha are
-/// wanted so.
+/// The blended value at a place. `premultiplied`: colours that the image holds times
+/// alpha are wanted so.
 inline texture::TexelValue blended(const ColourPlace& at, const projection::Taps& taps,
                                    bool premultiplied) noexcept {
-  const bool as_stored = premultiplied && at.image->premultiplied;
-  return {projection::blend(
-              *at.image, at.tile, at.column, at.row, taps,
-              as_stored ? projection::BlendAlpha::stored : projection::BlendAlpha::straight),
-          at.image->channels, at.image->linear, at.image->has_alpha, as_stored};
+  const bool is_linear = at.input != nullptr ? at.input->linear : at.image->linear;
+  const bool as_stored = premultiplied && at.image->premultiplied && is_linear;
+  texture::TexelValue value{projection::blend(*at.image, at.tile, at.column, at.row, taps,
+                                              as_stored ? projection::BlendAlpha::stored
+                                                        : projection::BlendAlpha::straight),
+                            at.image->channels, at.image->linear, at.image->has_alpha, as_stored};
+  if (at.input != nullptr) texture::apply(*at.input, value);
+  return value;
 }
 
 /// Finds colours of pages that are no constants, and keeps the tiles that it used just now:
@@ -72,8 +83,8 @@ class ColourWindow {
 
   /// Valid until kTiles other tiles were asked for.
   ColourPlace find(const PageColour& page, const PagePlace& at) {
-    const InImage in =
-        page.column != nullptr ? in_image(*page.column, at) : in_image(*page.tile_set, at);
+    const InImage in = page.column != nullptr ? in_image(*page.column, page.input, at)
+                                              : in_image(*page.tile_set, at);
     if (in.column == nullptr) return {};
     // Texel -1 belongs to the first tile's apron.
     const std::int32_t tile_x = std::max(in.x.texel, 0) / mesh::kBlockEdge,
@@ -85,19 +96,23 @@ class ColourWindow {
             in.x.texel - tile_x * mesh::kBlockEdge,
             in.y.texel - tile_y * mesh::kBlockEdge,
             floats ? projection::settled(in.x.rest) : in.x.rest,
-            floats ? projection::settled(in.y.rest) : in.y.rest};
+            floats ? projection::settled(in.y.rest) : in.y.rest,
+            in.input};
   }
 
  private:
   struct InImage {
     const ColourCache* column = nullptr;
     projection::Coordinate x, y;
+    const texture::ColourInput* input = nullptr;
   };
 
-  static InImage in_image(const ColourCache& column, const PagePlace& at) {
+  static InImage in_image(const ColourCache& column,
+                          const std::optional<texture::ColourInput>& input, const PagePlace& at) {
     const store::ColourDirectory& image = column.store().directory();
     return {&column, projection::placed(at.base_x, at.frac_x, image.width, image.wrap_u),
-            projection::placed(at.base_y, at.frac_y, image.height, image.wrap_v)};
+            projection::placed(at.base_y, at.frac_y, image.height, image.wrap_v),
+            input ? &*input : nullptr};
   }
 
   static InImage in_image(const TileColumns& set, const PagePlace& at) {
@@ -105,9 +120,10 @@ class ColourWindow {
     const projection::TileCoordinate y = projection::in_tile(at.base_y, at.frac_y, set.height);
     const auto found = set.tiles.find(mesh::tile_of_period(x.period, y.period));
     if (found == set.tiles.end()) return {};
-    const store::ColourDirectory& image = found->second->store().directory();
-    return {found->second, projection::scaled(x.texel, set.width, image.width),
-            projection::scaled(y.texel, set.height, image.height)};
+    const auto& [column, input] = found->second;
+    const store::ColourDirectory& image = column->store().directory();
+    return {column, projection::scaled(x.texel, set.width, image.width),
+            projection::scaled(y.texel, set.height, image.height), input ? &*input : nullptr};
   }
 
   const std::byte* get(const ColourCache& column, std::uint32_t x, std::uint32_t y) {

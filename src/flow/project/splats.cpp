@@ -57,7 +57,7 @@ class SplatMethod : public Base {
                               int lane) -> std::optional<texture::TexelValue> {
       const auto found = projection::finding(request_.limits, work.state, p, lane);
       if (!found) return std::nullopt;
-      return value(request_.outputs[c].channel, *found);
+      return value(request_.outputs[c], *found);
     };
     blend_blocks(work, value_of);
   }
@@ -71,14 +71,18 @@ class SplatMethod : public Base {
   using Base::begin;
 
  private:
-  texture::TexelValue value(Channel channel, const projection::SplatFinding& found) const {
+  texture::TexelValue value(const SplatOutput& output,
+                            const projection::SplatFinding& found) const {
+    const Channel channel = output.channel;
     if (channel == Channel::confidence) return {{found.opacity * request_.fit}, 1};
     if (channel == Channel::distance) return {{found.distance}, 1};
     const auto& c = found.colour;
-    return {{c[0], c[1], c[2], found.opacity},
-            request_.alpha ? 4U : 3U,
-            request_.linear,
-            request_.alpha};
+    texture::TexelValue colour{{c[0], c[1], c[2], found.opacity},
+                               request_.alpha ? 4U : 3U,
+                               request_.linear,
+                               request_.alpha};
+    if (output.input) texture::apply(*output.input, colour);
+    return colour;
   }
 
   std::vector<Box3f> boxes(const Work& work) const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "projection/splat_fit.h"
 #include "store/blocks/splat_store.h"
 #include "target/strewn_places.h"
+#include "texture/colour_input.h"
 
 namespace pounce::flow {
 
@@ -20,7 +22,8 @@ inline constexpr float kWindowOverNoise = 2.5F;
 /// One image of a page: colours, or evidence of them.
 struct SplatOutput {
   Channel channel = Channel::base_color;
-  texture::TexelFormat format;  ///< of the image, alpha and all
+  texture::TexelFormat format;                ///< of the image, alpha and all
+  std::optional<texture::ColourInput> input;  ///< from the scene's primaries, where they are others
 };
 
 struct SplatProjection {

@@ -21,7 +21,7 @@ struct ImageOutput {
   std::string job;            ///< see JobHash; "" until it is known
   std::uint32_t padding = 0;
   std::vector<std::string> channel_names;
-  std::optional<io::Chromaticities> chromaticities;
+  std::optional<Chromaticities> chromaticities;
   std::optional<OntoImage> onto;  ///< --onto
   std::uint32_t stripe_rows = 0;  ///< rows handed to the padder at once; 0 = a row of blocks
 };

@@ -30,7 +30,7 @@ constexpr std::uint32_t kRowsTogether = 16;
 constexpr std::uint32_t kMostTexelBytes = 16;
 
 texture::TexelFormat format_of(const io::ImageInfo& info, bool is_colour) {
-  return {info.channels, info.depth, info.linear, is_colour, info.has_alpha, false};
+  return {info.channels, info.depth, info.space().linear, is_colour, info.has_alpha, false};
 }
 
 std::string header_text(const io::ImageInfo& info) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -9,9 +8,6 @@
 namespace pounce::io {
 
 inline constexpr std::size_t kMostChannels = 4;
-
-/// A colour space's primaries as EXR's attribute has them: x and y of red, green, blue and white.
-using Chromaticities = std::array<float, 8>;
 
 /// Which channels of a file make the image: places in the file, in the image's order.
 struct ChosenChannels {

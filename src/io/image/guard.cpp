@@ -59,6 +59,14 @@ class Cursor {
   std::uint32_t u32(std::uint64_t at) { return static_cast<std::uint32_t>(number(at, 4)); }
   std::uint64_t size() const { return bytes_.size_bytes(); }
   ByteSource& bytes() { return bytes_; }
+  /// So many bytes from `at` on, appended; fewer at the end of the file.
+  void copy(std::uint64_t at, std::uint64_t count, std::vector<std::byte>& out) {
+    count = std::min(count, size() - std::min(at, size()));
+    const std::size_t had = out.size();
+    out.resize(had + static_cast<std::size_t>(count));
+    bytes_.read_at(at, out.data() + had, static_cast<std::size_t>(count));
+    bytes_.check();
+  }
 
  private:
   ByteSource& bytes_;
@@ -96,10 +104,21 @@ class Kept {
   std::vector<ByteSource::Piece> pieces_;
 };
 
+/// Keeps a hidden piece that is about colours, the first of its kind.
+void keep_colours(Cursor& at, std::string_view kind, std::uint64_t begin, std::uint64_t size,
+                  std::vector<ColourPiece>& colours) {
+  const bool is_there = std::any_of(colours.begin(), colours.end(),
+                                    [&](const ColourPiece& piece) { return piece.kind == kind; });
+  if (size > kMostColourBytes || is_there) return;
+  colours.push_back({std::string(kind), {}});
+  at.copy(begin, size, colours.back().data);
+}
+
 /// Chunks of (length, type, data, checksum). Whatever is wrong with those that are kept the decoder
 /// and PngCheck say.
-void hide_in_png(ByteSource& bytes) {
+void hide_in_png(ByteSource& bytes, std::vector<ColourPiece>& colours) {
   constexpr std::array<std::string_view, 5> kPixels{"IHDR", "PLTE", "tRNS", "IDAT", "IEND"};
+  constexpr std::array<std::string_view, 5> kColours{"cICP", "iCCP", "sRGB", "gAMA", "cHRM"};
   Cursor at(bytes, "PNG", true);
   Kept kept(at);
   std::uint64_t position = 8;
@@ -120,6 +139,8 @@ void hide_in_png(ByteSource& bytes) {
           fmt::format("a chunk beside the picture claims {} bytes, the file has {}; it is "
                       "damaged or cut off",
                       length, at.size()));
+    } else if (std::find(kColours.begin(), kColours.end(), type) != kColours.end()) {
+      keep_colours(at, type, position + 8, length, colours);
     }
     position = end;
     if (type == "IEND") break;
@@ -137,9 +158,11 @@ bool begins_with(Cursor& at, std::uint64_t begin, std::uint64_t end, std::string
 
 /// Segments of (marker, length, data) up to the first scan; JFIF's and Adobe's stay, all of them,
 /// which say how colours are coded. Others may use their markers, too.
-void hide_in_jpeg(ByteSource& bytes) {
+void hide_in_jpeg(ByteSource& bytes, std::vector<ColourPiece>& colours) {
   using namespace std::string_view_literals;
-  constexpr std::uint8_t kJfif = 0xE0, kAdobe = 0xEE, kComment = 0xFE, kScan = 0xDA, kEnd = 0xD9;
+  constexpr std::uint8_t kJfif = 0xE0, kProfile = 0xE2, kAdobe = 0xEE, kComment = 0xFE;
+  constexpr std::uint8_t kScan = 0xDA, kEnd = 0xD9;
+  constexpr auto kProfileMark = "ICC_PROFILE\0"sv;
   Cursor at(bytes, "JPEG", true);
   Kept kept(at);
   std::uint64_t position = 2;
@@ -160,12 +183,19 @@ void hide_in_jpeg(ByteSource& bytes) {
     const bool of_colour = (marker == kJfif && begins_with(at, data, position, "JFIF\0"sv)) ||
                            (marker == kAdobe && begins_with(at, data, position, "Adobe"sv));
     if (!about || of_colour) kept.add(begin, position);
+    if (marker != kProfile || !begins_with(at, data, position, kProfileMark)) continue;
+    // Parts of it, numbered, in their order.
+    const std::uint64_t part = data + kProfileMark.size() + 2;
+    const std::uint64_t size = position > part ? position - part : 0;
+    if (colours.empty()) colours.push_back({"ICC", {}});
+    if (colours.front().data.size() + size <= kMostColourBytes)
+      at.copy(part, size, colours.front().data);
   }
 }
 
 /// Chunks of (type, length, data), padded to even lengths. What the header says of those that are
 /// hidden goes, too.
-void hide_in_webp(ByteSource& bytes) {
+void hide_in_webp(ByteSource& bytes, std::vector<ColourPiece>& colours) {
   constexpr std::array<std::string_view, 3> kAbout{"ICCP", "EXIF", "XMP "};
   constexpr std::uint8_t kAboutFlags = 0x20 | 0x08 | 0x04;
   Cursor at(bytes, "WebP", false);
@@ -185,6 +215,7 @@ void hide_in_webp(ByteSource& bytes) {
     }
     if (std::find(kAbout.begin(), kAbout.end(), type) != kAbout.end()) {
       hides = true;
+      if (type == "ICCP") keep_colours(at, "ICC", position + 8, end - position - 8, colours);
     } else {
       if (pieces.size() == kMostPieces) at.refuse("the WebP is in too many pieces");
       pieces.push_back({position, end - position, std::move(chunk)});
@@ -243,6 +274,7 @@ enum TiffTag : std::uint16_t {
   kTileBytes = 325,
   kExtraSamples = 338,
   kMatteing = 32995,
+  kIccProfile = 34675,
 };
 
 /// Fields that say how the samples are coded and where they are.
@@ -322,7 +354,7 @@ void check_tiff_parts(Cursor& at, const TiffDirectory& directory) {
 
 /// The directory is shown without the fields that make no pixels, and as the only one. Everything
 /// else keeps its place.
-void hide_in_tiff(ByteSource& bytes) {
+void hide_in_tiff(ByteSource& bytes, std::vector<ColourPiece>& colours) {
   Cursor at(bytes, "TIFF", is_big_endian(bytes));
   const TiffDirectory directory = tiff_directory(at);
   check_tiff_parts(at, directory);
@@ -330,6 +362,11 @@ void hide_in_tiff(ByteSource& bytes) {
   std::size_t end = static_cast<std::size_t>(directory.count_bytes);
   std::uint64_t kept = 0;
   for (const TiffField& field : directory.fields) {
+    if (field.tag == kIccProfile && field.data_bytes() > 8) {
+      const std::uint64_t place =
+          directory.big ? at.number(field.place + 12, 8) : at.u32(field.place + 8);
+      keep_colours(at, "ICC", place, field.data_bytes(), colours);
+    }
     if (!makes_pixels(field.tag)) continue;
     const bool places = field.tag == kStripOffsets || field.tag == kStripBytes ||
                         field.tag == kTileOffsets || field.tag == kTileBytes;
@@ -435,12 +472,14 @@ void check_exr(ByteSource& bytes) {
 
 }  // namespace
 
-void hide_metadata(ByteSource& bytes, const std::string& format) {
-  if (format == "png") hide_in_png(bytes);
-  if (format == "jpeg") hide_in_jpeg(bytes);
-  if (format == "tiff") hide_in_tiff(bytes);
-  if (format == "webp") hide_in_webp(bytes);
+std::vector<ColourPiece> hide_metadata(ByteSource& bytes, const std::string& format) {
+  std::vector<ColourPiece> colours;
+  if (format == "png") hide_in_png(bytes, colours);
+  if (format == "jpeg") hide_in_jpeg(bytes, colours);
+  if (format == "tiff") hide_in_tiff(bytes, colours);
+  if (format == "webp") hide_in_webp(bytes, colours);
   if (format == "openexr") check_exr(bytes);
+  return colours;
 }
 
 bool tiff_says_extra_samples(ByteSource& bytes) {

@@ -1,18 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <string>
+#include <vector>
 
 #include "io/files/byte_source.h"
 
 namespace pounce::io {
 
+/// A piece of a file that is hidden and says what its colours mean: a PNG's "cICP", "iCCP", "sRGB",
+/// "gAMA" or "cHRM" chunk, or "ICC", a profile.
+struct ColourPiece {
+  std::string kind;
+  std::vector<std::byte> data;
+};
+/// Larger ones are not read.
+inline constexpr std::uint64_t kMostColourBytes = 1 << 20;
+
 /// Hides from the decoder what is no picture, before it sees any of it: decoders keep texts,
 /// profiles and EXIF blocks whole in memory, believe the sizes they claim, and inflate them. Of a
 /// PNG, a JPEG, a WebP and a TIFF only what makes pixels is left to see; an EXR, whose parts are
-/// found by their places, is refused where its header is larger than any that is in use. Throws
-/// Error(input) naming what is too large or cut off, Error(storage) if the file cannot be read.
-void hide_metadata(ByteSource& bytes, const std::string& format);
+/// found by their places, is refused where its header is larger than any that is in use. Returns
+/// what of it is about colours. Throws Error(input) naming what is too large or cut off,
+/// Error(storage) if the file cannot be read.
+std::vector<ColourPiece> hide_metadata(ByteSource& bytes, const std::string& format);
 
 /// What the directory of a TIFF, after hide_metadata(), says about samples beyond the colours: does
 /// it say anything?

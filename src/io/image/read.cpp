@@ -94,15 +94,20 @@ ChosenChannels channels_of(ByteSource& bytes, const std::string& format,
                      spec.nchannels, joined(spec.channelnames)));
 }
 
-std::optional<Chromaticities> chromaticities_of(const OIIO::ImageSpec& spec) {
+/// What EXR's attribute says.
+void take_chromaticities(const OIIO::ImageSpec& spec, ColourTags& tags) {
   const OIIO::ParamValue* found = spec.find_attribute("chromaticities");
   if (found == nullptr || found->type().basetype != OIIO::TypeDesc::FLOAT ||
       found->type().basevalues() * static_cast<std::size_t>(found->nvalues()) != 8) {
-    return std::nullopt;
+    return;
   }
-  Chromaticities out;
-  std::memcpy(out.data(), found->data(), sizeof out);
-  return out;
+  Chromaticities said;
+  std::memcpy(said.data(), found->data(), sizeof said);
+  if (are_primaries(said)) {
+    tags.primaries = said;
+  } else {
+    tags.problem = "its chromaticities span no colours";
+  }
 }
 
 /// The stream for libjpeg, which asks for a FILE, and for everybody else. IOFile's own pread() and
@@ -238,7 +243,7 @@ ImageReader::Impl::Impl(const mesh::ImageRef& image) : bytes(image) {
            "this is not an image of a known format (PNG, JPEG, EXR, TIFF, WebP, BMP, Targa, HDR, "
            "PNM)");
   }
-  hide_metadata(bytes, info.format);
+  info.colours = read_colour_tags(hide_metadata(bytes, info.format));
   JpegHeader jpeg;
   if (info.format == "jpeg") jpeg = read_jpeg_header(bytes);
   if (jpeg.several_scans) {
@@ -298,7 +303,7 @@ void ImageReader::Impl::take_spec() {
   info.width = static_cast<std::uint32_t>(spec.width);
   info.height = static_cast<std::uint32_t>(spec.height);
   info.linear = info.depth == Depth::half || info.depth == Depth::float32;
-  info.chromaticities = chromaticities_of(spec);
+  if (info.format == "openexr") take_chromaticities(spec, info.colours);
   info.premultiplied = info.has_alpha && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0;
   refuse_webp_alpha(info.has_alpha);
   const bool all_alike =

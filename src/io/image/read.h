@@ -10,6 +10,7 @@
 
 #include "core/hash.h"
 #include "io/image/channels.h"
+#include "io/image/colour_tags.h"
 #include "mesh/mesh.h"
 #include "pounce/options.h"
 
@@ -20,16 +21,21 @@ struct ImageInfo {
   std::uint32_t width = 0, height = 0;
   std::uint32_t channels = 0;  ///< 1..4; palettes are expanded
   Depth depth = Depth::u8;     ///< below 8 bits per sample: u8, scaled to 0..255
-  bool linear = false;  ///< samples are scene-linear (float formats), else as stored (sRGB-coded)
-  bool has_alpha = false;             ///< the last channel is straight (unassociated) alpha
+  bool linear = false;     ///< a format's usual: float samples are linear light, others sRGB-coded
+  bool has_alpha = false;  ///< the last channel is straight (unassociated) alpha
   bool premultiplied = false;         ///< the file holds colours times alpha (EXR always does)
   std::string format;                 ///< "png", "jpeg", "openexr", "tiff", ...
   std::vector<std::string> names;     ///< of the channels: "R", "G", "B", "disp"
   std::vector<std::string> left_out;  ///< the names of the file's other channels
-  std::optional<Chromaticities> chromaticities;  ///< EXR, where the file has them
+  ColourTags colours;                 ///< what the file says of its colour space
   /// Memory that the decoder itself needs beyond the rows handed out: small where the file decodes
   /// by rows, the whole image where it only decodes whole (interlaced PNG, progressive JPEG, WebP).
   std::uint64_t decoder_bytes = 0;
+
+  /// What its colours are, by what the file says and what is usual where it says nothing.
+  ColourSpace space() const {
+    return {colours.primaries.value_or(kRec709), colours.linear.value_or(linear)};
+  }
 };
 
 /// Reads an image top to bottom in strips of rows, samples exactly as stored (no colour

@@ -14,6 +14,7 @@
 
 #include "io/files/job_mark.h"
 #include "io/files/output_file.h"
+#include "io/image/icc.h"
 #include "io/image/oiio_setup.h"
 #include "io/image/straight_alpha.h"
 #include "pounce/error.h"
@@ -162,8 +163,15 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
                   spec.chromaticities->data());
   }
   if (out.alpha_channel >= 0 && name != "openexr") out.attribute("oiio:UnassociatedAlpha", 1);
-  // In a TIFF this would only add an Exif directory, for which libtiff reads the main one back.
-  if (name != "tiff")
+  if (spec.chromaticities && name != "openexr") {
+    const std::vector<std::byte> profile = make_icc({*spec.chromaticities, spec.linear});
+    out.attribute("ICCProfile",
+                  OIIO::TypeDesc(OIIO::TypeDesc::UINT8, static_cast<int>(profile.size())),
+                  profile.data());
+  }
+  // Beside a profile a second word on the same is one too many. In a TIFF this would only add an
+  // Exif directory, for which libtiff reads the main one back.
+  if (name == "openexr" || (name != "tiff" && !spec.chromaticities))
     out.attribute("oiio:ColorSpace", spec.linear || name == "openexr" ? "linear" : "sRGB");
   out.attribute("DateTime", "");  // else TIFF and EXR are given the time of day
   out.attribute("Software", software_name());

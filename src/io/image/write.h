@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/colour_space.h"
 #include "core/file.h"
 #include "io/image/channels.h"
 #include "pounce/options.h"
@@ -26,9 +27,10 @@ struct ImageWriteSpec {
   bool premultiplied = false;  ///< EXR only: colours come multiplied by alpha already
   /// EXR only: what the channels are called; empty: usual_names().
   std::vector<std::string> names = {};
-  std::optional<Chromaticities> chromaticities = {};  ///< EXR only
-  std::string job =
-      {};  ///< hash of the job that makes it: recorded, as the software's name always is
+  /// Primaries that the file is to name: EXR in an attribute, the others by an ICC profile.
+  std::optional<Chromaticities> chromaticities = {};
+  /// Hash of the job that makes it: recorded, as the software's name always is.
+  std::string job = {};
 };
 
 /// Does the ending of `path` name a format that images are written in?
@@ -40,7 +42,7 @@ std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec
 struct FormatLook {
   std::string name;        ///< "PNG"
   bool data = false;       ///< two or four channels without alpha
-  bool annotated = false;  ///< names of channels, chromaticities
+  bool annotated = false;  ///< names of channels
 };
 FormatLook format_look(const std::string& path);
 /// The nearest depth that the format of `path` can hold (png: u8/u16; jpeg: u8; exr: half/float;

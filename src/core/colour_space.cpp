@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/colour_space.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/vec.h"
+
+namespace pounce {
+namespace {
+
+// SMPTE ST 2065-1 and the Academy's S-2014-004 for ACES, SMPTE EG 432-1 with D65 for Display P3.
+constexpr Chromaticities kAp1{0.713F, 0.293F, 0.165F, 0.830F, 0.128F, 0.044F, 0.32168F, 0.33767F};
+constexpr Chromaticities kAp0{0.7347F, 0.2653F, 0.0F, 1.0F, 0.0001F, -0.077F, 0.32168F, 0.33767F};
+constexpr Chromaticities kP3{0.680F, 0.320F, 0.265F, 0.690F, 0.150F, 0.060F, 0.3127F, 0.3290F};
+
+struct Named {
+  const char* name;
+  ColourSpace space;
+};
+constexpr std::array<Named, 6> kNamed{{{"srgb", {kRec709, false}},
+                                       {"lin_rec709", {kRec709, true}},
+                                       {"acescg", {kAp1, true}},
+                                       {"aces2065-1", {kAp0, true}},
+                                       {"display-p3", {kP3, false}},
+                                       {"linear", {kRec709, true}}}};
+
+/// ICC.1:2010, 7.2.16.
+constexpr Vec3d kD50{0.9642, 1.0, 0.8249};
+
+constexpr Matrix3 kBradford{0.8951, 0.2664, -0.1614, -0.7502, 1.7135,
+                            0.0367, 0.0389, -0.0685, 1.0296};
+
+Vec3d times(const Matrix3& m, Vec3d v) noexcept {
+  return {m[0] * v.x + m[1] * v.y + m[2] * v.z, m[3] * v.x + m[4] * v.y + m[5] * v.z,
+          m[6] * v.x + m[7] * v.y + m[8] * v.z};
+}
+
+Matrix3 times(const Matrix3& a, const Matrix3& b) noexcept {
+  Matrix3 out;
+  for (std::size_t row = 0; row < 3; ++row) {
+    for (std::size_t column = 0; column < 3; ++column) {
+      out[3 * row + column] =
+          a[3 * row] * b[column] + a[3 * row + 1] * b[3 + column] + a[3 * row + 2] * b[6 + column];
+    }
+  }
+  return out;
+}
+
+double minor(const Matrix3& m, std::size_t row, std::size_t column) noexcept {
+  const std::size_t r1 = (row + 1) % 3, r2 = (row + 2) % 3;
+  const std::size_t c1 = (column + 1) % 3, c2 = (column + 2) % 3;
+  return m[3 * r1 + c1] * m[3 * r2 + c2] - m[3 * r1 + c2] * m[3 * r2 + c1];
+}
+
+double determinant(const Matrix3& m) noexcept {
+  return m[0] * minor(m, 0, 0) + m[1] * minor(m, 0, 1) + m[2] * minor(m, 0, 2);
+}
+
+Matrix3 inverse(const Matrix3& m) noexcept {
+  const double det = determinant(m);
+  Matrix3 out;
+  for (std::size_t row = 0; row < 3; ++row) {
+    for (std::size_t column = 0; column < 3; ++column)
+      out[3 * column + row] = minor(m, row, column) / det;
+  }
+  return out;
+}
+
+Vec3d xyz(const Chromaticities& c, std::size_t which) noexcept {
+  const auto x = static_cast<double>(c[2 * which]), y = static_cast<double>(c[2 * which + 1]);
+  return {x / y, 1, (1 - x - y) / y};
+}
+
+/// A column per primary, of any brightness: (x, y, 1 - x - y).
+Matrix3 directions(const Chromaticities& c) noexcept {
+  Matrix3 m;
+  for (std::size_t p = 0; p < 3; ++p) {
+    const auto x = static_cast<double>(c[2 * p]), y = static_cast<double>(c[2 * p + 1]);
+    m[p] = x;
+    m[3 + p] = y;
+    m[6 + p] = 1 - x - y;
+  }
+  return m;
+}
+
+/// To X, Y, Z, white of Y = 1.
+Matrix3 to_xyz(const Chromaticities& c) noexcept {
+  Matrix3 m = directions(c);
+  const Vec3d scale = times(inverse(m), xyz(c, 3));
+  for (std::size_t row = 0; row < 3; ++row) {
+    m[3 * row] *= scale.x;
+    m[3 * row + 1] *= scale.y;
+    m[3 * row + 2] *= scale.z;
+  }
+  return m;
+}
+
+Matrix3 adaptation(Vec3d from_white, Vec3d to_white) noexcept {
+  const Vec3d from = times(kBradford, from_white), to = times(kBradford, to_white);
+  const Matrix3 scale{to.x / from.x, 0, 0, 0, to.y / from.y, 0, 0, 0, to.z / from.z};
+  return times(inverse(kBradford), times(scale, kBradford));
+}
+
+std::string lower(std::string text) {
+  for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
+  return text;
+}
+
+}  // namespace
+
+bool same_primaries(const Chromaticities& a, const Chromaticities& b) noexcept {
+  return std::equal(a.begin(), a.end(), b.begin(),
+                    [](float x, float y) { return std::fabs(x - y) < 5e-4F; });
+}
+
+std::optional<ColourSpace> colour_space_from_name(const std::string& name) {
+  for (const Named& named : kNamed) {
+    if (lower(name) == named.name) return named.space;
+  }
+  return std::nullopt;
+}
+
+std::string colour_space_names() {
+  std::string names;
+  for (const Named& named : kNamed) names += (names.empty() ? "" : ", ") + std::string(named.name);
+  return names;
+}
+
+std::string colour_space_name(const ColourSpace& space) {
+  for (const Named& named : kNamed) {
+    if (named.space.linear == space.linear &&
+        same_primaries(named.space.primaries, space.primaries))
+      return named.name;
+  }
+  const Chromaticities& c = space.primaries;
+  return fmt::format("{} of red {:g} {:g}, green {:g} {:g}, blue {:g} {:g}, white {:g} {:g}",
+                     space.linear ? "linear light" : "sRGB's coding", c[0], c[1], c[2], c[3], c[4],
+                     c[5], c[6], c[7]);
+}
+
+bool are_primaries(const Chromaticities& c) noexcept {
+  if (!std::all_of(c.begin(), c.end(), [](float v) { return std::fabs(v) < 10; })) return false;
+  if (!(c[7] > 0.01F)) return false;  // white
+  const Matrix3 m = directions(c);
+  if (!(std::fabs(determinant(m)) > 1e-4)) return false;
+  // White is a mixture of them; its cones can be adapted.
+  const Vec3d parts = times(inverse(m), xyz(c, 3)), cones = times(kBradford, xyz(c, 3));
+  return parts.x > 0 && parts.y > 0 && parts.z > 0 && cones.x > 0.01 && cones.y > 0.01 &&
+         cones.z > 0.01;
+}
+
+Matrix3 primaries_matrix(const Chromaticities& from, const Chromaticities& to) noexcept {
+  const Matrix3 adapted = times(adaptation(xyz(from, 3), xyz(to, 3)), to_xyz(from));
+  return times(inverse(to_xyz(to)), adapted);
+}
+
+Matrix3 adaptation_to_d50(const Chromaticities& from) noexcept {
+  return adaptation(xyz(from, 3), kD50);
+}
+
+Matrix3 matrix_to_d50(const Chromaticities& from) noexcept {
+  return times(adaptation_to_d50(from), to_xyz(from));
+}
+
+}  // namespace pounce
