@@ -20,4 +20,4 @@ expect 0 inspect bare.obj
 out_has 'uv sets    none'
 "$POUNCE_FIXTURE" one-texel -o one >"$out"
 expect 0 inspect one/one_texel_src.glb
-out_has '1 x 1, 3 channels, u8, png'
+out_has '1 x 1, 3 channels, u8, srgb, png'

@@ -22,8 +22,8 @@ all_of() { # COMMAND
 machine=(--memory 1GiB --threads 2 --cache cache --cache-limit 1GB --no-wait)
 job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' --tiles 1001 --size 8 --depth u16 --padding 2 \
   --min-coverage 1 --channels baseColor --source-texture baseColor=skin.ppm --source-material skin --source-uv-set 0 \
-  --source-axes x,y,z --target-uv-set 0 --target-axes x,y,z --max-distance 1 --max-angle 70 --filter tent --allow-external "${machine[@]}" \
-  --temp . --plan
+  --source-axes x,y,z --target-uv-set 0 --target-axes x,y,z --max-distance 1 --max-angle 70 --filter tent --source-colorspace srgb \
+  --output-colorspace srgb --allow-external "${machine[@]}" --temp . --plan
 job transfer source.obj target.obj -o o.png --skip-existing --no-cache
 job transfer source.obj target.obj -o g.png --method gaussian --sigma 1 --densify --no-cache
 job transfer source.obj target.obj -o o.png --onto o.png --mask mask.pgm --no-cache
@@ -37,7 +37,7 @@ job maps named.obj -o '<CHANNEL>.exr' --size 8 --target-mesh thing --target-mate
   --target-axes x,y,z --allow-external "${machine[@]}"
 job maps named.obj -o '<CHANNEL>.exr' --no-cache
 all_of maps
-job gaussians source.obj -o s.ply --source-texture baseColor=skin.ppm --sigma 0.25 --sharpen 1 --allow-external "${machine[@]}"
+job gaussians source.obj -o s.ply --source-texture baseColor=skin.ppm --source-colorspace srgb --sigma 0.25 --sharpen 1 --allow-external "${machine[@]}"
 job gaussians scene.ply -o s.glb --source-axes x,-y,-z --min-opacity 0.01 --max-scale 9 --box -9,-9,-9,9,9,9 --count 100 --no-cache
 all_of gaussians
 # An image that is painted over in place was read.
