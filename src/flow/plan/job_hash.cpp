@@ -16,16 +16,16 @@
 namespace pounce::flow {
 namespace {
 
-constexpr std::array kOtherOptions = std::to_array<std::string_view>({
-    // Resources, and what is done with the result.
-    "memory", "threads", "cache", "no-cache", "cache-limit", "no-wait", "temp", "plan",
-    "skip-existing", "min-coverage", "allow-external",
-    // Which images there are; each knows its own channel and page.
-    "channels", "tiles", "coverage",
-    // Names of files, whose contents and kinds count.
-    "output", "onto", "mask", "source-texture",
-    // What the output turned out to be counts, whether it was asked for or not.
-    "size", "depth", "padding"});
+constexpr std::array kOtherOptions = std::to_array<std::string_view>(
+    {// Resources, and what is done with the result.
+     "memory", "threads", "cache", "no-cache", "cache-limit", "no-wait", "temp", "plan",
+     "skip-existing", "min-coverage", "allow-external",
+     // Which images there are; each knows its own channel and page.
+     "channels", "tiles", "coverage",
+     // Names of files, whose contents and kinds count.
+     "output", "onto", "mask", "source-texture",
+     // What the output turned out to be counts, whether it was asked for or not.
+     "size", "depth", "padding"});
 
 /// What the ending of an output says, without its spelling.
 std::string kind_of(const std::string& path) {
@@ -116,7 +116,8 @@ void JobHash::add_source_images(const Plan& plan, const ChannelPlan& channel, Ha
     hash.add(page.tile_set >= 0);
     if (page.column >= 0) add_column(static_cast<std::size_t>(page.column));
     if (page.tile_set < 0) continue;
-    for (const auto& [tile, column] : plan.tile_sets[static_cast<std::size_t>(page.tile_set)].columns) {
+    for (const auto& [tile, column] :
+         plan.tile_sets[static_cast<std::size_t>(page.tile_set)].columns) {
       hash.add(tile.column);
       hash.add(tile.row);
       add_column(column);
@@ -140,9 +141,8 @@ void JobHash::add_output(const ChannelPlan& channel, const ImageOutput& image, H
 }
 
 std::string JobHash::of_image(const std::vector<std::string>& source, const Plan& plan,
-                              const std::vector<std::string>& target,
-                              const TargetPlan& target_plan, std::size_t channel,
-                              std::size_t page) {
+                              const std::vector<std::string>& target, const TargetPlan& target_plan,
+                              std::size_t channel, std::size_t page) {
   Hasher hash;
   begin(hash);
   add_files(source, hash);

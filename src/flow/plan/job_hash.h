@@ -28,8 +28,8 @@ class JobHash {
   /// Of a model: of its images, by [channel][page], and of every file that it is made of.
   std::string of_model(const std::string& path, const TargetPlan& target_plan);
   /// Of one of a target's projection maps.
-  std::string of_map(const std::vector<std::string>& target, const TargetPage& page,
-                     ImageSize size, const std::string& map, const std::string& path);
+  std::string of_map(const std::vector<std::string>& target, const TargetPage& page, ImageSize size,
+                     const std::string& map, const std::string& path);
 
  private:
   explicit JobHash(JobContext& job) : job_(job) {}

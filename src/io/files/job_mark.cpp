@@ -53,7 +53,8 @@ std::optional<std::string> search(const ReadFile& file, std::uint64_t begin, std
   end = std::min(end, file.size_bytes());
   const std::size_t overlap = prefix.size() + kDigits;
   for (std::uint64_t at = begin; at < end; at += kWindow) {
-    const std::string window = read_text(file, at, std::min<std::uint64_t>(kWindow + overlap, end - at));
+    const std::string window =
+        read_text(file, at, std::min<std::uint64_t>(kWindow + overlap, end - at));
     if (auto found = digits_after(window, prefix)) return found;
   }
   return std::nullopt;
