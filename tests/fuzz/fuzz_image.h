@@ -7,6 +7,7 @@
 
 #include "fuzz/fuzz_support.h"
 #include "io/files/byte_source.h"
+#include "io/image/colour_tags.h"
 #include "io/image/guard.h"
 #include "io/image/header.h"
 #include "io/image/png_check.h"
@@ -37,7 +38,7 @@ inline void guard_image(const mesh::ImageRef& image) {
   const std::string format = io::image_format(source, image.path);
   if (format.empty()) return;
   const std::uint64_t stored = source.size_bytes();
-  io::hide_metadata(source, format);
+  io::read_colour_tags(io::hide_metadata(source, format));
   // The last field of a TIFF's directory and what follows it may be cut off.
   require(source.size_bytes() <= stored + 16, "nothing is shown that is not there");
   const std::vector<std::byte> shown = seen(source, 4096);

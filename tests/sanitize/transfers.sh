@@ -51,6 +51,10 @@ job 0 transfer $source $target -o g.tif --depth float --size 64 --no-cache
 job 0 transfer $source $target -o h.exr --source-texture baseColor=f.exr --size 64 --no-cache
 job 0 transfer $source $target -o i.tif --source-texture baseColor=g.tif --size 64 --no-cache
 job 0 transfer $source $target -o j.png --plan
+job 0 transfer $source $target -o j.exr --output-colorspace acescg --size 64 --no-cache
+job 0 transfer $source $target -o j.png --source-texture baseColor=j.exr --output-colorspace display-p3 --size 64 --no-cache
+job 0 transfer $source $target -o j.jpg --source-texture baseColor=j.png --size 64 --no-cache
+job 0 transfer $source $target -o j.exr --source-texture baseColor=j.jpg --size 64 --no-cache
 # Models, channels, texture sets, selection, painting over, several targets.
 job 0 transfer $source $target -o k.glb --size 64
 job 0 transfer $source $target -o l.gltf --size 64
