@@ -86,6 +86,7 @@ struct Mesh {
   /// One per vertex: unit tangent and handedness (+1/-1) along +u of uv set 0, from the file or
   /// derived.
   std::vector<Vec4f> tangents;
+  std::vector<bool> own_tangents;  ///< per vertex: is it from the file? Empty: none is
   /// uv_sets[k][vertex], v down as in glTF (OBJ's v is flipped when read): row 0 of an image is v =
   /// 0.
   std::vector<std::vector<Vec2f>> uv_sets;
@@ -109,6 +110,8 @@ struct Mesh {
   bool has_uv(std::size_t uv_set, std::uint32_t vertex) const {
     return uv_set < uv_sets.size() && (uv_present[uv_set].empty() || uv_present[uv_set][vertex]);
   }
+  /// Adds a copy of each of these vertices, with all that it has; no triangle uses them yet.
+  void append_copies(const std::vector<std::uint32_t>& originals);
   /// Bytes this mesh holds in memory.
   std::uint64_t size_bytes() const;
 };

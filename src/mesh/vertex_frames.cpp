@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mesh/vertex_frames.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <unordered_map>
@@ -100,6 +101,10 @@ std::uint64_t complete_tangents(Mesh& mesh) {
       store_tangent(t, direction, t.w < 0 ? -1.0F : 1.0F);
     }
   }
+  if (count < missing.size()) {
+    mesh.own_tangents = missing;
+    mesh.own_tangents.flip();
+  }
   if (count == 0) return 0;
   if (!mesh.uv_sets.empty()) {
     for (const auto& t : mesh.triangles) {
@@ -198,25 +203,6 @@ struct Copies {
   std::vector<Vec3f> normal;
 };
 
-void append_copies(Mesh& mesh, const Copies& copies) {
-  const std::size_t total = mesh.positions.size() + copies.original.size();
-  const auto extend = [&](auto& items) {
-    items.reserve(total);
-    for (const std::uint32_t vertex : copies.original) {
-      const auto item = items[vertex];
-      items.push_back(item);
-    }
-  };
-  extend(mesh.positions);
-  extend(mesh.tangents);
-  for (auto& set : mesh.uv_sets) extend(set);
-  for (auto& present : mesh.uv_present) {
-    if (!present.empty()) extend(present);
-  }
-  mesh.normals.reserve(total);
-  mesh.normals.insert(mesh.normals.end(), copies.normal.begin(), copies.normal.end());
-}
-
 }  // namespace
 
 void smooth_normals(Mesh& mesh, const std::vector<std::uint32_t>& position_of,
@@ -262,7 +248,8 @@ void smooth_normals(Mesh& mesh, const std::vector<std::uint32_t>& position_of,
     renumbered[i] = corners;
   }
   mesh.triangles = std::move(renumbered);
-  append_copies(mesh, copies);
+  mesh.append_copies(copies.original);
+  std::copy(copies.normal.begin(), copies.normal.end(), mesh.normals.begin() + vertex_count);
 }
 
 }  // namespace pounce::mesh

@@ -16,7 +16,7 @@ std::uint64_t repair_normals(Mesh& mesh);
 /// or not finite is derived: the area-weighted mean direction of growing u in uv set 0 around the
 /// vertex; where there are no UVs, or they cancel out, any direction with w = 1. The sign follows
 /// glTF's: w * cross(normal, tangent) points to where v falls (up in the image). Needs normals.
-/// Returns how many were derived.
+/// Notes which were there (Mesh::own_tangents). Returns how many were derived.
 std::uint64_t complete_tangents(Mesh& mesh);
 
 /// Normals for a mesh without them: per corner, the area-weighted mean of the triangles around its
