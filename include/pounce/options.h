@@ -10,29 +10,49 @@
 namespace pounce {
 
 /// The texture channels of a glTF metallic-roughness material, of which baseColor carries the
-/// material's alpha as its fourth component; after them what a splat scene says of each texel.
+/// material's alpha as its fourth component; after them what a splat scene says of each texel, and
+/// what the shape of a mesh does.
 enum class Channel : std::uint8_t {
   base_color,          ///< "baseColor": colour, sRGB-coded unless the file is linear (EXR)
   metallic_roughness,  ///< "metallicRoughness": data
   occlusion,           ///< "occlusion": data
   emissive,            ///< "emissive": colour
+  normal,              ///< "normal": data, a tangent-space normal map
   confidence,          ///< "confidence": data, 0..1: how sure a texel's colour is
   /// "distance": data, one float: how far along the texel's normal the surface was found, in the
   /// target's units, positive outside.
   distance,
+  height,    ///< "height": the same of a mesh, by TransferOptions::baked
+  position,  ///< "position": data: where the surface was found, in the job's axes; by `baked`
 };
-inline constexpr int kChannelCount = 4;   ///< of a material
+inline constexpr int kChannelCount = 5;   ///< of a material
 inline constexpr int kEvidenceCount = 2;  ///< of a splat scene, after those
+inline constexpr int kShapeCount = 2;     ///< of a mesh's shape, after those
 
 /// Is it evidence (confidence, distance), which splat scenes alone have?
 constexpr bool is_evidence(Channel channel) noexcept {
-  return static_cast<int>(channel) >= kChannelCount;
+  return channel == Channel::confidence || channel == Channel::distance;
 }
 
-/// "baseColor", "metallicRoughness", "occlusion", "emissive", "confidence", "distance".
+/// Is it of a mesh's shape (height, position), whatever its materials are?
+constexpr bool is_shape(Channel channel) noexcept {
+  return channel == Channel::height || channel == Channel::position;
+}
+
+/// "baseColor", "metallicRoughness", "occlusion", "emissive", "normal", "confidence", "distance",
+/// "height", "position".
 const char* channel_name(Channel channel) noexcept;
 /// The channel with that name (exactly as above), or nothing.
 std::optional<Channel> channel_from_name(const std::string& name) noexcept;
+
+/// Which way a normal map's green channel rises.
+enum class NormalY : std::uint8_t {
+  up,    ///< "up": towards smaller v, up in the image: glTF, OpenGL, Blender
+  down,  ///< "down": towards larger v: DirectX, Unreal
+};
+/// "up", "down".
+const char* normal_y_name(NormalY direction) noexcept;
+std::optional<NormalY> normal_y_from_name(const std::string& name) noexcept;
 
 /// How one sample of an image is stored.
 enum class Depth : std::uint8_t { u8, u16, half, float32 };
@@ -182,6 +202,13 @@ struct TransferOptions {
   std::vector<Channel> channels;
   /// Every channel the source has, evidence apart; `channels` must be empty.
   bool all_channels = false;
+  /// Made from the source's shape, in the same passes: normal (its smooth normals, with its own
+  /// normal map where it has one, in the target's tangent space; instead of what `channels` would
+  /// take), height, position. Without other channels they are all that is made, unless `output`
+  /// is a model or holds <CHANNEL>. Of height and position float formats alone.
+  std::vector<Channel> baked;
+  NormalY source_normal_y = NormalY::up;  ///< of the source's normal maps
+  NormalY output_normal_y = NormalY::up;  ///< of the normal map that is made
   /// How far along its normal, both ways, a texel may look. Larger costs time: much where nothing
   /// is near, else little. Default: 5 % of the target's diagonal, 3 % for splat scenes.
   std::optional<Length> max_distance;

@@ -10,8 +10,10 @@ namespace pounce {
 namespace {
 
 // In the order of the enumerations.
-constexpr std::array<const char*, kChannelCount + kEvidenceCount> kChannelNames = {
-    "baseColor", "metallicRoughness", "occlusion", "emissive", "confidence", "distance"};
+constexpr std::array<const char*, kChannelCount + kEvidenceCount + kShapeCount> kChannelNames = {
+    "baseColor",  "metallicRoughness", "occlusion", "emissive", "normal",
+    "confidence", "distance",          "height",    "position"};
+constexpr std::array<const char*, 2> kNormalYNames = {"up", "down"};
 constexpr std::array<const char*, 2> kMethodNames = {"surface", "gaussian"};
 constexpr std::array<const char*, 3> kFilterNames = {"tent", "cubic", "sharp"};
 constexpr std::array<const char*, 3> kHarmonicsNames = {"dc", "normal", "mean"};
@@ -33,6 +35,14 @@ const char* channel_name(Channel channel) noexcept {
 
 std::optional<Channel> channel_from_name(const std::string& name) noexcept {
   return find_name<Channel>(kChannelNames, name);
+}
+
+const char* normal_y_name(NormalY direction) noexcept {
+  return kNormalYNames[static_cast<std::size_t>(direction)];
+}
+
+std::optional<NormalY> normal_y_from_name(const std::string& name) noexcept {
+  return find_name<NormalY>(kNormalYNames, name);
 }
 
 const char* depth_name(Depth depth) noexcept {

@@ -121,6 +121,13 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add("onto", o.onto);
   list.add("mask", o.mask);
   list.add("channels", o.all_channels ? std::vector<std::string>{"all"} : names_of(o.channels));
+  list.add("bake", names_of(o.baked));
+  list.add("normal-y", o.source_normal_y != usual.source_normal_y
+                           ? std::string(normal_y_name(o.source_normal_y))
+                           : "");
+  list.add("output-normal-y", o.output_normal_y != usual.output_normal_y
+                                  ? std::string(normal_y_name(o.output_normal_y))
+                                  : "");
   list.add(o.source_textures);
   list.add(o.source_colour_spaces);
   list.add("output-colorspace", o.output_colour_space);

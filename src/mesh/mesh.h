@@ -48,9 +48,9 @@ struct TextureBinding {
   Wrap wrap_v = Wrap::repeat;
 };
 
-/// A texture that no channel takes: a normal map, one of an extension.
+/// A texture that no channel takes: heights, one of an extension.
 struct OtherTexture {
-  std::string slot;         ///< as the file names it: "normalTexture", "map_Bump"
+  std::string slot;         ///< as the file names it: "map_Bump"
   std::uint32_t image = 0;  ///< index into Mesh::images
 };
 
@@ -59,9 +59,9 @@ struct Material {
   /// By Channel; nothing where the material has no such texture.
   std::array<std::optional<TextureBinding>, kChannelCount> textures;
   /// By Channel: baseColorFactor rgba (linear), (0, roughnessFactor, metallicFactor, 1), (1,1,1,1)
-  /// for occlusion, emissiveFactor rgb1 (linear).
+  /// for occlusion, emissiveFactor rgb1 (linear), (scale,scale,1,1) for normal.
   std::array<std::array<float, 4>, kChannelCount> factors{
-      {{1, 1, 1, 1}, {0, 1, 1, 1}, {1, 1, 1, 1}, {0, 0, 0, 1}}};
+      {{1, 1, 1, 1}, {0, 1, 1, 1}, {1, 1, 1, 1}, {0, 0, 0, 1}, {1, 1, 1, 1}}};
   /// What the factors above have no room for; a model output copies them with the texture.
   float occlusion_strength = 1, emissive_strength = 1;
   bool double_sided = false;

@@ -10,15 +10,16 @@
 //      triangle came first;
 //   3. around a point, neighbours whose UVs turn the same way are a group. A triangle without area
 //      in UV space joins whichever group comes first;
-//   4. the frame of a group is the mean of its triangles' directions of growing u, each brought into
+//   4. the frame of a group is the mean of its triangles' directions of growing u, each brought
+//   into
 //      the plane of the point's normal, weighted by the triangle's angle there. A triangle without
 //      area in UV space has no direction; one whose direction is just opposite counts apart;
 //   5. triangles of which two corners have the same position take no part; their corners get the
 //      frame of the first triangle that has the same point.
 //
 // What decides (which corners are equal, which way UVs turn) is computed in single precision as
-// others do; sums are in double precision, since they need not be the same in the last place. Angles
-// are found with +, -, *, / and square roots alone.
+// others do; sums are in double precision, since they need not be the same in the last place.
+// Angles are found with +, -, *, / and square roots alone.
 #include "mesh/tangent_space.h"
 
 #include <algorithm>
@@ -72,9 +73,9 @@ class TangentSpace {
  private:
   enum Kind : std::uint8_t {
     mirrored = 0,
-    upright = 1,    ///< UVs turn as the triangle does
-    any = 2,        ///< flag: no area in UV space
-    left_out = 4    ///< flag: no part in neighbourhoods
+    upright = 1,  ///< UVs turn as the triangle does
+    any = 2,      ///< flag: no area in UV space
+    left_out = 4  ///< flag: no part in neighbourhoods
   };
 
   Vec2f uv(std::uint32_t vertex, std::uint32_t set) const {
@@ -154,8 +155,8 @@ class TangentSpace {
     const float area = uv_area(t);
     const std::uint8_t turn = area > 0 ? upright : mirrored;
     const Directions d = directions(t);
-    const bool is_flat = !(std::abs(area) > std::numeric_limits<float>::min()) ||
-                         d.u == Vec3d{} || d.v == Vec3d{};
+    const bool is_flat =
+        !(std::abs(area) > std::numeric_limits<float>::min()) || d.u == Vec3d{} || d.v == Vec3d{};
     return static_cast<std::uint8_t>(turn | (is_flat ? any : 0));
   }
 
@@ -203,8 +204,9 @@ class TangentSpace {
       }
     }
     std::sort(edges.begin(), edges.end(), [](const Edge& a, const Edge& b) {
-      return a.low != b.low ? a.low < b.low : a.high != b.high ? a.high < b.high
-                                                               : a.corner < b.corner;
+      return a.low != b.low     ? a.low < b.low
+             : a.high != b.high ? a.high < b.high
+                                : a.corner < b.corner;
     });
     neighbours_.assign(3 * triangles_, kNone);
     const auto goes_up = [&](const Edge& e) { return point(e.corner / 3, e.corner % 3) == e.low; };
@@ -280,7 +282,7 @@ class TangentSpace {
   struct Share {
     std::uint32_t corner = 0;
     bool is_any = false;
-    Vec3d u, v;        ///< in the plane of the normal
+    Vec3d u, v;  ///< in the plane of the normal
     double angle = 0;
   };
 
@@ -365,8 +367,8 @@ class TangentSpace {
     for (std::size_t c = 0; c < out_.of_corner.size(); ++c) {
       if (out_.of_corner[c] != kNone) continue;
       if (first.empty()) first = first_corners();
-      const std::uint32_t found = (kinds_[c / 3] & left_out) != 0 ? first[point(c / 3, c % 3)]
-                                                                  : kNone;
+      const std::uint32_t found =
+          (kinds_[c / 3] & left_out) != 0 ? first[point(c / 3, c % 3)] : kNone;
       if (found == kNone && unknown == kNone) {
         unknown = static_cast<std::uint32_t>(out_.tangents.size());
         out_.tangents.push_back({1, 0, 0, 1});

@@ -94,6 +94,20 @@ Facet make_facet(const store::GeometryBlock& block, std::size_t triangle,
   return facet;
 }
 
+FacetTangents make_tangents(const store::GeometryBlock& block, std::size_t triangle) {
+  std::array<Vec3d, 3> tangents;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto& t = block.tangents[block.triangles[triangle][k]];
+    tangents[k] = Vec3d{1.0 * t[0], 1.0 * t[1], 1.0 * t[2]} * (1.0 / 32767);
+  }
+  FacetTangents out{};
+  store(out.t, tangents[0]);
+  store(out.t1, tangents[1] - tangents[0]);
+  store(out.t2, tangents[2] - tangents[0]);
+  out.handedness = block.tangents[block.triangles[triangle][0]][3] < 0 ? -1.0F : 1.0F;
+  return out;
+}
+
 /// A convex polygon of at most 3 + 4 corners, as (texel coordinates, barycentrics of corners 1 and
 /// 2).
 struct ClippedCorner {
@@ -171,9 +185,11 @@ void add_patches(const store::GeometryBlock& block, const Setup& s, bool whole, 
 
 }  // namespace
 
-SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lattice& lattice) {
+SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lattice& lattice,
+                              bool with_tangents) {
   SourceBlock out;
   out.facets.reserve(block.triangles.size());
+  if (with_tangents) out.tangents.reserve(block.triangles.size());
   std::vector<Patch> patches;
   for (std::size_t i = 0; i < block.triangles.size(); ++i) {
     Setup s;
@@ -201,6 +217,7 @@ SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lat
     }
     add_patches(block, s, whole, static_cast<std::uint32_t>(out.facets.size()), patches);
     out.facets.push_back(facet);
+    if (with_tangents) out.tangents.push_back(make_tangents(block, i));
   }
   out.patches.assign(patches.begin(), patches.end());
   return out;

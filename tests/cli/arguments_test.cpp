@@ -148,7 +148,7 @@ TEST_CASE("channels, depths and source textures are spelt as in glTF", "[cli]") 
   CHECK(parse_source_texture("--source-texture", "baseColor=skin.<UDIM>.png").path ==
         "skin.<UDIM>.png");
   for (const char* text :
-       {"", "normal", "basecolor", "baseColor,,emissive", "baseColor, emissive", "baseColor,"}) {
+       {"", "normals", "basecolor", "baseColor,,emissive", "baseColor, emissive", "baseColor,"}) {
     CAPTURE(text);
     CHECK_THROWS_AS(parse_channels("--channels", text), Error);
   }

@@ -39,7 +39,7 @@ f 1/7 2/8 3/9
 END
 expect 0 inspect model.obj
 for text in 'part       "head", 2 triangles' 'part       "ball", 1 triangles' 'UDIM 1001, 1002, 1013' '"skin", 2 triangles' \
-  'map_Bump (not transferred):' 'map_Ks (not transferred):' 'norm (not transferred):' 'bumps.png' 'shine.png' \
+  'map_Bump (not transferred):' 'map_Ks (not transferred):' 'normal:' 'bumps.png' 'shine.png' \
   'problem: ' '4 x 4, 3 channels'; do
   out_has "$text"
 done
@@ -50,14 +50,15 @@ mesh = json.load(open(sys.argv[1]))
 assert mesh["parts"] == [{"names": ["head"], "triangles": 2}, {"names": ["ball"], "triangles": 1}], mesh["parts"]
 assert mesh["uv_sets"][0]["udims"] == [1001, 1002, 1013]
 skin, eyes = mesh["materials"]
-assert [t["slot"] for t in skin["other_textures"]] == ["map_Bump", "norm"]
-assert skin["other_textures"][1]["width"] == 4 and "problem" in skin["other_textures"][0]
+assert [t["channel"] for t in skin["textures"]] == ["baseColor", "normal"]
+assert [t["slot"] for t in skin["other_textures"]] == ["map_Bump"]
+assert skin["textures"][1]["width"] == 4 and "problem" in skin["other_textures"][0]
 assert [t["slot"] for t in eyes["other_textures"]] == ["map_Ks", "map_Bump"]
 END
 
 quad target
 expect 0 transfer model.obj target.obj -o o.png --size 8
-err_has 'model.obj: textures left behind: map_Bump (2 materials), map_Ks (1), norm (1)'
+err_has 'model.obj: textures left behind: map_Bump (2 materials), map_Ks (1), normal (1)'
 err_has 'model.obj: factors left behind, an image holds the texture alone: baseColor (1 material)'
 [[ $(grep -c 'left behind' "$err") == 2 ]] || fail 'more than a line per kind'
 # What is not selected is not missed.
@@ -75,12 +76,12 @@ cat >m.gltf <<'END'
 "normalTexture":{"index":0},"extensions":{"KHR_materials_clearcoat":{"clearcoatFactor":1,"clearcoatTexture":{"index":0}}}}]}
 END
 expect 0 inspect m.gltf
-for text in 'part       "body", "shape", 1 triangles' 'normalTexture (not transferred):' 'colours    per vertex' \
+for text in 'part       "body", "shape", 1 triangles' 'normal:' 'colours    per vertex' \
   'KHR_materials_clearcoat clearcoatTexture (not transferred):'; do
   out_has "$text"
 done
 expect 0 transfer m.gltf target.obj -o o.png --size 8
-err_has 'textures left behind: KHR_materials_clearcoat clearcoatTexture (1 material), normalTexture (1)'
+err_has 'textures left behind: KHR_materials_clearcoat clearcoatTexture (1 material), normal (1)'
 err_has 'm.gltf: factors left behind'
 err_has 'm.gltf: vertex colours left behind'
 expect 0 transfer m.gltf m.gltf -o o.glb --size 8

@@ -25,6 +25,7 @@ job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' -
   --source-axes x,y,z --target-uv-set 0 --target-axes x,y,z --max-distance 1 --max-angle 70 --filter tent --source-colorspace srgb \
   --output-colorspace srgb --allow-external "${machine[@]}" --temp . --plan
 job transfer source.obj target.obj -o o.png --skip-existing --no-cache
+job transfer source.obj target.obj -o b.png --bake normal --normal-y down --output-normal-y down --size 8 --no-cache
 job transfer source.obj target.obj -o g.png --method gaussian --sigma 1 --densify --no-cache
 job transfer source.obj target.obj -o o.png --onto o.png --mask mask.pgm --no-cache
 sed 's/^usemtl/o thing\nusemtl/' source.obj >named.obj

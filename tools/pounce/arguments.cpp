@@ -70,9 +70,10 @@ double unit_bytes(const std::string& unit) {
 Channel parse_channel(const std::string& option, const std::string& name) {
   const std::optional<Channel> channel = channel_from_name(name);
   if (!channel) {
-    refuse(option, name,
-           "baseColor, metallicRoughness, occlusion or emissive; of splat scenes baseColor, "
-           "confidence or distance");
+    refuse(
+        option, name,
+        "baseColor, metallicRoughness, occlusion, emissive or normal; of splat scenes baseColor, "
+        "confidence or distance; of shapes normal, height or position");
   }
   return *channel;
 }
@@ -187,6 +188,12 @@ AxisBox parse_box(const std::string& option, const std::string& text) {
     rest = after;
   }
   return box;
+}
+
+NormalY parse_normal_y(const std::string& option, const std::string& text) {
+  const std::optional<NormalY> direction = normal_y_from_name(text);
+  if (!direction) refuse(option, text, "up or down");
+  return *direction;
 }
 
 Depth parse_depth(const std::string& option, const std::string& text) {

@@ -36,6 +36,7 @@ Filter parse_filter(const std::string& option, const std::string& text);
 SphericalHarmonics parse_harmonics(const std::string& option, const std::string& text);
 /// "x0,y0,z0,x1,y1,z1": six numbers, the lower end of each side first.
 AxisBox parse_box(const std::string& option, const std::string& text);
+NormalY parse_normal_y(const std::string& option, const std::string& text);
 Depth parse_depth(const std::string& option, const std::string& text);
 /// Channel names between commas, each at most once.
 std::vector<Channel> parse_channels(const std::string& option, const std::string& text);

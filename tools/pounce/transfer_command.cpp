@@ -125,14 +125,35 @@ void add_paint_options(CLI::App& command, TransferOptions& options) {
 void add_source_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Source";
   add_value(command, "--channels", "LIST", group,
-            "baseColor,metallicRoughness,occlusion,emissive, or all = what\n"
-            "the source has. Each costs one decoding and one image. Of a splat\n"
+            "baseColor,metallicRoughness,occlusion,emissive,normal, or all =\n"
+            "what the source has. Each costs one decoding and one image. A\n"
+            "normal map goes from the source's tangent space into the target's\n"
+            "(TANGENT where the file has it, else MikkTSpace). Of a splat\n"
             "scene baseColor, and on demand confidence (0 to 1) and distance\n"
             "(signed, of the surface found from the texel; .exr or .tif).\n"
             "Default: all if OUTPUT is a model or holds <CHANNEL>, else baseColor",
             [&options](const std::string& text) {
               options.all_channels = text == "all";
               if (!options.all_channels) options.channels = parse_channels("--channels", text);
+            });
+  add_value(
+      command, "--bake", "LIST", group,
+      "Made of the source's shape: normal (its smooth normals and its own\n"
+      "normal map, in the target's tangent space), height (signed, from\n"
+      "the target along its normal) and position (both .exr or .tif).\n"
+      "Besides --channels; alone if OUTPUT is one image. Needs no textures;\n"
+      "without any, give --size",
+      [&options](const std::string& text) { options.baked = parse_channels("--bake", text); });
+  add_value(command, "--normal-y", "up|down", group,
+            "Which way green rises in the source's normal maps: up in the image\n"
+            "(glTF, OpenGL) or down (DirectX). Default: up",
+            [&options](const std::string& text) {
+              options.source_normal_y = parse_normal_y("--normal-y", text);
+            });
+  add_value(command, "--output-normal-y", "up|down", group,
+            "The same of the normal map that is made. Default: up",
+            [&options](const std::string& text) {
+              options.output_normal_y = parse_normal_y("--output-normal-y", text);
             });
   command
       .add_option_function<std::vector<std::string>>(

@@ -83,8 +83,9 @@ void check_largest(JobContext& job, const store::GeometryStore& store) {
 
 source::SourceBlock decoded_source(const store::GeometryStore& store,
                                    const store::BlockEntry& entry,
-                                   const store::GeometryBlock& block) {
-  source::SourceBlock made = source::make_source_block(block, store.directory().pages[entry.page]);
+                                   const store::GeometryBlock& block, bool with_tangents) {
+  source::SourceBlock made =
+      source::make_source_block(block, store.directory().pages[entry.page], with_tangents);
   if (made.patches.size() != entry.patches)
     store.damaged("a block decodes to another number of patches than its index says");
   return made;

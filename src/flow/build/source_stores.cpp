@@ -72,8 +72,8 @@ void SourceStores::build_geometry(double end) {
     bool cached = false;
     auto opened = geometry_store(job_, pass.source, &cached);
     all_cached_ = all_cached_ && cached;
-    geometry_.push_back(
-        std::make_unique<SurfaceCache>(job_.budget, SurfaceReader{{&job_, std::move(opened)}}));
+    geometry_.push_back(std::make_unique<SurfaceCache>(
+        job_.budget, SurfaceReader{{&job_, std::move(opened)}, pass.has_shape}));
     const store::GeometryStore& store = geometry_.back()->store();
     const store::GeometryDirectory& directory = store.directory();
     job_.report.source_gaussians = std::max(job_.report.source_gaussians, directory.texels);
@@ -199,6 +199,14 @@ std::unique_ptr<Projection> SourceStores::gaussian_projector(const store::Geomet
   return project_gaussians(job_, request);
 }
 
+std::optional<ShapeOutput> SourceStores::shape_of(const ChannelPlan& channel) const {
+  if (!channel.has_shape()) return std::nullopt;
+  ShapeOutput shape{
+      channel.channel, channel.baked, options_.source_normal_y, options_.output_normal_y, {}};
+  for (const PageTexture& page : channel.pages) shape.scales.push_back(page.normal_scale);
+  return shape;
+}
+
 std::unique_ptr<Projection> SourceStores::mesh_projector(std::size_t pass,
                                                          const store::GeometryStore& target,
                                                          const TargetPlan& target_plan) const {
@@ -212,7 +220,7 @@ std::unique_ptr<Projection> SourceStores::mesh_projector(std::size_t pass,
   request.smallest_edge = target_plan.smallest_edge;
   for (const std::size_t c : plan_.passes[pass].channels) {
     const ChannelPlan& channel = plan_.channels[c];
-    request.channels.push_back({channel.format, columns_.pages_of(channel)});
+    request.channels.push_back({channel.format, columns_.pages_of(channel), shape_of(channel)});
   }
   return project_mesh(job_, std::move(request));
 }

@@ -59,6 +59,7 @@ class SourceStores {
                                               const projection::SplatFit& fit) const;
   std::unique_ptr<Projection> gaussian_projector(const store::GeometryStore& target,
                                                  const TargetPlan& target_plan) const;
+  std::optional<ShapeOutput> shape_of(const ChannelPlan& channel) const;
   float min_cosine() const;
 
   JobContext& job_;

@@ -39,6 +39,7 @@ void check_method(const TransferOptions& o) {
   const bool only_colour = std::all_of(o.channels.begin(), o.channels.end(), [](Channel channel) {
     return channel == Channel::base_color;
   });
+  if (!o.baked.empty()) usage("--bake is of the surface itself: it needs --method surface");
   if (o.all_channels || !only_colour) {
     usage(
         "--method gaussian transfers baseColor alone; ask for that, or use --method surface for "
@@ -89,6 +90,37 @@ void check_evidence(const TransferOptions& o) {
   }
 }
 
+/// What is made of the source's shape.
+void check_baked(const TransferOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  for (const SourceTexture& texture : o.source_textures) {
+    if (!is_shape(texture.channel)) continue;
+    usage(
+        fmt::format("--source-texture: {} is no channel of a material; it is made of the shape, "
+                    "by --bake {}",
+                    channel_name(texture.channel), channel_name(texture.channel)));
+  }
+  for (const Channel channel : o.channels) {
+    if (!is_shape(channel)) continue;
+    usage(fmt::format("--channels {}: it is made of the shape, by --bake {}", channel_name(channel),
+                      channel_name(channel)));
+  }
+  for (const Channel channel : o.baked) {
+    if (channel != Channel::normal && !is_shape(channel))
+      usage(fmt::format("--bake {}: it takes normal, height and position", channel_name(channel)));
+    if (is_shape(channel) && io::is_model_path(o.output)) {
+      usage(
+          fmt::format("--bake {}: {} is a model, whose materials have no such texture; write "
+                      "images, such as '<CHANNEL>.exr'",
+                      channel_name(channel), o.output));
+    }
+  }
+  if (o.output_normal_y == NormalY::down && io::is_model_path(o.output)) {
+    usage(fmt::format("--output-normal-y down: {} is a glTF model, whose normal maps have y up",
+                      o.output));
+  }
+}
+
 }  // namespace
 
 void check_options(const TransferOptions& o) {
@@ -134,6 +166,7 @@ void check_options(const TransferOptions& o) {
   check_splat_options(o);
   check_evidence(o);
   check_colour_spaces(o);
+  check_baked(o);
   if (o.all_channels && !o.channels.empty()) usage("--channels takes either a list or all");
   if (o.size && (o.size->width == 0 || o.size->height == 0)) usage("--size must be at least 1");
   if (o.padding_px && *o.padding_px > texture::SeamPadder::kLargestRadius)

@@ -96,4 +96,24 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Chann
     throw Error(ErrorKind::usage, why);
 }
 
+void check_numbers(const TransferOptions& options, const ChannelPlan& plan,
+                   const std::string& option) {
+  const char* const name = channel_name(plan.channel);
+  const std::uint32_t samples = plan.channel == Channel::position ? 3 : 1;
+  if (plan.format.channels != samples) {
+    throw Error(
+        ErrorKind::usage,
+        fmt::format("{} {}: --onto {} holds {} samples per texel, this is {}; put <CHANNEL> "
+                    "into --onto, or leave {} to a run of its own",
+                    option, name, options.onto, plan.format.channels, samples, name));
+  }
+  const bool is_float = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
+  if (plan.channel == Channel::confidence || is_float) return;
+  throw Error(ErrorKind::usage,
+              fmt::format("{} {}: signed lengths need half or float samples, {} would hold {}; "
+                          "write .exr or .tif{}",
+                          option, name, options.output, depth_name(plan.format.depth),
+                          options.depth ? " and leave out --depth" : ""));
+}
+
 }  // namespace pounce::flow

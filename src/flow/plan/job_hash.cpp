@@ -147,6 +147,11 @@ std::string JobHash::of_image(const std::vector<std::string>& source, const Plan
   begin(hash);
   add_files(source, hash);
   add_source_images(plan, plan.channels[channel], hash);
+  for (const PassPlan& pass : plan.passes) {  // whose stores have the triangles as they are
+    const bool is_of =
+        std::find(pass.channels.begin(), pass.channels.end(), channel) != pass.channels.end();
+    if (is_of && pass.has_shape) hash.add(std::string_view("shape"));
+  }
   add_files(target, hash);
   add_page(target_plan.pages[page], target_plan.by_tile, hash);
   add_output(plan.channels[channel], target_plan.images[channel][page], hash);

@@ -16,7 +16,7 @@ std::set<std::uint32_t> used_materials(const mesh::Mesh& source) {
   return {source.triangle_material.begin(), source.triangle_material.end()};
 }
 
-/// "normalTexture (3 materials), map_Ks (1)".
+/// "map_Ks (3 materials), normal (1)".
 std::string counted(const std::map<std::string, std::size_t>& counts) {
   std::string text;
   for (const auto& [name, count] : counts) {
@@ -36,9 +36,13 @@ bool has_factor(const mesh::Material& material, Channel channel) {
       return f[1] != 1 || f[2] != 1;
     case Channel::occlusion:
       return material.occlusion_strength != 1;
+    case Channel::normal:  // a scale counts in the vectors themselves
+      return false;
     case Channel::emissive:
     case Channel::confidence:  // no material has these
     case Channel::distance:
+    case Channel::height:
+    case Channel::position:
       break;
   }
   return f[0] != 1 || f[1] != 1 || f[2] != 1 || material.emissive_strength != 1;
@@ -52,8 +56,11 @@ std::vector<std::string> left_behind(const Plan& plan, const mesh::Mesh& source,
     const mesh::Material& material = source.materials[m];
     std::set<std::string> slots;
     for (const mesh::OtherTexture& other : material.other_textures) slots.insert(other.slot);
+    if (material.textures[static_cast<std::size_t>(Channel::normal)] && !plan.makes_normals())
+      slots.insert(channel_name(Channel::normal));
     for (const std::string& slot : slots) ++textures[slot];
     for (const ChannelPlan& channel : plan.channels) {
+      if (is_shape(channel.channel)) continue;
       const PageTexture& page = channel.pages[m];
       const bool is_textured = page.column >= 0 || page.tile_set >= 0;
       const bool own = material.textures[static_cast<std::size_t>(channel.channel)].has_value();

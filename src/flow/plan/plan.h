@@ -30,6 +30,7 @@ struct PageTexture {
   int tile_set = -1;  ///< index into Plan::tile_sets
   texture::TexelValue constant;
   std::optional<texture::ColourInput> input;  ///< for the texels of the column
+  float normal_scale = 1;                     ///< of a normal map's x and y
 };
 
 /// One channel of the job: its images on the source side, its format on the output side.
@@ -44,6 +45,9 @@ struct ChannelPlan {
   std::optional<Chromaticities> chromaticities;  ///< the same, where its file is to say it
   /// By source page: the materials, then the same again for triangles without UVs.
   std::vector<PageTexture> pages;
+  bool baked = false;  ///< TransferOptions::baked
+  /// Is it of the surface itself: a normal map, or baked?
+  bool has_shape() const { return channel == Channel::normal || baked; }
 };
 
 /// An image that some channel needs, with the wrap modes it is sampled with.
@@ -62,6 +66,12 @@ struct TileSetPlan {
   std::map<mesh::UvTile, texture::ColourInput> inputs;  ///< of the tiles that need one
 };
 
+/// The UVs, by material, along which a mesh's tangents run, and whose own tangents are along those.
+struct TangentPlan {
+  std::vector<std::uint32_t> uv_sets;
+  std::vector<bool> keeps_own;
+};
+
 /// Channels that share their sampling groups (the same lattice for every source page) and their
 /// output size: one search serves them all.
 struct PassPlan {
@@ -69,6 +79,7 @@ struct PassPlan {
   SourceShape shape;                  ///< of that
   ImageSize size;                     ///< of the outputs
   std::vector<std::size_t> channels;  ///< into Plan::channels
+  bool has_shape = false;             ///< has one of them?
 };
 
 /// The source's side of a job: the same for all its targets.
@@ -86,7 +97,10 @@ struct Plan {
   std::vector<ColumnPlan> columns;
   std::vector<TileSetPlan> tile_sets;
   std::vector<PassPlan> passes;
+  std::optional<TangentPlan> tangents;  ///< of the source: where it has normal maps
   std::vector<std::string> warnings, notes;
+
+  bool makes_normals() const;  ///< is there a normal map among the outputs?
 };
 
 /// One target's side.
@@ -149,6 +163,14 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Chann
 /// missing UVs or folders, names that clash. The requests refer to `target`.
 TargetPlan plan_target(const TransferOptions& options, const Plan& plan, const std::string& path,
                        const mesh::Mesh& target);
+
+/// How a target's normal map sees its tangents.
+TangentPlan target_tangents(const TransferOptions& options, const mesh::Mesh& target);
+
+/// Throws Error(usage) where numbers, such as lengths, do not fit what they are to be written as:
+/// so many samples of a float format. `option` is the one that asks for them.
+void check_numbers(const TransferOptions& options, const ChannelPlan& plan,
+                   const std::string& option);
 
 /// Throws Error(usage) if two images of these plans have one name, or one of them is an input:
 /// these, the meshes or the source's images.

@@ -70,6 +70,7 @@ class SourceTextures {
   }
 
   std::optional<mesh::TextureBinding> binding(std::size_t material, Channel channel) const {
+    if (is_shape(channel)) return std::nullopt;
     const auto c = static_cast<std::size_t>(channel);
     std::optional<mesh::TextureBinding> found = mesh_.materials[material].textures[c];
     if (override_[c] >= 0) {
@@ -85,7 +86,7 @@ class SourceTextures {
   const mesh::Mesh& mesh_;
   std::vector<mesh::ImageRef> images_;
   std::optional<std::uint32_t> uv_set_;  ///< instead of what the materials say
-  std::array<int, kChannelCount> override_{-1, -1, -1, -1};
+  std::array<int, kChannelCount> override_{-1, -1, -1, -1, -1};
 };
 
 class SourcePlanner {
@@ -94,7 +95,9 @@ class SourcePlanner {
       : options_(options),
         source_(source),
         textures_(options, source),
-        used_(used_materials(source)) {}
+        used_(used_materials(source)) {
+    for (const Channel channel : options.baked) is_baked_[static_cast<std::size_t>(channel)] = true;
+  }
 
   Plan make() {
     plan_.filter = options_.filter.value_or(kDefaultFilter);
@@ -110,17 +113,50 @@ class SourcePlanner {
                       "the model again",
                       source_.path, source_.triangles.size()));
     }
-    for (const Channel channel : chosen_channels()) {
+    const std::vector<Channel> chosen = chosen_channels();
+    for (const Channel channel : chosen) {
       if (is_asked_for(channel)) {
         add_channel(channel);
       } else {
         try_channel(channel);
       }
     }
+    for (PassPlan& pass : plan_.passes) {
+      // Each texel is a Gaussian; or the shape is what is transferred.
+      pass.source.exact = plan_.as_gaussians || pass.has_shape;
+      pass.shape = source_shape(pass.source);
+    }
+    plan_tangents();
+    warn_of_directions();
     return std::move(plan_);
   }
 
  private:
+  bool is_baked(Channel channel) const { return is_baked_[static_cast<std::size_t>(channel)]; }
+
+  /// Tangents matter where a material's normal map is read.
+  void plan_tangents() {
+    for (const ChannelPlan& channel : plan_.channels) {
+      if (channel.channel != Channel::normal || images_of(channel).empty()) continue;
+      TangentPlan& tangents = plan_.tangents.emplace();
+      for (std::size_t m = 0; m < source_.materials.size(); ++m) {
+        const auto binding = textures_.binding(m, Channel::normal);
+        tangents.uv_sets.push_back(binding ? binding->uv_set : 0);
+        // What the file's tangents follow is the set that its normal map says.
+        const bool own = options_.source_use.uv_set.value_or(0) == 0;
+        tangents.keeps_own.push_back(own);
+      }
+    }
+  }
+
+  void warn_of_directions() {
+    if (plan_.makes_normals()) return;
+    const bool source = options_.source_normal_y != NormalY::up;
+    if (!source && options_.output_normal_y == NormalY::up) return;
+    plan_.warnings.push_back(
+        fmt::format("{}: no normal map is made", source ? "--normal-y" : "--output-normal-y"));
+  }
+
   bool source_has(Channel channel) const {
     for (std::size_t m = 0; m < used_.size(); ++m) {
       if (used_[m] && textures_.binding(m, channel)) return true;
@@ -137,7 +173,7 @@ class SourcePlanner {
   /// By name, or by an image of its own. Nobody leaves out the colour without saying so.
   bool is_asked_for(Channel channel) const {
     const auto& given = options_.source_textures;
-    return !takes_all() || channel == Channel::base_color ||
+    return !takes_all() || channel == Channel::base_color || is_baked(channel) ||
            std::any_of(given.begin(), given.end(),
                        [&](const SourceTexture& texture) { return texture.channel == channel; });
   }
@@ -169,13 +205,14 @@ class SourcePlanner {
     const std::size_t c = plan_.channels.size();
     const auto same =
         std::find_if(plan_.passes.begin(), plan_.passes.end(), [&](const PassPlan& pass) {
-          return pass.size == plan.size && pass.source.pages == source.pages;
+          return pass.size == plan.size &&
+                 (images_of(plan).empty() || pass.source.pages == source.pages);
         });
     if (same != plan_.passes.end()) {
       same->channels.push_back(c);
+      same->has_shape = same->has_shape || plan.has_shape();
     } else {
-      const SourceShape shape = source_shape(source);
-      plan_.passes.push_back({std::move(source), shape, plan.size, {c}});
+      plan_.passes.push_back({std::move(source), {}, plan.size, {c}, plan.has_shape()});
     }
     plan_.channels.push_back(std::move(plan));
   }
@@ -204,7 +241,7 @@ class SourcePlanner {
     const bool all = takes_all() && options_.method == Method::surface;
     if (takes_all() && !all) warn_of_one_channel();
     std::vector<Channel> chosen = options_.channels;
-    if (!all && chosen.empty()) chosen = {Channel::base_color};
+    if (!all && chosen.empty() && options_.baked.empty()) chosen = {Channel::base_color};
     if (all) {
       for (int c = 0; c < kChannelCount; ++c) {
         if (source_has(static_cast<Channel>(c))) chosen.push_back(static_cast<Channel>(c));
@@ -215,7 +252,7 @@ class SourcePlanner {
       if (std::find(distinct.begin(), distinct.end(), c) == distinct.end()) distinct.push_back(c);
     }
     for (const Channel c : distinct) {
-      if (!source_has(c)) {
+      if (!source_has(c) && !is_baked(c)) {
         throw Error(
             ErrorKind::input,
             fmt::format("{}: no material has {} {} texture{}; give one with --source-texture "
@@ -223,6 +260,9 @@ class SourcePlanner {
                         source_.path, article(c), channel_name(c), missing_files(),
                         channel_name(c)));
       }
+    }
+    for (const Channel c : options_.baked) {  // last: images of others may give their size
+      if (std::find(distinct.begin(), distinct.end(), c) == distinct.end()) distinct.push_back(c);
     }
     if (distinct.empty()) {
       throw Error(ErrorKind::input,
@@ -333,6 +373,8 @@ class SourcePlanner {
   /// A primitive without this texture still hides what is behind it: its factor, as the image would
   /// hold it.
   texture::TexelValue constant(std::size_t material, Channel channel) const {
+    if (channel == Channel::normal) return {{0.5, 0.5, 1}, 3, false, false, false};
+    if (is_shape(channel)) return {};
     const auto& f = source_.materials[material].factors[static_cast<std::size_t>(channel)];
     return {{f[0], f[1], f[2], f[3]}, 4, is_colour(channel), true, false};
   }
@@ -353,6 +395,8 @@ class SourcePlanner {
       page.column = column_for(image, binding->wrap_u, binding->wrap_v,
                                !(is_own && io::is_gltf(source_.path)));
     }
+    if (channel == Channel::normal)
+      page.normal_scale = source_.materials[material].factors[static_cast<std::size_t>(channel)][0];
     return page;
   }
 
@@ -374,15 +418,55 @@ class SourcePlanner {
   ChannelPlan plan_channel(Channel channel) {
     ChannelPlan plan;
     plan.channel = channel;
+    plan.baked = is_baked(channel);
     int tile_set = -1;
     for (std::size_t m = 0; m < source_.materials.size(); ++m)
       plan.pages.push_back(page_texture(m, channel, tile_set));
-    const SourceLook look = look_of(channel, images_of(plan));
+    const std::vector<const ColumnPlan*> images = images_of(plan);
+    SourceLook look = look_of(channel, images);
+    if (channel == Channel::normal) take_vectors(images, look);
+    if (is_shape(channel)) {
+      look.colours = channel == Channel::position ? 3 : 1;
+      look.depth = Depth::float32;
+    }
+    if (images.empty()) look.size = size_without_images();
     choose_output(options_, look, plan, plan_.warnings, plan_.notes);
+    if (is_shape(channel)) check_numbers(options_, plan, "--bake");
     for (PageTexture& page : plan.pages) give_space(plan, page);
     for (std::size_t m = 0; m < source_.materials.size(); ++m)  // triangles without UVs
       plan.pages.push_back({-1, -1, plan.pages[m].constant, {}});
     return plan;
+  }
+
+  /// A normal map has three numbers, whatever its image has besides.
+  static void take_vectors(const std::vector<const ColumnPlan*>& images, SourceLook& look) {
+    look.colours = 3;
+    look.names.resize(std::min<std::size_t>(look.names.size(), 3));
+    for (const ColumnPlan* image : images) {
+      const std::uint32_t samples = image->info.channels - (image->info.has_alpha ? 1U : 0U);
+      if (samples >= 3) continue;
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: has {} channel{}, a normal map has three; heights are none: "
+                              "bake them into one",
+                              image->image.label, samples, samples == 1 ? "" : "s"));
+    }
+  }
+
+  /// Of what is baked of the shape alone: as large as the largest of the others.
+  ImageSize size_without_images() const {
+    ImageSize largest;
+    for (const ChannelPlan& channel : plan_.channels) {
+      if (std::uint64_t{channel.size.width} * channel.size.height >
+          std::uint64_t{largest.width} * largest.height)
+        largest = channel.size;
+    }
+    if (largest.width == 0 && !options_.size && options_.onto.empty()) {
+      throw Error(ErrorKind::usage,
+                  fmt::format("--bake: {} has no texture whose size the images could take; give "
+                              "--size",
+                              source_.path));
+    }
+    return largest;
   }
 
   /// What a page's samples mean, and its constant, which is a factor of the material: linear light
@@ -471,7 +555,6 @@ class SourcePlanner {
   GeometryRequest source_request(const ChannelPlan& channel) {
     GeometryRequest request;
     request.mesh = &source_;
-    request.exact = plan_.as_gaussians;  // each of its texels is one
     for (std::size_t m = 0; m < source_.materials.size(); ++m) {
       mesh::Lattice lattice;
       const PageTexture& page = channel.pages[m];
@@ -511,7 +594,9 @@ class SourcePlanner {
       page += static_cast<std::uint32_t>(source_.materials.size());
       ++without;
     }
-    if (with == 0) {
+    const bool needs_uvs = std::any_of(request.pages.begin(), request.pages.end(),
+                                       [](const mesh::Lattice& page) { return page.width != 0; });
+    if (with == 0 && needs_uvs) {
       throw Error(ErrorKind::input,
                   fmt::format("{}: has no UVs for its {} texture; unwrap the source first",
                               source_.path, channel_name(channel)));
@@ -529,11 +614,28 @@ class SourcePlanner {
   const std::shared_ptr<MeshHashes> hashes_ = std::make_shared<MeshHashes>(source_);
   SourceTextures textures_;
   std::vector<bool> used_;
+  std::array<bool, kChannelCount + kEvidenceCount + kShapeCount> is_baked_{};
   Channel last_channel_ = Channel::base_color;  ///< of those that are chosen
   Plan plan_;
 };
 
 }  // namespace
+
+bool Plan::makes_normals() const {
+  return std::any_of(channels.begin(), channels.end(),
+                     [](const ChannelPlan& channel) { return channel.channel == Channel::normal; });
+}
+
+TangentPlan target_tangents(const TransferOptions& options, const mesh::Mesh& target) {
+  const std::uint32_t uv_set = options.target_use.uv_set.value_or(0);
+  TangentPlan plan;
+  for (const mesh::Material& material : target.materials) {
+    const auto& own = material.textures[static_cast<std::size_t>(Channel::normal)];
+    plan.uv_sets.push_back(uv_set);
+    plan.keeps_own.push_back((own ? own->uv_set : 0) == uv_set);
+  }
+  return plan;
+}
 
 Plan plan_source(const TransferOptions& options, const mesh::Mesh& source) {
   return SourcePlanner(options, source).make();

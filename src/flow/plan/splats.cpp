@@ -61,25 +61,6 @@ SourceLook look_of(Channel channel, const SceneFacts& scene) {
   return look;
 }
 
-/// Throws Error(usage) where evidence does not fit what it is to be written as.
-void check_evidence(const TransferOptions& options, const ChannelPlan& plan) {
-  if (!is_evidence(plan.channel)) return;
-  const char* const name = channel_name(plan.channel);
-  if (plan.format.channels > 1) {
-    throw Error(ErrorKind::usage,
-                fmt::format("--channels {}: --onto {} holds colours, this is one number per "
-                            "texel; put <CHANNEL> into --onto, or leave {} to a run of its own",
-                            name, options.onto, name));
-  }
-  const bool is_float = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
-  if (plan.channel != Channel::distance || is_float) return;
-  throw Error(ErrorKind::usage,
-              fmt::format("--channels {}: signed lengths need half or float samples, {} would "
-                          "hold {}; write .exr or .tif{}",
-                          name, options.output, depth_name(plan.format.depth),
-                          options.depth ? " and leave out --depth" : ""));
-}
-
 /// Channels whose images have one size share a pass.
 void add_channel(const TransferOptions& options, Channel channel, Plan& plan) {
   ChannelPlan& added = plan.channels.emplace_back();
@@ -87,7 +68,7 @@ void add_channel(const TransferOptions& options, Channel channel, Plan& plan) {
   SourceLook look = look_of(channel, plan.scene);
   look.alpha = options.alpha && channel == Channel::base_color;
   choose_output(options, look, added, plan.warnings, plan.notes);
-  check_evidence(options, added);
+  if (is_evidence(channel)) check_numbers(options, added, "--channels");
   if (look.alpha && !added.format.has_alpha) {
     throw Error(ErrorKind::usage,
                 fmt::format("--alpha: {} has no alpha to paint over; paint onto an image with "
@@ -98,7 +79,7 @@ void add_channel(const TransferOptions& options, Channel channel, Plan& plan) {
   for (PassPlan& pass : plan.passes) {
     if (pass.size == added.size) return pass.channels.push_back(c);
   }
-  plan.passes.push_back({{}, {}, added.size, {c}});
+  plan.passes.push_back({{}, {}, added.size, {c}, false});
 }
 
 }  // namespace
@@ -167,6 +148,16 @@ Plan plan_splats(const TransferOptions& options, const std::function<void()>& po
                 fmt::format("--source-colorspace: {} is a splat scene, whose file says what its "
                             "colours are",
                             options.source));
+  }
+  const char* const of_meshes = !options.baked.empty()                   ? "--bake"
+                                : options.source_normal_y != NormalY::up ? "--normal-y"
+                                : options.output_normal_y != NormalY::up ? "--output-normal-y"
+                                                                         : nullptr;
+  if (of_meshes != nullptr) {
+    throw Error(ErrorKind::usage,
+                fmt::format("{}: {} is a splat scene, which has neither a mesh's shape nor normal "
+                            "maps",
+                            of_meshes, options.source));
   }
   if (options.sigma_texels || options.densify) {
     throw Error(

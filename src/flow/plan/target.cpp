@@ -105,6 +105,7 @@ class TargetPlanner {
     request.mesh = &target_;
     request.hashes = hashes;
     request.is_target = true;
+    request.exact = pass.has_shape;  // tangents are the triangles'
     request.pages.push_back(
         {pass.size.width, pass.size.height, options_.target_use.uv_set.value_or(0), {}});
     request.triangles = pages.triangles;
@@ -295,7 +296,7 @@ LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const 
             ? project_gaussians_least_bytes(result_texel)
             : project_least_bytes(pass.shape.most_triangles, pass.shape.most_patches,
                                   pass.shape.most_triangles * 160 + (1 << 16), result_texel,
-                                  colour_tile);
+                                  colour_tile, pass.has_shape);
     need(contexts + indices + (2ULL << 20) + projecting, "projecting one block of the target");
     for (const std::size_t c : pass.channels) {
       for (const ImageOutput& image : target_plan.images[c]) {

@@ -19,6 +19,7 @@
 #include "flow/plan/left_behind.h"
 #include "flow/plan/output_names.h"
 #include "io/read_mesh.h"
+#include "mesh/tangent_space.h"
 
 namespace pounce::flow {
 namespace {
@@ -93,6 +94,10 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
     source_files_ = source_.files;
     check_order();
     source_plan_ = plan_source(options_, source_);
+    if (source_plan_.tangents) {
+      need(source_.size_bytes() + mesh::tangents_bytes(source_), "the tangents of " + source_.path);
+      add_tangents(*source_plan_.tangents, source_);
+    }
     if (source_plan_.as_gaussians) {
       job_.report.sigma_texels = source_plan_.sigma_texels;
       job_.report.densify = source_plan_.densify;
@@ -113,6 +118,11 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
 void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
   target_.mesh = {};  // the one before, whose memory this one takes
   target_.mesh = read(path, source_.size_bytes(), true);
+  if (source_plan_.makes_normals()) {
+    need(source_.size_bytes() + target_.mesh.size_bytes() + mesh::tangents_bytes(target_.mesh),
+         "the tangents of " + path);
+    add_tangents(target_tangents(options_, target_.mesh), target_.mesh);
+  }
   plan_one(path);
   const TargetPlan& plan = target_.plan;
   disk.add_target(source_plan_, plan, target_.mesh, target_.model.has_value());
@@ -152,7 +162,10 @@ void TransferPlan::need_target(const std::string& path) {
                        ? 64 << 10
                        : geometry_directory_bytes(pass.source, job_.tile_cap_bytes);
   }
-  need(contexts() + directories + reading_bytes(path), "reading " + path);
+  const std::uint64_t tangents =
+      source_plan_.makes_normals() ? target_.mesh.size_bytes() + mesh::tangents_bytes(target_.mesh)
+                                   : 0;
+  need(contexts() + directories + std::max(reading_bytes(path), tangents), "reading " + path);
 }
 
 void TransferPlan::drop_source_mesh() {
@@ -169,6 +182,12 @@ PlannedTarget& TransferPlan::target(std::size_t t) {
       const runtime::Lease reading(job_.budget, reading_bytes(path), "reading " + path);
       target_.mesh = load(path, true);
     }
+    if (source_plan_.makes_normals()) {
+      const runtime::Lease tangents(job_.budget,
+                                    target_.mesh.size_bytes() + mesh::tangents_bytes(target_.mesh),
+                                    "the tangents of " + path);
+      add_tangents(target_tangents(options_, target_.mesh), target_.mesh);
+    }
     target_.mesh_lease =
         runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
     plan_one(options_.targets[t]);
@@ -179,11 +198,18 @@ PlannedTarget& TransferPlan::target(std::size_t t) {
 
 /// What shows that source and target are in the wrong order is said before what is missing.
 void TransferPlan::check_order() {
-  if (!options_.source_textures.empty() || has_textures(source_)) return;
+  const bool needs_none = !options_.source_textures.empty() || !options_.baked.empty();
+  if (needs_none || has_textures(source_)) return;
   for (const std::string& path : options_.targets) {
     require_reading(job_, source_.size_bytes() + reading_bytes(path), path);
     refuse_swapped(source_, load(path, true));
   }
+}
+
+/// What follows sees the mesh as if the file had these tangents.
+void TransferPlan::add_tangents(const TangentPlan& tangents, mesh::Mesh& mesh) {
+  require_reading(job_, mesh.size_bytes() + mesh::tangents_bytes(mesh), mesh.path);
+  mesh::set_tangents(mesh, tangents.uv_sets, tangents.keeps_own);
 }
 
 void TransferPlan::plan_one(const std::string& path) {

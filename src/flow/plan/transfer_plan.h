@@ -57,6 +57,7 @@ class TransferPlan {
   void check_order();
   void plan_one(const std::string& path);
   void name_jobs();
+  void add_tangents(const TangentPlan& tangents, mesh::Mesh& mesh);
   void keep_what_is_there();
   bool keeps_model(FileTime inputs);
   void warn_of_kept();

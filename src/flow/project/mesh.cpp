@@ -6,7 +6,8 @@
 //          the piece's swept boxes are read
 //   bin:   a grid over the patches of the batch
 //   hit:   the hit kernels; with a height's last batch, what nothing farther can improve is closed
-//   blend: each winner's texel in its image, in the winner's frame
+//   blend: each winner's texel in its image, in the winner's frame; of a channel that is of the
+//          surface itself, where the winner was met
 //
 // A piece that meets more source than its batch holds goes through it batch by batch: the best hit
 // of a texel is a minimum, so batches may be cut anywhere. What the leases leave keeps decoded
@@ -21,6 +22,7 @@
 #include "flow/build/find_store.h"
 #include "flow/project/block_walk.h"
 #include "flow/project/page_projector.h"
+#include "target/texel_frames.h"
 
 namespace pounce::flow {
 namespace {
@@ -31,14 +33,18 @@ constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, candidate li
 
 /// What one source block costs a batch: itself decoded, what it is decoded from, and its share of
 /// the grid.
-std::uint64_t batch_cost(std::uint64_t triangles, std::uint64_t patches) {
-  return source::SourceBlock::decoded_bytes(triangles, patches) + patches * 128;
+std::uint64_t batch_cost(std::uint64_t triangles, std::uint64_t patches, bool with_shape) {
+  return source::SourceBlock::decoded_bytes(triangles, patches, with_shape) + patches * 128;
 }
 
 std::uint64_t block_state_bytes(std::uint32_t texels, std::uint32_t triangles,
-                                std::uint64_t result_texel_bytes) {
+                                std::uint64_t result_texel_bytes, bool with_shape) {
   const std::uint64_t packets = target::TargetBlock::most_packets(texels);
-  return packets * (sizeof(target::TexelPacket) + sizeof(projection::HitPacket) +
+  const std::uint64_t shape = with_shape ? projection::SurfacePoints::most_bytes(packets) +
+                                               target::TexelFrames::bytes(triangles)
+                                         : 0;
+  return shape +
+         packets * (sizeof(target::TexelPacket) + sizeof(projection::HitPacket) +
                     sizeof(RayBundle) + 16) +
          2 * kTexelsPerBlock + std::uint64_t{triangles} * 268 +
          target::TargetBlock::record_bytes(triangles == 0 ? texels : 0) +
@@ -67,6 +73,7 @@ class SurfaceMethod {
     std::optional<BlockWalk<SurfaceCache>> walk;  ///< over the blocks of this height
     std::vector<std::shared_ptr<const source::SourceBlock>> batch;
     std::optional<grid::PatchGrid> grid;  ///< over the batch
+    projection::SurfacePoints points;     ///< of channels that need them
   };
 
   SurfaceMethod(JobContext& job, MeshProjection request)
@@ -75,8 +82,10 @@ class SurfaceMethod {
         heights_(projection::search_heights(std::min(
             request_.limits.max_distance, farthest(request_.source->store().directory().box,
                                                    request_.target->directory().box)))) {
-    for (const ChannelOutput& channel : request_.channels)
+    for (const ChannelOutput& channel : request_.channels) {
       result_texel_bytes_ += channel.format.texel_bytes();
+      with_shape_ = with_shape_ || channel.shape;
+    }
   }
 
   std::size_t channels() const { return request_.channels.size(); }
@@ -91,18 +100,19 @@ class SurfaceMethod {
 
   std::uint64_t least_batch_bytes() const {
     const store::GeometryDirectory& d = request_.source->store().directory();
-    return batch_cost(d.most_triangles, d.most_patches) + grid::PatchGrid::most_bytes(0) +
-           3 * std::uint64_t{d.largest_chunk_bytes};
+    return batch_cost(d.most_triangles, d.most_patches, with_shape_) +
+           grid::PatchGrid::most_bytes(0) + 3 * std::uint64_t{d.largest_chunk_bytes};
   }
 
   std::uint64_t state_bytes(const store::BlockEntry& entry) const {
-    return block_state_bytes(entry.texels, entry.triangles, result_texel_bytes_);
+    return block_state_bytes(entry.texels, entry.triangles, result_texel_bytes_, with_shape_);
   }
 
   void begin(Work& work) const {
     read_packets(*job_, *request_.target, request_.smallest_edge, target::TargetBlock::Start::inset,
                  work, work.state.packets, work.state.groups);
     projection::start(work.state);
+    if (with_shape_) work.points.start(work.state.packets.size());
     // Neighbouring pieces lie about as far from the source: start where the last one found it.
     const float expected = neighbours_->distance.load(std::memory_order_relaxed);
     while (work.height + 1 < heights_.size() && heights_[work.height] < expected) ++work.height;
@@ -133,6 +143,7 @@ class SurfaceMethod {
   void hit(Work& work) const {
     projection::search_batch(*work.grid, heights_[work.height], request_.limits, *request_.kernels,
                              work.state);
+    if (with_shape_) work.points.follow(work.state, work.batch);
     if (work.walk->done()) end_height(work);
   }
 
@@ -154,15 +165,15 @@ class SurfaceMethod {
   }
 
  private:
-  static std::uint64_t cost(const store::BlockEntry& entry) {
-    return batch_cost(entry.triangles, entry.patches);
-  }
-
-  static std::uint64_t take(Work& work) {
-    work.batch = work.walk->take(work.batch_bytes, cost);
+  std::uint64_t take(Work& work) const {
+    work.batch = work.walk->take(work.batch_bytes, [&](const store::BlockEntry& entry) {
+      return batch_cost(entry.triangles, entry.patches, with_shape_);
+    });
     std::uint64_t bytes = 0;
-    for (const auto& block : work.batch)
-      bytes += source::SourceBlock::decoded_bytes(block->facets.size(), block->patches.size());
+    for (const auto& block : work.batch) {
+      bytes += source::SourceBlock::decoded_bytes(block->facets.size(), block->patches.size(),
+                                                  with_shape_);
+    }
     return bytes;
   }
 
@@ -197,6 +208,50 @@ class SurfaceMethod {
     return true;
   }
 
+  /// What the pages of a channel give at a hit. Nothing: it met a UDIM tile without image.
+  std::optional<texture::TexelValue> page_value(const ChannelOutput& channel,
+                                                const projection::HitPacket& hit, int lane,
+                                                ColourWindow& window) const {
+    const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
+    if (page.column == nullptr && page.tile_set == nullptr) return page.constant;
+    const ColourPlace at =
+        window.find(page, {hit.base_x[lane], hit.base_y[lane], hit.frac_x[lane], hit.frac_y[lane]});
+    if (at.image == nullptr) return std::nullopt;
+    projection::Taps taps;
+    request_.blend(at.rest_x, at.rest_y, taps);
+    return blended(at, taps, false);
+  }
+
+  /// The same as store_colour() for a channel of the surface itself. `frames` are of
+  /// the texel's block, where it is a normal map.
+  bool store_shape(const ChannelOutput& channel, const Work& work, std::uint32_t p, int lane,
+                   const target::TexelFrames* frames, ColourWindow& window, std::byte* out,
+                   std::uint64_t& clipped) const {
+    const ShapeOutput& shape = *channel.shape;
+    const projection::SurfacePacket& surface = work.points[p];
+    if (!is_normal(shape)) {
+      clipped += texture::store_texel(channel.format, baked_value(shape, surface, lane), out);
+      return true;
+    }
+    const projection::HitPacket& hit = work.state.hits[p];
+    const auto map = page_value(channel, hit, lane, window);
+    if (!map) return false;
+    const TangentFrame target = frames->frame(work.state.packets[p].texel[lane]);
+    clipped += texture::store_texel(
+        channel.format,
+        transferred_normal(shape, hit.page[lane], *map, surface.frame(lane), target), out);
+    return true;
+  }
+
+  /// The frames of a block's texels, read again: only a normal map needs them.
+  struct BlockFrames {
+    store::GeometryBlock block;
+    target::TexelFrames frames;
+    BlockFrames(JobContext& job, const store::GeometryStore& target, const store::BlockEntry& entry)
+        : block(target.read_block(entry, job.compressor())),
+          frames(block, target.directory().pages[entry.page]) {}
+  };
+
   void blend_block(Work& work, std::size_t c, std::size_t b, std::uint32_t first,
                    std::uint32_t last) const {
     const ChannelOutput& channel = request_.channels[c];
@@ -205,13 +260,20 @@ class SurfaceMethod {
     result.texels.resize(kTexelsPerBlock * texel_bytes);
     ColourWindow window;
     std::uint64_t covered = 0;
+    std::optional<BlockFrames> own;
+    if (channel.shape && is_normal(*channel.shape))
+      own.emplace(*job_, *request_.target, work.blocks[b]);
     for (std::uint32_t p = first; p < last; ++p) {
       const projection::HitPacket& hit = work.state.hits[p];
       for (int lane = 0; lane < target::kLanes; ++lane) {
         const std::uint16_t texel = work.state.packets[p].texel[lane];
         if (texel == target::kNoTexel || hit.key[lane] == projection::kNoHit) continue;
         std::byte* const out = result.texels.data() + texel * texel_bytes;
-        if (!store_colour(channel, hit, lane, window, out, work.clipped[c])) continue;
+        const bool has_value =
+            channel.shape ? store_shape(channel, work, p, lane, own ? &own->frames : nullptr,
+                                        window, out, work.clipped[c])
+                          : store_colour(channel, hit, lane, window, out, work.clipped[c]);
+        if (!has_value) continue;
         result.cover(texel);
         ++covered;
       }
@@ -231,6 +293,7 @@ class SurfaceMethod {
   std::vector<float> heights_;
   std::shared_ptr<Neighbours> neighbours_ = std::make_shared<Neighbours>();
   std::uint64_t result_texel_bytes_ = 0;
+  bool with_shape_ = false;  ///< is some channel of the surface itself?
 };
 
 /// Says damaged, not too little memory, where the source lies about its largest blocks.
@@ -264,11 +327,13 @@ std::unique_ptr<Projection> project_mesh(JobContext& job, const MeshProjection& 
 
 std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t most_patches,
                                   std::uint32_t largest_chunk_bytes,
-                                  std::uint64_t result_texel_bytes,
-                                  std::uint64_t colour_tile_bytes) {
+                                  std::uint64_t result_texel_bytes, std::uint64_t colour_tile_bytes,
+                                  bool with_shape) {
   return kPieceScratch + colour_tile_bytes * (ColourWindow::kTiles + 2) +
-         batch_cost(most_triangles, most_patches) + 3 * std::uint64_t{largest_chunk_bytes} +
-         block_state_bytes(kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes);
+         batch_cost(most_triangles, most_patches, with_shape) +
+         3 * std::uint64_t{largest_chunk_bytes} +
+         block_state_bytes(kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes,
+                           with_shape);
 }
 
 }  // namespace pounce::flow

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "flow/project/page_colour.h"
 #include "flow/project/page_projector.h"
+#include "flow/project/shape_output.h"
 #include "projection/blend.h"
 #include "projection/search.h"
 #include "store/blocks/geometry_store.h"
@@ -15,11 +17,12 @@ namespace pounce::flow {
 /// One channel that a pass transfers.
 struct ChannelOutput {
   texture::TexelFormat format;
-  std::vector<PageColour> pages;  ///< by source page
+  std::vector<PageColour> pages;     ///< by source page
+  std::optional<ShapeOutput> shape;  ///< nothing: what the pages give is what is written
 };
 
 struct MeshProjection {
-  const SurfaceCache* source = nullptr;
+  const SurfaceCache* source = nullptr;  ///< with tangents, if some channel has a shape
   const store::GeometryStore* target = nullptr;
   std::vector<ChannelOutput> channels;
   projection::SearchLimits limits;
@@ -33,10 +36,10 @@ struct MeshProjection {
 std::unique_ptr<Projection> project_mesh(JobContext& job, const MeshProjection& request);
 
 /// The least that projecting needs at once: one target block, one source block at a time, its
-/// colours.
+/// colours. `with_shape`: some channel is of the surface itself.
 std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t most_patches,
                                   std::uint32_t largest_chunk_bytes,
-                                  std::uint64_t result_texel_bytes,
-                                  std::uint64_t colour_tile_bytes);
+                                  std::uint64_t result_texel_bytes, std::uint64_t colour_tile_bytes,
+                                  bool with_shape);
 
 }  // namespace pounce::flow

@@ -39,11 +39,14 @@ struct TileReader {
 
 /// Facets and patches of a mesh.
 struct SurfaceReader : TileReader<store::GeometryStore, store::BlockEntry, source::SourceBlock> {
+  bool with_tangents = false;
+
   Block read_block(const Entry& entry) const {
-    return decoded_source(*store, entry, store->read_block(entry, job->compressor()));
+    return decoded_source(*store, entry, store->read_block(entry, job->compressor()),
+                          with_tangents);
   }
-  static std::uint64_t block_bytes(const Entry& entry) {
-    return Block::decoded_bytes(entry.triangles, entry.patches);
+  std::uint64_t block_bytes(const Entry& entry) const {
+    return Block::decoded_bytes(entry.triangles, entry.patches, with_tangents);
   }
 };
 using SurfaceCache = runtime::BlockCache<SurfaceReader>;

@@ -77,6 +77,7 @@ std::vector<Factor> model_factors(const Plan& plan, const mesh::Mesh& source,
     for (std::size_t m = 0; m < source.materials.size(); ++m) {
       const PageTexture& page = channel.pages[m];
       if (page.column < 0 && page.tile_set < 0) continue;
+      if (channel.channel == Channel::normal) continue;  // its scale is in the vectors
       // An image given by the user says it all where the material has none.
       const mesh::Material& material = source.materials[m];
       const bool own = material.textures[static_cast<std::size_t>(channel.channel)].has_value();

@@ -174,9 +174,8 @@ void MaterialReader::bind(mesh::Material& material, Channel channel, const Info&
   material.textures[static_cast<std::size_t>(channel)] = binding;
 }
 
-/// Textures that no channel takes: the normal map, and those of extensions.
+/// Textures that no channel takes: those of extensions.
 void MaterialReader::note_others(mesh::Material& material, const tinygltf::Material& in) {
-  note_other(material, "normalTexture", in.normalTexture.index);
   for (const auto& [extension, value] : in.extensions) {
     if (!value.IsObject()) continue;
     for (const std::string& key : value.Keys()) {
@@ -217,6 +216,9 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   bind(out, Channel::metallic_roughness, pbr.metallicRoughnessTexture);
   bind(out, Channel::occlusion, in.occlusionTexture);
   bind(out, Channel::emissive, in.emissiveTexture);
+  bind(out, Channel::normal, in.normalTexture);
+  const auto scale = static_cast<float>(in.normalTexture.scale);
+  out.factors[static_cast<std::size_t>(Channel::normal)] = {scale, scale, 1, 1};
   note_others(out, in);
   if (in.extensions.contains("KHR_materials_pbrSpecularGlossiness") &&
       pbr.baseColorTexture.index < 0) {

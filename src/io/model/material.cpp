@@ -35,7 +35,7 @@ std::string with_extension(std::string_view object, const char* name,
   return edit_json_object(object, {{"extensions", unless(empty, extensions)}});
 }
 
-/// A textureInfo for the new texture; what else it says (extras, a normal's scale) stays.
+/// A textureInfo for the new texture; what else it says (extras) stays.
 std::string texture_info(std::string_view old, std::size_t texture, std::uint32_t uv_set) {
   const std::string info =
       edit_json_object(old, {{"index", fmt::to_string(texture)},
@@ -71,8 +71,13 @@ class MaterialEditor {
       case Channel::emissive:
         write_emissive(texture);
         break;
+      case Channel::normal:
+        write_normal(texture);
+        break;
       case Channel::confidence:  // no material has these
       case Channel::distance:
+      case Channel::height:
+      case Channel::position:
         break;
     }
   }
@@ -132,6 +137,13 @@ class MaterialEditor {
     set({{"occlusionTexture",
           edit_json_object(info,
                            {{"strength", unless(strength == 1, fmt::to_string(strength))}})}});
+  }
+
+  /// What the new texture holds are the vectors themselves: no scale is left.
+  void write_normal(const MaterialTexture& texture) {
+    const std::string info =
+        texture_info(object_in(text_, "normalTexture"), texture.texture, uv_set_);
+    set({{"normalTexture", edit_json_object(info, {{"scale", std::nullopt}})}});
   }
 
   void write_emissive(const MaterialTexture& texture) {

@@ -90,8 +90,13 @@ std::vector<std::size_t> replaced_textures(const Json& material, Channel channel
     case Channel::emissive:
       infos[0] = at(material, {"emissiveTexture", "index"});
       break;
+    case Channel::normal:
+      infos[0] = at(material, {"normalTexture", "index"});
+      break;
     case Channel::confidence:  // no material has these
     case Channel::distance:
+    case Channel::height:
+    case Channel::position:
       break;
   }
   std::vector<std::size_t> textures;

@@ -171,6 +171,9 @@ void ObjMaterials::fill(mesh::Material& out, const Loaded& loaded) {
   if (dark && !in.emissive.name.empty()) emissive = {1, 1, 1, 1};
   bind(out, Channel::base_color, in.base_color, *loaded.folder);
   bind(out, Channel::emissive, in.emissive, *loaded.folder);
+  bind(out, Channel::normal, in.normal, *loaded.folder);
+  const float strength = in.normal.strength;
+  out.factors[static_cast<std::size_t>(Channel::normal)] = {strength, strength, 1, 1};
   for (const auto& [slot, texture] : in.others) {
     out.other_textures.push_back({slot, image(texture, *loaded.folder)});
   }

@@ -21,13 +21,14 @@ namespace {
 constexpr std::uint64_t kMaxMtlBytes = 64 << 20;
 constexpr std::size_t kMaxMaterialBytes = 2 << 20;  // of all that counts of one
 /// A kept material without its texts, and where it is found by name: an estimate upwards.
-constexpr std::uint64_t kMtlBytesPerMaterial = 560;
+constexpr std::uint64_t kMtlBytesPerMaterial = 640;
 constexpr std::uint64_t kBytesPerText = 40;
 
-/// The first two have channels, the others are told of in this order.
+/// The first three have channels, the others are told of in this order. What "map_Bump" names may
+/// be heights, or in some exporters' files a normal map: nothing says which.
 constexpr std::array<const char*, kMaxMtlTextures> kTextures = {
-    "map_Kd", "map_Ke", "map_Ka", "map_Ks", "map_Ns", "map_Bump", "disp",
-    "map_d",  "refl",   "map_Pr", "map_Pm", "map_Ps", "norm"};
+    "map_Kd", "map_Ke", "norm", "map_Ka", "map_Ks", "map_Ns", "map_Bump",
+    "disp",   "map_d",  "refl", "map_Pr", "map_Pm", "map_Ps"};
 
 std::optional<std::size_t> texture_index(std::string_view word) {
   if (word == "bump" || word == "map_bump") word = "map_Bump";
@@ -69,6 +70,7 @@ void read_texture(std::string_view rest, MtlTexture& texture) {
     }
     if (word == "-clamp") texture.clamp = !values[0].starts_with("off");
     if (word == "-s") texture.scale = {to_float_or(values[0], 1), to_float_or(values[1], 1)};
+    if (word == "-bm") texture.strength = to_float_or(values[0], 1);
     if (word == "-o") texture.offset = {to_float_or(values[0], 0), to_float_or(values[1], 0)};
   }
 }
@@ -102,7 +104,8 @@ class MtlReader {
     if (!material_) return;
     material_->base_color = std::move(textures_[0]);
     material_->emissive = std::move(textures_[1]);
-    for (std::size_t i = 2; i < kTextures.size(); ++i) {
+    material_->normal = std::move(textures_[2]);
+    for (std::size_t i = 3; i < kTextures.size(); ++i) {
       if (!textures_[i].name.empty())
         material_->others.emplace_back(kTextures[i], std::move(textures_[i].name));
     }

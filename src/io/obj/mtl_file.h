@@ -16,6 +16,7 @@ struct MtlTexture {
   std::string name;  ///< empty: none
   bool clamp = false;
   std::array<double, 2> scale{1, 1}, offset{0, 0};
+  float strength = 1;  ///< "-bm": of bumps, and of a normal map
 };
 
 /// What counts of one material of an MTL file; white where it says nothing.
@@ -23,7 +24,7 @@ struct MtlMaterial {
   std::string name;
   std::array<float, 3> diffuse{1, 1, 1}, emission{0, 0, 0};
   float dissolve = 1;
-  MtlTexture base_color, emissive;
+  MtlTexture base_color, emissive, normal;  ///< "map_Kd", "map_Ke", "norm"
   /// Textures that no channel is made of: by statement ("map_Bump"), the name.
   std::vector<std::pair<const char*, std::string>> others;
 };

@@ -12,9 +12,13 @@ TEST_CASE("every channel has the name that glTF gives it", "[core]") {
   CHECK(std::string(channel_name(Channel::emissive)) == "emissive");
   CHECK(std::string(channel_name(Channel::confidence)) == "confidence");
   CHECK(std::string(channel_name(Channel::distance)) == "distance");
-  for (int i = 0; i < kChannelCount + kEvidenceCount; ++i) {
+  CHECK(std::string(channel_name(Channel::normal)) == "normal");
+  CHECK(std::string(channel_name(Channel::height)) == "height");
+  CHECK(std::string(channel_name(Channel::position)) == "position");
+  for (int i = 0; i < kChannelCount + kEvidenceCount + kShapeCount; ++i) {
     const auto channel = static_cast<Channel>(i);
     CHECK(is_evidence(channel) == (channel == Channel::confidence || channel == Channel::distance));
+    CHECK(is_shape(channel) == (channel == Channel::height || channel == Channel::position));
     CHECK(channel_from_name(channel_name(channel)) == channel);
   }
 }
@@ -22,7 +26,7 @@ TEST_CASE("every channel has the name that glTF gives it", "[core]") {
 TEST_CASE("names of channels are exact", "[core]") {
   CHECK_FALSE(channel_from_name("basecolor").has_value());
   CHECK_FALSE(channel_from_name("baseColor ").has_value());
-  CHECK_FALSE(channel_from_name("normal").has_value());
+  CHECK_FALSE(channel_from_name("normals").has_value());
   CHECK_FALSE(channel_from_name("").has_value());
 }
 

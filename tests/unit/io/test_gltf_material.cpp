@@ -71,13 +71,14 @@ TEST_CASE("every channel is bound with its factor, UV set and image", "[io]") {
   material["extensions"]["KHR_materials_emissive_strength"] = {{"emissiveStrength", 4}};
   material["emissiveTexture"] = {{"index", 0}};
   material["emissiveFactor"] = {1, .5, 0};
+  material["normalTexture"] = {{"index", 1}, {"texCoord", 1}, {"scale", .75}};
   const mesh::Mesh m = read(b);
   REQUIRE(m.materials.size() == 1);
   const mesh::Material& out = m.materials[0];
   CHECK(out.name == "skin");
   CHECK(out.double_sided);
-  const std::array<std::uint32_t, 4> images{0, 1, 1, 0}, sets{1, 0, 1, 0};
-  for (std::size_t c = 0; c < 4; ++c) {
+  const std::array<std::uint32_t, 5> images{0, 1, 1, 0, 1}, sets{1, 0, 1, 0, 1};
+  for (std::size_t c = 0; c < images.size(); ++c) {
     REQUIRE(out.textures[c].has_value());
     CHECK(out.textures[c]->image == images[c]);
     CHECK(out.textures[c]->uv_set == sets[c]);
@@ -87,6 +88,7 @@ TEST_CASE("every channel is bound with its factor, UV set and image", "[io]") {
   CHECK(out.factors[1] == std::array<float, 4>{0, .5F, .125F, 1});
   CHECK(out.factors[2] == std::array<float, 4>{1, 1, 1, 1});
   CHECK(out.factors[3] == std::array<float, 4>{1, .5F, 0, 1});
+  CHECK(out.factors[4] == std::array<float, 4>{.75F, .75F, 1, 1});
   CHECK(out.occlusion_strength == .25F);
   CHECK(out.emissive_strength == 4);
   CHECK(m.images.at(0).mime_type == "image/png");

@@ -101,14 +101,14 @@ TEST_CASE("the last statement of a texture counts, with the options of those bef
 
 TEST_CASE("MTL textures that no channel takes are told in one order", "[io]") {
   const io::MtlMaterial m = material(
-      "norm n\nmap_Ps ps\nmap_Pm pm\nmap_Pr pr\nrefl -type sphere r\nmap_d d\ndisp di\nbump b\n"
+      "map_Ps ps\nmap_Pm pm\nmap_Pr pr\nrefl -type sphere r\nmap_d d\ndisp di\nbump b\n"
       "map_Ns ns\nmap_Ks ks\nmap_Ka ka\nmap_Disp x\nmap_disp x\nmap_Kt x\nmap_RMA x\n");
   std::string told;
   for (const auto& [slot, name] : m.others) told += std::string(slot) + " " + name + ",";
   CHECK(told ==
         "map_Ka ka,map_Ks ks,map_Ns ns,map_Bump b,disp di,map_d d,refl r,map_Pr pr,map_Pm pm,"
-        "map_Ps ps,norm n,");
-  CHECK(m.others.size() + 2 == io::kMaxMtlTextures);
+        "map_Ps ps,");
+  CHECK(m.others.size() + 3 == io::kMaxMtlTextures);
 }
 
 TEST_CASE("MTL materials have the names that are written, blanks and all", "[io]") {
@@ -142,4 +142,13 @@ TEST_CASE("MTL files longer than any are refused", "[io]") {
   CHECK_THROWS_AS(material(statement + statement + statement), Error);
   CHECK_THROWS_AS(material("# " + std::string(1 << 20, 'x') + "\n"), Error);
   CHECK(read(statement + statement + statement + "newmtl a\n").size() == 1);
+}
+
+TEST_CASE("only norm is a normal map; a bump may be anything", "[io]") {
+  const io::MtlMaterial m = material("norm -bm 0.5 n.png\nmap_Bump -bm 2 heights.png\n");
+  CHECK(m.normal.name == "n.png");
+  CHECK(m.normal.strength == 0.5F);
+  REQUIRE(m.others.size() == 1);
+  CHECK(std::string(m.others[0].first) == "map_Bump");
+  CHECK(material("norm n.png\n").normal.strength == 1);
 }

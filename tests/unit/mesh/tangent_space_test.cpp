@@ -175,10 +175,10 @@ TEST_CASE("tangents of public models are the reference's", "[mesh][oracle]") {
     return;
   }
   test::TempFolder temp;
-  for (const char* name :
-       {"spot/spot.obj", "duck/gltf/Duck.gltf", "cesium_man/CesiumMan.glb",
-        "lee_perry_smith/LeePerrySmith_plain_textured.glb", "water_bottle/SpecGlossVsMetalRough.gltf",
-        "makehuman/base.obj", "mediapipe_face/canonical_face_model.obj"}) {
+  for (const char* name : {"spot/spot.obj", "duck/gltf/Duck.gltf", "cesium_man/CesiumMan.glb",
+                           "lee_perry_smith/LeePerrySmith_plain_textured.glb",
+                           "water_bottle/SpecGlossVsMetalRough.gltf", "makehuman/base.obj",
+                           "mediapipe_face/canonical_face_model.obj"}) {
     const Mesh m = io::read_mesh((*data / "meshes" / name).string(), {});
     if (m.uv_sets.empty()) continue;
     const std::vector<std::uint32_t> sets(m.materials.size(), 0);
@@ -196,8 +196,9 @@ TEST_CASE("tangents of public models are the reference's", "[mesh][oracle]") {
         for (const std::uint32_t v : m.triangles[t]) {
           const Vec3f &p = m.positions[v], &n = m.normals[v];
           const Vec2f uv = m.uv_sets[0][v];
-          const std::array<float, 9> row{p.x, p.y, p.z, n.x, n.y, n.z, uv.x, -uv.y,
-                                         static_cast<float>(m.triangle_material[t])};
+          const std::array<float, 9> row{p.x,  p.y,   p.z,
+                                         n.x,  n.y,   n.z,
+                                         uv.x, -uv.y, static_cast<float>(m.triangle_material[t])};
           file.write(reinterpret_cast<const char*>(row.data()), sizeof row);
         }
       }

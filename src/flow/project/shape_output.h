@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Channels that need the surface itself: normal maps, and what is baked from the source's shape.
+#pragma once
+
+#include <vector>
+
+#include "core/tangent_frame.h"
+#include "pounce/options.h"
+#include "projection/surface_points.h"
+#include "texture/result_block.h"
+
+namespace pounce::flow {
+
+/// How a channel follows from the surface.
+struct ShapeOutput {
+  Channel channel = Channel::normal;  ///< that, height or position
+  /// Normal: true keeps the source's shape, baked into the target's frame; false transfers the
+  /// detail alone, turned with the surface where source and target differ.
+  bool keeps_shape = false;
+  NormalY source_y = NormalY::up, output_y = NormalY::up;
+  std::vector<float> scales;  ///< of normal maps, by source page
+};
+
+/// Is it a normal map, which reads images and frames? The others need neither.
+inline bool is_normal(const ShapeOutput& shape) { return shape.channel == Channel::normal; }
+
+/// A normal map's texel at a hit: `map` as blended from the source's image on `page`, into the
+/// target's frame (usable), of unit length, coded 0..1. Alpha stays as it is.
+texture::TexelValue transferred_normal(const ShapeOutput& shape, int page, texture::TexelValue map,
+                                       const TangentFrame& source, const TangentFrame& target);
+
+/// Height or position at a hit.
+texture::TexelValue baked_value(const ShapeOutput& shape, const projection::SurfacePacket& surface,
+                                int lane);
+
+}  // namespace pounce::flow
