@@ -130,7 +130,9 @@ TEST_CASE("a tile holds what a mesh of that tile alone would get", "[flow]") {
     alone.output = scene.folder.file("alone.png");
     transfer(alone);
     CAPTURE(number(tile));
-    CHECK((content(alone.output) == content(scene.folder.file("out." + number(tile) + ".png"))));
+    // Not the files: each names the job that made it.
+    const WholeImage cut = read_whole_image(scene.folder.file("out." + number(tile) + ".png"));
+    CHECK((read_whole_image(alone.output).samples == cut.samples));
   }
 }
 

@@ -93,8 +93,8 @@ TEST_CASE("in between, the stored numbers mix and round to nearest", "[texture]"
   const TexelFormat real{1, Depth::float32, true, true, false};
   CHECK(values_of<float>(painted(real, PaintAlpha::keep, {.75F}, bytes_of<float>({-4}),
                                  bytes_of<float>({1000}))) == std::vector<float>{749});
-  const TexelFormat half{1, Depth::half, true, true, false};
-  CHECK(values_of<std::uint16_t>(painted(half, PaintAlpha::keep, {.5F},
+  const TexelFormat halves{1, Depth::half, true, true, false};
+  CHECK(values_of<std::uint16_t>(painted(halves, PaintAlpha::keep, {.5F},
                                          bytes_of<std::uint16_t>({float_to_half(1)}),
                                          bytes_of<std::uint16_t>({float_to_half(2)}))) ==
         std::vector<std::uint16_t>{float_to_half(1.5F)});
