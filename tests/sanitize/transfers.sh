@@ -55,6 +55,11 @@ job 0 transfer $source $target -o j.exr --output-colorspace acescg --size 64 --n
 job 0 transfer $source $target -o j.png --source-texture baseColor=j.exr --output-colorspace display-p3 --size 64 --no-cache
 job 0 transfer $source $target -o j.jpg --source-texture baseColor=j.png --size 64 --no-cache
 job 0 transfer $source $target -o j.exr --source-texture baseColor=j.jpg --size 64 --no-cache
+# Normal maps, and maps of the shape.
+job 0 transfer $source $target -o 'y_<CHANNEL>.exr' --bake normal,height,position --size 64 --no-cache
+job 0 transfer $source $target -o z.png --bake normal --output-normal-y down --size 64 --no-cache
+job 0 transfer $source $target -o z2.png --source-texture normal=z.png --channels normal --normal-y down --no-cache
+job 0 transfer $source $target -o z.glb --source-texture normal=z2.png --size 64 --no-cache
 # Models, channels, texture sets, selection, painting over, several targets.
 job 0 transfer $source $target -o k.glb --size 64
 job 0 transfer $source $target -o l.gltf --size 64
