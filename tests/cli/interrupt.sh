@@ -25,13 +25,18 @@ done
 mkfifo pipe
 exec 3<>pipe
 head -c 65536 /dev/zero >&3
-handles_term() { (($(sed -n 's/^SigCgt:[[:space:]]*/0x/p' "/proc/$job/status") & 1 << 14)); }
+# handles SIGNAL: whether the job has its own handler for it by now. They come one after the other, and before the
+# program is there, the shell's own copy has some.
+handles() {
+  [[ $(readlink "/proc/$job/exe") == "$(readlink -f "$POUNCE")" ]] &&
+    (($(sed -n 's/^SigCgt:[[:space:]]*/0x/p' "/proc/$job/status") & 1 << ($(kill -l "$1") - 1)))
+}
 for signal in INT TERM HUP; do
   status=0
   env --default-signal=INT "$POUNCE" --help >&3 2>"$err" &
   job=$!
   for wait in $(seq 100); do
-    handles_term && break
+    handles $signal && break
     sleep 0.05
   done
   kill -$signal $job
@@ -43,7 +48,7 @@ status=0
 env --ignore-signal=HUP "$POUNCE" --help >&3 2>"$err" &
 job=$!
 for wait in $(seq 100); do
-  handles_term && break
+  handles TERM && break
   sleep 0.05
 done
 kill -HUP $job
