@@ -152,7 +152,8 @@ struct Report {
   std::string least_memory_for;          ///< what needs so much: "writing skin.png"
 
   std::vector<std::string> warnings;
-  std::vector<std::string> notes;    ///< what the inputs leave open, and how it was taken
+  /// What the inputs leave open, and how it was taken; what they have and is not transferred.
+  std::vector<std::string> notes;
   std::vector<std::string> kept;     ///< outputs that were up to date (skip_existing)
   std::vector<std::string> outputs;  ///< files written; of a plan: that would be written
 };

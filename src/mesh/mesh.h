@@ -98,7 +98,7 @@ struct Mesh {
   /// images.
   std::vector<std::array<std::uint32_t, 3>> rest;
   std::vector<std::uint32_t> rest_material;
-  bool has_vertex_colours = false;  ///< glTF's COLOR_0, which is not read
+  bool has_vertex_colours = false;  ///< glTF's COLOR_0, "v x y z r g b"; they are not read
   Parts parts;                      ///< what --source-mesh and --target-mesh look at
   std::vector<Material> materials;  ///< never empty when there are triangles
   std::vector<ImageRef> images;

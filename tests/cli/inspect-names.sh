@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# inspect lists what a mesh can be selected by, its UDIM tiles, and every texture; transfer says in a line per kind what
-# it leaves behind.
+# inspect lists what a mesh can be selected by, its UDIM tiles, and every texture; transfer says in one line what it
+# does not transfer, and in one what factors an image cannot hold.
 source "$(dirname "$0")/support.sh"
 check_json() { ! command -v python3 >/dev/null || python3 - "$out"; } # a script on the standard input
 image skin.ppm 4 4 200 100 50
@@ -58,11 +58,13 @@ END
 
 quad target
 expect 0 transfer model.obj target.obj -o o.png --size 8
-err_has 'model.obj: textures left behind: map_Bump (2 materials), map_Ks (1), normal (1)'
+err_has 'note: model.obj: not transferred: map_Bump (bumps.png, skin.ppm), map_Ks (shine.png), normal (skin.ppm)'
 err_has 'model.obj: factors left behind, an image holds the texture alone: baseColor (1 material)'
-[[ $(grep -c 'left behind' "$err") == 2 ]] || fail 'more than a line per kind'
+[[ $(grep -cE 'left behind|not transferred' "$err") == 2 ]] || fail 'more than a line per kind'
 # What is not selected is not missed.
 expect 0 transfer model.obj target.obj -o o.png --size 8 --source-material eyes
+err_has 'not transferred: map_Bump (skin.ppm), map_Ks (shine.png)'
+! grep -q 'normal' "$err" || fail 'a texture of a material that takes no part'
 ! grep -q 'factors left behind' "$err" || fail 'a factor of a material that takes no part'
 # glTF: a normal map, a texture of an extension, vertex colours; a model output keeps factors.
 cat >m.gltf <<'END'
@@ -72,18 +74,34 @@ cat >m.gltf <<'END'
 "bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":24}],
 "buffers":[{"byteLength":60,"uri":"data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAACAPwAAgD8AAAAAAAAAAAAAAAAAAIA/AAAAAAAAgD8AAIA/"}],
 "images":[{"uri":"skin.ppm"}],"textures":[{"source":0}],"extensionsUsed":["KHR_materials_clearcoat"],
-"materials":[{"name":"paint","pbrMetallicRoughness":{"baseColorFactor":[1,1,0.5,1],"baseColorTexture":{"index":0}},
-"normalTexture":{"index":0},"extensions":{"KHR_materials_clearcoat":{"clearcoatFactor":1,"clearcoatTexture":{"index":0}}}}]}
+"materials":[{"name":"paint","pbrMetallicRoughness":{"baseColorFactor":[1,1,0.5,1],"baseColorTexture":{"index":0},
+"metallicRoughnessTexture":{"index":0}},"normalTexture":{"index":0},"extensions":{"KHR_materials_clearcoat":{"clearcoatFactor":1,"clearcoatTexture":{"index":0}}}}]}
 END
 expect 0 inspect m.gltf
 for text in 'part       "body", "shape", 1 triangles' 'normal:' 'colours    per vertex' \
-  'KHR_materials_clearcoat clearcoatTexture (not transferred):'; do
+  'KHR_materials_clearcoat.clearcoatTexture (not transferred):'; do
   out_has "$text"
 done
 expect 0 transfer m.gltf target.obj -o o.png --size 8
-err_has 'textures left behind: KHR_materials_clearcoat clearcoatTexture (1 material), normal (1)'
+coat='KHR_materials_clearcoat.clearcoatTexture (skin.ppm)'
+err_has "m.gltf: not transferred: $coat, metallicRoughness (skin.ppm), normal (skin.ppm), vertex colours"
 err_has 'm.gltf: factors left behind'
-err_has 'm.gltf: vertex colours left behind'
+# A channel is missed where nobody chose, whatever the output.
+expect 0 transfer m.gltf target.obj -o o.png --size 8 --channels baseColor --report r.json
+err_has "not transferred: $coat, vertex colours"
+[[ $(tr -d '\n ' <r.json) == *'"notes":["m.gltf:nottransferred:'* ]] || fail 'no note in the report'
+expect 0 transfer m.gltf target.obj -o o.png --size 8 --plan
+err_has 'not transferred: '
 expect 0 transfer m.gltf m.gltf -o o.glb --size 8
-err_has 'textures left behind'
+err_has "not transferred: $coat, vertex colours"
 ! grep -q 'factors left behind' "$err" || fail 'a model holds factors'
+
+# A hundred materials, and names without end, are one line of a few hundred letters.
+for m in $(seq 100); do
+  printf 'newmtl m%s\nmap_Kd skin.ppm\nmap_Bump %0200d.png\n' "$m" "$m" >&3
+  printf 'usemtl m%s\nf 1/1 2/2 3/3\n' "$m"
+done >faces 3>many.mtl
+{ echo 'mtllib many.mtl'; grep '^v' model.obj; cat faces; } >many.obj
+expect 0 transfer many.obj target.obj -o o.png --size 8
+err_has '... and 97 more)'
+(($(grep 'not transferred' "$err" | wc -c) < 400)) || fail 'a line too long'

@@ -8,8 +8,13 @@
 
 namespace pounce::flow {
 
-/// What the source has and no output will have, a line per kind: textures that no channel takes,
-/// factors that an image cannot hold (a model has them), vertex colours.
+/// One line of bounded length: what the materials that take part have and no output will have, by
+/// its name in the file, with the images: textures that no channel takes, channels that nobody
+/// chose, vertex colours. Empty: nothing. Channels that are left out by name are not missed.
+std::string not_transferred(const TransferOptions& options, const Plan& plan,
+                            const mesh::Mesh& source);
+
+/// Factors that an image cannot hold; a model has them.
 std::vector<std::string> left_behind(const Plan& plan, const mesh::Mesh& source, bool is_model);
 
 }  // namespace pounce::flow

@@ -105,6 +105,8 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
       job_.report.filter = filter_name(source_plan_.filter);
     }
     disk.add_source(source_plan_);
+    if (std::string note = not_transferred(options_, source_plan_, source_); !note.empty())
+      job_.report.notes.push_back(std::move(note));
     add_warnings(left_behind(source_plan_, source_, !model_pattern_.empty()));
     if (!model_pattern_.empty())
       factors_ = model_factors(source_plan_, source_, source_plan_.warnings);

@@ -181,7 +181,7 @@ void MaterialReader::note_others(mesh::Material& material, const tinygltf::Mater
     for (const std::string& key : value.Keys()) {
       const tinygltf::Value& info = value.Get(key);
       if (info.IsObject() && info.Has("index") && info.Get("index").IsInt())
-        note_other(material, extension + " " + key, info.Get("index").GetNumberAsInt());
+        note_other(material, extension + "." + key, info.Get("index").GetNumberAsInt());
     }
   }
 }

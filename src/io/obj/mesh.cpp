@@ -3,7 +3,7 @@
 // Statements become corners, and corners with the same (v, vt, vn) one vertex, numbered as faces
 // first name them. A number or an index that is none is refused with its line: read as 0 it would
 // bend the surface without a word. Curves, lines, points, smoothing groups, and what follows the
-// numbers of a vertex, are passed over.
+// numbers of a vertex, are passed over; whether the first vertex has a colour is kept.
 #include "io/obj/mesh.h"
 
 #include <fmt/format.h>
@@ -74,6 +74,13 @@ class CornerSet {
   std::vector<std::uint32_t> slots_;
 };
 
+/// Does a colour follow the place of a vertex: "x y z r g b"? A weight is one number alone.
+bool has_colour(std::string_view vertex) {
+  std::size_t words = 0;
+  while (!next_word(vertex).empty()) ++words;
+  return words >= 6;
+}
+
 class ObjReader {
  public:
   ObjReader(const std::string& path, bool allow_external)
@@ -142,6 +149,7 @@ void ObjReader::parse() {
       if (!std::isfinite(x) || !std::isfinite(y) || !std::isfinite(z)) {
         text_.fail("a vertex is too large for a float");
       }
+      if (positions_.empty()) mesh_.has_vertex_colours = has_colour(rest);
       positions_.push_back({x, y, z});
     } else if (word == "vt") {
       const auto [u, v, w] = numbers(rest, 1, 2, "a texture coordinate");

@@ -114,7 +114,8 @@ TEST_CASE("only the numbers that count are looked at", "[io]") {
       "vn 0 0 1 x\nf 1/2/1 2/3/1 3/3/1\n");
   CHECK(m.positions[0] == Vec3f{1, 2, 3});
   CHECK(m.uv_sets.at(0)[0] == Vec2f{.5F, .25F});
-  CHECK_FALSE(m.has_vertex_colours);
+  CHECK(m.has_vertex_colours);
+  CHECK_FALSE(read("v 1 2 3 1\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").has_vertex_colours);
 }
 
 TEST_CASE("a normal too large for a float is replaced", "[io]") {
