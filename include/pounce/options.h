@@ -195,6 +195,9 @@ struct TransferOptions {
   /// Of colours, one of the same names. Default: the source's, but sRGB where a format of integers
   /// is to hold linear light, and in models.
   std::string output_colour_space;
+  /// Images: multiply the factors of the source's materials (baseColorFactor, Kd, ...) into what
+  /// their textures give. A model has them in its materials, whatever this says.
+  bool apply_factors = true;
   std::optional<ImageSize> size;  ///< default: per channel the largest source image of that channel
   std::optional<Depth> depth;     ///< default: the source image's
   /// Empty: baseColor if `output` is an image without <CHANNEL>, else every channel the source has,

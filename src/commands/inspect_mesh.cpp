@@ -92,6 +92,23 @@ Json other_textures_json(const mesh::Material& material, Images& images) {
   return textures;
 }
 
+Json numbers_json(const std::array<float, 4>& values, std::size_t count) {
+  Json numbers = Json::array();
+  for (std::size_t i = 0; i < count; ++i) numbers.push_back(io::shortest(values[i]));
+  return numbers;
+}
+
+Json factors_json(const mesh::Material& material) {
+  const auto of = [&](Channel c) { return material.factors[static_cast<std::size_t>(c)]; };
+  const auto data = of(Channel::metallic_roughness);
+  return {{"baseColor", numbers_json(of(Channel::base_color), 4)},
+          {"roughness", io::shortest(data[1])},
+          {"metallic", io::shortest(data[2])},
+          {"occlusion_strength", io::shortest(material.occlusion_strength)},
+          {"emissive", numbers_json(of(Channel::emissive), 3)},
+          {"emissive_strength", io::shortest(material.emissive_strength)}};
+}
+
 Json materials_json(const mesh::Mesh& mesh) {
   std::vector<std::uint64_t> triangles(mesh.materials.size());
   for (const std::uint32_t material : mesh.triangle_material) ++triangles.at(material);
@@ -102,6 +119,7 @@ Json materials_json(const mesh::Mesh& mesh) {
     materials.push_back({{"name", material.name},
                          {"triangles", triangles[i]},
                          {"double_sided", material.double_sided},
+                         {"factors", factors_json(material)},
                          {"textures", textures_json(material, images)},
                          {"other_textures", other_textures_json(material, images)}});
   }
@@ -221,6 +239,18 @@ std::string texture_text(const Json& texture) {
   return text;
 }
 
+/// Those that are not what a material has by itself: "baseColor 0.5 1 1 1, roughness 0.4".
+std::string factors_text(const Json& factors) {
+  static const Json usual = factors_json({});
+  std::string text;
+  for (const auto& [name, value] : factors.items()) {
+    if (value == usual[name]) continue;
+    text += (text.empty() ? "" : ", ") + name + " " +
+            numbers_text(value.is_array() ? value : Json::array({value}));
+  }
+  return text.empty() ? "" : fmt::format("    {:<18} {}\n", "factors:", text);
+}
+
 }  // namespace
 
 Json describe(const mesh::Mesh& mesh) {
@@ -267,6 +297,7 @@ std::string mesh_text(const Json& mesh) {
     text += fmt::format("material   \"{}\", {} triangles{}\n", material["name"].get<std::string>(),
                         material["triangles"].get<std::uint64_t>(),
                         material["double_sided"].get<bool>() ? ", double sided" : "");
+    text += factors_text(material["factors"]);
     for (const Json& texture : material["textures"]) text += texture_text(texture);
     for (const Json& texture : material["other_textures"])
       text += texture_lines(texture["slot"].get<std::string>() + " (not transferred)", texture);

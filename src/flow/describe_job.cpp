@@ -131,6 +131,7 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add(o.source_textures);
   list.add(o.source_colour_spaces);
   list.add("output-colorspace", o.output_colour_space);
+  list.add("factors", o.apply_factors ? std::string() : std::string("ignore"));
   list.add("source", o.source_use);
   list.add("target", o.target_use);
   list.add("method", o.method != usual.method ? std::string(method_name(o.method)) : "");

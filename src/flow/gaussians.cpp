@@ -112,7 +112,8 @@ class MeshJob {
     const StageTimer timer(job_.clock, "read");
     job_.meter.begin("read mesh", 1, "meshes", kAfterReading);
     require_reading(job_, reading_bytes(), options_.source);
-    const TransferOptions transfer = as_transfer(options_);
+    TransferOptions transfer = as_transfer(options_);
+    transfer.apply_factors = false;
     mesh_ = load_mesh(options_.source, transfer.source_use, "source", options_.allow_external);
     refuse_scene_options(options_);  // now that it is known to be a mesh
     plan_ = plan_source(transfer, mesh_);

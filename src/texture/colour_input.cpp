@@ -3,16 +3,19 @@
 
 namespace pounce::texture {
 
-void apply(const ColourInput& input, TexelValue& value) noexcept {
-  value.linear = input.linear;
+void convert(const Matrix3& m, TexelValue& value) noexcept {
   const std::uint32_t colours = value.channels - (value.has_alpha ? 1U : 0U);
-  if (!input.primaries || colours < 3) return;
-  const Matrix3& m = *input.primaries;
+  if (colours < 3) return;
   std::array<double, 3> c;
   for (std::size_t i = 0; i < 3; ++i) c[i] = value.linear ? value.v[i] : srgb_to_linear(value.v[i]);
   for (std::size_t i = 0; i < 3; ++i)
     value.v[i] = m[3 * i] * c[0] + m[3 * i + 1] * c[1] + m[3 * i + 2] * c[2];
   value.linear = true;
+}
+
+void apply(const ColourInput& input, TexelValue& value) noexcept {
+  value.linear = input.linear;
+  if (input.primaries) convert(*input.primaries, value);
 }
 
 }  // namespace pounce::texture

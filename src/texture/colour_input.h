@@ -15,8 +15,11 @@ struct ColourInput {
   bool operator==(const ColourInput&) const = default;
 };
 
-/// Gives a value that meaning, and the output's primaries: with a matrix it is linear light then.
-/// Grey has none and stays what it is.
+/// From linear light of some primaries to that of others. A coded value is linear light then; grey
+/// has no primaries and stays what it is.
+void convert(const Matrix3& primaries, TexelValue& value) noexcept;
+
+/// Gives a value that meaning, and converts it.
 void apply(const ColourInput& input, TexelValue& value) noexcept;
 
 }  // namespace pounce::texture

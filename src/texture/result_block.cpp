@@ -48,16 +48,16 @@ class CoarseCurve {
   std::array<double, kIntervals + 1> knots_;
 };
 
+/// Is the coarse curve near enough for this?
+bool is_coarse(Depth depth, double v) noexcept {
+  return (depth == Depth::u8 || depth == Depth::half) && v >= 0 && v <= 1;
+}
+
 double converted(const TexelFormat& format, const TexelValue& value, std::uint32_t channel,
                  double v) noexcept {
   const bool is_data = channel >= std::min(format.colours(), 3U);
   if (!format.is_colour || is_data || format.linear == value.linear) return v;
-  const bool coarse = format.depth == Depth::u8 || format.depth == Depth::half;
-  if (coarse && v >= 0 && v <= 1) {
-    static const CoarseCurve to_linear(srgb_to_linear), to_coded(linear_to_srgb);
-    return format.linear ? to_linear(v) : to_coded(v);
-  }
-  return format.linear ? srgb_to_linear(v) : linear_to_srgb(v);
+  return format.linear ? to_linear(v, format.depth) : to_coded(v, format.depth);
 }
 
 /// Output channel c of a value that may have fewer or more channels.
@@ -114,6 +114,16 @@ double linear_to_srgb(double linear) noexcept {
   if (linear <= 0.0031308) return linear * 12.92;
   const double x5 = linear * linear * linear * linear * linear;
   return 1.055 * std::sqrt(std::sqrt(root(x5, 3))) - 0.055;
+}
+
+double to_linear(double coded, Depth depth) noexcept {
+  static const CoarseCurve coarse(srgb_to_linear);
+  return is_coarse(depth, coded) ? coarse(coded) : srgb_to_linear(coded);
+}
+
+double to_coded(double linear, Depth depth) noexcept {
+  static const CoarseCurve coarse(linear_to_srgb);
+  return is_coarse(depth, linear) ? coarse(linear) : linear_to_srgb(linear);
 }
 
 std::uint32_t store_texel(const TexelFormat& format, const TexelValue& value,

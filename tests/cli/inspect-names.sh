@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # inspect lists what a mesh can be selected by, its UDIM tiles, and every texture; transfer says in one line what it
-# does not transfer, and in one what factors an image cannot hold.
+# does not transfer, and in one what factors it applies.
 source "$(dirname "$0")/support.sh"
 check_json() { ! command -v python3 >/dev/null || python3 - "$out"; } # a script on the standard input
 image skin.ppm 4 4 200 100 50
@@ -59,13 +59,13 @@ END
 quad target
 expect 0 transfer model.obj target.obj -o o.png --size 8
 err_has 'note: model.obj: not transferred: map_Bump (bumps.png, skin.ppm), map_Ks (shine.png), normal (skin.ppm)'
-err_has 'model.obj: factors left behind, an image holds the texture alone: baseColor (1 material)'
-[[ $(grep -cE 'left behind|not transferred' "$err") == 2 ]] || fail 'more than a line per kind'
+err_has 'model.obj: factors of materials multiplied into the images (--factors ignore: not): baseColor (1 material)'
+[[ $(grep -cE 'factors of|not transferred' "$err") == 2 ]] || fail 'more than a line per kind'
 # What is not selected is not missed.
 expect 0 transfer model.obj target.obj -o o.png --size 8 --source-material eyes
 err_has 'not transferred: map_Bump (skin.ppm), map_Ks (shine.png)'
 ! grep -q 'normal' "$err" || fail 'a texture of a material that takes no part'
-! grep -q 'factors left behind' "$err" || fail 'a factor of a material that takes no part'
+! grep -q 'factors of' "$err" || fail 'a factor of a material that takes no part'
 # glTF: a normal map, a texture of an extension, vertex colours; a model output keeps factors.
 cat >m.gltf <<'END'
 {"asset":{"version":"2.0"},"nodes":[{"mesh":0,"name":"body"}],"meshes":[{"name":"shape","primitives":[{"material":0,
@@ -85,7 +85,7 @@ done
 expect 0 transfer m.gltf target.obj -o o.png --size 8
 coat='KHR_materials_clearcoat.clearcoatTexture (skin.ppm)'
 err_has "m.gltf: not transferred: $coat, metallicRoughness (skin.ppm), normal (skin.ppm), vertex colours"
-err_has 'm.gltf: factors left behind'
+err_has 'm.gltf: factors of materials multiplied'
 # A channel is missed where nobody chose, whatever the output.
 expect 0 transfer m.gltf target.obj -o o.png --size 8 --channels baseColor --report r.json
 err_has "not transferred: $coat, vertex colours"
@@ -94,7 +94,7 @@ expect 0 transfer m.gltf target.obj -o o.png --size 8 --plan
 err_has 'not transferred: '
 expect 0 transfer m.gltf m.gltf -o o.glb --size 8
 err_has "not transferred: $coat, vertex colours"
-! grep -q 'factors left behind' "$err" || fail 'a model holds factors'
+! grep -q 'factors of' "$err" || fail 'a model holds factors'
 
 # A hundred materials, and names without end, are one line of a few hundred letters.
 for m in $(seq 100); do

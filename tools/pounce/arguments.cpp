@@ -158,6 +158,11 @@ Length parse_length(const std::string& option, const std::string& text) {
   return length;
 }
 
+bool parse_factors(const std::string& option, const std::string& text) {
+  if (text != "apply" && text != "ignore") refuse(option, text, "apply or ignore");
+  return text == "apply";
+}
+
 Method parse_method(const std::string& option, const std::string& text) {
   const std::optional<Method> method = method_from_name(text);
   if (!method) refuse(option, text, "surface or gaussian");

@@ -122,6 +122,17 @@ void add_paint_options(CLI::App& command, TransferOptions& options) {
       [&options](const std::string& text) { options.mask = parse_image_pattern("--mask", text); });
 }
 
+void add_factors_option(CLI::App& command, const char* group, TransferOptions& options) {
+  add_value(command, "--factors", "HOW", group,
+            "apply: images show what the materials make of their textures: baseColorFactor,\n"
+            "Kd, d, roughness, metallic, emissive and occlusion strength are multiplied in.\n"
+            "ignore: they show the textures alone. A model has factors in its materials.\n"
+            "Default: apply",
+            [&options](const std::string& text) {
+              options.apply_factors = parse_factors("--factors", text);
+            });
+}
+
 void add_source_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Source";
   add_value(command, "--channels", "LIST", group,
@@ -171,6 +182,7 @@ void add_source_options(CLI::App& command, TransferOptions& options) {
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
       ->group(group);
+  add_factors_option(command, group, options);
 }
 
 void add_colour_options(CLI::App& command, TransferOptions& options) {

@@ -214,7 +214,7 @@ void TexelSource::visit(std::uint64_t first, std::uint64_t last,
       if (at.image == nullptr) return std::optional<Colour>();
       projection::Taps taps;
       projection::tent(at.rest_x, at.rest_y, taps);
-      value = blended(at, taps, false);
+      value = blended(page, at, taps, format);
     }
     Colour rgba;
     texture::store_texel(format, value, reinterpret_cast<std::byte*>(rgba.data()));
@@ -354,6 +354,13 @@ void add_input(const texture::ColourInput& input, Hasher& hash) {
   for (const double v : input.primaries.value_or(Matrix3{})) hash.add(v);
 }
 
+void add_factor(const texture::Factor& factor, Hasher& hash) {
+  for (const double v : factor.scale) hash.add(v);
+  for (const double v : factor.offset) hash.add(v);
+  hash.add(factor.is_colour);
+  hash.add(factor.spreads);
+}
+
 Hash128 store_key(JobContext& job, const TexelStoreRequest& request) {
   const Plan& plan = *request.plan;
   std::vector<Hash128> columns;
@@ -376,6 +383,7 @@ Hash128 store_key(JobContext& job, const TexelStoreRequest& request) {
     for (const double v : page.constant.v) hash.add(v);
     hash.add(page.constant.linear);
     if (page.input) add_input(*page.input, hash);
+    if (page.factor) add_factor(*page.factor, hash);
   }
   hash.add(static_cast<std::uint64_t>(plan.tile_sets.size()));
   for (const TileSetPlan& set : plan.tile_sets) {

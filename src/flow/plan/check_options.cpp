@@ -143,6 +143,11 @@ void check_options(const TransferOptions& o) {
                     "one of these, or write images",
                     depth_name(*o.depth)));
   }
+  if (io::is_model_path(o.output) && !o.apply_factors) {
+    usage(
+        "--factors is about images: a model has the factors of the source in its materials; leave "
+        "it out");
+  }
   const bool by_tile = has_token(o.output, "UDIM") || has_token(o.output, "UVTILE");
   if (!o.tiles.empty() && !by_tile)
     usage("--tiles needs <UDIM> or <UVTILE> in the output: " + o.output + " is one image");

@@ -11,6 +11,8 @@
 #include <map>
 #include <set>
 
+#include "flow/plan/texture_factor.h"
+
 namespace pounce::flow {
 namespace {
 
@@ -84,28 +86,6 @@ std::string counted(const std::map<std::string, std::size_t>& counts) {
   return text;
 }
 
-/// Does the material's texture need a factor to look as it does?
-bool has_factor(const mesh::Material& material, Channel channel) {
-  const auto& f = material.factors[static_cast<std::size_t>(channel)];
-  switch (channel) {
-    case Channel::base_color:
-      return f != std::array<float, 4>{1, 1, 1, 1};
-    case Channel::metallic_roughness:
-      return f[1] != 1 || f[2] != 1;
-    case Channel::occlusion:
-      return material.occlusion_strength != 1;
-    case Channel::normal:  // a scale counts in the vectors themselves
-      return false;
-    case Channel::emissive:
-    case Channel::confidence:  // no material has these
-    case Channel::distance:
-    case Channel::height:
-    case Channel::position:
-      break;
-  }
-  return f[0] != 1 || f[1] != 1 || f[2] != 1 || material.emissive_strength != 1;
-}
-
 }  // namespace
 
 std::string not_transferred(const TransferOptions& options, const Plan& plan,
@@ -121,27 +101,22 @@ std::string not_transferred(const TransferOptions& options, const Plan& plan,
   return fmt::format("{}: not transferred: {}", source.path, listed(told, kToldSlots));
 }
 
-std::vector<std::string> left_behind(const Plan& plan, const mesh::Mesh& source, bool is_model) {
-  std::map<std::string, std::size_t> factors;
+std::string factors_note(const TransferOptions& options, const Plan& plan,
+                         const mesh::Mesh& source) {
+  std::map<std::string, std::size_t> counts;
   for (const std::uint32_t m : used_materials(source)) {
-    const mesh::Material& material = source.materials[m];
     for (const ChannelPlan& channel : plan.channels) {
       if (is_shape(channel.channel)) continue;
-      const PageTexture& page = channel.pages[m];
-      const bool is_textured = page.column >= 0 || page.tile_set >= 0;
-      const bool own = material.textures[static_cast<std::size_t>(channel.channel)].has_value();
-      if (is_textured && own && has_factor(material, channel.channel))
-        ++factors[channel_name(channel.channel)];
+      const auto& own = source.materials[m].textures[static_cast<std::size_t>(channel.channel)];
+      if (own && texture_factor(source.materials[m], channel.channel))
+        ++counts[channel_name(channel.channel)];
     }
   }
-  std::vector<std::string> lines;
-  if (!is_model && !factors.empty()) {
-    lines.push_back(fmt::format(
-        "{}: factors left behind, an image holds the texture alone: {}; a model output (-o "
-        "NAME.glb) has them",
-        source.path, counted(factors)));
-  }
-  return lines;
+  if (counts.empty()) return "";
+  return fmt::format("{}: factors of materials {}: {}", source.path,
+                     options.apply_factors ? "multiplied into the images (--factors ignore: not)"
+                                           : "not multiplied into the images",
+                     counted(counts));
 }
 
 }  // namespace pounce::flow

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "flow/plan/plan.h"
 
@@ -14,7 +13,9 @@ namespace pounce::flow {
 std::string not_transferred(const TransferOptions& options, const Plan& plan,
                             const mesh::Mesh& source);
 
-/// Factors that an image cannot hold; a model has them.
-std::vector<std::string> left_behind(const Plan& plan, const mesh::Mesh& source, bool is_model);
+/// In a line, of an output of images: the channels whose textures have factors, and whether these
+/// are applied. Empty: none has.
+std::string factors_note(const TransferOptions& options, const Plan& plan,
+                         const mesh::Mesh& source);
 
 }  // namespace pounce::flow

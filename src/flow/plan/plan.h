@@ -16,6 +16,7 @@
 #include "mesh/mesh.h"
 #include "mesh/uv_tiles.h"
 #include "texture/colour_input.h"
+#include "texture/factor.h"
 
 namespace pounce::flow {
 
@@ -31,6 +32,7 @@ struct PageTexture {
   texture::TexelValue constant;
   std::optional<texture::ColourInput> input;  ///< for the texels of the column
   float normal_scale = 1;                     ///< of a normal map's x and y
+  std::optional<texture::Factor> factor;  ///< of the material, for the texture's texels
 };
 
 /// One channel of the job: its images on the source side, its format on the output side.

@@ -11,7 +11,10 @@
 #include "flow/plan/colour_spaces.h"
 #include "flow/plan/output_names.h"
 #include "flow/plan/plan.h"
+#include "flow/plan/texture_factor.h"
 #include "io/files/missing_file.h"
+#include "io/image/write.h"
+#include "io/model/write.h"
 #include "io/read_mesh.h"
 
 namespace pounce::flow {
@@ -95,7 +98,8 @@ class SourcePlanner {
       : options_(options),
         source_(source),
         textures_(options, source),
-        used_(used_materials(source)) {
+        used_(used_materials(source)),
+        applies_factors_(options.apply_factors && !io::is_model_path(options.output)) {
     for (const Channel channel : options.baked) is_baked_[static_cast<std::size_t>(channel)] = true;
   }
 
@@ -375,8 +379,17 @@ class SourcePlanner {
   texture::TexelValue constant(std::size_t material, Channel channel) const {
     if (channel == Channel::normal) return {{0.5, 0.5, 1}, 3, false, false, false};
     if (is_shape(channel)) return {};
-    const auto& f = source_.materials[material].factors[static_cast<std::size_t>(channel)];
-    return {{f[0], f[1], f[2], f[3]}, 4, is_colour(channel), true, false};
+    const mesh::Material& m = source_.materials[material];
+    const auto& f = m.factors[static_cast<std::size_t>(channel)];
+    const float light = applies_factors_ && channel == Channel::emissive ? m.emissive_strength : 1;
+    return {{f[0] * light, f[1] * light, f[2] * light, f[3]}, 4, is_colour(channel), true, false};
+  }
+
+  /// Of a material whose own texture, or what stands for it, is sampled.
+  std::optional<texture::Factor> factor(std::size_t material, Channel channel) const {
+    const mesh::Material& m = source_.materials[material];
+    if (!applies_factors_ || is_shape(channel) || !m.textures[static_cast<std::size_t>(channel)]) return std::nullopt;
+    return texture_factor(m, channel);
   }
 
   /// What a material gives to a channel.
@@ -397,6 +410,7 @@ class SourcePlanner {
     }
     if (channel == Channel::normal)
       page.normal_scale = source_.materials[material].factors[static_cast<std::size_t>(channel)][0];
+    page.factor = factor(material, channel);
     return page;
   }
 
@@ -430,6 +444,7 @@ class SourcePlanner {
       look.depth = Depth::float32;
     }
     if (images.empty()) look.size = size_without_images();
+    take_factors(plan, look);
     choose_output(options_, look, plan, plan_.warnings, plan_.notes);
     if (is_shape(channel)) check_numbers(options_, plan, "--bake");
     for (PageTexture& page : plan.pages) give_space(plan, page);
@@ -485,6 +500,29 @@ class SourcePlanner {
   std::optional<texture::ColourInput> input_of(const ChannelPlan& plan, std::size_t column) const {
     const ColumnPlan& c = plan_.columns[column];
     return colour_input(space_of(options_, plan.channel, c), c.info.linear, plan);
+  }
+
+  /// What images have once the materials' factors were applied. Neither a format without alpha nor
+  /// four colours are given up for an opacity, which is said.
+  void take_factors(const ChannelPlan& plan, SourceLook& look) {
+    bool has_opacity = false;
+    for (const PageTexture& page : plan.pages) {
+      if (!page.factor) continue;
+      has_opacity = has_opacity || page.factor->scale[3] != 1;
+      if (!page.factor->spreads || look.colours != 1) continue;
+      look.colours = 3;
+      look.names.clear();
+    }
+    if (!has_opacity || look.alpha) return;
+    const Depth depth = io::writable_depth(options_.output, look.depth);
+    const std::string why =
+        io::why_not_writable(options_.output, {1, 1, 4, depth, look.linear, true});
+    look.alpha = why.empty() && look.colours < 4;
+    if (!look.alpha) {
+      plan_.warnings.push_back(
+          fmt::format("{}: the materials' opacity is left out: {}", channel_name(plan.channel),
+                      why.empty() ? "the source's images have four channels of their own" : why));
+    }
   }
 
   SourceLook look_of(Channel channel, const std::vector<const ColumnPlan*>& images) {
@@ -615,6 +653,7 @@ class SourcePlanner {
   SourceTextures textures_;
   std::vector<bool> used_;
   std::array<bool, kChannelCount + kEvidenceCount + kShapeCount> is_baked_{};
+  const bool applies_factors_;
   Channel last_channel_ = Channel::base_color;  ///< of those that are chosen
   Plan plan_;
 };

@@ -159,6 +159,11 @@ Plan plan_splats(const TransferOptions& options, const std::function<void()>& po
                             "maps",
                             of_meshes, options.source));
   }
+  if (!options.apply_factors) {
+    throw Error(
+        ErrorKind::usage,
+        fmt::format("--factors: {} is a splat scene, which has no materials", options.source));
+  }
   if (options.sigma_texels || options.densify) {
     throw Error(
         ErrorKind::usage,

@@ -105,9 +105,8 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
       job_.report.filter = filter_name(source_plan_.filter);
     }
     disk.add_source(source_plan_);
-    if (std::string note = not_transferred(options_, source_plan_, source_); !note.empty())
-      job_.report.notes.push_back(std::move(note));
-    add_warnings(left_behind(source_plan_, source_, !model_pattern_.empty()));
+    add_note(not_transferred(options_, source_plan_, source_));
+    if (model_pattern_.empty()) add_note(factors_note(options_, source_plan_, source_));
     if (!model_pattern_.empty())
       factors_ = model_factors(source_plan_, source_, source_plan_.warnings);
   }
@@ -318,6 +317,10 @@ mesh::Mesh TransferPlan::load(const std::string& path, bool is_target) const {
 
 void TransferPlan::add_warnings(const std::vector<std::string>& warnings) {
   job_.report.warnings.insert(job_.report.warnings.end(), warnings.begin(), warnings.end());
+}
+
+void TransferPlan::add_note(const std::string& note) {
+  if (!note.empty()) job_.report.notes.push_back(note);
 }
 
 void TransferPlan::add_inputs(const std::vector<std::string>& files) {

@@ -66,6 +66,7 @@ class TransferPlan {
   std::uint64_t reading_bytes(const std::string& path) const;
   mesh::Mesh load(const std::string& path, bool is_target) const;
   void add_warnings(const std::vector<std::string>& warnings);
+  void add_note(const std::string& note);  // unless it is empty
   void add_inputs(const std::vector<std::string>& files);
 
   JobContext& job_;

@@ -199,11 +199,11 @@ class SurfaceMethod {
     if (at.image == nullptr) return false;
     projection::Taps taps;
     request_.blend(at.rest_x, at.rest_y, taps);
-    if (channel.format.keeps(*at.image) && at.input == nullptr) {
+    if (channel.format.keeps(*at.image) && at.input == nullptr && !page.factor) {
       projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
     } else {
-      clipped += texture::store_texel(channel.format,
-                                      blended(at, taps, channel.format.premultiplied), out);
+      clipped +=
+          texture::store_texel(channel.format, blended(page, at, taps, channel.format), out);
     }
     return true;
   }
@@ -219,7 +219,9 @@ class SurfaceMethod {
     if (at.image == nullptr) return std::nullopt;
     projection::Taps taps;
     request_.blend(at.rest_x, at.rest_y, taps);
-    return blended(at, taps, false);
+    texture::TexelFormat straight = channel.format;
+    straight.premultiplied = false;
+    return blended(page, at, taps, straight);
   }
 
   /// The same as store_colour() for a channel of the surface itself. `frames` are of

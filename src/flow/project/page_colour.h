@@ -12,6 +12,7 @@
 #include "projection/blend.h"
 #include "store/blocks/colour_store.h"
 #include "texture/colour_input.h"
+#include "texture/factor.h"
 #include "texture/result_block.h"
 
 namespace pounce::flow {
@@ -34,6 +35,7 @@ struct PageColour {
   const TileColumns* tile_set = nullptr;  ///< null as well as column: a constant
   texture::TexelValue constant;
   std::optional<texture::ColourInput> input;  ///< for the texels of the column
+  std::optional<texture::Factor> factor;  ///< for what is blended of the images
 };
 
 /// The largest decoded colour tile that a page may ask for; 0 for a constant.
@@ -61,17 +63,20 @@ struct ColourPlace {
   const texture::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
 };
 
-/// The blended value at a place. `premultiplied`: colours that the image holds times
-/// alpha are wanted so.
-inline texture::TexelValue blended(const ColourPlace& at, const projection::Taps& taps,
-                                   bool premultiplied) noexcept {
+/// The blended value at a place of a page, on its way into `format`: what the image holds, times the
+/// material's factor, in the output's primaries. Colours that the image holds times alpha stay so
+/// where the format wants them so.
+inline texture::TexelValue blended(const PageColour& page, const ColourPlace& at,
+                                   const projection::Taps& taps,
+                                   const texture::TexelFormat& format) noexcept {
   const bool is_linear = at.input != nullptr ? at.input->linear : at.image->linear;
-  const bool as_stored = premultiplied && at.image->premultiplied && is_linear;
+  const bool as_stored = format.premultiplied && at.image->premultiplied && is_linear;
   texture::TexelValue value{projection::blend(*at.image, at.tile, at.column, at.row, taps,
                                               as_stored ? projection::BlendAlpha::stored
                                                         : projection::BlendAlpha::straight),
-                            at.image->channels, at.image->linear, at.image->has_alpha, as_stored};
-  if (at.input != nullptr) texture::apply(*at.input, value);
+                            at.image->channels, is_linear, at.image->has_alpha, as_stored};
+  if (page.factor) texture::apply(*page.factor, format, value);
+  if (at.input != nullptr && at.input->primaries) texture::convert(*at.input->primaries, value);
   return value;
 }
 

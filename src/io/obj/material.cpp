@@ -163,8 +163,13 @@ void ObjMaterials::finish() {
 void ObjMaterials::fill(mesh::Material& out, const Loaded& loaded) {
   const MtlMaterial& in = loaded.material;
   out.name = in.name;
-  out.factors[static_cast<std::size_t>(Channel::base_color)] = {in.diffuse[0], in.diffuse[1],
-                                                                in.diffuse[2], in.dissolve};
+  auto& base = out.factors[static_cast<std::size_t>(Channel::base_color)];
+  base = {in.diffuse[0], in.diffuse[1], in.diffuse[2], in.dissolve};
+  // Black or invisible beside a texture is what exporters write where they mean nothing by it.
+  if (!in.base_color.name.empty()) {
+    if (base[0] == 0 && base[1] == 0 && base[2] == 0) base[0] = base[1] = base[2] = 1;
+    if (base[3] == 0) base[3] = 1;
+  }
   const bool dark = in.emission[0] == 0 && in.emission[1] == 0 && in.emission[2] == 0;
   auto& emissive = out.factors[static_cast<std::size_t>(Channel::emissive)];
   emissive = {in.emission[0], in.emission[1], in.emission[2], 1};

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "flow/plan/texture_factor.h"
+
+#include <cmath>
+
+namespace pounce::flow {
+namespace {
+
+bool changes(const texture::Factor& factor) {
+  const texture::Factor none;
+  return factor.scale != none.scale || factor.offset != none.offset;
+}
+
+}  // namespace
+
+std::optional<texture::Factor> texture_factor(const mesh::Material& material, Channel channel) {
+  if (static_cast<int>(channel) >= kChannelCount) return std::nullopt;
+  const auto& f = material.factors[static_cast<std::size_t>(channel)];
+  const double light = static_cast<double>(material.emissive_strength);
+  const double strength = static_cast<double>(material.occlusion_strength);
+  texture::Factor factor;
+  switch (channel) {
+    case Channel::base_color:
+      factor.scale = {f[0], f[1], f[2], f[3]};
+      break;
+    case Channel::metallic_roughness:  // roughness is green, metallic blue
+      factor.scale = {1, f[1], f[2], 1};
+      break;
+    case Channel::occlusion:  // red: 1 + strength (v - 1)
+      factor.scale[0] = strength;
+      factor.offset[0] = std::isfinite(strength) ? 1 - strength : 0;
+      break;
+    case Channel::emissive:
+      factor.scale = {f[0], f[1], f[2], 1};
+      for (std::size_t c = 0; c < 3; ++c) factor.scale[c] *= light;
+      break;
+    case Channel::normal:      // its scale counts in the vectors themselves
+    case Channel::confidence:  // no material has these
+    case Channel::distance:
+    case Channel::height:
+    case Channel::position:
+      return std::nullopt;
+  }
+  for (double& scale : factor.scale) {  // a number beyond floats says nothing
+    if (!std::isfinite(scale)) scale = 1;
+  }
+  if (!changes(factor)) return std::nullopt;
+  factor.is_colour = channel == Channel::base_color || channel == Channel::emissive;
+  factor.spreads = channel != Channel::occlusion &&
+                   (factor.scale[0] != factor.scale[1] || factor.scale[1] != factor.scale[2]);
+  return factor;
+}
+
+}  // namespace pounce::flow
