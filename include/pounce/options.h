@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -24,6 +25,8 @@ enum class Channel : std::uint8_t {
   distance,
   height,    ///< "height": the same of a mesh, by TransferOptions::baked
   position,  ///< "position": data: where the surface was found, in the job's axes; by `baked`
+  /// The first of the maps of the user's own; see other_channel(). No material has these.
+  other,
 };
 inline constexpr int kChannelCount = 5;   ///< of a material
 inline constexpr int kEvidenceCount = 2;  ///< of a splat scene, after those
@@ -39,8 +42,24 @@ constexpr bool is_shape(Channel channel) noexcept {
   return channel == Channel::height || channel == Channel::position;
 }
 
+inline constexpr std::size_t kMostOtherMaps = 64;
+
+/// The map TransferOptions::other_maps[index], index < kMostOtherMaps.
+constexpr Channel other_channel(std::size_t index) noexcept {
+  return static_cast<Channel>(static_cast<std::size_t>(Channel::other) + index);
+}
+constexpr bool is_other(Channel channel) noexcept { return channel >= Channel::other; }
+/// Which one it is; of an other channel alone.
+constexpr std::size_t other_index(Channel channel) noexcept {
+  return static_cast<std::size_t>(channel) - static_cast<std::size_t>(Channel::other);
+}
+/// Is it one that a material may have a texture and a factor for?
+constexpr bool is_of_material(Channel channel) noexcept {
+  return static_cast<int>(channel) < kChannelCount;
+}
+
 /// "baseColor", "metallicRoughness", "occlusion", "emissive", "normal", "confidence", "distance",
-/// "height", "position".
+/// "height", "position"; "other" for maps of the user's own, whose names the options have.
 const char* channel_name(Channel channel) noexcept;
 /// The channel with that name (exactly as above), or nothing.
 std::optional<Channel> channel_from_name(const std::string& name) noexcept;
@@ -86,6 +105,15 @@ struct SourceColourSpace {
   std::optional<Channel> channel;  ///< nothing: every one of colours that is not named itself
   std::string space;
 };
+/// A map of the user's own, such as a displacement. Its image is a SourceTexture.
+struct OtherMap {
+  std::string name;  ///< is_map_name()
+  /// Colour is converted between sRGB coding and linear light where formats ask for it, data never
+  /// is. Nothing: by the name, see docs/maps.md.
+  std::optional<bool> is_colour;
+};
+/// 1 to 64 letters, digits, - and _, and neither "all" nor a channel's name in other case.
+bool is_map_name(const std::string& name) noexcept;
 
 /// What machine resources a job may use.
 struct Resources {
@@ -195,6 +223,9 @@ struct TransferOptions {
   /// Of colours, one of the same names. Default: the source's, but sRGB where a format of integers
   /// is to hold linear light, and in models.
   std::string output_colour_space;
+  /// Names for other_channel(0), other_channel(1), ..., which `channels` and `source_textures` may
+  /// hold then; each needs a source texture. Models have no place for them.
+  std::vector<OtherMap> other_maps;
   /// Images: multiply the factors of the source's materials (baseColorFactor, Kd, ...) into what
   /// their textures give. A model has them in its materials, whatever this says.
   bool apply_factors = true;
@@ -265,6 +296,9 @@ struct TransferOptions {
   bool allow_external = false;
   Resources resources;
 };
+
+/// The channel's name in this job, maps of the user's own included.
+std::string channel_name(const TransferOptions& options, Channel channel);
 
 /// Target vectorization alone: position, normal and mask images.
 struct MapsOptions {

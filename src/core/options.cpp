@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pounce/options.h"
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
+#include <string_view>
 
 #include "pounce/error.h"
 
@@ -30,7 +32,28 @@ std::optional<Enum> find_name(const std::array<const char*, N>& names, const std
 }  // namespace
 
 const char* channel_name(Channel channel) noexcept {
-  return kChannelNames[static_cast<std::size_t>(channel)];
+  return is_other(channel) ? "other" : kChannelNames[static_cast<std::size_t>(channel)];
+}
+
+std::string channel_name(const TransferOptions& options, Channel channel) {
+  return is_other(channel) ? options.other_maps.at(other_index(channel)).name
+                           : channel_name(channel);
+}
+
+bool is_map_name(const std::string& name) noexcept {
+  constexpr std::size_t kLongest = 64;
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  const bool is_written = std::all_of(name.begin(), name.end(), [&](char c) {
+    return is_letter(c) || (c >= '0' && c <= '9') || c == '-' || c == '_';
+  });
+  if (name.empty() || name.size() > kLongest || !is_written || name.front() == '-') return false;
+  const auto is_same = [&](std::string_view other) {
+    // Letters differ in one bit from their other case, and no other sign that is allowed does.
+    return name.size() == other.size() &&
+           std::equal(name.begin(), name.end(), other.begin(),
+                      [](char a, char b) { return (a | 0x20) == (b | 0x20); });
+  };
+  return !is_same("all") && std::none_of(kChannelNames.begin(), kChannelNames.end(), is_same);
 }
 
 std::optional<Channel> channel_from_name(const std::string& name) noexcept {

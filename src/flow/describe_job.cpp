@@ -30,17 +30,21 @@ class OptionList {
   void add(const std::string& name, bool given) {
     if (given) options_.push_back({name, {"true"}, false});
   }
-  void add(const std::vector<SourceTexture>& textures) {
-    std::vector<std::string> values;
-    for (const SourceTexture& texture : textures)
-      values.push_back(fmt::format("{}={}", channel_name(texture.channel), texture.path));
+  void add_maps(const TransferOptions& o) {
+    std::vector<std::string> values, data, colours;
+    for (const SourceTexture& texture : o.source_textures)
+      values.push_back(fmt::format("{}={}", channel_name(o, texture.channel), texture.path));
     add("source-texture", values);
+    for (const OtherMap& map : o.other_maps) {
+      if (map.is_colour) (*map.is_colour ? colours : data).push_back(map.name);
+    }
+    add("data", data);
+    add("color", colours);
   }
-  void add(const std::vector<SourceColourSpace>& spaces) {
+  void add(const TransferOptions& o, const std::vector<SourceColourSpace>& spaces) {
     std::vector<std::string> values;
     for (const SourceColourSpace& given : spaces) {
-      values.push_back((given.channel ? channel_name(*given.channel) + std::string("=") : "") +
-                       given.space);
+      values.push_back((given.channel ? channel_name(o, *given.channel) + "=" : "") + given.space);
     }
     add("source-colorspace", values);
   }
@@ -88,9 +92,9 @@ class OptionList {
   std::vector<OptionReport>& options_;
 };
 
-std::vector<std::string> names_of(const std::vector<Channel>& channels) {
+std::vector<std::string> names_of(const TransferOptions& o, const std::vector<Channel>& channels) {
   std::vector<std::string> names;
-  for (const Channel channel : channels) names.push_back(channel_name(channel));
+  for (const Channel channel : channels) names.push_back(channel_name(o, channel));
   return names;
 }
 
@@ -120,16 +124,16 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
            o.min_coverage_percent > 0 ? fmt::format("{}", o.min_coverage_percent) : "");
   list.add("onto", o.onto);
   list.add("mask", o.mask);
-  list.add("channels", o.all_channels ? std::vector<std::string>{"all"} : names_of(o.channels));
-  list.add("bake", names_of(o.baked));
+  list.add("channels", o.all_channels ? std::vector<std::string>{"all"} : names_of(o, o.channels));
+  list.add("bake", names_of(o, o.baked));
   list.add("normal-y", o.source_normal_y != usual.source_normal_y
                            ? std::string(normal_y_name(o.source_normal_y))
                            : "");
   list.add("output-normal-y", o.output_normal_y != usual.output_normal_y
                                   ? std::string(normal_y_name(o.output_normal_y))
                                   : "");
-  list.add(o.source_textures);
-  list.add(o.source_colour_spaces);
+  list.add_maps(o);
+  list.add(o, o.source_colour_spaces);
   list.add("output-colorspace", o.output_colour_space);
   list.add("factors", o.apply_factors ? std::string() : std::string("ignore"));
   list.add("source", o.source_use);
@@ -164,8 +168,11 @@ void describe(const GaussiansOptions& o, Report& report) {
   OptionList list(report);
   list.add("output", o.output);
   list.add("source-axes", o.axes);
-  list.add(o.source_textures);
-  list.add(o.source_colour_spaces);
+  std::vector<std::string> textures;
+  for (const SourceTexture& texture : o.source_textures)
+    textures.push_back(fmt::format("{}={}", channel_name(texture.channel), texture.path));
+  list.add("source-texture", textures);
+  list.add({}, o.source_colour_spaces);
   list.add("sigma", o.sigma_texels ? fmt::format("{}", *o.sigma_texels) : std::string());
   list.add("sharpen", o.sharpen > 0 ? fmt::format("{}", o.sharpen) : std::string());
   list.add_filters(o);

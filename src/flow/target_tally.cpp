@@ -67,7 +67,7 @@ TargetTally::TargetTally(const TransferOptions& options, const Plan& plan,
   page_vectorized_.resize(target_.pages.size());
   if (report_.channels.empty()) {
     for (const ChannelPlan& channel : plan_.channels)
-      report_.channels.push_back({channel_name(channel.channel), 0, {}});
+      report_.channels.push_back({channel.name, 0, {}});
   }
   bool any_to_make = false;
   for (std::size_t c = 0; c < target_.images.size(); ++c) {
@@ -87,7 +87,7 @@ ImageReport TargetTally::describe(std::size_t channel, std::size_t page) const {
   const ImageOutput& output = target_.images[channel][page];
   ImageReport image;
   image.path = model_.empty() ? output.path : model_;
-  image.channel = channel_name(plan_.channels[channel].channel);
+  image.channel = plan_.channels[channel].name;
   image.material = target_.pages[page].set;
   image.udim = target_.by_tile ? static_cast<int>(target_.pages[page].udim) : 0;
   image.width = output.lattice.width;
@@ -137,7 +137,7 @@ void TargetTally::count(const TexelCounts& counts, std::size_t channel) {
 }
 
 void TargetTally::wrote(std::size_t channel, std::uint64_t filled) {
-  const std::string name = channel_name(plan_.channels[channel].channel);
+  const std::string name = plan_.channels[channel].name;
   std::vector<ImageReport>& images = target().images;
   const auto image =
       std::find_if(images.begin() + static_cast<std::ptrdiff_t>(page_begin_), images.end(),

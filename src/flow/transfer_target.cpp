@@ -219,7 +219,7 @@ class TargetTransfer {
       job_.report.warnings.push_back(fmt::format(
           "{}{}: {} samples of {} were clipped: {} holds {}; {} keeps them", clipped.first,
           clipped.images > 1 ? fmt::format(" and {} more", clipped.images - 1) : "",
-          clipped.samples, channel_name(source_plan_.channels[c].channel), depth_name(depth),
+          clipped.samples, source_plan_.channels[c].name, depth_name(depth),
           is_half ? "-65504 to 65504" : "0 to 1",
           is_half ? "--depth float" : "--depth half or float with .exr"));
     }

@@ -37,6 +37,9 @@ struct ImageRef {
   std::string
       problem;  ///< not empty: cannot be read, and why (unsupported extension, missing file)
   bool missing = false;  ///< the problem is that the file is not there
+  /// Of an EXR: the layer or channels that are meant, "diffuse", "diffuse.R,G,B"; "": those that
+  /// io::choose_channels() says.
+  std::string channels;
 };
 
 /// A texture as a material uses it.

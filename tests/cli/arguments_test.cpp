@@ -45,14 +45,31 @@ TEST_CASE("a length is absolute or a share of the diagonal", "[cli]") {
 }
 
 TEST_CASE("a source texture's path may hold an equals sign", "[cli]") {
-  const SourceTexture texture = parse_source_texture("--source-texture", "occlusion=a=b.png");
+  std::vector<OtherMap> maps;
+  const SourceTexture texture = parse_source_texture("--source-texture", "occlusion=a=b.png", maps);
   CHECK(texture.channel == Channel::occlusion);
   CHECK(texture.path == "a=b.png");
 }
 
 TEST_CASE("channels keep the order they are given in", "[cli]") {
-  CHECK(parse_channels("--channels", "emissive,baseColor") ==
+  std::vector<OtherMap> maps;
+  CHECK(parse_channels("--channels", "emissive,baseColor", maps) ==
         std::vector<Channel>{Channel::emissive, Channel::base_color});
+  CHECK(maps.empty());
+}
+
+TEST_CASE("maps of the user's own are numbered by name", "[cli]") {
+  std::vector<OtherMap> maps;
+  CHECK(parse_channels("--channels", "mask,occlusion,disp_2", maps) ==
+        std::vector<Channel>{other_channel(0), Channel::occlusion, other_channel(1)});
+  CHECK(parse_source_texture("--source-texture", "disp_2=d.exr", maps).channel == other_channel(1));
+  parse_map_kind("--color", "mask", true, maps);
+  REQUIRE(maps.size() == 2);
+  CHECK((maps[0].name == "mask" && maps[0].is_colour == true));
+  CHECK((maps[1].name == "disp_2" && !maps[1].is_colour));
+  CHECK_FALSE(is_map_name("OCCLUSION"));
+  CHECK_FALSE(is_map_name("-x"));
+  CHECK_FALSE(is_map_name(std::string(65, 'x')));
 }
 
 TEST_CASE("a refused value is quoted with its option and what is expected", "[cli]") {
@@ -143,14 +160,16 @@ TEST_CASE("UDIMs are numbers and ranges", "[cli]") {
 
 TEST_CASE("channels, depths and source textures are spelt as in glTF", "[cli]") {
   check_refused(parse_depth, {"", "U8", "u32", "8"});
-  check_refused(parse_source_texture,
-                {"", "baseColor", "baseColor=", "baseColor=skin.<CHANNEL>.png"});
-  CHECK(parse_source_texture("--source-texture", "baseColor=skin.<UDIM>.png").path ==
-        "skin.<UDIM>.png");
+  std::vector<OtherMap> maps;
+  const auto parse = [&maps](const std::string& option, const std::string& text) {
+    return parse_source_texture(option, text, maps);
+  };
+  check_refused(parse, {"", "baseColor", "baseColor=", "baseColor=skin.<CHANNEL>.png"});
+  CHECK(parse("--source-texture", "baseColor=skin.<UDIM>.png").path == "skin.<UDIM>.png");
   for (const char* text :
-       {"", "normals", "basecolor", "baseColor,,emissive", "baseColor, emissive", "baseColor,"}) {
+       {"", "no.rmal", "basecolor", "baseColor,,emissive", "baseColor, emissive", "baseColor,"}) {
     CAPTURE(text);
-    CHECK_THROWS_AS(parse_channels("--channels", text), Error);
+    CHECK_THROWS_AS(parse_channels("--channels", text, maps), Error);
   }
 }
 

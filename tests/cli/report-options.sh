@@ -24,7 +24,8 @@ job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' -
   --min-coverage 1 --channels baseColor --source-texture baseColor=skin.ppm --source-material skin --source-uv-set 0 \
   --source-axes x,y,z --target-uv-set 0 --target-axes x,y,z --max-distance 1 --max-angle 70 --filter tent --source-colorspace srgb \
   --output-colorspace srgb --allow-external "${machine[@]}" --temp . --plan
-job transfer source.obj target.obj -o o.png --skip-existing --no-cache
+job transfer source.obj target.obj -o o.png --skip-existing --no-cache --factors ignore --source-texture m=skin.ppm --data m \
+  --source-texture c=skin.ppm --color c
 job transfer source.obj target.obj -o b.png --bake normal --normal-y down --output-normal-y down --size 8 --no-cache
 job transfer source.obj target.obj -o g.png --method gaussian --sigma 1 --densify --no-cache
 job transfer source.obj target.obj -o o.png --onto o.png --mask mask.pgm --no-cache

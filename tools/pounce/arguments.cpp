@@ -67,15 +67,25 @@ double unit_bytes(const std::string& unit) {
   return ending == "b" ? std::pow(1000.0, exponent) : 0;
 }
 
-Channel parse_channel(const std::string& option, const std::string& name) {
-  const std::optional<Channel> channel = channel_from_name(name);
-  if (!channel) {
+/// The number of the map with this name, which may be new.
+std::size_t map_of(const std::string& name, std::vector<OtherMap>& maps) {
+  const auto at =
+      std::find_if(maps.begin(), maps.end(), [&](const OtherMap& map) { return map.name == name; });
+  if (at != maps.end()) return static_cast<std::size_t>(at - maps.begin());
+  maps.push_back({name, std::nullopt});
+  return maps.size() - 1;
+}
+
+Channel parse_channel(const std::string& option, const std::string& name,
+                      std::vector<OtherMap>& maps) {
+  if (const std::optional<Channel> channel = channel_from_name(name)) return *channel;
+  if (!is_map_name(name) || maps.size() >= kMostOtherMaps) {
     refuse(
         option, name,
         "baseColor, metallicRoughness, occlusion, emissive or normal; of splat scenes baseColor, "
-        "confidence or distance; of shapes normal, height or position");
+        "confidence or distance; or a name of your own in letters, digits, - and _");
   }
-  return *channel;
+  return other_channel(map_of(name, maps));
 }
 
 }  // namespace
@@ -207,20 +217,28 @@ Depth parse_depth(const std::string& option, const std::string& text) {
   return *depth;
 }
 
-std::vector<Channel> parse_channels(const std::string& option, const std::string& text) {
+std::vector<Channel> parse_channels(const std::string& option, const std::string& text,
+                                    std::vector<OtherMap>& maps) {
   std::vector<Channel> channels;
   for (std::size_t begin = 0; begin <= text.size();) {
     const std::size_t end = std::min(text.find(',', begin), text.size());
     const std::string name = text.substr(begin, end - begin);
     if (name == "all")
       refuse(option, text, "all by itself, or the channels by name: baseColor,confidence");
-    const Channel channel = parse_channel(option, name);
+    const Channel channel = parse_channel(option, name, maps);
     if (std::find(channels.begin(), channels.end(), channel) != channels.end()) {
-      refuse(option, text, fmt::format("{} only once", channel_name(channel)));
+      refuse(option, text, fmt::format("{} only once", name));
     }
     channels.push_back(channel);
     begin = end + 1;
   }
+  return channels;
+}
+
+std::vector<Channel> parse_baked(const std::string& option, const std::string& text) {
+  std::vector<OtherMap> maps;
+  std::vector<Channel> channels = parse_channels(option, text, maps);
+  if (!maps.empty()) refuse(option, maps.front().name, "normal, height or position");
   return channels;
 }
 
@@ -309,12 +327,24 @@ void check_file_name(const std::string& option, const std::string& text) {
 
 }  // namespace
 
-SourceTexture parse_source_texture(const std::string& option, const std::string& text) {
+void parse_map_kind(const std::string& option, const std::string& name, bool is_colour,
+                    std::vector<OtherMap>& maps) {
+  if (channel_from_name(name) || !is_map_name(name) || maps.size() >= kMostOtherMaps)
+    refuse(option, name, "the name of a map of your own; what channels of materials are is fixed");
+  OtherMap& map = maps[map_of(name, maps)];
+  if (map.is_colour && *map.is_colour != is_colour)
+    refuse(option, name, "either --data or --color for it");
+  map.is_colour = is_colour;
+}
+
+SourceTexture parse_source_texture(const std::string& option, const std::string& text,
+                                   std::vector<OtherMap>& maps) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals + 1 == text.size()) {
-    refuse(option, text, "CHANNEL=PATH, for example baseColor=skin.png");
+    refuse(option, text, "NAME=PATH, for example baseColor=skin.png");
   }
-  SourceTexture texture{parse_channel(option, text.substr(0, equals)), text.substr(equals + 1)};
+  SourceTexture texture{parse_channel(option, text.substr(0, equals), maps),
+                        text.substr(equals + 1)};
   std::error_code unknown;
   if (!std::filesystem::exists(texture.path, unknown))
     check_foreign_tokens(option, text, equals + 1, true);
@@ -322,10 +352,11 @@ SourceTexture parse_source_texture(const std::string& option, const std::string&
   return texture;
 }
 
-SourceColourSpace parse_source_space(const std::string& option, const std::string& text) {
+SourceColourSpace parse_source_space(const std::string& option, const std::string& text,
+                                     std::vector<OtherMap>& maps) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos) return {std::nullopt, text};
-  return {parse_channel(option, text.substr(0, equals)), text.substr(equals + 1)};
+  return {parse_channel(option, text.substr(0, equals), maps), text.substr(equals + 1)};
 }
 
 std::string parse_image_pattern(const std::string& option, const std::string& text) {

@@ -40,12 +40,20 @@ SphericalHarmonics parse_harmonics(const std::string& option, const std::string&
 AxisBox parse_box(const std::string& option, const std::string& text);
 NormalY parse_normal_y(const std::string& option, const std::string& text);
 Depth parse_depth(const std::string& option, const std::string& text);
-/// Channel names between commas, each at most once.
-std::vector<Channel> parse_channels(const std::string& option, const std::string& text);
-/// "CHANNEL=PATH"; PATH may hold <UDIM> or <UVTILE>.
-SourceTexture parse_source_texture(const std::string& option, const std::string& text);
-/// "[CHANNEL=]SPACE"; the library knows which spaces there are.
-SourceColourSpace parse_source_space(const std::string& option, const std::string& text);
+/// Channel names between commas, each at most once. What is no channel becomes one of `maps`.
+std::vector<Channel> parse_channels(const std::string& option, const std::string& text,
+                                    std::vector<OtherMap>& maps);
+/// The same of what is baked, which has no maps.
+std::vector<Channel> parse_baked(const std::string& option, const std::string& text);
+/// "NAME=PATH"; NAME likewise, PATH may hold <UDIM> or <UVTILE>.
+SourceTexture parse_source_texture(const std::string& option, const std::string& text,
+                                   std::vector<OtherMap>& maps);
+/// The name of one of `maps`, which is colour, or else data.
+void parse_map_kind(const std::string& option, const std::string& name, bool is_colour,
+                    std::vector<OtherMap>& maps);
+/// "[NAME=]SPACE"; NAME likewise. The library knows which spaces there are.
+SourceColourSpace parse_source_space(const std::string& option, const std::string& text,
+                                     std::vector<OtherMap>& maps);
 /// An image path that may hold <CHANNEL>, <MATERIAL>, <TARGET>, <UDIM> and <UVTILE>; nothing else
 /// between < and >, and no ending of a model.
 std::string parse_image_pattern(const std::string& option, const std::string& text);

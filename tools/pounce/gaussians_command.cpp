@@ -42,7 +42,8 @@ void add_mesh_source_options(CLI::App& command, GaussiansOptions& options) {
             "Take the colours from this image instead of what the mesh\n"
             "says",
             [&options](const std::string& text) {
-              const SourceTexture texture = parse_source_texture("--source-texture", text);
+              std::vector<OtherMap> maps;
+              const SourceTexture texture = parse_source_texture("--source-texture", text, maps);
               if (texture.channel != Channel::base_color) {
                 throw Error(ErrorKind::usage, "--source-texture: got \"" + text +
                                                   "\", expected baseColor=PATH: splats have one "
@@ -54,7 +55,7 @@ void add_mesh_source_options(CLI::App& command, GaussiansOptions& options) {
             "What the colours of the images are: srgb, lin_rec709, acescg,\n"
             "aces2065-1, display-p3. Default: what their files say",
             [&options](const std::string& text) {
-              options.source_colour_spaces = {parse_source_space("--source-colorspace", text)};
+              options.source_colour_spaces = {{std::nullopt, text}};
             });
   add_value(command, "--sigma", "S", group,
             "Standard deviation of a texel's disc in texels, 0.1 to 4. Below 0.4\n"

@@ -133,6 +133,26 @@ void add_factors_option(CLI::App& command, const char* group, TransferOptions& o
             });
 }
 
+void add_kind_option(CLI::App& command, const char* option, bool is_colour,
+                     TransferOptions& options) {
+  command
+      .add_option_function<std::vector<std::string>>(
+          option,
+          [&options, option, is_colour](const std::vector<std::string>& names) {
+            for (const std::string& name : names)
+              parse_map_kind(option, name, is_colour, options.other_maps);
+          },
+          is_colour ? "This map of your own is colour: converted where formats differ in\n"
+                      "sRGB coding and linear light"
+                    : "This map of your own is data, never converted. Default: by its name\n"
+                      "(docs/maps.md), else data. May be given once per map")
+      ->type_name("NAME")
+      ->option_text("NAME")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->group("Source");
+}
+
 void add_source_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Source";
   add_value(command, "--channels", "LIST", group,
@@ -145,16 +165,17 @@ void add_source_options(CLI::App& command, TransferOptions& options) {
             "Default: all if OUTPUT is a model or holds <CHANNEL>, else baseColor",
             [&options](const std::string& text) {
               options.all_channels = text == "all";
-              if (!options.all_channels) options.channels = parse_channels("--channels", text);
+              if (!options.all_channels) {
+                options.channels = parse_channels("--channels", text, options.other_maps);
+              }
             });
-  add_value(
-      command, "--bake", "LIST", group,
-      "Made of the source's shape: normal (its smooth normals and its own\n"
-      "normal map, in the target's tangent space), height (signed, from\n"
-      "the target along its normal) and position (both .exr or .tif).\n"
-      "Besides --channels; alone if OUTPUT is one image. Needs no textures;\n"
-      "without any, give --size",
-      [&options](const std::string& text) { options.baked = parse_channels("--bake", text); });
+  add_value(command, "--bake", "LIST", group,
+            "Made of the source's shape: normal (its smooth normals and its own\n"
+            "normal map, in the target's tangent space), height (signed, from\n"
+            "the target along its normal) and position (both .exr or .tif).\n"
+            "Besides --channels; alone if OUTPUT is one image. Needs no textures;\n"
+            "without any, give --size",
+            [&options](const std::string& text) { options.baked = parse_baked("--bake", text); });
   add_value(command, "--normal-y", "up|down", group,
             "Which way green rises in the source's normal maps: up in the image\n"
             "(glTF, OpenGL) or down (DirectX). Default: up",
@@ -171,17 +192,22 @@ void add_source_options(CLI::App& command, TransferOptions& options) {
           "--source-texture",
           [&options](const std::vector<std::string>& texts) {
             for (const std::string& text : texts) {
-              options.source_textures.push_back(parse_source_texture("--source-texture", text));
+              options.source_textures.push_back(
+                  parse_source_texture("--source-texture", text, options.other_maps));
             }
           },
-          "Take a channel from this image instead of what the mesh says.\n"
-          "With <UDIM> or <UVTILE> in PATH: from a set of tiles, which may\n"
-          "differ in size. May be given once per channel")
-      ->type_name("CHANNEL=PATH")
-      ->option_text("CHANNEL=PATH")
+          "Take a channel from this image instead of what the mesh says, or a\n"
+          "map of your own name (displacement, specular, mask), which --channels\n"
+          "and <CHANNEL> know then. With <UDIM> or <UVTILE> in PATH: from a set\n"
+          "of tiles, which may differ in size. Of an EXR by layer or channels:\n"
+          "NAME=FILE.exr:diffuse or FILE.exr:N.X,Y,Z. May be given once per name")
+      ->type_name("NAME=PATH")
+      ->option_text("NAME=PATH")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
       ->group(group);
+  add_kind_option(command, "--data", false, options);
+  add_kind_option(command, "--color", true, options);
   add_factors_option(command, group, options);
 }
 
@@ -193,14 +219,14 @@ void add_colour_options(CLI::App& command, TransferOptions& options) {
           [&options](const std::vector<std::string>& texts) {
             for (const std::string& text : texts)
               options.source_colour_spaces.push_back(
-                  parse_source_space("--source-colorspace", text));
+                  parse_source_space("--source-colorspace", text, options.other_maps));
           },
           "What the source's images of colours hold, of this channel or of all:\n"
           "srgb, lin_rec709, acescg, aces2065-1, display-p3. Default: what their\n"
           "files say (EXR, ICC profiles, PNG's chunks), but srgb in glTF; else\n"
           "srgb for integers, lin_rec709 for floats")
-      ->type_name("[CHANNEL=]SPACE")
-      ->option_text("[CHANNEL=]SPACE")
+      ->type_name("[NAME=]SPACE")
+      ->option_text("[NAME=]SPACE")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
       ->group(group);

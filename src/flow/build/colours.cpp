@@ -270,6 +270,7 @@ Hash128 colour_key(JobContext& job, const ColourRequest& request) {
   hash.add(content.lo);
   hash.add(request.wrap_u);
   hash.add(request.wrap_v);
+  if (!request.image->channels.empty()) hash.add(std::string_view(request.image->channels));
   return hash.digest();
 }
 

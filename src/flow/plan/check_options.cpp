@@ -107,7 +107,8 @@ void check_baked(const TransferOptions& o) {
   }
   for (const Channel channel : o.baked) {
     if (channel != Channel::normal && !is_shape(channel))
-      usage(fmt::format("--bake {}: it takes normal, height and position", channel_name(channel)));
+      usage(
+          fmt::format("--bake {}: it takes normal, height and position", channel_name(o, channel)));
     if (is_shape(channel) && io::is_model_path(o.output)) {
       usage(
           fmt::format("--bake {}: {} is a model, whose materials have no such texture; write "
@@ -119,6 +120,44 @@ void check_baked(const TransferOptions& o) {
     usage(fmt::format("--output-normal-y down: {} is a glTF model, whose normal maps have y up",
                       o.output));
   }
+}
+
+}  // namespace
+
+namespace {
+
+/// Maps of the user's own: names, and where they come from and cannot go.
+void check_other_maps(const TransferOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  if (o.other_maps.size() > kMostOtherMaps)
+    usage(fmt::format("{} maps of your own: at most {}", o.other_maps.size(), kMostOtherMaps));
+  for (std::size_t k = 0; k < o.other_maps.size(); ++k) {
+    const std::string& name = o.other_maps[k].name;
+    if (!is_map_name(name)) usage(fmt::format("\"{}\" is no name for a map", name));
+    const bool is_given = std::any_of(
+        o.source_textures.begin(), o.source_textures.end(),
+        [&](const SourceTexture& texture) { return texture.channel == other_channel(k); });
+    if (!is_given) {
+      usage(
+          fmt::format("{}: no material has such a channel (baseColor, metallicRoughness, "
+                      "occlusion, emissive); a map of your own needs --source-texture {}=FILE",
+                      name, name));
+    }
+    if (io::is_model_path(o.output)) {
+      usage(
+          fmt::format("{}: {} is a model, whose materials have no such texture; write images, "
+                      "such as '<CHANNEL>.png'",
+                      name, o.output));
+    }
+  }
+  const auto is_known = [&](Channel channel) {
+    return !is_other(channel) || other_index(channel) < o.other_maps.size();
+  };
+  const bool all_known =
+      std::all_of(o.channels.begin(), o.channels.end(), is_known) &&
+      std::all_of(o.source_textures.begin(), o.source_textures.end(),
+                  [&](const SourceTexture& texture) { return is_known(texture.channel); });
+  if (!all_known) usage("a channel beyond TransferOptions::other_maps");
 }
 
 }  // namespace
@@ -167,6 +206,7 @@ void check_options(const TransferOptions& o) {
     usage("--max-distance must be above 0");
   if (!(o.max_angle_deg >= 0 && o.max_angle_deg < 90))
     usage("--max-angle must be at least 0 and below 90 degrees");
+  check_other_maps(o);
   check_method(o);
   check_splat_options(o);
   check_evidence(o);

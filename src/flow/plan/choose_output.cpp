@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "flow/plan/colour_spaces.h"
+#include "flow/plan/map_kind.h"
 #include "flow/plan/plan.h"
 #include "io/files/file_ending.h"
 #include "io/image/write.h"
@@ -72,7 +73,7 @@ void choose_channels(const TransferOptions& options, const SourceLook& look,
 
 void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan,
                    std::vector<std::string>& warnings, std::vector<std::string>& notes) {
-  const std::optional<io::ImageInfo> onto = onto_header(options, plan.channel);
+  const std::optional<io::ImageInfo> onto = onto_header(options, plan.name);
   plan.source_alpha = look.alpha;
   plan.source_colours = look.colours;
   plan.size = options.size.value_or(onto ? ImageSize{onto->width, onto->height} : look.size);
@@ -83,7 +84,7 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Chann
                             plan.size.height, store::kLargestImageSide));
   }
   choose_channels(options, look, onto, plan, warnings);
-  plan.format.is_colour = is_colour(plan.channel);
+  plan.format.is_colour = is_colour(options, plan.channel);
   const Depth wanted = options.depth ? *options.depth : onto ? onto->depth : look.depth;
   plan.format.depth = options.depth ? wanted : io::writable_depth(options.output, wanted);
   choose_space(options, look, onto, plan, notes);

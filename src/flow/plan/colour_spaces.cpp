@@ -9,6 +9,7 @@
 
 #include <algorithm>
 
+#include "flow/plan/map_kind.h"
 #include "io/files/file_ending.h"
 #include "io/image/write.h"
 #include "io/model/write.h"
@@ -35,8 +36,9 @@ void check_colour_spaces(const TransferOptions& options) {
   std::vector<std::string> given;
   for (const SourceColourSpace& source : options.source_colour_spaces) {
     known_space("--source-colorspace", source.space);
-    const std::string channel = source.channel ? channel_name(*source.channel) : "all channels";
-    if (source.channel && !is_colour(*source.channel)) {
+    const std::string channel =
+        source.channel ? channel_name(options, *source.channel) : "all channels";
+    if (source.channel && !is_colour(options, *source.channel)) {
       throw Error(ErrorKind::usage,
                   fmt::format("--source-colorspace {}={}: {} is data and never converted", channel,
                               source.space, channel));
@@ -68,7 +70,7 @@ void check_colour_spaces(const TransferOptions& options) {
 
 std::optional<ColourSpace> given_space(const TransferOptions& options, Channel channel) {
   std::optional<ColourSpace> found;
-  if (!is_colour(channel)) return found;
+  if (!is_colour(options, channel)) return found;
   for (const SourceColourSpace& given : options.source_colour_spaces) {
     if (given.channel ? *given.channel == channel : !found)
       found = known_space("--source-colorspace", given.space);
@@ -77,7 +79,7 @@ std::optional<ColourSpace> given_space(const TransferOptions& options, Channel c
 }
 
 ColourSpace space_of(const TransferOptions& options, Channel channel, const ColumnPlan& column) {
-  if (!is_colour(channel)) return {kRec709, column.info.linear};
+  if (!is_colour(options, channel)) return {kRec709, column.info.linear};
   if (const auto given = given_space(options, channel)) return *given;
   return column.heeds_tags ? column.info.space() : ColourSpace{kRec709, column.info.linear};
 }
@@ -108,7 +110,7 @@ void choose_space(const TransferOptions& options, const SourceLook& look,
   const bool has_images = look.size.width > 0;
   if (has_images &&
       (source.linear != made.linear || !same_primaries(source.primaries, made.primaries))) {
-    notes.push_back(fmt::format("{} is converted from {} to {}", channel_name(plan.channel),
+    notes.push_back(fmt::format("{} is converted from {} to {}", plan.name,
                                 colour_space_name(source), colour_space_name(made)));
   }
 }

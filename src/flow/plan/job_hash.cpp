@@ -24,6 +24,8 @@ constexpr std::array kOtherOptions = std::to_array<std::string_view>(
      "channels", "tiles", "coverage",
      // Names of files, whose contents and kinds count.
      "output", "onto", "mask", "source-texture",
+     // Of each image: whether it is colour.
+     "data", "color",
      // What the output turned out to be counts, whether it was asked for or not.
      "size", "depth", "padding"});
 
@@ -98,6 +100,7 @@ void JobHash::add_files(const std::vector<std::string>& paths, Hasher& hash) {
 void JobHash::add_image(const mesh::ImageRef& image, Hasher& hash) {
   hash.add(image.offset_bytes);
   hash.add(image.size_bytes);
+  if (!image.channels.empty()) hash.add(std::string_view(image.channels));
   if (image.bytes == nullptr) return add_file(image.path, hash);
   Hasher bytes;
   bytes.add(std::span<const std::byte>(*image.bytes));
@@ -126,7 +129,8 @@ void JobHash::add_source_images(const Plan& plan, const ChannelPlan& channel, Ha
 }
 
 void JobHash::add_output(const ChannelPlan& channel, const ImageOutput& image, Hasher& hash) {
-  hash.add(std::string_view(channel_name(channel.channel)));
+  hash.add(std::string_view(channel.name));
+  if (is_other(channel.channel)) hash.add(channel.format.is_colour);
   hash.add(std::string_view(kind_of(image.path)));
   hash.add(image.lattice.width);
   hash.add(image.lattice.height);

@@ -63,6 +63,11 @@ Slots slots_left(const TransferOptions& options, const Plan& plan, const mesh::M
         add_image(source.images[texture->image], slots[channel_name(channel)]);
     }
   }
+  for (const SourceTexture& given : options.source_textures) {
+    if (!options.channels.empty() || is_transferred(plan, given.channel)) continue;
+    std::vector<std::string>& images = slots[channel_name(options, given.channel)];
+    images = {std::filesystem::path(given.path).filename().string()};
+  }
   if (source.has_vertex_colours) slots["vertex colours"];
   return slots;
 }
@@ -106,10 +111,9 @@ std::string factors_note(const TransferOptions& options, const Plan& plan,
   std::map<std::string, std::size_t> counts;
   for (const std::uint32_t m : used_materials(source)) {
     for (const ChannelPlan& channel : plan.channels) {
-      if (is_shape(channel.channel)) continue;
+      if (!is_of_material(channel.channel)) continue;
       const auto& own = source.materials[m].textures[static_cast<std::size_t>(channel.channel)];
-      if (own && texture_factor(source.materials[m], channel.channel))
-        ++counts[channel_name(channel.channel)];
+      if (own && texture_factor(source.materials[m], channel.channel)) ++counts[channel.name];
     }
   }
   if (counts.empty()) return "";

@@ -20,11 +20,6 @@
 
 namespace pounce::flow {
 
-/// Data is never converted between sRGB coding and linear light.
-inline bool is_colour(Channel channel) {
-  return channel == Channel::base_color || channel == Channel::emissive;
-}
-
 /// What one source page gives to a channel: an image, a set of UDIM tiles, or else a constant.
 struct PageTexture {
   int column = -1;    ///< index into Plan::columns
@@ -32,13 +27,14 @@ struct PageTexture {
   texture::TexelValue constant;
   std::optional<texture::ColourInput> input;  ///< for the texels of the column
   float normal_scale = 1;                     ///< of a normal map's x and y
-  std::optional<texture::Factor> factor;  ///< of the material, for the texture's texels
+  std::optional<texture::Factor> factor;      ///< of the material, for the texture's texels
 };
 
 /// One channel of the job: its images on the source side, its format on the output side.
 struct ChannelPlan {
   Channel channel = Channel::base_color;
-  ImageSize size;  ///< of each output image
+  std::string name;  ///< of the channel, in images and reports
+  ImageSize size;    ///< of each output image
   texture::TexelFormat format;
   bool source_alpha = false;           ///< has some image of the source alpha here?
   std::uint32_t source_colours = 3;    ///< the most channels besides alpha that an image here has

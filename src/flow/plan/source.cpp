@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <set>
 
 #include "flow/plan/colour_spaces.h"
+#include "flow/plan/map_kind.h"
 #include "flow/plan/output_names.h"
 #include "flow/plan/plan.h"
 #include "flow/plan/texture_factor.h"
@@ -57,28 +59,28 @@ class SourceTextures {
   SourceTextures(const TransferOptions& options, const mesh::Mesh& source)
       : mesh_(source), images_(source.images), uv_set_(options.source_use.uv_set) {
     for (const SourceTexture& given : options.source_textures) {
-      const auto c = static_cast<std::size_t>(given.channel);
-      if (override_[c] >= 0) {
-        throw Error(
-            ErrorKind::usage,
-            fmt::format("two source textures for {}: {} and {}", channel_name(given.channel),
-                        images_[static_cast<std::size_t>(override_[c])].path, given.path));
+      const auto [at, is_first] = override_.try_emplace(given.channel, images_.size());
+      if (!is_first) {
+        throw Error(ErrorKind::usage, fmt::format("two source textures for {}: {} and {}",
+                                                  channel_name(options, given.channel),
+                                                  images_[at->second].label, given.path));
       }
       mesh::ImageRef image;
-      image.path = given.path;
+      const io::FileChannels named = io::split_channels(given.path);
+      image.path = named.file;
+      image.channels = named.channels;
       image.label = given.path;
-      override_[c] = static_cast<int>(images_.size());
       images_.push_back(image);
     }
   }
 
   std::optional<mesh::TextureBinding> binding(std::size_t material, Channel channel) const {
-    if (is_shape(channel)) return std::nullopt;
-    const auto c = static_cast<std::size_t>(channel);
-    std::optional<mesh::TextureBinding> found = mesh_.materials[material].textures[c];
-    if (override_[c] >= 0) {
+    std::optional<mesh::TextureBinding> found;
+    if (is_of_material(channel))
+      found = mesh_.materials[material].textures[static_cast<std::size_t>(channel)];
+    if (const auto given = override_.find(channel); given != override_.end()) {
       if (!found) found.emplace();
-      found->image = static_cast<std::uint32_t>(override_[c]);
+      found->image = static_cast<std::uint32_t>(given->second);
     }
     if (found && uv_set_) found->uv_set = *uv_set_;
     return found;
@@ -88,8 +90,8 @@ class SourceTextures {
  private:
   const mesh::Mesh& mesh_;
   std::vector<mesh::ImageRef> images_;
-  std::optional<std::uint32_t> uv_set_;  ///< instead of what the materials say
-  std::array<int, kChannelCount> override_{-1, -1, -1, -1, -1};
+  std::optional<std::uint32_t> uv_set_;      ///< instead of what the materials say
+  std::map<Channel, std::size_t> override_;  ///< by --source-texture: into images_
 };
 
 class SourcePlanner {
@@ -136,7 +138,9 @@ class SourcePlanner {
   }
 
  private:
-  bool is_baked(Channel channel) const { return is_baked_[static_cast<std::size_t>(channel)]; }
+  bool is_baked(Channel channel) const {
+    return !is_other(channel) && is_baked_[static_cast<std::size_t>(channel)];
+  }
 
   /// Tangents matter where a material's normal map is read.
   void plan_tangents() {
@@ -160,6 +164,8 @@ class SourcePlanner {
     plan_.warnings.push_back(
         fmt::format("{}: no normal map is made", source ? "--normal-y" : "--output-normal-y"));
   }
+
+  std::string name_of(Channel channel) const { return channel_name(options_, channel); }
 
   bool source_has(Channel channel) const {
     for (std::size_t m = 0; m < used_.size(); ++m) {
@@ -198,8 +204,8 @@ class SourcePlanner {
       plan_.warnings.resize(warnings);
       plan_.notes.resize(notes);
       plan_.warnings.push_back(fmt::format("{}: {} is left out: {}; --channels {} insists on it",
-                                           source_.path, channel_name(channel), error.what(),
-                                           channel_name(channel)));
+                                           source_.path, name_of(channel), error.what(),
+                                           name_of(channel)));
     }
   }
 
@@ -226,7 +232,7 @@ class SourcePlanner {
     std::string others;
     for (int c = 1; c < kChannelCount; ++c) {
       const auto channel = static_cast<Channel>(c);
-      if (source_has(channel)) others += fmt::format(", {}", channel_name(channel));
+      if (source_has(channel)) others += fmt::format(", {}", name_of(channel));
     }
     if (others.empty()) return;
     plan_.warnings.push_back(
@@ -250,6 +256,8 @@ class SourcePlanner {
       for (int c = 0; c < kChannelCount; ++c) {
         if (source_has(static_cast<Channel>(c))) chosen.push_back(static_cast<Channel>(c));
       }
+      for (std::size_t k = 0; k < options_.other_maps.size(); ++k)
+        chosen.push_back(other_channel(k));
     }
     std::vector<Channel> distinct;
     for (const Channel c : chosen) {
@@ -261,8 +269,7 @@ class SourcePlanner {
             ErrorKind::input,
             fmt::format("{}: no material has {} {} texture{}; give one with --source-texture "
                         "{}=FILE",
-                        source_.path, article(c), channel_name(c), missing_files(),
-                        channel_name(c)));
+                        source_.path, article(c), name_of(c), missing_files(), name_of(c)));
       }
     }
     for (const Channel c : options_.baked) {  // last: images of others may give their size
@@ -283,24 +290,29 @@ class SourcePlanner {
     for (std::size_t i = 0; i < plan_.columns.size(); ++i) {
       const ColumnPlan& c = plan_.columns[i];
       if (c.image.label == image.label && c.image.path == image.path &&
-          c.image.offset_bytes == image.offset_bytes && c.image.bytes == image.bytes &&
-          c.wrap_u == wrap_u && c.wrap_v == wrap_v && c.heeds_tags == heeds_tags) {
+          c.image.channels == image.channels && c.image.offset_bytes == image.offset_bytes &&
+          c.image.bytes == image.bytes && c.wrap_u == wrap_u && c.wrap_v == wrap_v &&
+          c.heeds_tags == heeds_tags) {
         return static_cast<int>(i);
       }
     }
     plan_.columns.push_back({image, wrap_u, wrap_v, io::ImageReader(image).info(), heeds_tags});
     if (const io::ImageInfo& info = plan_.columns.back().info; !info.left_out.empty()) {
-      plan_.warnings.push_back(
-          fmt::format("{}: of its {} channels {} are taken, the others are left out: {}",
-                      image.label, info.names.size() + info.left_out.size(), io::joined(info.names),
-                      io::joined(info.left_out)));
+      plan_.warnings.push_back(fmt::format(
+          "{}: of its {} channels {} are taken, the others are left out: {}{}", image.label,
+          info.names.size() + info.left_out.size(), io::joined(info.names),
+          io::joined(info.left_out),
+          info.format == "openexr" ? "; to take these, name them: --source-texture NAME=FILE.exr:" +
+                                         info.left_out.front()
+                                   : ""));
     }
     return static_cast<int>(plan_.columns.size() - 1);
   }
 
   /// The UDIM tiles that the source's UVs enter where this channel samples `pattern`, and the
   /// images there are for them.
-  int tile_set_for(const std::string& pattern, Channel channel) {
+  int tile_set_for(const mesh::ImageRef& wanted, Channel channel) {
+    const std::string& pattern = wanted.path;
     TileSetPlan set;
     std::vector<std::uint32_t> missing;
     std::string first_missing;
@@ -309,6 +321,7 @@ class SourcePlanner {
       mesh::ImageRef image;
       image.path = image.label = expand_pattern(
           pattern, {{"UDIM", std::to_string(udim)}, {"UVTILE", mesh::uvtile_name(tile)}});
+      image.channels = wanted.channels;
       std::error_code ignored;
       if (std::filesystem::status(image.path, ignored).type() ==
           std::filesystem::file_type::not_found) {
@@ -379,16 +392,23 @@ class SourcePlanner {
   texture::TexelValue constant(std::size_t material, Channel channel) const {
     if (channel == Channel::normal) return {{0.5, 0.5, 1}, 3, false, false, false};
     if (is_shape(channel)) return {};
+    if (!is_of_material(channel)) return {{0, 0, 0, 1}, 4, true, true, false};
     const mesh::Material& m = source_.materials[material];
     const auto& f = m.factors[static_cast<std::size_t>(channel)];
     const float light = applies_factors_ && channel == Channel::emissive ? m.emissive_strength : 1;
-    return {{f[0] * light, f[1] * light, f[2] * light, f[3]}, 4, is_colour(channel), true, false};
+    return {{f[0] * light, f[1] * light, f[2] * light, f[3]},
+            4,
+            is_colour(options_, channel),
+            true,
+            false};
   }
 
   /// Of a material whose own texture, or what stands for it, is sampled.
   std::optional<texture::Factor> factor(std::size_t material, Channel channel) const {
     const mesh::Material& m = source_.materials[material];
-    if (!applies_factors_ || is_shape(channel) || !m.textures[static_cast<std::size_t>(channel)]) return std::nullopt;
+    if (!applies_factors_ || !is_of_material(channel) ||
+        !m.textures[static_cast<std::size_t>(channel)])
+      return std::nullopt;
     return texture_factor(m, channel);
   }
 
@@ -400,7 +420,7 @@ class SourcePlanner {
     if (!binding) return page;
     const mesh::ImageRef& image = textures_.image(binding->image);
     if (is_tile_pattern(image.path) && binding->image >= source_.images.size()) {
-      if (tile_set < 0) tile_set = tile_set_for(image.path, channel);
+      if (tile_set < 0) tile_set = tile_set_for(image, channel);
       page.tile_set = tile_set;
     } else {
       // glTF has the profiles of its images ignored: its colours are sRGB.
@@ -429,10 +449,21 @@ class SourcePlanner {
     return images;
   }
 
+  /// A map whose name says neither colour nor data.
+  void note_kind(Channel channel) {
+    if (!is_other(channel)) return;
+    const OtherMap& map = options_.other_maps[other_index(channel)];
+    if (map.is_colour || usually_colour(map.name)) return;
+    plan_.notes.push_back(fmt::format(
+        "{}: taken as data, never converted; --color {} where it is colour", map.name, map.name));
+  }
+
   ChannelPlan plan_channel(Channel channel) {
     ChannelPlan plan;
     plan.channel = channel;
     plan.baked = is_baked(channel);
+    plan.name = name_of(channel);
+    note_kind(channel);
     int tile_set = -1;
     for (std::size_t m = 0; m < source_.materials.size(); ++m)
       plan.pages.push_back(page_texture(m, channel, tile_set));
@@ -449,7 +480,7 @@ class SourcePlanner {
     if (is_shape(channel)) check_numbers(options_, plan, "--bake");
     for (PageTexture& page : plan.pages) give_space(plan, page);
     for (std::size_t m = 0; m < source_.materials.size(); ++m)  // triangles without UVs
-      plan.pages.push_back({-1, -1, plan.pages[m].constant, {}});
+      plan.pages.push_back({-1, -1, plan.pages[m].constant, {}, {}});
     return plan;
   }
 
@@ -558,7 +589,7 @@ class SourcePlanner {
       } else if (names != look.names) {
         plan_.warnings.push_back(fmt::format(
             "{}: the channels of {} are {}, those of {} {}; the output has the usual names",
-            channel_name(channel), first->image.label, io::joined(look.names), image->image.label,
+            name_of(channel), first->image.label, io::joined(look.names), image->image.label,
             io::joined(names)));
         look.names.clear();
         return;
@@ -569,7 +600,7 @@ class SourcePlanner {
   /// The primaries of the images: of the first, to which the others are converted.
   void take_primaries(Channel channel, const std::vector<const ColumnPlan*>& images,
                       SourceLook& look) {
-    if (!is_colour(channel)) return;
+    if (!is_colour(options_, channel)) return;
     for (const ColumnPlan* image : images) {
       const std::string& problem = image->info.colours.problem;
       const ColourSpace space = space_of(options_, channel, *image);
@@ -584,7 +615,7 @@ class SourcePlanner {
       if (image == images.front() && is_said) look.chromaticities = space.primaries;
       if (same_primaries(space.primaries, look.chromaticities.value_or(kRec709))) continue;
       plan_.notes.push_back(fmt::format("{}: {} is converted from {} to the colour space of {}",
-                                        channel_name(channel), image->image.label,
+                                        name_of(channel), image->image.label,
                                         colour_space_name(space), images.front()->image.label));
     }
   }
@@ -637,13 +668,13 @@ class SourcePlanner {
     if (with == 0 && needs_uvs) {
       throw Error(ErrorKind::input,
                   fmt::format("{}: has no UVs for its {} texture; unwrap the source first",
-                              source_.path, channel_name(channel)));
+                              source_.path, name_of(channel)));
     }
     if (without > 0) {
       request.pages.resize(2 * source_.materials.size());
       plan_.warnings.push_back(fmt::format(
           "{}: {} triangles have no UVs for their {} texture and count as one plain colour",
-          source_.path, without, channel_name(channel)));
+          source_.path, without, name_of(channel)));
     }
   }
 

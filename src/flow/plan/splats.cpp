@@ -48,7 +48,7 @@ std::vector<Channel> channels_of(const TransferOptions& options) {
     throw Error(ErrorKind::input,
                 fmt::format("{}: a splat scene has colours only, no {}; ask for baseColor, "
                             "confidence or distance",
-                            options.source, channel_name(channel)));
+                            options.source, channel_name(options, channel)));
   }
   return options.channels;
 }
@@ -65,6 +65,7 @@ SourceLook look_of(Channel channel, const SceneFacts& scene) {
 void add_channel(const TransferOptions& options, Channel channel, Plan& plan) {
   ChannelPlan& added = plan.channels.emplace_back();
   added.channel = channel;
+  added.name = channel_name(channel);
   SourceLook look = look_of(channel, plan.scene);
   look.alpha = options.alpha && channel == Channel::base_color;
   choose_output(options, look, added, plan.warnings, plan.notes);

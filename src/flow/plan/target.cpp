@@ -119,7 +119,7 @@ class TargetPlanner {
     plan_.images.emplace_back();
     for (const TargetPage& page : plan_.pages) {
       std::map<std::string, std::string> values = page.tokens();
-      values["CHANNEL"] = channel_name(channel.channel);
+      values["CHANNEL"] = channel.name;
       values["TARGET"] = stem(plan_.path);
       if (!by_tile(options_.output)) {  // one image: a tile's number would mean nothing
         values.erase("UDIM");

@@ -202,8 +202,7 @@ class SurfaceMethod {
     if (channel.format.keeps(*at.image) && at.input == nullptr && !page.factor) {
       projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
     } else {
-      clipped +=
-          texture::store_texel(channel.format, blended(page, at, taps, channel.format), out);
+      clipped += texture::store_texel(channel.format, blended(page, at, taps, channel.format), out);
     }
     return true;
   }

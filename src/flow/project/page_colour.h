@@ -35,7 +35,7 @@ struct PageColour {
   const TileColumns* tile_set = nullptr;  ///< null as well as column: a constant
   texture::TexelValue constant;
   std::optional<texture::ColourInput> input;  ///< for the texels of the column
-  std::optional<texture::Factor> factor;  ///< for what is blended of the images
+  std::optional<texture::Factor> factor;      ///< for what is blended of the images
 };
 
 /// The largest decoded colour tile that a page may ask for; 0 for a constant.
@@ -63,9 +63,9 @@ struct ColourPlace {
   const texture::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
 };
 
-/// The blended value at a place of a page, on its way into `format`: what the image holds, times the
-/// material's factor, in the output's primaries. Colours that the image holds times alpha stay so
-/// where the format wants them so.
+/// The blended value at a place of a page, on its way into `format`: what the image holds, times
+/// the material's factor, in the output's primaries. Colours that the image holds times alpha stay
+/// so where the format wants them so.
 inline texture::TexelValue blended(const PageColour& page, const ColourPlace& at,
                                    const projection::Taps& taps,
                                    const texture::TexelFormat& format) noexcept {

@@ -83,9 +83,10 @@ io::ImageInfo checked_header(const std::string& option, const std::string& path,
 
 }  // namespace
 
-std::optional<io::ImageInfo> onto_header(const TransferOptions& options, Channel channel) {
+std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
+                                         const std::string& channel) {
   if (options.onto.empty()) return std::nullopt;
-  const std::string pattern = replaced(options.onto, "CHANNEL", channel_name(channel));
+  const std::string pattern = replaced(options.onto, "CHANNEL", channel);
   if (pattern.find('<') == std::string::npos) return io::ImageReader(pattern).info();
   const fs::path path(pattern);
   const std::string wanted = any_name(path.filename().string());

@@ -32,7 +32,8 @@ struct OntoImage {
 
 /// Header of an image that --onto means for this channel: the first by name of those that the
 /// pattern fits. All must be alike. Nothing without --onto. Throws Error(storage) if there is none.
-std::optional<io::ImageInfo> onto_header(const TransferOptions& options, Channel channel);
+std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
+                                         const std::string& channel);
 
 /// What the source has in a channel: how many samples besides alpha, and whether it has alpha.
 struct SourceSamples {

@@ -2,6 +2,7 @@
 #include "io/image/channels.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <map>
 #include <string_view>
 
@@ -42,6 +43,34 @@ std::vector<int> colours_of(const std::map<std::string, int>& layer) {
   return {};
 }
 
+/// The names, once `places` are chosen.
+void finish(const std::vector<std::string>& names, ChosenChannels& chosen) {
+  for (const int place : chosen.places)
+    chosen.names.push_back(names[static_cast<std::size_t>(place)]);
+}
+
+int place_of(const std::vector<std::string>& names, const std::string& name) {
+  const auto at = std::find(names.begin(), names.end(), name);
+  return at == names.end() ? -1 : static_cast<int>(at - names.begin());
+}
+
+/// What choose_channels() takes of one layer.
+ChosenChannels of_layer(const std::vector<std::string>& names, const std::string& layer) {
+  std::vector<std::string> own;
+  std::vector<int> places;
+  int alpha = -1;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const Name name = parsed(names[i]);
+    if (name.layer != layer) continue;
+    if (name.channel == "a") alpha = static_cast<int>(own.size());
+    own.push_back(names[i]);
+    places.push_back(static_cast<int>(i));
+  }
+  ChosenChannels chosen = own.empty() ? ChosenChannels{} : choose_channels(own, alpha);
+  for (int& place : chosen.places) place = places[static_cast<std::size_t>(place)];
+  return chosen;
+}
+
 /// The layer whose colours are taken: that without a name, or the only one that has colours.
 const std::map<std::string, int>* colour_layer(const Layers& layers) {
   const std::map<std::string, int>* found = nullptr;
@@ -79,14 +108,47 @@ ChosenChannels choose_channels(const std::vector<std::string>& names, int alpha)
     chosen.has_alpha = names.size() > 1 && alpha == static_cast<int>(names.size()) - 1 &&
                        parsed(names.back()).layer == parsed(names.front()).layer;
   }
-  for (const int place : chosen.places)
-    chosen.names.push_back(names[static_cast<std::size_t>(place)]);
+  finish(names, chosen);
   if (chosen.places.empty()) return chosen;
   for (int i = 0; i < static_cast<int>(names.size()); ++i) {
     if (std::find(chosen.places.begin(), chosen.places.end(), i) == chosen.places.end())
       chosen.left_out.push_back(names[static_cast<std::size_t>(i)]);
   }
   return chosen;
+}
+
+ChosenChannels named_channels(const std::vector<std::string>& names, const std::string& wanted) {
+  if (place_of(names, wanted) < 0 && wanted.find(',') == std::string::npos)
+    return of_layer(names, wanted);
+  ChosenChannels chosen;
+  std::string layer;  // with its dot
+  for (std::size_t begin = 0; begin <= wanted.size();) {
+    const std::size_t end = std::min(wanted.find(',', begin), wanted.size());
+    const std::string name = wanted.substr(begin, end - begin);
+    if (begin == 0) layer = name.substr(0, name.rfind('.') + 1);  // npos + 1 is 0
+    // A layer's own channel first: "diffuse.R,G" is no G without a layer.
+    int place = place_of(names, layer + name);
+    if (place < 0) place = place_of(names, name);
+    if (place < 0 ||
+        std::find(chosen.places.begin(), chosen.places.end(), place) != chosen.places.end())
+      return {};
+    chosen.places.push_back(place);
+    begin = end + 1;
+  }
+  if (chosen.places.size() > kMostChannels) return {};
+  finish(names, chosen);
+  chosen.has_alpha = chosen.places.size() > 1 && parsed(chosen.names.back()).channel == "a";
+  return chosen;
+}
+
+FileChannels split_channels(const std::string& path) {
+  const std::size_t colon = path.rfind(':');
+  if (colon == std::string::npos || colon < 5 || colon + 1 == path.size()) return {path, ""};
+  std::string ending = path.substr(colon - 4, 4);
+  for (char& c : ending) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
+  std::error_code unknown;
+  if (ending != ".exr" || std::filesystem::exists(path, unknown)) return {path, ""};
+  return {path.substr(0, colon), path.substr(colon + 1)};
 }
 
 std::vector<std::string> usual_names(std::uint32_t channels, bool has_alpha) {

@@ -23,6 +23,19 @@ struct ChosenChannels {
 /// channels, and no names to choose by.
 ChosenChannels choose_channels(const std::vector<std::string>& names, int alpha);
 
+/// Chooses what the user names: channels between commas, of which those after the first may leave
+/// out its layer ("diffuse.R,G,B"), or one layer ("diffuse"), of which choose_channels() takes its
+/// share. The last of several is alpha where it is called A. Empty places: there is no such, a
+/// channel is named twice, or more than four are.
+ChosenChannels named_channels(const std::vector<std::string>& names, const std::string& wanted);
+
+/// "file.exr:diffuse.R,G,B" is a file and what is wanted of it, if no file has all that as its
+/// name.
+struct FileChannels {
+  std::string file, channels;
+};
+FileChannels split_channels(const std::string& path);
+
 /// "Y" or "R", "G", "B", ..., "A": the names of an image that has no others. A fourth colour is
 /// "fourth".
 std::vector<std::string> usual_names(std::uint32_t channels, bool has_alpha);

@@ -77,6 +77,17 @@ Depth depth_of(const std::string& label, OIIO::TypeDesc type) {
   }
 }
 
+/// Those that the user names.
+ChosenChannels wanted_channels(const std::string& label, const OIIO::ImageSpec& spec,
+                               const std::string& wanted) {
+  ChosenChannels chosen = named_channels(spec.channelnames, wanted);
+  if (!chosen.places.empty()) return chosen;
+  refuse(label,
+         fmt::format("\"{}\" is neither a layer nor 1 to {} different channels of this file, "
+                     "which has {}",
+                     wanted, kMostChannels, joined(spec.channelnames)));
+}
+
 /// The channels of the file that make the image.
 ChosenChannels channels_of(ByteSource& bytes, const std::string& format,
                            const OIIO::ImageSpec& spec) {
@@ -90,7 +101,8 @@ ChosenChannels channels_of(ByteSource& bytes, const std::string& format,
   if (!chosen.places.empty()) return chosen;
   refuse(bytes.label(),
          fmt::format("it has {} channels ({}) and not one set of R, G, B or Y among them; "
-                     "save those that are wanted, 4 at most, in a file of their own",
+                     "save those that are wanted, 4 at most, in a file of their own, or of an EXR "
+                     "name them behind its path: FILE.exr:diffuse.R,G,B",
                      spec.nchannels, joined(spec.channelnames)));
 }
 
@@ -214,6 +226,7 @@ struct ImageReader::Impl {
   [[noreturn]] void fail(const std::string& what) const;
 
   ByteSource bytes;
+  std::string wanted;                                                  // channels, by name
   std::unique_ptr<FILE, int (*)(FILE*)> stream{nullptr, std::fclose};  // outlives proxy and input
   std::unique_ptr<SourceProxy> proxy;
   std::unique_ptr<OIIO::ImageInput> input;  // null until open()
@@ -235,7 +248,7 @@ struct ImageReader::Impl {
   PngCheck png_check;
 };
 
-ImageReader::Impl::Impl(const mesh::ImageRef& image) : bytes(image) {
+ImageReader::Impl::Impl(const mesh::ImageRef& image) : bytes(image), wanted(image.channels) {
   info.format = image_format(bytes, image.path);
   bytes.check();
   if (info.format.empty()) {
@@ -243,6 +256,8 @@ ImageReader::Impl::Impl(const mesh::ImageRef& image) : bytes(image) {
            "this is not an image of a known format (PNG, JPEG, EXR, TIFF, WebP, BMP, Targa, HDR, "
            "PNM)");
   }
+  if (!wanted.empty() && info.format != "openexr")
+    refuse(bytes.label(), "channels are named of EXR files alone, and this is none");
   info.colours = read_colour_tags(hide_metadata(bytes, info.format));
   JpegHeader jpeg;
   if (info.format == "jpeg") jpeg = read_jpeg_header(bytes);
@@ -297,7 +312,8 @@ void ImageReader::Impl::take_spec() {
                spec.width, spec.height, spec.x, spec.y, spec.full_width, spec.full_height,
                spec.full_x, spec.full_y));
   }
-  take_channels(channels_of(bytes, info.format, spec));
+  take_channels(wanted.empty() ? channels_of(bytes, info.format, spec)
+                               : wanted_channels(label, spec, wanted));
   first_row = spec.y;
   first_column = spec.x;
   info.width = static_cast<std::uint32_t>(spec.width);
@@ -456,7 +472,7 @@ void ImageReader::Impl::check_bytes_after_last_row() {
 ImageReader::ImageReader(const mesh::ImageRef& image) : impl_(std::make_unique<Impl>(image)) {}
 
 ImageReader::ImageReader(const std::string& path)
-    : impl_(std::make_unique<Impl>(mesh::ImageRef{path, 0, 0, nullptr, path, "", ""})) {}
+    : impl_(std::make_unique<Impl>(mesh::ImageRef{path, 0, 0, nullptr, path, "", "", false, ""})) {}
 
 ImageReader::~ImageReader() = default;
 ImageReader::ImageReader(ImageReader&&) noexcept = default;

@@ -217,6 +217,79 @@ TEST_CASE("channels are chosen by their names, alpha only where the file says so
   }
 }
 
+TEST_CASE("layers and channels are chosen as the user names them", "[image]") {
+  using Names = std::vector<std::string>;
+  const Names file{"A", "B",         "G",   "R",   "diffuse.A", "diffuse.B", "diffuse.G",
+                   "Z", "diffuse.R", "N.X", "N.Y", "N.Z",       "B.R",       "a.b.Y"};
+  struct Case {
+    std::string wanted;
+    Names chosen;
+    bool has_alpha;
+  };
+  const std::vector<Case> cases{
+      {"diffuse", {"diffuse.R", "diffuse.G", "diffuse.B", "diffuse.A"}, true},
+      {"diffuse.R,G,B", {"diffuse.R", "diffuse.G", "diffuse.B"}, false},
+      {"diffuse.R,diffuse.G", {"diffuse.R", "diffuse.G"}, false},
+      {"diffuse.G,A", {"diffuse.G", "diffuse.A"}, true},
+      {"diffuse.A,R", {"diffuse.A", "diffuse.R"}, false},
+      {"diffuse.R,Z", {"diffuse.R", "Z"}, false},
+      {"A", {"A"}, false},
+      {"Z", {"Z"}, false},
+      {"B", {"B"}, false},  // a channel before a layer
+      {"N", {"N.X", "N.Y", "N.Z"}, false},
+      {"a.b", {"a.b.Y"}, false},
+      {"B,G,R,Z", {"B", "G", "R", "Z"}, false},
+      {"R,R", {}, false},
+      {"R,G,B,A,Z", {}, false},
+      {"R,", {}, false},
+      {"depth", {}, false},
+      {"diffuse.Q", {}, false},
+      {"DIFFUSE", {}, false},
+  };
+  for (const Case& c : cases) {
+    CAPTURE(c.wanted);
+    const io::ChosenChannels chosen = io::named_channels(file, c.wanted);
+    CHECK(chosen.names == c.chosen);
+    CHECK(chosen.has_alpha == c.has_alpha);
+    REQUIRE(chosen.places.size() == c.chosen.size());
+    for (std::size_t i = 0; i < c.chosen.size(); ++i)
+      CHECK(file[static_cast<std::size_t>(chosen.places[i])] == c.chosen[i]);
+  }
+}
+
+TEST_CASE("channels stand behind the path of an EXR", "[image]") {
+  test::TempFolder folder;
+  CHECK(io::split_channels("a.exr:N.X,Y").file == "a.exr");
+  CHECK(io::split_channels("a.exr:N.X,Y").channels == "N.X,Y");
+  CHECK(io::split_channels("b:c/a.<UDIM>.EXR:d").channels == "d");
+  for (const char* path : {"a.exr", "a.png:R", "a.exr:", ".exr:R", "c:a.exr", ""}) {
+    CAPTURE(path);
+    CHECK(io::split_channels(path).file == path);
+  }
+  test::write_file(folder.file("a.exr:R"), "x");
+  CHECK(io::split_channels(folder.file("a.exr:R")).channels.empty());
+
+  OIIO::ImageSpec spec(1, 1, 6, OIIO::TypeDesc::FLOAT);
+  spec.channelnames = {"depth.Z", "R", "G", "B", "normal.X", "normal.Y"};
+  const float samples[] = {9, 1, 2, 3, 8, 7};
+  write_foreign(folder.file("a.exr"), spec, samples);
+  mesh::ImageRef image = at_path(folder.file("a.exr"));
+  image.channels = "normal.Y,X";
+  io::ImageReader reader(image);
+  float read[2] = {};
+  REQUIRE(reader.info().channels == 2);
+  reader.read_rows(1, reinterpret_cast<std::byte*>(read));
+  CHECK((read[0] == 7 && read[1] == 8));
+  CHECK(reader.info().left_out.empty());
+  image.channels = "normal.Z";
+  CHECK_THAT(why_refused(image), Contains("\"normal.Z\" is neither a layer nor 1 to 4 different "
+                                          "channels of this file, which has") &&
+                                     Contains("normal.X"));
+  image = in_memory(make_png(1, 1, 8, 0, false, std::string("\0a", 2)));
+  image.channels = "R";
+  CHECK_THAT(why_refused(image), Contains("of EXR files alone"));
+}
+
 TEST_CASE("channels that are no neighbours are picked from their rows", "[image]") {
   test::TempFolder folder;
   OIIO::ImageSpec spec(3, 70, 5, OIIO::TypeDesc::HALF);
