@@ -19,8 +19,8 @@ holds() {
   expect 0 transfer "$@" --report run.json
   real=$(number run.json '"temp_peak":([0-9]+)') most=$(number plan.json '"disk_most":\{"scratch":([0-9]+)')
   ((real > 0 && real <= most && most < tight * real + 8000000)) || fail "$name: scratch $real, at most $most"
-  real=$(number run.json '"outputs":([0-9]+)\}') most=$(number plan.json '"disk_most":[^}]*"outputs":([0-9]+)')
-  ((real > 0 && real <= most && most < 3 * real)) || fail "$name: outputs $real, at most $most"
+  real=$(number run.json '"bytes":[^}]*"outputs":([0-9]+)\}') most=$(number plan.json '"disk_most":[^}]*"outputs":([0-9]+)')
+  ((real > 0 && real <= most && most < 3 * real + 2000000)) || fail "$name: outputs $real, at most $most"
   real=0 most=$(number plan.json '"disk_most":[^}]*"cache":([0-9]+)')
   [[ ! -e $XDG_CACHE_HOME ]] || real=$(find "$XDG_CACHE_HOME" -name '*.pack' -printf '%s\n' | awk '{ s += $1 } END { print s + 0 }')
   ((real <= most && most < tight * real + 8000000)) || fail "$name: cache $real, at most $most"
