@@ -231,6 +231,16 @@ struct TransferOptions {
   bool apply_factors = true;
   std::optional<ImageSize> size;  ///< default: per channel the largest source image of that channel
   std::optional<Depth> depth;     ///< default: the source image's
+  /// How EXR outputs are compressed, without loss: "none", "rle", "zips", "zip", "piz"; empty:
+  /// "zip".
+  std::string exr_compression;
+  /// EXR and TIFF outputs in tiles of so many texels each way instead of rows: a multiple of 16,
+  /// 16..1024; 0: rows, and 64 where there are levels.
+  std::uint32_t tile_size = 0;
+  /// EXR and TIFF outputs with all their smaller levels, for renderers; those that are called .tx
+  /// always have them. They cost a third more room in the file, and as much on disk on the way.
+  bool mipmap = false;
+  bool drop_alpha = false;  ///< outputs have no alpha, whatever the source has
   /// Empty: baseColor if `output` is an image without <CHANNEL>, else every channel the source has,
   /// less those (baseColor apart) whose images cannot be read, which is a warning.
   std::vector<Channel> channels;

@@ -118,6 +118,10 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add("tiles", texts_of(o.tiles));
   list.add("size", o.size ? text_of(*o.size) : std::string());
   list.add("depth", o.depth ? std::string(depth_name(*o.depth)) : std::string());
+  list.add("exr-compression", o.exr_compression == "zip" ? "" : o.exr_compression);
+  list.add("tile-size", o.tile_size != 0 ? std::to_string(o.tile_size) : std::string());
+  list.add("mipmap", o.mipmap);
+  list.add("drop-alpha", o.drop_alpha);
   list.add("padding", o.padding_px ? std::to_string(*o.padding_px) : std::string());
   list.add("skip-existing", o.skip_existing);
   list.add("min-coverage",

@@ -71,6 +71,11 @@ class MapsJob {
       throw Error(ErrorKind::usage,
                   options_.output + ": needs <CHANNEL>, which becomes position, normal and mask");
     }
+    if (io::is_tx_path(options_.output)) {
+      throw Error(ErrorKind::usage, options_.output +
+                                        ": .tx is for renderers' textures, with smaller levels "
+                                        "that maps of a mesh have not; write .exr or .tif");
+    }
     by_tile_ = has_token(options_.output, "UDIM") || has_token(options_.output, "UVTILE");
   }
 

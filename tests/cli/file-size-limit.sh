@@ -12,6 +12,18 @@ for cache in '--no-cache' '--cache stored'; do
   [[ -z $(ls -A result) ]] || fail "left behind: $(ls -A result)"
 done
 expect 0 transfer head/head_src.glb head/head_same.glb -o result/o.png --size 64 --cache stored
+# Also where only the smaller levels do not fit; the old file stays.
+head -c 786432 /dev/urandom >noise.raw # what no encoder makes smaller: no scratch file is larger than the image
+{ printf 'P6\n512 512\n255\n' && cat noise.raw; } >skin.ppm
+quad source skin.ppm
+expect 0 transfer source.obj source.obj -o result/o.tx --no-cache
+[[ $(stat -c %s result/o.tx) -gt 1000000 ]] || fail 'the noise was compressed'
+echo 'an old picture' >result/o.tx
+status=0
+(ulimit -f 960 && exec "$POUNCE" transfer source.obj source.obj -o result/o.tx --no-cache) >"$out" 2>"$err" || status=$?
+[[ $status == 5 ]] || fail "exit status $status, not 5, among the levels"
+err_has 'cannot write result/o.tx: File too large'
+[[ $(ls -A result | tr '\n' ' ') == 'o.png o.tx ' && $(cat result/o.tx) == 'an old picture' ]] || fail 'the old picture was touched'
 
 # A limit that the job's files fit into does no harm, though a cache reserves more than it needs.
 rm -rf stored

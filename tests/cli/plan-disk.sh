@@ -31,6 +31,8 @@ holds png source.obj target.obj -o o.png
 holds no-cache source.obj target.obj -o o.png --no-cache
 holds depth source.obj target.obj -o o.exr --depth float --coverage mask.exr
 holds tif source.obj target.obj -o o.tif --depth u16 --size 700x300
+holds tx source.obj target.obj -o o.tx
+holds levels source.obj target.obj -o o.exr --mipmap --exr-compression none --coverage mask.tx
 holds jpg source.obj target.obj -o o.jpg
 holds targets source.obj target.obj other.obj -o '<TARGET>.png' --no-cache
 holds limit source.obj target.obj -o o.png --cache-limit 100KB

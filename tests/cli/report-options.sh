@@ -26,6 +26,7 @@ job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' -
   --output-colorspace srgb --allow-external "${machine[@]}" --temp . --plan
 job transfer source.obj target.obj -o o.png --skip-existing --no-cache --factors ignore --source-texture m=skin.ppm --data m \
   --source-texture c=skin.ppm --color c
+job transfer source.obj target.obj -o o.exr --no-cache --exr-compression piz --tile-size 32 --mipmap --drop-alpha
 job transfer source.obj target.obj -o b.png --bake normal --normal-y down --output-normal-y down --size 8 --no-cache
 job transfer source.obj target.obj -o g.png --method gaussian --sigma 1 --densify --no-cache
 job transfer source.obj target.obj -o o.png --onto o.png --mask mask.pgm --no-cache

@@ -82,6 +82,9 @@ plain_jobs() {
   for depth in u8.png u16.png u8.tif u16.tif float.tif half.exr float.exr u8.jpg; do
     transfer "plain-${depth/./-}" roof.obj roof.obj "out.${depth#*.}" --size 96x64 --depth "${depth%%.*}"
   done
+  transfer plain-tx roof.obj roof.obj out.tx --size 96x64
+  transfer plain-tiles roof.obj roof.obj out.tif --size 96x64 --tile-size 32 --depth float
+  transfer plain-levels roof.obj target.obj out.exr --size 90x70 --depth half --mipmap --exr-compression piz
   transfer plain-udim roof.obj target.obj 'out.<UDIM>.png' --size 64 --coverage 'OUT/mask.<UDIM>.png'
   transfer plain-uvtile roof.obj target.obj 'out_<UVTILE>.tif' --size 48 --tiles 1002,1011
   transfer plain-wrapped roof.obj target.obj out.png --size 80 --padding 0

@@ -48,6 +48,9 @@ job 0 transfer $source $target -o d.jpg --size 70x50 --no-cache
 job 0 transfer $source $target -o e.png --depth u16 --size 64 --no-cache
 job 0 transfer $source $target -o f.exr --depth half --size 64 --no-cache
 job 0 transfer $source $target -o g.tif --depth float --size 64 --no-cache
+job 0 transfer $source $target -o g.tx --size 90x70 --no-cache
+job 0 transfer $source $target -o g.exr --size 90x70 --mipmap --tile-size 32 --exr-compression piz --drop-alpha --no-cache
+job 0 transfer $source $target -o g.tif --size 90x70 --tile-size 16 --onto g.tx --no-cache
 job 0 transfer $source $target -o h.exr --source-texture baseColor=f.exr --size 64 --no-cache
 job 0 transfer $source $target -o i.tif --source-texture baseColor=g.tif --size 64 --no-cache
 job 0 transfer $source $target -o j.png --plan

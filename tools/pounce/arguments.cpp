@@ -363,7 +363,7 @@ std::string parse_image_pattern(const std::string& option, const std::string& te
   parse_path(option, text);
   for (const char* ending : {".glb", ".gltf"}) {
     if (ends_with(lower(text), ending)) {
-      refuse(option, text, "an image (.png, .jpg, .tif, .exr)");
+      refuse(option, text, "an image (.png, .jpg, .tif, .tx, .exr)");
     }
   }
   check_file_name(option, text);
@@ -434,8 +434,8 @@ std::string parse_path(const std::string& option, const std::string& text) {
 
 std::string parse_report_path(const std::string& option, const std::string& text) {
   static constexpr const char* kNotReports[] = {
-      ".glb",  ".gltf", ".bin", ".obj", ".mtl", ".ply",  ".png",  ".jpg", ".jpeg", ".tif",
-      ".tiff", ".exr",  ".ppm", ".pgm", ".pnm", ".webp", ".ktx2", ".bmp", ".tga",  ".hdr"};
+      ".glb", ".gltf", ".bin", ".obj", ".mtl", ".ply",  ".png",  ".jpg", ".jpeg", ".tif", ".tiff",
+      ".tx",  ".exr",  ".ppm", ".pgm", ".pnm", ".webp", ".ktx2", ".bmp", ".tga",  ".hdr"};
   const std::string path = lower(parse_path(option, text));
   for (const char* ending : kNotReports) {
     if (ends_with(path, ending))

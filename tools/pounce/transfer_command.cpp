@@ -56,7 +56,7 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
             "Model or image to write. A model (.glb .gltf) is TARGET with its new\n"
             "textures, a PNG per material and channel, everything else as it was;\n"
             "its name may hold <TARGET>.\n"
-            "An image (.png .jpg .tif .exr) may hold <CHANNEL>,\n"
+            "An image (.png .jpg .tif .tx .exr) may hold <CHANNEL>,\n"
             "<MATERIAL>, <TARGET>, and <UDIM> (1001) or <UVTILE> (u1_v1).\n"
             "Without <MATERIAL> all materials of the target share one image;\n"
             "without <UDIM> UVs outside the image wrap around into it.\n"
@@ -87,6 +87,27 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
               options.padding_px =
                   static_cast<std::uint32_t>(parse_integer("--padding", text, 0, kMostPadding));
             });
+}
+
+void add_file_options(CLI::App& command, TransferOptions& options) {
+  const char* const group = "Files";
+  add_value(command, "--exr-compression", "NAME", group,
+            "Of .exr outputs: none, rle, zips, zip or piz, all without loss.\n"
+            "Default: zip",
+            [&options](const std::string& text) { options.exr_compression = text; });
+  add_value(command, "--tile-size", "N", group,
+            "Write .exr, .tif and .tx in tiles of N x N texels, a multiple of\n"
+            "16 up to 1024. Default: rows, and 64 with levels",
+            [&options](const std::string& text) {
+              options.tile_size =
+                  static_cast<std::uint32_t>(parse_integer("--tile-size", text, 16, 1024));
+            });
+  add_switch(command, "--mipmap", group,
+             "Write .exr and .tif with all their smaller levels (mipmaps), as\n"
+             "renderers want them; .tx, a TIFF, always has them",
+             options.mipmap);
+  add_switch(command, "--drop-alpha", group, "Write no alpha, whatever the source has",
+             options.drop_alpha);
 }
 
 void add_coverage_option(CLI::App& command, TransferOptions& options) {
@@ -345,6 +366,7 @@ Command add_transfer_command(CLI::App& program) {
       ->option_text("...")
       ->required();
   add_picture_options(*command, options);
+  add_file_options(*command, options);
   add_coverage_option(*command, options);
   add_skip_option(*command, options);
   add_paint_options(*command, options);

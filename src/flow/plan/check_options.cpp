@@ -11,6 +11,7 @@
 #include "flow/load_mesh.h"
 #include "flow/plan/colour_spaces.h"
 #include "flow/plan/output_names.h"
+#include "io/files/file_ending.h"
 #include "io/image/write.h"
 #include "io/model/write.h"
 #include "mesh/uv_tiles.h"
@@ -21,6 +22,7 @@ namespace pounce::flow {
 
 namespace {
 
+constexpr std::uint32_t kLargestTile = 1024;
 constexpr double kLeastOpacity = 0.0039;  // what people write for 1/255
 
 void check_method(const TransferOptions& o) {
@@ -72,6 +74,30 @@ void check_splat_options(const TransferOptions& o) {
 }
 
 namespace {
+
+/// How files are to hold their samples.
+void check_layout(const TransferOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  const bool tiled = io::format_look(o.output).tiled;
+  if (!o.exr_compression.empty()) {
+    if (const std::string why = io::why_no_exr_compression(o.exr_compression); !why.empty())
+      usage("--exr-compression: " + why);
+    if (io::lower_ending(o.output) != ".exr")
+      usage(fmt::format("--exr-compression needs an .exr output: {} is none", o.output));
+  }
+  if (o.tile_size % 16 != 0 || o.tile_size > kLargestTile)
+    usage(fmt::format("--tile-size {}: a multiple of 16, 16 to {}", o.tile_size, kLargestTile));
+  for (const auto& [name, given] :
+       {std::pair{"--tile-size", o.tile_size != 0}, std::pair{"--mipmap", o.mipmap}}) {
+    if (given && !tiled)
+      usage(fmt::format("{} needs an .exr, .tif or .tx output: {} has rows only", name, o.output));
+  }
+  if (o.drop_alpha && o.alpha)
+    usage("--drop-alpha leaves out what --alpha asks for; give one of them");
+  if (o.drop_alpha && !o.onto.empty())
+    usage(
+        "--drop-alpha: an image that is painted over keeps its channels; leave it out, or --onto");
+}
 
 /// Where evidence cannot go, whatever the source is.
 void check_evidence(const TransferOptions& o) {
@@ -171,10 +197,9 @@ void check_options(const TransferOptions& o) {
                       o.output));
   }
   if (!io::is_model_path(o.output) && !io::is_image_path(o.output)) {
-    usage(
-        o.output +
-        ": models are written as .glb or .gltf, images as .png, .jpg, .jpeg, .tif, .tiff or .exr; "
-        "choose one of these endings");
+    usage(o.output +
+          ": models are written as .glb or .gltf, images as .png, .jpg, .jpeg, .tif, .tiff, .tx or "
+          ".exr; choose one of these endings");
   }
   if (io::is_model_path(o.output) && o.depth && *o.depth != Depth::u8 && *o.depth != Depth::u16) {
     usage(
@@ -212,6 +237,7 @@ void check_options(const TransferOptions& o) {
   check_evidence(o);
   check_colour_spaces(o);
   check_baked(o);
+  check_layout(o);
   if (o.all_channels && !o.channels.empty()) usage("--channels takes either a list or all");
   if (o.size && (o.size->width == 0 || o.size->height == 0)) usage("--size must be at least 1");
   if (o.padding_px && *o.padding_px > texture::SeamPadder::kLargestRadius)

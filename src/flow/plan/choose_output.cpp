@@ -24,7 +24,7 @@ void choose_channels(const TransferOptions& options, const SourceLook& look,
                      const std::optional<io::ImageInfo>& onto, ChannelPlan& plan,
                      std::vector<std::string>& warnings) {
   const io::FormatLook format = io::format_look(options.output);
-  plan.format.has_alpha = onto ? onto->has_alpha : look.alpha;
+  plan.format.has_alpha = onto ? onto->has_alpha : look.alpha && !options.drop_alpha;
   std::uint32_t colours = look.colours;
   plan.names = look.names;
   if (onto) {  // as the old image is, but for grey that is to take colour
@@ -91,10 +91,16 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Chann
   // EXR holds colours times alpha: what comes so goes so, bit by bit.
   plan.format.premultiplied =
       is_exr(options.output) && !onto && plan.format.has_alpha && look.premultiplied;
-  const io::ImageWriteSpec spec{plan.size.width,   plan.size.height,   plan.format.channels,
-                                plan.format.depth, plan.format.linear, plan.format.has_alpha};
-  if (const std::string why = io::why_not_writable(options.output, spec); !why.empty())
-    throw Error(ErrorKind::usage, why);
+  io::ImageWriteSpec spec{plan.size.width,   plan.size.height,   plan.format.channels,
+                          plan.format.depth, plan.format.linear, plan.format.has_alpha};
+  std::string why = io::why_not_writable(options.output, spec);
+  if (why.empty()) return;
+  if (spec.has_alpha && !onto && !options.alpha) {
+    spec.has_alpha = false;
+    --spec.channels;
+    if (io::why_not_writable(options.output, spec).empty()) why += ", or --drop-alpha";
+  }
+  throw Error(ErrorKind::usage, why);
 }
 
 void check_numbers(const TransferOptions& options, const ChannelPlan& plan,

@@ -63,7 +63,7 @@ void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes) {
 
 void DiskPlan::add_target(const Plan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
                           bool is_model) {
-  std::uint64_t results = 0, images = 0;
+  std::uint64_t results = 0, images = 0, levels = 0;
   for (std::size_t p = 0; p < plan.passes.size(); ++p) {
     for (const GeometryRequest& request : target.requests[p]) {
       const GeometrySize size = geometry_most(request);
@@ -83,6 +83,9 @@ void DiskPlan::add_target(const Plan& plan, const TargetPlan& target, const mesh
     for (const ImageOutput& image : target.images[c]) {
       if (image.keep) continue;
       images += image_bytes(channel.size, channel.format.texel_bytes());
+      const std::uint64_t of_image = levels_bytes(image, channel.format);
+      outputs_ += of_image;
+      levels = std::max(levels, of_image);
       if (image.coverage_path.empty()) continue;
       const Depth depth = io::writable_depth(image.coverage_path, Depth::u8);
       outputs_ += image_bytes(channel.size, store::depth_bytes(depth));
@@ -91,7 +94,7 @@ void DiskPlan::add_target(const Plan& plan, const TargetPlan& target, const mesh
   outputs_ += images;
   if (is_model) outputs_ += size_on_disk(mesh.files) + size_on_disk(target.inputs) + (1ULL << 20);
   // One page's results at a time; a model's images wait in a file until all are there.
-  passing_ = std::max(passing_, results + (is_model ? images : 0));
+  passing_ = std::max(passing_, results + levels + (is_model ? images : 0));
 }
 
 DiskForecast DiskPlan::forecast() const {

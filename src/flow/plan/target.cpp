@@ -19,6 +19,7 @@
 #include "flow/project/gaussians.h"
 #include "flow/project/mesh.h"
 #include "flow/project/splats.h"
+#include "io/files/file_ending.h"
 #include "io/image/write.h"
 
 namespace pounce::flow {
@@ -47,6 +48,15 @@ constexpr double kReachPercent = 5, kSplatReachPercent = 3;
 // Whether a scene lies at a target shows farther away than texels look
 // (docs/decisions/026-evidence.md).
 constexpr double kFitPercent = 6, kFitOverReach = 2;
+
+/// How files of this ending are laid out.
+io::ImageLayout layout_of(const TransferOptions& options, const std::string& path) {
+  constexpr std::uint32_t kLevelTiles = 64;  // as maketx
+  if (!io::format_look(path).tiled) return {};
+  const bool mipmap = options.mipmap || io::is_tx_path(path);
+  const std::uint32_t tiles = options.tile_size == 0 && mipmap ? kLevelTiles : options.tile_size;
+  return {io::lower_ending(path) == ".exr" ? options.exr_compression : "", tiles, mipmap};
+}
 
 class TargetPlanner {
  public:
@@ -135,6 +145,8 @@ class TargetPlanner {
         check_mask(image.coverage_path, channel.size);
         plan_.outputs.push_back(image.coverage_path);
       }
+      image.layout = layout_of(options_, image.path);
+      image.coverage_layout = layout_of(options_, image.coverage_path);
       image.channel_names = channel.names;
       image.chromaticities = channel.chromaticities;
       image.lattice = {channel.size.width, channel.size.height, 0, {}};

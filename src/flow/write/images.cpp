@@ -17,7 +17,7 @@
 #include <cstring>
 #include <optional>
 
-#include "io/image/write.h"
+#include "flow/write/image_file.h"
 #include "store/pack/chunk_payload.h"
 #include "texture/pad_seams.h"
 
@@ -45,6 +45,7 @@ io::ImageWriteSpec colour_spec(const ImageOutput& output, const texture::TexelFo
           format.premultiplied || (output.onto && output.onto->premultiplied),
           output.channel_names,
           output.chromaticities,
+          output.layout,
           output.job};
 }
 
@@ -58,6 +59,7 @@ io::ImageWriteSpec coverage_spec(const ImageOutput& output) {
           false,
           {},
           {},
+          output.coverage_layout,
           output.job};
 }
 
@@ -90,12 +92,12 @@ class ImageAssembler {
                        ImageSize{output.lattice.width, output.lattice.height});
     }
     if (sink != nullptr) {
-      colours_.emplace(*sink, colour_spec(output, format));
+      colours_.emplace(job, *sink, colour_spec(output, format));
     } else if (!output.path.empty()) {
-      colours_.emplace(output.path, colour_spec(output, format));
+      colours_.emplace(job, output.path, colour_spec(output, format));
     }
     if (!output.coverage_path.empty())
-      coverage_.emplace(output.coverage_path, coverage_spec(output));
+      coverage_.emplace(job, output.coverage_path, coverage_spec(output));
   }
 
   WrittenTexels run() {
@@ -222,7 +224,7 @@ class ImageAssembler {
   texture::SeamPadder padder_;
   std::uint32_t next_row_ = 0;  ///< that the padder gets
   std::optional<OntoPainter> painter_;
-  std::optional<io::ImageWriter> colours_, coverage_;
+  std::optional<ImageFile> colours_, coverage_;
 };
 
 }  // namespace
@@ -231,6 +233,11 @@ WrittenTexels write_image(JobContext& job, const ImageOutput& output,
                           const texture::TexelFormat& format, const store::PackReader& results,
                           const std::vector<store::ChunkRef>& blocks, WriteFile* sink) {
   return ImageAssembler(job, output, format, results, blocks, sink).run();
+}
+
+std::uint64_t levels_bytes(const ImageOutput& output, const texture::TexelFormat& format) {
+  return ImageFile::scratch_bytes(colour_spec(output, format)) +
+         (output.coverage_path.empty() ? 0 : ImageFile::scratch_bytes(coverage_spec(output)));
 }
 
 std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelFormat& format) {
@@ -247,9 +254,9 @@ std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelF
       (256 << 10);
   if (output.onto) bytes += OntoPainter::memory_bytes(*output.onto, output.lattice.width);
   if (!output.path.empty())
-    bytes += io::ImageWriter::encoder_bytes(output.path, colour_spec(output, format));
+    bytes += ImageFile::memory_bytes(output.path, colour_spec(output, format));
   if (!output.coverage_path.empty()) {
-    bytes += io::ImageWriter::encoder_bytes(output.coverage_path, coverage_spec(output));
+    bytes += ImageFile::memory_bytes(output.coverage_path, coverage_spec(output));
   }
   return bytes;
 }

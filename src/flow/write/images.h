@@ -6,6 +6,7 @@
 
 #include "flow/job_context.h"
 #include "flow/write/onto.h"
+#include "io/image/write.h"
 #include "mesh/lattice.h"
 #include "store/pack/pack.h"
 #include "texture/result_block.h"
@@ -18,7 +19,8 @@ struct ImageOutput {
   std::string coverage_path;  ///< "" = no coverage mask
   mesh::Lattice lattice;      ///< its size
   bool keep = false;          ///< it is there already and stays as it is
-  std::string job;            ///< see JobHash; "" until it is known
+  io::ImageLayout layout, coverage_layout;
+  std::string job;  ///< see JobHash; "" until it is known
   std::uint32_t padding = 0;
   std::vector<std::string> channel_names;
   std::optional<Chromaticities> chromaticities;
@@ -39,6 +41,8 @@ WrittenTexels write_image(JobContext& job, const ImageOutput& output,
                           const texture::TexelFormat& format, const store::PackReader& results,
                           const std::vector<store::ChunkRef>& blocks, WriteFile* sink = nullptr);
 
+/// What the levels of such an image take on disk until it is whole.
+std::uint64_t levels_bytes(const ImageOutput& output, const texture::TexelFormat& format);
 /// What writing such an image needs at once.
 std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelFormat& format);
 

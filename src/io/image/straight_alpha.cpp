@@ -2,7 +2,6 @@
 #include "io/image/straight_alpha.h"
 
 #include <algorithm>
-#include <cassert>
 #include <limits>
 
 #include "core/half.h"
@@ -19,6 +18,16 @@ void divide_integers(std::uint32_t channels, std::size_t texels, Sample* sample)
     for (std::uint32_t c = 0; c + 1 < channels; ++c) {
       sample[c] = static_cast<Sample>(std::min(kOne, (sample[c] * kOne + alpha / 2) / alpha));
     }
+  }
+}
+
+template <class Sample>
+void multiply_integers(std::uint32_t channels, std::size_t texels, Sample* sample) {
+  constexpr std::uint64_t kOne = std::numeric_limits<Sample>::max();
+  for (std::size_t i = 0; i < texels; ++i, sample += channels) {
+    const std::uint64_t alpha = sample[channels - 1];
+    for (std::uint32_t c = 0; c + 1 < channels; ++c)
+      sample[c] = static_cast<Sample>((sample[c] * alpha + kOne / 2) / kOne);
   }
 }
 
@@ -53,11 +62,15 @@ void divide_by_alpha(Depth depth, std::uint32_t channels, std::size_t texels, st
 
 void multiply_by_alpha(Depth depth, std::uint32_t channels, std::size_t texels,
                        std::byte* samples) {
-  assert(depth == Depth::half || depth == Depth::float32);
-  if (depth == Depth::half) {
-    for_each_colour(channels, texels, reinterpret_cast<half*>(samples), multiply);
-  } else {
-    for_each_colour(channels, texels, reinterpret_cast<float*>(samples), multiply);
+  switch (depth) {
+    case Depth::u8:
+      return multiply_integers(channels, texels, reinterpret_cast<std::uint8_t*>(samples));
+    case Depth::u16:
+      return multiply_integers(channels, texels, reinterpret_cast<std::uint16_t*>(samples));
+    case Depth::half:
+      return for_each_colour(channels, texels, reinterpret_cast<half*>(samples), multiply);
+    case Depth::float32:
+      return for_each_colour(channels, texels, reinterpret_cast<float*>(samples), multiply);
   }
 }
 

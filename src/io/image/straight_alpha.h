@@ -12,7 +12,7 @@ namespace pounce::io {
 /// the colours stay as they are. Integers round to nearest and are cut at the largest value.
 void divide_by_alpha(Depth depth, std::uint32_t channels, std::size_t texels, std::byte* samples);
 
-/// Multiplies the colours by alpha. half and float32 only: the one format that wants it is EXR.
+/// Multiplies the colours by alpha, in place. Integers round to nearest.
 void multiply_by_alpha(Depth depth, std::uint32_t channels, std::size_t texels, std::byte* samples);
 
 }  // namespace pounce::io

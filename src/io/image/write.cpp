@@ -1,79 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/image/write.h"
 
-#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
-#include <exception>
+#include <cstring>
 #include <optional>
 #include <string_view>
 #include <vector>
 
+#include "core/page_pool.h"
+#include "io/files/file_ending.h"
 #include "io/files/job_mark.h"
 #include "io/files/output_file.h"
 #include "io/image/icc.h"
 #include "io/image/oiio_setup.h"
+#include "io/image/output_proxy.h"
 #include "io/image/straight_alpha.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
 namespace {
 
-/// The stream for the encoders. IOFile knows the size of files it opened itself only, and libtiff
-/// appends at the end.
-class OutputProxy : public OIIO::Filesystem::IOFile {
- public:
-  explicit OutputProxy(OutputFile& file) : IOFile(file.stream(), Write), file_(file) {}
-  std::size_t pread(void* out, std::size_t count, std::int64_t offset) override {
-    return file_.read_back(offset, out, count);
-  }
-  std::size_t read(void* out, std::size_t count) override {
-    const std::size_t got = file_.read_back(tell(), out, count);
-    seek(tell() + static_cast<std::int64_t>(got));
-    return got;
-  }
-  std::size_t size() const override { return static_cast<std::size_t>(file_.size_bytes()); }
-
- private:
-  OutputFile& file_;
-};
-
-/// The same for an encoder that writes from start to end (PNG), at the end of a file of ours. What
-/// that file throws waits for the encoder to return: it is C.
-class SinkProxy : public OIIO::Filesystem::IOProxy {
- public:
-  explicit SinkProxy(WriteFile& sink) : IOProxy("", Write), sink_(sink) {}
-  const char* proxytype() const override { return "sink"; }
-  std::size_t write(const void* bytes, std::size_t count) override {
-    if (!failure_) {
-      try {
-        sink_.append({static_cast<const std::byte*>(bytes), count});
-      } catch (...) {
-        failure_ = std::current_exception();
-      }
-    }
-    m_pos += static_cast<std::int64_t>(count);
-    return count;
-  }
-  std::size_t size() const override { return static_cast<std::size_t>(m_pos); }
-  void check() const {
-    if (failure_) std::rethrow_exception(failure_);
-  }
-
- private:
-  WriteFile& sink_;
-  std::exception_ptr failure_;
-};
-
 /// What a second or fourth channel may be: alpha, or also data, which may have a name.
 enum class Holds { alpha, data, names };
 
 struct Format {
   const char* name;  // OpenImageIO's
-  std::array<std::string_view, 2> endings;
+  std::array<std::string_view, 3> endings;
   const char* holds;
   std::array<Depth, 4> depth_for;  // nearest by wanted depth: u8, u16, half, float32
   std::uint32_t largest_side;
@@ -83,28 +39,28 @@ struct Format {
 
 constexpr std::array<Format, 4> kFormats{{
     {"png",
-     {".png", ""},
+     {".png", "", ""},
      "8 or 16 bit integers",
      {Depth::u8, Depth::u16, Depth::u16, Depth::u16},
      65536,
      "PNG",
      Holds::alpha},
     {"jpeg",
-     {".jpg", ".jpeg"},
+     {".jpg", ".jpeg", ""},
      "8 bit integers",
      {Depth::u8, Depth::u8, Depth::u8, Depth::u8},
      65500,
      "JPEG",
      Holds::alpha},
     {"openexr",
-     {".exr", ""},
+     {".exr", "", ""},
      "half or float",
      {Depth::half, Depth::half, Depth::half, Depth::float32},
      65536,
      "EXR",
      Holds::names},
     {"tiff",
-     {".tif", ".tiff"},
+     {".tif", ".tiff", ".tx"},
      "8 or 16 bit integers or float",
      {Depth::u8, Depth::u16, Depth::float32, Depth::float32},
      65536,
@@ -150,6 +106,38 @@ std::uint32_t strip_rows(const ImageWriteSpec& spec) {
   return static_cast<std::uint32_t>(std::clamp<std::uint64_t>(rows, 1, spec.height));
 }
 
+std::uint32_t across_tiles(const ImageWriteSpec& spec) {
+  return (spec.width + spec.layout.tile_size - 1) / spec.layout.tile_size;
+}
+
+/// Texels of all tiles of an image, its levels included.
+std::uint64_t tiled_texels(const ImageWriteSpec& spec) {
+  const std::uint64_t edge = spec.layout.tile_size;
+  std::uint64_t tiles = 0;
+  for (std::uint64_t width = spec.width, height = spec.height;;) {
+    tiles += ((width + edge - 1) / edge) * ((height + edge - 1) / edge);
+    if (!spec.layout.mipmap || (width == 1 && height == 1)) return tiles * edge * edge;
+    width = std::max<std::uint64_t>(width / 2, 1);
+    height = std::max<std::uint64_t>(height / 2, 1);
+  }
+}
+
+// A classic TIFF ends at 4 GiB. OpenImageIO looks at a level without the others when it decides.
+constexpr std::uint64_t kMostClassicBytes = 4000ULL << 20;
+
+/// The attributes are those of maketx, less what is only known at the end (mean colour, hash of
+/// the samples): files want it at their beginning. Readers take the last level for the mean.
+void add_tiles(const ImageWriteSpec& spec, OIIO::ImageSpec& out) {
+  out.tile_width = out.tile_height = static_cast<int>(spec.layout.tile_size);
+  out.tile_depth = 1;
+  if (tiled_texels(spec) * spec.channels * type_of(spec.depth).size() > kMostClassicBytes)
+    out.attribute("tiff:bigtiff", 1);
+  if (!spec.layout.mipmap) return;
+  out.attribute("textureformat", "Plain Texture");
+  out.attribute("wrapmodes", "black,black");
+  out.attribute("fovcot", static_cast<float>(spec.width) / static_cast<float>(spec.height));
+}
+
 OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
   const std::string_view name = format.name;
   OIIO::ImageSpec out(static_cast<int>(spec.width), static_cast<int>(spec.height),
@@ -162,7 +150,8 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
     out.attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8),
                   spec.chromaticities->data());
   }
-  if (out.alpha_channel >= 0 && name != "openexr") out.attribute("oiio:UnassociatedAlpha", 1);
+  if (out.alpha_channel >= 0 && name != "openexr" && !spec.layout.mipmap)
+    out.attribute("oiio:UnassociatedAlpha", 1);
   if (spec.chromaticities && name != "openexr") {
     const std::vector<std::byte> profile = make_icc({*spec.chromaticities, spec.linear});
     out.attribute("ICCProfile",
@@ -187,8 +176,11 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
     out.attribute("tiff:zipquality", kDeflateLevel);
     out.attribute("tiff:RowsPerStrip", static_cast<int>(strip_rows(spec)));
   } else {
-    out.attribute("compression", fmt::format("zip:{}", kDeflateLevel));
+    const std::string& compression = spec.layout.exr_compression;
+    const bool zip = compression.empty() || compression == "zip";
+    out.attribute("compression", zip ? fmt::format("zip:{}", kDeflateLevel) : compression);
   }
+  if (spec.layout.tile_size > 0) add_tiles(spec, out);
   return out;
 }
 
@@ -200,8 +192,8 @@ std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec
   const Format* format = format_of(path);
   if (format == nullptr) {
     return fmt::format(
-        "{}: images are written as .png, .jpg, .jpeg, .tif, .tiff or .exr; choose one of these "
-        "endings",
+        "{}: images are written as .png, .jpg, .jpeg, .tif, .tiff, .tx or .exr; choose one of "
+        "these endings",
         path);
   }
   if (spec.width < 1 || spec.height < 1 || spec.width > format->largest_side ||
@@ -226,10 +218,20 @@ std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec
   return "";
 }
 
+std::string why_no_exr_compression(const std::string& name) {
+  constexpr std::array<std::string_view, 5> kLossless{"none", "rle", "zips", "zip", "piz"};
+  if (std::find(kLossless.begin(), kLossless.end(), name) != kLossless.end()) return "";
+  return fmt::format(
+      "got \"{}\"; an EXR is compressed as none, rle, zips, zip or piz, which lose nothing", name);
+}
+
+bool is_tx_path(const std::string& path) { return lower_ending(path) == ".tx"; }
+
 FormatLook format_look(const std::string& path) {
   const Format* format = format_of(path);
   if (format == nullptr) return {};
-  return {format->title, format->channels != Holds::alpha, format->channels == Holds::names};
+  const bool is_data = format->channels != Holds::alpha;
+  return {format->title, is_data, format->channels == Holds::names, is_data};
 }
 
 Depth writable_depth(const std::string& path, Depth wanted) {
@@ -241,6 +243,7 @@ struct ImageWriter::Impl {
   Impl(const std::string& path, const ImageWriteSpec& wanted)
       : spec(wanted), file(std::in_place, path) {
     auto to_file = std::make_unique<OutputProxy>(*file);
+    file_proxy = to_file.get();
     open(*format_of(path), path, std::move(to_file));
   }
   Impl(WriteFile& to, const ImageWriteSpec& wanted) : spec(wanted) {
@@ -265,12 +268,54 @@ struct ImageWriter::Impl {
     output = OIIO::ImageOutput::create(format.name);
     if (!output) fail(fmt::format("OpenImageIO was built without {}", format.name));
     output->threads(1);
-    OIIO::ImageSpec foreign = oiio_spec(format, spec);
+    foreign = oiio_spec(format, spec);
     OIIO::Filesystem::IOProxy* io = proxy.get();
     foreign.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &io);
-    premultiply = foreign.alpha_channel >= 0 && std::string_view(format.name) == "openexr" &&
-                  !spec.premultiplied;
+    const bool times_alpha = std::string_view(format.name) == "openexr" || spec.layout.mipmap;
+    premultiply = foreign.alpha_channel >= 0 && times_alpha && !spec.premultiplied;
     if (!output->open(path, foreign)) fail();
+    name = path;
+  }
+
+  /// Of the size that `spec` has now.
+  void open_level() {
+    foreign.width = foreign.full_width = static_cast<int>(spec.width);
+    foreign.height = foreign.full_height = static_cast<int>(spec.height);
+    auto mode = OIIO::ImageOutput::AppendMIPLevel;
+    if (output->supports("mipmap") == 0) {  // TIFF: images, one after another
+      close();
+      file_proxy->append_tiff_image();
+      mode = OIIO::ImageOutput::Create;
+      foreign.extra_attribs.remove("ImageDescription");  // the first one's are all that is read
+      foreign.extra_attribs.remove("ICCProfile");
+    }
+    if (!output->open(name, foreign, mode)) fail();
+  }
+
+  void close() {
+    if (!output->close()) fail();
+    if (file) proxy->flush();
+    check();
+  }
+
+  /// The rows go into tiles as soon as a row of these is complete.
+  void tile(const std::byte* samples) {
+    const std::uint32_t edge = spec.layout.tile_size;
+    const std::size_t texel_bytes = row_bytes_of(spec) / spec.width;
+    const std::size_t stride = across_tiles(spec) * edge * texel_bytes;
+    tile_rows.resize(stride * edge);
+    // What a tile has beyond the image is in the file, too.
+    if (next_row % edge == 0) std::fill(tile_rows.begin(), tile_rows.end(), std::byte{});
+    std::memcpy(tile_rows.data() + next_row % edge * stride, samples, row_bytes_of(spec));
+    if ((next_row + 1) % edge != 0 && next_row + 1 < spec.height) return;
+    const auto y = static_cast<int>(next_row / edge * edge);
+    for (std::uint32_t x = 0; x < spec.width; x += edge) {
+      if (!output->write_tile(static_cast<int>(x), y, 0, type_of(spec.depth),
+                              tile_rows.data() + x * texel_bytes, OIIO::AutoStride,
+                              static_cast<OIIO::stride_t>(stride))) {
+        fail();
+      }
+    }
   }
 
   /// Rows that do not deflate, enough to make the encoder put some out.
@@ -305,11 +350,15 @@ struct ImageWriter::Impl {
   ImageWriteSpec spec;
   std::optional<OutputFile> file;  // outlives the proxy and the encoder
   std::unique_ptr<OIIO::Filesystem::IOProxy> proxy;
-  SinkProxy* sink = nullptr;  // the proxy, where there is no file
+  OutputProxy* file_proxy = nullptr;  // it, where there is a file
+  SinkProxy* sink = nullptr;          // it, where there is none
   std::unique_ptr<OIIO::ImageOutput> output;
+  OIIO::ImageSpec foreign;  // what the encoder was told
   bool premultiply = false;
-  std::uint32_t next_row = 0;
-  std::vector<std::byte> row;  // premultiplied copy of one row
+  std::string name;                 // of the image, for its levels
+  std::uint32_t next_row = 0;       // of the level
+  std::vector<std::byte> row;       // premultiplied copy of one row
+  PageVector<std::byte> tile_rows;  // of a row of tiles, these whole
 };
 
 ImageWriter::ImageWriter(const std::string& path, const ImageWriteSpec& spec) {
@@ -343,12 +392,24 @@ void ImageWriter::write_rows(std::uint32_t row_count, const std::byte* rows) {
       multiply_by_alpha(self.spec.depth, self.spec.channels, self.spec.width, self.row.data());
       samples = self.row.data();
     }
-    if (!self.output->write_scanline(static_cast<int>(self.next_row), 0, type_of(self.spec.depth),
-                                     samples)) {
+    if (self.spec.layout.tile_size > 0) {
+      self.tile(samples);
+    } else if (!self.output->write_scanline(static_cast<int>(self.next_row), 0,
+                                            type_of(self.spec.depth), samples)) {
       self.fail();
     }
   }
   self.check();
+}
+
+void ImageWriter::next_level() {
+  Impl& self = *impl_;
+  if (self.next_row != self.spec.height)
+    throw Error(ErrorKind::internal, "a level begins before the one above it is written");
+  self.spec.width = std::max(self.spec.width / 2, 1U);
+  self.spec.height = std::max(self.spec.height / 2, 1U);
+  self.next_row = 0;
+  self.open_level();
 }
 
 void ImageWriter::commit() {
@@ -357,11 +418,10 @@ void ImageWriter::commit() {
     throw Error(ErrorKind::internal,
                 fmt::format("{} of {} rows written at commit", self.next_row, self.spec.height));
   }
-  if (!self.output->close()) self.fail();
-  if (self.file) self.proxy->flush();
-  self.check();
+  self.close();
   self.output.reset();
   self.sink = nullptr;
+  self.file_proxy = nullptr;
   self.proxy.reset();
   if (self.file) self.file->commit();
 }
@@ -371,6 +431,12 @@ std::uint64_t ImageWriter::encoder_bytes(const std::string& path, const ImageWri
   const std::string_view name = format == nullptr ? "" : format->name;
   const std::uint64_t row = row_bytes_of(spec);
   constexpr std::uint64_t kBase = 1U << 20;
+  if (const std::uint64_t edge = spec.layout.tile_size; edge > 0) {
+    // A row of tiles, copies of one on its way, and where each is in the file.
+    const std::uint64_t tile = edge * edge * row / spec.width;
+    const std::uint64_t tiles = tiled_texels(spec) / (edge * edge);
+    return kBase + across_tiles(spec) * tile + 6 * tile + 48 * tiles;
+  }
   if (name == "openexr") return kBase + 16 * 6 * row;
   if (name == "tiff") return kBase + 3 * row * strip_rows(spec);
   if (name == "jpeg") return kBase + 64 * row;

@@ -15,6 +15,15 @@
 
 namespace pounce::io {
 
+/// How a file holds its samples. PNG and JPEG have no choice.
+struct ImageLayout {
+  std::string exr_compression = {};  ///< see why_no_exr_compression(); "" = zip
+  std::uint32_t tile_size = 0;       ///< EXR, TIFF: texels each way, a multiple of 16; 0 = rows
+  /// EXR, TIFF in tiles: all smaller levels follow (ImageWriter::next_level), with the attributes
+  /// of a texture by maketx. Colours are stored times alpha, in TIFF too.
+  bool mipmap = false;
+};
+
 /// What to write. Samples handed over are in `depth`, row-major, tightly packed, native endian. EXR
 /// stores colours premultiplied, so they are multiplied by alpha when written (where alpha is 0 the
 /// colour is lost).
@@ -24,11 +33,12 @@ struct ImageWriteSpec {
   Depth depth = Depth::u8;
   bool linear = false;         ///< samples are scene-linear: tagged so where the format can say it
   bool has_alpha = false;      ///< the last channel is straight alpha
-  bool premultiplied = false;  ///< EXR only: colours come multiplied by alpha already
+  bool premultiplied = false;  ///< EXR, levels: colours come multiplied by alpha already
   /// EXR only: what the channels are called; empty: usual_names().
   std::vector<std::string> names = {};
   /// Primaries that the file is to name: EXR in an attribute, the others by an ICC profile.
   std::optional<Chromaticities> chromaticities = {};
+  ImageLayout layout = {};
   /// Hash of the job that makes it: recorded, as the software's name always is.
   std::string job = {};
 };
@@ -38,11 +48,17 @@ bool is_image_path(const std::string& path);
 /// Can the format of `path` (by its ending) hold this? Returns "" or a sentence that says what it
 /// can hold.
 std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec);
+/// "" or a sentence that says which compressions there are: those of EXR that lose nothing.
+std::string why_no_exr_compression(const std::string& name);
+/// Is it called .tx: a TIFF of tiles and levels?
+bool is_tx_path(const std::string& path);
+
 /// What a format can say of an image's channels.
 struct FormatLook {
   std::string name;        ///< "PNG"
   bool data = false;       ///< two or four channels without alpha
   bool annotated = false;  ///< names of channels
+  bool tiled = false;      ///< can hold tiles and levels
 };
 FormatLook format_look(const std::string& path);
 /// The nearest depth that the format of `path` can hold (png: u8/u16; jpeg: u8; exr: half/float;
@@ -53,8 +69,8 @@ Depth writable_depth(const std::string& path, Depth wanted);
 /// no name, or where the file system cannot do that a hidden temporary one beside `path`, which the
 /// destructor removes. The same samples give the same bytes, whenever and wherever they are
 /// written. PNG: deflate at a level that keeps pace with the projection. JPEG: quality 95, 4:4:4.
-/// TIFF: deflate, strips. EXR: zip, scanlines. Throws Error(usage) for what why_not_writable()
-/// names, Error(storage) with path and reason. Not thread-safe.
+/// TIFF: deflate, strips. EXR: zip, scanlines. Both may be in tiles. Throws Error(usage) for what
+/// why_not_writable() names, Error(storage) with path and reason. Not thread-safe.
 class ImageWriter {
  public:
   ImageWriter(const std::string& path, const ImageWriteSpec& spec);
@@ -65,6 +81,9 @@ class ImageWriter {
   ImageWriter& operator=(ImageWriter&&) noexcept;
 
   void write_rows(std::uint32_t row_count, const std::byte* rows);
+  /// All rows of this level were written: those of the next follow, half as wide and high (rounded
+  /// down, at least 1).
+  void next_level();
   /// Flushes, fsyncs, renames, fsyncs the folder. All rows must have been written.
   void commit();
   /// Memory the encoder holds beyond the rows handed over, for the budget.

@@ -17,8 +17,15 @@ namespace {
 
 constexpr std::uint32_t kSide = 4096;
 
-void write_stripes(const std::string& path, Depth depth, std::uint32_t side) {
-  const io::ImageWriteSpec spec{side, side, 3, depth, false, false};
+io::ImageWriteSpec spec_of(Depth depth, std::uint32_t side, std::uint32_t tile_size) {
+  io::ImageWriteSpec spec{side, side, 3, depth, false, false};
+  spec.layout.tile_size = tile_size;
+  return spec;
+}
+
+void write_stripes(const std::string& path, Depth depth, std::uint32_t side,
+                   std::uint32_t tile_size = 0) {
+  const io::ImageWriteSpec spec = spec_of(depth, side, tile_size);
   std::vector<std::byte> row(std::size_t{side} * 3 * io::sample_bytes(depth));
   io::ImageWriter writer(path, spec);
   for (std::uint32_t y = 0; y < side; ++y) {
@@ -39,23 +46,29 @@ void read_in_strips(const std::string& path) {
 }  // namespace
 
 TEST_CASE("a large image is written and read in the memory that was announced", "[image][memory]") {
-  const auto [ending, depth] = GENERATE(table<std::string, Depth>(
-      {{".png", Depth::u8}, {".jpg", Depth::u8}, {".tif", Depth::u16}, {".exr", Depth::half}}));
-  CAPTURE(ending);
+  const auto [ending, depth, tile_size] =
+      GENERATE(table<std::string, Depth, std::uint32_t>({{".png", Depth::u8, 0},
+                                                         {".jpg", Depth::u8, 0},
+                                                         {".tif", Depth::u16, 0},
+                                                         {".exr", Depth::half, 0},
+                                                         {".tif", Depth::u8, 64},
+                                                         {".tif", Depth::u16, 16},
+                                                         {".exr", Depth::half, 64}}));
+  CAPTURE(ending, tile_size);
   test::TempFolder folder;
   // A small one first, for what the libraries load and keep.
-  write_stripes(folder.file("small" + ending), depth, 64);
+  write_stripes(folder.file("small" + ending), depth, 64, tile_size);
   read_in_strips(folder.file("small" + ending));
 
   const std::string path = folder.file("large" + ending);
   const std::uint64_t row = std::uint64_t{kSide} * 3 * io::sample_bytes(depth);
   const std::uint64_t slack = 512 << 10;
   const std::uint64_t before_write = reset_peak_rss();
-  write_stripes(path, depth, kSide);
+  write_stripes(path, depth, kSide, tile_size);
   const std::uint64_t encoder =
-      io::ImageWriter::encoder_bytes(path, {kSide, kSide, 3, depth, false, false});
+      io::ImageWriter::encoder_bytes(path, spec_of(depth, kSide, tile_size));
   CHECK(peak_rss() <= before_write + encoder + row + slack);
-  CHECK(encoder < (4U << 20));
+  CHECK(encoder < ((tile_size == 0 ? 4U : 8U) << 20));
 
   const std::uint64_t before_read = reset_peak_rss();
   read_in_strips(path);

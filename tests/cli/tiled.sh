@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+# Files in tiles, with levels (.tx), the compression of EXR, and outputs without alpha.
+source "$(dirname "$0")/support.sh"
+refused '--mipmap needs an .exr, .tif or .tx output: o.png has rows only' transfer a.glb b.glb -o o.png --mipmap
+refused '--tile-size needs an .exr, .tif or .tx output: o.jpg has rows only' transfer a.glb b.glb -o o.jpg --tile-size 64
+refused '--tile-size needs an .exr, .tif or .tx output: o.glb' transfer a.glb b.glb -o o.glb --tile-size 64
+refused '--tile-size 40: a multiple of 16, 16 to 1024' transfer a.glb b.glb -o o.exr --tile-size 40
+refused '--exr-compression needs an .exr output: o.tx is none' transfer a.glb b.glb -o o.tx --exr-compression zip
+refused '--exr-compression: got "dwaa"; an EXR is compressed as none, rle, zips, zip or piz' \
+  transfer a.glb b.glb -o o.exr --exr-compression dwaa
+refused '--drop-alpha leaves out what --alpha asks for' transfer a.ply b.glb -o o.png --alpha --drop-alpha
+refused 'an image that is painted over keeps its channels' transfer a.glb b.glb -o o.png --onto p.png --drop-alpha
+refused '.tx is for renderers' maps b.glb -o '<CHANNEL>.tx'
+rejected --tile-size 0 8 1040 many
+for ending in png jpg glb; do
+  refused 'images as .png, .jpg, .jpeg, .tif, .tiff, .tx or .exr' transfer a.glb b.glb -o "o.x$ending" --mipmap
+done
+
+"$POUNCE_FIXTURE" plane -o s.obj --triangles 200 --texture 200 --uv-tiles 2 >/dev/null
+"$POUNCE_FIXTURE" plane -o t.obj --triangles 200 --uv-tiles 2 >/dev/null
+run() { expect 0 transfer s.obj t.obj --source-texture 'baseColor=s.<UDIM>.png' "$@"; }
+run -o 't.<UDIM>.tx' --no-cache
+run -o 't.<UDIM>.png' --no-cache
+same_picture t.1002.tx t.1002.png || fail 'the first level is not the picture'
+expect 0 inspect t.1001.tx
+out_has 'made by pounce, job '
+# The same bytes at any budget and number of threads; with the compression of EXR, too.
+for layout in '-o x.tx' '-o x.exr --mipmap --tile-size 32 --exr-compression piz' '-o x.tif --tile-size 128'; do
+  run $layout --size 700x333 --no-cache --threads 1
+  file=$(ls x.*)
+  before=$(md5sum <$file)
+  for more in '--threads 5' '--memory 8MiB' '--cache warm' '--cache warm --threads 2 --memory 64MiB'; do
+    rm $file
+    run $layout --size 700x333 $more
+    [[ $(md5sum <$file) == "$before" ]] || fail "other bytes: $layout $more"
+  done
+  rm $file
+done
+
+# What renderers' tools make of it.
+if command -v maketx >/dev/null && command -v iinfo >/dev/null; then
+  run -o rows.exr --size 331x200 --no-cache
+  for kind in 't.1001.tx t.1001.png' 'x.exr rows.exr'; do
+    read -r ours rows <<<"$kind"
+    [[ $ours != x.exr ]] || run -o x.exr --mipmap --size 331x200 --no-cache
+    maketx "$rows" -o "theirs.${ours##*.}" >/dev/null
+    # stats FILE: least, largest and mean of each channel of each level
+    stats() { iinfo --stats "$1" | grep -E '^ +Stats (Min|Max|Avg):|MIP-map'; }
+    stats "$ours" >ours.txt
+    stats "theirs.${ours##*.}" >theirs.txt
+    [[ $(wc -l <ours.txt) -ge 24 ]] || fail "$ours has few levels: $(cat ours.txt)"
+    # In 8 bits the figures are counted in 255ths.
+    unit=$([[ $ours == *.tx ]] && echo 1.0 || echo 0.00392)
+    paste -d '|' ours.txt theirs.txt | awk -F '|' -v unit=$unit '
+      /MIP/ { if ($1 != $2) exit 1; next }
+      { n = split($1, a, /[ :(]+/); m = split($2, b, /[ :(]+/); if (n != m) exit 1
+        for (i = 4; i <= n; ++i) if (a[i] ~ /^[0-9.-]+$/ && (a[i] - b[i] > unit || b[i] - a[i] > unit)) exit 1 }' ||
+      fail "$ours is not as maketx makes it: $(paste -d '|' ours.txt theirs.txt)"
+    oiiotool "$ours" "theirs.${ours##*.}" --diff >"$out" 2>&1 || grep -q 'Max error *= 0.00[0-3]' "$out" ||
+      fail "the first level of $ours differs"
+  done
+  iinfo -v t.1001.tx | grep -q 'textureformat: "Plain Texture"' || fail 'not a texture to renderers'
+  ! iinfo -v t.1001.tx | grep -qi datetime || fail 'a time stamp'
+else
+  echo 'SKIPPED: needs maketx and iinfo'
+fi
+
+# Another layout is another job; the same is kept, .tx like others.
+job=(-o 't.<UDIM>.tx' --no-cache --skip-existing)
+run "${job[@]}"
+err_has 'kept 2'
+run "${job[@]}" --tile-size 32
+! grep -q kept "$err" || fail 'files of other tiles were kept'
+run "${job[@]}" --tile-size 32
+err_has 'kept 2'
+
+# As a source, and painted over, such a file is its first level.
+run -o 't.<UDIM>.tx' --no-cache
+expect 0 transfer s.obj t.obj --source-texture 'baseColor=t.<UDIM>.tx' -o 'u.<UDIM>.png' --no-cache
+run -o 'w.<UDIM>.png' --no-cache
+same_picture u.1001.png w.1001.png || fail 'read back as another picture'
+cp t.1001.tx old.tx
+expect 0 transfer s.obj t.obj --source-texture 'baseColor=s.<UDIM>.png' --onto 't.<UDIM>.tx' -o 't.<UDIM>.tx' --no-cache
+same_picture t.1001.tx old.tx || fail 'painted over itself it is another picture'
+
+# Alpha: straight in a TIFF of rows, times alpha where there are levels; --drop-alpha leaves the colour.
+if command -v oiiotool >/dev/null; then
+  oiiotool --create 16x16 4 --fill:color=0.5,0.25,0.125,0.5 16x16 -d uint8 -o a.png
+  quad as a.png && quad at
+  expect 0 transfer as.obj at.obj -o a.tif --no-cache
+  expect 0 transfer as.obj at.obj -o a.tx --no-cache
+  same_picture a.tif a.png || fail 'a TIFF lost its straight alpha'
+  oiiotool --info -v a.tif | grep -q UnassociatedAlpha || fail 'a.tif does not say that its alpha is straight'
+  ! oiiotool --info -v a.tx | grep -q UnassociatedAlpha || fail 'a.tx says that its alpha is straight'
+  expect 0 compare a.tx a.png --min-psnr 45
+  expect 2 transfer as.obj at.obj -o a.jpg --no-cache
+  err_has 'JPEG holds no alpha; choose .png, .tif or .exr, or --drop-alpha'
+  expect 0 transfer as.obj at.obj -o a.jpg --no-cache --drop-alpha
+  expect 0 transfer as.obj at.obj -o plain.png --no-cache --drop-alpha
+  oiiotool --info plain.png | grep -q '3 channel' || fail 'alpha was not dropped'
+  oiiotool a.png --unpremult --ch R,G,B -d uint8 -o colour.png
+  expect 0 compare plain.png colour.png --min-psnr 45
+else
+  echo 'SKIPPED: needs oiiotool'
+fi
+
+# The old file stays until the last level is in the new one, whatever happens.
+run -o whole.tx --size 2048 --no-cache
+for pause in 0.2 0.5 0.8; do
+  echo 'an old picture' >k.tx
+  "$POUNCE" transfer s.obj t.obj --source-texture 'baseColor=s.<UDIM>.png' -o k.tx --size 2048 --no-cache -q &
+  job=$!
+  sleep $pause
+  kill -KILL $job 2>/dev/null || true
+  wait $job 2>/dev/null || true
+  [[ $(tr -d '\0' <k.tx) == 'an old picture' ]] || cmp k.tx whole.tx || fail "half a picture after SIGKILL at $pause s"
+done
+[[ -z $(find . -name '.*.tmp') ]] || fail 'something was left behind'
