@@ -83,8 +83,9 @@ std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
   job->target_store =
       flow::geometry_store(*job->context, job->target_plan.requests.at(0).at(0), &cached);
   const flow::ColumnPlan& column = job->plan.columns.at(0);
-  job->colours = flow::colour_store(
-      *job->context, {&column.image, &column.info, column.wrap_u, column.wrap_v}, &cached);
+  const flow::ColourRequest request{&column.image, &column.info, column.wrap_u, column.wrap_v};
+  job->colours =
+      flow::colour_store(*job->context, request, flow::colour_key(*job->context, request), &cached);
   job->source_blocks = read_blocks(*job->source_store, *job->context);
   job->target_blocks = read_blocks(*job->target_store, *job->context);
   return job;

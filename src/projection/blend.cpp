@@ -225,8 +225,34 @@ Blended blend_floats(const store::ColourDirectory& image, const Around& texels, 
   return out;
 }
 
+/// All of an 8-bit texel's channels at once; sums of rows fit into 32 bits.
+template <std::size_t kChannels>
+Blended blend_bytes(const Around& texels, const Taps& taps) noexcept {
+  Blended out{};
+  for (std::size_t c = 0; c < kChannels; ++c) {
+    const auto value = [&](int x, int y) {
+      return std::to_integer<std::int32_t>(texels.at(x, y)[c]);
+    };
+    out[c] =
+        static_cast<double>(wide_sum<std::int32_t, std::int64_t>(taps, value)) * kPerSquare / 255;
+  }
+  return out;
+}
+
 Blended blend_integers(const store::ColourDirectory& image, const Around& texels,
                        const Taps& taps) noexcept {
+  if (image.depth == Depth::u8 && taps.wide) {
+    switch (image.channels) {
+      case 1:
+        return blend_bytes<1>(texels, taps);
+      case 2:
+        return blend_bytes<2>(texels, taps);
+      case 3:
+        return blend_bytes<3>(texels, taps);
+      default:
+        return blend_bytes<4>(texels, taps);
+    }
+  }
   const std::size_t sample = store::depth_bytes(image.depth);
   const double largest = image.depth == Depth::u8 ? 255.0 : 65535.0;
   Blended out{};

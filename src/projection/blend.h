@@ -17,14 +17,9 @@ struct Coordinate {
   double rest = 0;
 };
 
-/// Brings a hit's coordinate base + frac into the image as its wrap mode says: -1 <= texel < size,
-/// so that the tile exists and its apron holds every tap.
-inline Coordinate placed(std::int32_t base, float frac, std::uint32_t size,
-                         mesh::Wrap wrap) noexcept {
-  auto whole = static_cast<std::int32_t>(frac);
-  if (static_cast<float>(whole) > frac)
-    --whole;  // rounded towards zero: towards minus infinity instead
-  const Coordinate at{base + whole, static_cast<double>(frac) - whole};
+/// Brings a coordinate of an image, a texel and a rest, into it as its wrap mode says: -1 <= texel
+/// < size, so that the tile exists and its apron holds every tap.
+inline Coordinate placed(Coordinate at, std::uint32_t size, mesh::Wrap wrap) noexcept {
   const auto n = static_cast<std::int32_t>(size);
   if (at.texel >= 0 && at.texel < n) return at;
   if (wrap == mesh::Wrap::clamp)
@@ -37,6 +32,24 @@ inline Coordinate placed(std::int32_t base, float frac, std::uint32_t size,
   // The mirrored period runs backwards: x becomes 2 n - 1 - x.
   return at.rest > 0 ? Coordinate{2 * n - 2 - inside, 1 - at.rest}
                      : Coordinate{2 * n - 1 - inside, 0};
+}
+
+/// The same of a hit's coordinate base + frac.
+inline Coordinate placed(std::int32_t base, float frac, std::uint32_t size,
+                         mesh::Wrap wrap) noexcept {
+  auto whole = static_cast<std::int32_t>(frac);
+  if (static_cast<float>(whole) > frac)
+    --whole;  // rounded towards zero: towards minus infinity instead
+  return placed({base + whole, static_cast<double>(frac) - whole}, size, wrap);
+}
+
+/// The same of a coordinate that is one number.
+inline Coordinate placed(double texel, std::uint32_t size, mesh::Wrap wrap) noexcept {
+  constexpr double kFarthest = 2e9;
+  if (!(texel > -kFarthest && texel < kFarthest)) texel = texel > 0 ? kFarthest : -kFarthest;
+  auto whole = static_cast<std::int32_t>(texel);
+  if (whole > texel) --whole;
+  return placed(Coordinate{whole, texel - whole}, size, wrap);
 }
 
 /// A texel coordinate over a row of UDIM tiles: which tile holds it, and where in it.

@@ -93,6 +93,12 @@ inline void keep(const source::Facet& f, const TexelPacket& packet, const Floats
   const Floats y = f.frac[1] + (f.dv[0] * at.c1 + f.dv[1] * at.c2);
   store(best.frac_x, select(better, x, load(best.frac_x)));
   store(best.frac_y, select(better, y, load(best.frac_y)));
+  for (int axis = 0; axis < 3; ++axis) {
+    const float x_by = f.du[0] * f.g1[axis] + f.du[1] * f.g2[axis];
+    const float y_by = f.dv[0] * f.g1[axis] + f.dv[1] * f.g2[axis];
+    store(best.x_by[axis], select(better, all(x_by), load(best.x_by[axis])));
+    store(best.y_by[axis], select(better, all(y_by), load(best.y_by[axis])));
+  }
 }
 
 void hit(const source::Facet& f, const TexelPacket& packet, const SearchLimits& limits,

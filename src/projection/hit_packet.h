@@ -30,6 +30,7 @@ struct alignas(64) HitPacket {
   std::int32_t page[kLanes];                    ///< source page
   std::int32_t base_x[kLanes], base_y[kLanes];  ///< whole texels of the hit, not wrapped
   float frac_x[kLanes], frac_y[kLanes];         ///< the rest; may exceed 1: x = base_x + frac_x
+  float x_by[3][kLanes], y_by[3][kLanes];       ///< how they change with the hit's position
 };
 
 /// What counts as a hit.

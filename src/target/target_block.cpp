@@ -260,6 +260,7 @@ void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_d
     packet.nz[lane] = used ? a.n.z + (a.nu.z * dx + a.nv.z * dy) : 0;
     packet.per_texel[lane] = a.per_texel;
     packet.texel[lane] = used ? texels[lane] : kNoTexel;
+    packet.owner[lane] = owner_[at];
     if (is_deep) continue;
     if (!used) {  // where lane 0 starts
       packet.px[lane] = packet.px[0];
@@ -321,6 +322,14 @@ void TargetBlock::make_packets(std::uint32_t block_index, PageVector<TexelPacket
       rest.count = far;
     }
   }
+}
+
+std::vector<TexelAxes> TargetBlock::axes() const {
+  std::vector<TexelAxes> axes;
+  if (has_records()) return axes;
+  axes.reserve(triangles_.size());
+  for (const Affine& a : triangles_) axes.push_back({a.pu, a.pv});
+  return axes;
 }
 
 std::vector<Box3f> texel_boxes(const store::GeometryBlock& block, const mesh::Lattice& lattice) {

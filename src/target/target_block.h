@@ -21,6 +21,7 @@ struct alignas(64) TexelPacket {
   float nx[kLanes], ny[kLanes], nz[kLanes];  ///< unit normal
   float per_texel[kLanes];                   ///< 1 / the texel's edge on the surface
   std::uint16_t texel[kLanes];  ///< y * 64 + x within the block; kNoTexel in unused lanes
+  std::uint16_t owner[kLanes];  ///< triangle (record) of the block; of unused lanes some other
   std::uint32_t block = 0;      ///< index of the block in its piece of work
   /// A power of two, two to four times the largest coordinate of the triangles that own the texels:
   /// distances from here are as exact as this is large (step_of()). Of records whose step is
@@ -40,6 +41,11 @@ inline float step_of(const TexelPacket& packet) { return packet.coarseness * kSt
 /// Packets of one 8x8 window that lie together: looked up in the grid at once.
 struct PacketGroup {
   std::uint32_t first = 0, count = 0;
+};
+
+/// From a texel to the next of its triangle, on the surface.
+struct TexelAxes {
+  Vec3f x, y;
 };
 
 /// The projection maps of a block, by texel: position, normal and the texel's edge on the surface.
@@ -66,6 +72,9 @@ class TargetBlock {
   /// the target is cut.
   void make_packets(std::uint32_t block_index, PageVector<TexelPacket>& packets,
                     std::vector<PacketGroup>& groups) const;
+  /// The axes of each triangle's texels; empty for a block of records, whose texels are known by
+  /// their edges alone.
+  std::vector<TexelAxes> axes() const;
   /// At most so many packets for a block with so many covered texels: 64 windows of up to 4
   /// clusters.
   static constexpr std::uint32_t most_packets(std::uint32_t texels) {

@@ -148,6 +148,7 @@ void TargetBlock::fill_records(const std::uint16_t* texels, std::size_t count,
     packet.nz[lane] = used ? r.map.normal.z : 0;
     packet.per_texel[lane] = r.map.per_texel;
     packet.texel[lane] = used ? texels[lane] : kNoTexel;
+    packet.owner[lane] = owner_[texels[used ? lane : 0]];
     packet.inset_x[lane] = used ? r.inset[0] : std::int8_t{0};
     packet.inset_y[lane] = used ? r.inset[1] : std::int8_t{0};
     packet.inset_z[lane] = used ? r.inset[2] : std::int8_t{0};

@@ -19,7 +19,7 @@ done
 [[ $decoded -le 1 ]] || fail "the image was decoded $decoded times"
 
 # The lock of a pack that somebody makes, held by hand. Its name is the pack's.
-pack=$(ls cache/v3/colour/*.pack)
+pack=$(ls -S cache/v3/colour/*.pack | head -n 1) # the image, not a level of it
 key=$(basename "$pack" .pack)
 rm "$pack"
 exec 8>"cache/v3/locks/colour-$key"

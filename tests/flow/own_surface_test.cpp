@@ -264,7 +264,7 @@ TEST_CASE("texels whose normals lean 60 to 120 degrees from their triangle find 
 
 TEST_CASE("leaning normals agree with the brute force on another triangulation", "[flow]") {
   const TempFolder folder;
-  auto options = onto_itself(write_leaning_planks(folder), folder, 104);
+  auto options = onto_itself(write_leaning_planks(folder), folder, 420);
   GltfBuilder file;  // one sheet over all planks, leaning 35 degrees
   const int p = file.add<float>({0, 0, 0.003F, 1, 0, 0.001F, 1, 1, 0.003F, 0, 1, 0}, "VEC3");
   const int n =
@@ -281,7 +281,8 @@ TEST_CASE("leaning normals agree with the brute force on another triangulation",
   const ReferenceResult expected = reference_transfer(options, Channel::base_color, 3, false);
   std::size_t found = 0, empty = 0, wrong = 0;
   for (std::size_t i = 0; i < expected.verdicts.size(); ++i) {
-    if (expected.verdicts[i] == Verdict::ambiguous) continue;
+    if (expected.verdicts[i] == Verdict::ambiguous || expected.verdicts[i] == Verdict::coarse)
+      continue;
     const bool is_found = expected.verdicts[i] == Verdict::found;
     (is_found ? found : empty) += 1;
     double error = (coverage.at(i, 0) > 0.5) == is_found ? 0 : 1;

@@ -201,7 +201,7 @@ TEST_CASE("tiles of a source may differ in size; each is clamped at its border",
   Scene scene(sheet(0));
   write_glb(scene.folder.file("source.glb"), sheet(4));
   std::map<mesh::UvTile, WholeImage> images;
-  const ImageSize sizes[] = {{64, 64}, {17, 40}, {64, 32}, {100, 100}, {33, 64}, {1, 1}};
+  const ImageSize sizes[] = {{64, 64}, {17, 40}, {64, 32}, {100, 70}, {33, 64}, {1, 1}};
   for (std::size_t i = 0; i < all_tiles().size(); ++i) {
     const mesh::UvTile tile = all_tiles()[i];
     images[tile] = noise(sizes[i].width, sizes[i].height, static_cast<std::uint32_t>(i + 1));

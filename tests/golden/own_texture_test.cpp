@@ -43,6 +43,19 @@ double error_of(const WholeImage& image, std::size_t texel, const std::array<dou
   return error;
 }
 
+/// Every so-manieth texel of an image, for one of `size` x `size`. Where a target is coarser than
+/// its source it shows means, which the brute force knows nothing of.
+WholeImage thinned(const WholeImage& image, std::uint32_t size) {
+  WholeImage out{size, size, image.channels, image.linear, {}};
+  for (std::size_t y = 0; y < size; ++y) {
+    for (std::size_t x = 0; x < size; ++x) {
+      const std::size_t at = (y * image.height / size) * image.width + x * image.width / size;
+      for (std::size_t c = 0; c < image.channels; ++c) out.samples.push_back(image.at(at, c));
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 TEST_CASE("no texel of a mesh onto itself is wrong that a brute force gets right", "[golden]") {
@@ -56,8 +69,11 @@ TEST_CASE("no texel of a mesh onto itself is wrong that a brute force gets right
   options.depth = Depth::u8;
   options.channels = {Channel::base_color};
   options.filter = Filter::tent;  // what the reference looks up
-  if (model.texture != nullptr)
-    options.source_textures = {{Channel::base_color, (*data / model.texture).string()}};
+  if (model.texture != nullptr) {
+    const WholeImage skin = read_whole_image((*data / model.texture).string());
+    write_whole_image(folder.file("skin.png"), thinned(skin, model.size / 2));
+    options.source_textures = {{Channel::base_color, folder.file("skin.png")}};
+  }
   transfer(options);
   const WholeImage out = read_whole_image(options.output);
   const WholeImage coverage = read_whole_image(options.coverage_output);
@@ -87,8 +103,11 @@ TEST_CASE("no texel of a mesh onto itself is wrong that a brute force gets right
     double from_own = 0;
     for (std::size_t c = 0; c < 3; ++c)
       from_own = std::max(from_own, std::abs(first_three()[c] - own[c]));
-    avoidable += is_wrong && verdict != Verdict::empty && from_own <= kWrong ? 1 : 0;
-    if (verdict == Verdict::ambiguous) continue;
+    avoidable +=
+        is_wrong && verdict != Verdict::empty && verdict != Verdict::coarse && from_own <= kWrong
+            ? 1
+            : 0;
+    if (verdict == Verdict::ambiguous || verdict == Verdict::coarse) continue;
     const bool found = verdict == Verdict::found;
     ++probed;
     differ +=

@@ -9,7 +9,8 @@
 //     1/64 per unit), is that inside it, or outside by no more than one source texel (never more
 //     than the triangle's own size), and does the surface face n there?
 //   the winner has the least |t| + distance outside; ties: file order
-//   the value is the bilinear lookup of the winner's texture where p + t n meets it
+//   the value is the bilinear lookup of the winner's texture where p + t n meets it; where the
+//     texel covers more than one of that texture's, the value is a mean, which is not tried here
 //
 // The product counts distances in those steps in single precision, of a neighbour in the image if
 // those are coarser, so rivals within sixteen steps of the best are ambiguous unless they would
@@ -32,7 +33,8 @@ namespace {
 constexpr double kTieSteps = 16, kInsetSteps = 32;
 constexpr double kLeastRise = 1.0 / 64;
 constexpr double kSameValue = 1e-5;
-constexpr double kDoubt = 1e-4;  // relative: nearer to a limit than this, rounding decides
+constexpr double kCoarse = 1.01;  // texels of the source
+constexpr double kDoubt = 1e-4;   // relative: nearer to a limit than this, rounding decides
 
 using Value = std::array<double, 4>;
 
@@ -137,7 +139,7 @@ class Reference::Search {
     for (const SourceTriangle& triangle : triangles_) {
       if (const auto hit = try_triangle(triangle, *line)) hits.push_back(*hit);
     }
-    return choose(hits, line->step, out);
+    return choose(hits, i, line->step, out);
   }
 
   void own(std::size_t i, double* out) const {
@@ -311,7 +313,33 @@ class Reference::Search {
     return Hit{key, &s, meet(s, ray.own, ray.normal).weights, sure};
   }
 
-  Verdict choose(const std::vector<Hit>& hits, double step, double* out) const {
+  /// Does a step to the next texel, put straight onto the hit triangle, go on by more than a texel
+  /// of its image?
+  bool is_coarse(const SourceTriangle& s, std::size_t i) const {
+    if (s.image == nullptr) return false;
+    const auto& corners = target_.triangles[static_cast<std::size_t>(raster_.owner[i])];
+    std::array<Vec3d, 3> p;
+    for (std::size_t k = 0; k < 3; ++k) p[k] = Vec3d(target_.positions[corners[k]]);
+    const Vec2d centre{raster_.x[i], raster_.y[i]};
+    const auto place = [&](Vec2d texel) {
+      const Vec3d at = mix(p, weights_at(texel_corners(i), texel));
+      const Vec3d normal = s.normal * s.doubled_area;
+      const double whole = s.doubled_area * s.doubled_area;
+      const double w1 = dot(cross(at - s.p[0], s.p[2] - s.p[0]), normal) / whole;
+      const double w2 = dot(cross(s.p[1] - s.p[0], at - s.p[0]), normal) / whole;
+      const Vec2d uv{s.uv[0].x + w1 * (s.uv[1].x - s.uv[0].x) + w2 * (s.uv[2].x - s.uv[0].x),
+                     s.uv[0].y + w1 * (s.uv[1].y - s.uv[0].y) + w2 * (s.uv[2].y - s.uv[0].y)};
+      return Vec2d{uv.x * s.image->width, uv.y * s.image->height};
+    };
+    const Vec2d here = place(centre);
+    for (const Vec2d next : {Vec2d{centre.x + 1, centre.y}, Vec2d{centre.x, centre.y + 1}}) {
+      const Vec2d there = place(next);
+      if (std::hypot(there.x - here.x, there.y - here.y) > kCoarse) return true;
+    }
+    return false;
+  }
+
+  Verdict choose(const std::vector<Hit>& hits, std::size_t i, double step, double* out) const {
     const Hit* best = nullptr;  // hits are in file order: the first of equals stays
     for (const Hit& hit : hits) {
       if (hit.sure && (best == nullptr || hit.key < best->key)) best = &hit;
@@ -326,7 +354,7 @@ class Reference::Search {
         if (std::abs(rival[c] - value[c]) > kSameValue) return Verdict::ambiguous;
       }
     }
-    return Verdict::found;
+    return is_coarse(*best->triangle, i) ? Verdict::coarse : Verdict::found;
   }
 
   /// The value at a hit in the output's channels and coding.

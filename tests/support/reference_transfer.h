@@ -16,6 +16,7 @@ enum class Verdict : std::uint8_t {
   empty,      ///< covered by a triangle, but no source surface is in reach
   found,      ///< the value is `samples`
   ambiguous,  ///< another answer is as good to within rounding: not to be compared
+  coarse,  ///< found, but the texel covers more than one of the source's: shows a mean, no lookup
 };
 
 struct ReferenceResult {

@@ -79,9 +79,9 @@ struct ColourRequest {
 /// Key of a column: content of the image, wrap modes. Reads the image where nobody remembers its
 /// content.
 Hash128 colour_key(JobContext& job, const ColourRequest& request);
-/// Builds the column or finds it in the cache.
+/// Builds the column or finds it in the cache; `key` is its key.
 std::unique_ptr<store::ColourStore> colour_store(JobContext& job, const ColourRequest& request,
-                                                 bool* cached);
+                                                 const Hash128& key, bool* cached);
 /// What building a column of such an image needs at once, at least.
 std::uint64_t colour_least_bytes(std::uint32_t width, std::uint64_t texel_bytes,
                                  std::uint64_t decoder_bytes);

@@ -275,8 +275,7 @@ Hash128 colour_key(JobContext& job, const ColourRequest& request) {
 }
 
 std::unique_ptr<store::ColourStore> colour_store(JobContext& job, const ColourRequest& request,
-                                                 bool* cached) {
-  const Hash128 key = colour_key(job, request);
+                                                 const Hash128& key, bool* cached) {
   auto store =
       find_store(job, store::PackKind::colour, key, [&](std::unique_ptr<store::PackReader> pack) {
         return std::make_unique<store::ColourStore>(

@@ -32,16 +32,19 @@ std::uint64_t SourceColumns::bytes_read() const {
 
 SourceColumns build_columns(JobContext& job, const Plan& plan, double progress_end) {
   SourceColumns made;
+  made.levels = std::make_unique<ColourLevels>(job);
   std::uint64_t rows = 0;
   for (const ColumnPlan& column : plan.columns) rows += (column.info.height + 63) / 64;
   job.meter.begin("source colours", rows, "rows of tiles", progress_end);
   for (const ColumnPlan& column : plan.columns) {
     bool cached = false;
-    auto opened =
-        colour_store(job, {&column.image, &column.info, column.wrap_u, column.wrap_v}, &cached);
+    const ColourRequest request{&column.image, &column.info, column.wrap_u, column.wrap_v};
+    const Hash128 key = colour_key(job, request);
+    auto opened = colour_store(job, request, key, &cached);
     made.all_cached = made.all_cached && cached;
     made.columns.push_back(
         std::make_unique<ColourCache>(job.budget, ColourReader{&job, std::move(opened)}));
+    made.levels->add(*made.columns.back(), key);
     const store::ColourStore& store = made.columns.back()->store();
     const std::uint64_t nonfinite = store.directory().nonfinite;
     if (nonfinite > 0) {

@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "flow/build/colour_levels.h"
 #include "flow/job_context.h"
 #include "flow/plan/plan.h"
 #include "flow/project/page_colour.h"
@@ -15,6 +16,7 @@ namespace pounce::flow {
 struct SourceColumns {
   std::vector<std::unique_ptr<ColourCache>> columns;  ///< by Plan::columns
   std::vector<TileColumns> tile_sets;                 ///< by Plan::tile_sets
+  std::unique_ptr<ColourLevels> levels;               ///< of all columns
   bool all_cached = true;
 
   /// What each source page gives to a channel.

@@ -215,6 +215,7 @@ std::unique_ptr<Projection> SourceStores::mesh_projector(std::size_t pass,
   request.target = &target;
   request.kernels = kernels_;
   request.blend = projection::kernel_of(plan_.filter);
+  request.levels = columns_.levels.get();
   request.limits.max_distance = target_plan.max_distance;
   request.limits.min_cosine = min_cosine();
   request.smallest_edge = target_plan.smallest_edge;

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 
+#include "flow/build/colour_levels.h"
 #include "flow/build/texel_source.h"
 #include "flow/job_context.h"
 #include "io/image/write.h"
@@ -28,6 +29,13 @@ std::uint64_t blocks_of(ImageSize size) {
   return ((size.width + 63) / 64) * std::uint64_t{(size.height + 63) / 64};
 }
 
+/// A column, or a level of one.
+std::uint64_t column_bytes(const store::ColourDirectory& image) {
+  constexpr std::uint64_t kTile = std::uint64_t{store::kColourTileEdge} * store::kColourTileEdge;
+  const std::uint64_t tiles = blocks_of({image.width, image.height});
+  return pack_bytes(tiles * kTile * image.texel_bytes(), tiles + image.height / 64 + 1);
+}
+
 /// An image file whose encoder finds nothing to save.
 std::uint64_t image_bytes(ImageSize size, std::uint64_t texel_bytes) {
   constexpr std::uint64_t kPerRow = 16, kFixed = 64 << 10;
@@ -39,10 +47,16 @@ std::uint64_t image_bytes(ImageSize size, std::uint64_t texel_bytes) {
 
 void DiskPlan::add_source(const Plan& plan) {
   for (const ColumnPlan& column : plan.columns) {
-    constexpr std::uint64_t kTile = std::uint64_t{store::kColourTileEdge} * store::kColourTileEdge;
-    const std::uint64_t tiles = blocks_of({column.info.width, column.info.height});
-    const std::uint64_t texel = column.info.channels * store::depth_bytes(column.info.depth);
-    stores_ += pack_bytes(tiles * kTile * texel, tiles + column.info.height / 64 + 1);
+    store::ColourDirectory image;
+    image.width = column.info.width;
+    image.height = column.info.height;
+    image.channels = column.info.channels;
+    image.depth = column.info.depth;
+    stores_ += column_bytes(image);
+    if (plan.as_gaussians) continue;
+    const std::uint32_t last = ColourLevels::last_level(image);
+    for (std::uint32_t level = 1; level <= last; ++level)
+      stores_ += column_bytes(level_of(image, level));
   }
   for (const PassPlan& pass : plan.passes) {
     const GeometrySize size = geometry_most(pass.source);

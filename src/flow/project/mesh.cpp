@@ -37,6 +37,11 @@ std::uint64_t batch_cost(std::uint64_t triangles, std::uint64_t patches, bool wi
   return source::SourceBlock::decoded_bytes(triangles, patches, with_shape) + patches * 128;
 }
 
+/// What blending asks for: the tiles that it keeps and one on its way, or the making of a level.
+std::uint64_t colour_bytes(std::uint64_t tile_bytes) {
+  return tile_bytes * (ColourWindow::kTiles + 2) + ColourLevels::making_bytes(tile_bytes);
+}
+
 std::uint64_t block_state_bytes(std::uint32_t texels, std::uint32_t triangles,
                                 std::uint64_t result_texel_bytes, bool with_shape) {
   const std::uint64_t packets = target::TargetBlock::most_packets(texels);
@@ -69,8 +74,9 @@ class SurfaceMethod {
 
   struct Work : PieceWork {
     projection::SearchState state;
-    std::size_t height = 0;                       ///< index of the height at hand
-    std::optional<BlockWalk<SurfaceCache>> walk;  ///< over the blocks of this height
+    std::vector<std::vector<target::TexelAxes>> axes;  ///< by block
+    std::size_t height = 0;                            ///< index of the height at hand
+    std::optional<BlockWalk<SurfaceCache>> walk;       ///< over the blocks of this height
     std::vector<std::shared_ptr<const source::SourceBlock>> batch;
     std::optional<grid::PatchGrid> grid;  ///< over the batch
     projection::SurfacePoints points;     ///< of channels that need them
@@ -95,7 +101,7 @@ class SurfaceMethod {
     for (const ChannelOutput& channel : request_.channels) {
       for (const PageColour& page : channel.pages) largest = std::max(largest, tile_bytes(page));
     }
-    return kPieceScratch + largest * (ColourWindow::kTiles + 2);
+    return kPieceScratch + colour_bytes(largest);
   }
 
   std::uint64_t least_batch_bytes() const {
@@ -110,7 +116,7 @@ class SurfaceMethod {
 
   void begin(Work& work) const {
     read_packets(*job_, *request_.target, request_.smallest_edge, target::TargetBlock::Start::inset,
-                 work, work.state.packets, work.state.groups);
+                 work, work.state.packets, work.state.groups, &work.axes);
     projection::start(work.state);
     if (with_shape_) work.points.start(work.state.packets.size());
     // Neighbouring pieces lie about as far from the source: start where the last one found it.
@@ -185,42 +191,74 @@ class SurfaceMethod {
 
   // --- colours -----------------------------------------------------------------------------------
 
+  /// What the texel in a lane covers of the image that its hit lies in.
+  static projection::Footprint footprint(const Work& work, std::size_t packet, int lane) {
+    const projection::HitPacket& hit = work.state.hits[packet];
+    const target::TexelPacket& texels = work.state.packets[packet];
+    const projection::TexelGradients gradients{
+        {hit.x_by[0][lane], hit.x_by[1][lane], hit.x_by[2][lane]},
+        {hit.y_by[0][lane], hit.y_by[1][lane], hit.y_by[2][lane]}};
+    const auto& axes = work.axes[texels.block];
+    if (axes.empty()) return projection::footprint_of(gradients, 1 / texels.per_texel[lane]);
+    const target::TexelAxes& own = axes[texels.owner[lane]];
+    return projection::footprint_of(gradients, own.x, own.y);
+  }
+
+  static PagePlace place(const projection::HitPacket& hit, int lane) {
+    return {hit.base_x[lane], hit.base_y[lane], hit.frac_x[lane], hit.frac_y[lane]};
+  }
+
   /// Writes the colour of one hit in the output's format and adds the samples that it cannot hold
   /// to `clipped`. False: it met a UDIM tile without image.
-  bool store_colour(const ChannelOutput& channel, const projection::HitPacket& hit, int lane,
+  bool store_colour(const ChannelOutput& channel, const Work& work, std::size_t packet, int lane,
                     ColourWindow& window, std::byte* out, std::uint64_t& clipped) const {
+    const projection::HitPacket& hit = work.state.hits[packet];
     const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
     if (page.column == nullptr && page.tile_set == nullptr) {
       clipped += texture::store_texel(channel.format, page.constant, out);
       return true;
     }
-    const ColourPlace at =
-        window.find(page, {hit.base_x[lane], hit.base_y[lane], hit.frac_x[lane], hit.frac_y[lane]});
-    if (at.image == nullptr) return false;
-    projection::Taps taps;
-    request_.blend(at.rest_x, at.rest_y, taps);
-    if (channel.format.keeps(*at.image) && at.input == nullptr && !page.factor) {
+    const PageImage image = image_at(page, place(hit, lane));
+    if (image.column == nullptr) return false;
+    const auto lookups = image.lookups(footprint(work, packet, lane));
+    if (lookups.single() && image.input == nullptr && !page.factor &&
+        channel.format.keeps(image.directory())) {
+      const ColourPlace at = window.find(page, place(hit, lane));
+      projection::Taps taps;
+      request_.blend(at.rest_x, at.rest_y, taps);
       projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
     } else {
-      clipped += texture::store_texel(channel.format, blended(page, at, taps, channel.format), out);
+      clipped += texture::store_texel(
+          channel.format, value(page, image, place(hit, lane), lookups, channel.format, window),
+          out);
     }
     return true;
   }
 
-  /// What the pages of a channel give at a hit. Nothing: it met a UDIM tile without image.
-  std::optional<texture::TexelValue> page_value(const ChannelOutput& channel,
-                                                const projection::HitPacket& hit, int lane,
-                                                ColourWindow& window) const {
-    const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
-    if (page.column == nullptr && page.tile_set == nullptr) return page.constant;
-    const ColourPlace at =
-        window.find(page, {hit.base_x[lane], hit.base_y[lane], hit.frac_x[lane], hit.frac_y[lane]});
-    if (at.image == nullptr) return std::nullopt;
+  texture::TexelValue value(const PageColour& page, const PageImage& image, const PagePlace& place,
+                            const projection::FootprintLookups& lookups,
+                            const texture::TexelFormat& format, ColourWindow& window) const {
+    if (!lookups.single())
+      return window.average(page, image, lookups, request_.blend, format, *request_.levels);
+    const ColourPlace at = window.find(page, place);
     projection::Taps taps;
     request_.blend(at.rest_x, at.rest_y, taps);
+    return blended(page, at, taps, format);
+  }
+
+  /// What the pages of a channel give at a hit. Nothing: it met a UDIM tile without image.
+  std::optional<texture::TexelValue> page_value(const ChannelOutput& channel, const Work& work,
+                                                std::size_t packet, int lane,
+                                                ColourWindow& window) const {
+    const projection::HitPacket& hit = work.state.hits[packet];
+    const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
+    if (page.column == nullptr && page.tile_set == nullptr) return page.constant;
+    const PageImage image = image_at(page, place(hit, lane));
+    if (image.column == nullptr) return std::nullopt;
     texture::TexelFormat straight = channel.format;
     straight.premultiplied = false;
-    return blended(page, at, taps, straight);
+    return value(page, image, place(hit, lane), image.lookups(footprint(work, packet, lane)),
+                 straight, window);
   }
 
   /// The same as store_colour() for a channel of the surface itself. `frames` are of
@@ -235,7 +273,7 @@ class SurfaceMethod {
       return true;
     }
     const projection::HitPacket& hit = work.state.hits[p];
-    const auto map = page_value(channel, hit, lane, window);
+    const auto map = page_value(channel, work, p, lane, window);
     if (!map) return false;
     const TangentFrame target = frames->frame(work.state.packets[p].texel[lane]);
     clipped += texture::store_texel(
@@ -273,7 +311,7 @@ class SurfaceMethod {
         const bool has_value =
             channel.shape ? store_shape(channel, work, p, lane, own ? &own->frames : nullptr,
                                         window, out, work.clipped[c])
-                          : store_colour(channel, hit, lane, window, out, work.clipped[c]);
+                          : store_colour(channel, work, p, lane, window, out, work.clipped[c]);
         if (!has_value) continue;
         result.cover(texel);
         ++covered;
@@ -330,7 +368,7 @@ std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t mo
                                   std::uint32_t largest_chunk_bytes,
                                   std::uint64_t result_texel_bytes, std::uint64_t colour_tile_bytes,
                                   bool with_shape) {
-  return kPieceScratch + colour_tile_bytes * (ColourWindow::kTiles + 2) +
+  return kPieceScratch + colour_bytes(colour_tile_bytes) +
          batch_cost(most_triangles, most_patches, with_shape) +
          3 * std::uint64_t{largest_chunk_bytes} +
          block_state_bytes(kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes,

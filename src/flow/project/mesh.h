@@ -28,7 +28,8 @@ struct MeshProjection {
   projection::SearchLimits limits;
   const projection::Kernels* kernels = nullptr;
   projection::BlendKernel blend = projection::kernel_of(kDefaultFilter);
-  float smallest_edge = 0;  ///< see TargetBlock
+  ColourLevels* levels = nullptr;  ///< of the channels' columns
+  float smallest_edge = 0;         ///< see TargetBlock
 };
 
 /// The texels of a target past the source's blocks. `job` and what the request points to must

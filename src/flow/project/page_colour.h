@@ -7,9 +7,11 @@
 #include <memory>
 #include <optional>
 
+#include "flow/build/colour_levels.h"
 #include "flow/project/source_readers.h"
 #include "mesh/uv_tiles.h"
 #include "projection/blend.h"
+#include "projection/footprint.h"
 #include "store/blocks/colour_store.h"
 #include "texture/colour_input.h"
 #include "texture/factor.h"
@@ -63,21 +65,79 @@ struct ColourPlace {
   const texture::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
 };
 
-/// The blended value at a place of a page, on its way into `format`: what the image holds, times
-/// the material's factor, in the output's primaries. Colours that the image holds times alpha stay
-/// so where the format wants them so.
+/// What an image of a page holds, `samples`, on its way into `format`: times the material's factor,
+/// in the output's primaries. Colours that the image holds times alpha stay so where `as_stored`.
+inline texture::TexelValue value_of(const PageColour& page, const store::ColourDirectory& image,
+                                    const texture::ColourInput* input,
+                                    const projection::Blended& samples, bool as_stored,
+                                    const texture::TexelFormat& format) noexcept {
+  texture::TexelValue value{samples, image.channels,
+                            input != nullptr ? input->linear : image.linear, image.has_alpha,
+                            as_stored};
+  if (page.factor) texture::apply(*page.factor, format, value);
+  if (input != nullptr && input->primaries) texture::convert(*input->primaries, value);
+  return value;
+}
+
+/// Do colours that an image holds times alpha stay so on their way into `format`?
+inline bool stays_premultiplied(const store::ColourDirectory& image,
+                                const texture::ColourInput* input,
+                                const texture::TexelFormat& format) noexcept {
+  return format.premultiplied && image.premultiplied &&
+         (input != nullptr ? input->linear : image.linear);
+}
+
+/// The channels of an image at a place, as it holds them.
+inline projection::Blended samples_at(const ColourPlace& at, const projection::Taps& taps,
+                                      bool as_stored) noexcept {
+  return projection::blend(
+      *at.image, at.tile, at.column, at.row, taps,
+      as_stored ? projection::BlendAlpha::stored : projection::BlendAlpha::straight);
+}
+
+/// The blended value at a place of a page.
 inline texture::TexelValue blended(const PageColour& page, const ColourPlace& at,
                                    const projection::Taps& taps,
                                    const texture::TexelFormat& format) noexcept {
-  const bool is_linear = at.input != nullptr ? at.input->linear : at.image->linear;
-  const bool as_stored = format.premultiplied && at.image->premultiplied && is_linear;
-  texture::TexelValue value{projection::blend(*at.image, at.tile, at.column, at.row, taps,
-                                              as_stored ? projection::BlendAlpha::stored
-                                                        : projection::BlendAlpha::straight),
-                            at.image->channels, is_linear, at.image->has_alpha, as_stored};
-  if (page.factor) texture::apply(*page.factor, format, value);
-  if (at.input != nullptr && at.input->primaries) texture::convert(*at.input->primaries, value);
-  return value;
+  const bool as_stored = stays_premultiplied(*at.image, at.input, format);
+  return value_of(page, *at.image, at.input, samples_at(at, taps, as_stored), as_stored, format);
+}
+
+/// A place in the image of a page, or in that of a tile of its set.
+struct PageImage {
+  const ColourCache* column = nullptr;          ///< null: a UDIM tile without image
+  const texture::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
+  double x = 0, y = 0;                          ///< in texels of the image, not wrapped
+  double scale_x = 1, scale_y = 1;              ///< texels of the image per texel of the page
+
+  const store::ColourDirectory& directory() const { return column->store().directory(); }
+  /// How a footprint on the page is averaged.
+  projection::FootprintLookups lookups(projection::Footprint footprint) const {
+    for (Vec2d* side : {&footprint.a, &footprint.b}) *side = {side->x * scale_x, side->y * scale_y};
+    return projection::lookups_of(footprint, ColourLevels::last_level(directory()));
+  }
+};
+
+inline PageImage image_at(const PageColour& page, const PagePlace& at) {
+  if (page.column != nullptr) {
+    return {page.column, page.input ? &*page.input : nullptr,
+            static_cast<double>(at.base_x) + at.frac_x, static_cast<double>(at.base_y) + at.frac_y};
+  }
+  const TileColumns& set = *page.tile_set;
+  const projection::TileCoordinate x = projection::in_tile(at.base_x, at.frac_x, set.width);
+  const projection::TileCoordinate y = projection::in_tile(at.base_y, at.frac_y, set.height);
+  const auto found = set.tiles.find(mesh::tile_of_period(x.period, y.period));
+  if (found == set.tiles.end()) return {};
+  const auto& [column, input] = found->second;
+  const store::ColourDirectory& image = column->store().directory();
+  const double scale_x = static_cast<double>(image.width) / set.width;
+  const double scale_y = static_cast<double>(image.height) / set.height;
+  return {column,
+          input ? &*input : nullptr,
+          (x.texel + 0.5) * scale_x - 0.5,
+          (y.texel + 0.5) * scale_y - 0.5,
+          scale_x,
+          scale_y};
 }
 
 /// Finds colours of pages that are no constants, and keeps the tiles that it used just now:
@@ -90,19 +150,37 @@ class ColourWindow {
   ColourPlace find(const PageColour& page, const PagePlace& at) {
     const InImage in = page.column != nullptr ? in_image(*page.column, page.input, at)
                                               : in_image(*page.tile_set, at);
-    if (in.column == nullptr) return {};
-    // Texel -1 belongs to the first tile's apron.
-    const std::int32_t tile_x = std::max(in.x.texel, 0) / mesh::kBlockEdge,
-                       tile_y = std::max(in.y.texel, 0) / mesh::kBlockEdge;
-    const store::ColourDirectory& image = in.column->store().directory();
-    const bool floats = image.depth == Depth::half || image.depth == Depth::float32;
-    return {&image,
-            get(*in.column, static_cast<std::uint32_t>(tile_x), static_cast<std::uint32_t>(tile_y)),
-            in.x.texel - tile_x * mesh::kBlockEdge,
-            in.y.texel - tile_y * mesh::kBlockEdge,
-            floats ? projection::settled(in.x.rest) : in.x.rest,
-            floats ? projection::settled(in.y.rest) : in.y.rest,
-            in.input};
+    return in.column == nullptr ? ColourPlace{} : place(*in.column, in.x, in.y, in.input);
+  }
+
+  /// The mean of such lookups, taken of what the image holds: what one lookup is on its way into
+  /// `format`, their mean is. They stay in the UDIM tile that holds the middle. `levels` are of the
+  /// page's columns.
+  texture::TexelValue average(const PageColour& page, const PageImage& image,
+                              const projection::FootprintLookups& lookups,
+                              projection::BlendKernel kernel, const texture::TexelFormat& format,
+                              ColourLevels& levels) {
+    const bool as_stored = stays_premultiplied(image.directory(), image.input, format);
+    projection::Blended mean{};
+    for (int s = 0; s < lookups.count; ++s) {
+      const projection::Lookups& set = lookups.sets[static_cast<std::size_t>(s)];
+      const ColourCache& level =
+          set.level == 0 ? *image.column : levels.get(*image.column, set.level);
+      const double share = set.share / (set.count_a * set.count_b);
+      for (int a = 0; a < set.count_a; ++a) {
+        for (int b = 0; b < set.count_b; ++b) {
+          const double i = a - 0.5 * (set.count_a - 1), j = b - 0.5 * (set.count_b - 1);
+          const ColourPlace at =
+              at_level(image, level, image.x + (i * set.step_a.x + j * set.step_b.x),
+                       image.y + (i * set.step_a.y + j * set.step_b.y));
+          projection::Taps taps;
+          kernel(at.rest_x, at.rest_y, taps);
+          const projection::Blended samples = samples_at(at, taps, as_stored);
+          for (std::size_t c = 0; c < mean.size(); ++c) mean[c] += share * samples[c];
+        }
+      }
+    }
+    return value_of(page, image.directory(), image.input, mean, as_stored, format);
   }
 
  private:
@@ -129,6 +207,35 @@ class ColourWindow {
     const store::ColourDirectory& image = column->store().directory();
     return {column, projection::scaled(x.texel, set.width, image.width),
             projection::scaled(y.texel, set.height, image.height), input ? &*input : nullptr};
+  }
+
+  /// Where a place of an image lies in one of its levels.
+  ColourPlace at_level(const PageImage& of, const ColourCache& level, double x, double y) {
+    const store::ColourDirectory& image = of.directory();
+    const store::ColourDirectory& smaller = level.store().directory();
+    const auto in = [&](double texel, std::uint32_t size, std::uint32_t level_size,
+                        mesh::Wrap wrap) {
+      if (size != level_size) texel = (texel + 0.5) * level_size / size - 0.5;
+      return projection::placed(texel, level_size, wrap);
+    };
+    return place(level, in(x, image.width, smaller.width, image.wrap_u),
+                 in(y, image.height, smaller.height, image.wrap_v), of.input);
+  }
+
+  ColourPlace place(const ColourCache& column, const projection::Coordinate& x,
+                    const projection::Coordinate& y, const texture::ColourInput* input) {
+    // Texel -1 belongs to the first tile's apron.
+    const std::int32_t tile_x = std::max(x.texel, 0) / mesh::kBlockEdge,
+                       tile_y = std::max(y.texel, 0) / mesh::kBlockEdge;
+    const store::ColourDirectory& image = column.store().directory();
+    const bool floats = image.depth == Depth::half || image.depth == Depth::float32;
+    return {&image,
+            get(column, static_cast<std::uint32_t>(tile_x), static_cast<std::uint32_t>(tile_y)),
+            x.texel - tile_x * mesh::kBlockEdge,
+            y.texel - tile_y * mesh::kBlockEdge,
+            floats ? projection::settled(x.rest) : x.rest,
+            floats ? projection::settled(y.rest) : y.rest,
+            input};
   }
 
   const std::byte* get(const ColourCache& column, std::uint32_t x, std::uint32_t y) {

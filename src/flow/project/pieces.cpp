@@ -69,7 +69,8 @@ CutTarget cut_target(JobContext& job, const store::GeometryStore& target,
 void read_packets(JobContext& job, const store::GeometryStore& target, float smallest_edge,
                   target::TargetBlock::Start start, PieceWork& work,
                   PageVector<target::TexelPacket>& packets,
-                  std::vector<target::PacketGroup>& groups) {
+                  std::vector<target::PacketGroup>& groups,
+                  std::vector<std::vector<target::TexelAxes>>* axes) {
   const auto entries = target.read_index(work.piece.tile, job.compressor());
   const auto first = entries.begin() + work.piece.first;
   work.blocks.assign(first, first + work.piece.count);
@@ -82,6 +83,7 @@ void read_packets(JobContext& job, const store::GeometryStore& target, float sma
     const target::TargetBlock maps(target.read_block(entry, job.compressor()),
                                    target.directory().pages[entry.page], smallest_edge, start);
     maps.make_packets(b, packets, groups);
+    if (axes != nullptr) axes->push_back(maps.axes());
   }
 }
 

@@ -65,10 +65,11 @@ struct PieceWork {
 };
 
 /// Reads a piece's blocks into work.blocks and appends their packets to `packets` and `groups`.
-/// `smallest_edge` and `start`: see TargetBlock.
+/// `smallest_edge` and `start`: see TargetBlock; `axes`: those of each block, if asked for.
 void read_packets(JobContext& job, const store::GeometryStore& target, float smallest_edge,
                   target::TargetBlock::Start start, PieceWork& work,
                   PageVector<target::TexelPacket>& packets,
-                  std::vector<target::PacketGroup>& groups);
+                  std::vector<target::PacketGroup>& groups,
+                  std::vector<std::vector<target::TexelAxes>>* axes = nullptr);
 
 }  // namespace pounce::flow

@@ -121,13 +121,18 @@ ColourStoreWriter::ColourStoreWriter(std::unique_ptr<PackWriter> pack, std::uint
 void ColourStoreWriter::add_row(std::uint32_t tile_row,
                                 const std::vector<std::vector<std::byte>>& stored_tiles,
                                 std::uint32_t raw_bytes, Compressor& compressor) {
-  std::vector<std::byte> raw;
-  ByteWriter out(raw);
-  for (const auto& tile : stored_tiles) {
-    const ChunkRef chunk = pack_->append(ChunkKind::block, tile, raw_bytes);
-    put_chunk(out, chunk);
-  }
-  row_pages_[tile_row] = append_payload(*pack_, ChunkKind::index_page, raw, compressor);
+  for (const auto& tile : stored_tiles) add_tile(tile, raw_bytes);
+  end_row(tile_row, compressor);
+}
+
+void ColourStoreWriter::add_tile(std::span<const std::byte> stored_tile, std::uint32_t raw_bytes) {
+  ByteWriter out(row_);
+  put_chunk(out, pack_->append(ChunkKind::block, stored_tile, raw_bytes));
+}
+
+void ColourStoreWriter::end_row(std::uint32_t tile_row, Compressor& compressor) {
+  row_pages_[tile_row] = append_payload(*pack_, ChunkKind::index_page, row_, compressor);
+  row_.clear();
 }
 
 std::unique_ptr<PackWriter> ColourStoreWriter::finish(ColourDirectory directory,

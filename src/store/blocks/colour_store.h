@@ -60,10 +60,14 @@ class ColourStoreWriter {
   explicit ColourStoreWriter(std::unique_ptr<PackWriter> pack, std::uint32_t tile_rows);
   void add_row(std::uint32_t tile_row, const std::vector<std::vector<std::byte>>& stored_tiles,
                std::uint32_t raw_bytes, Compressor& compressor);
+  /// The same in parts: the tiles of a row from left to right, then its end.
+  void add_tile(std::span<const std::byte> stored_tile, std::uint32_t raw_bytes);
+  void end_row(std::uint32_t tile_row, Compressor& compressor);
   std::unique_ptr<PackWriter> finish(ColourDirectory directory, Compressor& compressor);
 
  private:
   std::unique_ptr<PackWriter> pack_;
+  std::vector<std::byte> row_;  ///< the index page of the row at hand
   std::vector<ChunkRef> row_pages_;
 };
 

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "core/vec.h"
+
+namespace pounce::projection {
+
+/// What one target texel covers of a source image: a parallelogram around the hit. Its sides are
+/// the target's texel axes, in texels of the source.
+struct Footprint {
+  Vec2d a, b;
+};
+
+/// How texel coordinates of the source change with position on its surface. Both lie in the plane
+/// of the facet that was hit.
+struct TexelGradients {
+  Vec3f x, y;
+};
+
+/// The footprint of a target texel with these axes on the surface.
+Footprint footprint_of(const TexelGradients& gradients, Vec3f along_x, Vec3f along_y) noexcept;
+/// Of a target texel that is known by the length of its edge alone: a square somehow turned.
+Footprint footprint_of(const TexelGradients& gradients, float edge) noexcept;
+
+/// A grid of lookups in one level of an image, around the hit, that averages over a footprint. Each
+/// level halves the sides of the one before; texels of level n are 2^n of the image's own.
+struct Lookups {
+  std::uint32_t level = 0;
+  int count_a = 1, count_b = 1;  ///< along either side
+  Vec2d step_a, step_b;          ///< from one to the next, in the image's own texels
+  double share = 1;              ///< of the result
+};
+
+/// The lookups for a footprint: one set, or two where it goes over to the next level. An image has
+/// levels 0 to `last_level`.
+struct FootprintLookups {
+  std::array<Lookups, 2> sets;
+  int count = 1;
+  bool single() const { return count == 1 && sets[0].count_a == 1 && sets[0].count_b == 1; }
+};
+
+/// A footprint of at most one texel each way is one lookup in the image itself. noexcept,
+/// thread-safe, the same bits everywhere.
+FootprintLookups lookups_of(const Footprint& footprint, std::uint32_t last_level) noexcept;
+
+}  // namespace pounce::projection
