@@ -23,23 +23,25 @@ enum class Channel : std::uint8_t {
   /// "distance": data, one float: how far along the texel's normal the surface was found, in the
   /// target's units, positive outside.
   distance,
-  height,    ///< "height": the same of a mesh, by TransferOptions::baked
-  position,  ///< "position": data: where the surface was found, in the job's axes; by `baked`
+  height,        ///< "height": the same of a mesh, by TransferOptions::baked
+  position,      ///< "position": data: where the surface was found, in the job's axes; by `baked`
+  vertex_color,  ///< "vertexColor": colour: that of the mesh's vertices; by `baked`
   /// The first of the maps of the user's own; see other_channel(). No material has these.
   other,
 };
 inline constexpr int kChannelCount = 5;   ///< of a material
 inline constexpr int kEvidenceCount = 2;  ///< of a splat scene, after those
-inline constexpr int kShapeCount = 2;     ///< of a mesh's shape, after those
+inline constexpr int kShapeCount = 3;     ///< of a mesh's triangles, after those
 
 /// Is it evidence (confidence, distance), which splat scenes alone have?
 constexpr bool is_evidence(Channel channel) noexcept {
   return channel == Channel::confidence || channel == Channel::distance;
 }
 
-/// Is it of a mesh's shape (height, position), whatever its materials are?
+/// Is it of a mesh's triangles (height, position, vertex_color), whatever its materials are?
 constexpr bool is_shape(Channel channel) noexcept {
-  return channel == Channel::height || channel == Channel::position;
+  return channel == Channel::height || channel == Channel::position ||
+         channel == Channel::vertex_color;
 }
 
 inline constexpr std::size_t kMostOtherMaps = 64;
@@ -59,7 +61,8 @@ constexpr bool is_of_material(Channel channel) noexcept {
 }
 
 /// "baseColor", "metallicRoughness", "occlusion", "emissive", "normal", "confidence", "distance",
-/// "height", "position"; "other" for maps of the user's own, whose names the options have.
+/// "height", "position", "vertexColor"; "other" for maps of the user's own, whose names the options
+/// have.
 const char* channel_name(Channel channel) noexcept;
 /// The channel with that name (exactly as above), or nothing.
 std::optional<Channel> channel_from_name(const std::string& name) noexcept;

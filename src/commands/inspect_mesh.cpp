@@ -279,7 +279,7 @@ std::string mesh_text(const Json& mesh) {
                         fmt::join(part["names"].get<std::vector<std::string>>(), "\", \""),
                         part["triangles"].get<std::uint64_t>());
   }
-  if (mesh["vertex_colours"].get<bool>()) text += "colours    per vertex, not transferred\n";
+  if (mesh["vertex_colours"].get<bool>()) text += "colours    per vertex\n";
   if (mesh["uv_sets"].empty()) text += "uv sets    none\n";
   for (std::size_t i = 0; i < mesh["uv_sets"].size(); ++i) {
     const Json& set = mesh["uv_sets"][i];

@@ -14,7 +14,7 @@ namespace {
 // In the order of the enumerations.
 constexpr std::array<const char*, kChannelCount + kEvidenceCount + kShapeCount> kChannelNames = {
     "baseColor",  "metallicRoughness", "occlusion", "emissive", "normal",
-    "confidence", "distance",          "height",    "position"};
+    "confidence", "distance",          "height",    "position", "vertexColor"};
 constexpr std::array<const char*, 2> kNormalYNames = {"up", "down"};
 constexpr std::array<const char*, 2> kMethodNames = {"surface", "gaussian"};
 constexpr std::array<const char*, 3> kFilterNames = {"tent", "cubic", "sharp"};

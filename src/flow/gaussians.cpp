@@ -49,6 +49,7 @@ TransferOptions as_transfer(const GaussiansOptions& o) {
   transfer.source_use.axes = o.axes;
   transfer.channels = {Channel::base_color};
   transfer.output = "colours.exr";  // a format that holds any image: nothing is written there
+  transfer.size = ImageSize{1, 1};
   transfer.output_colour_space = "lin_rec709";  // the primaries of Gaussians
   transfer.min_opacity = o.min_opacity;
   transfer.max_scale = o.max_scale;
@@ -104,7 +105,7 @@ class MeshJob {
 
  private:
   std::uint64_t reading_bytes() const {
-    return io::mesh_cost(options_.source, {options_.allow_external, {}}, job_.budget.limit())
+    return io::mesh_cost(options_.source, {options_.allow_external, {}, true}, job_.budget.limit())
         .peak_bytes;
   }
 
@@ -112,8 +113,7 @@ class MeshJob {
     const StageTimer timer(job_.clock, "read");
     job_.meter.begin("read mesh", 1, "meshes", kAfterReading);
     require_reading(job_, reading_bytes(), options_.source);
-    TransferOptions transfer = as_transfer(options_);
-    transfer.apply_factors = false;
+    const TransferOptions transfer = as_transfer(options_);
     mesh_ = load_mesh(options_.source, transfer.source_use, "source", options_.allow_external);
     refuse_scene_options(options_);  // now that it is known to be a mesh
     plan_ = plan_source(transfer, mesh_);

@@ -31,7 +31,7 @@ bool has_textures(const mesh::Mesh& mesh) {
 }
 
 void refuse_swapped(const mesh::Mesh& source, const mesh::Mesh& target) {
-  if (has_textures(source)) return;
+  if (has_textures(source) || !source.colours.empty()) return;
   for (const mesh::UnreadFile& file : source.unread_files) {
     if (!file.refused.empty()) throw Error(ErrorKind::storage, file.refused);
   }
@@ -44,10 +44,28 @@ void refuse_swapped(const mesh::Mesh& source, const mesh::Mesh& target) {
                   source.path, target.path));
 }
 
+namespace {
+
+/// White everywhere says nothing, and many programs write it.
+void drop_white(std::vector<Vec4f>& colours) {
+  const bool is_white = std::all_of(colours.begin(), colours.end(), [](const Vec4f& c) {
+    return c == Vec4f{1, 1, 1, 1};
+  });
+  if (is_white) colours = {};
+}
+
+}  // namespace
+
 mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,
                      bool allow_external, bool keep_rest) {
+  const bool is_source = side == "source";
   mesh::Mesh mesh =
-      io::read_mesh(path, {allow_external, side == "source" ? use.uv_set : std::nullopt});
+      io::read_mesh(path, {allow_external, is_source ? use.uv_set : std::nullopt, true});
+  drop_white(mesh.colours);
+  if (!is_source) {  // what matters of a target's is that a renderer shows them
+    mesh.has_vertex_colours = !mesh.colours.empty();
+    mesh.colours = {};
+  }
   mesh::orient(mesh, axes_of(use, side));
   mesh::select(mesh, {use.meshes, use.materials}, side, keep_rest);
   if (use.uv_set && *use.uv_set >= mesh.uv_sets.size()) {

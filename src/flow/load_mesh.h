@@ -9,10 +9,11 @@
 
 namespace pounce::flow {
 
-/// A mesh as a job sees it: read, its axes turned, and only what is selected. `side` is "source" or
-/// "target", for messages. `allow_external`: see io::MeshReading. `keep_rest`: what was not
-/// selected goes to Mesh::rest instead of being dropped. Throws Error(input) if nothing is selected
-/// or the UV set asked for does not exist.
+/// A mesh as a job sees it: read, its axes turned, and only what is selected; a source with the
+/// colours of its vertices, unless all are white; a target that only knows whether it has such.
+/// `side` is "source" or "target", for messages. `allow_external`: see io::MeshReading.
+/// `keep_rest`: what was not selected goes to Mesh::rest instead of being dropped. Throws
+/// Error(input) if nothing is selected or the UV set asked for does not exist.
 mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,
                      bool allow_external, bool keep_rest = false);
 

@@ -62,7 +62,7 @@ class MapsJob {
 
  private:
   std::uint64_t reading_bytes() const {
-    return io::mesh_cost(options_.target, {options_.allow_external, {}}, job_->budget.limit())
+    return io::mesh_cost(options_.target, {options_.allow_external, {}, true}, job_->budget.limit())
         .peak_bytes;
   }
 

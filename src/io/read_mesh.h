@@ -14,6 +14,7 @@ struct MeshReading {
   bool allow_external = false;  ///< also files outside of the mesh's folder that it names
   /// Every texture lies on that UV set, whatever the materials say.
   std::optional<std::uint32_t> texture_uv_set;
+  bool vertex_colours = false;  ///< fill Mesh::colours
 };
 
 /// Reads a .glb, .gltf or .obj (by content, then by ending). Throws Error(input) naming the file,

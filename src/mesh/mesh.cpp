@@ -30,14 +30,15 @@ void Mesh::append_copies(const std::vector<std::uint32_t>& originals) {
     if (!present.empty()) extend(present);
   }
   if (!own_tangents.empty()) extend(own_tangents);
+  if (!colours.empty()) extend(colours);
 }
 
 std::uint64_t Mesh::size_bytes() const {
   std::uint64_t total = sizeof(Mesh) + bytes_of(positions) + bytes_of(normals) +
-                        bytes_of(tangents) + bytes_of(triangles) + bytes_of(triangle_material) +
-                        bytes_of(rest) + bytes_of(rest_material) + bytes_of(materials) +
-                        bytes_of(images) + bytes_of(warnings) + parts.size_bytes() +
-                        bytes_of(files);
+                        bytes_of(tangents) + bytes_of(colours) + bytes_of(triangles) +
+                        bytes_of(triangle_material) + bytes_of(rest) + bytes_of(rest_material) +
+                        bytes_of(materials) + bytes_of(images) + bytes_of(warnings) +
+                        parts.size_bytes() + bytes_of(files);
   for (const auto& set : uv_sets) total += bytes_of(set);
   for (const auto& present : uv_present) total += present.capacity() / 8;
   total += own_tangents.capacity() / 8;

@@ -89,6 +89,9 @@ struct Mesh {
   /// One per vertex: unit tangent and handedness (+1/-1) along +u of uv set 0, from the file or
   /// derived.
   std::vector<Vec4f> tangents;
+  /// One per vertex: linear light of sRGB's primaries and alpha, which multiply the base colour;
+  /// white where a primitive has none. Empty: none has, or they were not asked for.
+  std::vector<Vec4f> colours;
   std::vector<bool> own_tangents;  ///< per vertex: is it from the file? Empty: none is
   /// uv_sets[k][vertex], v down as in glTF (OBJ's v is flipped when read): row 0 of an image is v =
   /// 0.
@@ -101,7 +104,7 @@ struct Mesh {
   /// images.
   std::vector<std::array<std::uint32_t, 3>> rest;
   std::vector<std::uint32_t> rest_material;
-  bool has_vertex_colours = false;  ///< glTF's COLOR_0, "v x y z r g b"; they are not read
+  bool has_vertex_colours = false;  ///< in the file: glTF's COLOR_0, "v x y z r g b"
   Parts parts;                      ///< what --source-mesh and --target-mesh look at
   std::vector<Material> materials;  ///< never empty when there are triangles
   std::vector<ImageRef> images;

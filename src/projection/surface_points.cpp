@@ -13,7 +13,7 @@ namespace {
 struct Found {
   std::int32_t id = 0;
   const source::Facet* facet = nullptr;
-  const source::FacetTangents* tangents = nullptr;
+  const source::FacetAttributes* attributes = nullptr;
 };
 
 Vec3d vector(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
@@ -45,7 +45,7 @@ void evaluate(const Found& found, const TexelPacket& packet, std::size_t i, Surf
                    packet.pz[i] - packet.inset_z[i] * step};
   const Vec3d along{packet.nx[i], packet.ny[i], packet.nz[i]};
   const source::Facet& f = *found.facet;
-  const source::FacetTangents& t = *found.tangents;
+  const source::FacetAttributes& t = *found.attributes;
   const Place at = meet(f, from, along);
   const auto between = [&](const float(&v)[3], const float(&v1)[3], const float(&v2)[3]) {
     return vector(v) + (vector(v1) * at.w1 + vector(v2) * at.w2);
@@ -56,6 +56,9 @@ void evaluate(const Found& found, const TexelPacket& packet, std::size_t i, Surf
   put(between(t.t, t.t1, t.t2), out.tx[i], out.ty[i], out.tz[i]);
   out.height[i] = static_cast<float>(dot(along, point - from));
   out.handedness[i] = t.handedness;
+  float* const samples[4] = {out.red, out.green, out.blue, out.alpha};
+  for (std::size_t c = 0; c < 4; ++c)
+    samples[c][i] = static_cast<float>(t.c[c] + (t.c1[c] * at.w1 + t.c2[c] * at.w2));
   out.id[i] = found.id;
 }
 
@@ -102,7 +105,7 @@ void SurfacePoints::follow(const SearchState& state,
       Found* const winner = find(block->facets[f].id);
       if (winner == nullptr) continue;
       winner->facet = &block->facets[f];
-      winner->tangents = &block->tangents[f];
+      winner->attributes = &block->attributes[f];
     }
   }
   for (std::size_t p = 0; p < packets_.size(); ++p) {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Where texels met what they took: what a normal map and a bake need of the source's surface beyond
-// the place in its image.
+// Where texels met what they took: what a normal map, a bake and colours of vertices need of the
+// source's surface beyond the place in its image.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -24,7 +25,12 @@ struct alignas(64) SurfacePacket {
   float nx[kLanes], ny[kLanes], nz[kLanes];  ///< normal, between the facet's corners
   float tx[kLanes], ty[kLanes], tz[kLanes];  ///< tangent, the same
   float handedness[kLanes];
+  float red[kLanes], green[kLanes], blue[kLanes];  ///< of the vertices: linear light; white if none
+  float alpha[kLanes];
 
+  std::array<double, 4> colour(int lane) const {
+    return {red[lane], green[lane], blue[lane], alpha[lane]};
+  }
   Vec3d position(int lane) const { return {px[lane], py[lane], pz[lane]}; }
   TangentFrame frame(int lane) const {
     return {{nx[lane], ny[lane], nz[lane]}, {tx[lane], ty[lane], tz[lane]}, handedness[lane]};
@@ -38,7 +44,7 @@ class SurfacePoints {
   /// One per packet of the search, empty.
   void start(std::size_t packets);
   /// For all texels whose winner came with this batch: to be called after each search_batch().
-  /// Blocks have their tangents. Winners that are found in none of these are left as they are.
+  /// Blocks have their attributes. Winners that are found in none of these are left as they are.
   void follow(const SearchState& state,
               std::span<const std::shared_ptr<const source::SourceBlock>> batch);
   const SurfacePacket& operator[](std::size_t packet) const { return packets_[packet]; }

@@ -94,17 +94,27 @@ Facet make_facet(const store::GeometryBlock& block, std::size_t triangle,
   return facet;
 }
 
-FacetTangents make_tangents(const store::GeometryBlock& block, std::size_t triangle) {
+FacetAttributes make_attributes(const store::GeometryBlock& block, std::size_t triangle) {
   std::array<Vec3d, 3> tangents;
   for (std::size_t k = 0; k < 3; ++k) {
     const auto& t = block.tangents[block.triangles[triangle][k]];
     tangents[k] = Vec3d{1.0 * t[0], 1.0 * t[1], 1.0 * t[2]} * (1.0 / 32767);
   }
-  FacetTangents out{};
+  FacetAttributes out{};
   store(out.t, tangents[0]);
   store(out.t1, tangents[1] - tangents[0]);
   store(out.t2, tangents[2] - tangents[0]);
   out.handedness = block.tangents[block.triangles[triangle][0]][3] < 0 ? -1.0F : 1.0F;
+  std::array<Vec4f, 3> colours;
+  colours.fill({1, 1, 1, 1});
+  for (std::size_t k = 0; k < 3 && !block.colours.empty(); ++k)
+    colours[k] = block.colours[block.triangles[triangle][k]];
+  const auto samples = [](const Vec4f& c) { return std::array{c.x, c.y, c.z, c.w}; };
+  for (std::size_t i = 0; i < 4; ++i) {
+    out.c[i] = samples(colours[0])[i];
+    out.c1[i] = samples(colours[1])[i] - out.c[i];
+    out.c2[i] = samples(colours[2])[i] - out.c[i];
+  }
   return out;
 }
 
@@ -186,10 +196,10 @@ void add_patches(const store::GeometryBlock& block, const Setup& s, bool whole, 
 }  // namespace
 
 SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lattice& lattice,
-                              bool with_tangents) {
+                              bool with_attributes) {
   SourceBlock out;
   out.facets.reserve(block.triangles.size());
-  if (with_tangents) out.tangents.reserve(block.triangles.size());
+  if (with_attributes) out.attributes.reserve(block.triangles.size());
   std::vector<Patch> patches;
   for (std::size_t i = 0; i < block.triangles.size(); ++i) {
     Setup s;
@@ -217,7 +227,7 @@ SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lat
     }
     add_patches(block, s, whole, static_cast<std::uint32_t>(out.facets.size()), patches);
     out.facets.push_back(facet);
-    if (with_tangents) out.tangents.push_back(make_tangents(block, i));
+    if (with_attributes) out.attributes.push_back(make_attributes(block, i));
   }
   out.patches.assign(patches.begin(), patches.end());
   return out;

@@ -43,25 +43,25 @@ struct Patch {
   std::uint32_t facet = 0;
 };
 
-/// A facet's tangents, as the mesh has them: affine, not of unit length.
-struct FacetTangents {
-  float t[3];          ///< at corner 0
-  float t1[3], t2[3];  ///< what it changes by to corners 1 and 2
-  float handedness;    ///< +1 or -1, as glTF has it
+/// What else a facet's corners have: each at corner 0, and what it changes by to corners 1 and 2.
+struct FacetAttributes {
+  float t[3], t1[3], t2[3];  ///< tangent, as the mesh has it: affine, not of unit length
+  float handedness;          ///< +1 or -1, as glTF has it
+  float c[4], c1[4], c2[4];  ///< colour, linear light and alpha; white where the mesh has none
 };
 
 /// A block of the source as projection uses it.
 struct SourceBlock {
   PageVector<Facet> facets;
   PageVector<Patch> patches;
-  PageVector<FacetTangents> tangents;  ///< by facet, where they are asked for
-  std::uint32_t degenerate = 0;        ///< triangles without area in space: left out
+  PageVector<FacetAttributes> attributes;  ///< by facet, where they are asked for
+  std::uint32_t degenerate = 0;            ///< triangles without area in space: left out
 
   /// Bytes of a decoded block, known from the index before it is read.
   static std::uint64_t decoded_bytes(std::uint64_t facets, std::uint64_t patches,
-                                     bool with_tangents = false) {
+                                     bool with_attributes = false) {
     return round_to_pages(facets * sizeof(Facet)) + round_to_pages(patches * sizeof(Patch)) +
-           (with_tangents ? round_to_pages(facets * sizeof(FacetTangents)) : 0) +
+           (with_attributes ? round_to_pages(facets * sizeof(FacetAttributes)) : 0) +
            sizeof(SourceBlock);
   }
 };
@@ -69,9 +69,9 @@ struct SourceBlock {
 /// Edge of the windows that cut large triangles, in texels.
 inline constexpr int kPatchWindow = 16;
 
-/// Sets up the facets and patches of a stored block, and on demand its facets' tangents. `lattice`
-/// is its page's.
+/// Sets up the facets and patches of a stored block, and on demand its facets' attributes.
+/// `lattice` is its page's.
 SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lattice& lattice,
-                              bool with_tangents = false);
+                              bool with_attributes = false);
 
 }  // namespace pounce::source

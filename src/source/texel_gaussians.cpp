@@ -132,6 +132,18 @@ void MeshGaussians::split(Corners& c) const {
 /// overhang it, by any amount.
 bool MeshGaussians::is_single(const Corners& c) const { return std::abs(c.texel_area) < 2; }
 
+Vec4f MeshGaussians::colour_at(std::uint32_t triangle, double w0, double w1, double w2) const {
+  if (block_.colours.empty()) return {1, 1, 1, 1};
+  const auto& corners = block_.triangles[triangle];
+  const Vec4f &a = block_.colours[corners[0]], &b = block_.colours[corners[1]],
+              &c = block_.colours[corners[2]];
+  const auto between = [&](float x, float y, float z) {
+    return static_cast<float>(x * w0 + y * w1 + z * w2);
+  };
+  return {between(a.x, b.x, c.x), between(a.y, b.y, c.y), between(a.z, b.z, c.z),
+          between(a.w, b.w, c.w)};
+}
+
 template <class Span>
 void MeshGaussians::raster(const Corners& c, const Span& span) const {
   const std::int64_t x = std::int64_t{block_.x} * mesh::kBlockEdge;
@@ -181,6 +193,7 @@ void MeshGaussians::visit(std::uint64_t begin, std::uint64_t end,
       const Vec3d n = c.normals[0] * w0 + c.normals[1] * w1 + c.normals[2] * w2;
       g.normal = Vec3f(dot(n, n) > 1e-12 ? unit(n) : c.face);
       g.triangle = t;
+      g.colour = colour_at(t, w0, w1, w2);
       g.x = static_cast<std::int32_t>(std::floor(texel.x));
       g.y = static_cast<std::int32_t>(std::floor(texel.y));
       g.frac_x = static_cast<float>(texel.x - std::floor(texel.x));

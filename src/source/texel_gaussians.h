@@ -31,6 +31,7 @@ struct MeshGaussian {
   std::uint32_t triangle;  ///< index in the block
   std::int32_t x, y;       ///< whole texel coordinates of the colour, not wrapped
   float frac_x, frac_y;    ///< and the rest: 0 where the Gaussian is a whole texel
+  Vec4f colour;            ///< of the vertices: linear light and alpha; white where they have none
 };
 
 /// How the texels of one triangle lie.
@@ -72,6 +73,7 @@ class MeshGaussians {
   Corners corners(std::uint32_t triangle) const;
   void split(Corners& c) const;
   bool is_single(const Corners& c) const;
+  Vec4f colour_at(std::uint32_t triangle, double w0, double w1, double w2) const;
   template <class Span>
   void raster(const Corners& c, const Span& span) const;
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "texture/colour_input.h"
 
+#include "core/srgb.h"
+
 namespace pounce::texture {
 
 void convert(const Matrix3& m, TexelValue& value) noexcept {

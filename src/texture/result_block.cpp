@@ -6,26 +6,13 @@
 #include <cstring>
 
 #include "core/half.h"
+#include "core/srgb.h"
 #include "pounce/error.h"
 #include "store/blocks/colour_store.h"
 #include "store/pack/codec.h"
 
 namespace pounce::texture {
 namespace {
-
-/// The positive root of r^n = x for x > 0 by Newton's method, from a start above the root: each
-/// step falls until rounding stops it.
-double root(double x, int n) noexcept {
-  double r = std::max(x, 1.0);
-  for (int i = 0; i < 200; ++i) {
-    double power = 1;
-    for (int k = 1; k < n; ++k) power *= r;
-    const double next = r - (r - x / power) / n;
-    if (!(next < r)) break;
-    r = next;
-  }
-  return r;
-}
 
 /// A transfer function over 0..1 at 4097 places, straight between them: off by less than 2e-5, a
 /// fiftieth of a step of 8 bits, and by less than 1e-5 of the value towards linear, a fiftieth of a
@@ -102,19 +89,6 @@ std::uint32_t store_sample(Depth depth, double v, std::byte* out) noexcept {
 }  // namespace
 
 std::size_t TexelFormat::texel_bytes() const { return channels * store::depth_bytes(depth); }
-
-// IEC 61966-2-1. x^2.4 = x^2 * (x^2)^(1/5); x^(1/2.4) = (x^5)^(1/12) = sqrt(sqrt(cbrt(x^5))).
-double srgb_to_linear(double coded) noexcept {
-  if (coded <= 0.04045) return coded / 12.92;
-  const double x = (coded + 0.055) / 1.055;
-  return x * x * root(x * x, 5);
-}
-
-double linear_to_srgb(double linear) noexcept {
-  if (linear <= 0.0031308) return linear * 12.92;
-  const double x5 = linear * linear * linear * linear * linear;
-  return 1.055 * std::sqrt(std::sqrt(root(x5, 3))) - 0.055;
-}
 
 double to_linear(double coded, Depth depth) noexcept {
   static const CoarseCurve coarse(srgb_to_linear);

@@ -47,12 +47,8 @@ struct TexelValue {
 std::uint32_t store_texel(const TexelFormat& format, const TexelValue& value,
                           std::byte* out) noexcept;
 
-/// The sRGB transfer function and its inverse by +, *, / and sqrt alone, so that every machine
-/// agrees.
-double srgb_to_linear(double coded) noexcept;
-double linear_to_srgb(double linear) noexcept;
-
-/// The same as near as samples of `depth` need, and faster for 8 bits and half.
+/// The sRGB transfer function and its inverse as near as samples of `depth` need, and faster for 8
+/// bits and half.
 double to_linear(double coded, Depth depth) noexcept;
 double to_coded(double linear, Depth depth) noexcept;
 

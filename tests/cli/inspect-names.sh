@@ -84,16 +84,21 @@ for text in 'part       "body", "shape", 1 triangles' 'normal:' 'colours    per 
 done
 expect 0 transfer m.gltf target.obj -o o.png --size 8
 coat='KHR_materials_clearcoat.clearcoatTexture (skin.ppm)'
-err_has "m.gltf: not transferred: $coat, metallicRoughness (skin.ppm), normal (skin.ppm), vertex colours"
+err_has "m.gltf: not transferred: $coat, metallicRoughness (skin.ppm), normal (skin.ppm)"
+! grep -q 'vertex colours' "$err" || fail 'colours of vertices that are transferred are missed'
+err_has 'm.gltf: the colours of its vertices are multiplied into baseColor'
 err_has 'm.gltf: factors of materials multiplied'
 # A channel is missed where nobody chose, whatever the output.
 expect 0 transfer m.gltf target.obj -o o.png --size 8 --channels baseColor --report r.json
-err_has "not transferred: $coat, vertex colours"
+err_has "not transferred: $coat"
 [[ $(tr -d '\n ' <r.json) == *'"notes":["m.gltf:nottransferred:'* ]] || fail 'no note in the report'
+expect 0 transfer m.gltf target.obj -o o.png --size 8 --channels baseColor --factors ignore
+err_has "not transferred: $coat, vertex colours"
 expect 0 transfer m.gltf target.obj -o o.png --size 8 --plan
 err_has 'not transferred: '
 expect 0 transfer m.gltf m.gltf -o o.glb --size 8
-err_has "not transferred: $coat, vertex colours"
+err_has "not transferred: $coat"
+err_has 'm.gltf: its vertices have colours, which stay in the model'
 ! grep -q 'factors of' "$err" || fail 'a model holds factors'
 
 # A hundred materials, and names without end, are one line of a few hundred letters.

@@ -4,7 +4,7 @@ source "$(dirname "$0")/support.sh"
 rejected --normal-y left
 rejected --output-normal-y ''
 rejected --bake confidance normal,normal
-refused '--bake emissive: it takes normal, height and position' transfer a.obj b.obj -o o.png --bake emissive
+refused '--bake emissive: it takes normal, height, position and vertexColor' transfer a.obj b.obj -o o.png --bake emissive
 refused '--channels height: it is made of the shape' transfer a.obj b.obj -o o.exr --channels height
 refused '--bake position: o.glb is a model' transfer a.obj b.obj -o o.glb --bake position
 refused '--output-normal-y down: o.glb is a glTF model' transfer a.obj b.obj -o o.glb --output-normal-y down

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <random>
 
+#include "core/srgb.h"
 #include "store/blocks/colour_store.h"
 #include "support/flat_scene.h"
 #include "texture/result_block.h"
@@ -133,8 +134,8 @@ TEST_CASE("colours that are held times alpha are averaged so", "[flow]") {
     const WholeImage out = read_whole_image(scene.options.output);
     REQUIRE(out.channels == 4);
     CAPTURE(size.width, size.height);
-    CHECK(off(out, 0, texture::linear_to_srgb(0.5)) <= 0.51 / 255);
-    CHECK(off(out, 1, texture::linear_to_srgb(0.25)) <= 0.51 / 255);
+    CHECK(off(out, 0, linear_to_srgb(0.5)) <= 0.51 / 255);
+    CHECK(off(out, 1, linear_to_srgb(0.25)) <= 0.51 / 255);
   }
 }
 
@@ -149,7 +150,7 @@ TEST_CASE("a mean is taken of what the file holds, and converted once", "[flow]"
     const WholeImage out = read_whole_image(scene.options.output);
     // Grey is grey in any primaries: linear 0.5 is what sRGB-coded 0.5 means.
     CAPTURE(scene.options.output_colour_space, size.width);
-    CHECK(off(out, 1, texture::srgb_to_linear(0.5)) <= 0.004);
+    CHECK(off(out, 1, srgb_to_linear(0.5)) <= 0.004);
   }
 }
 

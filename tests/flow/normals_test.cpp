@@ -486,7 +486,7 @@ TEST_CASE("what cannot be a normal map or a bake is said", "[flow]") {
              Contains("signed lengths need half or float samples"));
   CHECK_THAT(fails([](auto& o) { o.channels = {Channel::height}; }), Contains("--bake height"));
   CHECK_THAT(fails([](auto& o) { o.baked = {Channel::emissive}; }),
-             Contains("it takes normal, height and position"));
+             Contains("it takes normal, height, position and vertexColor"));
   CHECK_THAT(fails([&](auto& o) {
                o.baked = {Channel::position};
                o.output = folder.file("out.glb");

@@ -158,6 +158,7 @@ void read_geometry(std::unique_ptr<store::PackReader> pack, const store::Geometr
                     block.normals.size() == block.positions.size() &&
                     block.uvs.size() == block.positions.size() &&
                     block.tangents.size() == block.positions.size() &&
+                    (block.colours.empty() || block.colours.size() == block.positions.size()) &&
                     (block.shifts.empty() || block.shifts.size() == block.triangles.size()),
                 "columns are equally long");
         for (std::size_t i = 0; i < block.triangles.size(); ++i)

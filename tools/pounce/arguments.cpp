@@ -238,7 +238,7 @@ std::vector<Channel> parse_channels(const std::string& option, const std::string
 std::vector<Channel> parse_baked(const std::string& option, const std::string& text) {
   std::vector<OtherMap> maps;
   std::vector<Channel> channels = parse_channels(option, text, maps);
-  if (!maps.empty()) refuse(option, maps.front().name, "normal, height or position");
+  if (!maps.empty()) refuse(option, maps.front().name, "normal, height, position or vertexColor");
   return channels;
 }
 

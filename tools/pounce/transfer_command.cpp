@@ -146,7 +146,8 @@ void add_paint_options(CLI::App& command, TransferOptions& options) {
 void add_factors_option(CLI::App& command, const char* group, TransferOptions& options) {
   add_value(command, "--factors", "HOW", group,
             "apply: images show what the materials make of their textures: baseColorFactor,\n"
-            "Kd, d, roughness, metallic, emissive and occlusion strength are multiplied in.\n"
+            "Kd, d, roughness, metallic, emissive and occlusion strength are multiplied in,\n"
+            "and so are the colours of vertices.\n"
             "ignore: they show the textures alone. A model has factors in its materials.\n"
             "Default: apply",
             [&options](const std::string& text) {
@@ -193,7 +194,8 @@ void add_source_options(CLI::App& command, TransferOptions& options) {
   add_value(command, "--bake", "LIST", group,
             "Made of the source's shape: normal (its smooth normals and its own\n"
             "normal map, in the target's tangent space), height (signed, from\n"
-            "the target along its normal) and position (both .exr or .tif).\n"
+            "the target along its normal) and position (both .exr or .tif);\n"
+            "and vertexColor, the colours of its vertices by themselves.\n"
             "Besides --channels; alone if OUTPUT is one image. Needs no textures;\n"
             "without any, give --size",
             [&options](const std::string& text) { options.baked = parse_baked("--bake", text); });

@@ -18,12 +18,13 @@ namespace pounce::flow {
 class MeshHashes {
  public:
   explicit MeshHashes(const mesh::Mesh& mesh) : mesh_(&mesh) {}
-  const Hash128& shape();                    ///< all but UVs
+  const Hash128& shape();                    ///< all but UVs and colours
   const Hash128& uvs(std::uint32_t uv_set);  ///< of that set; nothing's, if there is none
+  const Hash128& colours();                  ///< of its vertices
 
  private:
   const mesh::Mesh* mesh_;
-  std::optional<Hash128> shape_;
+  std::optional<Hash128> shape_, colours_;
   std::map<std::uint32_t, Hash128> uvs_;
 };
 
@@ -41,7 +42,8 @@ struct GeometryRequest {
   std::shared_ptr<const mesh::PageTriangles> triangles;
   std::uint32_t first_page = 0;  ///< of `triangles`: what pages[0] stands for
   bool is_target = false;
-  bool exact = false;  ///< the mesh's own triangles, however dense: no records, nothing coarsened
+  bool exact = false;    ///< the mesh's own triangles, however dense: no records, nothing coarsened
+  bool colours = false;  ///< of a source, exact: with those of its vertices
   std::optional<mesh::UvTile> tile;  ///< see mesh::BinRequest
   /// Filled when the first stage asks; the mesh may not change.
   std::shared_ptr<CountedBands> counted = std::make_shared<CountedBands>();

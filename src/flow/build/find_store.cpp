@@ -83,9 +83,9 @@ void check_largest(JobContext& job, const store::GeometryStore& store) {
 
 source::SourceBlock decoded_source(const store::GeometryStore& store,
                                    const store::BlockEntry& entry,
-                                   const store::GeometryBlock& block, bool with_tangents) {
+                                   const store::GeometryBlock& block, bool with_attributes) {
   source::SourceBlock made =
-      source::make_source_block(block, store.directory().pages[entry.page], with_tangents);
+      source::make_source_block(block, store.directory().pages[entry.page], with_attributes);
   if (made.patches.size() != entry.patches)
     store.damaged("a block decodes to another number of patches than its index says");
   return made;

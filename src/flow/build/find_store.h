@@ -28,7 +28,7 @@ void check_largest(JobContext& job, const store::GeometryStore& store);
 /// A stored block of a source as projection uses it, which its index has announced.
 source::SourceBlock decoded_source(const store::GeometryStore& store,
                                    const store::BlockEntry& entry,
-                                   const store::GeometryBlock& block, bool with_tangents = false);
+                                   const store::GeometryBlock& block, bool with_attributes = false);
 
 /// The store that open(pack) makes of a pack of the cache; null if the caller is to make the pack
 /// (store::StoreFolder::find). One that is damaged, or in a job that checks its packs has anything

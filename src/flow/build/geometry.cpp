@@ -75,7 +75,7 @@ mesh::TexelWindow window_of(const mesh::BlockBin& bin) {
 class TileMaker {
  public:
   TileMaker(const GeometryRequest& request, const mesh::BlockBins& bins, JobContext& job)
-      : request_(request), bins_(bins), job_(job), builder_(*request.mesh) {}
+      : request_(request), bins_(bins), job_(job), builder_(*request.mesh, request.colours) {}
 
   EncodedTile make(const mesh::TileRange& tile) {
     for (std::uint32_t b = tile.first_block; b < tile.first_block + tile.block_count; ++b) {
@@ -301,8 +301,12 @@ std::uint64_t tile_bytes(const GeometryRequest& request, std::uint64_t largest, 
                          std::uint64_t blocks) {
   constexpr std::uint64_t kPerTriangle = 1000, kStoredPerTriangle = 80, kPerBlock = 12 << 10,
                           kFixed = 256 << 10;
+  // Three colours: as built, encoded twice over, and as stored.
+  constexpr std::uint64_t kColours = 3 * sizeof(Vec4f);
+  const std::uint64_t in_block = std::min<std::uint64_t>(largest, store::kMostTrianglesPerBlock);
+  const std::uint64_t colours = request.colours ? kColours * (4 * in_block + all) : 0;
   const bool coarsens = coarsens_dense(request) && source::is_dense(largest);
-  return kFixed + kPerTriangle * std::min<std::uint64_t>(largest, store::kMostTrianglesPerBlock) +
+  return kFixed + kPerTriangle * in_block + colours +
          (coarsens ? source::coarsen_bytes(largest) : 0) + kStoredPerTriangle * all +
          kPerBlock * blocks;
 }
@@ -360,7 +364,8 @@ void add(const Values& values, Hasher& hash) {
 
 /// `entries`: of blocks and triangles; no block is without a triangle.
 store::GeometryFacts facts_of(const GeometryRequest& request, std::uint64_t entries) {
-  return {request.is_target, request.pages, request.mesh->triangles.size(), entries};
+  return {request.is_target, request.pages, request.mesh->triangles.size(), entries,
+          request.colours};
 }
 
 /// Makes the tiles of one band, in order, and adds them up in `directory`.
@@ -416,6 +421,13 @@ const Hash128& MeshHashes::shape() {
   return shape_.emplace(hash.digest());
 }
 
+const Hash128& MeshHashes::colours() {
+  if (colours_) return *colours_;
+  Hasher hash;
+  add(mesh_->colours, hash);
+  return colours_.emplace(hash.digest());
+}
+
 const Hash128& MeshHashes::uvs(std::uint32_t uv_set) {
   const auto [at, fresh] = uvs_.try_emplace(uv_set);
   if (fresh) {
@@ -433,6 +445,7 @@ Hash128 geometry_key(const GeometryRequest& request) {
   hash.add(std::uint32_t{request.exact ? 1U : 0U});
   hash.add(store::kFormatVersion);
   add(request.hashes->shape(), hash);
+  if (request.colours) add(request.hashes->colours(), hash);
   hash.add(static_cast<std::uint64_t>(request.pages.size()));
   for (std::size_t p = 0; p < request.pages.size(); ++p) {
     const mesh::Lattice& page = request.pages[p];
@@ -526,9 +539,10 @@ SourceShape source_shape(const GeometryRequest& request) {
 }
 
 GeometrySize geometry_most(const GeometryRequest& request) {
-  constexpr std::uint64_t kPerTriangle = 138;  // three vertices that it shares with none
-  constexpr std::uint64_t kPerBlock = 320;     // header, place and boxes
-  constexpr std::uint64_t kPerRun = 4;         // of texels with one owner
+  // Three vertices that it shares with none.
+  const std::uint64_t per_triangle = 138 + (request.colours ? 3 * sizeof(Vec4f) : 0);
+  constexpr std::uint64_t kPerBlock = 320;  // header, place and boxes
+  constexpr std::uint64_t kPerRun = 4;      // of texels with one owner
   constexpr std::uint64_t kEdge = mesh::kBlockEdge;
   const std::uint64_t entries = binner_of(request, kTileCapBytes).entries();
   // Each block has a triangle, and the blocks of a target lie in its images.
@@ -542,7 +556,7 @@ GeometrySize geometry_most(const GeometryRequest& request) {
     runs = std::min(blocks * store::kTexelsPerBlock, kEdge * blocks + 2 * kEdge * entries);
   }
   const std::uint64_t pages = request.pages.size() * (sizeof(mesh::Lattice) + 16);
-  return {entries * kPerTriangle + blocks * kPerBlock + runs * kPerRun + pages, 2 * blocks};
+  return {entries * per_triangle + blocks * kPerBlock + runs * kPerRun + pages, 2 * blocks};
 }
 
 }  // namespace pounce::flow

@@ -13,7 +13,7 @@ std::vector<PageColour> SourceColumns::pages_of(const ChannelPlan& channel) cons
     pages.push_back(
         {page.column < 0 ? nullptr : columns[static_cast<std::size_t>(page.column)].get(),
          page.tile_set < 0 ? nullptr : &tile_sets[static_cast<std::size_t>(page.tile_set)],
-         page.constant, page.input, page.factor});
+         page.constant, page.input, page.factor, page.tinted});
   }
   return pages;
 }

@@ -207,14 +207,17 @@ void TexelSource::visit(std::uint64_t first, std::uint64_t last,
   ColourWindow window;
   using Colour = std::array<float, 4>;
   // Nothing in a UDIM tile without image.
-  const auto colour_at = [&](const PageColour& page, const PagePlace& place) {
-    texture::TexelValue value = page.constant;
+  const auto colour_at = [&](const PageColour& page, const PagePlace& place, const Vec4f& vertex) {
+    std::optional<texture::Factor> vertices;
+    if (page.tinted) vertices = vertex_factor({vertex.x, vertex.y, vertex.z, vertex.w});
+    const texture::Factor* const tint = vertices ? &*vertices : nullptr;
+    texture::TexelValue value = constant_value(page, tint, format);
     if (page.column != nullptr || page.tile_set != nullptr) {
       const ColourPlace at = window.find(page, place);
       if (at.image == nullptr) return std::optional<Colour>();
       projection::Taps taps;
       projection::tent(at.rest_x, at.rest_y, taps);
-      value = blended(page, at, taps, format);
+      value = blended(page, at, taps, format, tint);
     }
     Colour rgba;
     texture::store_texel(format, value, reinterpret_cast<std::byte*>(rgba.data()));
@@ -230,7 +233,7 @@ void TexelSource::visit(std::uint64_t first, std::uint64_t last,
         const bool is_here = dx == 0 && dy == 0;
         if (!is_here && !neighbours->continues(g, frame, dx, dy)) continue;
         const auto there =
-            is_here ? std::optional(rgba) : colour_at(page, {g.x + dx, g.y + dy, 0, 0});
+            is_here ? std::optional(rgba) : colour_at(page, {g.x + dx, g.y + dy, 0, 0}, g.colour);
         if (!there) continue;
         for (std::size_t c = 0; c < 3; ++c)
           sum[c] += kernel(dx, dy) * static_cast<double>((*there)[c]);
@@ -259,7 +262,7 @@ void TexelSource::visit(std::uint64_t first, std::uint64_t last,
     const std::uint64_t begin = std::max(first, first_[b]) - first_[b];
     gaussians.visit(begin, std::min(last, first_[b + 1]) - first_[b],
                     [&](const source::MeshGaussian& g) {
-                      auto rgba = colour_at(page, {g.x, g.y, g.frac_x, g.frac_y});
+                      auto rgba = colour_at(page, {g.x, g.y, g.frac_x, g.frac_y}, g.colour);
                       if (!rgba) return;
                       // A triangle without a texel's centre has the colour of a place between
                       // texels.
@@ -384,6 +387,7 @@ Hash128 store_key(JobContext& job, const TexelStoreRequest& request) {
     hash.add(page.constant.linear);
     if (page.input) add_input(*page.input, hash);
     if (page.factor) add_factor(*page.factor, hash);
+    if (page.tinted) hash.add(std::string_view("tinted"));
   }
   hash.add(static_cast<std::uint64_t>(plan.tile_sets.size()));
   for (const TileSetPlan& set : plan.tile_sets) {

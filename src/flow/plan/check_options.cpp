@@ -133,8 +133,8 @@ void check_baked(const TransferOptions& o) {
   }
   for (const Channel channel : o.baked) {
     if (channel != Channel::normal && !is_shape(channel))
-      usage(
-          fmt::format("--bake {}: it takes normal, height and position", channel_name(o, channel)));
+      usage(fmt::format("--bake {}: it takes normal, height, position and vertexColor",
+                        channel_name(o, channel)));
     if (is_shape(channel) && io::is_model_path(o.output)) {
       usage(
           fmt::format("--bake {}: {} is a model, whose materials have no such texture; write "
@@ -147,10 +147,6 @@ void check_baked(const TransferOptions& o) {
                       o.output));
   }
 }
-
-}  // namespace
-
-namespace {
 
 /// Maps of the user's own: names, and where they come from and cannot go.
 void check_other_maps(const TransferOptions& o) {

@@ -68,7 +68,11 @@ Slots slots_left(const TransferOptions& options, const Plan& plan, const mesh::M
     std::vector<std::string>& images = slots[channel_name(options, given.channel)];
     images = {std::filesystem::path(given.path).filename().string()};
   }
-  if (source.has_vertex_colours) slots["vertex colours"];
+  const bool shows_colours =
+      std::any_of(plan.channels.begin(), plan.channels.end(), [](const ChannelPlan& channel) {
+        return channel.channel == Channel::vertex_color || channel.is_tinted();
+      });
+  if (!source.colours.empty() && !shows_colours) slots["vertex colours"];
   return slots;
 }
 

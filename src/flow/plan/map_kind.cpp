@@ -50,7 +50,10 @@ std::optional<bool> usually_colour(const std::string& name) {
 }
 
 bool is_colour(const TransferOptions& options, Channel channel) {
-  if (!is_other(channel)) return channel == Channel::base_color || channel == Channel::emissive;
+  if (!is_other(channel)) {
+    return channel == Channel::base_color || channel == Channel::emissive ||
+           channel == Channel::vertex_color;
+  }
   const OtherMap& map = options.other_maps.at(other_index(channel));
   return map.is_colour.value_or(usually_colour(map.name).value_or(false));
 }

@@ -28,6 +28,8 @@ struct PageTexture {
   std::optional<texture::ColourInput> input;  ///< for the texels of the column
   float normal_scale = 1;                     ///< of a normal map's x and y
   std::optional<texture::Factor> factor;      ///< of the material, for the texture's texels
+  bool tinted =
+      false;  ///< by the colours of the source's vertices; a constant's `input` is for that
 };
 
 /// One channel of the job: its images on the source side, its format on the output side.
@@ -46,6 +48,7 @@ struct ChannelPlan {
   bool baked = false;  ///< TransferOptions::baked
   /// Is it of the surface itself: a normal map, or baked?
   bool has_shape() const { return channel == Channel::normal || baked; }
+  bool is_tinted() const;  ///< on some page
 };
 
 /// An image that some channel needs, with the wrap modes it is sampled with.
@@ -77,7 +80,7 @@ struct PassPlan {
   SourceShape shape;                  ///< of that
   ImageSize size;                     ///< of the outputs
   std::vector<std::size_t> channels;  ///< into Plan::channels
-  bool has_shape = false;             ///< has one of them?
+  bool has_shape = false;             ///< is one of them of the surface itself, or tinted?
 };
 
 /// The source's side of a job: the same for all its targets.

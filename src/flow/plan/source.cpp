@@ -130,6 +130,7 @@ class SourcePlanner {
     for (PassPlan& pass : plan_.passes) {
       // Each texel is a Gaussian; or the shape is what is transferred.
       pass.source.exact = plan_.as_gaussians || pass.has_shape;
+      pass.source.colours = needs_colours(pass);
       pass.shape = source_shape(pass.source);
     }
     plan_tangents();
@@ -140,6 +141,21 @@ class SourcePlanner {
  private:
   bool is_baked(Channel channel) const {
     return !is_other(channel) && is_baked_[static_cast<std::size_t>(channel)];
+  }
+
+  /// Those of the source's vertices, if it has any.
+  bool needs_colours(const PassPlan& pass) const {
+    return !source_.colours.empty() &&
+           std::any_of(pass.channels.begin(), pass.channels.end(), [&](std::size_t c) {
+             const ChannelPlan& channel = plan_.channels[c];
+             return channel.is_tinted() || channel.channel == Channel::vertex_color;
+           });
+  }
+
+  /// Do the colours of the source's vertices multiply a channel? No output but these images can
+  /// show them: a model has the vertices of the target.
+  bool is_tinted(Channel channel) const {
+    return channel == Channel::base_color && options_.apply_factors && !source_.colours.empty();
   }
 
   /// Tangents matter where a material's normal map is read.
@@ -168,6 +184,7 @@ class SourcePlanner {
   std::string name_of(Channel channel) const { return channel_name(options_, channel); }
 
   bool source_has(Channel channel) const {
+    if (is_tinted(channel)) return true;
     for (std::size_t m = 0; m < used_.size(); ++m) {
       if (used_[m] && textures_.binding(m, channel)) return true;
     }
@@ -213,6 +230,7 @@ class SourcePlanner {
     ChannelPlan plan = plan_channel(channel);
     GeometryRequest source = source_request(plan);
     const std::size_t c = plan_.channels.size();
+    const bool needs_surface = plan.has_shape() || (plan.is_tinted() && !plan_.as_gaussians);
     const auto same =
         std::find_if(plan_.passes.begin(), plan_.passes.end(), [&](const PassPlan& pass) {
           return pass.size == plan.size &&
@@ -220,9 +238,9 @@ class SourcePlanner {
         });
     if (same != plan_.passes.end()) {
       same->channels.push_back(c);
-      same->has_shape = same->has_shape || plan.has_shape();
+      same->has_shape = same->has_shape || needs_surface;
     } else {
-      plan_.passes.push_back({std::move(source), {}, plan.size, {c}, plan.has_shape()});
+      plan_.passes.push_back({std::move(source), {}, plan.size, {c}, needs_surface});
     }
     plan_.channels.push_back(std::move(plan));
   }
@@ -271,6 +289,11 @@ class SourcePlanner {
                         "{}=FILE",
                         source_.path, article(c), name_of(c), missing_files(), name_of(c)));
       }
+    }
+    if (is_baked(Channel::vertex_color) && source_.colours.empty()) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: --bake vertexColor: its vertices {}", source_.path,
+                              source_.has_vertex_colours ? "are all white" : "have no colours"));
     }
     for (const Channel c : options_.baked) {  // last: images of others may give their size
       if (std::find(distinct.begin(), distinct.end(), c) == distinct.end()) distinct.push_back(c);
@@ -417,6 +440,10 @@ class SourcePlanner {
     PageTexture page;
     page.constant = constant(material, channel);
     const auto binding = used_[material] ? textures_.binding(material, channel) : std::nullopt;
+    // As factors are: what --source-texture gives to a material without texture is given as it is.
+    page.tinted =
+        is_tinted(channel) &&
+        (!binding || source_.materials[material].textures[static_cast<std::size_t>(channel)]);
     if (!binding) return page;
     const mesh::ImageRef& image = textures_.image(binding->image);
     if (is_tile_pattern(image.path) && binding->image >= source_.images.size()) {
@@ -465,23 +492,34 @@ class SourcePlanner {
     plan.name = name_of(channel);
     note_kind(channel);
     int tile_set = -1;
-    for (std::size_t m = 0; m < source_.materials.size(); ++m)
+    std::vector<PageTexture> without_uvs;
+    for (std::size_t m = 0; m < source_.materials.size(); ++m) {
       plan.pages.push_back(page_texture(m, channel, tile_set));
+      without_uvs.emplace_back().constant = plan.pages[m].constant;
+      without_uvs[m].tinted = is_tinted(channel);
+    }
     const std::vector<const ColumnPlan*> images = images_of(plan);
     SourceLook look = look_of(channel, images);
     if (channel == Channel::normal) take_vectors(images, look);
-    if (is_shape(channel)) {
-      look.colours = channel == Channel::position ? 3 : 1;
+    if (is_shape(channel)) take_shape(channel, look);
+    if (images.empty()) look.size = size_without_images(plan);
+    take_factors(plan, look);
+    take_colours(plan, look);
+    choose_output(options_, look, plan, plan_.warnings, plan_.notes);
+    if (channel == Channel::height || channel == Channel::position)
+      check_numbers(options_, plan, "--bake");
+    plan.pages.insert(plan.pages.end(), without_uvs.begin(), without_uvs.end());
+    for (PageTexture& page : plan.pages) give_space(plan, page);
+    return plan;
+  }
+
+  static void take_shape(Channel channel, SourceLook& look) {
+    look.colours = channel == Channel::height ? 1 : 3;
+    if (channel == Channel::vertex_color) {
+      look.linear = true;
+    } else {
       look.depth = Depth::float32;
     }
-    if (images.empty()) look.size = size_without_images();
-    take_factors(plan, look);
-    choose_output(options_, look, plan, plan_.warnings, plan_.notes);
-    if (is_shape(channel)) check_numbers(options_, plan, "--bake");
-    for (PageTexture& page : plan.pages) give_space(plan, page);
-    for (std::size_t m = 0; m < source_.materials.size(); ++m)  // triangles without UVs
-      plan.pages.push_back({-1, -1, plan.pages[m].constant, {}, {}});
-    return plan;
   }
 
   /// A normal map has three numbers, whatever its image has besides.
@@ -499,7 +537,7 @@ class SourcePlanner {
   }
 
   /// Of what is baked of the shape alone: as large as the largest of the others.
-  ImageSize size_without_images() const {
+  ImageSize size_without_images(const ChannelPlan& plan) const {
     ImageSize largest;
     for (const ChannelPlan& channel : plan_.channels) {
       if (std::uint64_t{channel.size.width} * channel.size.height >
@@ -508,9 +546,8 @@ class SourcePlanner {
     }
     if (largest.width == 0 && !options_.size && options_.onto.empty()) {
       throw Error(ErrorKind::usage,
-                  fmt::format("--bake: {} has no texture whose size the images could take; give "
-                              "--size",
-                              source_.path));
+                  fmt::format("{}{} has no texture whose size the images could take; give --size",
+                              plan.baked ? "--bake: " : "", source_.path));
     }
     return largest;
   }
@@ -518,8 +555,13 @@ class SourcePlanner {
   /// What a page's samples mean, and its constant, which is a factor of the material: linear light
   /// of sRGB's primaries.
   void give_space(const ChannelPlan& plan, PageTexture& page) {
-    if (const auto input = colour_input({kRec709, true}, true, plan))
-      texture::apply(*input, page.constant);
+    if (const auto input = colour_input({kRec709, true}, true, plan)) {
+      if (page.tinted) {
+        page.input = *input;
+      } else {
+        texture::apply(*input, page.constant);
+      }
+    }
     if (page.column >= 0) page.input = input_of(plan, static_cast<std::size_t>(page.column));
     if (page.tile_set < 0) return;
     TileSetPlan& set = plan_.tile_sets[static_cast<std::size_t>(page.tile_set)];
@@ -544,14 +586,32 @@ class SourcePlanner {
       look.colours = 3;
       look.names.clear();
     }
-    if (!has_opacity || look.alpha) return;
+    if (has_opacity && !look.alpha) take_opacity("the materials' opacity", plan, look);
+  }
+
+  /// The same of the vertices' colours.
+  void take_colours(const ChannelPlan& plan, SourceLook& look) {
+    if (!plan.is_tinted() && plan.channel != Channel::vertex_color) return;
+    if (look.colours == 1) {
+      look.colours = 3;
+      look.names.clear();
+    }
+    const bool has_opacity = std::any_of(source_.colours.begin(), source_.colours.end(),
+                                         [](const Vec4f& c) { return c.w != 1; });
+    if (has_opacity && !look.alpha) take_opacity("the opacity of its vertices", plan, look);
+    if (!plan.is_tinted()) return;
+    plan_.notes.push_back(fmt::format("{}: the colours of its vertices are multiplied into {}",
+                                      source_.path, plan.name));
+  }
+
+  void take_opacity(const char* what, const ChannelPlan& plan, SourceLook& look) {
     const Depth depth = io::writable_depth(options_.output, look.depth);
     const std::string why =
         io::why_not_writable(options_.output, {1, 1, 4, depth, look.linear, true});
     look.alpha = why.empty() && look.colours < 4;
     if (!look.alpha) {
       plan_.warnings.push_back(
-          fmt::format("{}: the materials' opacity is left out: {}", channel_name(plan.channel),
+          fmt::format("{}: {} is left out: {}", plan.name, what,
                       why.empty() ? "the source's images have four channels of their own" : why));
     }
   }
@@ -690,6 +750,11 @@ class SourcePlanner {
 };
 
 }  // namespace
+
+bool ChannelPlan::is_tinted() const {
+  return std::any_of(pages.begin(), pages.end(),
+                     [](const PageTexture& page) { return page.tinted; });
+}
 
 bool Plan::makes_normals() const {
   return std::any_of(channels.begin(), channels.end(),

@@ -306,9 +306,10 @@ LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const 
                                                       plan.scene.lobes, plan.rays)
         : plan.as_gaussians
             ? project_gaussians_least_bytes(result_texel)
-            : project_least_bytes(pass.shape.most_triangles, pass.shape.most_patches,
-                                  pass.shape.most_triangles * 160 + (1 << 16), result_texel,
-                                  colour_tile, pass.has_shape);
+            : project_least_bytes(
+                  pass.shape.most_triangles, pass.shape.most_patches,
+                  pass.shape.most_triangles * (pass.source.colours ? 208 : 160) + (1 << 16),
+                  result_texel, colour_tile, pass.has_shape);
     need(contexts + indices + (2ULL << 20) + projecting, "projecting one block of the target");
     for (const std::size_t c : pass.channels) {
       for (const ImageOutput& image : target_plan.images[c]) {

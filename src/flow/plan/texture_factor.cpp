@@ -39,6 +39,7 @@ std::optional<texture::Factor> texture_factor(const mesh::Material& material, Ch
     case Channel::distance:
     case Channel::height:
     case Channel::position:
+    case Channel::vertex_color:
     case Channel::other:
       return std::nullopt;
   }

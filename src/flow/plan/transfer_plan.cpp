@@ -127,6 +127,7 @@ void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
   plan_one(path);
   const TargetPlan& plan = target_.plan;
   disk.add_target(source_plan_, plan, target_.mesh, target_.model.has_value());
+  warn_of_own_colours();
   if (source_plan_.from_splats) keep_near(options_, plan, target_.mesh, source_plan_.splats);
   add_warnings(plan.warnings);
   add_inputs(target_.mesh.files);
@@ -197,10 +198,23 @@ PlannedTarget& TransferPlan::target(std::size_t t) {
   return target_;
 }
 
+/// A model keeps its vertices as they are.
+void TransferPlan::warn_of_own_colours() {
+  const auto& channels = source_plan_.channels;
+  const bool has_base = std::any_of(channels.begin(), channels.end(), [](const ChannelPlan& c) {
+    return c.channel == Channel::base_color;
+  });
+  if (!target_.model || !target_.mesh.has_vertex_colours || !has_base) return;
+  add_warnings(
+      {fmt::format("{}: its vertices have colours, which stay in the model: renderers "
+                   "multiply the new baseColor by them; remove them if that is not meant",
+                   target_.plan.path)});
+}
+
 /// What shows that source and target are in the wrong order is said before what is missing.
 void TransferPlan::check_order() {
   const bool needs_none = !options_.source_textures.empty() || !options_.baked.empty();
-  if (needs_none || has_textures(source_)) return;
+  if (needs_none || has_textures(source_) || !source_.colours.empty()) return;
   for (const std::string& path : options_.targets) {
     require_reading(job_, source_.size_bytes() + reading_bytes(path), path);
     refuse_swapped(source_, load(path, true));
@@ -305,7 +319,7 @@ mesh::Mesh TransferPlan::read(const std::string& path, std::uint64_t beside, boo
 }
 
 std::uint64_t TransferPlan::reading_bytes(const std::string& path) const {
-  return io::mesh_cost(path, {options_.allow_external, {}}, job_.budget.limit()).peak_bytes;
+  return io::mesh_cost(path, {options_.allow_external, {}, true}, job_.budget.limit()).peak_bytes;
 }
 
 mesh::Mesh TransferPlan::load(const std::string& path, bool is_target) const {

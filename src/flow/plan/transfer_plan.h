@@ -65,6 +65,7 @@ class TransferPlan {
   mesh::Mesh read(const std::string& path, std::uint64_t beside, bool is_target);
   std::uint64_t reading_bytes(const std::string& path) const;
   mesh::Mesh load(const std::string& path, bool is_target) const;
+  void warn_of_own_colours();
   void add_warnings(const std::vector<std::string>& warnings);
   void add_note(const std::string& note);  // unless it is empty
   void add_inputs(const std::vector<std::string>& files);

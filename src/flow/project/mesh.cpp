@@ -7,7 +7,7 @@
 //   bin:   a grid over the patches of the batch
 //   hit:   the hit kernels; with a height's last batch, what nothing farther can improve is closed
 //   blend: each winner's texel in its image, in the winner's frame; of a channel that is of the
-//          surface itself, where the winner was met
+//          surface itself, where the winner was met, and so are the colours of vertices
 //
 // A piece that meets more source than its batch holds goes through it batch by batch: the best hit
 // of a texel is a minimum, so batches may be cut anywhere. What the leases leave keeps decoded
@@ -67,6 +67,11 @@ float farthest(const Box3f& source, const Box3f& target) {
   return static_cast<float>((apart + size) * 1.001);
 }
 
+bool is_tinted(const ChannelOutput& channel) {
+  return std::any_of(channel.pages.begin(), channel.pages.end(),
+                     [](const PageColour& page) { return page.tinted; });
+}
+
 class SurfaceMethod {
  public:
   /// Blocks are met once, whatever the batch: a larger one saves nothing.
@@ -90,7 +95,7 @@ class SurfaceMethod {
                                                    request_.target->directory().box)))) {
     for (const ChannelOutput& channel : request_.channels) {
       result_texel_bytes_ += channel.format.texel_bytes();
-      with_shape_ = with_shape_ || channel.shape;
+      with_shape_ = with_shape_ || channel.shape || is_tinted(channel);
     }
   }
 
@@ -214,14 +219,18 @@ class SurfaceMethod {
                     ColourWindow& window, std::byte* out, std::uint64_t& clipped) const {
     const projection::HitPacket& hit = work.state.hits[packet];
     const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
+    std::optional<texture::Factor> vertices;
+    if (page.tinted) vertices = vertex_factor(work.points[packet].colour(lane));
+    const texture::Factor* const tint = vertices ? &*vertices : nullptr;
     if (page.column == nullptr && page.tile_set == nullptr) {
-      clipped += texture::store_texel(channel.format, page.constant, out);
+      clipped +=
+          texture::store_texel(channel.format, constant_value(page, tint, channel.format), out);
       return true;
     }
     const PageImage image = image_at(page, place(hit, lane));
     if (image.column == nullptr) return false;
     const auto lookups = image.lookups(footprint(work, packet, lane));
-    if (lookups.single() && image.input == nullptr && !page.factor &&
+    if (lookups.single() && image.input == nullptr && !page.factor && !vertices &&
         channel.format.keeps(image.directory())) {
       const ColourPlace at = window.find(page, place(hit, lane));
       projection::Taps taps;
@@ -229,21 +238,22 @@ class SurfaceMethod {
       projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
     } else {
       clipped += texture::store_texel(
-          channel.format, value(page, image, place(hit, lane), lookups, channel.format, window),
-          out);
+          channel.format,
+          value(page, image, place(hit, lane), lookups, channel.format, window, tint), out);
     }
     return true;
   }
 
   texture::TexelValue value(const PageColour& page, const PageImage& image, const PagePlace& place,
                             const projection::FootprintLookups& lookups,
-                            const texture::TexelFormat& format, ColourWindow& window) const {
+                            const texture::TexelFormat& format, ColourWindow& window,
+                            const texture::Factor* tint = nullptr) const {
     if (!lookups.single())
-      return window.average(page, image, lookups, request_.blend, format, *request_.levels);
+      return window.average(page, image, lookups, request_.blend, format, *request_.levels, tint);
     const ColourPlace at = window.find(page, place);
     projection::Taps taps;
     request_.blend(at.rest_x, at.rest_y, taps);
-    return blended(page, at, taps, format);
+    return blended(page, at, taps, format, tint);
   }
 
   /// What the pages of a channel give at a hit. Nothing: it met a UDIM tile without image.

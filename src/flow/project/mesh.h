@@ -22,7 +22,8 @@ struct ChannelOutput {
 };
 
 struct MeshProjection {
-  const SurfaceCache* source = nullptr;  ///< with tangents, if some channel has a shape
+  const SurfaceCache* source = nullptr;  ///< with attributes, if some channel has a shape
+                                         ///< or is tinted
   const store::GeometryStore* target = nullptr;
   std::vector<ChannelOutput> channels;
   projection::SearchLimits limits;
@@ -37,7 +38,7 @@ struct MeshProjection {
 std::unique_ptr<Projection> project_mesh(JobContext& job, const MeshProjection& request);
 
 /// The least that projecting needs at once: one target block, one source block at a time, its
-/// colours. `with_shape`: some channel is of the surface itself.
+/// colours. `with_shape`: some channel is of the surface itself, or tinted.
 std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t most_patches,
                                   std::uint32_t largest_chunk_bytes,
                                   std::uint64_t result_texel_bytes, std::uint64_t colour_tile_bytes,

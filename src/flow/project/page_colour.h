@@ -36,8 +36,9 @@ struct PageColour {
   const ColourCache* column = nullptr;
   const TileColumns* tile_set = nullptr;  ///< null as well as column: a constant
   texture::TexelValue constant;
-  std::optional<texture::ColourInput> input;  ///< for the texels of the column
+  std::optional<texture::ColourInput> input;  ///< for the texels of the column, or the constant
   std::optional<texture::Factor> factor;      ///< for what is blended of the images
+  bool tinted = false;                        ///< by the colours of the source's vertices
 };
 
 /// The largest decoded colour tile that a page may ask for; 0 for a constant.
@@ -65,16 +66,35 @@ struct ColourPlace {
   const texture::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
 };
 
-/// What an image of a page holds, `samples`, on its way into `format`: times the material's factor,
-/// in the output's primaries. Colours that the image holds times alpha stay so where `as_stored`.
+/// What the colour of a vertex makes of a base colour.
+inline texture::Factor vertex_factor(const std::array<double, 4>& colour) noexcept {
+  const bool is_grey = colour[0] == colour[1] && colour[1] == colour[2];
+  return {colour, {}, true, !is_grey};
+}
+
+/// What a page without image gives.
+inline texture::TexelValue constant_value(const PageColour& page, const texture::Factor* tint,
+                                          const texture::TexelFormat& format) noexcept {
+  texture::TexelValue value = page.constant;
+  if (tint != nullptr) texture::apply(*tint, format, value);
+  if (tint != nullptr && page.input && page.input->primaries)
+    texture::convert(*page.input->primaries, value);
+  return value;
+}
+
+/// What an image of a page holds, `samples`, on its way into `format`: times the material's factor
+/// and the vertices' colour, in the output's primaries. Colours that the image holds times alpha
+/// stay so where `as_stored`.
 inline texture::TexelValue value_of(const PageColour& page, const store::ColourDirectory& image,
                                     const texture::ColourInput* input,
                                     const projection::Blended& samples, bool as_stored,
-                                    const texture::TexelFormat& format) noexcept {
+                                    const texture::TexelFormat& format,
+                                    const texture::Factor* tint = nullptr) noexcept {
   texture::TexelValue value{samples, image.channels,
                             input != nullptr ? input->linear : image.linear, image.has_alpha,
                             as_stored};
   if (page.factor) texture::apply(*page.factor, format, value);
+  if (tint != nullptr) texture::apply(*tint, format, value);
   if (input != nullptr && input->primaries) texture::convert(*input->primaries, value);
   return value;
 }
@@ -97,10 +117,11 @@ inline projection::Blended samples_at(const ColourPlace& at, const projection::T
 
 /// The blended value at a place of a page.
 inline texture::TexelValue blended(const PageColour& page, const ColourPlace& at,
-                                   const projection::Taps& taps,
-                                   const texture::TexelFormat& format) noexcept {
+                                   const projection::Taps& taps, const texture::TexelFormat& format,
+                                   const texture::Factor* tint = nullptr) noexcept {
   const bool as_stored = stays_premultiplied(*at.image, at.input, format);
-  return value_of(page, *at.image, at.input, samples_at(at, taps, as_stored), as_stored, format);
+  return value_of(page, *at.image, at.input, samples_at(at, taps, as_stored), as_stored, format,
+                  tint);
 }
 
 /// A place in the image of a page, or in that of a tile of its set.
@@ -159,7 +180,7 @@ class ColourWindow {
   texture::TexelValue average(const PageColour& page, const PageImage& image,
                               const projection::FootprintLookups& lookups,
                               projection::BlendKernel kernel, const texture::TexelFormat& format,
-                              ColourLevels& levels) {
+                              ColourLevels& levels, const texture::Factor* tint = nullptr) {
     const bool as_stored = stays_premultiplied(image.directory(), image.input, format);
     projection::Blended mean{};
     for (int s = 0; s < lookups.count; ++s) {
@@ -180,7 +201,7 @@ class ColourWindow {
         }
       }
     }
-    return value_of(page, image.directory(), image.input, mean, as_stored, format);
+    return value_of(page, image.directory(), image.input, mean, as_stored, format, tint);
   }
 
  private:

@@ -37,6 +37,11 @@ texture::TexelValue transferred_normal(const ShapeOutput& shape, int page, textu
 texture::TexelValue baked_value(const ShapeOutput& shape, const projection::SurfacePacket& surface,
                                 int lane) {
   if (shape.channel == Channel::height) return {.v = {surface.height[lane]}, .channels = 1};
+  if (shape.channel == Channel::vertex_color) {
+    texture::TexelValue value{surface.colour(lane), 4, true, true, false};
+    if (shape.input) texture::apply(*shape.input, value);
+    return value;
+  }
   const Vec3d p = surface.position(lane);
   return {.v = {p.x, p.y, p.z}, .channels = 3};
 }

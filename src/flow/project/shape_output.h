@@ -3,23 +3,26 @@
 // Channels that need the surface itself: normal maps, and what is baked from the source's shape.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "core/tangent_frame.h"
 #include "pounce/options.h"
 #include "projection/surface_points.h"
+#include "texture/colour_input.h"
 #include "texture/result_block.h"
 
 namespace pounce::flow {
 
 /// How a channel follows from the surface.
 struct ShapeOutput {
-  Channel channel = Channel::normal;  ///< that, height or position
+  Channel channel = Channel::normal;  ///< that, height, position or vertex_color
   /// Normal: true keeps the source's shape, baked into the target's frame; false transfers the
   /// detail alone, turned with the surface where source and target differ.
   bool keeps_shape = false;
   NormalY source_y = NormalY::up, output_y = NormalY::up;
-  std::vector<float> scales;  ///< of normal maps, by source page
+  std::vector<float> scales;                  ///< of normal maps, by source page
+  std::optional<texture::ColourInput> input;  ///< of colours, which are linear light of sRGB's
 };
 
 /// Is it a normal map, which reads images and frames? The others need neither.
@@ -30,7 +33,7 @@ inline bool is_normal(const ShapeOutput& shape) { return shape.channel == Channe
 texture::TexelValue transferred_normal(const ShapeOutput& shape, int page, texture::TexelValue map,
                                        const TangentFrame& source, const TangentFrame& target);
 
-/// Height or position at a hit.
+/// Height, position or colour at a hit.
 texture::TexelValue baked_value(const ShapeOutput& shape, const projection::SurfacePacket& surface,
                                 int lane);
 

@@ -39,14 +39,14 @@ struct TileReader {
 
 /// Facets and patches of a mesh.
 struct SurfaceReader : TileReader<store::GeometryStore, store::BlockEntry, source::SourceBlock> {
-  bool with_tangents = false;
+  bool with_attributes = false;
 
   Block read_block(const Entry& entry) const {
     return decoded_source(*store, entry, store->read_block(entry, job->compressor()),
-                          with_tangents);
+                          with_attributes);
   }
   std::uint64_t block_bytes(const Entry& entry) const {
-    return Block::decoded_bytes(entry.triangles, entry.patches, with_tangents);
+    return Block::decoded_bytes(entry.triangles, entry.patches, with_attributes);
   }
 };
 using SurfaceCache = runtime::BlockCache<SurfaceReader>;

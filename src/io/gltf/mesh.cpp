@@ -96,7 +96,7 @@ std::vector<std::string> instance_names(const tinygltf::Model& model,
 
 void append_instance(const tinygltf::Model& model, const AccessorReader& accessors,
                      const ScenePlan& plan, std::size_t index, const std::vector<Affine>& joints,
-                     mesh::Mesh& mesh, MeshWarnings& warnings) {
+                     bool with_colours, mesh::Mesh& mesh, MeshWarnings& warnings) {
   const MeshInstance& instance = plan.instances[index];
   const tinygltf::Mesh& source = model.meshes[static_cast<std::size_t>(instance.mesh)];
   const std::vector<double>& weights = weights_of(model, instance);
@@ -113,7 +113,10 @@ void append_instance(const tinygltf::Model& model, const AccessorReader& accesso
     if (!joints.empty() && shape.joint_sets == 0) {
       warnings.add("{} has a skin but no joints and weights; placed by its node instead", place);
     }
-    const PrimitiveContext context{accessors, primitive, place, weights, instance.to_world, joints};
+    if (with_colours && !shape.has_colours && primitive.attributes.contains("COLOR_0"))
+      warnings.add("{} COLOR_0 is of a type that colours do not have; left out", place);
+    const PrimitiveContext context{accessors,         primitive, place,       weights,
+                                   instance.to_world, joints,    with_colours};
     const AppendCounts counts = append_primitive(context, shape, material, mesh);
     if (counts.incomplete_triangles > 0) {
       warnings.add("{} ends with an incomplete triangle, left out", place);
@@ -203,7 +206,9 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
     warnings.add("{} primitives of Gaussian splats ({}) left out", plan.splats,
                  splat_extensions(model));
   }
+  const bool with_colours = reading.vertex_colours && plan.has_colours;
   reserve(plan, mesh);
+  if (with_colours) mesh.colours.reserve(plan.vertices);
   mesh::PartsBuilder parts;
   std::map<int, std::vector<Affine>> joints;  // by skin; many nodes may share one
   joints[-1];
@@ -211,8 +216,8 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
   for (std::size_t i = 0; i < plan.instances.size(); ++i) {
     parts.start(static_cast<std::uint32_t>(mesh.triangles.size()),
                 instance_names(model, plan.instances[i]));
-    append_instance(model, accessors, plan, i, joints.at(skin_of(model, plan.instances[i])), mesh,
-                    warnings);
+    append_instance(model, accessors, plan, i, joints.at(skin_of(model, plan.instances[i])),
+                    with_colours, mesh, warnings);
   }
   mesh.parts = parts.finish(static_cast<std::uint32_t>(mesh.triangles.size()));
   if (reading.texture_uv_set) bind_all(mesh, *reading.texture_uv_set);
@@ -242,10 +247,12 @@ MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uin
   const std::uint64_t names = plan.instances.size() * kBytesPerInstance +
                               file.buffers().size() * (kBytesPerPath + 3 * path.size()) +
                               image_ref_bytes(file);
-  cost.kept_bytes = plan.mesh_bytes() + file.inline_bytes() + file.image_text_bytes() +
+  const std::uint64_t colours = reading.vertex_colours ? plan.colour_bytes() : 0;
+  cost.kept_bytes = plan.mesh_bytes() + colours + file.inline_bytes() + file.image_text_bytes() +
                     file.json_bytes() + materials * sizeof(mesh::Material) + names + (1U << 20);
-  cost.peak_bytes = cost.kept_bytes + plan.largest_primitive_bytes + 3 * file.inline_bytes() +
-                    joints * kBytesPerJoint + 2 * file.image_text_bytes() +
+  cost.peak_bytes = cost.kept_bytes + plan.largest_primitive_bytes + 2 * colours +
+                    3 * file.inline_bytes() + joints * kBytesPerJoint +
+                    2 * file.image_text_bytes() +
                     json_cost(file.json_bytes(), gltf_entry_count(file.document()), materials,
                               size.extension_values);
   return cost;

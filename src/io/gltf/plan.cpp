@@ -78,6 +78,7 @@ MeshShape shape_of(const tinygltf::Model& model, const AccessorReader& accessors
                 primitives[p].targets.size() *
                     (12 * std::min(shape.vertices, kClaimedVertices) + kBytesPerRead));
     out.uv_sets = std::max(out.uv_sets, shape.uv_sets);
+    out.has_colours = out.has_colours || shape.has_colours;
     out.largest_primitive_bytes = std::max(out.largest_primitive_bytes, reading_bytes(shape));
   }
   return out;
@@ -148,6 +149,7 @@ ScenePlan plan_scene(const GltfFile& file, const tinygltf::Model& model,
     plan.vertices += shape.vertices;
     plan.triangles += shape.triangles;
     plan.reading_bytes += shape.reading_bytes;
+    plan.has_colours = plan.has_colours || shape.has_colours;
     if (!weights_of(model, instance).empty()) plan.reading_bytes += shape.morphing_bytes;
     plan.uv_sets = std::max(plan.uv_sets, shape.uv_sets);
     plan.largest_primitive_bytes =

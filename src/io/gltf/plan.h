@@ -27,6 +27,7 @@ struct MeshShape {
   std::uint64_t reading_bytes = 0;   ///< what is read each time it is shown
   std::uint64_t morphing_bytes = 0;  ///< and what comes to that if it is morphed
   std::size_t uv_sets = 0;
+  bool has_colours = false;  ///< has one of the primitives?
 };
 
 /// What the scene becomes, found without reading geometry.
@@ -41,7 +42,10 @@ struct ScenePlan {
   std::uint64_t splats = 0;   ///< primitives of Gaussians
   std::uint64_t largest_primitive_bytes = 0;
   std::size_t uv_sets = 0;
+  bool has_colours = false;
 
+  /// What Mesh::colours takes, where they are asked for.
+  std::uint64_t colour_bytes() const { return has_colours ? vertices * sizeof(Vec4f) : 0; }
   std::uint64_t mesh_bytes() const {
     const std::uint64_t per_vertex =
         sizeof(Vec3f) * 2 + sizeof(Vec4f) + uv_sets * sizeof(Vec2f) + (uv_sets + 7) / 8;

@@ -40,6 +40,13 @@ AttributeRule rule_of(const std::string& name) {
   return {0, {}, false};
 }
 
+/// glTF's colours: RGB or RGBA, of floats or of normalised integers without sign.
+bool holds_colours(const tinygltf::Accessor& a) {
+  const bool is_wide = a.type == TINYGLTF_TYPE_VEC3 || a.type == TINYGLTF_TYPE_VEC4;
+  const bool is_whole = a.componentType == kUByte || a.componentType == kUShort;
+  return is_wide && (a.componentType == kFloat || (is_whole && a.normalized));
+}
+
 const char* type_name(int type) {
   switch (type) {
     case TINYGLTF_TYPE_SCALAR:
@@ -148,6 +155,7 @@ class PrimitiveReader {
   void read_triangles();
   void read_vertices();
   void morph(const std::string& name, std::vector<Vec3f>& values) const;
+  void read_colours();
   void read_skin();
   Affine skin_of(std::size_t vertex) const;
   void transform();
@@ -162,7 +170,7 @@ class PrimitiveReader {
   std::size_t vertices_;
   AppendCounts counts_;
   std::vector<Vec3f> positions_, normals_;
-  std::vector<Vec4f> tangents_;
+  std::vector<Vec4f> tangents_, colours_;
   std::vector<std::vector<Vec2f>> uvs_;
   std::vector<std::array<std::uint32_t, 3>> triangles_;
   std::vector<std::vector<std::array<std::uint32_t, 4>>> joints_;
@@ -259,6 +267,19 @@ void PrimitiveReader::read_vertices() {
   }
 }
 
+void PrimitiveReader::read_colours() {
+  if (!context_.with_colours || !shape_.has_colours) return;
+  const int index = find("COLOR_0");
+  const std::size_t samples = context_.accessors.accessor(index).type == TINYGLTF_TYPE_VEC4 ? 4 : 3;
+  std::vector<float> values(vertices_ * samples);
+  context_.accessors.read_floats(index, values.data(), at("COLOR_0"));
+  colours_.resize(vertices_);
+  for (std::size_t i = 0; i < vertices_; ++i) {
+    const float* const v = &values[i * samples];
+    colours_[i] = {v[0], v[1], v[2], samples == 4 ? v[3] : 1.0F};
+  }
+}
+
 void PrimitiveReader::read_skin() {
   for (std::size_t set = 0; set < shape_.joint_sets; ++set) {
     const std::string joints = "JOINTS_" + std::to_string(set);
@@ -352,6 +373,8 @@ Vec3f PrimitiveReader::face_normal(const std::array<std::uint32_t, 3>& t) const 
 void PrimitiveReader::append_vertex(std::size_t vertex) {
   mesh_.positions.push_back(positions_[vertex]);
   mesh_.tangents.push_back(tangents_.empty() ? Vec4f{} : tangents_[vertex]);
+  if (context_.with_colours)
+    mesh_.colours.push_back(colours_.empty() ? Vec4f{1, 1, 1, 1} : colours_[vertex]);
   for (std::size_t set = 0; set < uvs_.size(); ++set) {
     mesh_.uv_sets[set].push_back(uvs_[set].empty() ? Vec2f{} : uvs_[set][vertex]);
     if (!mesh_.uv_present[set].empty() || uvs_[set].empty()) {
@@ -390,6 +413,7 @@ void PrimitiveReader::append_shared(std::uint32_t material) {
 AppendCounts PrimitiveReader::append(std::uint32_t material) {
   read_triangles();
   read_vertices();
+  read_colours();
   transform();
   if (normals_.empty()) {
     append_flat(material);
@@ -441,6 +465,8 @@ PrimitiveShape check_primitive(const AccessorReader& accessors,
   if (!shape.is_surface) return shape;
   shape.triangles = triangle_count(primitive.mode, corners);
   shape.has_normals = primitive.attributes.contains("NORMAL");
+  const int colours = attribute(primitive.attributes, "COLOR_0");
+  shape.has_colours = colours >= 0 && holds_colours(accessors.accessor(colours));
   shape.flattened = shape.has_normals ? shape.vertices : 3 * shape.triangles;
   for (const auto& item : primitive.attributes) {
     const auto set = set_index(item.first, "TEXCOORD_");

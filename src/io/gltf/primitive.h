@@ -29,6 +29,7 @@ struct PrimitiveShape {
   std::size_t joint_sets = 0;
   bool is_surface = false;  ///< triangles with positions; points and lines are not
   bool has_normals = false;
+  bool has_colours = false;  ///< COLOR_0, of a type that glTF has for colours
 };
 
 /// What read_primitive() needs besides the primitive.
@@ -39,6 +40,7 @@ struct PrimitiveContext {
   const std::vector<double>& morph_weights;
   const Affine& to_world;             ///< used where `joints` is empty
   const std::vector<Affine>& joints;  ///< joint matrices of a skinned node
+  bool with_colours = false;          ///< fill Mesh::colours
 };
 
 /// What was wrong with a primitive, but not enough to refuse it.
@@ -54,7 +56,8 @@ PrimitiveShape check_primitive(const AccessorReader& accessors,
 
 /// Appends a primitive to `mesh`, in world space: positions, normals (flat ones where the file has
 /// none), tangents (w = 0 where the file has none), UV sets (zeros where absent; mesh.uv_sets must
-/// have its final size). Throws Error(input) for indices and values that make no sense.
+/// have its final size), colours on demand (white where absent). Throws Error(input) for indices
+/// and values that make no sense.
 AppendCounts append_primitive(const PrimitiveContext& context, const PrimitiveShape& shape,
                               std::uint32_t material, mesh::Mesh& mesh);
 

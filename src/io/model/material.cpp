@@ -78,6 +78,7 @@ class MaterialEditor {
       case Channel::distance:
       case Channel::height:
       case Channel::position:
+      case Channel::vertex_color:
       case Channel::other:
         break;
     }

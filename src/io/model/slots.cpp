@@ -97,6 +97,7 @@ std::vector<std::size_t> replaced_textures(const Json& material, Channel channel
     case Channel::distance:
     case Channel::height:
     case Channel::position:
+    case Channel::vertex_color:
     case Channel::other:
       break;
   }

@@ -65,7 +65,10 @@ class ObjCounter {
     const std::uint64_t line_bytes = statement.size() + 1;
     std::string_view rest = statement;
     const std::string_view word = next_word(rest);
-    if (word == "v") ++counts_.positions;
+    if (word == "v") {
+      ++counts_.positions;
+      counts_.has_colours = counts_.has_colours || word_count(rest) >= kColouredVertexWords;
+    }
     if (word == "vt") ++counts_.texcoords;
     if (word == "vn") ++counts_.normals;
     if (word == "f") add_face(rest);
@@ -75,7 +78,7 @@ class ObjCounter {
       counts_.name_bytes += line_bytes;
       (word == "o" ? object_ : group_) = hash_of(rest) + 1;
       part_counted_ = false;
-      if (word == "g") counts_.most_groups = std::max(counts_.most_groups, words_of(rest));
+      if (word == "g") counts_.most_groups = std::max(counts_.most_groups, word_count(rest));
     } else if (word == "usemtl") {
       ++counts_.uses;
       counts_.use_bytes += line_bytes;
@@ -103,11 +106,6 @@ class ObjCounter {
     std::uint64_t hash = 0;
     for (const char c : text) hash = (hash + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
     return hash * 0xD6E8FEB86659FD93ULL;
-  }
-  static std::uint64_t words_of(std::string_view rest) {
-    std::uint64_t count = 0;
-    while (!next_word(rest).empty()) ++count;
-    return count;
   }
   std::uint64_t corner_hash(std::string_view word) const {
     std::uint64_t hash = 0;
@@ -214,7 +212,9 @@ MeshCost obj_cost(const std::string& path, const MeshReading& reading) {
   const bool smooth = counts.lacks_normals;
   const std::uint64_t corner_keys = counts.distinct_corners;
   const std::uint64_t vertices = smooth ? counts.corners : corner_keys;
-  const std::uint64_t per_vertex = 12 + 12 + 16 + (counts.texcoords > 0 ? 8 + 1 : 0);
+  const bool with_colours = reading.vertex_colours && counts.has_colours;
+  const std::uint64_t per_vertex =
+      12 + 12 + 16 + (counts.texcoords > 0 ? 8 + 1 : 0) + (with_colours ? 16 : 0);
   MeshCost cost;
   // Names, what points at them, and while reading the tables that find them again.
   const std::uint64_t name_bytes =
@@ -229,7 +229,8 @@ MeshCost obj_cost(const std::string& path, const MeshReading& reading) {
   cost.kept_bytes = vertices * per_vertex + triangles * 16 + runs + counts.distinct_parts * 128 +
                     part_groups + materials * kMeshBytesPerMaterial + material_name_bytes +
                     libraries.kept_bytes + name_bytes * 8 + (1U << 20);
-  const std::uint64_t lists = counts.positions * 12 + counts.texcoords * 8 + counts.normals * 12;
+  const std::uint64_t lists =
+      counts.positions * (with_colours ? 28 : 12) + counts.texcoords * 8 + counts.normals * 12;
   // Keys and slots while they double: three times and one and a half times what is in use.
   const std::uint64_t corner_set = corner_keys * (3 * 12 + 6 * 4);
   // Smoothing: triangles by position, renumbered triangles, copies, and the arrays while they grow.

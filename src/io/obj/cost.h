@@ -17,6 +17,7 @@ struct ObjCounts {
   std::uint64_t positions = 0, texcoords = 0, normals = 0, faces = 0, corners = 0,
                 distinct_corners = 0, triangles = 0;
   bool lacks_normals = false;  ///< some corner has none
+  bool has_colours = false;    ///< some vertex has one
   /// "o" and "g" statements, their bytes, and how many different pairs of them faces have
   /// (estimated like distinct_corners).
   std::uint64_t names = 0, name_bytes = 0, distinct_parts = 0;
@@ -33,6 +34,9 @@ ObjCounts count_obj(const std::string& path);
 
 /// A face can be selected by so many groups, the first of its "g".
 inline constexpr std::size_t kMaxGroups = 64;
+
+/// "v x y z r g b": so many numbers follow a "v" that has a colour. A weight is one number alone.
+inline constexpr std::size_t kColouredVertexWords = 6;
 
 /// mesh_cost() for .obj files.
 MeshCost obj_cost(const std::string& path, const MeshReading& reading);

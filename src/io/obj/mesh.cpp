@@ -2,8 +2,8 @@
 //
 // Statements become corners, and corners with the same (v, vt, vn) one vertex, numbered as faces
 // first name them. A number or an index that is none is refused with its line: read as 0 it would
-// bend the surface without a word. Curves, lines, points, smoothing groups, and what follows the
-// numbers of a vertex, are passed over; whether the first vertex has a colour is kept.
+// bend the surface without a word. Curves, lines, points and smoothing groups are passed over. A
+// vertex may have a colour, three numbers more, which programs write as they show it: sRGB.
 #include "io/obj/mesh.h"
 
 #include <fmt/format.h>
@@ -19,6 +19,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/srgb.h"
 #include "io/material_names.h"
 #include "io/mesh_warnings.h"
 #include "io/obj/cost.h"
@@ -74,20 +75,14 @@ class CornerSet {
   std::vector<std::uint32_t> slots_;
 };
 
-/// Does a colour follow the place of a vertex: "x y z r g b"? A weight is one number alone.
-bool has_colour(std::string_view vertex) {
-  std::size_t words = 0;
-  while (!next_word(vertex).empty()) ++words;
-  return words >= 6;
-}
-
 class ObjReader {
  public:
-  ObjReader(const std::string& path, bool allow_external)
+  ObjReader(const std::string& path, const MeshReading& reading)
       : path_(path),
+        wants_colours_(reading.vertex_colours),
         text_(path, ObjText::Kind::obj),
         warnings_(mesh_),
-        materials_(path, allow_external, mesh_, warnings_) {}
+        materials_(path, reading.allow_external, mesh_, warnings_) {}
 
   mesh::Mesh read();
 
@@ -105,16 +100,20 @@ class ObjReader {
   Corner corner(std::string_view word) const;
   void add_face(std::string_view rest);
   std::uint32_t resolve(int index, std::size_t count, const char* what) const;
+  void add_colour(std::string_view vertex);
+  void keep_colours();
   bool keep_vertices();
   void finish_normals(bool all_given);
 
   std::string path_;
+  bool wants_colours_, has_colours_ = false;
   ObjText text_;
   mesh::Mesh mesh_;
   MeshWarnings warnings_;
   ObjMaterials materials_;
   std::vector<Vec3f> positions_, normals_;
   std::vector<Vec2f> texcoords_;
+  std::vector<Vec4f> colours_;  ///< of the positions, as in the file; where wanted
   CornerSet vertices_;
   std::string object_;               ///< the last "o"
   std::vector<std::string> groups_;  ///< the last "g"
@@ -134,6 +133,8 @@ void ObjReader::reserve() {
                 fmt::format("{}: more than 4 billion corners or vertices; split the model", path_));
   }
   positions_.reserve(counts.positions);
+  mesh_.has_vertex_colours = counts.has_colours;
+  if (counts.has_colours && wants_colours_) colours_.reserve(counts.positions);
   texcoords_.reserve(counts.texcoords);
   normals_.reserve(counts.normals);
   mesh_.triangles.reserve(counts.triangles);
@@ -149,7 +150,7 @@ void ObjReader::parse() {
       if (!std::isfinite(x) || !std::isfinite(y) || !std::isfinite(z)) {
         text_.fail("a vertex is too large for a float");
       }
-      if (positions_.empty()) mesh_.has_vertex_colours = has_colour(rest);
+      if (mesh_.has_vertex_colours && wants_colours_) add_colour(rest);
       positions_.push_back({x, y, z});
     } else if (word == "vt") {
       const auto [u, v, w] = numbers(rest, 1, 2, "a texture coordinate");
@@ -174,6 +175,19 @@ void ObjReader::parse() {
       materials_.load(name(rest));
     }
   }
+}
+
+/// Of a vertex; white where it has none.
+void ObjReader::add_colour(std::string_view vertex) {
+  Vec4f colour{1, 1, 1, 1};
+  if (word_count(vertex) >= kColouredVertexWords) {
+    for (int place = 0; place < 3; ++place) next_word(vertex);
+    const auto [r, g, b] = numbers(vertex, 3, 3, "the colour of a vertex");
+    if (!std::isfinite(r) || !std::isfinite(g) || !std::isfinite(b))
+      text_.fail("the colour of a vertex is too large for a float");
+    colour = {r, g, b, 1};
+  }
+  colours_.push_back(colour);
 }
 
 /// The numbers of a statement, 0 for those that may be left out.
@@ -288,6 +302,27 @@ void ObjReader::add_face(std::string_view rest) {
   }
 }
 
+/// Gives the vertices the colours of their positions, as linear light.
+void ObjReader::keep_colours() {
+  if (colours_.empty()) return;
+  float largest = 0;
+  for (const Vec4f& c : colours_) largest = std::max({largest, c.x, c.y, c.z});
+  const bool in_bytes = largest > 1;
+  if (in_bytes) {
+    warnings_.add("colours of vertices go up to {}; taken as 0 to 255, not 0 to 1",
+                  static_cast<double>(largest));
+  }
+  const double scale = in_bytes ? 1.0 / 255 : 1.0;
+  const auto linear = [&](float v) {
+    return static_cast<float>(srgb_to_linear(static_cast<double>(v) * scale));
+  };
+  mesh_.colours.reserve(vertices_.keys().size());
+  for (const CornerKey& key : vertices_.keys()) {
+    const Vec4f& c = colours_[key.position];
+    mesh_.colours.push_back({linear(c.x), linear(c.y), linear(c.z), 1});
+  }
+}
+
 /// Turns the distinct corners into vertices. Do all of them have normals?
 bool ObjReader::keep_vertices() {
   const std::vector<CornerKey>& keys = vertices_.keys();
@@ -304,6 +339,7 @@ bool ObjReader::keep_vertices() {
     mesh_.normals.push_back(key.normal == kNone ? Vec3f{} : normals_[key.normal]);
   }
   mesh_.tangents.assign(keys.size(), Vec4f{});
+  keep_colours();
   if (any_uv) {
     auto& uvs = mesh_.uv_sets.emplace_back();
     uvs.reserve(keys.size());
@@ -384,7 +420,7 @@ mesh::Mesh ObjReader::read() {
 }  // namespace
 
 mesh::Mesh read_obj(const std::string& path, const MeshReading& reading) {
-  return ObjReader(path, reading.allow_external).read();
+  return ObjReader(path, reading).read();
 }
 
 }  // namespace pounce::io

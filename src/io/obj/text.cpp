@@ -127,6 +127,12 @@ std::string_view next_word(std::string_view& rest) {
   return word;
 }
 
+std::size_t word_count(std::string_view rest) {
+  std::size_t words = 0;
+  while (!next_word(rest).empty()) ++words;
+  return words;
+}
+
 std::string name_in(std::string_view rest) {
   rest = rest.substr(0, rest.find('\0'));
   return std::string(rest.substr(std::min<std::size_t>(1, rest.size())));

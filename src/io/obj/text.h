@@ -51,6 +51,9 @@ class ObjText {
 /// Takes the next word off the front of `rest`; empty at the end.
 std::string_view next_word(std::string_view& rest);
 
+/// How many words there are in it.
+std::size_t word_count(std::string_view rest);
+
 /// The name that follows the word of a statement: all behind one blank, further blanks included.
 /// A zero byte ends it.
 std::string name_in(std::string_view rest);

@@ -15,6 +15,7 @@ constexpr std::uint32_t kEmptySlot = 0xFFFFFFFF;
 constexpr std::uint32_t kHasOwner = 1;
 constexpr std::uint32_t kHasShifts = 2;
 constexpr std::uint32_t kHasRecords = 4;
+constexpr std::uint32_t kHasColours = 8;
 
 /// Appends elements as differences to their predecessors, split into byte planes.
 template <class T>
@@ -100,7 +101,7 @@ void encode(const GeometryBlock& block, std::vector<std::byte>& raw) {
   out.put(block.y);
   const bool has_owner = block.records.empty() && !block.owner.empty();
   out.put((has_owner ? kHasOwner : 0U) | (has_shifts ? kHasShifts : 0U) |
-          (block.records.empty() ? 0U : kHasRecords));
+          (block.records.empty() ? 0U : kHasRecords) | (block.colours.empty() ? 0U : kHasColours));
   out.put(static_cast<std::uint32_t>(block.positions.size()));
   out.put(static_cast<std::uint32_t>(block.triangles.size()));
   if (!block.records.empty()) {
@@ -111,6 +112,7 @@ void encode(const GeometryBlock& block, std::vector<std::byte>& raw) {
   put_filtered<Vec3f>(raw, block.normals, 4, 3);
   put_filtered<Vec2f>(raw, block.uvs, 4, 2);
   put_filtered<std::array<std::int16_t, 4>>(raw, block.tangents, 2, 4);
+  put_filtered<Vec4f>(raw, block.colours, 4, 4);
   put_filtered<std::array<std::uint16_t, 3>>(raw, block.triangles, 2, 3);
   put_filtered<std::uint32_t>(raw, block.ids, 4, 1);
   if (has_shifts) put_filtered<std::array<std::int32_t, 2>>(raw, block.shifts, 4, 2);
@@ -127,7 +129,7 @@ GeometryBlock decode_geometry(std::span<const std::byte> raw, const std::string&
   const auto vertices = in.get<std::uint32_t>();
   const auto triangles = in.get<std::uint32_t>();
   const bool has_records = flags == kHasRecords && vertices == 0 && triangles == 0;
-  if ((!has_records && (flags & ~(kHasOwner | kHasShifts)) != 0) ||
+  if ((!has_records && (flags & ~(kHasOwner | kHasShifts | kHasColours)) != 0) ||
       triangles > kMostTrianglesPerBlock || vertices > 3 * triangles) {
     in.fail("has an impossible block header");
   }
@@ -139,6 +141,7 @@ GeometryBlock decode_geometry(std::span<const std::byte> raw, const std::string&
   get_filtered(in, block.normals, vertices, 4, 3);
   get_filtered(in, block.uvs, vertices, 4, 2);
   get_filtered(in, block.tangents, vertices, 2, 4);
+  if ((flags & kHasColours) != 0) get_filtered(in, block.colours, vertices, 4, 4);
   get_filtered(in, block.triangles, triangles, 2, 3);
   get_filtered(in, block.ids, triangles, 4, 1);
   for (const auto& triangle : block.triangles) {
@@ -152,7 +155,8 @@ GeometryBlock decode_geometry(std::span<const std::byte> raw, const std::string&
   return block;
 }
 
-GeometryBlockBuilder::GeometryBlockBuilder(const mesh::Mesh& mesh) : mesh_(mesh) {}
+GeometryBlockBuilder::GeometryBlockBuilder(const mesh::Mesh& mesh, bool with_colours)
+    : mesh_(mesh), with_colours_(with_colours) {}
 
 void GeometryBlockBuilder::start(std::uint32_t page, std::int32_t x, std::int32_t y,
                                  std::size_t most_triangles) {
@@ -175,6 +179,7 @@ std::uint16_t GeometryBlockBuilder::local_vertex(std::uint32_t vertex, std::uint
   const std::uint16_t local = add_point(mesh_.positions[vertex], mesh_.normals[vertex],
                                         has_image ? mesh_.uv_sets[uv_set][vertex] : Vec2f{},
                                         mesh_.tangents.empty() ? Vec4f{} : mesh_.tangents[vertex]);
+  if (with_colours_) block_.colours.push_back(mesh_.colours[vertex]);
   slots_[slot] = {vertex, local};
   return local;
 }

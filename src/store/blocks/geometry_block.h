@@ -21,7 +21,7 @@ inline constexpr std::uint32_t kMostTrianglesPerBlock = 4096;
 /// No encoded block is larger: three vertices of its own for each of the most triangles, and a run
 /// for each texel.
 inline constexpr std::size_t kLargestGeometryBytes =
-    28 + (3 * 40 + 18) * std::size_t{kMostTrianglesPerBlock} + 4 * kTexelsPerBlock;
+    28 + (3 * 56 + 18) * std::size_t{kMostTrianglesPerBlock} + 4 * kTexelsPerBlock;
 
 /// What reproduces a 64x64 window of texels: the triangles that touch it and, on the target, which
 /// of them owns each texel centre. Positions, normals and dual frames of all texels (or Gaussians)
@@ -35,6 +35,7 @@ struct GeometryBlock {
   std::vector<Vec3f> normals;
   std::vector<Vec2f> uvs;  ///< as in the mesh: the page's lattice makes them texels
   std::vector<std::array<std::int16_t, 4>> tangents;  ///< unit vector and handedness, times 32767
+  std::vector<Vec4f> colours;  ///< of a source where they are asked for, else empty
   // Triangles.
   std::vector<std::array<std::uint16_t, 3>> triangles;  ///< vertex indices
   std::vector<std::uint32_t> ids;  ///< index in the mesh file's order, of one that it stands for
@@ -57,14 +58,15 @@ GeometryBlock decode_geometry(std::span<const std::byte> raw, const std::string&
 /// Collects triangles of a mesh into a block, sharing vertices.
 class GeometryBlockBuilder {
  public:
-  explicit GeometryBlockBuilder(const mesh::Mesh& mesh);
+  /// `with_colours`: its blocks have those of the mesh.
+  explicit GeometryBlockBuilder(const mesh::Mesh& mesh, bool with_colours = false);
   /// Begins an empty block that will hold at most `most_triangles`.
   void start(std::uint32_t page, std::int32_t x, std::int32_t y, std::size_t most_triangles);
   /// Adds a triangle and returns its index in the block.
   std::uint16_t add(const mesh::TriangleInstance& instance, std::uint32_t uv_set, bool has_image);
   /// The same of a triangle that the mesh does not have: `points` are what add_point() returned.
   std::uint16_t add(const std::array<std::uint16_t, 3>& points, std::uint32_t id);
-  /// Adds a vertex that the mesh does not have.
+  /// Adds a vertex that the mesh does not have, to a block without colours.
   std::uint16_t add_point(Vec3f position, Vec3f normal, Vec2f uv, Vec4f tangent);
   GeometryBlock& block() { return block_; }
   bool full() const { return block_.triangles.size() >= kMostTrianglesPerBlock; }
@@ -73,6 +75,7 @@ class GeometryBlockBuilder {
   std::uint16_t local_vertex(std::uint32_t vertex, std::uint32_t uv_set, bool has_image);
 
   const mesh::Mesh& mesh_;
+  bool with_colours_;
   GeometryBlock block_;
   std::vector<std::pair<std::uint32_t, std::uint16_t>>
       slots_;  // open addressing: mesh vertex -> local

@@ -57,6 +57,10 @@ void check_vertices(const GeometryBlock& block, const mesh::Lattice& page,
   for (const Vec3f& normal : block.normals) {
     if (!(dot(normal, normal) <= kLongestSquared)) fail(name, "has a normal that is none");
   }
+  for (const Vec4f& c : block.colours) {
+    if (!is_finite({c.x, c.y, c.z}) || !std::isfinite(c.w))
+      fail(name, "has a colour that is not finite");
+  }
   if (page.width == 0) return;
   for (const Vec2f& uv : block.uvs) {
     const Vec2d texel = mesh::to_texel(page, uv);
@@ -142,6 +146,8 @@ void check(const GeometryBlock& block, const BlockEntry& entry, const GeometryFa
   for (const std::uint32_t id : block.ids) {
     if (id >= facts.triangles) fail(name, "names a triangle that the mesh lacks");
   }
+  if (block.colours.empty() == facts.has_colours && !block.triangles.empty())
+    fail(name, "has colours, or has none, against its key");
   const mesh::Lattice& page = facts.pages[block.page];
   check_vertices(block, page, name);
   if (facts.is_target) {

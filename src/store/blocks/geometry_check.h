@@ -26,6 +26,7 @@ struct GeometryFacts {
   std::vector<mesh::Lattice> pages;
   std::uint64_t triangles = 0;    ///< of the mesh
   std::uint64_t most_blocks = 0;  ///< that it may have
+  bool has_colours = false;       ///< of vertices
 };
 
 /// Each throws Error(damaged_store) that begins with `name`.

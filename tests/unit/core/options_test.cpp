@@ -18,7 +18,8 @@ TEST_CASE("every channel has the name that glTF gives it", "[core]") {
   for (int i = 0; i < kChannelCount + kEvidenceCount + kShapeCount; ++i) {
     const auto channel = static_cast<Channel>(i);
     CHECK(is_evidence(channel) == (channel == Channel::confidence || channel == Channel::distance));
-    CHECK(is_shape(channel) == (channel == Channel::height || channel == Channel::position));
+    CHECK(is_shape(channel) == (channel == Channel::height || channel == Channel::position ||
+                                channel == Channel::vertex_color));
     CHECK(channel_from_name(channel_name(channel)) == channel);
   }
 }

@@ -57,6 +57,42 @@ TEST_CASE("a glTF triangle is read as it is, with an index list or without", "[i
   CHECK(m.warnings.empty());
 }
 
+TEST_CASE("colours of vertices are read where they are asked for", "[io]") {
+  GltfBuilder b;
+  const nlohmann::json attributes = {
+      {"POSITION", b.add<float>({0, 0, 0, 1, 0, 0, 0, 2, 0}, "VEC3")}};
+  const auto with = [&](int colours) {
+    nlohmann::json all = attributes;
+    all["COLOR_0"] = colours;
+    b.primitive(all);
+  };
+  using Colours = std::vector<Vec4f>;
+  const Colours wanted{{1, 0, .2F, 1}, {0, 1, 1, 1}, {0, 0, 0, 1}};
+  bool is_read = true;
+  SECTION("float") { with(b.add<float>({1, 0, .2F, 0, 1, 1, 0, 0, 0}, "VEC3")); }
+  SECTION("8 bit") {
+    with(b.add<std::uint8_t>({255, 0, 51, 255, 0, 255, 255, 255, 0, 0, 0, 255}, "VEC4", true));
+  }
+  SECTION("16 bit") {
+    with(b.add<std::uint16_t>({65535, 0, 13107, 65535, 0, 65535, 65535, 65535, 0, 0, 0, 65535},
+                              "VEC4", true));
+  }
+  SECTION("not as colours are") {
+    with(b.add<std::uint16_t>({1, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1}, "VEC4", false));
+    is_read = false;
+  }
+  const TempFolder folder;
+  const std::string path = b.write_glb(folder.file("m.glb"));
+  const mesh::Mesh m = io::read_mesh(path, {false, {}, true});
+  CHECK(m.has_vertex_colours);
+  CHECK(io::read_mesh(path).colours.empty());
+  if (!is_read) {
+    CHECK(m.colours.empty());
+    return;
+  }
+  CHECK(m.colours == wanted);
+}
+
 TEST_CASE("interleaved attributes are read by their stride and offset", "[io]") {
   GltfBuilder b;
   // 24 bytes per vertex: position, uv, 4 bytes of something else.

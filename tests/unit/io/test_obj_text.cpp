@@ -14,6 +14,7 @@
 #include "support/test_data.h"
 
 using namespace pounce;
+using Catch::Matchers::Contains;
 using test::TempFolder;
 using test::write_file;
 using Triangle = std::array<std::uint32_t, 3>;
@@ -116,6 +117,43 @@ TEST_CASE("only the numbers that count are looked at", "[io]") {
   CHECK(m.uv_sets.at(0)[0] == Vec2f{.5F, .25F});
   CHECK(m.has_vertex_colours);
   CHECK_FALSE(read("v 1 2 3 1\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").has_vertex_colours);
+}
+
+TEST_CASE("colours of vertices become linear light", "[io]") {
+  const auto read_coloured = [](const std::string& text) {
+    const TempFolder folder;
+    const std::string path = folder.file("m.obj");
+    write_file(path, text);
+    return io::read_mesh(path, {false, {}, true});
+  };
+  // sRGB: 0.5 is ((0.5 + 0.055) / 1.055)^2.4 = 0.214041 in linear light, 0.04 is 0.04 / 12.92.
+  const std::string faces = "f 1 2 3\nf 3 2 1\n";
+  const mesh::Mesh m = read_coloured("v 0 0 0 0.5 1 0\nv 1 0 0\nv 0 1 0 0.04 0 1 0.3\n" + faces);
+  REQUIRE(m.colours.size() == m.positions.size());
+  CHECK(m.colours[0].x == Approx(.214041).epsilon(1e-5));
+  CHECK((m.colours[0].y == 1 && m.colours[0].z == 0 && m.colours[0].w == 1));
+  CHECK(m.colours[1] == Vec4f{1, 1, 1, 1});  // has none
+  CHECK(m.colours[2].x == Approx(.04 / 12.92));
+  CHECK(m.colours[2].w == 1);  // a seventh number is nothing
+  CHECK(m.warnings.empty());
+  // Vertices that smoothing makes of one keep it.
+  const mesh::Mesh sharp = read_coloured(
+      "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 0 0 1 1 1 0\nf 1 3 2\nf 1 2 4\nf 1 4 3\n");
+  REQUIRE(sharp.colours.size() == sharp.positions.size());
+  CHECK(sharp.colours.size() > 4);
+  for (std::size_t v = 0; v < sharp.colours.size(); ++v)
+    CHECK((sharp.positions[v] == Vec3f{0, 0, 0}) == (sharp.colours[v] == Vec4f{1, 0, 0, 1}));
+  // Some programs count to 255.
+  const mesh::Mesh bytes =
+      read_coloured("v 0 0 0 255 51 0\nv 1 0 0 0 0 0\nv 0 1 0 0 0 0\n" + faces);
+  CHECK(bytes.colours[0].x == 1);
+  CHECK(bytes.colours[0].y == Approx(.033105).epsilon(1e-4));  // of 0.2
+  REQUIRE(bytes.warnings.size() == 1);
+  CHECK_THAT(bytes.warnings[0], Contains("go up to 255; taken as 0 to 255"));
+  CHECK_THROWS_WITH(read_coloured("v 0 0 0 1 x 0\nv 1 0 0\nv 0 1 0\n" + faces),
+                    Contains("line 1") && Contains("the colour of a vertex holds \"x\""));
+  CHECK_THROWS_WITH(read_coloured("v 0 0 0\nv 1 0 0 1 1 1e99\nv 0 1 0\n" + faces),
+                    Contains("too large for a float"));
 }
 
 TEST_CASE("a normal too large for a float is replaced", "[io]") {

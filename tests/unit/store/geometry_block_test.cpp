@@ -24,8 +24,9 @@ bool same_bytes(const std::vector<T>& a, const std::vector<T>& b) {
 bool same(const GeometryBlock& a, const GeometryBlock& b) {  // NaN equals itself
   return a.page == b.page && a.x == b.x && a.y == b.y && same_bytes(a.positions, b.positions) &&
          same_bytes(a.normals, b.normals) && same_bytes(a.uvs, b.uvs) &&
-         same_bytes(a.tangents, b.tangents) && same_bytes(a.triangles, b.triangles) &&
-         same_bytes(a.ids, b.ids) && same_bytes(a.shifts, b.shifts) && same_bytes(a.owner, b.owner);
+         same_bytes(a.tangents, b.tangents) && same_bytes(a.colours, b.colours) &&
+         same_bytes(a.triangles, b.triangles) && same_bytes(a.ids, b.ids) &&
+         same_bytes(a.shifts, b.shifts) && same_bytes(a.owner, b.owner);
 }
 
 /// What every reader of a block relies on.
@@ -34,6 +35,7 @@ bool is_valid(const GeometryBlock& b) {
   bool valid = b.normals.size() == vertices && b.uvs.size() == vertices &&
                b.tangents.size() == vertices && b.ids.size() == b.triangles.size() &&
                b.triangles.size() <= kMostTrianglesPerBlock &&
+               (b.colours.empty() || b.colours.size() == vertices) &&
                (b.shifts.empty() || b.shifts.size() == b.triangles.size()) &&
                (b.owner.empty() || b.owner.size() == kTexelsPerBlock);
   for (const auto& t : b.triangles) {

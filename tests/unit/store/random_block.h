@@ -28,6 +28,8 @@ inline store::GeometryBlock random_block(Random& random, bool shifts, bool owner
     block.uvs.push_back({any(), any()});
     block.tangents.push_back({snorm(), snorm(), snorm(), snorm()});
   }
+  for (std::uint64_t i = 0; shifts && i < vertices; ++i)  // both are rare
+    block.colours.push_back({any(), any(), any(), any()});
   const auto vertex = [&] { return static_cast<std::uint16_t>(random.below(vertices)); };
   for (std::uint64_t i = 0; i < triangles; ++i) {
     block.triangles.push_back({vertex(), vertex(), vertex()});

@@ -3,6 +3,8 @@
 
 #include <catch2/catch.hpp>
 
+#include "core/srgb.h"
+
 using namespace pounce;
 using namespace pounce::texture;
 

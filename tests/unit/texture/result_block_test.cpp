@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "core/half.h"
+#include "core/srgb.h"
 #include "support/bytes.h"
 #include "support/random.h"
 
