@@ -141,6 +141,28 @@ ChosenChannels named_channels(const std::vector<std::string>& names, const std::
   return chosen;
 }
 
+std::vector<std::string> Part::full_names() const {
+  std::vector<std::string> names = channels;
+  for (std::string& full : names) {
+    if (!name.empty() && full.find('.') == std::string::npos) full.insert(0, name + ".");
+  }
+  return names;
+}
+
+ChosenPart named_channels(const std::vector<Part>& parts, const std::string& wanted) {
+  ChosenPart chosen;
+  for (; chosen.part < parts.size(); ++chosen.part) {
+    const Part& part = parts[chosen.part];
+    chosen.channels = named_channels(part.channels, wanted);
+    if (!chosen.channels.places.empty()) break;
+    chosen.channels = named_channels(part.full_names(), wanted);
+    chosen.channels.names.clear();
+    finish(part.channels, chosen.channels);
+    if (!chosen.channels.places.empty()) break;
+  }
+  return chosen;
+}
+
 FileChannels split_channels(const std::string& path) {
   const std::size_t colon = path.rfind(':');
   if (colon == std::string::npos || colon < 5 || colon + 1 == path.size()) return {path, ""};

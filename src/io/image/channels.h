@@ -29,6 +29,22 @@ ChosenChannels choose_channels(const std::vector<std::string>& names, int alpha)
 /// channel is named twice, or more than four are.
 ChosenChannels named_channels(const std::vector<std::string>& names, const std::string& wanted);
 
+/// A part of a file that holds several images, and its channels. The part's name is the layer of
+/// those that have none.
+struct Part {
+  std::string name;
+  std::vector<std::string> channels;
+
+  std::vector<std::string> full_names() const;
+};
+/// The same of the first part that has what is wanted, by its channels' own names or by their full
+/// ones. Its places and names are those within the part.
+struct ChosenPart {
+  std::size_t part = 0;
+  ChosenChannels channels;
+};
+ChosenPart named_channels(const std::vector<Part>& parts, const std::string& wanted);
+
 /// "file.exr:diffuse.R,G,B" is a file and what is wanted of it, if no file has all that as its
 /// name.
 struct FileChannels {

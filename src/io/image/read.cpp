@@ -14,9 +14,11 @@
 #include <vector>
 
 #include "io/files/byte_source.h"
+#include "io/image/decoder_cost.h"
 #include "io/image/guard.h"
 #include "io/image/header.h"
 #include "io/image/oiio_setup.h"
+#include "io/image/parts.h"
 #include "io/image/png_check.h"
 #include "io/image/sample.h"
 #include "io/image/straight_alpha.h"
@@ -33,9 +35,6 @@ namespace pounce::io {
 namespace {
 
 constexpr std::uint32_t kLargestSide = store::kLargestImageSide;
-/// Rows asked of a decoder in one call: of a TIFF strip that is asked for whole it would make two
-/// copies.
-constexpr std::uint32_t kMostRowsAtOnce = 64;
 
 [[noreturn]] void refuse(const std::string& label, const std::string& what) {
   throw Error(ErrorKind::input, label + ": " + what);
@@ -75,17 +74,6 @@ Depth depth_of(const std::string& label, OIIO::TypeDesc type) {
                  "its samples are of type {}; convert it to 8 or 16 bit integers, half or float",
                  type.c_str()));
   }
-}
-
-/// Those that the user names.
-ChosenChannels wanted_channels(const std::string& label, const OIIO::ImageSpec& spec,
-                               const std::string& wanted) {
-  ChosenChannels chosen = named_channels(spec.channelnames, wanted);
-  if (!chosen.places.empty()) return chosen;
-  refuse(label,
-         fmt::format("\"{}\" is neither a layer nor 1 to {} different channels of this file, "
-                     "which has {}",
-                     wanted, kMostChannels, joined(spec.channelnames)));
 }
 
 /// The channels of the file that make the image.
@@ -136,57 +124,6 @@ class SourceProxy : public OIIO::Filesystem::IOFile {
   ByteSource& bytes_;
 };
 
-/// libjpeg holds a few rows of blocks per component.
-std::uint64_t jpeg_row_cost(std::uint64_t width) { return (1U << 20) + width * 3 * 64; }
-
-/// Rows that an EXR file compresses together.
-int exr_block_rows(const std::string& compression) {
-  if (compression.starts_with("dwab")) return 256;
-  if (compression == "piz" || compression.starts_with("dwaa") || compression.starts_with("b44"))
-    return 32;
-  if (compression == "zip" || compression == "pxr24") return 16;
-  return 1;
-}
-
-/// Rows that the decoder unpacks together: a row of tiles, an EXR block, a TIFF strip; else 1.
-std::uint32_t block_rows(const OIIO::ImageSpec& spec, const std::string& format) {
-  int rows = 1;
-  if (spec.tile_width > 0) {
-    rows = spec.tile_height;
-  } else if (format == "openexr") {
-    rows = exr_block_rows(spec.get_string_attribute("compression"));
-  } else if (format == "tiff") {
-    rows = spec.get_int_attribute("tiff:RowsPerStrip", spec.height);
-  }
-  return static_cast<std::uint32_t>(std::clamp(rows, 1, spec.height));
-}
-
-constexpr std::uint64_t kBase = 1U << 20;
-
-/// Of a format that only decodes whole, from a copy of the file.
-std::uint64_t whole_cost(std::uint64_t decoded_bytes, const ByteSource& bytes) {
-  return kBase + decoded_bytes + bytes.size_bytes();
-}
-
-/// Upper bounds, checked against resident memory by tests/unit/io/test_image_memory.cpp.
-std::uint64_t decoder_cost(const OIIO::ImageSpec& spec, const std::string& format,
-                           ByteSource& bytes) {
-  const auto row = static_cast<std::uint64_t>(spec.scanline_bytes(true));
-  const std::uint64_t whole = row * static_cast<std::uint64_t>(spec.height);
-  const std::uint64_t block = row * block_rows(spec, format);
-  if (spec.tile_width > 0) return kBase + 4 * block;
-  if (format == "png") return kBase + (is_interlaced_png(bytes) ? whole : 4 * row);
-  if (format == "jpeg") return jpeg_row_cost(static_cast<std::uint64_t>(spec.width));
-  if (format == "openexr") return kBase + 6 * block;
-  if (format == "hdr") return kBase + 4 * row;
-  // libtiff holds a strip as it is in the file, however large.
-  if (format == "tiff") {
-    const std::uint64_t rows = std::min(block_rows(spec, format), kMostRowsAtOnce);
-    return kBase + 4 * row * rows + std::min(block, bytes.size_bytes());
-  }
-  return whole_cost(whole, bytes);
-}
-
 /// Does a decoder's message say that it got no memory? Decoders turn that into an error like any.
 bool tells_of_memory(std::string message) {
   std::transform(message.begin(), message.end(), message.begin(),
@@ -214,6 +151,7 @@ struct ImageReader::Impl {
   explicit Impl(const mesh::ImageRef& image);
   void open();
   void take_spec();
+  ChosenChannels choose();
   void take_channels(const ChosenChannels& chosen);
   void refuse_webp_alpha(bool has_alpha) const;
   void describe_unopened_jpeg(const JpegHeader& header);
@@ -231,6 +169,7 @@ struct ImageReader::Impl {
   std::unique_ptr<SourceProxy> proxy;
   std::unique_ptr<OIIO::ImageInput> input;  // null until open()
   ImageInfo info;
+  int part = 0;                            // of the file's images
   int first_channel = 0, end_channel = 0;  // asked of the decoder
   std::vector<std::size_t> picked;  // of these, the image's; empty: all of them, in their order
   OIIO::TypeDesc sample_type;
@@ -297,7 +236,24 @@ void ImageReader::Impl::open() {
   take_spec();
 }
 
+/// Which channels of which part make the image. The decoder stands there then.
+ChosenChannels ImageReader::Impl::choose() {
+  if (info.format != "openexr") return channels_of(bytes, info.format, input->spec());
+  const std::vector<Part> parts = parts_of(*input);
+  if (wanted.empty()) {
+    ChosenChannels chosen = channels_of(bytes, info.format, input->spec());
+    const std::vector<std::string> others = names_of(std::span(parts).subspan(1));
+    chosen.left_out.insert(chosen.left_out.end(), others.begin(), others.end());
+    return chosen;
+  }
+  ChosenPart chosen = wanted_part(bytes.label(), parts, wanted);
+  part = static_cast<int>(chosen.part);
+  if (!input->seek_subimage(part, 0)) fail("the header of one of its parts cannot be read");
+  return std::move(chosen.channels);
+}
+
 void ImageReader::Impl::take_spec() {
+  const ChosenChannels chosen = choose();
   const OIIO::ImageSpec& spec = input->spec();
   const std::string& label = bytes.label();
   check_size(label, spec.width, spec.height);
@@ -312,8 +268,7 @@ void ImageReader::Impl::take_spec() {
                spec.width, spec.height, spec.x, spec.y, spec.full_width, spec.full_height,
                spec.full_x, spec.full_y));
   }
-  take_channels(wanted.empty() ? channels_of(bytes, info.format, spec)
-                               : wanted_channels(label, spec, wanted));
+  take_channels(chosen);
   first_row = spec.y;
   first_column = spec.x;
   info.width = static_cast<std::uint32_t>(spec.width);
@@ -407,7 +362,7 @@ void ImageReader::Impl::read_tile_row(std::uint32_t row) {
   tile_row.resize(row_bytes * rows_together);
   const int begin = first_row + static_cast<int>(row);
   const int end = std::min(begin + static_cast<int>(rows_together), first_row + spec.height);
-  if (!input->read_tiles(0, 0, first_column, first_column + spec.width, begin, end, 0, 1,
+  if (!input->read_tiles(part, 0, first_column, first_column + spec.width, begin, end, 0, 1,
                          first_channel, end_channel, asked_type, tile_row.data())) {
     fail(fmt::format("the picture breaks off in rows {} to {} of {}", row, end - first_row - 1,
                      info.height));
@@ -434,7 +389,7 @@ void ImageReader::Impl::read_decoded(std::uint32_t row_count, std::byte* rows) {
       std::memcpy(out, tile_row.data() + in_block * row_bytes, piece * row_bytes);
     } else {
       const int begin = first_row + static_cast<int>(row);
-      if (!input->read_scanlines(0, 0, begin, begin + static_cast<int>(piece), 0, first_channel,
+      if (!input->read_scanlines(part, 0, begin, begin + static_cast<int>(piece), 0, first_channel,
                                  end_channel, asked_type, out)) {
         fail(fmt::format("the picture breaks off in row {} of {}", row, info.height));
       }

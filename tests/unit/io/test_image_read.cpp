@@ -290,6 +290,85 @@ TEST_CASE("channels stand behind the path of an EXR", "[image]") {
   CHECK_THAT(why_refused(image), Contains("of EXR files alone"));
 }
 
+TEST_CASE("channels are found in whichever part of an EXR has them", "[image]") {
+  test::TempFolder folder;
+  const std::string path = folder.file("parts.exr");
+  struct Written {
+    std::string name;
+    std::vector<std::string> channels;
+    int size;
+  };
+  // Each sample says its part, its row and its channel.
+  const std::vector<Written> parts{{"beauty", {"R", "G", "B", "A"}, 4},
+                                   {"diffuse", {"R", "G", "B"}, 4},
+                                   {"other", {"spec.R", "spec.G", "spec.B", "id"}, 4}};
+  std::vector<OIIO::ImageSpec> specs;
+  for (const Written& part : parts) {
+    OIIO::ImageSpec spec(part.size, part.size, static_cast<int>(part.channels.size()),
+                         OIIO::TypeDesc::FLOAT);
+    spec.channelnames = part.channels;
+    spec.attribute("oiio:subimagename", part.name);
+    specs.push_back(spec);
+  }
+  auto output = OIIO::ImageOutput::create(path);
+  REQUIRE(output);
+  const bool opened = output->open(path, 3, specs.data());
+  INFO(output->geterror());
+  REQUIRE(opened);
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    if (p > 0) REQUIRE(output->open(path, specs[p], OIIO::ImageOutput::AppendSubimage));
+    std::vector<float> samples;
+    for (int texel = 0; texel < parts[p].size * parts[p].size; ++texel) {
+      for (std::size_t c = 0; c < parts[p].channels.size(); ++c)
+        samples.push_back(static_cast<float>(p) + static_cast<float>(texel / parts[p].size) / 16 +
+                          static_cast<float>(c) / 256);
+    }
+    REQUIRE(output->write_image(OIIO::TypeDesc::FLOAT, samples.data()));
+  }
+  REQUIRE(output->close());
+  struct Case {
+    std::string wanted;
+    float part;
+    std::vector<int> channels;  ///< of it
+    std::uint32_t size;
+    std::vector<std::string> names;
+  };
+  const std::vector<Case> cases{{"", 0, {0, 1, 2, 3}, 4, {"R", "G", "B", "A"}},
+                                {"beauty", 0, {0, 1, 2, 3}, 4, {"R", "G", "B", "A"}},
+                                {"R", 0, {0}, 4, {"R"}},
+                                {"diffuse", 1, {0, 1, 2}, 4, {"R", "G", "B"}},
+                                {"diffuse.B,G", 1, {2, 1}, 4, {"B", "G"}},
+                                {"spec", 2, {0, 1, 2}, 4, {"spec.R", "spec.G", "spec.B"}},
+                                {"other.id", 2, {3}, 4, {"id"}}};
+  for (const Case& c : cases) {
+    CAPTURE(c.wanted);
+    mesh::ImageRef image = at_path(path);
+    image.channels = c.wanted;
+    io::ImageReader reader(image);
+    reader.keep_premultiplied();
+    REQUIRE(reader.info().width == c.size);
+    CHECK(reader.info().names == c.names);
+    REQUIRE(reader.info().channels == c.channels.size());
+    std::vector<float> read(c.size * c.size * c.channels.size());
+    reader.read_rows(c.size, reinterpret_cast<std::byte*>(read.data()));
+    bool all = true;
+    for (std::size_t i = 0; i < read.size(); ++i) {
+      const std::size_t row = i / (c.size * c.channels.size());
+      all = all && read[i] == c.part + static_cast<float>(row) / 16 +
+                                  static_cast<float>(c.channels[i % c.channels.size()]) / 256;
+    }
+    CHECK(all);
+    if (c.wanted.empty()) {
+      CHECK(reader.info().left_out == std::vector<std::string>{"diffuse.R", "diffuse.G",
+                                                               "diffuse.B", "other.id", "spec.R",
+                                                               "spec.G", "spec.B"});
+    }
+  }
+  mesh::ImageRef image = at_path(path);
+  image.channels = "gloss";
+  CHECK_THAT(why_refused(image), Contains("diffuse.B") && Contains("other.id"));
+}
+
 TEST_CASE("channels that are no neighbours are picked from their rows", "[image]") {
   test::TempFolder folder;
   OIIO::ImageSpec spec(3, 70, 5, OIIO::TypeDesc::HALF);
