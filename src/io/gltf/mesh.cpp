@@ -121,6 +121,10 @@ void append_instance(const tinygltf::Model& model, const AccessorReader& accesso
     if (counts.incomplete_triangles > 0) {
       warnings.add("{} ends with an incomplete triangle, left out", place);
     }
+    if (counts.bad_colours > 0) {
+      warnings.add("{} COLOR_0 has {} colours that are not finite; taken as white", place,
+                   counts.bad_colours);
+    }
     if (counts.bad_normals > 0) {
       warnings.add(
           "{} has {} normals that are zero or not finite; replaced by those of the triangles",

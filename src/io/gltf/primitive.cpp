@@ -272,11 +272,16 @@ void PrimitiveReader::read_colours() {
   const int index = find("COLOR_0");
   const std::size_t samples = context_.accessors.accessor(index).type == TINYGLTF_TYPE_VEC4 ? 4 : 3;
   std::vector<float> values(vertices_ * samples);
-  context_.accessors.read_floats(index, values.data(), at("COLOR_0"));
+  context_.accessors.read_floats(index, values.data(), at("COLOR_0"), true);
   colours_.resize(vertices_);
   for (std::size_t i = 0; i < vertices_; ++i) {
     const float* const v = &values[i * samples];
-    colours_[i] = {v[0], v[1], v[2], samples == 4 ? v[3] : 1.0F};
+    if (std::all_of(v, v + samples, [](float sample) { return std::isfinite(sample); })) {
+      colours_[i] = {v[0], v[1], v[2], samples == 4 ? v[3] : 1.0F};
+    } else {
+      colours_[i] = {1, 1, 1, 1};
+      ++counts_.bad_colours;
+    }
   }
 }
 

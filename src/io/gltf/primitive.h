@@ -47,6 +47,7 @@ struct PrimitiveContext {
 struct AppendCounts {
   std::uint64_t incomplete_triangles = 0;  ///< left out at the end (0 or 1)
   std::uint64_t bad_normals = 0;           ///< of the file: zero or not finite, now zero
+  std::uint64_t bad_colours = 0;           ///< of the file: not finite, now white
 };
 
 /// Checks types and counts of every attribute. Throws Error(input) naming place and accessor.

@@ -118,7 +118,7 @@ class ObjReader {
   std::string object_;               ///< the last "o"
   std::vector<std::string> groups_;  ///< the last "g"
   mesh::PartsBuilder parts_;
-  std::uint64_t small_faces_ = 0, crowded_groups_ = 0;
+  std::uint64_t small_faces_ = 0, crowded_groups_ = 0, bad_colours_ = 0;
   // Scratch of add_face.
   std::vector<Corner> corners_;
   std::vector<std::uint32_t> face_;
@@ -177,15 +177,21 @@ void ObjReader::parse() {
   }
 }
 
-/// Of a vertex; white where it has none.
+/// Of a vertex; white where it has none, or none that is finite: nobody may want them.
 void ObjReader::add_colour(std::string_view vertex) {
   Vec4f colour{1, 1, 1, 1};
   if (word_count(vertex) >= kColouredVertexWords) {
     for (int place = 0; place < 3; ++place) next_word(vertex);
-    const auto [r, g, b] = numbers(vertex, 3, 3, "the colour of a vertex");
-    if (!std::isfinite(r) || !std::isfinite(g) || !std::isfinite(b))
-      text_.fail("the colour of a vertex is too large for a float");
-    colour = {r, g, b, 1};
+    bool is_one = true;
+    for (float* const sample : {&colour.x, &colour.y, &colour.z}) {
+      const auto value = to_float(next_word(vertex));
+      is_one = is_one && value && std::isfinite(*value);
+      if (is_one) *sample = *value;
+    }
+    if (!is_one) {
+      colour = {1, 1, 1, 1};
+      ++bad_colours_;
+    }
   }
   colours_.push_back(colour);
 }
@@ -305,6 +311,10 @@ void ObjReader::add_face(std::string_view rest) {
 /// Gives the vertices the colours of their positions, as linear light.
 void ObjReader::keep_colours() {
   if (colours_.empty()) return;
+  if (bad_colours_ > 0) {
+    warnings_.add("the colours of {} vertices are not three finite numbers; taken as white",
+                  bad_colours_);
+  }
   float largest = 0;
   for (const Vec4f& c : colours_) largest = std::max({largest, c.x, c.y, c.z});
   const bool in_bytes = largest > 1;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <catch2/catch.hpp>
+#include <limits>
 
 #include "io/read_mesh.h"
 #include "support/gltf_builder.h"
@@ -76,6 +77,16 @@ TEST_CASE("colours of vertices are read where they are asked for", "[io]") {
   SECTION("16 bit") {
     with(b.add<std::uint16_t>({65535, 0, 13107, 65535, 0, 65535, 65535, 65535, 0, 0, 0, 65535},
                               "VEC4", true));
+  }
+  SECTION("not finite") {
+    const float inf = std::numeric_limits<float>::infinity();
+    with(b.add<float>({1, 0, .2F, 0, 1, 1, 0, inf, 0}, "VEC3"));
+    const TempFolder folder;
+    const mesh::Mesh m = io::read_mesh(b.write_glb(folder.file("m.glb")), {false, {}, true});
+    CHECK(m.colours == Colours{wanted[0], wanted[1], {1, 1, 1, 1}});
+    REQUIRE(m.warnings.size() == 1);
+    CHECK_THAT(m.warnings[0], Catch::Matchers::Contains("COLOR_0 has 1 colours"));
+    return;
   }
   SECTION("not as colours are") {
     with(b.add<std::uint16_t>({1, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1}, "VEC4", false));

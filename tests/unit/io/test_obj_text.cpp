@@ -150,10 +150,12 @@ TEST_CASE("colours of vertices become linear light", "[io]") {
   CHECK(bytes.colours[0].y == Approx(.033105).epsilon(1e-4));  // of 0.2
   REQUIRE(bytes.warnings.size() == 1);
   CHECK_THAT(bytes.warnings[0], Contains("go up to 255; taken as 0 to 255"));
-  CHECK_THROWS_WITH(read_coloured("v 0 0 0 1 x 0\nv 1 0 0\nv 0 1 0\n" + faces),
-                    Contains("line 1") && Contains("the colour of a vertex holds \"x\""));
-  CHECK_THROWS_WITH(read_coloured("v 0 0 0\nv 1 0 0 1 1 1e99\nv 0 1 0\n" + faces),
-                    Contains("too large for a float"));
+  // What is no colour is white, and said: a mesh whose colours nobody wants has to be read.
+  const mesh::Mesh bad =
+      read_coloured("v 0 0 0 1 nan 0\nv 1 0 0 1 1 1e99\nv 0 1 0 0 0 1\nf 1 2 3\n");
+  CHECK(bad.colours == std::vector<Vec4f>{{1, 1, 1, 1}, {1, 1, 1, 1}, {0, 0, 1, 1}});
+  REQUIRE(bad.warnings.size() == 1);
+  CHECK_THAT(bad.warnings[0], Contains("the colours of 2 vertices are not three finite numbers"));
 }
 
 TEST_CASE("a normal too large for a float is replaced", "[io]") {
