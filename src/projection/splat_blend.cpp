@@ -20,6 +20,10 @@
 // needles and balls carry the picture. SplatLimits::discness says which it is, from what the
 // scene's Gaussians are like. Measured on both kinds in docs/decisions/023-splat-blend.md.
 //
+// A texel that is coarse beside the scene's Gaussians (SplatLimits::fine_edge) shows the mean of
+// what it covers: each Gaussian is as a fine texel sees it, spread over the coarse one, its
+// integral kept. Measured in docs/decisions/035-coarse-splats.md.
+//
 // All sums are of integers, a profile's bins end at a full one, so Gaussians may come in any order
 // and batches.
 //
@@ -136,7 +140,7 @@ DepthPacket start_of(const SplatLimits& limits, const TexelPacket& packet) {
     depths.per_bin[lane] = 1 / std::max(window / 2, 2 * limits.reach / kDepthBins);
     if (packet.texel[lane] == target::kNoTexel) continue;
     depths.used |= 1U << lane;
-    depths.footprint = std::max(depths.footprint, kFootprint * edge * edge);
+    depths.footprint = std::max(depths.footprint, footprint_of(edge, limits));
   }
   return depths;
 }

@@ -5,7 +5,9 @@
 //
 // Along the ray x + t n the largest response of a Gaussian (mean m, covariance S) is that of its 2D
 // marginal in the plane across n, exp(-q / 2) with q = D' M^-1 D, M = T S T' + f I, D = T (m - x),
-// where T spans the plane and f is the texel's footprint. It lies at the conditional mean t = n.(m
+// where T spans the plane and f is the texel's footprint: 0.3 s^2 for an edge s, where that is
+// coarse 0.3 r^2 + (s^2 - r^2) / 12, with r the longest edge that is fine. It lies at the
+// conditional mean t = n.(m
 // - x) - (n' S T') M^-1 D. Neither a 3x3 inverse nor T is needed. With the Gaussian's axes a_k,
 // variances s_k, u_k = a_k . n, d = m - x, v_k = a_k . (d x n) and g_k = s_k + f:
 //
@@ -206,7 +208,9 @@ struct Lookers : Rays {
       : Rays(packet),
         per_edge(std::ldexp(
             1.0F, -std::clamp(std::ilogb(std::sqrt(depths.footprint / kFootprint)), -100, 100))),
-        footprint((1.0F / (per_texel * per_texel)) * (kFootprint * per_edge * per_edge)),
+        fine(footprint_up_to(limits.fine_edge)),
+        footprint(fine + beyond(limits.fine_edge) * kBoxVariance),
+        is_coarse(any(footprint > fine)),
         widest(depths.footprint * per_edge * per_edge),
         per_bin(load(depths.per_bin)),
         reach(limits.reach) {
@@ -218,10 +222,26 @@ struct Lookers : Rays {
   /// 1 / the unit of lengths: about the largest edge of the packet's texels, and a power of two, so
   /// that a texel's results do not depend on who shares its packet.
   float per_edge;
-  Floats footprint;
-  float widest;  ///< of the footprints
+  Floats fine;       ///< the footprint, were no texel coarse
+  Floats footprint;  ///< the whole of it
+  bool is_coarse;    ///< some texel
+  float widest;      ///< of the footprints
   Floats per_bin;
   float reach;
+
+ private:
+  /// Of the texels' squared edges, in the unit: at most that of a fine edge, and what is beyond it.
+  /// Exactly none for a fine texel, whoever shares its packet.
+  Floats footprint_up_to(float fine_edge) const {
+    const Floats own = (1.0F / (per_texel * per_texel)) * (kFootprint * per_edge * per_edge);
+    return select(is_fine(fine_edge), own, all(kFootprint * squared(fine_edge)));
+  }
+  Floats beyond(float fine_edge) const {
+    const Floats own = (1.0F / (per_texel * per_texel)) * (per_edge * per_edge);
+    return select(is_fine(fine_edge), all(0.0F), own - squared(fine_edge));
+  }
+  Ints is_fine(float fine_edge) const { return 1.0F / per_texel <= all(fine_edge); }
+  float squared(float edge) const { return edge * per_edge * (edge * per_edge); }
 };
 
 /// The smallest of sixteen lanes, halving the register.
@@ -297,11 +317,19 @@ struct Lookers : Rays {
   ok = ok & (absolute(t) <= ray.reach);
   if (g.two_sided == 0) ok = ok & (along_normal(g.normal) >= limits.min_cosine);
   if (!any(ok)) return false;
-  // How much fainter the footprint makes it: all of that where the scene was trained so, half (in
-  // decibels) where it was not.
+  // How much fainter a fine footprint makes it: all of that where the scene was trained so, half
+  // (in decibels) where it was not. What a coarse one adds keeps its integral.
   const Floats bare = uu0 * (s1 * s2) + uu1 * (s0 * s2) + uu2 * (s0 * s1);
-  Floats kept = square_root(bare * per_det);
+  Floats per_fine = per_det, spread = all(1.0F);
+  if (ray.is_coarse) {
+    const Floats f0 = s0 + ray.fine, f1 = s1 + ray.fine, f2 = s2 + ray.fine;
+    const Floats fine = uu0 * (f1 * f2) + uu1 * (f0 * f2) + uu2 * (f0 * f1);
+    per_fine = 1.0F / fine;
+    spread = fine / det;  // exactly 1 for a fine texel
+  }
+  Floats kept = square_root(bare * per_fine);
   if (!limits.antialiased) kept = square_root(kept);
+  if (ray.is_coarse) kept = kept * square_root(spread);
   const Floats safe = select(ok, q, all(0.0F));
   const Floats peak = select(ok, g.alpha * kept, all(0.0F));
   Floats alpha = peak * exp_of_minus(safe * 0.5F);

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <string>
 
@@ -29,8 +31,12 @@ inline constexpr float kLeastSeen = 0x1p-24F;
 /// A bin is full at an optical depth of 16: nothing is seen through a millionth of that, and no sum
 /// of bins overflows.
 inline constexpr std::int32_t kFullBin = 1 << 26;
-/// The texel's own footprint, added to every Gaussian's 2D marginal: of a squared texel edge.
+/// The footprint of a fine texel, added to every Gaussian's 2D marginal, as a viewer's pixel does:
+/// of a squared texel edge.
 inline constexpr float kFootprint = 0.3F;
+/// What a coarse texel adds to that: of how much its squared edge is more than a fine one's. That
+/// of a box.
+inline constexpr float kBoxVariance = 1.0F / 12;
 
 /// A texel with less of a surface than that (SplatFinding::opacity) stays empty.
 inline constexpr double kLeastOpacity = 0.1;
@@ -46,7 +52,15 @@ struct SplatLimits {
   double least_opacity = kLeastOpacity;  ///< what texels find with less is not taken
   float expected = 0;   ///< where along the normals the scene's surface is thought to lie
   float deviation = 0;  ///< from there; 0: nothing is known, a third of the reach
+  /// Texels with longer edges are coarse: they show the mean of what they cover.
+  float fine_edge = std::numeric_limits<float>::infinity();
 };
+
+/// What a texel adds to the variance of every Gaussian, in space.
+inline float footprint_of(float edge, const SplatLimits& limits) {
+  const float square = edge * edge, fine = std::min(square, limits.fine_edge * limits.fine_edge);
+  return kFootprint * fine + kBoxVariance * (square - fine);
+}
 
 /// What one Gaussian gives to sixteen texels.
 struct SplatResponse {
@@ -65,7 +79,7 @@ struct alignas(64) DepthPacket {
   std::int64_t weight[kLanes];     ///< sums of weights, in steps
   std::int64_t colour[3][kLanes];  ///< of weight x colour
   std::int64_t depth[kLanes];      ///< of weight x place in the profile, 0..1
-  float footprint = 0;             ///< of the packet's largest texel: kFootprint x its squared edge
+  float footprint = 0;             ///< of the packet's largest texel: footprint_of()
   unsigned used = 0;               ///< bit per lane
 };
 

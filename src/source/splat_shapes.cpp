@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "source/splat_noise.h"
+
 namespace pounce::source {
 
 float median_roundness(std::span<const store::Splat> splats) {
@@ -15,9 +17,19 @@ float median_roundness(std::span<const store::Splat> splats) {
                                   std::min(std::max(s.sigma.x, s.sigma.y), s.sigma.z));
     figures.push_back(middle / store::size_of(s));
   }
-  const auto at = figures.begin() + static_cast<std::ptrdiff_t>(figures.size() / 2);
-  std::nth_element(figures.begin(), at, figures.end());
-  return *at;
+  return median(figures);
+}
+
+float median_size(std::span<const store::Splat> splats) {
+  std::vector<float> figures;
+  figures.reserve(splats.size());
+  for (const store::Splat& s : splats) figures.push_back(store::size_of(s));
+  return median(figures);
+}
+
+float fine_edge(float size) {
+  constexpr float kFineSizes = 1.75F;
+  return kFineSizes * size;
 }
 
 float discness(float roundness) {

@@ -93,8 +93,9 @@ std::vector<std::byte> run(const TransferOptions& options, const flow::TestKnobs
   return read_whole(posix_file_system(), options.output);
 }
 
-/// Transfers a scene of 3000 Gaussians and looks at every fifth texel.
-void compare_with_brute_force(const TransferOptions& options, bool antialiased) {
+/// Transfers a scene of 3000 Gaussians and looks at every fifth texel, or so.
+void compare_with_brute_force(const TransferOptions& options, bool antialiased,
+                              std::size_t stride = 5) {
   const Report report = flow::transfer(options, {.keeps_isolated = true});
   CHECK(report.source_filtered.empty());
   CHECK(report.source_gaussians == 3000);
@@ -111,10 +112,11 @@ void compare_with_brute_force(const TransferOptions& options, bool antialiased) 
   limits.window = report.depth_window;
   limits.discness = reference_discness(scene);
   limits.antialiased = antialiased;
+  limits.fine_edge = reference_fine_edge(scene);
   look_where_found(report.targets.front(), limits);
   std::size_t compared = 0, unsure = 0, wrong = 0, empty = 0, beyond = 0;
   double largest = 0;
-  for (std::size_t i = 0; i < raster.owner.size(); i += 5) {
+  for (std::size_t i = 0; i < raster.owner.size(); i += stride) {
     const auto texel = reference_texel(target, raster, i);
     if (!texel || raster.on_edge[i] != 0) continue;
     const ReferenceBlend expected = reference_blend(scene, *texel, limits);
@@ -162,6 +164,13 @@ TEST_CASE("a scene marked antialiased is blended as one", "[flow]") {
   write_reference_splats(options.source, read_reference_splats(options.source), "antialiased 1");
   CHECK(run(options) != plain);
   compare_with_brute_force(options, true);
+}
+
+TEST_CASE("a target coarser than its scene agrees with the brute force", "[flow]") {
+  const TempFolder folder;
+  TransferOptions options = splat_scene(folder, 2, 3000);
+  options.size = ImageSize{28, 28};
+  compare_with_brute_force(options, false, 1);
 }
 
 TEST_CASE("a texel's alpha is the opacity that its normal meets", "[flow]") {

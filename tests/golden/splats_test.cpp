@@ -80,6 +80,7 @@ TEST_CASE("a trained scene covers its proxy as the brute force says", "[golden]"
   }
   ReferenceLimits limits{0.03 * length(hi - lo), std::cos(80 * std::numbers::pi / 180),
                          report.depth_window, reference_discness(scene), false};
+  limits.fine_edge = reference_fine_edge(scene);
   look_where_found(report.targets.front(), limits);
   std::size_t compared = 0, unsure = 0, wrong = 0, beyond = 0;
   double largest = 0;

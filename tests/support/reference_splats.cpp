@@ -53,7 +53,9 @@ Contribution contribution(const ReferenceSplat& splat, const ReferenceTexel& tex
   const Vec3d v = cross(n, u);
 
   const Vec3d away = splat.mean - texel.position;
-  const double footprint = kFootprint * texel.edge * texel.edge;
+  const double fine_edge = std::min(texel.edge, limits.fine_edge);
+  const double fine = kFootprint * fine_edge * fine_edge;
+  const double footprint = fine + (texel.edge * texel.edge - fine_edge * fine_edge) / 12;
   const auto sigma = covariance(splat);
   const Vec3d su = times(sigma, u), sv = times(sigma, v);
   const double bare_a = dot(u, su), b = dot(u, sv), bare_c = dot(v, sv);
@@ -83,8 +85,10 @@ Contribution contribution(const ReferenceSplat& splat, const ReferenceTexel& tex
   if (has_normal && cosine < limits.min_cosine) return out;
   out.disc = cosine * cosine * planarity * needle;
 
-  const double kept = std::max(0.0, bare_a * bare_c - b * b) / det;
-  const double peak = splat.alpha * std::pow(kept, limits.antialiased ? 0.5 : 0.25);
+  const double fine_det = (bare_a + fine) * (bare_c + fine) - b * b;
+  const double kept = std::max(0.0, bare_a * bare_c - b * b) / fine_det;
+  const double peak =
+      splat.alpha * std::pow(kept, limits.antialiased ? 0.5 : 0.25) * std::sqrt(fine_det / det);
   out.alpha = std::min(0.99, peak * std::exp(-squared / 2));
   out.mass = 0.4 * peak * (1 - squared / (kCutOff * kCutOff));
   return out;
@@ -148,6 +152,14 @@ double reference_discness(const std::vector<ReferenceSplat>& scene) {
   std::sort(roundness.begin(), roundness.end());
   const double x = std::clamp((roundness[roundness.size() / 2] - 0.45) / 0.25, 0.0, 1.0);
   return x * x * (3 - 2 * x);
+}
+
+double reference_fine_edge(const std::vector<ReferenceSplat>& scene) {
+  std::vector<double> sizes;
+  for (const ReferenceSplat& splat : scene)
+    sizes.push_back(*std::max_element(splat.sigma.begin(), splat.sigma.end()));
+  std::sort(sizes.begin(), sizes.end());
+  return 1.75 * sizes[sizes.size() / 2];
 }
 
 void look_where_found(const TargetReport& target, ReferenceLimits& limits) {

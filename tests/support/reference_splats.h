@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -38,6 +39,7 @@ struct ReferenceLimits {
   bool antialiased = false;
   double expected = 0;   ///< where along the normal the surface is thought to lie
   double deviation = 0;  ///< from there; 0: a third of the reach
+  double fine_edge = std::numeric_limits<double>::infinity();  ///< texels beyond it show means
 };
 
 /// Texels look first where most of their target found the scene, if it lies there.
@@ -71,6 +73,9 @@ struct ReferenceBlend {
 
 /// How far a scene's Gaussians are the discs of a surface, from the median of their roundness.
 double reference_discness(const std::vector<ReferenceSplat>& scene);
+
+/// The longest edge of a fine texel, from the median of the Gaussians' largest deviations.
+double reference_fine_edge(const std::vector<ReferenceSplat>& scene);
 
 /// Every Gaussian against one texel. Slow and obvious; shares no code with the product.
 ReferenceBlend reference_blend(const std::vector<ReferenceSplat>& scene,

@@ -102,6 +102,7 @@ SplatLattice StoreBuilder::make_lattice() {
                              "looking at " + request_.path);
   const PageVector<Splat> sample = kept_sample(source_, request_.keep);
   directory_.roundness = source::median_roundness(sample);
+  directory_.typical_size = source::median_size(sample);
   return SplatLattice(sample);
 }
 

@@ -148,6 +148,7 @@ SplatProjection SourceStores::splat_request(const TargetPlan& target_plan) const
   request.limits.min_cosine = min_cosine();
   request.limits.window = kWindowOverNoise * scene.surface_noise;
   request.limits.discness = source::discness(scene.roundness);
+  request.limits.fine_edge = source::fine_edge(scene.typical_size);
   request.limits.antialiased = scene.model == store::SplatModel::antialiased;
   request.limits.rays = static_cast<int>(plan_.rays);
   request.smallest_edge = target_plan.smallest_edge;

@@ -86,7 +86,7 @@ void SplatCodec::put(const Directory& directory, ByteWriter& out) {
     out.put(v);
   }
   out.put(directory.roundness);
-  out.put(0U);
+  out.put(directory.typical_size);
   put_box(out, directory.box);
   put_box(out, directory.middle_box);
   for (const SplatTile& tile : directory.tiles) {
@@ -117,12 +117,13 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
     *v = in.get<std::uint32_t>();
   }
   directory.roundness = in.get<float>();
-  if (in.get<std::uint32_t>() != 0) in.fail("has a reserved field that is not 0");
+  directory.typical_size = in.get<float>();
   if (directory.most_splats > kMostSplatsPerBlock ||
       directory.most_blocks > kMostBlocksPerSplatTile ||
       directory.largest_chunk_bytes > kLargestSplatBytes ||
       !(directory.surface_noise >= 0 && std::isfinite(directory.surface_noise)) ||
-      !(directory.roundness >= 0 && directory.roundness <= 1)) {
+      !(directory.roundness >= 0 && directory.roundness <= 1) ||
+      !(directory.typical_size >= 0 && std::isfinite(directory.typical_size))) {
     in.fail("has impossible maxima");
   }
   directory.box = get_box(in);

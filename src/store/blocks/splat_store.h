@@ -85,6 +85,8 @@ struct SplatDirectory : SplatIndex {
   /// The middle one of a Gaussian's two larger standard deviations over the largest: the median
   /// over a sample. 1: round discs or balls, 0: needles.
   float roundness = 1;
+  /// A Gaussian's largest standard deviation: the median over the same sample. 0 for none.
+  float typical_size = 0;
   Box3f middle_box;  ///< of the means without the outer tenth on each side of each axis
 };
 

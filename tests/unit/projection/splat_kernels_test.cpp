@@ -40,7 +40,10 @@ SplatLimits wide() {
 }
 
 ReferenceLimits reference_limits(const SplatLimits& limits) {
-  return {limits.reach, limits.min_cosine, limits.window, limits.discness, limits.antialiased};
+  ReferenceLimits out{limits.reach, limits.min_cosine, limits.window, limits.discness,
+                      limits.antialiased};
+  out.fine_edge = limits.fine_edge;
+  return out;
 }
 
 /// A texel's packet that looks along +z from (x, 0, 0), its edge 1.
@@ -126,6 +129,7 @@ TEST_CASE("responses are those of the reference", "[projection]") {
   limits.reach = 0.4F;
   limits.min_cosine = 0.2F;
   limits.antialiased = antialiased;
+  if (with_normals) limits.fine_edge = 0.004F;  // of texels of 0.01
   const SplatKernels& kernels = splat_kernels("");
   std::size_t found = 0;
   double worst_alpha = 0, worst_depth = 0, worst_mass = 0;
@@ -236,6 +240,7 @@ TEST_CASE("gathering leaves out nothing that gives anything", "[projection]") {
   const auto set = source::make_splat_set(splat_block(scene), SphericalHarmonics::dc);
   SplatLimits limits;
   limits.reach = 0.3F;
+  limits.fine_edge = GENERATE(1.0F, 0.002F);  // of texels of 0.01
   std::size_t given = 0, gathered = 0;
   for (int i = 0; i < 40; ++i) {
     SplatState state;
@@ -277,7 +282,8 @@ TEST_CASE("every instruction set gives the same bits for splats", "[projection]"
   const auto scene = random_splats(random, 4000, true);
   const auto set = source::make_splat_set(splat_block(scene), SphericalHarmonics::dc);
   const auto all = available_splat_kernels();
-  const SplatLimits limits{0.5F, 0.2F, 0.02F, discness, antialiased};
+  SplatLimits limits{0.5F, 0.2F, 0.02F, discness, antialiased};
+  limits.fine_edge = 0.01F;  // some packets are coarse
   for (int i = 0; i < 20; ++i) {
     SplatState state = piece_of_packets(random, 2);
     start(limits, state);

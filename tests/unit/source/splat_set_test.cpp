@@ -57,13 +57,16 @@ TEST_CASE("flatness is planarity x needle factor", "[source]") {
   CHECK(shape_of(splat).flatness == Approx(1));
 }
 
-TEST_CASE("a scene's roundness is the median of second over first", "[source]") {
+TEST_CASE("a scene's roundness and size are medians of its Gaussians'", "[source]") {
   std::vector<store::Splat> splats(3);
   splats[0].sigma = {4, 1, 2};      // 0.5, in whatever order
   splats[1].sigma = {0, 3, 3};      // 1
   splats[2].sigma = {1, 10, 0.1F};  // 0.1
   CHECK(median_roundness(splats) == 0.5F);
   CHECK(median_roundness({}) == 1);
+  CHECK(median_size(splats) == 4);  // of 4, 3 and 10
+  CHECK(median_size({}) == 0);
+  CHECK(fine_edge(4) == 7);
   CHECK(discness(0.33F) == 0);
   CHECK(discness(0.45F) == 0);
   CHECK(discness(0.575F) == Approx(0.5));

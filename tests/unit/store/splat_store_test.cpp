@@ -147,6 +147,7 @@ TEST_CASE("a splat store gives back its tiles, entries and blocks", "[tiles]") {
   directory.is_linear = true;
   directory.has_normals = true;
   directory.surface_noise = 0.25F;
+  directory.typical_size = 0.5F;
   directory.middle_box = {{-1, -1, -1}, {1, 1, 1}};
   writer.finish(directory, compressor);
 
@@ -160,6 +161,7 @@ TEST_CASE("a splat store gives back its tiles, entries and blocks", "[tiles]") {
   CHECK(found.model == SplatModel::flat);
   CHECK(found.has_normals);
   CHECK(found.surface_noise == 0.25F);
+  CHECK(found.typical_size == 0.5F);
   CHECK(found.middle_box == directory.middle_box);
   CHECK(found.most_splats == 104);
   CHECK(found.most_blocks == 2);
