@@ -63,6 +63,11 @@ job 0 transfer $source $target -o 'y_<CHANNEL>.exr' --bake normal,height,positio
 job 0 transfer $source $target -o z.png --bake normal --output-normal-y down --size 64 --no-cache
 job 0 transfer $source $target -o z2.png --source-texture normal=z.png --channels normal --normal-y down --no-cache
 job 0 transfer $source $target -o z.glb --source-texture normal=z2.png --size 64 --no-cache
+# Colours of vertices.
+awk '/^v /{print $0, NR % 3 / 2, NR % 5 / 4, NR % 2; next} {print}' plane.obj >coloured.obj
+job 0 transfer coloured.obj $target -o 'x_<CHANNEL>.exr' --bake vertexColor --channels baseColor --size 64 --no-cache
+job 0 transfer coloured.obj plane.obj -o x.png --method gaussian --size 64
+job 0 gaussians coloured.obj -o x.spz
 # Models, channels, texture sets, selection, painting over, several targets.
 job 0 transfer $source $target -o k.glb --size 64
 job 0 transfer $source $target -o l.gltf --size 64
