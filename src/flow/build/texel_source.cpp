@@ -213,8 +213,9 @@ void TexelSource::visit(std::uint64_t first, std::uint64_t last,
     const texture::Factor* const tint = vertices ? &*vertices : nullptr;
     texture::TexelValue value = constant_value(page, tint, format);
     if (page.column != nullptr || page.tile_set != nullptr) {
-      const ColourPlace at = window.find(page, place);
-      if (at.image == nullptr) return std::optional<Colour>();
+      const PageImage image = image_at(page, place);
+      if (image.column == nullptr) return std::optional<Colour>();
+      const ColourPlace at = window.find(image);
       projection::Taps taps;
       projection::tent(at.rest_x, at.rest_y, taps);
       value = blended(page, at, taps, format, tint);

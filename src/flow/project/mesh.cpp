@@ -232,25 +232,24 @@ class SurfaceMethod {
     const auto lookups = image.lookups(footprint(work, packet, lane));
     if (lookups.single() && image.input == nullptr && !page.factor && !vertices &&
         channel.format.keeps(image.directory())) {
-      const ColourPlace at = window.find(page, place(hit, lane));
+      const ColourPlace at = window.find(image);
       projection::Taps taps;
       request_.blend(at.rest_x, at.rest_y, taps);
       projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
     } else {
       clipped += texture::store_texel(
-          channel.format,
-          value(page, image, place(hit, lane), lookups, channel.format, window, tint), out);
+          channel.format, value(page, image, lookups, channel.format, window, tint), out);
     }
     return true;
   }
 
-  texture::TexelValue value(const PageColour& page, const PageImage& image, const PagePlace& place,
+  texture::TexelValue value(const PageColour& page, const PageImage& image,
                             const projection::FootprintLookups& lookups,
                             const texture::TexelFormat& format, ColourWindow& window,
                             const texture::Factor* tint = nullptr) const {
     if (!lookups.single())
       return window.average(page, image, lookups, request_.blend, format, *request_.levels, tint);
-    const ColourPlace at = window.find(page, place);
+    const ColourPlace at = window.find(image);
     projection::Taps taps;
     request_.blend(at.rest_x, at.rest_y, taps);
     return blended(page, at, taps, format, tint);
@@ -267,8 +266,7 @@ class SurfaceMethod {
     if (image.column == nullptr) return std::nullopt;
     texture::TexelFormat straight = channel.format;
     straight.premultiplied = false;
-    return value(page, image, place(hit, lane), image.lookups(footprint(work, packet, lane)),
-                 straight, window);
+    return value(page, image, image.lookups(footprint(work, packet, lane)), straight, window);
   }
 
   /// The same as store_colour() for a channel of the surface itself. `frames` are of

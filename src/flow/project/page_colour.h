@@ -59,9 +59,9 @@ struct PagePlace {
 
 /// Where a place's colour is, ready to be blended.
 struct ColourPlace {
-  const store::ColourDirectory* image = nullptr;  ///< null: a UDIM tile without image
-  const std::byte* tile = nullptr;                ///< decoded
-  int column = 0, row = 0;                        ///< in the tile, apron excluded
+  const store::ColourDirectory* image = nullptr;
+  const std::byte* tile = nullptr;  ///< decoded
+  int column = 0, row = 0;          ///< in the tile, apron excluded
   double rest_x = 0, rest_y = 0;
   const texture::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
 };
@@ -128,37 +128,49 @@ inline texture::TexelValue blended(const PageColour& page, const ColourPlace& at
 struct PageImage {
   const ColourCache* column = nullptr;          ///< null: a UDIM tile without image
   const texture::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
-  double x = 0, y = 0;                          ///< in texels of the image, not wrapped
-  double scale_x = 1, scale_y = 1;              ///< texels of the image per texel of the page
+  projection::Coordinate x, y;                  ///< in the image, as it wraps
+  Vec2d middle;                                 ///< the same, not wrapped
+  Vec2d scale{1, 1};                            ///< texels of the image per texel of the page
 
   const store::ColourDirectory& directory() const { return column->store().directory(); }
   /// How a footprint on the page is averaged.
   projection::FootprintLookups lookups(projection::Footprint footprint) const {
-    for (Vec2d* side : {&footprint.a, &footprint.b}) *side = {side->x * scale_x, side->y * scale_y};
+    for (Vec2d* side : {&footprint.a, &footprint.b}) *side = {side->x * scale.x, side->y * scale.y};
     return projection::lookups_of(footprint, ColourLevels::last_level(directory()));
   }
 };
 
-inline PageImage image_at(const PageColour& page, const PagePlace& at) {
-  if (page.column != nullptr) {
-    return {page.column, page.input ? &*page.input : nullptr,
-            static_cast<double>(at.base_x) + at.frac_x, static_cast<double>(at.base_y) + at.frac_y};
-  }
-  const TileColumns& set = *page.tile_set;
+inline PageImage image_at(const ColourCache& column,
+                          const std::optional<texture::ColourInput>& input, const PagePlace& at) {
+  const store::ColourDirectory& image = column.store().directory();
+  PageImage out{&column, input ? &*input : nullptr};
+  out.x = projection::placed(at.base_x, at.frac_x, image.width, image.wrap_u);
+  out.y = projection::placed(at.base_y, at.frac_y, image.height, image.wrap_v);
+  out.middle = {static_cast<double>(at.base_x) + at.frac_x,
+                static_cast<double>(at.base_y) + at.frac_y};
+  return out;
+}
+
+inline PageImage image_at(const TileColumns& set, const PagePlace& at) {
   const projection::TileCoordinate x = projection::in_tile(at.base_x, at.frac_x, set.width);
   const projection::TileCoordinate y = projection::in_tile(at.base_y, at.frac_y, set.height);
   const auto found = set.tiles.find(mesh::tile_of_period(x.period, y.period));
   if (found == set.tiles.end()) return {};
   const auto& [column, input] = found->second;
   const store::ColourDirectory& image = column->store().directory();
-  const double scale_x = static_cast<double>(image.width) / set.width;
-  const double scale_y = static_cast<double>(image.height) / set.height;
-  return {column,
-          input ? &*input : nullptr,
-          (x.texel + 0.5) * scale_x - 0.5,
-          (y.texel + 0.5) * scale_y - 0.5,
-          scale_x,
-          scale_y};
+  PageImage out{column, input ? &*input : nullptr};
+  out.x = projection::scaled(x.texel, set.width, image.width);
+  out.y = projection::scaled(y.texel, set.height, image.height);
+  out.scale = {static_cast<double>(image.width) / set.width,
+               static_cast<double>(image.height) / set.height};
+  out.middle = {(x.texel + 0.5) * out.scale.x - 0.5, (y.texel + 0.5) * out.scale.y - 0.5};
+  return out;
+}
+
+/// Of a page that is no constant.
+inline PageImage image_at(const PageColour& page, const PagePlace& at) {
+  return page.column != nullptr ? image_at(*page.column, page.input, at)
+                                : image_at(*page.tile_set, at);
 }
 
 /// Finds colours of pages that are no constants, and keeps the tiles that it used just now:
@@ -167,12 +179,8 @@ class ColourWindow {
  public:
   static constexpr std::size_t kTiles = 8;
 
-  /// Valid until kTiles other tiles were asked for.
-  ColourPlace find(const PageColour& page, const PagePlace& at) {
-    const InImage in = page.column != nullptr ? in_image(*page.column, page.input, at)
-                                              : in_image(*page.tile_set, at);
-    return in.column == nullptr ? ColourPlace{} : place(*in.column, in.x, in.y, in.input);
-  }
+  /// One lookup in an image. Valid until kTiles other tiles were asked for.
+  ColourPlace find(const PageImage& at) { return place(*at.column, at.x, at.y, at.input); }
 
   /// The mean of such lookups, taken of what the image holds: what one lookup is on its way into
   /// `format`, their mean is. They stay in the UDIM tile that holds the middle. `levels` are of the
@@ -192,8 +200,8 @@ class ColourWindow {
         for (int b = 0; b < set.count_b; ++b) {
           const double i = a - 0.5 * (set.count_a - 1), j = b - 0.5 * (set.count_b - 1);
           const ColourPlace at =
-              at_level(image, level, image.x + (i * set.step_a.x + j * set.step_b.x),
-                       image.y + (i * set.step_a.y + j * set.step_b.y));
+              at_level(image, level, image.middle.x + (i * set.step_a.x + j * set.step_b.x),
+                       image.middle.y + (i * set.step_a.y + j * set.step_b.y));
           projection::Taps taps;
           kernel(at.rest_x, at.rest_y, taps);
           const projection::Blended samples = samples_at(at, taps, as_stored);
@@ -205,31 +213,6 @@ class ColourWindow {
   }
 
  private:
-  struct InImage {
-    const ColourCache* column = nullptr;
-    projection::Coordinate x, y;
-    const texture::ColourInput* input = nullptr;
-  };
-
-  static InImage in_image(const ColourCache& column,
-                          const std::optional<texture::ColourInput>& input, const PagePlace& at) {
-    const store::ColourDirectory& image = column.store().directory();
-    return {&column, projection::placed(at.base_x, at.frac_x, image.width, image.wrap_u),
-            projection::placed(at.base_y, at.frac_y, image.height, image.wrap_v),
-            input ? &*input : nullptr};
-  }
-
-  static InImage in_image(const TileColumns& set, const PagePlace& at) {
-    const projection::TileCoordinate x = projection::in_tile(at.base_x, at.frac_x, set.width);
-    const projection::TileCoordinate y = projection::in_tile(at.base_y, at.frac_y, set.height);
-    const auto found = set.tiles.find(mesh::tile_of_period(x.period, y.period));
-    if (found == set.tiles.end()) return {};
-    const auto& [column, input] = found->second;
-    const store::ColourDirectory& image = column->store().directory();
-    return {column, projection::scaled(x.texel, set.width, image.width),
-            projection::scaled(y.texel, set.height, image.height), input ? &*input : nullptr};
-  }
-
   /// Where a place of an image lies in one of its levels.
   ColourPlace at_level(const PageImage& of, const ColourCache& level, double x, double y) {
     const store::ColourDirectory& image = of.directory();
