@@ -20,6 +20,7 @@
 #include "support/gltf_builder.h"
 #include "support/target_raster.h"
 #include "support/test_data.h"
+#include "support/transfer_job.h"
 #include "support/whole_image.h"
 
 namespace pounce::test {
@@ -211,13 +212,8 @@ void write_map(const std::string& path, std::uint32_t size, const Surface& surfa
 
 TransferOptions job(const std::string& source, const std::string& target,
                     const std::string& output) {
-  TransferOptions options;
-  options.source = source;
-  options.targets = {target};
-  options.output = output;
+  TransferOptions options = transfer_job(source, target, output, 256);
   options.coverage_output = output + ".mask.png";
-  options.resources.use_cache = false;
-  options.resources.memory_bytes = 256 << 20;
   return options;
 }
 

@@ -11,6 +11,7 @@
 #include "pounce/transfer.h"
 #include "support/gltf_builder.h"
 #include "support/test_data.h"
+#include "support/transfer_job.h"
 #include "support/whole_image.h"
 
 namespace pounce::test {
@@ -68,13 +69,8 @@ void write_plain(const std::string& path, double r, double g, double b) {
 
 TransferOptions job(const std::string& source, const std::string& target,
                     const std::string& output) {
-  TransferOptions options;
-  options.source = source;
-  options.targets = {target};
-  options.output = output;
+  TransferOptions options = transfer_job(source, target, output, 128);
   options.size = ImageSize{kSize, kSize};
-  options.resources.use_cache = false;
-  options.resources.memory_bytes = 128 << 20;
   return options;
 }
 

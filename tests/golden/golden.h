@@ -6,6 +6,7 @@
 
 #include "pounce/transfer.h"
 #include "support/test_data.h"
+#include "support/transfer_job.h"
 #include "support/whole_image.h"
 
 namespace pounce::test {
@@ -19,13 +20,8 @@ inline void figure(const std::string& name, double value) {
 /// A transfer without cache in 512 MiB, with its coverage beside it.
 inline TransferOptions golden_options(const std::string& source, const std::string& target,
                                       const std::string& output) {
-  TransferOptions options;
-  options.source = source;
-  options.targets = {target};
-  options.output = output;
+  TransferOptions options = transfer_job(source, target, output, 512);
   options.coverage_output = output + ".coverage.png";
-  options.resources.use_cache = false;
-  options.resources.memory_bytes = 512 << 20;
   return options;
 }
 
