@@ -7,9 +7,9 @@
 // marginal in the plane across n, exp(-q / 2) with q = D' M^-1 D, M = T S T' + f I, D = T (m - x),
 // where T spans the plane and f is the texel's footprint: 0.3 s^2 for an edge s, where that is
 // coarse 0.3 r^2 + (s^2 - r^2) / 12, with r the longest edge that is fine. It lies at the
-// conditional mean t = n.(m
-// - x) - (n' S T') M^-1 D. Neither a 3x3 inverse nor T is needed. With the Gaussian's axes a_k,
-// variances s_k, u_k = a_k . n, d = m - x, v_k = a_k . (d x n) and g_k = s_k + f:
+// conditional mean t = n.(m - x) - (n' S T') M^-1 D. Neither a 3x3 inverse nor T is needed. With
+// the Gaussian's axes a_k, variances s_k, u_k = a_k . n, d = m - x, v_k = a_k . (d x n) and g_k =
+// s_k + f:
 //
 //   det M = u_0^2 g_1 g_2 + u_1^2 g_0 g_2 + u_2^2 g_0 g_1
 //   q     = (g_0 v_0^2 + g_1 v_1^2 + g_2 v_2^2) / det M
@@ -19,7 +19,8 @@
 // are positive: nothing cancels, however thin a disc or a needle is. Here lengths are in edges of
 // about the packet's largest texel, so that products of four do not leave what floats can hold.
 //
-// The plain blend of a mesh's texels (add_met) is the same with f = 0 and other weights.
+// The plain blend of a mesh's texels (add_met) is the same with f = 0 and other weights. What a
+// bundle may meet is in splat_sight.inl, what is added up in splat_sums.inl.
 #include <immintrin.h>
 
 #include <algorithm>
@@ -40,10 +41,8 @@ using source::SplatShape;
 
 constexpr float kMostAlpha = 0.99F;
 constexpr float kPerCutOff = 1 / (source::kSplatCutOff * source::kSplatCutOff);
-constexpr float kBlurred = 0.4F;        // of a Gaussian's optical depth, spread over more texels
-constexpr float kReachOverAnchor = 3;   // where the target is thought to lie, in its deviations
-constexpr float kUnhidden = 0.5F;       // bins before a Gaussian that do not hide it
-constexpr float kUnhiddenDiscs = 1.5F;  // and further ones in scenes of discs
+constexpr float kBlurred = 0.4F;       // of a Gaussian's optical depth, spread over more texels
+constexpr float kReachOverAnchor = 3;  // where the target is thought to lie, in its deviations
 
 /// exp(-x) for 0 <= x <= 4.5 to within 1e-6 of itself: a polynomial for exp(-x / 8), then its
 /// eighth power. Multiplications and additions alone, so every machine agrees.
@@ -66,114 +65,7 @@ constexpr float kUnhiddenDiscs = 1.5F;  // and further ones in scenes of discs
   return square * square;
 }
 
-/// RayBundle::may_meet for sixteen spheres: a bit each.
-unsigned meet(const float* x, const float* y, const float* z, const float* radius,
-              const RayBundle& bundle, float height) {
-  const Vec3f o = bundle.origin, d = bundle.direction;
-  const Floats reach = (load(radius) + (bundle.offset + height * bundle.spread)) * 1.00001F;
-  const Floats vx = load(x) - o.x, vy = load(y) - o.y, vz = load(z) - o.z;
-  const Floats cx = vy * d.z - vz * d.y, cy = vz * d.x - vx * d.z, cz = vx * d.y - vy * d.x;
-  const Floats along = absolute(vx * d.x + vy * d.y + vz * d.z);
-  return bits((cx * cx + cy * cy + cz * cz <= reach * reach) & (along <= height + reach));
-}
-
-unsigned meet(const source::SplatSpheres& spheres, std::size_t i, const RayBundle& bundle,
-              float height) {
-  const unsigned found = meet(&spheres.centre[0][i], &spheres.centre[1][i], &spheres.centre[2][i],
-                              &spheres.radius[i], bundle, height);
-  const std::size_t left = spheres.count - i;
-  return left < kLanes ? found & ((1U << left) - 1) : found;
-}
-
-/// A bundle that looks at ellipses: every ray lies in a cone around its first, so what it meets of
-/// a Gaussian lies in the ellipse that the Gaussian has across that first ray, grown by the cone.
-/// The sum of an ellipse of the matrix A and a disc of radius r is within that of (1 + b) A + (1 +
-/// 1 / b) r^2 I for any b > 0.
-class EllipseSight {
- public:
-  /// `bundle` without footprints.
-  EllipseSight(const RayBundle& bundle, float height, float footprint)
-      : bundle_(bundle), height_(height), footprint_(footprint) {
-    const Vec3f d = bundle.direction;
-    const Vec3f helper = std::abs(d.x) < 0.6F ? Vec3f{1, 0, 0} : Vec3f{0, 1, 0};
-    u_ = cross(d, helper);
-    const float square = dot(u_, u_);
-    sees_all_ = !(square > 0.25F);  // no direction
-    u_ = u_ * (1 / std::sqrt(sees_all_ ? 1 : square));
-    v_ = cross(d, u_);
-    per_depth_ = 1 / std::max(1 - bundle.spread, 0.01F);
-    set(u_, u_, uu_);
-    set(u_, v_, uv_);
-    set(v_, v_, vv_);
-  }
-
-  /// May it meet these sixteen? A bit each; `covariance(c)` is where their components are.
-  template <class Covariance>
-  unsigned meet(const float* x, const float* y, const float* z, const float* radius,
-                const Covariance& covariance) const {
-    if (sees_all_) return 0xFFFF;
-    const Vec3f o = bundle_.origin, d = bundle_.direction;
-    const Floats vx = load(x) - o.x, vy = load(y) - o.y, vz = load(z) - o.z;
-    const auto along = [&](Vec3f a) { return vx * a.x + vy * a.y + vz * a.z; };
-    // How far along its ray one of the bundle can be where it meets the Gaussian.
-    const Floats depth = (absolute(along(d)) + (load(radius) + bundle_.offset)) * per_depth_;
-    const Floats a = along(u_), b = along(v_);
-    Floats xx = all(footprint_), xy = all(0.0F), yy = all(footprint_);
-    for (std::size_t c = 0; c < 6; ++c) {
-      const Floats s = load(covariance(c));
-      xx = xx + s * uu_[c];
-      xy = xy + s * uv_[c];
-      yy = yy + s * vv_[c];
-    }
-    const Floats r =
-        (bundle_.offset + select(depth < height_, depth, all(height_)) * bundle_.spread) * 1.0001F;
-    const Floats size = square_root((xx + yy) * (0.5F * kSquaredCutOff)) + 1e-30F;
-    const Floats grown = (1.0F + r / size) * kSquaredCutOff, disc = r * (r + size);
-    xx = grown * xx + disc;
-    xy = grown * xy;
-    yy = grown * yy + disc;
-    const Floats aa = a * a * yy, bb = b * b * xx, det = xx * yy;
-    // Rounding may not keep any out.
-    return bits(aa + bb - 2.0F * a * b * xy <= (det - xy * xy) * 1.001F + (aa + bb + det) * 1e-6F);
-  }
-
- private:
-  static constexpr float kSquaredCutOff = source::kSplatCutOff * source::kSplatCutOff;
-  /// The weights of a covariance's six components in a' S b.
-  static void set(Vec3f a, Vec3f b, float* weights) {
-    const float w[6] = {a.x * b.x, a.x * b.y + a.y * b.x, a.x * b.z + a.z * b.x,
-                        a.y * b.y, a.y * b.z + a.z * b.y, a.z * b.z};
-    std::copy_n(w, 6, weights);
-  }
-
-  RayBundle bundle_;
-  float height_, footprint_;
-  Vec3f u_, v_;  ///< across the direction
-  float uu_[6], uv_[6], vv_[6];
-  float per_depth_ = 1;
-  bool sees_all_ = false;
-};
-
-void gather(const source::SplatSet& set, const RayBundle& bundle, float height, float footprint,
-            SplatCandidates& out) {
-  RayBundle spheres = bundle;
-  spheres.offset += source::kSplatCutOff * std::sqrt(footprint) * 1.0001F;
-  const EllipseSight sight(bundle, height, footprint);
-  const auto& level = set.levels[0];
-  for (std::size_t i = 0; i < set.levels[2].count; i += kLanes) {
-    for (unsigned a = meet(set.levels[2], i, spheres, height); a != 0; a &= a - 1) {
-      const std::size_t j = (i + static_cast<std::size_t>(std::countr_zero(a))) * kLanes;
-      for (unsigned b = meet(set.levels[1], j, spheres, height); b != 0; b &= b - 1) {
-        const std::size_t k = (j + static_cast<std::size_t>(std::countr_zero(b))) * kLanes;
-        unsigned c = meet(level, k, spheres, height);
-        if (c == 0) continue;
-        c &= sight.meet(&level.centre[0][k], &level.centre[1][k], &level.centre[2][k],
-                        &level.radius[k], [&](std::size_t at) { return &set.covariance[at][k]; });
-        for (; c != 0; c &= c - 1) out.add(set, k + static_cast<std::size_t>(std::countr_zero(c)));
-      }
-    }
-  }
-}
+#include "projection/splat_sight.inl"
 
 /// Texels as the formulas want them.
 struct Rays {
@@ -459,160 +351,7 @@ void find_surface(const SplatLimits& limits, ProfilePacket& profile, DepthPacket
   store(depths.focus, focus);
 }
 
-/// Optical depth until `before` bins before a response, between bins linearly.
-[[gnu::always_inline]] inline Floats depth_until(const ProfilePacket& profile,
-                                                 const SplatResponse& response, float before) {
-  const float shift = 1 - before;  // before bin 0 there is one of nothing
-  const Floats at = largest(load(response.at) + shift, 0.0F);
-  const Ints bin = to_int(at);
-  const Floats part = at - to_float(bin);
-  const auto bin_of = [&](std::int32_t k) {
-    return static_cast<std::int32_t>(std::floor(static_cast<float>(k) + shift));
-  };
-  const std::int32_t first = std::max(bin_of(response.first), 1),
-                     last = std::min(bin_of(response.last + 1) + 1, kProfileBins);
-  Floats sum = all(0.0F);
-  for (std::int32_t k = first; k <= last; ++k) {
-    const Floats here = to_float(load(profile.bins[k - 1]));
-    sum =
-        sum + here * select(bin == all(k), 1.0F - part, select(bin == all(k - 1), part, all(0.0F)));
-  }
-  return sum * (1 / kSplatSteps);
-}
-
-/// The colours that sixteen texels see of Gaussians: their harmonics, looked at against the
-/// texels' normals.
-class SeenColours {
- public:
-  /// `any`: of the Gaussians, which all have as many lobes.
-  SeenColours(const SplatShape& any, const TexelPacket& packet) {
-    if (any.lobes == 0) return;
-    basis_ =
-        sh_basis<float>(0.0F - load(packet.nx), 0.0F - load(packet.ny), 0.0F - load(packet.nz));
-  }
-  Floats operator()(const SplatShape& g, int channel) const {
-    if (g.lobes == 0) return all(g.colour[channel]);
-    Floats sum = all(g.colour[channel]);
-    for (int k = 0; k < g.lobes; ++k)
-      sum = sum + basis_[static_cast<std::size_t>(k + 1)] * g.sh[3 * k + channel];
-    sum = select(sum > all(0.0F), sum, all(0.0F));
-    return select(sum < source::kLargestSplatColour, sum, all(source::kLargestSplatColour));
-  }
-
- private:
-  std::array<Floats, 16> basis_;
-};
-
-// Half registers, because doubles are twice as wide.
-constexpr int kHalf = kWidth / 2;
-using HalfFloats = float __attribute__((vector_size(4 * kHalf)));
-using DoubleRegister = double __attribute__((vector_size(8 * kHalf)));
-using LongRegister = std::int64_t __attribute__((vector_size(8 * kHalf)));
-
-/// Adds 0 <= value <= 8 in whole steps of 2^-36: a double of 2^52 and more has no fraction, so the
-/// sum's low bits are the rounded steps.
-void add_steps(const Floats& value, std::int64_t* sums) {
-  constexpr double kNoFraction = 4503599627370496.0;           // 2^52
-  const Floats steps = value * static_cast<float>(kSumSteps);  // exact
-  float at[kLanes];
-  std::memcpy(at, &steps, sizeof at);
-  for (int i = 0; i < kLanes; i += kHalf) {
-    HalfFloats half;
-    std::memcpy(&half, at + i, sizeof half);
-    const DoubleRegister rounded = __builtin_convertvector(half, DoubleRegister) + kNoFraction;
-    LongRegister sum;
-    std::memcpy(&sum, sums + i, sizeof sum);
-    sum += (LongRegister)rounded - std::bit_cast<std::int64_t>(kNoFraction);
-    std::memcpy(sums + i, &sum, sizeof sum);
-  }
-}
-
-void accumulate(std::span<const SplatResponse> responses, const TexelPacket& packet,
-                const ProfilePacket& profile, const SplatLimits& limits, DepthPacket& depths) {
-  if (responses.empty()) return;
-  const Rays ray(packet);
-  const SeenColours seen(*responses.front().shape, packet);
-  const Floats per_bin = load(depths.per_bin), anchor = load(depths.anchor),
-               focus = load(depths.focus), per_window = load(depths.per_window);
-  const Floats width = 1.0F / per_bin;
-  const float per_anchor = kReachOverAnchor / limits.reach;
-  const float unhidden = kUnhidden + kUnhiddenDiscs * limits.discness;
-  for (const SplatResponse& response : responses) {
-    const SplatShape& g = *response.shape;
-    const Floats at = load(response.at);
-    Floats weight =
-        load(response.alpha) * exp_of_minus_far(depth_until(profile, response, unhidden));
-    const Ints is_seen = weight >= kLeastSeen;
-    if (!any(is_seen)) continue;
-    weight = select(is_seen, weight, all(0.0F));
-    const Floats t = limits.reach - at * width;
-    const Floats before = largest((t - anchor) * per_anchor, 0.0F);
-    weight = weight * exp_of_minus(before * before * 0.5F);
-    if (limits.discness > 0) {
-      const Floats cosine = g.normal[0] * ray.nx + g.normal[1] * ray.ny + g.normal[2] * ray.nz;
-      const Floats disc = cosine * cosine * g.flatness;
-      const Floats z = (t - focus) * per_window;
-      weight = weight * (1.0F - limits.discness + limits.discness * disc) *
-               exp_of_minus_far(z * z * (0.5F * limits.discness));
-    }
-    add_steps(weight, depths.weight);
-    for (int c = 0; c < 3; ++c) add_steps(weight * seen(g, c), depths.colour[c]);
-    const Floats place = at * (1.0F / kProfileBins);
-    add_steps(weight * place, depths.depth);
-  }
-}
-
-/// One Gaussian on the rays of sixteen texels: alpha x response x cosine, and where.
-[[gnu::always_inline]] inline void add_one(const SplatShape& g, const Rays& ray,
-                                           const Floats& reach, float min_cosine, RayPacket& sums) {
-  const auto along_normal = [&](const float* a) {
-    return a[0] * ray.nx + a[1] * ray.ny + a[2] * ray.nz;
-  };
-  Floats cosine = along_normal(g.normal);
-  cosine = select(all(g.two_sided) > all(0), absolute(cosine), cosine);
-  const Floats dx = (g.mean[0] - ray.px) * ray.per_texel, dy = (g.mean[1] - ray.py) * ray.per_texel,
-               dz = (g.mean[2] - ray.pz) * ray.per_texel;
-  const Floats mx = dy * ray.nz - dz * ray.ny, my = dz * ray.nx - dx * ray.nz,
-               mz = dx * ray.ny - dy * ray.nx;
-  const auto along_m = [&](const float* a) { return a[0] * mx + a[1] * my + a[2] * mz; };
-  const Floats u0 = along_normal(g.axis[0]), u1 = along_normal(g.axis[1]),
-               u2 = along_normal(g.axis[2]);
-  const Floats v0 = along_m(g.axis[0]), v1 = along_m(g.axis[1]), v2 = along_m(g.axis[2]);
-  const Floats scale = ray.per_texel * ray.per_texel;
-  const Floats s0 = g.variance[0] * scale, s1 = g.variance[1] * scale, s2 = g.variance[2] * scale;
-  const Floats per_det = 1.0F / (u0 * u0 * (s1 * s2) + u1 * u1 * (s0 * s2) + u2 * u2 * (s0 * s1));
-  const Floats sv0 = s0 * v0, sv1 = s1 * v1, sv2 = s2 * v2;
-  const Floats q = (sv0 * v0 + sv1 * v1 + sv2 * v2) * per_det;
-  const Floats bend =
-      u0 * u1 * (s0 - s1) * sv2 + u1 * u2 * (s1 - s2) * sv0 + u2 * u0 * (s2 - s0) * sv1;
-  const Floats depth = absolute(dx * ray.nx + dy * ray.ny + dz * ray.nz - bend * per_det);
-  // No number compares as true, so a Gaussian without extent adds nothing.
-  const Ints ok =
-      (q <= source::kSplatCutOff * source::kSplatCutOff) & (cosine >= min_cosine) & (depth < reach);
-  if (!any(ok)) return;
-  const Floats plain =
-      select(ok, cosine, all(0.0F)) * exp_of_minus(select(ok, q, all(0.0F)) * 0.5F);
-  const Floats weight = plain * g.alpha;
-  add_steps(plain, sums.plain);
-  add_steps(weight, sums.weight);
-  for (int c = 0; c < 3; ++c) add_steps(weight * g.colour[c], sums.colour[c]);
-  add_steps(select(ok, weight * depth / reach, all(0.0F)), sums.away);
-}
-
-void add_met(const SplatCandidates& candidates, const RayBundle& bundle, float height,
-             const TexelPacket& packet, const RayLimits& limits, RayPacket& sums) {
-  const Rays rays(packet);
-  const Floats reach = load(sums.reach) * rays.per_texel;
-  for (std::size_t i = 0; i < candidates.size(); i += kLanes) {
-    unsigned left = meet(candidates.x(i), candidates.y(i), candidates.z(i), candidates.radius(i),
-                         bundle, height);
-    if (candidates.size() - i < kLanes) left &= (1U << (candidates.size() - i)) - 1;
-    for (; left != 0; left &= left - 1) {
-      add_one(candidates.shape(i + static_cast<std::size_t>(std::countr_zero(left))), rays, reach,
-              limits.min_cosine, sums);
-    }
-  }
-}
+#include "projection/splat_sums.inl"
 
 }  // namespace
 
