@@ -11,10 +11,6 @@
 
 namespace pounce::texture {
 
-/// Half as large, rounded down, at least 1 each way: the level after one of this size.
-constexpr ImageSize next_level(ImageSize size) {
-  return {size.width > 1 ? size.width / 2 : 1, size.height > 1 ? size.height / 2 : 1};
-}
 /// Levels of an image, itself included, down to 1 x 1.
 std::uint32_t level_count(ImageSize size);
 

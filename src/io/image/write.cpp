@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/level_size.h"
 #include "core/page_pool.h"
 #include "io/files/file_ending.h"
 #include "io/files/job_mark.h"
@@ -114,19 +115,17 @@ std::uint32_t across_tiles(const ImageWriteSpec& spec) {
 std::uint64_t tiled_texels(const ImageWriteSpec& spec) {
   const std::uint64_t edge = spec.layout.tile_size;
   std::uint64_t tiles = 0;
-  for (std::uint64_t width = spec.width, height = spec.height;;) {
-    tiles += ((width + edge - 1) / edge) * ((height + edge - 1) / edge);
-    if (!spec.layout.mipmap || (width == 1 && height == 1)) return tiles * edge * edge;
-    width = std::max<std::uint64_t>(width / 2, 1);
-    height = std::max<std::uint64_t>(height / 2, 1);
+  for (ImageSize size{spec.width, spec.height};; size = next_level_size(size)) {
+    tiles += ((size.width + edge - 1) / edge) * ((size.height + edge - 1) / edge);
+    if (!spec.layout.mipmap || size == ImageSize{1, 1}) return tiles * edge * edge;
   }
 }
 
 // A classic TIFF ends at 4 GiB. OpenImageIO looks at a level without the others when it decides.
 constexpr std::uint64_t kMostClassicBytes = 4000ULL << 20;
 
-/// The attributes are those of maketx, less what is only known at the end (mean colour, hash of
-/// the samples): files want it at their beginning. Readers take the last level for the mean.
+/// The attributes are those of maketx, less what OpenImageIO believes of no other program (mean and
+/// constant colour, hash of the samples). Readers take the last level for the mean.
 void add_tiles(const ImageWriteSpec& spec, OIIO::ImageSpec& out) {
   out.tile_width = out.tile_height = static_cast<int>(spec.layout.tile_size);
   out.tile_depth = 1;
@@ -406,8 +405,9 @@ void ImageWriter::next_level() {
   Impl& self = *impl_;
   if (self.next_row != self.spec.height)
     throw Error(ErrorKind::internal, "a level begins before the one above it is written");
-  self.spec.width = std::max(self.spec.width / 2, 1U);
-  self.spec.height = std::max(self.spec.height / 2, 1U);
+  const ImageSize size = next_level_size({self.spec.width, self.spec.height});
+  self.spec.width = size.width;
+  self.spec.height = size.height;
   self.next_row = 0;
   self.open_level();
 }

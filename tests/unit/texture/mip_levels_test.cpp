@@ -7,6 +7,7 @@
 #include <map>
 
 #include "core/half.h"
+#include "core/level_size.h"
 
 using namespace pounce;
 using texture::MipLevels;
@@ -20,7 +21,7 @@ std::map<std::uint32_t, std::vector<std::byte>> levels_of(ImageSize size, std::u
                                                           std::uint32_t together) {
   std::map<std::uint32_t, std::vector<std::byte>> levels;
   std::vector<std::size_t> row_bytes;
-  for (ImageSize level = size;; level = texture::next_level(level)) {
+  for (ImageSize level = size;; level = next_level_size(level)) {
     row_bytes.push_back(level.width * channels * sample_bytes);
     if (level.width == 1 && level.height == 1) break;
   }
@@ -49,7 +50,7 @@ TEST_CASE("levels halve down to one texel", "[mip]") {
   CHECK(texture::level_count({2, 1}) == 2);
   CHECK(texture::level_count({70, 37}) == 7);
   CHECK(texture::level_count({65536, 3}) == 17);
-  CHECK(texture::next_level({5, 1}) == ImageSize{2, 1});
+  CHECK(next_level_size({5, 1}) == ImageSize{2, 1});
 }
 
 TEST_CASE("a texel of even sides is the mean of four, rounded once per level", "[mip]") {
