@@ -309,24 +309,26 @@ std::string mesh_text(const Json& mesh) {
 }
 
 Json describe(const io::ImageInfo& info) {
-  return {{"width", info.width},
-          {"height", info.height},
-          {"channels", info.channels},
-          {"depth", depth_name(info.depth)},
-          {"linear", info.space().linear},
-          {"colour_space", colour_space_name(info.space())},
-          {"alpha", info.has_alpha},
-          {"format", info.format},
-          {"decoder_bytes", info.decoder_bytes}};
+  return {{"width", info.width},           {"height", info.height},
+          {"channels", info.channels},     {"depth", depth_name(info.depth)},
+          {"linear", info.space().linear}, {"colour_space", colour_space_name(info.space())},
+          {"alpha", info.has_alpha},       {"format", info.format},
+          {"tile_width", info.tile_width}, {"tile_height", info.tile_height},
+          {"levels", info.levels},         {"decoder_bytes", info.decoder_bytes}};
 }
 
 std::string image_text(const Json& image) {
-  return fmt::format("{} x {}, {} channel{}{}, {}, {}, {}", image["width"].get<std::uint32_t>(),
+  const auto tile_width = image["tile_width"].get<std::uint32_t>();
+  const auto levels = image["levels"].get<std::uint32_t>();
+  const std::string tiles =
+      fmt::format(", tiles {} x {}", tile_width, image["tile_height"].get<std::uint32_t>());
+  return fmt::format("{} x {}, {} channel{}{}, {}, {}, {}{}{}", image["width"].get<std::uint32_t>(),
                      image["height"].get<std::uint32_t>(), image["channels"].get<std::uint32_t>(),
                      image["channels"].get<std::uint32_t>() == 1 ? "" : "s",
                      image["alpha"].get<bool>() ? " with alpha" : "",
                      image["depth"].get<std::string>(), image["colour_space"].get<std::string>(),
-                     image["format"].get<std::string>());
+                     image["format"].get<std::string>(), tile_width > 0 ? tiles : "",
+                     levels > 1 ? fmt::format(", {} levels", levels) : "");
 }
 
 }  // namespace pounce::commands

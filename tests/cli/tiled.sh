@@ -24,6 +24,23 @@ run -o 't.<UDIM>.png' --no-cache
 same_picture t.1002.tx t.1002.png || fail 'the first level is not the picture'
 expect 0 inspect t.1001.tx
 out_has 'made by pounce, job '
+out_has '200 x 200, 3 channels, u8, srgb, tiff, tiles 64 x 64, 8 levels'
+expect 0 inspect t.1001.tx --json
+for text in '"tile_width": 64' '"tile_height": 64' '"levels": 8'; do out_has "$text"; done
+expect 0 inspect t.1001.png --json
+for text in '"tile_width": 0' '"tile_height": 0' '"levels": 1'; do out_has "$text"; done
+# The images of a model, too.
+quad named t.1001.tx
+expect 0 inspect named.obj
+out_has 'tiff, tiles 64 x 64, 8 levels'
+run -o x.exr --mipmap --tile-size 32 --size 331x200 --no-cache
+expect 0 inspect x.exr
+out_has 'openexr, tiles 32 x 32, 9 levels'
+run -o x.tif --tile-size 128 --no-cache
+expect 0 inspect x.tif
+out_has 'tiff, tiles 128 x 128'
+! grep -q levels "$out" || fail 'a level is counted that is not there'
+rm x.*
 # The same bytes at any budget and number of threads; with the compression of EXR, too.
 for layout in '-o x.tx' '-o x.exr --mipmap --tile-size 32 --exr-compression piz' '-o x.tif --tile-size 128'; do
   run $layout --size 700x333 --no-cache --threads 1

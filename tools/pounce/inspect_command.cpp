@@ -25,7 +25,7 @@ constexpr const char* kUsage =
     "  # scene (box 98 %: nearly all of it, floaters aside) lies where a mesh does.\n"
     "  pounce inspect room.ply chair.glb\n"
     "\n"
-    "  # Size, sample type and colour space of an image, for a program.\n"
+    "  # Size, sample type, colour space, tiles and levels (mipmaps) of an image, for a program.\n"
     "  pounce inspect skin.png --json\n"
     "\n"
     "  # Are these packs of the tile cache sound?\n"

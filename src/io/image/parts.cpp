@@ -23,6 +23,13 @@ std::vector<Part> parts_of(OIIO::ImageInput& input) {
   return parts;
 }
 
+std::uint32_t levels_of(OIIO::ImageInput& input, int part) {
+  int levels = 1;
+  while (input.seek_subimage(part, levels)) ++levels;
+  input.seek_subimage(part, 0);
+  return static_cast<std::uint32_t>(levels);
+}
+
 std::vector<std::string> names_of(std::span<const Part> parts) {
   std::vector<std::string> names;
   for (const Part& part : parts) {

@@ -22,6 +22,7 @@
 #include "io/image/png_check.h"
 #include "io/image/sample.h"
 #include "io/image/straight_alpha.h"
+#include "io/image/tiff_levels.h"
 #include "pounce/error.h"
 #include "store/blocks/colour_store.h"
 
@@ -197,6 +198,7 @@ ImageReader::Impl::Impl(const mesh::ImageRef& image) : bytes(image), wanted(imag
   }
   if (!wanted.empty() && info.format != "openexr")
     refuse(bytes.label(), "channels are named of EXR files alone, and this is none");
+  if (info.format == "tiff") info.levels = tiff_levels(bytes);  // before they are hidden
   info.colours = read_colour_tags(hide_metadata(bytes, info.format));
   JpegHeader jpeg;
   if (info.format == "jpeg") jpeg = read_jpeg_header(bytes);
@@ -282,8 +284,11 @@ void ImageReader::Impl::take_spec() {
   asked_type = all_alike ? OIIO::TypeDesc(OIIO::TypeDesc::UNKNOWN) : sample_type;
   rows_together = block_rows(spec, info.format);
   tiled = spec.tile_width > 0;
+  info.tile_width = static_cast<std::uint32_t>(spec.tile_width);
+  info.tile_height = static_cast<std::uint32_t>(spec.tile_height);
   info.decoder_bytes = decoder_cost(spec, info.format, bytes);
   if (!picked.empty()) info.decoder_bytes += kMostRowsAtOnce * decoded_row_bytes();
+  if (tiled && info.format == "openexr") info.levels = levels_of(*input, part);
 }
 
 void ImageReader::Impl::take_channels(const ChosenChannels& chosen) {

@@ -28,6 +28,8 @@ struct ImageInfo {
   std::vector<std::string> names;     ///< of the channels: "R", "G", "B", "disp"
   std::vector<std::string> left_out;  ///< the names of the file's other channels
   ColourTags colours;                 ///< what the file says of its colour space
+  std::uint32_t tile_width = 0, tile_height = 0;  ///< what the file keeps together; 0: rows
+  std::uint32_t levels = 1;                       ///< itself and its smaller ones in the file
   /// Memory that the decoder itself needs beyond the rows handed out: small where the file decodes
   /// by rows, the whole image where it only decodes whole (interlaced PNG, progressive JPEG, WebP).
   std::uint64_t decoder_bytes = 0;
