@@ -51,7 +51,7 @@ std::uint64_t block_state_bytes(std::uint32_t texels, std::uint32_t triangles,
   return shape +
          packets * (sizeof(target::TexelPacket) + sizeof(projection::HitPacket) +
                     sizeof(RayBundle) + 16) +
-         2 * kTexelsPerBlock + std::uint64_t{triangles} * 268 +
+         2 * kTexelsPerBlock + triangles * (268 + sizeof(target::TexelAxes)) +
          target::TargetBlock::record_bytes(triangles == 0 ? texels : 0) +
          kTexelsPerBlock * result_texel_bytes + texture::kMaskBytes + 4 * kPageBytes;
 }
