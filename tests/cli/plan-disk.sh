@@ -24,14 +24,16 @@ holds() {
   real=0 most=$(number plan.json '"disk_most":[^}]*"cache":([0-9]+)')
   [[ ! -e $XDG_CACHE_HOME ]] || real=$(find "$XDG_CACHE_HOME" -name '*.pack' -printf '%s\n' | awk '{ s += $1 } END { print s + 0 }')
   ((real <= most && most < tight * real + 8000000)) || fail "$name: cache $real, at most $most"
+  cache_real=$real cache_most=$most
   [[ $(number run.json '"disk_most":(\{[^}]*\})') == "$(number plan.json '"disk_most":(\{[^}]*\})')" ]] ||
     fail "$name: run and plan disagree"
 }
 holds png source.obj target.obj -o o.png
 holds no-cache source.obj target.obj -o o.png --no-cache
 holds coarse source.obj target.obj -o o.png --size 100
-{ printf 'P6\n16384 16\n255\n' && cat noise.raw; } >thin.ppm # levels of one row of tiles: half the image, a quarter ...
+{ printf 'P6\n4096 64\n255\n' && cat noise.raw; } >thin.ppm # levels of one row of tiles: half the image, a quarter ...
 holds thin source.obj target.obj -o o.png --size 64x4 --source-texture baseColor=thin.ppm
+((cache_most < 2 * cache_real)) || fail "thin: half of $cache_most would do for $cache_real"
 holds depth source.obj target.obj -o o.exr --depth float --coverage mask.exr
 holds tif source.obj target.obj -o o.tif --depth u16 --size 700x300
 holds tx source.obj target.obj -o o.tx
