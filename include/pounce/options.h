@@ -162,8 +162,8 @@ enum class Method : std::uint8_t {
 const char* method_name(Method method) noexcept;
 std::optional<Method> method_from_name(const std::string& name) noexcept;
 
-/// How Method::surface blends the texels around a hit. None of them gives what is not between the
-/// four nearest texels, and a hit in a texel's middle gives that texel.
+/// How Method::surface blends the texels around a hit: to what is between the four nearest ones, on
+/// a texel's middle to that texel; of the cubics where the target is finer, to a little beyond.
 enum class Filter : std::uint8_t {
   tent,   ///< "tent": bilinear, as a renderer looks textures up; softens a little
   cubic,  ///< "cubic": Catmull-Rom, over 4x4 texels; even gradients stay even

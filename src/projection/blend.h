@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "pounce/options.h"
+#include "projection/footprint.h"
 #include "store/blocks/colour_store.h"
 
 namespace pounce::projection {
@@ -93,6 +94,10 @@ struct Taps {
   std::int32_t total = 0;
   /// If so, of four columns and of four rows, the first before the hit's texel: 2^20 each.
   std::array<std::int32_t, 4> across{}, down{};
+  /// Where the target is finer: what the sum takes of the moves of the two columns and rows in the
+  /// middle (projection/kept_sum.h), the first one's first.
+  bool sharpened = false;
+  std::array<std::int32_t, 2> move_across{}, move_down{};
 };
 
 /// A blend kernel: weights for a hit at `u`, `v` (0..1) beyond its texel. It may reach from texel -
@@ -110,6 +115,10 @@ void sharp(double u, double v, Taps& taps) noexcept;
 
 BlendKernel kernel_of(Filter filter) noexcept;
 
+/// Changes a wide kernel's weights for a hit at `u`, `v` to what a finer target asks for; others
+/// stay as they are.
+void sharpen(Sharpening by, double u, double v, Taps& taps) noexcept;
+
 /// One texel's blended channels: 0..1 for integer images, as stored for float ones.
 using Blended = std::array<double, 4>;
 
@@ -124,8 +133,9 @@ enum class BlendAlpha : std::uint8_t {
 /// the same in any order: integer samples are counted as they are, float samples times their
 /// weights in 2^-64 of the largest one's exponent. A wide kernel goes along rows first and then
 /// down: each row's sum is kept between the row's two texels beside the hit, the column's between
-/// the two rows beside it (docs/decisions/028); floats are summed in that order, in double
-/// precision. A hit that has one texel alone gives its samples exactly. noexcept, thread-safe.
+/// the two rows beside it (docs/decisions/028, of finer targets 037); floats are summed in that
+/// order, in double precision. A hit that has one texel alone gives its samples exactly. noexcept,
+/// thread-safe.
 Blended blend(const store::ColourDirectory& image, const std::byte* tile, int column, int row,
               const Taps& taps, BlendAlpha alpha) noexcept;
 /// The same for 8-bit images, rounded to 8 bits at `out` (image.channels of them).

@@ -19,6 +19,8 @@ namespace pounce::projection {
 namespace {
 
 constexpr double kExact = 65.0 / 64;         // sides up to here are one texel: rounding is below it
+constexpr double kFine = 63.0 / 64;          // and from here on
+constexpr double kSharpest = 43690;          // 1/24, in steps of 2^-20
 constexpr double kNarrow = 1.5, kLong = 16;  // texels of a level across a footprint, along it
 constexpr double kSpacing = 1.5;             // between lookups, in texels of their level
 constexpr double kBlendFrom = 1.9;           // of 1 to 2: then the next level comes in
@@ -67,8 +69,18 @@ Footprint footprint_of(const TexelGradients& gradients, float edge) noexcept {
   return {{size * edge, across * edge}, {0, beside * edge}};
 }
 
+Sharpening sharpening_of(const Footprint& footprint) noexcept {
+  // A box of side s has the mean f + s^2 f'' / 24; squares of a parallelogram's sides add up.
+  const auto along = [](double a, double b) {
+    const double finer = kFine * kFine - (a * a + b * b);
+    return finer > 0 ? static_cast<std::int32_t>(kSharpest * finer / (kFine * kFine) + 0.5) : 0;
+  };
+  return {along(footprint.a.x, footprint.b.x), along(footprint.a.y, footprint.b.y)};
+}
+
 FootprintLookups lookups_of(const Footprint& footprint, std::uint32_t last_level) noexcept {
   FootprintLookups out;
+  out.sharpening = sharpening_of(footprint);
   const double aa = squared(footprint.a), bb = squared(footprint.b);
   constexpr double kMost = 1e12;  // beyond, and where it is no number, nothing is known
   if (!(aa < kMost && bb < kMost) || std::max(aa, bb) <= kExact * kExact) return out;

@@ -34,13 +34,24 @@ struct Lookups {
   double share = 1;              ///< of the result
 };
 
+/// What a target texel that is smaller than a texel of the source takes back of the source's own
+/// averaging, along the rows of its image and down its columns: shares of a texel's second
+/// difference in steps of 2^-20, 0 to 1/24.
+struct Sharpening {
+  std::int32_t across = 0, down = 0;
+};
+
 /// The lookups for a footprint: one set, or two where it goes over to the next level. An image has
 /// levels 0 to `last_level`.
 struct FootprintLookups {
   std::array<Lookups, 2> sets;
   int count = 1;
+  Sharpening sharpening;  ///< of lookups in the image itself
   bool single() const { return count == 1 && sets[0].count_a == 1 && sets[0].count_b == 1; }
 };
+
+/// None where the footprint is a texel wide, rounding or not, or wider.
+Sharpening sharpening_of(const Footprint& footprint) noexcept;
 
 /// A footprint of at most one texel each way is one lookup in the image itself. noexcept,
 /// thread-safe, the same bits everywhere.

@@ -269,11 +269,11 @@ void add_method_options(CLI::App& command, TransferOptions& options) {
       [&options](const std::string& text) { options.method = parse_method("--method", text); });
   add_value(
       command, "--filter", "NAME", group,
-      "Of surface: how the texels around a hit are blended, never beyond what\n"
-      "the four nearest show. cubic: Catmull-Rom, sharper than bilinear, and\n"
-      "even gradients stay even. sharp: steeper, for drawings and hard edges;\n"
-      "gradients ripple a little. tent: bilinear, what renderers and bakers\n"
-      "look up. Default: cubic",
+      "Of surface: how the texels around a hit are blended, to no more than the\n"
+      "four nearest show. cubic: Catmull-Rom, sharper than bilinear, and even\n"
+      "gradients stay even. sharp: steeper, for drawings and hard edges;\n"
+      "gradients ripple a little. On finer targets both give back what texels\n"
+      "lose as means. tent: bilinear, what renderers look up. Default: cubic",
       [&options](const std::string& text) { options.filter = parse_filter("--filter", text); });
   add_value(command, "--sigma", "S", group,
             "Of gaussian: a texel's standard deviation in texels, 0.1 to 4. Wider\n"

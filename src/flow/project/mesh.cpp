@@ -235,6 +235,7 @@ class SurfaceMethod {
       const ColourPlace at = window.find(image);
       projection::Taps taps;
       request_.blend(at.rest_x, at.rest_y, taps);
+      projection::sharpen(lookups.sharpening, at.rest_x, at.rest_y, taps);
       projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
     } else {
       clipped += texture::store_texel(
@@ -252,6 +253,7 @@ class SurfaceMethod {
     const ColourPlace at = window.find(image);
     projection::Taps taps;
     request_.blend(at.rest_x, at.rest_y, taps);
+    projection::sharpen(lookups.sharpening, at.rest_x, at.rest_y, taps);
     return blended(page, at, taps, format, tint);
   }
 

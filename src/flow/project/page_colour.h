@@ -204,6 +204,7 @@ class ColourWindow {
                        image.middle.y + (i * set.step_a.y + j * set.step_b.y));
           projection::Taps taps;
           kernel(at.rest_x, at.rest_y, taps);
+          if (set.level == 0) projection::sharpen(lookups.sharpening, at.rest_x, at.rest_y, taps);
           const projection::Blended samples = samples_at(at, taps, as_stored);
           for (std::size_t c = 0; c < mean.size(); ++c) mean[c] += share * samples[c];
         }

@@ -3,6 +3,7 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <utility>
 
 using namespace pounce;
 using namespace pounce::projection;
@@ -90,4 +91,30 @@ TEST_CASE("a footprint is the target's axes in texels of the source") {
   const Footprint square = footprint_of({{2, 0, 0}, {1, 3, 0}}, 0.5F);
   CHECK(std::abs(square.a.x * square.b.y - square.a.y * square.b.x - 1.5) < 1e-6);
   CHECK(size(footprint_of({{0, 0, 0}, {0, 3, 0}}, 0.5F).a) == 1.5);
+}
+
+TEST_CASE("a target finer than its source is sharpened by how much finer it is, along each axis") {
+  const auto of = [](Vec2d a, Vec2d b) {
+    const Sharpening out = lookups_of({a, b}, 9).sharpening;
+    return std::pair{out.across, out.down};
+  };
+  // 1/24 less s^2 of it; sides of 63/64 count as whole: 43690 (1 - (32/63)^2).
+  CHECK(of({0.5, 0}, {0, 0.5}) == std::pair{32418, 32418});
+  CHECK(of({0.5, 0}, {0, 1}) == std::pair{32418, 0});
+  CHECK(of({0, 0.5}, {-0.25, 0}) == std::pair{40872, 32418});
+  // A texel that is turned is as wide: half of 0.5^2 from either side.
+  CHECK(of({0.3, 0.4}, {-0.4, 0.3}) == std::pair{32418, 32418});
+  // Along the other side it may be coarse: then lookups are spread there.
+  CHECK(of({0.5, 0}, {0, 4}) == std::pair{32418, 0});
+  CHECK(of({0, 0}, {0, 0}) == std::pair{43690, 43690});
+  for (const double edge : {0.9844, 0.9999, 1.0, 1.0001, 3.0, 1e300, std::nan("")})
+    CHECK(of({edge, 0}, {0, -edge}) == std::pair{0, 0});
+  std::int32_t before = 43690;
+  for (double edge = 0; edge < 1.1; edge += 0.001) {
+    const auto [across, down] = of({edge, 0}, {0, edge});
+    CHECK(across <= before);
+    CHECK(before - across < 100);
+    before = across;
+  }
+  CHECK(before == 0);
 }
