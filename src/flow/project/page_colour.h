@@ -128,8 +128,8 @@ inline texture::TexelValue blended(const PageColour& page, const ColourPlace& at
 struct PageImage {
   const ColourCache* column = nullptr;          ///< null: a UDIM tile without image
   const texture::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
-  projection::Coordinate x, y;                  ///< in the image, as it wraps
-  Vec2d middle;                                 ///< the same, not wrapped
+  projection::Coordinate x{}, y{};              ///< in the image, as it wraps
+  Vec2d middle{};                               ///< the same, not wrapped
   Vec2d scale{1, 1};                            ///< texels of the image per texel of the page
 
   const store::ColourDirectory& directory() const { return column->store().directory(); }
