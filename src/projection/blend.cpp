@@ -165,9 +165,8 @@ void steepen(std::int32_t by, double place, std::array<std::int32_t, 4>& weights
 
 }  // namespace
 
-void sharpen(Sharpening by, double u, double v, Taps& taps) noexcept {
-  taps.sharpened = taps.wide && (by.across != 0 || by.down != 0);
-  if (!taps.sharpened) return;
+void sharpen_wide(Sharpening by, double u, double v, Taps& taps) noexcept {
+  taps.sharpened = true;
   const auto shared = [](std::int32_t all, double place) -> std::array<std::int32_t, 2> {
     const auto second = static_cast<std::int32_t>(all * place + 0.5);
     return {all - second, second};
@@ -180,9 +179,10 @@ void sharpen(Sharpening by, double u, double v, Taps& taps) noexcept {
 
 namespace {
 
-/// wide_sum() where the target is finer.
+/// wide_sum() where the target is finer; apart, so that it costs nothing where none is.
 template <typename RowSum, typename Sum, typename Sample>
-Sum sharpened_wide_sum(const Taps& taps, RowSum one, const Sample& sample) noexcept {
+[[gnu::noinline]] Sum sharpened_wide_sum(const Taps& taps, RowSum one,
+                                         const Sample& sample) noexcept {
   std::array<Sum, 4> rows{};
   for (int y = -1; y < 3; ++y) {
     const std::array<RowSum, 4> values = {sample(-1, y), sample(0, y), sample(1, y), sample(2, y)};

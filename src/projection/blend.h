@@ -115,9 +115,12 @@ void sharp(double u, double v, Taps& taps) noexcept;
 
 BlendKernel kernel_of(Filter filter) noexcept;
 
-/// Changes a wide kernel's weights for a hit at `u`, `v` to what a finer target asks for; others
-/// stay as they are.
-void sharpen(Sharpening by, double u, double v, Taps& taps) noexcept;
+/// Changes a wide kernel's weights for a hit at `u`, `v` to what a finer target asks for.
+void sharpen_wide(Sharpening by, double u, double v, Taps& taps) noexcept;
+/// The same of any kernel's: the tent's stay as they are.
+inline void sharpen(Sharpening by, double u, double v, Taps& taps) noexcept {
+  if (taps.wide && by.any()) sharpen_wide(by, u, v, taps);
+}
 
 /// One texel's blended channels: 0..1 for integer images, as stored for float ones.
 using Blended = std::array<double, 4>;

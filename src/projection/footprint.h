@@ -39,6 +39,7 @@ struct Lookups {
 /// difference in steps of 2^-20, 0 to 1/24.
 struct Sharpening {
   std::int32_t across = 0, down = 0;
+  bool any() const { return (across | down) != 0; }
 };
 
 /// The lookups for a footprint: one set, or two where it goes over to the next level. An image has

@@ -46,10 +46,12 @@ Sum kept_sum(const std::array<std::int32_t, 4>& weights,
 /// that is taken at most. No more than twelve times the lesser step; and no more than takes the
 /// value to 0 or to `one`, so that what is in 0..1 stays there and no sign changes, without a jump.
 template <typename Sum>
-Sum bend(Sum value, Sum to, Sum from, Sum one) noexcept {
-  Sum room = std::min(std::abs(value), std::abs(one - value));
-  if constexpr (std::is_floating_point_v<Sum>)
-    room = std::min(room, one * std::numeric_limits<float>::max() - std::abs(value));
+[[gnu::always_inline]] inline Sum bend(Sum value, Sum to, Sum from, Sum one) noexcept {
+  Sum room = std::min(value, one - value);  // of integers, which are in 0..one
+  if constexpr (std::is_floating_point_v<Sum>) {
+    room = std::min({std::abs(value), std::abs(one - value),
+                     one * std::numeric_limits<float>::max() - std::abs(value)});
+  }
   const Sum most = std::min(12 * std::min(std::abs(to), std::abs(from)), 24 * room);
   return std::clamp<Sum>(to - from, -most, most);
 }
@@ -58,9 +60,10 @@ Sum bend(Sum value, Sum to, Sum from, Sum one) noexcept {
 /// in steps of 2^-20, together 1/24 at most. `one` is what 1 is among the values, or the largest
 /// sample of integers.
 template <typename Sum>
-Sum sharpened_sum(const std::array<std::int32_t, 4>& weights,
-                  const std::array<std::int32_t, 2>& moves, const std::array<Sum, 4>& values,
-                  Sum one) noexcept {
+[[gnu::always_inline]] inline Sum sharpened_sum(const std::array<std::int32_t, 4>& weights,
+                                                const std::array<std::int32_t, 2>& moves,
+                                                const std::array<Sum, 4>& values,
+                                                Sum one) noexcept {
   const Sum between = values[2] - values[1];
   const Sum left = bend<Sum>(values[1], values[1] - values[0], between, one);
   const Sum right = bend<Sum>(values[2], between, values[3] - values[2], one);
