@@ -103,7 +103,7 @@ struct SourceTexture {
 };
 
 /// What the images of the source's colours hold, whatever their files say: "srgb", "lin_rec709",
-/// "acescg", "aces2065-1", "display-p3".
+/// "acescg", "aces2065-1", "display-p3", or a space of TransferOptions::colour_config.
 struct SourceColourSpace {
   std::optional<Channel> channel;  ///< nothing: every one of colours that is not named itself
   std::string space;
@@ -226,6 +226,10 @@ struct TransferOptions {
   /// Of colours, one of the same names. Default: the source's, but sRGB where a format of integers
   /// is to hold linear light, and in models.
   std::string output_colour_space;
+  /// An OpenColorIO configuration whose spaces both may name, too; empty: none. It may read further
+  /// files, wherever they are. Its results may differ in the last bits from one kind of processor
+  /// to another.
+  std::string colour_config;
   /// Names for other_channel(0), other_channel(1), ..., which `channels` and `source_textures` may
   /// hold then; each needs a source texture. Models have no place for them.
   std::vector<OtherMap> other_maps;
@@ -337,6 +341,7 @@ struct GaussiansOptions {
   std::string axes;
   std::vector<SourceTexture> source_textures;  ///< instead of what the mesh says; baseColor alone
   std::vector<SourceColourSpace> source_colour_spaces;  ///< of a mesh, as in TransferOptions
+  std::string colour_config;                            ///< the same
   /// Of a mesh: standard deviation of a texel's Gaussian in texels: 0.1..4; default kDefaultSigma.
   /// Narrower ones blend sharper and, below 0.4, leave gaps in viewers.
   std::optional<double> sigma_texels;

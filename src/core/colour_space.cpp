@@ -18,14 +18,15 @@ constexpr Chromaticities kP3{0.680F, 0.320F, 0.265F, 0.690F, 0.150F, 0.060F, 0.3
 
 struct Named {
   const char* name;
-  ColourSpace space;
+  Chromaticities primaries;
+  bool linear;
 };
-constexpr std::array<Named, 6> kNamed{{{"srgb", {kRec709, false}},
-                                       {"lin_rec709", {kRec709, true}},
-                                       {"acescg", {kAp1, true}},
-                                       {"aces2065-1", {kAp0, true}},
-                                       {"display-p3", {kP3, false}},
-                                       {"linear", {kRec709, true}}}};
+constexpr std::array<Named, 6> kNamed{{{"srgb", kRec709, false},
+                                       {"lin_rec709", kRec709, true},
+                                       {"acescg", kAp1, true},
+                                       {"aces2065-1", kAp0, true},
+                                       {"display-p3", kP3, false},
+                                       {"linear", kRec709, true}}};
 
 /// ICC.1:2010, 7.2.16.
 constexpr Vec3d kD50{0.9642, 1.0, 0.8249};
@@ -118,7 +119,7 @@ bool same_primaries(const Chromaticities& a, const Chromaticities& b) noexcept {
 
 std::optional<ColourSpace> colour_space_from_name(const std::string& name) {
   for (const Named& named : kNamed) {
-    if (lower(name) == named.name) return named.space;
+    if (lower(name) == named.name) return ColourSpace{named.primaries, named.linear};
   }
   return std::nullopt;
 }
@@ -130,9 +131,9 @@ std::string colour_space_names() {
 }
 
 std::string colour_space_name(const ColourSpace& space) {
+  if (!space.config_name.empty()) return space.config_name;
   for (const Named& named : kNamed) {
-    if (named.space.linear == space.linear &&
-        same_primaries(named.space.primaries, space.primaries))
+    if (named.linear == space.linear && same_primaries(named.primaries, space.primaries))
       return named.name;
   }
   const Chromaticities& c = space.primaries;

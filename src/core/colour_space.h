@@ -15,10 +15,11 @@ using Chromaticities = std::array<float, 8>;
 inline constexpr Chromaticities kRec709{0.64F, 0.33F, 0.30F, 0.60F, 0.15F, 0.06F, 0.3127F, 0.3290F};
 
 /// How an image's numbers mean a colour: linear light of these primaries, or that in sRGB's coding
-/// (IEC 61966-2-1), which Display P3 has as well.
+/// (IEC 61966-2-1), which Display P3 has as well; or what a colour configuration says.
 struct ColourSpace {
   Chromaticities primaries = kRec709;
   bool linear = false;
+  std::string config_name = {};  ///< of a space in a configuration: the rest says nothing then
 };
 
 /// Do two files mean the same primaries? Files round the last digits.

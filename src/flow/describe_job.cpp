@@ -139,6 +139,7 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add_maps(o);
   list.add(o, o.source_colour_spaces);
   list.add("output-colorspace", o.output_colour_space);
+  list.add("ocio", o.colour_config);
   list.add("factors", o.apply_factors ? std::string() : std::string("ignore"));
   list.add("source", o.source_use);
   list.add("target", o.target_use);
@@ -177,6 +178,7 @@ void describe(const GaussiansOptions& o, Report& report) {
     textures.push_back(fmt::format("{}={}", channel_name(texture.channel), texture.path));
   list.add("source-texture", textures);
   list.add({}, o.source_colour_spaces);
+  list.add("ocio", o.colour_config);
   list.add("sigma", o.sigma_texels ? fmt::format("{}", *o.sigma_texels) : std::string());
   list.add("sharpen", o.sharpen > 0 ? fmt::format("{}", o.sharpen) : std::string());
   list.add_filters(o);

@@ -46,6 +46,7 @@ TransferOptions as_transfer(const GaussiansOptions& o) {
   transfer.source = o.source;
   transfer.source_textures = o.source_textures;
   transfer.source_colour_spaces = o.source_colour_spaces;
+  transfer.colour_config = o.colour_config;
   transfer.source_use.axes = o.axes;
   transfer.channels = {Channel::base_color};
   transfer.output = "colours.exr";  // a format that holds any image: nothing is written there
@@ -78,6 +79,7 @@ void refuse_scene_options(const GaussiansOptions& o) {
 void refuse_mesh_options(const GaussiansOptions& o) {
   const char* const given = !o.source_textures.empty()        ? "--source-texture"
                             : !o.source_colour_spaces.empty() ? "--source-colorspace"
+                            : !o.colour_config.empty()        ? "--ocio"
                             : o.sigma_texels                  ? "--sigma"
                             : o.sharpen > 0                   ? "--sharpen"
                                                               : nullptr;

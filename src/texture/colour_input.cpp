@@ -15,8 +15,14 @@ void convert(const Matrix3& m, TexelValue& value) noexcept {
   value.linear = true;
 }
 
-void apply(const ColourInput& input, TexelValue& value) noexcept {
+void enter(const ColourInput& input, TexelValue& value) noexcept {
+  if (input.transform != nullptr) transform_colour(*input.transform, value);
   value.linear = input.linear;
+  value.is_final = input.is_final;
+}
+
+void apply(const ColourInput& input, TexelValue& value) noexcept {
+  enter(input, value);
   if (input.primaries) convert(*input.primaries, value);
 }
 

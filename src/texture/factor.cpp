@@ -6,13 +6,6 @@
 namespace pounce::texture {
 namespace {
 
-/// Grey as the red, green and blue of it, with what follows.
-void spread(TexelValue& value) noexcept {
-  value.v[3] = value.v[1];  // alpha, where there is one
-  value.v[1] = value.v[2] = value.v[0];
-  value.channels += 2;
-}
-
 /// An alpha of its own, or the first one.
 void scale_alpha(double scale, TexelValue& value) noexcept {
   if (scale == 1) return;
@@ -31,7 +24,7 @@ void scale_alpha(double scale, TexelValue& value) noexcept {
 void apply(const Factor& factor, const TexelFormat& format, TexelValue& value) noexcept {
   std::uint32_t colours = value.channels - (value.has_alpha ? 1U : 0U);
   if (factor.spreads && colours == 1) {
-    spread(value);
+    spread_grey(value);
     colours = 3;
   }
   const std::uint32_t scaled = std::min(colours, 3U);

@@ -100,8 +100,39 @@ double to_coded(double linear, Depth depth) noexcept {
   return is_coarse(depth, linear) ? coarse(linear) : linear_to_srgb(linear);
 }
 
+void spread_grey(TexelValue& value) noexcept {
+  value.v[3] = value.v[1];  // alpha, where there is one
+  value.v[1] = value.v[2] = value.v[0];
+  value.channels += 2;
+}
+
+void transform_colour(const ColourTransform& transform, TexelValue& value) noexcept {
+  const std::uint32_t colours = value.channels - (value.has_alpha ? 1U : 0U);
+  if (colours == 2) return;
+  if (colours == 1) spread_grey(value);
+  const double alpha = value.has_alpha && value.premultiplied ? value.v[value.channels - 1] : 1;
+  const double share = alpha != 0 ? alpha : 1;  // light that covers nothing is what it is
+  std::array<double, 3> colour{value.v[0] / share, value.v[1] / share, value.v[2] / share};
+  transform.apply(colour);
+  for (std::size_t c = 0; c < 3; ++c) value.v[c] = colour[c] * share;
+}
+
+namespace {
+
+TexelValue in_space_of(const TexelFormat& format, TexelValue value) noexcept {
+  for (std::size_t c = 0; c < 3 && !value.linear; ++c) value.v[c] = srgb_to_linear(value.v[c]);
+  transform_colour(*format.transform, value);
+  value.linear = format.linear;
+  value.is_final = true;
+  return value;
+}
+
+}  // namespace
+
 std::uint32_t store_texel(const TexelFormat& format, const TexelValue& value,
                           std::byte* out) noexcept {
+  if (format.transform != nullptr && !value.is_final)
+    return store_texel(format, in_space_of(format, value), out);
   std::uint32_t clipped = 0;
   const std::size_t size = store::depth_bytes(format.depth);
   const bool multiplies = format.premultiplied && value.has_alpha && !value.premultiplied;

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/colour_transform.h"
 #include "core/page_pool.h"
 #include "pounce/options.h"
 #include "store/blocks/colour_store.h"
@@ -22,12 +23,16 @@ struct TexelFormat {
   bool is_colour = true;       ///< false: data, never converted between sRGB coding and linear
   bool has_alpha = false;      ///< the last channel is alpha: never converted
   bool premultiplied = false;  ///< colours are held times alpha
+  /// What linear light of Rec. 709 becomes; then `linear` says how numbers that went through it
+  /// are tagged, no more. Null: nothing. Not owned.
+  const ColourTransform* transform = nullptr;
   std::uint32_t colours() const { return channels - (has_alpha ? 1U : 0U); }
   std::size_t texel_bytes() const;
   /// Are 8-bit samples of this image what the output holds, with nothing to convert?
   bool keeps(const store::ColourDirectory& image) const {
-    return depth == Depth::u8 && image.depth == Depth::u8 && channels == image.channels &&
-           has_alpha == image.has_alpha && (linear == image.linear || !is_colour);
+    return transform == nullptr && depth == Depth::u8 && image.depth == Depth::u8 &&
+           channels == image.channels && has_alpha == image.has_alpha &&
+           (linear == image.linear || !is_colour);
   }
 };
 
@@ -38,12 +43,19 @@ struct TexelValue {
   bool linear = false;
   bool has_alpha = false;      ///< the last channel is alpha
   bool premultiplied = false;  ///< colours come times alpha; only into a format that wants that
+  bool is_final = false;       ///< went through the format's transform, or needs none
 };
+
+/// Gives grey the red, green and blue of it, and what follows after them.
+void spread_grey(TexelValue& value) noexcept;
+/// Puts the colour through a transform, as it is without its alpha; grey becomes red, green and
+/// blue. Two channels are no colour and stay.
+void transform_colour(const ColourTransform& transform, TexelValue& value) noexcept;
 
 /// Writes a value in the output's format at `out`: gray becomes RGB, a missing alpha 1, any other
 /// missing channel 0; the first three of a colour are converted between sRGB coding and linear
-/// where source and output differ. Rounds to nearest; clamps integers and half. Returns how many
-/// samples the depth cannot hold, not even rounded.
+/// where source and output differ, or go through the format's transform. Rounds to nearest; clamps
+/// integers and half. Returns how many samples the depth cannot hold, not even rounded.
 std::uint32_t store_texel(const TexelFormat& format, const TexelValue& value,
                           std::byte* out) noexcept;
 

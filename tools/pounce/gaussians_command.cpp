@@ -53,10 +53,12 @@ void add_mesh_source_options(CLI::App& command, GaussiansOptions& options) {
             });
   add_value(command, "--source-colorspace", "SPACE", group,
             "What the colours of the images are: srgb, lin_rec709, acescg,\n"
-            "aces2065-1, display-p3. Default: what their files say",
+            "aces2065-1, display-p3, or a space of --ocio. Default: what their\n"
+            "files say",
             [&options](const std::string& text) {
               options.source_colour_spaces = {{std::nullopt, text}};
             });
+  add_config_option(command, group, options.colour_config);
   add_value(command, "--sigma", "S", group,
             "Standard deviation of a texel's disc in texels, 0.1 to 4. Below 0.4\n"
             "viewers show gaps. Default: 0.5",

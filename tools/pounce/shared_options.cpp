@@ -104,6 +104,14 @@ void add_external_option(CLI::App& command, const std::string& group, bool& allo
              allow);
 }
 
+void add_config_option(CLI::App& command, const std::string& group, std::string& config) {
+  add_value(command, "--ocio", "CONFIG", group,
+            "An OpenColorIO configuration (.ocio), for the names of colour spaces\n"
+            "that pounce does not know itself. The last bits of such outputs may\n"
+            "differ from one kind of processor to another",
+            [&config](const std::string& text) { config = parse_path("--ocio", text); });
+}
+
 void add_resource_options(CLI::App& command, Resources& resources) {
   const char* const group = "Machine (the result does not depend on these)";
   add_value(command, "--memory", "SIZE", group,

@@ -30,6 +30,8 @@ CLI::Option* add_switch(CLI::App& command, const std::string& name, const std::s
 
 /// --allow-external, for commands that read meshes.
 void add_external_option(CLI::App& command, const std::string& group, bool& allow);
+/// --ocio, for what names colour spaces.
+void add_config_option(CLI::App& command, const std::string& group, std::string& config);
 /// --memory, --threads, --cache and --no-cache.
 void add_resource_options(CLI::App& command, Resources& resources);
 /// --SIDE-mesh, --SIDE-material, --SIDE-uv-set and --SIDE-axes; `side` is "source" or "target".

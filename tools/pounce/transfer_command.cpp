@@ -245,9 +245,9 @@ void add_colour_options(CLI::App& command, TransferOptions& options) {
                   parse_source_space("--source-colorspace", text, options.other_maps));
           },
           "What the source's images of colours hold, of this channel or of all:\n"
-          "srgb, lin_rec709, acescg, aces2065-1, display-p3. Default: what their\n"
-          "files say (EXR, ICC profiles, PNG's chunks), but srgb in glTF; else\n"
-          "srgb for integers, lin_rec709 for floats")
+          "srgb, lin_rec709, acescg, aces2065-1, display-p3, or a space of --ocio.\n"
+          "Default: what their files say (EXR, ICC profiles, PNG's chunks), but srgb\n"
+          "in glTF; else srgb for integers, lin_rec709 for floats")
       ->type_name("[NAME=]SPACE")
       ->option_text("[NAME=]SPACE")
       ->expected(1)
@@ -257,6 +257,7 @@ void add_colour_options(CLI::App& command, TransferOptions& options) {
             "Convert colours to this. Default: the source's as far as the format\n"
             "holds it: EXR is linear light, others are srgb or display-p3, models srgb",
             [&options](const std::string& text) { options.output_colour_space = text; });
+  add_config_option(command, group, options.colour_config);
 }
 
 void add_method_options(CLI::App& command, TransferOptions& options) {

@@ -356,6 +356,10 @@ const GeometryRequest& mesh_of(const TexelStoreRequest& request) {
 void add_input(const texture::ColourInput& input, Hasher& hash) {
   hash.add(input.linear);
   for (const double v : input.primaries.value_or(Matrix3{})) hash.add(v);
+  if (input.transform == nullptr) return;
+  const Hash128 transform = input.transform->identity();
+  hash.add(transform.hi);
+  hash.add(transform.lo);
 }
 
 void add_factor(const texture::Factor& factor, Hasher& hash) {

@@ -71,8 +71,9 @@ void choose_channels(const TransferOptions& options, const SourceLook& look,
 
 }  // namespace
 
-void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan,
-                   std::vector<std::string>& warnings, std::vector<std::string>& notes) {
+void choose_output(const TransferOptions& options, const SourceLook& look, ColourSpaces& spaces,
+                   ChannelPlan& plan, std::vector<std::string>& warnings,
+                   std::vector<std::string>& notes) {
   const std::optional<io::ImageInfo> onto = onto_header(options, plan.name);
   plan.source_alpha = look.alpha;
   plan.source_colours = look.colours;
@@ -87,7 +88,7 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Chann
   plan.format.is_colour = is_colour(options, plan.channel);
   const Depth wanted = options.depth ? *options.depth : onto ? onto->depth : look.depth;
   plan.format.depth = options.depth ? wanted : io::writable_depth(options.output, wanted);
-  choose_space(options, look, onto, plan, notes);
+  spaces.choose(look, onto, plan, notes);
   // EXR holds colours times alpha: what comes so goes so, bit by bit.
   plan.format.premultiplied =
       is_exr(options.output) && !onto && plan.format.has_alpha && look.premultiplied;

@@ -3,12 +3,18 @@
 // Colours keep their space as far as the output's format can hold it: EXR holds linear light of any
 // primaries, the others sRGB's coding of any, with a profile that says so. What is linear light of
 // other primaries becomes sRGB where it is to be coded: as 8 or 16 bits nobody expects it.
+//
+// Spaces of a configuration come in as linear light of Rec. 709, before factors, and go out as the
+// last thing of all. In between everything is as without it.
 #include "flow/plan/colour_spaces.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 
+#include "core/srgb.h"
 #include "flow/plan/map_kind.h"
 #include "io/files/file_ending.h"
 #include "io/image/write.h"
@@ -19,23 +25,54 @@ namespace {
 
 bool is_exr(const std::string& path) { return io::lower_ending(path) == ".exr"; }
 
-ColourSpace known_space(const char* option, const std::string& name) {
-  if (const auto space = colour_space_from_name(name)) return *space;
-  throw Error(ErrorKind::usage, fmt::format("{} {}: this colour space is not known; known are {}",
-                                            option, name, colour_space_names()));
+void check_output_space(const TransferOptions& options, const ColourSpace& asked) {
+  if (!options.onto.empty()) {
+    throw Error(ErrorKind::usage,
+                "--output-colorspace: an image that is painted onto keeps its own; leave it out");
+  }
+  if (is_exr(options.output) && !asked.linear) {
+    throw Error(ErrorKind::usage,
+                fmt::format("--output-colorspace {}: EXR holds linear light; choose lin_rec709, "
+                            "acescg or aces2065-1, or another format",
+                            options.output_colour_space));
+  }
+  const bool is_srgb =
+      asked.config_name.empty() && !asked.linear && same_primaries(asked.primaries, kRec709);
+  if (io::is_model_path(options.output) && !is_srgb) {
+    throw Error(ErrorKind::usage,
+                fmt::format("--output-colorspace {}: the textures of glTF are srgb; write images",
+                            options.output_colour_space));
+  }
 }
 
-std::optional<ColourSpace> asked_space(const TransferOptions& options) {
-  if (options.output_colour_space.empty()) return std::nullopt;
-  return known_space("--output-colorspace", options.output_colour_space);
+/// No file says that it holds a space of a configuration, so none is made by the way.
+void check_kept(const TransferOptions& options, const ColourSpace& source) {
+  const bool is_said = !options.output_colour_space.empty() || !options.onto.empty() ||
+                       io::is_model_path(options.output);
+  if (source.config_name.empty() || is_said) return;
+  throw Error(
+      ErrorKind::usage,
+      fmt::format("--source-colorspace {0}: what shall become of it? A file cannot say that "
+                  "it holds a space of {1}; give --output-colorspace, such as srgb, "
+                  "lin_rec709 or {0}",
+                  source.config_name, options.colour_config));
+}
+
+/// The first of them, for messages.
+std::string some_of(const std::vector<std::string>& names) {
+  constexpr std::size_t kShown = 24;
+  const auto end = names.begin() + static_cast<std::ptrdiff_t>(std::min(names.size(), kShown));
+  std::string text = fmt::format("{}", fmt::join(names.begin(), end, ", "));
+  if (names.size() > kShown) text += fmt::format(" and {} more", names.size() - kShown);
+  return text;
 }
 
 }  // namespace
 
 void check_colour_spaces(const TransferOptions& options) {
+  const ColourSpaces spaces(options);
   std::vector<std::string> given;
   for (const SourceColourSpace& source : options.source_colour_spaces) {
-    known_space("--source-colorspace", source.space);
     const std::string channel =
         source.channel ? channel_name(options, *source.channel) : "all channels";
     if (source.channel && !is_colour(options, *source.channel)) {
@@ -48,71 +85,175 @@ void check_colour_spaces(const TransferOptions& options) {
                   fmt::format("--source-colorspace: given twice for {}", channel));
     given.push_back(channel);
   }
-  const auto asked = asked_space(options);
-  if (!asked) return;
-  if (!options.onto.empty()) {
-    throw Error(ErrorKind::usage,
-                "--output-colorspace: an image that is painted onto keeps its own; leave it out");
+  if (spaces.asked()) check_output_space(options, *spaces.asked());
+  for (const ColourSpace& space : spaces.given()) check_kept(options, space);
+}
+
+// --- names ---------------------------------------------------------------------------------------
+
+ColourSpaces::ColourSpaces(const TransferOptions& options) : options_(options) {
+  if (!options.colour_config.empty()) {
+    if (options.source_colour_spaces.empty() && options.output_colour_space.empty()) {
+      throw Error(ErrorKind::usage,
+                  fmt::format("--ocio {}: say which of its spaces the source holds or the output "
+                              "shall hold, with --source-colorspace or --output-colorspace",
+                              options.colour_config));
+    }
+    config_ = std::make_unique<const io::ColourConfig>(options.colour_config);
   }
-  if (is_exr(options.output) && !asked->linear) {
-    throw Error(ErrorKind::usage,
-                fmt::format("--output-colorspace {}: EXR holds linear light; choose lin_rec709, "
-                            "acescg or aces2065-1, or another format",
-                            options.output_colour_space));
+  for (const SourceColourSpace& given : options.source_colour_spaces)
+    given_.push_back(resolved("--source-colorspace", given.space));
+  if (!options.output_colour_space.empty())
+    asked_ = resolved("--output-colorspace", options.output_colour_space);
+}
+
+ColourSpace ColourSpaces::resolved(const char* option, const std::string& name) const {
+  if (const auto own = colour_space_from_name(name)) {
+    if (config_ != nullptr && config_->has(name)) refuse_other_meaning(option, name, *own);
+    return *own;
   }
-  if (io::is_model_path(options.output) &&
-      (asked->linear || !same_primaries(asked->primaries, kRec709))) {
+  if (config_ == nullptr) {
     throw Error(ErrorKind::usage,
-                fmt::format("--output-colorspace {}: the textures of glTF are srgb; write images",
-                            options.output_colour_space));
+                fmt::format("{} {}: this colour space is not known; known are {}, and with --ocio "
+                            "CONFIG those of an OpenColorIO configuration",
+                            option, name, colour_space_names()));
+  }
+  if (!config_->has(name)) {
+    throw Error(
+        ErrorKind::usage,
+        fmt::format("{} {}: {} has no such colour space, but {}; known without it are {}", option,
+                    name, config_->path(), some_of(config_->names()), colour_space_names()));
+  }
+  if (config_->is_data(name)) {
+    throw Error(ErrorKind::usage,
+                fmt::format("{} {}: of {} this is the space of data, which is never converted; "
+                            "leave it out, or say --data of the map",
+                            option, name, config_->path()));
+  }
+  return {kRec709, true, name};
+}
+
+/// Our names are ours, exact and the same everywhere; who means something else by them must hear.
+void ColourSpaces::refuse_other_meaning(const char* option, const std::string& name,
+                                        const ColourSpace& own) const {
+  constexpr double kAlike = 0.002;
+  constexpr std::array<std::array<double, 3>, 4> kColours{
+      {{0.18, 0.18, 0.18}, {0.6, 0.3, 0.2}, {0.2, 0.5, 0.3}, {0.1, 0.2, 0.7}}};
+  std::shared_ptr<const ColourTransform> theirs;
+  try {
+    theirs = config_->to_linear(name);
+  } catch (const Error&) {
+    return;  // it cannot be meant
+  }
+  const texture::ColourInput ours{own.linear, primaries_matrix(own.primaries, kRec709)};
+  for (const auto& colour : kColours) {
+    texture::TexelValue expected{{colour[0], colour[1], colour[2]}, 3};
+    texture::apply(ours, expected);
+    std::array<double, 3> got = colour;
+    theirs->apply(got);
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (std::fabs(got[c] - expected.v[c]) <= kAlike) continue;
+      throw Error(ErrorKind::usage,
+                  fmt::format("{} {}: {} means another space by this name than the one that is "
+                              "always called so here; use another of its names for it there",
+                              option, name, config_->path()));
+    }
   }
 }
 
-std::optional<ColourSpace> given_space(const TransferOptions& options, Channel channel) {
+// --- the source ----------------------------------------------------------------------------------
+
+std::optional<ColourSpace> ColourSpaces::given(Channel channel) const {
   std::optional<ColourSpace> found;
-  if (!is_colour(options, channel)) return found;
-  for (const SourceColourSpace& given : options.source_colour_spaces) {
-    if (given.channel ? *given.channel == channel : !found)
-      found = known_space("--source-colorspace", given.space);
+  if (!is_colour(options_, channel)) return found;
+  for (std::size_t i = 0; i < given_.size(); ++i) {
+    const auto& of = options_.source_colour_spaces[i].channel;
+    if (of ? *of == channel : !found) found = given_[i];
   }
   return found;
 }
 
-ColourSpace space_of(const TransferOptions& options, Channel channel, const ColumnPlan& column) {
-  if (!is_colour(options, channel)) return {kRec709, column.info.linear};
-  if (const auto given = given_space(options, channel)) return *given;
+ColourSpace ColourSpaces::of(Channel channel, const ColumnPlan& column) const {
+  if (!is_colour(options_, channel)) return {kRec709, column.info.linear};
+  if (const auto said = given(channel)) return *said;
   return column.heeds_tags ? column.info.space() : ColourSpace{kRec709, column.info.linear};
 }
 
-void choose_space(const TransferOptions& options, const SourceLook& look,
-                  const std::optional<io::ImageInfo>& onto, ChannelPlan& plan,
-                  std::vector<std::string>& notes) {
+bool ColourSpaces::is_by_config(Channel channel) const {
+  if (!is_colour(options_, channel)) return false;
+  const auto source = given(channel);
+  return (source && !source->config_name.empty()) || (asked_ && !asked_->config_name.empty());
+}
+
+// --- the output ----------------------------------------------------------------------------------
+
+void ColourSpaces::choose(const SourceLook& look, const std::optional<io::ImageInfo>& onto,
+                          ChannelPlan& plan, std::vector<std::string>& notes) {
   const bool float_out = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
   // EXR is linear; float TIFF keeps linear input linear; everything else is sRGB-coded.
   plan.format.linear =
-      is_exr(options.output) || (float_out && (onto ? onto->space().linear : look.linear));
+      is_exr(options_.output) || (float_out && (onto ? onto->space().linear : look.linear));
   if (!plan.format.is_colour) return;
-  const auto asked = asked_space(options);
+  if (asked_ && !asked_->config_name.empty()) {
+    plan.format.transform = transform(asked_->config_name, false);
+    plan.colour_space = asked_->config_name;
+    return note_conversion(look, plan, *asked_, notes);
+  }
   const ColourSpace source{look.chromaticities.value_or(kRec709), look.linear};
   if (onto) {
     plan.primaries = onto->space().primaries;
     plan.format.linear = plan.format.linear || onto->space().linear;
-  } else if (asked) {
-    plan.primaries = asked->primaries;
-    plan.format.linear = asked->linear;
-  } else if (!io::is_model_path(options.output) && (plan.format.linear || !source.linear)) {
+  } else if (asked_) {
+    plan.primaries = asked_->primaries;
+    plan.format.linear = asked_->linear;
+  } else if (!io::is_model_path(options_.output) && (plan.format.linear || !source.linear)) {
     plan.primaries = source.primaries;
   }
   const ColourSpace made{plan.primaries, plan.format.linear};
   const bool is_plain = same_primaries(made.primaries, kRec709) && (!made.linear || float_out);
   const bool is_said = onto ? onto->colours.primaries.has_value() : look.chromaticities.has_value();
-  if (!is_plain || (is_exr(options.output) && is_said)) plan.chromaticities = made.primaries;
-  const bool has_images = look.size.width > 0;
-  if (has_images &&
-      (source.linear != made.linear || !same_primaries(source.primaries, made.primaries))) {
-    notes.push_back(fmt::format("{} is converted from {} to {}", plan.name,
-                                colour_space_name(source), colour_space_name(made)));
-  }
+  if (!is_plain || (is_exr(options_.output) && is_said)) plan.chromaticities = made.primaries;
+  note_conversion(look, plan, made, notes);
+}
+
+void ColourSpaces::note_conversion(const SourceLook& look, const ChannelPlan& plan,
+                                   const ColourSpace& made, std::vector<std::string>& notes) const {
+  if (look.size.width == 0) return;  // no images
+  ColourSpace source{look.chromaticities.value_or(kRec709), look.linear};
+  if (const auto said = given(plan.channel); said && !said->config_name.empty()) source = *said;
+  if (source.config_name == made.config_name &&
+      (!made.config_name.empty() ||
+       (source.linear == made.linear && same_primaries(source.primaries, made.primaries))))
+    return;
+  notes.push_back(fmt::format("{} is converted from {} to {}", plan.name, colour_space_name(source),
+                              colour_space_name(made)));
+}
+
+std::optional<texture::ColourInput> ColourSpaces::input(const ColourSpace& space, bool usual_linear,
+                                                        bool plain, const ChannelPlan& plan) {
+  if (space.config_name.empty() || !plan.format.is_colour)
+    return colour_input(space, usual_linear, plan);
+  if (plain && space.config_name == plan.colour_space)
+    return texture::ColourInput{plan.format.linear, std::nullopt, nullptr, true};
+  texture::ColourInput input{true, std::nullopt, transform(space.config_name, true)};
+  if (!same_primaries(kRec709, plan.primaries))
+    input.primaries = primaries_matrix(kRec709, plan.primaries);
+  return input;
+}
+
+const ColourTransform* ColourSpaces::transform(const std::string& name, bool to_linear) {
+  auto& made = transforms_[{name, to_linear}];
+  if (made == nullptr) made = to_linear ? config_->to_linear(name) : config_->from_linear(name);
+  return made.get();
+}
+
+void ColourSpaces::finish(Plan& plan) const {
+  for (const auto& [name, transform] : transforms_) plan.transforms.push_back(transform);
+  if (transforms_.empty()) return;
+  plan.notes.push_back(
+      fmt::format("colours go through {} by OpenColorIO: the last bits of the output may differ "
+                  "from one kind of processor to another",
+                  config_->path()));
 }
 
 std::optional<texture::ColourInput> colour_input(const ColourSpace& space, bool usual_linear,

@@ -23,7 +23,7 @@ constexpr std::array kOtherOptions = std::to_array<std::string_view>(
      // Which images there are; each knows its own channel and page.
      "channels", "tiles", "coverage",
      // Names of files, whose contents and kinds count.
-     "output", "onto", "mask", "source-texture",
+     "output", "onto", "mask", "source-texture", "ocio",
      // Of each image: whether it is colour.
      "data", "color",
      // What the output turned out to be counts, whether it was asked for or not.
@@ -159,6 +159,9 @@ std::string JobHash::of_image(const std::vector<std::string>& source, const Plan
   add_files(target, hash);
   add_page(target_plan.pages[page], target_plan.by_tile, hash);
   add_output(plan.channels[channel], target_plan.images[channel][page], hash);
+  if (plan.channels[channel].format.is_colour) {
+    for (const auto& transform : plan.transforms) add(transform->identity(), hash);
+  }
   return to_hex(hash.digest());
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -19,6 +20,8 @@
 #include "texture/factor.h"
 
 namespace pounce::flow {
+
+class ColourSpaces;
 
 /// What one source page gives to a channel: an image, a set of UDIM tiles, or else a constant.
 struct PageTexture {
@@ -43,6 +46,7 @@ struct ChannelPlan {
   std::vector<std::string> names;      ///< of the output's channels, where its format has names
   Chromaticities primaries = kRec709;  ///< of the output's colours
   std::optional<Chromaticities> chromaticities;  ///< the same, where its file is to say it
+  std::string colour_space;  ///< its name in --ocio's configuration, if it is of there
   /// By source page: the materials, then the same again for triangles without UVs.
   std::vector<PageTexture> pages;
   bool baked = false;  ///< TransferOptions::baked
@@ -99,6 +103,8 @@ struct Plan {
   std::vector<TileSetPlan> tile_sets;
   std::vector<PassPlan> passes;
   std::optional<TangentPlan> tangents;  ///< of the source: where it has normal maps
+  /// Of --ocio's configuration: what formats and inputs point to.
+  std::vector<std::shared_ptr<const ColourTransform>> transforms;
   std::vector<std::string> warnings, notes;
 
   bool makes_normals() const;  ///< is there a normal map among the outputs?
@@ -157,8 +163,9 @@ struct SourceLook {
   std::optional<Chromaticities> chromaticities;  ///< where some image is of such or says so
 };
 /// What is lost on the way is told in `warnings`, what is converted in `notes`.
-void choose_output(const TransferOptions& options, const SourceLook& look, ChannelPlan& plan,
-                   std::vector<std::string>& warnings, std::vector<std::string>& notes);
+void choose_output(const TransferOptions& options, const SourceLook& look, ColourSpaces& spaces,
+                   ChannelPlan& plan, std::vector<std::string>& warnings,
+                   std::vector<std::string>& notes);
 
 /// Decides what happens to one target: pages, output names. Throws what a user must hear at once:
 /// missing UVs or folders, names that clash. The requests refer to `target`.

@@ -99,6 +99,7 @@ class SourcePlanner {
   SourcePlanner(const TransferOptions& options, const mesh::Mesh& source)
       : options_(options),
         source_(source),
+        spaces_(options),
         textures_(options, source),
         used_(used_materials(source)),
         applies_factors_(options.apply_factors && !io::is_model_path(options.output)) {
@@ -135,6 +136,7 @@ class SourcePlanner {
     }
     plan_tangents();
     warn_of_directions();
+    spaces_.finish(plan_);
     return std::move(plan_);
   }
 
@@ -505,7 +507,8 @@ class SourcePlanner {
     if (images.empty()) look.size = size_without_images(plan);
     take_factors(plan, look);
     take_colours(plan, look);
-    choose_output(options_, look, plan, plan_.warnings, plan_.notes);
+    if (spaces_.is_by_config(channel)) take_three(look);
+    choose_output(options_, look, spaces_, plan, plan_.warnings, plan_.notes);
     if (channel == Channel::height || channel == Channel::position)
       check_numbers(options_, plan, "--bake");
     plan.pages.insert(plan.pages.end(), without_uvs.begin(), without_uvs.end());
@@ -570,9 +573,19 @@ class SourcePlanner {
     }
   }
 
-  std::optional<texture::ColourInput> input_of(const ChannelPlan& plan, std::size_t column) const {
+  std::optional<texture::ColourInput> input_of(const ChannelPlan& plan, std::size_t column) {
     const ColumnPlan& c = plan_.columns[column];
-    return colour_input(space_of(options_, plan.channel, c), c.info.linear, plan);
+    const bool plain = !plan_.as_gaussians &&
+                       std::none_of(plan.pages.begin(), plan.pages.end(),
+                                    [](const PageTexture& p) { return p.factor || p.tinted; });
+    return spaces_.input(spaces_.of(plan.channel, c), c.info.linear, plain, plan);
+  }
+
+  /// Grey becomes red, green and blue.
+  static void take_three(SourceLook& look) {
+    if (look.colours != 1) return;
+    look.colours = 3;
+    look.names.clear();
   }
 
   /// What images have once the materials' factors were applied. Neither a format without alpha nor
@@ -582,9 +595,7 @@ class SourcePlanner {
     for (const PageTexture& page : plan.pages) {
       if (!page.factor) continue;
       has_opacity = has_opacity || page.factor->scale[3] != 1;
-      if (!page.factor->spreads || look.colours != 1) continue;
-      look.colours = 3;
-      look.names.clear();
+      if (page.factor->spreads) take_three(look);
     }
     if (has_opacity && !look.alpha) take_opacity("the materials' opacity", plan, look);
   }
@@ -592,10 +603,7 @@ class SourcePlanner {
   /// The same of the vertices' colours.
   void take_colours(const ChannelPlan& plan, SourceLook& look) {
     if (!plan.is_tinted() && plan.channel != Channel::vertex_color) return;
-    if (look.colours == 1) {
-      look.colours = 3;
-      look.names.clear();
-    }
+    take_three(look);
     const bool has_opacity = std::any_of(source_.colours.begin(), source_.colours.end(),
                                          [](const Vec4f& c) { return c.w != 1; });
     if (has_opacity && !look.alpha) take_opacity("the opacity of its vertices", plan, look);
@@ -626,7 +634,7 @@ class SourcePlanner {
       look.size.height = std::max(look.size.height, info.height);
       look.colours = std::max(look.colours, info.channels - (info.has_alpha ? 1U : 0U));
       look.alpha = look.alpha || info.has_alpha;
-      look.linear = look.linear || space_of(options_, channel, *image).linear;
+      look.linear = look.linear || spaces_.of(channel, *image).linear;
       look.premultiplied =
           look.premultiplied && (!info.has_alpha || (info.premultiplied && info.linear));
       look.depth = std::max(look.depth, info.depth);
@@ -663,8 +671,8 @@ class SourcePlanner {
     if (!is_colour(options_, channel)) return;
     for (const ColumnPlan* image : images) {
       const std::string& problem = image->info.colours.problem;
-      const ColourSpace space = space_of(options_, channel, *image);
-      if (!problem.empty() && image->heeds_tags && !given_space(options_, channel)) {
+      const ColourSpace space = spaces_.of(channel, *image);
+      if (!problem.empty() && image->heeds_tags && !spaces_.given(channel)) {
         plan_.warnings.push_back(
             fmt::format("{}: {}; its colours are taken as {}; convert the image, or say what they "
                         "are with --source-colorspace",
@@ -741,6 +749,7 @@ class SourcePlanner {
   const TransferOptions& options_;
   const mesh::Mesh& source_;
   const std::shared_ptr<MeshHashes> hashes_ = std::make_shared<MeshHashes>(source_);
+  ColourSpaces spaces_;
   SourceTextures textures_;
   std::vector<bool> used_;
   std::array<bool, kChannelCount + kEvidenceCount + kShapeCount> is_baked_{};

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "flow/load_mesh.h"
+#include "flow/plan/colour_spaces.h"
 #include "flow/plan/plan.h"
 #include "io/splats/format.h"
 
@@ -62,13 +63,14 @@ SourceLook look_of(Channel channel, const SceneFacts& scene) {
 }
 
 /// Channels whose images have one size share a pass.
-void add_channel(const TransferOptions& options, Channel channel, Plan& plan) {
+void add_channel(const TransferOptions& options, Channel channel, ColourSpaces& spaces,
+                 Plan& plan) {
   ChannelPlan& added = plan.channels.emplace_back();
   added.channel = channel;
   added.name = channel_name(channel);
   SourceLook look = look_of(channel, plan.scene);
   look.alpha = options.alpha && channel == Channel::base_color;
-  choose_output(options, look, added, plan.warnings, plan.notes);
+  choose_output(options, look, spaces, added, plan.warnings, plan.notes);
   if (is_evidence(channel)) check_numbers(options, added, "--channels");
   if (look.alpha && !added.format.has_alpha) {
     throw Error(ErrorKind::usage,
@@ -189,7 +191,9 @@ Plan plan_splats(const TransferOptions& options, const std::function<void()>& po
   plan.splats = splat_request(options);
   plan.scene = scene_facts(plan.splats, poll);
   plan.rays = options.rays;
-  for (const Channel channel : channels) add_channel(options, channel, plan);
+  ColourSpaces spaces(options);
+  for (const Channel channel : channels) add_channel(options, channel, spaces, plan);
+  spaces.finish(plan);
   return plan;
 }
 

@@ -149,6 +149,7 @@ class TargetPlanner {
       image.coverage_layout = layout_of(options_, image.coverage_path);
       image.channel_names = channel.names;
       image.chromaticities = channel.chromaticities;
+      image.tagged = channel.colour_space.empty();
       image.lattice = {channel.size.width, channel.size.height, 0, {}};
       image.padding = padding_of(channel);
       if (!options_.onto.empty()) {

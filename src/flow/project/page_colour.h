@@ -90,9 +90,8 @@ inline texture::TexelValue value_of(const PageColour& page, const store::ColourD
                                     const projection::Blended& samples, bool as_stored,
                                     const texture::TexelFormat& format,
                                     const texture::Factor* tint = nullptr) noexcept {
-  texture::TexelValue value{samples, image.channels,
-                            input != nullptr ? input->linear : image.linear, image.has_alpha,
-                            as_stored};
+  texture::TexelValue value{samples, image.channels, image.linear, image.has_alpha, as_stored};
+  if (input != nullptr) texture::enter(*input, value);
   if (page.factor) texture::apply(*page.factor, format, value);
   if (tint != nullptr) texture::apply(*tint, format, value);
   if (input != nullptr && input->primaries) texture::convert(*input->primaries, value);
@@ -143,7 +142,9 @@ struct PageImage {
 inline PageImage image_at(const ColourCache& column,
                           const std::optional<texture::ColourInput>& input, const PagePlace& at) {
   const store::ColourDirectory& image = column.store().directory();
-  PageImage out{&column, input ? &*input : nullptr};
+  PageImage out;
+  out.column = &column;
+  out.input = input ? &*input : nullptr;
   out.x = projection::placed(at.base_x, at.frac_x, image.width, image.wrap_u);
   out.y = projection::placed(at.base_y, at.frac_y, image.height, image.wrap_v);
   out.middle = {static_cast<double>(at.base_x) + at.frac_x,
@@ -158,7 +159,9 @@ inline PageImage image_at(const TileColumns& set, const PagePlace& at) {
   if (found == set.tiles.end()) return {};
   const auto& [column, input] = found->second;
   const store::ColourDirectory& image = column->store().directory();
-  PageImage out{column, input ? &*input : nullptr};
+  PageImage out;
+  out.column = column;
+  out.input = input ? &*input : nullptr;
   out.x = projection::scaled(x.texel, set.width, image.width);
   out.y = projection::scaled(y.texel, set.height, image.height);
   out.scale = {static_cast<double>(image.width) / set.width,

@@ -45,6 +45,7 @@ io::ImageWriteSpec colour_spec(const ImageOutput& output, const texture::TexelFo
           format.premultiplied || (output.onto && output.onto->premultiplied),
           output.channel_names,
           output.chromaticities,
+          output.tagged,
           output.layout,
           output.job};
 }
@@ -59,6 +60,7 @@ io::ImageWriteSpec coverage_spec(const ImageOutput& output) {
           false,
           {},
           {},
+          true,
           output.coverage_layout,
           output.job};
 }

@@ -24,6 +24,7 @@ struct ImageOutput {
   std::uint32_t padding = 0;
   std::vector<std::string> channel_names;
   std::optional<Chromaticities> chromaticities;
+  bool tagged = true;             ///< see io::ImageWriteSpec
   std::optional<OntoImage> onto;  ///< --onto
   std::uint32_t stripe_rows = 0;  ///< rows handed to the padder at once; 0 = a row of blocks
 };

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Profiles are not applied: they are recognised. A matrix profile is compared with those of the
-// spaces that are known: its colorants, which are X, Y, Z adapted to D50, and its curves at some
-// places. Everything else (gamma 2.2, tables, printers) is told, and left to whoever converts the
-// image.
+// Profiles are not applied: they are recognised. Colorants of a matrix profile, which are X, Y, Z
+// adapted to D50, are compared with those of the spaces that are known, or else are primaries of
+// their own; its curves are compared at some places. Other curves (gamma 2.2), tables and printers
+// are told, and left to whoever converts the image.
 #include "io/image/icc.h"
 
 #include <algorithm>
@@ -129,6 +129,31 @@ bool has_primaries(const Profile& profile, const Chromaticities& primaries) {
   return true;
 }
 
+/// The colorants as primaries of the white that they are adapted to; nothing if they span none.
+std::optional<Chromaticities> own_primaries(const Profile& profile) {
+  constexpr std::array<std::string_view, 3> kTags{"rXYZ", "gXYZ", "bXYZ"};
+  Chromaticities found{};
+  std::array<double, 3> white{};
+  const auto place = [&](const std::array<double, 3>& xyz, std::size_t which) {
+    const double sum = xyz[0] + xyz[1] + xyz[2];
+    found[2 * which] = static_cast<float>(xyz[0] / sum);
+    found[2 * which + 1] = static_cast<float>(xyz[1] / sum);
+  };
+  for (std::size_t colour = 0; colour < 3; ++colour) {
+    const std::size_t at = profile.find(kTags[colour]);
+    if (at == 0 || !profile.is(at, "XYZ ")) return std::nullopt;
+    std::array<double, 3> xyz;
+    for (std::size_t i = 0; i < 3; ++i) {
+      xyz[i] = profile.fixed(at + 8 + 4 * i);
+      white[i] += xyz[i];
+    }
+    place(xyz, colour);
+  }
+  place(white, 3);
+  if (!are_primaries(found)) return std::nullopt;
+  return found;
+}
+
 /// Writes a profile, big-endian.
 class ProfileMaker {
  public:
@@ -202,6 +227,11 @@ std::optional<IccProfile> read_icc(std::span<const std::byte> bytes) {
     for (const bool linear : {false, true}) {
       if (have_curve(profile, linear)) found.space = ColourSpace{primaries, linear};
     }
+  }
+  if (found.space) return found;
+  for (const bool linear : {false, true}) {
+    const auto primaries = have_curve(profile, linear) ? own_primaries(profile) : std::nullopt;
+    if (primaries) found.space = ColourSpace{*primaries, linear};
   }
   return found;
 }

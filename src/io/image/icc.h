@@ -14,8 +14,8 @@ namespace pounce::io {
 /// What an ICC profile (ICC.1:2010) says that matters here.
 struct IccProfile {
   std::string description;  ///< without control characters; "" if it has none
-  /// What it stands for, if that is a matrix and curves of a space that is known: the primaries of
-  /// sRGB, Display P3, ACES or BT.2020, linear or sRGB-coded.
+  /// What it stands for, if that is a matrix and curves, linear or sRGB's: the primaries of sRGB,
+  /// Display P3, ACES or BT.2020 if it is nearly these, else its own, of the white D50.
   std::optional<ColourSpace> space;
 };
 

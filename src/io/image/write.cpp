@@ -159,7 +159,7 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
   }
   // Beside a profile a second word on the same is one too many. In a TIFF this would only add an
   // Exif directory, for which libtiff reads the main one back.
-  if (name == "openexr" || (name != "tiff" && !spec.chromaticities))
+  if (spec.tagged && (name == "openexr" || (name != "tiff" && !spec.chromaticities)))
     out.attribute("oiio:ColorSpace", spec.linear || name == "openexr" ? "linear" : "sRGB");
   out.attribute("DateTime", "");  // else TIFF and EXR are given the time of day
   out.attribute("Software", software_name());

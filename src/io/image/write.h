@@ -38,6 +38,7 @@ struct ImageWriteSpec {
   std::vector<std::string> names = {};
   /// Primaries that the file is to name: EXR in an attribute, the others by an ICC profile.
   std::optional<Chromaticities> chromaticities = {};
+  bool tagged = true;  ///< false: what the samples are, sRGB or else, is not said
   ImageLayout layout = {};
   /// Hash of the job that makes it: recorded, as the software's name always is.
   std::string job = {};

@@ -79,6 +79,32 @@ TEST_CASE("profiles that are written are recognised", "[io]") {
   }
 }
 
+TEST_CASE("a profile of primaries that have no name is those primaries", "[io]") {
+  // ProPhoto's, whose white is D50; and some of another white, which the profile has adapted.
+  const Chromaticities prophoto{0.7347F, 0.2653F, 0.1596F, 0.8404F,
+                                0.0366F, 0.0001F, 0.3457F, 0.3585F};
+  const Chromaticities wide{0.66F, 0.31F, 0.22F, 0.73F, 0.14F, 0.05F, 0.3127F, 0.3290F};
+  for (const Chromaticities& primaries : {prophoto, wide}) {
+    for (const bool linear : {false, true}) {
+      CAPTURE(linear);
+      const auto profile = io::read_icc(io::make_icc({primaries, linear}));
+      REQUIRE(profile);
+      REQUIRE(profile->space);
+      CHECK(profile->space->linear == linear);
+      // What counts: its colours are the same ones. D50's adaptation is Bradford's, as ours is.
+      const Matrix3 got = primaries_matrix(profile->space->primaries, kRec709),
+                    expected = primaries_matrix(primaries, kRec709);
+      for (std::size_t i = 0; i < 9; ++i) CHECK(got[i] == Approx(expected[i]).margin(5e-4));
+    }
+  }
+  Bytes flat = io::make_icc({wide, true});  // green is where red is
+  const auto entry = [&](std::size_t tag) {
+    return flat.begin() + static_cast<std::ptrdiff_t>(132 + 12 * tag);
+  };
+  std::copy_n(entry(4) + 4, 8, entry(5) + 4);
+  CHECK_FALSE(io::read_icc(flat)->space);
+}
+
 TEST_CASE("profiles with other curves or of other things are not", "[io]") {
   const auto gamma = io::read_icc(of_gamma(2.2));
   REQUIRE(gamma);

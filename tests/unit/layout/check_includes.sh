@@ -53,7 +53,7 @@ for folder in src/{store,io}/*/; do
   done < <(grep -rnE "^#include \"$room/[^\"]+/" "$folder")
 done
 
-file_libraries='OpenImageIO|tiny_gltf|stb_image'
+file_libraries='OpenImageIO|OpenColorIO|tiny_gltf|stb_image'
 while IFS=: read -r file line _; do
   complain "$file:$line: only src/io/ includes image and mesh libraries"
 done < <(grep -rnE "^#include [<\"]($file_libraries)" src tools bench 2>/dev/null | grep -v '^src/io/' || true)

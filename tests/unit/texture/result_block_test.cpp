@@ -43,6 +43,16 @@ using Values = std::vector<double>;
 
 TexelValue gray(double v) { return {{v, 0, 0, 0}, 1, false}; }
 
+/// No power of its argument, so that it shows what it was given: (r, g, b) -> (b + 1, r + 2, g +
+/// 3).
+class Shifted : public ColourTransform {
+ public:
+  void apply(std::array<double, 3>& c) const noexcept override {
+    c = {c[2] + 1, c[0] + 2, c[1] + 3};
+  }
+  Hash128 identity() const override { return {}; }
+};
+
 }  // namespace
 
 TEST_CASE("the sRGB functions agree with std::pow to twelve digits and undo each other") {
@@ -198,5 +208,52 @@ TEST_CASE("a result block comes back, and another size is refused") {
       CHECK(test::error_kind([&] { decode_result(raw, format, "r.pack", read); }) ==
             test::kDamaged);
     }
+  }
+}
+
+TEST_CASE("a colour goes through a format's transform last, without its alpha and as light") {
+  const Shifted shifted;
+  TexelFormat format{4, Depth::float32, true, true, true};
+  format.transform = &shifted;
+  TexelValue light{{0.25, 0.5, 0.75, 0.5}, 4, true, true};
+  CHECK(stored(format, light) == Values{1.75, 2.25, 3.5, 0.5});
+  SECTION("coded colours are made light first") {
+    light.linear = false;
+    const float expected = static_cast<float>(srgb_to_linear(0.75) + 1);
+    CHECK(stored(format, light)[0] == double{expected});
+  }
+  SECTION("colours times alpha stay so") {
+    format.premultiplied = true;
+    light.premultiplied = true;
+    CHECK(stored(format, light) == Values{(1.5 + 1) / 2, (0.5 + 2) / 2, (1 + 3) / 2.0, 0.5});
+    light.v[3] = 0;  // light that covers nothing
+    CHECK(stored(format, light) == Values{1.75, 2.25, 3.5, 0});
+  }
+  SECTION("grey becomes colour, its alpha stays alpha") {
+    CHECK(stored(format, {{0.5, 0.25}, 2, true, true}) == Values{1.5, 2.5, 3.5, 0.25});
+    CHECK(stored(format, {{0.5}, 1, true}) == Values{1.5, 2.5, 3.5, 1});
+  }
+  SECTION("two channels are none") {
+    CHECK(stored(format, {{0.5, 0.25}, 2, true}) == Values{0.5, 0.25, 0, 1});
+  }
+  SECTION("what is final is not touched, whatever it is called") {
+    light.is_final = true;
+    CHECK(stored(format, light) == Values{0.25, 0.5, 0.75, 0.5});
+  }
+  SECTION("what eight bits cannot hold is counted") {
+    format.depth = Depth::u8;
+    std::array<std::byte, 4> out;
+    CHECK(store_texel(format, light, out.data()) == 3);
+    CHECK(out[0] == std::byte{255});
+  }
+  SECTION("eight bits are not taken over as they are") {
+    store::ColourDirectory image;
+    image.depth = Depth::u8;
+    image.channels = 4;
+    image.has_alpha = true;
+    TexelFormat plain{4, Depth::u8, false, true, true};
+    CHECK(plain.keeps(image));
+    plain.transform = &shifted;
+    CHECK_FALSE(plain.keeps(image));
   }
 }

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/image/colour_config.h"
+
+#include <OpenColorIO/OpenColorIO.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "io/files/byte_source.h"
+#include "pounce/error.h"
+
+namespace OCIO = OCIO_NAMESPACE;
+
+namespace pounce::io {
+namespace {
+
+/// A space of the configuration that is one of ours.
+struct Common {
+  std::string name;
+  Chromaticities primaries;
+};
+
+std::optional<Common> common_space(const OCIO::Config& config) {
+  const Chromaticities ap0 = colour_space_from_name("aces2065-1")->primaries;
+  for (const char* name : {"aces_interchange", "ACES2065-1", "ACES - ACES2065-1", "lin_ap0"}) {
+    if (config.getColorSpace(name)) return Common{name, ap0};
+  }
+  for (const char* name : {"lin_rec709", "Linear Rec.709 (sRGB)", "lin_srgb",
+                           "Utility - Linear - Rec.709", "Utility - Linear - sRGB"}) {
+    if (config.getColorSpace(name)) return Common{name, kRec709};
+  }
+  return std::nullopt;
+}
+
+void multiply(const Matrix3& m, std::array<double, 3>& c) noexcept {
+  c = {m[0] * c[0] + m[1] * c[1] + m[2] * c[2], m[3] * c[0] + m[4] * c[1] + m[5] * c[2],
+       m[6] * c[0] + m[7] * c[1] + m[8] * c[2]};
+}
+
+/// The configuration's part, with a matrix before or behind it.
+class ConfigTransform : public ColourTransform {
+ public:
+  ConfigTransform(OCIO::ConstCPUProcessorRcPtr processor, const Matrix3& matrix, bool matrix_first)
+      : processor_(std::move(processor)), matrix_(matrix), matrix_first_(matrix_first) {}
+
+  void apply(std::array<double, 3>& rgb) const noexcept override {
+    if (matrix_first_) multiply(matrix_, rgb);
+    std::array<float, 3> single;
+    std::copy(rgb.begin(), rgb.end(), single.begin());
+    processor_->applyRGB(single.data());
+    std::copy(single.begin(), single.end(), rgb.begin());
+    if (!matrix_first_) multiply(matrix_, rgb);
+  }
+
+  Hash128 identity() const override {
+    Hasher hash;
+    hash.add(std::string_view(processor_->getCacheID()));
+    hash.add(matrix_first_);
+    for (const double v : matrix_) hash.add(v);
+    return hash.digest();
+  }
+
+ private:
+  OCIO::ConstCPUProcessorRcPtr processor_;
+  Matrix3 matrix_;
+  bool matrix_first_;
+};
+
+}  // namespace
+
+struct ColourConfig::Impl {
+  OCIO::ConstConfigRcPtr config;
+
+  std::shared_ptr<const ColourTransform> transform(const std::string& path, const std::string& name,
+                                                   bool to_linear) const {
+    const auto common = common_space(*config);
+    if (!common) {
+      throw Error(ErrorKind::input,
+                  path + ": says nothing of what its spaces are beside others: it has no role "
+                         "aces_interchange and no space called ACES2065-1 or lin_rec709; add "
+                         "aces_interchange to its roles");
+    }
+    try {
+      const char *from = name.c_str(), *to = common->name.c_str();
+      if (!to_linear) std::swap(from, to);
+      const auto processor = config->getProcessor(from, to);
+      return std::make_shared<ConfigTransform>(
+          processor->getOptimizedCPUProcessor(OCIO::OPTIMIZATION_LOSSLESS),
+          to_linear ? primaries_matrix(common->primaries, kRec709)
+                    : primaries_matrix(kRec709, common->primaries),
+          !to_linear);
+    } catch (const OCIO::Exception& e) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: no way {} \"{}\": {}", path, to_linear ? "from" : "to", name,
+                              e.what()));
+    }
+  }
+};
+
+ColourConfig::ColourConfig(const std::string& path) : path_(path) {
+  mesh::ImageRef file;
+  file.path = file.label = path;
+  const ByteSource readable(file);  // or says why not
+  try {
+    auto config = OCIO::Config::CreateFromFile(path.c_str());
+    config->validate();
+    impl_ = std::make_unique<const Impl>(Impl{std::move(config)});
+  } catch (const OCIO::Exception& e) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: is no OpenColorIO configuration that can be used: {}", path,
+                            e.what()));
+  }
+}
+
+ColourConfig::~ColourConfig() = default;
+
+bool ColourConfig::has(const std::string& name) const {
+  return impl_->config->getColorSpace(name.c_str()) != nullptr;
+}
+
+bool ColourConfig::is_data(const std::string& name) const {
+  return impl_->config->getColorSpace(name.c_str())->isData();
+}
+
+std::vector<std::string> ColourConfig::names() const {
+  std::vector<std::string> names;
+  for (int i = 0; i < impl_->config->getNumColorSpaces(); ++i)
+    names.emplace_back(impl_->config->getColorSpaceNameByIndex(i));
+  return names;
+}
+
+std::shared_ptr<const ColourTransform> ColourConfig::to_linear(const std::string& name) const {
+  return impl_->transform(path_, name, true);
+}
+
+std::shared_ptr<const ColourTransform> ColourConfig::from_linear(const std::string& name) const {
+  return impl_->transform(path_, name, false);
+}
+
+}  // namespace pounce::io

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/colour_space.h"
+#include "core/colour_transform.h"
+
+namespace pounce::io {
+
+/// An OpenColorIO configuration: colour spaces by name. What it has in common with ours is linear
+/// light of ACES2065-1, its role aces_interchange or a space that is called so, or else linear
+/// light of Rec. 709 under one of its usual names.
+///
+/// Thread-safe.
+class ColourConfig {
+ public:
+  /// Throws Error(storage) or Error(input), naming the file.
+  explicit ColourConfig(const std::string& path);
+  ~ColourConfig();
+  ColourConfig(const ColourConfig&) = delete;
+  ColourConfig& operator=(const ColourConfig&) = delete;
+
+  const std::string& path() const { return path_; }
+  /// Has it a space (or a role, or another name of one) that is called so, in any case of letters?
+  bool has(const std::string& name) const;
+  /// Is that space one of data, which is never converted?
+  bool is_data(const std::string& name) const;
+  /// What its spaces are called, as far as it shows them.
+  std::vector<std::string> names() const;
+
+  /// From that space to linear light of Rec. 709, and back. Throws Error(input), naming the file,
+  /// where it has no such transform: no space in common with ours, a file that is missing, what
+  /// goes one way only.
+  std::shared_ptr<const ColourTransform> to_linear(const std::string& name) const;
+  std::shared_ptr<const ColourTransform> from_linear(const std::string& name) const;
+
+ private:
+  struct Impl;
+  std::string path_;
+  std::unique_ptr<const Impl> impl_;
+};
+
+}  // namespace pounce::io
