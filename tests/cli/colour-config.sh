@@ -75,6 +75,8 @@ same in.png 194 91 46
 ! grep -q sRGB in.png || fail 'an image that is no sRGB says it is'
 run through.png --source-colorspace squared --output-colorspace squared
 same through.png 200 100 50
+run through.png --source-colorspace squared --output-colorspace squared --method gaussian
+same through.png 200 100 50
 run tinted.exr --output-colorspace tinted --depth float
 expect 0 transfer source.obj target.obj --size 16 -o linear.exr --depth float
 if command -v oiiotool >/dev/null; then

@@ -79,9 +79,10 @@ struct ColourConfig::Impl {
     const auto common = common_space(*config);
     if (!common) {
       throw Error(ErrorKind::input,
-                  path + ": says nothing of what its spaces are beside others: it has no role "
-                         "aces_interchange and no space called ACES2065-1 or lin_rec709; add "
-                         "aces_interchange to its roles");
+                  path +
+                      ": says nothing of what its spaces are beside others: it has no role "
+                      "aces_interchange and no space called ACES2065-1 or lin_rec709; add "
+                      "aces_interchange to its roles");
     }
     try {
       const char *from = name.c_str(), *to = common->name.c_str();
@@ -93,9 +94,8 @@ struct ColourConfig::Impl {
                     : primaries_matrix(kRec709, common->primaries),
           !to_linear);
     } catch (const OCIO::Exception& e) {
-      throw Error(ErrorKind::input,
-                  fmt::format("{}: no way {} \"{}\": {}", path, to_linear ? "from" : "to", name,
-                              e.what()));
+      throw Error(ErrorKind::input, fmt::format("{}: no way {} \"{}\": {}", path,
+                                                to_linear ? "from" : "to", name, e.what()));
     }
   }
 };
@@ -109,9 +109,9 @@ ColourConfig::ColourConfig(const std::string& path) : path_(path) {
     config->validate();
     impl_ = std::make_unique<const Impl>(Impl{std::move(config)});
   } catch (const OCIO::Exception& e) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: is no OpenColorIO configuration that can be used: {}", path,
-                            e.what()));
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: is no OpenColorIO configuration that can be used: {}", path, e.what()));
   }
 }
 

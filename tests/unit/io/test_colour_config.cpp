@@ -59,8 +59,7 @@ TEST_CASE("a configuration's spaces are beside ours by ACES or by Rec. 709", "[i
     const Matrix3 m = primaries_matrix(colour_space_from_name("aces2065-1")->primaries, kRec709);
     Colour expected;
     for (std::size_t row = 0; row < 3; ++row)
-      expected[row] =
-          m[3 * row] * light[0] + m[3 * row + 1] * light[1] + m[3 * row + 2] * light[2];
+      expected[row] = m[3 * row] * light[0] + m[3 * row + 1] * light[1] + m[3 * row + 2] * light[2];
     check_colour(through(*config.to_linear("squared"), number), expected);
     check_colour(through(*config.from_linear("squared"), expected), number);
   }
@@ -73,13 +72,12 @@ TEST_CASE("a configuration's spaces are beside ours by ACES or by Rec. 709", "[i
 
 TEST_CASE("transforms that do the same have one identity, others have others", "[io]") {
   const test::TempFolder folder;
-  const std::string spaces =
-      space("lin_rec709") + space("a", "ExponentTransform> {value: 2}") +
-      space("b", "ExponentTransform> {value: 2.01}") +
-      space("c", "FileTransform> {src: t.spi1d, interpolation: linear}");
+  const std::string spaces = space("lin_rec709") + space("a", "ExponentTransform> {value: 2}") +
+                             space("b", "ExponentTransform> {value: 2.01}") +
+                             space("c", "FileTransform> {src: t.spi1d, interpolation: linear}");
   const auto table = [&](const char* middle) {
-    std::ofstream(folder.file("t.spi1d"))
-        << "Version 1\nFrom 0 1\nLength 3\nComponents 1\n{\n0\n" << middle << "\n1\n}\n";
+    std::ofstream(folder.file("t.spi1d")) << "Version 1\nFrom 0 1\nLength 3\nComponents 1\n{\n0\n"
+                                          << middle << "\n1\n}\n";
   };
   const auto identity = [&](const std::string& name, bool to_linear = true) {
     const io::ColourConfig config(config_file(folder, "", spaces));
