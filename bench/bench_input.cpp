@@ -71,7 +71,7 @@ std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
   job->options = reference_options(shape, size);
   job->source = io::read_mesh(job->options.source);
   job->target = io::read_mesh(job->options.targets.front());
-  job->plan = flow::plan_source(job->options, job->source);
+  job->plan = flow::plan_source(job->options, job->source, false);
   job->target_plan =
       flow::plan_target(job->options, job->plan, job->options.targets.front(), job->target);
   job->context =

@@ -118,7 +118,7 @@ class MeshJob {
     const TransferOptions transfer = as_transfer(options_);
     mesh_ = load_mesh(options_.source, transfer.source_use, "source", options_.allow_external);
     refuse_scene_options(options_);  // now that it is known to be a mesh
-    plan_ = plan_source(transfer, mesh_);
+    plan_ = plan_source(transfer, mesh_, false);
     plan_.passes.front().source.exact = true;  // each of its texels is one
     warn_of_repeats(request(), plan_.warnings);
     for (const auto* warnings : {&mesh_.warnings, &plan_.warnings}) {

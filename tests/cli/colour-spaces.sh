@@ -74,6 +74,18 @@ base64=$(base64 -w0 p3.png)
 expect 0 transfer m.glb t.obj -o own.png --no-cache --source-texture baseColor=p3.png
 expect 0 inspect own.png
 out_has 'display-p3'
+# Into a model it becomes sRGB, since that is what glTF's textures are.
+expect 0 transfer m.glb m.glb -o new.glb --no-cache --source-texture baseColor=p3.png
+err_has 'note: baseColor is converted from display-p3 to srgb'
+expect 0 transfer new.glb t.obj -o of-model.png --no-cache
+expect 0 transfer m.glb t.obj -o of-image.png --no-cache --source-texture baseColor=p3.png --output-colorspace srgb
+same_picture of-model.png of-image.png || fail 'the colours of a model are not sRGB'
+# sRGB in floats, which readers take for linear light where a file says nothing.
+run -o coded.tif --depth float
+expect 0 inspect coded.tif
+out_has 'float, srgb'
+run -o back.png --source-texture baseColor=coded.tif --depth u8
+same_picture back.png s.png || fail 'sRGB in floats came back as something else'
 # The .glb's own image, with a profile put into it: its length and those that hold it change, so a .gltf with a data URI.
 cat >g.gltf <<GLTF
 {"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],

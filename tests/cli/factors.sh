@@ -77,3 +77,34 @@ expect 0 inspect m.gltf
 out_has 'roughness 0.5, metallic 0.2, occlusion_strength 0.4, emissive 0.25 0.5 1, emissive_strength 20'
 expect 0 transfer m.gltf m.gltf -o o.glb --size 8
 ! grep -q 'factors of' "$err" || fail 'a model has factors in its material'
+
+# The model's material has the factors, its images are as they were; a transfer from it shows both.
+expect 0 transfer m.gltf m.gltf -o model.glb --size 16 --padding 16
+of_model() { expect 0 transfer model.glb m.gltf -o "$1" --size 16 --padding 16 "${@:2}"; }
+of_model 'own.<CHANNEL>.png' --factors ignore
+for channel in baseColor metallicRoughness occlusion emissive; do same own.$channel.png 200 100 50; done
+of_model 'shown.<CHANNEL>.png'
+same shown.baseColor.png 200 100 50
+same shown.metallicRoughness.png 200 50 10
+same shown.occlusion.png 233 100 50
+# Factors that a single material cannot have are multiplied into the images: of halves, and of one that is no texture.
+halves() { # RIGHT: the right half's material
+  printf 'newmtl left\nKd 0.5 0.5 0.5\nmap_Kd skin.ppm\nnewmtl right\n%s\n' "$1" >halves.mtl
+  expect 0 transfer halves.obj m.gltf -o halves.png --size 16 --padding 16
+  expect 0 transfer halves.obj m.gltf -o model.glb --size 16 --padding 16
+}
+printf 'mtllib halves.mtl\nv 0 0 0\nv .5 0 0\nv .5 1 0\nv 0 1 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n' >halves.obj
+printf 'usemtl left\nf 1/1 2/2 3/3 4/4\nusemtl right\nf 2/1 5/2 6/3 3/4\n' >>halves.obj
+for right in 'Kd 1 1 1\nmap_Kd skin.ppm' 'Kd 1 0 0'; do
+  halves "$(printf '%b' "$right")"
+  err_has 'note: halves.obj: its materials have different baseColor factors'
+  of_model back.png --factors ignore
+  same_picture back.png halves.png || fail 'the images of a model lack what its material cannot say'
+  of_model back.png
+  same_picture back.png halves.png || fail 'a factor counts twice'
+done
+halves "$(printf 'Kd 0.5 0.5 0.5\nmap_Kd skin.ppm')"
+of_model back.png --factors ignore
+same back.png 200 100 50
+of_model back.png
+same back.png 146 71 34

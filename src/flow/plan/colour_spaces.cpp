@@ -70,7 +70,7 @@ std::string some_of(const std::vector<std::string>& names) {
 }  // namespace
 
 void check_colour_spaces(const TransferOptions& options) {
-  const ColourSpaces spaces(options);
+  const ColourSpaces spaces(options, io::is_model_path(options.output));
   std::vector<std::string> given;
   for (const SourceColourSpace& source : options.source_colour_spaces) {
     const std::string channel =
@@ -91,7 +91,8 @@ void check_colour_spaces(const TransferOptions& options) {
 
 // --- names ---------------------------------------------------------------------------------------
 
-ColourSpaces::ColourSpaces(const TransferOptions& options) : options_(options) {
+ColourSpaces::ColourSpaces(const TransferOptions& options, bool for_model)
+    : options_(options), for_model_(for_model) {
   if (!options.colour_config.empty()) {
     if (options.source_colour_spaces.empty() && options.output_colour_space.empty()) {
       throw Error(ErrorKind::usage,
@@ -206,11 +207,12 @@ void ColourSpaces::choose(const SourceLook& look, const std::optional<io::ImageI
   } else if (asked_) {
     plan.primaries = asked_->primaries;
     plan.format.linear = asked_->linear;
-  } else if (!io::is_model_path(options_.output) && (plan.format.linear || !source.linear)) {
+  } else if (!for_model_ && (plan.format.linear || !source.linear)) {
     plan.primaries = source.primaries;
   }
   const ColourSpace made{plan.primaries, plan.format.linear};
-  const bool is_plain = same_primaries(made.primaries, kRec709) && (!made.linear || float_out);
+  // What readers take a file for that says nothing.
+  const bool is_plain = same_primaries(made.primaries, kRec709) && made.linear == float_out;
   const bool is_said = onto ? onto->colours.primaries.has_value() : look.chromaticities.has_value();
   if (!is_plain || (is_exr(options_.output) && is_said)) plan.chromaticities = made.primaries;
   note_conversion(look, plan, made, notes);

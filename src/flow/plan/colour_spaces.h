@@ -22,7 +22,8 @@ void check_colour_spaces(const TransferOptions& options);
 class ColourSpaces {
  public:
   /// Reads --ocio's configuration. Throws Error(usage) for names that neither it nor we have.
-  explicit ColourSpaces(const TransferOptions& options);
+  /// `for_model`: the output is the images of a model, which are sRGB.
+  ColourSpaces(const TransferOptions& options, bool for_model);
 
   /// What --output-colorspace says.
   const std::optional<ColourSpace>& asked() const { return asked_; }
@@ -56,6 +57,7 @@ class ColourSpaces {
                        std::vector<std::string>& notes) const;
 
   const TransferOptions& options_;
+  const bool for_model_;
   std::unique_ptr<const io::ColourConfig> config_;
   std::optional<ColourSpace> asked_;
   std::vector<ColourSpace> given_;

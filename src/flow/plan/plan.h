@@ -47,6 +47,9 @@ struct ChannelPlan {
   Chromaticities primaries = kRec709;  ///< of the output's colours
   std::optional<Chromaticities> chromaticities;  ///< the same, where its file is to say it
   std::string colour_space;  ///< its name in --ocio's configuration, if it is of there
+  /// What a model's material has beside the texture (io::ModelTexture::factor): what all of the
+  /// source's that are used have beside theirs, which the images then do not show.
+  std::array<float, 4> material_factor{1, 1, 1, 1};
   /// By source page: the materials, then the same again for triangles without UVs.
   std::vector<PageTexture> pages;
   bool baked = false;  ///< TransferOptions::baked
@@ -132,13 +135,14 @@ struct TargetPlan {
 
 /// Decides what a transfer takes from the source, from its mesh and the headers of its images:
 /// channels, sizes, passes. Throws what a user must hear before any work is done: missing UVs or
-/// textures, formats that cannot hold the result.
-Plan plan_source(const TransferOptions& options, const mesh::Mesh& source);
+/// textures, formats that cannot hold the result. `for_model`: the images, which `options` name,
+/// go into a model, of whose material the factors may be.
+Plan plan_source(const TransferOptions& options, const mesh::Mesh& source, bool for_model);
 
 /// The same for a splat scene, from the options and the headers of its files. Throws Error(usage)
 /// for options that only make sense for a mesh, Error(input) for channels that a scene does not
 /// have. Calls `poll` often where opening the scene takes long.
-Plan plan_splats(const TransferOptions& options, const std::function<void()>& poll);
+Plan plan_splats(const TransferOptions& options, bool for_model, const std::function<void()>& poll);
 /// Leaves out of a scene what is far from this target too, as the options say. To be called for
 /// every target.
 void keep_near(const TransferOptions& options, const TargetPlan& target, const mesh::Mesh& mesh,

@@ -16,7 +16,6 @@
 #include "flow/plan/texture_factor.h"
 #include "io/files/missing_file.h"
 #include "io/image/write.h"
-#include "io/model/write.h"
 #include "io/read_mesh.h"
 
 namespace pounce::flow {
@@ -96,13 +95,13 @@ class SourceTextures {
 
 class SourcePlanner {
  public:
-  SourcePlanner(const TransferOptions& options, const mesh::Mesh& source)
+  SourcePlanner(const TransferOptions& options, const mesh::Mesh& source, bool for_model)
       : options_(options),
         source_(source),
-        spaces_(options),
+        spaces_(options, for_model),
         textures_(options, source),
         used_(used_materials(source)),
-        applies_factors_(options.apply_factors && !io::is_model_path(options.output)) {
+        for_model_(for_model) {
     for (const Channel channel : options.baked) is_baked_[static_cast<std::size_t>(channel)] = true;
   }
 
@@ -414,13 +413,13 @@ class SourcePlanner {
 
   /// A primitive without this texture still hides what is behind it: its factor, as the image would
   /// hold it.
-  texture::TexelValue constant(std::size_t material, Channel channel) const {
+  texture::TexelValue constant(std::size_t material, Channel channel, bool applies_factors) const {
     if (channel == Channel::normal) return {{0.5, 0.5, 1}, 3, false, false, false};
     if (is_shape(channel)) return {};
     if (!is_of_material(channel)) return {{0, 0, 0, 1}, 4, true, true, false};
     const mesh::Material& m = source_.materials[material];
     const auto& f = m.factors[static_cast<std::size_t>(channel)];
-    const float light = applies_factors_ && channel == Channel::emissive ? m.emissive_strength : 1;
+    const float light = applies_factors && channel == Channel::emissive ? m.emissive_strength : 1;
     return {{f[0] * light, f[1] * light, f[2] * light, f[3]},
             4,
             is_colour(options_, channel),
@@ -431,16 +430,33 @@ class SourcePlanner {
   /// Of a material whose own texture, or what stands for it, is sampled.
   std::optional<texture::Factor> factor(std::size_t material, Channel channel) const {
     const mesh::Material& m = source_.materials[material];
-    if (!applies_factors_ || !is_of_material(channel) ||
-        !m.textures[static_cast<std::size_t>(channel)])
+    if (!is_of_material(channel) || !m.textures[static_cast<std::size_t>(channel)])
       return std::nullopt;
     return texture_factor(m, channel);
   }
 
+  /// What the material of a model may have instead of its images: what all that is seen has.
+  std::optional<std::array<float, 4>> common_factor(Channel channel) const {
+    if (!for_model_ || !is_of_material(channel) || channel == Channel::normal) return std::nullopt;
+    std::optional<std::array<float, 4>> common;
+    for (std::size_t m = 0; m < source_.materials.size(); ++m) {
+      if (!used_[m]) continue;
+      if (!textures_.binding(m, channel)) return std::nullopt;
+      const mesh::Material& material = source_.materials[m];
+      const bool own = material.textures[static_cast<std::size_t>(channel)].has_value();
+      const auto factor =
+          own ? material_factor(material, channel) : std::array<float, 4>{1, 1, 1, 1};
+      if (common && *common != factor) return std::nullopt;
+      common = factor;
+    }
+    return common;
+  }
+
   /// What a material gives to a channel.
-  PageTexture page_texture(std::size_t material, Channel channel, int& tile_set) {
+  PageTexture page_texture(std::size_t material, Channel channel, bool applies_factors,
+                           int& tile_set) {
     PageTexture page;
-    page.constant = constant(material, channel);
+    page.constant = constant(material, channel, applies_factors);
     const auto binding = used_[material] ? textures_.binding(material, channel) : std::nullopt;
     // As factors are: what --source-texture gives to a material without texture is given as it is.
     page.tinted =
@@ -459,7 +475,7 @@ class SourcePlanner {
     }
     if (channel == Channel::normal)
       page.normal_scale = source_.materials[material].factors[static_cast<std::size_t>(channel)][0];
-    page.factor = factor(material, channel);
+    if (applies_factors) page.factor = factor(material, channel);
     return page;
   }
 
@@ -487,6 +503,15 @@ class SourcePlanner {
         "{}: taken as data, never converted; --color {} where it is colour", map.name, map.name));
   }
 
+  void note_factors(const ChannelPlan& plan) {
+    const auto has_factor = [](const PageTexture& page) { return page.factor.has_value(); };
+    if (std::none_of(plan.pages.begin(), plan.pages.end(), has_factor)) return;
+    plan_.notes.push_back(
+        fmt::format("{}: its materials have different {} factors, a model's material has one: "
+                    "they are multiplied into the images",
+                    source_.path, plan.name));
+  }
+
   ChannelPlan plan_channel(Channel channel) {
     ChannelPlan plan;
     plan.channel = channel;
@@ -495,11 +520,15 @@ class SourcePlanner {
     note_kind(channel);
     int tile_set = -1;
     std::vector<PageTexture> without_uvs;
+    const auto common = common_factor(channel);
+    if (common) plan.material_factor = *common;
+    const bool applies_factors = options_.apply_factors && !common;
     for (std::size_t m = 0; m < source_.materials.size(); ++m) {
-      plan.pages.push_back(page_texture(m, channel, tile_set));
+      plan.pages.push_back(page_texture(m, channel, applies_factors, tile_set));
       without_uvs.emplace_back().constant = plan.pages[m].constant;
       without_uvs[m].tinted = is_tinted(channel);
     }
+    if (for_model_) note_factors(plan);
     const std::vector<const ColumnPlan*> images = images_of(plan);
     SourceLook look = look_of(channel, images);
     if (channel == Channel::normal) take_vectors(images, look);
@@ -753,7 +782,7 @@ class SourcePlanner {
   SourceTextures textures_;
   std::vector<bool> used_;
   std::array<bool, kChannelCount + kEvidenceCount + kShapeCount> is_baked_{};
-  const bool applies_factors_;
+  const bool for_model_;
   Channel last_channel_ = Channel::base_color;  ///< of those that are chosen
   Plan plan_;
 };
@@ -781,8 +810,8 @@ TangentPlan target_tangents(const TransferOptions& options, const mesh::Mesh& ta
   return plan;
 }
 
-Plan plan_source(const TransferOptions& options, const mesh::Mesh& source) {
-  return SourcePlanner(options, source).make();
+Plan plan_source(const TransferOptions& options, const mesh::Mesh& source, bool for_model) {
+  return SourcePlanner(options, source, for_model).make();
 }
 
 }  // namespace pounce::flow

@@ -132,7 +132,8 @@ void refuse_splat_options(const TransferOptions& options) {
                           options.source));
 }
 
-Plan plan_splats(const TransferOptions& options, const std::function<void()>& poll) {
+Plan plan_splats(const TransferOptions& options, bool for_model,
+                 const std::function<void()>& poll) {
   if (!options.source_textures.empty()) {
     throw Error(ErrorKind::usage,
                 fmt::format("--source-texture: {} is a splat scene; its Gaussians have their own "
@@ -191,7 +192,7 @@ Plan plan_splats(const TransferOptions& options, const std::function<void()>& po
   plan.splats = splat_request(options);
   plan.scene = scene_facts(plan.splats, poll);
   plan.rays = options.rays;
-  ColourSpaces spaces(options);
+  ColourSpaces spaces(options, for_model);
   for (const Channel channel : channels) add_channel(options, channel, spaces, plan);
   spaces.finish(plan);
   return plan;

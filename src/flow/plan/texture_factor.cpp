@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "flow/plan/texture_factor.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace pounce::flow {
@@ -50,6 +51,23 @@ std::optional<texture::Factor> texture_factor(const mesh::Material& material, Ch
   factor.is_colour = channel == Channel::base_color || channel == Channel::emissive;
   factor.spreads = channel != Channel::occlusion &&
                    (factor.scale[0] != factor.scale[1] || factor.scale[1] != factor.scale[2]);
+  return factor;
+}
+
+std::array<float, 4> material_factor(const mesh::Material& material, Channel channel) {
+  std::array<float, 4> factor = material.factors[static_cast<std::size_t>(channel)];
+  if (channel == Channel::occlusion) factor = {material.occlusion_strength, 1, 1, 1};
+  if (channel == Channel::emissive) {
+    const float most = std::max({factor[0], factor[1], factor[2]});
+    const float over = std::isfinite(most) ? std::max(most, 1.0F) : 1.0F;
+    for (std::size_t i = 0; i < 3; ++i) factor[i] /= over;
+    factor[3] = material.emissive_strength * over;
+  }
+  for (std::size_t i = 0; i < factor.size(); ++i) {
+    const bool is_strength = channel == Channel::emissive && i == 3;
+    if (!std::isfinite(factor[i])) factor[i] = 1;
+    if (!is_strength) factor[i] = std::clamp(factor[i], 0.0F, 1.0F);
+  }
   return factor;
 }
 

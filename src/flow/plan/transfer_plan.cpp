@@ -83,7 +83,8 @@ void TransferPlan::make(double end) {
 
 void TransferPlan::plan_source_side(DiskPlan& disk) {
   if (is_splat_scene(options_.source)) {
-    source_plan_ = plan_splats(options_, [this] { job_.meter.advance(0); });
+    source_plan_ =
+        plan_splats(options_, !model_pattern_.empty(), [this] { job_.meter.advance(0); });
     source_files_ = source_plan_.scene.files;
     disk.add_splats(source_plan_.scene.splats, source_plan_.scene.lobes);
     job_.report.notes = source_plan_.scene.assumptions;
@@ -93,7 +94,7 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
     source_ = read(options_.source, 0, false);
     source_files_ = source_.files;
     check_order();
-    source_plan_ = plan_source(options_, source_);
+    source_plan_ = plan_source(options_, source_, !model_pattern_.empty());
     if (source_plan_.tangents) {
       need(source_.size_bytes() + mesh::tangents_bytes(source_), "the tangents of " + source_.path);
       add_tangents(*source_plan_.tangents, source_);
@@ -107,8 +108,6 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
     disk.add_source(source_plan_);
     add_note(not_transferred(options_, source_plan_, source_));
     if (model_pattern_.empty()) add_note(factors_note(options_, source_plan_, source_));
-    if (!model_pattern_.empty())
-      factors_ = model_factors(source_plan_, source_, source_plan_.warnings);
   }
   add_warnings(source_plan_.warnings);
   for (const std::string& note : source_plan_.notes) job_.report.notes.push_back(note);
@@ -233,8 +232,7 @@ void TransferPlan::plan_one(const std::string& path) {
     for (ImageOutput& image : images) image.stripe_rows = stripe_rows_;
   }
   if (!model_pattern_.empty()) {
-    target_.model.emplace(model_pattern_, source_plan_, factors_, options_.allow_external,
-                          target_.plan);
+    target_.model.emplace(model_pattern_, source_plan_, options_.allow_external, target_.plan);
   }
   // A job that finds damage begins again; what is painted over in place must be painted once.
   for (const auto& images : target_.plan.images) {

@@ -79,7 +79,6 @@ class TransferPlan {
   runtime::Lease source_lease_, compressors_lease_;
   std::vector<std::string> source_files_;
   Plan source_plan_;
-  std::vector<std::array<float, 4>> factors_;  ///< by channel, of a model's materials
   PlannedTarget target_;                       ///< planned last
   std::vector<std::string> outputs_, inputs_;  ///< of all targets
   LeastMemory least_;

@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -17,26 +16,6 @@
 
 namespace pounce::flow {
 namespace {
-
-using Factor = std::array<float, 4>;
-
-/// As a glTF file may hold it: 0..1, more light as strength.
-Factor factor_of(const mesh::Material& material, Channel channel) {
-  Factor factor = material.factors[static_cast<std::size_t>(channel)];
-  if (channel == Channel::occlusion) factor = {material.occlusion_strength, 1, 1, 1};
-  if (channel == Channel::emissive) {
-    const float most = std::max({factor[0], factor[1], factor[2]});
-    const float over = std::isfinite(most) ? std::max(most, 1.0F) : 1.0F;
-    for (std::size_t i = 0; i < 3; ++i) factor[i] /= over;
-    factor[3] = material.emissive_strength * over;
-  }
-  for (std::size_t i = 0; i < factor.size(); ++i) {
-    const bool is_strength = channel == Channel::emissive && i == 3;
-    if (!std::isfinite(factor[i])) factor[i] = 1;
-    if (!is_strength) factor[i] = std::clamp(factor[i], 0.0F, 1.0F);
-  }
-  return factor;
-}
 
 std::string stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
 
@@ -68,36 +47,7 @@ std::string model_image_pattern(const std::string& output) {
   return base + ".<MATERIAL>.<CHANNEL>.png";
 }
 
-std::vector<Factor> model_factors(const Plan& plan, const mesh::Mesh& source,
-                                  std::vector<std::string>& warnings) {
-  std::vector<Factor> factors;
-  for (const ChannelPlan& channel : plan.channels) {
-    std::optional<Factor> common;
-    bool differ = false;
-    for (std::size_t m = 0; m < source.materials.size(); ++m) {
-      const PageTexture& page = channel.pages[m];
-      if (page.column < 0 && page.tile_set < 0) continue;
-      if (channel.channel == Channel::normal) continue;  // its scale is in the vectors
-      // An image given by the user says it all where the material has none.
-      const mesh::Material& material = source.materials[m];
-      const bool own = material.textures[static_cast<std::size_t>(channel.channel)].has_value();
-      const Factor factor = own ? factor_of(material, channel.channel) : Factor{1, 1, 1, 1};
-      differ = differ || (common && *common != factor);
-      common = factor;
-    }
-    if (differ) {
-      warnings.push_back(
-          fmt::format("{}: its materials have different {} factors, but one model material gets "
-                      "one; taken as 1",
-                      source.path, channel_name(channel.channel)));
-    }
-    factors.push_back(differ || !common ? Factor{1, 1, 1, 1} : *common);
-  }
-  return factors;
-}
-
-ModelOutput::ModelOutput(const std::string& pattern, const Plan& plan,
-                         const std::vector<Factor>& factors, bool allow_external,
+ModelOutput::ModelOutput(const std::string& pattern, const Plan& plan, bool allow_external,
                          TargetPlan& target) {
   request_.target = target.path;
   request_.allow_external = allow_external;
@@ -111,7 +61,7 @@ ModelOutput::ModelOutput(const std::string& pattern, const Plan& plan,
       const ImageOutput& image = target.images[c][page];
       if (!image.coverage_path.empty()) target.outputs.push_back(image.coverage_path);
       textures_.back().push_back({target.pages[page].material.value(), plan.channels[c].channel,
-                                  factors.empty() ? Factor{1, 1, 1, 1} : factors[c], image.path});
+                                  plan.channels[c].material_factor, image.path});
     }
     request_.textures.insert(request_.textures.end(), textures_.back().begin(),
                              textures_.back().end());

@@ -14,18 +14,12 @@ namespace pounce::flow {
 /// Throws Error(usage) for tokens that a model has no use for.
 std::string model_image_pattern(const std::string& output);
 
-/// By Plan::channels: the factors that go with the textures (io::ModelTexture::factor). Those of
-/// the source's materials that have the texture; 1 where these differ, which goes to `warnings`.
-std::vector<std::array<float, 4>> model_factors(const Plan& plan, const mesh::Mesh& source,
-                                                std::vector<std::string>& warnings);
-
 /// One target that is written as a model: its images go to a scratch file, one after the other, and
 /// from there into the model.
 class ModelOutput {
  public:
   /// Plans it: `target` gets the model's files as its outputs and inputs, and its warnings.
-  ModelOutput(const std::string& pattern, const Plan& plan,
-              const std::vector<std::array<float, 4>>& factors, bool allow_external,
+  ModelOutput(const std::string& pattern, const Plan& plan, bool allow_external,
               TargetPlan& target);
 
   const std::string& path() const { return request_.output; }
