@@ -87,7 +87,8 @@ class Maker {
 
   /// A wavy sheet of up to 5000 cells, as OBJ.
   std::string mesh(const std::string& name, Uvs uvs, std::string& what) {
-    const auto cells = static_cast<int>(std::exp(random_.between(random_.below(2) * 7.0, 8.8)));
+    const auto cells = static_cast<int>(
+        std::exp(random_.between(static_cast<double>(random_.below(2)) * 7.0, 8.8)));
     const int across = std::max(1, static_cast<int>(std::sqrt(cells))), down = across + 1;
     const double heap = random_.between(0.02, 0.3);
     const std::string path = (folder_ / (name + ".obj")).string();
@@ -136,8 +137,8 @@ class Maker {
 
   std::string image(const std::string& name) {
     const std::string path = (folder_ / (name + ".ppm")).string();
-    const auto edge =
-        static_cast<std::uint32_t>(std::exp(random_.between(random_.below(2) * 6.5, 7.3)));
+    const auto edge = static_cast<std::uint32_t>(
+        std::exp(random_.between(static_cast<double>(random_.below(2)) * 6.5, 7.3)));
     write_image(path, {edge, edge}, 3);
     return path;
   }
