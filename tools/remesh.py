@@ -155,7 +155,7 @@ def main():
     parser.add_argument("--shrink", type=int, default=2)
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("filters", nargs="*", default=["tent", "cubic", "sharp"])
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     positions, normals, uvs, triangles, image = read_glb(options.model)
     n = options.shrink
     height, width = image.shape[0] // n * n, image.shape[1] // n * n
