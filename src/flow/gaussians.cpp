@@ -114,7 +114,7 @@ class MeshJob {
   void plan() {
     const StageTimer timer(job_.clock, "read");
     job_.meter.begin("read mesh", 1, "meshes", kAfterReading);
-    require_reading(job_, reading_bytes(), options_.source);
+    require_early(job_, {reading_bytes(), "reading " + options_.source});
     const TransferOptions transfer = as_transfer(options_);
     mesh_ = load_mesh(options_.source, transfer.source_use, "source", options_.allow_external);
     refuse_scene_options(options_);  // now that it is known to be a mesh

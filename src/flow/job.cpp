@@ -23,9 +23,9 @@
 namespace pounce::flow {
 namespace {
 
-/// A mesh whose reading takes no more than this is read even if the budget is smaller, to say
-/// exactly how much the job needs.
-constexpr std::uint64_t kReadAnyway = 64ULL << 20;
+/// What takes no more than this to plan is planned even if the budget is smaller, to say exactly
+/// how much the job needs.
+constexpr std::uint64_t kLookAnyway = 64ULL << 20;
 
 /// As many as were asked for, but no more than the process lets TBB have: raising that would raise
 /// it for all that runs there.
@@ -220,9 +220,8 @@ void require_least(JobContext& job, const LeastMemory& least) {
                           runtime::format_bytes(job.budget.limit()), mib, least.why, mib));
 }
 
-void require_reading(JobContext& job, std::uint64_t bytes, const std::string& path) {
-  if (bytes > std::max(job.budget.limit(), kReadAnyway))
-    require_least(job, {bytes + kReadAnyway, "reading " + path});
+void require_early(JobContext& job, const LeastMemory& need) {
+  if (need.bytes > std::max(job.budget.limit(), kLookAnyway)) require_least(job, need);
 }
 
 }  // namespace pounce::flow

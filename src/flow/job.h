@@ -28,8 +28,9 @@ Report run_job(const Resources& resources, Progress* progress, Report* so_far,
 /// Throws Error(budget) that names the least memory that works and what asks for it.
 void require_least(JobContext& job, const LeastMemory& least);
 
-/// Before a mesh is read, which takes `bytes`: throws Error(budget) if that is so much more than
-/// the budget that it is not worth looking inside to say exactly what the whole job needs.
-void require_reading(JobContext& job, std::uint64_t bytes, const std::string& path);
+/// Before a step of planning, as reading a mesh, that has this need: throws Error(budget) as
+/// require_least() does if that is so much more than the budget that it is not worth going on to
+/// say exactly what the whole job needs. That may be more than is named here, never less.
+void require_early(JobContext& job, const LeastMemory& need);
 
 }  // namespace pounce::flow

@@ -110,7 +110,7 @@ class MapsJob {
 
   void read() {
     const StageTimer timer(job_->clock, "read");
-    require_reading(*job_, reading_bytes(), options_.target);
+    require_early(*job_, {reading_bytes(), "reading " + options_.target});
     target_ = load_mesh(options_.target, options_.target_use, "target", options_.allow_external);
     job_->report.warnings.insert(job_->report.warnings.end(), target_.warnings.begin(),
                                  target_.warnings.end());

@@ -96,7 +96,7 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
     check_order();
     source_plan_ = plan_source(options_, source_, !model_pattern_.empty());
     if (source_plan_.tangents) {
-      need(source_.size_bytes() + mesh::tangents_bytes(source_), "the tangents of " + source_.path);
+      need_tangents(source_, 0);
       add_tangents(*source_plan_.tangents, source_);
     }
     if (source_plan_.as_gaussians) {
@@ -119,8 +119,7 @@ void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
   target_.mesh = {};  // the one before, whose memory this one takes
   target_.mesh = read(path, source_.size_bytes(), true);
   if (source_plan_.makes_normals()) {
-    need(source_.size_bytes() + target_.mesh.size_bytes() + mesh::tangents_bytes(target_.mesh),
-         "the tangents of " + path);
+    need_tangents(target_.mesh, source_.size_bytes());
     add_tangents(target_tangents(options_, target_.mesh), target_.mesh);
   }
   plan_one(path);
@@ -144,6 +143,11 @@ void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
 
 void TransferPlan::need(std::uint64_t bytes, const std::string& why) {
   if (bytes > least_.bytes) least_ = {bytes, why};
+}
+
+void TransferPlan::need_tangents(const mesh::Mesh& mesh, std::uint64_t beside) {
+  need(beside + mesh.size_bytes() + mesh::tangents_bytes(mesh), "the tangents of " + mesh.path);
+  require_early(job_, least_);
 }
 
 void TransferPlan::need_target(const std::string& path) {
@@ -215,14 +219,13 @@ void TransferPlan::check_order() {
   const bool needs_none = !options_.source_textures.empty() || !options_.baked.empty();
   if (needs_none || has_textures(source_) || !source_.colours.empty()) return;
   for (const std::string& path : options_.targets) {
-    require_reading(job_, source_.size_bytes() + reading_bytes(path), path);
+    require_early(job_, {source_.size_bytes() + reading_bytes(path), "reading " + path});
     refuse_swapped(source_, load(path, true));
   }
 }
 
 /// What follows sees the mesh as if the file had these tangents.
 void TransferPlan::add_tangents(const TangentPlan& tangents, mesh::Mesh& mesh) {
-  require_reading(job_, mesh.size_bytes() + mesh::tangents_bytes(mesh), mesh.path);
   mesh::set_tangents(mesh, tangents.uv_sets, tangents.keeps_own);
 }
 
@@ -309,7 +312,7 @@ std::uint64_t TransferPlan::contexts() const {
 }
 
 mesh::Mesh TransferPlan::read(const std::string& path, std::uint64_t beside, bool is_target) {
-  require_reading(job_, beside + reading_bytes(path), path);
+  require_early(job_, {beside + reading_bytes(path), "reading " + path});
   mesh::Mesh mesh = load(path, is_target);
   add_warnings(mesh.warnings);
   job_.meter.advance(1);

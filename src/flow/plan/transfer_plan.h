@@ -57,6 +57,8 @@ class TransferPlan {
   void check_order();
   void plan_one(const std::string& path);
   void name_jobs();
+  /// Said before they are made: a mesh whose tangents need far more than there is takes long.
+  void need_tangents(const mesh::Mesh& mesh, std::uint64_t beside);
   void add_tangents(const TangentPlan& tangents, mesh::Mesh& mesh);
   void keep_what_is_there();
   bool keeps_model(FileTime inputs);
