@@ -104,7 +104,8 @@ struct Mesh {
   /// images.
   std::vector<std::array<std::uint32_t, 3>> rest;
   std::vector<std::uint32_t> rest_material;
-  bool has_vertex_colours = false;  ///< in the file: glTF's COLOR_0, "v x y z r g b"
+  /// In the file: glTF's COLOR_0 of a type that colours have, "v x y z r g b".
+  bool has_vertex_colours = false;
   Parts parts;                      ///< what --source-mesh and --target-mesh look at
   std::vector<Material> materials;  ///< never empty when there are triangles
   std::vector<ImageRef> images;

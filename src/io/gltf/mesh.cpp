@@ -109,11 +109,11 @@ void append_instance(const tinygltf::Model& model, const AccessorReader& accesso
                               ? static_cast<std::uint32_t>(model.materials.size())
                               : static_cast<std::uint32_t>(primitive.material);
     if (material == mesh.materials.size()) add_default_material(mesh);
-    mesh.has_vertex_colours |= primitive.attributes.contains("COLOR_0");
+    mesh.has_vertex_colours |= shape.has_colours;
     if (!joints.empty() && shape.joint_sets == 0) {
       warnings.add("{} has a skin but no joints and weights; placed by its node instead", place);
     }
-    if (with_colours && !shape.has_colours && primitive.attributes.contains("COLOR_0"))
+    if (!shape.has_colours && primitive.attributes.contains("COLOR_0"))
       warnings.add("{} COLOR_0 is of a type that colours do not have; left out", place);
     const PrimitiveContext context{accessors,         primitive, place,       weights,
                                    instance.to_world, joints,    with_colours};

@@ -69,7 +69,6 @@ TEST_CASE("colours of vertices are read where they are asked for", "[io]") {
   };
   using Colours = std::vector<Vec4f>;
   const Colours wanted{{1, 0, .2F, 1}, {0, 1, 1, 1}, {0, 0, 0, 1}};
-  bool is_read = true;
   SECTION("float") { with(b.add<float>({1, 0, .2F, 0, 1, 1, 0, 0, 0}, "VEC3")); }
   SECTION("8 bit") {
     with(b.add<std::uint8_t>({255, 0, 51, 255, 0, 255, 255, 255, 0, 0, 0, 255}, "VEC4", true));
@@ -88,20 +87,36 @@ TEST_CASE("colours of vertices are read where they are asked for", "[io]") {
     CHECK_THAT(m.warnings[0], Catch::Matchers::Contains("COLOR_0 has 1 colours"));
     return;
   }
-  SECTION("not as colours are") {
-    with(b.add<std::uint16_t>({1, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1}, "VEC4", false));
-    is_read = false;
-  }
   const TempFolder folder;
   const std::string path = b.write_glb(folder.file("m.glb"));
   const mesh::Mesh m = io::read_mesh(path, {false, {}, true});
   CHECK(m.has_vertex_colours);
   CHECK(io::read_mesh(path).colours.empty());
-  if (!is_read) {
-    CHECK(m.colours.empty());
-    return;
-  }
   CHECK(m.colours == wanted);
+}
+
+TEST_CASE("what is called COLOR_0 and is no colour is told of and left out", "[io]") {
+  GltfBuilder b;
+  const int positions = b.add<float>({0, 0, 0, 1, 0, 0, 0, 2, 0}, "VEC3");
+  int colours = -1;
+  SECTION("8 bit") { colours = b.add<std::uint8_t>({1, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1}, "VEC4"); }
+  SECTION("16 bit") {
+    colours = b.add<std::uint16_t>({1, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1}, "VEC4");
+  }
+  SECTION("8 bit with a sign") {
+    colours = b.add<std::int8_t>({1, 0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1}, "VEC4", true);
+  }
+  SECTION("two numbers") { colours = b.add<float>({1, 0, 1, 0, 1, 0}, "VEC2"); }
+  b.primitive({{"POSITION", positions}, {"COLOR_0", colours}});
+  const TempFolder folder;
+  const std::string path = b.write_glb(folder.file("m.glb"));
+  for (const bool asked_for : {true, false}) {
+    const mesh::Mesh m = io::read_mesh(path, {false, {}, asked_for});
+    CHECK_FALSE(m.has_vertex_colours);
+    CHECK(m.colours.empty());
+    REQUIRE(m.warnings.size() == 1);
+    CHECK_THAT(m.warnings[0], Catch::Matchers::Contains("COLOR_0 is of a type that colours"));
+  }
 }
 
 TEST_CASE("interleaved attributes are read by their stride and offset", "[io]") {
