@@ -49,3 +49,22 @@ touch -d '2019-01-01' t.1001.png
 expect 0 "${job[@]}" --padding 2
 err_has 'wrote t.1001.png'
 err_has 'kept 2'
+
+# What is no whole image of its format is made again, however young; a folder is in the way, as always.
+expect 0 "${job[@]}" --padding 2
+whole=$(sum t.100?.png)
+"$POUNCE_FIXTURE" plane -o u.obj --triangles 400 --texture 32 >/dev/null
+head -c -1 u.png >cut.png # painted by somebody, and copied until the disk was full
+head -c 600 t.1002.png >head.png # its own, with the header whole
+expect 0 transfer u.obj u.obj -o exr.exr --size 8 --no-cache
+for bad in /dev/null cut.png head.png exr.exr; do
+  cat "$bad" >t.1002.png
+  expect 0 "${job[@]}" --padding 2
+  err_has 'wrote t.1002.png'
+  err_has 'kept 2'
+  [[ $(sum t.100?.png) == "$whole" ]] || fail "$bad: other bytes"
+done
+rm t.1002.png
+mkdir t.1002.png
+expect 5 "${job[@]}" --padding 2
+err_has 't.1002.png: is a folder'

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "io/files/job_mark.h"
+#include "io/files/whole_file.h"
 
 namespace pounce::flow {
 namespace {
@@ -37,10 +38,16 @@ FileTime newest(const std::vector<std::string>& files) {
   return latest;
 }
 
+bool has_content(const std::string& file) {
+  std::error_code failed;
+  return std::filesystem::is_regular_file(file, failed) &&
+         std::filesystem::file_size(file, failed) > 0 && !failed;
+}
+
 Standing standing_of(const std::string& output, const std::string& job, FileTime inputs) {
   std::error_code failed;
   const FileTime time = std::filesystem::last_write_time(output, failed);
-  if (failed) return Standing::outdated;
+  if (failed || !io::is_whole_file(output)) return Standing::outdated;
   if (const auto made_by = io::read_job(output))
     return *made_by == job ? Standing::same_job : Standing::outdated;
   return time > inputs ? Standing::younger : Standing::outdated;

@@ -16,9 +16,12 @@ using FileTime = std::filesystem::file_time_type;
 /// When the youngest of these files was changed; what is not there does not count.
 FileTime newest(const std::vector<std::string>& files);
 
+/// Is this a file with something in it?
+bool has_content(const std::string& file);
+
 /// What --skip-existing thinks of a file.
 enum class Standing : std::uint8_t {
-  outdated,  ///< it is not there, or another job made it
+  outdated,  ///< it is not there, is not whole, or another job made it
   same_job,  ///< it says that this job made it
   younger,   ///< it says of no job, and was changed after all inputs
 };

@@ -299,7 +299,7 @@ bool TransferPlan::keeps_model(FileTime inputs) {
     if (job_.run.written_before.count(output) > 0) return false;
     const auto job = jobs.find(output);
     const bool keeps = job == jobs.end()  // a buffer or an image that was copied
-                           ? std::filesystem::exists(output)
+                           ? has_content(output)
                            : keeps_all({output}, job->second, inputs, by_time);
     if (!keeps) return false;
   }
