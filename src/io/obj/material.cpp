@@ -160,9 +160,20 @@ void ObjMaterials::finish() {
   }
 }
 
+void ObjMaterials::warn_of_unread(const MtlMaterial& material, const char* statement,
+                                  std::string_view how) {
+  if (how.empty()) return;
+  warnings_.add(
+      "material \"{}\": \"{} {}\" is not read and counts as not given; write it as "
+      "\"{} r g b\"",
+      material.name, statement, how, statement);
+}
+
 void ObjMaterials::fill(mesh::Material& out, const Loaded& loaded) {
   const MtlMaterial& in = loaded.material;
   out.name = in.name;
+  warn_of_unread(in, "Kd", in.unread_diffuse);
+  warn_of_unread(in, "Ke", in.unread_emission);
   auto& base = out.factors[static_cast<std::size_t>(Channel::base_color)];
   base = {in.diffuse[0], in.diffuse[1], in.diffuse[2], in.dissolve};
   // Black or invisible beside a texture is what exporters write where they mean nothing by it.

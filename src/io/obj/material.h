@@ -45,6 +45,7 @@ class ObjMaterials {
   bool can_load(const std::string& name);
   void read(const std::string& path);
   std::uint32_t make();
+  void warn_of_unread(const MtlMaterial& material, const char* statement, std::string_view how);
   void fill(mesh::Material& out, const Loaded& loaded);
   void bind(mesh::Material& material, Channel channel, const MtlTexture& texture,
             const std::string& folder);

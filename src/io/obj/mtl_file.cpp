@@ -118,9 +118,9 @@ class MtlReader {
     if (const auto texture = texture_index(word)) {
       read_texture(rest, textures_[*texture]);
     } else if (word == "Kd") {
-      material_->diffuse = colour(rest);
+      read_colour(rest, material_->diffuse, material_->unread_diffuse);
     } else if (word == "Ke") {
-      material_->emission = colour(rest);
+      read_colour(rest, material_->emission, material_->unread_emission);
     } else if (word == "d") {
       material_->dissolve = to_float_or(next_word(rest), 0);
       has_dissolve_ = true;
@@ -132,10 +132,17 @@ class MtlReader {
     return true;
   }
 
-  static std::array<float, 3> colour(std::string_view rest) {
-    std::array<float, 3> out{};
-    for (float& value : out) value = to_float_or(next_word(rest), 0);
-    return out;
+  /// "r [g [b]]", where those left out are as r; "xyz x y z" and "spectral file" are not read.
+  static void read_colour(std::string_view rest, std::array<float, 3>& colour,
+                          std::string_view& unread) {
+    std::string_view word = next_word(rest);
+    unread = word == "xyz" ? "xyz" : word == "spectral" ? "spectral" : "";
+    if (!unread.empty()) return;
+    colour.fill(to_float_or(word, 0));
+    for (std::size_t i = 1; i < 3; ++i) {
+      word = next_word(rest);
+      if (!word.empty()) colour[i] = to_float_or(word, 0);
+    }
   }
 
   const std::string& path_;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -24,6 +25,8 @@ struct MtlMaterial {
   std::string name;
   std::array<float, 3> diffuse{1, 1, 1}, emission{0, 0, 0};
   float dissolve = 1;
+  /// How "Kd" and "Ke" say a colour that is not read: "xyz" or "spectral"; empty: they do not.
+  std::string_view unread_diffuse, unread_emission;
   MtlTexture base_color, emissive, normal;  ///< "map_Kd", "map_Ke", "norm"
   /// Textures that no channel is made of: by statement ("map_Bump"), the name.
   std::vector<std::pair<const char*, std::string>> others;

@@ -30,15 +30,16 @@ io::MtlMaterial material(const std::string& statements) {
 
 }  // namespace
 
-TEST_CASE("MTL colours and opacity are read, what is missing in them is 0", "[io]") {
+TEST_CASE("MTL colours and opacity are read", "[io]") {
   const io::MtlMaterial empty = material("illum 2\nNs 10\nKa 0 0 0\n");
   CHECK(empty.diffuse == Colour{1, 1, 1});
   CHECK(empty.emission == Colour{0, 0, 0});
   CHECK(empty.dissolve == 1);
   CHECK(material("Kd .5 +0.25 1e-1 7").diffuse == Colour{.5F, .25F, .1F});
-  CHECK(material("\tKd\t0.5\n").diffuse == Colour{.5F, 0, 0});
-  CHECK(material("Kd spectral skin.rfl 2\n").diffuse == Colour{0, 0, 2});
-  CHECK(material("Kd xyz 0.5 1,5\n").diffuse == Colour{0, .5F, 1});
+  CHECK(material("\tKd\t0.5\n").diffuse == Colour{.5F, .5F, .5F});  // green and blue are as red
+  CHECK(material("Kd 0.5 .25 \n").diffuse == Colour{.5F, .25F, .5F});
+  CHECK(material("Kd .5 x 1,5\n").diffuse == Colour{.5F, 0, 1});
+  CHECK(material("Ke 3\n").emission == Colour{3, 3, 3});
   CHECK(material("Kd nan -inf 0x7\n").diffuse == Colour{0, 0, 0});
   CHECK(material("Kd 1e999 -1e39 1e-50\n").diffuse == Colour{0, 0, 0});
   CHECK(material("Kd \nKe\n").diffuse == Colour{1, 1, 1});
@@ -50,6 +51,17 @@ TEST_CASE("MTL colours and opacity are read, what is missing in them is 0", "[io
   CHECK(material("d 0.5\nTr 0.25\n").dissolve == .5F);
   CHECK(material("Tr 0.25\nd 0.5\n").dissolve == .5F);
   CHECK(material("d -halo 0.5\n").dissolve == 0);
+}
+
+TEST_CASE("MTL colours that are no RGB count as not given", "[io]") {
+  const io::MtlMaterial xyz = material("Kd xyz .5 .5 .5\nKe spectral glow.rfl 2\n");
+  CHECK(xyz.diffuse == Colour{1, 1, 1});
+  CHECK(xyz.emission == Colour{0, 0, 0});
+  CHECK(xyz.unread_diffuse == "xyz");
+  CHECK(xyz.unread_emission == "spectral");
+  const io::MtlMaterial both = material("Kd xyz .5 .5 .5\nKd 1 0 0\n");
+  CHECK(both.diffuse == Colour{1, 0, 0});
+  CHECK(both.unread_diffuse.empty());
 }
 
 TEST_CASE("options stand before the name of an MTL texture", "[io]") {
