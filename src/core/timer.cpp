@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/timer.h"
 
+#include <fcntl.h>
 #include <sys/resource.h>
 #include <time.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <charconv>
+#include <string_view>
 #include <utility>
 
 namespace pounce {
@@ -18,6 +23,25 @@ double seconds_of(clockid_t clock) noexcept {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
+/// "VmHWM" of /proc/self/status; 0 where that is not to be had. Allocates nothing: memory may be
+/// what has run out.
+std::uint64_t high_water_kib() noexcept {
+  constexpr std::string_view kName = "\nVmHWM:";
+  std::array<char, 8192> buffer{};
+  const int file = ::open("/proc/self/status", O_RDONLY | O_CLOEXEC);
+  if (file < 0) return 0;
+  const ssize_t got = ::read(file, buffer.data(), buffer.size());
+  ::close(file);
+  const std::string_view status(buffer.data(), static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
+  const std::size_t line = status.find(kName);
+  if (line == std::string_view::npos) return 0;
+  const std::size_t digits = status.find_first_not_of(" \t", line + kName.size());
+  std::uint64_t kib = 0;
+  if (digits != std::string_view::npos)
+    std::from_chars(status.data() + digits, status.data() + status.size(), kib);
+  return kib;
+}
+
 }  // namespace
 
 double process_cpu_seconds() noexcept { return seconds_of(CLOCK_PROCESS_CPUTIME_ID); }
@@ -25,9 +49,14 @@ double thread_cpu_seconds() noexcept { return seconds_of(CLOCK_THREAD_CPUTIME_ID
 double wall_seconds() noexcept { return seconds_of(CLOCK_MONOTONIC); }
 
 std::uint64_t peak_rss_bytes() noexcept {
-  rusage usage{};
-  ::getrusage(RUSAGE_SELF, &usage);
-  return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;  // Linux counts in KiB
+  // That of getrusage() outlives exec(): it may be the size of whatever program started this one.
+  std::uint64_t kib = high_water_kib();
+  if (kib == 0) {
+    rusage usage{};
+    ::getrusage(RUSAGE_SELF, &usage);
+    kib = static_cast<std::uint64_t>(usage.ru_maxrss);  // Linux counts in KiB
+  }
+  return kib * 1024;
 }
 
 StageClock::Stage& StageClock::stage_locked(const std::string& name) {
