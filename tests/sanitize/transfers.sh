@@ -58,6 +58,19 @@ job 0 transfer $source $target -o j.exr --output-colorspace acescg --size 64 --n
 job 0 transfer $source $target -o j.png --source-texture baseColor=j.exr --output-colorspace display-p3 --size 64 --no-cache
 job 0 transfer $source $target -o j.jpg --source-texture baseColor=j.png --size 64 --no-cache
 job 0 transfer $source $target -o j.exr --source-texture baseColor=j.jpg --size 64 --no-cache
+cat >config.ocio <<'CONFIG'
+ocio_profile_version: 2
+search_path: .
+roles: {default: ap0, aces_interchange: ap0}
+file_rules: [!<Rule> {name: Default, colorspace: default}]
+displays: {d: [!<View> {name: v, colorspace: ap0}]}
+colorspaces:
+  - !<ColorSpace> {name: ap0}
+  - !<ColorSpace> {name: film, to_scene_reference: !<BuiltinTransform> {style: "ACEScct_to_ACES2065-1"}}
+CONFIG
+job 0 transfer $source $target -o j.exr --ocio config.ocio --source-colorspace film --output-colorspace acescg --size 64 --no-cache
+job 0 transfer $source $target -o j.png --ocio config.ocio --output-colorspace film --method gaussian --size 64 --no-cache
+job 3 transfer $source $target -o j.png --ocio plane.obj --output-colorspace film
 # Normal maps, and maps of the shape.
 job 0 transfer $source $target -o 'y_<CHANNEL>.exr' --bake normal,height,position --size 64 --no-cache
 job 0 transfer $source $target -o z.png --bake normal --output-normal-y down --size 64 --no-cache
