@@ -117,8 +117,13 @@ expect 0 gaussians s.obj -o wide.ply --source-texture baseColor=wide.exr --no-ca
 err_has 'baseColor is converted from acescg'
 expect 0 gaussians s.obj -o usual.ply --no-cache
 expect 0 transfer wide.ply t.obj -o wide-splats.exr --no-cache --output-colorspace acescg --size 64
+err_has 'baseColor is converted from srgb to acescg'
 expect 0 transfer usual.ply t.obj -o splats.exr --no-cache --size 64
 expect 0 transfer s.obj t.obj -o a.exr --source-texture baseColor=wide-splats.exr --output-colorspace lin_rec709 --no-cache
 expect 0 compare a.exr splats.exr --min-psnr 50
+expect 0 transfer usual.ply t.obj -o p3.png --no-cache --output-colorspace display-p3 --size 64
+err_has 'baseColor is converted from srgb to display-p3'
+expect 0 transfer usual.ply t.obj -o splats.png --no-cache --size 64
+! grep -q 'is converted' "$err" || fail 'a conversion that is none'
 expect 2 transfer usual.ply t.obj -o o.png --source-colorspace srgb --no-cache
 err_has '--source-colorspace: usual.ply is a splat scene'

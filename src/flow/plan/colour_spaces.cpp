@@ -220,7 +220,7 @@ void ColourSpaces::choose(const SourceLook& look, const std::optional<io::ImageI
 
 void ColourSpaces::note_conversion(const SourceLook& look, const ChannelPlan& plan,
                                    const ColourSpace& made, std::vector<std::string>& notes) const {
-  if (look.size.width == 0) return;  // no images
+  if (look.size.width == 0 && !look.of_scene) return;  // no images
   ColourSpace source{look.chromaticities.value_or(kRec709), look.linear};
   if (const auto said = given(plan.channel); said && !said->config_name.empty()) source = *said;
   if (source.config_name == made.config_name &&

@@ -165,6 +165,7 @@ struct SourceLook {
   Depth depth = Depth::u8;
   std::vector<std::string> names;  ///< of the image's channels with the most colours; empty: usual
   std::optional<Chromaticities> chromaticities;  ///< where some image is of such or says so
+  bool of_scene = false;                         ///< colours of Gaussians: no image, but a space
 };
 /// What is lost on the way is told in `warnings`, what is converted in `notes`.
 void choose_output(const TransferOptions& options, const SourceLook& look, ColourSpaces& spaces,

@@ -57,6 +57,7 @@ std::vector<Channel> channels_of(const TransferOptions& options) {
 SourceLook look_of(Channel channel, const SceneFacts& scene) {
   SourceLook look;
   look.linear = scene.is_linear;
+  look.of_scene = true;
   if (is_evidence(channel)) look.colours = 1;
   if (channel == Channel::distance) look.depth = Depth::float32;
   return look;
