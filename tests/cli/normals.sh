@@ -4,6 +4,10 @@ source "$(dirname "$0")/support.sh"
 rejected --normal-y left
 rejected --output-normal-y ''
 rejected --bake confidance normal,normal
+for name in Normal '' banana heights,normal; do
+  refused 'expected normal, height, position or vertexColor' transfer a.obj b.obj -o o.png --bake "$name"
+done
+refused 'normal only once' transfer a.obj b.obj -o o.png --bake normal,normal
 refused '--bake emissive: it takes normal, height, position and vertexColor' transfer a.obj b.obj -o o.png --bake emissive
 refused '--channels height: it is made of the shape' transfer a.obj b.obj -o o.exr --channels height
 refused '--bake position: o.glb is a model' transfer a.obj b.obj -o o.glb --bake position

@@ -76,9 +76,20 @@ std::size_t map_of(const std::string& name, std::vector<OtherMap>& maps) {
   return maps.size() - 1;
 }
 
+/// The channel that has this name in other cases of its letters; "" if none has.
+std::string name_in_its_case(const std::string& name) {
+  for (int c = 0; c < static_cast<int>(Channel::other); ++c) {
+    const std::string known = channel_name(static_cast<Channel>(c));
+    if (lower(known) == lower(name)) return known;
+  }
+  return "";
+}
+
 Channel parse_channel(const std::string& option, const std::string& name,
                       std::vector<OtherMap>& maps) {
   if (const std::optional<Channel> channel = channel_from_name(name)) return *channel;
+  if (const std::string known = name_in_its_case(name); !known.empty())
+    refuse(option, name, fmt::format("{}, from which it differs in case only", known));
   if (!is_map_name(name) || maps.size() >= kMostOtherMaps) {
     refuse(
         option, name,
@@ -236,9 +247,17 @@ std::vector<Channel> parse_channels(const std::string& option, const std::string
 }
 
 std::vector<Channel> parse_baked(const std::string& option, const std::string& text) {
-  std::vector<OtherMap> maps;
-  std::vector<Channel> channels = parse_channels(option, text, maps);
-  if (!maps.empty()) refuse(option, maps.front().name, "normal, height, position or vertexColor");
+  std::vector<Channel> channels;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    const std::string name = text.substr(begin, end - begin);
+    const std::optional<Channel> channel = channel_from_name(name);
+    if (!channel) refuse(option, name, "normal, height, position or vertexColor");
+    if (std::find(channels.begin(), channels.end(), *channel) != channels.end())
+      refuse(option, text, fmt::format("{} only once", name));
+    channels.push_back(*channel);
+    begin = end + 1;
+  }
   return channels;
 }
 
