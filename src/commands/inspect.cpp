@@ -86,9 +86,50 @@ std::string job_text(const Json& file) {
              : "";
 }
 
+/// An EXR may have nothing but layers: one of its channels says then what all are like.
+io::ImageInfo info_of(const std::string& path, const std::vector<std::string>& exr_channels) {
+  try {
+    return io::ImageReader(path).info();
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::input || exr_channels.empty()) throw;
+  }
+  mesh::ImageRef image;
+  image.path = image.label = path;
+  image.channels = exr_channels.front();
+  io::ImageInfo info = io::ImageReader(image).info();
+  info.channels = 0;
+  info.has_alpha = false;
+  return info;
+}
+
+/// What can be named behind the path of an EXR.
+Json layers_json(const std::vector<std::string>& exr_channels) {
+  Json layers = Json::array();
+  for (const io::Layer& layer : io::layers_of(exr_channels))
+    layers.push_back({{"name", layer.name}, {"channels", layer.channels}});
+  return layers;
+}
+
+/// Where there is a choice.
+std::string layers_text(const Json& image) {
+  std::string text;
+  if (!image.contains("layers")) return text;
+  std::size_t channels = 0;
+  for (const Json& layer : image["layers"]) channels += layer["channels"].size();
+  if (channels == image["channels"].get<std::size_t>()) return text;
+  for (const Json& layer : image["layers"]) {
+    const std::string name = layer["name"].get<std::string>();
+    text += fmt::format("layer      {}: {}\n", name.empty() ? "(no name)" : name,
+                        io::joined(layer["channels"].get<std::vector<std::string>>()));
+  }
+  return text;
+}
+
 Json describe_image(const std::string& path) {
   try {
-    Json json = commands::describe(io::ImageReader(path).info());
+    const std::vector<std::string> exr_channels = io::ImageReader::exr_channels(path);
+    Json json = commands::describe(info_of(path, exr_channels));
+    if (!exr_channels.empty()) json["layers"] = layers_json(exr_channels);
     add_job(path, json);
     return json;
   } catch (const Error& error) {
@@ -171,7 +212,8 @@ std::string inspect_text(const std::string& path, bool allow_external) {
       fmt::format("{}: {}\n", file["file"].get<std::string>(), type == "pack" ? "tile pack" : type);
   if (type == "mesh") return text + commands::mesh_text(file) + job_text(file);
   if (type == "splats") return text + commands::splats_text(file);
-  if (type == "image") return text + commands::image_text(file) + "\n" + job_text(file);
+  if (type == "image")
+    return text + commands::image_text(file) + "\n" + layers_text(file) + job_text(file);
   return text +
          fmt::format(
              "kind       {}\nkey        {}\nformat     version {}\nsize       {} bytes, {} chunks, "

@@ -64,6 +64,10 @@ class Images {
   std::map<std::uint32_t, Json> known_;
 };
 
+bool is_data(Channel channel) {
+  return channel != Channel::base_color && channel != Channel::emissive;
+}
+
 Json textures_json(const mesh::Material& material, Images& images) {
   Json textures = Json::array();
   for (int i = 0; i < kChannelCount; ++i) {
@@ -71,6 +75,10 @@ Json textures_json(const mesh::Material& material, Images& images) {
     if (!binding) continue;
     Json texture{{"channel", channel_name(static_cast<Channel>(i))}};
     texture.update(images[binding->image]);
+    if (is_data(static_cast<Channel>(i))) {  // numbers have none, whatever their file says
+      texture.erase("linear");
+      texture.erase("colour_space");
+    }
     texture["uv_set"] = binding->uv_set;
     texture["wrap_u"] = wrap_name(binding->wrap_u);
     texture["wrap_v"] = wrap_name(binding->wrap_v);
@@ -104,6 +112,7 @@ Json factors_json(const mesh::Material& material) {
   return {{"baseColor", numbers_json(of(Channel::base_color), 4)},
           {"roughness", io::shortest(data[1])},
           {"metallic", io::shortest(data[2])},
+          {"normal_scale", io::shortest(of(Channel::normal)[0])},
           {"occlusion_strength", io::shortest(material.occlusion_strength)},
           {"emissive", numbers_json(of(Channel::emissive), 3)},
           {"emissive_strength", io::shortest(material.emissive_strength)}};
@@ -322,12 +331,18 @@ std::string image_text(const Json& image) {
   const auto levels = image["levels"].get<std::uint32_t>();
   const std::string tiles =
       fmt::format(", tiles {} x {}", tile_width, image["tile_height"].get<std::uint32_t>());
-  return fmt::format("{} x {}, {} channel{}{}, {}, {}, {}{}{}", image["width"].get<std::uint32_t>(),
-                     image["height"].get<std::uint32_t>(), image["channels"].get<std::uint32_t>(),
-                     image["channels"].get<std::uint32_t>() == 1 ? "" : "s",
-                     image["alpha"].get<bool>() ? " with alpha" : "",
-                     image["depth"].get<std::string>(), image["colour_space"].get<std::string>(),
-                     image["format"].get<std::string>(), tile_width > 0 ? tiles : "",
+  const auto count = image["channels"].get<std::uint32_t>();
+  const std::string channels = count == 0
+                                   ? "channels in layers, which are taken by name (FILE.exr:LAYER)"
+                                   : fmt::format("{} channel{}{}", count, count == 1 ? "" : "s",
+                                                 image["alpha"].get<bool>() ? " with alpha" : "");
+  const std::string space = image.contains("colour_space")
+                                ? image["colour_space"].get<std::string>() + ", "
+                                : "";  // of data
+  return fmt::format("{} x {}, {}, {}, {}{}{}{}", image["width"].get<std::uint32_t>(),
+                     image["height"].get<std::uint32_t>(), channels,
+                     image["depth"].get<std::string>(), space, image["format"].get<std::string>(),
+                     tile_width > 0 ? tiles : "",
                      levels > 1 ? fmt::format(", {} levels", levels) : "");
 }
 

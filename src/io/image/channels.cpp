@@ -163,6 +163,18 @@ ChosenPart named_channels(const std::vector<Part>& parts, const std::string& wan
   return chosen;
 }
 
+std::vector<Layer> layers_of(const std::vector<std::string>& names) {
+  std::vector<Layer> layers;
+  for (const std::string& name : names) {
+    const std::string layer = parsed(name).layer;
+    auto at = std::find_if(layers.begin(), layers.end(),
+                           [&](const Layer& one) { return one.name == layer; });
+    if (at == layers.end()) at = layers.insert(at, {layer, {}});
+    at->channels.push_back(layer.empty() ? name : name.substr(layer.size() + 1));
+  }
+  return layers;
+}
+
 FileChannels split_channels(const std::string& path) {
   const std::size_t colon = path.rfind(':');
   if (colon == std::string::npos || colon < 5 || colon + 1 == path.size()) return {path, ""};

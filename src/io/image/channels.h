@@ -45,6 +45,15 @@ struct ChosenPart {
 };
 ChosenPart named_channels(const std::vector<Part>& parts, const std::string& wanted);
 
+/// Channels of one layer: "diffuse" and "R", "G", "B". Those without a layer are one without a
+/// name.
+struct Layer {
+  std::string name;
+  std::vector<std::string> channels;
+};
+/// The layers of channels with these full names, in their order.
+std::vector<Layer> layers_of(const std::vector<std::string>& names);
+
 /// "file.exr:diffuse.R,G,B" is a file and what is wanted of it, if no file has all that as its
 /// name.
 struct FileChannels {

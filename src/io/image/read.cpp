@@ -8,13 +8,12 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
-#include <new>
 #include <span>
-#include <string_view>
 #include <vector>
 
 #include "io/files/byte_source.h"
 #include "io/image/decoder_cost.h"
+#include "io/image/decoder_error.h"
 #include "io/image/guard.h"
 #include "io/image/header.h"
 #include "io/image/oiio_setup.h"
@@ -125,31 +124,11 @@ class SourceProxy : public OIIO::Filesystem::IOFile {
   ByteSource& bytes_;
 };
 
-/// Does a decoder's message say that it got no memory? Decoders turn that into an error like any.
-bool tells_of_memory(std::string message) {
-  std::transform(message.begin(), message.end(), message.begin(),
-                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
-  constexpr std::array<std::string_view, 4> kWords{"bad_alloc", "no space", "memory", "allocat"};
-  return std::any_of(kWords.begin(), kWords.end(), [&](std::string_view word) {
-    return message.find(word) != std::string::npos;
-  });
-}
-
-/// Could a decoder have got that much?
-bool has_room(std::uint64_t size_bytes) {
-  void* const room = ::operator new(static_cast<std::size_t>(size_bytes), std::nothrow);
-  ::operator delete(room);
-  return room != nullptr;
-}
-
-std::string in_brackets(const std::string& text) {
-  return text.empty() ? "" : fmt::format(" ({})", text);
-}
-
 }  // namespace
 
 struct ImageReader::Impl {
-  explicit Impl(const mesh::ImageRef& image);
+  /// `only_lists`: only to list its channels, whatever they are.
+  explicit Impl(const mesh::ImageRef& image, bool only_lists = false);
   void open();
   void take_spec();
   ChosenChannels choose();
@@ -165,7 +144,8 @@ struct ImageReader::Impl {
   [[noreturn]] void fail(const std::string& what) const;
 
   ByteSource bytes;
-  std::string wanted;                                                  // channels, by name
+  std::string wanted;  // channels, by name
+  bool lists = false;
   std::unique_ptr<FILE, int (*)(FILE*)> stream{nullptr, std::fclose};  // outlives proxy and input
   std::unique_ptr<SourceProxy> proxy;
   std::unique_ptr<OIIO::ImageInput> input;  // null until open()
@@ -188,7 +168,8 @@ struct ImageReader::Impl {
   PngCheck png_check;
 };
 
-ImageReader::Impl::Impl(const mesh::ImageRef& image) : bytes(image), wanted(image.channels) {
+ImageReader::Impl::Impl(const mesh::ImageRef& image, bool only_lists)
+    : bytes(image), wanted(image.channels), lists(only_lists) {
   info.format = image_format(bytes, image.path);
   bytes.check();
   if (info.format.empty()) {
@@ -235,7 +216,7 @@ void ImageReader::Impl::open() {
   const bool opened = created->open(bytes.label(), spec, config);
   input = std::move(created);
   if (!opened || input->has_error()) fail("the image header cannot be read");
-  take_spec();
+  if (!lists) take_spec();
 }
 
 /// Which channels of which part make the image. The decoder stands there then.
@@ -340,19 +321,9 @@ void ImageReader::Impl::refuse_webp_alpha(bool has_alpha) const {
 
 void ImageReader::Impl::fail(const std::string& what) const {
   bytes.check();
-  std::string why = png_check.problem();
-  if (why.empty()) {
-    why = input ? one_line(input->geterror()) : "";
-    if (tells_of_memory(why) || (why.empty() && !has_room(info.decoder_bytes))) {
-      throw Error(ErrorKind::budget,
-                  fmt::format("{}: there is no memory to decode it{}; give the job more (ulimit "
-                              "-v, ulimit -d, a control group), or run it with a smaller --memory "
-                              "or fewer --threads",
-                              bytes.label(), in_brackets(why)));
-    }
-  }
-  refuse(bytes.label(),
-         fmt::format("{}{}; the file is damaged or cut off", what, in_brackets(why)));
+  if (!png_check.problem().empty()) refuse_damaged(bytes.label(), what, png_check.problem());
+  const std::string why = input ? one_line(input->geterror()) : "";
+  decoder_failed(bytes.label(), what, why, info.decoder_bytes);
 }
 
 /// Bytes of a row as the decoder gives it.
@@ -437,6 +408,12 @@ ImageReader::ImageReader(const std::string& path)
 ImageReader::~ImageReader() = default;
 ImageReader::ImageReader(ImageReader&&) noexcept = default;
 ImageReader& ImageReader::operator=(ImageReader&&) noexcept = default;
+
+std::vector<std::string> ImageReader::exr_channels(const std::string& path) {
+  Impl impl({path, 0, 0, nullptr, path, "", "", false, ""}, true);
+  return impl.info.format == "openexr" ? names_of(parts_of(*impl.input))
+                                       : std::vector<std::string>{};
+}
 
 const ImageInfo& ImageReader::info() const { return impl_->info; }
 

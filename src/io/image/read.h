@@ -62,6 +62,10 @@ class ImageReader {
   ImageReader(ImageReader&&) noexcept;
   ImageReader& operator=(ImageReader&&) noexcept;
 
+  /// Of an EXR the full names of the channels of all its parts, of which ImageRef::channels can
+  /// name some; nothing of other formats.
+  static std::vector<std::string> exr_channels(const std::string& path);
+
   const ImageInfo& info() const;
   std::size_t row_bytes() const;  ///< width * channels * bytes per sample
   /// Reads the next `row_count` rows (row_count <= rows left) into `rows`, tightly packed, native
