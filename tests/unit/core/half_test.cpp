@@ -13,9 +13,9 @@ using pounce::half_to_float;
 namespace {
 
 /// The definition of binary16.
-double value_of(std::uint16_t half) {
-  const int exponent = half >> 10 & 31, mantissa = half & 1023;
-  const double sign = (half & 0x8000) != 0 ? -1 : 1;
+double value_of(std::uint16_t bits) {
+  const int exponent = bits >> 10 & 31, mantissa = bits & 1023;
+  const double sign = (bits & 0x8000) != 0 ? -1 : 1;
   if (exponent == 31)
     return mantissa != 0 ? std::numeric_limits<double>::quiet_NaN()
                          : sign * std::numeric_limits<double>::infinity();
@@ -27,9 +27,9 @@ double value_of(std::uint16_t half) {
 
 TEST_CASE("all 65536 halves mean what binary16 says and come back") {
   for (std::uint32_t i = 0; i < 65536; ++i) {
-    const auto half = static_cast<std::uint16_t>(i);
-    const double expected = value_of(half);
-    const float got = half_to_float(half);
+    const auto bits = static_cast<std::uint16_t>(i);
+    const double expected = value_of(bits);
+    const float got = half_to_float(bits);
     if (std::isnan(expected)) {
       if (!std::isnan(got) || (float_to_half(got) & 0x7C00) != 0x7C00 ||
           (float_to_half(got) & 0x3FF) == 0) {
@@ -39,7 +39,7 @@ TEST_CASE("all 65536 halves mean what binary16 says and come back") {
     }
     if (double{got} != expected || std::signbit(got) != std::signbit(expected))
       FAIL(i << " is " << got << " instead of " << expected);
-    if (float_to_half(got) != half) FAIL(i << " comes back as " << float_to_half(got));
+    if (float_to_half(got) != bits) FAIL(i << " comes back as " << float_to_half(got));
   }
 }
 
@@ -76,12 +76,12 @@ TEST_CASE("random floats go to one of the two halves around them, the nearer") {
   for (int i = 0; i < 200000; ++i) {
     const auto value = static_cast<float>(
         std::ldexp(random.between(-2.0, 2.0), static_cast<int>(random.whole(-30, 14))));
-    const std::uint16_t half = float_to_half(value);
-    const double off = std::abs(value_of(half) - value);
+    const std::uint16_t bits = float_to_half(value);
+    const double off = std::abs(value_of(bits) - value);
     for (const int step : {-1, 1}) {
-      const auto other = static_cast<std::uint16_t>(half + step);
-      if ((half & 0x7FFF) == 0 && step < 0) continue;
-      if (std::abs(value_of(other) - value) < off) FAIL(value << " goes to " << value_of(half));
+      const auto other = static_cast<std::uint16_t>(bits + step);
+      if ((bits & 0x7FFF) == 0 && step < 0) continue;
+      if (std::abs(value_of(other) - value) < off) FAIL(value << " goes to " << value_of(bits));
     }
   }
 }
