@@ -75,6 +75,9 @@ same in.png 194 91 46
 ! grep -q sRGB in.png || fail 'an image that is no sRGB says it is'
 run through.png --source-colorspace squared --output-colorspace squared
 same through.png 200 100 50
+run through.png --source-colorspace SQUARE --output-colorspace squared # one space by two names
+! grep -q 'is converted' "$err" || fail 'a conversion from a space to itself'
+same through.png 200 100 50
 run through.png --source-colorspace squared --output-colorspace squared --method gaussian
 same through.png 200 100 50
 run tinted.exr --output-colorspace tinted --depth float
@@ -102,6 +105,16 @@ printf 'newmtl skin\nmap_Kd grey.pgm\n' >source.mtl
 mask grey.pgm 16 16 $(for ((i = 0; i < 256; ++i)); do echo 100; done)
 run grey.png --source-colorspace tinted --output-colorspace lin_rec709
 same grey.png 100 50 25
+
+# A channel that cannot be read so is left out, one that is asked for is not.
+cp skin.ppm light.ppm
+printf 'newmtl skin\nmap_Kd skin.ppm\nmap_Ke light.ppm\nKe 1 1 1\n' >source.mtl
+run 'left.<CHANNEL>.png' --source-colorspace emissive=lost --output-colorspace lin_rec709
+err_has 'no way from "lost"'
+[[ -e left.baseColor.png && ! -e left.emissive.png ]] || fail 'what was left out'
+expect 3 transfer source.obj target.obj --size 16 --ocio c.ocio -o e.png --channels emissive --source-colorspace lost \
+  --output-colorspace lin_rec709
+printf 'newmtl skin\nmap_Kd grey.pgm\n' >source.mtl
 
 # Data stay what they are.
 run own.png --source-texture mask=skin.ppm --data mask --channels mask --output-colorspace squared

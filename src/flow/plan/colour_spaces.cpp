@@ -131,7 +131,7 @@ ColourSpace ColourSpaces::resolved(const char* option, const std::string& name) 
                             "leave it out, or say --data of the map",
                             option, name, config_->path()));
   }
-  return {kRec709, true, name};
+  return {kRec709, true, config_->full_name(name)};
 }
 
 /// Our names are ours, exact and the same everywhere; who means something else by them must hear.
@@ -244,9 +244,11 @@ std::optional<texture::ColourInput> ColourSpaces::input(const ColourSpace& space
 }
 
 const ColourTransform* ColourSpaces::transform(const std::string& name, bool to_linear) {
-  auto& made = transforms_[{name, to_linear}];
-  if (made == nullptr) made = to_linear ? config_->to_linear(name) : config_->from_linear(name);
-  return made.get();
+  const std::pair key(name, to_linear);
+  if (const auto made = transforms_.find(key); made != transforms_.end()) return made->second.get();
+  // What throws leaves nothing behind: a channel that cannot be read may be left out.
+  auto made = to_linear ? config_->to_linear(name) : config_->from_linear(name);
+  return transforms_.emplace(key, std::move(made)).first->second.get();
 }
 
 void ColourSpaces::finish(Plan& plan) const {

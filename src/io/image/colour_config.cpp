@@ -121,6 +121,10 @@ bool ColourConfig::has(const std::string& name) const {
   return impl_->config->getColorSpace(name.c_str()) != nullptr;
 }
 
+std::string ColourConfig::full_name(const std::string& name) const {
+  return impl_->config->getColorSpace(name.c_str())->getName();
+}
+
 bool ColourConfig::is_data(const std::string& name) const {
   return impl_->config->getColorSpace(name.c_str())->isData();
 }

@@ -26,6 +26,8 @@ class ColourConfig {
   const std::string& path() const { return path_; }
   /// Has it a space (or a role, or another name of one) that is called so, in any case of letters?
   bool has(const std::string& name) const;
+  /// What that space is called itself.
+  std::string full_name(const std::string& name) const;
   /// Is that space one of data, which is never converted?
   bool is_data(const std::string& name) const;
   /// What its spaces are called, as far as it shows them.
