@@ -193,6 +193,8 @@ struct AxisBox {
 
 /// Standard deviation of a texel's Gaussian in texels where nothing else is asked for.
 inline constexpr double kDefaultSigma = 0.5;
+/// Gaussians that are less opaque are left out where nothing else is asked for: nobody sees them.
+inline constexpr double kDefaultMinOpacity = 1.0 / 255;
 /// Texels that are less sure stay empty where nothing else is asked for.
 inline constexpr double kDefaultMinConfidence = 0.01;
 

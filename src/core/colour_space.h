@@ -20,6 +20,7 @@ struct ColourSpace {
   Chromaticities primaries = kRec709;
   bool linear = false;
   std::string config_name = {};  ///< of a space in a configuration: the rest says nothing then
+  bool operator==(const ColourSpace&) const = default;
 };
 
 /// Do two files mean the same primaries? Files round the last digits.

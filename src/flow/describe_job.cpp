@@ -68,7 +68,8 @@ class OptionList {
   }
   template <class Options>
   void add_filters(const Options& o) {
-    add("min-opacity", o.min_opacity ? fmt::format("{}", *o.min_opacity) : "");
+    const bool leaves_out = o.min_opacity && *o.min_opacity > kDefaultMinOpacity;
+    add("min-opacity", leaves_out ? fmt::format("{}", *o.min_opacity) : "");
     add("max-scale", o.max_scale ? fmt::format("{}", *o.max_scale) : "");
     if (o.box) {
       add("box",
@@ -144,8 +145,12 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add("source", o.source_use);
   list.add("target", o.target_use);
   list.add("method", o.method != usual.method ? std::string(method_name(o.method)) : "");
-  list.add("filter", o.filter ? std::string(filter_name(*o.filter)) : std::string());
-  list.add("sigma", o.sigma_texels ? fmt::format("{}", *o.sigma_texels) : std::string());
+  list.add("filter", o.filter.value_or(kDefaultFilter) != kDefaultFilter
+                         ? std::string(filter_name(*o.filter))
+                         : std::string());
+  list.add("sigma", o.sigma_texels.value_or(kDefaultSigma) != kDefaultSigma
+                        ? fmt::format("{}", *o.sigma_texels)
+                        : std::string());
   list.add("densify", o.densify);
   list.add("max-distance", o.max_distance ? text_of(*o.max_distance) : std::string());
   list.add("max-angle",
@@ -179,7 +184,9 @@ void describe(const GaussiansOptions& o, Report& report) {
   list.add("source-texture", textures);
   list.add({}, o.source_colour_spaces);
   list.add("ocio", o.colour_config);
-  list.add("sigma", o.sigma_texels ? fmt::format("{}", *o.sigma_texels) : std::string());
+  list.add("sigma", o.sigma_texels.value_or(kDefaultSigma) != kDefaultSigma
+                        ? fmt::format("{}", *o.sigma_texels)
+                        : std::string());
   list.add("sharpen", o.sharpen > 0 ? fmt::format("{}", o.sharpen) : std::string());
   list.add_filters(o);
   list.add("count", o.count ? std::to_string(*o.count) : std::string());

@@ -76,11 +76,15 @@ TargetTally::TargetTally(const TransferOptions& options, const Plan& plan,
         any_to_make = true;
         continue;
       }
-      entry.images.push_back(describe(c, page));
-      entry.images.back().state = "kept";
+      keeps(c, static_cast<std::uint32_t>(page));
     }
   }
   entry.enough = options_.min_coverage_percent <= 0 || !any_to_make;  // until finish() knows
+}
+
+void TargetTally::keeps(std::size_t channel, std::uint32_t page) {
+  target().images.push_back(describe(channel, page));
+  target().images.back().state = "kept";
 }
 
 ImageReport TargetTally::describe(std::size_t channel, std::size_t page) const {

@@ -39,6 +39,8 @@ class TargetTally {
   /// Of the page that was added last, an image was written: as a file, or into what becomes the
   /// model.
   void wrote(std::size_t channel, std::uint64_t filled);
+  /// An image that was to be made turned out to be there.
+  void keeps(std::size_t channel, std::uint32_t page);
   /// The model was written, with all such images.
   void wrote_model();
   /// Warns of what was not found; `source` is where the source lies.

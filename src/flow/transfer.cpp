@@ -45,11 +45,16 @@ void run_transfer(const TransferOptions& options, const TestKnobs& knobs, JobRun
   plan.drop_source_mesh();
 
   const double share = (1 - kAfterSource) / static_cast<double>(options.targets.size());
-  for (std::size_t t = 0; t < options.targets.size(); ++t) {
+  std::vector<std::size_t> left;  // to other jobs with --skip-existing
+  const auto make = [&](std::size_t t, OthersWork others) {
     const double begin = kAfterSource + share * static_cast<double>(t);
-    transfer_to(*job, plan.options(), plan.source(), source, plan.target(t),
-                {begin, begin + share});
+    return transfer_to(*job, plan.options(), plan.source(), source, plan.target(t),
+                       {begin, begin + share}, others);
+  };
+  for (std::size_t t = 0; t < options.targets.size(); ++t) {
+    if (!make(t, OthersWork::leave)) left.push_back(t);
   }
+  for (const std::size_t t : left) make(t, OthersWork::await);
   job->report.tiles_read += source.tiles_read();
 }
 

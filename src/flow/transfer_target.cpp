@@ -7,19 +7,29 @@
 //                                      source stores
 //
 // A page is finished before the next one begins: what is there when a job is stopped is whole.
+//
+// With --skip-existing several jobs may be at the same outputs, and share them: each claims what it
+// makes next, looks whether it was made meanwhile, and leaves for later what another has claimed.
 #include "flow/transfer_target.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <optional>
+#include <thread>
+#include <utility>
 #include <vector>
 
+#include "flow/plan/existing_outputs.h"
 #include "flow/target_tally.h"
+#include "flow/write/claims.h"
 #include "target/strewn_places.h"
 
 namespace pounce::flow {
 namespace {
+
+constexpr auto kLookAgain = std::chrono::milliseconds(50);  // whether others are done
 
 // Shares of the progress bar, measured on a 4096² transfer of a head with a PNG in and out.
 constexpr double kVectorizeShare = 0.06, kProjectShare = 0.66;  // of a page
@@ -33,21 +43,151 @@ class TargetTransfer {
         source_plan_(source_plan),
         source_(source),
         target_(target),
-        range_(range),
-        tally_(options, source_plan, target.plan, target.model ? target.model->path() : "",
-               job.report) {}
+        range_(range) {}
 
-  void run() {
-    if (!target_.has_work()) return;
+  bool run(OthersWork others) {
+    std::vector<Step> steps = steps_to_make();
+    if (options_.skip_existing && others == OthersWork::leave && !steps.empty() &&
+        !is_any_free(steps))
+      return false;
+    std::optional<OutputClaim> model_claim;
+    if (options_.skip_existing && target_.model && !steps.empty()) {
+      model_claim = await_model();
+      if (is_model_made()) keep_model(steps);
+    }
+    tally_.emplace(options_, source_plan_, target_.plan, target_.model ? target_.model->path() : "",
+                   job_.report);
+    if (steps.empty()) return true;
     find_occupied();
     if (source_plan_.from_splats) places_ = target::strew(target_.mesh);
-    for (std::uint32_t page = 0; page < target_.plan.pages.size(); ++page) make_page(page);
+    make(std::move(steps));
     warn_of_clipped();
     if (target_.model) write_model();
-    tally_.finish(source_.box(0));
+    tally_->finish(source_.box(0));
+    return true;
   }
 
  private:
+  /// A page of a pass: what is vectorized, projected and written at once.
+  struct Step {
+    std::size_t pass = 0;
+    std::uint32_t page = 0;
+  };
+
+  bool has_work(const Step& step) const {
+    return target_.has_work(source_plan_.passes[step.pass].channels, step.page);
+  }
+
+  std::vector<Step> steps_to_make() const {
+    std::vector<Step> steps;
+    for (std::uint32_t page = 0; page < target_.plan.pages.size(); ++page) {
+      for (std::size_t p = 0; p < source_plan_.passes.size(); ++p) {
+        if (has_work({p, page})) steps.push_back({p, page});
+      }
+    }
+    return steps;
+  }
+
+  /// Each image is written as soon as nothing of it is missing, and memory and scratch files are of
+  /// one step. What others have claimed comes last, when it is there or theirs no more.
+  void make(std::vector<Step> steps) {
+    steps_done_ = steps_of_all() - steps.size();
+    while (!steps.empty()) {
+      std::vector<Step> others;
+      for (std::size_t i = 0; i < steps.size(); ++i) {
+        const std::optional<OutputClaim> claim = claim_of(steps[i]);
+        if (!claim) {
+          others.push_back(steps[i]);
+          continue;
+        }
+        job_.waiting.reset();
+        job_.meter.resume();
+        keep_what_others_made(steps[i]);
+        if (has_work(steps[i])) make_images(steps[i], i + 1 == steps.size() && others.empty());
+        ++steps_done_;
+      }
+      if (others.size() == steps.size()) wait_for_others();
+      steps = std::move(others);
+    }
+  }
+
+  // --- what other jobs make ----------------------------------------------------------------------
+
+  std::vector<std::string> images_of(const Step& step) const {
+    std::vector<std::string> paths;
+    for (const std::size_t c : source_plan_.passes[step.pass].channels) {
+      const ImageOutput& image = target_.plan.images[c][step.page];
+      if (!image.keep) paths.push_back(image.path);
+    }
+    return paths;
+  }
+
+  std::optional<OutputClaim> claim_of(const Step& step) {
+    const bool shares = options_.skip_existing && !target_.model;  // a model is claimed as a whole
+    return OutputClaim::take(shares ? images_of(step) : std::vector<std::string>(), &other_);
+  }
+
+  bool is_any_free(const std::vector<Step>& steps) {
+    if (target_.model) return OutputClaim::take({target_.model->path()}).has_value();
+    return std::any_of(steps.begin(), steps.end(),
+                       [&](const Step& step) { return claim_of(step).has_value(); });
+  }
+
+  void keep_what_others_made(const Step& step) {
+    if (!options_.skip_existing || target_.model) return;
+    for (const std::size_t c : source_plan_.passes[step.pass].channels) {
+      ImageOutput& image = target_.plan.images[c][step.page];
+      if (image.keep || job_.run.written_before.count(image.path) > 0 || !is_made(image)) continue;
+      image.keep = true;
+      job_.report.kept.push_back(image.path);
+      if (!image.coverage_path.empty()) job_.report.kept.push_back(image.coverage_path);
+      tally_->keeps(c, step.page);
+    }
+  }
+
+  void wait_for_others() {
+    if (!options_.resources.wait_for_cache) {
+      throw Error(ErrorKind::busy,
+                  fmt::format("{}: {} is making outputs of this job; run again without --no-wait "
+                              "to wait for it",
+                              target_.plan.path, other_));
+    }
+    if (!job_.waiting) job_.waiting = std::make_unique<StageTimer>(job_.clock, "wait");
+    job_.meter.wait("waiting for " + other_);
+    std::this_thread::sleep_for(kLookAgain);
+  }
+
+  OutputClaim await_model() {
+    for (;;) {
+      if (auto claim = OutputClaim::take({target_.model->path()}, &other_)) {
+        job_.waiting.reset();
+        job_.meter.resume();
+        return std::move(*claim);
+      }
+      wait_for_others();
+    }
+  }
+
+  /// The files beside it come first.
+  bool is_model_made() const {
+    const std::string& path = target_.model->path();
+    const auto& outputs = target_.plan.outputs;
+    return job_.run.written_before.count(path) == 0 &&
+           standing_of(path, target_.model->job(), FileTime::max()) == Standing::same_job &&
+           std::all_of(outputs.begin(), outputs.end(), has_content);
+  }
+
+  void keep_model(std::vector<Step>& steps) {
+    for (auto& images : target_.plan.images) {
+      for (ImageOutput& image : images) image.keep = true;
+    }
+    const auto& outputs = target_.plan.outputs;
+    job_.report.kept.insert(job_.report.kept.end(), outputs.begin(), outputs.end());
+    steps.clear();
+  }
+
+  // --- what this one makes -----------------------------------------------------------------------
+
   /// What padding must leave alone when it is painted over old images.
   void find_occupied() {
     const bool pads = !options_.onto.empty() && options_.padding_px.value_or(1) > 0;
@@ -68,31 +208,17 @@ class TargetTransfer {
     }
   }
 
-  /// A page at a time, pass by pass: each image is written as soon as nothing of it is missing, and
-  /// memory and scratch files are of one page.
-  void make_page(std::uint32_t page) {
-    for (std::size_t p = 0; p < source_plan_.passes.size(); ++p) {
-      if (target_.has_work(source_plan_.passes[p].channels, page)) make_images(p, page);
-      ++steps_done_;
-    }
-  }
-
-  void make_images(std::size_t p, std::uint32_t page) {
+  void make_images(const Step& step, bool is_last) {
+    const auto [p, page] = step;
     const auto target = vectorize(p, page);
     const runtime::Lease directory(job_.budget, target->size_bytes(),
                                    "the directory of the target store");
-    if (is_last_use(p, page)) {  // from here on only stores are read, never the inputs
-      target_.drop_mesh();
-    }
+    if (is_last) target_.drop_mesh();  // from here on only stores are read, never the inputs
     const store::PackReader& source = source_.pack(p);
     const std::uint64_t read_before = source.bytes_read();
     transfer_page(p, page, *target);
     job_.report.tiles_read += target->directory().tiles.size();
     job_.report.bytes_read += source.bytes_read() - read_before + target->pack().bytes_read();
-  }
-
-  bool is_last_use(std::size_t p, std::uint32_t page) const {
-    return p + 1 == source_plan_.passes.size() && page + 1 == target_.plan.pages.size();
   }
 
   std::unique_ptr<store::GeometryStore> vectorize(std::size_t p, std::uint32_t page) {
@@ -105,7 +231,7 @@ class TargetTransfer {
     job_.report.target_tiles += target->directory().tiles.size();
     job_.report.target_store_bytes += target->pack().size_bytes();
     job_.count_store(target->pack(), cached);
-    tally_.vectorized(page, target->directory());
+    tally_->vectorized(page, target->directory());
     job_.meter.end();
     return target;
   }
@@ -113,10 +239,10 @@ class TargetTransfer {
   void transfer_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target) {
     const std::uint64_t texels = target.directory().texels;
     if (texels == 0 && target_.plan.by_tile) return;
-    if (texels == 0 && target_.model) return tally_.add_page(p, page, 0, nullptr);
+    if (texels == 0 && target_.model) return tally_->add_page(p, page, 0, nullptr);
     const ScratchPack results_go(job_, store::PackKind::results);
     const PageResult result = project_page(p, page, target);
-    tally_.add_page(p, page, texels, &result);
+    tally_->add_page(p, page, texels, &result);
     const bool may_stay_empty = target_.model || (target_.plan.by_tile && options_.onto.empty());
     const bool found = std::any_of(result.covered.begin(), result.covered.end(),
                                    [](std::uint64_t covered) { return covered > 0; });
@@ -126,10 +252,13 @@ class TargetTransfer {
   /// Where the progress bar stands when this share of the page and pass at hand is done. All pages
   /// and passes count alike: how many texels a page has is known when it is vectorized.
   double fraction(double share) const {
-    const double steps = static_cast<double>(source_plan_.passes.size()) *
-                         static_cast<double>(target_.plan.pages.size());
+    const auto steps = static_cast<double>(steps_of_all());
     return range_.begin +
            (range_.end - range_.begin) * (static_cast<double>(steps_done_) + share) / steps;
+  }
+
+  std::size_t steps_of_all() const {
+    return source_plan_.passes.size() * target_.plan.pages.size();
   }
 
   PageResult project_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target) {
@@ -137,7 +266,7 @@ class TargetTransfer {
     job_.meter.begin(page_title("project", page), target.directory().texels, "texels",
                      fraction(kVectorizeShare + kProjectShare));
     if (source_plan_.from_splats && !fit_)
-      tally_.fits(*(fit_ = source_.fit(places_, target_.plan)));
+      tally_->fits(*(fit_ = source_.fit(places_, target_.plan)));
     PageResult result =
         source_.projector(p, target, target_.plan, fit_.value_or(projection::SplatFit{}))
             ->project();
@@ -180,7 +309,7 @@ class TargetTransfer {
           write_image(job_, image, source_plan_.channels[c].format, *result.pack, result.blocks[i],
                       target_.model ? &target_.model->sink(job_) : nullptr);
       job_.run.painted_in_place = job_.run.painted_in_place || in_place;
-      tally_.wrote(c, written.filled);
+      tally_->wrote(c, written.filled);
       count_clipped(c, (written.any_fresh ? result.clipped[i] : 0) + written.clipped, image.path);
       if (target_.model) {
         target_.model->add(job_, c, page);
@@ -230,7 +359,7 @@ class TargetTransfer {
     const StageTimer timer(job_.clock, "model");
     const std::vector<std::string> files = target_.model->write(job_);
     job_.report.outputs.insert(job_.report.outputs.end(), files.begin(), files.end());
-    tally_.wrote_model();
+    tally_->wrote_model();
   }
 
   JobContext& job_;
@@ -239,7 +368,8 @@ class TargetTransfer {
   const SourceStores& source_;
   PlannedTarget& target_;
   const ProgressRange range_;
-  TargetTally tally_;
+  std::optional<TargetTally> tally_;  ///< once something is made or kept
+  std::string other_;                 ///< job that has claimed what this one wanted, for messages
   struct Clipped {
     std::uint64_t samples = 0, images = 0;
     std::string first;  ///< image
@@ -254,9 +384,10 @@ class TargetTransfer {
 
 }  // namespace
 
-void transfer_to(JobContext& job, const TransferOptions& options, const Plan& source_plan,
-                 const SourceStores& source, PlannedTarget& target, ProgressRange range) {
-  TargetTransfer(job, options, source_plan, source, target, range).run();
+bool transfer_to(JobContext& job, const TransferOptions& options, const Plan& source_plan,
+                 const SourceStores& source, PlannedTarget& target, ProgressRange range,
+                 OthersWork others) {
+  return TargetTransfer(job, options, source_plan, source, target, range).run(others);
 }
 
 }  // namespace pounce::flow

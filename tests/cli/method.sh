@@ -3,7 +3,7 @@
 source "$(dirname "$0")/support.sh"
 rejected --method paper Gaussian ''
 rejected --sigma 0 0.05 5 wide ''
-refused '--sigma is about texels as Gaussians: it needs --method gaussian' transfer a.glb b.glb -o o.png --sigma 0.5
+refused '--sigma is about texels as Gaussians: it needs --method gaussian' transfer a.glb b.glb -o o.png --sigma 0.7
 refused '--densify is about texels as Gaussians' transfer a.glb b.glb -o o.png --densify
 refused 'baseColor alone' transfer a.glb b.glb -o o.png --method gaussian --channels occlusion
 refused 'baseColor alone' transfer a.glb b.glb -o '<CHANNEL>.png' --method gaussian --channels all

@@ -28,13 +28,14 @@ constexpr double kLeastOpacity = 0.0039;  // what people write for 1/255
 void check_method(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   if (o.method == Method::surface) {
-    if (o.sigma_texels || o.densify) {
+    const bool has_width = o.sigma_texels.value_or(kDefaultSigma) != kDefaultSigma;
+    if (has_width || o.densify) {
       usage(fmt::format("{} is about texels as Gaussians: it needs --method gaussian",
-                        o.sigma_texels ? "--sigma" : "--densify"));
+                        has_width ? "--sigma" : "--densify"));
     }
     return;
   }
-  if (o.filter)
+  if (o.filter.value_or(kDefaultFilter) != kDefaultFilter)
     usage("--filter is of --method surface: Gaussians have a width, which --sigma says");
   if (o.sigma_texels && !(*o.sigma_texels >= 0.1 && *o.sigma_texels <= 4))
     usage("--sigma must be 0.1 to 4 texels");

@@ -180,6 +180,12 @@ ColourSpace ColourSpaces::of(Channel channel, const ColumnPlan& column) const {
   return column.heeds_tags ? column.info.space() : ColourSpace{kRec709, column.info.linear};
 }
 
+bool ColourSpaces::said_anyway(Channel channel, const ColumnPlan& column) const {
+  const auto said = given(channel);
+  return !said || *said == (column.heeds_tags ? column.info.space()
+                                              : ColourSpace{kRec709, column.info.linear});
+}
+
 bool ColourSpaces::is_by_config(Channel channel) const {
   if (!is_colour(options_, channel)) return false;
   const auto source = given(channel);
@@ -204,11 +210,14 @@ void ColourSpaces::choose(const SourceLook& look, const std::optional<io::ImageI
   if (onto) {
     plan.primaries = onto->space().primaries;
     plan.format.linear = plan.format.linear || onto->space().linear;
-  } else if (asked_) {
-    plan.primaries = asked_->primaries;
-    plan.format.linear = asked_->linear;
-  } else if (!for_model_ && (plan.format.linear || !source.linear)) {
-    plan.primaries = source.primaries;
+  } else {
+    if (!for_model_ && (plan.format.linear || !source.linear)) plan.primaries = source.primaries;
+    const ColourSpace usual{plan.primaries, plan.format.linear};
+    if (asked_ && *asked_ == usual) plan.said_anyway.emplace_back("output-colorspace");
+    if (asked_) {
+      plan.primaries = asked_->primaries;
+      plan.format.linear = asked_->linear;
+    }
   }
   const ColourSpace made{plan.primaries, plan.format.linear};
   // What readers take a file for that says nothing.

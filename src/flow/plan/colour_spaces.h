@@ -33,6 +33,8 @@ class ColourSpaces {
   std::optional<ColourSpace> given(Channel channel) const;
   /// What a channel's image holds: as the options say, else as its file says.
   ColourSpace of(Channel channel, const ColumnPlan& column) const;
+  /// Does --source-colorspace say of this channel's image what its file says?
+  bool said_anyway(Channel channel, const ColumnPlan& column) const;
   /// Does the configuration convert some of this channel? Grey becomes red, green and blue then.
   bool is_by_config(Channel channel) const;
 

@@ -65,6 +65,13 @@ bool keeps_all(const std::vector<std::string>& files, const std::string& job, Fi
   return true;
 }
 
+bool is_made(const ImageOutput& image) {
+  const auto by_job = [&](const std::string& file) {
+    return standing_of(file, image.job, FileTime::max()) == Standing::same_job;
+  };
+  return by_job(image.path) && (image.coverage_path.empty() || by_job(image.coverage_path));
+}
+
 void keep_existing(const Plan& plan, FileTime meshes, const std::set<std::string>& made,
                    TargetPlan& target) {
   for (std::size_t c = 0; c < plan.channels.size(); ++c) {

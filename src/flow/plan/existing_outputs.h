@@ -32,6 +32,9 @@ Standing standing_of(const std::string& output, const std::string& job, FileTime
 bool keeps_all(const std::vector<std::string>& files, const std::string& job, FileTime inputs,
                std::vector<std::string>& by_time);
 
+/// Has this very job made the image, with its mask, by now?
+bool is_made(const ImageOutput& image);
+
 /// --skip-existing: marks the images (ImageOutput::keep, whose `job` is known) that are there, with
 /// their masks, as this job would make them, or that say of no job and are younger than all they
 /// are made from: `meshes`, the channel's source images, the image painted over. What is kept

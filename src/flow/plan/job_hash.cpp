@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <string_view>
+#include <utility>
 
 #include "flow/describe_job.h"
 #include "io/files/file_ending.h"
@@ -41,6 +42,17 @@ void add(const Hash128& value, Hasher& hash) {
   hash.add(value.lo);
 }
 
+/// Options that say of an image what holds without them (docs/decisions/029-job-hash.md); those
+/// whose defaults do not depend on files were not described in the first place.
+std::vector<std::string> said_anyway(const ChannelPlan& channel, const TargetPlan& target,
+                                     const ImageOutput& image) {
+  std::vector<std::string> options = channel.said_anyway;
+  if (target.usual_distance) options.emplace_back("max-distance");
+  if (image.usual_tiles) options.emplace_back("tile-size");
+  if (image.usual_levels) options.emplace_back("mipmap");
+  return options;
+}
+
 void add_page(const TargetPage& page, bool by_tile, Hasher& hash) {
   hash.add(page.material.value_or(UINT32_MAX));
   hash.add(by_tile ? page.udim : 0);
@@ -61,16 +73,26 @@ JobHash::JobHash(JobContext& job, const MapsOptions& options) : JobHash(job) {
 }
 
 void JobHash::take_options(const Report& described) {
-  for (const OptionReport& option : described.options) {
-    if (std::find(kOtherOptions.begin(), kOtherOptions.end(), option.name) == kOtherOptions.end())
-      options_.push_back(option);
+  for (OptionReport option : described.options) {
+    if (std::find(kOtherOptions.begin(), kOtherOptions.end(), option.name) != kOtherOptions.end())
+      continue;
+    std::string& value = option.values.front();
+    const bool is_axes = option.name == "source-axes" || option.name == "target-axes";
+    if (is_axes) std::erase(value, '+');
+    const bool as_stored = is_axes && value == "x,y,z";
+    const bool first_set = option.name == "target-uv-set" && value == "0";
+    if (!as_stored && !first_set) options_.push_back(std::move(option));
   }
 }
 
-void JobHash::begin(Hasher& hash) const {
+void JobHash::begin(const std::vector<std::string>& said_anyway, Hasher& hash) const {
+  const auto counts = [&](const OptionReport& option) {
+    return std::find(said_anyway.begin(), said_anyway.end(), option.name) == said_anyway.end();
+  };
   hash.add(std::string_view("pounce " POUNCE_VERSION));
-  hash.add(std::uint64_t{options_.size()});
+  hash.add(static_cast<std::uint64_t>(std::count_if(options_.begin(), options_.end(), counts)));
   for (const OptionReport& option : options_) {
+    if (!counts(option)) continue;
     hash.add(std::string_view(option.name));
     hash.add(std::uint64_t{option.values.size()});
     for (const std::string& value : option.values) hash.add(std::string_view(value));
@@ -148,7 +170,7 @@ std::string JobHash::of_image(const std::vector<std::string>& source, const Plan
                               const std::vector<std::string>& target, const TargetPlan& target_plan,
                               std::size_t channel, std::size_t page) {
   Hasher hash;
-  begin(hash);
+  begin(said_anyway(plan.channels[channel], target_plan, target_plan.images[channel][page]), hash);
   add_files(source, hash);
   add_source_images(plan, plan.channels[channel], hash);
   for (const PassPlan& pass : plan.passes) {  // whose stores have the triangles as they are
@@ -178,7 +200,7 @@ std::string JobHash::of_model(const std::string& path, const TargetPlan& target_
 std::string JobHash::of_map(const std::vector<std::string>& target, const TargetPage& page,
                             ImageSize size, const std::string& map, const std::string& path) {
   Hasher hash;
-  begin(hash);
+  begin({}, hash);
   hash.add(size.width);
   hash.add(size.height);
   add_files(target, hash);

@@ -14,7 +14,8 @@ namespace pounce::flow {
 /// Which job made an image, as a hash of all that its bytes depend on: this version of pounce, the
 /// options, the contents of the files that it is made of. Not of where files lie or what they are
 /// called, of threads, memory and cache, nor of the job's other images: the same image of a job
-/// with more targets, tiles or channels has the same hash. Reads every input once. Not thread-safe.
+/// with more targets, tiles or channels has the same hash. An option that says what holds without
+/// it is as if it were not given. Reads every input once. Not thread-safe.
 class JobHash {
  public:
   JobHash(JobContext& job, const TransferOptions& options);
@@ -34,7 +35,8 @@ class JobHash {
  private:
   explicit JobHash(JobContext& job) : job_(job) {}
   void take_options(const Report& described);
-  void begin(Hasher& hash) const;
+  /// `said_anyway`: options whose values hold without them.
+  void begin(const std::vector<std::string>& said_anyway, Hasher& hash) const;
   void add_file(const std::string& path, Hasher& hash);
   void add_files(const std::vector<std::string>& paths, Hasher& hash);
   void add_image(const mesh::ImageRef& image, Hasher& hash);

@@ -47,6 +47,9 @@ struct ChannelPlan {
   Chromaticities primaries = kRec709;  ///< of the output's colours
   std::optional<Chromaticities> chromaticities;  ///< the same, where its file is to say it
   std::string colour_space;  ///< its name in --ocio's configuration, if it is of there
+  /// Options that were given and say of this channel what holds without them: to JobHash they were
+  /// not given.
+  std::vector<std::string> said_anyway;
   /// What a model's material has beside the texture (io::ModelTexture::factor): what all of the
   /// source's that are used have beside theirs, which the images then do not show.
   std::array<float, 4> material_factor{1, 1, 1, 1};
@@ -117,8 +120,10 @@ struct Plan {
 struct TargetPlan {
   std::string path;
   float max_distance = 0;  ///< in the target's units
-  double diagonal = 0;     ///< of the target's bounding box
-  float fit_reach = 0;     ///< splats: how far is looked to say whether the scene lies here at all
+  /// --max-distance was given and is what it is without.
+  bool usual_distance = false;
+  double diagonal = 0;  ///< of the target's bounding box
+  float fit_reach = 0;  ///< splats: how far is looked to say whether the scene lies here at all
   float usual_fit_reach = 0;  ///< the same without --near-target
   float smallest_edge = 0;    ///< see TargetBlock
   std::vector<TargetPage> pages;

@@ -85,6 +85,12 @@ class SourceTextures {
     return found;
   }
   const mesh::ImageRef& image(std::uint32_t index) const { return images_[index]; }
+  /// Does --source-uv-set name the set through which the material's texture is seen anyway?
+  bool is_usual_uv_set(std::size_t material, Channel channel) const {
+    if (!uv_set_ || !is_of_material(channel)) return uv_set_.value_or(0) == 0;
+    const auto& own = mesh_.materials[material].textures[static_cast<std::size_t>(channel)];
+    return *uv_set_ == (own ? own->uv_set : 0);
+  }
 
  private:
   const mesh::Mesh& mesh_;
@@ -540,9 +546,24 @@ class SourcePlanner {
     choose_output(options_, look, spaces_, plan, plan_.warnings, plan_.notes);
     if (channel == Channel::height || channel == Channel::position)
       check_numbers(options_, plan, "--bake");
+    note_said_anyway(images, plan);
     plan.pages.insert(plan.pages.end(), without_uvs.begin(), without_uvs.end());
     for (PageTexture& page : plan.pages) give_space(plan, page);
     return plan;
+  }
+
+  /// What options say that holds without them.
+  void note_said_anyway(const std::vector<const ColumnPlan*>& images, ChannelPlan& plan) const {
+    const bool same_spaces = std::all_of(
+        images.begin(), images.end(),
+        [&](const ColumnPlan* image) { return spaces_.said_anyway(plan.channel, *image); });
+    if (same_spaces) plan.said_anyway.emplace_back("source-colorspace");
+    bool same_uvs = true;
+    for (std::size_t m = 0; m < source_.materials.size(); ++m)
+      same_uvs = same_uvs && (!used_[m] || textures_.is_usual_uv_set(m, plan.channel));
+    // Tangents follow the first set, whatever set the normal map says.
+    const bool by_first = options_.source_use.uv_set.value_or(0) == 0;
+    if (same_uvs && (by_first || !plan.has_shape())) plan.said_anyway.emplace_back("source-uv-set");
   }
 
   static void take_shape(Channel channel, SourceLook& look) {

@@ -28,7 +28,8 @@ SplatRequest splat_request(const TransferOptions& options) {
   request.axes = axes_of(options.source_use, "source");
   request.harmonics = options.harmonics;
   const auto value = [](double v) { return static_cast<float>(v); };
-  if (options.min_opacity) request.keep.min_alpha = value(*options.min_opacity);
+  if (options.min_opacity && *options.min_opacity > kDefaultMinOpacity)
+    request.keep.min_alpha = value(*options.min_opacity);
   if (options.max_scale) request.keep.max_sigma = value(*options.max_scale);
   if (options.box) {
     const auto& [low, high] = *options.box;
@@ -117,9 +118,11 @@ void refuse_splat_options(const TransferOptions& options) {
                             channel == Channel::confidence ? "how sure" : "how far away",
                             channel == Channel::confidence ? "is of" : "is from", options.source));
   }
+  const bool leaves_out_faint =
+      options.min_opacity.value_or(kDefaultMinOpacity) > kDefaultMinOpacity;
   const bool other_confidence = options.min_confidence != TransferOptions{}.min_confidence;
   const char* const given = options.harmonics != TransferOptions{}.harmonics ? "--sh"
-                            : options.min_opacity                            ? "--min-opacity"
+                            : leaves_out_faint                               ? "--min-opacity"
                             : options.max_scale                              ? "--max-scale"
                             : options.box                                    ? "--box"
                             : options.rays > 0                               ? "--rays"
@@ -169,14 +172,15 @@ Plan plan_splats(const TransferOptions& options, bool for_model,
         ErrorKind::usage,
         fmt::format("--factors: {} is a splat scene, which has no materials", options.source));
   }
-  if (options.sigma_texels || options.densify) {
+  const bool has_width = options.sigma_texels.value_or(kDefaultSigma) != kDefaultSigma;
+  if (has_width || options.densify) {
     throw Error(
         ErrorKind::usage,
         fmt::format("{}: {} is a splat scene, whose Gaussians have their own sizes; this is "
                     "for the texels of a mesh",
-                    options.sigma_texels ? "--sigma" : "--densify", options.source));
+                    has_width ? "--sigma" : "--densify", options.source));
   }
-  if (options.filter) {
+  if (options.filter.value_or(kDefaultFilter) != kDefaultFilter) {
     throw Error(ErrorKind::usage,
                 fmt::format("--filter: {} is a splat scene, which has no image to look up; this is "
                             "for meshes",

@@ -73,6 +73,7 @@ class TargetPlanner {
     using Float = std::numeric_limits<float>;
     plan_.max_distance =
         static_cast<float>(std::clamp<double>(distance, Float::min(), Float::max()));
+    plan_.usual_distance = options_.max_distance && distance == usual.value / 100 * diag;
     set_fit_reach(distance);
     plan_.smallest_edge = static_cast<float>(std::max(diag * 1e-7, 1e-30));
     PageRequest request;
@@ -147,6 +148,8 @@ class TargetPlanner {
       }
       image.layout = layout_of(options_, image.path);
       image.coverage_layout = layout_of(options_, image.coverage_path);
+      image.usual_tiles = options_.tile_size != 0 && is_laid_out_by(without_tiles(), image);
+      image.usual_levels = options_.mipmap && is_laid_out_by(without_levels(), image);
       image.channel_names = channel.names;
       image.chromaticities = channel.chromaticities;
       image.tagged = channel.colour_space.empty();
@@ -159,6 +162,21 @@ class TargetPlanner {
       }
       plan_.images.back().push_back(image);
     }
+  }
+
+  TransferOptions without_tiles() const {
+    TransferOptions options = options_;
+    options.tile_size = 0;
+    return options;
+  }
+  TransferOptions without_levels() const {
+    TransferOptions options = options_;
+    options.mipmap = false;
+    return options;
+  }
+  static bool is_laid_out_by(const TransferOptions& options, const ImageOutput& image) {
+    return layout_of(options, image.path) == image.layout &&
+           layout_of(options, image.coverage_path) == image.coverage_layout;
   }
 
   /// No texel is sure because its neighbour is. A distance is padded: meshes are displaced by it.

@@ -20,6 +20,8 @@ struct ImageOutput {
   mesh::Lattice lattice;      ///< its size
   bool keep = false;          ///< it is there already and stays as it is
   io::ImageLayout layout, coverage_layout;
+  /// --tile-size or --mipmap was given, and the layouts are the same without it.
+  bool usual_tiles = false, usual_levels = false;
   std::string job;  ///< see JobHash; "" until it is known
   std::uint32_t padding = 0;
   std::vector<std::string> channel_names;

@@ -79,6 +79,8 @@ struct Listing {
 
 }  // namespace
 
+std::string claim_name(const std::string& name) { return "." + name + ".0-0.tmp"; }
+
 void remove_leftovers(const std::string& folder, const std::string& name, uid_t owner) {
   static std::mutex mutex;
   static std::map<std::pair<dev_t, ino_t>, Listing> listings;

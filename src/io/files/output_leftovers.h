@@ -14,4 +14,8 @@ namespace pounce::io {
 /// Thread-safe.
 void remove_leftovers(const std::string& folder, const std::string& name, uid_t owner);
 
+/// The hidden file beside an output `name` whose lock says that a job is making it: one of those
+/// above, so that it goes where its process could not remove it.
+std::string claim_name(const std::string& name);
+
 }  // namespace pounce::io

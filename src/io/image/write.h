@@ -22,6 +22,7 @@ struct ImageLayout {
   /// EXR, TIFF in tiles: all smaller levels follow (ImageWriter::next_level), with the attributes
   /// of a texture by maketx. Colours are stored times alpha, in TIFF too.
   bool mipmap = false;
+  bool operator==(const ImageLayout&) const = default;
 };
 
 /// What to write. Samples handed over are in `depth`, row-major, tightly packed, native endian. EXR

@@ -28,6 +28,7 @@
 #include <tuple>
 #include <utility>
 
+#include "core/lock_holder.h"
 #include "pounce/error.h"
 #include "store/cache/cache_layout.h"
 #include "store/cache/cache_part.h"
@@ -226,22 +227,9 @@ class CacheFolder final : public StoreFolder {
         continue;
       }
       if (*claim_count_ > 0) return nullptr;
-      if (options_.waiting) options_.waiting(holder_of(path), layout_.pack(kind, key));
+      if (options_.waiting) options_.waiting(lock_holder(files_, path), layout_.pack(kind, key));
       std::this_thread::sleep_for(kLookAgain);
     }
-  }
-
-  std::string holder_of(const std::string& lock_path) {
-    try {
-      const auto file = files_.open(lock_path);
-      std::string text(std::min<std::uint64_t>(file->size_bytes(), 20), '\0');
-      file->read(0, std::as_writable_bytes(std::span(text)));
-      text.resize(std::min(text.find_first_not_of("0123456789"), text.size()));
-      if (!text.empty()) return "process " + text;
-    } catch (const Error&) {
-      // It just ended.
-    }
-    return "another process";
   }
 
   void note_unkept(std::uint64_t size_bytes) {
