@@ -5,7 +5,7 @@
 # meshes and scenes; under AddressSanitizer and UndefinedBehaviorSanitizer. An input passes if its reader ends, or
 # refuses it with pounce's own error, within time and memory. Anything else fails, and is kept in
 # build/fuzz/findings.
-# Usage: tools/slow-fuzz.sh [SECONDS per target] [TARGET...]   (default 600; gltf obj splats image pack model job)
+# Usage: tools/slow-fuzz.sh [SECONDS per target] [TARGET...]   (default 600, and all that tests/fuzz/targets.txt lists)
 # What was learnt stays in build/fuzz/corpus, where the next run goes on. To see a finding again:
 #   build/fuzz/fuzz_gltf build/fuzz/findings/gltf-crash-...    (pack: POUNCE_FUZZ_PACKS=build/fuzz/corpus/packs)
 set -euo pipefail
@@ -13,7 +13,18 @@ cd "$(dirname "$0")/.."
 seconds=${1:-600}
 shift || true
 targets=("$@")
-[[ ${#targets[@]} -gt 0 ]] || targets=(gltf obj splats image pack model job)
+declare -A most_bytes words more_seeds
+while read -r name bytes dictionary seeds; do
+  [[ $name == [a-z]* ]] || continue
+  most_bytes[$name]=$bytes words[$name]=$dictionary more_seeds[$name]=$seeds
+  [[ $# -gt 0 ]] || targets+=("$name")
+done <tests/fuzz/targets.txt
+for target in "${targets[@]}"; do
+  [[ -n ${most_bytes[$target]:-} ]] || {
+    echo "slow-fuzz.sh: there is no target $target; there are: ${!most_bytes[*]}" >&2
+    exit 2
+  }
+done
 
 tools/install-packages.sh
 if ! command -v clang++ >/dev/null || ! compgen -G '/usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.fuzzer-x86_64.a' >/dev/null; then
@@ -35,17 +46,14 @@ export POUNCE_FUZZ_PACKS=$corpus/packs
 export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1:quarantine_size_mb=64
 export UBSAN_OPTIONS=print_stacktrace=1
 
-# As many bytes as an input may have: what is read in pieces of 64 KiB or so is read in more than one.
-declare -A most_bytes=([gltf]=65536 [obj]=16384 [splats]=65536 [image]=65536 [pack]=65536 [model]=65536 [job]=8192)
-declare -A words=([gltf]=gltf [model]=gltf [job]=gltf [obj]=obj [splats]=ply [image]=image)
 failed=0
 for target in "${targets[@]}"; do
   log=$build/fuzz-$target.log status=0
   dictionary=()
-  [[ -z ${words[$target]:-} ]] || dictionary=(-dict="tests/fuzz/${words[$target]}.dict")
+  [[ ${words[$target]} == - ]] || dictionary=(-dict="tests/fuzz/${words[$target]}")
   mkdir -p "$corpus/$target"
   from=("$corpus/$target")
-  [[ $target != model ]] || from+=("$corpus/gltf")
+  for seeds in ${more_seeds[$target]}; do from+=("$corpus/$seeds"); done
   "$build/fuzz_$target" "${from[@]}" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 \
     -malloc_limit_mb=512 -max_len="${most_bytes[$target]}" "${dictionary[@]}" -use_value_profile=1 \
     -artifact_prefix="$findings/$target-" -print_final_stats=1 >"$log" 2>&1 || status=$?

@@ -28,6 +28,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "core/sh_basis.h"
 #include "projection/splat_packet.h"
@@ -136,17 +137,21 @@ struct Lookers : Rays {
   float squared(float edge) const { return edge * per_edge * (edge * per_edge); }
 };
 
-/// The smallest of sixteen lanes, halving the register.
+/// The smallest of the lanes of a register, halving it: each lane meets the one `half` away.
+template <int half, int... lane>
+[[gnu::always_inline]] inline std::int32_t smallest(IntRegister low,
+                                                    std::integer_sequence<int, lane...> lanes) {
+  const IntRegister other = __builtin_shufflevector(low, low, (lane ^ half)...);
+  low = other < low ? other : low;
+  if constexpr (half > 1) return smallest<half / 2>(low, lanes);
+  return low[0];
+}
+
+/// The smallest of sixteen lanes.
 [[gnu::always_inline]] inline std::int32_t smallest(const Ints& values) {
   IntRegister low = values.part[0];
   for (int p = 1; p < kParts; ++p) low = values.part[p] < low ? values.part[p] : low;
-  IntRegister lanes;
-  for (int lane = 0; lane < kWidth; ++lane) lanes[lane] = lane;
-  for (int half = kWidth / 2; half > 0; half /= 2) {
-    const IntRegister other = __builtin_shuffle(low, lanes ^ half);
-    low = other < low ? other : low;
-  }
-  return low[0];
+  return smallest<kWidth / 2>(low, std::make_integer_sequence<int, kWidth>());
 }
 
 /// The smallest and the largest of the lanes of a mask, of which one is set.

@@ -97,7 +97,7 @@ inline void read_and_check(const std::string& path) {
     attempt([&] { guard_image(image); });
     image.problem = "not looked at";
   }
-  require(!io::mesh_text(io::describe(mesh)).empty(), "a mesh can be described");
+  require(!commands::mesh_text(commands::describe(mesh)).empty(), "a mesh can be described");
   mesh::orient(mesh, parse_axes("x,-z,y"));
   mesh::orient(mesh, parse_axes("-x,y,z"));
   check_mesh(mesh);

@@ -64,7 +64,7 @@ inline void guard_image(const mesh::ImageRef& image) {
   }
   if (format == "tiff") io::tiff_says_extra_samples(source);
   if (format == "jpeg") io::read_jpeg_header(source);
-  if (io::opens_whole(format)) io::read_whole_header(source, format);
+  if (io::opens_whole(source, format)) io::read_whole_header(source, format);
 }
 
 }  // namespace pounce::fuzz

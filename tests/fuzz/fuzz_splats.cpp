@@ -78,7 +78,8 @@ void read(const std::string& path, const std::string& scratch) {
   const auto scene = io::open_splat_scene(path, parse_axes("x,-z,-y"));
   constexpr std::uint64_t kMostSplats = 1 << 20;  // a file of a few KB may rightly hold more
   if (scene->info().splats > kMostSplats) return;
-  require(!io::splats_text(io::describe_splats(path)).empty(), "a scene can be described");
+  require(!commands::splats_text(commands::describe_splats(path)).empty(),
+          "a scene can be described");
   scene->prepare(scratch, [] {});
   store::SplatRows rows;
   rows.lobes = store::kMostLobes;

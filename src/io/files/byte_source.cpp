@@ -108,7 +108,7 @@ void ByteSource::show_only(std::vector<Piece> pieces) {
 }
 
 std::size_t ByteSource::read_at(std::uint64_t offset, void* out, std::size_t count) noexcept {
-  if (offset >= size_bytes_) return 0;
+  if (offset >= size_bytes_ || count == 0) return 0;  // `out` may be null then
   count = static_cast<std::size_t>(std::min<std::uint64_t>(count, size_bytes_ - offset));
   if (pieces_.empty()) return read_stored(offset, static_cast<char*>(out), count);
   std::size_t done = 0;

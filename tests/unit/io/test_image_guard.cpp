@@ -231,6 +231,13 @@ TEST_CASE("what says how a JPEG's colours are coded is found behind others' segm
   CHECK(with(jpeg_segment('\xE0', "AVI1") + jfif + adobe) == coded);
 }
 
+// Fuzzing found it: memcpy() to nowhere, were it of no bytes, is undefined.
+TEST_CASE("a chunk without bytes is read into no buffer", "[image]") {
+  io::ByteSource source(in_memory("some bytes"));
+  CHECK(source.read_at(3, nullptr, 0) == 0);
+  CHECK(source.failure() == 0);
+}
+
 TEST_CASE("profiles and EXIF of a WebP are never read", "[image]") {
   // 16 x 16 texels of one colour, as libwebp writes them.
   const std::string picture = kWebpChunk;
