@@ -20,6 +20,9 @@ namespace {
 /// no surface that lies close (docs/decisions/016-little-found.md).
 constexpr std::uint64_t kMostFarPercent = 6;
 constexpr std::uint64_t kFewPercent = 50;  // below that a result is hardly what was wanted
+/// Below that a scene may be another object's, although it is not known to be: of pairs that belong
+/// together nearly all have more (docs/decisions/026-evidence.md).
+constexpr double kSureFit = 0.9;
 /// A distance that is proposed is so much longer than what it is to reach, or that would lie in its
 /// farthest quarter.
 constexpr double kDistanceToSpare = 1.5;
@@ -236,6 +239,7 @@ void TargetTally::warn_of_little(const Box3f& source) {
     return warn(fmt::format("no texel found a source within {:g}: the result is empty. {}; {}",
                             target_.max_distance, places, cure()));
   }
+  if (is_doubtful()) warn_of_doubt(places);
   const bool is_little = counts.covered * 100 < counts.texels * kFewPercent;
   if (is_little) {
     warn(
@@ -277,6 +281,21 @@ std::string TargetTally::cure() const {
 bool TargetTally::is_misfit() const {
   const std::optional<double> fit = report_.targets.back().fit;
   return fit && *fit < kLeastFit;
+}
+
+bool TargetTally::is_doubtful() const {
+  const std::optional<double> fit = report_.targets.back().fit;
+  return fit && *fit < kSureFit;
+}
+
+/// The texture is written, but somebody should look at it.
+void TargetTally::warn_of_doubt(const std::string& places) {
+  warn(fmt::format(
+      "the scene may not be this target's (fit {:.2f} of 1; below {:g} is unusual): it has parts "
+      "that the target lacks or the other way round, is shifted, turned or scaled by a few per "
+      "cent, or shows another object of about this shape. {}; look at the texture before you use "
+      "it, and at --channels baseColor,confidence,distance",
+      *target().fit, kSureFit, places));
 }
 
 /// What a texel finds of another object is found by chance, so this says all there is to say.

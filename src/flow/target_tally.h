@@ -59,6 +59,8 @@ class TargetTally {
   std::string cure() const;
   bool is_misfit() const;
   void warn_of_misfit(const std::string& places);
+  bool is_doubtful() const;
+  void warn_of_doubt(const std::string& places);
   void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }
 
   const TransferOptions& options_;

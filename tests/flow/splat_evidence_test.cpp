@@ -144,6 +144,26 @@ TEST_CASE("confidence is opacity times fit", "[flow]") {
   CHECK(found / fit == Approx(opacity).margin(0.02));  // texels lie otherwise in the lattice
 }
 
+TEST_CASE("a fit that is neither good nor bad is told", "[flow]") {
+  // The sheet lies before less of the target than would be sure of it, but more than half as much.
+  Sheets sheets;
+  sheets.add(0.2, 0.5);
+  const auto warned = [&] {
+    const Report report = sheets.run();
+    CAPTURE(*report.targets[0].fit);
+    return std::count_if(report.warnings.begin(), report.warnings.end(), [](const auto& warning) {
+      return warning.find("the scene may not be this target's (fit 0.") != std::string::npos;
+    });
+  };
+  CHECK(warned() == 0);
+  sheets.square("v -5.2 -5.2 0\nv 6.2 -5.2 0\nv 6.2 6.2 0\nv -5.2 6.2 0\n", "0 0 1");
+  sheets.options.size = ImageSize{64, 64};
+  const double fit = *sheets.run().targets[0].fit;
+  CHECK(fit > 0.5);
+  CHECK(fit < 0.9);
+  CHECK(warned() == 1);
+}
+
 TEST_CASE("padding makes no texel sure", "[flow]") {
   // A square over a quarter of the image: colours and distances go on around it, confidence ends.
   Sheets sheets;
