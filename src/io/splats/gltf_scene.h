@@ -65,6 +65,7 @@ class GltfSplats : public BatchScene {
   AccessorReader accessors_;
   std::uint64_t json_cost_ = 0;
   std::string colour_space_;
+  bool names_no_kernel_ = false;                          ///< some primitive
   std::map<std::size_t, std::unique_ptr<SpzScene>> spz_;  ///< by buffer view
   std::vector<Part> parts_;
 };

@@ -165,6 +165,18 @@ TEST_CASE("colour spaces are told, what is unknown is refused by name", "[io]") 
   extension["kernel"] = "cube";
   has(problem_of(scene), "kernel \"cube\"");
   extension["kernel"] = "ellipse";
+  const auto told = [&](const ReadScene& read_scene) {
+    return std::any_of(
+        read_scene.info.assumptions.begin(), read_scene.info.assumptions.end(),
+        [](const std::string& one) { return one.find("names no kernel") != std::string::npos; });
+  };
+  CHECK_FALSE(told(read(scene)));
+  extension.erase("kernel");  // as files of public readers' tests: there is but one
+  CHECK(told(read(scene)));
+  CHECK(read(scene).rows.splats.size() == 3);
+  extension["kernel"] = 1;
+  has(problem_of(scene), "kernel");
+  extension["kernel"] = "ellipse";
   scene.document["meshes"].push_back(scene.document["meshes"][0]);
   scene.document["meshes"][1]["primitives"][0]["extensions"]["KHR_gaussian_splatting"]
                 ["colorSpace"] = "srgb_rec709_display";
