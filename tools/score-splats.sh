@@ -65,9 +65,15 @@ if (($#)); then
 fi
 
 data=${POUNCE_TEST_DATA:-$PWD/../shared/data}
-while read -r scene target; do
+while read -r scene target axes; do
   if [[ -e $data/$scene && -e $data/$target ]]; then
-    real "$data/$scene" "$data/$target"
+    if [[ -n $axes ]]; then  # as it lies at its target
+      "$programs/pounce" gaussians "$data/$scene" -o "$work/turned.ply" --source-axes="$axes" --quiet
+      printf '\n%s, turned by %s:' "$scene" "$axes"
+      real "$work/turned.ply" "$data/$target"
+    else
+      real "$data/$scene" "$data/$target"
+    fi
   else
     echo "SKIPPED: $scene: needs test data (set POUNCE_TEST_DATA)"
   fi
@@ -76,6 +82,7 @@ splats/playbot_lod3_converted/playbot_lod3.ply meshes/playbot_proxy/playbot_prox
 splats/playbot_lod0_sog meshes/playbot_proxy/playbot_proxy.glb
 captures/angel.ply captures/angel_proxy.glb
 captures/narcissus.ply captures/narcissus_proxy.glb
+captures/kitchen.spz captures/kitchen_proxy.glb x,-y,-z
 END
 
 printf '\n%-16s %7s %7s %7s %7s\n' 'PSNR in dB' there '+1 %' '-1 %' rays3

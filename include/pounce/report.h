@@ -128,6 +128,10 @@ struct Report {
   /// Splats: sigma of the depth window that is averaged over, before half a texel bounds it;
   /// 0 for meshes.
   double depth_window = 0;
+  /// Splats, 0..1: are the scene's Gaussians the discs of a surface (1), or needles, balls and
+  /// tilted ellipsoids that make a picture together (0, captures)? Each kind is blended by its own
+  /// rule. 0 for meshes.
+  double discness = 0;
   std::uint64_t images_decoded = 0;
 
   std::uint64_t target_texels = 0;       ///< texels of the target's charts, over all images

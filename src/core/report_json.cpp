@@ -128,10 +128,10 @@ std::string to_json(const Report& report) {
   for (const auto& [reason, count] : report.source_filtered) filtered[reason] = count;
   json["method"] = report.method;
   json["filter"] = report.filter;
-  json["source"] = {
-      {"gaussians", report.source_gaussians}, {"filtered", filtered},
-      {"sigma", report.sigma_texels},         {"densify", report.densify},
-      {"depth_window", report.depth_window},  {"images_decoded", report.images_decoded}};
+  json["source"] = {{"gaussians", report.source_gaussians},   {"filtered", filtered},
+                    {"sigma", report.sigma_texels},           {"densify", report.densify},
+                    {"depth_window", report.depth_window},    {"discness", report.discness},
+                    {"images_decoded", report.images_decoded}};
   json["target"] = {{"texels", report.target_texels},
                     {"covered", report.target_covered},
                     {"filled", report.target_filled},

@@ -126,6 +126,7 @@ TEST_CASE("the documented splat index page and directory are what the writers ma
   directory.surface_noise = 0.125F;
   directory.roundness = 0.25F;
   directory.typical_size = 0.375F;
+  directory.thickness = 0.625F;
   directory.middle_box = {{1, 2, 1}, {1.5F, 2, 1}};
   writer.finish(directory, compressor);
   const PackReader reader(files->open("pack"), "pack", PackKind::splats, kKey);
@@ -148,6 +149,7 @@ TEST_CASE("the documented splat index page and directory are what the writers ma
     CHECK(in.u32() == v);
   CHECK(in.f32() == 0.25F);
   CHECK(in.f32() == 0.375F);
+  CHECK(in.f32() == 0.625F);
   for (const float v : {-0.5F, 1.25F, 1.0F, 3.0F, 2.75F, 1.0F}) CHECK(in.f32() == v);
   for (const float v : {1.0F, 2.0F, 1.0F, 1.5F, 2.0F, 1.0F}) CHECK(in.f32() == v);
   for (const float v : {-0.5F, 1.25F, 1.0F, 3.0F, 2.75F, 1.0F}) CHECK(in.f32() == v);

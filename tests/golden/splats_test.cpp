@@ -50,6 +50,41 @@ TEST_CASE("a generated sphere of splats is the sphere that it shows", "[golden]"
   CHECK(psnr >= 39.5);  // 39.8 was measured
 }
 
+TEST_CASE("scenes of balls are captures, scenes of discs are not", "[golden]") {
+  const auto data = test_data();
+  if (!data) return;
+  const TempFolder folder;
+  const auto discness = [&](const std::string& scene, const std::string& target,
+                            const std::string& axes) {
+    TransferOptions options =
+        golden_options(*data / scene, *data / target, folder.file("discness.png"));
+    options.source_use.axes = axes;
+    options.size = ImageSize{64, 64};
+    return transfer(options).discness;
+  };
+  CHECK(discness("captures/kitchen.spz", "captures/kitchen_proxy.glb", "x,-y,-z") == 0);
+  CHECK(discness("captures/angel.ply", "captures/angel_proxy.glb", "") == 0);
+  CHECK(discness("captures/narcissus.ply", "captures/narcissus_proxy.glb", "") == 0);
+  CHECK(discness("splats/noisy_sphere/scene.ply", "splats/noisy_sphere/sphere.obj", "") == 1);
+}
+
+TEST_CASE("a generated scene is one of discs, whatever hides it", "[golden]") {
+  const TempFolder folder;
+  fixture::SplatOptions scene;
+  scene.path = folder.file("s.ply");
+  scene.shape = "sphere";
+  scene.count = 20000;
+  scene.target_size = 64;
+  scene.interior = 0;
+  scene.haze = 0.4;
+  scene.needles = 0.3;  // with the haze more than half are balls
+  fixture::make_splats(scene);
+  TransferOptions options =
+      golden_options(scene.path, folder.file("s_target.glb"), folder.file("out.png"));
+  options.size = ImageSize{64, 64};
+  CHECK(transfer(options).discness == 1);
+}
+
 TEST_CASE("a trained scene covers its proxy as the brute force says", "[golden]") {
   const auto data = test_data();
   if (!data) return;

@@ -143,15 +143,18 @@ int peak_bin(const Bins& mass, const Prior& prior, bool& unsure) {
 }  // namespace
 
 double reference_discness(const std::vector<ReferenceSplat>& scene) {
-  std::vector<double> roundness;
+  std::vector<double> roundness, thickness;
   for (const ReferenceSplat& splat : scene) {
     auto sigma = splat.sigma;
     std::sort(sigma.begin(), sigma.end());
     roundness.push_back(sigma[1] / sigma[2]);
+    thickness.push_back(sigma[1] > 0 ? sigma[0] / sigma[1] : 0);
   }
   std::sort(roundness.begin(), roundness.end());
+  std::sort(thickness.begin(), thickness.end());
   const double x = std::clamp((roundness[roundness.size() / 2] - 0.45) / 0.25, 0.0, 1.0);
-  return x * x * (3 - 2 * x);
+  const double y = std::clamp((thickness[thickness.size() / 4] - 0.25) / 0.2, 0.0, 1.0);
+  return x * x * (3 - 2 * x) * (1 - y * y * (3 - 2 * y));
 }
 
 double reference_fine_edge(const std::vector<ReferenceSplat>& scene) {

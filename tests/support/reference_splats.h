@@ -71,7 +71,8 @@ struct ReferenceBlend {
   bool unsure = false;  ///< another surface is as good to within rounding
 };
 
-/// How far a scene's Gaussians are the discs of a surface, from the median of their roundness.
+/// How far a scene's Gaussians are the discs of a surface, from how round and how thick
+/// they are.
 double reference_discness(const std::vector<ReferenceSplat>& scene);
 
 /// The longest edge of a fine texel, from the median of the Gaussians' largest deviations.

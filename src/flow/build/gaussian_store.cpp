@@ -103,6 +103,7 @@ SplatLattice StoreBuilder::make_lattice() {
   const PageVector<Splat> sample = kept_sample(source_, request_.keep);
   directory_.roundness = source::median_roundness(sample);
   directory_.typical_size = source::median_size(sample);
+  directory_.thickness = source::quartile_thickness(sample);
   return SplatLattice(sample);
 }
 

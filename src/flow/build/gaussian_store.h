@@ -27,7 +27,7 @@ struct GaussianStoreRequest {
 };
 
 /// Raised whenever the same Gaussians would make another store: part of every key.
-inline constexpr std::uint32_t kGaussianStoreVersion = 5;
+inline constexpr std::uint32_t kGaussianStoreVersion = 6;
 
 /// Samples, filters and sorts Gaussians into a store of blocks. Advances job.meter by twice their
 /// number. Throws Error(input) where none is of use, Error(budget) below

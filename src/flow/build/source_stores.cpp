@@ -99,7 +99,9 @@ void SourceStores::build_splats(double end) {
   auto opened = splat_store(job_, request, &cached, end);
   splats_ = std::make_unique<SplatCache>(
       job_.budget, SplatReader{{&job_, std::move(opened)}, options_.harmonics});
-  job_.report.depth_window = kWindowOverNoise * splats_->store().directory().surface_noise;
+  const store::SplatDirectory& scene = splats_->store().directory();
+  job_.report.depth_window = kWindowOverNoise * scene.surface_noise;
+  job_.report.discness = source::discness(scene.roundness, scene.thickness);
   count_splats(cached);
 }
 
@@ -147,7 +149,7 @@ SplatProjection SourceStores::splat_request(const TargetPlan& target_plan) const
   request.limits.reach = target_plan.max_distance;
   request.limits.min_cosine = min_cosine();
   request.limits.window = kWindowOverNoise * scene.surface_noise;
-  request.limits.discness = source::discness(scene.roundness);
+  request.limits.discness = source::discness(scene.roundness, scene.thickness);
   request.limits.fine_edge = source::fine_edge(scene.typical_size);
   request.limits.antialiased = scene.model == store::SplatModel::antialiased;
   request.limits.rays = static_cast<int>(plan_.rays);

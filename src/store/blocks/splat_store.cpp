@@ -14,7 +14,7 @@ namespace pounce::store {
 namespace {
 
 constexpr std::size_t kTileBytes = 48;
-constexpr std::size_t kHeaderBytes = 176;
+constexpr std::size_t kHeaderBytes = 180;
 constexpr std::uint32_t kHasNormals = 1, kIsLinear = 2;
 
 [[noreturn]] void fail(const std::string& name, const char* why) {
@@ -87,6 +87,7 @@ void SplatCodec::put(const Directory& directory, ByteWriter& out) {
   }
   out.put(directory.roundness);
   out.put(directory.typical_size);
+  out.put(directory.thickness);
   put_box(out, directory.box);
   put_box(out, directory.middle_box);
   for (const SplatTile& tile : directory.tiles) {
@@ -118,11 +119,13 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
   }
   directory.roundness = in.get<float>();
   directory.typical_size = in.get<float>();
+  directory.thickness = in.get<float>();
   if (directory.most_splats > kMostSplatsPerBlock ||
       directory.most_blocks > kMostBlocksPerSplatTile ||
       directory.largest_chunk_bytes > kLargestSplatBytes ||
       !(directory.surface_noise >= 0 && std::isfinite(directory.surface_noise)) ||
       !(directory.roundness >= 0 && directory.roundness <= 1) ||
+      !(directory.thickness >= 0 && directory.thickness <= 1) ||
       !(directory.typical_size >= 0 && std::isfinite(directory.typical_size))) {
     in.fail("has impossible maxima");
   }

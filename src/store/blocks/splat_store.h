@@ -87,6 +87,9 @@ struct SplatDirectory : SplatIndex {
   float roundness = 1;
   /// A Gaussian's largest standard deviation: the median over the same sample. 0 for none.
   float typical_size = 0;
+  /// The smallest standard deviation over the second largest: the lower quartile over the same
+  /// sample. 0: discs without thickness, 1: balls.
+  float thickness = 0;
   Box3f middle_box;  ///< of the means without the outer tenth on each side of each axis
 };
 

@@ -57,7 +57,7 @@ TEST_CASE("flatness is planarity x needle factor", "[source]") {
   CHECK(shape_of(splat).flatness == Approx(1));
 }
 
-TEST_CASE("a scene's roundness and size are medians of its Gaussians'", "[source]") {
+TEST_CASE("a scene's shape and size are medians of its Gaussians'", "[source]") {
   std::vector<store::Splat> splats(3);
   splats[0].sigma = {4, 1, 2};      // 0.5, in whatever order
   splats[1].sigma = {0, 3, 3};      // 1
@@ -67,10 +67,20 @@ TEST_CASE("a scene's roundness and size are medians of its Gaussians'", "[source
   CHECK(median_size(splats) == 4);  // of 4, 3 and 10
   CHECK(median_size({}) == 0);
   CHECK(fine_edge(4) == 7);
-  CHECK(discness(0.33F) == 0);
-  CHECK(discness(0.45F) == 0);
-  CHECK(discness(0.575F) == Approx(0.5));
-  CHECK(discness(0.78F) == 1);
+  splats.push_back(splats[0]);
+  CHECK(quartile_thickness(splats) == 0.1F);  // of 0.5, 0, 0.1 and 0.5
+  CHECK(quartile_thickness({}) == 0);
+}
+
+TEST_CASE("discs are round and thin", "[source]") {
+  CHECK(discness(0.33F, 0.1F) == 0);
+  CHECK(discness(0.45F, 0) == 0);
+  CHECK(discness(0.575F, 0.15F) == Approx(0.5));
+  CHECK(discness(0.78F, 0.15F) == 1);
+  CHECK(discness(0.78F, 0.25F) == 1);
+  CHECK(discness(0.78F, 0.35F) == Approx(0.5));
+  CHECK(discness(0.78F, 0.45F) == 0);  // balls
+  CHECK(discness(0.73F, 0.47F) == 0);
 }
 
 TEST_CASE("covariances are those of the shapes", "[source]") {
