@@ -45,7 +45,11 @@ std::uint64_t decoder_cost(const OIIO::ImageSpec& spec, const std::string& forma
   const auto row = static_cast<std::uint64_t>(spec.scanline_bytes(true));
   const std::uint64_t whole = row * static_cast<std::uint64_t>(spec.height);
   const std::uint64_t block = row * block_rows(spec, format);
-  if (spec.tile_width > 0) return kBase + 4 * block;
+  if (spec.tile_width > 0) {  // whole tiles, which may be larger than the image
+    const auto tile = static_cast<std::uint64_t>(spec.tile_bytes(true));
+    const auto across = static_cast<std::uint64_t>((spec.width - 1) / spec.tile_width + 1);
+    return kBase + 4 * std::max(block, tile * across);
+  }
   if (format == "png") return kBase + (is_interlaced_png(bytes) ? whole : 4 * row);
   if (format == "jpeg") return jpeg_row_cost(static_cast<std::uint64_t>(spec.width));
   if (format == "openexr") return kBase + 6 * block;

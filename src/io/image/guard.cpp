@@ -10,72 +10,16 @@
 #include <string_view>
 #include <vector>
 
-#include "pounce/error.h"
+#include "io/image/cursor.h"
 
 namespace pounce::io {
 namespace {
 
 /// The largest header of an EXR, preview and manifests included. OpenEXR keeps it whole, twice.
 constexpr std::uint64_t kMostExrHeaderBytes = 8 << 20;
-/// The largest field of a TIFF that makes pixels, but for the places of its strips or tiles.
-constexpr std::uint64_t kMostTiffFieldBytes = 1 << 20;
-constexpr std::uint64_t kMostTiffFields = 4096;  // as libtiff
-/// libtiff keeps 16 bytes for each strip or tile, and twice that while it reads the lists: no
-/// budget knows of it. 65536 x 65536 in tiles of 64 x 64 are as many.
-constexpr std::uint64_t kMostTiffParts = 1 << 20;
 /// Pictures are in one or a few pieces; what is cut into more was made to be.
 constexpr std::size_t kMostPieces = 256;
 constexpr std::uint64_t kLargestSide = 65536;
-
-/// Reads numbers from anywhere in a source through a small window.
-class Cursor {
- public:
-  Cursor(ByteSource& bytes, std::string_view what, bool big_endian)
-      : bytes_(bytes), what_(what), big_endian_(big_endian) {}
-
-  [[noreturn]] void refuse(const std::string& why) const {
-    throw Error(ErrorKind::input, fmt::format("{}: {}", bytes_.label(), why));
-  }
-
-  std::uint8_t u8(std::uint64_t at) {
-    if (at < first_ || at - first_ >= count_) {
-      first_ = at;
-      count_ = bytes_.read_at(at, window_.data(), window_.size());
-      bytes_.check();
-      if (count_ == 0) {
-        refuse(fmt::format("the {} is cut off: it has {} bytes and goes on", what_,
-                           bytes_.size_bytes()));
-      }
-    }
-    return static_cast<std::uint8_t>(window_[at - first_]);
-  }
-  std::uint64_t number(std::uint64_t at, std::size_t size) {
-    std::uint64_t value = 0;
-    for (std::size_t i = 0; i < size; ++i)
-      value |= std::uint64_t{u8(at + i)} << 8 * (big_endian_ ? size - 1 - i : i);
-    return value;
-  }
-  std::uint16_t u16(std::uint64_t at) { return static_cast<std::uint16_t>(number(at, 2)); }
-  std::uint32_t u32(std::uint64_t at) { return static_cast<std::uint32_t>(number(at, 4)); }
-  std::uint64_t size() const { return bytes_.size_bytes(); }
-  ByteSource& bytes() { return bytes_; }
-  /// So many bytes from `at` on, appended; fewer at the end of the file.
-  void copy(std::uint64_t at, std::uint64_t count, std::vector<std::byte>& out) {
-    count = std::min(count, size() - std::min(at, size()));
-    const std::size_t had = out.size();
-    out.resize(had + static_cast<std::size_t>(count));
-    bytes_.read_at(at, out.data() + had, static_cast<std::size_t>(count));
-    bytes_.check();
-  }
-
- private:
-  ByteSource& bytes_;
-  std::string_view what_;
-  bool big_endian_;
-  std::array<std::byte, 4096> window_;
-  std::uint64_t first_ = 0;
-  std::size_t count_ = 0;
-};
 
 /// The pieces of a source that are kept.
 class Kept {
@@ -103,16 +47,6 @@ class Kept {
   Cursor& from_;
   std::vector<ByteSource::Piece> pieces_;
 };
-
-/// Keeps a hidden piece that is about colours, the first of its kind.
-void keep_colours(Cursor& at, std::string_view kind, std::uint64_t begin, std::uint64_t size,
-                  std::vector<ColourPiece>& colours) {
-  const bool is_there = std::any_of(colours.begin(), colours.end(),
-                                    [&](const ColourPiece& piece) { return piece.kind == kind; });
-  if (size > kMostColourBytes || is_there) return;
-  colours.push_back({std::string(kind), {}});
-  at.copy(begin, size, colours.back().data);
-}
 
 /// Chunks of (length, type, data, checksum). Whatever is wrong with those that are kept the decoder
 /// and PngCheck say.
@@ -233,165 +167,6 @@ void hide_in_webp(ByteSource& bytes, std::vector<ColourPiece>& colours) {
   bytes.show_only(std::move(pieces));
 }
 
-/// A field of a TIFF's directory.
-struct TiffField {
-  std::uint16_t tag = 0, type = 0;
-  std::uint64_t count = 0;
-  std::uint64_t first = 0;                  ///< its value, if that is one number
-  std::uint64_t place = 0, size_bytes = 0;  ///< of the field itself
-  std::uint64_t data_bytes() const;
-};
-
-/// A TIFF's first directory.
-struct TiffDirectory {
-  bool big = false;  ///< 64-bit offsets
-  std::uint64_t place = 0, count_bytes = 0, end = 0;
-  std::vector<TiffField> fields;
-
-  /// The value of a field that is one number, or what stands for a missing one.
-  std::uint64_t value(std::uint16_t tag, std::uint64_t fallback) const {
-    for (const TiffField& field : fields) {
-      if (field.tag == tag && field.first > 0) return field.first;
-    }
-    return fallback;
-  }
-};
-
-bool is_big_endian(ByteSource& bytes) {
-  char first = 0;
-  return bytes.read_at(0, &first, 1) == 1 && first == 'M';
-}
-
-enum TiffTag : std::uint16_t {
-  kWidth = 256,
-  kHeight = 257,
-  kStripOffsets = 273,
-  kStripRows = 278,
-  kStripBytes = 279,
-  kTileWidth = 322,
-  kTileHeight = 323,
-  kTileOffsets = 324,
-  kTileBytes = 325,
-  kExtraSamples = 338,
-  kMatteing = 32995,
-  kIccProfile = 34675,
-};
-
-/// Fields that say how the samples are coded and where they are.
-bool makes_pixels(std::uint16_t tag) {
-  constexpr std::array kTags = std::to_array<std::uint16_t>(
-      {254, 255, 256, 257, 258, 259, 262, 263, 264, 265, 266, 273, 274, 277, 278,
-       279, 280, 281, 284, 292, 293, 317, 320, 321, 322, 323, 324, 325, 332, 334,
-       336, 338, 339, 347, 512, 513, 514, 519, 520, 521, 529, 530, 531, 532});
-  // SGI's alpha and depth, the Pixar and SGI codecs, LERC.
-  constexpr std::array kPrivate = std::to_array<std::uint16_t>({32995, 32996, 32997, 32998, 50674});
-  return std::binary_search(kTags.begin(), kTags.end(), tag) ||
-         std::binary_search(kPrivate.begin(), kPrivate.end(), tag);
-}
-
-std::uint64_t TiffField::data_bytes() const {
-  constexpr std::array<std::uint8_t, 19> kTypeBytes{1, 1, 1, 2, 4, 8, 1, 1, 2, 4,
-                                                    8, 4, 8, 4, 1, 1, 8, 8, 8};
-  const std::uint64_t each = type < kTypeBytes.size() ? kTypeBytes[type] : 1;
-  return count > UINT64_MAX / each ? UINT64_MAX : count * each;
-}
-
-TiffField tiff_field(Cursor& at, std::uint64_t place, bool big) {
-  TiffField field;
-  field.place = place;
-  field.size_bytes = big ? 20 : 12;
-  field.tag = at.u16(place);
-  field.type = at.u16(place + 2);
-  field.count = at.number(place + 4, big ? 8 : 4);
-  if (field.count == 1 && field.data_bytes() <= (big ? 8 : 4))
-    field.first = at.number(place + (big ? 12 : 8), static_cast<std::size_t>(field.data_bytes()));
-  return field;
-}
-
-TiffDirectory tiff_directory(Cursor& at) {
-  TiffDirectory found;
-  found.big = at.u16(2) == 43;
-  found.place = found.big ? at.number(8, 8) : at.u32(4);
-  found.count_bytes = found.big ? 8 : 2;
-  if (found.place >= at.size())
-    at.refuse("the TIFF has no directory where it should be; the file is damaged or cut off");
-  const std::uint64_t count = at.number(found.place, static_cast<std::size_t>(found.count_bytes));
-  if (count == 0 || count > kMostTiffFields)
-    at.refuse(fmt::format("the TIFF's directory claims {} fields; the file is damaged", count));
-  std::uint64_t place = found.place + found.count_bytes;
-  for (std::uint64_t i = 0; i < count; ++i) {
-    found.fields.push_back(tiff_field(at, place, found.big));
-    place += found.fields.back().size_bytes;
-  }
-  found.end = place + (found.big ? 8 : 4);
-  return found;
-}
-
-/// libtiff makes room for as many strips or tiles as the size asks for, and for as many as are
-/// listed.
-void check_tiff_parts(Cursor& at, const TiffDirectory& directory) {
-  const std::uint64_t width = directory.value(kWidth, 1), height = directory.value(kHeight, 1);
-  if (width > kLargestSide || height > kLargestSide) {
-    at.refuse(fmt::format("the image is {} x {} texels; 1 to {} each way can be read", width,
-                          height, kLargestSide));
-  }
-  const std::uint64_t across = directory.value(kTileWidth, width);
-  const std::uint64_t down = directory.value(kTileHeight, directory.value(kStripRows, height));
-  const std::uint64_t parts = ((width - 1) / across + 1) * ((height - 1) / down + 1);
-  std::uint64_t listed = 0;
-  for (const TiffField& field : directory.fields) {
-    const bool places = field.tag == kStripOffsets || field.tag == kStripBytes ||
-                        field.tag == kTileOffsets || field.tag == kTileBytes;
-    if (places) listed = std::max(listed, field.count);
-  }
-  if (std::max(parts, listed) > kMostTiffParts) {
-    at.refuse(
-        fmt::format("the TIFF is in {} strips or tiles, of which up to {} can be read; save "
-                    "it with larger ones",
-                    std::max(parts, listed), kMostTiffParts));
-  }
-}
-
-/// The directory is shown without the fields that make no pixels, and as the only one. Everything
-/// else keeps its place.
-void hide_in_tiff(ByteSource& bytes, std::vector<ColourPiece>& colours) {
-  Cursor at(bytes, "TIFF", is_big_endian(bytes));
-  const TiffDirectory directory = tiff_directory(at);
-  check_tiff_parts(at, directory);
-  std::vector<std::byte> shown(static_cast<std::size_t>(directory.end - directory.place));
-  std::size_t end = static_cast<std::size_t>(directory.count_bytes);
-  std::uint64_t kept = 0;
-  for (const TiffField& field : directory.fields) {
-    if (field.tag == kIccProfile && field.data_bytes() > 8) {
-      const std::uint64_t place =
-          directory.big ? at.number(field.place + 12, 8) : at.u32(field.place + 8);
-      keep_colours(at, "ICC", place, field.data_bytes(), colours);
-    }
-    if (!makes_pixels(field.tag)) continue;
-    const bool places = field.tag == kStripOffsets || field.tag == kStripBytes ||
-                        field.tag == kTileOffsets || field.tag == kTileBytes;
-    if (!places && field.data_bytes() > kMostTiffFieldBytes) {
-      at.refuse(fmt::format("field {} of the TIFF claims {} values; the file is damaged", field.tag,
-                            field.count));
-    }
-    for (std::uint64_t i = 0; i < field.size_bytes; ++i)
-      shown[end++] = static_cast<std::byte>(at.u8(field.place + i));
-    ++kept;
-  }
-  const std::size_t count_bytes = static_cast<std::size_t>(directory.count_bytes);
-  for (std::size_t i = 0; i < count_bytes; ++i) {
-    const std::size_t digit = is_big_endian(bytes) ? count_bytes - 1 - i : i;
-    shown[digit] = static_cast<std::byte>(kept >> 8 * i);
-  }
-  std::vector<ByteSource::Piece> pieces;
-  if (directory.place > 0) pieces.push_back({0, directory.place, {}});
-  const std::uint64_t size = shown.size();
-  pieces.push_back({directory.place, size, std::move(shown)});
-  if (directory.end < bytes.size_bytes())
-    pieces.push_back({directory.end, bytes.size_bytes() - directory.end, {}});
-  bytes.show_only(std::move(pieces));
-}
-
 /// A header of an EXR, that is of one of its parts.
 struct ExrHeader {
   std::uint64_t end = 0;     ///< behind it
@@ -472,22 +247,22 @@ void check_exr(ByteSource& bytes) {
 
 }  // namespace
 
+void keep_colours(Cursor& at, std::string_view kind, std::uint64_t begin, std::uint64_t size,
+                  std::vector<ColourPiece>& colours) {
+  const bool is_there = std::any_of(colours.begin(), colours.end(),
+                                    [&](const ColourPiece& piece) { return piece.kind == kind; });
+  if (size > kMostColourBytes || is_there) return;
+  colours.push_back({std::string(kind), {}});
+  at.copy(begin, size, colours.back().data);
+}
+
 std::vector<ColourPiece> hide_metadata(ByteSource& bytes, const std::string& format) {
   std::vector<ColourPiece> colours;
   if (format == "png") hide_in_png(bytes, colours);
   if (format == "jpeg") hide_in_jpeg(bytes, colours);
-  if (format == "tiff") hide_in_tiff(bytes, colours);
   if (format == "webp") hide_in_webp(bytes, colours);
   if (format == "openexr") check_exr(bytes);
   return colours;
-}
-
-bool tiff_says_extra_samples(ByteSource& bytes) {
-  Cursor at(bytes, "TIFF", is_big_endian(bytes));
-  const TiffDirectory directory = tiff_directory(at);
-  return std::any_of(directory.fields.begin(), directory.fields.end(), [](const TiffField& field) {
-    return field.tag == kExtraSamples || field.tag == kMatteing;
-  });
 }
 
 }  // namespace pounce::io

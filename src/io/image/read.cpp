@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -21,6 +22,7 @@
 #include "io/image/png_check.h"
 #include "io/image/sample.h"
 #include "io/image/straight_alpha.h"
+#include "io/image/tiff_guard.h"
 #include "io/image/tiff_levels.h"
 #include "pounce/error.h"
 #include "store/blocks/colour_store.h"
@@ -76,11 +78,11 @@ Depth depth_of(const std::string& label, OIIO::TypeDesc type) {
   }
 }
 
-/// The channels of the file that make the image.
-ChosenChannels channels_of(ByteSource& bytes, const std::string& format,
+/// The channels of the file that make the image. `tiff`: null for other formats.
+ChosenChannels channels_of(const ByteSource& bytes, const TiffPicture* tiff,
                            const OIIO::ImageSpec& spec) {
   // OpenImageIO takes a fourth sample for alpha even if the TIFF says nothing of it.
-  const bool guessed = format == "tiff" && !tiff_says_extra_samples(bytes);
+  const bool guessed = tiff != nullptr && !tiff->says_extra_samples;
   std::vector<std::string> names = spec.channelnames;
   if (guessed && spec.alpha_channel >= 0)
     names[static_cast<std::size_t>(spec.alpha_channel)] =
@@ -92,6 +94,23 @@ ChosenChannels channels_of(ByteSource& bytes, const std::string& format,
                      "save those that are wanted, 4 at most, in a file of their own, or of an EXR "
                      "name them behind its path: FILE.exr:diffuse.R,G,B",
                      spec.nchannels, joined(spec.channelnames)));
+}
+
+/// The decoder makes room by its own reading of the header and is handed buffers by it: it must be
+/// ours.
+void check_promise(const std::string& label, const TiffPicture& tiff, const OIIO::ImageSpec& spec) {
+  const auto type = tiff.floats ? tiff.bits == 16 ? OIIO::TypeDesc::HALF : OIIO::TypeDesc::FLOAT
+                    : tiff.bits == 16 ? OIIO::TypeDesc::UINT16
+                                      : OIIO::TypeDesc::UINT8;
+  const auto is = [](int decoder, std::uint32_t ours) {
+    return decoder >= 0 && static_cast<std::uint32_t>(decoder) == ours;
+  };
+  const bool same = is(spec.width, tiff.width) && is(spec.height, tiff.height) &&
+                    is(spec.nchannels, tiff.channels()) && spec.channelformats.empty() &&
+                    spec.format == type && is(spec.tile_width, tiff.tiled ? tiff.part_width : 0) &&
+                    is(spec.tile_height, tiff.tiled ? tiff.part_height : 0);
+  if (!same)
+    refuse(label, "the TIFF's decoder reads its header otherwise; convert it to PNG or EXR");
 }
 
 /// What EXR's attribute says.
@@ -146,6 +165,7 @@ struct ImageReader::Impl {
   ByteSource bytes;
   std::string wanted;  // channels, by name
   bool lists = false;
+  std::optional<TiffPicture> tiff;
   std::unique_ptr<FILE, int (*)(FILE*)> stream{nullptr, std::fclose};  // outlives proxy and input
   std::unique_ptr<SourceProxy> proxy;
   std::unique_ptr<OIIO::ImageInput> input;  // null until open()
@@ -179,8 +199,14 @@ ImageReader::Impl::Impl(const mesh::ImageRef& image, bool only_lists)
   }
   if (!wanted.empty() && info.format != "openexr")
     refuse(bytes.label(), "channels are named of EXR files alone, and this is none");
-  if (info.format == "tiff") info.levels = tiff_levels(bytes);  // before they are hidden
-  info.colours = read_colour_tags(hide_metadata(bytes, info.format));
+  if (info.format == "tiff") {
+    info.levels = tiff_levels(bytes);  // before they are hidden
+    std::vector<ColourPiece> colours;
+    tiff = guard_tiff(bytes, colours);
+    info.colours = read_colour_tags(colours);
+  } else {
+    info.colours = read_colour_tags(hide_metadata(bytes, info.format));
+  }
   JpegHeader jpeg;
   if (info.format == "jpeg") jpeg = read_jpeg_header(bytes);
   if (jpeg.several_scans) {
@@ -221,10 +247,11 @@ void ImageReader::Impl::open() {
 
 /// Which channels of which part make the image. The decoder stands there then.
 ChosenChannels ImageReader::Impl::choose() {
-  if (info.format != "openexr") return channels_of(bytes, info.format, input->spec());
+  const TiffPicture* const said = tiff ? &*tiff : nullptr;
+  if (info.format != "openexr") return channels_of(bytes, said, input->spec());
   const std::vector<Part> parts = parts_of(*input);
   if (wanted.empty()) {
-    ChosenChannels chosen = channels_of(bytes, info.format, input->spec());
+    ChosenChannels chosen = channels_of(bytes, said, input->spec());
     const std::vector<std::string> others = names_of(std::span(parts).subspan(1));
     chosen.left_out.insert(chosen.left_out.end(), others.begin(), others.end());
     return chosen;
@@ -236,6 +263,7 @@ ChosenChannels ImageReader::Impl::choose() {
 }
 
 void ImageReader::Impl::take_spec() {
+  if (tiff) check_promise(bytes.label(), *tiff, input->spec());
   const ChosenChannels chosen = choose();
   const OIIO::ImageSpec& spec = input->spec();
   const std::string& label = bytes.label();
@@ -335,7 +363,7 @@ std::size_t ImageReader::Impl::decoded_row_bytes() const {
 void ImageReader::Impl::read_tile_row(std::uint32_t row) {
   const auto& spec = input->spec();
   const std::size_t row_bytes = decoded_row_bytes();
-  tile_row.resize(row_bytes * rows_together);
+  tile_row.assign(row_bytes * rows_together, std::byte{});
   const int begin = first_row + static_cast<int>(row);
   const int end = std::min(begin + static_cast<int>(rows_together), first_row + spec.height);
   if (!input->read_tiles(part, 0, first_column, first_column + spec.width, begin, end, 0, 1,
@@ -360,6 +388,8 @@ void ImageReader::Impl::read_decoded(std::uint32_t row_count, std::byte* rows) {
       unpicked.resize(piece * row_bytes);
       out = unpicked.data();
     }
+    // Whatever a decoder leaves out is the same in every run.
+    std::memset(out, 0, piece * row_bytes);
     if (tiled) {
       if (in_block == 0) read_tile_row(row);
       std::memcpy(out, tile_row.data() + in_block * row_bytes, piece * row_bytes);
@@ -453,22 +483,5 @@ void ImageReader::read_rows(std::uint32_t row_count, std::byte* rows) {
 }
 
 void ImageReader::keep_premultiplied() { impl_->straighten = false; }
-
-Hash128 hash_image(const mesh::ImageRef& image) {
-  ByteSource bytes(image);
-  std::vector<std::byte> piece(std::min<std::uint64_t>(bytes.size_bytes(), 1 << 20));
-  Hasher hasher;
-  for (std::uint64_t at = 0; at < bytes.size_bytes();) {
-    const std::size_t got = bytes.read_at(at, piece.data(), piece.size());
-    bytes.check();
-    if (got == 0) {
-      refuse(bytes.label(), fmt::format("reading stopped after {} of {} bytes: the file shrank", at,
-                                        bytes.size_bytes()));
-    }
-    hasher.add(std::span<const std::byte>(piece.data(), got));
-    at += got;
-  }
-  return hasher.digest();
-}
 
 }  // namespace pounce::io

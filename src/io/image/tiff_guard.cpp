@@ -1,0 +1,460 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A TIFF says of itself in any number of fields how its samples are coded, and decoders believe
+// each of them somewhere else: OpenImageIO 2.4 makes room for three samples of a CMYK tile and
+// libtiff writes four; without BitsPerSample one counts in bytes and the other in bits. So it is
+// not left to them. The first directory is read here, field by field, and held against a list of
+// what is read; a decoder is shown a directory that holds these fields and no other. What they say
+// together is checked too: every strip and tile lies within the file, and there are as many as the
+// size asks for.
+#include "io/image/tiff_guard.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "io/image/cursor.h"
+
+namespace pounce::io {
+namespace {
+
+constexpr std::uint64_t kLargestSide = 65536;
+constexpr std::uint64_t kMostFields = 4096;  // as libtiff
+/// libtiff keeps 16 bytes for each strip or tile, and twice that while it reads the lists: no
+/// budget knows of it. 65536 x 65536 in tiles of 64 x 64 are as many.
+constexpr std::uint64_t kMostParts = 1 << 20;
+constexpr std::uint64_t kMostSamples = 64;
+/// Tiles may be larger than the image. Renderers' are 64 texels wide, GIS's 512 or less.
+constexpr std::uint64_t kMostTileBytes = 64 << 20;
+
+enum Tag : std::uint16_t {
+  kWidth = 256,
+  kHeight = 257,
+  kBits = 258,
+  kCompression = 259,
+  kPhotometric = 262,
+  kFillOrder = 266,
+  kStripOffsets = 273,
+  kSamples = 277,
+  kStripRows = 278,
+  kStripBytes = 279,
+  kPlanes = 284,
+  kPredictor = 317,
+  kColourMap = 320,
+  kTileWidth = 322,
+  kTileHeight = 323,
+  kTileOffsets = 324,
+  kTileBytes = 325,
+  kExtraSamples = 338,
+  kSampleFormat = 339,
+  kMatteing = 32995,
+  kIccProfile = 34675,
+};
+
+enum Type : std::uint16_t { kShort = 3, kLong = 4, kLong8 = 16 };
+
+struct Field {
+  std::uint16_t tag = 0, type = 0;
+  std::uint64_t count = 0;
+  std::uint64_t place = 0, size_bytes = 0;  ///< of the field itself
+  std::uint64_t data = 0;                   ///< where its values are
+
+  /// Of one value; 1 where the type is not known.
+  std::uint64_t value_bytes() const {
+    constexpr std::array<std::uint8_t, 19> kBytes{1, 1, 1, 2, 4, 8, 1, 1, 2, 4,
+                                                  8, 4, 8, 4, 1, 1, 8, 8, 8};
+    return type < kBytes.size() ? kBytes[type] : 1;
+  }
+  std::uint64_t data_bytes() const {
+    return count > UINT64_MAX / 8 ? UINT64_MAX : count * value_bytes();
+  }
+};
+
+bool is_big_endian(ByteSource& bytes) {
+  char first = 0;
+  return bytes.read_at(0, &first, 1) == 1 && first == 'M';
+}
+
+/// The first directory, and what its fields say.
+class Directory {
+ public:
+  explicit Directory(ByteSource& bytes) : at_(bytes, "TIFF", is_big_endian(bytes)) {
+    big_ = at_.u16(2) == 43;
+    place_ = big_ ? at_.number(8, 8) : at_.u32(4);
+    if (place_ >= at_.size())
+      refuse("the TIFF has no directory where it should be; the file is damaged or cut off");
+    const std::uint64_t fields = at_.number(place_, count_bytes());
+    if (fields == 0 || fields > kMostFields)
+      refuse(fmt::format("the TIFF's directory claims {} fields; the file is damaged", fields));
+    end_ = place_ + count_bytes();
+    for (std::uint64_t i = 0; i < fields; ++i) {
+      Field field;
+      field.place = end_;
+      field.size_bytes = big_ ? 20 : 12;
+      field.tag = at_.u16(end_);
+      field.type = at_.u16(end_ + 2);
+      field.count = at_.number(end_ + 4, word_bytes());
+      const std::uint64_t value = end_ + 4 + word_bytes();
+      field.data = field.data_bytes() <= word_bytes() ? value : at_.number(value, word_bytes());
+      end_ += field.size_bytes;
+      fields_.push_back(field);
+    }
+    end_ += word_bytes();
+  }
+
+  [[noreturn]] void refuse(const std::string& why) const { at_.refuse(why); }
+  Cursor& at() { return at_; }
+
+  /// A field of that tag; null if there is none. Two of them are damage: decoders differ in which
+  /// one they take.
+  const Field* find(std::uint16_t tag) const {
+    const Field* found = nullptr;
+    for (const Field& field : fields_) {
+      if (field.tag != tag) continue;
+      if (found != nullptr)
+        refuse(fmt::format("the TIFF has its field {} twice; the file is damaged", tag));
+      found = &field;
+    }
+    return found;
+  }
+  /// The same, and from here on it is shown.
+  const Field* use(std::uint16_t tag) {
+    const Field* const field = find(tag);
+    if (field != nullptr) used_.push_back(tag);
+    return field;
+  }
+
+  /// All values of a field of whole numbers, of which there are `count`.
+  std::vector<std::uint64_t> numbers(const Field& field, std::uint64_t count) {
+    const bool whole =
+        field.type == kShort || field.type == kLong || (field.type == kLong8 && big_);
+    if (!whole || field.count != count) {
+      refuse(
+          fmt::format("field {} of the TIFF has {} values of type {}, not {} whole numbers; the "
+                      "file is damaged",
+                      field.tag, field.count, field.type, count));
+    }
+    if (field.data > at_.size() || field.data_bytes() > at_.size() - field.data) {
+      refuse(
+          fmt::format("the values of field {} of the TIFF lie behind its end ({} bytes); the file "
+                      "is damaged or cut off",
+                      field.tag, at_.size()));
+    }
+    std::vector<std::uint64_t> values(static_cast<std::size_t>(count));
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      values[i] = at_.number(field.data + i * field.value_bytes(),
+                             static_cast<std::size_t>(field.value_bytes()));
+    }
+    return values;
+  }
+  /// The one value of a field, or what stands for a missing one.
+  std::uint64_t number(std::uint16_t tag, std::uint64_t fallback) {
+    const Field* const field = use(tag);
+    return field == nullptr ? fallback : numbers(*field, 1).front();
+  }
+  std::uint64_t needed(std::uint16_t tag, std::string_view what) {
+    if (find(tag) == nullptr)
+      refuse(fmt::format("the TIFF does not say {} (field {}); the file is damaged", what, tag));
+    return number(tag, 0);
+  }
+  /// A field with a value per sample, all alike. Writers of one value mean all samples, and so does
+  /// libtiff.
+  std::uint64_t of_all_samples(std::uint16_t tag, std::uint64_t samples, std::uint64_t fallback) {
+    const Field* const field = use(tag);
+    if (field == nullptr) return fallback;
+    const std::vector<std::uint64_t> each = numbers(*field, field->count == 1 ? 1 : samples);
+    if (std::any_of(each.begin(), each.end(), [&](std::uint64_t n) { return n != each.front(); }))
+      refuse(
+          "the samples of the TIFF differ in their bits or types; save it with all of them alike");
+    return each.front();
+  }
+
+  /// A directory of the used fields alone in the place of this one. Everything else keeps its
+  /// place.
+  void show_used() {
+    std::vector<std::byte> shown(static_cast<std::size_t>(end_ - place_));
+    std::size_t end = count_bytes();
+    std::uint64_t kept = 0;
+    for (const Field& field : fields_) {
+      if (std::find(used_.begin(), used_.end(), field.tag) == used_.end()) continue;
+      for (std::uint64_t i = 0; i < field.size_bytes; ++i)
+        shown[end++] = static_cast<std::byte>(at_.u8(field.place + i));
+      ++kept;
+    }
+    ByteSource& bytes = at_.bytes();
+    const bool big_endian = is_big_endian(bytes);
+    for (std::size_t i = 0; i < count_bytes(); ++i)
+      shown[big_endian ? count_bytes() - 1 - i : i] = static_cast<std::byte>(kept >> 8 * i);
+    std::vector<ByteSource::Piece> pieces;
+    if (place_ > 0) pieces.push_back({0, place_, {}});
+    const std::uint64_t size = shown.size();
+    pieces.push_back({place_, size, std::move(shown)});
+    if (end_ < bytes.size_bytes()) pieces.push_back({end_, bytes.size_bytes() - end_, {}});
+    bytes.show_only(std::move(pieces));
+  }
+
+ private:
+  std::size_t count_bytes() const { return big_ ? 8 : 2; }
+  std::size_t word_bytes() const { return big_ ? 8 : 4; }
+
+  Cursor at_;
+  bool big_ = false;  ///< 64-bit offsets
+  std::uint64_t place_ = 0, end_ = 0;
+  std::vector<Field> fields_;
+  std::vector<std::uint16_t> used_;
+};
+
+struct Name {
+  std::uint64_t value;
+  std::string_view name;
+};
+/// "JPEG", or the number itself.
+template <std::size_t N>
+std::string name_of(const std::array<Name, N>& names, std::uint64_t value) {
+  for (const Name& known : names) {
+    if (known.value == value) return std::string(known.name);
+  }
+  return fmt::format("kind {}", value);
+}
+
+void take_size(Directory& from, TiffPicture& picture) {
+  const std::uint64_t width = from.needed(kWidth, "how wide it is");
+  const std::uint64_t height = from.needed(kHeight, "how high it is");
+  if (width < 1 || height < 1 || width > kLargestSide || height > kLargestSide) {
+    from.refuse(fmt::format("the image is {} x {} texels; 1 to {} each way can be read", width,
+                            height, kLargestSide));
+  }
+  picture.width = static_cast<std::uint32_t>(width);
+  picture.height = static_cast<std::uint32_t>(height);
+}
+
+/// Bits, types and number of the samples.
+void take_samples(Directory& from, TiffPicture& picture) {
+  const std::uint64_t samples = from.number(kSamples, 1);
+  if (samples < 1 || samples > kMostSamples) {
+    from.refuse(fmt::format("the TIFF has {} samples per texel; 1 to {} can be read", samples,
+                            kMostSamples));
+  }
+  const std::uint64_t bits = from.of_all_samples(kBits, samples, 1);
+  const std::uint64_t format = from.of_all_samples(kSampleFormat, samples, 1);
+  constexpr std::uint64_t kUnsigned = 1, kFloat = 3;
+  picture.floats = format == kFloat;
+  const bool small = bits == 1 || bits == 2 || bits == 4;
+  const bool whole = format == kUnsigned && (bits == 8 || bits == 16 || (small && samples == 1));
+  const bool real = picture.floats && (bits == 16 || bits == 32);
+  if (!whole && !real) {
+    constexpr std::array<std::string_view, 7> kKinds{"?",       "unsigned", "signed",       "float",
+                                                     "untyped", "complex",  "complex float"};
+    from.refuse(fmt::format(
+        "its samples are {}-bit {} ones{}; convert it to 8 or 16 bit unsigned integers, half or "
+        "float",
+        bits, format < kKinds.size() ? kKinds[format] : kKinds[0],
+        small && samples > 1 ? fmt::format(", {} per texel", samples) : ""));
+  }
+  picture.samples = static_cast<std::uint32_t>(samples);
+  picture.bits = static_cast<std::uint32_t>(bits);
+}
+
+/// What the samples mean.
+void take_colours(Directory& from, TiffPicture& picture) {
+  using Colours = TiffPicture::Colours;
+  const std::uint64_t photometric = from.needed(kPhotometric, "what its samples mean");
+  constexpr std::uint64_t kWhiteIsZero = 0, kBlackIsZero = 1, kRgb = 2, kPalette = 3;
+  const bool one_integer = picture.samples == 1 && !picture.floats;
+  if (photometric == kBlackIsZero) {
+    picture.colours = Colours::grey;
+  } else if (photometric == kWhiteIsZero && one_integer && picture.bits <= 8) {
+    // Of 16 bits OpenImageIO 2.4 forgets to turn them round.
+    picture.colours = Colours::grey_inverted;
+  } else if (photometric == kRgb && picture.samples >= 3 && picture.bits >= 8) {
+    picture.colours = Colours::rgb;
+  } else if (photometric == kPalette && one_integer && picture.bits <= 8) {
+    picture.colours = Colours::palette;
+    const Field* const map = from.use(kColourMap);
+    if (map == nullptr) from.refuse("the TIFF has no palette where it needs one; it is damaged");
+    if (map->type != kShort) from.refuse("the TIFF's palette is no list of 16-bit numbers");
+    from.numbers(*map, std::uint64_t{3} << picture.bits);
+  } else {
+    constexpr auto kNames = std::to_array<Name>({{kWhiteIsZero, "white-is-zero"},
+                                                 {kRgb, "RGB"},
+                                                 {kPalette, "palette"},
+                                                 {4, "mask"},
+                                                 {5, "CMYK"},
+                                                 {6, "YCbCr"},
+                                                 {8, "CIELAB"},
+                                                 {9, "ICCLAB"},
+                                                 {10, "ITULAB"},
+                                                 {32803, "camera sensor"},
+                                                 {32844, "LogL"},
+                                                 {32845, "LogLuv"},
+                                                 {34892, "camera sensor"}});
+    from.refuse(fmt::format(
+        "it is a TIFF of {} colours with {} samples of {} bits per texel, which cannot be read; "
+        "convert it to RGB or grey of 8 or 16 bits, half or float",
+        name_of(kNames, photometric), picture.samples, picture.bits));
+  }
+  const std::uint64_t extra = picture.samples - (picture.colours == Colours::rgb ? 3 : 1);
+  if (const Field* const said = from.use(kExtraSamples)) {
+    picture.says_extra_samples = true;
+    constexpr std::uint64_t kStraightAlpha = 2;
+    for (const std::uint64_t kind : from.numbers(*said, extra)) {
+      if (kind > kStraightAlpha)
+        from.refuse(fmt::format("the TIFF has extra samples of kind {}; it is damaged", kind));
+    }
+  }
+  if (from.find(kMatteing) != nullptr && !picture.says_extra_samples) {
+    if (from.number(kMatteing, 0) > 1 || extra < 1)
+      from.refuse("the TIFF's field 32995 is damaged");
+    picture.says_extra_samples = true;
+  }
+}
+
+void take_coding(Directory& from, TiffPicture& picture) {
+  constexpr std::uint64_t kNone = 1, kLzw = 5, kDeflate = 8, kOldDeflate = 32946, kPackBits = 32773;
+  const std::uint64_t coding = from.number(kCompression, kNone);
+  const bool predicts = coding == kLzw || coding == kDeflate || coding == kOldDeflate;
+  if (!predicts && coding != kNone && coding != kPackBits) {
+    constexpr auto kNames = std::to_array<Name>({{2, "CCITT"},
+                                                 {3, "CCITT fax"},
+                                                 {4, "CCITT fax"},
+                                                 {6, "old JPEG"},
+                                                 {7, "JPEG"},
+                                                 {32766, "NeXT"},
+                                                 {32809, "ThunderScan"},
+                                                 {32909, "PixarLog"},
+                                                 {34661, "JBIG"},
+                                                 {34676, "SGILog"},
+                                                 {34677, "SGILog"},
+                                                 {34712, "JPEG 2000"},
+                                                 {34887, "LERC"},
+                                                 {34925, "LZMA"},
+                                                 {50000, "Zstandard"},
+                                                 {50001, "WebP"}});
+    from.refuse(
+        fmt::format("the TIFF's compression is {}, which cannot be read; save it with ZIP "
+                    "(Deflate), LZW, PackBits or no compression",
+                    name_of(kNames, coding)));
+  }
+  picture.compressed = coding != kNone;
+  if (predicts) {
+    constexpr std::uint64_t kDifferences = 2, kFloatDifferences = 3;
+    const std::uint64_t predictor = from.number(kPredictor, 1);
+    const bool fits = predictor == 1 || (predictor == kDifferences && picture.bits >= 8) ||
+                      (predictor == kFloatDifferences && picture.floats);
+    if (!fits) {
+      from.refuse(
+          fmt::format("the TIFF's predictor {} does not fit its {}-bit samples; it is damaged",
+                      predictor, picture.bits));
+    }
+  }
+  if (const std::uint64_t order = from.number(kFillOrder, 1); order < 1 || order > 2)
+    from.refuse(fmt::format("the TIFF's order of bits is {}; it is damaged", order));
+  const std::uint64_t planes = from.number(kPlanes, 1);
+  if (planes < 1 || planes > 2)
+    from.refuse(fmt::format("the TIFF's order of planes is {}; it is damaged", planes));
+  picture.planes = planes == 2 && picture.samples > 1;
+}
+
+/// The size of strips or tiles. After take_coding().
+void take_part_size(Directory& from, TiffPicture& picture) {
+  picture.tiled = from.find(kTileWidth) != nullptr || from.find(kTileHeight) != nullptr;
+  if (!picture.tiled) {
+    if (picture.planes && picture.compressed) {
+      // The decoder goes from plane to plane for each row, which no compressed strip allows.
+      from.refuse(
+          "it is a TIFF with compressed strips for each channel, which cannot be read; save it "
+          "interleaved (planar configuration 1), in tiles, or without compression");
+    }
+    const std::uint64_t rows = from.number(kStripRows, UINT32_MAX);
+    if (rows < 1) from.refuse("the TIFF's strips have no rows; the file is damaged");
+    picture.part_width = picture.width;
+    picture.part_height = static_cast<std::uint32_t>(std::min<std::uint64_t>(rows, picture.height));
+    return;
+  }
+  const std::uint64_t width = from.needed(kTileWidth, "how wide its tiles are");
+  const std::uint64_t height = from.needed(kTileHeight, "how high its tiles are");
+  if (width < 16 || height < 16 || width % 16 != 0 || height % 16 != 0 || width > kLargestSide ||
+      height > kLargestSide) {
+    from.refuse(
+        fmt::format("the TIFF's tiles are {} x {} texels; multiples of 16 up to {} can be "
+                    "read",
+                    width, height, kLargestSide));
+  }
+  picture.part_width = static_cast<std::uint32_t>(width);
+  picture.part_height = static_cast<std::uint32_t>(height);
+  if (picture.part_bytes() > kMostTileBytes) {
+    from.refuse(
+        fmt::format("the TIFF's tiles of {} x {} texels have {} MiB each; up to {} MiB can "
+                    "be read: save it with smaller ones",
+                    width, height, picture.part_bytes() >> 20, kMostTileBytes >> 20));
+  }
+}
+
+/// Where the strips or tiles are: as many as there must be, each within the file, none much larger
+/// than what it decodes to.
+void check_parts(Directory& from, const TiffPicture& picture) {
+  const std::uint64_t across = (picture.width - 1) / picture.part_width + 1;
+  const std::uint64_t down = (picture.height - 1) / picture.part_height + 1;
+  const std::uint64_t of_plane = across * down;
+  const std::uint64_t count = of_plane * (picture.planes ? picture.samples : 1);
+  const std::string_view name = picture.tiled ? "tile" : "strip";
+  if (count > kMostParts) {
+    from.refuse(
+        fmt::format("the TIFF is in {} {}s, of which up to {} can be read; save it with "
+                    "larger ones",
+                    count, name, kMostParts));
+  }
+  const Field* const places = from.use(picture.tiled ? kTileOffsets : kStripOffsets);
+  const Field* const sizes = from.use(picture.tiled ? kTileBytes : kStripBytes);
+  if (places == nullptr || sizes == nullptr)
+    from.refuse(fmt::format("the TIFF does not say where its {}s are; the file is damaged", name));
+  const std::vector<std::uint64_t> begins = from.numbers(*places, count);
+  const std::vector<std::uint64_t> bytes = from.numbers(*sizes, count);
+  const std::uint64_t row = picture.part_bytes() / picture.part_height;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    const std::uint64_t first_row = i % of_plane / across * picture.part_height;
+    const std::uint64_t rows =
+        picture.tiled ? picture.part_height
+                      : std::min<std::uint64_t>(picture.part_height, picture.height - first_row);
+    const std::uint64_t decoded = row * rows;
+    constexpr std::uint64_t kSlack = 4096;
+    const std::uint64_t least = picture.compressed ? 1 : decoded;
+    const bool inside = begins[i] <= from.at().size() && bytes[i] <= from.at().size() - begins[i];
+    if (inside && bytes[i] >= least && bytes[i] <= 2 * decoded + kSlack) continue;
+    from.refuse(
+        fmt::format("{} {} of {} of the TIFF has {} bytes at place {} for {} decoded ones, in a "
+                    "file of {}; the "
+                    "file is damaged or cut off",
+                    name, i + 1, count, bytes[i], begins[i], decoded, from.at().size()));
+  }
+}
+
+}  // namespace
+
+std::uint64_t TiffPicture::part_bytes() const {
+  const std::uint64_t row_bits = std::uint64_t{part_width} * bits * (planes ? 1 : samples);
+  return (row_bits + 7) / 8 * part_height;
+}
+
+TiffPicture guard_tiff(ByteSource& bytes, std::vector<ColourPiece>& colours) {
+  Directory directory(bytes);
+  TiffPicture picture;
+  take_size(directory, picture);
+  take_samples(directory, picture);
+  take_colours(directory, picture);
+  take_coding(directory, picture);
+  take_part_size(directory, picture);
+  check_parts(directory, picture);
+  if (const Field* const profile = directory.find(kIccProfile);
+      profile != nullptr && profile->data_bytes() > 8) {
+    keep_colours(directory.at(), "ICC", profile->data, profile->data_bytes(), colours);
+  }
+  directory.show_used();
+  return picture;
+}
+
+}  // namespace pounce::io
