@@ -173,7 +173,7 @@ class MeshJob {
 
   void precondition_colours() {
     const StageTimer timer(job_.clock, "precondition");
-    columns_ = build_columns(job_, plan_, kAfterColours);
+    columns_ = build_columns(job_, plan_, {}, kAfterColours);
   }
 
   void precondition_geometry() {

@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <set>
 #include <string>
 #include <utility>
@@ -107,6 +108,10 @@ struct JobContext {
   }
 
   std::unique_ptr<StageTimer> waiting;  ///< while find_pack() waits for another process
+  /// Held by whoever makes a store while a projection's graph runs: one at a time. It guards also
+  /// what making one writes of the job, its report among it: while a graph runs nothing else writes
+  /// that (docs/decisions/033). Making one may need another to be made.
+  std::recursive_mutex making;
 };
 
 /// The hash of a whole input file: remembered, else read in pieces.

@@ -41,7 +41,7 @@ void run_transfer(const TransferOptions& options, const TestKnobs& knobs, JobRun
   if (options.skip_existing && !plan.anything_to_write()) return;
 
   SourceStores source(*job, plan.options(), plan.source(), knobs.isa, !knobs.keeps_isolated);
-  source.build(kAfterReading, kAfterSource);
+  source.build(kAfterReading, kAfterSource, plan.least_target_texels());
   plan.drop_source_mesh();
 
   const double share = (1 - kAfterSource) / static_cast<double>(options.targets.size());

@@ -4,11 +4,13 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "flow/job_context.h"
 #include "io/image/read.h"
 #include "mesh/block_bins.h"
+#include "mesh/touched_tiles.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
 
@@ -77,14 +79,26 @@ struct ColourRequest {
   const mesh::ImageRef* image = nullptr;
   const io::ImageInfo* info = nullptr;  ///< of that image
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
+  std::shared_ptr<const mesh::TileMask> wanted;  ///< the tiles that are kept; null: all
 };
-/// Key of a column: content of the image, wrap modes. Reads the image where nobody remembers its
-/// content.
+/// Key of a whole column: content of the image, wrap modes. Reads the image where nobody remembers
+/// its content.
 Hash128 colour_key(JobContext& job, const ColourRequest& request);
-/// Builds the column or finds it in the cache; `key` is its key.
-std::unique_ptr<store::ColourStore> colour_store(JobContext& job, const ColourRequest& request,
-                                                 const Hash128& key, bool* cached);
+/// Key of a column that has only these tiles of the whole one.
+Hash128 some_tiles_key(const Hash128& whole, const mesh::TileMask& wanted);
+
+struct FoundColumn {
+  std::unique_ptr<store::ColourStore> store;
+  bool cached = false;  ///< it was there already
+};
+/// Builds columns, side by side as memory allows, or finds them in the cache; `keys` are theirs.
+/// Advances the meter by their rows of tiles. Counts images in the report.
+std::vector<FoundColumn> colour_stores(JobContext& job, std::span<const ColourRequest> requests,
+                                       std::span<const Hash128> keys);
+/// The same of one column, all of it, under the caller's lease of colour_least_bytes().
+FoundColumn whole_colours(JobContext& job, const ColourRequest& request, const Hash128& key);
 /// What building a column of such an image needs at once, at least.
+std::uint64_t colour_least_bytes(const ColourRequest& request);
 std::uint64_t colour_least_bytes(std::uint32_t width, std::uint64_t texel_bytes,
                                  std::uint64_t decoder_bytes);
 

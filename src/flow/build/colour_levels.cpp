@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <mutex>
 
 #include "core/half.h"
 
@@ -177,7 +178,7 @@ void ColourLevels::add(const ColourCache& column, const Hash128& key) {
 const ColourCache& ColourLevels::get(const ColourCache& column, std::uint32_t level) {
   Levels& levels = images_.at(&column);
   if (levels.count.load(std::memory_order_acquire) < level) {
-    const std::lock_guard lock(making_);
+    const std::lock_guard lock(job_.making);
     for (std::uint32_t made = levels.count.load(); made < level; ++made) {
       levels.made[made] = make(made == 0 ? column : *levels.made[made - 1], levels.key, made + 1);
       levels.count.store(made + 1, std::memory_order_release);
@@ -233,7 +234,7 @@ std::unique_ptr<ColourCache> ColourLevels::make(const ColourCache& before, const
   }
   job_.count_store(found->pack(), cached);
   job_.report.source_store_bytes += found->pack().size_bytes();
-  return std::make_unique<ColourCache>(job_.budget, ColourReader{&job_, std::move(found)});
+  return std::make_unique<ColourCache>(job_.budget, ColourReader{&job_, std::move(found), nullptr});
 }
 
 }  // namespace pounce::flow

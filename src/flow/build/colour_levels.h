@@ -5,7 +5,6 @@
 #include <atomic>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <vector>
 
 #include "flow/project/source_readers.h"
@@ -18,7 +17,8 @@ namespace pounce::flow {
 class ColourLevels {
  public:
   explicit ColourLevels(JobContext& job) : job_(job) {}
-  /// `column` is an image's own; it must outlive this. Before any other use.
+  /// `column` is an image's own, `key` that of all of it; it must outlive this. Before any other
+  /// use.
   void add(const ColourCache& column, const Hash128& key);
 
   /// Level 1 or above of an image. Whoever asks first makes it; the others wait. Needs making_bytes
@@ -39,9 +39,6 @@ class ColourLevels {
 
   JobContext& job_;
   std::map<const ColourCache*, Levels> images_;
-  /// One level at a time. It guards also what making one writes of the job, its report among it:
-  /// while a projection's graph runs nothing else writes that (docs/decisions/033).
-  std::mutex making_;
 };
 
 /// What a level says of itself before it is made.

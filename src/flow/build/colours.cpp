@@ -5,6 +5,9 @@
 // The image is read once, top to bottom, in strips of one row of tiles; strips are cut, filtered
 // and compressed beside the reading and written in order. Tiles carry an apron of two texels, so
 // the first row of tiles needs the last rows of a repeating image: its strip waits until the end.
+//
+// Of an image of which the mesh shows little, the tiles that it shows are all that is kept, and
+// rows after the last of them are not even decoded. Small images are built side by side.
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_pipeline.h>
@@ -15,6 +18,7 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <utility>
 
 #include "core/half.h"
 #include "flow/build/build_stores.h"
@@ -69,15 +73,18 @@ store::ColourDirectory column_of(const io::ImageInfo& info, const ColourRequest&
 
 class ColumnBuilder {
  public:
-  ColumnBuilder(JobContext& job, const ColourRequest& request, const Hash128& key)
-      : job_(job), reader_(*request.image) {
+  /// `lease`: of colour_least_bytes().
+  ColumnBuilder(JobContext& job, const ColourRequest& request, const Hash128& key,
+                runtime::Lease lease)
+      : job_(job),
+        reader_(*request.image),
+        wanted_(request.wanted.get()),
+        lease_(std::move(lease)) {
     const io::ImageInfo& info = reader_.info();
     image_ = column_of(info, request);
     if (image_.premultiplied) reader_.keep_premultiplied();
     row_bytes_ = reader_.row_bytes();
-    const std::uint64_t least =
-        colour_least_bytes(info.width, image_.texel_bytes(), info.decoder_bytes);
-    lease_ = runtime::Lease(job.budget, least, "decoding " + request.image->label);
+    end_row_ = rows_to_read();
     writer_ = std::make_unique<store::ColourStoreWriter>(
         job.stores->create(
             store::PackKind::colour, key,
@@ -87,7 +94,8 @@ class ColumnBuilder {
         image_.tiles_y());
   }
 
-  std::unique_ptr<store::ColourStore> build() {
+  /// Reads the image and writes its tiles. Builders of several images may do so at once.
+  void build() {
     // A pipeline forgets the tokens under way when a stage throws, so they are not what owns rows.
     // They leave in order, so those under way are neighbours: each has its own slot.
     std::array<Slot, kMostTokens> slots;
@@ -95,7 +103,7 @@ class ColumnBuilder {
         kMostTokens,
         tbb::make_filter<void, Slot*>(tbb::filter_mode::serial_in_order,
                                       [&](tbb::flow_control& flow) -> Slot* {
-                                        if (next_row_ == image_.tiles_y()) {
+                                        if (next_row_ == end_row_) {
                                           flow.stop();
                                           return nullptr;
                                         }
@@ -116,13 +124,31 @@ class ColumnBuilder {
               job_.meter.advance(1);
             }));
     write(encode(*top_));
-    ++job_.report.images_decoded;
+    for (; next_row_ < image_.tiles_y(); ++next_row_) {
+      write({next_row_, std::vector<std::vector<std::byte>>(image_.tiles_x())});
+      job_.meter.advance(1);
+    }
+  }
+
+  std::unique_ptr<store::ColourStore> publish() {
     return std::make_unique<store::ColourStore>(
-        job_.stores->publish(writer_->finish(image_, job_.compressor())), image_,
-        job_.compressor());
+        job_.stores->publish(writer_->finish(image_, job_.compressor())), image_, job_.compressor(),
+        wanted_ != nullptr);
   }
 
  private:
+  bool wants(std::uint32_t tile_x, std::uint32_t tile_y) const {
+    return wanted_ == nullptr || wanted_->has(tile_x, tile_y);
+  }
+
+  /// How many rows of tiles to read: the first is always among them. Above the first row of a
+  /// repeating image is its last.
+  std::uint32_t rows_to_read() const {
+    if (wanted_ == nullptr || (wanted_->has_row(0) && image_.wrap_v == mesh::Wrap::repeat))
+      return image_.tiles_y();
+    return std::max(wanted_->end_row(), std::uint32_t{1});
+  }
+
   StripPtr read_strip() {
     auto strip = std::make_shared<Strip>();
     strip->tile_row = next_row_++;
@@ -192,6 +218,7 @@ class ColumnBuilder {
     StoredRow out;
     out.tile_row = strip.tile_row;
     out.tiles.resize(image_.tiles_x());
+    if (wanted_ != nullptr && !wanted_->has_row(strip.tile_row)) return out;
     const std::size_t texel = image_.texel_bytes();
     std::vector<const std::byte*> rows(kColourTileEdge,
                                        nullptr);  // null: beyond what any blend reads
@@ -203,6 +230,7 @@ class ColumnBuilder {
       }
     }
     tbb::parallel_for(std::uint32_t{0}, image_.tiles_x(), [&](std::uint32_t tx) {
+      if (!wants(tx, strip.tile_row)) return;
       std::vector<std::byte> tile(std::size_t{kColourTileEdge} * kColourTileEdge * texel);
       for (std::size_t r = 0; r < rows.size(); ++r) {
         if (rows[r] == nullptr) continue;
@@ -234,11 +262,12 @@ class ColumnBuilder {
 
   JobContext& job_;
   io::ImageReader reader_;
+  const mesh::TileMask* wanted_;  ///< null: every tile
+  runtime::Lease lease_;
   store::ColourDirectory image_;
   std::size_t row_bytes_ = 0;
-  runtime::Lease lease_;
   std::unique_ptr<store::ColourStoreWriter> writer_;
-  std::uint32_t next_row_ = 0;
+  std::uint32_t next_row_ = 0, end_row_ = 0;
   StripPtr top_, previous_;
 };
 
@@ -274,15 +303,90 @@ Hash128 colour_key(JobContext& job, const ColourRequest& request) {
   return hash.digest();
 }
 
-std::unique_ptr<store::ColourStore> colour_store(JobContext& job, const ColourRequest& request,
-                                                 const Hash128& key, bool* cached) {
-  auto store =
-      find_store(job, store::PackKind::colour, key, [&](std::unique_ptr<store::PackReader> pack) {
-        return std::make_unique<store::ColourStore>(
-            std::move(pack), column_of(*request.info, request), job.compressor());
+Hash128 some_tiles_key(const Hash128& whole, const mesh::TileMask& wanted) {
+  Hasher hash;
+  hash.add(std::string_view("some tiles of a colour column"));
+  hash.add(whole.hi);
+  hash.add(whole.lo);
+  hash.add(std::as_bytes(wanted.bytes()));
+  return hash.digest();
+}
+
+std::uint64_t colour_least_bytes(const ColourRequest& request) {
+  const io::ImageInfo& info = *request.info;
+  return colour_least_bytes(info.width, info.channels * store::depth_bytes(info.depth),
+                            info.decoder_bytes);
+}
+
+namespace {
+
+std::unique_ptr<store::ColourStore> find_colours(JobContext& job, const ColourRequest& request,
+                                                 const Hash128& key) {
+  return find_store(
+      job, store::PackKind::colour, key, [&](std::unique_ptr<store::PackReader> pack) {
+        return std::make_unique<store::ColourStore>(std::move(pack),
+                                                    column_of(*request.info, request),
+                                                    job.compressor(), request.wanted != nullptr);
       });
-  *cached = store != nullptr;
-  return *cached ? std::move(store) : ColumnBuilder(job, request, key).build();
+}
+
+/// Columns whose images are read at the same time, as far as memory lets it.
+class ColumnBatch {
+ public:
+  ColumnBatch(JobContext& job, std::vector<FoundColumn>& columns) : job_(job), columns_(columns) {}
+
+  /// Is there no room for another image beside those of the batch?
+  bool is_full(std::uint64_t least_bytes) const {
+    // Each has two strips under way, which keep a thread or two busy.
+    return builders_.size() == job_.threads ||
+           (!builders_.empty() && job_.budget.leased() + least_bytes > job_.budget.limit());
+  }
+  void add(std::size_t column, const ColourRequest& request, const Hash128& key,
+           runtime::Lease lease) {
+    builders_.emplace_back(column,
+                           std::make_unique<ColumnBuilder>(job_, request, key, std::move(lease)));
+  }
+  void build() {
+    tbb::parallel_for(std::size_t{0}, builders_.size(),
+                      [&](std::size_t i) { builders_[i].second->build(); });
+    for (auto& [column, builder] : builders_) {
+      columns_[column].store = builder->publish();
+      ++job_.report.images_decoded;
+    }
+    builders_.clear();
+  }
+
+ private:
+  JobContext& job_;
+  std::vector<FoundColumn>& columns_;
+  std::vector<std::pair<std::size_t, std::unique_ptr<ColumnBuilder>>> builders_;
+};
+
+}  // namespace
+
+std::vector<FoundColumn> colour_stores(JobContext& job, std::span<const ColourRequest> requests,
+                                       std::span<const Hash128> keys) {
+  std::vector<FoundColumn> columns(requests.size());
+  ColumnBatch batch(job, columns);
+  for (std::size_t i = 0; i < requests.size(); ++i) {
+    const std::uint64_t least = colour_least_bytes(requests[i]);
+    if (batch.is_full(least)) batch.build();
+    columns[i].store = find_colours(job, requests[i], keys[i]);
+    columns[i].cached = columns[i].store != nullptr;
+    if (columns[i].cached) continue;
+    batch.add(i, requests[i], keys[i],
+              runtime::Lease(job.budget, least, "decoding " + requests[i].image->label));
+  }
+  batch.build();
+  return columns;
+}
+
+FoundColumn whole_colours(JobContext& job, const ColourRequest& request, const Hash128& key) {
+  FoundColumn column{find_colours(job, request, key), true};
+  if (column.store != nullptr) return column;
+  ColumnBuilder builder(job, request, key, {});
+  builder.build();
+  return {builder.publish(), false};
 }
 
 }  // namespace pounce::flow

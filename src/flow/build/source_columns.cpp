@@ -30,21 +30,108 @@ std::uint64_t SourceColumns::bytes_read() const {
   return bytes;
 }
 
-SourceColumns build_columns(JobContext& job, const Plan& plan, double progress_end) {
+namespace {
+
+/// The apron, how far outside of its triangle a hit may be, and how far lookups in the image itself
+/// (not in a level) spread: half of 32 texels (projection/footprint.cpp). Beyond, the whole image
+/// is built: this only saves work.
+constexpr double kSeenAround = 24;
+/// Of the source's texels per target texel: from here on many are seen in levels.
+constexpr double kFromAfar = 4;
+
+ColourRequest request_of(const ColumnPlan& column) {
+  return {&column.image, &column.info, column.wrap_u, column.wrap_v, nullptr};
+}
+
+bool has_size(const mesh::Lattice& lattice, const ColumnPlan& column) {
+  return lattice.width == column.info.width && lattice.height == column.info.height;
+}
+
+/// Texels of the images that a pass shows.
+double texels_shown(const PassPlan& pass) {
+  double texels = 0;
+  for (std::size_t p = 0; p < pass.source.pages.size(); ++p) {
+    texels += mesh::texel_area(*pass.source.mesh, pass.source.pages[p],
+                               pass.source.triangles->of(pass.source.first_page + p));
+  }
+  return texels;
+}
+
+void add_shown(const Plan& plan, const PassPlan& pass, const ChannelPlan& channel,
+               std::vector<std::unique_ptr<mesh::TileMask>>& masks) {
+  for (std::size_t p = 0; p < channel.pages.size(); ++p) {
+    if (channel.pages[p].column < 0) continue;
+    const auto c = static_cast<std::size_t>(channel.pages[p].column);
+    if (masks[c] == nullptr) continue;
+    if (has_size(pass.source.pages[p], plan.columns[c])) {
+      mesh::add_touched(*pass.source.mesh, pass.source.pages[p],
+                        pass.source.triangles->of(pass.source.first_page + p),
+                        plan.columns[c].wrap_u, plan.columns[c].wrap_v, kSeenAround, *masks[c]);
+    } else {
+      masks[c]->add_all();
+    }
+  }
+}
+
+}  // namespace
+
+WantedTiles tiles_shown(const JobContext& job, const Plan& plan, std::uint64_t target_texels) {
+  WantedTiles wanted(plan.columns.size());
+  for (const PassPlan& pass : plan.passes) {
+    if (texels_shown(pass) > kFromAfar * static_cast<double>(target_texels)) return wanted;
+  }
+  std::vector<std::unique_ptr<mesh::TileMask>> masks;
+  for (const ColumnPlan& column : plan.columns) {
+    masks.push_back(std::make_unique<mesh::TileMask>(column.info.width, column.info.height));
+    if (masks.back()->tiles() <= kFewTiles) masks.back() = nullptr;
+  }
+  for (const TileSetPlan& set : plan.tile_sets) {
+    for (const auto& [tile, column] : set.columns) masks[column] = nullptr;
+  }
+  for (const PassPlan& pass : plan.passes) {
+    for (const std::size_t c : pass.channels) add_shown(plan, pass, plan.channels[c], masks);
+  }
+  const std::uint64_t least = job.report.least_memory_bytes;
+  for (std::size_t c = 0; c < masks.size(); ++c) {
+    if (masks[c] == nullptr || 2 * masks[c]->count() > masks[c]->tiles()) continue;
+    if (least + colour_least_bytes(request_of(plan.columns[c])) > job.budget.limit()) continue;
+    wanted[c] = std::move(masks[c]);
+  }
+  return wanted;
+}
+
+SourceColumns build_columns(JobContext& job, const Plan& plan, const WantedTiles& wanted,
+                            double progress_end) {
   SourceColumns made;
   made.levels = std::make_unique<ColourLevels>(job);
-  std::uint64_t rows = 0;
-  for (const ColumnPlan& column : plan.columns) rows += (column.info.height + 63) / 64;
+  std::uint64_t rows = 0, later_bytes = 0;
+  std::vector<ColourRequest> requests;
+  std::vector<Hash128> keys, whole_keys;
+  for (std::size_t c = 0; c < plan.columns.size(); ++c) {
+    rows += (plan.columns[c].info.height + 63) / 64;
+    requests.push_back(request_of(plan.columns[c]));
+    if (c < wanted.size()) requests.back().wanted = wanted[c];
+    if (requests.back().wanted != nullptr)
+      later_bytes = std::max(later_bytes, colour_least_bytes(requests.back()));
+  }
+  made.whole_lease = runtime::Lease(job.budget, later_bytes, "images that are seen whole");
   job.meter.begin("source colours", rows, "rows of tiles", progress_end);
-  for (const ColumnPlan& column : plan.columns) {
-    bool cached = false;
-    const ColourRequest request{&column.image, &column.info, column.wrap_u, column.wrap_v};
-    const Hash128 key = colour_key(job, request);
-    auto opened = colour_store(job, request, key, &cached);
+  for (const ColourRequest& request : requests) {
+    whole_keys.push_back(colour_key(job, request));
+    keys.push_back(request.wanted == nullptr ? whole_keys.back()
+                                             : some_tiles_key(whole_keys.back(), *request.wanted));
+  }
+  auto found = colour_stores(job, requests, keys);
+  for (std::size_t c = 0; c < plan.columns.size(); ++c) {
+    const ColumnPlan& column = plan.columns[c];
+    const bool cached = found[c].cached;
     made.all_cached = made.all_cached && cached;
-    made.columns.push_back(
-        std::make_unique<ColourCache>(job.budget, ColourReader{&job, std::move(opened)}));
-    made.levels->add(*made.columns.back(), key);
+    auto whole = requests[c].wanted == nullptr
+                     ? nullptr
+                     : std::make_shared<WholeColumn>(job, requests[c], whole_keys[c]);
+    made.columns.push_back(std::make_unique<ColourCache>(
+        job.budget, ColourReader{&job, std::move(found[c].store), std::move(whole)}));
+    made.levels->add(*made.columns.back(), whole_keys[c]);
     const store::ColourStore& store = made.columns.back()->store();
     const std::uint64_t nonfinite = store.directory().nonfinite;
     if (nonfinite > 0) {

@@ -17,6 +17,7 @@ struct SourceColumns {
   std::vector<std::unique_ptr<ColourCache>> columns;  ///< by Plan::columns
   std::vector<TileColumns> tile_sets;                 ///< by Plan::tile_sets
   std::unique_ptr<ColourLevels> levels;               ///< of all columns
+  runtime::Lease whole_lease;                         ///< for what WholeColumn builds
   bool all_cached = true;
 
   /// What each source page gives to a channel.
@@ -25,8 +26,18 @@ struct SourceColumns {
   std::uint64_t bytes_read() const;
 };
 
+/// So few tiles of an image are not worth leaving out.
+inline constexpr std::uint64_t kFewTiles = 16;
+/// By Plan::columns the tiles that are kept; null: all.
+using WantedTiles = std::vector<std::shared_ptr<const mesh::TileMask>>;
+/// The tiles that the source's triangles show. All of an image where that is most of it, where
+/// targets of so many texels see it from too far for tiles alone (levels are made of all), and
+/// where the budget has no room for building an image later.
+WantedTiles tiles_shown(const JobContext& job, const Plan& plan, std::uint64_t target_texels);
+
 /// Builds the columns of a plan or finds them in the cache; takes job.meter through a stage whose
 /// end is `progress_end`, and counts what was done in job.report.
-SourceColumns build_columns(JobContext& job, const Plan& plan, double progress_end);
+SourceColumns build_columns(JobContext& job, const Plan& plan, const WantedTiles& wanted,
+                            double progress_end);
 
 }  // namespace pounce::flow

@@ -54,12 +54,13 @@ SourceStores::SourceStores(JobContext& job, const TransferOptions& options, cons
   job.report.isa = kernels_->isa;
 }
 
-void SourceStores::build(double begin, double end) {
+void SourceStores::build(double begin, double end, std::uint64_t target_texels) {
   if (plan_.from_splats) return build_splats(end);
   if (plan_.as_gaussians) return build_texels(begin, end);
   {
     const StageTimer timer(job_.clock, "precondition");
-    columns_ = build_columns(job_, plan_, (begin + end) / 2);
+    columns_ =
+        build_columns(job_, plan_, tiles_shown(job_, plan_, target_texels), (begin + end) / 2);
     all_cached_ = columns_.all_cached;
   }
   build_geometry(end);

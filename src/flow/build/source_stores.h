@@ -28,8 +28,8 @@ class SourceStores {
                const std::string& isa, bool fades_isolated);
 
   /// Builds the stores or finds them in the cache; takes the progress bar from `begin` to `end`.
-  /// The plan's mesh is not needed afterwards.
-  void build(double begin, double end);
+  /// `target_texels`: of the target that has the fewest. The plan's mesh is not needed afterwards.
+  void build(double begin, double end, std::uint64_t target_texels);
 
   /// Does a splat scene lie at a target (find_fit)? `places`: strewn over its surface. Nothing for
   /// other sources.

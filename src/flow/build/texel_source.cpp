@@ -373,7 +373,8 @@ Hash128 store_key(JobContext& job, const TexelStoreRequest& request) {
   const Plan& plan = *request.plan;
   std::vector<Hash128> columns;
   for (const ColumnPlan& column : plan.columns)
-    columns.push_back(colour_key(job, {&column.image, &column.info, column.wrap_u, column.wrap_v}));
+    columns.push_back(
+        colour_key(job, {&column.image, &column.info, column.wrap_u, column.wrap_v, nullptr}));
   Hasher hash;
   hash.add(std::string_view("texels"));
   hash.add(store::kFormatVersion);
@@ -413,7 +414,7 @@ Hash128 store_key(JobContext& job, const TexelStoreRequest& request) {
 std::unique_ptr<store::SplatStore> build(JobContext& job, const TexelStoreRequest& request,
                                          const Hash128& key, double begin, double end) {
   const auto until = [&](double share) { return begin + (end - begin) * share; };
-  const SourceColumns columns = build_columns(job, *request.plan, until(0.2));
+  const SourceColumns columns = build_columns(job, *request.plan, {}, until(0.2));
   job.meter.begin("precondition", 0, "tiles", until(0.3));
   bool cached = false;
   const auto geometry = geometry_store(job, mesh_of(request), &cached);

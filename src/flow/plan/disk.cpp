@@ -9,6 +9,7 @@
 #include <algorithm>
 
 #include "flow/build/colour_levels.h"
+#include "flow/build/source_columns.h"
 #include "flow/build/texel_source.h"
 #include "flow/job_context.h"
 #include "io/image/write.h"
@@ -54,6 +55,8 @@ void DiskPlan::add_source(const Plan& plan) {
     image.depth = column.info.depth;
     stores_ += column_bytes(image);
     if (plan.as_gaussians) continue;
+    // Less than half of it may be kept first, and all of it after that.
+    if (blocks_of({image.width, image.height}) > kFewTiles) stores_ += column_bytes(image) / 2;
     const std::uint32_t last = ColourLevels::last_level(image);
     for (std::uint32_t level = 1; level <= last; ++level)
       stores_ += column_bytes(level_of(image, level));

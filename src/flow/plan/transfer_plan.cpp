@@ -124,6 +124,10 @@ void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
   }
   plan_one(path);
   const TargetPlan& plan = target_.plan;
+  for (const PassPlan& pass : source_plan_.passes) {
+    const std::uint64_t texels = std::uint64_t{pass.size.width} * pass.size.height;
+    least_target_texels_ = std::min(least_target_texels_, texels * plan.pages.size());
+  }
   disk.add_target(source_plan_, plan, target_.mesh, target_.model.has_value());
   warn_of_own_colours();
   if (source_plan_.from_splats) keep_near(options_, plan, target_.mesh, source_plan_.splats);

@@ -44,6 +44,8 @@ class TransferPlan {
   const TransferOptions& options() const { return options_; }  ///< a model output as its images
   const Plan& source() const { return source_plan_; }
   bool anything_to_write() const { return anything_to_write_; }  ///< --skip-existing may leave none
+  /// Of the images of one channel of the target that has the fewest.
+  std::uint64_t least_target_texels() const { return least_target_texels_; }
   /// The stores of the source are made: its mesh is not needed any more.
   void drop_source_mesh();
   /// This target, planned again unless it is the only one. Stays until the next is asked for.
@@ -84,6 +86,7 @@ class TransferPlan {
   PlannedTarget target_;                       ///< planned last
   std::vector<std::string> outputs_, inputs_;  ///< of all targets
   LeastMemory least_;
+  std::uint64_t least_target_texels_ = UINT64_MAX;
   bool anything_to_write_ = false;
 };
 

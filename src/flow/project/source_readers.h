@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "flow/build/find_store.h"
+#include "flow/build/whole_column.h"
 #include "flow/job_context.h"
 #include "runtime/block_cache.h"
 #include "source/source_block.h"
@@ -64,7 +65,8 @@ struct SplatReader : TileReader<store::SplatStore, store::SplatEntry, source::Sp
 };
 using SplatCache = runtime::BlockCache<SplatReader>;
 
-/// Texels of an image; a part of its index is a row of tiles.
+/// Texels of an image; a part of its index is a row of tiles. Tiles that its store left out come
+/// from the whole image.
 struct ColourReader {
   using Index = std::vector<store::ChunkRef>;
   using Entry = store::ChunkRef;
@@ -72,10 +74,22 @@ struct ColourReader {
 
   JobContext* job;
   std::unique_ptr<store::ColourStore> store;
+  std::shared_ptr<WholeColumn> whole;  ///< null where the store has every tile
 
-  Index read_index(std::uint32_t row) const { return store->read_row(row, job->compressor()); }
+  Index read_index(std::uint32_t row) const {
+    Index index = store->read_row(row, job->compressor());
+    for (std::uint64_t x = 0; whole != nullptr && x < index.size(); ++x) {
+      if (store::is_left_out(index[x]))
+        index[x] = WholeColumn::left_out(std::uint64_t{row} * index.size() + x);
+    }
+    return index;
+  }
   static std::uint64_t index_bytes(const Index& index) { return index.size() * sizeof(Entry); }
-  Block read_block(const Entry& chunk) const { return store->read_tile(chunk, job->compressor()); }
+  Block read_block(const Entry& chunk) const {
+    return whole != nullptr && store::is_left_out(chunk)
+               ? whole->tile(chunk)
+               : store->read_tile(chunk, job->compressor());
+  }
   std::uint64_t block_bytes(const Entry&) const { return store->tile_bytes(); }
   std::uint64_t index_place(std::uint32_t row) const {
     return store->directory().row_pages[row].offset;

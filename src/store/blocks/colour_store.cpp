@@ -13,6 +13,8 @@ namespace pounce::store {
 namespace {
 
 constexpr std::size_t kTileTexels = std::size_t{kColourTileEdge} * kColourTileEdge;
+/// In an index, instead of a tile that is not there: the first place that a chunk may have.
+constexpr ChunkRef kLeftOut{kPackHeaderBytes, 0, 0};
 constexpr std::size_t kHeaderBytes = 25, kChunkRefBytes = 16;
 
 std::vector<std::byte> encode_directory(const ColourDirectory& d) {
@@ -127,7 +129,8 @@ void ColourStoreWriter::add_row(std::uint32_t tile_row,
 
 void ColourStoreWriter::add_tile(std::span<const std::byte> stored_tile, std::uint32_t raw_bytes) {
   ByteWriter out(row_);
-  put_chunk(out, pack_->append(ChunkKind::block, stored_tile, raw_bytes));
+  put_chunk(out, stored_tile.empty() ? kLeftOut
+                                     : pack_->append(ChunkKind::block, stored_tile, raw_bytes));
 }
 
 void ColourStoreWriter::end_row(std::uint32_t tile_row, Compressor& compressor) {
@@ -144,8 +147,8 @@ std::unique_ptr<PackWriter> ColourStoreWriter::finish(ColourDirectory directory,
 }
 
 ColourStore::ColourStore(std::unique_ptr<PackReader> pack, const ColourDirectory& image,
-                         Compressor& compressor)
-    : pack_(std::move(pack)) {
+                         Compressor& compressor, bool leaves_out)
+    : pack_(std::move(pack)), leaves_out_(leaves_out) {
   const auto raw = read_payload(*pack_, pack_->directory(), ChunkKind::directory,
                                 kHeaderBytes + image.tiles_y() * kChunkRefBytes, compressor);
   directory_ = decode_directory(raw, pack_->name());

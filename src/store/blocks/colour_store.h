@@ -54,10 +54,11 @@ void filter_colours(const ColourDirectory& image, std::span<const std::byte> til
 void unfilter_colours(const ColourDirectory& image, std::span<const std::byte> raw,
                       std::span<std::byte> tile);
 
-/// Writes the tiles of one image. Rows of tiles may come in any order.
+/// Writes the tiles of one image, or some of them. Rows of tiles may come in any order.
 class ColourStoreWriter {
  public:
   explicit ColourStoreWriter(std::unique_ptr<PackWriter> pack, std::uint32_t tile_rows);
+  /// An empty tile is one that is left out.
   void add_row(std::uint32_t tile_row, const std::vector<std::vector<std::byte>>& stored_tiles,
                std::uint32_t raw_bytes, Compressor& compressor);
   /// The same in parts: the tiles of a row from left to right, then its end.
@@ -71,15 +72,21 @@ class ColourStoreWriter {
   std::vector<ChunkRef> row_pages_;
 };
 
+/// Of a tile that was left out: such a chunk has no bytes.
+inline bool is_left_out(const ChunkRef& tile) { return tile.raw_bytes == 0; }
+
 /// Reads a colour pack. Const members are thread-safe.
 class ColourStore {
  public:
   /// `image` is what the job knows of it: all but the samples that are not finite and the places of
-  /// rows. Throws Error(damaged_store) if the pack says anything else.
+  /// rows. Throws Error(damaged_store) if the pack says anything else. `leaves_out`: not every tile
+  /// of it needs to be there.
   ColourStore(std::unique_ptr<PackReader> pack, const ColourDirectory& image,
-              Compressor& compressor);
+              Compressor& compressor, bool leaves_out = false);
   const ColourDirectory& directory() const { return directory_; }
+  bool leaves_out() const { return leaves_out_; }
   std::vector<ChunkRef> read_row(std::uint32_t tile_row, Compressor& compressor) const;
+  /// Throws Error(damaged_store) also for one that was left out.
   ColourTile read_tile(const ChunkRef& chunk, Compressor& compressor) const;
   const PackReader& pack() const { return *pack_; }
   /// Bytes of a decoded tile.
@@ -88,6 +95,7 @@ class ColourStore {
  private:
   std::unique_ptr<PackReader> pack_;
   ColourDirectory directory_;
+  bool leaves_out_;
 };
 
 }  // namespace pounce::store
