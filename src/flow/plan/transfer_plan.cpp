@@ -200,9 +200,9 @@ PlannedTarget& TransferPlan::target(std::size_t t) {
     target_.mesh_lease =
         runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
     plan_one(options_.targets[t]);
-    for (const std::string& path : target_.plan.kept) {  // some may have been made meanwhile
+    for (const std::string& file : target_.plan.kept) {  // some may have been made meanwhile
       std::vector<std::string>& kept = job_.report.kept;
-      if (std::find(kept.begin(), kept.end(), path) == kept.end()) kept.push_back(path);
+      if (std::find(kept.begin(), kept.end(), file) == kept.end()) kept.push_back(file);
     }
     name_jobs();
   }
