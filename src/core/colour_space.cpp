@@ -105,6 +105,18 @@ Matrix3 adaptation(Vec3d from_white, Vec3d to_white) noexcept {
   return times(inverse(kBradford), times(scale, kBradford));
 }
 
+/// CIE XYZ is no mixture of lights with a white of its own: "primaries" of (1,0), (0,1), (0,0) and
+/// white at a third only say that the channels are X, Y and Z. Programs write them as they measured
+/// or computed them, for a white of D65 (OpenEXR's own pair of reference images differs by the
+/// matrix of Rec. 709 alone). Adapting them from equal energy would tint everything.
+bool is_cie_xyz(const Chromaticities& c) noexcept {
+  constexpr Chromaticities kXyz{1, 0, 0, 1, 0, 0, 1 / 3.0F, 1 / 3.0F};
+  return same_primaries(c, kXyz);
+}
+
+/// What is white in pictures of these.
+Vec3d white_of(const Chromaticities& c) noexcept { return xyz(is_cie_xyz(c) ? kRec709 : c, 3); }
+
 std::string lower(std::string text) {
   for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
   return text;
@@ -154,12 +166,12 @@ bool are_primaries(const Chromaticities& c) noexcept {
 }
 
 Matrix3 primaries_matrix(const Chromaticities& from, const Chromaticities& to) noexcept {
-  const Matrix3 adapted = times(adaptation(xyz(from, 3), xyz(to, 3)), to_xyz(from));
+  const Matrix3 adapted = times(adaptation(white_of(from), white_of(to)), to_xyz(from));
   return times(inverse(to_xyz(to)), adapted);
 }
 
 Matrix3 adaptation_to_d50(const Chromaticities& from) noexcept {
-  return adaptation(xyz(from, 3), kD50);
+  return adaptation(white_of(from), kD50);
 }
 
 Matrix3 matrix_to_d50(const Chromaticities& from) noexcept {

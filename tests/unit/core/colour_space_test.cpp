@@ -50,6 +50,24 @@ TEST_CASE("a matrix keeps white, and there and back is nothing") {
   }
 }
 
+TEST_CASE("CIE XYZ is turned into Rec. 709 without a tint") {
+  const Chromaticities xyz{1, 0, 0, 1, 0, 0, 0.333333F, 0.333333F};
+  REQUIRE(are_primaries(xyz));
+  // IEC 61966-2-1's matrix, with more digits.
+  check_matrix(primaries_matrix(xyz, kRec709),
+               {3.2409699, -1.5373832, -0.4986108, -0.9692436, 1.8759675, 0.0415551, 0.0556301,
+                -0.2039770, 1.0569715});
+  check_matrix(primaries_matrix(kRec709, xyz),
+               {0.4123908, 0.3575843, 0.1804808, 0.2126390, 0.7151687, 0.0721923, 0.0193308,
+                0.1191948, 0.9505322});
+  // D65's own X, Y, Z (0.3127 / 0.3290, 1, 0.3583 / 0.3290) are white.
+  const Matrix3 m = primaries_matrix(xyz, kRec709);
+  for (std::size_t row = 0; row < 3; ++row) {
+    CHECK(m[3 * row] * 0.950456 + m[3 * row + 1] + m[3 * row + 2] * 1.089058 ==
+          Approx(1).margin(1e-5));
+  }
+}
+
 TEST_CASE("names are told apart from what has none") {
   CHECK(space("ACEScg").linear);
   CHECK_FALSE(space("Display-P3").linear);
