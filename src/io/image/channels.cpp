@@ -71,9 +71,13 @@ ChosenChannels of_layer(const std::vector<std::string>& names, const std::string
   return chosen;
 }
 
-/// The layer whose colours are taken: that without a name, or the only one that has colours.
+/// The layer whose colours are taken: that without a name, the left eye's beside the right one's,
+/// or the only one that has colours.
 const std::map<std::string, int>* colour_layer(const Layers& layers) {
   const std::map<std::string, int>* found = nullptr;
+  const auto left = layers.find("left");
+  const bool views = left != layers.end() && layers.count("right") > 0 && layers.count("") == 0;
+  if (views && !colours_of(left->second).empty()) return &left->second;
   for (const auto& [name, layer] : layers) {
     if (colours_of(layer).empty()) continue;
     if (name.empty()) return &layer;
@@ -81,6 +85,14 @@ const std::map<std::string, int>* colour_layer(const Layers& layers) {
     found = &layer;
   }
   return found;
+}
+
+/// Has another layer colours of the same names as this one, as the other eye's view has?
+bool is_repeated(const Layers& layers, const std::map<std::string, int>& layer) {
+  const std::vector<int> own = colours_of(layer);
+  return std::any_of(layers.begin(), layers.end(), [&](const auto& other) {
+    return &other.second != &layer && colours_of(other.second).size() == own.size();
+  });
 }
 
 }  // namespace
@@ -92,7 +104,9 @@ ChosenChannels choose_channels(const std::vector<std::string>& names, int alpha)
     const Name name = parsed(names[i]);
     layers[name.layer].try_emplace(name.channel, static_cast<int>(i));
   }
+  bool one_of_several = false;
   if (const auto* layer = colour_layer(layers)) {
+    one_of_several = is_repeated(layers, *layer);
     chosen.places = colours_of(*layer);
     const auto named = layer->find("a");
     const int own = named != layer->end() ? named->second : layers.size() == 1 ? alpha : -1;
@@ -101,7 +115,7 @@ ChosenChannels choose_channels(const std::vector<std::string>& names, int alpha)
       chosen.has_alpha = true;
     }
   }
-  if (!chosen.has_alpha && names.size() <= kMostChannels) {
+  if (!chosen.has_alpha && !one_of_several && names.size() <= kMostChannels) {
     // Whatever there is, in the file's order; alpha that is not the last is data like the others.
     chosen.places.clear();
     for (int i = 0; i < static_cast<int>(names.size()); ++i) chosen.places.push_back(i);

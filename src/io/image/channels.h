@@ -18,9 +18,10 @@ struct ChosenChannels {
 };
 
 /// Chooses by name: R, G and B or Y, of no layer or else of the one layer that has them, with their
-/// alpha. A file without such, or with more but no alpha, gives all that it has, up to four, as
-/// data. `alpha` is the place that the file calls alpha, -1 for none. Empty places: too many
-/// channels, and no names to choose by.
+/// alpha; of the views of a stereo file ("Y", "right.Y") the one without a name, else the left one.
+/// A file without such, or with more but no alpha, gives all that it has, up to four, as data.
+/// `alpha` is the place that the file calls alpha, -1 for none. Empty places: too many channels,
+/// and no names to choose by.
 ChosenChannels choose_channels(const std::vector<std::string>& names, int alpha);
 
 /// Chooses what the user names: channels between commas, of which those after the first may leave

@@ -206,6 +206,22 @@ TEST_CASE("channels are chosen by their names, alpha only where the file says so
       {{"d.R", "d.G", "d.B", "d.A", "Z"}, 3, {"d.R", "d.G", "d.B", "d.A"}, true, {"Z"}},
       {{"R", "G", "B", "d.A"}, 3, {"R", "G", "B", "d.A"}, false, {}},
       {{"R", "G", "B", "d.R", "d.G", "d.B"}, -1, {"R", "G", "B"}, false, {"d.R", "d.G", "d.B"}},
+      // Views of a stereo file: the default one, which has no name, else the left one.
+      {{"Y", "right.Y"}, -1, {"Y"}, false, {"right.Y"}},
+      {{"Y", "A", "right.Y", "right.A"}, 1, {"Y", "A"}, true, {"right.Y", "right.A"}},
+      {{"right.Y", "Y"}, -1, {"Y"}, false, {"right.Y"}},
+      {{"R", "G", "B", "right.R", "right.G", "right.B"},
+       -1,
+       {"R", "G", "B"},
+       false,
+       {"right.R", "right.G", "right.B"}},
+      {{"left.Y", "right.Y"}, -1, {"left.Y"}, false, {"right.Y"}},
+      {{"left.R", "left.G", "left.B", "right.R", "right.G", "right.B"},
+       -1,
+       {"left.R", "left.G", "left.B"},
+       false,
+       {"right.R", "right.G", "right.B"}},
+      {{"Y", "depth.Z"}, -1, {"Y", "depth.Z"}, false, {}},
       {{"c.R", "c.G", "c.B", "d.R", "d.G", "d.B"}, -1, {}, false, {}},
   };
   for (const Case& c : cases) {
