@@ -167,6 +167,55 @@ void hide_in_webp(ByteSource& bytes, std::vector<ColourPiece>& colours) {
   bytes.show_only(std::move(pieces));
 }
 
+/// Where the packets of a Targa with run lengths end, which must hold exactly so many texels.
+std::uint64_t end_of_targa_packets(Cursor& at, std::uint64_t position, std::uint64_t texels,
+                                   std::uint64_t texel_bytes) {
+  for (std::uint64_t done = 0; done < texels;) {
+    const std::uint8_t head = at.u8(position);
+    const std::uint64_t count = (head & 0x7FU) + 1;
+    position += 1 + ((head & 0x80) != 0 ? 1 : count) * texel_bytes;
+    done += count;
+    if (done > texels || position > at.size())
+      at.refuse("the Targa's run lengths do not end with the picture; it is damaged or cut off");
+  }
+  return position;
+}
+
+/// OpenImageIO 2.4 looks beyond the end of a short palette (CVE-2023-22845) and of the texts at the
+/// end of the file (CVE-2023-24473): palettes are refused, and header and texels are all that is
+/// shown, zeros in the place of what may follow.
+void hide_in_targa(ByteSource& bytes) {
+  constexpr std::uint64_t kHeaderBytes = 18, kFooterBytes = 26;
+  constexpr std::uint8_t kColours = 2, kGrey = 3, kRuns = 8;
+  Cursor at(bytes, "Targa", false);
+  const std::uint8_t type = at.u8(2), bits = at.u8(16), plain = type & ~kRuns;
+  if (at.u8(1) != 0 || plain == 1)
+    at.refuse("it is a Targa with a palette, which cannot be read; convert it to PNG");
+  const bool colours = plain == kColours && (bits == 15 || bits == 16 || bits == 24 || bits == 32);
+  if (!colours && !(plain == kGrey && bits == 8)) {
+    at.refuse(
+        fmt::format("it is a Targa of type {} with {} bits per texel, which cannot be read; "
+                    "convert it to PNG",
+                    type, bits));
+  }
+  const std::uint64_t texels = std::uint64_t{at.u16(12)} * at.u16(14), texel_bytes = (bits + 7) / 8;
+  const std::uint64_t begin = kHeaderBytes + at.u8(0);
+  const bool runs = (type & kRuns) != 0;
+  const std::uint64_t end =
+      runs ? end_of_targa_packets(at, begin, texels, texel_bytes) : begin + texels * texel_bytes;
+  if (texels == 0) at.refuse("the Targa has no texels; it is damaged");
+  if (end > at.size()) {
+    at.refuse(fmt::format("the Targa is cut off: its picture ends at byte {}, the file at {}", end,
+                          at.size()));
+  }
+  std::vector<std::byte> header;
+  at.copy(0, kHeaderBytes, header);
+  header[0] = std::byte{0};  // no text before the texels
+  bytes.show_only({{0, kHeaderBytes, std::move(header)},
+                   {begin, end - begin, {}},
+                   {0, kFooterBytes, std::vector<std::byte>(kFooterBytes)}});
+}
+
 /// A header of an EXR, that is of one of its parts.
 struct ExrHeader {
   std::uint64_t end = 0;     ///< behind it
@@ -261,6 +310,7 @@ std::vector<ColourPiece> hide_metadata(ByteSource& bytes, const std::string& for
   if (format == "png") hide_in_png(bytes, colours);
   if (format == "jpeg") hide_in_jpeg(bytes, colours);
   if (format == "webp") hide_in_webp(bytes, colours);
+  if (format == "targa") hide_in_targa(bytes);
   if (format == "openexr") check_exr(bytes);
   return colours;
 }

@@ -76,6 +76,27 @@ void read_frame_header(JpegCursor at, std::uint32_t marker, JpegHeader& header) 
   }
 }
 
+/// How many scans there are from this place on, which is behind the header of the first one: up to
+/// one more than `most`. Data of a scan holds FF only before 00 and restart marks.
+std::uint32_t count_scans(ByteSource& bytes, std::uint64_t position, std::uint32_t most) {
+  constexpr std::uint8_t kScan = 0xDA, kEnd = 0xD9;
+  std::array<std::uint8_t, 65536> window;
+  std::uint32_t scans = 1;
+  std::uint8_t last = 0;
+  while (scans <= most) {
+    const std::size_t count = bytes.read_at(position, window.data(), window.size());
+    for (std::size_t i = 0; i < count; last = window[i++]) {
+      if (last != 0xFF) continue;
+      if (window[i] == kEnd) return scans;
+      if (window[i] == kScan && ++scans > most) return scans;
+    }
+    if (count == 0) break;
+    position += count;
+  }
+  bytes.check();
+  return scans;
+}
+
 /// The first chunk says it all.
 std::optional<WholeHeader> webp_header(ByteSource& bytes) {
   std::array<std::uint8_t, 30> b{};
@@ -241,6 +262,14 @@ JpegHeader read_jpeg_header(ByteSource& bytes) {
     if (is_frame_header(marker)) read_frame_header(at, marker, header);
     if (marker == 0xDA) {
       header.several_scans = header.several_scans || at.u8() < header.components;
+      // Each goes over the whole picture. libjpeg-turbo's own programs stop there.
+      constexpr std::uint32_t kMostScans = 500;
+      if (header.several_scans && count_scans(bytes, next, kMostScans) > kMostScans) {
+        throw Error(ErrorKind::input,
+                    fmt::format("{}: the JPEG is in more than {} scans, of which pictures have 10 "
+                                "or so; save it again, or it was made to waste time",
+                                bytes.label(), kMostScans));
+      }
       break;
     }
     at.position = next;

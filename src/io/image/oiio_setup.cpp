@@ -10,8 +10,10 @@ namespace pounce::io {
 void set_up_oiio() {
   static std::once_flag once;
   std::call_once(once, [] {
-    OIIO::attribute("exr_threads", -1);         // -1: none at all; it has no setting per file
-    OIIO::attribute("tiff:multithread", 0);     // its readers ask no file either
+    OIIO::attribute("exr_threads", -1);      // -1: none at all; it has no setting per file
+    OIIO::attribute("tiff:multithread", 0);  // its readers ask no file either
+    // What nobody asked for it would put on the standard error output, between lines of ours.
+    OIIO::attribute("oiio:print_uncaught_errors", 0);
     OIIO::attribute("limits:imagesize_MB", 0);  // no limit: we never allocate by what a header says
   });
 }

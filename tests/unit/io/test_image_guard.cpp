@@ -208,6 +208,99 @@ TEST_CASE("APP segments and comments of a JPEG are never kept", "[image]") {
   }
 }
 
+namespace {
+
+/// From above to below.
+std::string targa(int type, std::uint32_t width, std::uint32_t height, int bits,
+                  const std::string& texels, const std::string& text = "") {
+  return std::string{static_cast<char>(text.size()), '\0', static_cast<char>(type)} +
+         std::string(9, '\0') + little_endian(width, 2) + little_endian(height, 2) +
+         std::string{static_cast<char>(bits), bits == 32 ? '\x28' : '\x20'} + text + texels;
+}
+
+std::string targa_refusal(const std::string& file) {
+  mesh::ImageRef image = in_memory(file, "a.tga");
+  image.path = "a.tga";
+  try {
+    test::read_all(image);
+  } catch (const Error& e) {
+    CHECK(e.kind() == ErrorKind::input);
+    return e.what();
+  }
+  return "nothing";
+}
+
+std::vector<std::uint8_t> targa_samples(const std::string& file) {
+  mesh::ImageRef image = in_memory(file, "a.tga");
+  image.path = "a.tga";
+  return test::read_all(image);
+}
+
+}  // namespace
+
+TEST_CASE("a Targa with a palette is refused", "[image]") {
+  // Four colours, and indices of 8 and 16 bits beyond them (CVE-2023-22845).
+  for (const int type : {1, 9}) {
+    for (const int bits : {8, 16, 24, 32}) {
+      std::string file = targa(type, 64, 64, bits, std::string(64 * 64 * 4, '\xF0'));
+      file[1] = 1;
+      file.replace(3, 5, std::string("\0\0\4\0\x18", 5));
+      CHECK_THAT(targa_refusal(file),
+                 Contains("a.tga: it is a Targa with a palette") && Contains("convert it to PNG"));
+      file[1] = 0;
+      CHECK_THAT(targa_refusal(file), Contains("Targa with a palette"));
+    }
+  }
+  CHECK_THAT(targa_refusal(targa(3, 2, 2, 16, std::string(8, 'x'))), Contains("type 3 with 16"));
+  CHECK_THAT(targa_refusal(targa(32, 2, 2, 8, std::string(8, 'x'))), Contains("type 32"));
+}
+
+TEST_CASE("of a Targa header and texels are read, and nothing behind them", "[image]") {
+  const std::string texels("\1\2\3\4\5\6\7\x8\x9\xA\xB\xC", 12);
+  const std::vector<std::uint8_t> rgb{3, 2, 1, 6, 5, 4, 9, 8, 7, 12, 11, 10};
+  CHECK(targa_samples(targa(2, 2, 2, 24, texels)) == rgb);
+  CHECK(targa_samples(targa(2, 2, 2, 24, texels, "a text")) == rgb);
+  // Texts without end in an extension that begins within the texels (CVE-2023-24473).
+  const std::string footer =
+      little_endian(18, 4) + little_endian(0, 4) + std::string("TRUEVISION-XFILE.\0", 18);
+  const std::string texts(600, 'x');
+  CHECK(targa_samples(targa(2, 2, 2, 24, texels) + texts + footer) == rgb);
+  // Packets: three texels alike, then one by itself.
+  const std::string packets("\x82\1\2\3\0\4\5\6", 8);
+  CHECK(targa_samples(targa(10, 2, 2, 24, packets) + footer) ==
+        std::vector<std::uint8_t>{3, 2, 1, 3, 2, 1, 3, 2, 1, 6, 5, 4});
+  CHECK(targa_samples(targa(3, 2, 2, 8, "abcd")) == std::vector<std::uint8_t>{97, 98, 99, 100});
+  CHECK(targa_samples(targa(11, 2, 2, 8, "\x83z")) == std::vector<std::uint8_t>(4, 122));
+  CHECK(targa_samples(targa(2, 1, 1, 32, "\1\2\3\x80")) == std::vector<std::uint8_t>{3, 2, 1, 128});
+
+  CHECK_THAT(targa_refusal(targa(2, 2, 2, 24, texels.substr(1))), Contains("cut off"));
+  CHECK_THAT(targa_refusal(targa(10, 2, 2, 24, packets.substr(1))), Contains("cut off"));
+  CHECK_THAT(targa_refusal(targa(11, 2, 2, 8, "\x84z")), Contains("do not end with the picture"));
+}
+
+TEST_CASE("a JPEG of more than 500 scans is refused unread", "[image]") {
+  // Grey, progressive: the first scan has what there is (DC), further ones refine nothing.
+  const std::string table = jpeg_segment('\xDB', std::string(1, '\0') + std::string(64, '\1'));
+  const std::string frame = jpeg_segment('\xC2', std::string("\x08\0\x08\0\x08\1\1\x11\0", 9));
+  const std::string huffman =
+      jpeg_segment('\xC4', std::string(1, '\0') + std::string("\1", 1) + std::string(15, '\0') +
+                               std::string(1, '\0')) +
+      jpeg_segment('\xC4', std::string(1, '\x10') + std::string("\1", 1) + std::string(15, '\0') +
+                               std::string(1, '\0'));
+  const auto scan = [](char from, char to) {
+    return jpeg_segment('\xDA', std::string{'\1', '\1', '\0', from, to, '\0'}) + '\x7F';
+  };
+  const auto of_scans = [&](int scans) {
+    std::string file = "\xFF\xD8" + table + frame + huffman + scan('\0', '\0');
+    for (int i = 1; i < scans; ++i) file += scan('\1', '\x3F');
+    return file + "\xFF\xD9";
+  };
+  CHECK_THAT(refusal(of_scans(501)), Contains("more than 500 scans"));
+  CHECK_THAT(refusal(of_scans(65535)), Contains("more than 500 scans"));
+  CHECK(reading(of_scans(500)).samples.size() == 64);
+  CHECK(reading(of_scans(10)).samples == std::vector<std::uint8_t>(64, 128));
+}
+
 TEST_CASE("what says how a JPEG's colours are coded is found behind others' segments", "[image]") {
   const std::string jpeg = image_file(".jpg");
   const std::string bare = jpeg.substr(0, 2) + jpeg.substr(4 + 16);  // without JFIF's segment
