@@ -60,7 +60,7 @@ mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::str
                      bool allow_external, bool keep_rest) {
   const bool is_source = side == "source";
   mesh::Mesh mesh =
-      io::read_mesh(path, {allow_external, is_source ? use.uv_set : std::nullopt, true});
+      io::read_mesh(path, {allow_external, is_source ? use.uv_set : std::nullopt, true, is_source});
   drop_white(mesh.colours);
   if (!is_source) {  // what matters of a target's is that a renderer shows them
     mesh.has_vertex_colours = !mesh.colours.empty();

@@ -15,6 +15,7 @@ struct MeshReading {
   /// Every texture lies on that UV set, whatever the materials say.
   std::optional<std::uint32_t> texture_uv_set;
   bool vertex_colours = false;  ///< fill Mesh::colours
+  bool needs_materials = true;  ///< false: that an OBJ's material files are missing is not said
 };
 
 /// Reads a .glb, .gltf or .obj (by content, then by ending). Throws Error(input) naming the file,

@@ -298,10 +298,17 @@ std::size_t foreign_token_end(const std::string& text, std::size_t at, bool& is_
     const std::size_t end = run_end(text, at, [](unsigned char c) { return c == '#'; });
     return end - at > 1 ? end : 0;
   }
-  for (const std::string name : {"<udim>", "<uvtile>", "{udim}", "_mapid_"}) {
+  for (const std::string name : {"<udim>", "<uvtile>", "{udim}", "[udim]", "_mapid_"}) {
     const std::string found = text.substr(at, name.size());
     is_tile = lower(found) == name && found != "<UDIM>" && found != "<UVTILE>";
     if (is_tile) return at + name.size();
+  }
+  // A bare word between separators: skin.UDIM.png.
+  const auto separates = [](char c) { return c == '.' || c == '_' || c == '-'; };
+  if (at > 0 && separates(text[at - 1]) && text.compare(at, 4, "UDIM") == 0 &&
+      separates(next(at + 4))) {
+    is_tile = true;
+    return at + 4;
   }
   return 0;
 }

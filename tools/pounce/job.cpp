@@ -83,19 +83,6 @@ void write_report(const std::string& path, const Report& report) {
   }
 }
 
-/// A report that cannot be written does not hide why the job failed.
-void write_failed_report(const std::string& path, ProgressKind kind, Report& report) {
-  try {
-    write_report(path, report);
-  } catch (const Error& error) {
-    if (kind == ProgressKind::json) {
-      report.warnings.push_back(error.what());
-    } else {
-      write_stderr(fmt::format("pounce: warning: {}\n", visible_line(error.what())));
-    }
-  }
-}
-
 /// Of what the library did not turn into an error of its own.
 Failure failure_of(const std::exception& error) {
   const bool no_memory = dynamic_cast<const std::bad_alloc*>(&error) != nullptr;
@@ -112,6 +99,18 @@ bool has_enough(const Report& report) {
 }
 
 }  // namespace
+
+void write_failed_report(const std::string& path, ProgressKind kind, Report& report) {
+  try {
+    write_report(path, report);
+  } catch (const Error& error) {
+    if (kind == ProgressKind::json) {
+      report.warnings.push_back(error.what());
+    } else {
+      write_stderr(fmt::format("pounce: warning: {}\n", visible_line(error.what())));
+    }
+  }
+}
 
 void write_stdout(const std::string& text) {
   const std::string shown = visible(text);

@@ -26,6 +26,9 @@ struct JobSettings {
 /// last one says it, returns its status. One job at a time in a process.
 int run_job(const JobSettings& settings, const std::function<void(Progress*, Report*)>& job);
 
+/// Writes the report of what failed. That it cannot be written is a warning: it does not hide why.
+void write_failed_report(const std::string& path, ProgressKind kind, Report& report);
+
 /// Writes text or JSON to the standard output, visible(), and makes sure that it arrived; throws
 /// Error(storage).
 void write_stdout(const std::string& text);

@@ -3,13 +3,17 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <csignal>
 #include <cstdio>
 #include <exception>
 #include <new>
 #include <string>
+#include <utility>
+#include <vector>
 
+#include "bad_line.h"
 #include "commands.h"
 #include "job.h"
 #include "pounce/error.h"
@@ -39,16 +43,87 @@ void occupy_standard_streams() {
   }
 }
 
-/// Says what is wrong with the command line and where to read on.
-int usage_error(const CLI::App& program, const std::string& message) {
-  std::string name = "pounce";
-  for (const CLI::App* command = &program; !command->get_subcommands().empty();) {
-    command = command->get_subcommands().front();
-    name += " " + command->get_name();
+/// The command that the line begins with, if it does.
+const CLI::App* named_command(const CLI::App& program, int argc, char** argv) {
+  if (argc < 2) return nullptr;
+  for (const CLI::App* command : program.get_subcommands([](const CLI::App*) { return true; })) {
+    if (command->get_name() == argv[1]) return command;
   }
-  pounce::cli::write_stderr("pounce: error: " + pounce::cli::visible_line(message) + "\nTry '" +
-                            name + " --help'.\n");
+  return nullptr;
+}
+
+std::string chosen_name(const CLI::App& program, int argc, char** argv) {
+  const CLI::App* named = named_command(program, argc, argv);
+  return named == nullptr ? "" : named->get_name();
+}
+
+/// Says what is wrong with the command line and where to read on: where it `is_untold`, as a failed
+/// job does, in JSON where the line asks for that, and in a report where it names one.
+int usage_error(const CLI::App& program, const std::string& chosen, int argc, char** argv,
+                bool is_untold, const std::string& message) {
+  std::string name = chosen.empty() ? "pounce" : "pounce " + chosen;
+  const CLI::App* command = &program;
+  for (int depth = 0; !command->get_subcommands().empty(); ++depth) {
+    command = command->get_subcommands().front();
+    if (depth > 0) name += " " + command->get_name();
+  }
+  const auto line = pounce::cli::read_bad_line({argv + 1, argv + argc});
+  if (!is_untold || pounce::cli::tell_bad_line(line, chosen, message)) {
+    pounce::cli::write_stderr("pounce: error: " + pounce::cli::visible_line(message) + "\nTry '" +
+                              name + " --help'.\n");
+  }
   return pounce::exit_status(pounce::ErrorKind::usage);
+}
+
+/// "compare takes A and B: ...".
+std::string too_many(const CLI::App& command, const std::string& what) {
+  std::string takes;
+  for (const CLI::Option* option : command.get_options()) {
+    if (option->get_positional()) takes += (takes.empty() ? "" : " and ") + option->get_name(true);
+  }
+  return what + "; " + command.get_name() + " takes " + (takes.empty() ? "options only" : takes);
+}
+
+/// What was probably meant by a command line that cannot be parsed.
+std::string parse_problem(const CLI::App& program, int argc, char** argv,
+                          const CLI::ParseError& error) {
+  const std::vector<std::string> arguments{argv + 1, argv + argc};
+  if (arguments.empty()) return "no command was given";
+  if (const CLI::App* cache = named_command(program, argc, argv);
+      cache != nullptr && cache->get_name() == "cache" && cache->get_subcommands().empty()) {
+    constexpr const char* kActions = "cache does one of: info, list, verify, prune, clear";
+    if (arguments.size() == 1) return kActions;
+    return "\"" + arguments[1] + "\": " + kActions +
+           (arguments[1] == "purge"
+                ? "; did you mean clear?"
+                : pounce::cli::did_you_mean(arguments[1], pounce::cli::command_names(*cache)));
+  }
+  const auto unknown = program.remaining();
+  if (program.get_subcommands().empty() && !unknown.empty()) {
+    return "\"" + unknown.front() + "\" is not a command; there are transfer, maps, gaussians, " +
+           "inspect, compare, cache" +
+           pounce::cli::did_you_mean(unknown.front(), pounce::cli::command_names(program));
+  }
+  const CLI::App* command = &program;
+  while (!command->get_subcommands().empty()) command = command->get_subcommands().front();
+  const std::string what = error.what();
+  constexpr const char* kTwice = ": At Most 1 required";
+  if (const std::size_t at = what.find(kTwice); at != std::string::npos)
+    return what.substr(0, at) + ": given more than once; give it once";
+  const std::string advice = pounce::cli::line_advice(*command, arguments);
+  const bool is_extra = dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr;
+  if (is_extra && advice.empty()) return too_many(*command, what);
+  return what + advice;
+}
+
+/// "help", "help transfer" and "version" as first words, as other programs have them.
+std::vector<std::string> with_usual_words(std::vector<std::string> arguments) {
+  if (arguments.empty()) return arguments;
+  if (arguments.front() == "version" && arguments.size() == 1) return {"--version"};
+  if (arguments.front() != "help") return arguments;
+  arguments.erase(arguments.begin());
+  arguments.emplace_back("--help");
+  return arguments;
 }
 
 int run(int argc, char** argv) {
@@ -63,8 +138,14 @@ int run(int argc, char** argv) {
       pounce::cli::add_transfer_command(program),  pounce::cli::add_maps_command(program),
       pounce::cli::add_gaussians_command(program), pounce::cli::add_inspect_command(program),
       pounce::cli::add_compare_command(program),   pounce::cli::add_cache_command(program)};
+  bool is_parsed = false;
   try {
-    program.parse(argc, argv);
+    std::vector<std::string> arguments = with_usual_words({argv + 1, argv + argc});
+    std::reverse(arguments.begin(), arguments.end());  // as CLI11 takes them
+    if (const CLI::App* named = named_command(program, argc, argv))
+      pounce::cli::refuse_lookalikes(*named, {argv + 2, argv + argc});
+    program.parse(std::move(arguments));
+    is_parsed = true;
     for (const Command& command : commands) {
       if (command.parser->parsed()) return command.run();
     }
@@ -77,22 +158,12 @@ int run(int argc, char** argv) {
     pounce::cli::write_stdout(std::string(version.what()) + "\n");
     return 0;
   } catch (const CLI::ParseError& error) {
-    const auto unknown = program.remaining();
-    if (argc < 2) return usage_error(program, "no command was given");
-    if (dynamic_cast<const CLI::RequiredError*>(&error) != nullptr && argc == 2 &&
-        program.got_subcommand("cache")) {
-      return usage_error(program, "cache does one of: info, list, verify, prune, clear");
-    }
-    if (!program.get_subcommands().empty() || unknown.empty()) {
-      return usage_error(program, error.what());
-    }
-    return usage_error(
-        program, "\"" + unknown.front() +
-                     "\" is not a command; there are transfer, maps, gaussians, inspect, compare, "
-                     "cache");
+    return usage_error(program, chosen_name(program, argc, argv), argc, argv, true,
+                       parse_problem(program, argc, argv, error));
   } catch (const pounce::Error& error) {
     if (error.kind() != pounce::ErrorKind::usage) throw;
-    return usage_error(program, error.what());
+    return usage_error(program, chosen_name(program, argc, argv), argc, argv, !is_parsed,
+                       error.what());
   }
   throw pounce::Error(pounce::ErrorKind::internal, "a command was parsed and not found");
 }

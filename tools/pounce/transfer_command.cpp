@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "arguments.h"
+#include "bad_line.h"
 #include "commands.h"
+#include "pounce/error.h"
 #include "pounce/transfer.h"
 #include "shared_options.h"
 
@@ -49,6 +54,24 @@ struct Settings {
   TransferOptions options;
   JobSettings job;
 };
+
+/// A map of the user's own that has no image may be a channel that is spelled otherwise.
+void check_channel_names(const TransferOptions& options) {
+  std::vector<std::string> known;
+  for (int c = 0; c < static_cast<int>(Channel::other); ++c)
+    known.emplace_back(channel_name(static_cast<Channel>(c)));
+  for (std::size_t k = 0; k < options.other_maps.size(); ++k) {
+    const bool is_given = std::any_of(
+        options.source_textures.begin(), options.source_textures.end(),
+        [&](const SourceTexture& texture) { return texture.channel == other_channel(k); });
+    const std::string& name = options.other_maps[k].name;
+    const std::string meant = is_given ? "" : did_you_mean(name, known);
+    if (meant.empty()) continue;
+    throw Error(ErrorKind::usage, name + ": no channel has this name" + meant +
+                                      " A map of your own needs --source-texture " + name +
+                                      "=FILE");
+  }
+}
 
 void add_picture_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Picture";
@@ -393,6 +416,7 @@ Command add_transfer_command(CLI::App& program) {
              "Print least memory, disk and files; do and write nothing", settings->job.plan_only);
   const auto run = [settings] {
     return run_job(settings->job, [&settings](Progress* progress, Report* report) {
+      check_channel_names(settings->options);
       if (settings->job.plan_only) {
         plan(settings->options, progress, report);
       } else {

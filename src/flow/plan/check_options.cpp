@@ -38,7 +38,7 @@ void check_method(const TransferOptions& o) {
   if (o.filter.value_or(kDefaultFilter) != kDefaultFilter)
     usage("--filter is of --method surface: Gaussians have a width, which --sigma says");
   if (o.sigma_texels && !(*o.sigma_texels >= 0.1 && *o.sigma_texels <= 4))
-    usage("--sigma must be 0.1 to 4 texels");
+    usage(fmt::format("--sigma {:g}: from 0.1 to 4 texels", *o.sigma_texels));
   const bool only_colour = std::all_of(o.channels.begin(), o.channels.end(), [](Channel channel) {
     return channel == Channel::base_color;
   });
@@ -59,7 +59,7 @@ void check_splat_options(const TransferOptions& o) {
                       *o.min_opacity));
   }
   if (o.max_scale && !(*o.max_scale > 0 && std::isfinite(*o.max_scale)))
-    usage("--max-scale must be above 0");
+    usage(fmt::format("--max-scale {:g}: must be above 0", *o.max_scale));
   for (std::size_t k = 0; o.box && k < 3; ++k) {
     const double low = o.box->lowest[k], high = o.box->highest[k];
     if (!(low <= high && std::isfinite(low) && std::isfinite(high))) {
@@ -71,7 +71,7 @@ void check_splat_options(const TransferOptions& o) {
   if (!(o.min_confidence >= 0 && o.min_confidence <= 1))
     usage(fmt::format("--min-confidence {:g}: from 0 to 1", o.min_confidence));
   if (o.near_target && !(o.near_target->value > 0 && std::isfinite(o.near_target->value)))
-    usage("--near-target must be above 0");
+    usage(fmt::format("--near-target {:g}: must be above 0", o.near_target->value));
 }
 
 namespace {
@@ -225,9 +225,9 @@ void check_options(const TransferOptions& o) {
   axes_of(o.source_use, "source");
   axes_of(o.target_use, "target");
   if (o.max_distance && (!(o.max_distance->value > 0) || !std::isfinite(o.max_distance->value)))
-    usage("--max-distance must be above 0");
+    usage(fmt::format("--max-distance {:g}: must be above 0", o.max_distance->value));
   if (!(o.max_angle_deg >= 0 && o.max_angle_deg < 90))
-    usage("--max-angle must be at least 0 and below 90 degrees");
+    usage(fmt::format("--max-angle {:g}: at least 0 and below 90 degrees", o.max_angle_deg));
   check_other_maps(o);
   check_method(o);
   check_splat_options(o);
@@ -238,9 +238,10 @@ void check_options(const TransferOptions& o) {
   if (o.all_channels && !o.channels.empty()) usage("--channels takes either a list or all");
   if (o.size && (o.size->width == 0 || o.size->height == 0)) usage("--size must be at least 1");
   if (o.padding_px && *o.padding_px > texture::SeamPadder::kLargestRadius)
-    usage(fmt::format("--padding must be at most {}", texture::SeamPadder::kLargestRadius));
+    usage(fmt::format("--padding {}: at most {}", *o.padding_px,
+                      texture::SeamPadder::kLargestRadius));
   if (!(o.min_coverage_percent >= 0 && o.min_coverage_percent <= 100))
-    usage("--min-coverage must be 0 to 100 percent");
+    usage(fmt::format("--min-coverage {:g}: from 0 to 100 percent", o.min_coverage_percent));
 }
 
 }  // namespace pounce::flow

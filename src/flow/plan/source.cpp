@@ -292,9 +292,11 @@ class SourcePlanner {
       if (!source_has(c) && !is_baked(c)) {
         throw Error(
             ErrorKind::input,
-            fmt::format("{}: no material has {} {} texture{}; give one with --source-texture "
-                        "{}=FILE",
-                        source_.path, article(c), name_of(c), missing_files(), name_of(c)));
+            fmt::format(
+                "{}: no material has {} {} texture{}; give one with --source-texture "
+                "{}=FILE{}",
+                source_.path, article(c), name_of(c), missing_files(), name_of(c),
+                c == Channel::normal ? ", or make it of the shape with --bake normal" : ""));
       }
     }
     if (is_baked(Channel::vertex_color) && source_.colours.empty()) {

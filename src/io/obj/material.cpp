@@ -51,9 +51,13 @@ std::optional<std::string> material_library(const std::string& obj_path, const A
   return path.string();
 }
 
-ObjMaterials::ObjMaterials(const std::string& obj_path, bool allow_external, mesh::Mesh& mesh,
-                           MeshWarnings& warnings)
-    : path_(obj_path), folder_(obj_path, allow_external), mesh_(mesh), warnings_(warnings) {}
+ObjMaterials::ObjMaterials(const std::string& obj_path, bool allow_external, bool tells,
+                           mesh::Mesh& mesh, MeshWarnings& warnings)
+    : path_(obj_path),
+      folder_(obj_path, allow_external),
+      mesh_(mesh),
+      warnings_(warnings),
+      tells_(tells) {}
 
 void refuse_libraries(const std::string& obj_path) {
   throw Error(ErrorKind::input, fmt::format("{}: names more than {} material files; split the "
@@ -100,7 +104,7 @@ bool ObjMaterials::can_load(const std::string& name) {
   } catch (const Error& e) {
     if (e.kind() == ErrorKind::input && folder_.holds(shown)) cure = "is damaged: export it again";
     if (e.kind() == ErrorKind::storage && is_file(shown)) refused = e.what();
-    warnings_.add("material file {} cannot be read ({})", shown, e.what());
+    if (tells_) warnings_.add("material file {} cannot be read ({})", shown, e.what());
     mesh_.unread_files.push_back({shown, cure, refused});
   }
   return library->second;
@@ -151,6 +155,7 @@ std::uint32_t ObjMaterials::make() {
 }
 
 void ObjMaterials::finish() {
+  if (!tells_) return;
   for (const std::string& name : unknown_) {
     warnings_.add("no material file has the material \"{}\"; it has no textures", name);
   }

@@ -23,7 +23,8 @@ namespace pounce::io {
 class ObjMaterials {
  public:
   /// Images go to `mesh`, which must outlive this, like `warnings`.
-  ObjMaterials(const std::string& obj_path, bool allow_external, mesh::Mesh& mesh,
+  /// `tells`: what the material files lack is told.
+  ObjMaterials(const std::string& obj_path, bool allow_external, bool tells, mesh::Mesh& mesh,
                MeshWarnings& warnings);
 
   /// For "mtllib": of the files that it names, and that none named so before, reads the first that
@@ -55,6 +56,7 @@ class ObjMaterials {
   AssetFolder folder_;
   mesh::Mesh& mesh_;
   MeshWarnings& warnings_;
+  const bool tells_;
   std::map<std::string, bool> libraries_;  ///< by path: could it be read?
   std::set<std::string> loaded_names_;     ///< as they were named
   std::set<std::string> folders_;

@@ -82,7 +82,7 @@ class ObjReader {
         wants_colours_(reading.vertex_colours),
         text_(path, ObjText::Kind::obj),
         warnings_(mesh_),
-        materials_(path, reading.allow_external, mesh_, warnings_) {}
+        materials_(path, reading.allow_external, reading.needs_materials, mesh_, warnings_) {}
 
   mesh::Mesh read();
 
