@@ -48,3 +48,13 @@ err_has 'write .exr or .tif'
 expect 0 transfer bare.obj target.obj -o '<CHANNEL>.exr' --bake height,normal,position --size 8
 only_files bare.obj bump.png bump.ppm flat.png flat.ppm height.exr normal.exr position.exr skin.png skin.ppm source.mtl \
   source.obj target.obj turned.ppm
+
+# Where nothing was found and nothing is padded a normal map is flat, not black.
+printf 'v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 0.5 0\nvt 0.5 0.5\nvt 0 0.5\nf 1/1 2/2 3/3 4/4\n' >quarter.obj
+for depth in u8 u16; do
+  expect 0 transfer bare.obj quarter.obj -o quarter.png --bake normal --size 16 --padding 0 --depth $depth --coverage covered.png
+  image flat16.ppm 16 16 128 128 255
+  mask all.pgm 16 16 $(for ((i = 0; i < 256; ++i)); do echo 255; done)
+  expect 0 compare quarter.png flat16.ppm --min-psnr 55 --mask all.pgm
+  expect 1 compare covered.png all.pgm --min-psnr 40 --mask all.pgm # what is covered is as it was
+done

@@ -155,6 +155,7 @@ class TargetPlanner {
       image.tagged = channel.colour_space.empty();
       image.lattice = {channel.size.width, channel.size.height, 0, {}};
       image.padding = padding_of(channel);
+      image.is_normal_map = channel.channel == Channel::normal && channel.format.channels >= 3;
       if (!options_.onto.empty()) {
         image.onto = plan_onto(options_, values, channel.size, channel.format,
                                {channel.source_colours, channel.source_alpha});

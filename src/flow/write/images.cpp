@@ -184,6 +184,22 @@ class ImageAssembler {
       painter_->paint(rows, kinds.data(), out.texels.data());
     } else {
       padder_.pop(rows, out.texels.data());
+      if (output_.is_normal_map) flatten_empty(out.texels);
+    }
+  }
+
+  /// No direction is stored as zeros, so these texels are empty.
+  void flatten_empty(PageVector<std::byte>& texels) const {
+    texture::TexelFormat vector = format_;
+    vector.channels = 3;
+    vector.has_alpha = false;
+    std::array<std::byte, 12> flat{};
+    texture::store_texel(vector, {.v = {0.5, 0.5, 1}, .channels = 3}, flat.data());
+    const std::size_t size = vector.texel_bytes();
+    const std::array<std::byte, 12> empty{};
+    for (std::size_t at = 0; at < texels.size(); at += format_.texel_bytes()) {
+      if (std::memcmp(texels.data() + at, empty.data(), size) == 0)
+        std::memcpy(texels.data() + at, flat.data(), size);
     }
   }
 

@@ -24,6 +24,9 @@ struct ImageOutput {
   bool usual_tiles = false, usual_levels = false;
   std::string job;  ///< see JobHash; "" until it is known
   std::uint32_t padding = 0;
+  /// A tangent-space normal map: texels that nothing covers or fills are flat (0, 0, 1), not black,
+  /// which is no direction. Their alpha, if there is one, stays 0.
+  bool is_normal_map = false;
   std::vector<std::string> channel_names;
   std::optional<Chromaticities> chromaticities;
   bool tagged = true;             ///< see io::ImageWriteSpec
