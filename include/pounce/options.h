@@ -228,9 +228,9 @@ struct TransferOptions {
   /// Of colours, one of the same names. Default: the source's, but sRGB where a format of integers
   /// is to hold linear light, and in models.
   std::string output_colour_space;
-  /// An OpenColorIO configuration whose spaces both may name, too; empty: none. It may read further
-  /// files, wherever they are. Its results may differ in the last bits from one kind of processor
-  /// to another.
+  /// An OpenColorIO configuration whose spaces both may name, too; empty: none. Its tables (LUTs)
+  /// must lie in its folder, unless `allow_external`, and count as memory. Its results may differ
+  /// in the last bits from one kind of processor to another.
   std::string colour_config;
   /// Names for other_channel(0), other_channel(1), ..., which `channels` and `source_textures` may
   /// hold then; each needs a source texture. Models have no place for them.
@@ -309,9 +309,9 @@ struct TransferOptions {
   /// Outputs that are there and say that this same job made them stay as they are; so do those that
   /// say nothing and are younger than everything they are made from (docs/outputs.md).
   bool skip_existing = false;
-  /// Buffers, images and material files that a mesh file names may lie outside of its folder (an
-  /// absolute path, "..", a link); false: they are refused, since a model from elsewhere could
-  /// bring any file of this machine into the output.
+  /// Files that a mesh file (buffers, images, materials) or a colour_config (tables) names may lie
+  /// outside of its folder (an absolute path, "..", a link); false: they are refused, since a model
+  /// from elsewhere could bring any file of this machine into the output.
   bool allow_external = false;
   Resources resources;
 };

@@ -55,6 +55,8 @@ TransferOptions as_transfer(const GaussiansOptions& o) {
   transfer.min_opacity = o.min_opacity;
   transfer.max_scale = o.max_scale;
   transfer.box = o.box;
+  transfer.allow_external = o.allow_external;
+  transfer.resources = o.resources;
   return transfer;
 }
 
@@ -132,6 +134,7 @@ class MeshJob {
     mesh_lease_ = runtime::Lease(job_.budget, mesh_.size_bytes(), "the mesh");
     leases_.emplace_back(job_.budget, job_.threads * store::Compressor::context_bytes(),
                          "the compressors");
+    leases_.emplace_back(job_.budget, plan_.table_bytes, "the tables of --ocio");
     job_.meter.end();
   }
 
@@ -148,9 +151,14 @@ class MeshJob {
     const std::uint64_t contexts = job_.threads * store::Compressor::context_bytes();
     const std::uint64_t beside = contexts + mesh_.size_bytes();
     LeastMemory most{reading_bytes(), "reading " + options_.source};
-    const auto need = [&most](std::uint64_t bytes, const std::string& why) {
-      if (bytes > most.bytes) most = {bytes, why};
+    const auto need = [&most, this](std::uint64_t bytes, const std::string& why) {
+      const std::uint64_t with_tables = bytes + plan_.table_bytes;
+      if (with_tables > most.bytes) most = {with_tables, why};
     };
+    if (plan_.table_loading_bytes > 0) {
+      need(plan_.table_loading_bytes + mesh_.size_bytes(),
+           "the tables of " + options_.colour_config);
+    }
     std::uint64_t tile = 0;
     for (const ColumnPlan& column : plan_.columns) {
       const std::uint64_t texel = column.info.channels * store::depth_bytes(column.info.depth);

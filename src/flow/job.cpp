@@ -35,10 +35,6 @@ unsigned thread_count(const Resources& resources) {
   return resources.threads != 0 ? std::min(resources.threads, most) : most;
 }
 
-std::uint64_t budget_bytes(const Resources& resources) {
-  return resources.memory_bytes != 0 ? resources.memory_bytes : usable_memory().bytes / 2;
-}
-
 /// The output's folder, or the nearest above it that is there; of a pattern that has tokens in its
 /// folders, the one above them all.
 std::string scratch_folder(const Resources& resources, const std::string& output) {
@@ -135,6 +131,10 @@ void run_attempts(const Resources& resources, JobRun& run,
 
 }  // namespace
 
+std::uint64_t budget_bytes(const Resources& resources) {
+  return resources.memory_bytes != 0 ? resources.memory_bytes : usable_memory().bytes / 2;
+}
+
 std::unique_ptr<JobContext> open_job(const Resources& resources, const std::string& output,
                                      bool in_core, bool rebuild, bool plan_only, JobRun& run) {
   auto job = std::make_unique<JobContext>(budget_bytes(resources), run);
@@ -198,12 +198,6 @@ Report run_job(const Resources& resources, Progress* progress, Report* so_far,
     });
   } catch (const Error& e) {
     fail(e.kind(), e.what());
-    throw;
-  } catch (const std::exception& e) {
-    fail(ErrorKind::internal, e.what());
-    throw;
-  } catch (...) {  // of the caller's own, by way of a callback
-    fail(ErrorKind::internal, "an exception of an unknown type");
     throw;
   }
   return std::move(run.report);

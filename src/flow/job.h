@@ -13,6 +13,9 @@ namespace pounce::flow {
 /// Stored bytes of a spatial tile, at most.
 inline constexpr std::uint64_t kTileCapBytes = 1ULL << 20;
 
+/// What the job may lease: as asked for, else half of what the process may use.
+std::uint64_t budget_bytes(const Resources& resources);
+
 /// Opens what a job needs: budget, stores (the cache, or scratch), progress. `output` gives the
 /// default folder for scratch files. `rebuild` checks every pack of the cache before it is
 /// believed: one of them turned out to be damaged.

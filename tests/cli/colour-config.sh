@@ -54,7 +54,7 @@ ends 2 c.ocio --source-colorspace squared
 err_has 'give --output-colorspace'
 ends 2 c.ocio --output-colorspace srgb
 err_has 'c.ocio means another space by this name'
-ends 3 c.ocio --source-colorspace lost --output-colorspace lin_rec709
+ends 5 c.ocio --source-colorspace lost --output-colorspace lin_rec709
 err_has 'c.ocio: no way from "lost": '
 ends 3 source.obj --source-colorspace squared
 err_has 'source.obj: is no OpenColorIO configuration'
@@ -112,7 +112,7 @@ printf 'newmtl skin\nmap_Kd skin.ppm\nmap_Ke light.ppm\nKe 1 1 1\n' >source.mtl
 run 'left.<CHANNEL>.png' --source-colorspace emissive=lost --output-colorspace lin_rec709
 err_has 'no way from "lost"'
 [[ -e left.baseColor.png && ! -e left.emissive.png ]] || fail 'what was left out'
-expect 3 transfer source.obj target.obj --size 16 --ocio c.ocio -o e.png --channels emissive --source-colorspace lost \
+expect 5 transfer source.obj target.obj --size 16 --ocio c.ocio -o e.png --channels emissive --source-colorspace lost \
   --output-colorspace lin_rec709
 printf 'newmtl skin\nmap_Kd grey.pgm\n' >source.mtl
 

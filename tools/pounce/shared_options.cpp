@@ -99,7 +99,8 @@ void add_mesh_options(CLI::App& command, const std::string& side, const std::str
 void add_external_option(CLI::App& command, const std::string& group, bool& allow) {
   add_switch(command, "--allow-external", group,
              "Also read buffers, images and material files that a mesh names\n"
-             "outside of its own folder (.., absolute paths, links). Without\n"
+             "outside of its own folder (.., absolute paths, links), and tables\n"
+             "that an OpenColorIO configuration names outside of its own. Without\n"
              "it they are refused: a model could bring any file into the output",
              allow);
 }
@@ -107,8 +108,9 @@ void add_external_option(CLI::App& command, const std::string& group, bool& allo
 void add_config_option(CLI::App& command, const std::string& group, std::string& config) {
   add_value(command, "--ocio", "CONFIG", group,
             "An OpenColorIO configuration (.ocio), for the names of colour spaces\n"
-            "that pounce does not know itself. The last bits of such outputs may\n"
-            "differ from one kind of processor to another",
+            "that pounce does not know itself. Its tables must be in its folder\n"
+            "(else --allow-external). The last bits of such outputs may differ\n"
+            "from one kind of processor to another",
             [&config](const std::string& text) { config = parse_path("--ocio", text); });
 }
 

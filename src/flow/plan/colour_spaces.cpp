@@ -15,6 +15,7 @@
 #include <cmath>
 
 #include "core/srgb.h"
+#include "flow/job.h"
 #include "flow/plan/map_kind.h"
 #include "io/files/file_ending.h"
 #include "io/image/write.h"
@@ -22,6 +23,10 @@
 
 namespace pounce::flow {
 namespace {
+
+/// Tables that take no more are loaded even if the budget is smaller: then it is said exactly how
+/// much the job needs.
+constexpr std::uint64_t kLookAnyway = 64ULL << 20;
 
 bool is_exr(const std::string& path) { return io::lower_ending(path) == ".exr"; }
 
@@ -100,7 +105,9 @@ ColourSpaces::ColourSpaces(const TransferOptions& options, bool for_model)
                               "shall hold, with --source-colorspace or --output-colorspace",
                               options.colour_config));
     }
-    config_ = std::make_unique<const io::ColourConfig>(options.colour_config);
+    config_ = std::make_unique<const io::ColourConfig>(
+        options.colour_config, options.allow_external,
+        std::max(budget_bytes(options.resources), kLookAnyway));
   }
   for (const SourceColourSpace& given : options.source_colour_spaces)
     given_.push_back(resolved("--source-colorspace", given.space));
@@ -263,6 +270,8 @@ const ColourTransform* ColourSpaces::transform(const std::string& name, bool to_
 void ColourSpaces::finish(Plan& plan) const {
   for (const auto& [name, transform] : transforms_) plan.transforms.push_back(transform);
   if (transforms_.empty()) return;
+  plan.table_loading_bytes = config_->table_loading_bytes();
+  plan.table_bytes = config_->table_bytes();
   plan.notes.push_back(
       fmt::format("colours go through {} by OpenColorIO: the last bits of the output may differ "
                   "from one kind of processor to another",

@@ -111,6 +111,8 @@ struct Plan {
   std::optional<TangentPlan> tangents;  ///< of the source: where it has normal maps
   /// Of --ocio's configuration: what formats and inputs point to.
   std::vector<std::shared_ptr<const ColourTransform>> transforms;
+  /// Of its tables: what loading them takes in memory, and what stays as long as the job.
+  std::uint64_t table_loading_bytes = 0, table_bytes = 0;
   std::vector<std::string> warnings, notes;
 
   bool makes_normals() const;  ///< is there a normal map among the outputs?

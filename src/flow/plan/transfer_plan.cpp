@@ -78,6 +78,7 @@ void TransferPlan::make(double end) {
   source_lease_ = runtime::Lease(job_.budget, source_.size_bytes(), "the source's mesh");
   target_.mesh_lease = runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
   compressors_lease_ = runtime::Lease(job_.budget, contexts(), "the compressors");
+  tables_lease_ = runtime::Lease(job_.budget, source_plan_.table_bytes, "the tables of --ocio");
   if (options_.targets.size() == 1 && !job_.plan_only) name_jobs();
 }
 
@@ -108,6 +109,10 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
     disk.add_source(source_plan_);
     add_note(not_transferred(options_, source_plan_, source_));
     if (model_pattern_.empty()) add_note(factors_note(options_, source_plan_, source_));
+  }
+  if (source_plan_.table_loading_bytes > 0) {
+    need(source_plan_.table_loading_bytes + source_.size_bytes(),
+         "the tables of " + options_.colour_config);
   }
   add_warnings(source_plan_.warnings);
   for (const std::string& note : source_plan_.notes) job_.report.notes.push_back(note);
@@ -146,7 +151,8 @@ void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
 }
 
 void TransferPlan::need(std::uint64_t bytes, const std::string& why) {
-  if (bytes > least_.bytes) least_ = {bytes, why};
+  const std::uint64_t with_tables = bytes + source_plan_.table_bytes;
+  if (with_tables > least_.bytes) least_ = {with_tables, why};
 }
 
 void TransferPlan::need_tangents(const mesh::Mesh& mesh, std::uint64_t beside) {

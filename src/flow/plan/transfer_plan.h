@@ -80,7 +80,7 @@ class TransferPlan {
   const std::uint32_t stripe_rows_;
   JobHash job_hash_;
   mesh::Mesh source_;
-  runtime::Lease source_lease_, compressors_lease_;
+  runtime::Lease source_lease_, compressors_lease_, tables_lease_;
   std::vector<std::string> source_files_;
   Plan source_plan_;
   PlannedTarget target_;                       ///< planned last

@@ -5,17 +5,51 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <mutex>
 #include <optional>
+#include <sstream>
 #include <string_view>
 #include <utility>
 
 #include "io/files/byte_source.h"
+#include "io/files/missing_file.h"
+#include "io/image/colour_tables.h"
 #include "pounce/error.h"
 
 namespace OCIO = OCIO_NAMESPACE;
 
 namespace pounce::io {
 namespace {
+
+constexpr std::uint64_t kMostConfigBytes = 8 << 20;  // the largest published have 1 MB
+
+/// The text of a configuration. What reads a disk that fails is no damaged configuration, so it is
+/// read here.
+std::string read_config(const std::string& path) {
+  mesh::ImageRef file;
+  file.path = file.label = path;
+  ByteSource bytes(file);  // or says why not
+  if (bytes.size_bytes() > kMostConfigBytes) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: is no OpenColorIO configuration that can be used: it has {} "
+                            "bytes, more than 8 MiB",
+                            path, bytes.size_bytes()));
+  }
+  std::string text(static_cast<std::size_t>(bytes.size_bytes()), '\0');
+  const std::size_t got = bytes.read_at(0, text.data(), text.size());
+  bytes.check();
+  text.resize(got);
+  return text;
+}
+
+/// As OCIO::Config::CreateFromFile(), which opens the file itself.
+OCIO::ConstConfigRcPtr parse_config(const std::string& path) {
+  std::istringstream text(read_config(path));
+  const auto config = OCIO::Config::CreateFromStream(text)->createEditableCopy();
+  config->setWorkingDir(std::filesystem::absolute(path).parent_path().c_str());
+  return config;
+}
 
 /// A space of the configuration that is one of ours.
 struct Common {
@@ -73,6 +107,11 @@ class ConfigTransform : public ColourTransform {
 
 struct ColourConfig::Impl {
   OCIO::ConstConfigRcPtr config;
+  mutable ColourTables tables;
+  mutable std::mutex mutex;  ///< guards it
+
+  Impl(OCIO::ConstConfigRcPtr of, ColourTables with)
+      : config(std::move(of)), tables(std::move(with)) {}
 
   std::shared_ptr<const ColourTransform> transform(const std::string& path, const std::string& name,
                                                    bool to_linear) const {
@@ -84,6 +123,12 @@ struct ColourConfig::Impl {
                       "aces_interchange and no space called ACES2065-1 or lin_rec709; add "
                       "aces_interchange to its roles");
     }
+    const std::lock_guard lock(mutex);
+    tables.check(config, {name.c_str(), common->name.c_str()});
+    const auto no_way = [&](const OCIO::Exception& e) {
+      return fmt::format("{}: no way {} \"{}\": {}", path, to_linear ? "from" : "to", name,
+                         e.what());
+    };
     try {
       const char *from = name.c_str(), *to = common->name.c_str();
       if (!to_linear) std::swap(from, to);
@@ -93,21 +138,22 @@ struct ColourConfig::Impl {
           to_linear ? primaries_matrix(common->primaries, kRec709)
                     : primaries_matrix(kRec709, common->primaries),
           !to_linear);
+    } catch (const OCIO::ExceptionMissingFile& e) {
+      throw MissingFile(no_way(e));
     } catch (const OCIO::Exception& e) {
-      throw Error(ErrorKind::input, fmt::format("{}: no way {} \"{}\": {}", path,
-                                                to_linear ? "from" : "to", name, e.what()));
+      tables.check_reading();  // a disk that fails is no damaged table
+      throw Error(ErrorKind::input, no_way(e));
     }
   }
 };
 
-ColourConfig::ColourConfig(const std::string& path) : path_(path) {
-  mesh::ImageRef file;
-  file.path = file.label = path;
-  const ByteSource readable(file);  // or says why not
+ColourConfig::ColourConfig(const std::string& path, bool allow_external, std::uint64_t most_bytes)
+    : path_(path) {
   try {
-    auto config = OCIO::Config::CreateFromFile(path.c_str());
+    auto config = parse_config(path);
     config->validate();
-    impl_ = std::make_unique<const Impl>(Impl{std::move(config)});
+    impl_ = std::make_unique<const Impl>(std::move(config),
+                                         ColourTables(path, allow_external, most_bytes));
   } catch (const OCIO::Exception& e) {
     throw Error(
         ErrorKind::input,
@@ -134,6 +180,16 @@ std::vector<std::string> ColourConfig::names() const {
   for (int i = 0; i < impl_->config->getNumColorSpaces(); ++i)
     names.emplace_back(impl_->config->getColorSpaceNameByIndex(i));
   return names;
+}
+
+std::uint64_t ColourConfig::table_loading_bytes() const {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->tables.loading_bytes();
+}
+
+std::uint64_t ColourConfig::table_bytes() const {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->tables.kept_bytes();
 }
 
 std::shared_ptr<const ColourTransform> ColourConfig::to_linear(const std::string& name) const {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -17,8 +18,10 @@ namespace pounce::io {
 /// Thread-safe.
 class ColourConfig {
  public:
-  /// Throws Error(storage) or Error(input), naming the file.
-  explicit ColourConfig(const std::string& path);
+  /// Throws Error(storage) or Error(input), naming the file. Its tables lie in its folder, unless
+  /// `allow_external`; loading them takes no more than `most_bytes`.
+  explicit ColourConfig(const std::string& path, bool allow_external = false,
+                        std::uint64_t most_bytes = UINT64_MAX);
   ~ColourConfig();
   ColourConfig(const ColourConfig&) = delete;
   ColourConfig& operator=(const ColourConfig&) = delete;
@@ -34,10 +37,15 @@ class ColourConfig {
   std::vector<std::string> names() const;
 
   /// From that space to linear light of Rec. 709, and back. Throws Error(input), naming the file,
-  /// where it has no such transform: no space in common with ours, a file that is missing, what
-  /// goes one way only.
+  /// where it has no such transform: no space in common with ours, what goes one way only, a table
+  /// that lies elsewhere or is none; MissingFile where a table is missing, Error(storage) where one
+  /// cannot be read or is no file, Error(budget) where tables need too much memory.
   std::shared_ptr<const ColourTransform> to_linear(const std::string& name) const;
   std::shared_ptr<const ColourTransform> from_linear(const std::string& name) const;
+
+  /// What loading the tables of all transforms so far took in memory, at most, and what stays.
+  std::uint64_t table_loading_bytes() const;
+  std::uint64_t table_bytes() const;
 
  private:
   struct Impl;
