@@ -19,8 +19,8 @@ enum class ErrorKind : int {
   cancelled = 130,    ///< stopped by the caller; running again resumes or starts over
 };
 
-/// The one type that leaves the library. what() is one sentence that names the file, what was found
-/// there and what to do.
+/// The one type that leaves the library; what a listener threw may be nested in it. what() is one
+/// sentence that names the file, what was found there and what to do.
 class Error : public std::runtime_error {
  public:
   Error(ErrorKind kind, const std::string& message) : std::runtime_error(message), kind_(kind) {}

@@ -22,8 +22,8 @@ struct ProgressEvent {
 /// Thread-safe: cancel() may be called from any thread and from a signal handler.
 class Progress {
  public:
-  /// Called from worker threads, one call at a time, a few times a second at most and once at the
-  /// start and end of each stage. Must not throw. May be empty.
+  /// Called from worker threads, one call at a time, a few times a second and as stages begin and
+  /// end; may be empty. An exception ends the job as an Error(cancelled) that nests it.
   std::function<void(const ProgressEvent&)> on_event;
 
   /// Asks the job to stop. It ends with Error(ErrorKind::cancelled) as soon as the work in hand is

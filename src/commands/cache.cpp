@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <span>
 
+#include "core/own_errors.h"
 #include "store/cache/cache_layout.h"
 #include "store/cache/cache_space.h"
 
@@ -67,14 +68,16 @@ CacheObject described(const CachedObject& object) {
 /// Runs `evict` on a cache that exists and says what it did.
 template <class Evict>
 CachePruned tidy(const std::string& folder, const Evict& evict) {
-  const CacheLayout layout(chosen(folder));
-  CachePruned pruned;
-  if (!disk().exists(layout.parts_folder())) return pruned;
-  store::remove_leftovers(disk(), layout);
-  store::CacheSpace space(disk(), layout, 0, nullptr);
-  evict(space, pruned);
-  pruned.taken_bytes = store::scan_cache(disk(), layout).total_bytes;
-  return pruned;
+  return with_own_errors([&] {
+    const CacheLayout layout(chosen(folder));
+    CachePruned pruned;
+    if (!disk().exists(layout.parts_folder())) return pruned;
+    store::remove_leftovers(disk(), layout);
+    store::CacheSpace space(disk(), layout, 0, nullptr);
+    evict(space, pruned);
+    pruned.taken_bytes = store::scan_cache(disk(), layout).total_bytes;
+    return pruned;
+  });
 }
 
 void add(CachePruned& pruned, const store::Evicted& evicted) {
@@ -95,7 +98,9 @@ std::string default_cache_folder() {
   return {};
 }
 
-std::vector<CacheObject> cache_list(const std::string& folder) {
+namespace {
+
+std::vector<CacheObject> list_of(const std::string& folder) {
   std::vector<CacheObject> list;
   for (const CachedObject& object :
        store::scan_cache(disk(), CacheLayout(chosen(folder))).objects) {
@@ -104,7 +109,15 @@ std::vector<CacheObject> cache_list(const std::string& folder) {
   return list;
 }
 
-CacheInfo cache_info(const std::string& folder) {
+}  // namespace
+
+std::vector<CacheObject> cache_list(const std::string& folder) {
+  return with_own_errors([&] { return list_of(folder); });
+}
+
+namespace {
+
+CacheInfo info_of(const std::string& folder) {
   CacheInfo info;
   info.folder = chosen(folder);
   const store::CacheScan scan = store::scan_cache(disk(), CacheLayout(info.folder));
@@ -119,7 +132,15 @@ CacheInfo cache_info(const std::string& folder) {
   return info;
 }
 
-CacheVerdict cache_verify(const std::string& folder, bool remove) {
+}  // namespace
+
+CacheInfo cache_info(const std::string& folder) {
+  return with_own_errors([&] { return info_of(folder); });
+}
+
+namespace {
+
+CacheVerdict verify_of(const std::string& folder, bool remove) {
   CacheVerdict verdict;
   for (const CachedObject& object :
        store::scan_cache(disk(), CacheLayout(chosen(folder))).objects) {
@@ -139,6 +160,12 @@ CacheVerdict cache_verify(const std::string& folder, bool remove) {
     }
   }
   return verdict;
+}
+
+}  // namespace
+
+CacheVerdict cache_verify(const std::string& folder, bool remove) {
+  return with_own_errors([&] { return verify_of(folder, remove); });
 }
 
 CachePruned cache_prune(const std::string& folder, std::optional<std::uint64_t> most_bytes,

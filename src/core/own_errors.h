@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <exception>
 #include <filesystem>
 #include <new>
 #include <string>
@@ -10,8 +11,9 @@
 
 namespace pounce {
 
-/// Runs `work`. What the system refuses leaves it as an Error, too: no memory as Error(budget), no
-/// file, thread, lock or other thing of the system as Error(storage).
+/// Runs `work`, which nothing but an Error leaves. What the system refuses becomes one: no memory
+/// Error(budget), no file, thread, lock or other thing of the system Error(storage). Whatever else
+/// is thrown is a fault of ours: Error(internal), with what was thrown nested in it.
 template <class Work>
 decltype(auto) with_own_errors(const Work& work) {
   try {
@@ -27,6 +29,14 @@ decltype(auto) with_own_errors(const Work& work) {
                 std::string("the system refuses what the job needs: ") + e.what() +
                     "; raise the limit (ulimit -u for threads, -v and -d for memory, -n for open "
                     "files), or run it with fewer --threads");
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& e) {
+    std::throw_with_nested(Error(ErrorKind::internal, std::string("an error inside pounce: ") +
+                                                          e.what() + "; please report it"));
+  } catch (...) {
+    std::throw_with_nested(
+        Error(ErrorKind::internal, "an error inside pounce: something unknown; please report it"));
   }
 }
 

@@ -21,6 +21,7 @@
 
 #include "core/file.h"
 #include "core/open_file.h"
+#include "core/scratch_file.h"
 #include "core/storage_advice.h"
 #include "pounce/error.h"
 
@@ -308,13 +309,7 @@ class PosixFileSystem final : public FileSystem {
   std::unique_ptr<WriteFile> create_scratch(const std::string& folder) override {
     const std::string where = folder.empty() ? "." : folder;
     const std::string name = where + "/(scratch file)";
-    int fd = open_retrying(where.c_str(), O_TMPFILE | O_RDWR | O_EXCL, 0600);
-    if (fd < 0 && (errno == EOPNOTSUPP || errno == EISDIR || errno == EINVAL)) {
-      // A file system without nameless files: give up the name right after creation.
-      std::string path = where + "/.pounce-XXXXXX";
-      fd = ::mkostemp(path.data(), O_CLOEXEC);
-      if (fd >= 0) ::unlink(path.c_str());
-    }
+    const int fd = open_scratch_file(where);
     if (fd < 0) fail_to_change(where, "create a scratch file there", errno);
     return std::make_unique<PosixWriteFile>(fd, name);
   }

@@ -1,11 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "runtime/meter.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <exception>
 
 #include "pounce/error.h"
 
 namespace pounce::runtime {
+namespace {
+
+/// Tells the caller. What a listener throws stops the job, but is no error of the job's: it leaves
+/// as Error(cancelled), nested in it what was thrown.
+void tell(const Progress& progress, const ProgressEvent& event) {
+  try {
+    progress.on_event(event);
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& e) {
+    std::throw_with_nested(Error(ErrorKind::cancelled,
+                                 fmt::format("stopped: Progress::on_event threw: {}", e.what())));
+  } catch (...) {
+    std::throw_with_nested(
+        Error(ErrorKind::cancelled, "stopped: Progress::on_event threw something unknown"));
+  }
+}
+
+}  // namespace
 
 Meter::Meter(Progress* progress)
     : progress_(progress), start_(std::chrono::steady_clock::now()), last_(start_) {}
@@ -80,10 +102,9 @@ void Meter::emit(bool always) {
   last_ = now;
   const double elapsed_s = std::chrono::duration<double>(now - start_).count();
   if (waiting_.empty()) {
-    progress_->on_event(
-        {stage_.name, fraction_, stage_.done, stage_.total, stage_.unit, elapsed_s});
+    tell(*progress_, {stage_.name, fraction_, stage_.done, stage_.total, stage_.unit, elapsed_s});
   } else {
-    progress_->on_event({waiting_, fraction_, 0, 0, stage_.unit, elapsed_s});
+    tell(*progress_, {waiting_, fraction_, 0, 0, stage_.unit, elapsed_s});
   }
 }
 

@@ -63,18 +63,54 @@ Resources with_threads(unsigned threads) {
 TEST_CASE("a job that any exception ends hands over its report", "[flow]") {
   const auto ended_by = [](const std::function<void()>& end) {
     Report so_far;
-    CHECK_THROWS(run_job(with_threads(1), nullptr, &so_far, [&](JobRun& run, bool) {
-      run.report.command = "transfer";
-      end();
-    }));
+    CHECK_THROWS_AS(run_job(with_threads(1), nullptr, &so_far,
+                            [&](JobRun& run, bool) {
+                              run.report.command = "transfer";
+                              end();
+                            }),
+                    Error);
     CHECK(so_far.command == "transfer");
     REQUIRE(so_far.failure);
     return so_far.failure->kind + ": " + so_far.failure->message;
   };
   CHECK(ended_by([] { throw Error(ErrorKind::input, "no mesh"); }) == "input: no mesh");
-  CHECK(ended_by([] { throw std::out_of_range("map::at"); }) == "internal: map::at");
+  CHECK(ended_by([] { throw std::out_of_range("map::at"); }) ==
+        "internal: an error inside pounce: map::at; please report it");
   CHECK(ended_by([] { throw std::bad_alloc(); }).starts_with("budget: out of memory"));
   CHECK(ended_by([] { throw 1; }).starts_with("internal: "));
+}
+
+TEST_CASE("what a listener throws stops the job as an Error", "[flow]") {
+  const auto ended_by = [](const std::function<void()>& end) -> std::string {
+    Progress progress;
+    progress.on_event = [&](const ProgressEvent&) { end(); };
+    Report so_far;
+    try {
+      run_job(with_threads(2), &progress, &so_far, [&](JobRun& run, bool) {
+        tbb::parallel_for(0, 4, [&](int) { run.meter.begin("work", 1, "steps", 1); });
+      });
+    } catch (const Error& error) {
+      REQUIRE(so_far.failure);
+      CHECK(so_far.failure->kind == error_kind_name(error.kind()));
+      std::string text = error_kind_name(error.kind()) + std::string(": ") + error.what();
+      try {
+        std::rethrow_if_nested(error);
+      } catch (const std::domain_error&) {
+        text += " (nested)";
+      } catch (int) {
+        text += " (nested int)";
+      }
+      return text;
+    } catch (...) {
+      return "left the library as it was";
+    }
+    return "nothing";
+  };
+  CHECK(ended_by([] { throw std::domain_error("window closed"); }) ==
+        "cancelled: stopped: Progress::on_event threw: window closed (nested)");
+  CHECK(ended_by([] { throw 1; }) ==
+        "cancelled: stopped: Progress::on_event threw something unknown (nested int)");
+  CHECK(ended_by([] { throw Error(ErrorKind::usage, "mine"); }) == "usage: mine");
 }
 
 TEST_CASE("scratch files that were never there are released without harm", "[flow]") {

@@ -5,9 +5,14 @@
 // those below, which are known to change no byte or are said otherwise.
 #include "flow/plan/job_hash.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <filesystem>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "flow/describe_job.h"
@@ -51,6 +56,16 @@ std::vector<std::string> said_anyway(const ChannelPlan& channel, const TargetPla
   if (image.usual_tiles) options.emplace_back("tile-size");
   if (image.usual_levels) options.emplace_back("mipmap");
   return options;
+}
+
+/// Is this a file that this user may read? What a mesh names and nobody needs may be anything, a
+/// name that no file can have included. A disk that fails is no answer: reading it says so.
+bool is_readable(const std::string& path) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const fs::file_type type = fs::status(path, error).type();
+  if (type == fs::file_type::none) return error == std::errc::io_error;
+  return type == fs::file_type::regular && (::access(path.c_str(), R_OK) == 0 || errno != EACCES);
 }
 
 void add_page(const TargetPage& page, bool by_tile, Hasher& hash) {
@@ -99,16 +114,13 @@ void JobHash::begin(const std::vector<std::string>& said_anyway, Hasher& hash) c
   }
 }
 
-/// What cannot be read is not there: what needs it says so.
+/// What is not there, or not for this user, is no part of the job: what needs it says so. A read
+/// that fails ends the job: its outputs would name another one.
 void JobHash::add_file(const std::string& path, Hasher& hash) {
   const auto known = contents_.find(path);
   if (known != contents_.end()) return add(known->second, hash);
   Hash128 content;
-  try {
-    content = file_hash(job_, path);
-  } catch (const Error& error) {
-    if (error.kind() != ErrorKind::storage) throw;
-  }
+  if (is_readable(path)) content = file_hash(job_, path);
   contents_.emplace(path, content);
   add(content, hash);
 }

@@ -25,9 +25,12 @@ void NewFolders::make(const std::string& folder) {
 bool NewFolders::make_missing(const std::string& folder, bool last) {
   std::vector<std::string> missing;
   std::error_code ignored;
-  for (fs::path path = folder; !path.empty() && !fs::exists(path, ignored);
-       path = path.parent_path())
+  for (fs::path path = folder; !path.empty() && !fs::exists(path, ignored);) {
     missing.push_back(path.string());
+    const fs::path above = path.parent_path();
+    if (above == path) break;  // the root, which nobody may look at
+    path = above;
+  }
   for (auto path = missing.rbegin(); path != missing.rend(); ++path) {
     if (::mkdir(path->c_str(), 0777) == 0) {
       made_.push_back(*path);
@@ -48,7 +51,7 @@ NewFolders::~NewFolders() {
 std::string existing_folder(const std::string& folder) {
   std::error_code ignored;
   fs::path path = folder.empty() ? "." : folder;
-  while (!fs::exists(path, ignored)) {
+  while (path != "." && !fs::exists(path, ignored)) {
     const fs::path above = path.parent_path();
     path = above.empty() || above == path ? "." : above;
   }

@@ -209,7 +209,12 @@ void OutputFile::commit() {
   const int reason = errno;
   if (folder >= 0) ::close(folder);
   // Some network file systems cannot sync a folder; the file itself is safe.
-  if (!synced && reason != EINVAL && reason != EACCES) fail_by(reason);
+  if (synced || reason == EINVAL || reason == EACCES) return;
+  throw Error(ErrorKind::storage,
+              fmt::format("{}: is written and in place, but its folder could not be synced to the "
+                          "disk ({}), so its name may be lost in a power failure; check the disk "
+                          "and run the job again",
+                          path_, std::strerror(reason)));
 }
 
 void OutputFile::fail_by(int code) const {
