@@ -167,6 +167,12 @@ double reference_fine_edge(const std::vector<ReferenceSplat>& scene) {
 
 void look_where_found(const TargetReport& target, ReferenceLimits& limits) {
   if (!target.fit || *target.fit < 0.5) return;
+  const double spread = target.scene_spread, offset = target.scene_offset;
+  if (2 * spread > limits.reach / 3 && std::abs(offset) > spread) {
+    limits.expected = 0;
+    limits.deviation = limits.reach / 12;
+    return;
+  }
   limits.expected = target.scene_offset;
   limits.deviation = std::clamp(2 * target.scene_spread, limits.reach / 12, limits.reach / 3);
 }

@@ -31,11 +31,18 @@ double least_opacity(double min_confidence, double fit) {
 }
 
 /// Texels look first where most places of the target found the scene: at least within a quarter of
-/// what is thought where nothing is known, at most within all of it.
+/// what is thought where nothing is known, at most within all of it. Where most found it on one
+/// side but do not agree how far away, it is no surface that they found, but what stands before it,
+/// as furniture does before a wall: then the surface is where the target is.
 void expect_where_found(const projection::SplatFit& fit, projection::SplatLimits& limits) {
   if (fit.fit < kLeastFit) return;
   constexpr float kPerSpread = 2, kMostOfReach = 1.0F / 3, kLeastOfReach = kMostOfReach / 4;
   const auto middle = static_cast<float>(fit.middle), spread = static_cast<float>(fit.spread);
+  if (kPerSpread * spread > kMostOfReach * limits.reach && std::abs(middle) > spread) {
+    limits.expected = 0;
+    limits.deviation = kLeastOfReach * limits.reach;
+    return;
+  }
   limits.expected = std::clamp(middle, -limits.reach, limits.reach);
   limits.deviation =
       std::clamp(kPerSpread * spread, kLeastOfReach * limits.reach, kMostOfReach * limits.reach);
