@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Who makes an output, where several jobs are to make it: the holder of the lock on a hidden file
-// beside it (docs/decisions/038-output-claims.md).
+// beside it (docs/decisions/039-output-claims.md).
 #include "flow/write/claims.h"
 
 #include <algorithm>
