@@ -97,7 +97,7 @@ struct PackTree {
     const bool geometry = kind == store::PackKind::geometry;
     const std::size_t first = geometry ? 80 + 68 * std::size_t{u32(directory, 0)} + 24
                               : kind == store::PackKind::colour ? 25
-                                                                : 176 + 24;
+                                                                : 180 + 24;
     const std::size_t step = geometry ? 44 : kind == store::PackKind::colour ? 16 : 48;
     for (std::size_t place = first; place + 16 <= directory.size(); place += step)
       at.push_back(place);

@@ -51,6 +51,7 @@ bool has_size(const mesh::Lattice& lattice, const ColumnPlan& column) {
 double texels_shown(const PassPlan& pass) {
   double texels = 0;
   for (std::size_t p = 0; p < pass.source.pages.size(); ++p) {
+    if (pass.source.pages[p].width == 0) continue;  // no image, and perhaps no UVs
     texels += mesh::texel_area(*pass.source.mesh, pass.source.pages[p],
                                pass.source.triangles->of(pass.source.first_page + p));
   }
