@@ -36,6 +36,8 @@ namespace {
 /// (not in a level) spread: half of 32 texels (projection/footprint.cpp). Beyond, the whole image
 /// is built: this only saves work.
 constexpr double kSeenAround = 24;
+/// So few tiles of an image are not worth leaving out.
+constexpr std::uint64_t kFewTiles = 16;
 /// Of the source's texels per target texel: from here on many are seen in levels.
 constexpr double kFromAfar = 4;
 
@@ -76,11 +78,7 @@ void add_shown(const Plan& plan, const PassPlan& pass, const ChannelPlan& channe
 
 }  // namespace
 
-WantedTiles tiles_shown(const JobContext& job, const Plan& plan, std::uint64_t target_texels) {
-  WantedTiles wanted(plan.columns.size());
-  for (const PassPlan& pass : plan.passes) {
-    if (texels_shown(pass) > kFromAfar * static_cast<double>(target_texels)) return wanted;
-  }
+WantedTiles little_shown(const Plan& plan) {
   std::vector<std::unique_ptr<mesh::TileMask>> masks;
   for (const ColumnPlan& column : plan.columns) {
     masks.push_back(std::make_unique<mesh::TileMask>(column.info.width, column.info.height));
@@ -92,11 +90,22 @@ WantedTiles tiles_shown(const JobContext& job, const Plan& plan, std::uint64_t t
   for (const PassPlan& pass : plan.passes) {
     for (const std::size_t c : pass.channels) add_shown(plan, pass, plan.channels[c], masks);
   }
-  const std::uint64_t least = job.report.least_memory_bytes;
+  WantedTiles shown(plan.columns.size());
   for (std::size_t c = 0; c < masks.size(); ++c) {
-    if (masks[c] == nullptr || 2 * masks[c]->count() > masks[c]->tiles()) continue;
-    if (least + colour_least_bytes(request_of(plan.columns[c])) > job.budget.limit()) continue;
-    wanted[c] = std::move(masks[c]);
+    const bool is_little = masks[c] != nullptr && 2 * masks[c]->count() <= masks[c]->tiles();
+    if (is_little) shown[c] = std::move(masks[c]);
+  }
+  return shown;
+}
+
+WantedTiles tiles_shown(const JobContext& job, const Plan& plan, std::uint64_t target_texels) {
+  for (const PassPlan& pass : plan.passes) {
+    if (texels_shown(pass) > kFromAfar * static_cast<double>(target_texels)) return {};
+  }
+  WantedTiles wanted = little_shown(plan);
+  for (std::size_t c = 0; c < wanted.size(); ++c) {
+    const std::uint64_t later = colour_least_bytes(request_of(plan.columns[c]));
+    if (job.report.least_memory_bytes + later > job.budget.limit()) wanted[c] = nullptr;
   }
   return wanted;
 }

@@ -26,13 +26,13 @@ struct SourceColumns {
   std::uint64_t bytes_read() const;
 };
 
-/// So few tiles of an image are not worth leaving out.
-inline constexpr std::uint64_t kFewTiles = 16;
 /// By Plan::columns the tiles that are kept; null: all.
 using WantedTiles = std::vector<std::shared_ptr<const mesh::TileMask>>;
-/// The tiles that the source's triangles show. All of an image where that is most of it, where
-/// targets of so many texels see it from too far for tiles alone (levels are made of all), and
-/// where the budget has no room for building an image later.
+/// The tiles that the source's triangles show, of the images of which that is less than half.
+WantedTiles little_shown(const Plan& plan);
+/// The same as a job keeps them: all of every image where targets of so many texels see it from too
+/// far for tiles alone (levels are made of all), and where the budget has no room for building an
+/// image later.
 WantedTiles tiles_shown(const JobContext& job, const Plan& plan, std::uint64_t target_texels);
 
 /// Builds the columns of a plan or finds them in the cache; takes job.meter through a stage whose

@@ -47,7 +47,10 @@ std::uint64_t image_bytes(ImageSize size, std::uint64_t texel_bytes) {
 }  // namespace
 
 void DiskPlan::add_source(const Plan& plan) {
-  for (const ColumnPlan& column : plan.columns) {
+  const WantedTiles shown =
+      plan.as_gaussians ? WantedTiles(plan.columns.size()) : little_shown(plan);
+  for (std::size_t c = 0; c < plan.columns.size(); ++c) {
+    const ColumnPlan& column = plan.columns[c];
     store::ColourDirectory image;
     image.width = column.info.width;
     image.height = column.info.height;
@@ -56,7 +59,7 @@ void DiskPlan::add_source(const Plan& plan) {
     stores_ += column_bytes(image);
     if (plan.as_gaussians) continue;
     // Less than half of it may be kept first, and all of it after that.
-    if (blocks_of({image.width, image.height}) > kFewTiles) stores_ += column_bytes(image) / 2;
+    if (shown[c] != nullptr) stores_ += column_bytes(image) / 2;
     const std::uint32_t last = ColourLevels::last_level(image);
     for (std::uint32_t level = 1; level <= last; ++level)
       stores_ += column_bytes(level_of(image, level));
