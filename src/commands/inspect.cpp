@@ -163,7 +163,7 @@ Json describe_file(const std::string& path, bool allow_external) {
       throw Error(ErrorKind::input, io::why_not_read(path, *splats));
     }
     throw Error(
-        ErrorKind::input,
+        ErrorKind::storage,
         fmt::format("{}: is a folder; name a mesh, a splat scene, an image or a pack file", path));
   }
   std::unique_ptr<ReadFile> file = posix_file_system().open(path);

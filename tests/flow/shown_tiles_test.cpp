@@ -145,4 +145,27 @@ TEST_CASE("rows after the last that is shown are not decoded") {
   CHECK_THROWS_AS(transfer(scene.options), Error);
 }
 
+TEST_CASE("an image that cannot be read ends those that are read beside it") {
+  Scene scene(sheet({0.01F, 0.01F}, 0.98F), sheet({0.01F, 0.01F}, 0.98F), 100);
+  const std::string rough = scene.folder.file("rough.png");
+  WholeImage image{64, 64, 1, false, std::vector<double>(std::size_t{64} * 64, 0.5)};
+  write_whole_image(rough, image);
+  {
+    std::fstream file(rough, std::ios::in | std::ios::out | std::ios::binary);
+    const auto bytes = read_whole(posix_file_system(), rough);
+    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    file.seekp(static_cast<std::streamoff>(text.find("IDAT") + 4));
+    file.write(std::string(4, 'x').data(), 4);
+  }
+  scene.options.source_textures.push_back({Channel::roughness, rough});
+  scene.options.output = scene.folder.file("out.<CHANNEL>.png");
+  scene.options.resources.threads = 3;
+  // The other image is stopped at another row each time, before its first one included.
+  for (int run = 0; run < 60; ++run) {
+    std::string message;
+    CHECK(error_kind([&] { transfer(scene.options); }, &message) == exit_status(ErrorKind::input));
+    CHECK(message.find("rough.png") != std::string::npos);
+  }
+}
+
 }  // namespace pounce::test

@@ -121,8 +121,10 @@ class ColumnBuilder {
             tbb::make_filter<Slot*, void>(tbb::filter_mode::serial_in_order, [&](Slot* slot) {
               if (!slot->stored.tiles.empty()) write(slot->stored);
               slot->stored = {};
+              ++rows_passed_;
               job_.meter.advance(1);
             }));
+    if (rows_passed_ < end_row_) throw_stopped();
     write(encode(*top_));
     for (; next_row_ < image_.tiles_y(); ++next_row_) {
       write({next_row_, std::vector<std::vector<std::byte>>(image_.tiles_x())});
@@ -254,7 +256,16 @@ class ColumnBuilder {
     return out;
   }
 
+  /// Where another image of the batch, or the graph that asked for this one, has ended with an
+  /// error, TBB stops what runs beside it without a word. The first error is what the job says.
+  [[noreturn]] static void throw_stopped() {
+    throw Error(ErrorKind::cancelled, "an image was not read to its end");
+  }
+
   void write(const StoredRow& row) {
+    for (std::uint32_t tx = 0; tx < image_.tiles_x(); ++tx) {
+      if (wants(tx, row.tile_row) && row.tiles[tx].empty()) throw_stopped();
+    }
     const auto raw_bytes = static_cast<std::uint32_t>(std::size_t{kColourTileEdge} *
                                                       kColourTileEdge * image_.texel_bytes());
     writer_->add_row(row.tile_row, row.tiles, raw_bytes, job_.compressor());
@@ -267,7 +278,7 @@ class ColumnBuilder {
   store::ColourDirectory image_;
   std::size_t row_bytes_ = 0;
   std::unique_ptr<store::ColourStoreWriter> writer_;
-  std::uint32_t next_row_ = 0, end_row_ = 0;
+  std::uint32_t next_row_ = 0, end_row_ = 0, rows_passed_ = 0;
   StripPtr top_, previous_;
 };
 
