@@ -15,13 +15,12 @@ if (($#)); then
 else
   mapfile -t files < <(git ls-files '*.h' '*.cpp' '*.inl')
 fi
-bad=()
+there=()
 for file in "${files[@]}"; do
-  [[ -f $file ]] || continue # deleted and not committed yet
-  clang-format "${how[@]}" "$file" 2>/dev/null || bad+=("$file")
+  [[ ! -f $file ]] || there+=("$file") # deleted and not committed yet
 done
-if ((${#bad[@]})); then
-  printf 'not formatted: %s\n' "${bad[@]}"
-  echo "run tools/format.sh --fix"
-  exit 1
-fi
+((${#there[@]})) || exit 0
+said=$(clang-format "${how[@]}" "${there[@]}" 2>&1) && exit 0
+printf '%s\n' "$said" | sed -nE 's/^([^:]+):[0-9]+:[0-9]+: error.*/not formatted: \1/p' | sort -u
+echo "run tools/format.sh --fix"
+exit 1
