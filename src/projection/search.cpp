@@ -36,8 +36,9 @@ std::vector<float> search_heights(float max_distance) {
 }
 
 void start(SearchState& state) {
-  state.hits.resize(state.packets.size());
-  for (HitPacket& hit : state.hits) clear(hit);
+  HitPacket none;
+  clear(none);
+  state.hits.assign(state.packets.size(), none);
   state.bundles.reserve(state.packets.size());
   for (const TexelPacket& packet : state.packets) state.bundles.push_back(bundle_of(packet));
   state.open.resize(state.groups.size());

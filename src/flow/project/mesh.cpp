@@ -74,8 +74,9 @@ bool is_tinted(const ChannelOutput& channel) {
 
 class SurfaceMethod {
  public:
-  /// Blocks are met once, whatever the batch: a larger one saves nothing.
-  static constexpr std::uint64_t kLargestShare = 32ULL << 20;
+  /// Blocks are met once, whatever the batch: a larger one saves nothing. Few blocks stay in the
+  /// core's cache from node to node, and the pool of pages has their memory ready for the next.
+  static constexpr PieceSize kPieceSize{32ULL << 20, 2};
 
   struct Work : PieceWork {
     projection::SearchState state;

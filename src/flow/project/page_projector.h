@@ -44,7 +44,7 @@ class Projection {
 /// What differs from source to source is its `Method`, whose members are thread-safe for different
 /// works:
 ///   struct Work                    derives from PieceWork
-///   uint64_t kLargestShare         of the budget that makes a piece faster
+///   PieceSize kPieceSize           larger pieces are not faster
 ///   size_t channels() const
 ///   uint64_t fixed_bytes() const, least_batch_bytes() const, state_bytes(const BlockEntry&) const
 ///                                  of a piece: what it needs in any case, for the smallest batch
@@ -62,7 +62,7 @@ class PageProjector final : public Projection {
   PageResult project() override {
     ResultCollector results(job_, target_, method_.channels());
     const CutTarget cut = cut_target(
-        job_, target_, Method::kLargestShare, method_.fixed_bytes(), method_.least_batch_bytes(),
+        job_, target_, Method::kPieceSize, method_.fixed_bytes(), method_.least_batch_bytes(),
         [&](const store::BlockEntry& entry) { return method_.state_bytes(entry); });
     stream(cut, results);
     PageResult result = results.finish();

@@ -18,7 +18,7 @@ std::uint64_t budget_share(const JobContext& job, std::uint64_t largest) {
 /// Cuts the target's tiles into pieces whose blocks' state fits `state_share`; `fixed` is what a
 /// piece needs besides.
 PieceList cut_pieces(JobContext& job, const store::GeometryStore& target, std::uint64_t fixed,
-                     std::uint64_t state_share,
+                     std::uint64_t state_share, std::uint32_t most_blocks,
                      const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes) {
   PieceList list;
   for (std::uint32_t t = 0; t < target.directory().tiles.size(); ++t) {
@@ -32,7 +32,7 @@ PieceList cut_pieces(JobContext& job, const store::GeometryStore& target, std::u
     };
     for (std::uint32_t b = 0; b < blocks.size(); ++b) {
       const std::uint64_t more = state_bytes(blocks[b]);
-      if (piece.count > 0 && (piece.count == kMostBlocksPerPiece || state + more > state_share)) {
+      if (piece.count > 0 && (piece.count == most_blocks || state + more > state_share)) {
         finish();
         piece = {t, b, 0};
         state = 0;
@@ -47,17 +47,18 @@ PieceList cut_pieces(JobContext& job, const store::GeometryStore& target, std::u
 
 }  // namespace
 
-CutTarget cut_target(JobContext& job, const store::GeometryStore& target,
-                     std::uint64_t largest_share, std::uint64_t fixed, std::uint64_t least_batch,
+CutTarget cut_target(JobContext& job, const store::GeometryStore& target, const PieceSize& most,
+                     std::uint64_t fixed, std::uint64_t least_batch,
                      const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes) {
   CutTarget cut;
-  const std::uint64_t share = budget_share(job, largest_share);
+  const std::uint64_t share = budget_share(job, most.largest_share);
   cut.batch_bytes = std::max(least_batch, share > fixed ? (share - fixed) / 2 : 0);
   const std::uint64_t taken = fixed + cut.batch_bytes;
   std::uint64_t blocks = 0;
   for (const store::TileEntry& tile : target.directory().tiles) blocks += tile.blocks;
   cut.index = runtime::Lease(job.budget, PieceList::most_bytes(blocks), "the index of the target");
-  cut.pieces = cut_pieces(job, target, taken, share > taken ? share - taken : 0, state_bytes);
+  cut.pieces = cut_pieces(job, target, taken, share > taken ? share - taken : 0, most.most_blocks,
+                          state_bytes);
   const std::vector<std::uint64_t>& costs = cut.pieces.costs;
   if (!costs.empty()) {
     const runtime::Lease fits(job.budget, *std::max_element(costs.begin(), costs.end()),

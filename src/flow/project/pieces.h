@@ -17,8 +17,6 @@
 
 namespace pounce::flow {
 
-inline constexpr std::uint32_t kMostBlocksPerPiece = 8;
-
 /// Neighbouring blocks of one target tile.
 struct Piece {
   std::uint32_t tile = 0, first = 0, count = 0;
@@ -41,11 +39,17 @@ struct CutTarget {
   std::uint64_t batch_bytes = 0;  ///< of a piece's lease: for the source blocks it searches at once
   runtime::Lease index;           ///< of the list itself
 };
-/// Shares the budget out, to a piece `largest_share` at most: beside `fixed`, half of a piece's
+/// How large pieces are made where the budget holds larger ones, too.
+struct PieceSize {
+  std::uint64_t largest_share = 0;  ///< of the budget
+  std::uint32_t most_blocks = 0;
+};
+
+/// Shares the budget out, to a piece no more than `most`: beside `fixed`, half of a piece's
 /// share goes to a batch of source blocks (at least `least_batch`), half to its texels' state, of
 /// which a block needs state_bytes(entry). Throws Error(budget) if the largest piece does not fit.
-CutTarget cut_target(JobContext& job, const store::GeometryStore& target,
-                     std::uint64_t largest_share, std::uint64_t fixed, std::uint64_t least_batch,
+CutTarget cut_target(JobContext& job, const store::GeometryStore& target, const PieceSize& most,
+                     std::uint64_t fixed, std::uint64_t least_batch,
                      const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes);
 
 /// A piece on its way through the graph, and its result. A projection adds its own state. Owned by

@@ -30,7 +30,7 @@ class SplatMethodBase {
  public:
   /// What fits one batch is looked at once instead of twice: a capture of millions in front of a
   /// piece.
-  static constexpr std::uint64_t kLargestShare = 512ULL << 20;
+  static constexpr PieceSize kPieceSize{512ULL << 20, 8};
 
   struct Work : PieceWork {
     State state;
