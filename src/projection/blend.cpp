@@ -124,6 +124,8 @@ std::array<std::int32_t, 4> keys(double a, double u) noexcept {
   return {before, left, kOne - before - left - after, after};
 }
 
+constexpr double kCubic = -0.5, kSharp = -0.75;
+
 void keys_taps(double a, double u, double v, Taps& taps) noexcept {
   taps.wide = true;
   taps.sharpened = false;
@@ -133,9 +135,13 @@ void keys_taps(double a, double u, double v, Taps& taps) noexcept {
 
 }  // namespace
 
-void cubic(double u, double v, Taps& taps) noexcept { keys_taps(-0.5, u, v, taps); }
+void cubic(double u, double v, Taps& taps) noexcept { keys_taps(kCubic, u, v, taps); }
 
-void sharp(double u, double v, Taps& taps) noexcept { keys_taps(-0.75, u, v, taps); }
+void sharp(double u, double v, Taps& taps) noexcept { keys_taps(kSharp, u, v, taps); }
+
+double keys_of(BlendKernel kernel) noexcept {
+  return kernel == cubic ? kCubic : kernel == sharp ? kSharp : 0;
+}
 
 BlendKernel kernel_of(Filter filter) noexcept {
   switch (filter) {

@@ -114,6 +114,8 @@ void cubic(double u, double v, Taps& taps) noexcept;
 void sharp(double u, double v, Taps& taps) noexcept;
 
 BlendKernel kernel_of(Filter filter) noexcept;
+/// The a of Keys' kernels; 0: it is none of them.
+double keys_of(BlendKernel kernel) noexcept;
 
 /// Changes a wide kernel's weights for a hit at `u`, `v` to what a finer target asks for.
 void sharpen_wide(Sharpening by, double u, double v, Taps& taps) noexcept;

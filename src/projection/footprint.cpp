@@ -15,16 +15,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "projection/footprint_rules.h"
+
 namespace pounce::projection {
 namespace {
-
-constexpr double kExact = 65.0 / 64;         // sides up to here are one texel: rounding is below it
-constexpr double kFine = 63.0 / 64;          // and from here on
-constexpr double kSharpest = 43690;          // 1/24, in steps of 2^-20
-constexpr double kNarrow = 1.5, kLong = 16;  // texels of a level across a footprint, along it
-constexpr double kSpacing = 1.5;             // between lookups, in texels of their level
-constexpr double kBlendFrom = 1.9;           // of 1 to 2: then the next level comes in
-constexpr int kMostLookups = 16;             // along a side
 
 double squared(Vec2d v) noexcept { return v.x * v.x + v.y * v.y; }
 
@@ -82,8 +76,8 @@ FootprintLookups lookups_of(const Footprint& footprint, std::uint32_t last_level
   FootprintLookups out;
   out.sharpening = sharpening_of(footprint);
   const double aa = squared(footprint.a), bb = squared(footprint.b);
-  constexpr double kMost = 1e12;  // beyond, and where it is no number, nothing is known
-  if (!(aa < kMost && bb < kMost) || std::max(aa, bb) <= kExact * kExact) return out;
+  // What is no number, too, is one lookup.
+  if (!(aa < kMostTexels2 && bb < kMostTexels2) || std::max(aa, bb) <= kExact * kExact) return out;
   // The parallelogram's widths along its ellipse's axes: singular values of (a, b).
   const double sum = aa + bb;
   const double area = footprint.a.x * footprint.b.y - footprint.a.y * footprint.b.x;

@@ -227,6 +227,7 @@ std::unique_ptr<Projection> SourceStores::mesh_projector(std::size_t pass,
   request.source = geometry_[pass].get();
   request.target = &target;
   request.kernels = kernels_;
+  request.lanes = &projection::blend_lanes(isa_);
   request.blend = projection::kernel_of(plan_.filter);
   request.levels = columns_.levels.get();
   request.limits.max_distance = target_plan.max_distance;

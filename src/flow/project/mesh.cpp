@@ -17,10 +17,12 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <optional>
 
 #include "flow/build/find_store.h"
 #include "flow/project/block_walk.h"
+#include "flow/project/packet_blend.h"
 #include "flow/project/page_projector.h"
 #include "target/texel_frames.h"
 
@@ -197,27 +199,25 @@ class SurfaceMethod {
 
   // --- colours -----------------------------------------------------------------------------------
 
-  /// What the texel in a lane covers of the image that its hit lies in.
-  static projection::Footprint footprint(const Work& work, std::size_t packet, int lane) {
-    const projection::HitPacket& hit = work.state.hits[packet];
-    const target::TexelPacket& texels = work.state.packets[packet];
-    const projection::TexelGradients gradients{
-        {hit.x_by[0][lane], hit.x_by[1][lane], hit.x_by[2][lane]},
-        {hit.y_by[0][lane], hit.y_by[1][lane], hit.y_by[2][lane]}};
-    const auto& axes = work.axes[texels.block];
-    if (axes.empty()) return projection::footprint_of(gradients, 1 / texels.per_texel[lane]);
-    const target::TexelAxes& own = axes[texels.owner[lane]];
-    return projection::footprint_of(gradients, own.x, own.y);
-  }
+  /// What blending a block goes on with from packet to packet.
+  struct BlockBlend {
+    ColourWindow window;
+    PacketBlend packet;
+  };
 
-  static PagePlace place(const projection::HitPacket& hit, int lane) {
-    return {hit.base_x[lane], hit.base_y[lane], hit.frac_x[lane], hit.frac_y[lane]};
+  static projection::Footprint footprint(const Work& work, std::size_t packet, int lane) {
+    const target::TexelPacket& texels = work.state.packets[packet];
+    return footprint_at(work.state.hits[packet], texels, work.axes[texels.block], lane);
   }
 
   /// Writes the colour of one hit in the output's format and adds the samples that it cannot hold
   /// to `clipped`. False: it met a UDIM tile without image.
   bool store_colour(const ChannelOutput& channel, const Work& work, std::size_t packet, int lane,
-                    ColourWindow& window, std::byte* out, std::uint64_t& clipped) const {
+                    BlockBlend& blend, std::byte* out, std::uint64_t& clipped) const {
+    if (blend.packet.has_texel(lane)) {
+      std::memcpy(out, blend.packet.texel(lane), channel.format.texel_bytes());
+      return true;
+    }
     const projection::HitPacket& hit = work.state.hits[packet];
     const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
     std::optional<texture::Factor> vertices;
@@ -228,21 +228,35 @@ class SurfaceMethod {
           texture::store_texel(channel.format, constant_value(page, tint, channel.format), out);
       return true;
     }
-    const PageImage image = image_at(page, place(hit, lane));
+    if (blend.packet.has_samples(lane)) {
+      clipped += texture::store_texel(
+          channel.format, lanes_value(page, blend.packet, lane, channel.format, tint), out);
+      return true;
+    }
+    const PageImage image = image_at(page, place_of(hit, lane));
     if (image.column == nullptr) return false;
     const auto lookups = image.lookups(footprint(work, packet, lane));
     if (lookups.single() && image.input == nullptr && !page.factor && !vertices &&
         channel.format.keeps(image.directory())) {
-      const ColourPlace at = window.find(image);
+      const ColourPlace at = blend.window.find(image);
       projection::Taps taps;
       request_.blend(at.rest_x, at.rest_y, taps);
       projection::sharpen(lookups.sharpening, at.rest_x, at.rest_y, taps);
       projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
     } else {
       clipped += texture::store_texel(
-          channel.format, value(page, image, lookups, channel.format, window, tint), out);
+          channel.format, value(page, image, lookups, channel.format, blend.window, tint), out);
     }
     return true;
+  }
+
+  /// What was looked up with the lanes beside it.
+  static texture::TexelValue lanes_value(const PageColour& page, const PacketBlend& packet,
+                                         int lane, const texture::TexelFormat& format,
+                                         const texture::Factor* tint = nullptr) {
+    const PageImage& image = packet.image(lane);
+    return value_of(page, image.directory(), image.input, packet.samples(lane),
+                    stays_premultiplied(image.directory(), image.input, format), format, tint);
   }
 
   texture::TexelValue value(const PageColour& page, const PageImage& image,
@@ -261,21 +275,22 @@ class SurfaceMethod {
   /// What the pages of a channel give at a hit. Nothing: it met a UDIM tile without image.
   std::optional<texture::TexelValue> page_value(const ChannelOutput& channel, const Work& work,
                                                 std::size_t packet, int lane,
-                                                ColourWindow& window) const {
+                                                BlockBlend& blend) const {
     const projection::HitPacket& hit = work.state.hits[packet];
     const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
     if (page.column == nullptr && page.tile_set == nullptr) return page.constant;
-    const PageImage image = image_at(page, place(hit, lane));
-    if (image.column == nullptr) return std::nullopt;
     texture::TexelFormat straight = channel.format;
     straight.premultiplied = false;
-    return value(page, image, image.lookups(footprint(work, packet, lane)), straight, window);
+    if (blend.packet.has_samples(lane)) return lanes_value(page, blend.packet, lane, straight);
+    const PageImage image = image_at(page, place_of(hit, lane));
+    if (image.column == nullptr) return std::nullopt;
+    return value(page, image, image.lookups(footprint(work, packet, lane)), straight, blend.window);
   }
 
   /// The same as store_colour() for a channel of the surface itself. `frames` are of
   /// the texel's block, where it is a normal map.
   bool store_shape(const ChannelOutput& channel, const Work& work, std::uint32_t p, int lane,
-                   const target::TexelFrames* frames, ColourWindow& window, std::byte* out,
+                   const target::TexelFrames* frames, BlockBlend& blend, std::byte* out,
                    std::uint64_t& clipped) const {
     const ShapeOutput& shape = *channel.shape;
     const projection::SurfacePacket& surface = work.points[p];
@@ -284,7 +299,7 @@ class SurfaceMethod {
       return true;
     }
     const projection::HitPacket& hit = work.state.hits[p];
-    const auto map = page_value(channel, work, p, lane, window);
+    const auto map = page_value(channel, work, p, lane, blend);
     if (!map) return false;
     const TangentFrame target = frames->frame(work.state.packets[p].texel[lane]);
     clipped += texture::store_texel(
@@ -308,21 +323,26 @@ class SurfaceMethod {
     const std::size_t texel_bytes = channel.format.texel_bytes();
     texture::ResultBlock result;
     result.texels.resize(kTexelsPerBlock * texel_bytes);
-    ColourWindow window;
+    BlockBlend blend{{}, {*request_.lanes, request_.blend, *request_.levels}};
     std::uint64_t covered = 0;
     std::optional<BlockFrames> own;
     if (channel.shape && is_normal(*channel.shape))
       own.emplace(*job_, *request_.target, work.blocks[b]);
     for (std::uint32_t p = first; p < last; ++p) {
       const projection::HitPacket& hit = work.state.hits[p];
+      const target::TexelPacket& texels = work.state.packets[p];
+      if (!channel.shape || is_normal(*channel.shape)) {
+        blend.packet.look_up(channel.pages, hit, texels, work.axes[texels.block], channel.format,
+                             !channel.shape, blend.window);
+      }
       for (int lane = 0; lane < target::kLanes; ++lane) {
-        const std::uint16_t texel = work.state.packets[p].texel[lane];
-        if (texel == target::kNoTexel || hit.key[lane] == projection::kNoHit) continue;
+        if (!is_hit(hit, texels, lane)) continue;
+        const std::uint16_t texel = texels.texel[lane];
         std::byte* const out = result.texels.data() + texel * texel_bytes;
         const bool has_value =
-            channel.shape ? store_shape(channel, work, p, lane, own ? &own->frames : nullptr,
-                                        window, out, work.clipped[c])
-                          : store_colour(channel, work, p, lane, window, out, work.clipped[c]);
+            channel.shape ? store_shape(channel, work, p, lane, own ? &own->frames : nullptr, blend,
+                                        out, work.clipped[c])
+                          : store_colour(channel, work, p, lane, blend, out, work.clipped[c]);
         if (!has_value) continue;
         result.cover(texel);
         ++covered;

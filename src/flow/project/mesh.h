@@ -9,6 +9,7 @@
 #include "flow/project/page_projector.h"
 #include "flow/project/shape_output.h"
 #include "projection/blend.h"
+#include "projection/blend_lanes.h"
 #include "projection/search.h"
 #include "store/blocks/geometry_store.h"
 
@@ -28,6 +29,7 @@ struct MeshProjection {
   std::vector<ChannelOutput> channels;
   projection::SearchLimits limits;
   const projection::Kernels* kernels = nullptr;
+  const projection::BlendLanes* lanes = nullptr;
   projection::BlendKernel blend = projection::kernel_of(kDefaultFilter);
   ColourLevels* levels = nullptr;  ///< of the channels' columns
   float smallest_edge = 0;         ///< see TargetBlock

@@ -132,10 +132,14 @@ struct PageImage {
   Vec2d scale{1, 1};                            ///< texels of the image per texel of the page
 
   const store::ColourDirectory& directory() const { return column->store().directory(); }
-  /// How a footprint on the page is averaged.
-  projection::FootprintLookups lookups(projection::Footprint footprint) const {
+  /// What a footprint on the page is in the image.
+  projection::Footprint on_image(projection::Footprint footprint) const {
     for (Vec2d* side : {&footprint.a, &footprint.b}) *side = {side->x * scale.x, side->y * scale.y};
-    return projection::lookups_of(footprint, ColourLevels::last_level(directory()));
+    return footprint;
+  }
+  /// How a footprint on the page is averaged.
+  projection::FootprintLookups lookups(const projection::Footprint& footprint) const {
+    return projection::lookups_of(on_image(footprint), ColourLevels::last_level(directory()));
   }
 };
 
@@ -216,6 +220,24 @@ class ColourWindow {
     return value_of(page, image.directory(), image.input, mean, as_stored, format, tint);
   }
 
+  /// A decoded tile of a column. Valid as long as what find() gives.
+  const std::byte* tile(const ColourCache& column, std::uint32_t x, std::uint32_t y) {
+    const auto holds = [&](const Slot& slot) {
+      return slot.column == &column && slot.x == x && slot.y == y;
+    };
+    if (holds(slots_[last_])) return slots_[last_].tile->data();
+    for (last_ = 0; last_ < slots_.size(); ++last_) {
+      if (holds(slots_[last_])) return slots_[last_].tile->data();
+    }
+    last_ = next_++ % kTiles;
+    Slot& slot = slots_[last_];
+    slot.tile = column.block((*column.index(y))[x]);
+    slot.column = &column;
+    slot.x = x;
+    slot.y = y;
+    return slot.tile->data();
+  }
+
  private:
   /// Where a place of an image lies in one of its levels.
   ColourPlace at_level(const PageImage& of, const ColourCache& level, double x, double y) {
@@ -238,29 +260,12 @@ class ColourWindow {
     const store::ColourDirectory& image = column.store().directory();
     const bool floats = image.depth == Depth::half || image.depth == Depth::float32;
     return {&image,
-            get(column, static_cast<std::uint32_t>(tile_x), static_cast<std::uint32_t>(tile_y)),
+            tile(column, static_cast<std::uint32_t>(tile_x), static_cast<std::uint32_t>(tile_y)),
             x.texel - tile_x * mesh::kBlockEdge,
             y.texel - tile_y * mesh::kBlockEdge,
             floats ? projection::settled(x.rest) : x.rest,
             floats ? projection::settled(y.rest) : y.rest,
             input};
-  }
-
-  const std::byte* get(const ColourCache& column, std::uint32_t x, std::uint32_t y) {
-    const auto holds = [&](const Slot& slot) {
-      return slot.column == &column && slot.x == x && slot.y == y;
-    };
-    if (holds(slots_[last_])) return slots_[last_].tile->data();
-    for (last_ = 0; last_ < slots_.size(); ++last_) {
-      if (holds(slots_[last_])) return slots_[last_].tile->data();
-    }
-    last_ = next_++ % kTiles;
-    Slot& slot = slots_[last_];
-    slot.tile = column.block((*column.index(y))[x]);
-    slot.column = &column;
-    slot.x = x;
-    slot.y = y;
-    return slot.tile->data();
   }
 
   struct Slot {

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The images' samples where sixteen texels hit: lookups of all of them at once where images and
+// kernel allow it, to the bits that one by one gives.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "flow/project/page_colour.h"
+#include "projection/blend_lanes.h"
+#include "projection/hit_packet.h"
+#include "projection/lane_lookups.h"
+#include "target/target_block.h"
+
+namespace pounce::flow {
+
+/// The lane's texel and its hit's page are there.
+inline bool is_hit(const projection::HitPacket& hit, const target::TexelPacket& texels, int lane) {
+  return texels.texel[lane] != target::kNoTexel && hit.key[lane] != projection::kNoHit;
+}
+
+inline PagePlace place_of(const projection::HitPacket& hit, int lane) {
+  return {hit.base_x[lane], hit.base_y[lane], hit.frac_x[lane], hit.frac_y[lane]};
+}
+
+/// What the texel in a lane covers of the image that its hit lies in. `axes` are of its block.
+projection::Footprint footprint_at(const projection::HitPacket& hit,
+                                   const target::TexelPacket& texels,
+                                   const std::vector<target::TexelAxes>& axes, int lane);
+
+/// Blends packets, one after the other. One per thread.
+class PacketBlend {
+ public:
+  PacketBlend(const projection::BlendLanes& lanes, projection::BlendKernel kernel,
+              ColourLevels& levels)
+      : lanes_(lanes), keys_(projection::keys_of(kernel)), levels_(levels) {}
+
+  /// Looks up what the packet's hits have in the images of `pages`, where lanes may. Where `format`
+  /// takes samples as they are, they are rounded if `rounds`.
+  void look_up(std::span<const PageColour> pages, const projection::HitPacket& hit,
+               const target::TexelPacket& texels, const std::vector<target::TexelAxes>& axes,
+               const texture::TexelFormat& format, bool rounds, ColourWindow& window);
+
+  /// What became of a lane. Neither: it is to be blended alone.
+  bool has_texel(int lane) const { return (rounded_ >> lane & 1) != 0; }
+  bool has_samples(int lane) const { return (blended_ >> lane & 1) != 0; }
+  /// As the output stores it: up to four channels of 8 bits.
+  const std::byte* texel(int lane) const {
+    return reinterpret_cast<const std::byte*>(&texels_[static_cast<std::size_t>(lane)]);
+  }
+  projection::Blended samples(int lane) const;
+  const PageImage& image(int lane) const { return images_[static_cast<std::size_t>(lane)]; }
+
+ private:
+  using Mask = unsigned;  ///< a bit per lane
+
+  Mask find_images(std::span<const PageColour> pages, const projection::HitPacket& hit,
+                   const target::TexelPacket& texels, const std::vector<target::TexelAxes>& axes);
+  Mask like(std::size_t lane, Mask among) const;
+  bool keeps(std::size_t lane, const texture::TexelFormat& format) const;
+  void add_set(std::size_t s, std::size_t first, Mask lanes, ColourWindow& window);
+  void add_single(std::size_t first, Mask lanes, bool rounds, ColourWindow& window);
+  const projection::FootprintLookupsLanes* sharpening(Mask lanes) const;
+
+  const projection::BlendLanes& lanes_;
+  const double keys_;
+  ColourLevels& levels_;
+  Mask rounded_ = 0, blended_ = 0;
+  std::array<const PageColour*, target::kLanes> pages_{};
+  std::array<PageImage, target::kLanes> images_;
+  projection::FootprintLanes footprints_{};
+  projection::Sixteen<std::int32_t> last_level_{};
+  projection::MiddlesLanes middles_{};
+  projection::FootprintLookupsLanes lookups_{};
+  projection::PlacesLanes places_{};
+  projection::MeansLanes means_{};
+  alignas(64) projection::Sixteen<std::uint32_t> texels_{};
+};
+
+}  // namespace pounce::flow

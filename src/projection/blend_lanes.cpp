@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "projection/blend_lanes.h"
+
+#include <algorithm>
+#include <string_view>
+
+#include "projection/hit_packet.h"
+
+namespace pounce::projection {
+
+namespace sse2 {
+extern const BlendLanes kBlendLanes;
+}
+namespace avx2 {
+extern const BlendLanes kBlendLanes;
+}
+namespace avx512 {
+extern const BlendLanes kBlendLanes;
+}
+
+const BlendLanes& blend_lanes(const std::string& isa) {
+  const std::string_view found = kernels(isa).isa;
+  return found == "avx512" ? avx512::kBlendLanes
+         : found == "avx2" ? avx2::kBlendLanes
+                           : sse2::kBlendLanes;
+}
+
+void PlacesLanes::set_place(std::size_t lane, Coordinate at_x, Coordinate at_y,
+                            std::size_t texel_bytes) {
+  // Texel -1 belongs to the first tile's apron.
+  const std::int32_t tile_x = std::max(at_x.texel, 0) / mesh::kBlockEdge,
+                     tile_y = std::max(at_y.texel, 0) / mesh::kBlockEdge;
+  constexpr std::int32_t kFirst = store::kApron - 1;
+  const std::int32_t column = at_x.texel - tile_x * mesh::kBlockEdge + kFirst,
+                     row = at_y.texel - tile_y * mesh::kBlockEdge + kFirst;
+  rest_x[lane] = at_x.rest;
+  rest_y[lane] = at_y.rest;
+  tile[lane] = tile_y * 65536 + tile_x;
+  offset[lane] = (row * store::kColourTileEdge + column) * static_cast<std::int32_t>(texel_bytes);
+}
+
+}  // namespace pounce::projection

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What footprint.h and blend.h say of one target texel, of sixteen at once: the same bits.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "pounce/options.h"
+#include "projection/blend.h"
+#include "projection/footprint.h"
+#include "store/blocks/colour_store.h"
+#include "target/target_block.h"
+
+namespace pounce::projection {
+
+template <class T>
+using Sixteen = std::array<T, target::kLanes>;
+
+/// Footprint of sixteen texels.
+struct alignas(64) FootprintLanes {
+  Sixteen<double> ax, ay, bx, by;
+};
+
+/// Lookups of sixteen texels. `share` is of each lookup, not of all of them.
+struct alignas(64) LookupsLanes {
+  Sixteen<double> step_ax, step_ay, step_bx, step_by, share;
+  Sixteen<std::int32_t> level, count_a, count_b;
+};
+
+/// FootprintLookups of sixteen texels.
+struct alignas(64) FootprintLookupsLanes {
+  std::array<LookupsLanes, 2> sets;
+  Sixteen<std::int32_t> across, down;  ///< their Sharpening
+  unsigned two = 0;                    ///< lanes that have two sets
+  unsigned single = 0;                 ///< lanes that are one lookup in the image itself
+};
+
+/// The image or level that a set of lookups goes to.
+struct LookedUp {
+  std::uint32_t width = 0, height = 0;              ///< of the image that places are texels of
+  std::uint32_t level_width = 0, level_height = 0;  ///< of what is looked up in
+  std::size_t channels = 0;                         ///< of 8 bits
+  mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
+};
+
+/// One lookup of sixteen texels.
+struct alignas(64) PlacesLanes {
+  Sixteen<double> x, y;            ///< in the image or level, not wrapped
+  Sixteen<double> rest_x, rest_y;  ///< of them beyond the texel
+  Sixteen<double> share;           ///< of the result; 0 in lanes without lookup
+  Sixteen<std::int32_t> tile;      ///< its row * 65536 + its column
+  Sixteen<std::int32_t> offset;    ///< in the tile, in bytes, of the first of 4x4 texels
+  unsigned active = 0;             ///< lanes that have a lookup
+  unsigned outside = 0;            ///< of these the ones beyond the image: set_place() says where
+
+  void set_place(std::size_t lane, Coordinate at_x, Coordinate at_y, std::size_t texel_bytes);
+};
+
+/// Sums of sixteen texels, by channel.
+using MeansLanes = std::array<Sixteen<double>, 4>;
+
+/// The lanes' kernels, one build per instruction set; all give the same bits as the functions of
+/// one texel. noexcept and thread-safe.
+struct BlendLanes {
+  const char* isa;  ///< "sse2", "avx2", "avx512"
+  /// lookups_of(), for images of so many levels.
+  void (*lookups)(const FootprintLanes& footprints, const Sixteen<std::int32_t>& last_level,
+                  FootprintLookupsLanes& out);
+  /// The lookups number `a` along the first side and `b` along the second of the lanes in `lanes`
+  /// that have so many, around these places.
+  void (*place)(const LookupsLanes& set, const LookedUp& in, const Sixteen<double>& middle_x,
+                const Sixteen<double>& middle_y, int a, int b, unsigned lanes, PlacesLanes& out);
+  /// Adds share x blend() to `means`, for lookups that lie in one tile; offsets of the other lanes
+  /// are in it, too, and their share is 0. By channels, less 1. `keys` is the kernel's a. Null:
+  /// no sharpening, else that of each lane.
+  using Add = void (*)(const std::byte* tile, const PlacesLanes& places,
+                       const Sixteen<double>& share, double keys,
+                       const FootprintLookupsLanes* sharpening, MeansLanes& means);
+  std::array<Add, 4> add_u8;
+  /// Rounds means of `channels` to 8 bits, as store_texel() does: four bytes for each lane.
+  void (*round_means)(const MeansLanes& means, std::size_t channels,
+                      Sixteen<std::uint32_t>& texels);
+  /// blend_u8(): four bytes for each lane.
+  using Round = void (*)(const std::byte* tile, const PlacesLanes& places, double keys,
+                         const FootprintLookupsLanes* sharpening, Sixteen<std::uint32_t>& texels);
+  std::array<Round, 4> round_u8;
+};
+
+/// The kernels for `isa`, as kernels() of hit_packet.h finds them.
+const BlendLanes& blend_lanes(const std::string& isa);
+
+}  // namespace pounce::projection

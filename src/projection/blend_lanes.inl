@@ -1,0 +1,565 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Lookups of sixteen texels, compiled once per instruction set with POUNCE_ISA_NAMESPACE set.
+//
+// What is averaged, and why, is said in footprint.cpp, blend.cpp and kept_sum.h; here the same is
+// done to a group of lanes at once, to the same bits:
+//
+//   footprint and places     doubles, operation by operation as there
+//   weights                  doubles, then integers
+//   a row's sum              bytes times weights in 16 bits, in two parts: high x 64 + low
+//   the sum of rows          doubles: below 2^53 they hold the integers of blend.cpp exactly, so
+//                            that neither order nor type matters
+//   the mean                 doubles, in the order of lookups
+//
+// A lane's 4x4 texels lie in four runs of a tile. Registers of 16 bytes are loaded from each lane's
+// run and turned over, four lanes by four words: a gather would take as many loads for each word.
+#include <immintrin.h>
+
+#include <cstring>
+
+#include "projection/blend_lanes.h"
+#include "projection/footprint_rules.h"
+#include "projection/kept_sum.h"
+
+namespace pounce::projection::POUNCE_ISA_NAMESPACE {
+namespace {
+
+using target::kLanes;
+
+#include "projection/lanes.inl"
+//
+#include "projection/double_lanes.inl"
+
+// --- footprints ----------------------------------------------------------------------------------
+
+/// One side's lookups.
+struct Side {
+  Doubles step_x, step_y, count;
+};
+
+/// As spread() in footprint.cpp.
+inline Side spread(const Doubles& x, const Doubles& y, const Doubles& texel) {
+  const Doubles length2 = x * x + y * y, own = kExact * texel, own2 = own * own;
+  const Doubles width = square_root(length2 - own2);
+  const Doubles wanted = lesser(width / (kSpacing * texel), doubles(kMostLookups));
+  const Doubles below = doubles_of(truncated(wanted));
+  const Doubles above = where_less(below, wanted, below + 1.0, below);
+  const Doubles count = greater(above, doubles(2));
+  const Doubles scale = width / square_root(length2 * (count * count - 1.0));
+  return {where_less(own2, length2, x * scale, doubles(0)),
+          where_less(own2, length2, y * scale, doubles(0)),
+          where_less(own2, length2, count, doubles(1))};
+}
+
+/// As lookups_at(); returns the number of lookups.
+inline Doubles lookups_at(const Doubles& ax, const Doubles& ay, const Doubles& bx,
+                          const Doubles& by, const Doubles& level, const Doubles& texel,
+                          const Doubles& share, std::size_t first, LookupsLanes& out) {
+  const Side a = spread(ax, ay, texel), b = spread(bx, by, texel);
+  const Doubles count = a.count * b.count;
+  store(out.step_ax.data() + first, a.step_x);
+  store(out.step_ay.data() + first, a.step_y);
+  store(out.step_bx.data() + first, b.step_x);
+  store(out.step_by.data() + first, b.step_y);
+  store(out.share.data() + first, share / count);
+  store_register(out.level.data() + first, truncated(level));
+  store_register(out.count_a.data() + first, truncated(a.count));
+  store_register(out.count_b.data() + first, truncated(b.count));
+  return count;
+}
+
+/// As sharpening_of(), along one axis of the image.
+inline IntRegister sharpening(const Doubles& a, const Doubles& b) {
+  const Doubles finer = kFine * kFine - (a * a + b * b);
+  const Doubles steps = kSharpest * finer / (kFine * kFine) + 0.5;
+  return truncated(where_less(doubles(0), finer, steps, doubles(0)));
+}
+
+inline unsigned any_above_zero(const Doubles& a) {
+  return bits_of_group(truncated(where_less(doubles(0), a, doubles(1), doubles(0))));
+}
+
+/// As lookups_of(), for the group from lane `first` on.
+void lookups_of_group(const FootprintLanes& footprints, const Sixteen<std::int32_t>& last_level,
+                      std::size_t first, FootprintLookupsLanes& out) {
+  const Doubles zero = doubles(0), one = doubles(1);
+  Doubles ax = load(footprints.ax.data() + first), ay = load(footprints.ay.data() + first),
+          bx = load(footprints.bx.data() + first), by = load(footprints.by.data() + first);
+  store_register(out.across.data() + first, sharpening(ax, bx));
+  store_register(out.down.data() + first, sharpening(ay, by));
+  Doubles aa = ax * ax + ay * ay, bb = bx * bx + by * by;
+  const Doubles most = doubles(kMostTexels2);
+  const Doubles is_wide = where_less(
+      aa, most,
+      where_less(bb, most, where_less(doubles(kExact * kExact), greater(aa, bb), one, zero), zero),
+      zero);
+  // What is not, is one lookup: as a footprint without sides is.
+  ax = where_less(zero, is_wide, ax, zero);
+  ay = where_less(zero, is_wide, ay, zero);
+  bx = where_less(zero, is_wide, bx, zero);
+  by = where_less(zero, is_wide, by, zero);
+  aa = where_less(zero, is_wide, aa, zero);
+  bb = where_less(zero, is_wide, bb, zero);
+  const Doubles sum = aa + bb, area = ax * by - ay * bx;
+  const Doubles apart = square_root(greater(sum * sum - 4.0 * area * area, zero));
+  const Doubles wide = square_root((sum + apart) / 2.0);
+  const Doubles narrow = where_less(zero, wide, absolute(area) / wide, zero);
+  Doubles size = greater(narrow / kNarrow, wide / kLong);
+  const Doubles last = doubles_of(load_ints(last_level.data() + first));
+  Doubles level = zero, texel = one;
+  for (;;) {
+    const Doubles deeper = where_less(level, last, where_less(size, doubles(2), zero, one), zero);
+    if (any_above_zero(deeper) == 0) break;
+    size = where_less(zero, deeper, size / 2.0, size);
+    texel = where_less(zero, deeper, texel * 2.0, texel);
+    level = level + deeper;
+  }
+  const Doubles next = where_less(
+      level, last,
+      where_less(doubles(kBlendFrom), size, (size - kBlendFrom) / (2 - kBlendFrom), zero), zero);
+  const unsigned two = any_above_zero(next);
+  const Doubles count = lookups_at(ax, ay, bx, by, level, texel, 1.0 - next, first, out.sets[0]);
+  const unsigned several = any_above_zero(count - 1.0);
+  if (two != 0) lookups_at(ax, ay, bx, by, level + 1.0, texel * 2.0, next, first, out.sets[1]);
+  constexpr unsigned kAll = (1U << kGroup) - 1;
+  out.two |= two << first;
+  out.single |= (kAll & ~two & ~several) << first;
+}
+
+void lookups(const FootprintLanes& footprints, const Sixteen<std::int32_t>& last_level,
+             FootprintLookupsLanes& out) {
+  out.two = out.single = 0;
+  for (std::size_t first = 0; first < kLanes; first += kGroup)
+    lookups_of_group(footprints, last_level, first, out);
+}
+
+// --- places --------------------------------------------------------------------------------------
+
+/// Where along one axis.
+struct Place {
+  IntRegister texel, inside;
+  Doubles at, rest;
+};
+
+inline Place place_along(Doubles at, std::uint32_t size, std::uint32_t level_size) {
+  if (size != level_size) at = (at + 0.5) * static_cast<double>(level_size) / doubles(size) - 0.5;
+  Place out;
+  const Doubles to_zero = doubles_of(truncated(at));
+  const Doubles whole = where_less(at, to_zero, to_zero - 1.0, to_zero);
+  out.at = at;
+  out.texel = truncated(whole);
+  out.rest = at - whole;
+  const Doubles zero = doubles(0), one = doubles(1);
+  out.inside = truncated(where_less(
+                   at, doubles(level_size),
+                   where_less(at, zero, zero, where_less(zero - 1.0, at, one, zero)), zero)) != 0;
+  return out;
+}
+
+void place(const LookupsLanes& set, const LookedUp& in, const Sixteen<double>& middle_x,
+           const Sixteen<double>& middle_y, int a, int b, unsigned lanes, PlacesLanes& out) {
+  out.active = out.outside = 0;
+  for (std::size_t first = 0; first < kLanes; first += kGroup) {
+    const IntRegister count_a = load_ints(set.count_a.data() + first),
+                      count_b = load_ints(set.count_b.data() + first);
+    const IntRegister active =
+        lanes_of(lanes >> first) & (IntRegister)(count_a > a) & (IntRegister)(count_b > b);
+    const Doubles i = static_cast<double>(a) - 0.5 * (doubles_of(count_a) - 1.0),
+                  j = static_cast<double>(b) - 0.5 * (doubles_of(count_b) - 1.0);
+    const auto along = [&](const Sixteen<double>& middle, const Sixteen<double>& step_a,
+                           const Sixteen<double>& step_b) {
+      return load(middle.data() + first) +
+             (i * load(step_a.data() + first) + j * load(step_b.data() + first));
+    };
+    const Place x =
+        place_along(along(middle_x, set.step_ax, set.step_bx), in.width, in.level_width);
+    const Place y =
+        place_along(along(middle_y, set.step_ay, set.step_by), in.height, in.level_height);
+    const IntRegister inside = active & x.inside & y.inside;
+    const IntRegister column = x.texel & inside, row = y.texel & inside;
+    constexpr std::int32_t kShift = 6, kWithin = mesh::kBlockEdge - 1;
+    static_assert(mesh::kBlockEdge == 1 << kShift);
+    constexpr std::int32_t kFirst = store::kApron - 1;  // of the four, in the tile
+    store(out.x.data() + first, x.at);
+    store(out.y.data() + first, y.at);
+    store(out.rest_x.data() + first, x.rest);
+    store(out.rest_y.data() + first, y.rest);
+    store_register(out.tile.data() + first, ((row >> kShift) << 16) | (column >> kShift));
+    store_register(out.offset.data() + first, (((row & kWithin) + kFirst) * store::kColourTileEdge +
+                                               (column & kWithin) + kFirst) *
+                                                  static_cast<std::int32_t>(in.channels));
+    const Doubles is_active = doubles_of(active & 1);
+    store(out.share.data() + first,
+          where_less(doubles(0), is_active, load(set.share.data() + first), doubles(0)));
+    out.active |= bits_of_group(active) << first;
+    out.outside |= bits_of_group(active & ~inside) << first;
+  }
+}
+
+// --- weights -------------------------------------------------------------------------------------
+
+using Four = std::array<IntRegister, 4>;
+
+/// Of a row of four: as keys() in blend.cpp.
+inline Four keys_of(double a, const Doubles& u) {
+  const Doubles rest = 1.0 - u;
+  const auto step = [](const Doubles& w) {
+    return truncated(w * static_cast<double>(kOne) + (kOne + 0.5)) - kOne;
+  };
+  const IntRegister before = step(a * u * rest * rest), after = step(a * u * u * rest);
+  const Doubles half = doubles(0.5);
+  const Doubles x = where_less(u, half, rest, u);
+  const IntRegister nearer = step(((a + 2) * x - (a + 3)) * x * x + 1.0);
+  const IntRegister other = kOne - before - nearer - after;
+  const IntRegister left_is_near =
+      truncated(where_less(u, half, doubles(1), doubles(0))) != 0;  // and gets what is left over
+  return {before, left_is_near ? other : nearer, left_is_near ? nearer : other, after};
+}
+
+/// What the sum takes of the moves of the two in the middle.
+struct Moves {
+  IntRegister first, second;
+};
+
+/// As sharpen_wide(), along one axis.
+inline Moves sharpen(IntRegister by, const Doubles& place, Four& weights) {
+  const Doubles all = doubles_of(by);
+  constexpr double kSteeper = 3;
+  const Doubles share = kSteeper * all * place * (1.0 - place) * (1.0 - 2.0 * place);
+  const IntRegister step =
+      truncated(share + where_less(share, doubles(0), doubles(-0.5), doubles(0.5)));
+  weights[0] -= step;
+  weights[1] += 3 * step;
+  weights[2] -= 3 * step;
+  weights[3] += step;
+  const IntRegister second = truncated(all * place + 0.5);
+  return {by - second, second};
+}
+
+// --- rows of bytes -------------------------------------------------------------------------------
+
+using ShortRegister = std::int16_t __attribute__((vector_size(4 * kGroup)));
+
+#if defined(__AVX512DQ__)
+#define POUNCE_SI(name) _mm512_##name
+#define POUNCE_REGISTER __m512i
+#elif defined(__AVX2__)
+#define POUNCE_SI(name) _mm256_##name
+#define POUNCE_REGISTER __m256i
+#else
+#define POUNCE_SI(name) _mm_##name
+#define POUNCE_REGISTER __m128i
+#endif
+
+/// Products of 16 bits, added in pairs.
+inline IntRegister multiply_add(IntRegister a, IntRegister b) {
+  return (IntRegister)POUNCE_SI(madd_epi16)((POUNCE_REGISTER)a, (POUNCE_REGISTER)b);
+}
+inline ShortRegister lesser(ShortRegister a, ShortRegister b) {
+  return (ShortRegister)POUNCE_SI(min_epi16)((POUNCE_REGISTER)a, (POUNCE_REGISTER)b);
+}
+inline ShortRegister greater(ShortRegister a, ShortRegister b) {
+  return (ShortRegister)POUNCE_SI(max_epi16)((POUNCE_REGISTER)a, (POUNCE_REGISTER)b);
+}
+
+/// Where the runs of a group's lanes begin.
+using Runs = std::array<const std::byte*, kGroup>;
+
+/// Sixteen bytes, or eight, of the lanes `i`, `i` + 4, ...
+template <bool kSixteenBytes>
+inline POUNCE_REGISTER load_runs(const Runs& runs, std::size_t i, std::ptrdiff_t at) {
+  const auto one = [&](std::size_t lane) {
+    const auto* from = reinterpret_cast<const __m128i*>(runs[lane] + at);
+    return kSixteenBytes ? _mm_loadu_si128(from) : _mm_loadl_epi64(from);
+  };
+#if defined(__AVX512DQ__)
+  __m512i out = _mm512_castsi128_si512(one(i));
+  out = _mm512_inserti32x4(out, one(i + 4), 1);
+  out = _mm512_inserti32x4(out, one(i + 8), 2);
+  return _mm512_inserti32x4(out, one(i + 12), 3);
+#elif defined(__AVX2__)
+  return _mm256_inserti128_si256(_mm256_castsi128_si256(one(i)), one(i + 4), 1);
+#else
+  return one(i);
+#endif
+}
+
+/// The words of the runs, by lanes.
+inline std::array<IntRegister, 4> turned(POUNCE_REGISTER a, POUNCE_REGISTER b, POUNCE_REGISTER c,
+                                         POUNCE_REGISTER d) {
+  const POUNCE_REGISTER ab = POUNCE_SI(unpacklo_epi32)(a, b), cd = POUNCE_SI(unpacklo_epi32)(c, d),
+                        ab2 = POUNCE_SI(unpackhi_epi32)(a, b),
+                        cd2 = POUNCE_SI(unpackhi_epi32)(c, d);
+  return {(IntRegister)POUNCE_SI(unpacklo_epi64)(ab, cd),
+          (IntRegister)POUNCE_SI(unpackhi_epi64)(ab, cd),
+          (IntRegister)POUNCE_SI(unpacklo_epi64)(ab2, cd2),
+          (IntRegister)POUNCE_SI(unpackhi_epi64)(ab2, cd2)};
+}
+
+/// Four texels of a row of one channel, as integers of 16 bits: the first and the second, the third
+/// and the fourth.
+struct Pairs {
+  IntRegister first, second;
+};
+
+/// Byte `a` of one word and byte `b` of another.
+template <int kA, int kB>
+inline IntRegister pair(IntRegister a, IntRegister b) {
+  const auto ua = (UintRegister)a, ub = (UintRegister)b;
+  const UintRegister low = ua >> (8 * kA) & 0xFFU;
+  const UintRegister high = kB < 2 ? ub << (16 - 8 * kB) : ub >> (8 * kB - 16);
+  return (IntRegister)(low | (high & 0xFF0000U));
+}
+
+template <std::size_t kChannels>
+inline std::array<Pairs, kChannels> load_row(const Runs& runs, std::ptrdiff_t at, bool is_last) {
+  if constexpr (kChannels == 1) {
+    IntRegister word;
+    for (std::size_t lane = 0; lane < kGroup; ++lane) {
+      std::int32_t v;
+      std::memcpy(&v, runs[lane] + at, sizeof v);
+      word[lane] = v;
+    }
+    return {{{pair<0, 1>(word, word), pair<2, 3>(word, word)}}};
+  } else if constexpr (kChannels == 2) {
+    const auto words = turned(load_runs<false>(runs, 0, at), load_runs<false>(runs, 1, at),
+                              load_runs<false>(runs, 2, at), load_runs<false>(runs, 3, at));
+    return {{{pair<0, 2>(words[0], words[0]), pair<0, 2>(words[1], words[1])},
+             {pair<1, 3>(words[0], words[0]), pair<1, 3>(words[1], words[1])}}};
+  } else {
+    // Three channels are twelve bytes: what is loaded beside them lies behind, but of the last row,
+    // which may be the end of the tile, before.
+    constexpr std::ptrdiff_t kBefore = kChannels == 3 ? 4 : 0;
+    const auto load = [&](std::size_t i) {
+      return load_runs<true>(runs, i, is_last ? at - kBefore : at);
+    };
+    POUNCE_REGISTER a = load(0), b = load(1), c = load(2), d = load(3);
+#if defined(__AVX2__)
+    // Bytes 0, 2, 1, 3 of each channel become a word.
+    const auto order = [&](int skipped) {
+      const auto of = [&](int channel) {
+        constexpr int kC = static_cast<int>(kChannels);
+        const int i = channel + skipped;
+        return channel >= kC ? -1 : i | (i + 2 * kC) << 8 | (i + kC) << 16 | (i + 3 * kC) << 24;
+      };
+      return _mm_setr_epi32(of(0), of(1), of(2), of(3));
+    };
+    const __m128i one = is_last ? order(kBefore) : order(0);
+#if defined(__AVX512DQ__)
+    const __m512i by = _mm512_broadcast_i32x4(one);
+#else
+    const __m256i by = _mm256_broadcastsi128_si256(one);
+#endif
+    const auto words = turned(POUNCE_SI(shuffle_epi8)(a, by), POUNCE_SI(shuffle_epi8)(b, by),
+                              POUNCE_SI(shuffle_epi8)(c, by), POUNCE_SI(shuffle_epi8)(d, by));
+    std::array<Pairs, kChannels> out;
+    for (std::size_t channel = 0; channel < kChannels; ++channel) {
+      const IntRegister word = words[channel];
+      out[channel] = {word & 0xFF00FF, (IntRegister)((UintRegister)word >> 8) & 0xFF00FF};
+    }
+    return out;
+#else
+    if (is_last && kBefore != 0) {
+      a = _mm_srli_si128(a, kBefore);
+      b = _mm_srli_si128(b, kBefore);
+      c = _mm_srli_si128(c, kBefore);
+      d = _mm_srli_si128(d, kBefore);
+    }
+    const auto w = turned(a, b, c, d);
+    if constexpr (kChannels == 3) {
+      return {{{pair<0, 3>(w[0], w[0]), pair<2, 1>(w[1], w[2])},
+               {pair<1, 0>(w[0], w[1]), pair<3, 2>(w[1], w[2])},
+               {pair<2, 1>(w[0], w[1]), pair<0, 3>(w[2], w[2])}}};
+    } else {
+      return {{{pair<0, 0>(w[0], w[1]), pair<0, 0>(w[2], w[3])},
+               {pair<1, 1>(w[0], w[1]), pair<1, 1>(w[2], w[3])},
+               {pair<2, 2>(w[0], w[1]), pair<2, 2>(w[2], w[3])},
+               {pair<3, 3>(w[0], w[1]), pair<3, 3>(w[2], w[3])}}};
+    }
+#endif
+  }
+}
+
+// --- sums ----------------------------------------------------------------------------------------
+
+/// Weights of a row, in parts that fit 16 bits: high x 64 + low.
+struct RowWeights {
+  explicit RowWeights(const Four& w)
+      : high{pair_of(w[0] >> 6, w[1] >> 6), pair_of(w[2] >> 6, w[3] >> 6)},
+        low{pair_of(w[0] & 63, w[1] & 63), pair_of(w[2] & 63, w[3] & 63)} {}
+  IntRegister sum(const Pairs& texels) const {
+    const IntRegister coarse =
+        multiply_add(texels.first, high.first) + multiply_add(texels.second, high.second);
+    return coarse * 64 + multiply_add(texels.first, low.first) +
+           multiply_add(texels.second, low.second);
+  }
+
+ private:
+  static IntRegister pair_of(IntRegister a, IntRegister b) { return (a & 0xFFFF) | b << 16; }
+  Pairs high, low;
+};
+
+template <class T>
+inline T kept(const T& sum, const T& a, const T& b) {
+  return lesser(greater(sum, lesser(a, b)), greater(a, b));
+}
+
+/// As kept_sum() of a row.
+inline IntRegister row_sum(const RowWeights& weights, const Pairs& texels) {
+  const auto left = (IntRegister)((UintRegister)texels.first >> 16);
+  const IntRegister right = texels.second & 0xFFFF;
+  return kept(weights.sum(texels), left << 20, right << 20);
+}
+
+/// As sharpened_sum() of a row.
+inline IntRegister row_sum(const RowWeights& weights, const Moves& moves, const Pairs& texels) {
+  const auto left = (IntRegister)((UintRegister)texels.first >> 16);
+  const IntRegister right = texels.second & 0xFFFF;
+  const auto own = (ShortRegister)(left | right << 16);
+  const ShortRegister to = own - (ShortRegister)texels.first,
+                      from = (ShortRegister)texels.second - own;
+  const ShortRegister room = lesser(own, 255 - own);
+  const ShortRegister step = lesser(greater(to, -to), greater(from, -from));
+  const ShortRegister most = lesser(step * 12, room * 24);
+  const auto bends = (IntRegister)lesser(greater(to - from, -most), most);
+  const IntRegister bend_left = bends << 16 >> 16, bend_right = bends >> 16;
+  const IntRegister whole = moves.first + moves.second;
+  return kept(weights.sum(texels) + moves.first * bend_left + moves.second * bend_right,
+              (left << 20) + whole * bend_left, (right << 20) + whole * bend_right);
+}
+
+using Rows = std::array<IntRegister, 4>;
+using RowShares = std::array<Doubles, 4>;
+
+inline Doubles weighted_rows(const RowShares& shares, const Rows& rows) {
+  Doubles sum = shares[0] * doubles_of(rows[0]);
+  for (std::size_t i = 1; i < 4; ++i) sum = sum + shares[i] * doubles_of(rows[i]);
+  return sum;
+}
+
+/// As kept_sum() of rows.
+inline Doubles column_sum(const RowShares& shares, const Rows& rows) {
+  const Doubles least = doubles_of(lesser(rows[1], rows[2])),
+                most = doubles_of(greater(rows[1], rows[2]));
+  constexpr double kScale = kOne;
+  return lesser(greater(weighted_rows(shares, rows), least * kScale), most * kScale);
+}
+
+/// As bend() of rows.
+inline Doubles bend_of(const Doubles& row, const Doubles& to, const Doubles& from) {
+  constexpr double kMost = 255.0 * kOne;
+  const Doubles room = lesser(row, kMost - row);
+  const Doubles most = lesser(12.0 * lesser(absolute(to), absolute(from)), 24.0 * room);
+  return lesser(greater(to - from, 0.0 - most), most);
+}
+
+/// As sharpened_sum() of rows.
+inline Doubles column_sum(const RowShares& shares, const Moves& moves, const Rows& rows) {
+  const Doubles left = doubles_of(rows[1]), right = doubles_of(rows[2]);
+  const Doubles between = right - left;
+  const Doubles bend_left = bend_of(left, left - doubles_of(rows[0]), between),
+                bend_right = bend_of(right, between, doubles_of(rows[3]) - right);
+  const Doubles whole = doubles_of(moves.first + moves.second);
+  constexpr double kScale = kOne;
+  const Doubles sum = weighted_rows(shares, rows) + doubles_of(moves.first) * bend_left +
+                      doubles_of(moves.second) * bend_right;
+  return kept(sum, left * kScale + whole * bend_left, right * kScale + whole * bend_right);
+}
+
+/// One lookup of the group from lane `first` on: sums by channel, in steps of 2^-40.
+template <std::size_t kChannels, bool kSharpened>
+[[gnu::always_inline]] inline std::array<Doubles, kChannels> sums_u8(
+    const std::byte* tile, const PlacesLanes& places, double a, std::size_t first,
+    const FootprintLookupsLanes* sharpening) {
+  Runs runs;
+  for (std::size_t lane = 0; lane < kGroup; ++lane) runs[lane] = tile + places.offset[first + lane];
+  const Doubles u = load(places.rest_x.data() + first), v = load(places.rest_y.data() + first);
+  Four across = keys_of(a, u), down = keys_of(a, v);
+  Moves move_across{}, move_down{};
+  if constexpr (kSharpened) {
+    move_across = sharpen(load_ints(sharpening->across.data() + first), u, across);
+    move_down = sharpen(load_ints(sharpening->down.data() + first), v, down);
+  }
+  const RowWeights weights(across);
+  std::array<Rows, kChannels> rows;
+  for (std::size_t y = 0; y < 4; ++y) {
+    const auto texels = load_row<kChannels>(
+        runs, static_cast<std::ptrdiff_t>(y * store::kColourTileEdge * kChannels), y == 3);
+    for (std::size_t c = 0; c < kChannels; ++c) {
+      rows[c][y] =
+          kSharpened ? row_sum(weights, move_across, texels[c]) : row_sum(weights, texels[c]);
+    }
+  }
+  RowShares shares;
+  for (std::size_t y = 0; y < 4; ++y) shares[y] = doubles_of(down[y]);
+  std::array<Doubles, kChannels> out;
+  for (std::size_t c = 0; c < kChannels; ++c)
+    out[c] = kSharpened ? column_sum(shares, move_down, rows[c]) : column_sum(shares, rows[c]);
+  return out;
+}
+
+constexpr double kPerSquare = 1.0 / (static_cast<double>(kOne) * kOne);
+
+template <std::size_t kChannels, bool kSharpened>
+void add_sums_u8(const std::byte* tile, const PlacesLanes& places, const Sixteen<double>& share,
+                 double keys, const FootprintLookupsLanes* sharpening, MeansLanes& means) {
+  for (std::size_t first = 0; first < kLanes; first += kGroup) {
+    const auto sums = sums_u8<kChannels, kSharpened>(tile, places, keys, first, sharpening);
+    const Doubles by = load(share.data() + first);
+    for (std::size_t c = 0; c < kChannels; ++c) {
+      double* const mean = means[c].data() + first;
+      store(mean, load(mean) + by * (sums[c] * kPerSquare / 255.0));
+    }
+  }
+}
+
+template <std::size_t kChannels>
+void add_u8(const std::byte* tile, const PlacesLanes& places, const Sixteen<double>& share,
+            double keys, const FootprintLookupsLanes* sharpening, MeansLanes& means) {
+  (sharpening != nullptr
+       ? add_sums_u8<kChannels, true>
+       : add_sums_u8<kChannels, false>)(tile, places, share, keys, sharpening, means);
+}
+
+template <std::size_t kChannels, bool kSharpened>
+void round_sums_u8(const std::byte* tile, const PlacesLanes& places, double keys,
+                   const FootprintLookupsLanes* sharpening, Sixteen<std::uint32_t>& texels) {
+  for (std::size_t first = 0; first < kLanes; first += kGroup) {
+    const auto sums = sums_u8<kChannels, kSharpened>(tile, places, keys, first, sharpening);
+    IntRegister texel{};
+    for (std::size_t c = 0; c < kChannels; ++c)
+      texel |= truncated(sums[c] * kPerSquare + 0.5) << static_cast<int>(8 * c);
+    store_register(texels.data() + first, texel);
+  }
+}
+
+template <std::size_t kChannels>
+void round_u8(const std::byte* tile, const PlacesLanes& places, double keys,
+              const FootprintLookupsLanes* sharpening, Sixteen<std::uint32_t>& texels) {
+  (sharpening != nullptr ? round_sums_u8<kChannels, true>
+                         : round_sums_u8<kChannels, false>)(tile, places, keys, sharpening, texels);
+}
+
+void round_means(const MeansLanes& means, std::size_t channels, Sixteen<std::uint32_t>& texels) {
+  for (std::size_t first = 0; first < kLanes; first += kGroup) {
+    IntRegister texel{};
+    for (std::size_t c = 0; c < channels; ++c) {
+      const Doubles mean = load(means[c].data() + first);
+      const Doubles clamped = lesser(greater(mean, doubles(0)), doubles(1));
+      texel |= truncated(clamped * 255.0 + 0.5) << static_cast<int>(8 * c);
+    }
+    store_register(texels.data() + first, texel);
+  }
+}
+
+}  // namespace
+
+extern const BlendLanes kBlendLanes;
+const BlendLanes kBlendLanes{POUNCE_ISA_NAME, lookups,
+                             place,           {add_u8<1>, add_u8<2>, add_u8<3>, add_u8<4>},
+                             round_means,     {round_u8<1>, round_u8<2>, round_u8<3>, round_u8<4>}};
+
+}  // namespace pounce::projection::POUNCE_ISA_NAMESPACE
+#undef POUNCE_SI
+#undef POUNCE_REGISTER

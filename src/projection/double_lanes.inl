@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// As many lanes of doubles as a register holds 32-bit integers, in two registers. Kernels that need
+// doubles go through sixteen lanes in groups of that many, so that a group stays in registers.
+// Included after lanes.inl.
+
+constexpr std::size_t kGroup = kWidth;  // lanes of a group
+constexpr std::size_t kGroups = kLanes / kGroup;
+constexpr std::size_t kHalf = kGroup / 2;
+
+using DoubleRegister = double __attribute__((vector_size(8 * kHalf)));
+using UintRegister = std::uint32_t __attribute__((vector_size(4 * kGroup)));
+
+struct Doubles {
+  DoubleRegister low, high;
+};
+
+inline Doubles doubles(double value) {
+  const DoubleRegister all = DoubleRegister{} + value;
+  return {all, all};
+}
+
+#define POUNCE_ARITHMETIC(op)                                                        \
+  inline Doubles operator op(const Doubles& a, const Doubles& b) {                   \
+    return {a.low op b.low, a.high op b.high};                                       \
+  }                                                                                  \
+  inline Doubles operator op(double a, const Doubles& b) { return doubles(a) op b; } \
+  inline Doubles operator op(const Doubles& a, double b) { return a op doubles(b); }
+POUNCE_ARITHMETIC(+)
+POUNCE_ARITHMETIC(-)
+POUNCE_ARITHMETIC(*)
+POUNCE_ARITHMETIC(/)
+#undef POUNCE_ARITHMETIC
+
+inline Doubles load(const double* at) {
+  Doubles out;
+  std::memcpy(&out, at, sizeof out);
+  return out;
+}
+inline void store(double* at, const Doubles& value) { std::memcpy(at, &value, sizeof value); }
+inline IntRegister load_ints(const std::int32_t* at) {
+  IntRegister out;
+  std::memcpy(&out, at, sizeof out);
+  return out;
+}
+template <class T, class Register>
+inline void store_register(T* at, Register value) {
+  static_assert(sizeof(T) == 4 && sizeof value == sizeof(T) * kGroup);
+  std::memcpy(at, &value, sizeof value);
+}
+
+/// a < b ? x : y
+inline Doubles where_less(const Doubles& a, const Doubles& b, const Doubles& x, const Doubles& y) {
+  return {a.low < b.low ? x.low : y.low, a.high < b.high ? x.high : y.high};
+}
+
+// Instructions that the compiler does not find by itself. lesser() is a < b ? a : b, greater()
+// a > b ? a : b: of two zeros, and where one is no number, b.
+#if defined(__AVX512DQ__)
+#define POUNCE_PD(name) _mm512_##name
+#define POUNCE_RD __m512d
+#elif defined(__AVX2__)
+#define POUNCE_PD(name) _mm256_##name
+#define POUNCE_RD __m256d
+#else
+#define POUNCE_PD(name) _mm_##name
+#define POUNCE_RD __m128d
+#endif
+inline DoubleRegister lesser(DoubleRegister a, DoubleRegister b) {
+  return (DoubleRegister)POUNCE_PD(min_pd)((POUNCE_RD)a, (POUNCE_RD)b);
+}
+inline DoubleRegister greater(DoubleRegister a, DoubleRegister b) {
+  return (DoubleRegister)POUNCE_PD(max_pd)((POUNCE_RD)a, (POUNCE_RD)b);
+}
+inline Doubles lesser(const Doubles& a, const Doubles& b) {
+  return {lesser(a.low, b.low), lesser(a.high, b.high)};
+}
+inline Doubles greater(const Doubles& a, const Doubles& b) {
+  return {greater(a.low, b.low), greater(a.high, b.high)};
+}
+inline Doubles square_root(const Doubles& a) {
+  return {(DoubleRegister)POUNCE_PD(sqrt_pd)((POUNCE_RD)a.low),
+          (DoubleRegister)POUNCE_PD(sqrt_pd)((POUNCE_RD)a.high)};
+}
+#undef POUNCE_PD
+#undef POUNCE_RD
+inline Doubles absolute(const Doubles& a) { return greater(a, 0.0 - a); }
+
+#if defined(__AVX512DQ__)
+/// Towards zero; values that do not fit become some number.
+inline IntRegister truncated(const Doubles& a) {
+  const __m256i low = _mm512_cvttpd_epi32((__m512d)a.low),
+                high = _mm512_cvttpd_epi32((__m512d)a.high);
+  return (IntRegister)_mm512_inserti64x4(_mm512_castsi256_si512(low), high, 1);
+}
+inline Doubles doubles_of(IntRegister a) {
+  return {(DoubleRegister)_mm512_cvtepi32_pd(_mm512_castsi512_si256((__m512i)a)),
+          (DoubleRegister)_mm512_cvtepi32_pd(_mm512_extracti64x4_epi64((__m512i)a, 1))};
+}
+inline IntRegister lesser(IntRegister a, IntRegister b) {
+  return (IntRegister)_mm512_min_epi32((__m512i)a, (__m512i)b);
+}
+inline IntRegister greater(IntRegister a, IntRegister b) {
+  return (IntRegister)_mm512_max_epi32((__m512i)a, (__m512i)b);
+}
+#elif defined(__AVX2__)
+inline IntRegister truncated(const Doubles& a) {
+  const __m128i low = _mm256_cvttpd_epi32((__m256d)a.low),
+                high = _mm256_cvttpd_epi32((__m256d)a.high);
+  return (IntRegister)_mm256_inserti128_si256(_mm256_castsi128_si256(low), high, 1);
+}
+inline Doubles doubles_of(IntRegister a) {
+  return {(DoubleRegister)_mm256_cvtepi32_pd(_mm256_castsi256_si128((__m256i)a)),
+          (DoubleRegister)_mm256_cvtepi32_pd(_mm256_extracti128_si256((__m256i)a, 1))};
+}
+inline IntRegister lesser(IntRegister a, IntRegister b) {
+  return (IntRegister)_mm256_min_epi32((__m256i)a, (__m256i)b);
+}
+inline IntRegister greater(IntRegister a, IntRegister b) {
+  return (IntRegister)_mm256_max_epi32((__m256i)a, (__m256i)b);
+}
+#else
+inline IntRegister truncated(const Doubles& a) {
+  return (IntRegister)_mm_unpacklo_epi64(_mm_cvttpd_epi32((__m128d)a.low),
+                                         _mm_cvttpd_epi32((__m128d)a.high));
+}
+inline Doubles doubles_of(IntRegister a) {
+  return {(DoubleRegister)_mm_cvtepi32_pd((__m128i)a),
+          (DoubleRegister)_mm_cvtepi32_pd(_mm_unpackhi_epi64((__m128i)a, (__m128i)a))};
+}
+inline IntRegister lesser(IntRegister a, IntRegister b) { return a < b ? a : b; }
+inline IntRegister greater(IntRegister a, IntRegister b) { return a > b ? a : b; }
+#endif
+
+/// One bit per lane whose integer is not zero.
+inline unsigned bits_of_group(IntRegister mask) {
+  unsigned out = 0;
+#if defined(__AVX512DQ__)
+  out = _mm512_test_epi32_mask((__m512i)mask, (__m512i)mask);
+#elif defined(__AVX2__)
+  out = static_cast<unsigned>(_mm256_movemask_ps((__m256)(IntRegister)(mask != 0)));
+#else
+  out = static_cast<unsigned>(_mm_movemask_ps((__m128)(IntRegister)(mask != 0)));
+#endif
+  return out;
+}
+/// All bits of the lanes whose bit is set, from the lowest on.
+inline IntRegister lanes_of(unsigned bits) {
+  IntRegister lane;
+  for (std::size_t i = 0; i < kGroup; ++i) lane[i] = 1 << i;
+  return ((IntRegister{} + static_cast<std::int32_t>(bits)) & lane) != 0;
+}
