@@ -10,7 +10,8 @@
 //   w1 = g1 . d, w2 = g2 . d          barycentrics of corners 1 and 2
 //   outside = |d - inside(w1, w2)|    inside() clamps the barycentrics into the triangle
 //   s + s1 w1 + s2 w2                 the surface's normal there, which must face the texel's
-//   |t| + outside                     the winner has the least (key of this, triangle)
+//   |t| + outside                     the winner has the least (key of this, triangle); beside a
+//                                     triangle it counts as a little more
 //
 // A hit counts while its key is below that of the distance limit: the winner of a texel is the same
 // for every limit that lets anything through.
@@ -30,6 +31,11 @@ namespace pounce::projection::POUNCE_ISA_NAMESPACE {
 namespace {
 
 #include "projection/lanes.inl"
+
+/// A hit outside its triangle by more steps than this gives way to one that is inside and farther
+/// away by so many (docs/decisions/041): on an edge rounding must not choose the triangle, whose
+/// footprint the texel is averaged over.
+constexpr float kBesideSteps = 0.25F, kBesideCosts = 4;
 
 /// Where a packet's rays meet a facet's plane.
 struct Meeting {
@@ -127,7 +133,9 @@ void hit(const source::Facet& f, const TexelPacket& packet, const SearchLimits& 
   const Floats oy = at.dy - (f.e1[1] * in.c1 + f.e2[1] * in.c2);
   const Floats oz = at.dz - (f.e1[2] * in.c1 + f.e2[2] * in.c2);
   const Floats outside = square_root(ox * ox + oy * oy + oz * oz);
-  const Ints key = bits_of(distance + outside + packet.coarseness);
+  const float step = target::step_of(packet);
+  const Floats beside = select(outside > kBesideSteps * step, all(kBesideCosts * step), all(0.0F));
+  const Ints key = bits_of(distance + (outside + beside) + packet.coarseness);
   const Ints old_key = load(best.key);
   Ints better =
       ok & (outside <= f.tolerance) &

@@ -295,4 +295,63 @@ TEST_CASE("leaning normals agree with the brute force on another triangulation",
   CHECK(wrong == 0);
 }
 
+TEST_CASE("texels near an edge are averaged over their own triangle", "[flow]") {
+  // Columns of squares as wide as each other in the image, and by turns 1 and 4 wide in space. They
+  // stand 1500 from the origin, where single precision knows a texel to .02 of its edge. Who takes
+  // a texel of a wide column for a narrow one's takes four texels' mean.
+  const std::uint32_t size = 256;
+  constexpr std::uint32_t kColumns = 44, kRows = 40;
+  const TempFolder folder;
+  GltfBuilder file;
+  std::vector<float> positions, normals, uvs;
+  std::vector<std::uint32_t> narrow, wide;
+  for (std::uint32_t column = 0; column < kColumns; ++column) {
+    const bool is_narrow = column % 2 == 0;
+    const double left = column / 2 * 1.25 + (is_narrow ? 0 : 0.25), width = is_narrow ? 0.25 : 1;
+    const double middle = column < kColumns / 2 ? -1500 : 1500;
+    const auto first = static_cast<std::uint32_t>(positions.size() / 3);
+    for (std::uint32_t y = 0; y <= kRows; ++y) {
+      for (const double side : {0.0, 1.0}) {
+        const double x = middle + 5.37 / size * (left + side * width);
+        for (const double v : {x, 5.91 / size * y, 0.0}) positions.push_back(static_cast<float>(v));
+        for (const float n : {0.0F, 0.0F, 1.0F}) normals.push_back(n);
+        uvs.push_back(static_cast<float>((3 + 5.37 * (column + side)) / size));
+        uvs.push_back(static_cast<float>((3 + 5.91 * (kRows - y)) / size));
+      }
+    }
+    std::vector<std::uint32_t>& triangles = is_narrow ? narrow : wide;
+    for (std::uint32_t a = first; a < first + 2 * kRows; a += 2)
+      triangles.insert(triangles.end(), {a, a + 1, a + 3, a, a + 3, a + 2});
+  }
+  const auto first_wide = static_cast<std::int32_t>(narrow.size() / 3);
+  narrow.insert(narrow.end(), wide.begin(), wide.end());
+  const int p = file.add<float>(positions, "VEC3"), n = file.add<float>(normals, "VEC3"),
+            t = file.add<float>(uvs, "VEC2");
+  file.primitive({{"POSITION", p}, {"NORMAL", n}, {"TEXCOORD_0", t}},
+                 file.add(narrow, "SCALAR"))["material"] = textured_material(file, "waves.png");
+  write_picture(folder.file("waves.png"), size, [](std::uint32_t x, std::uint32_t y) {
+    return std::array{0.5 + 0.4 * std::sin(x * 0.9), 0.5 + 0.4 * std::sin(y * 0.9), 0.5};
+  });
+  const std::string path = file.write_glb(folder.file("columns.glb"));
+  const auto options = onto_itself(path, folder, size);
+  transfer(options);
+  const WholeImage out = read_whole_image(options.output);
+  const Reference reference(options, Channel::base_color, 3, false);
+  std::size_t wrong = 0, seen = 0;
+  double worst = 0;
+  for (std::size_t i = 0; i < reference.raster().owner.size(); ++i) {
+    if (!reference.raster().covered(i) || reference.raster().owner[i] < first_wide) continue;
+    ++seen;
+    std::array<double, 3> own{};
+    reference.own(i, own.data());
+    double error = 0;
+    for (std::size_t c = 0; c < 3; ++c) error = std::max(error, std::abs(out.at(i, c) - own[c]));
+    wrong += error > 8.0 / 255 ? 1 : 0;
+    worst = std::max(worst, error);
+  }
+  CAPTURE(worst * 255, seen);
+  CHECK(seen > 20000);
+  CHECK(wrong == 0);
+}
+
 }  // namespace pounce::test
