@@ -14,6 +14,7 @@
 #include "commands/inspect_splats.h"
 #include "core/file.h"
 #include "core/hash.h"
+#include "core/origin.h"
 #include "core/own_errors.h"
 #include "core/system_memory.h"
 #include "io/files/file_ending.h"
@@ -27,6 +28,19 @@ namespace pounce {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+/// One at map coordinates is read again from where single precision is fine enough.
+Json describe_mesh(const std::string& path, bool allow_external) {
+  mesh::Mesh mesh = io::read_mesh(path, {allow_external, {}});
+  Box3f box;
+  for (const Vec3f& position : mesh.positions) box.extend(position);
+  const Vec3d origin = origin_for(box);
+  if (origin != Vec3d{}) {
+    mesh = {};
+    mesh = io::read_mesh(path, {allow_external, {}, false, true, origin});
+  }
+  return commands::describe(mesh, origin);
+}
 
 enum class FileType { mesh, splats, image, pack };
 
@@ -172,7 +186,7 @@ Json describe_file(const std::string& path, bool allow_external) {
     case FileType::mesh:
       json["type"] = "mesh";
       require_memory(path, allow_external);
-      json.update(commands::describe(io::read_mesh(path, {allow_external, {}})));
+      json.update(describe_mesh(path, allow_external));
       add_job(path, json);
       break;
     case FileType::splats:

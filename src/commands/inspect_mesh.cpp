@@ -23,6 +23,14 @@ using Json = nlohmann::ordered_json;
 
 Json vector_json(Vec3f v) { return {io::shortest(v.x), io::shortest(v.y), io::shortest(v.z)}; }
 
+/// With the origin, as far as single precision knows where they are from there.
+Json vector_json(Vec3f v, Vec3d origin) {
+  if (origin == Vec3d{}) return vector_json(v);
+  const auto rounded = [](double value) { return std::round(value * 1e6) / 1e6; };
+  const Vec3d whole = Vec3d(v) + origin;
+  return {rounded(whole.x), rounded(whole.y), rounded(whole.z)};
+}
+
 const char* wrap_name(mesh::Wrap wrap) {
   switch (wrap) {
     case mesh::Wrap::repeat:
@@ -262,11 +270,12 @@ std::string factors_text(const Json& factors) {
 
 }  // namespace
 
-Json describe(const mesh::Mesh& mesh) {
+Json describe(const mesh::Mesh& mesh, Vec3d origin) {
   Box3f box;
   for (const Vec3f& position : mesh.positions) box.extend(position);
   Json json{{"triangles", mesh.triangles.size()}, {"vertices", mesh.positions.size()}};
-  if (!box.empty()) json["box"] = {{"lo", vector_json(box.lo)}, {"hi", vector_json(box.hi)}};
+  if (!box.empty())
+    json["box"] = {{"lo", vector_json(box.lo, origin)}, {"hi", vector_json(box.hi, origin)}};
   json["parts"] = parts_json(mesh);
   json["vertex_colours"] = mesh.has_vertex_colours;
   json["uv_sets"] = uv_sets_json(mesh);

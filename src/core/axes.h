@@ -23,6 +23,14 @@ struct Axes {
     const auto axis = [&](std::size_t i) { return sign[i] < 0 ? -old[from[i]] : old[from[i]]; };
     return {axis(0), axis(1), axis(2)};
   }
+  /// The other way round.
+  template <class T>
+  Vec3<T> undo(Vec3<T> v) const {
+    const std::array<T, 3> now{v.x, v.y, v.z};
+    std::array<T, 3> old{};
+    for (std::size_t i = 0; i < 3; ++i) old[from[i]] = sign[i] < 0 ? -now[i] : now[i];
+    return {old[0], old[1], old[2]};
+  }
   /// An ellipsoid: standard deviations along the columns of the matrix of a unit quaternion w, x,
   /// y, z. Exact: P R P^T has the quaternion's vector part moved like a pseudovector, and its
   /// columns change places as the axes do.

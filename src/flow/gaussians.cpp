@@ -118,7 +118,12 @@ class MeshJob {
     job_.meter.begin("read mesh", 1, "meshes", kAfterReading);
     require_early(job_, {reading_bytes(), "reading " + options_.source});
     const TransferOptions transfer = as_transfer(options_);
-    mesh_ = load_mesh(options_.source, transfer.source_use, "source", options_.allow_external);
+    PlacedMesh placed =
+        place_mesh(options_.source, transfer.source_use, "source", options_.allow_external);
+    mesh_ = std::move(placed.mesh);
+    file_.facts.origin = placed.origin;
+    if (placed.origin != Vec3d{})
+      job_.report.notes.push_back(origin_note(options_.source, placed.origin));
     refuse_scene_options(options_);  // now that it is known to be a mesh
     plan_ = plan_source(transfer, mesh_, false);
     plan_.passes.front().source.exact = true;  // each of its texels is one

@@ -6,7 +6,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
+#include "core/origin.h"
 #include "io/read_mesh.h"
 #include "mesh/orient.h"
 #include "mesh/select.h"
@@ -57,16 +60,17 @@ void drop_white(std::vector<Vec4f>& colours) {
 }  // namespace
 
 mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,
-                     bool allow_external, bool keep_rest) {
+                     bool allow_external, Vec3d origin, bool keep_rest) {
   const bool is_source = side == "source";
-  mesh::Mesh mesh =
-      io::read_mesh(path, {allow_external, is_source ? use.uv_set : std::nullopt, true, is_source});
+  const Axes axes = axes_of(use, side);
+  mesh::Mesh mesh = io::read_mesh(path, {allow_external, is_source ? use.uv_set : std::nullopt,
+                                         true, is_source, axes.undo(origin)});
   drop_white(mesh.colours);
   if (!is_source) {  // what matters of a target's is that a renderer shows them
     mesh.has_vertex_colours = !mesh.colours.empty();
     mesh.colours = {};
   }
-  mesh::orient(mesh, axes_of(use, side));
+  mesh::orient(mesh, axes);
   mesh::select(mesh, {use.meshes, use.materials}, side, keep_rest);
   if (use.uv_set && *use.uv_set >= mesh.uv_sets.size()) {
     const std::size_t count = mesh.uv_sets.size();
@@ -78,6 +82,90 @@ mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::str
                                          : fmt::format(", numbers 0 to {}", count - 1)));
   }
   return mesh;
+}
+
+Box3f box_of(const mesh::Mesh& mesh) {
+  Box3f box;
+  for (const auto& triangle : mesh.triangles) {
+    for (const std::uint32_t v : triangle) box.extend(mesh.positions[v]);
+  }
+  return box;
+}
+
+namespace {
+
+double largest(Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
+
+/// The value of the last binary digit that is not 0.
+double last_digit(double value) {
+  int exponent = 0;
+  auto digits = static_cast<std::int64_t>(std::ldexp(std::frexp(value, &exponent), 53));
+  return std::ldexp(static_cast<double>(digits & -digits), exponent - 53);
+}
+
+/// The power of two that all positions are multiples of along the axis in which that is largest.
+double step_of(const mesh::Mesh& mesh, Vec3d origin) {
+  double step = 0;
+  for (const auto axis : {0, 1, 2}) {
+    double along = std::numeric_limits<double>::infinity();
+    for (const Vec3f& p : mesh.positions) {
+      const float local = axis == 0 ? p.x : axis == 1 ? p.y : p.z;
+      if (local != 0) along = std::min(along, last_digit(local));
+    }
+    // Whole numbers may well be meant; what single precision makes is its last place.
+    const double from = axis == 0 ? origin.x : axis == 1 ? origin.y : origin.z;
+    const double last_place = std::abs(from) * double{std::numeric_limits<float>::epsilon()};
+    if (along <= last_place) step = std::max(step, along);
+  }
+  return step;
+}
+
+}  // namespace
+
+PlacedMesh place_mesh(const std::string& path, const MeshUse& use, const std::string& side,
+                      bool allow_external) {
+  PlacedMesh placed{load_mesh(path, use, side, allow_external), {}};
+  placed.origin = origin_for(box_of(placed.mesh));
+  if (placed.origin == Vec3d{}) return placed;
+  placed.mesh = {};  // the second one takes its memory
+  placed.mesh = load_mesh(path, use, side, allow_external, placed.origin);
+  return placed;
+}
+
+std::string origin_note(const std::string& path, Vec3d origin) {
+  if (origin == Vec3d{}) return "";
+  return fmt::format(
+      "{}: is far from 0 for its size, as at map coordinates; positions are processed relative to "
+      "({} {} {}) and written in the file's coordinates",
+      path, origin.x, origin.y, origin.z);
+}
+
+std::string positions_note(Vec3d origin, Depth depth) {
+  if (origin == Vec3d{}) return "";
+  int exponent = 0;
+  std::frexp(largest(origin), &exponent);
+  const bool is_half = depth == Depth::half;
+  return fmt::format("position: {} hold these coordinates in steps of {:g}",
+                     is_half ? "half floats" : "floats",
+                     std::ldexp(1.0, exponent - (is_half ? 11 : 24)));
+}
+
+std::string coarse_positions(const mesh::Mesh& mesh, Vec3d origin, ImageSize size) {
+  constexpr std::size_t kEnough = 64;  // of vertices, to tell single precision from a plan
+  if (origin == Vec3d{} || mesh.positions.size() < kEnough) return "";
+  double area = 0;
+  for (const auto& t : mesh.triangles) {
+    const Vec3d a(mesh.positions[t[0]]), b(mesh.positions[t[1]]), c(mesh.positions[t[2]]);
+    area += length(cross(b - a, c - a)) / 2;
+  }
+  const double texel = std::sqrt(area / (double{1} * size.width * size.height));
+  const double step = step_of(mesh, origin);
+  if (!(step > texel)) return "";
+  return fmt::format(
+      "{}: stores positions in steps of {:g}, as single precision does that far from 0, and a "
+      "texel is about {:.2g} wide: its surface is stepped; export it with its offset in a node's "
+      "translation (glTF) or with more digits (OBJ), or nearer to 0",
+      mesh.path, step, texel);
 }
 
 }  // namespace pounce::flow

@@ -111,7 +111,17 @@ class MapsJob {
   void read() {
     const StageTimer timer(job_->clock, "read");
     require_early(*job_, {reading_bytes(), "reading " + options_.target});
-    target_ = load_mesh(options_.target, options_.target_use, "target", options_.allow_external);
+    PlacedMesh placed =
+        place_mesh(options_.target, options_.target_use, "target", options_.allow_external);
+    target_ = std::move(placed.mesh);
+    origin_ = placed.origin;
+    if (origin_ != Vec3d{}) {
+      job_->report.notes = {origin_note(options_.target, origin_),
+                            positions_note(origin_, Depth::float32)};
+    }
+    if (const std::string warning = coarse_positions(target_, origin_, options_.size);
+        !warning.empty())
+      job_->report.warnings.push_back(warning);
     job_->report.warnings.insert(job_->report.warnings.end(), target_.warnings.begin(),
                                  target_.warnings.end());
     target_files_ = target_.files;
@@ -286,7 +296,7 @@ class MapsJob {
       std::byte* const at = rows.data() + (t / kBlockEdge * std::size_t{spec.width} + x) *
                                               spec.channels * store::depth_bytes(spec.depth);
       const target::TargetBlock::Texel texel = block.texel(t);
-      const Vec3f v = map == 0 ? texel.position : texel.normal;
+      const Vec3f v = map == 0 ? Vec3f(Vec3d(texel.position) + origin_) : texel.normal;
       const float samples[3] = {v.x, v.y, v.z};
       if (map != kMask) {
         std::memcpy(at, samples, sizeof samples);
@@ -307,6 +317,7 @@ class MapsJob {
   std::vector<TargetPage> pages_;
   bool by_tile_ = false;
   mesh::Mesh target_;  ///< until its last page is vectorized
+  Vec3d origin_;       ///< was subtracted from its positions
   runtime::Lease mesh_lease_;
   std::vector<GeometryRequest> requests_;        ///< by page
   std::unique_ptr<store::GeometryStore> store_;  ///< of the page at hand

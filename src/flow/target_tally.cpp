@@ -27,9 +27,11 @@ constexpr double kSureFit = 0.9;
 /// farthest quarter.
 constexpr double kDistanceToSpare = 1.5;
 
-std::string text_of(const Box3f& b) {
-  return fmt::format("({:g} {:g} {:g})..({:g} {:g} {:g})", b.lo.x, b.lo.y, b.lo.z, b.hi.x, b.hi.y,
-                     b.hi.z);
+std::string text_of(const Box3f& b, Vec3d origin) {
+  const Vec3d lo = Vec3d(b.lo) + origin, hi = Vec3d(b.hi) + origin;
+  const int digits = origin == Vec3d{} ? 6 : 10;
+  return fmt::format("({:.{}g} {:.{}g} {:.{}g})..({:.{}g} {:.{}g} {:.{}g})", lo.x, digits, lo.y,
+                     digits, lo.z, digits, hi.x, digits, hi.y, digits, hi.z, digits);
 }
 
 double percent(std::uint64_t part, std::uint64_t whole) {
@@ -233,7 +235,7 @@ void TargetTally::warn_of_little(const Box3f& source) {
                   plan_.from_splats ? "The scene without its outer tenths (\"middle\" of pounce "
                                       "inspect)"
                                     : "The source",
-                  text_of(source), text_of(box_));
+                  text_of(source, plan_.origin), text_of(box_, plan_.origin));
   if (is_misfit()) return warn_of_misfit(places);
   if (counts.covered == 0) {
     return warn(fmt::format("no texel found a source within {:g}: the result is empty. {}; {}",

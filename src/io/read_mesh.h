@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "core/vec.h"
 #include "mesh/mesh.h"
 
 namespace pounce::io {
@@ -16,6 +17,7 @@ struct MeshReading {
   std::optional<std::uint32_t> texture_uv_set;
   bool vertex_colours = false;  ///< fill Mesh::colours
   bool needs_materials = true;  ///< false: that an OBJ's material files are missing is not said
+  Vec3d origin = {};            ///< is subtracted from all positions, in double precision
 };
 
 /// Reads a .glb, .gltf or .obj (by content, then by ending). Throws Error(input) naming the file,

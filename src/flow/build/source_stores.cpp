@@ -213,7 +213,8 @@ std::unique_ptr<Projection> SourceStores::gaussian_projector(const store::Geomet
 std::optional<ShapeOutput> SourceStores::shape_of(const ChannelPlan& channel) const {
   if (!channel.has_shape()) return std::nullopt;
   ShapeOutput shape{
-      channel.channel, channel.baked, options_.source_normal_y, options_.output_normal_y, {}, {}};
+      channel.channel, channel.baked, options_.source_normal_y, options_.output_normal_y, {}, {},
+      plan_.origin};
   for (const PageTexture& page : channel.pages) shape.scales.push_back(page.normal_scale);
   if (channel.channel == Channel::vertex_color)
     shape.input = colour_input({kRec709, true}, true, channel);

@@ -95,6 +95,7 @@ struct PassPlan {
 
 /// The source's side of a job: the same for all its targets.
 struct Plan {
+  Vec3d origin;              ///< is subtracted from all positions that are read, on both sides
   bool from_splats = false;  ///< then there are colours and evidence alone, and no mesh or image
   SplatRequest splats;       ///< then
   SceneFacts scene;          ///< then

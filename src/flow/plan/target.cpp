@@ -12,8 +12,8 @@
 #include <optional>
 #include <set>
 
-#include "core/box.h"
 #include "flow/build/texel_source.h"
+#include "flow/load_mesh.h"
 #include "flow/plan/output_names.h"
 #include "flow/plan/plan.h"
 #include "flow/project/gaussians.h"
@@ -32,14 +32,6 @@ std::string stem(const std::string& path) { return std::filesystem::path(path).s
 
 bool by_tile(const std::string& pattern) {
   return has_token(pattern, "UDIM") || has_token(pattern, "UVTILE");
-}
-
-Box3f box_of(const mesh::Mesh& mesh) {
-  Box3f box;
-  for (const auto& triangle : mesh.triangles) {
-    for (const std::uint32_t v : triangle) box.extend(mesh.positions[v]);
-  }
-  return box;
 }
 
 // How far texels look where nobody says: of the target's diagonal. Of splats three deviations of

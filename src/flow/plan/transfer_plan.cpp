@@ -92,10 +92,14 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
     job_.meter.advance(1);
   } else {
     refuse_splat_options(options_);
-    source_ = read(options_.source, 0, false);
-    source_files_ = source_.files;
+    read_source();
     check_order();
     source_plan_ = plan_source(options_, source_, !model_pattern_.empty());
+    source_plan_.origin = origin_;
+    for (const ChannelPlan& channel : source_plan_.channels) {
+      if (channel.channel == Channel::position)
+        add_note(positions_note(origin_, channel.format.depth));
+    }
     if (source_plan_.tangents) {
       need_tangents(source_, 0);
       add_tangents(*source_plan_.tangents, source_);
@@ -115,6 +119,8 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
          "the tables of " + options_.colour_config);
   }
   add_warnings(source_plan_.warnings);
+  if (!source_plan_.passes.empty())
+    add_warning(coarse_positions(source_, origin_, source_plan_.passes.front().size));
   for (const std::string& note : source_plan_.notes) job_.report.notes.push_back(note);
   add_inputs(source_files_);
   for (const ColumnPlan& column : source_plan_.columns) add_input(column.image.path, job_.report);
@@ -122,7 +128,7 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
 
 void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
   target_.mesh = {};  // the one before, whose memory this one takes
-  target_.mesh = read(path, source_.size_bytes(), true);
+  target_.mesh = read_target(path, source_.size_bytes());
   if (source_plan_.makes_normals()) {
     need_tangents(target_.mesh, source_.size_bytes());
     add_tangents(target_tangents(options_, target_.mesh), target_.mesh);
@@ -137,6 +143,8 @@ void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
   warn_of_own_colours();
   if (source_plan_.from_splats) keep_near(options_, plan, target_.mesh, source_plan_.splats);
   add_warnings(plan.warnings);
+  if (!source_plan_.passes.empty() && path != options_.source)
+    add_warning(coarse_positions(target_.mesh, origin_, source_plan_.passes.front().size));
   add_inputs(target_.mesh.files);
   add_inputs(plan.inputs);
   for (const auto& images : plan.images) {  // what is painted over in place is read, too
@@ -195,7 +203,7 @@ PlannedTarget& TransferPlan::target(std::size_t t) {
     const std::string& path = options_.targets[t];
     {
       const runtime::Lease reading(job_.budget, reading_bytes(path), "reading " + path);
-      target_.mesh = load(path, true);
+      target_.mesh = load_target(path);
     }
     if (source_plan_.makes_normals()) {
       const runtime::Lease tangents(job_.budget,
@@ -234,7 +242,7 @@ void TransferPlan::check_order() {
   if (needs_none || has_textures(source_) || !source_.colours.empty()) return;
   for (const std::string& path : options_.targets) {
     require_early(job_, {source_.size_bytes() + reading_bytes(path), "reading " + path});
-    refuse_swapped(source_, load(path, true));
+    refuse_swapped(source_, load_target(path));
   }
 }
 
@@ -325,9 +333,21 @@ std::uint64_t TransferPlan::contexts() const {
   return job_.threads * store::Compressor::context_bytes();
 }
 
-mesh::Mesh TransferPlan::read(const std::string& path, std::uint64_t beside, bool is_target) {
+void TransferPlan::read_source() {
+  const std::string& path = options_.source;
+  require_early(job_, {reading_bytes(path), "reading " + path});
+  PlacedMesh placed = place_mesh(path, options_.source_use, "source", options_.allow_external);
+  source_ = std::move(placed.mesh);
+  source_files_ = source_.files;
+  origin_ = placed.origin;
+  add_warnings(source_.warnings);
+  add_note(origin_note(path, origin_));
+  job_.meter.advance(1);
+}
+
+mesh::Mesh TransferPlan::read_target(const std::string& path, std::uint64_t beside) {
   require_early(job_, {beside + reading_bytes(path), "reading " + path});
-  mesh::Mesh mesh = load(path, is_target);
+  mesh::Mesh mesh = load_target(path);
   add_warnings(mesh.warnings);
   job_.meter.advance(1);
   return mesh;
@@ -337,11 +357,13 @@ std::uint64_t TransferPlan::reading_bytes(const std::string& path) const {
   return io::mesh_cost(path, {options_.allow_external, {}, true}, job_.budget.limit()).peak_bytes;
 }
 
-mesh::Mesh TransferPlan::load(const std::string& path, bool is_target) const {
-  const bool external = options_.allow_external;
-  return is_target
-             ? load_mesh(path, options_.target_use, "target", external, !options_.onto.empty())
-             : load_mesh(path, options_.source_use, "source", external);
+mesh::Mesh TransferPlan::load_target(const std::string& path) const {
+  return load_mesh(path, options_.target_use, "target", options_.allow_external, origin_,
+                   !options_.onto.empty());
+}
+
+void TransferPlan::add_warning(const std::string& warning) {
+  if (!warning.empty()) job_.report.warnings.push_back(warning);
 }
 
 void TransferPlan::add_warnings(const std::vector<std::string>& warnings) {

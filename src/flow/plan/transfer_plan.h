@@ -66,12 +66,14 @@ class TransferPlan {
   bool keeps_model(FileTime inputs);
   void warn_of_kept();
   std::uint64_t contexts() const;
-  mesh::Mesh read(const std::string& path, std::uint64_t beside, bool is_target);
+  void read_source();
+  mesh::Mesh read_target(const std::string& path, std::uint64_t beside);
   std::uint64_t reading_bytes(const std::string& path) const;
-  mesh::Mesh load(const std::string& path, bool is_target) const;
+  mesh::Mesh load_target(const std::string& path) const;
   void warn_of_own_colours();
   void add_warnings(const std::vector<std::string>& warnings);
-  void add_note(const std::string& note);  // unless it is empty
+  void add_warning(const std::string& warning);  // unless it is empty, as in what follows
+  void add_note(const std::string& note);
   void add_inputs(const std::vector<std::string>& files);
 
   JobContext& job_;
@@ -82,6 +84,7 @@ class TransferPlan {
   mesh::Mesh source_;
   runtime::Lease source_lease_, compressors_lease_, tables_lease_;
   std::vector<std::string> source_files_;
+  Vec3d origin_;
   Plan source_plan_;
   PlannedTarget target_;                       ///< planned last
   std::vector<std::string> outputs_, inputs_;  ///< of all targets

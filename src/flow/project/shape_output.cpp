@@ -42,7 +42,7 @@ texture::TexelValue baked_value(const ShapeOutput& shape, const projection::Surf
     if (shape.input) texture::apply(*shape.input, value);
     return value;
   }
-  const Vec3d p = surface.position(lane);
+  const Vec3d p = surface.position(lane) + shape.origin;
   return {.v = {p.x, p.y, p.z}, .channels = 3};
 }
 

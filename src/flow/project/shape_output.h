@@ -23,6 +23,7 @@ struct ShapeOutput {
   NormalY source_y = NormalY::up, output_y = NormalY::up;
   std::vector<float> scales;                  ///< of normal maps, by source page
   std::optional<texture::ColourInput> input;  ///< of colours, which are linear light of sRGB's
+  Vec3d origin = {};                          ///< the job's, which positions have again
 };
 
 /// Is it a normal map, which reads images and frames? The others need neither.

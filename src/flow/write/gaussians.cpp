@@ -91,6 +91,7 @@ class GaussianFileJob {
         return cut_->takes(importance(splat), ordinal++);
       });
     }
+    writer_->place(rows);
     part.piece = writer_->encode(rows);
     return part;
   }

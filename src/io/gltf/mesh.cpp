@@ -96,7 +96,7 @@ std::vector<std::string> instance_names(const tinygltf::Model& model,
 
 void append_instance(const tinygltf::Model& model, const AccessorReader& accessors,
                      const ScenePlan& plan, std::size_t index, const std::vector<Affine>& joints,
-                     bool with_colours, mesh::Mesh& mesh, MeshWarnings& warnings) {
+                     bool with_colours, Vec3d origin, mesh::Mesh& mesh, MeshWarnings& warnings) {
   const MeshInstance& instance = plan.instances[index];
   const tinygltf::Mesh& source = model.meshes[static_cast<std::size_t>(instance.mesh)];
   const std::vector<double>& weights = weights_of(model, instance);
@@ -115,8 +115,8 @@ void append_instance(const tinygltf::Model& model, const AccessorReader& accesso
     }
     if (!shape.has_colours && primitive.attributes.contains("COLOR_0"))
       warnings.add("{} COLOR_0 is of a type that colours do not have; left out", place);
-    const PrimitiveContext context{accessors,         primitive, place,       weights,
-                                   instance.to_world, joints,    with_colours};
+    const PrimitiveContext context{accessors,         primitive, place,        weights,
+                                   instance.to_world, joints,    with_colours, origin};
     const AppendCounts counts = append_primitive(context, shape, material, mesh);
     if (counts.incomplete_triangles > 0) {
       warnings.add("{} ends with an incomplete triangle, left out", place);
@@ -221,7 +221,7 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
     parts.start(static_cast<std::uint32_t>(mesh.triangles.size()),
                 instance_names(model, plan.instances[i]));
     append_instance(model, accessors, plan, i, joints.at(skin_of(model, plan.instances[i])),
-                    with_colours, mesh, warnings);
+                    with_colours, reading.origin, mesh, warnings);
   }
   mesh.parts = parts.finish(static_cast<std::uint32_t>(mesh.triangles.size()));
   if (reading.texture_uv_set) bind_all(mesh, *reading.texture_uv_set);

@@ -347,7 +347,7 @@ void PrimitiveReader::transform() {
   for (std::size_t i = 0; i < vertices_; ++i) {
     const Affine map = skinned ? skin_of(i) : context_.to_world;
     if (skinned) mirrored_[i] = map.determinant() < 0;
-    const Vec3f moved(map.point(Vec3d(positions_[i])));
+    const Vec3f moved(map.point(Vec3d(positions_[i])) - context_.origin);
     if (!std::isfinite(moved.x) || !std::isfinite(moved.y) || !std::isfinite(moved.z)) {
       context_.accessors.fail(find("POSITION"), at("POSITION"),
                               fmt::format("element {} is moved to infinity by its node", i));

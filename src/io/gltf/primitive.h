@@ -41,6 +41,7 @@ struct PrimitiveContext {
   const Affine& to_world;             ///< used where `joints` is empty
   const std::vector<Affine>& joints;  ///< joint matrices of a skinned node
   bool with_colours = false;          ///< fill Mesh::colours
+  Vec3d origin = {};                  ///< is subtracted from positions in space
 };
 
 /// What was wrong with a primitive, but not enough to refuse it.

@@ -14,8 +14,10 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -80,6 +82,7 @@ class ObjReader {
   ObjReader(const std::string& path, const MeshReading& reading)
       : path_(path),
         wants_colours_(reading.vertex_colours),
+        origin_(reading.origin),
         text_(path, ObjText::Kind::obj),
         warnings_(mesh_),
         materials_(path, reading.allow_external, reading.needs_materials, mesh_, warnings_) {}
@@ -92,8 +95,10 @@ class ObjReader {
 
   void reserve();
   void parse();
-  std::array<float, 3> numbers(std::string_view rest, std::size_t needed, std::size_t at_most,
-                               const char* what) const;
+  Vec3f position(std::string_view rest) const;
+  template <class T = float>
+  std::array<T, 3> numbers(std::string_view rest, std::size_t needed, std::size_t at_most,
+                           const char* what) const;
   std::string name(std::string_view rest) const;
   void set_groups(const std::string& names);
   void start_part();
@@ -107,6 +112,7 @@ class ObjReader {
 
   std::string path_;
   bool wants_colours_, has_colours_ = false;
+  const Vec3d origin_;  ///< is subtracted from positions
   ObjText text_;
   mesh::Mesh mesh_;
   MeshWarnings warnings_;
@@ -146,12 +152,8 @@ void ObjReader::parse() {
     std::string_view rest(statement);
     const std::string_view word = next_word(rest);
     if (word == "v") {
-      const auto [x, y, z] = numbers(rest, 3, 3, "a vertex");
-      if (!std::isfinite(x) || !std::isfinite(y) || !std::isfinite(z)) {
-        text_.fail("a vertex is too large for a float");
-      }
+      positions_.push_back(position(rest));
       if (mesh_.has_vertex_colours && wants_colours_) add_colour(rest);
-      positions_.push_back({x, y, z});
     } else if (word == "vt") {
       const auto [u, v, w] = numbers(rest, 1, 2, "a texture coordinate");
       if (!std::isfinite(u) || !std::isfinite(v)) {
@@ -177,6 +179,21 @@ void ObjReader::parse() {
   }
 }
 
+Vec3f ObjReader::position(std::string_view rest) const {
+  constexpr const char* kWhat = "a vertex";
+  Vec3f read;
+  if (origin_ == Vec3d{}) {
+    const auto [x, y, z] = numbers(rest, 3, 3, kWhat);
+    read = {x, y, z};
+  } else {
+    const auto [x, y, z] = numbers<double>(rest, 3, 3, kWhat);
+    read = Vec3f(Vec3d{x, y, z} - origin_);
+  }
+  if (!std::isfinite(read.x) || !std::isfinite(read.y) || !std::isfinite(read.z))
+    text_.fail("a vertex is too large for a float");
+  return read;
+}
+
 /// Of a vertex; white where it has none, or none that is finite: nobody may want them.
 void ObjReader::add_colour(std::string_view vertex) {
   Vec4f colour{1, 1, 1, 1};
@@ -197,14 +214,20 @@ void ObjReader::add_colour(std::string_view vertex) {
 }
 
 /// The numbers of a statement, 0 for those that may be left out.
-std::array<float, 3> ObjReader::numbers(std::string_view rest, std::size_t needed,
-                                        std::size_t at_most, const char* what) const {
-  std::array<float, 3> values{};
+template <class T>
+std::array<T, 3> ObjReader::numbers(std::string_view rest, std::size_t needed, std::size_t at_most,
+                                    const char* what) const {
+  std::array<T, 3> values{};
   for (std::size_t i = 0; i < at_most; ++i) {
     const std::string_view word = next_word(rest);
     if (word.empty() && i >= needed) break;
     if (word.empty()) text_.fail(fmt::format("{} has {} numbers, but needs {}", what, i, needed));
-    const auto value = to_float(word);
+    std::optional<T> value;
+    if constexpr (std::is_same_v<T, float>) {
+      value = to_float(word);
+    } else {
+      value = to_double(word);
+    }
     if (!value) {
       text_.fail(
           fmt::format("{} holds \"{}\", which is not a finite number", what, word.substr(0, 40)));

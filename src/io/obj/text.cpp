@@ -21,7 +21,7 @@ constexpr std::size_t kMaxObjLineBytes = 16 << 20, kMaxMtlLineBytes = 1 << 20;
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-/// Of a decimal number without sign that no float can hold: is it too large, not too small?
+/// Of a decimal number without sign that no such number can hold: is it too large, not too small?
 bool is_large(std::string_view number) {
   const std::size_t mantissa = std::min(number.find_first_of("eE"), number.size());
   const std::size_t point = std::min(number.find('.'), mantissa);
@@ -35,7 +35,8 @@ bool is_large(std::string_view number) {
 }
 
 /// Reads the number at the front of `word`; returns how many characters it has, 0 for none.
-std::size_t read_number(std::string_view word, float& value) {
+template <class T>
+std::size_t read_number(std::string_view word, T& value) {
   const std::size_t sign = word.starts_with('+') || word.starts_with('-') ? 1 : 0;
   // from_chars() knows "inf" and "nan", and no "+".
   if (sign == word.size() || (word[sign] != '.' && !is_digit(word[sign]))) return 0;
@@ -43,10 +44,17 @@ std::size_t read_number(std::string_view word, float& value) {
   if (error == std::errc::invalid_argument) return 0;
   const auto length = static_cast<std::size_t>(end - word.data());
   if (error == std::errc::result_out_of_range) {
-    value = is_large(word.substr(sign, length - sign)) ? std::numeric_limits<float>::infinity() : 0;
+    value = is_large(word.substr(sign, length - sign)) ? std::numeric_limits<T>::infinity() : 0;
   }
   if (word[0] == '-') value = -value;
   return length;
+}
+
+template <class T>
+std::optional<T> whole_number(std::string_view word) {
+  T value = 0;
+  const std::size_t length = read_number(word, value);
+  return length > 0 && length == word.size() ? std::optional(value) : std::nullopt;
 }
 
 }  // namespace
@@ -138,11 +146,9 @@ std::string name_in(std::string_view rest) {
   return std::string(rest.substr(std::min<std::size_t>(1, rest.size())));
 }
 
-std::optional<float> to_float(std::string_view word) {
-  float value = 0;
-  const std::size_t length = read_number(word, value);
-  return length > 0 && length == word.size() ? std::optional(value) : std::nullopt;
-}
+std::optional<float> to_float(std::string_view word) { return whole_number<float>(word); }
+
+std::optional<double> to_double(std::string_view word) { return whole_number<double>(word); }
 
 float to_float_or(std::string_view word, float otherwise) {
   float value = 0;

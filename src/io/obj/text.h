@@ -62,7 +62,9 @@ inline constexpr std::size_t kMaxNameBytes = 4096;  ///< longer ones of an OBJ a
 /// The float nearest to a decimal number; infinite where that is too large. Nothing for any other
 /// word, such as "nan", "inf" and "1,5".
 std::optional<float> to_float(std::string_view word);
-/// The same of the number that a word begins with; `otherwise` where that is none or too large.
+/// The same in double precision.
+std::optional<double> to_double(std::string_view word);
+/// The float of the number that a word begins with; `otherwise` where that is none or too large.
 float to_float_or(std::string_view word, float otherwise);
 
 }  // namespace pounce::io

@@ -89,14 +89,18 @@ std::string GltfSplatWriter::document() const {
                          comma, at, rows_ * bytes[k]);
     at += rows_ * bytes[k];
   }
+  const Vec3d& o = facts_.origin;
+  const std::string translation =
+      o == Vec3d{} ? "" : fmt::format(",\"translation\":[{},{},{}]", o.x, o.y, o.z);
   std::string text = fmt::format(
       "{{\"asset\":{{\"version\":\"2.0\",\"generator\":\"pounce\"}},"
       "\"extensionsUsed\":[\"KHR_gaussian_splatting\"],\"scene\":0,\"scenes\":[{{\"nodes\":[0]}}],"
-      "\"nodes\":[{{\"mesh\":0}}],\"meshes\":[{{\"primitives\":[{{\"mode\":0,\"attributes\":{{{}}},"
+      "\"nodes\":[{{\"mesh\":0{}}}],\"meshes\":[{{\"primitives\":[{{\"mode\":0,\"attributes\":{{{}}"
+      "},"
       "\"extensions\":{{\"KHR_gaussian_splatting\":{{\"kernel\":\"ellipse\",\"colorSpace\":\"{}\"}}"
       "}}}}]}}],\"accessors\":[{}],\"bufferViews\":[{}],\"buffers\":[{{\"byteLength\":{}}}]}}",
-      attributes, facts_.is_linear ? "lin_rec709_display" : "srgb_rec709_display", accessors, views,
-      at);
+      translation, attributes, facts_.is_linear ? "lin_rec709_display" : "srgb_rec709_display",
+      accessors, views, at);
   text.resize((text.size() + 3) / 4 * 4, ' ');
   return text;
 }

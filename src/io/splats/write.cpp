@@ -134,7 +134,19 @@ void SplatTally::add(const SplatTally& other) {
 
 SplatWriter::SplatWriter(const std::string& path, const SplatFileFacts& facts, SplatOutput kind,
                          const std::string* folder)
-    : path_(path), facts_(facts), file_(path), column_bytes_(splat_columns(kind, facts.lobes)) {
+    : path_(path),
+      facts_(facts),
+      added_(kind == SplatOutput::glb ? Vec3d{} : facts.origin),
+      file_(path),
+      column_bytes_(splat_columns(kind, facts.lobes)) {
+  if (added_ != Vec3d{}) {
+    const double farthest = std::max({std::abs(added_.x), std::abs(added_.y), std::abs(added_.z)});
+    constexpr double kLastPlace = std::numeric_limits<float>::epsilon();
+    notes_.push_back(
+        fmt::format("{}: places are written in single precision, in steps of about {:.1g} this far "
+                    "from 0; a .glb holds them in full, by a node's translation",
+                    path_, farthest * kLastPlace));
+  }
   if (folder == nullptr) return;
   for (std::size_t k = 0; k < column_bytes_.size(); ++k)
     files_.push_back(posix_file_system().create_scratch(*folder));
@@ -144,6 +156,11 @@ std::uint64_t SplatWriter::row_bytes() const { return sum(column_bytes_); }
 
 void SplatWriter::refuse(const std::string& what) const {
   throw Error(ErrorKind::input, fmt::format("{}: {}", path_, what));
+}
+
+void SplatWriter::place(store::SplatRows& rows) const {
+  if (added_ == Vec3d{}) return;
+  for (store::Splat& s : rows.splats) s.mean = Vec3f(Vec3d(s.mean) + added_);
 }
 
 SplatPiece SplatWriter::encode(const store::SplatRows& rows) const {

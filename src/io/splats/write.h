@@ -13,6 +13,7 @@
 #include "core/box.h"
 #include "core/file.h"
 #include "core/page_pool.h"
+#include "core/vec.h"
 #include "io/files/output_file.h"
 #include "store/blocks/splat_rows.h"
 #include "store/blocks/splat_store.h"
@@ -39,6 +40,7 @@ struct SplatFileFacts {
   std::uint32_t lobes = 0;  ///< coefficients per Gaussian and channel, one of store::kLobesOfDegree
   store::SplatModel model = store::SplatModel::standard;
   bool is_linear = false;  ///< colours are linear light, not sRGB-coded
+  Vec3d origin = {};       ///< was subtracted from the means; in the file they have it again
 };
 
 /// What a format has to know of all Gaussians before it can be finished.
@@ -67,6 +69,8 @@ class SplatWriter {
  public:
   virtual ~SplatWriter() = default;
 
+  /// Moves rows to where the file has them: to be called before encode(). Thread-safe.
+  void place(store::SplatRows& rows) const;
   /// What rows become; their lobes are those of the facts. Thread-safe.
   SplatPiece encode(const store::SplatRows& rows) const;
   /// Appends what encode() made, in order. Not thread-safe.
@@ -102,6 +106,7 @@ class SplatWriter {
 
   const std::string path_;
   const SplatFileFacts facts_;
+  const Vec3d added_;  ///< to means: the origin, where the format has no other place for it
   OutputFile file_;
   SplatTally tally_;
   std::uint64_t rows_ = 0;
