@@ -11,15 +11,13 @@
 #include <vector>
 
 #include "io/image/cursor.h"
+#include "io/image/exr_guard.h"
 
 namespace pounce::io {
 namespace {
 
-/// The largest header of an EXR, preview and manifests included. OpenEXR keeps it whole, twice.
-constexpr std::uint64_t kMostExrHeaderBytes = 8 << 20;
 /// Pictures are in one or a few pieces; what is cut into more was made to be.
 constexpr std::size_t kMostPieces = 256;
-constexpr std::uint64_t kLargestSide = 65536;
 
 /// The pieces of a source that are kept.
 class Kept {
@@ -216,84 +214,6 @@ void hide_in_targa(ByteSource& bytes) {
                    {0, kFooterBytes, std::vector<std::byte>(kFooterBytes)}});
 }
 
-/// A header of an EXR, that is of one of its parts.
-struct ExrHeader {
-  std::uint64_t end = 0;     ///< behind it
-  std::uint64_t chunks = 0;  ///< of pixels, at least
-};
-
-std::string exr_text(Cursor& at, std::uint64_t& position) {
-  constexpr std::size_t kLongest = 255;
-  std::string text;
-  while (const std::uint8_t c = at.u8(position++)) {
-    text += static_cast<char>(c);
-    if (text.size() > kLongest) at.refuse("the EXR's header is damaged: it has a name without end");
-  }
-  return text;
-}
-
-ExrHeader exr_header(Cursor& at, std::uint64_t position, std::uint64_t most_end) {
-  std::int64_t width = 0, height = 0;
-  std::uint32_t across = 0, down = 0, rows = 1;
-  for (;;) {
-    const std::string name = exr_text(at, position);
-    if (name.empty()) break;
-    exr_text(at, position);  // type
-    const std::uint32_t size = at.u32(position);
-    position += 4;
-    if (size > most_end || position + size > most_end || position + size > at.size()) {
-      at.refuse(
-          fmt::format("the attribute \"{}\" of its header claims {} bytes; headers of up to "
-                      "{} MiB can be read: remove what is not needed, or the file is damaged",
-                      name, size, kMostExrHeaderBytes >> 20));
-    }
-    if (name == "dataWindow" && size == 16) {
-      const auto side = [&](std::uint64_t low, std::uint64_t high) {
-        return std::int64_t{static_cast<std::int32_t>(at.u32(position + high))} -
-               static_cast<std::int32_t>(at.u32(position + low)) + 1;
-      };
-      width = side(0, 8);
-      height = side(4, 12);
-    } else if (name == "tiles" && size >= 8) {
-      across = at.u32(position);
-      down = at.u32(position + 4);
-    } else if (name == "compression" && size == 1) {
-      constexpr std::array<std::uint16_t, 10> kRows{1, 1, 1, 16, 32, 16, 32, 32, 32, 256};
-      const std::uint8_t kind = at.u8(position);
-      rows = kind < kRows.size() ? kRows[kind] : 1;
-    }
-    position += size;
-  }
-  if (width > static_cast<std::int64_t>(kLargestSide) ||
-      height > static_cast<std::int64_t>(kLargestSide)) {
-    at.refuse(fmt::format("the image is {} x {} texels; 1 to {} each way can be read", width,
-                          height, kLargestSide));
-  }
-  const auto parts = [](std::int64_t side, std::uint32_t part) {
-    return (static_cast<std::uint64_t>(std::max<std::int64_t>(side, 1)) - 1) / std::max(part, 1U) +
-           1;
-  };
-  return {position, across > 0 ? parts(width, across) * parts(height, down) : parts(height, rows)};
-}
-
-/// OpenEXR makes room for what an attribute claims, and for the places of all chunks.
-void check_exr(ByteSource& bytes) {
-  Cursor at(bytes, "EXR", false);
-  const bool several = (at.u32(4) & 0x1000U) != 0;
-  std::uint64_t position = 8, chunks = 0;
-  do {
-    const ExrHeader header = exr_header(at, position, kMostExrHeaderBytes);
-    position = header.end;
-    chunks += header.chunks;
-  } while (several && at.u8(position) != 0);
-  if (chunks > at.size() / 8) {
-    at.refuse(
-        fmt::format("the EXR should be in {} parts, more than a file of {} bytes can list; it "
-                    "is damaged or cut off",
-                    chunks, at.size()));
-  }
-}
-
 }  // namespace
 
 void keep_colours(Cursor& at, std::string_view kind, std::uint64_t begin, std::uint64_t size,
@@ -311,7 +231,7 @@ std::vector<ColourPiece> hide_metadata(ByteSource& bytes, const std::string& for
   if (format == "jpeg") hide_in_jpeg(bytes, colours);
   if (format == "webp") hide_in_webp(bytes, colours);
   if (format == "targa") hide_in_targa(bytes);
-  if (format == "openexr") check_exr(bytes);
+  if (format == "openexr") guard_exr(bytes);
   return colours;
 }
 

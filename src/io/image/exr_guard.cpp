@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// OpenEXR makes room for what headers claim, and OpenEXR 3.1 copies whole blocks out of its buffers
+// whatever a block of the file held: of one that is too short the rest is what was there before.
+// A block decodes into the buffer of the block before, so it is enough that the first one, which is
+// the largest, fills it: then no picture holds memory that nobody wrote.
+#include "io/image/exr_guard.h"
+
+#include <fmt/format.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <array>
+#include <string>
+#include <vector>
+
+#include "io/image/cursor.h"
+
+namespace pounce::io {
+namespace {
+
+/// The largest header of an EXR, preview and manifests included. OpenEXR keeps it whole, twice.
+constexpr std::uint64_t kMostHeaderBytes = 8 << 20;
+constexpr std::uint64_t kLargestSide = 65536;
+/// 65536 x 256 texels of four floats. OpenEXR makes room for such a block of every part when a file
+/// is opened, before anybody knows its size.
+constexpr std::uint64_t kMostBlockBytes = 256 << 20, kMostBlockBytesOfAll = 1 << 30;
+
+enum Coding : std::uint8_t { kNone = 0, kRuns = 1, kZipRow = 2, kZip = 3 };
+
+/// A header of an EXR, that is of one of its parts.
+struct Part {
+  std::uint64_t end = 0;  ///< behind the header
+  std::int64_t width = 0, height = 0;
+  std::uint64_t texel_bytes = 0;
+  std::uint32_t tile_width = 0, tile_height = 0;  ///< 0: rows
+  std::uint8_t coding = kNone;
+  std::uint64_t listed = 0;  ///< chunks, as the header says; 0: it does not
+  bool deep = false;
+
+  std::uint64_t block_rows() const {
+    constexpr std::array<std::uint16_t, 10> kRows{1, 1, 1, 16, 32, 16, 32, 32, 32, 256};
+    return coding < kRows.size() ? kRows[coding] : 1;
+  }
+  std::uint64_t wide() const { return static_cast<std::uint64_t>(std::max<std::int64_t>(width, 1)); }
+  std::uint64_t high() const { return static_cast<std::uint64_t>(std::max<std::int64_t>(height, 1)); }
+  /// Of pixels, at least.
+  std::uint64_t chunks() const {
+    const auto parts = [](std::uint64_t side, std::uint64_t part) { return (side - 1) / part + 1; };
+    return tile_width > 0 ? parts(wide(), tile_width) * parts(high(), std::max(tile_height, 1U))
+                          : parts(high(), block_rows());
+  }
+  /// What a decoder makes room for.
+  std::uint64_t block_bytes() const {
+    return tile_width > 0 ? std::uint64_t{tile_width} * tile_height * texel_bytes
+                          : wide() * block_rows() * texel_bytes;
+  }
+  /// What the first chunk decodes to.
+  std::uint64_t first_bytes() const {
+    return tile_width > 0 ? std::min<std::uint64_t>(tile_width, wide()) *
+                                std::min<std::uint64_t>(tile_height, high()) * texel_bytes
+                          : wide() * std::min(block_rows(), high()) * texel_bytes;
+  }
+};
+
+class Guard {
+ public:
+  explicit Guard(ByteSource& bytes) : at_(bytes, "EXR", false) {}
+
+  void check() {
+    constexpr std::uint32_t kSeveral = 0x1000;
+    const bool several = (at_.u32(4) & kSeveral) != 0;
+    std::vector<Part> parts;
+    std::uint64_t position = 8, chunks = 0, room = 0;
+    do {
+      parts.push_back(header(position, kMostHeaderBytes));
+      position = parts.back().end;
+      chunks += parts.back().chunks();
+      room += parts.back().block_bytes();
+    } while (several && at_.u8(position) != 0);
+    if (chunks > at_.size() / 8) {
+      at_.refuse(
+          fmt::format("the EXR should be in {} parts, more than a file of {} bytes can list; it "
+                      "is damaged or cut off",
+                      chunks, at_.size()));
+    }
+    if (room > kMostBlockBytesOfAll) {
+      at_.refuse(fmt::format("the parts of the EXR are compressed in blocks of {} MiB together, of "
+                             "which up to {} can be read; save them in files of their own",
+                             room >> 20, kMostBlockBytesOfAll >> 20));
+    }
+    position += several ? 1 : 0;
+    for (const Part& part : parts) {
+      // A damaged one goes to the decoder, which says so.
+      if (part.width > 0 && part.height > 0 && !part.deep) check_first_chunk(part, position, several);
+      position += 8 * (part.listed > 0 ? part.listed : part.chunks());
+    }
+  }
+
+ private:
+  std::string text(std::uint64_t& position) {
+    constexpr std::size_t kLongest = 255;
+    std::string text;
+    while (const std::uint8_t c = at_.u8(position++)) {
+      text += static_cast<char>(c);
+      if (text.size() > kLongest)
+        at_.refuse("the EXR's header is damaged: it has a name without end");
+    }
+    return text;
+  }
+
+  Part header(std::uint64_t position, std::uint64_t most_end) {
+    Part part;
+    for (;;) {
+      const std::string name = text(position);
+      if (name.empty()) break;
+      text(position);  // type
+      const std::uint32_t size = at_.u32(position);
+      position += 4;
+      if (size > most_end || position + size > most_end || position + size > at_.size()) {
+        at_.refuse(
+            fmt::format("the attribute \"{}\" of its header claims {} bytes; headers of up to "
+                        "{} MiB can be read: remove what is not needed, or the file is damaged",
+                        name, size, kMostHeaderBytes >> 20));
+      }
+      take(name, position, size, part);
+      position += size;
+    }
+    part.end = position;
+    check_sizes(part);
+    return part;
+  }
+
+  void take(const std::string& name, std::uint64_t position, std::uint32_t size, Part& part) {
+    const auto side = [&](std::uint64_t low, std::uint64_t high) {
+      return std::int64_t{static_cast<std::int32_t>(at_.u32(position + high))} -
+             static_cast<std::int32_t>(at_.u32(position + low)) + 1;
+    };
+    if (name == "dataWindow" && size == 16) {
+      part.width = side(0, 8);
+      part.height = side(4, 12);
+    } else if (name == "tiles" && size >= 8) {
+      part.tile_width = at_.u32(position);
+      part.tile_height = at_.u32(position + 4);
+    } else if (name == "compression" && size == 1) {
+      part.coding = at_.u8(position);
+    } else if (name == "chunkCount" && size == 4) {
+      part.listed = at_.u32(position);
+    } else if (name == "type") {
+      part.deep = size >= 4 && at_.u32(position) == 0x70656564;  // "deep"
+    } else if (name == "channels") {
+      take_channels(position, position + size, part);
+    }
+  }
+
+  /// Name, type, four bytes, sampling across and down.
+  void take_channels(std::uint64_t position, std::uint64_t end, Part& part) {
+    constexpr std::uint32_t kHalf = 1;
+    constexpr std::uint64_t kSampling = 8, kChannelBytes = 16;
+    part.texel_bytes = 0;
+    while (position < end && at_.u8(position) != 0) {
+      text(position);
+      part.texel_bytes += at_.u32(position) == kHalf ? 2 : 4;
+      if (at_.u32(position + kSampling) != 1 || at_.u32(position + kSampling + 4) != 1)
+        at_.refuse(
+            "channels of fewer samples than texels (luminance and chroma) are not supported; "
+            "convert it to RGB");
+      position += kChannelBytes;
+    }
+  }
+
+  void check_sizes(const Part& part) {
+    if (part.width > static_cast<std::int64_t>(kLargestSide) ||
+        part.height > static_cast<std::int64_t>(kLargestSide)) {
+      at_.refuse(fmt::format("the image is {} x {} texels; 1 to {} each way can be read",
+                             part.width, part.height, kLargestSide));
+    }
+    const bool tiles_fit = part.tile_width <= kLargestSide && part.tile_height <= kLargestSide;
+    if (!tiles_fit || part.block_bytes() > kMostBlockBytes) {
+      at_.refuse(fmt::format(
+          "the EXR is in {} of {} x {} texels with {} bytes each; up to {} MiB can be read: save it "
+          "in smaller ones",
+          part.tile_width > 0 ? "tiles" : "blocks", part.tile_width > 0 ? part.tile_width : part.wide(),
+          part.tile_width > 0 ? part.tile_height : part.block_rows(), part.texel_bytes,
+          kMostBlockBytes >> 20));
+    }
+  }
+
+  /// The chunk whose place stands at `list`: the number of its part where there are several, where
+  /// it belongs, its size, its data.
+  void check_first_chunk(const Part& part, std::uint64_t list, bool several) {
+    const std::uint64_t chunk = at_.number(list, 8);
+    const std::uint64_t head = (several ? 4 : 0) + (part.tile_width > 0 ? 16 : 4);
+    const bool inside = chunk >= list && chunk < at_.size() && at_.size() - chunk > head + 4;
+    const std::uint64_t size = inside ? at_.u32(chunk + head) : 0;
+    const std::uint64_t data = chunk + head + 4;
+    if (!inside || size == 0 || size > at_.size() - data) {
+      at_.refuse(
+          fmt::format("the first block of the EXR has {} bytes at place {}, in a file of {}; the "
+                      "file is damaged or cut off",
+                      size, chunk, at_.size()));
+    }
+    const std::uint64_t wanted = part.first_bytes();
+    std::uint64_t decoded = wanted;  // larger or equal: as it is. Other codings check themselves.
+    if (size < wanted && part.coding == kNone) decoded = size;
+    if (size < wanted && part.coding == kRuns) decoded = bytes_of_runs(data, size);
+    if (size < wanted && (part.coding == kZip || part.coding == kZipRow))
+      decoded = inflated_bytes(data, size, wanted);
+    if (decoded != wanted) {
+      at_.refuse(fmt::format("the first block of the EXR decodes to {} bytes of {}; the file is "
+                             "damaged",
+                             decoded, wanted));
+    }
+  }
+
+  /// A count below zero has as many bytes behind it, any other one that is repeated.
+  std::uint64_t bytes_of_runs(std::uint64_t begin, std::uint64_t size) {
+    std::uint64_t decoded = 0;
+    for (std::uint64_t at = begin; at < begin + size;) {
+      const auto count = static_cast<std::int8_t>(at_.u8(at));
+      decoded += static_cast<std::uint64_t>(count < 0 ? -count : count + 1);
+      at += count < 0 ? 1 + static_cast<std::uint64_t>(-count) : 2;
+    }
+    return decoded;
+  }
+
+  /// Until it is more than `most`, or up to what is damaged.
+  std::uint64_t inflated_bytes(std::uint64_t begin, std::uint64_t size, std::uint64_t most) {
+    z_stream zip{};
+    if (inflateInit(&zip) != Z_OK) return most;
+    std::array<Bytef, 16384> out;
+    std::vector<std::byte> in;
+    std::uint64_t decoded = 0;
+    int state = Z_OK;
+    for (std::uint64_t at = begin; state == Z_OK && decoded <= most && at < begin + size;) {
+      in.clear();
+      at_.copy(at, std::min<std::uint64_t>(16384, begin + size - at), in);
+      at += in.size();
+      zip.next_in = reinterpret_cast<Bytef*>(in.data());
+      zip.avail_in = static_cast<uInt>(in.size());
+      do {
+        zip.next_out = out.data();
+        zip.avail_out = static_cast<uInt>(out.size());
+        state = inflate(&zip, Z_NO_FLUSH);
+        decoded += out.size() - zip.avail_out;
+      } while (state == Z_OK && zip.avail_out == 0 && decoded <= most);
+      if (state == Z_BUF_ERROR) state = Z_OK;  // all of it was taken before
+    }
+    inflateEnd(&zip);
+    return decoded;
+  }
+
+  Cursor at_;
+};
+
+}  // namespace
+
+void guard_exr(ByteSource& bytes) { Guard(bytes).check(); }
+
+}  // namespace pounce::io

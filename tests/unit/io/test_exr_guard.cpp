@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// EXRs made by hand, with blocks that hold less than they should.
+#include <zlib.h>
+
+#include <catch2/catch.hpp>
+
+#include "pounce/error.h"
+#include "unit/io/image_files.h"
+
+using namespace pounce;
+using Catch::Contains;
+using test::in_memory;
+
+namespace {
+
+std::string number(std::uint64_t n, int bytes) {
+  std::string out;
+  for (; bytes-- > 0; n >>= 8) out += static_cast<char>(n);
+  return out;
+}
+
+std::string attribute(const std::string& name, const std::string& type, const std::string& value) {
+  return name + '\0' + type + '\0' + number(value.size(), 4) + value;
+}
+
+/// 4 x 2 texels of one half.
+struct Made {
+  std::uint8_t coding = 0;
+  std::uint32_t sampling = 1;
+  std::string tiles = "";
+  std::vector<std::string> blocks{};  ///< one after another, rows from the top
+  std::uint32_t block_rows = 1;
+
+  std::string file() const {
+    const std::string box = number(0, 8) + number(3, 4) + number(1, 4);
+    const std::string channel = std::string("Y") + '\0' + number(1, 4) + number(0, 4) +
+                                number(sampling, 4) + number(sampling, 4) + '\0';
+    std::string out = "\x76\x2f\x31\x01" + number(tiles.empty() ? 2 : 0x202, 4) +
+                      attribute("channels", "chlist", channel) +
+                      attribute("compression", "compression", number(coding, 1)) +
+                      attribute("dataWindow", "box2i", box) +
+                      attribute("displayWindow", "box2i", box) +
+                      attribute("lineOrder", "lineOrder", number(0, 1)) +
+                      attribute("pixelAspectRatio", "float", number(0x3F800000, 4)) +
+                      attribute("screenWindowCenter", "v2f", number(0, 8)) +
+                      attribute("screenWindowWidth", "float", number(0x3F800000, 4));
+    if (!tiles.empty()) out += attribute("tiles", "tiledesc", tiles);
+    out += '\0';
+    std::uint64_t place = out.size() + 8 * blocks.size();
+    std::string chunks;
+    std::uint32_t row = 0;
+    for (const std::string& block : blocks) {
+      out += number(place + chunks.size(), 8);
+      chunks += tiles.empty() ? number(row, 4) : number(0, 16);
+      chunks += number(block.size(), 4) + block;
+      row += block_rows;
+    }
+    return out + chunks;
+  }
+};
+
+std::string zip(const std::string& plain) {
+  uLongf size = ::compressBound(plain.size());
+  std::string out(size, '\0');
+  ::compress(reinterpret_cast<Bytef*>(out.data()), &size,
+             reinterpret_cast<const Bytef*>(plain.data()), plain.size());
+  out.resize(size);
+  return out;
+}
+
+std::string refusal(const std::string& file) {
+  try {
+    test::read_all(in_memory(file, "a.exr"));
+  } catch (const Error& e) {
+    CHECK(e.kind() == ErrorKind::input);
+    return e.what();
+  }
+  return "nothing";
+}
+
+}  // namespace
+
+TEST_CASE("of an EXR's first block each texel must be there", "[image][exr]") {
+  const std::string row(8, '\x11'), short_row(6, '\x11'), large(256, '\0');
+  const auto rows = [](std::uint8_t coding, const std::string& first, const std::string& second) {
+    return Made{.coding = coding, .blocks = {first, second}}.file();
+  };
+  CHECK(test::read_all(in_memory(rows(0, row, row))) == std::vector<std::uint8_t>(16, 0x11));
+  CHECK_THAT(refusal(rows(0, short_row, row)), Contains("a.exr: the first block of the EXR decodes to 6 bytes of 8"));
+  // Seven more of the same, five more of it.
+  CHECK(refusal(rows(1, std::string("\7a"), row)) == "nothing");
+  CHECK_THAT(refusal(rows(1, std::string("\5a"), row)), Contains("decodes to 6 bytes of 8"));
+  CHECK_THAT(refusal(rows(1, std::string("\xFE" "ab\3c"), row)), Contains("decodes to 6 bytes of 8"));
+
+  // Sixteen rows together, of which there are two; and a tile, of which the image fills a part.
+  const auto block = [](const std::string& plain) {
+    return Made{.coding = 3, .blocks = {plain}, .block_rows = 16}.file();
+  };
+  CHECK(refusal(block(zip(std::string(16, '\0')))) == "nothing");
+  CHECK_THAT(refusal(block(zip(std::string(10, '\0')))), Contains("decodes to 10 bytes of 16"));
+  CHECK_THAT(refusal(block(zip(std::string(40, '\0')))), Contains("decodes to 40 bytes of 16"));
+  CHECK_THAT(refusal(block("nothing")), Contains("decodes to 0 bytes of 16"));
+  const std::string tiles = number(16, 4) + number(16, 4) + '\0';
+  CHECK(refusal(Made{.tiles = tiles, .blocks = {std::string(16, '\1')}}.file()) == "nothing");
+  CHECK_THAT(refusal(Made{.tiles = tiles, .blocks = {std::string(15, '\1')}}.file()),
+             Contains("decodes to 15 bytes of 16"));
+}
+
+TEST_CASE("an EXR's list of blocks must lead to one", "[image][exr]") {
+  std::string file = Made{.blocks = {std::string(8, '\1'), std::string(8, '\1')}}.file();
+  const std::size_t list = file.size() - 2 * (8 + 16);
+  for (const std::uint64_t place : {std::uint64_t{0}, std::uint64_t{file.size()}, ~std::uint64_t{0}}) {
+    file.replace(list, 8, number(place, 8));
+    CHECK_THAT(refusal(file), Contains("the first block of the EXR has 0 bytes at place"));
+  }
+}
+
+TEST_CASE("an EXR in blocks of more than 256 MiB is refused unread", "[image][exr]") {
+  const std::string block(16, '\1');
+  const auto tiles = [&](std::uint32_t across, std::uint32_t down) {
+    return refusal(Made{.tiles = number(across, 4) + number(down, 4) + '\0', .blocks = {block}}.file());
+  };
+  // Of two bytes: 2^27 texels are as many as there may be.
+  CHECK(tiles(8192, 16384) == "nothing");
+  CHECK_THAT(tiles(8193, 16384), Contains("tiles of 8193 x 16384 texels with 2 bytes each; up to 256 MiB"));
+  CHECK_THAT(tiles(1, 65537), Contains("tiles of 1 x 65537"));
+  CHECK_THAT(tiles(0xFFFFFFFF, 0xFFFFFFFF), Contains("save it in smaller ones"));
+}
+
+TEST_CASE("an EXR of luminance and chroma is refused with what to do", "[image][exr]") {
+  CHECK_THAT(refusal(Made{.sampling = 2, .blocks = {std::string(8, '\1'), std::string(8, '\1')}}.file()),
+             Contains("fewer samples than texels") && Contains("convert it to RGB"));
+}
