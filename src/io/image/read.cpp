@@ -381,8 +381,10 @@ void ImageReader::Impl::read_decoded(std::uint32_t row_count, std::byte* rows) {
     const std::uint32_t in_block = row % rows_together;
     // Never across the end of a block: what the decoder holds must not depend on what the caller
     // asks for.
-    const std::uint32_t piece =
-        std::min({row_count - done, rows_together - in_block, kMostRowsAtOnce});
+    std::uint32_t piece = std::min({row_count - done, rows_together - in_block, kMostRowsAtOnce});
+    // Strips that are asked for whole OpenImageIO 2.4 inflates itself, and takes damage for
+    // success.
+    if (tiff && tiff->deflated && in_block == 0) piece = 1;
     std::byte* out = rows + done * image_row_bytes;
     if (!picked.empty()) {
       unpicked.resize(piece * row_bytes);

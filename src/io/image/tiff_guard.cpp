@@ -340,6 +340,7 @@ void take_coding(Directory& from, TiffPicture& picture) {
                     name_of(kNames, coding)));
   }
   picture.compressed = coding != kNone;
+  picture.deflated = coding == kDeflate;
   if (predicts) {
     constexpr std::uint64_t kDifferences = 2, kFloatDifferences = 3;
     const std::uint64_t predictor = from.number(kPredictor, 1);

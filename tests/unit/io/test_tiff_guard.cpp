@@ -302,6 +302,27 @@ TEST_CASE("every kind of TIFF on the list is read as it was written", "[image][t
   CHECK(read > 350);
 }
 
+TEST_CASE("a deflated strip that cannot be inflated is no picture", "[image][tiff]") {
+  Layout layout;
+  layout.coding = Coding::deflate;
+  const std::string whole = tiff(layout);
+  const std::vector<std::uint8_t> texels = expected(layout);
+  // Within the first strip. Of a sample that is changed where it stands libtiff does not compare
+  // the checksum; whatever cannot be inflated was taken for a picture, too.
+  std::size_t wrong = 0, refused = 0;
+  for (std::size_t at = 8; at < 600; at += 3) {
+    std::string damaged = whole;
+    damaged[at] = static_cast<char>(damaged[at] ^ 0x20);
+    try {
+      wrong += test::read_all(in_memory(damaged)) == texels ? 0 : 1;
+    } catch (const Error&) {
+      ++refused;
+    }
+  }
+  CHECK(wrong <= 16);
+  CHECK(refused == 198 - wrong);
+}
+
 TEST_CASE("a TIFF of colours that are not on the list is refused", "[image][tiff]") {
   for (const bool tiled : {false, true}) {
     Layout cmyk;
