@@ -15,6 +15,7 @@
 #include "flow/plan/colour_spaces.h"
 #include "flow/project/gaussians.h"
 #include "flow/project/splats.h"
+#include "mesh/coincident.h"
 #include "source/splat_shapes.h"
 
 namespace pounce::flow {
@@ -48,6 +49,21 @@ void expect_where_found(const projection::SplatFit& fit, projection::SplatLimits
       std::clamp(kPerSpread * spread, kLeastOfReach * limits.reach, kMostOfReach * limits.reach);
 }
 
+/// A search sees one of the triangles in a place: the first in file order, always.
+void count_coincident(const Plan& plan, Report& report) {
+  const auto pass = std::find_if(plan.passes.begin(), plan.passes.end(),
+                                 [](const PassPlan& one) { return !one.has_shape; });
+  if (pass == plan.passes.end()) return;  // no image is looked at
+  const mesh::Mesh& mesh = *pass->source.mesh;
+  const std::uint64_t count = mesh::count_coincident(mesh);
+  if (count == 0) return;
+  report.source_filtered["coincident triangles"] = count;
+  report.warnings.push_back(fmt::format(
+      "{}: {} of {} triangles lie exactly on others, with other UVs or another material; of each "
+      "place the first in file order is shown. Leave out what is not meant: --source-mesh",
+      mesh.path, count, mesh.triangles.size()));
+}
+
 }  // namespace
 
 SourceStores::SourceStores(JobContext& job, const TransferOptions& options, const Plan& plan,
@@ -76,6 +92,7 @@ void SourceStores::build(double begin, double end, std::uint64_t target_texels) 
 void SourceStores::build_geometry(double end) {
   const StageTimer timer(job_.clock, "precondition");
   job_.meter.begin("precondition", 0, "tiles", end);
+  count_coincident(plan_, job_.report);
   for (const PassPlan& pass : plan_.passes) {
     bool cached = false;
     auto opened = geometry_store(job_, pass.source, &cached);
