@@ -33,6 +33,7 @@ class BlockCache {
   BlockCache(const BlockCache&) = delete;
   BlockCache& operator=(const BlockCache&) = delete;
 
+  const Reader& reader() const { return reader_; }
   const auto& store() const { return *reader_.store; }
   std::uint64_t indices_read() const { return indices_read_; }  ///< parts of the index, so far
 

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <utility>
 
 #include "core/box.h"
 #include "core/half.h"
@@ -20,8 +22,8 @@ std::size_t whole_registers(std::size_t count) { return (count + kFanOut - 1) / 
 
 void resize(SplatSpheres& spheres, std::size_t count) {
   spheres.count = count;
-  for (auto& axis : spheres.centre) axis.assign(whole_registers(count), 0.0F);
-  spheres.radius.assign(whole_registers(count), 0.0F);
+  for (auto& axis : spheres.centre) axis.resize(whole_registers(count));
+  spheres.radius.resize(whole_registers(count));
 }
 
 /// Columns of the matrix of a unit quaternion.
@@ -35,10 +37,13 @@ SplatShape shape_of(const store::SplatBlock& block, std::size_t i) {
   SplatShape out{};
   const auto axes = axes_of(block.rotation[0][i], block.rotation[1][i], block.rotation[2][i],
                             block.rotation[3][i]);
-  std::array<std::size_t, 3> order{0, 1, 2};
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return block.sigma[a][i] > block.sigma[b][i];
-  });
+  std::array<std::size_t, 3> order{0, 1, 2};  // by size; of equal ones the first comes first
+  const auto sort = [&](std::size_t a, std::size_t b) {
+    if (block.sigma[order[b]][i] > block.sigma[order[a]][i]) std::swap(order[a], order[b]);
+  };
+  sort(0, 1);
+  sort(1, 2);
+  sort(0, 1);
   // An odd permutation mirrors the frame; turning one axis around makes it right-handed again.
   const bool odd = (order[1] + 3 - order[0]) % 3 != 1;
   std::array<float, 3> sigma{};
@@ -88,23 +93,31 @@ float weight_of(SphericalHarmonics harmonics, std::uint32_t k) {
   return k < store::kLobesOfDegree[1] ? 2.0F / 3 : k < store::kLobesOfDegree[2] ? 0.25F : 0.0F;
 }
 
-/// Coefficients that count, of one Gaussian after the other.
-void add_harmonics(const store::SplatBlock& block, SphericalHarmonics harmonics, SplatSet& set) {
-  std::uint32_t lobes = harmonics == SphericalHarmonics::dc ? 0 : block.lobes;
-  if (harmonics == SphericalHarmonics::mean) lobes = std::min(lobes, store::kLobesOfDegree[2]);
-  const std::size_t count = block.size();
-  set.sh.resize(count * 3 * lobes);
-  for (std::size_t c = 0; c < std::size_t{3} * lobes; ++c) {
-    const float weight = weight_of(harmonics, static_cast<std::uint32_t>(c / 3));
-    for (std::size_t i = 0; i < count; ++i)
-      set.sh[i * 3 * lobes + c] = weight * half_to_float(block.sh[c * count + i]);
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    SplatShape& shape = set.shapes[i];
-    shape.lobes = static_cast<std::int32_t>(lobes);
-    shape.sh = set.sh.data() + i * 3 * lobes;
+/// How many of a block's lobes count.
+std::uint32_t lobes_of(const store::SplatBlock& block, SphericalHarmonics harmonics) {
+  if (harmonics == SphericalHarmonics::dc) return 0;
+  return harmonics == SphericalHarmonics::mean ? std::min(block.lobes, store::kLobesOfDegree[2])
+                                               : block.lobes;
+}
+
+/// Adds the coefficients that count of these Gaussians of a block to the set's last shapes.
+void add_harmonics(const store::SplatBlock& block, std::span<const std::uint16_t> which,
+                   SphericalHarmonics harmonics, SplatSet& set) {
+  const std::uint32_t lobes = lobes_of(block, harmonics);
+  const std::size_t count = block.size(), columns = std::size_t{3} * lobes;
+  SplatShape* const shapes = set.shapes.data() + (set.shapes.size() - which.size());
+  for (std::size_t k = 0; k < which.size(); ++k) {
+    shapes[k].lobes = static_cast<std::int32_t>(lobes);
     if (lobes > 0) continue;
-    for (float& v : shape.colour) v = std::clamp(v, 0.0F, kLargestSplatColour);
+    for (float& v : shapes[k].colour) v = std::clamp(v, 0.0F, kLargestSplatColour);
+  }
+  const std::size_t first = set.sh.size();
+  set.sh.resize(first + which.size() * columns);
+  for (std::size_t c = 0; c < columns; ++c) {
+    const float weight = weight_of(harmonics, static_cast<std::uint32_t>(c / 3));
+    const std::uint16_t* const column = block.sh.data() + c * count;
+    for (std::size_t k = 0; k < which.size(); ++k)
+      set.sh[first + k * columns + c] = weight * half_to_float(column[which[k]]);
   }
 }
 
@@ -147,20 +160,59 @@ std::uint64_t SplatSet::most_bytes(std::uint64_t splats, std::uint32_t lobes) {
   return bytes;
 }
 
-SplatSet make_splat_set(const store::SplatBlock& block, SphericalHarmonics harmonics) {
-  SplatSet set;
-  set.shapes.reserve(block.size());
-  resize(set.levels[0], block.size());
-  for (auto& column : set.covariance) column.assign(whole_registers(block.size()), 0.0F);
-  for (std::size_t i = 0; i < block.size(); ++i) {
-    const SplatShape& shape = set.shapes.emplace_back(shape_of(block, i));
-    for (std::size_t k = 0; k < 3; ++k) set.levels[0].centre[k][i] = shape.mean[k];
-    set.levels[0].radius[i] = kSplatCutOff * std::sqrt(shape.variance[0]) * kMargin;
-    set_covariance(shape, i, set);
+void SplatSet::reserve(std::size_t splats, std::uint32_t lobes) {
+  shapes.reserve(splats);
+  sh.reserve(splats * 3 * lobes);
+  for (auto& column : covariance) column.reserve(whole_registers(splats));
+  for (SplatSpheres& level : levels) {
+    for (auto& axis : level.centre) axis.reserve(whole_registers(splats));
+    level.radius.reserve(whole_registers(splats));
+    splats = (splats + kFanOut - 1) / kFanOut;
   }
-  add_harmonics(block, harmonics, set);
+}
+
+void SplatSet::clear() {
+  shapes.clear();
+  sh.clear();
+  for (auto& column : covariance) column.clear();
+  for (SplatSpheres& level : levels) {
+    for (auto& axis : level.centre) axis.clear();
+    level.radius.clear();
+    level.count = 0;
+  }
+}
+
+void add_splats(const store::SplatBlock& block, std::span<const std::uint16_t> which,
+                SphericalHarmonics harmonics, SplatSet& set) {
+  std::size_t at = set.shapes.size();
+  resize(set.levels[0], at + which.size());
+  for (auto& column : set.covariance) column.resize(whole_registers(at + which.size()));
+  for (const std::uint16_t i : which) {
+    const SplatShape& shape = set.shapes.emplace_back(shape_of(block, i));
+    for (std::size_t k = 0; k < 3; ++k) set.levels[0].centre[k][at] = shape.mean[k];
+    set.levels[0].radius[at] = kSplatCutOff * std::sqrt(shape.variance[0]) * kMargin;
+    set_covariance(shape, at++, set);
+  }
+  add_harmonics(block, which, harmonics, set);
+}
+
+void finish(SplatSet& set) {
+  const float* sh = set.sh.data();
+  for (SplatShape& shape : set.shapes) {
+    shape.sh = sh;
+    sh += std::ptrdiff_t{3} * shape.lobes;
+  }
   make_level(set.levels[0], set.levels[1]);
   make_level(set.levels[1], set.levels[2]);
+}
+
+SplatSet make_splat_set(const store::SplatBlock& block, SphericalHarmonics harmonics) {
+  SplatSet set;
+  set.reserve(block.size(), lobes_of(block, harmonics));
+  std::vector<std::uint16_t> all(block.size());
+  std::iota(all.begin(), all.end(), std::uint16_t{0});
+  add_splats(block, all, harmonics, set);
+  finish(set);
   return set;
 }
 

@@ -60,6 +60,10 @@ struct SplatSet {
   /// Covariances of the Gaussians, in arrays like levels[0]: xx, xy, xz, yy, yz, zz.
   std::array<PageVector<float>, 6> covariance;
 
+  /// Makes room for so many Gaussians: most_bytes().
+  void reserve(std::size_t splats, std::uint32_t lobes);
+  void clear();  ///< the room stays
+
   /// Bytes of a set of so many Gaussians, known from the index before it is read.
   static std::uint64_t most_bytes(std::uint64_t splats, std::uint32_t lobes);
 };
@@ -69,5 +73,11 @@ struct SplatSet {
 /// 2/3, degree 2 times 1/4 and degree 3 times 0: a clamped cosine's share of each degree.
 SplatSet make_splat_set(const store::SplatBlock& block,
                         SphericalHarmonics harmonics = SphericalHarmonics::mean);
+
+/// The same from parts of several blocks, which have as many lobes: adds these Gaussians of a block
+/// (by their numbers, in order); finish() makes the tree over all that were added.
+void add_splats(const store::SplatBlock& block, std::span<const std::uint16_t> which,
+                SphericalHarmonics harmonics, SplatSet& set);
+void finish(SplatSet& set);
 
 }  // namespace pounce::source

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <iterator>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -46,6 +47,14 @@ class BlockWalk {
   void next() {
     ++at_;
     find();
+  }
+
+  /// Those of the boxes that meet this entry of the store.
+  std::vector<Box3f> boxes_at(const Entry& entry) const {
+    std::vector<Box3f> near;
+    std::copy_if(boxes_.begin(), boxes_.end(), std::back_inserter(near),
+                 [&](const Box3f& box) { return entry.box.overlaps(box); });
+    return near;
   }
 
   /// The next blocks, decoded: as many as cost no more than `most_bytes`, at least one.

@@ -14,6 +14,7 @@
 #include "flow/project/block_walk.h"
 #include "flow/project/page_projector.h"
 #include "projection/splat_packet.h"
+#include "source/splat_sieve.h"
 #include "store/blocks/splat_block.h"
 
 namespace pounce::flow {
@@ -37,6 +38,7 @@ class SplatMethodBase {
     std::optional<BlockWalk<SplatCache>> walk;  ///< over the blocks of this pass
     std::vector<std::shared_ptr<const source::SplatSet>> batch;
     std::vector<const source::SplatSet*> sets;  ///< of the batch
+    source::SplatSet near;                      ///< a batch that is sifted
   };
 
   std::size_t channels() const { return request_.channels(); }
@@ -98,9 +100,35 @@ class SplatMethodBase {
     }
     return bytes;
   }
+  /// Of the walk's next blocks what the texels may meet becomes the batch: as much as it holds,
+  /// from fewer bytes than whole blocks take that a batch has no room for. Returns the bytes that
+  /// it went through; the batch is empty if that was the last of the walk, and nothing was met.
+  std::uint64_t sift(Work& work) const {
+    const store::SplatStore& store = request_.source->store();
+    const std::size_t most = most_sifted(work.batch_bytes);
+    std::vector<std::uint16_t> near;
+    std::uint64_t bytes = 0;
+    for (; !work.walk->done(); work.walk->next()) {
+      job_->meter.throw_if_cancelled();
+      const store::SplatEntry& entry = *work.walk->entry();
+      const store::SplatBlock block = store.read_block(entry, job_->compressor());
+      bytes += store::SplatBlock::decoded_bytes(block.size(), !block.normal[0].empty(), lobes());
+      source::find_near(block, work.walk->boxes_at(entry), near);
+      if (near.empty()) continue;
+      if (work.near.shapes.size() + near.size() > most) break;
+      if (work.near.shapes.capacity() == 0) work.near.reserve(most, lobes());
+      source::add_splats(block, near, request_.source->reader().harmonics, work.near);
+    }
+    if (work.near.shapes.empty()) return bytes;
+    source::finish(work.near);
+    work.sets.push_back(&work.near);
+    return bytes;
+  }
+
   static void drop_batch(Work& work) {
     work.sets.clear();
     work.batch.clear();
+    work.near.clear();
   }
 
   /// value_of(c, packet, lane), of channel c, is an optional texture::TexelValue: nothing where
@@ -124,6 +152,13 @@ class SplatMethodBase {
 
  private:
   std::uint32_t lobes() const { return request_.source->store().directory().lobes; }
+  /// How many Gaussians a batch of so many bytes holds: those of the largest block at least.
+  std::size_t most_sifted(std::uint64_t batch_bytes) const {
+    constexpr std::uint64_t kMany = 1 << 20, kStep = 256;
+    std::uint64_t most = batch_bytes * kMany / splat_batch_cost(kMany, lobes());
+    while (splat_batch_cost(most, lobes()) > batch_bytes) most -= std::min(most, kStep);
+    return std::max<std::uint64_t>(most, request_.source->store().directory().most_splats);
+  }
   static std::uint64_t scratch_bytes() {
     constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, encode buffers
     return kPieceScratch + State::scratch_bytes(0);

@@ -9,9 +9,11 @@
 //   blend: sums become colours
 //
 // Two passes over all Gaussians that a piece's texels may meet: one finds where the surface is, the
-// other averages there (projection/splat_blend.cpp). Where they fit the piece's batch they are
-// looked at once, packet by packet; else they go past batch by batch, twice. Sums are integers, so
-// batches may be cut anywhere.
+// other averages there (projection/splat_blend.cpp). Where the blocks that hold them fit the
+// piece's batch they are shared with other pieces, and looked at once, packet by packet. Else
+// blocks are sifted: what the texels may meet is kept, of one block after the other. Where all of
+// that fits the batch it is looked at once, too; else it goes past batch by batch, twice. Sums are
+// integers, so batches may be cut anywhere.
 #include "flow/project/splats.h"
 
 #include <optional>
@@ -27,9 +29,10 @@ using Base = SplatMethodBase<SplatProjection, projection::SplatState>;
 class SplatMethod : public Base {
  public:
   /// What the Gaussians go past the texels for.
-  enum class Pass : std::uint8_t { none, whole, profile, sum, done };
+  enum class Pass : std::uint8_t { none, first_batch, whole, profile, sum, done };
   struct Work : Base::Work {
     Pass pass = Pass::none;
+    bool sifts = false;  ///< blocks
   };
 
   SplatMethod(JobContext& job, const SplatProjection& request) : Base(job, request) {}
@@ -39,7 +42,12 @@ class SplatMethod : public Base {
     drop_batch(work);
     if (work.pass == Pass::none) begin_walk(work);
     while (work.pass != Pass::done) {
-      if (!work.walk->done()) return take(work);
+      if (!work.walk->done()) {
+        const std::uint64_t bytes = work.sifts ? sift(work) : take(work);
+        if (work.pass == Pass::first_batch)
+          work.pass = work.walk->done() ? Pass::whole : Pass::profile;
+        if (!work.sets.empty()) return bytes;
+      }
       use(work);
       end_pass(work);
     }
@@ -89,12 +97,12 @@ class SplatMethod : public Base {
     return projection::reachable_boxes(request_.limits, work.state, work.blocks.size());
   }
 
-  /// In one pass, if all that its texels may meet fits a batch.
   void begin_walk(Work& work) const {
     BlockWalk<SplatCache> count(*request_.source, boxes(work));
     std::uint64_t bytes = 0;
     for (; !count.done() && bytes <= work.batch_bytes; count.next()) bytes += cost(*count.entry());
-    work.pass = bytes <= work.batch_bytes ? Pass::whole : Pass::profile;
+    work.sifts = bytes > work.batch_bytes;
+    work.pass = work.sifts ? Pass::first_batch : Pass::whole;
     work.walk.emplace(*request_.source, boxes(work));
   }
 
@@ -110,6 +118,7 @@ class SplatMethod : public Base {
       case Pass::sum:
         return projection::sum_batch(sets, limits, kernels, work.state, go_on);
       case Pass::none:
+      case Pass::first_batch:
       case Pass::done:
         break;
     }
