@@ -7,11 +7,15 @@
 #include "flow/target_tally.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <numeric>
 #include <optional>
+
+#include "flow/load_mesh.h"
 
 namespace pounce::flow {
 namespace {
@@ -23,6 +27,10 @@ constexpr std::uint64_t kFewPercent = 50;  // below that a result is hardly what
 /// Below that a scene may be another object's, although it is not known to be: of pairs that belong
 /// together nearly all have more (docs/decisions/026-evidence.md).
 constexpr double kSureFit = 0.9;
+/// A mesh whose texels nearly all find it so near, as a part of the target's size, lies at the
+/// target (docs/decisions/016-little-found.md).
+constexpr double kAtSurface = 0.004;
+constexpr std::uint64_t kMostPercent = 90;
 /// A distance that is proposed is so much longer than what it is to reach, or that would lie in its
 /// farthest quarter.
 constexpr double kDistanceToSpare = 1.5;
@@ -42,6 +50,45 @@ void add(const TexelCounts& counts, TexelCounts& sum) {
   sum.texels += counts.texels;
   sum.covered += counts.covered;
   sum.empty += counts.empty;
+}
+
+/// The axes that do what `second` does to what `first` gives.
+Axes then(const Axes& first, const Axes& second) {
+  Axes both;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::size_t from = second.from[i];
+    both.from[i] = first.from[from];
+    both.sign[i] = static_cast<std::int8_t>(second.sign[i] * first.sign[from]);
+  }
+  return both;
+}
+
+/// What would bring the target to where its source is, step by step.
+std::string steps_of(const projection::Pose& pose, double diagonal, Vec3d origin,
+                     const Axes& given) {
+  constexpr double kShare = 0.005, kScale = 0.005, kDegrees = 0.75, kUnits = 2;
+  const projection::PoseParts parts = projection::parts_of(pose);
+  std::vector<std::string> steps;
+  if (parts.axes != Axes{})
+    steps.push_back(fmt::format("with --target-axes {}", to_text(then(given, parts.axes))));
+  const bool is_unit = parts.scale > kUnits || parts.scale * kUnits < 1;
+  if (is_unit) {
+    steps.push_back(fmt::format(
+        "scaled by {:.4g} (it is {:.4g} times the source's size in all axes: other units?)",
+        parts.scale, 1 / parts.scale));
+  } else if (std::abs(parts.scale - 1) > kScale) {
+    steps.push_back(fmt::format("scaled by {:.4g}", parts.scale));
+  }
+  if (parts.degrees > kDegrees) {
+    steps.push_back(fmt::format("turned by {:.1f} degrees about ({:.2f} {:.2f} {:.2f})",
+                                parts.degrees, parts.about.x, parts.about.y, parts.about.z));
+  }
+  // --target-axes and units leave 0 where it is; all else is about the target's middle.
+  const Vec3d centre = pose.centre + origin;
+  const Vec3d shift = centre + pose.shift - parts.axes.apply(centre) * (is_unit ? parts.scale : 1);
+  if (length(shift) > kShare * diagonal * parts.scale)
+    steps.push_back(fmt::format("moved by ({:.3g} {:.3g} {:.3g})", shift.x, shift.y, shift.z));
+  return fmt::format("{}", fmt::join(steps, ", "));
 }
 
 }  // namespace
@@ -237,6 +284,8 @@ void TargetTally::warn_of_little(const Box3f& source) {
                                     : "The source",
                   text_of(source, plan_.origin), text_of(box_, plan_.origin));
   if (is_misfit()) return warn_of_misfit(places);
+  if (mesh_fit_.better) warn_of_pose();
+  if (mesh_fit_.opposed && counts.covered * 100 < counts.texels * kFewPercent) warn_of_opposed();
   if (counts.covered == 0) {
     return warn(fmt::format("no texel found a source within {:g}: the result is empty. {}; {}",
                             target_.max_distance, places, cure()));
@@ -282,12 +331,12 @@ std::string TargetTally::cure() const {
 
 bool TargetTally::is_misfit() const {
   const std::optional<double> fit = report_.targets.back().fit;
-  return fit && *fit < kLeastFit;
+  return plan_.from_splats && fit && *fit < kLeastFit;
 }
 
 bool TargetTally::is_doubtful() const {
   const std::optional<double> fit = report_.targets.back().fit;
-  return fit && *fit < kSureFit;
+  return plan_.from_splats && fit && *fit < kSureFit;
 }
 
 /// The texture is written, but somebody should look at it.
@@ -298,6 +347,45 @@ void TargetTally::warn_of_doubt(const std::string& places) {
       "cent, or shows another object of about this shape. {}; look at the texture before you use "
       "it, and at --channels baseColor,confidence,distance",
       *target().fit, kSureFit, places));
+}
+
+bool TargetTally::is_in_question() {
+  const TexelCounts& counts = target().counts;
+  if (plan_.from_splats || counts.texels == 0) return false;
+  // In whole sixteenths of the maximum distance.
+  const double bin = double{target_.max_distance} / kDistanceBins;
+  const auto bins = static_cast<std::size_t>(
+      std::min<double>(kAtSurface * target_.diagonal / bin, kDistanceBins));
+  const auto& found = target().distances;
+  const std::uint64_t near = std::accumulate(
+      found.begin(), found.begin() + static_cast<std::ptrdiff_t>(bins), std::uint64_t{0});
+  target().fit = 1;
+  return near * 100 < counts.texels * kMostPercent;
+}
+
+/// The source lies much nearer to the target where that is moved.
+void TargetTally::warn_of_pose() {
+  const projection::MeshFit& fit = mesh_fit_;
+  const std::string steps =
+      steps_of(*fit.better, target_.diagonal, plan_.origin, axes_of(options_.target_use, "target"));
+  if (steps.empty()) return;
+  warn(fmt::format(
+      "only {:.0f} % of its surface lies at the source's (fit {:.2f} of 1); {:.0f} % would if it "
+      "were {}: align the two so",
+      100 * fit.lie_near, fit.fit, 100 * fit.would_lie_near, steps));
+}
+
+void TargetTally::warn_of_opposed() {
+  const bool is_known = mesh_fit_.target_inward != mesh_fit_.source_inward;
+  warn(
+      fmt::format("its normals look against those of the source where the two lie together{}: flip "
+                  "the normals of {}",
+                  is_known ? fmt::format(", and those of the {} look inward",
+                                         mesh_fit_.target_inward ? "target" : "source")
+                           : "",
+                  is_known && mesh_fit_.source_inward ? "the source"
+                  : is_known                          ? "the target"
+                                                      : "one of them"));
 }
 
 /// What a texel finds of another object is found by chance, so this says all there is to say.

@@ -12,6 +12,7 @@
 #include "flow/project/results.h"
 #include "pounce/options.h"
 #include "pounce/report.h"
+#include "projection/mesh_fit.h"
 #include "projection/splat_fit.h"
 
 namespace pounce::flow {
@@ -30,6 +31,14 @@ class TargetTally {
     target().scene_offset = fit.middle;
     target().scene_spread = fit.spread;
     scene_distance_ = fit.distance;
+  }
+  /// Of a mesh that is projected: do so few texels lie at it that somebody should ask whether it
+  /// fits? If not, it does. To be called once all pages are added.
+  bool is_in_question();
+  /// How a mesh lies at this target.
+  void fits(const projection::MeshFit& fit) {
+    target().fit = fit.fit;
+    mesh_fit_ = fit;
   }
   /// A page's store; of several passes the first one counts.
   void vectorized(std::uint32_t page, const store::GeometryDirectory& directory);
@@ -61,6 +70,8 @@ class TargetTally {
   void warn_of_misfit(const std::string& places);
   bool is_doubtful() const;
   void warn_of_doubt(const std::string& places);
+  void warn_of_pose();
+  void warn_of_opposed();
   void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }
 
   const TransferOptions& options_;
@@ -69,6 +80,7 @@ class TargetTally {
   const std::string model_;
   Report& report_;
   Box3f box_;
+  projection::MeshFit mesh_fit_;
   double scene_distance_ = 0;  ///< of a splat scene from this target, at most places
   /// What the first channel of a page that is made found there, or that some channel was written.
   enum class PageState : std::uint8_t { unseen, empty, found };

@@ -24,6 +24,7 @@
 #include "flow/plan/existing_outputs.h"
 #include "flow/target_tally.h"
 #include "flow/write/claims.h"
+#include "projection/mesh_fit.h"
 #include "target/strewn_places.h"
 
 namespace pounce::flow {
@@ -59,10 +60,15 @@ class TargetTransfer {
                    job_.report);
     if (steps.empty()) return true;
     find_occupied();
-    if (source_plan_.from_splats) places_ = target::strew(target_.mesh);
+    places_ = target::strew(
+        target_.mesh, source_plan_.from_splats ? target::kStrewnPlaces : projection::kTargetPlaces);
     make(std::move(steps));
     warn_of_clipped();
     if (target_.model) write_model();
+    if (tally_->is_in_question()) {
+      const StageTimer timer(job_.clock, "project");
+      tally_->fits(projection::fit_of(places_, source_plan_.places, target_.plan.diagonal));
+    }
     tally_->finish(source_.box(0));
     return true;
   }
@@ -376,7 +382,7 @@ class TargetTransfer {
   };
   std::vector<Clipped> clipped_;  ///< by channel
   runtime::Lease occupied_lease_;
-  std::vector<target::Place> places_;        ///< of a splat scene's target: where its fit is found
+  std::vector<target::Place> places_;        ///< of the target: where the fit is found
   std::optional<projection::SplatFit> fit_;  ///< of a splat scene, once the first page is projected
   bool all_targets_cached_ = true;
   std::uint64_t steps_done_ = 0;  ///< passes of pages

@@ -41,19 +41,19 @@ Place place_on(const mesh::Mesh& mesh, const std::array<std::uint32_t, 3>& corne
 
 }  // namespace
 
-std::vector<Place> strew(const mesh::Mesh& mesh) {
+std::vector<Place> strew(const mesh::Mesh& mesh, std::size_t count) {
   double all = 0;
   for (const auto& corners : mesh.triangles) all += Triangle(mesh, corners).area;
   std::vector<Place> places;
   if (!(all > 0) || !std::isfinite(all)) return places;
-  places.reserve(kStrewnPlaces);
-  const double share = all / kStrewnPlaces;
+  places.reserve(count);
+  const double share = all / static_cast<double>(count);
   double until = 0;
   for (const auto& corners : mesh.triangles) {
     const Triangle triangle(mesh, corners);
     until += triangle.area;
-    for (std::size_t i = places.size();
-         i < kStrewnPlaces && (static_cast<double>(i) + 0.5) * share < until; ++i)
+    for (std::size_t i = places.size(); i < count && (static_cast<double>(i) + 0.5) * share < until;
+         ++i)
       places.push_back(place_on(mesh, corners, triangle, spread_point(i)));
   }
   return places;

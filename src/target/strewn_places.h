@@ -26,7 +26,7 @@ inline constexpr std::size_t kStrewnPlaces = 448;
 
 /// Places at equal shares of the mesh's area, triangle after triangle: the same for the same mesh,
 /// whatever its UVs. Nothing if it has no area.
-std::vector<Place> strew(const mesh::Mesh& mesh);
+std::vector<Place> strew(const mesh::Mesh& mesh, std::size_t count = kStrewnPlaces);
 
 /// Appends a packet for each place, and a group, since places lie far apart: the first lane looks
 /// for it as a texel of this edge. Place i is in block i.

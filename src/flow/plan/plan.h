@@ -16,6 +16,7 @@
 #include "io/image/read.h"
 #include "mesh/mesh.h"
 #include "mesh/uv_tiles.h"
+#include "target/strewn_places.h"
 #include "texture/colour_input.h"
 #include "texture/factor.h"
 
@@ -95,7 +96,8 @@ struct PassPlan {
 
 /// The source's side of a job: the same for all its targets.
 struct Plan {
-  Vec3d origin;              ///< is subtracted from all positions that are read, on both sides
+  Vec3d origin;  ///< is subtracted from all positions that are read, on both sides
+  std::vector<target::Place> places;  ///< of a mesh's surface, to find whether it fits
   bool from_splats = false;  ///< then there are colours and evidence alone, and no mesh or image
   SplatRequest splats;       ///< then
   SceneFacts scene;          ///< then

@@ -20,6 +20,7 @@
 #include "flow/plan/output_names.h"
 #include "io/read_mesh.h"
 #include "mesh/tangent_space.h"
+#include "projection/mesh_fit.h"
 
 namespace pounce::flow {
 namespace {
@@ -96,6 +97,7 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
     check_order();
     source_plan_ = plan_source(options_, source_, !model_pattern_.empty());
     source_plan_.origin = origin_;
+    source_plan_.places = target::strew(source_, projection::kSourcePlaces);
     for (const ChannelPlan& channel : source_plan_.channels) {
       if (channel.channel == Channel::position)
         add_note(positions_note(origin_, channel.format.depth));

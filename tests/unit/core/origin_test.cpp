@@ -16,7 +16,8 @@ TEST_CASE("what lies near 0 for its size has no origin", "[core]") {
 }
 
 TEST_CASE("an origin is a multiple of the power of two above the size", "[core]") {
-  // 100 m at map coordinates: multiples of 128. 448,250 = 3501.95 x 128, 5,411,950 = 42280.86 x 128.
+  // 100 m at map coordinates: multiples of 128. 448,250 = 3501.95 x 128, 5,411,950 = 42280.86 x
+  // 128.
   const Vec3d map = origin_for({{448200, 5411900, 80}, {448300, 5412000, 120}});
   CHECK(map == Vec3d{3502.0 * 128, 42281.0 * 128, 128});
   // Of 10 cm single precision knows nothing there: its last place, 0.5, is the size; so multiples

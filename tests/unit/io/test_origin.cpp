@@ -20,7 +20,8 @@ const Vec3d kOrigin{448256, 5411904, 0};
 TEST_CASE("an OBJ's positions keep their digits less the origin", "[io]") {
   const TempFolder folder;
   const std::string path = folder.file("m.obj");
-  write_file(path, "v 448256.0625 5411904.03125 1e-3\nv 448257 5411904 0\nv 448256 5411905 0\nf 1 2 3\n");
+  write_file(path,
+             "v 448256.0625 5411904.03125 1e-3\nv 448257 5411904 0\nv 448256 5411905 0\nf 1 2 3\n");
   const mesh::Mesh near = io::read_mesh(path, {false, {}, false, true, kOrigin});
   CHECK(near.positions[0] == Vec3f{0.0625F, 0.03125F, 1e-3F});
   CHECK(near.positions[2] == Vec3f{0, 1, 0});
