@@ -2,17 +2,22 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "pounce/error.h"
+#include "pounce/options.h"
 
 namespace pounce {
 
 /// What a mesh (.glb, .gltf, .obj), splat scene (.ply), image or tile store holds, as text for
 /// people.
 /// Throws Error(input) if the file is none of these or malformed, Error(damaged_store) for a store
-/// whose bytes do not match their checksums. `allow_external`: as in TransferOptions.
-std::string inspect_text(const std::string& path, bool allow_external = false);
+/// whose bytes do not match their checksums. `allow_external`, `allowed_formats`: as in
+/// TransferOptions.
+std::string inspect_text(const std::string& path, bool allow_external = false,
+                         const std::vector<ImageFormat>& allowed_formats = {});
 /// The same as JSON. Ends with a newline.
-std::string inspect_json(const std::string& path, bool allow_external = false);
+std::string inspect_json(const std::string& path, bool allow_external = false,
+                         const std::vector<ImageFormat>& allowed_formats = {});
 
 }  // namespace pounce

@@ -82,6 +82,13 @@ enum class Depth : std::uint8_t { u8, u16, half, float32 };
 const char* depth_name(Depth depth) noexcept;
 std::optional<Depth> depth_from_name(const std::string& name) noexcept;
 
+/// Formats of images that are read only where they are allowed by name: their decoders are held to
+/// less than those of PNG, JPEG, TIFF, EXR, WebP and Radiance HDR.
+enum class ImageFormat : std::uint8_t { bmp, tga };
+/// "bmp", "tga".
+const char* image_format_name(ImageFormat format) noexcept;
+std::optional<ImageFormat> image_format_from_name(const std::string& name) noexcept;
+
 /// Width and height of an image in texels, each 1..65536.
 struct ImageSize {
   std::uint32_t width = 0;
@@ -236,8 +243,11 @@ struct TransferOptions {
   /// hold then; each needs a source texture. Models have no place for them.
   std::vector<OtherMap> other_maps;
   /// Images: multiply the factors of the source's materials (baseColorFactor, Kd, ...) into what
-  /// their textures give. A model has them in its materials, whatever this says.
+  /// their textures give. A model has them in its materials: false is refused.
   bool apply_factors = true;
+  /// Multiply the colours of the source's vertices into the base colour, of models, too. Colours
+  /// that are black everywhere never are.
+  bool apply_vertex_colours = true;
   std::optional<ImageSize> size;  ///< default: per channel the largest source image of that channel
   std::optional<Depth> depth;     ///< default: the source image's
   /// How EXR outputs are compressed, without loss: "none", "rle", "zips", "zip", "piz"; empty:
@@ -313,6 +323,8 @@ struct TransferOptions {
   /// outside of its folder (an absolute path, "..", a link); false: they are refused, since a model
   /// from elsewhere could bring any file of this machine into the output.
   bool allow_external = false;
+  /// Images of the source, `onto` and `mask` may be in these formats, too.
+  std::vector<ImageFormat> allowed_formats;
   Resources resources;
 };
 
@@ -359,7 +371,8 @@ struct GaussiansOptions {
   /// opacity times the product of their two larger standard deviations; of equals the first. Reads
   /// the source twice.
   std::optional<std::uint64_t> count;
-  bool allow_external = false;  ///< as in TransferOptions
+  bool allow_external = false;               ///< as in TransferOptions
+  std::vector<ImageFormat> allowed_formats;  ///< the same
   Resources resources;
 };
 

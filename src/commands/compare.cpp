@@ -19,7 +19,8 @@ namespace {
 /// An image that is read in strips of rows of doubles.
 class Strips {
  public:
-  explicit Strips(const std::string& path) : reader_(path) {}
+  Strips(const std::string& path, const std::vector<ImageFormat>& allowed)
+      : reader_(path, allowed) {}
   const io::ImageInfo& info() const { return reader_.info(); }
   std::uint32_t colours() const { return info().channels - (info().has_alpha ? 1 : 0); }
   void read(std::uint32_t rows) {
@@ -70,12 +71,12 @@ void check_sizes(const std::string& path, const io::ImageInfo& info, const std::
 }
 
 Comparison compare_images(const std::string& a_path, const std::string& b_path,
-                          const std::string& mask_path) {
-  Strips a(a_path), b(b_path);
+                          const std::string& mask_path, const std::vector<ImageFormat>& allowed) {
+  Strips a(a_path, allowed), b(b_path, allowed);
   check_sizes(a_path, a.info(), b_path, b.info());
   std::optional<Strips> mask;
   if (!mask_path.empty()) {
-    mask.emplace(mask_path);
+    mask.emplace(mask_path, allowed);
     check_sizes(mask_path, mask->info(), b_path, b.info());
   }
   const bool masked_by_alpha = !mask && b.info().has_alpha;
@@ -119,8 +120,9 @@ Comparison compare_images(const std::string& a_path, const std::string& b_path,
 }  // namespace
 
 Comparison compare(const std::string& a_path, const std::string& b_path,
-                   const std::string& mask_path) {
-  return with_own_errors([&] { return compare_images(a_path, b_path, mask_path); });
+                   const std::string& mask_path, const std::vector<ImageFormat>& allowed_formats) {
+  return with_own_errors(
+      [&] { return compare_images(a_path, b_path, mask_path, allowed_formats); });
 }
 
 }  // namespace pounce

@@ -29,23 +29,29 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+enum class FileType { mesh, splats, image, pack };
+
+constexpr std::string_view kPackStart = "POUNCEPK";
+constexpr std::string_view kGlbStart = "glTF";
+
+/// What is read beyond the usual.
+struct Allowed {
+  bool external = false;
+  const std::vector<ImageFormat>& formats;
+};
+
 /// One at map coordinates is read again from where single precision is fine enough.
-Json describe_mesh(const std::string& path, bool allow_external) {
-  mesh::Mesh mesh = io::read_mesh(path, {allow_external, {}});
+Json describe_mesh(const std::string& path, const Allowed& allowed) {
+  mesh::Mesh mesh = io::read_mesh(path, {allowed.external, {}});
   Box3f box;
   for (const Vec3f& position : mesh.positions) box.extend(position);
   const Vec3d origin = origin_for(box);
   if (origin != Vec3d{}) {
     mesh = {};
-    mesh = io::read_mesh(path, {allow_external, {}, false, true, origin});
+    mesh = io::read_mesh(path, {allowed.external, {}, false, true, origin});
   }
-  return commands::describe(mesh, origin);
+  return commands::describe(mesh, origin, allowed.formats);
 }
-
-enum class FileType { mesh, splats, image, pack };
-
-constexpr std::string_view kPackStart = "POUNCEPK";
-constexpr std::string_view kGlbStart = "glTF";
 
 /// By the first bytes where they say it, else by the ending; what is neither mesh nor pack is left
 /// to the image reader, which tells formats by content.
@@ -101,9 +107,10 @@ std::string job_text(const Json& file) {
 }
 
 /// An EXR may have nothing but layers: one of its channels says then what all are like.
-io::ImageInfo info_of(const std::string& path, const std::vector<std::string>& exr_channels) {
+io::ImageInfo info_of(const std::string& path, const std::vector<std::string>& exr_channels,
+                      const Allowed& allowed) {
   try {
-    return io::ImageReader(path).info();
+    return io::ImageReader(path, allowed.formats).info();
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::input || exr_channels.empty()) throw;
   }
@@ -139,10 +146,11 @@ std::string layers_text(const Json& image) {
   return text;
 }
 
-Json describe_image(const std::string& path) {
+Json describe_image(const std::string& path, const Allowed& allowed) {
   try {
-    const std::vector<std::string> exr_channels = io::ImageReader::exr_channels(path);
-    Json json = commands::describe(info_of(path, exr_channels));
+    const std::vector<std::string> exr_channels =
+        io::ImageReader::exr_channels(path, allowed.formats);
+    Json json = commands::describe(info_of(path, exr_channels, allowed));
     if (!exr_channels.empty()) json["layers"] = layers_json(exr_channels);
     add_job(path, json);
     return json;
@@ -156,9 +164,9 @@ Json describe_image(const std::string& path) {
 }
 
 /// There is no budget here; what does not fit into this machine is not begun.
-void require_memory(const std::string& path, bool allow_external) {
+void require_memory(const std::string& path, const Allowed& allowed) {
   const std::uint64_t most = usable_memory().bytes;
-  const std::uint64_t needed = io::mesh_cost(path, {allow_external, {}}, most).peak_bytes;
+  const std::uint64_t needed = io::mesh_cost(path, {allowed.external, {}}, most).peak_bytes;
   if (needed <= most) return;
   throw Error(ErrorKind::budget,
               fmt::format("{}: reading it takes {} MiB, more than the {} MiB that this "
@@ -166,7 +174,7 @@ void require_memory(const std::string& path, bool allow_external) {
                           path, needed >> 20, most >> 20));
 }
 
-Json describe_file(const std::string& path, bool allow_external) {
+Json describe_file(const std::string& path, const Allowed& allowed) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) {
     if (const auto splats = io::splat_format(path); splats && splats->is_read()) {
@@ -185,8 +193,8 @@ Json describe_file(const std::string& path, bool allow_external) {
   switch (file_type(path, *file)) {
     case FileType::mesh:
       json["type"] = "mesh";
-      require_memory(path, allow_external);
-      json.update(describe_mesh(path, allow_external));
+      require_memory(path, allowed);
+      json.update(describe_mesh(path, allowed));
       add_job(path, json);
       break;
     case FileType::splats:
@@ -195,7 +203,7 @@ Json describe_file(const std::string& path, bool allow_external) {
       break;
     case FileType::image:
       json["type"] = "image";
-      json.update(describe_image(path));
+      json.update(describe_image(path, allowed));
       break;
     case FileType::pack:
       json["type"] = "pack";
@@ -218,8 +226,11 @@ void join_lines(Json& value) {
 
 }  // namespace
 
-std::string inspect_text(const std::string& path, bool allow_external) {
-  Json file = with_own_errors([&] { return describe_file(path, allow_external); });
+std::string inspect_text(const std::string& path, bool allow_external,
+                         const std::vector<ImageFormat>& allowed_formats) {
+  Json file = with_own_errors([&] {
+    return describe_file(path, {allow_external, allowed_formats});
+  });
   join_lines(file);
   const std::string type = file["type"].get<std::string>();
   std::string text =
@@ -237,9 +248,12 @@ std::string inspect_text(const std::string& path, bool allow_external) {
              file["chunks"].get<std::uint64_t>());
 }
 
-std::string inspect_json(const std::string& path, bool allow_external) {
+std::string inspect_json(const std::string& path, bool allow_external,
+                         const std::vector<ImageFormat>& allowed_formats) {
   // A name inside a file need not be UTF-8; JSON must be.
-  const Json file = with_own_errors([&] { return describe_file(path, allow_external); });
+  const Json file = with_own_errors([&] {
+    return describe_file(path, {allow_external, allowed_formats});
+  });
   return file.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

@@ -44,13 +44,13 @@ const char* wrap_name(mesh::Wrap wrap) {
 }
 
 /// The image's header, or why it cannot be read.
-Json image_json(const mesh::ImageRef& image) {
+Json image_json(const mesh::ImageRef& image, const std::vector<ImageFormat>& allowed) {
   Json json{{"image", image.label}};
   if (!image.path.empty()) json["path"] = image.path;
   json["embedded"] = image.size_bytes > 0 || image.bytes != nullptr;
   try {
     if (!image.problem.empty()) throw Error(ErrorKind::input, image.problem);
-    json.update(describe(io::ImageReader(image).info()));
+    json.update(describe(io::ImageReader(image, allowed).info()));
   } catch (const Error& error) {
     json["problem"] = error.what();
   }
@@ -60,15 +60,17 @@ Json image_json(const mesh::ImageRef& image) {
 /// Of this mesh, each opened once.
 class Images {
  public:
-  explicit Images(const mesh::Mesh& mesh) : mesh_(mesh) {}
+  Images(const mesh::Mesh& mesh, const std::vector<ImageFormat>& allowed)
+      : mesh_(mesh), allowed_(allowed) {}
   const Json& operator[](std::uint32_t image) {
     const auto found = known_.find(image);
     if (found != known_.end()) return found->second;
-    return known_[image] = image_json(mesh_.images.at(image));
+    return known_[image] = image_json(mesh_.images.at(image), allowed_);
   }
 
  private:
   const mesh::Mesh& mesh_;
+  const std::vector<ImageFormat>& allowed_;
   std::map<std::uint32_t, Json> known_;
 };
 
@@ -126,10 +128,10 @@ Json factors_json(const mesh::Material& material) {
           {"emissive_strength", io::shortest(material.emissive_strength)}};
 }
 
-Json materials_json(const mesh::Mesh& mesh) {
+Json materials_json(const mesh::Mesh& mesh, const std::vector<ImageFormat>& allowed) {
   std::vector<std::uint64_t> triangles(mesh.materials.size());
   for (const std::uint32_t material : mesh.triangle_material) ++triangles.at(material);
-  Images images(mesh);
+  Images images(mesh, allowed);
   Json materials = Json::array();
   for (std::size_t i = 0; i < mesh.materials.size(); ++i) {
     const mesh::Material& material = mesh.materials[i];
@@ -270,7 +272,8 @@ std::string factors_text(const Json& factors) {
 
 }  // namespace
 
-Json describe(const mesh::Mesh& mesh, Vec3d origin) {
+Json describe(const mesh::Mesh& mesh, Vec3d origin,
+              const std::vector<ImageFormat>& allowed_formats) {
   Box3f box;
   for (const Vec3f& position : mesh.positions) box.extend(position);
   Json json{{"triangles", mesh.triangles.size()}, {"vertices", mesh.positions.size()}};
@@ -279,7 +282,7 @@ Json describe(const mesh::Mesh& mesh, Vec3d origin) {
   json["parts"] = parts_json(mesh);
   json["vertex_colours"] = mesh.has_vertex_colours;
   json["uv_sets"] = uv_sets_json(mesh);
-  json["materials"] = materials_json(mesh);
+  json["materials"] = materials_json(mesh, allowed_formats);
   json["warnings"] = mesh.warnings;
   return json;
 }

@@ -3,18 +3,21 @@
 
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "core/vec.h"
 #include "io/image/read.h"
 #include "mesh/mesh.h"
+#include "pounce/options.h"
 
 namespace pounce::commands {
 
 /// What a mesh holds: counts, bounding box, names of its parts, UV sets with their ranges and UDIM
 /// tiles, materials with all their textures, those that no channel takes among them. Images that
 /// cannot be read are named with their problem; nothing is thrown for them. `origin` was subtracted
-/// from its positions.
-nlohmann::ordered_json describe(const mesh::Mesh& mesh, Vec3d origin = {});
+/// from its positions. `allowed_formats`: as in TransferOptions.
+nlohmann::ordered_json describe(const mesh::Mesh& mesh, Vec3d origin = {},
+                                const std::vector<ImageFormat>& allowed_formats = {});
 /// That description for people.
 std::string mesh_text(const nlohmann::ordered_json& description);
 

@@ -19,6 +19,7 @@ constexpr std::array<const char*, 2> kNormalYNames = {"up", "down"};
 constexpr std::array<const char*, 2> kMethodNames = {"surface", "gaussian"};
 constexpr std::array<const char*, 3> kFilterNames = {"tent", "cubic", "sharp"};
 constexpr std::array<const char*, 3> kHarmonicsNames = {"dc", "normal", "mean"};
+constexpr std::array<const char*, 2> kImageFormatNames = {"bmp", "tga"};
 constexpr std::array<const char*, 4> kDepthNames = {"u8", "u16", "half", "float"};
 
 template <class Enum, std::size_t N>
@@ -74,6 +75,14 @@ const char* depth_name(Depth depth) noexcept {
 
 std::optional<Depth> depth_from_name(const std::string& name) noexcept {
   return find_name<Depth>(kDepthNames, name);
+}
+
+const char* image_format_name(ImageFormat format) noexcept {
+  return kImageFormatNames[static_cast<std::size_t>(format)];
+}
+
+std::optional<ImageFormat> image_format_from_name(const std::string& name) noexcept {
+  return find_name<ImageFormat>(kImageFormatNames, name);
 }
 
 const char* method_name(Method method) noexcept {

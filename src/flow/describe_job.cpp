@@ -99,6 +99,17 @@ std::vector<std::string> names_of(const TransferOptions& o, const std::vector<Ch
   return names;
 }
 
+std::string factors_text(const TransferOptions& o) {
+  if (o.apply_factors) return o.apply_vertex_colours ? "" : "factors";
+  return o.apply_vertex_colours ? "vertices" : "ignore";
+}
+
+std::vector<std::string> format_names(const std::vector<ImageFormat>& formats) {
+  std::vector<std::string> names;
+  for (const ImageFormat format : formats) names.push_back(image_format_name(format));
+  return names;
+}
+
 std::vector<std::string> texts_of(const std::vector<std::uint32_t>& numbers) {
   std::vector<std::string> texts;
   for (const std::uint32_t number : numbers) texts.push_back(std::to_string(number));
@@ -141,7 +152,7 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   list.add(o, o.source_colour_spaces);
   list.add("output-colorspace", o.output_colour_space);
   list.add("ocio", o.colour_config);
-  list.add("factors", o.apply_factors ? std::string() : std::string("ignore"));
+  list.add("factors", factors_text(o));
   list.add("source", o.source_use);
   list.add("target", o.target_use);
   list.add("method", o.method != usual.method ? std::string(method_name(o.method)) : "");
@@ -157,6 +168,7 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
            o.max_angle_deg != usual.max_angle_deg ? fmt::format("{}", o.max_angle_deg) : "");
   list.add_splats(o);
   list.add("allow-external", o.allow_external);
+  list.add("allow-format", format_names(o.allowed_formats));
   list.add(o.resources);
   list.add("plan", plan_only);
 }
@@ -191,6 +203,7 @@ void describe(const GaussiansOptions& o, Report& report) {
   list.add_filters(o);
   list.add("count", o.count ? std::to_string(*o.count) : std::string());
   list.add("allow-external", o.allow_external);
+  list.add("allow-format", format_names(o.allowed_formats));
   list.add(o.resources);
 }
 

@@ -56,6 +56,7 @@ TransferOptions as_transfer(const GaussiansOptions& o) {
   transfer.max_scale = o.max_scale;
   transfer.box = o.box;
   transfer.allow_external = o.allow_external;
+  transfer.allowed_formats = o.allowed_formats;
   transfer.resources = o.resources;
   return transfer;
 }
@@ -131,7 +132,8 @@ class MeshJob {
     for (const auto* warnings : {&mesh_.warnings, &plan_.warnings}) {
       job_.report.warnings.insert(job_.report.warnings.end(), warnings->begin(), warnings->end());
     }
-    job_.report.notes.insert(job_.report.notes.end(), plan_.notes.begin(), plan_.notes.end());
+    for (const auto* notes : {&mesh_.notes, &plan_.notes})
+      job_.report.notes.insert(job_.report.notes.end(), notes->begin(), notes->end());
     for (const std::string& file : mesh_.files) add_input(file, job_.report);
     for (const ColumnPlan& column : plan_.columns) add_input(column.image.path, job_.report);
     check_output();

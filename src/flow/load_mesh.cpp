@@ -57,6 +57,19 @@ void drop_white(std::vector<Vec4f>& colours) {
   if (is_white) colours = {};
 }
 
+/// So is black, by those that have room for colours and none: it would hide every texture.
+void drop_black(mesh::Mesh& mesh) {
+  const bool is_black = std::all_of(mesh.colours.begin(), mesh.colours.end(), [](const Vec4f& c) {
+    return c.x == 0 && c.y == 0 && c.z == 0;
+  });
+  if (mesh.colours.empty() || !is_black) return;
+  mesh.colours = {};
+  mesh.notes.push_back(fmt::format(
+      "{}: the colours of its vertices are left out: all of them are black, as some programs write "
+      "where there are none",
+      mesh.path));
+}
+
 }  // namespace
 
 mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,
@@ -66,7 +79,9 @@ mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::str
   mesh::Mesh mesh = io::read_mesh(path, {allow_external, is_source ? use.uv_set : std::nullopt,
                                          true, is_source, axes.undo(origin)});
   drop_white(mesh.colours);
-  if (!is_source) {  // what matters of a target's is that a renderer shows them
+  if (is_source) {
+    drop_black(mesh);
+  } else {  // what matters of a target's is that a renderer shows them
     mesh.has_vertex_colours = !mesh.colours.empty();
     mesh.colours = {};
   }

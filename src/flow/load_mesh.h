@@ -12,8 +12,8 @@
 namespace pounce::flow {
 
 /// A mesh as a job sees it: read, its axes turned, and only what is selected; a source with the
-/// colours of its vertices, unless all are white; a target that only knows whether it has such.
-/// `side` is "source" or "target", for messages. `allow_external`: see io::MeshReading.
+/// colours of its vertices, unless all are white or black; a target that only knows whether it has
+/// such. `side` is "source" or "target", for messages. `allow_external`: see io::MeshReading.
 /// `origin`: the job's, which is subtracted from all positions. `keep_rest`: what was not selected
 /// goes to Mesh::rest instead of being dropped. Throws Error(input) if nothing is selected or the
 /// UV set asked for does not exist.

@@ -68,6 +68,7 @@ struct Material {
   /// What the factors above have no room for; a model output copies them with the texture.
   float occlusion_strength = 1, emissive_strength = 1;
   bool double_sided = false;
+  bool is_opaque = false;  ///< its alpha means nothing, by the file (glTF's alphaMode OPAQUE)
   std::vector<OtherTexture> other_textures;
 };
 
@@ -110,6 +111,7 @@ struct Mesh {
   std::vector<Material> materials;  ///< never empty when there are triangles
   std::vector<ImageRef> images;
   std::vector<std::string> warnings;
+  std::vector<std::string> notes;  ///< what was done that may not be meant
   /// Every file that was read for this mesh, images aside: buffers of glTF, material files of OBJ.
   std::vector<std::string> files;
   std::vector<UnreadFile> unread_files;  ///< material files that it names

@@ -108,3 +108,37 @@ of_model back.png --factors ignore
 same back.png 200 100 50
 of_model back.png
 same back.png 146 71 34
+
+# Which of materials' factors and vertices' colours: half the material, and vertices of half the light (188 in sRGB).
+quad source skin.ppm
+sed -i 's/^v .*/& 0.7354 0.7354 0.7354/' source.obj
+printf 'newmtl skin\nKd 0.5 0.5 0.5\nmap_Kd skin.ppm\n' >source.mtl
+for how in apply/both vertices/half factors/half textures/plain ignore/plain; do
+  run which.png --factors "${how%/*}"
+  case $how in
+    */both) same which.png 105 50 24 ;;
+    */half) same which.png 146 71 34 ;;
+    *) same which.png 200 100 50 ;;
+  esac
+done
+expect 0 transfer source.obj m.gltf -o model.glb --size 16
+expect 0 transfer source.obj m.gltf -o bare.glb --size 16 --factors factors
+of_model back.png --factors textures
+same back.png 146 71 34
+expect 0 transfer bare.glb m.gltf -o back.png --size 16 --padding 16 --factors textures
+same back.png 200 100 50
+expect 2 transfer source.obj m.gltf -o model.glb --factors vertices
+err_has '--factors factors'
+# Black everywhere says nothing (Open3D writes it).
+sed -i 's/0.7354 0.7354 0.7354/0 0 0/' source.obj
+run black.png --report r.json
+same black.png 146 71 34
+err_has 'note: source.obj: the colours of its vertices are left out: all of them are black'
+grep -q 'all of them are black' r.json || fail 'no note in the report'
+expect 3 transfer source.obj target.obj -o o.exr --size 16 --bake vertexColor
+err_has 'all black'
+expect 0 gaussians source.obj -o o.ply
+err_has 'all of them are black'
+sed -i '0,/0 0 0$/s/0 0 0$/0 0 0.5/' source.obj # one that is not counts
+run dark.png
+! grep -q 'all of them are black' "$err" || fail 'a vertex has a colour'

@@ -161,7 +161,7 @@ TEST_CASE("a texture and its factor are multiplied by the vertices' colours in l
                  plain),
             half, 1e-9);
   check_all(made({grey, "VEC3", true, "skin.png", {}},
-                 [](TransferOptions& o) { o.apply_factors = false; }),
+                 [](TransferOptions& o) { o.apply_vertex_colours = false; }),
             whole, 1e-9);
   check_all(made({grey, "VEC3", true, "skin.png", {}},
                  [](TransferOptions& o) { o.method = Method::gaussian; }),
@@ -239,7 +239,7 @@ TEST_CASE("they are baked by themselves, whatever the texture", "[flow]") {
   const std::string target = write_square(folder.file("t.glb"), {});
   TransferOptions options = job(source, target, folder.file("<CHANNEL>.exr"));
   options.baked = {Channel::vertex_color};
-  options.apply_factors = false;
+  options.apply_factors = options.apply_vertex_colours = false;
   options.depth = Depth::float32;
   const Report report = transfer(options);
   CHECK_THAT(notes_of(report), !Contains("vertex colours"));

@@ -8,9 +8,11 @@
 #include "fuzz/fuzz_support.h"
 #include "io/files/byte_source.h"
 #include "io/image/colour_tags.h"
+#include "io/image/format.h"
 #include "io/image/guard.h"
 #include "io/image/header.h"
 #include "io/image/png_check.h"
+#include "io/image/pnm.h"
 #include "io/image/tiff_guard.h"
 #include "mesh/mesh.h"
 
@@ -36,8 +38,8 @@ inline mesh::ImageRef in_memory(std::vector<std::byte> bytes, const std::string&
 /// What ImageReader does with an image before a foreign decoder sees any of it.
 inline void guard_image(const mesh::ImageRef& image) {
   io::ByteSource source(image);
-  const std::string format = io::image_format(source, image.path);
-  if (format.empty()) return;
+  constexpr std::array kAllowed{ImageFormat::bmp, ImageFormat::tga};
+  const std::string format = io::image_format(source, image.path, kAllowed);
   const std::uint64_t stored = source.size_bytes();
   if (format == "tiff") {
     std::vector<io::ColourPiece> colours;
@@ -63,13 +65,22 @@ inline void guard_image(const mesh::ImageRef& image) {
   if (!shown.empty()) {
     attempt([&] {
       io::ByteSource again(in_memory(shown, image.path));
-      if (io::image_format(again, image.path) != format) return;
+      if (io::image_format(again, image.path, kAllowed) != format) return;
       std::vector<io::ColourPiece> colours;
       if (format == "tiff") io::guard_tiff(again, colours);
       io::hide_metadata(again, format);
       if (format == "png" || format == "jpeg" || format == "webp")
         require(seen(again, 4096) == shown, "hiding twice is hiding once");
     });
+  }
+  if (format == "pnm") {
+    io::PnmPicture picture(source);
+    const std::uint64_t row = std::uint64_t{picture.width()} * picture.channels() *
+                              (picture.depth() == Depth::u8 ? 1 : 2);
+    if (row < 20000) {
+      std::vector<std::byte> last(row);
+      picture.read_rows(picture.height() - 1, 1, last.data());
+    }
   }
   if (format == "jpeg") io::read_jpeg_header(source);
   if (io::opens_whole(source, format)) io::read_whole_header(source, format);

@@ -179,9 +179,12 @@ Length parse_length(const std::string& option, const std::string& text) {
   return length;
 }
 
-bool parse_factors(const std::string& option, const std::string& text) {
-  if (text != "apply" && text != "ignore") refuse(option, text, "apply or ignore");
-  return text == "apply";
+Factors parse_factors(const std::string& option, const std::string& text) {
+  if (text == "apply") return {true, true};
+  if (text == "ignore" || text == "textures") return {false, false};
+  if (text == "factors") return {true, false};
+  if (text == "vertices") return {false, true};
+  refuse(option, text, "apply, ignore, textures, factors or vertices");
 }
 
 Method parse_method(const std::string& option, const std::string& text) {

@@ -28,8 +28,12 @@ double parse_duration(const std::string& option, const std::string& text);
 ImageSize parse_image_size(const std::string& option, const std::string& text);
 /// "D" in the target's units, or "P%" of its diagonal, 0 < P <= 100.
 Length parse_length(const std::string& option, const std::string& text);
-/// "apply" (true) or "ignore".
-bool parse_factors(const std::string& option, const std::string& text);
+/// What is multiplied into textures.
+struct Factors {
+  bool of_materials = false, of_vertices = false;
+};
+/// "apply" (both), "ignore" or "textures" (none), "factors" or "vertices".
+Factors parse_factors(const std::string& option, const std::string& text);
 /// "surface" or "gaussian".
 Method parse_method(const std::string& option, const std::string& text);
 /// "tent", "cubic" or "sharp".

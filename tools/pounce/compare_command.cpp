@@ -5,6 +5,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <vector>
 
 #include "arguments.h"
 #include "commands.h"
@@ -33,6 +34,7 @@ struct Settings {
   std::string a, b, mask;
   std::optional<double> min_psnr_db;
   bool json = false;
+  std::vector<ImageFormat> allowed_formats;
 };
 
 std::string comparison_text(const Comparison& result) {
@@ -61,7 +63,8 @@ std::string comparison_json(const Comparison& result, bool passed) {
 }
 
 int run_comparison(const Settings& settings) {
-  const Comparison result = compare(settings.a, settings.b, settings.mask);
+  const Comparison result =
+      compare(settings.a, settings.b, settings.mask, settings.allowed_formats);
   const bool passed = !settings.min_psnr_db || result.psnr_db >= *settings.min_psnr_db;
   write_stdout(settings.json ? comparison_json(result, passed) : comparison_text(result));
   if (!passed) {
@@ -89,6 +92,7 @@ Command add_compare_command(CLI::App& program) {
               settings->min_psnr_db = parse_number("--min-psnr", text, 0, kHighestThresholdDb);
             });
   add_switch(*command, "--json", "Options", "As JSON instead of text", settings->json);
+  add_format_option(*command, "Options", settings->allowed_formats);
   return {command, [settings] { return run_comparison(*settings); }};
 }
 

@@ -114,6 +114,7 @@ Command add_gaussians_command(CLI::App& program) {
   add_mesh_source_options(*command, options);
   add_scene_source_options(*command, options);
   add_external_option(*command, "Splats", options.allow_external);
+  add_format_option(*command, "Splats", options.allowed_formats);
   add_resource_options(*command, options.resources);
   add_job_options(*command, settings->job);
   const auto run = [settings] {

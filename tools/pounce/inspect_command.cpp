@@ -35,14 +35,15 @@ struct Settings {
   std::vector<std::string> paths;
   bool json = false;
   bool allow_external = false;
+  std::vector<ImageFormat> allowed_formats;
 };
 
 /// One file's description. What is wrong with one of several is said, and the others are looked at
 /// all the same; the first such problem is the exit status.
 std::string inspect_one(const Settings& settings, const std::string& path, int& status) {
   try {
-    return settings.json ? inspect_json(path, settings.allow_external)
-                         : inspect_text(path, settings.allow_external);
+    const auto say = settings.json ? inspect_json : inspect_text;
+    return say(path, settings.allow_external, settings.allowed_formats);
   } catch (const Error& error) {
     if (settings.paths.size() == 1) throw;
     write_stderr("pounce: error: " + visible_line(error.what()) + "\n");
@@ -84,6 +85,7 @@ Command add_inspect_command(CLI::App& program) {
   add_switch(*command, "--json", "Options",
              "As JSON instead of text: an object; of several files a list of them", settings->json);
   add_external_option(*command, "Options", settings->allow_external);
+  add_format_option(*command, "Options", settings->allowed_formats);
   const auto run = [settings] { return inspect_all(*settings); };
   return {command, run};
 }

@@ -1,7 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "shared_options.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <sstream>
+
 #include "arguments.h"
+#include "bad_line.h"
+#include "pounce/error.h"
 
 namespace pounce::cli {
 namespace {
@@ -22,6 +29,22 @@ constexpr const char* kExitStatusHelp =
     "   70  an error inside pounce; please report it\n"
     "   75  another process holds what is needed\n"
     "  130  interrupted; no half-written output is left";
+
+/// Names between commas.
+void allow_formats(const std::string& text, std::vector<ImageFormat>& allowed) {
+  std::istringstream names(text + ",");
+  for (std::string name; std::getline(names, name, ',');) {
+    const std::optional<ImageFormat> format = image_format_from_name(name);
+    if (!format) {
+      throw Error(ErrorKind::usage,
+                  fmt::format("--allow-format: got \"{}\", expected bmp or tga, which are not read "
+                              "without it; convert images of other formats{}",
+                              name, did_you_mean(name, {"bmp", "tga"})));
+    }
+    if (std::find(allowed.begin(), allowed.end(), *format) == allowed.end())
+      allowed.push_back(*format);
+  }
+}
 
 class HelpFormatter : public CLI::Formatter {
  public:
@@ -103,6 +126,25 @@ void add_external_option(CLI::App& command, const std::string& group, bool& allo
              "that an OpenColorIO configuration names outside of its own. Without\n"
              "it they are refused: a model could bring any file into the output",
              allow);
+}
+
+void add_format_option(CLI::App& command, const std::string& group,
+                       std::vector<ImageFormat>& allowed) {
+  command
+      .add_option_function<std::vector<std::string>>(
+          "--allow-format",
+          [&allowed](const std::vector<std::string>& texts) {
+            for (const std::string& text : texts) allow_formats(text, allowed);
+          },
+          "Also read images of these formats: bmp, tga; names between commas.\n"
+          "Without it PNG, JPEG, TIFF, EXR, WebP, HDR and binary PNM are read,\n"
+          "told by what a file holds, not by its name. For files you trust:\n"
+          "decoders of further formats are easier to attack")
+      ->type_name("FORMATS")
+      ->option_text("FORMATS")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->group(group);
 }
 
 void add_config_option(CLI::App& command, const std::string& group, std::string& config) {

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "job.h"
 #include "pounce/options.h"
@@ -30,6 +31,9 @@ CLI::Option* add_switch(CLI::App& command, const std::string& name, const std::s
 
 /// --allow-external, for commands that read meshes.
 void add_external_option(CLI::App& command, const std::string& group, bool& allow);
+/// --allow-format, for commands that read images.
+void add_format_option(CLI::App& command, const std::string& group,
+                       std::vector<ImageFormat>& allowed);
 /// --ocio, for what names colour spaces.
 void add_config_option(CLI::App& command, const std::string& group, std::string& config);
 /// --memory, --threads, --cache and --no-cache.

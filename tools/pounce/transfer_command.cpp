@@ -171,10 +171,13 @@ void add_factors_option(CLI::App& command, const char* group, TransferOptions& o
             "apply: images show what the materials make of their textures: baseColorFactor,\n"
             "Kd, d, roughness, metallic, emissive and occlusion strength are multiplied in,\n"
             "and so are the colours of vertices.\n"
-            "ignore: they show the textures alone. A model has factors in its materials.\n"
-            "Default: apply",
+            "textures (or ignore): they show the textures alone. factors: textures and\n"
+            "factors; vertices: textures and colours of vertices. A model has factors\n"
+            "in its materials, so it takes apply or factors. Default: apply",
             [&options](const std::string& text) {
-              options.apply_factors = parse_factors("--factors", text);
+              const Factors factors = parse_factors("--factors", text);
+              options.apply_factors = factors.of_materials;
+              options.apply_vertex_colours = factors.of_vertices;
             });
 }
 
@@ -405,6 +408,7 @@ Command add_transfer_command(CLI::App& program) {
   add_splat_options(*command, options);
   add_method_options(*command, options);
   add_external_option(*command, "Target", options.allow_external);
+  add_format_option(*command, "Source", options.allowed_formats);
   add_resource_options(*command, options.resources);
   add_value(*command, "--temp", "DIR", "Machine (the result does not depend on these)",
             "Folder for scratch files. Default: the output's folder",

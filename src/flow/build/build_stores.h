@@ -80,6 +80,7 @@ struct ColourRequest {
   const io::ImageInfo* info = nullptr;  ///< of that image
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
   std::shared_ptr<const mesh::TileMask> wanted;  ///< the tiles that are kept; null: all
+  std::span<const ImageFormat> allowed_formats;
 };
 /// Key of a whole column: content of the image, wrap modes. Reads the image where nobody remembers
 /// its content.

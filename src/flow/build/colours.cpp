@@ -77,7 +77,7 @@ class ColumnBuilder {
   ColumnBuilder(JobContext& job, const ColourRequest& request, const Hash128& key,
                 runtime::Lease lease)
       : job_(job),
-        reader_(*request.image),
+        reader_(*request.image, request.allowed_formats),
         wanted_(request.wanted.get()),
         lease_(std::move(lease)) {
     const io::ImageInfo& info = reader_.info();

@@ -42,7 +42,8 @@ constexpr std::uint64_t kFewTiles = 16;
 constexpr double kFromAfar = 4;
 
 ColourRequest request_of(const ColumnPlan& column) {
-  return {&column.image, &column.info, column.wrap_u, column.wrap_v, nullptr};
+  return {&column.image, &column.info, column.wrap_u,
+          column.wrap_v, nullptr,      column.allowed_formats};
 }
 
 bool has_size(const mesh::Lattice& lattice, const ColumnPlan& column) {

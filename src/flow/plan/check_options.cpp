@@ -207,7 +207,7 @@ void check_options(const TransferOptions& o) {
   if (io::is_model_path(o.output) && !o.apply_factors) {
     usage(
         "--factors is about images: a model has the factors of the source in its materials; leave "
-        "it out");
+        "it out, or leave out the colours of vertices alone: --factors factors");
   }
   const bool by_tile = has_token(o.output, "UDIM") || has_token(o.output, "UVTILE");
   if (!o.tiles.empty() && !by_tile)

@@ -121,10 +121,14 @@ std::string factors_note(const TransferOptions& options, const Plan& plan,
     }
   }
   if (counts.empty()) return "";
-  return fmt::format("{}: factors of materials {}: {}", source.path,
-                     options.apply_factors ? "multiplied into the images (--factors ignore: not)"
-                                           : "not multiplied into the images",
-                     counted(counts));
+  return fmt::format(
+      "{}: factors of materials {}: {}", source.path,
+      options.apply_factors
+          ? fmt::format(
+                "multiplied into the images (--factors {}: not)",
+                options.apply_vertex_colours && !source.colours.empty() ? "vertices" : "ignore")
+          : "not multiplied into the images",
+      counted(counts));
 }
 
 }  // namespace pounce::flow

@@ -54,6 +54,8 @@ struct ChannelPlan {
   /// What a model's material has beside the texture (io::ModelTexture::factor): what all of the
   /// source's that are used have beside theirs, which the images then do not show.
   std::array<float, 4> material_factor{1, 1, 1, 1};
+  /// Of base colour: its alpha means something, as the source says; a model's material shows it.
+  bool shows_alpha = false;
   /// By source page: the materials, then the same again for triangles without UVs.
   std::vector<PageTexture> pages;
   bool baked = false;  ///< TransferOptions::baked
@@ -68,6 +70,7 @@ struct ColumnPlan {
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
   io::ImageInfo info;
   bool heeds_tags = true;  ///< what the file says of its colours counts; glTF's textures are sRGB
+  std::vector<ImageFormat> allowed_formats;
 };
 
 /// A source texture of many UDIM tiles, which may differ in size. The source is seen through one

@@ -14,6 +14,8 @@
 #include "flow/plan/output_names.h"
 #include "flow/plan/plan.h"
 #include "flow/plan/texture_factor.h"
+#include "flow/plan/tile_pattern.h"
+#include "io/files/asset_folder.h"
 #include "io/files/missing_file.h"
 #include "io/image/write.h"
 #include "io/read_mesh.h"
@@ -45,11 +47,6 @@ bool has_surface(const mesh::Mesh& mesh) {
 
 Vec2d transformed(const mesh::UvTransform& m, Vec2f uv) {
   return {m.a * uv.x + m.b * uv.y + m.c, m.d * uv.x + m.e * uv.y + m.f};
-}
-
-/// Does the path name a set of UDIM tiles?
-bool is_tile_pattern(const std::string& path) {
-  return has_token(path, "UDIM") || has_token(path, "UVTILE");
 }
 
 /// The texture of a material in a channel, with --source-texture applied.
@@ -162,7 +159,8 @@ class SourcePlanner {
   /// Do the colours of the source's vertices multiply a channel? No output but these images can
   /// show them: a model has the vertices of the target.
   bool is_tinted(Channel channel) const {
-    return channel == Channel::base_color && options_.apply_factors && !source_.colours.empty();
+    return channel == Channel::base_color && options_.apply_vertex_colours &&
+           !source_.colours.empty();
   }
 
   /// Tangents matter where a material's normal map is read.
@@ -302,7 +300,8 @@ class SourcePlanner {
     if (is_baked(Channel::vertex_color) && source_.colours.empty()) {
       throw Error(ErrorKind::input,
                   fmt::format("{}: --bake vertexColor: its vertices {}", source_.path,
-                              source_.has_vertex_colours ? "are all white" : "have no colours"));
+                              source_.has_vertex_colours ? "are all white, or all black"
+                                                         : "have no colours"));
     }
     for (const Channel c : options_.baked) {  // last: images of others may give their size
       if (std::find(distinct.begin(), distinct.end(), c) == distinct.end()) distinct.push_back(c);
@@ -328,7 +327,9 @@ class SourcePlanner {
         return static_cast<int>(i);
       }
     }
-    plan_.columns.push_back({image, wrap_u, wrap_v, io::ImageReader(image).info(), heeds_tags});
+    plan_.columns.push_back({image, wrap_u, wrap_v,
+                             io::ImageReader(image, options_.allowed_formats).info(), heeds_tags,
+                             options_.allowed_formats});
     if (const io::ImageInfo& info = plan_.columns.back().info; !info.left_out.empty()) {
       plan_.warnings.push_back(fmt::format(
           "{}: of its {} channels {} are taken, the others are left out: {}{}", image.label,
@@ -341,27 +342,102 @@ class SourcePlanner {
     return static_cast<int>(plan_.columns.size() - 1);
   }
 
-  /// The UDIM tiles that the source's UVs enter where this channel samples `pattern`, and the
+  /// Is the file there?
+  static bool is_there(const std::string& path) {
+    std::error_code ignored;
+    return std::filesystem::status(path, ignored).type() != std::filesystem::file_type::not_found;
+  }
+
+  /// Is it an image that the mesh file names itself?
+  bool is_own(std::uint32_t image) const { return image < source_.images.size(); }
+
+  /// By image that a channel samples: the tiles of UV space in which triangles' middles lie.
+  const std::map<std::uint32_t, std::set<mesh::UvTile>>& middles(Channel channel) {
+    const auto [at, is_new] = middles_.try_emplace(channel);
+    if (!is_new) return at->second;
+    for (std::size_t t = 0; t < source_.triangles.size(); ++t) {
+      const auto binding = textures_.binding(source_.triangle_material[t], channel);
+      if (!binding || !has_uvs(t, binding->uv_set)) continue;
+      Vec2d middle{0, 0};
+      for (const std::uint32_t corner : source_.triangles[t]) {
+        const Vec2d uv = transformed(binding->transform, source_.uv_sets[binding->uv_set][corner]);
+        middle.x += uv.x / 3;
+        middle.y += uv.y / 3;
+      }
+      constexpr double kFar = 1e6;
+      if (!(std::abs(middle.x) < kFar && std::abs(middle.y) < kFar)) continue;
+      at->second[binding->image].insert(
+          mesh::tile_of_period(static_cast<std::int32_t>(std::floor(middle.x)),
+                               static_cast<std::int32_t>(std::floor(middle.y))));
+    }
+    return at->second;
+  }
+
+  /// The set of UDIM tiles that is meant by an image; nothing where it is meant itself. Exporters
+  /// write the name of one tile's image for the whole set.
+  std::optional<mesh::ImageRef> set_meant(std::uint32_t index, Channel channel) {
+    const mesh::ImageRef& image = textures_.image(index);
+    if (is_tile_pattern(image.path))
+      return is_own(index) && !image.missing ? std::nullopt : std::optional(image);
+    const bool is_file = image.size_bytes == 0 && image.bytes == nullptr && image.problem.empty();
+    const auto named = is_file ? named_tile(image.path) : std::nullopt;
+    if (!named) return std::nullopt;
+    const auto found = middles(channel).find(index);
+    if (found == middles(channel).end() || found->second.size() < 2) return std::nullopt;
+    const std::set<mesh::UvTile>& tiles = found->second;
+    const auto there = std::count_if(tiles.begin(), tiles.end(), [&](mesh::UvTile tile) {
+      return mesh::udim_number(tile) && is_there(tile_path(named->pattern, tile));
+    });
+    if (there < 2) {
+      if (tiles.contains(named->tile)) warn_of_one_tile(image, *named, tiles.size(), channel);
+      return std::nullopt;
+    }
+    plan_.notes.push_back(fmt::format(
+        "{}: {} is taken for one of the UDIM tiles {}, since UVs enter {} tiles and {} of them "
+        "have an image there",
+        name_of(channel), image.label, named->pattern, tiles.size(), there));
+    mesh::ImageRef set = image;
+    set.path = set.label = named->pattern;
+    return set;
+  }
+
+  void warn_of_one_tile(const mesh::ImageRef& image, const NamedTile& named, std::size_t tiles,
+                        Channel channel) {
+    plan_.warnings.push_back(fmt::format(
+        "{}: it is called like one UDIM tile, but shown on all {} tiles that the UVs enter, as "
+        "there are no images of the others; put them there, or name the set: --source-texture "
+        "'{}={}'",
+        image.label, tiles, name_of(channel), named.pattern));
+  }
+
+  /// glTF has the profiles of its images ignored: its colours are sRGB.
+  bool heeds_tags(std::uint32_t image) const {
+    return !(is_own(image) && io::is_gltf(source_.path));
+  }
+
+  /// The UDIM tiles that the source's UVs enter where this channel samples a pattern, and the
   /// images there are for them.
-  int tile_set_for(const mesh::ImageRef& wanted, Channel channel) {
+  int tile_set_for(const mesh::ImageRef& wanted, std::uint32_t index, Channel channel) {
+    const io::AssetFolder folder(source_.path, options_.allow_external || !is_own(index));
     const std::string& pattern = wanted.path;
     TileSetPlan set;
     std::vector<std::uint32_t> missing;
     std::string first_missing;
-    for (const std::uint32_t udim : entered_udims(channel)) {
+    for (const std::uint32_t udim : entered_udims(channel, index)) {
       const mesh::UvTile tile = mesh::udim_tile(udim);
       mesh::ImageRef image;
-      image.path = image.label = expand_pattern(
-          pattern, {{"UDIM", std::to_string(udim)}, {"UVTILE", mesh::uvtile_name(tile)}});
+      image.path = image.label = tile_path(pattern, tile);
       image.channels = wanted.channels;
-      std::error_code ignored;
-      if (std::filesystem::status(image.path, ignored).type() ==
-          std::filesystem::file_type::not_found) {
+      if (!is_there(image.path)) {
         missing.push_back(udim);
         if (first_missing.empty()) first_missing = image.path;
         continue;
       }
-      const int column = column_for(image, mesh::Wrap::clamp, mesh::Wrap::clamp, true);
+      if (!folder.holds(image.path)) {
+        throw Error(ErrorKind::input,
+                    fmt::format("{}: the file {}", image.path, io::kOutsideProblem));
+      }
+      const int column = column_for(image, mesh::Wrap::clamp, mesh::Wrap::clamp, heeds_tags(index));
       const io::ImageInfo& info = plan_.columns[static_cast<std::size_t>(column)].info;
       set.columns[tile] = static_cast<std::size_t>(column);
       set.size.width = std::max(set.size.width, info.width);
@@ -385,12 +461,13 @@ class SourcePlanner {
     return static_cast<int>(plan_.tile_sets.size() - 1);
   }
 
-  std::vector<std::uint32_t> entered_udims(Channel channel) {
+  /// Those that UVs enter where an image is sampled.
+  std::vector<std::uint32_t> entered_udims(Channel channel, std::uint32_t image) {
     std::set<std::uint32_t> entered;
     std::uint64_t beyond = 0;
     for (std::size_t t = 0; t < source_.triangles.size(); ++t) {
       const auto binding = textures_.binding(source_.triangle_material[t], channel);
-      if (!binding || !has_uvs(t, binding->uv_set)) continue;
+      if (!binding || binding->image != image || !has_uvs(t, binding->uv_set)) continue;
       std::array<Vec2d, 3> uvs;
       for (std::size_t k = 0; k < 3; ++k) {
         uvs[k] = transformed(binding->transform,
@@ -460,9 +537,20 @@ class SourcePlanner {
     return common;
   }
 
+  /// Does the alpha of the base colour mean anything? Not where every material that is used is
+  /// opaque by the file, and its image is its own.
+  bool alpha_counts() const {
+    for (std::size_t m = 0; m < used_.size(); ++m) {
+      const auto binding = textures_.binding(m, Channel::base_color);
+      if (used_[m] && (!source_.materials[m].is_opaque || (binding && !is_own(binding->image))))
+        return true;
+    }
+    return false;
+  }
+
   /// What a material gives to a channel.
   PageTexture page_texture(std::size_t material, Channel channel, bool applies_factors,
-                           int& tile_set) {
+                           std::map<std::uint32_t, int>& tile_sets) {
     PageTexture page;
     page.constant = constant(material, channel, applies_factors);
     const auto binding = used_[material] ? textures_.binding(material, channel) : std::nullopt;
@@ -471,15 +559,15 @@ class SourcePlanner {
         is_tinted(channel) &&
         (!binding || source_.materials[material].textures[static_cast<std::size_t>(channel)]);
     if (!binding) return page;
-    const mesh::ImageRef& image = textures_.image(binding->image);
-    if (is_tile_pattern(image.path) && binding->image >= source_.images.size()) {
-      if (tile_set < 0) tile_set = tile_set_for(image, channel);
-      page.tile_set = tile_set;
-    } else {
-      // glTF has the profiles of its images ignored: its colours are sRGB.
-      const bool is_own = binding->image < source_.images.size();
-      page.column = column_for(image, binding->wrap_u, binding->wrap_v,
-                               !(is_own && io::is_gltf(source_.path)));
+    const auto [set, is_new] = tile_sets.try_emplace(binding->image, -1);
+    if (is_new) {
+      if (const auto meant = set_meant(binding->image, channel))
+        set->second = tile_set_for(*meant, binding->image, channel);
+    }
+    page.tile_set = set->second;
+    if (page.tile_set < 0) {
+      page.column = column_for(textures_.image(binding->image), binding->wrap_u, binding->wrap_v,
+                               heeds_tags(binding->image));
     }
     if (channel == Channel::normal)
       page.normal_scale = source_.materials[material].factors[static_cast<std::size_t>(channel)][0];
@@ -526,16 +614,17 @@ class SourcePlanner {
     plan.baked = is_baked(channel);
     plan.name = name_of(channel);
     note_kind(channel);
-    int tile_set = -1;
+    std::map<std::uint32_t, int> tile_sets;  // by image
     std::vector<PageTexture> without_uvs;
     const auto common = common_factor(channel);
     if (common) plan.material_factor = *common;
     const bool applies_factors = options_.apply_factors && !common;
     for (std::size_t m = 0; m < source_.materials.size(); ++m) {
-      plan.pages.push_back(page_texture(m, channel, applies_factors, tile_set));
+      plan.pages.push_back(page_texture(m, channel, applies_factors, tile_sets));
       without_uvs.emplace_back().constant = plan.pages[m].constant;
       without_uvs[m].tinted = is_tinted(channel);
     }
+    plan.shows_alpha = channel == Channel::base_color && alpha_counts();
     if (for_model_) note_factors(plan);
     const std::vector<const ColumnPlan*> images = images_of(plan);
     SourceLook look = look_of(channel, images);
@@ -660,8 +749,10 @@ class SourcePlanner {
                                          [](const Vec4f& c) { return c.w != 1; });
     if (has_opacity && !look.alpha) take_opacity("the opacity of its vertices", plan, look);
     if (!plan.is_tinted()) return;
-    plan_.notes.push_back(fmt::format("{}: the colours of its vertices are multiplied into {}",
-                                      source_.path, plan.name));
+    plan_.notes.push_back(
+        fmt::format("{}: the colours of its vertices are multiplied into {} "
+                    "(--factors {}: not)",
+                    source_.path, plan.name, options_.apply_factors ? "factors" : "textures"));
   }
 
   void take_opacity(const char* what, const ChannelPlan& plan, SourceLook& look) {
@@ -807,6 +898,7 @@ class SourcePlanner {
   std::array<bool, kChannelCount + kEvidenceCount + kShapeCount> is_baked_{};
   const bool for_model_;
   Channel last_channel_ = Channel::base_color;  ///< of those that are chosen
+  std::map<Channel, std::map<std::uint32_t, std::set<mesh::UvTile>>> middles_;
   Plan plan_;
 };
 

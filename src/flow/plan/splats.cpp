@@ -72,6 +72,7 @@ void add_channel(const TransferOptions& options, Channel channel, ColourSpaces& 
   added.name = channel_name(channel);
   SourceLook look = look_of(channel, plan.scene);
   look.alpha = options.alpha && channel == Channel::base_color;
+  added.shows_alpha = look.alpha;
   choose_output(options, look, spaces, added, plan.warnings, plan.notes);
   if (is_evidence(channel)) check_numbers(options, added, "--channels");
   if (look.alpha && !added.format.has_alpha) {
@@ -167,7 +168,7 @@ Plan plan_splats(const TransferOptions& options, bool for_model,
                             "maps",
                             of_meshes, options.source));
   }
-  if (!options.apply_factors) {
+  if (!options.apply_factors || !options.apply_vertex_colours) {
     throw Error(
         ErrorKind::usage,
         fmt::format("--factors: {} is a splat scene, which has no materials", options.source));

@@ -351,6 +351,9 @@ mesh::Mesh TransferPlan::read_target(const std::string& path, std::uint64_t besi
   require_early(job_, {beside + reading_bytes(path), "reading " + path});
   mesh::Mesh mesh = load_target(path);
   add_warnings(mesh.warnings);
+  if (!is_target) {
+    for (const std::string& note : mesh.notes) add_note(note);
+  }
   job_.meter.advance(1);
   return mesh;
 }

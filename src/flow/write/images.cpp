@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstring>
 #include <optional>
 
@@ -93,6 +94,7 @@ class ImageAssembler {
       painter_.emplace(*output.onto, format,
                        ImageSize{output.lattice.width, output.lattice.height});
     }
+    looks_at_alpha_ = sink != nullptr && format.has_alpha;
     if (sink != nullptr) {
       colours_.emplace(job, *sink, colour_spec(output, format));
     } else if (!output.path.empty()) {
@@ -124,7 +126,7 @@ class ImageAssembler {
     if (colours_) colours_->commit();
     if (coverage_) coverage_->commit();
     if (painter_) return {painter_->filled(), painter_->clipped(), painter_->paints()};
-    return {padder_.filled(), 0, true};
+    return {padder_.filled(), 0, true, has_holes_, has_veils_};
   }
 
  private:
@@ -159,6 +161,8 @@ class ImageAssembler {
         std::memcpy(texels.data() + to * texel, block.texels.data() + y * kBlockEdge * texel,
                     columns * texel);
         expand_mask(block.mask.data() + y * kBlockEdge / 8, columns, covered.data() + to);
+        if (looks_at_alpha_)
+          look_at_alpha(columns, texels.data() + to * texel, covered.data() + to);
       }
     });
     if (coverage_) {
@@ -173,6 +177,19 @@ class ImageAssembler {
                    covered.data() + std::size_t{y} * width);
     }
     next_row_ += rows;
+  }
+
+  /// Of u8 and u16, which a sink's PNG holds.
+  void look_at_alpha(std::uint32_t count, const std::byte* texels, const std::uint8_t* covered) {
+    const std::size_t texel = format_.texel_bytes(), sample = texel / format_.channels;
+    const std::uint32_t full = sample == 1 ? 255 : 65535;
+    for (std::uint32_t x = 0; x < count; ++x) {
+      if (covered[x] == 0) continue;
+      std::uint16_t alpha = 0;  // the lowest byte first
+      std::memcpy(&alpha, texels + x * texel + texel - sample, sample);
+      if (alpha < full) has_holes_ = true;
+      if (alpha > 0 && alpha < full) has_veils_ = true;
+    }
   }
 
   void pop(std::uint32_t rows, Rows& out) {
@@ -241,6 +258,8 @@ class ImageAssembler {
   runtime::Lease lease_;
   texture::SeamPadder padder_;
   std::uint32_t next_row_ = 0;  ///< that the padder gets
+  bool looks_at_alpha_ = false;
+  std::atomic<bool> has_holes_ = false, has_veils_ = false;
   std::optional<OntoPainter> painter_;
   std::optional<ImageFile> colours_, coverage_;
 };

@@ -39,6 +39,9 @@ struct WrittenTexels {
   std::uint64_t filled = 0;   ///< texels that padding filled
   std::uint64_t clipped = 0;  ///< old samples that stay and that the output's depth cannot hold
   bool any_fresh = true;      ///< false: a mask let nothing of the results into the image
+  /// Of an image with alpha that went into a sink: is any covered texel's below 1, and any between
+  /// 0 and 1?
+  bool has_holes = false, has_veils = false;
 };
 
 /// Assembles result blocks into rows, pads charts, writes the image (and its coverage) in order and

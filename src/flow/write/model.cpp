@@ -57,6 +57,7 @@ ModelOutput::ModelOutput(const std::string& pattern, const Plan& plan, bool allo
   target.outputs.clear();
   for (std::size_t c = 0; c < plan.channels.size(); ++c) {
     textures_.emplace_back();
+    shows_alpha_.push_back(plan.channels[c].shows_alpha);
     for (std::size_t page = 0; page < target.pages.size(); ++page) {
       const ImageOutput& image = target.images[c][page];
       if (!image.coverage_path.empty()) target.outputs.push_back(image.coverage_path);
@@ -79,11 +80,18 @@ WriteFile& ModelOutput::sink(JobContext& job) {
   return *scratch_;
 }
 
-void ModelOutput::add(JobContext& job, std::size_t channel, std::size_t page) {
+void ModelOutput::add(JobContext& job, std::size_t channel, std::size_t page,
+                      const WrittenTexels& written) {
   const std::uint64_t before =
       places_.empty() ? 0 : places_.back().offset_bytes + places_.back().size_bytes;
   places_.push_back({before, scratch_->size_bytes() - before});
-  request_.textures.push_back(textures_[channel][page]);
+  io::ModelTexture& texture = request_.textures.emplace_back(textures_[channel][page]);
+  if (shows_alpha_[channel]) {
+    const bool veils = written.has_veils || texture.factor[3] < 1;
+    texture.alpha = veils               ? io::ModelAlpha::blend
+                    : written.has_holes ? io::ModelAlpha::mask
+                                        : io::ModelAlpha::as_it_is;
+  }
   job.scratch_use.add(places_.back().size_bytes);
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "flow/plan/plan.h"
+#include "flow/write/images.h"
 #include "io/model/write.h"
 
 namespace pounce::flow {
@@ -31,13 +32,14 @@ class ModelOutput {
   /// Where the next image goes.
   WriteFile& sink(JobContext& job);
   /// What was written to the sink since the last call is the image of this channel and page.
-  void add(JobContext& job, std::size_t channel, std::size_t page);
+  void add(JobContext& job, std::size_t channel, std::size_t page, const WrittenTexels& written);
   /// Writes the model with the images that were added. Returns the files.
   std::vector<std::string> write(JobContext& job);
 
  private:
   io::ModelRequest request_;
   std::vector<std::vector<io::ModelTexture>> textures_;  ///< [channel][page]
+  std::vector<bool> shows_alpha_;                        ///< by channel
   std::uint64_t least_bytes_ = 0;
   std::unique_ptr<WriteFile> scratch_;
   std::vector<io::EncodedImage> places_;  ///< by request_.textures

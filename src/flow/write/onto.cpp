@@ -61,7 +61,8 @@ std::string replaced(std::string pattern, const std::string& token, const std::s
   return pattern;
 }
 
-io::ImageInfo checked_header(const std::string& option, const std::string& path, ImageSize size) {
+io::ImageInfo checked_header(const std::string& option, const std::string& path, ImageSize size,
+                             const std::vector<ImageFormat>& allowed) {
   std::error_code error;
   if (fs::status(path, error).type() == fs::file_type::not_found) {
     throw Error(
@@ -70,7 +71,7 @@ io::ImageInfo checked_header(const std::string& option, const std::string& path,
                     "name the UDIMs that there are with --tiles",
                     path, option));
   }
-  const io::ImageInfo info = io::ImageReader(path).info();
+  const io::ImageInfo info = io::ImageReader(path, allowed).info();
   if (info.width != size.width || info.height != size.height) {
     throw Error(
         ErrorKind::input,
@@ -87,7 +88,8 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
                                          const std::string& channel) {
   if (options.onto.empty()) return std::nullopt;
   const std::string pattern = replaced(options.onto, "CHANNEL", channel);
-  if (pattern.find('<') == std::string::npos) return io::ImageReader(pattern).info();
+  if (pattern.find('<') == std::string::npos)
+    return io::ImageReader(pattern, options.allowed_formats).info();
   const fs::path path(pattern);
   const std::string wanted = any_name(path.filename().string());
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
@@ -102,19 +104,21 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
     throw io::MissingFile(
         fmt::format("{}: --onto: no file has such a name; name images that are there", pattern));
   }
-  return io::ImageReader((path.parent_path() / first).string()).info();
+  return io::ImageReader((path.parent_path() / first).string(), options.allowed_formats).info();
 }
 
 OntoImage plan_onto(const TransferOptions& options,
                     const std::map<std::string, std::string>& tokens, ImageSize size,
                     const texture::TexelFormat& format, const SourceSamples& source) {
   OntoImage onto;
+  onto.allowed_formats = options.allowed_formats;
   onto.path = expand_pattern(options.onto, tokens);
-  const io::ImageInfo info = checked_header("--onto", onto.path, size);
+  const io::ImageInfo info = checked_header("--onto", onto.path, size, options.allowed_formats);
   onto.decoder_bytes = info.decoder_bytes;
   if (!options.mask.empty()) {
     onto.mask_path = expand_pattern(options.mask, tokens);
-    onto.decoder_bytes += checked_header("--mask", onto.mask_path, size).decoder_bytes;
+    onto.decoder_bytes +=
+        checked_header("--mask", onto.mask_path, size, options.allowed_formats).decoder_bytes;
   }
   const bool lost_alpha = info.has_alpha && !format.has_alpha;
   const bool made_alpha = !info.has_alpha && info.channels == 4 && format.has_alpha;
@@ -172,11 +176,11 @@ std::vector<std::shared_ptr<const mesh::UvOccupancy>> occupied_pages(
 }
 
 OntoPainter::OntoPainter(const OntoImage& onto, const texture::TexelFormat& format, ImageSize size)
-    : onto_(onto), format_(format), width_(size.width), image_(onto.path) {
+    : onto_(onto), format_(format), width_(size.width), image_(onto.path, onto.allowed_formats) {
   onto_format_ = format_of(image_.info(), format.is_colour);
   if (onto.premultiplied) image_.keep_premultiplied();
   if (!onto.mask_path.empty()) {
-    mask_.emplace(onto.mask_path);
+    mask_.emplace(onto.mask_path, onto.allowed_formats);
     mask_format_ = format_of(mask_->info(), false);
   }
   if (onto.occupied) occupied_rows_.emplace(*onto.occupied, size.width, size.height);

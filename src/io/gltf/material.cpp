@@ -196,6 +196,8 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   mesh::Material out;
   out.name = in.name;
   out.double_sided = in.doubleSided;
+  out.is_opaque = in.alphaMode != "MASK" && in.alphaMode != "BLEND";
+  out.is_opaque = in.alphaMode != "MASK" && in.alphaMode != "BLEND";
   const auto factor = [](const std::vector<double>& from, std::size_t i, float fallback) {
     return i < from.size() ? static_cast<float>(from[i]) : fallback;
   };

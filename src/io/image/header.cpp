@@ -14,13 +14,6 @@
 namespace pounce::io {
 namespace {
 
-bool ends_with_ignoring_case(const std::string& text, std::string_view ending) {
-  if (text.size() < ending.size()) return false;
-  return std::equal(ending.begin(), ending.end(),
-                    text.end() - static_cast<std::ptrdiff_t>(ending.size()),
-                    [](char a, char b) { return a == (b >= 'A' && b <= 'Z' ? b + 32 : b); });
-}
-
 /// Reads big-endian numbers from a JPEG one after another.
 class JpegCursor {
  public:
@@ -123,39 +116,6 @@ std::optional<WholeHeader> webp_header(ByteSource& bytes) {
   return header;
 }
 
-/// "P6 width height largest", with comments from # to the end of a line.
-std::optional<WholeHeader> pnm_header(ByteSource& bytes) {
-  std::array<char, 4096> window;
-  std::uint64_t position = 0;
-  std::size_t at = 0, count = 0;
-  const auto next = [&]() -> int {
-    if (at == count) {
-      count = bytes.read_at(position, window.data(), window.size());
-      position += count;
-      at = 0;
-    }
-    return at < count ? static_cast<unsigned char>(window[at++]) : -1;
-  };
-  next();
-  const int kind = next();
-  std::array<std::uint32_t, 3> numbers{};
-  int c = next();
-  for (std::uint32_t& number : numbers) {
-    while (c == '#' || c == ' ' || (c >= '\t' && c <= '\r')) {
-      const bool comment = c == '#';
-      c = next();
-      while (comment && c != '\n' && c >= 0) c = next();
-    }
-    if (c < '0' || c > '9') return std::nullopt;
-    for (; c >= '0' && c <= '9'; c = next()) {
-      if (number > 9'999'999) return std::nullopt;
-      number = number * 10 + static_cast<std::uint32_t>(c - '0');
-    }
-  }
-  return WholeHeader{numbers[0], numbers[1], kind == '6' ? 3U : 1U,
-                     numbers[2] > 255 ? Depth::u16 : Depth::u8, false};
-}
-
 /// A BMP's header with its windows version's fields, the lowest byte first.
 struct BmpHeader {
   std::int64_t width = 0, height = 0;
@@ -196,46 +156,20 @@ std::optional<WholeHeader> bmp_runs_header(ByteSource& bytes) {
 
 }  // namespace
 
-std::string image_format(ByteSource& bytes, const std::string& path) {
-  std::array<char, 16> buffer{};
-  const std::string_view start(buffer.data(), bytes.read_at(0, buffer.data(), buffer.size()));
-  const auto is = [&](std::string_view magic) { return start.substr(0, magic.size()) == magic; };
-  using namespace std::string_view_literals;
-  if (is("\x89PNG\r\n\x1a\n"sv)) return "png";
-  if (is("\xFF\xD8\xFF"sv)) return "jpeg";
-  if (is("\x76\x2f\x31\x01"sv)) return "openexr";
-  if (is("II*\0"sv) || is("MM\0*"sv) || is("II+\0"sv) || is("MM\0+"sv)) return "tiff";
-  if (is("RIFF"sv) && start.size() >= 12 && start.substr(8, 4) == "WEBP"sv) return "webp";
-  if (is("BM"sv)) return "bmp";
-  if (is("#?RADIANCE"sv) || is("#?RGBE"sv)) return "hdr";
-  if (start.size() > 2 && start[0] == 'P' && (start[1] == '5' || start[1] == '6') &&
-      start[2] <= ' ') {
-    return "pnm";
-  }
-  constexpr std::string_view kTargaFooter = "TRUEVISION-XFILE.\0"sv;
-  std::array<char, 18> footer{};
-  if (bytes.size_bytes() >= 44)
-    bytes.read_at(bytes.size_bytes() - 18, footer.data(), footer.size());
-  const bool targa = std::string_view(footer.data(), footer.size()) == kTargaFooter;
-  return targa || ends_with_ignoring_case(path, ".tga") ? "targa" : "";
-}
-
 bool is_interlaced_png(ByteSource& bytes) {
   std::uint8_t method = 0;  // the last byte of IHDR, which is always the first chunk
   return bytes.read_at(28, &method, 1) == 1 && method != 0;
 }
 
 bool opens_whole(ByteSource& bytes, const std::string& format) {
-  if (format == "webp" || format == "pnm") return true;
+  if (format == "webp") return true;
   if (format != "bmp") return false;
   const std::optional<BmpHeader> header = bmp_header(bytes);
   return header && header->has_runs();
 }
 
 WholeHeader read_whole_header(ByteSource& bytes, const std::string& format) {
-  const auto header = format == "webp"  ? webp_header(bytes)
-                      : format == "pnm" ? pnm_header(bytes)
-                                        : bmp_runs_header(bytes);
+  const auto header = format == "webp" ? webp_header(bytes) : bmp_runs_header(bytes);
   bytes.check();
   if (header) return *header;
   throw Error(ErrorKind::input,

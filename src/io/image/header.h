@@ -9,11 +9,6 @@
 
 namespace pounce::io {
 
-/// The name OpenImageIO has for the format of these bytes, judged by what they start with; "" if it
-/// is none that pounce reads. Only Targa, which has no signature at its start, is believed by its
-/// ending or its footer.
-std::string image_format(ByteSource& bytes, const std::string& path);
-
 /// True for an interlaced PNG: it decodes whole or not at all.
 bool is_interlaced_png(ByteSource& bytes);
 
@@ -25,8 +20,8 @@ struct JpegHeader {
 };
 JpegHeader read_jpeg_header(ByteSource& bytes);
 
-/// What the headers of files say that OpenImageIO takes into memory when it opens them: WebP, PNM,
-/// BMP with run lengths.
+/// What the headers of files say that OpenImageIO takes into memory when it opens them: WebP, BMP
+/// with run lengths.
 struct WholeHeader {
   std::uint32_t width = 0, height = 0, channels = 0;
   Depth depth = Depth::u8;

@@ -15,11 +15,13 @@
 #include "io/files/byte_source.h"
 #include "io/image/decoder_cost.h"
 #include "io/image/decoder_error.h"
+#include "io/image/format.h"
 #include "io/image/guard.h"
 #include "io/image/header.h"
 #include "io/image/oiio_setup.h"
 #include "io/image/parts.h"
 #include "io/image/png_check.h"
+#include "io/image/pnm.h"
 #include "io/image/sample.h"
 #include "io/image/straight_alpha.h"
 #include "io/image/tiff_guard.h"
@@ -147,7 +149,7 @@ class SourceProxy : public OIIO::Filesystem::IOFile {
 
 struct ImageReader::Impl {
   /// `only_lists`: only to list its channels, whatever they are.
-  explicit Impl(const mesh::ImageRef& image, bool only_lists = false);
+  Impl(const mesh::ImageRef& image, std::span<const ImageFormat> allowed, bool only_lists = false);
   void open();
   void take_spec();
   ChosenChannels choose();
@@ -155,6 +157,7 @@ struct ImageReader::Impl {
   void refuse_webp_alpha(bool has_alpha) const;
   void describe_unopened_jpeg(const JpegHeader& header);
   void describe_unopened(const WholeHeader& header);
+  void describe_pnm();
   std::size_t decoded_row_bytes() const;
   void read_tile_row(std::uint32_t row);
   void pick(std::uint32_t row_count, std::byte* out) const;
@@ -169,6 +172,7 @@ struct ImageReader::Impl {
   std::unique_ptr<FILE, int (*)(FILE*)> stream{nullptr, std::fclose};  // outlives proxy and input
   std::unique_ptr<SourceProxy> proxy;
   std::unique_ptr<OIIO::ImageInput> input;  // null until open()
+  std::optional<PnmPicture> pnm;            // which needs no input
   ImageInfo info;
   int part = 0;                            // of the file's images
   int first_channel = 0, end_channel = 0;  // asked of the decoder
@@ -188,15 +192,10 @@ struct ImageReader::Impl {
   PngCheck png_check;
 };
 
-ImageReader::Impl::Impl(const mesh::ImageRef& image, bool only_lists)
+ImageReader::Impl::Impl(const mesh::ImageRef& image, std::span<const ImageFormat> allowed,
+                        bool only_lists)
     : bytes(image), wanted(image.channels), lists(only_lists) {
-  info.format = image_format(bytes, image.path);
-  bytes.check();
-  if (info.format.empty()) {
-    refuse(bytes.label(),
-           "this is not an image of a known format (PNG, JPEG, EXR, TIFF, WebP, BMP, Targa, HDR, "
-           "PNM)");
-  }
+  info.format = image_format(bytes, image.path, allowed);
   if (!wanted.empty() && info.format != "openexr")
     refuse(bytes.label(), "channels are named of EXR files alone, and this is none");
   if (info.format == "tiff") {
@@ -209,7 +208,10 @@ ImageReader::Impl::Impl(const mesh::ImageRef& image, bool only_lists)
   }
   JpegHeader jpeg;
   if (info.format == "jpeg") jpeg = read_jpeg_header(bytes);
-  if (jpeg.several_scans) {
+  if (info.format == "pnm") {
+    pnm.emplace(bytes);
+    describe_pnm();
+  } else if (jpeg.several_scans) {
     // Opening these decodes everything, so it waits for the first read: by then the caller has
     // leased decoder_bytes.
     describe_unopened_jpeg(jpeg);
@@ -342,6 +344,15 @@ void ImageReader::Impl::describe_unopened(const WholeHeader& header) {
       bytes);
 }
 
+void ImageReader::Impl::describe_pnm() {
+  check_size(bytes.label(), pnm->width(), pnm->height());
+  info.width = pnm->width();
+  info.height = pnm->height();
+  info.channels = pnm->channels();
+  info.depth = pnm->depth();
+  info.names = usual_names(info.channels, false);
+}
+
 void ImageReader::Impl::refuse_webp_alpha(bool has_alpha) const {
   if (info.format == "webp" && has_alpha)
     refuse(bytes.label(), "WebP images with alpha cannot be read exactly; convert it to PNG");
@@ -432,17 +443,19 @@ void ImageReader::Impl::check_bytes_after_last_row() {
   if (!png_check.problem().empty()) fail("the PNG cannot be trusted");
 }
 
-ImageReader::ImageReader(const mesh::ImageRef& image) : impl_(std::make_unique<Impl>(image)) {}
+ImageReader::ImageReader(const mesh::ImageRef& image, std::span<const ImageFormat> allowed)
+    : impl_(std::make_unique<Impl>(image, allowed)) {}
 
-ImageReader::ImageReader(const std::string& path)
-    : impl_(std::make_unique<Impl>(mesh::ImageRef{path, 0, 0, nullptr, path, "", "", false, ""})) {}
+ImageReader::ImageReader(const std::string& path, std::span<const ImageFormat> allowed)
+    : ImageReader(mesh::ImageRef{path, 0, 0, nullptr, path, "", "", false, ""}, allowed) {}
 
 ImageReader::~ImageReader() = default;
 ImageReader::ImageReader(ImageReader&&) noexcept = default;
 ImageReader& ImageReader::operator=(ImageReader&&) noexcept = default;
 
-std::vector<std::string> ImageReader::exr_channels(const std::string& path) {
-  Impl impl({path, 0, 0, nullptr, path, "", "", false, ""}, true);
+std::vector<std::string> ImageReader::exr_channels(const std::string& path,
+                                                   std::span<const ImageFormat> allowed) {
+  Impl impl({path, 0, 0, nullptr, path, "", "", false, ""}, allowed, true);
   return impl.info.format == "openexr" ? names_of(parts_of(*impl.input))
                                        : std::vector<std::string>{};
 }
@@ -461,6 +474,12 @@ void ImageReader::read_rows(std::uint32_t row_count, std::byte* rows) {
                             self.next_row + row_count, self.info.height));
   }
   if (row_count == 0) return;
+  if (self.pnm) {
+    self.pnm->read_rows(self.next_row, row_count, rows);
+    self.bytes.check();
+    self.next_row += row_count;
+    return;
+  }
   if (!self.input) {
     const ImageInfo promised = self.info;
     self.open();

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -44,8 +45,9 @@ struct ImageInfo {
 /// conversion). Alpha is what the file says is alpha, and no other fourth channel. It is handed out
 /// straight: where the file says that its colours are premultiplied (EXR always does) they are
 /// divided by alpha, and kept where alpha is 0. Of a file with several images the first is read, of
-/// one with more than four channels those that choose_channels() says. Formats, told by content:
-/// PNG, JPEG, EXR, TIFF, WebP without alpha, BMP, Targa, Radiance HDR, PNM.
+/// one with more than four channels those that choose_channels() says. Formats, told by content
+/// (image_format()): PNG, JPEG, EXR, TIFF, WebP without alpha, Radiance HDR, binary PNM; those of
+/// `allowed`, too.
 ///
 /// Damage: a file that was cut off, a wrong PNG checksum and whatever the decoders notice throw
 /// Error(input) naming image.label and the rows, at the latest after the last row. No other format
@@ -56,15 +58,16 @@ struct ImageInfo {
 /// Not thread-safe; one reader per thread, several at once are fine.
 class ImageReader {
  public:
-  explicit ImageReader(const mesh::ImageRef& image);
-  explicit ImageReader(const std::string& path);
+  explicit ImageReader(const mesh::ImageRef& image, std::span<const ImageFormat> allowed = {});
+  explicit ImageReader(const std::string& path, std::span<const ImageFormat> allowed = {});
   ~ImageReader();
   ImageReader(ImageReader&&) noexcept;
   ImageReader& operator=(ImageReader&&) noexcept;
 
   /// Of an EXR the full names of the channels of all its parts, of which ImageRef::channels can
   /// name some; nothing of other formats.
-  static std::vector<std::string> exr_channels(const std::string& path);
+  static std::vector<std::string> exr_channels(const std::string& path,
+                                               std::span<const ImageFormat> allowed = {});
 
   const ImageInfo& info() const;
   std::size_t row_bytes() const;  ///< width * channels * bytes per sample

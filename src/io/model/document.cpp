@@ -174,7 +174,7 @@ class DocumentEditor {
     for (std::size_t k = 0; k < parts_.request.textures.size(); ++k) {
       const ModelTexture& texture = parts_.request.textures[k];
       by_material[texture.material].push_back(
-          {texture.channel, parts_.slots.textures[k].texture, texture.factor});
+          {texture.channel, parts_.slots.textures[k].texture, texture.factor, texture.alpha});
     }
     const auto old = json_elements(array("materials").empty() ? "[]" : array("materials"));
     ArrayEdit edit;

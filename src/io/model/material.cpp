@@ -101,6 +101,7 @@ class MaterialEditor {
     set_pbr({{"baseColorTexture",
               texture_info(object_in(pbr, "baseColorTexture"), texture.texture, uv_set_)},
              {"baseColorFactor", factor}});
+    show_alpha(texture.alpha);
     if (!has_extension(kGlossy)) return;
     const std::string_view glossy = object_in(object_in(text_, "extensions"), kGlossy);
     const std::string diffuse =
@@ -108,6 +109,13 @@ class MaterialEditor {
     text_ = with_extension(
         text_, kGlossy,
         edit_json_object(glossy, {{"diffuseTexture", diffuse}, {"diffuseFactor", factor}}));
+  }
+
+  /// The default cutoff of a mask is a half.
+  void show_alpha(ModelAlpha alpha) {
+    const std::string_view mode = json_member(text_, "alphaMode");
+    if (alpha == ModelAlpha::as_it_is || (!mode.empty() && mode != R"("OPAQUE")")) return;
+    set({{"alphaMode", alpha == ModelAlpha::mask ? R"("MASK")" : R"("BLEND")"}});
   }
 
   void write_metallic_roughness(const MaterialTexture& texture) {

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "io/model/write.h"
 #include "pounce/options.h"
 
 namespace pounce::io {
@@ -17,6 +18,7 @@ struct MaterialTexture {
   Channel channel = Channel::base_color;
   std::size_t texture = 0;                  ///< index into "textures"
   std::array<float, 4> factor{1, 1, 1, 1};  ///< as ModelTexture::factor
+  ModelAlpha alpha = ModelAlpha::as_it_is;
 };
 
 /// The JSON of a glTF material with these textures, on this UV set without a texture transform; the

@@ -12,6 +12,9 @@
 
 namespace pounce::io {
 
+/// What becomes of a material that is OPAQUE: viewers leave its alpha alone.
+enum class ModelAlpha { as_it_is, mask, blend };
+
 /// A new texture of a model: one channel of one material.
 struct ModelTexture {
   /// As Mesh::materials counts them; one past the file's own is that of primitives without one.
@@ -20,7 +23,8 @@ struct ModelTexture {
   /// By channel: baseColorFactor rgba; (unused, roughnessFactor, metallicFactor); the strength of
   /// occlusion; emissiveFactor rgb and the emissive strength. Finite.
   std::array<float, 4> factor{1, 1, 1, 1};
-  std::string path;  ///< the PNG file of a .gltf; of a .glb unused
+  std::string path;                         ///< the PNG file of a .gltf; of a .glb unused
+  ModelAlpha alpha = ModelAlpha::as_it_is;  ///< of base colour
 };
 
 /// A glTF file with new textures and everything else as it was.

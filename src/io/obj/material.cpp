@@ -222,9 +222,16 @@ std::uint32_t ObjMaterials::image(const std::string& name, const std::string& fo
   const auto is_readable = [&](const fs::path& file) {
     return is_file(file) && folder_.holds(file.string());
   };
-  if (const fs::path beside = fs::path(folder) / fs::path(clean).filename();
-      !is_readable(path) && is_readable(beside)) {
+  const bool is_moved = [&] {
+    const fs::path beside = fs::path(folder) / fs::path(clean).filename();
+    if (is_readable(path) || !is_readable(beside)) return false;
     path = beside;
+    return true;
+  }();
+  if (is_moved && moved_.insert(clean).second) {
+    mesh_.notes.push_back(
+        fmt::format("{}: {} is not there, or may not be read; {} is taken, of the same name", path_,
+                    name, path.string()));
   }
   const auto [it, is_new] =
       images_.try_emplace(path.string(), static_cast<std::uint32_t>(mesh_.images.size()));

@@ -63,6 +63,7 @@ class ObjMaterials {
   std::deque<Loaded> loaded_;                                  // by id
   std::map<std::string, int> ids_;                             // by name
   std::map<std::string, std::uint32_t> images_;                // by path
+  std::set<std::string> moved_;                                // images found elsewhere, as named
   std::map<std::pair<int, std::string>, std::uint32_t> made_;  // by (id, name)
   std::pair<int, std::string> in_use_{-1, ""};
   std::optional<std::uint32_t> current_;  ///< what made_ has for in_use_

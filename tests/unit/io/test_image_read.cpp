@@ -93,13 +93,13 @@ TEST_CASE("an interlaced PNG reads like any other and says that it decodes whole
 TEST_CASE("an image inside a file is read from its byte range alone", "[image]") {
   test::TempFolder folder;
   const Samples samples = noise(40 * 30 * 3);
-  for (const std::string ending : {"png", "tif", "exr", "bmp", "jpg"}) {
+  for (const std::string ending : {"png", "tif", "exr", "ppm", "jpg"}) {
     CAPTURE(ending);
     const std::string path = folder.file("a." + ending);
     write_foreign(path, OIIO::ImageSpec(40, 30, 3, OIIO::TypeDesc::UINT8), samples.data());
     const std::string encoded = test::read_file(path);
     const Samples whole = read_all(at_path(path));
-    if (ending == "png" || ending == "tif" || ending == "bmp") CHECK(whole == samples);
+    if (ending == "png" || ending == "tif" || ending == "ppm") CHECK(whole == samples);
     CHECK(read_all(in_memory(encoded), 7) == whole);
 
     test::write_file(folder.file("pack"), std::string(1001, 'x') + encoded + std::string(500, 'y'));

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "io/files/byte_source.h"
+#include "pounce/options.h"
+
+namespace pounce::io {
+
+/// The format of an image, told by its content alone: "png", "jpeg", "openexr", "tiff", "webp",
+/// "hdr", "pnm" (binary), and "bmp" and "targa" where they are allowed. These are OpenImageIO's
+/// names. Throws Error(input) for everything else, with how to convert it where it is known.
+std::string image_format(ByteSource& bytes, const std::string& path,
+                         std::span<const ImageFormat> allowed);
+
+}  // namespace pounce::io
