@@ -109,6 +109,12 @@ struct SourceTexture {
   std::string path;
 };
 
+/// The images of one channel, in a file of their own format or name.
+struct ChannelOutput {
+  Channel channel = Channel::base_color;
+  std::string path;  ///< an image pattern with the tokens of TransferOptions::output
+};
+
 /// What the images of the source's colours hold, whatever their files say: "srgb", "lin_rec709",
 /// "acescg", "aces2065-1", "display-p3", or a space of TransferOptions::colour_config.
 struct SourceColourSpace {
@@ -219,6 +225,10 @@ struct TransferOptions {
   /// Or a model, .glb or .gltf: the target, which must be one of these too, with a new texture per
   /// material and channel and everything else as it was; may hold <TARGET>.
   std::string output;
+  /// Channels that do not go to `output` but here, such as height to "height.exr" where the others
+  /// are PNG. Each channel at most once; <MATERIAL>, <TARGET>, <UDIM> or <UVTILE> must be in these
+  /// patterns as they are in `output`. Not for models.
+  std::vector<ChannelOutput> channel_outputs;
   std::vector<std::uint32_t> tiles;  ///< only these UDIMs, sorted; empty = all there are
   std::string
       coverage_output;  ///< also write an 8-bit mask (255 = covered); same tokens; empty = no

@@ -16,6 +16,9 @@ struct ProgressEvent {
   std::uint64_t total = 0;  ///< units of this stage; 0 when unknown
   std::string unit;         ///< "texels", "rows", "blocks", ...
   double elapsed_s = 0;     ///< seconds since the job began
+  /// Of `fraction`: what took no work, as it was up to date or in the cache. A pace is that of the
+  /// rest: (fraction - kept) / elapsed_s.
+  double kept = 0;
 };
 
 /// Progress and cancellation of one job, shared between the caller and the library.

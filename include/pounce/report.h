@@ -154,6 +154,9 @@ struct Report {
   std::uint64_t memory_budget_bytes = 0, leased_peak_bytes = 0, peak_rss_bytes = 0;
   std::uint64_t least_memory_bytes = 0;  ///< the smallest budget that works for this job
   std::string least_memory_for;          ///< what needs so much: "writing skin.png"
+  /// What the process takes of memory beside the budget: the program's and its libraries' data,
+  /// threads, a margin (docs/decisions/045). A container or a scheduler must allow the sum.
+  std::uint64_t memory_beside_bytes = 0;
 
   std::vector<std::string> warnings;
   /// What the inputs leave open, and how it was taken; what they have and is not transferred.
@@ -164,8 +167,11 @@ struct Report {
 
 /// What a transfer would do and take.
 struct PlanReport {
-  std::uint64_t least_memory_bytes = 0;   ///< the smallest budget that works
-  std::string least_memory_for;           ///< what needs so much: "writing skin.png"
+  std::uint64_t least_memory_bytes = 0;  ///< the smallest budget that works
+  std::string least_memory_for;          ///< what needs so much: "writing skin.png"
+  /// What the process takes beside its budget, measured here: a container or a scheduler must allow
+  /// least_memory_bytes and this, with memory_budget_bytes at most that and this are used.
+  std::uint64_t memory_beside_bytes = 0;
   std::uint64_t memory_budget_bytes = 0;  ///< what the job would have, the default worked out
   unsigned threads = 0;                   ///< so, too
   DiskForecast disk_most;

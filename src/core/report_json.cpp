@@ -156,7 +156,9 @@ std::string to_json(const Report& report) {
                     {"leased_peak", report.leased_peak_bytes},
                     {"peak_rss", report.peak_rss_bytes},
                     {"least", report.least_memory_bytes},
-                    {"least_for", report.least_memory_for}};
+                    {"least_for", report.least_memory_for},
+                    {"beside", report.memory_beside_bytes},
+                    {"least_process", report.least_memory_bytes + report.memory_beside_bytes}};
   json["warnings"] = report.warnings;
   json["notes"] = report.notes;
   json["outputs"] = report.outputs;

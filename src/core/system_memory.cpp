@@ -9,6 +9,8 @@
 #include <fstream>
 #include <limits>
 #include <sstream>
+#include <string>
+#include <vector>
 
 namespace pounce {
 namespace {
@@ -38,17 +40,85 @@ std::uint64_t limit_in(const std::string& path) {
   return error == std::errc() && end == text.data() + text.size() ? value : kNoLimit;
 }
 
+struct GroupLimit {
+  std::uint64_t bytes = kNoLimit;
+  std::string file;  ///< that says so
+};
+
+/// Where the groups of a hierarchy are, and which of them is at its root.
+struct GroupMount {
+  std::string folder, root;
+  bool is_v2 = false;
+};
+
+bool lists_memory(const std::string& controllers) {
+  std::stringstream list(controllers);
+  for (std::string name; std::getline(list, name, ',');) {
+    if (name == "memory") return true;
+  }
+  return false;
+}
+
+/// Of /proc/self/mountinfo, whose lines are "id parent device root folder options [more] - type
+/// device options"; the usual places where it names none.
+std::vector<GroupMount> group_mounts(const std::string& system_root) {
+  std::vector<GroupMount> mounts;
+  std::ifstream file(system_root + "/proc/self/mountinfo");
+  for (std::string line; std::getline(file, line);) {
+    const std::size_t middle = line.find(" - ");
+    if (middle == std::string::npos) continue;
+    std::istringstream before(line.substr(0, middle)), after(line.substr(middle + 3));
+    std::string skipped, type, options;
+    GroupMount mount;
+    before >> skipped >> skipped >> skipped >> mount.root >> mount.folder;
+    after >> type >> skipped >> options;
+    mount.is_v2 = type == "cgroup2";
+    if (mount.is_v2 || (type == "cgroup" && lists_memory(options))) mounts.push_back(mount);
+  }
+  if (mounts.empty()) {
+    mounts = {{"/sys/fs/cgroup", "/", true},
+              {"/sys/fs/cgroup/unified", "/", true},
+              {"/sys/fs/cgroup/memory", "/", false}};
+  }
+  return mounts;
+}
+
 /// The least limit of `group` and of the groups above it. Inside a container the group's path may
 /// be the host's and missing here; the walk upwards then ends at the container's own root.
-std::uint64_t least_limit(const std::string& mount, std::string group, const std::string& file) {
-  std::uint64_t least = kNoLimit;
+void apply_groups(const std::string& system_root, const GroupMount& mount, std::string group,
+                  GroupLimit& least) {
+  if (mount.root != "/" && (group + "/").starts_with(mount.root + "/"))
+    group.erase(0, mount.root.size());
   while (!group.empty() && group.back() == '/') group.pop_back();
   for (;;) {
-    least = std::min(least, limit_in(mount + group + file));
+    const std::string file =
+        mount.folder + group + (mount.is_v2 ? "/memory.max" : "/memory.limit_in_bytes");
+    if (const std::uint64_t bytes = limit_in(system_root + file); bytes < least.bytes)
+      least = {bytes, file};
     const std::size_t slash = group.rfind('/');
-    if (slash == std::string::npos) return least;
+    if (slash == std::string::npos) return;
     group.resize(slash);
   }
+}
+
+/// Each line of /proc/self/cgroup is "number:controllers:path"; version 2 has number 0 and no
+/// controllers.
+GroupLimit cgroup_limit(const std::string& system_root) {
+  const std::vector<GroupMount> mounts = group_mounts(system_root);
+  std::ifstream file(system_root + "/proc/self/cgroup");
+  GroupLimit least;
+  for (std::string line; std::getline(file, line);) {
+    const std::size_t first = line.find(':');
+    const std::size_t second = first == std::string::npos ? first : line.find(':', first + 1);
+    if (second == std::string::npos) continue;
+    const std::string controllers = line.substr(first + 1, second - first - 1);
+    if (!controllers.empty() && !lists_memory(controllers)) continue;
+    for (const GroupMount& mount : mounts) {
+      if (mount.is_v2 == controllers.empty())
+        apply_groups(system_root, mount, line.substr(second + 1), least);
+    }
+  }
+  return least;
 }
 
 /// Bytes of the process's address space (field 0) or data (field 5) that are taken already.
@@ -66,36 +136,6 @@ std::uint64_t left_of(std::uint64_t limit, std::uint64_t taken) {
   return limit == kNoLimit ? kNoLimit : limit - std::min(limit, taken);
 }
 
-bool lists_memory(const std::string& controllers) {
-  std::stringstream list(controllers);
-  for (std::string name; std::getline(list, name, ',');) {
-    if (name == "memory") return true;
-  }
-  return false;
-}
-
-/// Each line of /proc/self/cgroup is "number:controllers:path"; version 2 has number 0 and no
-/// controllers.
-std::uint64_t cgroup_limit(const std::string& system_root) {
-  const std::string mounts = system_root + "/sys/fs/cgroup";
-  std::ifstream file(system_root + "/proc/self/cgroup");
-  std::uint64_t least = kNoLimit;
-  for (std::string line; std::getline(file, line);) {
-    const std::size_t first = line.find(':');
-    const std::size_t second = first == std::string::npos ? first : line.find(':', first + 1);
-    if (second == std::string::npos) continue;
-    const std::string controllers = line.substr(first + 1, second - first - 1);
-    const std::string group = line.substr(second + 1);
-    if (controllers.empty()) {
-      least = std::min(least, least_limit(mounts, group, "/memory.max"));
-      least = std::min(least, least_limit(mounts + "/unified", group, "/memory.max"));
-    } else if (lists_memory(controllers)) {
-      least = std::min(least, least_limit(mounts + "/memory", group, "/memory.limit_in_bytes"));
-    }
-  }
-  return least;
-}
-
 }  // namespace
 
 UsableMemory usable_memory(const std::string& system_root) {
@@ -103,10 +143,40 @@ UsableMemory usable_memory(const std::string& system_root) {
   const auto apply = [&](std::uint64_t limit, const char* name) {
     if (limit < usable.bytes) usable = {limit, name};
   };
-  apply(cgroup_limit(system_root), "cgroup");
+  apply(cgroup_limit(system_root).bytes, "cgroup");
   apply(left_of(resource_limit(RLIMIT_AS), taken_bytes(system_root, 0)), "address space limit");
   apply(left_of(resource_limit(RLIMIT_DATA), taken_bytes(system_root, 5)), "data limit");
   return usable;
+}
+
+std::vector<MemoryLimit> memory_limits(const std::string& system_root) {
+  std::vector<MemoryLimit> limits;
+  // A group without limit of version 1 says a number that no machine has.
+  if (const GroupLimit group = cgroup_limit(system_root); group.bytes < physical_bytes()) {
+    limits.push_back({group.bytes, anonymous_bytes(system_root), true,
+                      "the memory limit of the control group (" + group.file + ")"});
+  }
+  const auto add = [&](decltype(RLIMIT_AS) resource, int field, const char* name) {
+    const std::uint64_t bytes = resource_limit(resource);
+    if (bytes != kNoLimit) limits.push_back({bytes, taken_bytes(system_root, field), false, name});
+  };
+  add(RLIMIT_AS, 0, "the limit of address space (ulimit -v)");
+  add(RLIMIT_DATA, 5, "the limit of data (ulimit -d)");
+  return limits;
+}
+
+std::uint64_t anonymous_bytes(const std::string& system_root) {
+  std::ifstream file(system_root + "/proc/self/status");
+  std::uint64_t bytes = 0;
+  for (std::string line; std::getline(file, line);) {
+    std::istringstream words(line);
+    std::string name;
+    std::uint64_t kib = 0;
+    words >> name;
+    if ((name == "RssAnon:" || name == "RssShmem:" || name == "VmPTE:") && words >> kib)
+      bytes += kib * 1024;
+  }
+  return bytes;
 }
 
 }  // namespace pounce

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 namespace pounce {
 
@@ -17,5 +18,23 @@ struct UsableMemory {
 /// leave beside what the process took already (libraries, above all). What cannot be read does not
 /// limit. `system_root` stands in front of /proc and /sys, for tests.
 UsableMemory usable_memory(const std::string& system_root = {});
+
+/// A limit on what this process takes of memory: beyond a control group's it is killed, beyond one
+/// of its own it gets no more.
+struct MemoryLimit {
+  std::uint64_t bytes = 0;
+  std::uint64_t taken_bytes = 0;  ///< of it, by this process, now
+  bool kills = false;
+  std::string name;  ///< for messages, with the file or the command that sets it
+};
+
+/// The least limit of the control groups, then RLIMIT_AS and RLIMIT_DATA; only those that there
+/// are. Of a control group what is taken counts without copies of files (code of the program and
+/// its libraries): the kernel drops these where memory is short.
+std::vector<MemoryLimit> memory_limits(const std::string& system_root = {});
+
+/// What this process has of memory now that no file holds: heap, stacks, data of libraries, and the
+/// page tables of all of it. 0 where the system does not say.
+std::uint64_t anonymous_bytes(const std::string& system_root = {});
 
 }  // namespace pounce

@@ -93,6 +93,13 @@ class OptionList {
   std::vector<OptionReport>& options_;
 };
 
+std::vector<std::string> outputs_of(const TransferOptions& o) {
+  std::vector<std::string> outputs;
+  for (const ChannelOutput& own : o.channel_outputs)
+    outputs.push_back(channel_name(o, own.channel) + "=" + own.path);
+  return outputs;
+}
+
 std::vector<std::string> names_of(const TransferOptions& o, const std::vector<Channel>& channels) {
   std::vector<std::string> names;
   for (const Channel channel : channels) names.push_back(channel_name(o, channel));
@@ -126,6 +133,7 @@ void describe(const TransferOptions& o, bool plan_only, Report& report) {
   for (const std::string& target : o.targets) add_input(target, report);
   OptionList list(report);
   list.add("output", o.output);
+  list.add("output-for", outputs_of(o));
   list.add("coverage", o.coverage_output);
   list.add("tiles", texts_of(o.tiles));
   list.add("size", o.size ? text_of(*o.size) : std::string());

@@ -117,7 +117,7 @@ class MeshJob {
   void plan() {
     const StageTimer timer(job_.clock, "read");
     job_.meter.begin("read mesh", 1, "meshes", kAfterReading);
-    require_early(job_, {reading_bytes(), "reading " + options_.source});
+    require_early(job_, {reading_bytes(), "reading " + options_.source}, 0);
     const TransferOptions transfer = as_transfer(options_);
     PlacedMesh placed =
         place_mesh(options_.source, transfer.source_use, "source", options_.allow_external);
@@ -137,7 +137,7 @@ class MeshJob {
     for (const std::string& file : mesh_.files) add_input(file, job_.report);
     for (const ColumnPlan& column : plan_.columns) add_input(column.image.path, job_.report);
     check_output();
-    require_least(job_, least());
+    require_least(job_, least(), mesh_.size_bytes() + plan_.table_bytes);
     mesh_lease_ = runtime::Lease(job_.budget, mesh_.size_bytes(), "the mesh");
     leases_.emplace_back(job_.budget, job_.threads * store::Compressor::context_bytes(),
                          "the compressors");
@@ -267,7 +267,7 @@ class SceneJob {
                       request_.keep,
                       options_.count};
     check_size(source, file);
-    require_least(job_, least(source, file));
+    require_least(job_, least(source, file), 0);
     prepare();
     tell();
     file.keep.lattice = lattice(source, file.keep);

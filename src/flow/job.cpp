@@ -15,6 +15,7 @@
 #include "core/own_errors.h"
 #include "core/system_memory.h"
 #include "core/threads.h"
+#include "flow/process_limits.h"
 #include "io/files/new_folders.h"
 #include "pounce/cache.h"
 #include "pounce/version.h"
@@ -26,6 +27,8 @@ namespace {
 /// What takes no more than this to plan is planned even if the budget is smaller, to say exactly
 /// how much the job needs.
 constexpr std::uint64_t kLookAnyway = 64ULL << 20;
+/// No job has less.
+constexpr std::uint64_t kLeastBudget = 1ULL << 20;
 
 /// As many as were asked for, but no more than the process lets TBB have: raising that would raise
 /// it for all that runs there.
@@ -140,6 +143,8 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   auto job = std::make_unique<JobContext>(budget_bytes(resources), run);
   job->threads = thread_count(resources);
   job->plan_only = plan_only;
+  job->asks_memory = resources.memory_bytes != 0;
+  hold_to_limits(*job, {kLeastBudget, "any job"}, 0);
   if (in_core) {
     job->memory_files = make_memory_file_system();
     job->files = job->memory_files.get();
@@ -203,9 +208,16 @@ Report run_job(const Resources& resources, Progress* progress, Report* so_far,
   return std::move(run.report);
 }
 
-void require_least(JobContext& job, const LeastMemory& least) {
+void require_least(JobContext& job, const LeastMemory& least, std::uint64_t held_bytes) {
   job.report.least_memory_bytes = least.bytes;
   job.report.least_memory_for = least.why;
+  const HeldBudget held = hold_to_limits(job, least, held_bytes);
+  if (job.asks_memory && !held.lowered_by.empty()) {
+    job.report.warnings.push_back(fmt::format(
+        "{} holds less than --memory {} and the program: the budget is {}, the result the same",
+        held.lowered_by, runtime::format_bytes(job.asked_bytes),
+        runtime::format_bytes(held.bytes)));
+  }
   if (job.budget.limit() >= least.bytes) return;
   const std::uint64_t mib = (least.bytes + (1 << 20) - 1) >> 20;
   throw Error(ErrorKind::budget,
@@ -214,8 +226,10 @@ void require_least(JobContext& job, const LeastMemory& least) {
                           runtime::format_bytes(job.budget.limit()), mib, least.why, mib));
 }
 
-void require_early(JobContext& job, const LeastMemory& need) {
-  if (need.bytes > std::max(job.budget.limit(), kLookAnyway)) require_least(job, need);
+void require_early(JobContext& job, const LeastMemory& need, std::uint64_t held_bytes) {
+  hold_to_limits(job, need, held_bytes);
+  const std::uint64_t look_anyway = std::min(kLookAnyway, job.room_bytes);
+  if (need.bytes > std::max(job.budget.limit(), look_anyway)) require_least(job, need, held_bytes);
 }
 
 }  // namespace pounce::flow

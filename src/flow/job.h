@@ -28,12 +28,14 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
 Report run_job(const Resources& resources, Progress* progress, Report* so_far,
                const std::function<void(JobRun&, bool rebuild)>& job);
 
-/// Throws Error(budget) that names the least memory that works and what asks for it.
-void require_least(JobContext& job, const LeastMemory& least);
+/// Throws Error(budget) that names the least memory that works and what asks for it, or the limit
+/// of the process that does not hold that. `held_bytes`: what of it is in memory already, as
+/// meshes.
+void require_least(JobContext& job, const LeastMemory& least, std::uint64_t held_bytes);
 
 /// Before a step of planning, as reading a mesh, that has this need: throws Error(budget) as
 /// require_least() does if that is so much more than the budget that it is not worth going on to
 /// say exactly what the whole job needs. That may be more than is named here, never less.
-void require_early(JobContext& job, const LeastMemory& need);
+void require_early(JobContext& job, const LeastMemory& need, std::uint64_t held_bytes);
 
 }  // namespace pounce::flow

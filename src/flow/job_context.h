@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -68,6 +69,10 @@ class ScratchUse {
 struct JobContext {
   JobRun& run;
   runtime::MemoryBudget budget;
+  const std::uint64_t asked_bytes;  ///< the budget before the process's limits lower it
+  bool asks_memory = false;         ///< the user named that
+  /// What a control group leaves for the budget; all there is without one.
+  std::uint64_t room_bytes = std::numeric_limits<std::uint64_t>::max();
   runtime::Meter& meter;
   Report& report;
   StageClock clock;
@@ -88,7 +93,11 @@ struct JobContext {
   tbb::enumerable_thread_specific<store::Compressor> compressors;
 
   JobContext(std::uint64_t budget_bytes, JobRun& of_run)
-      : run(of_run), budget(budget_bytes), meter(of_run.meter), report(of_run.report) {}
+      : run(of_run),
+        budget(budget_bytes),
+        asked_bytes(budget_bytes),
+        meter(of_run.meter),
+        report(of_run.report) {}
   ~JobContext();
   JobContext(const JobContext&) = delete;
   JobContext& operator=(const JobContext&) = delete;

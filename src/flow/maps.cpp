@@ -110,7 +110,7 @@ class MapsJob {
 
   void read() {
     const StageTimer timer(job_->clock, "read");
-    require_early(*job_, {reading_bytes(), "reading " + options_.target});
+    require_early(*job_, {reading_bytes(), "reading " + options_.target}, 0);
     PlacedMesh placed =
         place_mesh(options_.target, options_.target_use, "target", options_.allow_external);
     target_ = std::move(placed.mesh);
@@ -144,7 +144,7 @@ class MapsJob {
       one.first_page = p;
       if (by_tile_) one.tile = mesh::udim_tile(pages_[p].udim);
     }
-    require_least(*job_, least());
+    require_least(*job_, least(), target_.size_bytes());
     mesh_lease_ = runtime::Lease(job_->budget, target_.size_bytes(), "the mesh");
     smallest_edge_ = static_cast<float>(std::max(diagonal(target_) * 1e-7, 1e-30));
     job_->report.targets.emplace_back().path = options_.target;

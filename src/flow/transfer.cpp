@@ -80,6 +80,7 @@ PlanReport plan(const TransferOptions& options, const TestKnobs& knobs, Progress
       });
   return {report.least_memory_bytes,
           report.least_memory_for,
+          report.memory_beside_bytes,
           report.memory_budget_bytes,
           report.threads,
           report.disk_most.value_or(DiskForecast{}),

@@ -58,7 +58,10 @@ class TargetTransfer {
     }
     tally_.emplace(options_, source_plan_, target_.plan, target_.model ? target_.model->path() : "",
                    job_.report);
-    if (steps.empty()) return true;
+    if (steps.empty()) {
+      job_.meter.keep(range_.end);
+      return true;
+    }
     find_occupied();
     places_ = target::strew(
         target_.mesh, source_plan_.from_splats ? target::kStrewnPlaces : projection::kTargetPlaces);
@@ -98,6 +101,7 @@ class TargetTransfer {
   /// one step. What others have claimed comes last, when it is there or theirs no more.
   void make(std::vector<Step> steps) {
     steps_done_ = steps_of_all() - steps.size();
+    job_.meter.keep(fraction(0));
     while (!steps.empty()) {
       std::vector<Step> others;
       for (std::size_t i = 0; i < steps.size(); ++i) {
@@ -111,6 +115,7 @@ class TargetTransfer {
         keep_what_others_made(steps[i]);
         if (has_work(steps[i])) make_images(steps[i], i + 1 == steps.size() && others.empty());
         ++steps_done_;
+        job_.meter.keep(fraction(0));  // what of its share took no work
       }
       if (others.size() == steps.size()) wait_for_others();
       steps = std::move(others);
@@ -238,7 +243,7 @@ class TargetTransfer {
     job_.report.target_store_bytes += target->pack().size_bytes();
     job_.count_store(target->pack(), cached);
     tally_->vectorized(page, target->directory());
-    job_.meter.end();
+    job_.meter.end(cached);
     return target;
   }
 

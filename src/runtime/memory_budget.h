@@ -40,6 +40,8 @@ class MemoryBudget {
   void forget(std::uint64_t store);
 
   std::uint64_t limit() const { return limit_; }
+  /// Before anything is leased.
+  void set_limit(std::uint64_t limit_bytes) { limit_ = limit_bytes; }
   std::uint64_t leased() const;
   std::uint64_t leased_peak() const;  ///< largest leased + cached so far
 
@@ -56,7 +58,7 @@ class MemoryBudget {
   };
   void make_room(std::uint64_t bytes);  ///< with mutex_ held
 
-  const std::uint64_t limit_;
+  std::uint64_t limit_;
   mutable std::mutex mutex_;  ///< guards everything below
   std::uint64_t leased_ = 0, cached_ = 0, peak_ = 0;
   std::list<Kept> recent_;  ///< most recently used first

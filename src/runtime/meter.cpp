@@ -72,11 +72,16 @@ void Meter::advance(std::uint64_t units) {
   emit(false);
 }
 
-void Meter::end() {
+void Meter::end(bool kept) {
   const std::lock_guard lock(mutex_);
   stage_.done = stage_.total;
-  raise(stage_.end);
+  raise(stage_.end, kept);
   emit(true);
+}
+
+void Meter::keep(double end) {
+  const std::lock_guard lock(mutex_);
+  raise(restarted_ + (1 - restarted_) * end, true);
 }
 
 void Meter::restart() {
@@ -93,7 +98,11 @@ void Meter::finish() {
   emit(true);
 }
 
-void Meter::raise(double fraction) { fraction_ = std::max(fraction_, std::min(fraction, 1.0)); }
+void Meter::raise(double fraction, bool kept) {
+  const double before = fraction_;
+  fraction_ = std::max(fraction_, std::min(fraction, 1.0));
+  if (kept) kept_ += fraction_ - before;
+}
 
 void Meter::emit(bool always) {
   if (progress_ == nullptr || !progress_->on_event) return;
@@ -102,9 +111,10 @@ void Meter::emit(bool always) {
   last_ = now;
   const double elapsed_s = std::chrono::duration<double>(now - start_).count();
   if (waiting_.empty()) {
-    tell(*progress_, {stage_.name, fraction_, stage_.done, stage_.total, stage_.unit, elapsed_s});
+    tell(*progress_,
+         {stage_.name, fraction_, stage_.done, stage_.total, stage_.unit, elapsed_s, kept_});
   } else {
-    tell(*progress_, {waiting_, fraction_, 0, 0, stage_.unit, elapsed_s});
+    tell(*progress_, {waiting_, fraction_, 0, 0, stage_.unit, elapsed_s, kept_});
   }
 }
 

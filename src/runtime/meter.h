@@ -20,7 +20,10 @@ class Meter {
   void begin(const std::string& stage, std::uint64_t total, const std::string& unit, double end);
   /// `units` more are done. Throws Error(cancelled) if the caller asked to stop.
   void advance(std::uint64_t units);
-  void end();
+  /// `kept`: the stage's result was there already; what is left of its share took no work.
+  void end(bool kept = false);
+  /// Work that would have taken the job's fraction to `end` need not be done.
+  void keep(double end);
   /// Says in between that the job waits, and what for. Throws Error(cancelled) like advance().
   void wait(const std::string& what);
   /// The wait, if there was one, is over: back to the stage.
@@ -38,7 +41,7 @@ class Meter {
     std::string unit;
     double start = 0, end = 0;  ///< of fraction_
   };
-  void raise(double fraction);
+  void raise(double fraction, bool kept = false);
   void emit(bool always);
 
   Progress* progress_;
@@ -48,6 +51,7 @@ class Meter {
   Stage stage_;
   std::string waiting_;   ///< what is said instead of the stage; may be empty
   double fraction_ = 0;   ///< written by raise() alone
+  double kept_ = 0;       ///< of it, what took no work
   double restarted_ = 0;  ///< where the job began again
 };
 

@@ -29,17 +29,17 @@ std::string shown(ProgressKind kind, const std::vector<ProgressEvent>& events) {
 
 TEST_CASE("steady work has the time left that its speed says", "[cli]") {
   TimeLeft left;
-  for (int tenth = 0; tenth <= 40; ++tenth) left.update(0.01 * tenth, 0.1 * tenth);
+  for (int tenth = 0; tenth <= 40; ++tenth) left.update(0.01 * tenth, 0, 0.1 * tenth);
   CHECK(left.seconds() == Approx(6.0).epsilon(0.01));  // 60 % left at 10 % a second
 }
 
 TEST_CASE("nothing is said of the time left before there is something to judge by", "[cli]") {
   TimeLeft left;
   CHECK(left.seconds() < 0);
-  left.update(0, 0);
-  left.update(0.001, 0.01);
+  left.update(0, 0, 0);
+  left.update(0.001, 0, 0.01);
   CHECK(left.seconds() < 0);
-  left.update(0.1, 1);
+  left.update(0.1, 0, 1);
   CHECK(left.seconds() == Approx(9.0));
 }
 
@@ -51,7 +51,7 @@ TEST_CASE("one slow moment hardly moves the time left, a lasting slowness does",
     for (int i = 0; i < static_cast<int>(seconds * 10 + 0.5); ++i) {
       now += 0.1;
       fraction += share_per_s / 10;
-      left.update(fraction, now);
+      left.update(fraction, 0, now);
     }
   };
   work(20, 0.01);  // 80 s left
@@ -59,6 +59,17 @@ TEST_CASE("one slow moment hardly moves the time left, a lasting slowness does",
   CHECK(left.seconds() < 90);
   work(40, 0.005);  // 60 % left at half the speed: 120 s
   CHECK(left.seconds() == Approx(120).epsilon(0.05));
+}
+
+TEST_CASE("what was kept says nothing of the speed of work", "[cli]") {
+  TimeLeft left;
+  left.update(0.02, 0, 0.5);     // meshes were read
+  left.update(0.32, 0.3, 0.51);  // and 30 % of the job is up to date
+  for (int second = 1; second <= 40; ++second)
+    left.update(0.32 + 0.01 * second, 0.3, 0.51 + second);
+  CHECK(left.seconds() == Approx(28).epsilon(0.02));  // 28 % left at 1 % a second
+  left.update(0.8, 0.38, 40.52);                      // other jobs made some of it meanwhile
+  CHECK(left.seconds() == Approx(20).epsilon(0.05));
 }
 
 TEST_CASE("the bar's line never exceeds the terminal's width", "[cli]") {

@@ -85,6 +85,44 @@ else
   echo 'SKIPPED: needs maketx, iinfo and oiiotool'
 fi
 
+# Halves in a .tx are an EXR in it, of a source of halves without a word; as maketx has them, and at half the size.
+if command -v oiiotool >/dev/null && command -v maketx >/dev/null; then
+  oiiotool s.1001.png -d half -o half.exr
+  quad hs half.exr && quad ht
+  half() { expect 0 transfer hs.obj ht.obj --no-cache "$@"; }
+  half -o h.exr
+  half -o h.tx
+  expect 0 inspect h.tx
+  out_has '200 x 200, 3 channels, half, linear, openexr, tiles 64 x 64, 8 levels'
+  out_has 'made by pounce, job '
+  same_picture h.tx h.exr || fail 'the first level is not the picture'
+  maketx --format openexr h.exr -o theirs.tx
+  for level in 0 1 4 7; do
+    oiiotool h.tx --selectmip $level theirs.tx --selectmip $level --fail 0.00393 --diff >"$out" 2>&1 ||
+      fail "level $level of h.tx differs"
+  done
+  iinfo -v h.tx | grep -q 'textureformat: "Plain Texture"' || fail 'not a texture to renderers'
+  half -o f.tx --depth float
+  expect 0 inspect f.tx
+  out_has 'float, linear, tiff, tiles 64 x 64, 8 levels'
+  (($(wc -c <h.tx) * 10 < $(wc -c <f.tx) * 8)) || fail 'halves take as much room as floats'
+  half -o h.tx --skip-existing
+  err_has 'kept 1'
+  head -c $(($(wc -c <h.tx) - 100)) h.tx >cut.tx && mv cut.tx h.tx # what is not whole is made again
+  half -o h.tx --skip-existing
+  ! grep -q kept "$err" || fail 'half a file was kept'
+  half -o z.tx --depth half --exr-compression piz
+  same_picture z.tx h.exr || fail 'another compression, another picture'
+  iinfo -v z.tx | grep -q 'compression: "piz"' || fail 'z.tx is compressed otherwise'
+  expect 2 transfer hs.obj ht.obj -o o.tx --no-cache --depth half --output-colorspace srgb
+  err_has 'EXR holds linear light'
+  expect 0 transfer ht.obj ht.obj --source-texture baseColor=h.tx -o back.exr --no-cache
+  same_picture back.exr h.exr || fail 'read back as another picture'
+  rm h.* f.tx z.tx theirs.tx back.exr
+else
+  echo 'SKIPPED: needs maketx and oiiotool'
+fi
+
 # Another layout is another job; the same is kept, .tx like others.
 job=(-o 't.<UDIM>.tx' --no-cache --skip-existing)
 run "${job[@]}"

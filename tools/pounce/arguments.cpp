@@ -409,6 +409,15 @@ std::string parse_output(const std::string& option, const std::string& text) {
   return text;
 }
 
+ChannelOutput parse_channel_output(const std::string& option, const std::string& text,
+                                   std::vector<OtherMap>& maps) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals + 1 == text.size())
+    refuse(option, text, "CHANNEL=PATTERN, for example height=height.exr");
+  const Channel channel = parse_channel(option, text.substr(0, equals), maps);
+  return {channel, parse_image_pattern(option, text.substr(equals + 1))};
+}
+
 std::vector<std::uint32_t> parse_udims(const std::string& option, const std::string& text) {
   constexpr const char* kExpected = "UDIMs of 1001 to 9999, such as 1001-1004,1011";
   std::vector<std::uint32_t> udims;

@@ -63,6 +63,9 @@ SourceColourSpace parse_source_space(const std::string& option, const std::strin
 std::string parse_image_pattern(const std::string& option, const std::string& text);
 /// The same, or a model (.glb, .gltf), whose name may hold <TARGET>.
 std::string parse_output(const std::string& option, const std::string& text);
+/// "CHANNEL=PATTERN": a channel's name as above, and an image pattern.
+ChannelOutput parse_channel_output(const std::string& option, const std::string& text,
+                                   std::vector<OtherMap>& maps);
 /// "1001-1004,1011": UDIMs and ranges of them; sorted, each once.
 std::vector<std::uint32_t> parse_udims(const std::string& option, const std::string& text);
 /// A pattern for names: not empty, and not what looks like the next option.

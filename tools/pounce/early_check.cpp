@@ -19,6 +19,7 @@
 #include <new>
 #include <system_error>
 
+#include "own_stderr.h"
 #include "pounce/error.h"
 #include "signals.h"
 
@@ -38,7 +39,8 @@ constexpr std::size_t kUsualStackBytes = 8u << 20;
 [[noreturn]] void end(ErrorKind kind, const char* what) {
   char line[512];
   const int length = std::snprintf(line, sizeof line, "pounce: error: %s\n", what);
-  (void)!write(STDERR_FILENO, line, std::min<std::size_t>(static_cast<std::size_t>(length), 511));
+  (void)!write(pounce::cli::own_stderr_descriptor(), line,
+               std::min<std::size_t>(static_cast<std::size_t>(length), 511));
   _exit(pounce::exit_status(kind));
 }
 

@@ -14,6 +14,7 @@
 #include <filesystem>
 #include <new>
 
+#include "own_stderr.h"
 #include "pounce/error.h"
 #include "signals.h"
 #include "summary.h"
@@ -121,14 +122,15 @@ void write_stdout(const std::string& text) {
 
 void write_stderr(const std::string& text) {
   const std::string shown = visible(text);
-  std::fwrite(shown.data(), 1, shown.size(), stderr);
+  std::fwrite(shown.data(), 1, shown.size(), own_stderr());
 }
 
 int run_job(const JobSettings& settings, const std::function<void(Progress*, Report*)>& job) {
   Progress progress;
   const SignalsCancel signals(progress);
-  const ProgressKind kind = settings.quiet ? ProgressKind::none : choose_kind(settings.progress);
-  ProgressBar bar(kind, stderr);
+  const ProgressKind kind =
+      settings.quiet ? ProgressKind::none : choose_kind(settings.progress, own_stderr());
+  ProgressBar bar(kind, own_stderr());
   progress.on_event = [&bar](const ProgressEvent& event) { bar.show(event); };
 
   Report report;

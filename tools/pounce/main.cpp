@@ -16,6 +16,7 @@
 #include "bad_line.h"
 #include "commands.h"
 #include "job.h"
+#include "own_stderr.h"
 #include "pounce/error.h"
 #include "pounce/version.h"
 #include "shared_options.h"
@@ -173,6 +174,7 @@ int run(int argc, char** argv) {
 int main(int argc, char** argv) try {
   pounce::cli::handle_signals();  // where early_check.cpp is not part of the program
   occupy_standard_streams();
+  pounce::cli::keep_stderr();
   std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is then an error of write(), like a full disk
   return run(argc, argv);
 } catch (const pounce::Error& error) {

@@ -76,11 +76,11 @@ ProgressKind parse_progress_kind(const std::string& option, const std::string& t
               fmt::format("{}: got \"{}\", expected auto, plain, json or none", option, text));
 }
 
-ProgressKind choose_kind(ProgressKind asked) {
+ProgressKind choose_kind(ProgressKind asked, std::FILE* out) {
   if (asked != ProgressKind::automatic) return asked;
   const char* const terminal = std::getenv("TERM");
   const bool can_rewrite = terminal != nullptr && std::string_view(terminal) != "dumb";
-  return isatty(STDERR_FILENO) == 1 && can_rewrite ? ProgressKind::bar : ProgressKind::plain;
+  return isatty(fileno(out)) == 1 && can_rewrite ? ProgressKind::bar : ProgressKind::plain;
 }
 
 double monotonic_seconds() {
@@ -88,19 +88,18 @@ double monotonic_seconds() {
   return std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
 }
 
-void TimeLeft::update(double fraction, double elapsed_s) {
+void TimeLeft::update(double fraction, double kept, double elapsed_s) {
   const double step_s = elapsed_s - elapsed_s_;
-  if (!(step_s > 0)) {
-    fraction_ = std::max(fraction_, fraction);
-    return;
-  }
-  const double speed = std::max(0.0, fraction - fraction_) / step_s;
+  fraction_ = std::max(fraction_, fraction);
+  if (!(step_s > 0)) return;
+  const double worked = fraction_ - kept;
+  const double speed = std::max(0.0, worked - worked_) / step_s;
   // The average since the start is the best first value; from then on old speeds fade.
   const double keep = started_ ? std::exp(-step_s / kForgettingS) : 0;
   share_per_s_ = keep * share_per_s_ + (1 - keep) * speed;
   started_ = started_ || elapsed_s >= kFirstEstimateS;
   if (!started_) return;  // keep measuring from the start
-  fraction_ = std::max(fraction_, fraction);
+  worked_ = std::max(worked_, worked);
   elapsed_s_ = elapsed_s;
 }
 
@@ -151,7 +150,7 @@ std::string json_line(const ProgressEvent& event, const ProgressFigures& figures
 }
 
 ProgressFigures ProgressBar::figures(const ProgressEvent& event) {
-  time_left_.update(event.fraction, event.elapsed_s);
+  time_left_.update(event.fraction, event.kept, event.elapsed_s);
   const auto [stage, is_new] =
       stages_.try_emplace(event.stage, StageStart{event.elapsed_s, event.done});
   const double stage_s = event.elapsed_s - stage->second.elapsed_s;

@@ -15,9 +15,9 @@ enum class ProgressKind : std::uint8_t { automatic, bar, plain, json, none };
 
 /// "auto", "plain", "json" or "none"; throws Error(usage).
 ProgressKind parse_progress_kind(const std::string& option, const std::string& text);
-/// What `automatic` means here: a bar when the standard error output is a terminal that can rewrite
-/// a line, else plain lines. Others stay as they are.
-ProgressKind choose_kind(ProgressKind asked);
+/// What `automatic` means here: a bar when `out` is a terminal that can rewrite a line, else plain
+/// lines. Others stay as they are.
+ProgressKind choose_kind(ProgressKind asked, std::FILE* out);
 /// Seconds of a clock that never goes back.
 double monotonic_seconds();
 
@@ -25,13 +25,14 @@ double monotonic_seconds();
 /// forgets with a time constant of some seconds, so one slow moment does not make the figure jump.
 class TimeLeft {
  public:
-  /// fraction in 0..1 after elapsed_s seconds; neither falls.
-  void update(double fraction, double elapsed_s);
+  /// fraction in 0..1 after elapsed_s seconds, of which `kept` took no work; none of them falls.
+  void update(double fraction, double kept, double elapsed_s);
   /// Seconds; negative as long as nothing can be said.
   double seconds() const;
 
  private:
   double fraction_ = 0, elapsed_s_ = 0;
+  double worked_ = 0;  ///< of it, at elapsed_s_
   double share_per_s_ = 0;
   bool started_ = false;
 };

@@ -161,6 +161,10 @@ std::string plan_text(const Report& report) {
   std::string text = fmt::format("least memory  {} ({} bytes)\n",
                                  bytes_text(report.least_memory_bytes), report.least_memory_bytes);
   text += fmt::format("needed for    {}\n", visible_line(report.least_memory_for));
+  const std::uint64_t process = report.least_memory_bytes + report.memory_beside_bytes;
+  text += fmt::format("process       {} ({} bytes) at least: {} of --memory and {} beside it\n",
+                      bytes_text(process), process, bytes_text(report.least_memory_bytes),
+                      bytes_text(report.memory_beside_bytes));
   text += fmt::format("budget        {}\n", bytes_text(report.memory_budget_bytes));
   text += fmt::format("threads       {}\n", report.threads);
   if (!report.filter.empty()) text += fmt::format("filter        {}\n", report.filter);

@@ -86,6 +86,23 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
             "Folders that are not there are made",
             [&options](const std::string& text) { options.output = parse_output("-o", text); })
       ->required();
+  command
+      .add_option_function<std::vector<std::string>>(
+          "--output-for",
+          [&options](const std::vector<std::string>& texts) {
+            for (const std::string& text : texts) {
+              options.channel_outputs.push_back(
+                  parse_channel_output("--output-for", text, options.other_maps));
+            }
+          },
+          "Write this channel to images of its own name and format, such as\n"
+          "height=height.exr beside PNGs. PATTERN accepts the tokens of OUTPUT.\n"
+          "May be given once per channel")
+      ->type_name("CHANNEL=PATTERN")
+      ->option_text("CHANNEL=PATTERN")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->group(group);
   add_value(command, "--coverage", "PATTERN", group,
             "Also write a mask: 255 where the source was found. Same tokens",
             [&options](const std::string& text) {
@@ -115,7 +132,7 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
 void add_file_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Files";
   add_value(command, "--exr-compression", "NAME", group,
-            "Of .exr outputs: none, rle, zips, zip or piz, all without loss.\n"
+            "For .exr and half .tx: none, rle, zips, zip or piz, all lossless.\n"
             "Default: zip",
             [&options](const std::string& text) { options.exr_compression = text; });
   add_value(command, "--tile-size", "N", group,
@@ -127,7 +144,7 @@ void add_file_options(CLI::App& command, TransferOptions& options) {
             });
   add_switch(command, "--mipmap", group,
              "Write .exr and .tif with all their smaller levels (mipmaps), as\n"
-             "renderers want them; .tx, a TIFF, always has them",
+             "renderers want them; .tx (TIFF, or EXR for half) always has them",
              options.mipmap);
   add_switch(command, "--drop-alpha", group, "Write no alpha, whatever the source has",
              options.drop_alpha);

@@ -162,7 +162,7 @@ SourceColumns build_columns(JobContext& job, const Plan& plan, const WantedTiles
           input == set.inputs.end() ? std::nullopt : std::optional(input->second)};
     }
   }
-  job.meter.end();
+  job.meter.end(made.all_cached);
   return made;
 }
 

@@ -78,8 +78,17 @@ SourceStores::SourceStores(JobContext& job, const TransferOptions& options, cons
 }
 
 void SourceStores::build(double begin, double end, std::uint64_t target_texels) {
-  if (plan_.from_splats) return build_splats(end);
-  if (plan_.as_gaussians) return build_texels(begin, end);
+  if (plan_.from_splats) {
+    build_splats(end);
+  } else if (plan_.as_gaussians) {
+    build_texels(begin, end);
+  } else {
+    build_surface(begin, end, target_texels);
+  }
+  job_.meter.keep(end);  // what of it the cache had
+}
+
+void SourceStores::build_surface(double begin, double end, std::uint64_t target_texels) {
   {
     const StageTimer timer(job_.clock, "precondition");
     columns_ =
@@ -93,10 +102,11 @@ void SourceStores::build_geometry(double end) {
   const StageTimer timer(job_.clock, "precondition");
   job_.meter.begin("precondition", 0, "tiles", end);
   count_coincident(plan_, job_.report);
+  bool all_cached = true;
   for (const PassPlan& pass : plan_.passes) {
     bool cached = false;
     auto opened = geometry_store(job_, pass.source, &cached);
-    all_cached_ = all_cached_ && cached;
+    all_cached = all_cached && cached;
     geometry_.push_back(std::make_unique<SurfaceCache>(
         job_.budget, SurfaceReader{{&job_, std::move(opened)}, pass.has_shape}));
     const store::GeometryStore& store = geometry_.back()->store();
@@ -111,8 +121,9 @@ void SourceStores::build_geometry(double end) {
     if (directory.slivers > 0)
       job_.report.source_filtered["triangles without a texel centre"] = directory.slivers;
   }
+  all_cached_ = all_cached_ && all_cached;
   if (all_cached_) job_.clock.set_cached("precondition");
-  job_.meter.end();
+  job_.meter.end(all_cached);
 }
 
 void SourceStores::build_splats(double end) {

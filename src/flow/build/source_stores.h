@@ -47,6 +47,7 @@ class SourceStores {
   std::uint64_t tiles_read() const;
 
  private:
+  void build_surface(double begin, double end, std::uint64_t target_texels);
   void build_geometry(double end);
   void build_splats(double end);
   void build_texels(double begin, double end);

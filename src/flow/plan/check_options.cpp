@@ -11,7 +11,6 @@
 #include "flow/load_mesh.h"
 #include "flow/plan/colour_spaces.h"
 #include "flow/plan/output_names.h"
-#include "io/files/file_ending.h"
 #include "io/image/write.h"
 #include "io/model/write.h"
 #include "mesh/uv_tiles.h"
@@ -79,11 +78,18 @@ namespace {
 /// How files are to hold their samples.
 void check_layout(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
-  const bool tiled = io::format_look(o.output).tiled;
+  std::vector<std::string> outputs{o.output};
+  for (const ChannelOutput& own : o.channel_outputs) outputs.push_back(own.path);
+  const auto is_any = [&outputs](const auto& holds) {
+    return std::any_of(outputs.begin(), outputs.end(), holds);
+  };
+  const bool tiled =
+      is_any([](const auto& path) { return io::format_look(path, Depth::u8).tiled; });
+  const Depth depth = o.depth.value_or(Depth::u8);  // of what no source has a say in
   if (!o.exr_compression.empty()) {
     if (const std::string why = io::why_no_exr_compression(o.exr_compression); !why.empty())
       usage("--exr-compression: " + why);
-    if (io::lower_ending(o.output) != ".exr")
+    if (!is_any([&](const auto& path) { return io::is_exr(path, depth); }))
       usage(fmt::format("--exr-compression needs an .exr output: {} is none", o.output));
   }
   if (o.tile_size % 16 != 0 || o.tile_size > kLargestTile)
@@ -98,6 +104,40 @@ void check_layout(const TransferOptions& o) {
   if (o.drop_alpha && !o.onto.empty())
     usage(
         "--drop-alpha: an image that is painted over keeps its channels; leave it out, or --onto");
+}
+
+/// Channels with outputs of their own, which come in as many pages as the others.
+void check_channel_outputs(const TransferOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  for (std::size_t k = 0; k < o.channel_outputs.size(); ++k) {
+    const auto& [channel, path] = o.channel_outputs[k];
+    const std::string what = fmt::format("--output-for {}={}", channel_name(o, channel), path);
+    if (io::is_model_path(o.output)) {
+      usage(
+          fmt::format("{}: {} is a model, which holds its images itself; write images, such as "
+                      "'<CHANNEL>.png'",
+                      what, o.output));
+    }
+    if (!io::is_image_path(path)) {
+      usage(what +
+            ": images are written as .png, .jpg, .jpeg, .tif, .tiff, .tx or .exr; choose "
+            "one of these endings");
+    }
+    for (std::size_t before = 0; before < k; ++before) {
+      if (o.channel_outputs[before].channel == channel)
+        usage(fmt::format("{}: the channel has {} already; give it once", what,
+                          o.channel_outputs[before].path));
+    }
+    for (const char* token : {"TARGET", "MATERIAL", "UDIM", "UVTILE"}) {
+      if (has_token(path, token) == has_token(o.output, token)) continue;
+      usage(fmt::format("{}: <{}> must be in this pattern as in -o {}: in both or in neither", what,
+                        token, o.output));
+    }
+    if (!o.onto.empty() && !has_token(o.onto, "CHANNEL"))
+      usage(what + ": --onto needs <CHANNEL> then: " + o.onto + " is one channel's image");
+    if (o.skip_existing && !o.onto.empty() && o.onto == path)
+      usage("--skip-existing cannot tell an image that was painted over in place from an old one");
+  }
 }
 
 /// Where evidence cannot go, whatever the source is.
@@ -209,6 +249,7 @@ void check_options(const TransferOptions& o) {
         "--factors is about images: a model has the factors of the source in its materials; leave "
         "it out, or leave out the colours of vertices alone: --factors factors");
   }
+  check_channel_outputs(o);
   const bool by_tile = has_token(o.output, "UDIM") || has_token(o.output, "UVTILE");
   if (!o.tiles.empty() && !by_tile)
     usage("--tiles needs <UDIM> or <UVTILE> in the output: " + o.output + " is one image");

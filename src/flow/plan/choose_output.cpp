@@ -8,8 +8,8 @@
 
 #include "flow/plan/colour_spaces.h"
 #include "flow/plan/map_kind.h"
+#include "flow/plan/output_names.h"
 #include "flow/plan/plan.h"
-#include "io/files/file_ending.h"
 #include "io/image/write.h"
 
 namespace pounce::flow {
@@ -17,13 +17,12 @@ namespace {
 
 constexpr std::uint32_t kUntexturedSize = 1024;
 
-bool is_exr(const std::string& path) { return io::lower_ending(path) == ".exr"; }
-
 /// How many channels the output has, and what they are.
 void choose_channels(const TransferOptions& options, const SourceLook& look,
                      const std::optional<io::ImageInfo>& onto, ChannelPlan& plan,
                      std::vector<std::string>& warnings) {
-  const io::FormatLook format = io::format_look(options.output);
+  const std::string& output = output_of(options, plan.channel);
+  const io::FormatLook format = io::format_look(output, plan.format.depth);
   plan.format.has_alpha = onto ? onto->has_alpha : look.alpha && !options.drop_alpha;
   std::uint32_t colours = look.colours;
   plan.names = look.names;
@@ -39,17 +38,16 @@ void choose_channels(const TransferOptions& options, const SourceLook& look,
   if (!fits || (data && !held)) colours = 3;
   plan.format.channels = colours + (plan.format.has_alpha ? 1U : 0U);
   if (look.colours == 4 && colours == 3) {
-    warnings.push_back(
-        fmt::format("{}: a fourth channel that is no alpha has no place in {} and is left out: {}",
-                    options.output,
-                    onto   ? "what is painted onto"
-                    : fits ? format.name
-                           : "an image with alpha",
-                    look.names.empty() ? "the fourth" : look.names.back()));
+    warnings.push_back(fmt::format(
+        "{}: a fourth channel that is no alpha has no place in {} and is left out: {}", output,
+        onto   ? "what is painted onto"
+        : fits ? format.name
+               : "an image with alpha",
+        look.names.empty() ? "the fourth" : look.names.back()));
   }
   if (look.colours == 2 && colours == 3 && !onto) {
-    warnings.push_back(fmt::format("{}: {} holds no images of two channels; the third is 0",
-                                   options.output, format.name));
+    warnings.push_back(
+        fmt::format("{}: {} holds no images of two channels; the third is 0", output, format.name));
   }
   if (plan.names.size() > colours) plan.names.resize(colours);
   const bool named = !plan.names.empty() && !io::are_usual(plan.names, false);
@@ -57,7 +55,7 @@ void choose_channels(const TransferOptions& options, const SourceLook& look,
     const auto usual = io::usual_names(colours, false);
     warnings.push_back(
         fmt::format("{}: {} has no names for channels: {} are written as {}; .exr keeps the names",
-                    options.output, format.name, io::joined(plan.names),
+                    output, format.name, io::joined(plan.names),
                     io::joined({usual.begin(),
                                 usual.begin() + static_cast<std::ptrdiff_t>(plan.names.size())})));
   }
@@ -84,22 +82,23 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Colou
                 fmt::format("--size {}x{}: at most {} texels a side", plan.size.width,
                             plan.size.height, store::kLargestImageSide));
   }
+  const std::string& output = output_of(options, plan.channel);
+  const Depth wanted = options.depth ? *options.depth : onto ? onto->depth : look.depth;
+  plan.format.depth = options.depth ? wanted : io::writable_depth(output, wanted);
   choose_channels(options, look, onto, plan, warnings);
   plan.format.is_colour = is_colour(options, plan.channel);
-  const Depth wanted = options.depth ? *options.depth : onto ? onto->depth : look.depth;
-  plan.format.depth = options.depth ? wanted : io::writable_depth(options.output, wanted);
   spaces.choose(look, onto, plan, notes);
   // EXR holds colours times alpha: what comes so goes so, bit by bit.
   plan.format.premultiplied =
-      is_exr(options.output) && !onto && plan.format.has_alpha && look.premultiplied;
+      io::is_exr(output, plan.format.depth) && !onto && plan.format.has_alpha && look.premultiplied;
   io::ImageWriteSpec spec{plan.size.width,   plan.size.height,   plan.format.channels,
                           plan.format.depth, plan.format.linear, plan.format.has_alpha};
-  std::string why = io::why_not_writable(options.output, spec);
+  std::string why = io::why_not_writable(output, spec);
   if (why.empty()) return;
   if (spec.has_alpha && !onto && !options.alpha) {
     spec.has_alpha = false;
     --spec.channels;
-    if (io::why_not_writable(options.output, spec).empty()) why += ", or --drop-alpha";
+    if (io::why_not_writable(output, spec).empty()) why += ", or --drop-alpha";
   }
   throw Error(ErrorKind::usage, why);
 }
@@ -117,11 +116,12 @@ void check_numbers(const TransferOptions& options, const ChannelPlan& plan,
   }
   const bool is_float = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
   if (plan.channel == Channel::confidence || is_float) return;
-  throw Error(ErrorKind::usage,
-              fmt::format("{} {}: signed lengths need half or float samples, {} would hold {}; "
-                          "write .exr or .tif{}",
-                          option, name, options.output, depth_name(plan.format.depth),
-                          options.depth ? " and leave out --depth" : ""));
+  throw Error(
+      ErrorKind::usage,
+      fmt::format("{} {}: signed lengths need half or float samples, {} would hold {}; "
+                  "write .exr or .tif{}",
+                  option, name, output_of(options, plan.channel), depth_name(plan.format.depth),
+                  options.depth ? " and leave out --depth" : ""));
 }
 
 }  // namespace pounce::flow

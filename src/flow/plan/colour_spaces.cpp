@@ -17,7 +17,7 @@
 #include "core/srgb.h"
 #include "flow/job.h"
 #include "flow/plan/map_kind.h"
-#include "io/files/file_ending.h"
+#include "flow/plan/output_names.h"
 #include "io/image/write.h"
 #include "io/model/write.h"
 
@@ -28,19 +28,22 @@ namespace {
 /// much the job needs.
 constexpr std::uint64_t kLookAnyway = 64ULL << 20;
 
-bool is_exr(const std::string& path) { return io::lower_ending(path) == ".exr"; }
+/// EXR holds linear light, whatever is asked for.
+void check_exr_space(const TransferOptions& options, const ColourSpace& asked) {
+  if (asked.linear) return;
+  throw Error(ErrorKind::usage,
+              fmt::format("--output-colorspace {}: EXR holds linear light; choose lin_rec709, "
+                          "acescg or aces2065-1, or another format",
+                          options.output_colour_space));
+}
 
 void check_output_space(const TransferOptions& options, const ColourSpace& asked) {
   if (!options.onto.empty()) {
     throw Error(ErrorKind::usage,
                 "--output-colorspace: an image that is painted onto keeps its own; leave it out");
   }
-  if (is_exr(options.output) && !asked.linear) {
-    throw Error(ErrorKind::usage,
-                fmt::format("--output-colorspace {}: EXR holds linear light; choose lin_rec709, "
-                            "acescg or aces2065-1, or another format",
-                            options.output_colour_space));
-  }
+  if (io::is_exr(options.output, options.depth.value_or(Depth::u8)))
+    check_exr_space(options, asked);
   const bool is_srgb =
       asked.config_name.empty() && !asked.linear && same_primaries(asked.primaries, kRec709);
   if (io::is_model_path(options.output) && !is_srgb) {
@@ -205,9 +208,10 @@ void ColourSpaces::choose(const SourceLook& look, const std::optional<io::ImageI
                           ChannelPlan& plan, std::vector<std::string>& notes) {
   const bool float_out = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
   // EXR is linear; float TIFF keeps linear input linear; everything else is sRGB-coded.
-  plan.format.linear =
-      is_exr(options_.output) || (float_out && (onto ? onto->space().linear : look.linear));
+  const bool is_exr = io::is_exr(output_of(options_, plan.channel), plan.format.depth);
+  plan.format.linear = is_exr || (float_out && (onto ? onto->space().linear : look.linear));
   if (!plan.format.is_colour) return;
+  if (asked_ && is_exr) check_exr_space(options_, *asked_);
   if (asked_ && !asked_->config_name.empty()) {
     plan.format.transform = transform(asked_->config_name, false);
     plan.colour_space = asked_->config_name;
@@ -230,7 +234,7 @@ void ColourSpaces::choose(const SourceLook& look, const std::optional<io::ImageI
   // What readers take a file for that says nothing.
   const bool is_plain = same_primaries(made.primaries, kRec709) && made.linear == float_out;
   const bool is_said = onto ? onto->colours.primaries.has_value() : look.chromaticities.has_value();
-  if (!is_plain || (is_exr(options_.output) && is_said)) plan.chromaticities = made.primaries;
+  if (!is_plain || (is_exr && is_said)) plan.chromaticities = made.primaries;
   note_conversion(look, plan, made, notes);
 }
 

@@ -29,7 +29,7 @@ constexpr std::array kOtherOptions = std::to_array<std::string_view>(
      // Which images there are; each knows its own channel and page.
      "channels", "tiles", "coverage",
      // Names of files, whose contents and kinds count.
-     "output", "onto", "mask", "source-texture", "ocio",
+     "output", "output-for", "onto", "mask", "source-texture", "ocio",
      // Of each image: whether it is colour.
      "data", "color",
      // What the output turned out to be counts, whether it was asked for or not.

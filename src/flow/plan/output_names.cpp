@@ -47,6 +47,13 @@ std::string expand_pattern(const std::string& pattern,
   return out;
 }
 
+const std::string& output_of(const TransferOptions& options, Channel channel) {
+  for (const ChannelOutput& own : options.channel_outputs) {
+    if (own.channel == channel) return own.path;
+  }
+  return options.output;
+}
+
 std::string file_name_part(const std::string& name) {
   std::string out = name;
   for (char& c : out) {

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "pounce/options.h"
+
 namespace pounce::flow {
 
 /// The pattern with its tokens replaced: "a.<CHANNEL>.png" and {{"CHANNEL", "baseColor"}} ->
@@ -14,6 +16,9 @@ std::string expand_pattern(const std::string& pattern,
 bool has_token(const std::string& pattern, const std::string& token);
 /// A name as part of a file name: separators and control characters become '_'.
 std::string file_name_part(const std::string& name);
+
+/// The pattern of this channel's images.
+const std::string& output_of(const TransferOptions& options, Channel channel);
 
 /// Throws Error(usage) when two of the images would get one name, saying `cure`, or when a name is
 /// too long for the file system; Error(storage) where no file can be made: a folder that may not be

@@ -756,9 +756,9 @@ class SourcePlanner {
   }
 
   void take_opacity(const char* what, const ChannelPlan& plan, SourceLook& look) {
-    const Depth depth = io::writable_depth(options_.output, look.depth);
-    const std::string why =
-        io::why_not_writable(options_.output, {1, 1, 4, depth, look.linear, true});
+    const std::string& output = output_of(options_, plan.channel);
+    const Depth depth = io::writable_depth(output, look.depth);
+    const std::string why = io::why_not_writable(output, {1, 1, 4, depth, look.linear, true});
     look.alpha = why.empty() && look.colours < 4;
     if (!look.alpha) {
       plan_.warnings.push_back(

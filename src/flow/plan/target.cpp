@@ -19,7 +19,6 @@
 #include "flow/project/gaussians.h"
 #include "flow/project/mesh.h"
 #include "flow/project/splats.h"
-#include "io/files/file_ending.h"
 #include "io/image/write.h"
 
 namespace pounce::flow {
@@ -41,13 +40,13 @@ constexpr double kReachPercent = 5, kSplatReachPercent = 3;
 // (docs/decisions/026-evidence.md).
 constexpr double kFitPercent = 6, kFitOverReach = 2;
 
-/// How files of this ending are laid out.
-io::ImageLayout layout_of(const TransferOptions& options, const std::string& path) {
+/// How files of this ending and depth are laid out.
+io::ImageLayout layout_of(const TransferOptions& options, const std::string& path, Depth depth) {
   constexpr std::uint32_t kLevelTiles = 64;  // as maketx
-  if (!io::format_look(path).tiled) return {};
+  if (!io::format_look(path, depth).tiled) return {};
   const bool mipmap = options.mipmap || io::is_tx_path(path);
   const std::uint32_t tiles = options.tile_size == 0 && mipmap ? kLevelTiles : options.tile_size;
-  return {io::lower_ending(path) == ".exr" ? options.exr_compression : "", tiles, mipmap};
+  return {io::is_exr(path, depth) ? options.exr_compression : "", tiles, mipmap};
 }
 
 class TargetPlanner {
@@ -129,7 +128,7 @@ class TargetPlanner {
         values.erase("UVTILE");
       }
       ImageOutput image;
-      image.path = expand_pattern(options_.output, values);
+      image.path = expand_pattern(output_of(options_, channel.channel), values);
       plan_.outputs.push_back(image.path);
       // Without <CHANNEL> one mask stands for all channels: that of the first.
       if (!options_.coverage_output.empty() &&
@@ -138,10 +137,11 @@ class TargetPlanner {
         check_mask(image.coverage_path, channel.size);
         plan_.outputs.push_back(image.coverage_path);
       }
-      image.layout = layout_of(options_, image.path);
-      image.coverage_layout = layout_of(options_, image.coverage_path);
-      image.usual_tiles = options_.tile_size != 0 && is_laid_out_by(without_tiles(), image);
-      image.usual_levels = options_.mipmap && is_laid_out_by(without_levels(), image);
+      const Depth depth = channel.format.depth;
+      image.layout = layout_of(options_, image.path, depth);
+      image.coverage_layout = layout_of(options_, image.coverage_path, Depth::u8);
+      image.usual_tiles = options_.tile_size != 0 && is_laid_out_by(without_tiles(), depth, image);
+      image.usual_levels = options_.mipmap && is_laid_out_by(without_levels(), depth, image);
       image.channel_names = channel.names;
       image.chromaticities = channel.chromaticities;
       image.tagged = channel.colour_space.empty();
@@ -149,7 +149,7 @@ class TargetPlanner {
       image.padding = padding_of(channel);
       image.is_normal_map = channel.channel == Channel::normal && channel.format.channels >= 3;
       if (!options_.onto.empty()) {
-        image.onto = plan_onto(options_, values, channel.size, channel.format,
+        image.onto = plan_onto(options_, image.path, values, channel.size, channel.format,
                                {channel.source_colours, channel.source_alpha});
         keep_from_harm(*image.onto, image.path);
       }
@@ -167,9 +167,10 @@ class TargetPlanner {
     options.mipmap = false;
     return options;
   }
-  static bool is_laid_out_by(const TransferOptions& options, const ImageOutput& image) {
-    return layout_of(options, image.path) == image.layout &&
-           layout_of(options, image.coverage_path) == image.coverage_layout;
+  static bool is_laid_out_by(const TransferOptions& options, Depth depth,
+                             const ImageOutput& image) {
+    return layout_of(options, image.path, depth) == image.layout &&
+           layout_of(options, image.coverage_path, Depth::u8) == image.coverage_layout;
   }
 
   /// No texel is sure because its neighbour is. A distance is padded: meshes are displaced by it.

@@ -75,7 +75,8 @@ void TransferPlan::make(double end) {
   job_.report.disk_most = disk.forecast();
   check_all_outputs(options_, source_plan_, outputs_, inputs_);
   if (job_.plan_only) job_.report.outputs = outputs_;
-  require_least(job_, least_);
+  require_least(job_, least_,
+                source_.size_bytes() + target_.mesh.size_bytes() + source_plan_.table_bytes);
   source_lease_ = runtime::Lease(job_.budget, source_.size_bytes(), "the source's mesh");
   target_.mesh_lease = runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
   compressors_lease_ = runtime::Lease(job_.budget, contexts(), "the compressors");
@@ -120,6 +121,7 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
     need(source_plan_.table_loading_bytes + source_.size_bytes(),
          "the tables of " + options_.colour_config);
   }
+  check_channel_outputs();
   add_warnings(source_plan_.warnings);
   if (!source_plan_.passes.empty())
     add_warning(coarse_positions(source_, origin_, source_plan_.passes.front().size));
@@ -160,6 +162,23 @@ void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
   need_target(path);
 }
 
+/// An output of its own is no wish for a channel: it may be meant for another job.
+void TransferPlan::check_channel_outputs() const {
+  for (const ChannelOutput& own : options_.channel_outputs) {
+    const bool is_made =
+        std::any_of(source_plan_.channels.begin(), source_plan_.channels.end(),
+                    [&](const ChannelPlan& plan) { return plan.channel == own.channel; });
+    if (is_made) continue;
+    const std::string name = channel_name(options_, own.channel);
+    throw Error(
+        ErrorKind::usage,
+        fmt::format("--output-for {}={}: this job makes no {}; name it in --channels{}, or "
+                    "leave this out",
+                    name, own.path, name,
+                    is_shape(own.channel) || own.channel == Channel::normal ? " or --bake" : ""));
+  }
+}
+
 void TransferPlan::need(std::uint64_t bytes, const std::string& why) {
   const std::uint64_t with_tables = bytes + source_plan_.table_bytes;
   if (with_tables > least_.bytes) least_ = {with_tables, why};
@@ -167,7 +186,7 @@ void TransferPlan::need(std::uint64_t bytes, const std::string& why) {
 
 void TransferPlan::need_tangents(const mesh::Mesh& mesh, std::uint64_t beside) {
   need(beside + mesh.size_bytes() + mesh::tangents_bytes(mesh), "the tangents of " + mesh.path);
-  require_early(job_, least_);
+  require_early(job_, least_, beside + mesh.size_bytes());
 }
 
 void TransferPlan::need_target(const std::string& path) {
@@ -243,7 +262,8 @@ void TransferPlan::check_order() {
   const bool needs_none = !options_.source_textures.empty() || !options_.baked.empty();
   if (needs_none || has_textures(source_) || !source_.colours.empty()) return;
   for (const std::string& path : options_.targets) {
-    require_early(job_, {source_.size_bytes() + reading_bytes(path), "reading " + path});
+    require_early(job_, {source_.size_bytes() + reading_bytes(path), "reading " + path},
+                  source_.size_bytes());
     refuse_swapped(source_, load_target(path));
   }
 }
@@ -337,23 +357,21 @@ std::uint64_t TransferPlan::contexts() const {
 
 void TransferPlan::read_source() {
   const std::string& path = options_.source;
-  require_early(job_, {reading_bytes(path), "reading " + path});
+  require_early(job_, {reading_bytes(path), "reading " + path}, 0);
   PlacedMesh placed = place_mesh(path, options_.source_use, "source", options_.allow_external);
   source_ = std::move(placed.mesh);
   source_files_ = source_.files;
   origin_ = placed.origin;
   add_warnings(source_.warnings);
+  for (const std::string& note : source_.notes) add_note(note);
   add_note(origin_note(path, origin_));
   job_.meter.advance(1);
 }
 
 mesh::Mesh TransferPlan::read_target(const std::string& path, std::uint64_t beside) {
-  require_early(job_, {beside + reading_bytes(path), "reading " + path});
+  require_early(job_, {beside + reading_bytes(path), "reading " + path}, beside);
   mesh::Mesh mesh = load_target(path);
   add_warnings(mesh.warnings);
-  if (!is_target) {
-    for (const std::string& note : mesh.notes) add_note(note);
-  }
   job_.meter.advance(1);
   return mesh;
 }

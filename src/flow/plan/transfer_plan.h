@@ -55,6 +55,7 @@ class TransferPlan {
   void plan_source_side(DiskPlan& disk);
   void plan_target_side(const std::string& path, DiskPlan& disk);
   void need_target(const std::string& path);
+  void check_channel_outputs() const;
   void need(std::uint64_t bytes, const std::string& why);
   void check_order();
   void plan_one(const std::string& path);

@@ -18,6 +18,7 @@
 #include "flow/plan/output_names.h"
 #include "io/files/missing_file.h"
 #include "io/image/straight_alpha.h"
+#include "io/image/write.h"
 #include "pounce/error.h"
 #include "texture/pad_seams.h"
 
@@ -107,7 +108,7 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
   return io::ImageReader((path.parent_path() / first).string(), options.allowed_formats).info();
 }
 
-OntoImage plan_onto(const TransferOptions& options,
+OntoImage plan_onto(const TransferOptions& options, const std::string& output,
                     const std::map<std::string, std::string>& tokens, ImageSize size,
                     const texture::TexelFormat& format, const SourceSamples& source) {
   OntoImage onto;
@@ -134,7 +135,7 @@ OntoImage plan_onto(const TransferOptions& options,
   onto.keep_last = format.colours() == 4 && source.colours < 4;
   onto.premultiplied = info.premultiplied && format.has_alpha && info.format == "openexr" &&
                        info.depth == format.depth && info.channels == format.channels &&
-                       fs::path(expand_pattern(options.output, tokens)).extension() == ".exr";
+                       io::is_exr(output, format.depth);
   return onto;
 }
 

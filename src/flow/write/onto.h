@@ -42,9 +42,9 @@ struct SourceSamples {
   bool alpha = false;
 };
 
-/// The images for one output, checked: there, and of its size. Throws Error(input) naming the file
+/// The images for `output`, checked: there, and of its size. Throws Error(input) naming the file
 /// and the cure, Error(storage) for what is not there or cannot be read.
-OntoImage plan_onto(const TransferOptions& options,
+OntoImage plan_onto(const TransferOptions& options, const std::string& output,
                     const std::map<std::string, std::string>& tokens, ImageSize size,
                     const texture::TexelFormat& format, const SourceSamples& source);
 

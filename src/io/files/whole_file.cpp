@@ -24,6 +24,8 @@ namespace {
 
 using namespace std::string_view_literals;
 
+constexpr std::string_view kExrMagic = "\x76\x2f\x31\x01"sv;
+
 /// The numbers and texts of a file, read piece by piece. What lies beyond its end throws.
 class Bytes {
  public:
@@ -139,7 +141,7 @@ ExrHeaders read_exr_headers(Bytes& file) {
 /// The places of all chunks follow the headers, zeros until the file is finished, and the first
 /// chunk follows these.
 bool is_whole_exr(Bytes& file) {
-  if (!file.has_text(0, "\x76\x2f\x31\x01"sv)) return false;
+  if (!file.has_text(0, kExrMagic)) return false;
   const ExrHeaders headers = read_exr_headers(file);
   std::uint64_t first = std::numeric_limits<std::uint64_t>::max(), last = 0;
   for (std::uint64_t at = headers.end; at < first; at += 8) {
@@ -236,6 +238,7 @@ bool is_whole(const std::string& path) {
   if (ending == ".png") return is_whole_png(bytes);
   if (ending == ".jpg" || ending == ".jpeg") return is_whole_jpeg(bytes);
   if (ending == ".exr") return is_whole_exr(bytes);
+  if (ending == ".tx" && bytes.has_text(0, kExrMagic)) return is_whole_exr(bytes);
   if (ending == ".tif" || ending == ".tiff" || ending == ".tx") return Tiff(bytes).is_whole();
   if (ending == ".glb") return bytes.has_text(0, "glTF") && bytes.number(8, 4) == bytes.size();
   return false;

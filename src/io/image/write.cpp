@@ -69,7 +69,7 @@ constexpr std::array<Format, 4> kFormats{{
      Holds::data},
 }};
 
-const Format* format_of(const std::string& path) {
+const Format* format_by_ending(const std::string& path) {
   std::string lower = path;
   for (char& c : lower) {
     if (c >= 'A' && c <= 'Z') c = static_cast<char>(c + 32);
@@ -81,6 +81,18 @@ const Format* format_of(const std::string& path) {
     }
   }
   return nullptr;
+}
+
+/// Renderers read a .tx by what is in it: TIFF has no halves that they all take, so these are EXR,
+/// as `maketx --format openexr` has them.
+bool is_half_tx(const std::string& path, Depth depth) {
+  return depth == Depth::half && is_tx_path(path);
+}
+
+const Format& exr_format() { return kFormats[2]; }
+
+const Format* format_of(const std::string& path, Depth depth) {
+  return is_half_tx(path, depth) ? &exr_format() : format_by_ending(path);
 }
 
 // Deflating a 2048^2 photograph as PNG, ns and bytes per texel: level 6 with libpng's choice of
@@ -185,10 +197,10 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
 
 }  // namespace
 
-bool is_image_path(const std::string& path) { return format_of(path) != nullptr; }
+bool is_image_path(const std::string& path) { return format_by_ending(path) != nullptr; }
 
 std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec) {
-  const Format* format = format_of(path);
+  const Format* format = format_of(path, spec.depth);
   if (format == nullptr) {
     return fmt::format(
         "{}: images are written as .png, .jpg, .jpeg, .tif, .tiff, .tx or .exr; choose one of "
@@ -226,15 +238,19 @@ std::string why_no_exr_compression(const std::string& name) {
 
 bool is_tx_path(const std::string& path) { return lower_ending(path) == ".tx"; }
 
-FormatLook format_look(const std::string& path) {
-  const Format* format = format_of(path);
+bool is_exr(const std::string& path, Depth depth) {
+  return format_of(path, depth) == &exr_format();
+}
+
+FormatLook format_look(const std::string& path, Depth depth) {
+  const Format* format = format_of(path, depth);
   if (format == nullptr) return {};
   const bool is_data = format->channels != Holds::alpha;
   return {format->title, is_data, format->channels == Holds::names, is_data};
 }
 
 Depth writable_depth(const std::string& path, Depth wanted) {
-  const Format* format = format_of(path);
+  const Format* format = format_of(path, wanted);
   return format == nullptr ? wanted : format->depth_for[static_cast<std::size_t>(wanted)];
 }
 
@@ -243,7 +259,7 @@ struct ImageWriter::Impl {
       : spec(wanted), file(std::in_place, path) {
     auto to_file = std::make_unique<OutputProxy>(*file);
     file_proxy = to_file.get();
-    open(*format_of(path), path, std::move(to_file));
+    open(*format_of(path, spec.depth), path, std::move(to_file));
   }
   Impl(WriteFile& to, const ImageWriteSpec& wanted) : spec(wanted) {
     auto to_sink = std::make_unique<SinkProxy>(to);
@@ -427,7 +443,7 @@ void ImageWriter::commit() {
 }
 
 std::uint64_t ImageWriter::encoder_bytes(const std::string& path, const ImageWriteSpec& spec) {
-  const Format* format = format_of(path);
+  const Format* format = format_of(path, spec.depth);
   const std::string_view name = format == nullptr ? "" : format->name;
   const std::uint64_t row = row_bytes_of(spec);
   constexpr std::uint64_t kBase = 1U << 20;

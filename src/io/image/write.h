@@ -52,17 +52,19 @@ bool is_image_path(const std::string& path);
 std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec);
 /// "" or a sentence that says which compressions there are: those of EXR that lose nothing.
 std::string why_no_exr_compression(const std::string& name);
-/// Is it called .tx: a TIFF of tiles and levels?
+/// Is it called .tx: tiles and levels, a TIFF or, of halves, an EXR?
 bool is_tx_path(const std::string& path);
+/// Are samples of this depth written as EXR into a file of this name: .exr, and .tx of halves?
+bool is_exr(const std::string& path, Depth depth);
 
-/// What a format can say of an image's channels.
+/// What a format can say of an image's channels: that of this name and depth.
 struct FormatLook {
   std::string name;        ///< "PNG"
   bool data = false;       ///< two or four channels without alpha
   bool annotated = false;  ///< names of channels
   bool tiled = false;      ///< can hold tiles and levels
 };
-FormatLook format_look(const std::string& path);
+FormatLook format_look(const std::string& path, Depth depth);
 /// The nearest depth that the format of `path` can hold (png: u8/u16; jpeg: u8; exr: half/float;
 /// tiff: all).
 Depth writable_depth(const std::string& path, Depth wanted);

@@ -6,6 +6,7 @@
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
+#include <vector>
 
 #include "support/test_data.h"
 
@@ -69,6 +70,50 @@ TEST_CASE("version 2 groups are found where both versions are mounted", "[core]"
   system.put("proc/self/cgroup", "0::/a/b\n");
   system.put("sys/fs/cgroup/unified/a/memory.max", "52428800\n");
   CHECK(usable_memory(system.root()).bytes == 50 * kMiB);
+}
+
+TEST_CASE("groups are where mountinfo says, below the group at the root of the mount", "[core]") {
+  const FakeSystem system;
+  system.put("proc/self/cgroup", "4:memory:/docker/0123/job\n0::/docker/0123/job\n");
+  system.put("proc/self/mountinfo",
+             "30 22 0:27 / /sys/fs/cgroup rw - tmpfs tmpfs rw,mode=755\n"
+             "33 30 0:30 /docker/0123 /sys/fs/cgroup/cpu rw,relatime - cgroup cgroup rw,cpu\n"
+             "34 30 0:31 /docker/0123 /groups/mem rw master:3 - cgroup cgroup rw,memory\n"
+             "40 30 0:37 / /groups/two rw - cgroup2 cgroup2 rw\n");
+  system.put("groups/mem/job/memory.limit_in_bytes", "209715200\n");
+  CHECK(usable_memory(system.root()).bytes == 200 * kMiB);
+  system.put("groups/mem/memory.limit_in_bytes", "104857600\n");
+  CHECK(usable_memory(system.root()).bytes == 100 * kMiB);
+  system.put("groups/two/docker/memory.max", "52428800\n");
+  CHECK(usable_memory(system.root()).bytes == 50 * kMiB);
+  // Where groups are by habit there are none of these.
+  system.put("sys/fs/cgroup/memory/job/memory.limit_in_bytes", "1048576\n");
+  CHECK(usable_memory(system.root()).bytes == 50 * kMiB);
+}
+
+TEST_CASE("what no file holds is what a control group cannot take back", "[core]") {
+  const FakeSystem system;
+  CHECK(anonymous_bytes(system.root()) == 0);
+  system.put("proc/self/status",
+             "Name:\tpounce\nVmRSS:\t  140000 kB\nRssAnon:\t   40000 kB\nRssFile:\t   99000 kB\n"
+             "RssShmem:\t    1000 kB\nVmPTE:\t     500 kB\n");
+  CHECK(anonymous_bytes(system.root()) == (40000 + 1000 + 500) * 1024);
+}
+
+TEST_CASE("the limits of a process say where they come from", "[core]") {
+  const FakeSystem system;
+  const std::size_t own = memory_limits(system.root()).size();  // ulimit, where tests run
+  system.put("proc/self/cgroup", "4:memory:/a/b\n");
+  system.put("proc/self/status", "RssAnon:\t2048 kB\n");
+  system.put("sys/fs/cgroup/memory/a/memory.limit_in_bytes", "52428800\n");
+  system.put("sys/fs/cgroup/memory/a/b/memory.limit_in_bytes", "9223372036854771712\n");
+  const std::vector<MemoryLimit> limits = memory_limits(system.root());
+  REQUIRE(limits.size() == own + 1);
+  CHECK(limits[0].bytes == 50 * kMiB);
+  CHECK(limits[0].taken_bytes == 2 * kMiB);
+  CHECK(limits[0].kills);
+  CHECK(limits[0].name ==
+        "the memory limit of the control group (/sys/fs/cgroup/memory/a/memory.limit_in_bytes)");
 }
 
 TEST_CASE("files that say nothing sensible do not limit", "[core]") {

@@ -53,6 +53,27 @@ TEST_CASE("a stage that ends before the last one did does not take the bar back"
   CHECK(job.rises());
 }
 
+TEST_CASE("what took no work is told from what did", "[flow]") {
+  Watched job;
+  job.meter.begin("precondition", 0, "tiles", 0.2);
+  job.meter.end(true);  // out of the cache
+  CHECK(job.events.back().fraction == Approx(0.2));
+  CHECK(job.events.back().kept == Approx(0.2));
+  job.meter.keep(0.5);  // pages that are up to date
+  job.meter.begin("project", 4, "texels", 0.9);
+  CHECK(job.events.back().fraction == Approx(0.5));
+  CHECK(job.events.back().kept == Approx(0.5));
+  job.meter.advance(3);
+  job.meter.end();
+  CHECK(job.events.back().fraction == Approx(0.9));
+  CHECK(job.events.back().kept == Approx(0.5));
+  job.meter.keep(0.7);  // is behind already
+  job.meter.finish();
+  CHECK(job.events.back().fraction == 1);
+  CHECK(job.events.back().kept == Approx(0.5));
+  CHECK(job.rises());
+}
+
 TEST_CASE("a job that begins again has the rest of the bar", "[flow]") {
   Watched job;
   job.meter.begin("decode", 2, "rows", 0.5);
