@@ -60,8 +60,9 @@ struct TargetReport {
   std::uint64_t overlapping = 0;  ///< texels that more than one triangle claims
   double max_distance = 0;        ///< in the target's units
   DistanceCounts distances{};     ///< of the same texels
-  /// Of a splat scene, 0..1: does it lie at this target's surface? Below 0.5 it hardly does.
-  /// Nothing for meshes, and where nothing was projected.
+  /// 0..1. Splat scenes: does the scene lie at this target's surface? Below 0.5 it hardly does.
+  /// Meshes: how near the source lies, over how near it would where the target is moved to fit
+  /// best: 1 where no move is much better. Nothing where nothing was projected.
   std::optional<double> fit;
   /// With a fit, in the target's units: the median of the distances at which places of the target
   /// found the scene, positive outside, and how far from it nine in ten of them found it. Texels

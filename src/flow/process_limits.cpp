@@ -14,7 +14,7 @@ namespace {
 /// Of a thread beside what it leases: stack, the allocator's arena, the kernel's share.
 constexpr std::uint64_t kThreadBytes = 1 << 20;
 /// What libraries take later than this is measured, and pages that wait in the page pool.
-constexpr std::uint64_t kMarginBytes = 6 << 20;
+constexpr std::uint64_t kMarginBytes = 8 << 20;
 
 std::uint64_t mib_up(std::uint64_t bytes) { return (bytes + (1 << 20) - 1) >> 20; }
 
@@ -35,14 +35,14 @@ HeldBudget budget_under(const std::vector<MemoryLimit>& limits, std::uint64_t as
         limit.kills ? need.beside_bytes
                     : limit.taken_bytes - std::min(limit.taken_bytes, need.held_bytes);
     if (limit.bytes < need.least.bytes || limit.bytes - need.least.bytes < beside) {
-      throw Error(ErrorKind::budget,
-                  fmt::format("{} is {}: this job needs at least {}MiB, {}MiB of --memory for {} "
-                              "and {}MiB for the program, its libraries and {} threads; raise that "
-                              "limit to {}MiB",
-                              limit.name, runtime::format_bytes(limit.bytes),
-                              mib_up(need.least.bytes + beside), mib_up(need.least.bytes),
-                              need.least.why, mib_up(beside), need.threads,
-                              mib_up(need.least.bytes + beside)));
+      throw Error(
+          ErrorKind::budget,
+          fmt::format("{} is {}: this job needs at least {}MiB, {}MiB of --memory for {} "
+                      "and {}MiB for the program, its libraries and {} threads; raise that "
+                      "limit to {}MiB",
+                      limit.name, runtime::format_bytes(limit.bytes),
+                      mib_up(need.least.bytes + beside), mib_up(need.least.bytes), need.least.why,
+                      mib_up(beside), need.threads, mib_up(need.least.bytes + beside)));
     }
     if (limit.kills && limit.bytes - beside < budget.bytes)
       budget = {limit.bytes - beside, limit.name};

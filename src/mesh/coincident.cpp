@@ -93,8 +93,8 @@ std::uint64_t count_coincident(const Mesh& mesh) {
     }
     std::sort(entries.begin(), entries.end());
     for (auto from = entries.begin(); from != entries.end();) {
-      const auto to = std::find_if(from, entries.end(),
-                                   [&](const Entry& e) { return e.hash != from->hash; });
+      const auto to =
+          std::find_if(from, entries.end(), [&](const Entry& e) { return e.hash != from->hash; });
       if (to - from > 1) count += count_among(mesh, std::span(from, to));
       from = to;
     }

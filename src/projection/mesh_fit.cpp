@@ -18,17 +18,18 @@ namespace {
 
 using target::Place;
 
-constexpr double kReach = 0.05;       // of the target's size: farther away is not near at all
-constexpr double kNear = 0.005;       // of the same: nearer is at the surface
-constexpr double kLateral = 3;        // of the reach: no place of the source is near
-constexpr double kFacing = 0.25;      // cosine: places of one side of a surface face alike
-constexpr int kRounds = 14;           // of least squares: what starts within the reach has settled
-constexpr double kLeastGain = 0.12;   // of nearness
-constexpr double kSettled = 0.5;      // of the distance: what moving leaves of it, where it helps
-constexpr double kMovedNear = 0.70;   // of the places lie near then
-constexpr double kMostOff = 0.9;      // of the places: how far these are off is what is judged
-constexpr double kOffAsIs = 0.004;    // of the target's size: no farther off is on the surface
-constexpr double kSame = 0.35;        // of that, and of how far they are off as they are: it is one surface
+constexpr double kReach = 0.05;      // of the target's size: farther away is not near at all
+constexpr double kNear = 0.005;      // of the same: nearer is at the surface
+constexpr double kLateral = 3;       // of the reach: no place of the source is near
+constexpr double kFacing = 0.25;     // cosine: places of one side of a surface face alike
+constexpr int kRounds = 14;          // of least squares: what starts within the reach has settled
+constexpr double kLeastGain = 0.12;  // of nearness
+constexpr double kSettled = 0.5;     // of the distance: what moving leaves of it, where it helps
+constexpr double kMovedNear = 0.70;  // of the places lie near then
+constexpr double kMostOff = 0.9;     // of the places: how far these are off is what is judged
+constexpr double kOffAsIs = 0.004;   // of the target's size: no farther off is on the surface
+constexpr double kSame =
+    0.35;  // of that, and of how far they are off as they are: it is one surface
 
 /// Places of a source, to be found by where they are and how they face.
 class Surface {

@@ -93,7 +93,7 @@ if command -v oiiotool >/dev/null && command -v maketx >/dev/null; then
   half -o h.exr
   half -o h.tx
   expect 0 inspect h.tx
-  out_has '200 x 200, 3 channels, half, linear, openexr, tiles 64 x 64, 8 levels'
+  out_has '200 x 200, 3 channels, half, lin_rec709, openexr, tiles 64 x 64, 8 levels'
   out_has 'made by pounce, job '
   same_picture h.tx h.exr || fail 'the first level is not the picture'
   maketx --format openexr h.exr -o theirs.tx
@@ -104,7 +104,7 @@ if command -v oiiotool >/dev/null && command -v maketx >/dev/null; then
   iinfo -v h.tx | grep -q 'textureformat: "Plain Texture"' || fail 'not a texture to renderers'
   half -o f.tx --depth float
   expect 0 inspect f.tx
-  out_has 'float, linear, tiff, tiles 64 x 64, 8 levels'
+  out_has 'float, lin_rec709, tiff, tiles 64 x 64, 8 levels'
   (($(wc -c <h.tx) * 10 < $(wc -c <f.tx) * 8)) || fail 'halves take as much room as floats'
   half -o h.tx --skip-existing
   err_has 'kept 1'

@@ -42,8 +42,12 @@ struct Part {
     constexpr std::array<std::uint16_t, 10> kRows{1, 1, 1, 16, 32, 16, 32, 32, 32, 256};
     return coding < kRows.size() ? kRows[coding] : 1;
   }
-  std::uint64_t wide() const { return static_cast<std::uint64_t>(std::max<std::int64_t>(width, 1)); }
-  std::uint64_t high() const { return static_cast<std::uint64_t>(std::max<std::int64_t>(height, 1)); }
+  std::uint64_t wide() const {
+    return static_cast<std::uint64_t>(std::max<std::int64_t>(width, 1));
+  }
+  std::uint64_t high() const {
+    return static_cast<std::uint64_t>(std::max<std::int64_t>(height, 1));
+  }
   /// Of pixels, at least.
   std::uint64_t chunks() const {
     const auto parts = [](std::uint64_t side, std::uint64_t part) { return (side - 1) / part + 1; };
@@ -85,14 +89,16 @@ class Guard {
                       chunks, at_.size()));
     }
     if (room > kMostBlockBytesOfAll) {
-      at_.refuse(fmt::format("the parts of the EXR are compressed in blocks of {} MiB together, of "
-                             "which up to {} can be read; save them in files of their own",
-                             room >> 20, kMostBlockBytesOfAll >> 20));
+      at_.refuse(
+          fmt::format("the parts of the EXR are compressed in blocks of {} MiB together, of "
+                      "which up to {} can be read; save them in files of their own",
+                      room >> 20, kMostBlockBytesOfAll >> 20));
     }
     position += several ? 1 : 0;
     for (const Part& part : parts) {
       // A damaged one goes to the decoder, which says so.
-      if (part.width > 0 && part.height > 0 && !part.deep) check_first_chunk(part, position, several);
+      if (part.width > 0 && part.height > 0 && !part.deep)
+        check_first_chunk(part, position, several);
       position += 8 * (part.listed > 0 ? part.listed : part.chunks());
     }
   }
@@ -177,12 +183,14 @@ class Guard {
     }
     const bool tiles_fit = part.tile_width <= kLargestSide && part.tile_height <= kLargestSide;
     if (!tiles_fit || part.block_bytes() > kMostBlockBytes) {
-      at_.refuse(fmt::format(
-          "the EXR is in {} of {} x {} texels with {} bytes each; up to {} MiB can be read: save it "
-          "in smaller ones",
-          part.tile_width > 0 ? "tiles" : "blocks", part.tile_width > 0 ? part.tile_width : part.wide(),
-          part.tile_width > 0 ? part.tile_height : part.block_rows(), part.texel_bytes,
-          kMostBlockBytes >> 20));
+      at_.refuse(
+          fmt::format("the EXR is in {} of {} x {} texels with {} bytes each; up to {} MiB can be "
+                      "read: save it "
+                      "in smaller ones",
+                      part.tile_width > 0 ? "tiles" : "blocks",
+                      part.tile_width > 0 ? part.tile_width : part.wide(),
+                      part.tile_width > 0 ? part.tile_height : part.block_rows(), part.texel_bytes,
+                      kMostBlockBytes >> 20));
     }
   }
 
@@ -207,9 +215,10 @@ class Guard {
     if (size < wanted && (part.coding == kZip || part.coding == kZipRow))
       decoded = inflated_bytes(data, size, wanted);
     if (decoded != wanted) {
-      at_.refuse(fmt::format("the first block of the EXR decodes to {} bytes of {}; the file is "
-                             "damaged",
-                             decoded, wanted));
+      at_.refuse(
+          fmt::format("the first block of the EXR decodes to {} bytes of {}; the file is "
+                      "damaged",
+                      decoded, wanted));
     }
   }
 

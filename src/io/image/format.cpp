@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The one door to the decoders: OpenImageIO knows thirty formats and guesses among them, and each is
-// code that a stranger's file would reach. Here it is decided which decoder is asked, by what the
-// file holds, whatever it or the model around it says that it were.
+// The one door to the decoders: OpenImageIO knows thirty formats and guesses among them, and each
+// is code that a stranger's file would reach. Here it is decided which decoder is asked, by what
+// the file holds, whatever it or the model around it says that it were.
 #include "io/image/format.h"
 
 #include <fmt/format.h>
@@ -77,7 +77,8 @@ std::string recipe(const std::string& path, const std::string& to) {
   const bool plain =
       !path.empty() && path[0] != '-' && std::all_of(path.begin(), path.end(), [](unsigned char c) {
         return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
-               c >= 0x80 || std::string_view("/._-+,=@%").find(static_cast<char>(c)) != std::string_view::npos;
+               c >= 0x80 ||
+               std::string_view("/._-+,=@%").find(static_cast<char>(c)) != std::string_view::npos;
       });
   if (!plain) return "convert it to PNG or EXR";
   const bool ends = dot != std::string::npos && (slash == std::string::npos || dot > slash + 1);
@@ -112,17 +113,21 @@ std::string image_format(ByteSource& bytes, const std::string& path,
   if (is_riff_webp(start)) return "webp";
   if (is_pnm(start, "56")) return "pnm";
   const auto if_allowed = [&](ImageFormat format, const char* name, const char* people) {
-    if (std::find(allowed.begin(), allowed.end(), format) != allowed.end()) return std::string(name);
-    refuse(bytes, fmt::format("it is a {} image, which is read with --allow-format {} alone: do so if "
-                              "you trust it, or {}",
-                              people, image_format_name(format), cure(bytes, path)));
+    if (std::find(allowed.begin(), allowed.end(), format) != allowed.end())
+      return std::string(name);
+    refuse(bytes,
+           fmt::format("it is a {} image, which is read with --allow-format {} alone: do so if "
+                       "you trust it, or {}",
+                       people, image_format_name(format), cure(bytes, path)));
   };
   if (start.starts_with("BM"sv)) return if_allowed(ImageFormat::bmp, "bmp", "BMP");
   std::optional<std::string_view> other = find(kNotRead, start);
   if (!other && is_pnm(start, "1234Ff")) other = "text PNM, bitmap or PFM"sv;
   if (!other && is_targa(bytes, start)) return if_allowed(ImageFormat::tga, "targa", "Targa");
   bytes.check();
-  if (other) refuse(bytes, fmt::format("it is a {} image, which is not read; {}", *other, cure(bytes, path)));
+  if (other)
+    refuse(bytes,
+           fmt::format("it is a {} image, which is not read; {}", *other, cure(bytes, path)));
   refuse(bytes,
          "this is not an image of a known format (PNG, JPEG, EXR, TIFF, WebP, HDR, binary PNM)");
 }

@@ -87,11 +87,16 @@ TEST_CASE("of an EXR's first block each texel must be there", "[image][exr]") {
     return Made{.coding = coding, .blocks = {first, second}}.file();
   };
   CHECK(test::read_all(in_memory(rows(0, row, row))) == std::vector<std::uint8_t>(16, 0x11));
-  CHECK_THAT(refusal(rows(0, short_row, row)), Contains("a.exr: the first block of the EXR decodes to 6 bytes of 8"));
+  CHECK_THAT(refusal(rows(0, short_row, row)),
+             Contains("a.exr: the first block of the EXR decodes to 6 bytes of 8"));
   // Seven more of the same, five more of it.
   CHECK(refusal(rows(1, std::string("\7a"), row)) == "nothing");
   CHECK_THAT(refusal(rows(1, std::string("\5a"), row)), Contains("decodes to 6 bytes of 8"));
-  CHECK_THAT(refusal(rows(1, std::string("\xFE" "ab\3c"), row)), Contains("decodes to 6 bytes of 8"));
+  CHECK_THAT(refusal(rows(1,
+                          std::string("\xFE"
+                                      "ab\3c"),
+                          row)),
+             Contains("decodes to 6 bytes of 8"));
 
   // Sixteen rows together, of which there are two; and a tile, of which the image fills a part.
   const auto block = [](const std::string& plain) {
@@ -110,7 +115,8 @@ TEST_CASE("of an EXR's first block each texel must be there", "[image][exr]") {
 TEST_CASE("an EXR's list of blocks must lead to one", "[image][exr]") {
   std::string file = Made{.blocks = {std::string(8, '\1'), std::string(8, '\1')}}.file();
   const std::size_t list = file.size() - 2 * (8 + 16);
-  for (const std::uint64_t place : {std::uint64_t{0}, std::uint64_t{file.size()}, ~std::uint64_t{0}}) {
+  for (const std::uint64_t place :
+       {std::uint64_t{0}, std::uint64_t{file.size()}, ~std::uint64_t{0}}) {
     file.replace(list, 8, number(place, 8));
     CHECK_THAT(refusal(file), Contains("the first block of the EXR has 0 bytes at place"));
   }
@@ -119,16 +125,19 @@ TEST_CASE("an EXR's list of blocks must lead to one", "[image][exr]") {
 TEST_CASE("an EXR in blocks of more than 256 MiB is refused unread", "[image][exr]") {
   const std::string block(16, '\1');
   const auto tiles = [&](std::uint32_t across, std::uint32_t down) {
-    return refusal(Made{.tiles = number(across, 4) + number(down, 4) + '\0', .blocks = {block}}.file());
+    return refusal(
+        Made{.tiles = number(across, 4) + number(down, 4) + '\0', .blocks = {block}}.file());
   };
   // Of two bytes: 2^27 texels are as many as there may be.
   CHECK(tiles(8192, 16384) == "nothing");
-  CHECK_THAT(tiles(8193, 16384), Contains("tiles of 8193 x 16384 texels with 2 bytes each; up to 256 MiB"));
+  CHECK_THAT(tiles(8193, 16384),
+             Contains("tiles of 8193 x 16384 texels with 2 bytes each; up to 256 MiB"));
   CHECK_THAT(tiles(1, 65537), Contains("tiles of 1 x 65537"));
   CHECK_THAT(tiles(0xFFFFFFFF, 0xFFFFFFFF), Contains("save it in smaller ones"));
 }
 
 TEST_CASE("an EXR of luminance and chroma is refused with what to do", "[image][exr]") {
-  CHECK_THAT(refusal(Made{.sampling = 2, .blocks = {std::string(8, '\1'), std::string(8, '\1')}}.file()),
-             Contains("fewer samples than texels") && Contains("convert it to RGB"));
+  CHECK_THAT(
+      refusal(Made{.sampling = 2, .blocks = {std::string(8, '\1'), std::string(8, '\1')}}.file()),
+      Contains("fewer samples than texels") && Contains("convert it to RGB"));
 }

@@ -20,9 +20,8 @@ using namespace std::string_literals;
 
 const std::vector<ImageFormat> kAll{ImageFormat::bmp, ImageFormat::tga};
 /// 2 x 1 texels: from below to above, BGR, rows of 4 bytes.
-const std::string kBmp =
-    "BM\x3E\0\0\0\0\0\0\0\x36\0\0\0\x28\0\0\0\2\0\0\0\1\0\0\0\1\0\x18\0"s + std::string(24, '\0') +
-    "\1\2\3\4\5\6\0\0"s;
+const std::string kBmp = "BM\x3E\0\0\0\0\0\0\0\x36\0\0\0\x28\0\0\0\2\0\0\0\1\0\0\0\1\0\x18\0"s +
+                         std::string(24, '\0') + "\1\2\3\4\5\6\0\0"s;
 const std::string kTarga = "\0\0\2\0\0\0\0\0\0\0\0\0\2\0\1\0\x18\x20\1\2\3\4\5\6"s;
 const Samples kTexels{3, 2, 1, 6, 5, 4};
 
@@ -52,7 +51,8 @@ TEST_CASE("BMP and Targa are read where they are allowed, whatever they are call
     CHECK(test::read_all(at_path(path), 1, {name}) == kTexels);
     const std::string recipe = "oiiotool " + path + " -o " + folder.file("a.png");
     for (const std::string& said : {refusal(at_path(path)), refusal(at_path(path), {other})})
-      CHECK_THAT(said, Contains("it is a " + people + " image") && Contains(option) && Contains(recipe));
+      CHECK_THAT(said,
+                 Contains("it is a " + people + " image") && Contains(option) && Contains(recipe));
   }
   // Within another file there is nothing that a tool could be given.
   mesh::ImageRef inside = at_path(folder.file("a.png"));
@@ -88,8 +88,9 @@ TEST_CASE("what OpenImageIO writes beyond the list is not read", "[image]") {
                Contains("which is not read; convert it: oiiotool " + path) ||
                    Contains("not an image of a known format"));
     if (ending == "gif")
-      CHECK(refusal(at_path(path)) == path + ": it is a GIF image, which is not read; convert it: oiiotool " +
-                                          path + " -o " + folder.file("a.png"));
+      CHECK(refusal(at_path(path)) ==
+            path + ": it is a GIF image, which is not read; convert it: oiiotool " + path + " -o " +
+                folder.file("a.png"));
   }
   CHECK(written >= 6);
 }

@@ -82,8 +82,9 @@ TEST_CASE("a shift is found and measured", "[projection]") {
 
 TEST_CASE("a turn is found and measured", "[projection]") {
   const double c = std::cos(std::numbers::pi / 18), s = std::sin(std::numbers::pi / 18);
-  const MeshFit found =
-      fit_moved([&](Vec3d p) { return Vec3d{c * p.x + s * p.z, p.y, c * p.z - s * p.x}; });
+  const MeshFit found = fit_moved([&](Vec3d p) {
+    return Vec3d{c * p.x + s * p.z, p.y, c * p.z - s * p.x};
+  });
   REQUIRE(found.better);
   const PoseParts parts = parts_of(*found.better);
   CHECK(parts.axes == Axes{});
