@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -120,7 +121,7 @@ class Guard {
     for (;;) {
       const std::string name = text(position);
       if (name.empty()) break;
-      text(position);  // type
+      const std::string type = text(position);
       const std::uint32_t size = at_.u32(position);
       position += 4;
       if (size > most_end || position + size > most_end || position + size > at_.size()) {
@@ -129,12 +130,37 @@ class Guard {
                         "{} MiB can be read: remove what is not needed, or the file is damaged",
                         name, size, kMostHeaderBytes >> 20));
       }
+      check_value(name, type, position, size);
       take(name, position, size, part);
       position += size;
     }
     part.end = position;
+    if (part.texel_bytes == 0) at_.refuse("a part of the EXR has no channels; the file is damaged");
     check_sizes(part);
     return part;
+  }
+
+  /// OpenEXR reads values of these types by their own lengths, and goes on behind them.
+  void check_value(const std::string& name, const std::string& type, std::uint64_t position,
+                   std::uint32_t size) {
+    static const std::map<std::string, std::uint64_t> kBytes{
+        {"box2f", 16},      {"box2i", 16},   {"chromaticities", 32},
+        {"compression", 1}, {"double", 8},   {"envmap", 1},
+        {"float", 4},       {"int", 4},      {"keycode", 28},
+        {"lineOrder", 1},   {"m33d", 72},    {"m33f", 36},
+        {"m44d", 128},      {"m44f", 64},    {"rational", 8},
+        {"tiledesc", 9},    {"timecode", 8}, {"v2d", 16},
+        {"v2f", 8},         {"v2i", 8},      {"v3d", 24},
+        {"v3f", 12},        {"v3i", 12},     {"deepImageState", 1}};
+    const auto fixed = kBytes.find(type);
+    std::uint64_t needed = fixed == kBytes.end() ? size : fixed->second;
+    if (type == "preview")
+      needed = 8 + std::uint64_t{4} * at_.u32(position) * at_.u32(position + 4);
+    if (needed == size) return;
+    at_.refuse(
+        fmt::format("the attribute \"{}\" of its header has {} bytes, where a {} has {}; the "
+                    "file is damaged",
+                    name, size, type, needed));
   }
 
   void take(const std::string& name, std::uint64_t position, std::uint32_t size, Part& part) {
@@ -161,18 +187,27 @@ class Guard {
 
   /// Name, type, four bytes, sampling across and down.
   void take_channels(std::uint64_t position, std::uint64_t end, Part& part) {
-    constexpr std::uint32_t kHalf = 1;
+    constexpr std::uint32_t kHalf = 1, kFloat = 2;
     constexpr std::uint64_t kSampling = 8, kChannelBytes = 16;
     part.texel_bytes = 0;
     while (position < end && at_.u8(position) != 0) {
       text(position);
-      part.texel_bytes += at_.u32(position) == kHalf ? 2 : 4;
+      const std::uint32_t type = at_.u32(position);
+      if (type > kFloat) {  // of which OpenImageIO 2.4 would end the process
+        at_.refuse(
+            fmt::format("a channel of the EXR is of type {}, which there is not; the file is "
+                        "damaged",
+                        type));
+      }
+      part.texel_bytes += type == kHalf ? 2 : 4;
       if (at_.u32(position + kSampling) != 1 || at_.u32(position + kSampling + 4) != 1)
         at_.refuse(
             "channels of fewer samples than texels (luminance and chroma) are not supported; "
             "convert it to RGB");
       position += kChannelBytes;
     }
+    if (part.texel_bytes == 0 || position + 1 != end)
+      at_.refuse("the list of channels of the EXR is empty or has no end; the file is damaged");
   }
 
   void check_sizes(const Part& part) {

@@ -141,3 +141,31 @@ TEST_CASE("an EXR of luminance and chroma is refused with what to do", "[image][
       refusal(Made{.sampling = 2, .blocks = {std::string(8, '\1'), std::string(8, '\1')}}.file()),
       Contains("fewer samples than texels") && Contains("convert it to RGB"));
 }
+
+TEST_CASE("an EXR whose values have not their types' lengths is refused", "[image][exr]") {
+  // The decoder would go on at another byte than the check.
+  const std::vector<std::string> blocks(2, std::string(8, '\1'));
+  std::string file = Made{.blocks = blocks}.file();
+  const std::size_t at = file.find("v2f") + 4;
+  CHECK(file.substr(at, 4) == number(8, 4));
+  CHECK_THAT(refusal(file.substr(0, at) + number(12, 4) + number(0, 4) + file.substr(at + 4)),
+             Contains("\"screenWindowCenter\" of its header has 12 bytes, where a v2f has 8"));
+  const std::size_t list = file.find("chlist") + 7;
+  CHECK(file.substr(list, 4) == number(19, 4));
+  CHECK_THAT(refusal(file.substr(0, list) + number(20, 4) + file.substr(list + 4, 19) + '\0' +
+                     file.substr(list + 23)),
+             Contains("list of channels of the EXR is empty or has no end"));
+  CHECK_THAT(refusal(file.substr(0, list) + number(1, 4) + '\0' + file.substr(list + 23)),
+             Contains("list of channels of the EXR is empty or has no end"));
+}
+
+TEST_CASE("an EXR with a channel of no known type is refused", "[image][exr]") {
+  // OpenImageIO 2.4 ends the process (signal 6).
+  std::string file = Made{.blocks = std::vector<std::string>(2, std::string(8, '\1'))}.file();
+  const std::size_t type = file.find("chlist") + 7 + 4 + 2;
+  CHECK(file.substr(type, 4) == number(1, 4));
+  for (const std::uint32_t unknown : {3U, 0x86000002U}) {
+    CHECK_THAT(refusal(file.replace(type, 4, number(unknown, 4))),
+               Contains("of type " + std::to_string(unknown) + ", which there is not"));
+  }
+}
