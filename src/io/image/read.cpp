@@ -394,8 +394,8 @@ void ImageReader::Impl::read_decoded(std::uint32_t row_count, std::byte* rows) {
     // asks for.
     std::uint32_t piece = std::min({row_count - done, rows_together - in_block, kMostRowsAtOnce});
     // Strips that are asked for whole OpenImageIO 2.4 inflates itself, and takes damage for
-    // success.
-    if (tiff && tiff->deflated && in_block == 0) piece = 1;
+    // success; damaged PackBits end otherwise whole than row by row.
+    if (tiff && tiff->compressed && in_block == 0) piece = 1;
     std::byte* out = rows + done * image_row_bytes;
     if (!picked.empty()) {
       unpicked.resize(piece * row_bytes);

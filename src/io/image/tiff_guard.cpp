@@ -239,6 +239,11 @@ void take_samples(Directory& from, TiffPicture& picture) {
     from.refuse(fmt::format("the TIFF has {} samples per texel; 1 to {} can be read", samples,
                             kMostSamples));
   }
+  // One bit where nothing is said; OpenImageIO 2.4 takes it for eight.
+  if (from.find(kBits) == nullptr)
+    from.refuse(fmt::format(
+        "the TIFF does not say how many bits its samples have (field {}); save it again",
+        static_cast<int>(kBits)));
   const std::uint64_t bits = from.of_all_samples(kBits, samples, 1);
   const std::uint64_t format = from.of_all_samples(kSampleFormat, samples, 1);
   constexpr std::uint64_t kUnsigned = 1, kFloat = 3;
@@ -340,7 +345,6 @@ void take_coding(Directory& from, TiffPicture& picture) {
                     name_of(kNames, coding)));
   }
   picture.compressed = coding != kNone;
-  picture.deflated = coding == kDeflate;
   if (predicts) {
     constexpr std::uint64_t kDifferences = 2, kFloatDifferences = 3;
     const std::uint64_t predictor = from.number(kPredictor, 1);

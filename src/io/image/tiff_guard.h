@@ -21,7 +21,6 @@ struct TiffPicture {
   Colours colours = Colours::grey;
   bool planes = false;                            ///< each sample has strips or tiles of its own
   bool compressed = false;                        ///< LZW, Deflate or PackBits
-  bool deflated = false;                          ///< Deflate by its newer number, 8
   bool says_extra_samples = false;                ///< what the samples beyond the colours are
   std::uint32_t part_width = 0, part_height = 0;  ///< of a tile, or of a strip
   bool tiled = false;
