@@ -11,6 +11,7 @@
 #include <iterator>
 #include <map>
 
+#include "fuzz/image_seeds.h"
 #include "pounce/transfer.h"
 #include "support/gltf_builder.h"
 #include "support/random_scene.h"
@@ -414,6 +415,7 @@ int main(int argc, char** argv) try {
   pounce::obj_seeds(folder / "obj");
   pounce::splat_seeds(folder / "splats");
   pounce::image_seeds(folder / "image");
+  pounce::fuzz::put_images(folder / "decode");
   pounce::pack_seeds(folder);
   pounce::gltf_seeds(folder / "job");
   pounce::obj_seeds(folder / "job");
