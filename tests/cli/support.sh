@@ -60,7 +60,7 @@ rejected() {
 }
 
 # same_picture A B: have these the same texels? Files of other options say other jobs.
-same_picture() { "$POUNCE" compare "$1" "$2" --min-psnr 1000 >"$out" 2>"$err"; }
+same_picture() { "$POUNCE" compare "$1" "$2" --min-psnr 1000 >/dev/null 2>&1; }  # leaves what the job said
 
 only_files() { [[ $(ls -A | tr '\n' ' ') == "$* " ]] || fail "the folder holds: $(ls -A | tr '\n' ' ')"; }
 

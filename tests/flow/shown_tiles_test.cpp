@@ -157,7 +157,7 @@ TEST_CASE("an image that cannot be read ends those that are read beside it") {
     file.seekp(static_cast<std::streamoff>(text.find("IDAT") + 4));
     file.write(std::string(4, 'x').data(), 4);
   }
-  scene.options.source_textures.push_back({Channel::roughness, rough});
+  scene.options.source_textures.push_back({Channel::occlusion, rough});
   scene.options.output = scene.folder.file("out.<CHANNEL>.png");
   scene.options.resources.threads = 3;
   // The other image is stopped at another row each time, before its first one included.

@@ -81,7 +81,8 @@ Reading read(const mesh::ImageRef& image, std::uint32_t strip, int new_memory) {
         reader.read_rows(std::min(strip, info.height - row),
                          reading.texels.data() + row * reader.row_bytes());
       }
-      // Of some channels OpenImageIO makes room for 64 MiB of rows, and touches those it is asked for.
+      // Of some channels OpenImageIO makes room for 64 MiB of rows, and touches those it is asked
+      // for.
       const bool some = !image.channels.empty() || !info.left_out.empty();
       const std::uint64_t untouched = some ? 64 << 20 : 0;
       require_within(info.decoder_bytes + untouched, "a decoder takes what was announced");
@@ -100,7 +101,8 @@ std::vector<std::string> read_alike(const mesh::ImageRef& image) {
   const Reading first = read(image, 68, 0x5A), second = read(image, 3, 0xA7);
   if (first.error != second.error && !first.error.empty() && !second.error.empty())
     return {};  // which names the rows that were asked for
-  if (!(first == second)) std::fprintf(stderr, "%s | %s\n", first.error.c_str(), second.error.c_str());
+  if (!(first == second))
+    std::fprintf(stderr, "%s | %s\n", first.error.c_str(), second.error.c_str());
   require(first == second, "an image has the same texels in every reading");
   return first.left_out;
 }

@@ -109,7 +109,9 @@ class Pieces {
     if (at + 4 <= size_) std::memcpy(&value, data_ + at, 4);
     return value;
   }
-  std::size_t big(std::size_t at) const { return __builtin_bswap32(static_cast<std::uint32_t>(little(at))); }
+  std::size_t big(std::size_t at) const {
+    return __builtin_bswap32(static_cast<std::uint32_t>(little(at)));
+  }
 
   const std::uint8_t* data_;
   std::size_t size_;
@@ -126,9 +128,10 @@ inline void mend_checksums(std::uint8_t* data, std::size_t size) {
   for (const Range& chunk : pieces_of(data, size)) {
     const std::size_t end = chunk.begin + chunk.size;
     if (end + 4 > size) break;
-    const auto sum = static_cast<std::uint32_t>(
-        ::crc32_z(0, data + chunk.begin - 4, chunk.size + 4));
-    for (std::size_t i = 0; i < 4; ++i) data[end + i] = static_cast<std::uint8_t>(sum >> (24 - 8 * i));
+    const auto sum =
+        static_cast<std::uint32_t>(::crc32_z(0, data + chunk.begin - 4, chunk.size + 4));
+    for (std::size_t i = 0; i < 4; ++i)
+      data[end + i] = static_cast<std::uint8_t>(sum >> (24 - 8 * i));
   }
 }
 

@@ -54,9 +54,10 @@ void write(const fs::path& path, const std::vector<Kind>& parts) {
   auto out = OIIO::ImageOutput::create(path.string());
   std::vector<OIIO::ImageSpec> specs;
   for (const Kind& kind : parts) specs.push_back(spec_of(kind));
-  const bool opened = out && (specs.size() > 1 ? out->open(path.string(), static_cast<int>(specs.size()),
-                                                           specs.data())
-                                               : out->open(path.string(), specs.front()));
+  const bool opened =
+      out &&
+      (specs.size() > 1 ? out->open(path.string(), static_cast<int>(specs.size()), specs.data())
+                        : out->open(path.string(), specs.front()));
   for (std::size_t part = 0; opened && part < parts.size(); ++part) {
     if (part > 0) out->open(path.string(), specs[part], OIIO::ImageOutput::AppendSubimage);
     for (int level = 0; level < parts[part].levels; ++level) {
@@ -75,7 +76,7 @@ void tiff_seeds(const fs::path& folder) {
   };
   for (const char* coding : {"none", "lzw", "zip", "packbits"}) {
     for (const TypeDesc& type : {TypeDesc(TypeDesc::UINT8), TypeDesc(TypeDesc::UINT16),
-                                TypeDesc(TypeDesc::FLOAT), TypeDesc(TypeDesc::HALF)}) {
+                                 TypeDesc(TypeDesc::FLOAT), TypeDesc(TypeDesc::HALF)}) {
       Kind kind{.type = type};
       kind.texts["compression"] = coding;
       kind.numbers["tiff:half"] = 1;
@@ -119,14 +120,16 @@ std::string palette_tiff() {
     return out;
   };
   constexpr std::uint32_t kFields = 9, kValues = 8 + 2 + 12 * kFields + 4;
-  const auto field = [&](std::uint32_t tag, std::uint32_t type, std::uint32_t count, std::uint32_t n) {
+  const auto field = [&](std::uint32_t tag, std::uint32_t type, std::uint32_t count,
+                         std::uint32_t n) {
     file += number(tag, 2) + number(type, 2) + number(count, 4) + number(n, 4);
   };
   file += number(kFields, 2);
   field(256, 3, 1, 10), field(257, 3, 1, 6), field(258, 3, 1, 2), field(259, 3, 1, 1);
   field(262, 3, 1, 3), field(273, 4, 1, kValues + 24), field(278, 3, 1, 6);
   field(279, 4, 1, 18), field(320, 3, 12, kValues);
-  return file + std::string(4, '\0') + std::string("0123456789abcdefghijklmn") + std::string(18, '\x1B');
+  return file + std::string(4, '\0') + std::string("0123456789abcdefghijklmn") +
+         std::string(18, '\x1B');
 }
 
 void exr_seeds(const fs::path& folder) {
@@ -209,7 +212,8 @@ void jpeg_seeds(const fs::path& folder) {
       Kind kind;
       kind.texts["jpeg:subsampling"] = sampling;
       kind.numbers["jpeg:progressive"] = progressive;
-      write(folder / (std::string(1, sampling[2]) + sampling[4] + std::to_string(progressive) + ".jpg"),
+      write(folder /
+                (std::string(1, sampling[2]) + sampling[4] + std::to_string(progressive) + ".jpg"),
             {kind});
     }
     Kind grey{.channels = 1};
@@ -222,10 +226,13 @@ void jpeg_seeds(const fs::path& folder) {
   };
   using Scans = std::vector<std::array<std::uint8_t, 4>>;
   const Scans whole{{0, 63, 0, 1}}, apart{{0, 63, 0, 0}};
-  const Scans refined{{0, 0, 1, 1}, {1, 5, 2, 0}, {6, 63, 2, 0}, {1, 63, 0x21, 0}, {0, 0, 0x10, 1}, {1, 63, 0x10, 0}};
-  for (const std::vector<std::uint8_t>& factors :
-       {std::vector<std::uint8_t>{0x11}, {0x22, 0x11, 0x11}, {0x11, 0x11, 0x11, 0x11},
-        {0x22, 0x11, 0x11, 0x22}, {0x41, 0x12, 0x21}}) {
+  const Scans refined{{0, 0, 1, 1},     {1, 5, 2, 0},    {6, 63, 2, 0},
+                      {1, 63, 0x21, 0}, {0, 0, 0x10, 1}, {1, 63, 0x10, 0}};
+  for (const std::vector<std::uint8_t>& factors : {std::vector<std::uint8_t>{0x11},
+                                                   {0x22, 0x11, 0x11},
+                                                   {0x11, 0x11, 0x11, 0x11},
+                                                   {0x22, 0x11, 0x11, 0x22},
+                                                   {0x41, 0x12, 0x21}}) {
     for (const bool adobe : {false, true}) {
       put(Jpeg(0xC0).made(factors, adobe, 0, whole));
       put(Jpeg(0xC1).made(factors, adobe, 3, apart));
@@ -244,21 +251,36 @@ void png_seeds(const fs::path& folder) {
     }
   }
   int number = 0;
-  for (const auto& [colour, bits] : std::vector<std::pair<int, int>>{
-           {0, 1}, {0, 2}, {0, 4}, {0, 8}, {0, 16}, {2, 8}, {2, 16}, {3, 1}, {3, 4}, {3, 8}, {4, 8}, {6, 16}}) {
+  for (const auto& [colour, bits] : std::vector<std::pair<int, int>>{{0, 1},
+                                                                     {0, 2},
+                                                                     {0, 4},
+                                                                     {0, 8},
+                                                                     {0, 16},
+                                                                     {2, 8},
+                                                                     {2, 16},
+                                                                     {3, 1},
+                                                                     {3, 4},
+                                                                     {3, 8},
+                                                                     {4, 8},
+                                                                     {6, 16}}) {
     constexpr std::array<int, 7> kSamples{1, 0, 3, 1, 2, 0, 4};
     for (const bool interlaced : {false, true}) {
       // 9 x 5: of the passes of Adam7 the columns and rows.
       const std::vector<std::pair<int, int>> passes =
-          interlaced ? std::vector<std::pair<int, int>>{{2, 1}, {1, 1}, {3, 1}, {2, 2}, {5, 1}, {4, 3}, {9, 2}}
+          interlaced ? std::vector<std::pair<int, int>>{{2, 1}, {1, 1}, {3, 1}, {2, 2},
+                                                        {5, 1}, {4, 3}, {9, 2}}
                      : std::vector<std::pair<int, int>>{{9, 5}};
       std::string rows;
       for (const auto& [across, down] : passes) {
         const int bytes = (across * bits * kSamples[static_cast<std::size_t>(colour)] + 7) / 8;
-        for (int y = 0; y < down; ++y) rows += static_cast<char>(y % 5) + std::string(static_cast<std::size_t>(bytes), '\x12');
+        for (int y = 0; y < down; ++y)
+          rows += static_cast<char>(y % 5) + std::string(static_cast<std::size_t>(bytes), '\x12');
       }
       const std::string palette = colour == 3 ? std::string(3U << std::min(bits, 5), '\x77') : "";
-      const std::string clear = colour == 3 ? "\x10\x20" : colour == 0 ? std::string("\0\2", 2) : colour == 2 ? std::string("\0\1\0\2\0\3", 6) : "";
+      const std::string clear = colour == 3   ? "\x10\x20"
+                                : colour == 0 ? std::string("\0\2", 2)
+                                : colour == 2 ? std::string("\0\1\0\2\0\3", 6)
+                                              : "";
       write_file((folder / ("made" + std::to_string(++number) + ".png")).string(),
                  test::make_png(9, 5, bits, colour, interlaced, rows, palette, clear));
     }

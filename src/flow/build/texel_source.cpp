@@ -374,7 +374,7 @@ Hash128 store_key(JobContext& job, const TexelStoreRequest& request) {
   std::vector<Hash128> columns;
   for (const ColumnPlan& column : plan.columns)
     columns.push_back(
-        colour_key(job, {&column.image, &column.info, column.wrap_u, column.wrap_v, nullptr}));
+        colour_key(job, {&column.image, &column.info, column.wrap_u, column.wrap_v, nullptr, {}}));
   Hasher hash;
   hash.add(std::string_view("texels"));
   hash.add(store::kFormatVersion);
