@@ -28,32 +28,49 @@ constexpr double kSettled = 0.5;     // of the distance: what moving leaves of i
 constexpr double kMovedNear = 0.70;  // of the places lie near then
 constexpr double kMostOff = 0.9;     // of the places: how far these are off is what is judged
 constexpr double kOffAsIs = 0.004;   // of the target's size: no farther off is on the surface
-constexpr double kSame =
-    0.35;  // of that, and of how far they are off as they are: it is one surface
+constexpr double kSame = 0.35;       // of that, and of how they are off as they are: one surface
 
-/// Places of a source, to be found by where they are and how they face.
+/// Places of a source, to be found by where they are and how they face: in order of x, so that
+/// those that are too far along it need no look.
 class Surface {
  public:
-  explicit Surface(std::span<const Place> places) : places_(places) {}
+  explicit Surface(std::span<const Place> places) : places_(places.begin(), places.end()) {
+    std::stable_sort(places_.begin(), places_.end(),
+                     [](const Place& a, const Place& b) { return a.position.x < b.position.x; });
+  }
 
   /// The nearest place that faces like `normal`; nothing if none is within `most`.
   const Place* nearest(Vec3d point, Vec3d normal, double most) const {
-    const Place* best = nullptr;
     const Vec3f p(point), n(normal);
-    auto least = static_cast<float>(most * most);
-    for (const Place& place : places_) {
-      const Vec3f to = place.position - p;
-      const float square = dot(to, to);
-      if (square >= least || dot(place.normal, n) < static_cast<float>(kFacing)) continue;
-      least = square;
-      best = &place;
+    Nearest nearest{nullptr, static_cast<float>(most * most)};
+    const auto middle =
+        std::lower_bound(places_.begin(), places_.end(), p.x,
+                         [](const Place& place, float x) { return place.position.x < x; });
+    for (auto at = middle; at != places_.end() && nearest.look(*at, p, n); ++at) {
     }
-    return best;
+    for (auto at = middle; at != places_.begin() && nearest.look(*--at, p, n);) {
+    }
+    return nearest.best;
   }
-  std::span<const Place> places() const { return places_; }
 
  private:
-  std::span<const Place> places_;
+  struct Nearest {
+    const Place* best;
+    float least;
+    /// Could a place farther along x be nearer?
+    bool look(const Place& place, Vec3f p, Vec3f n) {
+      const Vec3f to = place.position - p;
+      if (to.x * to.x >= least) return false;
+      const float square = dot(to, to);
+      if (square < least && dot(place.normal, n) >= static_cast<float>(kFacing)) {
+        least = square;
+        best = &place;
+      }
+      return true;
+    }
+  };
+
+  std::vector<Place> places_;
 };
 
 Vec3d unit(Vec3d v) {
