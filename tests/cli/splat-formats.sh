@@ -82,5 +82,5 @@ expect 3 maps scene.ply -o '<CHANNEL>.exr'
 err_has 'where a mesh is wanted'
 # What only has the ending of one is refused as before.
 mkdir empty
-expect 3 inspect empty
+expect 5 inspect empty
 err_has 'empty: is a folder'
