@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "pounce/error.h"
+#include "pounce/export.h"
 
 namespace pounce {
 
@@ -16,7 +17,7 @@ namespace pounce {
 // read, or changed where that is its purpose. A folder that does not exist is an empty cache.
 
 /// $XDG_CACHE_HOME/pounce, else ~/.cache/pounce; empty if neither variable is set.
-std::string default_cache_folder();
+POUNCE_API std::string default_cache_folder();
 
 /// One finished pack: a mesh or an image, prepared.
 struct CacheObject {
@@ -28,7 +29,7 @@ struct CacheObject {
   double last_used_s = 0;        ///< seconds since 1970
 };
 /// What is in the cache, longest unused first.
-std::vector<CacheObject> cache_list(const std::string& folder = {});
+POUNCE_API std::vector<CacheObject> cache_list(const std::string& folder = {});
 
 /// Objects of one kind.
 struct CacheShare {
@@ -42,7 +43,7 @@ struct CacheInfo {
   std::map<std::string, CacheShare> kinds;
   CacheShare unfinished;  ///< packs that are being written, or were when their process died
 };
-CacheInfo cache_info(const std::string& folder = {});
+POUNCE_API CacheInfo cache_info(const std::string& folder = {});
 
 /// One pack that does not hold what was written into it.
 struct CacheDamage {
@@ -57,7 +58,7 @@ struct CacheVerdict {
 };
 /// Reads every byte of every pack and checks it. `remove`: removes the damaged ones, also while
 /// they are in use (their readers go on).
-CacheVerdict cache_verify(const std::string& folder = {}, bool remove = false);
+POUNCE_API CacheVerdict cache_verify(const std::string& folder = {}, bool remove = false);
 
 /// What was removed, and what could not be.
 struct CachePruned {
@@ -69,9 +70,10 @@ struct CachePruned {
 /// Removes objects, longest unused first: those not used for `older_than_s` seconds (if given), and
 /// as many more as it takes to bring the cache to `most_bytes` (if given). With neither, nothing
 /// but what dead processes left.
-CachePruned cache_prune(const std::string& folder, std::optional<std::uint64_t> most_bytes,
-                        std::optional<double> older_than_s);
+POUNCE_API CachePruned cache_prune(const std::string& folder,
+                                   std::optional<std::uint64_t> most_bytes,
+                                   std::optional<double> older_than_s);
 /// Removes everything that no process uses.
-CachePruned cache_clear(const std::string& folder = {});
+POUNCE_API CachePruned cache_clear(const std::string& folder = {});
 
 }  // namespace pounce

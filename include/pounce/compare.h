@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "pounce/error.h"
+#include "pounce/export.h"
 #include "pounce/options.h"
 
 namespace pounce {
@@ -26,8 +27,8 @@ struct Comparison {
 /// compare), else B's alpha if it has one, else everything. Throws Error(input) for unreadable
 /// files, different sizes, an empty mask. Reads in strips: memory does not grow with the height.
 /// `allowed_formats`: as in TransferOptions.
-Comparison compare(const std::string& a_path, const std::string& b_path,
-                   const std::string& mask_path = {},
-                   const std::vector<ImageFormat>& allowed_formats = {});
+POUNCE_API Comparison compare(const std::string& a_path, const std::string& b_path,
+                              const std::string& mask_path = {},
+                              const std::vector<ImageFormat>& allowed_formats = {});
 
 }  // namespace pounce

@@ -4,6 +4,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "pounce/export.h"
+
 namespace pounce {
 
 /// What kind of thing went wrong. The numbers are the exit statuses of the `pounce` program.
@@ -21,7 +23,7 @@ enum class ErrorKind : int {
 
 /// The one type that leaves the library; what a listener threw may be nested in it. what() is one
 /// sentence that names the file, what was found there and what to do.
-class Error : public std::runtime_error {
+class POUNCE_API Error : public std::runtime_error {
  public:
   Error(ErrorKind kind, const std::string& message) : std::runtime_error(message), kind_(kind) {}
   /// What kind of failure this is; never changes after construction.
@@ -32,7 +34,7 @@ class Error : public std::runtime_error {
 };
 
 /// The name of a kind, as written above: "usage", "damaged_store", ...
-const char* error_kind_name(ErrorKind kind) noexcept;
+POUNCE_API const char* error_kind_name(ErrorKind kind) noexcept;
 
 /// The exit status that belongs to a kind of error.
 constexpr int exit_status(ErrorKind kind) noexcept { return static_cast<int>(kind); }

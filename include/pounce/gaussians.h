@@ -2,6 +2,7 @@
 #pragma once
 
 #include "pounce/error.h"
+#include "pounce/export.h"
 #include "pounce/options.h"
 #include "pounce/progress.h"
 #include "pounce/report.h"
@@ -18,7 +19,7 @@ namespace pounce {
 ///
 /// Blocks until done. Throws pounce::Error. `progress` may be null; it must outlive the call.
 /// `so_far` as in transfer().
-Report gaussians(const GaussiansOptions& options, Progress* progress = nullptr,
-                 Report* so_far = nullptr);
+POUNCE_API Report gaussians(const GaussiansOptions& options, Progress* progress = nullptr,
+                            Report* so_far = nullptr);
 
 }  // namespace pounce

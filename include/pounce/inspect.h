@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "pounce/error.h"
+#include "pounce/export.h"
 #include "pounce/options.h"
 
 namespace pounce {
@@ -14,10 +15,10 @@ namespace pounce {
 /// Throws Error(input) if the file is none of these or malformed, Error(damaged_store) for a store
 /// whose bytes do not match their checksums. `allow_external`, `allowed_formats`: as in
 /// TransferOptions.
-std::string inspect_text(const std::string& path, bool allow_external = false,
-                         const std::vector<ImageFormat>& allowed_formats = {});
+POUNCE_API std::string inspect_text(const std::string& path, bool allow_external = false,
+                                    const std::vector<ImageFormat>& allowed_formats = {});
 /// The same as JSON. Ends with a newline.
-std::string inspect_json(const std::string& path, bool allow_external = false,
-                         const std::vector<ImageFormat>& allowed_formats = {});
+POUNCE_API std::string inspect_json(const std::string& path, bool allow_external = false,
+                                    const std::vector<ImageFormat>& allowed_formats = {});
 
 }  // namespace pounce

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "pounce/export.h"
+
 namespace pounce {
 
 /// The texture channels of a glTF metallic-roughness material, of which baseColor carries the
@@ -63,9 +65,9 @@ constexpr bool is_of_material(Channel channel) noexcept {
 /// "baseColor", "metallicRoughness", "occlusion", "emissive", "normal", "confidence", "distance",
 /// "height", "position", "vertexColor"; "other" for maps of the user's own, whose names the options
 /// have.
-const char* channel_name(Channel channel) noexcept;
+POUNCE_API const char* channel_name(Channel channel) noexcept;
 /// The channel with that name (exactly as above), or nothing.
-std::optional<Channel> channel_from_name(const std::string& name) noexcept;
+POUNCE_API std::optional<Channel> channel_from_name(const std::string& name) noexcept;
 
 /// Which way a normal map's green channel rises.
 enum class NormalY : std::uint8_t {
@@ -73,21 +75,21 @@ enum class NormalY : std::uint8_t {
   down,  ///< "down": towards larger v: DirectX, Unreal
 };
 /// "up", "down".
-const char* normal_y_name(NormalY direction) noexcept;
-std::optional<NormalY> normal_y_from_name(const std::string& name) noexcept;
+POUNCE_API const char* normal_y_name(NormalY direction) noexcept;
+POUNCE_API std::optional<NormalY> normal_y_from_name(const std::string& name) noexcept;
 
 /// How one sample of an image is stored.
 enum class Depth : std::uint8_t { u8, u16, half, float32 };
 /// "u8", "u16", "half", "float".
-const char* depth_name(Depth depth) noexcept;
-std::optional<Depth> depth_from_name(const std::string& name) noexcept;
+POUNCE_API const char* depth_name(Depth depth) noexcept;
+POUNCE_API std::optional<Depth> depth_from_name(const std::string& name) noexcept;
 
 /// Formats of images that are read only where they are allowed by name: their decoders are held to
 /// less than those of PNG, JPEG, TIFF, EXR, WebP and Radiance HDR.
 enum class ImageFormat : std::uint8_t { bmp, tga };
 /// "bmp", "tga".
-const char* image_format_name(ImageFormat format) noexcept;
-std::optional<ImageFormat> image_format_from_name(const std::string& name) noexcept;
+POUNCE_API const char* image_format_name(ImageFormat format) noexcept;
+POUNCE_API std::optional<ImageFormat> image_format_from_name(const std::string& name) noexcept;
 
 /// Width and height of an image in texels, each 1..65536.
 struct ImageSize {
@@ -129,7 +131,7 @@ struct OtherMap {
   std::optional<bool> is_colour;
 };
 /// 1 to 64 letters, digits, - and _, and neither "all" nor a channel's name in other case.
-bool is_map_name(const std::string& name) noexcept;
+POUNCE_API bool is_map_name(const std::string& name) noexcept;
 
 /// What machine resources a job may use.
 struct Resources {
@@ -172,8 +174,8 @@ enum class Method : std::uint8_t {
   gaussian,  ///< "gaussian": all of the source's texels that the ray meets, as Gaussians
 };
 /// "surface", "gaussian".
-const char* method_name(Method method) noexcept;
-std::optional<Method> method_from_name(const std::string& name) noexcept;
+POUNCE_API const char* method_name(Method method) noexcept;
+POUNCE_API std::optional<Method> method_from_name(const std::string& name) noexcept;
 
 /// How Method::surface blends the texels around a hit: to what is between the four nearest ones, on
 /// a texel's middle to that texel; of the cubics where the target is finer, to a little beyond.
@@ -183,8 +185,8 @@ enum class Filter : std::uint8_t {
   sharp,  ///< "sharp": a steeper cubic, for drawings and hard edges; gradients ripple a little
 };
 /// "tent", "cubic", "sharp".
-const char* filter_name(Filter filter) noexcept;
-std::optional<Filter> filter_from_name(const std::string& name) noexcept;
+POUNCE_API const char* filter_name(Filter filter) noexcept;
+POUNCE_API std::optional<Filter> filter_from_name(const std::string& name) noexcept;
 /// Where nothing else is asked for.
 inline constexpr Filter kDefaultFilter = Filter::cubic;
 
@@ -196,8 +198,8 @@ enum class SphericalHarmonics : std::uint8_t {
   mean,    ///< "mean": the mean over the directions that look at the texel, by their cosine
 };
 /// "dc", "normal", "mean".
-const char* harmonics_name(SphericalHarmonics harmonics) noexcept;
-std::optional<SphericalHarmonics> harmonics_from_name(const std::string& name) noexcept;
+POUNCE_API const char* harmonics_name(SphericalHarmonics harmonics) noexcept;
+POUNCE_API std::optional<SphericalHarmonics> harmonics_from_name(const std::string& name) noexcept;
 
 /// A box with its sides along the axes, in the job's axes and units.
 struct AxisBox {
@@ -339,7 +341,7 @@ struct TransferOptions {
 };
 
 /// The channel's name in this job, maps of the user's own included.
-std::string channel_name(const TransferOptions& options, Channel channel);
+POUNCE_API std::string channel_name(const TransferOptions& options, Channel channel);
 
 /// Target vectorization alone: position, normal and mask images.
 struct MapsOptions {

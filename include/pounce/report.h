@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "pounce/export.h"
+
 namespace pounce {
 
 /// Time spent in one stage of a job.
@@ -193,13 +195,13 @@ struct LeftOutReason {
   const char* words;
 };
 /// All reasons that a splat scene's Gaussians have, those of options first.
-std::span<const LeftOutReason> left_out_reasons();
+POUNCE_API std::span<const LeftOutReason> left_out_reasons();
 
 /// The report as JSON with the keys of docs/report.md. Ends with a newline.
-std::string to_json(const Report& report);
+POUNCE_API std::string to_json(const Report& report);
 
 /// Writes it into a file, which appears whole or not at all, as outputs do: links stay, what is
 /// replaced hands on its permissions, missing folders are made. Throws Error(storage).
-void save_report(const Report& report, const std::string& path);
+POUNCE_API void save_report(const Report& report, const std::string& path);
 
 }  // namespace pounce

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "pounce/error.h"
+#include "pounce/export.h"
 #include "pounce/options.h"
 #include "pounce/progress.h"
 #include "pounce/report.h"
@@ -17,20 +18,21 @@ namespace pounce {
 /// Blocks until done; one job may run beside another in one process (each with its own budget).
 /// Throws pounce::Error. `progress` may be null; it must outlive the call. `so_far`, if given, is
 /// the report also of a job that throws: what was done until then, and its failure.
-Report transfer(const TransferOptions& options, Progress* progress = nullptr,
-                Report* so_far = nullptr);
+POUNCE_API Report transfer(const TransferOptions& options, Progress* progress = nullptr,
+                           Report* so_far = nullptr);
 
 /// Finds out what transfer() would do with these options, and what it would take: reads the meshes
 /// and the headers of images, writes nothing. Throws what transfer() would throw before its work,
 /// Error(ErrorKind::budget) among it if the budget is below the least that works: ask with a large
 /// one to get the least as a number. `so_far`, if given, is the same as a report (its `failure` and
 /// `options` too), also when it throws.
-PlanReport plan(const TransferOptions& options, Progress* progress = nullptr,
-                Report* so_far = nullptr);
+POUNCE_API PlanReport plan(const TransferOptions& options, Progress* progress = nullptr,
+                           Report* so_far = nullptr);
 
 /// Vectorizes the target alone and writes its projection maps as images:
 /// "position" (xyz in the target's units), "normal" (unit xyz) and "mask" (1 = covered).
 /// Same promises as transfer().
-Report maps(const MapsOptions& options, Progress* progress = nullptr, Report* so_far = nullptr);
+POUNCE_API Report maps(const MapsOptions& options, Progress* progress = nullptr,
+                       Report* so_far = nullptr);
 
 }  // namespace pounce
