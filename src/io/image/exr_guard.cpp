@@ -7,7 +7,6 @@
 #include "io/image/exr_guard.h"
 
 #include <fmt/format.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <array>
@@ -16,6 +15,7 @@
 #include <vector>
 
 #include "io/image/cursor.h"
+#include "io/image/exr_dwa.h"
 
 namespace pounce::io {
 namespace {
@@ -27,13 +27,14 @@ constexpr std::uint64_t kLargestSide = 65536;
 /// is opened, before anybody knows its size.
 constexpr std::uint64_t kMostBlockBytes = 256 << 20, kMostBlockBytesOfAll = 1 << 30;
 
-enum Coding : std::uint8_t { kNone = 0, kRuns = 1, kZipRow = 2, kZip = 3 };
+enum Coding : std::uint8_t { kNone = 0, kRuns = 1, kZipRow = 2, kZip = 3, kDwaa = 8, kDwab = 9 };
 
 /// A header of an EXR, that is of one of its parts.
 struct Part {
   std::uint64_t end = 0;  ///< behind the header
   std::int64_t width = 0, height = 0;
   std::uint64_t texel_bytes = 0;
+  std::vector<ExrChannel> channels;
   std::uint32_t tile_width = 0, tile_height = 0;  ///< 0: rows
   std::uint8_t coding = kNone;
   std::uint64_t listed = 0;  ///< chunks, as the header says; 0: it does not
@@ -60,12 +61,15 @@ struct Part {
     return tile_width > 0 ? std::uint64_t{tile_width} * tile_height * texel_bytes
                           : wide() * block_rows() * texel_bytes;
   }
-  /// What the first chunk decodes to.
-  std::uint64_t first_bytes() const {
-    return tile_width > 0 ? std::min<std::uint64_t>(tile_width, wide()) *
-                                std::min<std::uint64_t>(tile_height, high()) * texel_bytes
-                          : wide() * std::min(block_rows(), high()) * texel_bytes;
+  /// Of the first chunk.
+  std::uint64_t first_width() const {
+    return tile_width > 0 ? std::min<std::uint64_t>(tile_width, wide()) : wide();
   }
+  std::uint64_t first_rows() const {
+    return std::min<std::uint64_t>(tile_width > 0 ? tile_height : block_rows(), high());
+  }
+  /// What it decodes to.
+  std::uint64_t first_bytes() const { return first_width() * first_rows() * texel_bytes; }
 };
 
 class Guard {
@@ -187,11 +191,12 @@ class Guard {
 
   /// Name, type, four bytes, sampling across and down.
   void take_channels(std::uint64_t position, std::uint64_t end, Part& part) {
-    constexpr std::uint32_t kHalf = 1, kFloat = 2;
+    constexpr std::uint32_t kFloat = 2;
     constexpr std::uint64_t kSampling = 8, kChannelBytes = 16;
     part.texel_bytes = 0;
+    part.channels.clear();
     while (position < end && at_.u8(position) != 0) {
-      text(position);
+      const std::string name = text(position);
       const std::uint32_t type = at_.u32(position);
       if (type > kFloat) {  // of which OpenImageIO 2.4 would end the process
         at_.refuse(
@@ -199,7 +204,8 @@ class Guard {
                         "damaged",
                         type));
       }
-      part.texel_bytes += type == kHalf ? 2 : 4;
+      part.channels.push_back({name, type});
+      part.texel_bytes += part.channels.back().bytes();
       if (at_.u32(position + kSampling) != 1 || at_.u32(position + kSampling + 4) != 1)
         at_.refuse(
             "channels of fewer samples than texels (luminance and chroma) are not supported; "
@@ -248,7 +254,13 @@ class Guard {
     if (size < wanted && part.coding == kNone) decoded = size;
     if (size < wanted && part.coding == kRuns) decoded = bytes_of_runs(data, size);
     if (size < wanted && (part.coding == kZip || part.coding == kZipRow))
-      decoded = inflated_bytes(data, size, wanted);
+      decoded = inflated_bytes(at_, data, size, wanted);
+    if (size < wanted && (part.coding == kDwaa || part.coding == kDwab)) {
+      const std::string why =
+          why_dwa_is_short(at_, data, size, part.channels, part.first_width(), part.first_rows());
+      if (!why.empty())
+        at_.refuse(fmt::format("the first block of the EXR {}; the file is damaged", why));
+    }
     if (decoded != wanted) {
       at_.refuse(
           fmt::format("the first block of the EXR decodes to {} bytes of {}; the file is "
@@ -265,32 +277,6 @@ class Guard {
       decoded += static_cast<std::uint64_t>(count < 0 ? -count : count + 1);
       at += count < 0 ? 1 + static_cast<std::uint64_t>(-count) : 2;
     }
-    return decoded;
-  }
-
-  /// Until it is more than `most`, or up to what is damaged.
-  std::uint64_t inflated_bytes(std::uint64_t begin, std::uint64_t size, std::uint64_t most) {
-    z_stream zip{};
-    if (inflateInit(&zip) != Z_OK) return most;
-    std::array<Bytef, 16384> out;
-    std::vector<std::byte> in;
-    std::uint64_t decoded = 0;
-    int state = Z_OK;
-    for (std::uint64_t at = begin; state == Z_OK && decoded <= most && at < begin + size;) {
-      in.clear();
-      at_.copy(at, std::min<std::uint64_t>(16384, begin + size - at), in);
-      at += in.size();
-      zip.next_in = reinterpret_cast<Bytef*>(in.data());
-      zip.avail_in = static_cast<uInt>(in.size());
-      do {
-        zip.next_out = out.data();
-        zip.avail_out = static_cast<uInt>(out.size());
-        state = inflate(&zip, Z_NO_FLUSH);
-        decoded += out.size() - zip.avail_out;
-      } while (state == Z_OK && zip.avail_out == 0 && decoded <= most);
-      if (state == Z_BUF_ERROR) state = Z_OK;  // all of it was taken before
-    }
-    inflateEnd(&zip);
     return decoded;
   }
 

@@ -62,6 +62,8 @@ class Scanner {
       if (string_.starts_with(kData)) {
         size_.data_bytes += string_bytes_;
         size_.text_bytes -= string_bytes_;
+      } else if (string_bytes_ > kLongStringBytes && string_.find('\\') == std::string::npos) {
+        size_.long_bytes += string_bytes_;
       }
       return;
     }

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // EXRs made by hand, with blocks that hold less than they should.
+#include <OpenImageIO/imageio.h>
 #include <zlib.h>
 
 #include <catch2/catch.hpp>
+#include <vector>
 
 #include "pounce/error.h"
+#include "support/test_data.h"
 #include "unit/io/image_files.h"
 
 using namespace pounce;
@@ -110,6 +113,56 @@ TEST_CASE("of an EXR's first block each texel must be there", "[image][exr]") {
   CHECK(refusal(Made{.tiles = tiles, .blocks = {std::string(16, '\1')}}.file()) == "nothing");
   CHECK_THAT(refusal(Made{.tiles = tiles, .blocks = {std::string(15, '\1')}}.file()),
              Contains("decodes to 15 bytes of 16"));
+}
+
+TEST_CASE("a block of DWA must hold all channels", "[image][exr]") {
+  const test::TempFolder folder;
+  const std::string path = folder.file("a.exr");
+  constexpr int kWidth = 64, kHeight = 40;
+  const std::string coding = GENERATE("dwaa", "dwab");
+  {
+    OIIO::ImageSpec spec(kWidth, kHeight, 5, OIIO::TypeDesc::HALF);
+    spec.channelnames = {"R", "G", "B", "A", "Z"};
+    spec.attribute("compression", coding);
+    std::vector<float> samples(kWidth * kHeight * 5);
+    for (std::size_t i = 0; i < samples.size(); ++i)
+      samples[i] = static_cast<float>(i % 997) / 1000;
+    const auto out = OIIO::ImageOutput::create(path);
+    REQUIRE(out);
+    REQUIRE(out->open(path, spec));
+    REQUIRE(out->write_image(OIIO::TypeDesc::FLOAT, samples.data()));
+    REQUIRE(out->close());
+  }
+  const std::string whole = test::read_file(path);
+  CHECK(refusal(whole) == "nothing");
+
+  // The first block is behind the list of blocks, whose first number is its place.
+  std::size_t block = 0;
+  for (std::size_t at = 300; block == 0; ++at) {
+    REQUIRE(at + 8 < whole.size());
+    const std::size_t blocks = coding == "dwaa" ? 2 : 1;
+    if (whole.compare(at, 8, number(at + 8 * blocks, 8)) == 0) block = at + 8 * blocks;
+  }
+  const std::size_t counts = block + 8;
+  REQUIRE(whole.compare(counts, 8, number(2, 8)) == 0);
+  const auto changed = [&](std::size_t index, int by) {
+    std::string file = whole;
+    file[counts + 8 * index] = static_cast<char>(file[counts + 8 * index] + by);
+    return refusal(file);
+  };
+  CHECK_THAT(changed(1, -2), Contains("a.exr: the first block of the EXR does not hold the "));
+  CHECK_THAT(changed(7, -2), Contains("bytes of its channels in runs, not "));
+  CHECK_THAT(changed(9, -1), Contains("squares"));
+  // Once its name is another, a channel is looked for where nothing is.
+  std::string renamed = whole;
+  renamed[renamed.find(std::string("\0G\0\1", 4)) + 1] = 'H';
+  CHECK_THAT(refusal(renamed), Contains("does not hold the "));
+  // Deflated samples that end early, though the count is right: another stream in their place.
+  std::string early = whole;
+  const std::size_t rules = static_cast<unsigned char>(whole[counts + 88]);
+  const std::string few = zip("few");
+  early.replace(counts + 88 + rules, few.size(), few);
+  CHECK_THAT(refusal(early), Contains("does not hold the "));
 }
 
 TEST_CASE("an EXR's list of blocks must lead to one", "[image][exr]") {

@@ -100,6 +100,27 @@ TEST_CASE("reading takes no more memory than its cost says", "[io]") {
              triangle(kAccessors + R"("materials":[)" + repeated("{}", 30'000) + "],"));
   check_json("one long string",
              triangle(kAccessors + R"("extras":")" + std::string(8'000'000, 'x') + R"(",)"));
+  const auto check_long = [&](const char* name, const std::string& text) {
+    write_file(path, text);
+    check(name, path, 0.4);
+    CHECK(io::mesh_cost(path).peak_bytes <
+          12 * std::uint64_t{text.size()});  // 44 if it were values
+  };
+  const std::string huge(30'000'000, 'x');
+  check_long("an extra of 30 MB", triangle(kAccessors + R"("extras":{"a":")" + huge + R"("},)"));
+  check_long("a key of 30 MB", triangle(kAccessors + R"("extras":{")" + huge + R"(":0},)"));
+  check_long(
+      "an extension of 30 MB",
+      triangle(kAccessors + R"("nodes":[{"mesh":0,"extensions":{"X":")" + huge + R"("}}],)"));
+  std::string generator = triangle(kAccessors);
+  generator.replace(generator.find("2.0\""), 4, R"(2.0","generator":")" + huge + '"');
+  check_long("a generator of 30 MB", generator);
+  // What its escape makes a data URI is not counted as a long string: the rest of the text would
+  // seem smaller by as much.
+  check_json("a data URI, spelled otherwise",
+             triangle(kAccessors + R"("images":[{"uri":"\u0064ata:image/png;base64,)" +
+                      std::string(8'000'000, 'A') + R"("}],"extras":[)" +
+                      repeated("{}", 1'000'000) + "],"));
 
   std::string mtl, uses;
   for (int i = 0; i < 150'000; ++i) {

@@ -197,6 +197,29 @@ TEST_CASE("SPZ that inflates to more or less than its header says is refused", "
       "more bytes follow");
 }
 
+TEST_CASE("a scene of more Gaussians than its file can hold is refused", "[io]") {
+  const test::TempFolder folder;
+  // One Gaussian, 300,000 times: nearly nothing once compressed.
+  const test::Scene one = test::random_scene(1, 5);
+  test::Scene many = one;
+  many.assign(300'000, one.front());
+  const std::string spz = write_bytes(folder, "a.spz", test::gzipped(test::spz_bytes(many, 3)));
+  REQUIRE(fs::file_size(spz) < 300'000);
+  has(splat_problem(spz), "a.spz: announces 300000 Gaussians in ");
+  has(splat_problem(spz), "convert it to PLY");
+  // Few are no harm, and a scene that is one is read.
+  many.resize(200'000);
+  CHECK(open_splat_scene(write_bytes(folder, "b.spz", test::gzipped(test::spz_bytes(many, 3))), {})
+            ->info()
+            .splats == 200'000);
+  CHECK(open_splat_scene(
+            write_bytes(folder, "c.spz",
+                        test::gzipped(test::spz_bytes(test::random_scene(300'000, 5), 3))),
+            {})
+            ->info()
+            .splats == 300'000);
+}
+
 TEST_CASE("a SOG does not lead out of its folder", "[io]") {
   const test::TempFolder folder;
   test::write_sog(test::random_scene(20, 5), folder.path() / "sog");
