@@ -155,6 +155,10 @@ struct Resources {
   bool wait_for_cache = true;
   /// Folder for scratch files; empty = the output's folder.
   std::string temp_dir;
+  /// Room on disk that scratch files may take at one moment, in bytes; a job that comes to need
+  /// more ends with Error(ErrorKind::storage). 0 = no limit. Default: a tenth of what is free in
+  /// their folder, but 1 GiB at least.
+  std::optional<std::uint64_t> max_temp_bytes;
 };
 
 /// Which part of a mesh takes part in a job, and how it is seen.

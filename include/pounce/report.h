@@ -100,6 +100,8 @@ struct DiskForecast {
   std::uint64_t scratch_bytes = 0;  ///< of scratch files, at one moment
   std::uint64_t cache_bytes = 0;    ///< added to the cache; 0 without one
   std::uint64_t output_bytes = 0;   ///< of all outputs
+  /// What Resources::max_temp_bytes lets scratch files take, the default worked out; 0 = no limit.
+  std::uint64_t scratch_limit_bytes = 0;
 };
 
 /// What a job that failed ended with.

@@ -93,7 +93,15 @@ void add_columns(const io::SplatPlyHeader& header, Json& json) {
 Json describe_splats(const std::string& path) {
   constexpr std::uint64_t kRows = 16 << 10;
   const auto scene = io::open_splat_scene(path, {});
-  scene->prepare(std::filesystem::temp_directory_path().string(), [] {});
+  const std::string folder = std::filesystem::temp_directory_path().string();
+  const std::uint64_t most_bytes = default_scratch_limit(posix_file_system(), folder);
+  const auto files = limit_scratch(posix_file_system(), most_bytes, [&] {
+    return fmt::format(
+        "{}: unpacked it takes more than {} bytes in {} (a tenth of what is free there, 1 GiB at "
+        "least); name a folder with more room in the environment variable TMPDIR",
+        path, most_bytes, folder);
+  });
+  scene->prepare({files.get(), folder}, [] {});
   const io::SplatSceneInfo& info = scene->info();
   const PageVector<Splat> sample = io::sample(*scene);
   const store::SplatLattice lattice(sample);

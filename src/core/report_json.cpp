@@ -108,7 +108,8 @@ Json disk_json(const Report& report) {
   if (!report.disk_most) return nullptr;
   return {{"scratch", report.disk_most->scratch_bytes},
           {"cache", report.disk_most->cache_bytes},
-          {"outputs", report.disk_most->output_bytes}};
+          {"outputs", report.disk_most->output_bytes},
+          {"scratch_limit", report.disk_most->scratch_limit_bytes}};
 }
 
 }  // namespace

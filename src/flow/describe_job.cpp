@@ -30,6 +30,9 @@ class OptionList {
   void add(const std::string& name, bool given) {
     if (given) options_.push_back({name, {"true"}, false});
   }
+  void add_limit(const std::string& name, const std::optional<std::uint64_t>& bytes) {
+    if (bytes) add(name, *bytes == 0 ? std::string("none") : std::to_string(*bytes));
+  }
   void add_maps(const TransferOptions& o) {
     std::vector<std::string> values, data, colours;
     for (const SourceTexture& texture : o.source_textures)
@@ -81,12 +84,10 @@ class OptionList {
     add("threads", r.threads != 0 ? std::to_string(r.threads) : std::string());
     add("cache", r.cache_dir);
     add("no-cache", !r.use_cache);
-    if (r.cache_limit_bytes) {
-      add("cache-limit",
-          *r.cache_limit_bytes == 0 ? std::string("none") : std::to_string(*r.cache_limit_bytes));
-    }
+    add_limit("cache-limit", r.cache_limit_bytes);
     add("no-wait", !r.wait_for_cache);
     add("temp", r.temp_dir);
+    add_limit("max-temp", r.max_temp_bytes);
   }
 
  private:

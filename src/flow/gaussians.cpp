@@ -356,7 +356,7 @@ class SceneJob {
     job_.meter.begin("read", 0, "Gaussians", kAfterReading);
     const runtime::Lease lease(job_.budget, scene_->prepare_bytes(),
                                "unpacking " + options_.source);
-    scene_->prepare(job_.scratch_folder, [this] { job_.meter.advance(0); });
+    scene_->prepare(job_.scratch_place(), [this] { job_.meter.advance(0); });
     job_.meter.end();
   }
 

@@ -57,6 +57,32 @@ std::uint64_t cache_limit(const Resources& resources, const std::string& cache, 
   }
 }
 
+std::uint64_t scratch_limit(const Resources& resources, const std::string& folder) {
+  if (resources.max_temp_bytes) return *resources.max_temp_bytes;
+  try {
+    return default_scratch_limit(posix_file_system(), folder);
+  } catch (const Error&) {
+    return 0;  // where nothing can be looked at nothing can be made either, and that is said then
+  }
+}
+
+/// Lets the job's scratch files take no more than --max-temp.
+void limit_scratch_files(const Resources& resources, JobContext& job) {
+  job.files = &posix_file_system();
+  job.scratch_limit_bytes = scratch_limit(resources, job.scratch_folder);
+  if (job.scratch_limit_bytes == 0) return;
+  const auto refusal = [&job] {
+    const std::uint64_t most = job.report.disk_most.value_or(DiskForecast{}).scratch_bytes;
+    return fmt::format(
+        "{}: the job's scratch files would take more than {}{}; raise the limit with --max-temp, "
+        "or name a folder with more room with --temp",
+        job.scratch_folder, runtime::format_bytes(job.scratch_limit_bytes),
+        most > 0 ? fmt::format(" (the job takes {} at most)", runtime::format_bytes(most)) : "");
+  };
+  job.own_files = limit_scratch(posix_file_system(), job.scratch_limit_bytes, refusal);
+  job.files = job.own_files.get();
+}
+
 /// How this job deals with the other users of its cache.
 store::CacheOptions cache_options(const Resources& resources, const std::string& scratch,
                                   bool rebuild, JobContext& job) {
@@ -146,16 +172,16 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   job->asks_memory = resources.memory_bytes != 0;
   hold_to_limits(*job, {kLeastBudget, "any job"}, 0);
   if (in_core) {
-    job->memory_files = make_memory_file_system();
-    job->files = job->memory_files.get();
+    job->own_files = make_memory_file_system();
+    job->files = job->own_files.get();
     job->scratch_folder = "/";
     job->stores = store::StoreFolder::make_scratch(*job->files, "/");
     job->scratch = store::StoreFolder::make_scratch(*job->files, "/");
     return job;
   }
-  job->files = &posix_file_system();
   const std::string scratch = scratch_folder(resources, output);
   job->scratch_folder = scratch;
+  limit_scratch_files(resources, *job);
   job->scratch = store::StoreFolder::make_scratch(*job->files, scratch);
   const std::string cache = !resources.use_cache          ? std::string()
                             : resources.cache_dir.empty() ? default_cache_folder()

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "core/file.h"
+#include "core/scratch_limit.h"
 #include "core/timer.h"
 #include "flow/hash_memo.h"
 #include "pounce/options.h"
@@ -77,7 +78,7 @@ struct JobContext {
   Report& report;
   StageClock clock;
   FileSystem* files = nullptr;
-  std::unique_ptr<FileSystem> memory_files;     ///< in-core runs
+  std::unique_ptr<FileSystem> own_files;        ///< in memory, or with a limit
   std::unique_ptr<HashMemo> hashes;             ///< of input files; null without a cache
   std::unique_ptr<store::StoreFolder> stores;   ///< source and target stores
   std::unique_ptr<store::StoreFolder> scratch;  ///< results; vanish with the process
@@ -87,8 +88,9 @@ struct JobContext {
   bool check_packs = false;                ///< of the cache, whole, before they are believed
   unsigned threads = 1;
   bool plan_only = false;
-  bool keeps_stores = false;            ///< stores go into the cache (of a plan: would go)
-  std::uint64_t cache_limit_bytes = 0;  ///< then: what the cache may take; 0 = no limit
+  bool keeps_stores = false;              ///< stores go into the cache (of a plan: would go)
+  std::uint64_t cache_limit_bytes = 0;    ///< then: what the cache may take; 0 = no limit
+  std::uint64_t scratch_limit_bytes = 0;  ///< of all scratch files together; 0 = no limit
   std::uint64_t tile_cap_bytes = 0;
   tbb::enumerable_thread_specific<store::Compressor> compressors;
 
@@ -102,6 +104,8 @@ struct JobContext {
   JobContext(const JobContext&) = delete;
   JobContext& operator=(const JobContext&) = delete;
 
+  /// For nameless files.
+  ScratchFolder scratch_place() const { return {files, scratch_folder}; }
   store::Compressor& compressor() { return compressors.local(); }
   /// A pack that the store has; nothing if the caller is to make it (store::StoreFolder::find).
   /// Says in progress and times when it had to wait for another process, and warns of damage.

@@ -19,11 +19,11 @@ all_of() { # COMMAND
   done
   seen=
 }
-machine=(--memory 1GiB --threads 2 --cache cache --cache-limit 1GB --no-wait)
+machine=(--memory 1GiB --threads 2 --cache cache --cache-limit 1GB --no-wait --temp . --max-temp none)
 job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' --tiles 1001 --size 8 --depth u16 --padding 2 \
   --min-coverage 1 --channels baseColor --source-texture baseColor=skin.ppm --source-material skin --source-uv-set 0 \
   --source-axes x,y,z --target-uv-set 0 --target-axes x,y,z --max-distance 1 --max-angle 70 --filter tent --source-colorspace srgb \
-  --output-colorspace srgb --allow-external "${machine[@]}" --temp . --plan
+  --output-colorspace srgb --allow-external "${machine[@]}" --plan
 job transfer source.obj target.obj -o o.png --skip-existing --no-cache --factors ignore --allow-format tga --output-for baseColor=o.exr --source-texture m=skin.ppm --data m \
   --source-texture c=skin.ppm --color c
 printf 'ocio_profile_version: 1\nsearch_path: ""\nroles: {default: lin_rec709}\ndisplays:\n  d:\n    - !<View> {name: v, colorspace: lin_rec709}\ncolorspaces:\n  - !<ColorSpace> {name: lin_rec709}\n  - !<ColorSpace> {name: film}\n' >c.ocio

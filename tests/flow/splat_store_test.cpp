@@ -31,8 +31,8 @@ struct Job {
   JobContext context;
   explicit Job(std::uint64_t budget, unsigned threads = 2, Progress* progress = nullptr)
       : run(progress), context(budget, run) {
-    context.memory_files = make_memory_file_system();
-    context.files = context.memory_files.get();
+    context.own_files = make_memory_file_system();
+    context.files = context.own_files.get();
     context.stores = store::StoreFolder::open_cache(*context.files, "/cache");
     context.scratch = store::StoreFolder::make_scratch(*context.files, "/");
     context.threads = threads;

@@ -80,7 +80,7 @@ void read(const std::string& path, const std::string& scratch) {
   if (scene->info().splats > kMostSplats) return;
   require(!commands::splats_text(commands::describe_splats(path)).empty(),
           "a scene can be described");
-  scene->prepare(scratch, [] {});
+  scene->prepare({&posix_file_system(), scratch}, [] {});
   store::SplatRows rows;
   rows.lobes = store::kMostLobes;
   store::SplatCounts filtered{};

@@ -41,7 +41,7 @@ Gaussian gaussian_of(const store::Splat& splat) {
 
 Scene read_scene(const std::string& path) {
   const auto file = io::open_splat_scene(path, Axes{});
-  file->prepare(std::filesystem::temp_directory_path().string(), [] {});
+  file->prepare({&posix_file_system(), std::filesystem::temp_directory_path().string()}, [] {});
   const io::SplatSceneInfo& info = file->info();
   store::SplatRows rows;
   rows.lobes = store::kLobesOfDegree[std::min<std::size_t>(info.sh_degree, 3)];

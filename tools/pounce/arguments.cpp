@@ -134,6 +134,10 @@ std::uint64_t parse_bytes(const std::string& option, const std::string& text) {
   return static_cast<std::uint64_t>(bytes);
 }
 
+std::uint64_t parse_limit(const std::string& option, const std::string& text) {
+  return text == "none" ? 0 : parse_bytes(option, text);
+}
+
 double parse_duration(const std::string& option, const std::string& text) {
   double value = 0;
   std::string unit;

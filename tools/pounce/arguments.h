@@ -22,6 +22,8 @@ double parse_number(const std::string& option, const std::string& text, double l
 /// An amount of memory: a number >= 1 byte with an optional unit. K, M, G, T and KiB, MiB, GiB, TiB
 /// count in 1024s; kB, MB, GB, TB in 1000s; upper and lower case are the same.
 std::uint64_t parse_bytes(const std::string& option, const std::string& text);
+/// The same, or "none": 0.
+std::uint64_t parse_limit(const std::string& option, const std::string& text);
 /// A time in seconds: a number with s, min, h, d or w.
 double parse_duration(const std::string& option, const std::string& text);
 /// "N" (square) or "WxH", each side 1..65536 texels.

@@ -187,7 +187,17 @@ void add_resource_options(CLI::App& command, Resources& resources) {
             "used longest ago makes room before anything is written; what does\n"
             "not fit is not kept. Default: a tenth of the file system",
             [&resources](const std::string& text) {
-              resources.cache_limit_bytes = text == "none" ? 0 : parse_bytes("--cache-limit", text);
+              resources.cache_limit_bytes = parse_limit("--cache-limit", text);
+            });
+  add_value(
+      command, "--temp", "DIR", group, "Folder for scratch files. Default: the output's folder",
+      [&resources](const std::string& text) { resources.temp_dir = parse_path("--temp", text); });
+  add_value(command, "--max-temp", "SIZE", group,
+            "Room on disk that scratch files may take: 10GiB, or none. A job\n"
+            "that comes to need more ends with status 5. Default: a tenth of\n"
+            "what is free there, but 1 GiB at least",
+            [&resources](const std::string& text) {
+              resources.max_temp_bytes = parse_limit("--max-temp", text);
             });
   add_switch(command, "--no-wait", group,
              "End with status 75 instead of waiting for what another process\n"

@@ -173,6 +173,8 @@ std::string plan_text(const Report& report) {
   };
   const DiskForecast disk = report.disk_most.value_or(DiskForecast{});
   add("scratch disk", disk.scratch_bytes);
+  if (disk.scratch_limit_bytes > 0)
+    text += fmt::format("scratch limit {}\n", bytes_text(disk.scratch_limit_bytes));
   add("cache", disk.cache_bytes);
   add("outputs", disk.output_bytes);
   for (const std::string& path : report.outputs)

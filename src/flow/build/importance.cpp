@@ -56,7 +56,7 @@ ImportanceCut::ImportanceCut(JobContext& job, const GaussianSource& source, cons
                                    source.read_bytes() +
                                    round_to_pages(part_rows * sizeof(std::uint64_t));
   const PageVector<std::uint64_t> costs(parts, part_bytes);
-  const auto keys = posix_file_system().create_scratch(job.scratch_folder);
+  const auto keys = job.scratch_place().create();
   first_.reserve(parts + 1);
   first_.push_back(0);
   using Keys = PageVector<std::uint64_t>;

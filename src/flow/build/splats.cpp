@@ -102,15 +102,17 @@ class SceneStore {
   void prepare() {
     if (is_prepared_) return;
     const runtime::Lease lease(job_.budget, scene_->prepare_bytes(), "unpacking " + request_.path);
-    scene_->prepare(job_.scratch_folder, [this] { job_.meter.advance(0); });
+    scene_->prepare(job_.scratch_place(), [this] { job_.meter.advance(0); });
     is_prepared_ = true;
   }
 
   bool is_mostly_far(const SplatKeep& keep) {
     prepare();
-    const runtime::Lease lease(job_.budget,
-                               io::kSampleSplats * sizeof(store::Splat) + source_.read_bytes(),
-                               "looking at " + request_.path);
+    const runtime::Lease lease(
+        job_.budget,
+        round_to_pages(std::min(count(), io::kSampleSplats) * sizeof(store::Splat)) +
+            source_.read_bytes(),
+        "looking at " + request_.path);
     const PageVector<store::Splat> sample = source_.sample();
     const auto near = static_cast<std::size_t>(
         std::count_if(sample.begin(), sample.end(), [&](const store::Splat& splat) {

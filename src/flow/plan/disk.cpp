@@ -127,4 +127,12 @@ DiskForecast DiskPlan::forecast() const {
   return forecast;
 }
 
+std::string scratch_note(const DiskForecast& disk) {
+  if (disk.scratch_limit_bytes == 0 || disk.scratch_bytes <= disk.scratch_limit_bytes) return {};
+  return fmt::format(
+      "scratch files may come to need {}, if nothing compresses, and are allowed {}: the job ends "
+      "there with an error; --max-temp allows more, --temp names another folder",
+      runtime::format_bytes(disk.scratch_bytes), runtime::format_bytes(disk.scratch_limit_bytes));
+}
+
 }  // namespace pounce::flow

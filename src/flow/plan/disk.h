@@ -34,4 +34,7 @@ class DiskPlan {
   const std::uint64_t cache_limit_bytes_;
 };
 
+/// That scratch files may come to take more than they are allowed; empty = they cannot.
+std::string scratch_note(const DiskForecast& disk);
+
 }  // namespace pounce::flow

@@ -24,7 +24,7 @@ namespace {
 
 constexpr std::array kOtherOptions = std::to_array<std::string_view>(
     {// Resources, and what is done with the result.
-     "memory", "threads", "cache", "no-cache", "cache-limit", "no-wait", "temp", "plan",
+     "memory", "threads", "cache", "no-cache", "cache-limit", "no-wait", "temp", "max-temp", "plan",
      "skip-existing", "min-coverage", "allow-external", "allow-format",
      // Which images there are; each knows its own channel and page.
      "channels", "tiles", "coverage",

@@ -73,6 +73,8 @@ void TransferPlan::make(double end) {
   }
   job_.meter.end();
   job_.report.disk_most = disk.forecast();
+  job_.report.disk_most->scratch_limit_bytes = job_.scratch_limit_bytes;
+  add_note(scratch_note(*job_.report.disk_most));
   check_all_outputs(options_, source_plan_, outputs_, inputs_);
   if (job_.plan_only) job_.report.outputs = outputs_;
   require_least(job_, least_,

@@ -36,7 +36,7 @@ class GaussianFileJob {
       : job_(job),
         source_(source),
         file_(file),
-        writer_(io::open_splat_writer(file.path, file.facts, job.scratch_folder)) {}
+        writer_(io::open_splat_writer(file.path, file.facts, job.scratch_place())) {}
 
   std::uint64_t run() {
     const runtime::Lease lease(job_.budget, cost_of(file_).fixed_bytes, "writing " + file_.path);

@@ -45,7 +45,7 @@ ImageFile::ImageFile(JobContext& job, const std::string& path, const io::ImageWr
     kept.waiting.resize(kept.row_bytes * kept.rows_together);
   }
   if (spec.has_alpha && !spec.premultiplied) row_.resize(row_bytes_of(spec, spec.width));
-  if (!kept_.empty()) scratch_ = job.files->create_scratch(job.scratch_folder);
+  if (!kept_.empty()) scratch_ = job.scratch_place().create();
 }
 
 ImageFile::ImageFile(JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec)

@@ -76,7 +76,7 @@ ModelOutput::ModelOutput(const std::string& pattern, const Plan& plan, bool allo
 }
 
 WriteFile& ModelOutput::sink(JobContext& job) {
-  if (scratch_ == nullptr) scratch_ = job.files->create_scratch(job.scratch_folder);
+  if (scratch_ == nullptr) scratch_ = job.scratch_place().create();
   return *scratch_;
 }
 

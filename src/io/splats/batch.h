@@ -57,7 +57,7 @@ class SplatIntake {
 /// A scene whose format gives batches: what is left to a format is where its values are.
 class BatchScene : public SplatScene {
  public:
-  void prepare(const std::string&, const std::function<void()>&) override {}
+  void prepare(const ScratchFolder&, const std::function<void()>&) override {}
   std::uint64_t prepare_bytes() const override { return 0; }
   void read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
             store::SplatCounts& filtered) const final;

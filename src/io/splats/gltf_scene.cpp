@@ -331,7 +331,7 @@ std::uint64_t GltfSplats::prepare_bytes() const {
   return most;
 }
 
-void GltfSplats::prepare(const std::string& folder, const std::function<void()>& poll) {
+void GltfSplats::prepare(const ScratchFolder& folder, const std::function<void()>& poll) {
   for (const auto& [view, scene] : spz_) scene->prepare(folder, poll);
 }
 

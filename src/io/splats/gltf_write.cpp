@@ -35,7 +35,7 @@ const char* type_of(std::size_t column) {
 }  // namespace
 
 GltfSplatWriter::GltfSplatWriter(const std::string& path, const SplatFileFacts& facts,
-                                 const std::string& folder)
+                                 const ScratchFolder& folder)
     : SplatWriter(path, facts, SplatOutput::glb, &folder) {
   if (facts.model == store::SplatModel::antialiased) {
     notes_.push_back(

@@ -8,7 +8,8 @@ namespace pounce::io {
 /// A .glb of one primitive of KHR_gaussian_splatting: floats, a buffer view for each accessor.
 class GltfSplatWriter : public SplatWriter {
  public:
-  GltfSplatWriter(const std::string& path, const SplatFileFacts& facts, const std::string& folder);
+  GltfSplatWriter(const std::string& path, const SplatFileFacts& facts,
+                  const ScratchFolder& folder);
   void commit(const std::function<void()>& poll) override;
 
  private:

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/splats/scene.h"
 
+#include <fmt/format.h>
+
 #include "io/splats/compressed_ply.h"
 #include "io/splats/dot_splat.h"
 #include "io/splats/format.h"
@@ -12,9 +14,28 @@
 #include "pounce/error.h"
 
 namespace pounce::io {
+namespace {
 
-std::unique_ptr<SplatScene> open_splat_scene(const std::string& path, const Axes& axes,
-                                             const std::function<void()>& poll) {
+/// Captures take 12 to 15 bytes a Gaussian in the formats that compress (SPZ, SOG), and one that
+/// repeats itself could take next to none: 7 KB would ask for 60 GiB of scratch.
+constexpr std::uint64_t kLeastBytesPerSplat = 1;
+/// Too few for harm: 60 MiB of scratch.
+constexpr std::uint64_t kUnquestionedSplats = 1 << 18;
+
+/// Throws Error(input) if a scene announces more Gaussians than its files can reasonably hold.
+void require_plausible_count(const SplatSceneInfo& info) {
+  if (info.splats <= kUnquestionedSplats) return;
+  std::uint64_t bytes = 0;
+  for (const std::string& file : info.files) bytes += posix_file_system().open(file)->size_bytes();
+  if (info.splats <= bytes / kLeastBytesPerSplat) return;
+  throw Error(ErrorKind::input,
+              fmt::format("{}: announces {} Gaussians in {} bytes, less than a byte for each; a "
+                          "capture takes more than ten. If it is not damaged, convert it to PLY",
+                          info.files.front(), info.splats, bytes));
+}
+
+std::unique_ptr<SplatScene> open_format(const std::string& path, const Axes& axes,
+                                        const std::function<void()>& poll) {
   const auto format = source_splat_format(path);
   if (!format) {
     throw Error(ErrorKind::input,
@@ -41,6 +62,15 @@ std::unique_ptr<SplatScene> open_splat_scene(const std::string& path, const Axes
       break;
   }
   throw Error(ErrorKind::input, why_not_read(path, *format));
+}
+
+}  // namespace
+
+std::unique_ptr<SplatScene> open_splat_scene(const std::string& path, const Axes& axes,
+                                             const std::function<void()>& poll) {
+  auto scene = open_format(path, axes, poll);
+  require_plausible_count(scene->info());
+  return scene;
 }
 
 PageVector<store::Splat> sample(const SplatScene& scene) {

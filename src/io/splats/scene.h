@@ -10,6 +10,7 @@
 #include "core/axes.h"
 #include "core/file.h"
 #include "core/page_pool.h"
+#include "core/scratch_limit.h"
 #include "store/blocks/splat_rows.h"
 #include "store/blocks/splat_store.h"
 
@@ -34,9 +35,9 @@ class SplatScene {
   const SplatSceneInfo& info() const { return info_; }
 
   /// To be called once before read() and sample(): formats in which a Gaussian cannot be found
-  /// without all before it are unpacked into a nameless file of `folder`. Calls `poll` often; what
+  /// without all before it are unpacked into a scratch file of `folder`. Calls `poll` often; what
   /// it throws ends the work. Throws Error(input) for damaged files, Error(storage).
-  virtual void prepare(const std::string& folder, const std::function<void()>& poll) = 0;
+  virtual void prepare(const ScratchFolder& folder, const std::function<void()>& poll) = 0;
   /// What prepare() takes while it runs.
   virtual std::uint64_t prepare_bytes() const = 0;
 

@@ -290,8 +290,8 @@ std::uint64_t SogScene::prepare_bytes() const {
          round_to_pages(palette_entries_ * 3 * lobes_);
 }
 
-void SogScene::prepare(const std::string& folder, const std::function<void()>& poll) {
-  scratch_ = posix_file_system().create_scratch(folder);
+void SogScene::prepare(const ScratchFolder& folder, const std::function<void()>& poll) {
+  scratch_ = folder.create();
   for (std::size_t k = 0; k < (has_palette_ ? kColumns : kColumns - 1); ++k)
     unpack(images_[k], folder, poll);
   unpacked_ = scratch_->reader();
@@ -299,9 +299,9 @@ void SogScene::prepare(const std::string& folder, const std::function<void()>& p
 }
 
 /// Appends the pixels that belong to Gaussians.
-void SogScene::unpack(const Image& image, const std::string& folder,
+void SogScene::unpack(const Image& image, const ScratchFolder& folder,
                       const std::function<void()>& poll) {
-  const auto blocks = posix_file_system().create_scratch(folder);
+  const auto blocks = folder.create();
   Vp8lDecoder decoder(*image.file, image.header, image.name, *blocks);
   PageVector<std::uint8_t> row(image.header.width * kPixelBytes);
   for (std::uint64_t left = info_.splats; left > 0;) {
@@ -314,8 +314,8 @@ void SogScene::unpack(const Image& image, const std::string& folder,
 }
 
 /// Entry n has its coefficients side by side: 64 entries in a row of the image.
-void SogScene::unpack_palette(const std::string& folder, const std::function<void()>& poll) {
-  const auto blocks = posix_file_system().create_scratch(folder);
+void SogScene::unpack_palette(const ScratchFolder& folder, const std::function<void()>& poll) {
+  const auto blocks = folder.create();
   Vp8lDecoder decoder(*centroids_.file, centroids_.header, centroids_.name, *blocks);
   PageVector<std::uint8_t> row(centroids_.header.width * kPixelBytes);
   palette_.resize(palette_entries_ * 3 * lobes_);

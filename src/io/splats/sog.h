@@ -22,7 +22,7 @@ class SogScene : public BatchScene {
   /// do not belong together, Error(storage).
   SogScene(const std::string& path, const Axes& axes);
 
-  void prepare(const std::string& folder, const std::function<void()>& poll) override;
+  void prepare(const ScratchFolder& folder, const std::function<void()>& poll) override;
   std::uint64_t prepare_bytes() const override;
   void decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes, SplatBatch& batch,
               const Take& take) const override;
@@ -52,8 +52,8 @@ class SogScene : public BatchScene {
   std::vector<double> numbers(const Json& part, const std::string& place, const char* key,
                               std::size_t count) const;
   Codebook codebook(const Json& part, const std::string& place, float nothing) const;
-  void unpack(const Image& image, const std::string& folder, const std::function<void()>& poll);
-  void unpack_palette(const std::string& folder, const std::function<void()>& poll);
+  void unpack(const Image& image, const ScratchFolder& folder, const std::function<void()>& poll);
+  void unpack_palette(const ScratchFolder& folder, const std::function<void()>& poll);
   void decode_row(const std::array<const std::byte*, kColumns>& row, std::size_t i,
                   std::uint32_t lobes, SplatBatch& batch) const;
 

@@ -269,9 +269,9 @@ std::uint64_t SpzScene::prepare_bytes() const {
   return most + kPieceBytes + kMostExtensionBytes;
 }
 
-void SpzScene::prepare(const std::string& folder, const std::function<void()>& poll) {
+void SpzScene::prepare(const ScratchFolder& folder, const std::function<void()>& poll) {
   if (!is_gzip_ && version_ < 4) return;
-  scratch_ = posix_file_system().create_scratch(folder);
+  scratch_ = folder.create();
   if (is_gzip_) {
     unpack_gzip(*scratch_, poll);
   } else {

@@ -26,7 +26,7 @@ class SpzScene : public BatchScene {
   SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, const Axes& axes,
            const std::function<void()>& poll);
 
-  void prepare(const std::string& folder, const std::function<void()>& poll) override;
+  void prepare(const ScratchFolder& folder, const std::function<void()>& poll) override;
   std::uint64_t prepare_bytes() const override;
   void decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes, SplatBatch& batch,
               const Take& take) const override;

@@ -74,7 +74,7 @@ class GzipWriter {
 }  // namespace
 
 SpzWriter::SpzWriter(const std::string& path, const SplatFileFacts& facts,
-                     const std::string& folder)
+                     const ScratchFolder& folder)
     : SplatWriter(path, facts, SplatOutput::spz, &folder) {
   if (facts.is_linear) {
     refuse("these colours are linear light, which SPZ cannot say; write a .glb, which can");

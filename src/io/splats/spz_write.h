@@ -9,7 +9,7 @@ namespace pounce::io {
 /// the point as the scene's extent leaves (20 at most), a byte for everything else.
 class SpzWriter : public SplatWriter {
  public:
-  SpzWriter(const std::string& path, const SplatFileFacts& facts, const std::string& folder);
+  SpzWriter(const std::string& path, const SplatFileFacts& facts, const ScratchFolder& folder);
   void commit(const std::function<void()>& poll) override;
 
  private:

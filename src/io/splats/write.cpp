@@ -110,7 +110,7 @@ void check_splat_count(const std::string& path, std::uint64_t splats, std::uint3
 }
 
 std::unique_ptr<SplatWriter> open_splat_writer(const std::string& path, const SplatFileFacts& facts,
-                                               const std::string& folder) {
+                                               const ScratchFolder& folder) {
   switch (splat_output(path).value()) {
     case SplatOutput::ply:
       return std::make_unique<SplatPlyWriter>(path, facts);
@@ -133,7 +133,7 @@ void SplatTally::add(const SplatTally& other) {
 }
 
 SplatWriter::SplatWriter(const std::string& path, const SplatFileFacts& facts, SplatOutput kind,
-                         const std::string* folder)
+                         const ScratchFolder* folder)
     : path_(path),
       facts_(facts),
       added_(kind == SplatOutput::glb ? Vec3d{} : facts.origin),
@@ -148,8 +148,7 @@ SplatWriter::SplatWriter(const std::string& path, const SplatFileFacts& facts, S
                     path_, farthest * kLastPlace));
   }
   if (folder == nullptr) return;
-  for (std::size_t k = 0; k < column_bytes_.size(); ++k)
-    files_.push_back(posix_file_system().create_scratch(*folder));
+  for (std::size_t k = 0; k < column_bytes_.size(); ++k) files_.push_back(folder->create());
 }
 
 std::uint64_t SplatWriter::row_bytes() const { return sum(column_bytes_); }

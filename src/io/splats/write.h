@@ -13,6 +13,7 @@
 #include "core/box.h"
 #include "core/file.h"
 #include "core/page_pool.h"
+#include "core/scratch_limit.h"
 #include "core/vec.h"
 #include "io/files/output_file.h"
 #include "store/blocks/splat_rows.h"
@@ -91,7 +92,7 @@ class SplatWriter {
   /// Columns of splat_columns(). With `folder` they go to nameless files there, else there is one
   /// and it goes to the file.
   SplatWriter(const std::string& path, const SplatFileFacts& facts, SplatOutput kind,
-              const std::string* folder);
+              const ScratchFolder* folder);
   /// columns[k]: where rows.splats.size() rows of column k go.
   virtual void encode_columns(const store::SplatRows& rows, std::span<std::byte* const> columns,
                               SplatTally& tally) const = 0;
@@ -120,7 +121,7 @@ class SplatWriter {
 /// Begins a file whose format its ending names; `folder` is for nameless files. Throws
 /// Error(input) where the facts cannot be said in the format.
 std::unique_ptr<SplatWriter> open_splat_writer(const std::string& path, const SplatFileFacts& facts,
-                                               const std::string& folder);
+                                               const ScratchFolder& folder);
 
 /// What a 3DGS file keeps for a standard deviation, an opacity and a colour.
 float log_sigma(float sigma);

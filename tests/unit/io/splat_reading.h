@@ -30,7 +30,7 @@ inline ReadScene read_scene(const std::string& path, std::uint32_t lobes = 0,
                             const Axes& axes = {}) {
   const auto scene = open_splat_scene(path, axes);
   const test::TempFolder scratch;
-  scene->prepare(scratch.path().string(), [] {});
+  scene->prepare({&posix_file_system(), scratch.path().string()}, [] {});
   ReadScene result;
   result.info = scene->info();
   result.rows.lobes = lobes;

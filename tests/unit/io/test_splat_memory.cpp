@@ -29,7 +29,7 @@ Memory memory_of(const std::string& path) {
   const test::Taken taken = test::taken_by([&] {
     constexpr std::uint64_t kRows = 4096;
     const auto scene = open_splat_scene(path, {});
-    scene->prepare(scratch.path().string(), [] {});
+    scene->prepare({&posix_file_system(), scratch.path().string()}, [] {});
     store::SplatRows rows;
     rows.lobes = 3;
     store::SplatCounts filtered{};

@@ -133,7 +133,7 @@ double difference(const store::Splat& a, const store::Splat& b) {
 
 store::SplatRows read_back(const TempFolder& folder, const std::string& path, std::uint32_t lobes) {
   const auto scene = open_splat_scene(path, {});
-  scene->prepare(folder.path().string(), [] {});
+  scene->prepare({&posix_file_system(), folder.path().string()}, [] {});
   store::SplatRows rows;
   rows.lobes = lobes;
   store::SplatCounts filtered{};

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What scratch files may take together: exact to the byte, free again once nobody has a file open.
+#include "core/scratch_limit.h"
+
+#include <catch2/catch.hpp>
+#include <vector>
+
+#include "pounce/error.h"
+
+using namespace pounce;
+
+namespace {
+
+void append(WriteFile& file, std::size_t bytes) {
+  const std::vector<std::byte> some(bytes, std::byte{7});
+  file.append(some);
+}
+
+}  // namespace
+
+TEST_CASE("scratch files keep to their limit together") {
+  const auto memory = make_memory_file_system();
+  const auto files = limit_scratch(*memory, 100, [] { return std::string("too much"); });
+  const ScratchFolder folder{files.get(), "/"};
+  auto first = folder.create();
+  const auto second = folder.create();
+  append(*first, 60);
+  append(*second, 40);
+  REQUIRE_THROWS_WITH(append(*second, 1), "too much");
+  CHECK(second->size_bytes() == 40);  // nothing of it
+  append(*second, 0);
+
+  auto reader = first->reader();
+  first.reset();
+  REQUIRE_THROWS_AS(append(*second, 1), Error);  // its reader still has it
+  std::vector<std::byte> read(60);
+  reader->read(0, read);
+  CHECK(read.back() == std::byte{7});
+  reader.reset();
+  append(*second, 60);
+  REQUIRE_THROWS_AS(append(*second, 1), Error);
+}
+
+TEST_CASE("files with names have no limit") {
+  const auto memory = make_memory_file_system();
+  const auto files = limit_scratch(*memory, 10, [] { return std::string("too much"); });
+  append(*files->create("/named"), 1000);
+  CHECK(memory->open("/named")->size_bytes() == 1000);
+}
+
+TEST_CASE("the limit is a tenth of what is free, a GiB at least") {
+  constexpr std::uint64_t kGiB = 1ULL << 30;
+  FileSystem& disk = posix_file_system();
+  const std::uint64_t free = disk.free_bytes("/");
+  const std::uint64_t limit = default_scratch_limit(disk, "/");
+  CHECK(limit >= kGiB);
+  if (free / 12 > kGiB) CHECK((limit > free / 12 && limit < free / 8));
+  CHECK_THROWS_AS(default_scratch_limit(disk, "/no such folder"), Error);
+}
