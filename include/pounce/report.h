@@ -60,8 +60,13 @@ struct TargetReport {
   /// Over its pages (material and UDIM tile), of the first channel of each that was not kept.
   TexelCounts counts;
   std::uint64_t overlapping = 0;  ///< texels that more than one triangle claims
-  double max_distance = 0;        ///< in the target's units
-  DistanceCounts distances{};     ///< of the same texels
+  /// counts.texels over all texels of the same images, the charts' and those between them.
+  double fill = 0;
+  /// The edge of a square texel that covers as much surface as the target's do on average, in its
+  /// units. Nothing where not all pages were made.
+  std::optional<double> texel_size;
+  double max_distance = 0;     ///< in the target's units
+  DistanceCounts distances{};  ///< of the same texels
   /// 0..1. Splat scenes: does the scene lie at this target's surface? Below 0.5 it hardly does.
   /// Meshes: how near the source lies, over how near it would where the target is moved to fit
   /// best: 1 where no move is much better. Nothing where nothing was projected.
@@ -123,6 +128,8 @@ struct Report {
   std::vector<StageTime> stages;
   std::vector<NodeReport> nodes;  ///< of the projection, in their order
 
+  /// What was subtracted from all positions (scans at map coordinates, docs/decisions/042), else 0.
+  std::array<double, 3> origin{};
   std::string method;  ///< of a transfer: "surface", "gaussian"; "" for the other commands
   std::string filter;  ///< of a mesh's surface: "tent", "cubic", "sharp"; else ""
   /// Of a mesh's texels as Gaussians: standard deviation in texels; 0: no such thing was made.
@@ -137,6 +144,8 @@ struct Report {
   /// tilted ellipsoids that make a picture together (0, captures)? Each kind is blended by its own
   /// rule. 0 for meshes.
   double discness = 0;
+  /// Splats: the median of the Gaussians' largest standard deviations, in the target's units.
+  double gaussian_size = 0;
   std::uint64_t images_decoded = 0;
 
   std::uint64_t target_texels = 0;       ///< texels of the target's charts, over all images

@@ -79,6 +79,8 @@ Json targets_json(const Report& report) {
     json["path"] = target.path;
     add_counts(target.counts, json);
     json["overlapping"] = target.overlapping;
+    json["fill"] = target.fill;
+    json["texel_size"] = target.texel_size ? Json(*target.texel_size) : Json(nullptr);
     json["enough"] = target.enough;
     json["max_distance"] = target.max_distance;
     json["distances"] = target.distances;
@@ -129,10 +131,12 @@ std::string to_json(const Report& report) {
   for (const auto& [reason, count] : report.source_filtered) filtered[reason] = count;
   json["method"] = report.method;
   json["filter"] = report.filter;
-  json["source"] = {{"gaussians", report.source_gaussians},   {"filtered", filtered},
-                    {"sigma", report.sigma_texels},           {"densify", report.densify},
-                    {"depth_window", report.depth_window},    {"discness", report.discness},
-                    {"images_decoded", report.images_decoded}};
+  json["origin"] = report.origin;
+  json["source"] = {
+      {"gaussians", report.source_gaussians},  {"filtered", filtered},
+      {"sigma", report.sigma_texels},          {"densify", report.densify},
+      {"depth_window", report.depth_window},   {"discness", report.discness},
+      {"gaussian_size", report.gaussian_size}, {"images_decoded", report.images_decoded}};
   json["target"] = {{"texels", report.target_texels},
                     {"covered", report.target_covered},
                     {"filled", report.target_filled},

@@ -123,6 +123,7 @@ class MeshJob {
         place_mesh(options_.source, transfer.source_use, "source", options_.allow_external);
     mesh_ = std::move(placed.mesh);
     file_.facts.origin = placed.origin;
+    job_.report.origin = {placed.origin.x, placed.origin.y, placed.origin.z};
     if (placed.origin != Vec3d{})
       job_.report.notes.push_back(origin_note(options_.source, placed.origin));
     refuse_scene_options(options_);  // now that it is known to be a mesh

@@ -115,6 +115,7 @@ class MapsJob {
         place_mesh(options_.target, options_.target_use, "target", options_.allow_external);
     target_ = std::move(placed.mesh);
     origin_ = placed.origin;
+    job_->report.origin = {origin_.x, origin_.y, origin_.z};
     if (origin_ != Vec3d{}) {
       job_->report.notes = {origin_note(options_.target, origin_),
                             positions_note(origin_, Depth::float32)};

@@ -16,6 +16,7 @@
 #include <optional>
 
 #include "flow/load_mesh.h"
+#include "source/splat_shapes.h"
 
 namespace pounce::flow {
 namespace {
@@ -27,6 +28,10 @@ constexpr std::uint64_t kFewPercent = 50;  // below that a result is hardly what
 /// Below that a scene may be another object's, although it is not known to be: of pairs that belong
 /// together nearly all have more (docs/decisions/026-evidence.md).
 constexpr double kSureFit = 0.9;
+/// UVs that use less of their images are hardly meant so: by Smart UV on hulls of captures 0.006 to
+/// 0.14, packed charts of models 0.3 to 0.9.
+constexpr double kLittleFill = 0.15;
+constexpr std::uint32_t kLeastSize = 256, kLargestSize = 16384;  // that are proposed
 /// A mesh whose texels nearly all find it so near, as a part of the target's size, lies at the
 /// target (docs/decisions/016-little-found.md).
 constexpr double kAtSurface = 0.004;
@@ -173,6 +178,9 @@ void TargetTally::add_page(std::size_t pass, std::uint32_t page, std::uint64_t t
     image.state = covered == 0 ? "empty" : "not written";
     image.counts = {texels, covered, texels - covered, 0};
     if (page_states_[page] == PageState::unseen) {
+      image_texels_ += std::uint64_t{image.width} * image.height;
+      ++pages_counted_;
+      longest_edge_ = std::max({longest_edge_, image.width, image.height});
       first_counted_ = c;
       page_states_[page] = covered == 0 ? PageState::empty : PageState::found;
     }
@@ -225,7 +233,39 @@ void TargetTally::finish(const Box3f& source) {
   }
   if (counts.covered > 0) warn_of_empty_pages();
   if (counts.texels > 0 || !any_kept()) warn_of_little(source);
+  warn_of_waste();
   target().enough = has_enough();
+}
+
+void TargetTally::spreads(double area) {
+  const TexelCounts& counts = target().counts;
+  if (counts.texels == 0) return;
+  target().fill = static_cast<double>(counts.texels) / static_cast<double>(image_texels_);
+  if (pages_counted_ == target_.pages.size() && options_.tiles.empty() && area > 0)
+    target().texel_size = std::sqrt(area / static_cast<double>(counts.texels));
+}
+
+/// A scene's details need texels as large as its Gaussians, and UVs that use their images.
+void TargetTally::warn_of_waste() {
+  const TargetReport& entry = target();
+  const bool is_part = !options_.onto.empty() || !options_.target_use.meshes.empty() ||
+                       !options_.target_use.materials.empty();
+  if (entry.fill > 0 && entry.fill < kLittleFill && !is_part) {
+    warn(fmt::format(
+        "its UVs use {:.2g} % of the images ({} of {} texels): pack their charts more tightly "
+        "(Blender: UV > Pack Islands, with a small margin)",
+        100 * entry.fill, entry.counts.texels, image_texels_));
+  }
+  const double ratio =
+      report_.gaussian_size > 0 && entry.texel_size ? *entry.texel_size / report_.gaussian_size : 0;
+  if (ratio <= source::kFineSizes) return;
+  std::uint32_t edge = kLeastSize;
+  const double wanted = longest_edge_ * ratio / source::kFineSizes;
+  while (edge < wanted && edge < kLargestSize) edge *= 2;
+  report_.notes.push_back(fmt::format(
+      "{}: a texel is {:.1f} times as large as the scene's Gaussians are (median): what is finer "
+      "is averaged; --size {} shows more",
+      entry.path, ratio, edge));
 }
 
 bool TargetTally::any_kept() const {

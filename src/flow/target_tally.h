@@ -71,6 +71,7 @@ class TargetTally {
   bool is_doubtful() const;
   void warn_of_doubt(const std::string& places);
   void warn_of_pose();
+  void warn_of_waste();
   void warn_of_opposed();
   void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }
 
@@ -86,6 +87,9 @@ class TargetTally {
   enum class PageState : std::uint8_t { unseen, empty, found };
   static constexpr std::size_t kNone = SIZE_MAX;
   std::vector<PageState> page_states_;
+  std::uint64_t image_texels_ = 0;  ///< of the images that are counted
+  std::size_t pages_counted_ = 0;
+  std::uint32_t longest_edge_ = 0;  ///< of these images
   std::vector<bool> page_vectorized_;
   std::uint32_t page_ = 0;             ///< that was added last
   std::size_t page_begin_ = 0;         ///< images of the page that was added last begin here

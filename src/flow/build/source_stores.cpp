@@ -138,6 +138,7 @@ void SourceStores::build_splats(double end) {
   const store::SplatDirectory& scene = splats_->store().directory();
   job_.report.depth_window = kWindowOverNoise * scene.surface_noise;
   job_.report.discness = source::discness(scene.roundness, scene.thickness);
+  job_.report.gaussian_size = scene.typical_size;
   count_splats(cached);
 }
 

@@ -364,6 +364,7 @@ void TransferPlan::read_source() {
   source_ = std::move(placed.mesh);
   source_files_ = source_.files;
   origin_ = placed.origin;
+  job_.report.origin = {origin_.x, origin_.y, origin_.z};
   add_warnings(source_.warnings);
   for (const std::string& note : source_.notes) add_note(note);
   add_note(origin_note(path, origin_));
