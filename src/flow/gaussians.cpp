@@ -316,7 +316,7 @@ class SceneJob {
 
   /// What a transfer leaves out since it lies far away from all the rest is of no use to anybody.
   store::SplatLattice lattice(const SceneGaussians& source, const SplatKeep& keep) const {
-    const runtime::Lease lease(job_.budget, kept_sample_bytes(source.read_bytes()),
+    const runtime::Lease lease(job_.budget, kept_sample_bytes(source.count(), source.read_bytes()),
                                "looking at " + options_.source);
     return store::SplatLattice(kept_sample(source, keep));
   }
@@ -346,7 +346,7 @@ class SceneJob {
     const std::uint64_t writing =
         write_gaussians_least_bytes(file, source.count(), source.read_bytes());
     const std::uint64_t preparing = scene_->prepare_bytes();
-    const std::uint64_t looking = kept_sample_bytes(source.read_bytes());
+    const std::uint64_t looking = kept_sample_bytes(source.count(), source.read_bytes());
     if (preparing > std::max(looking, writing)) return {preparing, "unpacking " + options_.source};
     if (looking > writing) return {looking, "looking at " + options_.source};
     return {writing, "writing " + options_.output};

@@ -83,7 +83,7 @@ struct JobContext {
   std::unique_ptr<store::StoreFolder> stores;   ///< source and target stores
   std::unique_ptr<store::StoreFolder> scratch;  ///< results; vanish with the process
   ScratchUse scratch_use;
-  std::string scratch_folder;              ///< for other nameless files
+  std::string scratch_folder;              ///< of all nameless files
   std::vector<std::string> cache_folders;  ///< where the cache keeps packs; none without one
   bool check_packs = false;                ///< of the cache, whole, before they are believed
   unsigned threads = 1;

@@ -75,6 +75,7 @@ void raster_triangle(const std::array<Vec2d, 3>& corners, const TexelWindow& win
   const double lowest_y = std::min({a.y, b.y, c.y}), highest_y = std::max({a.y, b.y, c.y});
   const auto first_x = std::max(window.x0, static_cast<std::int64_t>(std::ceil(lowest_x)));
   const auto last_x = std::min(window.x1 - 1, static_cast<std::int64_t>(std::floor(highest_x)));
+  if (first_x > last_x) return;  // beside the window: no range to guess in
   const auto first_y = std::max(window.y0, static_cast<std::int64_t>(std::ceil(lowest_y)));
   const auto last_y = std::min(window.y1 - 1, static_cast<std::int64_t>(std::floor(highest_y)));
 

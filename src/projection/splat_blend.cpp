@@ -47,6 +47,10 @@ namespace pounce::projection {
 namespace {
 
 constexpr float kLeastWindow = 0.5F;  // texels
+/// A texel whose surface lies as far away as it looks is e^-0.5 as sure.
+constexpr double kDoubtFarAway = 0.5;
+/// What rounding leaves of the variance of one colour, at most.
+constexpr double kNoVariance = 1e-6;
 /// Responses that a packet keeps between the passes.
 constexpr std::size_t kMostKept = 2048;
 
@@ -76,7 +80,7 @@ void for_looks(const SplatLimits& limits, const SplatState& state, std::size_t f
 template <class Use>
 void for_packets(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
                  const SplatState& state, const GoOn& go_on, Use use) {
-  SplatCandidates candidates;
+  SplatCandidates candidates(source::count_of(sets));
   const std::size_t looks = looks_of(limits);
   for (const target::PacketGroup& group : state.groups) {
     const RayBundle all =
@@ -131,6 +135,13 @@ class Responses {
 
 void ignore(std::span<const SplatResponse>) {}
 
+/// As the kernel, and keeps what outlives the profile.
+void find_surface(const SplatLimits& limits, const SplatKernels& kernels, ProfilePacket& profile,
+                  DepthPacket& depths) {
+  kernels.find_surface(limits, profile, depths);
+  std::copy_n(profile.bins[kProfileBins - 1], kLanes, depths.passed);
+}
+
 DepthPacket start_of(const SplatLimits& limits, const TexelPacket& packet) {
   DepthPacket depths{};
   for (int lane = 0; lane < kLanes; ++lane) {
@@ -153,7 +164,7 @@ void start(const SplatLimits& limits, SplatState& state) {
   state.depths.reserve(looks);
   state.bundles.clear();
   state.bundles.reserve(looks);
-  state.profiles.assign(looks, ProfilePacket{});
+  state.profiles.clear();
   for_looks(limits, state, 0, state.packets.size(), [&](const Look& look) {
     state.depths.push_back(start_of(limits, look.packet));
     state.bundles.push_back(bundle_of(look.packet));
@@ -175,13 +186,13 @@ void blend_whole(SplatSets sets, const SplatLimits& limits, const SplatKernels& 
                  SplatState& state, const GoOn& go_on) {
   Responses responses(limits, kernels, state);
   const auto blend = [&](const Look& look, const SplatCandidates& near) {
-    ProfilePacket& profile = state.profiles[look.at];
+    ProfilePacket profile{};
     DepthPacket& depths = state.depths[look.at];
     const auto sum = [&](std::span<const SplatResponse> some) {
       kernels.accumulate(some, look.packet, profile, limits, depths);
     };
     const bool kept = responses.run(look, near, &profile, ignore);
-    kernels.find_surface(limits, profile, depths);
+    find_surface(limits, kernels, profile, depths);
     if (kept) {
       sum(responses.kept());
     } else {
@@ -193,6 +204,7 @@ void blend_whole(SplatSets sets, const SplatLimits& limits, const SplatKernels& 
 
 void profile_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
                    SplatState& state, const GoOn& go_on) {
+  state.profiles.resize(state.depths.size());
   Responses responses(limits, kernels, state);
   const auto profile = [&](const Look& look, const SplatCandidates& near) {
     responses.run(look, near, &state.profiles[look.at], ignore);
@@ -202,7 +214,7 @@ void profile_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels
 
 void find_surfaces(const SplatLimits& limits, const SplatKernels& kernels, SplatState& state) {
   for (std::size_t i = 0; i < state.depths.size(); ++i)
-    kernels.find_surface(limits, state.profiles[i], state.depths[i]);
+    find_surface(limits, kernels, state.profiles[i], state.depths[i]);
 }
 
 void sum_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
@@ -225,8 +237,7 @@ std::optional<SplatFinding> found_along(const SplatLimits& limits, const SplatSt
   const auto weight = static_cast<double>(depths.weight[lane]);
   if (weight <= 0) return std::nullopt;
   SplatFinding out;
-  const double passed = state.profiles[look].bins[kProfileBins - 1][lane];
-  out.opacity = 1 - exp_same(-passed / double{kSplatSteps});
+  out.opacity = 1 - exp_same(-depths.passed[lane] / double{kSplatSteps});
   if (out.opacity < least) return std::nullopt;
   for (std::size_t c = 0; c < 3; ++c)
     out.colour[c] = std::clamp(static_cast<double>(depths.colour[c][lane]) / weight, 0.0, 1.0);
@@ -242,7 +253,7 @@ std::optional<SplatFinding> found_along(const SplatLimits& limits, const SplatSt
 std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState& state,
                                     std::size_t packet, int lane) {
   const std::size_t own = packet * looks_of(limits);
-  std::optional<SplatFinding> out = found_along(limits, state, own, lane, limits.least_opacity);
+  std::optional<SplatFinding> out = found_ahead(limits, state, packet, lane);
   if (!out || limits.rays == 0) return out;
   double weights = out->opacity;
   for (double& c : out->colour) c *= weights;
@@ -261,17 +272,15 @@ void count_distances(const SplatLimits& limits, const SplatState& state, Distanc
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
       if (state.packets[p].texel[lane] == target::kNoTexel) continue;
-      if (const auto found =
-              found_along(limits, state, p * looks_of(limits), lane, limits.least_opacity)) {
+      if (const auto found = found_ahead(limits, state, p, lane))
         count_distance(static_cast<float>(std::abs(found->distance)), limits.reach, counts);
-      }
     }
   }
 }
 
 std::uint64_t SplatState::scratch_bytes(std::uint64_t splats) {
-  return splats * SplatCandidates::kBytes + round_to_pages(kMostKept * sizeof(SplatResponse)) +
-         8 * kPageBytes;
+  return splats * SplatCandidates::kBytes + SplatCandidates::kFixedBytes +
+         round_to_pages(kMostKept * sizeof(SplatResponse));
 }
 
 }  // namespace pounce::projection

@@ -20,15 +20,18 @@ struct SplatState {
   // One per packet, or with further rays a row of 1 + limits.rays: along the normals, then these.
   PageVector<RayBundle> bundles;
   PageVector<DepthPacket> depths;
-  PageVector<ProfilePacket> profiles;
+  PageVector<ProfilePacket> profiles;  ///< only of Gaussians that come batch by batch
   std::vector<target::PacketGroup> groups;
 
-  /// With so many rays beside each texel's normal.
+  /// With so many rays beside each texel's normal, but for the profiles.
   static std::uint64_t most_bytes(std::uint64_t packets, std::uint64_t rays) {
     const std::uint64_t looks = packets * (1 + rays);
     return round_to_pages(packets * sizeof(TexelPacket)) +
            round_to_pages(looks * sizeof(RayBundle)) + round_to_pages(looks * sizeof(DepthPacket)) +
-           round_to_pages(looks * sizeof(ProfilePacket)) + packets * sizeof(target::PacketGroup);
+           packets * sizeof(target::PacketGroup);
+  }
+  static std::uint64_t profile_bytes(std::uint64_t packets, std::uint64_t rays) {
+    return round_to_pages(packets * (1 + rays) * sizeof(ProfilePacket));
   }
   /// What blending holds beside the state and the sets, for so many Gaussians in a batch.
   static std::uint64_t scratch_bytes(std::uint64_t splats);

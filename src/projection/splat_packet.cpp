@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "projection/splat_packet.h"
 
+#include <algorithm>
+
 #include "projection/hit_packet.h"
 
 namespace pounce::projection {
@@ -22,13 +24,19 @@ const SplatKernels& splat_kernels(const std::string& isa) {
                             : sse2::kSplatKernels;
 }
 
+SplatCandidates::SplatCandidates(std::size_t most) : most_((most + kLanes - 1) / kLanes * kLanes) {}
+
 void SplatCandidates::add(const source::SplatSet& set, std::size_t i) {
   if (count_ == radius_.size()) {
-    const std::size_t room = count_ == 0 ? 64 * kLanes : 2 * count_;
-    for (auto& axis : centre_) axis.resize(room);
-    radius_.resize(room);
-    for (auto& column : covariance_) column.resize(room);
-    shapes_.resize(room);
+    const std::size_t room = std::min(count_ + std::max(count_, 64UL * kLanes), most_);
+    const auto grow = [room](auto& column) {
+      column.reserve(room);  // no more: resize() alone doubles what there is
+      column.resize(room);
+    };
+    for (auto& axis : centre_) grow(axis);
+    grow(radius_);
+    for (auto& column : covariance_) grow(column);
+    grow(shapes_);
   }
   const source::SplatSpheres& spheres = set.levels[0];
   for (std::size_t k = 0; k < 3; ++k) centre_[k][count_] = spheres.centre[k][i];

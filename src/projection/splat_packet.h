@@ -9,6 +9,7 @@
 #include <span>
 #include <string>
 
+#include "core/page_pool.h"
 #include "core/ray_bundle.h"
 #include "source/splat_set.h"
 #include "target/target_block.h"
@@ -79,6 +80,8 @@ struct alignas(64) DepthPacket {
   std::int64_t weight[kLanes];     ///< sums of weights, in steps
   std::int64_t colour[3][kLanes];  ///< of weight x colour
   std::int64_t depth[kLanes];      ///< of weight x place in the profile, 0..1
+  std::int32_t passed[kLanes];     ///< what the profile has from the anchor on
+  std::int64_t square[kLanes];     ///< of weight x squared colour, all channels, each at most 1
   float footprint = 0;             ///< of the packet's largest texel: footprint_of()
   unsigned used = 0;               ///< bit per lane
 };
@@ -109,6 +112,8 @@ struct alignas(64) ProfilePacket {
 /// Gaussians that a group of packets may meet, in arrays: their spheres and covariances.
 class SplatCandidates {
  public:
+  /// No more than `most` will be added.
+  explicit SplatCandidates(std::size_t most);
   void clear() { count_ = 0; }
   std::size_t size() const { return count_; }
   void add(const source::SplatSet& set, std::size_t i);
@@ -118,11 +123,13 @@ class SplatCandidates {
   const float* radius(std::size_t i) const { return radius_.data() + i; }
   const float* covariance(std::size_t c, std::size_t i) const { return covariance_[c].data() + i; }
   const source::SplatShape& shape(std::size_t i) const { return *shapes_[i]; }
-  /// Bytes per Gaussian, at most.
-  static constexpr std::uint64_t kBytes = 2 * (10 * sizeof(float) + sizeof(void*));
+  /// Bytes per Gaussian, with one of the arrays there twice while it grows, and of whole pages and
+  /// registers beside them.
+  static constexpr std::uint64_t kBytes = 10 * sizeof(float) + 2 * sizeof(void*);
+  static constexpr std::uint64_t kFixedBytes = 12 * kPageBytes;
 
  private:
-  std::size_t count_ = 0;
+  std::size_t most_ = 0, count_ = 0;
   std::array<PageVector<float>, 3> centre_;
   PageVector<float> radius_;
   std::array<PageVector<float>, 6> covariance_;

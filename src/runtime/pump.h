@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -16,6 +17,12 @@
 
 namespace pounce::runtime {
 
+/// So many for each thread of the arena. More would not run any sooner, only push each other out of
+/// the processor's caches.
+inline std::size_t works_at_once(std::size_t per_thread = 3) {
+  return per_thread * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+}
+
 /// Feeds work into a graph while its bytes fit the budget: in order, first come first served. Never
 /// blocks a thread, so it works with one; counting messages instead of bytes would be no bound
 /// (docs/decisions/002). `put` hands a work's index to the graph's first node and may run the node
@@ -25,7 +32,7 @@ template <class Put>
 class Pump {
  public:
   Pump(MemoryBudget& budget, std::span<const std::uint64_t> costs, std::string what, Put put,
-       std::size_t most_at_once = few_per_thread())
+       std::size_t most_at_once = works_at_once())
       : budget_(budget),
         costs_(costs),
         what_(std::move(what)),
@@ -33,15 +40,11 @@ class Pump {
         most_at_once_(most_at_once) {}
 
   /// After an error, what was under way gives its leases back.
-  ~Pump() { budget_.release(held_); }
+  ~Pump() {
+    for (const auto& [work, bytes] : leases_) budget_.release(bytes);
+  }
   Pump(const Pump&) = delete;
   Pump& operator=(const Pump&) = delete;
-
-  /// More works at once would not run any sooner, only push each other out of the processor's
-  /// caches.
-  static std::size_t few_per_thread() {
-    return 3 * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
-  }
 
   /// At the start, and after every release.
   void admit() {
@@ -49,9 +52,9 @@ class Pump {
       std::size_t work;
       {
         const std::lock_guard lock(mutex_);  // also the order of leases
-        if (next_ == costs_.size() || at_once_ == most_at_once_) return;
+        if (next_ == costs_.size() || leases_.size() == most_at_once_) return;
         if (!budget_.try_lease(costs_[next_])) {
-          if (at_once_ == 0) throw too_small(budget_, costs_[next_], what_);
+          if (leases_.empty()) throw too_small(budget_, costs_[next_], what_);
           if (!stalled_since_) ++stalls_.count, stalled_since_ = Clock::now();
           return;
         }
@@ -59,8 +62,7 @@ class Pump {
           stalls_.seconds += std::chrono::duration<double>(Clock::now() - *stalled_since_).count();
           stalled_since_.reset();
         }
-        held_ += costs_[next_];
-        ++at_once_;
+        leases_[next_] = costs_[next_];
         work = next_++;
       }
       put_(work);  // outside the lock
@@ -70,11 +72,27 @@ class Pump {
     {
       // Under the lock: who sees that nothing is under way sees its bytes free, too.
       const std::lock_guard lock(mutex_);
-      --at_once_;
-      held_ -= costs_[work];
-      budget_.release(costs_[work]);
+      const auto lease = leases_.find(work);
+      budget_.release(lease->second);
+      leases_.erase(lease);
     }
     admit();
+  }
+  /// A work that is under way knows what it needs, itself and no more: less than it cost, or more
+  /// if that can be had. Returns what it has from now on.
+  std::uint64_t resize(std::size_t work, std::uint64_t bytes) {
+    {
+      const std::lock_guard lock(mutex_);
+      std::uint64_t& lease = leases_.at(work);
+      if (bytes >= lease) {
+        if (budget_.try_lease(bytes - lease)) lease = bytes;
+        return lease;
+      }
+      budget_.release(lease - bytes);
+      lease = bytes;
+    }
+    admit();
+    return bytes;
   }
 
   /// Works that had to wait for memory, and for how long.
@@ -93,8 +111,8 @@ class Pump {
   Put put_;
   const std::size_t most_at_once_;
   std::mutex mutex_;  ///< guards what follows
-  std::size_t next_ = 0, at_once_ = 0;
-  std::uint64_t held_ = 0;  ///< bytes of the leases of the works under way
+  std::size_t next_ = 0;
+  std::map<std::size_t, std::uint64_t> leases_;  ///< bytes of each work under way
   Stalls stalls_;
   std::optional<Clock::time_point> stalled_since_;  ///< the next work waits for memory
 };

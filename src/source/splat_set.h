@@ -68,6 +68,13 @@ struct SplatSet {
   static std::uint64_t most_bytes(std::uint64_t splats, std::uint32_t lobes);
 };
 
+/// Gaussians of all these sets.
+inline std::size_t count_of(std::span<const SplatSet* const> sets) {
+  std::size_t count = 0;
+  for (const SplatSet* set : sets) count += set->shapes.size();
+  return count;
+}
+
 /// A texel of unit normal n is looked at from the hemisphere around n. `normal`: from n itself.
 /// `mean`: from everywhere, by cosine, which is `normal` with the coefficients of degree 1 times
 /// 2/3, degree 2 times 1/4 and degree 3 times 0: a clamped cosine's share of each degree.

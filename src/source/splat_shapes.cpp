@@ -52,10 +52,7 @@ float median_size(std::span<const store::Splat> splats) {
   return median(figures);
 }
 
-float fine_edge(float size) {
-  constexpr float kFineSizes = 1.75F;
-  return kFineSizes * size;
-}
+float fine_edge(float size) { return kFineSizes * size; }
 
 float discness(float roundness, float thickness) {
   constexpr float kNeedles = 0.45F, kRound = 0.7F;  // of roundness

@@ -20,6 +20,10 @@ float quartile_thickness(std::span<const store::Splat> splats);
 /// none.
 float median_size(std::span<const store::Splat> splats);
 
+/// A texel is fine beside Gaussians as long as its edge is at most this many times their median
+/// size (docs/decisions/035-coarse-splats.md).
+inline constexpr float kFineSizes = 1.75F;
+
 /// The longest edge of a texel that is fine beside Gaussians of that median size
 /// (docs/decisions/035-coarse-splats.md).
 float fine_edge(float size);

@@ -41,9 +41,14 @@ Place place_on(const mesh::Mesh& mesh, const std::array<std::uint32_t, 3>& corne
 
 }  // namespace
 
+double surface_area(const mesh::Mesh& mesh) {
+  double area = 0;
+  for (const auto& corners : mesh.triangles) area += Triangle(mesh, corners).area;
+  return area;
+}
+
 std::vector<Place> strew(const mesh::Mesh& mesh, std::size_t count) {
-  double all = 0;
-  for (const auto& corners : mesh.triangles) all += Triangle(mesh, corners).area;
+  const double all = surface_area(mesh);
   std::vector<Place> places;
   if (!(all > 0) || !std::isfinite(all)) return places;
   places.reserve(count);

@@ -28,6 +28,9 @@ inline constexpr std::size_t kStrewnPlaces = 448;
 /// whatever its UVs. Nothing if it has no area.
 std::vector<Place> strew(const mesh::Mesh& mesh, std::size_t count = kStrewnPlaces);
 
+/// Of all triangles, in the mesh's units squared.
+double surface_area(const mesh::Mesh& mesh);
+
 /// Appends a packet for each place, and a group, since places lie far apart: the first lane looks
 /// for it as a texel of this edge. Place i is in block i.
 void make_packets(std::span<const Place> places, float edge, PageVector<TexelPacket>& packets,

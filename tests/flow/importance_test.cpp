@@ -40,6 +40,7 @@ TEST_CASE("a wish to stop is heard while the most important Gaussians are looked
   };
   JobRun run(&progress);
   JobContext job(64 << 20, run);
+  job.files = &posix_file_system();
   job.scratch_folder = folder.path().string();
   const SlowSource source;
   job.meter.begin("count", source.count(), "Gaussians", 1);

@@ -91,6 +91,19 @@ job 0 transfer plane.obj plane.obj -o p.png --source-mesh one --target-material 
 job 0 transfer $source $target -o q.png --onto a.png --mask covered.png
 job 0 transfer $source $target head/head_other.glb -o 'r_<TARGET>.png' --size 64
 job 0 transfer $source $target -o a.png --size 96 --skip-existing
+# A format that must be allowed, a file name for one channel, maps of a set by one tile's name, factors of one kind,
+# alpha in a model, scans at map coordinates, targets that do not fit.
+{ printf '\0\0\2\0\0\0\0\0\0\0\0\0\10\0\10\0\30\40' && head -c 192 /dev/zero | tr '\0' 'q'; } >skin.tga
+job 3 transfer plane.obj $target -o x.png --source-texture baseColor=skin.tga --size 64
+job 0 transfer plane.obj $target -o x.png --source-texture baseColor=skin.tga --allow-format tga --size 64 --no-cache
+job 0 transfer $source $target -o 'y_<CHANNEL>.png' --bake normal,height --output-for 'height=y_<CHANNEL>.exr' --size 64 --no-cache
+job 0 transfer tiles.obj plane.obj -o o.png --source-texture baseColor=n.1001.tif --size 64 --no-cache
+job 0 transfer $source $target -o q.png --factors textures --size 64 --no-cache
+job 0 transfer splats/scene.ply splats/scene_target.glb -o q.glb --alpha --size 64 --no-cache
+awk '/^v /{printf "v %.4f %.4f %s\n", $2 + 448250, $3 + 5411900, $4; next} {print}' plane.obj >map.obj
+job 0 transfer map.obj map.obj -o q.png --size 64 --no-cache
+awk '/^v /{printf "v %s %s %s\n", $2 * 100, $3 * 100, $4 * 100; next} {print}' plane.obj >large.obj
+job 0 transfer plane.obj large.obj -o q.png --size 64 --no-cache
 # Splats; the other commands.
 job 0 transfer splats/scene.ply splats/scene_target.glb -o s.png --size 64 --cache cold
 job 0 transfer splats/scene.ply splats/scene_target.glb -o t.exr --size 64 --cache cold --threads 3

@@ -356,7 +356,8 @@ void add_splat_options(CLI::App& command, TransferOptions& options) {
              "Write how opaque the scene is at each texel as the image's alpha", options.alpha);
   add_value(command, "--min-confidence", "C", group,
             "Leave texels empty that are less sure than this, 0 to 1: how opaque\n"
-            "the surface is, times how well the scene lies at the target. 0: show\n"
+            "the surface is, less where colours along the normal differ or it lies\n"
+            "far away, times how well the scene lies at the target. 0: show\n"
             "whatever is there. Default: 0.01",
             [&options](const std::string& text) {
               options.min_confidence = parse_number("--min-confidence", text, 0, 1);
@@ -427,11 +428,6 @@ Command add_transfer_command(CLI::App& program) {
   add_external_option(*command, "Target", options.allow_external);
   add_format_option(*command, "Source", options.allowed_formats);
   add_resource_options(*command, options.resources);
-  add_value(*command, "--temp", "DIR", "Machine (the result does not depend on these)",
-            "Folder for scratch files. Default: the output's folder",
-            [&options](const std::string& text) {
-              options.resources.temp_dir = parse_path("--temp", text);
-            });
   add_job_options(*command, settings->job);
   add_switch(*command, "--plan", "What is said",
              "Print least memory, disk and files; do and write nothing", settings->job.plan_only);

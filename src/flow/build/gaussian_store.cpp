@@ -55,15 +55,17 @@ std::uint64_t run_bytes(std::uint64_t read_bytes, std::uint64_t splats, std::uin
 
 /// One block on its way through the pipeline: Gaussians, columns, encoded and compressed.
 std::uint64_t token_bytes(std::uint32_t lobes) {
+  constexpr std::uint64_t kScratch = 128 << 10;  // a column, what is asked about noise, rounding
   return round_to_pages(kMostSplatsPerBlock * sizeof(Splat)) +
          round_to_pages(kMostSplatsPerBlock * store::lobe_bytes(lobes)) +
-         4 * SplatBlock::decoded_bytes(kMostSplatsPerBlock, true, lobes);
+         3 * SplatBlock::decoded_bytes(kMostSplatsPerBlock, true, lobes) + kScratch;
 }
 
-/// The merge's own: the Gaussians of two blocks and their keys.
+/// The merge's own: the Gaussians of two blocks and their keys, and a chunk of a run.
 std::uint64_t pending_bytes(std::uint32_t lobes) {
-  return 3 * round_to_pages(kMostSplatsPerBlock *
-                            (sizeof(Splat) + store::lobe_bytes(lobes) + sizeof(std::uint64_t)));
+  return 2 * round_to_pages(kMostSplatsPerBlock *
+                            (sizeof(Splat) + store::lobe_bytes(lobes) + sizeof(std::uint64_t))) +
+         SplatRunWriter::write_bytes(lobes);
 }
 
 class StoreBuilder {
@@ -98,7 +100,7 @@ class StoreBuilder {
 };
 
 SplatLattice StoreBuilder::make_lattice() {
-  const runtime::Lease lease(job_.budget, kept_sample_bytes(source_.read_bytes()),
+  const runtime::Lease lease(job_.budget, kept_sample_bytes(source_.count(), source_.read_bytes()),
                              "looking at " + request_.path);
   const PageVector<Splat> sample = kept_sample(source_, request_.keep);
   directory_.roundness = source::median_roundness(sample);
@@ -274,10 +276,14 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
                              "merging the Gaussians of " + request_.path);
   runs = merge_to_fan_in(job_, lattice, lobes_, std::move(runs), fan_in);
 
-  SplatMerge sequence(job_, lattice, lobes_, runs.pack, runs.runs);
+  SplatMerge sequence(lattice, lobes_, runs.pack, runs.runs);
   BlockCutter cutter(sequence, lobes_);
   // The last stage ends blocks in order, so those under way are neighbours: each has its own slot.
   std::vector<Slot> slots(tokens);
+  for (Slot& slot : slots) {  // vectors that grow hold what they had beside what they get
+    slot.raw.reserve(SplatBlock::decoded_bytes(kMostSplatsPerBlock, true, lobes_));
+    slot.stored.reserve(slot.raw.capacity() + slot.raw.capacity() / 64);
+  }
   store::SplatStoreWriter writer(job_.stores->create(
       store::PackKind::splats, request_.key,
       fmt::format("{}, {} Gaussians", std::filesystem::path(request_.path).filename().string(),
@@ -344,7 +350,8 @@ std::uint64_t gaussian_store_least_bytes(std::uint64_t count, std::uint64_t read
                                          std::uint32_t lobes) {
   const std::uint64_t lists = count / 1024 * 2 * sizeof(store::ChunkRef) +
                               count / kLeastRun * 2 * sizeof(SplatRun) + kPageBytes;
-  return std::max({kept_sample_bytes(read_bytes), run_bytes(read_bytes, kLeastRun, lobes) + lists,
+  return std::max({kept_sample_bytes(count, read_bytes),
+                   run_bytes(read_bytes, std::min(count, kLeastRun), lobes) + lists,
                    lists + pending_bytes(lobes) + token_bytes(lobes) +
                        kLeastFanIn * SplatMerge::cursor_bytes(lobes)}) +
          (64 << 10);

@@ -49,11 +49,12 @@ inline store::SplatRows read_kept(const GaussianSource& source, const SplatKeep&
   return rows;
 }
 
-/// What kept_sample() takes, with what a lattice made of it does (vectors that grow hold up to
-/// three times their size), and what reading takes.
-inline std::uint64_t kept_sample_bytes(std::uint64_t read_bytes) {
-  return GaussianSource::kSampleSplats * (sizeof(store::Splat) + 3 * 4 * sizeof(float)) +
-         read_bytes;
+/// What kept_sample() of so many Gaussians takes while they are read, and then with the means and
+/// sizes that a lattice is made from.
+inline std::uint64_t kept_sample_bytes(std::uint64_t count, std::uint64_t read_bytes) {
+  const std::uint64_t most = std::min(count, GaussianSource::kSampleSplats);
+  return round_to_pages(most * sizeof(store::Splat)) +
+         std::max(read_bytes, 4 * round_to_pages(most * sizeof(float)));
 }
 
 /// What is wanted of a source's sample; all of it where that is too little to say where the source

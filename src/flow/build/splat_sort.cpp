@@ -184,9 +184,9 @@ std::uint64_t SplatMerge::cursor_bytes(std::uint32_t lobes) {
          round_to_pages(kRunChunk * sizeof(std::uint64_t)) + 512;
 }
 
-SplatMerge::SplatMerge(JobContext& job, const store::SplatLattice& lattice, std::uint32_t lobes,
+SplatMerge::SplatMerge(const store::SplatLattice& lattice, std::uint32_t lobes,
                        std::shared_ptr<store::PackReader> pack, std::span<const SplatRun> runs)
-    : job_(job), lattice_(lattice), lobes_(lobes), pack_(std::move(pack)), cursors_(runs.size()) {
+    : lattice_(lattice), lobes_(lobes), pack_(std::move(pack)), cursors_(runs.size()) {
   keys_.assign(std::max<std::size_t>(runs.size(), 1), kNoKey);
   tree_.assign(keys_.size(), std::numeric_limits<std::uint32_t>::max());
   for (std::size_t r = 0; r < runs.size(); ++r) {
@@ -267,7 +267,7 @@ SplatRuns merge_to_fan_in(JobContext& job, const store::SplatLattice& lattice, s
     SplatRunWriter writer(job, lobes);
     for (std::size_t first = 0; first < runs.runs.size(); first += fan_in) {
       const std::size_t count = std::min(fan_in, runs.runs.size() - first);
-      SplatMerge merge(job, lattice, lobes, runs.pack, std::span(runs.runs).subspan(first, count));
+      SplatMerge merge(lattice, lobes, runs.pack, std::span(runs.runs).subspan(first, count));
       merged.runs.push_back(writer.write(merge));
       job.meter.advance(0);  // stops here if the caller asked to
     }

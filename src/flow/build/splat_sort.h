@@ -65,7 +65,7 @@ class SplatRunWriter {
 /// Merges runs into one sequence, ordered by key and then by run.
 class SplatMerge {
  public:
-  SplatMerge(JobContext& job, const store::SplatLattice& lattice, std::uint32_t lobes,
+  SplatMerge(const store::SplatLattice& lattice, std::uint32_t lobes,
              std::shared_ptr<store::PackReader> pack, std::span<const SplatRun> runs);
   ~SplatMerge();
   /// Appends the next Gaussian and tells its key; false at the end.
@@ -78,7 +78,6 @@ class SplatMerge {
   void refill(Cursor& cursor);
   void replay(std::size_t leaf);
 
-  JobContext& job_;
   const store::SplatLattice& lattice_;
   const std::uint32_t lobes_;
   std::shared_ptr<store::PackReader> pack_;

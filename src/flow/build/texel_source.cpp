@@ -308,6 +308,7 @@ void TexelSource::read(std::uint64_t first, std::uint64_t count, store::SplatRow
 
 PageVector<store::Splat> TexelSource::sample() const {
   store::SplatRows sample;
+  sample.splats.reserve(std::min(count(), kSampleSplats));
   store::SplatCounts ignored{};
   const std::uint64_t length = kSampleSplats / kSamplePieces;
   const auto start = [&](std::uint64_t piece) {

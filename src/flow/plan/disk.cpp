@@ -6,6 +6,8 @@
 // what comes and goes (results of a page, runs of a sort) the largest counts.
 #include "flow/plan/disk.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "flow/build/colour_levels.h"

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "flow/plan/plan.h"
 #include "pounce/report.h"

@@ -24,6 +24,16 @@ class GaussianMethod : public SplatMethodBase<GaussianProjection, projection::Ra
   GaussianMethod(JobContext& job, const GaussianProjection& request)
       : SplatMethodBase(job, request) {}
 
+  /// The first reach is the last for most texels; farther ones go in batches of its size.
+  std::uint64_t wanted_bytes(Work& work, std::uint64_t most) const {
+    const std::uint64_t begun = begun_bytes(work), room = most - begun;
+    const auto boxes = projection::open_boxes(work.state, work.blocks.size());
+    return begun + std::min(room, std::max(cost(boxes, room), least_batch_bytes()));
+  }
+  void settle(Work& work, std::uint64_t bytes) const {
+    work.batch_bytes = bytes - begun_bytes(work);
+  }
+
   /// A reach without any Gaussians goes by here.
   std::uint64_t fetch(Work& work) const {
     drop_batch(work);

@@ -24,6 +24,7 @@ struct GaussianProjection {
   static std::uint64_t packet_bytes(std::uint64_t packets) {
     return projection::RayState::most_bytes(packets);
   }
+  static std::uint64_t profile_bytes(std::uint64_t) { return 0; }  ///< this blend has none
   static std::size_t channels() { return 1; }
   const texture::TexelFormat& format_of(std::size_t) const { return format; }
 };

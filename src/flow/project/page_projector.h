@@ -21,6 +21,7 @@
 
 #include <tbb/flow_graph.h>
 
+#include <functional>
 #include <memory>
 #include <span>
 #include <tuple>
@@ -50,6 +51,9 @@ class Projection {
 ///                                  of a piece: what it needs in any case, for the smallest batch
 ///                                  of source blocks, for the texels of one target block
 ///   void begin(Work&)              reads the piece's texels
+///   uint64_t wanted_bytes(Work&, uint64_t most), void settle(Work&, uint64_t bytes)
+///                                  where kPieceSize.settles: what a piece that has begun needs in
+///                                  all, and what it got
 ///   uint64_t fetch(Work&)          reads the next batch of source blocks: its bytes; 0: no more
 ///   void bin(Work&), hit(Work&)
 ///   void blend(Work&)
@@ -79,11 +83,12 @@ class PageProjector final : public Projection {
     namespace tf = tbb::flow;
     const std::span costs(cut.pieces.costs);
     std::size_t stored = 0;
+    std::function<std::uint64_t(const Work&, std::uint64_t)> resize;
     tf::graph graph;
     using Fetch = tf::multifunction_node<WorkPtr, std::tuple<WorkPtr, WorkPtr>>;
     Fetch fetch(graph, tf::unlimited,
                 [&](const WorkPtr& work, typename Fetch::output_ports_type& to) {
-                  const bool more = fetch_.run([&] { return fetch_next(*work); });
+                  const bool more = fetch_.run([&] { return fetch_next(*work, cut, resize); });
                   (more ? bin_ : blend_).sent();
                   more ? std::get<0>(to).try_put(work) : std::get<1>(to).try_put(work);
                 });
@@ -102,15 +107,18 @@ class PageProjector final : public Projection {
       store_.sent();
       return work;
     });
-    auto pump =
-        runtime::Pump(job_.budget, costs, "projecting one block of the target", [&](std::size_t i) {
+    auto pump = runtime::Pump(
+        job_.budget, costs, "projecting one block of the target",
+        [&](std::size_t i) {
           auto work = std::make_shared<Work>();
           work->index = i;
           work->piece = cut.pieces.pieces[i];
           work->batch_bytes = cut.batch_bytes;
           fetch_.sent();
           fetch.try_put(work);
-        });
+        },
+        runtime::works_at_once(Method::kPieceSize.per_thread));
+    resize = [&](const Work& work, std::uint64_t bytes) { return pump.resize(work.index, bytes); };
     tf::function_node<WorkPtr> store(graph, tf::serial, [&](const WorkPtr& work) {
       store_.run([&] { store_.add_bytes(results.store(*work)); });
       const std::size_t index = work->index;
@@ -130,8 +138,15 @@ class PageProjector final : public Projection {
       throw Error(ErrorKind::internal, "the projection graph ended early");
   }
 
-  bool fetch_next(Work& work) {
-    if (!work.begun) method_.begin(work);
+  template <class Resize>
+  bool fetch_next(Work& work, const CutTarget& cut, const Resize& resize) {
+    if (!work.begun) {
+      method_.begin(work);
+      if constexpr (Method::kPieceSize.settles) {
+        const std::uint64_t most = cut.pieces.costs[work.index] + cut.more_bytes;
+        method_.settle(work, resize(work, method_.wanted_bytes(work, most)));
+      }
+    }
     work.begun = true;
     const std::uint64_t bytes = method_.fetch(work);
     fetch_.add_bytes(bytes);

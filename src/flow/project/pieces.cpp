@@ -8,11 +8,12 @@
 namespace pounce::flow {
 namespace {
 
-/// Bytes of one thread's share of the budget: a quarter of an equal one, so that pieces overlap;
-/// never more than what the leases leave, or than `largest`.
-std::uint64_t budget_share(const JobContext& job, std::uint64_t largest) {
-  return std::min({largest, job.budget.limit() / (4 * std::uint64_t{std::max(job.threads, 1U)}),
-                   job.budget.limit() - job.budget.leased()});
+/// Bytes of one piece's share of the budget: as if one more were under way for each thread, so that
+/// blocks can be kept; never more than what the leases leave, or than that of `most`.
+std::uint64_t budget_share(const JobContext& job, const PieceSize& most) {
+  const std::uint64_t pieces = (most.per_thread + 1) * std::uint64_t{std::max(job.threads, 1U)};
+  return std::min(
+      {most.largest_share, job.budget.limit() / pieces, job.budget.limit() - job.budget.leased()});
 }
 
 /// Cuts the target's tiles into pieces whose blocks' state fits `state_share`; `fixed` is what a
@@ -51,14 +52,15 @@ CutTarget cut_target(JobContext& job, const store::GeometryStore& target, const 
                      std::uint64_t fixed, std::uint64_t least_batch,
                      const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes) {
   CutTarget cut;
-  const std::uint64_t share = budget_share(job, most.largest_share);
+  const std::uint64_t share = budget_share(job, most);
   cut.batch_bytes = std::max(least_batch, share > fixed ? (share - fixed) / 2 : 0);
+  cut.more_bytes = most.settles ? cut.batch_bytes - least_batch : 0;
   const std::uint64_t taken = fixed + cut.batch_bytes;
   std::uint64_t blocks = 0;
   for (const store::TileEntry& tile : target.directory().tiles) blocks += tile.blocks;
   cut.index = runtime::Lease(job.budget, PieceList::most_bytes(blocks), "the index of the target");
-  cut.pieces = cut_pieces(job, target, taken, share > taken ? share - taken : 0, most.most_blocks,
-                          state_bytes);
+  cut.pieces = cut_pieces(job, target, taken - cut.more_bytes, share > taken ? share - taken : 0,
+                          most.most_blocks, state_bytes);
   const std::vector<std::uint64_t>& costs = cut.pieces.costs;
   if (!costs.empty()) {
     const runtime::Lease fits(job.budget, *std::max_element(costs.begin(), costs.end()),

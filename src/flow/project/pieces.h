@@ -3,7 +3,8 @@
 // A target cut into pieces: the unit of projection work, of its memory, and of what is under way.
 //
 // A piece is a few neighbouring blocks of one target, cut so that its lease (its texels' state, its
-// result, and room for what it reads of the source) is at most budget / (4 x threads).
+// result, and room for what it reads of the source) is at most its share of the budget: budget /
+// (4 x threads) for meshes, / (2 x threads) for Gaussians.
 #pragma once
 
 #include <cstdint>
@@ -36,13 +37,21 @@ struct PieceList {
 /// A target cut for one projection under the budget.
 struct CutTarget {
   PieceList pieces;
-  std::uint64_t batch_bytes = 0;  ///< of a piece's lease: for the source blocks it searches at once
-  runtime::Lease index;           ///< of the list itself
+  /// Of a piece's lease: for the source blocks it searches at once. Where pieces settle, what most
+  /// of them may have: their costs hold the least.
+  std::uint64_t batch_bytes = 0;
+  std::uint64_t more_bytes = 0;  ///< what a piece may have beyond its cost, once it settles
+  runtime::Lease index;          ///< of the list itself
 };
 /// How large pieces are made where the budget holds larger ones, too.
 struct PieceSize {
   std::uint64_t largest_share = 0;  ///< of the budget
   std::uint32_t most_blocks = 0;
+  /// It begins with the smallest batch, and its lease becomes what it needs once its texels are
+  /// known.
+  bool settles = false;
+  /// So many are under way for each thread.
+  std::uint32_t per_thread = 3;
 };
 
 /// Shares the budget out, to a piece no more than `most`: beside `fixed`, half of a piece's

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -30,8 +31,8 @@ template <class Request, class State>
 class SplatMethodBase {
  public:
   /// What fits one batch is looked at once instead of twice: a capture of millions in front of a
-  /// piece.
-  static constexpr PieceSize kPieceSize{512ULL << 20, 8};
+  /// piece. A thread has one at a time: a second would hold memory and wait.
+  static constexpr PieceSize kPieceSize{512ULL << 20, 8, true, 1};
 
   struct Work : PieceWork {
     State state;
@@ -42,32 +43,25 @@ class SplatMethodBase {
   };
 
   std::size_t channels() const { return request_.channels(); }
-  std::uint64_t fixed_bytes() const {
-    const store::SplatDirectory& d = request_.source->store().directory();
-    return scratch_bytes() + reading_bytes(d.most_splats, d.lobes, d.largest_chunk_bytes);
-  }
+  std::uint64_t fixed_bytes() const { return at_most(least_batch_bytes()) - least_batch_bytes(); }
   std::uint64_t least_batch_bytes() const {
     return splat_batch_cost(request_.source->store().directory().most_splats, lobes());
   }
   std::uint64_t state_bytes(const store::BlockEntry& entry) const {
-    const std::uint32_t packets = target::TargetBlock::most_packets(entry.texels);
-    std::uint64_t result_texel = 0;
-    for (std::size_t c = 0; c < channels(); ++c)
-      result_texel += request_.format_of(c).texel_bytes();
-    return request_.packet_bytes(packets) +
-           block_bytes(entry.texels, entry.triangles, result_texel, channels());
+    const std::uint64_t packets = count_packets(entry);
+    return request_.packet_bytes(packets) + request_.profile_bytes(packets) +
+           result_bytes(result_texel_bytes(), channels());
   }
   /// What projecting one block needs at once, whatever is in it; its packets take
-  /// request.packet_bytes(most_packets()).
+  /// request.packet_bytes(most_packets()) and their profiles.
   static std::uint64_t least_bytes(std::uint64_t result_texel_bytes, std::size_t channels,
                                    std::uint32_t lobes, std::uint64_t packet_bytes) {
     constexpr std::uint64_t kSplats = store::kMostSplatsPerBlock;
     const std::uint64_t chunk =
         kSplats * (sizeof(store::Splat) + store::lobe_bytes(lobes)) + kPageBytes;
-    return scratch_bytes() + reading_bytes(kSplats, lobes, chunk) +
-           splat_batch_cost(kSplats, lobes) + packet_bytes +
-           block_bytes(store::kTexelsPerBlock, store::kMostTrianglesPerBlock, result_texel_bytes,
-                       channels);
+    return at_most(splat_batch_cost(kSplats, lobes), reading_bytes(kSplats, true, lobes, chunk),
+                   block_bytes(store::kMostTrianglesPerBlock, result_texel_bytes)) +
+           packet_bytes + result_bytes(result_texel_bytes, channels);
   }
 
   static constexpr std::uint32_t most_packets() {
@@ -77,6 +71,7 @@ class SplatMethodBase {
   void begin(Work& work) const {
     read_packets(*job_, *request_.target, request_.smallest_edge,
                  target::TargetBlock::Start::at_texel, work, work.state.packets, work.state.groups);
+    work.state.packets.shrink_to_fit();
     projection::start(request_.limits, work.state);
   }
 
@@ -87,6 +82,20 @@ class SplatMethodBase {
 
   std::uint64_t cost(const store::SplatEntry& entry) const {
     return splat_batch_cost(entry.splats, lobes());
+  }
+  /// What the blocks that some of these boxes meet cost a batch; of more than `most` some of it.
+  std::uint64_t cost(std::vector<Box3f> boxes, std::uint64_t most) const {
+    std::uint64_t bytes = 0;
+    for (BlockWalk<SplatCache> walk(*request_.source, std::move(boxes));
+         !walk.done() && bytes <= most; walk.next()) {
+      bytes += cost(*walk.entry());
+    }
+    return bytes;
+  }
+  /// What a piece that has begun holds whatever its batch is, but for profiles.
+  std::uint64_t begun_bytes(const Work& work) const {
+    return fixed_bytes() + request_.packet_bytes(work.state.packets.size()) +
+           work.blocks.size() * result_bytes(result_texel_bytes(), channels());
   }
 
   /// The walk's next blocks become the batch. Returns their bytes.
@@ -152,27 +161,71 @@ class SplatMethodBase {
 
  private:
   std::uint32_t lobes() const { return request_.source->store().directory().lobes; }
-  /// How many Gaussians a batch of so many bytes holds: those of the largest block at least.
+  /// How many Gaussians a batch of so many bytes holds: those of the largest block at least, and
+  /// one of few numbers, so that the pool has the memory of another batch ready.
   std::size_t most_sifted(std::uint64_t batch_bytes) const {
     constexpr std::uint64_t kMany = 1 << 20, kStep = 256;
     std::uint64_t most = batch_bytes * kMany / splat_batch_cost(kMany, lobes());
     while (splat_batch_cost(most, lobes()) > batch_bytes) most -= std::min(most, kStep);
+    most -= most % std::max<std::uint64_t>(std::bit_floor(most) / 8, 1);
     return std::max<std::uint64_t>(most, request_.source->store().directory().most_splats);
   }
-  static std::uint64_t scratch_bytes() {
-    constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, encode buffers
-    return kPieceScratch + State::scratch_bytes(0);
+  /// Of a block: 256 where it is full and no charts meet, while there may be 448. To make them
+  /// twice costs 30 ns per texel, a hundredth of what it takes to blend one.
+  std::uint64_t count_packets(const store::BlockEntry& entry) const {
+    const std::uint64_t most = target::TargetBlock::most_packets(entry.texels);
+    const runtime::Lease lease(job_->budget,
+                               at_most(0) + round_to_pages(most * sizeof(target::TexelPacket)),
+                               "projecting one block of the target");
+    const store::GeometryStore& target = *request_.target;
+    const target::TargetBlock maps(target.read_block(entry, job_->compressor()),
+                                   target.directory().pages[entry.page], request_.smallest_edge);
+    PageVector<target::TexelPacket> packets;
+    packets.reserve(most);
+    std::vector<target::PacketGroup> groups;
+    maps.make_packets(0, packets, groups);
+    return packets.size();
   }
-  static std::uint64_t reading_bytes(std::uint64_t splats, std::uint32_t lobes,
+  std::uint64_t result_texel_bytes() const {
+    std::uint64_t bytes = 0;
+    for (std::size_t c = 0; c < channels(); ++c) bytes += request_.format_of(c).texel_bytes();
+    return bytes;
+  }
+  /// What a piece holds beside its texels' state and its results: with a batch of so many bytes, or
+  /// without one, while a block of the target is read or one of its results is made.
+  static std::uint64_t at_most(std::uint64_t batch_bytes, std::uint64_t reading_bytes,
+                               std::uint64_t block_bytes) {
+    constexpr std::uint64_t kPieceScratch = 128 << 10;  // index pages, boxes
+    return kPieceScratch +
+           std::max(batch_bytes + std::max(reading_bytes, State::scratch_bytes(0)), block_bytes);
+  }
+  std::uint64_t at_most(std::uint64_t batch_bytes) const {
+    const store::SplatDirectory& d = request_.source->store().directory();
+    const std::uint64_t block =  // places have none
+        request_.target == nullptr
+            ? 0
+            : block_bytes(request_.target->directory().most_triangles, result_texel_bytes());
+    return at_most(batch_bytes,
+                   reading_bytes(d.most_splats, d.has_normals, d.lobes, d.largest_chunk_bytes),
+                   block);
+  }
+  /// Stored bytes and raw ones are there at once, then raw ones and the block.
+  static std::uint64_t reading_bytes(std::uint64_t splats, bool normals, std::uint32_t lobes,
                                      std::uint64_t chunk_bytes) {
-    return store::SplatBlock::decoded_bytes(splats, true, lobes) + 3 * chunk_bytes;
+    return chunk_bytes +
+           std::max(chunk_bytes, store::SplatBlock::decoded_bytes(splats, normals, lobes));
   }
-  static std::uint64_t block_bytes(std::uint32_t texels, std::uint32_t triangles,
-                                   std::uint64_t result_texel_bytes, std::uint64_t channels) {
-    return 2 * store::kTexelsPerBlock + std::uint64_t{triangles} * 220 +
-           target::TargetBlock::record_bytes(triangles == 0 ? texels : 0) +
-           store::kTexelsPerBlock * result_texel_bytes + channels * texture::kMaskBytes +
-           (3 + channels) * kPageBytes;
+  /// A block of a target: of triangles, or as many records as texels; then its results, raw and
+  /// stored.
+  static std::uint64_t block_bytes(std::uint32_t triangles, std::uint64_t result_texel_bytes) {
+    return 2 * store::kTexelsPerBlock +
+           std::max({std::uint64_t{triangles} * 220,
+                     target::TargetBlock::record_bytes(store::kTexelsPerBlock),
+                     4 * store::kTexelsPerBlock * result_texel_bytes});
+  }
+  static std::uint64_t result_bytes(std::uint64_t texel_bytes, std::uint64_t channels) {
+    return store::kTexelsPerBlock * texel_bytes + channels * (texture::kMaskBytes + kPageBytes) +
+           sizeof(store::BlockEntry);
   }
 
   template <class ValueOf>

@@ -29,18 +29,32 @@ using Base = SplatMethodBase<SplatProjection, projection::SplatState>;
 class SplatMethod : public Base {
  public:
   /// What the Gaussians go past the texels for.
-  enum class Pass : std::uint8_t { none, first_batch, whole, profile, sum, done };
+  enum class Pass : std::uint8_t { first_batch, whole, profile, sum, done };
   struct Work : Base::Work {
-    Pass pass = Pass::none;
-    bool sifts = false;  ///< blocks
+    Pass pass = Pass::first_batch;
+    std::uint64_t met_bytes = 0;  ///< what all that its texels may meet costs a batch, if known
+    bool sifts = false;           ///< blocks
   };
 
   SplatMethod(JobContext& job, const SplatProjection& request) : Base(job, request) {}
 
+  /// All that the texels may meet at once needs no profiles: there is room for more of it.
+  std::uint64_t wanted_bytes(Work& work, std::uint64_t most) const {
+    const std::uint64_t begun = begun_bytes(work), room = most - begun;
+    work.met_bytes = std::max(cost(boxes(work), room), least_batch_bytes());
+    return begun + std::min(room, work.met_bytes);
+  }
+  void settle(Work& work, std::uint64_t bytes) const {
+    work.batch_bytes = bytes - begun_bytes(work);
+    work.sifts = work.met_bytes > work.batch_bytes;
+    if (work.sifts) work.batch_bytes -= profile_bytes(work);
+    work.pass = work.sifts ? Pass::first_batch : Pass::whole;
+    work.walk.emplace(*request_.source, boxes(work));
+  }
+
   /// A pass without any Gaussians goes by here: its batch would be empty.
   std::uint64_t fetch(Work& work) const {
     drop_batch(work);
-    if (work.pass == Pass::none) begin_walk(work);
     while (work.pass != Pass::done) {
       if (!work.walk->done()) {
         const std::uint64_t bytes = work.sifts ? sift(work) : take(work);
@@ -97,13 +111,8 @@ class SplatMethod : public Base {
     return projection::reachable_boxes(request_.limits, work.state, work.blocks.size());
   }
 
-  void begin_walk(Work& work) const {
-    BlockWalk<SplatCache> count(*request_.source, boxes(work));
-    std::uint64_t bytes = 0;
-    for (; !count.done() && bytes <= work.batch_bytes; count.next()) bytes += cost(*count.entry());
-    work.sifts = bytes > work.batch_bytes;
-    work.pass = work.sifts ? Pass::first_batch : Pass::whole;
-    work.walk.emplace(*request_.source, boxes(work));
+  std::uint64_t profile_bytes(const Work& work) const {
+    return request_.profile_bytes(work.state.packets.size());
   }
 
   void use(Work& work) const {
@@ -117,7 +126,6 @@ class SplatMethod : public Base {
         return projection::profile_batch(sets, limits, kernels, work.state, go_on);
       case Pass::sum:
         return projection::sum_batch(sets, limits, kernels, work.state, go_on);
-      case Pass::none:
       case Pass::first_batch:
       case Pass::done:
         break;
@@ -150,13 +158,12 @@ projection::SplatFit find_fit(JobContext& job, const SplatProjection& request,
   static_assert(target::kStrewnPlaces == SplatMethod::most_packets());
   const SplatMethod method(job, request);
   SplatMethod::Work work;
-  work.batch_bytes = method.least_batch_bytes();
-  const runtime::Lease lease(job.budget,
-                             method.fixed_bytes() + work.batch_bytes +
-                                 request.packet_bytes(places.size()) +
-                                 places.size() * sizeof(store::BlockEntry),
-                             "looking whether the scene lies at the target");
+  const std::uint64_t bytes =
+      method.fixed_bytes() + method.least_batch_bytes() + request.packet_bytes(places.size()) +
+      request.profile_bytes(places.size()) + places.size() * sizeof(store::BlockEntry);
+  const runtime::Lease lease(job.budget, bytes, "looking whether the scene lies at the target");
   method.begin(work, places, edge);
+  method.settle(work, method.wanted_bytes(work, bytes));
   while (method.fetch(work) > 0) method.hit(work);
   return projection::fit_of(projection::found_places(request.limits, work.state), places.size(),
                             {double{request.limits.reach}, double{usual_reach}});
@@ -166,7 +173,8 @@ std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::
                                          std::uint32_t lobes, std::uint32_t rays) {
   return SplatMethod::least_bytes(
       result_texel_bytes, channels, lobes,
-      projection::SplatState::most_bytes(SplatMethod::most_packets(), rays));
+      projection::SplatState::most_bytes(SplatMethod::most_packets(), rays) +
+          projection::SplatState::profile_bytes(SplatMethod::most_packets(), rays));
 }
 
 }  // namespace pounce::flow

@@ -42,6 +42,9 @@ struct SplatProjection {
   std::uint64_t packet_bytes(std::uint64_t packets) const {
     return projection::SplatState::most_bytes(packets, static_cast<std::uint64_t>(limits.rays));
   }
+  std::uint64_t profile_bytes(std::uint64_t packets) const {
+    return projection::SplatState::profile_bytes(packets, static_cast<std::uint64_t>(limits.rays));
+  }
 };
 
 /// The texels of a target past the scene's blocks. `job` and what the request points to must

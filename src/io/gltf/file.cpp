@@ -147,11 +147,13 @@ GltfFile::GltfFile(const std::string& path, bool allow_external)
   const std::shared_ptr<ReadFile> file = posix_file_system().open(path);
   find_chunks(*file);
   // tinygltf and nlohmann's writer recurse, and the parser's own callback for this is quadratic.
-  if (json_size(*file, json_offset_, json_text_bytes_).depth > kMaxJsonDepth) {
+  const JsonSize size = json_size(*file, json_offset_, json_text_bytes_);
+  if (size.depth > kMaxJsonDepth) {
     throw Error(ErrorKind::input,
                 fmt::format("{}: JSON nested deeper than {} levels; this is no sensible glTF file",
                             path_, kMaxJsonDepth));
   }
+  long_string_bytes_ = size.long_bytes;
   parse(read_text(*file, json_offset_, json_text_bytes_));
   for (const auto& extension : check_gltf(path_, document_)) warnings_.push_back(extension);
   if (const auto it = document_.find("buffers"); it != document_.end()) {

@@ -68,6 +68,8 @@ class GltfFile {
   /// The JSON as the file has it, read again, without a byte order mark.
   std::string json_text() const;
   std::uint64_t json_text_bytes() const { return json_text_bytes_; }
+  /// JsonSize::long_bytes of its JSON: a part of json_bytes().
+  std::uint64_t long_string_bytes() const { return long_string_bytes_; }
   /// Is buffer 0 the BIN chunk of a GLB?
   bool has_bin_buffer() const { return !buffers_.empty() && buffers_[0].path == path_; }
   const std::vector<GlbChunk>& other_chunks() const { return other_chunks_; }
@@ -83,7 +85,7 @@ class GltfFile {
   std::vector<GltfBuffer> buffers_;
   std::vector<std::string> warnings_;
   std::vector<GlbChunk> other_chunks_;
-  std::uint64_t json_offset_ = 0, json_text_bytes_ = 0;
+  std::uint64_t json_offset_ = 0, json_text_bytes_ = 0, long_string_bytes_ = 0;
   bool has_bin_chunk_ = false;
   std::uint64_t bin_offset_ = 0, bin_bytes_ = 0;
   std::uint64_t json_bytes_ = 0, inline_bytes_ = 0, image_text_bytes_ = 0;

@@ -109,9 +109,8 @@ double number(const tinygltf::Value& object, const char* key, int element, doubl
 
 class MaterialReader {
  public:
-  MaterialReader(const GltfFile& file, const tinygltf::Model& model, mesh::Mesh& mesh,
-                 MeshWarnings& warnings)
-      : file_(file), model_(model), mesh_(mesh), warnings_(warnings) {}
+  MaterialReader(const tinygltf::Model& model, mesh::Mesh& mesh, MeshWarnings& warnings)
+      : model_(model), mesh_(mesh), warnings_(warnings) {}
 
   mesh::Material read(const tinygltf::Material& in);
 
@@ -122,7 +121,6 @@ class MaterialReader {
   void note_other(mesh::Material& material, const std::string& slot, int texture);
   std::optional<std::uint32_t> image_of(const tinygltf::Texture& texture);
 
-  const GltfFile& file_;
   const tinygltf::Model& model_;
   mesh::Mesh& mesh_;
   MeshWarnings& warnings_;
@@ -257,7 +255,7 @@ void read_gltf_materials(const GltfFile& file, const tinygltf::Model& model, mes
   std::vector<std::string> names;
   for (const auto& material : model.materials) names.push_back(material.name);
   names = unique_material_names(std::move(names));
-  MaterialReader reader(file, model, mesh, warnings);
+  MaterialReader reader(model, mesh, warnings);
   for (std::size_t i = 0; i < model.materials.size(); ++i) {
     tinygltf::Material material = model.materials[i];
     material.name = names[i];

@@ -166,10 +166,12 @@ void check_bindings(mesh::Mesh& mesh, MeshWarnings& warnings) {
 }
 
 /// What it takes to understand the JSON: its text, its trees and tinygltf's model.
-std::uint64_t json_cost(std::uint64_t text_bytes, std::uint64_t entries, std::uint64_t materials,
-                        std::uint64_t extension_values) {
-  return kTypedBytesPerJsonByte * text_bytes + kBytesPerEntry * entries +
-         kTypedBytesPerMaterial * materials + kBytesPerExtensionValue * extension_values;
+std::uint64_t json_cost(std::uint64_t text_bytes, std::uint64_t long_bytes, std::uint64_t entries,
+                        std::uint64_t materials, std::uint64_t extension_values) {
+  const std::uint64_t rest = text_bytes - std::min(long_bytes, text_bytes);
+  return kTypedBytesPerJsonByte * rest + kCopiesOfLongStrings * (text_bytes - rest) +
+         kBytesPerEntry * entries + kTypedBytesPerMaterial * materials +
+         kBytesPerExtensionValue * extension_values;
 }
 
 /// What the mesh keeps of where its images are: paths, labels and problems, which name the file.
@@ -234,9 +236,9 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
 
 MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uint64_t most_bytes) {
   const JsonSize size = gltf_json_size(path);
-  const std::uint64_t understanding =
-      json_cost(size.text_bytes, size.entries, size.materials, size.extension_values) +
-      3 * size.data_bytes;
+  const std::uint64_t understanding = json_cost(size.text_bytes, size.long_bytes, size.entries,
+                                                size.materials, size.extension_values) +
+                                      3 * size.data_bytes;
   if (understanding > std::max(most_bytes, kUnderstoodAnyway))
     return {understanding, size.text_bytes};
   GltfFile file(path, reading.allow_external);
@@ -257,8 +259,8 @@ MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uin
   cost.peak_bytes = cost.kept_bytes + plan.largest_primitive_bytes + 2 * colours +
                     3 * file.inline_bytes() + joints * kBytesPerJoint +
                     2 * file.image_text_bytes() +
-                    json_cost(file.json_bytes(), gltf_entry_count(file.document()), materials,
-                              size.extension_values);
+                    json_cost(file.json_bytes(), file.long_string_bytes(),
+                              gltf_entry_count(file.document()), materials, size.extension_values);
   return cost;
 }
 

@@ -69,6 +69,8 @@ SplatLattice::SplatLattice(std::span<const Splat> sample) {
   if (sample.empty()) return;
   std::array<PageVector<float>, 3> means;
   PageVector<float> sizes;
+  for (auto& axis : means) axis.reserve(sample.size());
+  sizes.reserve(sample.size());
   for (const Splat& s : sample) {
     means[0].push_back(s.mean.x);
     means[1].push_back(s.mean.y);

@@ -81,7 +81,8 @@ store::SplatRows one_row() {
 
 void write(const TempFolder& folder, const std::string& path, const store::SplatRows& rows,
            const SplatFileFacts& facts) {
-  const auto writer = open_splat_writer(path, facts, folder.path().string());
+  const auto writer =
+      open_splat_writer(path, facts, {&posix_file_system(), folder.path().string()});
   writer->append(writer->encode(rows));
   CHECK_FALSE(std::filesystem::exists(path));
   writer->commit([] {});
@@ -342,7 +343,8 @@ TEST_CASE("an SPZ that cannot hold its scene is refused, else what was cut is sa
   const auto try_it = [&](const SplatFileFacts& facts = {}) {
     warnings.clear();
     message = message_of([&] {
-      const auto writer = open_splat_writer(path, facts, folder.path().string());
+      const auto writer =
+          open_splat_writer(path, facts, {&posix_file_system(), folder.path().string()});
       writer->append(writer->encode(rows));
       writer->commit([] {});
       for (const std::string& warning : writer->warnings()) warnings += warning;
@@ -380,7 +382,8 @@ TEST_CASE("an SPZ that cannot hold its scene is refused, else what was cut is sa
 TEST_CASE("Gaussians that were not finished leave nothing", "[io]") {
   const TempFolder folder;
   for (const char* name : {"half.ply", "half.spz", "half.glb"}) {
-    const auto writer = open_splat_writer(folder.file(name), {}, folder.path().string());
+    const auto writer =
+        open_splat_writer(folder.file(name), {}, {&posix_file_system(), folder.path().string()});
     writer->append(writer->encode(random_rows(3000, 0)));
   }
   CHECK(std::filesystem::is_empty(folder.path()));

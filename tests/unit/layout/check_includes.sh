@@ -33,7 +33,7 @@ for folder in src/*/; do
     continue
   fi
   while IFS=: read -r file line text; do
-    other=$(sed -E 's|^#include "([^/"]*)/.*|\1|' <<<"$text")
+    other=${text#*\"} other=${other%%/*}
     [[ " $room pounce ${may_include[$room]} " == *" $other "* ]] ||
       complain "$file:$line: $room/ must not include $other/"
   done < <(grep -rnE '^#include "[^"]+/' "$folder")
@@ -47,7 +47,7 @@ for folder in src/{store,io}/*/; do
     continue
   fi
   while IFS=: read -r file line text; do
-    other=$(sed -E "s|^#include \"$room/([^/\"]*)/.*|\1|" <<<"$text")
+    other=${text#*\"$room/} other=${other%%/*}
     [[ " ${inner#*/} ${may_include_within[$inner]} " == *" $other "* ]] ||
       complain "$file:$line: $inner/ must not include $room/$other/"
   done < <(grep -rnE "^#include \"$room/[^\"]+/" "$folder")

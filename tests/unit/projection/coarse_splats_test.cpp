@@ -45,7 +45,7 @@ std::array<float, kLanes> alphas(const SplatKernels& kernels, const ReferenceSpl
   SplatState state;
   state.packets.push_back(packet);
   start(limits, state);
-  SplatCandidates candidates;
+  SplatCandidates candidates(set.shapes.size());
   kernels.gather(set, state.bundles[0], limits.reach, state.depths[0].footprint, candidates);
   std::array<float, kLanes> out{};
   SplatResponse response{};

@@ -20,7 +20,7 @@ std::vector<SplatResponse> respond(const SplatKernels& kernels, const source::Sp
   state.packets.push_back(packet);
   start(limits, state);
   const RayBundle everywhere{{0, 0, 0}, {0, 0, 0}, 1e9F, 0};
-  SplatCandidates candidates;
+  SplatCandidates candidates(set.shapes.size());
   kernels.gather(set, everywhere, 1e9F, 0, candidates);
   std::vector<SplatResponse> out(candidates.size());
   std::size_t count = 0;
@@ -256,7 +256,7 @@ TEST_CASE("gathering leaves out nothing that gives anything", "[projection]") {
     state.packets.push_back(packet);
     start(limits, state);
     for (const SplatKernels* kernels : available_splat_kernels()) {
-      SplatCandidates candidates;
+      SplatCandidates candidates(set.shapes.size());
       kernels->gather(set, state.bundles[0], limits.reach, state.depths[0].footprint, candidates);
       std::vector<SplatResponse> near(candidates.size());
       std::size_t count = 0;

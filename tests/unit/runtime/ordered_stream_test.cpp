@@ -277,3 +277,24 @@ TEST_CASE("no work is refused for bytes that another one is just giving back") {
   CHECK(done == costs.size());
   CHECK(budget.leased() == 0);
 }
+
+TEST_CASE("work under way gives back what it does not need, and never waits for more") {
+  runtime::MemoryBudget budget(100);
+  const std::vector<std::uint64_t> costs{60, 50, 10};
+  std::vector<std::size_t> put;
+  {
+    runtime::Pump pump(
+        budget, costs, "count", [&](std::size_t i) { put.push_back(i); }, 2);
+    pump.admit();
+    CHECK(pump.resize(0, 80) == 80);
+    CHECK(pump.resize(0, 101) == 80);
+    CHECK(budget.leased() == 80);
+    CHECK(pump.resize(0, 45) == 45);  // and the next one fits
+    CHECK(put == std::vector<std::size_t>{0, 1});
+    CHECK(budget.leased() == 95);
+    pump.release(0);
+    CHECK(put.size() == 3);
+    CHECK(budget.leased() == 60);
+  }
+  CHECK(budget.leased() == 0);
+}
