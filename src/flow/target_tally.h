@@ -52,6 +52,8 @@ class TargetTally {
   void keeps(std::size_t channel, std::uint32_t page);
   /// The model was written, with all such images.
   void wrote_model();
+  /// So much surface the target has. To be called once all pages are added.
+  void spreads(double area);
   /// Warns of what was not found; `source` is where the source lies.
   void finish(const Box3f& source);
 

@@ -65,7 +65,9 @@ class TargetTransfer {
     find_occupied();
     places_ = target::strew(
         target_.mesh, source_plan_.from_splats ? target::kStrewnPlaces : projection::kTargetPlaces);
+    const double area = target::surface_area(target_.mesh);
     make(std::move(steps));
+    tally_->spreads(area);
     warn_of_clipped();
     if (target_.model) write_model();
     if (tally_->is_in_question()) {

@@ -60,7 +60,7 @@ std::vector<Box3f> open_boxes(const RayState& state, std::size_t blocks) {
 
 void add_batch(SplatSets sets, const RayLimits& limits, const SplatKernels& kernels,
                RayState& state, const GoOn& go_on) {
-  SplatCandidates candidates;
+  SplatCandidates candidates(source::count_of(sets));
   const float height = state.reach * 1.0001F;
   for (const std::uint32_t g : state.open) {
     const target::PacketGroup& group = state.groups[g];
@@ -125,7 +125,7 @@ void count_distances(const RayState& state, float max_distance, DistanceCounts& 
 }
 
 std::uint64_t RayState::scratch_bytes(std::uint64_t splats) {
-  return splats * SplatCandidates::kBytes + 8 * kPageBytes;
+  return splats * SplatCandidates::kBytes + SplatCandidates::kFixedBytes;
 }
 
 }  // namespace pounce::projection

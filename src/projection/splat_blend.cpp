@@ -245,6 +245,18 @@ std::optional<SplatFinding> found_along(const SplatLimits& limits, const SplatSt
   const double bins = kProfileBins / double{depths.per_bin[lane]};
   const double place = static_cast<double>(depths.depth[lane]) / weight;
   out.distance = double{limits.reach} - place * bins;
+  double square = static_cast<double>(depths.square[lane]) / weight - kNoVariance;
+  for (const double c : out.colour) square -= c * c;
+  const double away = std::min(std::abs(out.distance) / double{limits.reach}, 1.0);
+  out.confidence = out.opacity * exp_same(-std::sqrt(std::max(square, 0.0)) - kDoubtFarAway * away);
+  return out;
+}
+
+/// The same along its normal, if that is enough.
+std::optional<SplatFinding> found_ahead(const SplatLimits& limits, const SplatState& state,
+                                        std::size_t packet, int lane) {
+  auto out = found_along(limits, state, packet * looks_of(limits), lane, limits.least_opacity);
+  if (out && out->confidence < limits.least_confidence) return std::nullopt;
   return out;
 }
 

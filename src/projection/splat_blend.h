@@ -65,9 +65,11 @@ struct SplatFinding {
   std::array<double, 3> colour;  ///< 0..1 each; the mean of all rays that found a surface
   double opacity = 0;   ///< 0..1: of the Gaussians along its normal, blurred, within the reach
   double distance = 0;  ///< of the surface from the texel, in space; positive outside
+  /// 0..1: the opacity, less where colours along the normal differ or the surface lies far.
+  double confidence = 0;
 };
 
-/// Nothing where a texel has found less than limits.least_opacity.
+/// Nothing where a texel has found less than limits.least_opacity or is less sure than asked.
 std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState& state,
                                     std::size_t packet, int lane);
 

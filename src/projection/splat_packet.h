@@ -51,6 +51,7 @@ struct SplatLimits {
   bool antialiased = false;  ///< the scene was trained with opacity x sqrt(det / det')
   int rays = 0;              ///< beside each texel's normal: ray_cone.h
   double least_opacity = kLeastOpacity;  ///< what texels find with less is not taken
+  double least_confidence = 0;           ///< nor with less of SplatFinding::confidence
   float expected = 0;   ///< where along the normals the scene's surface is thought to lie
   float deviation = 0;  ///< from there; 0: nothing is known, a third of the reach
   /// Texels with longer edges are coarse: they show the mean of what they cover.

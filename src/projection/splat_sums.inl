@@ -103,7 +103,14 @@ void accumulate(std::span<const SplatResponse> responses, const TexelPacket& pac
                exp_of_minus_far(z * z * (0.5F * limits.discness));
     }
     add_steps(weight, depths.weight);
-    for (int c = 0; c < 3; ++c) add_steps(weight * seen(g, c), depths.colour[c]);
+    Floats square = all(0.0F);
+    for (int c = 0; c < 3; ++c) {
+      const Floats colour = seen(g, c);
+      add_steps(weight * colour, depths.colour[c]);
+      const Floats shown = select(colour < 1.0F, colour, all(1.0F));
+      square = square + shown * shown;
+    }
+    add_steps(weight * square, depths.square);
     const Floats place = at * (1.0F / kProfileBins);
     add_steps(weight * place, depths.depth);
   }

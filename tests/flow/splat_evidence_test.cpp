@@ -94,6 +94,9 @@ double mass_of(double alpha, double edge = kEdge) {
   return mass;
 }
 
+/// Of one colour, so far away where texels look 0.4.
+double sureness_at(double distance) { return std::exp(-0.5 * std::abs(distance) / 0.4); }
+
 }  // namespace
 
 TEST_CASE("a sheet's distance and confidence are those worked by hand", "[flow]") {
@@ -107,7 +110,8 @@ TEST_CASE("a sheet's distance and confidence are those worked by hand", "[flow]"
   CHECK(report.targets[0].scene_offset == Approx(z).margin(1e-4));
   CHECK(report.targets[0].scene_spread == Approx(0).margin(1e-4));
   CHECK(report.target_empty == 0);
-  CHECK(sheets.at(Channel::confidence) == Approx(1 - std::exp(-mass_of(alpha))).margin(1e-4));
+  const double confidence = (1 - std::exp(-mass_of(alpha))) * sureness_at(z);
+  CHECK(sheets.at(Channel::confidence) == Approx(confidence).margin(1e-4));
   CHECK(sheets.at(Channel::distance) == Approx(z).margin(1e-4));
   CHECK(read_whole_image(sheets.path(Channel::confidence)).channels == 1);
   CHECK(read_whole_image(sheets.path(Channel::distance)).channels == 1);
@@ -123,11 +127,31 @@ TEST_CASE("what shows through a sheet draws its distance inwards", "[flow]") {
   CHECK(sheets.run().targets[0].fit == 1.0);
   const double mass = mass_of(0.1), through = std::exp(-mass);
   REQUIRE(through > 0.3);
-  CHECK(sheets.at(Channel::confidence) == Approx(1 - std::exp(-2 * mass)).margin(1e-4));
-  CHECK(sheets.at(Channel::distance) == Approx(0.2 * (1 - through) / (1 + through)).margin(1e-3));
+  const double away = 0.2 * (1 - through) / (1 + through);
+  CHECK(sheets.at(Channel::confidence) ==
+        Approx((1 - std::exp(-2 * mass)) * sureness_at(sheets.at(Channel::distance))).margin(1e-4));
+  CHECK(sheets.at(Channel::distance) == Approx(away).margin(1e-3));
 }
 
-TEST_CASE("confidence is opacity times fit", "[flow]") {
+TEST_CASE("colours that differ along a normal make a texel less sure", "[flow]") {
+  Sheets sheets;
+  sheets.add(0.2, 0.1);
+  sheets.add(-0.2, 0.1);
+  const double c0 = 0.28209479177387814, near = 0.8, far = 0.3;
+  for (std::size_t i = 0; i < sheets.ply.rows.size(); ++i) {
+    for (const char* channel : {"f_dc_0", "f_dc_1", "f_dc_2"})
+      sheets.ply.rows[i][channel] = ((i < 1600 ? near : far) - 0.5) / c0;
+  }
+  sheets.run();
+  const double mass = mass_of(0.1), through = std::exp(-mass);
+  const double share = through / (1 + through), away = 0.2 * (1 - through) / (1 + through);
+  const double spread = std::sqrt(3 * share * (1 - share)) * (near - far);
+  REQUIRE(spread > 0.3);
+  CHECK(sheets.at(Channel::confidence) ==
+        Approx((1 - std::exp(-2 * mass)) * sureness_at(away) * std::exp(-spread)).margin(1e-3));
+}
+
+TEST_CASE("confidence is opacity times fit, less far away", "[flow]") {
   // The sheet lies before some 2.5 % of the target: half as many places as would be sure of it.
   Sheets sheets;
   sheets.add(0.2, 0.5);
@@ -141,7 +165,8 @@ TEST_CASE("confidence is opacity times fit", "[flow]") {
   CHECK(report.target_covered > 0);
   const double opacity = 1 - std::exp(-mass_of(0.5, 12.6 / 200));
   const double found = read_whole_image(sheets.path(Channel::confidence)).at(100 * 200 + 100, 0);
-  CHECK(found / fit == Approx(opacity).margin(0.02));  // texels lie otherwise in the lattice
+  CHECK(found / fit ==
+        Approx(opacity * sureness_at(0.2)).margin(0.02));  // texels lie otherwise in the lattice
 }
 
 TEST_CASE("a fit that is neither good nor bad is told", "[flow]") {
@@ -183,7 +208,7 @@ TEST_CASE("padding makes no texel sure", "[flow]") {
 TEST_CASE("texels that are less sure than asked stay empty", "[flow]") {
   Sheets sheets;
   sheets.add(0.2, 0.1);
-  const double confidence = 1 - std::exp(-mass_of(0.1));
+  const double confidence = (1 - std::exp(-mass_of(0.1))) * sureness_at(0.2);
   sheets.options.channels = {Channel::base_color};
   sheets.options.min_confidence = confidence - 0.01;
   CHECK(sheets.run().target_empty == 0);
@@ -318,7 +343,8 @@ TEST_CASE("confidence in integers is rounded", "[flow]") {
   sheets.run();
   const WholeImage out = read_whole_image(sheets.options.output);
   CHECK(out.channels == 1);
-  CHECK(out.at(kMiddle, 0) == std::round((1 - std::exp(-mass_of(0.5))) * 255) / 255);
+  CHECK(out.at(kMiddle, 0) ==
+        std::round((1 - std::exp(-mass_of(0.5))) * sureness_at(0.2) * 255) / 255);
 }
 
 TEST_CASE("real scenes fit their own targets and no others", "[flow]") {

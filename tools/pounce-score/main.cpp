@@ -26,8 +26,12 @@ struct TableOptions {
   std::string scene, maps;
   std::vector<std::string> images;
   std::size_t most = 20000;
+  double behind = 0;
   bool harmonics = false;
 };
+
+/// So far behind (of the diagonal) lies what is looked at where only that counts, at most.
+constexpr double kFarBehind = 0.06;
 
 void print_row(const std::string& name, const score::Truth& truth,
                const std::vector<Vec3d>& colours) {
@@ -39,7 +43,10 @@ void print_row(const std::string& name, const score::Truth& truth,
 void print_table(const TableOptions& o) {
   const score::Scene scene = score::read_scene(o.scene);
   const score::Points points = score::read_points(o.maps, o.most);
-  const score::Truth truth = score::make_truth(scene, points, o.harmonics);
+  const score::Truth truth =
+      o.behind > 0
+          ? score::beyond(score::make_truth(scene, points, o.harmonics, kFarBehind), o.behind / 100)
+          : score::make_truth(scene, points, o.harmonics);
   fmt::print("{} Gaussians, {} texels; seen {} times from 4 sides, {} from 14, {} by >= 3 of 24\n",
              scene.gaussians.size(), points.points.size(), truth.four.size(), truth.sides.size(),
              truth.many.size());
@@ -49,6 +56,27 @@ void print_table(const TableOptions& o) {
               score::composited(scene, points, percent / 100));
   for (const std::string& image : o.images)
     print_row(image, truth, score::read_colours(image, points));
+}
+
+struct RankingOptions {
+  std::string scene, maps, image;
+  std::vector<std::string> numbers;
+  std::size_t most = 20000;
+  bool harmonics = false;
+};
+
+void print_rankings(const RankingOptions& o) {
+  const score::Scene scene = score::read_scene(o.scene);
+  const score::Points points = score::read_points(o.maps, o.most);
+  const score::Truth truth = score::make_truth(scene, points, o.harmonics, kFarBehind);
+  const std::vector<Vec3d> colours = score::read_colours(o.image, points);
+  fmt::print("{:<28} {:>7} {:>9} {:>10} {:>12} {:>6}\n", "", "texels", "off > 0.1", "mean error",
+             "least tenth", "area");
+  for (const std::string& numbers : o.numbers) {
+    const score::Ranking r = score::rank(truth, colours, score::read_colours(numbers, points));
+    fmt::print("{:<28} {:>7} {:>7.1f} % {:>10.4f} {:>12.4f} {:>6.3f}\n", numbers, r.texels,
+               100 * r.wrong, r.error, r.least_error, r.area);
+  }
 }
 
 struct PictureOptions {
@@ -88,8 +116,28 @@ void add_table(CLI::App& app, std::function<void()>& run, TableOptions& o) {
   c->add_option("--points", o.most, "Most texels to look at")
       ->check(CLI::Range(1, 100000000))
       ->capture_default_str();
+  c->add_option("--behind", o.behind,
+                "Only where the scene lies more than so many per cent of the diagonal behind, up "
+                "to 6 %. 0: wherever it lies within 2 %")
+      ->check(CLI::Range(0.0, 6.0));
   c->add_flag("--sh", o.harmonics, "The truth shows spherical harmonics; else degree 0 alone");
   c->callback([&run, &o] { run = [&o] { print_table(o); }; });
+}
+
+void add_ranking(CLI::App& app, std::function<void()>& run, RankingOptions& o) {
+  CLI::App* c = app.add_subcommand(
+      "confidence", "How well the numbers of an image tell which texels of a texture are wrong");
+  c->add_option("SCENE", o.scene, "The splat scene")->required();
+  c->add_option("IMAGE", o.image, "A texture of the target, of the maps' size")->required();
+  c->add_option("NUMBERS", o.numbers, "Images of one number per texel, 0 where there is none")
+      ->required();
+  c->add_option("--maps", o.maps, "What `pounce maps` wrote of the target: a path with <CHANNEL>")
+      ->required();
+  c->add_option("--points", o.most, "Most texels to look at")
+      ->check(CLI::Range(1, 100000000))
+      ->capture_default_str();
+  c->add_flag("--sh", o.harmonics, "The truth shows spherical harmonics; else degree 0 alone");
+  c->callback([&run, &o] { run = [&o] { print_rankings(o); }; });
 }
 
 void add_picture(CLI::App& app, std::function<void()>& run, PictureOptions& o) {
@@ -131,9 +179,11 @@ int main(int argc, char** argv) try {
   CLI::App app(kAbout, "pounce-score");
   app.require_subcommand(1);
   TableOptions table;
+  RankingOptions ranking;
   PictureOptions picture;
   std::function<void()> run;
   add_table(app, run, table);
+  add_ranking(app, run, ranking);
   add_picture(app, run, picture);
   try {
     app.parse(argc, argv);

@@ -14,7 +14,12 @@ namespace pounce::score {
 struct Sight {
   std::uint32_t point = 0;
   Vec3d colour;
+  double behind =
+      0;  ///< how far behind the point the scene lies, along its normal; of the diagonal
 };
+
+/// Of the diagonal: how far behind a point what is seen there may lie.
+inline constexpr double kNearBehind = 0.02;
 
 /// The truths of a scene at the points of a target.
 struct Truth {
@@ -24,13 +29,28 @@ struct Truth {
 };
 
 /// Draws the scene from all sides. A side sees a point that faces it by a cosine of 0.2 and lies
-/// within 2 % of the target's diagonal of where half of the light is taken.
-Truth make_truth(const Scene& scene, const Points& points, bool harmonics);
+/// at most 2 % of the target's diagonal behind and `behind` before where half of the light is
+/// taken.
+Truth make_truth(const Scene& scene, const Points& points, bool harmonics,
+                 double behind = kNearBehind);
+/// Only where the scene lies more than that behind.
+Truth beyond(const Truth& truth, double behind);
 
 /// PSNR over all sights and channels, in dB: colours are clamped to 0..1.
 double psnr(const std::vector<Sight>& truth, const std::vector<Vec3d>& colours);
 /// Share of sights with a channel off by more than 0.15.
 double share_off(const std::vector<Sight>& truth, const std::vector<Vec3d>& colours);
+
+/// How well a number per texel tells which colours are wrong.
+struct Ranking {
+  std::size_t texels = 0;  ///< that have the number (above 0) and a truth of many views
+  double wrong = 0;        ///< share of those with a channel off by more than 0.1
+  double error = 0;        ///< mean over all of the channel that is most off
+  double least_error = 0;  ///< the same over the tenth with the least numbers
+  double area = 0.5;       ///< how often a wrong texel has a smaller number than a right one
+};
+Ranking rank(const Truth& truth, const std::vector<Vec3d>& colours,
+             const std::vector<Vec3d>& numbers);
 
 /// What plain compositing along the normals gives, begun `above` outside.
 std::vector<Vec3d> composited(const Scene& scene, const Points& points, double above);

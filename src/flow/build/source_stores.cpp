@@ -24,11 +24,11 @@ namespace {
 /// The texels that a target's places stand for, whatever its images' size: of its diagonal.
 constexpr double kPlaceEdge = 1.0 / 1024;
 
-/// Of a texel whose confidence, opacity x fit, is the least that is covered.
-double least_opacity(double min_confidence, double fit) {
+/// What a texel must be sure of before the fit is known, to be covered.
+double least_confidence(double min_confidence, double fit) {
   constexpr double kNone = 2;  // no texel has that
-  if (fit > 0) return std::max(projection::kLeastOpacity, min_confidence / fit);
-  return min_confidence > 0 ? kNone : projection::kLeastOpacity;
+  if (fit > 0) return min_confidence / fit;
+  return min_confidence > 0 ? kNone : 0;
 }
 
 /// Texels look first where most places of the target found the scene: at least within a quarter of
@@ -217,7 +217,7 @@ std::unique_ptr<Projection> SourceStores::splat_projector(std::size_t pass,
     request.outputs.push_back({channel.channel, channel.format, input});
   }
   request.fit = fit.fit;
-  request.limits.least_opacity = least_opacity(options_.min_confidence, fit.fit);
+  request.limits.least_confidence = least_confidence(options_.min_confidence, fit.fit);
   expect_where_found(fit, request.limits);
   return project_splats(job_, request);
 }

@@ -96,7 +96,7 @@ class SplatMethod : public Base {
   texture::TexelValue value(const SplatOutput& output,
                             const projection::SplatFinding& found) const {
     const Channel channel = output.channel;
-    if (channel == Channel::confidence) return {{found.opacity * request_.fit}, 1};
+    if (channel == Channel::confidence) return {{found.confidence * request_.fit}, 1};
     if (channel == Channel::distance) return {{found.distance}, 1};
     const auto& c = found.colour;
     texture::TexelValue colour{{c[0], c[1], c[2], found.opacity},

@@ -69,3 +69,29 @@ TEST_CASE("many views are weighed by their cosines", "[score]") {
   CHECK(truth.many[1].colour.x == Approx(0.3).margin(1e-6));
   CHECK(truth.many[1].colour.z == Approx(0.7).margin(1e-6));
 }
+
+TEST_CASE("a ranking says how well numbers tell wrong colours", "[score]") {
+  Truth truth;
+  for (std::uint32_t i = 0; i < 4; ++i) truth.many.push_back({i, {0.5, 0.5, 0.5}});
+  // Off by 0.3 and 0.2, right twice; the last one has no number.
+  const std::vector<Vec3d> colours{{0.8, 0.5, 0.5}, {0.5, 0.7, 0.5}, {0.5, 0.5, 0.5}, {0, 0, 0}};
+  const auto area = [&](double a, double b, double c) {
+    return rank(truth, colours, {{a, a, a}, {b, b, b}, {c, c, c}, {}}).area;
+  };
+  CHECK(area(0.1, 0.2, 0.3) == 1);
+  CHECK(area(0.3, 0.2, 0.1) == 0);
+  CHECK(area(0.1, 0.3, 0.2) == 0.5);
+  CHECK(area(0.2, 0.2, 0.2) == 0.5);
+  const Ranking r = rank(truth, colours, {{0.1, 0, 0}, {0.2, 0, 0}, {0.3, 0, 0}, {}});
+  CHECK(r.texels == 3);
+  CHECK(r.wrong == Approx(2.0 / 3));
+  CHECK(r.error == Approx(0.5 / 3));
+  CHECK(r.least_error == Approx(0.3));
+}
+
+TEST_CASE("a truth may be of what lies far behind alone", "[score]") {
+  const Scene scene = two_discs();
+  CHECK(make_truth(scene, texels(1.03, 1), false, 0.06).four.size() == 3);
+  CHECK(beyond(make_truth(scene, texels(1.03, 1), false, 0.06), 0.02).four.size() == 3);
+  CHECK(beyond(make_truth(scene, texels(1.01, 1), false, 0.06), 0.02).four.empty());
+}
