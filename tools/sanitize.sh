@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Whole jobs under sanitizers; any report fails.
 #
-#   tools/sanitize.sh short   the two programs with AddressSanitizer and UndefinedBehaviorSanitizer, and small jobs
-#                             of every feature (tests/sanitize/transfers.sh); part of .ci/run
+#   tools/sanitize.sh short   the two programs with AddressSanitizer and UndefinedBehaviorSanitizer, as the fuzzers
+#                             are built, and small jobs of every feature (tests/sanitize/transfers.sh); in .ci/run
 #   tools/sanitize.sh full    the same with odd files, every test of the preset asan, and the flow tests of the
 #                             preset tsan (tools/tsan-tbb.sh must have run)
 set -euo pipefail
@@ -14,11 +14,12 @@ mode=${1:-short}
   exit 2
 }
 
-# Little optimisation and no tests: half the time to build.
-folder=$PWD/build/sanitize
-cmake -S . -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=None -DCMAKE_CXX_FLAGS='-O1 -g1' \
-  -DPOUNCE_SANITIZE=address,undefined -DPOUNCE_BUILD_TESTS=OFF >/dev/null
-cmake --build "$folder" --target pounce_cli pounce_fixture_cli
+# The preset of the fuzzers: what .ci/run needs of both is built once.
+folder=$PWD/build/fuzz
+tools/install-packages.sh
+tools/install-clang.sh
+cmake --preset fuzz >/dev/null
+cmake --build --preset fuzz --target pounce_cli pounce_fixture_cli
 POUNCE=$folder/pounce POUNCE_FIXTURE=$folder/pounce-fixture bash tests/sanitize/transfers.sh "$mode"
 
 [[ $mode == full ]] || exit 0

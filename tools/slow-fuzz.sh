@@ -27,12 +27,7 @@ for target in "${targets[@]}"; do
 done
 
 tools/install-packages.sh
-if ! command -v clang++ >/dev/null || ! compgen -G '/usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.fuzzer-x86_64.a' >/dev/null; then
-  as_root=
-  [[ $(id -u) -eq 0 ]] || as_root=sudo
-  $as_root apt-get update
-  $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends clang libclang-rt-14-dev
-fi
+tools/install-clang.sh
 build=$PWD/build/fuzz
 cmake --preset fuzz >/dev/null
 cmake --build --preset fuzz --target fuzz_seeds "${targets[@]/#/fuzz_}"
