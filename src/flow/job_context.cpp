@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <span>
 
+#include "core/input_file.h"
 #include "core/page_pool.h"
 
 namespace pounce::flow {
@@ -31,8 +32,7 @@ Hash128 hash_of(JobContext& job, const ReadFile& file) {
 }  // namespace
 
 Hash128 file_hash(JobContext& job, const std::string& path) {
-  return job.content_hash(path, 0, 0,
-                          [&] { return hash_of(job, *posix_file_system().open(path)); });
+  return job.content_hash(path, 0, 0, [&] { return hash_of(job, *open_input(path)); });
 }
 
 std::uint64_t size_on_disk(const std::vector<std::string>& files) {

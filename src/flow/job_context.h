@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "core/file.h"
+#include "core/input_file.h"
 #include "core/scratch_limit.h"
 #include "core/timer.h"
 #include "flow/hash_memo.h"
@@ -77,6 +78,7 @@ struct JobContext {
   runtime::Meter& meter;
   Report& report;
   StageClock clock;
+  InputFiles inputs;
   FileSystem* files = nullptr;
   std::unique_ptr<FileSystem> own_files;        ///< in memory, or with a limit
   std::unique_ptr<HashMemo> hashes;             ///< of input files; null without a cache
@@ -117,7 +119,8 @@ struct JobContext {
   /// The hash of a part of an input file (size 0 = all of it): remembered, else computed.
   Hash128 content_hash(const std::string& path, std::uint64_t offset, std::uint64_t size_bytes,
                        const std::function<Hash128()>& compute) {
-    return hashes ? hashes->get(path, offset, size_bytes, compute) : compute();
+    const bool may_remember = hashes != nullptr && is_input_in_place(path);
+    return may_remember ? hashes->get(path, offset, size_bytes, compute) : compute();
   }
 
   std::unique_ptr<StageTimer> waiting;  ///< while find_pack() waits for another process

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "core/file.h"
+#include "core/input_file.h"
 #include "io/files/file_ending.h"
 #include "io/gltf/mesh.h"
 #include "io/obj/cost.h"
@@ -24,7 +25,7 @@ enum class Format { gltf, obj };
 
 /// A splat scene where a mesh is wanted: often the two are in the wrong order.
 [[noreturn]] void refuse_splats(const std::string& path, const SplatFormat& format) {
-  if (format.kind == SplatKind::ply && !holds_splats(*posix_file_system().open(path), path)) {
+  if (format.kind == SplatKind::ply && !holds_splats(*open_input(path), path)) {
     throw Error(
         ErrorKind::input,
         fmt::format("{}: a PLY file is read as a splat scene, which is a source only; convert "
@@ -48,7 +49,7 @@ Format format_of(const std::string& path) {
                             "source, a splat scene",
                             path));
   }
-  const auto file = posix_file_system().open(path);
+  const auto file = open_input(path);
   std::array<char, 64> head{};
   const std::uint64_t size = file->size_bytes();
   const std::size_t count = std::min<std::uint64_t>(size, head.size());

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <stdexcept>
 
+#include "core/input_file.h"
 #include "io/gltf/validate.h"
 #include "pounce/error.h"
 
@@ -121,7 +122,7 @@ DataUri decode_data_uri(std::string_view uri) {
 }
 
 JsonSize gltf_json_size(const std::string& path) {
-  const auto file = posix_file_system().open(path);
+  const auto file = open_input(path);
   const std::uint64_t size = file->size_bytes();
   if (size < 20 || read_u32(*file, 0) != kGlbMagic) return json_size(*file, 0, size);
   return json_size(*file, 20, std::min<std::uint64_t>(read_u32(*file, 12), size - 20));
@@ -144,7 +145,7 @@ std::string GltfFile::resolve(const std::string& uri) const {
 
 GltfFile::GltfFile(const std::string& path, bool allow_external)
     : path_(path), folder_(path, allow_external) {
-  const std::shared_ptr<ReadFile> file = posix_file_system().open(path);
+  const std::shared_ptr<ReadFile> file = open_input(path);
   find_chunks(*file);
   // tinygltf and nlohmann's writer recurse, and the parser's own callback for this is quadratic.
   const JsonSize size = json_size(*file, json_offset_, json_text_bytes_);
@@ -220,7 +221,7 @@ void GltfFile::find_chunks(const ReadFile& file) {
 }
 
 std::string GltfFile::json_text() const {
-  std::string text = read_text(*posix_file_system().open(path_), json_offset_, json_text_bytes_);
+  std::string text = read_text(*open_input(path_), json_offset_, json_text_bytes_);
   constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
   if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
   return text;
@@ -273,7 +274,7 @@ void GltfFile::open_buffer(std::size_t index, nlohmann::json& buffer) {
   }
   if (!out.path.empty()) {
     try {
-      out.file = posix_file_system().open(out.path);
+      out.file = open_input(out.path);
     } catch (const Error& e) {
       out.problem = fmt::format("cannot be read ({})", e.what());
       out.refused = e.kind() == ErrorKind::storage;

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "core/file.h"
+#include "core/input_file.h"
 #include "pounce/error.h"
 
 namespace OCIO = OCIO_NAMESPACE;
@@ -166,7 +167,7 @@ void ColourTables::add(const std::string& path) {
                             "there, or let it be read with --allow-external",
                             config_path_, path));
   }
-  const auto file = posix_file_system().open(path);
+  const auto file = open_input(path);
   const std::uint64_t fixed = paths_.empty() ? kFixedBytes : 0;
   const std::uint64_t bytes = file->size_bytes();
   require(loading_bytes_ + fixed + kLoadingPerByte * bytes);
@@ -194,7 +195,7 @@ void ColourTables::require(std::uint64_t bytes) const {
 }
 
 void ColourTables::check_reading() const {
-  for (const std::string& path : paths_) read_text(*posix_file_system().open(path));
+  for (const std::string& path : paths_) read_text(*open_input(path));
 }
 
 }  // namespace pounce::io

@@ -23,6 +23,7 @@
 #include <set>
 #include <system_error>
 
+#include "core/input_file.h"
 #include "core/open_file.h"
 #include "core/page_pool.h"
 #include "io/files/output_file.h"
@@ -191,7 +192,7 @@ void ModelCopy::find_images() {
     StayingImage image{i, path,
                        stem + fmt::format(".image{}", i) + fs::path(path).extension().string(), ""};
     if (is_glb()) {
-      image.mime_type = image_mime_type(*posix_file_system().open(path));
+      image.mime_type = image_mime_type(*open_input(path));
       if (image.mime_type.empty()) {
         warnings_.push_back(
             fmt::format("{}: its image {} is of a kind that a .glb cannot hold; {} "
@@ -240,7 +241,7 @@ void ModelCopy::write_glb(const std::vector<ModelPiece>& pieces) {
   DocumentParts parts{request_, slots_, buffers_, {}, {}, {}, {}};
   for (const ModelPiece& piece : pieces) parts.image_places.push_back(buffers_.append(piece));
   for (const StayingImage& image : images_) {
-    std::shared_ptr<ReadFile> file = posix_file_system().open(image.from);
+    std::shared_ptr<ReadFile> file = open_input(image.from);
     const std::uint64_t size = file->size_bytes();
     parts.moved_images[image.index] = {"", image.mime_type,
                                        buffers_.append({std::move(file), nullptr, 0, size})};
@@ -271,9 +272,7 @@ void ModelCopy::write_glb(const std::vector<ModelPiece>& pieces) {
     const std::uint64_t padding = (4 - chunk.size_bytes % 4) % 4;
     put(out, chunk.size_bytes + padding);
     put(out, chunk.type);
-    copy_piece(
-        {posix_file_system().open(request_.target), nullptr, chunk.offset_bytes, chunk.size_bytes},
-        out);
+    copy_piece({open_input(request_.target), nullptr, chunk.offset_bytes, chunk.size_bytes}, out);
     copy_piece({nullptr, nullptr, 0, padding}, out);
   }
   out.check();
@@ -319,7 +318,7 @@ void ModelCopy::write_gltf(const std::vector<ModelPiece>& pieces) {
     if (!buffer.path.empty()) copy_pieces(buffer.pieces, begin(buffer.path));
   }
   for (const StayingImage& image : images_) {
-    std::shared_ptr<ReadFile> file = posix_file_system().open(image.from);
+    std::shared_ptr<ReadFile> file = open_input(image.from);
     const std::uint64_t size = file->size_bytes();
     copy_piece({std::move(file), nullptr, 0, size}, begin(image.to));
     parts.moved_images[image.index] = {uri_of(image.to, request_.output), "", {}};

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "core/file.h"
+#include "core/input_file.h"
 #include "io/obj/text.h"
 #include "pounce/error.h"
 
@@ -154,7 +155,7 @@ class MtlReader {
 };
 
 ObjText open_mtl(const std::string& path) {
-  if (posix_file_system().open(path)->size_bytes() > kMaxMtlBytes) {
+  if (open_input(path)->size_bytes() > kMaxMtlBytes) {
     throw Error(ErrorKind::input, path + ": larger than 64 MiB, which no material file is");
   }
   return {path, ObjText::Kind::mtl};

@@ -10,6 +10,7 @@
 #include <span>
 #include <utility>
 
+#include "core/input_file.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -60,7 +61,7 @@ std::optional<T> whole_number(std::string_view word) {
 }  // namespace
 
 ObjText::ObjText(const std::string& path, Kind kind)
-    : path_(path), kind_(kind), file_(posix_file_system().open(path)) {}
+    : path_(path), kind_(kind), file_(open_input(path)) {}
 
 void ObjText::fail(const std::string& what) const {
   throw Error(ErrorKind::input,

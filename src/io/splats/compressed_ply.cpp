@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include "core/input_file.h"
 #include "core/sh_basis.h"
 #include "io/splats/raw.h"
 
@@ -48,9 +49,7 @@ float harmonic_of(std::byte value) {
 }  // namespace
 
 CompressedPly::CompressedPly(const std::string& path, const Axes& axes)
-    : BatchScene(axes),
-      file_(posix_file_system().open(path)),
-      header_(read_compressed_ply_header(*file_, path)) {
+    : BatchScene(axes), file_(open_input(path)), header_(read_compressed_ply_header(*file_, path)) {
   info_.format = "SuperSplat compressed PLY";
   info_.splats = header_.splats;
   info_.sh_degree = header_.sh_degree;

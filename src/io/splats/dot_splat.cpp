@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "core/input_file.h"
 #include "io/splats/raw.h"
 #include "pounce/error.h"
 
@@ -15,7 +16,7 @@ constexpr std::uint64_t kRecordBytes =
 }  // namespace
 
 DotSplat::DotSplat(const std::string& path, const Axes& axes)
-    : BatchScene(axes), file_(posix_file_system().open(path)) {
+    : BatchScene(axes), file_(open_input(path)) {
   const std::uint64_t size = file_->size_bytes();
   if (size == 0 || size % kRecordBytes != 0) {
     throw Error(ErrorKind::input,

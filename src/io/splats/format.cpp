@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "core/file.h"
+#include "core/input_file.h"
 #include "io/files/file_ending.h"
 #include "io/json/size.h"
 #include "io/splats/gltf_scene.h"
@@ -38,7 +39,7 @@ std::string text_at(const ReadFile& file, std::uint64_t offset, std::uint64_t mo
 std::optional<SplatFormat> sog_format(const std::string& meta, const char* what) {
   std::error_code ignored;
   if (!fs::is_regular_file(meta, ignored)) return std::nullopt;
-  const auto file = posix_file_system().open(meta);
+  const auto file = open_input(meta);
   const std::uint64_t size = file->size_bytes();
   if (size > kMostMetaBytes || json_size(*file, 0, size).depth > kMostMetaDepth)
     return std::nullopt;
@@ -97,7 +98,7 @@ std::optional<SplatFormat> marked_format(const ReadFile& file, const std::string
 std::optional<SplatFormat> splat_format(const std::string& path) {
   std::error_code ignored;
   if (fs::is_directory(path, ignored)) return folder_format(path);
-  const auto file = posix_file_system().open(path);
+  const auto file = open_input(path);
   if (auto marked = marked_format(*file, path)) return marked;
   if (text_at(*file, 0, 4) == "glTF") return std::nullopt;  // whatever its name
   // .splat and .ksplat begin with data; of the others what is left is damaged.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <string_view>
 
+#include "core/input_file.h"
 #include "io/files/file_ending.h"
 #include "io/gltf/model.h"
 #include "io/gltf/plan.h"
@@ -124,7 +125,7 @@ tinygltf::Model load_scene(const GltfFile& file) {
 }  // namespace
 
 bool is_splat_gltf(const std::string& path) {
-  const auto file = posix_file_system().open(path);
+  const auto file = open_input(path);
   const auto range = json_range(*file, path);
   if (!range || !contains(*file, range->first, range->second, kExtension)) return false;
   const JsonSize size = gltf_json_size(path);

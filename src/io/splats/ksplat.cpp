@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "core/half.h"
+#include "core/input_file.h"
 #include "io/splats/raw.h"
 #include "pounce/error.h"
 
@@ -32,7 +33,7 @@ void KsplatScene::fail(const std::string& what) const {
 }
 
 KsplatScene::KsplatScene(const std::string& path, const Axes& axes)
-    : BatchScene(axes), file_(posix_file_system().open(path)), path_(path) {
+    : BatchScene(axes), file_(open_input(path)), path_(path) {
   const std::uint64_t size = file_->size_bytes();
   if (size < kFileHeaderBytes) fail("the .ksplat header is cut off");
   const auto major = read_value<std::uint8_t>(*file_, 0),

@@ -11,6 +11,7 @@
 #include <limits>
 
 #include "core/half.h"
+#include "core/input_file.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -73,9 +74,7 @@ void load(const std::byte* from, PlyType type, std::size_t stride, std::size_t r
 }  // namespace
 
 SplatPly::SplatPly(const std::string& path, const Axes& axes)
-    : BatchScene(axes),
-      file_(posix_file_system().open(path)),
-      header_(read_splat_ply_header(*file_, path)) {
+    : BatchScene(axes), file_(open_input(path)), header_(read_splat_ply_header(*file_, path)) {
   find_columns(path);
   info_.format = "3DGS PLY";
   info_.splats = header_.splats;

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "core/input_file.h"
 #include "io/splats/compressed_ply.h"
 #include "io/splats/dot_splat.h"
 #include "io/splats/format.h"
@@ -26,7 +27,7 @@ constexpr std::uint64_t kUnquestionedSplats = 1 << 18;
 void require_plausible_count(const SplatSceneInfo& info) {
   if (info.splats <= kUnquestionedSplats) return;
   std::uint64_t bytes = 0;
-  for (const std::string& file : info.files) bytes += posix_file_system().open(file)->size_bytes();
+  for (const std::string& file : info.files) bytes += open_input(file)->size_bytes();
   if (info.splats <= bytes / kLeastBytesPerSplat) return;
   throw Error(ErrorKind::input,
               fmt::format("{}: announces {} Gaussians in {} bytes, less than a byte for each; a "
@@ -49,7 +50,7 @@ std::unique_ptr<SplatScene> open_format(const std::string& path, const Axes& axe
     case SplatKind::compressed_ply:
       return std::make_unique<CompressedPly>(path, axes);
     case SplatKind::spz:
-      return std::make_unique<SpzScene>(posix_file_system().open(path), path, axes, poll);
+      return std::make_unique<SpzScene>(open_input(path), path, axes, poll);
     case SplatKind::sog:
       return std::make_unique<SogScene>(path, axes);
     case SplatKind::gltf:

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "core/exp.h"
+#include "core/input_file.h"
 #include "io/files/asset_folder.h"
 #include "io/json/size.h"
 #include "io/splats/raw.h"
@@ -62,11 +63,11 @@ SogScene::Json SogScene::open_meta(const std::string& path) {
     folder_ = path;
     meta_name_ = "meta.json";
     info_.files = {(fs::path(path) / meta_name_).string()};
-    file = posix_file_system().open(info_.files[0]);
+    file = open_input(info_.files[0]);
     bytes = file->size_bytes();
   } else {
     info_.files = {path};
-    file = posix_file_system().open(path);
+    file = open_input(path);
     if (is_zip(*file)) {
       archive_ = file;
       // Some archivers put everything into a folder.
@@ -119,7 +120,7 @@ SogScene::Image SogScene::open_image(const std::string& name) const {
     std::error_code ignored;
     if (!fs::is_regular_file(image.name, ignored) || !AssetFolder(meta, false).holds(image.name))
       fail(fmt::format("names \"{}\", which is not there", name));
-    image.file = posix_file_system().open(image.name);
+    image.file = open_input(image.name);
     bytes = image.file->size_bytes();
   }
   image.header = read_vp8l_header(*image.file, at, bytes, image.name);

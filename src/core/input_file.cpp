@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/input_file.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace pounce {
+namespace {
+
+thread_local InputFiles* current = nullptr;
+
+/// One of several that read a kept file.
+class SharedFile final : public ReadFile {
+ public:
+  explicit SharedFile(std::shared_ptr<const ReadFile> file) : file_(std::move(file)) {}
+  std::uint64_t size_bytes() const override { return file_->size_bytes(); }
+  void read(std::uint64_t offset, std::span<std::byte> out) const override {
+    file_->read(offset, out);
+  }
+
+ private:
+  std::shared_ptr<const ReadFile> file_;
+};
+
+bool is_same(const std::optional<FileStatus>& a, const std::optional<FileStatus>& b) {
+  return a && b && a->device == b->device && a->inode == b->inode &&
+         a->size_bytes == b->size_bytes && a->modified_ns == b->modified_ns &&
+         a->changed_ns == b->changed_ns;
+}
+
+}  // namespace
+
+InputFiles::InputFiles() : before_(std::exchange(current, this)) {}
+
+InputFiles::~InputFiles() { current = before_; }
+
+InputFiles::Kept* InputFiles::find(const std::string& path) {
+  const auto found = std::find_if(kept_.begin(), kept_.end(),
+                                  [&](const Kept& kept) { return kept.path == path; });
+  return found != kept_.end() ? &*found : nullptr;
+}
+
+const InputFiles::Kept& InputFiles::get(const std::string& path) {
+  ++uses_;
+  if (Kept* const kept = find(path)) {
+    kept->used = uses_;
+    return *kept;
+  }
+  FileSystem& files = posix_file_system();
+  const auto status = files.status(path);
+  Kept opened{path, files.open(path), status, uses_};
+  // Who had the name before and after it was opened is the one that was opened.
+  if (!is_same(status, files.status(path))) opened.status = {};
+  if (kept_.size() < kMostKept) return kept_.emplace_back(std::move(opened));
+  return *std::min_element(kept_.begin(), kept_.end(), [](const Kept& a, const Kept& b) {
+    return a.used < b.used;
+  }) = std::move(opened);
+}
+
+std::unique_ptr<ReadFile> open_input(const std::string& path) {
+  if (current == nullptr) return posix_file_system().open(path);
+  return std::make_unique<SharedFile>(current->get(path).file);
+}
+
+bool is_input_in_place(const std::string& path) {
+  const InputFiles::Kept* const kept = current != nullptr ? current->find(path) : nullptr;
+  return kept == nullptr || is_same(kept->status, posix_file_system().status(path));
+}
+
+}  // namespace pounce
