@@ -76,7 +76,7 @@ class Guard {
  public:
   explicit Guard(ByteSource& bytes) : at_(bytes, "EXR", false) {}
 
-  void check() {
+  std::uint64_t check() {
     constexpr std::uint32_t kSeveral = 0x1000;
     const bool several = (at_.u32(4) & kSeveral) != 0;
     std::vector<Part> parts;
@@ -106,6 +106,7 @@ class Guard {
         check_first_chunk(part, position, several);
       position += 8 * (part.listed > 0 ? part.listed : part.chunks());
     }
+    return several ? room : 0;
   }
 
  private:
@@ -285,6 +286,6 @@ class Guard {
 
 }  // namespace
 
-void guard_exr(ByteSource& bytes) { Guard(bytes).check(); }
+std::uint64_t guard_exr(ByteSource& bytes) { return Guard(bytes).check(); }
 
 }  // namespace pounce::io

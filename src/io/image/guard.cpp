@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "io/image/cursor.h"
-#include "io/image/exr_guard.h"
 
 namespace pounce::io {
 namespace {
@@ -231,7 +230,6 @@ std::vector<ColourPiece> hide_metadata(ByteSource& bytes, const std::string& for
   if (format == "jpeg") hide_in_jpeg(bytes, colours);
   if (format == "webp") hide_in_webp(bytes, colours);
   if (format == "targa") hide_in_targa(bytes);
-  if (format == "openexr") guard_exr(bytes);
   return colours;
 }
 

@@ -23,10 +23,9 @@ inline constexpr std::uint64_t kMostColourBytes = 1 << 20;
 
 /// Hides from the decoder what is no picture, before it sees any of it: decoders keep texts,
 /// profiles and EXIF blocks whole in memory, believe the sizes they claim, and inflate them. Of a
-/// PNG, a JPEG and a WebP only what makes pixels is left to see (of a TIFF: guard_tiff()); an EXR,
-/// whose parts are found by their places, is refused where its header is larger than any that is in
-/// use. Returns what of it is about colours. Throws Error(input) naming what is too large or cut
-/// off, Error(storage) if the file cannot be read.
+/// PNG, a JPEG and a WebP only what makes pixels is left to see (of a TIFF: guard_tiff(), of an
+/// EXR: guard_exr()). Returns what of it is about colours. Throws Error(input) naming what is too
+/// large or cut off, Error(storage) if the file cannot be read.
 std::vector<ColourPiece> hide_metadata(ByteSource& bytes, const std::string& format);
 
 /// Keeps a hidden piece that is about colours, the first of its kind, unless it is too large.

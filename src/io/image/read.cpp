@@ -15,6 +15,7 @@
 #include "io/files/byte_source.h"
 #include "io/image/decoder_cost.h"
 #include "io/image/decoder_error.h"
+#include "io/image/exr_guard.h"
 #include "io/image/format.h"
 #include "io/image/guard.h"
 #include "io/image/header.h"
@@ -169,6 +170,7 @@ struct ImageReader::Impl {
   std::string wanted;  // channels, by name
   bool lists = false;
   std::optional<TiffPicture> tiff;
+  std::uint64_t parts_bytes = 0;                                       ///< of an EXR: guard_exr()
   std::unique_ptr<FILE, int (*)(FILE*)> stream{nullptr, std::fclose};  // outlives proxy and input
   std::unique_ptr<SourceProxy> proxy;
   std::unique_ptr<OIIO::ImageInput> input;  // null until open()
@@ -203,6 +205,8 @@ ImageReader::Impl::Impl(const mesh::ImageRef& image, std::span<const ImageFormat
     std::vector<ColourPiece> colours;
     tiff = guard_tiff(bytes, colours);
     info.colours = read_colour_tags(colours);
+  } else if (info.format == "openexr") {
+    parts_bytes = guard_exr(bytes);
   } else {
     info.colours = read_colour_tags(hide_metadata(bytes, info.format));
   }
@@ -297,7 +301,7 @@ void ImageReader::Impl::take_spec() {
   tiled = spec.tile_width > 0;
   info.tile_width = static_cast<std::uint32_t>(spec.tile_width);
   info.tile_height = static_cast<std::uint32_t>(spec.tile_height);
-  info.decoder_bytes = decoder_cost(spec, info.format, bytes);
+  info.decoder_bytes = decoder_cost(spec, info.format, bytes) + parts_bytes;
   if (!picked.empty()) info.decoder_bytes += kMostRowsAtOnce * decoded_row_bytes();
   if (tiled && info.format == "openexr") info.levels = levels_of(*input, part);
 }

@@ -222,3 +222,34 @@ TEST_CASE("an EXR with a channel of no known type is refused", "[image][exr]") {
                Contains("of type " + std::to_string(unknown) + ", which there is not"));
   }
 }
+
+TEST_CASE("an EXR in parts announces a block of each, read or not", "[image][exr]") {
+  const test::TempFolder folder;
+  OIIO::ImageSpec small(2048, 16, 1, OIIO::TypeDesc::HALF),
+      large(2048, 16, 4, OIIO::TypeDesc::FLOAT);
+  small.attribute("compression", "zip");
+  small.attribute("oiio:subimagename", "small");
+  large.attribute("compression", "zip");
+  large.attribute("oiio:subimagename", "large");
+  const std::vector<float> samples(2048 * 16 * 4, 0.5F);
+  const auto announced = [&](const std::string& name, std::vector<OIIO::ImageSpec> parts) {
+    const std::string path = folder.file(name);
+    const auto out = OIIO::ImageOutput::create(path);
+    REQUIRE(out);
+    if (parts.size() == 1) REQUIRE(out->open(path, parts.front()));
+    if (parts.size() > 1) REQUIRE(out->open(path, static_cast<int>(parts.size()), parts.data()));
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      INFO(name << ' ' << i << ' ' << out->geterror());
+      if (i > 0) REQUIRE(out->open(path, parts[i], OIIO::ImageOutput::AppendSubimage));
+      REQUIRE(out->write_image(OIIO::TypeDesc::FLOAT, samples.data()));
+    }
+    REQUIRE(out->close());
+    mesh::ImageRef image;
+    image.label = image.path = path;
+    const io::ImageReader reader(image);
+    CHECK(reader.info().width == 2048);
+    return reader.info().decoder_bytes;
+  };
+  constexpr std::uint64_t kSmall = 2048 * 16 * 2, kLarge = 2048 * 16 * 16;
+  CHECK(announced("two.exr", {small, large}) == announced("one.exr", {small}) + kSmall + kLarge);
+}
