@@ -67,6 +67,12 @@ struct TargetReport {
   std::optional<double> texel_size;
   double max_distance = 0;     ///< in the target's units
   DistanceCounts distances{};  ///< of the same texels
+  /// Meshes, in the target's units: the mean of these texels' distances. Nothing where nothing was
+  /// found.
+  std::optional<double> mean_distance;
+  /// Then: the part of the source's surface, 0..1, on which another layer of it that faces alike
+  /// lies within twice that.
+  std::optional<double> close_layers;
   /// 0..1. Splat scenes: does the scene lie at this target's surface? Below 0.5 it hardly does.
   /// Meshes: how near the source lies, over how near it would where the target is moved to fit
   /// best: 1 where no move is much better. Nothing where nothing was projected.

@@ -35,8 +35,8 @@ InputFiles::InputFiles() : before_(std::exchange(current, this)) {}
 InputFiles::~InputFiles() { current = before_; }
 
 InputFiles::Kept* InputFiles::find(const std::string& path) {
-  const auto found = std::find_if(kept_.begin(), kept_.end(),
-                                  [&](const Kept& kept) { return kept.path == path; });
+  const auto found =
+      std::find_if(kept_.begin(), kept_.end(), [&](const Kept& kept) { return kept.path == path; });
   return found != kept_.end() ? &*found : nullptr;
 }
 

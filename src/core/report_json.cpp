@@ -84,6 +84,8 @@ Json targets_json(const Report& report) {
     json["enough"] = target.enough;
     json["max_distance"] = target.max_distance;
     json["distances"] = target.distances;
+    json["mean_distance"] = target.mean_distance ? Json(*target.mean_distance) : Json(nullptr);
+    json["close_layers"] = target.close_layers ? Json(*target.close_layers) : Json(nullptr);
     json["fit"] = target.fit ? Json(*target.fit) : Json(nullptr);
     json["scene_offset"] = target.fit ? Json(target.scene_offset) : Json(nullptr);
     json["scene_spread"] = target.fit ? Json(target.scene_spread) : Json(nullptr);

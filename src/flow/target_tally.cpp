@@ -31,6 +31,9 @@ constexpr double kSureFit = 0.9;
 /// UVs that use less of their images are hardly meant so: by Smart UV on hulls of captures 0.006 to
 /// 0.14, packed charts of models 0.3 to 0.9.
 constexpr double kLittleFill = 0.15;
+/// Layers this many times as far apart as target and source are told apart, and this part of a
+/// surface may have closer ones: creases have some (docs/decisions/050).
+constexpr double kPerLayer = 2, kManyLayers = 1.0 / 64;
 constexpr std::uint32_t kLeastSize = 256, kLargestSize = 16384;  // that are proposed
 /// A mesh whose texels nearly all find it so near, as a part of the target's size, lies at the
 /// target (docs/decisions/016-little-found.md).
@@ -189,6 +192,7 @@ void TargetTally::add_page(std::size_t pass, std::uint32_t page, std::uint64_t t
   }
   if (first_counted_ == kNone || result == nullptr) return;
   for (std::size_t i = 0; i < kDistanceBins; ++i) target().distances[i] += result->distances[i];
+  distance_steps_ += result->distance_steps;
 }
 
 void TargetTally::count(const TexelCounts& counts, std::size_t channel) {
@@ -234,6 +238,7 @@ void TargetTally::finish(const Box3f& source) {
   if (counts.covered > 0) warn_of_empty_pages();
   if (counts.texels > 0 || !any_kept()) warn_of_little(source);
   warn_of_waste();
+  if (!mesh_fit_.better && !mesh_fit_.opposed) warn_of_layers();
   target().enough = has_enough();
 }
 
@@ -243,6 +248,31 @@ void TargetTally::spreads(double area) {
   target().fill = static_cast<double>(counts.texels) / static_cast<double>(image_texels_);
   if (pages_counted_ == target_.pages.size() && options_.tiles.empty() && area > 0)
     target().texel_size = std::sqrt(area / static_cast<double>(counts.texels));
+}
+
+void TargetTally::layers(std::span<const float> gaps) {
+  const auto& distances = target().distances;
+  const auto found =
+      static_cast<double>(std::accumulate(distances.begin(), distances.end(), std::uint64_t{0}));
+  if (gaps.empty() || found == 0) return;
+  constexpr double kSteps = 65536;
+  const double mean =
+      static_cast<double>(distance_steps_) / kSteps / found * double{target_.max_distance};
+  const auto close = std::count_if(gaps.begin(), gaps.end(),
+                                   [&](float gap) { return double{gap} < kPerLayer * mean; });
+  target().mean_distance = mean;
+  target().close_layers = static_cast<double>(close) / static_cast<double>(gaps.size());
+}
+
+/// A texel that lies as far from its own layer as from the next one finds either.
+void TargetTally::warn_of_layers() {
+  const TargetReport& entry = target();
+  if (!entry.close_layers || *entry.close_layers < kManyLayers) return;
+  warn(fmt::format(
+      "on {:.1f} % of the source's surface another layer of it lies within {:.2g}, and this target "
+      "lies {:.2g} from the source on average: some texels may show the wrong layer. Transfer the "
+      "layers one by one (--source-mesh, --source-material), or bring the two shapes closer",
+      100 * *entry.close_layers, kPerLayer * *entry.mean_distance, *entry.mean_distance));
 }
 
 /// A scene's details need texels as large as its Gaussians, and UVs that use their images.

@@ -54,6 +54,9 @@ class TargetTally {
   void wrote_model();
   /// So much surface the target has. To be called once all pages are added.
   void spreads(double area);
+  /// Of a mesh that was projected, how far away other layers of it lie (SourceStores). To be called
+  /// once all pages are added.
+  void layers(std::span<const float> gaps);
   /// Warns of what was not found; `source` is where the source lies.
   void finish(const Box3f& source);
 
@@ -74,6 +77,7 @@ class TargetTally {
   void warn_of_doubt(const std::string& places);
   void warn_of_pose();
   void warn_of_waste();
+  void warn_of_layers();
   void warn_of_opposed();
   void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }
 
@@ -84,7 +88,8 @@ class TargetTally {
   Report& report_;
   Box3f box_;
   projection::MeshFit mesh_fit_;
-  double scene_distance_ = 0;  ///< of a splat scene from this target, at most places
+  std::uint64_t distance_steps_ = 0;  ///< PageResult's, of the texels of its distances
+  double scene_distance_ = 0;         ///< of a splat scene from this target, at most places
   /// What the first channel of a page that is made found there, or that some channel was written.
   enum class PageState : std::uint8_t { unseen, empty, found };
   static constexpr std::size_t kNone = SIZE_MAX;

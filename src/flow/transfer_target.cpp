@@ -74,6 +74,7 @@ class TargetTransfer {
       const StageTimer timer(job_.clock, "project");
       tally_->fits(projection::fit_of(places_, source_plan_.places, target_.plan.diagonal));
     }
+    tally_->layers(source_.layer_gaps());
     tally_->finish(source_.box(0));
     return true;
   }

@@ -84,16 +84,20 @@ float middle_distance(const SearchState& state) {
   return *middle;
 }
 
-void count_distances(float max_distance, const SearchState& state, DistanceCounts& counts) {
+std::uint64_t count_distances(float max_distance, const SearchState& state,
+                              DistanceCounts& counts) {
+  std::uint64_t steps = 0;
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
       const bool is_found =
           state.packets[p].texel[lane] != target::kNoTexel && state.hits[p].key[lane] != kNoHit;
-      if (is_found)
-        count_distance(distance_of(state.hits[p].key[lane], state.packets[p]), max_distance,
-                       counts);
+      if (!is_found) continue;
+      const float distance = distance_of(state.hits[p].key[lane], state.packets[p]);
+      count_distance(distance, max_distance, counts);
+      steps += distance_steps(distance, max_distance);
     }
   }
+  return steps;
 }
 
 void close_groups(float height, const Kernels& kernels, SearchState& state) {

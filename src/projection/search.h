@@ -50,7 +50,7 @@ void close_groups(float height, const Kernels& kernels, SearchState& state);
 /// neighbours.
 float middle_distance(const SearchState& state);
 
-/// Adds how far away the texels found what they found.
-void count_distances(float max_distance, const SearchState& state, DistanceCounts& counts);
+/// Adds how far away the texels found what they found. Returns the sum of their distance_steps().
+std::uint64_t count_distances(float max_distance, const SearchState& state, DistanceCounts& counts);
 
 }  // namespace pounce::projection

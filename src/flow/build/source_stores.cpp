@@ -17,6 +17,7 @@
 #include "flow/project/splats.h"
 #include "mesh/coincident.h"
 #include "source/splat_shapes.h"
+#include "target/layers.h"
 
 namespace pounce::flow {
 namespace {
@@ -102,6 +103,7 @@ void SourceStores::build_geometry(double end) {
   const StageTimer timer(job_.clock, "precondition");
   job_.meter.begin("precondition", 0, "tiles", end);
   count_coincident(plan_, job_.report);
+  find_layers();
   bool all_cached = true;
   for (const PassPlan& pass : plan_.passes) {
     bool cached = false;
@@ -124,6 +126,18 @@ void SourceStores::build_geometry(double end) {
   all_cached_ = all_cached_ && all_cached;
   if (all_cached_) job_.clock.set_cached("precondition");
   job_.meter.end(all_cached);
+}
+
+void SourceStores::find_layers() {
+  constexpr std::size_t kEach = 4;      // of the places: a thousand tell shares well enough
+  constexpr float kWithin = 1.0F / 50;  // of the source's diagonal
+  std::vector<target::Place> some;
+  for (std::size_t i = 0; i < plan_.places.size(); i += kEach) some.push_back(plan_.places[i]);
+  const mesh::Mesh& mesh = *plan_.passes.front().source.mesh;
+  Box3f box;
+  for (const Vec3f& position : mesh.positions) box.extend(position);
+  layer_gaps_ =
+      target::layer_gaps(mesh, some, min_cosine(), kWithin * length(Vec3f(box.hi - box.lo)));
 }
 
 void SourceStores::build_splats(double end) {

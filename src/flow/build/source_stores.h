@@ -43,12 +43,16 @@ class SourceStores {
   const store::PackReader& pack(std::size_t pass) const;
   /// Where the source of a pass lies.
   Box3f box(std::size_t pass) const;
+  /// How far away other layers of a mesh lie that face alike: target::layer_gaps() of places all
+  /// over it. Nothing for other sources.
+  std::span<const float> layer_gaps() const { return layer_gaps_; }
   /// How often a tile's part of an index was read, so far.
   std::uint64_t tiles_read() const;
 
  private:
   void build_surface(double begin, double end, std::uint64_t target_texels);
   void build_geometry(double end);
+  void find_layers();
   void build_splats(double end);
   void build_texels(double begin, double end);
   void count_splats(bool cached);
@@ -72,6 +76,7 @@ class SourceStores {
   SourceColumns columns_;
   std::vector<std::unique_ptr<SurfaceCache>> geometry_;  ///< by pass
   std::unique_ptr<SplatCache> splats_;
+  std::vector<float> layer_gaps_;
   std::vector<runtime::Lease> leases_;
   bool all_cached_ = true;
 };

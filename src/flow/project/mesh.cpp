@@ -165,7 +165,8 @@ class SurfaceMethod {
     work.stored.resize(request_.channels.size());
     work.raw_bytes.resize(request_.channels.size());
     work.covered.resize(request_.channels.size());
-    projection::count_distances(request_.limits.max_distance, work.state, work.distances);
+    work.distance_steps =
+        projection::count_distances(request_.limits.max_distance, work.state, work.distances);
     work.clipped.resize(request_.channels.size());
     std::vector<std::uint32_t> first_packet(work.blocks.size() + 1, 0);
     for (const auto& packet : work.state.packets) ++first_packet[packet.block + 1];

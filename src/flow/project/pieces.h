@@ -74,6 +74,7 @@ struct PieceWork {
   std::vector<std::uint32_t> raw_bytes;  ///< [channel]
   std::vector<std::uint64_t> covered;    ///< [channel] texels
   DistanceCounts distances{};            ///< of all texels that found something
+  std::uint64_t distance_steps = 0;      ///< of a mesh, their sum: projection::distance_steps()
   std::vector<std::uint64_t> clipped;  ///< [channel]: samples beyond what the output's depth holds
 };
 

@@ -63,6 +63,7 @@ std::uint64_t ResultCollector::store(const PieceWork& work) {
   }
   for (std::size_t c = 0; c < result_.covered.size(); ++c) result_.covered[c] += work.covered[c];
   for (std::size_t i = 0; i < kDistanceBins; ++i) result_.distances[i] += work.distances[i];
+  result_.distance_steps += work.distance_steps;
   for (std::size_t c = 0; c < work.clipped.size(); ++c) result_.clipped[c] += work.clipped[c];
   job_.meter.advance(texels);
   return bytes;

@@ -24,6 +24,7 @@ struct PageResult {
   std::vector<std::vector<store::ChunkRef>> blocks;
   std::vector<std::uint64_t> covered;  ///< [channel] texels
   DistanceCounts distances{};          ///< of all texels that found something
+  std::uint64_t distance_steps = 0;    ///< of a mesh, their sum: projection::distance_steps()
   std::vector<std::uint64_t> clipped;  ///< [channel]
   std::vector<NodeReport> nodes;       ///< of the graph that made it
 };
