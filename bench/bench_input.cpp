@@ -83,7 +83,8 @@ std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
   job->target_store =
       flow::geometry_store(*job->context, job->target_plan.requests.at(0).at(0), &cached);
   const flow::ColumnPlan& column = job->plan.columns.at(0);
-  const flow::ColourRequest request{&column.image, &column.info, column.wrap_u, column.wrap_v, {}};
+  const flow::ColourRequest request{&column.image, &column.info, column.wrap_u,
+                                    column.wrap_v, {},           {}};
   const runtime::Lease reading(job->context->budget, flow::colour_least_bytes(request), "reading");
   job->colours =
       flow::whole_colours(*job->context, request, flow::colour_key(*job->context, request)).store;

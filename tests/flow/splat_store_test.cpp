@@ -212,7 +212,8 @@ TEST_CASE("a store holds the harmonics that its mode wants", "[flow]") {
   CHECK(lobes(SphericalHarmonics::mean) == 8);
   CHECK(cached);
   ply.columns = SplatPlyBuilder::usual_columns(24);
-  ply.write(folder.file("s.ply"));
+  request.path = folder.file("other.ply");
+  ply.write(request.path);
   CHECK(lobes(SphericalHarmonics::mean) == 8);
   CHECK_FALSE(cached);
   CHECK(lobes(SphericalHarmonics::normal) == 8);

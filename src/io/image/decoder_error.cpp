@@ -17,7 +17,8 @@ namespace {
 bool tells_of_memory(std::string message) {
   std::transform(message.begin(), message.end(), message.begin(),
                  [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
-  constexpr std::array<std::string_view, 4> kWords{"bad_alloc", "no space", "memory", "allocat"};
+  constexpr std::array<std::string_view, 4> kWords{"std::bad_alloc", "no space", "memory",
+                                                   "allocat"};
   return std::any_of(kWords.begin(), kWords.end(), [&](std::string_view word) {
     return message.find(word) != std::string::npos;
   });

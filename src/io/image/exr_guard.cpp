@@ -12,6 +12,7 @@
 #include <array>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "io/image/cursor.h"
@@ -78,7 +79,7 @@ class Guard {
 
   std::uint64_t check() {
     constexpr std::uint32_t kSeveral = 0x1000;
-    const bool several = (at_.u32(4) & kSeveral) != 0;
+    const bool several = several_ = (at_.u32(4) & kSeveral) != 0;
     std::vector<Part> parts;
     std::uint64_t position = 8, chunks = 0, room = 0;
     do {
@@ -184,10 +185,23 @@ class Guard {
     } else if (name == "chunkCount" && size == 4) {
       part.listed = at_.u32(position);
     } else if (name == "type") {
-      part.deep = size >= 4 && at_.u32(position) == 0x70656564;  // "deep"
+      take_type(position, size, part);
     } else if (name == "channels") {
       take_channels(position, position + size, part);
     }
+  }
+
+  /// Of a file in parts. A type that no part has would stand in the decoder's message, whatever it
+  /// says.
+  void take_type(std::uint64_t position, std::uint32_t size, Part& part) {
+    constexpr std::array<std::string_view, 4> kTypes{"scanlineimage", "tiledimage", "deepscanline",
+                                                     "deeptile"};
+    std::string type;
+    for (std::uint32_t i = 0; i < std::min(size, 64U); ++i)
+      type += static_cast<char>(at_.u8(position + i));
+    if (several_ && std::find(kTypes.begin(), kTypes.end(), type) == kTypes.end())
+      at_.refuse("a part of the EXR is of no type that parts have; the file is damaged");
+    part.deep = type.starts_with("deep");
   }
 
   /// Name, type, four bytes, sampling across and down.
@@ -282,6 +296,7 @@ class Guard {
   }
 
   Cursor at_;
+  bool several_ = false;  ///< parts
 };
 
 }  // namespace

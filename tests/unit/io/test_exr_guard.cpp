@@ -251,5 +251,14 @@ TEST_CASE("an EXR in parts announces a block of each, read or not", "[image][exr
     return reader.info().decoder_bytes;
   };
   constexpr std::uint64_t kSmall = 2048 * 16 * 2, kLarge = 2048 * 16 * 16;
-  CHECK(announced("two.exr", {small, large}) == announced("one.exr", {small}) + kSmall + kLarge);
+  const std::uint64_t announced_two = announced("two.exr", {small, large});
+  CHECK(announced_two == announced("one.exr", {small}) + kSmall + kLarge);
+
+  // A type that the decoder would quote: "bad_alloc" was taken for its own word, and status 4.
+  const std::string two = test::read_file(folder.file("two.exr")), usual = "scanlineimage";
+  for (const std::string type : {"scanbad_alloc", "no memory now", "SCANLINEIMAGE"}) {
+    std::string odd = two;
+    odd.replace(odd.rfind(usual), usual.size(), type);
+    CHECK_THAT(refusal(odd), Contains("a part of the EXR is of no type that parts have"));
+  }
 }
