@@ -102,17 +102,21 @@ std::optional<WholeHeader> webp_header(ByteSource& bytes) {
   };
   WholeHeader header;
   if (chunk == "VP8 ") {
-    header = {number(26, 2) & 0x3FFFU, number(28, 2) & 0x3FFFU, 3, Depth::u8, false};
+    header = {number(26, 2) & 0x3FFFU, number(28, 2) & 0x3FFFU, 3, Depth::u8, false, 0};
   } else if (chunk == "VP8L") {
     const std::uint32_t bits = number(21, 4);
-    header = {(bits & 0x3FFFU) + 1, (bits >> 14 & 0x3FFFU) + 1, 3, Depth::u8,
-              (bits >> 28 & 1U) != 0};
+    header = {
+        (bits & 0x3FFFU) + 1, (bits >> 14 & 0x3FFFU) + 1, 3, Depth::u8, (bits >> 28 & 1U) != 0, 0};
   } else if (chunk == "VP8X") {
-    header = {number(24, 3) + 1, number(27, 3) + 1, 3, Depth::u8, (b[20] & 0x10U) != 0};
+    header = {number(24, 3) + 1, number(27, 3) + 1, 3, Depth::u8, (b[20] & 0x10U) != 0, 0};
   } else {
     return std::nullopt;
   }
   header.channels += header.has_alpha ? 1 : 0;
+  // libwebp keeps all texels of a lossless one in four bytes, and 17 rows more; of others some
+  // rows. An extended one is either.
+  const std::uint64_t width = header.width, height = header.height;
+  header.working_bytes = chunk == "VP8 " ? width * 128 : width * (height + 17) * 4;
   return header;
 }
 
@@ -151,7 +155,7 @@ std::optional<WholeHeader> bmp_runs_header(ByteSource& bytes) {
   const auto side = [](std::int64_t n) {
     return static_cast<std::uint32_t>(std::max<std::int64_t>(n, 0));
   };
-  return WholeHeader{side(header->width), side(header->height), 3, Depth::u8, false};
+  return WholeHeader{side(header->width), side(header->height), 3, Depth::u8, false, 0};
 }
 
 }  // namespace

@@ -26,6 +26,7 @@ struct WholeHeader {
   std::uint32_t width = 0, height = 0, channels = 0;
   Depth depth = Depth::u8;
   bool has_alpha = false;
+  std::uint64_t working_bytes = 0;  ///< what decoding takes beside the texels and the file
 };
 bool opens_whole(ByteSource& bytes, const std::string& format);
 /// Throws Error(input) if there is none, or none that the decoder can be trusted with. Sizes are as

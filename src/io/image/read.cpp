@@ -343,9 +343,10 @@ void ImageReader::Impl::describe_unopened(const WholeHeader& header) {
   info.channels = header.channels;
   info.depth = header.depth;
   info.names = usual_names(header.channels, header.has_alpha);
-  info.decoder_bytes = whole_cost(
-      std::uint64_t{header.width} * header.height * header.channels * sample_bytes(header.depth),
-      bytes);
+  info.decoder_bytes =
+      header.working_bytes + whole_cost(std::uint64_t{header.width} * header.height *
+                                            header.channels * sample_bytes(header.depth),
+                                        bytes);
 }
 
 void ImageReader::Impl::describe_pnm() {

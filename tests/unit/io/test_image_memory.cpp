@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <OpenImageIO/imageio.h>
+#include <webp/encode.h>
 
 #include <array>
 #include <catch2/catch.hpp>
@@ -106,4 +107,31 @@ TEST_CASE("a file in one huge strip or decoded whole stays within what it announ
   read_in_strips(path);
   CHECK(peak_rss() <=
         before + io::ImageReader(path, kTarga).info().decoder_bytes + 16 * kSide * 3 + (512 << 10));
+}
+
+TEST_CASE("a WebP decodes in the memory that it announces", "[image][memory]") {
+  constexpr int kWebpSide = 2048;
+  const test::TempFolder folder;
+  std::vector<std::uint8_t> texels(std::size_t{kWebpSide} * kWebpSide * 3);
+  for (std::size_t i = 0; i < texels.size(); ++i)
+    texels[i] = static_cast<std::uint8_t>((i * i + i / 777) >> 7 & 0xF0);
+  const bool lossless = GENERATE(true, false);
+  CAPTURE(lossless);
+  const std::string path = folder.file("a.webp");
+  {
+    std::uint8_t* encoded = nullptr;
+    const std::size_t size =
+        lossless
+            ? ::WebPEncodeLosslessRGB(texels.data(), kWebpSide, kWebpSide, 3 * kWebpSide, &encoded)
+            : ::WebPEncodeRGB(texels.data(), kWebpSide, kWebpSide, 3 * kWebpSide, 50, &encoded);
+    REQUIRE(size > 0);
+    std::ofstream(path, std::ios::binary)
+        .write(reinterpret_cast<const char*>(encoded), static_cast<std::streamsize>(size));
+    ::WebPFree(encoded);
+  }
+  texels = {};
+  const std::uint64_t announced = io::ImageReader(path).info().decoder_bytes;
+  const std::uint64_t before = reset_peak_rss();
+  read_in_strips(path);
+  CHECK(peak_rss() <= before + announced + 16 * kWebpSide * 3 + (512 << 10));
 }
