@@ -15,8 +15,8 @@ namespace pounce::target {
 
 /// For each place on a mesh the distance along its normal, either way, of the nearest other part of
 /// the mesh that faces like it (the cosine of their normals is at least `least_cosine`); infinite
-/// where none is within `most`. What lies within a millionth of `most` is the place's own: triangles
-/// that meet there, or coincide. The same for the same mesh; no threads.
+/// where none is within `most`. What lies within a millionth of `most` is the place's own:
+/// triangles that meet there, or coincide. The same for the same mesh; no threads.
 std::vector<float> layer_gaps(const mesh::Mesh& mesh, std::span<const Place> places,
                               float least_cosine, float most);
 

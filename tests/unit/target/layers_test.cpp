@@ -29,10 +29,10 @@ void add_square(mesh::Mesh& mesh, Vec3f at, float up) {
 TEST_CASE("gaps are those of the nearest layer that faces alike", "[target]") {
   mesh::Mesh mesh;
   add_square(mesh, {0, 0, 0}, 1);
-  add_square(mesh, {0.5F, 0, 0.25F}, 1);    // above the right half
-  add_square(mesh, {0.5F, 0, -0.5F}, 1);    // below it, farther away
-  add_square(mesh, {0, 0, 0.125F}, -1);     // nearer, but facing down
-  add_square(mesh, {0, 0, 2}, 1);           // too far away
+  add_square(mesh, {0.5F, 0, 0.25F}, 1);  // above the right half
+  add_square(mesh, {0.5F, 0, -0.5F}, 1);  // below it, farther away
+  add_square(mesh, {0, 0, 0.125F}, -1);   // nearer, but facing down
+  add_square(mesh, {0, 0, 2}, 1);         // too far away
   const std::vector<Place> places{{{0.25F, 0.5F, 0}, {0, 0, 1}},
                                   {{0.75F, 0.5F, 0}, {0, 0, 1}},
                                   {{0.75F, 0.25F, 0.25F}, {0, 0, 1}},
