@@ -6,6 +6,8 @@
 # refuses it with pounce's own error, within time and memory. Anything else fails, and is kept in
 # build/fuzz/findings.
 # Usage: tools/slow-fuzz.sh [SECONDS per target] [TARGET...]   (default 600, and all that tests/fuzz/targets.txt lists)
+# POUNCE_FUZZ_SEED=N: the same inputs each time from the same corpus (0, the default: others each time). .ci/run sets
+# it, since a change is to be judged by what it did, not by what a fuzzer happens to find that day.
 # What was learnt stays in build/fuzz/corpus, where the next run goes on. To see a finding again:
 #   build/fuzz/fuzz_gltf build/fuzz/findings/gltf-crash-...    (pack: POUNCE_FUZZ_PACKS=build/fuzz/corpus/packs)
 set -euo pipefail
@@ -42,6 +44,7 @@ export ASAN_OPTIONS=detect_stack_use_after_return=1:strict_string_checks=1:quara
 export UBSAN_OPTIONS=print_stacktrace=1
 
 failed=0
+# A unit may take a minute of the clock: on a machine that others use two seconds of work have taken one.
 for target in "${targets[@]}"; do
   log=$build/fuzz-$target.log status=0
   dictionary=()
@@ -49,7 +52,7 @@ for target in "${targets[@]}"; do
   mkdir -p "$corpus/$target"
   from=("$corpus/$target")
   for seeds in ${more_seeds[$target]}; do from+=("$corpus/$seeds"); done
-  "$build/fuzz_$target" "${from[@]}" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=1024 \
+  "$build/fuzz_$target" "${from[@]}" -max_total_time="$seconds" -seed="${POUNCE_FUZZ_SEED:-0}" -timeout=60 -rss_limit_mb=1024 \
     -malloc_limit_mb=512 -max_len="${most_bytes[$target]}" "${dictionary[@]}" -use_value_profile=1 \
     -artifact_prefix="$findings/$target-" -print_final_stats=1 >"$log" 2>&1 || status=$?
   executions=$(sed -n 's/^stat::number_of_executed_units: *//p' "$log" | tail -n 1)
