@@ -436,6 +436,14 @@ void check_parts(Directory& from, const TiffPicture& picture) {
                     "file is damaged or cut off",
                     name, i + 1, count, bytes[i], begins[i], decoded, from.at().size()));
   }
+  // libtiff takes counts that differ for wrong ones there, and goes by its own of as many rows in
+  // each strip, of which whole strips and rows are cut off at different places.
+  const bool estimates = !picture.compressed && !picture.tiled && !picture.planes && count > 2;
+  if (estimates && bytes[0] != bytes[1]) {
+    from.refuse(fmt::format(
+        "the first strips of the TIFF have {} and {} bytes for as many rows; save it again",
+        bytes[0], bytes[1]));
+  }
 }
 
 }  // namespace

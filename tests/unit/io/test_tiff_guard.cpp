@@ -442,6 +442,9 @@ TEST_CASE("fields of a TIFF that contradict each other are refused", "[image][ti
   CHECK_THAT(with({}, 278, {2}, 3), Contains("field 273"));
   CHECK_THAT(with({}, 273, {8, 900, 4000000000}), Contains("strip 3 of 3"));
   CHECK_THAT(with({}, 279, {888, 888, 1}), Contains("has 1 bytes"));
+  // Rows of 111 bytes: 8, 8 and 5 of them. With another count libtiff read 7 of each strip.
+  CHECK_THAT(with({}, 279, {889, 888, 555}), Contains("have 889 and 888 bytes for as many rows"));
+  CHECK(with({}, 279, {888, 888, 556}) == "nothing");
   CHECK_THAT(with({}, 258, {8, 8}, 3), Contains("field 258"));
   CHECK_THAT(with({}, 338, {2}, 3), Contains("field 338"));
   CHECK_THAT(with({}, 284, {3}, 3), Contains("order of planes"));
