@@ -128,6 +128,7 @@ class Guard {
       const std::string name = text(position);
       if (name.empty()) break;
       const std::string type = text(position);
+      const bool is_list = name == "channels";
       const std::uint32_t size = at_.u32(position);
       position += 4;
       if (size > most_end || position + size > most_end || position + size > at_.size()) {
@@ -138,6 +139,12 @@ class Guard {
       }
       check_value(name, type, position, size);
       take(name, position, size, part);
+      if (type == "stringvector") check_strings(position, position + size);
+      // Whatever its name: OpenEXR reads it to the end that it says itself, and goes on behind.
+      Part other;
+      if (type == "chlist") take_channels(position, position + size, is_list ? part : other);
+      if (is_list && type != "chlist")
+        at_.refuse("the list of channels of the EXR is none; the file is damaged");
       position += size;
     }
     part.end = position;
@@ -186,8 +193,16 @@ class Guard {
       part.listed = at_.u32(position);
     } else if (name == "type") {
       take_type(position, size, part);
-    } else if (name == "channels") {
-      take_channels(position, position + size, part);
+    }
+  }
+
+  /// A length before each: OpenEXR makes room for as much as it says.
+  void check_strings(std::uint64_t position, std::uint64_t end) {
+    while (position < end) {
+      const std::uint64_t length = end - position < 4 ? end : at_.u32(position);
+      position += 4 + length;
+      if (position > end)
+        at_.refuse("a list of texts in the EXR's header does not end with it; the file is damaged");
     }
   }
 

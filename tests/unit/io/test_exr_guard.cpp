@@ -262,3 +262,32 @@ TEST_CASE("an EXR in parts announces a block of each, read or not", "[image][exr
     CHECK_THAT(refusal(odd), Contains("a part of the EXR is of no type that parts have"));
   }
 }
+
+TEST_CASE("lists in an EXR's header end where they say", "[image][exr]") {
+  // The decoder reads them to their own end, and takes what follows for the next attribute: it made
+  // room for 726 MB.
+  const std::vector<std::string> blocks(2, std::string(8, '\1'));
+  const std::string plain = Made{.blocks = blocks}.file();
+  const auto with = [&](const std::string& added) {
+    std::string file = plain.substr(0, 8) + added + plain.substr(8);
+    const std::size_t list = file.size() - 2 * (8 + 16);
+    for (std::size_t i = 0; i < 2; ++i)  // the blocks moved
+      file.replace(list + 8 * i, 8, number(list + 16 + 16 * i, 8));
+    return refusal(file);
+  };
+  const std::string channel =
+      std::string("Z") + '\0' + number(1, 4) + number(0, 4) + number(1, 4) + number(1, 4);
+  CHECK(with("") == "nothing");
+  CHECK(with(attribute("others", "chlist", channel + '\0')) == "nothing");
+  CHECK_THAT(with(attribute("others", "chlist", channel)), Contains("list of channels"));
+  CHECK_THAT(with(attribute("others", "chlist", channel + '\0' + '\0')),
+             Contains("list of channels"));
+  CHECK_THAT(with(attribute("channels", "string", channel + '\0')),
+             Contains("the list of channels of the EXR is none"));
+  const std::string left = number(4, 4) + "left";
+  CHECK(with(attribute("multiView", "stringvector", left + number(0, 4))) == "nothing");
+  CHECK_THAT(with(attribute("multiView", "stringvector", left + number(1 << 30, 4) + "right")),
+             Contains("a list of texts in the EXR's header"));
+  CHECK_THAT(with(attribute("multiView", "stringvector", left + "abc")),
+             Contains("a list of texts in the EXR's header"));
+}
