@@ -95,12 +95,14 @@ Json describe_splats(const std::string& path) {
   const auto scene = io::open_splat_scene(path, {});
   const std::string folder = std::filesystem::temp_directory_path().string();
   const std::uint64_t most_bytes = default_scratch_limit(posix_file_system(), folder);
-  const auto files = limit_scratch(posix_file_system(), most_bytes, [&] {
+  const auto too_much = [&] {
     return fmt::format(
         "{}: unpacked it takes more than {} bytes in {} (a tenth of what is free there, 1 GiB at "
         "least); name a folder with more room in the environment variable TMPDIR",
         path, most_bytes, folder);
-  });
+  };
+  const auto files =
+      count_scratch(posix_file_system(), std::make_shared<ScratchAccount>(most_bytes, too_much));
   scene->prepare({files.get(), folder}, [] {});
   const io::SplatSceneInfo& info = scene->info();
   const PageVector<Splat> sample = io::sample(*scene);

@@ -2,7 +2,6 @@
 #include "core/scratch_limit.h"
 
 #include <algorithm>
-#include <atomic>
 #include <limits>
 #include <utility>
 
@@ -11,46 +10,26 @@
 namespace pounce {
 namespace {
 
-/// What all scratch files of one job take.
-class Allowance {
- public:
-  Allowance(std::uint64_t limit_bytes, std::function<std::string()> refusal)
-      : limit_(limit_bytes), refusal_(std::move(refusal)) {}
-
-  void take(std::uint64_t bytes) {
-    for (std::uint64_t used = used_.load();;) {
-      if (bytes > limit_ || used > limit_ - bytes) throw Error(ErrorKind::storage, refusal_());
-      if (used_.compare_exchange_weak(used, used + bytes)) return;
-    }
-  }
-  void give_back(std::uint64_t bytes) noexcept { used_ -= bytes; }
-
- private:
-  const std::uint64_t limit_;
-  const std::function<std::string()> refusal_;
-  std::atomic<std::uint64_t> used_{0};
-};
-
 /// What one file has taken, until nobody has it open.
 class Taken {
  public:
-  explicit Taken(std::shared_ptr<Allowance> allowance) : allowance_(std::move(allowance)) {}
-  ~Taken() { allowance_->give_back(bytes_); }
+  explicit Taken(std::shared_ptr<ScratchAccount> account) : account_(std::move(account)) {}
+  ~Taken() { account_->give_back(bytes_); }
   Taken(const Taken&) = delete;
   Taken& operator=(const Taken&) = delete;
   void add(std::uint64_t bytes) {
-    allowance_->take(bytes);
+    account_->take(bytes);
     bytes_ += bytes;
   }
 
  private:
-  const std::shared_ptr<Allowance> allowance_;
+  const std::shared_ptr<ScratchAccount> account_;
   std::uint64_t bytes_ = 0;
 };
 
-class LimitedRead final : public ReadFile {
+class CountedRead final : public ReadFile {
  public:
-  LimitedRead(std::unique_ptr<ReadFile> file, std::shared_ptr<Taken> taken)
+  CountedRead(std::unique_ptr<ReadFile> file, std::shared_ptr<Taken> taken)
       : taken_(std::move(taken)), file_(std::move(file)) {}
   std::uint64_t size_bytes() const override { return file_->size_bytes(); }
   void read(std::uint64_t offset, std::span<std::byte> out) const override {
@@ -62,9 +41,9 @@ class LimitedRead final : public ReadFile {
   const std::unique_ptr<ReadFile> file_;
 };
 
-class LimitedWrite final : public WriteFile {
+class CountedWrite final : public WriteFile {
  public:
-  LimitedWrite(std::unique_ptr<WriteFile> file, std::shared_ptr<Taken> taken)
+  CountedWrite(std::unique_ptr<WriteFile> file, std::shared_ptr<Taken> taken)
       : taken_(std::move(taken)), file_(std::move(file)) {}
   void append(std::span<const std::byte> bytes) override {
     taken_->add(bytes.size());
@@ -73,7 +52,7 @@ class LimitedWrite final : public WriteFile {
   std::uint64_t size_bytes() const override { return file_->size_bytes(); }
   void sync() override { file_->sync(); }
   std::unique_ptr<ReadFile> reader() const override {
-    return std::make_unique<LimitedRead>(file_->reader(), taken_);
+    return std::make_unique<CountedRead>(file_->reader(), taken_);
   }
 
  private:
@@ -81,14 +60,14 @@ class LimitedWrite final : public WriteFile {
   const std::unique_ptr<WriteFile> file_;
 };
 
-class LimitedFileSystem final : public FileSystem {
+class CountingFileSystem final : public FileSystem {
  public:
-  LimitedFileSystem(FileSystem& files, std::shared_ptr<Allowance> allowance)
-      : files_(files), allowance_(std::move(allowance)) {}
+  CountingFileSystem(FileSystem& files, std::shared_ptr<ScratchAccount> account)
+      : files_(files), account_(std::move(account)) {}
 
   std::unique_ptr<WriteFile> create_scratch(const std::string& folder) override {
-    return std::make_unique<LimitedWrite>(files_.create_scratch(folder),
-                                          std::make_shared<Taken>(allowance_));
+    return std::make_unique<CountedWrite>(files_.create_scratch(folder),
+                                          std::make_shared<Taken>(account_));
   }
 
   std::unique_ptr<ReadFile> open(const std::string& path) override { return files_.open(path); }
@@ -131,10 +110,21 @@ class LimitedFileSystem final : public FileSystem {
 
  private:
   FileSystem& files_;
-  const std::shared_ptr<Allowance> allowance_;
+  const std::shared_ptr<ScratchAccount> account_;
 };
 
 }  // namespace
+
+void ScratchAccount::take(std::uint64_t bytes) {
+  std::uint64_t used = used_.load();
+  do {
+    if (limit_ != 0 && (bytes > limit_ || used > limit_ - bytes))
+      throw Error(ErrorKind::storage, refusal_());
+  } while (!used_.compare_exchange_weak(used, used + bytes));
+  for (std::uint64_t peak = peak_.load();
+       peak < used + bytes && !peak_.compare_exchange_weak(peak, used + bytes);) {
+  }
+}
 
 std::uint64_t default_scratch_limit(FileSystem& files, const std::string& folder) {
   constexpr std::uint64_t kLeast = 1ULL << 30;
@@ -142,10 +132,9 @@ std::uint64_t default_scratch_limit(FileSystem& files, const std::string& folder
   return free == std::numeric_limits<std::uint64_t>::max() ? 0 : std::max(free / 10, kLeast);
 }
 
-std::unique_ptr<FileSystem> limit_scratch(FileSystem& files, std::uint64_t limit_bytes,
-                                          std::function<std::string()> refusal) {
-  return std::make_unique<LimitedFileSystem>(
-      files, std::make_shared<Allowance>(limit_bytes, std::move(refusal)));
+std::unique_ptr<FileSystem> count_scratch(FileSystem& files,
+                                          std::shared_ptr<ScratchAccount> account) {
+  return std::make_unique<CountingFileSystem>(files, std::move(account));
 }
 
 }  // namespace pounce

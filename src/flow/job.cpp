@@ -66,11 +66,9 @@ std::uint64_t scratch_limit(const Resources& resources, const std::string& folde
   }
 }
 
-/// Lets the job's scratch files take no more than --max-temp.
-void limit_scratch_files(const Resources& resources, JobContext& job) {
-  job.files = &posix_file_system();
+/// Counts what the job's scratch files take, and lets it be no more than --max-temp.
+void count_scratch_files(const Resources& resources, JobContext& job) {
   job.scratch_limit_bytes = scratch_limit(resources, job.scratch_folder);
-  if (job.scratch_limit_bytes == 0) return;
   const auto refusal = [&job] {
     const std::uint64_t most = job.report.disk_most.value_or(DiskForecast{}).scratch_bytes;
     return fmt::format(
@@ -79,7 +77,8 @@ void limit_scratch_files(const Resources& resources, JobContext& job) {
         job.scratch_folder, runtime::format_bytes(job.scratch_limit_bytes),
         most > 0 ? fmt::format(" (the job takes {} at most)", runtime::format_bytes(most)) : "");
   };
-  job.own_files = limit_scratch(posix_file_system(), job.scratch_limit_bytes, refusal);
+  job.scratch_account = std::make_shared<ScratchAccount>(job.scratch_limit_bytes, refusal);
+  job.own_files = count_scratch(posix_file_system(), job.scratch_account);
   job.files = job.own_files.get();
 }
 
@@ -112,8 +111,6 @@ std::unique_ptr<store::StoreFolder> open_cache(const Resources& resources, const
     auto stores = store::StoreFolder::open_cache(*job.files, cache,
                                                  cache_options(resources, scratch, rebuild, job));
     const store::CacheLayout layout(cache);
-    for (const store::PackKind kind : store::kCachedKinds)
-      job.cache_folders.push_back(layout.kind_folder(kind));
     job.hashes = std::make_unique<HashMemo>(*job.files, layout.hash_memo(), layout.parts_folder());
     return stores;
   } catch (const Error& e) {
@@ -181,7 +178,7 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   }
   const std::string scratch = scratch_folder(resources, output);
   job->scratch_folder = scratch;
-  limit_scratch_files(resources, *job);
+  count_scratch_files(resources, *job);
   job->scratch = store::StoreFolder::make_scratch(*job->files, scratch);
   const std::string cache = !resources.use_cache          ? std::string()
                             : resources.cache_dir.empty() ? default_cache_folder()

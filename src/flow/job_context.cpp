@@ -56,7 +56,7 @@ JobContext::~JobContext() {
       for (std::string& note : stores->take_notes()) report.warnings.push_back(std::move(note));
     }
     if (!plan_only) report.output_bytes = size_on_disk(report.outputs);
-    report.temp_peak_bytes = scratch_use.peak_bytes();
+    if (scratch_account != nullptr) report.temp_peak_bytes = scratch_account->peak_bytes();
     report.memory_budget_bytes = budget.limit();
     report.leased_peak_bytes = budget.leased_peak();
     report.peak_rss_bytes = peak_rss_bytes();
@@ -75,24 +75,14 @@ std::unique_ptr<store::PackReader> JobContext::find_pack(store::PackKind kind, c
 }
 
 void JobContext::count_store(const store::PackReader& pack, bool cached) {
-  if (cached) return;
-  report.bytes_written += pack.size_bytes();
-  // What the cache has no room for, or may not keep, lives in a scratch file.
-  const std::string folder = std::filesystem::path(pack.name()).parent_path().string();
-  const bool is_kept =
-      std::find(cache_folders.begin(), cache_folders.end(), folder) != cache_folders.end();
-  if (!is_kept) scratch_use.add(pack.size_bytes());
+  if (!cached) report.bytes_written += pack.size_bytes();
 }
 
 std::unique_ptr<store::PackReader> publish_scratch(JobContext& job,
                                                    std::unique_ptr<store::PackWriter> writer) {
-  job.scratch_use.replace(writer->kind(), writer->size_bytes());
   return job.scratch->publish(std::move(writer));
 }
 
-ScratchPack::~ScratchPack() {
-  job_.scratch_use.release(kind_);
-  job_.scratch->discard(kind_, Hash128{});
-}
+ScratchPack::~ScratchPack() { job_.scratch->discard(kind_, Hash128{}); }
 
 }  // namespace pounce::flow

@@ -41,31 +41,6 @@ struct JobRun {
   explicit JobRun(Progress* progress) : meter(progress) {}
 };
 
-/// What the scratch files of a job take on disk. Not thread-safe: files are finished one at a time.
-class ScratchUse {
- public:
-  void add(std::uint64_t bytes) {
-    bytes_ += bytes;
-    peak_bytes_ = std::max(peak_bytes_, bytes_);
-  }
-  void remove(std::uint64_t bytes) { bytes_ -= bytes; }
-  /// A pack of a kind of which there is one at a time.
-  void replace(store::PackKind kind, std::uint64_t bytes) {
-    add(bytes);
-    remove(std::exchange(packs_[kind], bytes));
-  }
-  /// It is gone, if there was one. Allocates nothing: memory may be what has run out.
-  void release(store::PackKind kind) noexcept {
-    const auto pack = packs_.find(kind);
-    if (pack != packs_.end()) remove(std::exchange(pack->second, 0));
-  }
-  std::uint64_t peak_bytes() const { return peak_bytes_; }
-
- private:
-  std::uint64_t bytes_ = 0, peak_bytes_ = 0;
-  std::map<store::PackKind, std::uint64_t> packs_;
-};
-
 /// What every stage of a running job shares. When it goes, however the job ends, the report gets
 /// what is only known then.
 struct JobContext {
@@ -80,14 +55,13 @@ struct JobContext {
   StageClock clock;
   InputFiles inputs;
   FileSystem* files = nullptr;
-  std::unique_ptr<FileSystem> own_files;        ///< in memory, or with a limit
-  std::unique_ptr<HashMemo> hashes;             ///< of input files; null without a cache
-  std::unique_ptr<store::StoreFolder> stores;   ///< source and target stores
-  std::unique_ptr<store::StoreFolder> scratch;  ///< results; vanish with the process
-  ScratchUse scratch_use;
-  std::string scratch_folder;              ///< of all nameless files
-  std::vector<std::string> cache_folders;  ///< where the cache keeps packs; none without one
-  bool check_packs = false;                ///< of the cache, whole, before they are believed
+  std::unique_ptr<FileSystem> own_files;            ///< in memory, or counting
+  std::unique_ptr<HashMemo> hashes;                 ///< of input files; null without a cache
+  std::unique_ptr<store::StoreFolder> stores;       ///< source and target stores
+  std::unique_ptr<store::StoreFolder> scratch;      ///< results; vanish with the process
+  std::shared_ptr<ScratchAccount> scratch_account;  ///< of all nameless files; null in memory
+  std::string scratch_folder;                       ///< of all nameless files
+  bool check_packs = false;  ///< of the cache, whole, before they are believed
   unsigned threads = 1;
   bool plan_only = false;
   bool keeps_stores = false;              ///< stores go into the cache (of a plan: would go)

@@ -326,7 +326,7 @@ class TargetTransfer {
       tally_->wrote(c, written.filled);
       count_clipped(c, (written.any_fresh ? result.clipped[i] : 0) + written.clipped, image.path);
       if (target_.model) {
-        target_.model->add(job_, c, page, written);
+        target_.model->add(c, page, written);
       } else {
         job_.report.outputs.push_back(image.path);
       }

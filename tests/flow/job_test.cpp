@@ -113,15 +113,6 @@ TEST_CASE("what a listener throws stops the job as an Error", "[flow]") {
   CHECK(ended_by([] { throw Error(ErrorKind::usage, "mine"); }) == "usage: mine");
 }
 
-TEST_CASE("scratch files that were never there are released without harm", "[flow]") {
-  ScratchUse use;
-  use.release(store::PackKind::results);
-  use.replace(store::PackKind::results, 10);
-  use.release(store::PackKind::results);
-  use.replace(store::PackKind::results, 7);
-  CHECK(use.peak_bytes() == 10);
-}
-
 TEST_CASE("a job leaves what runs beside it its threads", "[flow]") {
   if (tbb::info::default_concurrency() < 2) return;
   run_job(with_threads(1), nullptr, nullptr, [](JobRun&, bool) {

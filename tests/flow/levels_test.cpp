@@ -109,7 +109,7 @@ void write(const std::string& path, const io::ImageWriteSpec& spec, std::uint32_
   for (std::uint32_t y = 0; y < spec.height; y += together)
     file.write_rows(std::min(together, spec.height - y), samples.data() + y * row);
   file.commit();
-  CHECK(job->scratch_use.peak_bytes() == flow::ImageFile::scratch_bytes(spec));
+  CHECK(job->scratch_account->peak_bytes() == flow::ImageFile::scratch_bytes(spec));
 }
 
 io::ImageWriteSpec levels_spec(std::uint32_t width, std::uint32_t height, std::uint32_t channels,

@@ -77,12 +77,10 @@ ImportanceCut::ImportanceCut(JobContext& job, const GaussianSource& source, cons
         first_.push_back(first_.back() + found.size());
         job.meter.advance(std::min(part_rows, rows - i * part_rows));
       });
-  const std::uint64_t total = first_.back(), bytes = total * sizeof(std::uint64_t);
+  const std::uint64_t total = first_.back();
   if (count >= total) return;
   left_out_ = total - count;
-  job.scratch_use.add(bytes);
   find(job.meter, *keys->reader(), total, count);
-  job.scratch_use.remove(bytes);
 }
 
 void ImportanceCut::find(runtime::Meter& meter, const ReadFile& keys, std::uint64_t total,

@@ -143,9 +143,13 @@ std::unique_ptr<store::SplatStore> splat_store(JobContext& job, const SplatReque
 SceneFacts scene_facts(const SplatRequest& request, const std::function<void()>& poll) {
   const auto scene = io::open_splat_scene(request.path, request.axes, poll);
   const io::SplatSceneInfo& info = scene->info();
-  SceneFacts facts{info.splats,      kept_lobes(info, request.harmonics),
-                   info.is_linear,   info.files,
-                   info.assumptions, 0};
+  SceneFacts facts{info.splats,
+                   kept_lobes(info, request.harmonics),
+                   info.is_linear,
+                   info.files,
+                   info.assumptions,
+                   0,
+                   scene->unpacked_bytes()};
   facts.least_bytes =
       std::max(scene->prepare_bytes(),
                gaussian_store_least_bytes(info.splats, scene->read_bytes(), facts.lobes));

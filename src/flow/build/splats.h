@@ -39,6 +39,7 @@ struct SceneFacts {
   std::vector<std::string> files, assumptions;  ///< as in io::SplatSceneInfo
   /// The least that splat_store() may need at once; the same for a file of any length.
   std::uint64_t least_bytes = 0;
+  std::uint64_t unpacked_bytes = 0;  ///< as io::SplatScene::unpacked_bytes()
 };
 /// `poll`: as io::open_splat_scene(), which takes io::kOpenSplatBytes.
 SceneFacts scene_facts(

@@ -70,17 +70,17 @@ void DiskPlan::add_source(const Plan& plan) {
     const GeometrySize size = geometry_most(pass.source);
     stores_ += pack_bytes(size.bytes, size.chunks);
   }
-  if (plan.as_gaussians) add_splats(texel_store_most(texels_of(plan)), 0);
+  if (plan.as_gaussians) add_splats(texel_store_most(texels_of(plan)), 0, 0);
 }
 
-void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes) {
+void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes) {
   // A chunk of a run is a thousand Gaussians, a block of the store hundreds at least; runs are
   // merged into new ones at times, while the old ones are still there.
   const std::uint64_t pack =
       pack_bytes(splats * (sizeof(store::Splat) + store::lobe_bytes(lobes) + sizeof(std::uint64_t)),
                  splats / 64 + 64);
   stores_ += pack;
-  passing_ = std::max(passing_, 2 * pack);
+  passing_ = std::max(passing_, 2 * pack + unpacked_bytes);
 }
 
 void DiskPlan::add_target(const Plan& plan, const TargetPlan& target, const mesh::Mesh& mesh,

@@ -20,8 +20,8 @@ class DiskPlan {
 
   /// The stores of a mesh and its images, and of its texels where they are Gaussians.
   void add_source(const Plan& plan);
-  /// Of a splat scene of so many Gaussians.
-  void add_splats(std::uint64_t splats, std::uint32_t lobes);
+  /// Of a splat scene of so many Gaussians, which may have to be unpacked.
+  void add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes);
   /// A target. `is_model`: its images pass through a scratch file into copies of its files.
   void add_target(const Plan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
                   bool is_model);

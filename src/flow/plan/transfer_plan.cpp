@@ -91,7 +91,8 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
     source_plan_ =
         plan_splats(options_, !model_pattern_.empty(), [this] { job_.meter.advance(0); });
     source_files_ = source_plan_.scene.files;
-    disk.add_splats(source_plan_.scene.splats, source_plan_.scene.lobes);
+    disk.add_splats(source_plan_.scene.splats, source_plan_.scene.lobes,
+                    source_plan_.scene.unpacked_bytes);
     job_.report.notes = source_plan_.scene.assumptions;
     job_.meter.advance(1);
   } else {

@@ -107,7 +107,6 @@ class GaussianFileJob {
 
   void finish() {
     const StageTimer timer(job_.clock, "write");
-    job_.scratch_use.add(writer_->scratch_bytes());
     writer_->commit([this] { job_.meter.advance(0); });
     job_.meter.end();
     Report& report = job_.report;

@@ -51,8 +51,6 @@ ImageFile::ImageFile(JobContext& job, const std::string& path, const io::ImageWr
 ImageFile::ImageFile(JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec)
     : job_(job), spec_(spec), writer_(sink, spec) {}
 
-ImageFile::~ImageFile() { job_.scratch_use.remove(spilled_bytes_); }
-
 void ImageFile::write_rows(std::uint32_t count, const std::byte* rows) {
   if (!levels_) return writer_.write_rows(count, rows);
   const auto keep = [this](std::uint32_t level, const std::byte* row) { keep_row(level, row); };
@@ -82,7 +80,6 @@ void ImageFile::spill(Level& level) {
   scratch_->append(std::span(level.waiting).first(bytes));
   level.waiting_rows = 0;
   spilled_bytes_ += bytes;
-  job_.scratch_use.add(bytes);
 }
 
 void ImageFile::commit() {

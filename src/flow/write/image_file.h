@@ -22,7 +22,6 @@ class ImageFile {
   ImageFile(JobContext& job, const std::string& path, const io::ImageWriteSpec& spec);
   /// As PNG to the end of `sink`.
   ImageFile(JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec);
-  ~ImageFile();
   ImageFile(const ImageFile&) = delete;
   ImageFile& operator=(const ImageFile&) = delete;
 

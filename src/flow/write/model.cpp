@@ -80,8 +80,7 @@ WriteFile& ModelOutput::sink(JobContext& job) {
   return *scratch_;
 }
 
-void ModelOutput::add(JobContext& job, std::size_t channel, std::size_t page,
-                      const WrittenTexels& written) {
+void ModelOutput::add(std::size_t channel, std::size_t page, const WrittenTexels& written) {
   const std::uint64_t before =
       places_.empty() ? 0 : places_.back().offset_bytes + places_.back().size_bytes;
   places_.push_back({before, scratch_->size_bytes() - before});
@@ -92,7 +91,6 @@ void ModelOutput::add(JobContext& job, std::size_t channel, std::size_t page,
                     : written.has_holes ? io::ModelAlpha::mask
                                         : io::ModelAlpha::as_it_is;
   }
-  job.scratch_use.add(places_.back().size_bytes);
 }
 
 std::vector<std::string> ModelOutput::write(JobContext& job) {
@@ -100,7 +98,6 @@ std::vector<std::string> ModelOutput::write(JobContext& job) {
   const auto images = sink(job).reader();
   io::write_model(request_, *images, places_);
   job.report.bytes_written += sink(job).size_bytes();
-  job.scratch_use.remove(sink(job).size_bytes());
   scratch_.reset();
   return io::plan_model(request_).outputs;
 }

@@ -32,7 +32,7 @@ class ModelOutput {
   /// Where the next image goes.
   WriteFile& sink(JobContext& job);
   /// What was written to the sink since the last call is the image of this channel and page.
-  void add(JobContext& job, std::size_t channel, std::size_t page, const WrittenTexels& written);
+  void add(std::size_t channel, std::size_t page, const WrittenTexels& written);
   /// Writes the model with the images that were added. Returns the files.
   std::vector<std::string> write(JobContext& job);
 

@@ -59,6 +59,7 @@ class BatchScene : public SplatScene {
  public:
   void prepare(const ScratchFolder&, const std::function<void()>&) override {}
   std::uint64_t prepare_bytes() const override { return 0; }
+  std::uint64_t unpacked_bytes() const override { return 0; }
   void read(std::uint64_t first, std::uint64_t count, store::SplatRows& out,
             store::SplatCounts& filtered) const final;
   std::uint64_t read_bytes() const final;

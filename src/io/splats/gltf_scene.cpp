@@ -332,6 +332,12 @@ std::uint64_t GltfSplats::prepare_bytes() const {
   return most;
 }
 
+std::uint64_t GltfSplats::unpacked_bytes() const {
+  std::uint64_t all = 0;
+  for (const auto& [view, scene] : spz_) all += scene->unpacked_bytes();
+  return all;
+}
+
 void GltfSplats::prepare(const ScratchFolder& folder, const std::function<void()>& poll) {
   for (const auto& [view, scene] : spz_) scene->prepare(folder, poll);
 }

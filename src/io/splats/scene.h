@@ -41,6 +41,9 @@ class SplatScene {
   /// What prepare() takes while it runs.
   virtual std::uint64_t prepare_bytes() const = 0;
 
+  /// Room on disk that its scratch files take at most.
+  virtual std::uint64_t unpacked_bytes() const = 0;
+
   /// Appends those of Gaussians [first, first + count) that can be used, in order, with
   /// `out.lobes` coefficients each (zeros beyond the file's degree), and counts the others by
   /// reason (all but SplatFilter::far, which needs to know the whole scene). Throws Error(input),

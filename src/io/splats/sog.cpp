@@ -291,6 +291,17 @@ std::uint64_t SogScene::prepare_bytes() const {
          round_to_pages(palette_entries_ * 3 * lobes_);
 }
 
+std::uint64_t SogScene::unpacked_bytes() const {
+  // What a decoder keeps in blocks is less than its image; one decodes at a time.
+  std::uint64_t largest = 0;
+  const auto look = [&](const Image& image) {
+    largest = std::max(largest, std::uint64_t{image.header.width} * image.header.height);
+  };
+  for (const Image& image : images_) look(image);
+  if (has_palette_) look(centroids_);
+  return (kColumns * info_.splats + largest) * kPixelBytes;
+}
+
 void SogScene::prepare(const ScratchFolder& folder, const std::function<void()>& poll) {
   scratch_ = folder.create();
   for (std::size_t k = 0; k < (has_palette_ ? kColumns : kColumns - 1); ++k)

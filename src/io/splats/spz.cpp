@@ -269,6 +269,10 @@ std::uint64_t SpzScene::prepare_bytes() const {
   return most + kPieceBytes + kMostExtensionBytes;
 }
 
+std::uint64_t SpzScene::unpacked_bytes() const {
+  return is_gzip_ || version_ == 4 ? kHeaderBytes + content_bytes() : 0;
+}
+
 void SpzScene::prepare(const ScratchFolder& folder, const std::function<void()>& poll) {
   if (!is_gzip_ && version_ < 4) return;
   scratch_ = folder.create();

@@ -28,6 +28,7 @@ class SpzScene : public BatchScene {
 
   void prepare(const ScratchFolder& folder, const std::function<void()>& poll) override;
   std::uint64_t prepare_bytes() const override;
+  std::uint64_t unpacked_bytes() const override;
   void decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes, SplatBatch& batch,
               const Take& take) const override;
   std::uint64_t decode_bytes() const override;

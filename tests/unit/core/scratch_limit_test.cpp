@@ -21,7 +21,9 @@ void append(WriteFile& file, std::size_t bytes) {
 
 TEST_CASE("scratch files keep to their limit together") {
   const auto memory = make_memory_file_system();
-  const auto files = limit_scratch(*memory, 100, [] { return std::string("too much"); });
+  const auto account =
+      std::make_shared<ScratchAccount>(100, [] { return std::string("too much"); });
+  const auto files = count_scratch(*memory, account);
   const ScratchFolder folder{files.get(), "/"};
   auto first = folder.create();
   const auto second = folder.create();
@@ -38,13 +40,31 @@ TEST_CASE("scratch files keep to their limit together") {
   reader->read(0, read);
   CHECK(read.back() == std::byte{7});
   reader.reset();
+  CHECK(account->peak_bytes() == 100);
   append(*second, 60);
   REQUIRE_THROWS_AS(append(*second, 1), Error);
 }
 
+TEST_CASE("what scratch files took at most is known without a limit") {
+  const auto memory = make_memory_file_system();
+  const auto account = std::make_shared<ScratchAccount>(0, [] { return std::string("no limit"); });
+  const auto files = count_scratch(*memory, account);
+  const ScratchFolder folder{files.get(), "/"};
+  CHECK(account->peak_bytes() == 0);
+  auto first = folder.create();
+  append(*first, 60);
+  first.reset();
+  const auto second = folder.create();
+  append(*second, 50);
+  CHECK(account->peak_bytes() == 60);
+  append(*second, 50);
+  CHECK(account->peak_bytes() == 100);
+}
+
 TEST_CASE("files with names have no limit") {
   const auto memory = make_memory_file_system();
-  const auto files = limit_scratch(*memory, 10, [] { return std::string("too much"); });
+  const auto files = count_scratch(
+      *memory, std::make_shared<ScratchAccount>(10, [] { return std::string("too much"); }));
   append(*files->create("/named"), 1000);
   CHECK(memory->open("/named")->size_bytes() == 1000);
 }
