@@ -32,7 +32,12 @@ bool is_same(const std::optional<FileStatus>& a, const std::optional<FileStatus>
 
 InputFiles::InputFiles() : before_(std::exchange(current, this)) {}
 
-InputFiles::~InputFiles() { current = before_; }
+InputFiles::~InputFiles() {
+  // Mostly the newest one; whoever outlives it must not lead back to it.
+  InputFiles** at = &current;
+  while (*at != this) at = &(*at)->before_;
+  *at = before_;
+}
 
 InputFiles::Kept* InputFiles::find(const std::string& path) {
   const auto found =

@@ -45,7 +45,7 @@ class InputFiles {
 
   std::vector<Kept> kept_;
   std::uint64_t uses_ = 0;
-  InputFiles* const before_;
+  InputFiles* before_;
 };
 
 /// Opens an input for reading. Throws Error(storage) with path and reason; thread-safe where no

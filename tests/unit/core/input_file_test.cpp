@@ -6,6 +6,7 @@
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <thread>
 
 #include "pounce/error.h"
@@ -79,6 +80,19 @@ TEST_CASE("inputs that are missing are asked for again") {
   REQUIRE_THROWS_AS(open_input(path), Error);
   write(path, "there");
   CHECK(content(path) == "there");
+}
+
+TEST_CASE("jobs may end in any order") {
+  const test::TempFolder folder;
+  const std::string path = folder.file("mesh.obj");
+  write(path, "first");
+  std::optional<InputFiles> one(std::in_place), other(std::in_place);
+  CHECK(content(path) == "first");
+  one.reset();
+  replace(path, "second");
+  CHECK(content(path) == "first");  // of the other one
+  other.reset();
+  CHECK(content(path) == "second");
 }
 
 TEST_CASE("of many inputs those used last stay open") {
