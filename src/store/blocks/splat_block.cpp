@@ -54,6 +54,13 @@ void round_bits(float& value) {
   value = std::bit_cast<float>((std::bit_cast<std::uint32_t>(value) + 0x80U) & 0xFFFFFF00U);
 }
 
+/// The same of what must not become 0: it would be no Gaussian any more.
+void round_above_zero(float& value) {
+  const bool is_above = value > 0;
+  round_bits(value);
+  if (is_above && value == 0) value = std::bit_cast<float>(0x100U);
+}
+
 std::uint32_t degree_of(std::uint32_t lobes) {
   return static_cast<std::uint32_t>(std::find(kLobesOfDegree.begin(), kLobesOfDegree.end(), lobes) -
                                     kLobesOfDegree.begin());
@@ -69,9 +76,10 @@ bool all_finite(std::span<const std::uint16_t> halves) {
 }
 
 void round_for_store(Splat& splat) {
-  for (float* v :
-       {&splat.sigma.x, &splat.sigma.y, &splat.sigma.z, &splat.alpha, &splat.colour.x,
-        &splat.colour.y, &splat.colour.z, &splat.normal.x, &splat.normal.y, &splat.normal.z}) {
+  for (float* v : {&splat.sigma.x, &splat.sigma.y, &splat.sigma.z, &splat.alpha})
+    round_above_zero(*v);
+  for (float* v : {&splat.colour.x, &splat.colour.y, &splat.colour.z, &splat.normal.x,
+                   &splat.normal.y, &splat.normal.z}) {
     round_bits(*v);
   }
   for (float& v : splat.rotation) round_bits(v);

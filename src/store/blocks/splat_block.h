@@ -45,7 +45,8 @@ inline float size_of(const Splat& splat) {
 
 /// Rounds everything but the mean to 16 significant bits, a relative error of at most 2^-16: far
 /// below what a blend shows, and a quarter of those columns' bytes becomes zero
-/// (docs/decisions/010-splat-store.md). What it rounded it leaves alone.
+/// (docs/decisions/010-splat-store.md). What it rounded it leaves alone, and no size or opacity
+/// above 0 becomes 0.
 void round_for_store(Splat& splat);
 
 /// Is no half float of these infinite or NaN?
