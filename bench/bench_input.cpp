@@ -111,8 +111,8 @@ TransferOptions reference_options(Shape shape, std::int64_t size) {
   options.source = heads() + "/head_src.glb";
   options.targets = {heads() + (shape == Shape::same ? "/head_same.glb" : "/head_other.glb")};
   options.output = work_folder() + "/out.png";
-  options.size = ImageSize{scaled(size), scaled(size)};
-  options.max_distance = Length{shape == Shape::same ? 1.0 : 5.0, true};
+  options.image.size = ImageSize{scaled(size), scaled(size)};
+  options.search.max_distance = Length{shape == Shape::same ? 1.0 : 5.0, true};
   options.resources.threads = 1;
   options.resources.use_cache = false;
   return options;

@@ -32,7 +32,7 @@ class SearchInput {
     }
     limits_.max_distance = job.target_plan.max_distance;
     limits_.min_cosine =
-        static_cast<float>(std::cos(job.options.max_angle_deg * std::numbers::pi / 180));
+        static_cast<float>(std::cos(job.options.search.max_angle_deg * std::numbers::pi / 180));
     heights_ = projection::search_heights(limits_.max_distance);
   }
 

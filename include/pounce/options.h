@@ -25,7 +25,7 @@ enum class Channel : std::uint8_t {
   /// "distance": data, one float: how far along the texel's normal the surface was found, in the
   /// target's units, positive outside.
   distance,
-  height,        ///< "height": the same of a mesh, by TransferOptions::baked
+  height,        ///< "height": the same of a mesh, by ChannelOptions::baked
   position,      ///< "position": data: where the surface was found, in the job's axes; by `baked`
   vertex_color,  ///< "vertexColor": colour: that of the mesh's vertices; by `baked`
   /// The first of the maps of the user's own; see other_channel(). No material has these.
@@ -48,7 +48,7 @@ constexpr bool is_shape(Channel channel) noexcept {
 
 inline constexpr std::size_t kMostOtherMaps = 64;
 
-/// The map TransferOptions::other_maps[index], index < kMostOtherMaps.
+/// The map ChannelOptions::other_maps[index], index < kMostOtherMaps.
 constexpr Channel other_channel(std::size_t index) noexcept {
   return static_cast<Channel>(static_cast<std::size_t>(Channel::other) + index);
 }
@@ -118,7 +118,7 @@ struct ChannelOutput {
 };
 
 /// What the images of the source's colours hold, whatever their files say: "srgb", "lin_rec709",
-/// "acescg", "aces2065-1", "display-p3", or a space of TransferOptions::colour_config.
+/// "acescg", "aces2065-1", "display-p3", or a space of ColourOptions::config.
 struct SourceColourSpace {
   std::optional<Channel> channel;  ///< nothing: every one of colours that is not named itself
   std::string space;
@@ -220,124 +220,163 @@ inline constexpr double kDefaultMinConfidence = 0.01;
 /// The most rays that a texel has beside its normal.
 inline constexpr std::uint32_t kMostRays = 16;
 
+/// What the images that are written look like. Of a model's textures, too, where it says so.
+struct ImageOptions {
+  std::optional<ImageSize> size;  ///< default: per channel the largest source image of that channel
+  std::optional<Depth> depth;     ///< default: the source image's
+  std::optional<std::uint32_t> padding_px;  ///< default: larger side of the image / 128
+  bool drop_alpha = false;                  ///< outputs have no alpha, whatever the source has
+  NormalY normal_y = NormalY::up;           ///< green channel of the normal map written
+  /// Colour space of colour channels, a name as in SourceColourSpace. Default: the source's, but
+  /// sRGB for integer formats if the source is linear, and in models.
+  std::string colour_space;
+  std::vector<std::uint32_t> tiles;  ///< only these UDIMs, sorted; empty = all
+  /// Channels that do not go to `TransferOptions::output` but here, such as height to "height.exr"
+  /// where the others are PNG. Each channel at most once; <MATERIAL>, <TARGET>, <UDIM> or <UVTILE>
+  /// must be in these patterns as they are in `output`. Not for models.
+  std::vector<ChannelOutput> channel_outputs;
+  /// Also write an 8-bit mask (255 = covered) here; same tokens as `output`; empty = no.
+  std::string coverage_output;
+  /// Lossless compression of EXR outputs: "none", "rle", "zips", "zip", "piz"; empty: "zip".
+  std::string exr_compression;
+  /// EXR and TIFF outputs in tiles of this many texels each way instead of rows: a multiple of 16,
+  /// 16..1024; 0: rows, and 64 with mipmaps.
+  std::uint32_t tile_size = 0;
+  /// EXR and TIFF outputs with all mipmap levels; those called .tx always have them. Adds a third
+  /// to the file's size, and as much scratch space.
+  bool mipmap = false;
+};
+
+/// Which channels are written.
+struct ChannelOptions {
+  /// Empty: baseColor if `TransferOptions::output` is an image without <CHANNEL>, else every
+  /// channel the source has, except those (baseColor apart) whose images cannot be read, which is a
+  /// warning.
+  std::vector<Channel> transferred;
+  bool all = false;  ///< every channel the source has, except evidence; `transferred` is empty
+  /// Generated from the source's geometry, in the same passes: normal (its smooth normals combined
+  /// with its normal map, in the target's tangent space; replaces the transferred one), height,
+  /// position, vertex_color. Without other channels these are the only outputs, unless
+  /// `TransferOptions::output` is a model or holds <CHANNEL>. Height and position need a float
+  /// format.
+  std::vector<Channel> baked;
+  /// Names of other_channel(0), other_channel(1), ..., which `transferred` and
+  /// MaterialOptions::textures may then hold; each needs a source texture. Not for models.
+  std::vector<OtherMap> other_maps;
+};
+
+/// How the source's materials are read. Not for splat scenes.
+struct MaterialOptions {
+  std::vector<SourceTexture> textures;  ///< instead of, or in addition to, those of the materials
+  /// Images: multiply the materials' factors (baseColorFactor, Kd, ...) into their textures. A
+  /// model has them in its materials: false is refused.
+  bool apply_factors = true;
+  /// Multiply vertex colours into the base colour, of models, too. Vertex colours that are black
+  /// everywhere are ignored.
+  bool apply_vertex_colours = true;
+  NormalY normal_y = NormalY::up;  ///< green channel of the source's normal maps
+};
+
+/// What the source's colours are. Not for splat scenes.
+struct ColourOptions {
+  /// Default: what the image files state (known ICC profiles, PNG chunks, EXR chromaticities; not
+  /// in glTF, whose textures are sRGB), else sRGB for integers and linear Rec. 709 for floats.
+  std::vector<SourceColourSpace> source_spaces;
+  /// An OpenColorIO configuration whose spaces may be named, too; empty: none. Its tables (LUTs)
+  /// must be in its folder, unless `allow_external`, and count as memory. Its results may differ in
+  /// the last bits between kinds of processors.
+  std::string config;
+};
+
+/// Where a texel searches for the source.
+struct SearchOptions {
+  /// How far along the texel's normal, both ways. A larger distance costs time: much where nothing
+  /// is near, else little. Default: 5 % of the target's diagonal, 3 % for splat scenes.
+  std::optional<Length> max_distance;
+  /// Source surface that faces away from the texel's normal by more than this is ignored; 0..89.9.
+  double max_angle_deg = 80;
+};
+
+/// How a textured mesh is sampled. Not for splat scenes.
+struct MeshOptions {
+  Method method = Method::surface;  ///< `gaussian` transfers baseColor alone; see docs/paper.md
+  std::optional<Filter> filter;     ///< Method::surface only; default kDefaultFilter
+  /// Standard deviation of a texel's Gaussian in texels, 0.1..4; Method::gaussian only; default
+  /// kDefaultSigma. Wider blurs more and costs time with its square.
+  std::optional<double> sigma_texels;
+  /// Split texels that are large on the surface, so that Gaussians are about uniformly dense;
+  /// Method::gaussian only. At most three times as many Gaussians.
+  bool densify = false;
+};
+
+/// Which Gaussians of a splat scene are used.
+struct SplatFilter {
+  /// Skip Gaussians less opaque than this, 1/255..1. Below 1/255, the default, they are invisible.
+  std::optional<double> min_opacity;
+  /// Skip Gaussians with a larger standard deviation; above 0, in the scene's units.
+  std::optional<double> max_scale;
+  std::optional<AxisBox> box;  ///< skip Gaussians whose centre is outside
+};
+
+/// How a splat scene is blended. Not for meshes.
+struct SplatOptions {
+  /// View dependence; degree 3 is read for `normal` only.
+  SphericalHarmonics harmonics = SphericalHarmonics::mean;
+  SplatFilter filter;
+  /// Extra rays per texel, 0..kMostRays, in a cone of 35 degrees around its normal, whose colours
+  /// are averaged with the normal's. Closer to the multi-view appearance, but softer; time and
+  /// memory of projection scale with their number.
+  std::uint32_t rays = 0;
+  /// The output's alpha is the opacity along the texel's normal, 0.1..1 where it is covered.
+  /// Formats without alpha are refused.
+  bool alpha = false;
+  /// Skip Gaussians whose 3-sigma extent stays farther than this from every target. Default: 2.2
+  /// times max_distance, at least 6.6 %, and only if a sample shows that three quarters are farther
+  /// away: such a store serves these targets alone.
+  std::optional<Length> near_target;
+  bool everywhere = false;  ///< disables `near_target`: the whole scene is sorted
+  /// Leave texels below this confidence empty; 0..1. 0 covers every texel with a surface in reach,
+  /// even that of another object.
+  double min_confidence = kDefaultMinConfidence;
+};
+
+/// Painting over existing images.
+struct CompositeOptions {
+  /// Covered texels are written over these images (same tokens as `TransferOptions::output`), which
+  /// give size, depth and channels unless set. May be the output itself. Empty: none.
+  std::string onto;
+  std::string mask;  ///< blend by this image: white paints, black keeps; same tokens; needs `onto`
+};
+
 /// One transfer of appearance from a textured mesh or a splat scene onto the UV textures of meshes.
 struct TransferOptions {
   std::string source;  ///< .glb, .gltf or .obj with textures, or a splat scene in any format
+  MeshUse source_use;
   std::vector<std::string> targets;  ///< .glb, .gltf or .obj with UVs; at least one
-  MeshUse source_use, target_use;    ///< the second for every target
+  MeshUse target_use;                ///< for every target
   /// Image path; may hold <CHANNEL>, <MATERIAL>, <TARGET> (needed for several), <UDIM> and
   /// <UVTILE>. With one of the last two, UVs outside [0,1) are UDIM tiles with an image each;
-  /// without, they wrap. The ending picks the format. Folders that are not there are made.
+  /// without, they wrap. The ending picks the format. Missing folders are created.
   /// Or a model, .glb or .gltf: the target, which must be one of these too, with a new texture per
-  /// material and channel and everything else as it was; may hold <TARGET>.
+  /// material and channel and everything else unchanged; may hold <TARGET>.
   std::string output;
-  /// Channels that do not go to `output` but here, such as height to "height.exr" where the others
-  /// are PNG. Each channel at most once; <MATERIAL>, <TARGET>, <UDIM> or <UVTILE> must be in these
-  /// patterns as they are in `output`. Not for models.
-  std::vector<ChannelOutput> channel_outputs;
-  std::vector<std::uint32_t> tiles;  ///< only these UDIMs, sorted; empty = all there are
-  std::string
-      coverage_output;  ///< also write an 8-bit mask (255 = covered); same tokens; empty = no
-  /// Paint over: what is covered is written over these images (the same tokens as `output`), which
-  /// give size, depth and channels where nothing else does. May be the output itself.
-  std::string onto;
-  /// How much is painted: black nothing, white all; the same tokens; needs `onto`.
-  std::string mask;
-  std::vector<SourceTexture> source_textures;
-  /// Default: what the image files say (ICC profiles that are known, PNG's chunks, EXR's
-  /// chromaticities; not those in glTF, whose textures are sRGB), else sRGB for integers and linear
-  /// Rec. 709 for floats. Not for splat scenes.
-  std::vector<SourceColourSpace> source_colour_spaces;
-  /// Of colours, one of the same names. Default: the source's, but sRGB where a format of integers
-  /// is to hold linear light, and in models.
-  std::string output_colour_space;
-  /// An OpenColorIO configuration whose spaces both may name, too; empty: none. Its tables (LUTs)
-  /// must lie in its folder, unless `allow_external`, and count as memory. Its results may differ
-  /// in the last bits from one kind of processor to another.
-  std::string colour_config;
-  /// Names for other_channel(0), other_channel(1), ..., which `channels` and `source_textures` may
-  /// hold then; each needs a source texture. Models have no place for them.
-  std::vector<OtherMap> other_maps;
-  /// Images: multiply the factors of the source's materials (baseColorFactor, Kd, ...) into what
-  /// their textures give. A model has them in its materials: false is refused.
-  bool apply_factors = true;
-  /// Multiply the colours of the source's vertices into the base colour, of models, too. Colours
-  /// that are black everywhere never are.
-  bool apply_vertex_colours = true;
-  std::optional<ImageSize> size;  ///< default: per channel the largest source image of that channel
-  std::optional<Depth> depth;     ///< default: the source image's
-  /// How EXR outputs are compressed, without loss: "none", "rle", "zips", "zip", "piz"; empty:
-  /// "zip".
-  std::string exr_compression;
-  /// EXR and TIFF outputs in tiles of so many texels each way instead of rows: a multiple of 16,
-  /// 16..1024; 0: rows, and 64 where there are levels.
-  std::uint32_t tile_size = 0;
-  /// EXR and TIFF outputs with all their smaller levels, for renderers; those that are called .tx
-  /// always have them. They cost a third more room in the file, and as much on disk on the way.
-  bool mipmap = false;
-  bool drop_alpha = false;  ///< outputs have no alpha, whatever the source has
-  /// Empty: baseColor if `output` is an image without <CHANNEL>, else every channel the source has,
-  /// less those (baseColor apart) whose images cannot be read, which is a warning.
-  std::vector<Channel> channels;
-  /// Every channel the source has, evidence apart; `channels` must be empty.
-  bool all_channels = false;
-  /// Made from the source's shape, in the same passes: normal (its smooth normals, with its own
-  /// normal map where it has one, in the target's tangent space; instead of what `channels` would
-  /// take), height, position. Without other channels they are all that is made, unless `output`
-  /// is a model or holds <CHANNEL>. Of height and position float formats alone.
-  std::vector<Channel> baked;
-  NormalY source_normal_y = NormalY::up;  ///< of the source's normal maps
-  NormalY output_normal_y = NormalY::up;  ///< of the normal map that is made
-  /// How far along its normal, both ways, a texel may look. Larger costs time: much where nothing
-  /// is near, else little. Default: 5 % of the target's diagonal, 3 % for splat scenes.
-  std::optional<Length> max_distance;
-  /// Source surface that faces away from the texel's normal by more than this is not seen; 0..89.9.
-  double max_angle_deg = 80;
-  /// `gaussian` transfers baseColor alone; see docs/paper.md.
-  Method method = Method::surface;
-  /// Of Method::surface and a mesh; default kDefaultFilter.
-  std::optional<Filter> filter;
-  /// Of a texel's Gaussian, in texels: 0.1..4; default kDefaultSigma; needs Method::gaussian and a
-  /// mesh. Wider blurs more and costs time with its square.
-  std::optional<double> sigma_texels;
-  /// Split texels that are large on the surface, so that it is about uniformly dense; the same.
-  /// Three times as many Gaussians at most.
-  bool densify = false;
-  /// Of a splat scene; degree 3 is kept for `normal` alone.
-  SphericalHarmonics harmonics = SphericalHarmonics::mean;
-  /// Of a splat scene: Gaussians that are less opaque are left out; 1/255..1. Below 1/255, which is
-  /// the default, nobody sees them.
-  std::optional<double> min_opacity;
-  /// Of a splat scene: Gaussians with a larger standard deviation are left out; above 0, in its
-  /// units.
-  std::optional<double> max_scale;
-  /// Of a splat scene: Gaussians whose middle is outside are left out.
-  std::optional<AxisBox> box;
-  /// Of a splat scene: so many further rays per texel, in a cone of 35 degrees around its normal,
-  /// whose colours are averaged with the normal's; 0..kMostRays. Nearer to what is seen from many
-  /// sides, softer; time and memory of projection grow with their number.
-  std::uint32_t rays = 0;
-  /// Of a splat scene: the output's alpha is the opacity that a texel's normal meets, 0.1..1 where
-  /// it is covered. Formats without alpha are refused.
-  bool alpha = false;
-  /// Of a splat scene: what comes no nearer to a target's surface is not sorted, with 3 standard
-  /// deviations counted as near. Nothing: 2.2 times max_distance, at least 6.6 %, and only where a
-  /// sample says that three quarters are farther away: such a store serves these targets alone.
-  std::optional<Length> near_target;
-  bool everywhere = false;  ///< `near_target` is off: all of the scene is sorted
-  /// Of a splat scene: texels with less confidence stay empty; 0..1. 0 covers whatever has a
-  /// surface, were it of another object.
-  double min_confidence = kDefaultMinConfidence;
-  std::optional<std::uint32_t> padding_px;  ///< default: larger side of the image / 128
-  /// 0..100: of how many of its texels a target must find the source. A target below this is
+  ImageOptions image;
+  ChannelOptions channels;
+  MaterialOptions material;
+  ColourOptions colour;
+  SearchOptions search;
+  MeshOptions mesh;
+  SplatOptions splats;
+  CompositeOptions composite;
+  /// 0..100: for how many of its texels a target must find the source. A target below this is
   /// written like any other; TargetReport::enough says which are.
   double min_coverage_percent = 0;
-  /// Outputs that are there and say that this same job made them stay as they are; so do those that
-  /// say nothing and are younger than everything they are made from (docs/outputs.md).
+  /// Outputs already produced by the same inputs and options stay as they are; so do those without
+  /// a recorded job that are newer than every input (docs/outputs.md).
   bool skip_existing = false;
-  /// Files that a mesh file (buffers, images, materials) or a colour_config (tables) names may lie
-  /// outside of its folder (an absolute path, "..", a link); false: they are refused, since a model
-  /// from elsewhere could bring any file of this machine into the output.
+  /// Files that a mesh file (buffers, images, materials) or a colour configuration (tables) names
+  /// may be outside of its folder (an absolute path, "..", a link); false: they are refused, since
+  /// a model from elsewhere could copy any file of this machine into the output.
   bool allow_external = false;
   /// Images of the source, `onto` and `mask` may be in these formats, too.
   std::vector<ImageFormat> allowed_formats;
@@ -369,23 +408,19 @@ struct GaussiansOptions {
   /// it is stored; a scene as it is, but turned by 180 degrees about z from or to glTF, where y is
   /// up.
   std::string axes;
-  std::vector<SourceTexture> source_textures;  ///< instead of what the mesh says; baseColor alone
-  std::vector<SourceColourSpace> source_colour_spaces;  ///< of a mesh, as in TransferOptions
-  std::string colour_config;                            ///< the same
-  /// Of a mesh: standard deviation of a texel's Gaussian in texels: 0.1..4; default kDefaultSigma.
+  std::vector<SourceTexture> source_textures;  ///< instead of the mesh's own; baseColor only
+  ColourOptions colour;                        ///< for meshes
+  /// For meshes: standard deviation of a texel's Gaussian in texels: 0.1..4; default kDefaultSigma.
   /// Narrower ones blend sharper and, below 0.4, leave gaps in viewers.
   std::optional<double> sigma_texels;
-  /// Of a mesh: 0..4. Colours are sharpened by so much of what a transfer of these Gaussians onto
-  /// texels as large takes away from them, from texels of the same chart. Costs 25 lookups per
-  /// texel.
+  /// For meshes: 0..4. Sharpens colours by this share of what a transfer of these Gaussians onto
+  /// texels of the same size takes away from them, from texels of the same chart. Costs 25 lookups
+  /// per texel.
   double sharpen = 0;
-  // Of a splat scene, as in TransferOptions:
-  std::optional<double> min_opacity;
-  std::optional<double> max_scale;
-  std::optional<AxisBox> box;
-  /// Of a splat scene: no more than these are written, at least 1: the most important ones, by
-  /// opacity times the product of their two larger standard deviations; of equals the first. Reads
-  /// the source twice.
+  SplatFilter filter;  ///< for splat scenes
+  /// For splat scenes: write at most this many, at least 1: the most important ones, by opacity
+  /// times the product of their two larger standard deviations; of equals the first. Reads the
+  /// source twice.
   std::optional<std::uint64_t> count;
   bool allow_external = false;               ///< as in TransferOptions
   std::vector<ImageFormat> allowed_formats;  ///< the same

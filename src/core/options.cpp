@@ -37,7 +37,7 @@ const char* channel_name(Channel channel) noexcept {
 }
 
 std::string channel_name(const TransferOptions& options, Channel channel) {
-  return is_other(channel) ? options.other_maps.at(other_index(channel)).name
+  return is_other(channel) ? options.channels.other_maps.at(other_index(channel)).name
                            : channel_name(channel);
 }
 

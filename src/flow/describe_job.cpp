@@ -36,10 +36,10 @@ class OptionList {
   }
   void add_maps(const TransferOptions& o) {
     std::vector<std::string> values, data, colours;
-    for (const SourceTexture& texture : o.source_textures)
+    for (const SourceTexture& texture : o.material.textures)
       values.push_back(fmt::format("{}={}", channel_name(o, texture.channel), texture.path));
     add("source-texture", values);
-    for (const OtherMap& map : o.other_maps) {
+    for (const OtherMap& map : o.channels.other_maps) {
       if (map.is_colour) (*map.is_colour ? colours : data).push_back(map.name);
     }
     add("data", data);
@@ -59,19 +59,18 @@ class OptionList {
     add(side + "-axes", use.axes);
   }
   void add_splats(const TransferOptions& o) {
-    const bool other_harmonics = o.harmonics != TransferOptions{}.harmonics;
-    add("sh", other_harmonics ? std::string(harmonics_name(o.harmonics)) : "");
-    add_filters(o);
-    add("rays", o.rays != 0 ? std::to_string(o.rays) : std::string());
-    add("alpha", o.alpha);
-    const bool other_confidence = o.min_confidence != TransferOptions{}.min_confidence;
-    add("min-confidence", other_confidence ? fmt::format("{}", o.min_confidence) : "");
-    add("near-target", o.everywhere    ? std::string("off")
-                       : o.near_target ? text_of(*o.near_target)
-                                       : std::string());
+    const bool other_harmonics = o.splats.harmonics != SplatOptions{}.harmonics;
+    add("sh", other_harmonics ? std::string(harmonics_name(o.splats.harmonics)) : "");
+    add_filters(o.splats.filter);
+    add("rays", o.splats.rays != 0 ? std::to_string(o.splats.rays) : std::string());
+    add("alpha", o.splats.alpha);
+    const bool other_confidence = o.splats.min_confidence != SplatOptions{}.min_confidence;
+    add("min-confidence", other_confidence ? fmt::format("{}", o.splats.min_confidence) : "");
+    add("near-target", o.splats.everywhere    ? std::string("off")
+                       : o.splats.near_target ? text_of(*o.splats.near_target)
+                                              : std::string());
   }
-  template <class Options>
-  void add_filters(const Options& o) {
+  void add_filters(const SplatFilter& o) {
     const bool leaves_out = o.min_opacity && *o.min_opacity > kDefaultMinOpacity;
     add("min-opacity", leaves_out ? fmt::format("{}", *o.min_opacity) : "");
     add("max-scale", o.max_scale ? fmt::format("{}", *o.max_scale) : "");
@@ -97,7 +96,7 @@ class OptionList {
 
 std::vector<std::string> outputs_of(const TransferOptions& o) {
   std::vector<std::string> outputs;
-  for (const ChannelOutput& own : o.channel_outputs)
+  for (const ChannelOutput& own : o.image.channel_outputs)
     outputs.push_back(channel_name(o, own.channel) + "=" + own.path);
   return outputs;
 }
@@ -109,8 +108,8 @@ std::vector<std::string> names_of(const TransferOptions& o, const std::vector<Ch
 }
 
 std::string factors_text(const TransferOptions& o) {
-  if (o.apply_factors) return o.apply_vertex_colours ? "" : "factors";
-  return o.apply_vertex_colours ? "vertices" : "ignore";
+  if (o.material.apply_factors) return o.material.apply_vertex_colours ? "" : "factors";
+  return o.material.apply_vertex_colours ? "vertices" : "ignore";
 }
 
 std::vector<std::string> format_names(const std::vector<ImageFormat>& formats) {
@@ -130,52 +129,55 @@ std::vector<std::string> texts_of(const std::vector<std::uint32_t>& numbers) {
 void describe(const TransferOptions& o, bool plan_only, Report& report) {
   const TransferOptions usual;
   report.command = "transfer";
-  report.method = method_name(o.method);
+  report.method = method_name(o.mesh.method);
   add_input(o.source, report);
   for (const std::string& target : o.targets) add_input(target, report);
   OptionList list(report);
   list.add("output", o.output);
   list.add("output-for", outputs_of(o));
-  list.add("coverage", o.coverage_output);
-  list.add("tiles", texts_of(o.tiles));
-  list.add("size", o.size ? text_of(*o.size) : std::string());
-  list.add("depth", o.depth ? std::string(depth_name(*o.depth)) : std::string());
-  list.add("exr-compression", o.exr_compression == "zip" ? "" : o.exr_compression);
-  list.add("tile-size", o.tile_size != 0 ? std::to_string(o.tile_size) : std::string());
-  list.add("mipmap", o.mipmap);
-  list.add("drop-alpha", o.drop_alpha);
-  list.add("padding", o.padding_px ? std::to_string(*o.padding_px) : std::string());
+  list.add("coverage", o.image.coverage_output);
+  list.add("tiles", texts_of(o.image.tiles));
+  list.add("size", o.image.size ? text_of(*o.image.size) : std::string());
+  list.add("depth", o.image.depth ? std::string(depth_name(*o.image.depth)) : std::string());
+  list.add("exr-compression", o.image.exr_compression == "zip" ? "" : o.image.exr_compression);
+  list.add("tile-size", o.image.tile_size != 0 ? std::to_string(o.image.tile_size) : std::string());
+  list.add("mipmap", o.image.mipmap);
+  list.add("drop-alpha", o.image.drop_alpha);
+  list.add("padding", o.image.padding_px ? std::to_string(*o.image.padding_px) : std::string());
   list.add("skip-existing", o.skip_existing);
   list.add("min-coverage",
            o.min_coverage_percent > 0 ? fmt::format("{}", o.min_coverage_percent) : "");
-  list.add("onto", o.onto);
-  list.add("mask", o.mask);
-  list.add("channels", o.all_channels ? std::vector<std::string>{"all"} : names_of(o, o.channels));
-  list.add("bake", names_of(o, o.baked));
-  list.add("normal-y", o.source_normal_y != usual.source_normal_y
-                           ? std::string(normal_y_name(o.source_normal_y))
+  list.add("onto", o.composite.onto);
+  list.add("mask", o.composite.mask);
+  list.add("channels",
+           o.channels.all ? std::vector<std::string>{"all"} : names_of(o, o.channels.transferred));
+  list.add("bake", names_of(o, o.channels.baked));
+  list.add("normal-y", o.material.normal_y != usual.material.normal_y
+                           ? std::string(normal_y_name(o.material.normal_y))
                            : "");
-  list.add("output-normal-y", o.output_normal_y != usual.output_normal_y
-                                  ? std::string(normal_y_name(o.output_normal_y))
+  list.add("output-normal-y", o.image.normal_y != usual.image.normal_y
+                                  ? std::string(normal_y_name(o.image.normal_y))
                                   : "");
   list.add_maps(o);
-  list.add(o, o.source_colour_spaces);
-  list.add("output-colorspace", o.output_colour_space);
-  list.add("ocio", o.colour_config);
+  list.add(o, o.colour.source_spaces);
+  list.add("output-colorspace", o.image.colour_space);
+  list.add("ocio", o.colour.config);
   list.add("factors", factors_text(o));
   list.add("source", o.source_use);
   list.add("target", o.target_use);
-  list.add("method", o.method != usual.method ? std::string(method_name(o.method)) : "");
-  list.add("filter", o.filter.value_or(kDefaultFilter) != kDefaultFilter
-                         ? std::string(filter_name(*o.filter))
+  list.add("method",
+           o.mesh.method != usual.mesh.method ? std::string(method_name(o.mesh.method)) : "");
+  list.add("filter", o.mesh.filter.value_or(kDefaultFilter) != kDefaultFilter
+                         ? std::string(filter_name(*o.mesh.filter))
                          : std::string());
-  list.add("sigma", o.sigma_texels.value_or(kDefaultSigma) != kDefaultSigma
-                        ? fmt::format("{}", *o.sigma_texels)
+  list.add("sigma", o.mesh.sigma_texels.value_or(kDefaultSigma) != kDefaultSigma
+                        ? fmt::format("{}", *o.mesh.sigma_texels)
                         : std::string());
-  list.add("densify", o.densify);
-  list.add("max-distance", o.max_distance ? text_of(*o.max_distance) : std::string());
-  list.add("max-angle",
-           o.max_angle_deg != usual.max_angle_deg ? fmt::format("{}", o.max_angle_deg) : "");
+  list.add("densify", o.mesh.densify);
+  list.add("max-distance", o.search.max_distance ? text_of(*o.search.max_distance) : std::string());
+  list.add("max-angle", o.search.max_angle_deg != usual.search.max_angle_deg
+                            ? fmt::format("{}", o.search.max_angle_deg)
+                            : "");
   list.add_splats(o);
   list.add("allow-external", o.allow_external);
   list.add("allow-format", format_names(o.allowed_formats));
@@ -204,13 +206,13 @@ void describe(const GaussiansOptions& o, Report& report) {
   for (const SourceTexture& texture : o.source_textures)
     textures.push_back(fmt::format("{}={}", channel_name(texture.channel), texture.path));
   list.add("source-texture", textures);
-  list.add({}, o.source_colour_spaces);
-  list.add("ocio", o.colour_config);
+  list.add({}, o.colour.source_spaces);
+  list.add("ocio", o.colour.config);
   list.add("sigma", o.sigma_texels.value_or(kDefaultSigma) != kDefaultSigma
                         ? fmt::format("{}", *o.sigma_texels)
                         : std::string());
   list.add("sharpen", o.sharpen > 0 ? fmt::format("{}", o.sharpen) : std::string());
-  list.add_filters(o);
+  list.add_filters(o.filter);
   list.add("count", o.count ? std::to_string(*o.count) : std::string());
   list.add("allow-external", o.allow_external);
   list.add("allow-format", format_names(o.allowed_formats));

@@ -44,17 +44,14 @@ constexpr const char* kHalfTurn = "-x,-y,z";
 TransferOptions as_transfer(const GaussiansOptions& o) {
   TransferOptions transfer;
   transfer.source = o.source;
-  transfer.source_textures = o.source_textures;
-  transfer.source_colour_spaces = o.source_colour_spaces;
-  transfer.colour_config = o.colour_config;
+  transfer.material.textures = o.source_textures;
+  transfer.colour = o.colour;
   transfer.source_use.axes = o.axes;
-  transfer.channels = {Channel::base_color};
+  transfer.channels.transferred = {Channel::base_color};
   transfer.output = "colours.exr";  // a format that holds any image: nothing is written there
-  transfer.size = ImageSize{1, 1};
-  transfer.output_colour_space = "lin_rec709";  // the primaries of Gaussians
-  transfer.min_opacity = o.min_opacity;
-  transfer.max_scale = o.max_scale;
-  transfer.box = o.box;
+  transfer.image.size = ImageSize{1, 1};
+  transfer.image.colour_space = "lin_rec709";  // the primaries of Gaussians
+  transfer.splats.filter = o.filter;
   transfer.allow_external = o.allow_external;
   transfer.allowed_formats = o.allowed_formats;
   transfer.resources = o.resources;
@@ -81,8 +78,8 @@ void refuse_scene_options(const GaussiansOptions& o) {
 /// What is about the texels of a mesh.
 void refuse_mesh_options(const GaussiansOptions& o) {
   const char* const given = !o.source_textures.empty()        ? "--source-texture"
-                            : !o.source_colour_spaces.empty() ? "--source-colorspace"
-                            : !o.colour_config.empty()        ? "--ocio"
+                            : !o.colour.source_spaces.empty() ? "--source-colorspace"
+                            : !o.colour.config.empty()        ? "--ocio"
                             : o.sigma_texels                  ? "--sigma"
                             : o.sharpen > 0                   ? "--sharpen"
                                                               : nullptr;
@@ -165,7 +162,7 @@ class MeshJob {
     };
     if (plan_.table_loading_bytes > 0) {
       need(plan_.table_loading_bytes + mesh_.size_bytes(),
-           "the tables of " + options_.colour_config);
+           "the tables of " + options_.colour.config);
     }
     std::uint64_t tile = 0;
     for (const ColumnPlan& column : plan_.columns) {

@@ -246,7 +246,7 @@ void TargetTally::spreads(double area) {
   const TexelCounts& counts = target().counts;
   if (counts.texels == 0) return;
   target().fill = static_cast<double>(counts.texels) / static_cast<double>(image_texels_);
-  if (pages_counted_ == target_.pages.size() && options_.tiles.empty() && area > 0)
+  if (pages_counted_ == target_.pages.size() && options_.image.tiles.empty() && area > 0)
     target().texel_size = std::sqrt(area / static_cast<double>(counts.texels));
 }
 
@@ -278,7 +278,7 @@ void TargetTally::warn_of_layers() {
 /// A scene's details need texels as large as its Gaussians, and UVs that use their images.
 void TargetTally::warn_of_waste() {
   const TargetReport& entry = target();
-  const bool is_part = !options_.onto.empty() || !options_.target_use.meshes.empty() ||
+  const bool is_part = !options_.composite.onto.empty() || !options_.target_use.meshes.empty() ||
                        !options_.target_use.materials.empty();
   if (entry.fill > 0 && entry.fill < kLittleFill && !is_part) {
     warn(fmt::format(
@@ -393,10 +393,10 @@ std::string TargetTally::cure() const {
         "the scene's surface lies up to {:.2g} from the target's: align them, or give {}",
         scene_distance_, distance_to_give());
   if (!plan_.from_splats) return "align them, or raise --max-distance or --max-angle";
-  if (options_.min_confidence <= TransferOptions{}.min_confidence)
+  if (options_.splats.min_confidence <= SplatOptions{}.min_confidence)
     return "align them, or raise --max-distance";
   return fmt::format("align them, raise --max-distance, or lower --min-confidence ({:g})",
-                     options_.min_confidence);
+                     options_.splats.min_confidence);
 }
 
 bool TargetTally::is_misfit() const {

@@ -204,7 +204,7 @@ class TargetTransfer {
 
   /// What padding must leave alone when it is painted over old images.
   void find_occupied() {
-    const bool pads = !options_.onto.empty() && options_.padding_px.value_or(1) > 0;
+    const bool pads = !options_.composite.onto.empty() && options_.image.padding_px.value_or(1) > 0;
     if (!pads) return;
     const std::uint64_t triangles = target_.mesh.triangles.size() + target_.mesh.rest.size();
     occupied_lease_ = runtime::Lease(job_.budget, triangles * kOccupiedBytes,
@@ -257,7 +257,8 @@ class TargetTransfer {
     const ScratchPack results_go(job_, store::PackKind::results);
     const PageResult result = project_page(p, page, target);
     tally_->add_page(p, page, texels, &result);
-    const bool may_stay_empty = target_.model || (target_.plan.by_tile && options_.onto.empty());
+    const bool may_stay_empty =
+        target_.model || (target_.plan.by_tile && options_.composite.onto.empty());
     const bool found = std::any_of(result.covered.begin(), result.covered.end(),
                                    [](std::uint64_t covered) { return covered > 0; });
     if (found || !may_stay_empty) write_page(p, page, result);

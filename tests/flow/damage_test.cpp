@@ -29,7 +29,7 @@ Job make_job(const TempFolder& folder) {
   job.cache = folder.file("cache");
   job.pristine = folder.file("pristine");
   job.options = make_random_scene(folder.path().string(), 41);
-  job.options.size = ImageSize{65, 50};
+  job.options.image.size = ImageSize{65, 50};
   job.options.output = folder.file("result.png");
   job.options.resources.threads = 1;
   job.options.resources.memory_bytes = 256 << 20;

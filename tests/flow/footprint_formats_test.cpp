@@ -59,7 +59,7 @@ TEST_CASE("floats are averaged as floats: bright, negative, and exact where all 
   for (double& v : skin.samples) v = 50 * v - 10;
   write_floats(scene.texture(), skin, depth);
   for (const ImageSize size : {ImageSize{128, 128}, ImageSize{64, 64}, ImageSize{43, 50}}) {
-    scene.options.size = size;
+    scene.options.image.size = size;
     transfer(scene.options);
     const double error =
         worst(read_whole_image(scene.options.output), box_means(skin, size.width, size.height));
@@ -73,7 +73,7 @@ TEST_CASE("floats are averaged as floats: bright, negative, and exact where all 
     write_floats(scene.texture(), checker(256, {value, value, value}, {value, value, value}),
                  depth);
     for (const ImageSize size : kSizes) {
-      scene.options.size = size;
+      scene.options.image.size = size;
       transfer(scene.options);
       CAPTURE(depth_name(depth), size.width, size.height, value);
       CHECK(off(read_whole_image(scene.options.output), 1, value) == 0);
@@ -94,7 +94,7 @@ TEST_CASE("16 bits keep 16 bits in the mean", "[flow]") {
   io::ImageWriter writer(scene.texture(), {256, 256, 3, Depth::u16, false, false});
   writer.write_rows(256, reinterpret_cast<const std::byte*>(samples.data()));
   writer.commit();
-  scene.options.size = ImageSize{64, 64};
+  scene.options.image.size = ImageSize{64, 64};
   transfer(scene.options);
   const double error = worst(read_whole_image(scene.options.output), box_means(skin, 64, 64));
   CHECK(error <= 12.0 / 65535);  // an 8-bit step is 257
@@ -107,7 +107,7 @@ TEST_CASE("colours that are held times alpha are averaged so", "[flow]") {
                Depth::float32);
   scene.options.output = scene.folder.file("out.exr");
   for (const ImageSize size : {ImageSize{128, 128}, ImageSize{64, 64}}) {
-    scene.options.size = size;
+    scene.options.image.size = size;
     transfer(scene.options);
     mesh::ImageRef file;
     file.path = file.label = scene.options.output;
@@ -129,7 +129,7 @@ TEST_CASE("colours that are held times alpha are averaged so", "[flow]") {
                Depth::float32);
   scene.options.output = scene.folder.file("out.png");
   for (const ImageSize size : kSizes) {
-    scene.options.size = size;
+    scene.options.image.size = size;
     transfer(scene.options);
     const WholeImage out = read_whole_image(scene.options.output);
     REQUIRE(out.channels == 4);
@@ -143,13 +143,13 @@ TEST_CASE("a mean is taken of what the file holds, and converted once", "[flow]"
   FlatScene scene("skin.png");
   write_whole_image(scene.texture(), checker(256, {1, 1, 1}, {0, 0, 0}));
   scene.options.output = scene.folder.file("out.exr");
-  scene.options.output_colour_space = GENERATE("", "acescg");
+  scene.options.image.colour_space = GENERATE("", "acescg");
   for (const ImageSize size : {ImageSize{128, 128}, ImageSize{64, 64}}) {
-    scene.options.size = size;
+    scene.options.image.size = size;
     transfer(scene.options);
     const WholeImage out = read_whole_image(scene.options.output);
     // Grey is grey in any primaries: linear 0.5 is what sRGB-coded 0.5 means.
-    CAPTURE(scene.options.output_colour_space, size.width);
+    CAPTURE(scene.options.image.colour_space, size.width);
     CHECK(off(out, 1, srgb_to_linear(0.5)) <= 0.004);
   }
 }
@@ -170,7 +170,7 @@ TEST_CASE("a coarse normal map holds the mean of the normals under its texels", 
   }
   write_whole_image(scene.texture(), map);
   for (const std::uint32_t size : {128U, 64U, 32U}) {
-    scene.options.size = ImageSize{size, size};
+    scene.options.image.size = ImageSize{size, size};
     transfer(scene.options);
     const WholeImage out = read_whole_image(scene.options.output);
     const std::uint32_t n = 256 / size;
@@ -200,7 +200,7 @@ TEST_CASE("tiles of a source are averaged at their own sizes, each clamped at it
   const std::array<WholeImage, 2> tiles = {waves(256, 128), waves(96, 512)};
   for (std::size_t i = 0; i < tiles.size(); ++i)
     write_whole_image(scene.folder.file("skin." + std::to_string(1001 + i) + ".png"), tiles[i]);
-  scene.options.size = ImageSize{96, 64};
+  scene.options.image.size = ImageSize{96, 64};
   transfer(scene.options);
   const WholeImage out = read_whole_image(scene.options.output);
   for (std::size_t i = 0; i < tiles.size(); ++i) {

@@ -58,7 +58,7 @@ TEST_CASE("a coarse target shows the mean of what its texels cover", "[flow]") {
                           Case{{1024, 768}, {64, 768}, 54},   // along one side alone
                           Case{{600, 600}, {437, 437}, 32});  // between one and two
   Scene scene(rings(c.source.width, c.source.height));
-  scene.options.size = c.target;
+  scene.options.image.size = c.target;
   transfer(scene.options);
   const WholeImage truth = box_means(scene.skin, c.target.width, c.target.height);
   const double db = psnr(scene.options, truth);
@@ -79,11 +79,11 @@ TEST_CASE("a fine target comes closer to what the source's texels are means of",
                           Case{{256, 1024}, {1024, 256}, 6.2});  // while the other is coarse
   const WholeImage picture = rings(1024, 1024, 0.4);
   Scene scene(box_means(picture, c.source.width, c.source.height));
-  scene.options.size = c.target;
+  scene.options.image.size = c.target;
   const WholeImage truth = box_means(picture, c.target.width, c.target.height);
   transfer(scene.options);
   const double db = psnr(scene.options, truth);
-  scene.options.filter = Filter::tent;
+  scene.options.mesh.filter = Filter::tent;
   transfer(scene.options);
   const double tent_db = psnr(scene.options, truth);
   CAPTURE(c.source.width, c.source.height, c.target.width, c.target.height, db, tent_db);
@@ -98,8 +98,8 @@ TEST_CASE("a straight gradient is as straight on a finer target", "[flow]") {
   for (int i = 0; i < 64 * 64; ++i) heights.samples.push_back(3 * (i % 64) - 5 * (i / 64) + 0.5);
   write_floats(scene.texture(), heights, Depth::float32);
   scene.options.output = scene.folder.file("out.tif");
-  scene.options.depth = Depth::float32;
-  scene.options.size = ImageSize{512, 512};
+  scene.options.image.depth = Depth::float32;
+  scene.options.image.size = ImageSize{512, 512};
   transfer(scene.options);
   const WholeImage out = read_whole_image(scene.options.output);
   double worst = 0;
@@ -114,7 +114,7 @@ TEST_CASE("a straight gradient is as straight on a finer target", "[flow]") {
 
 TEST_CASE("levels wrap as their image does", "[flow]") {
   Scene scene(waves(251, 333), 4);
-  scene.options.size = ImageSize{130, 110};
+  scene.options.image.size = ImageSize{130, 110};
   transfer(scene.options);
   const double db = psnr(scene.options, box_means(scene.skin, 130, 110, 4));
   CAPTURE(db);
@@ -124,7 +124,7 @@ TEST_CASE("levels wrap as their image does", "[flow]") {
 TEST_CASE("levels change no byte with threads, budgets and caches", "[flow]") {
   Scene scene(rings(1000, 700));
   TransferOptions& options = scene.options;
-  options.size = ImageSize{170, 110};  // texels of 5.9 x 6.4: levels 1 and 2, mixed
+  options.image.size = ImageSize{170, 110};  // texels of 5.9 x 6.4: levels 1 and 2, mixed
   transfer(options);
   const auto expected = read_whole(posix_file_system(), options.output);
   options.resources.cache_dir = scene.folder.file("cache");
@@ -151,7 +151,7 @@ TEST_CASE("levels change no byte with threads, budgets and caches", "[flow]") {
 TEST_CASE("a level is made once, kept with its image, and made anew when it is damaged", "[flow]") {
   Scene scene(rings(512, 512));
   TransferOptions& options = scene.options;
-  options.size = ImageSize{128, 128};  // level 1
+  options.image.size = ImageSize{128, 128};  // level 1
   options.resources.use_cache = true;
   options.resources.cache_dir = scene.folder.file("cache");
   const Report first = transfer(options);
@@ -184,7 +184,7 @@ TEST_CASE("a job that is stopped where a level is made leaves nothing that is no
           "[flow]") {
   Scene scene(rings(512, 512));
   TransferOptions& options = scene.options;
-  options.size = ImageSize{128, 128};
+  options.image.size = ImageSize{128, 128};
   transfer(options);
   const auto expected = read_whole(posix_file_system(), options.output);
   std::filesystem::remove(options.output);

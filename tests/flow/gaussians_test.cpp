@@ -163,7 +163,7 @@ TEST_CASE("Gaussians are the same bytes at any threads, budget and cache state",
   const TransferOptions scene = make_random_scene(folder.path().string(), seed);
   GaussiansOptions options;
   options.source = scene.source;
-  for (const SourceTexture& texture : scene.source_textures) {
+  for (const SourceTexture& texture : scene.material.textures) {
     if (texture.channel == Channel::base_color) options.source_textures.push_back(texture);
   }
   options.output = folder.file("out.ply");
@@ -371,8 +371,8 @@ TEST_CASE("filters leave out what they say, and nothing at all is refused", "[fl
   Scene scene = random_scene(3000, 7);
   scene[5].mean[1] = std::nanf("");
   write_text(options.source, ply_bytes(scene, false));
-  options.box = AxisBox{{-3, -3, 0}, {0, 3, 3}};
-  options.min_opacity = 0.5;
+  options.filter.box = AxisBox{{-3, -3, 0}, {0, 3, 3}};
+  options.filter.min_opacity = 0.5;
   const auto wanted = [&](const SceneSplat& s) {
     return s.mean[0] <= 0 && s.mean[2] >= 0 && s.alpha >= 0.5F && !std::isnan(s.mean[1]);
   };
@@ -385,7 +385,7 @@ TEST_CASE("filters leave out what they say, and nothing at all is refused", "[fl
   CHECK(gaussians(options).source_gaussians == expected);
   options.output = folder.file("out.ply");
   const std::string before = read_all(options.output);
-  options.box = AxisBox{{50, 50, 50}, {60, 60, 60}};
+  options.filter.box = AxisBox{{50, 50, 50}, {60, 60, 60}};
   CHECK(kind_of(options) == ErrorKind::input);
   CHECK(read_all(options.output) == before);
   options.sharpen = 1;

@@ -45,15 +45,15 @@ struct Jobs {
 
   explicit Jobs(From source) : from(source) {
     transfer_options = make_random_scene(folder.path().string(), 41);
-    transfer_options.size = ImageSize{70, 50};
+    transfer_options.image.size = ImageSize{70, 50};
     transfer_options.output = folder.file("result.png");
     transfer_options.resources.threads = 1;
     transfer_options.resources.memory_bytes = 256 << 20;
     transfer_options.resources.cache_dir = cache;
     if (from == From::splats) make_splats();
     if (from == From::texels) {
-      transfer_options.method = Method::gaussian;
-      transfer_options.channels = {Channel::base_color};
+      transfer_options.mesh.method = Method::gaussian;
+      transfer_options.channels.transferred = {Channel::base_color};
     }
     expected = run(nullptr);
     std::filesystem::copy(cache, pristine, std::filesystem::copy_options::recursive);
@@ -69,7 +69,7 @@ struct Jobs {
       ply.rows.back()["f_rest_1"] = 0.01 * i;
     }
     transfer_options.source = folder.file("scene.ply");
-    transfer_options.channels = {Channel::base_color};
+    transfer_options.channels.transferred = {Channel::base_color};
     ply.write(transfer_options.source);
   }
 
@@ -85,7 +85,7 @@ struct Jobs {
     take(transfer(transfer_options));
     MapsOptions map_options;
     map_options.target = transfer_options.targets.front();
-    map_options.size = *transfer_options.size;
+    map_options.size = *transfer_options.image.size;
     map_options.output = folder.file("map_<CHANNEL>.exr");
     map_options.resources = transfer_options.resources;
     take(maps(map_options));

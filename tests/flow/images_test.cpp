@@ -99,12 +99,12 @@ struct Scene {
     write_glb(folder.file("sheet.glb"), wavy_sheet());
     options.source = folder.file("sheet.glb");
     options.targets = {folder.file("sheet.glb")};
-    options.source_textures = {{Channel::base_color, folder.file(texture)}};
-    options.max_angle_deg = 89;
+    options.material.textures = {{Channel::base_color, folder.file(texture)}};
+    options.search.max_angle_deg = 89;
     options.resources.use_cache = false;
     options.resources.memory_bytes = 256 << 20;
   }
-  std::string texture() const { return options.source_textures.front().path; }
+  std::string texture() const { return options.material.textures.front().path; }
   Report run(const std::string& output) {
     options.output = folder.file(output);
     return transfer(options);
@@ -268,9 +268,9 @@ TEST_CASE("layers of one file are maps of their own, exact", "[flow]") {
   const std::vector<float> samples = noise(4);
   write_samples(scene.texture(), spec, samples);
   const std::string file = scene.texture();
-  scene.options.other_maps = {{"displacement", std::nullopt}};
-  scene.options.source_textures = {{Channel::base_color, file + ":diffuse"},
-                                   {other_channel(0), file + ":disp"}};
+  scene.options.channels.other_maps = {{"displacement", std::nullopt}};
+  scene.options.material.textures = {{Channel::base_color, file + ":diffuse"},
+                                     {other_channel(0), file + ":disp"}};
   scene.options.resources.use_cache = true;  // where both have packs under keys of their own
   scene.options.resources.cache_dir = scene.folder.file("cache");
   CHECK(scene.run("<CHANNEL>.exr").warnings.empty());
@@ -369,20 +369,20 @@ TEST_CASE("coded colours of Display P3 stay so, with a profile", "[flow]") {
   std::fill(samples.begin(), samples.end(), std::uint8_t{0});
   for (std::size_t i = 0; i < samples.size(); i += 3) samples[i] = 255;
   write_samples(scene.texture(), spec, samples);
-  scene.options.output_colour_space = "lin_rec709";
+  scene.options.image.colour_space = "lin_rec709";
   CHECK(note(scene.run("out.exr")) == "baseColor is converted from display-p3 to lin_rec709");
-  scene.options.depth = Depth::float32;
+  scene.options.image.depth = Depth::float32;
   scene.run("out.exr");
   const std::vector<float> red = floats(scene.result());
   CHECK(red[0] == Approx(1.22494F).epsilon(1e-5));
   CHECK(red[1] == Approx(-0.042057F).epsilon(1e-4));
   CHECK(red[2] == Approx(-0.019638F).epsilon(1e-4));
   // What the file says does not count where the user says otherwise.
-  scene.options.source_colour_spaces = {{std::nullopt, "srgb"}};
+  scene.options.colour.source_spaces = {{std::nullopt, "srgb"}};
   scene.run("out.exr");
   CHECK(floats(scene.result())[0] == 1);
   CHECK(floats(scene.result())[1] == 0);
-  scene.options.source_colour_spaces = {{std::nullopt, "srgb"}, {Channel::base_color, "acescg"}};
+  scene.options.colour.source_spaces = {{std::nullopt, "srgb"}, {Channel::base_color, "acescg"}};
   scene.run("out.exr");
   CHECK(floats(scene.result())[0] == Approx(1.70505F).epsilon(1e-5));
 }
@@ -430,7 +430,7 @@ TEST_CASE("a profile that is not known is told", "[flow]") {
   change_gamma(scene.texture());
   const Report report = scene.run("out.png");
   CHECK(warnings(report, "is not applied; its colours are taken as srgb") == 1);
-  scene.options.source_colour_spaces = {{std::nullopt, "srgb"}};
+  scene.options.colour.source_spaces = {{std::nullopt, "srgb"}};
   CHECK(scene.run("out.png").warnings.empty());
 }
 
@@ -462,7 +462,7 @@ TEST_CASE("samples that the output cannot hold are counted and said once", "[flo
   const Report exr = scene.run("out.exr");
   CHECK(exr.target_clipped == 0);
   CHECK(exr.warnings.empty());
-  scene.options.depth = Depth::half;
+  scene.options.image.depth = Depth::half;
   const Report half = scene.run("half.exr");
   CHECK(half.target_clipped == 1);
   CHECK(warnings(half, "--depth float keeps them") == 1);
@@ -473,7 +473,7 @@ TEST_CASE("painting over leaves a channel alone that the source has not", "[flow
   const std::vector<float> fresh = noise(3, 1), old = noise(4, 2);
   write_samples(scene.texture(), kFloatRgb, fresh);
   write_samples(scene.folder.file("old.exr"), kFloatData, old);
-  scene.options.onto = scene.folder.file("old.exr");
+  scene.options.composite.onto = scene.folder.file("old.exr");
   CHECK(scene.run("out.exr").warnings.empty());
   const std::vector<float> out = floats(scene.result());
   CHECK(scene.result().info.names == Names{"R", "G", "B", "disp"});

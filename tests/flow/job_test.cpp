@@ -168,11 +168,11 @@ TEST_CASE("what no transfer can do is refused before any file is looked at", "[f
     return report.failure ? report.failure->kind : std::string();
   };
   CHECK(kind() != "usage");
-  options.padding_px = 16384;
+  options.image.padding_px = 16384;
   CHECK(kind() != "usage");
-  options.padding_px = 16385;  // more than the padder's distances hold
+  options.image.padding_px = 16385;  // more than the padder's distances hold
   CHECK(kind() == "usage");
-  options.padding_px.reset();
+  options.image.padding_px.reset();
   options.min_coverage_percent = 101;
   CHECK(kind() == "usage");
 }

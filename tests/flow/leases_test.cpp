@@ -98,7 +98,7 @@ TransferOptions sheet(const TempFolder& folder, int count, int sh_columns) {
   std::ofstream(options.targets[0]) << "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
                                        "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
   options.output = folder.file("out.png");
-  options.size = ImageSize{256, 256};
+  options.image.size = ImageSize{256, 256};
   options.resources.cache_dir = folder.file("cache");
   options.resources.threads = 1;
   return options;
@@ -110,7 +110,7 @@ void check_leases(TransferOptions options, std::uint64_t memory, std::uint64_t k
   options.resources.memory_bytes = memory;
   for (const char* job : {"sorts", "projects"}) {
     const Bytes bytes = run(options);
-    CAPTURE(job, options.rays, memory, bytes.leased / kMiB, bytes.used / kMiB);
+    CAPTURE(job, options.splats.rays, memory, bytes.leased / kMiB, bytes.used / kMiB);
     CHECK(bytes.used <= bytes.leased + kBeside);
     CHECK(bytes.leased - static_cast<double>(kept) <= kMostOverUsed * bytes.used);
   }
@@ -123,7 +123,7 @@ TEST_CASE("a splat job leases what it uses, and little more", "[flow]") {
   TransferOptions options = sheet(folder, kSplats, has_harmonics ? 45 : 0);
   const std::uint64_t scene = source::SplatSet::most_bytes(kSplats, has_harmonics ? 8 : 0);
   for (const unsigned rays : {0U, 3U}) {
-    options.rays = rays;
+    options.splats.rays = rays;
     options.resources.memory_bytes = 1ULL << 30;
     const std::uint64_t least = flow::plan(options, {}).least_memory_bytes;
     std::filesystem::remove_all(folder.file("cache"));

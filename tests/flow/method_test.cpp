@@ -84,11 +84,11 @@ TransferOptions sheets(const TempFolder& folder, std::uint32_t channels) {
   write_whole_image(folder.file("skin.png"), random_image(160, 80, channels, 5));
   options.source = folder.file("source.glb");
   options.targets = {folder.file("target.glb")};
-  options.source_textures = {{Channel::base_color, folder.file("skin.png")}};
+  options.material.textures = {{Channel::base_color, folder.file("skin.png")}};
   options.output = folder.file("out.png");
-  options.coverage_output = folder.file("coverage.png");
-  options.size = ImageSize{96, 96};
-  options.method = Method::gaussian;
+  options.image.coverage_output = folder.file("coverage.png");
+  options.image.size = ImageSize{96, 96};
+  options.mesh.method = Method::gaussian;
   options.resources.use_cache = false;
   options.resources.memory_bytes = 256 * kMiB;
   return options;
@@ -110,8 +110,9 @@ std::vector<std::byte> run(const TransferOptions& options, const flow::TestKnobs
 
 /// The image that a transfer's source has, by name or in itself.
 WholeImage skin_of(const TransferOptions& options, const mesh::Mesh& source) {
-  return options.source_textures.empty() ? read_whole_image(source.images.front())
-                                         : read_whole_image(options.source_textures.front().path);
+  return options.material.textures.empty()
+             ? read_whole_image(source.images.front())
+             : read_whole_image(options.material.textures.front().path);
 }
 
 struct Compared {
@@ -124,18 +125,18 @@ Compared compare_with_definition(const TransferOptions& options) {
   const mesh::Mesh source = io::read_mesh(options.source);
   const mesh::Mesh target = io::read_mesh(options.targets.front());
   const WholeImage skin = skin_of(options, source);
-  const auto gaussians =
-      texels_as_gaussians(source, skin, options.sigma_texels.value_or(kDefaultSigma), kThickness);
+  const auto gaussians = texels_as_gaussians(
+      source, skin, options.mesh.sigma_texels.value_or(kDefaultSigma), kThickness);
   transfer(options);
   const WholeImage out = read_whole_image(options.output),
-                   coverage = read_whole_image(options.coverage_output);
+                   coverage = read_whole_image(options.image.coverage_output);
   const TargetRaster raster = raster_target(target, out.width, out.height);
   RayBlendLimits limits;
   const double diag = diagonal(target);
-  limits.max_distance = options.max_distance.value_or(Length{5, true}).value / 100 * diag;
+  limits.max_distance = options.search.max_distance.value_or(Length{5, true}).value / 100 * diag;
   limits.first_reach =
       diag / std::ceil(std::cbrt(static_cast<double>(out.width) * out.height) - 1e-9) / 2;
-  limits.min_cosine = std::cos(options.max_angle_deg * std::numbers::pi / 180);
+  limits.min_cosine = std::cos(options.search.max_angle_deg * std::numbers::pi / 180);
   Compared result;
   const std::size_t step = std::max<std::size_t>(raster.owner.size() / 1300, 1);
   for (std::size_t i = 0; i < raster.owner.size(); i += step) {
@@ -166,9 +167,9 @@ Compared compare_with_definition(const TransferOptions& options) {
 TEST_CASE("texels as Gaussians agree with the brute force", "[flow]") {
   const TempFolder folder;
   TransferOptions options = sheets(folder, GENERATE(3U, 4U));
-  options.sigma_texels = GENERATE(0.3, 0.5, 1.5);
+  options.mesh.sigma_texels = GENERATE(0.3, 0.5, 1.5);
   const Compared c = compare_with_definition(options);
-  CAPTURE(c.texels, c.unsure, c.empty, *options.sigma_texels);
+  CAPTURE(c.texels, c.unsure, c.empty, *options.mesh.sigma_texels);
   CHECK(c.texels > 1000);
   CHECK(c.unsure * 20 < c.texels);
   CHECK(c.wrong == 0);
@@ -179,13 +180,13 @@ TEST_CASE("texels as Gaussians reach as far as they may and turn as far as they 
   const TempFolder folder;
   TransferOptions options = sheets(folder, 3);
   write_glb(folder.file("target.glb"), sheet(7, 0.06F, true, 1));  // several cells away
-  options.max_distance = Length{6, true};
-  options.max_angle_deg = 20;
+  options.search.max_distance = Length{6, true};
+  options.search.max_angle_deg = 20;
   const Compared c = compare_with_definition(options);
   CHECK(c.texels > 1000);
   CHECK(c.wrong == 0);
   CHECK(c.largest <= 1);
-  options.max_distance = Length{2, true};
+  options.search.max_distance = Length{2, true};
   const Compared none = compare_with_definition(options);
   CHECK(none.wrong == 0);
   CHECK(none.empty > 100);
@@ -197,11 +198,11 @@ TEST_CASE("a head's texels give the sums of the literal benchmark", "[flow]") {
   fixture::make_head({.folder = in, .triangles = 2000, .texture_size = 256, .target_size = 256});
   TransferOptions options = sheets(folder, 3);
   options.source = in + "/head_src.glb";
-  options.source_textures.clear();
+  options.material.textures.clear();
   // Itself, and the same surface with other triangles and UVs.
   options.targets = {in + (GENERATE(false, true) ? "/head_src.glb" : "/head_same.glb")};
   CAPTURE(options.targets.front());
-  options.size = ImageSize{256, 256};
+  options.image.size = ImageSize{256, 256};
   const Compared c = compare_with_definition(options);
   CHECK(c.texels > 500);
   CHECK(c.wrong == 0);
@@ -247,10 +248,10 @@ TEST_CASE("texels as Gaussians give the same bytes however they are streamed", "
   fixture::make_head({.folder = in, .triangles = 3000, .texture_size = 512, .target_size = 64});
   TransferOptions options = sheets(folder, 3);
   options.source = in + "/head_src.glb";
-  options.source_textures.clear();
+  options.material.textures.clear();
   options.targets = {in + "/head_same.glb"};
-  options.size = ImageSize{600, 500};
-  options.densify = GENERATE(false, true);
+  options.image.size = ImageSize{600, 500};
+  options.mesh.densify = GENERATE(false, true);
   options.resources.threads = 1;
   options.resources.memory_bytes = 1024 * kMiB;
   const auto expected = run(options, {.in_core = true});
@@ -261,7 +262,7 @@ TEST_CASE("texels as Gaussians give the same bytes however they are streamed", "
     CHECK(least < 64 * kMiB);
     for (const std::uint64_t memory : {least, 64 * kMiB, 1024 * kMiB}) {
       options.resources.memory_bytes = memory;
-      CAPTURE(options.densify, threads, memory);
+      CAPTURE(options.mesh.densify, threads, memory);
       options.resources.use_cache = false;
       CHECK(run(options) == expected);
       options.resources.use_cache = true;
@@ -301,9 +302,9 @@ TEST_CASE("a store of texels is found again only for what made it", "[flow]") {
   CHECK(warm.images_decoded == 0);
   CHECK(warm.method == "gaussian");
   CHECK(warm.sigma_texels == 0.5);
-  options.sigma_texels = 0.6;
+  options.mesh.sigma_texels = 0.6;
   CHECK_FALSE(is_cached());
-  options.densify = true;
+  options.mesh.densify = true;
   CHECK_FALSE(is_cached());
   CHECK(is_cached());
   options.source_use.axes = "x,z,-y";
@@ -314,9 +315,9 @@ TEST_CASE("a store of texels is found again only for what made it", "[flow]") {
   write_whole_image(folder.file("skin.png"), random_image(160, 80, 4, 6));
   CHECK_FALSE(is_cached());
   CHECK(run(options) != before);
-  options.method = Method::surface;
-  options.sigma_texels.reset();
-  options.densify = false;
+  options.mesh.method = Method::surface;
+  options.mesh.sigma_texels.reset();
+  options.mesh.densify = false;
   transfer(options);
 }
 
@@ -329,10 +330,10 @@ TEST_CASE("splitting makes a stretched surface uniformly dense", "[flow]") {
   for (Vec3f& n : stretched.normals) n = {0, 0, 1};
   write_glb(folder.file("source.glb"), stretched);
   write_glb(folder.file("target.glb"), stretched);
-  options.sigma_texels = 0.5;
+  options.mesh.sigma_texels = 0.5;
   const Report plain = transfer(options);
   const double coverage = static_cast<double>(plain.target_covered);
-  options.densify = true;
+  options.mesh.densify = true;
   const Report dense = transfer(options);
   CAPTURE(plain.source_gaussians, dense.source_gaussians);
   CHECK(dense.source_gaussians > plain.source_gaussians * 5 / 4);
@@ -353,17 +354,17 @@ TEST_CASE("what texels as Gaussians cannot do is refused", "[flow]") {
     return ErrorKind::internal;
   };
   TransferOptions options = usual;
-  options.channels = {Channel::base_color, Channel::occlusion};
+  options.channels.transferred = {Channel::base_color, Channel::occlusion};
   CHECK(kind(options) == ErrorKind::usage);
   options = usual;
-  options.all_channels = true;
+  options.channels.all = true;
   CHECK(kind(options) == ErrorKind::usage);
   options = usual;
-  options.sigma_texels = 0;
+  options.mesh.sigma_texels = 0;
   CHECK(kind(options) == ErrorKind::usage);
   options = usual;
-  options.method = Method::surface;
-  options.densify = true;
+  options.mesh.method = Method::surface;
+  options.mesh.densify = true;
   CHECK(kind(options) == ErrorKind::usage);
   options = usual;
   options.resources.memory_bytes = 1 << 20;

@@ -213,7 +213,7 @@ void write_map(const std::string& path, std::uint32_t size, const Surface& surfa
 TransferOptions job(const std::string& source, const std::string& target,
                     const std::string& output) {
   TransferOptions options = transfer_job(source, target, output, 256);
-  options.coverage_output = output + ".mask.png";
+  options.image.coverage_output = output + ".mask.png";
   return options;
 }
 
@@ -255,7 +255,7 @@ TEST_CASE("a normal map lights a target as it lit its source, whatever their UVs
   write_map(folder.file("map.png"), kSize, Surface(source, kSize), depth);
   const std::string target = write_dome(folder.file("target.glb"), 16, to);
   TransferOptions options = job(source, target, folder.file("out.png"));
-  options.channels = {Channel::normal};
+  options.channels.transferred = {Channel::normal};
   const Report report = transfer(options);
   CHECK(report.target_empty == 0);
   const WholeImage out = read_whole_image(options.output);
@@ -288,9 +288,9 @@ TEST_CASE("green may point down on either side, and a scale is part of the vecto
   write_map(folder.file("map.png"), kSize, Surface(source, kSize), Depth::u16, source_down, 0.5);
   const std::string target = write_dome(folder.file("target.glb"), 16, Uvs::turned);
   TransferOptions options = job(source, target, folder.file("out.png"));
-  options.channels = {Channel::normal};
-  options.source_normal_y = source_down ? NormalY::down : NormalY::up;
-  options.output_normal_y = output_down ? NormalY::down : NormalY::up;
+  options.channels.transferred = {Channel::normal};
+  options.material.normal_y = source_down ? NormalY::down : NormalY::up;
+  options.image.normal_y = output_down ? NormalY::down : NormalY::up;
   transfer(options);
   WholeImage out = read_whole_image(options.output);
   if (output_down) {
@@ -306,7 +306,7 @@ TEST_CASE("a model gets a normal map that its own tangents read", "[flow]") {
   write_map(folder.file("map.png"), kSize, Surface(source, kSize), Depth::u8, false, 0.5);
   const std::string target = write_dome(folder.file("target.glb"), 16, Uvs::turned, "map.png", 7);
   TransferOptions options = job(source, target, folder.file("out.glb"));
-  options.coverage_output.clear();
+  options.image.coverage_output.clear();
   transfer(options);
   const mesh::Mesh made = io::read_mesh(options.output);
   REQUIRE(made.materials.size() == 1);
@@ -337,15 +337,15 @@ TEST_CASE("detail turns with the surface, and baked shape does not", "[flow]") {
                  file.add<std::uint32_t>({0, 1, 2, 0, 2, 3}, "SCALAR"));
   const std::string plate = file.write_glb(folder.file("plate.glb"));
   TransferOptions options = job(source, plate, folder.file("out.png"));
-  options.max_distance = Length{0.5, false};
-  options.channels = {Channel::normal};
+  options.search.max_distance = Length{0.5, false};
+  options.channels.transferred = {Channel::normal};
   transfer(options);
   const WholeImage detail = read_whole_image(options.output);
   const Deviation flat = error_of(plate, detail, [](Vec3d) { return Vec3d{0, 0, 1}; });
   CHECK(flat.worst <= 0.5);
 
-  options.channels = {};
-  options.baked = {Channel::normal};
+  options.channels.transferred = {};
+  options.channels.baked = {Channel::normal};
   transfer(options);
   const WholeImage shape = read_whole_image(options.output);
   const auto above = [](Vec3d q) { return Vec3d{q.x, q.y, std::sqrt(1 - q.x * q.x - q.y * q.y)}; };
@@ -359,14 +359,14 @@ TEST_CASE("a fine sphere becomes the normals, heights and places of a coarse one
   const std::string fine = write_dome(folder.file("fine.glb"), 128, Uvs::plain);
   const std::string coarse = write_dome(folder.file("coarse.glb"), 8, Uvs::turned);
   TransferOptions options = job(fine, coarse, folder.file("<CHANNEL>.tif"));
-  options.coverage_output = folder.file("mask.png");
-  options.depth = Depth::float32;
-  options.size = ImageSize{kSize, kSize};
-  options.baked = {Channel::normal, Channel::height, Channel::position};
+  options.image.coverage_output = folder.file("mask.png");
+  options.image.depth = Depth::float32;
+  options.image.size = ImageSize{kSize, kSize};
+  options.channels.baked = {Channel::normal, Channel::height, Channel::position};
   const Report report = transfer(options);
   CHECK(report.outputs.size() == 4);
   const Surface surface(coarse, kSize);
-  const WholeImage mask = read_whole_image(options.coverage_output),
+  const WholeImage mask = read_whole_image(options.image.coverage_output),
                    normal = read_whole_image(folder.file("normal.tif")),
                    height = read_whole_image(folder.file("height.tif")),
                    position = read_whole_image(folder.file("position.tif"));
@@ -416,9 +416,9 @@ TEST_CASE("a pyramid over a plane has the heights that it was built with", "[flo
                 low.add<std::uint32_t>({0, 1, 2, 0, 2, 3}, "SCALAR"));
   TransferOptions options = job(high.write_glb(folder.file("high.glb")),
                                 low.write_glb(folder.file("low.glb")), folder.file("height.exr"));
-  options.baked = {Channel::height};
-  options.size = ImageSize{kSize, kSize};
-  options.max_distance = Length{1, false};
+  options.channels.baked = {Channel::height};
+  options.image.size = ImageSize{kSize, kSize};
+  options.search.max_distance = Length{1, false};
   transfer(options);
   const WholeImage out = read_whole_image(options.output);
   double most = 0;
@@ -441,8 +441,8 @@ TEST_CASE("normals and bakes are the same bytes, however the job is cut", "[flow
   const std::string target = write_dome(folder.file("target.glb"), 24, Uvs::turned);
   const auto bytes = [&](unsigned threads, std::uint64_t memory) {
     TransferOptions options = job(source, target, folder.file("<CHANNEL>.exr"));
-    options.coverage_output.clear();
-    options.baked = {Channel::height, Channel::position};
+    options.image.coverage_output.clear();
+    options.channels.baked = {Channel::height, Channel::position};
     options.resources.threads = threads;
     options.resources.memory_bytes = memory;
     transfer(options);
@@ -472,38 +472,39 @@ TEST_CASE("what cannot be a normal map or a bake is said", "[flow]") {
     return std::string();
   };
   using Catch::Contains;
-  CHECK_THAT(fails([](auto& o) { o.channels = {Channel::normal}; }),
+  CHECK_THAT(fails([](auto& o) { o.channels.transferred = {Channel::normal}; }),
              Contains("no material has a normal texture"));
-  CHECK_THAT(fails([](auto& o) { o.baked = {Channel::normal}; }), Contains("give --size"));
+  CHECK_THAT(fails([](auto& o) { o.channels.baked = {Channel::normal}; }), Contains("give --size"));
   CHECK_THAT(fails([](auto& o) {
-               o.baked = {Channel::height};
-               o.size = ImageSize{64, 64};
+               o.channels.baked = {Channel::height};
+               o.image.size = ImageSize{64, 64};
              }),
              Contains("signed lengths need half or float samples"));
-  CHECK_THAT(fails([](auto& o) { o.channels = {Channel::height}; }), Contains("--bake height"));
-  CHECK_THAT(fails([](auto& o) { o.baked = {Channel::emissive}; }),
+  CHECK_THAT(fails([](auto& o) { o.channels.transferred = {Channel::height}; }),
+             Contains("--bake height"));
+  CHECK_THAT(fails([](auto& o) { o.channels.baked = {Channel::emissive}; }),
              Contains("it takes normal, height, position and vertexColor"));
   CHECK_THAT(fails([&](auto& o) {
-               o.baked = {Channel::position};
+               o.channels.baked = {Channel::position};
                o.output = folder.file("out.glb");
-               o.coverage_output.clear();
+               o.image.coverage_output.clear();
              }),
              Contains("is a model"));
   CHECK_THAT(fails([&](auto& o) {
-               o.output_normal_y = NormalY::down;
+               o.image.normal_y = NormalY::down;
                o.output = folder.file("out.glb");
-               o.coverage_output.clear();
+               o.image.coverage_output.clear();
              }),
              Contains("have y up"));
   CHECK_THAT(fails([](auto& o) {
-               o.method = Method::gaussian;
-               o.baked = {Channel::normal};
+               o.mesh.method = Method::gaussian;
+               o.channels.baked = {Channel::normal};
              }),
              Contains("--method surface"));
   write_whole_image(folder.file("grey.png"), {8, 8, 1, false, std::vector<double>(64, 0.5)});
   CHECK_THAT(fails([&](auto& o) {
-               o.channels = {Channel::normal};
-               o.source_textures = {{Channel::normal, folder.file("grey.png")}};
+               o.channels.transferred = {Channel::normal};
+               o.material.textures = {{Channel::normal, folder.file("grey.png")}};
              }),
              Contains("a normal map has three"));
 }

@@ -40,8 +40,8 @@ TransferOptions onto_itself(const std::string& mesh, const TempFolder& folder, s
   options.source = mesh;
   options.targets = {mesh};
   options.output = folder.file("out.png");
-  options.coverage_output = folder.file("coverage.png");
-  options.size = ImageSize{size, size};
+  options.image.coverage_output = folder.file("coverage.png");
+  options.image.size = ImageSize{size, size};
   options.resources.use_cache = false;
   options.resources.memory_bytes = 256 << 20;
   return options;
@@ -255,7 +255,7 @@ TEST_CASE("texels whose normals lean 60 to 120 degrees from their triangle find 
   CAPTURE(max_angle);
   const TempFolder folder;
   auto options = onto_itself(write_leaning_planks(folder), folder, 416);
-  options.max_angle_deg = max_angle;
+  options.search.max_angle_deg = max_angle;
   const Report report = transfer(options);
   CHECK(report.target_covered > 100000);
   CHECK(report.target_empty == 0);
@@ -273,11 +273,11 @@ TEST_CASE("leaning normals agree with the brute force on another triangulation",
   file.primitive({{"POSITION", p}, {"NORMAL", n}, {"TEXCOORD_0", uv}},
                  file.add<std::uint32_t>({0, 1, 2, 0, 2, 3}, "SCALAR"));
   options.targets = {file.write_glb(folder.file("sheet.glb"))};
-  options.max_angle_deg = 70;
-  options.filter = Filter::tent;  // what the reference looks up
+  options.search.max_angle_deg = 70;
+  options.mesh.filter = Filter::tent;  // what the reference looks up
   transfer(options);
   const WholeImage out = read_whole_image(options.output);
-  const WholeImage coverage = read_whole_image(options.coverage_output);
+  const WholeImage coverage = read_whole_image(options.image.coverage_output);
   const ReferenceResult expected = reference_transfer(options, Channel::base_color, 3, false);
   std::size_t found = 0, empty = 0, wrong = 0;
   for (std::size_t i = 0; i < expected.verdicts.size(); ++i) {

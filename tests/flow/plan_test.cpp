@@ -20,9 +20,9 @@ struct Square {
     options.source = folder.file("a.obj");
     options.targets = {folder.file("a.obj")};
     options.output = folder.file("o.png");
-    options.coverage_output = folder.file("mask.png");
-    options.source_textures = {{Channel::base_color, folder.file("grey.pgm")}};
-    options.size = ImageSize{100, 90};
+    options.image.coverage_output = folder.file("mask.png");
+    options.material.textures = {{Channel::base_color, folder.file("grey.pgm")}};
+    options.image.size = ImageSize{100, 90};
     options.resources.use_cache = false;
   }
   std::size_t files() const {
@@ -55,7 +55,7 @@ TEST_CASE("a plan says what the job then does, and writes nothing", "[flow]") {
   const PlanReport again = pounce::plan(square.options);
   CHECK(again.outputs.empty());
   CHECK(again.kept ==
-        std::vector<std::string>{square.options.output, square.options.coverage_output});
+        std::vector<std::string>{square.options.output, square.options.image.coverage_output});
 }
 
 TEST_CASE("a plan that cannot be carried out throws what the job would", "[flow]") {
@@ -70,7 +70,7 @@ TEST_CASE("a plan that cannot be carried out throws what the job would", "[flow]
   CHECK(so_far.failure->message == message);
   CHECK(so_far.least_memory_bytes > 1 << 20);
   square.options.resources.memory_bytes = 0;
-  square.options.source_textures.front().path = square.folder.file("absent.png");
+  square.options.material.textures.front().path = square.folder.file("absent.png");
   CHECK(error_kind(plan) == kStorage);
 }
 

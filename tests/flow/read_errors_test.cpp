@@ -68,9 +68,9 @@ TEST_CASE("every read of an input that fails ends the job", "[flow]") {
                                                            << "abcdefghijkl";
   TransferOptions options = test::transfer_job(folder.file("source.obj"), folder.file("target.obj"),
                                                folder.file("o.png"), 64);
-  options.size = ImageSize{16, 16};
+  options.image.size = ImageSize{16, 16};
   options.resources.threads = 1;
-  options.channels = {Channel::base_color};
+  options.channels.transferred = {Channel::base_color};
   transfer(options);
   const auto job = io::read_job(options.output);
   REQUIRE(job);

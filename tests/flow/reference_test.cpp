@@ -22,15 +22,16 @@ struct Difference {
 };
 
 Difference compare_with_reference(TransferOptions options, Channel channel) {
-  options.channels = {channel};
-  options.filter = Filter::tent;  // what the reference looks up
+  options.channels.transferred = {channel};
+  options.mesh.filter = Filter::tent;  // what the reference looks up
   options.resources.use_cache = false;
   options.resources.memory_bytes = 256 << 20;
-  options.size = ImageSize{2 * options.size->width, 2 * options.size->height};  // few coarse texels
+  options.image.size = ImageSize{2 * options.image.size->width,
+                                 2 * options.image.size->height};  // few coarse texels
   transfer(options);
   const WholeImage out = read_whole_image(options.output);
-  const WholeImage coverage = read_whole_image(options.coverage_output);
-  const Reference reference(options, channel, out.channels, options.depth == Depth::float32);
+  const WholeImage coverage = read_whole_image(options.image.coverage_output);
+  const Reference reference(options, channel, out.channels, options.image.depth == Depth::float32);
   REQUIRE(out.width == reference.raster().width);
   REQUIRE(out.height == reference.raster().height);
   Difference d;
@@ -68,8 +69,8 @@ TEST_CASE("random scenes agree with the brute force", "[flow]") {
   const TempFolder folder;
   TransferOptions options = make_random_scene(folder.path().string(), seed);
   options.output = folder.file(as_float ? "out.exr" : "out.png");
-  if (as_float) options.depth = Depth::float32;
-  options.coverage_output = folder.file("coverage.png");
+  if (as_float) options.image.depth = Depth::float32;
+  options.image.coverage_output = folder.file("coverage.png");
   const Difference d = compare_with_reference(options, channel);
   CAPTURE(seed, as_float, channel_name(channel), d.compared, d.ambiguous, d.largest);
   CHECK(d.compared > 1000);

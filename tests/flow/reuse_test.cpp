@@ -25,8 +25,8 @@ struct Scene {
   TransferOptions make(const std::string& name, std::uint32_t seed) {
     fs::create_directory(folder.file(name));
     TransferOptions options = make_random_scene(folder.file(name), seed);
-    options.size = ImageSize{100, 70};
-    options.channels = {Channel::base_color, Channel::metallic_roughness};
+    options.image.size = ImageSize{100, 70};
+    options.channels.transferred = {Channel::base_color, Channel::metallic_roughness};
     options.resources.threads = 2;
     options.resources.memory_bytes = 256 << 20;
     return options;
@@ -115,7 +115,7 @@ TEST_CASE("repainting baseColor rebuilds its columns and nothing else", "[flow]"
   fs::copy_file(scene.folder.file("with/baseColor.png"), first);
   fs::copy_file(scene.folder.file("with/metallicRoughness.png"), skin);
   REQUIRE((read_whole(posix_file_system(), first) != read_whole(posix_file_system(), skin)));
-  options.source_textures = {{Channel::base_color, skin}};
+  options.material.textures = {{Channel::base_color, skin}};
   scene.run(options);
   const auto with_skin = scene.objects(kColour).size();
   const auto columns = with_skin - without_skin;  // one per wrap mode in use

@@ -30,7 +30,7 @@ Files run(TransferOptions options, const TempFolder& folder, const flow::TestKno
   std::filesystem::remove_all(out);
   std::filesystem::create_directory(out);
   options.output = out + "/result.<CHANNEL>.png";
-  options.coverage_output = out + "/coverage.<CHANNEL>.png";
+  options.image.coverage_output = out + "/coverage.<CHANNEL>.png";
   const Report report = flow::transfer(options, knobs);
   if (options.resources.threads != 0) CHECK(report.threads == options.resources.threads);
   Files files;

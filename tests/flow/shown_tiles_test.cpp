@@ -59,9 +59,9 @@ struct Scene {
     write_glb(folder.file("target.glb"), target);
     options.source = folder.file("source.glb");
     options.targets = {folder.file("target.glb")};
-    options.source_textures = {{Channel::base_color, folder.file("skin.png")}};
+    options.material.textures = {{Channel::base_color, folder.file("skin.png")}};
     options.output = folder.file("out.png");
-    options.size = ImageSize{size, size};
+    options.image.size = ImageSize{size, size};
     options.resources.use_cache = false;
     options.resources.memory_bytes = 1ULL << 30;
   }
@@ -157,7 +157,7 @@ TEST_CASE("an image that cannot be read ends those that are read beside it") {
     file.seekp(static_cast<std::streamoff>(text.find("IDAT") + 4));
     file.write(std::string(4, 'x').data(), 4);
   }
-  scene.options.source_textures.push_back({Channel::occlusion, rough});
+  scene.options.material.textures.push_back({Channel::occlusion, rough});
   scene.options.output = scene.folder.file("out.<CHANNEL>.png");
   scene.options.resources.threads = 3;
   // The other image is stopped at another row each time, before its first one included.

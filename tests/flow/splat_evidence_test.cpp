@@ -33,10 +33,10 @@ class Sheets {
     options.source = folder.file("scene.ply");
     options.targets = {folder.file("target.obj")};
     options.output = folder.file("<CHANNEL>.exr");
-    options.channels = {Channel::base_color, Channel::confidence, Channel::distance};
-    options.size = ImageSize{16, 16};
-    options.depth = Depth::float32;
-    options.max_distance = Length{max_distance, false};
+    options.channels.transferred = {Channel::base_color, Channel::confidence, Channel::distance};
+    options.image.size = ImageSize{16, 16};
+    options.image.depth = Depth::float32;
+    options.search.max_distance = Length{max_distance, false};
     options.resources.threads = 2;
     options.resources.memory_bytes = 128ULL << 20;
     options.resources.use_cache = false;
@@ -156,7 +156,7 @@ TEST_CASE("confidence is opacity times fit, less far away", "[flow]") {
   Sheets sheets;
   sheets.add(0.2, 0.5);
   sheets.square("v -5.8 -5.8 0\nv 6.8 -5.8 0\nv 6.8 6.8 0\nv -5.8 6.8 0\n", "0 0 1");
-  sheets.options.size = ImageSize{200, 200};
+  sheets.options.image.size = ImageSize{200, 200};
   const Report report = sheets.run();
   REQUIRE(report.targets[0].fit);
   const double fit = *report.targets[0].fit;
@@ -182,7 +182,7 @@ TEST_CASE("a fit that is neither good nor bad is told", "[flow]") {
   };
   CHECK(warned() == 0);
   sheets.square("v -5.2 -5.2 0\nv 6.2 -5.2 0\nv 6.2 6.2 0\nv -5.2 6.2 0\n", "0 0 1");
-  sheets.options.size = ImageSize{64, 64};
+  sheets.options.image.size = ImageSize{64, 64};
   const double fit = *sheets.run().targets[0].fit;
   CHECK(fit > 0.5);
   CHECK(fit < 0.9);
@@ -193,7 +193,7 @@ TEST_CASE("padding makes no texel sure", "[flow]") {
   // A square over a quarter of the image: colours and distances go on around it, confidence ends.
   Sheets sheets;
   sheets.add(0.2, 0.5);
-  sheets.options.padding_px = 4;
+  sheets.options.image.padding_px = 4;
   sheets.square("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n", "0 0 1", 0.5);
   sheets.run();
   const auto beside = [&](Channel channel) {
@@ -209,10 +209,11 @@ TEST_CASE("texels that are less sure than asked stay empty", "[flow]") {
   Sheets sheets;
   sheets.add(0.2, 0.1);
   const double confidence = (1 - std::exp(-mass_of(0.1))) * sureness_at(0.2);
-  sheets.options.channels = {Channel::base_color};
-  sheets.options.min_confidence = confidence - 0.01;
+  sheets.options.channels.transferred = {Channel::base_color};
+  sheets.options.splats.min_confidence = confidence - 0.01;
   CHECK(sheets.run().target_empty == 0);
-  sheets.options.min_confidence = confidence + 0.06;  // texels see the lattice a little differently
+  sheets.options.splats.min_confidence =
+      confidence + 0.06;  // texels see the lattice a little differently
   const Report report = sheets.run();
   CHECK(report.target_covered == 0);
   CHECK(std::all_of(report.targets[0].distances.begin(), report.targets[0].distances.end(),
@@ -237,7 +238,7 @@ TEST_CASE("a scene that crosses its target does not fit", "[flow]") {
   }
   CHECK(to_json(report).find("\"fit\": ") != std::string::npos);
 
-  sheets.options.min_confidence = 0;  // what is there all the same
+  sheets.options.splats.min_confidence = 0;  // what is there all the same
   CHECK(sheets.run().target_covered > 0);
 }
 
@@ -253,7 +254,7 @@ TEST_CASE("the fit is looked for farther than colours are", "[flow]") {
   REQUIRE(!report.warnings.empty());
   CHECK(report.warnings.back().find("or give --max-distance 0.06") != std::string::npos);
   // The sheet is so thick that it comes near enough to be sorted, but others would not be.
-  sheets.options.near_target = Length{0.03, false};
+  sheets.options.splats.near_target = Length{0.03, false};
   const Report near = sheets.run();
   CHECK(near.source_gaussians > 400);  // all but those beside the target
   CHECK(near.targets[0].fit == 0.0);
@@ -261,11 +262,11 @@ TEST_CASE("the fit is looked for farther than colours are", "[flow]") {
 
 TEST_CASE("evidence has the same bytes however it is made", "[flow]") {
   Sheets sheets;
-  sheets.options.size = ImageSize{150, 130};
+  sheets.options.image.size = ImageSize{150, 130};
   for (const double z : {0.3, 0.1, 0.0, -0.1, -0.15}) sheets.add(z, 0.1 - z * 0.2);
   const auto bytes = [&] {
     std::vector<std::vector<std::byte>> all;
-    for (const Channel channel : sheets.options.channels)
+    for (const Channel channel : sheets.options.channels.transferred)
       all.push_back(read_whole(posix_file_system(), sheets.path(channel)));
     return all;
   };
@@ -300,45 +301,45 @@ TEST_CASE("evidence goes only where it can be held", "[flow]") {
   for (const char* ending : {"png", "jpg"}) {
     TransferOptions other = sheets.options;
     other.output = sheets.folder.file(std::string("<CHANNEL>.") + ending);
-    other.depth.reset();
+    other.image.depth.reset();
     refusal(other, "distance: signed lengths");
     refusal(other, ".exr or .tif");
   }
   TransferOptions other = sheets.options;
   other.output = sheets.folder.file("<CHANNEL>.tif");
-  other.depth = Depth::u16;
+  other.image.depth = Depth::u16;
   refusal(other, "leave out --depth");
-  other.depth.reset();  // colours in integers, lengths in floats
+  other.image.depth.reset();  // colours in integers, lengths in floats
   transfer(other);
   CHECK(std::filesystem::exists(sheets.folder.file("distance.tif")));
   other = sheets.options;
   other.output = sheets.folder.file("out.glb");
-  other.depth.reset();
+  other.image.depth.reset();
   refusal(other, "confidence");
   other = sheets.options;
   other.output = sheets.folder.file("confidence.exr");
-  other.onto = sheets.folder.file("baseColor.tif");
-  other.channels = {Channel::confidence};
+  other.composite.onto = sheets.folder.file("baseColor.tif");
+  other.channels.transferred = {Channel::confidence};
   refusal(other, "--onto");
   other = sheets.options;
   other.source = sheets.options.targets[0];
   refusal(other, "is a mesh");
-  other.channels = {Channel::base_color};
-  other.min_confidence = 0.5;
+  other.channels.transferred = {Channel::base_color};
+  other.splats.min_confidence = 0.5;
   refusal(other, "--min-confidence");
   other = sheets.options;
-  other.min_confidence = 1.5;
+  other.splats.min_confidence = 1.5;
   refusal(other, "from 0 to 1");
   other = sheets.options;
-  other.source_textures = {{Channel::distance, "a.png"}};
+  other.material.textures = {{Channel::distance, "a.png"}};
   refusal(other, "--source-texture");
 }
 
 TEST_CASE("confidence in integers is rounded", "[flow]") {
   Sheets sheets;
   sheets.add(0.2, 0.5);
-  sheets.options.channels = {Channel::confidence};
-  sheets.options.depth.reset();
+  sheets.options.channels.transferred = {Channel::confidence};
+  sheets.options.image.depth.reset();
   sheets.options.output = sheets.folder.file("out.png");
   sheets.run();
   const WholeImage out = read_whole_image(sheets.options.output);
@@ -367,7 +368,7 @@ TEST_CASE("real scenes fit their own targets and no others", "[flow]") {
     options.targets = {target};
     options.source_use.axes = axes;
     options.output = folder.file("out.png");
-    options.size = ImageSize{128, 128};
+    options.image.size = ImageSize{128, 128};
     options.resources.cache_dir = folder.file("cache");
     options.resources.memory_bytes = 256ULL << 20;
     const Report report = transfer(options);

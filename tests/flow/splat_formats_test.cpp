@@ -58,8 +58,8 @@ TransferOptions picture_of(const TempFolder& folder, const std::string& source) 
   options.source = source;
   options.targets = {folder.file("target.obj")};
   options.output = folder.file("out.png");
-  options.depth = Depth::u16;
-  options.size = ImageSize{128, 128};
+  options.image.depth = Depth::u16;
+  options.image.size = ImageSize{128, 128};
   options.resources.use_cache = false;
   options.resources.threads = 2;
   return options;
@@ -118,7 +118,7 @@ TEST_CASE("one scene in nineteen encodings gives one picture", "[flow]") {
   TransferOptions options = picture_of(folder, folder.file("floats.ply"));
   std::ofstream(options.source, std::ios::binary) << ply_bytes(scene, false);
   const WholeImage with = picture(options);
-  options.harmonics = SphericalHarmonics::dc;
+  options.splats.harmonics = SphericalHarmonics::dc;
   const WholeImage without = picture(options);
   CHECK(apart(with, without).mean > 3);  // harmonics are seen
   std::size_t compared = 0;
@@ -163,7 +163,7 @@ TEST_CASE("a real scene in six formats gives one picture", "[flow][data]") {
     TransferOptions options = picture_of(folder, scene + ending);
     options.source_use.axes = axes;
     options.targets = {(*data / "meshes/playbot_proxy/playbot_proxy.glb").string()};
-    options.size = ImageSize{512, 512};
+    options.image.size = ImageSize{512, 512};
     transfer(options);
     return read_whole_image(options.output);
   };

@@ -71,18 +71,18 @@ std::vector<ReferenceSplat> strew(const mesh::Mesh& mesh, Random& random, std::s
 /// A target and a scene around it, in files.
 TransferOptions splat_scene(const TempFolder& folder, std::uint32_t seed, std::size_t count) {
   TransferOptions options = make_random_scene(folder.path().string(), seed);
-  options.channels.clear();
-  options.all_channels = false;
-  options.source_textures.clear();
+  options.channels.transferred.clear();
+  options.channels.all = false;
+  options.material.textures.clear();
   Random random(seed);
   const mesh::Mesh target = io::read_mesh(options.targets.front());
   options.source = folder.file("scene.ply");
   write_reference_splats(options.source, strew(target, random, count, seed % 2 == 0));
-  options.max_distance = Length{5.3, true};
-  options.min_confidence =
+  options.search.max_distance = Length{5.3, true};
+  options.splats.min_confidence =
       0;  // chaos around a surface: what is blended counts, not whether it fits
   options.output = folder.file("out.png");
-  options.coverage_output = folder.file("coverage.png");
+  options.image.coverage_output = folder.file("coverage.png");
   options.resources.use_cache = false;
   options.resources.memory_bytes = 256 * kMiB;
   return options;
@@ -103,12 +103,12 @@ void compare_with_brute_force(const TransferOptions& options, bool antialiased,
   const auto scene = read_reference_splats(options.source);
   const mesh::Mesh target = io::read_mesh(options.targets.front());
   const WholeImage out = read_whole_image(options.output),
-                   coverage = read_whole_image(options.coverage_output);
-  REQUIRE(out.channels == (options.alpha ? 4 : 3));
+                   coverage = read_whole_image(options.image.coverage_output);
+  REQUIRE(out.channels == (options.splats.alpha ? 4 : 3));
   const TargetRaster raster = raster_target(target, out.width, out.height);
   ReferenceLimits limits;
-  limits.reach = options.max_distance->value / 100 * diagonal(target);
-  limits.min_cosine = std::cos(options.max_angle_deg * std::numbers::pi / 180);
+  limits.reach = options.search.max_distance->value / 100 * diagonal(target);
+  limits.min_cosine = std::cos(options.search.max_angle_deg * std::numbers::pi / 180);
   limits.window = report.depth_window;
   limits.discness = reference_discness(scene);
   limits.antialiased = antialiased;
@@ -132,7 +132,7 @@ void compare_with_brute_force(const TransferOptions& options, bool antialiased,
     const std::array<double, 3> colour{expected.colour.x, expected.colour.y, expected.colour.z};
     double error = 0;
     for (std::size_t c = 0; c < 3; ++c) error = std::max(error, std::abs(out.at(i, c) - colour[c]));
-    if (options.alpha) error = std::max(error, std::abs(out.at(i, 3) - expected.opacity));
+    if (options.splats.alpha) error = std::max(error, std::abs(out.at(i, 3) - expected.opacity));
     beyond += error > 1.0 / 255 ? 1 : 0;
     largest = std::max(largest, error);
   }
@@ -159,7 +159,8 @@ TEST_CASE("splat scenes agree with the brute force", "[flow]") {
 TEST_CASE("a scene marked antialiased is blended as one", "[flow]") {
   const TempFolder folder;
   TransferOptions options = splat_scene(folder, 2, 3000);
-  options.size = ImageSize{60, 60};  // texels as large as the Gaussians, or the mark means little
+  options.image.size =
+      ImageSize{60, 60};  // texels as large as the Gaussians, or the mark means little
   const auto plain = run(options);
   write_reference_splats(options.source, read_reference_splats(options.source), "antialiased 1");
   CHECK(run(options) != plain);
@@ -169,14 +170,14 @@ TEST_CASE("a scene marked antialiased is blended as one", "[flow]") {
 TEST_CASE("a target coarser than its scene agrees with the brute force", "[flow]") {
   const TempFolder folder;
   TransferOptions options = splat_scene(folder, 2, 3000);
-  options.size = ImageSize{28, 28};
+  options.image.size = ImageSize{28, 28};
   compare_with_brute_force(options, false, 1);
 }
 
 TEST_CASE("a texel's alpha is the opacity that its normal meets", "[flow]") {
   const TempFolder folder;
   TransferOptions options = splat_scene(folder, 3, 3000);
-  options.alpha = true;
+  options.splats.alpha = true;
   compare_with_brute_force(options, false);
 }
 
@@ -185,8 +186,8 @@ TEST_CASE("splats give the same bytes however they are streamed", "[flow]") {
   const TempFolder folder;
   TransferOptions options =
       splat_scene(folder, seed, 20000);  // several blocks, one at a time below
-  options.size = seed == 27 ? ImageSize{120, 100} : ImageSize{300, 260};
-  options.rays = seed == 27 ? 3 : 0;
+  options.image.size = seed == 27 ? ImageSize{120, 100} : ImageSize{300, 260};
+  options.splats.rays = seed == 27 ? 3 : 0;
   options.resources.threads = 1;
   const auto expected = run(options, {.in_core = true});
   for (const unsigned threads : {1U, 5U}) {
@@ -231,10 +232,10 @@ TEST_CASE("what a splat scene cannot give is refused with the reason", "[flow]")
     CHECK(!std::filesystem::exists(asked.output));
   };
   TransferOptions other = options;
-  other.channels = {Channel::base_color, Channel::emissive};
+  other.channels.transferred = {Channel::base_color, Channel::emissive};
   refusal(other, ErrorKind::input, "no emissive");
   other = options;
-  other.source_textures = {{Channel::base_color, "a.png"}};
+  other.material.textures = {{Channel::base_color, "a.png"}};
   refusal(other, ErrorKind::usage, "--source-texture");
   other = options;
   other.source = folder.file("scene.spz");
@@ -267,8 +268,8 @@ class Plane {
     options.source = folder.file("scene.ply");
     options.targets = {folder.file("target.obj")};
     options.output = folder.file("out.png");
-    options.size = ImageSize{16, 16};
-    options.depth = Depth::u16;
+    options.image.size = ImageSize{16, 16};
+    options.image.depth = Depth::u16;
     options.resources.threads = 1;
     options.resources.memory_bytes = 128 * kMiB;
     options.resources.use_cache = false;
@@ -306,7 +307,7 @@ TEST_CASE("a plane of Gaussians shows the harmonics worked by hand", "[flow]") {
     row["f_rest_39"] = 0.7;
   }
   const auto check = [&](SphericalHarmonics harmonics, std::array<double, 3> expected) {
-    plane.options.harmonics = harmonics;
+    plane.options.splats.harmonics = harmonics;
     const auto found = plane.colour();
     CAPTURE(harmonics_name(harmonics));
     for (std::size_t c = 0; c < 3; ++c) CHECK(found[c] == Approx(expected[c]).margin(2e-5));
@@ -338,15 +339,15 @@ TEST_CASE("a transfer leaves out what the user does not want", "[flow]") {
   add(0, 3, 6);
   add(0, 3.1, 6);
   add(-9, 0.05, 6);
-  plane.options.min_opacity = 0.501;
-  plane.options.max_scale = 3.05;
-  plane.options.box = AxisBox{{-2, -2, -2}, {2, 2, 2}};
+  plane.options.splats.filter.min_opacity = 0.501;
+  plane.options.splats.filter.max_scale = 3.05;
+  plane.options.splats.filter.box = AxisBox{{-2, -2, -2}, {2, 2, 2}};
   plane.colour(&report);
   CHECK(report.source_filtered ==
         std::map<std::string, std::uint64_t>{{"faint", 1}, {"outside_box", 1}, {"too_large", 1}});
   CHECK(report.source_gaussians == sheet + 2);
-  plane.options.box.reset();
-  plane.options.near_target = Length{1, false};
+  plane.options.splats.filter.box.reset();
+  plane.options.splats.near_target = Length{1, false};
   plane.colour(&report);
   CHECK(report.source_filtered.at("out_of_reach") == 1);  // the one at -9; the sheet ends near 1.45
 }
@@ -369,12 +370,12 @@ TEST_CASE("where most of a scene is far from the target it is not sorted", "[flo
   plane.colour(&report);  // found again, and the same is said of it
   CHECK(report.source_filtered == filtered);
   CHECK(report.stages[1].cached);
-  plane.options.everywhere = true;
+  plane.options.splats.everywhere = true;
   CHECK(plane.colour(&report) == colour);
   CHECK(report.source_filtered.empty());
   CHECK(report.source_gaussians == 5 * near);
   // A third of the landscape: more than a quarter of the scene is near, and it is kept for others.
-  plane.options.everywhere = false;
+  plane.options.splats.everywhere = false;
   plane.ply.rows.resize(near + 4 * near / 3);
   plane.colour(&report);
   CHECK(report.source_filtered.empty());
@@ -392,36 +393,36 @@ TEST_CASE("options of scenes are refused for meshes, and values that are none", 
     CHECK(message.find(part) != std::string::npos);
   };
   TransferOptions asked = mesh;
-  asked.harmonics = SphericalHarmonics::dc;
+  asked.splats.harmonics = SphericalHarmonics::dc;
   refused(asked, "--sh is about the Gaussians of a splat scene");
   asked = mesh;
-  asked.near_target = Length{1, false};
+  asked.splats.near_target = Length{1, false};
   refused(asked, "--near-target is about");
   asked = mesh;
-  asked.rays = 1;
+  asked.splats.rays = 1;
   refused(asked, "--rays is about");
   asked = mesh;
-  asked.alpha = true;
+  asked.splats.alpha = true;
   refused(asked, "--alpha is about");
   asked = splat_scene(folder, 3, 100);
-  asked.box = AxisBox{{0, 0, 0}, {1, -1, 1}};
+  asked.splats.filter.box = AxisBox{{0, 0, 0}, {1, -1, 1}};
   refused(asked, "from 0 to -1 along y");
-  asked.box.reset();
-  asked.min_opacity = 0;
+  asked.splats.filter.box.reset();
+  asked.splats.filter.min_opacity = 0;
   refused(asked, "--min-opacity 0: from 1/255");
-  asked.min_opacity.reset();
-  asked.max_scale = -1.0;
+  asked.splats.filter.min_opacity.reset();
+  asked.splats.filter.max_scale = -1.0;
   refused(asked, "--max-scale");
-  asked.max_scale.reset();
-  asked.rays = 17;
+  asked.splats.filter.max_scale.reset();
+  asked.splats.rays = 17;
   refused(asked, "--rays 17: at most 16");
 }
 
 TEST_CASE("a splat scene without a size gives 1024 texels", "[flow]") {
   const TempFolder folder;
   TransferOptions options = splat_scene(folder, 3, 100);
-  options.size.reset();
-  options.all_channels = true;  // baseColor is all there is
+  options.image.size.reset();
+  options.channels.all = true;  // baseColor is all there is
   transfer(options);
   const WholeImage out = read_whole_image(options.output);
   CHECK(out.width == 1024);

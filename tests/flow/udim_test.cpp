@@ -103,10 +103,10 @@ struct Scene {
     write_glb(folder.file("target.glb"), target);
     options.source = folder.file("source.glb");
     options.targets = {folder.file("target.glb")};
-    options.source_textures = {{Channel::base_color, folder.file("skin.png")}};
+    options.material.textures = {{Channel::base_color, folder.file("skin.png")}};
     options.output = folder.file("out.<UDIM>.png");
-    options.size = ImageSize{100, 70};
-    options.max_distance = Length{0.2, false};
+    options.image.size = ImageSize{100, 70};
+    options.search.max_distance = Length{0.2, false};
     options.resources.use_cache = false;
     options.resources.memory_bytes = 256 << 20;
   }
@@ -145,7 +145,7 @@ TEST_CASE("two triangles over six tiles are one picture cut in six", "[flow]") {
   write_glb(scene.folder.file("small.glb"), small);
   one.targets = {scene.folder.file("small.glb")};
   one.output = scene.folder.file("one.png");
-  one.size = ImageSize{kColumns * 100, kRows * 70};
+  one.image.size = ImageSize{kColumns * 100, kRows * 70};
   transfer(one);
   const WholeImage whole = read_whole_image(one.output);
   for (const mesh::UvTile tile : all_tiles()) {
@@ -173,7 +173,7 @@ TEST_CASE("a choice of tiles, threads and budgets changes no byte of a tile", "[
     expected[number(tile)] = content(scene.folder.file("out." + number(tile) + ".png"));
   TransferOptions some = scene.options;
   some.output = scene.folder.file("some.<UVTILE>.png");
-  some.tiles = {1003, 1012, 1999};
+  some.image.tiles = {1003, 1012, 1999};
   for (const unsigned threads : {1U, 3U}) {
     some.resources.threads = threads;
     some.resources.memory_bytes = std::uint64_t{1} << 30;
@@ -189,7 +189,7 @@ TEST_CASE("a choice of tiles, threads and budgets changes no byte of a tile", "[
       CHECK_FALSE(std::filesystem::exists(scene.folder.file("some.u1_v1.png")));
     }
   }
-  some.tiles = {1004, 1005};
+  some.image.tiles = {1004, 1005};
   std::string message;
   CHECK(error_kind([&] { transfer(some); }, &message) == exit_status(ErrorKind::input));
   CHECK(message.find("1001-1003, 1011-1013") != std::string::npos);
@@ -207,8 +207,8 @@ TEST_CASE("tiles of a source may differ in size; each is clamped at its border",
     images[tile] = noise(sizes[i].width, sizes[i].height, static_cast<std::uint32_t>(i + 1));
     write_whole_image(scene.folder.file("skin." + mesh::uvtile_name(tile) + ".png"), images[tile]);
   }
-  scene.options.source_textures = {{Channel::base_color, scene.folder.file("skin.<UVTILE>.png")}};
-  scene.options.filter = Filter::tent;  // what is looked up below
+  scene.options.material.textures = {{Channel::base_color, scene.folder.file("skin.<UVTILE>.png")}};
+  scene.options.mesh.filter = Filter::tent;  // what is looked up below
   const Report report = transfer(scene.options);
   CHECK(report.target_covered == report.target_texels);
   for (const auto& [tile, image] : images) {
@@ -242,8 +242,8 @@ TEST_CASE("tiles of a source may differ in size; each is clamped at its border",
 TEST_CASE("a tile without an image is named and stays empty", "[flow]") {
   Scene scene(sheet(0));
   write_glb(scene.folder.file("source.glb"), sheet(4));
-  scene.options.source_textures = {{Channel::base_color, scene.folder.file("skin.<UDIM>.png")}};
-  scene.options.coverage_output = scene.folder.file("mask.<UDIM>.png");
+  scene.options.material.textures = {{Channel::base_color, scene.folder.file("skin.<UDIM>.png")}};
+  scene.options.image.coverage_output = scene.folder.file("mask.<UDIM>.png");
   std::string message;
   CHECK(error_kind([&] { transfer(scene.options); }, &message) == exit_status(ErrorKind::storage));
   CHECK(message.find("1001-1003, 1011-1013") != std::string::npos);

@@ -70,7 +70,7 @@ void write_plain(const std::string& path, double r, double g, double b) {
 TransferOptions job(const std::string& source, const std::string& target,
                     const std::string& output) {
   TransferOptions options = transfer_job(source, target, output, 128);
-  options.size = ImageSize{kSize, kSize};
+  options.image.size = ImageSize{kSize, kSize};
   return options;
 }
 
@@ -115,13 +115,13 @@ TEST_CASE("the vertices' colours are a base colour of their own", "[flow]") {
   const std::string source = write_square(folder.file("s.glb"), {kAffine, "VEC3", has_uvs, "", {}});
   const std::string target = write_square(folder.file("t.glb"), {});
   TransferOptions options = job(source, target, folder.file("o.exr"));
-  options.depth = Depth::float32;
+  options.image.depth = Depth::float32;
   const Report report = transfer(options);
   CHECK_THAT(notes_of(report),
              Contains("the colours of its vertices are multiplied into baseColor"));
   check_affine(read_whole_image(options.output));
 
-  options.size.reset();
+  options.image.size.reset();
   try {
     transfer(options);
     FAIL("no size, no error");
@@ -161,15 +161,15 @@ TEST_CASE("a texture and its factor are multiplied by the vertices' colours in l
                  plain),
             half, 1e-9);
   check_all(made({grey, "VEC3", true, "skin.png", {}},
-                 [](TransferOptions& o) { o.apply_vertex_colours = false; }),
+                 [](TransferOptions& o) { o.material.apply_vertex_colours = false; }),
             whole, 1e-9);
   check_all(made({grey, "VEC3", true, "skin.png", {}},
-                 [](TransferOptions& o) { o.method = Method::gaussian; }),
+                 [](TransferOptions& o) { o.mesh.method = Method::gaussian; }),
             half, 1e-9);
   // Given in place of what the material says, an image of the user's is what it is; in place of its
   // own texture it is that.
   const auto given = [&](TransferOptions& o) {
-    o.source_textures = {{Channel::base_color, folder.file("skin.png")}};
+    o.material.textures = {{Channel::base_color, folder.file("skin.png")}};
   };
   check_all(made({grey, "VEC3", true, "", {}}, given), whole, 1e-9);
   check_all(made({grey, "VEC3", true, "skin.png", {}}, given), half, 1e-9);
@@ -198,7 +198,7 @@ TEST_CASE("a source whose colours changed is another one, at any budget", "[flow
     const std::string source =
         write_square(folder.file("s.glb"), {colours, "VEC3", true, "skin.png", {}});
     TransferOptions options = job(source, target, folder.file("o.exr"));
-    options.size = ImageSize{300, 200};
+    options.image.size = ImageSize{300, 200};
     options.resources.use_cache = true;
     options.resources.cache_dir = folder.file(cache);
     options.resources.memory_bytes = megabytes << 20;
@@ -238,9 +238,9 @@ TEST_CASE("they are baked by themselves, whatever the texture", "[flow]") {
       write_square(folder.file("s.glb"), {kAffine, "VEC3", true, "skin.png", {}});
   const std::string target = write_square(folder.file("t.glb"), {});
   TransferOptions options = job(source, target, folder.file("<CHANNEL>.exr"));
-  options.baked = {Channel::vertex_color};
-  options.apply_factors = options.apply_vertex_colours = false;
-  options.depth = Depth::float32;
+  options.channels.baked = {Channel::vertex_color};
+  options.material.apply_factors = options.material.apply_vertex_colours = false;
+  options.image.depth = Depth::float32;
   const Report report = transfer(options);
   CHECK_THAT(notes_of(report), !Contains("vertex colours"));
   check_affine(read_whole_image(folder.file("vertexColor.exr")));
@@ -253,15 +253,15 @@ TEST_CASE("vertices' colours are converted to the output's primaries", "[flow]")
       write_square(folder.file("s.glb"), {everywhere({1, 0, 0}), "VEC3", true, "", {1, .5, .5, 1}});
   const std::string target = write_square(folder.file("t.glb"), {});
   TransferOptions options = job(source, target, folder.file("<CHANNEL>.exr"));
-  options.channels = {Channel::base_color};
-  options.baked = {Channel::vertex_color};
-  options.depth = Depth::float32;
-  options.output_colour_space = "acescg";
-  options.method = GENERATE(Method::surface, Method::gaussian);
-  if (options.method == Method::gaussian) options.baked.clear();
+  options.channels.transferred = {Channel::base_color};
+  options.channels.baked = {Channel::vertex_color};
+  options.image.depth = Depth::float32;
+  options.image.colour_space = "acescg";
+  options.mesh.method = GENERATE(Method::surface, Method::gaussian);
+  if (options.mesh.method == Method::gaussian) options.channels.baked.clear();
   transfer(options);
   check_all(read_whole_image(folder.file("baseColor.exr")), {.6131, .0702, .0206}, 1e-4);
-  if (options.method == Method::surface)
+  if (options.mesh.method == Method::surface)
     check_all(read_whole_image(folder.file("vertexColor.exr")), {.6131, .0702, .0206}, 1e-4);
 }
 
@@ -282,7 +282,7 @@ TEST_CASE("white vertices change nothing", "[flow]") {
   const std::vector<double> none = made({});
   CHECK(made(everywhere({1, 1, 1})) == none);
   TransferOptions options = job(folder.file("s.glb"), target, folder.file("o.png"));
-  options.baked = {Channel::vertex_color};
+  options.channels.baked = {Channel::vertex_color};
   CHECK_THROWS_WITH(transfer(options), Contains("its vertices are all white"));
 }
 

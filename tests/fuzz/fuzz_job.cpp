@@ -31,10 +31,10 @@ void run(const Folder& folder, const std::string& source, const std::string& tar
   options.targets = {target};
   options.output = folder.path("o.png");
   if (!source.ends_with(".ply"))
-    options.source_textures = {{Channel::base_color, folder.path("t.pgm")}};
-  options.size = ImageSize{24, 20};
-  options.max_distance = Length{max_distance, true};
-  options.channels = {Channel::base_color};
+    options.material.textures = {{Channel::base_color, folder.path("t.pgm")}};
+  options.image.size = ImageSize{24, 20};
+  options.search.max_distance = Length{max_distance, true};
+  options.channels.transferred = {Channel::base_color};
   options.resources.memory_bytes = 128 << 20;
   options.resources.threads = 1;
   options.resources.use_cache = false;

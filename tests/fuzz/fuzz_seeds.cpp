@@ -324,7 +324,7 @@ void pack_seeds(const fs::path& folder) {
   fs::create_directories(work / "scene");
   fs::create_directories(packs);
   TransferOptions options = test::make_random_scene((work / "scene").string(), 41);
-  options.size = ImageSize{70, 50};
+  options.image.size = ImageSize{70, 50};
   options.output = (work / "result.png").string();
   options.resources.threads = 1;
   options.resources.memory_bytes = 256 << 20;
@@ -340,7 +340,7 @@ void pack_seeds(const fs::path& folder) {
     ply.rows.back()["nz"] = i % 2;
   }
   options.source = (work / "scene.ply").string();
-  options.channels = {Channel::base_color};
+  options.channels.transferred = {Channel::base_color};
   ply.write(options.source);
   transfer(options);
   for (const auto& entry : fs::recursive_directory_iterator(work / "cache")) {

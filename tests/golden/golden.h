@@ -21,7 +21,7 @@ inline void figure(const std::string& name, double value) {
 inline TransferOptions golden_options(const std::string& source, const std::string& target,
                                       const std::string& output) {
   TransferOptions options = transfer_job(source, target, output, 512);
-  options.coverage_output = output + ".coverage.png";
+  options.image.coverage_output = output + ".coverage.png";
   return options;
 }
 

@@ -41,11 +41,11 @@ TEST_CASE("the real head comes out as its truth says", "[golden]") {
   const auto mask = truth_mask(target, truth);
 
   auto options = golden_options(heads + "/head_src.glb", target, folder.file("glb.png"));
-  options.size = ImageSize{1024, 1024};
+  options.image.size = ImageSize{1024, 1024};
   transfer(options);
   const WholeImage from_glb = read_whole_image(options.output);
   const Score plain = score(from_glb, truth, mask);
-  const auto empty = empty_texels(options.coverage_output, truth);
+  const auto empty = empty_texels(options.image.coverage_output, truth);
   keep_picture(options.output, "real_head.png");
   figure("head truth similarity %", 100 * plain.similarity);
   figure("head truth dB", plain.psnr_db);
@@ -58,14 +58,14 @@ TEST_CASE("the real head comes out as its truth says", "[golden]") {
   CHECK(plain.similarity >= 0.986);
   CHECK(plain.psnr_db >= 28.9);
 
-  options.filter = Filter::tent;
+  options.mesh.filter = Filter::tent;
   options.output = folder.file("tent.png");
   transfer(options);
   figure("head truth tent dB", score(read_whole_image(options.output), truth, mask).psnr_db);
 
-  options.filter.reset();
+  options.mesh.filter.reset();
   options.output = folder.file("aa.png");
-  options.source_textures = {{Channel::base_color, heads + "/head_src_aa_1k.png"}};
+  options.material.textures = {{Channel::base_color, heads + "/head_src_aa_1k.png"}};
   transfer(options);
   const WholeImage truth_aa = read_whole_image(heads + "/head_dst_same.truth_aa.1024.png");
   const Score smooth =
@@ -76,7 +76,7 @@ TEST_CASE("the real head comes out as its truth says", "[golden]") {
   CHECK(smooth.similarity >= 0.995);
   CHECK(smooth.psnr_db >= 40.2);
 
-  options.filter = Filter::tent;
+  options.mesh.filter = Filter::tent;
   options.output = folder.file("aa_tent.png");
   transfer(options);
   const Score tent =
@@ -84,9 +84,9 @@ TEST_CASE("the real head comes out as its truth says", "[golden]") {
   figure("head truth_aa tent dB", tent.psnr_db);
   CHECK(smooth.psnr_db >= tent.psnr_db + 1);
 
-  options.filter.reset();
+  options.mesh.filter.reset();
   options.source = heads + "/head_src.obj";
-  options.source_textures.clear();
+  options.material.textures.clear();
   options.output = folder.file("obj.png");
   transfer(options);
   const Score formats = score(read_whole_image(options.output), from_glb, mask);
@@ -101,13 +101,13 @@ TEST_CASE("a generated head comes out as its analytic truth says", "[golden]") {
   const std::string target = in + "/head_same.glb";
   const WholeImage truth = read_whole_image(in + "/head_same.truth.png");
   auto options = golden_options(in + "/head_src.glb", target, folder.file("out.png"));
-  options.size = ImageSize{512, 512};
+  options.image.size = ImageSize{512, 512};
   transfer(options);
   const Score s = score(read_whole_image(options.output), truth, truth_mask(target, truth));
-  const auto empty = empty_texels(options.coverage_output, truth);
+  const auto empty = empty_texels(options.image.coverage_output, truth);
   keep_picture(options.output, "generated_head.png");
   keep_picture(in + "/head_same.truth.png", "generated_head.truth.png");
-  keep_picture(options.coverage_output, "generated_head.coverage.png");
+  keep_picture(options.image.coverage_output, "generated_head.coverage.png");
   figure("generated head dB", s.psnr_db);
   figure("generated head similarity %", 100 * s.similarity);
   CHECK(empty == 0);
@@ -142,11 +142,11 @@ std::array<double, 2> default_and_tent(const TempFolder& folder, const std::stri
   const WholeImage truth = halved(read_whole_image(in + "/head_same.truth.png"));
   const auto mask = truth_mask(target, truth);
   auto options = golden_options(in + "/head_src.glb", target, folder.file("out.png"));
-  options.size = ImageSize{truth.width, truth.height};
-  options.source_textures = {{Channel::base_color, folder.file("skin.png")}};
+  options.image.size = ImageSize{truth.width, truth.height};
+  options.material.textures = {{Channel::base_color, folder.file("skin.png")}};
   std::array<double, 2> psnr{};
   for (const auto filter : {std::optional<Filter>(), std::optional(Filter::tent)}) {
-    options.filter = filter;
+    options.mesh.filter = filter;
     transfer(options);
     psnr[filter ? 1 : 0] = score(read_whole_image(options.output), truth, mask).psnr_db;
   }
@@ -198,7 +198,7 @@ TEST_CASE("the far side of a thin shell does not show through", "[golden]") {
   const Score s = score(read_whole_image(options.output), truth, truth_mask(target, truth));
   keep_picture(options.output, "shell.png");
   figure("thin shell dB", s.psnr_db);
-  CHECK(empty_texels(options.coverage_output, truth) == 0);
+  CHECK(empty_texels(options.image.coverage_output, truth) == 0);
   CHECK(s.psnr_db >= 50);
 }
 
@@ -208,7 +208,7 @@ TEST_CASE("each channel comes from its own image, size and UV set", "[golden]") 
   fixture::make_channels(in);
   const std::string target = in + "/channels_target.glb";
   auto options = golden_options(in + "/channels_src.glb", target, folder.file("out.<CHANNEL>.png"));
-  options.filter = Filter::tent;  // what the truth was made with
+  options.mesh.filter = Filter::tent;  // what the truth was made with
   transfer(options);
   for (const char* name : {"baseColor", "metallicRoughness", "occlusion"}) {
     const WholeImage truth = read_whole_image(in + "/channels_target.truth." + name + ".png");

@@ -65,18 +65,18 @@ TEST_CASE("no texel of a mesh onto itself is wrong that a brute force gets right
   const std::string path = (*data / model.path).string();
   const TempFolder folder;
   auto options = golden_options(path, path, folder.file("out.png"));
-  options.size = ImageSize{model.size, model.size};
-  options.depth = Depth::u8;
-  options.channels = {Channel::base_color};
-  options.filter = Filter::tent;  // what the reference looks up
+  options.image.size = ImageSize{model.size, model.size};
+  options.image.depth = Depth::u8;
+  options.channels.transferred = {Channel::base_color};
+  options.mesh.filter = Filter::tent;  // what the reference looks up
   if (model.texture != nullptr) {
     const WholeImage skin = read_whole_image((*data / model.texture).string());
     write_whole_image(folder.file("skin.png"), thinned(skin, model.size / 2));
-    options.source_textures = {{Channel::base_color, folder.file("skin.png")}};
+    options.material.textures = {{Channel::base_color, folder.file("skin.png")}};
   }
   transfer(options);
   const WholeImage out = read_whole_image(options.output);
-  const WholeImage coverage = read_whole_image(options.coverage_output);
+  const WholeImage coverage = read_whole_image(options.image.coverage_output);
   REQUIRE(out.channels >= 3);
   const Reference reference(options, Channel::base_color, out.channels, false);
   const TargetRaster& raster = reference.raster();

@@ -89,7 +89,7 @@ TEST_CASE("a mesh onto itself gives its own texture back", "[golden]") {
 
   const TempFolder folder;
   auto options = golden_options(path, path, folder.file("out.png"));
-  options.size = ImageSize{kSize, kSize};
+  options.image.size = ImageSize{kSize, kSize};
   const auto check = [&](const std::string& how, bool is_turned) {
     const Report report = transfer(options);
     WholeImage out = read_whole_image(options.output);
@@ -105,9 +105,9 @@ TEST_CASE("a mesh onto itself gives its own texture back", "[golden]") {
   };
   check("as it is", false);
   keep_picture(options.output, name + ".png");
-  options.max_distance = Length{8, true};
+  options.search.max_distance = Length{8, true};
   check("at 8 %", false);
-  options.max_distance = Length{5, true};
+  options.search.max_distance = Length{5, true};
 
   mesh::Mesh shuffled = mesh;
   std::mt19937 random(5);
@@ -126,10 +126,10 @@ TEST_CASE("a head's texels as Gaussians give it back as the paper says", "[golde
   const TempFolder folder;
   const WholeImage texture = read_whole_image(heads + "/head_src_1k.png");
   auto options = golden_options(head, head, folder.file("out.png"));
-  options.method = Method::gaussian;
-  options.size = ImageSize{texture.width, texture.height};
+  options.mesh.method = Method::gaussian;
+  options.image.size = ImageSize{texture.width, texture.height};
   transfer(options);
-  const WholeImage coverage = read_whole_image(options.coverage_output);
+  const WholeImage coverage = read_whole_image(options.image.coverage_output);
   std::vector<std::uint8_t> mask(coverage.samples.size());
   for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = coverage.samples[i] > 0.5 ? 1 : 0;
   const Score s = score(read_whole_image(options.output), texture, mask);
@@ -156,9 +156,9 @@ TEST_CASE("a head written as Gaussians for a transfer gives its texture back", "
   gaussians(written);
   const WholeImage texture = read_whole_image(heads + "/head_src_1k.png");
   auto options = golden_options(written.output, head, folder.file("out.png"));
-  options.size = ImageSize{texture.width, texture.height};
+  options.image.size = ImageSize{texture.width, texture.height};
   CHECK(transfer(options).target_empty == 0);
-  const WholeImage coverage = read_whole_image(options.coverage_output);
+  const WholeImage coverage = read_whole_image(options.image.coverage_output);
   std::vector<std::uint8_t> mask(coverage.samples.size());
   for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = coverage.samples[i] > 0.5 ? 1 : 0;
   const Score s = score(read_whole_image(options.output), texture, mask);

@@ -22,7 +22,7 @@ TEST_CASE("a noisy sphere of splats is the sphere that it shows", "[golden]") {
   const TempFolder folder;
   TransferOptions options =
       golden_options(folder_in / "scene.ply", folder_in / "sphere.obj", folder.file("sphere.png"));
-  options.size = ImageSize{512, 512};
+  options.image.size = ImageSize{512, 512};
   const Report report = transfer(options);
   CHECK(report.target_empty == 0);
   CHECK(report.target_covered == 232288);
@@ -43,7 +43,7 @@ TEST_CASE("a generated sphere of splats is the sphere that it shows", "[golden]"
   fixture::make_splats(scene);
   TransferOptions options =
       golden_options(scene.path, folder.file("s_target.glb"), folder.file("out.png"));
-  options.size = ImageSize{512, 512};
+  options.image.size = ImageSize{512, 512};
   const Report report = transfer(options);
   CHECK(report.target_empty == 0);
   const double psnr = compare(options.output, folder.file("s_target.truth.png")).psnr_db;
@@ -80,7 +80,7 @@ TEST_CASE("a wall is seen past what stands before it", "[golden]") {
   }
   TransferOptions options =
       golden_options(scene.path, folder.file("room.obj"), folder.file("out.png"));
-  options.size = ImageSize{512, 512};
+  options.image.size = ImageSize{512, 512};
   transfer(options);
   const double psnr = compare(options.output, folder.file("s_target.truth.png")).psnr_db;
   figure("a sphere with haze from within dB", psnr);
@@ -96,7 +96,7 @@ TEST_CASE("scenes of balls are captures, scenes of discs are not", "[golden]") {
     TransferOptions options =
         golden_options(*data / scene, *data / target, folder.file("discness.png"));
     options.source_use.axes = axes;
-    options.size = ImageSize{64, 64};
+    options.image.size = ImageSize{64, 64};
     return transfer(options).discness;
   };
   CHECK(discness("captures/kitchen.spz", "captures/kitchen_proxy.glb", "x,-y,-z") == 0);
@@ -118,7 +118,7 @@ TEST_CASE("a generated scene is one of discs, whatever hides it", "[golden]") {
   fixture::make_splats(scene);
   TransferOptions options =
       golden_options(scene.path, folder.file("s_target.glb"), folder.file("out.png"));
-  options.size = ImageSize{64, 64};
+  options.image.size = ImageSize{64, 64};
   CHECK(transfer(options).discness == 1);
 }
 
@@ -129,9 +129,9 @@ TEST_CASE("a trained scene covers its proxy as the brute force says", "[golden]"
   TransferOptions options =
       golden_options(*data / "splats/playbot_lod3_converted/playbot_lod3.ply",
                      *data / "meshes/playbot_proxy/playbot_proxy.glb", folder.file("playbot.png"));
-  options.size = ImageSize{2048, 2048};
+  options.image.size = ImageSize{2048, 2048};
   // As the brute force has it.
-  options.harmonics = SphericalHarmonics::dc;
+  options.splats.harmonics = SphericalHarmonics::dc;
   const Report report = flow::transfer(options, {.keeps_isolated = true});
   const double covered =
       static_cast<double>(report.target_covered) / static_cast<double>(report.target_texels);
@@ -142,7 +142,7 @@ TEST_CASE("a trained scene covers its proxy as the brute force says", "[golden]"
   const auto scene = read_reference_splats(options.source);
   const mesh::Mesh target = io::read_mesh(options.targets.front());
   const WholeImage out = read_whole_image(options.output),
-                   mask = read_whole_image(options.coverage_output);
+                   mask = read_whole_image(options.image.coverage_output);
   const TargetRaster raster = raster_target(target, out.width, out.height);
   Vec3d lo(target.positions[0]), hi(target.positions[0]);
   for (const Vec3f& q : target.positions) {

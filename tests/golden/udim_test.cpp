@@ -29,9 +29,9 @@ Set onto_itself(const TempFolder& folder, const std::string& model, const std::s
   Set set;
   set.folder = folder.path().string();
   set.options = golden_options(model, model, set.folder + "/out.<UDIM>.png");
-  set.options.coverage_output = set.folder + "/mask.<UDIM>.png";
-  set.options.source_textures = {{Channel::base_color, textures}};
-  set.options.size = size;
+  set.options.image.coverage_output = set.folder + "/mask.<UDIM>.png";
+  set.options.material.textures = {{Channel::base_color, textures}};
+  set.options.image.size = size;
   set.report = transfer(set.options);
   return set;
 }
@@ -88,12 +88,12 @@ TEST_CASE("a head over many UDIMs is covered everywhere, whatever the search lim
       golden_options((*data / "heads/head_src.glb").string(),
                      (*data / ("heads/head_dst_udim" + std::to_string(tiles) + ".obj")).string(),
                      folder.file("near.<UDIM>.png"));
-  options.coverage_output = folder.file("near_mask.<UDIM>.png");
-  options.size = ImageSize{256, 256};
+  options.image.coverage_output = folder.file("near_mask.<UDIM>.png");
+  options.image.size = ImageSize{256, 256};
   const Report near = transfer(options);
   options.output = folder.file("far.<UDIM>.png");
-  options.coverage_output = folder.file("far_mask.<UDIM>.png");
-  options.max_distance = Length{8, true};
+  options.image.coverage_output = folder.file("far_mask.<UDIM>.png");
+  options.search.max_distance = Length{8, true};
   const Report far = transfer(options);
   REQUIRE(near.udims.size() == static_cast<std::size_t>(tiles));
   CHECK(near.udims.front() == 1001);

@@ -48,13 +48,13 @@ class Maker {
       const std::vector<Channel> all{Channel::base_color, Channel::occlusion, Channel::emissive};
       const std::size_t channels = random_.one_in(3) ? 3 : 1;
       for (std::size_t c = 0; c < channels; ++c) {
-        o.channels.push_back(all[c]);
-        o.source_textures.push_back({all[c], image("texture" + std::to_string(c))});
+        o.channels.transferred.push_back(all[c]);
+        o.material.textures.push_back({all[c], image("texture" + std::to_string(c))});
       }
     }
     for (int t = 0; t < (several ? 2 : 1); ++t)
       o.targets.push_back(mesh("target" + std::to_string(t), uvs(tiles), job.what));
-    const bool onto = !tiles && o.channels.size() < 2 && random_.one_in(4);
+    const bool onto = !tiles && o.channels.transferred.size() < 2 && random_.one_in(4);
     o.output =
         (folder_ / (std::string(onto ? "out" : "out.<CHANNEL>") + (several ? ".<TARGET>" : "") +
                     (tiles ? ".<UDIM>" : "") + (random_.one_in(4) ? ".exr" : ".png")))
@@ -63,18 +63,20 @@ class Maker {
       return static_cast<std::uint32_t>(random_.one_in(4) ? random_.whole(1000, 3000)
                                                           : random_.whole(30, 500));
     };
-    o.size = ImageSize{edge(), edge()};
-    if (o.output.ends_with(".exr")) o.depth = random_.one_in(2) ? Depth::float32 : Depth::half;
-    if (random_.one_in(3)) o.padding_px = static_cast<std::uint32_t>(random_.below(300));
+    o.image.size = ImageSize{edge(), edge()};
+    if (o.output.ends_with(".exr"))
+      o.image.depth = random_.one_in(2) ? Depth::float32 : Depth::half;
+    if (random_.one_in(3)) o.image.padding_px = static_cast<std::uint32_t>(random_.below(300));
     if (onto) {
-      o.onto = (folder_ / "old.png").string();
-      write_image(o.onto, *o.size, 3);
+      o.composite.onto = (folder_ / "old.png").string();
+      write_image(o.composite.onto, *o.image.size, 3);
     }
     o.resources.threads = static_cast<unsigned>(random_.whole(1, 8));
     o.resources.use_cache = false;
-    job.what += " " + std::to_string(o.size->width) + "x" + std::to_string(o.size->height) + " " +
-                std::to_string(o.channels.size()) + "ch " + std::to_string(o.resources.threads) +
-                "t" + (o.onto.empty() ? "" : " onto");
+    job.what +=
+        " " + std::to_string(o.image.size->width) + "x" + std::to_string(o.image.size->height) +
+        " " + std::to_string(o.channels.transferred.size()) + "ch " +
+        std::to_string(o.resources.threads) + "t" + (o.composite.onto.empty() ? "" : " onto");
     return job;
   }
 

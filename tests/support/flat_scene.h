@@ -111,13 +111,13 @@ struct FlatScene {
     write_glb(folder.file("target.glb"), flat_sheet());
     options.source = folder.file("source.glb");
     options.targets = {folder.file("target.glb")};
-    options.source_textures = {{channel, folder.file(texture)}};
-    options.channels = {channel};
+    options.material.textures = {{channel, folder.file(texture)}};
+    options.channels.transferred = {channel};
     options.output = folder.file("out.png");
     options.resources.use_cache = false;
     options.resources.memory_bytes = 256 << 20;
   }
-  std::string texture() const { return options.source_textures.front().path; }
+  std::string texture() const { return options.material.textures.front().path; }
 };
 
 }  // namespace pounce::test

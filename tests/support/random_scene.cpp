@@ -185,9 +185,9 @@ TransferOptions make_random_scene(const std::string& folder, std::uint32_t seed)
     options.targets = {folder + "/target.obj"};
     write_obj(options.targets.front(), io::read_mesh(folder + "/target.glb"));
   }
-  options.size = ImageSize{static_cast<std::uint32_t>(dice.whole(48, 200)),
-                           static_cast<std::uint32_t>(dice.whole(48, 200))};
-  options.max_distance = Length{seed % 5 == 0 ? 0.4 : seed % 3 == 1 ? 20.0 : 5.0, true};
+  options.image.size = ImageSize{static_cast<std::uint32_t>(dice.whole(48, 200)),
+                                 static_cast<std::uint32_t>(dice.whole(48, 200))};
+  options.search.max_distance = Length{seed % 5 == 0 ? 0.4 : seed % 3 == 1 ? 20.0 : 5.0, true};
   return options;
 }
 

@@ -121,12 +121,12 @@ class Reference::Search {
         source_(io::read_mesh(options.source)),
         target_(io::read_mesh(options.targets.front())) {
     images_.resize(source_.images.size());
-    for (const SourceTexture& given : options.source_textures) {
+    for (const SourceTexture& given : options.material.textures) {
       if (given.channel == channel) images_.emplace_back(read_whole_image(given.path));
     }
     for (std::size_t t = 0; t < source_.triangles.size(); ++t) triangles_.push_back(set_up(t));
     measure();
-    const ImageSize size = options_.size.value();
+    const ImageSize size = options_.image.size.value();
     raster_ = raster_target(target_, size.width, size.height);
   }
 
@@ -305,7 +305,7 @@ class Reference::Search {
     const double farthest = std::max(limit_, ray.step);
     if (key > farthest * (1 + kDoubt)) return std::nullopt;
     const Vec3d surface = mix(s.shading, at.weights);
-    const double least = std::cos(options_.max_angle_deg * std::numbers::pi / 180);
+    const double least = std::cos(options_.search.max_angle_deg * std::numbers::pi / 180);
     const double facing = dot(surface, ray.normal) / length(surface);
     if (!(facing >= least - kDoubt)) return std::nullopt;
     const bool sure = facing > least + kDoubt && key < farthest * (1 - kDoubt) - ray.step &&
@@ -391,7 +391,7 @@ class Reference::Search {
         hi = {std::max(hi.x, p.x), std::max(hi.y, p.y), std::max(hi.z, p.z)};
       }
     }
-    const Length distance = options_.max_distance.value_or(Length{5, true});
+    const Length distance = options_.search.max_distance.value_or(Length{5, true});
     limit_ = distance.is_percent ? distance.value / 100 * length(hi - lo) : distance.value;
   }
 

@@ -29,7 +29,7 @@ struct ReferenceResult {
 /// The transfer of one channel onto one image, in core, in double precision, by trying every source
 /// triangle. Slow and obvious; shares no code with the product's stages (only the readers of meshes
 /// and images). `channels` and `linear_output` say what the output file is. Selections and UDIM are
-/// not known to it; options.size must be given, and the options must live.
+/// not known to it; options.image.size must be given, and the options must live.
 class Reference {
  public:
   Reference(const TransferOptions& options, Channel channel, std::uint32_t channels,

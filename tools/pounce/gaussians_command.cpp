@@ -56,9 +56,9 @@ void add_mesh_source_options(CLI::App& command, GaussiansOptions& options) {
             "aces2065-1, display-p3, or a space of --ocio. Default: what their\n"
             "files say",
             [&options](const std::string& text) {
-              options.source_colour_spaces = {{std::nullopt, text}};
+              options.colour.source_spaces = {{std::nullopt, text}};
             });
-  add_config_option(command, group, options.colour_config);
+  add_config_option(command, group, options.colour.config);
   add_value(command, "--sigma", "S", group,
             "Standard deviation of a texel's disc in texels, 0.1 to 4. Below 0.4\n"
             "viewers show gaps. Default: 0.5",
@@ -84,7 +84,7 @@ void add_scene_source_options(CLI::App& command, GaussiansOptions& options) {
               options.count = parse_integer("--count", text, 1, UINT64_MAX);
             });
   add_filter_options(command, group, "as the scene is stored, or after --source-axes",
-                     options.min_opacity, options.max_scale, options.box);
+                     options.filter.min_opacity, options.filter.max_scale, options.filter.box);
 }
 
 }  // namespace

@@ -60,11 +60,11 @@ void check_channel_names(const TransferOptions& options) {
   std::vector<std::string> known;
   for (int c = 0; c < static_cast<int>(Channel::other); ++c)
     known.emplace_back(channel_name(static_cast<Channel>(c)));
-  for (std::size_t k = 0; k < options.other_maps.size(); ++k) {
+  for (std::size_t k = 0; k < options.channels.other_maps.size(); ++k) {
     const bool is_given = std::any_of(
-        options.source_textures.begin(), options.source_textures.end(),
+        options.material.textures.begin(), options.material.textures.end(),
         [&](const SourceTexture& texture) { return texture.channel == other_channel(k); });
-    const std::string& name = options.other_maps[k].name;
+    const std::string& name = options.channels.other_maps[k].name;
     const std::string meant = is_given ? "" : did_you_mean(name, known);
     if (meant.empty()) continue;
     throw Error(ErrorKind::usage, name + ": no channel has this name" + meant +
@@ -91,8 +91,8 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
           "--output-for",
           [&options](const std::vector<std::string>& texts) {
             for (const std::string& text : texts) {
-              options.channel_outputs.push_back(
-                  parse_channel_output("--output-for", text, options.other_maps));
+              options.image.channel_outputs.push_back(
+                  parse_channel_output("--output-for", text, options.channels.other_maps));
             }
           },
           "Write this channel to images of its own name and format, such as\n"
@@ -106,25 +106,27 @@ void add_picture_options(CLI::App& command, TransferOptions& options) {
   add_value(command, "--coverage", "PATTERN", group,
             "Also write a mask: 255 where the source was found. Same tokens",
             [&options](const std::string& text) {
-              options.coverage_output = parse_image_pattern("--coverage", text);
+              options.image.coverage_output = parse_image_pattern("--coverage", text);
             });
-  add_value(command, "--tiles", "LIST", group,
-            "Only these UDIMs, such as 1001-1004,1011. Default: all that the\n"
-            "target's UVs lie in",
-            [&options](const std::string& text) { options.tiles = parse_udims("--tiles", text); });
   add_value(
-      command, "--size", "N|WxH", group,
-      "Texels of each image, each side 1 to 65536. Time grows with their number.\n"
-      "Default: per channel the largest source image",
-      [&options](const std::string& text) { options.size = parse_image_size("--size", text); });
-  add_value(command, "--depth", "TYPE", group,
-            "u8, u16, half or float. Default: the source image's",
-            [&options](const std::string& text) { options.depth = parse_depth("--depth", text); });
+      command, "--tiles", "LIST", group,
+      "Only these UDIMs, such as 1001-1004,1011. Default: all that the\n"
+      "target's UVs lie in",
+      [&options](const std::string& text) { options.image.tiles = parse_udims("--tiles", text); });
+  add_value(command, "--size", "N|WxH", group,
+            "Texels of each image, each side 1 to 65536. Time grows with their number.\n"
+            "Default: per channel the largest source image",
+            [&options](const std::string& text) {
+              options.image.size = parse_image_size("--size", text);
+            });
+  add_value(
+      command, "--depth", "TYPE", group, "u8, u16, half or float. Default: the source image's",
+      [&options](const std::string& text) { options.image.depth = parse_depth("--depth", text); });
   add_value(command, "--padding", "PX", group,
             "Fill this many texels around every chart with the nearest colour,\n"
             "0 to 4096. Memory grows with it. Default: larger side / 128",
             [&options](const std::string& text) {
-              options.padding_px =
+              options.image.padding_px =
                   static_cast<std::uint32_t>(parse_integer("--padding", text, 0, kMostPadding));
             });
 }
@@ -134,20 +136,20 @@ void add_file_options(CLI::App& command, TransferOptions& options) {
   add_value(command, "--exr-compression", "NAME", group,
             "For .exr and half .tx: none, rle, zips, zip or piz, all lossless.\n"
             "Default: zip",
-            [&options](const std::string& text) { options.exr_compression = text; });
+            [&options](const std::string& text) { options.image.exr_compression = text; });
   add_value(command, "--tile-size", "N", group,
             "Write .exr, .tif and .tx in tiles of N x N texels, a multiple of\n"
             "16 up to 1024. Default: rows, and 64 with levels",
             [&options](const std::string& text) {
-              options.tile_size =
+              options.image.tile_size =
                   static_cast<std::uint32_t>(parse_integer("--tile-size", text, 16, 1024));
             });
   add_switch(command, "--mipmap", group,
              "Write .exr and .tif with all their smaller levels (mipmaps), as\n"
              "renderers want them; .tx (TIFF, or EXR for half) always has them",
-             options.mipmap);
+             options.image.mipmap);
   add_switch(command, "--drop-alpha", group, "Write no alpha, whatever the source has",
-             options.drop_alpha);
+             options.image.drop_alpha);
 }
 
 void add_coverage_option(CLI::App& command, TransferOptions& options) {
@@ -170,17 +172,19 @@ void add_skip_option(CLI::App& command, TransferOptions& options) {
 
 void add_paint_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Painting over";
-  add_value(
-      command, "--onto", "IMAGE", group,
-      "Write what was found over this image instead of an empty one; it\n"
-      "gives size, depth and channels, its alpha stays where the source\n"
-      "has none. Same tokens as OUTPUT, and may be OUTPUT itself",
-      [&options](const std::string& text) { options.onto = parse_image_pattern("--onto", text); });
-  add_value(
-      command, "--mask", "IMAGE", group,
-      "Paint only as far as this mask is white (brightness times alpha;\n"
-      "grey mixes). Same tokens",
-      [&options](const std::string& text) { options.mask = parse_image_pattern("--mask", text); });
+  add_value(command, "--onto", "IMAGE", group,
+            "Write what was found over this image instead of an empty one; it\n"
+            "gives size, depth and channels, its alpha stays where the source\n"
+            "has none. Same tokens as OUTPUT, and may be OUTPUT itself",
+            [&options](const std::string& text) {
+              options.composite.onto = parse_image_pattern("--onto", text);
+            });
+  add_value(command, "--mask", "IMAGE", group,
+            "Paint only as far as this mask is white (brightness times alpha;\n"
+            "grey mixes). Same tokens",
+            [&options](const std::string& text) {
+              options.composite.mask = parse_image_pattern("--mask", text);
+            });
 }
 
 void add_factors_option(CLI::App& command, const char* group, TransferOptions& options) {
@@ -193,8 +197,8 @@ void add_factors_option(CLI::App& command, const char* group, TransferOptions& o
             "in its materials, so it takes apply or factors. Default: apply",
             [&options](const std::string& text) {
               const Factors factors = parse_factors("--factors", text);
-              options.apply_factors = factors.of_materials;
-              options.apply_vertex_colours = factors.of_vertices;
+              options.material.apply_factors = factors.of_materials;
+              options.material.apply_vertex_colours = factors.of_vertices;
             });
 }
 
@@ -205,7 +209,7 @@ void add_kind_option(CLI::App& command, const char* option, bool is_colour,
           option,
           [&options, option, is_colour](const std::vector<std::string>& names) {
             for (const std::string& name : names)
-              parse_map_kind(option, name, is_colour, options.other_maps);
+              parse_map_kind(option, name, is_colour, options.channels.other_maps);
           },
           is_colour ? "This map of your own is colour: converted where formats differ in\n"
                       "sRGB coding and linear light"
@@ -229,9 +233,10 @@ void add_source_options(CLI::App& command, TransferOptions& options) {
             "(signed, of the surface found from the texel; .exr or .tif).\n"
             "Default: all if OUTPUT is a model or holds <CHANNEL>, else baseColor",
             [&options](const std::string& text) {
-              options.all_channels = text == "all";
-              if (!options.all_channels) {
-                options.channels = parse_channels("--channels", text, options.other_maps);
+              options.channels.all = text == "all";
+              if (!options.channels.all) {
+                options.channels.transferred =
+                    parse_channels("--channels", text, options.channels.other_maps);
               }
             });
   add_value(command, "--bake", "LIST", group,
@@ -241,25 +246,27 @@ void add_source_options(CLI::App& command, TransferOptions& options) {
             "and vertexColor, the colours of its vertices by themselves.\n"
             "Besides --channels; alone if OUTPUT is one image. Needs no textures;\n"
             "without any, give --size",
-            [&options](const std::string& text) { options.baked = parse_baked("--bake", text); });
+            [&options](const std::string& text) {
+              options.channels.baked = parse_baked("--bake", text);
+            });
   add_value(command, "--normal-y", "up|down", group,
             "Which way green rises in the source's normal maps: up in the image\n"
             "(glTF, OpenGL) or down (DirectX). Default: up",
             [&options](const std::string& text) {
-              options.source_normal_y = parse_normal_y("--normal-y", text);
+              options.material.normal_y = parse_normal_y("--normal-y", text);
             });
   add_value(command, "--output-normal-y", "up|down", group,
             "The same of the normal map that is made. Default: up",
             [&options](const std::string& text) {
-              options.output_normal_y = parse_normal_y("--output-normal-y", text);
+              options.image.normal_y = parse_normal_y("--output-normal-y", text);
             });
   command
       .add_option_function<std::vector<std::string>>(
           "--source-texture",
           [&options](const std::vector<std::string>& texts) {
             for (const std::string& text : texts) {
-              options.source_textures.push_back(
-                  parse_source_texture("--source-texture", text, options.other_maps));
+              options.material.textures.push_back(
+                  parse_source_texture("--source-texture", text, options.channels.other_maps));
             }
           },
           "Take a channel from this image instead of what the mesh says, or a\n"
@@ -284,8 +291,8 @@ void add_colour_options(CLI::App& command, TransferOptions& options) {
           "--source-colorspace",
           [&options](const std::vector<std::string>& texts) {
             for (const std::string& text : texts)
-              options.source_colour_spaces.push_back(
-                  parse_source_space("--source-colorspace", text, options.other_maps));
+              options.colour.source_spaces.push_back(
+                  parse_source_space("--source-colorspace", text, options.channels.other_maps));
           },
           "What the source's images of colours hold, of this channel or of all:\n"
           "srgb, lin_rec709, acescg, aces2065-1, display-p3, or a space of --ocio.\n"
@@ -299,68 +306,73 @@ void add_colour_options(CLI::App& command, TransferOptions& options) {
   add_value(command, "--output-colorspace", "SPACE", group,
             "Convert colours to this. Default: the source's as far as the format\n"
             "holds it: EXR is linear light, others are srgb or display-p3, models srgb",
-            [&options](const std::string& text) { options.output_colour_space = text; });
-  add_config_option(command, group, options.colour_config);
+            [&options](const std::string& text) { options.image.colour_space = text; });
+  add_config_option(command, group, options.colour.config);
 }
 
 void add_method_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Method (SOURCE is a mesh)";
-  add_value(
-      command, "--method", "NAME", group,
-      "surface: what a texel's ray hits first, as sharp as the source; the better default.\n"
-      "gaussian: the paper's blend of all texels on the ray, as Gaussians: to compare\n"
-      "with it, or for layers and noise that shall melt together. Default: surface",
-      [&options](const std::string& text) { options.method = parse_method("--method", text); });
-  add_value(
-      command, "--filter", "NAME", group,
-      "Of surface: how the texels around a hit are blended, to no more than the\n"
-      "four nearest show. cubic: Catmull-Rom, sharper than bilinear, and even\n"
-      "gradients stay even. sharp: steeper, for drawings and hard edges;\n"
-      "gradients ripple a little. On finer targets both give back what texels\n"
-      "lose as means. tent: bilinear, what renderers look up. Default: cubic",
-      [&options](const std::string& text) { options.filter = parse_filter("--filter", text); });
+  add_value(command, "--method", "NAME", group,
+            "surface: what a texel's ray hits first, as sharp as the source; the better default.\n"
+            "gaussian: the paper's blend of all texels on the ray, as Gaussians: to compare\n"
+            "with it, or for layers and noise that shall melt together. Default: surface",
+            [&options](const std::string& text) {
+              options.mesh.method = parse_method("--method", text);
+            });
+  add_value(command, "--filter", "NAME", group,
+            "Of surface: how the texels around a hit are blended, to no more than the\n"
+            "four nearest show. cubic: Catmull-Rom, sharper than bilinear, and even\n"
+            "gradients stay even. sharp: steeper, for drawings and hard edges;\n"
+            "gradients ripple a little. On finer targets both give back what texels\n"
+            "lose as means. tent: bilinear, what renderers look up. Default: cubic",
+            [&options](const std::string& text) {
+              options.mesh.filter = parse_filter("--filter", text);
+            });
   add_value(command, "--sigma", "S", group,
             "Of gaussian: a texel's standard deviation in texels, 0.1 to 4. Wider\n"
             "blurs more and costs time with its square; below 0.35 texels may\n"
             "find nothing. Default: 0.5",
             [&options](const std::string& text) {
-              options.sigma_texels = parse_number("--sigma", text, 0.1, 4);
+              options.mesh.sigma_texels = parse_number("--sigma", text, 0.1, 4);
             });
   add_switch(command, "--densify", group,
              "Of gaussian: split texels that are large on the surface, so that it\n"
              "is about uniformly dense: up to three times as many Gaussians",
-             options.densify);
+             options.mesh.densify);
 }
 
 void add_splat_options(CLI::App& command, TransferOptions& options) {
   const char* const group = "Gaussians (SOURCE is a splat scene)";
-  add_value(
-      command, "--sh", "MODE", group,
-      "Which colour a Gaussian with spherical harmonics shows to a texel.\n"
-      "mean: over all directions that look at the texel, as for a material\n"
-      "that is lit anew. normal: as seen from straight above, with the\n"
-      "highlights of there. dc: its base colour, a little faster. Default: mean",
-      [&options](const std::string& text) { options.harmonics = parse_harmonics("--sh", text); });
-  add_filter_options(command, group, "in the job's axes: after --source-axes", options.min_opacity,
-                     options.max_scale, options.box);
+  add_value(command, "--sh", "MODE", group,
+            "Which colour a Gaussian with spherical harmonics shows to a texel.\n"
+            "mean: over all directions that look at the texel, as for a material\n"
+            "that is lit anew. normal: as seen from straight above, with the\n"
+            "highlights of there. dc: its base colour, a little faster. Default: mean",
+            [&options](const std::string& text) {
+              options.splats.harmonics = parse_harmonics("--sh", text);
+            });
+  add_filter_options(command, group, "in the job's axes: after --source-axes",
+                     options.splats.filter.min_opacity, options.splats.filter.max_scale,
+                     options.splats.filter.box);
   add_value(command, "--rays", "N", group,
             "So many further rays per texel, 0 to 16, in a cone of 35 degrees\n"
             "around its normal: 3 are 0.2 to 0.5 dB nearer to unseen views, but\n"
             "softer, and fine print goes. Each takes nearly as long as the\n"
             "normal. Default: 0",
             [&options](const std::string& text) {
-              options.rays =
+              options.splats.rays =
                   static_cast<std::uint32_t>(parse_integer("--rays", text, 0, kMostRays));
             });
   add_switch(command, "--alpha", group,
-             "Write how opaque the scene is at each texel as the image's alpha", options.alpha);
+             "Write how opaque the scene is at each texel as the image's alpha",
+             options.splats.alpha);
   add_value(command, "--min-confidence", "C", group,
             "Leave texels empty that are less sure than this, 0 to 1: how opaque\n"
             "the surface is, less where colours along the normal differ or it lies\n"
             "far away, times how well the scene lies at the target. 0: show\n"
             "whatever is there. Default: 0.01",
             [&options](const std::string& text) {
-              options.min_confidence = parse_number("--min-confidence", text, 0, 1);
+              options.splats.min_confidence = parse_number("--min-confidence", text, 0, 1);
             });
   add_value(command, "--near-target", "D|P%|off", group,
             "Do not sort what stays farther than this from every target's\n"
@@ -369,9 +381,10 @@ void add_splat_options(CLI::App& command, TransferOptions& options) {
             "Default: 6.6% (or 2.2 times --max-distance, if more) where a sample\n"
             "says that this spares three quarters of the scene, else off",
             [&options](const std::string& text) {
-              options.everywhere = text == "off";
-              options.near_target.reset();
-              if (!options.everywhere) options.near_target = parse_length("--near-target", text);
+              options.splats.everywhere = text == "off";
+              options.splats.near_target.reset();
+              if (!options.splats.everywhere)
+                options.splats.near_target = parse_length("--near-target", text);
             });
 }
 
@@ -384,13 +397,13 @@ void add_search_options(CLI::App& command, TransferOptions& options) {
             "1% keeps a second layer behind a thin one out, more reaches a scene\n"
             "that a coarse mesh lies beside. Default: 5%, 3% for splat scenes",
             [&options](const std::string& text) {
-              options.max_distance = parse_length("--max-distance", text);
+              options.search.max_distance = parse_length("--max-distance", text);
             });
   add_value(command, "--max-angle", "DEG", group,
             "Ignore source surface that faces away from the texel's normal by\n"
             "more than this, 0 to 89.9 degrees. Default: 80",
             [&options](const std::string& text) {
-              options.max_angle_deg = parse_number("--max-angle", text, 0, kLargestAngle);
+              options.search.max_angle_deg = parse_number("--max-angle", text, 0, kLargestAngle);
             });
 }
 

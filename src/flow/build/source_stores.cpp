@@ -148,7 +148,7 @@ void SourceStores::build_splats(double end) {
   request.fades_isolated = fades_isolated_;
   auto opened = splat_store(job_, request, &cached, end);
   splats_ = std::make_unique<SplatCache>(
-      job_.budget, SplatReader{{&job_, std::move(opened)}, options_.harmonics});
+      job_.budget, SplatReader{{&job_, std::move(opened)}, options_.splats.harmonics});
   const store::SplatDirectory& scene = splats_->store().directory();
   job_.report.depth_window = kWindowOverNoise * scene.surface_noise;
   job_.report.discness = source::discness(scene.roundness, scene.thickness);
@@ -162,7 +162,7 @@ void SourceStores::build_texels(double begin, double end) {
   bool cached = false;
   auto opened = texel_store(job_, texels_of(plan_), &cached, begin, end);
   splats_ = std::make_unique<SplatCache>(
-      job_.budget, SplatReader{{&job_, std::move(opened)}, options_.harmonics});
+      job_.budget, SplatReader{{&job_, std::move(opened)}, options_.splats.harmonics});
   count_splats(cached);
 }
 
@@ -187,7 +187,7 @@ std::unique_ptr<Projection> SourceStores::projector(std::size_t pass,
 }
 
 float SourceStores::min_cosine() const {
-  return static_cast<float>(std::cos(options_.max_angle_deg * std::numbers::pi / 180));
+  return static_cast<float>(std::cos(options_.search.max_angle_deg * std::numbers::pi / 180));
 }
 
 SplatProjection SourceStores::splat_request(const TargetPlan& target_plan) const {
@@ -196,7 +196,7 @@ SplatProjection SourceStores::splat_request(const TargetPlan& target_plan) const
   request.kernels = &projection::splat_kernels(isa_);
   const store::SplatDirectory& scene = splats_->store().directory();
   request.linear = scene.is_linear;
-  request.alpha = options_.alpha;
+  request.alpha = options_.splats.alpha;
   request.limits.reach = target_plan.max_distance;
   request.limits.min_cosine = min_cosine();
   request.limits.window = kWindowOverNoise * scene.surface_noise;
@@ -231,7 +231,7 @@ std::unique_ptr<Projection> SourceStores::splat_projector(std::size_t pass,
     request.outputs.push_back({channel.channel, channel.format, input});
   }
   request.fit = fit.fit;
-  request.limits.least_confidence = least_confidence(options_.min_confidence, fit.fit);
+  request.limits.least_confidence = least_confidence(options_.splats.min_confidence, fit.fit);
   expect_where_found(fit, request.limits);
   return project_splats(job_, request);
 }
@@ -256,7 +256,7 @@ std::unique_ptr<Projection> SourceStores::gaussian_projector(const store::Geomet
 std::optional<ShapeOutput> SourceStores::shape_of(const ChannelPlan& channel) const {
   if (!channel.has_shape()) return std::nullopt;
   ShapeOutput shape{
-      channel.channel, channel.baked, options_.source_normal_y, options_.output_normal_y, {}, {},
+      channel.channel, channel.baked, options_.material.normal_y, options_.image.normal_y, {}, {},
       plan_.origin};
   for (const PageTexture& page : channel.pages) shape.scales.push_back(page.normal_scale);
   if (channel.channel == Channel::vertex_color)

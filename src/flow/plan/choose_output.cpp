@@ -23,7 +23,7 @@ void choose_channels(const TransferOptions& options, const SourceLook& look,
                      std::vector<std::string>& warnings) {
   const std::string& output = output_of(options, plan.channel);
   const io::FormatLook format = io::format_look(output, plan.format.depth);
-  plan.format.has_alpha = onto ? onto->has_alpha : look.alpha && !options.drop_alpha;
+  plan.format.has_alpha = onto ? onto->has_alpha : look.alpha && !options.image.drop_alpha;
   std::uint32_t colours = look.colours;
   plan.names = look.names;
   if (onto) {  // as the old image is, but for grey that is to take colour
@@ -75,7 +75,7 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Colou
   const std::optional<io::ImageInfo> onto = onto_header(options, plan.name);
   plan.source_alpha = look.alpha;
   plan.source_colours = look.colours;
-  plan.size = options.size.value_or(onto ? ImageSize{onto->width, onto->height} : look.size);
+  plan.size = options.image.size.value_or(onto ? ImageSize{onto->width, onto->height} : look.size);
   if (plan.size.width == 0) plan.size = {kUntexturedSize, kUntexturedSize};
   if (plan.size.width > store::kLargestImageSide || plan.size.height > store::kLargestImageSide) {
     throw Error(ErrorKind::usage,
@@ -83,8 +83,8 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Colou
                             plan.size.height, store::kLargestImageSide));
   }
   const std::string& output = output_of(options, plan.channel);
-  const Depth wanted = options.depth ? *options.depth : onto ? onto->depth : look.depth;
-  plan.format.depth = options.depth ? wanted : io::writable_depth(output, wanted);
+  const Depth wanted = options.image.depth ? *options.image.depth : onto ? onto->depth : look.depth;
+  plan.format.depth = options.image.depth ? wanted : io::writable_depth(output, wanted);
   choose_channels(options, look, onto, plan, warnings);
   plan.format.is_colour = is_colour(options, plan.channel);
   spaces.choose(look, onto, plan, notes);
@@ -95,7 +95,7 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Colou
                           plan.format.depth, plan.format.linear, plan.format.has_alpha};
   std::string why = io::why_not_writable(output, spec);
   if (why.empty()) return;
-  if (spec.has_alpha && !onto && !options.alpha) {
+  if (spec.has_alpha && !onto && !options.splats.alpha) {
     spec.has_alpha = false;
     --spec.channels;
     if (io::why_not_writable(output, spec).empty()) why += ", or --drop-alpha";
@@ -112,7 +112,7 @@ void check_numbers(const TransferOptions& options, const ChannelPlan& plan,
         ErrorKind::usage,
         fmt::format("{} {}: --onto {} holds {} samples per texel, this is {}; put <CHANNEL> "
                     "into --onto, or leave {} to a run of its own",
-                    option, name, options.onto, plan.format.channels, samples, name));
+                    option, name, options.composite.onto, plan.format.channels, samples, name));
   }
   const bool is_float = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
   if (plan.channel == Channel::confidence || is_float) return;
@@ -121,7 +121,7 @@ void check_numbers(const TransferOptions& options, const ChannelPlan& plan,
       fmt::format("{} {}: signed lengths need half or float samples, {} would hold {}; "
                   "write .exr or .tif{}",
                   option, name, output_of(options, plan.channel), depth_name(plan.format.depth),
-                  options.depth ? " and leave out --depth" : ""));
+                  options.image.depth ? " and leave out --depth" : ""));
 }
 
 }  // namespace pounce::flow

@@ -34,28 +34,28 @@ void check_exr_space(const TransferOptions& options, const ColourSpace& asked) {
   throw Error(ErrorKind::usage,
               fmt::format("--output-colorspace {}: EXR holds linear light; choose lin_rec709, "
                           "acescg or aces2065-1, or another format",
-                          options.output_colour_space));
+                          options.image.colour_space));
 }
 
 void check_output_space(const TransferOptions& options, const ColourSpace& asked) {
-  if (!options.onto.empty()) {
+  if (!options.composite.onto.empty()) {
     throw Error(ErrorKind::usage,
                 "--output-colorspace: an image that is painted onto keeps its own; leave it out");
   }
-  if (io::is_exr(options.output, options.depth.value_or(Depth::u8)))
+  if (io::is_exr(options.output, options.image.depth.value_or(Depth::u8)))
     check_exr_space(options, asked);
   const bool is_srgb =
       asked.config_name.empty() && !asked.linear && same_primaries(asked.primaries, kRec709);
   if (io::is_model_path(options.output) && !is_srgb) {
     throw Error(ErrorKind::usage,
                 fmt::format("--output-colorspace {}: the textures of glTF are srgb; write images",
-                            options.output_colour_space));
+                            options.image.colour_space));
   }
 }
 
 /// No file says that it holds a space of a configuration, so none is made by the way.
 void check_kept(const TransferOptions& options, const ColourSpace& source) {
-  const bool is_said = !options.output_colour_space.empty() || !options.onto.empty() ||
+  const bool is_said = !options.image.colour_space.empty() || !options.composite.onto.empty() ||
                        io::is_model_path(options.output);
   if (source.config_name.empty() || is_said) return;
   throw Error(
@@ -63,7 +63,7 @@ void check_kept(const TransferOptions& options, const ColourSpace& source) {
       fmt::format("--source-colorspace {0}: what shall become of it? A file cannot say that "
                   "it holds a space of {1}; give --output-colorspace, such as srgb, "
                   "lin_rec709 or {0}",
-                  source.config_name, options.colour_config));
+                  source.config_name, options.colour.config));
 }
 
 /// The first of them, for messages.
@@ -80,7 +80,7 @@ std::string some_of(const std::vector<std::string>& names) {
 void check_colour_spaces(const TransferOptions& options) {
   const ColourSpaces spaces(options, io::is_model_path(options.output));
   std::vector<std::string> given;
-  for (const SourceColourSpace& source : options.source_colour_spaces) {
+  for (const SourceColourSpace& source : options.colour.source_spaces) {
     const std::string channel =
         source.channel ? channel_name(options, *source.channel) : "all channels";
     if (source.channel && !is_colour(options, *source.channel)) {
@@ -101,21 +101,21 @@ void check_colour_spaces(const TransferOptions& options) {
 
 ColourSpaces::ColourSpaces(const TransferOptions& options, bool for_model)
     : options_(options), for_model_(for_model) {
-  if (!options.colour_config.empty()) {
-    if (options.source_colour_spaces.empty() && options.output_colour_space.empty()) {
+  if (!options.colour.config.empty()) {
+    if (options.colour.source_spaces.empty() && options.image.colour_space.empty()) {
       throw Error(ErrorKind::usage,
                   fmt::format("--ocio {}: say which of its spaces the source holds or the output "
                               "shall hold, with --source-colorspace or --output-colorspace",
-                              options.colour_config));
+                              options.colour.config));
     }
     config_ = std::make_unique<const io::ColourConfig>(
-        options.colour_config, options.allow_external,
+        options.colour.config, options.allow_external,
         std::max(budget_bytes(options.resources), kLookAnyway));
   }
-  for (const SourceColourSpace& given : options.source_colour_spaces)
+  for (const SourceColourSpace& given : options.colour.source_spaces)
     given_.push_back(resolved("--source-colorspace", given.space));
-  if (!options.output_colour_space.empty())
-    asked_ = resolved("--output-colorspace", options.output_colour_space);
+  if (!options.image.colour_space.empty())
+    asked_ = resolved("--output-colorspace", options.image.colour_space);
 }
 
 ColourSpace ColourSpaces::resolved(const char* option, const std::string& name) const {
@@ -178,7 +178,7 @@ std::optional<ColourSpace> ColourSpaces::given(Channel channel) const {
   std::optional<ColourSpace> found;
   if (!is_colour(options_, channel)) return found;
   for (std::size_t i = 0; i < given_.size(); ++i) {
-    const auto& of = options_.source_colour_spaces[i].channel;
+    const auto& of = options_.colour.source_spaces[i].channel;
     if (of ? *of == channel : !found) found = given_[i];
   }
   return found;

@@ -56,15 +56,15 @@ Slots slots_left(const TransferOptions& options, const Plan& plan, const mesh::M
     const mesh::Material& material = source.materials[m];
     for (const mesh::OtherTexture& other : material.other_textures)
       add_image(source.images[other.image], slots[other.slot]);
-    for (int c = 0; options.channels.empty() && c < kChannelCount; ++c) {
+    for (int c = 0; options.channels.transferred.empty() && c < kChannelCount; ++c) {
       const auto& texture = material.textures[static_cast<std::size_t>(c)];
       const auto channel = static_cast<Channel>(c);
       if (texture && !is_transferred(plan, channel))
         add_image(source.images[texture->image], slots[channel_name(channel)]);
     }
   }
-  for (const SourceTexture& given : options.source_textures) {
-    if (!options.channels.empty() || is_transferred(plan, given.channel)) continue;
+  for (const SourceTexture& given : options.material.textures) {
+    if (!options.channels.transferred.empty() || is_transferred(plan, given.channel)) continue;
     std::vector<std::string>& images = slots[channel_name(options, given.channel)];
     images = {std::filesystem::path(given.path).filename().string()};
   }
@@ -123,10 +123,11 @@ std::string factors_note(const TransferOptions& options, const Plan& plan,
   if (counts.empty()) return "";
   return fmt::format(
       "{}: factors of materials {}: {}", source.path,
-      options.apply_factors
-          ? fmt::format(
-                "multiplied into the images (--factors {}: not)",
-                options.apply_vertex_colours && !source.colours.empty() ? "vertices" : "ignore")
+      options.material.apply_factors
+          ? fmt::format("multiplied into the images (--factors {}: not)",
+                        options.material.apply_vertex_colours && !source.colours.empty()
+                            ? "vertices"
+                            : "ignore")
           : "not multiplied into the images",
       counted(counts));
 }

@@ -54,7 +54,7 @@ bool is_colour(const TransferOptions& options, Channel channel) {
     return channel == Channel::base_color || channel == Channel::emissive ||
            channel == Channel::vertex_color;
   }
-  const OtherMap& map = options.other_maps.at(other_index(channel));
+  const OtherMap& map = options.channels.other_maps.at(other_index(channel));
   return map.is_colour.value_or(usually_colour(map.name).value_or(false));
 }
 

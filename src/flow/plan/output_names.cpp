@@ -48,7 +48,7 @@ std::string expand_pattern(const std::string& pattern,
 }
 
 const std::string& output_of(const TransferOptions& options, Channel channel) {
-  for (const ChannelOutput& own : options.channel_outputs) {
+  for (const ChannelOutput& own : options.image.channel_outputs) {
     if (own.channel == channel) return own.path;
   }
   return options.output;

@@ -58,7 +58,7 @@ struct ChannelPlan {
   bool shows_alpha = false;
   /// By source page: the materials, then the same again for triangles without UVs.
   std::vector<PageTexture> pages;
-  bool baked = false;  ///< TransferOptions::baked
+  bool baked = false;  ///< ChannelOptions::baked
   /// Is it of the surface itself: a normal map, or baked?
   bool has_shape() const { return channel == Channel::normal || baked; }
   bool is_tinted() const;  ///< on some page

@@ -54,7 +54,7 @@ class SourceTextures {
  public:
   SourceTextures(const TransferOptions& options, const mesh::Mesh& source)
       : mesh_(source), images_(source.images), uv_set_(options.source_use.uv_set) {
-    for (const SourceTexture& given : options.source_textures) {
+    for (const SourceTexture& given : options.material.textures) {
       const auto [at, is_first] = override_.try_emplace(given.channel, images_.size());
       if (!is_first) {
         throw Error(ErrorKind::usage, fmt::format("two source textures for {}: {} and {}",
@@ -105,14 +105,15 @@ class SourcePlanner {
         textures_(options, source),
         used_(used_materials(source)),
         for_model_(for_model) {
-    for (const Channel channel : options.baked) is_baked_[static_cast<std::size_t>(channel)] = true;
+    for (const Channel channel : options.channels.baked)
+      is_baked_[static_cast<std::size_t>(channel)] = true;
   }
 
   Plan make() {
-    plan_.filter = options_.filter.value_or(kDefaultFilter);
-    plan_.as_gaussians = options_.method == Method::gaussian;
-    plan_.sigma_texels = options_.sigma_texels.value_or(kDefaultSigma);
-    plan_.densify = options_.densify;
+    plan_.filter = options_.mesh.filter.value_or(kDefaultFilter);
+    plan_.as_gaussians = options_.mesh.method == Method::gaussian;
+    plan_.sigma_texels = options_.mesh.sigma_texels.value_or(kDefaultSigma);
+    plan_.densify = options_.mesh.densify;
     if (source_.triangles.empty())
       throw Error(ErrorKind::input, source_.path + ": has no triangles");
     if (!has_surface(source_)) {
@@ -159,7 +160,7 @@ class SourcePlanner {
   /// Do the colours of the source's vertices multiply a channel? No output but these images can
   /// show them: a model has the vertices of the target.
   bool is_tinted(Channel channel) const {
-    return channel == Channel::base_color && options_.apply_vertex_colours &&
+    return channel == Channel::base_color && options_.material.apply_vertex_colours &&
            !source_.colours.empty();
   }
 
@@ -180,8 +181,8 @@ class SourcePlanner {
 
   void warn_of_directions() {
     if (plan_.makes_normals()) return;
-    const bool source = options_.source_normal_y != NormalY::up;
-    if (!source && options_.output_normal_y == NormalY::up) return;
+    const bool source = options_.material.normal_y != NormalY::up;
+    if (!source && options_.image.normal_y == NormalY::up) return;
     plan_.warnings.push_back(
         fmt::format("{}: no normal map is made", source ? "--normal-y" : "--output-normal-y"));
   }
@@ -198,13 +199,13 @@ class SourcePlanner {
 
   /// All channels are chosen, not some by name.
   bool takes_all() const {
-    return options_.all_channels ||
-           (options_.channels.empty() && has_token(options_.output, "CHANNEL"));
+    return options_.channels.all ||
+           (options_.channels.transferred.empty() && has_token(options_.output, "CHANNEL"));
   }
 
   /// By name, or by an image of its own. Nobody leaves out the colour without saying so.
   bool is_asked_for(Channel channel) const {
-    const auto& given = options_.source_textures;
+    const auto& given = options_.material.textures;
     return !takes_all() || channel == Channel::base_color || is_baked(channel) ||
            std::any_of(given.begin(), given.end(),
                        [&](const SourceTexture& texture) { return texture.channel == channel; });
@@ -271,15 +272,15 @@ class SourcePlanner {
   }
 
   std::vector<Channel> chosen_channels() {
-    const bool all = takes_all() && options_.method == Method::surface;
+    const bool all = takes_all() && options_.mesh.method == Method::surface;
     if (takes_all() && !all) warn_of_one_channel();
-    std::vector<Channel> chosen = options_.channels;
-    if (!all && chosen.empty() && options_.baked.empty()) chosen = {Channel::base_color};
+    std::vector<Channel> chosen = options_.channels.transferred;
+    if (!all && chosen.empty() && options_.channels.baked.empty()) chosen = {Channel::base_color};
     if (all) {
       for (int c = 0; c < kChannelCount; ++c) {
         if (source_has(static_cast<Channel>(c))) chosen.push_back(static_cast<Channel>(c));
       }
-      for (std::size_t k = 0; k < options_.other_maps.size(); ++k)
+      for (std::size_t k = 0; k < options_.channels.other_maps.size(); ++k)
         chosen.push_back(other_channel(k));
     }
     std::vector<Channel> distinct;
@@ -303,7 +304,7 @@ class SourcePlanner {
                               source_.has_vertex_colours ? "are all white, or all black"
                                                          : "have no colours"));
     }
-    for (const Channel c : options_.baked) {  // last: images of others may give their size
+    for (const Channel c : options_.channels.baked) {  // last: images of others may give their size
       if (std::find(distinct.begin(), distinct.end(), c) == distinct.end()) distinct.push_back(c);
     }
     if (distinct.empty()) {
@@ -593,7 +594,7 @@ class SourcePlanner {
   /// A map whose name says neither colour nor data.
   void note_kind(Channel channel) {
     if (!is_other(channel)) return;
-    const OtherMap& map = options_.other_maps[other_index(channel)];
+    const OtherMap& map = options_.channels.other_maps[other_index(channel)];
     if (map.is_colour || usually_colour(map.name)) return;
     plan_.notes.push_back(fmt::format(
         "{}: taken as data, never converted; --color {} where it is colour", map.name, map.name));
@@ -618,7 +619,7 @@ class SourcePlanner {
     std::vector<PageTexture> without_uvs;
     const auto common = common_factor(channel);
     if (common) plan.material_factor = *common;
-    const bool applies_factors = options_.apply_factors && !common;
+    const bool applies_factors = options_.material.apply_factors && !common;
     for (std::size_t m = 0; m < source_.materials.size(); ++m) {
       plan.pages.push_back(page_texture(m, channel, applies_factors, tile_sets));
       without_uvs.emplace_back().constant = plan.pages[m].constant;
@@ -688,7 +689,7 @@ class SourcePlanner {
           std::uint64_t{largest.width} * largest.height)
         largest = channel.size;
     }
-    if (largest.width == 0 && !options_.size && options_.onto.empty()) {
+    if (largest.width == 0 && !options_.image.size && options_.composite.onto.empty()) {
       throw Error(ErrorKind::usage,
                   fmt::format("{}{} has no texture whose size the images could take; give --size",
                               plan.baked ? "--bake: " : "", source_.path));
@@ -749,10 +750,10 @@ class SourcePlanner {
                                          [](const Vec4f& c) { return c.w != 1; });
     if (has_opacity && !look.alpha) take_opacity("the opacity of its vertices", plan, look);
     if (!plan.is_tinted()) return;
-    plan_.notes.push_back(
-        fmt::format("{}: the colours of its vertices are multiplied into {} "
-                    "(--factors {}: not)",
-                    source_.path, plan.name, options_.apply_factors ? "factors" : "textures"));
+    plan_.notes.push_back(fmt::format(
+        "{}: the colours of its vertices are multiplied into {} "
+        "(--factors {}: not)",
+        source_.path, plan.name, options_.material.apply_factors ? "factors" : "textures"));
   }
 
   void take_opacity(const char* what, const ChannelPlan& plan, SourceLook& look) {

@@ -26,17 +26,18 @@ SplatRequest splat_request(const TransferOptions& options) {
   SplatRequest request;
   request.path = options.source;
   request.axes = axes_of(options.source_use, "source");
-  request.harmonics = options.harmonics;
+  request.harmonics = options.splats.harmonics;
   const auto value = [](double v) { return static_cast<float>(v); };
-  if (options.min_opacity && *options.min_opacity > kDefaultMinOpacity)
-    request.keep.min_alpha = value(*options.min_opacity);
-  if (options.max_scale) request.keep.max_sigma = value(*options.max_scale);
-  if (options.box) {
-    const auto& [low, high] = *options.box;
+  if (options.splats.filter.min_opacity && *options.splats.filter.min_opacity > kDefaultMinOpacity)
+    request.keep.min_alpha = value(*options.splats.filter.min_opacity);
+  if (options.splats.filter.max_scale)
+    request.keep.max_sigma = value(*options.splats.filter.max_scale);
+  if (options.splats.filter.box) {
+    const auto& [low, high] = *options.splats.filter.box;
     request.keep.box = {{value(low[0]), value(low[1]), value(low[2])},
                         {value(high[0]), value(high[1]), value(high[2])}};
   }
-  request.near_is_asked = options.near_target.has_value();
+  request.near_is_asked = options.splats.near_target.has_value();
   return request;
 }
 
@@ -44,15 +45,15 @@ namespace {
 
 /// `all` is what a scene looks like; how sure that is must be asked for.
 std::vector<Channel> channels_of(const TransferOptions& options) {
-  if (options.channels.empty()) return {Channel::base_color};
-  for (const Channel channel : options.channels) {
+  if (options.channels.transferred.empty()) return {Channel::base_color};
+  for (const Channel channel : options.channels.transferred) {
     if (channel == Channel::base_color || is_evidence(channel)) continue;
     throw Error(ErrorKind::input,
                 fmt::format("{}: a splat scene has colours only, no {}; ask for baseColor, "
                             "confidence or distance",
                             options.source, channel_name(options, channel)));
   }
-  return options.channels;
+  return options.channels.transferred;
 }
 
 SourceLook look_of(Channel channel, const SceneFacts& scene) {
@@ -71,7 +72,7 @@ void add_channel(const TransferOptions& options, Channel channel, ColourSpaces& 
   added.channel = channel;
   added.name = channel_name(channel);
   SourceLook look = look_of(channel, plan.scene);
-  look.alpha = options.alpha && channel == Channel::base_color;
+  look.alpha = options.splats.alpha && channel == Channel::base_color;
   added.shows_alpha = look.alpha;
   choose_output(options, look, spaces, added, plan.warnings, plan.notes);
   if (is_evidence(channel)) check_numbers(options, added, "--channels");
@@ -79,7 +80,7 @@ void add_channel(const TransferOptions& options, Channel channel, ColourSpaces& 
     throw Error(ErrorKind::usage,
                 fmt::format("--alpha: {} has no alpha to paint over; paint onto an image with "
                             "alpha, or leave --alpha out",
-                            options.onto));
+                            options.composite.onto));
   }
   const std::size_t c = plan.channels.size() - 1;
   for (PassPlan& pass : plan.passes) {
@@ -99,19 +100,20 @@ bool is_splat_scene(const std::string& path) {
 
 void keep_near(const TransferOptions& options, const TargetPlan& target, const mesh::Mesh& mesh,
                SplatRequest& splats) {
-  if (options.everywhere || options.targets.size() > kMostNearTargets) return;
+  if (options.splats.everywhere || options.targets.size() > kMostNearTargets) return;
   // What texels see, and what says whether the scene lies here at all.
   double distance =
       kReachOverDistance * static_cast<double>(std::max(target.max_distance, target.fit_reach));
-  if (options.near_target) {
-    distance = options.near_target->is_percent ? options.near_target->value / 100 * target.diagonal
-                                               : options.near_target->value;
+  if (options.splats.near_target) {
+    distance = options.splats.near_target->is_percent
+                   ? options.splats.near_target->value / 100 * target.diagonal
+                   : options.splats.near_target->value;
   }
   splats.keep.near.push_back(std::make_shared<NearSurface>(mesh, distance));
 }
 
 void refuse_splat_options(const TransferOptions& options) {
-  for (const Channel channel : options.channels) {
+  for (const Channel channel : options.channels.transferred) {
     if (!is_evidence(channel)) continue;
     throw Error(ErrorKind::usage,
                 fmt::format("--channels {}: it says {} a splat scene {} a texel; {} is a mesh",
@@ -120,17 +122,18 @@ void refuse_splat_options(const TransferOptions& options) {
                             channel == Channel::confidence ? "is of" : "is from", options.source));
   }
   const bool leaves_out_faint =
-      options.min_opacity.value_or(kDefaultMinOpacity) > kDefaultMinOpacity;
-  const bool other_confidence = options.min_confidence != TransferOptions{}.min_confidence;
-  const char* const given = options.harmonics != TransferOptions{}.harmonics ? "--sh"
-                            : leaves_out_faint                               ? "--min-opacity"
-                            : options.max_scale                              ? "--max-scale"
-                            : options.box                                    ? "--box"
-                            : options.rays > 0                               ? "--rays"
-                            : options.alpha                                  ? "--alpha"
-                            : options.near_target || options.everywhere      ? "--near-target"
-                            : other_confidence                               ? "--min-confidence"
-                                                                             : nullptr;
+      options.splats.filter.min_opacity.value_or(kDefaultMinOpacity) > kDefaultMinOpacity;
+  const bool other_confidence = options.splats.min_confidence != SplatOptions{}.min_confidence;
+  const char* const given = options.splats.harmonics != SplatOptions{}.harmonics ? "--sh"
+                            : leaves_out_faint                                   ? "--min-opacity"
+                            : options.splats.filter.max_scale                    ? "--max-scale"
+                            : options.splats.filter.box                          ? "--box"
+                            : options.splats.rays > 0                            ? "--rays"
+                            : options.splats.alpha                               ? "--alpha"
+                            : options.splats.near_target || options.splats.everywhere
+                                ? "--near-target"
+                            : other_confidence ? "--min-confidence"
+                                               : nullptr;
   if (given == nullptr) return;
   throw Error(ErrorKind::usage,
               fmt::format("{} is about the Gaussians of a splat scene; {} is a mesh", given,
@@ -139,7 +142,7 @@ void refuse_splat_options(const TransferOptions& options) {
 
 Plan plan_splats(const TransferOptions& options, bool for_model,
                  const std::function<void()>& poll) {
-  if (!options.source_textures.empty()) {
+  if (!options.material.textures.empty()) {
     throw Error(ErrorKind::usage,
                 fmt::format("--source-texture: {} is a splat scene; its Gaussians have their own "
                             "colours and no UVs",
@@ -152,43 +155,43 @@ Plan plan_splats(const TransferOptions& options, bool for_model,
                             "scene, which has no meshes, materials and UVs",
                             options.source));
   }
-  if (!options.source_colour_spaces.empty()) {
+  if (!options.colour.source_spaces.empty()) {
     throw Error(ErrorKind::usage,
                 fmt::format("--source-colorspace: {} is a splat scene, whose file says what its "
                             "colours are",
                             options.source));
   }
-  const char* const of_meshes = !options.baked.empty()                   ? "--bake"
-                                : options.source_normal_y != NormalY::up ? "--normal-y"
-                                : options.output_normal_y != NormalY::up ? "--output-normal-y"
-                                                                         : nullptr;
+  const char* const of_meshes = !options.channels.baked.empty()            ? "--bake"
+                                : options.material.normal_y != NormalY::up ? "--normal-y"
+                                : options.image.normal_y != NormalY::up    ? "--output-normal-y"
+                                                                           : nullptr;
   if (of_meshes != nullptr) {
     throw Error(ErrorKind::usage,
                 fmt::format("{}: {} is a splat scene, which has neither a mesh's shape nor normal "
                             "maps",
                             of_meshes, options.source));
   }
-  if (!options.apply_factors || !options.apply_vertex_colours) {
+  if (!options.material.apply_factors || !options.material.apply_vertex_colours) {
     throw Error(
         ErrorKind::usage,
         fmt::format("--factors: {} is a splat scene, which has no materials", options.source));
   }
-  const bool has_width = options.sigma_texels.value_or(kDefaultSigma) != kDefaultSigma;
-  if (has_width || options.densify) {
+  const bool has_width = options.mesh.sigma_texels.value_or(kDefaultSigma) != kDefaultSigma;
+  if (has_width || options.mesh.densify) {
     throw Error(
         ErrorKind::usage,
         fmt::format("{}: {} is a splat scene, whose Gaussians have their own sizes; this is "
                     "for the texels of a mesh",
                     has_width ? "--sigma" : "--densify", options.source));
   }
-  if (options.filter.value_or(kDefaultFilter) != kDefaultFilter) {
+  if (options.mesh.filter.value_or(kDefaultFilter) != kDefaultFilter) {
     throw Error(ErrorKind::usage,
                 fmt::format("--filter: {} is a splat scene, which has no image to look up; this is "
                             "for meshes",
                             options.source));
   }
   const std::vector<Channel> channels = channels_of(options);
-  if (options.alpha &&
+  if (options.splats.alpha &&
       std::find(channels.begin(), channels.end(), Channel::base_color) == channels.end()) {
     throw Error(ErrorKind::usage,
                 "--alpha is of colours: add baseColor to --channels, or leave --alpha out");
@@ -197,7 +200,7 @@ Plan plan_splats(const TransferOptions& options, bool for_model,
   plan.from_splats = true;
   plan.splats = splat_request(options);
   plan.scene = scene_facts(plan.splats, poll);
-  plan.rays = options.rays;
+  plan.rays = options.splats.rays;
   ColourSpaces spaces(options, for_model);
   for (const Channel channel : channels) add_channel(options, channel, spaces, plan);
   spaces.finish(plan);

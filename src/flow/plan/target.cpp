@@ -44,9 +44,10 @@ constexpr double kFitPercent = 6, kFitOverReach = 2;
 io::ImageLayout layout_of(const TransferOptions& options, const std::string& path, Depth depth) {
   constexpr std::uint32_t kLevelTiles = 64;  // as maketx
   if (!io::format_look(path, depth).tiled) return {};
-  const bool mipmap = options.mipmap || io::is_tx_path(path);
-  const std::uint32_t tiles = options.tile_size == 0 && mipmap ? kLevelTiles : options.tile_size;
-  return {io::is_exr(path, depth) ? options.exr_compression : "", tiles, mipmap};
+  const bool mipmap = options.image.mipmap || io::is_tx_path(path);
+  const std::uint32_t tiles =
+      options.image.tile_size == 0 && mipmap ? kLevelTiles : options.image.tile_size;
+  return {io::is_exr(path, depth) ? options.image.exr_compression : "", tiles, mipmap};
 }
 
 class TargetPlanner {
@@ -59,18 +60,18 @@ class TargetPlanner {
     const double diag = diagonal(target_);
     plan_.diagonal = diag;
     const Length usual{source_.from_splats ? kSplatReachPercent : kReachPercent, true};
-    const Length reach = options_.max_distance.value_or(usual);
+    const Length reach = options_.search.max_distance.value_or(usual);
     const double distance = reach.is_percent ? reach.value / 100 * diag : reach.value;
     using Float = std::numeric_limits<float>;
     plan_.max_distance =
         static_cast<float>(std::clamp<double>(distance, Float::min(), Float::max()));
-    plan_.usual_distance = options_.max_distance && distance == usual.value / 100 * diag;
+    plan_.usual_distance = options_.search.max_distance && distance == usual.value / 100 * diag;
     set_fit_reach(distance);
     plan_.smallest_edge = static_cast<float>(std::max(diag * 1e-7, 1e-30));
     PageRequest request;
     request.by_material = has_token(options_.output, "MATERIAL");
     request.by_tile = by_tile(options_.output);
-    request.selected = options_.tiles;
+    request.selected = options_.image.tiles;
     request.uv_set = options_.target_use.uv_set.value_or(0);
     TargetPages pages = target_pages(target_, request, plan_.warnings);
     plan_.pages = pages.pages;
@@ -97,8 +98,9 @@ class TargetPlanner {
     };
     const double usual = std::max(length_of({kFitPercent, true}), kFitOverReach * max_distance);
     plan_.usual_fit_reach = to_float(usual);
-    plan_.fit_reach =
-        to_float(options_.near_target ? std::min(usual, length_of(*options_.near_target)) : usual);
+    plan_.fit_reach = to_float(options_.splats.near_target
+                                   ? std::min(usual, length_of(*options_.splats.near_target))
+                                   : usual);
   }
 
   GeometryRequest target_request(const PassPlan& pass, const TargetPages& pages, std::uint32_t page,
@@ -131,24 +133,25 @@ class TargetPlanner {
       image.path = expand_pattern(output_of(options_, channel.channel), values);
       plan_.outputs.push_back(image.path);
       // Without <CHANNEL> one mask stands for all channels: that of the first.
-      if (!options_.coverage_output.empty() &&
-          (c == 0 || has_token(options_.coverage_output, "CHANNEL"))) {
-        image.coverage_path = expand_pattern(options_.coverage_output, values);
+      if (!options_.image.coverage_output.empty() &&
+          (c == 0 || has_token(options_.image.coverage_output, "CHANNEL"))) {
+        image.coverage_path = expand_pattern(options_.image.coverage_output, values);
         check_mask(image.coverage_path, channel.size);
         plan_.outputs.push_back(image.coverage_path);
       }
       const Depth depth = channel.format.depth;
       image.layout = layout_of(options_, image.path, depth);
       image.coverage_layout = layout_of(options_, image.coverage_path, Depth::u8);
-      image.usual_tiles = options_.tile_size != 0 && is_laid_out_by(without_tiles(), depth, image);
-      image.usual_levels = options_.mipmap && is_laid_out_by(without_levels(), depth, image);
+      image.usual_tiles =
+          options_.image.tile_size != 0 && is_laid_out_by(without_tiles(), depth, image);
+      image.usual_levels = options_.image.mipmap && is_laid_out_by(without_levels(), depth, image);
       image.channel_names = channel.names;
       image.chromaticities = channel.chromaticities;
       image.tagged = channel.colour_space.empty();
       image.lattice = {channel.size.width, channel.size.height, 0, {}};
       image.padding = padding_of(channel);
       image.is_normal_map = channel.channel == Channel::normal && channel.format.channels >= 3;
-      if (!options_.onto.empty()) {
+      if (!options_.composite.onto.empty()) {
         image.onto = plan_onto(options_, image.path, values, channel.size, channel.format,
                                {channel.source_colours, channel.source_alpha});
         keep_from_harm(*image.onto, image.path);
@@ -159,12 +162,12 @@ class TargetPlanner {
 
   TransferOptions without_tiles() const {
     TransferOptions options = options_;
-    options.tile_size = 0;
+    options.image.tile_size = 0;
     return options;
   }
   TransferOptions without_levels() const {
     TransferOptions options = options_;
-    options.mipmap = false;
+    options.image.mipmap = false;
     return options;
   }
   static bool is_laid_out_by(const TransferOptions& options, Depth depth,
@@ -176,8 +179,8 @@ class TargetPlanner {
   /// No texel is sure because its neighbour is. A distance is padded: meshes are displaced by it.
   std::uint32_t padding_of(const ChannelPlan& channel) const {
     if (channel.channel == Channel::confidence) return 0;
-    return options_.padding_px.value_or(std::max(channel.size.width, channel.size.height) /
-                                        kPaddingShare);
+    return options_.image.padding_px.value_or(std::max(channel.size.width, channel.size.height) /
+                                              kPaddingShare);
   }
 
   /// An image may be painted over in place, but not be what another one is painted onto; a mask is
@@ -227,8 +230,8 @@ std::string how_to_tell_apart(const TransferOptions& options, const Plan& plan) 
         at->second, path);
   }
   for (const char* token : {"TARGET", "UDIM", "UVTILE", "MATERIAL"}) {
-    if (!options.coverage_output.empty() && has_token(options.output, token) &&
-        !has_token(options.coverage_output, token))
+    if (!options.image.coverage_output.empty() && has_token(options.output, token) &&
+        !has_token(options.image.coverage_output, token))
       return fmt::format("put <{}> into --coverage, as into -o", token);
   }
   if (plan.channels.size() > 1 && !has_token(options.output, "CHANNEL"))

@@ -122,7 +122,7 @@ void TransferPlan::plan_source_side(DiskPlan& disk) {
   }
   if (source_plan_.table_loading_bytes > 0) {
     need(source_plan_.table_loading_bytes + source_.size_bytes(),
-         "the tables of " + options_.colour_config);
+         "the tables of " + options_.colour.config);
   }
   check_channel_outputs();
   add_warnings(source_plan_.warnings);
@@ -167,7 +167,7 @@ void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
 
 /// An output of its own is no wish for a channel: it may be meant for another job.
 void TransferPlan::check_channel_outputs() const {
-  for (const ChannelOutput& own : options_.channel_outputs) {
+  for (const ChannelOutput& own : options_.image.channel_outputs) {
     const bool is_made =
         std::any_of(source_plan_.channels.begin(), source_plan_.channels.end(),
                     [&](const ChannelPlan& plan) { return plan.channel == own.channel; });
@@ -262,7 +262,7 @@ void TransferPlan::warn_of_own_colours() {
 
 /// What shows that source and target are in the wrong order is said before what is missing.
 void TransferPlan::check_order() {
-  const bool needs_none = !options_.source_textures.empty() || !options_.baked.empty();
+  const bool needs_none = !options_.material.textures.empty() || !options_.channels.baked.empty();
   if (needs_none || has_textures(source_) || !source_.colours.empty()) return;
   for (const std::string& path : options_.targets) {
     require_early(job_, {source_.size_bytes() + reading_bytes(path), "reading " + path},
@@ -386,7 +386,7 @@ std::uint64_t TransferPlan::reading_bytes(const std::string& path) const {
 
 mesh::Mesh TransferPlan::load_target(const std::string& path) const {
   return load_mesh(path, options_.target_use, "target", options_.allow_external, origin_,
-                   !options_.onto.empty());
+                   !options_.composite.onto.empty());
 }
 
 void TransferPlan::add_warning(const std::string& warning) {

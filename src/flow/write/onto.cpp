@@ -87,8 +87,8 @@ io::ImageInfo checked_header(const std::string& option, const std::string& path,
 
 std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
                                          const std::string& channel) {
-  if (options.onto.empty()) return std::nullopt;
-  const std::string pattern = replaced(options.onto, "CHANNEL", channel);
+  if (options.composite.onto.empty()) return std::nullopt;
+  const std::string pattern = replaced(options.composite.onto, "CHANNEL", channel);
   if (pattern.find('<') == std::string::npos)
     return io::ImageReader(pattern, options.allowed_formats).info();
   const fs::path path(pattern);
@@ -113,11 +113,11 @@ OntoImage plan_onto(const TransferOptions& options, const std::string& output,
                     const texture::TexelFormat& format, const SourceSamples& source) {
   OntoImage onto;
   onto.allowed_formats = options.allowed_formats;
-  onto.path = expand_pattern(options.onto, tokens);
+  onto.path = expand_pattern(options.composite.onto, tokens);
   const io::ImageInfo info = checked_header("--onto", onto.path, size, options.allowed_formats);
   onto.decoder_bytes = info.decoder_bytes;
-  if (!options.mask.empty()) {
-    onto.mask_path = expand_pattern(options.mask, tokens);
+  if (!options.composite.mask.empty()) {
+    onto.mask_path = expand_pattern(options.composite.mask, tokens);
     onto.decoder_bytes +=
         checked_header("--mask", onto.mask_path, size, options.allowed_formats).decoder_bytes;
   }

@@ -19,7 +19,7 @@ int main() try {
       << "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n";
   options.targets = {"plane.obj"};
   options.output = "out.png";
-  options.source_textures = {{pounce::Channel::base_color, "gray.pgm"}};
+  options.material.textures = {{pounce::Channel::base_color, "gray.pgm"}};
   const pounce::PlanReport plan = pounce::plan(options);
   std::printf("%s takes %llu bytes\n", plan.outputs.at(0).c_str(),
               static_cast<unsigned long long>(plan.least_memory_bytes));
