@@ -7,9 +7,9 @@
 #include <filesystem>
 #include <map>
 
-#include "flow/build/build_stores.h"
-#include "flow/job.h"
+#include "flow/stores/build_stores.h"
 #include "io/read_mesh.h"
+#include "job/run_job.h"
 #include "recipes.h"
 #include "target/target_block.h"
 
@@ -57,7 +57,7 @@ const std::string& heads() {
 }
 
 std::vector<store::GeometryBlock> read_blocks(const store::GeometryStore& store,
-                                              flow::JobContext& job) {
+                                              job::JobContext& job) {
   std::vector<store::GeometryBlock> blocks;
   for (std::uint32_t t = 0; t < store.directory().tiles.size(); ++t) {
     for (const store::BlockEntry& entry : store.read_index(t, job.compressor()))
@@ -71,12 +71,12 @@ std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
   job->options = reference_options(shape, size);
   job->source = io::read_mesh(job->options.source);
   job->target = io::read_mesh(job->options.targets.front());
-  job->plan = flow::plan_source(job->options, job->source, false);
+  job->plan = flow::plan_mesh(job->options, job->source, flow::TexelsAs::surface, false);
   job->target_plan =
       flow::plan_target(job->options, job->plan, job->options.targets.front(), job->target);
   job->context =
-      flow::open_job(job->options.resources, job->options.output, true, false, false, job->run);
-  job->context->tile_cap_bytes = flow::kTileCapBytes;
+      job::open_job(job->options.resources, job->options.output, true, false, false, job->run);
+  job->context->tile_cap_bytes = job::kTileCapBytes;
   const flow::PassPlan& pass = job->plan.passes.at(0);
   bool cached = false;
   job->source_store = flow::geometry_store(*job->context, pass.source, &cached);

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "flow/job_context.h"
 #include "flow/plan/plan.h"
+#include "job/job_context.h"
 #include "pounce/transfer.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
@@ -37,10 +37,10 @@ TransferOptions reference_options(Shape shape, std::int64_t size);
 struct PreparedJob {
   TransferOptions options;
   mesh::Mesh source, target;
-  flow::Plan plan;
+  flow::SourcePlan plan;
   flow::TargetPlan target_plan;
-  flow::JobRun run{nullptr};
-  std::unique_ptr<flow::JobContext> context;
+  job::JobRun run{nullptr};
+  std::unique_ptr<job::JobContext> context;
   std::unique_ptr<store::GeometryStore> source_store, target_store;
   std::unique_ptr<store::ColourStore> colours;
   std::vector<store::GeometryBlock> source_blocks, target_blocks;

@@ -13,7 +13,7 @@
 #include <map>
 
 #include "bench_input.h"
-#include "flow/test_knobs.h"
+#include "flow/transfer.h"
 
 namespace pounce::bench {
 namespace {

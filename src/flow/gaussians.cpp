@@ -12,21 +12,21 @@
 #include <cmath>
 #include <filesystem>
 
-#include "flow/build/kept_rows.h"
-#include "flow/build/scene_gaussians.h"
-#include "flow/build/source_columns.h"
-#include "flow/build/splats.h"
-#include "flow/build/texel_source.h"
-#include "flow/describe_job.h"
-#include "flow/job.h"
-#include "flow/load_mesh.h"
 #include "flow/plan/check_options.h"
+#include "flow/plan/describe_job.h"
+#include "flow/plan/load_mesh.h"
 #include "flow/plan/output_names.h"
 #include "flow/plan/plan.h"
 #include "flow/plan/uv_repeats.h"
+#include "flow/sources/columns.h"
+#include "flow/sources/texel_source.h"
+#include "flow/stores/kept_rows.h"
+#include "flow/stores/scene_gaussians.h"
+#include "flow/stores/splats.h"
 #include "flow/write/gaussians.h"
 #include "io/read_mesh.h"
 #include "io/splats/format.h"
+#include "job/run_job.h"
 
 namespace pounce {
 namespace flow {
@@ -76,7 +76,7 @@ void refuse_scene_options(const GaussiansOptions& o) {
 }
 
 /// What is about the texels of a mesh.
-void refuse_mesh_options(const GaussiansOptions& o) {
+void refuse_texel_options(const GaussiansOptions& o) {
   const char* const given = !o.source_textures.empty()        ? "--source-texture"
                             : !o.colour.source_spaces.empty() ? "--source-colorspace"
                             : !o.colour.config.empty()        ? "--ocio"
@@ -92,8 +92,8 @@ void refuse_mesh_options(const GaussiansOptions& o) {
 
 class MeshJob {
  public:
-  MeshJob(const GaussiansOptions& options, JobContext& job) : options_(options), job_(job) {
-    job_.tile_cap_bytes = kTileCapBytes;
+  MeshJob(const GaussiansOptions& options, job::JobContext& job) : options_(options), job_(job) {
+    job_.tile_cap_bytes = job::kTileCapBytes;
     file_.path = options.output;
   }
 
@@ -124,7 +124,7 @@ class MeshJob {
     if (placed.origin != Vec3d{})
       job_.report.notes.push_back(origin_note(options_.source, placed.origin));
     refuse_scene_options(options_);  // now that it is known to be a mesh
-    plan_ = plan_source(transfer, mesh_, false);
+    plan_ = plan_mesh(transfer, mesh_, TexelsAs::surface, false);
     plan_.passes.front().source.exact = true;  // each of its texels is one
     warn_of_repeats(request(), plan_.warnings);
     for (const auto* warnings : {&mesh_.warnings, &plan_.warnings}) {
@@ -152,10 +152,10 @@ class MeshJob {
 
   const GeometryRequest& request() const { return plan_.passes.front().source; }
 
-  LeastMemory least() const {
+  job::LeastMemory least() const {
     const std::uint64_t contexts = job_.threads * store::Compressor::context_bytes();
     const std::uint64_t beside = contexts + mesh_.size_bytes();
-    LeastMemory most{reading_bytes(), "reading " + options_.source};
+    job::LeastMemory most{reading_bytes(), "reading " + options_.source};
     const auto need = [&most, this](std::uint64_t bytes, const std::string& why) {
       const std::uint64_t with_tables = bytes + plan_.table_bytes;
       if (with_tables > most.bytes) most = {with_tables, why};
@@ -238,10 +238,10 @@ class MeshJob {
   }
 
   const GaussiansOptions& options_;
-  JobContext& job_;
+  job::JobContext& job_;
   GaussianFile file_;
   mesh::Mesh mesh_;
-  Plan plan_;
+  SourcePlan plan_;
   runtime::Lease mesh_lease_;
   std::vector<runtime::Lease> leases_;  ///< what stays in use until the job ends
   SourceColumns columns_;
@@ -250,7 +250,7 @@ class MeshJob {
 
 class SceneJob {
  public:
-  SceneJob(const GaussiansOptions& options, JobContext& job)
+  SceneJob(const GaussiansOptions& options, job::JobContext& job)
       : options_(options), job_(job), request_(request()), scene_(open()) {}
 
   void run() {
@@ -274,7 +274,7 @@ class SceneJob {
                   fmt::format("{}: none of its {} Gaussians is left to write ({})", options_.source,
                               info.splats, left_out()));
     }
-    for (const std::string& path : info.files) job_.report.bytes_read += size_on_disk({path});
+    for (const std::string& path : info.files) job_.report.bytes_read += job::size_on_disk({path});
   }
 
  private:
@@ -339,7 +339,7 @@ class SceneJob {
                           kHalfTurn));
   }
 
-  LeastMemory least(const SceneGaussians& source, const GaussianFile& file) const {
+  job::LeastMemory least(const SceneGaussians& source, const GaussianFile& file) const {
     const std::uint64_t writing =
         write_gaussians_least_bytes(file, source.count(), source.read_bytes());
     const std::uint64_t preparing = scene_->prepare_bytes();
@@ -369,7 +369,7 @@ class SceneJob {
   }
 
   const GaussiansOptions& options_;
-  JobContext& job_;
+  job::JobContext& job_;
   const SplatRequest request_;
   const std::unique_ptr<io::SplatScene> scene_;
 };
@@ -396,12 +396,12 @@ void check_request(const GaussiansOptions& o) {
 }  // namespace flow
 
 Report gaussians(const GaussiansOptions& options, Progress* progress, Report* so_far) {
-  return flow::run_job(options.resources, progress, so_far, [&](flow::JobRun& run, bool rebuild) {
+  return job::run_job(options.resources, progress, so_far, [&](job::JobRun& run, bool rebuild) {
     flow::describe(options, run.report);
     flow::check_request(options);
     const bool is_scene = flow::is_splat_scene(options.source);
-    if (is_scene) flow::refuse_mesh_options(options);
-    const auto job = flow::open_job(options.resources, options.output, false, rebuild, false, run);
+    if (is_scene) flow::refuse_texel_options(options);
+    const auto job = job::open_job(options.resources, options.output, false, rebuild, false, run);
     is_scene ? flow::SceneJob(options, *job).run() : flow::MeshJob(options, *job).run();
   });
 }

@@ -12,14 +12,14 @@
 #include <tuple>
 
 #include "core/half.h"
-#include "flow/describe_job.h"
-#include "flow/job.h"
-#include "flow/load_mesh.h"
+#include "flow/plan/describe_job.h"
 #include "flow/plan/job_hash.h"
+#include "flow/plan/load_mesh.h"
 #include "flow/plan/output_names.h"
 #include "flow/plan/plan.h"
 #include "io/image/write.h"
 #include "io/read_mesh.h"
+#include "job/run_job.h"
 #include "pounce/transfer.h"
 #include "target/target_block.h"
 
@@ -42,11 +42,11 @@ struct BlockPlace {
 
 class MapsJob {
  public:
-  MapsJob(const MapsOptions& options, JobRun& run, bool rebuild)
+  MapsJob(const MapsOptions& options, job::JobRun& run, bool rebuild)
       : options_(options),
         job_(open_job(options.resources, options.output, false, rebuild, false, run)),
         job_hash_(*job_, options) {
-    job_->tile_cap_bytes = kTileCapBytes;
+    job_->tile_cap_bytes = job::kTileCapBytes;
   }
 
   void run() {
@@ -209,17 +209,17 @@ class MapsJob {
     return (options_.size.width / kBlockEdge + 1ULL) * (options_.size.height / kBlockEdge + 1ULL);
   }
 
-  LeastMemory least() const {
+  job::LeastMemory least() const {
     std::uint64_t building = 0;
     for (const GeometryRequest& request : requests_)
-      building = std::max(building, geometry_least_bytes(request, kTileCapBytes));
+      building = std::max(building, geometry_least_bytes(request, job::kTileCapBytes));
     building += target_.size_bytes();
     const std::uint64_t writing =
         (pages_.size() > 1 ? target_.size_bytes() : 0) + row_bytes() +
         2 * blocks() * sizeof(BlockPlace) +
         io::ImageWriter::encoder_bytes(path_of(pages_.front(), 0), specs_.front());
     const std::uint64_t reading = reading_bytes();
-    LeastMemory most{reading, "reading " + options_.target};
+    job::LeastMemory most{reading, "reading " + options_.target};
     if (building > most.bytes) most = {building, "vectorizing " + options_.target};
     if (writing > most.bytes) most = {writing, "writing " + path_of(pages_.front(), 0)};
     most.bytes += job_->threads * store::Compressor::context_bytes();
@@ -311,7 +311,7 @@ class MapsJob {
   }
 
   const MapsOptions& options_;
-  std::unique_ptr<JobContext> job_;
+  std::unique_ptr<job::JobContext> job_;
   JobHash job_hash_;
   std::vector<std::string> target_files_;
   std::vector<io::ImageWriteSpec> specs_;
@@ -336,7 +336,7 @@ void check_options(const MapsOptions& o) {
 }  // namespace flow
 
 Report maps(const MapsOptions& options, Progress* progress, Report* so_far) {
-  return flow::run_job(options.resources, progress, so_far, [&](flow::JobRun& run, bool rebuild) {
+  return job::run_job(options.resources, progress, so_far, [&](job::JobRun& run, bool rebuild) {
     flow::describe(options, run.report);
     flow::check_options(options);
     flow::MapsJob(options, run, rebuild).run();

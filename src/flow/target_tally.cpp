@@ -15,7 +15,7 @@
 #include <numeric>
 #include <optional>
 
-#include "flow/load_mesh.h"
+#include "flow/plan/load_mesh.h"
 #include "source/splat_shapes.h"
 
 namespace pounce::flow {
@@ -113,10 +113,11 @@ std::string judge_distances(const DistanceCounts& distances) {
       percent(far, all));
 }
 
-TargetTally::TargetTally(const TransferOptions& options, const Plan& plan,
+TargetTally::TargetTally(const TransferOptions& options, const Source& source,
                          const TargetPlan& target_plan, std::string model, Report& report)
     : options_(options),
-      plan_(plan),
+      source_(source),
+      plan_(source.plan()),
       target_(target_plan),
       model_(std::move(model)),
       report_(report) {
@@ -346,13 +347,9 @@ void TargetTally::warn_of_empty_pages() {
 void TargetTally::warn_of_little(const Box3f& source) {
   const TexelCounts& counts = target().counts;
   if (counts.texels == 0) return warn("its UVs cover no texel centre; the result is empty");
-  // A capture's whole box is made by a few floaters, so that of its middle is known.
   const std::string places =
-      fmt::format("{} spans {}, the target {}",
-                  plan_.from_splats ? "The scene without its outer tenths (\"middle\" of pounce "
-                                      "inspect)"
-                                    : "The source",
-                  text_of(source, plan_.origin), text_of(box_, plan_.origin));
+      fmt::format("{} spans {}, the target {}", source_.box_name(), text_of(source, plan_.origin),
+                  text_of(box_, plan_.origin));
   if (is_misfit()) return warn_of_misfit(places);
   if (mesh_fit_.better) warn_of_pose();
   if (mesh_fit_.opposed && counts.covered * 100 < counts.texels * kFewPercent) warn_of_opposed();
@@ -385,28 +382,23 @@ std::string TargetTally::distance_to_give() const {
   return fmt::format("--max-distance {:.2g}", kDistanceToSpare * scene_distance_);
 }
 
-/// What may be done about a source that texels do not reach. Most scenes show the same at any
-/// angle.
+/// What may be done about a source that texels do not reach.
 std::string TargetTally::cure() const {
   if (is_beyond())
     return fmt::format(
         "the scene's surface lies up to {:.2g} from the target's: align them, or give {}",
         scene_distance_, distance_to_give());
-  if (!plan_.from_splats) return "align them, or raise --max-distance or --max-angle";
-  if (options_.splats.min_confidence <= SplatOptions{}.min_confidence)
-    return "align them, or raise --max-distance";
-  return fmt::format("align them, raise --max-distance, or lower --min-confidence ({:g})",
-                     options_.splats.min_confidence);
+  return source_.cure();
 }
 
 bool TargetTally::is_misfit() const {
   const std::optional<double> fit = report_.targets.back().fit;
-  return plan_.from_splats && fit && *fit < kLeastFit;
+  return is_scene_ && fit && *fit < kLeastFit;
 }
 
 bool TargetTally::is_doubtful() const {
   const std::optional<double> fit = report_.targets.back().fit;
-  return plan_.from_splats && fit && *fit < kSureFit;
+  return is_scene_ && fit && *fit < kSureFit;
 }
 
 /// The texture is written, but somebody should look at it.
@@ -421,7 +413,7 @@ void TargetTally::warn_of_doubt(const std::string& places) {
 
 bool TargetTally::is_in_question() {
   const TexelCounts& counts = target().counts;
-  if (plan_.from_splats || counts.texels == 0) return false;
+  if (source_.places().empty() || counts.texels == 0) return false;
   // In whole sixteenths of the maximum distance.
   const double bin = double{target_.max_distance} / kDistanceBins;
   const auto bins = static_cast<std::size_t>(

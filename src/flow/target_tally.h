@@ -10,6 +10,7 @@
 #include "core/box.h"
 #include "flow/plan/plan.h"
 #include "flow/project/results.h"
+#include "flow/sources/source.h"
 #include "pounce/options.h"
 #include "pounce/report.h"
 #include "projection/mesh_fit.h"
@@ -22,7 +23,7 @@ namespace pounce::flow {
 class TargetTally {
  public:
   /// All must outlive it. `model`: the path of a model output, else empty.
-  TargetTally(const TransferOptions& options, const Plan& plan, const TargetPlan& target,
+  TargetTally(const TransferOptions& options, const Source& source, const TargetPlan& target,
               std::string model, Report& report);
 
   /// How a splat scene lies at this target.
@@ -31,6 +32,7 @@ class TargetTally {
     target().scene_offset = fit.middle;
     target().scene_spread = fit.spread;
     scene_distance_ = fit.distance;
+    is_scene_ = true;
   }
   /// Of a mesh that is projected: do so few texels lie at it that somebody should ask whether it
   /// fits? If not, it does. To be called once all pages are added.
@@ -54,7 +56,7 @@ class TargetTally {
   void wrote_model();
   /// So much surface the target has. To be called once all pages are added.
   void spreads(double area);
-  /// Of a mesh that was projected, how far away other layers of it lie (SourceStores). To be called
+  /// Of a mesh that was projected, how far away other layers of it lie (Source). To be called
   /// once all pages are added.
   void layers(std::span<const float> gaps);
   /// Warns of what was not found; `source` is where the source lies.
@@ -82,13 +84,15 @@ class TargetTally {
   void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }
 
   const TransferOptions& options_;
-  const Plan& plan_;
+  const Source& source_;
+  const SourcePlan& plan_;
   const TargetPlan& target_;
   const std::string model_;
   Report& report_;
   Box3f box_;
   projection::MeshFit mesh_fit_;
   std::uint64_t distance_steps_ = 0;  ///< PageResult's, of the texels of its distances
+  bool is_scene_ = false;             ///< what was projected is a splat scene
   double scene_distance_ = 0;         ///< of a splat scene from this target, at most places
   /// What the first channel of a page that is made found there, or that some channel was written.
   enum class PageState : std::uint8_t { unseen, empty, found };

@@ -9,13 +9,12 @@
 // Stages are functions from values to values; threads, memory and files are wired in this folder.
 #include "pounce/transfer.h"
 
-#include "flow/build/source_stores.h"
-#include "flow/describe_job.h"
-#include "flow/job.h"
 #include "flow/plan/check_options.h"
-#include "flow/plan/transfer_plan.h"
-#include "flow/test_knobs.h"
+#include "flow/plan/describe_job.h"
+#include "flow/transfer.h"
+#include "flow/transfer_plan.h"
 #include "flow/transfer_target.h"
+#include "job/run_job.h"
 
 namespace pounce {
 namespace flow {
@@ -24,32 +23,33 @@ namespace {
 // Shares of the progress bar, measured on a 4096² transfer of a head with a PNG in and out.
 constexpr double kAfterReading = 0.02, kAfterSource = 0.2;
 
-std::unique_ptr<JobContext> open_transfer(const TransferOptions& options, const TestKnobs& knobs,
-                                          JobRun& run, bool rebuild, bool plan_only) {
-  auto job = open_job(options.resources, options.output, knobs.in_core, rebuild, plan_only, run);
-  job->tile_cap_bytes = knobs.tile_cap_bytes != 0 ? knobs.tile_cap_bytes : kTileCapBytes;
+std::unique_ptr<job::JobContext> open_transfer(const TransferOptions& options,
+                                               const TestKnobs& knobs, job::JobRun& run,
+                                               bool rebuild, bool plan_only) {
+  auto job =
+      job::open_job(options.resources, options.output, knobs.in_core, rebuild, plan_only, run);
+  job->tile_cap_bytes = knobs.tile_cap_bytes != 0 ? knobs.tile_cap_bytes : job::kTileCapBytes;
   return job;
 }
 
-void run_transfer(const TransferOptions& options, const TestKnobs& knobs, JobRun& run,
+void run_transfer(const TransferOptions& options, const TestKnobs& knobs, job::JobRun& run,
                   bool rebuild) {
   const auto job = open_transfer(options, knobs, run, rebuild, false);
-  TransferPlan plan(*job, options, knobs.stripe_rows);
+  TransferPlan plan(*job, options, knobs);
 
   plan.make(kAfterReading);
   // From here on it is known what will be done and that it fits.
   if (options.skip_existing && !plan.anything_to_write()) return;
 
-  SourceStores source(*job, plan.options(), plan.source(), knobs.isa, !knobs.keeps_isolated);
-  source.build(kAfterReading, kAfterSource, plan.least_target_texels());
-  plan.drop_source_mesh();
-
+  Source& source = plan.source();
+  source.build({kAfterReading, kAfterSource}, plan.least_target_texels());
+  // From here on only stores are read, never the source's files.
   const double share = (1 - kAfterSource) / static_cast<double>(options.targets.size());
   std::vector<std::size_t> left;  // to other jobs with --skip-existing
   const auto make = [&](std::size_t t, OthersWork others) {
     const double begin = kAfterSource + share * static_cast<double>(t);
-    return transfer_to(*job, plan.options(), plan.source(), source, plan.target(t),
-                       {begin, begin + share}, others);
+    return transfer_to(*job, plan.options(), source, plan.target(t), {begin, begin + share},
+                       others);
   };
   for (std::size_t t = 0; t < options.targets.size(); ++t) {
     if (!make(t, OthersWork::leave)) left.push_back(t);
@@ -62,7 +62,7 @@ void run_transfer(const TransferOptions& options, const TestKnobs& knobs, JobRun
 
 Report transfer(const TransferOptions& options, const TestKnobs& knobs, Progress* progress,
                 Report* so_far) {
-  return run_job(options.resources, progress, so_far, [&](JobRun& run, bool rebuild) {
+  return job::run_job(options.resources, progress, so_far, [&](job::JobRun& run, bool rebuild) {
     describe(options, false, run.report);
     check_options(options);
     run_transfer(options, knobs, run, rebuild);
@@ -72,11 +72,11 @@ Report transfer(const TransferOptions& options, const TestKnobs& knobs, Progress
 PlanReport plan(const TransferOptions& options, const TestKnobs& knobs, Progress* progress,
                 Report* so_far) {
   const Report report =
-      run_job(options.resources, progress, so_far, [&](JobRun& run, bool rebuild) {
+      job::run_job(options.resources, progress, so_far, [&](job::JobRun& run, bool rebuild) {
         describe(options, true, run.report);
         check_options(options);
         const auto job = open_transfer(options, knobs, run, rebuild, true);
-        TransferPlan(*job, options, knobs.stripe_rows).make(1);
+        TransferPlan(*job, options, knobs).make(1);
       });
   return {report.least_memory_bytes,
           report.least_memory_for,

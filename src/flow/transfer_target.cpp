@@ -37,11 +37,11 @@ constexpr double kVectorizeShare = 0.06, kProjectShare = 0.66;  // of a page
 
 class TargetTransfer {
  public:
-  TargetTransfer(JobContext& job, const TransferOptions& options, const Plan& source_plan,
-                 const SourceStores& source, PlannedTarget& target, ProgressRange range)
+  TargetTransfer(job::JobContext& job, const TransferOptions& options, const Source& source,
+                 PlannedTarget& target, ProgressRange range)
       : job_(job),
         options_(options),
-        source_plan_(source_plan),
+        source_plan_(source.plan()),
         source_(source),
         target_(target),
         range_(range) {}
@@ -56,15 +56,14 @@ class TargetTransfer {
       model_claim = await_model();
       if (is_model_made()) keep_model(steps);
     }
-    tally_.emplace(options_, source_plan_, target_.plan, target_.model ? target_.model->path() : "",
+    tally_.emplace(options_, source_, target_.plan, target_.model ? target_.model->path() : "",
                    job_.report);
     if (steps.empty()) {
       job_.meter.keep(range_.end);
       return true;
     }
     find_occupied();
-    places_ = target::strew(
-        target_.mesh, source_plan_.from_splats ? target::kStrewnPlaces : projection::kTargetPlaces);
+    places_ = target::strew(target_.mesh, source_.target_places());
     const double area = target::surface_area(target_.mesh);
     make(std::move(steps));
     tally_->spreads(area);
@@ -72,10 +71,10 @@ class TargetTransfer {
     if (target_.model) write_model();
     if (tally_->is_in_question()) {
       const StageTimer timer(job_.clock, "project");
-      tally_->fits(projection::fit_of(places_, source_plan_.places, target_.plan.diagonal));
+      tally_->fits(projection::fit_of(places_, source_.places(), target_.plan.diagonal));
     }
     tally_->layers(source_.layer_gaps());
-    tally_->finish(source_.box(0));
+    tally_->finish(source_.box());
     return true;
   }
 
@@ -254,7 +253,7 @@ class TargetTransfer {
     const std::uint64_t texels = target.directory().texels;
     if (texels == 0 && target_.plan.by_tile) return;
     if (texels == 0 && target_.model) return tally_->add_page(p, page, 0, nullptr);
-    const ScratchPack results_go(job_, store::PackKind::results);
+    const job::ScratchPack results_go(job_, store::PackKind::results);
     const PageResult result = project_page(p, page, target);
     tally_->add_page(p, page, texels, &result);
     const bool may_stay_empty =
@@ -280,8 +279,10 @@ class TargetTransfer {
     const StageTimer timer(job_.clock, "project");
     job_.meter.begin(page_title("project", page), target.directory().texels, "texels",
                      fraction(kVectorizeShare + kProjectShare));
-    if (source_plan_.from_splats && !fit_)
-      tally_->fits(*(fit_ = source_.fit(places_, target_.plan)));
+    if (!fit_) {
+      fit_ = source_.fit(places_, target_.plan);
+      if (fit_) tally_->fits(*fit_);
+    }
     PageResult result =
         source_.projector(p, target, target_.plan, fit_.value_or(projection::SplatFit{}))
             ->project();
@@ -377,10 +378,10 @@ class TargetTransfer {
     tally_->wrote_model();
   }
 
-  JobContext& job_;
+  job::JobContext& job_;
   const TransferOptions& options_;
-  const Plan& source_plan_;
-  const SourceStores& source_;
+  const SourcePlan& source_plan_;
+  const Source& source_;
   PlannedTarget& target_;
   const ProgressRange range_;
   std::optional<TargetTally> tally_;  ///< once something is made or kept
@@ -399,10 +400,9 @@ class TargetTransfer {
 
 }  // namespace
 
-bool transfer_to(JobContext& job, const TransferOptions& options, const Plan& source_plan,
-                 const SourceStores& source, PlannedTarget& target, ProgressRange range,
-                 OthersWork others) {
-  return TargetTransfer(job, options, source_plan, source, target, range).run(others);
+bool transfer_to(job::JobContext& job, const TransferOptions& options, const Source& source,
+                 PlannedTarget& target, ProgressRange range, OthersWork others) {
+  return TargetTransfer(job, options, source, target, range).run(others);
 }
 
 }  // namespace pounce::flow

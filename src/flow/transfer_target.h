@@ -1,16 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "flow/build/source_stores.h"
-#include "flow/job_context.h"
-#include "flow/plan/transfer_plan.h"
+#include "flow/sources/source.h"
+#include "flow/transfer_plan.h"
+#include "job/job_context.h"
 
 namespace pounce::flow {
-
-/// A part of the progress bar.
-struct ProgressRange {
-  double begin = 0, end = 1;
-};
 
 /// What a job with --skip-existing does about outputs that another one is just making.
 enum class OthersWork : std::uint8_t {
@@ -22,8 +17,7 @@ enum class OthersWork : std::uint8_t {
 /// that is the output. What was found goes to the job's report. The target's mesh goes as soon as
 /// its last page is vectorized. False, and nothing done: others are making all of it that is
 /// missing.
-bool transfer_to(JobContext& job, const TransferOptions& options, const Plan& source_plan,
-                 const SourceStores& source, PlannedTarget& target, ProgressRange range,
-                 OthersWork others);
+bool transfer_to(job::JobContext& job, const TransferOptions& options, const Source& source,
+                 PlannedTarget& target, ProgressRange range, OthersWork others);
 
 }  // namespace pounce::flow

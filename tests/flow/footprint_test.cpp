@@ -6,7 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "flow/build/colour_levels.h"
+#include "flow/stores/colour_levels.h"
 #include "pounce/error.h"
 #include "support/bytes.h"
 #include "support/flat_scene.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "flow/build/importance.h"
+#include "flow/stores/importance.h"
 
 #include <catch2/catch.hpp>
 #include <chrono>
@@ -38,8 +38,8 @@ TEST_CASE("a wish to stop is heard while the most important Gaussians are looked
   progress.on_event = [&](const ProgressEvent& event) {
     if (stops && event.done == 100) progress.cancel();
   };
-  JobRun run(&progress);
-  JobContext job(64 << 20, run);
+  job::JobRun run(&progress);
+  job::JobContext job(64 << 20, run);
   job.files = &posix_file_system();
   job.scratch_folder = folder.path().string();
   const SlowSource source;

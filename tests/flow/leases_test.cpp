@@ -12,7 +12,7 @@
 #include <new>
 
 #include "core/page_pool.h"
-#include "flow/test_knobs.h"
+#include "flow/transfer.h"
 #include "source/splat_set.h"
 #include "support/random.h"
 #include "support/splat_ply_builder.h"

@@ -12,8 +12,8 @@
 #include <cstring>
 
 #include "core/half.h"
-#include "flow/job.h"
 #include "flow/write/image_file.h"
+#include "job/run_job.h"
 #include "support/model_files.h"
 #include "support/test_data.h"
 
@@ -99,10 +99,10 @@ std::vector<std::byte> picture(const io::ImageWriteSpec& spec) {
 }
 
 void write(const std::string& path, const io::ImageWriteSpec& spec, std::uint32_t together) {
-  flow::JobRun run(nullptr);
+  job::JobRun run(nullptr);
   Resources resources;
   resources.use_cache = false;
-  const auto job = flow::open_job(resources, path, false, false, false, run);
+  const auto job = job::open_job(resources, path, false, false, false, run);
   const std::vector<std::byte> samples = picture(spec);
   const std::size_t row = samples.size() / spec.height;
   flow::ImageFile file(*job, path, spec);

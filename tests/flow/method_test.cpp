@@ -10,7 +10,7 @@
 #include <string>
 
 #include "core/file.h"
-#include "flow/test_knobs.h"
+#include "flow/transfer.h"
 #include "io/read_mesh.h"
 #include "pounce/transfer.h"
 #include "recipes.h"

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "core/file.h"
-#include "flow/test_knobs.h"
+#include "flow/transfer.h"
 #include "pounce/transfer.h"
 #include "support/bytes.h"
 #include "support/many_threads.h"

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "core/file.h"
-#include "flow/test_knobs.h"
+#include "flow/transfer.h"
 #include "pounce/transfer.h"
 #include "support/bytes.h"
 #include "support/splat_ply_builder.h"

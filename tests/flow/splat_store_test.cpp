@@ -12,8 +12,8 @@
 #include <map>
 
 #include "core/half.h"
-#include "flow/build/splat_sort.h"
-#include "flow/build/splats.h"
+#include "flow/stores/splat_sort.h"
+#include "flow/stores/splats.h"
 #include "io/splats/ply.h"
 #include "support/bytes.h"
 #include "support/random.h"
@@ -27,8 +27,8 @@ using store::Splat;
 using test::SplatPlyBuilder;
 
 struct Job {
-  JobRun run;
-  JobContext context;
+  job::JobRun run;
+  job::JobContext context;
   explicit Job(std::uint64_t budget, unsigned threads = 2, Progress* progress = nullptr)
       : run(progress), context(budget, run) {
     context.own_files = make_memory_file_system();

@@ -11,7 +11,7 @@
 #include <string>
 
 #include "core/file.h"
-#include "flow/test_knobs.h"
+#include "flow/transfer.h"
 #include "io/read_mesh.h"
 #include "pounce/transfer.h"
 #include "support/bytes.h"

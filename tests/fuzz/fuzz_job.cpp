@@ -3,7 +3,7 @@
 // Whole jobs on what readers let through: odd numbers must do no harm on their way to a picture. An
 // input is a mesh or a splat scene (told by its first bytes) and takes part as the source, as the
 // target, or as both; textures are pounce's own, so that no foreign decoder is tested.
-#include "flow/test_knobs.h"
+#include "flow/transfer.h"
 #include "fuzz/gltf_input.h"
 #include "pounce/transfer.h"
 

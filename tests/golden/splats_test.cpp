@@ -6,7 +6,7 @@
 #include <fstream>
 #include <numbers>
 
-#include "flow/test_knobs.h"
+#include "flow/transfer.h"
 #include "golden/golden.h"
 #include "io/read_mesh.h"
 #include "pounce/compare.h"

@@ -8,8 +8,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "flow/load_mesh.h"
 #include "flow/plan/colour_spaces.h"
+#include "flow/plan/load_mesh.h"
 #include "flow/plan/output_names.h"
 #include "io/image/write.h"
 #include "io/model/write.h"

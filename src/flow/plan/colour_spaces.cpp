@@ -15,11 +15,11 @@
 #include <cmath>
 
 #include "core/srgb.h"
-#include "flow/job.h"
 #include "flow/plan/map_kind.h"
 #include "flow/plan/output_names.h"
 #include "io/image/write.h"
 #include "io/model/write.h"
+#include "job/run_job.h"
 
 namespace pounce::flow {
 namespace {
@@ -110,7 +110,7 @@ ColourSpaces::ColourSpaces(const TransferOptions& options, bool for_model)
     }
     config_ = std::make_unique<const io::ColourConfig>(
         options.colour.config, options.allow_external,
-        std::max(budget_bytes(options.resources), kLookAnyway));
+        std::max(job::budget_bytes(options.resources), kLookAnyway));
   }
   for (const SourceColourSpace& given : options.colour.source_spaces)
     given_.push_back(resolved("--source-colorspace", given.space));
@@ -271,7 +271,7 @@ const ColourTransform* ColourSpaces::transform(const std::string& name, bool to_
   return transforms_.emplace(key, std::move(made)).first->second.get();
 }
 
-void ColourSpaces::finish(Plan& plan) const {
+void ColourSpaces::finish(SourcePlan& plan) const {
   for (const auto& [name, transform] : transforms_) plan.transforms.push_back(transform);
   if (transforms_.empty()) return;
   plan.table_loading_bytes = config_->table_loading_bytes();

@@ -47,7 +47,7 @@ class ColourSpaces {
   std::optional<texture::ColourInput> input(const ColourSpace& space, bool usual_linear, bool plain,
                                             const ChannelPlan& plan);
   /// Hands a plan what its formats and inputs point to, and says what that means.
-  void finish(Plan& plan) const;
+  void finish(SourcePlan& plan) const;
 
  private:
   ColourSpace resolved(const char* option, const std::string& name) const;

@@ -10,11 +10,9 @@
 
 #include <algorithm>
 
-#include "flow/build/colour_levels.h"
-#include "flow/build/source_columns.h"
-#include "flow/build/texel_source.h"
-#include "flow/job_context.h"
+#include "flow/stores/colour_levels.h"
 #include "io/image/write.h"
+#include "job/job_context.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/splat_block.h"
 
@@ -39,6 +37,15 @@ std::uint64_t column_bytes(const store::ColourDirectory& image) {
   return pack_bytes(tiles * kTile * image.texel_bytes(), tiles + image.height / 64 + 1);
 }
 
+store::ColourDirectory column_of(const io::ImageInfo& info) {
+  store::ColourDirectory image;
+  image.width = info.width;
+  image.height = info.height;
+  image.channels = info.channels;
+  image.depth = info.depth;
+  return image;
+}
+
 /// An image file whose encoder finds nothing to save.
 std::uint64_t image_bytes(ImageSize size, std::uint64_t texel_bytes) {
   constexpr std::uint64_t kPerRow = 16, kFixed = 64 << 10;
@@ -48,29 +55,21 @@ std::uint64_t image_bytes(ImageSize size, std::uint64_t texel_bytes) {
 
 }  // namespace
 
-void DiskPlan::add_source(const Plan& plan) {
-  const WantedTiles shown =
-      plan.as_gaussians ? WantedTiles(plan.columns.size()) : little_shown(plan);
-  for (std::size_t c = 0; c < plan.columns.size(); ++c) {
-    const ColumnPlan& column = plan.columns[c];
-    store::ColourDirectory image;
-    image.width = column.info.width;
-    image.height = column.info.height;
-    image.channels = column.info.channels;
-    image.depth = column.info.depth;
-    stores_ += column_bytes(image);
-    if (plan.as_gaussians) continue;
-    // Less than half of it may be kept first, and all of it after that.
-    if (shown[c] != nullptr) stores_ += column_bytes(image) / 2;
-    const std::uint32_t last = ColourLevels::last_level(image);
-    for (std::uint32_t level = 1; level <= last; ++level)
-      stores_ += column_bytes(level_of(image, level));
-  }
-  for (const PassPlan& pass : plan.passes) {
-    const GeometrySize size = geometry_most(pass.source);
-    stores_ += pack_bytes(size.bytes, size.chunks);
-  }
-  if (plan.as_gaussians) add_splats(texel_store_most(texels_of(plan)), 0, 0);
+void DiskPlan::add_column(const io::ImageInfo& info) { stores_ += column_bytes(column_of(info)); }
+
+void DiskPlan::add_seen_column(const io::ImageInfo& info, bool in_part) {
+  const store::ColourDirectory image = column_of(info);
+  stores_ += column_bytes(image);
+  // Less than half of it may be kept first, and all of it after that.
+  if (in_part) stores_ += column_bytes(image) / 2;
+  const std::uint32_t last = ColourLevels::last_level(image);
+  for (std::uint32_t level = 1; level <= last; ++level)
+    stores_ += column_bytes(level_of(image, level));
+}
+
+void DiskPlan::add_geometry(const GeometryRequest& request) {
+  const GeometrySize size = geometry_most(request);
+  stores_ += pack_bytes(size.bytes, size.chunks);
 }
 
 void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes) {
@@ -83,14 +82,11 @@ void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64
   passing_ = std::max(passing_, 2 * pack + unpacked_bytes);
 }
 
-void DiskPlan::add_target(const Plan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
-                          bool is_model) {
+void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
+                          bool is_model, LevelsBytes levels_bytes) {
   std::uint64_t results = 0, images = 0, levels = 0;
   for (std::size_t p = 0; p < plan.passes.size(); ++p) {
-    for (const GeometryRequest& request : target.requests[p]) {
-      const GeometrySize size = geometry_most(request);
-      stores_ += pack_bytes(size.bytes, size.chunks);
-    }
+    for (const GeometryRequest& request : target.requests[p]) add_geometry(request);
     const std::uint64_t blocks = blocks_of(plan.passes[p].size);
     std::uint64_t of_page = 0;
     for (const std::size_t c : plan.passes[p].channels) {
@@ -114,7 +110,8 @@ void DiskPlan::add_target(const Plan& plan, const TargetPlan& target, const mesh
     }
   }
   outputs_ += images;
-  if (is_model) outputs_ += size_on_disk(mesh.files) + size_on_disk(target.inputs) + (1ULL << 20);
+  if (is_model)
+    outputs_ += job::size_on_disk(mesh.files) + job::size_on_disk(target.inputs) + (1ULL << 20);
   // One page's results at a time; a model's images wait in a file until all are there.
   passing_ = std::max(passing_, results + levels + (is_model ? images : 0));
 }

@@ -18,13 +18,20 @@ class DiskPlan {
   DiskPlan(bool keeps, std::uint64_t cache_limit_bytes)
       : keeps_(keeps), cache_limit_bytes_(cache_limit_bytes) {}
 
-  /// The stores of a mesh and its images, and of its texels where they are Gaussians.
-  void add_source(const Plan& plan);
-  /// Of a splat scene of so many Gaussians, which may have to be unpacked.
+  /// The tiles of a source image.
+  void add_column(const io::ImageInfo& info);
+  /// The same of an image that targets may see in smaller levels. `in_part`: some of its tiles may
+  /// be kept first.
+  void add_seen_column(const io::ImageInfo& info, bool in_part);
+  /// The blocks of a mesh.
+  void add_geometry(const GeometryRequest& request);
+  /// So many Gaussians, sorted; of a scene that may have to be unpacked.
   void add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes);
+  /// What the levels of an image take until it is whole.
+  using LevelsBytes = std::uint64_t (*)(const ImageOutput&, const texture::TexelFormat&);
   /// A target. `is_model`: its images pass through a scratch file into copies of its files.
-  void add_target(const Plan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
-                  bool is_model);
+  void add_target(const SourcePlan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
+                  bool is_model, LevelsBytes levels_bytes);
   DiskForecast forecast() const;
 
  private:

@@ -13,7 +13,7 @@
 namespace pounce::flow {
 namespace {
 
-std::vector<std::string> images_of(const Plan& plan, const ChannelPlan& channel) {
+std::vector<std::string> images_of(const SourcePlan& plan, const ChannelPlan& channel) {
   std::set<std::size_t> columns;
   for (const PageTexture& page : channel.pages) {
     if (page.column >= 0) columns.insert(static_cast<std::size_t>(page.column));
@@ -72,7 +72,7 @@ bool is_made(const ImageOutput& image) {
   return by_job(image.path) && (image.coverage_path.empty() || by_job(image.coverage_path));
 }
 
-void keep_existing(const Plan& plan, FileTime meshes, const std::set<std::string>& made,
+void keep_existing(const SourcePlan& plan, FileTime meshes, const std::set<std::string>& made,
                    TargetPlan& target) {
   for (std::size_t c = 0; c < plan.channels.size(); ++c) {
     const FileTime source = std::max(meshes, newest(images_of(plan, plan.channels[c])));

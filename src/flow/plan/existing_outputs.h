@@ -39,7 +39,7 @@ bool is_made(const ImageOutput& image);
 /// their masks, as this job would make them, or that say of no job and are younger than all they
 /// are made from: `meshes`, the channel's source images, the image painted over. What is kept
 /// leaves TargetPlan::outputs for TargetPlan::kept. What the job has `made` is no older work.
-void keep_existing(const Plan& plan, FileTime meshes, const std::set<std::string>& made,
+void keep_existing(const SourcePlan& plan, FileTime meshes, const std::set<std::string>& made,
                    TargetPlan& target);
 
 }  // namespace pounce::flow

@@ -15,7 +15,7 @@
 #include <system_error>
 #include <utility>
 
-#include "flow/describe_job.h"
+#include "flow/plan/describe_job.h"
 #include "io/files/file_ending.h"
 #include "pounce/version.h"
 
@@ -75,13 +75,13 @@ void add_page(const TargetPage& page, bool by_tile, Hasher& hash) {
 
 }  // namespace
 
-JobHash::JobHash(JobContext& job, const TransferOptions& options) : JobHash(job) {
+JobHash::JobHash(job::JobContext& job, const TransferOptions& options) : JobHash(job) {
   Report described;
   describe(options, false, described);
   take_options(described);
 }
 
-JobHash::JobHash(JobContext& job, const MapsOptions& options) : JobHash(job) {
+JobHash::JobHash(job::JobContext& job, const MapsOptions& options) : JobHash(job) {
   Report described;
   describe(options, described);
   take_options(described);
@@ -141,7 +141,7 @@ void JobHash::add_image(const mesh::ImageRef& image, Hasher& hash) {
   add(bytes.digest(), hash);
 }
 
-void JobHash::add_source_images(const Plan& plan, const ChannelPlan& channel, Hasher& hash) {
+void JobHash::add_source_images(const SourcePlan& plan, const ChannelPlan& channel, Hasher& hash) {
   const auto add_column = [&](std::size_t index) {
     const ColumnPlan& column = plan.columns[index];
     add_image(column.image, hash);
@@ -178,7 +178,7 @@ void JobHash::add_output(const ChannelPlan& channel, const ImageOutput& image, H
   if (!image.onto->mask_path.empty()) add_file(image.onto->mask_path, hash);
 }
 
-std::string JobHash::of_image(const std::vector<std::string>& source, const Plan& plan,
+std::string JobHash::of_image(const std::vector<std::string>& source, const SourcePlan& plan,
                               const std::vector<std::string>& target, const TargetPlan& target_plan,
                               std::size_t channel, std::size_t page) {
   Hasher hash;

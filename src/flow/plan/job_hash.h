@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "core/hash.h"
-#include "flow/job_context.h"
 #include "flow/plan/plan.h"
+#include "job/job_context.h"
 
 namespace pounce::flow {
 
@@ -18,12 +18,12 @@ namespace pounce::flow {
 /// it is as if it were not given. Reads every input once. Not thread-safe.
 class JobHash {
  public:
-  JobHash(JobContext& job, const TransferOptions& options);
-  JobHash(JobContext& job, const MapsOptions& options);
+  JobHash(job::JobContext& job, const TransferOptions& options);
+  JobHash(job::JobContext& job, const MapsOptions& options);
 
   /// Of the image of a channel on a page of a target. `source`, `target`: files of the meshes, or
   /// of the scene.
-  std::string of_image(const std::vector<std::string>& source, const Plan& plan,
+  std::string of_image(const std::vector<std::string>& source, const SourcePlan& plan,
                        const std::vector<std::string>& target, const TargetPlan& target_plan,
                        std::size_t channel, std::size_t page);
   /// Of a model: of its images, by [channel][page], and of every file that it is made of.
@@ -33,17 +33,17 @@ class JobHash {
                      const std::string& map, const std::string& path);
 
  private:
-  explicit JobHash(JobContext& job) : job_(job) {}
+  explicit JobHash(job::JobContext& job) : job_(job) {}
   void take_options(const Report& described);
   /// `said_anyway`: options whose values hold without them.
   void begin(const std::vector<std::string>& said_anyway, Hasher& hash) const;
   void add_file(const std::string& path, Hasher& hash);
   void add_files(const std::vector<std::string>& paths, Hasher& hash);
   void add_image(const mesh::ImageRef& image, Hasher& hash);
-  void add_source_images(const Plan& plan, const ChannelPlan& channel, Hasher& hash);
+  void add_source_images(const SourcePlan& plan, const ChannelPlan& channel, Hasher& hash);
   void add_output(const ChannelPlan& channel, const ImageOutput& image, Hasher& hash);
 
-  JobContext& job_;
+  job::JobContext& job_;
   std::vector<OptionReport> options_;        ///< those that matter to bytes
   std::map<std::string, Hash128> contents_;  ///< by path
 };

@@ -45,12 +45,12 @@ void add_image(const mesh::ImageRef& image, std::vector<std::string>& images) {
   if (std::find(images.begin(), images.end(), name) == images.end()) images.push_back(name);
 }
 
-bool is_transferred(const Plan& plan, Channel channel) {
+bool is_transferred(const SourcePlan& plan, Channel channel) {
   return std::any_of(plan.channels.begin(), plan.channels.end(),
                      [&](const ChannelPlan& made) { return made.channel == channel; });
 }
 
-Slots slots_left(const TransferOptions& options, const Plan& plan, const mesh::Mesh& source) {
+Slots slots_left(const TransferOptions& options, const SourcePlan& plan, const mesh::Mesh& source) {
   Slots slots;
   for (const std::uint32_t m : used_materials(source)) {
     const mesh::Material& material = source.materials[m];
@@ -97,7 +97,7 @@ std::string counted(const std::map<std::string, std::size_t>& counts) {
 
 }  // namespace
 
-std::string not_transferred(const TransferOptions& options, const Plan& plan,
+std::string not_transferred(const TransferOptions& options, const SourcePlan& plan,
                             const mesh::Mesh& source) {
   std::vector<std::string> told;
   for (const auto& [slot, images] : slots_left(options, plan, source)) {
@@ -110,7 +110,7 @@ std::string not_transferred(const TransferOptions& options, const Plan& plan,
   return fmt::format("{}: not transferred: {}", source.path, listed(told, kToldSlots));
 }
 
-std::string factors_note(const TransferOptions& options, const Plan& plan,
+std::string factors_note(const TransferOptions& options, const SourcePlan& plan,
                          const mesh::Mesh& source) {
   std::map<std::string, std::size_t> counts;
   for (const std::uint32_t m : used_materials(source)) {

@@ -2,21 +2,19 @@
 #pragma once
 
 #include <array>
-#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "flow/build/build_stores.h"
-#include "flow/build/splats.h"
+#include "flow/plan/image_output.h"
 #include "flow/plan/target_pages.h"
-#include "flow/write/images.h"
+#include "flow/stores/build_stores.h"
+#include "flow/stores/splats.h"
 #include "io/image/read.h"
 #include "mesh/mesh.h"
 #include "mesh/uv_tiles.h"
-#include "target/strewn_places.h"
 #include "texture/colour_input.h"
 #include "texture/factor.h"
 
@@ -24,10 +22,13 @@ namespace pounce::flow {
 
 class ColourSpaces;
 
+/// How far texels look where nobody says: of the target's diagonal.
+inline constexpr double kReachPercent = 5;
+
 /// What one source page gives to a channel: an image, a set of UDIM tiles, or else a constant.
 struct PageTexture {
-  int column = -1;    ///< index into Plan::columns
-  int tile_set = -1;  ///< index into Plan::tile_sets
+  int column = -1;    ///< index into SourcePlan::columns
+  int tile_set = -1;  ///< index into SourcePlan::tile_sets
   texture::TexelValue constant;
   std::optional<texture::ColourInput> input;  ///< for the texels of the column
   float normal_scale = 1;                     ///< of a normal map's x and y
@@ -77,7 +78,7 @@ struct ColumnPlan {
 /// lattice whose tiles are as large as the largest of them.
 struct TileSetPlan {
   ImageSize size;
-  std::map<mesh::UvTile, std::size_t> columns;          ///< index into Plan::columns
+  std::map<mesh::UvTile, std::size_t> columns;          ///< index into SourcePlan::columns
   std::map<mesh::UvTile, texture::ColourInput> inputs;  ///< of the tiles that need one
 };
 
@@ -93,23 +94,14 @@ struct PassPlan {
   GeometryRequest source;
   SourceShape shape;                  ///< of that
   ImageSize size;                     ///< of the outputs
-  std::vector<std::size_t> channels;  ///< into Plan::channels
+  std::vector<std::size_t> channels;  ///< into SourcePlan::channels
   bool has_shape = false;             ///< is one of them of the surface itself, or tinted?
 };
 
-/// The source's side of a job: the same for all its targets.
-struct Plan {
+/// The source's side of a job: the same for all its targets, and for all kinds of sources.
+struct SourcePlan {
   Vec3d origin;  ///< is subtracted from all positions that are read, on both sides
-  std::vector<target::Place> places;  ///< of a mesh's surface, to find whether it fits
-  bool from_splats = false;  ///< then there are colours and evidence alone, and no mesh or image
-  SplatRequest splats;       ///< then
-  SceneFacts scene;          ///< then
-  std::uint32_t rays = 0;    ///< then: beside each texel's normal
-  Filter filter = kDefaultFilter;  ///< of Method::surface
-  /// A mesh's texels are blended as Gaussians (Method::gaussian): one channel and one pass.
-  bool as_gaussians = false;
-  double sigma_texels = kDefaultSigma;  ///< then
-  bool densify = false;                 ///< then
+  double reach_percent = kReachPercent;  ///< of a target's diagonal, without --max-distance
   std::vector<ChannelPlan> channels;
   std::vector<ColumnPlan> columns;
   std::vector<TileSetPlan> tile_sets;
@@ -146,24 +138,28 @@ struct TargetPlan {
   std::vector<std::string> inputs;  ///< files besides the meshes that must not be written over
 };
 
-/// Decides what a transfer takes from the source, from its mesh and the headers of its images:
-/// channels, sizes, passes. Throws what a user must hear before any work is done: missing UVs or
-/// textures, formats that cannot hold the result. `for_model`: the images, which `options` name,
-/// go into a model, of whose material the factors may be.
-Plan plan_source(const TransferOptions& options, const mesh::Mesh& source, bool for_model);
+/// What a mesh's texels are for a job: texels of images that its surface shows, or Gaussians.
+enum class TexelsAs : std::uint8_t { surface, gaussians };
+/// Decides what a transfer reads of a source mesh, from it and the headers of its images: channels,
+/// sizes, passes. Throws what a user must hear before any work is done: missing UVs or textures,
+/// formats that cannot hold the result. `for_model`: the images, which `options` name, go into a
+/// model, of whose material the factors may be.
+SourcePlan plan_mesh(const TransferOptions& options, const mesh::Mesh& source, TexelsAs as,
+                     bool for_model);
 
-/// The same for a splat scene, from the options and the headers of its files. Throws Error(usage)
-/// for options that only make sense for a mesh, Error(input) for channels that a scene does not
-/// have. Calls `poll` often where opening the scene takes long.
-Plan plan_splats(const TransferOptions& options, bool for_model, const std::function<void()>& poll);
+/// The same for a splat scene, from its headers. Throws Error(input) for channels that a scene does
+/// not have.
+SourcePlan plan_scene(const TransferOptions& options, const SceneFacts& scene, bool for_model);
+/// Throws Error(usage) for options that only make sense for a mesh.
+void refuse_mesh_options(const TransferOptions& options);
+/// Throws Error(usage) for options that only make sense for a splat scene.
+void refuse_splat_options(const TransferOptions& options);
+/// The scene that is a job's source, and what its user wants of it.
+SplatRequest splat_request(const TransferOptions& options);
 /// Leaves out of a scene what is far from this target too, as the options say. To be called for
 /// every target.
 void keep_near(const TransferOptions& options, const TargetPlan& target, const mesh::Mesh& mesh,
                SplatRequest& splats);
-/// The scene that is a job's source, and what its user wants of it.
-SplatRequest splat_request(const TransferOptions& options);
-/// Throws Error(usage) for options that only make sense for a splat scene.
-void refuse_splat_options(const TransferOptions& options);
 /// Is this source to be read as a splat scene? Throws Error(input) for scenes in formats that are
 /// not read, naming the cure.
 bool is_splat_scene(const std::string& path);
@@ -187,8 +183,8 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Colou
 
 /// Decides what happens to one target: pages, output names. Throws what a user must hear at once:
 /// missing UVs or folders, names that clash. The requests refer to `target`.
-TargetPlan plan_target(const TransferOptions& options, const Plan& plan, const std::string& path,
-                       const mesh::Mesh& target);
+TargetPlan plan_target(const TransferOptions& options, const SourcePlan& plan,
+                       const std::string& path, const mesh::Mesh& target);
 
 /// How a target's normal map sees its tangents.
 TangentPlan target_tangents(const TransferOptions& options, const mesh::Mesh& target);
@@ -200,18 +196,9 @@ void check_numbers(const TransferOptions& options, const ChannelPlan& plan,
 
 /// Throws Error(usage) if two images of these plans have one name, or one of them is an input:
 /// these, the meshes or the source's images.
-void check_all_outputs(const TransferOptions& options, const Plan& plan,
+void check_all_outputs(const TransferOptions& options, const SourcePlan& plan,
                        const std::vector<std::string>& outputs,
                        const std::vector<std::string>& inputs);
-
-/// What asks for the most memory, and how much the whole job needs at least.
-struct LeastMemory {
-  std::uint64_t bytes = 0;
-  std::string why;
-};
-/// For one target.
-LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const mesh::Mesh& source,
-                         const mesh::Mesh& target, unsigned threads, std::uint64_t tile_cap_bytes);
 
 /// Length of the diagonal of the mesh's bounding box.
 double diagonal(const mesh::Mesh& mesh);

@@ -98,9 +98,11 @@ class SourceTextures {
 
 class SourcePlanner {
  public:
-  SourcePlanner(const TransferOptions& options, const mesh::Mesh& source, bool for_model)
+  SourcePlanner(const TransferOptions& options, const mesh::Mesh& source, TexelsAs as,
+                bool for_model)
       : options_(options),
         source_(source),
+        as_gaussians_(as == TexelsAs::gaussians),
         spaces_(options, for_model),
         textures_(options, source),
         used_(used_materials(source)),
@@ -109,11 +111,7 @@ class SourcePlanner {
       is_baked_[static_cast<std::size_t>(channel)] = true;
   }
 
-  Plan make() {
-    plan_.filter = options_.mesh.filter.value_or(kDefaultFilter);
-    plan_.as_gaussians = options_.mesh.method == Method::gaussian;
-    plan_.sigma_texels = options_.mesh.sigma_texels.value_or(kDefaultSigma);
-    plan_.densify = options_.mesh.densify;
+  SourcePlan make() {
     if (source_.triangles.empty())
       throw Error(ErrorKind::input, source_.path + ": has no triangles");
     if (!has_surface(source_)) {
@@ -133,7 +131,7 @@ class SourcePlanner {
     }
     for (PassPlan& pass : plan_.passes) {
       // Each texel is a Gaussian; or the shape is what is transferred.
-      pass.source.exact = plan_.as_gaussians || pass.has_shape;
+      pass.source.exact = as_gaussians_ || pass.has_shape;
       pass.source.colours = needs_colours(pass);
       pass.shape = source_shape(pass.source);
     }
@@ -236,7 +234,7 @@ class SourcePlanner {
     ChannelPlan plan = plan_channel(channel);
     GeometryRequest source = source_request(plan);
     const std::size_t c = plan_.channels.size();
-    const bool needs_surface = plan.has_shape() || (plan.is_tinted() && !plan_.as_gaussians);
+    const bool needs_surface = plan.has_shape() || (plan.is_tinted() && !as_gaussians_);
     const auto same =
         std::find_if(plan_.passes.begin(), plan_.passes.end(), [&](const PassPlan& pass) {
           return pass.size == plan.size &&
@@ -272,7 +270,7 @@ class SourcePlanner {
   }
 
   std::vector<Channel> chosen_channels() {
-    const bool all = takes_all() && options_.mesh.method == Method::surface;
+    const bool all = takes_all() && !as_gaussians_;
     if (takes_all() && !all) warn_of_one_channel();
     std::vector<Channel> chosen = options_.channels.transferred;
     if (!all && chosen.empty() && options_.channels.baked.empty()) chosen = {Channel::base_color};
@@ -717,9 +715,9 @@ class SourcePlanner {
 
   std::optional<texture::ColourInput> input_of(const ChannelPlan& plan, std::size_t column) {
     const ColumnPlan& c = plan_.columns[column];
-    const bool plain = !plan_.as_gaussians &&
-                       std::none_of(plan.pages.begin(), plan.pages.end(),
-                                    [](const PageTexture& p) { return p.factor || p.tinted; });
+    const bool plain =
+        !as_gaussians_ && std::none_of(plan.pages.begin(), plan.pages.end(),
+                                       [](const PageTexture& p) { return p.factor || p.tinted; });
     return spaces_.input(spaces_.of(plan.channel, c), c.info.linear, plain, plan);
   }
 
@@ -892,6 +890,7 @@ class SourcePlanner {
 
   const TransferOptions& options_;
   const mesh::Mesh& source_;
+  const bool as_gaussians_;
   const std::shared_ptr<MeshHashes> hashes_ = std::make_shared<MeshHashes>(source_);
   ColourSpaces spaces_;
   SourceTextures textures_;
@@ -900,7 +899,7 @@ class SourcePlanner {
   const bool for_model_;
   Channel last_channel_ = Channel::base_color;  ///< of those that are chosen
   std::map<Channel, std::map<std::uint32_t, std::set<mesh::UvTile>>> middles_;
-  Plan plan_;
+  SourcePlan plan_;
 };
 
 }  // namespace
@@ -910,7 +909,7 @@ bool ChannelPlan::is_tinted() const {
                      [](const PageTexture& page) { return page.tinted; });
 }
 
-bool Plan::makes_normals() const {
+bool SourcePlan::makes_normals() const {
   return std::any_of(channels.begin(), channels.end(),
                      [](const ChannelPlan& channel) { return channel.channel == Channel::normal; });
 }
@@ -926,8 +925,9 @@ TangentPlan target_tangents(const TransferOptions& options, const mesh::Mesh& ta
   return plan;
 }
 
-Plan plan_source(const TransferOptions& options, const mesh::Mesh& source, bool for_model) {
-  return SourcePlanner(options, source, for_model).make();
+SourcePlan plan_mesh(const TransferOptions& options, const mesh::Mesh& source, TexelsAs as,
+                     bool for_model) {
+  return SourcePlanner(options, source, as, for_model).make();
 }
 
 }  // namespace pounce::flow

@@ -7,14 +7,17 @@
 #include <algorithm>
 #include <vector>
 
-#include "flow/load_mesh.h"
 #include "flow/plan/colour_spaces.h"
+#include "flow/plan/load_mesh.h"
 #include "flow/plan/plan.h"
 #include "io/splats/format.h"
 
 namespace pounce::flow {
 namespace {
 
+/// How far texels look where nobody says, of the target's diagonal: three deviations of where a
+/// proxy's surface lies (docs/decisions/023-splat-blend.md).
+constexpr double kSceneReachPercent = 3;
 /// With room for the footprints of texels.
 constexpr double kReachOverDistance = 1.1;
 /// What is near more targets is not known: 32 KiB each would add up.
@@ -66,12 +69,12 @@ SourceLook look_of(Channel channel, const SceneFacts& scene) {
 }
 
 /// Channels whose images have one size share a pass.
-void add_channel(const TransferOptions& options, Channel channel, ColourSpaces& spaces,
-                 Plan& plan) {
+void add_channel(const TransferOptions& options, const SceneFacts& scene, Channel channel,
+                 ColourSpaces& spaces, SourcePlan& plan) {
   ChannelPlan& added = plan.channels.emplace_back();
   added.channel = channel;
   added.name = channel_name(channel);
-  SourceLook look = look_of(channel, plan.scene);
+  SourceLook look = look_of(channel, scene);
   look.alpha = options.splats.alpha && channel == Channel::base_color;
   added.shows_alpha = look.alpha;
   choose_output(options, look, spaces, added, plan.warnings, plan.notes);
@@ -140,8 +143,7 @@ void refuse_splat_options(const TransferOptions& options) {
                           options.source));
 }
 
-Plan plan_splats(const TransferOptions& options, bool for_model,
-                 const std::function<void()>& poll) {
+void refuse_mesh_options(const TransferOptions& options) {
   if (!options.material.textures.empty()) {
     throw Error(ErrorKind::usage,
                 fmt::format("--source-texture: {} is a splat scene; its Gaussians have their own "
@@ -196,13 +198,14 @@ Plan plan_splats(const TransferOptions& options, bool for_model,
     throw Error(ErrorKind::usage,
                 "--alpha is of colours: add baseColor to --channels, or leave --alpha out");
   }
-  Plan plan;
-  plan.from_splats = true;
-  plan.splats = splat_request(options);
-  plan.scene = scene_facts(plan.splats, poll);
-  plan.rays = options.splats.rays;
+}
+
+SourcePlan plan_scene(const TransferOptions& options, const SceneFacts& scene, bool for_model) {
+  SourcePlan plan;
+  plan.reach_percent = kSceneReachPercent;
   ColourSpaces spaces(options, for_model);
-  for (const Channel channel : channels) add_channel(options, channel, spaces, plan);
+  for (const Channel channel : channels_of(options))
+    add_channel(options, scene, channel, spaces, plan);
   spaces.finish(plan);
   return plan;
 }

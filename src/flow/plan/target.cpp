@@ -12,13 +12,9 @@
 #include <optional>
 #include <set>
 
-#include "flow/build/texel_source.h"
-#include "flow/load_mesh.h"
+#include "flow/plan/load_mesh.h"
 #include "flow/plan/output_names.h"
 #include "flow/plan/plan.h"
-#include "flow/project/gaussians.h"
-#include "flow/project/mesh.h"
-#include "flow/project/splats.h"
 #include "io/image/write.h"
 
 namespace pounce::flow {
@@ -33,9 +29,6 @@ bool by_tile(const std::string& pattern) {
   return has_token(pattern, "UDIM") || has_token(pattern, "UVTILE");
 }
 
-// How far texels look where nobody says: of the target's diagonal. Of splats three deviations of
-// where a proxy's surface lies (docs/decisions/023-splat-blend.md).
-constexpr double kReachPercent = 5, kSplatReachPercent = 3;
 // Whether a scene lies at a target shows farther away than texels look
 // (docs/decisions/026-evidence.md).
 constexpr double kFitPercent = 6, kFitOverReach = 2;
@@ -52,14 +45,14 @@ io::ImageLayout layout_of(const TransferOptions& options, const std::string& pat
 
 class TargetPlanner {
  public:
-  TargetPlanner(const TransferOptions& options, const Plan& plan, const mesh::Mesh& target)
+  TargetPlanner(const TransferOptions& options, const SourcePlan& plan, const mesh::Mesh& target)
       : options_(options), source_(plan), target_(target) {}
 
   TargetPlan make(const std::string& path) {
     plan_.path = path;
     const double diag = diagonal(target_);
     plan_.diagonal = diag;
-    const Length usual{source_.from_splats ? kSplatReachPercent : kReachPercent, true};
+    const Length usual{source_.reach_percent, true};
     const Length reach = options_.search.max_distance.value_or(usual);
     const double distance = reach.is_percent ? reach.value / 100 * diag : reach.value;
     using Float = std::numeric_limits<float>;
@@ -200,7 +193,7 @@ class TargetPlanner {
   }
 
   const TransferOptions& options_;
-  const Plan& source_;
+  const SourcePlan& source_;
   const mesh::Mesh& target_;
   TargetPlan plan_;
 };
@@ -219,7 +212,7 @@ std::optional<FileId> file_id(const std::string& path) {
 }
 
 /// Why two images may get one name, and what to do about it.
-std::string how_to_tell_apart(const TransferOptions& options, const Plan& plan) {
+std::string how_to_tell_apart(const TransferOptions& options, const SourcePlan& plan) {
   std::map<std::string, std::string> targets;  // by stem
   for (const std::string& path : options.targets) {
     const auto [at, fresh] = targets.try_emplace(stem(path), path);
@@ -245,12 +238,12 @@ std::string how_to_tell_apart(const TransferOptions& options, const Plan& plan) 
 
 }  // namespace
 
-TargetPlan plan_target(const TransferOptions& options, const Plan& plan, const std::string& path,
-                       const mesh::Mesh& target) {
+TargetPlan plan_target(const TransferOptions& options, const SourcePlan& plan,
+                       const std::string& path, const mesh::Mesh& target) {
   return TargetPlanner(options, plan, target).make(path);
 }
 
-void check_all_outputs(const TransferOptions& options, const Plan& plan,
+void check_all_outputs(const TransferOptions& options, const SourcePlan& plan,
                        const std::vector<std::string>& outputs,
                        const std::vector<std::string>& more_inputs) {
   check_outputs(outputs, how_to_tell_apart(options, plan));
@@ -275,70 +268,6 @@ void check_all_outputs(const TransferOptions& options, const Plan& plan,
 double diagonal(const mesh::Mesh& mesh) {
   const Box3f box = box_of(mesh);
   return box.empty() ? 0 : length(Vec3d(box.hi) - Vec3d(box.lo));
-}
-
-LeastMemory least_memory(const Plan& plan, const TargetPlan& target_plan, const mesh::Mesh& source,
-                         const mesh::Mesh& target, unsigned threads, std::uint64_t tile_cap_bytes) {
-  const std::uint64_t contexts = threads * store::Compressor::context_bytes();
-  const std::uint64_t meshes = source.size_bytes() + target.size_bytes();
-  LeastMemory least;
-  const auto need = [&](std::uint64_t bytes, const std::string& why) {
-    if (bytes > least.bytes) least = {bytes, why};
-  };
-  std::uint64_t colour_tile = 0;
-  for (const ColumnPlan& column : plan.columns) {
-    const std::uint64_t texel = column.info.channels * store::depth_bytes(column.info.depth);
-    need(
-        contexts + meshes + colour_least_bytes(column.info.width, texel, column.info.decoder_bytes),
-        "reading " + column.image.label);
-    colour_tile = std::max(colour_tile,
-                           round_to_pages(store::kColourTileEdge * store::kColourTileEdge * texel));
-  }
-  for (std::size_t p = 0; p < plan.passes.size(); ++p) {
-    const PassPlan& pass = plan.passes[p];
-    if (plan.as_gaussians) {
-      const LeastMemory texels = texel_store_least(texels_of(plan), tile_cap_bytes);
-      need(contexts + meshes + texels.bytes, texels.why);
-    }
-    if (!plan.from_splats) {
-      need(contexts + meshes + geometry_least_bytes(pass.source, tile_cap_bytes),
-           "preconditioning " + source.path);
-    }
-    for (const GeometryRequest& request : target_plan.requests[p]) {
-      need(contexts + meshes + geometry_least_bytes(request, tile_cap_bytes),
-           "vectorizing " + target.path);
-    }
-    std::uint64_t result_texel = 0;
-    for (const std::size_t c : pass.channels) result_texel += plan.channels[c].format.texel_bytes();
-    // Where the results of one page are, and its pieces; the mesh is there for the next page.
-    const std::uint64_t page_blocks =
-        (pass.size.width / 64 + 1ULL) * (pass.size.height / 64 + 1ULL);
-    const bool more_pages = plan.passes.size() * target_plan.pages.size() > 1;
-    const std::uint64_t indices =
-        page_blocks * (sizeof(store::ChunkRef) * pass.channels.size() + 32) +
-        (more_pages ? target.size_bytes() : 0);
-    const std::uint64_t projecting =
-        plan.from_splats ? project_splats_least_bytes(result_texel, pass.channels.size(),
-                                                      plan.scene.lobes, plan.rays)
-        : plan.as_gaussians
-            ? project_gaussians_least_bytes(result_texel)
-            : project_least_bytes(
-                  pass.shape.most_triangles, pass.shape.most_patches,
-                  pass.shape.most_triangles * (pass.source.colours ? 208 : 160) + (1 << 16),
-                  result_texel, colour_tile, pass.has_shape);
-    need(contexts + indices + (2ULL << 20) + projecting, "projecting one block of the target");
-    for (const std::size_t c : pass.channels) {
-      for (const ImageOutput& image : target_plan.images[c]) {
-        const std::uint64_t occupied =
-            image.onto && image.padding > 0
-                ? (target.triangles.size() + target.rest.size()) * kOccupiedBytes
-                : 0;
-        need(contexts + indices + occupied + image_least_bytes(image, plan.channels[c].format),
-             "writing " + image.path);
-      }
-    }
-  }
-  return least;
 }
 
 }  // namespace pounce::flow

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "flow/build/build_stores.h"
+#include "flow/stores/build_stores.h"
 
 namespace pounce::flow {
 

@@ -21,7 +21,7 @@ namespace {
 
 class GaussianMethod : public SplatMethodBase<GaussianProjection, projection::RayState> {
  public:
-  GaussianMethod(JobContext& job, const GaussianProjection& request)
+  GaussianMethod(job::JobContext& job, const GaussianProjection& request)
       : SplatMethodBase(job, request) {}
 
   /// The first reach is the last for most texels; farther ones go in batches of its size.
@@ -82,7 +82,8 @@ float first_reach(double diagonal, ImageSize size) {
   return static_cast<float>(std::max(diagonal / static_cast<double>(cells) / 2, 1e-30));
 }
 
-std::unique_ptr<Projection> project_gaussians(JobContext& job, const GaussianProjection& request) {
+std::unique_ptr<Projection> project_gaussians(job::JobContext& job,
+                                              const GaussianProjection& request) {
   return std::make_unique<PageProjector<GaussianMethod>>(job, *request.target,
                                                          GaussianMethod(job, request));
 }

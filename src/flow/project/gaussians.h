@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "flow/project/page_projector.h"
-#include "flow/project/source_readers.h"
+#include "flow/stores/block_readers.h"
 #include "projection/ray_blend.h"
 #include "store/blocks/splat_store.h"
 
@@ -35,7 +35,8 @@ float first_reach(double diagonal, ImageSize size);
 
 /// The texels of a target past the blocks of Gaussians. `job` and what the request points to must
 /// outlive it.
-std::unique_ptr<Projection> project_gaussians(JobContext& job, const GaussianProjection& request);
+std::unique_ptr<Projection> project_gaussians(job::JobContext& job,
+                                              const GaussianProjection& request);
 
 /// The least that projecting needs at once: one target block, one block of Gaussians.
 std::uint64_t project_gaussians_least_bytes(std::uint64_t result_texel_bytes);

@@ -20,10 +20,10 @@
 #include <cstring>
 #include <optional>
 
-#include "flow/build/find_store.h"
 #include "flow/project/block_walk.h"
 #include "flow/project/packet_blend.h"
 #include "flow/project/page_projector.h"
+#include "flow/stores/find_store.h"
 #include "target/texel_frames.h"
 
 namespace pounce::flow {
@@ -90,7 +90,7 @@ class SurfaceMethod {
     projection::SurfacePoints points;     ///< of channels that need them
   };
 
-  SurfaceMethod(JobContext& job, MeshProjection request)
+  SurfaceMethod(job::JobContext& job, MeshProjection request)
       : job_(&job),
         request_(std::move(request)),
         heights_(projection::search_heights(std::min(
@@ -313,7 +313,8 @@ class SurfaceMethod {
   struct BlockFrames {
     store::GeometryBlock block;
     target::TexelFrames frames;
-    BlockFrames(JobContext& job, const store::GeometryStore& target, const store::BlockEntry& entry)
+    BlockFrames(job::JobContext& job, const store::GeometryStore& target,
+                const store::BlockEntry& entry)
         : block(target.read_block(entry, job.compressor())),
           frames(block, target.directory().pages[entry.page]) {}
   };
@@ -359,7 +360,7 @@ class SurfaceMethod {
     std::atomic<float> distance{0};
   };
 
-  JobContext* job_;
+  job::JobContext* job_;
   MeshProjection request_;
   std::vector<float> heights_;
   std::shared_ptr<Neighbours> neighbours_ = std::make_shared<Neighbours>();
@@ -370,7 +371,7 @@ class SurfaceMethod {
 /// Says damaged, not too little memory, where the source lies about its largest blocks.
 class CheckedProjection : public Projection {
  public:
-  CheckedProjection(JobContext& job, const MeshProjection& request)
+  CheckedProjection(job::JobContext& job, const MeshProjection& request)
       : job_(job),
         source_(request.source->store()),
         projector_(job, *request.target, SurfaceMethod(job, request)) {}
@@ -385,14 +386,14 @@ class CheckedProjection : public Projection {
   }
 
  private:
-  JobContext& job_;
+  job::JobContext& job_;
   const store::GeometryStore& source_;
   PageProjector<SurfaceMethod> projector_;
 };
 
 }  // namespace
 
-std::unique_ptr<Projection> project_mesh(JobContext& job, const MeshProjection& request) {
+std::unique_ptr<Projection> project_mesh(job::JobContext& job, const MeshProjection& request) {
   return std::make_unique<CheckedProjection>(job, request);
 }
 

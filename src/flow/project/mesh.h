@@ -37,7 +37,7 @@ struct MeshProjection {
 
 /// The texels of a target past the source's blocks. `job` and what the request points to must
 /// outlive it.
-std::unique_ptr<Projection> project_mesh(JobContext& job, const MeshProjection& request);
+std::unique_ptr<Projection> project_mesh(job::JobContext& job, const MeshProjection& request);
 
 /// The least that projecting needs at once: one target block, one source block at a time, its
 /// colours. `with_shape`: some channel is of the surface itself, or tinted.

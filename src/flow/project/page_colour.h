@@ -7,8 +7,8 @@
 #include <memory>
 #include <optional>
 
-#include "flow/build/colour_levels.h"
-#include "flow/project/source_readers.h"
+#include "flow/stores/block_readers.h"
+#include "flow/stores/colour_levels.h"
 #include "mesh/uv_tiles.h"
 #include "projection/blend.h"
 #include "projection/footprint.h"

@@ -26,9 +26,9 @@
 #include <span>
 #include <tuple>
 
-#include "flow/job_context.h"
 #include "flow/project/pieces.h"
 #include "flow/project/results.h"
+#include "job/job_context.h"
 #include "pounce/error.h"
 #include "runtime/node_meter.h"
 #include "runtime/pump.h"
@@ -60,7 +60,7 @@ class Projection {
 template <class Method>
 class PageProjector final : public Projection {
  public:
-  PageProjector(JobContext& job, const store::GeometryStore& target, Method method)
+  PageProjector(job::JobContext& job, const store::GeometryStore& target, Method method)
       : job_(job), target_(target), method_(std::move(method)) {}
 
   PageResult project() override {
@@ -153,7 +153,7 @@ class PageProjector final : public Projection {
     return bytes > 0;
   }
 
-  JobContext& job_;
+  job::JobContext& job_;
   const store::GeometryStore& target_;
   Method method_;
   runtime::NodeMeter fetch_{"fetch"}, bin_{"bin"}, hit_{"hit"}, blend_{"blend"}, store_{"store"};

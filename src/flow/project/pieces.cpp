@@ -10,7 +10,7 @@ namespace {
 
 /// Bytes of one piece's share of the budget: as if one more were under way for each thread, so that
 /// blocks can be kept; never more than what the leases leave, or than that of `most`.
-std::uint64_t budget_share(const JobContext& job, const PieceSize& most) {
+std::uint64_t budget_share(const job::JobContext& job, const PieceSize& most) {
   const std::uint64_t pieces = (most.per_thread + 1) * std::uint64_t{std::max(job.threads, 1U)};
   return std::min(
       {most.largest_share, job.budget.limit() / pieces, job.budget.limit() - job.budget.leased()});
@@ -18,7 +18,7 @@ std::uint64_t budget_share(const JobContext& job, const PieceSize& most) {
 
 /// Cuts the target's tiles into pieces whose blocks' state fits `state_share`; `fixed` is what a
 /// piece needs besides.
-PieceList cut_pieces(JobContext& job, const store::GeometryStore& target, std::uint64_t fixed,
+PieceList cut_pieces(job::JobContext& job, const store::GeometryStore& target, std::uint64_t fixed,
                      std::uint64_t state_share, std::uint32_t most_blocks,
                      const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes) {
   PieceList list;
@@ -48,8 +48,8 @@ PieceList cut_pieces(JobContext& job, const store::GeometryStore& target, std::u
 
 }  // namespace
 
-CutTarget cut_target(JobContext& job, const store::GeometryStore& target, const PieceSize& most,
-                     std::uint64_t fixed, std::uint64_t least_batch,
+CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
+                     const PieceSize& most, std::uint64_t fixed, std::uint64_t least_batch,
                      const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes) {
   CutTarget cut;
   const std::uint64_t share = budget_share(job, most);
@@ -69,7 +69,7 @@ CutTarget cut_target(JobContext& job, const store::GeometryStore& target, const 
   return cut;
 }
 
-void read_packets(JobContext& job, const store::GeometryStore& target, float smallest_edge,
+void read_packets(job::JobContext& job, const store::GeometryStore& target, float smallest_edge,
                   target::TargetBlock::Start start, PieceWork& work,
                   PageVector<target::TexelPacket>& packets,
                   std::vector<target::PacketGroup>& groups,

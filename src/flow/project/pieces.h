@@ -11,7 +11,7 @@
 #include <functional>
 #include <vector>
 
-#include "flow/job_context.h"
+#include "job/job_context.h"
 #include "store/blocks/geometry_store.h"
 #include "target/target_block.h"
 #include "texture/result_block.h"
@@ -57,8 +57,8 @@ struct PieceSize {
 /// Shares the budget out, to a piece no more than `most`: beside `fixed`, half of a piece's
 /// share goes to a batch of source blocks (at least `least_batch`), half to its texels' state, of
 /// which a block needs state_bytes(entry). Throws Error(budget) if the largest piece does not fit.
-CutTarget cut_target(JobContext& job, const store::GeometryStore& target, const PieceSize& most,
-                     std::uint64_t fixed, std::uint64_t least_batch,
+CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
+                     const PieceSize& most, std::uint64_t fixed, std::uint64_t least_batch,
                      const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes);
 
 /// A piece on its way through the graph, and its result. A projection adds its own state. Owned by
@@ -80,7 +80,7 @@ struct PieceWork {
 
 /// Reads a piece's blocks into work.blocks and appends their packets to `packets` and `groups`.
 /// `smallest_edge` and `start`: see TargetBlock; `axes`: those of each block, if asked for.
-void read_packets(JobContext& job, const store::GeometryStore& target, float smallest_edge,
+void read_packets(job::JobContext& job, const store::GeometryStore& target, float smallest_edge,
                   target::TargetBlock::Start start, PieceWork& work,
                   PageVector<target::TexelPacket>& packets,
                   std::vector<target::PacketGroup>& groups,

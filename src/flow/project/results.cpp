@@ -17,7 +17,7 @@ std::uint32_t blocks_across(std::uint32_t texels) {
 
 }  // namespace
 
-void finish_block(JobContext& job, const texture::TexelFormat& format,
+void finish_block(job::JobContext& job, const texture::TexelFormat& format,
                   const texture::ResultBlock& result, std::size_t c, std::size_t b,
                   PieceWork& work) {
   std::vector<std::byte> raw;
@@ -26,7 +26,7 @@ void finish_block(JobContext& job, const texture::TexelFormat& format,
   job.compressor().compress(raw, work.stored[c][b], store::kScratchLevel);
 }
 
-ResultCollector::ResultCollector(JobContext& job, const store::GeometryStore& target,
+ResultCollector::ResultCollector(job::JobContext& job, const store::GeometryStore& target,
                                  std::size_t channels)
     : job_(job),
       target_(target),

@@ -5,15 +5,15 @@
 #include <memory>
 #include <vector>
 
-#include "flow/job_context.h"
 #include "flow/project/pieces.h"
+#include "job/job_context.h"
 #include "store/pack/pack.h"
 #include "texture/result_block.h"
 
 namespace pounce::flow {
 
 /// Encodes and compresses a finished result block of channel `c` and block `b` into the work.
-void finish_block(JobContext& job, const texture::TexelFormat& format,
+void finish_block(job::JobContext& job, const texture::TexelFormat& format,
                   const texture::ResultBlock& result, std::size_t c, std::size_t b,
                   PieceWork& work);
 
@@ -32,14 +32,14 @@ struct PageResult {
 /// Collects the result blocks of one page, in any order, in a scratch pack. Not thread-safe.
 class ResultCollector {
  public:
-  ResultCollector(JobContext& job, const store::GeometryStore& target, std::size_t channels);
+  ResultCollector(job::JobContext& job, const store::GeometryStore& target, std::size_t channels);
   std::uint64_t store(const PieceWork& work);  ///< returns the bytes that were written
   PageResult finish();
   /// Bytes of the index of a page's results.
   static std::uint64_t index_bytes(const mesh::Lattice& page, std::size_t channels);
 
  private:
-  JobContext& job_;
+  job::JobContext& job_;
   const store::GeometryStore& target_;
   std::uint32_t across_;
   runtime::Lease index_lease_;

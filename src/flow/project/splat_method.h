@@ -78,7 +78,8 @@ class SplatMethodBase {
   static void bin(Work&) {}  // blocks bring their trees of spheres
 
  protected:
-  SplatMethodBase(JobContext& job, Request request) : job_(&job), request_(std::move(request)) {}
+  SplatMethodBase(job::JobContext& job, Request request)
+      : job_(&job), request_(std::move(request)) {}
 
   std::uint64_t cost(const store::SplatEntry& entry) const {
     return splat_batch_cost(entry.splats, lobes());
@@ -156,7 +157,7 @@ class SplatMethodBase {
     }
   }
 
-  JobContext* job_;
+  job::JobContext* job_;
   Request request_;
 
  private:

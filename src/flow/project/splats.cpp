@@ -36,7 +36,7 @@ class SplatMethod : public Base {
     bool sifts = false;           ///< blocks
   };
 
-  SplatMethod(JobContext& job, const SplatProjection& request) : Base(job, request) {}
+  SplatMethod(job::JobContext& job, const SplatProjection& request) : Base(job, request) {}
 
   /// All that the texels may meet at once needs no profiles: there is room for more of it.
   std::uint64_t wanted_bytes(Work& work, std::uint64_t most) const {
@@ -146,12 +146,12 @@ class SplatMethod : public Base {
 
 }  // namespace
 
-std::unique_ptr<Projection> project_splats(JobContext& job, const SplatProjection& request) {
+std::unique_ptr<Projection> project_splats(job::JobContext& job, const SplatProjection& request) {
   return std::make_unique<PageProjector<SplatMethod>>(job, *request.target,
                                                       SplatMethod(job, request));
 }
 
-projection::SplatFit find_fit(JobContext& job, const SplatProjection& request,
+projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& request,
                               std::span<const target::Place> places, float edge,
                               float usual_reach) {
   // As many packets as a full block has at most, so that projecting one takes as much memory.

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "flow/project/page_projector.h"
-#include "flow/project/source_readers.h"
+#include "flow/stores/block_readers.h"
 #include "projection/splat_blend.h"
 #include "projection/splat_fit.h"
 #include "store/blocks/splat_store.h"
@@ -49,13 +49,13 @@ struct SplatProjection {
 
 /// The texels of a target past the scene's blocks. `job` and what the request points to must
 /// outlive it.
-std::unique_ptr<Projection> project_splats(JobContext& job, const SplatProjection& request);
+std::unique_ptr<Projection> project_splats(job::JobContext& job, const SplatProjection& request);
 
 /// Does the scene lie at the surface where these places are? No without any places. They look as
 /// far as request.limits say, `usual_reach` if nothing holds them back; `edge` is that of the
 /// texels they stand for. Target, outputs and fit of the request do not count. Needs no more memory
 /// than project_splats_least_bytes().
-projection::SplatFit find_fit(JobContext& job, const SplatProjection& request,
+projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& request,
                               std::span<const target::Place> places, float edge, float usual_reach);
 
 /// The least that projecting needs at once: one target block, one block of a scene that has so many

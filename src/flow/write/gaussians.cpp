@@ -5,8 +5,8 @@
 
 #include <algorithm>
 
-#include "flow/build/importance.h"
-#include "flow/build/kept_rows.h"
+#include "flow/stores/importance.h"
+#include "flow/stores/kept_rows.h"
 #include "runtime/ordered_stream.h"
 
 namespace pounce::flow {
@@ -32,7 +32,7 @@ struct Part {
 
 class GaussianFileJob {
  public:
-  GaussianFileJob(JobContext& job, const GaussianSource& source, const GaussianFile& file)
+  GaussianFileJob(job::JobContext& job, const GaussianSource& source, const GaussianFile& file)
       : job_(job),
         source_(source),
         file_(file),
@@ -115,10 +115,10 @@ class GaussianFileJob {
     report.notes.insert(report.notes.end(), writer_->notes().begin(), writer_->notes().end());
     report.outputs = {file_.path};
     report.source_gaussians = writer_->rows();
-    report.bytes_written += size_on_disk({file_.path}) + writer_->scratch_bytes();
+    report.bytes_written += job::size_on_disk({file_.path}) + writer_->scratch_bytes();
   }
 
-  JobContext& job_;
+  job::JobContext& job_;
   const GaussianSource& source_;
   const GaussianFile& file_;
   const std::unique_ptr<io::SplatWriter> writer_;
@@ -129,7 +129,7 @@ class GaussianFileJob {
 
 }  // namespace
 
-std::uint64_t write_gaussians(JobContext& job, const GaussianSource& source,
+std::uint64_t write_gaussians(job::JobContext& job, const GaussianSource& source,
                               const GaussianFile& file) {
   return GaussianFileJob(job, source, file).run();
 }

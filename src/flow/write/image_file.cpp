@@ -32,7 +32,7 @@ io::ImageWriteSpec multiplied(io::ImageWriteSpec spec) {
 
 }  // namespace
 
-ImageFile::ImageFile(JobContext& job, const std::string& path, const io::ImageWriteSpec& spec)
+ImageFile::ImageFile(job::JobContext& job, const std::string& path, const io::ImageWriteSpec& spec)
     : job_(job), spec_(spec), writer_(path, multiplied(spec)) {
   if (!spec.layout.mipmap) return;
   ImageSize size{spec.width, spec.height};
@@ -48,7 +48,7 @@ ImageFile::ImageFile(JobContext& job, const std::string& path, const io::ImageWr
   if (!kept_.empty()) scratch_ = job.scratch_place().create();
 }
 
-ImageFile::ImageFile(JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec)
+ImageFile::ImageFile(job::JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec)
     : job_(job), spec_(spec), writer_(sink, spec) {}
 
 void ImageFile::write_rows(std::uint32_t count, const std::byte* rows) {

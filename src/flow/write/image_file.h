@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "flow/job_context.h"
 #include "io/image/write.h"
+#include "job/job_context.h"
 #include "texture/mip_levels.h"
 
 namespace pounce::flow {
@@ -19,9 +19,9 @@ namespace pounce::flow {
 /// Leases nothing: its memory_bytes() are the caller's to lease. Not thread-safe.
 class ImageFile {
  public:
-  ImageFile(JobContext& job, const std::string& path, const io::ImageWriteSpec& spec);
+  ImageFile(job::JobContext& job, const std::string& path, const io::ImageWriteSpec& spec);
   /// As PNG to the end of `sink`.
-  ImageFile(JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec);
+  ImageFile(job::JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec);
   ImageFile(const ImageFile&) = delete;
   ImageFile& operator=(const ImageFile&) = delete;
 
@@ -50,7 +50,7 @@ class ImageFile {
   void spill(Level& level);
   void write_level(const ReadFile& scratch, Level& level);
 
-  JobContext& job_;
+  job::JobContext& job_;
   const io::ImageWriteSpec spec_;
   io::ImageWriter writer_;
   std::optional<texture::MipLevels> levels_;

@@ -19,6 +19,7 @@
 #include <optional>
 
 #include "flow/write/image_file.h"
+#include "flow/write/onto.h"
 #include "store/pack/chunk_payload.h"
 #include "texture/pad_seams.h"
 
@@ -79,9 +80,9 @@ void expand_mask(const std::uint8_t* bits, std::uint32_t count, std::uint8_t* by
 
 class ImageAssembler {
  public:
-  ImageAssembler(JobContext& job, const ImageOutput& output, const texture::TexelFormat& format,
-                 const store::PackReader& results, const std::vector<store::ChunkRef>& blocks,
-                 WriteFile* sink)
+  ImageAssembler(job::JobContext& job, const ImageOutput& output,
+                 const texture::TexelFormat& format, const store::PackReader& results,
+                 const std::vector<store::ChunkRef>& blocks, WriteFile* sink)
       : job_(job),
         output_(output),
         format_(format),
@@ -250,7 +251,7 @@ class ImageAssembler {
     job_.meter.advance(rows.count);
   }
 
-  JobContext& job_;
+  job::JobContext& job_;
   const ImageOutput& output_;
   const texture::TexelFormat& format_;
   const store::PackReader& results_;
@@ -266,7 +267,7 @@ class ImageAssembler {
 
 }  // namespace
 
-WrittenTexels write_image(JobContext& job, const ImageOutput& output,
+WrittenTexels write_image(job::JobContext& job, const ImageOutput& output,
                           const texture::TexelFormat& format, const store::PackReader& results,
                           const std::vector<store::ChunkRef>& blocks, WriteFile* sink) {
   return ImageAssembler(job, output, format, results, blocks, sink).run();

@@ -47,7 +47,7 @@ std::string model_image_pattern(const std::string& output) {
   return base + ".<MATERIAL>.<CHANNEL>.png";
 }
 
-ModelOutput::ModelOutput(const std::string& pattern, const Plan& plan, bool allow_external,
+ModelOutput::ModelOutput(const std::string& pattern, const SourcePlan& plan, bool allow_external,
                          TargetPlan& target) {
   request_.target = target.path;
   request_.allow_external = allow_external;
@@ -75,7 +75,7 @@ ModelOutput::ModelOutput(const std::string& pattern, const Plan& plan, bool allo
   target.warnings.insert(target.warnings.end(), model.warnings.begin(), model.warnings.end());
 }
 
-WriteFile& ModelOutput::sink(JobContext& job) {
+WriteFile& ModelOutput::sink(job::JobContext& job) {
   if (scratch_ == nullptr) scratch_ = job.scratch_place().create();
   return *scratch_;
 }
@@ -93,7 +93,7 @@ void ModelOutput::add(std::size_t channel, std::size_t page, const WrittenTexels
   }
 }
 
-std::vector<std::string> ModelOutput::write(JobContext& job) {
+std::vector<std::string> ModelOutput::write(job::JobContext& job) {
   const runtime::Lease lease(job.budget, least_bytes_, "writing " + request_.output);
   const auto images = sink(job).reader();
   io::write_model(request_, *images, places_);

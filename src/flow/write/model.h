@@ -20,7 +20,7 @@ std::string model_image_pattern(const std::string& output);
 class ModelOutput {
  public:
   /// Plans it: `target` gets the model's files as its outputs and inputs, and its warnings.
-  ModelOutput(const std::string& pattern, const Plan& plan, bool allow_external,
+  ModelOutput(const std::string& pattern, const SourcePlan& plan, bool allow_external,
               TargetPlan& target);
 
   const std::string& path() const { return request_.output; }
@@ -30,11 +30,11 @@ class ModelOutput {
   std::uint64_t least_bytes() const { return least_bytes_; }
 
   /// Where the next image goes.
-  WriteFile& sink(JobContext& job);
+  WriteFile& sink(job::JobContext& job);
   /// What was written to the sink since the last call is the image of this channel and page.
   void add(std::size_t channel, std::size_t page, const WrittenTexels& written);
   /// Writes the model with the images that were added. Returns the files.
-  std::vector<std::string> write(JobContext& job);
+  std::vector<std::string> write(job::JobContext& job);
 
  private:
   io::ModelRequest request_;

@@ -11,14 +11,16 @@ declare -A may_include=(
   [core]="" [runtime]="core" [mesh]="core" [store]="core mesh" [io]="core mesh store"
   [source]="core mesh store" [target]="core mesh store" [texture]="core mesh store"
   [grid]="core mesh store source" [projection]="core mesh store source target grid"
-  [commands]="core mesh store io"
-  [flow]="core runtime mesh store io source target texture grid projection"
+  [commands]="core mesh store io" [job]="core runtime store io"
+  [flow]="job core runtime mesh store io source target texture grid projection"
 )
 # The same within rooms that have folders: what each may include besides itself and what lies above it.
 declare -A may_include_within=(
   [store/pack]="" [store/blocks]="pack" [store/cache]="pack"
   [io/files]="" [io/json]="" [io/image]="files" [io/gltf]="files json" [io/obj]="files" [io/splats]="files json gltf"
   [io/model]="files json gltf"
+  [flow/stores]="" [flow/project]="stores" [flow/plan]="stores" [flow/sources]="stores project plan"
+  [flow/write]="stores project plan"
 )
 broken=0
 complain() {
@@ -39,12 +41,17 @@ for folder in src/*/; do
   done < <(grep -rnE '^#include "[^"]+/' "$folder")
 done
 
-for folder in src/{store,io}/*/; do
+for folder in src/{store,io,flow}/*/; do
   [[ -d $folder ]] || continue
   inner=${folder#src/} inner=${inner%/} room=${folder#src/} room=${room%%/*}
   if [[ -z ${may_include_within[$inner]+known} ]]; then
     complain "src/$inner: a folder without a line in tests/unit/layout/check_includes.sh"
     continue
+  fi
+  if [[ $room == flow ]]; then  # the jobs lie on top of their stages
+    while IFS=: read -r file line text; do
+      complain "$file:$line: ${inner#*/}/ must not include ${text#*\"}"
+    done < <(grep -rnE '^#include "flow/[^"/]+"' "$folder")
   fi
   while IFS=: read -r file line text; do
     other=${text#*\"$room/} other=${other%%/*}

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "flow/sources/columns.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace pounce::flow {
+
+std::vector<PageColour> SourceColumns::pages_of(const ChannelPlan& channel) const {
+  std::vector<PageColour> pages;
+  for (const PageTexture& page : channel.pages) {
+    pages.push_back(
+        {page.column < 0 ? nullptr : columns[static_cast<std::size_t>(page.column)].get(),
+         page.tile_set < 0 ? nullptr : &tile_sets[static_cast<std::size_t>(page.tile_set)],
+         page.constant, page.input, page.factor, page.tinted});
+  }
+  return pages;
+}
+
+std::uint64_t SourceColumns::most_tile_bytes() const {
+  std::uint64_t most = 0;
+  for (const auto& column : columns) most = std::max(most, column->store().tile_bytes());
+  return most;
+}
+
+std::uint64_t SourceColumns::bytes_read() const {
+  std::uint64_t bytes = 0;
+  for (const auto& column : columns) bytes += column->store().pack().bytes_read();
+  return bytes;
+}
+
+namespace {
+
+/// The apron, how far outside of its triangle a hit may be, and how far lookups in the image itself
+/// (not in a level) spread: half of 32 texels (projection/footprint.cpp). Beyond, the whole image
+/// is built: this only saves work.
+constexpr double kSeenAround = 24;
+/// So few tiles of an image are not worth leaving out.
+constexpr std::uint64_t kFewTiles = 16;
+/// Of the source's texels per target texel: from here on many are seen in levels.
+constexpr double kFromAfar = 4;
+
+bool has_size(const mesh::Lattice& lattice, const ColumnPlan& column) {
+  return lattice.width == column.info.width && lattice.height == column.info.height;
+}
+
+/// Texels of the images that a pass shows.
+double texels_shown(const PassPlan& pass) {
+  double texels = 0;
+  for (std::size_t p = 0; p < pass.source.pages.size(); ++p) {
+    if (pass.source.pages[p].width == 0) continue;  // no image, and perhaps no UVs
+    texels += mesh::texel_area(*pass.source.mesh, pass.source.pages[p],
+                               pass.source.triangles->of(pass.source.first_page + p));
+  }
+  return texels;
+}
+
+void add_shown(const SourcePlan& plan, const PassPlan& pass, const ChannelPlan& channel,
+               std::vector<std::unique_ptr<mesh::TileMask>>& masks) {
+  for (std::size_t p = 0; p < channel.pages.size(); ++p) {
+    if (channel.pages[p].column < 0) continue;
+    const auto c = static_cast<std::size_t>(channel.pages[p].column);
+    if (masks[c] == nullptr) continue;
+    if (has_size(pass.source.pages[p], plan.columns[c])) {
+      mesh::add_touched(*pass.source.mesh, pass.source.pages[p],
+                        pass.source.triangles->of(pass.source.first_page + p),
+                        plan.columns[c].wrap_u, plan.columns[c].wrap_v, kSeenAround, *masks[c]);
+    } else {
+      masks[c]->add_all();
+    }
+  }
+}
+
+}  // namespace
+
+ColourRequest request_of(const ColumnPlan& column) {
+  return {&column.image, &column.info, column.wrap_u,
+          column.wrap_v, nullptr,      column.allowed_formats};
+}
+
+WantedTiles little_shown(const SourcePlan& plan) {
+  std::vector<std::unique_ptr<mesh::TileMask>> masks;
+  for (const ColumnPlan& column : plan.columns) {
+    masks.push_back(std::make_unique<mesh::TileMask>(column.info.width, column.info.height));
+    if (masks.back()->tiles() <= kFewTiles) masks.back() = nullptr;
+  }
+  for (const TileSetPlan& set : plan.tile_sets) {
+    for (const auto& [tile, column] : set.columns) masks[column] = nullptr;
+  }
+  for (const PassPlan& pass : plan.passes) {
+    for (const std::size_t c : pass.channels) add_shown(plan, pass, plan.channels[c], masks);
+  }
+  WantedTiles shown(plan.columns.size());
+  for (std::size_t c = 0; c < masks.size(); ++c) {
+    const bool is_little = masks[c] != nullptr && 2 * masks[c]->count() <= masks[c]->tiles();
+    if (is_little) shown[c] = std::move(masks[c]);
+  }
+  return shown;
+}
+
+WantedTiles tiles_shown(const job::JobContext& job, const SourcePlan& plan,
+                        std::uint64_t target_texels) {
+  for (const PassPlan& pass : plan.passes) {
+    if (texels_shown(pass) > kFromAfar * static_cast<double>(target_texels)) return {};
+  }
+  WantedTiles wanted = little_shown(plan);
+  for (std::size_t c = 0; c < wanted.size(); ++c) {
+    const std::uint64_t later = colour_least_bytes(request_of(plan.columns[c]));
+    if (job.report.least_memory_bytes + later > job.budget.limit()) wanted[c] = nullptr;
+  }
+  return wanted;
+}
+
+SourceColumns build_columns(job::JobContext& job, const SourcePlan& plan, const WantedTiles& wanted,
+                            double progress_end) {
+  SourceColumns made;
+  made.levels = std::make_unique<ColourLevels>(job);
+  std::uint64_t rows = 0, later_bytes = 0;
+  std::vector<ColourRequest> requests;
+  std::vector<Hash128> keys, whole_keys;
+  for (std::size_t c = 0; c < plan.columns.size(); ++c) {
+    rows += (plan.columns[c].info.height + 63) / 64;
+    requests.push_back(request_of(plan.columns[c]));
+    if (c < wanted.size()) requests.back().wanted = wanted[c];
+    if (requests.back().wanted != nullptr)
+      later_bytes = std::max(later_bytes, colour_least_bytes(requests.back()));
+  }
+  made.whole_lease = runtime::Lease(job.budget, later_bytes, "images that are seen whole");
+  job.meter.begin("source colours", rows, "rows of tiles", progress_end);
+  for (const ColourRequest& request : requests) {
+    whole_keys.push_back(colour_key(job, request));
+    keys.push_back(request.wanted == nullptr ? whole_keys.back()
+                                             : some_tiles_key(whole_keys.back(), *request.wanted));
+  }
+  auto found = colour_stores(job, requests, keys);
+  for (std::size_t c = 0; c < plan.columns.size(); ++c) {
+    const ColumnPlan& column = plan.columns[c];
+    const bool cached = found[c].cached;
+    made.all_cached = made.all_cached && cached;
+    auto whole = requests[c].wanted == nullptr
+                     ? nullptr
+                     : std::make_shared<WholeColumn>(job, requests[c], whole_keys[c]);
+    made.columns.push_back(std::make_unique<ColourCache>(
+        job.budget, ColourReader{&job, std::move(found[c].store), std::move(whole)}));
+    made.levels->add(*made.columns.back(), whole_keys[c]);
+    const store::ColourStore& store = made.columns.back()->store();
+    const std::uint64_t nonfinite = store.directory().nonfinite;
+    if (nonfinite > 0) {
+      job.report.source_filtered["nonfinite samples"] += nonfinite;
+      job.report.warnings.push_back(fmt::format("{}: {} samples are NaN or infinite and count as 0",
+                                                column.image.label, nonfinite));
+    }
+    job.count_store(store.pack(), cached);
+    job.report.source_store_bytes += store.pack().size_bytes();
+  }
+  for (const TileSetPlan& set : plan.tile_sets) {
+    made.tile_sets.push_back({set.size.width, set.size.height, {}});
+    for (const auto& [tile, column] : set.columns) {
+      const auto input = set.inputs.find(tile);
+      made.tile_sets.back().tiles[tile] = {
+          made.columns[column].get(),
+          input == set.inputs.end() ? std::nullopt : std::optional(input->second)};
+    }
+  }
+  job.meter.end(made.all_cached);
+  return made;
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "flow/plan/plan.h"
+#include "flow/project/page_colour.h"
+#include "flow/stores/colour_levels.h"
+#include "job/job_context.h"
+
+namespace pounce::flow {
+
+/// The images of a mesh as columns of colour tiles, open as long as this lives, and what is kept of
+/// them.
+struct SourceColumns {
+  std::vector<std::unique_ptr<ColourCache>> columns;  ///< by SourcePlan::columns
+  std::vector<TileColumns> tile_sets;                 ///< by SourcePlan::tile_sets
+  std::unique_ptr<ColourLevels> levels;               ///< of all columns
+  runtime::Lease whole_lease;                         ///< for what WholeColumn builds
+  bool all_cached = true;
+
+  /// What each source page gives to a channel.
+  std::vector<PageColour> pages_of(const ChannelPlan& channel) const;
+  std::uint64_t most_tile_bytes() const;
+  std::uint64_t bytes_read() const;
+};
+
+/// What building a planned column takes.
+ColourRequest request_of(const ColumnPlan& column);
+
+/// By SourcePlan::columns the tiles that are kept; null: all.
+using WantedTiles = std::vector<std::shared_ptr<const mesh::TileMask>>;
+/// The tiles that the source's triangles show, of the images of which that is less than half.
+WantedTiles little_shown(const SourcePlan& plan);
+/// The same as a job keeps them: all of every image where targets of so many texels see it from too
+/// far for tiles alone (levels are made of all), and where the budget has no room for building an
+/// image later.
+WantedTiles tiles_shown(const job::JobContext& job, const SourcePlan& plan,
+                        std::uint64_t target_texels);
+
+/// Builds the columns of a plan or finds them in the cache; takes job.meter through a stage whose
+/// end is `progress_end`, and counts what was done in job.report.
+SourceColumns build_columns(job::JobContext& job, const SourcePlan& plan, const WantedTiles& wanted,
+                            double progress_end);
+
+}  // namespace pounce::flow

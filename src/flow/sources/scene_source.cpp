@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A splat scene as a source.
+//
+// Its Gaussians are sorted once and serve all targets; what they are asked for (colour, confidence,
+// distance) is decided when they are projected. A scene is rarely where a user thinks it is, so
+// before a target's first page places strewn over the target look for the scene: whether it fits,
+// and how far from the surface it lies at most places, is where texels begin to look.
+#include "flow/sources/scene_source.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "flow/plan/colour_spaces.h"
+#include "flow/stores/gaussian_store.h"
+#include "source/splat_shapes.h"
+
+namespace pounce::flow {
+namespace {
+
+/// The texels that a target's places stand for, whatever its images' size: of its diagonal.
+constexpr double kPlaceEdge = 1.0 / 1024;
+
+/// What a texel must be sure of before the fit is known, to be covered.
+double least_confidence(double min_confidence, double fit) {
+  constexpr double kNone = 2;  // no texel has that
+  if (fit > 0) return min_confidence / fit;
+  return min_confidence > 0 ? kNone : 0;
+}
+
+/// Texels look first where most places of the target found the scene: at least within a quarter of
+/// what is thought where nothing is known, at most within all of it. Where most found it on one
+/// side but do not agree how far away, it is no surface that they found, but what stands before it,
+/// as furniture does before a wall: then the surface is where the target is.
+void expect_where_found(const projection::SplatFit& fit, projection::SplatLimits& limits) {
+  if (fit.fit < kLeastFit) return;
+  constexpr float kPerSpread = 2, kMostOfReach = 1.0F / 3, kLeastOfReach = kMostOfReach / 4;
+  const auto middle = static_cast<float>(fit.middle), spread = static_cast<float>(fit.spread);
+  if (kPerSpread * spread > kMostOfReach * limits.reach && std::abs(middle) > spread) {
+    limits.expected = 0;
+    limits.deviation = kLeastOfReach * limits.reach;
+    return;
+  }
+  limits.expected = std::clamp(middle, -limits.reach, limits.reach);
+  limits.deviation =
+      std::clamp(kPerSpread * spread, kLeastOfReach * limits.reach, kMostOfReach * limits.reach);
+}
+
+}  // namespace
+
+SceneSource::SceneSource(job::JobContext& job, const TransferOptions& options, bool for_model,
+                         const TestKnobs& knobs)
+    : Source(job, options),
+      for_model_(for_model),
+      kernels_(&projection::splat_kernels(knobs.isa)),
+      request_(splat_request(options)) {
+  request_.fades_isolated = !knobs.keeps_isolated;
+}
+
+void SceneSource::make_plan(MemoryNeeds& needs, DiskPlan& disk,
+                            const std::function<void(const mesh::Mesh&)>&) {
+  facts_ = scene_facts(request_, [this] { job_.meter.advance(0); });
+  plan_ = plan_scene(options_, facts_, for_model_);
+  files_ = facts_.files;
+  needs.keep(plan_.table_bytes);
+  disk.add_splats(facts_.splats, facts_.lobes, facts_.unpacked_bytes);
+  job_.report.notes = facts_.assumptions;
+  job_.meter.advance(1);
+}
+
+void SceneSource::meet(const TargetPlan& target, const mesh::Mesh& mesh) {
+  keep_near(options_, target, mesh, request_);
+}
+
+std::vector<job::LeastMemory> SceneSource::build_needs() const {
+  return {{facts_.least_bytes, "sorting " + options_.source}};
+}
+
+std::uint64_t SceneSource::directory_bytes() const {
+  constexpr std::uint64_t kMost = 64 << 10;  // of a pass
+  return kMost * plan_.passes.size();
+}
+
+std::uint64_t SceneSource::project_least_bytes(std::size_t pass) const {
+  return project_splats_least_bytes(result_texel_bytes(pass), plan_.passes[pass].channels.size(),
+                                    facts_.lobes, options_.splats.rays);
+}
+
+void SceneSource::build(ProgressRange range, std::uint64_t) {
+  const StageTimer timer(job_.clock, "precondition");
+  job_.report.isa = kernels_->isa;
+  const job::ScratchPack runs_go(job_, store::PackKind::splats);  // what the store is sorted from
+  bool cached = false;
+  auto opened = splat_store(job_, request_, &cached, range.end);
+  splats_ = std::make_unique<SplatCache>(
+      job_.budget, SplatReader{{&job_, std::move(opened)}, options_.splats.harmonics});
+  const store::SplatDirectory& scene = splats_->store().directory();
+  job_.report.depth_window = kWindowOverNoise * scene.surface_noise;
+  job_.report.discness = source::discness(scene.roundness, scene.thickness);
+  job_.report.gaussian_size = scene.typical_size;
+  directory_lease_ = count_splat_store(job_, splats_->store(), cached);
+  job_.meter.keep(range.end);  // what of it the cache had
+}
+
+SplatProjection SceneSource::projection(const TargetPlan& target_plan) const {
+  SplatProjection request;
+  request.source = splats_.get();
+  request.kernels = kernels_;
+  const store::SplatDirectory& scene = splats_->store().directory();
+  request.linear = scene.is_linear;
+  request.alpha = options_.splats.alpha;
+  request.limits.reach = target_plan.max_distance;
+  request.limits.min_cosine = min_cosine();
+  request.limits.window = kWindowOverNoise * scene.surface_noise;
+  request.limits.discness = source::discness(scene.roundness, scene.thickness);
+  request.limits.fine_edge = source::fine_edge(scene.typical_size);
+  request.limits.antialiased = scene.model == store::SplatModel::antialiased;
+  request.limits.rays = static_cast<int>(options_.splats.rays);
+  request.smallest_edge = target_plan.smallest_edge;
+  return request;
+}
+
+std::optional<projection::SplatFit> SceneSource::fit(std::span<const target::Place> places,
+                                                     const TargetPlan& target_plan) const {
+  SplatProjection request = projection(target_plan);
+  request.limits.reach = target_plan.fit_reach;
+  request.limits.rays = 0;
+  const auto edge = static_cast<float>(target_plan.diagonal * kPlaceEdge);
+  return find_fit(job_, request, places, std::max(edge, target_plan.smallest_edge),
+                  target_plan.usual_fit_reach);
+}
+
+std::unique_ptr<Projection> SceneSource::projector(std::size_t pass,
+                                                   const store::GeometryStore& target,
+                                                   const TargetPlan& target_plan,
+                                                   const projection::SplatFit& fit) const {
+  SplatProjection request = projection(target_plan);
+  request.target = &target;
+  for (const std::size_t c : plan_.passes[pass].channels) {
+    const ChannelPlan& channel = plan_.channels[c];
+    const auto input = colour_input({kRec709, request.linear}, request.linear, channel);
+    request.outputs.push_back({channel.channel, channel.format, input});
+  }
+  request.fit = fit.fit;
+  request.limits.least_confidence = least_confidence(options_.splats.min_confidence, fit.fit);
+  expect_where_found(fit, request.limits);
+  return project_splats(job_, request);
+}
+
+/// Most scenes show the same at any angle.
+std::string SceneSource::cure() const {
+  if (options_.splats.min_confidence <= TransferOptions{}.splats.min_confidence)
+    return "align them, or raise --max-distance";
+  return fmt::format("align them, raise --max-distance, or lower --min-confidence ({:g})",
+                     options_.splats.min_confidence);
+}
+
+}  // namespace pounce::flow

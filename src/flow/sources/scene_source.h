@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "flow/project/splats.h"
+#include "flow/sources/source.h"
+#include "flow/stores/splats.h"
+
+namespace pounce::flow {
+
+/// A trained splat scene: its Gaussians, filtered and sorted into one store.
+class SceneSource final : public Source {
+ public:
+  SceneSource(job::JobContext& job, const TransferOptions& options, bool for_model,
+              const TestKnobs& knobs);
+
+  void make_plan(MemoryNeeds& needs, DiskPlan& disk,
+                 const std::function<void(const mesh::Mesh&)>& check_order) override;
+  /// What is far from every target need not be sorted.
+  void meet(const TargetPlan& target, const mesh::Mesh& mesh) override;
+  std::vector<job::LeastMemory> build_needs() const override;
+  std::uint64_t directory_bytes() const override;
+  std::uint64_t project_least_bytes(std::size_t pass) const override;
+  void build(ProgressRange range, std::uint64_t target_texels) override;
+  const store::PackReader& pack(std::size_t) const override { return splats_->store().pack(); }
+  Box3f box() const override { return splats_->store().directory().middle_box; }
+  std::uint64_t tiles_read() const override { return splats_->indices_read(); }
+  std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
+                                        const TargetPlan& target_plan,
+                                        const projection::SplatFit& fit) const override;
+  std::size_t target_places() const override { return target::kStrewnPlaces; }
+  std::optional<projection::SplatFit> fit(std::span<const target::Place> places,
+                                          const TargetPlan& target_plan) const override;
+  /// A capture's whole box is made by a few floaters, so that of its middle is known.
+  std::string box_name() const override {
+    return "The scene without its outer tenths (\"middle\" of pounce inspect)";
+  }
+  std::string cure() const override;
+
+ private:
+  SplatProjection projection(const TargetPlan& target_plan) const;
+
+  const bool for_model_;
+  const projection::SplatKernels* kernels_;
+  SplatRequest request_;
+  SceneFacts facts_;
+  std::unique_ptr<SplatCache> splats_;
+  runtime::Lease directory_lease_;
+};
+
+}  // namespace pounce::flow

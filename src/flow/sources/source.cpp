@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Which kind of source a job has. From here on nobody asks: each kind knows what it is.
+#include "flow/sources/source.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "flow/sources/scene_source.h"
+#include "flow/sources/surface_source.h"
+#include "flow/sources/texels_source.h"
+
+namespace pounce::flow {
+
+std::uint64_t Source::result_texel_bytes(std::size_t pass) const {
+  std::uint64_t bytes = 0;
+  for (const std::size_t c : plan_.passes[pass].channels)
+    bytes += plan_.channels[c].format.texel_bytes();
+  return bytes;
+}
+
+float Source::min_cosine() const {
+  return static_cast<float>(std::cos(options_.search.max_angle_deg * std::numbers::pi / 180));
+}
+
+std::unique_ptr<Source> open_source(job::JobContext& job, const TransferOptions& options,
+                                    bool for_model, const TestKnobs& knobs) {
+  if (is_splat_scene(options.source)) {
+    refuse_mesh_options(options);
+    return std::make_unique<SceneSource>(job, options, for_model, knobs);
+  }
+  refuse_splat_options(options);
+  if (options.mesh.method == Method::gaussian)
+    return std::make_unique<TexelsSource>(job, options, for_model, knobs);
+  return std::make_unique<SurfaceSource>(job, options, for_model, knobs);
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a job takes appearance from. A kind of source is a class behind one interface, and the job
+// knows no other difference between kinds: another kind is one more file here and a line in
+// open_source().
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/box.h"
+#include "flow/plan/disk.h"
+#include "flow/plan/memory_needs.h"
+#include "flow/plan/plan.h"
+#include "flow/plan/test_knobs.h"
+#include "flow/project/page_projector.h"
+#include "job/job_context.h"
+#include "projection/splat_fit.h"
+#include "store/blocks/geometry_store.h"
+#include "store/pack/pack.h"
+#include "target/strewn_places.h"
+
+namespace pounce::flow {
+
+/// A part of the progress bar.
+struct ProgressRange {
+  double begin = 0, end = 1;
+};
+
+/// The source of a job: the same for all its targets. First it is planned, then built, then put in
+/// front of one page of a target after the other. Not thread-safe, but for what it projects.
+class Source {
+ public:
+  virtual ~Source() = default;
+  Source(const Source&) = delete;
+  Source& operator=(const Source&) = delete;
+
+  // --- planning: meshes and headers are read, no image and no Gaussian ---------------------------
+
+  /// Decides channels, sizes and passes, and adds what that needs of memory and disk. What a user
+  /// should know goes to the job's report; what he must hear before any work is thrown.
+  /// `check_order` is told the source's mesh, if there is one, before anything is missed in it.
+  virtual void make_plan(MemoryNeeds& needs, DiskPlan& disk,
+                         const std::function<void(const mesh::Mesh&)>& check_order) = 0;
+  const SourcePlan& plan() const { return plan_; }
+  const std::vector<std::string>& files() const { return files_; }  ///< that it is made of
+  /// Says that a target is there, planned; its mesh may go afterwards.
+  virtual void meet(const TargetPlan&, const mesh::Mesh&) {}
+  /// Memory of what planning left behind, until build() has run.
+  virtual std::uint64_t held_bytes() const { return 0; }
+  virtual void lease_held() {}  ///< takes that from the budget
+  /// What reading the file takes, as it is read again beside each target; 0: nothing.
+  virtual std::uint64_t reading_bytes() const { return 0; }
+  /// Each step of build(), beside compressors, held_bytes() and a target's mesh.
+  virtual std::vector<job::LeastMemory> build_needs() const = 0;
+  /// What stays of all stores while they are open.
+  virtual std::uint64_t directory_bytes() const = 0;
+  /// The least that putting it in front of one block of a target needs, for one pass.
+  virtual std::uint64_t project_least_bytes(std::size_t pass) const = 0;
+
+  // --- stores ------------------------------------------------------------------------------------
+
+  /// Builds the stores or finds them in the cache. `target_texels`: of the target that has the
+  /// fewest. What planning held is gone afterwards: from here on the stores are read, never the
+  /// inputs.
+  virtual void build(ProgressRange range, std::uint64_t target_texels) = 0;
+  /// The pack that a pass reads most.
+  virtual const store::PackReader& pack(std::size_t pass) const = 0;
+  virtual Box3f box() const = 0;  ///< where it lies
+  /// How often a tile's part of an index was read, so far.
+  virtual std::uint64_t tiles_read() const = 0;
+
+  // --- projection --------------------------------------------------------------------------------
+
+  /// Puts it in front of one page of a target, for one pass. `fit`: of a scene.
+  virtual std::unique_ptr<Projection> projector(std::size_t pass,
+                                                const store::GeometryStore& target,
+                                                const TargetPlan& target_plan,
+                                                const projection::SplatFit& fit) const = 0;
+
+  // --- does it fit a target? ---------------------------------------------------------------------
+
+  /// How many places of a target's surface say whether the two fit.
+  virtual std::size_t target_places() const = 0;
+  /// Does a scene lie at a target? Nothing of other kinds.
+  virtual std::optional<projection::SplatFit> fit(std::span<const target::Place>,
+                                                  const TargetPlan&) const {
+    return std::nullopt;
+  }
+  /// Of a mesh: places of its surface, to find whether it fits.
+  virtual std::span<const target::Place> places() const { return {}; }
+  /// Of a mesh: how far away other layers of it lie that face alike (target::layer_gaps()).
+  virtual std::span<const float> layer_gaps() const { return {}; }
+  /// For warnings: what box() is the box of, and what helps where texels do not reach the source.
+  virtual std::string box_name() const { return "The source"; }
+  virtual std::string cure() const { return "align them, or raise --max-distance or --max-angle"; }
+
+ protected:
+  Source(job::JobContext& job, const TransferOptions& options) : job_(job), options_(options) {}
+  std::uint64_t result_texel_bytes(std::size_t pass) const;
+  float min_cosine() const;  ///< of --max-angle
+
+  job::JobContext& job_;
+  const TransferOptions& options_;
+  SourcePlan plan_;
+  std::vector<std::string> files_;
+};
+
+/// The kind that the file and the options ask for. Throws Error(usage) for options of another kind.
+/// `job` and `options` must outlive it; `for_model`: the images go into a model.
+std::unique_ptr<Source> open_source(job::JobContext& job, const TransferOptions& options,
+                                    bool for_model, const TestKnobs& knobs);
+
+}  // namespace pounce::flow

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A mesh as rays see it: what a texel's ray hits first is blended with its neighbours in the
+// source's image (--method surface, the default).
+//
+// Images become columns of colour tiles and the surface becomes blocks of triangles, one store for
+// each pass; neither knows of the other, so a repainted image leaves the geometry in the cache. A
+// projection reads the blocks that its rays may meet, and the tiles around what they hit.
+#include "flow/sources/surface_source.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "flow/plan/colour_spaces.h"
+#include "mesh/coincident.h"
+#include "target/layers.h"
+
+namespace pounce::flow {
+namespace {
+
+/// A search sees one of the triangles in a place: the first in file order, always.
+void count_coincident(const SourcePlan& plan, Report& report) {
+  const auto pass = std::find_if(plan.passes.begin(), plan.passes.end(),
+                                 [](const PassPlan& one) { return !one.has_shape; });
+  if (pass == plan.passes.end()) return;  // no image is looked at
+  const mesh::Mesh& mesh = *pass->source.mesh;
+  const std::uint64_t count = mesh::count_coincident(mesh);
+  if (count == 0) return;
+  report.source_filtered["coincident triangles"] = count;
+  report.warnings.push_back(fmt::format(
+      "{}: {} of {} triangles lie exactly on others, with other UVs or another material; of each "
+      "place the first in file order is shown. Leave out what is not meant: --source-mesh",
+      mesh.path, count, mesh.triangles.size()));
+}
+
+}  // namespace
+
+SurfaceSource::SurfaceSource(job::JobContext& job, const TransferOptions& options, bool for_model,
+                             const TestKnobs& knobs)
+    : MeshSource(job, options, TexelsAs::surface, for_model),
+      filter_(options.mesh.filter.value_or(kDefaultFilter)),
+      kernels_(&projection::kernels(knobs.isa)),
+      lanes_(&projection::blend_lanes(knobs.isa)) {}
+
+void SurfaceSource::report_kind() { job_.report.filter = filter_name(filter_); }
+
+void SurfaceSource::add_stores(DiskPlan& disk) const {
+  const WantedTiles shown = little_shown(plan_);
+  for (std::size_t c = 0; c < plan_.columns.size(); ++c)
+    disk.add_seen_column(plan_.columns[c].info, shown[c] != nullptr);
+  for (const PassPlan& pass : plan_.passes) disk.add_geometry(pass.source);
+}
+
+std::uint64_t SurfaceSource::project_least_bytes(std::size_t pass) const {
+  constexpr std::uint64_t kStoredTriangle = 160, kColouredTriangle = 208, kChunk = 1 << 16;
+  const PassPlan& p = plan_.passes[pass];
+  const std::uint64_t triangle = p.source.colours ? kColouredTriangle : kStoredTriangle;
+  return flow::project_least_bytes(
+      p.shape.most_triangles, p.shape.most_patches,
+      static_cast<std::uint32_t>(p.shape.most_triangles * triangle + kChunk),
+      result_texel_bytes(pass), colour_tile_bytes(), p.has_shape);
+}
+
+void SurfaceSource::build(ProgressRange range, std::uint64_t target_texels) {
+  job_.report.isa = kernels_->isa;
+  {
+    const StageTimer timer(job_.clock, "precondition");
+    columns_ = build_columns(job_, plan_, tiles_shown(job_, plan_, target_texels),
+                             (range.begin + range.end) / 2);
+    all_cached_ = columns_.all_cached;
+  }
+  build_geometry(range.end);
+  drop_mesh();
+  job_.meter.keep(range.end);  // what of it the cache had
+}
+
+void SurfaceSource::build_geometry(double end) {
+  const StageTimer timer(job_.clock, "precondition");
+  job_.meter.begin("precondition", 0, "tiles", end);
+  count_coincident(plan_, job_.report);
+  find_layers();
+  bool all_cached = true;
+  for (const PassPlan& pass : plan_.passes) {
+    bool cached = false;
+    open_geometry(pass, &cached);
+    all_cached = all_cached && cached;
+  }
+  all_cached_ = all_cached_ && all_cached;
+  if (all_cached_) job_.clock.set_cached("precondition");
+  job_.meter.end(all_cached);
+}
+
+void SurfaceSource::open_geometry(const PassPlan& pass, bool* cached) {
+  auto opened = geometry_store(job_, pass.source, cached);
+  geometry_.push_back(std::make_unique<SurfaceCache>(
+      job_.budget, SurfaceReader{{&job_, std::move(opened)}, pass.has_shape}));
+  const store::GeometryStore& store = geometry_.back()->store();
+  const store::GeometryDirectory& directory = store.directory();
+  job_.report.source_gaussians = std::max(job_.report.source_gaussians, directory.texels);
+  job_.report.source_tiles += directory.tiles.size();
+  job_.count_store(store.pack(), *cached);
+  leases_.emplace_back(job_.budget, store.size_bytes(), "the directory of the source store");
+  job_.report.source_store_bytes += store.pack().size_bytes();
+  if (directory.degenerate > 0)
+    job_.report.source_filtered["degenerate triangles"] = directory.degenerate;
+  if (directory.slivers > 0)
+    job_.report.source_filtered["triangles without a texel centre"] = directory.slivers;
+}
+
+void SurfaceSource::find_layers() {
+  constexpr std::size_t kEach = 4;      // of the places: a thousand tell shares well enough
+  constexpr float kWithin = 1.0F / 50;  // of the source's diagonal
+  std::vector<target::Place> some;
+  for (std::size_t i = 0; i < places().size(); i += kEach) some.push_back(places()[i]);
+  Box3f box;
+  for (const Vec3f& position : mesh_.positions) box.extend(position);
+  layer_gaps_ =
+      target::layer_gaps(mesh_, some, min_cosine(), kWithin * length(Vec3f(box.hi - box.lo)));
+}
+
+std::optional<ShapeOutput> SurfaceSource::shape_of(const ChannelPlan& channel) const {
+  if (!channel.has_shape()) return std::nullopt;
+  ShapeOutput shape{
+      channel.channel, channel.baked, options_.material.normal_y, options_.image.normal_y, {}, {},
+      plan_.origin};
+  for (const PageTexture& page : channel.pages) shape.scales.push_back(page.normal_scale);
+  if (channel.channel == Channel::vertex_color)
+    shape.input = colour_input({kRec709, true}, true, channel);
+  return shape;
+}
+
+std::unique_ptr<Projection> SurfaceSource::projector(std::size_t pass,
+                                                     const store::GeometryStore& target,
+                                                     const TargetPlan& target_plan,
+                                                     const projection::SplatFit&) const {
+  MeshProjection request;
+  request.source = geometry_[pass].get();
+  request.target = &target;
+  request.kernels = kernels_;
+  request.lanes = lanes_;
+  request.blend = projection::kernel_of(filter_);
+  request.levels = columns_.levels.get();
+  request.limits.max_distance = target_plan.max_distance;
+  request.limits.min_cosine = min_cosine();
+  request.smallest_edge = target_plan.smallest_edge;
+  for (const std::size_t c : plan_.passes[pass].channels) {
+    const ChannelPlan& channel = plan_.channels[c];
+    request.channels.push_back({channel.format, columns_.pages_of(channel), shape_of(channel)});
+  }
+  return project_mesh(job_, std::move(request));
+}
+
+const store::PackReader& SurfaceSource::pack(std::size_t pass) const {
+  return geometry_[pass]->store().pack();
+}
+
+Box3f SurfaceSource::box() const { return geometry_.front()->store().directory().box; }
+
+std::uint64_t SurfaceSource::tiles_read() const {
+  std::uint64_t tiles = 0;
+  for (const auto& geometry : geometry_) tiles += geometry->indices_read();
+  return tiles;
+}
+
+}  // namespace pounce::flow

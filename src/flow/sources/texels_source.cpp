@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A mesh as the paper has it: every texel is a Gaussian on the surface, and a target's texel blends
+// all that its ray meets (--method gaussian, docs/paper.md).
+//
+// Columns of colours and blocks of triangles are what the Gaussians are made from (stores/
+// texel_source.h); sorted into one store they are all that a projection reads, so where the cache
+// has that store no image and no triangle is looked at.
+#include "flow/sources/texels_source.h"
+
+#include <algorithm>
+
+#include "flow/project/gaussians.h"
+#include "flow/stores/find_store.h"
+#include "flow/stores/gaussian_store.h"
+
+namespace pounce::flow {
+namespace {
+
+/// Raised whenever the same mesh and images would make other Gaussians.
+constexpr std::uint32_t kTexelSourceVersion = 1;
+
+/// Are a mesh's colours blended in linear light? As the images hold them: if any of them is linear.
+bool texels_are_linear(const SourcePlan& plan) {
+  const auto is_linear = [&](const PageTexture& page) {
+    if (page.input) return page.input->linear || page.input->primaries.has_value();
+    if (page.column >= 0) return plan.columns[static_cast<std::size_t>(page.column)].info.linear;
+    if (page.tile_set < 0) return false;
+    const TileSetPlan& set = plan.tile_sets[static_cast<std::size_t>(page.tile_set)];
+    return std::any_of(set.columns.begin(), set.columns.end(), [&](const auto& column) {
+      const auto input = set.inputs.find(column.first);
+      if (input == set.inputs.end()) return plan.columns[column.second].info.linear;
+      return input->second.linear || input->second.primaries.has_value();
+    });
+  };
+  const auto& pages = plan.channels.front().pages;
+  return std::any_of(pages.begin(), pages.end(), is_linear);
+}
+
+void add_input(const texture::ColourInput& input, Hasher& hash) {
+  hash.add(input.linear);
+  for (const double v : input.primaries.value_or(Matrix3{})) hash.add(v);
+  if (input.transform == nullptr) return;
+  const Hash128 transform = input.transform->identity();
+  hash.add(transform.hi);
+  hash.add(transform.lo);
+}
+
+void add_factor(const texture::Factor& factor, Hasher& hash) {
+  for (const double v : factor.scale) hash.add(v);
+  for (const double v : factor.offset) hash.add(v);
+  hash.add(factor.is_colour);
+  hash.add(factor.spreads);
+}
+
+void add_key(const Hash128& key, Hasher& hash) {
+  hash.add(key.hi);
+  hash.add(key.lo);
+}
+
+/// What a page of the mesh has in the channel; `columns` are the keys of the plan's.
+void add_page(const PageTexture& page, const std::vector<Hash128>& columns, Hasher& hash) {
+  hash.add(page.column);
+  hash.add(page.tile_set);
+  if (page.column >= 0) add_key(columns[static_cast<std::size_t>(page.column)], hash);
+  for (const double v : page.constant.v) hash.add(v);
+  hash.add(page.constant.linear);
+  if (page.input) add_input(*page.input, hash);
+  if (page.factor) add_factor(*page.factor, hash);
+  if (page.tinted) hash.add(std::string_view("tinted"));
+}
+
+void add_tile_set(const TileSetPlan& set, const std::vector<Hash128>& columns, Hasher& hash) {
+  hash.add(static_cast<std::uint64_t>(set.columns.size()));
+  for (const auto& [tile, column] : set.columns) {
+    hash.add(tile.column);
+    hash.add(tile.row);
+    add_key(columns[column], hash);
+    if (const auto input = set.inputs.find(tile); input != set.inputs.end())
+      add_input(input->second, hash);
+  }
+}
+
+}  // namespace
+
+TexelsSource::TexelsSource(job::JobContext& job, const TransferOptions& options, bool for_model,
+                           const TestKnobs& knobs)
+    : MeshSource(job, options, TexelsAs::gaussians, for_model),
+      sigma_(options.mesh.sigma_texels.value_or(kDefaultSigma)),
+      densify_(options.mesh.densify),
+      kernels_(&projection::splat_kernels(knobs.isa)) {}
+
+void TexelsSource::report_kind() {
+  job_.report.sigma_texels = sigma_;
+  job_.report.densify = densify_;
+}
+
+void TexelsSource::add_stores(DiskPlan& disk) const {
+  for (const ColumnPlan& column : plan_.columns) disk.add_column(column.info);
+  disk.add_geometry(geometry());
+  disk.add_splats(most_gaussians(), 0, 0);
+}
+
+/// Splitting makes at most three of one, on average.
+std::uint64_t TexelsSource::most_gaussians() const {
+  return texel_count_bound(geometry()) * (densify_ ? 4 : 1);
+}
+
+std::vector<job::LeastMemory> TexelsSource::further_needs() const {
+  const std::uint64_t triangles =
+      std::min<std::uint64_t>(mesh_.triangles.size(), store::kMostTrianglesPerBlock);
+  const std::uint64_t reading =
+      TexelSource::read_bytes(triangles, triangles * 160 + (1 << 16), colour_tile_bytes());
+  const std::uint64_t lists = TexelSource::list_bytes(geometry());
+  return {{lists + reading, "counting the texels of " + mesh_.path},
+          {lists + gaussian_store_least_bytes(most_gaussians(), reading, 0),
+           "sorting the texels of " + mesh_.path}};
+}
+
+std::uint64_t TexelsSource::project_least_bytes(std::size_t pass) const {
+  return project_gaussians_least_bytes(result_texel_bytes(pass));
+}
+
+void TexelsSource::build(ProgressRange range, std::uint64_t) {
+  const StageTimer timer(job_.clock, "precondition");
+  job_.report.isa = kernels_->isa;
+  const job::ScratchPack runs_go(job_, store::PackKind::splats);  // what the store is sorted from
+  const Hash128 key = store_key();
+  auto store =
+      find_store(job_, store::PackKind::splats, key, [&](std::unique_ptr<store::PackReader> pack) {
+        return std::make_unique<store::SplatStore>(std::move(pack), store::SplatFacts{},
+                                                   job_.compressor());
+      });
+  const bool cached = store != nullptr;
+  if (!cached) store = sort(key, range);
+  report_filtered(job_, *store);
+  splats_ = std::make_unique<SplatCache>(job_.budget, SplatReader{{&job_, std::move(store)}});
+  directory_lease_ = count_splat_store(job_, splats_->store(), cached);
+  drop_mesh();
+  job_.meter.keep(range.end);  // what of it the cache had
+}
+
+std::unique_ptr<store::SplatStore> TexelsSource::sort(const Hash128& key,
+                                                      ProgressRange range) const {
+  const auto until = [&](double share) { return range.begin + (range.end - range.begin) * share; };
+  const SourceColumns columns = build_columns(job_, plan_, {}, until(0.2));
+  job_.meter.begin("precondition", 0, "tiles", until(0.3));
+  bool cached = false;
+  const auto blocks = geometry_store(job_, geometry(), &cached);
+  job_.count_store(blocks->pack(), cached);
+  job_.meter.end();
+  if (const std::uint64_t degenerate = blocks->directory().degenerate; degenerate > 0)
+    job_.report.source_filtered["degenerate triangles"] = degenerate;
+  const runtime::Lease lease(job_.budget, blocks->size_bytes(),
+                             "the directory of the source store");
+  const TexelSource source(job_,
+                           {blocks.get(), columns.pages_of(plan_.channels.front()), sigma_,
+                            densify_, texels_are_linear(plan_)},
+                           until(0.4));
+  job_.meter.begin("sort", 2 * source.count(), "Gaussians", range.end);
+  auto made = build_gaussian_store(job_, {&source, key, mesh_.path, {}, {}, false, 0, 0});
+  job_.meter.end();
+  job_.report.bytes_read += blocks->pack().bytes_read() + columns.bytes_read();
+  return made;
+}
+
+Hash128 TexelsSource::store_key() const {
+  std::vector<Hash128> columns;
+  for (const ColumnPlan& column : plan_.columns)
+    columns.push_back(colour_key(job_, request_of(column)));
+  Hasher hash;
+  hash.add(std::string_view("texels"));
+  hash.add(store::kFormatVersion);
+  hash.add(kGaussianStoreVersion);
+  hash.add(kTexelSourceVersion);
+  add_key(geometry_key(geometry()), hash);
+  for (const PageTexture& page : plan_.channels.front().pages) add_page(page, columns, hash);
+  hash.add(static_cast<std::uint64_t>(plan_.tile_sets.size()));
+  for (const TileSetPlan& set : plan_.tile_sets) add_tile_set(set, columns, hash);
+  hash.add(sigma_);
+  hash.add(densify_);
+  return hash.digest();
+}
+
+std::unique_ptr<Projection> TexelsSource::projector(std::size_t, const store::GeometryStore& target,
+                                                    const TargetPlan& target_plan,
+                                                    const projection::SplatFit&) const {
+  const ChannelPlan& channel = plan_.channels.front();
+  GaussianProjection request;
+  request.source = splats_.get();
+  request.target = &target;
+  request.format = channel.format;
+  request.linear = texels_are_linear(plan_);
+  request.has_alpha = channel.source_alpha;
+  request.kernels = kernels_;
+  request.limits.max_distance = target_plan.max_distance;
+  request.limits.first_reach = first_reach(target_plan.diagonal, channel.size);
+  request.limits.min_cosine = min_cosine();
+  request.smallest_edge = target_plan.smallest_edge;
+  return project_gaussians(job_, request);
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,379 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Gaussians become a store of blocks, whatever they come from.
+//
+//   sample    a few from everywhere: where they are, how large they are
+//   runs      consecutive ones are read, filtered, sorted in memory and spilled, runs in parallel
+//   merge     all runs at once, cut into blocks where neighbours are farthest apart; blocks are
+//             encoded in parallel and written in order
+//
+// Whatever the budget, the sequence is that of one stable sort of the source's order by key, and
+// the cuts depend on that sequence alone: so do the bytes of the store.
+#include "flow/stores/gaussian_store.h"
+
+#include <fmt/format.h>
+#include <tbb/parallel_pipeline.h>
+
+#include <algorithm>
+#include <bit>
+#include <filesystem>
+#include <utility>
+
+#include "flow/stores/kept_rows.h"
+#include "flow/stores/splat_sort.h"
+#include "runtime/ordered_stream.h"
+#include "source/splat_noise.h"
+#include "source/splat_shapes.h"
+#include "source/splat_support.h"
+#include "store/blocks/splat_lattice.h"
+
+namespace pounce::flow {
+namespace {
+
+using store::kMostSplatsPerBlock;
+using store::Splat;
+using store::SplatBlock;
+using store::SplatLattice;
+
+constexpr std::uint64_t kLeastRun = 16 << 10, kMostRun = 4 << 20;
+constexpr std::size_t kLeastFanIn = 16, kMostFanIn = 1024;
+// Of the noise estimate: this many blocks are asked, taken evenly, or up to twice as many.
+constexpr std::uint32_t kNoiseBlocksLog2 = 5;
+
+/// Per Gaussian of a run that is being made: the Gaussian, its harmonics, and twice its key.
+constexpr std::uint64_t row_bytes(std::uint32_t lobes) {
+  return sizeof(Splat) + store::lobe_bytes(lobes) + 2 * sizeof(KeyedSplat);
+}
+
+std::uint64_t run_bytes(std::uint64_t read_bytes, std::uint64_t splats, std::uint32_t lobes) {
+  constexpr std::uint64_t kCounts = 64 << 10;  // of the sort's digits
+  return read_bytes + SplatRunWriter::write_bytes(lobes) + kCounts +
+         round_to_pages(splats * sizeof(Splat)) +
+         round_to_pages(splats * store::lobe_bytes(lobes)) +
+         2 * round_to_pages(splats * sizeof(KeyedSplat));
+}
+
+/// One block on its way through the pipeline: Gaussians, columns, encoded and compressed.
+std::uint64_t token_bytes(std::uint32_t lobes) {
+  constexpr std::uint64_t kScratch = 128 << 10;  // a column, what is asked about noise, rounding
+  return round_to_pages(kMostSplatsPerBlock * sizeof(Splat)) +
+         round_to_pages(kMostSplatsPerBlock * store::lobe_bytes(lobes)) +
+         3 * SplatBlock::decoded_bytes(kMostSplatsPerBlock, true, lobes) + kScratch;
+}
+
+/// The merge's own: the Gaussians of two blocks and their keys, and a chunk of a run.
+std::uint64_t pending_bytes(std::uint32_t lobes) {
+  return 2 * round_to_pages(kMostSplatsPerBlock *
+                            (sizeof(Splat) + store::lobe_bytes(lobes) + sizeof(std::uint64_t))) +
+         SplatRunWriter::write_bytes(lobes);
+}
+
+class StoreBuilder {
+ public:
+  StoreBuilder(job::JobContext& job, const GaussianStoreRequest& request)
+      : job_(job), request_(request), source_(*request.source), lobes_(source_.lobes()) {}
+
+  std::unique_ptr<store::SplatStore> build() {
+    directory_.model = request_.facts.model;
+    directory_.is_linear = request_.facts.is_linear;
+    directory_.lobes = lobes_;
+    const SplatLattice lattice = make_lattice();
+    directory_.middle_box = lattice.middle_box();
+    SplatRuns runs = make_runs(lattice);
+    return merge(lattice, std::move(runs));
+  }
+
+ private:
+  SplatLattice make_lattice();
+  SplatRuns make_runs(const SplatLattice& lattice);
+  SplatRun make_run(const SplatLattice& lattice, SplatRunWriter& writer, std::uint64_t first,
+                    std::uint64_t rows, store::SplatCounts& filtered);
+  std::optional<store::SplatFilter> prepare(const SplatLattice& lattice, store::SplatRows& rows,
+                                            std::size_t i) const;
+  std::unique_ptr<store::SplatStore> merge(const SplatLattice& lattice, SplatRuns runs);
+
+  job::JobContext& job_;
+  const GaussianStoreRequest& request_;
+  const GaussianSource& source_;
+  const std::uint32_t lobes_;
+  store::SplatDirectory directory_;
+};
+
+SplatLattice StoreBuilder::make_lattice() {
+  const runtime::Lease lease(job_.budget, kept_sample_bytes(source_.count(), source_.read_bytes()),
+                             "looking at " + request_.path);
+  const PageVector<Splat> sample = kept_sample(source_, request_.keep);
+  directory_.roundness = source::median_roundness(sample);
+  directory_.typical_size = source::median_size(sample);
+  directory_.thickness = source::quartile_thickness(sample);
+  return SplatLattice(sample);
+}
+
+SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& writer,
+                                std::uint64_t first, std::uint64_t rows,
+                                store::SplatCounts& filtered) {
+  store::SplatRows read{lobes_, {}, {}};
+  read.splats.reserve(rows);
+  read.sh.reserve(rows * 3 * lobes_);
+  source_.read(first, rows, read, filtered);
+  PageVector<KeyedSplat> order, scratch;
+  order.reserve(read.splats.size());
+  for (std::size_t i = 0; i < read.splats.size(); ++i) {
+    if (const auto reason = prepare(lattice, read, i)) {
+      ++filtered[static_cast<std::size_t>(*reason)];
+      continue;
+    }
+    order.push_back({lattice.key(read.splats[i]), static_cast<std::uint32_t>(i)});
+  }
+  sort_by_key(order, scratch);
+  return writer.write(read, order);
+}
+
+/// Rounds Gaussian i, or says why it is left out. What the user wants is compared unrounded.
+std::optional<store::SplatFilter> StoreBuilder::prepare(const SplatLattice& lattice,
+                                                        store::SplatRows& rows,
+                                                        std::size_t i) const {
+  if (const auto reason = request_.keep.filter(rows.splats[i])) return reason;
+  const std::size_t halves = std::size_t{3} * lobes_;
+  if (!store::all_finite(std::span(rows.sh).subspan(i * halves, halves)))
+    return store::SplatFilter::not_finite;
+  store::round_for_store(rows.splats[i]);
+  return lattice.filter(rows.splats[i]);
+}
+
+SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
+  const std::uint64_t rows = source_.count();
+  // As many runs at once as there are threads, and no longer than that leaves room for.
+  const std::uint64_t room = (job_.budget.limit() - job_.budget.leased()) / job_.threads;
+  const std::uint64_t fixed = run_bytes(source_.read_bytes(), 0, lobes_);
+  std::uint64_t run = room > fixed ? (room - fixed) * 7 / 8 / row_bytes(lobes_) : 0;
+  run = std::clamp(run, kLeastRun, kMostRun);
+  run = std::min(run, std::max(kLeastRun, (rows + job_.threads - 1) / job_.threads));
+  if (request_.run_splats > 0) run = request_.run_splats;
+
+  struct Made {
+    SplatRun run;
+    store::SplatCounts filtered{};
+  };
+  const std::uint64_t count = (rows + run - 1) / run;
+  const std::vector<std::uint64_t> costs(
+      count, run_bytes(source_.read_bytes(), std::min(run, rows), lobes_));
+  SplatRunWriter writer(job_, lobes_);
+  SplatRuns runs;
+  runtime::run_ordered<Made>(
+      job_.budget, costs, "sorting the Gaussians of " + request_.path,
+      [&](std::size_t i) {
+        const std::uint64_t first = i * run, here = std::min(run, rows - first);
+        Made made;
+        made.run = make_run(lattice, writer, first, here, made.filtered);
+        return made;
+      },
+      [&](std::size_t i, Made& made) {
+        if (made.run.splats > 0) runs.runs.push_back(std::move(made.run));
+        for (std::size_t k = 0; k < store::kSplatFilters; ++k)
+          directory_.filtered[k] += made.filtered[k];
+        job_.meter.advance(std::min(run, rows - i * run));
+      });
+  runs.pack = writer.finish();
+  return runs;
+}
+
+/// Blocks in order, cut from the merged sequence.
+class BlockCutter {
+ public:
+  BlockCutter(SplatMerge& merge, std::uint32_t lobes) : merge_(merge), rows_{lobes, {}, {}} {
+    rows_.splats.reserve(2 * kMostSplatsPerBlock);
+    rows_.sh.reserve(2 * kMostSplatsPerBlock * halves());
+    keys_.reserve(2 * kMostSplatsPerBlock);
+  }
+
+  struct Cut {
+    std::uint64_t ordinal = 0;
+    std::uint64_t first_key = 0;
+    PageVector<Splat> splats;
+    PageVector<std::uint16_t> sh;
+  };
+  /// False at the end.
+  bool next(Cut& cut) {
+    std::uint64_t key;
+    while (keys_.size() <= kMostSplatsPerBlock && merge_.next(rows_, key)) keys_.push_back(key);
+    if (keys_.empty()) return false;
+    const bool ended = keys_.size() <= kMostSplatsPerBlock;
+    const std::size_t count = store::splat_cut(keys_, kMostSplatsPerBlock, ended);
+    cut.ordinal = next_++;
+    cut.first_key = keys_.front();
+    const auto end = static_cast<std::ptrdiff_t>(count);
+    const auto sh_end = static_cast<std::ptrdiff_t>(count * halves());
+    cut.splats.assign(rows_.splats.begin(), rows_.splats.begin() + end);
+    cut.sh.assign(rows_.sh.begin(), rows_.sh.begin() + sh_end);
+    rows_.splats.erase(rows_.splats.begin(), rows_.splats.begin() + end);
+    rows_.sh.erase(rows_.sh.begin(), rows_.sh.begin() + sh_end);
+    keys_.erase(keys_.begin(), keys_.begin() + end);
+    return true;
+  }
+
+ private:
+  std::size_t halves() const { return std::size_t{3} * rows_.lobes; }
+
+  SplatMerge& merge_;
+  store::SplatRows rows_;  ///< merged, not cut yet
+  PageVector<std::uint64_t> keys_;
+  std::uint64_t next_ = 0;
+};
+
+/// A block on its way from the merge to the pack. Slots are used in turn and keep their memory.
+struct Slot {
+  BlockCutter::Cut cut;
+  SplatBlock block;
+  std::vector<std::byte> raw, stored;
+  store::SplatEntry entry;
+  std::vector<float> noise;  ///< of the blocks that are asked
+};
+
+/// The noise is estimated from every 2^k-th block. How many blocks there will be is not known when
+/// they pass: k grows with their number, and those that were asked too often are forgotten.
+std::uint32_t noise_step_log2(std::uint64_t ordinal) {
+  const auto bits = static_cast<std::uint32_t>(std::bit_width(ordinal));
+  return bits > kNoiseBlocksLog2 + 1 ? bits - kNoiseBlocksLog2 - 1 : 0;
+}
+bool asked_for_noise(std::uint64_t ordinal, std::uint32_t step_log2) {
+  return (ordinal & ((1ULL << step_log2) - 1)) == 0;
+}
+
+void encode_block(job::JobContext& job, std::uint32_t lobes, bool fades_isolated, Slot& slot) {
+  if (fades_isolated) source::fade_isolated(slot.cut.splats);
+  slot.entry = {};
+  slot.entry.splats = static_cast<std::uint32_t>(slot.cut.splats.size());
+  slot.entry.size_class =
+      static_cast<std::uint32_t>(SplatLattice::key_size_class(slot.cut.first_key));
+  for (const Splat& s : slot.cut.splats) slot.entry.box.extend(store::splat_box(s));
+  slot.block.assign(slot.cut.splats, lobes, slot.cut.sh);
+  store::encode(slot.block, slot.raw);
+  job.compressor().compress(slot.raw, slot.stored);
+  slot.noise.clear();
+  if (asked_for_noise(slot.cut.ordinal, noise_step_log2(slot.cut.ordinal)))
+    source::append_surface_noise(slot.block, slot.noise);
+}
+
+std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& lattice,
+                                                       SplatRuns runs) {
+  const std::uint64_t total = std::max<std::uint64_t>(runs.splats(), 1);
+  const runtime::Lease lists(job_.budget, runs.size_bytes(), "the places of sorted Gaussians");
+  // Where little is left, the lease below says what is missing.
+  const auto less = [](std::uint64_t a, std::uint64_t b) { return a > b ? a - b : 0; };
+  const std::uint64_t room =
+      less(job_.budget.limit(), job_.budget.leased() + pending_bytes(lobes_));
+  const std::uint64_t tokens = std::clamp<std::uint64_t>(
+      room / 2 / token_bytes(lobes_), 1, 2 * static_cast<std::uint64_t>(job_.threads));
+  const std::uint64_t cursors =
+      less(room, tokens * token_bytes(lobes_)) / SplatMerge::cursor_bytes(lobes_);
+  std::size_t fan_in = std::clamp<std::size_t>(cursors, kLeastFanIn, kMostFanIn);
+  if (request_.fan_in > 0) fan_in = request_.fan_in;
+  fan_in = std::min(fan_in, std::max<std::size_t>(runs.runs.size(), 1));
+  const runtime::Lease lease(job_.budget,
+                             pending_bytes(lobes_) + tokens * token_bytes(lobes_) +
+                                 fan_in * SplatMerge::cursor_bytes(lobes_),
+                             "merging the Gaussians of " + request_.path);
+  runs = merge_to_fan_in(job_, lattice, lobes_, std::move(runs), fan_in);
+
+  SplatMerge sequence(lattice, lobes_, runs.pack, runs.runs);
+  BlockCutter cutter(sequence, lobes_);
+  // The last stage ends blocks in order, so those under way are neighbours: each has its own slot.
+  std::vector<Slot> slots(tokens);
+  for (Slot& slot : slots) {  // vectors that grow hold what they had beside what they get
+    slot.raw.reserve(SplatBlock::decoded_bytes(kMostSplatsPerBlock, true, lobes_));
+    slot.stored.reserve(slot.raw.capacity() + slot.raw.capacity() / 64);
+  }
+  store::SplatStoreWriter writer(job_.stores->create(
+      store::PackKind::splats, request_.key,
+      fmt::format("{}, {} Gaussians", std::filesystem::path(request_.path).filename().string(),
+                  source_.count())));
+  std::vector<std::pair<std::uint64_t, std::vector<float>>> noise;
+  std::uint64_t blocks = 0, done = 0;
+  const auto write = [&](Slot& slot) {
+    const auto tile = writer.open_tile();
+    if (!tile.empty() && (tile.size() == store::kMostBlocksPerSplatTile ||
+                          slot.entry.size_class != tile.front().size_class)) {
+      writer.end_tile(job_.compressor());
+      ++job_.report.tiles_written;
+    }
+    writer.add_block(slot.entry, slot.stored, static_cast<std::uint32_t>(slot.raw.size()));
+    directory_.has_normals |= !slot.block.normal[0].empty();
+    if (!slot.noise.empty()) noise.emplace_back(slot.cut.ordinal, slot.noise);
+    blocks = slot.cut.ordinal + 1;
+    done += slot.entry.splats;
+    job_.meter.advance(source_.count() * done / total -
+                       source_.count() * (done - slot.entry.splats) / total);
+  };
+  std::size_t next_slot = 0;
+  tbb::parallel_pipeline(
+      tokens, tbb::make_filter<void, Slot*>(tbb::filter_mode::serial_in_order,
+                                            [&](tbb::flow_control& control) -> Slot* {
+                                              Slot& slot = slots[next_slot++ % tokens];
+                                              if (!cutter.next(slot.cut)) control.stop();
+                                              return &slot;
+                                            }) &
+                  tbb::make_filter<Slot*, Slot*>(tbb::filter_mode::parallel,
+                                                 [&](Slot* slot) {
+                                                   encode_block(job_, lobes_,
+                                                                request_.fades_isolated, *slot);
+                                                   return slot;
+                                                 }) &
+                  tbb::make_filter<Slot*, void>(tbb::filter_mode::serial_in_order,
+                                                [&](Slot* slot) { write(*slot); }));
+  if (blocks == 0) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: none of its {} Gaussians can be used ({})", request_.path,
+                            source_.count(), store::filtered_text(directory_.filtered)));
+  }
+  writer.end_tile(job_.compressor());
+  ++job_.report.tiles_written;
+  std::vector<float> figures;
+  for (const auto& [ordinal, of_block] : noise) {
+    if (asked_for_noise(ordinal, noise_step_log2(blocks - 1)))
+      figures.insert(figures.end(), of_block.begin(), of_block.end());
+  }
+  directory_.surface_noise = source::median(figures);
+  return std::make_unique<store::SplatStore>(
+      job_.stores->publish(writer.finish(directory_, job_.compressor())), request_.facts,
+      job_.compressor());
+}
+
+}  // namespace
+
+std::unique_ptr<store::SplatStore> build_gaussian_store(job::JobContext& job,
+                                                        const GaussianStoreRequest& request) {
+  return StoreBuilder(job, request).build();
+}
+
+std::uint64_t gaussian_store_least_bytes(std::uint64_t count, std::uint64_t read_bytes,
+                                         std::uint32_t lobes) {
+  const std::uint64_t lists = count / 1024 * 2 * sizeof(store::ChunkRef) +
+                              count / kLeastRun * 2 * sizeof(SplatRun) + kPageBytes;
+  return std::max({kept_sample_bytes(count, read_bytes),
+                   run_bytes(read_bytes, std::min(count, kLeastRun), lobes) + lists,
+                   lists + pending_bytes(lobes) + token_bytes(lobes) +
+                       kLeastFanIn * SplatMerge::cursor_bytes(lobes)}) +
+         (64 << 10);
+}
+
+void report_filtered(job::JobContext& job, const store::SplatStore& store) {
+  for (std::size_t k = 0; k < store::kSplatFilters; ++k) {
+    const std::uint64_t count = store.directory().filtered[k];
+    if (count > 0)
+      job.report.source_filtered[store::filter_name(static_cast<store::SplatFilter>(k))] += count;
+  }
+}
+
+runtime::Lease count_splat_store(job::JobContext& job, const store::SplatStore& store,
+                                 bool cached) {
+  if (cached) job.clock.set_cached("precondition");
+  const store::SplatDirectory& directory = store.directory();
+  job.report.source_gaussians = directory.splats;
+  job.report.source_tiles = directory.tiles.size();
+  job.count_store(store.pack(), cached);
+  job.report.source_store_bytes += store.pack().size_bytes();
+  return {job.budget, store.size_bytes(), "the directory of the source store"};
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,359 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// All that is decided before any work, so that whatever is wrong is said before it: the source,
+// then each target, then what all of it needs of memory and disk. Several targets are read one
+// after the other here, and again when their turn comes: only one of their meshes is in memory.
+#include "flow/transfer_plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <utility>
+
+#include "flow/plan/describe_job.h"
+#include "flow/plan/load_mesh.h"
+#include "flow/plan/output_names.h"
+#include "io/read_mesh.h"
+#include "job/run_job.h"
+#include "mesh/tangent_space.h"
+
+namespace pounce::flow {
+namespace {
+
+/// A model output is planned as its images.
+TransferOptions image_options(TransferOptions options) {
+  if (io::is_model_path(options.output)) options.output = model_image_pattern(options.output);
+  return options;
+}
+
+}  // namespace
+
+bool PlannedTarget::has_work(const std::vector<std::size_t>& channels, std::size_t page) const {
+  return std::any_of(channels.begin(), channels.end(),
+                     [&](std::size_t c) { return !plan.images[c][page].keep; });
+}
+
+bool PlannedTarget::has_work() const {
+  for (const auto& images : plan.images) {
+    for (const ImageOutput& image : images) {
+      if (!image.keep) return true;
+    }
+  }
+  return false;
+}
+
+void PlannedTarget::drop_mesh() {
+  mesh = {};
+  mesh_lease = {};
+}
+
+TransferPlan::TransferPlan(job::JobContext& job, const TransferOptions& options,
+                           const TestKnobs& knobs)
+    : job_(job),
+      options_(image_options(options)),
+      model_pattern_(io::is_model_path(options.output) ? options.output : ""),
+      knobs_(knobs),
+      job_hash_(job, options_),
+      needs_(job) {}
+
+void TransferPlan::make(double end) {
+  const StageTimer timer(job_.clock, "read");
+  job_.meter.begin("read meshes", 1 + options_.targets.size(), "meshes", end);
+  DiskPlan disk(job_.keeps_stores, job_.cache_limit_bytes);
+  source_ = open_source(job_, options_, !model_pattern_.empty(), knobs_);
+  source_->make_plan(needs_, disk, [this](const mesh::Mesh& mesh) { check_order(mesh); });
+  plan_source();
+  for (const std::string& path : options_.targets) plan_target_side(path, disk);
+  const std::uint64_t meshes = source_->held_bytes() + target_.mesh.size_bytes();
+  for (const job::LeastMemory& step : source_->build_needs())
+    needs_.add(contexts() + meshes + step.bytes, step.why);
+  job_.meter.end();
+  job_.report.disk_most = disk.forecast();
+  job_.report.disk_most->scratch_limit_bytes = job_.scratch_limit_bytes;
+  job_.note(scratch_note(*job_.report.disk_most));
+  check_all_outputs(options_, source_->plan(), outputs_, inputs_);
+  if (job_.plan_only) job_.report.outputs = outputs_;
+  const std::uint64_t tables = source_->plan().table_bytes;
+  require_least(job_, needs_.most(), meshes + tables);
+  source_->lease_held();
+  target_.mesh_lease = runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
+  compressors_lease_ = runtime::Lease(job_.budget, contexts(), "the compressors");
+  tables_lease_ = runtime::Lease(job_.budget, tables, "the tables of --ocio");
+  if (options_.targets.size() == 1 && !job_.plan_only) name_jobs();
+}
+
+/// What planning a source of any kind says.
+void TransferPlan::plan_source() {
+  const SourcePlan& plan = source_->plan();
+  if (plan.table_loading_bytes > 0) {
+    needs_.add(plan.table_loading_bytes + source_->held_bytes(),
+               "the tables of " + options_.colour.config);
+  }
+  check_channel_outputs();
+  for (const std::string& warning : plan.warnings) job_.warn(warning);
+  for (const std::string& note : plan.notes) job_.note(note);
+  add_inputs(source_->files());
+  for (const ColumnPlan& column : plan.columns) add_input(column.image.path, job_.report);
+}
+
+void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
+  const SourcePlan& source = source_->plan();
+  target_.mesh = {};  // the one before, whose memory this one takes
+  target_.mesh = read_target(path, source_->held_bytes());
+  if (source.makes_normals()) {
+    const std::uint64_t meshes = source_->held_bytes() + target_.mesh.size_bytes();
+    needs_.add_now(meshes + mesh::tangents_bytes(target_.mesh), "the tangents of " + path, meshes);
+    add_target_tangents();
+  }
+  plan_one(path);
+  const TargetPlan& plan = target_.plan;
+  for (const PassPlan& pass : source.passes) {
+    const std::uint64_t texels = std::uint64_t{pass.size.width} * pass.size.height;
+    least_target_texels_ = std::min(least_target_texels_, texels * plan.pages.size());
+  }
+  disk.add_target(source, plan, target_.mesh, target_.model.has_value(), levels_bytes);
+  warn_of_own_colours();
+  source_->meet(plan, target_.mesh);
+  for (const std::string& warning : plan.warnings) job_.warn(warning);
+  if (path != options_.source)
+    job_.warn(coarse_positions(target_.mesh, source.origin, source.passes.front().size));
+  add_inputs(target_.mesh.files);
+  add_inputs(plan.inputs);
+  for (const auto& images : plan.images) {  // what is painted over in place is read, too
+    for (const ImageOutput& image : images)
+      add_input(image.onto ? image.onto->path : "", job_.report);
+  }
+  outputs_.insert(outputs_.end(), plan.outputs.begin(), plan.outputs.end());
+  inputs_.insert(inputs_.end(), plan.inputs.begin(), plan.inputs.end());
+  job_.report.kept.insert(job_.report.kept.end(), plan.kept.begin(), plan.kept.end());
+  anything_to_write_ = anything_to_write_ || target_.has_work();
+  need_target(path);
+}
+
+/// An output of its own is no wish for a channel: it may be meant for another job.
+void TransferPlan::check_channel_outputs() const {
+  for (const ChannelOutput& own : options_.image.channel_outputs) {
+    const bool is_made =
+        std::any_of(source_->plan().channels.begin(), source_->plan().channels.end(),
+                    [&](const ChannelPlan& plan) { return plan.channel == own.channel; });
+    if (is_made) continue;
+    const std::string name = channel_name(options_, own.channel);
+    throw Error(
+        ErrorKind::usage,
+        fmt::format("--output-for {}={}: this job makes no {}; name it in --channels{}, or "
+                    "leave this out",
+                    name, own.path, name,
+                    is_shape(own.channel) || own.channel == Channel::normal ? " or --bake" : ""));
+  }
+}
+
+void TransferPlan::need_target(const std::string& path) {
+  for (std::size_t p = 0; p < source_->plan().passes.size(); ++p) need_pass(p);
+  if (target_.model) {
+    needs_.add(target_.model->least_bytes() + contexts(), "writing " + target_.model->path());
+  }
+  needs_.add(std::max(source_->reading_bytes(), source_->held_bytes() + reading_bytes(path)),
+             "reading " + options_.source + " and " + path);
+  if (options_.targets.size() == 1) return;
+  // Again when its turn comes, beside the stores of the source.
+  const std::uint64_t tangents =
+      source_->plan().makes_normals()
+          ? target_.mesh.size_bytes() + mesh::tangents_bytes(target_.mesh)
+          : 0;
+  needs_.add(contexts() + source_->directory_bytes() + std::max(reading_bytes(path), tangents),
+             "reading " + path);
+}
+
+/// What one pass past the target at hand needs, step by step.
+void TransferPlan::need_pass(std::size_t p) {
+  const SourcePlan& source = source_->plan();
+  const PassPlan& pass = source.passes[p];
+  const mesh::Mesh& mesh = target_.mesh;
+  for (const GeometryRequest& request : target_.plan.requests[p]) {
+    needs_.add(contexts() + source_->held_bytes() + mesh.size_bytes() +
+                   geometry_least_bytes(request, job_.tile_cap_bytes),
+               "vectorizing " + mesh.path);
+  }
+  // Where the results of one page are, and its pieces; the mesh is there for the next page.
+  const std::uint64_t page_blocks = (pass.size.width / 64 + 1ULL) * (pass.size.height / 64 + 1ULL);
+  const bool more_pages = source.passes.size() * target_.plan.pages.size() > 1;
+  const std::uint64_t beside = contexts() +
+                               page_blocks * (sizeof(store::ChunkRef) * pass.channels.size() + 32) +
+                               (more_pages ? mesh.size_bytes() : 0);
+  needs_.add(beside + (2ULL << 20) + source_->project_least_bytes(p),
+             "projecting one block of the target");
+  for (const std::size_t c : pass.channels) {
+    for (const ImageOutput& image : target_.plan.images[c]) {
+      const std::uint64_t occupied =
+          image.onto && image.padding > 0
+              ? (mesh.triangles.size() + mesh.rest.size()) * kOccupiedBytes
+              : 0;
+      needs_.add(beside + occupied + image_least_bytes(image, source.channels[c].format),
+                 "writing " + image.path);
+    }
+  }
+}
+
+PlannedTarget& TransferPlan::target(std::size_t t) {
+  if (options_.targets.size() > 1) {
+    const StageTimer timer(job_.clock, "read");
+    target_ = {};
+    const std::string& path = options_.targets[t];
+    {
+      const runtime::Lease reading(job_.budget, reading_bytes(path), "reading " + path);
+      target_.mesh = load_target(path);
+    }
+    if (source_->plan().makes_normals()) {
+      const runtime::Lease tangents(job_.budget,
+                                    target_.mesh.size_bytes() + mesh::tangents_bytes(target_.mesh),
+                                    "the tangents of " + path);
+      add_target_tangents();
+    }
+    target_.mesh_lease =
+        runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
+    plan_one(options_.targets[t]);
+    for (const std::string& file : target_.plan.kept) {  // some may have been made meanwhile
+      std::vector<std::string>& kept = job_.report.kept;
+      if (std::find(kept.begin(), kept.end(), file) == kept.end()) kept.push_back(file);
+    }
+    name_jobs();
+  }
+  return target_;
+}
+
+/// A model keeps its vertices as they are.
+void TransferPlan::warn_of_own_colours() {
+  const auto& channels = source_->plan().channels;
+  const bool has_base = std::any_of(channels.begin(), channels.end(), [](const ChannelPlan& c) {
+    return c.channel == Channel::base_color;
+  });
+  if (!target_.model || !target_.mesh.has_vertex_colours || !has_base) return;
+  job_.warn(
+      fmt::format("{}: its vertices have colours, which stay in the model: renderers "
+                  "multiply the new baseColor by them; remove them if that is not meant",
+                  target_.plan.path));
+}
+
+/// What shows that source and target are in the wrong order is said before what is missing.
+void TransferPlan::check_order(const mesh::Mesh& source) {
+  const bool needs_none = !options_.material.textures.empty() || !options_.channels.baked.empty();
+  if (needs_none || has_textures(source) || !source.colours.empty()) return;
+  for (const std::string& path : options_.targets) {
+    require_early(job_, {source.size_bytes() + reading_bytes(path), "reading " + path},
+                  source.size_bytes());
+    refuse_swapped(source, load_target(path));
+  }
+}
+
+/// What follows sees the mesh as if the file had these tangents.
+void TransferPlan::add_target_tangents() {
+  const TangentPlan tangents = target_tangents(options_, target_.mesh);
+  mesh::set_tangents(target_.mesh, tangents.uv_sets, tangents.keeps_own);
+}
+
+void TransferPlan::plan_one(const std::string& path) {
+  target_.plan = plan_target(options_, source_->plan(), path, target_.mesh);
+  for (auto& images : target_.plan.images) {
+    for (ImageOutput& image : images) image.stripe_rows = knobs_.stripe_rows;
+  }
+  if (!model_pattern_.empty()) {
+    target_.model.emplace(model_pattern_, source_->plan(), options_.allow_external, target_.plan);
+  }
+  // A job that finds damage begins again; what is painted over in place must be painted once.
+  for (const auto& images : target_.plan.images) {
+    for (const ImageOutput& image : images)
+      job_.check_packs = job_.check_packs || (image.onto && image.onto->in_place);
+  }
+  if (options_.skip_existing) keep_what_is_there();
+}
+
+/// Reads every input, so not before it is known that the job can be done; --skip-existing must.
+void TransferPlan::name_jobs() {
+  TargetPlan& plan = target_.plan;
+  for (std::size_t c = 0; c < plan.images.size(); ++c) {
+    for (std::size_t page = 0; page < plan.images[c].size(); ++page) {
+      plan.images[c][page].job =
+          job_hash_.of_image(source_->files(), source_->plan(), target_.mesh.files, plan, c, page);
+    }
+  }
+  if (target_.model) target_.model->set_job(job_hash_.of_model(target_.model->path(), plan));
+}
+
+void TransferPlan::warn_of_kept() {
+  const std::vector<std::string>& kept = target_.plan.kept_by_time;
+  if (kept.empty()) return;
+  target_.plan.warnings.push_back(fmt::format(
+      "{}{}: kept because younger than all inputs; which job made it is not recorded there",
+      kept.front(), kept.size() > 1 ? fmt::format(" and {} more", kept.size() - 1) : ""));
+}
+
+void TransferPlan::keep_what_is_there() {
+  name_jobs();
+  std::vector<std::string> meshes = target_.mesh.files;
+  meshes.insert(meshes.end(), source_->files().begin(), source_->files().end());
+  if (!target_.model) {
+    keep_existing(source_->plan(), newest(meshes), job_.run.written_before, target_.plan);
+    return warn_of_kept();
+  }
+  // A model is made of all its inputs, the images that it takes over among them.
+  for (const ColumnPlan& column : source_->plan().columns) meshes.push_back(column.image.path);
+  meshes.insert(meshes.end(), target_.plan.inputs.begin(), target_.plan.inputs.end());
+  if (!keeps_model(newest(meshes))) return;
+  warn_of_kept();
+  for (auto& images : target_.plan.images) {
+    for (ImageOutput& image : images) image.keep = true;
+  }
+  target_.plan.kept = std::exchange(target_.plan.outputs, {});
+}
+
+/// The model says which job made it; of the files beside it, its images and masks say their own.
+bool TransferPlan::keeps_model(FileTime inputs) {
+  TargetPlan& plan = target_.plan;
+  std::map<std::string, std::string> jobs{{target_.model->path(), target_.model->job()}};
+  for (const auto& images : plan.images) {
+    for (const ImageOutput& image : images) {
+      jobs[image.path] = image.job;
+      jobs[image.coverage_path] = image.job;
+    }
+  }
+  std::vector<std::string> by_time;
+  for (const std::string& output : plan.outputs) {
+    if (job_.run.written_before.count(output) > 0) return false;
+    const auto job = jobs.find(output);
+    const bool keeps = job == jobs.end()  // a buffer or an image that was copied
+                           ? has_content(output)
+                           : keeps_all({output}, job->second, inputs, by_time);
+    if (!keeps) return false;
+  }
+  plan.kept_by_time = by_time;
+  return true;
+}
+
+std::uint64_t TransferPlan::contexts() const {
+  return job_.threads * store::Compressor::context_bytes();
+}
+
+mesh::Mesh TransferPlan::read_target(const std::string& path, std::uint64_t beside) {
+  require_early(job_, {beside + reading_bytes(path), "reading " + path}, beside);
+  mesh::Mesh mesh = load_target(path);
+  for (const std::string& warning : mesh.warnings) job_.warn(warning);
+  job_.meter.advance(1);
+  return mesh;
+}
+
+std::uint64_t TransferPlan::reading_bytes(const std::string& path) const {
+  return io::mesh_cost(path, {options_.allow_external, {}, true}, job_.budget.limit()).peak_bytes;
+}
+
+mesh::Mesh TransferPlan::load_target(const std::string& path) const {
+  return load_mesh(path, options_.target_use, "target", options_.allow_external,
+                   source_->plan().origin, !options_.composite.onto.empty());
+}
+
+void TransferPlan::add_inputs(const std::vector<std::string>& files) {
+  for (const std::string& file : files) add_input(file, job_.report);
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "flow/plan/disk.h"
+#include "flow/plan/existing_outputs.h"
+#include "flow/plan/job_hash.h"
+#include "flow/plan/plan.h"
+#include "flow/sources/source.h"
+#include "flow/write/model.h"
+#include "job/job_context.h"
+#include "mesh/mesh.h"
+
+namespace pounce::flow {
+
+/// A target that is planned, with its mesh as long as something has to be vectorized.
+struct PlannedTarget {
+  mesh::Mesh mesh;
+  runtime::Lease mesh_lease;
+  TargetPlan plan;
+  std::optional<ModelOutput> model;
+
+  /// Is there an image of this page in these channels that has to be written? Any at all?
+  bool has_work(const std::vector<std::size_t>& channels, std::size_t page) const;
+  bool has_work() const;
+  void drop_mesh();
+};
+
+/// Everything that is decided before any work: what is read, made and written, what it needs, and
+/// whatever a user must hear at once. Reads meshes and headers of images. Not thread-safe.
+class TransferPlan {
+ public:
+  /// `job` must outlive it.
+  TransferPlan(job::JobContext& job, const TransferOptions& options, const TestKnobs& knobs);
+
+  /// Plans the source and all targets; takes the progress bar to `end`. Throws what is wrong,
+  /// Error(budget) too where the budget is below what the job needs.
+  void make(double end);
+
+  const TransferOptions& options() const { return options_; }  ///< a model output as its images
+  Source& source() { return *source_; }
+  bool anything_to_write() const { return anything_to_write_; }  ///< --skip-existing may leave none
+  /// Of the images of one channel of the target that has the fewest.
+  std::uint64_t least_target_texels() const { return least_target_texels_; }
+  /// This target, planned again unless it is the only one. Stays until the next is asked for.
+  PlannedTarget& target(std::size_t t);
+
+ private:
+  void plan_source();
+  void plan_target_side(const std::string& path, DiskPlan& disk);
+  void need_target(const std::string& path);
+  void need_pass(std::size_t pass);
+  void check_channel_outputs() const;
+  void check_order(const mesh::Mesh& source);
+  void plan_one(const std::string& path);
+  void name_jobs();
+  void keep_what_is_there();
+  bool keeps_model(FileTime inputs);
+  void warn_of_kept();
+  std::uint64_t contexts() const;
+  mesh::Mesh read_target(const std::string& path, std::uint64_t beside);
+  std::uint64_t reading_bytes(const std::string& path) const;
+  mesh::Mesh load_target(const std::string& path) const;
+  void add_target_tangents();
+  void warn_of_own_colours();
+  void add_inputs(const std::vector<std::string>& files);
+
+  job::JobContext& job_;
+  const TransferOptions options_;
+  const std::string model_pattern_;  ///< of the output, if that is a model
+  const TestKnobs knobs_;
+  JobHash job_hash_;
+  MemoryNeeds needs_;
+  std::unique_ptr<Source> source_;
+  runtime::Lease compressors_lease_, tables_lease_;
+  PlannedTarget target_;                       ///< planned last
+  std::vector<std::string> outputs_, inputs_;  ///< of all targets
+  std::uint64_t least_target_texels_ = UINT64_MAX;
+  bool anything_to_write_ = false;
+};
+
+}  // namespace pounce::flow

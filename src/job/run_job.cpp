@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// How a job begins and ends, whatever it is: threads of its own, a budget, a cache or scratch
+// stores, one more attempt where a pack turns out to be damaged, and a report in any case.
+#include "job/run_job.h"
+
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+
+#include "core/own_errors.h"
+#include "core/system_memory.h"
+#include "core/threads.h"
+#include "io/files/new_folders.h"
+#include "job/process_limits.h"
+#include "pounce/cache.h"
+#include "pounce/version.h"
+#include "store/cache/cache_layout.h"
+
+namespace pounce::job {
+namespace {
+
+/// What takes no more than this to plan is planned even if the budget is smaller, to say exactly
+/// how much the job needs.
+constexpr std::uint64_t kLookAnyway = 64ULL << 20;
+/// No job has less.
+constexpr std::uint64_t kLeastBudget = 1ULL << 20;
+
+/// As many as were asked for, but no more than the process lets TBB have: raising that would raise
+/// it for all that runs there.
+unsigned thread_count(const Resources& resources) {
+  const auto most = static_cast<unsigned>(
+      tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
+  return resources.threads != 0 ? std::min(resources.threads, most) : most;
+}
+
+/// The output's folder, or the nearest above it that is there; of a pattern that has tokens in its
+/// folders, the one above them all.
+std::string scratch_folder(const Resources& resources, const std::string& output) {
+  if (!resources.temp_dir.empty()) return resources.temp_dir;
+  std::filesystem::path folder = std::filesystem::path(output).parent_path();
+  while (folder.string().find('<') != std::string::npos && folder.has_relative_path())
+    folder = folder.parent_path();
+  return io::existing_folder(folder.string());
+}
+
+std::uint64_t cache_limit(const Resources& resources, const std::string& cache, FileSystem& files) {
+  if (resources.cache_limit_bytes) return *resources.cache_limit_bytes;
+  try {
+    return store::default_limit_bytes(files, cache);
+  } catch (const Error&) {
+    return 0;  // a folder that cannot be looked at cannot be opened either, and that is said then
+  }
+}
+
+std::uint64_t scratch_limit(const Resources& resources, const std::string& folder) {
+  if (resources.max_temp_bytes) return *resources.max_temp_bytes;
+  try {
+    return default_scratch_limit(posix_file_system(), folder);
+  } catch (const Error&) {
+    return 0;  // where nothing can be looked at nothing can be made either, and that is said then
+  }
+}
+
+/// Counts what the job's scratch files take, and lets it be no more than --max-temp.
+void count_scratch_files(const Resources& resources, JobContext& job) {
+  job.scratch_limit_bytes = scratch_limit(resources, job.scratch_folder);
+  const auto refusal = [&job] {
+    const std::uint64_t most = job.report.disk_most.value_or(DiskForecast{}).scratch_bytes;
+    return fmt::format(
+        "{}: the job's scratch files would take more than {}{}; raise the limit with --max-temp, "
+        "or name a folder with more room with --temp",
+        job.scratch_folder, runtime::format_bytes(job.scratch_limit_bytes),
+        most > 0 ? fmt::format(" (the job takes {} at most)", runtime::format_bytes(most)) : "");
+  };
+  job.scratch_account = std::make_shared<ScratchAccount>(job.scratch_limit_bytes, refusal);
+  job.own_files = count_scratch(posix_file_system(), job.scratch_account);
+  job.files = job.own_files.get();
+}
+
+/// How this job deals with the other users of its cache.
+store::CacheOptions cache_options(const Resources& resources, const std::string& scratch,
+                                  bool rebuild, JobContext& job) {
+  store::CacheOptions options;
+  options.limit_bytes = job.cache_limit_bytes;
+  options.scratch_folder = scratch;
+  options.verify = rebuild;
+  options.waiting = [&job, wait = resources.wait_for_cache](const std::string& holder,
+                                                            const std::string& path) {
+    if (!wait) {
+      throw Error(ErrorKind::busy,
+                  fmt::format("{}: {} is making this pack of the cache; run again without "
+                              "--no-wait to wait for it, or with --no-cache",
+                              path, holder));
+    }
+    if (!job.waiting) job.waiting = std::make_unique<StageTimer>(job.clock, "wait");
+    job.meter.wait("waiting for " + holder);
+  };
+  return options;
+}
+
+/// The cache; nothing, with a warning, if the user did not name it and it cannot be used.
+std::unique_ptr<store::StoreFolder> open_cache(const Resources& resources, const std::string& cache,
+                                               const std::string& scratch, bool rebuild,
+                                               JobContext& job) {
+  try {
+    auto stores = store::StoreFolder::open_cache(*job.files, cache,
+                                                 cache_options(resources, scratch, rebuild, job));
+    const store::CacheLayout layout(cache);
+    job.hashes = std::make_unique<HashMemo>(*job.files, layout.hash_memo(), layout.parts_folder());
+    return stores;
+  } catch (const Error& e) {
+    if (e.kind() != ErrorKind::storage) throw;
+    const std::string what = fmt::format("the cache cannot be used: {}", e.what());
+    if (!resources.cache_dir.empty()) {
+      throw Error(ErrorKind::storage,
+                  what + "; give another folder with --cache, or run with --no-cache");
+    }
+    job.report.warnings.push_back(what + "; this run does without (--cache names another folder)");
+    return nullptr;
+  }
+}
+
+void require_threads(unsigned count) {
+  const unsigned obtainable = obtainable_threads(count);
+  if (obtainable == count) return;
+  throw Error(
+      ErrorKind::storage,
+      fmt::format("only {} of {} threads can be had; run it with --threads {}, or raise the "
+                  "limit (ulimit -u for threads, -v and -d for the memory of their stacks)",
+                  obtainable, count, obtainable));
+}
+
+void run_attempts(const Resources& resources, JobRun& run,
+                  const std::function<void(JobRun&, bool rebuild)>& job) {
+  try {
+    run.report.version = POUNCE_VERSION;
+    return job(run, false);
+  } catch (const Error& e) {
+    if (e.kind() != ErrorKind::damaged_store || !resources.use_cache) throw;
+    if (run.painted_in_place) {
+      throw Error(ErrorKind::damaged_store,
+                  fmt::format("{}; {} outputs were written before, do not paint over these again",
+                              e.what(), run.report.outputs.size()));
+    }
+  }
+  run.meter.restart();
+  run.written_before.insert(run.report.outputs.begin(), run.report.outputs.end());
+  run.report = {};
+  run.report.version = POUNCE_VERSION;
+  job(run, true);
+}
+
+}  // namespace
+
+std::uint64_t budget_bytes(const Resources& resources) {
+  return resources.memory_bytes != 0 ? resources.memory_bytes : usable_memory().bytes / 2;
+}
+
+std::unique_ptr<JobContext> open_job(const Resources& resources, const std::string& output,
+                                     bool in_core, bool rebuild, bool plan_only, JobRun& run) {
+  auto job = std::make_unique<JobContext>(budget_bytes(resources), run);
+  job->threads = thread_count(resources);
+  job->plan_only = plan_only;
+  job->asks_memory = resources.memory_bytes != 0;
+  hold_to_limits(*job, {kLeastBudget, "any job"}, 0);
+  if (in_core) {
+    job->own_files = make_memory_file_system();
+    job->files = job->own_files.get();
+    job->scratch_folder = "/";
+    job->stores = store::StoreFolder::make_scratch(*job->files, "/");
+    job->scratch = store::StoreFolder::make_scratch(*job->files, "/");
+    return job;
+  }
+  const std::string scratch = scratch_folder(resources, output);
+  job->scratch_folder = scratch;
+  count_scratch_files(resources, *job);
+  job->scratch = store::StoreFolder::make_scratch(*job->files, scratch);
+  const std::string cache = !resources.use_cache          ? std::string()
+                            : resources.cache_dir.empty() ? default_cache_folder()
+                                                          : resources.cache_dir;
+  job->keeps_stores = !cache.empty();
+  if (!cache.empty()) job->cache_limit_bytes = cache_limit(resources, cache, *job->files);
+  if (!cache.empty() && !plan_only) {
+    job->stores = open_cache(resources, cache, scratch, rebuild, *job);
+  }
+  if (job->stores == nullptr) {
+    job->stores = store::StoreFolder::make_scratch(*job->files, scratch);
+    job->keeps_stores = job->keeps_stores && plan_only;
+  }
+  job->check_packs = rebuild;
+  if (rebuild) {
+    job->report.warnings.push_back(
+        cache + ": a damaged pack was found; every pack that this job uses is checked");
+  }
+  return job;
+}
+
+Report run_job(const Resources& resources, Progress* progress, Report* so_far,
+               const std::function<void(JobRun&, bool rebuild)>& job) {
+  // Threads of the job's own: what else the process runs keeps its number, and so does this job.
+  tbb::task_arena arena(static_cast<int>(thread_count(resources)));
+  JobRun run(progress);
+  const auto fail = [&](ErrorKind kind, const char* what) {
+    if (so_far == nullptr) return;
+    try {
+      run.report.failure = Failure{error_kind_name(kind), exit_status(kind), what};
+      for (const std::string& path : run.report.outputs) run.written_before.erase(path);
+      run.report.outputs.insert(run.report.outputs.begin(), run.written_before.begin(),
+                                run.written_before.end());
+    } catch (const std::bad_alloc&) {
+      // No memory for words: what was done is told all the same.
+    }
+    *so_far = std::move(run.report);
+  };
+  try {
+    with_own_errors([&] {
+      require_threads(thread_count(resources));
+      arena.execute([&] { run_attempts(resources, run, job); });
+      run.meter.finish();
+      if (so_far != nullptr) *so_far = run.report;
+    });
+  } catch (const Error& e) {
+    fail(e.kind(), e.what());
+    throw;
+  }
+  return std::move(run.report);
+}
+
+void require_least(JobContext& job, const LeastMemory& least, std::uint64_t held_bytes) {
+  job.report.least_memory_bytes = least.bytes;
+  job.report.least_memory_for = least.why;
+  const HeldBudget held = hold_to_limits(job, least, held_bytes);
+  if (job.asks_memory && !held.lowered_by.empty()) {
+    job.report.warnings.push_back(fmt::format(
+        "{} holds less than --memory {} and the program: the budget is {}, the result the same",
+        held.lowered_by, runtime::format_bytes(job.asked_bytes),
+        runtime::format_bytes(held.bytes)));
+  }
+  if (job.budget.limit() >= least.bytes) return;
+  const std::uint64_t mib = (least.bytes + (1 << 20) - 1) >> 20;
+  throw Error(ErrorKind::budget,
+              fmt::format("--memory {} is too small: this job needs at least {}MiB, for {}; run it "
+                          "with --memory {}MiB",
+                          runtime::format_bytes(job.budget.limit()), mib, least.why, mib));
+}
+
+void require_early(JobContext& job, const LeastMemory& need, std::uint64_t held_bytes) {
+  hold_to_limits(job, need, held_bytes);
+  const std::uint64_t look_anyway = std::min(kLookAnyway, job.room_bytes);
+  if (need.bytes > std::max(job.budget.limit(), look_anyway)) require_least(job, need, held_bytes);
+}
+
+}  // namespace pounce::job
