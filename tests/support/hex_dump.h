@@ -39,12 +39,13 @@ inline std::vector<std::byte> bytes_of_hex_dump(const std::string& dump) {
   return bytes;
 }
 
-/// The dump in docs/tile-format.md that is fenced as "```" + name; "" if there is none.
+/// The dump in docs/tile-format*.md that is fenced as "```" + name; "" if there is none.
 inline std::string documented_dump(const std::string& name) {
-  std::ifstream file(std::string(POUNCE_SOURCE_DIR) + "/docs/tile-format.md");
-  std::stringstream page;
-  page << file.rdbuf();
-  const std::string text = page.str();
+  std::stringstream pages;
+  for (const char* part : {"", "-geometry", "-records", "-colours", "-splats"})
+    pages << std::ifstream(std::string(POUNCE_SOURCE_DIR) + "/docs/tile-format" + part + ".md")
+                 .rdbuf();
+  const std::string text = pages.str();
   const std::string opening = "```" + name + "\n";
   const std::size_t begin = text.find(opening);
   if (begin == std::string::npos) return {};
