@@ -74,8 +74,8 @@ std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
   job->plan = flow::plan_mesh(job->options, job->source, flow::TexelsAs::surface, false);
   job->target_plan =
       flow::plan_target(job->options, job->plan, job->options.targets.front(), job->target);
-  job->context =
-      job::open_job(job->options.resources, job->options.output, true, false, false, job->run);
+  job->context = job::open_job(job->options.resources, job->options.output, job->files.get(), false,
+                               false, job->run);
   job->context->tile_cap_bytes = job::kTileCapBytes;
   const flow::PassPlan& pass = job->plan.passes.at(0);
   bool cached = false;

@@ -13,6 +13,7 @@
 #include "pounce/transfer.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
+#include "support/memory_file_system.h"
 
 namespace pounce::bench {
 
@@ -35,6 +36,7 @@ TransferOptions reference_options(Shape shape, std::int64_t size);
 
 /// The reference job with everything that its stages read, in memory.
 struct PreparedJob {
+  std::unique_ptr<FileSystem> files = test::make_memory_file_system();
   TransferOptions options;
   mesh::Mesh source, target;
   flow::SourcePlan plan;

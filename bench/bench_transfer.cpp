@@ -14,6 +14,7 @@
 
 #include "bench_input.h"
 #include "flow/transfer.h"
+#include "support/memory_file_system.h"
 
 namespace pounce::bench {
 namespace {
@@ -82,7 +83,8 @@ void run_jobs(benchmark::State& state, const TransferOptions& options,
 
 /// All stores in memory.
 void transfer_in_core(benchmark::State& state, Shape shape) {
-  run_jobs(state, options_for(shape, state), {.in_core = true});
+  const auto in_memory = test::make_memory_file_system();
+  run_jobs(state, options_for(shape, state), {.files = in_memory.get()});
 }
 
 /// Stores in scratch files, ample memory.

@@ -11,7 +11,6 @@
 #include <span>
 
 #include "core/own_errors.h"
-#include "store/cache/cache_layout.h"
 #include "store/cache/cache_space.h"
 
 namespace pounce {

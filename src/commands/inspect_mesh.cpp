@@ -11,7 +11,7 @@
 #include <set>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "io/files/shortest.h"
 #include "mesh/uv_tiles.h"
 #include "pounce/error.h"

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "io/files/shortest.h"
 #include "io/splats/ply.h"
 #include "io/splats/ply_header.h"
@@ -102,7 +102,7 @@ Json describe_splats(const std::string& path) {
         path, most_bytes, folder);
   };
   const auto files =
-      count_scratch(posix_file_system(), std::make_shared<ScratchAccount>(most_bytes, too_much));
+      make_counting_file_system(std::make_shared<ScratchAccount>(most_bytes, too_much));
   scene->prepare({files.get(), folder}, [] {});
   const io::SplatSceneInfo& info = scene->info();
   const PageVector<Splat> sample = io::sample(*scene);

@@ -24,6 +24,11 @@ class ByteWriter {
   template <class T>
   requires std::is_arithmetic_v<T>
   void put(T value) { put_span(std::span<const T>(&value, 1)); }
+  /// One after the other.
+  template <class... T>
+  void put_all(const T&... values) {
+    (put(values), ...);
+  }
   /// The elements alone, without their count.
   template <class T>
   void put_span(std::span<const T> values) {
@@ -48,6 +53,10 @@ class ByteReader {
     T value;
     std::memcpy(&value, take(sizeof(T)).data(), sizeof(T));
     return value;
+  }
+  template <class... T>
+  void get_all(T&... values) {
+    ((values = get<T>()), ...);
   }
   template <class T>
   void get_span(std::span<T> values) {

@@ -1,4 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A colour space here is three lights and a white. From one to another goes a matrix: to X, Y, Z,
+// then into the other's lights. What each light contributes is solved for, so that equal parts of
+// all three give white; where the whites differ, the colours are adapted to the new one. Files may
+// say any eight numbers, so are_primaries() asks first whether the equations have a sensible
+// solution.
+//
+// Both curves of sRGB need roots. pow() differs in its last bit from one C library to another, and
+// a texel whose value falls on the edge between two codes would differ with it; so roots are found
+// by Newton's method from above, which ends at the same number everywhere.
 #include "core/colour_space.h"
 
 #include <fmt/format.h>
@@ -21,6 +31,7 @@ struct Named {
   Chromaticities primaries;
   bool linear;
 };
+// The first name of a space is the one that messages use.
 constexpr std::array<Named, 6> kNamed{{{"srgb", kRec709, false},
                                        {"lin_rec709", kRec709, true},
                                        {"acescg", kAp1, true},
@@ -64,6 +75,7 @@ Matrix3 inverse(const Matrix3& m) noexcept {
   const double det = determinant(m);
   Matrix3 out;
   for (std::size_t row = 0; row < 3; ++row) {
+    // Cyclic minors carry their signs already.
     for (std::size_t column = 0; column < 3; ++column)
       out[3 * column + row] = minor(m, row, column) / det;
   }
@@ -99,6 +111,7 @@ Matrix3 to_xyz(const Chromaticities& c) noexcept {
   return m;
 }
 
+/// Scales the responses of three cones so that one white becomes the other.
 Matrix3 adaptation(Vec3d from_white, Vec3d to_white) noexcept {
   const Vec3d from = times(kBradford, from_white), to = times(kBradford, to_white);
   const Matrix3 scale{to.x / from.x, 0, 0, 0, to.y / from.y, 0, 0, 0, to.z / from.z};
@@ -120,6 +133,20 @@ Vec3d white_of(const Chromaticities& c) noexcept { return xyz(is_cie_xyz(c) ? kR
 std::string lower(std::string text) {
   for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
   return text;
+}
+
+/// The positive root of r^n = x for x > 0 by Newton's method, from a start above the root: each
+/// step falls until rounding stops it.
+double root(double x, int n) noexcept {
+  double r = std::max(x, 1.0);
+  for (int i = 0; i < 200; ++i) {
+    double power = 1;
+    for (int k = 1; k < n; ++k) power *= r;
+    const double next = r - (r - x / power) / n;
+    if (!(next < r)) break;
+    r = next;
+  }
+  return r;
 }
 
 }  // namespace
@@ -156,7 +183,7 @@ std::string colour_space_name(const ColourSpace& space) {
 
 bool are_primaries(const Chromaticities& c) noexcept {
   if (!std::all_of(c.begin(), c.end(), [](float v) { return std::fabs(v) < 10; })) return false;
-  if (!(c[7] > 0.01F)) return false;  // white
+  if (!(c[7] > 0.01F)) return false;  // of white: everything is divided by it
   const Matrix3 m = directions(c);
   if (!(std::fabs(determinant(m)) > 1e-4)) return false;
   // White is a mixture of them; its cones can be adapted.
@@ -176,6 +203,19 @@ Matrix3 adaptation_to_d50(const Chromaticities& from) noexcept {
 
 Matrix3 matrix_to_d50(const Chromaticities& from) noexcept {
   return times(adaptation_to_d50(from), to_xyz(from));
+}
+
+// IEC 61966-2-1. x^2.4 = x^2 * (x^2)^(1/5); x^(1/2.4) = (x^5)^(1/12) = sqrt(sqrt(cbrt(x^5))).
+double srgb_to_linear(double coded) noexcept {
+  if (coded <= 0.04045) return coded / 12.92;
+  const double x = (coded + 0.055) / 1.055;
+  return x * x * root(x * x, 5);
+}
+
+double linear_to_srgb(double linear) noexcept {
+  if (linear <= 0.0031308) return linear * 12.92;
+  const double x5 = linear * linear * linear * linear * linear;
+  return 1.055 * std::sqrt(std::sqrt(root(x5, 3))) - 0.055;
 }
 
 }  // namespace pounce

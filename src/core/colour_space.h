@@ -4,7 +4,8 @@
 #include <array>
 #include <optional>
 #include <string>
-#include <vector>
+
+#include "core/hash.h"
 
 namespace pounce {
 
@@ -48,5 +49,22 @@ Matrix3 primaries_matrix(const Chromaticities& from, const Chromaticities& to) n
 Matrix3 matrix_to_d50(const Chromaticities& from) noexcept;
 /// What adapts the white of these to D50.
 Matrix3 adaptation_to_d50(const Chromaticities& from) noexcept;
+
+/// The sRGB transfer function (IEC 61966-2-1) and its inverse by +, *, / and sqrt alone, so that
+/// every machine agrees.
+double srgb_to_linear(double coded) noexcept;
+double linear_to_srgb(double linear) noexcept;
+
+/// From one colour space to another where no matrix and curve do: what a colour configuration says.
+/// Thread-safe.
+class ColourTransform {
+ public:
+  virtual ~ColourTransform() = default;
+  /// r, g, b in place, of any size and sign. Single precision; its last bits may differ from one
+  /// kind of processor to another.
+  virtual void apply(std::array<double, 3>& rgb) const noexcept = 0;
+  /// The same for transforms that do the same.
+  virtual Hash128 identity() const = 0;
+};
 
 }  // namespace pounce

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace pounce {
@@ -102,8 +105,45 @@ class FileSystem {
   virtual std::uint64_t free_bytes(const std::string& folder) = 0;
 };
 
+/// Files of the system, by pread() and pwrite().
 FileSystem& posix_file_system();
-/// Keeps everything in memory: for tests and the in-core reference.
-std::unique_ptr<FileSystem> make_memory_file_system();
+
+/// Who has FileSystem::try_lock()'s lock on this file, for messages: "process 123", or "another
+/// process" where the file does not say.
+std::string lock_holder(FileSystem& files, const std::string& lock_path);
+
+/// What the scratch files of a job take together, to the byte. Thread-safe, if `refusal` is.
+class ScratchAccount {
+ public:
+  /// What would take more than `limit_bytes` (0 = any) throws Error(storage) with what `refusal`
+  /// says.
+  ScratchAccount(std::uint64_t limit_bytes, std::function<std::string()> refusal)
+      : limit_(limit_bytes), refusal_(std::move(refusal)) {}
+
+  void take(std::uint64_t bytes);
+  void give_back(std::uint64_t bytes) noexcept { used_ -= bytes; }
+  /// The most at one moment.
+  std::uint64_t peak_bytes() const { return peak_; }
+
+ private:
+  const std::uint64_t limit_;
+  const std::function<std::string()> refusal_;
+  std::atomic<std::uint64_t> used_{0}, peak_{0};
+};
+
+/// As posix_file_system(), and its scratch files are counted in `account`: each until its writer
+/// and its readers are gone.
+std::unique_ptr<FileSystem> make_counting_file_system(std::shared_ptr<ScratchAccount> account);
+
+/// What scratch files may take together when nobody says: a tenth of the room that is free in
+/// `folder`, but 1 GiB at least; 0 = no limit, where nobody knows the room.
+std::uint64_t default_scratch_limit(FileSystem& files, const std::string& folder);
+
+/// Where scratch files are made.
+struct ScratchFolder {
+  FileSystem* files = nullptr;
+  std::string path;
+  std::unique_ptr<WriteFile> create() const { return files->create_scratch(path); }
+};
 
 }  // namespace pounce

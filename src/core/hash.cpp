@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// XXH3: keys of the cache and checksums of every stored block. Not against forgery: who may write
+// to the cache may write anything anyway. 128 bits for keys, which must not collide by chance among
+// all that a studio ever stores; 64 for checksums, which only have to notice damage.
 #include "core/hash.h"
 
 #include <fmt/format.h>

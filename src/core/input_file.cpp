@@ -1,4 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A job asks for the same file many times, from code that knows nothing of the job: readers of
+// glTF, OBJ, splats. If each of them opened the name, a file replaced in between would give a mesh
+// of one version and a hash of another, and the cache would keep that for good. So what was opened
+// first stays open, and open_input() hands it out again. The list is found by a thread-local
+// pointer: files are opened far down (a buffer of a glTF, a material library of an OBJ), and a
+// parameter for it would go through every reader although none of them has a choice to make.
 #include "core/input_file.h"
 
 #include <algorithm>

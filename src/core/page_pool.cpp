@@ -6,6 +6,10 @@
 // number of mappings small (the kernel allows 65,530). Freed pages stay resident for the next
 // buffer until kMostIdlePages of them do; from then on they are given back with MADV_DONTNEED,
 // which costs a page fault (0.1-0.3 us) when they are used again.
+//
+// A buffer of 64 pages or more that is freed waits as it is for the next one of exactly its size:
+// pieces of work ask for the same large buffers again and again, and would fault all their pages in
+// each time (docs/decisions/003-page-pool.md).
 #include "core/page_pool.h"
 
 #include <sys/mman.h>
@@ -41,7 +45,7 @@ struct Region {
     std::size_t run = 0;
     bool seen_free = false;
     for (std::size_t page = first_free; page < kRegionPages; ++page) {
-      if (run == 0 && page % 64 == 0 && used[page / 64] == ~0ULL) {
+      if (run == 0 && page % 64 == 0 && used[page / 64] == ~0ULL) {  // 64 at once
         page += 63;
         continue;
       }
@@ -131,6 +135,7 @@ void* PagePool::allocate(std::size_t bytes) {
   if (pages > kRegionPages / 2) return map_pages(pages * kPageBytes);
   Pool& p = pool();
   const std::lock_guard lock(p.mutex);
+  // The newest one first: its pages are most likely still in the processor's caches.
   for (auto run = p.waiting.rbegin(); pages >= kLongRun && run != p.waiting.rend(); ++run) {
     if (run->pages != pages) continue;
     std::byte* const at = run->at;
@@ -138,6 +143,7 @@ void* PagePool::allocate(std::size_t bytes) {
     p.waiting.erase(std::next(run).base());
     return at;
   }
+  // In order of address: low regions fill up, high ones empty and go back to the system.
   for (auto& [start, region] : p.regions) {
     const std::size_t first = region->find(pages);
     if (first == kRegionPages) continue;
@@ -165,6 +171,7 @@ void PagePool::release(void* at, std::size_t bytes) noexcept {
   try {
     p.waiting.push_back({static_cast<std::byte*>(at), pages});
   } catch (const std::bad_alloc&) {
+    // It need not wait; but what is released must be, here of all places.
     return free_run(p, static_cast<std::byte*>(at), pages);
   }
   p.waiting_pages += pages;

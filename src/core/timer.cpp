@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Stages run beside each other on shared threads, and one may open another inside. Yet the table of
+// a report must add up to the process's CPU time. So time is given away once: a timer subtracts
+// what timers inside it gave to others. For a WorkTimer "inside" is on the same thread, known by a
+// thread-local pointer to the innermost one; for a StageTimer, which has the process for itself, it
+// is all that the clock was given meanwhile.
 #include "core/timer.h"
 
 #include <fcntl.h>
@@ -59,6 +65,7 @@ std::uint64_t peak_rss_bytes() noexcept {
   return kib * 1024;
 }
 
+// Stages are told in the order in which they were first met, which is the order of the job.
 StageClock::Stage& StageClock::stage_locked(const std::string& name) {
   const auto [place, is_new] = index_.try_emplace(name, stages_.size());
   if (is_new) {
@@ -89,6 +96,7 @@ std::vector<StageTime> StageClock::times() const {
 void StageClock::begin(const std::string& stage) {
   const std::lock_guard lock(mutex_);
   Stage& entry = stage_locked(stage);
+  // Wall time of pieces that run side by side is the time while any of them runs.
   if (entry.running++ == 0) entry.running_since = wall_seconds();
 }
 
@@ -113,6 +121,8 @@ StageTimer::StageTimer(StageClock& clock, std::string stage)
 }
 
 StageTimer::~StageTimer() {
+  // Clocks of threads and of the process are read at different moments: the difference of two may
+  // fall a little below zero.
   const double used = process_cpu_seconds() - process_start_s_;
   const double elsewhere = clock_.attributed_s() - attributed_start_s_;
   clock_.end(stage_, std::max(0.0, used - elsewhere));
@@ -128,7 +138,7 @@ WorkTimer::WorkTimer(StageClock& clock, std::string stage)
 WorkTimer::~WorkTimer() {
   const double used = thread_cpu_seconds() - thread_start_s_;
   innermost = outer_;
-  if (outer_ != nullptr) outer_->inner_s_ += used;
+  if (outer_ != nullptr) outer_->inner_s_ += used;  // all of it, what is inside this one included
   clock_.end(stage_, std::max(0.0, used - inner_s_));
 }
 

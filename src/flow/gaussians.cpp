@@ -401,7 +401,7 @@ Report gaussians(const GaussiansOptions& options, Progress* progress, Report* so
     flow::check_request(options);
     const bool is_scene = flow::is_splat_scene(options.source);
     if (is_scene) flow::refuse_texel_options(options);
-    const auto job = job::open_job(options.resources, options.output, false, rebuild, false, run);
+    const auto job = job::open_job(options.resources, options.output, nullptr, rebuild, false, run);
     is_scene ? flow::SceneJob(options, *job).run() : flow::MeshJob(options, *job).run();
   });
 }

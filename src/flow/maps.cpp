@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <tuple>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "flow/plan/describe_job.h"
 #include "flow/plan/job_hash.h"
 #include "flow/plan/load_mesh.h"
@@ -44,7 +44,7 @@ class MapsJob {
  public:
   MapsJob(const MapsOptions& options, job::JobRun& run, bool rebuild)
       : options_(options),
-        job_(open_job(options.resources, options.output, false, rebuild, false, run)),
+        job_(open_job(options.resources, options.output, nullptr, rebuild, false, run)),
         job_hash_(*job_, options) {
     job_->tile_cap_bytes = job::kTileCapBytes;
   }

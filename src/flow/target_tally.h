@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "flow/plan/plan.h"
 #include "flow/project/results.h"
 #include "flow/sources/source.h"

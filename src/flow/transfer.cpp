@@ -26,8 +26,7 @@ constexpr double kAfterReading = 0.02, kAfterSource = 0.2;
 std::unique_ptr<job::JobContext> open_transfer(const TransferOptions& options,
                                                const TestKnobs& knobs, job::JobRun& run,
                                                bool rebuild, bool plan_only) {
-  auto job =
-      job::open_job(options.resources, options.output, knobs.in_core, rebuild, plan_only, run);
+  auto job = job::open_job(options.resources, options.output, knobs.files, rebuild, plan_only, run);
   job->tile_cap_bytes = knobs.tile_cap_bytes != 0 ? knobs.tile_cap_bytes : job::kTileCapBytes;
   return job;
 }

@@ -7,9 +7,8 @@
 #include <span>
 #include <utility>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "core/page_pool.h"
-#include "core/ray_bundle.h"
 #include "source/source_block.h"
 
 namespace pounce::grid {

@@ -17,7 +17,6 @@
 
 #include "core/file.h"
 #include "core/input_file.h"
-#include "core/scratch_limit.h"
 #include "core/timer.h"
 #include "job/hash_memo.h"
 #include "pounce/options.h"
@@ -64,7 +63,7 @@ struct JobContext {
   StageClock clock;
   InputFiles inputs;
   FileSystem* files = nullptr;
-  std::unique_ptr<FileSystem> own_files;            ///< in memory, or counting
+  std::unique_ptr<FileSystem> counted_files;        ///< what `files` is, but for tests
   std::unique_ptr<HashMemo> hashes;                 ///< of input files; null without a cache
   std::unique_ptr<store::StoreFolder> stores;       ///< source and target stores
   std::unique_ptr<store::StoreFolder> scratch;      ///< results; vanish with the process

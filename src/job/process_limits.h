@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/system_memory.h"
+#include "core/system_limits.h"
 #include "job/job_context.h"
 
 namespace pounce::job {

@@ -13,13 +13,12 @@
 #include <filesystem>
 
 #include "core/own_errors.h"
-#include "core/system_memory.h"
-#include "core/threads.h"
+#include "core/system_limits.h"
 #include "io/files/new_folders.h"
 #include "job/process_limits.h"
 #include "pounce/cache.h"
 #include "pounce/version.h"
-#include "store/cache/cache_layout.h"
+#include "store/cache/cache_space.h"
 
 namespace pounce::job {
 namespace {
@@ -78,8 +77,8 @@ void count_scratch_files(const Resources& resources, JobContext& job) {
         most > 0 ? fmt::format(" (the job takes {} at most)", runtime::format_bytes(most)) : "");
   };
   job.scratch_account = std::make_shared<ScratchAccount>(job.scratch_limit_bytes, refusal);
-  job.own_files = count_scratch(posix_file_system(), job.scratch_account);
-  job.files = job.own_files.get();
+  job.counted_files = make_counting_file_system(job.scratch_account);
+  job.files = job.counted_files.get();
 }
 
 /// How this job deals with the other users of its cache.
@@ -162,15 +161,15 @@ std::uint64_t budget_bytes(const Resources& resources) {
 }
 
 std::unique_ptr<JobContext> open_job(const Resources& resources, const std::string& output,
-                                     bool in_core, bool rebuild, bool plan_only, JobRun& run) {
+                                     FileSystem* own_files, bool rebuild, bool plan_only,
+                                     JobRun& run) {
   auto job = std::make_unique<JobContext>(budget_bytes(resources), run);
   job->threads = thread_count(resources);
   job->plan_only = plan_only;
   job->asks_memory = resources.memory_bytes != 0;
   hold_to_limits(*job, {kLeastBudget, "any job"}, 0);
-  if (in_core) {
-    job->own_files = make_memory_file_system();
-    job->files = job->own_files.get();
+  if (own_files != nullptr) {
+    job->files = own_files;
     job->scratch_folder = "/";
     job->stores = store::StoreFolder::make_scratch(*job->files, "/");
     job->scratch = store::StoreFolder::make_scratch(*job->files, "/");

@@ -13,10 +13,12 @@ namespace pounce::job {
 std::uint64_t budget_bytes(const Resources& resources);
 
 /// Opens what a job needs: budget, stores (the cache, or scratch), progress. `output` gives the
-/// default folder for scratch files. `rebuild` checks every pack of the cache before it is
+/// default folder for scratch files; `own_files`, if not null, holds all of them and every store,
+/// and there is no cache: for tests. `rebuild` checks every pack of the cache before it is
 /// believed: one of them turned out to be damaged.
 std::unique_ptr<JobContext> open_job(const Resources& resources, const std::string& output,
-                                     bool in_core, bool rebuild, bool plan_only, JobRun& run);
+                                     FileSystem* own_files, bool rebuild, bool plan_only,
+                                     JobRun& run);
 
 /// Runs a job on threads of its own, as many as it asks for; what they are beside does not change.
 /// A damaged pack in the cache costs one rebuild from the inputs, with a warning. The report goes

@@ -7,6 +7,11 @@
 // for each band of rows, which is all that is in memory at a time. Tiles come from a k-d split over
 // block coordinates: integers only, so the same on every machine. A tile's weight is an estimate of
 // its stored bytes; it bounds a write buffer and sizes the index pages.
+//
+// Both sides ask "which blocks", and mean different things. A target's texel has one owner, so
+// every block needs all triangles that may cover a texel of it, in each period of UV space that
+// they reach into. A source's triangle is met by rays, wherever its texels are: one block is enough
+// for a small one, and a large one is cut at block borders only to keep boxes small.
 #include "mesh/block_bins.h"
 
 #include <fmt/format.h>
@@ -79,17 +84,21 @@ class Placement {
   /// Calls visit(instance, y, x0, x1) for every row of blocks among `rows` that it belongs to.
   template <class Visit>
   void visit_within(const RowRange& rows, const Visit& visit) {
+    // A page without an image has no texel coordinates at all.
     if (lattice_.width == 0) return visit_run(rows, visit);
     measure();
     if (!request_.is_target) return visit_source(rows, visit);
+    // Of a target it owns no texel; of a source it may still be hit, as it has area in space.
     if (doubled_area(corners_[0], corners_[1], corners_[2]) == 0) return;
     if (request_.tile)
       return visit_period(rows, request_.tile->column, period_y(*request_.tile), visit);
     // Periods in which some texel centre may be covered; a triangle wholly inside [0,1) has exactly
     // one.
     const double w = lattice_.width, h = lattice_.height;
-    const double x0 = std::floor(std::ceil(low_.x) / w), x1 = std::floor(std::floor(high_.x) / w);
-    const double y0 = std::floor(std::ceil(low_.y) / h), y1 = std::floor(std::floor(high_.y) / h);
+    const double x0 = std::floor(std::ceil(box_.lo.x) / w),
+                 x1 = std::floor(std::floor(box_.hi.x) / w);
+    const double y0 = std::floor(std::ceil(box_.lo.y) / h),
+                 y1 = std::floor(std::floor(box_.hi.y) / h);
     if ((x1 - x0 + 1) * (y1 - y0 + 1) > kMostPeriods) fail_span(*request_.mesh, triangle_);
     for (double y = y0; y <= y1; ++y) {
       for (double x = x0; x <= x1; ++x)
@@ -100,12 +109,8 @@ class Placement {
  private:
   void measure() {
     corners_ = texel_corners(*request_.mesh, lattice_, {triangle_, 0, 0});
-    std::tie(low_.x, high_.x) = std::minmax({corners_[0].x, corners_[1].x, corners_[2].x});
-    std::tie(low_.y, high_.y) = std::minmax({corners_[0].y, corners_[1].y, corners_[2].y});
-    if (!(std::abs(low_.x) < kLargestTexel && std::abs(high_.x) < kLargestTexel &&
-          std::abs(low_.y) < kLargestTexel && std::abs(high_.y) < kLargestTexel)) {
-      fail_span(*request_.mesh, triangle_);
-    }
+    box_ = box_of(corners_);
+    if (!is_near(box_)) fail_span(*request_.mesh, triangle_);
   }
 
   /// No image, so no texels: runs of the file's order stand in for blocks.
@@ -120,8 +125,11 @@ class Placement {
   template <class Visit>
   void visit_source(const RowRange& rows, const Visit& visit) const {
     const TriangleInstance instance{triangle_, 0, 0};
-    const BlockRange all{block_of(low_.x), block_of(low_.y), block_of(high_.x), block_of(high_.y)};
+    const BlockRange all{block_of(box_.lo.x), block_of(box_.lo.y), block_of(box_.hi.x),
+                         block_of(box_.hi.y)};
     if (!is_whole(corners_, lattice_)) return visit_touched(rows, corners_, all, instance, visit);
+    // Many small triangles to a texel: a block that says its surface in fewer needs those at its
+    // border, too (shares_tiny).
     const HomeBlock home = home_block(corners_);
     const BlockRange blocks = request_.shares_tiny && is_tiny(corners_)
                                   ? all
@@ -140,8 +148,8 @@ class Placement {
                                      Vec2d{corners_[1].x - sx, corners_[1].y - sy},
                                      Vec2d{corners_[2].x - sx, corners_[2].y - sy}};
     const BlockRange range{
-        block_of(std::max(low_.x - sx, 0.0)), block_of(std::max(low_.y - sy, 0.0)),
-        block_of(std::min(high_.x - sx, w - 1)), block_of(std::min(high_.y - sy, h - 1))};
+        block_of(std::max(box_.lo.x - sx, 0.0)), block_of(std::max(box_.lo.y - sy, 0.0)),
+        block_of(std::min(box_.hi.x - sx, w - 1)), block_of(std::min(box_.hi.y - sy, h - 1))};
     visit_touched(rows, moved, range, {triangle_, px, py}, visit);
   }
 
@@ -155,6 +163,7 @@ class Placement {
     }
     range.y0 = std::max(range.y0, rows.first);
     range.y1 = std::min(range.y1, rows.last);
+    // Row by row, since a slanted triangle touches few of the blocks in its box.
     visit_rows(corners, range, [&](std::int32_t y, std::int32_t x0, std::int32_t x1) {
       visit(instance, y, x0, x1);
     });
@@ -164,7 +173,7 @@ class Placement {
   const Lattice& lattice_;
   const std::uint32_t triangle_;
   std::array<Vec2d, 3> corners_;
-  Vec2d low_, high_;
+  Box2<double> box_;
 };
 
 /// How many triangles the fullest window has, page by page: of meshes that are worth it.
@@ -181,6 +190,7 @@ class WindowCounts {
   }
   void add(std::int32_t y, std::int32_t x0, std::int32_t x1) {
     if (!counts_) return;
+    // Windows outside are as many as the UVs say: one number for all, which is no less than any's.
     for (std::int32_t x = x0; x <= x1; ++x) {
       const bool inside = x >= 0 && x < columns_ && y >= 0 && y < rows_;
       ++(inside ? of_window_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_) +
@@ -222,7 +232,9 @@ void find_blocks(BlockBins& bins) {
   }
 }
 
-/// Cuts blocks[first, first + count) until each part is light enough, reordering them.
+/// Cuts blocks[first, first + count) until each part is light enough, reordering them: across the
+/// longer side of their box, where about half of the weight is on each side. Sorts are stable, so
+/// that tiles depend on the blocks alone.
 void split_tiles(BlockBins& bins, std::uint32_t first, std::uint32_t count, std::uint64_t cap) {
   const auto weight = [](const BlockBin& b) {
     return 256 + kTileBytesPerTriangle * std::min<std::uint32_t>(b.count, 8192);
@@ -251,7 +263,17 @@ void split_tiles(BlockBins& bins, std::uint32_t first, std::uint32_t count, std:
   split_tiles(bins, first + cut, count - cut, cap);
 }
 
+Vec2d sides_of(const std::array<Vec2d, 3>& corners) {
+  const auto [lo, hi] = box_of(corners);
+  return hi - lo;
+}
+
 }  // namespace
+
+bool is_near(const Box2<double>& texels) {
+  return std::abs(texels.lo.x) < kLargestTexel && std::abs(texels.hi.x) < kLargestTexel &&
+         std::abs(texels.lo.y) < kLargestTexel && std::abs(texels.hi.y) < kLargestTexel;
+}
 
 std::array<Vec2d, 3> texel_corners(const Mesh& mesh, const Lattice& lattice,
                                    const TriangleInstance& instance) {
@@ -266,9 +288,8 @@ std::array<Vec2d, 3> texel_corners(const Mesh& mesh, const Lattice& lattice,
 }
 
 bool is_whole(const std::array<Vec2d, 3>& c, const Lattice& lattice) {
-  const auto [low_x, high_x] = std::minmax({c[0].x, c[1].x, c[2].x});
-  const auto [low_y, high_y] = std::minmax({c[0].y, c[1].y, c[2].y});
-  const double extent = std::max(high_x - low_x, high_y - low_y);
+  const Vec2d sides = sides_of(c);
+  const double extent = std::max(sides.x, sides.y);
   if (extent <= kWholeTriangleTexels) return true;
   const double area = std::abs(doubled_area(c[0], c[1], c[2]));
   // Thin: its height over the longest side is below a texel, so cutting it gains nothing.
@@ -277,15 +298,13 @@ bool is_whole(const std::array<Vec2d, 3>& c, const Lattice& lattice) {
 }
 
 bool is_tiny(const std::array<Vec2d, 3>& c) {
-  const auto [low_x, high_x] = std::minmax({c[0].x, c[1].x, c[2].x});
-  const auto [low_y, high_y] = std::minmax({c[0].y, c[1].y, c[2].y});
-  return high_x - low_x < kTinyTriangleTexels && high_y - low_y < kTinyTriangleTexels;
+  const Vec2d sides = sides_of(c);
+  return sides.x < kTinyTriangleTexels && sides.y < kTinyTriangleTexels;
 }
 
 HomeBlock home_block(const std::array<Vec2d, 3>& c) {
-  const auto [low_x, high_x] = std::minmax({c[0].x, c[1].x, c[2].x});
-  const auto [low_y, high_y] = std::minmax({c[0].y, c[1].y, c[2].y});
-  return {block_of((low_x + high_x) / 2), block_of((low_y + high_y) / 2)};
+  const auto [lo, hi] = box_of(c);
+  return {block_of((lo.x + hi.x) / 2), block_of((lo.y + hi.y) / 2)};
 }
 
 BlockBands count_bands(const BinRequest& request) {
@@ -299,7 +318,7 @@ BlockBands count_bands(const BinRequest& request, std::uint64_t band_entries) {
   std::map<std::int32_t, std::uint64_t> rows;  // of one page: how many entries each has
   for (std::uint32_t page = 0; page < request.pages.size(); ++page) {
     rows.clear();
-    auto last = rows.end();
+    auto last = rows.end();  // neighbours in the file mostly touch the same row: no search then
     windows.begin(request.pages[page]);
     for (const std::uint32_t t : request.triangles->of(request.first_page + page)) {
       Placement(request, page, t)
@@ -357,6 +376,7 @@ BlockBins BlockBinner::bin(std::size_t band) const {
           });
     }
   }
+  // A total order (no two entries are equal), so that any sort gives the same bytes.
   const auto place = [](const BinEntry& e) {
     return std::tuple(e.page, e.y, e.x, e.instance.triangle, e.instance.shift_y,
                       e.instance.shift_x);

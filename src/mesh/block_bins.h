@@ -2,19 +2,58 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "core/bounds.h"
 #include "core/page_pool.h"
 #include "mesh/lattice.h"
-#include "mesh/page_triangles.h"
 #include "mesh/uv_raster.h"
 #include "mesh/uv_tiles.h"
 
 namespace pounce::mesh {
+
+/// A triangle that is on no page.
+inline constexpr std::uint32_t kNoPage = 0xFFFFFFFF;
+
+/// Which triangles each page of a mesh has, in file order; one may be on several. Four bytes for
+/// each time a triangle is on a page. Immutable.
+class PageTriangles {
+ public:
+  PageTriangles() = default;
+  /// From the page of each triangle, or kNoPage.
+  PageTriangles(std::span<const std::uint32_t> triangle_page, std::size_t pages)
+      : PageTriangles(pages, [&](auto&& put) {
+          for (std::uint32_t t = 0; t < triangle_page.size(); ++t) {
+            if (triangle_page[t] != kNoPage) put(triangle_page[t], t);
+          }
+        }) {}
+  /// each(put) calls put(page, triangle), triangles rising, twice over: to count and to fill.
+  template <class Each>
+  PageTriangles(std::size_t pages, const Each& each) : first_(pages + 1, 0) {
+    each([&](std::uint32_t page, std::uint32_t) { ++first_[page + 1]; });
+    for (std::size_t p = 0; p < pages; ++p) first_[p + 1] += first_[p];
+    triangles_.resize(first_.back());
+    std::vector<std::uint64_t> next(first_.begin(), first_.end() - 1);
+    each([&](std::uint32_t page, std::uint32_t triangle) { triangles_[next[page]++] = triangle; });
+  }
+
+  std::span<const std::uint32_t> of(std::size_t page) const {
+    return {triangles_.data() + first_[page], triangles_.data() + first_[page + 1]};
+  }
+  std::size_t pages() const { return first_.empty() ? 0 : first_.size() - 1; }
+  std::uint64_t size_bytes() const {
+    return triangles_.size() * sizeof(std::uint32_t) + first_.size() * sizeof(std::uint64_t);
+  }
+
+ private:
+  std::vector<std::uint64_t> first_;  ///< of each page, into triangles_; one more at the end
+  PageVector<std::uint32_t> triangles_;
+};
 
 /// A triangle of the mesh as one page sees it; on a target whose UVs leave the image it may stand
 /// in several periods of UV space.
@@ -82,6 +121,8 @@ inline constexpr double kTinyTriangleTexels = 4;
 
 std::array<Vec2d, 3> texel_corners(const Mesh& mesh, const Lattice& lattice,
                                    const TriangleInstance& instance);
+/// Are these texel coordinates those of a sound file (kLargestTexel)? Not if one is NaN.
+bool is_near(const Box2<double>& texels);
 /// Is the source triangle kept whole (small, thin or large), or cut at block borders? Cutting makes
 /// boxes small where an image has many triangles. One that covers a 256th of its image is large: an
 /// image that is used once has few of these, and one that is repeated (tiling, trim sheets, a stray

@@ -5,6 +5,8 @@
 
 #include "core/vec.h"
 #include "mesh/mesh.h"
+#include "mesh/uv_raster.h"
+#include "pounce/options.h"
 
 namespace pounce::mesh {
 
@@ -25,16 +27,16 @@ struct Lattice {
   bool operator==(const Lattice&) const = default;
 };
 
+/// Of an output: half as large, rounded down, at least 1 each way, as maketx and renderers have it.
+constexpr ImageSize next_level_size(ImageSize size) {
+  return {size.width > 1 ? size.width / 2 : 1, size.height > 1 ? size.height / 2 : 1};
+}
+
 inline Vec2d to_texel(const Lattice& lattice, Vec2f uv) {
   const UvTransform& m = lattice.transform;
   const double u = m.a * uv.x + m.b * uv.y + m.c;
   const double v = m.d * uv.x + m.e * uv.y + m.f;
   return {u * lattice.width - 0.5, v * lattice.height - 0.5};
-}
-
-/// Twice the signed area of a triangle in texels.
-inline double doubled_area(Vec2d a, Vec2d b, Vec2d c) {
-  return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
 }  // namespace pounce::mesh

@@ -1,7 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// What is done with a mesh as a whole. Two things here are not obvious.
+//
+// Triangles that coincide are counted because the later of two is never hit, and its own part of
+// the texture never shown. Places are compared bit by bit: what was copied coincides; what was
+// computed twice hardly does. A table of all triangles would take as much memory as the mesh, so
+// they are sorted by hash in eight passes, an eighth of them each; only those of one hash are
+// compared.
+//
+// Parts come as runs, since readers emit triangles node by node: eight bytes a run instead of four
+// a triangle, and equal sets of names are one part.
 #include "mesh/mesh.h"
 
+#include <algorithm>
 #include <set>
+#include <span>
+#include <tuple>
+#include <utility>
+
+#include "core/hash.h"
 
 namespace pounce::mesh {
 namespace {
@@ -9,6 +26,70 @@ namespace {
 template <class T>
 std::uint64_t bytes_of(const std::vector<T>& items) {
   return items.capacity() * sizeof(T);
+}
+
+using Corners = std::array<std::uint32_t, 3>;
+using Places = std::array<std::array<float, 3>, 3>;
+
+/// Which corner a file names first says nothing; the order around does, it is the side that faces
+/// out. The triangle's corners, from the one with the least coordinates on.
+Corners from_least(const Mesh& mesh, const Corners& corners) {
+  const auto place = [&](std::size_t k) {
+    const Vec3f& p = mesh.positions[corners[k]];
+    return std::tuple(p.x, p.y, p.z);
+  };
+  std::size_t least = 0;
+  for (const std::size_t k : {1U, 2U}) {
+    if (place(k) < place(least)) least = k;
+  }
+  return {corners[least], corners[(least + 1) % 3], corners[(least + 2) % 3]};
+}
+
+Places places_of(const Mesh& mesh, const Corners& corners) {
+  Places out;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec3f& p = mesh.positions[corners[k]];
+    out[k] = {p.x + 0.0F, p.y + 0.0F, p.z + 0.0F};  // -0 is 0
+  }
+  return out;
+}
+
+bool looks_the_same(const Mesh& mesh, std::uint32_t a, std::uint32_t b) {
+  // Of one material and with the same UVs it does not matter which of them is hit.
+  if (mesh.triangle_material[a] != mesh.triangle_material[b]) return false;
+  const Corners one = from_least(mesh, mesh.triangles[a]),
+                other = from_least(mesh, mesh.triangles[b]);
+  return std::all_of(mesh.uv_sets.begin(), mesh.uv_sets.end(), [&](const auto& uvs) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec2f p = uvs[one[k]], q = uvs[other[k]];
+      if (p.x != q.x || p.y != q.y) return false;
+    }
+    return true;
+  });
+}
+
+struct Entry {
+  std::uint64_t hash;
+  std::uint32_t triangle;
+  bool operator<(const Entry& other) const {
+    return std::tie(hash, triangle) < std::tie(other.hash, other.triangle);
+  }
+};
+
+/// Of triangles of one hash, in file order. Nearly always they have the same places.
+std::uint64_t count_among(const Mesh& mesh, std::span<const Entry> entries) {
+  std::uint64_t count = 0;
+  const auto places = [&](const Entry& e) {
+    return places_of(mesh, from_least(mesh, mesh.triangles[e.triangle]));
+  };
+  for (std::size_t i = 1; i < entries.size(); ++i) {
+    const Places own = places(entries[i]);
+    if (own[0] == own[1] || own[1] == own[2] || own[2] == own[0]) continue;  // no area
+    const auto first = std::find_if(entries.begin(), entries.end(),
+                                    [&](const Entry& e) { return places(e) == own; });
+    if (!looks_the_same(mesh, first->triangle, entries[i].triangle)) ++count;
+  }
+  return count;
 }
 
 }  // namespace
@@ -49,6 +130,87 @@ std::uint64_t Mesh::size_bytes() const {
     total += image.path.capacity() + image.label.capacity() + image.problem.capacity();
   }
   return total;
+}
+
+std::uint64_t Parts::size_bytes() const {
+  std::uint64_t total = names.capacity() * sizeof(std::string) +
+                        part_names.capacity() * sizeof(part_names[0]) +
+                        runs.capacity() * sizeof(Run);
+  for (const auto& name : names) total += name.capacity();
+  for (const auto& part : part_names) total += part.capacity() * sizeof(part[0]);
+  return total;
+}
+
+void PartsBuilder::start(std::uint32_t first_triangle, const std::vector<std::string>& names) {
+  end_run(first_triangle);
+  names_ = names;
+  first_ = first_triangle;
+}
+
+void PartsBuilder::end_run(std::uint32_t triangles) {
+  // Ended by the next run's start, since a reader knows the names before the triangles.
+  if (triangles == first_) return;
+  std::vector<std::uint32_t> key;
+  ++uses_;
+  for (const std::string& name : names_) {
+    if (name.empty()) continue;
+    const auto [at, fresh] =
+        name_index_.try_emplace(name, static_cast<std::uint32_t>(parts_.names.size()));
+    if (fresh) parts_.names.push_back(name);
+    last_use_.resize(parts_.names.size(), 0);
+    // A node is often called as its mesh is: each name once.
+    if (std::exchange(last_use_[at->second], uses_) != uses_) key.push_back(at->second);
+  }
+  const auto [at, fresh] =
+      part_index_.try_emplace(key, static_cast<std::uint32_t>(parts_.part_names.size()));
+  if (fresh) parts_.part_names.push_back(key);
+  if (parts_.runs.empty() || parts_.runs.back().part != at->second)
+    parts_.runs.push_back({first_, at->second});
+}
+
+Parts PartsBuilder::finish(std::uint32_t triangles) {
+  end_run(triangles);
+  parts_.names.shrink_to_fit();
+  parts_.part_names.shrink_to_fit();
+  parts_.runs.shrink_to_fit();
+  return std::move(parts_);
+}
+
+void orient(Mesh& mesh, const Axes& axes) {
+  if (axes == Axes{}) return;
+  for (Vec3f& position : mesh.positions) position = axes.apply(position);
+  for (Vec3f& normal : mesh.normals) normal = axes.apply(normal);
+  const bool mirrors = axes.mirrors();
+  for (Vec4f& tangent : mesh.tangents) {
+    const Vec3f t = axes.apply(Vec3f{tangent.x, tangent.y, tangent.z});
+    tangent = {t.x, t.y, t.z, mirrors ? -tangent.w : tangent.w};
+  }
+  // A mirror turns the winding round; turned once more, the outside is outside again.
+  if (!mirrors) return;
+  for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
+}
+
+std::uint64_t count_coincident(const Mesh& mesh) {
+  constexpr std::size_t kFew = 1 << 15;  // are sorted at once
+  const std::size_t passes = mesh.triangles.size() > kFew ? 8 : 1;
+  std::uint64_t count = 0;
+  std::vector<Entry> entries;
+  for (std::size_t pass = 0; pass < passes; ++pass) {
+    entries.clear();
+    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+      const Places places = places_of(mesh, from_least(mesh, mesh.triangles[t]));
+      const std::uint64_t hash = checksum(std::as_bytes(std::span(places)));
+      if (hash % passes == pass) entries.push_back({hash, t});
+    }
+    std::sort(entries.begin(), entries.end());
+    for (auto from = entries.begin(); from != entries.end();) {
+      const auto to =
+          std::find_if(from, entries.end(), [&](const Entry& e) { return e.hash != from->hash; });
+      if (to - from > 1) count += count_among(mesh, std::span(from, to));
+      from = to;
+    }
+  }
+  return count;
 }
 
 }  // namespace pounce::mesh

@@ -4,13 +4,14 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "core/job_space.h"
 #include "core/vec.h"
-#include "mesh/parts.h"
 #include "pounce/options.h"
 
 namespace pounce::mesh {
@@ -72,6 +73,22 @@ struct Material {
   std::vector<OtherTexture> other_textures;
 };
 
+/// The names that triangles can be selected by. A part is a set of names that some triangles share:
+/// node and mesh of a glTF file, object and groups of an OBJ file. Triangles are in file order, so
+/// their parts are runs.
+struct Parts {
+  struct Run {
+    std::uint32_t first_triangle = 0;  ///< to the next run's, the last one to the end
+    std::uint32_t part = 0;            ///< index into part_names
+    bool operator==(const Run&) const = default;
+  };
+  std::vector<std::string> names;                      ///< each once, in order of appearance
+  std::vector<std::vector<std::uint32_t>> part_names;  ///< by part: indices into names
+  std::vector<Run> runs;                               ///< first_triangle ascending, from 0
+
+  std::uint64_t size_bytes() const;
+};
+
 /// A file that a mesh names and that could not be read.
 struct UnreadFile {
   std::string path;
@@ -124,5 +141,36 @@ struct Mesh {
   /// Bytes this mesh holds in memory.
   std::uint64_t size_bytes() const;
 };
+
+/// Makes Parts while a file is read.
+class PartsBuilder {
+ public:
+  /// From triangle `first_triangle` on, the triangles have these names (without repetitions, empty
+  /// ones left out). Called in order; where no triangle follows, it leaves no trace.
+  void start(std::uint32_t first_triangle, const std::vector<std::string>& names);
+  /// `triangles`: how many there are.
+  Parts finish(std::uint32_t triangles);
+
+ private:
+  void end_run(std::uint32_t triangles);
+
+  Parts parts_;
+  std::map<std::string, std::uint32_t> name_index_;
+  std::map<std::vector<std::uint32_t>, std::uint32_t> part_index_;
+  std::vector<std::uint64_t> last_use_;  ///< by name: the run that had it last
+  std::uint64_t uses_ = 0;               ///< runs so far
+  std::vector<std::string> names_;
+  std::uint32_t first_ = 0;
+};
+
+/// Turns a mesh: positions, normals and tangents. Axes that mirror also change the winding of the
+/// triangles and the handedness of the tangents, so that normals still face outwards and textures
+/// still read the same way. Exact.
+void orient(Mesh& mesh, const Axes& axes);
+
+/// Triangles whose corners lie, in the same order around, exactly where those of one before them in
+/// the file do, with other UVs or another material: nothing of them is ever seen. Needs 16 bytes
+/// for each of an eighth of the triangles.
+std::uint64_t count_coincident(const Mesh& mesh);
 
 }  // namespace pounce::mesh

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Names are typed by people and made by programs, so a pattern that finds nothing is more often a
+// mistake than a wish: it is refused, or warned of where another pattern does find something, with
+// the names that there are and the nearest one. A name may have any characters, "[" too, hence a
+// pattern matches the name that it equals, whatever it means as a pattern.
 #include "mesh/select.h"
 
 #include <fmt/format.h>
@@ -23,6 +28,7 @@ std::string lower(std::string text) {
 
 /// How many characters must be changed, added or left out to get from a to b.
 std::size_t typos(const std::string& a, const std::string& b) {
+  // Levenshtein's table, of which only the last row is kept.
   std::vector<std::size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), std::size_t{0});
   for (std::size_t i = 0; i < a.size(); ++i) {
@@ -36,6 +42,7 @@ std::size_t typos(const std::string& a, const std::string& b) {
   return row.back();
 }
 
+/// Was that name meant? In another case, a part of it, or mistyped.
 bool is_near(const std::string& pattern, const std::string& name) {
   const std::string a = lower(pattern), b = lower(name);
   if (matches(a, b) || matches("*" + a + "*", b)) return true;
@@ -71,6 +78,7 @@ class Filter {
       }
       if (!any) idle.push_back(pattern);
     }
+    // One of several may be for other files of a batch; all of them hardly.
     if (!patterns_.empty() && idle.size() == patterns_.size()) refuse(mesh);
     for (const std::string& pattern : idle) {
       mesh.warnings.push_back(fmt::format("{}: {} {}: matches nothing; there are {}", mesh.path,
@@ -133,12 +141,15 @@ void select(Mesh& mesh, const Selection& selection, const std::string& side, boo
   if (selection.everything()) return;
   std::vector<std::size_t> material_index;
   const std::vector<std::string> material_names = used_material_names(mesh, material_index);
+  // Both filters are asked before anything changes: a pattern that finds nothing leaves the mesh
+  // whole.
   const std::vector<bool> materials =
       Filter(selection.materials, material_names, "--" + side + "-material").apply(mesh);
   const std::vector<bool> names =
       Filter(selection.meshes, mesh.parts.names, "--" + side + "-mesh").apply(mesh);
   const std::vector<bool> parts = taken_parts(mesh.parts, names, selection.meshes.empty());
 
+  // Triangles move to the front in place: a mesh may be most of what the memory holds.
   Parts left;
   std::uint32_t kept = 0;
   const std::size_t count = mesh.triangles.size();
@@ -170,6 +181,7 @@ void select(Mesh& mesh, const Selection& selection, const std::string& side, boo
                     "--{}-material; the meshes are {}, the materials {}",
                     mesh.path, side, side, listed(mesh.parts.names), listed(material_names)));
   }
+  // The rest of the job leases what the mesh takes now.
   mesh.triangles.resize(kept);
   mesh.triangle_material.resize(kept);
   mesh.triangles.shrink_to_fit();

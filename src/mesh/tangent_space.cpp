@@ -28,6 +28,8 @@
 #include <cmath>
 #include <limits>
 
+#include "mesh/vertex_frames.h"
+
 namespace pounce::mesh {
 namespace {
 
@@ -407,41 +409,16 @@ CornerTangents mikk_tangents(const Mesh& mesh, const std::vector<std::uint32_t>&
 std::uint64_t set_tangents(Mesh& mesh, const std::vector<std::uint32_t>& uv_set_of,
                            const std::vector<bool>& keeps_own) {
   const CornerTangents made = mikk_tangents(mesh, uv_set_of);
-  const auto vertices = static_cast<std::uint32_t>(mesh.positions.size());
-  // Who has a tangent: the vertex, then its copies, which form a chain.
-  std::vector<bool> known(vertices, false);
-  std::vector<std::uint32_t> next_copy(vertices, kNone), originals;
-  std::vector<Vec4f> of_copies;
-  const auto tangent = [&](std::uint32_t v) -> Vec4f& {
-    return v < vertices ? mesh.tangents[v] : of_copies[v - vertices];
-  };
+  VertexSplitter<Vec4f> vertices(mesh.tangents);
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     for (std::size_t k = 0; k < 3; ++k) {
       std::uint32_t& corner = mesh.triangles[t][k];
       const bool has_own = !mesh.own_tangents.empty() && mesh.own_tangents[corner];
       if (has_own && keeps_own[mesh.triangle_material[t]]) continue;
-      const Vec4f wanted = made.tangents[made.of_corner[3 * t + k]];
-      if (!known[corner]) {
-        known[corner] = true;
-        mesh.tangents[corner] = wanted;
-        continue;
-      }
-      std::uint32_t found = corner;
-      while (tangent(found) != wanted && next_copy[found] != kNone) found = next_copy[found];
-      if (tangent(found) != wanted) {
-        const auto copy = static_cast<std::uint32_t>(next_copy.size());
-        next_copy[found] = copy;
-        next_copy.push_back(kNone);
-        originals.push_back(corner);
-        of_copies.push_back(wanted);
-        found = copy;
-      }
-      corner = found;
+      corner = vertices.with(corner, made.tangents[made.of_corner[3 * t + k]]);
     }
   }
-  mesh.append_copies(originals);
-  std::copy(of_copies.begin(), of_copies.end(), mesh.tangents.begin() + vertices);
-  return originals.size();
+  return vertices.split(mesh);
 }
 
 std::uint64_t tangents_bytes(const Mesh& mesh) {

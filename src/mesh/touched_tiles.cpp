@@ -45,6 +45,7 @@ Wrapped wrapped(double low, double high, std::uint32_t size, Wrap wrap) {
             std::clamp<std::int64_t>(last, 0, end - 1));
   } else if (first >= 0 && last < end) {
     out.add(first, last);
+    // Clamped and inner intervals are one; of repeated ones what leaves one side enters the other.
   } else if (wrap == Wrap::mirror || last - first + 1 >= end) {  // few are mirrored: all of it
     out.add(0, end - 1);
   } else {
@@ -73,6 +74,7 @@ bool TileMask::has_row(std::uint32_t y) const {
   return std::find(row, row + tiles_x_, 1) != row + tiles_x_;
 }
 
+// Readers stop there: an image that decodes from the top is not decoded to its end for nothing.
 std::uint32_t TileMask::end_row() const {
   std::uint32_t end = tiles_y_;
   while (end > 0 && !has_row(end - 1)) --end;
@@ -93,17 +95,14 @@ void add_touched(const Mesh& mesh, const Lattice& lattice, std::span<const std::
                  Wrap wrap_u, Wrap wrap_v, double margin, TileMask& mask) {
   for (const std::uint32_t triangle : triangles) {
     const std::array<Vec2d, 3> corners = texel_corners(mesh, lattice, {triangle, 0, 0});
-    const auto [low_y, high_y] = std::minmax({corners[0].y, corners[1].y, corners[2].y});
-    const auto [low_x, high_x] = std::minmax({corners[0].x, corners[1].x, corners[2].x});
-    const bool is_far = !(std::abs(low_x) < kLargestTexel && std::abs(high_x) < kLargestTexel &&
-                          std::abs(low_y) < kLargestTexel && std::abs(high_y) < kLargestTexel);
-    if (is_far) {  // refused where triangles are binned
+    const Box2<double> box = box_of(corners);
+    if (!is_near(box)) {  // refused where triangles are binned
       mask.add_all();
       continue;
     }
     // Bands of the triangle's own, as high as a tile: no two share a row.
-    for (double top = low_y; top <= high_y; top += kBlockEdge) {
-      const double bottom = std::min(top + kBlockEdge, high_y);
+    for (double top = box.lo.y; top <= box.hi.y; top += kBlockEdge) {
+      const double bottom = std::min(top + kBlockEdge, box.hi.y);
       const Extent extent = extent_between(corners, top, bottom);
       if (extent.low > extent.high) continue;
       const Wrapped rows = wrapped(top - margin, bottom + margin, lattice.height, wrap_v);

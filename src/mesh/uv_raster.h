@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <vector>
 
+#include "core/page_pool.h"
 #include "core/vec.h"
 
 namespace pounce::mesh {
@@ -16,6 +19,11 @@ namespace pounce::mesh {
 // walks it backwards: both triangles see the same number with opposite signs, and a zero goes to
 // one of them by the top-left rule. So no epsilon, no fixed-point grid: the coordinates stay what
 // the file said.
+
+/// Twice the signed area of a triangle in texels.
+inline double doubled_area(Vec2d a, Vec2d b, Vec2d c) {
+  return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+}
 
 /// Half-open rectangle of texels [x0, x1) x [y0, y1).
 struct TexelWindow {
@@ -62,8 +70,7 @@ class EdgeFunction {
 template <class SpanFunction>
 void raster_triangle(const std::array<Vec2d, 3>& corners, const TexelWindow& window,
                      SpanFunction&& span) {
-  const double area = (corners[1].x - corners[0].x) * (corners[2].y - corners[0].y) -
-                      (corners[1].y - corners[0].y) * (corners[2].x - corners[0].x);
+  const double area = doubled_area(corners[0], corners[1], corners[2]);
   if (!(area != 0)) return;
   const Vec2d a = corners[0];
   const Vec2d b = area > 0 ? corners[1] : corners[2];
@@ -115,5 +122,45 @@ Extent extent_between(const std::array<Vec2d, 3>& corners, double y0, double y1)
 /// miss.
 bool triangle_touches(const std::array<Vec2d, 3>& corners, const TexelWindow& window,
                       double margin);
+
+/// The UV triangles that claim texels of one image, of whatever size: what padding must not paint
+/// over. Kept small (32 bytes a triangle) because it outlives the mesh. A texel is occupied when a
+/// triangle covers its centre, by the rule and the arithmetic of the target's raster.
+class UvOccupancy {
+ public:
+  /// UVs as Mesh has them, v down. Only the part in [tile_u, tile_u + 1) x [tile_v, tile_v + 1)
+  /// counts.
+  void add(const std::array<Vec2f, 3>& uv, std::int32_t tile_u, std::int32_t tile_v);
+  /// Every part of the triangle counts, wrapped into one image. One that spans more than 65536
+  /// periods is left out (and covers the image whole many times over; bin_triangles() refuses it).
+  void add_wrapped(const std::array<Vec2f, 3>& uv);
+  /// To be called once, after the last add.
+  void finish();
+  std::uint64_t size_bytes() const { return triangles_.capacity() * sizeof(Triangle); }
+
+  /// Rows of one image of that size, from top to bottom.
+  class Rows {
+   public:
+    Rows(const UvOccupancy& occupancy, std::uint32_t width, std::uint32_t height)
+        : occupancy_(occupancy), width_(width), height_(height) {}
+    /// The next `count` rows: sets occupied[row * width + x] to 1 or 0.
+    void next(std::uint32_t count, std::uint8_t* occupied);
+
+   private:
+    const UvOccupancy& occupancy_;
+    std::uint32_t width_, height_;
+    std::uint32_t row_ = 0;
+    std::size_t upcoming_ = 0;           ///< triangles before it have begun
+    std::vector<std::uint32_t> active_;  ///< begun and not yet ended
+  };
+
+ private:
+  struct Triangle {
+    std::array<Vec2f, 3> uv;
+    std::int32_t tile_u = 0, tile_v = 0;
+    double top() const;
+  };
+  PageVector<Triangle> triangles_;  ///< by top(), once finished
+};
 
 }  // namespace pounce::mesh

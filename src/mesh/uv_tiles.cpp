@@ -1,9 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Which unit squares of UV space a triangle shares area with. Its box holds them all, but a long
+// triangle across a row of tiles has most of its box empty, and a tile too many is an image too
+// many. So each square is cut out of the triangle (Sutherland and Hodgman) and what is left is
+// measured. One that only touches a border, as charts at the edge of a tile do, shares no area.
 #include "mesh/uv_tiles.h"
 
 #include <algorithm>
 #include <cmath>
 #include <vector>
+
+#include "core/bounds.h"
 
 namespace pounce::mesh {
 namespace {
@@ -86,12 +93,12 @@ std::string udim_list(const std::vector<std::uint32_t>& sorted) {
 
 std::uint64_t visit_uv_tiles(const std::array<Vec2d, 3>& uvs,
                              const std::function<void(UvTile)>& visit) {
-  const auto [low_u, high_u] = std::minmax({uvs[0].x, uvs[1].x, uvs[2].x});
-  const auto [low_v, high_v] = std::minmax({uvs[0].y, uvs[1].y, uvs[2].y});
-  if (!(high_u > low_u && high_v > low_v)) return 0;
-  const double x0 = std::floor(low_u), x1 = std::ceil(high_u) - 1;
-  const double y0 = std::floor(low_v), y1 = std::ceil(high_v) - 1;
+  const auto [lo, hi] = box_of(uvs);
+  if (!(hi.x > lo.x && hi.y > lo.y)) return 0;
+  const double x0 = std::floor(lo.x), x1 = std::ceil(hi.x) - 1;
+  const double y0 = std::floor(lo.y), y1 = std::ceil(hi.y) - 1;
   const double tiles = (x1 - x0 + 1) * (y1 - y0 + 1);
+  // A stray coordinate: counted, so that the message can say how many, and not visited.
   if (tiles > kMostTiles || std::max({-x0, x1, -y0, y1}) > 1e9)
     return static_cast<std::uint64_t>(std::min(std::max(tiles, kMostTiles + 1), 1e18));
   std::uint64_t count = 0;

@@ -1,4 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Files come without normals, with normals of length 0, with tangents of another handedness than
+// their UVs. Everything after reading relies on unit normals and on tangents at right angles to
+// them, so what is missing is made here, and what is there is only normalised.
+//
+// A normal at a crease belongs to a corner and not to a vertex: the faces on its two sides want
+// different ones. smooth_normals() looks around each corner's position for triangles that lean
+// little from the corner's own, and splits a vertex whose corners end up with different normals.
 #include "mesh/vertex_frames.h"
 
 #include <algorithm>
@@ -54,6 +62,7 @@ TriangleTangent triangle_tangent(const Mesh& mesh, const std::array<std::uint32_
   const Vec2d d1 = uv(1) - uv(0), d2 = uv(2) - uv(0);
   const double det = d1.x * d2.y - d2.x * d1.y;
   if (det == 0) return {};
+  // Solves e1 = d1.x T + d1.y B, e2 = d2.x T + d2.y B for T; its length says nothing of interest.
   const double area = length(cross(b - a, c - a));
   const double sign = det < 0 ? -1 : 1;
   const Vec3d along = unit(((b - a) * d2.y - (c - a) * d1.y) * sign);
@@ -72,6 +81,7 @@ std::uint64_t repair_normals(Mesh& mesh) {
   if (broken.empty()) return 0;
   std::vector<bool> wanted(mesh.normals.size(), false);
   for (const std::uint32_t vertex : broken) wanted[vertex] = true;
+  // Only around broken ones: mostly a few vertices of a large mesh.
   for (const auto& t : mesh.triangles) {
     if (!wanted[t[0]] && !wanted[t[1]] && !wanted[t[2]]) continue;
     const Vec3d normal = area_normal(mesh, t);
@@ -101,11 +111,14 @@ std::uint64_t complete_tangents(Mesh& mesh) {
       store_tangent(t, direction, t.w < 0 ? -1.0F : 1.0F);
     }
   }
+  // From here on a tangent is either one of the file's, normalised, or a sum that begins at zero.
   if (count < missing.size()) {
     mesh.own_tangents = missing;
     mesh.own_tangents.flip();
   }
   if (count == 0) return 0;
+  // Sums over all triangles of a vertex, weighted by area: slivers, whose direction is mostly
+  // rounding, count for little. The sign is that of the larger area.
   if (!mesh.uv_sets.empty()) {
     for (const auto& t : mesh.triangles) {
       if (!missing[t[0]] && !missing[t[1]] && !missing[t[2]]) continue;
@@ -196,60 +209,25 @@ class CornerNormals {
   std::unordered_map<std::uint32_t, Vec3f> crowded_;
 };
 
-/// Vertices to be added: copies of others with normals of their own. Kept apart until their number
-/// is known, so that the mesh's arrays grow once.
-struct Copies {
-  std::vector<std::uint32_t> original;
-  std::vector<Vec3f> normal;
-};
-
 }  // namespace
 
 void smooth_normals(Mesh& mesh, const std::vector<std::uint32_t>& position_of,
                     std::uint32_t position_count, const std::vector<bool>& missing,
                     double max_angle_deg) {
-  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
   // Slightly wider than asked for, so that surfaces built of exactly that angle do not depend on
   // rounding.
   const double min_cosine = std::cos(max_angle_deg * kPi / 180) - 1e-6;
   const Incidence around = triangles_around(mesh, position_of, position_count);
-  const auto vertex_count = static_cast<std::uint32_t>(mesh.positions.size());
   CornerNormals normals(mesh, around, min_cosine);
-  Copies copies;
-  // The copies of a vertex form a chain: next_copy[v] is the next one with another normal.
-  std::vector<std::uint32_t> next_copy(vertex_count, kNone);
-  std::vector<bool> used(vertex_count, false);
+  VertexSplitter<Vec3f> vertices(mesh.normals);
   auto renumbered = mesh.triangles;  // the old numbers are needed until the last corner is done
-  const auto normal_of = [&](std::uint32_t v) {
-    return v < vertex_count ? mesh.normals[v] : copies.normal[v - vertex_count];
-  };
   for (std::uint32_t i = 0; i < mesh.triangles.size(); ++i) {
-    std::array<std::uint32_t, 3> corners = mesh.triangles[i];
-    for (std::uint32_t& corner : corners) {
-      if (!missing[corner]) continue;
-      const Vec3f normal = normals.at(i, position_of[corner]);
-      if (!used[corner]) {
-        used[corner] = true;
-        mesh.normals[corner] = normal;
-        continue;
-      }
-      std::uint32_t found = corner;
-      while (normal_of(found) != normal && next_copy[found] != kNone) found = next_copy[found];
-      if (normal_of(found) != normal) {
-        const auto copy = static_cast<std::uint32_t>(next_copy.size());
-        next_copy[found] = copy;
-        next_copy.push_back(kNone);
-        copies.original.push_back(corner);
-        copies.normal.push_back(normal);
-        found = copy;
-      }
-      corner = found;
+    for (std::uint32_t& corner : renumbered[i]) {
+      if (missing[corner]) corner = vertices.with(corner, normals.at(i, position_of[corner]));
     }
-    renumbered[i] = corners;
   }
   mesh.triangles = std::move(renumbered);
-  mesh.append_copies(copies.original);
-  std::copy(copies.normal.begin(), copies.normal.end(), mesh.normals.begin() + vertex_count);
+  vertices.split(mesh);
 }
 
 }  // namespace pounce::mesh

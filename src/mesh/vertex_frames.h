@@ -1,11 +1,65 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <vector>
 
 #include "mesh/mesh.h"
 
 namespace pounce::mesh {
+
+/// Gives corners values that a mesh keeps by vertex (normals, tangents): a vertex whose corners
+/// differ is split. Copies are kept apart until their number is known, so that the mesh's arrays
+/// grow once.
+template <class Value>
+class VertexSplitter {
+ public:
+  /// `values`: the mesh's, by vertex; those that a corner asks for are overwritten.
+  explicit VertexSplitter(std::vector<Value>& values)
+      : values_(values), known_(values.size(), false), next_copy_(values.size(), kNone) {}
+
+  /// The vertex that has this value: `vertex` itself for the first corner that asks for it, else it
+  /// or one of its copies.
+  std::uint32_t with(std::uint32_t vertex, const Value& value) {
+    if (!known_[vertex]) {
+      known_[vertex] = true;
+      values_[vertex] = value;
+      return vertex;
+    }
+    // The copies of a vertex form a chain.
+    std::uint32_t found = vertex;
+    while (of(found) != value && next_copy_[found] != kNone) found = next_copy_[found];
+    if (of(found) == value) return found;
+    const auto copy = static_cast<std::uint32_t>(next_copy_.size());
+    next_copy_[found] = copy;
+    next_copy_.push_back(kNone);
+    originals_.push_back(vertex);
+    of_copies_.push_back(value);
+    return copy;
+  }
+  /// Adds the copies to the mesh that `values` is of; returns how many.
+  std::uint64_t split(Mesh& mesh) {
+    mesh.append_copies(originals_);
+    std::copy(of_copies_.begin(), of_copies_.end(),
+              values_.begin() + static_cast<std::ptrdiff_t>(known_.size()));
+    return originals_.size();
+  }
+
+ private:
+  static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+  const Value& of(std::uint32_t vertex) const {
+    return vertex < known_.size() ? values_[vertex] : of_copies_[vertex - known_.size()];
+  }
+
+  std::vector<Value>& values_;
+  std::vector<bool> known_;               ///< by vertex: has some corner asked for it?
+  std::vector<std::uint32_t> next_copy_;  ///< by vertex and copy
+  std::vector<std::uint32_t> originals_;  ///< by copy
+  std::vector<Value> of_copies_;
+};
 
 /// Makes every normal of `mesh` a unit vector. One that is zero or not finite becomes the
 /// area-weighted mean of its triangles' normals (zero where they have no area). Returns how many

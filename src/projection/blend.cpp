@@ -7,7 +7,7 @@
 #include <cstring>
 #include <limits>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "projection/kept_sum.h"
 
 namespace pounce::projection {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "grid/patch_grid.h"
 #include "projection/packet_bundle.h"
 #include "target/target_block.h"

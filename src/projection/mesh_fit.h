@@ -7,7 +7,7 @@
 #include <optional>
 #include <span>
 
-#include "core/axes.h"
+#include "core/job_space.h"
 #include "core/vec.h"
 #include "target/strewn_places.h"
 

@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "core/ray_bundle.h"
+#include "core/bounds.h"
 #include "target/target_block.h"
 
 namespace pounce::projection {

@@ -38,7 +38,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/exp.h"
+#include "core/portable_math.h"
 #include "projection/distance_counts.h"
 #include "projection/packet_bundle.h"
 #include "projection/ray_cone.h"

@@ -30,7 +30,7 @@
 #include <cstring>
 #include <utility>
 
-#include "core/sh_basis.h"
+#include "core/directions.h"
 #include "projection/splat_packet.h"
 
 namespace pounce::projection::POUNCE_ISA_NAMESPACE {

@@ -9,8 +9,8 @@
 #include <span>
 #include <string>
 
+#include "core/bounds.h"
 #include "core/page_pool.h"
-#include "core/ray_bundle.h"
 #include "source/splat_set.h"
 #include "target/target_block.h"
 

@@ -10,8 +10,8 @@
 #include <span>
 #include <vector>
 
+#include "core/directions.h"
 #include "core/page_pool.h"
-#include "core/tangent_frame.h"
 #include "projection/search.h"
 #include "source/source_block.h"
 

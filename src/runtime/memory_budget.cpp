@@ -1,4 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// One number of bytes for everything large that a job holds. Work leases what it needs before it
+// allocates; what no lease holds keeps decoded blocks, which may go at any moment. So a small
+// budget costs reading a block again and never a failure, and no one has to decide how much is "for
+// caching".
+//
+// try_lease() refuses instead of waiting: a thread that waited here would be one that cannot give
+// its own lease back (there may be only one). Who waits, and for what, is the pump's affair.
 #include "runtime/memory_budget.h"
 
 #include <fmt/format.h>
@@ -9,6 +17,7 @@
 namespace pounce::runtime {
 
 void MemoryBudget::make_room(std::uint64_t bytes) {
+  // A block that some piece of work reads right now lives on under that work's lease.
   while (leased_ + cached_ + bytes > limit_ && !recent_.empty()) {
     cached_ -= recent_.back().bytes;
     kept_.erase(recent_.back().key);
@@ -41,6 +50,7 @@ std::shared_ptr<const void> MemoryBudget::find(const CacheKey& key) {
 void MemoryBudget::keep(const CacheKey& key, std::shared_ptr<const void> thing,
                         std::uint64_t bytes) {
   const std::lock_guard lock(mutex_);
+  // Another thread may have decoded the same block meanwhile: the first one stays.
   if (bytes > limit_ || leased_ > limit_ - bytes || kept_.count(key) != 0) return;
   make_room(bytes);
   recent_.push_front({key, std::move(thing), bytes});
@@ -51,6 +61,7 @@ void MemoryBudget::keep(const CacheKey& key, std::shared_ptr<const void> thing,
 
 void MemoryBudget::forget(std::uint64_t store) {
   const std::lock_guard lock(mutex_);
+  // Through all: stores close a few times in a job, and an index by store would cost every find().
   for (auto it = recent_.begin(); it != recent_.end();) {
     if (it->key.store != store) {
       ++it;
@@ -84,6 +95,7 @@ Lease::Lease(Lease&& other) noexcept
     : budget_(std::exchange(other.budget_, nullptr)), bytes_(std::exchange(other.bytes_, 0)) {}
 
 Lease& Lease::operator=(Lease&& other) noexcept {
+  // What this one held goes with the other.
   std::swap(budget_, other.budget_);
   std::swap(bytes_, other.bytes_);
   return *this;

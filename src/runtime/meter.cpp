@@ -1,4 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A bar that never goes back. Stages begin and end in an order that the options decide, some need
+// no work because their result is in the cache, and after a damaged pack the whole job begins
+// again. So only raise() writes the fraction, and it takes the larger of two; a job that begins
+// again shares what is left of the bar.
+//
+// on_event() runs with the lock held: events come one at a time and in order, in whatever thread
+// made progress. Whoever listens may throw; that stops the job as a wish of the caller's and not as
+// an error of the job's.
 #include "runtime/meter.h"
 
 #include <fmt/format.h>
@@ -49,6 +58,7 @@ void Meter::throw_if_cancelled() const {
 void Meter::wait(const std::string& what) {
   throw_if_cancelled();
   const std::lock_guard lock(mutex_);
+  // Said at once when it begins, then as often as progress.
   const bool begins = waiting_ != what;
   waiting_ = what;
   emit(begins);
@@ -107,6 +117,7 @@ void Meter::raise(double fraction, bool kept) {
 void Meter::emit(bool always) {
   if (progress_ == nullptr || !progress_->on_event) return;
   const auto now = std::chrono::steady_clock::now();
+  // Some pieces take microseconds: five times a second is as often as anybody reads a bar.
   if (!always && now - last_ < std::chrono::milliseconds(200)) return;
   last_ = now;
   const double elapsed_s = std::chrono::duration<double>(now - start_).count();

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "core/page_pool.h"
 #include "store/blocks/geometry_block.h"
 

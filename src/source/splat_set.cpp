@@ -6,8 +6,8 @@
 #include <numeric>
 #include <utility>
 
-#include "core/box.h"
-#include "core/half.h"
+#include "core/bounds.h"
+#include "core/portable_math.h"
 
 namespace pounce::source {
 namespace {

@@ -8,8 +8,8 @@
 #include <span>
 #include <vector>
 
+#include "core/bounds.h"
 #include "core/page_pool.h"
-#include "core/ray_bundle.h"
 #include "pounce/options.h"
 #include "store/blocks/splat_block.h"
 

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "store/blocks/splat_block.h"
 
 namespace pounce::source {

@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "core/box.h"
+#include "core/bounds.h"
 
 namespace pounce::target {
 namespace {

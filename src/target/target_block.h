@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "core/page_pool.h"
 #include "store/blocks/geometry_block.h"
 

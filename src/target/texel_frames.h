@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/tangent_frame.h"
+#include "core/directions.h"
 #include "store/blocks/geometry_block.h"
 
 namespace pounce::target {

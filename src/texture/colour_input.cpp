@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "texture/colour_input.h"
 
-#include "core/srgb.h"
+#include "core/colour_space.h"
 
 namespace pounce::texture {
 

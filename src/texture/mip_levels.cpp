@@ -17,8 +17,8 @@
 #include <cmath>
 #include <cstring>
 
-#include "core/half.h"
-#include "core/level_size.h"
+#include "core/portable_math.h"
+#include "mesh/lattice.h"
 #include "store/blocks/colour_store.h"
 
 namespace pounce::texture {
@@ -73,7 +73,7 @@ void encode(Depth depth, std::size_t count, const float* from, std::byte* to) {
 
 std::uint32_t level_count(ImageSize size) {
   std::uint32_t count = 1;
-  for (; size.width > 1 || size.height > 1; size = next_level_size(size)) ++count;
+  for (; size.width > 1 || size.height > 1; size = mesh::next_level_size(size)) ++count;
   return count;
 }
 
@@ -82,11 +82,12 @@ MipLevels::MipLevels(ImageSize size, std::uint32_t channels, Depth depth)
       channels_(channels),
       depth_(depth),
       row_(std::size_t{size.width} * channels),
-      encoded_(std::size_t{next_level_size(size).width} * channels * store::depth_bytes(depth)) {
+      encoded_(std::size_t{mesh::next_level_size(size).width} * channels *
+               store::depth_bytes(depth)) {
   for (std::uint32_t level = 1; level < level_count(size_); ++level) {
     Level& made = levels_.emplace_back();
     made.from = size;
-    made.size = size = next_level_size(size);
+    made.size = size = mesh::next_level_size(size);
     made.above.resize(std::size_t{size.width} * channels);
     made.below.resize(std::size_t{size.width} * channels);
   }
@@ -144,7 +145,7 @@ std::uint64_t MipLevels::memory_bytes(ImageSize size, std::uint32_t channels) {
   std::uint64_t floats = std::uint64_t{size.width} * channels;
   std::uint64_t pages = 0;
   for (ImageSize level = size; level.width > 1 || level.height > 1; ++pages) {
-    level = next_level_size(level);
+    level = mesh::next_level_size(level);
     floats += (pages == 0 ? 3ULL : 2ULL) * level.width * channels;
   }
   return 4 * floats + (2 * pages + 2) * kPageBytes;

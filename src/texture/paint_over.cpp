@@ -16,7 +16,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 
 namespace pounce::texture {
 namespace {

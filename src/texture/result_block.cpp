@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstring>
 
-#include "core/half.h"
-#include "core/srgb.h"
+#include "core/colour_space.h"
+#include "core/portable_math.h"
 #include "pounce/error.h"
 #include "store/blocks/colour_store.h"
 #include "store/pack/codec.h"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "core/colour_transform.h"
+#include "core/colour_space.h"
 #include "core/page_pool.h"
 #include "pounce/options.h"
 #include "store/blocks/colour_store.h"

@@ -9,7 +9,7 @@
 #include <numbers>
 #include <random>
 
-#include "core/srgb.h"
+#include "core/colour_space.h"
 #include "store/blocks/colour_store.h"
 #include "support/flat_scene.h"
 #include "texture/result_block.h"

@@ -15,12 +15,13 @@
 #include <string>
 #include <vector>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "pounce/gaussians.h"
 #include "pounce/transfer.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_block.h"
 #include "store/blocks/splat_block.h"
+#include "support/memory_file_system.h"
 #include "support/pack_tree.h"
 #include "support/random_scene.h"
 #include "support/splat_ply_builder.h"
@@ -425,7 +426,7 @@ TEST_CASE("float colours that are not finite are noticed", "[flow]") {
   store::ColourDirectory image;
   image.width = image.height = 4;
   image.channels = 1;
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   store::Compressor compressor;
   for (const Depth depth : {Depth::half, Depth::float32}) {
     image.depth = depth;

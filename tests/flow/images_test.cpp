@@ -13,7 +13,7 @@
 #include <random>
 
 #include "core/colour_space.h"
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "io/image/write.h"
 #include "pounce/transfer.h"
 #include "support/mesh_files.h"

@@ -11,7 +11,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "flow/write/image_file.h"
 #include "job/run_job.h"
 #include "support/model_files.h"
@@ -102,7 +102,7 @@ void write(const std::string& path, const io::ImageWriteSpec& spec, std::uint32_
   job::JobRun run(nullptr);
   Resources resources;
   resources.use_cache = false;
-  const auto job = job::open_job(resources, path, false, false, false, run);
+  const auto job = job::open_job(resources, path, nullptr, false, false, run);
   const std::vector<std::byte> samples = picture(spec);
   const std::size_t row = samples.size() / spec.height;
   flow::ImageFile file(*job, path, spec);

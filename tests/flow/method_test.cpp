@@ -16,6 +16,7 @@
 #include "recipes.h"
 #include "support/bytes.h"
 #include "support/many_threads.h"
+#include "support/memory_file_system.h"
 #include "support/mesh_files.h"
 #include "support/random.h"
 #include "support/reference_gaussians.h"
@@ -254,7 +255,8 @@ TEST_CASE("texels as Gaussians give the same bytes however they are streamed", "
   options.mesh.densify = GENERATE(false, true);
   options.resources.threads = 1;
   options.resources.memory_bytes = 1024 * kMiB;
-  const auto expected = run(options, {.in_core = true});
+  const auto in_memory = test::make_memory_file_system();
+  const auto expected = run(options, {.files = in_memory.get()});
   for (const unsigned threads : {1U, 8U}) {
     options.resources.threads = threads;
     options.resources.memory_bytes = 1024 * kMiB;

@@ -13,6 +13,7 @@
 #include "pounce/transfer.h"
 #include "support/bytes.h"
 #include "support/many_threads.h"
+#include "support/memory_file_system.h"
 #include "support/random_scene.h"
 #include "support/test_data.h"
 
@@ -57,7 +58,8 @@ TransferOptions scene(const TempFolder& folder, std::uint32_t seed) {
 
 Files in_core(TransferOptions options, const TempFolder& folder) {
   options.resources.threads = 1;
-  return run(options, folder, {.in_core = true});
+  const auto in_memory = test::make_memory_file_system();
+  return run(options, folder, {.files = in_memory.get()});
 }
 
 }  // namespace

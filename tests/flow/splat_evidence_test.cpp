@@ -13,6 +13,7 @@
 #include "flow/transfer.h"
 #include "pounce/transfer.h"
 #include "support/bytes.h"
+#include "support/memory_file_system.h"
 #include "support/splat_ply_builder.h"
 #include "support/test_data.h"
 #include "support/whole_image.h"
@@ -270,7 +271,8 @@ TEST_CASE("evidence has the same bytes however it is made", "[flow]") {
       all.push_back(read_whole(posix_file_system(), sheets.path(channel)));
     return all;
   };
-  const double fit = sheets.run({.in_core = true}).targets[0].fit.value();
+  const auto in_memory = test::make_memory_file_system();
+  const double fit = sheets.run({.files = in_memory.get()}).targets[0].fit.value();
   const auto expected = bytes();
   for (const unsigned threads : {1U, 5U}) {
     for (const std::uint64_t tile_cap : {std::uint64_t{1}, std::uint64_t{0}}) {

@@ -11,11 +11,12 @@
 #include <cmath>
 #include <map>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "flow/stores/splat_sort.h"
 #include "flow/stores/splats.h"
 #include "io/splats/ply.h"
 #include "support/bytes.h"
+#include "support/memory_file_system.h"
 #include "support/random.h"
 #include "support/splat_ply_builder.h"
 #include "support/test_data.h"
@@ -27,12 +28,12 @@ using store::Splat;
 using test::SplatPlyBuilder;
 
 struct Job {
+  std::unique_ptr<FileSystem> memory = test::make_memory_file_system();
   job::JobRun run;
   job::JobContext context;
   explicit Job(std::uint64_t budget, unsigned threads = 2, Progress* progress = nullptr)
       : run(progress), context(budget, run) {
-    context.own_files = make_memory_file_system();
-    context.files = context.own_files.get();
+    context.files = memory.get();
     context.stores = store::StoreFolder::open_cache(*context.files, "/cache");
     context.scratch = store::StoreFolder::make_scratch(*context.files, "/");
     context.threads = threads;

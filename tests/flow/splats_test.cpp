@@ -16,6 +16,7 @@
 #include "pounce/transfer.h"
 #include "support/bytes.h"
 #include "support/many_threads.h"
+#include "support/memory_file_system.h"
 #include "support/random_scene.h"
 #include "support/reference_splats.h"
 #include "support/splat_ply_builder.h"
@@ -189,7 +190,8 @@ TEST_CASE("splats give the same bytes however they are streamed", "[flow]") {
   options.image.size = seed == 27 ? ImageSize{120, 100} : ImageSize{300, 260};
   options.splats.rays = seed == 27 ? 3 : 0;
   options.resources.threads = 1;
-  const auto expected = run(options, {.in_core = true});
+  const auto in_memory = test::make_memory_file_system();
+  const auto expected = run(options, {.files = in_memory.get()});
   for (const unsigned threads : {1U, 5U}) {
     for (const std::uint64_t tile_cap : {std::uint64_t{1}, std::uint64_t{0}}) {
       options.resources.threads = threads;

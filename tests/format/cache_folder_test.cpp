@@ -7,11 +7,12 @@
 #include <filesystem>
 #include <thread>
 
-#include "store/cache/cache_layout.h"
+#include "store/cache/cache_space.h"
 #include "store/cache/store_folder.h"
 #include "support/bytes.h"
 #include "support/child.h"
 #include "support/failing_file_system.h"
+#include "support/memory_file_system.h"
 #include "support/test_data.h"
 
 namespace pounce::store {
@@ -138,7 +139,7 @@ TEST_CASE("nobody waits for a key while holding one, so two stores never wait fo
 
 TEST_CASE("eight threads that want one cold key make it once", "[format]") {
   const test::TempFolder folder;
-  const auto memory = make_memory_file_system();
+  const auto memory = test::make_memory_file_system();
   FileSystem& files = GENERATE(true, false) ? posix_file_system() : *memory;
   const std::string root = folder.file("cache");
   std::atomic<int> made{0}, sound{0};

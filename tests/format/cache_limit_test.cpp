@@ -9,7 +9,6 @@
 #include <fstream>
 
 #include "pounce/cache.h"
-#include "store/cache/cache_layout.h"
 #include "store/cache/cache_space.h"
 #include "store/cache/store_folder.h"
 #include "support/bytes.h"

@@ -10,6 +10,7 @@
 #include "store/pack/codec.h"
 #include "support/bytes.h"
 #include "support/hex_dump.h"
+#include "support/memory_file_system.h"
 
 namespace pounce::store {
 namespace {
@@ -31,7 +32,7 @@ struct SmallPack {
 /// Payloads are stored as they are: packs do not look into them.
 SmallPack make_pack(const std::vector<std::size_t>& sizes, const Hash128& key = kKey,
                     PackKind kind = PackKind::geometry) {
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   SmallPack pack;
   PackWriter writer(files->create("pack"), kind, key);
   for (std::size_t i = 0; i < sizes.size(); ++i) {
@@ -50,7 +51,7 @@ SmallPack make_pack(const std::vector<std::size_t>& sizes, const Hash128& key = 
 
 std::unique_ptr<PackReader> open_pack(std::span<const std::byte> bytes, const Hash128& key = kKey,
                                       PackKind kind = PackKind::geometry) {
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   test::write_whole(*files, "pack", bytes);
   return std::make_unique<PackReader>(files->open("pack"), "some.pack", kind, key);
 }
@@ -226,7 +227,7 @@ TEST_CASE("sizes and places are bounded before anything is read or allocated", "
 }
 
 TEST_CASE("a writer refuses chunks that no reader would take", "[format]") {
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   PackWriter writer(files->create("pack"), PackKind::results, kKey);
   const std::vector<std::byte> large(std::size_t{kLargestChunkBytes} + 1);
   constexpr int kInternal = static_cast<int>(ErrorKind::internal);
@@ -240,7 +241,7 @@ TEST_CASE("a writer refuses chunks that no reader would take", "[format]") {
 
 TEST_CASE("a pack tells what it is to a program that does not know", "[format]") {
   const SmallPack pack = make_pack({64, 8}, {5, 6}, PackKind::colour);
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   test::write_whole(*files, "pack", pack.bytes);
   const PackInfo info = read_pack_info(*files->open("pack"), "pack");
   CHECK(info.version == kFormatVersion);
@@ -250,7 +251,7 @@ TEST_CASE("a pack tells what it is to a program that does not know", "[format]")
 
 /// Sixteen bytes per line, as the documentation shows them.
 TEST_CASE("the hex dump in the documentation is what the writer makes", "[format]") {
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   PackWriter writer(files->create("pack"), PackKind::geometry, kKey);
   Compressor compressor;
   std::vector<std::byte> stored;

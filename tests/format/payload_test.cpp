@@ -5,13 +5,14 @@
 #include <array>
 #include <catch2/catch.hpp>
 
-#include "core/octahedral.h"
+#include "core/directions.h"
 #include "format/stranger.h"
 #include "mesh/uv_raster.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
 #include "support/bytes.h"
 #include "support/hex_dump.h"
+#include "support/memory_file_system.h"
 #include "texture/result_block.h"
 
 namespace pounce::store {
@@ -52,7 +53,7 @@ GeometryBlock example_block() {
 /// The pack of that block. The block's stored bytes are made up, so that the index does not depend
 /// on the version of zstd.
 struct ExamplePack {
-  std::unique_ptr<FileSystem> files = make_memory_file_system();
+  std::unique_ptr<FileSystem> files = test::make_memory_file_system();
   Compressor compressor;
   std::unique_ptr<PackReader> reader;
 
@@ -201,7 +202,7 @@ TEST_CASE("the documented index page and directory are what the writers make", "
 }
 
 TEST_CASE("the documented colour directory is what the writer makes", "[format]") {
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   Compressor compressor;
   ColourStoreWriter writer(
       std::make_unique<PackWriter>(files->create("pack"), PackKind::colour, kKey), 1);

@@ -9,6 +9,7 @@
 #include "format/stranger.h"
 #include "store/blocks/splat_store.h"
 #include "support/hex_dump.h"
+#include "support/memory_file_system.h"
 #include "support/random.h"
 
 namespace pounce::store {
@@ -110,7 +111,7 @@ TEST_CASE("a decoder written from the page reads any splat block", "[format]") {
 }
 
 TEST_CASE("the documented splat index page and directory are what the writers make", "[format]") {
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   Compressor compressor;
   SplatStoreWriter writer(
       std::make_unique<PackWriter>(files->create("pack"), PackKind::splats, kKey));

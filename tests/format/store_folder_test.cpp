@@ -6,6 +6,7 @@
 
 #include "support/bytes.h"
 #include "support/failing_file_system.h"
+#include "support/memory_file_system.h"
 #include "support/test_data.h"
 
 namespace pounce::store {
@@ -35,7 +36,7 @@ std::string pack_path(const std::string& root) {
 
 TEST_CASE("a published pack is found by this run and the next, under its own key", "[format]") {
   const test::TempFolder folder;
-  const auto memory = make_memory_file_system();
+  const auto memory = test::make_memory_file_system();
   FileSystem& files = GENERATE(true, false) ? posix_file_system() : *memory;
   const std::string root = folder.file("cache");
   std::string warning;
@@ -184,7 +185,7 @@ TEST_CASE("whichever file call fails, the store holds a whole pack or none", "[f
   std::uint64_t failures = 0;
   for (std::uint64_t n = 0; n <= calls; ++n) {
     const test::TempFolder folder;
-    const auto memory = make_memory_file_system();
+    const auto memory = test::make_memory_file_system();
     FileSystem& real = on_disk ? posix_file_system() : *memory;
     const std::string root = folder.file("cache");
     FailingFileSystem files(real, {n, from_then_on, short_writes});

@@ -6,6 +6,7 @@
 #include "flow/transfer.h"
 #include "fuzz/gltf_input.h"
 #include "pounce/transfer.h"
+#include "support/memory_file_system.h"
 
 namespace pounce::fuzz {
 namespace {
@@ -39,7 +40,8 @@ void run(const Folder& folder, const std::string& source, const std::string& tar
   options.resources.threads = 1;
   options.resources.use_cache = false;
   options.resources.temp_dir = folder.path("");
-  flow::transfer(options, {.in_core = true});
+  const auto in_memory = test::make_memory_file_system();
+  flow::transfer(options, {.files = in_memory.get()});
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "fuzz/gltf_input.h"
 #include "io/model/write.h"
 #include "io/read_mesh.h"
+#include "support/memory_file_system.h"
 
 namespace pounce::fuzz {
 namespace {
@@ -48,7 +49,7 @@ void check_written(const mesh::Mesh& before, const io::ModelRequest& request) {
 
 void write(const mesh::Mesh& mesh, io::ModelRequest request, Channel channel) {
   static const std::string png = "\x89PNG\r\n\x1a\n new";
-  static const std::unique_ptr<FileSystem> memory = make_memory_file_system();
+  static const std::unique_ptr<FileSystem> memory = test::make_memory_file_system();
   static const std::unique_ptr<ReadFile> images = [] {
     const auto file = memory->create_scratch("/");
     file->append(std::as_bytes(std::span(png)));

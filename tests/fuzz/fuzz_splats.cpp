@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "commands/inspect_splats.h"
-#include "core/axes.h"
-#include "core/half.h"
+#include "core/job_space.h"
+#include "core/portable_math.h"
 #include "fuzz/fuzz_support.h"
 #include "io/splats/format.h"
 #include "io/splats/scene.h"

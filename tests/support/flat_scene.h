@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "pounce/transfer.h"
 #include "support/mesh_files.h"
 #include "support/test_data.h"

@@ -13,6 +13,7 @@
 
 #include "core/file.h"
 #include "io/model/write.h"
+#include "support/memory_file_system.h"
 
 namespace pounce::test {
 
@@ -77,7 +78,7 @@ struct Glb {
 class FakeImages {
  public:
   explicit FakeImages(const std::vector<std::string>& images)
-      : files_(make_memory_file_system()), file_(files_->create_scratch(".")) {
+      : files_(test::make_memory_file_system()), file_(files_->create_scratch(".")) {
     for (const std::string& image : images) {
       places_.push_back({file_->size_bytes(), image.size()});
       file_->append(std::as_bytes(std::span(image)));

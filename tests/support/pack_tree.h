@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "core/file.h"
-#include "store/pack/chunk_payload.h"
+#include "store/pack/codec.h"
 #include "store/pack/pack.h"
 #include "store/pack/pack_layout.h"
 #include "support/bytes.h"

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 
 namespace pounce::test {
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "io/image/read.h"
 #include "io/image/write.h"
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "cube_charts.h"
 #include "head_texture.h"
 #include "output_file.h"

@@ -12,7 +12,7 @@
 #include <span>
 #include <utility>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "pounce/error.h"
 
 namespace pounce::fixture {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "io/image/read.h"
 #include "io/image/write.h"
 

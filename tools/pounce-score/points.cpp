@@ -5,7 +5,7 @@
 #include <cmath>
 #include <optional>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "image.h"
 #include "pounce/error.h"
 

@@ -8,7 +8,7 @@
 #include <limits>
 #include <numeric>
 
-#include "core/box.h"
+#include "core/bounds.h"
 
 namespace pounce::score {
 namespace {

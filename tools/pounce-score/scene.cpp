@@ -5,7 +5,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "io/splats/scene.h"
 
 namespace pounce::score {

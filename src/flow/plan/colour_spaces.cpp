@@ -14,7 +14,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/srgb.h"
+#include "core/colour_space.h"
 #include "flow/plan/map_kind.h"
 #include "flow/plan/output_names.h"
 #include "io/image/write.h"

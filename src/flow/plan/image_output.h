@@ -13,7 +13,7 @@
 #include "io/image/write.h"
 #include "mesh/lattice.h"
 #include "mesh/mesh.h"
-#include "mesh/uv_occupancy.h"
+#include "mesh/uv_raster.h"
 #include "pounce/options.h"
 #include "texture/paint_over.h"
 #include "texture/result_block.h"

@@ -9,9 +9,9 @@
 #include <cmath>
 #include <limits>
 
-#include "core/origin.h"
+#include "core/job_space.h"
 #include "io/read_mesh.h"
-#include "mesh/orient.h"
+#include "mesh/mesh.h"
 #include "mesh/select.h"
 #include "pounce/error.h"
 

@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "core/axes.h"
-#include "core/box.h"
+#include "core/bounds.h"
+#include "core/job_space.h"
 #include "core/vec.h"
 #include "mesh/mesh.h"
 #include "pounce/options.h"

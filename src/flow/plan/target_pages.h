@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "mesh/block_bins.h"
 #include "mesh/mesh.h"
-#include "mesh/page_triangles.h"
 #include "mesh/uv_tiles.h"
 
 namespace pounce::flow {

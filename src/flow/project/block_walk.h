@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "store/blocks/geometry_store.h"
 #include "store/blocks/splat_store.h"
 

@@ -30,7 +30,7 @@
 #include "flow/project/results.h"
 #include "job/job_context.h"
 #include "pounce/error.h"
-#include "runtime/node_meter.h"
+#include "runtime/meter.h"
 #include "runtime/pump.h"
 
 namespace pounce::flow {

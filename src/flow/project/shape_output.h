@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/tangent_frame.h"
+#include "core/directions.h"
 #include "pounce/options.h"
 #include "projection/surface_points.h"
 #include "texture/colour_input.h"

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "flow/plan/disk.h"
 #include "flow/plan/memory_needs.h"
 #include "flow/plan/plan.h"

@@ -13,7 +13,7 @@
 #include <algorithm>
 
 #include "flow/plan/colour_spaces.h"
-#include "mesh/coincident.h"
+#include "mesh/mesh.h"
 #include "target/layers.h"
 
 namespace pounce::flow {

@@ -21,7 +21,7 @@
 #include <tuple>
 #include <utility>
 
-#include "core/exp.h"
+#include "core/portable_math.h"
 #include "runtime/ordered_stream.h"
 
 namespace pounce::flow {

@@ -15,7 +15,7 @@
 #include <cstring>
 #include <mutex>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 
 namespace pounce::flow {
 namespace {

@@ -20,7 +20,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "flow/stores/build_stores.h"
 #include "flow/stores/find_store.h"
 #include "io/image/read.h"

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "core/page_pool.h"
-#include "store/blocks/splat_rows.h"
+#include "store/blocks/splat_block.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::flow {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "core/hash.h"
 #include "mesh/mesh.h"
 #include "store/blocks/splat_lattice.h"

@@ -12,7 +12,7 @@
 #include <limits>
 
 #include "core/bytes.h"
-#include "store/pack/chunk_payload.h"
+#include "store/pack/codec.h"
 
 namespace pounce::flow {
 namespace {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "job/job_context.h"
+#include "store/blocks/splat_block.h"
 #include "store/blocks/splat_lattice.h"
-#include "store/blocks/splat_rows.h"
 #include "store/pack/pack.h"
 
 namespace pounce::flow {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "core/axes.h"
+#include "core/job_space.h"
 #include "flow/stores/splat_keep.h"
 #include "job/job_context.h"
 #include "pounce/options.h"

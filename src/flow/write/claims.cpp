@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "core/lock_holder.h"
+#include "core/file.h"
 #include "io/files/output_file.h"
 #include "io/files/output_leftovers.h"
 #include "pounce/error.h"

@@ -5,8 +5,8 @@
 #include <cstring>
 #include <span>
 
-#include "core/level_size.h"
 #include "io/image/straight_alpha.h"
+#include "mesh/lattice.h"
 #include "store/blocks/colour_store.h"
 
 namespace pounce::flow {
@@ -38,7 +38,7 @@ ImageFile::ImageFile(job::JobContext& job, const std::string& path, const io::Im
   ImageSize size{spec.width, spec.height};
   levels_.emplace(size, spec.channels, spec.depth);
   for (std::uint32_t level = texture::level_count(size); level > 1; --level) {
-    size = next_level_size(size);
+    size = mesh::next_level_size(size);
     Level& kept = kept_.emplace_back();
     kept.row_bytes = row_bytes_of(spec, size.width);
     kept.rows_together = rows_together(kept.row_bytes, size.height);
@@ -107,7 +107,7 @@ std::uint64_t ImageFile::scratch_bytes(const io::ImageWriteSpec& spec) {
   if (!spec.layout.mipmap) return 0;
   std::uint64_t bytes = 0;
   for (ImageSize size{spec.width, spec.height}; size.width > 1 || size.height > 1;) {
-    size = next_level_size(size);
+    size = mesh::next_level_size(size);
     bytes += std::uint64_t{row_bytes_of(spec, size.width)} * size.height;
   }
   return bytes;
@@ -120,7 +120,7 @@ std::uint64_t ImageFile::memory_bytes(const std::string& path, const io::ImageWr
   bytes += texture::MipLevels::memory_bytes(size, spec.channels) +
            round_to_pages(row_bytes_of(spec, spec.width));
   while (size.width > 1 || size.height > 1) {
-    size = next_level_size(size);
+    size = mesh::next_level_size(size);
     const std::uint64_t row = row_bytes_of(spec, size.width);
     const std::uint64_t together = rows_together(row, size.height);
     bytes += round_to_pages(row * together) + (size.height / together + 1) * 2 * sizeof(Piece);

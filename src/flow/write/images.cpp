@@ -20,7 +20,7 @@
 
 #include "flow/write/image_file.h"
 #include "flow/write/onto.h"
-#include "store/pack/chunk_payload.h"
+#include "store/pack/codec.h"
 #include "texture/pad_seams.h"
 
 namespace pounce::flow {

@@ -9,7 +9,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "core/open_file.h"
+#include "core/posix_io.h"
 #include "io/files/missing_file.h"
 #include "pounce/error.h"
 

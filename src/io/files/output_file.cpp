@@ -13,7 +13,7 @@
 #include <filesystem>
 #include <system_error>
 
-#include "core/storage_advice.h"
+#include "core/posix_io.h"
 #include "io/files/output_leftovers.h"
 #include "pounce/error.h"
 

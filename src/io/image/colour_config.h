@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "core/colour_space.h"
-#include "core/colour_transform.h"
 
 namespace pounce::io {
 

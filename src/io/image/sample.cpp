@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 
 namespace pounce::io {
 namespace {

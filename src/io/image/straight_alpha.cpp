@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 
 namespace pounce::io {
 namespace {

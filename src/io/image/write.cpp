@@ -11,7 +11,6 @@
 #include <string_view>
 #include <vector>
 
-#include "core/level_size.h"
 #include "core/page_pool.h"
 #include "io/files/file_ending.h"
 #include "io/files/job_mark.h"
@@ -20,6 +19,7 @@
 #include "io/image/oiio_setup.h"
 #include "io/image/output_proxy.h"
 #include "io/image/straight_alpha.h"
+#include "mesh/lattice.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -127,7 +127,7 @@ std::uint32_t across_tiles(const ImageWriteSpec& spec) {
 std::uint64_t tiled_texels(const ImageWriteSpec& spec) {
   const std::uint64_t edge = spec.layout.tile_size;
   std::uint64_t tiles = 0;
-  for (ImageSize size{spec.width, spec.height};; size = next_level_size(size)) {
+  for (ImageSize size{spec.width, spec.height};; size = mesh::next_level_size(size)) {
     tiles += ((size.width + edge - 1) / edge) * ((size.height + edge - 1) / edge);
     if (!spec.layout.mipmap || size == ImageSize{1, 1}) return tiles * edge * edge;
   }
@@ -421,7 +421,7 @@ void ImageWriter::next_level() {
   Impl& self = *impl_;
   if (self.next_row != self.spec.height)
     throw Error(ErrorKind::internal, "a level begins before the one above it is written");
-  const ImageSize size = next_level_size({self.spec.width, self.spec.height});
+  const ImageSize size = mesh::next_level_size({self.spec.width, self.spec.height});
   self.spec.width = size.width;
   self.spec.height = size.height;
   self.next_row = 0;

@@ -24,8 +24,8 @@
 #include <system_error>
 
 #include "core/input_file.h"
-#include "core/open_file.h"
 #include "core/page_pool.h"
+#include "core/posix_io.h"
 #include "io/files/output_file.h"
 #include "io/gltf/validate.h"
 #include "io/model/document.h"

@@ -21,7 +21,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/srgb.h"
+#include "core/colour_space.h"
 #include "io/material_names.h"
 #include "io/mesh_warnings.h"
 #include "io/obj/cost.h"

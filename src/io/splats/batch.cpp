@@ -5,9 +5,8 @@
 #include <cmath>
 #include <optional>
 
-#include "core/exp.h"
-#include "core/half.h"
-#include "core/sh_basis.h"
+#include "core/directions.h"
+#include "core/portable_math.h"
 
 namespace pounce::io {
 namespace {

@@ -8,10 +8,10 @@
 #include <functional>
 #include <string>
 
-#include "core/axes.h"
+#include "core/job_space.h"
 #include "io/splats/scene.h"
 #include "io/splats/sh_rotation.h"
-#include "store/blocks/splat_rows.h"
+#include "store/blocks/splat_block.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::io {

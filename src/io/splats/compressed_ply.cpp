@@ -3,8 +3,8 @@
 
 #include <array>
 
+#include "core/directions.h"
 #include "core/input_file.h"
-#include "core/sh_basis.h"
 #include "io/splats/raw.h"
 
 namespace pounce::io {

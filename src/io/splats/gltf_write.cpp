@@ -8,7 +8,7 @@
 
 #include <cstring>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 
 namespace pounce::io {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 
-#include "core/half.h"
 #include "core/input_file.h"
+#include "core/portable_math.h"
 #include "io/splats/raw.h"
 #include "pounce/error.h"
 

@@ -10,8 +10,8 @@
 #include <cstring>
 #include <limits>
 
-#include "core/half.h"
 #include "core/input_file.h"
+#include "core/portable_math.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <limits>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 
 namespace pounce::io {
 namespace {

@@ -7,11 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "core/axes.h"
 #include "core/file.h"
+#include "core/job_space.h"
 #include "core/page_pool.h"
-#include "core/scratch_limit.h"
-#include "store/blocks/splat_rows.h"
+#include "store/blocks/splat_block.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::io {

@@ -8,7 +8,7 @@
 
 #include <cmath>
 
-#include "core/sh_basis.h"
+#include "core/directions.h"
 
 namespace pounce::io {
 namespace {

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "core/axes.h"
+#include "core/job_space.h"
 #include "core/vec.h"
 
 namespace pounce::io {

@@ -8,8 +8,8 @@
 #include <filesystem>
 #include <limits>
 
-#include "core/exp.h"
 #include "core/input_file.h"
+#include "core/portable_math.h"
 #include "io/files/asset_folder.h"
 #include "io/json/size.h"
 #include "io/splats/raw.h"

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "io/splats/raw.h"
 #include "io/splats/unpack.h"
 #include "pounce/error.h"

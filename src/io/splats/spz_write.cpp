@@ -12,7 +12,7 @@
 #include <cstring>
 #include <new>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "io/splats/upright.h"
 #include "pounce/error.h"
 

@@ -9,8 +9,8 @@
 #include <limits>
 #include <numeric>
 
-#include "core/log.h"
-#include "core/sh_basis.h"
+#include "core/directions.h"
+#include "core/portable_math.h"
 #include "io/files/file_ending.h"
 #include "io/splats/gltf_write.h"
 #include "io/splats/ply_write.h"

@@ -10,13 +10,12 @@
 #include <string>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "core/file.h"
 #include "core/page_pool.h"
-#include "core/scratch_limit.h"
 #include "core/vec.h"
 #include "io/files/output_file.h"
-#include "store/blocks/splat_rows.h"
+#include "store/blocks/splat_block.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::io {

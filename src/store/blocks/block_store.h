@@ -18,10 +18,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "core/bytes.h"
 #include "pounce/error.h"
-#include "store/pack/chunk_payload.h"
 #include "store/pack/codec.h"
 #include "store/pack/pack.h"
 

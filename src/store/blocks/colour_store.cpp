@@ -1,13 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// An image is stored as tiles of 64x64 texels with two more on each side, which belong to their
+// neighbours. So a texel's blend reads one tile, whatever its place, for 13 % more bytes. What
+// those two are at the image's border depends on how the texture repeats; that is part of the image
+// then.
+//
+// Directory and index pages say little: sizes and where chunks are. All of it is compared with what
+// the job knows of the image, since a tile of another depth would be read beyond its end.
 #include "store/blocks/colour_store.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 
-#include "core/half.h"
-#include "store/pack/chunk_fields.h"
-#include "store/pack/chunk_payload.h"
+#include "core/portable_math.h"
+#include "store/pack/codec.h"
+#include "store/pack/pack_layout.h"
 
 namespace pounce::store {
 namespace {
@@ -20,13 +28,9 @@ constexpr std::size_t kHeaderBytes = 25, kChunkRefBytes = 16;
 std::vector<std::byte> encode_directory(const ColourDirectory& d) {
   std::vector<std::byte> raw;
   ByteWriter out(raw);
-  for (const std::uint32_t v : {d.width, d.height, d.channels}) out.put(v);
-  for (const auto v : {static_cast<std::uint8_t>(d.depth), static_cast<std::uint8_t>(d.linear),
-                       static_cast<std::uint8_t>(d.has_alpha + d.premultiplied),
-                       static_cast<std::uint8_t>(d.wrap_u), static_cast<std::uint8_t>(d.wrap_v)}) {
-    out.put(v);
-  }
-  out.put(d.nonfinite);
+  const auto byte = [](auto value) { return static_cast<std::uint8_t>(value); };
+  out.put_all(d.width, d.height, d.channels, byte(d.depth), byte(d.linear),
+              byte(d.has_alpha + d.premultiplied), byte(d.wrap_u), byte(d.wrap_v), d.nonfinite);
   for (const ChunkRef& page : d.row_pages) put_chunk(out, page);
   return raw;
 }
@@ -41,12 +45,8 @@ std::vector<ChunkRef> get_chunks(ByteReader& in, std::size_t count) {
 ColourDirectory decode_directory(std::span<const std::byte> raw, const std::string& name) {
   ByteReader in(raw, name + ": directory");
   ColourDirectory d;
-  d.width = in.get<std::uint32_t>();
-  d.height = in.get<std::uint32_t>();
-  d.channels = in.get<std::uint32_t>();
-  const auto depth = in.get<std::uint8_t>(), linear = in.get<std::uint8_t>(),
-             alpha = in.get<std::uint8_t>(), wrap_u = in.get<std::uint8_t>(),
-             wrap_v = in.get<std::uint8_t>();
+  std::uint8_t depth, linear, alpha, wrap_u, wrap_v;
+  in.get_all(d.width, d.height, d.channels, depth, linear, alpha, wrap_u, wrap_v, d.nonfinite);
   if (d.width == 0 || d.width > kLargestImageSide || d.height == 0 ||
       d.height > kLargestImageSide || d.channels == 0 || d.channels > 4 || depth > 3 ||
       linear > 1 || alpha > 2 || (alpha > 0 && d.channels < 2) || (alpha > 1 && depth < 2) ||
@@ -59,11 +59,11 @@ ColourDirectory decode_directory(std::span<const std::byte> raw, const std::stri
   d.premultiplied = alpha > 1;
   d.wrap_u = static_cast<mesh::Wrap>(wrap_u);
   d.wrap_v = static_cast<mesh::Wrap>(wrap_v);
-  d.nonfinite = in.get<std::uint64_t>();
   d.row_pages = get_chunks(in, d.tiles_y());
   return d;
 }
 
+/// All but what only decoding tells.
 bool is_of(const ColourDirectory& d, const ColourDirectory& image) {
   return d.width == image.width && d.height == image.height && d.channels == image.channels &&
          d.depth == image.depth && d.linear == image.linear && d.has_alpha == image.has_alpha &&
@@ -98,13 +98,16 @@ std::size_t depth_bytes(Depth depth) {
 
 std::int64_t wrapped(std::int64_t texel, std::int64_t size, mesh::Wrap wrap) {
   if (wrap == mesh::Wrap::clamp) return std::clamp<std::int64_t>(texel, 0, size - 1);
+  // Mirrored, an image and its mirror image are one period.
   const std::int64_t period = wrap == mesh::Wrap::repeat ? size : 2 * size;
+  // The remainder of a negative number is negative.
   const std::int64_t inside = ((texel % period) + period) % period;
   return inside < size ? inside : period - 1 - inside;
 }
 
 void filter_colours(const ColourDirectory& image, std::span<const std::byte> tile,
                     std::vector<std::byte>& raw) {
+  // To the texel on the left, sample by sample; planes then are of all channels of a texel.
   std::vector<std::byte> differences(tile.begin(), tile.end());
   delta(differences, depth_bytes(image.depth), image.channels);
   raw.resize(tile.size());
@@ -133,6 +136,8 @@ void ColourStoreWriter::add_tile(std::span<const std::byte> stored_tile, std::ui
                                      : pack_->append(ChunkKind::block, stored_tile, raw_bytes));
 }
 
+// Rows come in any order, since strips are decoded in parallel; an index page is written with its
+// row, and the directory puts them in order.
 void ColourStoreWriter::end_row(std::uint32_t tile_row, Compressor& compressor) {
   row_pages_[tile_row] = append_payload(*pack_, ChunkKind::index_page, row_, compressor);
   row_.clear();
@@ -153,6 +158,7 @@ ColourStore::ColourStore(std::unique_ptr<PackReader> pack, const ColourDirectory
                                 kHeaderBytes + image.tiles_y() * kChunkRefBytes, compressor);
   directory_ = decode_directory(raw, pack_->name());
   if (!is_of(directory_, image)) {
+    // Everything that sizes a buffer or chooses a kernel is in is_of().
     throw Error(ErrorKind::damaged_store,
                 pack_->name() + ": directory is of another image than its key stands for");
   }
@@ -168,6 +174,7 @@ std::vector<ChunkRef> ColourStore::read_row(std::uint32_t tile_row, Compressor& 
 
 ColourTile ColourStore::read_tile(const ChunkRef& chunk, Compressor& compressor) const {
   const std::size_t size = kTileTexels * directory_.texel_bytes();
+  // Also of a tile that was left out: who asks for it was wrong about what its texels need.
   if (chunk.raw_bytes != size)
     throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile of another size");
   const auto raw = read_payload(*pack_, chunk, ChunkKind::block, size, compressor);

@@ -1,9 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A block as bytes. zstd finds repetitions of bytes, not of numbers, so numbers are made to repeat
+// first: each becomes its difference from the one before it, and then all first bytes are stored
+// together, all second ones, and so on. Vertices of a block are neighbours, so upper bytes become
+// runs of zeros.
+//
+// What is not stored is what follows from the rest: texels' positions, normals and frames from
+// their triangle and the page's lattice, which triangle owns a texel as runs of equal owners. A
+// source's blocks have no owners at all: texels of another mesh look for their triangles anew.
+//
+// Records of a dense target go further. Numbers of neighbouring texels hardly differ, so each is
+// stored as what it differs by from what its neighbours let expect: on a plane that texels are
+// spread over evenly, by nothing. Small differences of either sign become small numbers, whose
+// upper bytes are zero; a plane of zeros costs zstd next to nothing to keep and to read.
+//
+//   . . . . . . .        expected of x:  left + above - above left, where all three are covered
+//   . c b . . . .                        left, else above, where one of them is
+//   . a x . . . .                        else the covered texel before it; 0 for the first
 #include "store/blocks/geometry_block.h"
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
+#include <type_traits>
 
 #include "core/bytes.h"
 #include "store/pack/codec.h"
@@ -39,6 +59,7 @@ void get_filtered(ByteReader& in, std::vector<T>& values, std::size_t count,
   undelta(bytes, element_bytes, stride);
 }
 
+/// A chart's rows are runs, and its triangles neighbours in the block: both compress to little.
 /// Runs of equal owners: first all lengths (1..4096 less one), then all values.
 void put_runs(std::vector<std::byte>& raw, const std::vector<std::uint16_t>& owner) {
   std::vector<std::uint16_t> lengths, values;
@@ -72,8 +93,178 @@ void get_runs(ByteReader& in, GeometryBlock& block) {
   if (block.owner.size() != kTexelsPerBlock) in.fail("has texel runs that do not fill its window");
 }
 
+/// 32767 steps: 1 and -1 are exact, which a tangent's handedness needs.
 std::int16_t to_snorm(float value) {
   return static_cast<std::int16_t>(std::lround(std::clamp(value, -1.0F, 1.0F) * 32767.0F));
+}
+
+/// Which records say what to expect of one: first + second - third. Counted from 1; 0 has zeros.
+struct Expected {
+  std::uint16_t first = 0, second = 0, third = 0;
+};
+
+std::vector<Expected> expectations(const std::vector<std::uint16_t>& owner, std::size_t records) {
+  std::vector<Expected> all;
+  all.reserve(records);
+  // `there` is asked before the texel is looked at: at the border its index means nothing.
+  const auto slot = [&](std::size_t texel, bool there) {
+    return static_cast<std::uint16_t>(there && owner[texel] != kNoTriangle ? owner[texel] + 1 : 0);
+  };
+  for (std::size_t t = 0; t < owner.size(); ++t) {
+    if (owner[t] == kNoTriangle) continue;
+    const bool inner = t % mesh::kBlockEdge != 0, below = t >= mesh::kBlockEdge;
+    const std::uint16_t left = slot(t - 1, inner), above = slot(t - mesh::kBlockEdge, below);
+    const std::uint16_t corner = slot(t - mesh::kBlockEdge - 1, inner && below);
+    if (left != 0 && above != 0 && corner != 0)
+      all.push_back({left, above, corner});
+    else
+      all.push_back({left != 0 ? left : above != 0 ? above : owner[t], 0, 0});
+  }
+  return all;
+}
+
+template <class T>
+using Unsigned = std::make_unsigned_t<T>;
+
+/// Small numbers for small differences of either sign: 0 -1 1 -2 2 become 0 1 2 3 4.
+template <class U>
+U folded(U difference) {
+  constexpr int kSign = 8 * sizeof(U) - 1;
+  const U sign = static_cast<U>(-static_cast<int>(difference >> kSign & 1U));
+  return static_cast<U>(static_cast<U>(difference << 1U) ^ sign);
+}
+template <class U>
+U unfolded(U number) {
+  return static_cast<U>((number >> 1U) ^ static_cast<U>(-static_cast<int>(number & 1U)));
+}
+
+template <class Field>
+void put_column(std::vector<std::byte>& raw, const std::vector<TexelRecord>& records,
+                const std::vector<Expected>& expected, const Field& field) {
+  using U = Unsigned<std::remove_cvref_t<decltype(field(records[0]))>>;
+  std::vector<U> values(records.size() + 1), numbers(records.size());
+  for (std::size_t i = 0; i < records.size(); ++i)
+    values[i + 1] = static_cast<U>(field(records[i]));
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    const Expected& e = expected[i];
+    numbers[i] = folded(
+        static_cast<U>(values[i + 1] - (values[e.first] + values[e.second] - values[e.third])));
+  }
+  const std::size_t at = raw.size();
+  raw.resize(at + numbers.size() * sizeof(U));
+  shuffle(std::as_bytes(std::span(numbers)), sizeof(U), std::span(raw).subspan(at));
+}
+
+template <class Field>
+void get_column(ByteReader& in, std::vector<TexelRecord>& records,
+                const std::vector<Expected>& expected, const Field& field) {
+  using T = std::remove_cvref_t<decltype(field(records[0]))>;
+  using U = Unsigned<T>;
+  // On the stack: this runs for every dense block that is read, and 32 KiB need no allocation.
+  std::array<U, kTexelsPerBlock> numbers;
+  std::array<U, kTexelsPerBlock + 1> values;
+  const auto bytes = std::as_writable_bytes(std::span(numbers).first(records.size()));
+  unshuffle(in.take(bytes.size()), sizeof(U), bytes);
+  values[0] = 0;
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    const Expected& e = expected[i];
+    values[i + 1] =
+        static_cast<U>(values[e.first] + values[e.second] - values[e.third] + unfolded(numbers[i]));
+    field(records[i]) = static_cast<T>(values[i + 1]);
+  }
+}
+
+/// Lengths of runs of texels that are not covered and covered, by turns. The first may be 0.
+std::vector<std::uint16_t> coverage_runs(const std::vector<std::uint16_t>& owner) {
+  std::vector<std::uint16_t> lengths{0};
+  bool covered = false;
+  for (const std::uint16_t o : owner) {
+    if ((o != kNoTriangle) != covered) {
+      covered = !covered;
+      lengths.push_back(0);
+    }
+    ++lengths.back();
+  }
+  return lengths;
+}
+
+/// Returns how many texels are covered.
+std::size_t get_coverage(ByteReader& in, std::vector<std::uint16_t>& owner) {
+  const auto runs = in.get<std::uint32_t>();
+  if (runs < 2 || runs > kTexelsPerBlock + 1) in.fail("has an impossible number of texel runs");
+  std::vector<std::uint16_t> lengths(runs);
+  unshuffle(in.take(runs * sizeof(std::uint16_t)), sizeof(std::uint16_t),
+            std::as_writable_bytes(std::span(lengths)));
+  // Records are in raster order, so a covered texel's record is the number of those before it.
+  owner.reserve(kTexelsPerBlock);
+  std::uint16_t next = 0;
+  for (std::size_t r = 0; r < runs; ++r) {
+    if ((r != 0 && lengths[r] == 0) || owner.size() + lengths[r] > kTexelsPerBlock)
+      in.fail("has texel runs beyond its window");
+    for (std::size_t i = 0; i < lengths[r]; ++i) owner.push_back(r % 2 == 0 ? kNoTriangle : next++);
+  }
+  if (owner.size() != kTexelsPerBlock) in.fail("has texel runs that do not fill its window");
+  return next;
+}
+
+/// A power of two: times it a position is exact, whatever machine multiplies.
+bool is_step(float step) {
+  int exponent = 0;
+  return step >= kSmallestStep && step <= kLargestStep && std::frexp(step, &exponent) == 0.5F;
+}
+
+/// Calls visit(accessor) for each column in the order of the format, without the insets.
+template <class Visit>
+void for_each_column(const Visit& visit) {
+  visit([](auto& r) -> auto& { return r.position[0]; });
+  visit([](auto& r) -> auto& { return r.position[1]; });
+  visit([](auto& r) -> auto& { return r.position[2]; });
+  visit([](auto& r) -> auto& { return r.normal[0]; });
+  visit([](auto& r) -> auto& { return r.normal[1]; });
+  visit([](auto& r) -> auto& { return r.edge; });
+}
+
+/// Appends step, coverage and records. `owner` has the record of each texel of the block, in raster
+/// order, kNoTriangle where no texel is covered.
+void put_records(std::vector<std::byte>& raw, float step, const std::vector<std::uint16_t>& owner,
+                 const std::vector<TexelRecord>& records) {
+  ByteWriter out(raw);
+  out.put(step);
+  const std::vector<std::uint16_t> lengths = coverage_runs(owner);
+  out.put(static_cast<std::uint32_t>(lengths.size()));
+  const std::size_t at = raw.size();
+  raw.resize(at + lengths.size() * sizeof(lengths[0]));
+  shuffle(std::as_bytes(std::span(lengths)), sizeof(lengths[0]), std::span(raw).subspan(at));
+  const std::vector<Expected> expected = expectations(owner, records.size());
+  for_each_column([&](const auto& field) { put_column(raw, records, expected, field); });
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (const TexelRecord& record : records) out.put(record.inset[axis]);
+  }
+}
+
+/// The inverse. Fails if the bytes are not what put_records() makes.
+void get_records(ByteReader& in, float& step, std::vector<std::uint16_t>& owner,
+                 std::vector<TexelRecord>& records) {
+  step = in.get<float>();
+  if (!is_step(step)) in.fail("has a step that is no power of two");
+  const std::size_t count = get_coverage(in, owner);
+  if (in.left() != count * kRecordBytes) in.fail("has another size than its records");
+  records.resize(count);
+  const std::vector<Expected> expected = expectations(owner, count);
+  for_each_column([&](const auto& field) { get_column(in, records, expected, field); });
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto bytes = in.take(count);
+    for (std::size_t i = 0; i < count; ++i)
+      records[i].inset[axis] = static_cast<std::int8_t>(bytes[i]);
+  }
+  // What became of the differences is only known now; octahedral normals are all legal.
+  constexpr std::uint16_t kInfinity = 0x7F80;
+  for (const TexelRecord& record : records) {
+    for (const std::int32_t p : record.position) {
+      if (p < -kLargestPosition || p > kLargestPosition) in.fail("has a position out of range");
+    }
+    if (record.edge == 0 || record.edge >= kInfinity) in.fail("has an edge that is none");
+  }
 }
 
 }  // namespace
@@ -94,6 +285,7 @@ std::array<Vec2d, 3> GeometryBlock::texel_corners(const mesh::Lattice& lattice,
 void encode(const GeometryBlock& block, std::vector<std::byte>& raw) {
   raw.clear();
   ByteWriter out(raw);
+  // Most meshes stay inside one period: then they take no bytes.
   const bool has_shifts = std::any_of(block.shifts.begin(), block.shifts.end(),
                                       [](const auto& s) { return s[0] != 0 || s[1] != 0; });
   out.put(block.page);
@@ -133,6 +325,7 @@ GeometryBlock decode_geometry(std::span<const std::byte> raw, const std::string&
       triangles > kMostTrianglesPerBlock || vertices > 3 * triangles) {
     in.fail("has an impossible block header");
   }
+  // Instead of triangles, not beside them: either is what the block's texels are made from.
   if (has_records) {
     get_records(in, block.step, block.owner, block.records);
     return block;
@@ -144,6 +337,7 @@ GeometryBlock decode_geometry(std::span<const std::byte> raw, const std::string&
   if ((flags & kHasColours) != 0) get_filtered(in, block.colours, vertices, 4, 4);
   get_filtered(in, block.triangles, triangles, 2, 3);
   get_filtered(in, block.ids, triangles, 4, 1);
+  // From here on an index needs no check.
   for (const auto& triangle : block.triangles) {
     for (const std::uint16_t v : triangle) {
       if (v >= vertices) in.fail("names a vertex it lacks");
@@ -164,14 +358,16 @@ void GeometryBlockBuilder::start(std::uint32_t page, std::int32_t x, std::int32_
   block_.page = page;
   block_.x = x;
   block_.y = y;
+  // A table per block instead of one of the whole mesh: blocks are built in parallel, and most
+  // have few triangles.
   const std::size_t vertices = 3 * std::min<std::size_t>(most_triangles, kMostTrianglesPerBlock);
   slots_.assign(std::bit_ceil(2 * vertices + 1), {kEmptySlot, 0});
 }
 
 std::uint16_t GeometryBlockBuilder::local_vertex(std::uint32_t vertex, std::uint32_t uv_set,
                                                  bool has_image) {
-  const std::size_t mask = slots_.size() - 1;  // at most half full, so probing ends
-  std::size_t slot = (vertex * 2654435761U) & mask;
+  const std::size_t mask = slots_.size() - 1;        // at most half full, so probing ends
+  std::size_t slot = (vertex * 2654435761U) & mask;  // Knuth's multiplier: 2^32 / golden ratio
   while (slots_[slot].first != kEmptySlot) {
     if (slots_[slot].first == vertex) return slots_[slot].second;
     slot = (slot + 1) & mask;

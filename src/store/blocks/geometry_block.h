@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
+#include "core/directions.h"
 #include "core/vec.h"
 #include "mesh/block_bins.h"
-#include "store/blocks/texel_records.h"
 
 namespace pounce::store {
 
@@ -22,6 +22,25 @@ inline constexpr std::uint32_t kMostTrianglesPerBlock = 4096;
 /// for each texel.
 inline constexpr std::size_t kLargestGeometryBytes =
     28 + (3 * 56 + 18) * std::size_t{kMostTrianglesPerBlock} + 4 * kTexelsPerBlock;
+
+inline constexpr std::uint16_t kNoTriangle = 0xFFFF;
+
+/// What a projection needs of one covered texel. Where a block of a target has about as many
+/// triangles as texels, these are smaller than the triangles and quicker to read. Its length unit
+/// is the block's `step`.
+struct TexelRecord {
+  std::array<std::int32_t, 3> position{};  ///< in steps
+  Octahedral normal{};
+  std::uint16_t edge = 0;              ///< upper half of a float's bits: the texel's edge in space
+  std::array<std::int8_t, 3> inset{};  ///< from the position to where the ray starts, in steps
+  bool operator==(const TexelRecord&) const = default;
+};
+
+/// Positions are no larger: times the step they are exact floats.
+inline constexpr std::int32_t kLargestPosition = 1 << 24;
+inline constexpr float kSmallestStep = 0x1p-126F, kLargestStep = 0x1p100F;
+/// Bytes of a record before compression.
+inline constexpr std::size_t kRecordBytes = 3 * 4 + 2 * 2 + 2 + 3;
 
 /// What reproduces a 64x64 window of texels: the triangles that touch it and, on the target, which
 /// of them owns each texel centre. Positions, normals and dual frames of all texels (or Gaussians)

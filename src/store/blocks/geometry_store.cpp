@@ -1,16 +1,118 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The index of a geometry pack as bytes, and what a pack says compared with what it may say.
+//
+// A cache may be written by others. A checksum tells that bytes are those that somebody wrote, not
+// that pounce wrote them; so every field that becomes an index, a size or a count is held against
+// what the job knows, here and before it is used. Legal values: docs/tile-format.md.
+//
+// Each list of fields stands once and serves both ways, so what is written and what is read cannot
+// come apart.
 #include "store/blocks/geometry_store.h"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdlib>
 
-#include "store/pack/chunk_fields.h"
+#include "pounce/error.h"
+#include "store/pack/pack_layout.h"
 
 namespace pounce::store {
 namespace {
 
+// What one of each takes in the file, as written below: docs/tile-format.md.
 constexpr std::size_t kLatticeBytes = 60;
 constexpr std::size_t kTileBytes = 44;
 constexpr std::size_t kHeaderBytes = 80;
+
+// Each calls visit(fields...) in the order of the format.
+constexpr auto for_entry = [](auto& e, const auto& visit) {
+  visit(e.page, e.x, e.y, e.triangles, e.patches, e.texels);
+};
+constexpr auto for_page = [](auto& p, const auto& visit) {
+  auto& m = p.transform;
+  visit(p.width, p.height, p.uv_set, m.a, m.b, m.c, m.d, m.e, m.f);
+};
+constexpr auto for_directory = [](auto& d, const auto& visit) {
+  visit(d.texels, d.overlapping, d.slivers, d.degenerate, d.most_triangles, d.most_patches,
+        d.most_blocks, d.largest_chunk_bytes);
+};
+
+/// Windows that a large triangle is cut into within its block: source/source_block.cpp.
+constexpr std::uint32_t kMostPatchesPerTriangle = 16;
+/// Beyond this no coordinate of a texel leads: 2^24 blocks.
+constexpr std::int64_t kMostBlocksAcross = std::int64_t{1} << 24;
+/// A unit vector whose coordinates were rounded to floats is not longer than this, squared.
+constexpr float kLongestSquared = 1.0001F;
+
+[[noreturn]] void fail(const std::string& name, const char* why) {
+  throw Error(ErrorKind::damaged_store, name + " " + why);
+}
+
+/// The same bits: NaN, which a broken mesh may have in a transform, equals itself.
+bool same(const mesh::Lattice& a, const mesh::Lattice& b) {
+  const auto bits = [](const mesh::UvTransform& m) {
+    return std::bit_cast<std::array<std::uint64_t, 6>>(
+        std::array<double, 6>{m.a, m.b, m.c, m.d, m.e, m.f});
+  };
+  return a.width == b.width && a.height == b.height && a.uv_set == b.uv_set &&
+         bits(a.transform) == bits(b.transform);
+}
+
+std::int64_t blocks_across(std::uint32_t texels) {
+  return (std::int64_t{texels} + mesh::kBlockEdge - 1) / mesh::kBlockEdge;
+}
+
+bool is_inside(const BlockEntry& entry, const mesh::Lattice& page, bool is_target) {
+  if (is_target) {
+    return entry.x >= 0 && entry.x < blocks_across(page.width) && entry.y >= 0 &&
+           entry.y < blocks_across(page.height);
+  }
+  return std::abs(std::int64_t{entry.x}) <= kMostBlocksAcross &&
+         std::abs(std::int64_t{entry.y}) <= kMostBlocksAcross;
+}
+
+bool is_finite(Vec3f v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+void check_vertices(const GeometryBlock& block, const mesh::Lattice& page,
+                    const std::string& name) {
+  for (const Vec3f& position : block.positions) {
+    if (!is_finite(position)) fail(name, "has a position that is not finite");
+  }
+  for (const Vec3f& normal : block.normals) {
+    if (!(dot(normal, normal) <= kLongestSquared)) fail(name, "has a normal that is none");
+  }
+  for (const Vec4f& c : block.colours) {
+    if (!is_finite({c.x, c.y, c.z}) || !std::isfinite(c.w))
+      fail(name, "has a colour that is not finite");
+  }
+  if (page.width == 0) return;  // no image, no texels
+  for (const Vec2f& uv : block.uvs) {
+    const Vec2d texel = mesh::to_texel(page, uv);
+    if (!(std::abs(texel.x) < mesh::kLargestTexel && std::abs(texel.y) < mesh::kLargestTexel)) {
+      fail(name, "has UVs that span too many texels");
+    }
+  }
+}
+
+/// Every texel of a target's block has one owner or none, and none lies outside the image.
+void check_owners(const GeometryBlock& block, const BlockEntry& entry, const mesh::Lattice& page,
+                  const std::string& name) {
+  if (block.owner.size() != kTexelsPerBlock) fail(name, "has no texel runs");
+  const std::int64_t columns = page.width - std::int64_t{block.x} * mesh::kBlockEdge;
+  const std::int64_t rows = page.height - std::int64_t{block.y} * mesh::kBlockEdge;
+  // Results are written by texel: one outside the image would be written beyond its buffer.
+  std::uint32_t texels = 0;
+  for (std::size_t t = 0; t < kTexelsPerBlock; ++t) {
+    if (block.owner[t] == kNoTriangle) continue;
+    const auto x = static_cast<std::int64_t>(t % mesh::kBlockEdge);
+    const auto y = static_cast<std::int64_t>(t / mesh::kBlockEdge);
+    if (x >= columns || y >= rows) fail(name, "covers texels outside its image");
+    ++texels;
+  }
+  if (texels != entry.texels) fail(name, "covers another number of texels than its index says");
+}
 
 }  // namespace
 
@@ -30,10 +132,7 @@ void GeometryCodec::count(const Entry& entry, Index& index) {
 }
 
 void GeometryCodec::put(const Entry& entry, ByteWriter& out) {
-  out.put(entry.page);
-  out.put(entry.x);
-  out.put(entry.y);
-  for (const std::uint32_t v : {entry.triangles, entry.patches, entry.texels}) out.put(v);
+  for_entry(entry, [&](const auto&... fields) { out.put_all(fields...); });
   put_chunk(out, entry.chunk);
   out.put(entry.box_count);
   for (std::uint32_t i = 0; i < entry.box_count; ++i) put_box(out, entry.boxes[i]);
@@ -41,11 +140,7 @@ void GeometryCodec::put(const Entry& entry, ByteWriter& out) {
 
 BlockEntry GeometryCodec::get_entry(ByteReader& in) {
   Entry entry;
-  entry.page = in.get<std::uint32_t>();
-  entry.x = in.get<std::int32_t>();
-  entry.y = in.get<std::int32_t>();
-  for (std::uint32_t* v : {&entry.triangles, &entry.patches, &entry.texels})
-    *v = in.get<std::uint32_t>();
+  for_entry(entry, [&](auto&... fields) { in.get_all(fields...); });
   entry.chunk = get_chunk(in);
   entry.box_count = in.get<std::uint32_t>();
   if (entry.box_count > kMostBoxesPerBlock) in.fail("has a block of too many boxes");
@@ -54,22 +149,12 @@ BlockEntry GeometryCodec::get_entry(ByteReader& in) {
 }
 
 void GeometryCodec::put(const Directory& directory, ByteWriter& out) {
-  out.put(static_cast<std::uint32_t>(directory.pages.size()));
-  out.put(static_cast<std::uint32_t>(directory.tiles.size()));
-  for (const std::uint64_t v :
-       {directory.texels, directory.overlapping, directory.slivers, directory.degenerate}) {
-    out.put(v);
-  }
-  for (const std::uint32_t v : {directory.most_triangles, directory.most_patches,
-                                directory.most_blocks, directory.largest_chunk_bytes}) {
-    out.put(v);
-  }
+  out.put_all(static_cast<std::uint32_t>(directory.pages.size()),
+              static_cast<std::uint32_t>(directory.tiles.size()));
+  for_directory(directory, [&](const auto&... fields) { out.put_all(fields...); });
   put_box(out, directory.box);
-  for (const mesh::Lattice& page : directory.pages) {
-    for (const std::uint32_t v : {page.width, page.height, page.uv_set}) out.put(v);
-    const mesh::UvTransform& m = page.transform;
-    for (const double v : {m.a, m.b, m.c, m.d, m.e, m.f}) out.put(v);
-  }
+  for (const mesh::Lattice& page : directory.pages)
+    for_page(page, [&](const auto&... fields) { out.put_all(fields...); });
   out.put_span(std::span<const std::uint64_t>(directory.page_texels));
   for (const TileEntry& tile : directory.tiles) {
     put_box(out, tile.box);
@@ -82,25 +167,16 @@ GeometryDirectory GeometryCodec::get_directory(ByteReader& in) {
   GeometryDirectory directory;
   const auto pages = in.get<std::uint32_t>();
   const auto tiles = in.get<std::uint32_t>();
-  for (std::uint64_t* v :
-       {&directory.texels, &directory.overlapping, &directory.slivers, &directory.degenerate}) {
-    *v = in.get<std::uint64_t>();
-  }
-  for (std::uint32_t* v : {&directory.most_triangles, &directory.most_patches,
-                           &directory.most_blocks, &directory.largest_chunk_bytes}) {
-    *v = in.get<std::uint32_t>();
-  }
+  for_directory(directory, [&](auto&... fields) { in.get_all(fields...); });
   directory.box = get_box(in);
+  // Before anything is allocated: the counts are those of bytes that are there.
   if (in.left() != std::uint64_t{pages} * (kLatticeBytes + 8) + std::uint64_t{tiles} * kTileBytes) {
     in.fail("has another size than its counts say");
   }
   directory.pages.resize(pages);
-  for (mesh::Lattice& page : directory.pages) {
-    for (std::uint32_t* v : {&page.width, &page.height, &page.uv_set}) *v = in.get<std::uint32_t>();
-    mesh::UvTransform& m = page.transform;
-    for (double* v : {&m.a, &m.b, &m.c, &m.d, &m.e, &m.f}) *v = in.get<double>();
-  }
-  directory.page_texels.resize(pages);
+  for (mesh::Lattice& page : directory.pages)
+    for_page(page, [&](auto&... fields) { in.get_all(fields...); });
+  directory.page_texels.resize(pages);  // one for each, after all of the pages
   in.get_span(std::span(directory.page_texels));
   directory.tiles.resize(tiles);
   for (TileEntry& tile : directory.tiles) {
@@ -129,6 +205,8 @@ void cluster_boxes(std::vector<Box3f>& boxes, BlockEntry& entry) {
   const auto extent = [](const Box3f& b) {
     return (b.hi.x - b.lo.x) + (b.hi.y - b.lo.y) + (b.hi.z - b.lo.z);
   };
+  // A block's surface may be a thin sheet across its box, or two sheets: one box of it would meet
+  // rays that its surface does not. The widest cluster is halved until that gains nothing.
   std::vector<Cluster> clusters;
   if (!boxes.empty()) clusters.push_back(bound(0, boxes.size()));
   while (clusters.size() < kMostBoxesPerBlock) {
@@ -147,6 +225,7 @@ void cluster_boxes(std::vector<Box3f>& boxes, BlockEntry& entry) {
     const auto first = boxes.begin() + static_cast<std::ptrdiff_t>(whole.first);
     const auto last = first + static_cast<std::ptrdiff_t>(whole.count);
     auto cut = std::stable_partition(first, last, [&](const Box3f& b) { return middle(b) < half; });
+    // All middles on one side: halves by number, or the loop would not end.
     if (cut == first || cut == last) cut = first + static_cast<std::ptrdiff_t>(whole.count / 2);
     const auto left = static_cast<std::size_t>(cut - first);
     const Cluster a = bound(whole.first, left), b = bound(whole.first + left, whole.count - left);
@@ -156,6 +235,84 @@ void cluster_boxes(std::vector<Box3f>& boxes, BlockEntry& entry) {
   }
   entry.box_count = static_cast<std::uint32_t>(clusters.size());
   for (std::size_t i = 0; i < clusters.size(); ++i) entry.boxes[i] = clusters[i].box;
+}
+
+void GeometryCodec::check(const Directory& directory, const Facts& facts, const std::string& name) {
+  // The key was made from these: others under the same key are forged.
+  if (!std::equal(directory.pages.begin(), directory.pages.end(), facts.pages.begin(),
+                  facts.pages.end(), same)) {
+    fail(name, "has other pages than its key stands for");
+  }
+  std::uint64_t texels = 0;
+  for (std::size_t p = 0; p < directory.pages.size(); ++p) {
+    const mesh::Lattice& page = directory.pages[p];
+    if (facts.is_target && directory.page_texels[p] > std::uint64_t{page.width} * page.height) {
+      fail(name, "has a page of more texels than its image");
+    }
+    texels += directory.page_texels[p];
+  }
+  if (texels != directory.texels) fail(name, "has another number of texels than its pages");
+  if (directory.most_triangles > kMostTrianglesPerBlock ||
+      directory.most_patches > kMostPatchesPerTriangle * kMostTrianglesPerBlock ||
+      directory.largest_chunk_bytes > kLargestGeometryBytes) {
+    fail(name, "has impossible maxima");
+  }
+  // What sizes the buffers of index pages is bounded by the mesh that the job has read itself.
+  // A window of more triangles than a block holds becomes several blocks.
+  const std::uint64_t most_blocks =
+      mesh::kMostBlocksPerTile * (1 + facts.triangles / kMostTrianglesPerBlock);
+  if (directory.most_blocks > most_blocks) fail(name, "has impossible maxima");
+  for (const TileEntry& tile : directory.tiles) {
+    if (tile.blocks == 0 || tile.blocks > directory.most_blocks) {
+      fail(name, "has a tile of an impossible number of blocks");
+    }
+  }
+}
+
+void GeometryCodec::check(const std::vector<Entry>& entries, const Tile&,
+                          const Directory& directory, const Facts& facts, const std::string& name) {
+  // Binning never mixes pages in a tile.
+  for (const BlockEntry& entry : entries) {
+    if (entry.page >= directory.pages.size() || entry.page != entries.front().page ||
+        !is_inside(entry, directory.pages[entry.page], facts.is_target)) {
+      fail(name, "has a block outside its page");
+    }
+    if ((entry.triangles == 0 && !facts.is_target) || entry.triangles > directory.most_triangles ||
+        entry.patches >
+            std::min(directory.most_patches, kMostPatchesPerTriangle * entry.triangles) ||
+        entry.chunk.raw_bytes > directory.largest_chunk_bytes ||
+        (facts.is_target && (entry.texels == 0 || entry.texels > kTexelsPerBlock))) {
+      fail(name, "has an impossible block entry");
+    }
+  }
+}
+
+void GeometryCodec::check(const Block& block, const Entry& entry, const Directory&,
+                          const Facts& facts, const std::string& name) {
+  if (block.page != entry.page || block.x != entry.x || block.y != entry.y ||
+      block.triangles.size() != entry.triangles) {
+    fail(name, "is not the one its index names");
+  }
+  // Facets carry it into the search, where the triangle that a texel is on is looked up by it.
+  for (const std::uint32_t id : block.ids) {
+    if (id >= facts.triangles) fail(name, "names a triangle that the mesh lacks");
+  }
+  if (block.colours.empty() == facts.has_colours && !block.triangles.empty())
+    fail(name, "has colours, or has none, against its key");
+  const mesh::Lattice& page = facts.pages[block.page];
+  check_vertices(block, page, name);
+  if (facts.is_target) {
+    check_owners(block, entry, page, name);
+  } else if (!block.owner.empty() || !block.shifts.empty()) {
+    fail(name, "has texel runs, records or periods, which a source has not");
+  }
+  // Shifts are subtracted from texels: a large one would leave doubles no digits for the texel.
+  for (const auto& shift : block.shifts) {
+    if (std::abs(static_cast<double>(page.width) * shift[0]) > 2 * mesh::kLargestTexel ||
+        std::abs(static_cast<double>(page.height) * shift[1]) > 2 * mesh::kLargestTexel) {
+      fail(name, "has periods that span too many texels");
+    }
+  }
 }
 
 }  // namespace pounce::store

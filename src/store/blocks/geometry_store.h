@@ -9,7 +9,6 @@
 
 #include "store/blocks/block_store.h"
 #include "store/blocks/geometry_block.h"
-#include "store/blocks/geometry_check.h"
 
 namespace pounce::store {
 
@@ -51,8 +50,16 @@ struct GeometryDirectory : GeometryIndex {
   std::vector<std::uint64_t> page_texels;  ///< covered texel centres per page
 };
 
-/// Triangles of a mesh, or texels of a dense target: see BlockStore. The checks are those of
-/// geometry_check.h.
+/// What a job knows of a geometry pack before it has seen it.
+struct GeometryFacts {
+  bool is_target = false;
+  std::vector<mesh::Lattice> pages;
+  std::uint64_t triangles = 0;    ///< of the mesh
+  std::uint64_t most_blocks = 0;  ///< that it may have
+  bool has_colours = false;       ///< of vertices
+};
+
+/// Triangles of a mesh, or texels of a dense target: see BlockStore.
 struct GeometryCodec {
   using Entry = BlockEntry;
   using Tile = TileEntry;
@@ -77,17 +84,11 @@ struct GeometryCodec {
   }
   static std::uint64_t size_bytes(const Directory& directory, const Facts& facts);
 
-  static void check(const Directory& directory, const Facts& facts, const std::string& name) {
-    store::check(directory, facts, name);
-  }
-  static void check(const std::vector<Entry>& entries, const Tile&, const Directory& directory,
-                    const Facts& facts, const std::string& name) {
-    store::check(entries, directory, facts, name);
-  }
-  static void check(const Block& block, const Entry& entry, const Directory&, const Facts& facts,
-                    const std::string& name) {
-    store::check(block, entry, facts, name);
-  }
+  static void check(const Directory& directory, const Facts& facts, const std::string& name);
+  static void check(const std::vector<Entry>& entries, const Tile& tile, const Directory& directory,
+                    const Facts& facts, const std::string& name);
+  static void check(const Block& block, const Entry& entry, const Directory& directory,
+                    const Facts& facts, const std::string& name);
 };
 using GeometryStoreWriter = BlockStoreWriter<GeometryCodec>;
 using GeometryStore = BlockStore<GeometryCodec>;

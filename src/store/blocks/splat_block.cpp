@@ -1,4 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Gaussians are kept column by column, since that is how they are blended (one field of sixteen of
+// them in a register) and how they compress. Only means are stored as differences: blocks are cut
+// from an order in space, so neighbours are near, while sizes and rotations of neighbours have
+// little in common. Everything but the means was rounded to 16 bits beforehand, which makes one of
+// four byte planes zero.
+//
+// A decoder lets nothing through that a reader of scenes would not: no NaN, no size below 0, no
+// quaternion that is not one. Kernels rely on that and check nothing.
 #include "store/blocks/splat_block.h"
 
 #include <algorithm>
@@ -88,6 +97,7 @@ void round_for_store(Splat& splat) {
 Box3f splat_box(const Splat& splat) {
   const float w = splat.rotation[0], x = splat.rotation[1], y = splat.rotation[2],
               z = splat.rotation[3];
+  // Sigma = R S S R^T, so Sigma_xx is the squared length of R's first row times S, and so on.
   const auto half = [&](float mean, float r0, float r1, float r2) {
     const float a = r0 * splat.sigma.x, b = r1 * splat.sigma.y, c = r2 * splat.sigma.z;
     const float h = 3 * std::sqrt(a * a + b * b + c * c);
@@ -115,6 +125,7 @@ void SplatBlock::assign(std::span<const Splat> splats, std::uint32_t lobes_each,
                         std::span<const std::uint16_t> coefficients) {
   const std::size_t count = splats.size();
   bool normals = false;
+  // One that has a normal makes columns for all: the others' are zero, which compresses to nothing.
   for (const Splat& s : splats) normals |= s.normal != Vec3f{};
   for (auto& column : normal) column.clear();
   for_columns(*this, normals, [&](PageVector<float>& column, bool) { column.resize(count); });
@@ -126,10 +137,12 @@ void SplatBlock::assign(std::span<const Splat> splats, std::uint32_t lobes_each,
     alpha[i] = s.alpha;
     colour[0][i] = s.colour.x, colour[1][i] = s.colour.y, colour[2][i] = s.colour.z;
   }
+  // Not in the loop above: most scenes have no normals, and then their columns stay empty.
   for (std::size_t i = 0; normals && i < count; ++i) {
     const Vec3f& n = splats[i].normal;
     normal[0][i] = n.x, normal[1][i] = n.y, normal[2][i] = n.z;
   }
+  // Coefficients come one Gaussian after the other and are read coefficient by coefficient.
   lobes = lobes_each;
   const std::size_t columns = std::size_t{3} * lobes;
   sh.resize(columns * count);

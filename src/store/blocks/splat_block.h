@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "core/page_pool.h"
 #include "core/vec.h"
 
@@ -82,6 +82,16 @@ struct SplatBlock {
               std::span<const std::uint16_t> coefficients = {});
   /// Bytes of a decoded block of that many Gaussians, whole pages.
   static std::uint64_t decoded_bytes(std::size_t splats, bool normals, std::uint32_t lobes);
+};
+
+/// Gaussians on their way from a reader to the sort, in the source's order. Everything is in the
+/// job's axes, the harmonics too.
+struct SplatRows {
+  std::uint32_t lobes = 0;  ///< per Gaussian and channel, one of kLobesOfDegree
+  PageVector<Splat> splats;
+  /// Half floats, 3 * lobes per Gaussian: coefficient by coefficient in the order of 3DGS, red,
+  /// green and blue of each together. colour = Splat::colour + sum of basis(direction) * these.
+  PageVector<std::uint16_t> sh;
 };
 
 /// Serialises a block into `raw` (replaced), filtered for compression. Layout: docs/tile-format.md.

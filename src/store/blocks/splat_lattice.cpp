@@ -38,6 +38,8 @@ double power_of_two_above(double value) {
   return std::ldexp(1.0, fraction == 0.5 ? exponent - 1 : exponent);
 }
 
+/// Which cell of an axis; rises with `cells`. Beyond the straight part the upper bits of a double
+/// are such a code already: its exponent counts octaves, its mantissa divides each evenly.
 std::uint64_t axis_code(double cells) {
   const double a = std::abs(cells);
   std::uint64_t code;
@@ -87,6 +89,7 @@ SplatLattice::SplatLattice(std::span<const Splat> sample) {
       half = std::max(half, (static_cast<double>(high[k]) - static_cast<double>(low[k])) / 2);
     }
   };
+  // Outer tenths left out: a trained scene's background may be most of its extent.
   measure(0.1);
   if (half == 0) measure(0);  // most Gaussians stand in one place
   middle_ = {{low[0], low[1], low[2]}, {high[0], high[1], high[2]}};
@@ -126,11 +129,14 @@ std::uint64_t SplatLattice::key(const Splat& splat) const {
 }
 
 int SplatLattice::distance(std::uint64_t key, std::uint64_t next) {
+  // Three bits of a Morton code to a level: the highest bit in which they differ tells the cube.
   if (key_size_class(key) != key_size_class(next)) return 64;
   return (static_cast<int>(std::bit_width(key ^ next)) + 2) / 3;
 }
 
 std::size_t splat_cut(std::span<const std::uint64_t> keys, std::size_t most, bool ended) {
+  // A cut at a wide gap makes two small boxes of one large one. None in the first quarter, and the
+  // last of equal gaps: where all gaps are alike, as on a grid, blocks stay full.
   const std::size_t last = std::min(most, keys.size());
   std::size_t best = last;
   int widest = -1;

@@ -6,7 +6,7 @@
 #include <optional>
 #include <span>
 
-#include "core/box.h"
+#include "core/bounds.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::store {

@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The index of a splat pack as bytes, and what it says held against what the job knows, as in
+// geometry_store.cpp. The row of a file ends either in a block or in one of the counts of what was
+// left out, so together they must be as many as the file has: a pack that lost some is noticed.
 #include "store/blocks/splat_store.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <string_view>
+#include <tuple>
 
 #include "pounce/error.h"
 #include "pounce/report.h"
-#include "store/pack/chunk_fields.h"
+#include "store/pack/pack_layout.h"
 
 namespace pounce::store {
 namespace {
@@ -17,6 +22,16 @@ constexpr std::size_t kTileBytes = 48;
 constexpr std::size_t kHeaderBytes = 180;
 constexpr std::uint32_t kHasNormals = 1, kIsLinear = 2;
 
+/// Calls visit(fields...) with the numbers of a directory, in the order of the format.
+constexpr auto for_directory = [](auto& d, const auto& visit) {
+  std::apply(
+      [&](auto&... filtered) {
+        visit(d.surface_noise, d.splats, filtered..., d.most_splats, d.most_blocks,
+              d.largest_chunk_bytes, d.lobes, d.roundness, d.typical_size, d.thickness);
+      },
+      d.filtered);
+};
+
 [[noreturn]] void fail(const std::string& name, const char* why) {
   throw Error(ErrorKind::damaged_store, name + " " + why);
 }
@@ -24,12 +39,14 @@ constexpr std::uint32_t kHasNormals = 1, kIsLinear = 2;
 }  // namespace
 
 const char* filter_name(SplatFilter filter) {
+  // In the order of the enumeration, which is that of the format.
   constexpr std::array<const char*, kSplatFilters> kNames{
       "not_finite", "zero_quaternion", "transparent", "sizeless",    "exploded",
       "far",        "faint",           "too_large",   "outside_box", "out_of_reach"};
   return kNames[static_cast<std::size_t>(filter)];
 }
 
+// In the order of left_out_reasons() and not of the format: users read what they asked for first.
 std::string filtered_text(const SplatCounts& counts) {
   std::map<std::string_view, std::uint64_t> by_key;
   for (std::size_t k = 0; k < counts.size(); ++k)
@@ -43,7 +60,8 @@ std::string filtered_text(const SplatCounts& counts) {
 }
 
 std::uint64_t SplatCodec::most_directory_bytes(const Facts& facts, std::uint64_t pack_bytes) {
-  // Every tile has a Gaussian, and two chunks of the pack.
+  // Every tile has a Gaussian, and two chunks of the pack. Where the number of rows is not known
+  // beforehand (a mesh's texels) the pack's own size bounds it: a small file cannot ask for much.
   return kHeaderBytes + facts.rows.value_or(pack_bytes / 32) * kTileBytes;
 }
 
@@ -52,6 +70,7 @@ void SplatCodec::count(const Entry& entry, Index& index) {
   index.most_splats = std::max(index.most_splats, entry.splats);
 }
 
+// A change of class cuts blocks and tiles (splat_cut()), so the first entry speaks for all.
 SplatTile SplatCodec::tile_of(const Entry& first) {
   Tile tile;
   tile.size_class = first.size_class;
@@ -59,50 +78,37 @@ SplatTile SplatCodec::tile_of(const Entry& first) {
 }
 
 void SplatCodec::put(const Entry& entry, ByteWriter& out) {
-  out.put(entry.splats);
-  out.put(entry.size_class);
+  out.put_all(entry.splats, entry.size_class);
   put_box(out, entry.box);
   put_chunk(out, entry.chunk);
 }
 
 SplatEntry SplatCodec::get_entry(ByteReader& in) {
   Entry entry;
-  entry.splats = in.get<std::uint32_t>();
-  entry.size_class = in.get<std::uint32_t>();
+  in.get_all(entry.splats, entry.size_class);
   entry.box = get_box(in);
   entry.chunk = get_chunk(in);
   return entry;
 }
 
 void SplatCodec::put(const Directory& directory, ByteWriter& out) {
-  out.put(static_cast<std::uint32_t>(directory.tiles.size()));
-  out.put((directory.has_normals ? kHasNormals : 0U) | (directory.is_linear ? kIsLinear : 0U));
-  out.put(static_cast<std::uint32_t>(directory.model));
-  out.put(directory.surface_noise);
-  out.put(directory.splats);
-  for (const std::uint64_t count : directory.filtered) out.put(count);
-  for (const std::uint32_t v : {directory.most_splats, directory.most_blocks,
-                                directory.largest_chunk_bytes, directory.lobes}) {
-    out.put(v);
-  }
-  out.put(directory.roundness);
-  out.put(directory.typical_size);
-  out.put(directory.thickness);
+  out.put_all(static_cast<std::uint32_t>(directory.tiles.size()),
+              (directory.has_normals ? kHasNormals : 0U) | (directory.is_linear ? kIsLinear : 0U),
+              static_cast<std::uint32_t>(directory.model));
+  for_directory(directory, [&](const auto&... fields) { out.put_all(fields...); });
   put_box(out, directory.box);
   put_box(out, directory.middle_box);
   for (const SplatTile& tile : directory.tiles) {
     put_box(out, tile.box);
     put_chunk(out, tile.index_page);
-    out.put(tile.blocks);
-    out.put(tile.size_class);
+    out.put_all(tile.blocks, tile.size_class);
   }
 }
 
 SplatDirectory SplatCodec::get_directory(ByteReader& in) {
   SplatDirectory directory;
-  const auto tiles = in.get<std::uint32_t>();
-  const auto flags = in.get<std::uint32_t>();
-  const auto model = in.get<std::uint32_t>();
+  std::uint32_t tiles, flags, model;
+  in.get_all(tiles, flags, model);
   if ((flags & ~(kHasNormals | kIsLinear)) != 0 ||
       model > static_cast<std::uint32_t>(SplatModel::flat)) {
     in.fail("has impossible flags");
@@ -110,16 +116,8 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
   directory.has_normals = (flags & kHasNormals) != 0;
   directory.is_linear = (flags & kIsLinear) != 0;
   directory.model = static_cast<SplatModel>(model);
-  directory.surface_noise = in.get<float>();
-  directory.splats = in.get<std::uint64_t>();
-  for (std::uint64_t& count : directory.filtered) count = in.get<std::uint64_t>();
-  for (std::uint32_t* v : {&directory.most_splats, &directory.most_blocks,
-                           &directory.largest_chunk_bytes, &directory.lobes}) {
-    *v = in.get<std::uint32_t>();
-  }
-  directory.roundness = in.get<float>();
-  directory.typical_size = in.get<float>();
-  directory.thickness = in.get<float>();
+  for_directory(directory, [&](auto&... fields) { in.get_all(fields...); });
+  // These size buffers and steer the search, so a NaN or a number beyond reason ends here.
   if (directory.most_splats > kMostSplatsPerBlock ||
       directory.most_blocks > kMostBlocksPerSplatTile ||
       directory.largest_chunk_bytes > kLargestSplatBytes ||
@@ -138,8 +136,7 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
   for (SplatTile& tile : directory.tiles) {
     tile.box = get_box(in);
     tile.index_page = get_chunk(in);
-    tile.blocks = in.get<std::uint32_t>();
-    tile.size_class = in.get<std::uint32_t>();
+    in.get_all(tile.blocks, tile.size_class);
     if (tile.blocks == 0 || tile.blocks > directory.most_blocks) {
       in.fail("has a tile of an impossible number of blocks");
     }
@@ -148,6 +145,7 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
 }
 
 void SplatCodec::check(const Directory& directory, const Facts& facts, const std::string& name) {
+  // A row of the file is either in a block or in one of the counts.
   std::uint64_t rows = directory.splats;
   for (const std::uint64_t count : directory.filtered) rows += count;
   if (rows != facts.rows.value_or(rows) || directory.model != facts.model ||
@@ -155,6 +153,8 @@ void SplatCodec::check(const Directory& directory, const Facts& facts, const std
     fail(name, "is of another scene than its key stands for");
 }
 
+// The index sizes the buffers of a walk before any block is read, so each entry must keep to what
+// the directory said of all.
 void SplatCodec::check(const std::vector<Entry>& entries, const Tile& tile,
                        const Directory& directory, const Facts&, const std::string& name) {
   for (const Entry& entry : entries) {
@@ -166,6 +166,7 @@ void SplatCodec::check(const std::vector<Entry>& entries, const Tile& tile,
   }
 }
 
+// decode_splats() has looked at every Gaussian; what is left is whether it is the block meant.
 void SplatCodec::check(const Block& block, const Entry& entry, const Directory& directory,
                        const Facts&, const std::string& name) {
   if (block.size() != entry.splats || block.lobes != directory.lobes ||

@@ -1,14 +1,80 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// What a tile cache looks like on disk: names, what a look around finds, and the room it takes.
+// docs/cache.md tells it to users.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
+#include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "core/file.h"
-#include "store/cache/cache_layout.h"
+#include "core/hash.h"
+#include "store/pack/pack.h"
 
 namespace pounce::store {
+
+/// Every kind that has a folder of its own. A new kind of pack is added here and in kind_name().
+inline constexpr std::array kCachedKinds = {PackKind::geometry, PackKind::colour, PackKind::results,
+                                            PackKind::splats};
+/// "geometry", "colour", ...: also the folder's name.
+const char* kind_name(PackKind kind);
+
+/// Names below a cache's root.
+class CacheLayout {
+ public:
+  /// `root` without the version.
+  explicit CacheLayout(const std::string& root);
+  const std::string& folder() const { return folder_; }  ///< with the version
+  std::string kind_folder(PackKind kind) const;
+  std::string pack(PackKind kind, const Hash128& key) const;
+  std::string label(PackKind kind,
+                    const Hash128& key) const;  ///< text: what the pack was made from
+  std::string key_lock(PackKind kind, const Hash128& key) const;  ///< held while the pack is made
+  std::string locks_folder() const { return folder_ + "/locks"; }
+  std::string parts_folder() const { return folder_ + "/tmp"; }
+  std::string space_lock() const { return folder_ + "/space.lock"; }
+  std::string hash_memo() const;  ///< of this user
+
+ private:
+  std::string folder_;
+};
+
+/// One published pack.
+struct CachedObject {
+  PackKind kind = PackKind::geometry;
+  Hash128 key;
+  std::string path, label_path;   ///< label_path is empty if it has none
+  std::uint64_t size_bytes = 0;   ///< of the pack file
+  std::uint64_t taken_bytes = 0;  ///< room it takes, its label included
+  std::int64_t last_used_ns = 0;  ///< since 1970
+};
+
+/// What lies in a cache at one moment. Files that come or go meanwhile are seen or not.
+struct CacheScan {
+  std::vector<CachedObject> objects;  ///< by last use, longest ago first; equal times by path
+  std::vector<std::string> orphans;   ///< labels whose packs are gone
+  std::uint64_t parts = 0;            ///< packs that are being written
+  std::uint64_t part_bytes = 0;       ///< their room, at the length they reserved
+  std::uint64_t total_bytes = 0;      ///< room that all files and folders below the root take
+};
+CacheScan scan_cache(FileSystem& files, const CacheLayout& layout);
+
+/// Room on disk for a file of that size: whole pages. Independent of the file system, holes count.
+constexpr std::uint64_t room_bytes(std::uint64_t size_bytes) {
+  return (size_bytes + 4095) / 4096 * 4096;
+}
+
+/// The limit of a cache for which none was given: a tenth of the file system that holds it, or
+/// will.
+std::uint64_t default_limit_bytes(FileSystem& files, const std::string& root);
+
+/// The key that 32 hexadecimal digits say.
+std::optional<Hash128> key_from_hex(const std::string& text);
 
 /// What evict() left and took.
 struct Evicted {

@@ -1,4 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Bytes before and after zstd, which finds repeated bytes and knows nothing of numbers. Two filters
+// help it: delta turns neighbours that are alike into small numbers, and shuffle puts bytes of
+// equal weight side by side, so that their upper bytes become long runs of zeros. What is left for
+// zstd is so simple that its lowest level is within 2 to 4 % of level 3.
+//
+// Every texel that is read goes through the inverses, so they are written as loops that compilers
+// turn into vector code: fixed widths, no aliasing, no branches inside.
+//
+// Frames come from files that others may have written. Before zstd is let at one, it must say how
+// long its content is and be exactly one frame; what comes out must be exactly what was announced.
 #include "store/pack/codec.h"
 
 #include <fmt/format.h>
@@ -9,6 +20,7 @@
 #include <array>
 #include <bit>
 #include <cstring>
+#include <functional>
 #include <new>
 
 #include "pounce/error.h"
@@ -35,6 +47,7 @@ void check_zstd(std::size_t code, const char* what) {
                   what));
 }
 
+// The three below are asked by code of ours: what they find is a mistake here, not in a file.
 void check_elements(std::size_t from, std::size_t to, std::size_t element_bytes) {
   if (element_bytes == 0 || from != to || from % element_bytes != 0) {
     throw Error(ErrorKind::internal,
@@ -68,21 +81,12 @@ void check_delta(std::size_t bytes, std::size_t element_bytes, std::size_t strid
 // the compiler that nothing overlaps, and cost nothing once the loops are vectors.
 constexpr std::size_t kStep = 64;
 
-template <class T>
-void subtract(std::byte* to, const std::byte* from, std::size_t count) {
+template <class T, class Operation>
+void combine(std::byte* to, const std::byte* from, std::size_t count, Operation operation) {
   std::array<T, kStep> a, b;
   std::memcpy(a.data(), to, count * sizeof(T));
   std::memcpy(b.data(), from, count * sizeof(T));
-  for (std::size_t i = 0; i < count; ++i) a[i] = static_cast<T>(a[i] - b[i]);
-  std::memcpy(to, a.data(), count * sizeof(T));
-}
-
-template <class T>
-void add(std::byte* to, const std::byte* from, std::size_t count) {
-  std::array<T, kStep> a, b;
-  std::memcpy(a.data(), to, count * sizeof(T));
-  std::memcpy(b.data(), from, count * sizeof(T));
-  for (std::size_t i = 0; i < count; ++i) a[i] = static_cast<T>(a[i] + b[i]);
+  for (std::size_t i = 0; i < count; ++i) a[i] = static_cast<T>(operation(a[i], b[i]));
   std::memcpy(to, a.data(), count * sizeof(T));
 }
 
@@ -93,7 +97,8 @@ void delta_of(std::span<std::byte> elements, std::size_t stride) {
   while (end > stride) {
     const std::size_t n = std::min(kStep, end - stride);
     end -= n;
-    subtract<T>(&elements[end * sizeof(T)], &elements[(end - stride) * sizeof(T)], n);
+    combine<T>(&elements[end * sizeof(T)], &elements[(end - stride) * sizeof(T)], n,
+               std::minus<>());
   }
 }
 
@@ -116,8 +121,8 @@ void undelta_of(std::span<std::byte> elements, std::size_t stride) {
   }
   const std::size_t step = std::min(stride, kStep);  // below this the elements added are final
   for (std::size_t begin = stride; begin < count; begin += step) {
-    add<T>(&elements[begin * sizeof(T)], &elements[(begin - stride) * sizeof(T)],
-           std::min(step, count - begin));
+    combine<T>(&elements[begin * sizeof(T)], &elements[(begin - stride) * sizeof(T)],
+               std::min(step, count - begin), std::plus<>());
   }
 }
 
@@ -134,6 +139,7 @@ void shuffle_of(const std::byte* __restrict elements, std::size_t count,
   }
 }
 
+// Every block that is read goes through one of these: the two widths that stores use, written out.
 void unshuffle2(const std::byte* __restrict planes, std::size_t count,
                 std::byte* __restrict elements) {
   for (std::size_t i = 0; i < count; ++i) {
@@ -178,6 +184,7 @@ std::uint64_t estimated_bytes(std::span<const std::byte> raw) {
     for (std::uint32_t c = 1; c <= kChunk; ++c) table[c] = std::uint64_t{c} * log2_steps(c);
     return table;
   }();
+  // The entropy of n bytes of which c are of one value: n log2 n - sum of c log2 c, in bits.
   std::uint64_t steps = 0;
   for (; !raw.empty(); raw = raw.subspan(std::min(kChunk, raw.size()))) {
     const auto chunk = raw.first(std::min(kChunk, raw.size()));
@@ -224,6 +231,7 @@ void Compressor::compress(std::span<const std::byte> raw, std::vector<std::byte>
                           int level) {
   check_zstd(ZSTD_CCtx_setParameter(contexts_->compress, ZSTD_c_compressionLevel, level),
              "set the level");
+  // Whatever the bytes are they fit: no second try with a larger buffer.
   stored.resize(ZSTD_compressBound(raw.size()));
   const std::size_t size =
       ZSTD_compress2(contexts_->compress, stored.data(), stored.size(), raw.data(), raw.size());
@@ -245,6 +253,7 @@ void Compressor::decompress(std::span<const std::byte> stored, std::span<std::by
     damaged("its frame does not end where it should");
   const std::size_t size = ZSTD_decompressDCtx(contexts_->decompress, raw.data(), raw.size(),
                                                stored.data(), stored.size());
+  // Too little memory is no damage: the pack must not be thrown away for it.
   if (ZSTD_getErrorCode(size) == ZSTD_error_memory_allocation) throw std::bad_alloc();
   if (ZSTD_isError(size)) damaged(ZSTD_getErrorName(size));
   if (size != raw.size()) damaged(fmt::format("{} of {} bytes came out", size, raw.size()));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -51,20 +52,27 @@ PackInfo read_pack_info(const ReadFile& file, const std::string& name);
 class PackWriter {
  public:
   PackWriter(std::unique_ptr<WriteFile> file, PackKind kind, const Hash128& key);
-  ~PackWriter();
   /// `stored` is the zstd frame of raw_bytes bytes.
   ChunkRef append(ChunkKind kind, std::span<const std::byte> stored, std::uint32_t raw_bytes);
   /// Writes the footer. `directory` is the chunk a reader starts from.
   void finish(const ChunkRef& directory);
-  std::uint64_t size_bytes() const;
-  WriteFile& file();
-  PackKind kind() const;
-  const Hash128& key() const;
-  bool finished() const;
+  std::uint64_t size_bytes() const { return size_; }
+  WriteFile& file() { return *file_; }
+  PackKind kind() const { return kind_; }
+  const Hash128& key() const { return key_; }
+  bool finished() const { return finished_; }
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  void write(std::span<const std::byte> bytes);
+
+  const std::unique_ptr<WriteFile> file_;
+  const PackKind kind_;
+  const Hash128 key_;
+  std::uint64_t size_ = 0;  ///< what was appended, whatever the file buffers
+  std::uint64_t chunks_ = 0;
+  bool finished_ = false;
+  bool broken_ = false;           ///< an append failed: what the file holds is not known any more
+  std::vector<std::byte> chunk_;  ///< one chunk as it goes to the file, reused
 };
 
 /// Reads a finished pack. read() is thread-safe. A wrong magic, version, kind, key, size or
@@ -72,21 +80,31 @@ class PackWriter {
 class PackReader {
  public:
   PackReader(std::unique_ptr<ReadFile> file, std::string name, PackKind kind, const Hash128& key);
-  ~PackReader();
-  ChunkRef directory() const;
+  ChunkRef directory() const { return directory_; }
   /// Reads one chunk's stored payload into `stored` (exactly ref.stored_bytes) and checks its
   /// header (kind, sizes, its own offset) and checksum. The header is read with the payload in one
   /// pread.
   void read(const ChunkRef& ref, ChunkKind kind, std::vector<std::byte>& stored) const;
   /// Reads and checks every chunk from the header to the footer; returns how many there are.
   std::uint64_t verify() const;
-  std::uint64_t size_bytes() const;
-  std::uint64_t bytes_read() const;  ///< so far
-  const std::string& name() const;
+  std::uint64_t size_bytes() const { return size_; }
+  std::uint64_t bytes_read() const { return bytes_read_; }  ///< so far
+  const std::string& name() const { return name_; }
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  void read_raw(std::uint64_t offset, std::span<std::byte> out) const;
+  void read_header(PackKind kind);
+  void read_footer();
+  void check_ref(const ChunkRef& ref) const;
+  [[noreturn]] void damaged(std::uint64_t offset, const std::string& what) const;
+
+  const std::unique_ptr<ReadFile> file_;
+  const std::string name_;
+  const Hash128 key_;
+  const std::uint64_t size_;
+  ChunkRef directory_;
+  std::uint64_t chunks_ = 0;
+  mutable std::atomic<std::uint64_t> bytes_read_{0};
 };
 
 }  // namespace pounce::store

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The bytes of a pack file, shared by its writer and its reader. docs/tile-format.md is the
-// specification.
+// The bytes of a pack file, shared by its writer and its reader, and the fields that index pages
+// and directories of every kind of pack have. docs/tile-format.md is the specification; stores are
+// little endian, as is every machine that they are written on (core/bytes.h asserts it).
 #pragma once
 
 #include <array>
@@ -10,6 +11,8 @@
 #include <cstring>
 #include <span>
 
+#include "core/bounds.h"
+#include "core/bytes.h"
 #include "core/hash.h"
 #include "store/pack/pack.h"
 
@@ -25,20 +28,16 @@ inline constexpr std::size_t kEndChecksumOffset = 56;
 /// there: the same bytes at another place do not match.
 inline constexpr std::size_t kChunkChecksumOffset = 16;
 
-inline void put_u32(std::byte* to, std::uint32_t value) {
-  for (unsigned i = 0; i < 4; ++i) to[i] = static_cast<std::byte>(value >> (8 * i));
-}
-inline void put_u64(std::byte* to, std::uint64_t value) {
-  for (unsigned i = 0; i < 8; ++i) to[i] = static_cast<std::byte>(value >> (8 * i));
-}
+inline void put_u32(std::byte* to, std::uint32_t value) { std::memcpy(to, &value, sizeof value); }
+inline void put_u64(std::byte* to, std::uint64_t value) { std::memcpy(to, &value, sizeof value); }
 inline std::uint32_t get_u32(const std::byte* from) {
-  std::uint32_t value = 0;
-  for (unsigned i = 0; i < 4; ++i) value |= std::to_integer<std::uint32_t>(from[i]) << (8 * i);
+  std::uint32_t value;
+  std::memcpy(&value, from, sizeof value);
   return value;
 }
 inline std::uint64_t get_u64(const std::byte* from) {
-  std::uint64_t value = 0;
-  for (unsigned i = 0; i < 8; ++i) value |= std::to_integer<std::uint64_t>(from[i]) << (8 * i);
+  std::uint64_t value;
+  std::memcpy(&value, from, sizeof value);
   return value;
 }
 
@@ -53,6 +52,39 @@ constexpr std::uint64_t chunk_file_bytes(std::uint32_t stored_bytes) {
 inline std::uint64_t chunk_checksum(std::span<std::byte> chunk, std::uint64_t offset) {
   put_u64(chunk.data() + kChunkChecksumOffset, offset);
   return checksum(chunk);
+}
+
+inline void put_chunk(ByteWriter& out, const ChunkRef& chunk) {
+  out.put(chunk.offset);
+  out.put(chunk.stored_bytes);
+  out.put(chunk.raw_bytes);
+}
+
+/// A chunk's place is also its name in memory (runtime/block_cache.h), so it is checked
+/// here, long before anything is read from it.
+inline ChunkRef get_chunk(ByteReader& in) {
+  ChunkRef chunk;
+  chunk.offset = in.get<std::uint64_t>();
+  chunk.stored_bytes = in.get<std::uint32_t>();
+  chunk.raw_bytes = in.get<std::uint32_t>();
+  if (chunk.offset < kPackHeaderBytes || chunk.offset % kChunkAlignment != 0 ||
+      chunk.stored_bytes > kLargestChunkBytes || chunk.raw_bytes > kLargestChunkBytes) {
+    in.fail("names a chunk that cannot be");
+  }
+  return chunk;
+}
+
+inline void put_box(ByteWriter& out, const Box3f& box) {
+  for (const float v : {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z}) out.put(v);
+}
+
+/// A box, or the empty one; never one with NaN in it.
+inline Box3f get_box(ByteReader& in) {
+  Box3f box;
+  for (float* v : {&box.lo.x, &box.lo.y, &box.lo.z, &box.hi.x, &box.hi.y, &box.hi.z})
+    *v = in.get<float>();
+  if (box.empty() && box != Box3f()) in.fail("has a box that is none");
+  return box;
 }
 
 }  // namespace pounce::store

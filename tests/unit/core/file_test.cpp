@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "support/bytes.h"
+#include "support/memory_file_system.h"
 #include "support/test_data.h"
 
 namespace pounce {
@@ -24,7 +25,7 @@ using test::random_bytes;
 
 /// One of the two file systems with a folder to work in.
 struct Place {
-  explicit Place(bool on_disk) : memory(on_disk ? nullptr : make_memory_file_system()) {
+  explicit Place(bool on_disk) : memory(on_disk ? nullptr : test::make_memory_file_system()) {
     files().make_folders(root());
   }
   FileSystem& files() { return memory ? *memory : posix_file_system(); }
@@ -259,6 +260,73 @@ TEST_CASE("a write that the system cuts short fails whole and may be repeated", 
   file->append(part(401'000, 299'000));
   file->sync();
   CHECK(test::read_whole(posix_file_system(), folder.file("limited")) == bytes);
+}
+
+/// Scratch files that are counted.
+struct Counted {
+  explicit Counted(std::uint64_t limit)
+      : account(std::make_shared<ScratchAccount>(limit, [] { return std::string("too much"); })) {}
+  test::TempFolder folder;
+  std::shared_ptr<ScratchAccount> account;
+  std::unique_ptr<FileSystem> files = make_counting_file_system(account);
+  ScratchFolder scratch{files.get(), folder.path().string()};
+};
+
+void append_some(WriteFile& file, std::size_t bytes) {
+  file.append(std::vector<std::byte>(bytes, std::byte{7}));
+}
+
+TEST_CASE("scratch files keep to their limit together", "[core]") {
+  const Counted counted(100);
+  auto first = counted.scratch.create();
+  const auto second = counted.scratch.create();
+  append_some(*first, 60);
+  append_some(*second, 40);
+  REQUIRE_THROWS_WITH(append_some(*second, 1), "too much");
+  CHECK(second->size_bytes() == 40);  // nothing of it
+  append_some(*second, 0);
+
+  auto reader = first->reader();
+  first.reset();
+  REQUIRE_THROWS_AS(append_some(*second, 1), Error);  // its reader still has it
+  std::vector<std::byte> read(60);
+  reader->read(0, read);
+  CHECK(read.back() == std::byte{7});
+  reader.reset();
+  CHECK(counted.account->peak_bytes() == 100);
+  append_some(*second, 60);
+  REQUIRE_THROWS_AS(append_some(*second, 1), Error);
+}
+
+TEST_CASE("what scratch files took at most is known without a limit", "[core]") {
+  const Counted counted(0);
+  CHECK(counted.account->peak_bytes() == 0);
+  auto first = counted.scratch.create();
+  append_some(*first, 60);
+  first.reset();
+  const auto second = counted.scratch.create();
+  append_some(*second, 50);
+  CHECK(counted.account->peak_bytes() == 60);
+  append_some(*second, 50);
+  CHECK(counted.account->peak_bytes() == 100);
+}
+
+TEST_CASE("files with names have no limit", "[core]") {
+  const Counted counted(10);
+  const auto named = counted.files->create(counted.folder.file("named"));
+  append_some(*named, 1000);
+  CHECK(named->size_bytes() == 1000);
+  CHECK(counted.account->peak_bytes() == 0);
+}
+
+TEST_CASE("the limit is a tenth of what is free, a GiB at least", "[core]") {
+  constexpr std::uint64_t kGiB = 1ULL << 30;
+  FileSystem& disk = posix_file_system();
+  const std::uint64_t free = disk.free_bytes("/");
+  const std::uint64_t limit = default_scratch_limit(disk, "/");
+  CHECK(limit >= kGiB);
+  if (free / 12 > kGiB) CHECK((limit > free / 12 && limit < free / 8));
+  CHECK_THROWS_AS(default_scratch_limit(disk, "/no such folder"), Error);
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include <fstream>
 #include <string>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "io/splats/scene.h"
 #include "pounce/error.h"
 #include "support/splat_encoders.h"

@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 #include <thread>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "pounce/error.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"

@@ -11,12 +11,13 @@
 #include <fstream>
 #include <thread>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "io/files/output_file.h"
 #include "io/image/sample.h"
 #include "io/image/write.h"
 #include "pounce/error.h"
 #include "support/failing_file_system.h"
+#include "support/memory_file_system.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"
 
@@ -265,7 +266,7 @@ TEST_CASE("a PNG at the end of a scratch file has the bytes of one with a name",
   const ImageWriteSpec spec{300, 200, 4, depth, false, true};
   const auto samples = make_samples(spec);
   write(folder.file("a.png"), spec, samples);
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   const auto scratch = files->create_scratch(".");
   scratch->append(std::as_bytes(std::span("before", 6)));
   ImageWriter writer(*scratch, spec);
@@ -281,7 +282,7 @@ TEST_CASE("a PNG at the end of a scratch file has the bytes of one with a name",
 }
 
 TEST_CASE("a scratch file that fails ends the encoding with its reason", "[image][write]") {
-  const auto real = make_memory_file_system();
+  const auto real = test::make_memory_file_system();
   const ImageWriteSpec spec{512, 512, 4, Depth::u8, false, true};
   const auto samples = make_samples(spec);
   test::FailingFileSystem files(*real);

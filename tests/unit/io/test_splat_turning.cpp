@@ -9,7 +9,7 @@
 #include <random>
 #include <vector>
 
-#include "core/sh_basis.h"
+#include "core/directions.h"
 #include "io/splats/placement.h"
 #include "io/splats/sh_rotation.h"
 

@@ -14,8 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "core/half.h"
-#include "core/log.h"
+#include "core/portable_math.h"
 #include "io/splats/placement.h"
 #include "io/splats/scene.h"
 #include "io/splats/upright.h"

@@ -7,6 +7,7 @@
 #include "io/splats/stored_zip.h"
 #include "pounce/error.h"
 #include "support/bytes.h"
+#include "support/memory_file_system.h"
 #include "support/test_data.h"
 #include "support/vp8l_builder.h"
 
@@ -52,7 +53,7 @@ struct ZipBuilder {
 };
 
 std::vector<io::StoredEntry> read(const std::string& bytes) {
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   files->create("s.sog")->append(std::as_bytes(std::span(bytes)));
   return io::read_stored_zip(*files->open("s.sog"), "s.sog");
 }
@@ -93,7 +94,7 @@ TEST_CASE("an archive without entries has none", "[zip]") {
 }
 
 TEST_CASE("archives are known by how they begin", "[zip]") {
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   const auto is_zip = [&](const std::string& bytes) {
     test::write_whole(*files, "a", std::as_bytes(std::span(bytes)));
     return io::is_zip(*files->open("a"));

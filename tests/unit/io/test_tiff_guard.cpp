@@ -9,7 +9,7 @@
 #include <cmath>
 #include <map>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "pounce/error.h"
 #include "unit/io/image_files.h"
 

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "io/splats/stored_zip.h"
+#include "support/memory_file_system.h"
 #include "support/resident_memory.h"
 #include "support/test_data.h"
 #include "support/vp8l_builder.h"
@@ -295,7 +296,7 @@ TEST_CASE("the images of real scenes are decoded as libwebp does", "[vp8l]") {
       ++images;
     }
   }
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   const auto scratch = files->create_scratch("/");
   for (const char* bundle : {"captures/angel.sog", "captures/narcissus.sog"}) {
     const std::string path = (*data / bundle).string();
@@ -322,7 +323,7 @@ TEST_CASE("memory does not grow with the number of pixels", "[vp8l][memory]") {
   };
   const auto peak_of = [&](std::uint32_t height) {
     const std::string bytes = file_of(height);
-    const auto files = make_memory_file_system();
+    const auto files = test::make_memory_file_system();
     files->create("a.webp")->append(std::as_bytes(std::span(bytes)));
     const auto file = files->open("a.webp");
     const auto scratch = files->create_scratch("/");

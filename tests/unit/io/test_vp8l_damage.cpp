@@ -5,6 +5,7 @@
 #include "pounce/error.h"
 #include "support/bytes.h"
 #include "support/failing_file_system.h"
+#include "support/memory_file_system.h"
 #include "support/vp8l_builder.h"
 #include "unit/io/vp8l_images.h"
 
@@ -287,7 +288,7 @@ TEST_CASE("images with wrong bytes are refused or decoded as libwebp does", "[vp
 
 TEST_CASE("a scratch file that fails ends the work as what it is", "[vp8l]") {
   const std::string bytes = test::RandomVp8l(0, {40, 40}).file();
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   files->create("a.webp")->append(std::as_bytes(std::span(bytes)));
   test::FailingFileSystem failing(*files);
   const auto run = [&] {

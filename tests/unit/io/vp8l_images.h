@@ -10,6 +10,7 @@
 
 #include "core/file.h"
 #include "io/splats/vp8l.h"
+#include "support/memory_file_system.h"
 
 namespace pounce::test {
 
@@ -39,7 +40,7 @@ inline Rgba decode(const ReadFile& file, std::uint64_t at, std::uint64_t count,
 }
 
 inline Rgba decode(const std::string& bytes) {
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   files->create("a.webp")->append(std::as_bytes(std::span(bytes)));
   const auto scratch = files->create_scratch("/");
   return decode(*files->open("a.webp"), 0, bytes.size(), "a.webp", *scratch);

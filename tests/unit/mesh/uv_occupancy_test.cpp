@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mesh/uv_occupancy.h"
-
 #include <catch2/catch.hpp>
 #include <string>
 
 #include "mesh/block_bins.h"
+#include "mesh/uv_raster.h"
 #include "support/random.h"
 
 using namespace pounce;

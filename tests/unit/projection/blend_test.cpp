@@ -9,7 +9,7 @@
 #include <limits>
 #include <numeric>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "support/random.h"
 
 using namespace pounce;

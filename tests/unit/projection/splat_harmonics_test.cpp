@@ -5,8 +5,8 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "core/half.h"
-#include "core/sh_basis.h"
+#include "core/directions.h"
+#include "core/portable_math.h"
 #include "support/slow_harmonics.h"
 #include "unit/projection/splat_packets.h"
 

@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 #include "source/splat_shapes.h"
 #include "support/splat_scenes.h"
 

@@ -5,6 +5,7 @@
 
 #include "store/cache/store_folder.h"
 #include "support/bytes.h"
+#include "support/memory_file_system.h"
 #include "support/random.h"
 
 using namespace pounce;
@@ -82,7 +83,7 @@ TEST_CASE("a filtered tile comes back for every depth and number of channels") {
 
 TEST_CASE("a colour store gives back its tiles whatever order the rows came in") {
   Random random(10);
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   const auto folder = StoreFolder::make_scratch(*files, "/scratch");
   Compressor compressor;
   ColourDirectory d = image(3, Depth::u16);

@@ -6,6 +6,7 @@
 
 #include "store/cache/store_folder.h"
 #include "support/bytes.h"
+#include "support/memory_file_system.h"
 #include "unit/store/random_block.h"
 
 using namespace pounce;
@@ -32,7 +33,7 @@ bool contains(const Box3f& outer, const Box3f& inner) {
 
 TEST_CASE("a geometry store gives back its tiles, blocks and directory") {
   Random random(6);
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   const auto folder = StoreFolder::make_scratch(*files, "/scratch");
   Compressor compressor;
   GeometryStoreWriter writer(folder->create(PackKind::geometry, {1, 2}));

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "support/bytes.h"
+#include "support/memory_file_system.h"
 #include "support/random.h"
 
 namespace pounce::store {
@@ -140,7 +141,7 @@ TEST_CASE("splat blocks come back as they went in", "[tiles]") {
 }
 
 TEST_CASE("a splat store gives back its tiles, entries and blocks", "[tiles]") {
-  const auto files = make_memory_file_system();
+  const auto files = test::make_memory_file_system();
   constexpr Hash128 kKey{1, 2};
   Compressor compressor;
   std::mt19937 random(2);

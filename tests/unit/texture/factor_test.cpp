@@ -3,7 +3,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "core/srgb.h"
+#include "core/colour_space.h"
 
 using namespace pounce;
 using namespace pounce::texture;

@@ -6,8 +6,8 @@
 #include <limits>
 #include <map>
 
-#include "core/half.h"
-#include "core/level_size.h"
+#include "core/portable_math.h"
+#include "mesh/lattice.h"
 
 using namespace pounce;
 using texture::MipLevels;
@@ -21,7 +21,7 @@ std::map<std::uint32_t, std::vector<std::byte>> levels_of(ImageSize size, std::u
                                                           std::uint32_t together) {
   std::map<std::uint32_t, std::vector<std::byte>> levels;
   std::vector<std::size_t> row_bytes;
-  for (ImageSize level = size;; level = next_level_size(level)) {
+  for (ImageSize level = size;; level = mesh::next_level_size(level)) {
     row_bytes.push_back(level.width * channels * sample_bytes);
     if (level.width == 1 && level.height == 1) break;
   }
@@ -50,7 +50,7 @@ TEST_CASE("levels halve down to one texel", "[mip]") {
   CHECK(texture::level_count({2, 1}) == 2);
   CHECK(texture::level_count({70, 37}) == 7);
   CHECK(texture::level_count({65536, 3}) == 17);
-  CHECK(next_level_size({5, 1}) == ImageSize{2, 1});
+  CHECK(mesh::next_level_size({5, 1}) == ImageSize{2, 1});
 }
 
 TEST_CASE("a texel of even sides is the mean of four, rounded once per level", "[mip]") {

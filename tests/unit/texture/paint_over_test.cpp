@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-#include "core/half.h"
+#include "core/portable_math.h"
 
 using namespace pounce;
 using texture::PaintAlpha;

@@ -1,0 +1,495 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Files through pread and pwrite. No mmap: it would put whole stores into the process's resident
+// memory, which is what the budget bounds.
+//
+// Three things are harder than they look:
+// - A scratch file is read by many threads while one appends to it. Small appends are gathered in a
+//   buffer; a reader that asks for bytes still in there has them written first, so that pread()
+//   sees all that was appended and no reader ever looks into the buffer.
+// - A folder that processes share has no owner. Whoever uses a file holds a shared flock() on it,
+//   whoever removes one takes the exclusive lock first. A lock is on the file and not on its name:
+//   between open() and flock() the name may have gone to another file, so every function that locks
+//   asks afterwards whether the name still leads to what it locked.
+//   A lock file is removed by whoever held it, which is the same race from the other side.
+// - An fdatasync() that failed may succeed when it is called again although pages were dropped, so
+// a
+//   failure is remembered.
+#include "core/file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+#include <mutex>
+#include <system_error>
+
+#include "core/posix_io.h"
+#include "pounce/error.h"
+
+namespace pounce {
+namespace {
+
+// Chunks are 1 KB to 1 MB: small ones are gathered so that a write costs no more than the copy.
+constexpr std::size_t kWriteBufferBytes = 256u << 10;
+
+/// Opens a file to lock it. Another user's, in a folder that users share, may only be opened for
+/// reading, which is enough for a lock (but on NFS).
+int open_to_lock(const std::string& path, int flags, mode_t mode = 0) {
+  const int fd = open_retrying(path, O_RDWR | O_NOFOLLOW | O_NONBLOCK | flags, mode);
+  if (fd >= 0 || errno != EACCES) return fd;
+  const int readable = open_retrying(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
+  if (readable < 0) errno = EACCES;
+  return readable;
+}
+
+/// Takes a lock (LOCK_SH or LOCK_EX) without waiting; false if somebody else has it.
+bool lock_now(int fd, const std::string& path, int kind) {
+  while (::flock(fd, kind | LOCK_NB) != 0) {
+    if (errno == EINTR) continue;
+    if (errno == EWOULDBLOCK) return false;
+    fail_storage(path, "lock", errno);
+  }
+  return true;
+}
+
+/// Whether `path` names the open file: another process may have removed or replaced it.
+bool is_named(int fd, const std::string& path) {
+  const struct stat here = status_of(fd, path);
+  struct stat there {};
+  if (::stat(path.c_str(), &there) != 0) {
+    if (errno == ENOENT) return false;
+    fail_storage(path, "look at it", errno);
+  }
+  return here.st_dev == there.st_dev && here.st_ino == there.st_ino;
+}
+
+std::int64_t nanoseconds(const timespec& time) {
+  return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+}
+
+class PosixReadFile final : public ReadFile {
+ public:
+  PosixReadFile(Descriptor fd, std::string path) : fd_(std::move(fd)), path_(std::move(path)) {
+    const struct stat status = status_of(fd_.get(), path_);
+    if (!S_ISREG(status.st_mode)) {
+      throw Error(
+          ErrorKind::storage,
+          fmt::format("{}: cannot read: it is {}, not a file; {}", path_,
+                      kind_of_file(status.st_mode),
+                      S_ISDIR(status.st_mode) ? "name a mesh, a splat scene or an image in it"
+                                              : "write what should be read into a file first"));
+    }
+    size_ = static_cast<std::uint64_t>(status.st_size);
+  }
+  std::uint64_t size_bytes() const override { return size_; }
+  void read(std::uint64_t offset, std::span<std::byte> out) const override {
+    read_fully(fd_.get(), path_, offset, out);
+  }
+
+ private:
+  Descriptor fd_;
+  std::string path_;
+  std::uint64_t size_ = 0;
+};
+
+/// What a growing file and its readers share. Bytes below written_ are in the file, the rest in the
+/// buffer. A failed write changes neither, so that it may be tried again. Its bytes are in the
+/// account, if there is one, until nobody has it open.
+class GrowingFile {
+ public:
+  GrowingFile(Descriptor fd, std::string path, std::shared_ptr<ScratchAccount> account)
+      : fd_(std::move(fd)), path_(std::move(path)), account_(std::move(account)) {}
+  ~GrowingFile() {
+    if (account_) account_->give_back(taken_);
+  }
+  GrowingFile(const GrowingFile&) = delete;
+  GrowingFile& operator=(const GrowingFile&) = delete;
+
+  void append(std::span<const std::byte> bytes) {
+    const std::lock_guard lock(mutex_);
+    if (account_) {
+      account_->take(bytes.size());
+      taken_ += bytes.size();
+    }
+    if (buffer_.size() + bytes.size() > kWriteBufferBytes) flush_locked();
+    if (bytes.size() >= kWriteBufferBytes) {  // no copy of what is large already
+      const std::uint64_t at = written_.load(std::memory_order_relaxed);
+      write_fully(fd_.get(), path_, at, bytes);
+      written_.store(at + bytes.size(), std::memory_order_release);
+    } else {
+      if (buffer_.capacity() == 0) buffer_.reserve(kWriteBufferBytes);
+      buffer_.insert(buffer_.end(), bytes.begin(), bytes.end());
+    }
+  }
+
+  std::uint64_t size_bytes() const {
+    const std::lock_guard lock(mutex_);
+    return written_.load(std::memory_order_relaxed) + buffer_.size();
+  }
+
+  /// Empties the buffer and gives its memory back: files that are only read from now on hold none.
+  void flush() {
+    const std::lock_guard lock(mutex_);
+    flush_locked();
+    std::vector<std::byte>().swap(buffer_);
+  }
+
+  void sync() {
+    // The data alone: a size that grew counts as data, times do not matter.
+    flush();
+    // After a failed fdatasync the kernel may have dropped the pages and report success next time.
+    if (sync_failed_) fail_storage(path_, "write to the disk", EIO);
+    while (::fdatasync(fd_.get()) != 0) {
+      if (errno == EINTR) continue;
+      sync_failed_ = true;
+      fail_storage(path_, "write to the disk", errno);
+    }
+  }
+
+  void read(std::uint64_t offset, std::span<std::byte> out) {
+    // Mostly no lock: what was flushed never changes.
+    if (offset + out.size() > written_.load(std::memory_order_acquire)) {
+      const std::lock_guard lock(mutex_);
+      flush_locked();
+    }
+    read_fully(fd_.get(), path_, offset, out);
+  }
+
+ private:
+  void flush_locked() {
+    if (buffer_.empty()) return;
+    const std::uint64_t at = written_.load(std::memory_order_relaxed);
+    write_fully(fd_.get(), path_, at, buffer_);
+    written_.store(at + buffer_.size(), std::memory_order_release);
+    buffer_.clear();
+  }
+
+  const Descriptor fd_;
+  const std::string path_;
+  const std::shared_ptr<ScratchAccount> account_;
+  mutable std::mutex mutex_;  // guards buffer_, taken_ and changes of written_
+  std::uint64_t taken_ = 0;   // from the account
+  std::vector<std::byte> buffer_;
+  std::atomic<std::uint64_t> written_{0};
+  bool sync_failed_ = false;
+};
+
+class GrowingReadFile final : public ReadFile {
+ public:
+  explicit GrowingReadFile(std::shared_ptr<GrowingFile> file) : file_(std::move(file)) {}
+  std::uint64_t size_bytes() const override { return file_->size_bytes(); }
+  void read(std::uint64_t offset, std::span<std::byte> out) const override {
+    file_->read(offset, out);
+  }
+
+ private:
+  std::shared_ptr<GrowingFile> file_;
+};
+
+class PosixWriteFile final : public WriteFile {
+ public:
+  PosixWriteFile(Descriptor fd, const std::string& path,
+                 std::shared_ptr<ScratchAccount> account = nullptr)
+      : file_(std::make_shared<GrowingFile>(std::move(fd), path, std::move(account))) {}
+  void append(std::span<const std::byte> bytes) override { file_->append(bytes); }
+  std::uint64_t size_bytes() const override { return file_->size_bytes(); }
+  void sync() override { file_->sync(); }
+  std::unique_ptr<ReadFile> reader() const override {
+    file_->flush();
+    return std::make_unique<GrowingReadFile>(file_);
+  }
+
+ private:
+  std::shared_ptr<GrowingFile> file_;
+};
+
+class PosixFileLock final : public FileLock {
+ public:
+  explicit PosixFileLock(Descriptor fd) : fd_(std::move(fd)) {}
+
+ private:
+  Descriptor fd_;  // closing it gives the flock back
+};
+
+class PosixFileSystem final : public FileSystem {
+ public:
+  explicit PosixFileSystem(std::shared_ptr<ScratchAccount> account)
+      : account_(std::move(account)) {}
+
+  std::unique_ptr<ReadFile> open(const std::string& path) override {
+    Descriptor fd(open_for_reading(path));
+    if (fd.get() < 0) fail_storage(path, "open", errno);
+    return std::make_unique<PosixReadFile>(std::move(fd), path);
+  }
+
+  // Readable, too: reader() gives out what was written so far.
+  std::unique_ptr<WriteFile> create(const std::string& path) override {
+    Descriptor fd(open_retrying(path, O_RDWR | O_CREAT | O_EXCL, 0666));
+    if (fd.get() < 0) fail_to_change(path, "create", errno);
+    return std::make_unique<PosixWriteFile>(std::move(fd), path);
+  }
+
+  std::unique_ptr<WriteFile> create_scratch(const std::string& folder) override {
+    // A job whose output has no folder in its name works in the current one.
+    const std::string where = folder.empty() ? "." : folder;
+    Descriptor fd(open_scratch_file(where));
+    if (fd.get() < 0) fail_to_change(where, "create a scratch file there", errno);
+    return std::make_unique<PosixWriteFile>(std::move(fd), where + "/(scratch file)", account_);
+  }
+
+  // A file in its place, or a folder on the way that is a file: it is not there. Anything else
+  // (a folder that may not be looked into) is no answer.
+  bool exists(const std::string& path) override {
+    struct stat status {};
+    if (::stat(path.c_str(), &status) == 0) return true;
+    if (errno != ENOENT && errno != ENOTDIR) fail_storage(path, "look at it", errno);
+    return false;
+  }
+
+  void rename(const std::string& from, const std::string& to) override {
+    if (::rename(from.c_str(), to.c_str()) != 0) fail_to_change(from, "rename to " + to, errno);
+  }
+
+  void remove(const std::string& path) override {
+    if (::unlink(path.c_str()) != 0 && errno != ENOENT) fail_to_change(path, "remove", errno);
+  }
+
+  void make_folders(const std::string& path) override {
+    std::error_code code;
+    std::filesystem::create_directories(path, code);
+    if (code) fail_to_change(path, "create the folder", code.value());
+  }
+
+  void sync_folder(const std::string& path) override {
+    const Descriptor fd(open_retrying(path, O_RDONLY | O_DIRECTORY));
+    if (fd.get() < 0) fail_storage(path, "open the folder", errno);
+    // EINVAL: a file system that cannot sync folders has nothing to promise about them.
+    while (::fsync(fd.get()) != 0) {
+      if (errno == EINTR) continue;
+      if (errno == EINVAL) return;
+      fail_storage(path, "write the folder to the disk", errno);
+    }
+  }
+
+  std::vector<std::string> list(const std::string& folder) override {
+    const int fd = open_retrying(folder, O_RDONLY | O_DIRECTORY | O_NOFOLLOW);
+    const FolderStream stream(fd < 0 ? nullptr : ::fdopendir(fd));
+    if (!stream) {
+      const int reason = errno;
+      // It may be another user's trap, or this user's way to a larger disk: say why it is not
+      // followed.
+      struct stat status {};
+      if (::lstat(folder.c_str(), &status) == 0 && S_ISLNK(status.st_mode)) {
+        throw Error(ErrorKind::storage,
+                    fmt::format("{}: cannot list the folder: it is a link, which is not followed "
+                                "there; make a link of the whole cache instead, or bind-mount it",
+                                folder));
+      }
+      fail_storage(folder, "list the folder", reason);
+    }
+    std::vector<std::string> names;
+    for (;;) {
+      errno = 0;
+      const dirent* entry = ::readdir(stream.get());
+      if (entry == nullptr) break;
+      const std::string name = entry->d_name;
+      if (name != "." && name != "..") names.push_back(name);
+    }
+    if (errno != 0) fail_storage(folder, "list the folder", errno);
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+
+  std::unique_ptr<FileLock> try_lock(const std::string& path) override {
+    for (;;) {
+      Descriptor fd(open_to_lock(path, O_CREAT, 0666));
+      if (fd.get() < 0) fail_to_change(path, "open the lock file", errno);
+      if (!lock_now(fd.get(), path, LOCK_EX)) return nullptr;
+      if (!is_named(fd.get(), path)) continue;  // its last holder removed it
+      // Who holds it is for messages only: on a full disk it stays unknown.
+      const std::string holder = fmt::format("{:<12}\n", ::getpid());
+      (void)!::pwrite(fd.get(), holder.data(), holder.size(), 0);
+      return std::make_unique<PosixFileLock>(std::move(fd));
+    }
+  }
+
+  std::unique_ptr<ReadFile> open_held(const std::string& path) override {
+    Descriptor fd(open_retrying(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK));
+    if (fd.get() < 0 && (errno == ENOENT || errno == ELOOP)) return nullptr;
+    if (fd.get() < 0) fail_storage(path, "open", errno);
+    if (!S_ISREG(status_of(fd.get(), path).st_mode)) return nullptr;
+    // Whoever has it exclusively is removing it.
+    if (!lock_now(fd.get(), path, LOCK_SH) || !is_named(fd.get(), path)) return nullptr;
+    return std::make_unique<PosixReadFile>(std::move(fd), path);
+  }
+
+  std::unique_ptr<WriteFile> create_held(const std::string& path) override {
+    return create_held_with(path, 0666);
+  }
+
+  std::unique_ptr<ReadFile> open_private(const std::string& path) override {
+    Descriptor fd(open_retrying(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK));
+    if (fd.get() < 0 && (errno == ENOENT || errno == ELOOP || errno == EACCES)) return nullptr;
+    if (fd.get() < 0) fail_storage(path, "open", errno);
+    const struct stat found = status_of(fd.get(), path);
+    // Whoever may write to it could make it say anything: better not believed than locked.
+    const bool is_ours = S_ISREG(found.st_mode) && found.st_uid == ::geteuid() &&
+                         (found.st_mode & (S_IWGRP | S_IWOTH)) == 0;
+    return is_ours ? std::make_unique<PosixReadFile>(std::move(fd), path) : nullptr;
+  }
+
+  std::unique_ptr<WriteFile> create_private(const std::string& path) override {
+    return create_held_with(path, 0600);
+  }
+
+  bool remove_unheld(const std::string& path) override {
+    for (;;) {
+      const Descriptor fd(open_to_lock(path, 0));
+      if (fd.get() < 0 && errno == ENOENT) return true;
+      if (fd.get() < 0 && errno == ELOOP) {  // a link, which nobody holds
+        remove(path);
+        return true;
+      }
+      if (fd.get() < 0) fail_to_change(path, "remove", errno);
+      if (!lock_now(fd.get(), path, LOCK_EX)) return false;
+      if (!is_named(fd.get(), path)) continue;
+      remove(path);
+      return true;
+    }
+  }
+
+  // Three ways, from the atomic one down: not every file system has the first two.
+  bool rename_new(const std::string& from, const std::string& to) override {
+    if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) {
+      return true;
+    }
+    const bool unsupported = errno == EINVAL || errno == ENOSYS;
+    if (unsupported && ::link(from.c_str(), to.c_str()) == 0) {
+      remove(from);
+      return true;
+    }
+    if (errno == EEXIST) return false;
+    if (!unsupported) fail_to_change(from, "rename to " + to, errno);
+    // Neither that nor hard links (FAT): the lock on the key must do.
+    if (exists(to)) return false;
+    rename(from, to);
+    return true;
+  }
+
+  std::optional<FileStatus> status(const std::string& path) override {
+    struct stat found {};
+    if (::stat(path.c_str(), &found) != 0) {
+      if (errno == ENOENT || errno == ENOTDIR) return std::nullopt;
+      fail_storage(path, "look at it", errno);
+    }
+    return FileStatus{static_cast<std::uint64_t>(found.st_size),
+                      nanoseconds(found.st_mtim),
+                      nanoseconds(found.st_ctim),
+                      found.st_dev,
+                      found.st_ino,
+                      S_ISDIR(found.st_mode)};
+  }
+
+  void touch(const std::string& path) override {
+    // Sets the time of the last change alone.
+    const timespec times[2] = {{0, UTIME_OMIT}, {0, UTIME_NOW}};
+    if (::utimensat(AT_FDCWD, path.c_str(), times, AT_SYMLINK_NOFOLLOW) != 0)
+      fail_to_change(path, "set its time", errno);
+  }
+
+  void resize(const std::string& path, std::uint64_t size_bytes) override {
+    const Descriptor fd(open_retrying(path, O_WRONLY | O_NOFOLLOW | O_NONBLOCK));
+    if (fd.get() < 0) fail_storage(path, "open", errno);
+    while (::ftruncate(fd.get(), static_cast<off_t>(size_bytes)) != 0) {
+      if (errno != EINTR) fail_to_change(path, "set its size", errno);
+    }
+  }
+
+  bool is_writable(const std::string& folder) override {
+    return ::access(folder.c_str(), W_OK | X_OK) == 0;
+  }
+
+  std::uint64_t disk_bytes(const std::string& folder) override {
+    const struct statvfs disk = disk_of(folder);
+    return std::uint64_t{disk.f_blocks} * disk.f_frsize;
+  }
+
+  // A file system that says 0 blocks does not know.
+  std::uint64_t free_bytes(const std::string& folder) override {
+    const struct statvfs disk = disk_of(folder);
+    return disk.f_blocks == 0 ? UINT64_MAX : std::uint64_t{disk.f_bavail} * disk.f_frsize;
+  }
+
+ private:
+  static std::unique_ptr<WriteFile> create_held_with(const std::string& path, mode_t mode) {
+    Descriptor fd(open_retrying(path, O_RDWR | O_CREAT | O_EXCL, mode));
+    if (fd.get() < 0 && errno == EEXIST) return nullptr;
+    if (fd.get() < 0) fail_to_change(path, "create", errno);
+    // Between the two calls it was nobody's, and another process may have tidied it away.
+    if (!lock_now(fd.get(), path, LOCK_SH) || !is_named(fd.get(), path)) return nullptr;
+    return std::make_unique<PosixWriteFile>(std::move(fd), path);
+  }
+
+  static struct statvfs disk_of(const std::string& folder) {
+    struct statvfs disk {};
+    if (::statvfs(folder.c_str(), &disk) != 0)
+      fail_storage(folder, "look at its file system", errno);
+    return disk;
+  }
+
+  const std::shared_ptr<ScratchAccount> account_;
+};
+
+}  // namespace
+
+FileSystem& posix_file_system() {
+  static PosixFileSystem instance(nullptr);
+  return instance;
+}
+
+std::unique_ptr<FileSystem> make_counting_file_system(std::shared_ptr<ScratchAccount> account) {
+  return std::make_unique<PosixFileSystem>(std::move(account));
+}
+
+std::string lock_holder(FileSystem& files, const std::string& lock_path) {
+  try {
+    const auto file = files.open(lock_path);
+    // A number of twenty digits is longer than any process's.
+    std::string text(std::min<std::uint64_t>(file->size_bytes(), 20), '\0');
+    file->read(0, std::as_writable_bytes(std::span(text)));
+    text.resize(std::min(text.find_first_not_of("0123456789"), text.size()));
+    if (!text.empty()) return "process " + text;
+  } catch (const Error&) {
+    // It just ended.
+  }
+  return "another process";
+}
+
+void ScratchAccount::take(std::uint64_t bytes) {
+  // All of it or nothing, whatever other threads take meanwhile: the limit is never passed.
+  std::uint64_t used = used_.load();
+  do {
+    if (limit_ != 0 && (bytes > limit_ || used > limit_ - bytes))
+      throw Error(ErrorKind::storage, refusal_());
+  } while (!used_.compare_exchange_weak(used, used + bytes));
+  for (std::uint64_t peak = peak_.load();
+       peak < used + bytes && !peak_.compare_exchange_weak(peak, used + bytes);) {
+  }
+}
+
+std::uint64_t default_scratch_limit(FileSystem& files, const std::string& folder) {
+  constexpr std::uint64_t kLeast = 1ULL << 30;
+  const std::uint64_t free = files.free_bytes(folder);
+  return free == std::numeric_limits<std::uint64_t>::max() ? 0 : std::max(free / 10, kLeast);
+}
+
+}  // namespace pounce

@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A pack is written once, front to back, and read in any order; docs/tile-format.md has its bytes.
+// The reader believes nothing. A checksum says that bytes are those that were written, but a chunk
+// may still be the wrong one: of another kind, another place, another pack. So a chunk's checksum
+// is computed with its own offset in place of the checksum, and its header repeats kind, sizes and
+// half of the pack's key. Sizes are held against what a pack can be before memory is taken for
+// them.
+//
+// A writer whose append failed does not know what the file holds, so it refuses to go on; a pack
+// without a footer is no pack.
+#include "store/pack/pack.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "pounce/error.h"
+#include "store/pack/pack_layout.h"
+
+namespace pounce::store {
+namespace {
+
+[[noreturn]] void damaged(const std::string& name, std::uint64_t offset, const std::string& what) {
+  throw Error(ErrorKind::damaged_store,
+              fmt::format("{}: damaged at byte {}: {}; delete it or run with --no-cache", name,
+                          offset, what));
+}
+
+void check_size(const ReadFile& file, const std::string& name) {
+  const std::uint64_t least = kPackHeaderBytes + kPackFooterBytes;
+  if (file.size_bytes() < least) {
+    damaged(name, file.size_bytes(),
+            fmt::format("the file ends here, a pack has at least {} bytes", least));
+  }
+}
+
+/// A file cut off or of something else altogether is told from a damaged one: the message is what
+/// a user sees who points at the wrong file. Checks magic and end checksum, which headers and
+/// footers of every version have in the same places.
+void check_frame(std::span<const std::byte, 64> bytes, const std::array<char, 8>& magic,
+                 const std::string& name, std::uint64_t offset) {
+  if (std::memcmp(bytes.data(), magic.data(), magic.size()) != 0) {
+    damaged(name, offset, fmt::format("\"{}\" was expected", std::string(magic.data(), 8)));
+  }
+  if (get_u64(bytes.data() + kEndChecksumOffset) != checksum(bytes.first<kEndChecksumOffset>())) {
+    damaged(name, offset, "its checksum does not match");
+  }
+}
+
+Hash128 get_key(const std::byte* from) { return {get_u64(from), get_u64(from + 8)}; }
+
+/// Marks the end of a header or footer by its checksum.
+void seal(std::span<std::byte, 64> frame) {
+  put_u64(frame.data() + kEndChecksumOffset, checksum(frame.first<kEndChecksumOffset>()));
+}
+
+}  // namespace
+
+PackWriter::PackWriter(std::unique_ptr<WriteFile> file, PackKind kind, const Hash128& key)
+    : file_(std::move(file)), kind_(kind), key_(key) {
+  std::array<std::byte, kPackHeaderBytes> header{};
+  std::memcpy(header.data(), kPackMagic.data(), kPackMagic.size());
+  put_u32(header.data() + 8, kFormatVersion);
+  put_u32(header.data() + 12, static_cast<std::uint32_t>(kind));
+  put_u64(header.data() + 16, key.hi);
+  put_u64(header.data() + 24, key.lo);
+  seal(header);
+  write(header);
+}
+
+void PackWriter::write(std::span<const std::byte> bytes) {
+  if (broken_) {
+    throw Error(ErrorKind::storage, "a pack cannot be continued after a failed write; run again");
+  }
+  broken_ = true;  // until append() has returned
+  file_->append(bytes);
+  broken_ = false;
+  size_ += bytes.size();
+}
+
+ChunkRef PackWriter::append(ChunkKind kind, std::span<const std::byte> stored,
+                            std::uint32_t raw_bytes) {
+  if (finished_ || stored.size() > kLargestChunkBytes || raw_bytes > kLargestChunkBytes) {
+    throw Error(ErrorKind::internal,
+                fmt::format("a pack cannot take a chunk of {} bytes, {} stored{} (please report)",
+                            raw_bytes, stored.size(), finished_ ? ", once finished" : ""));
+  }
+  // Composed in memory and written at once: an offset is part of its checksum, and a chunk that is
+  // half written is then all that a failure leaves.
+  const ChunkRef ref{size_, static_cast<std::uint32_t>(stored.size()), raw_bytes};
+  chunk_.assign(chunk_file_bytes(ref.stored_bytes), std::byte{0});
+  put_u32(chunk_.data(), kChunkMagic);
+  put_u32(chunk_.data() + 4, static_cast<std::uint32_t>(kind));
+  put_u32(chunk_.data() + 8, ref.raw_bytes);
+  put_u32(chunk_.data() + 12, ref.stored_bytes);
+  put_u64(chunk_.data() + 24, key_.lo);
+  if (!stored.empty()) std::memcpy(chunk_.data() + kChunkHeaderBytes, stored.data(), stored.size());
+  const std::uint64_t sum = chunk_checksum(chunk_, ref.offset);
+  put_u64(chunk_.data() + kChunkChecksumOffset, sum);
+  write(chunk_);
+  ++chunks_;
+  return ref;
+}
+
+void PackWriter::finish(const ChunkRef& directory) {
+  if (finished_) throw Error(ErrorKind::internal, "a pack was finished twice (please report)");
+  std::array<std::byte, kPackFooterBytes> footer{};
+  std::memcpy(footer.data(), kFooterMagic.data(), kFooterMagic.size());
+  put_u64(footer.data() + 8, directory.offset);
+  put_u32(footer.data() + 16, directory.stored_bytes);
+  put_u32(footer.data() + 20, directory.raw_bytes);
+  put_u64(footer.data() + 24, chunks_);
+  put_u64(footer.data() + 32, size_ + kPackFooterBytes);
+  put_u64(footer.data() + 40, key_.hi);
+  put_u64(footer.data() + 48, key_.lo);
+  seal(footer);
+  write(footer);
+  finished_ = true;
+  std::vector<std::byte>().swap(chunk_);
+}
+
+PackInfo read_pack_info(const ReadFile& file, const std::string& name) {
+  check_size(file, name);
+  std::array<std::byte, kPackHeaderBytes> header{};
+  file.read(0, header);
+  check_frame(header, kPackMagic, name, 0);
+  PackInfo info;
+  info.version = get_u32(header.data() + 8);
+  if (info.version != kFormatVersion) {
+    damaged(name, 8,
+            fmt::format("format version {}, this program reads version {}", info.version,
+                        kFormatVersion));
+  }
+  // Another version is told before anything else: its other fields may mean something else.
+  const std::uint32_t kind = get_u32(header.data() + 12);
+  if (kind < 1 || kind > 4) damaged(name, 12, fmt::format("{} is no kind of pack", kind));
+  info.kind = static_cast<PackKind>(kind);
+  info.key = get_key(header.data() + 16);
+  if (std::any_of(header.begin() + 32, header.begin() + kEndChecksumOffset,
+                  [](std::byte b) { return b != std::byte{0}; })) {
+    damaged(name, 32, "reserved bytes are not zero");
+  }
+  return info;
+}
+
+PackReader::PackReader(std::unique_ptr<ReadFile> file, std::string name, PackKind kind,
+                       const Hash128& key)
+    : file_(std::move(file)), name_(std::move(name)), key_(key), size_(file_->size_bytes()) {
+  // The footer is written last: a file that has a sound one is complete.
+  read_header(kind);
+  read_footer();
+  check_ref(directory_);
+}
+
+void PackReader::damaged(std::uint64_t offset, const std::string& what) const {
+  store::damaged(name_, offset, what);
+}
+
+void PackReader::read_raw(std::uint64_t offset, std::span<std::byte> out) const {
+  file_->read(offset, out);
+  bytes_read_.fetch_add(out.size(), std::memory_order_relaxed);
+}
+
+void PackReader::read_header(PackKind kind) {
+  const PackInfo info = read_pack_info(*file_, name_);
+  bytes_read_.fetch_add(kPackHeaderBytes, std::memory_order_relaxed);
+  if (info.kind != kind) {
+    damaged(12,
+            fmt::format("it is a pack of kind {}, {} was expected",
+                        static_cast<std::uint32_t>(info.kind), static_cast<std::uint32_t>(kind)));
+  }
+  if (info.key != key_) {
+    damaged(16, fmt::format("it holds {}, {} was expected", to_hex(info.key), to_hex(key_)));
+  }
+}
+
+void PackReader::read_footer() {
+  const std::uint64_t at = size_ - kPackFooterBytes;
+  std::array<std::byte, kPackFooterBytes> footer{};
+  read_raw(at, footer);
+  check_frame(footer, kFooterMagic, name_, at);
+  directory_ = {get_u64(footer.data() + 8), get_u32(footer.data() + 16),
+                get_u32(footer.data() + 20)};
+  chunks_ = get_u64(footer.data() + 24);
+  if (get_u64(footer.data() + 32) != size_) {
+    damaged(at, fmt::format("it was written with {} bytes and now has {}",
+                            get_u64(footer.data() + 32), size_));
+  }
+  if (get_key(footer.data() + 40) != key_) damaged(at, "the footer has another key");
+}
+
+/// Everything about a reference that can be known before memory is taken for it.
+void PackReader::check_ref(const ChunkRef& ref) const {
+  const std::uint64_t end = size_ - kPackFooterBytes;
+  if (ref.stored_bytes > kLargestChunkBytes || ref.raw_bytes > kLargestChunkBytes) {
+    damaged(ref.offset, fmt::format("a chunk of {} bytes, {} stored, is larger than any",
+                                    ref.raw_bytes, ref.stored_bytes));
+  }
+  if (ref.offset < kPackHeaderBytes || ref.offset % kChunkAlignment != 0 || ref.offset > end ||
+      chunk_file_bytes(ref.stored_bytes) > end - ref.offset) {
+    damaged(ref.offset, fmt::format("a chunk of {} bytes cannot lie there", ref.stored_bytes));
+  }
+}
+
+void PackReader::read(const ChunkRef& ref, ChunkKind kind, std::vector<std::byte>& stored) const {
+  check_ref(ref);
+  // One read for header, payload and padding, since each costs a system call; the header is cut off
+  // again once all is checked.
+  stored.resize(chunk_file_bytes(ref.stored_bytes));
+  read_raw(ref.offset, stored);
+  const std::uint64_t sum = get_u64(stored.data() + kChunkChecksumOffset);
+  if (get_u32(stored.data()) != kChunkMagic) damaged(ref.offset, "no chunk begins here");
+  if (chunk_checksum(stored, ref.offset) != sum)
+    damaged(ref.offset, "the chunk's checksum does not match");
+  if (get_u32(stored.data() + 4) != static_cast<std::uint32_t>(kind) ||
+      get_u32(stored.data() + 8) != ref.raw_bytes ||
+      get_u32(stored.data() + 12) != ref.stored_bytes) {
+    damaged(ref.offset, "the chunk has another kind or size than its index says");
+  }
+  // A file system that mixed up blocks of two packs of like sizes would pass all of the above.
+  if (get_u64(stored.data() + 24) != key_.lo)
+    damaged(ref.offset, "the chunk belongs to another pack");
+  const auto payload = stored.begin() + static_cast<std::ptrdiff_t>(kChunkHeaderBytes);
+  // Every byte is checked: what a reader ignores a later version could not use.
+  if (std::any_of(payload + ref.stored_bytes, stored.end(),
+                  [](std::byte b) { return b != std::byte{0}; })) {
+    damaged(ref.offset, "the padding is not zero");
+  }
+  stored.erase(stored.begin(), payload);
+  stored.resize(ref.stored_bytes);
+}
+
+std::uint64_t PackReader::verify() const {
+  // From chunk to chunk by their own headers, not by any index: every byte of the file is seen.
+  const std::uint64_t end = size_ - kPackFooterBytes;
+  std::uint64_t at = kPackHeaderBytes;
+  std::uint64_t count = 0;
+  bool directory_seen = false;
+  std::vector<std::byte> stored;
+  while (at < end) {
+    if (end - at < kChunkHeaderBytes) damaged(at, "no chunk fits here");
+    std::array<std::byte, kChunkHeaderBytes> header{};
+    read_raw(at, header);
+    const std::uint32_t kind = get_u32(header.data() + 4);
+    if (kind < 1 || kind > 3) damaged(at, fmt::format("{} is no kind of chunk", kind));
+    const ChunkRef ref{at, get_u32(header.data() + 12), get_u32(header.data() + 8)};
+    read(ref, static_cast<ChunkKind>(kind), stored);
+    directory_seen |= ref == directory_;
+    at += chunk_file_bytes(ref.stored_bytes);
+    ++count;
+  }
+  if (count != chunks_ || !directory_seen) {
+    damaged(end, fmt::format("it holds {} chunks, the footer says {}{}", count, chunks_,
+                             directory_seen ? "" : " and a directory that is none"));
+  }
+  return count;
+}
+
+}  // namespace pounce::store
