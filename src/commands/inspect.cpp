@@ -21,7 +21,7 @@
 #include "io/files/job_mark.h"
 #include "io/image/read.h"
 #include "io/read_mesh.h"
-#include "io/splats/format.h"
+#include "io/splats/scene.h"
 #include "store/pack/pack.h"
 
 namespace pounce {

@@ -10,8 +10,7 @@
 
 #include "core/bounds.h"
 #include "io/files/shortest.h"
-#include "io/splats/ply.h"
-#include "io/splats/ply_header.h"
+#include "io/splats/ply_scene.h"
 #include "io/splats/scene.h"
 #include "store/blocks/splat_lattice.h"
 

@@ -14,8 +14,8 @@
 #include "io/gltf/mesh.h"
 #include "io/obj/cost.h"
 #include "io/obj/mesh.h"
-#include "io/splats/format.h"
-#include "io/splats/ply_header.h"
+#include "io/splats/ply_scene.h"
+#include "io/splats/scene.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

@@ -13,7 +13,6 @@
 #include "core/job_space.h"
 #include "core/portable_math.h"
 #include "fuzz/fuzz_support.h"
-#include "io/splats/format.h"
 #include "io/splats/scene.h"
 #include "store/blocks/splat_block.h"
 #include "store/blocks/splat_lattice.h"

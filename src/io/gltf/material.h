@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "io/gltf/file.h"
-#include "io/mesh_warnings.h"
+#include "io/problems.h"
 #include "mesh/mesh.h"
 
 namespace pounce::io {

@@ -24,7 +24,7 @@
 #include "io/gltf/scene.h"
 #include "io/gltf/validate.h"
 #include "io/material_names.h"
-#include "io/mesh_warnings.h"
+#include "io/problems.h"
 #include "mesh/vertex_frames.h"
 #include "pounce/error.h"
 

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "io/files/asset_folder.h"
-#include "io/mesh_warnings.h"
 #include "io/obj/mtl_file.h"
+#include "io/problems.h"
 #include "mesh/mesh.h"
 
 namespace pounce::io {

@@ -23,11 +23,11 @@
 
 #include "core/colour_space.h"
 #include "io/material_names.h"
-#include "io/mesh_warnings.h"
 #include "io/obj/cost.h"
 #include "io/obj/material.h"
 #include "io/obj/polygon.h"
 #include "io/obj/text.h"
+#include "io/problems.h"
 #include "mesh/vertex_frames.h"
 #include "pounce/error.h"
 

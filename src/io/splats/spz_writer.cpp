@@ -1,23 +1,75 @@
 // SPDX-License-Identifier: Apache-2.0
 //
+// Writing SPZ, version 2: a byte for each value but places, which have 24 bits in fixed point.
+//
 // Attributes lie one behind the other, so each waits in a nameless file until all Gaussians are
-// known: then their number is, and how large a step their places need.
-#include "io/splats/spz_write.h"
+// known: then their number is, and how large a step their places need. A scene so wide that the
+// step would be larger than half of its Gaussians is refused with the cure, not written as dust;
+// the same where sizes lie beyond what a byte of logarithm holds. Fewer are a warning.
+//
+// Rotations have no component w: readers take it as the positive root of what the others leave. It
+// is found well where it is large, so the axes are named anew until it is (turn_least()): the
+// ellipsoid stays the same.
+//
+// zlib is told no time and no name, and its level is fixed: the same Gaussians are the same bytes.
+#include "io/splats/spz_writer.h"
 
 #include <fmt/format.h>
 #include <zlib.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <new>
 
 #include "core/portable_math.h"
-#include "io/splats/upright.h"
-#include "pounce/error.h"
 
 namespace pounce::io {
 namespace {
+
+using Quaternion = std::array<float, 4>;  // w, x, y, z
+
+constexpr float kHalf = 0.5F, kRoot = 0.70710678F;
+
+/// A rotation of the cube: column k of its matrix is plus or minus the axis from[k].
+struct Renaming {
+  Quaternion turn;
+  std::array<std::size_t, 3> from;
+};
+constexpr std::array<Renaming, 24> kRenamings{{
+    {{1, 0, 0, 0}, {0, 1, 2}},
+    {{0, 1, 0, 0}, {0, 1, 2}},
+    {{0, 0, 1, 0}, {0, 1, 2}},
+    {{0, 0, 0, 1}, {0, 1, 2}},
+    {{kRoot, kRoot, 0, 0}, {0, 2, 1}},
+    {{kRoot, -kRoot, 0, 0}, {0, 2, 1}},
+    {{0, 0, kRoot, kRoot}, {0, 2, 1}},
+    {{0, 0, kRoot, -kRoot}, {0, 2, 1}},
+    {{kRoot, 0, kRoot, 0}, {2, 1, 0}},
+    {{kRoot, 0, -kRoot, 0}, {2, 1, 0}},
+    {{0, kRoot, 0, kRoot}, {2, 1, 0}},
+    {{0, kRoot, 0, -kRoot}, {2, 1, 0}},
+    {{kRoot, 0, 0, kRoot}, {1, 0, 2}},
+    {{kRoot, 0, 0, -kRoot}, {1, 0, 2}},
+    {{0, kRoot, kRoot, 0}, {1, 0, 2}},
+    {{0, kRoot, -kRoot, 0}, {1, 0, 2}},
+    {{kHalf, kHalf, kHalf, kHalf}, {1, 2, 0}},
+    {{kHalf, kHalf, -kHalf, -kHalf}, {1, 2, 0}},
+    {{kHalf, -kHalf, kHalf, -kHalf}, {1, 2, 0}},
+    {{kHalf, -kHalf, -kHalf, kHalf}, {1, 2, 0}},
+    {{kHalf, -kHalf, -kHalf, -kHalf}, {2, 0, 1}},
+    {{kHalf, -kHalf, kHalf, kHalf}, {2, 0, 1}},
+    {{kHalf, kHalf, -kHalf, kHalf}, {2, 0, 1}},
+    {{kHalf, kHalf, kHalf, -kHalf}, {2, 0, 1}},
+}};
+
+Quaternion product(const Quaternion& a, const Quaternion& b) {
+  return {a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+          a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+          a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+          a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]};
+}
 
 enum Column : std::size_t { kPlaces, kAlphas, kColours, kScales, kRotations, kHarmonics };
 
@@ -71,7 +123,19 @@ class GzipWriter {
   z_stream stream_{};
 };
 
-}  // namespace
+class SpzWriter : public SplatWriter {
+ public:
+  SpzWriter(const std::string& path, const SplatFileFacts& facts, const ScratchFolder& folder);
+  void commit(const std::function<void()>& poll) override;
+
+ private:
+  void encode_columns(const store::SplatRows& rows, std::span<std::byte* const> columns,
+                      SplatTally& tally) const override;
+  int fraction_bits() const;
+  void check_places(int bits);
+  void check_sizes();
+  std::array<std::byte, 16> header(int bits) const;
+};
 
 SpzWriter::SpzWriter(const std::string& path, const SplatFileFacts& facts,
                      const ScratchFolder& folder)
@@ -91,6 +155,7 @@ void SpzWriter::encode_columns(const store::SplatRows& rows, std::span<std::byte
     bool clipped = false, ignored = false;
     std::memcpy(columns[kPlaces] + i * sizeof s.mean, &s.mean, sizeof s.mean);
     const float farthest = std::max({std::abs(s.mean.x), std::abs(s.mean.y), std::abs(s.mean.z)});
+    // Counted while the bounds are still unknown: what even the largest step cannot hold.
     tally.too_far += static_cast<double>(farthest) + 0.5 >= kLargestFixed + 1 ? 1 : 0;
     columns[kAlphas][i] = byte_of(s.alpha * 255, ignored);
     const std::array<float, 3> colour{s.colour.x, s.colour.y, s.colour.z};
@@ -123,14 +188,14 @@ int SpzWriter::fraction_bits() const {
   double farthest = 0;
   for (const float v : {box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y, box.hi.z})
     farthest = std::max(farthest, std::abs(static_cast<double>(v)));
+  // As many bits behind the point as the farthest place leaves, after rounding.
   for (int bits = kMostFractionBits; bits >= 0; --bits) {
     if (std::floor(std::ldexp(farthest, bits) + 0.5) <= kLargestFixed) return bits;
   }
   refuse(fmt::format(
       "{} of {} Gaussians lie farther than {:.0f} units from the origin, up to {:.3g}, which SPZ "
       "cannot hold; leave them out with --box (\"box 98 %\" of pounce inspect holds nearly all of "
-      "a "
-      "scene), or write a .ply or .glb",
+      "a scene), or write a .ply or .glb",
       tally_.too_far, rows_, kLargestFixed, farthest));
 }
 
@@ -163,8 +228,7 @@ void SpzWriter::check_sizes() {
   if (tally_.clipped > 0) {
     warnings_.push_back(
         fmt::format("{} of {} Gaussians have colours or harmonics beyond what SPZ holds (harmonics "
-                    "of -1 to 1): "
-                    "cut to that",
+                    "of -1 to 1): cut to that",
                     tally_.clipped, rows_));
   }
   if (tally_.normals > 0)
@@ -215,6 +279,32 @@ void SpzWriter::commit(const std::function<void()>& poll) {
     for_column(k, poll, [&](std::span<const std::byte> bytes) { gzip.write(bytes); });
   gzip.finish();
   file_.commit();
+}
+
+}  // namespace
+
+void turn_least(store::Splat& splat) {
+  const Quaternion q = splat.rotation;
+  const Renaming* best = nullptr;
+  float largest = -1;
+  for (const Renaming& renaming : kRenamings) {
+    const float w = std::abs(product(q, renaming.turn)[0]);
+    if (w > largest) {
+      largest = w;
+      best = &renaming;
+    }
+  }
+  splat.rotation = product(q, best->turn);
+  if (splat.rotation[0] < 0) {
+    for (float& v : splat.rotation) v = -v;
+  }
+  const std::array<float, 3> sigma{splat.sigma.x, splat.sigma.y, splat.sigma.z};
+  splat.sigma = {sigma[best->from[0]], sigma[best->from[1]], sigma[best->from[2]]};
+}
+
+std::unique_ptr<SplatWriter> open_spz_writer(const std::string& path, const SplatFileFacts& facts,
+                                             const ScratchFolder& folder) {
+  return std::make_unique<SpzWriter>(path, facts, folder);
 }
 
 }  // namespace pounce::io

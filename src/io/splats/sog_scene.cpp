@@ -1,20 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/splats/sog.h"
-
+//
+// SOG: a Gaussian is a pixel, its attributes are images, lossless WebP, and meta.json says what the
+// bytes of a pixel mean. They come in a folder or stored in a ZIP.
+//
+//   means_l, means_u   16 bits per coordinate, low and high byte, of a signed logarithm
+//   scales, sh0        indices into codebooks of 256 floats (version 2), or steps of a range (1);
+//                      the alpha of sh0 is the opacity
+//   quats              the three smaller components, and in alpha which one is left out
+//   shN                a palette of harmonics (an image, too), and the entry of each Gaussian
+//
+// An image decodes from its first pixel on, so prepare() writes the pixels of all of them into one
+// scratch file, column by column, row of the image by row; decode() then reads any range. One image
+// decodes at a time, in the constant memory of Vp8lDecoder; the palette alone is kept (3 MiB at the
+// most), since Gaussians name its entries in any order.
+//
+// meta.json was checked by nobody: its size and depth are measured before it is parsed, every value
+// is looked up with its type, and the files that it names must lie beside it.
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <vector>
 
 #include "core/input_file.h"
 #include "core/portable_math.h"
 #include "io/files/asset_folder.h"
 #include "io/json/size.h"
-#include "io/splats/raw.h"
-#include "io/splats/stored_zip.h"
-#include "pounce/error.h"
+#include "io/problems.h"
+#include "io/splats/batch.h"
+#include "io/splats/unpack.h"
+#include "io/splats/vp8l.h"
 
 namespace pounce::io {
 namespace {
@@ -41,11 +61,69 @@ std::array<float, 4> rotation_of(const std::byte* rgba) {
   return q;
 }
 
-}  // namespace
+class SogScene : public BatchScene {
+ public:
+  /// Reads meta.json and the headers of the images. Throws Error(input) where they are damaged or
+  /// do not belong together.
+  SogScene(const std::string& path, const Axes& axes);
+
+  void prepare(const ScratchFolder& folder, const std::function<void()>& poll) override;
+  std::uint64_t prepare_bytes() const override;
+  std::uint64_t unpacked_bytes() const override;
+  void decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes, SplatBatch& batch,
+              const Take& take) const override;
+  std::uint64_t decode_bytes() const override;
+
+ private:
+  enum Column : std::size_t { kMeansLow, kMeansHigh, kScales, kQuats, kSh0, kLabels };
+  static constexpr std::size_t kColumns = 6;
+  struct Image {
+    std::shared_ptr<ReadFile> file;
+    std::string name;
+    Vp8lHeader header;
+  };
+  /// What a byte of a channel means.
+  using Codebook = std::array<float, 256>;
+  using Json = nlohmann::json;
+
+  [[noreturn]] void fail(const std::string& what) const;
+  Json open_meta(const std::string& path);
+  Image open_image(const std::string& name) const;
+  void read_meta(const Json& meta);
+  void read_version_1(const Json& meta);
+  void read_version_2(const Json& meta);
+  void read_palette(const Json& meta);
+  const Json& object(const Json& parent, const char* key) const;
+  std::string file_name(const Json& part, const std::string& place, std::size_t index) const;
+  std::vector<double> numbers(const Json& part, const std::string& place, const char* key,
+                              std::size_t count) const;
+  Codebook codebook(const Json& part, const std::string& place, float nothing) const;
+  void unpack(const Image& image, const ScratchFolder& folder, const std::function<void()>& poll);
+  void unpack_palette(const ScratchFolder& folder, const std::function<void()>& poll);
+  void decode_row(const std::array<const std::byte*, kColumns>& row, std::size_t i,
+                  std::uint32_t lobes, SplatBatch& batch) const;
+
+  std::string path_, folder_;          ///< the folder; "" = in the archive
+  std::shared_ptr<ReadFile> archive_;  ///< null = files in a folder
+  std::vector<StoredEntry> entries_;   ///< beside meta.json in the archive
+  std::string meta_name_;
+
+  unsigned version_ = 2;
+  std::array<Image, kColumns> images_;
+  Image centroids_;
+  std::array<double, 3> means_low_{}, means_span_{};
+  std::array<Codebook, 3> scales_{}, colours_{};  ///< by channel
+  Codebook alphas_{}, harmonics_{};
+  bool has_palette_ = false;
+  std::uint32_t lobes_ = 0;
+  std::uint64_t palette_entries_ = 0;
+  PageVector<std::uint8_t> palette_;  ///< entry by entry, 3 * lobes_ indices of harmonics_ each
+  std::unique_ptr<WriteFile> scratch_;
+  std::unique_ptr<ReadFile> unpacked_;
+};
 
 void SogScene::fail(const std::string& what) const {
-  throw Error(ErrorKind::input,
-              fmt::format("{}: the SOG's {} {}; export it again", path_, meta_name_, what));
+  refuse(path_, "the SOG's {} {}; export it again", meta_name_, what);
 }
 
 SogScene::SogScene(const std::string& path, const Axes& axes) : BatchScene(axes), path_(path) {
@@ -78,10 +156,9 @@ SogScene::Json SogScene::open_meta(const std::string& path) {
           at = entry.at;
           bytes = entry.bytes;
         }
-        entries_.push_back({entry.name, entry.at, entry.bytes});
+        entries_.push_back(entry);
       }
-      if (meta_name_.empty())
-        throw Error(ErrorKind::input, path + ": a ZIP archive without meta.json, so it is no SOG");
+      if (meta_name_.empty()) refuse(path, "a ZIP archive without meta.json, so it is no SOG");
     } else {
       folder_ = fs::path(path).parent_path().string();
       meta_name_ = fs::path(path).filename().string();
@@ -108,7 +185,7 @@ SogScene::Image SogScene::open_image(const std::string& name) const {
   if (archive_ != nullptr) {
     const std::string wanted = (fs::path(meta_name_).parent_path() / name).string();
     const auto entry = std::find_if(entries_.begin(), entries_.end(),
-                                    [&](const Entry& e) { return e.name == wanted; });
+                                    [&](const StoredEntry& e) { return e.name == wanted; });
     if (entry == entries_.end()) fail(fmt::format("names \"{}\", which is not there", name));
     image.file = archive_;
     image.name = fmt::format("{}: {}", path_, name);
@@ -180,11 +257,10 @@ SogScene::Codebook SogScene::codebook(const Json& part, const std::string& place
 void SogScene::read_meta(const Json& meta) {
   const auto version = meta.find("version");
   if (version != meta.end() && *version != 2) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: SOG version {}; versions 1 and 2 are read: convert it, for example "
-                    "with splat-transform",
-                    path_, version->is_number() ? version->dump() : "of an unknown kind"));
+    refuse(
+        path_,
+        "SOG version {}; versions 1 and 2 are read: convert it, for example with splat-transform",
+        version->is_number() ? version->dump() : "of an unknown kind");
   }
   version_ = version == meta.end() ? 1 : 2;
   version_ == 1 ? read_version_1(meta) : read_version_2(meta);
@@ -192,6 +268,7 @@ void SogScene::read_meta(const Json& meta) {
   const auto low = numbers(means, "means", "mins", 3), high = numbers(means, "means", "maxs", 3);
   for (std::size_t k = 0; k < 3; ++k) {
     means_low_[k] = low[k];
+    // Writers divide by the span, and take 1 where it is nothing.
     means_span_[k] = high[k] == low[k] ? 1 : high[k] - low[k];
   }
   images_[kMeansLow] = open_image(file_name(means, "means", 0));
@@ -202,6 +279,8 @@ void SogScene::read_meta(const Json& meta) {
   if (meta.contains("shN")) read_palette(object(meta, "shN"));
   for (std::size_t k = 0; k < (has_palette_ ? kColumns : kColumns - 1); ++k) {
     const Image& image = images_[k];
+    // The count says how much scratch is written, and no image can be unpacked to more pixels than
+    // it has.
     const std::uint64_t pixels = std::uint64_t{image.header.width} * image.header.height;
     if (pixels < info_.splats) {
       fail(fmt::format("announces {} Gaussians, but {} has {} pixels", info_.splats, image.name,
@@ -292,6 +371,7 @@ std::uint64_t SogScene::prepare_bytes() const {
 }
 
 std::uint64_t SogScene::unpacked_bytes() const {
+  // The columns, and beside them what one decoder writes.
   // What a decoder keeps in blocks is less than its image; one decodes at a time.
   std::uint64_t largest = 0;
   const auto look = [&](const Image& image) {
@@ -393,11 +473,18 @@ void SogScene::decode_row(const std::array<const std::byte*, kColumns>& row, std
   for (std::size_t k = 0; k < 4; ++k) batch.rotation[k][i] = q[k];
   const std::size_t harmonics = 3 * std::min(lobes, lobes_);
   if (harmonics == 0) return;
+  // A label beyond the palette shows no harmonics: one bad pixel is no reason to refuse a scene.
   const std::size_t entry = index(kLabels, 0) | index(kLabels, 1) << 8;
   const std::uint8_t* const indices =
       entry < palette_entries_ ? &palette_[entry * 3 * lobes_] : nullptr;
   for (std::size_t k = 0; k < harmonics; ++k)
     batch.sh[k][i] = indices == nullptr ? 0 : harmonics_[indices[k]];
+}
+
+}  // namespace
+
+std::unique_ptr<SplatScene> open_sog(const std::string& path, const Axes& axes) {
+  return std::make_unique<SogScene>(path, axes);
 }
 
 }  // namespace pounce::io

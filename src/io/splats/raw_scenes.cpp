@@ -1,15 +1,86 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/splats/ksplat.h"
-
+//
+// The two formats of viewers in the browser: rows that are copied to the graphics card as they are.
+//
+//   .splat    one row after the other, 32 bytes each, nothing else: no header, no mark. All that
+//   can
+//             be checked is that the size is a whole number of rows.
+//   .ksplat   a header of 4096 bytes, headers of 1024 bytes for each section, then the sections:
+//             lengths of the buckets that are not full, centres of all buckets, rows. Compressed
+//             rows hold positions as 16 bits around the centre of their bucket. Buckets are filled
+//             in order: first the full ones, then those of any length.
+//
+// Both are read where they are, 4096 rows at a time, so nothing is unpacked and any range can be
+// read at once. Every offset comes from the headers of a .ksplat and is compared with the size of
+// the file when these are read; the lengths of partly filled buckets are the only part that is kept
+// in memory, and their number is limited.
 #include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <vector>
 
 #include "core/input_file.h"
 #include "core/portable_math.h"
-#include "io/splats/raw.h"
-#include "pounce/error.h"
+#include "io/problems.h"
+#include "io/splats/batch.h"
 
 namespace pounce::io {
 namespace {
+
+/// mean, sigma: 3 floats each; 4 bytes RGBA; 4 bytes WXYZ.
+constexpr std::uint64_t kRecordBytes = 32;
+
+class DotSplat : public BatchScene {
+ public:
+  DotSplat(const std::string& path, const Axes& axes);
+  void decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes, SplatBatch& batch,
+              const Take& take) const override;
+  std::uint64_t decode_bytes() const override;
+
+ private:
+  std::unique_ptr<ReadFile> file_;
+};
+
+DotSplat::DotSplat(const std::string& path, const Axes& axes)
+    : BatchScene(axes), file_(open_input(path)) {
+  const std::uint64_t size = file_->size_bytes();
+  if (size == 0 || size % kRecordBytes != 0) {
+    refuse(path,
+           "a .splat is a whole number of records of {} bytes, this file has {} bytes; it was cut "
+           "off or is something else, export it again",
+           kRecordBytes, size);
+  }
+  info_.format = ".splat";
+  info_.splats = size / kRecordBytes;
+  info_.files = {path};
+}
+
+std::uint64_t DotSplat::decode_bytes() const { return round_to_pages(kPieceRows * kRecordBytes); }
+
+void DotSplat::decode(std::uint64_t first, std::uint64_t count, std::uint32_t, SplatBatch& batch,
+                      const Take& take) const {
+  PageVector<std::byte> raw(std::min(count, kPieceRows) * kRecordBytes);
+  for (const std::uint64_t end = first + count; first < end;) {
+    const std::uint64_t rows = std::min(end - first, kPieceRows);
+    file_->read(first * kRecordBytes, std::span(raw).first(rows * kRecordBytes));
+    for_batches(rows, [&](std::uint64_t begin, std::size_t n) {
+      for (std::size_t i = 0; i < n; ++i) {
+        const std::byte* const at = &raw[(begin + i) * kRecordBytes];
+        for (std::size_t k = 0; k < 3; ++k) {
+          batch.mean[k][i] = value_at<float>(at + 4 * k);
+          batch.sigma[k][i] = value_at<float>(at + 12 + 4 * k);
+          batch.colour[k][i] = byte_at(at + 24 + k) / 255;
+        }
+        batch.alpha[i] = byte_at(at + 27) / 255;
+        for (std::size_t k = 0; k < 4; ++k)
+          batch.rotation[k][i] = (byte_at(at + 28 + k) - 128) / 128;
+      }
+      take(n);
+    });
+    first += rows;
+  }
+}
 
 constexpr std::uint64_t kFileHeaderBytes = 4096, kSectionHeaderBytes = 1024, kCentreBytes = 12;
 constexpr std::uint32_t kMostSections = 4096;
@@ -18,7 +89,42 @@ constexpr std::uint64_t kMostRowBytes = 44 + 4 * 24;
 /// Coefficients per channel by degree.
 constexpr std::array<std::uint32_t, 3> kLobes{0, 3, 8};
 
-}  // namespace
+class KsplatScene : public BatchScene {
+ public:
+  /// Reads all headers: where they and the file's size disagree, the file is refused.
+  KsplatScene(const std::string& path, const Axes& axes);
+  void decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes, SplatBatch& batch,
+              const Take& take) const override;
+  std::uint64_t decode_bytes() const override;
+
+ private:
+  struct Section {
+    std::uint64_t first = 0, count = 0;  ///< of its Gaussians in the file
+    std::uint64_t centres_at = 0, rows_at = 0;
+    std::uint64_t buckets = 0, full_rows = 0, bucket_rows = 0;
+    std::uint32_t lobes = 0, row_bytes = 0;
+    float step = 0, range = 0;  ///< position = (stored - range) * step + bucket centre
+    /// Rows in front of each bucket that is not full, and behind the last.
+    std::vector<std::uint64_t> partial_starts;
+
+    std::uint64_t bucket_of(std::uint64_t row) const;
+  };
+
+  [[noreturn]] void fail(const std::string& what) const;
+  void read_section(std::uint64_t header_at, std::uint64_t& data_at);
+  void read_partial_buckets(std::uint64_t at, std::uint64_t count, Section& section);
+  void decode_section(const Section& section, std::uint64_t first, std::uint64_t count,
+                      std::uint32_t lobes, SplatBatch& batch, const Take& take) const;
+  void decode_row(const Section& section, const std::byte* row, const float* centre,
+                  std::uint32_t lobes, std::size_t i, SplatBatch& batch) const;
+  float harmonic(const std::byte* from, std::size_t index) const;
+
+  std::unique_ptr<ReadFile> file_;
+  std::string path_;
+  unsigned level_ = 0;
+  float least_harmonic_ = 0, most_harmonic_ = 0;
+  std::vector<Section> sections_;
+};
 
 std::uint64_t KsplatScene::Section::bucket_of(std::uint64_t row) const {
   if (row < full_rows) return row / bucket_rows;
@@ -27,9 +133,7 @@ std::uint64_t KsplatScene::Section::bucket_of(std::uint64_t row) const {
 }
 
 void KsplatScene::fail(const std::string& what) const {
-  throw Error(ErrorKind::input, fmt::format("{}: {}; export it again, for example with "
-                                            "splat-transform {} SCENE.ply",
-                                            path_, what, path_));
+  refuse(path_, "{}; export it again, for example with splat-transform {} SCENE.ply", what, path_);
 }
 
 KsplatScene::KsplatScene(const std::string& path, const Axes& axes)
@@ -48,6 +152,7 @@ KsplatScene::KsplatScene(const std::string& path, const Axes& axes)
     fail(fmt::format("says {} sections, {} are the most", sections, kMostSections));
   least_harmonic_ = read_value<float>(*file_, 36);
   most_harmonic_ = read_value<float>(*file_, 40);
+  // Files of before these fields hold zeros; writers of then used this range.
   if (least_harmonic_ == 0) least_harmonic_ = -1.5F;
   if (most_harmonic_ == 0) most_harmonic_ = 1.5F;
   std::uint64_t data_at = kFileHeaderBytes + kSectionHeaderBytes * sections;
@@ -85,6 +190,7 @@ void KsplatScene::read_section(std::uint64_t header_at, std::uint64_t& data_at) 
     fail(fmt::format("a section announces {} Gaussians of {} bytes, beyond the end of the file",
                      most_rows, section.row_bytes));
   }
+  // Level 0 has no buckets: bucket_rows may be 0 there, and is divided by all the same.
   section.full_rows = std::min(full * section.bucket_rows, section.count);
   section.bucket_rows = std::max<std::uint64_t>(section.bucket_rows, 1);
   if (level_ > 0 && full + partial > section.buckets)
@@ -102,6 +208,8 @@ void KsplatScene::read_partial_buckets(std::uint64_t at, std::uint64_t count, Se
   if (before > kMostPartialBuckets) fail("has more partly filled buckets than can be");
   std::vector<std::uint32_t> lengths(count);
   file_->read(at, std::as_writable_bytes(std::span(lengths)));
+  // Empty buckets are refused: a piece of rows then meets no more buckets than it has rows, which
+  // bounds what decode_section() reads of their centres.
   section.partial_starts = {section.full_rows};
   for (const std::uint32_t length : lengths) {
     if (length == 0) fail("has an empty bucket");
@@ -191,6 +299,16 @@ void KsplatScene::decode_row(const Section& section, const std::byte* row, const
         batch.sh[3 * k + c][i] = harmonic(colour + 4, stored++);
     }
   }
+}
+
+}  // namespace
+
+std::unique_ptr<SplatScene> open_dot_splat(const std::string& path, const Axes& axes) {
+  return std::make_unique<DotSplat>(path, axes);
+}
+
+std::unique_ptr<SplatScene> open_ksplat(const std::string& path, const Axes& axes) {
+  return std::make_unique<KsplatScene>(path, axes);
 }
 
 }  // namespace pounce::io

@@ -9,8 +9,16 @@
 #include <utility>
 
 #include "mesh/mesh.h"
+#include "pounce/error.h"
 
 namespace pounce::io {
+
+/// Throws Error(input): "<path>: <text>". The text says what was found and what to do about it.
+template <class... Args>
+[[noreturn]] void refuse(const std::string& path, fmt::format_string<Args...> text,
+                         Args&&... args) {
+  throw Error(ErrorKind::input, path + ": " + fmt::format(text, std::forward<Args>(args)...));
+}
 
 /// Collects what is wrong with a mesh file but no reason to refuse it. A file may be wrong in a
 /// million places: beyond the first hundred, which is more than anybody reads, they are counted.

@@ -1,14 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/splats/spz.h"
+//
+// SPZ: the Gaussians attribute by attribute, a byte for most values. Versions 1 to 3 are one gzip
+// member around header and attributes; version 4 has a plain header and a Zstandard frame for each
+// attribute. The attributes of one Gaussian are spread over the whole file, so no range can be read
+// while it is compressed: prepare() unpacks it into a nameless scratch file, whose size is known
+// before (unpacked_bytes()), and decode() reads six pieces of that.
+//
+// The header announces how many Gaussians there are, and so how much scratch is taken: a few bytes
+// could ask for any amount. They are compared with the most that the compression can do for a file
+// of this size (kMostGzipRatio, kMostZstdRatio) when it is opened, and with what really comes out
+// while it is unpacked.
+//
+// No version says how its axes lie, and writers disagree, except in an extension: a record behind
+// the Gaussians (in front of them in version 4). Where it is there the scene is turned; where not,
+// that is an assumption which the user is told of.
+#include "io/splats/spz_scene.h"
 
 #include <fmt/format.h>
 
 #include <cmath>
 
 #include "core/portable_math.h"
-#include "io/splats/raw.h"
+#include "io/problems.h"
 #include "io/splats/unpack.h"
-#include "pounce/error.h"
 
 namespace pounce::io {
 namespace {
@@ -53,7 +67,7 @@ Axes compose(const Axes& first, const Axes& second) {
   return axes;
 }
 
-/// w, x, y, z of three bytes x, y, z.
+/// Versions 1 and 2: w, x, y, z of three bytes x, y, z. Writers make w positive.
 std::array<float, 4> rotation_of_bytes(const std::byte* at) {
   std::array<float, 4> q;
   for (std::size_t k = 0; k < 3; ++k) q[1 + k] = byte_at(at + k) / 127.5F - 1;
@@ -61,8 +75,8 @@ std::array<float, 4> rotation_of_bytes(const std::byte* at) {
   return q;
 }
 
-/// w, x, y, z of two bits that name the largest of x, y, z, w, and the others as signs and
-/// magnitudes of 9 bits.
+/// From version 3: w, x, y, z of two bits that name the largest of x, y, z, w, and the others as
+/// signs and magnitudes of 9 bits.
 std::array<float, 4> rotation_of_bits(std::uint32_t bits) {
   constexpr float kUnit = 0.70710678F / 511;
   const std::size_t largest = bits >> 30;
@@ -77,6 +91,7 @@ std::array<float, 4> rotation_of_bits(std::uint32_t bits) {
   return {xyzw[3], xyzw[0], xyzw[1], xyzw[2]};
 }
 
+/// A coordinate of 24 bits with sign, the lowest byte first.
 float fixed_of(const std::byte* at, float unit) {
   const auto byte = [&](std::size_t k) { return std::to_integer<std::uint32_t>(at[k]) << 8 * k; };
   const auto shifted = static_cast<std::int32_t>((byte(0) | byte(1) | byte(2)) << 8);
@@ -100,7 +115,7 @@ bool is_spz(const ReadFile& file) {
 }
 
 void SpzScene::fail(const std::string& what) const {
-  throw Error(ErrorKind::input, fmt::format("{}: {}; copy or export it again", name_, what));
+  refuse(name_, "{}; copy or export it again", what);
 }
 
 SpzScene::SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, const Axes& axes,
@@ -163,10 +178,10 @@ void SpzScene::read_header(std::span<const std::byte, 16> raw) {
     fail("does not begin with \"NGSP\", in gzip or not, so it is no SPZ");
   version_ = value_at<std::uint32_t>(&raw[4]);
   if (version_ < 1 || version_ > 4 || (version_ == 4 && is_gzip_)) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: SPZ version {}{}; versions 1 to 4 are read, 4 without gzip: "
-                            "convert it to one of these or to PLY",
-                            name_, version_, is_gzip_ ? " in gzip" : ""));
+    refuse(name_,
+           "SPZ version {}{}; versions 1 to 4 are read, 4 without gzip: convert it to one of these "
+           "or to PLY",
+           version_, is_gzip_ ? " in gzip" : "");
   }
   info_.splats = value_at<std::uint32_t>(&raw[8]);
   info_.sh_degree = std::to_integer<unsigned>(raw[12]);
@@ -258,8 +273,7 @@ void SpzScene::assume_axes() {
   if (!own_axes_.empty() || axes_ != Axes{}) return;  // it is said, by the file or by the user
   info_.assumptions.push_back(
       "SPZ does not say how its axes lie (writers disagree): taken as stored; --source-axes "
-      "x,-y,-z "
-      "turns a scene that lies upside down");
+      "x,-y,-z turns a scene that lies upside down");
 }
 
 std::uint64_t SpzScene::prepare_bytes() const {
@@ -298,6 +312,8 @@ void SpzScene::unpack_gzip(WriteFile& to, const std::function<void()>& poll) {
     at += part.size();
     poll();
   }
+  // What follows may only be extensions: anything else means that the header and the bytes belong
+  // to different files. Reading to the end also compares the checksum of the gzip member.
   PageVector<std::byte> rest(kMostExtensionBytes);
   const std::size_t got = reader.read(rest);
   if (got == rest.size() || (got > 0 && !has_extensions_))
@@ -346,6 +362,8 @@ void SpzScene::decode(std::uint64_t first, std::uint64_t count, std::uint32_t lo
         };
         for (std::size_t k = 0; k < 3; ++k) {
           const std::byte* const p = row(kPositions);
+          // The constants are the format's: harmonics of degree 0 in steps of 0.15 / 255,
+          // logarithms of sizes in sixteenths from -10.
           batch.mean[k][i] = version_ == 1 ? half_to_float(value_at<std::uint16_t>(p + 2 * k))
                                            : fixed_of(p + 3 * k, unit);
           batch.colour[k][i] = (byte_at(row(kColours) + k) / 255 - 0.5F) / 0.15F;
