@@ -1,4 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Accessors: how numbers lie in a buffer, and which numbers an attribute may be of.
+//
+// An accessor names a type, a stride and a place in a buffer view; check_gltf() has made sure that
+// all of it lies within the view. Reading goes through pieces of 1 MiB and converts to what the
+// mesh keeps, so that no copy of the file's form is ever whole in memory; a sparse part is laid
+// over what was read before.
+//
+// An accessor without a buffer view stands for zeros: ten bytes of JSON that may claim any number
+// of elements. Wherever nothing else limits that number, check_unbacked() has to be asked first.
+//
+// check_primitive() judges a primitive by its accessors alone: what types glTF (with
+// KHR_mesh_quantization) allows, that all attributes are as long as POSITION, and how much mesh
+// will come of it. Values are looked at when they are read.
 #include "io/gltf/accessor.h"
 
 #include <fmt/format.h>
@@ -6,9 +20,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <optional>
 #include <type_traits>
 
-#include "pounce/error.h"
+#include "io/problems.h"
 
 namespace pounce::io {
 namespace {
@@ -73,11 +88,136 @@ void convert_any(int component_type, const std::byte* from, std::uint64_t stride
   }
 }
 
+constexpr int kByte = TINYGLTF_COMPONENT_TYPE_BYTE, kUByte = TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE,
+              kShort = TINYGLTF_COMPONENT_TYPE_SHORT,
+              kUShort = TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT,
+              kUInt = TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, kFloat = TINYGLTF_COMPONENT_TYPE_FLOAT;
+
+/// What glTF and KHR_mesh_quantization together allow for an attribute.
+struct AttributeRule {
+  int type;
+  std::vector<int> components;  ///< besides float
+  bool integers_normalized_only = false;
+  bool allows_float = true;
+};
+
+AttributeRule rule_of(const std::string& name) {
+  if (name == "POSITION") return {TINYGLTF_TYPE_VEC3, {kByte, kUByte, kShort, kUShort}, false};
+  if (name == "NORMAL") return {TINYGLTF_TYPE_VEC3, {kByte, kShort}, true};
+  if (name == "TANGENT") return {TINYGLTF_TYPE_VEC4, {kByte, kShort}, true};
+  if (name.starts_with("TEXCOORD_")) {
+    return {TINYGLTF_TYPE_VEC2, {kByte, kUByte, kShort, kUShort}, false};
+  }
+  if (name.starts_with("JOINTS_")) return {TINYGLTF_TYPE_VEC4, {kUByte, kUShort}, false, false};
+  if (name.starts_with("WEIGHTS_")) return {TINYGLTF_TYPE_VEC4, {kUByte, kUShort}, true};
+  return {0, {}, false};
+}
+
+/// glTF's colours: RGB or RGBA, of floats or of normalised integers without sign.
+bool holds_colours(const tinygltf::Accessor& a) {
+  const bool is_wide = a.type == TINYGLTF_TYPE_VEC3 || a.type == TINYGLTF_TYPE_VEC4;
+  const bool is_whole = a.componentType == kUByte || a.componentType == kUShort;
+  return is_wide && (a.componentType == kFloat || (is_whole && a.normalized));
+}
+
+const char* type_name(int type) {
+  switch (type) {
+    case TINYGLTF_TYPE_SCALAR:
+      return "SCALAR";
+    case TINYGLTF_TYPE_VEC2:
+      return "VEC2";
+    case TINYGLTF_TYPE_VEC3:
+      return "VEC3";
+    case TINYGLTF_TYPE_VEC4:
+      return "VEC4";
+    default:
+      return "a matrix type";
+  }
+}
+
+void check_type(const AccessorReader& accessors, int index, const std::string& name,
+                const std::string& place) {
+  const tinygltf::Accessor& a = accessors.accessor(index);
+  const AttributeRule rule = rule_of(name);
+  if (rule.type == 0) {
+    if (a.componentType == kUInt) {
+      accessors.fail(index, place, "is of 32-bit integers, which no attribute may be");
+    }
+    return;
+  }
+  const bool is_float = a.componentType == kFloat;
+  const bool allowed = is_float ? rule.allows_float
+                                : std::find(rule.components.begin(), rule.components.end(),
+                                            a.componentType) != rule.components.end() &&
+                                      (a.normalized || !rule.integers_normalized_only);
+  if (a.type != rule.type || !allowed) {
+    accessors.fail(
+        index, place,
+        fmt::format("is of {} with component type {}{}, which this attribute may not be",
+                    type_name(a.type), a.componentType, a.normalized ? " (normalized)" : ""));
+  }
+}
+
+/// TEXCOORD_2 -> 2; nothing for other names and for sets beyond kMaxUvSets.
+std::optional<std::size_t> set_index(const std::string& name, const char* prefix) {
+  const std::string_view head(prefix);
+  if (!name.starts_with(head) || name.size() != head.size() + 1) return std::nullopt;
+  const char digit = name.back();
+  if (digit < '0' || digit > '9') return std::nullopt;
+  const auto index = static_cast<std::size_t>(digit - '0');
+  return index < kMaxUvSets ? std::optional(index) : std::nullopt;
+}
+
+int attribute(const std::map<std::string, int>& attributes, const std::string& name) {
+  const auto it = attributes.find(name);
+  return it == attributes.end() ? -1 : it->second;
+}
+
+void check_attribute_set(const AccessorReader& accessors,
+                         const std::map<std::string, int>& attributes, std::uint64_t vertices,
+                         const std::string& place) {
+  for (const auto& [name, index] : attributes) {
+    const std::string where = place + " " + name;
+    check_type(accessors, index, name, where);
+    if (accessors.count(index) != vertices) {
+      accessors.fail(
+          index, where,
+          fmt::format("has {} elements, but POSITION has {}", accessors.count(index), vertices));
+    }
+  }
+}
+
+std::size_t check_joint_sets(const AccessorReader& accessors,
+                             const std::map<std::string, int>& attributes,
+                             const std::string& place) {
+  std::size_t sets = 0;
+  for (const auto& [name, index] : attributes) {
+    const bool joints = name.starts_with("JOINTS_");
+    if (!joints && !name.starts_with("WEIGHTS_")) continue;
+    const std::string number = name.substr(joints ? 7 : 8);
+    if (!attributes.contains((joints ? "WEIGHTS_" : "JOINTS_") + number)) {
+      accessors.fail(index, place + " " + name, "has no matching joints or weights");
+    }
+    if (joints) ++sets;
+  }
+  for (std::size_t set = 0; set < sets; ++set) {
+    if (!attributes.contains("JOINTS_" + std::to_string(set))) {
+      const auto first = attributes.lower_bound("JOINTS_");
+      accessors.fail(first->second, place + " " + first->first, "is not numbered from 0");
+    }
+  }
+  return sets;
+}
+
+std::uint64_t triangle_count(int mode, std::uint64_t corners) {
+  if (mode == TINYGLTF_MODE_TRIANGLES) return corners / 3;
+  return corners < 3 ? 0 : corners - 2;
+}
+
 }  // namespace
 
 void AccessorReader::fail(int index, const std::string& place, const std::string& what) const {
-  throw Error(ErrorKind::input, fmt::format("{}: {} (accessor {}) {}; export the model again",
-                                            file_.path(), place, index, what));
+  refuse(file_.path(), "{} (accessor {}) {}; export the model again", place, index, what);
 }
 
 void AccessorReader::check_unbacked(int index, std::uint64_t most, const std::string& place) const {
@@ -109,6 +249,7 @@ void AccessorReader::read_elements(const tinygltf::Accessor& a, std::uint64_t fi
   std::vector<std::byte> raw;
   for (std::uint64_t done = 0; done < count;) {
     const std::uint64_t piece = std::min(most, count - done);
+    // Not piece * stride: the view may end with the last element.
     raw.resize((piece - 1) * stride + element);
     file_.read_view(idx(a.bufferView), a.byteOffset + (first + done) * stride, raw);
     convert_any(a.componentType, raw.data(), stride, piece, components, a.normalized,
@@ -170,6 +311,56 @@ void AccessorReader::read_floats(int index, float* out, const std::string& place
 
 void AccessorReader::read_whole(int index, std::uint32_t* out, const std::string& place) const {
   read(index, out, place);
+}
+
+PrimitiveShape check_primitive(const AccessorReader& accessors,
+                               const tinygltf::Primitive& primitive, const std::string& place,
+                               std::size_t skin_joints) {
+  PrimitiveShape shape;
+  const int position = attribute(primitive.attributes, "POSITION");
+  if (position < 0) return shape;
+  shape.vertices = accessors.count(position);
+  check_attribute_set(accessors, primitive.attributes, shape.vertices, place);
+  for (std::size_t t = 0; t < primitive.targets.size(); ++t) {
+    for (const auto& [name, index] : primitive.targets[t]) {
+      const std::string where = fmt::format("{} target {} {}", place, t, name);
+      // The displacement of a tangent has no handedness.
+      if (rule_of(name).type != 0 && name != "TEXCOORD_0" &&
+          accessors.accessor(index).type != TINYGLTF_TYPE_VEC3 && !name.starts_with("TEXCOORD_")) {
+        accessors.fail(index, where, "is not an accessor of VEC3");
+      }
+      if (accessors.count(index) != shape.vertices) {
+        accessors.fail(index, where,
+                       fmt::format("has {} elements, but POSITION has {}", accessors.count(index),
+                                   shape.vertices));
+      }
+    }
+  }
+  const std::size_t joint_sets = check_joint_sets(accessors, primitive.attributes, place);
+  if (skin_joints > 0) shape.joint_sets = joint_sets;
+  std::uint64_t corners = shape.vertices;
+  if (primitive.indices >= 0) {
+    const tinygltf::Accessor& indices = accessors.accessor(primitive.indices);
+    const std::string where = place + " indices";
+    if (indices.type != TINYGLTF_TYPE_SCALAR || indices.normalized ||
+        (indices.componentType != kUByte && indices.componentType != kUShort &&
+         indices.componentType != kUInt)) {
+      accessors.fail(primitive.indices, where, "is not an accessor of unsigned integers");
+    }
+    corners = indices.count;
+  }
+  shape.is_surface = primitive.mode >= TINYGLTF_MODE_TRIANGLES;
+  if (!shape.is_surface) return shape;
+  shape.triangles = triangle_count(primitive.mode, corners);
+  shape.has_normals = primitive.attributes.contains("NORMAL");
+  const int colours = attribute(primitive.attributes, "COLOR_0");
+  shape.has_colours = colours >= 0 && holds_colours(accessors.accessor(colours));
+  shape.flattened = shape.has_normals ? shape.vertices : 3 * shape.triangles;
+  for (const auto& item : primitive.attributes) {
+    const auto set = set_index(item.first, "TEXCOORD_");
+    if (set) shape.uv_sets = std::max(shape.uv_sets, *set + 1);
+  }
+  return shape;
 }
 
 }  // namespace pounce::io

@@ -1,4 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The wall between a file and everything that reads it: behind check_gltf() every index leads to an
+// entry, every number is finite and of its type, every view lies in its buffer and every element of
+// an accessor in its view, nodes are a forest. tinygltf and our readers then ask nothing again, and
+// each check stands in one place, with the place in the document in its message.
+//
+// Order matters: buffers before views before accessors, since each is measured by the one before;
+// nodes one by one before the forest they make. All arithmetic is on whole numbers below 2^53, so
+// no sum overflows, and products are compared by dividing.
+//
+// Files of real programs break the letter of the standard in harmless ways; what pounce does not
+// read is not looked at, and a rotation that is not of unit length is a warning.
 #include "io/gltf/validate.h"
 
 #include <fmt/format.h>
@@ -8,9 +20,9 @@
 #include <cmath>
 #include <string_view>
 
-#include "io/json/check.h"
-#include "io/material_names.h"
-#include "pounce/error.h"
+#include "io/json/untrusted.h"
+#include "io/problems.h"
+#include "io/read_mesh.h"
 
 namespace pounce::io {
 namespace {
@@ -47,10 +59,8 @@ void check_asset(const JsonCheck& check, const std::string& path, const Json& ro
   const std::string* version = check.string(*asset, "version", "asset");
   if (version == nullptr) check.fail("asset.version", "is missing");
   const auto refuse = [&](const std::string& found) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: glTF version \"{}\", but only 2.x is read; export the model as "
-                            "glTF 2.0",
-                            path, found));
+    io::refuse(path, "glTF version \"{}\", but only 2.x is read; export the model as glTF 2.0",
+               found);
   };
   const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
   if (version->size() < 3 || !version->starts_with("2.") ||
@@ -82,11 +92,9 @@ void check_extensions(const JsonCheck& check, const std::string& path, const Jso
     // Their images and points are left out, by name, where something would need them.
     if (is_image_extension(name) || is_splat_extension(name)) continue;
     const bool packed = name.find("compression") != std::string::npos;
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: requires the extension {}, which pounce does not read; {}", path, name,
-                    packed ? "export the model without geometry compression"
-                           : "export the model without it"));
+    refuse(
+        path, "requires the extension {}, which pounce does not read; {}", name,
+        packed ? "export the model without geometry compression" : "export the model without it");
   }
 }
 
@@ -319,9 +327,8 @@ void check_name_lengths(const JsonCheck& check, const std::string& path) {
     check.for_each(collection, [&](const Json& object, const std::string& place) {
       const std::string* name = check.string(object, "name", place);
       if (name == nullptr || name->size() <= kMaxNameBytes) return;
-      throw Error(ErrorKind::input,
-                  fmt::format("{}: the name of {} has {} bytes; give it one of at most {}", path,
-                              place, name->size(), kMaxNameBytes));
+      refuse(path, "the name of {} has {} bytes; give it one of at most {}", place, name->size(),
+             kMaxNameBytes);
     });
   }
 }
@@ -342,6 +349,8 @@ std::vector<std::int64_t> check_forest(const JsonCheck& check, const Json& root)
       slot = self;
     }
   });
+  // From each node up to its root, marking the way with where it began: every node is passed once
+  // as new, so this is linear; meeting the mark of this very walk again is a loop.
   std::vector<std::size_t> seen_from(parent.size(), parent.size());
   for (std::size_t start = 0; start < parent.size(); ++start) {
     std::size_t node = start;
@@ -423,6 +432,7 @@ std::vector<std::string> check_gltf(const std::string& path, const nlohmann::jso
   check_extensions(check, path, document);
   check_buffers(check, document);
   check_accessors(check, document);
+  // They are objects, which is all that a node needs of the cameras that it may name.
   check.for_each("cameras", [](const Json&, const std::string&) {});
   check_textures(check);
   check_materials(check);
@@ -434,11 +444,11 @@ std::vector<std::string> check_gltf(const std::string& path, const nlohmann::jso
   check_skins(check, document);
   check_scenes(check, document, check_forest(check, document));
   if (gltf_entry_count(document) > kMaxEntries || check.size_of("materials") > kMaxMaterials) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: more than {} nodes, meshes, accessors and the like, or more than {} "
-                    "materials; split the model",
-                    path, kMaxEntries, kMaxMaterials));
+    refuse(
+        path,
+        "more than {} nodes, meshes, accessors and the like, or more than {} materials; split the "
+        "model",
+        kMaxEntries, kMaxMaterials);
   }
   return warnings;
 }

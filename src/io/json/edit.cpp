@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A tree that is parsed and written again comes out different: members in another order, 0.10 as
+// 0.1, integers beyond 2^53 rounded. A model shall keep every byte that its new textures do not
+// concern, so edits are of text: a value is found by walking over what stands before it, and what
+// lies between two edits is copied. The walk trusts the text, which a parser has accepted; it knows
+// strings, brackets and commas, and nothing of what values mean.
 #include "io/json/edit.h"
 
 #include <algorithm>
@@ -71,6 +77,7 @@ std::vector<Place> places(std::string_view object) {
     Place place;
     place.begin = cursor.place();
     const std::string_view key = cursor.value();
+    // Escapes in keys are rare, and only then is it worth to ask a parser what they mean.
     place.member.key = key.find('\\') == std::string_view::npos
                            ? std::string(key.substr(1, key.size() - 2))
                            : nlohmann::json::parse(key).get<std::string>();
@@ -93,6 +100,7 @@ std::string joined(const std::vector<std::string>& parts) {
 /// `text` with `addition` as new entries before its closing bracket.
 std::string with_entries(std::string text, const std::string& addition, bool was_empty) {
   if (addition.empty()) return text;
+  // Before the white space in front of the bracket, so that an indented file stays one.
   std::size_t end = text.find_last_of("}]");
   while (end > 0 && is_space(text[end - 1])) --end;
   return text.insert(end, (was_empty ? "" : ",") + addition);

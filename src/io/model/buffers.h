@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "io/gltf/file.h"
+#include "io/gltf/gltf_file.h"
 #include "io/model/slots.h"
 
 namespace pounce::io {

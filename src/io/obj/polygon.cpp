@@ -1,4 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Faces of an OBJ have any number of corners, and may be neither flat nor convex.
+//
+// Convex ones become a fan, which is also what is left to do where nothing better is known. Of the
+// others ears are cut off: a corner whose triangle turns the right way and holds no other corner
+// can go without changing the rest. The polygon is looked at along its mean normal, by dropping one
+// coordinate, so an ear is judged in the plane in doubles. One that crosses itself runs out of ears
+// at some point; the fan of what is left has the right number of triangles at least.
+//
+// n - 2 triangles come of n corners whatever their places: mesh_cost() counts on it.
 #include "io/obj/polygon.h"
 
 #include <algorithm>

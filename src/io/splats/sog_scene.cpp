@@ -30,7 +30,7 @@
 #include "core/input_file.h"
 #include "core/portable_math.h"
 #include "io/files/asset_folder.h"
-#include "io/json/size.h"
+#include "io/json/untrusted.h"
 #include "io/problems.h"
 #include "io/splats/batch.h"
 #include "io/splats/unpack.h"

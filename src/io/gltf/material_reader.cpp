@@ -1,5 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/gltf/material.h"
+//
+// Materials of a glTF: factors and textures of the five channels that have a place in the
+// metallic-roughness model, and where the images are. No image is opened.
+//
+// A texture leads to its image by way of a sampler and maybe an extension (WebP, KTX2, ...). What
+// cannot be read is no reason to refuse a model: its shape and its other textures are good. So an
+// image that is missing, on the web or in a format that is not read becomes an ImageRef with a
+// `problem`, and whoever needs it in the end says so by name. Textures of extensions for which
+// there is no channel are listed, so that a user hears of what is not transferred.
+//
+// Indices are trusted here: check_gltf() has seen every one of them, those in extensions that are
+// followed included.
+#include "io/gltf/material_reader.h"
 
 #include <fmt/format.h>
 
@@ -9,7 +21,7 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "io/material_names.h"
+#include "io/read_mesh.h"
 
 namespace pounce::io {
 namespace {
@@ -195,7 +207,6 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   out.name = in.name;
   out.double_sided = in.doubleSided;
   out.is_opaque = in.alphaMode != "MASK" && in.alphaMode != "BLEND";
-  out.is_opaque = in.alphaMode != "MASK" && in.alphaMode != "BLEND";
   const auto factor = [](const std::vector<double>& from, std::size_t i, float fallback) {
     return i < from.size() ? static_cast<float>(from[i]) : fallback;
   };
@@ -208,6 +219,7 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   for (std::size_t i = 0; i < 3; ++i) emissive[i] = factor(in.emissiveFactor, i, 0);
   out.occlusion_strength = static_cast<float>(in.occlusionTexture.strength);
   if (const auto* strength = find(in.extensions, "KHR_materials_emissive_strength")) {
+    // The only factor of an extension: check_gltf() knows nothing of it.
     const double value = number(*strength, "emissiveStrength", -1, 1);
     if (std::isfinite(value) && value >= 0) out.emissive_strength = static_cast<float>(value);
   }

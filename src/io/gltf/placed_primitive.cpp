@@ -1,13 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/gltf/primitive.h"
+//
+// From nodes and primitives to triangles in world space.
+//
+// pounce has no scene graph: each use of a mesh by a node becomes triangles of its own, morphed,
+// skinned and moved. Here is where nodes place meshes (an affine map each, in double precision,
+// walked without recursion, since a file may nest as deep as it likes), and how one primitive is
+// read, bent and appended.
+//
+// PrimitiveReader holds one primitive as the file has it, which is the only thing in memory beside
+// the mesh and the JSON. Its steps are in the order in which glTF wants them: morph targets, then
+// the skin or the node, then normals and tangents by the same map, then the winding where that map
+// mirrors. Without normals in the file triangles are flat, so their corners are not shared.
+//
+// What a number does to the result decides what is done about a bad one: an index or a position
+// that makes no sense is refused with its place, a normal or a colour is counted, replaced and
+// warned of.
+#include "io/gltf/placed_primitive.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
-
-#include "pounce/error.h"
+#include <map>
+#include <string_view>
 
 namespace pounce::io {
 namespace {
@@ -15,130 +30,53 @@ namespace {
 // A Vec is read as so many floats in a row.
 static_assert(sizeof(Vec2f) == 8 && sizeof(Vec3f) == 12 && sizeof(Vec4f) == 16);
 
-constexpr int kByte = TINYGLTF_COMPONENT_TYPE_BYTE, kUByte = TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE,
-              kShort = TINYGLTF_COMPONENT_TYPE_SHORT,
-              kUShort = TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT,
-              kUInt = TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, kFloat = TINYGLTF_COMPONENT_TYPE_FLOAT;
+/// Messages are made for every primitive of every instance, needed or not.
+constexpr std::size_t kShownNameBytes = 100;
 
-/// What glTF and KHR_mesh_quantization together allow for an attribute.
-struct AttributeRule {
-  int type;
-  std::vector<int> components;  ///< besides float
-  bool integers_normalized_only = false;
-  bool allows_float = true;
-};
-
-AttributeRule rule_of(const std::string& name) {
-  if (name == "POSITION") return {TINYGLTF_TYPE_VEC3, {kByte, kUByte, kShort, kUShort}, false};
-  if (name == "NORMAL") return {TINYGLTF_TYPE_VEC3, {kByte, kShort}, true};
-  if (name == "TANGENT") return {TINYGLTF_TYPE_VEC4, {kByte, kShort}, true};
-  if (name.starts_with("TEXCOORD_")) {
-    return {TINYGLTF_TYPE_VEC2, {kByte, kUByte, kShort, kUShort}, false};
+Affine local_transform(const tinygltf::Node& node) {
+  if (node.matrix.size() == 16) return affine_from_columns(node.matrix.data());
+  Affine out;
+  if (node.rotation.size() == 4) {
+    double x = node.rotation[0], y = node.rotation[1], z = node.rotation[2], w = node.rotation[3];
+    const double norm = std::sqrt(x * x + y * y + z * z + w * w);
+    x /= norm, y /= norm, z /= norm, w /= norm;
+    out.columns = {{{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
+                    {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
+                    {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}}};
   }
-  if (name.starts_with("JOINTS_")) return {TINYGLTF_TYPE_VEC4, {kUByte, kUShort}, false, false};
-  if (name.starts_with("WEIGHTS_")) return {TINYGLTF_TYPE_VEC4, {kUByte, kUShort}, true};
-  return {0, {}, false};
-}
-
-/// glTF's colours: RGB or RGBA, of floats or of normalised integers without sign.
-bool holds_colours(const tinygltf::Accessor& a) {
-  const bool is_wide = a.type == TINYGLTF_TYPE_VEC3 || a.type == TINYGLTF_TYPE_VEC4;
-  const bool is_whole = a.componentType == kUByte || a.componentType == kUShort;
-  return is_wide && (a.componentType == kFloat || (is_whole && a.normalized));
-}
-
-const char* type_name(int type) {
-  switch (type) {
-    case TINYGLTF_TYPE_SCALAR:
-      return "SCALAR";
-    case TINYGLTF_TYPE_VEC2:
-      return "VEC2";
-    case TINYGLTF_TYPE_VEC3:
-      return "VEC3";
-    case TINYGLTF_TYPE_VEC4:
-      return "VEC4";
-    default:
-      return "a matrix type";
+  if (node.scale.size() == 3) {
+    for (std::size_t i = 0; i < 3; ++i) out.columns[i] = out.columns[i] * node.scale[i];
   }
-}
-
-void check_type(const AccessorReader& accessors, int index, const std::string& name,
-                const std::string& place) {
-  const tinygltf::Accessor& a = accessors.accessor(index);
-  const AttributeRule rule = rule_of(name);
-  if (rule.type == 0) {
-    if (a.componentType == kUInt) {
-      accessors.fail(index, place, "is of 32-bit integers, which no attribute may be");
-    }
-    return;
+  if (node.translation.size() == 3) {
+    out.offset = {node.translation[0], node.translation[1], node.translation[2]};
   }
-  const bool is_float = a.componentType == kFloat;
-  const bool allowed = is_float ? rule.allows_float
-                                : std::find(rule.components.begin(), rule.components.end(),
-                                            a.componentType) != rule.components.end() &&
-                                      (a.normalized || !rule.integers_normalized_only);
-  if (a.type != rule.type || !allowed) {
-    accessors.fail(
-        index, place,
-        fmt::format("is of {} with component type {}{}, which this attribute may not be",
-                    type_name(a.type), a.componentType, a.normalized ? " (normalized)" : ""));
+  return out;
+}
+
+std::vector<int> root_nodes(const tinygltf::Model& model) {
+  std::vector<bool> is_child(model.nodes.size(), false);
+  for (const auto& node : model.nodes) {
+    for (const int child : node.children) is_child[static_cast<std::size_t>(child)] = true;
   }
-}
-
-/// TEXCOORD_2 -> 2; nothing for other names and for sets beyond kMaxUvSets.
-std::optional<std::size_t> set_index(const std::string& name, const char* prefix) {
-  const std::string_view head(prefix);
-  if (!name.starts_with(head) || name.size() != head.size() + 1) return std::nullopt;
-  const char digit = name.back();
-  if (digit < '0' || digit > '9') return std::nullopt;
-  const auto index = static_cast<std::size_t>(digit - '0');
-  return index < kMaxUvSets ? std::optional(index) : std::nullopt;
-}
-
-int attribute(const std::map<std::string, int>& attributes, const std::string& name) {
-  const auto it = attributes.find(name);
-  return it == attributes.end() ? -1 : it->second;
-}
-
-void check_attribute_set(const AccessorReader& accessors,
-                         const std::map<std::string, int>& attributes, std::uint64_t vertices,
-                         const std::string& place) {
-  for (const auto& [name, index] : attributes) {
-    const std::string where = place + " " + name;
-    check_type(accessors, index, name, where);
-    if (accessors.count(index) != vertices) {
-      accessors.fail(
-          index, where,
-          fmt::format("has {} elements, but POSITION has {}", accessors.count(index), vertices));
-    }
+  std::vector<int> roots;
+  for (std::size_t i = 0; i < model.nodes.size(); ++i) {
+    if (!is_child[i]) roots.push_back(static_cast<int>(i));
   }
+  return roots;
 }
 
-std::size_t check_joint_sets(const AccessorReader& accessors,
-                             const std::map<std::string, int>& attributes,
-                             const std::string& place) {
-  std::size_t sets = 0;
-  for (const auto& [name, index] : attributes) {
-    const bool joints = name.starts_with("JOINTS_");
-    if (!joints && !name.starts_with("WEIGHTS_")) continue;
-    const std::string number = name.substr(joints ? 7 : 8);
-    if (!attributes.contains((joints ? "WEIGHTS_" : "JOINTS_") + number)) {
-      accessors.fail(index, place + " " + name, "has no matching joints or weights");
-    }
-    if (joints) ++sets;
+/// Visits nodes depth first, children in file order, without recursion (files may nest as deep as
+/// they like).
+template <class F>
+void walk(const tinygltf::Model& model, const std::vector<int>& roots, F visit) {
+  std::vector<int> stack(roots.rbegin(), roots.rend());
+  while (!stack.empty()) {
+    const int node = stack.back();
+    stack.pop_back();
+    visit(static_cast<std::size_t>(node));
+    const auto& children = model.nodes[static_cast<std::size_t>(node)].children;
+    stack.insert(stack.end(), children.rbegin(), children.rend());
   }
-  for (std::size_t set = 0; set < sets; ++set) {
-    if (!attributes.contains("JOINTS_" + std::to_string(set))) {
-      const auto first = attributes.lower_bound("JOINTS_");
-      accessors.fail(first->second, place + " " + first->first, "is not numbered from 0");
-    }
-  }
-  return sets;
-}
-
-std::uint64_t triangle_count(int mode, std::uint64_t corners) {
-  if (mode == TINYGLTF_MODE_TRIANGLES) return corners / 3;
-  return corners < 3 ? 0 : corners - 2;
 }
 
 /// One primitive being read, before it is put into the mesh.
@@ -150,7 +88,11 @@ class PrimitiveReader {
   AppendCounts append(std::uint32_t material);
 
  private:
-  int find(const std::string& name) const { return attribute(context_.primitive.attributes, name); }
+  static int find_in(const std::map<std::string, int>& attributes, const std::string& name) {
+    const auto it = attributes.find(name);
+    return it == attributes.end() ? -1 : it->second;
+  }
+  int find(const std::string& name) const { return find_in(context_.primitive.attributes, name); }
   std::string at(const std::string& name) const { return context_.place + " " + name; }
   void read_triangles();
   void read_vertices();
@@ -185,7 +127,9 @@ void PrimitiveReader::read_triangles() {
     corners.resize(context_.accessors.count(index));
     context_.accessors.read_whole(index, corners.data(), at("indices"));
     const int type = context_.accessors.accessor(index).componentType;
-    const std::uint32_t restart = type == kUByte ? 0xFF : type == kUShort ? 0xFFFF : 0xFFFFFFFF;
+    const std::uint32_t restart = type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE    ? 0xFF
+                                  : type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT ? 0xFFFF
+                                                                                   : 0xFFFFFFFF;
     for (std::size_t i = 0; i < corners.size(); ++i) {
       if (corners[i] == restart) {
         context_.accessors.fail(index, at("indices"),
@@ -212,6 +156,7 @@ void PrimitiveReader::read_triangles() {
     if (mode == TINYGLTF_MODE_TRIANGLES) {
       triangles_[i] = {corner(3 * i), corner(3 * i + 1), corner(3 * i + 2)};
     } else if (mode == TINYGLTF_MODE_TRIANGLE_STRIP) {
+      // Every second triangle of a strip is turned, so that all face the same side.
       triangles_[i] = {corner(i), corner(i + 1 + i % 2), corner(i + 2 - i % 2)};
     } else {
       triangles_[i] = {corner(i + 1), corner(i + 2), corner(0)};
@@ -224,7 +169,7 @@ void PrimitiveReader::morph(const std::string& name, std::vector<Vec3f>& values)
   std::vector<Vec3f> delta;
   for (std::size_t t = 0; t < targets.size() && t < context_.morph_weights.size(); ++t) {
     const double weight = context_.morph_weights[t];
-    const int index = attribute(targets[t], name);
+    const int index = find_in(targets[t], name);
     if (weight == 0 || index < 0) continue;
     delta.resize(values.size());
     context_.accessors.read_floats(index, &delta[0].x, fmt::format("{} target {}", at(name), t));
@@ -318,6 +263,7 @@ Affine PrimitiveReader::skin_of(std::size_t vertex) const {
   for (const auto& set : weights_) {
     sum += static_cast<double>(set[vertex].x) + set[vertex].y + set[vertex].z + set[vertex].w;
   }
+  // Without weights a vertex follows its first joint: it must go somewhere.
   if (sum <= 0) {
     const std::size_t joint = joints_[0][vertex][0];
     return context_.joints[joint < context_.joints.size() ? joint : 0];
@@ -343,6 +289,7 @@ Vec3f unit(Vec3d v) {
 void PrimitiveReader::transform() {
   const bool skinned = !context_.joints.empty() && shape_.joint_sets > 0;
   if (skinned) read_skin();
+  // One entry for all, or with a skin one per vertex: joints may mirror, too.
   mirrored_.assign(skinned ? vertices_ : 1, context_.to_world.determinant() < 0);
   for (std::size_t i = 0; i < vertices_; ++i) {
     const Affine map = skinned ? skin_of(i) : context_.to_world;
@@ -430,54 +377,88 @@ AppendCounts PrimitiveReader::append(std::uint32_t material) {
 
 }  // namespace
 
-PrimitiveShape check_primitive(const AccessorReader& accessors,
-                               const tinygltf::Primitive& primitive, const std::string& place,
-                               std::size_t skin_joints) {
-  PrimitiveShape shape;
-  const int position = attribute(primitive.attributes, "POSITION");
-  if (position < 0) return shape;
-  shape.vertices = accessors.count(position);
-  check_attribute_set(accessors, primitive.attributes, shape.vertices, place);
-  for (std::size_t t = 0; t < primitive.targets.size(); ++t) {
-    for (const auto& [name, index] : primitive.targets[t]) {
-      const std::string where = fmt::format("{} target {} {}", place, t, name);
-      // The displacement of a tangent has no handedness.
-      if (rule_of(name).type != 0 && name != "TEXCOORD_0" &&
-          accessors.accessor(index).type != TINYGLTF_TYPE_VEC3 && !name.starts_with("TEXCOORD_")) {
-        accessors.fail(index, where, "is not an accessor of VEC3");
-      }
-      if (accessors.count(index) != shape.vertices) {
-        accessors.fail(index, where,
-                       fmt::format("has {} elements, but POSITION has {}", accessors.count(index),
-                                   shape.vertices));
-      }
+Vec3d Affine::normal(Vec3d n) const {
+  const double sign = determinant() < 0 ? -1 : 1;
+  const Vec3d out = cross(columns[1], columns[2]) * n.x + cross(columns[2], columns[0]) * n.y +
+                    cross(columns[0], columns[1]) * n.z;
+  return out * sign;
+}
+
+void Affine::add(const Affine& other, double weight) {
+  for (std::size_t i = 0; i < 3; ++i) columns[i] = columns[i] + other.columns[i] * weight;
+  offset = offset + other.offset * weight;
+}
+
+Affine operator*(const Affine& a, const Affine& b) {
+  Affine out;
+  for (std::size_t i = 0; i < 3; ++i) out.columns[i] = a.direction(b.columns[i]);
+  out.offset = a.point(b.offset);
+  return out;
+}
+
+Affine affine_from_columns(const double* m) {
+  Affine out;
+  for (std::size_t i = 0; i < 3; ++i) out.columns[i] = {m[4 * i], m[4 * i + 1], m[4 * i + 2]};
+  out.offset = {m[12], m[13], m[14]};
+  return out;
+}
+
+std::vector<Affine> world_transforms(const tinygltf::Model& model) {
+  std::vector<Affine> worlds(model.nodes.size());
+  for (std::size_t i = 0; i < worlds.size(); ++i) worlds[i] = local_transform(model.nodes[i]);
+  // A node is visited before its children, so its own entry is already that of the world.
+  walk(model, root_nodes(model), [&](std::size_t node) {
+    for (const int child : model.nodes[node].children) {
+      Affine& below = worlds[static_cast<std::size_t>(child)];
+      below = worlds[node] * below;
     }
-  }
-  const std::size_t joint_sets = check_joint_sets(accessors, primitive.attributes, place);
-  if (skin_joints > 0) shape.joint_sets = joint_sets;
-  std::uint64_t corners = shape.vertices;
-  if (primitive.indices >= 0) {
-    const tinygltf::Accessor& indices = accessors.accessor(primitive.indices);
-    const std::string where = place + " indices";
-    if (indices.type != TINYGLTF_TYPE_SCALAR || indices.normalized ||
-        (indices.componentType != kUByte && indices.componentType != kUShort &&
-         indices.componentType != kUInt)) {
-      accessors.fail(primitive.indices, where, "is not an accessor of unsigned integers");
+  });
+  return worlds;
+}
+
+std::vector<MeshInstance> mesh_instances(const tinygltf::Model& model,
+                                         const std::vector<Affine>& worlds) {
+  std::vector<MeshInstance> instances;
+  if (model.nodes.empty()) {
+    for (std::size_t i = 0; i < model.meshes.size(); ++i) {
+      instances.push_back({static_cast<int>(i), -1, Affine{}});
     }
-    corners = indices.count;
+    return instances;
   }
-  shape.is_surface = primitive.mode >= TINYGLTF_MODE_TRIANGLES;
-  if (!shape.is_surface) return shape;
-  shape.triangles = triangle_count(primitive.mode, corners);
-  shape.has_normals = primitive.attributes.contains("NORMAL");
-  const int colours = attribute(primitive.attributes, "COLOR_0");
-  shape.has_colours = colours >= 0 && holds_colours(accessors.accessor(colours));
-  shape.flattened = shape.has_normals ? shape.vertices : 3 * shape.triangles;
-  for (const auto& item : primitive.attributes) {
-    const auto set = set_index(item.first, "TEXCOORD_");
-    if (set) shape.uv_sets = std::max(shape.uv_sets, *set + 1);
+  std::vector<int> roots;
+  if (model.scenes.empty()) {
+    roots = root_nodes(model);
+  } else {
+    const int scene = model.defaultScene < 0 ? 0 : model.defaultScene;
+    roots = model.scenes[static_cast<std::size_t>(scene)].nodes;
   }
-  return shape;
+  walk(model, roots, [&](std::size_t node) {
+    if (model.nodes[node].mesh >= 0) {
+      instances.push_back({model.nodes[node].mesh, static_cast<int>(node), worlds[node]});
+    }
+  });
+  return instances;
+}
+
+int skin_of(const tinygltf::Model& model, const MeshInstance& instance) {
+  return instance.node < 0 ? -1 : model.nodes[static_cast<std::size_t>(instance.node)].skin;
+}
+
+const std::vector<double>& weights_of(const tinygltf::Model& model, const MeshInstance& instance) {
+  if (instance.node >= 0) {
+    const auto& own = model.nodes[static_cast<std::size_t>(instance.node)].weights;
+    if (!own.empty()) return own;
+  }
+  return model.meshes[static_cast<std::size_t>(instance.mesh)].weights;
+}
+
+std::string primitive_place(const tinygltf::Model& model, int mesh, std::size_t primitive) {
+  const std::string& name = model.meshes[static_cast<std::size_t>(mesh)].name;
+  if (name.empty()) return fmt::format("mesh {} primitive {}", mesh, primitive);
+  std::size_t shown = std::min(name.size(), kShownNameBytes);
+  while (shown < name.size() && (name[shown] & 0xC0) == 0x80) --shown;  // whole characters
+  return fmt::format("mesh {} \"{}{}\" primitive {}", mesh, std::string_view(name).substr(0, shown),
+                     shown < name.size() ? "..." : "", primitive);
 }
 
 AppendCounts append_primitive(const PrimitiveContext& context, const PrimitiveShape& shape,

@@ -4,7 +4,12 @@
 // first name them. A number or an index that is none is refused with its line: read as 0 it would
 // bend the surface without a word. Curves, lines, points and smoothing groups are passed over. A
 // vertex may have a colour, three numbers more, which programs write as they show it: sRGB.
-#include "io/obj/mesh.h"
+//
+// The file is read twice: first it is counted (obj_text.h), so that its lists and the mesh are
+// reserved once, at their final size. Beside the mesh there are then the lists of the file and the
+// set that numbers equal corners; they go when the vertices are made. Where normals are missing,
+// corners of one position that lie within 60 degrees share one, and others are parted: the number
+// of vertices can only be bounded before, by the number of corners.
 
 #include <fmt/format.h>
 
@@ -22,14 +27,12 @@
 #include <vector>
 
 #include "core/colour_space.h"
-#include "io/material_names.h"
-#include "io/obj/cost.h"
-#include "io/obj/material.h"
+#include "io/obj/materials.h"
+#include "io/obj/obj_text.h"
 #include "io/obj/polygon.h"
-#include "io/obj/text.h"
 #include "io/problems.h"
+#include "io/read_mesh.h"
 #include "mesh/vertex_frames.h"
-#include "pounce/error.h"
 
 namespace pounce::io {
 namespace {
@@ -135,8 +138,7 @@ void ObjReader::reserve() {
   const ObjCounts counts = count_obj(path_);
   if (counts.corners >= kNone || counts.positions >= kNone || counts.texcoords >= kNone ||
       counts.normals >= kNone) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: more than 4 billion corners or vertices; split the model", path_));
+    refuse(path_, "more than 4 billion corners or vertices; split the model");
   }
   positions_.reserve(counts.positions);
   mesh_.has_vertex_colours = counts.has_colours;
@@ -159,6 +161,7 @@ void ObjReader::parse() {
       if (!std::isfinite(u) || !std::isfinite(v)) {
         text_.fail("a texture coordinate is too large for a float");
       }
+      // OBJ counts v from below; everything inside counts it from above (decision 6).
       texcoords_.push_back({u, static_cast<float>(1.0 - static_cast<double>(v))});
     } else if (word == "vn") {
       const auto [x, y, z] = numbers(rest, 3, 3, "a normal");
@@ -345,6 +348,7 @@ void ObjReader::keep_colours() {
     warnings_.add("colours of vertices go up to {}; taken as 0 to 255, not 0 to 1",
                   static_cast<double>(largest));
   }
+  // The extension was never written down: some programs write 0 to 1, others 0 to 255.
   const double scale = in_bytes ? 1.0 / 255 : 1.0;
   const auto linear = [&](float v) {
     return static_cast<float>(srgb_to_linear(static_cast<double>(v) * scale));
@@ -395,6 +399,7 @@ void ObjReader::finish_normals(bool all_given) {
       position_of.push_back(key.position);
       missing.push_back(key.normal == kNone);
     }
+    // Its tables are as large as the mesh, and smoothing needs that room.
     vertices_ = CornerSet();
     mesh::smooth_normals(mesh_, position_of, static_cast<std::uint32_t>(positions_.size()), missing,
                          kSmoothAngleDeg);
@@ -414,11 +419,10 @@ mesh::Mesh ObjReader::read() {
   parse();
   mesh_.parts = parts_.finish(static_cast<std::uint32_t>(mesh_.triangles.size()));
   if (mesh_.triangles.empty()) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: no faces ({} vertices, {} faces of fewer than 3 corners); export a "
-                    "model with a surface",
-                    path_, positions_.size(), small_faces_));
+    refuse(
+        path_,
+        "no faces ({} vertices, {} faces of fewer than 3 corners); export a model with a surface",
+        positions_.size(), small_faces_);
   }
   if (small_faces_ > 0) {
     warnings_.add("{} faces of fewer than 3 corners left out", small_faces_);

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "io/gltf/file.h"
+#include "io/gltf/gltf_file.h"
 #include "io/problems.h"
 #include "mesh/mesh.h"
 

@@ -1,5 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/gltf/file.h"
+//
+// Opening a glTF: chunks, JSON, buffers, and the document with types.
+//
+// tinygltf gives a document its types, but it trusts what it reads, keeps every buffer in memory
+// twice and drops without a word what it does not like. So a file is opened here by four steps of
+// our own, and tinygltf comes last:
+//
+//   find_chunks   where JSON and BIN lie in a .glb; sizes against the file's
+//   json_size     depth and counts, before anything recurses or allocates by them
+//   check_gltf    types, ranges, indices, the node graph; behind it the document is trusted
+//   load_model    tinygltf sees a copy without buffers, images, extras and indices, and what it
+//   made
+//                 of that is compared with the document, entry by entry
+//
+// Buffers are opened, not read: geometry and images are read piece by piece when they are asked
+// for. A buffer that is missing, outside of the model's folder or too short has a `problem` and no
+// bytes; only who needs it is refused. Data URIs are the exception: they are decoded when the file
+// is opened, and their text leaves the tree.
+#include "io/gltf/gltf_file.h"
 
 #include <fmt/format.h>
 
@@ -7,11 +25,13 @@
 #include <array>
 #include <cstring>
 #include <filesystem>
+#include <limits>
+#include <new>
 #include <stdexcept>
 
 #include "core/input_file.h"
 #include "io/gltf/validate.h"
-#include "pounce/error.h"
+#include "io/problems.h"
 
 namespace pounce::io {
 namespace {
@@ -109,6 +129,40 @@ std::string shown_uri(const std::string& uri) {
   return uri.size() <= kMost ? uri : uri.substr(0, kMost) + "...";
 }
 
+void drop_extras(nlohmann::json& value) {
+  if (value.is_object()) value.erase("extras");
+  for (auto& item : value) {
+    if (item.is_structured()) drop_extras(item);
+  }
+}
+
+/// tinygltf drops what it does not like without a word; indices would then mean something else.
+bool is_complete(const nlohmann::json& document, const tinygltf::Model& model) {
+  const auto same = [&](const char* key, std::size_t count) {
+    const auto it = document.find(key);
+    return (it == document.end() ? 0 : it->size()) == count;
+  };
+  if (!same("nodes", model.nodes.size()) || !same("meshes", model.meshes.size()) ||
+      !same("accessors", model.accessors.size()) ||
+      !same("bufferViews", model.bufferViews.size()) ||
+      !same("materials", model.materials.size()) || !same("textures", model.textures.size()) ||
+      !same("samplers", model.samplers.size()) || !same("skins", model.skins.size()) ||
+      !same("scenes", model.scenes.size())) {
+    return false;
+  }
+  for (std::size_t i = 0; i < model.meshes.size(); ++i) {
+    const auto& wanted = document.at("meshes").at(i).at("primitives");
+    const auto& found = model.meshes[i].primitives;
+    if (wanted.size() != found.size()) return false;
+    for (std::size_t p = 0; p < found.size(); ++p) {
+      const auto targets = wanted[p].find("targets");
+      if ((targets == wanted[p].end() ? 0 : targets->size()) != found[p].targets.size())
+        return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 DataUri decode_data_uri(std::string_view uri) {
@@ -150,13 +204,12 @@ GltfFile::GltfFile(const std::string& path, bool allow_external)
   // tinygltf and nlohmann's writer recurse, and the parser's own callback for this is quadratic.
   const JsonSize size = json_size(*file, json_offset_, json_text_bytes_);
   if (size.depth > kMaxJsonDepth) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: JSON nested deeper than {} levels; this is no sensible glTF file",
-                            path_, kMaxJsonDepth));
+    refuse(path_, "JSON nested deeper than {} levels; this is no sensible glTF file",
+           kMaxJsonDepth);
   }
   long_string_bytes_ = size.long_bytes;
   parse(read_text(*file, json_offset_, json_text_bytes_));
-  for (const auto& extension : check_gltf(path_, document_)) warnings_.push_back(extension);
+  warnings_ = check_gltf(path_, document_);
   if (const auto it = document_.find("buffers"); it != document_.end()) {
     buffers_.resize(it->size());
     for (std::size_t i = 0; i < it->size(); ++i) open_buffer(i, (*it)[i]);
@@ -167,6 +220,7 @@ GltfFile::GltfFile(const std::string& path, bool allow_external)
       if (uri == image.end() || !is_data_uri(uri->get_ref<const std::string&>())) continue;
       image_text_bytes_ += uri->get_ref<const std::string&>().size();
     }
+    // Images stay in the tree as text until materials are read; mesh_cost() counts them apart.
     json_bytes_ -= image_text_bytes_;
   }
 }
@@ -174,9 +228,9 @@ GltfFile::GltfFile(const std::string& path, bool allow_external)
 void GltfFile::find_chunks(const ReadFile& file) {
   const std::uint64_t file_bytes = file.size_bytes();
   const auto fail = [&](const std::string& what) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: {}; the file is damaged, export it again", path_, what));
+    refuse(path_, "{}; the file is damaged, export it again", what);
   };
+  // What is no GLB is taken for JSON, whatever its ending.
   if (file_bytes < 4 || read_u32(file, 0) != kGlbMagic) {
     json_text_bytes_ = file_bytes;
     return;
@@ -184,9 +238,8 @@ void GltfFile::find_chunks(const ReadFile& file) {
 
   if (file_bytes < 20) fail("a GLB header that is cut off");
   if (const std::uint32_t version = read_u32(file, 4); version != 2) {
-    throw Error(ErrorKind::input, fmt::format("{}: GLB version {}, but only version 2 is read; "
-                                              "export the model as glTF 2.0",
-                                              path_, version));
+    refuse(path_, "GLB version {}, but only version 2 is read; export the model as glTF 2.0",
+           version);
   }
   const std::uint64_t length = read_u32(file, 8);
   if (length > file_bytes) {
@@ -231,9 +284,7 @@ void GltfFile::parse(const std::string& text) {
   try {
     document_ = nlohmann::json::parse(text);
   } catch (const nlohmann::json::exception& e) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: no valid JSON ({}); the file is damaged, export it again", path_,
-                            e.what()));
+    refuse(path_, "no valid JSON ({}); the file is damaged, export it again", e.what());
   }
   json_bytes_ = text.size();
 }
@@ -295,9 +346,8 @@ void GltfFile::read_view(std::size_t view, std::uint64_t offset, std::span<std::
     throw Error(ErrorKind::storage, fmt::format("{}: buffer {} {}", path_, index, buffer.problem));
   }
   if (!buffer.problem.empty()) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: buffer {} {}; put the missing data back or export the model again",
-                            path_, index, buffer.problem));
+    refuse(path_, "buffer {} {}; put the missing data back or export the model again", index,
+           buffer.problem);
   }
   const std::uint64_t start = json.value("byteOffset", std::uint64_t{0}) + offset;
   if (buffer.bytes != nullptr) {
@@ -313,6 +363,58 @@ std::uint64_t GltfFile::total_buffer_bytes() const {
     if (buffer.problem.empty()) total += buffer.size_bytes;
   }
   return total;
+}
+
+tinygltf::Model load_model(const GltfFile& file) {
+  nlohmann::json part;
+  for (const char* key : {"asset", "scene", "scenes", "nodes", "meshes", "accessors", "bufferViews",
+                          "materials", "textures", "samplers", "skins"}) {
+    if (const auto it = file.document().find(key); it != file.document().end()) part[key] = *it;
+  }
+  // They may be of any size and depth, and tinygltf copies them into every object.
+  drop_extras(part);
+  // tinygltf wants indices to have a buffer view; glTF means zeros where they have none.
+  if (const auto meshes = part.find("meshes"); meshes != part.end()) {
+    for (auto& mesh : *meshes) {
+      for (auto& primitive : mesh.at("primitives")) primitive.erase("indices");
+    }
+  }
+  const std::string text = part.dump();
+  // The tree goes before the text is parsed again: one of them is enough at a time.
+  part = nullptr;
+  const auto fail = [&](const std::string& what) {
+    refuse(file.path(), "{}; export the model again", what);
+  };
+  if (text.size() > std::numeric_limits<unsigned>::max()) fail("more than 4 GB of JSON");
+  tinygltf::Model model;
+  tinygltf::TinyGLTF loader;
+  loader.SetImageLoader([](tinygltf::Image*, const int, std::string*, std::string*, int, int,
+                           const unsigned char*, int, void*) { return true; },
+                        nullptr);
+  std::string error, warning;
+  bool loaded = false;
+  try {
+    loaded = loader.LoadASCIIFromString(&model, &error, &warning, text.data(),
+                                        static_cast<unsigned>(text.size()), "");
+  } catch (const std::bad_alloc&) {
+    throw;
+  } catch (const std::exception& e) {
+    error = e.what();
+  }
+  if (!loaded) {
+    // tinygltf tells what its parser threw, but not that it was no fault of the file.
+    if (error.find(std::bad_alloc().what()) != std::string::npos) throw std::bad_alloc();
+    while (!error.empty() && (error.back() == '\n' || error.back() == ' ')) error.pop_back();
+    fail(fmt::format("cannot be understood ({})", error));
+  }
+  if (!is_complete(file.document(), model)) fail("holds entries that cannot be understood");
+  // Back to what the document says of indices, which it was checked for.
+  for (std::size_t m = 0; m < model.meshes.size(); ++m) {
+    const auto& primitives = file.document().at("meshes").at(m).at("primitives");
+    for (std::size_t p = 0; p < primitives.size(); ++p)
+      model.meshes[m].primitives[p].indices = primitives[p].value("indices", -1);
+  }
+  return model;
 }
 
 }  // namespace pounce::io

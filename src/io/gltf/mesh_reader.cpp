@@ -1,32 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// From a glTF file to one flat triangle mesh. tinygltf gives the document its types, but it trusts
-// what it reads and keeps every buffer in memory twice. So the file is opened, parsed and checked
-// here first (gltf_file, gltf_validate); tinygltf only sees a checked document without buffers and
-// images, and accessors are read straight from the file in small pieces. What is in memory at the
-// peak is the mesh, one primitive as the file has it, and the JSON.
-#include "io/gltf/mesh.h"
-
+// From a glTF file to one flat triangle mesh, in three steps: the file is opened and checked
+// (gltf_file), the scene is planned, its primitives are appended one after the other
+// (placed_primitive). What is in memory at the peak is the mesh, one primitive as the file has it,
+// and the JSON; gltf_cost() adds these up before, from a scan of the JSON and the same plan.
+//
+// The plan needs no geometry: accessors say how many vertices and triangles each primitive has, and
+// a mesh that many nodes show is judged once. It is also what stands between a small file and a
+// huge mesh. A few kB of JSON may show one mesh a million times, claim accessors without bytes, or
+// list morph targets that take hours to read. So the sums are compared at every step with what a
+// file of this size could sensibly mean, and nothing is reserved before they were.
 #include <fmt/format.h>
 #include <tiny_gltf.h>
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "io/gltf/accessor.h"
-#include "io/gltf/file.h"
-#include "io/gltf/material.h"
-#include "io/gltf/model.h"
-#include "io/gltf/plan.h"
-#include "io/gltf/primitive.h"
-#include "io/gltf/scene.h"
+#include "io/gltf/gltf_file.h"
+#include "io/gltf/material_reader.h"
+#include "io/gltf/placed_primitive.h"
 #include "io/gltf/validate.h"
-#include "io/material_names.h"
 #include "io/problems.h"
+#include "io/read_mesh.h"
 #include "mesh/vertex_frames.h"
-#include "pounce/error.h"
 
 namespace pounce::io {
 namespace {
@@ -40,6 +41,179 @@ constexpr std::uint64_t kBytesPerInstance = 600;
 constexpr std::uint64_t kBytesPerPath = 300;
 /// Its matrix, and the inverse bind matrix it is made with.
 constexpr std::uint64_t kBytesPerJoint = sizeof(Affine) + 2 * 64;
+
+/// One mesh of the file, as the nodes see it that show it with a skin, or without.
+struct MeshShape {
+  std::vector<PrimitiveShape> primitives;
+  std::vector<std::size_t> surfaces;  ///< those that become triangles
+  std::uint64_t vertices = 0, triangles = 0;
+  std::uint64_t skipped = 0, splats = 0;  ///< as Plan counts them
+  std::uint64_t largest_primitive_bytes = 0;
+  std::uint64_t reading_bytes = 0;   ///< what is read each time it is shown
+  std::uint64_t morphing_bytes = 0;  ///< and what comes to that if it is morphed
+  std::size_t uv_sets = 0;
+  bool has_colours = false;  ///< has one of the primitives?
+};
+
+/// What the scene becomes, found without reading geometry.
+struct ScenePlan {
+  std::vector<Affine> worlds;
+  std::vector<MeshInstance> instances;
+  std::map<std::pair<int, bool>, MeshShape> meshes;  ///< by mesh and whether it has a skin
+  std::vector<const MeshShape*> shapes;              ///< by instance
+  std::set<int> skins;                               ///< that instances have
+  std::uint64_t vertices = 0, triangles = 0, reading_bytes = 0;
+  std::uint64_t skipped = 0;  ///< primitives without a surface
+  std::uint64_t splats = 0;   ///< primitives of Gaussians
+  std::uint64_t largest_primitive_bytes = 0;
+  std::size_t uv_sets = 0;
+  bool has_colours = false;
+
+  /// What Mesh::colours takes, where they are asked for.
+  std::uint64_t colour_bytes() const { return has_colours ? vertices * sizeof(Vec4f) : 0; }
+  std::uint64_t mesh_bytes() const {
+    const std::uint64_t per_vertex =
+        sizeof(Vec3f) * 2 + sizeof(Vec4f) + uv_sets * sizeof(Vec2f) + (uv_sets + 7) / 8;
+    return vertices * per_vertex + triangles * (sizeof(std::uint32_t) * 4);
+  }
+};
+
+// A scene may repeat its meshes; what it becomes must stay in some proportion to the file.
+constexpr std::uint64_t kFlattenedBase = 256U << 20;
+constexpr std::uint64_t kFlattenedPerByte = 256;
+constexpr std::uint64_t kReadingPerFlattened = 8;  // and what is read to make it
+constexpr std::uint64_t kClaimedVertices = std::uint64_t{1} << 40;
+
+std::size_t joints_of(const tinygltf::Model& model, const MeshInstance& instance) {
+  const int skin = skin_of(model, instance);
+  return skin < 0 ? 0 : model.skins[static_cast<std::size_t>(skin)].joints.size();
+}
+
+std::uint64_t reading_bytes(const PrimitiveShape& shape) {
+  // Positions, normals, tangents twice over (morphing), UVs, joints and weights, indices and
+  // triangles.
+  return shape.vertices * (12 + 12 + 16 + 12 + 12 + 8 * shape.uv_sets + 32 * shape.joint_sets) +
+         shape.triangles * (12 + 12) + (2U << 20);
+}
+
+/// What makes Gaussians of a primitive's points; "" if nothing does.
+std::string splat_extension(const tinygltf::Primitive& primitive) {
+  for (const auto& [name, value] : primitive.extensions) {
+    if (!is_splat_extension(name)) continue;
+    if (!value.Has("extensions")) return name;
+    const std::vector<std::string> inner = value.Get("extensions").Keys();
+    return inner.empty() ? name : fmt::format("{} with {}", name, fmt::join(inner, ", "));
+  }
+  return "";
+}
+
+/// Sums of what a file claims: far from overflow, and far beyond what is accepted.
+void add_claimed(std::uint64_t& sum, std::uint64_t more) {
+  constexpr std::uint64_t kMost = std::uint64_t{1} << 53;
+  sum = std::min(kMost, sum + std::min(kMost, more));
+}
+
+MeshShape shape_of(const tinygltf::Model& model, const AccessorReader& accessors,
+                   const MeshInstance& instance) {
+  MeshShape out;
+  const auto& primitives = model.meshes[static_cast<std::size_t>(instance.mesh)].primitives;
+  for (std::size_t p = 0; p < primitives.size(); ++p) {
+    if (!splat_extension(primitives[p]).empty()) {
+      ++out.splats;
+      out.primitives.emplace_back();
+      continue;
+    }
+    const PrimitiveShape shape =
+        check_primitive(accessors, primitives[p], primitive_place(model, instance.mesh, p),
+                        joints_of(model, instance));
+    out.primitives.push_back(shape);
+    if (!shape.is_surface) {
+      ++out.skipped;
+      continue;
+    }
+    out.surfaces.push_back(p);
+    add_claimed(out.vertices, shape.flattened);
+    add_claimed(out.triangles, shape.triangles);
+    // Besides its numbers, each attribute is a few calls.
+    constexpr std::uint64_t kBytesPerRead = 256;
+    add_claimed(out.reading_bytes, 32 * shape.vertices + 8 * kBytesPerRead);
+    add_claimed(out.morphing_bytes,
+                primitives[p].targets.size() *
+                    (12 * std::min(shape.vertices, kClaimedVertices) + kBytesPerRead));
+    out.uv_sets = std::max(out.uv_sets, shape.uv_sets);
+    out.has_colours = out.has_colours || shape.has_colours;
+    out.largest_primitive_bytes = std::max(out.largest_primitive_bytes, reading_bytes(shape));
+  }
+  return out;
+}
+
+/// Checked at every step: whatever the file says, the sums stay far from overflow.
+void check_proportion(const GltfFile& file, const ScenePlan& plan) {
+  const std::uint64_t limit =
+      kFlattenedBase + kFlattenedPerByte * (file.total_buffer_bytes() + file.json_bytes());
+  if (plan.vertices > std::numeric_limits<std::uint32_t>::max() ||
+      plan.triangles > std::numeric_limits<std::uint32_t>::max() || plan.mesh_bytes() > limit ||
+      plan.reading_bytes / kReadingPerFlattened > limit) {
+    refuse(file.path(),
+           "its scene has {} vertices and {} triangles or more, too many for a file of this size; "
+           "export fewer instances or morph targets, and no accessors without bytes",
+           plan.vertices, plan.triangles);
+  }
+}
+
+/// What makes Gaussians of points in this model, for messages.
+std::string splat_extensions(const tinygltf::Model& model) {
+  std::set<std::string> names;
+  for (const tinygltf::Mesh& mesh : model.meshes) {
+    for (const tinygltf::Primitive& primitive : mesh.primitives)
+      names.insert(splat_extension(primitive));
+  }
+  names.erase("");
+  return fmt::format("{}", fmt::join(names, "; "));
+}
+
+/// Throws Error(input) where the scene is empty, or too large for its file.
+ScenePlan plan_scene(const GltfFile& file, const tinygltf::Model& model,
+                     const AccessorReader& accessors) {
+  ScenePlan plan;
+  plan.worlds = world_transforms(model);
+  plan.instances = mesh_instances(model, plan.worlds);
+  for (const MeshInstance& instance : plan.instances) {
+    const int skin = skin_of(model, instance);
+    // A mesh is judged once, however many nodes show it; a skin changes what its joints may name.
+    const auto [at, is_new] = plan.meshes.try_emplace({instance.mesh, skin >= 0});
+    if (is_new) at->second = shape_of(model, accessors, instance);
+    const MeshShape& shape = at->second;
+    plan.shapes.push_back(&shape);
+    if (skin >= 0) plan.skins.insert(skin);
+    plan.skipped += shape.skipped;
+    plan.splats += shape.splats;
+    plan.vertices += shape.vertices;
+    plan.triangles += shape.triangles;
+    plan.reading_bytes += shape.reading_bytes;
+    plan.has_colours = plan.has_colours || shape.has_colours;
+    if (!weights_of(model, instance).empty()) plan.reading_bytes += shape.morphing_bytes;
+    plan.uv_sets = std::max(plan.uv_sets, shape.uv_sets);
+    plan.largest_primitive_bytes =
+        std::max(plan.largest_primitive_bytes, shape.largest_primitive_bytes);
+    check_proportion(file, plan);
+  }
+  if (plan.triangles == 0 && plan.splats > 0) {
+    refuse(
+        file.path(),
+        "a Gaussian splat scene in glTF ({}), without a triangle, where a mesh is wanted; a scene "
+        "comes first, as the source of a transfer (of KHR_gaussian_splatting, as .glb): pounce "
+        "transfer SCENE TARGET.glb -o OUTPUT",
+        splat_extensions(model));
+  }
+  if (plan.triangles == 0) {
+    refuse(file.path(),
+           "no triangles in its scene ({} primitives of points or lines or without positions); "
+           "export a model with a surface",
+           plan.skipped);
+  }
+  return plan;
+}
 
 void reserve(const ScenePlan& plan, mesh::Mesh& mesh) {
   mesh.positions.reserve(plan.vertices);

@@ -1,23 +1,81 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/obj/cost.h"
+//
+// OBJ and MTL as text: statements, words and numbers; and the statements of an OBJ counted.
+//
+// Files of this kind are written by hand, by scripts and by thirty years of programs, so lines may
+// end in any of three ways, be joined by a backslash and be of any length. ObjText gives them out
+// one by one, in memory that a limit per line bounds. Numbers go through from_chars(), which knows
+// no locale and rounds to the nearest; "nan", "inf" and "1,5" are none.
+//
+// What a mesh will take is found by counting its statements (obj_cost()), in a pass of its own that
+// sees exactly the statements that reading will see. Exact counts of different things would need
+// the memory that is to be foretold: a corner may be named by any number of faces, a group by any
+// number of statements. So these are estimated from hashes in 16 KiB each and rounded up by 5 %,
+// which is six standard errors. The order of a bound is: what the mesh keeps, then the lists of the
+// file, the tables that find equal corners, and what smoothing normals needs where some are
+// missing.
+#include "io/obj/obj_text.h"
+
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <charconv>
 #include <cmath>
-#include <string_view>
+#include <limits>
+#include <span>
 #include <utility>
 
-#include "io/files/asset_folder.h"
-#include "io/material_names.h"
-#include "io/obj/material.h"
-#include "io/obj/mtl_file.h"
-#include "io/obj/text.h"
-#include "mesh/mesh.h"
-#include "pounce/error.h"
+#include "core/input_file.h"
+#include "io/obj/materials.h"
+#include "io/problems.h"
+#include "io/read_mesh.h"
 
 namespace pounce::io {
 namespace {
+
+constexpr std::size_t kPieceBytes = 256 << 10;
+constexpr std::size_t kMaxObjLineBytes = 16 << 20, kMaxMtlLineBytes = 1 << 20;
+
+bool is_blank(char c) { return c == ' ' || c == '\t'; }
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+/// Of a decimal number without sign that no such number can hold: is it too large, not too small?
+bool is_large(std::string_view number) {
+  const std::size_t mantissa = std::min(number.find_first_of("eE"), number.size());
+  const std::size_t point = std::min(number.find('.'), mantissa);
+  const std::size_t first = number.find_first_not_of("0.");
+  std::string_view exponent = number.substr(std::min(mantissa + 1, number.size()));
+  if (exponent.starts_with('+')) exponent.remove_prefix(1);
+  std::int64_t moved = 0;
+  const auto result = std::from_chars(exponent.data(), exponent.data() + exponent.size(), moved);
+  if (result.ec == std::errc::result_out_of_range) return exponent[0] != '-';
+  return moved > static_cast<std::int64_t>(first) - static_cast<std::int64_t>(point);
+}
+
+/// Reads the number at the front of `word`; returns how many characters it has, 0 for none.
+template <class T>
+std::size_t read_number(std::string_view word, T& value) {
+  const std::size_t sign = word.starts_with('+') || word.starts_with('-') ? 1 : 0;
+  // from_chars() knows "inf" and "nan", and no "+".
+  if (sign == word.size() || (word[sign] != '.' && !is_digit(word[sign]))) return 0;
+  const auto [end, error] = std::from_chars(word.data() + sign, word.data() + word.size(), value);
+  if (error == std::errc::invalid_argument) return 0;
+  const auto length = static_cast<std::size_t>(end - word.data());
+  if (error == std::errc::result_out_of_range) {
+    value = is_large(word.substr(sign, length - sign)) ? std::numeric_limits<T>::infinity() : 0;
+  }
+  if (word[0] == '-') value = -value;
+  return length;
+}
+
+template <class T>
+std::optional<T> whole_number(std::string_view word) {
+  T value = 0;
+  const std::size_t length = read_number(word, value);
+  return length > 0 && length == word.size() ? std::optional(value) : std::nullopt;
+}
 
 /// Of the names of material files, used or not, until there are too many.
 constexpr std::size_t kMaxLibraryBytes = 4 << 20;
@@ -35,6 +93,7 @@ constexpr std::uint64_t kBytesPerFaceCorner = 60;
 class DistinctCounter {
  public:
   void add(std::uint64_t key) {
+    // Mixed well first: the registers judge by the highest bits.
     key = (key ^ (key >> 31)) * 0x9E3779B97F4A7C15ULL;
     key = (key ^ (key >> 29)) * 0xBF58476D1CE4E5B9ULL;
     key ^= key >> 32;
@@ -194,6 +253,101 @@ LibraryCost library_cost(const std::string& path, const MeshReading& reading,
 }
 
 }  // namespace
+
+ObjText::ObjText(const std::string& path, Kind kind)
+    : path_(path), kind_(kind), file_(open_input(path)) {}
+
+void ObjText::fail(const std::string& what) const {
+  refuse(path_, "line {}: {}; repair the line or export the model again", line_, what);
+}
+
+bool ObjText::next_piece() {
+  const std::uint64_t left = file_->size_bytes() - offset_;
+  if (left == 0) return false;
+  piece_.resize(std::min<std::uint64_t>(left, kPieceBytes));
+  file_->read(offset_, std::as_writable_bytes(std::span(piece_)));
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  const std::string_view piece(piece_.data(), piece_.size());
+  at_ = offset_ == 0 && piece.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
+  next_lf_ = std::min(piece.find('\n', at_), piece.size());
+  offset_ += piece_.size();
+  return true;
+}
+
+bool ObjText::append_line(std::string& out) {
+  const std::size_t most_bytes = kind_ == Kind::obj ? kMaxObjLineBytes : kMaxMtlLineBytes;
+  bool any = false;
+  for (bool ended = false; !ended && (at_ < piece_.size() || next_piece());) {
+    // CR LF is one end, and the piece may end between the two.
+    if (std::exchange(after_cr_, false) && piece_[at_] == '\n') {
+      ++at_;
+      continue;
+    }
+    any = true;
+    const std::string_view piece(piece_.data(), piece_.size());
+    // Searched for once: where lines end with CR alone, the next LF may be far.
+    if (next_lf_ < at_) next_lf_ = std::min(piece.find('\n', at_), piece.size());
+    const std::string_view line = piece.substr(at_, next_lf_ - at_);
+    const std::size_t size = std::min(line.find('\r'), line.size());
+    if (out.size() + size > most_bytes) {
+      line_ = lines_ended_ + 1;
+      fail(fmt::format("longer than {} MiB, which no line of such a file is", most_bytes >> 20));
+    }
+    out.append(line, 0, size);
+    at_ += size;
+    ended = at_ < piece.size();
+    if (ended) {
+      ++lines_ended_;
+      after_cr_ = piece[at_++] == '\r';
+    }
+  }
+  longest_bytes_ = std::max<std::uint64_t>(longest_bytes_, out.size());
+  while (!out.empty() && is_blank(out.back())) out.pop_back();
+  return any;
+}
+
+bool ObjText::next(std::string& out) {
+  out.clear();
+  line_ = lines_ended_ + 1;
+  if (!append_line(out)) return false;
+  const bool may_go_on =
+      kind_ == Kind::obj && out[std::min(out.find_first_not_of(" \t"), out.size())] != '#';
+  while (may_go_on && !out.empty() && out.back() == '\\') {
+    out.back() = ' ';
+    if (!append_line(out)) break;
+  }
+  return true;
+}
+
+std::string_view next_word(std::string_view& rest) {
+  std::size_t first = 0;
+  while (first < rest.size() && is_blank(rest[first])) ++first;
+  std::size_t last = first;
+  while (last < rest.size() && !is_blank(rest[last])) ++last;
+  const std::string_view word = rest.substr(first, last - first);
+  rest.remove_prefix(last);
+  return word;
+}
+
+std::size_t word_count(std::string_view rest) {
+  std::size_t words = 0;
+  while (!next_word(rest).empty()) ++words;
+  return words;
+}
+
+std::string name_in(std::string_view rest) {
+  rest = rest.substr(0, rest.find('\0'));
+  return std::string(rest.substr(std::min<std::size_t>(1, rest.size())));
+}
+
+std::optional<float> to_float(std::string_view word) { return whole_number<float>(word); }
+
+std::optional<double> to_double(std::string_view word) { return whole_number<double>(word); }
+
+float to_float_or(std::string_view word, float otherwise) {
+  float value = 0;
+  return read_number(word, value) > 0 && std::isfinite(value) ? value : otherwise;
+}
 
 ObjCounts count_obj(const std::string& path) {
   ObjText file(path, ObjText::Kind::obj);
