@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Two images texel by texel, in strips of rows: how alike are they where the second has anything?
+// Samples are compared as doubles in the range of their type (0 to 1 for integers), as they are
+// stored: no colour is converted, since a result and its reference have one encoding. The sums run
+// in the order of the texels, so they are the same for every size of strip.
 #include "pounce/compare.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A mesh, and the header of an image, described: first as JSON, which programs read, then as text
+// made of it. Each image is opened once, for its header alone, and what is wrong with it becomes a
+// member "problem": a model whose textures are elsewhere can be looked at like any other.
 #include "commands/inspect_mesh.h"
 
 #include <fmt/format.h>
@@ -12,7 +16,6 @@
 #include <vector>
 
 #include "core/bounds.h"
-#include "io/files/shortest.h"
 #include "mesh/uv_tiles.h"
 #include "pounce/error.h"
 
@@ -21,7 +24,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json vector_json(Vec3f v) { return {io::shortest(v.x), io::shortest(v.y), io::shortest(v.z)}; }
+Json vector_json(Vec3f v) { return {shortest(v.x), shortest(v.y), shortest(v.z)}; }
 
 /// With the origin, as far as single precision knows where they are from there.
 Json vector_json(Vec3f v, Vec3d origin) {
@@ -112,7 +115,7 @@ Json other_textures_json(const mesh::Material& material, Images& images) {
 
 Json numbers_json(const std::array<float, 4>& values, std::size_t count) {
   Json numbers = Json::array();
-  for (std::size_t i = 0; i < count; ++i) numbers.push_back(io::shortest(values[i]));
+  for (std::size_t i = 0; i < count; ++i) numbers.push_back(shortest(values[i]));
   return numbers;
 }
 
@@ -120,12 +123,12 @@ Json factors_json(const mesh::Material& material) {
   const auto of = [&](Channel c) { return material.factors[static_cast<std::size_t>(c)]; };
   const auto data = of(Channel::metallic_roughness);
   return {{"baseColor", numbers_json(of(Channel::base_color), 4)},
-          {"roughness", io::shortest(data[1])},
-          {"metallic", io::shortest(data[2])},
-          {"normal_scale", io::shortest(of(Channel::normal)[0])},
-          {"occlusion_strength", io::shortest(material.occlusion_strength)},
+          {"roughness", shortest(data[1])},
+          {"metallic", shortest(data[2])},
+          {"normal_scale", shortest(of(Channel::normal)[0])},
+          {"occlusion_strength", shortest(material.occlusion_strength)},
           {"emissive", numbers_json(of(Channel::emissive), 3)},
-          {"emissive_strength", io::shortest(material.emissive_strength)}};
+          {"emissive_strength", shortest(material.emissive_strength)}};
 }
 
 Json materials_json(const mesh::Mesh& mesh, const std::vector<ImageFormat>& allowed) {
@@ -216,8 +219,8 @@ Json uv_sets_json(const mesh::Mesh& mesh) {
     }
     Json json{{"vertices", vertices}};
     if (vertices > 0) {
-      json["u"] = {io::shortest(range.lo.x), io::shortest(range.hi.x)};
-      json["v"] = {io::shortest(range.lo.y), io::shortest(range.hi.y)};
+      json["u"] = {shortest(range.lo.x), shortest(range.hi.x)};
+      json["v"] = {shortest(range.lo.y), shortest(range.hi.y)};
     }
     json["udims"] = udims_json(mesh, set);
     sets.push_back(json);
@@ -260,6 +263,7 @@ std::string texture_text(const Json& texture) {
 
 /// Those that are not what a material has by itself: "baseColor 0.5 1 1 1, roughness 0.4".
 std::string factors_text(const Json& factors) {
+  // Factors of a material that says nothing: what differs from them is worth a line.
   static const Json usual = factors_json({});
   std::string text;
   for (const auto& [name, value] : factors.items()) {

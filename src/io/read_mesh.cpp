@@ -18,7 +18,7 @@
 
 #include "core/file.h"
 #include "core/input_file.h"
-#include "io/files/file_ending.h"
+#include "io/files/asset_file.h"
 #include "io/problems.h"
 #include "io/splats/ply_scene.h"
 #include "io/splats/scene.h"

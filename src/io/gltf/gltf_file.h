@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "core/file.h"
-#include "io/files/asset_folder.h"
+#include "io/files/asset_file.h"
 #include "io/json/untrusted.h"
 
 namespace pounce::io {

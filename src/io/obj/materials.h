@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "io/files/asset_folder.h"
+#include "io/files/asset_file.h"
 #include "io/problems.h"
 #include "mesh/mesh.h"
 

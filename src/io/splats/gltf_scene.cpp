@@ -28,7 +28,7 @@
 #include <vector>
 
 #include "core/input_file.h"
-#include "io/files/file_ending.h"
+#include "io/files/asset_file.h"
 #include "io/gltf/accessor.h"
 #include "io/gltf/gltf_file.h"
 #include "io/gltf/placed_primitive.h"

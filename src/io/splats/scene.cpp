@@ -25,7 +25,7 @@
 
 #include "core/file.h"
 #include "core/input_file.h"
-#include "io/files/file_ending.h"
+#include "io/files/asset_file.h"
 #include "io/json/untrusted.h"
 #include "io/splats/batch.h"
 #include "io/splats/ply_header.h"

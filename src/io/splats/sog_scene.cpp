@@ -29,7 +29,7 @@
 
 #include "core/input_file.h"
 #include "core/portable_math.h"
-#include "io/files/asset_folder.h"
+#include "io/files/asset_file.h"
 #include "io/json/untrusted.h"
 #include "io/problems.h"
 #include "io/splats/batch.h"

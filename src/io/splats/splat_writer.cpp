@@ -25,7 +25,7 @@
 
 #include "core/directions.h"
 #include "core/portable_math.h"
-#include "io/files/file_ending.h"
+#include "io/files/asset_file.h"
 #include "io/problems.h"
 #include "io/splats/spz_writer.h"
 

@@ -1,17 +1,55 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "mesh/mesh.h"
+#include "pounce/error.h"
 
 namespace pounce::io {
+
+/// ".glb" of "Head.GLB": what says of a file that is text what it means.
+inline std::string lower_ending(const std::string& path) {
+  std::string ending = std::filesystem::path(path).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return ending;
+}
+
+/// The folder of a mesh file, and whether what the file names lies in it: a model from elsewhere
+/// must not bring files of this machine into a job's results. What counts is where a name really
+/// leads, all symbolic links followed; a mesh that is itself a link has two folders, that of the
+/// link and that of the file.
+class AssetFolder {
+ public:
+  AssetFolder(const std::string& mesh_path, bool allow_external);
+  /// May this file be read? True for all if external files are allowed.
+  bool holds(const std::string& path) const;
+
+ private:
+  std::vector<std::filesystem::path> folders_;  ///< empty: all are allowed
+};
+
+/// What is wrong with a file that the folder does not hold; goes on after "the file ... " or the
+/// like.
+inline constexpr const char* kOutsideProblem =
+    "lies outside of the folder of the mesh; --allow-external lets it be read";
+
+/// Error(storage) of a file that is not there, for callers that can do without it; one that is
+/// there and cannot be read is another matter.
+class MissingFile : public Error {
+ public:
+  explicit MissingFile(const std::string& message) : Error(ErrorKind::storage, message) {}
+};
 
 /// The encoded bytes of one image, wherever they are: a file, a range of a file, or memory. Nothing
 /// is held beyond what is asked for. Not thread-safe.

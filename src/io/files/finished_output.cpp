@@ -1,23 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Every format says in its own way where it ends: PNG has a last chunk, JPEG a last marker, EXR and
-// TIFF tell the places of all their pixels, GLB its length, and JSON closes what it opened.
-#include "io/files/whole_file.h"
+// An output that is there already: is it whole, and which job made it?
+//
+// --skip-existing asks this of thousands of files before a job begins, so nothing is decoded and
+// little is read. Every format says in its own way where it ends: PNG has a last chunk, JPEG a last
+// marker, EXR and TIFF tell the places of all their pixels, GLB its length, and JSON closes what it
+// opened. The job's hash is plain text near the start of a PNG, JPEG and EXR, in the first
+// directory of a TIFF, and in the JSON of a model.
+//
+// The files may be anything: cut off, of another format, made to mislead. Reading beyond the end
+// throws, loops have limits where a file could lead them in a circle, and every error means "no":
+// then the output is made again, and whoever makes it says what is wrong.
+#include "io/files/finished_output.h"
+
+#include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <exception>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "core/file.h"
-#include "io/files/file_ending.h"
+#include "io/files/asset_file.h"
+#include "pounce/version.h"
 
 namespace pounce::io {
 namespace {
@@ -171,15 +182,25 @@ class Tiff {
   bool is_whole() {
     constexpr int kMostImages = 65536;  // a chain may be a circle
     if (!starts_well_) return false;
-    std::uint64_t at = big_ ? file_.number(8, 8) : file_.number(4, 4);
+    std::uint64_t at = first_directory();
     if (at == 0) return false;
     for (int image = 0; at != 0 && image < kMostImages; ++image) {
-      const std::uint64_t fields = file_.number(at, big_ ? 8 : 2);
-      const std::uint64_t begin = at + (big_ ? 8 : 2), end = begin + fields * (big_ ? 20 : 12);
-      if (fields > kMostFields || !holds_all(begin, end)) return false;
-      at = file_.number(end, word());
+      const Directory fields = directory(at);
+      if (fields.end == 0 || !holds_all(fields)) return false;
+      at = file_.number(fields.end, word());
     }
     return true;
+  }
+
+  /// Where the description in its first directory lies, and its bytes; 0 and 0 if it has none.
+  std::pair<std::uint64_t, std::uint64_t> description() {
+    constexpr std::uint64_t kDescription = 270;
+    const Directory fields = directory(first_directory());
+    for (std::uint64_t field = fields.begin; field < fields.end; field += field_bytes()) {
+      if (file_.number(field, 2) == kDescription)
+        return {file_.number(field + 4 + word(), word()), file_.number(field + 4, word())};
+    }
+    return {};
   }
 
  private:
@@ -193,12 +214,22 @@ class Tiff {
     std::uint64_t operator[](std::uint64_t i) { return file.number(at + i * size, size); }
   };
 
+  struct Directory {
+    std::uint64_t begin = 0, end = 0;  ///< of its fields; 0 = too many of them
+  };
+
   std::size_t word() const { return big_ ? 8 : 4; }
+  std::uint64_t field_bytes() const { return big_ ? 20 : 12; }
+  std::uint64_t first_directory() { return file_.number(big_ ? 8 : 4, word()); }
+  Directory directory(std::uint64_t at) {
+    const std::uint64_t fields = file_.number(at, big_ ? 8 : 2), begin = at + (big_ ? 8 : 2);
+    return fields > kMostFields ? Directory{} : Directory{begin, begin + fields * field_bytes()};
+  }
 
   /// Are all the pixels of a directory's image within the file?
-  bool holds_all(std::uint64_t begin, std::uint64_t end) {
+  bool holds_all(const Directory& fields) {
     std::optional<Numbers> places, lengths;
-    for (std::uint64_t field = begin; field < end; field += big_ ? 20 : 12) {
+    for (std::uint64_t field = fields.begin; field < fields.end; field += field_bytes()) {
       const std::uint64_t tag = file_.number(field, 2);
       if (tag == 273 || tag == 324) places = numbers(field);   // of strips, of tiles
       if (tag == 279 || tag == 325) lengths = numbers(field);  // a very old file has none
@@ -244,7 +275,75 @@ bool is_whole(const std::string& path) {
   return false;
 }
 
+constexpr std::string_view kInImage = "pounce:job=";
+constexpr std::string_view kInModel = "\"pounce\":{\"job\":\"";
+constexpr std::size_t kDigits = 32;
+/// The texts of an image stand before its pixels; a preview or profile may come before them.
+constexpr std::uint64_t kImageHeadBytes = 64 << 10;
+constexpr std::size_t kWindow = 64 << 10;
+
+std::string read_text(const ReadFile& file, std::uint64_t at, std::uint64_t most) {
+  if (at >= file.size_bytes()) return {};
+  std::string text(static_cast<std::size_t>(std::min(most, file.size_bytes() - at)), '\0');
+  file.read(at, std::as_writable_bytes(std::span(text)));
+  return text;
+}
+
+std::optional<std::string> digits_after(std::string_view text, std::string_view prefix) {
+  for (std::size_t at = text.find(prefix); at != std::string_view::npos;
+       at = text.find(prefix, at + 1)) {
+    const std::string_view digits = text.substr(at + prefix.size(), kDigits);
+    const bool whole = digits.size() == kDigits &&
+                       digits.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+    if (whole) return std::string(digits);
+  }
+  return std::nullopt;
+}
+
+/// A text of any length, window by window.
+std::optional<std::string> search(const ReadFile& file, std::uint64_t begin, std::uint64_t end,
+                                  std::string_view prefix) {
+  end = std::min(end, file.size_bytes());
+  const std::size_t overlap = prefix.size() + kDigits;
+  for (std::uint64_t at = begin; at < end; at += kWindow) {
+    const std::string window =
+        read_text(file, at, std::min<std::uint64_t>(kWindow + overlap, end - at));
+    if (auto found = digits_after(window, prefix)) return found;
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string> search_file(const std::string& path) {
+  const std::unique_ptr<ReadFile> file = posix_file_system().open(path);
+  const std::string head = read_text(*file, 0, 20);
+  Bytes bytes(*file);
+  if (head.starts_with("glTF")) return search(*file, 20, 20 + bytes.number(12, 4), kInModel);
+  if (lower_ending(path) == ".gltf") return search(*file, 0, file->size_bytes(), kInModel);
+  // Little-endian, as pounce writes them.
+  if (head.starts_with("II*\0"sv) || head.starts_with("II+\0"sv)) {
+    const auto [at, length] = Tiff(bytes).description();
+    return search(*file, at, at + std::min(length, kImageHeadBytes), kInImage);
+  }
+  return search(*file, 0, kImageHeadBytes, kInImage);
+}
+
 }  // namespace
+
+std::string software_name() { return "pounce " POUNCE_VERSION; }
+
+std::string job_description(const std::string& job) { return fmt::format("{}{}", kInImage, job); }
+
+std::string job_extras(const std::string& job) {
+  return fmt::format("{{\"job\":\"{}\",\"software\":\"{}\"}}", job, software_name());
+}
+
+std::optional<std::string> read_job(const std::string& path) noexcept {
+  try {
+    return search_file(path);
+  } catch (const std::exception&) {
+    return std::nullopt;  // whoever makes or reads the file says what is wrong with it
+  }
+}
 
 bool is_whole_file(const std::string& path) noexcept {
   try {

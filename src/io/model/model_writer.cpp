@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A glTF file with new textures. Nothing goes through a glTF library: they drop what they do not
-// know and spell numbers anew. The JSON is edited as text (json_edit), where only the values that
-// change are touched; the buffers are copied as they are, less the images that were replaced. What
-// is in memory is the JSON.
+// know and spell numbers anew. The JSON is edited as text, where only the values that change are
+// touched; the buffers are copied as they are, less the images that were replaced. What is in
+// memory is the JSON (ModelPlan::least_bytes); bytes are copied 1 MiB at a time.
 //
-//   find_slots     which entries of the arrays the new textures take
-//   ModelBuffers   what the buffers will hold, without reading them
-//   edit_model_json
-//   write_glb / write_gltf
-#include "io/model/write.h"
+//   find_slots         which entries of the arrays the new textures take     layout.h
+//   ModelBuffers       what the buffers will hold, without reading them      layout.h
+//   edit_model_json    the document with all of that                         document.h
+//   write_glb          one file; write_gltf: several, which get their names together, the model
+//   last
+//
+// The plan is made before a job begins and the copy after it, from the same files, which stay open
+// in between (open_input()). The target's images that stay are taken along only if they lie in its
+// folder: a model must not carry files of this machine away under a harmless name.
+#include "io/model/model_writer.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -29,6 +34,7 @@
 #include "io/files/output_file.h"
 #include "io/gltf/validate.h"
 #include "io/model/document.h"
+#include "io/problems.h"
 #include "io/read_mesh.h"
 #include "pounce/error.h"
 
@@ -84,6 +90,7 @@ std::string why_unreadable(const std::string& path) {
   const fs::file_type type = fs::status(path, error).type();
   if (type == fs::file_type::not_found) return "is not there";
   if (type != fs::file_type::none && type != fs::file_type::regular) return "is no file";
+  // By opening it: permissions alone do not say what a network file system will allow.
   const int file = open_for_reading(path);
   if (file >= 0) {
     ::close(file);
@@ -185,9 +192,8 @@ void ModelCopy::find_images() {
       continue;
     }
     if (!target_.may_read(path)) {
-      throw Error(ErrorKind::input,
-                  fmt::format("{}: its image {} {}, and {} would take it along", request_.target,
-                              path, kOutsideProblem, request_.output));
+      refuse(request_.target, "its image {} {}, and {} would take it along", path, kOutsideProblem,
+             request_.output);
     }
     StayingImage image{i, path,
                        stem + fmt::format(".image{}", i) + fs::path(path).extension().string(), ""};
@@ -246,6 +252,7 @@ void ModelCopy::write_glb(const std::vector<ModelPiece>& pieces) {
     parts.moved_images[image.index] = {"", image.mime_type,
                                        buffers_.append({std::move(file), nullptr, 0, size})};
   }
+  // Chunks of a GLB begin at multiples of four; the JSON is padded with blanks, all else by zeros.
   buffers_.buffers().front().align(4);
   parts.buffer_uris.resize(buffers_.buffers().size());
   std::string json = edited_json(parts);

@@ -1,20 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/files/byte_source.h"
+//
+// Files that a model or a user names: may they be read, and their bytes.
+//
+// A model from elsewhere is hostile input that names files of this machine. Whether one of them may
+// be read is asked of where its name really leads, with all links followed; the comparison is by
+// components of paths, so that "/art/head2" does not lie in "/art/head".
+//
+// Images go through ByteSource. It hides where the bytes are (a file, a range of one, memory),
+// gives decoders no more than is asked for, and shows them other bytes than are stored where a
+// guard wants it (show_only()). Decoders are C libraries that call back: nothing may throw through
+// them, so a read that fails is remembered, looks like the end of the file, and becomes an error in
+// check().
+#include "io/files/asset_file.h"
 
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <system_error>
 
 #include "core/posix_io.h"
-#include "io/files/missing_file.h"
-#include "pounce/error.h"
 
 namespace pounce::io {
 namespace {
+
+namespace fs = std::filesystem;
+
+/// Where a path leads, as far as it exists.
+fs::path resolved(const fs::path& path) {
+  std::error_code error;
+  fs::path out = fs::weakly_canonical(path, error);
+  // What cannot be looked at cannot be opened, either.
+  return error ? fs::absolute(path, error).lexically_normal() : out;
+}
 
 /// What a C stream over a ByteSource remembers.
 struct Cookie {
@@ -56,6 +76,21 @@ int cookie_close(void* opaque) {
 }
 
 }  // namespace
+
+AssetFolder::AssetFolder(const std::string& mesh_path, bool allow_external) {
+  if (allow_external) return;
+  const fs::path named = fs::path(mesh_path).parent_path();
+  folders_ = {resolved(named.empty() ? "." : named), resolved(mesh_path).parent_path()};
+}
+
+bool AssetFolder::holds(const std::string& path) const {
+  if (folders_.empty()) return true;
+  const fs::path file = resolved(path);
+  return std::any_of(folders_.begin(), folders_.end(), [&](const fs::path& folder) {
+    const auto rest = std::mismatch(folder.begin(), folder.end(), file.begin(), file.end());
+    return rest.first == folder.end();
+  });
+}
 
 ByteSource::ByteSource(const mesh::ImageRef& image)
     : label_(image.label.empty() ? image.path : image.label), path_(image.path) {
@@ -113,6 +148,7 @@ std::size_t ByteSource::read_at(std::uint64_t offset, void* out, std::size_t cou
   if (pieces_.empty()) return read_stored(offset, static_cast<char*>(out), count);
   std::size_t done = 0;
   while (done < count) {
+    // The last piece that begins at or before the place; none is empty, so there is one.
     const auto after = std::upper_bound(starts_.begin(), starts_.end(), offset + done);
     const auto at = static_cast<std::size_t>(after - starts_.begin()) - 1;
     const Piece& piece = pieces_[at];
