@@ -27,6 +27,7 @@ constexpr std::uint64_t kLongestLabel = 4096;
 
 FileSystem& disk() { return posix_file_system(); }
 
+/// The folder that was named, or the default one.
 std::string chosen(const std::string& folder) {
   const std::string root = folder.empty() ? default_cache_folder() : folder;
   if (root.empty()) {
@@ -43,6 +44,7 @@ std::string chosen(const std::string& folder) {
 
 double seconds(std::int64_t nanoseconds) { return static_cast<double>(nanoseconds) * 1e-9; }
 
+/// What a pack was made of, by the word of the job that made it: nothing that anybody checks.
 std::string label_text(const CachedObject& object) {
   if (object.label_path.empty()) return "";
   try {
@@ -87,6 +89,7 @@ CachePruned tidy(const std::string& folder, const Evict& evict) {
   });
 }
 
+/// Packs that were in use stay, and are told: the next call finds them again.
 void add(CachePruned& pruned, const store::Evicted& evicted) {
   pruned.objects += evicted.objects;
   pruned.bytes += evicted.bytes;
@@ -130,10 +133,13 @@ CacheInfo cache_info(const std::string& folder) {
   });
 }
 
+// Reads every byte of every pack, which is what a job would do that does not trust the cache. A
+// pack that is damaged is made again by the next job that wants it, with or without `remove`.
 CacheVerdict cache_verify(const std::string& folder, bool remove) {
   return with_own_errors([&] {
     CacheVerdict verdict;
     for (const CachedObject& object : scan(folder).objects) {
+      // Held while it is read, so that no other process evicts it in the middle.
       auto file = disk().open_held(object.path);
       if (file == nullptr) continue;  // removed meanwhile
       ++verdict.objects;
@@ -143,6 +149,7 @@ CacheVerdict cache_verify(const std::string& folder, bool remove) {
       } catch (const Error& e) {
         if (e.kind() != ErrorKind::damaged_store) throw;
         verdict.damaged.push_back({described(object), e.what(), remove});
+        // The label goes with it; the next job that needs the pack makes it again.
         if (remove) {
           disk().remove(object.path);
           if (!object.label_path.empty()) disk().remove(object.label_path);
@@ -153,6 +160,7 @@ CacheVerdict cache_verify(const std::string& folder, bool remove) {
   });
 }
 
+// By age first, then by size: what is too old goes even where there is room for it.
 CachePruned cache_prune(const std::string& folder, std::optional<std::uint64_t> most_bytes,
                         std::optional<double> older_than_s) {
   return tidy(folder, [&](store::CacheSpace& space, CachePruned& pruned) {
@@ -167,6 +175,7 @@ CachePruned cache_prune(const std::string& folder, std::optional<std::uint64_t> 
       const store::Evicted more = space.evict(*most_bytes, nullptr);
       pruned.objects += more.objects;
       pruned.bytes += more.bytes;
+      // Both passes met the same packs in use: they count once.
       pruned.in_use = std::max(pruned.in_use, more.in_use);
     }
   });

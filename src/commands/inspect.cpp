@@ -34,6 +34,7 @@
 #include "io/splats/ply_scene.h"
 #include "io/splats/scene.h"
 #include "store/blocks/splat_lattice.h"
+#include "store/cache/cache_space.h"
 #include "store/pack/pack.h"
 
 namespace pounce {
@@ -85,25 +86,11 @@ FileType file_type(const std::string& path, const ReadFile& file) {
   return is_mesh ? FileType::mesh : FileType::image;
 }
 
-const char* kind_name(store::PackKind kind) {
-  switch (kind) {
-    case store::PackKind::geometry:
-      return "geometry";
-    case store::PackKind::colour:
-      return "colour";
-    case store::PackKind::splats:
-      return "splats";
-    case store::PackKind::results:
-      break;
-  }
-  return "results";
-}
-
 /// Reads every chunk: a pack that is described is a sound one.
 Json describe_pack(std::unique_ptr<ReadFile> file, const std::string& path) {
   const store::PackInfo info = store::read_pack_info(*file, path);
   const store::PackReader reader(std::move(file), path, info.kind, info.key);
-  return {{"format_version", info.version}, {"kind", kind_name(info.kind)},
+  return {{"format_version", info.version}, {"kind", store::kind_name(info.kind)},
           {"key", to_hex(info.key)},        {"chunks", reader.verify()},
           {"bytes", reader.size_bytes()},   {"sound", true}};
 }
@@ -113,6 +100,7 @@ void add_job(const std::string& path, Json& json) {
   if (const auto job = io::read_job(path)) json["job"] = *job;
 }
 
+/// Of outputs of pounce alone: other files have no job.
 std::string job_text(const Json& file) {
   return file.contains("job")
              ? fmt::format("made by pounce, job {}\n", file["job"].get<std::string>())
@@ -159,6 +147,7 @@ std::string layers_text(const Json& image) {
   return text;
 }
 
+/// Whatever is no other kind is taken for an image; the message then names all kinds.
 Json describe_image(const std::string& path, const Allowed& allowed) {
   try {
     const std::vector<std::string> exr_channels =
@@ -183,16 +172,11 @@ Json box_json(const Box3f& box) {
   return {{"lo", corner(box.lo)}, {"hi", corner(box.hi)}};
 }
 
+/// As PLY comments and --help call them.
 const char* model_name(store::SplatModel model) {
-  switch (model) {
-    case store::SplatModel::standard:
-      return "default";
-    case store::SplatModel::antialiased:
-      return "antialiased";
-    case store::SplatModel::flat:
-      break;
-  }
-  return "2dgs";
+  return model == store::SplatModel::standard      ? "default"
+         : model == store::SplatModel::antialiased ? "antialiased"
+                                                   : "2dgs";
 }
 
 /// Of the sample.
@@ -231,6 +215,7 @@ std::string quantiles_text(const Json& q) {
                      q["p90"].get<double>());
 }
 
+/// Of a PLY: which columns it has, since programs add and drop some, and how many are half floats.
 void add_columns(const io::SplatPlyHeader& header, Json& json) {
   Json columns = Json::array();
   std::size_t halves = 0;
@@ -243,12 +228,22 @@ void add_columns(const io::SplatPlyHeader& header, Json& json) {
   json["half_columns"] = halves;
 }
 
+/// Where most of a scene is, and how opaque and large its Gaussians are.
+void add_sample(const PageVector<Splat>& sample, const store::SplatLattice& lattice, Json& json) {
+  json["box_98"] = box_json(most_of(sample));
+  json["middle_box"] = box_json(lattice.middle_box());
+  json["opacity"] = quantiles(sample, [](const Splat& s) { return s.alpha; });
+  json["size"] = quantiles(sample, [](const Splat& s) { return store::size_of(s); });
+}
+
 /// Counts what a transfer would use and leave out, in one pass over the scene. Formats that must be
 /// unpacked first are, into a nameless file of the system's temporary folder.
 Json describe_splats(const std::string& path) {
   constexpr std::uint64_t kRows = 16 << 10;
   const auto scene = io::open_splat_scene(path, {});
   const std::string folder = std::filesystem::temp_directory_path().string();
+  // Unpacking takes disk that nobody was asked for: a tenth of what is free, as a job without
+  // --max-temp.
   const std::uint64_t most_bytes = default_scratch_limit(posix_file_system(), folder);
   const auto too_much = [&] {
     return fmt::format(
@@ -261,6 +256,7 @@ Json describe_splats(const std::string& path) {
   scene->prepare({files.get(), folder}, [] {});
   const io::SplatSceneInfo& info = scene->info();
   const PageVector<Splat> sample = io::sample(*scene);
+  // As a transfer judges strays: by the middle of a sample.
   const store::SplatLattice lattice(sample);
   store::SplatCounts filtered{};
   std::uint64_t usable = 0, with_normal = 0;
@@ -292,18 +288,14 @@ Json describe_splats(const std::string& path) {
       json["filtered"][store::filter_name(static_cast<store::SplatFilter>(k))] = filtered[k];
   }
   if (!box.empty()) json["box"] = box_json(box);
-  if (!sample.empty()) {
-    json["box_98"] = box_json(most_of(sample));
-    json["middle_box"] = box_json(lattice.middle_box());
-    json["opacity"] = quantiles(sample, [](const Splat& s) { return s.alpha; });
-    json["size"] = quantiles(sample, [](const Splat& s) { return store::size_of(s); });
-  }
+  if (!sample.empty()) add_sample(sample, lattice, json);
   if (const auto* ply = dynamic_cast<const io::SplatPly*>(scene.get()))
     add_columns(ply->header(), json);
   json["notes"] = info.assumptions;
   return json;
 }
 
+/// One line for each thing, as of a mesh; what a file does not have is left out.
 std::string splats_text(const Json& splats) {
   std::string text =
       fmt::format("format     {}\ngaussians  {}, {} usable\n", splats["format"].get<std::string>(),
@@ -349,6 +341,8 @@ void require_memory(const std::string& path, const Allowed& allowed) {
                           path, needed >> 20, most >> 20));
 }
 
+/// A folder can only be a splat scene. A file is opened here once, so that what is no file or may
+/// not be read is told in the same words whatever it would have been.
 Json describe_file(const std::string& path, const Allowed& allowed) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) {

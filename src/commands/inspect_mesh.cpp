@@ -24,6 +24,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+// Floats are written as the shortest decimal that names them: 0.1, not 0.10000000149011612.
 Json vector_json(Vec3f v) { return {shortest(v.x), shortest(v.y), shortest(v.z)}; }
 
 /// With the origin, as far as single precision knows where they are from there.
@@ -35,15 +36,7 @@ Json vector_json(Vec3f v, Vec3d origin) {
 }
 
 const char* wrap_name(mesh::Wrap wrap) {
-  switch (wrap) {
-    case mesh::Wrap::repeat:
-      return "repeat";
-    case mesh::Wrap::mirror:
-      return "mirror";
-    case mesh::Wrap::clamp:
-      break;
-  }
-  return "clamp";
+  return wrap == mesh::Wrap::repeat ? "repeat" : wrap == mesh::Wrap::mirror ? "mirror" : "clamp";
 }
 
 /// The image's header, or why it cannot be read.
@@ -77,10 +70,12 @@ class Images {
   std::map<std::uint32_t, Json> known_;
 };
 
+/// Numbers rather than colours.
 bool is_data(Channel channel) {
   return channel != Channel::base_color && channel != Channel::emissive;
 }
 
+/// Those of the five channels, in their order.
 Json textures_json(const mesh::Material& material, Images& images) {
   Json textures = Json::array();
   for (int i = 0; i < kChannelCount; ++i) {
@@ -95,6 +90,7 @@ Json textures_json(const mesh::Material& material, Images& images) {
     texture["uv_set"] = binding->uv_set;
     texture["wrap_u"] = wrap_name(binding->wrap_u);
     texture["wrap_v"] = wrap_name(binding->wrap_v);
+    // A transform that changes nothing is not worth a line.
     if (const mesh::UvTransform& t = binding->transform; t != mesh::UvTransform{}) {
       texture["uv_transform"] = {t.a, t.b, t.c, t.d, t.e, t.f};
     }
@@ -103,6 +99,7 @@ Json textures_json(const mesh::Material& material, Images& images) {
   return textures;
 }
 
+/// Those that no channel takes: a user shall see what a transfer leaves out.
 Json other_textures_json(const mesh::Material& material, Images& images) {
   Json textures = Json::array();
   for (const mesh::OtherTexture& other : material.other_textures) {
@@ -119,6 +116,7 @@ Json numbers_json(const std::array<float, 4>& values, std::size_t count) {
   return numbers;
 }
 
+/// Under the names that glTF has for them.
 Json factors_json(const mesh::Material& material) {
   const auto of = [&](Channel c) { return material.factors[static_cast<std::size_t>(c)]; };
   const auto data = of(Channel::metallic_roughness);
@@ -131,6 +129,7 @@ Json factors_json(const mesh::Material& material) {
           {"emissive_strength", shortest(material.emissive_strength)}};
 }
 
+/// All of them, used by triangles or not.
 Json materials_json(const mesh::Mesh& mesh, const std::vector<ImageFormat>& allowed) {
   std::vector<std::uint64_t> triangles(mesh.materials.size());
   for (const std::uint32_t material : mesh.triangle_material) ++triangles.at(material);
@@ -181,6 +180,7 @@ std::optional<mesh::UvTile> only_tile(const Box3f& uvs) {
 /// are left out.
 Json udims_json(const mesh::Mesh& mesh, std::size_t set) {
   constexpr float kMostSpread = 8;
+  // Of triangles, not of vertices: a chart may lie in a tile without a corner in it.
   std::set<std::uint32_t> udims;
   for (const auto& triangle : mesh.triangles) {
     std::array<Vec2d, 3> uvs;
@@ -206,6 +206,7 @@ Json udims_json(const mesh::Mesh& mesh, std::size_t set) {
   return udims;
 }
 
+/// Ranges are of vertices that have the set; v counts from above, as everywhere inside.
 Json uv_sets_json(const mesh::Mesh& mesh) {
   Json sets = Json::array();
   for (std::size_t set = 0; set < mesh.uv_sets.size(); ++set) {
@@ -228,12 +229,9 @@ Json uv_sets_json(const mesh::Mesh& mesh) {
   return sets;
 }
 
+/// The shortest text of each, with blanks between.
 std::string numbers_text(const Json& numbers) {
-  std::string text;
-  for (const Json& number : numbers) {
-    text += (text.empty() ? "" : " ") + fmt::format("{}", number.get<double>());
-  }
-  return text;
+  return fmt::format("{}", fmt::join(numbers.get<std::vector<double>>(), " "));
 }
 
 constexpr int kTextureColumn = 23;
@@ -250,6 +248,7 @@ std::string texture_lines(const std::string& use, const Json& texture) {
                          : image_text(texture));
 }
 
+/// Three lines or four: the two above, how UVs lead there, and a transform where there is one.
 std::string texture_text(const Json& texture) {
   std::string text = texture_lines(texture["channel"].get<std::string>(), texture);
   const std::string indent(kTextureColumn, ' ');
@@ -291,6 +290,8 @@ Json describe(const mesh::Mesh& mesh, Vec3d origin,
   return json;
 }
 
+// In the order of the JSON, with names of ten columns in front: what people compare by eye, and
+// scripts by grep.
 std::string mesh_text(const Json& mesh) {
   std::string text =
       fmt::format("triangles  {}\nvertices   {}\n", mesh["triangles"].get<std::uint64_t>(),
@@ -333,6 +334,7 @@ std::string mesh_text(const Json& mesh) {
   return text;
 }
 
+// What the header says, and what decoding would take: an image may need far more than its texels.
 Json describe(const io::ImageInfo& info) {
   return {{"width", info.width},           {"height", info.height},
           {"channels", info.channels},     {"depth", depth_name(info.depth)},
@@ -342,6 +344,7 @@ Json describe(const io::ImageInfo& info) {
           {"levels", info.levels},         {"decoder_bytes", info.decoder_bytes}};
 }
 
+// "0 channels" is what info_of() says of an EXR that has nothing but layers.
 std::string image_text(const Json& image) {
   const auto tile_width = image["tile_width"].get<std::uint32_t>();
   const auto levels = image["levels"].get<std::uint32_t>();

@@ -42,6 +42,7 @@ enum class Format { gltf, obj };
       format.name);
 }
 
+// A folder and a scene are looked for before the file is opened as a mesh.
 /// Content first: a GLB is one whatever its name. JSON and OBJ are text, so their ending decides,
 /// after a look at the first character.
 Format format_of(const std::string& path) {
@@ -90,6 +91,7 @@ MeshCost mesh_cost(const std::string& path, const MeshReading& reading, std::uin
 
 bool is_gltf(const std::string& path) { return format_of(path) == Format::gltf; }
 
+// Outputs are named after materials, so two of one name would be one file.
 std::vector<std::string> unique_material_names(std::vector<std::string> names) {
   std::set<std::string> taken;
   std::map<std::string, std::size_t> last_suffix;  // so that a million equal names stay cheap

@@ -42,6 +42,7 @@ struct Cookie {
   std::uint64_t position = 0;
 };
 
+/// -1 only where nothing was read: what came before the error is good.
 ssize_t cookie_read(void* opaque, char* out, std::size_t count) {
   auto& cookie = *static_cast<Cookie*>(opaque);
   const std::size_t got = cookie.source->read_at(cookie.position, out, count);
@@ -77,6 +78,7 @@ int cookie_close(void* opaque) {
 
 }  // namespace
 
+// A mesh that is a link has two folders: its textures lie beside the one or the other.
 AssetFolder::AssetFolder(const std::string& mesh_path, bool allow_external) {
   if (allow_external) return;
   const fs::path named = fs::path(mesh_path).parent_path();
@@ -111,6 +113,8 @@ ByteSource::ByteSource(const mesh::ImageRef& image)
   }
 }
 
+// Opened without waiting and without becoming a terminal (open_for_reading()), then judged: a name
+// may be a pipe or a device.
 void ByteSource::open(const mesh::ImageRef& image) {
   descriptor_.reset(open_for_reading(path_));
   struct stat status {};
@@ -132,6 +136,8 @@ void ByteSource::open(const mesh::ImageRef& image) {
   }
 }
 
+// What a decoder is shown need not be what is stored: a guard leaves out blocks that it would
+// inflate, or puts others in their place. Sizes are those of what is shown from then on.
 void ByteSource::show_only(std::vector<Piece> pieces) {
   starts_.clear();
   pieces_ = std::move(pieces);
@@ -192,6 +198,7 @@ void ByteSource::check() const {
   if (failure_ != 0) fail("read", failure_);
 }
 
+// The label says which image of which model it is; the path is added where it is another.
 void ByteSource::fail(const char* what, int reason) const {
   const std::string said =
       label_ == path_

@@ -161,6 +161,7 @@ bool is_whole_exr(Bytes& file) {
     first = std::min(first, chunk);
     last = std::max(last, chunk);
   }
+  // pounce writes none; that all places are there is what can be said of them.
   if (headers.deep) return true;  // their chunks have lengths of other kinds
   const std::uint64_t part = headers.several ? file.number(last, 4) : 0;
   if (part >= headers.tiled.size()) return false;
@@ -256,11 +257,14 @@ class Tiff {
   bool big_ = false, starts_well_ = false;
 };
 
+/// A parser that keeps nothing: brackets that are closed are what a finished file has.
 bool is_whole_gltf(const std::string& path) {
   std::ifstream text(path, std::ios::binary);
   return nlohmann::json::accept(text);
 }
 
+/// By the ending, since that is the format that a job would write; what has another one inside is
+/// not its output.
 bool is_whole(const std::string& path) {
   const std::string ending = lower_ending(path);
   if (ending == ".gltf") return is_whole_gltf(path);
@@ -313,6 +317,7 @@ std::optional<std::string> search(const ReadFile& file, std::uint64_t begin, std
   return std::nullopt;
 }
 
+/// Where pounce itself writes it: a mark elsewhere in the file is somebody else's text.
 std::optional<std::string> search_file(const std::string& path) {
   const std::unique_ptr<ReadFile> file = posix_file_system().open(path);
   const std::string head = read_text(*file, 0, 20);

@@ -139,6 +139,7 @@ bool NewFolders::make_missing(const std::string& folder, bool last) {
   return true;
 }
 
+// rmdir() takes empty folders only: what another job has put there keeps its folder.
 NewFolders::~NewFolders() {
   for (auto path = made_.rbegin(); path != made_.rend(); ++path) ::rmdir(path->c_str());
 }
@@ -177,6 +178,7 @@ void remove_leftovers(const std::string& folder, const std::string& name, uid_t 
   found.erase(begin, end);
 }
 
+// Links are followed by hand, since the last one may lead to a file that is not there yet.
 std::string output_place(const std::string& given) {
   fs::path path = given;
   for (int link = 0; link < kMostLinks; ++link) {
@@ -189,6 +191,9 @@ std::string output_place(const std::string& given) {
   return {};
 }
 
+// In this order: what is there under the name (a folder or a device is refused, a file hands on its
+// mode), leftovers of dead jobs, then the new file, nameless if the file system can do that and
+// /proc is there to give it a name later.
 OutputFile::OutputFile(const std::string& path)
     : path_(path), target_(output_place(path)), folder_(folder_of(target_)), folders_(folder_) {
   if (target_.empty()) fail("it is a link that leads to no file");
@@ -239,6 +244,8 @@ void OutputFile::next_temporary() {
       (fs::path(folder_) / fmt::format(".{}.{}-{}.tmp", name_, ::getpid(), counter++)).string();
 }
 
+// For file systems without nameless files. Between creating and locking a file somebody may take it
+// for a leftover and remove it, so whether the name still leads to it is asked afterwards.
 void OutputFile::open_named(mode_t mode) {
   for (int tries = 0;;) {
     next_temporary();
@@ -290,6 +297,7 @@ OutputFile::~OutputFile() {
   if (has_temporary_) ::unlink(temporary_.c_str());
 }
 
+// The position is ours, since encoders seek: pwrite() needs no seek of its own.
 long OutputFile::write_piece(void* opaque, const char* bytes, std::size_t count) {
   auto& self = *static_cast<OutputFile*>(opaque);
   // A failure is kept for check() and never shown to the encoder: libjpeg ends the process on one.
@@ -336,6 +344,8 @@ void OutputFile::check() const {
   if (failure_ != 0) fail_by(failure_);
 }
 
+// Data first, then the name, then the folder that holds the name: after a power failure there is
+// the old file or the new one, whole.
 void OutputFile::commit() {
   FILE* const stream = stream_;
   stream_ = nullptr;

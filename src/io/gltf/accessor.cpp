@@ -28,6 +28,8 @@
 namespace pounce::io {
 namespace {
 
+// Large enough that reading is not about calls, small enough beside any mesh to need no lease of
+// its own (it is part of mesh_cost()).
 constexpr std::uint64_t kPieceBytes = 1 << 20;
 
 std::uint64_t component_count(int type) {
@@ -66,6 +68,7 @@ void convert_elements(const std::byte* from, std::uint64_t stride, std::uint64_t
   }
 }
 
+/// The component type is looked at once for each piece, not for each number.
 template <class Out>
 void convert_any(int component_type, const std::byte* from, std::uint64_t stride,
                  std::uint64_t count, std::uint64_t components, bool normalized, Out* out) {
@@ -93,6 +96,8 @@ constexpr int kByte = TINYGLTF_COMPONENT_TYPE_BYTE, kUByte = TINYGLTF_COMPONENT_
               kUShort = TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT,
               kUInt = TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, kFloat = TINYGLTF_COMPONENT_TYPE_FLOAT;
 
+// Attributes of other names (COLOR_1, _CUSTOM) are not read; of them only what tinygltf and the
+// arithmetic of sizes rely on is asked.
 /// What glTF and KHR_mesh_quantization together allow for an attribute.
 struct AttributeRule {
   int type;
@@ -121,18 +126,11 @@ bool holds_colours(const tinygltf::Accessor& a) {
 }
 
 const char* type_name(int type) {
-  switch (type) {
-    case TINYGLTF_TYPE_SCALAR:
-      return "SCALAR";
-    case TINYGLTF_TYPE_VEC2:
-      return "VEC2";
-    case TINYGLTF_TYPE_VEC3:
-      return "VEC3";
-    case TINYGLTF_TYPE_VEC4:
-      return "VEC4";
-    default:
-      return "a matrix type";
-  }
+  return type == TINYGLTF_TYPE_SCALAR ? "SCALAR"
+         : type == TINYGLTF_TYPE_VEC2 ? "VEC2"
+         : type == TINYGLTF_TYPE_VEC3 ? "VEC3"
+         : type == TINYGLTF_TYPE_VEC4 ? "VEC4"
+                                      : "a matrix type";
 }
 
 void check_type(const AccessorReader& accessors, int index, const std::string& name,
@@ -187,6 +185,7 @@ void check_attribute_set(const AccessorReader& accessors,
   }
 }
 
+/// JOINTS_n and WEIGHTS_n come in pairs, numbered from 0 without a gap. Returns how many.
 std::size_t check_joint_sets(const AccessorReader& accessors,
                              const std::map<std::string, int>& attributes,
                              const std::string& place) {
@@ -209,6 +208,7 @@ std::size_t check_joint_sets(const AccessorReader& accessors,
   return sets;
 }
 
+/// Corners too many for whole triangles are left out, with a warning when they are read.
 std::uint64_t triangle_count(int mode, std::uint64_t corners) {
   if (mode == TINYGLTF_MODE_TRIANGLES) return corners / 3;
   return corners < 3 ? 0 : corners - 2;
@@ -235,6 +235,7 @@ void AccessorReader::read(int index, Out* out, const std::string& place) const {
   } else {
     read_elements(a, 0, a.count, out);
   }
+  // On top of zeros or of what the view holds.
   if (a.sparse.isSparse) read_sparse(a, index, out, place);
 }
 
@@ -275,6 +276,7 @@ void AccessorReader::read_sparse(const tinygltf::Accessor& a, int index, Out* ou
   std::vector<std::uint32_t> where;
   for (std::uint64_t first = 0; first < total; first += piece) {
     const std::uint64_t count = std::min(piece, total - first);
+    // Indices and values lie in two views: a piece of each at a time, into the same buffer.
     raw.resize(count * index_bytes);
     where.resize(count);
     file_.read_view(idx(a.sparse.indices.bufferView),
@@ -296,6 +298,8 @@ void AccessorReader::read_sparse(const tinygltf::Accessor& a, int index, Out* ou
   }
 }
 
+// NaN and infinity are refused where a number ends in geometry: one of them spreads over every box
+// and bin it is put into. Normals, tangents and colours are looked at by the caller instead.
 void AccessorReader::read_floats(int index, float* out, const std::string& place,
                                  bool any_value) const {
   read(index, out, place);
@@ -313,6 +317,8 @@ void AccessorReader::read_whole(int index, std::uint32_t* out, const std::string
   read(index, out, place);
 }
 
+// Throws for what makes no sense in any renderer (another number of elements, a type that no
+// attribute may have); what pounce merely does not use is left out without a word.
 PrimitiveShape check_primitive(const AccessorReader& accessors,
                                const tinygltf::Primitive& primitive, const std::string& place,
                                std::size_t skin_joints) {
@@ -324,6 +330,7 @@ PrimitiveShape check_primitive(const AccessorReader& accessors,
   for (std::size_t t = 0; t < primitive.targets.size(); ++t) {
     for (const auto& [name, index] : primitive.targets[t]) {
       const std::string where = fmt::format("{} target {} {}", place, t, name);
+      // A target moves attributes of the primitive: as many of them, of three numbers each.
       // The displacement of a tangent has no handedness.
       if (rule_of(name).type != 0 && name != "TEXCOORD_0" &&
           accessors.accessor(index).type != TINYGLTF_TYPE_VEC3 && !name.starts_with("TEXCOORD_")) {
@@ -350,6 +357,7 @@ PrimitiveShape check_primitive(const AccessorReader& accessors,
     corners = indices.count;
   }
   shape.is_surface = primitive.mode >= TINYGLTF_MODE_TRIANGLES;
+  // Points and lines are counted and left out, so what follows is not asked of them.
   if (!shape.is_surface) return shape;
   shape.triangles = triangle_count(primitive.mode, corners);
   shape.has_normals = primitive.attributes.contains("NORMAL");

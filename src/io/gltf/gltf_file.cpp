@@ -13,6 +13,10 @@
 //   made
 //                 of that is compared with the document, entry by entry
 //
+// A .glb is 12 bytes ("glTF", version 2, length) and chunks of (bytes, type, data): first the JSON,
+// then at most one BIN, which is buffer 0 if that has no uri. Anything else is JSON with its
+// buffers in other files or in data URIs.
+//
 // Buffers are opened, not read: geometry and images are read piece by piece when they are asked
 // for. A buffer that is missing, outside of the model's folder or too short has a `problem` and no
 // bytes; only who needs it is refused. Data URIs are the exception: they are decoded when the file
@@ -63,6 +67,7 @@ int hex_digit(char c) {
   return -1;
 }
 
+/// A broken sequence, or one that stands for a zero byte, stays as it is: it may be part of a name.
 std::string percent_decoded(const std::string& uri) {
   std::string out;
   out.reserve(uri.size());
@@ -90,6 +95,8 @@ std::array<std::int8_t, 256> make_base64_table() {
   return table;
 }
 
+/// Without padding too; any other character is an error, white space as well. The text is in memory
+/// once (in the tree) and the bytes beside it: gltf_cost() counts three times the bytes for both.
 std::vector<std::byte> decode_base64(std::string_view text) {
   static const std::array<std::int8_t, 256> table = make_base64_table();
   while (!text.empty() && text.back() == '=') text.remove_suffix(1);
@@ -129,6 +136,7 @@ std::string shown_uri(const std::string& uri) {
   return uri.size() <= kMost ? uri : uri.substr(0, kMost) + "...";
 }
 
+/// Recursive, which the limit of depth allows.
 void drop_extras(nlohmann::json& value) {
   if (value.is_object()) value.erase("extras");
   for (auto& item : value) {
@@ -185,6 +193,7 @@ JsonSize gltf_json_size(const std::string& path) {
 bool GltfFile::is_data_uri(std::string_view uri) { return uri.starts_with("data:"); }
 
 std::string GltfFile::resolve(const std::string& uri) const {
+  // pounce opens no connections: what is on the web counts as not there.
   const std::size_t scheme = uri.find("://");
   if (scheme != std::string::npos || uri.empty()) return {};
   const std::filesystem::path folder = std::filesystem::path(path_).parent_path();
@@ -197,6 +206,8 @@ std::string GltfFile::resolve(const std::string& uri) const {
   return decoded;
 }
 
+// Each step is done only when the one before found nothing wrong, and each costs more than the one
+// before: chunks, scan, parse, checks, buffers.
 GltfFile::GltfFile(const std::string& path, bool allow_external)
     : path_(path), folder_(path, allow_external) {
   const std::shared_ptr<ReadFile> file = open_input(path);
@@ -225,6 +236,8 @@ GltfFile::GltfFile(const std::string& path, bool allow_external)
   }
 }
 
+// The length in the header counts, not the file's: bytes behind it belong to whatever the GLB was
+// put into. Chunks of unknown meaning are remembered, since a copy of the model keeps them.
 void GltfFile::find_chunks(const ReadFile& file) {
   const std::uint64_t file_bytes = file.size_bytes();
   const auto fail = [&](const std::string& what) {
@@ -273,6 +286,8 @@ void GltfFile::find_chunks(const ReadFile& file) {
   }
 }
 
+// Read again rather than kept: only a model output needs it, and it would be in memory all the time
+// beside the tree.
 std::string GltfFile::json_text() const {
   std::string text = read_text(*open_input(path_), json_offset_, json_text_bytes_);
   constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
@@ -289,6 +304,8 @@ void GltfFile::parse(const std::string& text) {
   json_bytes_ = text.size();
 }
 
+// Three kinds: the BIN chunk, a data URI, a file. Whatever is wrong ends in `problem`, in the words
+// that read_view() and messages about images put the file's name in front of.
 void GltfFile::open_buffer(std::size_t index, nlohmann::json& buffer) {
   GltfBuffer& out = buffers_[index];
   out.size_bytes = buffer.at("byteLength").get<std::uint64_t>();
@@ -342,6 +359,8 @@ void GltfFile::read_view(std::size_t view, std::uint64_t offset, std::span<std::
   const nlohmann::json& json = document_.at("bufferViews").at(view);
   const auto index = json.at("buffer").get<std::size_t>();
   const GltfBuffer& buffer = buffers_.at(index);
+  // What the system refuses (permissions, descriptors) is an error of storage: the file may be
+  // fine.
   if (buffer.refused) {
     throw Error(ErrorKind::storage, fmt::format("{}: buffer {} {}", path_, index, buffer.problem));
   }
@@ -388,6 +407,7 @@ tinygltf::Model load_model(const GltfFile& file) {
   if (text.size() > std::numeric_limits<unsigned>::max()) fail("more than 4 GB of JSON");
   tinygltf::Model model;
   tinygltf::TinyGLTF loader;
+  // There are no images in the document; the loader is set so that tinygltf never opens a file.
   loader.SetImageLoader([](tinygltf::Image*, const int, std::string*, std::string*, int, int,
                            const unsigned char*, int, void*) { return true; },
                         nullptr);

@@ -35,12 +35,15 @@ const char* const kOtherSources[] = {kWebp.data(),        "KHR_texture_basisu",
                                      "EXT_texture_avif",  "MSFT_texture_dds",
                                      "EXT_texture_video", "GOOGLE_texture_basis"};
 
+/// "head.glb image 3 "skin"": what messages call an image that has no file of its own.
 std::string image_label(const GltfFile& file, std::size_t index, const nlohmann::json& image) {
   const std::string name = image.value("name", std::string());
   return fmt::format("{} image {}{}", std::filesystem::path(file.path()).filename().string(), index,
                      name.empty() ? "" : " \"" + name + "\"");
 }
 
+/// Only a reference: image bytes stay where they are until a decoder asks for them, and data URIs
+/// are shared by all images in the same buffer.
 void refer_to_view(const GltfFile& file, std::size_t view_index, ImageRef& out) {
   const nlohmann::json& view = file.document().at("bufferViews").at(view_index);
   const GltfBuffer& buffer = file.buffers().at(view.at("buffer").get<std::size_t>());
@@ -102,6 +105,7 @@ ImageRef read_image_ref(const GltfFile& file, std::size_t index, const nlohmann:
   return out;
 }
 
+/// Of OpenGL's numbers; a sampler that says nothing repeats.
 mesh::Wrap wrap_mode(int value) {
   if (value == TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE) return mesh::Wrap::clamp;
   if (value == TINYGLTF_TEXTURE_WRAP_MIRRORED_REPEAT) return mesh::Wrap::mirror;
@@ -113,6 +117,8 @@ const tinygltf::Value* find(const tinygltf::ExtensionMap& extensions, const char
   return it == extensions.end() || !it->second.IsObject() ? nullptr : &it->second;
 }
 
+/// A number of an extension, or element `element` of an array in it; negative = no array. tinygltf
+/// keeps extensions as trees of its own kind, and check_gltf() has seen those that are asked for.
 double number(const tinygltf::Value& object, const char* key, int element, double fallback) {
   if (!object.Has(key)) return fallback;
   const tinygltf::Value& value = object.Get(key);
@@ -176,6 +182,7 @@ void MaterialReader::bind(mesh::Material& material, Channel channel, const Info&
       binding.uv_set = static_cast<std::uint32_t>(t->Get("texCoord").GetNumberAsInt());
     }
   }
+  // Filters are not read: a transfer has its own (--filter).
   if (texture.sampler >= 0) {
     const auto& sampler = model_.samplers.at(static_cast<std::size_t>(texture.sampler));
     binding.wrap_u = wrap_mode(sampler.wrapS);
@@ -256,6 +263,8 @@ mesh::UvTransform gltf_uv_transform(double offset_u, double offset_v, double rot
   return {c * scale_u, s * scale_v, offset_u, -s * scale_u, c * scale_v, offset_v};
 }
 
+// Names are made unique here, for all that follows: outputs are named after materials, and two
+// files of one name would be one.
 void read_gltf_materials(const GltfFile& file, const tinygltf::Model& model, mesh::Mesh& mesh,
                          MeshWarnings& warnings) {
   if (const auto it = file.document().find("images"); it != file.document().end()) {

@@ -84,11 +84,13 @@ constexpr std::uint64_t kFlattenedPerByte = 256;
 constexpr std::uint64_t kReadingPerFlattened = 8;  // and what is read to make it
 constexpr std::uint64_t kClaimedVertices = std::uint64_t{1} << 40;
 
+/// 0: no skin, so joints and weights are not looked at.
 std::size_t joints_of(const tinygltf::Model& model, const MeshInstance& instance) {
   const int skin = skin_of(model, instance);
   return skin < 0 ? 0 : model.skins[static_cast<std::size_t>(skin)].joints.size();
 }
 
+/// What PrimitiveReader holds of one primitive at its peak; 2 MiB for pieces of accessors.
 std::uint64_t reading_bytes(const PrimitiveShape& shape) {
   // Positions, normals, tangents twice over (morphing), UVs, joints and weights, indices and
   // triangles.
@@ -113,6 +115,8 @@ void add_claimed(std::uint64_t& sum, std::uint64_t more) {
   sum = std::min(kMost, sum + std::min(kMost, more));
 }
 
+/// Sums over the primitives of a mesh, from their accessors. What reading it costs is counted apart
+/// from what it becomes: morph targets and accessors without bytes can make the first far larger.
 MeshShape shape_of(const tinygltf::Model& model, const AccessorReader& accessors,
                    const MeshInstance& instance) {
   MeshShape out;
@@ -215,6 +219,7 @@ ScenePlan plan_scene(const GltfFile& file, const tinygltf::Model& model,
   return plan;
 }
 
+/// To the final size at once: growing would hold the mesh twice for a moment.
 void reserve(const ScenePlan& plan, mesh::Mesh& mesh) {
   mesh.positions.reserve(plan.vertices);
   mesh.normals.reserve(plan.vertices);
@@ -251,6 +256,7 @@ std::vector<Affine> joint_matrices(const tinygltf::Model& model, const AccessorR
   return matrices;
 }
 
+/// Made when the first primitive without a material is met, since most files have none.
 void add_default_material(mesh::Mesh& mesh) {
   std::vector<std::string> names;
   for (const auto& material : mesh.materials) names.push_back(material.name);
@@ -268,6 +274,8 @@ std::vector<std::string> instance_names(const tinygltf::Model& model,
   return {node, mesh};
 }
 
+/// All surfaces of a mesh as one node shows it, with a warning for each thing that was wrong but
+/// not enough to refuse the file.
 void append_instance(const tinygltf::Model& model, const AccessorReader& accessors,
                      const ScenePlan& plan, std::size_t index, const std::vector<Affine>& joints,
                      bool with_colours, Vec3d origin, mesh::Mesh& mesh, MeshWarnings& warnings) {
@@ -317,6 +325,7 @@ void warn_of_extensions(const GltfFile& file, MeshWarnings& warnings) {
   }
 }
 
+/// The user says on which UV set textures lie (--source-uv-set), whatever the materials say.
 void bind_all(mesh::Mesh& mesh, std::uint32_t uv_set) {
   for (auto& material : mesh.materials) {
     for (auto& binding : material.textures) {
@@ -391,6 +400,7 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
   if (with_colours) mesh.colours.reserve(plan.vertices);
   mesh::PartsBuilder parts;
   std::map<int, std::vector<Affine>> joints;  // by skin; many nodes may share one
+  // No skin, so no joints: instances without one find an empty list.
   joints[-1];
   for (const int skin : plan.skins) joints[skin] = joint_matrices(model, accessors, plan, skin);
   for (std::size_t i = 0; i < plan.instances.size(); ++i) {
@@ -402,6 +412,7 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
   mesh.parts = parts.finish(static_cast<std::uint32_t>(mesh.triangles.size()));
   if (reading.texture_uv_set) bind_all(mesh, *reading.texture_uv_set);
   check_bindings(mesh, warnings);
+  // From here on every vertex has a normal of unit length, and a tangent where the file had one.
   mesh::repair_normals(mesh);
   mesh::complete_tangents(mesh);
   warnings.finish();
@@ -409,6 +420,9 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
 }
 
 MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uint64_t most_bytes) {
+  // In two steps: the scan of the text says whether the budget allows to understand the JSON at
+  // all; only then is it parsed, for the exact plan. A job that is refused has taken next to
+  // nothing.
   const JsonSize size = gltf_json_size(path);
   const std::uint64_t understanding = json_cost(size.text_bytes, size.long_bytes, size.entries,
                                                 size.materials, size.extension_values) +

@@ -33,6 +33,7 @@ static_assert(sizeof(Vec2f) == 8 && sizeof(Vec3f) == 12 && sizeof(Vec4f) == 16);
 /// Messages are made for every primitive of every instance, needed or not.
 constexpr std::size_t kShownNameBytes = 100;
 
+/// A matrix as it is, or translation * rotation * scale; the rotation is normalised.
 Affine local_transform(const tinygltf::Node& node) {
   if (node.matrix.size() == 16) return affine_from_columns(node.matrix.data());
   Affine out;
@@ -53,6 +54,7 @@ Affine local_transform(const tinygltf::Node& node) {
   return out;
 }
 
+/// Nodes that no other names as its child.
 std::vector<int> root_nodes(const tinygltf::Model& model) {
   std::vector<bool> is_child(model.nodes.size(), false);
   for (const auto& node : model.nodes) {
@@ -120,6 +122,8 @@ class PrimitiveReader {
   std::vector<bool> mirrored_;  // per vertex: its own transform mirrors (skins; else all alike)
 };
 
+// Indices are checked one by one: each names a vertex that is read from memory later. The highest
+// value of their type would restart a strip in OpenGL, and is forbidden.
 void PrimitiveReader::read_triangles() {
   const int index = context_.primitive.indices;
   std::vector<std::uint32_t> corners;
@@ -164,6 +168,7 @@ void PrimitiveReader::read_triangles() {
   }
 }
 
+// In double precision, target by target, in the order of the file: the sum is always the same.
 void PrimitiveReader::morph(const std::string& name, std::vector<Vec3f>& values) const {
   const auto& targets = context_.primitive.targets;
   std::vector<Vec3f> delta;
@@ -230,6 +235,8 @@ void PrimitiveReader::read_colours() {
   }
 }
 
+// Any number of sets of four joints. A joint beyond the skin is an error only where its weight
+// counts: exporters fill unused places with anything.
 void PrimitiveReader::read_skin() {
   for (std::size_t set = 0; set < shape_.joint_sets; ++set) {
     const std::string joints = "JOINTS_" + std::to_string(set);
@@ -256,6 +263,7 @@ void PrimitiveReader::read_skin() {
   }
 }
 
+// Linear blend skinning, by weights that are made to sum to 1: files of integers miss it a little.
 Affine PrimitiveReader::skin_of(std::size_t vertex) const {
   Affine blended;
   blended.columns = {};
@@ -286,6 +294,9 @@ Vec3f unit(Vec3d v) {
   return size > 0 && std::isfinite(size) ? Vec3f(v * (1 / size)) : Vec3f{};
 }
 
+// Into world space. The winding is what shows which side of a triangle is outside, so where a map
+// mirrors, triangles are turned back; of a skin each vertex has a map of its own, and the first
+// corner decides.
 void PrimitiveReader::transform() {
   const bool skinned = !context_.joints.empty() && shape_.joint_sets > 0;
   if (skinned) read_skin();
@@ -337,6 +348,7 @@ void PrimitiveReader::append_vertex(std::size_t vertex) {
   }
 }
 
+// Every triangle gets corners of its own with the normal of its plane, as glTF has it.
 void PrimitiveReader::append_flat(std::uint32_t material) {
   for (const auto& t : triangles_) {
     const auto first = static_cast<std::uint32_t>(mesh_.positions.size());
@@ -377,6 +389,7 @@ AppendCounts PrimitiveReader::append(std::uint32_t material) {
 
 }  // namespace
 
+// Cofactors instead of an inverse: they exist for flat maps, too.
 Vec3d Affine::normal(Vec3d n) const {
   const double sign = determinant() < 0 ? -1 : 1;
   const Vec3d out = cross(columns[1], columns[2]) * n.x + cross(columns[2], columns[0]) * n.y +
@@ -403,6 +416,7 @@ Affine affine_from_columns(const double* m) {
   return out;
 }
 
+// In one walk from the roots, so each node costs one product however deep it lies.
 std::vector<Affine> world_transforms(const tinygltf::Model& model) {
   std::vector<Affine> worlds(model.nodes.size());
   for (std::size_t i = 0; i < worlds.size(); ++i) worlds[i] = local_transform(model.nodes[i]);
@@ -425,6 +439,7 @@ std::vector<MeshInstance> mesh_instances(const tinygltf::Model& model,
     }
     return instances;
   }
+  // Other scenes of a file are alternatives, not parts.
   std::vector<int> roots;
   if (model.scenes.empty()) {
     roots = root_nodes(model);

@@ -53,6 +53,8 @@ constexpr std::array<std::string_view, 6> kImageExtensions = {
     "KHR_texture_basisu", "EXT_texture_webp",  "EXT_texture_avif",
     "MSFT_texture_dds",   "EXT_texture_video", "GOOGLE_texture_basis"};
 
+/// Version 1 has other names for everything; 2.1 may mean something new by what 2.0 has, so a file
+/// that asks for more than 2.0 (minVersion) is refused, one that only says 2.x is read.
 void check_asset(const JsonCheck& check, const std::string& path, const Json& root) {
   const Json* asset = check.object(root, "asset", {});
   if (asset == nullptr) check.fail("asset", "is missing");
@@ -71,6 +73,8 @@ void check_asset(const JsonCheck& check, const std::string& path, const Json& ro
   if (least != nullptr && *least != "2.0") refuse(*least);
 }
 
+/// What is required and changes what a file means has to be known, or the result would be wrong
+/// without a word: compressed geometry above all. Extensions that are only used are optional.
 void check_extensions(const JsonCheck& check, const std::string& path, const Json& root) {
   const auto strings = [&](const char* key) -> const Json* {
     const Json* list = check.array(root, key, {});
@@ -98,6 +102,7 @@ void check_extensions(const JsonCheck& check, const std::string& path, const Jso
   }
 }
 
+/// Bytes of an accessor, or of a sparse part, within its view.
 struct AccessorLayout {
   std::uint64_t offset, stride, element, count;
 };
@@ -114,6 +119,8 @@ void check_range(const JsonCheck& check, const std::string& place, const Accesso
   }
 }
 
+/// By what the document says alone: whether a buffer's file really has so many bytes is found when
+/// it is opened. byteStride is checked as glTF has it; without one elements follow each other.
 void check_buffers(const JsonCheck& check, const Json& root) {
   check.for_each("buffers", [&](const Json& buffer, const std::string& place) {
     check.required_whole(buffer, "byteLength", place, 0, kMaxBytes);
@@ -134,6 +141,8 @@ void check_buffers(const JsonCheck& check, const Json& root) {
   });
 }
 
+/// Indices and values of the elements that differ from the rest. tinygltf keeps their number and
+/// offsets in ints, so they are limited to what an int holds.
 void check_sparse(const JsonCheck& check, const Json& root, const Json& accessor,
                   const std::string& place, std::uint64_t element) {
   const Json* sparse = check.object(accessor, "sparse", place);
@@ -166,8 +175,11 @@ void check_accessors(const JsonCheck& check, const Json& root) {
     const std::uint64_t offset = check.whole(accessor, "byteOffset", place, 0, kMaxBytes, 0);
     const std::uint64_t component =
         check.required_whole(accessor, "componentType", place, 5120, 5126);
+    // Signed 32-bit integers: the one number of OpenGL in this range that glTF leaves out.
     if (component == 5124)
       check.fail(place + ".componentType", "is 5124, which glTF does not have");
+    // No upper bound: without a buffer view there is none to be had, and check_unbacked() guards
+    // whoever reads such an accessor.
     const std::uint64_t count = check.required_whole(accessor, "count", place, 1, kMaxBytes);
     check.boolean(accessor, "normalized", place);
     const std::string* type = check.string(accessor, "type", place);
@@ -190,6 +202,7 @@ void check_accessors(const JsonCheck& check, const Json& root) {
   });
 }
 
+/// Which accessor an attribute may be of is judged by check_primitive(), once types are known.
 void check_attributes(const JsonCheck& check, const Json& attributes, const std::string& place) {
   for (const auto& item : attributes.items()) {
     check.required_index(attributes, item.key().c_str(), place, "accessors");
@@ -215,6 +228,8 @@ void check_meshes(const JsonCheck& check) {
   });
 }
 
+/// One use of a texture by a material. The transform is checked because its numbers end in a
+/// matrix; its texCoord overrides the one outside.
 void check_texture_info(const JsonCheck& check, const Json& parent, const char* key,
                         const std::string& parent_place) {
   const Json* info = check.object(parent, key, parent_place);
@@ -259,6 +274,8 @@ void check_textures(const JsonCheck& check) {
     check.index(texture, "source", place, "images");
     const Json* extensions = check.object(texture, "extensions", place);
     if (extensions == nullptr) return;
+    // A material follows these to an image, whatever it can do with it then, so their indices must
+    // hold.
     for (const std::string_view name : kImageExtensions) {
       const std::string key(name);
       const Json* extension = check.object(*extensions, key.c_str(), place);
@@ -279,6 +296,8 @@ void check_textures(const JsonCheck& check) {
   });
 }
 
+/// A matrix per joint, or none at all. Joints are nodes anywhere in the file, in the scene or not,
+/// so world transforms are made of all nodes.
 void check_skins(const JsonCheck& check, const Json& root) {
   check.for_each("skins", [&](const Json& skin, const std::string& place) {
     const Json* joints = check.array(skin, "joints", place);
@@ -309,6 +328,7 @@ void check_node(const JsonCheck& check, const Json& node, const std::string& pla
   const bool translation = check.numbers(node, "translation", place, 3);
   const bool rotation = check.numbers(node, "rotation", place, 4);
   const bool scale = check.numbers(node, "scale", place, 3);
+  // The standard forbids both, since nothing says which would win.
   if (matrix && (translation || rotation || scale)) {
     check.fail(place, "has both a matrix and translation, rotation or scale");
   }
@@ -366,6 +386,8 @@ std::vector<std::int64_t> check_forest(const JsonCheck& check, const Json& root)
   return parent;
 }
 
+/// A scene lists roots only, each once: a node that were listed below another too would show its
+/// meshes twice.
 void check_scenes(const JsonCheck& check, const Json& root,
                   const std::vector<std::int64_t>& parent) {
   check.index(root, "scene", {}, "scenes");
@@ -396,6 +418,8 @@ bool is_image_extension(std::string_view name) {
          kImageExtensions.end();
 }
 
+// Columns of a matrix of small components are padded to four bytes, which only 2 x 2 and 3 x 3 of
+// bytes and 3 x 3 of shorts notice. 0 for what is no type.
 std::uint64_t gltf_element_bytes(int component_type, const std::string& type) {
   const std::uint64_t component = component_type <= 5121 ? 1 : component_type <= 5123 ? 2 : 4;
   if (type == "SCALAR") return component;

@@ -44,6 +44,8 @@ bool may_be(const std::string& key, std::string_view word) {
 /// Takes the text character by character.
 class Scanner {
  public:
+  /// A value is whatever stands between brackets and commas; a key is the last string before a
+  /// bracket. Both are right for valid JSON, and more than enough for anything else.
   void add(char c) {
     ++size_.text_bytes;
     if (in_string_) {
@@ -145,6 +147,8 @@ const nlohmann::json* JsonCheck::find(const Json& object, const char* key) const
   return it == object.end() ? nullptr : &*it;
 }
 
+// Absent is not wrong: most members are optional, and the caller knows which are not. Null where
+// absent; of another type is an error always.
 const nlohmann::json* JsonCheck::object(const Json& parent, const char* key,
                                         const std::string& place) const {
   const Json* value = find(parent, key);
@@ -177,6 +181,8 @@ std::uint64_t JsonCheck::whole(const Json& parent, const char* key, const std::s
   return find(parent, key) == nullptr ? fallback : required_whole(parent, key, place, lo, hi);
 }
 
+// JSON has one kind of number. 3.0 is none here: the parser keeps it as a float, and glTF wants
+// integers where it counts.
 std::uint64_t JsonCheck::required_whole(const Json& parent, const char* key,
                                         const std::string& place, std::uint64_t lo,
                                         std::uint64_t hi) const {
@@ -213,6 +219,7 @@ std::size_t JsonCheck::size_of(const char* collection) const {
   return list == nullptr ? 0 : list->size();
 }
 
+// Against the array as it is: an entry that is there may still be wrong, and has its own check.
 void JsonCheck::check_index(const Json& value, const std::string& place,
                             const char* collection) const {
   const std::size_t count = size_of(collection);

@@ -51,6 +51,8 @@ std::optional<std::string> unless(bool is_default, const std::string& text) {
 
 /// `object` with one of its extensions set (nothing = removed), and without the list when it is
 /// empty.
+// An empty list of extensions is valid, but the file had none before the first texture was written:
+// what is removed leaves no trace.
 std::string with_extension(std::string_view object, const char* name,
                            const std::optional<std::string>& value) {
   const std::string extensions = edit_json_object(object_in(object, "extensions"), {{name, value}});
@@ -117,6 +119,8 @@ class MaterialEditor {
   }
 
   /// The default cutoff of a mask is a half.
+  // OPAQUE means that viewers ignore the alpha that was just painted. Only that mode is changed:
+  // what a material says itself about its transparency is left alone.
   void show_alpha(ModelAlpha alpha) {
     const std::string_view mode = json_member(text_, "alphaMode");
     if (alpha == ModelAlpha::as_it_is || (!mode.empty() && mode != R"("OPAQUE")")) return;
@@ -258,6 +262,8 @@ class DocumentEditor {
                                   {"byteLength", fmt::to_string(place.size_bytes)}});
   }
 
+  // Those that are freed get new places (an image that took the slot, or one byte), the others what
+  // ModelBuffers says; whichever comes out the same keeps its text. New ones are appended.
   void edit_views() {
     ArrayEdit edit;
     const auto old = json_elements(array("bufferViews"));
@@ -368,6 +374,7 @@ class DocumentEditor {
     apply("materials", edit);
   }
 
+  // Primitives that get another material: see assign_materials() in layout.cpp.
   void edit_meshes() {
     std::map<std::size_t, std::map<std::size_t, std::size_t>> by_mesh;
     for (const PrimitiveMaterial& p : parts_.slots.primitives) {
@@ -390,6 +397,8 @@ class DocumentEditor {
     apply("meshes", edit);
   }
 
+  // By the order in which they will be written. In a .glb all buffers are one now, so their entries
+  // behind the first go; views were moved before.
   void edit_buffers() {
     const auto old = json_elements(array("buffers"));
     const std::vector<ModelBuffer>& buffers = parts_.buffers.buffers();

@@ -139,6 +139,8 @@ class SlotFinder {
 
  private:
   /// New materials: for primitives without one, and copies for primitives without the UVs.
+  // A material is written for all primitives that show it. One that has no such UVs would show the
+  // new texture by other coordinates, or none: it gets a copy of the old material.
   void assign_materials() {
     std::set<std::size_t> written;
     for (const ModelTexture& texture : request_.textures) written.insert(texture.material);
@@ -166,6 +168,9 @@ class SlotFinder {
   }
 
   /// A texture, an image and a buffer view for one new texture that stands for these.
+  // Each level is free only if the one above was: an image that another texture shows keeps its
+  // bytes. taken_: two channels may have shown one texture, and only one of them may have its
+  // entry.
   ModelSlots::Texture take(const std::vector<std::size_t>& replaced) {
     ModelSlots::Texture slot{texture_count_, image_count_, std::nullopt};
     const std::size_t own = size_of(document_, "textures");
@@ -322,6 +327,8 @@ void ModelBuffers::find_holes(const ModelSlots& slots) {
     const auto buffer = view.at("buffer").get<std::size_t>();
     const std::uint64_t begin = view.value("byteOffset", std::uint64_t{0});
     const auto size = view.at("byteLength").get<std::uint64_t>();
+    // Fewer than 16 bytes stay: they would move what is behind them out of its alignment. A view
+    // that loses its bytes keeps its entry, with one byte at the beginning of the buffer.
     const std::uint64_t gone = size / kAlignment * kAlignment;
     if (gone == 0 || live[buffer].meets(begin, begin + size)) continue;
     emptied_[v] = true;
@@ -352,6 +359,8 @@ void ModelBuffers::add_kept(std::size_t index) {
   kept.size_bytes = target_.buffers()[index].size_bytes;
 }
 
+// The buffer without its holes. In a .glb it is put behind the others, aligned, and `base` says
+// where it has gone; views find their place through moved().
 void ModelBuffers::add_pieces(std::size_t index, ModelBuffer& to) {
   const GltfBuffer& from = target_.buffers()[index];
   Origin& origin = origins_[index];

@@ -60,6 +60,7 @@ bool ends_with(const std::string& path, std::string_view ending) {
 }
 
 /// A relative reference that leads from the model to a file in or below its folder.
+// Only letters, digits and a few marks stay as they are: readers differ in what else they decode.
 std::string uri_of(const std::string& path, const std::string& model) {
   const fs::path folder = fs::path(model).parent_path();
   const std::string relative =
@@ -173,6 +174,9 @@ class ModelCopy {
   std::vector<std::string> warnings_;
 };
 
+// Images that are not replaced go along, so that the output does not depend on the target's folder:
+// into a .glb, or beside a .gltf under a name of its own. One that is missing or cannot be held is
+// still named as before; the warning says so.
 void ModelCopy::find_images() {
   const auto images = target_.document().find("images");
   if (images == target_.document().end()) return;
@@ -217,6 +221,7 @@ std::string ModelCopy::edited_json(const DocumentParts& parts) const {
   return json;
 }
 
+// In pieces of 1 MiB, with a look at the disk after each: a full one ends the copy early.
 void copy_piece(const ModelPiece& piece, OutputFile& out) {
   PageVector<std::byte> part(std::min(piece.size_bytes, kCopyBytes));
   for (std::uint64_t done = 0; done < piece.size_bytes;) {
@@ -243,6 +248,8 @@ void put(OutputFile& out, std::uint64_t word) {
   std::fwrite(&narrow, sizeof narrow, 1, out.stream());
 }
 
+// Where images will be has to be known before the JSON is, and its length before the first byte is
+// written: everything is laid out, then written once from front to back.
 void ModelCopy::write_glb(const std::vector<ModelPiece>& pieces) {
   DocumentParts parts{request_, slots_, buffers_, {}, {}, {}, {}};
   for (const ModelPiece& piece : pieces) parts.image_places.push_back(buffers_.append(piece));
@@ -306,6 +313,8 @@ void commit_all(std::vector<std::unique_ptr<OutputFile>>& files,
   }
 }
 
+// Images, then buffers, then the model: who opens a new .gltf while names are given finds what it
+// names.
 void ModelCopy::write_gltf(const std::vector<ModelPiece>& pieces) {
   DocumentParts parts{request_, slots_, buffers_, {}, {}, {}, {}};
   std::vector<std::string> paths;

@@ -7,6 +7,13 @@
 // to be without the textures. They are read one material at a time; what is kept of one is bounded,
 // and mtl_size() foretells all of it.
 //
+//   newmtl NAME          the next material; the first of a name counts
+//   Kd, map_Kd; d, Tr    base colour; d wins over Tr
+//   Ke, map_Ke           emission
+//   norm, with -bm       a tangent-space normal map and its strength
+//   -s, -o, -clamp       scale and offset of UVs, and whether they end at the border
+//   other maps           listed, not read: among them map_Bump, which may be heights or normals
+//
 // Names are the hard part. An "mtllib" may name one file with blanks or several without; paths come
 // from other machines, with backslashes and drives, or lead out of the model's folder, which only
 // the user may allow. A texture is then looked for beside the MTL. What is not found is told with
@@ -219,6 +226,7 @@ MtlSize mtl_size(const std::string& path) {
   return size;
 }
 
+// A blank may be part of a name or stand between two: both readings are tried, the whole first.
 std::vector<std::string> library_names(std::string_view said) {
   said.remove_prefix(std::min(said.find_first_not_of(" \t"), said.size()));
   std::vector<std::string> names{std::string(said)};
@@ -252,6 +260,8 @@ void refuse_libraries(const std::string& obj_path) {
          kMaxLibraries);
 }
 
+// Of several names the first that can be read counts, and one that was loaded before is passed
+// over: exporters repeat the statement for every object.
 void ObjMaterials::load(const std::string& said) {
   std::vector<std::string> names = library_names(said);
   if (std::error_code error; fs::exists(library_path(path_, names[0]), error)) {
@@ -273,6 +283,7 @@ bool ObjMaterials::can_load(const std::string& name) {
   if (!is_new) return library->second;
   if (libraries_.size() > kMaxLibraries) refuse_libraries(path_);
   const std::string shown = library_path(path_, name).string();
+  // What is wrong decides which cure the user is told; none of it is a reason to refuse the model.
   std::string cure = "cannot be read: put it back", refused;
   try {
     if (!is_file(shown)) {
@@ -323,6 +334,7 @@ std::uint32_t ObjMaterials::current() {
   return *current_;
 }
 
+// Numbered as faces first use them: the same order as in the mesh, whatever the libraries hold.
 std::uint32_t ObjMaterials::make() {
   if (mesh_.materials.size() == kMaxMaterials) {
     refuse(path_, "its faces use more than {} materials; split the model", kMaxMaterials);
@@ -400,6 +412,8 @@ void ObjMaterials::bind(mesh::Material& material, Channel channel, const MtlText
   material.textures[static_cast<std::size_t>(channel)] = binding;
 }
 
+// One entry for each file, however many materials name it; what is wrong with it is said when
+// somebody wants to read it.
 std::uint32_t ObjMaterials::image(const std::string& name, const std::string& folder) {
   std::string clean = slashed(name);
   while (!clean.empty() && (clean.back() == ' ' || clean.back() == '\t')) clean.pop_back();

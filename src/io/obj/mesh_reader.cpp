@@ -5,6 +5,12 @@
 // bend the surface without a word. Curves, lines, points and smoothing groups are passed over. A
 // vertex may have a colour, three numbers more, which programs write as they show it: sRGB.
 //
+//   v x y z [r g b]      a position, and maybe its colour; a fourth number alone is a weight:
+//   ignored vt u [v]             v counts from below here and from above inside vn x y z f
+//   v[/[vt][/[vn]]]... three corners or more; negative indices count from the last entry o, g names
+//   that triangles can be selected by (--source-part); g may give several usemtl, mtllib
+//   materials.cpp
+//
 // The file is read twice: first it is counted (obj_text.h), so that its lists and the mesh are
 // reserved once, at their final size. Beside the mesh there are then the lists of the file and the
 // set that numbers equal corners; they go when the vertices are made. Where normals are missing,
@@ -38,6 +44,7 @@ namespace pounce::io {
 namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+// What modelling programs take where nothing is said; sharper edges stay edges.
 constexpr double kSmoothAngleDeg = 60;
 
 struct CornerKey {
@@ -68,6 +75,7 @@ class CornerSet {
     h = (h ^ (h >> 32) ^ key.normal) * 0xD6E8FEB86659FD93ULL;
     return h ^ (h >> 32);
   }
+  // Twice as many slots; keys stay where they are, so numbers do not change.
   void grow() {
     slots_.assign(std::max<std::size_t>(1024, slots_.size() * 2), kNone);
     for (std::uint32_t i = 0; i < keys_.size(); ++i) {
@@ -149,6 +157,7 @@ void ObjReader::reserve() {
   mesh_.triangle_material.reserve(counts.triangles);
 }
 
+// Unknown statements are passed over: there are many, and none of them is a surface.
 void ObjReader::parse() {
   for (std::string statement; text_.next(statement);) {
     std::string_view rest(statement);
@@ -182,6 +191,8 @@ void ObjReader::parse() {
   }
 }
 
+// In double precision where an origin is taken off: at map coordinates a float has steps of
+// centimetres, and the difference has none.
 Vec3f ObjReader::position(std::string_view rest) const {
   constexpr const char* kWhat = "a vertex";
   Vec3f read;
@@ -247,6 +258,7 @@ std::string ObjReader::name(std::string_view rest) const {
   return name_in(rest);
 }
 
+// "g a b" puts faces into both groups; a limit, because each face costs all of its groups.
 void ObjReader::set_groups(const std::string& names) {
   groups_.clear();
   std::string_view rest(names);
@@ -266,6 +278,7 @@ void ObjReader::start_part() {
   parts_.start(static_cast<std::uint32_t>(mesh_.triangles.size()), names);
 }
 
+// Negative indices count back from the last entry at this place in the file.
 std::uint32_t ObjReader::resolve(int index, std::size_t count, const char* what) const {
   const auto total = static_cast<std::int64_t>(count);
   const std::int64_t zero_based = index > 0 ? std::int64_t{index} - 1 : total + index;
@@ -300,6 +313,8 @@ ObjReader::Corner ObjReader::corner(std::string_view word) const {
   }
 }
 
+// Corners, then vertices, then triangles. The lists for one face are kept between faces: there may
+// be a hundred million of them.
 void ObjReader::add_face(std::string_view rest) {
   corners_.clear();
   for (std::string_view word = next_word(rest); !word.empty(); word = next_word(rest)) {
@@ -314,6 +329,7 @@ void ObjReader::add_face(std::string_view rest) {
   face_positions_.clear();
   face_.reserve(count);
   face_positions_.reserve(count);
+  // An index may only name what came before it, so each list has its final part already.
   for (const auto& [position, texcoord, normal] : corners_) {
     CornerKey key;
     key.position = resolve(position, positions_.size(), "vertex");
@@ -322,6 +338,7 @@ void ObjReader::add_face(std::string_view rest) {
     face_.push_back(vertices_.number_of(key));
     face_positions_.push_back(positions_[key.position]);
   }
+  // Asked for here, not at "usemtl": a material that no face uses is never made.
   const std::uint32_t material = materials_.current();
   const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
     mesh_.triangles.push_back({face_[a], face_[b], face_[c]});
@@ -383,6 +400,7 @@ bool ObjReader::keep_vertices() {
     for (const CornerKey& key : keys) {
       uvs.push_back(key.texcoord == kNone ? Vec2f{} : texcoords_[key.texcoord]);
     }
+    // Empty where all vertices have UVs, which is nearly always.
     auto& present = mesh_.uv_present.emplace_back();
     if (!all_uv) {
       for (const CornerKey& key : keys) present.push_back(key.texcoord != kNone);
@@ -404,6 +422,7 @@ void ObjReader::finish_normals(bool all_given) {
     mesh::smooth_normals(mesh_, position_of, static_cast<std::uint32_t>(positions_.size()), missing,
                          kSmoothAngleDeg);
   }
+  // Zeros that smoothing left (at corners of flat triangles) are no fault of the file.
   const std::uint64_t replaced = mesh::repair_normals(mesh_);
   if (replaced > 0 && all_given) {
     warnings_.add("{} normals were zero or not finite; replaced by those of the triangles",
@@ -411,10 +430,13 @@ void ObjReader::finish_normals(bool all_given) {
   }
 }
 
+// From statements to a mesh as the rest of pounce wants it: parts that are closed, vertices with
+// normals of unit length, materials of different names, no texture where there are no UVs.
 mesh::Mesh ObjReader::read() {
   mesh_.path = path_;
   mesh_.files = {path_};
   reserve();
+  // Faces before the first "o" or "g" belong to a part, too.
   start_part();
   parse();
   mesh_.parts = parts_.finish(static_cast<std::uint32_t>(mesh_.triangles.size()));

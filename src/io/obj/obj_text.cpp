@@ -36,6 +36,7 @@ namespace pounce::io {
 namespace {
 
 constexpr std::size_t kPieceBytes = 256 << 10;
+// A face of a million corners fits into 16 MiB; an MTL has nothing of that kind.
 constexpr std::size_t kMaxObjLineBytes = 16 << 20, kMaxMtlLineBytes = 1 << 20;
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
@@ -274,6 +275,8 @@ bool ObjText::next_piece() {
   return true;
 }
 
+// One line without its end, added to what `out` has of the statement. Lines are counted as an
+// editor counts them, whatever ends them, so that messages name the right one.
 bool ObjText::append_line(std::string& out) {
   const std::size_t most_bytes = kind_ == Kind::obj ? kMaxObjLineBytes : kMaxMtlLineBytes;
   bool any = false;
@@ -344,11 +347,13 @@ std::optional<float> to_float(std::string_view word) { return whole_number<float
 
 std::optional<double> to_double(std::string_view word) { return whole_number<double>(word); }
 
+// As MTL files are read by others: "0.5f" and "1,5" begin with a number, which counts.
 float to_float_or(std::string_view word, float otherwise) {
   float value = 0;
   return read_number(word, value) > 0 && std::isfinite(value) ? value : otherwise;
 }
 
+// Bounds of names are checked while counting, so that this pass cannot take what it is to foretell.
 ObjCounts count_obj(const std::string& path) {
   ObjText file(path, ObjText::Kind::obj);
   ObjCounter counter;
@@ -363,6 +368,8 @@ MeshCost obj_cost(const std::string& path, const MeshReading& reading) {
   const ObjCounts counts = count_obj(path);
   const std::uint64_t triangles = counts.triangles;
   // Where normals are missing, every corner may become a vertex of its own.
+  // Smoothing parts vertices whose triangles meet at a sharp angle: how many, only reading finds
+  // out.
   const bool smooth = counts.lacks_normals;
   const std::uint64_t corner_keys = counts.distinct_corners;
   const std::uint64_t vertices = smooth ? counts.corners : corner_keys;

@@ -53,6 +53,7 @@ double turn(Vec2d a, Vec2d b, Vec2d c) {
   return (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
 }
 
+/// Straight corners count as convex: a fan has triangles without area there, as it must.
 bool is_convex(const std::vector<Vec2d>& flat) {
   const std::size_t n = flat.size();
   for (std::size_t i = 0; i < n; ++i) {
@@ -161,6 +162,7 @@ std::vector<std::array<std::uint32_t, 3>> triangulate(std::span<const Vec3f> cor
   triangles.reserve(n - 2);
   std::vector<std::uint32_t> ring(n);
   for (std::uint32_t i = 0; i < n; ++i) ring[i] = i;
+  // Three corners are a triangle, and many more would take the square of their number.
   if (n > 3 && n <= kMaxEars) {
     const std::vector<Vec2d> flat = flatten(corners, area_vector(corners));
     if (!is_convex(flat)) {

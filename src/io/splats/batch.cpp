@@ -269,6 +269,7 @@ void BatchScene::read(std::uint64_t first, std::uint64_t count, store::SplatRows
          [&](std::size_t rows) { append(batch, rows, out, filtered); });
 }
 
+// One batch at a time, whatever the range.
 std::uint64_t BatchScene::read_bytes() const {
   return round_to_pages(sizeof(SplatBatch)) + decode_bytes();
 }

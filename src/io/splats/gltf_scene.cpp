@@ -108,6 +108,7 @@ const Json* splat_extension(const Json& primitive) {
   return member(member(&primitive, "extensions"), kExtension);
 }
 
+// member() looks into anything: of what is no object nothing is a member.
 /// Of a document that nobody has checked.
 bool has_splat_primitive(const Json& document) {
   const Json* const meshes = member(&document, "meshes");
@@ -136,6 +137,7 @@ const std::string& checked(const std::string& path) {
       kMostJsonBytes >> 20, kMostInlineBytes >> 20);
 }
 
+/// Entries are limited as text is: an accessor of 30 bytes costs over a kilobyte of model.
 tinygltf::Model load_scene(const GltfFile& file) {
   if (gltf_entry_count(file.document()) > kMostEntries) {
     refuse(
@@ -228,7 +230,7 @@ GltfSplats::GltfSplats(const std::string& path, const Axes& axes, const std::fun
   info_.format = fmt::format("glTF ({})", spz_.empty() ? kExtension : kSpz);
   info_.is_linear = colour_space_ == "lin_rec709_display";
   if (axes == Axes{}) {  // else the user says it
-    info_.assumptions.push_back(
+    info_.assumptions.emplace_back(
         "its axes are glTF's (left, up, forward), taken as stored; --source-axes=-x,-y,z turns it "
         "to lie as trained scenes do in other formats (right, down, forward)");
   }
@@ -243,6 +245,8 @@ GltfSplats::GltfSplats(const std::string& path, const Axes& axes, const std::fun
   }
 }
 
+// One colour space for the whole scene: Gaussians are blended with each other, so they cannot be
+// converted one by one afterwards.
 void GltfSplats::check_kind(const Json& extension, const std::string& place) {
   const JsonCheck check(file_.path(), file_.document());
   // The extension wants a kernel to be named, but files of public tools and tests name none, and
@@ -268,6 +272,8 @@ void GltfSplats::check_kind(const Json& extension, const std::string& place) {
   colour_space_ = *space;
 }
 
+// An SPZ is opened in its buffer view as in a file of its own, and once however often it is shown.
+// Its own word about axes does not count here: glTF fixes them.
 const SpzScene& GltfSplats::open_spz(const Json& extension, const std::string& place,
                                      const std::function<void()>& poll) {
   const JsonCheck check(file_.path(), file_.document());
@@ -290,6 +296,8 @@ const SpzScene& GltfSplats::open_spz(const Json& extension, const std::string& p
   return *scene;
 }
 
+// Adds one use of a primitive by a node: its number of Gaussians and where their values are. An SPZ
+// says its number itself, accessors by POSITION; all others must have as many.
 void GltfSplats::add(int mesh, std::size_t primitive, const SplatPlacement& placement,
                      const std::function<void()>& poll) {
   if (parts_.size() == kMostParts) {
@@ -328,6 +336,8 @@ void GltfSplats::add(int mesh, std::size_t primitive, const SplatPlacement& plac
   if (part.count > 0) parts_.push_back(std::move(part));
 }
 
+// -1 where the primitive has no such attribute. Sparse accessors and those of zeros are refused: no
+// program writes Gaussians so, and a range of them could not be read.
 int GltfSplats::accessor(const tinygltf::Primitive& primitive, const std::string& name, int type,
                          std::uint64_t count, const std::string& place) const {
   const auto found = primitive.attributes.find(name);
@@ -395,10 +405,12 @@ std::uint64_t GltfSplats::unpacked_bytes() const {
   return all;
 }
 
+// Those that are stored in accessors need none.
 void GltfSplats::prepare(const ScratchFolder& folder, const std::function<void()>& poll) {
   for (const auto& [view, scene] : spz_) scene->prepare(folder, poll);
 }
 
+// Parts are decoded one after the other: the largest need of any of them.
 std::uint64_t GltfSplats::decode_bytes() const {
   std::uint64_t most = 1 << 20;  // a piece of an accessor
   for (const auto& [view, scene] : spz_) most = std::max(most, scene->decode_bytes());
@@ -427,6 +439,8 @@ void GltfSplats::decode(std::uint64_t first, std::uint64_t count, std::uint32_t 
   }
 }
 
+// Attributes are read one after the other into a row-wise buffer of 256 rows, then split into
+// columns. Rotations change from x y z w to w x y z; scales and opacities are linear in glTF.
 void GltfSplats::decode_accessors(const Part& part, std::uint64_t first, std::size_t rows,
                                   std::uint32_t lobes, SplatBatch& batch) const {
   std::array<float, 4 * SplatBatch::kRows> values;

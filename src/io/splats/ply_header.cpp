@@ -77,6 +77,7 @@ std::string lower(std::string_view text) {
   return result;
 }
 
+/// Takes a header line by line: a state machine whose only state is the last element.
 class HeaderParser {
  public:
   explicit HeaderParser(const std::string& path) : path_(path) {}
@@ -129,6 +130,7 @@ class HeaderParser {
     }
   }
 
+  // A count may be any 64-bit number here; ply_rows_at() compares it with the file.
   void element(std::string_view rest) {
     PlyElement element;
     element.name = word(rest);
@@ -146,6 +148,8 @@ class HeaderParser {
     names_.clear();
   }
 
+  // Offsets follow from the order of the columns. A name that stands twice is refused, since
+  // readers would disagree about which of the two counts.
   void property(std::string_view rest) {
     if (header_.elements.empty()) fail("has a property before any element");
     PlyElement& element = header_.elements.back();
@@ -207,6 +211,7 @@ std::string shown(std::string_view text) {
   return text.size() > 60 ? result + "..." : result;
 }
 
+// What follows "ply" has to end the word: text files may begin with it, too.
 bool is_ply(const ReadFile& file) {
   std::array<char, 4> start{};
   if (file.size_bytes() < start.size()) return false;
@@ -239,6 +244,8 @@ PlyHeader read_ply_header(const ReadFile& file, const std::string& path) {
          text.size());
 }
 
+// Elements lie one behind the other, so where one begins follows from the sizes of those before it.
+// An element with a list behind the wanted one is fine, one before it hides where that begins.
 std::uint64_t ply_rows_at(const PlyHeader& header, std::uint64_t file_bytes,
                           const std::string& path, std::string_view wanted) {
   std::uint64_t at = header.bytes, begin = 0;

@@ -7,6 +7,13 @@
 // time and taken apart by column: 256 rows of one column are loaded into an array, whatever its
 // type, and the exponentials run over arrays as vector code.
 //
+//   x y z, nx ny nz        place and normal; two columns of three are no normal
+//   f_dc_0..2              harmonics of degree 0: colour = 0.5 + C0 f_dc
+//   f_rest_0..             the others, channel by channel; their number says the degree
+//   opacity                a logit: alpha = 1 / (1 + exp(-opacity))
+//   scale_0..2             logarithms of sigma; a 2DGS scene has only two of them
+//   rot_0..3               w x y z, of any length
+//
 // SuperSplat's compressed PLY has 256 Gaussians to a chunk, and 32 bits for each of position,
 // rotation, scale and colour, as fractions of the chunk's bounds. A batch is a chunk.
 //
@@ -44,6 +51,7 @@ void check_types(const std::vector<PlyColumn>& columns, const std::string& path)
   }
 }
 
+/// Text and big endian are told apart from what is no PLY at all: converting them is easy.
 void check_encoding(const PlyHeader& header, const std::string& path) {
   if (header.format == "ascii") refuse(path, "an ASCII PLY; {}: export it as binary", kWanted);
   if (header.format == "binary_big_endian")
@@ -56,6 +64,7 @@ void check_encoding(const PlyHeader& header, const std::string& path) {
 void check_kind(const PlyHeader& header, const std::string& path) {
   const PlyElement* vertex = header.find("vertex");
   if (vertex == nullptr) refuse(path, "the PLY has no element \"vertex\"; {}", kWanted);
+  // A mesh or a point cloud is the usual mistake; they lack what only splats have.
   const auto has = [&](const char* name) { return find_column(vertex->columns, name) != nullptr; };
   if (!has("f_dc_0")) {
     for (const char* name : {"face", "tristrips"}) {
@@ -138,6 +147,7 @@ float number(T value) {
 }
 float number(std::uint16_t half) { return half_to_float(half); }
 
+// Columns of a row need not be aligned, so values are copied byte by byte.
 template <class T>
 void load_as(const std::byte* from, std::size_t stride, std::size_t rows, SplatBatch::Column& to) {
   for (std::size_t i = 0; i < rows; ++i) {
@@ -147,27 +157,11 @@ void load_as(const std::byte* from, std::size_t stride, std::size_t rows, SplatB
   }
 }
 
-void load(const std::byte* from, PlyType type, std::size_t stride, std::size_t rows,
-          SplatBatch::Column& to) {
-  switch (type) {
-    case PlyType::i8:
-      return load_as<std::int8_t>(from, stride, rows, to);
-    case PlyType::u8:
-      return load_as<std::uint8_t>(from, stride, rows, to);
-    case PlyType::i16:
-      break;  // refused with the header
-    case PlyType::u16:
-      return load_as<std::uint16_t>(from, stride, rows, to);
-    case PlyType::i32:
-      return load_as<std::int32_t>(from, stride, rows, to);
-    case PlyType::u32:
-      return load_as<std::uint32_t>(from, stride, rows, to);
-    case PlyType::f32:
-      return load_as<float>(from, stride, rows, to);
-    case PlyType::f64:
-      return load_as<double>(from, stride, rows, to);
-  }
-}
+/// By PlyType. Shorts with sign were refused with the header.
+using Loader = void (*)(const std::byte*, std::size_t, std::size_t, SplatBatch::Column&);
+constexpr std::array<Loader, 8> kLoaders{
+    load_as<std::int8_t>,  load_as<std::uint8_t>,  nullptr,        load_as<std::uint16_t>,
+    load_as<std::int32_t>, load_as<std::uint32_t>, load_as<float>, load_as<double>};
 
 constexpr std::uint64_t kChunkRows = 256;
 static_assert(kChunkRows == SplatBatch::kRows);
@@ -183,6 +177,7 @@ std::array<float, 3> unorm_3(std::uint32_t packed) {
   return {unorm(packed, 21, 11), unorm(packed, 11, 10), unorm(packed, 0, 11)};
 }
 
+// As the format's own decoder computes it, so that both ends of the range are exact.
 float between(float low, float high, float t) { return low * (1 - t) + high * t; }
 
 /// w, x, y, z.
@@ -335,6 +330,7 @@ void CompressedPly::decode(std::uint64_t first, std::uint64_t count, std::uint32
   const std::uint32_t harmonics = std::min(lobes, stored);
   PageVector<std::byte> rows(kChunkRows * row_bytes), bytes(kChunkRows * header_.harmonics);
   PageVector<std::byte> bounds(header_.chunk_bytes);
+  // Without bounds of colours the lower ends are 0 and the upper ones 1.
   const auto bound = [&](std::size_t k) {
     return header_.bounds[k] ? value_at<float>(&bounds[*header_.bounds[k]]) : k < 15 ? 0.0F : 1.0F;
   };
@@ -451,6 +447,7 @@ void SplatPly::find_columns(const std::string& path) {
   }
 }
 
+// A row may have thousands of columns that nobody reads: fewer rows at once then.
 std::uint64_t SplatPly::piece_rows() const {
   return std::max<std::uint64_t>(1, kReadBytes / header_.row_bytes);
 }
@@ -469,7 +466,8 @@ void SplatPly::decode(std::uint64_t first, std::uint64_t count, std::uint32_t lo
     file_->read(header_.rows_at + first * stride, std::span(raw).first(rows * stride));
     for_batches(rows, [&](std::uint64_t begin, std::size_t n) {
       const auto load_column = [&](const PlyColumn& from, SplatBatch::Column& to) {
-        load(&raw[begin * stride + from.offset], from.type, stride, n, to);
+        kLoaders[static_cast<std::size_t>(from.type)](&raw[begin * stride + from.offset], stride, n,
+                                                      to);
       };
       for (std::size_t c = 0; c < kNames.size(); ++c) {
         if (!columns_[c].name.empty()) load_column(columns_[c], column_of(batch, c));

@@ -10,6 +10,16 @@
 //             rows hold positions as 16 bits around the centre of their bucket. Buckets are filled
 //             in order: first the full ones, then those of any length.
 //
+//   offset        header of a .ksplat              header of a section
+//        0        u8 major, u8 minor               u32 Gaussians
+//        4        u32 sections                     u32 Gaussians that there is room for
+//        8                                         u32 rows of a full bucket
+//       12                                         u32 buckets
+//       16                                         float edge of a bucket
+//       20        u16 level                        (at 24:) u32 range of a stored position
+//       32                                         u32 full buckets, u32 others
+//       36        float, float range of harmonics  (at 40:) u16 degree of harmonics
+//
 // Both are read where they are, 4096 rows at a time, so nothing is unpacked and any range can be
 // read at once. Every offset comes from the headers of a .ksplat and is compared with the size of
 // the file when these are read; the lengths of partly filled buckets are the only part that is kept
@@ -126,6 +136,7 @@ class KsplatScene : public BatchScene {
   std::vector<Section> sections_;
 };
 
+// Full buckets are found by dividing, the others by where they begin.
 std::uint64_t KsplatScene::Section::bucket_of(std::uint64_t row) const {
   if (row < full_rows) return row / bucket_rows;
   const auto after = std::upper_bound(partial_starts.begin(), partial_starts.end(), row);
@@ -150,6 +161,7 @@ KsplatScene::KsplatScene(const std::string& path, const Axes& axes)
   if (level_ > 2) fail(fmt::format("says compression level {}, 0 to 2 are known", level_));
   if (sections > kMostSections)
     fail(fmt::format("says {} sections, {} are the most", sections, kMostSections));
+  // The range of harmonics that are stored as bytes (level 2).
   least_harmonic_ = read_value<float>(*file_, 36);
   most_harmonic_ = read_value<float>(*file_, 40);
   // Files of before these fields hold zeros; writers of then used this range.
@@ -164,6 +176,8 @@ KsplatScene::KsplatScene(const std::string& path, const Axes& axes)
   info_.files = {path};
 }
 
+// Sections follow each other without gaps: `data_at` is where this one begins, and becomes where
+// the next one does. Room for rows counts, not the rows that are filled.
 void KsplatScene::read_section(std::uint64_t header_at, std::uint64_t& data_at) {
   std::array<std::byte, 42> raw;
   file_->read(header_at, raw);
@@ -225,6 +239,7 @@ std::uint64_t KsplatScene::decode_bytes() const {
          kMostPartialBuckets * sizeof(std::uint64_t);
 }
 
+// A range may meet several sections: each gives its share, in the order of the file.
 void KsplatScene::decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes,
                          SplatBatch& batch, const Take& take) const {
   for (const Section& section : sections_) {

@@ -8,9 +8,9 @@
 // sources (source_splat_format): whoever wants a mesh does not pay for it.
 //
 // What is looked at here was checked by nobody. A PLY's header is at most 1 MiB, a meta.json is
-// measured before it is parsed, of a ZIP's directory only the last 64 KiB are searched; nothing is
-// unpacked. Of formats that are known but not read (streamed SOG, LCC) the name is told with a
-// cure.
+// measured before it is parsed, of a ZIP's directory only the last 64 KiB are searched; of a gzip
+// four bytes are unpacked. Of formats that are known but not read (streamed SOG, LCC) the name is
+// told with a cure.
 #include "io/splats/scene.h"
 
 #include <fmt/format.h>

@@ -133,6 +133,8 @@ SogScene::SogScene(const std::string& path, const Axes& axes) : BatchScene(axes)
       fmt::format("SOG v{} ({})", version_, archive_ != nullptr ? "bundled" : "a folder");
 }
 
+// A folder, a bundle, or the path of a meta.json itself. Only where it lies is different; images
+// are then found beside it (open_image()).
 SogScene::Json SogScene::open_meta(const std::string& path) {
   std::shared_ptr<ReadFile> file;
   std::uint64_t at = 0, bytes = 0;
@@ -174,6 +176,8 @@ SogScene::Json SogScene::open_meta(const std::string& path) {
   return meta;
 }
 
+// Only the header is read here, so that a scene of damaged or lossy images is refused before a job
+// begins.
 SogScene::Image SogScene::open_image(const std::string& name) const {
   Image image;
   // The name comes from the file: it shall lead nowhere else.
@@ -291,6 +295,7 @@ void SogScene::read_meta(const Json& meta) {
   if (archive_ == nullptr && has_palette_) info_.files.push_back(centroids_.name);
 }
 
+// Bytes are indices into a codebook of what the encoder found most often.
 void SogScene::read_version_2(const Json& meta) {
   const auto count = meta.find("count");
   if (count == meta.end() || !count->is_number_unsigned() || *count == 0)
@@ -305,6 +310,8 @@ void SogScene::read_version_2(const Json& meta) {
   if (model != meta.end() && *model == "2dgs") info_.model = store::SplatModel::flat;
 }
 
+// Bytes are steps between the least and the largest value of each channel; a table of them serves
+// both versions.
 void SogScene::read_version_1(const Json& meta) {
   const Json& means = object(meta, "means");
   const auto shape = means.find("shape");
@@ -332,6 +339,8 @@ void SogScene::read_version_1(const Json& meta) {
   alphas_[0] = 0;  // encoders keep no colour under an alpha of 0
 }
 
+// The image of centroids has 64 entries in a row, each as wide as the coefficients of one channel:
+// in version 1 its width is all that says the degree.
 void SogScene::read_palette(const Json& part) {
   centroids_ = open_image(file_name(part, "shN", 0));
   images_[kLabels] = open_image(file_name(part, "shN", 1));
@@ -422,6 +431,7 @@ void SogScene::unpack_palette(const ScratchFolder& folder, const std::function<v
   }
 }
 
+// The palette is counted here, though it is kept from prepare() on: who reads leases it.
 std::uint64_t SogScene::decode_bytes() const {
   return round_to_pages(kColumns * kPieceRows * kPixelBytes) +
          round_to_pages(palette_entries_ * 3 * lobes_);

@@ -113,6 +113,7 @@ void SplatPlyWriter::put_header() {
   put(std::as_bytes(std::span(text)));
 }
 
+// A row of floats for each Gaussian, in the order in which ply_header() names them.
 void SplatPlyWriter::encode_columns(const store::SplatRows& rows,
                                     std::span<std::byte* const> columns, SplatTally&) const {
   std::byte* out = columns[0];
@@ -134,6 +135,7 @@ void SplatPlyWriter::encode_columns(const store::SplatRows& rows,
   }
 }
 
+// The header again, with the number of rows that came; padding keeps its length.
 void SplatPlyWriter::commit(const std::function<void()>&) {
   if (std::fseek(file_.stream(), 0, SEEK_SET) != 0) file_.fail("its header cannot be finished");
   put_header();
@@ -209,6 +211,8 @@ void GltfSplatWriter::encode_columns(const store::SplatRows& rows,
   }
 }
 
+// Written by hand: a dozen fixed members need no library, and the text is the same everywhere.
+// Bounds of positions are the only ones that glTF requires.
 std::string GltfSplatWriter::document() const {
   const std::vector<std::uint32_t>& bytes = column_bytes();
   std::string attributes, accessors, views;
@@ -245,9 +249,10 @@ std::string GltfSplatWriter::document() const {
   return text;
 }
 
+// All lengths are known by now, so the file is written once from front to back.
 void GltfSplatWriter::commit(const std::function<void()>& poll) {
   if (tally_.normals > 0)
-    notes_.push_back("the normals of the source are not written: splats in glTF have none");
+    notes_.emplace_back("the normals of the source are not written: splats in glTF have none");
   const std::string json = document();
   const std::uint64_t binary = rows_ * row_bytes();  // a multiple of four
   const auto put_numbers = [this](std::initializer_list<std::uint64_t> numbers) {
@@ -282,6 +287,7 @@ float dc_of(float colour) {
   return static_cast<float>((static_cast<double>(colour) - 0.5) / kShDegree0);
 }
 
+// The ending decides: whoever reads the file goes by it, too.
 std::optional<SplatOutput> splat_output(const std::string& path) {
   const std::string ending = lower_ending(path);
   if (ending == ".ply") return SplatOutput::ply;
@@ -296,6 +302,8 @@ SplatWriterCost splat_writer_cost(SplatOutput kind, std::uint32_t lobes) {
   return {files * kColumnBytes + kCopyBytes + kFinishBytes, sum(columns)};
 }
 
+// Before the first row is read where the number is known, and at every piece: a source may only be
+// found too large while it is read.
 void check_splat_count(const std::string& path, std::uint64_t splats, std::uint32_t lobes) {
   const SplatOutput kind = splat_output(path).value();
   const auto refuse_beyond = [&](std::uint64_t most, const std::string& why) {
@@ -317,6 +325,7 @@ void check_splat_count(const std::string& path, std::uint64_t splats, std::uint3
   }
 }
 
+// What the format cannot say of the whole scene is refused by the constructors, before any row.
 std::unique_ptr<SplatWriter> open_splat_writer(const std::string& path, const SplatFileFacts& facts,
                                                const ScratchFolder& folder) {
   switch (splat_output(path).value()) {
@@ -365,11 +374,13 @@ std::uint64_t SplatWriter::row_bytes() const { return sum(column_bytes_); }
 
 void SplatWriter::refuse(const std::string& what) const { io::refuse(path_, "{}", what); }
 
+// Added in double precision, rounded once.
 void SplatWriter::place(store::SplatRows& rows) const {
   if (added_ == Vec3d{}) return;
   for (store::Splat& s : rows.splats) s.mean = Vec3f(Vec3d(s.mean) + added_);
 }
 
+// Columns of a piece lie one behind the other in one buffer, each as long as its rows need.
 SplatPiece SplatWriter::encode(const store::SplatRows& rows) const {
   SplatPiece piece;
   piece.rows = rows.splats.size();
@@ -390,6 +401,7 @@ SplatPiece SplatWriter::encode(const store::SplatRows& rows) const {
   return piece;
 }
 
+// In the order of the source, whatever the order in which pieces were encoded.
 void SplatWriter::append(const SplatPiece& piece) {
   if (piece.rows == 0) return;  // a part of a source of which nothing is wanted
   check_splat_count(path_, rows_ + piece.rows, facts_.lobes);

@@ -11,6 +11,18 @@
 // of this size (kMostGzipRatio, kMostZstdRatio) when it is opened, and with what really comes out
 // while it is unpacked.
 //
+//   offset  type  header
+//        0  u32   "NGSP"
+//        4  u32   version, 1 to 4
+//        8  u32   Gaussians
+//       12  u8    degree of harmonics, 0 to 4
+//       13  u8    bits behind the point of a position
+//       14  u8    flags: 1 = trained with antialiasing, 2 = has extensions
+//       15  u8    version 4: streams; then u32 at 16: where their list of (packed, unpacked) u64 is
+//
+//   bytes per Gaussian: positions 9 (version 1: 6, halves), opacity 1, colour 3, scale 3, rotation
+//   3 (from version 3: 4), harmonics 0, 9, 24, 45 or 72; all of one kind before the next
+//
 // No version says how its axes lie, and writers disagree, except in an extension: a record behind
 // the Gaussians (in front of them in version 4). Where it is there the scene is turned; where not,
 // that is an assumption which the user is told of.
@@ -173,6 +185,7 @@ void SpzScene::find_extensions(const std::function<void()>& poll) {
   read_extensions(std::span(piece).first(reader.read(piece)));
 }
 
+// Every number is checked that sizes follow from; the sizes themselves are in content_bytes().
 void SpzScene::read_header(std::span<const std::byte, 16> raw) {
   if (value_at<std::uint32_t>(raw.data()) != kMagic)
     fail("does not begin with \"NGSP\", in gzip or not, so it is no SPZ");
@@ -271,11 +284,13 @@ void SpzScene::read_extensions(std::span<const std::byte> records) {
 
 void SpzScene::assume_axes() {
   if (!own_axes_.empty() || axes_ != Axes{}) return;  // it is said, by the file or by the user
-  info_.assumptions.push_back(
+  info_.assumptions.emplace_back(
       "SPZ does not say how its axes lie (writers disagree): taken as stored; --source-axes "
       "x,-y,-z turns a scene that lies upside down");
 }
 
+// Frames are unpacked one after the other, so the largest window counts; beside it are a piece of
+// what comes out and what may follow the Gaussians.
 std::uint64_t SpzScene::prepare_bytes() const {
   std::uint64_t most = is_gzip_ ? GzipReader::kBytes : 0;
   for (const Stream& stream : streams_)
@@ -320,6 +335,7 @@ void SpzScene::unpack_gzip(WriteFile& to, const std::function<void()>& poll) {
     fail("more bytes follow its Gaussians than the header announces");
 }
 
+// Each frame has to give exactly what its block needs: no more, which would shift the next one.
 void SpzScene::unpack_streams(WriteFile& to, const std::function<void()>& poll) const {
   PageVector<std::byte> piece(kPieceBytes);
   for (std::size_t k = 0; k < streams_.size(); ++k) {

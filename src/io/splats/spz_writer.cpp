@@ -106,6 +106,7 @@ class GzipWriter {
   void finish() { run({}, Z_FINISH); }
 
  private:
+  // zlib is asked until it leaves some of its output empty: then it has taken all of its input.
   void run(std::span<const std::byte> bytes, int flush) {
     // zlib's interface is older than const.
     stream_.next_in = const_cast<Bytef*>(reinterpret_cast<const Bytef*>(bytes.data()));
@@ -144,9 +145,12 @@ SpzWriter::SpzWriter(const std::string& path, const SplatFileFacts& facts,
     refuse("these colours are linear light, which SPZ cannot say; write a .glb, which can");
   }
   if (facts.model == store::SplatModel::flat)
-    notes_.push_back("SPZ cannot say that these Gaussians are discs (2DGS): they are written flat");
+    notes_.emplace_back(
+        "SPZ cannot say that these Gaussians are discs (2DGS): they are written flat");
 }
 
+// Every value as the byte whose meaning is nearest. What a byte cannot hold is clamped and counted
+// where it shows: colours, harmonics, sizes. Opacity and rotation always fit.
 void SpzWriter::encode_columns(const store::SplatRows& rows, std::span<std::byte* const> columns,
                                SplatTally& tally) const {
   const std::size_t harmonics = std::size_t{3} * rows.lobes;
@@ -215,6 +219,7 @@ void SpzWriter::check_places(int bits) {
   warnings_.push_back(what);
 }
 
+// Half of the Gaussians changed is another scene: refused. Fewer are told as a warning.
 void SpzWriter::check_sizes() {
   const std::uint64_t clamped = tally_.too_small + tally_.too_large;
   if (clamped > 0) {
@@ -232,9 +237,10 @@ void SpzWriter::check_sizes() {
                     tally_.clipped, rows_));
   }
   if (tally_.normals > 0)
-    notes_.push_back("SPZ has no normals: those of the source are not written");
+    notes_.emplace_back("SPZ has no normals: those of the source are not written");
 }
 
+// Known once all Gaussians are: their number and the bits of a position.
 std::array<std::byte, 16> SpzWriter::header(int bits) const {
   std::array<std::byte, 16> out{};
   const auto put32 = [&](std::size_t at, std::uint32_t value) {
@@ -283,6 +289,9 @@ void SpzWriter::commit(const std::function<void()>& poll) {
 
 }  // namespace
 
+// A rotation times any of the cube's 24 leaves the same ellipsoid with its axes in another order.
+// All of them are tried; the first of equals counts, so the result does not depend on anything
+// else.
 void turn_least(store::Splat& splat) {
   const Quaternion q = splat.rotation;
   const Renaming* best = nullptr;

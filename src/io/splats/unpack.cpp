@@ -213,6 +213,8 @@ class DirectoryReader {
   std::uint32_t number_ = 0;
 };
 
+/// Entries that share bytes are no archive that a program writes: a small file could hold any
+/// amount.
 void refuse_overlaps(const std::string& path, const std::vector<StoredEntry>& entries,
                      std::vector<Place> places) {
   std::sort(places.begin(), places.end(),
@@ -227,6 +229,7 @@ void refuse_overlaps(const std::string& path, const std::vector<StoredEntry>& en
 
 }  // namespace
 
+// zlib is told to expect a gzip header, and compares length and checksum at the end of the member.
 struct GzipReader::State {
   State(const ReadFile& file, const std::string& reader_name)
       : name(reader_name), pieces(file, 0, file.size_bytes()) {
@@ -266,6 +269,7 @@ std::size_t GzipReader::read(std::span<std::byte> out) {
       s.ended = true;
     } else if (code == Z_MEM_ERROR) {
       throw std::bad_alloc();
+      // No progress and no more input: the member has no end.
     } else if (code == Z_BUF_ERROR || (code == Z_OK && s.stream.avail_out == room &&
                                        s.stream.avail_in == 0 && s.pieces.at_end())) {
       fail(s.name, "its gzip data are cut off");
@@ -277,6 +281,8 @@ std::size_t GzipReader::read(std::span<std::byte> out) {
   return done;
 }
 
+// The window is the only memory that a frame decides on; it is limited here and asked for in
+// bytes().
 struct ZstdReader::State {
   State(const ReadFile& file, std::uint64_t offset, std::uint64_t size,
         const std::string& reader_name)
@@ -300,6 +306,8 @@ ZstdReader::ZstdReader(const ReadFile& file, std::uint64_t offset, std::uint64_t
     : state_(std::make_unique<State>(file, offset, size, name)) {}
 ZstdReader::~ZstdReader() = default;
 
+// A frame has to end where its stream does: bytes behind it would be a second one, which the format
+// does not have.
 std::size_t ZstdReader::read(std::span<std::byte> out) {
   State& s = *state_;
   ZSTD_outBuffer to{out.data(), out.size(), 0};
@@ -347,6 +355,7 @@ std::uint64_t ZstdReader::bytes(const ReadFile& file, std::uint64_t offset, std:
   return round_to_pages(std::min(window, std::uint64_t{1} << kMostWindowLog)) + kZstdOverhead;
 }
 
+// An archive begins with an entry, or, if it is empty, with the record of its end.
 bool is_zip(const ReadFile& file) {
   if (file.size_bytes() < kEndBytes) return false;
   std::array<std::byte, 4> start;
@@ -355,6 +364,8 @@ bool is_zip(const ReadFile& file) {
   return mark == kLocalMark || mark == kEndMark;
 }
 
+// The directory first, then each local header for the length of its name and extra field, which may
+// differ from those in the directory.
 std::vector<StoredEntry> read_stored_zip(const ReadFile& file, const std::string& path) {
   const Directory directory = find_directory(file, path);
   DirectoryReader reader(file, path, directory);

@@ -10,6 +10,10 @@
 // without complaint and change every value. Then come up to four transforms, each at most once, in
 // the order in which the encoder applied them, so they are undone from the last to the first.
 //
+// A chunk VP8L begins with the byte 0x2F, then, from the lowest bit of the next word, 14 bits of
+// width - 1, 14 of height - 1, one that says whether alpha is used (it is decoded anyway) and three
+// of version. The bits behind it are one stream: transforms, then pixels.
+//
 // Bytes are added modulo 256, four at a time. Predictors that need the pixel to the left go pixel
 // by pixel, with the SSE2 that every x86-64 has; the others become vector code by themselves.
 #include "io/splats/vp8l.h"
@@ -147,6 +151,7 @@ Vp8lBlocks<Value> read_blocks(const Vp8lTransformInput& input, const ValueOf& va
   return blocks;
 }
 
+/// Every pixel less what its neighbours foretell, by one of 14 rules for each block.
 class Predictor final : public Vp8lTransform {
  public:
   explicit Predictor(const Vp8lTransformInput& input)
@@ -189,6 +194,7 @@ struct CrossColour {
   std::int8_t green_to_red, green_to_blue, red_to_blue;
 };
 
+/// Red and blue less what a linear share of green (and red) foretells, by blocks.
 class CrossColours final : public Vp8lTransform {
  public:
   explicit CrossColours(const Vp8lTransformInput& input)
@@ -223,6 +229,7 @@ class CrossColours final : public Vp8lTransform {
   Vp8lBlocks<CrossColour> factors_;
 };
 
+/// Green is added to red and blue again.
 class SubtractGreen final : public Vp8lTransform {
  public:
   void undo(std::uint32_t, PixelRow& row) override {
@@ -233,6 +240,7 @@ class SubtractGreen final : public Vp8lTransform {
   }
 };
 
+/// Few colours: pixels are indices, of which up to eight share the green of one stored pixel.
 class Palette final : public Vp8lTransform {
  public:
   explicit Palette(const Vp8lTransformInput& input) : width_(input.width) {
@@ -369,7 +377,9 @@ Vp8lHeader read_vp8l_header(const ReadFile& file, std::uint64_t at, std::uint64_
     const std::string_view type = text_of(start, 0);
     const std::uint32_t size = number_of(start, 4);
     offset += start.size();
+    // A chunk may not reach beyond what the RIFF says it has.
     if (size > end - offset) refuse_cut(name, offset + size, end);
+    // ALPH is the alpha of a lossy image: VP8 follows.
     if (type == "VP8 " || type == "ALPH") refuse_lossy(name);
     if (type == "ANIM" || type == "ANMF") refuse_animation(name);
     if (type == "VP8X") {
@@ -393,6 +403,8 @@ Vp8lHeader read_vp8l_header(const ReadFile& file, std::uint64_t at, std::uint64_
          "is a WebP file without an image in it (no VP8L chunk); download it or export it again");
 }
 
+// The ring serves every image in turn: those that steer the main one (predictors, colours, groups,
+// palette) are decoded to their end before it begins. A palette may have more entries than pixels.
 Vp8lDecoder::Vp8lDecoder(const ReadFile& file, const Vp8lHeader& header, const std::string& name,
                          WriteFile& scratch)
     : header_(header),
@@ -418,6 +430,7 @@ void Vp8lDecoder::read_transforms(WriteFile& scratch) {
   }
 }
 
+// Transforms are undone from the last to the first; the palette is the one that changes the width.
 void Vp8lDecoder::read_row(std::span<std::uint8_t> rgba) {
   if (next_row_ == header_.height || rgba.size() != std::size_t{4} * header_.width)
     throw Error(ErrorKind::internal, name_ + ": asked for a row that there is not");

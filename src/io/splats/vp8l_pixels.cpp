@@ -234,6 +234,8 @@ BitSource::BitSource(const ReadFile& file, std::uint64_t at, std::uint64_t bytes
   state_.next = state_.safe = buffer_.data();
 }
 
+// Called when fewer than kSafeBytes are left. At the end of the stream zeros follow, so that no
+// loop has to ask; taking them is found by check().
 BitState BitSource::more(const BitState& state) {
   const std::size_t held = static_cast<std::size_t>(loaded_ - buffer_at_);
   const std::size_t used = static_cast<std::size_t>(state.next - buffer_.data());
@@ -273,6 +275,7 @@ void BitSource::fail(const std::string& what) const {
   refuse(name_, "its image is damaged at byte {}: {}; download it or export it again", byte, what);
 }
 
+// Blocks of 64 KiB: tables are small and many, and codes point into them.
 PrefixCode PrefixTables::add(std::span<const std::uint16_t> table) {
   if (used_ + table.size() > kBlockEntries) {
     blocks_.push_back(std::make_unique<std::uint16_t[]>(kBlockEntries));
@@ -302,6 +305,8 @@ PrefixCode read_prefix_code(BitSource& source, std::uint32_t symbols, PrefixTabl
 PixelRing::PixelRing(std::uint64_t pixels)
     : pixels_(std::bit_ceil(std::min(pixels, kMostPixels))) {}
 
+// What comes before the pixels, in the order of the stream. Only the main image has groups of
+// codes; those that steer it have one.
 Vp8lPixels::Vp8lPixels(BitSource& source, std::uint32_t width, std::uint32_t height,
                        PixelRing& ring, WriteFile* scratch)
     : source_(source), width_(width), height_(height), ring_(ring) {
@@ -319,6 +324,8 @@ Vp8lPixels::Vp8lPixels(BitSource& source, std::uint32_t width, std::uint32_t hei
   read_groups();
 }
 
+// Which group of codes each block has: an image of its own, in red and green. Group numbers may
+// have gaps, which are filled with groups that are parsed and thrown away.
 void Vp8lPixels::read_group_image(WriteFile& scratch) {
   const std::uint32_t bits = source_.read(3) + 2;
   Vp8lBlocks<std::uint16_t>& blocks = group_of_block_.emplace(width_, bits, scratch);
@@ -392,6 +399,8 @@ BitState Vp8lPixels::copy(BitState state, std::uint32_t length_symbol,
 }
 
 template <bool kHasCache>
+// The bits are in registers (state) and the position in a local: what the loop touches in memory
+// are tables, the ring and the cache. A copy may run past the end of the row, into later ones.
 void Vp8lPixels::decode_row() {
   const std::uint64_t begin = std::uint64_t{row_} * width_, end = begin + width_;
   std::span<const std::uint16_t> group_of_block;
