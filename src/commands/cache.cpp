@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Looking at a cache and tidying it, beside whatever jobs use it.
+//
+// Nothing here locks the cache as a whole. A file that a job holds open cannot be evicted (it
+// counts as in use), and one that goes between listing and opening was evicted by somebody else: it
+// is passed over. A missing folder is an empty cache, and is not made.
 #include "pounce/cache.h"
 
 #include <fmt/format.h>
@@ -23,6 +27,7 @@ constexpr std::uint64_t kLongestLabel = 4096;
 
 FileSystem& disk() { return posix_file_system(); }
 
+/// The folder that was named, or the default one.
 std::string chosen(const std::string& folder) {
   const std::string root = folder.empty() ? default_cache_folder() : folder;
   if (root.empty()) {
@@ -39,6 +44,7 @@ std::string chosen(const std::string& folder) {
 
 double seconds(std::int64_t nanoseconds) { return static_cast<double>(nanoseconds) * 1e-9; }
 
+/// What a pack was made of, by the word of the job that made it: nothing that anybody checks.
 std::string label_text(const CachedObject& object) {
   if (object.label_path.empty()) return "";
   try {
@@ -64,6 +70,10 @@ CacheObject described(const CachedObject& object) {
           seconds(object.last_used_ns)};
 }
 
+store::CacheScan scan(const std::string& folder) {
+  return store::scan_cache(disk(), CacheLayout(chosen(folder)));
+}
+
 /// Runs `evict` on a cache that exists and says what it did.
 template <class Evict>
 CachePruned tidy(const std::string& folder, const Evict& evict) {
@@ -79,6 +89,7 @@ CachePruned tidy(const std::string& folder, const Evict& evict) {
   });
 }
 
+/// Packs that were in use stay, and are told: the next call finds them again.
 void add(CachePruned& pruned, const store::Evicted& evicted) {
   pruned.objects += evicted.objects;
   pruned.bytes += evicted.bytes;
@@ -97,76 +108,59 @@ std::string default_cache_folder() {
   return {};
 }
 
-namespace {
-
-std::vector<CacheObject> list_of(const std::string& folder) {
-  std::vector<CacheObject> list;
-  for (const CachedObject& object :
-       store::scan_cache(disk(), CacheLayout(chosen(folder))).objects) {
-    list.push_back(described(object));
-  }
-  return list;
-}
-
-}  // namespace
-
 std::vector<CacheObject> cache_list(const std::string& folder) {
-  return with_own_errors([&] { return list_of(folder); });
+  return with_own_errors([&] {
+    std::vector<CacheObject> list;
+    for (const CachedObject& object : scan(folder).objects) list.push_back(described(object));
+    return list;
+  });
 }
-
-namespace {
-
-CacheInfo info_of(const std::string& folder) {
-  CacheInfo info;
-  info.folder = chosen(folder);
-  const store::CacheScan scan = store::scan_cache(disk(), CacheLayout(info.folder));
-  info.taken_bytes = scan.total_bytes;
-  info.default_limit_bytes = store::default_limit_bytes(disk(), info.folder);
-  for (const CachedObject& object : scan.objects) {
-    CacheShare& share = info.kinds[store::kind_name(object.kind)];
-    ++share.objects;
-    share.bytes += object.size_bytes;
-  }
-  info.unfinished = {scan.parts, scan.part_bytes};
-  return info;
-}
-
-}  // namespace
 
 CacheInfo cache_info(const std::string& folder) {
-  return with_own_errors([&] { return info_of(folder); });
+  return with_own_errors([&] {
+    CacheInfo info;
+    info.folder = chosen(folder);
+    const store::CacheScan found = store::scan_cache(disk(), CacheLayout(info.folder));
+    info.taken_bytes = found.total_bytes;
+    info.default_limit_bytes = store::default_limit_bytes(disk(), info.folder);
+    for (const CachedObject& object : found.objects) {
+      CacheShare& share = info.kinds[store::kind_name(object.kind)];
+      ++share.objects;
+      share.bytes += object.size_bytes;
+    }
+    info.unfinished = {found.parts, found.part_bytes};
+    return info;
+  });
 }
 
-namespace {
-
-CacheVerdict verify_of(const std::string& folder, bool remove) {
-  CacheVerdict verdict;
-  for (const CachedObject& object :
-       store::scan_cache(disk(), CacheLayout(chosen(folder))).objects) {
-    auto file = disk().open_held(object.path);
-    if (file == nullptr) continue;  // removed meanwhile
-    ++verdict.objects;
-    verdict.bytes += object.size_bytes;
-    try {
-      store::PackReader(std::move(file), object.path, object.kind, object.key).verify();
-    } catch (const Error& e) {
-      if (e.kind() != ErrorKind::damaged_store) throw;
-      verdict.damaged.push_back({described(object), e.what(), remove});
-      if (remove) {
-        disk().remove(object.path);
-        if (!object.label_path.empty()) disk().remove(object.label_path);
+// Reads every byte of every pack, which is what a job would do that does not trust the cache. A
+// pack that is damaged is made again by the next job that wants it, with or without `remove`.
+CacheVerdict cache_verify(const std::string& folder, bool remove) {
+  return with_own_errors([&] {
+    CacheVerdict verdict;
+    for (const CachedObject& object : scan(folder).objects) {
+      // Held while it is read, so that no other process evicts it in the middle.
+      auto file = disk().open_held(object.path);
+      if (file == nullptr) continue;  // removed meanwhile
+      ++verdict.objects;
+      verdict.bytes += object.size_bytes;
+      try {
+        store::PackReader(std::move(file), object.path, object.kind, object.key).verify();
+      } catch (const Error& e) {
+        if (e.kind() != ErrorKind::damaged_store) throw;
+        verdict.damaged.push_back({described(object), e.what(), remove});
+        // The label goes with it; the next job that needs the pack makes it again.
+        if (remove) {
+          disk().remove(object.path);
+          if (!object.label_path.empty()) disk().remove(object.label_path);
+        }
       }
     }
-  }
-  return verdict;
+    return verdict;
+  });
 }
 
-}  // namespace
-
-CacheVerdict cache_verify(const std::string& folder, bool remove) {
-  return with_own_errors([&] { return verify_of(folder, remove); });
-}
-
+// By age first, then by size: what is too old goes even where there is room for it.
 CachePruned cache_prune(const std::string& folder, std::optional<std::uint64_t> most_bytes,
                         std::optional<double> older_than_s) {
   return tidy(folder, [&](store::CacheSpace& space, CachePruned& pruned) {
@@ -181,6 +175,7 @@ CachePruned cache_prune(const std::string& folder, std::optional<std::uint64_t> 
       const store::Evicted more = space.evict(*most_bytes, nullptr);
       pruned.objects += more.objects;
       pruned.bytes += more.bytes;
+      // Both passes met the same packs in use: they count once.
       pruned.in_use = std::max(pruned.in_use, more.in_use);
     }
   });

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Two images texel by texel, in strips of rows: how alike are they where the second has anything?
+// Samples are compared as doubles in the range of their type (0 to 1 for integers), as they are
+// stored: no colour is converted, since a result and its reference have one encoding. The sums run
+// in the order of the texels, so they are the same for every size of strip.
 #include "pounce/compare.h"
 
 #include <fmt/format.h>
@@ -44,6 +49,7 @@ double difference(double a, double b) {
   return std::isnan(d) ? std::numeric_limits<double>::infinity() : d;
 }
 
+/// Of the differences so far, and where the largest is.
 struct Sums {
   double absolute = 0, squared = 0;
   Comparison result;
@@ -61,6 +67,8 @@ struct Sums {
   }
 };
 
+/// Other channels are fine (the fewer of both are compared), another size is not: nothing is
+/// resampled.
 void check_sizes(const std::string& path, const io::ImageInfo& info, const std::string& other_path,
                  const io::ImageInfo& other) {
   if (info.width == other.width && info.height == other.height) return;
@@ -79,11 +87,14 @@ Comparison compare_images(const std::string& a_path, const std::string& b_path,
     mask.emplace(mask_path, allowed);
     check_sizes(mask_path, mask->info(), b_path, b.info());
   }
+  // What counts: where there is a mask, what it shows; else what the second image shows by its
+  // alpha. A mask decides about alpha itself, so only then is alpha compared, too.
   const bool masked_by_alpha = !mask && b.info().has_alpha;
   const bool alpha_compared = mask && a.info().has_alpha && b.info().has_alpha;
   const std::uint32_t colours = std::min(a.colours(), b.colours());
 
   const std::uint32_t width = b.info().width, height = b.info().height;
+  // 65,536 texels at a time, so that memory does not grow with the images.
   const std::uint32_t strip_rows = std::clamp<std::uint32_t>((1U << 16) / width, 1, height);
   Sums sums;
   for (std::uint32_t top = 0; top < height; top += strip_rows) {
@@ -110,6 +121,7 @@ Comparison compare_images(const std::string& a_path, const std::string& b_path,
                             mask ? mask_path : b_path + " (its alpha)"));
   }
   result.channels = static_cast<int>(colours) + (alpha_compared ? 1 : 0);
+  // The range of samples is 1, so PSNR is the logarithm of the mean square alone.
   const double count = static_cast<double>(result.texels) * result.channels;
   result.similarity = 1 - sums.absolute / count;
   result.psnr_db = sums.squared == 0 ? std::numeric_limits<double>::infinity()

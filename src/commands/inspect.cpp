@@ -1,4 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// What is in a file, as JSON; the text for people is made from the same JSON, so that both always
+// say the same.
+//
+// A file is told by its content where that says what it is. Meshes and packs are read whole, since
+// whoever asks what is in a file also asks whether it is sound; a splat scene is read in pieces of
+// 16,384 Gaussians, of an image the header alone. There is no budget here: a mesh is read if this
+// process may use the memory that it is found to need, and all else takes little, whatever it says.
 #include "pounce/inspect.h"
 
 #include <fmt/format.h>
@@ -6,28 +14,34 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "commands/inspect_mesh.h"
-#include "commands/inspect_splats.h"
+#include "core/bounds.h"
 #include "core/file.h"
 #include "core/hash.h"
 #include "core/job_space.h"
 #include "core/own_errors.h"
 #include "core/system_limits.h"
-#include "io/files/file_ending.h"
-#include "io/files/job_mark.h"
+#include "io/files/asset_file.h"
+#include "io/files/finished_output.h"
 #include "io/image/read.h"
 #include "io/read_mesh.h"
-#include "io/splats/format.h"
+#include "io/splats/ply_scene.h"
+#include "io/splats/scene.h"
+#include "store/blocks/splat_lattice.h"
+#include "store/cache/cache_space.h"
 #include "store/pack/pack.h"
 
 namespace pounce {
 namespace {
 
 using Json = nlohmann::ordered_json;
+using store::Splat;
 
 enum class FileType { mesh, splats, image, pack };
 
@@ -72,25 +86,11 @@ FileType file_type(const std::string& path, const ReadFile& file) {
   return is_mesh ? FileType::mesh : FileType::image;
 }
 
-const char* kind_name(store::PackKind kind) {
-  switch (kind) {
-    case store::PackKind::geometry:
-      return "geometry";
-    case store::PackKind::colour:
-      return "colour";
-    case store::PackKind::splats:
-      return "splats";
-    case store::PackKind::results:
-      break;
-  }
-  return "results";
-}
-
 /// Reads every chunk: a pack that is described is a sound one.
 Json describe_pack(std::unique_ptr<ReadFile> file, const std::string& path) {
   const store::PackInfo info = store::read_pack_info(*file, path);
   const store::PackReader reader(std::move(file), path, info.kind, info.key);
-  return {{"format_version", info.version}, {"kind", kind_name(info.kind)},
+  return {{"format_version", info.version}, {"kind", store::kind_name(info.kind)},
           {"key", to_hex(info.key)},        {"chunks", reader.verify()},
           {"bytes", reader.size_bytes()},   {"sound", true}};
 }
@@ -100,6 +100,7 @@ void add_job(const std::string& path, Json& json) {
   if (const auto job = io::read_job(path)) json["job"] = *job;
 }
 
+/// Of outputs of pounce alone: other files have no job.
 std::string job_text(const Json& file) {
   return file.contains("job")
              ? fmt::format("made by pounce, job {}\n", file["job"].get<std::string>())
@@ -146,6 +147,7 @@ std::string layers_text(const Json& image) {
   return text;
 }
 
+/// Whatever is no other kind is taken for an image; the message then names all kinds.
 Json describe_image(const std::string& path, const Allowed& allowed) {
   try {
     const std::vector<std::string> exr_channels =
@@ -163,6 +165,171 @@ Json describe_image(const std::string& path, const Allowed& allowed) {
   }
 }
 
+Json box_json(const Box3f& box) {
+  const auto corner = [](Vec3f v) {
+    return Json{commands::shortest(v.x), commands::shortest(v.y), commands::shortest(v.z)};
+  };
+  return {{"lo", corner(box.lo)}, {"hi", corner(box.hi)}};
+}
+
+/// As PLY comments and --help call them.
+const char* model_name(store::SplatModel model) {
+  return model == store::SplatModel::standard      ? "default"
+         : model == store::SplatModel::antialiased ? "antialiased"
+                                                   : "2dgs";
+}
+
+/// Of the sample.
+template <class Value>
+Json quantiles(const PageVector<Splat>& sample, const Value& value) {
+  std::vector<float> values;
+  for (const Splat& s : sample) values.push_back(value(s));
+  std::sort(values.begin(), values.end());
+  const auto at = [&](std::size_t percent) {
+    return commands::shortest(values[(values.size() - 1) * percent / 100]);
+  };
+  return {{"p10", at(10)}, {"p50", at(50)}, {"p90", at(90)}};
+}
+
+/// Holds at least 98 % of the sample: without the outermost 300th part on each of six sides,
+/// the floaters that make the whole box of a capture useless.
+Box3f most_of(const PageVector<Splat>& sample) {
+  constexpr std::size_t kSidesPerCent = 300;  // 2 % on six sides
+  const std::size_t cut = sample.size() / kSidesPerCent;
+  const auto ends = [&](float Vec3f::*axis) {
+    std::vector<float> values;
+    for (const Splat& s : sample) values.push_back(s.mean.*axis);
+    std::sort(values.begin(), values.end());
+    return std::pair{values[cut], values[values.size() - 1 - cut]};
+  };
+  const auto x = ends(&Vec3f::x), y = ends(&Vec3f::y), z = ends(&Vec3f::z);
+  return {{x.first, y.first, z.first}, {x.second, y.second, z.second}};
+}
+
+std::string vector_text(const Json& v) {
+  return fmt::format("{} {} {}", v[0].get<double>(), v[1].get<double>(), v[2].get<double>());
+}
+
+std::string quantiles_text(const Json& q) {
+  return fmt::format("10 % {}, half {}, 90 % {}", q["p10"].get<double>(), q["p50"].get<double>(),
+                     q["p90"].get<double>());
+}
+
+/// Of a PLY: which columns it has, since programs add and drop some, and how many are half floats.
+void add_columns(const io::SplatPlyHeader& header, Json& json) {
+  Json columns = Json::array();
+  std::size_t halves = 0;
+  for (const io::PlyColumn& column : header.columns) {
+    columns.push_back(column.name);
+    halves += column.type == io::PlyType::u16 && io::is_splat_column(column.name) ? 1 : 0;
+  }
+  json["row_bytes"] = header.row_bytes;
+  json["columns"] = columns;
+  json["half_columns"] = halves;
+}
+
+/// Where most of a scene is, and how opaque and large its Gaussians are.
+void add_sample(const PageVector<Splat>& sample, const store::SplatLattice& lattice, Json& json) {
+  json["box_98"] = box_json(most_of(sample));
+  json["middle_box"] = box_json(lattice.middle_box());
+  json["opacity"] = quantiles(sample, [](const Splat& s) { return s.alpha; });
+  json["size"] = quantiles(sample, [](const Splat& s) { return store::size_of(s); });
+}
+
+/// Counts what a transfer would use and leave out, in one pass over the scene. Formats that must be
+/// unpacked first are, into a nameless file of the system's temporary folder.
+Json describe_splats(const std::string& path) {
+  constexpr std::uint64_t kRows = 16 << 10;
+  const auto scene = io::open_splat_scene(path, {});
+  const std::string folder = std::filesystem::temp_directory_path().string();
+  // Unpacking takes disk that nobody was asked for: a tenth of what is free, as a job without
+  // --max-temp.
+  const std::uint64_t most_bytes = default_scratch_limit(posix_file_system(), folder);
+  const auto too_much = [&] {
+    return fmt::format(
+        "{}: unpacked it takes more than {} bytes in {} (a tenth of what is free there, 1 GiB at "
+        "least); name a folder with more room in the environment variable TMPDIR",
+        path, most_bytes, folder);
+  };
+  const auto files =
+      make_counting_file_system(std::make_shared<ScratchAccount>(most_bytes, too_much));
+  scene->prepare({files.get(), folder}, [] {});
+  const io::SplatSceneInfo& info = scene->info();
+  const PageVector<Splat> sample = io::sample(*scene);
+  // As a transfer judges strays: by the middle of a sample.
+  const store::SplatLattice lattice(sample);
+  store::SplatCounts filtered{};
+  std::uint64_t usable = 0, with_normal = 0;
+  Box3f box;  // of all that have a place, the strays included: it says why there are strays
+  store::SplatRows rows;
+  for (std::uint64_t first = 0; first < info.splats; first += kRows) {
+    rows.splats.clear();
+    scene->read(first, std::min(kRows, info.splats - first), rows, filtered);
+    for (const Splat& s : rows.splats) {
+      box.extend(s.mean);
+      if (const auto reason = lattice.filter(s)) {
+        ++filtered[static_cast<std::size_t>(*reason)];
+        continue;
+      }
+      ++usable;
+      with_normal += s.normal != Vec3f{} ? 1 : 0;
+    }
+  }
+  Json json{{"format", info.format},
+            {"gaussians", info.splats},
+            {"usable", usable},
+            {"filtered", Json::object()},
+            {"sh_degree", info.sh_degree},
+            {"model", model_name(info.model)},
+            {"colour_space", info.is_linear ? "linear" : "sRGB"},
+            {"with_normal", with_normal}};
+  for (std::size_t k = 0; k < filtered.size(); ++k) {
+    if (filtered[k] > 0)
+      json["filtered"][store::filter_name(static_cast<store::SplatFilter>(k))] = filtered[k];
+  }
+  if (!box.empty()) json["box"] = box_json(box);
+  if (!sample.empty()) add_sample(sample, lattice, json);
+  if (const auto* ply = dynamic_cast<const io::SplatPly*>(scene.get()))
+    add_columns(ply->header(), json);
+  json["notes"] = info.assumptions;
+  return json;
+}
+
+/// One line for each thing, as of a mesh; what a file does not have is left out.
+std::string splats_text(const Json& splats) {
+  std::string text =
+      fmt::format("format     {}\ngaussians  {}, {} usable\n", splats["format"].get<std::string>(),
+                  splats["gaussians"].get<std::uint64_t>(), splats["usable"].get<std::uint64_t>());
+  for (const auto& [reason, count] : splats["filtered"].items())
+    text += fmt::format("left out   {} {}\n", count.get<std::uint64_t>(), reason);
+  if (splats.contains("columns")) {
+    const auto halves = splats["half_columns"].get<std::size_t>();
+    text += fmt::format("columns    {}{}, {} bytes per Gaussian\n", splats["columns"].size(),
+                        halves == 0 ? "" : fmt::format(" ({} half floats)", halves),
+                        splats["row_bytes"].get<unsigned>());
+  }
+  text +=
+      fmt::format("colours    {}, spherical harmonics of degree {}\n",
+                  splats["colour_space"].get<std::string>(), splats["sh_degree"].get<unsigned>());
+  text += fmt::format("model      {}\n", splats["model"].get<std::string>());
+  text += fmt::format("normals    {}\n", splats["with_normal"].get<std::uint64_t>());
+  const auto box_text = [&](const char* name, const char* key) {
+    if (!splats.contains(key)) return;
+    text += fmt::format("{:<10} {}  to  {}\n", name, vector_text(splats[key]["lo"]),
+                        vector_text(splats[key]["hi"]));
+  };
+  box_text("box", "box");
+  box_text("box 98 %", "box_98");
+  box_text("middle", "middle_box");
+  if (splats.contains("opacity")) {
+    text += fmt::format("opacity    {}\n", quantiles_text(splats["opacity"]));
+    text += fmt::format("size       {} (largest sigma)\n", quantiles_text(splats["size"]));
+  }
+  for (const Json& note : splats["notes"])
+    text += fmt::format("note       {}\n", note.get<std::string>());
+  return text;
+}
+
 /// There is no budget here; what does not fit into this machine is not begun.
 void require_memory(const std::string& path, const Allowed& allowed) {
   const std::uint64_t most = usable_memory().bytes;
@@ -174,15 +341,16 @@ void require_memory(const std::string& path, const Allowed& allowed) {
                           path, needed >> 20, most >> 20));
 }
 
+/// A folder can only be a splat scene. A file is opened here once, so that what is no file or may
+/// not be read is told in the same words whatever it would have been.
 Json describe_file(const std::string& path, const Allowed& allowed) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) {
-    if (const auto splats = io::splat_format(path); splats && splats->is_read()) {
+    if (const auto splats = io::splat_format(path)) {
+      if (!splats->is_read()) throw Error(ErrorKind::input, io::why_not_read(path, *splats));
       Json json{{"file", path}, {"type", "splats"}};
-      json.update(commands::describe_splats(path));
+      json.update(describe_splats(path));
       return json;
-    } else if (splats) {
-      throw Error(ErrorKind::input, io::why_not_read(path, *splats));
     }
     throw Error(
         ErrorKind::storage,
@@ -199,7 +367,7 @@ Json describe_file(const std::string& path, const Allowed& allowed) {
       break;
     case FileType::splats:
       json["type"] = "splats";
-      json.update(commands::describe_splats(path));
+      json.update(describe_splats(path));
       break;
     case FileType::image:
       json["type"] = "image";
@@ -236,7 +404,7 @@ std::string inspect_text(const std::string& path, bool allow_external,
   std::string text =
       fmt::format("{}: {}\n", file["file"].get<std::string>(), type == "pack" ? "tile pack" : type);
   if (type == "mesh") return text + commands::mesh_text(file) + job_text(file);
-  if (type == "splats") return text + commands::splats_text(file);
+  if (type == "splats") return text + splats_text(file);
   if (type == "image")
     return text + commands::image_text(file) + "\n" + layers_text(file) + job_text(file);
   return text +

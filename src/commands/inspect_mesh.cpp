@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A mesh, and the header of an image, described: first as JSON, which programs read, then as text
+// made of it. Each image is opened once, for its header alone, and what is wrong with it becomes a
+// member "problem": a model whose textures are elsewhere can be looked at like any other.
 #include "commands/inspect_mesh.h"
 
 #include <fmt/format.h>
@@ -12,7 +16,6 @@
 #include <vector>
 
 #include "core/bounds.h"
-#include "io/files/shortest.h"
 #include "mesh/uv_tiles.h"
 #include "pounce/error.h"
 
@@ -21,7 +24,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json vector_json(Vec3f v) { return {io::shortest(v.x), io::shortest(v.y), io::shortest(v.z)}; }
+// Floats are written as the shortest decimal that names them: 0.1, not 0.10000000149011612.
+Json vector_json(Vec3f v) { return {shortest(v.x), shortest(v.y), shortest(v.z)}; }
 
 /// With the origin, as far as single precision knows where they are from there.
 Json vector_json(Vec3f v, Vec3d origin) {
@@ -32,15 +36,7 @@ Json vector_json(Vec3f v, Vec3d origin) {
 }
 
 const char* wrap_name(mesh::Wrap wrap) {
-  switch (wrap) {
-    case mesh::Wrap::repeat:
-      return "repeat";
-    case mesh::Wrap::mirror:
-      return "mirror";
-    case mesh::Wrap::clamp:
-      break;
-  }
-  return "clamp";
+  return wrap == mesh::Wrap::repeat ? "repeat" : wrap == mesh::Wrap::mirror ? "mirror" : "clamp";
 }
 
 /// The image's header, or why it cannot be read.
@@ -74,10 +70,12 @@ class Images {
   std::map<std::uint32_t, Json> known_;
 };
 
+/// Numbers rather than colours.
 bool is_data(Channel channel) {
   return channel != Channel::base_color && channel != Channel::emissive;
 }
 
+/// Those of the five channels, in their order.
 Json textures_json(const mesh::Material& material, Images& images) {
   Json textures = Json::array();
   for (int i = 0; i < kChannelCount; ++i) {
@@ -92,6 +90,7 @@ Json textures_json(const mesh::Material& material, Images& images) {
     texture["uv_set"] = binding->uv_set;
     texture["wrap_u"] = wrap_name(binding->wrap_u);
     texture["wrap_v"] = wrap_name(binding->wrap_v);
+    // A transform that changes nothing is not worth a line.
     if (const mesh::UvTransform& t = binding->transform; t != mesh::UvTransform{}) {
       texture["uv_transform"] = {t.a, t.b, t.c, t.d, t.e, t.f};
     }
@@ -100,6 +99,7 @@ Json textures_json(const mesh::Material& material, Images& images) {
   return textures;
 }
 
+/// Those that no channel takes: a user shall see what a transfer leaves out.
 Json other_textures_json(const mesh::Material& material, Images& images) {
   Json textures = Json::array();
   for (const mesh::OtherTexture& other : material.other_textures) {
@@ -112,22 +112,24 @@ Json other_textures_json(const mesh::Material& material, Images& images) {
 
 Json numbers_json(const std::array<float, 4>& values, std::size_t count) {
   Json numbers = Json::array();
-  for (std::size_t i = 0; i < count; ++i) numbers.push_back(io::shortest(values[i]));
+  for (std::size_t i = 0; i < count; ++i) numbers.push_back(shortest(values[i]));
   return numbers;
 }
 
+/// Under the names that glTF has for them.
 Json factors_json(const mesh::Material& material) {
   const auto of = [&](Channel c) { return material.factors[static_cast<std::size_t>(c)]; };
   const auto data = of(Channel::metallic_roughness);
   return {{"baseColor", numbers_json(of(Channel::base_color), 4)},
-          {"roughness", io::shortest(data[1])},
-          {"metallic", io::shortest(data[2])},
-          {"normal_scale", io::shortest(of(Channel::normal)[0])},
-          {"occlusion_strength", io::shortest(material.occlusion_strength)},
+          {"roughness", shortest(data[1])},
+          {"metallic", shortest(data[2])},
+          {"normal_scale", shortest(of(Channel::normal)[0])},
+          {"occlusion_strength", shortest(material.occlusion_strength)},
           {"emissive", numbers_json(of(Channel::emissive), 3)},
-          {"emissive_strength", io::shortest(material.emissive_strength)}};
+          {"emissive_strength", shortest(material.emissive_strength)}};
 }
 
+/// All of them, used by triangles or not.
 Json materials_json(const mesh::Mesh& mesh, const std::vector<ImageFormat>& allowed) {
   std::vector<std::uint64_t> triangles(mesh.materials.size());
   for (const std::uint32_t material : mesh.triangle_material) ++triangles.at(material);
@@ -178,6 +180,7 @@ std::optional<mesh::UvTile> only_tile(const Box3f& uvs) {
 /// are left out.
 Json udims_json(const mesh::Mesh& mesh, std::size_t set) {
   constexpr float kMostSpread = 8;
+  // Of triangles, not of vertices: a chart may lie in a tile without a corner in it.
   std::set<std::uint32_t> udims;
   for (const auto& triangle : mesh.triangles) {
     std::array<Vec2d, 3> uvs;
@@ -203,6 +206,7 @@ Json udims_json(const mesh::Mesh& mesh, std::size_t set) {
   return udims;
 }
 
+/// Ranges are of vertices that have the set; v counts from above, as everywhere inside.
 Json uv_sets_json(const mesh::Mesh& mesh) {
   Json sets = Json::array();
   for (std::size_t set = 0; set < mesh.uv_sets.size(); ++set) {
@@ -216,8 +220,8 @@ Json uv_sets_json(const mesh::Mesh& mesh) {
     }
     Json json{{"vertices", vertices}};
     if (vertices > 0) {
-      json["u"] = {io::shortest(range.lo.x), io::shortest(range.hi.x)};
-      json["v"] = {io::shortest(range.lo.y), io::shortest(range.hi.y)};
+      json["u"] = {shortest(range.lo.x), shortest(range.hi.x)};
+      json["v"] = {shortest(range.lo.y), shortest(range.hi.y)};
     }
     json["udims"] = udims_json(mesh, set);
     sets.push_back(json);
@@ -225,12 +229,9 @@ Json uv_sets_json(const mesh::Mesh& mesh) {
   return sets;
 }
 
+/// The shortest text of each, with blanks between.
 std::string numbers_text(const Json& numbers) {
-  std::string text;
-  for (const Json& number : numbers) {
-    text += (text.empty() ? "" : " ") + fmt::format("{}", number.get<double>());
-  }
-  return text;
+  return fmt::format("{}", fmt::join(numbers.get<std::vector<double>>(), " "));
 }
 
 constexpr int kTextureColumn = 23;
@@ -247,6 +248,7 @@ std::string texture_lines(const std::string& use, const Json& texture) {
                          : image_text(texture));
 }
 
+/// Three lines or four: the two above, how UVs lead there, and a transform where there is one.
 std::string texture_text(const Json& texture) {
   std::string text = texture_lines(texture["channel"].get<std::string>(), texture);
   const std::string indent(kTextureColumn, ' ');
@@ -260,6 +262,7 @@ std::string texture_text(const Json& texture) {
 
 /// Those that are not what a material has by itself: "baseColor 0.5 1 1 1, roughness 0.4".
 std::string factors_text(const Json& factors) {
+  // Factors of a material that says nothing: what differs from them is worth a line.
   static const Json usual = factors_json({});
   std::string text;
   for (const auto& [name, value] : factors.items()) {
@@ -287,6 +290,8 @@ Json describe(const mesh::Mesh& mesh, Vec3d origin,
   return json;
 }
 
+// In the order of the JSON, with names of ten columns in front: what people compare by eye, and
+// scripts by grep.
 std::string mesh_text(const Json& mesh) {
   std::string text =
       fmt::format("triangles  {}\nvertices   {}\n", mesh["triangles"].get<std::uint64_t>(),
@@ -329,6 +334,7 @@ std::string mesh_text(const Json& mesh) {
   return text;
 }
 
+// What the header says, and what decoding would take: an image may need far more than its texels.
 Json describe(const io::ImageInfo& info) {
   return {{"width", info.width},           {"height", info.height},
           {"channels", info.channels},     {"depth", depth_name(info.depth)},
@@ -338,6 +344,7 @@ Json describe(const io::ImageInfo& info) {
           {"levels", info.levels},         {"decoder_bytes", info.decoder_bytes}};
 }
 
+// "0 channels" is what info_of() says of an EXR that has nothing but layers.
 std::string image_text(const Json& image) {
   const auto tile_width = image["tile_width"].get<std::uint32_t>();
   const auto levels = image["levels"].get<std::uint32_t>();

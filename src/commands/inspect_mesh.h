@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <fmt/format.h>
+
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -11,6 +14,11 @@
 #include "pounce/options.h"
 
 namespace pounce::commands {
+
+/// The double with the fewest digits that names this float: JSON writes it as short as that.
+inline double shortest(float value) {
+  return std::strtod(fmt::format("{}", value).c_str(), nullptr);
+}
 
 /// What a mesh holds: counts, bounding box, names of its parts, UV sets with their ranges and UDIM
 /// tiles, materials with all their textures, those that no channel takes among them. Images that

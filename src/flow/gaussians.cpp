@@ -25,7 +25,7 @@
 #include "flow/stores/splats.h"
 #include "flow/write/gaussians.h"
 #include "io/read_mesh.h"
-#include "io/splats/format.h"
+#include "io/splats/scene.h"
 #include "job/run_job.h"
 
 namespace pounce {

@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Which reader a mesh file gets, and what both readers share.
+//
+// Often what is named is no mesh but the splat scene or the folder that belongs elsewhere on the
+// command line: these are told apart first, so that the message is about the mistake and not about
+// the first byte that no mesh has.
 #include "io/read_mesh.h"
 
 #include <fmt/format.h>
@@ -6,17 +12,16 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <map>
+#include <set>
 #include <string_view>
 
 #include "core/file.h"
 #include "core/input_file.h"
-#include "io/files/file_ending.h"
-#include "io/gltf/mesh.h"
-#include "io/obj/cost.h"
-#include "io/obj/mesh.h"
-#include "io/splats/format.h"
-#include "io/splats/ply_header.h"
-#include "pounce/error.h"
+#include "io/files/asset_file.h"
+#include "io/problems.h"
+#include "io/splats/ply_scene.h"
+#include "io/splats/scene.h"
 
 namespace pounce::io {
 namespace {
@@ -26,19 +31,18 @@ enum class Format { gltf, obj };
 /// A splat scene where a mesh is wanted: often the two are in the wrong order.
 [[noreturn]] void refuse_splats(const std::string& path, const SplatFormat& format) {
   if (format.kind == SplatKind::ply && !holds_splats(*open_input(path), path)) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: a PLY file is read as a splat scene, which is a source only; convert "
-                    "a mesh to .glb, .gltf or .obj",
-                    path));
+    refuse(path,
+           "a PLY file is read as a splat scene, which is a source only; convert a mesh to .glb, "
+           ".gltf or .obj");
   }
-  throw Error(ErrorKind::input,
-              fmt::format("{}: a Gaussian splat scene in {}, where a mesh is wanted (.glb, .gltf "
-                          "or .obj); a scene comes first, as the source of a transfer: pounce "
-                          "transfer SCENE TARGET.glb -o OUTPUT",
-                          path, format.name));
+  refuse(
+      path,
+      "a Gaussian splat scene in {}, where a mesh is wanted (.glb, .gltf or .obj); a scene comes "
+      "first, as the source of a transfer: pounce transfer SCENE TARGET.glb -o OUTPUT",
+      format.name);
 }
 
+// A folder and a scene are looked for before the file is opened as a mesh.
 /// Content first: a GLB is one whatever its name. JSON and OBJ are text, so their ending decides,
 /// after a look at the first character.
 Format format_of(const std::string& path) {
@@ -61,22 +65,17 @@ Format format_of(const std::string& path) {
   const std::size_t start = text.find_first_not_of(" \t\r\n");
   const bool is_json = start != std::string_view::npos && text[start] == '{';
   if (ending == ".gltf" || ending == ".glb" || (is_json && ending != ".obj")) {
-    if (size == 0) {
-      throw Error(ErrorKind::input, fmt::format("{}: the file is empty; export it again", path));
-    }
+    if (size == 0) refuse(path, "the file is empty; export it again");
     if (ending == ".glb" && !is_json) {
-      throw Error(ErrorKind::input,
-                  fmt::format("{}: does not begin like a GLB file; it is damaged or something else "
-                              "(.glb, .gltf and .obj are read)",
-                              path));
+      refuse(
+          path,
+          "does not begin like a GLB file; it is damaged or something else (.glb, .gltf and .obj "
+          "are read)");
     }
     return Format::gltf;
   }
   if (ending == ".obj") return Format::obj;
-  throw Error(
-      ErrorKind::input,
-      fmt::format("{}: not a mesh format that pounce reads; convert it to .glb, .gltf or .obj",
-                  path));
+  refuse(path, "not a mesh format that pounce reads; convert it to .glb, .gltf or .obj");
 }
 
 }  // namespace
@@ -91,5 +90,21 @@ MeshCost mesh_cost(const std::string& path, const MeshReading& reading, std::uin
 }
 
 bool is_gltf(const std::string& path) { return format_of(path) == Format::gltf; }
+
+// Outputs are named after materials, so two of one name would be one file.
+std::vector<std::string> unique_material_names(std::vector<std::string> names) {
+  std::set<std::string> taken;
+  std::map<std::string, std::size_t> last_suffix;  // so that a million equal names stay cheap
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (names[i].empty()) names[i] = "material_" + std::to_string(i);
+    const std::string base = names[i];
+    while (!taken.insert(names[i]).second) {
+      std::size_t& suffix = last_suffix[base];
+      suffix = suffix == 0 ? 2 : suffix + 1;
+      names[i] = base + "_" + std::to_string(suffix);
+    }
+  }
+  return names;
+}
 
 }  // namespace pounce::io

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/vec.h"
 #include "mesh/mesh.h"
@@ -38,5 +40,18 @@ MeshCost mesh_cost(const std::string& path, const MeshReading& reading = {},
 
 /// Is this read as glTF? Throws as read_mesh() does for what is no mesh file.
 bool is_gltf(const std::string& path);
+
+/// The same for each format; the file is taken for one.
+mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading);
+MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uint64_t most_bytes);
+mesh::Mesh read_obj(const std::string& path, const MeshReading& reading);
+MeshCost obj_cost(const std::string& path, const MeshReading& reading);
+
+/// More than these are no sensible model: each costs memory in every stage.
+inline constexpr std::size_t kMaxMaterials = 1 << 15;
+
+/// The same names, but none empty (number 3 becomes "material_3") and none twice: a later one gets
+/// "_2", "_3", ... appended until it is new. Deterministic.
+std::vector<std::string> unique_material_names(std::vector<std::string> names);
 
 }  // namespace pounce::io

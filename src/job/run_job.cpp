@@ -14,7 +14,7 @@
 
 #include "core/own_errors.h"
 #include "core/system_limits.h"
-#include "io/files/new_folders.h"
+#include "io/files/output_file.h"
 #include "job/process_limits.h"
 #include "pounce/cache.h"
 #include "pounce/version.h"

@@ -12,7 +12,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "io/files/job_mark.h"
+#include "io/files/finished_output.h"
 #include "pounce/error.h"
 #include "support/test_data.h"
 #include "support/transfer_job.h"

@@ -14,7 +14,7 @@
 #include "core/portable_math.h"
 #include "flow/stores/splat_sort.h"
 #include "flow/stores/splats.h"
-#include "io/splats/ply.h"
+#include "io/splats/ply_scene.h"
 #include "support/bytes.h"
 #include "support/memory_file_system.h"
 #include "support/random.h"

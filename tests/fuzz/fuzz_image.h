@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "fuzz/fuzz_support.h"
-#include "io/files/byte_source.h"
+#include "io/files/asset_file.h"
 #include "io/image/colour_tags.h"
 #include "io/image/exr_guard.h"
 #include "io/image/format.h"

@@ -7,7 +7,7 @@
 #include "core/file.h"
 #include "fuzz/fuzz_support.h"
 #include "fuzz/gltf_input.h"
-#include "io/model/write.h"
+#include "io/model/model_writer.h"
 #include "io/read_mesh.h"
 #include "support/memory_file_system.h"
 

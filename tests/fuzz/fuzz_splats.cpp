@@ -9,12 +9,11 @@
 #include <sstream>
 #include <vector>
 
-#include "commands/inspect_splats.h"
 #include "core/job_space.h"
 #include "core/portable_math.h"
 #include "fuzz/fuzz_support.h"
-#include "io/splats/format.h"
 #include "io/splats/scene.h"
+#include "pounce/inspect.h"
 #include "store/blocks/splat_block.h"
 #include "store/blocks/splat_lattice.h"
 
@@ -78,8 +77,7 @@ void read(const std::string& path, const std::string& scratch) {
   const auto scene = io::open_splat_scene(path, parse_axes("x,-z,-y"));
   constexpr std::uint64_t kMostSplats = 1 << 20;  // a file of a few KB may rightly hold more
   if (scene->info().splats > kMostSplats) return;
-  require(!commands::splats_text(commands::describe_splats(path)).empty(),
-          "a scene can be described");
+  require(!inspect_text(path).empty(), "a scene can be described");
   scene->prepare({&posix_file_system(), scratch}, [] {});
   store::SplatRows rows;
   rows.lobes = store::kMostLobes;

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "core/file.h"
-#include "io/model/write.h"
+#include "io/model/model_writer.h"
 #include "support/memory_file_system.h"
 
 namespace pounce::test {

@@ -12,7 +12,7 @@
 #include "flow/plan/load_mesh.h"
 #include "flow/plan/output_names.h"
 #include "io/image/write.h"
-#include "io/model/write.h"
+#include "io/model/model_writer.h"
 #include "mesh/uv_tiles.h"
 #include "pounce/error.h"
 #include "texture/pad_seams.h"

@@ -18,7 +18,7 @@
 #include "flow/plan/map_kind.h"
 #include "flow/plan/output_names.h"
 #include "io/image/write.h"
-#include "io/model/write.h"
+#include "io/model/model_writer.h"
 #include "job/run_job.h"
 
 namespace pounce::flow {

@@ -7,8 +7,7 @@
 #include <algorithm>
 #include <set>
 
-#include "io/files/job_mark.h"
-#include "io/files/whole_file.h"
+#include "io/files/finished_output.h"
 
 namespace pounce::flow {
 namespace {

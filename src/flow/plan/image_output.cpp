@@ -11,7 +11,7 @@
 #include <filesystem>
 
 #include "flow/plan/output_names.h"
-#include "io/files/missing_file.h"
+#include "io/files/asset_file.h"
 #include "pounce/error.h"
 
 namespace pounce::flow {

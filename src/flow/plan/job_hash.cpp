@@ -16,7 +16,7 @@
 #include <utility>
 
 #include "flow/plan/describe_job.h"
-#include "io/files/file_ending.h"
+#include "io/files/asset_file.h"
 #include "pounce/version.h"
 
 namespace pounce::flow {

@@ -14,7 +14,6 @@
 #include <filesystem>
 #include <set>
 
-#include "io/files/new_folders.h"
 #include "io/files/output_file.h"
 #include "pounce/error.h"
 

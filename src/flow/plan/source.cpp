@@ -15,8 +15,7 @@
 #include "flow/plan/plan.h"
 #include "flow/plan/texture_factor.h"
 #include "flow/plan/tile_pattern.h"
-#include "io/files/asset_folder.h"
-#include "io/files/missing_file.h"
+#include "io/files/asset_file.h"
 #include "io/image/write.h"
 #include "io/read_mesh.h"
 

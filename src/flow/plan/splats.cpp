@@ -10,7 +10,7 @@
 #include "flow/plan/colour_spaces.h"
 #include "flow/plan/load_mesh.h"
 #include "flow/plan/plan.h"
-#include "io/splats/format.h"
+#include "io/splats/scene.h"
 
 namespace pounce::flow {
 namespace {

@@ -10,7 +10,6 @@
 
 #include "core/file.h"
 #include "io/files/output_file.h"
-#include "io/files/output_leftovers.h"
 #include "pounce/error.h"
 
 namespace pounce::flow {

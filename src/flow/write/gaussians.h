@@ -7,7 +7,7 @@
 
 #include "flow/stores/gaussian_source.h"
 #include "flow/stores/splat_keep.h"
-#include "io/splats/write.h"
+#include "io/splats/splat_writer.h"
 #include "job/job_context.h"
 
 namespace pounce::flow {

@@ -7,7 +7,7 @@
 
 #include "flow/plan/plan.h"
 #include "flow/write/images.h"
-#include "io/model/write.h"
+#include "io/model/model_writer.h"
 
 namespace pounce::flow {
 

@@ -1,40 +1,184 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A file that appears under its name whole or not at all, and what has to be so around it.
+//
+// It has no name while it is being written (O_TMPFILE), so that even a killed process leaves
+// nothing behind. It gets a hidden name beside its final one only to be renamed over it: linkat()
+// cannot replace. Where there are no nameless files it has the hidden name from the start. It is
+// locked (flock) as long as it is open: an unlocked one was left by a process that died, and the
+// next job with the same output removes it.
+//
+// Folders that are missing are made with the first file in them, and a job that fails removes those
+// that are empty then. Another job may do that at any moment between two of our calls: whatever
+// finds its folder gone makes it again, a hundred times at the most.
+//
+// Leftovers are looked for by listing a folder, which may hold a million files and be on a network:
+// the time of a listing decides how soon there is another.
 #include "io/files/output_file.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <filesystem>
+#include <map>
+#include <mutex>
+#include <string_view>
 #include <system_error>
+#include <utility>
 
+#include "core/own_errors.h"
 #include "core/posix_io.h"
-#include "io/files/output_leftovers.h"
 #include "pounce/error.h"
+#include "pounce/report.h"
 
-// The file has no name while it is being written (O_TMPFILE), so that even a killed process leaves
-// nothing behind. It gets a hidden name beside its final one only to be renamed over it: linkat()
-// cannot replace. Where there are no nameless files it has the hidden name from the start. It is
-// locked (flock) as long as it is open: an unlocked one was left by a process that died, and the
-// next job with the same output removes it.
 namespace pounce::io {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr int kMostLinks = 40;  // as the kernel
-constexpr int kMostTries = 100;
+using Clock = std::chrono::steady_clock;
+
+constexpr int kMostLinks = 40;   // as the kernel
+constexpr int kMostTries = 100;  // where others remove folders meanwhile
 
 std::string folder_of(const fs::path& path) {
   return path.has_parent_path() ? path.parent_path().string() : ".";
 }
 
+constexpr int kPause = 50;                    // listings' share of the time: 2 %
+constexpr std::size_t kMostFolders = 64;      // remembered
+constexpr std::size_t kMostLeftovers = 4096;  // of a folder; the next listing finds others
+
+/// The NAME in ".NAME.<digits>-<digits>.tmp", or nothing.
+std::string_view output_of(std::string_view entry) {
+  constexpr std::string_view kEnding = ".tmp", kDigits = "0123456789";
+  if (!entry.starts_with('.') || !entry.ends_with(kEnding)) return {};
+  entry.remove_prefix(1);
+  entry.remove_suffix(kEnding.size());
+  for (const char before : {'-', '.'}) {
+    const std::size_t last = entry.find_last_not_of(kDigits);
+    if (last == std::string_view::npos || last + 1 == entry.size() || entry[last] != before)
+      return {};
+    entry = entry.substr(0, last);
+  }
+  return entry;
+}
+
+void remove_if_left(const std::string& path, uid_t owner) {
+  constexpr int kHow = O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC;
+  int file = ::open(path.c_str(), O_RDWR | kHow);
+  // Reading is enough for a lock (but on NFS).
+  if (file < 0 && errno == EACCES) file = ::open(path.c_str(), O_RDONLY | kHow);
+  if (file < 0) return;
+  struct stat opened {
+  }, named{};
+  // Judged once it is open and locked, since the name may lead to another file by now. Who holds
+  // the lock is alive; what belongs to neither this user nor the owner of the output is left alone.
+  const bool dead = ::fstat(file, &opened) == 0 && S_ISREG(opened.st_mode) &&
+                    (opened.st_uid == ::geteuid() || opened.st_uid == owner) &&
+                    ::flock(file, LOCK_EX | LOCK_NB) == 0 && ::lstat(path.c_str(), &named) == 0 &&
+                    opened.st_dev == named.st_dev && opened.st_ino == named.st_ino;
+  if (dead) ::unlink(path.c_str());
+  ::close(file);
+}
+
+/// A folder's hidden files, by the outputs they were to become.
+struct Listing {
+  std::multimap<std::string, std::string, std::less<>> found;
+  Clock::time_point end;
+  Clock::duration took{};
+
+  explicit Listing(const std::string& folder) {
+    const Clock::time_point begin = Clock::now();
+    std::error_code ignored;
+    for (fs::directory_iterator entry(folder, ignored), end_entry; !ignored && entry != end_entry;
+         entry.increment(ignored)) {
+      const std::string name = entry->path().filename().string();
+      if (const std::string_view output = output_of(name); !output.empty())
+        found.emplace(output, name);
+      if (found.size() == kMostLeftovers) break;
+    }
+    end = Clock::now();
+    took = end - begin;
+  }
+};
+
 }  // namespace
 
+void NewFolders::make(const std::string& folder) {
+  for (int tries = 1; !make_missing(folder, tries == kMostTries); ++tries) {
+  }
+}
+
+/// False where another process removed meanwhile what was made or found, if that is not the `last`
+/// try.
+bool NewFolders::make_missing(const std::string& folder, bool last) {
+  std::vector<std::string> missing;
+  std::error_code ignored;
+  for (fs::path path = folder; !path.empty() && !fs::exists(path, ignored);) {
+    missing.push_back(path.string());
+    const fs::path above = path.parent_path();
+    if (above == path) break;  // the root, which nobody may look at
+    path = above;
+  }
+  for (auto path = missing.rbegin(); path != missing.rend(); ++path) {
+    if (::mkdir(path->c_str(), 0777) == 0) {
+      made_.push_back(*path);
+    } else if (errno == ENOENT && !last) {
+      return false;
+    } else if (errno != EEXIST) {  // another process may be as fast
+      throw Error(ErrorKind::storage,
+                  fmt::format("{}: cannot create the folder: {}", *path, std::strerror(errno)));
+    }
+  }
+  return true;
+}
+
+// rmdir() takes empty folders only: what another job has put there keeps its folder.
+NewFolders::~NewFolders() {
+  for (auto path = made_.rbegin(); path != made_.rend(); ++path) ::rmdir(path->c_str());
+}
+
+std::string existing_folder(const std::string& folder) {
+  std::error_code ignored;
+  fs::path path = folder.empty() ? "." : folder;
+  while (path != "." && !fs::exists(path, ignored)) {
+    const fs::path above = path.parent_path();
+    path = above.empty() || above == path ? "." : above;
+  }
+  return path.string();
+}
+
+std::string claim_name(const std::string& name) { return "." + name + ".0-0.tmp"; }
+
+void remove_leftovers(const std::string& folder, const std::string& name, uid_t owner) {
+  static std::mutex mutex;
+  static std::map<std::pair<dev_t, ino_t>, Listing> listings;
+  struct stat status {};
+  if (::stat(folder.c_str(), &status) != 0) return;
+  const std::lock_guard lock(mutex);
+  const std::pair key{status.st_dev, status.st_ino};
+  auto known = listings.find(key);
+  // Not more than a fiftieth of the time goes into listing, however slow the folder is.
+  if (known != listings.end() && Clock::now() - known->second.end > kPause * known->second.took)
+    known = (listings.erase(known), listings.end());
+  if (known == listings.end()) {
+    if (listings.size() == kMostFolders) listings.clear();
+    known = listings.emplace(key, Listing(folder)).first;
+  }
+  auto& found = known->second.found;
+  const auto [begin, end] = found.equal_range(name);
+  for (auto entry = begin; entry != end; ++entry)
+    remove_if_left((fs::path(folder) / entry->second).string(), owner);
+  found.erase(begin, end);
+}
+
+// Links are followed by hand, since the last one may lead to a file that is not there yet.
 std::string output_place(const std::string& given) {
   fs::path path = given;
   for (int link = 0; link < kMostLinks; ++link) {
@@ -47,6 +191,9 @@ std::string output_place(const std::string& given) {
   return {};
 }
 
+// In this order: what is there under the name (a folder or a device is refused, a file hands on its
+// mode), leftovers of dead jobs, then the new file, nameless if the file system can do that and
+// /proc is there to give it a name later.
 OutputFile::OutputFile(const std::string& path)
     : path_(path), target_(output_place(path)), folder_(folder_of(target_)), folders_(folder_) {
   if (target_.empty()) fail("it is a link that leads to no file");
@@ -97,6 +244,8 @@ void OutputFile::next_temporary() {
       (fs::path(folder_) / fmt::format(".{}.{}-{}.tmp", name_, ::getpid(), counter++)).string();
 }
 
+// For file systems without nameless files. Between creating and locking a file somebody may take it
+// for a leftover and remove it, so whether the name still leads to it is asked afterwards.
 void OutputFile::open_named(mode_t mode) {
   for (int tries = 0;;) {
     next_temporary();
@@ -148,6 +297,7 @@ OutputFile::~OutputFile() {
   if (has_temporary_) ::unlink(temporary_.c_str());
 }
 
+// The position is ours, since encoders seek: pwrite() needs no seek of its own.
 long OutputFile::write_piece(void* opaque, const char* bytes, std::size_t count) {
   auto& self = *static_cast<OutputFile*>(opaque);
   // A failure is kept for check() and never shown to the encoder: libjpeg ends the process on one.
@@ -194,6 +344,8 @@ void OutputFile::check() const {
   if (failure_ != 0) fail_by(failure_);
 }
 
+// Data first, then the name, then the folder that holds the name: after a power failure there is
+// the old file or the new one, whole.
 void OutputFile::commit() {
   FILE* const stream = stream_;
   stream_ = nullptr;
@@ -226,3 +378,16 @@ void OutputFile::fail(const std::string& what) const {
 }
 
 }  // namespace pounce::io
+
+namespace pounce {
+
+void save_report(const Report& report, const std::string& path) {
+  with_own_errors([&] {
+    const std::string text = to_json(report);
+    io::OutputFile file(path);
+    std::fwrite(text.data(), 1, text.size(), file.stream());
+    file.commit();
+  });
+}
+
+}  // namespace pounce

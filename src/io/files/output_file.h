@@ -2,15 +2,36 @@
 #pragma once
 
 #include <sys/stat.h>
+#include <sys/types.h>
 
 #include <cstdint>
 #include <cstdio>
 #include <optional>
 #include <string>
-
-#include "io/files/new_folders.h"
+#include <vector>
 
 namespace pounce::io {
+
+/// Makes a folder and those above it that are missing. What it made and what is empty in the end
+/// goes again, so that a job that fails leaves nothing.
+class NewFolders {
+ public:
+  /// Throws Error(storage) naming the folder and the reason.
+  explicit NewFolders(const std::string& folder) { make(folder); }
+  ~NewFolders();
+  NewFolders(const NewFolders&) = delete;
+  NewFolders& operator=(const NewFolders&) = delete;
+  /// Once more, where another job removed it.
+  void make(const std::string& folder);
+
+ private:
+  bool make_missing(const std::string& folder, bool last);
+
+  std::vector<std::string> made_;  ///< outermost first
+};
+
+/// The folder if it is there, else the nearest above it that is.
+std::string existing_folder(const std::string& folder);
 
 /// What `path` stands for once its links are followed; the last one may lead to nothing yet. Empty:
 /// they lead in a circle, or into /proc, where a name is no name of a file. OutputFile makes its
@@ -66,5 +87,16 @@ class OutputFile {
   std::int64_t position_ = 0;
   int failure_ = 0;  ///< errno of the first write that failed
 };
+
+/// Removes the hidden files ".NAME.<digits>-<digits>.tmp" that processes which died left beside the
+/// output `name` in `folder`: those that nobody has locked and that belong to this user or to
+/// `owner`. Failures do not matter. A folder is listed anew only once its last listing was a
+/// fiftieth of the time since: a job may have thousands of outputs in a folder of a million files.
+/// Thread-safe.
+void remove_leftovers(const std::string& folder, const std::string& name, uid_t owner);
+
+/// The hidden file beside an output `name` whose lock says that a job is making it: one of those
+/// above, so that it goes where its process could not remove it.
+std::string claim_name(const std::string& name);
 
 }  // namespace pounce::io

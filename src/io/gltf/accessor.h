@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "io/gltf/file.h"
+#include "io/gltf/gltf_file.h"
 
 namespace pounce::io {
 
@@ -50,5 +50,27 @@ class AccessorReader {
   const GltfFile& file_;
   const tinygltf::Model& model_;
 };
+
+/// UV sets beyond these are ignored; no tool writes more.
+inline constexpr std::size_t kMaxUvSets = 8;
+
+/// How many vertices and triangles a primitive gives, and which UV sets it has, judged by its
+/// accessors alone.
+struct PrimitiveShape {
+  std::uint64_t vertices = 0;  ///< in the file
+  /// In the Mesh: three per triangle where there are no normals (flat).
+  std::uint64_t flattened = 0;
+  std::uint64_t triangles = 0;
+  std::size_t uv_sets = 0;  ///< one more than the highest TEXCOORD_n
+  std::size_t joint_sets = 0;
+  bool is_surface = false;  ///< triangles with positions; points and lines are not
+  bool has_normals = false;
+  bool has_colours = false;  ///< COLOR_0, of a type that glTF has for colours
+};
+
+/// Checks types and counts of every attribute. Throws Error(input) naming place and accessor.
+PrimitiveShape check_primitive(const AccessorReader& accessors,
+                               const tinygltf::Primitive& primitive, const std::string& place,
+                               std::size_t skin_joints);
 
 }  // namespace pounce::io

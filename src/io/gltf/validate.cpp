@@ -1,4 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The wall between a file and everything that reads it: behind check_gltf() every index leads to an
+// entry, every number is finite and of its type, every view lies in its buffer and every element of
+// an accessor in its view, nodes are a forest. tinygltf and our readers then ask nothing again, and
+// each check stands in one place, with the place in the document in its message.
+//
+// Order matters: buffers before views before accessors, since each is measured by the one before;
+// nodes one by one before the forest they make. All arithmetic is on whole numbers below 2^53, so
+// no sum overflows, and products are compared by dividing.
+//
+// Files of real programs break the letter of the standard in harmless ways; what pounce does not
+// read is not looked at, and a rotation that is not of unit length is a warning.
 #include "io/gltf/validate.h"
 
 #include <fmt/format.h>
@@ -8,9 +20,9 @@
 #include <cmath>
 #include <string_view>
 
-#include "io/json/check.h"
-#include "io/material_names.h"
-#include "pounce/error.h"
+#include "io/json/untrusted.h"
+#include "io/problems.h"
+#include "io/read_mesh.h"
 
 namespace pounce::io {
 namespace {
@@ -41,16 +53,16 @@ constexpr std::array<std::string_view, 6> kImageExtensions = {
     "KHR_texture_basisu", "EXT_texture_webp",  "EXT_texture_avif",
     "MSFT_texture_dds",   "EXT_texture_video", "GOOGLE_texture_basis"};
 
+/// Version 1 has other names for everything; 2.1 may mean something new by what 2.0 has, so a file
+/// that asks for more than 2.0 (minVersion) is refused, one that only says 2.x is read.
 void check_asset(const JsonCheck& check, const std::string& path, const Json& root) {
   const Json* asset = check.object(root, "asset", {});
   if (asset == nullptr) check.fail("asset", "is missing");
   const std::string* version = check.string(*asset, "version", "asset");
   if (version == nullptr) check.fail("asset.version", "is missing");
   const auto refuse = [&](const std::string& found) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: glTF version \"{}\", but only 2.x is read; export the model as "
-                            "glTF 2.0",
-                            path, found));
+    io::refuse(path, "glTF version \"{}\", but only 2.x is read; export the model as glTF 2.0",
+               found);
   };
   const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
   if (version->size() < 3 || !version->starts_with("2.") ||
@@ -61,6 +73,8 @@ void check_asset(const JsonCheck& check, const std::string& path, const Json& ro
   if (least != nullptr && *least != "2.0") refuse(*least);
 }
 
+/// What is required and changes what a file means has to be known, or the result would be wrong
+/// without a word: compressed geometry above all. Extensions that are only used are optional.
 void check_extensions(const JsonCheck& check, const std::string& path, const Json& root) {
   const auto strings = [&](const char* key) -> const Json* {
     const Json* list = check.array(root, key, {});
@@ -82,14 +96,13 @@ void check_extensions(const JsonCheck& check, const std::string& path, const Jso
     // Their images and points are left out, by name, where something would need them.
     if (is_image_extension(name) || is_splat_extension(name)) continue;
     const bool packed = name.find("compression") != std::string::npos;
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: requires the extension {}, which pounce does not read; {}", path, name,
-                    packed ? "export the model without geometry compression"
-                           : "export the model without it"));
+    refuse(
+        path, "requires the extension {}, which pounce does not read; {}", name,
+        packed ? "export the model without geometry compression" : "export the model without it");
   }
 }
 
+/// Bytes of an accessor, or of a sparse part, within its view.
 struct AccessorLayout {
   std::uint64_t offset, stride, element, count;
 };
@@ -106,6 +119,8 @@ void check_range(const JsonCheck& check, const std::string& place, const Accesso
   }
 }
 
+/// By what the document says alone: whether a buffer's file really has so many bytes is found when
+/// it is opened. byteStride is checked as glTF has it; without one elements follow each other.
 void check_buffers(const JsonCheck& check, const Json& root) {
   check.for_each("buffers", [&](const Json& buffer, const std::string& place) {
     check.required_whole(buffer, "byteLength", place, 0, kMaxBytes);
@@ -126,6 +141,8 @@ void check_buffers(const JsonCheck& check, const Json& root) {
   });
 }
 
+/// Indices and values of the elements that differ from the rest. tinygltf keeps their number and
+/// offsets in ints, so they are limited to what an int holds.
 void check_sparse(const JsonCheck& check, const Json& root, const Json& accessor,
                   const std::string& place, std::uint64_t element) {
   const Json* sparse = check.object(accessor, "sparse", place);
@@ -158,8 +175,11 @@ void check_accessors(const JsonCheck& check, const Json& root) {
     const std::uint64_t offset = check.whole(accessor, "byteOffset", place, 0, kMaxBytes, 0);
     const std::uint64_t component =
         check.required_whole(accessor, "componentType", place, 5120, 5126);
+    // Signed 32-bit integers: the one number of OpenGL in this range that glTF leaves out.
     if (component == 5124)
       check.fail(place + ".componentType", "is 5124, which glTF does not have");
+    // No upper bound: without a buffer view there is none to be had, and check_unbacked() guards
+    // whoever reads such an accessor.
     const std::uint64_t count = check.required_whole(accessor, "count", place, 1, kMaxBytes);
     check.boolean(accessor, "normalized", place);
     const std::string* type = check.string(accessor, "type", place);
@@ -182,6 +202,7 @@ void check_accessors(const JsonCheck& check, const Json& root) {
   });
 }
 
+/// Which accessor an attribute may be of is judged by check_primitive(), once types are known.
 void check_attributes(const JsonCheck& check, const Json& attributes, const std::string& place) {
   for (const auto& item : attributes.items()) {
     check.required_index(attributes, item.key().c_str(), place, "accessors");
@@ -207,6 +228,8 @@ void check_meshes(const JsonCheck& check) {
   });
 }
 
+/// One use of a texture by a material. The transform is checked because its numbers end in a
+/// matrix; its texCoord overrides the one outside.
 void check_texture_info(const JsonCheck& check, const Json& parent, const char* key,
                         const std::string& parent_place) {
   const Json* info = check.object(parent, key, parent_place);
@@ -251,6 +274,8 @@ void check_textures(const JsonCheck& check) {
     check.index(texture, "source", place, "images");
     const Json* extensions = check.object(texture, "extensions", place);
     if (extensions == nullptr) return;
+    // A material follows these to an image, whatever it can do with it then, so their indices must
+    // hold.
     for (const std::string_view name : kImageExtensions) {
       const std::string key(name);
       const Json* extension = check.object(*extensions, key.c_str(), place);
@@ -271,6 +296,8 @@ void check_textures(const JsonCheck& check) {
   });
 }
 
+/// A matrix per joint, or none at all. Joints are nodes anywhere in the file, in the scene or not,
+/// so world transforms are made of all nodes.
 void check_skins(const JsonCheck& check, const Json& root) {
   check.for_each("skins", [&](const Json& skin, const std::string& place) {
     const Json* joints = check.array(skin, "joints", place);
@@ -301,6 +328,7 @@ void check_node(const JsonCheck& check, const Json& node, const std::string& pla
   const bool translation = check.numbers(node, "translation", place, 3);
   const bool rotation = check.numbers(node, "rotation", place, 4);
   const bool scale = check.numbers(node, "scale", place, 3);
+  // The standard forbids both, since nothing says which would win.
   if (matrix && (translation || rotation || scale)) {
     check.fail(place, "has both a matrix and translation, rotation or scale");
   }
@@ -319,9 +347,8 @@ void check_name_lengths(const JsonCheck& check, const std::string& path) {
     check.for_each(collection, [&](const Json& object, const std::string& place) {
       const std::string* name = check.string(object, "name", place);
       if (name == nullptr || name->size() <= kMaxNameBytes) return;
-      throw Error(ErrorKind::input,
-                  fmt::format("{}: the name of {} has {} bytes; give it one of at most {}", path,
-                              place, name->size(), kMaxNameBytes));
+      refuse(path, "the name of {} has {} bytes; give it one of at most {}", place, name->size(),
+             kMaxNameBytes);
     });
   }
 }
@@ -342,6 +369,8 @@ std::vector<std::int64_t> check_forest(const JsonCheck& check, const Json& root)
       slot = self;
     }
   });
+  // From each node up to its root, marking the way with where it began: every node is passed once
+  // as new, so this is linear; meeting the mark of this very walk again is a loop.
   std::vector<std::size_t> seen_from(parent.size(), parent.size());
   for (std::size_t start = 0; start < parent.size(); ++start) {
     std::size_t node = start;
@@ -357,6 +386,8 @@ std::vector<std::int64_t> check_forest(const JsonCheck& check, const Json& root)
   return parent;
 }
 
+/// A scene lists roots only, each once: a node that were listed below another too would show its
+/// meshes twice.
 void check_scenes(const JsonCheck& check, const Json& root,
                   const std::vector<std::int64_t>& parent) {
   check.index(root, "scene", {}, "scenes");
@@ -387,6 +418,8 @@ bool is_image_extension(std::string_view name) {
          kImageExtensions.end();
 }
 
+// Columns of a matrix of small components are padded to four bytes, which only 2 x 2 and 3 x 3 of
+// bytes and 3 x 3 of shorts notice. 0 for what is no type.
 std::uint64_t gltf_element_bytes(int component_type, const std::string& type) {
   const std::uint64_t component = component_type <= 5121 ? 1 : component_type <= 5123 ? 2 : 4;
   if (type == "SCALAR") return component;
@@ -423,6 +456,7 @@ std::vector<std::string> check_gltf(const std::string& path, const nlohmann::jso
   check_extensions(check, path, document);
   check_buffers(check, document);
   check_accessors(check, document);
+  // They are objects, which is all that a node needs of the cameras that it may name.
   check.for_each("cameras", [](const Json&, const std::string&) {});
   check_textures(check);
   check_materials(check);
@@ -434,11 +468,11 @@ std::vector<std::string> check_gltf(const std::string& path, const nlohmann::jso
   check_skins(check, document);
   check_scenes(check, document, check_forest(check, document));
   if (gltf_entry_count(document) > kMaxEntries || check.size_of("materials") > kMaxMaterials) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: more than {} nodes, meshes, accessors and the like, or more than {} "
-                    "materials; split the model",
-                    path, kMaxEntries, kMaxMaterials));
+    refuse(
+        path,
+        "more than {} nodes, meshes, accessors and the like, or more than {} materials; split the "
+        "model",
+        kMaxEntries, kMaxMaterials);
   }
   return warnings;
 }

@@ -12,8 +12,7 @@
 #include <string_view>
 #include <utility>
 
-#include "io/files/byte_source.h"
-#include "io/files/missing_file.h"
+#include "io/files/asset_file.h"
 #include "io/image/colour_tables.h"
 #include "pounce/error.h"
 

@@ -8,7 +8,7 @@
 #include <set>
 #include <string>
 
-#include "io/files/asset_folder.h"
+#include "io/files/asset_file.h"
 
 namespace pounce::io {
 

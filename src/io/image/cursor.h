@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "io/files/byte_source.h"
+#include "io/files/asset_file.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <string>
 
-#include "io/files/byte_source.h"
+#include "io/files/asset_file.h"
 
 namespace pounce::io {
 

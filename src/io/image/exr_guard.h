@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "io/files/byte_source.h"
+#include "io/files/asset_file.h"
 
 namespace pounce::io {
 

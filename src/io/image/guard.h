@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "io/files/byte_source.h"
+#include "io/files/asset_file.h"
 
 namespace pounce::io {
 

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "io/files/byte_source.h"
+#include "io/files/asset_file.h"
 #include "io/image/read.h"
 #include "pounce/error.h"
 

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "io/files/byte_source.h"
+#include "io/files/asset_file.h"
 #include "pounce/options.h"
 
 namespace pounce::io {

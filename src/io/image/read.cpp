@@ -12,7 +12,7 @@
 #include <span>
 #include <vector>
 
-#include "io/files/byte_source.h"
+#include "io/files/asset_file.h"
 #include "io/image/decoder_cost.h"
 #include "io/image/decoder_error.h"
 #include "io/image/exr_guard.h"

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "io/files/byte_source.h"
+#include "io/files/asset_file.h"
 #include "io/image/guard.h"
 
 namespace pounce::io {

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "io/files/byte_source.h"
+#include "io/files/asset_file.h"
 
 namespace pounce::io {
 

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "core/page_pool.h"
-#include "io/files/file_ending.h"
-#include "io/files/job_mark.h"
+#include "io/files/asset_file.h"
+#include "io/files/finished_output.h"
 #include "io/files/output_file.h"
 #include "io/image/icc.h"
 #include "io/image/oiio_setup.h"

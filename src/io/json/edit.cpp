@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A tree that is parsed and written again comes out different: members in another order, 0.10 as
+// 0.1, integers beyond 2^53 rounded. A model shall keep every byte that its new textures do not
+// concern, so edits are of text: a value is found by walking over what stands before it, and what
+// lies between two edits is copied. The walk trusts the text, which a parser has accepted; it knows
+// strings, brackets and commas, and nothing of what values mean.
 #include "io/json/edit.h"
 
 #include <algorithm>
@@ -62,6 +68,7 @@ struct Place {
   std::size_t begin = 0, end = 0;
 };
 
+/// All members of an object; of one that stands twice, both.
 std::vector<Place> places(std::string_view object) {
   std::vector<Place> found;
   Cursor cursor(object);
@@ -71,6 +78,7 @@ std::vector<Place> places(std::string_view object) {
     Place place;
     place.begin = cursor.place();
     const std::string_view key = cursor.value();
+    // Escapes in keys are rare, and only then is it worth to ask a parser what they mean.
     place.member.key = key.find('\\') == std::string_view::npos
                            ? std::string(key.substr(1, key.size() - 2))
                            : nlohmann::json::parse(key).get<std::string>();
@@ -91,8 +99,10 @@ std::string joined(const std::vector<std::string>& parts) {
 }
 
 /// `text` with `addition` as new entries before its closing bracket.
+/// The bracket is the last of its kind in the text, since what stands inside is closed before it.
 std::string with_entries(std::string text, const std::string& addition, bool was_empty) {
   if (addition.empty()) return text;
+  // Before the white space in front of the bracket, so that an indented file stays one.
   std::size_t end = text.find_last_of("}]");
   while (end > 0 && is_space(text[end - 1])) --end;
   return text.insert(end, (was_empty ? "" : ",") + addition);
@@ -126,6 +136,9 @@ std::string_view json_member(std::string_view object, std::string_view key) {
   return found;
 }
 
+// One pass over the old members. What lies between them (commas, white space) is copied with the
+// member behind it, so a member that goes takes the comma in front of it along; the first that
+// stays after removed ones must not keep its own.
 std::string edit_json_object(std::string_view object, const JsonChanges& changes) {
   const std::vector<Place> old = places(object);
   JsonChanges fresh = changes;
@@ -159,6 +172,7 @@ std::string edit_json_object(std::string_view object, const JsonChanges& changes
   return with_entries(std::move(out), joined(added), kept == 0);
 }
 
+// Elements that do not change are copied with all that stands around them.
 std::string edit_json_array(std::string_view array,
                             const std::map<std::size_t, std::string>& changed,
                             const std::vector<std::string>& appended) {
@@ -176,6 +190,7 @@ std::string edit_json_array(std::string_view array,
   return with_entries(std::move(out), joined(appended), old.empty());
 }
 
+// Names inside files need not be UTF-8, JSON must be: what is none becomes a replacement character.
 std::string json_quoted(const std::string& text) {
   return nlohmann::json(text).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }

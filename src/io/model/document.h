@@ -6,8 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "io/model/buffers.h"
-#include "io/model/slots.h"
+#include "io/model/layout.h"
 
 namespace pounce::io {
 

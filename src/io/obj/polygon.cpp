@@ -1,4 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Faces of an OBJ have any number of corners, and may be neither flat nor convex.
+//
+// Convex ones become a fan, which is also what is left to do where nothing better is known. Of the
+// others ears are cut off: a corner whose triangle turns the right way and holds no other corner
+// can go without changing the rest. The polygon is looked at along its mean normal, by dropping one
+// coordinate, so an ear is judged in the plane in doubles. One that crosses itself runs out of ears
+// at some point; the fan of what is left has the right number of triangles at least.
+//
+// n - 2 triangles come of n corners whatever their places: mesh_cost() counts on it.
 #include "io/obj/polygon.h"
 
 #include <algorithm>
@@ -43,6 +53,7 @@ double turn(Vec2d a, Vec2d b, Vec2d c) {
   return (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
 }
 
+/// Straight corners count as convex: a fan has triangles without area there, as it must.
 bool is_convex(const std::vector<Vec2d>& flat) {
   const std::size_t n = flat.size();
   for (std::size_t i = 0; i < n; ++i) {
@@ -151,6 +162,7 @@ std::vector<std::array<std::uint32_t, 3>> triangulate(std::span<const Vec3f> cor
   triangles.reserve(n - 2);
   std::vector<std::uint32_t> ring(n);
   for (std::uint32_t i = 0; i < n; ++i) ring[i] = i;
+  // Three corners are a triangle, and many more would take the square of their number.
   if (n > 3 && n <= kMaxEars) {
     const std::vector<Vec2d> flat = flatten(corners, area_vector(corners));
     if (!is_convex(flat)) {

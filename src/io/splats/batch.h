@@ -3,14 +3,19 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <functional>
+#include <memory>
+#include <span>
 #include <string>
 
+#include "core/file.h"
 #include "core/job_space.h"
+#include "core/vec.h"
 #include "io/splats/scene.h"
-#include "io/splats/sh_rotation.h"
 #include "store/blocks/splat_block.h"
 #include "store/blocks/splat_store.h"
 
@@ -35,26 +40,60 @@ void exponential(SplatBatch::Column& column, std::size_t rows);
 void logistic(SplatBatch::Column& column, std::size_t rows);
 void colour_of_dc(SplatBatch::Column& column, std::size_t rows);
 
-/// Makes Gaussians of batches, or says why there is none: the same rules for every format.
-/// Thread-safe.
-class SplatIntake {
+/// What turning (or mirroring) space does to spherical harmonics of degrees 1 to 3: the turned
+/// coefficients show in direction M d what the old ones showed in direction d. Immutable.
+class ShRotation {
  public:
-  explicit SplatIntake(const Axes& axes);
+  /// From the images of x, y and z, which are orthonormal.
+  explicit ShRotation(const std::array<Vec3d, 3>& columns);
+  explicit ShRotation(const Axes& axes);
 
-  /// Appends the Gaussians of the first `rows` rows that can be used, with `out.lobes` coefficients
-  /// each, and counts the others by reason. What is read of the batch need not be finite: a
-  /// coefficient that is no number is a reason, too.
-  void take(const SplatBatch& batch, std::size_t rows, store::SplatRows& out,
-            store::SplatCounts& filtered) const;
+  /// values[k * stride] for k < lobes (3, 8 or 15): the coefficients of one channel of one
+  /// Gaussian.
+  void apply(float* values, std::size_t stride, std::uint32_t lobes) const;
 
  private:
-  void append_harmonics(const SplatBatch& batch, std::size_t row, store::SplatRows& out) const;
+  std::array<std::array<float, 3>, 3> degree_1_;
+  std::array<std::array<float, 5>, 5> degree_2_;
+  std::array<std::array<float, 7>, 7> degree_3_;
+};
 
-  Axes axes_;
+/// A matrix as U diag(sigma) V^T; columns of U and V are orthonormal, sigma >= 0.
+struct Decomposed {
+  std::array<Vec3d, 3> u;
+  std::array<double, 3> sigma;
+  std::array<Vec3d, 3> v;
+};
+/// By Jacobi rotations of columns, which keep small singular values as exact as large ones.
+Decomposed decompose(std::array<Vec3d, 3> columns);
+
+/// The quaternion w, x, y, z of a proper rotation, and the other way round.
+std::array<double, 4> quaternion_of(const std::array<Vec3d, 3>& columns);
+std::array<Vec3d, 3> matrix_of(const std::array<double, 4>& unit);
+
+/// Where a file places a group of Gaussians: any affine map. Means are mapped, covariances become
+/// M Sigma M^T, harmonics turn with what is a rotation (or reflection) in M. Immutable.
+class SplatPlacement {
+ public:
+  /// By the images of x, y and z, and of the origin.
+  SplatPlacement(const std::array<Vec3d, 3>& columns, Vec3d offset);
+  /// In place, for the first `rows`.
+  void apply(SplatBatch& batch, std::size_t rows, std::uint32_t lobes) const;
+
+ private:
+  void turn(SplatBatch& batch, std::size_t i) const;
+  void shear(SplatBatch& batch, std::size_t i) const;
+
+  std::array<Vec3d, 3> columns_;
+  Vec3d offset_;
+  Decomposed parts_;
+  bool is_identity_ = false, is_similarity_ = false;
+  std::array<double, 4> rotation_{1, 0, 0, 0};  ///< of a similarity, its reflection left out
   ShRotation harmonics_;
 };
 
-/// A scene whose format gives batches: what is left to a format is where its values are.
+/// A scene whose format gives batches: what is left to a format is where its values are. Which
+/// Gaussians can be used is decided here, by the same rules for every format.
 class BatchScene : public SplatScene {
  public:
   void prepare(const ScratchFolder&, const std::function<void()>&) override {}
@@ -74,12 +113,20 @@ class BatchScene : public SplatScene {
   virtual std::uint64_t decode_bytes() const = 0;
 
  protected:
-  explicit BatchScene(const Axes& axes) : intake_(axes) {}
+  explicit BatchScene(const Axes& axes) : turn_(axes), turn_harmonics_(axes) {}
   /// The file itself says how its axes lie: `axes` are those of the constructor after that.
-  void set_axes(const Axes& axes) { intake_ = SplatIntake(axes); }
+  void set_axes(const Axes& axes) {
+    turn_ = axes;
+    turn_harmonics_ = ShRotation(axes);
+  }
 
  private:
-  SplatIntake intake_;
+  void append(const SplatBatch& batch, std::size_t rows, store::SplatRows& out,
+              store::SplatCounts& filtered) const;
+  void append_harmonics(const SplatBatch& batch, std::size_t row, store::SplatRows& out) const;
+
+  Axes turn_;
+  ShRotation turn_harmonics_;
 };
 
 /// Rows that a format reads at once; small enough for a stack of buffers.
@@ -91,5 +138,51 @@ void for_batches(std::uint64_t count, const F& f) {
   for (std::uint64_t begin = 0; begin < count; begin += SplatBatch::kRows)
     f(begin, static_cast<std::size_t>(std::min<std::uint64_t>(SplatBatch::kRows, count - begin)));
 }
+
+/// A little-endian value anywhere in a buffer.
+template <class T>
+T value_at(const std::byte* from) {
+  T value;
+  std::memcpy(&value, from, sizeof value);
+  return value;
+}
+
+template <class T>
+T read_value(const ReadFile& file, std::uint64_t offset) {
+  std::array<std::byte, sizeof(T)> raw;
+  file.read(offset, raw);
+  return value_at<T>(raw.data());
+}
+
+inline float byte_at(const std::byte* from) {
+  return static_cast<float>(std::to_integer<unsigned>(*from));
+}
+
+/// The component of a unit quaternion that was left out because it is the largest, from the others.
+inline float largest_of_four(float a, float b, float c) {
+  return std::sqrt(std::max(0.0F, 1 - a * a - b * b - c * c));
+}
+
+/// The formats that are a file each here and a class that nobody else needs. They throw
+/// Error(input) naming what is wrong with the headers, Error(storage).
+
+/// A .splat: records of 32 bytes and nothing else; 8 bits for colour, opacity and rotation.
+std::unique_ptr<SplatScene> open_dot_splat(const std::string& path, const Axes& axes);
+/// A .ksplat of version 0.1: sections of Gaussians, each with its own buckets and degree of
+/// harmonics (0 to 2), at compression level 0 (floats), 1 (halves) or 2 (harmonics in bytes).
+std::unique_ptr<SplatScene> open_ksplat(const std::string& path, const Axes& axes);
+/// A SOG of version 1 or 2, in a folder, by its meta.json or bundled: a pixel per Gaussian in
+/// lossless WebP images. prepare() unpacks these row by row; the palette of harmonics, at most 3
+/// MiB, stays in memory.
+std::unique_ptr<SplatScene> open_sog(const std::string& path, const Axes& axes);
+/// The Gaussians of a glTF scene: all primitives of KHR_gaussian_splatting that it shows, one after
+/// the other, placed by their nodes. Values come from accessors, or from SPZ in a buffer view, in
+/// which `poll` is called as SpzScene calls it. Refused by name: another kernel, another
+/// compression; more JSON than a scene can need.
+std::unique_ptr<SplatScene> open_splat_gltf(const std::string& path, const Axes& axes,
+                                            const std::function<void()>& poll);
+/// Does a .gltf or .glb, whatever its name, hold a primitive of KHR_gaussian_splatting? Looks for
+/// the word first, so that a mesh costs no more than one reading of its JSON.
+bool is_splat_gltf(const std::string& path);
 
 }  // namespace pounce::io

@@ -1,20 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/splats/gltf_scene.h"
-
+//
+// KHR_gaussian_splatting: a primitive of points whose attributes are those of Gaussians, an
+// accessor for each, or an SPZ in a buffer view in their place (a compression extension within the
+// first).
+//
+// One file may have many such primitives, shown by many nodes. They become one scene: parts that
+// follow each other, each with the placement of its node. A part is decoded where it lies in the
+// file (accessors), or from the scratch file that its SPZ was unpacked to; then the batch is
+// placed. An SPZ that several nodes show is unpacked once.
+//
+// Memory: the JSON is kept as long as the scene, as a tree and as tinygltf's model of it, and this
+// is the only part that grows with the file. So it is measured before it is parsed and refused
+// where no scene would need as much; what it takes is part of decode_bytes(), and leased by who
+// reads.
+//
+// The document was checked by check_gltf() before anything here looks at it, but for
+// is_splat_gltf(), which is asked of any file and trusts nothing.
 #include <fmt/format.h>
+#include <tiny_gltf.h>
 
 #include <algorithm>
+#include <array>
+#include <map>
+#include <memory>
+#include <optional>
 #include <string_view>
+#include <vector>
 
 #include "core/input_file.h"
-#include "io/files/file_ending.h"
-#include "io/gltf/model.h"
-#include "io/gltf/plan.h"
-#include "io/gltf/scene.h"
+#include "io/files/asset_file.h"
+#include "io/gltf/accessor.h"
+#include "io/gltf/gltf_file.h"
+#include "io/gltf/placed_primitive.h"
 #include "io/gltf/validate.h"
-#include "io/json/check.h"
-#include "io/splats/raw.h"
-#include "pounce/error.h"
+#include "io/json/untrusted.h"
+#include "io/problems.h"
+#include "io/splats/batch.h"
+#include "io/splats/spz_scene.h"
 
 namespace pounce::io {
 namespace {
@@ -64,6 +86,7 @@ bool contains(const ReadFile& file, std::uint64_t offset, std::uint64_t size,
   constexpr std::uint64_t kPiece = 64 << 10;
   std::string text;
   for (std::uint64_t at = 0; at < size;) {
+    // The word may lie across two pieces.
     const std::size_t kept = std::min(text.size(), word.size() - 1);
     text.erase(0, text.size() - kept);
     const std::uint64_t next = std::min(kPiece, size - at);
@@ -85,6 +108,7 @@ const Json* splat_extension(const Json& primitive) {
   return member(member(&primitive, "extensions"), kExtension);
 }
 
+// member() looks into anything: of what is no object nothing is a member.
 /// Of a document that nobody has checked.
 bool has_splat_primitive(const Json& document) {
   const Json* const meshes = member(&document, "meshes");
@@ -106,50 +130,85 @@ bool is_small(const JsonSize& size) {
 /// The path, once its JSON is known to be no larger than a scene's.
 const std::string& checked(const std::string& path) {
   if (is_small(gltf_json_size(path))) return path;
-  throw Error(ErrorKind::input,
-              fmt::format("{}: its JSON is larger than that of any scene of Gaussians ({} MiB, and "
-                          "{} MiB of data within it); write it as .glb, without anything else",
-                          path, kMostJsonBytes >> 20, kMostInlineBytes >> 20));
+  refuse(
+      path,
+      "its JSON is larger than that of any scene of Gaussians ({} MiB, and {} MiB of data within "
+      "it); write it as .glb, without anything else",
+      kMostJsonBytes >> 20, kMostInlineBytes >> 20);
 }
 
+/// Entries are limited as text is: an accessor of 30 bytes costs over a kilobyte of model.
 tinygltf::Model load_scene(const GltfFile& file) {
   if (gltf_entry_count(file.document()) > kMostEntries) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: more than {} nodes, accessors and the like, which no scene of "
-                            "Gaussians needs; export it alone",
-                            file.path(), kMostEntries));
+    refuse(
+        file.path(),
+        "more than {} nodes, accessors and the like, which no scene of Gaussians needs; export it "
+        "alone",
+        kMostEntries);
   }
   return load_model(file);
 }
 
-}  // namespace
+class GltfSplats : public BatchScene {
+ public:
+  GltfSplats(const std::string& path, const Axes& axes, const std::function<void()>& poll);
 
-bool is_splat_gltf(const std::string& path) {
-  const auto file = open_input(path);
-  const auto range = json_range(*file, path);
-  if (!range || !contains(*file, range->first, range->second, kExtension)) return false;
-  const JsonSize size = gltf_json_size(path);
-  if (!is_small(size)) return false;
-  std::string text(range->second, '\0');
-  file->read(range->first, std::as_writable_bytes(std::span(text)));
-  return has_splat_primitive(Json::parse(text, nullptr, false));
-}
+  void prepare(const ScratchFolder& folder, const std::function<void()>& poll) override;
+  std::uint64_t prepare_bytes() const override;
+  std::uint64_t unpacked_bytes() const override;
+  void decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes, SplatBatch& batch,
+              const Take& take) const override;
+  std::uint64_t decode_bytes() const override;
 
-void GltfSplats::fail(const std::string& what) const {
-  throw Error(ErrorKind::input, fmt::format("{}: {}", file_.path(), what));
-}
+ private:
+  /// A primitive as a node shows it.
+  struct Part {
+    explicit Part(const SplatPlacement& where) : placement(where) { harmonics.fill(-1); }
+    std::uint64_t first = 0, count = 0;
+    SplatPlacement placement;
+    int position = -1, rotation = -1, scale = -1, opacity = -1;  ///< accessors
+    std::array<int, 1 + store::kMostLobes> harmonics;            ///< -1 beyond the degree
+    const SpzScene* spz = nullptr;                               ///< in place of accessors
+  };
+
+  [[noreturn]] void fail(const std::string& what) const;
+  void add(int mesh, std::size_t primitive, const SplatPlacement& placement,
+           const std::function<void()>& poll);
+  void check_kind(const nlohmann::json& extension, const std::string& place);
+  const SpzScene& open_spz(const nlohmann::json& extension, const std::string& place,
+                           const std::function<void()>& poll);
+  int accessor(const tinygltf::Primitive& primitive, const std::string& name, int type,
+               std::uint64_t count, const std::string& place) const;
+  void find_accessors(const tinygltf::Primitive& primitive, const std::string& place, Part& part);
+  void decode_accessors(const Part& part, std::uint64_t first, std::size_t rows,
+                        std::uint32_t lobes, SplatBatch& batch) const;
+
+  GltfFile file_;
+  tinygltf::Model model_;
+  AccessorReader accessors_;
+  std::uint64_t json_cost_ = 0;
+  std::string colour_space_;
+  bool names_no_kernel_ = false;                          ///< some primitive
+  std::map<std::size_t, std::unique_ptr<SpzScene>> spz_;  ///< by buffer view
+  std::vector<Part> parts_;
+};
+
+void GltfSplats::fail(const std::string& what) const { refuse(file_.path(), "{}", what); }
 
 GltfSplats::GltfSplats(const std::string& path, const Axes& axes, const std::function<void()>& poll)
     : BatchScene(axes),
       file_(checked(path), false),
       model_(load_scene(file_)),
       accessors_(file_, model_) {
+  // As mesh_cost() has it: measured for trees and models of accessors and nodes.
   json_cost_ = kTypedBytesPerJsonByte * file_.json_bytes() +
                kBytesPerEntry * gltf_entry_count(file_.document()) + 3 * file_.inline_bytes();
   info_.files = {path};
   for (const GltfBuffer& buffer : file_.buffers()) {
     if (!buffer.path.empty() && buffer.path != path) info_.files.push_back(buffer.path);
   }
+  // Parts stand in the order in which the scene shows them: the file alone says which Gaussian has
+  // which number.
   std::uint64_t others = 0;
   for (const MeshInstance& instance : mesh_instances(model_, world_transforms(model_))) {
     const SplatPlacement placement(instance.to_world.columns, instance.to_world.offset);
@@ -171,10 +230,9 @@ GltfSplats::GltfSplats(const std::string& path, const Axes& axes, const std::fun
   info_.format = fmt::format("glTF ({})", spz_.empty() ? kExtension : kSpz);
   info_.is_linear = colour_space_ == "lin_rec709_display";
   if (axes == Axes{}) {  // else the user says it
-    info_.assumptions.push_back(
+    info_.assumptions.emplace_back(
         "its axes are glTF's (left, up, forward), taken as stored; --source-axes=-x,-y,z turns it "
-        "to "
-        "lie as trained scenes do in other formats (right, down, forward)");
+        "to lie as trained scenes do in other formats (right, down, forward)");
   }
   if (names_no_kernel_) {
     info_.assumptions.push_back(
@@ -187,6 +245,8 @@ GltfSplats::GltfSplats(const std::string& path, const Axes& axes, const std::fun
   }
 }
 
+// One colour space for the whole scene: Gaussians are blended with each other, so they cannot be
+// converted one by one afterwards.
 void GltfSplats::check_kind(const Json& extension, const std::string& place) {
   const JsonCheck check(file_.path(), file_.document());
   // The extension wants a kernel to be named, but files of public tools and tests name none, and
@@ -212,6 +272,8 @@ void GltfSplats::check_kind(const Json& extension, const std::string& place) {
   colour_space_ = *space;
 }
 
+// An SPZ is opened in its buffer view as in a file of its own, and once however often it is shown.
+// Its own word about axes does not count here: glTF fixes them.
 const SpzScene& GltfSplats::open_spz(const Json& extension, const std::string& place,
                                      const std::function<void()>& poll) {
   const JsonCheck check(file_.path(), file_.document());
@@ -234,6 +296,8 @@ const SpzScene& GltfSplats::open_spz(const Json& extension, const std::string& p
   return *scene;
 }
 
+// Adds one use of a primitive by a node: its number of Gaussians and where their values are. An SPZ
+// says its number itself, accessors by POSITION; all others must have as many.
 void GltfSplats::add(int mesh, std::size_t primitive, const SplatPlacement& placement,
                      const std::function<void()>& poll) {
   if (parts_.size() == kMostParts) {
@@ -272,6 +336,8 @@ void GltfSplats::add(int mesh, std::size_t primitive, const SplatPlacement& plac
   if (part.count > 0) parts_.push_back(std::move(part));
 }
 
+// -1 where the primitive has no such attribute. Sparse accessors and those of zeros are refused: no
+// program writes Gaussians so, and a range of them could not be read.
 int GltfSplats::accessor(const tinygltf::Primitive& primitive, const std::string& name, int type,
                          std::uint64_t count, const std::string& place) const {
   const auto found = primitive.attributes.find(name);
@@ -314,6 +380,7 @@ void GltfSplats::find_accessors(const tinygltf::Primitive& primitive, const std:
     for (int n = 0; n <= 2 * degree; ++n, ++k) {
       const std::string name = fmt::format("{}SH_DEGREE_{}_COEF_{}", prefix, degree, n);
       part.harmonics[k] = accessor(primitive, name, TINYGLTF_TYPE_VEC3, part.count, place);
+      // Whole degrees only: all of a degree or none of it, and none above one that is missing.
       const bool begun = n > 0 && part.harmonics[k - 1] >= 0;
       const bool missed = k > 0 && part.harmonics[k - 1] < 0;
       if (k == 0 ? part.harmonics[k] < 0 : part.harmonics[k] < 0 ? begun : missed) {
@@ -338,10 +405,12 @@ std::uint64_t GltfSplats::unpacked_bytes() const {
   return all;
 }
 
+// Those that are stored in accessors need none.
 void GltfSplats::prepare(const ScratchFolder& folder, const std::function<void()>& poll) {
   for (const auto& [view, scene] : spz_) scene->prepare(folder, poll);
 }
 
+// Parts are decoded one after the other: the largest need of any of them.
 std::uint64_t GltfSplats::decode_bytes() const {
   std::uint64_t most = 1 << 20;  // a piece of an accessor
   for (const auto& [view, scene] : spz_) most = std::max(most, scene->decode_bytes());
@@ -370,6 +439,8 @@ void GltfSplats::decode(std::uint64_t first, std::uint64_t count, std::uint32_t 
   }
 }
 
+// Attributes are read one after the other into a row-wise buffer of 256 rows, then split into
+// columns. Rotations change from x y z w to w x y z; scales and opacities are linear in glTF.
 void GltfSplats::decode_accessors(const Part& part, std::uint64_t first, std::size_t rows,
                                   std::uint32_t lobes, SplatBatch& batch) const {
   std::array<float, 4 * SplatBatch::kRows> values;
@@ -392,6 +463,24 @@ void GltfSplats::decode_accessors(const Part& part, std::uint64_t first, std::si
   for (auto& column : batch.colour) colour_of_dc(column, rows);
   for (std::size_t k = 0; k < lobes && part.harmonics[k + 1] >= 0; ++k)
     load(part.harmonics[k + 1], 3, of(batch.sh, 3 * k));
+}
+
+}  // namespace
+
+bool is_splat_gltf(const std::string& path) {
+  const auto file = open_input(path);
+  const auto range = json_range(*file, path);
+  if (!range || !contains(*file, range->first, range->second, kExtension)) return false;
+  const JsonSize size = gltf_json_size(path);
+  if (!is_small(size)) return false;
+  std::string text(range->second, '\0');
+  file->read(range->first, std::as_writable_bytes(std::span(text)));
+  return has_splat_primitive(Json::parse(text, nullptr, false));
+}
+
+std::unique_ptr<SplatScene> open_splat_gltf(const std::string& path, const Axes& axes,
+                                            const std::function<void()>& poll) {
+  return std::make_unique<GltfSplats>(path, axes, poll);
 }
 
 }  // namespace pounce::io

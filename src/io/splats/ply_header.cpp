@@ -1,7 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The header is read whole, then judged: what the file is (mesh, points, splats) tells its owner
-// more than the first thing that is wrong with it.
+// The header of a PLY: lines of text that describe elements (tables) and their properties
+// (columns), then "end_header" and the rows of one element after the other.
+//
+// It is read whole, then judged, here by its sizes and in ply_scene.cpp by its meaning: what the
+// file is (mesh, points, splats) tells its owner more than the first thing that is wrong with it.
+//
+// A header can announce anything. Its text is limited (1 MiB), the number of elements and columns
+// too; counts are multiplied so that they saturate, and compared with the bytes that are there
+// before anything is allocated by them.
 #include "io/splats/ply_header.h"
 
 #include <fmt/format.h>
@@ -12,9 +19,10 @@
 #include <limits>
 #include <optional>
 #include <set>
-#include <string_view>
+#include <span>
+#include <utility>
 
-#include "pounce/error.h"
+#include "io/problems.h"
 
 namespace pounce::io {
 namespace {
@@ -23,29 +31,8 @@ constexpr std::size_t kMostHeaderBytes = 1 << 20;
 constexpr std::size_t kFirstRead = 16 << 10;  // degree 3 has 2 KiB
 constexpr std::size_t kMostColumns = 4096;
 
-struct Element {
-  std::string name;
-  std::uint64_t count = 0;
-  std::uint64_t row_bytes = 0;  ///< without lists
-  bool has_list = false;
-  std::vector<PlyColumn> columns;
-};
-
-struct Header {
-  std::string format;
-  std::vector<Element> elements;
-  std::uint64_t bytes = 0;
-  store::SplatModel model = store::SplatModel::standard;
-
-  const Element* find(std::string_view name) const {
-    for (const Element& e : elements) {
-      if (e.name == name) return &e;
-    }
-    return nullptr;
-  }
-};
-
 std::optional<PlyType> type_of(std::string_view name) {
+  // Both spellings are common: the first of the original tools, the second of later ones.
   constexpr std::array<std::pair<std::string_view, PlyType>, 16> kTypes{{
       {"char", PlyType::i8},
       {"int8", PlyType::i8},
@@ -70,6 +57,9 @@ std::optional<PlyType> type_of(std::string_view name) {
   return std::nullopt;
 }
 
+/// As PlyType counts them.
+constexpr std::array<std::uint32_t, 8> kTypeBytes{1, 1, 2, 2, 4, 4, 4, 8};
+
 /// Cuts the next word off the front; empty at the end.
 std::string_view word(std::string_view& line) {
   const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
@@ -87,13 +77,7 @@ std::string lower(std::string_view text) {
   return result;
 }
 
-/// For messages: foreign bytes, made short and printable.
-std::string shown(std::string_view text) {
-  std::string result;
-  for (const char c : text.substr(0, 60)) result += c >= ' ' && c <= '~' ? c : '?';
-  return text.size() > 60 ? result + "..." : result;
-}
-
+/// Takes a header line by line: a state machine whose only state is the last element.
 class HeaderParser {
  public:
   explicit HeaderParser(const std::string& path) : path_(path) {}
@@ -123,12 +107,11 @@ class HeaderParser {
     }
     return false;
   }
-  Header& header() { return header_; }
+  PlyHeader& header() { return header_; }
 
  private:
   [[noreturn]] void fail(const std::string& what) const {
-    throw Error(ErrorKind::input, fmt::format("{}: line {} of the header {}; export the file again",
-                                              path_, number_, what));
+    refuse(path_, "line {} of the header {}; export the file again", number_, what);
   }
 
   /// How the scene was trained; the last one counts.
@@ -147,8 +130,9 @@ class HeaderParser {
     }
   }
 
+  // A count may be any 64-bit number here; ply_rows_at() compares it with the file.
   void element(std::string_view rest) {
-    Element element;
+    PlyElement element;
     element.name = word(rest);
     const std::string_view count = word(rest);
     const auto [end, code] =
@@ -164,13 +148,17 @@ class HeaderParser {
     names_.clear();
   }
 
+  // Offsets follow from the order of the columns. A name that stands twice is refused, since
+  // readers would disagree about which of the two counts.
   void property(std::string_view rest) {
     if (header_.elements.empty()) fail("has a property before any element");
-    Element& element = header_.elements.back();
+    PlyElement& element = header_.elements.back();
     const std::string_view type_name = word(rest);
     if (type_name == "list") {
       const auto length = type_of(word(rest)), item = type_of(word(rest));
       if (!length || !item || word(rest).empty()) fail("has a list without types and name");
+      // Rows with a list have no fixed size: nothing behind them can be found without reading them.
+      // A nameless column keeps its place in the count.
       element.has_list = true;
       element.columns.push_back({"", PlyType::u8, 0});
     } else {
@@ -182,22 +170,61 @@ class HeaderParser {
       if (!names_.insert(column.name).second) {
         fail(fmt::format("names the column \"{}\" twice", shown(column.name)));
       }
-      element.row_bytes += ply_type_bytes(*type);
+      element.row_bytes += kTypeBytes[static_cast<std::size_t>(*type)];
       element.columns.push_back(std::move(column));
     }
     if (element.columns.size() > kMostColumns) fail("has too many columns");
   }
 
   const std::string& path_;
-  Header header_;
+  PlyHeader header_;
   std::set<std::string> names_;  ///< columns of the last element
   std::size_t number_ = 0;
 };
 
-Header parse(const ReadFile& file, const std::string& path) {
+/// a * b + c, or the largest number there is.
+std::uint64_t saturated(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+  constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max();
+  if (b != 0 && a > (kMost - c) / b) return kMost;
+  return a * b + c;
+}
+
+}  // namespace
+
+const PlyColumn* find_column(const std::vector<PlyColumn>& columns, std::string_view name) {
+  for (const PlyColumn& column : columns) {
+    if (column.name == name) return &column;
+  }
+  return nullptr;
+}
+
+const PlyElement* PlyHeader::find(std::string_view name) const {
+  for (const PlyElement& e : elements) {
+    if (e.name == name) return &e;
+  }
+  return nullptr;
+}
+
+std::string shown(std::string_view text) {
+  std::string result;
+  for (const char c : text.substr(0, 60)) result += c >= ' ' && c <= '~' ? c : '?';
+  return text.size() > 60 ? result + "..." : result;
+}
+
+// What follows "ply" has to end the word: text files may begin with it, too.
+bool is_ply(const ReadFile& file) {
+  std::array<char, 4> start{};
+  if (file.size_bytes() < start.size()) return false;
+  file.read(0, std::as_writable_bytes(std::span(start)));
+  const std::string_view begins(start.data(), start.size());
+  return begins == "ply\n" || begins == "ply\r" || begins == "ply ";
+}
+
+PlyHeader read_ply_header(const ReadFile& file, const std::string& path) {
   HeaderParser parser(path);
   std::string text;
   std::size_t at = 0;
+  // Nearly all headers end in the first piece; only one that does not costs the whole limit.
   for (std::size_t wanted = kFirstRead;; wanted = kMostHeaderBytes) {
     const std::size_t have = text.size();
     text.resize(std::min<std::uint64_t>(wanted, file.size_bytes()));
@@ -211,107 +238,26 @@ Header parse(const ReadFile& file, const std::string& path) {
     }
     if (text.size() == file.size_bytes() || wanted == kMostHeaderBytes) break;
   }
-  throw Error(
-      ErrorKind::input,
-      fmt::format("{}: the PLY header has no \"end_header\" line in its first {} bytes; the "
-                  "file was cut off or is something else, export it again",
-                  path, text.size()));
+  refuse(path,
+         "the PLY header has no \"end_header\" line in its first {} bytes; the file was cut off or "
+         "is something else, export it again",
+         text.size());
 }
 
-const PlyColumn* find_column(const std::vector<PlyColumn>& columns, std::string_view name) {
-  for (const PlyColumn& column : columns) {
-    if (column.name == name) return &column;
-  }
-  return nullptr;
-}
-
-constexpr const char* kWanted =
-    "pounce reads the binary little-endian 3DGS PLY that trainers write (x y z, f_dc_0..2, "
-    "opacity, "
-    "scale_0..2, rot_0..3)";
-
-/// Two bytes are half floats where they are unsigned; signed ones are somebody's own quantisation.
-void check_types(const std::vector<PlyColumn>& columns, const std::string& path) {
-  for (const PlyColumn& column : columns) {
-    if (!is_splat_column(column.name) || column.type != PlyType::i16) continue;
-    throw Error(ErrorKind::input,
-                fmt::format("{}: its column \"{}\" is of type short (int16), whose scale no splat "
-                            "PLY says; export it as float, or as half floats in ushort",
-                            path, shown(column.name)));
-  }
-}
-
-void check_encoding(const Header& header, const std::string& path) {
-  const auto fail = [&](const std::string& what) {
-    throw Error(ErrorKind::input, path + ": " + what);
-  };
-  if (header.format == "ascii") {
-    fail(fmt::format("an ASCII PLY; {}: export it as binary", kWanted));
-  }
-  if (header.format == "binary_big_endian") {
-    fail(fmt::format("a big-endian PLY; {}: export it as little endian", kWanted));
-  }
-  if (header.format != "binary_little_endian") {
-    fail(fmt::format("its format is \"{}\"; {}", shown(header.format), kWanted));
-  }
-}
-
-/// What the file is, where it is not what we read.
-void check_kind(const Header& header, const std::string& path) {
-  const auto fail = [&](const std::string& what) {
-    throw Error(ErrorKind::input, path + ": " + what);
-  };
-  const Element* vertex = header.find("vertex");
-  if (vertex == nullptr) {
-    fail(fmt::format("the PLY has no element \"vertex\"; {}", kWanted));
-  }
-  const auto has = [&](const char* name) { return find_column(vertex->columns, name) != nullptr; };
-  if (!has("f_dc_0")) {
-    for (const char* name : {"face", "tristrips"}) {
-      if (const Element* e = header.find(name); e != nullptr && e->count > 0) {
-        fail(
-            fmt::format("a mesh ({} vertices, {} {} rows), not a splat scene; a PLY is read as "
-                        "splats only, convert a mesh to .glb, .gltf or .obj",
-                        vertex->count, e->count, name));
-      }
-    }
-    if (!has("scale_0") && !has("rot_0")) {
-      fail(fmt::format("a point cloud ({} points without f_dc_0, scale_0, rot_0), not splats; {}",
-                       vertex->count, kWanted));
-    }
-  }
-  for (const char* name : {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0",
-                           "scale_1", "rot_0", "rot_1", "rot_2", "rot_3"}) {
-    if (!has(name)) fail(fmt::format("the splat PLY has no column \"{}\"; {}", name, kWanted));
-  }
-  if (vertex->has_list) {
-    fail(fmt::format("its vertices have a list property, which no splat scene has; {}", kWanted));
-  }
-  check_encoding(header, path);
-  if (vertex->count == 0) fail("the splat PLY holds no Gaussians (element vertex 0)");
-}
-
-/// a * b + c, or the largest number there is.
-std::uint64_t saturated(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
-  constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max();
-  if (b != 0 && a > (kMost - c) / b) return kMost;
-  return a * b + c;
-}
-
-/// Where an element begins, once the file is known to have as many bytes as it says.
-std::uint64_t rows_at(const Header& header, std::uint64_t file_bytes, const std::string& path,
-                      std::string_view wanted = "vertex") {
+// Elements lie one behind the other, so where one begins follows from the sizes of those before it.
+// An element with a list behind the wanted one is fine, one before it hides where that begins.
+std::uint64_t ply_rows_at(const PlyHeader& header, std::uint64_t file_bytes,
+                          const std::string& path, std::string_view wanted) {
   std::uint64_t at = header.bytes, begin = 0;
   bool exact = true;
-  for (const Element& element : header.elements) {
-    const bool is_vertex = element.name == "vertex";
+  for (const PlyElement& element : header.elements) {
     if (element.name == wanted) begin = at;
     if (element.has_list) {
       if (begin == 0) {
-        throw Error(ErrorKind::input,
-                    fmt::format("{}: the element \"{}\" before the Gaussians has rows of no fixed "
-                                "size; export the file without it",
-                                path, shown(element.name)));
+        refuse(path,
+               "the element \"{}\" before the Gaussians has rows of no fixed size; export the file "
+               "without it",
+               shown(element.name));
       }
       exact = false;  // rows of any size follow; the Gaussians are all there
       break;
@@ -320,187 +266,26 @@ std::uint64_t rows_at(const Header& header, std::uint64_t file_bytes, const std:
     if (at > file_bytes) {
       const std::uint64_t whole =
           begin == 0 || element.row_bytes == 0 ? 0 : (file_bytes - begin) / element.row_bytes;
-      throw Error(
-          ErrorKind::input,
-          is_vertex
-              ? fmt::format("{}: cut off: the header announces {} Gaussians of {} bytes, the file "
-                            "ends at byte {} after {} of them; copy or export it again",
-                            path, element.count, element.row_bytes, file_bytes, whole)
-              : fmt::format("{}: cut off: the file ends at byte {} inside its element \"{}\"; copy "
-                            "or export it again",
-                            path, file_bytes, shown(element.name)));
+      if (element.name == "vertex") {
+        refuse(path,
+               "cut off: the header announces {} Gaussians of {} bytes, the file ends at byte {} "
+               "after {} of them; copy or export it again",
+               element.count, element.row_bytes, file_bytes, whole);
+      }
+      refuse(path,
+             "cut off: the file ends at byte {} inside its element \"{}\"; copy or export it again",
+             file_bytes, shown(element.name));
     }
   }
+  // Bytes too many are as bad as too few: every row would be read from a wrong place.
   if (exact && at != file_bytes) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: the header announces {} bytes, the file has {}; header and data "
-                            "do not belong together, export it again",
-                            path, at, file_bytes));
+    refuse(
+        path,
+        "the header announces {} bytes, the file has {}; header and data do not belong together, "
+        "export it again",
+        at, file_bytes);
   }
   return begin;
-}
-
-std::uint32_t sh_degree(const std::vector<PlyColumn>& columns, const std::string& path) {
-  const auto rest = static_cast<std::uint32_t>(
-      std::count_if(columns.begin(), columns.end(),
-                    [](const PlyColumn& c) { return c.name.starts_with("f_rest_"); }));
-  constexpr std::array<std::uint32_t, 5> kColumns{0, 9, 24, 45, 72};
-  const auto found = std::find(kColumns.begin(), kColumns.end(), rest);
-  if (found == kColumns.end()) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: {} f_rest columns are no whole degree of spherical harmonics (0, 9, "
-                    "24, 45 or 72 are); export it again",
-                    path, rest));
-  }
-  return static_cast<std::uint32_t>(found - kColumns.begin());
-}
-
-}  // namespace
-
-std::uint32_t ply_type_bytes(PlyType type) {
-  switch (type) {
-    case PlyType::i8:
-    case PlyType::u8:
-      return 1;
-    case PlyType::i16:
-    case PlyType::u16:
-      return 2;
-    case PlyType::i32:
-    case PlyType::u32:
-    case PlyType::f32:
-      return 4;
-    case PlyType::f64:
-      break;
-  }
-  return 8;
-}
-
-const PlyColumn* SplatPlyHeader::find(const std::string& name) const {
-  return find_column(columns, name);
-}
-
-bool is_splat_column(std::string_view name) {
-  constexpr std::array<std::string_view, 14> kSplatColumns{
-      "x",     "y",     "z",     "opacity", "scale_0", "scale_1", "scale_2",
-      "rot_0", "rot_1", "rot_2", "rot_3",   "nx",      "ny",      "nz"};
-  return name.starts_with("f_dc_") || name.starts_with("f_rest_") ||
-         std::find(kSplatColumns.begin(), kSplatColumns.end(), name) != kSplatColumns.end();
-}
-
-bool is_ply(const ReadFile& file) {
-  std::array<char, 4> start{};
-  if (file.size_bytes() < start.size()) return false;
-  file.read(0, std::as_writable_bytes(std::span(start)));
-  const std::string_view begins(start.data(), start.size());
-  return begins == "ply\n" || begins == "ply\r" || begins == "ply ";
-}
-
-bool holds_splats(const ReadFile& file, const std::string& path) {
-  try {
-    const Header header = parse(file, path);
-    const Element* vertex = header.find("vertex");
-    return vertex != nullptr && (find_column(vertex->columns, "f_dc_0") != nullptr ||
-                                 find_column(vertex->columns, "packed_position") != nullptr);
-  } catch (const Error& e) {
-    if (e.kind() != ErrorKind::input) throw;
-    return false;
-  }
-}
-
-SplatPlyHeader read_splat_ply_header(const ReadFile& file, const std::string& path) {
-  if (file.size_bytes() == 0) {
-    throw Error(ErrorKind::input, path + ": the file is empty; export it again");
-  }
-  if (!is_ply(file)) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: does not begin like a PLY file; {}", path, kWanted));
-  }
-  const Header header = parse(file, path);
-  check_kind(header, path);
-  const Element& vertex = *header.find("vertex");
-  SplatPlyHeader result;
-  result.rows_at = rows_at(header, file.size_bytes(), path);
-  result.splats = vertex.count;
-  result.row_bytes = static_cast<std::uint32_t>(vertex.row_bytes);
-  check_types(vertex.columns, path);
-  result.columns = vertex.columns;
-  result.sh_degree = sh_degree(vertex.columns, path);
-  result.model = header.model;
-  return result;
-}
-
-bool is_compressed_ply(const ReadFile& file, const std::string& path) {
-  try {
-    const Header header = parse(file, path);
-    const Element* vertex = header.find("vertex");
-    return vertex != nullptr && find_column(vertex->columns, "packed_position") != nullptr;
-  } catch (const Error& e) {
-    if (e.kind() != ErrorKind::input) throw;
-    return false;
-  }
-}
-
-CompressedPlyHeader read_compressed_ply_header(const ReadFile& file, const std::string& path) {
-  const Header header = parse(file, path);
-  const auto fail = [&](const std::string& what) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: the compressed PLY {}; export it again", path, what));
-  };
-  const auto element = [&](const char* name) {
-    const Element* found = header.find(name);
-    if (found == nullptr) fail(fmt::format("has no element \"{}\"", name));
-    if (found->has_list) fail(fmt::format("has a list in its element \"{}\"", name));
-    return found;
-  };
-  const auto column = [&](const Element& of, const std::string& name, PlyType type) {
-    const PlyColumn* found = find_column(of.columns, name);
-    if (found == nullptr) fail(fmt::format("has no column \"{}\"", name));
-    if (found->type != type) fail(fmt::format("has a column \"{}\" of an unknown type", name));
-    return found->offset;
-  };
-  check_encoding(header, path);
-  const Element &chunk = *element("chunk"), &vertex = *element("vertex");
-  CompressedPlyHeader result;
-  result.splats = vertex.count;
-  if (vertex.count == 0) fail("holds no Gaussians (element vertex 0)");
-  result.model = header.model;
-  result.rows_at = rows_at(header, file.size_bytes(), path);
-  result.chunks_at = rows_at(header, file.size_bytes(), path, "chunk");
-  result.row_bytes = static_cast<std::uint32_t>(vertex.row_bytes);
-  result.chunk_bytes = static_cast<std::uint32_t>(chunk.row_bytes);
-  if (const std::uint64_t chunks = (vertex.count - 1) / 256 + 1; chunk.count < chunks) {
-    fail(fmt::format("has {} chunks of 256, its {} Gaussians need {}", chunk.count, vertex.count,
-                     chunks));
-  }
-  constexpr std::array<const char*, kCompressedBounds> kBounds{
-      "min_x",       "min_y",       "min_z",       "max_x",       "max_y",       "max_z",
-      "min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z",
-      "min_r",       "min_g",       "min_b",       "max_r",       "max_g",       "max_b"};
-  const bool has_colours = find_column(chunk.columns, "min_r") != nullptr;
-  for (std::size_t k = 0; k < (has_colours ? kBounds.size() : 12); ++k)
-    result.bounds[k] = column(chunk, kBounds[k], PlyType::f32);
-  constexpr std::array<const char*, 4> kPacked{"packed_position", "packed_rotation", "packed_scale",
-                                               "packed_color"};
-  for (std::size_t k = 0; k < kPacked.size(); ++k)
-    result.packed[k] = column(vertex, kPacked[k], PlyType::u32);
-  if (const Element* harmonics = header.find("sh")) {
-    element("sh");
-    if (harmonics->count != vertex.count) {
-      fail(
-          fmt::format("has {} rows of harmonics for {} Gaussians", harmonics->count, vertex.count));
-    }
-    result.sh_degree = sh_degree(harmonics->columns, path);
-    result.harmonics = static_cast<std::uint32_t>(harmonics->row_bytes);
-    result.harmonics_at = rows_at(header, file.size_bytes(), path, "sh");
-    if (harmonics->columns.size() != result.harmonics || result.harmonics > 45)
-      fail("has harmonics that are not bytes, or other columns among them");
-    for (std::uint32_t k = 0; k < result.harmonics; ++k) {
-      if (column(*harmonics, fmt::format("f_rest_{}", k), PlyType::u8) != k)
-        fail("has harmonics in an unknown order");
-    }
-  }
-  return result;
 }
 
 }  // namespace pounce::io

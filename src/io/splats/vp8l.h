@@ -9,9 +9,22 @@
 #include <vector>
 
 #include "core/file.h"
-#include "io/splats/vp8l_transforms.h"
+#include "io/splats/vp8l_pixels.h"
 
 namespace pounce::io {
+
+/// A row of pixels, alpha << 24 | red << 16 | green << 8 | blue.
+using PixelRow = std::vector<std::uint32_t>;
+
+/// One of the ways in which an encoder prepares an image, undone row by row.
+class Vp8lTransform {
+ public:
+  virtual ~Vp8lTransform() = default;
+  /// Undoes row `y`; rows come in order. Grows the row where it held several pixels in one.
+  virtual void undo(std::uint32_t y, PixelRow& row) = 0;
+  /// The width of the image that is stored, where that of the result is `width`.
+  virtual std::uint32_t stored_width(std::uint32_t width) const { return width; }
+};
 
 /// A lossless WebP image in a file.
 struct Vp8lHeader {

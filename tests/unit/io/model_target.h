@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "io/model/write.h"
+#include "io/model/model_writer.h"
 #include "io/read_mesh.h"
 #include "support/gltf_builder.h"
 #include "support/model_files.h"

@@ -15,7 +15,6 @@
 #include <fstream>
 
 #include "core/file.h"
-#include "io/files/new_folders.h"
 #include "io/files/output_file.h"
 #include "pounce/error.h"
 #include "support/test_data.h"

@@ -6,7 +6,7 @@
 #include <catch2/catch.hpp>
 #include <filesystem>
 
-#include "io/files/job_mark.h"
+#include "io/files/finished_output.h"
 #include "io/image/write.h"
 #include "support/gltf_builder.h"
 #include "support/test_data.h"

@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <set>
 
-#include "io/model/write.h"
+#include "io/model/model_writer.h"
 #include "io/read_mesh.h"
 #include "pounce/error.h"
 #include "support/model_files.h"

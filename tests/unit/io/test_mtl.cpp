@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <catch2/catch.hpp>
 
-#include "io/obj/mtl_file.h"
+#include "io/obj/materials.h"
 #include "pounce/error.h"
 #include "support/gltf_builder.h"
 #include "support/test_data.h"

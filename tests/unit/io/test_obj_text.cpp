@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "io/obj/text.h"
+#include "io/obj/obj_text.h"
 #include "read_error.h"
 #include "support/gltf_builder.h"
 #include "support/random.h"

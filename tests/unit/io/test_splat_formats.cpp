@@ -9,7 +9,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "io/splats/format.h"
+#include "io/splats/scene.h"
 #include "splat_reading.h"
 
 namespace pounce::io {

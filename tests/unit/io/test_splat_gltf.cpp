@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "io/read_mesh.h"
-#include "io/splats/format.h"
+#include "io/splats/scene.h"
 #include "splat_reading.h"
 #include "support/splat_encodings.h"
 

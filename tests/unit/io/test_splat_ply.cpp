@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "io/splats/ply.h"
+#include "io/splats/ply_scene.h"
 #include "pounce/error.h"
 #include "support/splat_ply_builder.h"
 #include "support/test_data.h"

@@ -10,8 +10,7 @@
 #include <vector>
 
 #include "core/directions.h"
-#include "io/splats/placement.h"
-#include "io/splats/sh_rotation.h"
+#include "io/splats/batch.h"
 
 namespace pounce::io {
 namespace {

@@ -15,10 +15,10 @@
 #include <vector>
 
 #include "core/portable_math.h"
-#include "io/splats/placement.h"
+#include "io/splats/batch.h"
 #include "io/splats/scene.h"
-#include "io/splats/upright.h"
-#include "io/splats/write.h"
+#include "io/splats/splat_writer.h"
+#include "io/splats/spz_writer.h"
 #include "pounce/error.h"
 #include "support/test_data.h"
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/file.h"
-#include "io/splats/stored_zip.h"
+#include "io/splats/unpack.h"
 #include "pounce/error.h"
 #include "support/bytes.h"
 #include "support/memory_file_system.h"

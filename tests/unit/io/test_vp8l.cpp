@@ -9,7 +9,7 @@
 #include <random>
 #include <string>
 
-#include "io/splats/stored_zip.h"
+#include "io/splats/unpack.h"
 #include "support/memory_file_system.h"
 #include "support/resident_memory.h"
 #include "support/test_data.h"

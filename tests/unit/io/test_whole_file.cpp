@@ -10,7 +10,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "io/files/whole_file.h"
+#include "io/files/finished_output.h"
 #include "io/image/write.h"
 #include "support/gltf_builder.h"
 #include "support/test_data.h"

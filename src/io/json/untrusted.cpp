@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// JSON from elsewhere, before and after it is parsed.
+//
+// A parser keeps what it reads: an empty object of two bytes becomes hundreds of bytes of tree, and
+// of tinygltf's model over a thousand. So the text is scanned once before, in constant memory, and
+// what it holds is counted: from the counts follows what parsing takes (gltf_cost()), and whether
+// it is begun at all. The scanner knows brackets, strings and which array of the root it is in; it
+// may count too much where keys have escapes in them, never too little. Depth is counted because
+// writers and tinygltf recurse.
+//
+// After parsing a document is a tree of anything. JsonCheck looks a member up together with its
+// type and range, and says where in the document it is wrong: no code behind it asks again.
+#include "io/json/untrusted.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "io/problems.h"
+
+namespace pounce::io {
+namespace {
+
+constexpr std::size_t kPieceBytes = 1 << 20;
+constexpr std::string_view kData = "data:";
+constexpr std::size_t kLongestKey = 16;
+// What becomes an object of tinygltf each.
+constexpr std::array<std::string_view, 9> kTyped = {"accessors", "bufferViews", "meshes",
+                                                    "nodes",     "samplers",    "scenes",
+                                                    "skins",     "textures",    "images"};
+
+/// With escapes in it a key may say anything: what costs more is assumed.
+bool may_be(const std::string& key, std::string_view word) {
+  return key == word || key.find('\\') != std::string::npos;
+}
+
+/// Takes the text character by character.
+class Scanner {
+ public:
+  /// A value is whatever stands between brackets and commas; a key is the last string before a
+  /// bracket. Both are right for valid JSON, and more than enough for anything else.
+  void add(char c) {
+    ++size_.text_bytes;
+    if (in_string_) {
+      add_to_string(c);
+    } else if (c == '"') {
+      in_string_ = true;
+      string_.clear();
+      string_bytes_ = 0;
+    } else if (c == '{' || c == '[') {
+      size_.depth = std::max(size_.depth, ++depth_);
+      if (c == '{') add_object();
+      if (c == '{' && extensions_depth_ == 0 && may_be(string_, "extensions")) {
+        extensions_depth_ = depth_;
+      }
+      add_value();
+    } else if (c == '}' || c == ']') {
+      if (depth_-- == extensions_depth_) extensions_depth_ = 0;
+      string_.clear();
+    } else if (c == ',') {
+      add_value();
+    }
+  }
+  JsonSize size() const { return size_; }
+
+ private:
+  void add_to_string(char c) {
+    const bool escaped = escaped_;
+    escaped_ = c == '\\' && !escaped;
+    if (c == '"' && !escaped) {
+      in_string_ = false;
+      // At this depth strings are keys, or values that are taken for keys: no array is theirs.
+      if (depth_ == 1) key_ = string_;
+      if (string_.starts_with(kData)) {
+        size_.data_bytes += string_bytes_;
+        // Buffers and images are decoded and dropped from the tree: they cost other copies than
+        // text.
+        size_.text_bytes -= string_bytes_;
+      } else if (string_bytes_ > kLongStringBytes && string_.find('\\') == std::string::npos) {
+        size_.long_bytes += string_bytes_;
+      }
+      return;
+    }
+    ++string_bytes_;
+    if (string_.size() < kLongestKey) string_ += c;
+  }
+
+  void add_value() { size_.extension_values += extensions_depth_ > 0 ? 1 : 0; }
+
+  void add_object() {
+    // Depth counts the object itself: 3 = the root, its array, the object.
+    if (depth_ == 3 && may_be(key_, "materials")) ++size_.materials;
+    const bool is_typed = std::any_of(kTyped.begin(), kTyped.end(),
+                                      [&](std::string_view word) { return may_be(key_, word); });
+    if (is_typed && (depth_ == 3 || (depth_ > 3 && may_be(key_, "meshes")))) ++size_.entries;
+  }
+
+  JsonSize size_;
+  int depth_ = 0;
+  int extensions_depth_ = 0;  ///< of the outermost "extensions" that this is in; 0 = in none
+  bool in_string_ = false, escaped_ = false;
+  std::string string_;  ///< the first characters of the string at hand
+  std::uint64_t string_bytes_ = 0;
+  std::string key_;  ///< of the root's members, the last
+};
+
+std::string member(const std::string& place, const char* key) {
+  return place.empty() ? key : place + "." + key;
+}
+
+bool is_whole(const nlohmann::json& value) {
+  return value.is_number_unsigned() ||
+         (value.is_number_integer() && value.get<std::int64_t>() >= 0);
+}
+
+bool is_float(const nlohmann::json& value) {
+  return value.is_number() &&
+         std::abs(value.get<double>()) <= static_cast<double>(std::numeric_limits<float>::max());
+}
+
+}  // namespace
+
+JsonSize json_size(const ReadFile& file, std::uint64_t offset, std::uint64_t size) {
+  Scanner scanner;
+  std::vector<char> piece;
+  for (std::uint64_t done = 0; done < size; done += piece.size()) {
+    piece.resize(std::min<std::uint64_t>(size - done, kPieceBytes));
+    file.read(offset + done, std::as_writable_bytes(std::span(piece)));
+    for (const char c : piece) scanner.add(c);
+  }
+  return scanner.size();
+}
+
+void JsonCheck::fail(const std::string& place, const std::string& what) const {
+  refuse(path_, "{} {}; the file is not valid glTF 2.0, export it again", place, what);
+}
+
+const nlohmann::json* JsonCheck::find(const Json& object, const char* key) const {
+  const auto it = object.find(key);
+  return it == object.end() ? nullptr : &*it;
+}
+
+// Absent is not wrong: most members are optional, and the caller knows which are not. Null where
+// absent; of another type is an error always.
+const nlohmann::json* JsonCheck::object(const Json& parent, const char* key,
+                                        const std::string& place) const {
+  const Json* value = find(parent, key);
+  if (value != nullptr && !value->is_object()) fail(member(place, key), "is not a JSON object");
+  return value;
+}
+
+const nlohmann::json* JsonCheck::array(const Json& parent, const char* key,
+                                       const std::string& place) const {
+  const Json* value = find(parent, key);
+  if (value != nullptr && !value->is_array()) fail(member(place, key), "is not an array");
+  return value;
+}
+
+const std::string* JsonCheck::string(const Json& parent, const char* key,
+                                     const std::string& place) const {
+  const Json* value = find(parent, key);
+  if (value == nullptr) return nullptr;
+  if (!value->is_string()) fail(member(place, key), "is not a string");
+  return value->get_ptr<const std::string*>();
+}
+
+void JsonCheck::boolean(const Json& parent, const char* key, const std::string& place) const {
+  const Json* value = find(parent, key);
+  if (value != nullptr && !value->is_boolean()) fail(member(place, key), "is not true or false");
+}
+
+std::uint64_t JsonCheck::whole(const Json& parent, const char* key, const std::string& place,
+                               std::uint64_t lo, std::uint64_t hi, std::uint64_t fallback) const {
+  return find(parent, key) == nullptr ? fallback : required_whole(parent, key, place, lo, hi);
+}
+
+// JSON has one kind of number. 3.0 is none here: the parser keeps it as a float, and glTF wants
+// integers where it counts.
+std::uint64_t JsonCheck::required_whole(const Json& parent, const char* key,
+                                        const std::string& place, std::uint64_t lo,
+                                        std::uint64_t hi) const {
+  const Json* value = find(parent, key);
+  if (value == nullptr) fail(member(place, key), "is missing");
+  if (!is_whole(*value)) fail(member(place, key), "is not a whole number");
+  const auto number = value->get<std::uint64_t>();
+  if (number < lo || number > hi) {
+    fail(member(place, key), fmt::format("is {}, but must be {} to {}", number, lo, hi));
+  }
+  return number;
+}
+
+void JsonCheck::number(const Json& parent, const char* key, const std::string& place) const {
+  const Json* value = find(parent, key);
+  if (value != nullptr && !is_float(*value)) fail(member(place, key), "is not a finite number");
+}
+
+bool JsonCheck::numbers(const Json& parent, const char* key, const std::string& place,
+                        std::size_t count) const {
+  const Json* list = array(parent, key, place);
+  if (list == nullptr) return false;
+  if (count != 0 && list->size() != count) {
+    fail(member(place, key), fmt::format("has {} numbers, but must have {}", list->size(), count));
+  }
+  for (const Json& value : *list) {
+    if (!is_float(value)) fail(member(place, key), "holds something that is not a finite number");
+  }
+  return true;
+}
+
+std::size_t JsonCheck::size_of(const char* collection) const {
+  const Json* list = array(root_, collection, {});
+  return list == nullptr ? 0 : list->size();
+}
+
+// Against the array as it is: an entry that is there may still be wrong, and has its own check.
+void JsonCheck::check_index(const Json& value, const std::string& place,
+                            const char* collection) const {
+  const std::size_t count = size_of(collection);
+  if (!is_whole(value)) fail(place, "is not an index");
+  if (value.get<std::uint64_t>() >= count) {
+    fail(place, fmt::format("is {}, but there are only {} {}", value.get<std::uint64_t>(), count,
+                            collection));
+  }
+}
+
+bool JsonCheck::index(const Json& parent, const char* key, const std::string& place,
+                      const char* collection) const {
+  const Json* value = find(parent, key);
+  if (value != nullptr) check_index(*value, member(place, key), collection);
+  return value != nullptr;
+}
+
+void JsonCheck::required_index(const Json& parent, const char* key, const std::string& place,
+                               const char* collection) const {
+  if (!index(parent, key, place, collection)) fail(member(place, key), "is missing");
+}
+
+void JsonCheck::indices(const Json& parent, const char* key, const std::string& place,
+                        const char* collection) const {
+  const Json* list = array(parent, key, place);
+  if (list == nullptr) return;
+  for (const Json& value : *list) check_index(value, member(place, key), collection);
+}
+
+}  // namespace pounce::io
