@@ -15,7 +15,6 @@
 #include <numeric>
 #include <optional>
 
-#include "flow/plan/load_mesh.h"
 #include "source/splat_shapes.h"
 
 namespace pounce::flow {
@@ -113,9 +112,9 @@ std::string judge_distances(const DistanceCounts& distances) {
       percent(far, all));
 }
 
-TargetTally::TargetTally(const TransferOptions& options, const Source& source,
+TargetTally::TargetTally(double min_coverage_percent, const Source& source,
                          const TargetPlan& target_plan, std::string model, Report& report)
-    : options_(options),
+    : min_coverage_percent_(min_coverage_percent),
       source_(source),
       plan_(source.plan()),
       target_(target_plan),
@@ -140,7 +139,7 @@ TargetTally::TargetTally(const TransferOptions& options, const Source& source,
       keeps(c, static_cast<std::uint32_t>(page));
     }
   }
-  entry.enough = options_.min_coverage_percent <= 0 || !any_to_make;  // until finish() knows
+  entry.enough = min_coverage_percent_ <= 0 || !any_to_make;  // until finish() knows
 }
 
 void TargetTally::keeps(std::size_t channel, std::uint32_t page) {
@@ -247,7 +246,7 @@ void TargetTally::spreads(double area) {
   const TexelCounts& counts = target().counts;
   if (counts.texels == 0) return;
   target().fill = static_cast<double>(counts.texels) / static_cast<double>(image_texels_);
-  if (pages_counted_ == target_.pages.size() && options_.image.tiles.empty() && area > 0)
+  if (pages_counted_ == target_.pages.size() && target_.all_tiles && area > 0)
     target().texel_size = std::sqrt(area / static_cast<double>(counts.texels));
 }
 
@@ -279,8 +278,7 @@ void TargetTally::warn_of_layers() {
 /// A scene's details need texels as large as its Gaussians, and UVs that use their images.
 void TargetTally::warn_of_waste() {
   const TargetReport& entry = target();
-  const bool is_part = !options_.composite.onto.empty() || !options_.target_use.meshes.empty() ||
-                       !options_.target_use.materials.empty();
+  const bool is_part = target_.painted_over || target_.in_part;
   if (entry.fill > 0 && entry.fill < kLittleFill && !is_part) {
     warn(fmt::format(
         "its UVs use {:.2g} % of the images ({} of {} texels): pack their charts more tightly "
@@ -307,13 +305,13 @@ bool TargetTally::any_kept() const {
 
 /// Every channel by itself: one may have been made alone, or lack images that others have.
 bool TargetTally::has_enough() const {
-  if (options_.min_coverage_percent <= 0) return true;
+  if (min_coverage_percent_ <= 0) return true;
   std::map<std::string, TexelCounts> channels;
   for (const ImageReport& image : report_.targets.back().images)
     add(image.counts, channels[image.channel]);
   const auto is_enough = [&](const TexelCounts& counts) {
     return static_cast<double>(counts.covered) * 100 >=
-           options_.min_coverage_percent * static_cast<double>(counts.texels);
+           min_coverage_percent_ * static_cast<double>(counts.texels);
   };
   const bool found_any = std::any_of(channels.begin(), channels.end(),
                                      [](const auto& one) { return one.second.texels > 0; });
@@ -428,8 +426,7 @@ bool TargetTally::is_in_question() {
 /// The source lies much nearer to the target where that is moved.
 void TargetTally::warn_of_pose() {
   const projection::MeshFit& fit = mesh_fit_;
-  const std::string steps =
-      steps_of(*fit.better, target_.diagonal, plan_.origin, axes_of(options_.target_use, "target"));
+  const std::string steps = steps_of(*fit.better, target_.diagonal, plan_.origin, target_.axes);
   if (steps.empty()) return;
   warn(fmt::format(
       "only {:.0f} % of its surface lies at the source's (fit {:.2f} of 1); {:.0f} % would if it "

@@ -22,8 +22,9 @@ namespace pounce::flow {
 /// what a user should know of it. Not thread-safe.
 class TargetTally {
  public:
-  /// All must outlive it. `model`: the path of a model output, else empty.
-  TargetTally(const TransferOptions& options, const Source& source, const TargetPlan& target,
+  /// `source`, `target` and `report` must outlive it; `min_coverage_percent`: below that it has not
+  /// found enough. `model`: the path of a model output, else empty.
+  TargetTally(double min_coverage_percent, const Source& source, const TargetPlan& target,
               std::string model, Report& report);
 
   /// How a splat scene lies at this target.
@@ -83,7 +84,7 @@ class TargetTally {
   void warn_of_opposed();
   void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }
 
-  const TransferOptions& options_;
+  const double min_coverage_percent_;
   const Source& source_;
   const SourcePlan& plan_;
   const TargetPlan& target_;

@@ -47,8 +47,7 @@ void run_transfer(const TransferOptions& options, const TestKnobs& knobs, job::J
   std::vector<std::size_t> left;  // to other jobs with --skip-existing
   const auto make = [&](std::size_t t, OthersWork others) {
     const double begin = kAfterSource + share * static_cast<double>(t);
-    return transfer_to(*job, plan.options(), source, plan.target(t), {begin, begin + share},
-                       others);
+    return transfer_to(*job, plan.policy(), source, plan.target(t), {begin, begin + share}, others);
   };
   for (std::size_t t = 0; t < options.targets.size(); ++t) {
     if (!make(t, OthersWork::leave)) left.push_back(t);

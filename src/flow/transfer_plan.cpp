@@ -58,6 +58,10 @@ TransferPlan::TransferPlan(job::JobContext& job, const TransferOptions& options,
       job_hash_(job, options_),
       needs_(job) {}
 
+OutputPolicy TransferPlan::policy() const {
+  return {options_.skip_existing, options_.resources.wait_for_cache, options_.min_coverage_percent};
+}
+
 void TransferPlan::make(double end) {
   const StageTimer timer(job_.clock, "read");
   job_.meter.begin("read meshes", 1 + options_.targets.size(), "meshes", end);

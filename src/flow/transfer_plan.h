@@ -42,7 +42,7 @@ class TransferPlan {
   /// Error(budget) too where the budget is below what the job needs.
   void make(double end);
 
-  const TransferOptions& options() const { return options_; }  ///< a model output as its images
+  OutputPolicy policy() const;
   Source& source() { return *source_; }
   bool anything_to_write() const { return anything_to_write_; }  ///< --skip-existing may leave none
   /// Of the images of one channel of the target that has the fewest.

@@ -37,10 +37,10 @@ constexpr double kVectorizeShare = 0.06, kProjectShare = 0.66;  // of a page
 
 class TargetTransfer {
  public:
-  TargetTransfer(job::JobContext& job, const TransferOptions& options, const Source& source,
+  TargetTransfer(job::JobContext& job, const OutputPolicy& policy, const Source& source,
                  PlannedTarget& target, ProgressRange range)
       : job_(job),
-        options_(options),
+        policy_(policy),
         source_plan_(source.plan()),
         source_(source),
         target_(target),
@@ -48,16 +48,16 @@ class TargetTransfer {
 
   bool run(OthersWork others) {
     std::vector<Step> steps = steps_to_make();
-    if (options_.skip_existing && others == OthersWork::leave && !steps.empty() &&
+    if (policy_.skips_existing && others == OthersWork::leave && !steps.empty() &&
         !is_any_free(steps))
       return false;
     std::optional<OutputClaim> model_claim;
-    if (options_.skip_existing && target_.model && !steps.empty()) {
+    if (policy_.skips_existing && target_.model && !steps.empty()) {
       model_claim = await_model();
       if (is_model_made()) keep_model(steps);
     }
-    tally_.emplace(options_, source_, target_.plan, target_.model ? target_.model->path() : "",
-                   job_.report);
+    tally_.emplace(policy_.min_coverage_percent, source_, target_.plan,
+                   target_.model ? target_.model->path() : "", job_.report);
     if (steps.empty()) {
       job_.meter.keep(range_.end);
       return true;
@@ -136,7 +136,7 @@ class TargetTransfer {
   }
 
   std::optional<OutputClaim> claim_of(const Step& step) {
-    const bool shares = options_.skip_existing && !target_.model;  // a model is claimed as a whole
+    const bool shares = policy_.skips_existing && !target_.model;  // a model is claimed as a whole
     return OutputClaim::take(shares ? images_of(step) : std::vector<std::string>(), &other_);
   }
 
@@ -147,7 +147,7 @@ class TargetTransfer {
   }
 
   void keep_what_others_made(const Step& step) {
-    if (!options_.skip_existing || target_.model) return;
+    if (!policy_.skips_existing || target_.model) return;
     for (const std::size_t c : source_plan_.passes[step.pass].channels) {
       ImageOutput& image = target_.plan.images[c][step.page];
       if (image.keep || job_.run.written_before.count(image.path) > 0 || !is_made(image)) continue;
@@ -159,7 +159,7 @@ class TargetTransfer {
   }
 
   void wait_for_others() {
-    if (!options_.resources.wait_for_cache) {
+    if (!policy_.waits) {
       throw Error(ErrorKind::busy,
                   fmt::format("{}: {} is making outputs of this job; run again without --no-wait "
                               "to wait for it",
@@ -201,15 +201,22 @@ class TargetTransfer {
 
   // --- what this one makes -----------------------------------------------------------------------
 
+  bool pads() const {
+    const auto any = [](const std::vector<ImageOutput>& images) {
+      return std::any_of(images.begin(), images.end(),
+                         [](const ImageOutput& image) { return image.padding > 0; });
+    };
+    return std::any_of(target_.plan.images.begin(), target_.plan.images.end(), any);
+  }
+
   /// What padding must leave alone when it is painted over old images.
   void find_occupied() {
-    const bool pads = !options_.composite.onto.empty() && options_.image.padding_px.value_or(1) > 0;
-    if (!pads) return;
+    if (!target_.plan.painted_over || !pads()) return;
     const std::uint64_t triangles = target_.mesh.triangles.size() + target_.mesh.rest.size();
     occupied_lease_ = runtime::Lease(job_.budget, triangles * kOccupiedBytes,
                                      "the target's triangles on its images");
-    const auto pages = occupied_pages(target_.mesh, target_.plan.pages, target_.plan.by_tile,
-                                      options_.target_use.uv_set.value_or(0));
+    const auto pages =
+        occupied_pages(target_.mesh, target_.plan.pages, target_.plan.by_tile, target_.plan.uv_set);
     std::uint64_t bytes = 0;
     for (const auto& page : pages) bytes += page->size_bytes();
     if (bytes > occupied_lease_.bytes()) {  // some stand in several periods of UV space
@@ -257,7 +264,7 @@ class TargetTransfer {
     const PageResult result = project_page(p, page, target);
     tally_->add_page(p, page, texels, &result);
     const bool may_stay_empty =
-        target_.model || (target_.plan.by_tile && options_.composite.onto.empty());
+        target_.model || (target_.plan.by_tile && !target_.plan.painted_over);
     const bool found = std::any_of(result.covered.begin(), result.covered.end(),
                                    [](std::uint64_t covered) { return covered > 0; });
     if (found || !may_stay_empty) write_page(p, page, result);
@@ -379,7 +386,7 @@ class TargetTransfer {
   }
 
   job::JobContext& job_;
-  const TransferOptions& options_;
+  const OutputPolicy policy_;
   const SourcePlan& source_plan_;
   const Source& source_;
   PlannedTarget& target_;
@@ -400,9 +407,9 @@ class TargetTransfer {
 
 }  // namespace
 
-bool transfer_to(job::JobContext& job, const TransferOptions& options, const Source& source,
+bool transfer_to(job::JobContext& job, const OutputPolicy& policy, const Source& source,
                  PlannedTarget& target, ProgressRange range, OthersWork others) {
-  return TargetTransfer(job, options, source, target, range).run(others);
+  return TargetTransfer(job, policy, source, target, range).run(others);
 }
 
 }  // namespace pounce::flow

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/job_space.h"
 #include "flow/plan/image_output.h"
 #include "flow/plan/target_pages.h"
 #include "flow/stores/build_stores.h"
@@ -127,7 +128,12 @@ struct TargetPlan {
   float usual_fit_reach = 0;  ///< the same without --near-target
   float smallest_edge = 0;    ///< see TargetBlock
   std::vector<TargetPage> pages;
-  bool by_tile = false;  ///< each tile of UV space has images of its own
+  bool by_tile = false;   ///< each tile of UV space has images of its own
+  bool all_tiles = true;  ///< of these, none was left out by --tiles
+  std::uint32_t uv_set = 0;
+  Axes axes;                  ///< --target-axes
+  bool in_part = false;       ///< only some of the mesh or of its materials takes part
+  bool painted_over = false;  ///< --onto
   std::vector<std::vector<GeometryRequest>> requests;  ///< [pass][page]
   std::vector<std::vector<ImageOutput>> images;        ///< [channel][page]
   std::vector<std::string> warnings;
@@ -136,6 +142,13 @@ struct TargetPlan {
   std::vector<std::string> kept;          ///< --skip-existing: there already, and not written
   std::vector<std::string> kept_by_time;  ///< of these, those that do not say which job made them
   std::vector<std::string> inputs;  ///< files besides the meshes that must not be written over
+};
+
+/// What a job does about outputs, whatever is in them.
+struct OutputPolicy {
+  bool skips_existing = false;      ///< those that are there and up to date stay as they are
+  bool waits = true;                ///< for others that are making the same ones
+  double min_coverage_percent = 0;  ///< below that a target has not found enough
 };
 
 /// What a mesh's texels are for a job: texels of images that its surface shows, or Gaussians.

@@ -69,6 +69,11 @@ class TargetPlanner {
     TargetPages pages = target_pages(target_, request, plan_.warnings);
     plan_.pages = pages.pages;
     plan_.by_tile = request.by_tile;
+    plan_.all_tiles = options_.image.tiles.empty();
+    plan_.uv_set = request.uv_set;
+    plan_.axes = axes_of(options_.target_use, "target");
+    plan_.in_part = !options_.target_use.meshes.empty() || !options_.target_use.materials.empty();
+    plan_.painted_over = !options_.composite.onto.empty();
     const auto hashes = std::make_shared<MeshHashes>(target_);
     for (const PassPlan& pass : source_.passes) {
       plan_.requests.emplace_back();
@@ -103,8 +108,7 @@ class TargetPlanner {
     request.hashes = hashes;
     request.is_target = true;
     request.exact = pass.has_shape;  // tangents are the triangles'
-    request.pages.push_back(
-        {pass.size.width, pass.size.height, options_.target_use.uv_set.value_or(0), {}});
+    request.pages.push_back({pass.size.width, pass.size.height, plan_.uv_set, {}});
     request.triangles = pages.triangles;
     request.first_page = page;
     if (plan_.by_tile) request.tile = mesh::udim_tile(pages.pages[page].udim);

@@ -54,6 +54,7 @@ SceneSource::SceneSource(job::JobContext& job, const TransferOptions& options, b
                          const TestKnobs& knobs)
     : Source(job, options),
       for_model_(for_model),
+      splats_(options.splats),
       kernels_(&projection::splat_kernels(knobs.isa)),
       request_(splat_request(options)) {
   request_.fades_isolated = !knobs.keeps_isolated;
@@ -85,7 +86,7 @@ std::uint64_t SceneSource::directory_bytes() const {
 
 std::uint64_t SceneSource::project_least_bytes(std::size_t pass) const {
   return project_splats_least_bytes(result_texel_bytes(pass), plan_.passes[pass].channels.size(),
-                                    facts_.lobes, options_.splats.rays);
+                                    facts_.lobes, splats_.rays);
 }
 
 void SceneSource::build(ProgressRange range, std::uint64_t) {
@@ -94,30 +95,30 @@ void SceneSource::build(ProgressRange range, std::uint64_t) {
   const job::ScratchPack runs_go(job_, store::PackKind::splats);  // what the store is sorted from
   bool cached = false;
   auto opened = splat_store(job_, request_, &cached, range.end);
-  splats_ = std::make_unique<SplatCache>(
-      job_.budget, SplatReader{{&job_, std::move(opened)}, options_.splats.harmonics});
-  const store::SplatDirectory& scene = splats_->store().directory();
+  gaussians_ = std::make_unique<SplatCache>(
+      job_.budget, SplatReader{{&job_, std::move(opened)}, splats_.harmonics});
+  const store::SplatDirectory& scene = gaussians_->store().directory();
   job_.report.depth_window = kWindowOverNoise * scene.surface_noise;
   job_.report.discness = source::discness(scene.roundness, scene.thickness);
   job_.report.gaussian_size = scene.typical_size;
-  directory_lease_ = count_splat_store(job_, splats_->store(), cached);
+  directory_lease_ = count_splat_store(job_, gaussians_->store(), cached);
   job_.meter.keep(range.end);  // what of it the cache had
 }
 
 SplatProjection SceneSource::projection(const TargetPlan& target_plan) const {
   SplatProjection request;
-  request.source = splats_.get();
+  request.source = gaussians_.get();
   request.kernels = kernels_;
-  const store::SplatDirectory& scene = splats_->store().directory();
+  const store::SplatDirectory& scene = gaussians_->store().directory();
   request.linear = scene.is_linear;
-  request.alpha = options_.splats.alpha;
+  request.alpha = splats_.alpha;
   request.limits.reach = target_plan.max_distance;
-  request.limits.min_cosine = min_cosine();
+  request.limits.min_cosine = min_cosine_;
   request.limits.window = kWindowOverNoise * scene.surface_noise;
   request.limits.discness = source::discness(scene.roundness, scene.thickness);
   request.limits.fine_edge = source::fine_edge(scene.typical_size);
   request.limits.antialiased = scene.model == store::SplatModel::antialiased;
-  request.limits.rays = static_cast<int>(options_.splats.rays);
+  request.limits.rays = static_cast<int>(splats_.rays);
   request.smallest_edge = target_plan.smallest_edge;
   return request;
 }
@@ -144,17 +145,17 @@ std::unique_ptr<Projection> SceneSource::projector(std::size_t pass,
     request.outputs.push_back({channel.channel, channel.format, input});
   }
   request.fit = fit.fit;
-  request.limits.least_confidence = least_confidence(options_.splats.min_confidence, fit.fit);
+  request.limits.least_confidence = least_confidence(splats_.min_confidence, fit.fit);
   expect_where_found(fit, request.limits);
   return project_splats(job_, request);
 }
 
 /// Most scenes show the same at any angle.
 std::string SceneSource::cure() const {
-  if (options_.splats.min_confidence <= TransferOptions{}.splats.min_confidence)
+  if (splats_.min_confidence <= TransferOptions{}.splats.min_confidence)
     return "align them, or raise --max-distance";
   return fmt::format("align them, raise --max-distance, or lower --min-confidence ({:g})",
-                     options_.splats.min_confidence);
+                     splats_.min_confidence);
 }
 
 }  // namespace pounce::flow

@@ -24,9 +24,9 @@ class SceneSource final : public Source {
   std::uint64_t directory_bytes() const override;
   std::uint64_t project_least_bytes(std::size_t pass) const override;
   void build(ProgressRange range, std::uint64_t target_texels) override;
-  const store::PackReader& pack(std::size_t) const override { return splats_->store().pack(); }
-  Box3f box() const override { return splats_->store().directory().middle_box; }
-  std::uint64_t tiles_read() const override { return splats_->indices_read(); }
+  const store::PackReader& pack(std::size_t) const override { return gaussians_->store().pack(); }
+  Box3f box() const override { return gaussians_->store().directory().middle_box; }
+  std::uint64_t tiles_read() const override { return gaussians_->indices_read(); }
   std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
                                         const TargetPlan& target_plan,
                                         const projection::SplatFit& fit) const override;
@@ -43,10 +43,11 @@ class SceneSource final : public Source {
   SplatProjection projection(const TargetPlan& target_plan) const;
 
   const bool for_model_;
+  const SplatOptions splats_;  ///< how the scene is blended
   const projection::SplatKernels* kernels_;
   SplatRequest request_;
   SceneFacts facts_;
-  std::unique_ptr<SplatCache> splats_;
+  std::unique_ptr<SplatCache> gaussians_;
   runtime::Lease directory_lease_;
 };
 

@@ -19,9 +19,11 @@ std::uint64_t Source::result_texel_bytes(std::size_t pass) const {
   return bytes;
 }
 
-float Source::min_cosine() const {
-  return static_cast<float>(std::cos(options_.search.max_angle_deg * std::numbers::pi / 180));
-}
+Source::Source(job::JobContext& job, const TransferOptions& options)
+    : job_(job),
+      options_(options),
+      min_cosine_(
+          static_cast<float>(std::cos(options.search.max_angle_deg * std::numbers::pi / 180))) {}
 
 std::unique_ptr<Source> open_source(job::JobContext& job, const TransferOptions& options,
                                     bool for_model, const TestKnobs& knobs) {

@@ -101,12 +101,12 @@ class Source {
   virtual std::string cure() const { return "align them, or raise --max-distance or --max-angle"; }
 
  protected:
-  Source(job::JobContext& job, const TransferOptions& options) : job_(job), options_(options) {}
+  Source(job::JobContext& job, const TransferOptions& options);
   std::uint64_t result_texel_bytes(std::size_t pass) const;
-  float min_cosine() const;  ///< of --max-angle
 
   job::JobContext& job_;
-  const TransferOptions& options_;
+  const TransferOptions& options_;  ///< for planning alone: what they resolve to is in the plan
+  const float min_cosine_;          ///< of --max-angle
   SourcePlan plan_;
   std::vector<std::string> files_;
 };

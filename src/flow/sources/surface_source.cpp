@@ -40,6 +40,8 @@ SurfaceSource::SurfaceSource(job::JobContext& job, const TransferOptions& option
                              const TestKnobs& knobs)
     : MeshSource(job, options, TexelsAs::surface, for_model),
       filter_(options.mesh.filter.value_or(kDefaultFilter)),
+      source_y_(options.material.normal_y),
+      output_y_(options.image.normal_y),
       kernels_(&projection::kernels(knobs.isa)),
       lanes_(&projection::blend_lanes(knobs.isa)) {}
 
@@ -116,14 +118,12 @@ void SurfaceSource::find_layers() {
   Box3f box;
   for (const Vec3f& position : mesh_.positions) box.extend(position);
   layer_gaps_ =
-      target::layer_gaps(mesh_, some, min_cosine(), kWithin * length(Vec3f(box.hi - box.lo)));
+      target::layer_gaps(mesh_, some, min_cosine_, kWithin * length(Vec3f(box.hi - box.lo)));
 }
 
 std::optional<ShapeOutput> SurfaceSource::shape_of(const ChannelPlan& channel) const {
   if (!channel.has_shape()) return std::nullopt;
-  ShapeOutput shape{
-      channel.channel, channel.baked, options_.material.normal_y, options_.image.normal_y, {}, {},
-      plan_.origin};
+  ShapeOutput shape{channel.channel, channel.baked, source_y_, output_y_, {}, {}, plan_.origin};
   for (const PageTexture& page : channel.pages) shape.scales.push_back(page.normal_scale);
   if (channel.channel == Channel::vertex_color)
     shape.input = colour_input({kRec709, true}, true, channel);
@@ -142,7 +142,7 @@ std::unique_ptr<Projection> SurfaceSource::projector(std::size_t pass,
   request.blend = projection::kernel_of(filter_);
   request.levels = columns_.levels.get();
   request.limits.max_distance = target_plan.max_distance;
-  request.limits.min_cosine = min_cosine();
+  request.limits.min_cosine = min_cosine_;
   request.smallest_edge = target_plan.smallest_edge;
   for (const std::size_t c : plan_.passes[pass].channels) {
     const ChannelPlan& channel = plan_.channels[c];

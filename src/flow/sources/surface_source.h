@@ -36,6 +36,7 @@ class SurfaceSource final : public MeshSource {
   std::optional<ShapeOutput> shape_of(const ChannelPlan& channel) const;
 
   const Filter filter_;
+  const NormalY source_y_, output_y_;  ///< of normal maps
   const projection::Kernels* kernels_;
   const projection::BlendLanes* lanes_;
   SourceColumns columns_;

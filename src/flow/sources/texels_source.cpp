@@ -195,7 +195,7 @@ std::unique_ptr<Projection> TexelsSource::projector(std::size_t, const store::Ge
   request.kernels = kernels_;
   request.limits.max_distance = target_plan.max_distance;
   request.limits.first_reach = first_reach(target_plan.diagonal, channel.size);
-  request.limits.min_cosine = min_cosine();
+  request.limits.min_cosine = min_cosine_;
   request.smallest_edge = target_plan.smallest_edge;
   return project_gaussians(job_, request);
 }
