@@ -18,4 +18,10 @@ install(FILES ${PROJECT_BINARY_DIR}/pounceConfig.cmake
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pounce)
 if(TARGET pounce_cli)
   install(TARGETS pounce_cli RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  # Where man and each shell look.
+  set(generated ${PROJECT_BINARY_DIR}/generated)
+  install(FILES ${generated}/pounce.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+  install(FILES ${generated}/pounce DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
+  install(FILES ${generated}/_pounce DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/site-functions)
+  install(FILES ${generated}/pounce.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d)
 endif()

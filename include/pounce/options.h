@@ -220,31 +220,38 @@ inline constexpr double kDefaultMinConfidence = 0.01;
 /// The most rays that a texel has beside its normal.
 inline constexpr std::uint32_t kMostRays = 16;
 
+/// How image files hold their samples; no texel depends on it.
+struct ImageLayout {
+  /// Lossless compression of EXR: "none", "rle", "zips", "zip", "piz"; empty: "zip".
+  std::string exr_compression = {};
+  /// EXR and TIFF in tiles of this many texels each way instead of rows: a multiple of 16,
+  /// 16..1024; 0: rows, and 64 with mipmaps.
+  std::uint32_t tile_size = 0;
+  /// EXR and TIFF with all mipmap levels; those called .tx always have them. Adds a third to the
+  /// file's size, and as much scratch space.
+  bool mipmap = false;
+  std::uint32_t png_compression = 2;  ///< zlib level of PNG, 0..9: higher is smaller and slower
+  bool operator==(const ImageLayout&) const = default;
+};
+
 /// What the images that are written look like. Of a model's textures, too, where it says so.
 struct ImageOptions {
-  std::optional<ImageSize> size;  ///< default: per channel the largest source image of that channel
-  std::optional<Depth> depth;     ///< default: the source image's
-  std::optional<std::uint32_t> padding_px;  ///< default: larger side of the image / 128
-  bool drop_alpha = false;                  ///< outputs have no alpha, whatever the source has
-  NormalY normal_y = NormalY::up;           ///< green channel of the normal map written
+  std::optional<ImageSize> size = {};  ///< default: per channel that of the largest source image
+  std::optional<Depth> depth = {};     ///< default: the source image's
+  std::optional<std::uint32_t> padding_px = {};  ///< default: larger side of the image / 128
+  bool drop_alpha = false;                       ///< outputs have no alpha, whatever the source has
+  NormalY normal_y = NormalY::up;                ///< green channel of the normal map written
   /// Colour space of colour channels, a name as in SourceColourSpace. Default: the source's, but
   /// sRGB for integer formats if the source is linear, and in models.
-  std::string colour_space;
-  std::vector<std::uint32_t> tiles;  ///< only these UDIMs, sorted; empty = all
+  std::string colour_space = {};
+  std::vector<std::uint32_t> tiles = {};  ///< only these UDIMs, sorted; empty = all
   /// Channels that do not go to `TransferOptions::output` but here, such as height to "height.exr"
   /// where the others are PNG. Each channel at most once; <MATERIAL>, <TARGET>, <UDIM> or <UVTILE>
   /// must be in these patterns as they are in `output`. Not for models.
-  std::vector<ChannelOutput> channel_outputs;
+  std::vector<ChannelOutput> channel_outputs = {};
   /// Also write an 8-bit mask (255 = covered) here; same tokens as `output`; empty = no.
-  std::string coverage_output;
-  /// Lossless compression of EXR outputs: "none", "rle", "zips", "zip", "piz"; empty: "zip".
-  std::string exr_compression;
-  /// EXR and TIFF outputs in tiles of this many texels each way instead of rows: a multiple of 16,
-  /// 16..1024; 0: rows, and 64 with mipmaps.
-  std::uint32_t tile_size = 0;
-  /// EXR and TIFF outputs with all mipmap levels; those called .tx always have them. Adds a third
-  /// to the file's size, and as much scratch space.
-  bool mipmap = false;
+  std::string coverage_output = {};
+  ImageLayout layout = {};
 };
 
 /// Which channels are written.
@@ -252,22 +259,22 @@ struct ChannelOptions {
   /// Empty: baseColor if `TransferOptions::output` is an image without <CHANNEL>, else every
   /// channel the source has, except those (baseColor apart) whose images cannot be read, which is a
   /// warning.
-  std::vector<Channel> transferred;
+  std::vector<Channel> transferred = {};
   bool all = false;  ///< every channel the source has, except evidence; `transferred` is empty
   /// Generated from the source's geometry, in the same passes: normal (its smooth normals combined
   /// with its normal map, in the target's tangent space; replaces the transferred one), height,
   /// position, vertex_color. Without other channels these are the only outputs, unless
   /// `TransferOptions::output` is a model or holds <CHANNEL>. Height and position need a float
   /// format.
-  std::vector<Channel> baked;
+  std::vector<Channel> baked = {};
   /// Names of other_channel(0), other_channel(1), ..., which `transferred` and
   /// MaterialOptions::textures may then hold; each needs a source texture. Not for models.
-  std::vector<OtherMap> other_maps;
+  std::vector<OtherMap> other_maps = {};
 };
 
 /// How the source's materials are read. Not for splat scenes.
 struct MaterialOptions {
-  std::vector<SourceTexture> textures;  ///< instead of, or in addition to, those of the materials
+  std::vector<SourceTexture> textures = {};  ///< instead of or beside those of the materials
   /// Images: multiply the materials' factors (baseColorFactor, Kd, ...) into their textures. A
   /// model has them in its materials: false is refused.
   bool apply_factors = true;
@@ -281,29 +288,29 @@ struct MaterialOptions {
 struct ColourOptions {
   /// Default: what the image files state (known ICC profiles, PNG chunks, EXR chromaticities; not
   /// in glTF, whose textures are sRGB), else sRGB for integers and linear Rec. 709 for floats.
-  std::vector<SourceColourSpace> source_spaces;
+  std::vector<SourceColourSpace> source_spaces = {};
   /// An OpenColorIO configuration whose spaces may be named, too; empty: none. Its tables (LUTs)
   /// must be in its folder, unless `allow_external`, and count as memory. Its results may differ in
   /// the last bits between kinds of processors.
-  std::string config;
+  std::string config = {};
 };
 
 /// Where a texel searches for the source.
 struct SearchOptions {
   /// How far along the texel's normal, both ways. A larger distance costs time: much where nothing
   /// is near, else little. Default: 5 % of the target's diagonal, 3 % for splat scenes.
-  std::optional<Length> max_distance;
+  std::optional<Length> max_distance = {};
   /// Source surface that faces away from the texel's normal by more than this is ignored; 0..89.9.
   double max_angle_deg = 80;
 };
 
 /// How a textured mesh is sampled. Not for splat scenes.
 struct MeshOptions {
-  Method method = Method::surface;  ///< `gaussian` transfers baseColor alone; see docs/paper.md
-  std::optional<Filter> filter;     ///< Method::surface only; default kDefaultFilter
+  Method method = Method::surface;    ///< `gaussian` transfers baseColor alone; see docs/paper.md
+  std::optional<Filter> filter = {};  ///< Method::surface only; default kDefaultFilter
   /// Standard deviation of a texel's Gaussian in texels, 0.1..4; Method::gaussian only; default
   /// kDefaultSigma. Wider blurs more and costs time with its square.
-  std::optional<double> sigma_texels;
+  std::optional<double> sigma_texels = {};
   /// Split texels that are large on the surface, so that Gaussians are about uniformly dense;
   /// Method::gaussian only. At most three times as many Gaussians.
   bool densify = false;
@@ -312,17 +319,17 @@ struct MeshOptions {
 /// Which Gaussians of a splat scene are used.
 struct SplatFilter {
   /// Skip Gaussians less opaque than this, 1/255..1. Below 1/255, the default, they are invisible.
-  std::optional<double> min_opacity;
+  std::optional<double> min_opacity = {};
   /// Skip Gaussians with a larger standard deviation; above 0, in the scene's units.
-  std::optional<double> max_scale;
-  std::optional<AxisBox> box;  ///< skip Gaussians whose centre is outside
+  std::optional<double> max_scale = {};
+  std::optional<AxisBox> box = {};  ///< skip Gaussians whose centre is outside
 };
 
 /// How a splat scene is blended. Not for meshes.
 struct SplatOptions {
   /// View dependence; degree 3 is read for `normal` only.
   SphericalHarmonics harmonics = SphericalHarmonics::mean;
-  SplatFilter filter;
+  SplatFilter filter = {};
   /// Extra rays per texel, 0..kMostRays, in a cone of 35 degrees around its normal, whose colours
   /// are averaged with the normal's. Closer to the multi-view appearance, but softer; time and
   /// memory of projection scale with their number.
@@ -333,7 +340,7 @@ struct SplatOptions {
   /// Skip Gaussians whose 3-sigma extent stays farther than this from every target. Default: 2.2
   /// times max_distance, at least 6.6 %, and only if a sample shows that three quarters are farther
   /// away: such a store serves these targets alone.
-  std::optional<Length> near_target;
+  std::optional<Length> near_target = {};
   bool everywhere = false;  ///< disables `near_target`: the whole scene is sorted
   /// Leave texels below this confidence empty; 0..1. 0 covers every texel with a surface in reach,
   /// even that of another object.
@@ -344,30 +351,31 @@ struct SplatOptions {
 struct CompositeOptions {
   /// Covered texels are written over these images (same tokens as `TransferOptions::output`), which
   /// give size, depth and channels unless set. May be the output itself. Empty: none.
-  std::string onto;
-  std::string mask;  ///< blend by this image: white paints, black keeps; same tokens; needs `onto`
+  std::string onto = {};
+  /// Blend by this image: white paints, black keeps; same tokens; needs `onto`.
+  std::string mask = {};
 };
 
 /// One transfer of appearance from a textured mesh or a splat scene onto the UV textures of meshes.
 struct TransferOptions {
-  std::string source;  ///< .glb, .gltf or .obj with textures, or a splat scene in any format
-  MeshUse source_use;
-  std::vector<std::string> targets;  ///< .glb, .gltf or .obj with UVs; at least one
-  MeshUse target_use;                ///< for every target
+  std::string source = {};  ///< .glb, .gltf or .obj with textures, or a splat scene in any format
+  MeshUse source_use = {};
+  std::vector<std::string> targets = {};  ///< .glb, .gltf or .obj with UVs; at least one
+  MeshUse target_use = {};                ///< for every target
   /// Image path; may hold <CHANNEL>, <MATERIAL>, <TARGET> (needed for several), <UDIM> and
   /// <UVTILE>. With one of the last two, UVs outside [0,1) are UDIM tiles with an image each;
   /// without, they wrap. The ending picks the format. Missing folders are created.
   /// Or a model, .glb or .gltf: the target, which must be one of these too, with a new texture per
   /// material and channel and everything else unchanged; may hold <TARGET>.
-  std::string output;
-  ImageOptions image;
-  ChannelOptions channels;
-  MaterialOptions material;
-  ColourOptions colour;
-  SearchOptions search;
-  MeshOptions mesh;
-  SplatOptions splats;
-  CompositeOptions composite;
+  std::string output = {};
+  ImageOptions image = {};
+  ChannelOptions channels = {};
+  MaterialOptions material = {};
+  ColourOptions colour = {};
+  SearchOptions search = {};
+  MeshOptions mesh = {};
+  SplatOptions splats = {};
+  CompositeOptions composite = {};
   /// 0..100: for how many of its texels a target must find the source. A target below this is
   /// written like any other; TargetReport::enough says which are.
   double min_coverage_percent = 0;
@@ -379,8 +387,8 @@ struct TransferOptions {
   /// a model from elsewhere could copy any file of this machine into the output.
   bool allow_external = false;
   /// Images of the source, `onto` and `mask` may be in these formats, too.
-  std::vector<ImageFormat> allowed_formats;
-  Resources resources;
+  std::vector<ImageFormat> allowed_formats = {};
+  Resources resources = {};
 };
 
 /// The channel's name in this job, maps of the user's own included.
@@ -388,43 +396,43 @@ POUNCE_API std::string channel_name(const TransferOptions& options, Channel chan
 
 /// Target vectorization alone: position, normal and mask images.
 struct MapsOptions {
-  std::string target;
-  MeshUse target_use;
+  std::string target = {};
+  MeshUse target_use = {};
   /// Must hold <CHANNEL>: "position", "normal", "mask"; .exr for the first two. With <UDIM> or
   /// <UVTILE> one image per tile of UV space.
-  std::string output;
+  std::string output = {};
   ImageSize size{1024, 1024};
   bool allow_external = false;  ///< as in TransferOptions
-  Resources resources;
+  Resources resources = {};
 };
 
 /// Source preconditioning alone: a textured mesh or a splat scene as a file of Gaussians.
 struct GaussiansOptions {
-  std::string source;  ///< .glb, .gltf or .obj with a baseColor texture, or a splat scene
+  std::string source = {};  ///< .glb, .gltf or .obj with a baseColor texture, or a splat scene
   /// .ply (3DGS), .spz (version 2) or .glb (KHR_gaussian_splatting, colours sRGB-coded or, where
   /// the source's are, linear).
-  std::string output;
+  std::string output = {};
   /// Turns the source: the output's x, y and z as the file's, such as "x,-y,-z". Empty: a mesh as
   /// it is stored; a scene as it is, but turned by 180 degrees about z from or to glTF, where y is
   /// up.
-  std::string axes;
-  std::vector<SourceTexture> source_textures;  ///< instead of the mesh's own; baseColor only
-  ColourOptions colour;                        ///< for meshes
+  std::string axes = {};
+  std::vector<SourceTexture> source_textures = {};  ///< instead of the mesh's own; baseColor only
+  ColourOptions colour = {};                        ///< for meshes
   /// For meshes: standard deviation of a texel's Gaussian in texels: 0.1..4; default kDefaultSigma.
   /// Narrower ones blend sharper and, below 0.4, leave gaps in viewers.
-  std::optional<double> sigma_texels;
+  std::optional<double> sigma_texels = {};
   /// For meshes: 0..4. Sharpens colours by this share of what a transfer of these Gaussians onto
   /// texels of the same size takes away from them, from texels of the same chart. Costs 25 lookups
   /// per texel.
   double sharpen = 0;
-  SplatFilter filter;  ///< for splat scenes
+  SplatFilter filter = {};  ///< for splat scenes
   /// For splat scenes: write at most this many, at least 1: the most important ones, by opacity
   /// times the product of their two larger standard deviations; of equals the first. Reads the
   /// source twice.
-  std::optional<std::uint64_t> count;
-  bool allow_external = false;               ///< as in TransferOptions
-  std::vector<ImageFormat> allowed_formats;  ///< the same
-  Resources resources;
+  std::optional<std::uint64_t> count = {};
+  bool allow_external = false;                    ///< as in TransferOptions
+  std::vector<ImageFormat> allowed_formats = {};  ///< the same
+  Resources resources = {};
 };
 
 }  // namespace pounce

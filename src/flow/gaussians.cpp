@@ -12,7 +12,6 @@
 #include <cmath>
 #include <filesystem>
 
-#include "flow/plan/check_options.h"
 #include "flow/plan/describe_job.h"
 #include "flow/plan/load_mesh.h"
 #include "flow/plan/output_names.h"
@@ -27,6 +26,7 @@
 #include "io/read_mesh.h"
 #include "io/splats/scene.h"
 #include "job/run_job.h"
+#include "options/table.h"
 
 namespace pounce {
 namespace flow {
@@ -66,30 +66,6 @@ void refuse_over_input(const std::string& output, const std::vector<std::string>
   }
 }
 
-/// What is about the Gaussians of a scene.
-void refuse_scene_options(const GaussiansOptions& o) {
-  refuse_splat_options(as_transfer(o));
-  if (!o.count) return;
-  throw Error(
-      ErrorKind::usage,
-      fmt::format("--count is about the Gaussians of a splat scene; {} is a mesh", o.source));
-}
-
-/// What is about the texels of a mesh.
-void refuse_texel_options(const GaussiansOptions& o) {
-  const char* const given = !o.source_textures.empty()        ? "--source-texture"
-                            : !o.colour.source_spaces.empty() ? "--source-colorspace"
-                            : !o.colour.config.empty()        ? "--ocio"
-                            : o.sigma_texels                  ? "--sigma"
-                            : o.sharpen > 0                   ? "--sharpen"
-                                                              : nullptr;
-  if (given == nullptr) return;
-  throw Error(ErrorKind::usage,
-              fmt::format("{} is about the texels of a mesh; {} is a splat scene, whose Gaussians "
-                          "have their own sizes and colours",
-                          given, o.source));
-}
-
 class MeshJob {
  public:
   MeshJob(const GaussiansOptions& options, job::JobContext& job) : options_(options), job_(job) {
@@ -123,7 +99,7 @@ class MeshJob {
     job_.report.origin = {placed.origin.x, placed.origin.y, placed.origin.z};
     if (placed.origin != Vec3d{})
       job_.report.notes.push_back(origin_note(options_.source, placed.origin));
-    refuse_scene_options(options_);  // now that it is known to be a mesh
+    options::refuse_unsuitable(options_, false);  // now that it is known to be a mesh
     plan_ = plan_mesh(transfer, mesh_, TexelsAs::surface, false);
     plan_.passes.front().source.exact = true;  // each of its texels is one
     warn_of_repeats(request(), plan_.warnings);
@@ -384,12 +360,8 @@ void check_request(const GaussiansOptions& o) {
     if (texture.channel != Channel::base_color)
       usage("--source-texture: Gaussians have the colours of baseColor; give that channel alone");
   }
-  check_splat_options(as_transfer(o));
+  options::check_ranges(o);
   axes_of(as_transfer(o).source_use, "source");
-  if (o.sigma_texels && !(*o.sigma_texels >= 0.1 && *o.sigma_texels <= 4))
-    usage("--sigma must be 0.1 to 4 texels");
-  if (!(o.sharpen >= 0 && o.sharpen <= 4)) usage("--sharpen must be 0 to 4");
-  if (o.count && *o.count == 0) usage("--count must be at least 1");
 }
 
 }  // namespace
@@ -400,7 +372,7 @@ Report gaussians(const GaussiansOptions& options, Progress* progress, Report* so
     flow::describe(options, run.report);
     flow::check_request(options);
     const bool is_scene = flow::is_splat_scene(options.source);
-    if (is_scene) flow::refuse_texel_options(options);
+    if (is_scene) options::refuse_unsuitable(options, true);
     const auto job = job::open_job(options.resources, options.output, nullptr, rebuild, false, run);
     is_scene ? flow::SceneJob(options, *job).run() : flow::MeshJob(options, *job).run();
   });

@@ -20,6 +20,7 @@
 #include "io/image/write.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
+#include "options/table.h"
 #include "pounce/transfer.h"
 #include "target/target_block.h"
 
@@ -328,8 +329,7 @@ class MapsJob {
 
 void check_options(const MapsOptions& o) {
   if (o.target.empty()) throw Error(ErrorKind::usage, "a target is needed");
-  if (o.size.width == 0 || o.size.height == 0 || o.size.width > 65536 || o.size.height > 65536)
-    throw Error(ErrorKind::usage, "--size must be 1 to 65536");
+  options::check_ranges(o);
 }
 
 }  // namespace

@@ -3,7 +3,7 @@
 source "$(dirname "$0")/support.sh"
 make_job
 expect 2 transfer source.obj target.obj -o o.png --alpha
-err_has '--alpha is about the Gaussians of a splat scene; source.obj is a mesh'
+err_has '--alpha applies only to splat scenes; source.obj is a mesh'
 "$POUNCE_FIXTURE" splats -o scene.ply --count 20000 --target-size 128 >/dev/null
 job=(transfer scene.ply scene_target.glb --size 128 --no-cache)
 expect 2 "${job[@]}" -o o.jpg --alpha

@@ -141,7 +141,7 @@ expect 0 transfer table.ply target.obj -o a.png --size 8
 expect 0 transfer srgb.ply target.obj -o b.png --size 8
 expect 0 compare a.png b.png --min-psnr 45
 expect 2 gaussians table.ply -o again.ply --ocio c.ocio
-err_has '--ocio is about the texels of a mesh'
+err_has '--ocio applies only to meshes'
 # A scene of splats, into the configuration: as if its picture went there.
 printf 'newmtl skin\nmap_Kd a.png\n' >source.mtl
 expect 0 transfer table.ply target.obj -o s.png --size 8 --ocio c.ocio --output-colorspace squared

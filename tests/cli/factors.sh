@@ -3,7 +3,7 @@
 # 0.1274, 0.0319 in linear light, half of them 146.3, 71.4, 33.9.
 source "$(dirname "$0")/support.sh"
 refused '--factors: got "keep"' transfer a.glb b.glb -o o.png --factors keep
-refused '--factors is about images' transfer a.glb b.glb -o o.glb --factors ignore
+refused '--factors applies only to images' transfer a.glb b.glb -o o.glb --factors ignore
 # same FILE R G B: every texel of it is that; a difference of one step in a channel would show.
 same() {
   image wanted.ppm 16 16 "${@:2}"

@@ -52,10 +52,10 @@ expect 0 transfer turned.glb target.obj -o from.png --progress none --source-axe
 # What is about the other kind of source.
 for option in '--min-opacity 0.5' '--count 5'; do
   expect 2 gaussians source.obj -o o.ply $option
-  err_has 'is about the Gaussians of a splat scene; source.obj is a mesh'
+  err_has 'applies only to splat scenes; source.obj is a mesh'
 done
 expect 2 gaussians scene.ply -o o.ply --sharpen 1
-err_has '--sharpen is about the texels of a mesh; scene.ply is a splat scene'
+err_has '--sharpen applies only to meshes; scene.ply is a splat scene'
 # Nothing is left, or the source is damaged: what was there stays.
 cp some.spz before.spz
 expect 3 gaussians scene.ply -o some.spz --box 50,50,50,60,60,60

@@ -10,7 +10,7 @@ for option in -o,--output --source-texture --size --depth --channels --coverage 
   --padding --memory --threads --cache --no-cache --temp --plan --report --progress -q,--quiet -v,--verbose; do
   out_has "  $option "
 done
-for word in Usage: Examples: SOURCE TARGET 'Default: 5%' '0 to 89.9 degrees' 'Exit status:' 'least that works'; do
+for word in Usage: Examples: SOURCE TARGET '[default: 5%' '[0 to 89.9; default: 80]' 'Exit status:' 'least that works'; do
   out_has "$word"
 done
 [[ $(grep -c '^  pounce transfer ' "$out") -ge 2 ]] || fail 'fewer than two worked examples'

@@ -3,14 +3,14 @@
 source "$(dirname "$0")/support.sh"
 rejected --method paper Gaussian ''
 rejected --sigma 0 0.05 5 wide ''
-refused '--sigma is about texels as Gaussians: it needs --method gaussian' transfer a.glb b.glb -o o.png --sigma 0.7
-refused '--densify is about texels as Gaussians' transfer a.glb b.glb -o o.png --densify
-refused 'baseColor alone' transfer a.glb b.glb -o o.png --method gaussian --channels occlusion
-refused 'baseColor alone' transfer a.glb b.glb -o '<CHANNEL>.png' --method gaussian --channels all
+refused '--sigma applies only to --method gaussian' transfer a.glb b.glb -o o.png --sigma 0.7
+refused '--densify applies only to --method gaussian' transfer a.glb b.glb -o o.png --densify
+refused 'baseColor only' transfer a.glb b.glb -o o.png --method gaussian --channels occlusion
+refused 'baseColor only' transfer a.glb b.glb -o '<CHANNEL>.png' --method gaussian --channels all
 rejected --filter bilinear Cubic ''
-refused '--filter is of --method surface' transfer a.glb b.glb -o o.png --method gaussian --filter tent
+refused '--filter applies only to --method surface' transfer a.glb b.glb -o o.png --method gaussian --filter tent
 expect 0 transfer --help
-for word in '--method ' '--filter ' 'Default: cubic' '--sigma ' '--densify' 'surface: ' 'gaussian: ' 'Default: surface'; do out_has "$word"; done
+for word in '--method ' '--filter ' '[default: cubic]' '--sigma ' '--densify' 'surface: ' 'gaussian: ' '[default: surface]'; do out_has "$word"; done
 
 make_job
 expect 0 transfer source.obj target.obj -o g.png --method gaussian --sigma 0.75 --densify --report r.json -q
@@ -24,7 +24,7 @@ expect 0 transfer source.obj target.obj -o s.png --method surface --report r.jso
 json '"method":"surface","filter":"cubic"'
 expect 0 transfer source.obj target.obj -o t.png --filter tent --plan --report r.json -q
 json '"method":"surface","filter":"tent"'
-json '"options":{"output":"t.png","filter":"tent","plan":"true"}'
+json '"output":"t.png","filter":"tent","plan":"true"}'
 expect 0 transfer source.obj target.obj -o s.png --report r.json -q
 json '"sigma":0.0,"densify":false'
 expect 0 compare g.png s.png --min-psnr 100
@@ -37,9 +37,9 @@ err_has 'transfers baseColor alone; left out: metallicRoughness, occlusion'
 # Gaussians of a scene have their own sizes; the method is the scene's own.
 "$POUNCE_FIXTURE" splats -o scene.ply --count 2000 --target-size 64 >/dev/null
 expect 2 transfer scene.ply scene_target.glb -o o.png --method gaussian --sigma 1
-err_has 'Gaussians have their own sizes'
+err_has '--sigma applies only to meshes; scene.ply is a splat scene'
 expect 2 transfer scene.ply scene_target.glb -o o.png --filter sharp
-err_has '--filter: scene.ply is a splat scene'
+err_has '--filter applies only to meshes; scene.ply is a splat scene'
 expect 0 transfer scene.ply scene_target.glb -o one.png --size 64 --method gaussian -q
 expect 0 transfer scene.ply scene_target.glb -o two.png --size 64 -q
 same_picture one.png two.png || fail 'a scene is blended differently'

@@ -12,7 +12,7 @@ refused '--bake emissive: it takes normal, height, position and vertexColor' tra
 refused '--channels height: it is made of the shape' transfer a.obj b.obj -o o.exr --channels height
 refused '--bake position: o.glb is a model' transfer a.obj b.obj -o o.glb --bake position
 refused '--output-normal-y down: o.glb is a glTF model' transfer a.obj b.obj -o o.glb --output-normal-y down
-refused 'it needs --method surface' transfer a.obj b.obj -o o.png --bake normal --method gaussian
+refused '--bake applies only to --method surface' transfer a.obj b.obj -o o.png --bake normal --method gaussian
 refused '--source-texture: height is no channel of a material' transfer a.obj b.obj -o o.png --source-texture height=h.png
 
 # A square with a flat normal map, onto itself: a flat one.

@@ -12,7 +12,7 @@ refused 'the channel has a.exr already; give it once' \
 refused '<UDIM> must be in this pattern as in -o' transfer a.glb b.glb -o '<CHANNEL>.<UDIM>.png' --output-for height=h.exr
 refused '<MATERIAL> must be in this pattern as in -o' transfer a.glb b.glb -o o.png --output-for 'height=<MATERIAL>.exr'
 refused '--onto needs <CHANNEL> then' transfer a.glb b.glb -o o.png --onto p.png --output-for normal=n.png
-refused '--exr-compression needs an .exr output' \
+refused '--exr-compression needs EXR output' \
   transfer a.glb b.glb -o '<CHANNEL>.png' --output-for height=h.tif --exr-compression piz
 
 make_job

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # --source-texture NAME=PATH takes maps of the user's own, as colour or as data.
 source "$(dirname "$0")/support.sh"
-refused 'banana: no material has such a channel' transfer a.glb b.glb -o o.png --channels banana
+refused 'banana: no channel has this name' transfer a.glb b.glb -o o.png --channels banana
 refused 'a.glb is a model' transfer a.glb b.glb -o a.glb --source-texture mask=m.png
 refused '--source-texture: got "all"' transfer a.glb b.glb -o o.png --source-texture all=m.png
 refused '--source-texture: got "BaseColor", expected baseColor, from which it differs in case only' transfer a.glb b.glb -o o.png --source-texture BaseColor=m.png

@@ -4,6 +4,8 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
+#include "summary.h"
+
 using namespace pounce;
 using namespace pounce::cli;
 
@@ -118,4 +120,14 @@ TEST_CASE("json progress is one object per line that parses", "[cli]") {
   CHECK(json["fraction"] == 0.5);
   CHECK(json["done"] == 3000000);
   CHECK(json["left_s"] == 2.0);  // half done after 2 s
+}
+
+TEST_CASE("counts and bytes are written for people", "[cli]") {
+  CHECK(with_commas(0) == "0");
+  CHECK(with_commas(999) == "999");
+  CHECK(with_commas(1000) == "1,000");
+  CHECK(with_commas(12345678) == "12,345,678");
+  CHECK(bytes_text(1023) == "1023 B");
+  CHECK(bytes_text(1536) == "1.5 KiB");
+  CHECK(bytes_text(536870912) == "512.0 MiB");
 }

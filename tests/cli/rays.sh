@@ -4,7 +4,7 @@ source "$(dirname "$0")/support.sh"
 rejected --rays -1 17 1.5 many ''
 make_job
 expect 2 transfer source.obj target.obj -o o.png --rays 3
-err_has '--rays is about the Gaussians of a splat scene; source.obj is a mesh'
+err_has '--rays applies only to splat scenes; source.obj is a mesh'
 [[ ! -e o.png ]] || fail 'an image was made'
 
 "$POUNCE_FIXTURE" splats -o scene.ply --count 20000 --target-size 128 >/dev/null

@@ -4,17 +4,24 @@ source "$(dirname "$0")/support.sh"
 make_job
 mask mask.pgm 16 16 $(for ((i = 0; i < 256; ++i)); do echo 255; done)
 # Options of how things are said, not of what is done.
-said=' help quiet verbose progress report '
+said=' help quiet verbose progress report job '
 # reported COMMAND: the options in r.json are among those that were seen of it.
 seen=
 reported() {
   seen+=" $(tr -d '\n' <r.json | sed -E 's/.*"options": \{([^}]*)\}.*/\1/' | grep -oE '"[a-z-]+":' | tr -d '":' | tr '\n' ' ')"
 }
 job() { expect 0 "$@" --report r.json && reported; }
+# An option whose help has a range is given the end of it here, unless a job below has it.
+numbered() { # COMMAND OPTION
+  local highest
+  highest=$("$POUNCE" "$1" --help | tr -s ' \n' ' ' | sed -nE "s/.* --$2 [^[]*\[[0-9.]+ to ([0-9.]+).*/\1/p")
+  [[ -z $highest ]] || job "$1" source.obj target.obj -o o.png --no-cache --plan "--$2" "$highest"
+}
 all_of() { # COMMAND
   expect 0 "$1" --help
   local option
   for option in $(grep -oE '^  (-[a-z], ?)?--[a-z-]+' "$out" | grep -oE '\-\-[a-z-]+' | sed 's/^--//' | sort -u); do
+    [[ $said$seen == *" $option "* ]] || numbered "$1" "$option"
     [[ $said$seen == *" $option "* ]] || fail "no report of $1 has --$option"
   done
   seen=
@@ -22,7 +29,7 @@ all_of() { # COMMAND
 machine=(--memory 1GiB --threads 2 --cache cache --cache-limit 1GB --no-wait --temp . --max-temp none)
 job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' --tiles 1001 --size 8 --depth u16 --padding 2 \
   --min-coverage 1 --channels baseColor --source-texture baseColor=skin.ppm --source-material skin --source-uv-set 0 \
-  --source-axes x,y,z --target-uv-set 0 --target-axes x,y,z --max-distance 1 --max-angle 70 --filter tent --source-colorspace srgb \
+  --source-axes y,x,z --target-axes y,x,z --max-distance 1 --max-angle 70 --filter tent --source-colorspace srgb \
   --output-colorspace srgb --allow-external "${machine[@]}" --plan
 job transfer source.obj target.obj -o o.png --skip-existing --no-cache --factors ignore --allow-format tga --output-for baseColor=o.exr --source-texture m=skin.ppm --data m \
   --source-texture c=skin.ppm --color c
@@ -37,10 +44,14 @@ job transfer named.obj named.obj -o n.png --source-mesh thing --target-mesh thin
 "$POUNCE_FIXTURE" splats -o scene.ply --count 2000 --target-size 64 >/dev/null
 job transfer scene.ply scene_target.glb -o s.png --size 16 --no-cache --sh dc --min-opacity 0.01 --max-scale 9 \
   --box -9,-9,-9,9,9,9 --near-target 50% --rays 1 --alpha --min-confidence 0.2
+# What fails says its options, too.
+failed() { expect 3 "$@" --report r.json && reported; }
+failed transfer named.obj named.obj -o n.png --target-uv-set 1
 all_of transfer
-job maps named.obj -o '<CHANNEL>.exr' --size 8 --target-mesh thing --target-material skin --target-uv-set 0 \
-  --target-axes x,y,z --allow-external "${machine[@]}"
+job maps named.obj -o '<CHANNEL>.exr' --size 8 --target-mesh thing --target-material skin \
+  --target-axes y,x,z --allow-external "${machine[@]}"
 job maps named.obj -o '<CHANNEL>.exr' --no-cache
+failed maps named.obj -o '<CHANNEL>.exr' --target-uv-set 1
 all_of maps
 job gaussians source.obj -o s.ply --allow-format bmp --source-texture baseColor=skin.ppm --source-colorspace srgb --ocio c.ocio --sigma 0.25 --sharpen 1 --allow-external "${machine[@]}"
 job gaussians scene.ply -o s.glb --source-axes x,-y,-z --min-opacity 0.01 --max-scale 9 --box -9,-9,-9,9,9,9 --count 100 --no-cache

@@ -7,16 +7,16 @@ rejected --max-scale 0 -1 big ''
 rejected --box 1 0,0,0,1,1 0,0,0,1,1,1,1 0,0,0,1,1,x "0;0;0,1,1,1" ''
 rejected --near-target 0 -1 101% on ''
 rejected --min-confidence -0.1 1.1 sure ''
-refused 'from 1 to 0 along z' transfer a.glb b.glb -o o.png --box 0,0,1,1,1,0
+refused 'expected six numbers' transfer a.glb b.glb -o o.png --box 0,0,1,1,1,0
 expect 0 transfer --help
-for word in '--sh ' '--min-opacity ' '--max-scale ' '--box ' '--near-target ' '--min-confidence ' 'Default: mean'; do out_has "$word"; done
+for word in '--sh ' '--min-opacity ' '--max-scale ' '--box ' '--near-target ' '--min-confidence ' '[default: mean]'; do out_has "$word"; done
 
 make_job
 for given in '--sh dc' '--min-opacity 0.5' '--max-scale 1' '--box 0,0,0,1,1,1' '--near-target 1' '--near-target off' \
   '--min-confidence 0.5'; do
   # shellcheck disable=SC2086
   expect 2 transfer source.obj target.obj -o o.png $given
-  err_has "${given%% *} is about the Gaussians of a splat scene; source.obj is a mesh"
+  err_has "${given%% *} applies only to splat scenes; source.obj is a mesh"
 done
 [[ ! -e o.png ]] || fail 'an image was made'
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Files in tiles, with levels (.tx), the compression of EXR, and outputs without alpha.
 source "$(dirname "$0")/support.sh"
-refused '--mipmap needs an .exr, .tif or .tx output: o.png has rows only' transfer a.glb b.glb -o o.png --mipmap
-refused '--tile-size needs an .exr, .tif or .tx output: o.jpg has rows only' transfer a.glb b.glb -o o.jpg --tile-size 64
-refused '--tile-size needs an .exr, .tif or .tx output: o.glb' transfer a.glb b.glb -o o.glb --tile-size 64
-refused '--tile-size 40: a multiple of 16, 16 to 1024' transfer a.glb b.glb -o o.exr --tile-size 40
-refused '--exr-compression needs an .exr output: o.tx is none' transfer a.glb b.glb -o o.tx --exr-compression zip
+refused '--mipmap needs EXR or TIFF output: o.png is none' transfer a.glb b.glb -o o.png --mipmap
+refused '--tile-size needs EXR or TIFF output: o.jpg is none' transfer a.glb b.glb -o o.jpg --tile-size 64
+refused '--tile-size needs EXR or TIFF output: o.glb' transfer a.glb b.glb -o o.glb --tile-size 64
+refused 'expected a multiple of 16 from 16 to 1024' transfer a.glb b.glb -o o.exr --tile-size 40
+refused '--exr-compression needs EXR output: o.tx is none' transfer a.glb b.glb -o o.tx --exr-compression piz
 refused '--exr-compression: got "dwaa"; an EXR is compressed as none, rle, zips, zip or piz' \
   transfer a.glb b.glb -o o.exr --exr-compression dwaa
 refused '--drop-alpha leaves out what --alpha asks for' transfer a.ply b.glb -o o.png --alpha --drop-alpha

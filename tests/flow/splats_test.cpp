@@ -396,28 +396,28 @@ TEST_CASE("options of scenes are refused for meshes, and values that are none", 
   };
   TransferOptions asked = mesh;
   asked.splats.harmonics = SphericalHarmonics::dc;
-  refused(asked, "--sh is about the Gaussians of a splat scene");
+  refused(asked, "--sh applies only to splat scenes");
   asked = mesh;
   asked.splats.near_target = Length{1, false};
-  refused(asked, "--near-target is about");
+  refused(asked, "--near-target applies only");
   asked = mesh;
   asked.splats.rays = 1;
-  refused(asked, "--rays is about");
+  refused(asked, "--rays applies only");
   asked = mesh;
   asked.splats.alpha = true;
-  refused(asked, "--alpha is about");
+  refused(asked, "--alpha applies only");
   asked = splat_scene(folder, 3, 100);
   asked.splats.filter.box = AxisBox{{0, 0, 0}, {1, -1, 1}};
-  refused(asked, "from 0 to -1 along y");
+  refused(asked, "--box: got");
   asked.splats.filter.box.reset();
   asked.splats.filter.min_opacity = 0;
-  refused(asked, "--min-opacity 0: from 1/255");
+  refused(asked, "--min-opacity: got");
   asked.splats.filter.min_opacity.reset();
   asked.splats.filter.max_scale = -1.0;
   refused(asked, "--max-scale");
   asked.splats.filter.max_scale.reset();
   asked.splats.rays = 17;
-  refused(asked, "--rays 17: at most 16");
+  refused(asked, "expected a whole number from 0 to 16");
 }
 
 TEST_CASE("a splat scene without a size gives 1024 texels", "[flow]") {

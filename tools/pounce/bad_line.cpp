@@ -8,14 +8,14 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cctype>
-#include <numeric>
 
-#include "arguments.h"
+#include "commands.h"
 #include "job.h"
 #include "pounce/error.h"
 #include "pounce/report.h"
 #include "pounce/version.h"
 #include "summary.h"
+#include "terminal.h"
 
 namespace pounce::cli {
 namespace {
@@ -24,25 +24,6 @@ std::string lower(std::string text) {
   std::transform(text.begin(), text.end(), text.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return text;
-}
-
-/// Letters to insert, remove, replace or exchange with their neighbour, to get from one to the
-/// other.
-std::size_t distance_of(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> before, last(b.size() + 1), row(b.size() + 1);
-  std::iota(last.begin(), last.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t replaced = last[j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1);
-      row[j] = std::min({replaced, last[j] + 1, row[j - 1] + 1});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-        row[j] = std::min(row[j], before[j - 2] + 1);
-    }
-    before = last;
-    last = row;
-  }
-  return last.back();
 }
 
 std::vector<std::string> long_options(const CLI::App& command) {
@@ -116,19 +97,6 @@ bool tell_bad_line(const BadLine& line, const std::string& command, const std::s
   if (line.json)
     write_stderr(warnings_json(report) + end_line(report, report.failure->exit_status));
   return !line.json;
-}
-
-std::string did_you_mean(const std::string& word, const std::vector<std::string>& known) {
-  std::string best;
-  std::size_t least = std::max<std::size_t>(1, word.size() / 3) + 1;
-  for (const std::string& name : known) {
-    const bool begins = word.size() >= 5 && name.starts_with(word);  // --out, --max-dist
-    const std::size_t distance = begins ? 1 : distance_of(lower(word), lower(name));
-    if (distance >= least) continue;
-    least = distance;
-    best = name;
-  }
-  return best.empty() ? "" : fmt::format("; did you mean {}?", best);
 }
 
 std::vector<std::string> command_names(const CLI::App& program) {

@@ -21,8 +21,6 @@ BadLine read_bad_line(const std::vector<std::string>& arguments);
 /// to be told as text.
 bool tell_bad_line(const BadLine& line, const std::string& command, const std::string& message);
 
-/// "; did you mean NAME?" of what is spelled nearly so; "" where nothing is.
-std::string did_you_mean(const std::string& word, const std::vector<std::string>& known);
 std::vector<std::string> command_names(const CLI::App& program);
 
 /// What the arguments of a command hold that it does not know, and what was probably meant: a

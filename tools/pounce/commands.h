@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <functional>
+#include <string>
+#include <vector>
 
-namespace CLI {  // NOLINT(readability-identifier-naming): CLI11's own
-class App;
-}
+#include "job.h"
+#include "pounce/option_table.h"
 
 namespace pounce::cli {
 
@@ -22,5 +24,34 @@ Command add_gaussians_command(CLI::App& program);
 Command add_inspect_command(CLI::App& program);
 Command add_compare_command(CLI::App& program);
 Command add_cache_command(CLI::App& program);
+
+/// What is generated from the commands and their options: "man", "bash", "zsh", "fish" or
+/// "markdown" (docs/options.md). Throws Error(usage) for another kind.
+std::string generate(const CLI::App& program, const std::string& kind);
+
+// What commands are made of (command_options.cpp). Help is one paragraph that is wrapped here.
+
+/// Makes a command's help read: purpose, usage line and worked examples, options by group, exit
+/// statuses.
+void set_help_text(CLI::App& command, const std::string& usage_and_examples);
+
+using SetText = std::function<void(const std::string& text)>;
+
+/// Adds an option whose one value goes, as text, to `set`, which throws Error(usage).
+CLI::Option* add_value(CLI::App& command, const std::string& name, const std::string& value_name,
+                       const std::string& group, const std::string& help, SetText set);
+/// Adds an option without a value that sets `flag` to `value`.
+CLI::Option* add_switch(CLI::App& command, const std::string& name, const std::string& group,
+                        const std::string& help, bool& flag, bool value = true);
+/// Adds an option or operand of the table, each of whose values goes to `set`: "true" of a switch.
+CLI::Option* add_row(CLI::App& command, const OptionInfo& info, SetText set);
+/// Adds the row of this name in the table of transfer to another kind of command.
+void add_transfer_row(CLI::App& command, const std::string& name, const std::string& group,
+                      SetText set);
+/// A path for a report: one that ends as meshes, splats or images do is refused, since writing
+/// there would replace an input or a result.
+std::string parse_report_path(const std::string& option, const std::string& text);
+/// --report, --progress, -q and -v.
+void add_job_options(CLI::App& command, JobSettings& settings);
 
 }  // namespace pounce::cli

@@ -19,9 +19,8 @@
 #include <new>
 #include <system_error>
 
-#include "own_stderr.h"
 #include "pounce/error.h"
-#include "signals.h"
+#include "terminal.h"
 
 // The sanitizers' own initialisers run later than this file.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)

@@ -14,11 +14,9 @@
 #include <filesystem>
 #include <new>
 
-#include "own_stderr.h"
 #include "pounce/error.h"
-#include "signals.h"
 #include "summary.h"
-#include "visible.h"
+#include "terminal.h"
 
 namespace pounce::cli {
 namespace {
@@ -111,18 +109,6 @@ void write_failed_report(const std::string& path, ProgressKind kind, Report& rep
       write_stderr(fmt::format("pounce: warning: {}\n", visible_line(error.what())));
     }
   }
-}
-
-void write_stdout(const std::string& text) {
-  const std::string shown = visible(text);
-  const bool arrived = std::fwrite(shown.data(), 1, shown.size(), stdout) == shown.size() &&
-                       std::fflush(stdout) == 0;
-  if (!arrived) cannot("cannot be written", "standard output");
-}
-
-void write_stderr(const std::string& text) {
-  const std::string shown = visible(text);
-  std::fwrite(shown.data(), 1, shown.size(), own_stderr());
 }
 
 int run_job(const JobSettings& settings, const std::function<void(Progress*, Report*)>& job) {

@@ -20,19 +20,13 @@ struct JobSettings {
 };
 
 /// Runs a job with progress on the standard error output and signals wired to its cancellation
-/// (signals.h); then writes the report
-/// and says what was done, also of a job that throws. Returns the exit status: 0, or 1 where a
-/// target found less than it was to. Throws what the job throws, but with JSON lines, where the
-/// last one says it, returns its status. One job at a time in a process.
+/// (terminal.h); then writes the report and says what was done, also of a job that throws. Returns
+/// the exit status: 0, or 1 where a target found less than it was to. Throws what the job throws,
+/// but with JSON lines, where the last one says it, returns its status. One job at a time in a
+/// process.
 int run_job(const JobSettings& settings, const std::function<void(Progress*, Report*)>& job);
 
 /// Writes the report of what failed. That it cannot be written is a warning: it does not hide why.
 void write_failed_report(const std::string& path, ProgressKind kind, Report& report);
-
-/// Writes text or JSON to the standard output, visible(), and makes sure that it arrived; throws
-/// Error(storage).
-void write_stdout(const std::string& text);
-/// Writes text to the standard error output, visible(). That it cannot be read there is no error.
-void write_stderr(const std::string& text);
 
 }  // namespace pounce::cli

@@ -16,19 +16,16 @@
 #include "bad_line.h"
 #include "commands.h"
 #include "job.h"
-#include "own_stderr.h"
 #include "pounce/error.h"
 #include "pounce/version.h"
-#include "shared_options.h"
-#include "signals.h"
-#include "visible.h"
+#include "terminal.h"
 
 namespace {
 
 using pounce::cli::Command;
 
 constexpr const char* kUsage =
-    "Usage: pounce COMMAND ...      (pounce COMMAND --help tells more)\n"
+    "Usage: pounce COMMAND ...      (pounce COMMAND --help lists its options)\n"
     "\n"
     "Examples:\n"
     "  pounce transfer scan.glb avatar.glb -o avatar.png\n"
@@ -97,13 +94,13 @@ std::string parse_problem(const CLI::App& program, int argc, char** argv,
     return "\"" + arguments[1] + "\": " + kActions +
            (arguments[1] == "purge"
                 ? "; did you mean clear?"
-                : pounce::cli::did_you_mean(arguments[1], pounce::cli::command_names(*cache)));
+                : pounce::did_you_mean(arguments[1], pounce::cli::command_names(*cache)));
   }
   const auto unknown = program.remaining();
   if (program.get_subcommands().empty() && !unknown.empty()) {
     return "\"" + unknown.front() + "\" is not a command; there are transfer, maps, gaussians, " +
            "inspect, compare, cache" +
-           pounce::cli::did_you_mean(unknown.front(), pounce::cli::command_names(program));
+           pounce::did_you_mean(unknown.front(), pounce::cli::command_names(program));
   }
   const CLI::App* command = &program;
   while (!command->get_subcommands().empty()) command = command->get_subcommands().front();
@@ -129,8 +126,9 @@ std::vector<std::string> with_usual_words(std::vector<std::string> arguments) {
 
 int run(int argc, char** argv) {
   CLI::App program(
-      "pounce moves the appearance of a textured mesh or a splat scene onto the UV textures of a "
-      "mesh.",
+      "pounce transfers the appearance of a textured mesh or a Gaussian splat scene onto the UVs "
+      "of "
+      "another mesh, within a memory limit you set.",
       "pounce");
   program.set_version_flag("--version", "pounce " POUNCE_VERSION);
   program.require_subcommand(1);
@@ -141,6 +139,10 @@ int run(int argc, char** argv) {
       pounce::cli::add_compare_command(program),   pounce::cli::add_cache_command(program)};
   bool is_parsed = false;
   try {
+    if (argc == 3 && std::string(argv[1]) == "--generate") {
+      pounce::cli::write_stdout(pounce::cli::generate(program, argv[2]));
+      return 0;
+    }
     std::vector<std::string> arguments = with_usual_words({argv + 1, argv + argc});
     std::reverse(arguments.begin(), arguments.end());  // as CLI11 takes them
     if (const CLI::App* named = named_command(program, argc, argv))

@@ -12,7 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pounce/error.h"
-#include "visible.h"
+#include "terminal.h"
 
 namespace pounce::cli {
 namespace {

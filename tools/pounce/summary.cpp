@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "pounce/error.h"
-#include "visible.h"
+#include "terminal.h"
 
 namespace pounce::cli {
 namespace {

@@ -6,105 +6,38 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "flow/plan/colour_spaces.h"
 #include "flow/plan/load_mesh.h"
 #include "flow/plan/output_names.h"
 #include "io/image/write.h"
 #include "io/model/model_writer.h"
-#include "mesh/uv_tiles.h"
+#include "options/table.h"
 #include "pounce/error.h"
-#include "texture/pad_seams.h"
 
 namespace pounce::flow {
 
 namespace {
 
-constexpr std::uint32_t kLargestTile = 1024;
-constexpr double kLeastOpacity = 0.0039;  // what people write for 1/255
-
+/// The paper's method has one map: colour.
 void check_method(const TransferOptions& o) {
-  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
-  if (o.mesh.method == Method::surface) {
-    const bool has_width = o.mesh.sigma_texels.value_or(kDefaultSigma) != kDefaultSigma;
-    if (has_width || o.mesh.densify) {
-      usage(fmt::format("{} is about texels as Gaussians: it needs --method gaussian",
-                        has_width ? "--sigma" : "--densify"));
-    }
-    return;
-  }
-  if (o.mesh.filter.value_or(kDefaultFilter) != kDefaultFilter)
-    usage("--filter is of --method surface: Gaussians have a width, which --sigma says");
-  if (o.mesh.sigma_texels && !(*o.mesh.sigma_texels >= 0.1 && *o.mesh.sigma_texels <= 4))
-    usage(fmt::format("--sigma {:g}: from 0.1 to 4 texels", *o.mesh.sigma_texels));
-  const bool only_colour =
-      std::all_of(o.channels.transferred.begin(), o.channels.transferred.end(),
-                  [](Channel channel) { return channel == Channel::base_color; });
-  if (!o.channels.baked.empty())
-    usage("--bake is of the surface itself: it needs --method surface");
+  options::refuse_unsuitable(o, o.mesh.method);
+  if (o.mesh.method == Method::surface) return;
+  const auto& channels = o.channels.transferred;
+  const bool only_colour = std::all_of(channels.begin(), channels.end(), [](Channel channel) {
+    return channel == Channel::base_color;
+  });
   if (o.channels.all || !only_colour) {
-    usage(
-        "--method gaussian transfers baseColor alone; ask for that, or use --method surface for "
-        "other channels");
+    throw Error(ErrorKind::usage,
+                "--method gaussian transfers baseColor only; ask for that, or use --method surface "
+                "for other channels");
   }
 }
-
-}  // namespace
-
-void check_splat_options(const TransferOptions& o) {
-  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
-  if (o.splats.filter.min_opacity &&
-      !(*o.splats.filter.min_opacity >= kLeastOpacity && *o.splats.filter.min_opacity <= 1)) {
-    usage(fmt::format("--min-opacity {:g}: from 1/255, below which nothing is seen, to 1",
-                      *o.splats.filter.min_opacity));
-  }
-  if (o.splats.filter.max_scale &&
-      !(*o.splats.filter.max_scale > 0 && std::isfinite(*o.splats.filter.max_scale)))
-    usage(fmt::format("--max-scale {:g}: must be above 0", *o.splats.filter.max_scale));
-  for (std::size_t k = 0; o.splats.filter.box && k < 3; ++k) {
-    const double low = o.splats.filter.box->lowest[k], high = o.splats.filter.box->highest[k];
-    if (!(low <= high && std::isfinite(low) && std::isfinite(high))) {
-      usage(fmt::format("--box: from {:g} to {:g} along {} is no range: the lower end comes first",
-                        low, high, "xyz"[k]));
-    }
-  }
-  if (o.splats.rays > kMostRays)
-    usage(fmt::format("--rays {}: at most {}", o.splats.rays, kMostRays));
-  if (!(o.splats.min_confidence >= 0 && o.splats.min_confidence <= 1))
-    usage(fmt::format("--min-confidence {:g}: from 0 to 1", o.splats.min_confidence));
-  if (o.splats.near_target &&
-      !(o.splats.near_target->value > 0 && std::isfinite(o.splats.near_target->value)))
-    usage(fmt::format("--near-target {:g}: must be above 0", o.splats.near_target->value));
-}
-
-namespace {
 
 /// How files are to hold their samples.
 void check_layout(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
-  std::vector<std::string> outputs{o.output};
-  for (const ChannelOutput& own : o.image.channel_outputs) outputs.push_back(own.path);
-  const auto is_any = [&outputs](const auto& holds) {
-    return std::any_of(outputs.begin(), outputs.end(), holds);
-  };
-  const bool tiled =
-      is_any([](const auto& path) { return io::format_look(path, Depth::u8).tiled; });
-  const Depth depth = o.image.depth.value_or(Depth::u8);  // of what no source has a say in
-  if (!o.image.exr_compression.empty()) {
-    if (const std::string why = io::why_no_exr_compression(o.image.exr_compression); !why.empty())
-      usage("--exr-compression: " + why);
-    if (!is_any([&](const auto& path) { return io::is_exr(path, depth); }))
-      usage(fmt::format("--exr-compression needs an .exr output: {} is none", o.output));
-  }
-  if (o.image.tile_size % 16 != 0 || o.image.tile_size > kLargestTile)
-    usage(
-        fmt::format("--tile-size {}: a multiple of 16, 16 to {}", o.image.tile_size, kLargestTile));
-  for (const auto& [name, given] :
-       {std::pair{"--tile-size", o.image.tile_size != 0}, std::pair{"--mipmap", o.image.mipmap}}) {
-    if (given && !tiled)
-      usage(fmt::format("{} needs an .exr, .tif or .tx output: {} has rows only", name, o.output));
-  }
+  options::refuse_formats(o);
   if (o.image.drop_alpha && o.splats.alpha)
     usage("--drop-alpha leaves out what --alpha asks for; give one of them");
   if (o.image.drop_alpha && !o.composite.onto.empty())
@@ -196,6 +129,13 @@ void check_baked(const TransferOptions& o) {
   }
 }
 
+std::vector<std::string> channel_names() {
+  std::vector<std::string> names;
+  for (int c = 0; c < static_cast<int>(Channel::other); ++c)
+    names.emplace_back(channel_name(static_cast<Channel>(c)));
+  return names;
+}
+
 /// Maps of the user's own: names, and where they come from and cannot go.
 void check_other_maps(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
@@ -209,10 +149,11 @@ void check_other_maps(const TransferOptions& o) {
         o.material.textures.begin(), o.material.textures.end(),
         [&](const SourceTexture& texture) { return texture.channel == other_channel(k); });
     if (!is_given) {
+      const std::string meant = did_you_mean(name, channel_names());
       usage(
-          fmt::format("{}: no material has such a channel (baseColor, metallicRoughness, "
-                      "occlusion, emissive); a map of your own needs --source-texture {}=FILE",
-                      name, name));
+          fmt::format("{}: no channel has this name{}{} a map of your own needs "
+                      "--source-texture {}=FILE",
+                      name, meant, meant.empty() ? ";" : "", name));
     }
     if (io::is_model_path(o.output)) {
       usage(
@@ -231,72 +172,67 @@ void check_other_maps(const TransferOptions& o) {
   if (!all_known) usage("a channel beyond ChannelOptions::other_maps");
 }
 
+/// What the one output can hold.
+void check_output(const TransferOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  if (o.targets.size() > 1 && !has_token(o.output, "TARGET")) {
+    usage(fmt::format("{} targets need <TARGET> in the output: {} is one name", o.targets.size(),
+                      o.output));
+  }
+  const bool is_model = io::is_model_path(o.output);
+  if (!is_model && !io::is_image_path(o.output)) {
+    usage(o.output +
+          ": models are written as .glb or .gltf, images as .png, .jpg, .jpeg, .tif, .tiff, .tx or "
+          ".exr; choose one of these endings");
+  }
+  if (is_model && o.image.depth && *o.image.depth != Depth::u8 && *o.image.depth != Depth::u16) {
+    usage(
+        fmt::format("--depth {}: the images of a model are PNG, which holds u8 and u16; ask for "
+                    "one of these, or write images",
+                    depth_name(*o.image.depth)));
+  }
+  if (is_model && !o.material.apply_factors) {
+    usage(
+        "--factors applies only to images: a model keeps the source's factors in its materials; "
+        "leave it out, or leave out vertex colours only: --factors factors");
+  }
+  const bool by_tile = has_token(o.output, "UDIM") || has_token(o.output, "UVTILE");
+  if (!o.image.tiles.empty() && !by_tile)
+    usage("--tiles needs <UDIM> or <UVTILE> in the output: " + o.output + " is one image");
+}
+
+/// Images that are painted over.
+void check_composite(const TransferOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  const auto& [onto, mask] = o.composite;
+  if (onto.empty() && !mask.empty())
+    usage("--mask needs --onto: it says where an image is painted over");
+  if (!onto.empty() && has_token(o.output, "CHANNEL") && !has_token(onto, "CHANNEL"))
+    usage("--onto needs <CHANNEL> when the output has it: " + onto + " is one channel's image");
+  if (o.skip_existing && !onto.empty() && onto == o.output)
+    usage("--skip-existing cannot tell an image that was painted over in place from an old one");
+}
+
 }  // namespace
 
 void check_options(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   if (o.source.empty() || o.targets.empty() || o.output.empty())
     usage("a source, a target and an output are needed");
-  if (o.targets.size() > 1 && !has_token(o.output, "TARGET")) {
-    usage(fmt::format("{} targets need <TARGET> in the output: {} is one name", o.targets.size(),
-                      o.output));
-  }
-  if (!io::is_model_path(o.output) && !io::is_image_path(o.output)) {
-    usage(o.output +
-          ": models are written as .glb or .gltf, images as .png, .jpg, .jpeg, .tif, .tiff, .tx or "
-          ".exr; choose one of these endings");
-  }
-  if (io::is_model_path(o.output) && o.image.depth && *o.image.depth != Depth::u8 &&
-      *o.image.depth != Depth::u16) {
-    usage(
-        fmt::format("--depth {}: the images of a model are PNG, which holds u8 and u16; ask for "
-                    "one of these, or write images",
-                    depth_name(*o.image.depth)));
-  }
-  if (io::is_model_path(o.output) && !o.material.apply_factors) {
-    usage(
-        "--factors is about images: a model has the factors of the source in its materials; leave "
-        "it out, or leave out the colours of vertices alone: --factors factors");
-  }
+  options::check_ranges(o);
+  if (o.channels.all && !o.channels.transferred.empty())
+    usage("--channels takes either a list or all");
+  check_output(o);
   check_channel_outputs(o);
-  const bool by_tile = has_token(o.output, "UDIM") || has_token(o.output, "UVTILE");
-  if (!o.image.tiles.empty() && !by_tile)
-    usage("--tiles needs <UDIM> or <UVTILE> in the output: " + o.output + " is one image");
-  for (const std::uint32_t udim : o.image.tiles) {
-    if (udim < mesh::kFirstUdim || udim > mesh::kLastUdim)
-      usage(fmt::format("--tiles {}: UDIMs go from 1001 to 9999", udim));
-  }
-  if (o.composite.onto.empty() && !o.composite.mask.empty())
-    usage("--mask needs --onto: it says where an image is painted over");
-  if (!o.composite.onto.empty() && has_token(o.output, "CHANNEL") &&
-      !has_token(o.composite.onto, "CHANNEL"))
-    usage("--onto needs <CHANNEL> when the output has it: " + o.composite.onto +
-          " is one channel's image");
-  if (o.skip_existing && !o.composite.onto.empty() && o.composite.onto == o.output)
-    usage("--skip-existing cannot tell an image that was painted over in place from an old one");
+  check_composite(o);
   axes_of(o.source_use, "source");
   axes_of(o.target_use, "target");
-  if (o.search.max_distance &&
-      (!(o.search.max_distance->value > 0) || !std::isfinite(o.search.max_distance->value)))
-    usage(fmt::format("--max-distance {:g}: must be above 0", o.search.max_distance->value));
-  if (!(o.search.max_angle_deg >= 0 && o.search.max_angle_deg < 90))
-    usage(fmt::format("--max-angle {:g}: at least 0 and below 90 degrees", o.search.max_angle_deg));
   check_other_maps(o);
   check_method(o);
-  check_splat_options(o);
   check_evidence(o);
   check_colour_spaces(o);
   check_baked(o);
   check_layout(o);
-  if (o.channels.all && !o.channels.transferred.empty())
-    usage("--channels takes either a list or all");
-  if (o.image.size && (o.image.size->width == 0 || o.image.size->height == 0))
-    usage("--size must be at least 1");
-  if (o.image.padding_px && *o.image.padding_px > texture::SeamPadder::kLargestRadius)
-    usage(fmt::format("--padding {}: at most {}", *o.image.padding_px,
-                      texture::SeamPadder::kLargestRadius));
-  if (!(o.min_coverage_percent >= 0 && o.min_coverage_percent <= 100))
-    usage(fmt::format("--min-coverage {:g}: from 0 to 100 percent", o.min_coverage_percent));
 }
 
 }  // namespace pounce::flow

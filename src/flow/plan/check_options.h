@@ -7,7 +7,5 @@ namespace pounce::flow {
 
 /// Throws Error(usage) for what no transfer can do, whatever its files hold.
 void check_options(const TransferOptions& options);
-/// Of these, what is about the Gaussians of a scene.
-void check_splat_options(const TransferOptions& options);
 
 }  // namespace pounce::flow

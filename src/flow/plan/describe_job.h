@@ -8,8 +8,8 @@
 
 namespace pounce::flow {
 
-/// Says in the report which command runs, on what, and with which options (those that differ from
-/// their defaults). First of all, so that the report of any failure says it.
+/// Records in the report which command runs, on what, and with which options. Called first of all,
+/// so that the report of any failure has it.
 void describe(const TransferOptions& options, bool plan_only, Report& report);
 void describe(const MapsOptions& options, Report& report);
 void describe(const GaussiansOptions& options, Report& report);

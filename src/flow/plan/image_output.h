@@ -40,7 +40,7 @@ struct ImageOutput {
   std::string coverage_path;  ///< "" = no coverage mask
   mesh::Lattice lattice;      ///< its size
   bool keep = false;          ///< it is there already and stays as it is
-  io::ImageLayout layout, coverage_layout;
+  ImageLayout layout, coverage_layout;
   /// --tile-size or --mipmap was given, and the layouts are the same without it.
   bool usual_tiles = false, usual_levels = false;
   std::string job;  ///< see JobHash; "" until it is known

@@ -1,39 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The hash that every output says of its job. What it must know is simple to forget one by one, so
-// nothing is listed that could be: files go in whole, as they are on disk, and options all but
-// those below, which are known to change no byte or are said otherwise.
+// The hash of its job that every output records. What it must know is simple to forget one by one,
+// so nothing is listed that could be: files go in whole, as they are on disk, and all options but
+// those whose rows say that they change no byte, or that what they come to is hashed.
 #include "flow/plan/job_hash.h"
 
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <filesystem>
 #include <string_view>
 #include <system_error>
 #include <utility>
 
-#include "flow/plan/describe_job.h"
 #include "io/files/asset_file.h"
+#include "options/table.h"
 #include "pounce/version.h"
 
 namespace pounce::flow {
 namespace {
-
-constexpr std::array kOtherOptions = std::to_array<std::string_view>(
-    {// Resources, and what is done with the result.
-     "memory", "threads", "cache", "no-cache", "cache-limit", "no-wait", "temp", "max-temp", "plan",
-     "skip-existing", "min-coverage", "allow-external", "allow-format",
-     // Which images there are; each knows its own channel and page.
-     "channels", "tiles", "coverage",
-     // Names of files, whose contents and kinds count.
-     "output", "output-for", "onto", "mask", "source-texture", "ocio",
-     // Of each image: whether it is colour.
-     "data", "color",
-     // What the output turned out to be counts, whether it was asked for or not.
-     "size", "depth", "padding"});
 
 /// What the ending of an output says, without its spelling.
 std::string kind_of(const std::string& path) {
@@ -75,30 +61,11 @@ void add_page(const TargetPage& page, bool by_tile, Hasher& hash) {
 
 }  // namespace
 
-JobHash::JobHash(job::JobContext& job, const TransferOptions& options) : JobHash(job) {
-  Report described;
-  describe(options, false, described);
-  take_options(described);
-}
+JobHash::JobHash(job::JobContext& job, const TransferOptions& options)
+    : job_(job), options_(options::hashed_texts(options)) {}
 
-JobHash::JobHash(job::JobContext& job, const MapsOptions& options) : JobHash(job) {
-  Report described;
-  describe(options, described);
-  take_options(described);
-}
-
-void JobHash::take_options(const Report& described) {
-  for (OptionReport option : described.options) {
-    if (std::find(kOtherOptions.begin(), kOtherOptions.end(), option.name) != kOtherOptions.end())
-      continue;
-    std::string& value = option.values.front();
-    const bool is_axes = option.name == "source-axes" || option.name == "target-axes";
-    if (is_axes) std::erase(value, '+');
-    const bool as_stored = is_axes && value == "x,y,z";
-    const bool first_set = option.name == "target-uv-set" && value == "0";
-    if (!as_stored && !first_set) options_.push_back(std::move(option));
-  }
-}
+JobHash::JobHash(job::JobContext& job, const MapsOptions& options)
+    : job_(job), options_(options::hashed_texts(options)) {}
 
 void JobHash::begin(const std::vector<std::string>& said_anyway, Hasher& hash) const {
   const auto counts = [&](const OptionReport& option) {

@@ -33,8 +33,6 @@ class JobHash {
                      const std::string& map, const std::string& path);
 
  private:
-  explicit JobHash(job::JobContext& job) : job_(job) {}
-  void take_options(const Report& described);
   /// `said_anyway`: options whose values hold without them.
   void begin(const std::vector<std::string>& said_anyway, Hasher& hash) const;
   void add_file(const std::string& path, Hasher& hash);

@@ -11,6 +11,7 @@
 #include "flow/plan/load_mesh.h"
 #include "flow/plan/plan.h"
 #include "io/splats/scene.h"
+#include "options/table.h"
 
 namespace pounce::flow {
 namespace {
@@ -124,74 +125,11 @@ void refuse_splat_options(const TransferOptions& options) {
                             channel == Channel::confidence ? "how sure" : "how far away",
                             channel == Channel::confidence ? "is of" : "is from", options.source));
   }
-  const bool leaves_out_faint =
-      options.splats.filter.min_opacity.value_or(kDefaultMinOpacity) > kDefaultMinOpacity;
-  const bool other_confidence = options.splats.min_confidence != SplatOptions{}.min_confidence;
-  const char* const given = options.splats.harmonics != SplatOptions{}.harmonics ? "--sh"
-                            : leaves_out_faint                                   ? "--min-opacity"
-                            : options.splats.filter.max_scale                    ? "--max-scale"
-                            : options.splats.filter.box                          ? "--box"
-                            : options.splats.rays > 0                            ? "--rays"
-                            : options.splats.alpha                               ? "--alpha"
-                            : options.splats.near_target || options.splats.everywhere
-                                ? "--near-target"
-                            : other_confidence ? "--min-confidence"
-                                               : nullptr;
-  if (given == nullptr) return;
-  throw Error(ErrorKind::usage,
-              fmt::format("{} is about the Gaussians of a splat scene; {} is a mesh", given,
-                          options.source));
+  options::refuse_unsuitable(options, false);
 }
 
 void refuse_mesh_options(const TransferOptions& options) {
-  if (!options.material.textures.empty()) {
-    throw Error(ErrorKind::usage,
-                fmt::format("--source-texture: {} is a splat scene; its Gaussians have their own "
-                            "colours and no UVs",
-                            options.source));
-  }
-  const MeshUse& use = options.source_use;
-  if (!use.meshes.empty() || !use.materials.empty() || use.uv_set) {
-    throw Error(ErrorKind::usage,
-                fmt::format("--source-mesh, --source-material, --source-uv-set: {} is a splat "
-                            "scene, which has no meshes, materials and UVs",
-                            options.source));
-  }
-  if (!options.colour.source_spaces.empty()) {
-    throw Error(ErrorKind::usage,
-                fmt::format("--source-colorspace: {} is a splat scene, whose file says what its "
-                            "colours are",
-                            options.source));
-  }
-  const char* const of_meshes = !options.channels.baked.empty()            ? "--bake"
-                                : options.material.normal_y != NormalY::up ? "--normal-y"
-                                : options.image.normal_y != NormalY::up    ? "--output-normal-y"
-                                                                           : nullptr;
-  if (of_meshes != nullptr) {
-    throw Error(ErrorKind::usage,
-                fmt::format("{}: {} is a splat scene, which has neither a mesh's shape nor normal "
-                            "maps",
-                            of_meshes, options.source));
-  }
-  if (!options.material.apply_factors || !options.material.apply_vertex_colours) {
-    throw Error(
-        ErrorKind::usage,
-        fmt::format("--factors: {} is a splat scene, which has no materials", options.source));
-  }
-  const bool has_width = options.mesh.sigma_texels.value_or(kDefaultSigma) != kDefaultSigma;
-  if (has_width || options.mesh.densify) {
-    throw Error(
-        ErrorKind::usage,
-        fmt::format("{}: {} is a splat scene, whose Gaussians have their own sizes; this is "
-                    "for the texels of a mesh",
-                    has_width ? "--sigma" : "--densify", options.source));
-  }
-  if (options.mesh.filter.value_or(kDefaultFilter) != kDefaultFilter) {
-    throw Error(ErrorKind::usage,
-                fmt::format("--filter: {} is a splat scene, which has no image to look up; this is "
-                            "for meshes",
-                            options.source));
-  }
+  options::refuse_unsuitable(options, true);
   const std::vector<Channel> channels = channels_of(options);
   if (options.splats.alpha &&
       std::find(channels.begin(), channels.end(), Channel::base_color) == channels.end()) {

@@ -34,13 +34,15 @@ bool by_tile(const std::string& pattern) {
 constexpr double kFitPercent = 6, kFitOverReach = 2;
 
 /// How files of this ending and depth are laid out.
-io::ImageLayout layout_of(const TransferOptions& options, const std::string& path, Depth depth) {
+ImageLayout layout_of(const TransferOptions& options, const std::string& path, Depth depth) {
   constexpr std::uint32_t kLevelTiles = 64;  // as maketx
-  if (!io::format_look(path, depth).tiled) return {};
-  const bool mipmap = options.image.mipmap || io::is_tx_path(path);
-  const std::uint32_t tiles =
-      options.image.tile_size == 0 && mipmap ? kLevelTiles : options.image.tile_size;
-  return {io::is_exr(path, depth) ? options.image.exr_compression : "", tiles, mipmap};
+  ImageLayout layout = options.image.layout;
+  const bool is_tiled = io::format_look(path, depth).tiled;
+  if (!io::is_exr(path, depth)) layout.exr_compression.clear();
+  layout.mipmap = is_tiled && (layout.mipmap || io::is_tx_path(path));
+  if (!is_tiled) layout.tile_size = 0;
+  if (layout.tile_size == 0 && layout.mipmap) layout.tile_size = kLevelTiles;
+  return layout;
 }
 
 class TargetPlanner {
@@ -140,8 +142,9 @@ class TargetPlanner {
       image.layout = layout_of(options_, image.path, depth);
       image.coverage_layout = layout_of(options_, image.coverage_path, Depth::u8);
       image.usual_tiles =
-          options_.image.tile_size != 0 && is_laid_out_by(without_tiles(), depth, image);
-      image.usual_levels = options_.image.mipmap && is_laid_out_by(without_levels(), depth, image);
+          options_.image.layout.tile_size != 0 && is_laid_out_by(without_tiles(), depth, image);
+      image.usual_levels =
+          options_.image.layout.mipmap && is_laid_out_by(without_levels(), depth, image);
       image.channel_names = channel.names;
       image.chromaticities = channel.chromaticities;
       image.tagged = channel.colour_space.empty();
@@ -159,12 +162,12 @@ class TargetPlanner {
 
   TransferOptions without_tiles() const {
     TransferOptions options = options_;
-    options.image.tile_size = 0;
+    options.image.layout.tile_size = 0;
     return options;
   }
   TransferOptions without_levels() const {
     TransferOptions options = options_;
-    options.image.mipmap = false;
+    options.image.layout.mipmap = false;
     return options;
   }
   static bool is_laid_out_by(const TransferOptions& options, Depth depth,

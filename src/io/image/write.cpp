@@ -177,7 +177,7 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
   out.attribute("Software", software_name());
   if (!spec.job.empty()) out.attribute("ImageDescription", job_description(spec.job));
   if (name == "png") {
-    out.attribute("png:compressionLevel", kDeflateLevel);
+    out.attribute("png:compressionLevel", static_cast<int>(spec.layout.png_compression));
     out.attribute("png:filter", kPngFilter);
   } else if (name == "jpeg") {
     out.attribute("Compression", "jpeg:95");

@@ -15,16 +15,6 @@
 
 namespace pounce::io {
 
-/// How a file holds its samples. PNG and JPEG have no choice.
-struct ImageLayout {
-  std::string exr_compression = {};  ///< see why_no_exr_compression(); "" = zip
-  std::uint32_t tile_size = 0;       ///< EXR, TIFF: texels each way, a multiple of 16; 0 = rows
-  /// EXR, TIFF in tiles: all smaller levels follow (ImageWriter::next_level), with the attributes
-  /// of a texture by maketx. Colours are stored times alpha, in TIFF too.
-  bool mipmap = false;
-  bool operator==(const ImageLayout&) const = default;
-};
-
 /// What to write. Samples handed over are in `depth`, row-major, tightly packed, native endian. EXR
 /// stores colours premultiplied, so they are multiplied by alpha when written (where alpha is 0 the
 /// colour is lost).
@@ -40,6 +30,8 @@ struct ImageWriteSpec {
   /// Primaries that the file is to name: EXR in an attribute, the others by an ICC profile.
   std::optional<Chromaticities> chromaticities = {};
   bool tagged = true;  ///< false: what the samples are, sRGB or else, is not said
+  /// With levels (EXR, TIFF in tiles) all smaller ones follow (ImageWriter::next_level), with the
+  /// attributes of a texture by maketx, and colours are stored times alpha, in TIFF too.
   ImageLayout layout = {};
   /// Hash of the job that makes it: recorded, as the software's name always is.
   std::string job = {};

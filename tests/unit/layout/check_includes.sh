@@ -11,8 +11,8 @@ declare -A may_include=(
   [core]="" [runtime]="core" [mesh]="core" [store]="core mesh" [io]="core mesh store"
   [source]="core mesh store" [target]="core mesh store" [texture]="core mesh store"
   [grid]="core mesh store source" [projection]="core mesh store source target grid"
-  [commands]="core mesh store io" [job]="core runtime store io"
-  [flow]="job core runtime mesh store io source target texture grid projection"
+  [commands]="core mesh store io" [job]="core runtime store io" [options]="core mesh io"
+  [flow]="job core runtime mesh store io options source target texture grid projection"
 )
 # The same within rooms that have folders: what each may include besides itself and what lies above it.
 declare -A may_include_within=(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "visible.h"
+#include "terminal.h"
 
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>

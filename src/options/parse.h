@@ -7,25 +7,28 @@
 
 #include "pounce/options.h"
 
-namespace pounce::cli {
+namespace pounce::options {
 
-// From the text of one option's value to what the library takes. `option` is the option's name for
-// messages ("--size"). Every function throws Error(usage) that says what was given and what is
-// expected.
+// From the text of one option's value to the value. `option` is the option's name for messages
+// ("--size"). Every function throws Error(usage) that says what was given and what is expected;
+// those that pounce/option_table.h declares are defined here, too.
 
+/// Error(usage): "--size: got "x", expected ...".
+[[noreturn]] void refuse_value(const std::string& option, const std::string& given,
+                               const std::string& expected);
+
+/// Letters of ASCII in lower case.
+std::string lower(std::string text);
+/// The parts of "a,b,c": at least one, which may be empty.
+std::vector<std::string> split_at_commas(const std::string& text);
+
+/// "true" or "false".
+bool parse_switch(const std::string& option, const std::string& text);
 /// A whole number of `lowest`..`highest` in decimal digits.
 std::uint64_t parse_integer(const std::string& option, const std::string& text,
                             std::uint64_t lowest, std::uint64_t highest);
-/// A finite decimal number of `lowest`..`highest`.
-double parse_number(const std::string& option, const std::string& text, double lowest,
-                    double highest);
-/// An amount of memory: a number >= 1 byte with an optional unit. K, M, G, T and KiB, MiB, GiB, TiB
-/// count in 1024s; kB, MB, GB, TB in 1000s; upper and lower case are the same.
-std::uint64_t parse_bytes(const std::string& option, const std::string& text);
-/// The same, or "none": 0.
+/// parse_bytes(), or "none": 0.
 std::uint64_t parse_limit(const std::string& option, const std::string& text);
-/// A time in seconds: a number with s, min, h, d or w.
-double parse_duration(const std::string& option, const std::string& text);
 /// "N" (square) or "WxH", each side 1..65536 texels.
 ImageSize parse_image_size(const std::string& option, const std::string& text);
 /// "D" in the target's units, or "P%" of its diagonal, 0 < P <= 100.
@@ -36,16 +39,8 @@ struct Factors {
 };
 /// "apply" (both), "ignore" or "textures" (none), "factors" or "vertices".
 Factors parse_factors(const std::string& option, const std::string& text);
-/// "surface" or "gaussian".
-Method parse_method(const std::string& option, const std::string& text);
-/// "tent", "cubic" or "sharp".
-Filter parse_filter(const std::string& option, const std::string& text);
-/// "dc", "normal" or "mean".
-SphericalHarmonics parse_harmonics(const std::string& option, const std::string& text);
 /// "x0,y0,z0,x1,y1,z1": six numbers, the lower end of each side first.
 AxisBox parse_box(const std::string& option, const std::string& text);
-NormalY parse_normal_y(const std::string& option, const std::string& text);
-Depth parse_depth(const std::string& option, const std::string& text);
 /// Channel names between commas, each at most once. What is no channel becomes one of `maps`.
 std::vector<Channel> parse_channels(const std::string& option, const std::string& text,
                                     std::vector<OtherMap>& maps);
@@ -60,24 +55,16 @@ void parse_map_kind(const std::string& option, const std::string& name, bool is_
 /// "[NAME=]SPACE"; NAME likewise. The library knows which spaces there are.
 SourceColourSpace parse_source_space(const std::string& option, const std::string& text,
                                      std::vector<OtherMap>& maps);
-/// An image path that may hold <CHANNEL>, <MATERIAL>, <TARGET>, <UDIM> and <UVTILE>; nothing else
-/// between < and >, and no ending of a model.
-std::string parse_image_pattern(const std::string& option, const std::string& text);
-/// The same, or a model (.glb, .gltf), whose name may hold <TARGET>.
-std::string parse_output(const std::string& option, const std::string& text);
-/// "CHANNEL=PATTERN": a channel's name as above, and an image pattern.
+/// "CHANNEL=PATTERN": a channel's name as above, and an image pattern (output_pattern.h).
 ChannelOutput parse_channel_output(const std::string& option, const std::string& text,
                                    std::vector<OtherMap>& maps);
 /// "1001-1004,1011": UDIMs and ranges of them; sorted, each once.
 std::vector<std::uint32_t> parse_udims(const std::string& option, const std::string& text);
+/// Names of image formats between commas.
+std::vector<ImageFormat> parse_formats(const std::string& option, const std::string& text);
 /// A pattern for names: not empty, and not what looks like the next option.
-std::string parse_pattern(const std::string& option, const std::string& text);
+std::string parse_name_pattern(const std::string& option, const std::string& text);
 /// "x,-y,-z": x, y and z once each, with or without a sign.
-std::string parse_axes_text(const std::string& option, const std::string& text);
-/// A path: not empty, and not what looks like the next option.
-std::string parse_path(const std::string& option, const std::string& text);
-/// A path for a report: one that ends as meshes, splats or images do is refused, since writing
-/// there would replace an input or a result.
-std::string parse_report_path(const std::string& option, const std::string& text);
+std::string parse_axes(const std::string& option, const std::string& text);
 
-}  // namespace pounce::cli
+}  // namespace pounce::options

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "arguments.h"
+#include "options/parse.h"
 
 #include <catch2/catch.hpp>
 
+#include "options/output_pattern.h"
 #include "pounce/error.h"
-#include "summary.h"
+#include "pounce/option_table.h"
 
 using namespace pounce;
-using namespace pounce::cli;
+using namespace pounce::options;
 
-TEST_CASE("amounts of memory count in the unit that is given", "[cli]") {
+TEST_CASE("amounts of memory count in the unit that is given", "[options]") {
   const std::pair<const char*, std::uint64_t> cases[] = {{"1", 1},
                                                          {"4096", 4096},
                                                          {"64b", 64},
@@ -30,13 +31,13 @@ TEST_CASE("amounts of memory count in the unit that is given", "[cli]") {
   }
 }
 
-TEST_CASE("a size is one number or two", "[cli]") {
+TEST_CASE("a size is one number or two", "[options]") {
   CHECK(parse_image_size("--size", "1024") == ImageSize{1024, 1024});
   CHECK(parse_image_size("--size", "2048x1") == ImageSize{2048, 1});
   CHECK(parse_image_size("--size", "1X65536") == ImageSize{1, 65536});
 }
 
-TEST_CASE("a length is absolute or a share of the diagonal", "[cli]") {
+TEST_CASE("a length is absolute or a share of the diagonal", "[options]") {
   CHECK(parse_length("--max-distance", "0.25").value == 0.25);
   CHECK_FALSE(parse_length("--max-distance", "0.25").is_percent);
   CHECK(parse_length("--max-distance", "8%").value == 8);
@@ -44,21 +45,21 @@ TEST_CASE("a length is absolute or a share of the diagonal", "[cli]") {
   CHECK(parse_length("--max-distance", "150").value == 150);
 }
 
-TEST_CASE("a source texture's path may hold an equals sign", "[cli]") {
+TEST_CASE("a source texture's path may hold an equals sign", "[options]") {
   std::vector<OtherMap> maps;
   const SourceTexture texture = parse_source_texture("--source-texture", "occlusion=a=b.png", maps);
   CHECK(texture.channel == Channel::occlusion);
   CHECK(texture.path == "a=b.png");
 }
 
-TEST_CASE("channels keep the order they are given in", "[cli]") {
+TEST_CASE("channels keep the order they are given in", "[options]") {
   std::vector<OtherMap> maps;
   CHECK(parse_channels("--channels", "emissive,baseColor", maps) ==
         std::vector<Channel>{Channel::emissive, Channel::base_color});
   CHECK(maps.empty());
 }
 
-TEST_CASE("maps of the user's own are numbered by name", "[cli]") {
+TEST_CASE("maps of the user's own are numbered by name", "[options]") {
   std::vector<OtherMap> maps;
   CHECK(parse_channels("--channels", "mask,occlusion,disp_2", maps) ==
         std::vector<Channel>{other_channel(0), Channel::occlusion, other_channel(1)});
@@ -72,7 +73,7 @@ TEST_CASE("maps of the user's own are numbered by name", "[cli]") {
   CHECK_FALSE(is_map_name(std::string(65, 'x')));
 }
 
-TEST_CASE("a refused value is quoted with its option and what is expected", "[cli]") {
+TEST_CASE("a refused value is quoted with its option and what is expected", "[options]") {
   try {
     parse_integer("--threads", "-1", 1, 1024);
     FAIL("accepted");
@@ -102,23 +103,23 @@ void check_refused(Parse parse, std::initializer_list<const char*> texts) {
 
 }  // namespace
 
-TEST_CASE("what is no amount of memory is refused", "[cli]") {
+TEST_CASE("what is no amount of memory is refused", "[options]") {
   check_refused(parse_bytes, {"", "0", "-1", "0.5", "12XB", "MiB", "1MiBs", "1MM", "1 ", "1  MiB",
                               "+1", "0x10", "inf", "nan", "99999999999TiB", "1e400"});
 }
 
-TEST_CASE("what is no size is refused", "[cli]") {
+TEST_CASE("what is no size is refused", "[options]") {
   check_refused(parse_image_size,
                 {"", "0", "-1", "65537", "1x65537", "0x4", "4x", "x4", "x", "4x4x4", "1.5", "1e3",
                  " 4", "4 ", "nan", "99999999999999999999"});
 }
 
-TEST_CASE("what is no length is refused", "[cli]") {
+TEST_CASE("what is no length is refused", "[options]") {
   check_refused(parse_length, {"", "%", "0", "-1", "0%", "-5%", "101%", "5%%", "5 %", "5px", "inf",
                                "nan", "1e31"});
 }
 
-TEST_CASE("numbers are in range, finite and nothing but a number", "[cli]") {
+TEST_CASE("numbers are in range, finite and nothing but a number", "[options]") {
   const auto angle = [](const std::string& option, const std::string& text) {
     return parse_number(option, text, 0, 89.9);
   };
@@ -133,7 +134,7 @@ TEST_CASE("numbers are in range, finite and nothing but a number", "[cli]") {
   CHECK(threads("--option", "1024") == 1024);
 }
 
-TEST_CASE("names that this version does not write are refused", "[cli]") {
+TEST_CASE("names that this version does not write are refused", "[options]") {
   check_refused(parse_image_pattern, {"", "--plan", "-x.png", "o.glb", "o.GLTF", "o.<channel>.png",
                                       "<FRAME>.png", "<CHANNEL>.<UDIMS>.png", "<>.png"});
   for (const char* text : {"o.png", "-", "a<b.png", "<CHANNEL>/<MATERIAL>.<TARGET>.exr",
@@ -142,7 +143,7 @@ TEST_CASE("names that this version does not write are refused", "[cli]") {
   }
 }
 
-TEST_CASE("a model is an output, with <TARGET> as its only token", "[cli]") {
+TEST_CASE("a model is an output, with <TARGET> as its only token", "[options]") {
   check_refused(parse_output, {"", "o.<CHANNEL>.glb", "<UDIM>.gltf", "<MATERIAL>.GLB",
                                "o.<TARGETS>.glb", "<FRAME>.png"});
   for (const char* text : {"o.glb", "o.GLTF", "<TARGET>.glb", "<CHANNEL>.png", "glb/o.png"}) {
@@ -150,7 +151,7 @@ TEST_CASE("a model is an output, with <TARGET> as its only token", "[cli]") {
   }
 }
 
-TEST_CASE("UDIMs are numbers and ranges", "[cli]") {
+TEST_CASE("UDIMs are numbers and ranges", "[options]") {
   using Udims = std::vector<std::uint32_t>;
   check_refused(parse_udims, {"", ",", "1001,", "1000", "999", "10000", "1001-", "-1001",
                               "1004-1001", "1001 1002", "1001-1002-1003", "u1_v1"});
@@ -158,8 +159,12 @@ TEST_CASE("UDIMs are numbers and ranges", "[cli]") {
   CHECK(parse_udims("--tiles", "9999") == Udims{9999});
 }
 
-TEST_CASE("channels, depths and source textures are spelt as in glTF", "[cli]") {
-  check_refused(parse_depth, {"", "U8", "u32", "8"});
+TEST_CASE("channels, depths and source textures are spelt as in glTF", "[options]") {
+  const auto set_depth = [](const std::string&, const std::string& text) {
+    TransferOptions options;
+    set_option(options, "depth", text);
+  };
+  for (const char* text : {"", "U8", "u32", "8"}) CHECK_THROWS_AS(set_depth("", text), Error);
   std::vector<OtherMap> maps;
   const auto parse = [&maps](const std::string& option, const std::string& text) {
     return parse_source_texture(option, text, maps);
@@ -171,14 +176,4 @@ TEST_CASE("channels, depths and source textures are spelt as in glTF", "[cli]") 
     CAPTURE(text);
     CHECK_THROWS_AS(parse_channels("--channels", text, maps), Error);
   }
-}
-
-TEST_CASE("counts and bytes are written for people", "[cli]") {
-  CHECK(with_commas(0) == "0");
-  CHECK(with_commas(999) == "999");
-  CHECK(with_commas(1000) == "1,000");
-  CHECK(with_commas(12345678) == "12,345,678");
-  CHECK(bytes_text(1023) == "1023 B");
-  CHECK(bytes_text(1536) == "1.5 KiB");
-  CHECK(bytes_text(536870912) == "512.0 MiB");
 }

@@ -1,23 +1,203 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The commands that look at files: inspect, compare, cache.
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
+#include <vector>
 
-#include "arguments.h"
 #include "commands.h"
 #include "pounce/cache.h"
-#include "shared_options.h"
+#include "pounce/compare.h"
+#include "pounce/error.h"
+#include "pounce/inspect.h"
 #include "summary.h"
+#include "terminal.h"
 
 namespace pounce::cli {
 namespace {
 
+constexpr const char* kGroup = "Options";
+
+void add_format_option(CLI::App& command, TransferOptions& reading) {
+  add_transfer_row(command, "allow-format", kGroup, [&reading](const std::string& text) {
+    set_option(reading, "allow-format", text);
+  });
+}
+
+}  // namespace
+
+namespace {
+
+constexpr const char* kInspectUsage =
+    "Usage: pounce inspect FILE... [--json]\n"
+    "\n"
+    "Examples:\n"
+    "  # Triangles, names, UV sets with their ranges and UDIM tiles, materials and all their\n"
+    "  # textures, those that are not transferred among them.\n"
+    "  pounce inspect avatar.glb\n"
+    "\n"
+    "  # Gaussians of a splat scene, those a transfer would leave out and why, and whether the\n"
+    "  # scene (box 98 %: nearly all of it, floaters aside) lies where a mesh does.\n"
+    "  pounce inspect room.ply chair.glb\n"
+    "\n"
+    "  # Size, sample type, colour space, tiles and levels (mipmaps) of an image, for a program.\n"
+    "  pounce inspect skin.png --json\n"
+    "\n"
+    "  # Are these packs of the tile cache sound?\n"
+    "  pounce inspect ~/.cache/pounce/v3/geometry/*.pack";
+
+struct InspectSettings {
+  std::vector<std::string> paths;
+  bool json = false;
+  TransferOptions reading;  ///< what files may be read
+};
+
+/// One file's description. What is wrong with one of several is said, and the others are looked at
+/// all the same; the first such problem is the exit status.
+std::string inspect_one(const InspectSettings& settings, const std::string& path, int& status) {
+  try {
+    const auto say = settings.json ? inspect_json : inspect_text;
+    return say(path, settings.reading.allow_external, settings.reading.allowed_formats);
+  } catch (const Error& error) {
+    if (settings.paths.size() == 1) throw;
+    write_stderr("pounce: error: " + visible_line(error.what()) + "\n");
+    if (status == 0) status = exit_status(error.kind());
+    if (!settings.json) return "";
+    const nlohmann::ordered_json said{{"file", path}, {"error", error.what()}};
+    return said.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  }
+}
+
+int inspect_all(const InspectSettings& settings) {
+  const bool is_list = settings.json && settings.paths.size() > 1;
+  int status = 0;
+  std::string before = is_list ? "[\n" : "";
+  for (const std::string& path : settings.paths) {
+    std::string text = inspect_one(settings, path, status);
+    if (text.empty()) continue;
+    if (is_list) text.pop_back();  // the line's end: a comma may follow
+    write_stdout(before + text);
+    before = is_list ? ",\n" : "\n";
+  }
+  if (is_list) write_stdout("\n]\n");
+  return status;
+}
+
+}  // namespace
+
+Command add_inspect_command(CLI::App& program) {
+  const auto settings = std::make_shared<InspectSettings>();
+  CLI::App* command = program.add_subcommand(
+      "inspect", "Say what a mesh, a splat scene, an image or a tile store holds");
+  set_help_text(*command, kInspectUsage);
+  command
+      ->add_option("FILE", settings->paths,
+                   "Mesh (.glb .gltf .obj), splat scene (.ply .spz .sog .glb .splat .ksplat), "
+                   "image\nor pack file")
+      ->option_text("...")
+      ->required();
+  add_switch(*command, "--json", kGroup,
+             "As JSON instead of text: an object; of several files a list of them", settings->json);
+  add_transfer_row(*command, "allow-external", kGroup, [settings](const std::string& text) {
+    set_option(settings->reading, "allow-external", text);
+  });
+  add_format_option(*command, settings->reading);
+  const auto run = [settings] { return inspect_all(*settings); };
+  return {command, run};
+}
+
+namespace {
+
+constexpr const char* kCompareUsage =
+    "Usage: pounce compare A B [--mask M] [--min-psnr DB] [--json]\n"
+    "\n"
+    "Examples:\n"
+    "  # How alike are a result and its truth, where the truth's alpha is set?\n"
+    "  pounce compare result.png truth.png\n"
+    "\n"
+    "  # In a script: exit status 1 unless at least 40 dB inside the mask.\n"
+    "  pounce compare result.png truth.png --mask mask.png --min-psnr 40";
+
+constexpr double kHighestThresholdDb = 1000;
+constexpr int kBelowThreshold = 1;  // the exit status
+
+struct CompareSettings {
+  std::string a, b, mask;
+  std::optional<double> min_psnr_db;
+  bool json = false;
+  TransferOptions reading;  ///< what files may be read
+};
+
+std::string comparison_text(const Comparison& result) {
+  const std::string psnr = std::isinf(result.psnr_db) ? std::string("infinite (equal)")
+                                                      : fmt::format("{:.2f} dB", result.psnr_db);
+  return fmt::format(
+      "similarity     {:.6f}\npsnr           {}\nlargest error  {:.6f} at ({}, {})\n"
+      "compared       {} texels x {} channels\n",
+      result.similarity, psnr, result.largest_error, result.largest_x, result.largest_y,
+      with_commas(result.texels), result.channels);
+}
+
+std::string comparison_json(const Comparison& result, bool passed) {
+  nlohmann::ordered_json json;
+  json["similarity"] = result.similarity;
+  // JSON has no infinity: equal images get null here, and "equal" says why.
+  json["psnr_db"] = result.psnr_db;
+  json["equal"] = std::isinf(result.psnr_db);
+  json["largest_error"] = result.largest_error;
+  json["largest_x"] = result.largest_x;
+  json["largest_y"] = result.largest_y;
+  json["texels"] = result.texels;
+  json["channels"] = result.channels;
+  json["passed"] = passed;
+  return json.dump(2) + "\n";
+}
+
+int run_comparison(const CompareSettings& settings) {
+  const Comparison result =
+      compare(settings.a, settings.b, settings.mask, settings.reading.allowed_formats);
+  const bool passed = !settings.min_psnr_db || result.psnr_db >= *settings.min_psnr_db;
+  write_stdout(settings.json ? comparison_json(result, passed) : comparison_text(result));
+  if (!passed) {
+    write_stderr(fmt::format("pounce: {} and {}: {:.2f} dB, below the {:g} dB asked for\n",
+                             visible_line(settings.a), visible_line(settings.b), result.psnr_db,
+                             *settings.min_psnr_db));
+  }
+  return passed ? 0 : kBelowThreshold;
+}
+
+}  // namespace
+
+Command add_compare_command(CLI::App& program) {
+  const auto settings = std::make_shared<CompareSettings>();
+  CLI::App* command = program.add_subcommand("compare", "Measure how alike two images are");
+  set_help_text(*command, kCompareUsage);
+  command->add_option("A", settings->a, "Image")->option_text(" ")->required();
+  command->add_option("B", settings->b, "Image of the same size")->option_text(" ")->required();
+  add_value(*command, "--mask", "M", kGroup,
+            "Compare where this image's first channel is not 0.\n"
+            "Default: B's alpha if it has one, else everywhere",
+            [settings](const std::string& text) { settings->mask = parse_path("--mask", text); });
+  add_value(*command, "--min-psnr", "DB", kGroup, "Exit with status 1 below this, 0 to 1000 dB",
+            [settings](const std::string& text) {
+              settings->min_psnr_db = parse_number("--min-psnr", text, 0, kHighestThresholdDb);
+            });
+  add_switch(*command, "--json", kGroup, "As JSON instead of text", settings->json);
+  add_format_option(*command, settings->reading);
+  return {command, [settings] { return run_comparison(*settings); }};
+}
+
+namespace {
+
 using Json = nlohmann::ordered_json;
 
-constexpr const char* kUsage =
+constexpr const char* kCacheUsage =
     "Usage: pounce cache info|list|verify|prune|clear [options]\n"
     "\n"
     "A mesh or an image that was prepared once waits here for the next run. Everything in it can\n"
@@ -36,9 +216,7 @@ constexpr const char* kUsage =
     "  # Keep what was used within 30 days, and no more than 10 GiB of that.\n"
     "  pounce cache prune --older-than 30d --to 10GiB";
 
-constexpr const char* kGroup = "Options";
-
-struct Settings {
+struct CacheSettings {
   std::string folder;
   bool json = false;
   bool remove = false;
@@ -59,7 +237,7 @@ std::string count_text(std::uint64_t count, const char* what) {
   return fmt::format("{} {}{}", with_commas(count), what, count == 1 ? "" : "s");
 }
 
-int show_info(const Settings& settings) {
+int show_info(const CacheSettings& settings) {
   const CacheInfo info = cache_info(settings.folder);
   if (settings.json) {
     Json kinds = Json::object();
@@ -99,7 +277,7 @@ Json object_json(const CacheObject& object) {
           {"made_from", object.label}, {"path", object.path}};
 }
 
-int show_list(const Settings& settings) {
+int show_list(const CacheSettings& settings) {
   const std::vector<CacheObject> objects = cache_list(settings.folder);
   if (settings.json) {
     Json list = Json::array();
@@ -116,7 +294,7 @@ int show_list(const Settings& settings) {
   return 0;
 }
 
-int show_verdict(const Settings& settings) {
+int show_verdict(const CacheSettings& settings) {
   const CacheVerdict verdict = cache_verify(settings.folder, settings.remove);
   if (settings.json) {
     Json damaged = Json::array();
@@ -155,17 +333,16 @@ int show_pruned(const CachePruned& pruned) {
 }
 
 /// One of the five; --cache goes with each.
-CLI::App* add_action(CLI::App& command, Settings& settings, const char* name, const char* help) {
+CLI::App* add_action(CLI::App& command, CacheSettings& settings, const char* name,
+                     const char* help) {
   CLI::App* action = command.add_subcommand(name, help);
-  add_value(
-      *action, "--cache", "DIR", kGroup,
-      "Folder of the cache. Default: $XDG_CACHE_HOME/pounce, else\n"
-      "~/.cache/pounce",
-      [&settings](const std::string& text) { settings.folder = parse_path("--cache", text); });
+  add_transfer_row(*action, "cache", kGroup, [&settings](const std::string& text) {
+    settings.folder = parse_path("--cache", text);
+  });
   return action;
 }
 
-void add_json(CLI::App& action, Settings& settings) {
+void add_json(CLI::App& action, CacheSettings& settings) {
   add_switch(action, "--json", kGroup,
              "As JSON instead of text; sizes in bytes, times in seconds since 1970", settings.json);
 }
@@ -173,11 +350,11 @@ void add_json(CLI::App& action, Settings& settings) {
 }  // namespace
 
 Command add_cache_command(CLI::App& program) {
-  const auto settings = std::make_shared<Settings>();
+  const auto settings = std::make_shared<CacheSettings>();
   CLI::App* command =
       program.add_subcommand("cache", "Look at the tile cache, check it, make room");
   command->require_subcommand(1);
-  set_help_text(*command, kUsage);
+  set_help_text(*command, kCacheUsage);
   CLI::App* info = add_action(*command, *settings, "info", "Folder, size, limit, packs per kind");
   set_help_text(*info, "Usage: pounce cache info [--json] [--cache DIR]");
   add_json(*info, *settings);

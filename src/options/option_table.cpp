@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What is printed from the tables of options: their description, texts of values, refusals.
+#include "pounce/option_table.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "io/image/write.h"
+#include "options/row.h"
+#include "options/table.h"
+
+namespace pounce {
+namespace options {
+namespace {
+
+/// As messages name it: as it is typed.
+std::string typed_name(const OptionInfo& info) {
+  if (info.is_operand) return info.value;
+  return info.letter != 0 ? std::string{'-', info.letter} : "--" + info.name;
+}
+
+template <class Options>
+std::vector<OptionInfo> infos() {
+  std::vector<OptionInfo> infos;
+  for (const Row<Options>& row : rows_of<Options>()) infos.push_back(row.info);
+  return infos;
+}
+
+template <class Options>
+void set(Options& options, const std::string& name, const std::string& text) {
+  std::vector<std::string> known;
+  for (const Row<Options>& row : rows_of<Options>()) {
+    if (row.info.name == name) return row.set(options, typed_name(row.info), text);
+    known.push_back(row.info.name);
+  }
+  throw Error(ErrorKind::usage,
+              fmt::format("{}: no option has this name{}", name, did_you_mean(name, known)));
+}
+
+template <class Options>
+std::vector<OptionReport> texts_where(const Options& options, bool (*counts)(const Row<Options>&)) {
+  std::vector<OptionReport> texts;
+  for (const Row<Options>& row : rows_of<Options>()) {
+    if (!counts(row)) continue;
+    const bool is_list =
+        row.info.values == OptionValues::list || row.info.values == OptionValues::several;
+    Texts values = row.get(options);
+    if (!values.empty()) texts.push_back({row.info.name, std::move(values), is_list});
+  }
+  return texts;
+}
+
+template <class Options>
+std::vector<OptionReport> all_texts(const Options& options) {
+  return texts_where<Options>(options, [](const Row<Options>&) { return true; });
+}
+
+}  // namespace
+
+template <class Options>
+std::vector<OptionReport> hashed_texts(const Options& options) {
+  return texts_where<Options>(
+      options, [](const Row<Options>& row) { return row.hashed == Hashed::as_text; });
+}
+
+template <class Options>
+void check_ranges(const Options& options) {
+  for (const Row<Options>& row : rows_of<Options>()) {
+    if (!row.is_checked) continue;
+    Options ignored;
+    for (const std::string& text : row.get(options)) row.set(ignored, typed_name(row.info), text);
+  }
+}
+
+template <class Options>
+void refuse_unsuitable(const Options& options, bool is_splat_scene) {
+  const Source other = is_splat_scene ? Source::mesh : Source::splats;
+  for (const Row<Options>& row : rows_of<Options>()) {
+    if (row.source != other || row.get(options).empty()) continue;
+    throw Error(ErrorKind::usage,
+                fmt::format("{} applies only to {}; {} is a {}", typed_name(row.info),
+                            is_splat_scene ? "meshes" : "splat scenes", options.source,
+                            is_splat_scene ? "splat scene" : "mesh"));
+  }
+}
+
+void refuse_formats(const TransferOptions& options) {
+  Texts outputs{options.output};
+  for (const ChannelOutput& own : options.image.channel_outputs) outputs.push_back(own.path);
+  const Depth depth = options.image.depth.value_or(Depth::u8);  // no source is known yet
+  const auto format_of = [depth](const std::string& path) {
+    const std::string name = io::format_look(path, depth).name;
+    return name.empty() ? "PNG" : name;  // in a model
+  };
+  for (const Row<TransferOptions>& row : rows_of<TransferOptions>()) {
+    if (row.formats.empty() || row.get(options).empty()) continue;
+    const bool is_met = std::any_of(outputs.begin(), outputs.end(), [&](const auto& path) {
+      return std::find(row.formats.begin(), row.formats.end(), format_of(path)) !=
+             row.formats.end();
+    });
+    if (is_met) continue;
+    throw Error(ErrorKind::usage,
+                fmt::format("{} needs {} output: {} is none", typed_name(row.info),
+                            fmt::join(row.formats, " or "), options.output));
+  }
+}
+
+void refuse_unsuitable(const TransferOptions& options, Method method) {
+  const Only other = method == Method::surface ? Only::gaussian : Only::surface;
+  for (const Row<TransferOptions>& row : rows_of<TransferOptions>()) {
+    if (row.method != other || row.get(options).empty()) continue;
+    throw Error(
+        ErrorKind::usage,
+        fmt::format("{0} applies only to --method {1}; use that method, or leave {0} out",
+                    typed_name(row.info),
+                    method_name(other == Only::surface ? Method::surface : Method::gaussian)));
+  }
+}
+
+template std::vector<OptionReport> hashed_texts(const TransferOptions&);
+template std::vector<OptionReport> hashed_texts(const MapsOptions&);
+template void check_ranges(const TransferOptions&);
+template void check_ranges(const MapsOptions&);
+template void check_ranges(const GaussiansOptions&);
+template void refuse_unsuitable(const TransferOptions&, bool);
+template void refuse_unsuitable(const GaussiansOptions&, bool);
+
+}  // namespace options
+
+const char* job_command_name(JobCommand command) noexcept {
+  switch (command) {
+    case JobCommand::maps:
+      return "maps";
+    case JobCommand::gaussians:
+      return "gaussians";
+    case JobCommand::transfer:
+      break;
+  }
+  return "transfer";
+}
+
+const std::vector<OptionInfo>& option_table(JobCommand command) {
+  static const std::vector<OptionInfo> transfer = options::infos<TransferOptions>();
+  static const std::vector<OptionInfo> maps = options::infos<MapsOptions>();
+  static const std::vector<OptionInfo> gaussians = options::infos<GaussiansOptions>();
+  switch (command) {
+    case JobCommand::maps:
+      return maps;
+    case JobCommand::gaussians:
+      return gaussians;
+    case JobCommand::transfer:
+      break;
+  }
+  return transfer;
+}
+
+void set_option(TransferOptions& options, const std::string& name, const std::string& text) {
+  options::set(options, name, text);
+}
+void set_option(MapsOptions& options, const std::string& name, const std::string& text) {
+  options::set(options, name, text);
+}
+void set_option(GaussiansOptions& options, const std::string& name, const std::string& text) {
+  options::set(options, name, text);
+}
+
+std::vector<OptionReport> option_texts(const TransferOptions& options) {
+  return options::all_texts(options);
+}
+std::vector<OptionReport> option_texts(const MapsOptions& options) {
+  return options::all_texts(options);
+}
+std::vector<OptionReport> option_texts(const GaussiansOptions& options) {
+  return options::all_texts(options);
+}
+
+}  // namespace pounce

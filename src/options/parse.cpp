@@ -1,0 +1,364 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "options/parse.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <optional>
+#include <string_view>
+#include <system_error>
+
+#include "options/output_pattern.h"
+#include "pounce/error.h"
+#include "pounce/option_table.h"
+
+namespace pounce {
+namespace options {
+namespace {
+
+constexpr std::uint32_t kLargestSide = 65536;  // ImageSize's own limit
+constexpr double kLargestBytes = 0x1p62;       // fits every signed 64-bit file offset
+constexpr double kLongestTimeS = 1e10;         // 300 years
+constexpr double kLargestDistance = 1e30;      // squares still fit a double and a float's exponent
+
+/// The number at the start of `text`; `rest` becomes what follows it. False if there is none or it
+/// is not finite. from_chars: the same in every locale.
+bool leading_number(const std::string& text, double& value, std::string& rest) {
+  const char* const end = text.data() + text.size();
+  const auto [stop, failure] = std::from_chars(text.data(), end, value);
+  if (failure != std::errc() || !std::isfinite(value)) return false;
+  rest.assign(stop, end);
+  return true;
+}
+
+bool whole_number(const std::string& text, std::uint64_t& value) {
+  const char* const end = text.data() + text.size();
+  const auto [stop, failure] = std::from_chars(text.data(), end, value);
+  return failure == std::errc() && stop == end;
+}
+
+/// Bytes in a unit (already lower case); 0 if there is no such unit.
+double unit_bytes(const std::string& unit) {
+  if (unit.empty() || unit == "b") return 1;
+  constexpr std::string_view kPrefixes = "kmgt";
+  const std::size_t power = kPrefixes.find(unit[0]);
+  if (power == std::string_view::npos) return 0;
+  const std::string ending = unit.substr(1);
+  const double exponent = static_cast<double>(power) + 1;
+  if (ending.empty() || ending == "ib") return std::pow(1024.0, exponent);
+  return ending == "b" ? std::pow(1000.0, exponent) : 0;
+}
+
+/// The number of the map with this name, which may be new.
+std::size_t map_of(const std::string& name, std::vector<OtherMap>& maps) {
+  const auto at =
+      std::find_if(maps.begin(), maps.end(), [&](const OtherMap& map) { return map.name == name; });
+  if (at != maps.end()) return static_cast<std::size_t>(at - maps.begin());
+  maps.push_back({name, std::nullopt});
+  return maps.size() - 1;
+}
+
+/// The channel that has this name in other cases of its letters; "" if none has.
+std::string name_in_its_case(const std::string& name) {
+  for (int c = 0; c < static_cast<int>(Channel::other); ++c) {
+    const std::string known = channel_name(static_cast<Channel>(c));
+    if (lower(known) == lower(name)) return known;
+  }
+  return "";
+}
+
+Channel parse_channel(const std::string& option, const std::string& name,
+                      std::vector<OtherMap>& maps) {
+  if (const std::optional<Channel> channel = channel_from_name(name)) return *channel;
+  if (const std::string known = name_in_its_case(name); !known.empty())
+    refuse_value(option, name, fmt::format("{}, from which it differs in case only", known));
+  if (!is_map_name(name) || maps.size() >= kMostOtherMaps) {
+    refuse_value(
+        option, name,
+        "baseColor, metallicRoughness, occlusion, emissive or normal; of splat scenes baseColor, "
+        "confidence or distance; or a name of your own in letters, digits, - and _");
+  }
+  return other_channel(map_of(name, maps));
+}
+
+}  // namespace
+
+[[noreturn]] void refuse_value(const std::string& option, const std::string& given,
+                               const std::string& expected) {
+  throw Error(ErrorKind::usage,
+              fmt::format("{}: got \"{}\", expected {}", option, given, expected));
+}
+
+std::string lower(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return text;
+}
+
+std::vector<std::string> split_at_commas(const std::string& text) {
+  std::vector<std::string> parts;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    parts.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return parts;
+}
+
+bool parse_switch(const std::string& option, const std::string& text) {
+  if (text != "true" && text != "false") refuse_value(option, text, "true or false");
+  return text == "true";
+}
+
+std::uint64_t parse_integer(const std::string& option, const std::string& text,
+                            std::uint64_t lowest, std::uint64_t highest) {
+  std::uint64_t value = 0;
+  if (!whole_number(text, value) || value < lowest || value > highest) {
+    refuse_value(option, text, fmt::format("a whole number from {} to {}", lowest, highest));
+  }
+  return value;
+}
+
+std::uint64_t parse_limit(const std::string& option, const std::string& text) {
+  return text == "none" ? 0 : parse_bytes(option, text);
+}
+
+ImageSize parse_image_size(const std::string& option, const std::string& text) {
+  const std::size_t cross = text.find_first_of("xX");
+  const std::string first = text.substr(0, cross);
+  const std::string second = cross == std::string::npos ? first : text.substr(cross + 1);
+  std::uint64_t width = 0;
+  std::uint64_t height = 0;
+  const bool fits = whole_number(first, width) && whole_number(second, height) && width >= 1 &&
+                    height >= 1 && width <= kLargestSide && height <= kLargestSide;
+  if (!fits) {
+    refuse_value(
+        option, text,
+        fmt::format("texels as N or WxH (1024, 2048x1024), each from 1 to {}", kLargestSide));
+  }
+  return {static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height)};
+}
+
+Length parse_length(const std::string& option, const std::string& text) {
+  Length length;
+  std::string rest;
+  const bool is_number = leading_number(text, length.value, rest);
+  length.is_percent = rest == "%";
+  const double highest = length.is_percent ? 100 : kLargestDistance;
+  if (!is_number || !(rest.empty() || length.is_percent) || !(length.value > 0) ||
+      length.value > highest) {
+    refuse_value(
+        option, text,
+        "a length above 0 in the target's units (0.25), or up to 100% of its diagonal (5%)");
+  }
+  return length;
+}
+
+Factors parse_factors(const std::string& option, const std::string& text) {
+  if (text == "apply") return {true, true};
+  if (text == "ignore" || text == "textures") return {false, false};
+  if (text == "factors") return {true, false};
+  if (text == "vertices") return {false, true};
+  refuse_value(option, text, "apply, ignore, textures, factors or vertices");
+}
+
+AxisBox parse_box(const std::string& option, const std::string& text) {
+  constexpr const char* kExpected =
+      "six numbers, lowest x,y,z before highest x,y,z (-1,-1,0,1,1,2)";
+  AxisBox box;
+  std::string rest = "," + text;
+  for (std::size_t i = 0; i < 6; ++i) {
+    double& value = i < 3 ? box.lowest[i] : box.highest[i - 3];
+    const bool is_next = rest.starts_with(",");
+    std::string after;
+    if (!is_next || !leading_number(rest.substr(1), value, after) || (i == 5 && !after.empty()))
+      refuse_value(option, text, kExpected);
+    rest = after;
+  }
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (box.lowest[k] > box.highest[k]) refuse_value(option, text, kExpected);
+  }
+  return box;
+}
+
+std::vector<Channel> parse_channels(const std::string& option, const std::string& text,
+                                    std::vector<OtherMap>& maps) {
+  std::vector<Channel> channels;
+  for (const std::string& name : split_at_commas(text)) {
+    if (name == "all")
+      refuse_value(option, text, "all by itself, or the channels by name: baseColor,confidence");
+    const Channel channel = parse_channel(option, name, maps);
+    if (std::find(channels.begin(), channels.end(), channel) != channels.end()) {
+      refuse_value(option, text, fmt::format("{} only once", name));
+    }
+    channels.push_back(channel);
+  }
+  return channels;
+}
+
+std::vector<Channel> parse_baked(const std::string& option, const std::string& text) {
+  std::vector<Channel> channels;
+  for (const std::string& name : split_at_commas(text)) {
+    const std::optional<Channel> channel = channel_from_name(name);
+    if (!channel) refuse_value(option, name, "normal, height, position or vertexColor");
+    if (std::find(channels.begin(), channels.end(), *channel) != channels.end())
+      refuse_value(option, text, fmt::format("{} only once", name));
+    channels.push_back(*channel);
+  }
+  return channels;
+}
+
+void parse_map_kind(const std::string& option, const std::string& name, bool is_colour,
+                    std::vector<OtherMap>& maps) {
+  if (channel_from_name(name) || !is_map_name(name) || maps.size() >= kMostOtherMaps)
+    refuse_value(option, name,
+                 "the name of a map of your own; what channels of materials are is fixed");
+  OtherMap& map = maps[map_of(name, maps)];
+  if (map.is_colour && *map.is_colour != is_colour)
+    refuse_value(option, name, "either --data or --color for it");
+  map.is_colour = is_colour;
+}
+
+SourceTexture parse_source_texture(const std::string& option, const std::string& text,
+                                   std::vector<OtherMap>& maps) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals + 1 == text.size()) {
+    refuse_value(option, text, "NAME=PATH, for example baseColor=skin.png");
+  }
+  SourceTexture texture{parse_channel(option, text.substr(0, equals), maps),
+                        text.substr(equals + 1)};
+  std::error_code unknown;
+  if (!std::filesystem::exists(texture.path, unknown))
+    check_foreign_tokens(option, text, equals + 1, true);
+  check_tokens(option, text, {"<UDIM>", "<UVTILE>"});
+  return texture;
+}
+
+SourceColourSpace parse_source_space(const std::string& option, const std::string& text,
+                                     std::vector<OtherMap>& maps) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos) return {std::nullopt, text};
+  return {parse_channel(option, text.substr(0, equals), maps), text.substr(equals + 1)};
+}
+
+ChannelOutput parse_channel_output(const std::string& option, const std::string& text,
+                                   std::vector<OtherMap>& maps) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals + 1 == text.size())
+    refuse_value(option, text, "CHANNEL=PATTERN, for example height=height.exr");
+  const Channel channel = parse_channel(option, text.substr(0, equals), maps);
+  return {channel, parse_image_pattern(option, text.substr(equals + 1))};
+}
+
+std::vector<std::uint32_t> parse_udims(const std::string& option, const std::string& text) {
+  constexpr const char* kExpected = "UDIMs of 1001 to 9999, such as 1001-1004,1011";
+  std::vector<std::uint32_t> udims;
+  for (const std::string& part : split_at_commas(text)) {
+    const std::size_t dash = part.find('-');
+    const auto number = [&](const std::string& digits) -> std::uint32_t {
+      const bool valid = digits.size() == 4 && digits >= "1001" &&
+                         digits.find_first_not_of("0123456789") == std::string::npos;
+      if (!valid) refuse_value(option, text, kExpected);
+      return static_cast<std::uint32_t>(std::stoul(digits));
+    };
+    const std::uint32_t first = number(part.substr(0, dash));
+    const std::uint32_t last = dash == std::string::npos ? first : number(part.substr(dash + 1));
+    if (last < first) refuse_value(option, text, kExpected);
+    for (std::uint32_t udim = first; udim <= last; ++udim) udims.push_back(udim);
+  }
+  std::sort(udims.begin(), udims.end());
+  udims.erase(std::unique(udims.begin(), udims.end()), udims.end());
+  return udims;
+}
+
+std::vector<ImageFormat> parse_formats(const std::string& option, const std::string& text) {
+  std::vector<ImageFormat> formats;
+  for (const std::string& name : split_at_commas(text)) {
+    const std::optional<ImageFormat> format = image_format_from_name(name);
+    if (!format) {
+      throw Error(ErrorKind::usage,
+                  fmt::format("{}: got \"{}\", expected bmp or tga, which are not read without it; "
+                              "convert images of other formats{}",
+                              option, name, did_you_mean(name, {"bmp", "tga"})));
+    }
+    formats.push_back(*format);
+  }
+  return formats;
+}
+
+std::string parse_name_pattern(const std::string& option, const std::string& text) {
+  if (text.empty() || text.starts_with("--"))
+    refuse_value(option, text, "a name or pattern (* ? [a-c])");
+  return text;
+}
+
+std::string parse_axes(const std::string& option, const std::string& text) {
+  std::string letters;
+  bool valid = true;
+  for (std::string name : split_at_commas(text)) {
+    if (name.starts_with('-') || name.starts_with('+')) name.erase(0, 1);
+    valid = valid && name.size() == 1;
+    letters += name;
+  }
+  std::sort(letters.begin(), letters.end());
+  if (!valid || letters != "xyz")
+    refuse_value(option, text, "x, y and z once each, such as x,-y,-z");
+  return text;
+}
+
+}  // namespace options
+
+double parse_number(const std::string& option, const std::string& text, double lowest,
+                    double highest) {
+  double value = 0;
+  std::string rest;
+  if (!options::leading_number(text, value, rest) || !rest.empty() || value < lowest ||
+      value > highest) {
+    options::refuse_value(option, text, fmt::format("a number from {:g} to {:g}", lowest, highest));
+  }
+  return value;
+}
+
+std::uint64_t parse_bytes(const std::string& option, const std::string& text) {
+  double value = 0;
+  std::string unit;
+  const bool is_number = options::leading_number(text, value, unit);
+  // "34.5 MiB", as messages write it, may be copied.
+  if (unit.size() > 1 && unit[0] == ' ') unit.erase(0, 1);
+  const double scale = is_number ? options::unit_bytes(options::lower(unit)) : 0;
+  const double bytes = std::floor(value * scale);
+  if (!(bytes >= 1 && bytes <= options::kLargestBytes)) {
+    options::refuse_value(option, text, "an amount of memory such as 512MiB, 1.5G or 4096 (bytes)");
+  }
+  return static_cast<std::uint64_t>(bytes);
+}
+
+double parse_duration(const std::string& option, const std::string& text) {
+  double value = 0;
+  std::string unit;
+  const bool is_number = options::leading_number(text, value, unit);
+  double scale = 0;
+  for (const auto& [name, seconds] :
+       {std::pair{"s", 1.0}, {"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}, {"w", 604800.0}}) {
+    if (unit == name) scale = seconds;
+  }
+  const double time_s = value * scale;
+  if (!is_number || !(scale > 0 && time_s >= 0 && time_s <= options::kLongestTimeS)) {
+    options::refuse_value(option, text, "a time such as 30d, 12h, 90min or 45s (w is weeks)");
+  }
+  return time_s;
+}
+
+std::string parse_path(const std::string& option, const std::string& text) {
+  if (text.empty() || (text.size() > 1 && text[0] == '-')) {
+    options::refuse_value(option, text,
+                          "a path (write ./-name for a file whose name begins with -)");
+  }
+  return text;
+}
+
+}  // namespace pounce
