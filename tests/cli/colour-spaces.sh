@@ -126,4 +126,4 @@ err_has 'baseColor is converted from srgb to display-p3'
 expect 0 transfer usual.ply t.obj -o splats.png --no-cache --size 64
 ! grep -q 'is converted' "$err" || fail 'a conversion that is none'
 expect 2 transfer usual.ply t.obj -o o.png --source-colorspace srgb --no-cache
-err_has '--source-colorspace: usual.ply is a splat scene'
+err_has '--source-colorspace applies only to meshes; usual.ply is a splat scene'

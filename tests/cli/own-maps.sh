@@ -8,7 +8,7 @@ refused '--source-texture: got "BaseColor", expected baseColor, from which it di
 refused '--source-texture: got "a/b"' transfer a.glb b.glb -o o.png --source-texture a/b=m.png
 refused '--data: got "baseColor"' transfer a.glb b.glb -o o.png --data baseColor
 refused 'either --data or --color' transfer a.glb b.glb -o o.png --source-texture x=m.png --data x --color x
-refused 'baseColor alone' transfer a.glb b.glb -o o.png --method gaussian --source-texture x=m.png --channels x
+refused 'baseColor only' transfer a.glb b.glb -o o.png --method gaussian --source-texture x=m.png --channels x
 same() {
   image wanted.ppm 16 16 "${@:2}"
   expect 0 compare "$1" wanted.ppm

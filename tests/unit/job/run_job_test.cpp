@@ -168,9 +168,9 @@ TEST_CASE("what no transfer can do is refused before any file is looked at", "[j
     return report.failure ? report.failure->kind : std::string();
   };
   CHECK(kind() != "usage");
-  options.image.padding_px = 16384;
+  options.image.padding_px = 4096;
   CHECK(kind() != "usage");
-  options.image.padding_px = 16385;  // more than the padder's distances hold
+  options.image.padding_px = 4097;  // beyond the option table's range
   CHECK(kind() == "usage");
   options.image.padding_px.reset();
   options.min_coverage_percent = 101;
