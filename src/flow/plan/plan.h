@@ -177,7 +177,7 @@ void keep_near(const TransferOptions& options, const TargetPlan& target, const m
 /// not read, naming the cure.
 bool is_splat_scene(const std::string& path);
 
-/// What a channel's output is, given what its source has: for plan_source() and plan_splats().
+/// What a channel's output is, given what its source has: for plan_mesh() and plan_scene().
 /// Throws Error(usage) where the output's format cannot hold it.
 struct SourceLook {
   ImageSize size;             ///< of the largest image; 0 x 0: none

@@ -18,12 +18,6 @@ std::vector<PageColour> SourceColumns::pages_of(const ChannelPlan& channel) cons
   return pages;
 }
 
-std::uint64_t SourceColumns::most_tile_bytes() const {
-  std::uint64_t most = 0;
-  for (const auto& column : columns) most = std::max(most, column->store().tile_bytes());
-  return most;
-}
-
 std::uint64_t SourceColumns::bytes_read() const {
   std::uint64_t bytes = 0;
   for (const auto& column : columns) bytes += column->store().pack().bytes_read();

@@ -22,7 +22,6 @@ struct SourceColumns {
 
   /// What each source page gives to a channel.
   std::vector<PageColour> pages_of(const ChannelPlan& channel) const;
-  std::uint64_t most_tile_bytes() const;
   std::uint64_t bytes_read() const;
 };
 
