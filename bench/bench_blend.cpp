@@ -3,7 +3,7 @@
 
 #include "bench_input.h"
 #include "projection/blend.h"
-#include "texture/result_block.h"
+#include "shading/result_block.h"
 
 namespace pounce::bench {
 namespace {
@@ -77,19 +77,19 @@ BENCHMARK(blend_tent_u8);
 
 /// A blended value into the output's format. Per target texel.
 void blend_store(benchmark::State& state, bool from_linear) {
-  texture::TexelFormat format;
+  shading::TexelFormat format;
   format.channels = 3;
   std::mt19937 random(3);
-  std::vector<texture::TexelValue> values(kPlaces);
-  for (texture::TexelValue& value : values) {
+  std::vector<shading::TexelValue> values(kPlaces);
+  for (shading::TexelValue& value : values) {
     value.channels = 3;
     value.linear = from_linear;
     for (std::size_t c = 0; c < 3; ++c) value.v[c] = static_cast<double>(random()) / 4294967296.0;
   }
   std::array<std::byte, 4> out{};
   for (auto _ : state) {
-    for (const texture::TexelValue& value : values) {
-      texture::store_texel(format, value, out.data());
+    for (const shading::TexelValue& value : values) {
+      shading::store_texel(format, value, out.data());
       benchmark::DoNotOptimize(out);
     }
   }

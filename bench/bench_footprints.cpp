@@ -20,8 +20,8 @@ constexpr std::uint32_t kLastLevel = 0;
 
 /// Sixteen texels side by side, and what they cover.
 struct Packet {
-  std::array<projection::Footprint, target::kLanes> footprints;
-  std::array<Vec2d, target::kLanes> middles;
+  std::array<projection::Footprint, surface::kLanes> footprints;
+  std::array<Vec2d, surface::kLanes> middles;
 };
 
 /// An image in RGB of 8 bits and packets of 4 x 4 texels on it, turned somehow, 0.9 to 1.6 texels
@@ -102,7 +102,7 @@ void blend_footprints_one_by_one(benchmark::State& state) {
       }
     }
   }
-  count_work(state, "texel", static_cast<double>(kPackets * target::kLanes));
+  count_work(state, "texel", static_cast<double>(kPackets * surface::kLanes));
 }
 BENCHMARK(blend_footprints_one_by_one);
 
@@ -146,7 +146,7 @@ void blend_footprints(benchmark::State& state, const char* isa) {
       benchmark::DoNotOptimize(texels);
     }
   }
-  count_work(state, "texel", static_cast<double>(kPackets * target::kLanes));
+  count_work(state, "texel", static_cast<double>(kPackets * surface::kLanes));
 }
 BENCHMARK_CAPTURE(blend_footprints, sse2, "sse2");
 BENCHMARK_CAPTURE(blend_footprints, avx2, "avx2");

@@ -7,16 +7,16 @@ namespace pounce::bench {
 namespace {
 
 struct Blocks {
-  std::vector<source::SourceBlock> made;
-  std::vector<const source::SourceBlock*> pointers;
+  std::vector<surface::SourceBlock> made;
+  std::vector<const surface::SourceBlock*> pointers;
   std::size_t patches = 0;
 };
 
 Blocks source_blocks(const PreparedJob& job) {
   Blocks blocks;
   for (const store::GeometryBlock& block : job.source_blocks)
-    blocks.made.push_back(source::make_source_block(block, job.source_lattice()));
-  for (const source::SourceBlock& block : blocks.made) {
+    blocks.made.push_back(surface::make_source_block(block, job.source_lattice()));
+  for (const surface::SourceBlock& block : blocks.made) {
     blocks.pointers.push_back(&block);
     blocks.patches += block.patches.size();
   }
@@ -43,7 +43,7 @@ void grid_query(benchmark::State& state) {
                        job.source_store->directory().box.grown(job.target_plan.max_distance));
   projection::SearchState target;
   for (const store::GeometryBlock& block : job.target_blocks) {
-    target::TargetBlock(block, job.target_lattice(), job.target_plan.smallest_edge)
+    surface::TargetBlock(block, job.target_lattice(), job.target_plan.smallest_edge)
         .make_packets(0, target.packets, target.groups);
   }
   projection::start(target);

@@ -11,7 +11,7 @@
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "recipes.h"
-#include "target/target_block.h"
+#include "surface/target_block.h"
 
 namespace pounce::bench {
 namespace {
@@ -138,7 +138,7 @@ std::vector<TargetTexel> target_texels(const PreparedJob& job) {
   std::vector<TargetTexel> texels;
   texels.reserve(job.target_texels());
   for (const store::GeometryBlock& block : job.target_blocks) {
-    const target::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge);
+    const surface::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge);
     for (std::uint32_t i = 0; i < store::kTexelsPerBlock; ++i) {
       if (!maps.covered(i)) continue;
       const auto texel = maps.texel(i);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bench_input.h"
-#include "texture/pad_seams.h"
+#include "shading/pad_seams.h"
 
 namespace pounce::bench {
 namespace {
@@ -27,7 +27,7 @@ void padding_disks(benchmark::State& state) {
   }
   std::uint64_t filled = 0;
   for (auto _ : state) {
-    texture::SeamPadder padder(size, size, radius, kTexelBytes, mesh::kBlockEdge);
+    shading::SeamPadder padder(size, size, radius, kTexelBytes, mesh::kBlockEdge);
     for (std::uint32_t y = 0; y < size;) {
       const std::uint32_t rows = std::min<std::uint32_t>(mesh::kBlockEdge, size - y);
       padder.push(rows, texels.data() + std::size_t{y} * size * kTexelBytes,

@@ -17,16 +17,16 @@ class SearchInput {
  public:
   explicit SearchInput(const PreparedJob& job) {
     for (const store::GeometryBlock& block : job.source_blocks)
-      blocks_.push_back(source::make_source_block(block, job.source_lattice()));
-    std::vector<const source::SourceBlock*> pointers;
-    for (const source::SourceBlock& block : blocks_) pointers.push_back(&block);
+      blocks_.push_back(surface::make_source_block(block, job.source_lattice()));
+    std::vector<const surface::SourceBlock*> pointers;
+    for (const surface::SourceBlock& block : blocks_) pointers.push_back(&block);
     grid_ = std::make_unique<grid::PatchGrid>(
         pointers, job.source_store->directory().box.grown(job.target_plan.max_distance));
     for (std::size_t b = 0; b < job.target_blocks.size(); ++b) {
       if (b % kBlocksPerPiece == 0) pieces_.emplace_back();
-      const target::TargetBlock maps(job.target_blocks[b], job.target_lattice(),
-                                     job.target_plan.smallest_edge,
-                                     target::TargetBlock::Start::inset);
+      const surface::TargetBlock maps(job.target_blocks[b], job.target_lattice(),
+                                      job.target_plan.smallest_edge,
+                                      surface::TargetBlock::Start::inset);
       maps.make_packets(static_cast<std::uint32_t>(b % kBlocksPerPiece), pieces_.back().packets,
                         pieces_.back().groups);
     }
@@ -51,8 +51,8 @@ class SearchInput {
       }
       state.PauseTiming();
       for (std::size_t p = 0; p < work.packets.size(); ++p) {
-        for (int lane = 0; lane < target::kLanes; ++lane) {
-          if (work.packets[p].texel[lane] != target::kNoTexel &&
+        for (int lane = 0; lane < surface::kLanes; ++lane) {
+          if (work.packets[p].texel[lane] != surface::kNoTexel &&
               work.hits[p].key[lane] != projection::kNoHit) {
             ++found;
           }
@@ -64,7 +64,7 @@ class SearchInput {
   }
 
  private:
-  std::vector<source::SourceBlock> blocks_;
+  std::vector<surface::SourceBlock> blocks_;
   std::unique_ptr<grid::PatchGrid> grid_;
   std::vector<projection::SearchState> pieces_;
   projection::SearchLimits limits_;

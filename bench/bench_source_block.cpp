@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bench_input.h"
-#include "source/source_block.h"
+#include "surface/source_block.h"
 
 namespace pounce::bench {
 namespace {
@@ -12,7 +12,7 @@ void source_block_setup(benchmark::State& state) {
   for (auto _ : state) {
     triangles = patches = 0;
     for (const store::GeometryBlock& block : job.source_blocks) {
-      const source::SourceBlock made = source::make_source_block(block, job.source_lattice());
+      const surface::SourceBlock made = surface::make_source_block(block, job.source_lattice());
       triangles += block.triangles.size();
       patches += made.patches.size();
       benchmark::DoNotOptimize(made.facets.data());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bench_input.h"
 #include "projection/hit_packet.h"
-#include "target/target_block.h"
+#include "surface/target_block.h"
 
 namespace pounce::bench {
 namespace {
@@ -10,16 +10,16 @@ namespace {
 /// does. Per covered texel.
 void target_block_packets(benchmark::State& state) {
   const PreparedJob& job = prepared_job(Shape::same, state.range(0));
-  PageVector<target::TexelPacket> packets;
-  std::vector<target::PacketGroup> groups;
+  PageVector<surface::TexelPacket> packets;
+  std::vector<surface::PacketGroup> groups;
   std::size_t made = 0;
   for (auto _ : state) {
     made = 0;
     for (const store::GeometryBlock& block : job.target_blocks) {
       packets.clear();
       groups.clear();
-      const target::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge,
-                                     target::TargetBlock::Start::inset);
+      const surface::TargetBlock maps(block, job.target_lattice(), job.target_plan.smallest_edge,
+                                      surface::TargetBlock::Start::inset);
       maps.make_packets(0, packets, groups);
       made += packets.size();
       benchmark::DoNotOptimize(packets.data());

@@ -187,7 +187,7 @@ class MeshJob {
     TexelSource::Request texels;
     texels.geometry = store_.get();
     texels.pages = columns_.pages_of(plan_.channels.front());
-    texels.sigma = options_.sigma_texels.value_or(source::kSigmaTexels);
+    texels.sigma = options_.sigma_texels.value_or(gaussian::kSigmaTexels);
     texels.sharpen = options_.sharpen;
     return std::make_unique<TexelSource>(job_, std::move(texels), kAfterCount);
   }

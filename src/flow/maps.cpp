@@ -22,7 +22,7 @@
 #include "job/run_job.h"
 #include "options/table.h"
 #include "pounce/transfer.h"
-#include "target/target_block.h"
+#include "surface/target_block.h"
 
 namespace pounce {
 namespace flow {
@@ -290,14 +290,14 @@ class MapsJob {
     entry.triangles = place.triangles;
     entry.texels = place.texels;
     entry.chunk = place.chunk;
-    const target::TargetBlock block(store_->read_block(entry, job_->compressor()),
-                                    store_->directory().pages.front(), smallest_edge_);
+    const surface::TargetBlock block(store_->read_block(entry, job_->compressor()),
+                                     store_->directory().pages.front(), smallest_edge_);
     for (std::uint32_t t = 0; t < store::kTexelsPerBlock; ++t) {
       if (!block.covered(t)) continue;
       const std::size_t x = static_cast<std::size_t>(place.x) * kBlockEdge + t % kBlockEdge;
       std::byte* const at = rows.data() + (t / kBlockEdge * std::size_t{spec.width} + x) *
                                               spec.channels * store::depth_bytes(spec.depth);
-      const target::TargetBlock::Texel texel = block.texel(t);
+      const surface::TargetBlock::Texel texel = block.texel(t);
       const Vec3f v = map == 0 ? Vec3f(Vec3d(texel.position) + origin_) : texel.normal;
       const float samples[3] = {v.x, v.y, v.z};
       if (map != kMask) {

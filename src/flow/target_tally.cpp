@@ -15,7 +15,7 @@
 #include <numeric>
 #include <optional>
 
-#include "source/splat_shapes.h"
+#include "gaussian/splat_shapes.h"
 
 namespace pounce::flow {
 namespace {
@@ -287,9 +287,9 @@ void TargetTally::warn_of_waste() {
   }
   const double ratio =
       report_.gaussian_size > 0 && entry.texel_size ? *entry.texel_size / report_.gaussian_size : 0;
-  if (ratio <= source::kFineSizes) return;
+  if (ratio <= gaussian::kFineSizes) return;
   std::uint32_t edge = kLeastSize;
-  const double wanted = longest_edge_ * ratio / source::kFineSizes;
+  const double wanted = longest_edge_ * ratio / gaussian::kFineSizes;
   while (edge < wanted && edge < kLargestSize) edge *= 2;
   report_.notes.push_back(fmt::format(
       "{}: a texel is {:.1f} times as large as the scene's Gaussians are (median): what is finer "

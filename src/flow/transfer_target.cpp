@@ -25,7 +25,7 @@
 #include "flow/target_tally.h"
 #include "flow/write/claims.h"
 #include "projection/mesh_fit.h"
-#include "target/strewn_places.h"
+#include "surface/strewn_places.h"
 
 namespace pounce::flow {
 namespace {
@@ -63,8 +63,8 @@ class TargetTransfer {
       return true;
     }
     find_occupied();
-    places_ = target::strew(target_.mesh, source_.target_places());
-    const double area = target::surface_area(target_.mesh);
+    places_ = surface::strew(target_.mesh, source_.target_places());
+    const double area = surface::surface_area(target_.mesh);
     make(std::move(steps));
     tally_->spreads(area);
     warn_of_clipped();
@@ -399,7 +399,7 @@ class TargetTransfer {
   };
   std::vector<Clipped> clipped_;  ///< by channel
   runtime::Lease occupied_lease_;
-  std::vector<target::Place> places_;        ///< of the target: where the fit is found
+  std::vector<surface::Place> places_;       ///< of the target: where the fit is found
   std::optional<projection::SplatFit> fit_;  ///< of a splat scene, once the first page is projected
   bool all_targets_cached_ = true;
   std::uint64_t steps_done_ = 0;  ///< passes of pages

@@ -106,11 +106,11 @@ void PatchGrid::choose_cells() {
   }
 }
 
-PatchGrid::PatchGrid(std::span<const source::SourceBlock* const> blocks, const Box3f& region) {
+PatchGrid::PatchGrid(std::span<const surface::SourceBlock* const> blocks, const Box3f& region) {
   std::size_t count = 0;
   Box3f bound;
   for (const auto* block : blocks) {
-    for (const source::Patch& patch : block->patches) {
+    for (const surface::Patch& patch : block->patches) {
       if (!patch.box.overlaps(region)) continue;
       bound.extend(patch.box);
       ++count;
@@ -124,7 +124,7 @@ PatchGrid::PatchGrid(std::span<const source::SourceBlock* const> blocks, const B
               std::min(region.hi.z, bound.hi.z)}};
   items_.reserve(count);
   for (const auto* block : blocks) {
-    for (const source::Patch& patch : block->patches) {
+    for (const surface::Patch& patch : block->patches) {
       if (patch.box.overlaps(region))
         items_.push_back(
             {patch.box, patch.centre, patch.radius, &block->facets[patch.facet], 0, {}});

@@ -9,7 +9,7 @@
 
 #include "core/bounds.h"
 #include "core/page_pool.h"
-#include "source/source_block.h"
+#include "surface/source_block.h"
 
 namespace pounce::grid {
 
@@ -18,7 +18,7 @@ struct GridItem {
   Box3f box;
   Vec3f centre;  ///< of a sphere that holds every hit that counts
   float radius = 0;
-  const source::Facet* facet = nullptr;
+  const surface::Facet* facet = nullptr;
   std::uint32_t seen_by = 0;  ///< the last query that came across it
   std::array<std::uint16_t, 3> first_cell{};
 };
@@ -29,7 +29,7 @@ struct GridItem {
 class PatchGrid {
  public:
   /// Bins the patches that overlap `region`. The blocks must outlive the grid.
-  PatchGrid(std::span<const source::SourceBlock* const> blocks, const Box3f& region);
+  PatchGrid(std::span<const surface::SourceBlock* const> blocks, const Box3f& region);
 
   /// Bytes a grid of so many patches takes at most.
   static std::uint64_t most_bytes(std::uint64_t patches);

@@ -12,12 +12,12 @@
 #include "projection/blend.h"
 #include "projection/footprint.h"
 #include "store/blocks/colour_store.h"
-#include "target/target_block.h"
+#include "surface/target_block.h"
 
 namespace pounce::projection {
 
 template <class T>
-using Sixteen = std::array<T, target::kLanes>;
+using Sixteen = std::array<T, surface::kLanes>;
 
 /// Footprint of sixteen texels.
 struct alignas(64) FootprintLanes {

@@ -25,7 +25,7 @@
 namespace pounce::projection::POUNCE_ISA_NAMESPACE {
 namespace {
 
-using target::kLanes;
+using surface::kLanes;
 
 #include "projection/lanes.inl"
 //

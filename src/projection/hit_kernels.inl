@@ -43,7 +43,7 @@ struct Meeting {
 };
 
 /// (rx, ry, rz) leads from the rays' starts to corner 0.
-[[gnu::always_inline]] inline Meeting meet(const source::Facet& f, const TexelPacket& packet,
+[[gnu::always_inline]] inline Meeting meet(const surface::Facet& f, const TexelPacket& packet,
                                            const Floats& rising, const Floats& rx, const Floats& ry,
                                            const Floats& rz) {
   Meeting out;
@@ -68,7 +68,7 @@ inline Inside inside(const Floats& w1, const Floats& w2) {
 }
 
 /// Lanes that the surface faces where they hit it.
-inline Ints faces(const source::Facet& f, const TexelPacket& packet, const Inside& at,
+inline Ints faces(const surface::Facet& f, const TexelPacket& packet, const Inside& at,
                   float min_cosine) {
   const Floats sx = f.s[0] + (f.s1[0] * at.c1 + f.s2[0] * at.c2);
   const Floats sy = f.s[1] + (f.s1[1] * at.c1 + f.s2[1] * at.c2);
@@ -80,10 +80,10 @@ inline Ints faces(const source::Facet& f, const TexelPacket& packet, const Insid
 }
 
 /// Keeps a hit in the lanes of `better`, with the texel coordinates of the texels' own points.
-inline void keep(const source::Facet& f, const TexelPacket& packet, const Floats& rising, Inside at,
-                 const Ints& better, const Ints& key, HitPacket& best) {
+inline void keep(const surface::Facet& f, const TexelPacket& packet, const Floats& rising,
+                 Inside at, const Ints& better, const Ints& key, HitPacket& best) {
   if (packet.is_inset) {
-    const float step = target::step_of(packet);
+    const float step = surface::step_of(packet);
     const Meeting own =
         meet(f, packet, rising, f.m[0] - (load(packet.px) - load(packet.inset_x) * step),
              f.m[1] - (load(packet.py) - load(packet.inset_y) * step),
@@ -107,7 +107,7 @@ inline void keep(const source::Facet& f, const TexelPacket& packet, const Floats
   }
 }
 
-void hit(const source::Facet& f, const TexelPacket& packet, const SearchLimits& limits,
+void hit(const surface::Facet& f, const TexelPacket& packet, const SearchLimits& limits,
          HitPacket& best) {
   const Floats nx = load(packet.nx), ny = load(packet.ny), nz = load(packet.nz);
   Floats rising = f.n[0] * nx + f.n[1] * ny + f.n[2] * nz;
@@ -133,7 +133,7 @@ void hit(const source::Facet& f, const TexelPacket& packet, const SearchLimits& 
   const Floats oy = at.dy - (f.e1[1] * in.c1 + f.e2[1] * in.c2);
   const Floats oz = at.dz - (f.e1[2] * in.c1 + f.e2[2] * in.c2);
   const Floats outside = square_root(ox * ox + oy * oy + oz * oz);
-  const float step = target::step_of(packet);
+  const float step = surface::step_of(packet);
   const Floats beside = select(outside > kBesideSteps * step, all(kBesideCosts * step), all(0.0F));
   const Ints key = bits_of(distance + (outside + beside) + packet.coarseness);
   const Ints old_key = load(best.key);
@@ -173,7 +173,7 @@ void search(const Candidates& candidates, const RayBundle& bundle, float height,
 bool all_final(const TexelPacket& packet, const HitPacket& best, float height) {
   const Ints open = load(best.key) >= all(key_of(height, packet));
   for (unsigned left = bits(open); left != 0; left &= left - 1) {
-    if (packet.texel[std::countr_zero(left)] != target::kNoTexel) return false;
+    if (packet.texel[std::countr_zero(left)] != surface::kNoTexel) return false;
   }
   return true;
 }

@@ -11,12 +11,12 @@
 #include "core/bounds.h"
 #include "grid/patch_grid.h"
 #include "projection/packet_bundle.h"
-#include "target/target_block.h"
+#include "surface/target_block.h"
 
 namespace pounce::projection {
 
-using target::kLanes;
-using target::TexelPacket;
+using surface::kLanes;
+using surface::TexelPacket;
 
 inline constexpr std::int32_t kNoHit = std::numeric_limits<std::int32_t>::max();
 /// A ray that runs more nearly in a facet's plane meets it as if it rose by this much per unit: a
@@ -60,14 +60,14 @@ class Candidates {
   const float* y(std::size_t i) const { return centre_[1].data() + i; }
   const float* z(std::size_t i) const { return centre_[2].data() + i; }
   const float* radius(std::size_t i) const { return radius_.data() + i; }
-  const source::Facet& facet(std::size_t i) const { return *facets_[i]; }
+  const surface::Facet& facet(std::size_t i) const { return *facets_[i]; }
 
  private:
   std::size_t count_ = 0;
   std::array<std::vector<float>, 3>
       centre_;  // always whole registers; what lies beyond count_ is never read
   std::vector<float> radius_;
-  std::vector<const source::Facet*> facets_;
+  std::vector<const surface::Facet*> facets_;
 };
 
 /// The kernels, one build per instruction set. All give the same bits: IEEE operations in one
@@ -75,7 +75,7 @@ class Candidates {
 struct Kernels {
   const char* isa;  ///< "sse2", "avx2", "avx512"
   /// Tries a facet on all lanes and keeps the better hit of each.
-  void (*hit)(const source::Facet& facet, const TexelPacket& packet, const SearchLimits& limits,
+  void (*hit)(const surface::Facet& facet, const TexelPacket& packet, const SearchLimits& limits,
               HitPacket& best);
   /// Tries all candidates that the packet's rays may meet within `height`.
   void (*search)(const Candidates& candidates, const RayBundle& bundle, float height,

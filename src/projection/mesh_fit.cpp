@@ -16,7 +16,7 @@
 namespace pounce::projection {
 namespace {
 
-using target::Place;
+using surface::Place;
 
 constexpr double kReach = 0.05;      // of the target's size: farther away is not near at all
 constexpr double kNear = 0.005;      // of the same: nearer is at the surface

@@ -9,7 +9,7 @@
 
 #include "core/job_space.h"
 #include "core/vec.h"
-#include "target/strewn_places.h"
+#include "surface/strewn_places.h"
 
 namespace pounce::projection {
 
@@ -47,7 +47,7 @@ struct MeshFit {
 };
 
 /// `diagonal`: of the target. The places of the source should be several times those of the target.
-MeshFit fit_of(std::span<const target::Place> target, std::span<const target::Place> source,
+MeshFit fit_of(std::span<const surface::Place> target, std::span<const surface::Place> source,
                double diagonal);
 
 }  // namespace pounce::projection

@@ -14,14 +14,14 @@ Vec3f unit_or_zero(Vec3f v) {
 
 }  // namespace
 
-RayBundle bundle_of(const target::TexelPacket& packet) {
-  constexpr int kLanes = target::kLanes;
+RayBundle bundle_of(const surface::TexelPacket& packet) {
+  constexpr int kLanes = surface::kLanes;
   RayBundle bundle;
   Vec3f normals;
   float count = 0, largest = 0;
   for (int i = 0; i < kLanes;
        ++i) {  // unused lanes repeat the first one's point and have no normal
-    const float used = packet.texel[i] == target::kNoTexel ? 0.0F : 1.0F;
+    const float used = packet.texel[i] == surface::kNoTexel ? 0.0F : 1.0F;
     bundle.origin.x += used * packet.px[i];
     bundle.origin.y += used * packet.py[i];
     bundle.origin.z += used * packet.pz[i];
@@ -34,7 +34,7 @@ RayBundle bundle_of(const target::TexelPacket& packet) {
   bundle.direction = unit_or_zero(normals);
   float offsets[kLanes], spreads[kLanes], sizes[kLanes];
   for (int i = 0; i < kLanes; ++i) {
-    const float used = packet.texel[i] == target::kNoTexel ? 0.0F : 1.0F;
+    const float used = packet.texel[i] == surface::kNoTexel ? 0.0F : 1.0F;
     const float x = packet.px[i] - bundle.origin.x, y = packet.py[i] - bundle.origin.y,
                 z = packet.pz[i] - bundle.origin.z;
     const float u = packet.nx[i] - bundle.direction.x, v = packet.ny[i] - bundle.direction.y,

@@ -41,7 +41,7 @@ void start(const RayLimits& limits, RayState& state) {
     const TexelPacket& packet = state.packets[p];
     state.bundles.push_back(bundle_of(packet));
     for (int lane = 0; lane < kLanes; ++lane) {
-      if (packet.texel[lane] != target::kNoTexel) state.sums[p].reach[lane] = state.reach;
+      if (packet.texel[lane] != surface::kNoTexel) state.sums[p].reach[lane] = state.reach;
     }
   }
   state.open.resize(state.groups.size());
@@ -51,7 +51,7 @@ void start(const RayLimits& limits, RayState& state) {
 std::vector<Box3f> open_boxes(const RayState& state, std::size_t blocks) {
   std::vector<Box3f> boxes(blocks);
   for (const std::uint32_t g : state.open) {
-    const target::PacketGroup& group = state.groups[g];
+    const surface::PacketGroup& group = state.groups[g];
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p)
       boxes[state.packets[p].block].extend(state.bundles[p].swept_box(state.reach * 1.0001F));
   }
@@ -60,13 +60,13 @@ std::vector<Box3f> open_boxes(const RayState& state, std::size_t blocks) {
 
 void add_batch(SplatSets sets, const RayLimits& limits, const SplatKernels& kernels,
                RayState& state, const GoOn& go_on) {
-  SplatCandidates candidates(source::count_of(sets));
+  SplatCandidates candidates(gaussian::count_of(sets));
   const float height = state.reach * 1.0001F;
   for (const std::uint32_t g : state.open) {
-    const target::PacketGroup& group = state.groups[g];
+    const surface::PacketGroup& group = state.groups[g];
     const RayBundle all = unite(std::span(state.bundles.data() + group.first, group.count));
     candidates.clear();
-    for (const source::SplatSet* set : sets) kernels.gather(*set, all, height, 0, candidates);
+    for (const gaussian::SplatSet* set : sets) kernels.gather(*set, all, height, 0, candidates);
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
       if (!is_open(state.sums[p])) continue;
       go_on();
@@ -80,7 +80,7 @@ void widen(const RayLimits& limits, RayState& state) {
   const bool is_last = state.reach >= limits.max_distance;
   state.reach = std::min(2 * state.reach, limits.max_distance);
   std::erase_if(state.open, [&](std::uint32_t g) {
-    const target::PacketGroup& group = state.groups[g];
+    const surface::PacketGroup& group = state.groups[g];
     bool open = false;
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
       RayPacket& sums = state.sums[p];

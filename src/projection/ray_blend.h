@@ -17,7 +17,7 @@ struct RayState {
   PageVector<TexelPacket> packets;
   PageVector<RayBundle> bundles;  ///< one per packet
   PageVector<RayPacket> sums;     ///< one per packet
-  std::vector<target::PacketGroup> groups;
+  std::vector<surface::PacketGroup> groups;
   std::vector<std::uint32_t> open;  ///< indices of the groups that still search
   float reach = 0;                  ///< how far they look
 
@@ -25,7 +25,7 @@ struct RayState {
     return round_to_pages(packets * sizeof(TexelPacket)) +
            round_to_pages(packets * sizeof(RayBundle)) +
            round_to_pages(packets * sizeof(RayPacket)) +
-           packets * (sizeof(target::PacketGroup) + sizeof(std::uint32_t));
+           packets * (sizeof(surface::PacketGroup) + sizeof(std::uint32_t));
   }
   /// What adding holds beside the state and the sets, for so many Gaussians in a batch.
   static std::uint64_t scratch_bytes(std::uint64_t splats);

@@ -27,12 +27,12 @@ Turn turn(int k, int count) {
 
 }  // namespace
 
-target::TexelPacket tilted(const target::TexelPacket& packet, int k, int count) {
+surface::TexelPacket tilted(const surface::TexelPacket& packet, int k, int count) {
   const Turn at = turn(k, count);
   const double across = kConeSine * at.cosine, up = kConeSine * at.sine;
-  target::TexelPacket out = packet;
-  for (int lane = 0; lane < target::kLanes; ++lane) {
-    if (packet.texel[lane] == target::kNoTexel) continue;
+  surface::TexelPacket out = packet;
+  for (int lane = 0; lane < surface::kLanes; ++lane) {
+    if (packet.texel[lane] == surface::kNoTexel) continue;
     const double x = packet.nx[lane], y = packet.ny[lane], z = packet.nz[lane];
     // Two directions across the normal (Duff et al. 2017).
     const double sign = z < 0 ? -1 : 1;

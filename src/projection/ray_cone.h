@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "target/target_block.h"
+#include "surface/target_block.h"
 
 namespace pounce::projection {
 
@@ -12,6 +12,6 @@ inline constexpr double kConeCosine = 0.81915204428899178968, kConeSine = 0.5735
 /// The packet as it looks along further ray `k` of `count`: the same points, each with its normal
 /// tilted by the cone's angle. The rays of a texel lie evenly around its normal. Lanes without a
 /// normal stay without. 0 <= k < count. The same bits on every machine.
-target::TexelPacket tilted(const target::TexelPacket& packet, int k, int count);
+surface::TexelPacket tilted(const surface::TexelPacket& packet, int k, int count);
 
 }  // namespace pounce::projection

@@ -48,7 +48,7 @@ void start(SearchState& state) {
 std::vector<Box3f> open_boxes(const SearchState& state, std::size_t blocks, float height) {
   std::vector<Box3f> boxes(blocks);
   for (const std::uint32_t g : state.open) {
-    const target::PacketGroup& group = state.groups[g];
+    const surface::PacketGroup& group = state.groups[g];
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
       boxes[state.packets[p].block].extend(state.bundles[p].swept_box(height));
     }
@@ -60,7 +60,7 @@ void search_batch(grid::PatchGrid& grid, float height, const SearchLimits& limit
                   const Kernels& kernels, SearchState& state) {
   Candidates candidates;
   for (const std::uint32_t g : state.open) {
-    const target::PacketGroup& group = state.groups[g];
+    const surface::PacketGroup& group = state.groups[g];
     const std::span bundles(state.bundles.data() + group.first, group.count);
     const RayBundle all = unite(bundles);
     candidates.clear();
@@ -90,7 +90,7 @@ std::uint64_t count_distances(float max_distance, const SearchState& state,
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
       const bool is_found =
-          state.packets[p].texel[lane] != target::kNoTexel && state.hits[p].key[lane] != kNoHit;
+          state.packets[p].texel[lane] != surface::kNoTexel && state.hits[p].key[lane] != kNoHit;
       if (!is_found) continue;
       const float distance = distance_of(state.hits[p].key[lane], state.packets[p]);
       count_distance(distance, max_distance, counts);
@@ -102,7 +102,7 @@ std::uint64_t count_distances(float max_distance, const SearchState& state,
 
 void close_groups(float height, const Kernels& kernels, SearchState& state) {
   std::erase_if(state.open, [&](std::uint32_t g) {
-    const target::PacketGroup& group = state.groups[g];
+    const surface::PacketGroup& group = state.groups[g];
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
       if (!kernels.all_final(state.packets[p], state.hits[p], height)) return false;
     }

@@ -17,14 +17,14 @@ struct SearchState {
   PageVector<TexelPacket> packets;
   PageVector<HitPacket> hits;     ///< one per packet
   PageVector<RayBundle> bundles;  ///< one per packet
-  std::vector<target::PacketGroup> groups;
+  std::vector<surface::PacketGroup> groups;
   std::vector<std::uint32_t> open;  ///< indices of the groups that still search
 
   static std::uint64_t most_bytes(std::uint64_t packets) {
     return round_to_pages(packets * sizeof(TexelPacket)) +
            round_to_pages(packets * sizeof(HitPacket)) +
            round_to_pages(packets * sizeof(RayBundle)) +
-           packets * (sizeof(target::PacketGroup) + sizeof(std::uint32_t));
+           packets * (sizeof(surface::PacketGroup) + sizeof(std::uint32_t));
   }
 };
 

@@ -80,16 +80,16 @@ void for_looks(const SplatLimits& limits, const SplatState& state, std::size_t f
 template <class Use>
 void for_packets(SplatSets sets, const SplatLimits& limits, const SplatKernels& kernels,
                  const SplatState& state, const GoOn& go_on, Use use) {
-  SplatCandidates candidates(source::count_of(sets));
+  SplatCandidates candidates(gaussian::count_of(sets));
   const std::size_t looks = looks_of(limits);
-  for (const target::PacketGroup& group : state.groups) {
+  for (const surface::PacketGroup& group : state.groups) {
     const RayBundle all =
         unite(std::span(state.bundles.data() + group.first * looks, group.count * looks));
     float footprint = 0;
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p)
       footprint = std::max(footprint, state.depths[p * looks].footprint);
     candidates.clear();
-    for (const source::SplatSet* set : sets)
+    for (const gaussian::SplatSet* set : sets)
       kernels.gather(*set, all, limits.reach, footprint, candidates);
     for_looks(limits, state, group.first, group.first + group.count, [&](const Look& look) {
       go_on();
@@ -149,7 +149,7 @@ DepthPacket start_of(const SplatLimits& limits, const TexelPacket& packet) {
     const float window = std::max(limits.window, kLeastWindow * edge);
     depths.per_window[lane] = 1 / window;
     depths.per_bin[lane] = 1 / std::max(window / 2, 2 * limits.reach / kDepthBins);
-    if (packet.texel[lane] == target::kNoTexel) continue;
+    if (packet.texel[lane] == surface::kNoTexel) continue;
     depths.used |= 1U << lane;
     depths.footprint = std::max(depths.footprint, footprint_of(edge, limits));
   }
@@ -176,7 +176,7 @@ std::vector<Box3f> reachable_boxes(const SplatLimits& limits, const SplatState& 
   std::vector<Box3f> boxes(blocks);
   for (std::size_t i = 0; i < state.bundles.size(); ++i) {
     RayBundle bundle = state.bundles[i];  // and how much farther a footprint lets a Gaussian reach
-    bundle.offset += source::kSplatCutOff * std::sqrt(state.depths[i].footprint) * 1.0001F;
+    bundle.offset += gaussian::kSplatCutOff * std::sqrt(state.depths[i].footprint) * 1.0001F;
     boxes[state.packets[i / looks_of(limits)].block].extend(bundle.swept_box(limits.reach));
   }
   return boxes;
@@ -283,7 +283,7 @@ std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState&
 void count_distances(const SplatLimits& limits, const SplatState& state, DistanceCounts& counts) {
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
-      if (state.packets[p].texel[lane] == target::kNoTexel) continue;
+      if (state.packets[p].texel[lane] == surface::kNoTexel) continue;
       if (const auto found = found_ahead(limits, state, p, lane))
         count_distance(static_cast<float>(std::abs(found->distance)), limits.reach, counts);
     }

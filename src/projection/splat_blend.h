@@ -21,14 +21,14 @@ struct SplatState {
   PageVector<RayBundle> bundles;
   PageVector<DepthPacket> depths;
   PageVector<ProfilePacket> profiles;  ///< only of Gaussians that come batch by batch
-  std::vector<target::PacketGroup> groups;
+  std::vector<surface::PacketGroup> groups;
 
   /// With so many rays beside each texel's normal, but for the profiles.
   static std::uint64_t most_bytes(std::uint64_t packets, std::uint64_t rays) {
     const std::uint64_t looks = packets * (1 + rays);
     return round_to_pages(packets * sizeof(TexelPacket)) +
            round_to_pages(looks * sizeof(RayBundle)) + round_to_pages(looks * sizeof(DepthPacket)) +
-           packets * sizeof(target::PacketGroup);
+           packets * sizeof(surface::PacketGroup);
   }
   static std::uint64_t profile_bytes(std::uint64_t packets, std::uint64_t rays) {
     return round_to_pages(packets * (1 + rays) * sizeof(ProfilePacket));
@@ -44,7 +44,7 @@ void start(const SplatLimits& limits, SplatState& state);
 std::vector<Box3f> reachable_boxes(const SplatLimits& limits, const SplatState& state,
                                    std::size_t blocks);
 
-using SplatSets = std::span<const source::SplatSet* const>;
+using SplatSets = std::span<const gaussian::SplatSet* const>;
 /// Called for every packet, on the thread that blends: to end a blend, it throws.
 using GoOn = std::function<void()>;
 

@@ -38,10 +38,10 @@ namespace {
 
 #include "projection/lanes.inl"
 
-using source::SplatShape;
+using gaussian::SplatShape;
 
 constexpr float kMostAlpha = 0.99F;
-constexpr float kPerCutOff = 1 / (source::kSplatCutOff * source::kSplatCutOff);
+constexpr float kPerCutOff = 1 / (gaussian::kSplatCutOff * gaussian::kSplatCutOff);
 constexpr float kBlurred = 0.4F;       // of a Gaussian's optical depth, spread over more texels
 constexpr float kReachOverAnchor = 3;  // where the target is thought to lie, in its deviations
 
@@ -206,7 +206,7 @@ template <int half, int... lane>
   const Floats gv0 = g0 * v0, gv1 = g1 * v1, gv2 = g2 * v2;
   const Floats per_det = 1.0F / det;
   const Floats q = (gv0 * v0 + gv1 * v1 + gv2 * v2) * per_det;
-  Ints ok = (q <= source::kSplatCutOff * source::kSplatCutOff) & ray.used;
+  Ints ok = (q <= gaussian::kSplatCutOff * gaussian::kSplatCutOff) & ray.used;
   if (!any(ok)) return false;
   const Floats bend =
       u0 * u1 * (s0 - s1) * gv2 + u1 * u2 * (s1 - s2) * gv0 + u2 * u0 * (s2 - s0) * gv1;
@@ -257,7 +257,7 @@ std::size_t respond(const SplatCandidates& candidates, std::size_t first, std::s
   const SplatShape* near[kMostResponses];
   std::size_t count = 0;
   RayBundle spheres = bundle;
-  spheres.offset += source::kSplatCutOff * std::sqrt(depths.footprint) * 1.0001F;
+  spheres.offset += gaussian::kSplatCutOff * std::sqrt(depths.footprint) * 1.0001F;
   const EllipseSight sight(bundle, limits.reach, depths.footprint);
   for (std::size_t i = first; i < last; i += kLanes) {
     unsigned left = meet(candidates.x(i), candidates.y(i), candidates.z(i), candidates.radius(i),

@@ -26,7 +26,7 @@ const SplatKernels& splat_kernels(const std::string& isa) {
 
 SplatCandidates::SplatCandidates(std::size_t most) : most_((most + kLanes - 1) / kLanes * kLanes) {}
 
-void SplatCandidates::add(const source::SplatSet& set, std::size_t i) {
+void SplatCandidates::add(const gaussian::SplatSet& set, std::size_t i) {
   if (count_ == radius_.size()) {
     const std::size_t room = std::min(count_ + std::max(count_, 64UL * kLanes), most_);
     const auto grow = [room](auto& column) {
@@ -38,7 +38,7 @@ void SplatCandidates::add(const source::SplatSet& set, std::size_t i) {
     for (auto& column : covariance_) grow(column);
     grow(shapes_);
   }
-  const source::SplatSpheres& spheres = set.levels[0];
+  const gaussian::SplatSpheres& spheres = set.levels[0];
   for (std::size_t k = 0; k < 3; ++k) centre_[k][count_] = spheres.centre[k][i];
   radius_[count_] = spheres.radius[i];
   for (std::size_t c = 0; c < 6; ++c) covariance_[c][count_] = set.covariance[c][i];

@@ -11,13 +11,13 @@
 
 #include "core/bounds.h"
 #include "core/page_pool.h"
-#include "source/splat_set.h"
-#include "target/target_block.h"
+#include "gaussian/splat_set.h"
+#include "surface/target_block.h"
 
 namespace pounce::projection {
 
-using target::kLanes;
-using target::TexelPacket;
+using surface::kLanes;
+using surface::TexelPacket;
 
 /// Bins of a texel's depth profile, from the outermost depth inwards. A depth between two is shared
 /// by them, so the last two are only met by what lies at the other end.
@@ -69,7 +69,7 @@ struct SplatResponse {
   float alpha[kLanes];               ///< opacity x response; 0: nothing
   float at[kLanes];                  ///< where in the profile, in bins
   std::int32_t first = 0, last = 0;  ///< bins of the lanes that get anything
-  const source::SplatShape* shape = nullptr;
+  const gaussian::SplatShape* shape = nullptr;
 };
 
 /// Where sixteen texels look and what they have seen: structure of arrays.
@@ -117,13 +117,13 @@ class SplatCandidates {
   explicit SplatCandidates(std::size_t most);
   void clear() { count_ = 0; }
   std::size_t size() const { return count_; }
-  void add(const source::SplatSet& set, std::size_t i);
+  void add(const gaussian::SplatSet& set, std::size_t i);
   const float* x(std::size_t i) const { return centre_[0].data() + i; }
   const float* y(std::size_t i) const { return centre_[1].data() + i; }
   const float* z(std::size_t i) const { return centre_[2].data() + i; }
   const float* radius(std::size_t i) const { return radius_.data() + i; }
   const float* covariance(std::size_t c, std::size_t i) const { return covariance_[c].data() + i; }
-  const source::SplatShape& shape(std::size_t i) const { return *shapes_[i]; }
+  const gaussian::SplatShape& shape(std::size_t i) const { return *shapes_[i]; }
   /// Bytes per Gaussian, with one of the arrays there twice while it grows, and of whole pages and
   /// registers beside them.
   static constexpr std::uint64_t kBytes = 10 * sizeof(float) + 2 * sizeof(void*);
@@ -134,7 +134,7 @@ class SplatCandidates {
   std::array<PageVector<float>, 3> centre_;
   PageVector<float> radius_;
   std::array<PageVector<float>, 6> covariance_;
-  PageVector<const source::SplatShape*> shapes_;
+  PageVector<const gaussian::SplatShape*> shapes_;
 };
 
 /// Candidates that respond() takes at once, at most.
@@ -144,7 +144,7 @@ inline constexpr std::size_t kMostResponses = 256;
 struct SplatKernels {
   const char* isa;  ///< "sse2", "avx2", "avx512"
   /// Appends what the bundle may meet within `height` with so much of a footprint (its variance).
-  void (*gather)(const source::SplatSet& set, const RayBundle& bundle, float height,
+  void (*gather)(const gaussian::SplatSet& set, const RayBundle& bundle, float height,
                  float footprint, SplatCandidates& out);
   /// Writes the responses of candidates [first, last) that reach some lane and returns their
   /// number; `first` is a multiple of 16, last - first at most kMostResponses. Writes nothing

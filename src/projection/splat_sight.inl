@@ -14,7 +14,7 @@ unsigned meet(const float* x, const float* y, const float* z, const float* radiu
   return bits((cx * cx + cy * cy + cz * cz <= reach * reach) & (along <= height + reach));
 }
 
-unsigned meet(const source::SplatSpheres& spheres, std::size_t i, const RayBundle& bundle,
+unsigned meet(const gaussian::SplatSpheres& spheres, std::size_t i, const RayBundle& bundle,
               float height) {
   const unsigned found = meet(&spheres.centre[0][i], &spheres.centre[1][i], &spheres.centre[2][i],
                               &spheres.radius[i], bundle, height);
@@ -75,7 +75,7 @@ class EllipseSight {
   }
 
  private:
-  static constexpr float kSquaredCutOff = source::kSplatCutOff * source::kSplatCutOff;
+  static constexpr float kSquaredCutOff = gaussian::kSplatCutOff * gaussian::kSplatCutOff;
   /// The weights of a covariance's six components in a' S b.
   static void set(Vec3f a, Vec3f b, float* weights) {
     const float w[6] = {a.x * b.x, a.x * b.y + a.y * b.x, a.x * b.z + a.z * b.x,
@@ -91,10 +91,10 @@ class EllipseSight {
   bool sees_all_ = false;
 };
 
-void gather(const source::SplatSet& set, const RayBundle& bundle, float height, float footprint,
+void gather(const gaussian::SplatSet& set, const RayBundle& bundle, float height, float footprint,
             SplatCandidates& out) {
   RayBundle spheres = bundle;
-  spheres.offset += source::kSplatCutOff * std::sqrt(footprint) * 1.0001F;
+  spheres.offset += gaussian::kSplatCutOff * std::sqrt(footprint) * 1.0001F;
   const EllipseSight sight(bundle, height, footprint);
   const auto& level = set.levels[0];
   for (std::size_t i = 0; i < set.levels[2].count; i += kLanes) {

@@ -43,7 +43,7 @@ class SeenColours {
     for (int k = 0; k < g.lobes; ++k)
       sum = sum + basis_[static_cast<std::size_t>(k + 1)] * g.sh[3 * k + channel];
     sum = select(sum > all(0.0F), sum, all(0.0F));
-    return select(sum < source::kLargestSplatColour, sum, all(source::kLargestSplatColour));
+    return select(sum < gaussian::kLargestSplatColour, sum, all(gaussian::kLargestSplatColour));
   }
 
  private:
@@ -141,8 +141,8 @@ void accumulate(std::span<const SplatResponse> responses, const TexelPacket& pac
       u0 * u1 * (s0 - s1) * sv2 + u1 * u2 * (s1 - s2) * sv0 + u2 * u0 * (s2 - s0) * sv1;
   const Floats depth = absolute(dx * ray.nx + dy * ray.ny + dz * ray.nz - bend * per_det);
   // No number compares as true, so a Gaussian without extent adds nothing.
-  const Ints ok =
-      (q <= source::kSplatCutOff * source::kSplatCutOff) & (cosine >= min_cosine) & (depth < reach);
+  const Ints ok = (q <= gaussian::kSplatCutOff * gaussian::kSplatCutOff) & (cosine >= min_cosine) &
+                  (depth < reach);
   if (!any(ok)) return;
   const Floats plain =
       select(ok, cosine, all(0.0F)) * exp_of_minus(select(ok, q, all(0.0F)) * 0.5F);

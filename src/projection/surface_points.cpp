@@ -12,8 +12,8 @@ namespace {
 
 struct Found {
   std::int32_t id = 0;
-  const source::Facet* facet = nullptr;
-  const source::FacetAttributes* attributes = nullptr;
+  const surface::Facet* facet = nullptr;
+  const surface::FacetAttributes* attributes = nullptr;
 };
 
 Vec3d vector(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
@@ -23,7 +23,7 @@ struct Place {
   double w1, w2;
 };
 
-Place meet(const source::Facet& f, Vec3d from, Vec3d along) {
+Place meet(const surface::Facet& f, Vec3d from, Vec3d along) {
   double rising = dot(vector(f.n), along);
   if (std::abs(rising) < kGrazing) rising = rising < 0 ? -kGrazing : kGrazing;
   const Vec3d r = vector(f.m) - from;
@@ -40,12 +40,12 @@ void put(Vec3d v, float& x, float& y, float& z) {
 }
 
 void evaluate(const Found& found, const TexelPacket& packet, std::size_t i, SurfacePacket& out) {
-  const double step = target::step_of(packet);
+  const double step = surface::step_of(packet);
   const Vec3d from{packet.px[i] - packet.inset_x[i] * step, packet.py[i] - packet.inset_y[i] * step,
                    packet.pz[i] - packet.inset_z[i] * step};
   const Vec3d along{packet.nx[i], packet.ny[i], packet.nz[i]};
-  const source::Facet& f = *found.facet;
-  const source::FacetAttributes& t = *found.attributes;
+  const surface::Facet& f = *found.facet;
+  const surface::FacetAttributes& t = *found.attributes;
   const Place at = meet(f, from, along);
   const auto between = [&](const float(&v)[3], const float(&v1)[3], const float(&v2)[3]) {
     return vector(v) + (vector(v1) * at.w1 + vector(v2) * at.w2);
@@ -92,7 +92,7 @@ void SurfacePoints::start(std::size_t packets) {
 }
 
 void SurfacePoints::follow(const SearchState& state,
-                           std::span<const std::shared_ptr<const source::SourceBlock>> batch) {
+                           std::span<const std::shared_ptr<const surface::SourceBlock>> batch) {
   std::vector<Found> winners = wanted(state, packets_);
   if (winners.empty()) return;
   const auto find = [&](std::int32_t id) {

@@ -13,7 +13,7 @@
 #include "core/directions.h"
 #include "core/page_pool.h"
 #include "projection/search.h"
-#include "source/source_block.h"
+#include "surface/source_block.h"
 
 namespace pounce::projection {
 
@@ -46,7 +46,7 @@ class SurfacePoints {
   /// For all texels whose winner came with this batch: to be called after each search_batch().
   /// Blocks have their attributes. Winners that are found in none of these are left as they are.
   void follow(const SearchState& state,
-              std::span<const std::shared_ptr<const source::SourceBlock>> batch);
+              std::span<const std::shared_ptr<const surface::SourceBlock>> batch);
   const SurfacePacket& operator[](std::size_t packet) const { return packets_[packet]; }
 
   /// Bytes for so many packets and texels, what follow() needs included.

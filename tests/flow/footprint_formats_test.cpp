@@ -10,9 +10,9 @@
 #include <random>
 
 #include "core/colour_space.h"
+#include "shading/result_block.h"
 #include "store/blocks/colour_store.h"
 #include "support/flat_scene.h"
-#include "texture/result_block.h"
 
 namespace pounce::test {
 namespace {

@@ -16,10 +16,10 @@
 #include "core/portable_math.h"
 #include "io/image/write.h"
 #include "pounce/transfer.h"
+#include "shading/pad_seams.h"
 #include "support/mesh_files.h"
 #include "support/test_data.h"
 #include "support/whole_image.h"
-#include "texture/pad_seams.h"
 
 namespace pounce::test {
 namespace {
@@ -501,12 +501,12 @@ TEST_CASE("images whose channels do not go together are said so", "[flow]") {
 TEST_CASE("padding costs an image the rows that it looks ahead, once", "[flow]") {
   const Depth depth = GENERATE(Depth::u8, Depth::float32);
   const std::uint32_t padding = GENERATE(16U, 512U, 4096U);
-  const texture::TexelFormat format{4, depth, true, false, true, false};
+  const shading::TexelFormat format{4, depth, true, false, true, false};
   flow::ImageOutput image;
   image.path = "o.exr";
   image.lattice = {65536, 65536, 0, {}};
   const auto padder = [&](std::uint32_t radius) {
-    return texture::SeamPadder::memory_bytes(65536, radius,
+    return shading::SeamPadder::memory_bytes(65536, radius,
                                              static_cast<std::uint32_t>(format.texel_bytes()), 64);
   };
   const std::uint64_t without = flow::image_least_bytes(image, format);

@@ -13,7 +13,7 @@
 
 #include "core/page_pool.h"
 #include "flow/transfer.h"
-#include "source/splat_set.h"
+#include "gaussian/splat_set.h"
 #include "support/random.h"
 #include "support/splat_ply_builder.h"
 #include "support/test_data.h"
@@ -121,7 +121,7 @@ TEST_CASE("a splat job leases what it uses, and little more", "[flow]") {
   const TempFolder folder;
   const bool has_harmonics = GENERATE(false, true);
   TransferOptions options = sheet(folder, kSplats, has_harmonics ? 45 : 0);
-  const std::uint64_t scene = source::SplatSet::most_bytes(kSplats, has_harmonics ? 8 : 0);
+  const std::uint64_t scene = gaussian::SplatSet::most_bytes(kSplats, has_harmonics ? 8 : 0);
   for (const unsigned rays : {0U, 3U}) {
     options.splats.rays = rays;
     options.resources.memory_bytes = 1ULL << 30;

@@ -138,7 +138,7 @@ TEST_CASE("levels are those of maketx, and a renderer's cache reads them all", "
   const std::string made = folder.file("made" + ending);
   write(made, spec, 17);
   const std::vector<Level> levels = cached_levels(made);
-  CHECK(levels.size() == texture::level_count({width, height}));
+  CHECK(levels.size() == shading::level_count({width, height}));
   CHECK(levels.back().samples.size() == channels);
   const std::vector<float> average = average_colour(made, channels);
   CHECK(average == levels.back().samples);

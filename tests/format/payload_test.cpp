@@ -8,12 +8,12 @@
 #include "core/directions.h"
 #include "format/stranger.h"
 #include "mesh/uv_raster.h"
+#include "shading/result_block.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
 #include "support/bytes.h"
 #include "support/hex_dump.h"
 #include "support/memory_file_system.h"
-#include "texture/result_block.h"
 
 namespace pounce::store {
 namespace {
@@ -253,13 +253,13 @@ TEST_CASE("a decoder written from the page reads colour tiles of every kind", "[
 }
 
 TEST_CASE("a decoder written from the page reads a result block", "[format]") {
-  const texture::TexelFormat format{3, Depth::u16, false, true, false};
-  texture::ResultBlock block;
+  const shading::TexelFormat format{3, Depth::u16, false, true, false};
+  shading::ResultBlock block;
   const Bytes texels = test::random_bytes(std::size_t{64} * 64 * 6, 1);
   block.texels.assign(texels.begin(), texels.end());
   for (std::uint32_t t = 0; t < 4096; t += 5) block.cover(t);
   Bytes raw;
-  texture::encode(block, format, raw);
+  shading::encode(block, format, raw);
   REQUIRE(raw.size() == 512 + texels.size());
   Stranger in(raw);
   for (std::uint32_t byte = 0; byte < 512; ++byte) {

@@ -156,10 +156,10 @@ void ColourSpaces::refuse_other_meaning(const char* option, const std::string& n
   } catch (const Error&) {
     return;  // it cannot be meant
   }
-  const texture::ColourInput ours{own.linear, primaries_matrix(own.primaries, kRec709)};
+  const shading::ColourInput ours{own.linear, primaries_matrix(own.primaries, kRec709)};
   for (const auto& colour : kColours) {
-    texture::TexelValue expected{{colour[0], colour[1], colour[2]}, 3};
-    texture::apply(ours, expected);
+    shading::TexelValue expected{{colour[0], colour[1], colour[2]}, 3};
+    shading::apply(ours, expected);
     std::array<double, 3> got = colour;
     theirs->apply(got);
     for (std::size_t c = 0; c < 3; ++c) {
@@ -251,13 +251,13 @@ void ColourSpaces::note_conversion(const SourceLook& look, const ChannelPlan& pl
                               colour_space_name(made)));
 }
 
-std::optional<texture::ColourInput> ColourSpaces::input(const ColourSpace& space, bool usual_linear,
+std::optional<shading::ColourInput> ColourSpaces::input(const ColourSpace& space, bool usual_linear,
                                                         bool plain, const ChannelPlan& plan) {
   if (space.config_name.empty() || !plan.format.is_colour)
     return colour_input(space, usual_linear, plan);
   if (plain && space.config_name == plan.colour_space)
-    return texture::ColourInput{plan.format.linear, std::nullopt, nullptr, true};
-  texture::ColourInput input{true, std::nullopt, transform(space.config_name, true)};
+    return shading::ColourInput{plan.format.linear, std::nullopt, nullptr, true};
+  shading::ColourInput input{true, std::nullopt, transform(space.config_name, true)};
   if (!same_primaries(kRec709, plan.primaries))
     input.primaries = primaries_matrix(kRec709, plan.primaries);
   return input;
@@ -282,12 +282,12 @@ void ColourSpaces::finish(SourcePlan& plan) const {
                   config_->path()));
 }
 
-std::optional<texture::ColourInput> colour_input(const ColourSpace& space, bool usual_linear,
+std::optional<shading::ColourInput> colour_input(const ColourSpace& space, bool usual_linear,
                                                  const ChannelPlan& plan) {
   if (!plan.format.is_colour) return std::nullopt;
   const bool same = same_primaries(space.primaries, plan.primaries);
   if (same && space.linear == usual_linear) return std::nullopt;
-  texture::ColourInput input{space.linear, std::nullopt};
+  shading::ColourInput input{space.linear, std::nullopt};
   if (!same) input.primaries = primaries_matrix(space.primaries, plan.primaries);
   return input;
 }

@@ -44,7 +44,7 @@ class ColourSpaces {
               std::vector<std::string>& notes);
   /// How a channel's image of that space becomes the output; nothing where its samples mean what is
   /// `usual` for their depth and have the output's primaries. `plain`: nothing else is made of it.
-  std::optional<texture::ColourInput> input(const ColourSpace& space, bool usual_linear, bool plain,
+  std::optional<shading::ColourInput> input(const ColourSpace& space, bool usual_linear, bool plain,
                                             const ChannelPlan& plan);
   /// Hands a plan what its formats and inputs point to, and says what that means.
   void finish(SourcePlan& plan) const;
@@ -68,7 +68,7 @@ class ColourSpaces {
 };
 
 /// The same as ColourSpaces::input() for spaces that no configuration says.
-std::optional<texture::ColourInput> colour_input(const ColourSpace& space, bool usual_linear,
+std::optional<shading::ColourInput> colour_input(const ColourSpace& space, bool usual_linear,
                                                  const ChannelPlan& plan);
 
 }  // namespace pounce::flow

@@ -91,7 +91,7 @@ void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, cons
     std::uint64_t of_page = 0;
     for (const std::size_t c : plan.passes[p].channels) {
       const std::uint64_t block =
-          store::kTexelsPerBlock * plan.channels[c].format.texel_bytes() + texture::kMaskBytes + 64;
+          store::kTexelsPerBlock * plan.channels[c].format.texel_bytes() + shading::kMaskBytes + 64;
       of_page += pack_bytes(blocks * block, blocks);
     }
     results = std::max(results, of_page);

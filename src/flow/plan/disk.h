@@ -28,7 +28,7 @@ class DiskPlan {
   /// So many Gaussians, sorted; of a scene that may have to be unpacked.
   void add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes);
   /// What the levels of an image take until it is whole.
-  using LevelsBytes = std::uint64_t (*)(const ImageOutput&, const texture::TexelFormat&);
+  using LevelsBytes = std::uint64_t (*)(const ImageOutput&, const shading::TexelFormat&);
   /// A target. `is_model`: its images pass through a scratch file into copies of its files.
   void add_target(const SourcePlan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
                   bool is_model, LevelsBytes levels_bytes);

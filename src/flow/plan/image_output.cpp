@@ -95,7 +95,7 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
 
 OntoImage plan_onto(const TransferOptions& options, const std::string& output,
                     const std::map<std::string, std::string>& tokens, ImageSize size,
-                    const texture::TexelFormat& format, const SourceSamples& source) {
+                    const shading::TexelFormat& format, const SourceSamples& source) {
   OntoImage onto;
   onto.allowed_formats = options.allowed_formats;
   onto.path = expand_pattern(options.composite.onto, tokens);
@@ -115,8 +115,8 @@ OntoImage plan_onto(const TransferOptions& options, const std::string& output,
                     "alike",
                     onto.path, header_text(info)));
   }
-  onto.alpha = format.has_alpha && source.alpha && info.has_alpha ? texture::PaintAlpha::mix
-                                                                  : texture::PaintAlpha::keep;
+  onto.alpha = format.has_alpha && source.alpha && info.has_alpha ? shading::PaintAlpha::mix
+                                                                  : shading::PaintAlpha::keep;
   onto.keep_last = format.colours() == 4 && source.colours < 4;
   onto.premultiplied = info.premultiplied && format.has_alpha && info.format == "openexr" &&
                        info.depth == format.depth && info.channels == format.channels &&

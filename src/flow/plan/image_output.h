@@ -15,8 +15,8 @@
 #include "mesh/mesh.h"
 #include "mesh/uv_raster.h"
 #include "pounce/options.h"
-#include "texture/paint_over.h"
-#include "texture/result_block.h"
+#include "shading/paint_over.h"
+#include "shading/result_block.h"
 
 namespace pounce::flow {
 
@@ -24,7 +24,7 @@ namespace pounce::flow {
 struct OntoImage {
   std::string path;
   std::string mask_path;  ///< "" = all of it is painted
-  texture::PaintAlpha alpha = texture::PaintAlpha::keep;
+  shading::PaintAlpha alpha = shading::PaintAlpha::keep;
   bool keep_last = false;      ///< a fourth channel that is no alpha and that the source has not
   bool in_place = false;       ///< the output takes its place: painted once, it is another image
   bool premultiplied = false;  ///< EXR onto EXR: colours stay multiplied by alpha, bit for bit
@@ -70,7 +70,7 @@ struct SourceSamples {
 /// and the cure, Error(storage) for what is not there or cannot be read.
 OntoImage plan_onto(const TransferOptions& options, const std::string& output,
                     const std::map<std::string, std::string>& tokens, ImageSize size,
-                    const texture::TexelFormat& format, const SourceSamples& source);
+                    const shading::TexelFormat& format, const SourceSamples& source);
 
 /// What one triangle takes below, on one image.
 inline constexpr std::uint64_t kOccupiedBytes = 36;

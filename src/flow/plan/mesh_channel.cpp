@@ -69,7 +69,7 @@ class ChannelPlanner {
  private:
   /// A primitive without this texture still hides what is behind it: its factor, as the image would
   /// hold it.
-  texture::TexelValue constant(std::size_t material, Channel channel, bool applies_factors) const {
+  shading::TexelValue constant(std::size_t material, Channel channel, bool applies_factors) const {
     if (channel == Channel::normal) return {{0.5, 0.5, 1}, 3, false, false, false};
     if (is_shape(channel)) return {};
     if (!is_of_material(channel)) return {{0, 0, 0, 1}, 4, true, true, false};
@@ -84,7 +84,7 @@ class ChannelPlanner {
   }
 
   /// Of a material whose own texture, or what stands for it, is sampled.
-  std::optional<texture::Factor> factor(std::size_t material, Channel channel) const {
+  std::optional<shading::Factor> factor(std::size_t material, Channel channel) const {
     const mesh::Material& m = source_.materials[material];
     if (!is_of_material(channel) || !m.textures[static_cast<std::size_t>(channel)])
       return std::nullopt;
@@ -221,7 +221,7 @@ class ChannelPlanner {
       if (page.tinted) {
         page.input = *input;
       } else {
-        texture::apply(*input, page.constant);
+        shading::apply(*input, page.constant);
       }
     }
     if (page.column >= 0) page.input = input_of(plan, static_cast<std::size_t>(page.column));
@@ -232,7 +232,7 @@ class ChannelPlanner {
     }
   }
 
-  std::optional<texture::ColourInput> input_of(const ChannelPlan& plan, std::size_t column) {
+  std::optional<shading::ColourInput> input_of(const ChannelPlan& plan, std::size_t column) {
     const ColumnPlan& c = plan_.columns[column];
     const bool plain = !planning_.as_gaussians &&
                        std::none_of(plan.pages.begin(), plan.pages.end(),

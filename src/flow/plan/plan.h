@@ -16,8 +16,8 @@
 #include "io/image/read.h"
 #include "mesh/mesh.h"
 #include "mesh/uv_tiles.h"
-#include "texture/colour_input.h"
-#include "texture/factor.h"
+#include "shading/colour_input.h"
+#include "shading/factor.h"
 
 namespace pounce::flow {
 
@@ -30,10 +30,10 @@ inline constexpr double kReachPercent = 5;
 struct PageTexture {
   int column = -1;    ///< index into SourcePlan::columns
   int tile_set = -1;  ///< index into SourcePlan::tile_sets
-  texture::TexelValue constant;
-  std::optional<texture::ColourInput> input;  ///< for the texels of the column
+  shading::TexelValue constant;
+  std::optional<shading::ColourInput> input;  ///< for the texels of the column
   float normal_scale = 1;                     ///< of a normal map's x and y
-  std::optional<texture::Factor> factor;      ///< of the material, for the texture's texels
+  std::optional<shading::Factor> factor;      ///< of the material, for the texture's texels
   bool tinted =
       false;  ///< by the colours of the source's vertices; a constant's `input` is for that
 };
@@ -43,7 +43,7 @@ struct ChannelPlan {
   Channel channel = Channel::base_color;
   std::string name;  ///< of the channel, in images and reports
   ImageSize size;    ///< of each output image
-  texture::TexelFormat format;
+  shading::TexelFormat format;
   bool source_alpha = false;           ///< has some image of the source alpha here?
   std::uint32_t source_colours = 3;    ///< the most channels besides alpha that an image here has
   std::vector<std::string> names;      ///< of the output's channels, where its format has names
@@ -80,7 +80,7 @@ struct ColumnPlan {
 struct TileSetPlan {
   ImageSize size;
   std::map<mesh::UvTile, std::size_t> columns;          ///< index into SourcePlan::columns
-  std::map<mesh::UvTile, texture::ColourInput> inputs;  ///< of the tiles that need one
+  std::map<mesh::UvTile, shading::ColourInput> inputs;  ///< of the tiles that need one
 };
 
 /// The UVs, by material, along which a mesh's tangents run, and whose own tangents are along those.

@@ -7,19 +7,19 @@
 namespace pounce::flow {
 namespace {
 
-bool changes(const texture::Factor& factor) {
-  const texture::Factor none;
+bool changes(const shading::Factor& factor) {
+  const shading::Factor none;
   return factor.scale != none.scale || factor.offset != none.offset;
 }
 
 }  // namespace
 
-std::optional<texture::Factor> texture_factor(const mesh::Material& material, Channel channel) {
+std::optional<shading::Factor> texture_factor(const mesh::Material& material, Channel channel) {
   if (static_cast<int>(channel) >= kChannelCount) return std::nullopt;
   const auto& f = material.factors[static_cast<std::size_t>(channel)];
   const double light = static_cast<double>(material.emissive_strength);
   const double strength = static_cast<double>(material.occlusion_strength);
-  texture::Factor factor;
+  shading::Factor factor;
   switch (channel) {
     case Channel::base_color:
       factor.scale = {f[0], f[1], f[2], f[3]};

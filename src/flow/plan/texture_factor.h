@@ -5,12 +5,12 @@
 #include <optional>
 
 #include "mesh/mesh.h"
-#include "texture/factor.h"
+#include "shading/factor.h"
 
 namespace pounce::flow {
 
 /// What a material makes of its texture in a channel; nothing where it leaves it as it is.
-std::optional<texture::Factor> texture_factor(const mesh::Material& material, Channel channel);
+std::optional<shading::Factor> texture_factor(const mesh::Material& material, Channel channel);
 
 /// The same as the factor of a glTF material may be (io::ModelTexture::factor): 0..1, more light as
 /// emissive strength, which is the fourth.

@@ -56,10 +56,10 @@ class GaussianMethod : public SplatMethodBase<GaussianProjection, projection::Ra
   void blend(Work& work) const {
     projection::count_distances(work.state, request_.limits.max_distance, work.distances);
     const auto value_of = [&](std::size_t, std::size_t p,
-                              int lane) -> std::optional<texture::TexelValue> {
+                              int lane) -> std::optional<shading::TexelValue> {
       const auto colour = projection::ray_colour(work.state.sums[p], lane);
       if (!colour) return std::nullopt;
-      return texture::TexelValue{*colour, request_.has_alpha ? 4U : 3U, request_.linear,
+      return shading::TexelValue{*colour, request_.has_alpha ? 4U : 3U, request_.linear,
                                  request_.has_alpha};
     };
     blend_blocks(work, value_of);

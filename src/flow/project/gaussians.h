@@ -14,7 +14,7 @@ namespace pounce::flow {
 struct GaussianProjection {
   const SplatCache* source = nullptr;
   const store::GeometryStore* target = nullptr;
-  texture::TexelFormat format;  ///< of the one channel there is
+  shading::TexelFormat format;  ///< of the one channel there is
   bool linear = false;          ///< the Gaussians' colours are
   bool has_alpha = false;       ///< some of the source's images have alpha
   projection::RayLimits limits;
@@ -26,7 +26,7 @@ struct GaussianProjection {
   }
   static std::uint64_t profile_bytes(std::uint64_t) { return 0; }  ///< this blend has none
   static std::size_t channels() { return 1; }
-  const texture::TexelFormat& format_of(std::size_t) const { return format; }
+  const shading::TexelFormat& format_of(std::size_t) const { return format; }
 };
 
 /// How far a texel looks first: half the edge of a cell where a target's box has about one cell per

@@ -24,7 +24,7 @@
 #include "flow/project/packet_blend.h"
 #include "flow/project/page_projector.h"
 #include "flow/stores/find_store.h"
-#include "target/texel_frames.h"
+#include "surface/texel_frames.h"
 
 namespace pounce::flow {
 namespace {
@@ -36,7 +36,7 @@ constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, candidate li
 /// What one source block costs a batch: itself decoded, what it is decoded from, and its share of
 /// the grid.
 std::uint64_t batch_cost(std::uint64_t triangles, std::uint64_t patches, bool with_shape) {
-  return source::SourceBlock::decoded_bytes(triangles, patches, with_shape) + patches * 128;
+  return surface::SourceBlock::decoded_bytes(triangles, patches, with_shape) + patches * 128;
 }
 
 /// What blending asks for: the tiles that it keeps and one on its way, or the making of a level.
@@ -46,16 +46,16 @@ std::uint64_t colour_bytes(std::uint64_t tile_bytes) {
 
 std::uint64_t block_state_bytes(std::uint32_t texels, std::uint32_t triangles,
                                 std::uint64_t result_texel_bytes, bool with_shape) {
-  const std::uint64_t packets = target::TargetBlock::most_packets(texels);
+  const std::uint64_t packets = surface::TargetBlock::most_packets(texels);
   const std::uint64_t shape = with_shape ? projection::SurfacePoints::most_bytes(packets) +
-                                               target::TexelFrames::bytes(triangles)
+                                               surface::TexelFrames::bytes(triangles)
                                          : 0;
   return shape +
-         packets * (sizeof(target::TexelPacket) + sizeof(projection::HitPacket) +
+         packets * (sizeof(surface::TexelPacket) + sizeof(projection::HitPacket) +
                     sizeof(RayBundle) + 16) +
-         2 * kTexelsPerBlock + triangles * (268 + sizeof(target::TexelAxes)) +
-         target::TargetBlock::record_bytes(triangles == 0 ? texels : 0) +
-         kTexelsPerBlock * result_texel_bytes + texture::kMaskBytes + 4 * kPageBytes;
+         2 * kTexelsPerBlock + triangles * (268 + sizeof(surface::TexelAxes)) +
+         surface::TargetBlock::record_bytes(triangles == 0 ? texels : 0) +
+         kTexelsPerBlock * result_texel_bytes + shading::kMaskBytes + 4 * kPageBytes;
 }
 
 /// How far from a texel a hit can be: looking farther finds nothing, and heights are shares of how
@@ -82,10 +82,10 @@ class SurfaceMethod {
 
   struct Work : PieceWork {
     projection::SearchState state;
-    std::vector<std::vector<target::TexelAxes>> axes;  ///< by block
-    std::size_t height = 0;                            ///< index of the height at hand
-    std::optional<BlockWalk<SurfaceCache>> walk;       ///< over the blocks of this height
-    std::vector<std::shared_ptr<const source::SourceBlock>> batch;
+    std::vector<std::vector<surface::TexelAxes>> axes;  ///< by block
+    std::size_t height = 0;                             ///< index of the height at hand
+    std::optional<BlockWalk<SurfaceCache>> walk;        ///< over the blocks of this height
+    std::vector<std::shared_ptr<const surface::SourceBlock>> batch;
     std::optional<grid::PatchGrid> grid;  ///< over the batch
     projection::SurfacePoints points;     ///< of channels that need them
   };
@@ -123,8 +123,9 @@ class SurfaceMethod {
   }
 
   void begin(Work& work) const {
-    read_packets(*job_, *request_.target, request_.smallest_edge, target::TargetBlock::Start::inset,
-                 work, work.state.packets, work.state.groups, &work.axes);
+    read_packets(*job_, *request_.target, request_.smallest_edge,
+                 surface::TargetBlock::Start::inset, work, work.state.packets, work.state.groups,
+                 &work.axes);
     projection::start(work.state);
     if (with_shape_) work.points.start(work.state.packets.size());
     // Neighbouring pieces lie about as far from the source: start where the last one found it.
@@ -149,7 +150,7 @@ class SurfaceMethod {
   }
 
   static void bin(Work& work) {
-    std::vector<const source::SourceBlock*> blocks;
+    std::vector<const surface::SourceBlock*> blocks;
     for (const auto& block : work.batch) blocks.push_back(block.get());
     work.grid.emplace(blocks, work.walk->region());
   }
@@ -186,8 +187,8 @@ class SurfaceMethod {
     });
     std::uint64_t bytes = 0;
     for (const auto& block : work.batch) {
-      bytes += source::SourceBlock::decoded_bytes(block->facets.size(), block->patches.size(),
-                                                  with_shape_);
+      bytes += surface::SourceBlock::decoded_bytes(block->facets.size(), block->patches.size(),
+                                                   with_shape_);
     }
     return bytes;
   }
@@ -207,7 +208,7 @@ class SurfaceMethod {
   };
 
   static projection::Footprint footprint(const Work& work, std::size_t packet, int lane) {
-    const target::TexelPacket& texels = work.state.packets[packet];
+    const surface::TexelPacket& texels = work.state.packets[packet];
     return footprint_at(work.state.hits[packet], texels, work.axes[texels.block], lane);
   }
 
@@ -221,16 +222,16 @@ class SurfaceMethod {
     }
     const projection::HitPacket& hit = work.state.hits[packet];
     const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
-    std::optional<texture::Factor> vertices;
+    std::optional<shading::Factor> vertices;
     if (page.tinted) vertices = vertex_factor(work.points[packet].colour(lane));
-    const texture::Factor* const tint = vertices ? &*vertices : nullptr;
+    const shading::Factor* const tint = vertices ? &*vertices : nullptr;
     if (page.column == nullptr && page.tile_set == nullptr) {
       clipped +=
-          texture::store_texel(channel.format, constant_value(page, tint, channel.format), out);
+          shading::store_texel(channel.format, constant_value(page, tint, channel.format), out);
       return true;
     }
     if (blend.packet.has_samples(lane)) {
-      clipped += texture::store_texel(
+      clipped += shading::store_texel(
           channel.format, lanes_value(page, blend.packet, lane, channel.format, tint), out);
       return true;
     }
@@ -245,25 +246,25 @@ class SurfaceMethod {
       projection::sharpen(lookups.sharpening, at.rest_x, at.rest_y, taps);
       projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
     } else {
-      clipped += texture::store_texel(
+      clipped += shading::store_texel(
           channel.format, value(page, image, lookups, channel.format, blend.window, tint), out);
     }
     return true;
   }
 
   /// What was looked up with the lanes beside it.
-  static texture::TexelValue lanes_value(const PageColour& page, const PacketBlend& packet,
-                                         int lane, const texture::TexelFormat& format,
-                                         const texture::Factor* tint = nullptr) {
+  static shading::TexelValue lanes_value(const PageColour& page, const PacketBlend& packet,
+                                         int lane, const shading::TexelFormat& format,
+                                         const shading::Factor* tint = nullptr) {
     const PageImage& image = packet.image(lane);
     return value_of(page, image.directory(), image.input, packet.samples(lane),
                     stays_premultiplied(image.directory(), image.input, format), format, tint);
   }
 
-  texture::TexelValue value(const PageColour& page, const PageImage& image,
+  shading::TexelValue value(const PageColour& page, const PageImage& image,
                             const projection::FootprintLookups& lookups,
-                            const texture::TexelFormat& format, ColourWindow& window,
-                            const texture::Factor* tint = nullptr) const {
+                            const shading::TexelFormat& format, ColourWindow& window,
+                            const shading::Factor* tint = nullptr) const {
     if (!lookups.single())
       return window.average(page, image, lookups, request_.blend, format, *request_.levels, tint);
     const ColourPlace at = window.find(image);
@@ -274,13 +275,13 @@ class SurfaceMethod {
   }
 
   /// What the pages of a channel give at a hit. Nothing: it met a UDIM tile without image.
-  std::optional<texture::TexelValue> page_value(const ChannelOutput& channel, const Work& work,
+  std::optional<shading::TexelValue> page_value(const ChannelOutput& channel, const Work& work,
                                                 std::size_t packet, int lane,
                                                 BlockBlend& blend) const {
     const projection::HitPacket& hit = work.state.hits[packet];
     const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
     if (page.column == nullptr && page.tile_set == nullptr) return page.constant;
-    texture::TexelFormat straight = channel.format;
+    shading::TexelFormat straight = channel.format;
     straight.premultiplied = false;
     if (blend.packet.has_samples(lane)) return lanes_value(page, blend.packet, lane, straight);
     const PageImage image = image_at(page, place_of(hit, lane));
@@ -291,19 +292,19 @@ class SurfaceMethod {
   /// The same as store_colour() for a channel of the surface itself. `frames` are of
   /// the texel's block, where it is a normal map.
   bool store_shape(const ChannelOutput& channel, const Work& work, std::uint32_t p, int lane,
-                   const target::TexelFrames* frames, BlockBlend& blend, std::byte* out,
+                   const surface::TexelFrames* frames, BlockBlend& blend, std::byte* out,
                    std::uint64_t& clipped) const {
     const ShapeOutput& shape = *channel.shape;
     const projection::SurfacePacket& surface = work.points[p];
     if (!is_normal(shape)) {
-      clipped += texture::store_texel(channel.format, baked_value(shape, surface, lane), out);
+      clipped += shading::store_texel(channel.format, baked_value(shape, surface, lane), out);
       return true;
     }
     const projection::HitPacket& hit = work.state.hits[p];
     const auto map = page_value(channel, work, p, lane, blend);
     if (!map) return false;
     const TangentFrame target = frames->frame(work.state.packets[p].texel[lane]);
-    clipped += texture::store_texel(
+    clipped += shading::store_texel(
         channel.format,
         transferred_normal(shape, hit.page[lane], *map, surface.frame(lane), target), out);
     return true;
@@ -312,7 +313,7 @@ class SurfaceMethod {
   /// The frames of a block's texels, read again: only a normal map needs them.
   struct BlockFrames {
     store::GeometryBlock block;
-    target::TexelFrames frames;
+    surface::TexelFrames frames;
     BlockFrames(job::JobContext& job, const store::GeometryStore& target,
                 const store::BlockEntry& entry)
         : block(target.read_block(entry, job.compressor())),
@@ -323,7 +324,7 @@ class SurfaceMethod {
                    std::uint32_t last) const {
     const ChannelOutput& channel = request_.channels[c];
     const std::size_t texel_bytes = channel.format.texel_bytes();
-    texture::ResultBlock result;
+    shading::ResultBlock result;
     result.texels.resize(kTexelsPerBlock * texel_bytes);
     BlockBlend blend{{}, {*request_.lanes, request_.blend, *request_.levels}};
     std::uint64_t covered = 0;
@@ -332,12 +333,12 @@ class SurfaceMethod {
       own.emplace(*job_, *request_.target, work.blocks[b]);
     for (std::uint32_t p = first; p < last; ++p) {
       const projection::HitPacket& hit = work.state.hits[p];
-      const target::TexelPacket& texels = work.state.packets[p];
+      const surface::TexelPacket& texels = work.state.packets[p];
       if (!channel.shape || is_normal(*channel.shape)) {
         blend.packet.look_up(channel.pages, hit, texels, work.axes[texels.block], channel.format,
                              !channel.shape, blend.window);
       }
-      for (int lane = 0; lane < target::kLanes; ++lane) {
+      for (int lane = 0; lane < surface::kLanes; ++lane) {
         if (!is_hit(hit, texels, lane)) continue;
         const std::uint16_t texel = texels.texel[lane];
         std::byte* const out = result.texels.data() + texel * texel_bytes;

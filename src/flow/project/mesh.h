@@ -17,7 +17,7 @@ namespace pounce::flow {
 
 /// One channel that a pass transfers.
 struct ChannelOutput {
-  texture::TexelFormat format;
+  shading::TexelFormat format;
   std::vector<PageColour> pages;     ///< by source page
   std::optional<ShapeOutput> shape;  ///< nothing: what the pages give is what is written
 };

@@ -15,20 +15,20 @@ std::size_t first_of(unsigned lanes) { return static_cast<std::size_t>(std::coun
 }  // namespace
 
 projection::Footprint footprint_at(const projection::HitPacket& hit,
-                                   const target::TexelPacket& texels,
-                                   const std::vector<target::TexelAxes>& axes, int lane) {
+                                   const surface::TexelPacket& texels,
+                                   const std::vector<surface::TexelAxes>& axes, int lane) {
   const projection::TexelGradients gradients{
       {hit.x_by[0][lane], hit.x_by[1][lane], hit.x_by[2][lane]},
       {hit.y_by[0][lane], hit.y_by[1][lane], hit.y_by[2][lane]}};
   if (axes.empty()) return projection::footprint_of(gradients, 1 / texels.per_texel[lane]);
-  const target::TexelAxes& own = axes[texels.owner[lane]];
+  const surface::TexelAxes& own = axes[texels.owner[lane]];
   return projection::footprint_of(gradients, own.x, own.y);
 }
 
 void PacketBlend::look_up(std::span<const PageColour> pages, const projection::HitPacket& hit,
-                          const target::TexelPacket& texels,
-                          const std::vector<target::TexelAxes>& axes,
-                          const texture::TexelFormat& format, bool rounds, ColourWindow& window) {
+                          const surface::TexelPacket& texels,
+                          const std::vector<surface::TexelAxes>& axes,
+                          const shading::TexelFormat& format, bool rounds, ColourWindow& window) {
   rounded_ = blended_ = 0;
   if (keys_ == 0) return;
   const Mask found = find_images(pages, hit, texels, axes);
@@ -74,12 +74,12 @@ projection::Blended PacketBlend::samples(int lane) const {
 /// The lanes whose images may be looked up together with others.
 PacketBlend::Mask PacketBlend::find_images(std::span<const PageColour> pages,
                                            const projection::HitPacket& hit,
-                                           const target::TexelPacket& texels,
-                                           const std::vector<target::TexelAxes>& axes) {
+                                           const surface::TexelPacket& texels,
+                                           const std::vector<surface::TexelAxes>& axes) {
   Mask found = 0;
   const ColourCache* before = nullptr;
   std::int32_t last_level = 0;
-  for (int l = 0; l < target::kLanes; ++l) {
+  for (int l = 0; l < surface::kLanes; ++l) {
     if (!is_hit(hit, texels, l)) continue;
     const auto lane = static_cast<std::size_t>(l);
     const PageColour& page = pages[static_cast<std::size_t>(hit.page[l])];
@@ -115,7 +115,7 @@ PacketBlend::Mask PacketBlend::like(std::size_t lane, Mask among) const {
 }
 
 /// Is what the image holds what the output stores?
-bool PacketBlend::keeps(std::size_t lane, const texture::TexelFormat& format) const {
+bool PacketBlend::keeps(std::size_t lane, const shading::TexelFormat& format) const {
   return images_[lane].input == nullptr && !pages_[lane]->factor && !pages_[lane]->tinted &&
          format.keeps(images_[lane].directory());
 }

@@ -12,13 +12,13 @@
 #include "projection/blend_lanes.h"
 #include "projection/hit_packet.h"
 #include "projection/lane_lookups.h"
-#include "target/target_block.h"
+#include "surface/target_block.h"
 
 namespace pounce::flow {
 
 /// The lane's texel and its hit's page are there.
-inline bool is_hit(const projection::HitPacket& hit, const target::TexelPacket& texels, int lane) {
-  return texels.texel[lane] != target::kNoTexel && hit.key[lane] != projection::kNoHit;
+inline bool is_hit(const projection::HitPacket& hit, const surface::TexelPacket& texels, int lane) {
+  return texels.texel[lane] != surface::kNoTexel && hit.key[lane] != projection::kNoHit;
 }
 
 inline PagePlace place_of(const projection::HitPacket& hit, int lane) {
@@ -27,8 +27,8 @@ inline PagePlace place_of(const projection::HitPacket& hit, int lane) {
 
 /// What the texel in a lane covers of the image that its hit lies in. `axes` are of its block.
 projection::Footprint footprint_at(const projection::HitPacket& hit,
-                                   const target::TexelPacket& texels,
-                                   const std::vector<target::TexelAxes>& axes, int lane);
+                                   const surface::TexelPacket& texels,
+                                   const std::vector<surface::TexelAxes>& axes, int lane);
 
 /// Blends packets, one after the other. One per thread.
 class PacketBlend {
@@ -40,8 +40,8 @@ class PacketBlend {
   /// Looks up what the packet's hits have in the images of `pages`, where lanes may. Where `format`
   /// takes samples as they are, they are rounded if `rounds`.
   void look_up(std::span<const PageColour> pages, const projection::HitPacket& hit,
-               const target::TexelPacket& texels, const std::vector<target::TexelAxes>& axes,
-               const texture::TexelFormat& format, bool rounds, ColourWindow& window);
+               const surface::TexelPacket& texels, const std::vector<surface::TexelAxes>& axes,
+               const shading::TexelFormat& format, bool rounds, ColourWindow& window);
 
   /// What became of a lane. Neither: it is to be blended alone.
   bool has_texel(int lane) const { return (rounded_ >> lane & 1) != 0; }
@@ -57,9 +57,9 @@ class PacketBlend {
   using Mask = unsigned;  ///< a bit per lane
 
   Mask find_images(std::span<const PageColour> pages, const projection::HitPacket& hit,
-                   const target::TexelPacket& texels, const std::vector<target::TexelAxes>& axes);
+                   const surface::TexelPacket& texels, const std::vector<surface::TexelAxes>& axes);
   Mask like(std::size_t lane, Mask among) const;
-  bool keeps(std::size_t lane, const texture::TexelFormat& format) const;
+  bool keeps(std::size_t lane, const shading::TexelFormat& format) const;
   void add_set(std::size_t s, std::size_t first, Mask lanes, ColourWindow& window);
   void add_single(std::size_t first, Mask lanes, bool rounds, ColourWindow& window);
   const projection::FootprintLookupsLanes* sharpening(Mask lanes) const;
@@ -68,8 +68,8 @@ class PacketBlend {
   const double keys_;
   ColourLevels& levels_;
   Mask rounded_ = 0, blended_ = 0;
-  std::array<const PageColour*, target::kLanes> pages_{};
-  std::array<PageImage, target::kLanes> images_;
+  std::array<const PageColour*, surface::kLanes> pages_{};
+  std::array<PageImage, surface::kLanes> images_;
   projection::FootprintLanes footprints_{};
   projection::Sixteen<std::int32_t> last_level_{};
   projection::MiddlesLanes middles_{};

@@ -12,10 +12,10 @@
 #include "mesh/uv_tiles.h"
 #include "projection/blend.h"
 #include "projection/footprint.h"
+#include "shading/colour_input.h"
+#include "shading/factor.h"
+#include "shading/result_block.h"
 #include "store/blocks/colour_store.h"
-#include "texture/colour_input.h"
-#include "texture/factor.h"
-#include "texture/result_block.h"
 
 namespace pounce::flow {
 
@@ -25,7 +25,7 @@ namespace pounce::flow {
 struct TileColumns {
   struct Tile {
     const ColourCache* column = nullptr;
-    std::optional<texture::ColourInput> input;  ///< for its texels
+    std::optional<shading::ColourInput> input;  ///< for its texels
   };
   std::uint32_t width = 0, height = 0;
   std::map<mesh::UvTile, Tile> tiles;
@@ -35,9 +35,9 @@ struct TileColumns {
 struct PageColour {
   const ColourCache* column = nullptr;
   const TileColumns* tile_set = nullptr;  ///< null as well as column: a constant
-  texture::TexelValue constant;
-  std::optional<texture::ColourInput> input;  ///< for the texels of the column, or the constant
-  std::optional<texture::Factor> factor;      ///< for what is blended of the images
+  shading::TexelValue constant;
+  std::optional<shading::ColourInput> input;  ///< for the texels of the column, or the constant
+  std::optional<shading::Factor> factor;      ///< for what is blended of the images
   bool tinted = false;                        ///< by the colours of the source's vertices
 };
 
@@ -63,45 +63,45 @@ struct ColourPlace {
   const std::byte* tile = nullptr;  ///< decoded
   int column = 0, row = 0;          ///< in the tile, apron excluded
   double rest_x = 0, rest_y = 0;
-  const texture::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
+  const shading::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
 };
 
 /// What the colour of a vertex makes of a base colour.
-inline texture::Factor vertex_factor(const std::array<double, 4>& colour) noexcept {
+inline shading::Factor vertex_factor(const std::array<double, 4>& colour) noexcept {
   const bool is_grey = colour[0] == colour[1] && colour[1] == colour[2];
   return {colour, {}, true, !is_grey};
 }
 
 /// What a page without image gives.
-inline texture::TexelValue constant_value(const PageColour& page, const texture::Factor* tint,
-                                          const texture::TexelFormat& format) noexcept {
-  texture::TexelValue value = page.constant;
-  if (tint != nullptr) texture::apply(*tint, format, value);
+inline shading::TexelValue constant_value(const PageColour& page, const shading::Factor* tint,
+                                          const shading::TexelFormat& format) noexcept {
+  shading::TexelValue value = page.constant;
+  if (tint != nullptr) shading::apply(*tint, format, value);
   if (tint != nullptr && page.input && page.input->primaries)
-    texture::convert(*page.input->primaries, value);
+    shading::convert(*page.input->primaries, value);
   return value;
 }
 
 /// What an image of a page holds, `samples`, on its way into `format`: times the material's factor
 /// and the vertices' colour, in the output's primaries. Colours that the image holds times alpha
 /// stay so where `as_stored`.
-inline texture::TexelValue value_of(const PageColour& page, const store::ColourDirectory& image,
-                                    const texture::ColourInput* input,
+inline shading::TexelValue value_of(const PageColour& page, const store::ColourDirectory& image,
+                                    const shading::ColourInput* input,
                                     const projection::Blended& samples, bool as_stored,
-                                    const texture::TexelFormat& format,
-                                    const texture::Factor* tint = nullptr) noexcept {
-  texture::TexelValue value{samples, image.channels, image.linear, image.has_alpha, as_stored};
-  if (input != nullptr) texture::enter(*input, value);
-  if (page.factor) texture::apply(*page.factor, format, value);
-  if (tint != nullptr) texture::apply(*tint, format, value);
-  if (input != nullptr && input->primaries) texture::convert(*input->primaries, value);
+                                    const shading::TexelFormat& format,
+                                    const shading::Factor* tint = nullptr) noexcept {
+  shading::TexelValue value{samples, image.channels, image.linear, image.has_alpha, as_stored};
+  if (input != nullptr) shading::enter(*input, value);
+  if (page.factor) shading::apply(*page.factor, format, value);
+  if (tint != nullptr) shading::apply(*tint, format, value);
+  if (input != nullptr && input->primaries) shading::convert(*input->primaries, value);
   return value;
 }
 
 /// Do colours that an image holds times alpha stay so on their way into `format`?
 inline bool stays_premultiplied(const store::ColourDirectory& image,
-                                const texture::ColourInput* input,
-                                const texture::TexelFormat& format) noexcept {
+                                const shading::ColourInput* input,
+                                const shading::TexelFormat& format) noexcept {
   return format.premultiplied && image.premultiplied &&
          (input != nullptr ? input->linear : image.linear);
 }
@@ -115,9 +115,9 @@ inline projection::Blended samples_at(const ColourPlace& at, const projection::T
 }
 
 /// The blended value at a place of a page.
-inline texture::TexelValue blended(const PageColour& page, const ColourPlace& at,
-                                   const projection::Taps& taps, const texture::TexelFormat& format,
-                                   const texture::Factor* tint = nullptr) noexcept {
+inline shading::TexelValue blended(const PageColour& page, const ColourPlace& at,
+                                   const projection::Taps& taps, const shading::TexelFormat& format,
+                                   const shading::Factor* tint = nullptr) noexcept {
   const bool as_stored = stays_premultiplied(*at.image, at.input, format);
   return value_of(page, *at.image, at.input, samples_at(at, taps, as_stored), as_stored, format,
                   tint);
@@ -126,7 +126,7 @@ inline texture::TexelValue blended(const PageColour& page, const ColourPlace& at
 /// A place in the image of a page, or in that of a tile of its set.
 struct PageImage {
   const ColourCache* column = nullptr;          ///< null: a UDIM tile without image
-  const texture::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
+  const shading::ColourInput* input = nullptr;  ///< for the image's texels; null: none is needed
   projection::Coordinate x{}, y{};              ///< in the image, as it wraps
   Vec2d middle{};                               ///< the same, not wrapped
   Vec2d scale{1, 1};                            ///< texels of the image per texel of the page
@@ -144,7 +144,7 @@ struct PageImage {
 };
 
 inline PageImage image_at(const ColourCache& column,
-                          const std::optional<texture::ColourInput>& input, const PagePlace& at) {
+                          const std::optional<shading::ColourInput>& input, const PagePlace& at) {
   const store::ColourDirectory& image = column.store().directory();
   PageImage out;
   out.column = &column;
@@ -192,10 +192,10 @@ class ColourWindow {
   /// The mean of such lookups, taken of what the image holds: what one lookup is on its way into
   /// `format`, their mean is. They stay in the UDIM tile that holds the middle. `levels` are of the
   /// page's columns.
-  texture::TexelValue average(const PageColour& page, const PageImage& image,
+  shading::TexelValue average(const PageColour& page, const PageImage& image,
                               const projection::FootprintLookups& lookups,
-                              projection::BlendKernel kernel, const texture::TexelFormat& format,
-                              ColourLevels& levels, const texture::Factor* tint = nullptr) {
+                              projection::BlendKernel kernel, const shading::TexelFormat& format,
+                              ColourLevels& levels, const shading::Factor* tint = nullptr) {
     const bool as_stored = stays_premultiplied(image.directory(), image.input, format);
     projection::Blended mean{};
     for (int s = 0; s < lookups.count; ++s) {
@@ -253,7 +253,7 @@ class ColourWindow {
   }
 
   ColourPlace place(const ColourCache& column, const projection::Coordinate& x,
-                    const projection::Coordinate& y, const texture::ColourInput* input) {
+                    const projection::Coordinate& y, const shading::ColourInput* input) {
     // Texel -1 belongs to the first tile's apron.
     const std::int32_t tile_x = std::max(x.texel, 0) / mesh::kBlockEdge,
                        tile_y = std::max(y.texel, 0) / mesh::kBlockEdge;

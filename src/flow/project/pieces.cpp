@@ -70,21 +70,21 @@ CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
 }
 
 void read_packets(job::JobContext& job, const store::GeometryStore& target, float smallest_edge,
-                  target::TargetBlock::Start start, PieceWork& work,
-                  PageVector<target::TexelPacket>& packets,
-                  std::vector<target::PacketGroup>& groups,
-                  std::vector<std::vector<target::TexelAxes>>* axes) {
+                  surface::TargetBlock::Start start, PieceWork& work,
+                  PageVector<surface::TexelPacket>& packets,
+                  std::vector<surface::PacketGroup>& groups,
+                  std::vector<std::vector<surface::TexelAxes>>* axes) {
   const auto entries = target.read_index(work.piece.tile, job.compressor());
   const auto first = entries.begin() + work.piece.first;
   work.blocks.assign(first, first + work.piece.count);
   std::size_t most_packets = 0;
   for (const auto& entry : work.blocks)
-    most_packets += target::TargetBlock::most_packets(entry.texels);
+    most_packets += surface::TargetBlock::most_packets(entry.texels);
   packets.reserve(most_packets);
   for (std::uint32_t b = 0; b < work.blocks.size(); ++b) {
     const store::BlockEntry& entry = work.blocks[b];
-    const target::TargetBlock maps(target.read_block(entry, job.compressor()),
-                                   target.directory().pages[entry.page], smallest_edge, start);
+    const surface::TargetBlock maps(target.read_block(entry, job.compressor()),
+                                    target.directory().pages[entry.page], smallest_edge, start);
     maps.make_packets(b, packets, groups);
     if (axes != nullptr) axes->push_back(maps.axes());
   }

@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "job/job_context.h"
+#include "shading/result_block.h"
 #include "store/blocks/geometry_store.h"
-#include "target/target_block.h"
-#include "texture/result_block.h"
+#include "surface/target_block.h"
 
 namespace pounce::flow {
 
@@ -81,9 +81,9 @@ struct PieceWork {
 /// Reads a piece's blocks into work.blocks and appends their packets to `packets` and `groups`.
 /// `smallest_edge` and `start`: see TargetBlock; `axes`: those of each block, if asked for.
 void read_packets(job::JobContext& job, const store::GeometryStore& target, float smallest_edge,
-                  target::TargetBlock::Start start, PieceWork& work,
-                  PageVector<target::TexelPacket>& packets,
-                  std::vector<target::PacketGroup>& groups,
-                  std::vector<std::vector<target::TexelAxes>>* axes = nullptr);
+                  surface::TargetBlock::Start start, PieceWork& work,
+                  PageVector<surface::TexelPacket>& packets,
+                  std::vector<surface::PacketGroup>& groups,
+                  std::vector<std::vector<surface::TexelAxes>>* axes = nullptr);
 
 }  // namespace pounce::flow

@@ -17,11 +17,11 @@ std::uint32_t blocks_across(std::uint32_t texels) {
 
 }  // namespace
 
-void finish_block(job::JobContext& job, const texture::TexelFormat& format,
-                  const texture::ResultBlock& result, std::size_t c, std::size_t b,
+void finish_block(job::JobContext& job, const shading::TexelFormat& format,
+                  const shading::ResultBlock& result, std::size_t c, std::size_t b,
                   PieceWork& work) {
   std::vector<std::byte> raw;
-  texture::encode(result, format, raw);
+  shading::encode(result, format, raw);
   work.raw_bytes[c] = static_cast<std::uint32_t>(raw.size());
   job.compressor().compress(raw, work.stored[c][b], store::kScratchLevel);
 }

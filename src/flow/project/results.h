@@ -7,14 +7,14 @@
 
 #include "flow/project/pieces.h"
 #include "job/job_context.h"
+#include "shading/result_block.h"
 #include "store/pack/pack.h"
-#include "texture/result_block.h"
 
 namespace pounce::flow {
 
 /// Encodes and compresses a finished result block of channel `c` and block `b` into the work.
-void finish_block(job::JobContext& job, const texture::TexelFormat& format,
-                  const texture::ResultBlock& result, std::size_t c, std::size_t b,
+void finish_block(job::JobContext& job, const shading::TexelFormat& format,
+                  const shading::ResultBlock& result, std::size_t c, std::size_t b,
                   PieceWork& work);
 
 /// The results of one page.

@@ -15,7 +15,7 @@
 
 namespace pounce::flow {
 
-texture::TexelValue transferred_normal(const ShapeOutput& shape, int page, texture::TexelValue map,
+shading::TexelValue transferred_normal(const ShapeOutput& shape, int page, shading::TexelValue map,
                                        const TangentFrame& source, const TangentFrame& target) {
   const double scale = shape.scales[static_cast<std::size_t>(page)];
   const double y_scale = shape.source_y == NormalY::up ? scale : -scale;
@@ -34,12 +34,12 @@ texture::TexelValue transferred_normal(const ShapeOutput& shape, int page, textu
   return map;
 }
 
-texture::TexelValue baked_value(const ShapeOutput& shape, const projection::SurfacePacket& surface,
+shading::TexelValue baked_value(const ShapeOutput& shape, const projection::SurfacePacket& surface,
                                 int lane) {
   if (shape.channel == Channel::height) return {.v = {surface.height[lane]}, .channels = 1};
   if (shape.channel == Channel::vertex_color) {
-    texture::TexelValue value{surface.colour(lane), 4, true, true, false};
-    if (shape.input) texture::apply(*shape.input, value);
+    shading::TexelValue value{surface.colour(lane), 4, true, true, false};
+    if (shape.input) shading::apply(*shape.input, value);
     return value;
   }
   const Vec3d p = surface.position(lane) + shape.origin;

@@ -9,8 +9,8 @@
 #include "core/directions.h"
 #include "pounce/options.h"
 #include "projection/surface_points.h"
-#include "texture/colour_input.h"
-#include "texture/result_block.h"
+#include "shading/colour_input.h"
+#include "shading/result_block.h"
 
 namespace pounce::flow {
 
@@ -22,7 +22,7 @@ struct ShapeOutput {
   bool keeps_shape = false;
   NormalY source_y = NormalY::up, output_y = NormalY::up;
   std::vector<float> scales;                  ///< of normal maps, by source page
-  std::optional<texture::ColourInput> input;  ///< of colours, which are linear light of sRGB's
+  std::optional<shading::ColourInput> input;  ///< of colours, which are linear light of sRGB's
   Vec3d origin = {};                          ///< the job's, which positions have again
 };
 
@@ -31,11 +31,11 @@ inline bool is_normal(const ShapeOutput& shape) { return shape.channel == Channe
 
 /// A normal map's texel at a hit: `map` as blended from the source's image on `page`, into the
 /// target's frame (usable), of unit length, coded 0..1. Alpha stays as it is.
-texture::TexelValue transferred_normal(const ShapeOutput& shape, int page, texture::TexelValue map,
+shading::TexelValue transferred_normal(const ShapeOutput& shape, int page, shading::TexelValue map,
                                        const TangentFrame& source, const TangentFrame& target);
 
 /// Height, position or colour at a hit.
-texture::TexelValue baked_value(const ShapeOutput& shape, const projection::SurfacePacket& surface,
+shading::TexelValue baked_value(const ShapeOutput& shape, const projection::SurfacePacket& surface,
                                 int lane);
 
 }  // namespace pounce::flow

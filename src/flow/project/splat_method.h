@@ -14,15 +14,16 @@
 
 #include "flow/project/block_walk.h"
 #include "flow/project/page_projector.h"
+#include "gaussian/splat_sieve.h"
 #include "projection/splat_packet.h"
-#include "source/splat_sieve.h"
 #include "store/blocks/splat_block.h"
 
 namespace pounce::flow {
 
 /// What one block of Gaussians costs a batch: itself prepared, and its share of the candidates.
 inline std::uint64_t splat_batch_cost(std::uint64_t splats, std::uint32_t lobes) {
-  return source::SplatSet::most_bytes(splats, lobes) + splats * projection::SplatCandidates::kBytes;
+  return gaussian::SplatSet::most_bytes(splats, lobes) +
+         splats * projection::SplatCandidates::kBytes;
 }
 
 /// The part of a Method (page_projector.h) that does not depend on how Gaussians are blended.
@@ -37,9 +38,9 @@ class SplatMethodBase {
   struct Work : PieceWork {
     State state;
     std::optional<BlockWalk<SplatCache>> walk;  ///< over the blocks of this pass
-    std::vector<std::shared_ptr<const source::SplatSet>> batch;
-    std::vector<const source::SplatSet*> sets;  ///< of the batch
-    source::SplatSet near;                      ///< a batch that is sifted
+    std::vector<std::shared_ptr<const gaussian::SplatSet>> batch;
+    std::vector<const gaussian::SplatSet*> sets;  ///< of the batch
+    gaussian::SplatSet near;                      ///< a batch that is sifted
   };
 
   std::size_t channels() const { return request_.channels(); }
@@ -65,12 +66,13 @@ class SplatMethodBase {
   }
 
   static constexpr std::uint32_t most_packets() {
-    return target::TargetBlock::most_packets(store::kTexelsPerBlock);
+    return surface::TargetBlock::most_packets(store::kTexelsPerBlock);
   }
 
   void begin(Work& work) const {
     read_packets(*job_, *request_.target, request_.smallest_edge,
-                 target::TargetBlock::Start::at_texel, work, work.state.packets, work.state.groups);
+                 surface::TargetBlock::Start::at_texel, work, work.state.packets,
+                 work.state.groups);
     work.state.packets.shrink_to_fit();
     projection::start(request_.limits, work.state);
   }
@@ -106,7 +108,7 @@ class SplatMethodBase {
     std::uint64_t bytes = 0;
     for (const auto& set : work.batch) {
       work.sets.push_back(set.get());
-      bytes += source::SplatSet::most_bytes(set->shapes.size(), lobes());
+      bytes += gaussian::SplatSet::most_bytes(set->shapes.size(), lobes());
     }
     return bytes;
   }
@@ -123,14 +125,14 @@ class SplatMethodBase {
       const store::SplatEntry& entry = *work.walk->entry();
       const store::SplatBlock block = store.read_block(entry, job_->compressor());
       bytes += store::SplatBlock::decoded_bytes(block.size(), !block.normal[0].empty(), lobes());
-      source::find_near(block, work.walk->boxes_at(entry), near);
+      gaussian::find_near(block, work.walk->boxes_at(entry), near);
       if (near.empty()) continue;
       if (work.near.shapes.size() + near.size() > most) break;
       if (work.near.shapes.capacity() == 0) work.near.reserve(most, lobes());
-      source::add_splats(block, near, request_.source->reader().harmonics, work.near);
+      gaussian::add_splats(block, near, request_.source->reader().harmonics, work.near);
     }
     if (work.near.shapes.empty()) return bytes;
-    source::finish(work.near);
+    gaussian::finish(work.near);
     work.sets.push_back(&work.near);
     return bytes;
   }
@@ -141,7 +143,7 @@ class SplatMethodBase {
     work.near.clear();
   }
 
-  /// value_of(c, packet, lane), of channel c, is an optional texture::TexelValue: nothing where
+  /// value_of(c, packet, lane), of channel c, is an optional shading::TexelValue: nothing where
   /// nothing was met.
   template <class ValueOf>
   void blend_blocks(Work& work, const ValueOf& value_of) const {
@@ -174,16 +176,16 @@ class SplatMethodBase {
   /// Of a block: 256 where it is full and no charts meet, while there may be 448. To make them
   /// twice costs 30 ns per texel, a hundredth of what it takes to blend one.
   std::uint64_t count_packets(const store::BlockEntry& entry) const {
-    const std::uint64_t most = target::TargetBlock::most_packets(entry.texels);
+    const std::uint64_t most = surface::TargetBlock::most_packets(entry.texels);
     const runtime::Lease lease(job_->budget,
-                               at_most(0) + round_to_pages(most * sizeof(target::TexelPacket)),
+                               at_most(0) + round_to_pages(most * sizeof(surface::TexelPacket)),
                                "projecting one block of the target");
     const store::GeometryStore& target = *request_.target;
-    const target::TargetBlock maps(target.read_block(entry, job_->compressor()),
-                                   target.directory().pages[entry.page], request_.smallest_edge);
-    PageVector<target::TexelPacket> packets;
+    const surface::TargetBlock maps(target.read_block(entry, job_->compressor()),
+                                    target.directory().pages[entry.page], request_.smallest_edge);
+    PageVector<surface::TexelPacket> packets;
     packets.reserve(most);
-    std::vector<target::PacketGroup> groups;
+    std::vector<surface::PacketGroup> groups;
     maps.make_packets(0, packets, groups);
     return packets.size();
   }
@@ -221,30 +223,30 @@ class SplatMethodBase {
   static std::uint64_t block_bytes(std::uint32_t triangles, std::uint64_t result_texel_bytes) {
     return 2 * store::kTexelsPerBlock +
            std::max({std::uint64_t{triangles} * 220,
-                     target::TargetBlock::record_bytes(store::kTexelsPerBlock),
+                     surface::TargetBlock::record_bytes(store::kTexelsPerBlock),
                      4 * store::kTexelsPerBlock * result_texel_bytes});
   }
   static std::uint64_t result_bytes(std::uint64_t texel_bytes, std::uint64_t channels) {
-    return store::kTexelsPerBlock * texel_bytes + channels * (texture::kMaskBytes + kPageBytes) +
+    return store::kTexelsPerBlock * texel_bytes + channels * (shading::kMaskBytes + kPageBytes) +
            sizeof(store::BlockEntry);
   }
 
   template <class ValueOf>
   void blend_block(Work& work, std::size_t c, std::size_t b, std::size_t first, std::size_t last,
                    const ValueOf& value_of) const {
-    const texture::TexelFormat& format = request_.format_of(c);
+    const shading::TexelFormat& format = request_.format_of(c);
     const std::size_t texel_bytes = format.texel_bytes();
-    texture::ResultBlock result;
+    shading::ResultBlock result;
     result.texels.resize(store::kTexelsPerBlock * texel_bytes);
     std::uint64_t covered = 0;
     for (std::size_t p = first; p < last; ++p) {
-      for (int lane = 0; lane < target::kLanes; ++lane) {
+      for (int lane = 0; lane < surface::kLanes; ++lane) {
         const std::uint16_t texel = work.state.packets[p].texel[lane];
-        if (texel == target::kNoTexel) continue;
-        const std::optional<texture::TexelValue> value = value_of(c, p, lane);
+        if (texel == surface::kNoTexel) continue;
+        const std::optional<shading::TexelValue> value = value_of(c, p, lane);
         if (!value) continue;
         work.clipped[c] +=
-            texture::store_texel(format, *value, result.texels.data() + texel * texel_bytes);
+            shading::store_texel(format, *value, result.texels.data() + texel * texel_bytes);
         result.cover(texel);
         ++covered;
       }

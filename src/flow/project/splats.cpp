@@ -76,7 +76,7 @@ class SplatMethod : public Base {
   void blend(Work& work) const {
     projection::count_distances(request_.limits, work.state, work.distances);
     const auto value_of = [&](std::size_t c, std::size_t p,
-                              int lane) -> std::optional<texture::TexelValue> {
+                              int lane) -> std::optional<shading::TexelValue> {
       const auto found = projection::finding(request_.limits, work.state, p, lane);
       if (!found) return std::nullopt;
       return value(request_.outputs[c], *found);
@@ -85,25 +85,25 @@ class SplatMethod : public Base {
   }
 
   /// A work of places instead of texels; the rays of each need blocks of their own.
-  void begin(Work& work, std::span<const target::Place> places, float edge) const {
-    target::make_packets(places, edge, work.state.packets, work.state.groups);
+  void begin(Work& work, std::span<const surface::Place> places, float edge) const {
+    surface::make_packets(places, edge, work.state.packets, work.state.groups);
     work.blocks.resize(places.size());
     projection::start(request_.limits, work.state);
   }
   using Base::begin;
 
  private:
-  texture::TexelValue value(const SplatOutput& output,
+  shading::TexelValue value(const SplatOutput& output,
                             const projection::SplatFinding& found) const {
     const Channel channel = output.channel;
     if (channel == Channel::confidence) return {{found.confidence * request_.fit}, 1};
     if (channel == Channel::distance) return {{found.distance}, 1};
     const auto& c = found.colour;
-    texture::TexelValue colour{{c[0], c[1], c[2], found.opacity},
+    shading::TexelValue colour{{c[0], c[1], c[2], found.opacity},
                                request_.alpha ? 4U : 3U,
                                request_.linear,
                                request_.alpha};
-    if (output.input) texture::apply(*output.input, colour);
+    if (output.input) shading::apply(*output.input, colour);
     return colour;
   }
 
@@ -152,10 +152,10 @@ std::unique_ptr<Projection> project_splats(job::JobContext& job, const SplatProj
 }
 
 projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& request,
-                              std::span<const target::Place> places, float edge,
+                              std::span<const surface::Place> places, float edge,
                               float usual_reach) {
   // As many packets as a full block has at most, so that projecting one takes as much memory.
-  static_assert(target::kStrewnPlaces == SplatMethod::most_packets());
+  static_assert(surface::kStrewnPlaces == SplatMethod::most_packets());
   const SplatMethod method(job, request);
   SplatMethod::Work work;
   const std::uint64_t bytes =

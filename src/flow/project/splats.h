@@ -10,9 +10,9 @@
 #include "flow/stores/block_readers.h"
 #include "projection/splat_blend.h"
 #include "projection/splat_fit.h"
+#include "shading/colour_input.h"
 #include "store/blocks/splat_store.h"
-#include "target/strewn_places.h"
-#include "texture/colour_input.h"
+#include "surface/strewn_places.h"
 
 namespace pounce::flow {
 
@@ -22,8 +22,8 @@ inline constexpr float kWindowOverNoise = 2.5F;
 /// One image of a page: colours, or evidence of them.
 struct SplatOutput {
   Channel channel = Channel::base_color;
-  texture::TexelFormat format;                ///< of the image, alpha and all
-  std::optional<texture::ColourInput> input;  ///< from the scene's primaries, where they are others
+  shading::TexelFormat format;                ///< of the image, alpha and all
+  std::optional<shading::ColourInput> input;  ///< from the scene's primaries, where they are others
 };
 
 struct SplatProjection {
@@ -38,7 +38,7 @@ struct SplatProjection {
   float smallest_edge = 0;  ///< see TargetBlock
 
   std::size_t channels() const { return outputs.size(); }
-  const texture::TexelFormat& format_of(std::size_t c) const { return outputs[c].format; }
+  const shading::TexelFormat& format_of(std::size_t c) const { return outputs[c].format; }
   std::uint64_t packet_bytes(std::uint64_t packets) const {
     return projection::SplatState::most_bytes(packets, static_cast<std::uint64_t>(limits.rays));
   }
@@ -56,7 +56,8 @@ std::unique_ptr<Projection> project_splats(job::JobContext& job, const SplatProj
 /// texels they stand for. Target, outputs and fit of the request do not count. Needs no more memory
 /// than project_splats_least_bytes().
 projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& request,
-                              std::span<const target::Place> places, float edge, float usual_reach);
+                              std::span<const surface::Place> places, float edge,
+                              float usual_reach);
 
 /// The least that projecting needs at once: one target block, one block of a scene that has so many
 /// lobes of harmonics, and so many rays beside each texel's normal. `result_texel_bytes`: of all

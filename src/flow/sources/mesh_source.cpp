@@ -22,7 +22,7 @@ void MeshSource::make_plan(MemoryNeeds& needs, DiskPlan& disk,
   const Vec3d origin = plan_.origin;
   plan_ = plan_mesh(options_, mesh_, as_, for_model_);
   plan_.origin = origin;
-  places_ = target::strew(mesh_, projection::kSourcePlaces);
+  places_ = surface::strew(mesh_, projection::kSourcePlaces);
   needs.keep(plan_.table_bytes);
   if (plan_.tangents) add_tangents(needs);
   add_stores(disk);

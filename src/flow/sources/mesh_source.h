@@ -23,7 +23,7 @@ class MeshSource : public Source {
   std::vector<job::LeastMemory> build_needs() const override;
   std::uint64_t directory_bytes() const override;
   std::size_t target_places() const override;
-  std::span<const target::Place> places() const override { return places_; }
+  std::span<const surface::Place> places() const override { return places_; }
 
  protected:
   MeshSource(job::JobContext& job, const TransferOptions& options, TexelsAs as, bool for_model)
@@ -46,7 +46,7 @@ class MeshSource : public Source {
   const TexelsAs as_;
   const bool for_model_;
   runtime::Lease mesh_lease_;
-  std::vector<target::Place> places_;
+  std::vector<surface::Place> places_;
 };
 
 }  // namespace pounce::flow

@@ -15,7 +15,7 @@
 
 #include "flow/plan/colour_spaces.h"
 #include "flow/stores/gaussian_store.h"
-#include "source/splat_shapes.h"
+#include "gaussian/splat_shapes.h"
 
 namespace pounce::flow {
 namespace {
@@ -99,7 +99,7 @@ void SceneSource::build(ProgressRange range, std::uint64_t) {
       job_.budget, SplatReader{{&job_, std::move(opened)}, splats_.harmonics});
   const store::SplatDirectory& scene = gaussians_->store().directory();
   job_.report.depth_window = kWindowOverNoise * scene.surface_noise;
-  job_.report.discness = source::discness(scene.roundness, scene.thickness);
+  job_.report.discness = gaussian::discness(scene.roundness, scene.thickness);
   job_.report.gaussian_size = scene.typical_size;
   directory_lease_ = count_splat_store(job_, gaussians_->store(), cached);
   job_.meter.keep(range.end);  // what of it the cache had
@@ -115,15 +115,15 @@ SplatProjection SceneSource::projection(const TargetPlan& target_plan) const {
   request.limits.reach = target_plan.max_distance;
   request.limits.min_cosine = min_cosine_;
   request.limits.window = kWindowOverNoise * scene.surface_noise;
-  request.limits.discness = source::discness(scene.roundness, scene.thickness);
-  request.limits.fine_edge = source::fine_edge(scene.typical_size);
+  request.limits.discness = gaussian::discness(scene.roundness, scene.thickness);
+  request.limits.fine_edge = gaussian::fine_edge(scene.typical_size);
   request.limits.antialiased = scene.model == store::SplatModel::antialiased;
   request.limits.rays = static_cast<int>(splats_.rays);
   request.smallest_edge = target_plan.smallest_edge;
   return request;
 }
 
-std::optional<projection::SplatFit> SceneSource::fit(std::span<const target::Place> places,
+std::optional<projection::SplatFit> SceneSource::fit(std::span<const surface::Place> places,
                                                      const TargetPlan& target_plan) const {
   SplatProjection request = projection(target_plan);
   request.limits.reach = target_plan.fit_reach;

@@ -30,8 +30,8 @@ class SceneSource final : public Source {
   std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
                                         const TargetPlan& target_plan,
                                         const projection::SplatFit& fit) const override;
-  std::size_t target_places() const override { return target::kStrewnPlaces; }
-  std::optional<projection::SplatFit> fit(std::span<const target::Place> places,
+  std::size_t target_places() const override { return surface::kStrewnPlaces; }
+  std::optional<projection::SplatFit> fit(std::span<const surface::Place> places,
                                           const TargetPlan& target_plan) const override;
   /// A capture's whole box is made by a few floaters, so that of its middle is known.
   std::string box_name() const override {

@@ -23,7 +23,7 @@
 #include "projection/splat_fit.h"
 #include "store/blocks/geometry_store.h"
 #include "store/pack/pack.h"
-#include "target/strewn_places.h"
+#include "surface/strewn_places.h"
 
 namespace pounce::flow {
 
@@ -88,13 +88,13 @@ class Source {
   /// How many places of a target's surface say whether the two fit.
   virtual std::size_t target_places() const = 0;
   /// Does a scene lie at a target? Nothing of other kinds.
-  virtual std::optional<projection::SplatFit> fit(std::span<const target::Place>,
+  virtual std::optional<projection::SplatFit> fit(std::span<const surface::Place>,
                                                   const TargetPlan&) const {
     return std::nullopt;
   }
   /// Of a mesh: places of its surface, to find whether it fits.
-  virtual std::span<const target::Place> places() const { return {}; }
-  /// Of a mesh: how far away other layers of it lie that face alike (target::layer_gaps()).
+  virtual std::span<const surface::Place> places() const { return {}; }
+  /// Of a mesh: how far away other layers of it lie that face alike (surface::layer_gaps()).
   virtual std::span<const float> layer_gaps() const { return {}; }
   /// For warnings: what box() is the box of, and what helps where texels do not reach the source.
   virtual std::string box_name() const { return "The source"; }

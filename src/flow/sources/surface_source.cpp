@@ -14,7 +14,7 @@
 
 #include "flow/plan/colour_spaces.h"
 #include "mesh/mesh.h"
-#include "target/layers.h"
+#include "surface/layers.h"
 
 namespace pounce::flow {
 namespace {
@@ -113,12 +113,12 @@ void SurfaceSource::open_geometry(const PassPlan& pass, bool* cached) {
 void SurfaceSource::find_layers() {
   constexpr std::size_t kEach = 4;      // of the places: a thousand tell shares well enough
   constexpr float kWithin = 1.0F / 50;  // of the source's diagonal
-  std::vector<target::Place> some;
+  std::vector<surface::Place> some;
   for (std::size_t i = 0; i < places().size(); i += kEach) some.push_back(places()[i]);
   Box3f box;
   for (const Vec3f& position : mesh_.positions) box.extend(position);
   layer_gaps_ =
-      target::layer_gaps(mesh_, some, min_cosine_, kWithin * length(Vec3f(box.hi - box.lo)));
+      surface::layer_gaps(mesh_, some, min_cosine_, kWithin * length(Vec3f(box.hi - box.lo)));
 }
 
 std::optional<ShapeOutput> SurfaceSource::shape_of(const ChannelPlan& channel) const {

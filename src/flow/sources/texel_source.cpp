@@ -48,7 +48,7 @@ class BlendKernel {
     }
   }
   double operator()(int dx, int dy) const { return weights_[index(dx, dy)]; }
-  static constexpr int kReach = source::TexelNeighbours::kReach;
+  static constexpr int kReach = gaussian::TexelNeighbours::kReach;
 
  private:
   static std::size_t index(int dx, int dy) {
@@ -93,7 +93,7 @@ std::uint64_t TexelSource::read_bytes(std::uint64_t triangles, std::uint64_t chu
                                       std::uint64_t colour_tile_bytes, bool sharpens) {
   const std::uint64_t block = triangles * kPerTriangle + 2 * chunk_bytes;
   return block + (ColourWindow::kTiles + 2) * colour_tile_bytes + (64 << 10) +
-         (sharpens ? block + source::TexelNeighbours::bytes() : 0);
+         (sharpens ? block + gaussian::TexelNeighbours::bytes() : 0);
 }
 
 std::uint64_t TexelSource::list_bytes(const GeometryRequest& geometry) {
@@ -156,7 +156,7 @@ double TexelSource::count_blocks() {
       job_.budget, costs, "counting Gaussians",
       [&](std::size_t b) {
         const store::GeometryBlock block = decode(blocks_[b]);
-        const source::MeshGaussians gaussians(
+        const gaussian::MeshGaussians gaussians(
             block, request_.geometry->directory().pages[blocks_[b].page], sampling_);
         return Counted{gaussians.count(), gaussians.area()};
       },
@@ -178,7 +178,7 @@ store::GeometryBlock TexelSource::decode(const Block& place) const {
   return request_.geometry->read_block(entry, job_.compressor());
 }
 
-void TexelSource::find_neighbours(const Block& block, source::TexelNeighbours& neighbours) const {
+void TexelSource::find_neighbours(const Block& block, gaussian::TexelNeighbours& neighbours) const {
   neighbours.start(block.x, block.y);
   const mesh::Lattice& lattice = request_.geometry->directory().pages[block.page];
   const auto before = [](const Block& b, const std::tuple<std::uint32_t, int, int>& place) {
@@ -196,19 +196,19 @@ void TexelSource::find_neighbours(const Block& block, source::TexelNeighbours& n
 
 void TexelSource::visit(std::uint64_t first, std::uint64_t last,
                         const std::function<void(const TexelGaussian&)>& each) const {
-  const texture::TexelFormat format{4, Depth::float32, request_.linear, true, true};
+  const shading::TexelFormat format{4, Depth::float32, request_.linear, true, true};
   const BlendKernel kernel(request_.sigma);
   const bool sharpens = request_.sharpen > 0;
-  std::optional<source::TexelNeighbours> neighbours;
+  std::optional<gaussian::TexelNeighbours> neighbours;
   if (sharpens) neighbours.emplace();
   ColourWindow window;
   using Colour = std::array<float, 4>;
   // Nothing in a UDIM tile without image.
   const auto colour_at = [&](const PageColour& page, const PagePlace& place, const Vec4f& vertex) {
-    std::optional<texture::Factor> vertices;
+    std::optional<shading::Factor> vertices;
     if (page.tinted) vertices = vertex_factor({vertex.x, vertex.y, vertex.z, vertex.w});
-    const texture::Factor* const tint = vertices ? &*vertices : nullptr;
-    texture::TexelValue value = constant_value(page, tint, format);
+    const shading::Factor* const tint = vertices ? &*vertices : nullptr;
+    shading::TexelValue value = constant_value(page, tint, format);
     if (page.column != nullptr || page.tile_set != nullptr) {
       const PageImage image = image_at(page, place);
       if (image.column == nullptr) return std::optional<Colour>();
@@ -218,12 +218,12 @@ void TexelSource::visit(std::uint64_t first, std::uint64_t last,
       value = blended(page, at, taps, format, tint);
     }
     Colour rgba;
-    texture::store_texel(format, value, reinterpret_cast<std::byte*>(rgba.data()));
+    shading::store_texel(format, value, reinterpret_cast<std::byte*>(rgba.data()));
     return std::optional(rgba);
   };
   // c + sharpen (c - what the blend makes of c), within what colours are.
-  const auto sharpen = [&](const PageColour& page, const source::MeshGaussian& g,
-                           const source::TexelFrame& frame, Colour& rgba) {
+  const auto sharpen = [&](const PageColour& page, const gaussian::MeshGaussian& g,
+                           const gaussian::TexelFrame& frame, Colour& rgba) {
     std::array<double, 3> sum{};
     double weights = 0;
     for (int dy = -BlendKernel::kReach; dy <= BlendKernel::kReach; ++dy) {
@@ -249,17 +249,17 @@ void TexelSource::visit(std::uint64_t first, std::uint64_t last,
   for (; b < blocks_.size() && first_[b] < last; ++b) {
     if (first_[b] == first_[b + 1]) continue;
     const store::GeometryBlock block = decode(blocks_[b]);
-    const source::MeshGaussians gaussians(
+    const gaussian::MeshGaussians gaussians(
         block, request_.geometry->directory().pages[blocks_[b].page], sampling_);
     const PageColour& page = request_.pages[blocks_[b].page];
     const bool has_image = page.column != nullptr || page.tile_set != nullptr;
     if (sharpens && has_image) find_neighbours(blocks_[b], *neighbours);
     std::uint32_t shaped = UINT32_MAX;  // the triangle whose shape it is
-    source::Footprint shape{};
-    source::TexelFrame frame{};
+    gaussian::Footprint shape{};
+    gaussian::TexelFrame frame{};
     const std::uint64_t begin = std::max(first, first_[b]) - first_[b];
     gaussians.visit(begin, std::min(last, first_[b + 1]) - first_[b],
-                    [&](const source::MeshGaussian& g) {
+                    [&](const gaussian::MeshGaussian& g) {
                       auto rgba = colour_at(page, {g.x, g.y, g.frac_x, g.frac_y}, g.colour);
                       if (!rgba) return;
                       // A triangle without a texel's centre has the colour of a place between

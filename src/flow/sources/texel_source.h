@@ -10,17 +10,17 @@
 #include "flow/project/page_colour.h"
 #include "flow/stores/build_stores.h"
 #include "flow/stores/gaussian_source.h"
+#include "gaussian/texel_gaussians.h"
+#include "gaussian/texel_neighbours.h"
 #include "job/job_context.h"
-#include "source/texel_gaussians.h"
-#include "source/texel_neighbours.h"
 #include "store/blocks/geometry_store.h"
 
 namespace pounce::flow {
 
 /// A mesh's texel as a Gaussian, as exact as it is made.
 struct TexelGaussian {
-  const source::MeshGaussian& place;
-  const source::Footprint& shape;
+  const gaussian::MeshGaussian& place;
+  const gaussian::Footprint& shape;
   std::array<float, 4> rgba;  ///< alpha is 1 where the image has none
 };
 
@@ -33,7 +33,7 @@ class TexelSource : public GaussianSource {
   struct Request {
     const store::GeometryStore* geometry = nullptr;
     std::vector<PageColour> pages;  ///< by page of the geometry
-    double sigma = source::kSigmaTexels;
+    double sigma = gaussian::kSigmaTexels;
     bool densify = false;  ///< split sparse texels: docs/paper.md
     bool linear = false;   ///< colours in linear light, else sRGB-coded
     /// Adds so much of what a blend of these Gaussians would take away from a texel's colour;
@@ -70,11 +70,11 @@ class TexelSource : public GaussianSource {
   void list_blocks();
   double count_blocks();
   store::GeometryBlock decode(const Block& block) const;
-  void find_neighbours(const Block& block, source::TexelNeighbours& neighbours) const;
+  void find_neighbours(const Block& block, gaussian::TexelNeighbours& neighbours) const;
 
   job::JobContext& job_;
   const Request request_;
-  source::TexelSampling sampling_;
+  gaussian::TexelSampling sampling_;
   std::uint64_t read_bytes_ = 0;
   std::vector<runtime::Lease> leases_;
   PageVector<Block> blocks_;

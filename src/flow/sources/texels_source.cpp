@@ -37,7 +37,7 @@ bool texels_are_linear(const SourcePlan& plan) {
   return std::any_of(pages.begin(), pages.end(), is_linear);
 }
 
-void add_input(const texture::ColourInput& input, Hasher& hash) {
+void add_input(const shading::ColourInput& input, Hasher& hash) {
   hash.add(input.linear);
   for (const double v : input.primaries.value_or(Matrix3{})) hash.add(v);
   if (input.transform == nullptr) return;
@@ -46,7 +46,7 @@ void add_input(const texture::ColourInput& input, Hasher& hash) {
   hash.add(transform.lo);
 }
 
-void add_factor(const texture::Factor& factor, Hasher& hash) {
+void add_factor(const shading::Factor& factor, Hasher& hash) {
   for (const double v : factor.scale) hash.add(v);
   for (const double v : factor.offset) hash.add(v);
   hash.add(factor.is_colour);

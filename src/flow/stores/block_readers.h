@@ -10,13 +10,13 @@
 
 #include "flow/stores/find_store.h"
 #include "flow/stores/whole_column.h"
+#include "gaussian/splat_set.h"
 #include "job/job_context.h"
 #include "runtime/block_cache.h"
-#include "source/source_block.h"
-#include "source/splat_set.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
 #include "store/blocks/splat_store.h"
+#include "surface/source_block.h"
 
 namespace pounce::flow {
 
@@ -39,7 +39,7 @@ struct TileReader {
 };
 
 /// Facets and patches of a mesh.
-struct SurfaceReader : TileReader<store::GeometryStore, store::BlockEntry, source::SourceBlock> {
+struct SurfaceReader : TileReader<store::GeometryStore, store::BlockEntry, surface::SourceBlock> {
   bool with_attributes = false;
 
   Block read_block(const Entry& entry) const {
@@ -53,11 +53,11 @@ struct SurfaceReader : TileReader<store::GeometryStore, store::BlockEntry, sourc
 using SurfaceCache = runtime::BlockCache<SurfaceReader>;
 
 /// Gaussians, of a splat scene or of a mesh's texels.
-struct SplatReader : TileReader<store::SplatStore, store::SplatEntry, source::SplatSet> {
+struct SplatReader : TileReader<store::SplatStore, store::SplatEntry, gaussian::SplatSet> {
   SphericalHarmonics harmonics = SphericalHarmonics::mean;
 
   Block read_block(const Entry& entry) const {
-    return source::make_splat_set(store->read_block(entry, job->compressor()), harmonics);
+    return gaussian::make_splat_set(store->read_block(entry, job->compressor()), harmonics);
   }
   std::uint64_t block_bytes(const Entry& entry) const {
     return Block::most_bytes(entry.splats, store->directory().lobes);

@@ -83,11 +83,11 @@ void check_largest(job::JobContext& job, const store::GeometryStore& store) {
   }
 }
 
-source::SourceBlock decoded_source(const store::GeometryStore& store,
-                                   const store::BlockEntry& entry,
-                                   const store::GeometryBlock& block, bool with_attributes) {
-  source::SourceBlock made =
-      source::make_source_block(block, store.directory().pages[entry.page], with_attributes);
+surface::SourceBlock decoded_source(const store::GeometryStore& store,
+                                    const store::BlockEntry& entry,
+                                    const store::GeometryBlock& block, bool with_attributes) {
+  surface::SourceBlock made =
+      surface::make_source_block(block, store.directory().pages[entry.page], with_attributes);
   if (made.patches.size() != entry.patches)
     store.damaged("a block decodes to another number of patches than its index says");
   return made;

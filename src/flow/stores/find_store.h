@@ -8,10 +8,10 @@
 
 #include "job/job_context.h"
 #include "pounce/error.h"
-#include "source/source_block.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
 #include "store/blocks/splat_store.h"
+#include "surface/source_block.h"
 
 namespace pounce::flow {
 
@@ -26,9 +26,10 @@ void check_store(job::JobContext& job, const store::SplatStore& store);
 void check_largest(job::JobContext& job, const store::GeometryStore& store);
 
 /// A stored block of a source as projection uses it, which its index has announced.
-source::SourceBlock decoded_source(const store::GeometryStore& store,
-                                   const store::BlockEntry& entry,
-                                   const store::GeometryBlock& block, bool with_attributes = false);
+surface::SourceBlock decoded_source(const store::GeometryStore& store,
+                                    const store::BlockEntry& entry,
+                                    const store::GeometryBlock& block,
+                                    bool with_attributes = false);
 
 /// The store that open(pack) makes of a pack of the cache; null if the caller is to make the pack
 /// (store::StoreFolder::find). One that is damaged, or in a job that checks its packs has anything

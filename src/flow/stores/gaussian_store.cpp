@@ -21,10 +21,10 @@
 
 #include "flow/stores/kept_rows.h"
 #include "flow/stores/splat_sort.h"
+#include "gaussian/splat_noise.h"
+#include "gaussian/splat_shapes.h"
+#include "gaussian/splat_support.h"
 #include "runtime/ordered_stream.h"
-#include "source/splat_noise.h"
-#include "source/splat_shapes.h"
-#include "source/splat_support.h"
 #include "store/blocks/splat_lattice.h"
 
 namespace pounce::flow {
@@ -103,9 +103,9 @@ SplatLattice StoreBuilder::make_lattice() {
   const runtime::Lease lease(job_.budget, kept_sample_bytes(source_.count(), source_.read_bytes()),
                              "looking at " + request_.path);
   const PageVector<Splat> sample = kept_sample(source_, request_.keep);
-  directory_.roundness = source::median_roundness(sample);
-  directory_.typical_size = source::median_size(sample);
-  directory_.thickness = source::quartile_thickness(sample);
+  directory_.roundness = gaussian::median_roundness(sample);
+  directory_.typical_size = gaussian::median_size(sample);
+  directory_.thickness = gaussian::quartile_thickness(sample);
   return SplatLattice(sample);
 }
 
@@ -241,7 +241,7 @@ bool asked_for_noise(std::uint64_t ordinal, std::uint32_t step_log2) {
 }
 
 void encode_block(job::JobContext& job, std::uint32_t lobes, bool fades_isolated, Slot& slot) {
-  if (fades_isolated) source::fade_isolated(slot.cut.splats);
+  if (fades_isolated) gaussian::fade_isolated(slot.cut.splats);
   slot.entry = {};
   slot.entry.splats = static_cast<std::uint32_t>(slot.cut.splats.size());
   slot.entry.size_class =
@@ -252,7 +252,7 @@ void encode_block(job::JobContext& job, std::uint32_t lobes, bool fades_isolated
   job.compressor().compress(slot.raw, slot.stored);
   slot.noise.clear();
   if (asked_for_noise(slot.cut.ordinal, noise_step_log2(slot.cut.ordinal)))
-    source::append_surface_noise(slot.block, slot.noise);
+    gaussian::append_surface_noise(slot.block, slot.noise);
 }
 
 std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& lattice,
@@ -333,7 +333,7 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
     if (asked_for_noise(ordinal, noise_step_log2(blocks - 1)))
       figures.insert(figures.end(), of_block.begin(), of_block.end());
   }
-  directory_.surface_noise = source::median(figures);
+  directory_.surface_noise = gaussian::median(figures);
   return std::make_unique<store::SplatStore>(
       job_.stores->publish(writer.finish(directory_, job_.compressor())), request_.facts,
       job_.compressor());

@@ -19,7 +19,7 @@ struct GaussianStoreRequest {
   std::string path;  ///< of the source, for messages
   store::SplatFacts facts;
   SplatKeep keep = {};
-  bool fades_isolated = false;  ///< see source::fade_isolated()
+  bool fades_isolated = false;  ///< see gaussian::fade_isolated()
   /// For tests: most Gaussians of a run and most runs merged at once; 0 = what the budget holds.
   /// The store does not depend on them.
   std::uint64_t run_splats = 0;

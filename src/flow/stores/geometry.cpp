@@ -6,7 +6,7 @@
 // tile made, compressed and written on its own: in parallel, in order, under the budget. Source and
 // target differ in one thing: a target texel belongs to the first triangle in file order that
 // covers its centre; a source keeps all of its surface, since a texel that the surface uses twice
-// is two Gaussians, in fewer triangles than the mesh has where these are tiny (source/coarsen.h).
+// is two Gaussians, in fewer triangles than the mesh has where these are tiny (surface/coarsen.h).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,9 +19,9 @@
 #include "flow/stores/find_store.h"
 #include "mesh/uv_raster.h"
 #include "runtime/ordered_stream.h"
-#include "source/coarsen.h"
-#include "source/source_block.h"
-#include "target/target_block.h"
+#include "surface/coarsen.h"
+#include "surface/source_block.h"
+#include "surface/target_block.h"
 
 namespace pounce::flow {
 namespace {
@@ -55,7 +55,7 @@ struct EncodedTile {
 
 /// How many windows of a block a cut triangle has a part in, at most.
 std::uint64_t patch_windows(const std::array<Vec2d, 3>& corners, const mesh::BlockBin& block) {
-  constexpr std::int64_t kEdge = source::kPatchWindow;
+  constexpr std::int64_t kEdge = surface::kPatchWindow;
   const std::int64_t x0 = std::int64_t{block.x} * mesh::kBlockEdge;
   const std::int64_t y0 = std::int64_t{block.y} * mesh::kBlockEdge;
   std::uint64_t windows = 0;
@@ -97,9 +97,9 @@ class TileMaker {
 
   void source_blocks(const mesh::BlockBin& bin) {
     const mesh::Lattice& l = lattice(bin);
-    const bool is_dense = coarsens_dense(request_) && l.width != 0 && source::is_dense(bin.count);
-    const source::CoarseSurface coarse =
-        is_dense ? source::coarsen(*request_.mesh, l, entries(bin)) : source::CoarseSurface{};
+    const bool is_dense = coarsens_dense(request_) && l.width != 0 && surface::is_dense(bin.count);
+    const surface::CoarseSurface coarse =
+        is_dense ? surface::coarsen(*request_.mesh, l, entries(bin)) : surface::CoarseSurface{};
     start_source(bin);
     for (std::uint32_t i = 0; i < bin.count; ++i) {
       const mesh::TriangleInstance& triangle = instance(bin, i);
@@ -112,12 +112,12 @@ class TileMaker {
     finish_source(bin);
   }
 
-  void add_coarse(const mesh::BlockBin& bin, const source::CoarseSurface& coarse) {
+  void add_coarse(const mesh::BlockBin& bin, const surface::CoarseSurface& coarse) {
     std::vector<std::uint16_t> local(coarse.points.size(), kNoTriangle);
-    for (const source::CoarseTriangle& triangle : coarse.triangles) {
+    for (const surface::CoarseTriangle& triangle : coarse.triangles) {
       std::array<std::uint16_t, 3> points;
       for (std::size_t k = 0; k < 3; ++k) {
-        const source::SurfacePoint& p = coarse.points[triangle.points[k]];
+        const surface::SurfacePoint& p = coarse.points[triangle.points[k]];
         std::uint16_t& at = local[triangle.points[k]];
         if (at == kNoTriangle) at = builder_.add_point(p.position, p.normal, p.uv, p.tangent);
         points[k] = at;
@@ -176,12 +176,12 @@ class TileMaker {
 
   void encode_source(const mesh::BlockBin& bin, std::uint64_t texels) {
     const store::GeometryBlock& block = builder_.block();
-    const source::SourceBlock decoded = source::make_source_block(block, lattice(bin));
+    const surface::SourceBlock decoded = surface::make_source_block(block, lattice(bin));
     if (decoded.degenerate > 0) count_degenerate(bin, decoded);
     out_.texels += texels;
     if (decoded.patches.empty()) return;
     std::vector<Box3f> boxes;
-    for (const source::Patch& patch : decoded.patches) boxes.push_back(patch.box);
+    for (const surface::Patch& patch : decoded.patches) boxes.push_back(patch.box);
     EncodedBlock encoded = encode(block, boxes);
     encoded.entry.patches = static_cast<std::uint32_t>(decoded.patches.size());
     encoded.entry.texels = static_cast<std::uint32_t>(std::min<std::uint64_t>(texels, UINT32_MAX));
@@ -189,7 +189,7 @@ class TileMaker {
   }
 
   /// Triangles of the builder's block that became no facet.
-  void count_degenerate(const mesh::BlockBin& bin, const source::SourceBlock& decoded) {
+  void count_degenerate(const mesh::BlockBin& bin, const surface::SourceBlock& decoded) {
     auto facet = decoded.facets.begin();  // in the order of the triangles
     for (const std::uint32_t id : builder_.block().ids) {
       if (facet != decoded.facets.end() && static_cast<std::uint32_t>(facet->id) == id) {
@@ -239,7 +239,7 @@ class TileMaker {
       ++texels;
     }
     if (texels == 0) return;
-    std::vector<Box3f> boxes = target::texel_boxes(block, l);
+    std::vector<Box3f> boxes = surface::texel_boxes(block, l);
     EncodedBlock encoded = encode_target(block, l, texels, boxes);
     encoded.entry.texels = texels;
     out_.texels += texels;
@@ -254,8 +254,9 @@ class TileMaker {
     if (request_.exact || raw_.size() <= exact) return compress(block, raw_, boxes);
     const std::uint64_t as_triangles = store::estimated_bytes(raw_);
     if (as_triangles > exact) {
-      const auto records = target::TargetBlock(block, l, kNoEdge, target::TargetBlock::Start::inset)
-                               .as_records(block);
+      const auto records =
+          surface::TargetBlock(block, l, kNoEdge, surface::TargetBlock::Start::inset)
+              .as_records(block);
       if (records) {
         store::encode(*records, records_raw_);
         if (store::estimated_bytes(records_raw_) < as_triangles) {
@@ -304,9 +305,9 @@ std::uint64_t tile_bytes(const GeometryRequest& request, std::uint64_t largest, 
   constexpr std::uint64_t kColours = 3 * sizeof(Vec4f);
   const std::uint64_t in_block = std::min<std::uint64_t>(largest, store::kMostTrianglesPerBlock);
   const std::uint64_t colours = request.colours ? kColours * (4 * in_block + all) : 0;
-  const bool coarsens = coarsens_dense(request) && source::is_dense(largest);
+  const bool coarsens = coarsens_dense(request) && surface::is_dense(largest);
   return kFixed + kPerTriangle * in_block + colours +
-         (coarsens ? source::coarsen_bytes(largest) : 0) + kStoredPerTriangle * all +
+         (coarsens ? surface::coarsen_bytes(largest) : 0) + kStoredPerTriangle * all +
          kPerBlock * blocks;
 }
 
@@ -504,7 +505,7 @@ std::uint64_t geometry_directory_bytes(const GeometryRequest& request,
 SourceShape source_shape(const GeometryRequest& request) {
   constexpr std::uint64_t kMost = store::kMostTrianglesPerBlock;
   constexpr std::uint64_t kPatchesPerTriangle =
-      (mesh::kBlockEdge / source::kPatchWindow) * (mesh::kBlockEdge / source::kPatchWindow);
+      (mesh::kBlockEdge / surface::kPatchWindow) * (mesh::kBlockEdge / surface::kPatchWindow);
   const std::uint64_t triangles = std::min<std::uint64_t>(request.mesh->triangles.size(), kMost);
   SourceShape shape{static_cast<std::uint32_t>(triangles), static_cast<std::uint32_t>(triangles)};
   // Only triangles that are cut have more than one patch.

@@ -28,7 +28,7 @@ struct SplatRequest {
   /// The store does not depend on them.
   std::uint64_t run_splats = 0;
   std::size_t fan_in = 0;
-  bool fades_isolated = true;  ///< see source::fade_isolated(); tests alone do without
+  bool fades_isolated = true;  ///< see gaussian::fade_isolated(); tests alone do without
 };
 
 /// What is known of a scene from its headers.

@@ -37,7 +37,7 @@ ImageFile::ImageFile(job::JobContext& job, const std::string& path, const io::Im
   if (!spec.layout.mipmap) return;
   ImageSize size{spec.width, spec.height};
   levels_.emplace(size, spec.channels, spec.depth);
-  for (std::uint32_t level = texture::level_count(size); level > 1; --level) {
+  for (std::uint32_t level = shading::level_count(size); level > 1; --level) {
     size = mesh::next_level_size(size);
     Level& kept = kept_.emplace_back();
     kept.row_bytes = row_bytes_of(spec, size.width);
@@ -117,7 +117,7 @@ std::uint64_t ImageFile::memory_bytes(const std::string& path, const io::ImageWr
   std::uint64_t bytes = io::ImageWriter::encoder_bytes(path, spec);
   if (!spec.layout.mipmap) return bytes;
   ImageSize size{spec.width, spec.height};
-  bytes += texture::MipLevels::memory_bytes(size, spec.channels) +
+  bytes += shading::MipLevels::memory_bytes(size, spec.channels) +
            round_to_pages(row_bytes_of(spec, spec.width));
   while (size.width > 1 || size.height > 1) {
     size = mesh::next_level_size(size);

@@ -10,7 +10,7 @@
 
 #include "io/image/write.h"
 #include "job/job_context.h"
-#include "texture/mip_levels.h"
+#include "shading/mip_levels.h"
 
 namespace pounce::flow {
 
@@ -53,7 +53,7 @@ class ImageFile {
   job::JobContext& job_;
   const io::ImageWriteSpec spec_;
   io::ImageWriter writer_;
-  std::optional<texture::MipLevels> levels_;
+  std::optional<shading::MipLevels> levels_;
   std::vector<Level> kept_;  ///< from level 1
   std::unique_ptr<WriteFile> scratch_;
   std::uint64_t spilled_bytes_ = 0;

@@ -20,8 +20,8 @@
 
 #include "flow/write/image_file.h"
 #include "flow/write/onto.h"
+#include "shading/pad_seams.h"
 #include "store/pack/codec.h"
-#include "texture/pad_seams.h"
 
 namespace pounce::flow {
 namespace {
@@ -37,7 +37,7 @@ struct Rows {
   PageVector<std::byte> covered;  ///< 0 or the depth's 1, one sample per texel
 };
 
-io::ImageWriteSpec colour_spec(const ImageOutput& output, const texture::TexelFormat& format) {
+io::ImageWriteSpec colour_spec(const ImageOutput& output, const shading::TexelFormat& format) {
   return {output.lattice.width,
           output.lattice.height,
           format.channels,
@@ -81,7 +81,7 @@ void expand_mask(const std::uint8_t* bits, std::uint32_t count, std::uint8_t* by
 class ImageAssembler {
  public:
   ImageAssembler(job::JobContext& job, const ImageOutput& output,
-                 const texture::TexelFormat& format, const store::PackReader& results,
+                 const shading::TexelFormat& format, const store::PackReader& results,
                  const std::vector<store::ChunkRef>& blocks, WriteFile* sink)
       : job_(job),
         output_(output),
@@ -155,7 +155,7 @@ class ImageAssembler {
     tbb::parallel_for(std::uint32_t{0}, across, [&](std::uint32_t bx) {
       const store::ChunkRef& chunk = blocks_[std::size_t{block_row} * across + bx];
       if (chunk.raw_bytes == 0) return;
-      const texture::ResultBlock block = read_block(chunk);
+      const shading::ResultBlock block = read_block(chunk);
       const std::uint32_t columns = std::min<std::uint32_t>(kBlockEdge, width - bx * kBlockEdge);
       for (std::uint32_t y = 0; y < rows; ++y) {
         const std::size_t to = std::size_t{y} * width + std::size_t{bx} * kBlockEdge;
@@ -208,11 +208,11 @@ class ImageAssembler {
 
   /// No direction is stored as zeros, so these texels are empty.
   void flatten_empty(PageVector<std::byte>& texels) const {
-    texture::TexelFormat vector = format_;
+    shading::TexelFormat vector = format_;
     vector.channels = 3;
     vector.has_alpha = false;
     std::array<std::byte, 12> flat{};
-    texture::store_texel(vector, {.v = {0.5, 0.5, 1}, .channels = 3}, flat.data());
+    shading::store_texel(vector, {.v = {0.5, 0.5, 1}, .channels = 3}, flat.data());
     const std::size_t size = vector.texel_bytes();
     const std::array<std::byte, 12> empty{};
     for (std::size_t at = 0; at < texels.size(); at += format_.texel_bytes()) {
@@ -223,9 +223,9 @@ class ImageAssembler {
 
   /// 0 and 1 as the mask's format holds them.
   void store_mask(const PageVector<std::uint8_t>& covered, PageVector<std::byte>& samples) const {
-    const texture::TexelFormat mask{1, coverage_spec(output_).depth, false, false, false, false};
+    const shading::TexelFormat mask{1, coverage_spec(output_).depth, false, false, false, false};
     std::array<std::byte, 4> one{};
-    texture::store_texel(mask, {.v = {1}, .channels = 1}, one.data());
+    shading::store_texel(mask, {.v = {1}, .channels = 1}, one.data());
     const std::size_t size = mask.texel_bytes();
     samples.resize(covered.size() * size);
     for (std::size_t i = 0; i < covered.size(); ++i) {
@@ -233,11 +233,11 @@ class ImageAssembler {
     }
   }
 
-  texture::ResultBlock read_block(const store::ChunkRef& chunk) {
+  shading::ResultBlock read_block(const store::ChunkRef& chunk) {
     const auto raw = store::read_payload(results_, chunk, store::ChunkKind::block,
                                          store::kLargestChunkBytes, job_.compressor());
-    texture::ResultBlock block;
-    texture::decode_result(raw, format_, "results", block);
+    shading::ResultBlock block;
+    shading::decode_result(raw, format_, "results", block);
     return block;
   }
 
@@ -253,11 +253,11 @@ class ImageAssembler {
 
   job::JobContext& job_;
   const ImageOutput& output_;
-  const texture::TexelFormat& format_;
+  const shading::TexelFormat& format_;
   const store::PackReader& results_;
   const std::vector<store::ChunkRef>& blocks_;
   runtime::Lease lease_;
-  texture::SeamPadder padder_;
+  shading::SeamPadder padder_;
   std::uint32_t next_row_ = 0;  ///< that the padder gets
   bool looks_at_alpha_ = false;
   std::atomic<bool> has_holes_ = false, has_veils_ = false;
@@ -268,17 +268,17 @@ class ImageAssembler {
 }  // namespace
 
 WrittenTexels write_image(job::JobContext& job, const ImageOutput& output,
-                          const texture::TexelFormat& format, const store::PackReader& results,
+                          const shading::TexelFormat& format, const store::PackReader& results,
                           const std::vector<store::ChunkRef>& blocks, WriteFile* sink) {
   return ImageAssembler(job, output, format, results, blocks, sink).run();
 }
 
-std::uint64_t levels_bytes(const ImageOutput& output, const texture::TexelFormat& format) {
+std::uint64_t levels_bytes(const ImageOutput& output, const shading::TexelFormat& format) {
   return ImageFile::scratch_bytes(colour_spec(output, format)) +
          (output.coverage_path.empty() ? 0 : ImageFile::scratch_bytes(coverage_spec(output)));
 }
 
-std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelFormat& format) {
+std::uint64_t image_least_bytes(const ImageOutput& output, const shading::TexelFormat& format) {
   const std::uint64_t width = output.lattice.width;
   const std::uint64_t texel = format.texel_bytes();
   const std::uint64_t row_of_blocks = round_to_pages(kBlockEdge * width * (texel + 1));
@@ -287,7 +287,7 @@ std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelF
   const std::uint64_t stripe = round_to_pages(kBlockEdge * width * (texel + mask));
   std::uint64_t bytes =
       row_of_blocks + kMostTokens * stripe +
-      texture::SeamPadder::memory_bytes(output.lattice.width, output.padding,
+      shading::SeamPadder::memory_bytes(output.lattice.width, output.padding,
                                         static_cast<std::uint32_t>(texel), kBlockEdge) +
       (256 << 10);
   if (output.onto) bytes += OntoPainter::memory_bytes(*output.onto, output.lattice.width);

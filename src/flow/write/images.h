@@ -7,8 +7,8 @@
 #include "flow/plan/image_output.h"
 #include "io/image/write.h"
 #include "job/job_context.h"
+#include "shading/result_block.h"
 #include "store/pack/pack.h"
-#include "texture/result_block.h"
 
 namespace pounce::flow {
 
@@ -25,12 +25,12 @@ struct WrittenTexels {
 /// Assembles result blocks into rows, pads charts, writes the image (and its coverage) in order and
 /// renames it into place. With a `sink` the image goes to its end instead, as PNG.
 WrittenTexels write_image(job::JobContext& job, const ImageOutput& output,
-                          const texture::TexelFormat& format, const store::PackReader& results,
+                          const shading::TexelFormat& format, const store::PackReader& results,
                           const std::vector<store::ChunkRef>& blocks, WriteFile* sink = nullptr);
 
 /// What the levels of such an image take on disk until it is whole.
-std::uint64_t levels_bytes(const ImageOutput& output, const texture::TexelFormat& format);
+std::uint64_t levels_bytes(const ImageOutput& output, const shading::TexelFormat& format);
 /// What writing such an image needs at once.
-std::uint64_t image_least_bytes(const ImageOutput& output, const texture::TexelFormat& format);
+std::uint64_t image_least_bytes(const ImageOutput& output, const shading::TexelFormat& format);
 
 }  // namespace pounce::flow

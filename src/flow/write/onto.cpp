@@ -14,7 +14,7 @@
 #include "io/image/straight_alpha.h"
 #include "io/image/write.h"
 #include "pounce/error.h"
-#include "texture/pad_seams.h"
+#include "shading/pad_seams.h"
 
 namespace pounce::flow {
 namespace {
@@ -22,13 +22,13 @@ namespace {
 constexpr std::uint32_t kRowsTogether = 16;
 constexpr std::uint32_t kMostTexelBytes = 16;
 
-texture::TexelFormat format_of(const io::ImageInfo& info, bool is_colour) {
+shading::TexelFormat format_of(const io::ImageInfo& info, bool is_colour) {
   return {info.channels, info.depth, info.space().linear, is_colour, info.has_alpha, false};
 }
 
 }  // namespace
 
-OntoPainter::OntoPainter(const OntoImage& onto, const texture::TexelFormat& format, ImageSize size)
+OntoPainter::OntoPainter(const OntoImage& onto, const shading::TexelFormat& format, ImageSize size)
     : onto_(onto), format_(format), width_(size.width), image_(onto.path, onto.allowed_formats) {
   onto_format_ = format_of(image_.info(), format.is_colour);
   if (onto.premultiplied) image_.keep_premultiplied();
@@ -61,24 +61,24 @@ void OntoPainter::paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std:
   std::fill_n(weights_.begin(), count, 1.0F);
   if (mask_) {
     mask_->read_rows(rows, mask_raw_.data());
-    texture::mask_weights(mask_format_, mask_raw_.data(), count, weights_.data());
+    shading::mask_weights(mask_format_, mask_raw_.data(), count, weights_.data());
   }
   if (occupied_rows_) occupied_rows_->next(rows, occupied_.data());
   for (std::size_t i = 0; i < count; ++i) {
-    const bool gutter = kinds[i] == texture::SeamPadder::kFilled && occupied_[i] == 0;
-    if (kinds[i] != texture::SeamPadder::kCovered && !gutter) weights_[i] = 0;
+    const bool gutter = kinds[i] == shading::SeamPadder::kFilled && occupied_[i] == 0;
+    if (kinds[i] != shading::SeamPadder::kCovered && !gutter) weights_[i] = 0;
     if (gutter && weights_[i] > 0) ++filled_;
     paints_ = paints_ || weights_[i] > 0;
   }
   convert_old(count);
-  texture::PaintAlpha alpha = onto_.alpha;
+  shading::PaintAlpha alpha = onto_.alpha;
   if (onto_.premultiplied) {
-    if (alpha == texture::PaintAlpha::keep)
-      texture::copy_alpha(format_, old_.data(), count, texels);
+    if (alpha == shading::PaintAlpha::keep)
+      shading::copy_alpha(format_, old_.data(), count, texels);
     io::multiply_by_alpha(format_.depth, format_.channels, count, texels);
-    alpha = texture::PaintAlpha::premultiplied;
+    alpha = shading::PaintAlpha::premultiplied;
   }
-  texture::paint_over(painted_format_, alpha, weights_.data(), texels, count, old_.data());
+  shading::paint_over(painted_format_, alpha, weights_.data(), texels, count, old_.data());
   std::memcpy(texels, old_.data(), count * format_.texel_bytes());
 }
 
@@ -88,7 +88,7 @@ void OntoPainter::convert_old(std::size_t count) {
     const bool stays = weights_[begin] < 1;
     while (end < count && (weights_[end] < 1) == stays) ++end;
     const std::uint64_t clipped =
-        texture::convert_texels(onto_format_, old_raw_.data() + begin * onto_format_.texel_bytes(),
+        shading::convert_texels(onto_format_, old_raw_.data() + begin * onto_format_.texel_bytes(),
                                 format_, end - begin, old_.data() + begin * format_.texel_bytes());
     if (stays) clipped_ += clipped;
   }

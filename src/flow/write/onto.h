@@ -13,7 +13,7 @@ namespace pounce::flow {
 /// Paints finished rows over an image that is read beside them, from top to bottom.
 class OntoPainter {
  public:
-  OntoPainter(const OntoImage& onto, const texture::TexelFormat& format, ImageSize size);
+  OntoPainter(const OntoImage& onto, const shading::TexelFormat& format, ImageSize size);
   /// `texels`: new samples of the next `rows` rows, turned into what is written; `kinds`: what the
   /// padder says they are.
   void paint(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels);
@@ -29,7 +29,7 @@ class OntoPainter {
   void paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels);
 
   const OntoImage& onto_;
-  texture::TexelFormat format_, painted_format_, onto_format_, mask_format_;
+  shading::TexelFormat format_, painted_format_, onto_format_, mask_format_;
   std::uint32_t width_;
   io::ImageReader image_;
   std::optional<io::ImageReader> mask_;

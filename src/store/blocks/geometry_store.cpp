@@ -39,7 +39,7 @@ constexpr auto for_directory = [](auto& d, const auto& visit) {
         d.most_blocks, d.largest_chunk_bytes);
 };
 
-/// Windows that a large triangle is cut into within its block: source/source_block.cpp.
+/// Windows that a large triangle is cut into within its block: surface/source_block.cpp.
 constexpr std::uint32_t kMostPatchesPerTriangle = 16;
 /// Beyond this no coordinate of a texel leads: 2^24 blocks.
 constexpr std::int64_t kMostBlocksAcross = std::int64_t{1} << 24;

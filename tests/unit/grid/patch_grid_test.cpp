@@ -25,13 +25,13 @@ Vec3f random_point(Random& random, float size) {
 }
 
 /// Patches whose facets are one each, so that a visit tells which patch it is.
-source::SourceBlock random_patches(Random& random, Kind kind, std::size_t count) {
-  source::SourceBlock block;
+surface::SourceBlock random_patches(Random& random, Kind kind, std::size_t count) {
+  surface::SourceBlock block;
   for (std::size_t i = 0; i < count; ++i) {
     float size = random.between(0.0F, 0.3F);
     if (kind == Kind::huge_and_tiny) size = random.one_in(10) ? 8.0F : 1e-4F;
     if (kind == Kind::points) size = 0;
-    source::Patch patch;
+    surface::Patch patch;
     Vec3f lo = random_point(random, 5);
     Vec3f hi{lo.x + random.between(0.0F, size), lo.y + random.between(0.0F, size),
              lo.z + random.between(0.0F, size)};
@@ -74,7 +74,7 @@ RayBundle random_bundle(Random& random, std::vector<Ray>& rays) {
 }
 
 /// Does the ray, |t| <= height, surely meet both box and sphere at one point?
-bool meets(const Ray& ray, const source::Patch& patch, double height) {
+bool meets(const Ray& ray, const surface::Patch& patch, double height) {
   double low = -height, high = height;
   const double slack = 1e-6;
   const std::array<double, 3> p{ray.p.x, ray.p.y, ray.p.z}, n{ray.n.x, ray.n.y, ray.n.z};
@@ -114,9 +114,9 @@ TEST_CASE("a query visits every patch that a ray of the bundle meets, each once"
   std::size_t met = 0, visits = 0;
   for (int round = 0; round < 20; ++round) {
     const std::size_t count = kind == Kind::one ? 1 : 1 + random.below(600);
-    const source::SourceBlock first = random_patches(random, kind, count);
-    const source::SourceBlock second = random_patches(random, kind, count);
-    const std::array<const source::SourceBlock*, 2> blocks{&first, &second};
+    const surface::SourceBlock first = random_patches(random, kind, count);
+    const surface::SourceBlock second = random_patches(random, kind, count);
+    const std::array<const surface::SourceBlock*, 2> blocks{&first, &second};
     std::vector<Ray> rays;
     for (int query = 0; query < 30; ++query) {
       const RayBundle bundle = random_bundle(random, rays);
@@ -126,14 +126,14 @@ TEST_CASE("a query visits every patch that a ray of the bundle meets, each once"
           all_space ? Box3f{{-100, -100, -100}, {100, 100, 100}} : bundle.swept_box(height);
       PatchGrid grid(blocks, region);
       for (int repeat = 0; repeat < 2; ++repeat) {  // a query leaves the grid as it was
-        std::multiset<const source::Facet*> visited;
+        std::multiset<const surface::Facet*> visited;
         grid.query(bundle, height, [&](const GridItem& item) {
           visited.insert(item.facet);
           if (!bundle.may_meet(item.centre, item.radius, height)) FAIL("a needless visit");
         });
         visits += visited.size();
-        for (const source::SourceBlock* block : blocks) {
-          for (const source::Patch& patch : block->patches) {
+        for (const surface::SourceBlock* block : blocks) {
+          for (const surface::Patch& patch : block->patches) {
             const std::size_t times = visited.count(&block->facets[patch.facet]);
             if (times > 1) FAIL("a patch is visited " << times << " times");
             const bool needed = std::any_of(rays.begin(), rays.end(), [&](const Ray& ray) {
@@ -162,8 +162,8 @@ TEST_CASE("a grid of many patches stays within the bytes it says, however uneven
   const Kind kind = GENERATE(Kind::scattered, Kind::flat, Kind::huge_and_tiny, Kind::points);
   Random random(43);
   constexpr std::size_t kPatches = 400000;
-  const source::SourceBlock block = random_patches(random, kind, kPatches);
-  const std::array<const source::SourceBlock*, 1> blocks{&block};
+  const surface::SourceBlock block = random_patches(random, kind, kPatches);
+  const std::array<const surface::SourceBlock*, 1> blocks{&block};
   const std::size_t before = resident_bytes();
   const PatchGrid grid(blocks, {{-100, -100, -100}, {100, 100, 100}});
   const std::size_t after = resident_bytes();

@@ -6,13 +6,13 @@ set -euo pipefail
 cd "${1:-$(dirname "$0")/../../..}"
 
 # What each room may include besides itself and the public headers. Only flow/ knows every stage; grid and
-# projection know the records they work on (source patches, target texels), not how those come to be.
+# projection know the records they work on (patches, Gaussians, texels), not how those come to be.
 declare -A may_include=(
   [core]="" [runtime]="core" [mesh]="core" [store]="core mesh" [io]="core mesh store"
-  [source]="core mesh store" [target]="core mesh store" [texture]="core mesh store"
-  [grid]="core mesh store source" [projection]="core mesh store source target grid"
+  [surface]="core mesh store" [gaussian]="core mesh store" [shading]="core mesh store"
+  [grid]="core mesh store surface gaussian" [projection]="core mesh store surface gaussian grid"
   [commands]="core mesh store io" [job]="core runtime store io" [options]="core mesh io"
-  [flow]="job core runtime mesh store io options source target texture grid projection"
+  [flow]="job core runtime mesh store io options surface gaussian shading grid projection"
 )
 # The same within rooms that have folders: what each may include besides itself and what lies above it.
 declare -A may_include_within=(

@@ -19,7 +19,7 @@ using pounce::test::Random;
 
 namespace {
 
-constexpr std::size_t kSixteen = target::kLanes;
+constexpr std::size_t kSixteen = surface::kLanes;
 
 std::vector<const BlendLanes*> available() {
   std::vector<const BlendLanes*> all;

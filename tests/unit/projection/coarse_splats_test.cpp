@@ -41,7 +41,7 @@ SplatLimits coarse(float fine_edge, float reach = 12) {
 /// Opacities that one Gaussian has for the texels of a packet.
 std::array<float, kLanes> alphas(const SplatKernels& kernels, const ReferenceSplat& splat,
                                  const TexelPacket& packet, const SplatLimits& limits) {
-  const auto set = source::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
+  const auto set = gaussian::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
   SplatState state;
   state.packets.push_back(packet);
   start(limits, state);

@@ -37,7 +37,7 @@ struct Meeting {
 
 Vec3d vec(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
 
-Meeting meet(const source::Facet& f, Vec3d p, Vec3d n) {
+Meeting meet(const surface::Facet& f, Vec3d p, Vec3d n) {
   double rise = dot(vec(f.n), n);
   if (std::abs(rise) < kGrazing) rise = std::copysign(double{kGrazing}, rise);
   Meeting out;
@@ -55,7 +55,7 @@ Meeting meet(const source::Facet& f, Vec3d p, Vec3d n) {
 }
 
 /// The definition in double precision. Nothing: no hit. `unsure`: too near a limit to say.
-std::optional<Hit> reference(const source::Facet& f, const TexelPacket& packet, int lane,
+std::optional<Hit> reference(const surface::Facet& f, const TexelPacket& packet, int lane,
                              const SearchLimits& limits, bool& unsure) {
   const Vec3d p{packet.px[lane], packet.py[lane], packet.pz[lane]};
   const Vec3d n{packet.nx[lane], packet.ny[lane], packet.nz[lane]};
@@ -77,16 +77,16 @@ std::optional<Hit> reference(const source::Facet& f, const TexelPacket& packet, 
   if (beyond(limits.min_cosine, dot(surface, n) / length(surface), steep)) return {};
   const Vec3d inset{1.0 * packet.inset_x[lane], 1.0 * packet.inset_y[lane],
                     1.0 * packet.inset_z[lane]};
-  const Vec3d own = p - inset * double{target::step_of(packet)};
+  const Vec3d own = p - inset * double{surface::step_of(packet)};
   const auto w = meet(f, own, n).inside;
   return Hit{std::abs(at.t) + at.outside,
              f.base[0] + double{f.frac[0]} + f.du[0] * w[1] + f.du[1] * w[2],
              f.base[1] + double{f.frac[1]} + f.dv[0] * w[1] + f.dv[1] * w[2]};
 }
 
-source::Facet flat_facet(std::int32_t id, float height) {
+surface::Facet flat_facet(std::int32_t id, float height) {
   // The right triangle (0,0) (1,0) (0,1) at z = height, ten texels along its legs.
-  source::Facet f{};
+  surface::Facet f{};
   f.n[2] = f.s[2] = 1;
   f.m[2] = height;
   f.g1[0] = f.e1[0] = 1;
@@ -184,11 +184,11 @@ TEST_CASE("the hit kernel agrees with the definition in double precision") {
   Random random(51);
   std::size_t hits = 0, misses = 0, unsure_ones = 0;
   for (int round = 0; round < 3000; ++round) {
-    const source::SourceBlock block = test::random_source(random, 4, random.one_in(2) ? 1 : 0.2F);
+    const surface::SourceBlock block = test::random_source(random, 4, random.one_in(2) ? 1 : 0.2F);
     TexelPacket packet = test::random_packet(random, 0.5F);
     packet.coarseness = random.one_in(2) ? 0.0F : 4.0F;
     const SearchLimits limits{random.between(0.5F, 2.0F), random.between(0.1F, 0.9F)};
-    for (const source::Facet& facet : block.facets) {
+    for (const surface::Facet& facet : block.facets) {
       HitPacket best;
       clear(best);
       kernels("").hit(facet, packet, limits, best);
@@ -250,12 +250,12 @@ TEST_CASE("all instruction sets give the same bits, whatever is in the packets")
   };
   std::size_t cases = 0, hit_lanes = 0;
   for (int round = 0; round < 4000; ++round) {
-    source::SourceBlock block = test::random_source(random, 5, 1);
+    surface::SourceBlock block = test::random_source(random, 5, 1);
     std::vector<TexelPacket> packets;
     for (int i = 0; i < 5; ++i) packets.push_back(test::random_packet(random, 1));
     const bool wild = random.one_in(3);
     if (wild) {
-      for (source::Facet& f : block.facets) {
+      for (surface::Facet& f : block.facets) {
         float* const parts[] = {f.n, f.m,  f.g1, f.g2,    f.e1,         f.e2,
                                 f.s, f.s1, f.s2, f.reach, &f.tolerance, &f.lean};
         *parts[random.below(12)] = any_float();
@@ -270,7 +270,7 @@ TEST_CASE("all instruction sets give the same bits, whatever is in the packets")
       packet.coarseness = random.one_in(2) ? 0.0F : random.between(0.0F, 9.0F);
     const float height = random.between(0.0F, 2.0F);
     Candidates candidates;
-    for (const source::Patch& patch : block.patches)
+    for (const surface::Patch& patch : block.patches)
       candidates.add({patch.box, patch.centre, patch.radius, &block.facets[patch.facet], 0, {}});
     for (const TexelPacket& packet : packets) {
       std::vector<HitPacket> results(isas.size() * 2);
@@ -278,7 +278,7 @@ TEST_CASE("all instruction sets give the same bits, whatever is in the packets")
       for (std::size_t k = 0; k < isas.size(); ++k) {
         clear(results[2 * k]);
         clear(results[2 * k + 1]);
-        for (const source::Facet& facet : block.facets)
+        for (const surface::Facet& facet : block.facets)
           isas[k]->hit(facet, packet, limits, results[2 * k]);
         isas[k]->search(candidates, bundle_of(packet), height, packet, limits, results[2 * k + 1]);
         finals[k] = isas[k]->all_final(packet, results[2 * k], height);
@@ -325,7 +325,7 @@ TEST_CASE("a packet is final when every used lane's key is below the height") {
     CHECK_FALSE(k->all_final(packet, best, 0.5F));
     best.key[15] = kNoHit;
     CHECK_FALSE(k->all_final(packet, best, 0.5F));
-    packet.texel[15] = target::kNoTexel;
+    packet.texel[15] = surface::kNoTexel;
     CHECK(k->all_final(packet, best, 0.5F));
   }
 }
@@ -349,7 +349,7 @@ TEST_CASE("the surface's own normal decides what it faces, not its plane's") {
   // At x = 0 the normals lean 45 degrees to the left of the plane's, at x = 1 45 to the right.
   for (const Kernels* k : available()) {
     CAPTURE(k->isa);
-    source::Facet facet = flat_facet(1, 0.5F);
+    surface::Facet facet = flat_facet(1, 0.5F);
     facet.lean = 4;
     facet.s[0] = -1;
     facet.s1[0] = 2;
@@ -377,7 +377,7 @@ TEST_CASE("a texel on a facet finds it whatever its normal, also within the plan
     for (const float degrees : {0.0F, 60.0F, 89.0F, 90.0F, 91.0F, 120.0F, 170.0F}) {
       CAPTURE(k->isa, degrees);
       const float angle = degrees * 3.14159265F / 180;
-      source::Facet facet = flat_facet(1, 0);
+      surface::Facet facet = flat_facet(1, 0);
       facet.lean = 4;
       facet.s[0] = std::sin(angle);
       facet.s[2] = std::cos(angle);
@@ -400,7 +400,7 @@ TEST_CASE("a texel on a facet finds it whatever its normal, also within the plan
 }
 
 TEST_CASE("a ray in a facet's plane does not reach for it from beside") {
-  source::Facet facet = flat_facet(1, 0.05F);
+  surface::Facet facet = flat_facet(1, 0.05F);
   facet.lean = 4;
   facet.s[0] = 1;
   facet.s[2] = 0;

@@ -9,7 +9,7 @@
 
 using namespace pounce;
 using namespace pounce::projection;
-using target::Place;
+using surface::Place;
 
 namespace {
 
@@ -49,7 +49,7 @@ constexpr double kDiagonal = 4;  // about that of the potato's box
 Vec3d as_it_is(Vec3d p) { return p; }
 
 MeshFit fit(const mesh::Mesh& target, const mesh::Mesh& source, double diagonal = kDiagonal) {
-  return fit_of(target::strew(target, kTargetPlaces), target::strew(source, kSourcePlaces),
+  return fit_of(surface::strew(target, kTargetPlaces), surface::strew(source, kSourcePlaces),
                 diagonal);
 }
 
@@ -130,6 +130,6 @@ TEST_CASE("normals that look inward are found on either side", "[projection]") {
 TEST_CASE("nothing is said of what has no surface", "[projection]") {
   CHECK(fit_of({}, {}, 1).fit == 1);
   const mesh::Mesh mesh = potato(8, 12, as_it_is);
-  const auto places = target::strew(mesh, 64);
+  const auto places = surface::strew(mesh, 64);
   CHECK_FALSE(fit_of(places, places, 0).better);
 }

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "projection/hit_packet.h"
-#include "source/source_block.h"
 #include "support/random.h"
+#include "surface/source_block.h"
 
 namespace pounce::test {
 
@@ -22,8 +22,8 @@ inline Vec3f random_direction(Random& random) {
 
 /// `count` triangles of edges up to `size` near the unit cube, as a source block makes them. Texels
 /// of a 64x64 image, so that some are cut and some whole.
-inline source::SourceBlock random_source(Random& random, int count, float size,
-                                         std::uint32_t first_id = 0) {
+inline surface::SourceBlock random_source(Random& random, int count, float size,
+                                          std::uint32_t first_id = 0) {
   store::GeometryBlock block;
   for (int i = 0; i < count; ++i) {
     const auto first = static_cast<std::uint16_t>(block.positions.size());
@@ -44,16 +44,16 @@ inline source::SourceBlock random_source(Random& random, int count, float size,
         {first, static_cast<std::uint16_t>(first + 1), static_cast<std::uint16_t>(first + 2)});
     block.ids.push_back(first_id + static_cast<std::uint32_t>(i));
   }
-  return source::make_source_block(block, {64, 64, 0, {}});
+  return surface::make_source_block(block, {64, 64, 0, {}});
 }
 
 /// Sixteen texels (or fewer) that lie together and face about one way.
-inline target::TexelPacket random_packet(Random& random, float size) {
-  target::TexelPacket packet{};
+inline surface::TexelPacket random_packet(Random& random, float size) {
+  surface::TexelPacket packet{};
   const Vec3f at = random_vec(random, 1), facing = random_direction(random);
   const int used = random.one_in(4) ? static_cast<int>(1 + random.below(16)) : 16;
   const float edge = random.between(0.005F, 0.05F);
-  for (int lane = 0; lane < target::kLanes; ++lane) {
+  for (int lane = 0; lane < surface::kLanes; ++lane) {
     const Vec3f n = facing + random_vec(random, 0.3F);
     const Vec3f p = at + random_vec(random, size);
     const bool is_used = lane < used;
@@ -65,10 +65,10 @@ inline target::TexelPacket random_packet(Random& random, float size) {
     packet.ny[lane] = normal.y;
     packet.nz[lane] = normal.z;
     packet.per_texel[lane] = is_used ? 1 / edge : 1;
-    packet.texel[lane] = is_used ? static_cast<std::uint16_t>(lane) : target::kNoTexel;
+    packet.texel[lane] = is_used ? static_cast<std::uint16_t>(lane) : surface::kNoTexel;
   }
   packet.is_inset = random.one_in(2);
-  for (int lane = 0; lane < target::kLanes && packet.is_inset; ++lane) {
+  for (int lane = 0; lane < surface::kLanes && packet.is_inset; ++lane) {
     packet.inset_x[lane] = static_cast<std::int8_t>(random.whole(-64, 64));
     packet.inset_y[lane] = static_cast<std::int8_t>(random.whole(-64, 64));
     packet.inset_z[lane] = static_cast<std::int8_t>(random.whole(-64, 64));

@@ -151,7 +151,7 @@ TEST_CASE("blends of several rays are those of the reference", "[projection]") {
   double largest = 0;
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
-      if (state.packets[p].texel[lane] == target::kNoTexel) continue;
+      if (state.packets[p].texel[lane] == surface::kNoTexel) continue;
       const ReferenceTexel texel = texel_of(state.packets[p], lane);
       const ReferenceBlend own = reference_blend(scene, texel, expected);
       bool is_unsure = own.unsure;

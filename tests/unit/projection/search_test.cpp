@@ -14,9 +14,9 @@ using pounce::test::Random;
 namespace {
 
 struct Scene {
-  std::vector<source::SourceBlock> blocks;
+  std::vector<surface::SourceBlock> blocks;
   PageVector<TexelPacket> packets;
-  std::vector<target::PacketGroup> groups;
+  std::vector<surface::PacketGroup> groups;
   SearchLimits limits;
 };
 
@@ -50,8 +50,8 @@ PageVector<HitPacket> brute_force(const Scene& scene) {
   PageVector<HitPacket> hits(scene.packets.size());
   for (std::size_t p = 0; p < hits.size(); ++p) {
     clear(hits[p]);
-    for (const source::SourceBlock& block : scene.blocks) {
-      for (const source::Facet& facet : block.facets)
+    for (const surface::SourceBlock& block : scene.blocks) {
+      for (const surface::Facet& facet : block.facets)
         kernels("").hit(facet, scene.packets[p], scene.limits, hits[p]);
     }
   }
@@ -71,15 +71,15 @@ PageVector<HitPacket> search(const Scene& scene, const std::vector<float>& heigh
     const auto open = open_boxes(state, 3, height);
     Box3f region;
     for (const Box3f& box : open) region.extend(box);
-    std::vector<const source::SourceBlock*> order;
-    for (const source::SourceBlock& block : scene.blocks) {
+    std::vector<const surface::SourceBlock*> order;
+    for (const surface::SourceBlock& block : scene.blocks) {
       order.push_back(&block);
       if (random.one_in(5)) order.push_back(&block);
     }
     for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[random.below(i)]);
     for (std::size_t at = 0; at < order.size();) {
       const std::size_t count = std::min<std::size_t>(1 + random.below(4), order.size() - at);
-      const std::span<const source::SourceBlock* const> all(order);
+      const std::span<const surface::SourceBlock* const> all(order);
       grid::PatchGrid grid(all.subspan(at, count), region);
       search_batch(grid, height, scene.limits, kernels(""), state);
       at += count;
@@ -174,7 +174,7 @@ TEST_CASE("a packet's bundle holds its rays, and so does a bundle of bundles") {
     const float height = random.between(0.0F, 2.0F);
     for (std::size_t i = 0; i < packets.size(); ++i) {
       for (int lane = 0; lane < kLanes; ++lane) {
-        if (packets[i].texel[lane] == target::kNoTexel) continue;
+        if (packets[i].texel[lane] == surface::kNoTexel) continue;
         const double t = random.between(-1.0, 1.0) * height;
         const Vec3d p{packets[i].px[lane] + t * packets[i].nx[lane],
                       packets[i].py[lane] + t * packets[i].ny[lane],

@@ -31,7 +31,7 @@ TEST_CASE("blends of random scenes are those of the reference", "[projection]") 
   double largest = 0, farthest = 0;
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
-      if (state.packets[p].texel[lane] == target::kNoTexel) {
+      if (state.packets[p].texel[lane] == surface::kNoTexel) {
         CHECK(state.depths[p].weight[lane] == 0);
         continue;
       }
@@ -107,7 +107,7 @@ TEST_CASE("a texel does not depend on who shares its packet", "[projection]") {
   for (const TexelPacket& packet : together.packets) {
     for (int lane = 0; lane < kLanes; ++lane) {
       TexelPacket one = packet;
-      std::fill_n(one.texel, kLanes, target::kNoTexel);
+      std::fill_n(one.texel, kLanes, surface::kNoTexel);
       std::fill_n(one.nx, kLanes, 0.0F);
       std::fill_n(one.ny, kLanes, 0.0F);
       std::fill_n(one.nz, kLanes, 0.0F);
@@ -116,7 +116,7 @@ TEST_CASE("a texel does not depend on who shares its packet", "[projection]") {
       one.nx[lane] = packet.nx[lane];
       one.ny[lane] = packet.ny[lane];
       one.nz[lane] = packet.nz[lane];
-      if (one.texel[lane] == target::kNoTexel) one.texel[lane] = 0;  // looks nowhere
+      if (one.texel[lane] == surface::kNoTexel) one.texel[lane] = 0;  // looks nowhere
       alone.groups.push_back({static_cast<std::uint32_t>(alone.packets.size()), 1});
       alone.packets.push_back(one);
     }
@@ -126,7 +126,7 @@ TEST_CASE("a texel does not depend on who shares its packet", "[projection]") {
   std::size_t compared = 0;
   for (std::size_t p = 0; p < together.packets.size(); ++p) {
     for (int lane = 0; lane < kLanes; ++lane) {
-      if (together.packets[p].texel[lane] == target::kNoTexel) continue;
+      if (together.packets[p].texel[lane] == surface::kNoTexel) continue;
       const DepthPacket& a = together.depths[p];
       const DepthPacket& b = alone.depths[p * kLanes + static_cast<std::size_t>(lane)];
       CHECK(a.weight[lane] == b.weight[lane]);

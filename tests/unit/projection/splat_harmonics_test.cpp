@@ -65,7 +65,7 @@ Vec3d normal_of(const TexelPacket& packet, int lane) {
 }
 
 /// The colours that sixteen texels take from it alone.
-DepthPacket summed(const SplatKernels& kernels, const source::SplatSet& set,
+DepthPacket summed(const SplatKernels& kernels, const gaussian::SplatSet& set,
                    const TexelPacket& packet) {
   SplatResponse response{};
   response.shape = &set.shapes[0];
@@ -105,7 +105,7 @@ TEST_CASE("harmonics are seen along the normal on every instruction set", "[proj
   std::size_t clamped = 0;
   for (int i = 0; i < 20; ++i) {
     const Coloured splat(random, lobes, size);
-    const auto set = source::make_splat_set(splat.block, SphericalHarmonics::normal);
+    const auto set = gaussian::make_splat_set(splat.block, SphericalHarmonics::normal);
     const TexelPacket packet = packet_of_normals(random);
     const DepthPacket first = summed(*all.front(), set, packet);
     for (int lane = 0; lane < kLanes; ++lane) {
@@ -129,7 +129,7 @@ TEST_CASE("the mean is that of 10,000 directions that look at the texel", "[proj
   const std::uint32_t lobes = GENERATE(3U, 8U, 15U);
   for (int i = 0; i < 3; ++i) {
     const Coloured splat(random, lobes, 0.1);
-    const auto set = source::make_splat_set(splat.block, SphericalHarmonics::mean);
+    const auto set = gaussian::make_splat_set(splat.block, SphericalHarmonics::mean);
     const TexelPacket packet = packet_of_normals(random);
     const DepthPacket sums = summed(splat_kernels(""), set, packet);
     for (const int lane : {0, 1, 2, 9}) {
@@ -148,7 +148,7 @@ TEST_CASE("the mean is that of 10,000 directions that look at the texel", "[proj
 TEST_CASE("the base colour alone is the mean over the whole sphere", "[projection]") {
   Random random(29);
   const Coloured splat(random, 15, 0.5);
-  const auto set = source::make_splat_set(splat.block, SphericalHarmonics::dc);
+  const auto set = gaussian::make_splat_set(splat.block, SphericalHarmonics::dc);
   CHECK(set.sh.empty());
   const DepthPacket sums = summed(splat_kernels(""), set, packet_of_normals(random));
   for (std::size_t c = 0; c < 3; ++c) CHECK(colour(sums, 5, c) == Approx(splat.dc[c]).margin(1e-6));

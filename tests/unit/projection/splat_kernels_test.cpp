@@ -13,7 +13,7 @@ using namespace pounce::test;
 namespace {
 
 /// What one Gaussian gives to a packet; empty if that is nothing. Adds it to `profile`.
-std::vector<SplatResponse> respond(const SplatKernels& kernels, const source::SplatSet& set,
+std::vector<SplatResponse> respond(const SplatKernels& kernels, const gaussian::SplatSet& set,
                                    const TexelPacket& packet, const SplatLimits& limits,
                                    ProfilePacket* profile = nullptr) {
   SplatState state;
@@ -134,7 +134,7 @@ TEST_CASE("responses are those of the reference", "[projection]") {
   std::size_t found = 0;
   double worst_alpha = 0, worst_depth = 0, worst_mass = 0;
   for (const ReferenceSplat& splat : random_splats(random, 3000, with_normals)) {
-    const auto set = source::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
+    const auto set = gaussian::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
     const float x = static_cast<float>(splat.mean.x + random.between(-0.1, 0.1));
     const float y = static_cast<float>(splat.mean.y + random.between(-0.1, 0.1));
     const TexelPacket packet = wavy_packet(x, y, 0.01F, 0, kLanes);
@@ -172,7 +172,7 @@ TEST_CASE("a Gaussian's alpha and mass by hand", "[projection]") {
   splat.mean = {3, 0, 0.25};
   splat.sigma = {3, 2, 0.5};
   splat.alpha = 0.5;
-  const auto set = source::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
+  const auto set = gaussian::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
   for (const SplatKernels* kernels : available_splat_kernels()) {
     ProfilePacket profile{};
     const auto responses = respond(*kernels, set, upright_packet(0), wide(), &profile);
@@ -200,7 +200,7 @@ TEST_CASE("weights follow the exponential to a millionth", "[projection]") {
   ReferenceSplat splat;
   splat.alpha = 0.5;
   splat.sigma = {std::sqrt(0.7), std::sqrt(0.7), std::sqrt(0.7)};
-  const auto set = source::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
+  const auto set = gaussian::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
   double worst = 0;
   for (int i = 0; i < 2900; ++i) {
     const TexelPacket packet = upright_packet(static_cast<float>(i) / 1000);
@@ -217,7 +217,7 @@ TEST_CASE("weights follow the exponential to a millionth", "[projection]") {
 TEST_CASE("beyond three standard deviations a Gaussian weighs nothing", "[projection]") {
   ReferenceSplat splat;
   splat.sigma = {std::sqrt(0.7), std::sqrt(0.7), 0.1};
-  const auto set = source::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
+  const auto set = gaussian::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
   for (const float x : {2.99F, 3.01F}) {
     CHECK(respond(splat_kernels(""), set, upright_packet(x), wide()).size() == (x < 3 ? 1 : 0));
   }
@@ -228,7 +228,7 @@ TEST_CASE("what a texel does not reach weighs nothing", "[projection]") {
   splat.sigma = {1, 1, 0.01};
   for (const double z : {11.99, 12.01, -11.99, -12.01}) {
     splat.mean.z = z;
-    const auto set = source::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
+    const auto set = gaussian::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
     CHECK(respond(splat_kernels(""), set, upright_packet(0), wide()).size() ==
           (std::abs(z) < 12 ? 1 : 0));
   }
@@ -237,7 +237,7 @@ TEST_CASE("what a texel does not reach weighs nothing", "[projection]") {
 TEST_CASE("gathering leaves out nothing that gives anything", "[projection]") {
   Random random(77);
   const auto scene = random_splats(random, 4000, false);
-  const auto set = source::make_splat_set(splat_block(scene), SphericalHarmonics::dc);
+  const auto set = gaussian::make_splat_set(splat_block(scene), SphericalHarmonics::dc);
   SplatLimits limits;
   limits.reach = 0.3F;
   limits.fine_edge = GENERATE(1.0F, 0.002F);  // of texels of 0.01
@@ -280,7 +280,7 @@ TEST_CASE("every instruction set gives the same bits for splats", "[projection]"
   const float discness = GENERATE(0.0F, 0.3F, 1.0F);
   Random random(21);
   const auto scene = random_splats(random, 4000, true);
-  const auto set = source::make_splat_set(splat_block(scene), SphericalHarmonics::dc);
+  const auto set = gaussian::make_splat_set(splat_block(scene), SphericalHarmonics::dc);
   const auto all = available_splat_kernels();
   SplatLimits limits{0.5F, 0.2F, 0.02F, discness, antialiased};
   limits.fine_edge = 0.01F;  // some packets are coarse
@@ -320,7 +320,7 @@ TEST_CASE("bins that are full stay full", "[projection]") {
   ReferenceSplat splat;
   splat.sigma = {50, 50, 0};
   splat.colour = {8, 1, 0};
-  const auto set = source::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
+  const auto set = gaussian::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
   const SplatKernels& kernels = splat_kernels("");
   const TexelPacket packet = upright_packet(0);
   ProfilePacket profile{};

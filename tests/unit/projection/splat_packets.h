@@ -21,9 +21,9 @@ inline std::vector<const projection::SplatKernels*> available_splat_kernels() {
 }
 
 /// Sixteen texels of a wavy surface near z = 0, 4x4 of edge `edge` from (x, y).
-inline target::TexelPacket wavy_packet(float x, float y, float edge, float lift, int used) {
-  target::TexelPacket packet{};
-  for (int lane = 0; lane < target::kLanes; ++lane) {
+inline surface::TexelPacket wavy_packet(float x, float y, float edge, float lift, int used) {
+  surface::TexelPacket packet{};
+  for (int lane = 0; lane < surface::kLanes; ++lane) {
     const int at = lane < used ? lane : 0;
     const float px = x + static_cast<float>(at % 4) * edge,
                 py = y + static_cast<float>(at / 4) * edge;
@@ -36,12 +36,12 @@ inline target::TexelPacket wavy_packet(float x, float y, float edge, float lift,
     packet.ny[lane] = n.y * scale;
     packet.nz[lane] = n.z * scale;
     packet.per_texel[lane] = 1 / edge;
-    packet.texel[lane] = lane < used ? static_cast<std::uint16_t>(lane) : target::kNoTexel;
+    packet.texel[lane] = lane < used ? static_cast<std::uint16_t>(lane) : surface::kNoTexel;
   }
   return packet;
 }
 
-inline ReferenceTexel texel_of(const target::TexelPacket& packet, int lane) {
+inline ReferenceTexel texel_of(const surface::TexelPacket& packet, int lane) {
   ReferenceTexel texel;
   texel.position = {packet.px[lane], packet.py[lane], packet.pz[lane]};
   texel.normal = {packet.nx[lane], packet.ny[lane], packet.nz[lane]};
@@ -55,7 +55,7 @@ inline projection::SplatState piece_of_packets(Random& random, std::size_t packe
   projection::SplatState state;
   for (std::uint32_t p = 0; p < packets; ++p) {
     const float edge = random.one_in(3) ? 0.02F : 0.006F;
-    const int used = random.one_in(4) ? 5 : target::kLanes;
+    const int used = random.one_in(4) ? 5 : surface::kLanes;
     state.packets.push_back(wavy_packet(random.between(-1.0F, 0.9F), random.between(-1.0F, 0.9F),
                                         edge, random.between(-0.05F, 0.05F), used));
     if (p % 2 == 0) {

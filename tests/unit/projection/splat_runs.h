@@ -10,34 +10,35 @@
 namespace pounce::test {
 
 /// Sets of at most `block` Gaussians each, in their order.
-inline std::vector<source::SplatSet> make_sets(const std::vector<ReferenceSplat>& scene,
-                                               std::size_t block) {
-  std::vector<source::SplatSet> sets;
+inline std::vector<gaussian::SplatSet> make_sets(const std::vector<ReferenceSplat>& scene,
+                                                 std::size_t block) {
+  std::vector<gaussian::SplatSet> sets;
   for (std::size_t i = 0; i < scene.size(); i += block) {
     const std::vector<ReferenceSplat> part(
         scene.begin() + static_cast<std::ptrdiff_t>(i),
         scene.begin() + static_cast<std::ptrdiff_t>(std::min(i + block, scene.size())));
-    sets.push_back(source::make_splat_set(splat_block(part)));
+    sets.push_back(gaussian::make_splat_set(splat_block(part)));
   }
   return sets;
 }
 
-inline std::vector<const source::SplatSet*> pointers(const std::vector<source::SplatSet>& sets) {
-  std::vector<const source::SplatSet*> out;
+inline std::vector<const gaussian::SplatSet*> pointers(
+    const std::vector<gaussian::SplatSet>& sets) {
+  std::vector<const gaussian::SplatSet*> out;
   for (const auto& set : sets) out.push_back(&set);
   return out;
 }
 
 inline void on() {}
 
-inline void run_whole(const std::vector<source::SplatSet>& sets,
+inline void run_whole(const std::vector<gaussian::SplatSet>& sets,
                       const projection::SplatLimits& limits,
                       const projection::SplatKernels& kernels, projection::SplatState& state) {
   start(limits, state);
   blend_whole(pointers(sets), limits, kernels, state, on);
 }
 
-inline void run_batches(const std::vector<source::SplatSet>& sets,
+inline void run_batches(const std::vector<gaussian::SplatSet>& sets,
                         const projection::SplatLimits& limits,
                         const projection::SplatKernels& kernels, projection::SplatState& state) {
   const auto all = pointers(sets);

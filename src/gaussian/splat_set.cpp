@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gaussian/splat_set.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "core/bounds.h"
+#include "core/portable_math.h"
+
+namespace pounce::gaussian {
+namespace {
+
+constexpr std::size_t kFanOut = 16;
+constexpr float kLeastPlanarity = 0.02F;
+/// Spheres of the tree are a little larger than what they hold: culling them decides nothing that
+/// culling the Gaussians would not.
+constexpr float kMargin = 1.0001F;
+
+std::size_t whole_registers(std::size_t count) { return (count + kFanOut - 1) / kFanOut * kFanOut; }
+
+void resize(SplatSpheres& spheres, std::size_t count) {
+  spheres.count = count;
+  for (auto& axis : spheres.centre) axis.resize(whole_registers(count));
+  spheres.radius.resize(whole_registers(count));
+}
+
+/// Columns of the matrix of a unit quaternion.
+std::array<Vec3f, 3> axes_of(float w, float x, float y, float z) {
+  return {{{1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)},
+           {2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)},
+           {2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)}}};
+}
+
+SplatShape shape_of(const store::SplatBlock& block, std::size_t i) {
+  SplatShape out{};
+  const auto axes = axes_of(block.rotation[0][i], block.rotation[1][i], block.rotation[2][i],
+                            block.rotation[3][i]);
+  std::array<std::size_t, 3> order{0, 1, 2};  // by size; of equal ones the first comes first
+  const auto sort = [&](std::size_t a, std::size_t b) {
+    if (block.sigma[order[b]][i] > block.sigma[order[a]][i]) std::swap(order[a], order[b]);
+  };
+  sort(0, 1);
+  sort(1, 2);
+  sort(0, 1);
+  // An odd permutation mirrors the frame; turning one axis around makes it right-handed again.
+  const bool odd = (order[1] + 3 - order[0]) % 3 != 1;
+  std::array<float, 3> sigma{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    sigma[k] = block.sigma[order[k]][i];
+    const Vec3f axis = axes[order[k]] * (odd && k == 2 ? -1.0F : 1.0F);
+    out.axis[k][0] = axis.x;
+    out.axis[k][1] = axis.y;
+    out.axis[k][2] = axis.z;
+    out.mean[k] = block.mean[k][i];
+    out.variance[k] = sigma[k] * sigma[k];
+    out.colour[k] = block.colour[k][i];
+  }
+  const float planarity =
+      sigma[1] > 0 ? std::max(kLeastPlanarity, 1 - sigma[2] / sigma[1]) : kLeastPlanarity;
+  out.flatness = planarity * (sigma[0] > 0 ? sigma[1] / sigma[0] : 1.0F);
+  out.alpha = block.alpha[i];
+  out.two_sided = 1;
+  std::copy_n(out.axis[2], 3, out.normal);
+  if (!block.normal[0].empty()) {
+    const Vec3f n{block.normal[0][i], block.normal[1][i], block.normal[2][i]};
+    if (n.x != 0 || n.y != 0 || n.z != 0) {
+      out.two_sided = 0;
+      out.normal[0] = n.x;
+      out.normal[1] = n.y;
+      out.normal[2] = n.z;
+    }
+  }
+  return out;
+}
+
+void set_covariance(const SplatShape& shape, std::size_t i, SplatSet& set) {
+  std::size_t c = 0;
+  for (std::size_t a = 0; a < 3; ++a) {
+    for (std::size_t b = a; b < 3; ++b) {
+      float sum = 0;
+      for (std::size_t k = 0; k < 3; ++k)
+        sum += shape.axis[k][a] * shape.axis[k][b] * shape.variance[k];
+      set.covariance[c++][i] = sum;
+    }
+  }
+}
+
+/// What counts of coefficient k = 0.. (degree 1 first) of a Gaussian.
+float weight_of(SphericalHarmonics harmonics, std::uint32_t k) {
+  if (harmonics == SphericalHarmonics::normal) return 1;
+  return k < store::kLobesOfDegree[1] ? 2.0F / 3 : k < store::kLobesOfDegree[2] ? 0.25F : 0.0F;
+}
+
+/// How many of a block's lobes count.
+std::uint32_t lobes_of(const store::SplatBlock& block, SphericalHarmonics harmonics) {
+  if (harmonics == SphericalHarmonics::dc) return 0;
+  return harmonics == SphericalHarmonics::mean ? std::min(block.lobes, store::kLobesOfDegree[2])
+                                               : block.lobes;
+}
+
+/// Adds the coefficients that count of these Gaussians of a block to the set's last shapes.
+void add_harmonics(const store::SplatBlock& block, std::span<const std::uint16_t> which,
+                   SphericalHarmonics harmonics, SplatSet& set) {
+  const std::uint32_t lobes = lobes_of(block, harmonics);
+  const std::size_t count = block.size(), columns = std::size_t{3} * lobes;
+  SplatShape* const shapes = set.shapes.data() + (set.shapes.size() - which.size());
+  for (std::size_t k = 0; k < which.size(); ++k) {
+    shapes[k].lobes = static_cast<std::int32_t>(lobes);
+    if (lobes > 0) continue;
+    for (float& v : shapes[k].colour) v = std::clamp(v, 0.0F, kLargestSplatColour);
+  }
+  const std::size_t first = set.sh.size();
+  set.sh.resize(first + which.size() * columns);
+  for (std::size_t c = 0; c < columns; ++c) {
+    const float weight = weight_of(harmonics, static_cast<std::uint32_t>(c / 3));
+    const std::uint16_t* const column = block.sh.data() + c * count;
+    for (std::size_t k = 0; k < which.size(); ++k)
+      set.sh[first + k * columns + c] = weight * half_to_float(column[which[k]]);
+  }
+}
+
+/// Spheres around sixteen spheres each.
+void make_level(const SplatSpheres& below, SplatSpheres& level) {
+  resize(level, (below.count + kFanOut - 1) / kFanOut);
+  for (std::size_t i = 0; i < level.count; ++i) {
+    const std::size_t first = i * kFanOut, last = std::min(first + kFanOut, below.count);
+    Box3f box;
+    const auto centre = [&](std::size_t j) {
+      return Vec3f{below.centre[0][j], below.centre[1][j], below.centre[2][j]};
+    };
+    for (std::size_t j = first; j < last; ++j) {
+      const float r = below.radius[j];
+      box.extend({centre(j) - Vec3f{r, r, r}, centre(j) + Vec3f{r, r, r}});
+    }
+    const Vec3f middle = (box.lo + box.hi) * 0.5F;
+    float radius = 0;
+    for (std::size_t j = first; j < last; ++j)
+      radius = std::max(radius, length(centre(j) - middle) + below.radius[j]);
+    level.centre[0][i] = middle.x;
+    level.centre[1][i] = middle.y;
+    level.centre[2][i] = middle.z;
+    // Rounding of the centres counts, too, where the radius is small against the coordinates.
+    level.radius[i] = radius * kMargin + 4e-7F * (std::abs(middle.x) + std::abs(middle.y) +
+                                                  std::abs(middle.z) + radius);
+  }
+}
+
+}  // namespace
+
+std::uint64_t SplatSet::most_bytes(std::uint64_t splats, std::uint32_t lobes) {
+  std::uint64_t bytes = round_to_pages(splats * sizeof(SplatShape)) + sizeof(SplatSet) +
+                        round_to_pages(splats * 3 * lobes * sizeof(float)) +
+                        6 * round_to_pages(whole_registers(splats) * sizeof(float));
+  for (int level = 0; level < 3; ++level) {
+    bytes += 4 * round_to_pages(whole_registers(splats) * sizeof(float));
+    splats = (splats + kFanOut - 1) / kFanOut;
+  }
+  return bytes;
+}
+
+void SplatSet::reserve(std::size_t splats, std::uint32_t lobes) {
+  shapes.reserve(splats);
+  sh.reserve(splats * 3 * lobes);
+  for (auto& column : covariance) column.reserve(whole_registers(splats));
+  for (SplatSpheres& level : levels) {
+    for (auto& axis : level.centre) axis.reserve(whole_registers(splats));
+    level.radius.reserve(whole_registers(splats));
+    splats = (splats + kFanOut - 1) / kFanOut;
+  }
+}
+
+void SplatSet::clear() {
+  shapes.clear();
+  sh.clear();
+  for (auto& column : covariance) column.clear();
+  for (SplatSpheres& level : levels) {
+    for (auto& axis : level.centre) axis.clear();
+    level.radius.clear();
+    level.count = 0;
+  }
+}
+
+void add_splats(const store::SplatBlock& block, std::span<const std::uint16_t> which,
+                SphericalHarmonics harmonics, SplatSet& set) {
+  std::size_t at = set.shapes.size();
+  resize(set.levels[0], at + which.size());
+  for (auto& column : set.covariance) column.resize(whole_registers(at + which.size()));
+  for (const std::uint16_t i : which) {
+    const SplatShape& shape = set.shapes.emplace_back(shape_of(block, i));
+    for (std::size_t k = 0; k < 3; ++k) set.levels[0].centre[k][at] = shape.mean[k];
+    set.levels[0].radius[at] = kSplatCutOff * std::sqrt(shape.variance[0]) * kMargin;
+    set_covariance(shape, at++, set);
+  }
+  add_harmonics(block, which, harmonics, set);
+}
+
+void finish(SplatSet& set) {
+  const float* sh = set.sh.data();
+  for (SplatShape& shape : set.shapes) {
+    shape.sh = sh;
+    sh += std::ptrdiff_t{3} * shape.lobes;
+  }
+  make_level(set.levels[0], set.levels[1]);
+  make_level(set.levels[1], set.levels[2]);
+}
+
+SplatSet make_splat_set(const store::SplatBlock& block, SphericalHarmonics harmonics) {
+  SplatSet set;
+  set.reserve(block.size(), lobes_of(block, harmonics));
+  std::vector<std::uint16_t> all(block.size());
+  std::iota(all.begin(), all.end(), std::uint16_t{0});
+  add_splats(block, all, harmonics, set);
+  finish(set);
+  return set;
+}
+
+}  // namespace pounce::gaussian

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+
+#include "store/blocks/splat_block.h"
+
+namespace pounce::gaussian {
+
+/// How round the Gaussians of a scene are: the median of their second largest standard deviation
+/// over their largest. 1 for none.
+float median_roundness(std::span<const store::Splat> splats);
+
+/// How thick the thinner Gaussians of a scene are: the lower quartile of their smallest standard
+/// deviation over their second largest, so that a surface shows through haze and needles. 0: discs
+/// without thickness, 1: balls. 0 for none.
+float quartile_thickness(std::span<const store::Splat> splats);
+
+/// How large the Gaussians of a scene are: the median of their largest standard deviations. 0 for
+/// none.
+float median_size(std::span<const store::Splat> splats);
+
+/// A texel is fine beside Gaussians as long as its edge is at most this many times their median
+/// size (docs/decisions/035-coarse-splats.md).
+inline constexpr float kFineSizes = 1.75F;
+
+/// The longest edge of a texel that is fine beside Gaussians of that median size
+/// (docs/decisions/035-coarse-splats.md).
+float fine_edge(float size);
+
+/// Are a scene's Gaussians the discs of a surface (1), or needles and tilted ellipsoids that make a
+/// picture together (0)? Discs are round and thin. Captures of needles are not round (0.10 to 0.54;
+/// made scenes 0.78 to 0.83), captures of balls are round, but thick (docs/decisions/023 and 038).
+float discness(float roundness, float thickness);
+
+}  // namespace pounce::gaussian

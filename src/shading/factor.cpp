@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "shading/factor.h"
+
+#include <algorithm>
+
+namespace pounce::shading {
+namespace {
+
+/// An alpha of its own, or the first one.
+void scale_alpha(double scale, TexelValue& value) noexcept {
+  if (scale == 1) return;
+  if (value.has_alpha) {
+    value.v[value.channels - 1] *= scale;
+    for (std::uint32_t c = 0; value.premultiplied && c + 1 < value.channels; ++c)
+      value.v[c] *= scale;
+  } else if (value.channels < value.v.size()) {
+    value.v[value.channels++] = scale;
+    value.has_alpha = true;
+  }
+}
+
+}  // namespace
+
+void apply(const Factor& factor, const TexelFormat& format, TexelValue& value) noexcept {
+  std::uint32_t colours = value.channels - (value.has_alpha ? 1U : 0U);
+  if (factor.spreads && colours == 1) {
+    spread_grey(value);
+    colours = 3;
+  }
+  const std::uint32_t scaled = std::min(colours, 3U);
+  if (factor.is_colour && format.linear && !value.linear) {  // one conversion does for both
+    for (std::uint32_t c = 0; c < scaled; ++c) value.v[c] = to_linear(value.v[c], format.depth);
+    value.linear = true;
+  }
+  for (std::uint32_t c = 0; c < scaled; ++c) {
+    const double scale = factor.scale[c], offset = factor.offset[c];
+    if (scale == 1 && offset == 0) continue;
+    double& v = value.v[c];
+    const bool coded = factor.is_colour && !value.linear;
+    if (coded) v = to_linear(v, format.depth);
+    v = v * scale + offset;
+    if (coded) v = to_coded(v, format.depth);
+  }
+  scale_alpha(factor.scale[3], value);
+}
+
+}  // namespace pounce::shading

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Smaller levels of an image from its rows, as they come.
+//
+// A level's row lies between two rows of the level before: both are narrowed to its width when they
+// come by, the first waits for the second, and the mean goes on to the next level at once. So a row
+// of the image may finish a row of every level, and a level never holds more than two rows,
+// whatever the height.
+//
+// Where texel x of n lies among m = 2n or 2n + 1 is a fraction of integers, ((2x + 1) m - n) / 2n:
+// exact, and the same in both directions. Of even sides it is always in the middle of two texels:
+// the box filter of 2 x 2. Odd sides of one level make a linear filter: its middle is where it
+// belongs, and no texel shifts by half of one.
+#include "shading/mip_levels.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "core/portable_math.h"
+#include "mesh/lattice.h"
+#include "store/blocks/colour_store.h"
+
+namespace pounce::shading {
+namespace {
+
+/// Between which two texels of the level before a texel lies, and how far from the first.
+struct Between {
+  std::uint32_t first = 0;
+  float share = 0;  ///< of the second
+};
+
+Between between(std::uint32_t x, std::uint32_t count, std::uint32_t count_before) {
+  if (count_before == count) return {x, 0};
+  const std::uint64_t place = (2ULL * x + 1) * count_before - count;
+  const std::uint64_t unit = 2ULL * count;
+  return {static_cast<std::uint32_t>(place / unit),
+          static_cast<float>(place % unit) / static_cast<float>(unit)};
+}
+
+/// 0 keeps the first whatever the second is, be it infinite.
+float mix(float first, float second, float share) {
+  return share == 0 ? first : first * (1 - share) + second * share;
+}
+
+void decode(Depth depth, std::size_t count, const std::byte* from, float* to) {
+  for (std::size_t i = 0; i < count; ++i) {
+    std::uint16_t word = 0;
+    if (depth == Depth::u16 || depth == Depth::half) std::memcpy(&word, from + 2 * i, 2);
+    if (depth == Depth::u8) to[i] = static_cast<float>(std::to_integer<std::uint8_t>(from[i]));
+    if (depth == Depth::u16) to[i] = static_cast<float>(word);
+    if (depth == Depth::half) to[i] = half_to_float(word);
+    if (depth == Depth::float32) std::memcpy(to + i, from + 4 * i, 4);
+  }
+}
+
+/// Means of integers are never out of their range.
+void encode(Depth depth, std::size_t count, const float* from, std::byte* to) {
+  for (std::size_t i = 0; i < count; ++i) {
+    if (depth == Depth::u8) {
+      to[i] = static_cast<std::byte>(static_cast<std::uint8_t>(from[i] + 0.5F));
+    } else if (depth == Depth::float32) {
+      std::memcpy(to + 4 * i, from + i, 4);
+    } else {
+      const std::uint16_t word = depth == Depth::half ? float_to_half(from[i])
+                                                      : static_cast<std::uint16_t>(from[i] + 0.5F);
+      std::memcpy(to + 2 * i, &word, 2);
+    }
+  }
+}
+
+}  // namespace
+
+std::uint32_t level_count(ImageSize size) {
+  std::uint32_t count = 1;
+  for (; size.width > 1 || size.height > 1; size = mesh::next_level_size(size)) ++count;
+  return count;
+}
+
+MipLevels::MipLevels(ImageSize size, std::uint32_t channels, Depth depth)
+    : size_(size),
+      channels_(channels),
+      depth_(depth),
+      row_(std::size_t{size.width} * channels),
+      encoded_(std::size_t{mesh::next_level_size(size).width} * channels *
+               store::depth_bytes(depth)) {
+  for (std::uint32_t level = 1; level < level_count(size_); ++level) {
+    Level& made = levels_.emplace_back();
+    made.from = size;
+    made.size = size = mesh::next_level_size(size);
+    made.above.resize(std::size_t{size.width} * channels);
+    made.below.resize(std::size_t{size.width} * channels);
+  }
+}
+
+void MipLevels::push(std::uint32_t rows, const std::byte* samples, const Take& take) {
+  if (levels_.empty()) return;
+  const std::size_t row_bytes = row_.size() * store::depth_bytes(depth_);
+  for (std::uint32_t i = 0; i < rows; ++i, samples += row_bytes) {
+    decode(depth_, row_.size(), samples, row_.data());
+    accept(0, next_row_++, row_.data(), take);
+  }
+}
+
+void MipLevels::accept(std::size_t index, std::uint32_t row, const float* samples,
+                       const Take& take) {
+  Level& level = levels_[index];
+  if (level.next_row == level.size.height) return;  // an odd side's last row may lie beyond
+  const Between rows = between(level.next_row, level.size.height, level.from.height);
+  if (row == rows.first) narrow(level, samples, level.above.data());
+  if (row == rows.first && rows.share == 0) return finish(index, take);
+  if (row != rows.first + 1) return;
+  narrow(level, samples, level.below.data());
+  for (std::size_t i = 0; i < level.above.size(); ++i)
+    level.above[i] = mix(level.above[i], level.below[i], rows.share);
+  finish(index, take);
+}
+
+void MipLevels::narrow(const Level& level, const float* samples, float* out) const {
+  if (level.from.width == 2 * level.size.width) {  // the same, without a division for each texel
+    for (std::uint32_t x = 0; x < level.size.width; ++x, samples += 2 * channels_) {
+      for (std::uint32_t c = 0; c < channels_; ++c)
+        *out++ = mix(samples[c], samples[c + channels_], 0.5F);
+    }
+    return;
+  }
+  for (std::uint32_t x = 0; x < level.size.width; ++x) {
+    const Between columns = between(x, level.size.width, level.from.width);
+    const float* const first = samples + std::size_t{columns.first} * channels_;
+    const float* const second = columns.share == 0 ? first : first + channels_;
+    for (std::uint32_t c = 0; c < channels_; ++c) *out++ = mix(first[c], second[c], columns.share);
+  }
+}
+
+/// The row in `above` is that of this level.
+void MipLevels::finish(std::size_t index, const Take& take) {
+  Level& level = levels_[index];
+  encode(depth_, level.above.size(), level.above.data(), encoded_.data());
+  take(static_cast<std::uint32_t>(index + 1), encoded_.data());
+  const std::uint32_t row = level.next_row++;
+  if (index + 1 < levels_.size()) accept(index + 1, row, level.above.data(), take);
+}
+
+std::uint64_t MipLevels::memory_bytes(ImageSize size, std::uint32_t channels) {
+  std::uint64_t floats = std::uint64_t{size.width} * channels;
+  std::uint64_t pages = 0;
+  for (ImageSize level = size; level.width > 1 || level.height > 1; ++pages) {
+    level = mesh::next_level_size(level);
+    floats += (pages == 0 ? 3ULL : 2ULL) * level.width * channels;
+  }
+  return 4 * floats + (2 * pages + 2) * kPageBytes;
+}
+
+}  // namespace pounce::shading

@@ -1,0 +1,428 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A dense block in fewer triangles.
+//
+// A scan has as many triangles as its image has texels, or more, and a transfer can tell no two of
+// them apart: what it takes from the surface is where in the image to read. So windows of texels
+// are laid over the block, from 8x8 down to 1x1. A window's corners are texel centres, evaluated on
+// the triangles that cover them; its two halves are exact there and affine between. It replaces its
+// triangles if these are one sheet that fills it, without gap, fold or overlap, and if nowhere, at
+// no corner of the overlay of both tessellations, position or normal differ by more than the bounds
+// below. Both are affine on each cell of that overlay, so between its corners they differ by less.
+//
+// A triangle goes when all texels of this block that it touches are replaced. The neighbouring
+// block has it, too, and decides for its own texels. So surfaces overlap by a triangle where they
+// meet, and there is no gap but for the bound, which the tolerance of hits spans.
+#include "surface/coarsen.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <tuple>
+
+namespace pounce::surface {
+namespace {
+
+constexpr int kEdge = mesh::kBlockEdge;
+constexpr int kPoints = kEdge + 1;           // across: windows of neighbouring blocks share theirs
+constexpr int kLargestWindow = 8;            // texels; a power of two
+constexpr double kPositionBound = 1.0 / 16;  // of the window's smallest texel edge
+constexpr double kNormalBound = 1.0 / 8;     // 7 degrees
+constexpr double kAreaBound = 1e-4;          // of the window: gaps and overlaps
+constexpr std::size_t kMostTriangles = 2 * kEdge * kEdge;
+constexpr std::uint32_t kNobody = 0xFFFFFFFF, kSeveral = 0xFFFFFFFE;
+
+/// A corner of a triangle's part in a window, in the window's own coordinates: 0 to 1.
+struct Corner {
+  Vec2d at;
+  double w1, w2;  ///< barycentrics of the triangle's corners 1 and 2
+};
+
+/// Triangle and window overlap in a convex polygon of at most 3 + 4 corners; rounding may add some.
+class Polygon {
+ public:
+  Polygon() {}  // corners are left as they are: a block makes thousands
+  std::size_t size() const { return size_; }
+  const Corner& operator[](std::size_t i) const { return corners_[i]; }
+  void add(const Corner& corner) {
+    if (size_ < corners_.size()) corners_[size_++] = corner;
+  }
+
+  /// What lies at sign * (coordinate - limit) >= 0.
+  Polygon clipped(double Vec2d::*axis, double limit, double sign) const {
+    Polygon kept;
+    for (std::size_t i = 0; i < size_; ++i) {
+      const Corner &a = corners_[i], &b = corners_[(i + 1) % size_];
+      const double da = sign * (a.at.*axis - limit), db = sign * (b.at.*axis - limit);
+      if (da >= 0) kept.add(a);
+      if ((da < 0) != (db < 0)) kept.add(between(a, b, da / (da - db)));
+    }
+    return kept;
+  }
+
+  static Corner between(const Corner& a, const Corner& b, double k) {
+    return {{a.at.x + k * (b.at.x - a.at.x), a.at.y + k * (b.at.y - a.at.y)},
+            a.w1 + k * (b.w1 - a.w1),
+            a.w2 + k * (b.w2 - a.w2)};
+  }
+
+  double area() const {
+    double doubled = 0;
+    for (std::size_t i = 2; i < size_; ++i)
+      doubled += mesh::doubled_area(corners_[0].at, corners_[i - 1].at, corners_[i].at);
+    return doubled / 2;
+  }
+
+ private:
+  union {
+    std::array<Corner, 16> corners_;
+  };
+  std::size_t size_ = 0;
+};
+
+/// Something at a window's corners (x, y), and between them as its two halves have it.
+struct TwoHalves {
+  Vec3d at00, at10, at01, at11;
+  Vec3d operator()(Vec2d p) const {
+    return p.x >= p.y ? at00 + (at10 - at00) * p.x + (at11 - at10) * p.y
+                      : at00 + (at01 - at00) * p.y + (at11 - at01) * p.x;
+  }
+};
+
+/// A triangle in the image: texel coordinates count from the block's first centre.
+struct Footprint {
+  std::array<Vec2d, 3> texels;
+  Vec2d low, high;
+  bool lies_in(double x0, double y0, double edge) const {
+    return low.x >= x0 && low.y >= y0 && high.x <= x0 + edge && high.y <= y0 + edge;
+  }
+  bool is_line() const { return mesh::doubled_area(texels[0], texels[1], texels[2]) == 0; }
+};
+
+/// The same triangle in space.
+struct Triangle : Footprint {
+  std::array<Vec3d, 3> positions, normals;
+  float handedness = 0;
+
+  Vec3d position(double w1, double w2) const { return mixed(positions, w1, w2); }
+  Vec3d normal(double w1, double w2) const { return mixed(normals, w1, w2); }
+  bool is_degenerate() const {
+    const Vec3d doubled = cross(positions[1] - positions[0], positions[2] - positions[0]);
+    return !(dot(doubled, doubled) > 0);
+  }
+
+ private:
+  static Vec3d mixed(const std::array<Vec3d, 3>& v, double w1, double w2) {
+    return v[0] + (v[1] - v[0]) * w1 + (v[2] - v[0]) * w2;
+  }
+};
+
+/// A window while it may replace its triangles.
+struct Window {
+  int x = 0, y = 0;
+  std::array<std::uint16_t, 4> points{};  ///< at (0, 0), (1, 0), (0, 1) and (1, 1)
+  float handedness = 0;                   ///< of tangents; 0: none seen yet
+  double bound = 0;                       ///< of positions
+  double area = 0;                        ///< that triangles fill, of 1
+  double winding = 0;                     ///< their common sign
+  std::array<std::uint32_t, 2> ids{};     ///< of triangles that lie in it and nowhere else
+};
+
+/// How many triangles lie in a window, and the first two.
+struct Inside {
+  std::uint32_t count = 0;
+  std::array<std::uint32_t, 2> ids{};
+};
+
+class Coarsener {
+ public:
+  Coarsener(const mesh::Mesh& mesh, const mesh::Lattice& lattice,
+            std::span<const mesh::BinEntry> entries)
+      : mesh_(mesh), lattice_(lattice), entries_(entries) {
+    first_ = {double{kEdge} * entries[0].x, double{kEdge} * entries[0].y};
+    out_.points.reserve(kPoints * kPoints);
+    out_.triangles.reserve(kMostTriangles);
+  }
+
+  CoarseSurface run() {
+    claim_points();
+    for (int edge = kLargestWindow; edge >= 1; edge /= 2) replace_windows(edge);
+    out_.replaced.resize(entries_.size());
+    for (std::size_t i = 0; i < entries_.size(); ++i) out_.replaced[i] = is_replaced(i) ? 1 : 0;
+    return std::move(out_);
+  }
+
+ private:
+  static std::size_t point(int x, int y) {
+    return static_cast<std::size_t>(y) * kPoints + static_cast<std::size_t>(x);
+  }
+  static std::size_t texel(int x, int y) {
+    return static_cast<std::size_t>(y) * kEdge + static_cast<std::size_t>(x);
+  }
+  const std::array<std::uint32_t, 3>& corners(std::size_t i) const {
+    return mesh_.triangles[entries_[i].instance.triangle];
+  }
+
+  Footprint footprint(std::size_t i) const {
+    Footprint f;
+    f.texels = mesh::texel_corners(mesh_, lattice_, entries_[i].instance);
+    for (Vec2d& texel : f.texels) texel = texel - first_;
+    std::tie(f.low.x, f.high.x) = std::minmax({f.texels[0].x, f.texels[1].x, f.texels[2].x});
+    std::tie(f.low.y, f.high.y) = std::minmax({f.texels[0].y, f.texels[1].y, f.texels[2].y});
+    return f;
+  }
+
+  Triangle triangle(std::size_t i, const Footprint& footprint) const {
+    Triangle t{footprint, {}, {}, 0};
+    for (std::size_t k = 0; k < 3; ++k) {
+      t.positions[k] = Vec3d(mesh_.positions[corners(i)[k]]);
+      t.normals[k] = Vec3d(mesh_.normals[corners(i)[k]]);
+    }
+    if (!mesh_.tangents.empty()) t.handedness = mesh_.tangents[corners(i)[0]].w;
+    return t;
+  }
+
+  /// Which triangle covers each point: exactly one, if it is to be a corner.
+  void claim_points() {
+    claims_.fill(kNobody);
+    const auto x0 = static_cast<std::int64_t>(first_.x), y0 = static_cast<std::int64_t>(first_.y);
+    for (std::size_t i = 0; i < entries_.size(); ++i) {
+      mesh::raster_triangle(
+          mesh::texel_corners(mesh_, lattice_, entries_[i].instance),
+          {x0, y0, x0 + kPoints, y0 + kPoints},
+          [&](std::int64_t y, std::int64_t begin, std::int64_t end) {
+            for (std::int64_t x = begin; x < end; ++x) {
+              std::uint32_t& claim =
+                  claims_[point(static_cast<int>(x - x0), static_cast<int>(y - y0))];
+              claim = claim == kNobody ? static_cast<std::uint32_t>(i) : kSeveral;
+            }
+          });
+    }
+  }
+
+  /// Makes the point, if it is not yet there.
+  std::uint16_t surface_point(int x, int y) {
+    std::uint16_t& known = points_[point(x, y)];
+    if (known != 0) return static_cast<std::uint16_t>(known - 1);
+    const std::size_t i = claims_[point(x, y)];
+    const Triangle t = triangle(i, footprint(i));
+    const Vec2d p{static_cast<double>(x), static_cast<double>(y)};
+    const double all = mesh::doubled_area(t.texels[0], t.texels[1], t.texels[2]);
+    const double w1 = std::clamp(mesh::doubled_area(t.texels[0], p, t.texels[2]) / all, 0.0, 1.0);
+    const double w2 =
+        std::clamp(mesh::doubled_area(t.texels[0], t.texels[1], p) / all, 0.0, 1 - w1);
+    SurfacePoint made{Vec3f(t.position(w1, w2)), Vec3f(t.normal(w1, w2)), {}, {}};
+    const double w[3] = {1 - w1 - w2, w1, w2};
+    Vec2d uv;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec2f corner = mesh_.uv_sets[lattice_.uv_set][corners(i)[k]];
+      uv = uv + Vec2d{corner.x * w[k], corner.y * w[k]};
+    }
+    made.uv = {static_cast<float>(uv.x), static_cast<float>(uv.y)};
+    if (!mesh_.tangents.empty()) {
+      Vec3d sum;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Vec4f& tangent = mesh_.tangents[corners(i)[k]];
+        sum = sum + Vec3d{tangent.x, tangent.y, tangent.z} * w[k];
+      }
+      const Vec3f unit(length(sum) > 0 ? sum * (1 / length(sum)) : sum);
+      made.tangent = {unit.x, unit.y, unit.z, t.handedness};
+    }
+    out_.points.push_back(made);
+    known = static_cast<std::uint16_t>(out_.points.size());
+    return static_cast<std::uint16_t>(known - 1);
+  }
+
+  /// One size of windows: all that may be are tried, triangle by triangle.
+  void replace_windows(int edge) {
+    const int across = kEdge / edge;
+    std::vector<std::optional<Window>> windows(static_cast<std::size_t>(across * across));
+    if (open_windows(edge, windows) == 0) return;
+    for (std::size_t i = 0; i < entries_.size(); ++i) {
+      const Footprint f = footprint(i);
+      std::optional<Triangle> t;  // in space only where a window is left to be compared
+      visit_touched(f, edge, [&](std::size_t at) {
+        std::optional<Window>& window = windows[at];
+        if (!window) return;
+        if (!t) t = triangle(i, f);
+        if (!agrees(*t, *window, edge)) window.reset();
+      });
+    }
+    for (const std::optional<Window>& window : windows) {
+      if (window && std::abs(window->area - 1) <= kAreaBound) take(*window, edge);
+    }
+  }
+
+  /// Those with two triangles to take the numbers of. Returns how many.
+  std::size_t open_windows(int edge, std::vector<std::optional<Window>>& windows) {
+    const int across = kEdge / edge;
+    std::vector<Inside> inside(windows.size());
+    for (std::size_t i = 0; i < entries_.size(); ++i) {
+      const Footprint f = footprint(i);
+      const double x = std::floor(f.low.x / edge), y = std::floor(f.low.y / edge);
+      // What ends at the border of the block may be another's, too.
+      if (!f.lies_in(x * edge, y * edge, edge) || x < 0 || y < 0 || f.high.x >= kEdge ||
+          f.high.y >= kEdge || f.is_line()) {
+        continue;
+      }
+      Inside& of = inside[static_cast<std::size_t>(y) * static_cast<std::size_t>(across) +
+                          static_cast<std::size_t>(x)];
+      if (of.count < 2) of.ids[of.count] = entries_[i].instance.triangle;
+      ++of.count;
+    }
+    std::size_t open = 0;
+    for (int y = 0; y < across; ++y) {
+      for (int x = 0; x < across; ++x) {
+        const auto at = static_cast<std::size_t>(y * across + x);
+        if (inside[at].count < 2) continue;
+        windows[at] = open_window(x * edge, y * edge, edge);
+        if (!windows[at]) continue;
+        windows[at]->ids = inside[at].ids;
+        ++open;
+      }
+    }
+    return open;
+  }
+
+  /// Calls visit(index) for each window of this size that the triangle touches.
+  template <class Visit>
+  static void visit_touched(const Footprint& f, int edge, const Visit& visit) {
+    const int across = kEdge / edge;
+    const auto first = [&](double low) {
+      return static_cast<int>(std::max(std::floor(low / edge), 0.0));
+    };
+    const auto last = [&](double high) {
+      return static_cast<int>(std::min(std::floor(high / edge), across - 1.0));
+    };
+    const bool is_small = f.high.x - f.low.x < 2 * edge;  // its rectangle will do
+    for (int y = first(f.low.y); y <= last(f.high.y); ++y) {
+      const mesh::Extent row =
+          is_small ? mesh::Extent{f.low.x, f.high.x}
+                   : mesh::extent_between(f.texels, double{1} * y * edge, (y + 1.0) * edge);
+      if (row.low > row.high) continue;
+      for (int x = first(row.low); x <= last(row.high); ++x)
+        visit(static_cast<std::size_t>(y * across + x));
+    }
+  }
+
+  std::optional<Window> open_window(int x0, int y0, int edge) {
+    if (taken_[texel(x0, y0)]) return std::nullopt;
+    for (int y = y0; y <= y0 + edge; ++y) {
+      for (int x = x0; x <= x0 + edge; ++x) {
+        if (claims_[point(x, y)] >= kSeveral) return std::nullopt;
+      }
+    }
+    Window window;
+    window.x = x0, window.y = y0;
+    window.points = {surface_point(x0, y0), surface_point(x0 + edge, y0),
+                     surface_point(x0, y0 + edge), surface_point(x0 + edge, y0 + edge)};
+    const TwoHalves p = at_corners(window, &SurfacePoint::position);
+    const double smallest = std::min({length(p.at10 - p.at00), length(p.at01 - p.at00),
+                                      length(p.at11 - p.at10), length(p.at11 - p.at01)});
+    window.bound = kPositionBound * smallest / edge;
+    return window;
+  }
+
+  TwoHalves at_corners(const Window& window, Vec3f SurfacePoint::*what) const {
+    const auto at = [&](std::size_t i) { return Vec3d(out_.points[window.points[i]].*what); };
+    return {at(0), at(1), at(2), at(3)};
+  }
+
+  /// Adds a triangle's part in the window. False: they differ too much.
+  bool agrees(const Triangle& t, Window& window, int edge) const {
+    if (t.is_degenerate()) return false;  // left out later, and counted
+    const double scale = 1.0 / edge;      // a power of two
+    Polygon part;
+    for (std::size_t k = 0; k < 3; ++k) {
+      part.add({{(t.texels[k].x - window.x) * scale, (t.texels[k].y - window.y) * scale},
+                k == 1 ? 1.0 : 0.0,
+                k == 2 ? 1.0 : 0.0});
+    }
+    if (t.low.x < window.x) part = part.clipped(&Vec2d::x, 0, 1);
+    if (t.high.x > window.x + edge) part = part.clipped(&Vec2d::x, 1, -1);
+    if (t.low.y < window.y) part = part.clipped(&Vec2d::y, 0, 1);
+    if (t.high.y > window.y + edge) part = part.clipped(&Vec2d::y, 1, -1);
+    if (part.size() == 0) return true;
+    const double area = part.area();
+    window.area += std::abs(area);
+    if (area * window.winding < 0 || t.handedness * window.handedness < 0) return false;
+    if (area != 0) window.winding = area;
+    if (t.handedness != 0) window.handedness = t.handedness;
+    const TwoHalves positions = at_corners(window, &SurfacePoint::position);
+    const TwoHalves normals = at_corners(window, &SurfacePoint::normal);
+    const auto is_near = [&](const Corner& corner) {
+      const Vec3d off = t.position(corner.w1, corner.w2) - positions(corner.at);
+      const Vec3d turned = t.normal(corner.w1, corner.w2) - normals(corner.at);
+      return dot(off, off) <= window.bound * window.bound &&
+             dot(turned, turned) <= kNormalBound * kNormalBound;
+    };
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      const Corner &a = part[i], &b = part[(i + 1) % part.size()];
+      if (!is_near(a)) return false;
+      const double da = a.at.x - a.at.y, db = b.at.x - b.at.y;  // the halves meet where it is 0
+      if (da * db < 0 && !is_near(Polygon::between(a, b, da / (da - db)))) return false;
+    }
+    return true;
+  }
+
+  void take(const Window& window, int edge) {
+    for (int y = window.y; y < window.y + edge; ++y) {
+      for (int x = window.x; x < window.x + edge; ++x) taken_[texel(x, y)] = true;
+    }
+    const auto [a, b, d, c] = window.points;
+    if (window.winding > 0) {
+      out_.triangles.push_back({{a, b, c}, window.ids[0]});
+      out_.triangles.push_back({{a, c, d}, window.ids[1]});
+    } else {
+      out_.triangles.push_back({{a, c, b}, window.ids[0]});
+      out_.triangles.push_back({{a, d, c}, window.ids[1]});
+    }
+  }
+
+  /// Are all texels of the block replaced that the triangle may touch?
+  bool is_replaced(std::size_t i) const {
+    const Footprint f = footprint(i);
+    if (!f.lies_in(0, 0, kEdge) && mesh::is_whole(f.texels, lattice_) && !mesh::is_tiny(f.texels))
+      return false;  // no other block has it
+    for (int y = first_touched(f.low.y); y <= last_touched(f.low.y, f.high.y); ++y) {
+      for (int x = first_touched(f.low.x); x <= last_touched(f.low.x, f.high.x); ++x) {
+        if (!taken_[texel(x, y)]) return false;
+      }
+    }
+    return true;
+  }
+  static int first_touched(double low) {
+    return static_cast<int>(std::floor(std::clamp(low, 0.0, kEdge - 1.0)));
+  }
+  static int last_touched(double low, double high) {
+    const double last = std::ceil(std::clamp(high, 0.0, double{kEdge})) - 1;
+    return std::max(static_cast<int>(last), first_touched(low));
+  }
+
+  const mesh::Mesh& mesh_;
+  const mesh::Lattice& lattice_;
+  const std::span<const mesh::BinEntry> entries_;
+  Vec2d first_;                                            ///< the block's first texel centre
+  std::array<std::uint32_t, kPoints * kPoints> claims_{};  ///< into entries_
+  std::array<std::uint16_t, kPoints * kPoints> points_{};  ///< into out_.points, plus 1
+  std::array<bool, kEdge * kEdge> taken_{};
+  CoarseSurface out_;
+};
+
+}  // namespace
+
+bool is_dense(std::uint64_t triangles) { return 4 * triangles >= std::uint64_t{kEdge} * kEdge; }
+
+CoarseSurface coarsen(const mesh::Mesh& mesh, const mesh::Lattice& lattice,
+                      std::span<const mesh::BinEntry> entries) {
+  return Coarsener(mesh, lattice, entries).run();
+}
+
+std::uint64_t coarsen_bytes(std::uint64_t triangles) {
+  return triangles + kPoints * kPoints * sizeof(SurfacePoint) +
+         kMostTriangles * sizeof(CoarseTriangle) +
+         std::uint64_t{kEdge} * kEdge * (sizeof(std::optional<Window>) + sizeof(Inside)) +
+         sizeof(Coarsener);
+}
+
+}  // namespace pounce::surface

@@ -1,0 +1,350 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The target's projection maps, evaluated from the stored triangles.
+//
+// Position and (unnormalised) normal are affine in the texel on each triangle, so a map texel costs
+// a few multiplications instead of stored bytes. Each triangle is evaluated from an anchor near the
+// block, set up in double precision, so that a triangle of thousands of texels loses nothing far
+// from its corners.
+//
+// A texel's centre may lie on the edge of two triangles, within rounding: the raster gives it to
+// one of them. Its ray starts a little inside of that one, so that the search sees what the raster
+// decided (docs/decisions/015-own-surface-first.md).
+#include "surface/target_block.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace pounce::surface {
+namespace {
+
+constexpr int kWindow = 8;        // texels a group spans
+constexpr int kHalfWindow = 4;    // texels a packet spans
+constexpr float kSpread = 16.0F;  // texel edges beyond which two texels do not share a packet
+constexpr int kMostClusters = 4;  // per window; what is left then shares packets, however far apart
+// Enough for the own side of an edge to win against rounding, which is worth a few steps.
+constexpr float kInsetSteps = 32;
+constexpr double kLargestInset = 1.0 / 16;  // texels: never enough to be seen
+
+struct Gradients {
+  Vec3d pu, pv, nu, nv;
+  Vec3d p, n;
+  Vec2d anchor;
+  std::array<Vec2d, 3> texels;  ///< the corners
+};
+
+/// The affine maps of one triangle around an anchor in texels; nothing if it has no area in the
+/// image.
+bool gradients(const store::GeometryBlock& block, const mesh::Lattice& lattice,
+               std::size_t triangle, Gradients& g) {
+  const auto t = g.texels = block.texel_corners(lattice, triangle);
+  const double area = mesh::doubled_area(t[0], t[1], t[2]);
+  if (area == 0) return false;
+  const auto& corner = block.triangles[triangle];
+  const double x1 = t[1].x - t[0].x, y1 = t[1].y - t[0].y, x2 = t[2].x - t[0].x,
+               y2 = t[2].y - t[0].y;
+  const auto solve = [&](Vec3d a, Vec3d b, Vec3d c, Vec3d& du, Vec3d& dv) {
+    const Vec3d e1 = b - a, e2 = c - a;
+    du = (e1 * y2 - e2 * y1) * (1.0 / area);
+    dv = (e2 * x1 - e1 * x2) * (1.0 / area);
+  };
+  const Vec3d p0(block.positions[corner[0]]), p1(block.positions[corner[1]]),
+      p2(block.positions[corner[2]]);
+  const Vec3d n0(block.normals[corner[0]]), n1(block.normals[corner[1]]),
+      n2(block.normals[corner[2]]);
+  solve(p0, p1, p2, g.pu, g.pv);
+  solve(n0, n1, n2, g.nu, g.nv);
+  const auto [low_x, high_x] = std::minmax({t[0].x, t[1].x, t[2].x});
+  const auto [low_y, high_y] = std::minmax({t[0].y, t[1].y, t[2].y});
+  const double middle_x = block.x * double{mesh::kBlockEdge} + mesh::kBlockEdge / 2;
+  const double middle_y = block.y * double{mesh::kBlockEdge} + mesh::kBlockEdge / 2;
+  // Whole texels, so that the distance of a texel to its anchor is exact.
+  g.anchor = {std::round(std::clamp(middle_x, low_x, high_x)),
+              std::round(std::clamp(middle_y, low_y, high_y))};
+  const double dx = g.anchor.x - t[0].x, dy = g.anchor.y - t[0].y;
+  g.p = p0 + g.pu * dx + g.pv * dy;
+  g.n = n0 + g.nu * dx + g.nv * dy;
+  return true;
+}
+
+template <class Four>
+bool any_negative(Four v) {
+  return __builtin_ia32_movmskps(v) != 0;
+}
+
+/// Two to four times the largest coordinate of a triangle's corners. Not so small that what is
+/// divided by its step would be infinite.
+float coarseness_of(const store::GeometryBlock& block, std::size_t triangle) {
+  float largest = 0;
+  for (const std::uint16_t corner : block.triangles[triangle]) {
+    const Vec3f& p = block.positions[corner];
+    largest = std::max({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+  }
+  return std::ldexp(1.0F, std::clamp(std::ilogb(largest), -100, 124) + 2);
+}
+
+/// Moves a coordinate by the whole steps nearest to `steps`: exact, and so is the way back.
+void move(float steps, float step, float& coordinate, std::int8_t& moved) {
+  const float whole = std::floor(std::clamp(steps, -127.0F, 127.0F) + 0.5F);
+  moved = static_cast<std::int8_t>(whole);
+  coordinate += whole * step;
+}
+
+}  // namespace
+
+TargetBlock::TargetBlock(const store::GeometryBlock& block, const mesh::Lattice& lattice,
+                         float smallest_edge, Start start)
+    : owner_(block.owner),
+      triangles_(block.triangles.size()),
+      edges_(start == Start::inset ? block.triangles.size() : 0) {
+  if (!block.records.empty()) read_records(block, smallest_edge, start);
+  for (std::size_t i = 0; i < block.triangles.size(); ++i) {
+    Gradients g;
+    Affine& a = triangles_[i];
+    a.per_texel = 1.0F / smallest_edge;
+    if (!gradients(block, lattice, i, g)) continue;  // owns no texel
+    a.p = Vec3f(g.p);
+    a.pu = Vec3f(g.pu);
+    a.pv = Vec3f(g.pv);
+    a.n = Vec3f(g.n);
+    a.nu = Vec3f(g.nu);
+    a.nv = Vec3f(g.nv);
+    a.x = static_cast<float>(g.anchor.x - block.x * double{mesh::kBlockEdge});
+    a.y = static_cast<float>(g.anchor.y - block.y * double{mesh::kBlockEdge});
+    const double edge = std::sqrt(length(cross(g.pu, g.pv)));
+    a.per_texel = 1.0F / std::max(static_cast<float>(edge), smallest_edge);
+    a.coarseness = coarseness_of(block, i);
+    if (start == Start::inset) edges_[i] = make_edges(g.texels, g.anchor);
+  }
+}
+
+TargetBlock::Edges TargetBlock::make_edges(const std::array<Vec2d, 3>& t, Vec2d anchor) {
+  const double area = mesh::doubled_area(t[0], t[1], t[2]);
+  double around = 0;
+  std::array<Vec3d, 3> lines;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec2d from = t[k], along = t[(k + 1) % 3] - from;
+    const double size = std::sqrt(along.x * along.x + along.y * along.y);
+    const double scale = (area < 0 ? -1 : 1) / size;
+    around += size;
+    const double x = -along.y * scale, y = along.x * scale;
+    lines[k] = {x, y, x * (anchor.x - from.x) + y * (anchor.y - from.y)};
+  }
+  Edges out;
+  out.most = static_cast<float>(std::min(kLargestInset, std::abs(area) / around));
+  out.at_anchor[3] = 1;
+  for (int k = 0; k < 3; ++k) {
+    const Vec3d& line = lines[static_cast<std::size_t>(k)];
+    out.x[k] = static_cast<float>(line.x);
+    out.y[k] = static_cast<float>(line.y);
+    out.at_anchor[k] = static_cast<float>(line.z);
+  }
+  return out;
+}
+
+float TargetBlock::start_of(std::uint16_t triangle, float coarseness) const {
+  return std::min(kInsetSteps * kStepShare * coarseness * triangles_[triangle].per_texel,
+                  edges_[triangle].most);
+}
+
+/// The largest of these texels' owners'.
+float TargetBlock::coarseness(const std::uint16_t* texels, std::size_t count) const {
+  float largest = 0;
+  for (std::size_t i = 0; i < count; ++i)
+    largest = std::max(largest, triangles_[owner_[texels[i]]].coarseness);
+  return largest;
+}
+
+Vec3f TargetBlock::position(std::uint32_t texel) const {
+  if (has_records()) return records_[owner_[texel]].map.position;
+  const Affine& a = triangles_[owner_[texel]];
+  const float dx = static_cast<float>(texel % mesh::kBlockEdge) - a.x;
+  const float dy = static_cast<float>(texel / mesh::kBlockEdge) - a.y;
+  return a.p + (a.pu * dx + a.pv * dy);
+}
+
+TargetBlock::Texel TargetBlock::texel(std::uint32_t texel) const {
+  if (has_records()) return records_[owner_[texel]].map;
+  const Affine& a = triangles_[owner_[texel]];
+  const float dx = static_cast<float>(texel % mesh::kBlockEdge) - a.x;
+  const float dy = static_cast<float>(texel / mesh::kBlockEdge) - a.y;
+  Texel out;
+  out.position = a.p + (a.pu * dx + a.pv * dy);
+  const Vec3f n = a.n + (a.nu * dx + a.nv * dy);
+  const float squared = dot(n, n);
+  out.normal = squared > 0 ? n * (1.0F / std::sqrt(squared)) : Vec3f{};
+  out.per_texel = a.per_texel;
+  return out;
+}
+
+/// One 8x8 window: its covered texels in packet order (4x4 after 4x4, so that packets are compact).
+struct TargetBlock::Window {
+  std::array<std::uint16_t, kWindow * kWindow> texels;
+  std::size_t count = 0;
+  bool one_triangle = true;
+};
+
+TargetBlock::Window TargetBlock::window(std::uint32_t index) const {
+  Window window;
+  const std::uint32_t wx = index % 8 * kWindow, wy = index / 8 * kWindow;
+  for (std::uint32_t i = 0; i < kWindow * kWindow; ++i) {
+    const std::uint32_t quarter = i / 16, inside = i % 16;
+    const std::uint32_t x = wx + quarter % 2 * kHalfWindow + inside % 4;
+    const std::uint32_t y = wy + quarter / 2 * kHalfWindow + inside / 4;
+    const std::uint32_t at = y * mesh::kBlockEdge + x;
+    if (!covered(at)) continue;
+    window.texels[window.count++] = static_cast<std::uint16_t>(at);
+    window.one_triangle =
+        window.one_triangle && owner_[at] == owner_[window.texels[0]] && !has_records();
+  }
+  return window;
+}
+
+/// No texel of the window is near an edge of its owner, so none of their rays starts elsewhere.
+bool TargetBlock::is_deep(const Window& window) const {
+  if (edges_.empty()) return true;
+  if (!window.one_triangle) return false;
+  const std::uint32_t first = window.texels[0];
+  const Affine& a = triangles_[owner_[first]];
+  const Edges& edges = edges_[owner_[first]];
+  const float start = start_of(owner_[first], a.coarseness);
+  const float left = static_cast<float>(first % mesh::kBlockEdge / kWindow * kWindow) - a.x;
+  const float top = static_cast<float>(first / mesh::kBlockEdge / kWindow * kWindow) - a.y;
+  for (const float dx : {left, left + kWindow - 1}) {
+    for (const float dy : {top, top + kWindow - 1}) {
+      if (any_negative(edges.beyond(dx, dy, start))) return false;
+    }
+  }
+  return true;
+}
+
+Vec3f TargetBlock::way_inside(std::uint16_t triangle, Four beyond) const {
+  const Edges& edges = edges_[triangle];
+  const Affine& a = triangles_[triangle];
+  float x = 0, y = 0;  // into the triangle, in texels
+  for (int k = 0; k < 3; ++k) {
+    const float lacking = std::max(-beyond[k], 0.0F);
+    x += edges.x[k] * lacking;
+    y += edges.y[k] * lacking;
+  }
+  return a.pu * x + a.pv * y;
+}
+
+/// Moves the start of a ray that is nearer to an edge of its owner than the inset away from it.
+void TargetBlock::move_start(std::size_t lane, Four beyond, TexelPacket& packet) const {
+  const float step = step_of(packet);
+  const Vec3f way = way_inside(owner_[packet.texel[lane]], beyond) * (1 / step);
+  if (!std::isfinite(way.x + way.y + way.z)) return;  // no area in the image to speak of
+  move(way.x, step, packet.px[lane], packet.inset_x[lane]);
+  move(way.y, step, packet.py[lane], packet.inset_y[lane]);
+  move(way.z, step, packet.pz[lane], packet.inset_z[lane]);
+  packet.is_inset = true;
+}
+
+void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_deep,
+                       TexelPacket& packet) const {
+  if (has_records()) return fill_records(texels, count, packet);
+  packet.coarseness = coarseness(texels, count);
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const bool used = lane < count;
+    const std::uint32_t at = texels[used ? lane : 0];
+    const Affine& a = triangles_[owner_[at]];
+    const float dx = static_cast<float>(at % mesh::kBlockEdge) - a.x;
+    const float dy = static_cast<float>(at / mesh::kBlockEdge) - a.y;
+    packet.px[lane] = a.p.x + (a.pu.x * dx + a.pv.x * dy);
+    packet.py[lane] = a.p.y + (a.pu.y * dx + a.pv.y * dy);
+    packet.pz[lane] = a.p.z + (a.pu.z * dx + a.pv.z * dy);
+    packet.nx[lane] = used ? a.n.x + (a.nu.x * dx + a.nv.x * dy) : 0;
+    packet.ny[lane] = used ? a.n.y + (a.nu.y * dx + a.nv.y * dy) : 0;
+    packet.nz[lane] = used ? a.n.z + (a.nu.z * dx + a.nv.z * dy) : 0;
+    packet.per_texel[lane] = a.per_texel;
+    packet.texel[lane] = used ? texels[lane] : kNoTexel;
+    packet.owner[lane] = owner_[at];
+    if (is_deep) continue;
+    if (!used) {  // where lane 0 starts
+      packet.px[lane] = packet.px[0];
+      packet.py[lane] = packet.py[0];
+      packet.pz[lane] = packet.pz[0];
+      continue;
+    }
+    const std::uint16_t owner = owner_[at];
+    const Four beyond = edges_[owner].beyond(dx, dy, start_of(owner, packet.coarseness));
+    if (any_negative(beyond)) move_start(lane, beyond, packet);
+  }
+  // Lane by lane as in texel(), in loops that become vectors.
+  float scale[kLanes];
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const float squared = packet.nx[lane] * packet.nx[lane] + packet.ny[lane] * packet.ny[lane] +
+                          packet.nz[lane] * packet.nz[lane];
+    scale[lane] = squared > 0 ? 1.0F / std::sqrt(squared) : 0.0F;
+  }
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    packet.nx[lane] *= scale[lane];
+    packet.ny[lane] *= scale[lane];
+    packet.nz[lane] *= scale[lane];
+  }
+}
+
+void TargetBlock::make_packets(std::uint32_t block_index, PageVector<TexelPacket>& packets,
+                               std::vector<PacketGroup>& groups) const {
+  const auto add_group = [&](const std::uint16_t* texels, std::size_t count, bool is_deep) {
+    const auto first = static_cast<std::uint32_t>(packets.size());
+    for (std::size_t i = 0; i < count; i += kLanes) {
+      packets.emplace_back().block = block_index;
+      fill(texels + i, std::min<std::size_t>(kLanes, count - i), is_deep, packets.back());
+    }
+    groups.push_back({first, static_cast<std::uint32_t>(packets.size()) - first});
+  };
+  for (std::uint32_t w = 0; w < 64; ++w) {
+    Window rest = window(w);
+    if (rest.count == 0) continue;
+    const bool deep = is_deep(rest);
+    if (rest.one_triangle) {
+      add_group(rest.texels.data(), rest.count, deep);
+      continue;
+    }
+    // One group of packets per cluster: usually all of the window, one each where charts meet.
+    for (int cluster = 1; rest.count > 0; ++cluster) {
+      const Vec3f seed = position(rest.texels[0]);
+      const float seed_per_texel = per_texel(rest.texels[0]);
+      std::array<std::uint16_t, kWindow * kWindow> together;
+      std::size_t near = 0, far = 0;
+      for (std::size_t i = 0; i < rest.count; ++i) {
+        const Vec3f d = position(rest.texels[i]) - seed;
+        const float spread = std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)});
+        const bool is_near =
+            i == 0 || cluster >= kMostClusters ||
+            spread * std::min(seed_per_texel, per_texel(rest.texels[i])) <= kSpread;
+        (is_near ? together[near++] : rest.texels[far++]) = rest.texels[i];
+      }
+      add_group(together.data(), near, deep);
+      rest.count = far;
+    }
+  }
+}
+
+std::vector<TexelAxes> TargetBlock::axes() const {
+  std::vector<TexelAxes> axes;
+  if (has_records()) return axes;
+  axes.reserve(triangles_.size());
+  for (const Affine& a : triangles_) axes.push_back({a.pu, a.pv});
+  return axes;
+}
+
+std::vector<Box3f> texel_boxes(const store::GeometryBlock& block, const mesh::Lattice& lattice) {
+  std::vector<Box3f> boxes(block.triangles.size());
+  const TargetBlock map(block, lattice, 1e-30F);
+  const auto& owner = block.owner;
+  for (std::uint32_t i = 0; i < owner.size(); ++i) {
+    // A row's run of one triangle is a straight segment: its ends bound it.
+    const bool starts = i % mesh::kBlockEdge == 0 || owner[i - 1] != owner[i];
+    const bool ends = i % mesh::kBlockEdge == mesh::kBlockEdge - 1 || owner[i + 1] != owner[i];
+    if (owner[i] != store::kNoTriangle && (starts || ends))
+      boxes[owner[i]].extend(map.texel(i).position);
+  }
+  std::erase_if(boxes, [](const Box3f& b) { return b.empty(); });
+  return boxes;
+}
+
+}  // namespace pounce::surface

@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "shading/result_block.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
+
+#include "core/colour_space.h"
+#include "core/portable_math.h"
+#include "support/bytes.h"
+#include "support/random.h"
+
+using namespace pounce;
+using namespace pounce::shading;
+using pounce::test::Random;
+
+namespace {
+
+/// What a value becomes in an output, read back as doubles: 0..1 or the float itself.
+std::vector<double> stored(const TexelFormat& format, const TexelValue& value) {
+  std::vector<std::byte> bytes(format.texel_bytes() + 1, std::byte{0xCD});
+  store_texel(format, value, bytes.data());
+  CHECK(bytes.back() == std::byte{0xCD});
+  std::vector<double> out;
+  for (std::uint32_t c = 0; c < format.channels; ++c) {
+    const std::byte* const at = bytes.data() + c * (format.texel_bytes() / format.channels);
+    if (format.depth == Depth::u8) {
+      out.push_back(std::to_integer<int>(*at) / 255.0);
+    } else if (format.depth == Depth::float32) {
+      float v;
+      std::memcpy(&v, at, 4);
+      out.push_back(double{v});
+    } else {
+      std::uint16_t v;
+      std::memcpy(&v, at, 2);
+      out.push_back(format.depth == Depth::u16 ? v / 65535.0 : double{half_to_float(v)});
+    }
+  }
+  return out;
+}
+
+using Values = std::vector<double>;
+
+TexelValue gray(double v) { return {{v, 0, 0, 0}, 1, false}; }
+
+/// No power of its argument, so that it shows what it was given: (r, g, b) -> (b + 1, r + 2, g +
+/// 3).
+class Shifted : public ColourTransform {
+ public:
+  void apply(std::array<double, 3>& c) const noexcept override {
+    c = {c[2] + 1, c[0] + 2, c[1] + 3};
+  }
+  Hash128 identity() const override { return {}; }
+};
+
+}  // namespace
+
+TEST_CASE("the sRGB functions agree with std::pow to twelve digits and undo each other") {
+  const auto decoded = [](double c) {
+    return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
+  };
+  const auto coded = [](double l) {
+    return l <= 0.0031308 ? l * 12.92 : 1.055 * std::pow(l, 1 / 2.4) - 0.055;
+  };
+  double worst = 0;
+  for (int i = 0; i <= 65535; ++i) {
+    const double x = i / 65535.0;
+    worst = std::max(worst, std::abs(srgb_to_linear(x) - decoded(x)));
+    worst = std::max(worst, std::abs(linear_to_srgb(x) - coded(x)));
+    worst = std::max(worst, std::abs(linear_to_srgb(srgb_to_linear(x)) - x) - 1e-7 * (x < 0.05));
+  }
+  CHECK(worst < 1e-12);
+  CHECK(srgb_to_linear(0) == 0);
+  CHECK(srgb_to_linear(1) == Approx(1).epsilon(1e-15));
+  CHECK(linear_to_srgb(-0.5) == -6.46);
+  for (const double x : {1.5, 20.0, 1000.0, 65504.0, 1e9}) {  // beyond white: float images have it
+    CHECK(srgb_to_linear(x) == Approx(decoded(x)).epsilon(1e-12));
+    CHECK(linear_to_srgb(x) == Approx(coded(x)).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("channels are expanded and dropped by rule") {
+  const TexelValue gray_alpha{{0.2, 0.6, 0, 0}, 2, false, true, false};
+  const TexelValue rgb{{0.2, 0.4, 0.6, 0}, 3, false};
+  const TexelValue rgba{{0.2, 0.4, 0.6, 0.8}, 4, false, true, false};
+  const auto out = [](std::uint32_t channels, bool has_alpha, const TexelValue& value) {
+    return stored({channels, Depth::u8, false, true, has_alpha}, value);
+  };
+  CHECK(out(1, false, gray(0.2)) == Values{0.2});
+  CHECK(out(3, false, gray(0.2)) == Values{0.2, 0.2, 0.2});
+  CHECK(out(4, true, gray(0.2)) == Values{0.2, 0.2, 0.2, 1});
+  CHECK(out(2, true, gray(0.2)) == Values{0.2, 1});
+  CHECK(out(1, false, gray_alpha) == Values{0.2});
+  CHECK(out(2, true, gray_alpha) == Values{0.2, 0.6});
+  CHECK(out(3, false, gray_alpha) == Values{0.2, 0.2, 0.2});
+  CHECK(out(4, true, gray_alpha) == Values{0.2, 0.2, 0.2, 0.6});
+  CHECK(out(3, false, rgb) == Values{0.2, 0.4, 0.6});
+  CHECK(out(4, true, rgb) == Values{0.2, 0.4, 0.6, 1});
+  CHECK(out(3, false, rgba) == Values{0.2, 0.4, 0.6});
+  CHECK(out(4, true, rgba) == Values{0.2, 0.4, 0.6, 0.8});
+}
+
+TEST_CASE("integers are clamped and rounded to nearest, floats are kept") {
+  const auto byte_of = [](double v) {
+    return std::lround(stored({1, Depth::u8, false, true, false}, gray(v))[0] * 255);
+  };
+  CHECK(byte_of(-3) == 0);
+  CHECK(byte_of(7) == 255);
+  CHECK(byte_of(100.49 / 255) == 100);
+  CHECK(byte_of(100.51 / 255) == 101);
+  for (int i = 0; i < 256; ++i) CHECK(byte_of(i / 255.0) == i);
+  const auto word = stored({1, Depth::u16, false, true, false}, gray(30000.51 / 65535))[0];
+  CHECK(std::lround(word * 65535) == 30001);
+  CHECK(stored({1, Depth::float32, true, true, false}, {{-2.5, 0, 0, 0}, 1, true})[0] == -2.5);
+  CHECK(stored({1, Depth::half, true, true, false}, {{1e9, 0, 0, 0}, 1, true})[0] == 65504);
+  CHECK(stored({1, Depth::half, true, true, false}, {{-1e9, 0, 0, 0}, 1, true})[0] == -65504);
+}
+
+TEST_CASE("colour is converted where source and output differ, data and alpha never") {
+  TexelValue value{{0.5, 0.5, 0.5, 0.5}, 4, false, true, false};
+  const TexelFormat linear{4, Depth::float32, true, true, true};
+  Values out = stored(linear, value);
+  CHECK(out[0] == Approx(0.21404114048223255).epsilon(1e-6));
+  CHECK(out[3] == 0.5);
+  value.linear = true;
+  CHECK(stored(linear, value) == Values{0.5, 0.5, 0.5, 0.5});
+  out = stored({4, Depth::float32, false, true, true}, value);
+  CHECK(out[2] == Approx(0.7353569830524495).epsilon(1e-6));
+  CHECK(out[3] == 0.5);
+  CHECK(stored({4, Depth::float32, false, false, true}, value) == Values{0.5, 0.5, 0.5, 0.5});
+  // Gray without alpha as a linear colour: the added alpha stays 1.
+  out = stored(linear, gray(0.5));
+  CHECK(out[1] == out[0]);
+  CHECK(out[3] == 1);
+}
+
+TEST_CASE("what a depth cannot hold is cut and counted, what rounding absorbs is not") {
+  const auto clipped = [](Depth depth, double a, double b) {
+    std::array<std::byte, 16> out{};
+    return store_texel({3, depth, true, true, false}, {{a, b, 0.5, 0}, 3, true}, out.data());
+  };
+  CHECK(clipped(Depth::u8, -0.01, 1.01) == 2);
+  CHECK(clipped(Depth::u8, -0.0019, 1.0019) == 0);  // half a step is 0.00196
+  CHECK(clipped(Depth::u16, -0.0019, 1.0019) == 2);
+  CHECK(clipped(Depth::u16, 0, 1) == 0);
+  CHECK(clipped(Depth::half, -65519, 65519) == 0);
+  CHECK(clipped(Depth::half, -65520, 1e30) == 2);
+  CHECK(clipped(Depth::float32, -1e30, 1e30) == 0);
+  CHECK(clipped(Depth::u8, std::nan(""), 0.5) == 1);
+}
+
+TEST_CASE("a fourth channel without alpha is data") {
+  const TexelValue data{{0.5, 0.5, 0.5, 0.5}, 4, true};
+  const Values out = stored({4, Depth::float32, false, true, false}, data);
+  CHECK(out[2] == Approx(0.7353569830524495).epsilon(1e-6));
+  CHECK(out[3] == 0.5);                                                // not converted
+  CHECK(stored({4, Depth::float32, true, true, true}, data)[3] == 1);  // and no alpha
+  CHECK(stored({4, Depth::float32, true, true, false}, {{0.5, 0.5, 0.5, 0}, 3, true})[3] == 0);
+}
+
+TEST_CASE("colours are multiplied for a format that holds them so, once") {
+  const TexelFormat format{4, Depth::float32, true, true, true, true};
+  CHECK(stored(format, {{0.5, 1, 2, 0.25}, 4, true, true, false}) ==
+        Values{0.125, 0.25, 0.5, 0.25});
+  CHECK(stored(format, {{0.5, 1, 2, 0.25}, 4, true, true, true}) == Values{0.5, 1, 2, 0.25});
+}
+
+TEST_CASE("every 8-bit sRGB value survives a trip through a linear half or float image") {
+  for (const Depth depth : {Depth::half, Depth::float32}) {
+    for (int i = 0; i < 256; ++i) {
+      const double there = stored({1, depth, true, true, false}, gray(i / 255.0))[0];
+      const TexelValue back{{there, 0, 0, 0}, 1, true};
+      CHECK(std::lround(stored({1, Depth::u8, false, true, false}, back)[0] * 255) == i);
+    }
+  }
+}
+
+TEST_CASE("a result block comes back, and another size is refused") {
+  Random random(91);
+  for (const Depth depth : {Depth::u8, Depth::u16, Depth::half, Depth::float32}) {
+    for (std::uint32_t channels = 1; channels <= 4; ++channels) {
+      const TexelFormat format{channels, depth, false, true, false};
+      ResultBlock block, read;
+      block.texels.resize(4096 * format.texel_bytes());
+      for (std::byte& b : block.texels) b = static_cast<std::byte>(random.bits());
+      for (std::uint32_t texel = 0; texel < 4096; ++texel) {
+        if (random.one_in(3)) {
+          block.cover(texel);
+          CHECK(block.covered(texel));
+        }
+      }
+      std::vector<std::byte> raw;
+      encode(block, format, raw);
+      CHECK(raw.size() == kMaskBytes + block.texels.size());
+      decode_result(raw, format, "r", read);
+      CHECK(read.mask == block.mask);
+      CHECK(read.texels == block.texels);
+
+      for (const std::size_t size : {std::size_t{0}, std::size_t{511}, raw.size() - 1}) {
+        const std::vector<std::byte> cut(raw.begin(),
+                                         raw.begin() + static_cast<std::ptrdiff_t>(size));
+        std::string message;
+        CHECK(test::error_kind([&] { decode_result(cut, format, "r.pack", read); }, &message) ==
+              test::kDamaged);
+        CHECK(message.find("r.pack") == 0);
+      }
+      raw.push_back({});
+      CHECK(test::error_kind([&] { decode_result(raw, format, "r.pack", read); }) ==
+            test::kDamaged);
+    }
+  }
+}
+
+TEST_CASE("a colour goes through a format's transform last, without its alpha and as light") {
+  const Shifted shifted;
+  TexelFormat format{4, Depth::float32, true, true, true};
+  format.transform = &shifted;
+  TexelValue light{{0.25, 0.5, 0.75, 0.5}, 4, true, true};
+  CHECK(stored(format, light) == Values{1.75, 2.25, 3.5, 0.5});
+  SECTION("coded colours are made light first") {
+    light.linear = false;
+    const float expected = static_cast<float>(srgb_to_linear(0.75) + 1);
+    CHECK(stored(format, light)[0] == double{expected});
+  }
+  SECTION("colours times alpha stay so") {
+    format.premultiplied = true;
+    light.premultiplied = true;
+    CHECK(stored(format, light) == Values{(1.5 + 1) / 2, (0.5 + 2) / 2, (1 + 3) / 2.0, 0.5});
+    light.v[3] = 0;  // light that covers nothing
+    CHECK(stored(format, light) == Values{1.75, 2.25, 3.5, 0});
+  }
+  SECTION("grey becomes colour, its alpha stays alpha") {
+    CHECK(stored(format, {{0.5, 0.25}, 2, true, true}) == Values{1.5, 2.5, 3.5, 0.25});
+    CHECK(stored(format, {{0.5}, 1, true}) == Values{1.5, 2.5, 3.5, 1});
+  }
+  SECTION("two channels are none") {
+    CHECK(stored(format, {{0.5, 0.25}, 2, true}) == Values{0.5, 0.25, 0, 1});
+  }
+  SECTION("what is final is not touched, whatever it is called") {
+    light.is_final = true;
+    CHECK(stored(format, light) == Values{0.25, 0.5, 0.75, 0.5});
+  }
+  SECTION("what eight bits cannot hold is counted") {
+    format.depth = Depth::u8;
+    std::array<std::byte, 4> out;
+    CHECK(store_texel(format, light, out.data()) == 3);
+    CHECK(out[0] == std::byte{255});
+  }
+  SECTION("eight bits are not taken over as they are") {
+    store::ColourDirectory image;
+    image.depth = Depth::u8;
+    image.channels = 4;
+    image.has_alpha = true;
+    TexelFormat plain{4, Depth::u8, false, true, true};
+    CHECK(plain.keeps(image));
+    plain.transform = &shifted;
+    CHECK_FALSE(plain.keeps(image));
+  }
+}
