@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-namespace pounce::source {
+namespace pounce::gaussian {
 namespace {
 
 /// A row of Gaussians one apart, half opaque.
@@ -48,4 +48,4 @@ TEST_CASE("small blocks say nothing of neighbours", "[source]") {
   CHECK(block == before);
 }
 
-}  // namespace pounce::source
+}  // namespace pounce::gaussian
