@@ -186,7 +186,7 @@ class MeshJob {
     const StageTimer timer(job_.clock, "count");
     TexelSource::Request texels;
     texels.geometry = store_.get();
-    texels.pages = columns_.pages_of(plan_.channels.front());
+    texels.pages = columns_.pages_of(plan_.channels.front(), plan_.passes.front().source.pages);
     texels.sigma = options_.sigma_texels.value_or(gaussian::kSigmaTexels);
     texels.sharpen = options_.sharpen;
     return std::make_unique<TexelSource>(job_, std::move(texels), kAfterCount);

@@ -59,6 +59,19 @@ void add_page(const TargetPage& page, bool by_tile, Hasher& hash) {
   hash.add(by_tile ? page.udim : 0);
 }
 
+/// A place that was found on another channel's larger lattice is rounded there, not in the image.
+void add_scaled_pages(const SourcePlan& plan, const PassPlan& pass, const ChannelPlan& channel,
+                      Hasher& hash) {
+  for (std::size_t p = 0; p < std::min(channel.pages.size(), pass.source.pages.size()); ++p) {
+    const ImageSize own = sampled_size(plan, channel.pages[p]);
+    const mesh::Lattice& lattice = pass.source.pages[p];
+    if (own.width == 0 || (own.width == lattice.width && own.height == lattice.height)) continue;
+    hash.add(std::string_view("lattice"));
+    hash.add(lattice.width);
+    hash.add(lattice.height);
+  }
+}
+
 }  // namespace
 
 JobHash::JobHash(job::JobContext& job, const TransferOptions& options)
@@ -155,7 +168,9 @@ std::string JobHash::of_image(const std::vector<std::string>& source, const Sour
   for (const PassPlan& pass : plan.passes) {  // whose stores have the triangles as they are
     const bool is_of =
         std::find(pass.channels.begin(), pass.channels.end(), channel) != pass.channels.end();
-    if (is_of && pass.has_shape) hash.add(std::string_view("shape"));
+    if (!is_of) continue;
+    if (pass.has_shape) hash.add(std::string_view("shape"));
+    add_scaled_pages(plan, pass, plan.channels[channel], hash);
   }
   add_files(target, hash);
   add_page(target_plan.pages[page], target_plan.by_tile, hash);

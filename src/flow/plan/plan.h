@@ -75,10 +75,9 @@ struct ColumnPlan {
   std::vector<ImageFormat> allowed_formats;
 };
 
-/// A source texture of many UDIM tiles, which may differ in size. The source is seen through one
-/// lattice whose tiles are as large as the largest of them.
+/// A source texture of many UDIM tiles, which may differ in size.
 struct TileSetPlan {
-  ImageSize size;
+  ImageSize size;                                       ///< of the largest
   std::map<mesh::UvTile, std::size_t> columns;          ///< index into SourcePlan::columns
   std::map<mesh::UvTile, shading::ColourInput> inputs;  ///< of the tiles that need one
 };
@@ -89,8 +88,8 @@ struct TangentPlan {
   std::vector<bool> keeps_own;
 };
 
-/// Channels that share their sampling groups (the same lattice for every source page) and their
-/// output size: one search serves them all.
+/// Channels whose outputs have one size and whose textures lie on the source in the same way: one
+/// search serves them all, on the lattice of the largest image of each source page.
 struct PassPlan {
   GeometryRequest source;
   SourceShape shape;                  ///< of that
@@ -116,6 +115,10 @@ struct SourcePlan {
 
   bool makes_normals() const;  ///< is there a normal map among the outputs?
 };
+
+/// Of what a page's channel is sampled: an image's size, or that of a set's largest tile. 0 x 0 for
+/// a constant.
+ImageSize sampled_size(const SourcePlan& plan, const PageTexture& page);
 
 /// One target's side.
 struct TargetPlan {

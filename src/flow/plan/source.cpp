@@ -4,8 +4,12 @@
 // them are searched together.
 //
 // Channels are planned one by one (mesh_channel.cpp). What an option names must be there; of what
-// is only meant by "all", whatever is missing or damaged is left out with a warning. Channels whose
-// outputs have one size, and that see the source through the same texels, share one pass.
+// is only meant by "all", whatever is missing or damaged is left out with a warning.
+//
+// Channels whose outputs have one size, and whose textures lie on the source in the same way (UV
+// sets and transforms), share one pass: one search finds where each texel's ray meets the surface,
+// and every image is looked up there. Their images may differ in size. A pass then sees the source
+// on the lattice of the largest; in smaller images the same place is found in proportion.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -162,12 +166,12 @@ class SourcePlanner {
     const bool needs_surface = plan.has_shape() || (plan.is_tinted() && !planning_.as_gaussians);
     const auto same =
         std::find_if(plan_.passes.begin(), plan_.passes.end(), [&](const PassPlan& pass) {
-          return pass.size == plan.size &&
-                 (images_of(plan_, plan).empty() || pass.source.pages == source.pages);
+          return pass.size == plan.size && lie_alike(pass.source.pages, source.pages);
         });
     if (same != plan_.passes.end()) {
       same->channels.push_back(c);
       same->has_shape = same->has_shape || needs_surface;
+      same->source = united(same->source, source);
     } else {
       plan_.passes.push_back({std::move(source), {}, plan.size, {c}, needs_surface});
     }
@@ -241,50 +245,82 @@ class SourcePlanner {
     return distinct;
   }
 
+  /// May one search serve two channels that see the source through these lattices? Wherever both
+  /// have images, these must lie on the surface in the same way.
+  bool lie_alike(const std::vector<mesh::Lattice>& a, const std::vector<mesh::Lattice>& b) const {
+    for (std::size_t m = 0; m < source_.materials.size(); ++m) {
+      if (a[m].width == 0 || b[m].width == 0) continue;
+      if (a[m].uv_set != b[m].uv_set || !(a[m].transform == b[m].transform)) return false;
+    }
+    return true;
+  }
+
+  /// The source as both channels see it, on the finer lattice of the two for each material.
+  GeometryRequest united(const GeometryRequest& a, const GeometryRequest& b) const {
+    std::vector<mesh::Lattice> pages(
+        a.pages.begin(), a.pages.begin() + static_cast<std::ptrdiff_t>(source_.materials.size()));
+    for (std::size_t m = 0; m < pages.size(); ++m) {
+      const mesh::Lattice& other = b.pages[m];
+      if (pages[m].width == 0) {
+        pages[m] = other;
+      } else {
+        pages[m].width = std::max(pages[m].width, other.width);
+        pages[m].height = std::max(pages[m].height, other.height);
+      }
+    }
+    const bool is_same = std::equal(pages.begin(), pages.end(), a.pages.begin());
+    return is_same ? a : request_of_pages(std::move(pages));
+  }
+
   /// How this channel sees the source: a lattice per material.
   GeometryRequest source_request(const ChannelPlan& channel) {
-    GeometryRequest request;
-    request.mesh = &source_;
+    std::vector<mesh::Lattice> pages;
     for (std::size_t m = 0; m < source_.materials.size(); ++m) {
       mesh::Lattice lattice;
       const PageTexture& page = channel.pages[m];
       if (page.column >= 0 || page.tile_set >= 0) {
         const auto binding = *planning_.images.binding(m, channel.channel);
-        const ImageSize size = sampled_size(page);
+        const ImageSize size = sampled_size(plan_, page);
         lattice = {size.width, size.height, binding.uv_set, binding.transform};
       }
-      request.pages.push_back(lattice);
+      pages.push_back(lattice);
     }
-    // What has the texture but not the UVs for it is constant, as if it had no texture.
+    check_uvs(pages, channel.channel);
+    return request_of_pages(std::move(pages));
+  }
+
+  /// The source's triangles by material. What has a texture there but not the UVs for it is set
+  /// apart, in as many pages again: it is constant, as if it had no texture.
+  GeometryRequest request_of_pages(std::vector<mesh::Lattice> pages) const {
     std::vector<std::uint32_t> triangle_page = source_.triangle_material;
-    set_apart_without_uvs(request, channel.channel, triangle_page);
+    bool any_apart = false;
+    for (std::size_t t = 0; t < triangle_page.size(); ++t) {
+      if (!lacks_uvs(t, pages)) continue;
+      triangle_page[t] += static_cast<std::uint32_t>(source_.materials.size());
+      any_apart = true;
+    }
+    if (any_apart) pages.resize(2 * source_.materials.size());
+    GeometryRequest request;
+    request.mesh = &source_;
     request.hashes = hashes_;
     request.triangles =
-        std::make_shared<const mesh::PageTriangles>(std::span(triangle_page), request.pages.size());
+        std::make_shared<const mesh::PageTriangles>(std::span(triangle_page), pages.size());
+    request.pages = std::move(pages);
     return request;
   }
 
-  ImageSize sampled_size(const PageTexture& page) const {
-    if (page.tile_set >= 0) return plan_.tile_sets[static_cast<std::size_t>(page.tile_set)].size;
-    const io::ImageInfo& info = plan_.columns[static_cast<std::size_t>(page.column)].info;
-    return {info.width, info.height};
+  bool lacks_uvs(std::size_t triangle, const std::vector<mesh::Lattice>& pages) const {
+    const mesh::Lattice& lattice = pages[source_.triangle_material[triangle]];
+    return lattice.width != 0 && !planning_.images.has_uvs(triangle, lattice.uv_set);
   }
 
-  void set_apart_without_uvs(GeometryRequest& request, Channel channel,
-                             std::vector<std::uint32_t>& triangle_page) {
+  void check_uvs(const std::vector<mesh::Lattice>& pages, Channel channel) {
     std::size_t with = 0, without = 0;
     for (std::size_t t = 0; t < source_.triangles.size(); ++t) {
-      std::uint32_t& page = triangle_page[t];
-      const mesh::Lattice& lattice = request.pages[page];
-      if (lattice.width == 0) continue;
-      if (planning_.images.has_uvs(t, lattice.uv_set)) {
-        ++with;
-        continue;
-      }
-      page += static_cast<std::uint32_t>(source_.materials.size());
-      ++without;
+      if (pages[source_.triangle_material[t]].width == 0) continue;
+      ++(lacks_uvs(t, pages) ? without : with);
     }
-    const bool needs_uvs = std::any_of(request.pages.begin(), request.pages.end(),
+    const bool needs_uvs = std::any_of(pages.begin(), pages.end(),
                                        [](const mesh::Lattice& page) { return page.width != 0; });
     if (with == 0 && needs_uvs) {
       throw Error(ErrorKind::input,
@@ -292,7 +328,6 @@ class SourcePlanner {
                               source_.path, planning_.name_of(channel)));
     }
     if (without > 0) {
-      request.pages.resize(2 * source_.materials.size());
       plan_.warnings.push_back(fmt::format(
           "{}: {} triangles have no UVs for their {} texture and count as one plain colour",
           source_.path, without, planning_.name_of(channel)));
@@ -332,6 +367,13 @@ bool MeshPlanning::is_tinted(Channel channel) const {
 bool SourcePlan::makes_normals() const {
   return std::any_of(channels.begin(), channels.end(),
                      [](const ChannelPlan& channel) { return channel.channel == Channel::normal; });
+}
+
+ImageSize sampled_size(const SourcePlan& plan, const PageTexture& page) {
+  if (page.tile_set >= 0) return plan.tile_sets[static_cast<std::size_t>(page.tile_set)].size;
+  if (page.column < 0) return {};
+  const io::ImageInfo& info = plan.columns[static_cast<std::size_t>(page.column)].info;
+  return {info.width, info.height};
 }
 
 TangentPlan target_tangents(const TransferOptions& options, const mesh::Mesh& target) {

@@ -19,20 +19,22 @@
 
 namespace pounce::flow {
 
-/// The UDIM tiles of a source texture: the source is seen through one lattice of such tiles, each
-/// `width` x `height`; which image a hit means is found when it is blended. Blends do not reach
-/// across a tile's border: every image is clamped, as renderers do.
+/// The UDIM tiles of a source texture; which image a hit means is found when it is blended. Blends
+/// do not reach across a tile's border: every image is clamped, as renderers do.
 struct TileColumns {
   struct Tile {
     const ColourCache* column = nullptr;
     std::optional<shading::ColourInput> input;  ///< for its texels
   };
-  std::uint32_t width = 0, height = 0;
   std::map<mesh::UvTile, Tile> tiles;
 };
 
 /// What one source page gives to one channel.
 struct PageColour {
+  /// Where hits on the page lie: texel coordinates of an image of this size, or of a row of UDIM
+  /// tiles that each have it. Channels whose images differ in size share a search, so a hit means a
+  /// place of the image in proportion.
+  ImageSize lattice;
   const ColourCache* column = nullptr;
   const TileColumns* tile_set = nullptr;  ///< null as well as column: a constant
   shading::TexelValue constant;
@@ -144,21 +146,30 @@ struct PageImage {
 };
 
 inline PageImage image_at(const ColourCache& column,
-                          const std::optional<shading::ColourInput>& input, const PagePlace& at) {
+                          const std::optional<shading::ColourInput>& input, ImageSize lattice,
+                          const PagePlace& at) {
   const store::ColourDirectory& image = column.store().directory();
   PageImage out;
   out.column = &column;
   out.input = input ? &*input : nullptr;
-  out.x = projection::placed(at.base_x, at.frac_x, image.width, image.wrap_u);
-  out.y = projection::placed(at.base_y, at.frac_y, image.height, image.wrap_v);
   out.middle = {static_cast<double>(at.base_x) + at.frac_x,
                 static_cast<double>(at.base_y) + at.frac_y};
+  if (lattice.width == image.width && lattice.height == image.height) {
+    out.x = projection::placed(at.base_x, at.frac_x, image.width, image.wrap_u);
+    out.y = projection::placed(at.base_y, at.frac_y, image.height, image.wrap_v);
+    return out;
+  }
+  out.scale = {static_cast<double>(image.width) / lattice.width,
+               static_cast<double>(image.height) / lattice.height};
+  out.middle = {(out.middle.x + 0.5) * out.scale.x - 0.5, (out.middle.y + 0.5) * out.scale.y - 0.5};
+  out.x = projection::placed(out.middle.x, image.width, image.wrap_u);
+  out.y = projection::placed(out.middle.y, image.height, image.wrap_v);
   return out;
 }
 
-inline PageImage image_at(const TileColumns& set, const PagePlace& at) {
-  const projection::TileCoordinate x = projection::in_tile(at.base_x, at.frac_x, set.width);
-  const projection::TileCoordinate y = projection::in_tile(at.base_y, at.frac_y, set.height);
+inline PageImage image_at(const TileColumns& set, ImageSize lattice, const PagePlace& at) {
+  const projection::TileCoordinate x = projection::in_tile(at.base_x, at.frac_x, lattice.width);
+  const projection::TileCoordinate y = projection::in_tile(at.base_y, at.frac_y, lattice.height);
   const auto found = set.tiles.find(mesh::tile_of_period(x.period, y.period));
   if (found == set.tiles.end()) return {};
   const auto& [column, input] = found->second;
@@ -166,18 +177,18 @@ inline PageImage image_at(const TileColumns& set, const PagePlace& at) {
   PageImage out;
   out.column = column;
   out.input = input ? &*input : nullptr;
-  out.x = projection::scaled(x.texel, set.width, image.width);
-  out.y = projection::scaled(y.texel, set.height, image.height);
-  out.scale = {static_cast<double>(image.width) / set.width,
-               static_cast<double>(image.height) / set.height};
+  out.x = projection::scaled(x.texel, lattice.width, image.width);
+  out.y = projection::scaled(y.texel, lattice.height, image.height);
+  out.scale = {static_cast<double>(image.width) / lattice.width,
+               static_cast<double>(image.height) / lattice.height};
   out.middle = {(x.texel + 0.5) * out.scale.x - 0.5, (y.texel + 0.5) * out.scale.y - 0.5};
   return out;
 }
 
 /// Of a page that is no constant.
 inline PageImage image_at(const PageColour& page, const PagePlace& at) {
-  return page.column != nullptr ? image_at(*page.column, page.input, at)
-                                : image_at(*page.tile_set, at);
+  return page.column != nullptr ? image_at(*page.column, page.input, page.lattice, at)
+                                : image_at(*page.tile_set, page.lattice, at);
 }
 
 /// Finds colours of pages that are no constants, and keeps the tiles that it used just now:

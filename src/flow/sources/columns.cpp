@@ -7,11 +7,16 @@
 
 namespace pounce::flow {
 
-std::vector<PageColour> SourceColumns::pages_of(const ChannelPlan& channel) const {
+std::vector<PageColour> SourceColumns::pages_of(const ChannelPlan& channel,
+                                                const std::vector<mesh::Lattice>& lattices) const {
   std::vector<PageColour> pages;
-  for (const PageTexture& page : channel.pages) {
+  for (std::size_t p = 0; p < channel.pages.size(); ++p) {
+    const PageTexture& page = channel.pages[p];
+    // Pages of triangles without UVs have constants: no lattice is asked for there.
+    const ImageSize lattice =
+        p < lattices.size() ? ImageSize{lattices[p].width, lattices[p].height} : ImageSize{};
     pages.push_back(
-        {page.column < 0 ? nullptr : columns[static_cast<std::size_t>(page.column)].get(),
+        {lattice, page.column < 0 ? nullptr : columns[static_cast<std::size_t>(page.column)].get(),
          page.tile_set < 0 ? nullptr : &tile_sets[static_cast<std::size_t>(page.tile_set)],
          page.constant, page.input, page.factor, page.tinted});
   }
@@ -35,10 +40,6 @@ constexpr std::uint64_t kFewTiles = 16;
 /// Of the source's texels per target texel: from here on many are seen in levels.
 constexpr double kFromAfar = 4;
 
-bool has_size(const mesh::Lattice& lattice, const ColumnPlan& column) {
-  return lattice.width == column.info.width && lattice.height == column.info.height;
-}
-
 /// Texels of the images that a pass shows.
 double texels_shown(const PassPlan& pass) {
   double texels = 0;
@@ -56,13 +57,13 @@ void add_shown(const SourcePlan& plan, const PassPlan& pass, const ChannelPlan& 
     if (channel.pages[p].column < 0) continue;
     const auto c = static_cast<std::size_t>(channel.pages[p].column);
     if (masks[c] == nullptr) continue;
-    if (has_size(pass.source.pages[p], plan.columns[c])) {
-      mesh::add_touched(*pass.source.mesh, pass.source.pages[p],
-                        pass.source.triangles->of(pass.source.first_page + p),
-                        plan.columns[c].wrap_u, plan.columns[c].wrap_v, kSeenAround, *masks[c]);
-    } else {
-      masks[c]->add_all();
-    }
+    // The search may be on another image's lattice, in proportion.
+    mesh::Lattice of_image = pass.source.pages[p];
+    of_image.width = plan.columns[c].info.width;
+    of_image.height = plan.columns[c].info.height;
+    mesh::add_touched(*pass.source.mesh, of_image,
+                      pass.source.triangles->of(pass.source.first_page + p), plan.columns[c].wrap_u,
+                      plan.columns[c].wrap_v, kSeenAround, *masks[c]);
   }
 }
 
@@ -149,7 +150,7 @@ SourceColumns build_columns(job::JobContext& job, const SourcePlan& plan, const 
     job.report.source_store_bytes += store.pack().size_bytes();
   }
   for (const TileSetPlan& set : plan.tile_sets) {
-    made.tile_sets.push_back({set.size.width, set.size.height, {}});
+    made.tile_sets.emplace_back();
     for (const auto& [tile, column] : set.columns) {
       const auto input = set.inputs.find(tile);
       made.tile_sets.back().tiles[tile] = {

@@ -20,8 +20,9 @@ struct SourceColumns {
   runtime::Lease whole_lease;                         ///< for what WholeColumn builds
   bool all_cached = true;
 
-  /// What each source page gives to a channel.
-  std::vector<PageColour> pages_of(const ChannelPlan& channel) const;
+  /// What each source page gives to a channel whose source is seen through these lattices.
+  std::vector<PageColour> pages_of(const ChannelPlan& channel,
+                                   const std::vector<mesh::Lattice>& lattices) const;
   std::uint64_t bytes_read() const;
 };
 

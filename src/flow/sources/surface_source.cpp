@@ -146,7 +146,9 @@ std::unique_ptr<Projection> SurfaceSource::projector(std::size_t pass,
   request.smallest_edge = target_plan.smallest_edge;
   for (const std::size_t c : plan_.passes[pass].channels) {
     const ChannelPlan& channel = plan_.channels[c];
-    request.channels.push_back({channel.format, columns_.pages_of(channel), shape_of(channel)});
+    request.channels.push_back({channel.format,
+                                columns_.pages_of(channel, plan_.passes[pass].source.pages),
+                                shape_of(channel)});
   }
   return project_mesh(job_, std::move(request));
 }

@@ -153,10 +153,11 @@ std::unique_ptr<store::SplatStore> TexelsSource::sort(const Hash128& key,
     job_.report.source_filtered["degenerate triangles"] = degenerate;
   const runtime::Lease lease(job_.budget, blocks->size_bytes(),
                              "the directory of the source store");
-  const TexelSource source(job_,
-                           {blocks.get(), columns.pages_of(plan_.channels.front()), sigma_,
-                            densify_, texels_are_linear(plan_)},
-                           until(0.4));
+  const TexelSource source(
+      job_,
+      {blocks.get(), columns.pages_of(plan_.channels.front(), plan_.passes.front().source.pages),
+       sigma_, densify_, texels_are_linear(plan_)},
+      until(0.4));
   job_.meter.begin("sort", 2 * source.count(), "Gaussians", range.end);
   auto made = build_gaussian_store(job_, {&source, key, mesh_.path, {}, {}, false, 0, 0});
   job_.meter.end();
