@@ -3,8 +3,8 @@
 # everything in them but materials, textures and images is as it was.
 source "$(dirname "$0")/support.sh"
 data=${POUNCE_TEST_DATA:-$POUNCE_SOURCE_DIR/../shared/data}
-[[ -d $data ]] || { echo 'SKIPPED: needs test data (set POUNCE_TEST_DATA)'; exit 0; }
-command -v python3 >/dev/null || { echo 'SKIPPED: needs python3'; exit 0; }
+[[ -d $data ]] || { echo 'SKIPPED: needs test data (set POUNCE_TEST_DATA)'; exit 77; }
+command -v python3 >/dev/null || { echo 'SKIPPED: needs python3'; exit 77; }
 validator=$POUNCE_SOURCE_DIR/tools/gltf-validator.sh
 
 check() {

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # On a terminal the bar stays on one line, within the width, and is gone at the end.
 source "$(dirname "$0")/support.sh"
-command -v script >/dev/null || { echo 'SKIPPED: needs script (bsdutils)'; exit 0; }
+command -v script >/dev/null || { echo 'SKIPPED: needs script (bsdutils)'; exit 77; }
 make_job
 TERM=xterm script -qec "stty cols 60; '$POUNCE' transfer source.obj target.obj -o o.png --size 2048" /dev/null \
   </dev/null >"$out"

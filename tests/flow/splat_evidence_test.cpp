@@ -350,7 +350,7 @@ TEST_CASE("confidence in integers is rounded", "[flow]") {
         std::round((1 - std::exp(-mass_of(0.5))) * sureness_at(0.2) * 255) / 255);
 }
 
-TEST_CASE("real scenes fit their own targets and no others", "[flow]") {
+TEST_CASE("real scenes fit their own targets and no others", "[flow][external]") {
   const auto found = test_data();
   if (!found) return;
   const std::string data = found->string();

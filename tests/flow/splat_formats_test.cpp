@@ -154,7 +154,7 @@ TEST_CASE("the least memory that a plan names works for every encoding", "[flow]
   });
 }
 
-TEST_CASE("a real scene in six formats gives one picture", "[flow][data]") {
+TEST_CASE("a real scene in six formats gives one picture", "[flow][data][external]") {
   const auto data = test_data();
   if (!data) return;
   const std::string scene = (*data / "splats/playbot_lod3_converted/playbot_lod3.").string();

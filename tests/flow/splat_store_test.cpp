@@ -507,7 +507,7 @@ TEST_CASE("a caller who asks to stop while a scene is read or merged is heard", 
   CHECK(job.context.budget.leased() == 0);
 }
 
-TEST_CASE("the noise of a noisy surface is found", "[flow]") {
+TEST_CASE("the noise of a noisy surface is found", "[flow][external]") {
   const auto data = test::test_data();
   if (!data) return;
   Job job(64 << 20);

@@ -32,7 +32,7 @@ std::uint64_t empty_texels(const std::string& coverage_path, const WholeImage& t
 
 }  // namespace
 
-TEST_CASE("the real head comes out as its truth says", "[golden]") {
+TEST_CASE("the real head comes out as its truth says", "[golden][external]") {
   const auto data = test_data();
   if (!data) return;
   const std::string heads = (*data / "heads").string(), target = heads + "/head_dst_same.glb";

@@ -58,7 +58,8 @@ WholeImage thinned(const WholeImage& image, std::uint32_t size) {
 
 }  // namespace
 
-TEST_CASE("no texel of a mesh onto itself is wrong that a brute force gets right", "[golden]") {
+TEST_CASE("no texel of a mesh onto itself is wrong that a brute force gets right",
+          "[golden][external]") {
   const auto data = test_data();
   if (!data) return;
   const Model model = GENERATE(from_range(std::begin(kModels), std::end(kModels)));

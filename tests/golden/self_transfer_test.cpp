@@ -74,7 +74,7 @@ WholeImage turned_back(const WholeImage& image) {
 
 }  // namespace
 
-TEST_CASE("a mesh onto itself gives its own texture back", "[golden]") {
+TEST_CASE("a mesh onto itself gives its own texture back", "[golden][external]") {
   const auto data = test_data();
   if (!data) return;
   const Model model = GENERATE(from_range(std::begin(kModels), std::end(kModels)));
@@ -119,7 +119,7 @@ TEST_CASE("a mesh onto itself gives its own texture back", "[golden]") {
   check("shuffled and turned", true);
 }
 
-TEST_CASE("a head's texels as Gaussians give it back as the paper says", "[golden]") {
+TEST_CASE("a head's texels as Gaussians give it back as the paper says", "[golden][external]") {
   const auto data = test_data();
   if (!data) return;
   const std::string heads = (*data / "heads").string(), head = heads + "/head_src.glb";
@@ -141,7 +141,8 @@ TEST_CASE("a head's texels as Gaussians give it back as the paper says", "[golde
   CHECK(s.psnr_db >= 34.5);      // 34.75 when written
 }
 
-TEST_CASE("a head written as Gaussians for a transfer gives its texture back", "[golden]") {
+TEST_CASE("a head written as Gaussians for a transfer gives its texture back",
+          "[golden][external]") {
   const auto data = test_data();
   if (!data) return;
   const std::string heads = (*data / "heads").string(), head = heads + "/head_src.glb";

@@ -15,7 +15,7 @@
 
 namespace pounce::test {
 
-TEST_CASE("a noisy sphere of splats is the sphere that it shows", "[golden]") {
+TEST_CASE("a noisy sphere of splats is the sphere that it shows", "[golden][external]") {
   const auto data = test_data();
   if (!data) return;
   const auto folder_in = *data / "splats/noisy_sphere";
@@ -87,7 +87,7 @@ TEST_CASE("a wall is seen past what stands before it", "[golden]") {
   CHECK(psnr >= 22);  // 24.1 was measured; 7.7 where the walls were looked for among the furniture
 }
 
-TEST_CASE("scenes of balls are captures, scenes of discs are not", "[golden]") {
+TEST_CASE("scenes of balls are captures, scenes of discs are not", "[golden][external]") {
   const auto data = test_data();
   if (!data) return;
   const TempFolder folder;
@@ -122,7 +122,7 @@ TEST_CASE("a generated scene is one of discs, whatever hides it", "[golden]") {
   CHECK(transfer(options).discness == 1);
 }
 
-TEST_CASE("a trained scene covers its proxy as the brute force says", "[golden]") {
+TEST_CASE("a trained scene covers its proxy as the brute force says", "[golden][external]") {
   const auto data = test_data();
   if (!data) return;
   const TempFolder folder;

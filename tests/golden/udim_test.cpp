@@ -43,7 +43,7 @@ bool warns(const Report& report, const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("a cube over seven UDIM tiles gives its texture set back", "[golden]") {
+TEST_CASE("a cube over seven UDIM tiles gives its texture set back", "[golden][external]") {
   const auto data = test_data();
   if (!data) return;
   const TempFolder folder;
@@ -62,7 +62,7 @@ TEST_CASE("a cube over seven UDIM tiles gives its texture set back", "[golden]")
   }
 }
 
-TEST_CASE("a plane over twenty tiles names those without an image", "[golden]") {
+TEST_CASE("a plane over twenty tiles names those without an image", "[golden][external]") {
   const auto data = test_data();
   if (!data) return;
   const TempFolder folder;
@@ -79,7 +79,8 @@ TEST_CASE("a plane over twenty tiles names those without an image", "[golden]") 
   }
 }
 
-TEST_CASE("a head over many UDIMs is covered everywhere, whatever the search limit", "[golden]") {
+TEST_CASE("a head over many UDIMs is covered everywhere, whatever the search limit",
+          "[golden][external]") {
   const auto data = test_data();
   if (!data) return;
   const TempFolder folder;

@@ -3,15 +3,16 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <iostream>
 #include <optional>
+#include <stdexcept>
 #include <string>
+
+#include "skip.h"
 
 namespace pounce::test {
 
 /// The folder of real input data: $POUNCE_TEST_DATA, else ../shared/data beside the repository;
-/// nothing where neither is there. A test that gets nothing says "SKIPPED: needs test data"
-/// (tools/test.sh counts these).
+/// nothing where neither is there. A test case that gets nothing is skipped (skip.h) and returns.
 inline std::optional<std::filesystem::path> test_data() {
   if (const char* given = std::getenv("POUNCE_TEST_DATA"); given != nullptr && *given != '\0') {
     if (std::filesystem::is_directory(given)) return std::filesystem::path(given);
@@ -19,7 +20,7 @@ inline std::optional<std::filesystem::path> test_data() {
              std::filesystem::is_directory(beside)) {
     return beside.lexically_normal();
   }
-  std::cout << "SKIPPED: needs test data (set POUNCE_TEST_DATA)\n";
+  skip("test data (set POUNCE_TEST_DATA)");
   return std::nullopt;
 }
 

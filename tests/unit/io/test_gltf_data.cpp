@@ -134,7 +134,7 @@ const std::map<std::string, std::string>& must_refuse() {
 
 }  // namespace
 
-TEST_CASE("real meshes hold the triangles that other tools count", "[io][data]") {
+TEST_CASE("real meshes hold the triangles that other tools count", "[io][data][external]") {
   const auto data = test::test_data();
   if (!data) return;
   // 24 in TextureTransformTest: its 9 quads are shown by 12 nodes.
@@ -169,7 +169,8 @@ TEST_CASE("real meshes hold the triangles that other tools count", "[io][data]")
   }
 }
 
-TEST_CASE("files that require an unsupported extension are refused by its name", "[io][data]") {
+TEST_CASE("files that require an unsupported extension are refused by its name",
+          "[io][data][external]") {
   const auto data = test::test_data();
   if (!data) return;
   const std::map<std::string, std::string> files = {
@@ -184,7 +185,7 @@ TEST_CASE("files that require an unsupported extension are refused by its name",
   }
 }
 
-TEST_CASE("a mesh whose images nobody reads is read", "[io][data]") {
+TEST_CASE("a mesh whose images nobody reads is read", "[io][data][external]") {
   const auto data = test::test_data();
   if (!data) return;
   const mesh::Mesh balloon =
@@ -193,7 +194,7 @@ TEST_CASE("a mesh whose images nobody reads is read", "[io][data]") {
   CHECK_THAT(balloon.images.at(0).problem, Catch::Contains("KHR_texture_basisu"));
 }
 
-TEST_CASE("splat scenes in glTF are named", "[io][data]") {
+TEST_CASE("splat scenes in glTF are named", "[io][data][external]") {
   const auto data = test::test_data();
   if (!data) return;
   for (const char* file : {"splats/playbot_lod3_converted/playbot_lod3.glb",
@@ -205,7 +206,7 @@ TEST_CASE("splat scenes in glTF are named", "[io][data]") {
   }
 }
 
-TEST_CASE("images of real files are found where they are", "[io][data]") {
+TEST_CASE("images of real files are found where they are", "[io][data][external]") {
   const auto data = test::test_data();
   if (!data) return;
   const mesh::Mesh man = io::read_mesh((*data / "meshes/cesium_man/CesiumMan.glb").string());
@@ -219,7 +220,8 @@ TEST_CASE("images of real files are found where they are", "[io][data]") {
   CHECK(image_start(spot.images.at(0), 8) == "\x89PNG\r\n\x1a\n");
 }
 
-TEST_CASE("one object in OBJ and GLB is the same surface with the same UVs", "[io][data]") {
+TEST_CASE("one object in OBJ and GLB is the same surface with the same UVs",
+          "[io][data][external]") {
   const auto data = test::test_data();
   if (!data) return;
   const mesh::Mesh obj = io::read_mesh((*data / "heads/head_src.obj").string());
@@ -241,7 +243,7 @@ TEST_CASE("one object in OBJ and GLB is the same surface with the same UVs", "[i
   CHECK(worst_normal < 1e-2);
 }
 
-TEST_CASE("a skinned man stands upright at his own height", "[io][data]") {
+TEST_CASE("a skinned man stands upright at his own height", "[io][data][external]") {
   const auto data = test::test_data();
   if (!data) return;
   const mesh::Mesh man = io::read_mesh((*data / "meshes/cesium_man/CesiumMan.glb").string());
@@ -256,7 +258,8 @@ TEST_CASE("a skinned man stands upright at his own height", "[io][data]") {
   CHECK(hi.x - lo.x < .6);
 }
 
-TEST_CASE("every bad mesh is read or refused, and the harmful ones are refused", "[io][data]") {
+TEST_CASE("every bad mesh is read or refused, and the harmful ones are refused",
+          "[io][data][external]") {
   const auto data = test::test_data();
   if (!data) return;
   std::vector<fs::path> files;

@@ -120,7 +120,8 @@ TEST_CASE("the message about a JPEG that was cut off names the image and the row
       Catch::Contains("skin.jpg") && Catch::Contains("rows") && Catch::Contains("of 40"));
 }
 
-TEST_CASE("every broken PNG of PngSuite and the glTF validator is refused", "[image][damage]") {
+TEST_CASE("every broken PNG of PngSuite and the glTF validator is refused",
+          "[image][damage][external]") {
   const auto data = test::test_data();
   if (!data) return;
   int broken = 0;

@@ -76,7 +76,7 @@ bool survives(const fs::path& path) {
 
 }  // namespace
 
-TEST_CASE("every file that can be a target comes back with its geometry", "[model]") {
+TEST_CASE("every file that can be a target comes back with its geometry", "[model][external]") {
   const auto data = test::test_data();
   if (!data) return;
   std::size_t written = 0;

@@ -306,7 +306,7 @@ TEST_CASE("tags of training and coefficients beyond a file's are understood", "[
         store::SplatModel::standard);
 }
 
-TEST_CASE("coefficients that are no numbers or no halves", "[io]") {
+TEST_CASE("coefficients that are no numbers or no halves", "[io][external]") {
   Scene scene = test::random_scene(3, 2);
   scene[0].rest[4] = std::nanf("");
   scene[1].rest[4] = -1e9F;

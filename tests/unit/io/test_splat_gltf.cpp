@@ -252,7 +252,8 @@ TEST_CASE("JSON larger than any scene's is not understood", "[io]") {
   has(problem_of(scene), "more than 4096 primitives");
 }
 
-TEST_CASE("the conformance scenes of KHR_gaussian_splatting are read node by node", "[io][data]") {
+TEST_CASE("the conformance scenes of KHR_gaussian_splatting are read node by node",
+          "[io][data][external]") {
   const auto data = test::test_data();
   if (!data) return;
   Json document;

@@ -333,7 +333,7 @@ TEST_CASE("a malicious header costs no memory and no time", "[io]") {
   has(problem_of(start + "comment " + std::string(3 << 20, 'x')), "first 1048576 bytes");
 }
 
-TEST_CASE("axes turn Gaussians as they turn their covariance", "[io]") {
+TEST_CASE("axes turn Gaussians as they turn their covariance", "[io][external]") {
   SplatPlyBuilder ply;
   ply.rows = {golden_row()};
   ply.rows[0]["rot_0"] = 0.9;
@@ -401,7 +401,7 @@ TEST_CASE("real scenes hold what another program found in them", "[io]") {
   check_facts("three_points/test-splat.3-points-from-train.ply");
 }
 
-TEST_CASE("every bad PLY of the test data is refused", "[io]") {
+TEST_CASE("every bad PLY of the test data is refused", "[io][external]") {
   const auto data = test::test_data();
   if (!data) return;
   int seen = 0;

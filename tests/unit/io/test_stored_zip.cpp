@@ -221,7 +221,7 @@ TEST_CASE("archives that were cut off or have wrong bytes are refused or read", 
   CHECK(refused > 400);
 }
 
-TEST_CASE("real bundles hold the images of a scene", "[zip]") {
+TEST_CASE("real bundles hold the images of a scene", "[zip][external]") {
   const auto data = test::test_data();
   if (!data) return;
   const std::string path = (*data / "captures/angel.sog").string();

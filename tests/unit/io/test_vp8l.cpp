@@ -283,7 +283,7 @@ TEST_CASE("pictures that libwebp encodes come back", "[vp8l]") {
   if (kind != "clear") check_same(image, picture);
 }
 
-TEST_CASE("the images of real scenes are decoded as libwebp does", "[vp8l]") {
+TEST_CASE("the images of real scenes are decoded as libwebp does", "[vp8l][external]") {
   const auto data = test::test_data();
   if (!data) return;
   std::size_t images = 0;

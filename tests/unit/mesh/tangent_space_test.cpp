@@ -166,7 +166,7 @@ TEST_CASE("triangles of two materials have frames of their own", "[mesh]") {
 
 // Public models against the reference: POUNCE_MIKKTSPACE is the folder that has node_modules with
 // "mikktspace" in it. Without it the test is skipped.
-TEST_CASE("tangents of public models are the reference's", "[mesh][oracle]") {
+TEST_CASE("tangents of public models are the reference's", "[mesh][oracle][external]") {
   const auto data = test::test_data();
   const char* const oracle = std::getenv("POUNCE_MIKKTSPACE");
   if (!data) return;
