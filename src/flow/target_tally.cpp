@@ -15,7 +15,7 @@
 #include <numeric>
 #include <optional>
 
-#include "gaussian/splat_shapes.h"
+#include "gaussian/splat_statistics.h"
 
 namespace pounce::flow {
 namespace {

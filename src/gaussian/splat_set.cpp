@@ -1,4 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// From a stored block of Gaussians to what the blend's inner loop reads.
+//
+// The store keeps what the scene's file says, column by column: small and exact, but a blend would
+// rebuild matrices from quaternions for each texel. So a block is unfolded once and used by many
+// packets of texels: axes sorted by size, variances, the covariance, and factors that depend on
+// the Gaussian alone. What is unfolded is a cache entry with a price (most_bytes()) that is known
+// from the index before the block is read, as every lease must be.
+//
+// Sorted axes make the third one the normal and the first one the reach, so later stages need no
+// branch by which sigma is largest.
+//
+// The tree has no pointers. The store orders Gaussians along a curve, so sixteen in a row are a
+// tight group; a level is an array of spheres around sixteen of the level below, one vector
+// register per test. Spheres only cull: each is a little too large rather than too small, and
+// what they let through is decided again by the Gaussian's own ellipse. So the tree's shape never
+// shows in a pixel, and neither does the sieve, which keeps a part of a block.
 #include "gaussian/splat_set.h"
 
 #include <algorithm>
@@ -33,6 +50,7 @@ std::array<Vec3f, 3> axes_of(float w, float x, float y, float z) {
            {2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)}}};
 }
 
+/// Unfolds one Gaussian, except for its spherical harmonics.
 SplatShape shape_of(const store::SplatBlock& block, std::size_t i) {
   SplatShape out{};
   const auto axes = axes_of(block.rotation[0][i], block.rotation[1][i], block.rotation[2][i],
@@ -57,6 +75,8 @@ SplatShape shape_of(const store::SplatBlock& block, std::size_t i) {
     out.variance[k] = sigma[k] * sigma[k];
     out.colour[k] = block.colour[k][i];
   }
+  // A disc's response is trusted as a place on a surface; a needle's or a ball's hardly. The least
+  // planarity keeps scenes that consist of balls alone visible.
   const float planarity =
       sigma[1] > 0 ? std::max(kLeastPlanarity, 1 - sigma[2] / sigma[1]) : kLeastPlanarity;
   out.flatness = planarity * (sigma[0] > 0 ? sigma[1] / sigma[0] : 1.0F);
@@ -87,7 +107,9 @@ void set_covariance(const SplatShape& shape, std::size_t i, SplatSet& set) {
   }
 }
 
-/// What counts of coefficient k = 0.. (degree 1 first) of a Gaussian.
+/// The factor of coefficient k = 0.. (degree 1 first) of a Gaussian. For `mean` it is the share of
+/// a degree that a clamped cosine around the normal lets through (Ramamoorthi and Hanrahan 2001):
+/// 2/3, 1/4, and nothing of degree 3. Hence degree 3 is not even stored for it.
 float weight_of(SphericalHarmonics harmonics, std::uint32_t k) {
   if (harmonics == SphericalHarmonics::normal) return 1;
   return k < store::kLobesOfDegree[1] ? 2.0F / 3 : k < store::kLobesOfDegree[2] ? 0.25F : 0.0F;
@@ -111,6 +133,7 @@ void add_harmonics(const store::SplatBlock& block, std::span<const std::uint16_t
     if (lobes > 0) continue;
     for (float& v : shapes[k].colour) v = std::clamp(v, 0.0F, kLargestSplatColour);
   }
+  // The store has columns, a texel needs all of one Gaussian: transposed here, once.
   const std::size_t first = set.sh.size();
   set.sh.resize(first + which.size() * columns);
   for (std::size_t c = 0; c < columns; ++c) {
@@ -144,6 +167,30 @@ void make_level(const SplatSpheres& below, SplatSpheres& level) {
     // Rounding of the centres counts, too, where the radius is small against the coordinates.
     level.radius[i] = radius * kMargin + 4e-7F * (std::abs(middle.x) + std::abs(middle.y) +
                                                   std::abs(middle.z) + radius);
+  }
+}
+
+/// The sieve's coarse half, for whole blocks of which a piece needs a few Gaussians. It must never
+/// lose one that the exact test below keeps, so it takes the largest sigma on every axis and grows
+/// outwards by more than that test's own rounding. Of each Gaussian: does the box that holds its
+/// ellipsoid, however it lies, meet this one? Without branches, so that it becomes vectors.
+void meet_all(const store::SplatBlock& block, const Box3f& box, std::vector<std::uint8_t>& meets) {
+  constexpr float kOutwards = 0x1p-19F;  // more than splat_box() grows by
+  const float* const x = block.mean[0].data();
+  const float* const y = block.mean[1].data();
+  const float* const z = block.mean[2].data();
+  const float* const a = block.sigma[0].data();
+  const float* const b = block.sigma[1].data();
+  const float* const c = block.sigma[2].data();
+  const std::size_t count = block.size();
+  meets.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const float sigma = std::max(std::max(a[i], b[i]), c[i]);
+    const float largest = std::abs(x[i]) + std::abs(y[i]) + std::abs(z[i]);
+    const float r = 3 * sigma + (3 * sigma + largest) * kOutwards;
+    meets[i] = static_cast<std::uint8_t>((x[i] + r >= box.lo.x) & (x[i] - r <= box.hi.x) &
+                                         (y[i] + r >= box.lo.y) & (y[i] - r <= box.hi.y) &
+                                         (z[i] + r >= box.lo.z) & (z[i] - r <= box.hi.z));
   }
 }
 
@@ -196,6 +243,7 @@ void add_splats(const store::SplatBlock& block, std::span<const std::uint16_t> w
   add_harmonics(block, which, harmonics, set);
 }
 
+/// Pointers into `sh` last: it grows while parts of blocks are added, and growing moves it.
 void finish(SplatSet& set) {
   const float* sh = set.sh.data();
   for (SplatShape& shape : set.shapes) {
@@ -204,6 +252,21 @@ void finish(SplatSet& set) {
   }
   make_level(set.levels[0], set.levels[1]);
   make_level(set.levels[1], set.levels[2]);
+}
+
+void find_near(const store::SplatBlock& block, std::span<const Box3f> boxes,
+               std::vector<std::uint16_t>& near) {
+  near.clear();
+  Box3f all;
+  for (const Box3f& box : boxes) all.extend(box);
+  std::vector<std::uint8_t> meets;
+  meet_all(block, all, meets);
+  for (std::size_t i = 0; i < meets.size(); ++i) {
+    if (meets[i] == 0) continue;
+    const Box3f own = store::splat_box(block.splat(i));
+    if (std::any_of(boxes.begin(), boxes.end(), [&](const Box3f& b) { return own.overlaps(b); }))
+      near.push_back(static_cast<std::uint16_t>(i));
+  }
 }
 
 SplatSet make_splat_set(const store::SplatBlock& block, SphericalHarmonics harmonics) {

@@ -81,6 +81,11 @@ inline std::size_t count_of(std::span<const SplatSet* const> sets) {
 SplatSet make_splat_set(const store::SplatBlock& block,
                         SphericalHarmonics harmonics = SphericalHarmonics::mean);
 
+/// The numbers of the Gaussians whose ellipsoids, out to the cut-off, some of the boxes may meet.
+/// Of a block whose own box meets none of them, none.
+void find_near(const store::SplatBlock& block, std::span<const Box3f> boxes,
+               std::vector<std::uint16_t>& near);
+
 /// The same from parts of several blocks, which have as many lobes: adds these Gaussians of a block
 /// (by their numbers, in order); finish() makes the tree over all that were added.
 void add_splats(const store::SplatBlock& block, std::span<const std::uint16_t> which,

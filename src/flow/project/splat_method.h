@@ -14,7 +14,7 @@
 
 #include "flow/project/block_walk.h"
 #include "flow/project/page_projector.h"
-#include "gaussian/splat_sieve.h"
+#include "gaussian/splat_set.h"
 #include "projection/splat_packet.h"
 #include "store/blocks/splat_block.h"
 

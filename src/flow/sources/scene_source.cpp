@@ -15,7 +15,7 @@
 
 #include "flow/plan/colour_spaces.h"
 #include "flow/stores/gaussian_store.h"
-#include "gaussian/splat_shapes.h"
+#include "gaussian/splat_statistics.h"
 
 namespace pounce::flow {
 namespace {

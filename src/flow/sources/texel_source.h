@@ -11,7 +11,6 @@
 #include "flow/stores/build_stores.h"
 #include "flow/stores/gaussian_source.h"
 #include "gaussian/texel_gaussians.h"
-#include "gaussian/texel_neighbours.h"
 #include "job/job_context.h"
 #include "store/blocks/geometry_store.h"
 

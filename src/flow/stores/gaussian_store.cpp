@@ -21,9 +21,7 @@
 
 #include "flow/stores/kept_rows.h"
 #include "flow/stores/splat_sort.h"
-#include "gaussian/splat_noise.h"
-#include "gaussian/splat_shapes.h"
-#include "gaussian/splat_support.h"
+#include "gaussian/splat_statistics.h"
 #include "runtime/ordered_stream.h"
 #include "store/blocks/splat_lattice.h"
 

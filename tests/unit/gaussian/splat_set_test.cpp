@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "core/portable_math.h"
-#include "gaussian/splat_shapes.h"
+#include "gaussian/splat_statistics.h"
 #include "support/splat_scenes.h"
 
 using namespace pounce;

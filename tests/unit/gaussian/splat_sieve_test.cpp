@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gaussian/splat_sieve.h"
-
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gaussian/splat_support.h"
-
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <vector>
+
+#include "gaussian/splat_statistics.h"
 
 namespace pounce::gaussian {
 namespace {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "store/blocks/splat_block.h"
 
@@ -32,5 +33,22 @@ float fine_edge(float size);
 /// picture together (0)? Discs are round and thin. Captures of needles are not round (0.10 to 0.54;
 /// made scenes 0.78 to 0.83), captures of balls are round, but thick (docs/decisions/023 and 038).
 float discness(float roundness, float thickness);
+
+/// How far Gaussians lie from the surface that their neighbours make, for up to 32 Gaussians of a
+/// block spread evenly over it: 1.4826 times the median absolute deviation of the offsets of its 16
+/// nearest neighbours in the block along its normal (the file's, else its shortest axis). For
+/// normal noise that is its standard deviation. Appends one figure per Gaussian; none for blocks of
+/// fewer than 17.
+void append_surface_noise(const store::SplatBlock& block, std::vector<float>& figures);
+
+/// The median, the upper of two; 0 if there are none. Reorders `figures`.
+float median(std::vector<float>& figures);
+
+/// Fades the Gaussians of a block that have hardly any others around them: floaters. One with fewer
+/// than four neighbours within the block's usual spacing and its own largest standard deviation
+/// keeps a quarter of its opacity for each, a 64th without any. Neighbours are looked for among the
+/// 32 before and after it in the store's order, which lie near. Blocks of fewer than 17 stay as
+/// they are. Values stay rounded for the store.
+void fade_isolated(std::span<store::Splat> block);
 
 }  // namespace pounce::gaussian

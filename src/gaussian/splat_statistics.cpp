@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What kind of scene is this? The blend needs to know before it sees a single texel.
+//
+// A file of Gaussians does not state how it was trained, and the blend must treat two kinds apart:
+// discs that lie in a surface, where the normal and the nearest layer mean something, and needles
+// or balls that only form an image together, where they mean nothing. Shape tells: discs are round
+// (second sigma near the first) and thin (third sigma far below the second). Both figures are taken
+// over a sample of the scene, and discness() fades between the kinds, so that a scene in between
+// has no edge to fall off. The limits come from the captures of decisions 023 and 038.
+//
+// Every figure is a median or a quartile, never a mean: one exploded Gaussian out of a million must
+// not change how all the others are blended. They are order statistics of exact values, so neither
+// the number of threads nor the order of the sample changes a bit.
+//
+// Neighbours are sought within a block alone. The store orders Gaussians along a curve and cuts
+// where neighbours in that order are farthest apart; the few whose true neighbours ended up in the
+// next block do not move a median, and no search structure over the scene is needed.
+#include "gaussian/splat_statistics.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+
+namespace pounce::gaussian {
+namespace {
+
+/// The second largest standard deviation.
+float middle_of(const store::Splat& s) {
+  return std::max(std::min(s.sigma.x, s.sigma.y),
+                  std::min(std::max(s.sigma.x, s.sigma.y), s.sigma.z));
+}
+
+/// 0 up to `none`, 1 from `all` on, smoothly between.
+float smooth_step(float value, float none, float all) {
+  const float x = std::clamp((value - none) / (all - none), 0.0F, 1.0F);
+  return x * x * (3 - 2 * x);
+}
+
+constexpr std::size_t kNeighbours = 16;
+constexpr std::size_t kMostPerBlock = 32;  // a search costs a pass over its block
+constexpr float kDeviations = 1.4826F;  // of a normal distribution per median absolute deviation
+
+/// The value of rank `n` from below; reorders.
+float nth_of(std::vector<float>& figures, std::size_t n) {
+  const auto at = figures.begin() + static_cast<std::ptrdiff_t>(n);
+  std::nth_element(figures.begin(), at, figures.end());
+  return *at;
+}
+
+/// Mean of the two middle ones.
+float middle(std::array<float, kNeighbours>& values) {
+  std::sort(values.begin(), values.end());
+  return (values[kNeighbours / 2 - 1] + values[kNeighbours / 2]) / 2;
+}
+
+/// The file's normal, else the shortest axis: that column of the quaternion's matrix. Its sign does
+/// not matter here, since offsets along it are measured on both sides. A ball has no shortest axis;
+/// any of them shows the noise of a cloud.
+Vec3f normal_of(const store::Splat& s) {
+  if (s.normal != Vec3f{}) return s.normal;
+  const float w = s.rotation[0], x = s.rotation[1], y = s.rotation[2], z = s.rotation[3];
+  if (s.sigma.x < s.sigma.y && s.sigma.x < s.sigma.z)
+    return {1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)};
+  if (s.sigma.y < s.sigma.z)
+    return {2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)};
+  return {2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)};
+}
+
+constexpr std::size_t kAround = 32;  // neighbours in the order, each way
+constexpr std::size_t kLeastBlock = 17;
+constexpr std::size_t kNth = 8;  // the usual spacing: as far as the 8th of them is
+constexpr std::size_t kProbeEvery = 16;
+constexpr int kEnough = 4;
+constexpr float kAlone = 1.0F / 64;
+
+/// Means of a block in arrays, so that loops over neighbours become vector code.
+struct Means {
+  std::vector<float> x, y, z;
+
+  explicit Means(std::span<const store::Splat> block) {
+    for (std::vector<float>* axis : {&x, &y, &z}) axis->reserve(block.size());
+    for (const store::Splat& s : block) {
+      x.push_back(s.mean.x);
+      y.push_back(s.mean.y);
+      z.push_back(s.mean.z);
+    }
+  }
+  float squared(std::size_t i, std::size_t j) const {
+    const float dx = x[j] - x[i], dy = y[j] - y[i], dz = z[j] - z[i];
+    return dx * dx + dy * dy + dz * dz;
+  }
+  std::size_t first(std::size_t i) const { return i - std::min(i, kAround); }
+  std::size_t last(std::size_t i) const { return std::min(i + kAround + 1, x.size()); }
+};
+
+/// The median distance to the eighth neighbour, from every 16th Gaussian. The eighth and not the
+/// first: pairs that training split off each other lie much closer than the surface is dense.
+float usual_spacing(const Means& means) {
+  std::vector<float> figures, near;
+  for (std::size_t i = 0; i < means.x.size(); i += kProbeEvery) {
+    near.clear();
+    for (std::size_t j = means.first(i); j < means.last(i); ++j)
+      near.push_back(means.squared(i, j));
+    figures.push_back(nth_of(near, kNth));  // rank 0 is itself
+  }
+  return std::sqrt(median(figures));
+}
+
+int count_within(const Means& means, std::size_t i, float squared) {
+  const float x = means.x[i], y = means.y[i], z = means.z[i];
+  std::int32_t count = -1;  // itself
+  for (std::size_t j = means.first(i); j < means.last(i); ++j) {
+    const float dx = means.x[j] - x, dy = means.y[j] - y, dz = means.z[j] - z;
+    count += dx * dx + dy * dy + dz * dz < squared ? 1 : 0;
+  }
+  return count;
+}
+
+}  // namespace
+
+float median_roundness(std::span<const store::Splat> splats) {
+  if (splats.empty()) return 1;
+  std::vector<float> figures;
+  figures.reserve(splats.size());
+  for (const store::Splat& s : splats) figures.push_back(middle_of(s) / store::size_of(s));
+  return median(figures);
+}
+
+float quartile_thickness(std::span<const store::Splat> splats) {
+  std::vector<float> figures;
+  figures.reserve(splats.size());
+  for (const store::Splat& s : splats) {
+    const float middle = middle_of(s), least = std::min({s.sigma.x, s.sigma.y, s.sigma.z});
+    figures.push_back(middle > 0 ? least / middle : 0);
+  }
+  return figures.empty() ? 0 : nth_of(figures, figures.size() / 4);
+}
+
+float median_size(std::span<const store::Splat> splats) {
+  std::vector<float> figures;
+  figures.reserve(splats.size());
+  for (const store::Splat& s : splats) figures.push_back(store::size_of(s));
+  return median(figures);
+}
+
+float fine_edge(float size) { return kFineSizes * size; }
+
+float discness(float roundness, float thickness) {
+  constexpr float kNeedles = 0.45F, kRound = 0.7F;  // of roundness
+  constexpr float kThin = 0.25F, kThick = 0.45F;    // of thickness
+  return smooth_step(roundness, kNeedles, kRound) * (1 - smooth_step(thickness, kThin, kThick));
+}
+
+void append_surface_noise(const store::SplatBlock& block, std::vector<float>& figures) {
+  const std::size_t count = block.size();
+  if (count <= kNeighbours) return;
+  const std::size_t probes = std::min(count, kMostPerBlock);
+  std::vector<std::pair<float, std::uint32_t>> near(count);  // squared distance, index
+  for (std::size_t p = 0; p < probes; ++p) {
+    const std::size_t at = p * count / probes;
+    const store::Splat probe = block.splat(at);
+    for (std::size_t i = 0; i < count; ++i) {
+      const float dx = block.mean[0][i] - probe.mean.x, dy = block.mean[1][i] - probe.mean.y,
+                  dz = block.mean[2][i] - probe.mean.z;
+      near[i] = {dx * dx + dy * dy + dz * dz, static_cast<std::uint32_t>(i)};
+    }
+    // Itself: below every squared distance, so that it is among the nearest even where others share
+    // its place, and exactly kNeighbours others remain.
+    near[at].first = -1;
+    std::nth_element(near.begin(), near.begin() + kNeighbours, near.end());
+    const Vec3f normal = normal_of(probe);
+    std::array<float, kNeighbours> offsets;
+    std::size_t k = 0;
+    for (std::size_t i = 0; i <= kNeighbours; ++i) {
+      const std::uint32_t n = near[i].second;
+      if (n == at) continue;
+      offsets[k++] = dot(
+          Vec3f{block.mean[0][n], block.mean[1][n], block.mean[2][n]} + probe.mean * -1.0F, normal);
+    }
+    // The probe itself may be the outlier: spread is measured about its neighbours' own middle.
+    const float centre = middle(offsets);
+    for (float& offset : offsets) offset = std::abs(offset - centre);
+    figures.push_back(kDeviations * middle(offsets));
+  }
+}
+
+float median(std::vector<float>& figures) {
+  return figures.empty() ? 0 : nth_of(figures, figures.size() / 2);
+}
+
+void fade_isolated(std::span<store::Splat> block) {
+  if (block.size() < kLeastBlock) return;
+  const Means means(block);
+  const float spacing = usual_spacing(means);
+  for (std::size_t i = 0; i < block.size(); ++i) {
+    // A large Gaussian may stand alone on a plain wall: its own size counts as neighbourhood.
+    const float reach = spacing + store::size_of(block[i]);
+    const int count = count_within(means, i, reach * reach);
+    if (count >= kEnough) continue;
+    block[i].alpha *= count > 0 ? static_cast<float>(count) / kEnough : kAlone;
+    // What is stored later must decode to exactly this, or a store would depend on who wrote it.
+    store::round_for_store(block[i]);
+  }
+}
+
+}  // namespace pounce::gaussian
