@@ -4,6 +4,7 @@
 #include <array>
 #include <catch2/catch.hpp>
 #include <optional>
+#include <utility>
 
 #include "golden.h"
 #include "io/read_mesh.h"
@@ -82,7 +83,7 @@ TEST_CASE("the real head comes out as its truth says", "[golden][external]") {
   const Score tent =
       score(read_whole_image(options.output), truth_aa, truth_mask(target, truth_aa));
   figure("head truth_aa tent dB", tent.psnr_db);
-  CHECK(smooth.psnr_db >= tent.psnr_db + 1);
+  CHECK(smooth.psnr_db >= tent.psnr_db + 2);  // 38.18
 
   options.mesh.filter.reset();
   options.source = heads + "/head_src.obj";
@@ -91,7 +92,7 @@ TEST_CASE("the real head comes out as its truth says", "[golden][external]") {
   transfer(options);
   const Score formats = score(read_whole_image(options.output), from_glb, mask);
   figure("head OBJ against GLB dB", formats.psnr_db);
-  CHECK(formats.psnr_db >= 55);
+  CHECK(formats.psnr_db >= 71.6);  // 71.85 was measured: an OBJ has other decimals
 }
 
 TEST_CASE("a generated head comes out as its analytic truth says", "[golden]") {
@@ -112,9 +113,9 @@ TEST_CASE("a generated head comes out as its analytic truth says", "[golden]") {
   figure("generated head similarity %", 100 * s.similarity);
   CHECK(empty == 0);
   CHECK(s.texels > 100000);
-  // 26.10 dB and 97.74 % when written: the picture has edges that 512 texels cannot hold.
-  CHECK(s.psnr_db >= 25.8);
-  CHECK(s.similarity >= 0.976);
+  // 27.58 dB and 98.17 % were measured: the picture has edges that 512 texels cannot hold.
+  CHECK(s.psnr_db >= 27.3);
+  CHECK(s.similarity >= 0.981);
 }
 
 namespace {
@@ -168,7 +169,8 @@ TEST_CASE("the default is sharper than a bilinear lookup where textures are samp
   const auto psnr = default_and_tent(folder, in);
   figure("generated head, averaged by 2, dB", psnr[0]);
   figure("generated head, averaged by 2, tent dB", psnr[1]);
-  CHECK(psnr[0] >= psnr[1] + 0.8);  // 28.17 and 26.43 dB when written
+  CHECK(psnr[0] >= psnr[1] + 1.6);  // 28.17 and 26.43 dB were measured
+  CHECK(psnr[0] >= 28);
 }
 
 TEST_CASE("magnified, the default is a decibel above a bilinear lookup", "[golden]") {
@@ -184,7 +186,8 @@ TEST_CASE("magnified, the default is a decibel above a bilinear lookup", "[golde
   const auto psnr = default_and_tent(folder, in);  // 1024² of 256²
   figure("generated head, magnified by 4, dB", psnr[0]);
   figure("generated head, magnified by 4, tent dB", psnr[1]);
-  CHECK(psnr[0] >= psnr[1] + 1);  // 19.62 and 18.51 dB when written
+  CHECK(psnr[0] >= psnr[1] + 1);  // 19.62 and 18.51 dB were measured
+  CHECK(psnr[0] >= 19.4);
 }
 
 TEST_CASE("the far side of a thin shell does not show through", "[golden]") {
@@ -199,7 +202,7 @@ TEST_CASE("the far side of a thin shell does not show through", "[golden]") {
   keep_picture(options.output, "shell.png");
   figure("thin shell dB", s.psnr_db);
   CHECK(empty_texels(options.image.coverage_output, truth) == 0);
-  CHECK(s.psnr_db >= 50);
+  CHECK(s.psnr_db >= 58);  // 58.29 was measured
 }
 
 TEST_CASE("each channel comes from its own image, size and UV set", "[golden]") {
@@ -210,13 +213,15 @@ TEST_CASE("each channel comes from its own image, size and UV set", "[golden]") 
   auto options = golden_options(in + "/channels_src.glb", target, folder.file("out.<CHANNEL>.png"));
   options.mesh.filter = Filter::tent;  // what the truth was made with
   transfer(options);
-  for (const char* name : {"baseColor", "metallicRoughness", "occlusion"}) {
+  // 0.2 dB below what was measured: the truth is of points, and some texels are coarse.
+  const std::pair<const char*, double> floors[] = {
+      {"baseColor", 45.3}, {"metallicRoughness", 45.0}, {"occlusion", 58.7}};
+  for (const auto& [name, floor] : floors) {
     const WholeImage truth = read_whole_image(in + "/channels_target.truth." + name + ".png");
     const WholeImage out = read_whole_image(folder.file("out." + std::string(name) + ".png"));
     const Score s = score(out, truth, truth_mask(target, truth));
     figure(std::string("channel ") + name + " dB", s.psnr_db);
-    // 45.3 to 59.0 dB when written: the truth is of points, and some texels are coarse.
-    CHECK(s.psnr_db >= 45);
+    CHECK(s.psnr_db >= floor);
   }
 }
 

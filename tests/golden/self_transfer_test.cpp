@@ -4,6 +4,7 @@
 // of charts, where neighbours, seams and gutters would show first.
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <limits>
 #include <random>
 
 #include "golden.h"
@@ -17,15 +18,18 @@ namespace {
 
 constexpr std::uint32_t kSize = 1024;
 
+constexpr double kExact = std::numeric_limits<double>::infinity();  // dB: not a sample differs
+
+/// The floors are what docs/measured.md says, 0.2 dB below where it is a figure.
 struct Model {
   const char* path;
-  double whole_db, band_db;  ///< what is asked for
+  double whole_db, band_db;
 };
 constexpr Model kModels[] = {
-    {"heads/head_src.glb", 58, 55},
-    {"meshes/lee_perry_smith/LeePerrySmith_plain_textured.glb", 58, 55},
-    {"meshes/spot/spot.obj", 55, 55},
-    {"meshes/cesium_man/CesiumMan.glb", 56, 48},
+    {"heads/head_src.glb", kExact, kExact},
+    {"meshes/lee_perry_smith/LeePerrySmith_plain_textured.glb", 86.6, kExact},
+    {"meshes/spot/spot.obj", kExact, kExact},
+    {"meshes/cesium_man/CesiumMan.glb", kExact, kExact},
 };
 
 /// The mesh's own texture at the texel centres of a kSize image: bilinear, repeating.
@@ -137,8 +141,8 @@ TEST_CASE("a head's texels as Gaussians give it back as the paper says", "[golde
   figure("head as Gaussians, similarity %", 100 * s.similarity);
   figure("head as Gaussians dB", s.psnr_db);
   CHECK(s.texels == 1008000);
-  CHECK(s.similarity >= 0.975);  // the paper: about 98 %
-  CHECK(s.psnr_db >= 34.5);      // 34.75 when written
+  CHECK(s.similarity >= 0.991);  // 99.16 % was measured; the paper: about 98 %
+  CHECK(s.psnr_db >= 34.5);      // 34.75 was measured
 }
 
 TEST_CASE("a head written as Gaussians for a transfer gives its texture back",
@@ -165,7 +169,7 @@ TEST_CASE("a head written as Gaussians for a transfer gives its texture back",
   const Score s = score(read_whole_image(options.output), texture, mask);
   figure("head through a file of Gaussians dB", s.psnr_db);
   CHECK(s.texels == 1008000);
-  CHECK(s.psnr_db >= 38.5);  // 38.81; 29.08 with the defaults, which are for viewers
+  CHECK(s.psnr_db >= 38.6);  // 38.81 was measured; 29.08 with the defaults, which are for viewers
 }
 
 }  // namespace pounce::test

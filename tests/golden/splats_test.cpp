@@ -26,11 +26,12 @@ TEST_CASE("a noisy sphere of splats is the sphere that it shows", "[golden][exte
   const Report report = transfer(options);
   CHECK(report.target_empty == 0);
   CHECK(report.target_covered == 232288);
-  // The noise is about 0.006; the estimate is taken from part of the blocks.
-  CHECK(report.depth_window == Approx(2.5 * 0.006).epsilon(0.15));
+  // 2.5 times the noise, which was put at about 0.006 and is estimated from part of the blocks.
+  figure("noisy_sphere depth window, in thousandths", report.depth_window * 1000);
+  CHECK(report.depth_window == Approx(0.015893).epsilon(0.01));  // as measured
   const double psnr = compare(options.output, folder_in / "truth.512.png").psnr_db;
   figure("noisy_sphere 512 psnr", psnr);
-  CHECK(psnr >= 34.5);  // 35.1 was measured
+  CHECK(psnr >= 34.9);  // 35.13 was measured
   keep_picture(options.output, "noisy_sphere.png");
 }
 
@@ -48,7 +49,7 @@ TEST_CASE("a generated sphere of splats is the sphere that it shows", "[golden]"
   CHECK(report.target_empty == 0);
   const double psnr = compare(options.output, folder.file("s_target.truth.png")).psnr_db;
   figure("generated sphere 512 psnr", psnr);
-  CHECK(psnr >= 39.5);  // 39.8 was measured
+  CHECK(psnr >= 39.6);  // 39.81 was measured
 }
 
 TEST_CASE("a wall is seen past what stands before it", "[golden]") {
@@ -84,7 +85,7 @@ TEST_CASE("a wall is seen past what stands before it", "[golden]") {
   transfer(options);
   const double psnr = compare(options.output, folder.file("s_target.truth.png")).psnr_db;
   figure("a sphere with haze from within dB", psnr);
-  CHECK(psnr >= 22);  // 24.1 was measured; 7.7 where the walls were looked for among the furniture
+  CHECK(psnr >= 23.9);  // 24.14 was measured; 7.7 where the walls were looked for among the furniture
 }
 
 TEST_CASE("scenes of balls are captures, scenes of discs are not", "[golden][external]") {

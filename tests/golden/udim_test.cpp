@@ -58,7 +58,7 @@ TEST_CASE("a cube over seven UDIM tiles gives its texture set back", "[golden][e
         compare(set.out(udim), cube + "/grid." + std::to_string(udim) + ".png", set.mask(udim));
     figure("materialx_cube " + std::to_string(udim) + " dB", c.psnr_db);
     CHECK(c.texels >= 252004);
-    CHECK(c.psnr_db >= 45);
+    CHECK(c.largest_error == 0);
   }
 }
 
@@ -75,7 +75,9 @@ TEST_CASE("a plane over twenty tiles names those without an image", "[golden][ex
   for (const int udim : set.report.udims) {
     const Comparison c =
         compare(set.out(udim), plane + "/texture_" + std::to_string(udim) + ".jpg", set.mask(udim));
-    CHECK(c.psnr_db >= 45);
+    figure("openusd_plane " + std::to_string(udim) + " dB", c.psnr_db);
+    CHECK(c.texels > 0);
+    CHECK(c.largest_error == 0);
   }
 }
 
