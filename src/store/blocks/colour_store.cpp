@@ -54,6 +54,11 @@ ColourDirectory decode_directory(std::span<const std::byte> raw, const std::stri
     in.fail("has an impossible image header");
   }
   d.depth = static_cast<Depth>(depth);
+  // Users are warned of these: integers have none, and no image more than it has samples.
+  const bool is_float = d.depth == Depth::half || d.depth == Depth::float32;
+  const std::uint64_t samples = std::uint64_t{d.width} * d.height * d.channels;
+  if (d.nonfinite > (is_float ? samples : 0))
+    in.fail("counts more samples that are not finite than it has");
   d.linear = linear != 0;
   d.has_alpha = alpha > 0;
   d.premultiplied = alpha > 1;

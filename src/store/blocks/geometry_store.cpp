@@ -252,6 +252,11 @@ void GeometryCodec::check(const Directory& directory, const Facts& facts, const 
     texels += directory.page_texels[p];
   }
   if (texels != directory.texels) fail(name, "has another number of texels than its pages");
+  // Users are warned of these, so they must at least be possible.
+  if (directory.overlapping > directory.texels || directory.slivers > facts.triangles ||
+      directory.degenerate > facts.triangles) {
+    fail(name, "counts more texels or triangles than there are");
+  }
   if (directory.most_triangles > kMostTrianglesPerBlock ||
       directory.most_patches > kMostPatchesPerTriangle * kMostTrianglesPerBlock ||
       directory.largest_chunk_bytes > kLargestGeometryBytes) {
