@@ -25,6 +25,7 @@
 
 #include "core/bounds.h"
 #include "core/portable_math.h"
+#include "core/quaternion.h"
 
 namespace pounce::gaussian {
 namespace {
@@ -43,18 +44,11 @@ void resize(SplatSpheres& spheres, std::size_t count) {
   spheres.radius.resize(whole_registers(count));
 }
 
-/// Columns of the matrix of a unit quaternion.
-std::array<Vec3f, 3> axes_of(float w, float x, float y, float z) {
-  return {{{1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)},
-           {2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)},
-           {2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)}}};
-}
-
 /// Unfolds one Gaussian, except for its spherical harmonics.
 SplatShape shape_of(const store::SplatBlock& block, std::size_t i) {
   SplatShape out{};
-  const auto axes = axes_of(block.rotation[0][i], block.rotation[1][i], block.rotation[2][i],
-                            block.rotation[3][i]);
+  const auto axes = rotation_columns(block.rotation[0][i], block.rotation[1][i],
+                                     block.rotation[2][i], block.rotation[3][i]);
   std::array<std::size_t, 3> order{0, 1, 2};  // by size; of equal ones the first comes first
   const auto sort = [&](std::size_t a, std::size_t b) {
     if (block.sigma[order[b]][i] > block.sigma[order[a]][i]) std::swap(order[a], order[b]);

@@ -25,6 +25,8 @@
 #include <cstdint>
 #include <utility>
 
+#include "core/quaternion.h"
+
 namespace pounce::gaussian {
 namespace {
 
@@ -42,7 +44,7 @@ float smooth_step(float value, float none, float all) {
 
 constexpr std::size_t kNeighbours = 16;
 constexpr std::size_t kMostPerBlock = 32;  // a search costs a pass over its block
-constexpr float kDeviations = 1.4826F;  // of a normal distribution per median absolute deviation
+constexpr float kDeviations = 1.4826F;     // of a normal distribution per median absolute deviation
 
 /// The value of rank `n` from below; reorders.
 float nth_of(std::vector<float>& figures, std::size_t n) {
@@ -62,12 +64,10 @@ float middle(std::array<float, kNeighbours>& values) {
 /// any of them shows the noise of a cloud.
 Vec3f normal_of(const store::Splat& s) {
   if (s.normal != Vec3f{}) return s.normal;
-  const float w = s.rotation[0], x = s.rotation[1], y = s.rotation[2], z = s.rotation[3];
-  if (s.sigma.x < s.sigma.y && s.sigma.x < s.sigma.z)
-    return {1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)};
-  if (s.sigma.y < s.sigma.z)
-    return {2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)};
-  return {2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)};
+  const auto [w, x, y, z] = s.rotation;
+  const auto axes = rotation_columns(w, x, y, z);
+  if (s.sigma.x < s.sigma.y && s.sigma.x < s.sigma.z) return axes[0];
+  return s.sigma.y < s.sigma.z ? axes[1] : axes[2];
 }
 
 constexpr std::size_t kAround = 32;  // neighbours in the order, each way

@@ -31,6 +31,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/quaternion.h"
 #include "mesh/uv_raster.h"
 
 namespace pounce::gaussian {
@@ -47,25 +48,6 @@ struct Metric {
     yy += v.y * v.y;
   }
 };
-
-/// The quaternion of the rotation whose matrix has these columns.
-void to_quaternion(Vec3d a, Vec3d b, Vec3d c, double (&q)[4]) {
-  // The largest of the four is taken from the diagonal, the others from sums and differences.
-  const double squares[4] = {1 + a.x + b.y + c.z, 1 + a.x - b.y - c.z, 1 - a.x + b.y - c.z,
-                             1 - a.x - b.y + c.z};
-  const auto largest = std::max_element(std::begin(squares), std::end(squares)) - squares;
-  const double wx = b.z - c.y, wy = c.x - a.z, wz = a.y - b.x;
-  const double xy = a.y + b.x, xz = c.x + a.z, yz = b.z + c.y;
-  const double rows[4][4] = {{squares[0], wx, wy, wz},
-                             {wx, squares[1], xy, xz},
-                             {wy, xy, squares[2], yz},
-                             {wz, xz, yz, squares[3]}};
-  const double(&row)[4] = rows[largest];
-  const double norm =
-      std::sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2] + row[3] * row[3]);
-  const double sign = row[0] < 0 ? -1 : 1;
-  for (std::size_t i = 0; i < 4; ++i) q[i] = sign * row[i] / norm;
-}
 
 }  // namespace
 
@@ -270,7 +252,8 @@ Footprint MeshGaussians::footprint(std::uint32_t triangle) const {
   f.sigma[0] = sampling_.sigma * std::sqrt(large);
   f.sigma[1] = sampling_.sigma * area / std::sqrt(large);
   f.sigma[2] = kFlatness * f.sigma[1];
-  to_quaternion(long_axis, cross(c.face, long_axis), c.face, f.rotation);
+  const auto q = quaternion_of({long_axis, cross(c.face, long_axis), c.face});
+  for (std::size_t k = 0; k < q.size(); ++k) f.rotation[k] = q[0] < 0 ? -q[k] : q[k];
   return f;
 }
 

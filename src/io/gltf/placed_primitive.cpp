@@ -24,6 +24,8 @@
 #include <map>
 #include <string_view>
 
+#include "core/quaternion.h"
+
 namespace pounce::io {
 namespace {
 
@@ -41,9 +43,7 @@ Affine local_transform(const tinygltf::Node& node) {
     double x = node.rotation[0], y = node.rotation[1], z = node.rotation[2], w = node.rotation[3];
     const double norm = std::sqrt(x * x + y * y + z * z + w * w);
     x /= norm, y /= norm, z /= norm, w /= norm;
-    out.columns = {{{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)},
-                    {2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)},
-                    {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}}};
+    out.columns = rotation_columns(w, x, y, z);
   }
   if (node.scale.size() == 3) {
     for (std::size_t i = 0; i < 3; ++i) out.columns[i] = out.columns[i] * node.scale[i];

@@ -23,6 +23,7 @@
 
 #include "core/directions.h"
 #include "core/portable_math.h"
+#include "core/quaternion.h"
 
 namespace pounce::io {
 namespace {
@@ -303,33 +304,6 @@ Decomposed decompose(Matrix columns) {
   return d;
 }
 
-std::array<double, 4> quaternion_of(const Matrix& m) {
-  // Of w, x, y, z the largest comes from the diagonal, the others from it.
-  const double xx = m[0].x, yy = m[1].y, zz = m[2].z;
-  const std::array<double, 4> squares{1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz,
-                                      1 - xx - yy + zz};
-  const auto largest =
-      static_cast<std::size_t>(std::max_element(squares.begin(), squares.end()) - squares.begin());
-  const double a = m[1].z - m[2].y, b = m[2].x - m[0].z, c = m[0].y - m[1].x;
-  const double xy = m[1].x + m[0].y, xz = m[2].x + m[0].z, yz = m[2].y + m[1].z;
-  const std::array<std::array<double, 4>, 4> rows{{{squares[0], a, b, c},
-                                                   {a, squares[1], xy, xz},
-                                                   {b, xy, squares[2], yz},
-                                                   {c, xz, yz, squares[3]}}};
-  std::array<double, 4> q = rows[largest];
-  double sum = 0;
-  for (const double v : q) sum += v * v;
-  for (double& v : q) v /= std::sqrt(sum);
-  return q;
-}
-
-Matrix matrix_of(const std::array<double, 4>& q) {
-  const auto [w, x, y, z] = q;
-  return {{{1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)},
-           {2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)},
-           {2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)}}};
-}
-
 SplatPlacement::SplatPlacement(const Matrix& columns, Vec3d offset)
     : columns_(columns),
       offset_(offset),
@@ -377,7 +351,7 @@ void SplatPlacement::shear(SplatBatch& batch, std::size_t i) const {
   for (std::size_t k = 0; k < 3; ++k) sigma[k] = static_cast<double>(batch.sigma[k][i]);
   if (!(square > 0) || !std::isfinite(square + sigma[0] + sigma[1] + sigma[2])) return;
   for (double& v : q) v /= std::sqrt(square);
-  Matrix axes = matrix_of(q);
+  Matrix axes = rotation_columns(q[0], q[1], q[2], q[3]);
   for (std::size_t k = 0; k < 3; ++k) axes[k] = times(columns_, axes[k] * sigma[k]);
   const Decomposed d = decompose(axes);
   const auto rotation = quaternion_of(proper(d.u));

@@ -67,10 +67,6 @@ struct Decomposed {
 /// By Jacobi rotations of columns, which keep small singular values as exact as large ones.
 Decomposed decompose(std::array<Vec3d, 3> columns);
 
-/// The quaternion w, x, y, z of a proper rotation, and the other way round.
-std::array<double, 4> quaternion_of(const std::array<Vec3d, 3>& columns);
-std::array<Vec3d, 3> matrix_of(const std::array<double, 4>& unit);
-
 /// Where a file places a group of Gaussians: any affine map. Means are mapped, covariances become
 /// M Sigma M^T, harmonics turn with what is a rotation (or reflection) in M. Immutable.
 class SplatPlacement {
@@ -161,6 +157,13 @@ inline float byte_at(const std::byte* from) {
 /// The component of a unit quaternion that was left out because it is the largest, from the others.
 inline float largest_of_four(float a, float b, float c) {
   return std::sqrt(std::max(0.0F, 1 - a * a - b * b - c * c));
+}
+/// The whole quaternion, in the order of the file: `rest` around the one at `largest`.
+inline std::array<float, 4> with_largest(std::size_t largest, const std::array<float, 3>& rest) {
+  std::array<float, 4> q;
+  for (std::size_t k = 0, next = 0; k < 4; ++k)
+    q[k] = k == largest ? largest_of_four(rest[0], rest[1], rest[2]) : rest[next++];
+  return q;
 }
 
 /// The formats that are a file each here and a class that nobody else needs. They throw

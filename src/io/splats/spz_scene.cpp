@@ -91,16 +91,13 @@ std::array<float, 4> rotation_of_bytes(const std::byte* at) {
 /// signs and magnitudes of 9 bits.
 std::array<float, 4> rotation_of_bits(std::uint32_t bits) {
   constexpr float kUnit = 0.70710678F / 511;
-  const std::size_t largest = bits >> 30;
   std::array<float, 3> rest;
   for (std::size_t k = 0; k < 3; ++k) {
     const std::uint32_t field = bits >> (20 - 10 * k);
     rest[k] = static_cast<float>(field & 511) * ((field & 512) != 0 ? -kUnit : kUnit);
   }
-  std::array<float, 4> xyzw;
-  for (std::size_t k = 0, next = 0; k < 4; ++k)
-    xyzw[k] = k == largest ? largest_of_four(rest[0], rest[1], rest[2]) : rest[next++];
-  return {xyzw[3], xyzw[0], xyzw[1], xyzw[2]};
+  const auto [x, y, z, w] = with_largest(bits >> 30, rest);
+  return {w, x, y, z};
 }
 
 /// A coordinate of 24 bits with sign, the lowest byte first.

@@ -16,6 +16,7 @@
 #include <cstring>
 
 #include "core/bytes.h"
+#include "core/quaternion.h"
 #include "store/pack/codec.h"
 
 namespace pounce::store {
@@ -95,8 +96,8 @@ void round_for_store(Splat& splat) {
 }
 
 Box3f splat_box(const Splat& splat) {
-  const float w = splat.rotation[0], x = splat.rotation[1], y = splat.rotation[2],
-              z = splat.rotation[3];
+  const auto [w, x, y, z] = splat.rotation;
+  const auto r = rotation_columns(w, x, y, z);
   // Sigma = R S S R^T, so Sigma_xx is the squared length of R's first row times S, and so on.
   const auto half = [&](float mean, float r0, float r1, float r2) {
     const float a = r0 * splat.sigma.x, b = r1 * splat.sigma.y, c = r2 * splat.sigma.z;
@@ -104,9 +105,8 @@ Box3f splat_box(const Splat& splat) {
     return h + (h + std::abs(mean)) * kOutwards;
   };
   const Vec3f& m = splat.mean;
-  const Vec3f h{half(m.x, 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-                half(m.y, 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-                half(m.z, 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))};
+  const Vec3f h{half(m.x, r[0].x, r[1].x, r[2].x), half(m.y, r[0].y, r[1].y, r[2].y),
+                half(m.z, r[0].z, r[1].z, r[2].z)};
   return {{m.x - h.x, m.y - h.y, m.z - h.z}, {m.x + h.x, m.y + h.y, m.z + h.z}};
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/directions.h"
+#include "core/quaternion.h"
 #include "io/splats/batch.h"
 
 namespace pounce::io {
@@ -165,7 +166,7 @@ TEST_CASE("a node's matrix maps means, covariances and harmonics", "[io]") {
     const Vec3d expected = times(m, mean) + offset;
     CHECK(batch.mean[0][0] == Approx(expected.x).margin(1e-6));
     CHECK(batch.mean[2][0] == Approx(expected.z).margin(1e-6));
-    Columns old = matrix_of(q);
+    Columns old = rotation_columns(q[0], q[1], q[2], q[3]);
     for (Vec3d& axis : old) axis = times(m, axis);
     const auto wanted = covariance(old, sigma);
     std::array<double, 4> found_q;
@@ -177,7 +178,8 @@ TEST_CASE("a node's matrix maps means, covariances and harmonics", "[io]") {
     }
     for (double& v : found_q) v /= std::sqrt(length);
     for (std::size_t k = 0; k < 3; ++k) found_sigma[k] = static_cast<double>(batch.sigma[k][0]);
-    const auto found = covariance(matrix_of(found_q), found_sigma);
+    const auto found =
+        covariance(rotation_columns(found_q[0], found_q[1], found_q[2], found_q[3]), found_sigma);
     for (std::size_t k = 0; k < 9; ++k) CHECK(found[k] == Approx(wanted[k]).margin(2e-6));
     // A sheared space has no turn; of a similarity, harmonics are those of its rotation.
     if (std::abs(dot(m[0], m[1])) + std::abs(dot(m[0], m[2])) > 1e-9) continue;

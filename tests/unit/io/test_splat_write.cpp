@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "core/portable_math.h"
+#include "core/quaternion.h"
 #include "io/splats/batch.h"
 #include "io/splats/scene.h"
 #include "io/splats/splat_writer.h"
@@ -113,7 +114,7 @@ store::SplatRows random_rows(std::size_t count, std::uint32_t lobes) {
 
 std::array<double, 9> covariance(const store::Splat& s) {
   const auto [w, x, y, z] = s.rotation;
-  const std::array<Vec3d, 3> axes = matrix_of({w, x, y, z});
+  const std::array<Vec3d, 3> axes = rotation_columns<double>(w, x, y, z);
   const std::array<double, 3> sigma{s.sigma.x, s.sigma.y, s.sigma.z};
   std::array<double, 9> out{};
   for (std::size_t k = 0; k < 3; ++k) {
