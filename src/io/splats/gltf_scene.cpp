@@ -50,7 +50,8 @@ constexpr std::uint64_t kMostJsonBytes = 1 << 20, kMostInlineBytes = 8 << 20;
 constexpr std::uint64_t kMostEntries = 1 << 14;
 constexpr std::size_t kMostParts = 4096;
 
-/// A buffer view as a file.
+/// A buffer view as a file, so that the SPZ reader needs no second way in: its offsets count from
+/// the view's first byte, and reads beyond the view's end fail as those beyond a file's do.
 class ViewFile : public ReadFile {
  public:
   ViewFile(const GltfFile& file, std::size_t view, std::uint64_t size)
@@ -66,7 +67,8 @@ class ViewFile : public ReadFile {
   std::uint64_t size_;
 };
 
-/// Where the JSON of a glTF is; nothing where the file is none.
+/// Where the JSON of a glTF is; nothing where the file is none. A .glb has its JSON first, behind a
+/// header of 12 bytes and the chunk's own 8; its length is the file's word and may exceed the file.
 std::optional<std::pair<std::uint64_t, std::uint64_t>> json_range(const ReadFile& file,
                                                                   const std::string& path) {
   const std::uint64_t size = file.size_bytes();
@@ -81,6 +83,8 @@ std::optional<std::pair<std::uint64_t, std::uint64_t>> json_range(const ReadFile
   return std::pair{std::uint64_t{0}, size};
 }
 
+/// Searches text without loading it: most files asked about are meshes with large JSON, and only
+/// those that name the extension at all are worth parsing.
 bool contains(const ReadFile& file, std::uint64_t offset, std::uint64_t size,
               std::string_view word) {
   constexpr std::uint64_t kPiece = 64 << 10;
@@ -108,8 +112,8 @@ const Json* splat_extension(const Json& primitive) {
   return member(member(&primitive, "extensions"), kExtension);
 }
 
-// member() looks into anything: of what is no object nothing is a member.
-/// Of a document that nobody has checked.
+/// For a document that nobody has checked yet. member() accepts any value and finds nothing in one
+/// that is no object, so every step down is safe; arrays are the only thing left to test.
 bool has_splat_primitive(const Json& document) {
   const Json* const meshes = member(&document, "meshes");
   if (meshes == nullptr || !meshes->is_array()) return false;

@@ -60,7 +60,8 @@ std::optional<PlyType> type_of(std::string_view name) {
 /// As PlyType counts them.
 constexpr std::array<std::uint32_t, 8> kTypeBytes{1, 1, 2, 2, 4, 4, 4, 8};
 
-/// Cuts the next word off the front; empty at the end.
+/// Cuts the next word off the front; empty at the end. '\r' is a blank: headers written on Windows
+/// end their lines with it, although their rows are binary.
 std::string_view word(std::string_view& line) {
   const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
   while (!line.empty() && blank(line.front())) line.remove_prefix(1);
@@ -114,7 +115,9 @@ class HeaderParser {
     refuse(path_, "line {} of the header {}; export the file again", number_, what);
   }
 
-  /// How the scene was trained; the last one counts.
+  /// How the scene was trained. No standard has it, so trainers and editors write it as a comment,
+  /// each in its own words; comments with other keys or values are somebody else's and ignored.
+  /// The last one counts.
   void comment(std::string_view rest) {
     std::string key = lower(word(rest));
     if (!key.empty() && key.back() == ':') key.pop_back();

@@ -91,6 +91,8 @@ void check_kind(const PlyHeader& header, const std::string& path) {
   if (vertex->count == 0) refuse(path, "the splat PLY holds no Gaussians (element vertex 0)");
 }
 
+/// The file states no degree: it follows from the number of columns, 3 ((degree + 1)^2 - 1). Any
+/// other number is a file that lost columns, and guessing which would colour the scene wrongly.
 std::uint32_t sh_degree(const std::vector<PlyColumn>& columns, const std::string& path) {
   const auto rest = static_cast<std::uint32_t>(
       std::count_if(columns.begin(), columns.end(),
@@ -180,17 +182,14 @@ std::array<float, 3> unorm_3(std::uint32_t packed) {
 // As the format's own decoder computes it, so that both ends of the range are exact.
 float between(float low, float high, float t) { return low * (1 - t) + high * t; }
 
-/// w, x, y, z.
+/// w, x, y, z. The largest component is left out and follows from the unit length; the other three
+/// are then at most 1/sqrt(2), which their ten bits span from -1/sqrt(2) to 1/sqrt(2).
 std::array<float, 4> rotation_of(std::uint32_t packed) {
   constexpr float kSqrt2 = 1.41421356F;
   const std::array<float, 3> rest{(unorm(packed, 20, 10) - 0.5F) * kSqrt2,
                                   (unorm(packed, 10, 10) - 0.5F) * kSqrt2,
                                   (unorm(packed, 0, 10) - 0.5F) * kSqrt2};
-  const std::size_t largest = packed >> 30;
-  std::array<float, 4> q;
-  for (std::size_t k = 0, next = 0; k < 4; ++k)
-    q[k] = k == largest ? largest_of_four(rest[0], rest[1], rest[2]) : rest[next++];
-  return q;
+  return with_largest(packed >> 30, rest);
 }
 
 /// The ends of a byte's range are exact, what is between lies in the middle of its step.

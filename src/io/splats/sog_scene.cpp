@@ -47,6 +47,18 @@ constexpr std::uint64_t kPixelBytes = 4;
 constexpr std::uint64_t kPaletteColumns = 64, kMostPaletteEntries = 1 << 16;
 constexpr std::array<std::uint32_t, 4> kLobes = store::kLobesOfDegree;
 
+/// What a byte of a channel means.
+using Codebook = std::array<float, 256>;
+
+/// Even steps from the least value of a channel to its largest: what bytes mean where the file has
+/// no codebook. A table, so that both versions decode alike.
+Codebook even_steps(double low, double high) {
+  Codebook book;
+  for (std::size_t b = 0; b < book.size(); ++b)
+    book[b] = static_cast<float>(low + (high - low) * static_cast<double>(b) / 255);
+  return book;
+}
+
 /// w, x, y, z of three components and, in alpha, which one was left out; other alphas mean nothing
 /// is known.
 std::array<float, 4> rotation_of(const std::byte* rgba) {
@@ -55,10 +67,7 @@ std::array<float, 4> rotation_of(const std::byte* rgba) {
   if (tag < 252) return {1, 0, 0, 0};
   std::array<float, 3> rest;
   for (std::size_t k = 0; k < 3; ++k) rest[k] = (byte_at(rgba + k) / 255 * 2 - 1) * kSqrtHalf;
-  std::array<float, 4> q;
-  for (std::size_t k = 0, next = 0; k < 4; ++k)
-    q[k] = k == tag - 252 ? largest_of_four(rest[0], rest[1], rest[2]) : rest[next++];
-  return q;
+  return with_largest(tag - 252, rest);
 }
 
 class SogScene : public BatchScene {
@@ -82,8 +91,6 @@ class SogScene : public BatchScene {
     std::string name;
     Vp8lHeader header;
   };
-  /// What a byte of a channel means.
-  using Codebook = std::array<float, 256>;
   using Json = nlohmann::json;
 
   [[noreturn]] void fail(const std::string& what) const;
@@ -224,6 +231,8 @@ std::string SogScene::file_name(const Json& part, const std::string& place,
   return (*files)[index].get<std::string>();
 }
 
+// A list of at least `count` numbers, or a number alone where one is wanted: version 1 writes the
+// bounds of a scalar either way.
 std::vector<double> SogScene::numbers(const Json& part, const std::string& place, const char* key,
                                       std::size_t count) const {
   const auto found = part.find(key);
@@ -241,8 +250,7 @@ std::vector<double> SogScene::numbers(const Json& part, const std::string& place
 
 /// JSON has no infinities, so a writer's become null. A first entry of null alone is the step
 /// before the second; any other is `nothing`.
-SogScene::Codebook SogScene::codebook(const Json& part, const std::string& place,
-                                      float nothing) const {
+Codebook SogScene::codebook(const Json& part, const std::string& place, float nothing) const {
   const auto found = part.find("codebook");
   if (found == part.end() || !found->is_array() || found->size() != 256)
     fail(fmt::format("has no codebook of 256 numbers in \"{}\"", place));
@@ -310,8 +318,6 @@ void SogScene::read_version_2(const Json& meta) {
   if (model != meta.end() && *model == "2dgs") info_.model = store::SplatModel::flat;
 }
 
-// Bytes are steps between the least and the largest value of each channel; a table of them serves
-// both versions.
 void SogScene::read_version_1(const Json& meta) {
   const Json& means = object(meta, "means");
   const auto shape = means.find("shape");
@@ -323,12 +329,7 @@ void SogScene::read_version_1(const Json& meta) {
   const auto steps = [&](const char* key, std::size_t channels, std::size_t channel) {
     const auto low = numbers(object(meta, key), key, "mins", channels);
     const auto high = numbers(object(meta, key), key, "maxs", channels);
-    Codebook book;
-    for (std::size_t b = 0; b < book.size(); ++b) {
-      book[b] = static_cast<float>(low[channel] +
-                                   (high[channel] - low[channel]) * static_cast<double>(b) / 255);
-    }
-    return book;
+    return even_steps(low[channel], high[channel]);
   };
   for (std::size_t k = 0; k < 3; ++k) {
     scales_[k] = steps("scales", 3, k);
@@ -355,10 +356,7 @@ void SogScene::read_palette(const Json& part) {
     bands = stored->get<std::uint64_t>();
     entries = std::min(entries, count->get<std::uint64_t>());
   } else {
-    const double low = numbers(part, "shN", "mins", 1)[0],
-                 high = numbers(part, "shN", "maxs", 1)[0];
-    for (std::size_t b = 0; b < harmonics_.size(); ++b)
-      harmonics_[b] = static_cast<float>(low + (high - low) * static_cast<double>(b) / 255);
+    harmonics_ = even_steps(numbers(part, "shN", "mins", 1)[0], numbers(part, "shN", "maxs", 1)[0]);
     for (std::uint64_t degree = 1; degree < kLobes.size(); ++degree)
       if (centroids_.header.width == kPaletteColumns * kLobes[degree]) bands = degree;
   }
@@ -380,8 +378,8 @@ std::uint64_t SogScene::prepare_bytes() const {
 }
 
 std::uint64_t SogScene::unpacked_bytes() const {
-  // The columns, and beside them what one decoder writes.
-  // What a decoder keeps in blocks is less than its image; one decodes at a time.
+  // The columns, and beside them the blocks of one decoder, which are less than its image. Images
+  // are decoded one after the other, so only the largest counts.
   std::uint64_t largest = 0;
   const auto look = [&](const Image& image) {
     largest = std::max(largest, std::uint64_t{image.header.width} * image.header.height);
@@ -465,6 +463,8 @@ void SogScene::decode(std::uint64_t first, std::uint64_t count, std::uint32_t lo
   }
 }
 
+// A pixel of each image makes a Gaussian; scales and colours are left as the codebook has them and
+// converted for the whole batch.
 void SogScene::decode_row(const std::array<const std::byte*, kColumns>& row, std::size_t i,
                           std::uint32_t lobes, SplatBatch& batch) const {
   const auto index = [&](std::size_t column, std::size_t channel) {

@@ -27,7 +27,6 @@
 #include "core/portable_math.h"
 #include "io/files/asset_file.h"
 #include "io/problems.h"
-#include "io/splats/spz_writer.h"
 
 namespace pounce::io {
 namespace {
@@ -81,7 +80,9 @@ class SplatPlyWriter : public SplatWriter {
   void put_header();
 };
 
-/// The header of a PLY of so many rows; as long as that of any other number.
+/// The header of a PLY of so many rows; as long as that of any other number: a comment is padded by
+/// as many blanks as the number is short of its longest. So it is written first with 0 rows and
+/// again at the end, and the rows need not be copied behind it.
 std::string ply_header(std::uint64_t rows, const SplatFileFacts& facts) {
   const std::string count = std::to_string(rows);
   const std::string padding(std::numeric_limits<std::uint64_t>::digits10 + 1 - count.size(), ' ');
@@ -393,6 +394,8 @@ SplatPiece SplatWriter::encode(const store::SplatRows& rows) const {
   }
   for (const store::Splat& s : rows.splats) {
     piece.tally.box.extend(s.mean);
+    // Bounds and sizes are collected while rows pass: SPZ chooses its fixed point by them at the
+    // end, and glTF must state the bounds of its positions.
     // The exponent of a float is its logarithm, rounded down: no other is as quick and as exact.
     ++piece.tally.sizes[std::bit_cast<std::uint32_t>(store::size_of(s)) >> 23 & 255];
     piece.tally.normals += s.normal != Vec3f{} ? 1 : 0;

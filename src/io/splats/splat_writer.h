@@ -127,4 +127,13 @@ float log_sigma(float sigma);
 float logit(float alpha);
 float dc_of(float colour);
 
+/// An SPZ of version 2, in gzip without a time: 24 bits per coordinate with as many of them behind
+/// the point as the scene's extent leaves (20 at most), a byte for everything else.
+std::unique_ptr<SplatWriter> open_spz_writer(const std::string& path, const SplatFileFacts& facts,
+                                             const ScratchFolder& folder);
+
+/// Permutes and flips an ellipsoid's axes so that its rotation turns as little as possible: of the
+/// 24 ways the one with the largest w, which is at least 0.85. The ellipsoid stays the same.
+void turn_least(store::Splat& splat);
+
 }  // namespace pounce::io

@@ -12,8 +12,6 @@
 // ellipsoid stays the same.
 //
 // zlib is told no time and no name, and its level is fixed: the same Gaussians are the same bytes.
-#include "io/splats/spz_writer.h"
-
 #include <fmt/format.h>
 #include <zlib.h>
 
@@ -24,6 +22,7 @@
 #include <new>
 
 #include "core/portable_math.h"
+#include "io/splats/splat_writer.h"
 
 namespace pounce::io {
 namespace {

@@ -19,7 +19,6 @@
 #include "io/splats/batch.h"
 #include "io/splats/scene.h"
 #include "io/splats/splat_writer.h"
-#include "io/splats/spz_writer.h"
 #include "pounce/error.h"
 #include "support/test_data.h"
 
