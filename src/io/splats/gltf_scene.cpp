@@ -102,6 +102,7 @@ bool contains(const ReadFile& file, std::uint64_t offset, std::uint64_t size,
   return false;
 }
 
+/// Null where there is no such member, and where there is no object to have it.
 const Json* member(const Json* object, const char* key) {
   if (object == nullptr || !object->is_object()) return nullptr;
   const auto found = object->find(key);

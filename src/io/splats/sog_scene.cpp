@@ -159,8 +159,7 @@ SogScene::Json SogScene::open_meta(const std::string& path) {
       archive_ = file;
       // Some archivers put everything into a folder.
       for (const StoredEntry& entry : read_stored_zip(*file, path)) {
-        const std::string name = fs::path(entry.name).filename().string();
-        if (name == "meta.json" && meta_name_.empty()) {
+        if (meta_name_.empty() && fs::path(entry.name).filename() == "meta.json") {
           meta_name_ = entry.name;
           at = entry.at;
           bytes = entry.bytes;
@@ -231,8 +230,8 @@ std::string SogScene::file_name(const Json& part, const std::string& place,
   return (*files)[index].get<std::string>();
 }
 
-// A list of at least `count` numbers, or a number alone where one is wanted: version 1 writes the
-// bounds of a scalar either way.
+// A list of at least `count` numbers. Where one is wanted, a number alone will do as well: the
+// bounds of a palette need no list.
 std::vector<double> SogScene::numbers(const Json& part, const std::string& place, const char* key,
                                       std::size_t count) const {
   const auto found = part.find(key);
@@ -274,6 +273,7 @@ void SogScene::read_meta(const Json& meta) {
         "SOG version {}; versions 1 and 2 are read: convert it, for example with splat-transform",
         version->is_number() ? version->dump() : "of an unknown kind");
   }
+  // The first version did not state itself yet; whatever states none is read as that.
   version_ = version == meta.end() ? 1 : 2;
   version_ == 1 ? read_version_1(meta) : read_version_2(meta);
   const auto means = object(meta, "means");

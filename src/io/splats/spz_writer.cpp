@@ -202,7 +202,8 @@ int SpzWriter::fraction_bits() const {
       tally_.too_far, rows_, kLargestFixed, farthest));
 }
 
-/// A place is rounded to the step: no matter to Gaussians that are larger.
+/// A place is rounded to the step: no matter to Gaussians that are larger. Their number comes from
+/// the tally by exponents, so "smaller" means by whole powers of two, as the step is one.
 void SpzWriter::check_places(int bits) {
   std::uint64_t smaller = 0;  // than 2^-bits
   for (int e = 0; e <= 126 - bits; ++e) smaller += tally_.sizes[static_cast<std::size_t>(e)];

@@ -87,6 +87,8 @@ class Fields {
   std::span<const std::byte> bytes_;
 };
 
+/// Where the list of entries is. Everything is read through it and not from front to back: local
+/// headers may lack sizes, and what stands between entries belongs to nobody.
 struct Directory {
   std::uint64_t at = 0;
   std::uint32_t bytes = 0;

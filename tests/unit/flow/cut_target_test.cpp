@@ -81,8 +81,10 @@ TEST_CASE("a piece that can never fit the budget is refused before any work") {
   const auto target = small_target(job, kPage, {{3000}});
   std::string message;
   CHECK(test::error_kind(
-            [&] { cut_target(job.context, target, {1000, 3}, 100, 50, texels_of); }, &message) ==
-        static_cast<int>(ErrorKind::budget));
+            [&] {
+              cut_target(job.context, target, {1000, 3}, 100, 50, texels_of);
+            },
+            &message) == static_cast<int>(ErrorKind::budget));
   CHECK(message.find("projecting one block of the target") != std::string::npos);
   CHECK(job.context.budget.leased() == 0);
 }

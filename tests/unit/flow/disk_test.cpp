@@ -87,8 +87,9 @@ struct OneImage {
   }
   DiskForecast forecast(bool is_model = false) const {
     DiskPlan disk(true, 0);
-    disk.add_target(plan, target, mesh, is_model,
-                    [](const ImageOutput&, const shading::TexelFormat&) -> std::uint64_t { return 0; });
+    disk.add_target(
+        plan, target, mesh, is_model,
+        [](const ImageOutput&, const shading::TexelFormat&) -> std::uint64_t { return 0; });
     return disk.forecast();
   }
 };

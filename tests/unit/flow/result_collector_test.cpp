@@ -91,8 +91,9 @@ TEST_CASE("a block that comes twice means a damaged target") {
   ResultCollector collector(job.context, target, 2);
   collector.store(work_of(job, {{1, 1, 3, {1, 0}}}));
   collector.store(work_of(job, {{1, 1, 3, {0, 1}}}));  // another channel of the block
-  CHECK(test::error_kind([&] { collector.store(work_of(job, {{1, 1, 3, {1, 0}}})); }) ==
-        test::kDamaged);
+  CHECK(test::error_kind([&] {
+          collector.store(work_of(job, {{1, 1, 3, {1, 0}}}));
+        }) == test::kDamaged);
 }
 
 TEST_CASE("the index of results is leased: a place per block and channel") {

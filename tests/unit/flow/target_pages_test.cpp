@@ -71,10 +71,12 @@ TEST_CASE("without tiles UVs wrap into the image, with a warning") {
   CHECK(found.warnings[0].find("the UVs of 1 triangles") != std::string::npos);
 }
 
-TEST_CASE("tiles come in rising order, and a triangle is on every tile that it shares an area with") {
+TEST_CASE(
+    "tiles come in rising order, and a triangle is on every tile that it shares an area with") {
   const mesh::Mesh mesh =
       mesh_of({{{0.1F, -0.9F}, 1}, {{0.8F, 0.1F}, 0}, {{0.5F, 0}, 1}, {{2, 0}, 0}});
-  // v points down here, so that the second row of tiles is above 0. Triangle 1 crosses from 1001 into 1002; triangle 2 touches 1002 in a corner alone.
+  // v points down here, so that the second row of tiles is above 0. Triangle 1 crosses from 1001
+  // into 1002; triangle 2 touches 1002 in a corner alone.
   CHECK(find(mesh, by_tile()).pages ==
         Texts{"default 1001: 1 2", "default 1002: 1", "default 1003: 3", "default 1011: 0"});
   // In a tile the sets come in the order of the file.
