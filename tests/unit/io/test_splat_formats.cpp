@@ -306,7 +306,7 @@ TEST_CASE("tags of training and coefficients beyond a file's are understood", "[
         store::SplatModel::standard);
 }
 
-TEST_CASE("coefficients that are no numbers or no halves", "[io][external]") {
+TEST_CASE("coefficients that are no numbers or no halves", "[io]") {
   Scene scene = test::random_scene(3, 2);
   scene[0].rest[4] = std::nanf("");
   scene[1].rest[4] = -1e9F;
@@ -348,7 +348,8 @@ void check_facts(const std::string& name, const std::string& facts_name, const A
   CHECK(box.hi.z == Approx(facts["mean_bbox"]["max"][2].get<double>()).margin(mean_margin));
 }
 
-TEST_CASE("real scenes of every format hold what another program found in them", "[io][data]") {
+TEST_CASE("real scenes of every format hold what another program found in them",
+          "[io][data][external]") {
   const std::string converted = "playbot_lod3_converted/playbot_lod3.";
   const Axes none{}, flip = parse_axes("x,-y,-z");
   for (const char* ending : {"ply", "compressed.ply", "sog", "glb"})
