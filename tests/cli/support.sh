@@ -35,6 +35,25 @@ as_nobody() {
   setpriv --reuid 65534 --regid 65534 --clear-groups "$@" >"$out" 2>"$err"
 }
 
+# kill_job FRACTION ARGUMENT...: runs pounce and kills it (SIGKILL) once its progress is beyond FRACTION of the job.
+# $kills counts those that met a job at work: it had said so much and no end, and died of the signal. A script
+# checks that enough did; a job that was done before proves nothing.
+kills=0
+kill_job() {
+  local fraction=$1 said=$work/said job status=0
+  shift
+  : >"$said"
+  "$POUNCE" "$@" --progress json >"$out" 2>"$said" &
+  job=$!
+  is_beyond() {
+    awk -F '"fraction":' -v least="$fraction" 'NF > 1 && $2 + 0 > least { found = 1 } END { exit !found }' "$said"
+  }
+  until is_beyond || ! kill -0 $job 2>/dev/null; do sleep 0.01; done
+  kill -KILL $job 2>/dev/null || true
+  { wait $job || status=$?; } 2>/dev/null
+  if [[ $status == 137 ]] && is_beyond && ! grep -q '^{"end"' "$said"; then kills=$((kills + 1)); fi
+}
+
 out_has() { grep -qF -- "$1" "$out" || fail "the standard output lacks: $1"; }
 err_has() { grep -qF -- "$1" "$err" || fail "the standard error output lacks: $1"; }
 silent() { [[ ! -s $1 ]] || fail "$(basename "$1") should be empty"; }

@@ -163,14 +163,15 @@ else
 fi
 
 # The old file stays until the last level is in the new one, whatever happens.
-run -o whole.tx --size 2048 --no-cache
-for pause in 0.2 0.5 0.8; do
+run -o whole.tx --size 3072 --no-cache
+# kill_at NAME FRACTION ARGUMENT...: a transfer of 3072² to NAME, killed once its progress says more than FRACTION.
+kill_at() {
+  kill_job "$2" transfer s.obj t.obj --source-texture 'baseColor=s.<UDIM>.png' -o "$1" --size 3072 --no-cache
+}
+for fraction in 0 0.3 0.6 0.77; do
   echo 'an old picture' >k.tx
-  "$POUNCE" transfer s.obj t.obj --source-texture 'baseColor=s.<UDIM>.png' -o k.tx --size 2048 --no-cache -q &
-  job=$!
-  sleep $pause
-  kill -KILL $job 2>/dev/null || true
-  wait $job 2>/dev/null || true
-  [[ $(tr -d '\0' <k.tx) == 'an old picture' ]] || cmp k.tx whole.tx || fail "half a picture after SIGKILL at $pause s"
+  kill_at k.tx $fraction
+  [[ $(tr -d '\0' <k.tx) == 'an old picture' ]] || cmp k.tx whole.tx || fail "half a picture after SIGKILL at $fraction"
 done
+((kills >= 2)) || fail "only $kills of 4 kills met a job at work"
 [[ -z $(find . -name '.*.tmp') ]] || fail 'something was left behind'
