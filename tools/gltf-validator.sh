@@ -1,18 +1,14 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
 # Khronos' glTF validator, to check models that pounce writes.
-#   gltf-validator.sh install FOLDER             gets it from npm into FOLDER (needs node, npm and a network)
+# tools/install-oracles.sh FOLDER gets it from npm.
 #   gltf-validator.sh compare FOLDER TARGET OUT...  fails where OUT has an error code that TARGET does not have
 # compare ends with 77 where node or the validator is missing.
 set -eu
-version=2.0.0-dev.3.10
 command=${1:-} folder=${2:-}
-if [ -z "$folder" ]; then
+if [ "$command" != compare ] || [ -z "$folder" ]; then
   sed -n '3,6p' "$0" >&2
   exit 2
-fi
-if [ "$command" = install ]; then
-  exec npm install --silent --no-audit --no-fund --prefix "$folder" "gltf-validator@$version"
 fi
 shift 2
 command -v node >/dev/null && [ -d "$folder/node_modules/gltf-validator" ] || exit 77

@@ -42,4 +42,4 @@ check meshes/cesium_man/CesiumMan.glb meshes/cesium_man/CesiumMan.glb
 check meshes/water_bottle/SpecGlossVsMetalRough.gltf meshes/water_bottle/SpecGlossVsMetalRough.gltf
 check meshes/multi_uv/MultiUVTest.gltf meshes/multi_uv/MultiUVTest.gltf
 check splats/playbot_lod3_converted/playbot_lod3.ply meshes/playbot_proxy/playbot_proxy.glb
-[[ -z $skipped ]] || echo 'SKIPPED: needs the glTF validator (tools/gltf-validator.sh install BUILD/npm)'
+[[ -z $skipped ]] || echo 'SKIPPED: needs the glTF validator (tools/install-oracles.sh BUILD/npm)'

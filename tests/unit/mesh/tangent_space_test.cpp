@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <random>
@@ -164,16 +165,13 @@ TEST_CASE("triangles of two materials have frames of their own", "[mesh]") {
   CHECK(x_of(3).x < 0.99F);
 }
 
-// Public models against the reference: POUNCE_MIKKTSPACE is the folder that has node_modules with
-// "mikktspace" in it. Without it the test is skipped.
+// Public models against the reference, npm's "mikktspace" (tools/install-oracles.sh BUILD/npm).
 TEST_CASE("tangents of public models are the reference's", "[mesh][oracle][external]") {
   const auto data = test::test_data();
-  const char* const oracle = std::getenv("POUNCE_MIKKTSPACE");
+  const std::string oracle = POUNCE_BUILD_DIR "/npm";
   if (!data) return;
-  if (oracle == nullptr) {
-    std::printf("SKIPPED: needs npm's mikktspace (set POUNCE_MIKKTSPACE to its folder)\n");
-    return;
-  }
+  if (!std::filesystem::is_directory(oracle + "/node_modules/mikktspace"))
+    return test::skip("npm's mikktspace (tools/install-oracles.sh BUILD/npm)");
   test::TempFolder temp;
   for (const char* name : {"spot/spot.obj", "duck/gltf/Duck.gltf", "cesium_man/CesiumMan.glb",
                            "lee_perry_smith/LeePerrySmith_plain_textured.glb",
@@ -203,7 +201,7 @@ TEST_CASE("tangents of public models are the reference's", "[mesh][oracle][exter
         }
       }
     }
-    const std::string command = "cd '" + std::string(oracle) + "' && node '" +
+    const std::string command = "cd '" + oracle + "' && node '" +
                                 POUNCE_SOURCE_DIR "/tests/unit/mesh/mikk_oracle.js' '" + in +
                                 "' '" + out + "'";
     REQUIRE(std::system(command.c_str()) == 0);
