@@ -7,9 +7,14 @@ job() { "$POUNCE" transfer in/head_src.glb in/head_same.glb -o "$1.png" --size 2
 expect 0 transfer in/head_src.glb in/head_same.glb -o expected.png --size 256 --no-cache
 
 for i in 1 2 3; do job $i --report $i.json 2>$i.log & done
-job victim 2>/dev/null & victim=$!
-sleep 0.1
-{ kill -9 $victim && wait; } 2>/dev/null || true
+# Not through job(): the shell in between would be killed, and the program go on.
+"$POUNCE" transfer in/head_src.glb in/head_same.glb -o victim.png --size 256 --cache cache --progress json \
+  2>victim.log & victim=$!
+for _ in $(seq 500); do [[ -s victim.log ]] && break; sleep 0.01; done
+kill -9 $victim 2>/dev/null || true
+status=0
+{ wait $victim || status=$?; } 2>/dev/null
+[[ $status == 137 && -s victim.log ]] || fail "the victim was not killed at its work: status $status"
 wait
 decoded=0
 for i in 1 2 3; do

@@ -11,10 +11,11 @@ for signal in INT TERM HUP; do
     --progress json 2>"$err" >"$out" &
   job=$!
   for wait in $(seq 200); do
-    [[ -s $err ]] && break
+    grep -q '"stage":"project"' "$err" && break
     sleep 0.05
   done
-  kill -$signal $job
+  grep -q '"stage":"project"' "$err" || fail 'the job never came to its work'
+  kill -$signal $job || fail 'the job was done before the signal'
   wait $job || status=$?
   [[ $status == 130 ]] || fail "status $status after SIG$signal"
   [[ $(cat o.png) == 'an old picture' ]] || fail 'the old picture was touched'
