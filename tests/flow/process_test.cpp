@@ -85,7 +85,7 @@ const std::string kFixture = POUNCE_BUILD_DIR "/pounce-fixture";
 /// Nothing is in a cache that no job uses but what docs/cache.md names, at the place it names.
 void check_cache(const std::string& cache) {
   const fs::path top = fs::path(cache) / "v3";
-  const std::regex pack("(geometry|colour|results|splats)/[0-9a-f]{32}[.](pack|label)");
+  const std::regex pack("(geometry|colour|results|splats|hits)/[0-9a-f]{32}[.](pack|label)");
   for (const auto& entry : fs::directory_iterator(cache)) CHECK(entry.path() == top);
   std::set<std::string> names;
   for (const auto& entry : fs::recursive_directory_iterator(top)) {

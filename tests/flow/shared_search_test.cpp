@@ -5,49 +5,16 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <random>
 
 #include "pounce/transfer.h"
 #include "support/bytes.h"
 #include "support/mesh_files.h"
+#include "support/sheet.h"
 #include "support/test_data.h"
 #include "support/whole_image.h"
 
 namespace pounce::test {
 namespace {
-
-/// A wavy sheet of `cells` squares each way over the unit square, whose UVs run over `tiles` UDIM
-/// tiles to the right.
-mesh::Mesh sheet(int cells, int tiles) {
-  mesh::Mesh mesh;
-  mesh.uv_sets.emplace_back();
-  mesh.uv_present.emplace_back();
-  for (int j = 0; j <= cells; ++j) {
-    for (int i = 0; i <= cells; ++i) {
-      const double u = 1.0 * i / cells, v = 1.0 * j / cells;
-      mesh.positions.push_back({static_cast<float>(u), static_cast<float>(v),
-                                static_cast<float>(0.02 * std::sin(5 * u) * std::cos(4 * v))});
-      mesh.normals.push_back({0, 0, 1});
-      mesh.uv_sets[0].push_back({static_cast<float>(u * tiles), static_cast<float>(1 - v)});
-    }
-  }
-  const auto at = [&](int i, int j) { return static_cast<std::uint32_t>(j * (cells + 1) + i); };
-  for (int j = 0; j < cells; ++j) {
-    for (int i = 0; i < cells; ++i) {
-      mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
-    }
-  }
-  return mesh;
-}
-
-WholeImage noise(ImageSize size, std::uint32_t seed) {
-  std::mt19937 random(seed);
-  WholeImage image{size.width, size.height, 3, false, {}};
-  for (std::size_t i = 0; i < std::size_t{size.width} * size.height * 3; ++i)
-    image.samples.push_back(static_cast<double>(random() % 256) / 255);
-  return image;
-}
 
 std::uint64_t searches(const Report& report) {
   for (const NodeReport& node : report.nodes) {
@@ -76,8 +43,8 @@ struct Scene {
   TransferOptions options;
 
   explicit Scene(int tiles, ImageSize size) {
-    write_glb(folder.file("source.glb"), sheet(6, tiles));
-    write_glb(folder.file("target.glb"), sheet(7, 1));
+    write_glb(folder.file("source.glb"), wavy_sheet(6, tiles));
+    write_glb(folder.file("target.glb"), wavy_sheet(7, 1));
     const std::string token = tiles > 1 ? ".<UDIM>" : "";
     for (std::size_t c = 0; c < kChannels.size(); ++c) {
       for (int tile = 0; tile < tiles; ++tile) {

@@ -13,6 +13,7 @@
 #include "flow/stores/colour_levels.h"
 #include "io/image/write.h"
 #include "job/job_context.h"
+#include "projection/hit_block.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/splat_block.h"
 
@@ -72,6 +73,13 @@ void DiskPlan::add_geometry(const GeometryRequest& request) {
   stores_ += pack_bytes(size.bytes, size.chunks);
 }
 
+/// As if every texel hit a triangle of its own. The target's triangles count as in its geometry.
+void DiskPlan::add_hits(const GeometryRequest& target, std::uint64_t blocks) {
+  constexpr std::uint64_t kBlock =
+      projection::kMostHitBytes - projection::HitBlock::kTexels * sizeof(surface::TexelAxes);
+  stores_ += pack_bytes(blocks * kBlock + geometry_most(target).bytes, 2 * blocks);
+}
+
 void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes) {
   // A chunk of a run is a thousand Gaussians, a block of the store hundreds at least; runs are
   // merged into new ones at times, while the old ones are still there.
@@ -86,8 +94,11 @@ void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, cons
                           bool is_model, LevelsBytes levels_bytes) {
   std::uint64_t results = 0, images = 0, levels = 0;
   for (std::size_t p = 0; p < plan.passes.size(); ++p) {
-    for (const GeometryRequest& request : target.requests[p]) add_geometry(request);
     const std::uint64_t blocks = blocks_of(plan.passes[p].size);
+    for (const GeometryRequest& request : target.requests[p]) {
+      add_geometry(request);
+      if (keeps_ && plan.passes[p].keeps_hits) add_hits(request, blocks);
+    }
     std::uint64_t of_page = 0;
     for (const std::size_t c : plan.passes[p].channels) {
       const std::uint64_t block =

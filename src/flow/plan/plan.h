@@ -96,6 +96,7 @@ struct PassPlan {
   ImageSize size;                     ///< of the outputs
   std::vector<std::size_t> channels;  ///< into SourcePlan::channels
   bool has_shape = false;             ///< is one of them of the surface itself, or tinted?
+  bool keeps_hits = false;            ///< what its texels hit may stay in the cache
 };
 
 /// The source's side of a job: the same for all its targets, and for all kinds of sources.

@@ -74,6 +74,7 @@ class SourcePlanner {
     for (PassPlan& pass : plan_.passes) {
       // Each texel is a Gaussian; or the shape is what is transferred.
       pass.source.exact = planning_.as_gaussians || pass.has_shape;
+      pass.keeps_hits = !pass.source.exact;
       pass.source.colours = needs_colours(pass);
       pass.shape = source_shape(pass.source);
     }

@@ -2,25 +2,15 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <vector>
 
-#include "flow/project/page_colour.h"
+#include "flow/project/hit_shading.h"
 #include "flow/project/page_projector.h"
-#include "flow/project/shape_output.h"
-#include "projection/blend.h"
-#include "projection/blend_lanes.h"
+#include "flow/stores/block_readers.h"
 #include "projection/search.h"
 #include "store/blocks/geometry_store.h"
 
 namespace pounce::flow {
-
-/// One channel that a pass transfers.
-struct ChannelOutput {
-  shading::TexelFormat format;
-  std::vector<PageColour> pages;     ///< by source page
-  std::optional<ShapeOutput> shape;  ///< nothing: what the pages give is what is written
-};
 
 struct MeshProjection {
   const SurfaceCache* source = nullptr;  ///< with attributes, if some channel has a shape
@@ -29,10 +19,8 @@ struct MeshProjection {
   std::vector<ChannelOutput> channels;
   projection::SearchLimits limits;
   const projection::Kernels* kernels = nullptr;
-  const projection::BlendLanes* lanes = nullptr;
-  projection::BlendKernel blend = projection::kernel_of(kDefaultFilter);
-  ColourLevels* levels = nullptr;  ///< of the channels' columns
-  float smallest_edge = 0;         ///< see TargetBlock
+  Lookup lookup;
+  float smallest_edge = 0;  ///< see TargetBlock
 };
 
 /// The texels of a target past the source's blocks. `job` and what the request points to must

@@ -57,6 +57,7 @@ class Projection {
 ///   uint64_t fetch(Work&)          reads the next batch of source blocks: its bytes; 0: no more
 ///   void bin(Work&), hit(Work&)
 ///   void blend(Work&)
+///   void keep(const Work&)         optional: of finished works, one at a time
 template <class Method>
 class PageProjector final : public Projection {
  public:
@@ -120,7 +121,10 @@ class PageProjector final : public Projection {
         runtime::works_at_once(Method::kPieceSize.per_thread));
     resize = [&](const Work& work, std::uint64_t bytes) { return pump.resize(work.index, bytes); };
     tf::function_node<WorkPtr> store(graph, tf::serial, [&](const WorkPtr& work) {
-      store_.run([&] { store_.add_bytes(results.store(*work)); });
+      store_.run([&] {
+        store_.add_bytes(results.store(*work));
+        if constexpr (requires { method_.keep(*work); }) method_.keep(*work);
+      });
       const std::size_t index = work->index;
       *work = Work{};  // its memory goes before its lease does; the graph still holds the object
       ++stored;

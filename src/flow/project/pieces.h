@@ -76,6 +76,9 @@ struct PieceWork {
   DistanceCounts distances{};            ///< of all texels that found something
   std::uint64_t distance_steps = 0;      ///< of a mesh, their sum: projection::distance_steps()
   std::vector<std::uint64_t> clipped;  ///< [channel]: samples beyond what the output's depth holds
+  /// [block]: what its texels hit, encoded and compressed, where that is kept; empty: nothing.
+  std::vector<std::vector<std::byte>> hits;
+  std::vector<std::uint32_t> hit_bytes;  ///< [block], before compression
 };
 
 /// Reads a piece's blocks into work.blocks and appends their packets to `packets` and `groups`.

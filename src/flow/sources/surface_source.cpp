@@ -138,9 +138,7 @@ std::unique_ptr<Projection> SurfaceSource::projector(std::size_t pass,
   request.source = geometry_[pass].get();
   request.target = &target;
   request.kernels = kernels_;
-  request.lanes = lanes_;
-  request.blend = projection::kernel_of(filter_);
-  request.levels = columns_.levels.get();
+  request.lookup = {lanes_, projection::kernel_of(filter_), columns_.levels.get()};
   request.limits.max_distance = target_plan.max_distance;
   request.limits.min_cosine = min_cosine_;
   request.smallest_edge = target_plan.smallest_edge;

@@ -10,6 +10,7 @@
 #include "pounce/error.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
+#include "store/blocks/hit_store.h"
 #include "store/blocks/splat_store.h"
 #include "surface/source_block.h"
 
@@ -20,6 +21,7 @@ namespace pounce::flow {
 void check_store(job::JobContext& job, const store::GeometryStore& store);
 void check_store(job::JobContext& job, const store::ColourStore& store);
 void check_store(job::JobContext& job, const store::SplatStore& store);
+void check_store(job::JobContext& job, const store::HitStore& store);
 
 /// Throws Error(damaged_store) if a source's largest blocks are smaller than it says: that it asks
 /// for more memory than there is may be a lie.

@@ -145,6 +145,8 @@ const char* kind_name(PackKind kind) {
       return "results";
     case PackKind::splats:
       return "splats";
+    case PackKind::hits:
+      return "hits";
   }
   throw Error(ErrorKind::internal, "a pack of no kind (please report)");
 }

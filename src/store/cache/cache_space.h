@@ -20,7 +20,7 @@ namespace pounce::store {
 
 /// Every kind that has a folder of its own. A new kind of pack is added here and in kind_name().
 inline constexpr std::array kCachedKinds = {PackKind::geometry, PackKind::colour, PackKind::results,
-                                            PackKind::splats};
+                                            PackKind::splats, PackKind::hits};
 /// "geometry", "colour", ...: also the folder's name.
 const char* kind_name(PackKind kind);
 

@@ -135,7 +135,7 @@ PackInfo read_pack_info(const ReadFile& file, const std::string& name) {
   }
   // Another version is told before anything else: its other fields may mean something else.
   const std::uint32_t kind = get_u32(header.data() + 12);
-  if (kind < 1 || kind > 4) damaged(name, 12, fmt::format("{} is no kind of pack", kind));
+  if (kind < 1 || kind > 5) damaged(name, 12, fmt::format("{} is no kind of pack", kind));
   info.kind = static_cast<PackKind>(kind);
   info.key = get_key(header.data() + 16);
   if (std::any_of(header.begin() + 32, header.begin() + kEndChecksumOffset,

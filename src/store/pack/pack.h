@@ -16,7 +16,7 @@
 namespace pounce::store {
 
 /// What a pack file holds; part of its header.
-enum class PackKind : std::uint32_t { geometry = 1, colour = 2, results = 3, splats = 4 };
+enum class PackKind : std::uint32_t { geometry = 1, colour = 2, results = 3, splats = 4, hits = 5 };
 
 /// What a chunk of a pack holds; part of its header.
 enum class ChunkKind : std::uint32_t { block = 1, index_page = 2, directory = 3 };
@@ -90,6 +90,7 @@ class PackReader {
   std::uint64_t size_bytes() const { return size_; }
   std::uint64_t bytes_read() const { return bytes_read_; }  ///< so far
   const std::string& name() const { return name_; }
+  const Hash128& key() const { return key_; }
 
  private:
   void read_raw(std::uint64_t offset, std::span<std::byte> out) const;

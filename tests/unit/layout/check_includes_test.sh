@@ -22,7 +22,7 @@ try_line() {  # file, line that breaks a rule, words of the complaint
 
 try_line src/core/bad.h '#include "mesh/mesh.h"' 'core/ must not include mesh/'
 try_line src/store/pack/bad.h '#include "store/blocks/codec.h"' 'store/pack/ must not include store/blocks/'
-try_line src/source/bad.cpp '#include "projection/search.h"' 'source/ must not include projection/'
+try_line src/surface/bad.cpp '#include "projection/search.h"' 'surface/ must not include projection/'
 try_line src/mesh/bad.cpp '#include <tiny_gltf.h>' 'only src/io/'
 try_line tools/bad.cpp '#include <OpenImageIO/imageio.h>' 'only src/io/'
 try_line include/pounce/bad.h '#include <tbb/flow_graph.h>' 'public header'

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A block's texels one channel after the other, in each packet after packet: sixteen lookups go
+// side by side where images and kernel allow it (PacketBlend), to the bits that one by one gives.
+// What is left is blended alone: float images, hits near a tile's border, constants.
+#include "flow/project/hit_shading.h"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "flow/project/packet_blend.h"
+#include "flow/project/results.h"
+
+namespace pounce::flow {
+namespace {
+
+bool is_tinted(const ChannelOutput& channel) {
+  return std::any_of(channel.pages.begin(), channel.pages.end(),
+                     [](const PageColour& page) { return page.tinted; });
+}
+
+/// Shades the blocks of a piece.
+class BlockShading {
+ public:
+  BlockShading(job::JobContext& job, const store::GeometryStore& target,
+               const std::vector<ChannelOutput>& channels, const Lookup& lookup)
+      : job_(job), target_(target), channels_(channels), lookup_(lookup) {}
+
+  void shade_block(HitWork& work, std::size_t c, std::size_t b, std::uint32_t first,
+                   std::uint32_t last) const {
+    const ChannelOutput& channel = channels_[c];
+    const std::size_t texel_bytes = channel.format.texel_bytes();
+    shading::ResultBlock result;
+    result.texels.resize(store::kTexelsPerBlock * texel_bytes);
+    BlockBlend blend{{}, {*lookup_.lanes, lookup_.blend, *lookup_.levels}};
+    std::uint64_t covered = 0;
+    std::optional<BlockFrames> own;
+    if (channel.shape && is_normal(*channel.shape)) own.emplace(job_, target_, work.blocks[b]);
+    for (std::uint32_t p = first; p < last; ++p) {
+      const projection::HitPacket& hit = work.state.hits[p];
+      const surface::TexelPacket& texels = work.state.packets[p];
+      if (!channel.shape || is_normal(*channel.shape)) {
+        blend.packet.look_up(channel.pages, hit, texels, work.axes[texels.block], channel.format,
+                             !channel.shape, blend.window);
+      }
+      for (int lane = 0; lane < surface::kLanes; ++lane) {
+        if (!is_hit(hit, texels, lane)) continue;
+        const std::uint16_t texel = texels.texel[lane];
+        std::byte* const out = result.texels.data() + texel * texel_bytes;
+        const bool has_value =
+            channel.shape ? store_shape(channel, work, p, lane, own ? &own->frames : nullptr, blend,
+                                        out, work.clipped[c])
+                          : store_colour(channel, work, p, lane, blend, out, work.clipped[c]);
+        if (!has_value) continue;
+        result.cover(texel);
+        ++covered;
+      }
+    }
+    work.covered[c] += covered;
+    if (covered == 0) return;
+    finish_block(job_, channel.format, result, c, b, work);
+  }
+
+ private:
+  /// What blending a block goes on with from packet to packet.
+  struct BlockBlend {
+    ColourWindow window;
+    PacketBlend packet;
+  };
+
+  static projection::Footprint footprint(const HitWork& work, std::size_t packet, int lane) {
+    const surface::TexelPacket& texels = work.state.packets[packet];
+    return footprint_at(work.state.hits[packet], texels, work.axes[texels.block], lane);
+  }
+
+  /// Writes the colour of one hit in the output's format and adds the samples that it cannot hold
+  /// to `clipped`. False: it met a UDIM tile without image.
+  bool store_colour(const ChannelOutput& channel, const HitWork& work, std::size_t packet, int lane,
+                    BlockBlend& blend, std::byte* out, std::uint64_t& clipped) const {
+    if (blend.packet.has_texel(lane)) {
+      std::memcpy(out, blend.packet.texel(lane), channel.format.texel_bytes());
+      return true;
+    }
+    const projection::HitPacket& hit = work.state.hits[packet];
+    const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
+    std::optional<shading::Factor> vertices;
+    if (page.tinted) vertices = vertex_factor(work.points[packet].colour(lane));
+    const shading::Factor* const tint = vertices ? &*vertices : nullptr;
+    if (page.column == nullptr && page.tile_set == nullptr) {
+      clipped +=
+          shading::store_texel(channel.format, constant_value(page, tint, channel.format), out);
+      return true;
+    }
+    if (blend.packet.has_samples(lane)) {
+      clipped += shading::store_texel(
+          channel.format, lanes_value(page, blend.packet, lane, channel.format, tint), out);
+      return true;
+    }
+    const PageImage image = image_at(page, place_of(hit, lane));
+    if (image.column == nullptr) return false;
+    const auto lookups = image.lookups(footprint(work, packet, lane));
+    if (lookups.single() && image.input == nullptr && !page.factor && !vertices &&
+        channel.format.keeps(image.directory())) {
+      const ColourPlace at = blend.window.find(image);
+      projection::Taps taps;
+      lookup_.blend(at.rest_x, at.rest_y, taps);
+      projection::sharpen(lookups.sharpening, at.rest_x, at.rest_y, taps);
+      projection::blend_u8(*at.image, at.tile, at.column, at.row, taps, out);
+    } else {
+      clipped += shading::store_texel(
+          channel.format, value(page, image, lookups, channel.format, blend.window, tint), out);
+    }
+    return true;
+  }
+
+  /// What was looked up with the lanes beside it.
+  static shading::TexelValue lanes_value(const PageColour& page, const PacketBlend& packet,
+                                         int lane, const shading::TexelFormat& format,
+                                         const shading::Factor* tint = nullptr) {
+    const PageImage& image = packet.image(lane);
+    return value_of(page, image.directory(), image.input, packet.samples(lane),
+                    stays_premultiplied(image.directory(), image.input, format), format, tint);
+  }
+
+  shading::TexelValue value(const PageColour& page, const PageImage& image,
+                            const projection::FootprintLookups& lookups,
+                            const shading::TexelFormat& format, ColourWindow& window,
+                            const shading::Factor* tint = nullptr) const {
+    if (!lookups.single())
+      return window.average(page, image, lookups, lookup_.blend, format, *lookup_.levels, tint);
+    const ColourPlace at = window.find(image);
+    projection::Taps taps;
+    lookup_.blend(at.rest_x, at.rest_y, taps);
+    projection::sharpen(lookups.sharpening, at.rest_x, at.rest_y, taps);
+    return blended(page, at, taps, format, tint);
+  }
+
+  /// What the pages of a channel give at a hit. Nothing: it met a UDIM tile without image.
+  std::optional<shading::TexelValue> page_value(const ChannelOutput& channel, const HitWork& work,
+                                                std::size_t packet, int lane,
+                                                BlockBlend& blend) const {
+    const projection::HitPacket& hit = work.state.hits[packet];
+    const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
+    if (page.column == nullptr && page.tile_set == nullptr) return page.constant;
+    shading::TexelFormat straight = channel.format;
+    straight.premultiplied = false;
+    if (blend.packet.has_samples(lane)) return lanes_value(page, blend.packet, lane, straight);
+    const PageImage image = image_at(page, place_of(hit, lane));
+    if (image.column == nullptr) return std::nullopt;
+    return value(page, image, image.lookups(footprint(work, packet, lane)), straight, blend.window);
+  }
+
+  /// The same as store_colour() for a channel of the surface itself. `frames` are of
+  /// the texel's block, where it is a normal map.
+  bool store_shape(const ChannelOutput& channel, const HitWork& work, std::uint32_t p, int lane,
+                   const surface::TexelFrames* frames, BlockBlend& blend, std::byte* out,
+                   std::uint64_t& clipped) const {
+    const ShapeOutput& shape = *channel.shape;
+    const projection::SurfacePacket& surface = work.points[p];
+    if (!is_normal(shape)) {
+      clipped += shading::store_texel(channel.format, baked_value(shape, surface, lane), out);
+      return true;
+    }
+    const projection::HitPacket& hit = work.state.hits[p];
+    const auto map = page_value(channel, work, p, lane, blend);
+    if (!map) return false;
+    const TangentFrame target = frames->frame(work.state.packets[p].texel[lane]);
+    clipped += shading::store_texel(
+        channel.format,
+        transferred_normal(shape, hit.page[lane], *map, surface.frame(lane), target), out);
+    return true;
+  }
+
+  /// The frames of a block's texels, read again: only a normal map needs them.
+  struct BlockFrames {
+    store::GeometryBlock block;
+    surface::TexelFrames frames;
+    BlockFrames(job::JobContext& job, const store::GeometryStore& target,
+                const store::BlockEntry& entry)
+        : block(target.read_block(entry, job.compressor())),
+          frames(block, target.directory().pages[entry.page]) {}
+  };
+
+  job::JobContext& job_;
+  const store::GeometryStore& target_;
+  const std::vector<ChannelOutput>& channels_;
+  const Lookup& lookup_;
+};
+
+}  // namespace
+
+bool needs_surface(const ChannelOutput& channel) { return channel.shape || is_tinted(channel); }
+
+std::uint64_t shading_bytes(std::uint64_t colour_tile_bytes) {
+  return colour_tile_bytes * (ColourWindow::kTiles + 2) +
+         ColourLevels::making_bytes(colour_tile_bytes);
+}
+
+HitShading::HitShading(job::JobContext& job, const store::GeometryStore& target,
+                       std::vector<ChannelOutput> channels, const Lookup& lookup)
+    : job_(&job), target_(&target), channels_(std::move(channels)), lookup_(lookup) {}
+
+std::uint64_t HitShading::result_texel_bytes() const {
+  std::uint64_t bytes = 0;
+  for (const ChannelOutput& channel : channels_) bytes += channel.format.texel_bytes();
+  return bytes;
+}
+
+std::uint64_t HitShading::lookup_bytes() const {
+  std::uint64_t largest = 0;
+  for (const ChannelOutput& channel : channels_) {
+    for (const PageColour& page : channel.pages) largest = std::max(largest, tile_bytes(page));
+  }
+  return shading_bytes(largest);
+}
+
+void HitShading::shade(HitWork& work) const {
+  const BlockShading blocks(*job_, *target_, channels_, lookup_);
+  work.stored.resize(channels_.size());
+  work.raw_bytes.resize(channels_.size());
+  work.covered.resize(channels_.size());
+  work.clipped.resize(channels_.size());
+  std::vector<std::uint32_t> first_packet(work.blocks.size() + 1, 0);
+  for (const auto& packet : work.state.packets) ++first_packet[packet.block + 1];
+  for (std::size_t b = 0; b < work.blocks.size(); ++b) first_packet[b + 1] += first_packet[b];
+  for (std::size_t c = 0; c < channels_.size(); ++c) {
+    work.stored[c].resize(work.blocks.size());
+    for (std::size_t b = 0; b < work.blocks.size(); ++b) {
+      blocks.shade_block(work, c, b, first_packet[b], first_packet[b + 1]);
+    }
+  }
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Hits become texels: what the images of each channel hold at the places that texels hit, in the
+// output's format. Whether a search found the hits just now or a store kept them makes no
+// difference to any bit.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "flow/project/page_colour.h"
+#include "flow/project/pieces.h"
+#include "flow/project/shape_output.h"
+#include "projection/blend.h"
+#include "projection/blend_lanes.h"
+#include "projection/search.h"
+#include "projection/surface_points.h"
+#include "store/blocks/geometry_store.h"
+#include "surface/texel_frames.h"
+
+namespace pounce::flow {
+
+/// One channel that a pass transfers.
+struct ChannelOutput {
+  shading::TexelFormat format;
+  std::vector<PageColour> pages;     ///< by source page
+  std::optional<ShapeOutput> shape;  ///< nothing: what the pages give is what is written
+};
+
+/// What shading looks images up with.
+struct Lookup {
+  const projection::BlendLanes* lanes = nullptr;
+  projection::BlendKernel blend = projection::kernel_of(kDefaultFilter);
+  ColourLevels* levels = nullptr;  ///< of the channels' columns
+};
+
+/// A piece whose texels have hits.
+struct HitWork : PieceWork {
+  projection::SearchState state;
+  std::vector<std::vector<surface::TexelAxes>> axes;  ///< by block
+  projection::SurfacePoints points;                   ///< where some channel needs_surface()
+};
+
+/// Is the channel of the surface itself, or tinted by the colours of its vertices?
+bool needs_surface(const ChannelOutput& channel);
+/// What shading asks for: the tiles that it keeps and one on its way, or the making of a level.
+std::uint64_t shading_bytes(std::uint64_t colour_tile_bytes);
+
+/// Makes texels of hits. Const members are thread-safe for different works.
+class HitShading {
+ public:
+  /// `target`: read again for the frames of a normal map.
+  HitShading(job::JobContext& job, const store::GeometryStore& target,
+             std::vector<ChannelOutput> channels, const Lookup& lookup);
+
+  const std::vector<ChannelOutput>& channels() const { return channels_; }
+  std::uint64_t result_texel_bytes() const;  ///< of all channels together
+  std::uint64_t lookup_bytes() const;        ///< shading_bytes() of the largest tile
+  /// Fills the work's results: every channel of every block.
+  void shade(HitWork& work) const;
+
+ private:
+  job::JobContext* job_;
+  const store::GeometryStore* target_;
+  std::vector<ChannelOutput> channels_;
+  Lookup lookup_;
+};
+
+}  // namespace pounce::flow

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Hits that outlive their search. What a page of a target hits on a source depends on both
+// surfaces and on the search's limits alone, so the cache keeps it under their keys: another
+// channel, a repainted texture or another filter is shaded without a search.
+#pragma once
+
+#include <memory>
+
+#include "flow/project/mesh.h"
+#include "store/blocks/hit_store.h"
+
+namespace pounce::flow {
+
+/// May the hits of this projection be kept, or looked for? Only in a cache; not where the budget is
+/// so tight that they would cost the search its memory; and not for channels of the surface itself,
+/// which ask for more than hits say.
+bool may_keep_hits(const job::JobContext& job, const MeshProjection& request);
+
+/// Those that the cache has; null: the caller is to search, and to keep what it finds.
+std::unique_ptr<store::HitStore> find_hits(job::JobContext& job, const MeshProjection& request);
+
+/// Makes a page of hits that are known.
+std::unique_ptr<Projection> shade_known(job::JobContext& job, const MeshProjection& request,
+                                        std::unique_ptr<store::HitStore> hits);
+
+/// Keeps the hits of a page on their way from a search to its results.
+class HitKeeper {
+ public:
+  HitKeeper(job::JobContext& job, const MeshProjection& request);
+  /// Encodes the hits of a finished search into its work, and counts their distances. Thread-safe.
+  void encode(HitWork& work, float max_distance) const;
+  /// Stores what encode() made. Not thread-safe.
+  void store(const PieceWork& work);
+  void publish();  ///< after the last one
+
+  /// Memory while a block is encoded, and of an encoded block until it is stored.
+  static std::uint64_t scratch_bytes();
+  static std::uint64_t block_bytes(const store::BlockEntry& entry);
+
+ private:
+  job::JobContext& job_;
+  const store::HitStore::Facts facts_;
+  const store::GeometryStore& target_;
+  runtime::Lease index_lease_;
+  std::unique_ptr<store::HitStoreWriter> writer_;
+};
+
+}  // namespace pounce::flow

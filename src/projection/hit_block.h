@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the texels of a block of the target hit, as a value: all that shading asks of a search.
+//
+// It knows neither images nor filters, so whatever is painted on the source later is looked up at
+// the same places, to the same bits: another channel, a repainted texture, another filter.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/page_pool.h"
+#include "pounce/report.h"
+#include "projection/hit_packet.h"
+#include "surface/target_block.h"
+
+namespace pounce::projection {
+
+/// What all hits on one triangle of the source share.
+struct HitFacet {
+  std::int32_t page = 0;             ///< of the source
+  std::int32_t base[2] = {0, 0};     ///< whole texels that its coordinates are counted from
+  float x_by[3] = {}, y_by[3] = {};  ///< see HitPacket
+};
+
+struct HitBlock {
+  static constexpr std::size_t kTexels = 64 * 64;
+  std::array<std::uint8_t, kTexels / 8> mask{};  ///< a bit per texel, y * 64 + x: did it hit?
+  std::vector<HitFacet> facets;
+  /// The texels' own axes, by triangle of the target; empty for a block of records, whose texels
+  /// are known by their edges alone.
+  std::vector<surface::TexelAxes> axes;
+  // By hit, one 8x8 window of texels after the other.
+  std::vector<std::uint16_t> facet;   ///< into `facets`
+  std::vector<std::uint16_t> owner;   ///< into `axes`, where there are any
+  std::vector<float> per_texel;       ///< else 1 / edge
+  std::vector<float> frac_x, frac_y;  ///< texel coordinates beyond the facet's base
+  /// How far away the hits are: see count_distances().
+  DistanceCounts distances{};
+  std::uint64_t distance_steps = 0;
+
+  std::size_t size() const { return facet.size(); }
+};
+
+/// The hits of one block's packets. `axes`: TargetBlock::axes().
+HitBlock hits_of(std::span<const TexelPacket> packets, std::span<const HitPacket> hits,
+                 const std::vector<surface::TexelAxes>& axes, float max_distance);
+
+/// Appends the hits as packets, as shading reads them: texel, owner, edge and hit; where rays start
+/// and how far they went is not known any more. `block`: its number in the piece.
+void append_packets(const HitBlock& block, std::uint32_t number, PageVector<TexelPacket>& packets,
+                    PageVector<HitPacket>& hits);
+
+/// Bytes of the largest encoded block.
+inline constexpr std::uint32_t kMostHitBytes =
+    1024 + HitBlock::kTexels * (2 * sizeof(std::uint16_t) + 3 * sizeof(float) + sizeof(HitFacet) +
+                                sizeof(surface::TexelAxes));
+/// Packets of sixteen for so many hits.
+constexpr std::size_t hit_packets(std::size_t hits) { return (hits + kLanes - 1) / kLanes; }
+
+/// Serialises a block for compression, and back. decode_hits() throws Error(damaged_store) for what
+/// encode() does not make, and for pages beyond `pages`.
+void encode(const HitBlock& block, std::vector<std::byte>& raw);
+HitBlock decode_hits(std::span<const std::byte> raw, std::size_t pages, const std::string& name);
+
+}  // namespace pounce::projection
