@@ -54,10 +54,15 @@ HitBlock hits_of(std::span<const TexelPacket> packets, std::span<const HitPacket
 void append_packets(const HitBlock& block, std::uint32_t number, PageVector<TexelPacket>& packets,
                     PageVector<HitPacket>& hits);
 
+/// Bytes of so many encoded blocks at most: with so many facets and axes, all together.
+constexpr std::uint64_t most_hit_bytes(std::uint64_t blocks, std::uint64_t texels,
+                                       std::uint64_t facets, std::uint64_t axes) {
+  return blocks * 1024 + texels * (2 * sizeof(std::uint16_t) + 3 * sizeof(float)) +
+         facets * sizeof(HitFacet) + axes * sizeof(surface::TexelAxes);
+}
 /// Bytes of the largest encoded block.
 inline constexpr std::uint32_t kMostHitBytes =
-    1024 + HitBlock::kTexels * (2 * sizeof(std::uint16_t) + 3 * sizeof(float) + sizeof(HitFacet) +
-                                sizeof(surface::TexelAxes));
+    most_hit_bytes(1, HitBlock::kTexels, HitBlock::kTexels, HitBlock::kTexels);
 /// Packets of sixteen for so many hits.
 constexpr std::size_t hit_packets(std::size_t hits) { return (hits + kLanes - 1) / kLanes; }
 

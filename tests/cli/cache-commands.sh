@@ -20,12 +20,13 @@ expect 0 cache list
 out_has 'skin.ppm, 16 x 16, 3 x u8'
 out_has 'source.obj as a source'
 out_has 'target.obj as a target'
+out_has 'hits of a target on a source, 16 x 16'
 expect 0 cache list --json
 out_has '"made_from": "skin.ppm, 16 x 16, 3 x u8"'
 expect 0 cache info --json
 grep -A2 '"colour"' "$out" | grep -q '"objects": 1' || fail 'info does not count the image'
 expect 0 cache verify
-out_has '3 packs'
+out_has '4 packs'
 pack=$(ls "$XDG_CACHE_HOME"/pounce/v3/colour/*.pack)
 printf 'X' | dd of="$pack" bs=1 seek=300 conv=notrunc status=none
 expect 6 cache verify
@@ -33,11 +34,11 @@ out_has "$pack"
 expect 6 cache verify --remove
 out_has 'removed'
 expect 0 cache verify
-out_has '2 packs'
+out_has '3 packs'
 expect 0 cache prune --older-than 1h
 out_has 'removed 0 packs'
 expect 0 cache prune --older-than 0s
-out_has 'removed 2 packs'
+out_has 'removed 3 packs'
 # A limit that holds nothing: the same picture, nothing kept, said once.
 expect 0 transfer source.obj target.obj -o p.png --cache-limit 4KiB
 cmp o.png p.png || fail 'the limit changes the picture'
@@ -46,7 +47,7 @@ expect 0 cache list
 silent "$out"
 expect 0 transfer source.obj target.obj -o p.png --cache-limit none
 expect 0 cache clear
-out_has 'removed 3 packs'
+out_has 'removed 4 packs'
 # A file in the way of a cache that was asked for; one that was not is done without.
 expect 5 transfer source.obj target.obj -o p.png --cache skin.ppm
 err_has '--no-cache'

@@ -73,11 +73,13 @@ void DiskPlan::add_geometry(const GeometryRequest& request) {
   stores_ += pack_bytes(size.bytes, size.chunks);
 }
 
-/// As if every texel hit a triangle of its own. The target's triangles count as in its geometry.
-void DiskPlan::add_hits(const GeometryRequest& target, std::uint64_t blocks) {
-  constexpr std::uint64_t kBlock =
-      projection::kMostHitBytes - projection::HitBlock::kTexels * sizeof(surface::TexelAxes);
-  stores_ += pack_bytes(blocks * kBlock + geometry_most(target).bytes, 2 * blocks);
+/// As if every texel hit a triangle of its own, while there are others.
+void DiskPlan::add_hits(const PassPlan& pass, const GeometryRequest& target) {
+  const std::uint64_t blocks = blocks_of(pass.size);
+  const std::uint64_t texels = std::uint64_t{pass.size.width} * pass.size.height;
+  const std::uint64_t facets = std::min(texels, blocks * geometry_most(pass.source).entries);
+  const std::uint64_t axes = std::min(texels, geometry_most(target).entries);
+  stores_ += pack_bytes(projection::most_hit_bytes(blocks, texels, facets, axes), 2 * blocks);
 }
 
 void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes) {
@@ -97,7 +99,7 @@ void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, cons
     const std::uint64_t blocks = blocks_of(plan.passes[p].size);
     for (const GeometryRequest& request : target.requests[p]) {
       add_geometry(request);
-      if (keeps_ && plan.passes[p].keeps_hits) add_hits(request, blocks);
+      if (keeps_ && plan.passes[p].keeps_hits) add_hits(plan.passes[p], request);
     }
     std::uint64_t of_page = 0;
     for (const std::size_t c : plan.passes[p].channels) {

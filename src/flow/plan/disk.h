@@ -36,7 +36,7 @@ class DiskPlan {
 
  private:
   /// What the texels of a page hit: one store more.
-  void add_hits(const GeometryRequest& target, std::uint64_t blocks);
+  void add_hits(const PassPlan& pass, const GeometryRequest& target);
 
   std::uint64_t stores_ = 0;   ///< that stay until the job ends, or in the cache
   std::uint64_t passing_ = 0;  ///< the most of other scratch files at one moment

@@ -6,7 +6,8 @@
 // instruction sets find the same bits.
 //
 // Hits are written while the search runs, block by block in the order in which pieces finish, by
-// the node that stores results. A job that is stopped has published nothing.
+// the node that stores results. A job that is stopped has published nothing. A job does not need
+// them itself, so where the cache cannot take them it goes on without.
 #include "flow/project/known_hits.h"
 
 #include <fmt/format.h>
@@ -184,11 +185,24 @@ HitKeeper::HitKeeper(job::JobContext& job, const MeshProjection& request)
     : job_(job), facts_(facts_of(request)), target_(*request.target) {
   const store::HitGrid grid(facts_.image);
   index_lease_ = runtime::Lease(job.budget, 2 * grid.index_bytes(), "the index of the hits");
-  writer_ = std::make_unique<store::HitStoreWriter>(
-      job.stores->create(store::PackKind::hits, key_of(request),
-                         fmt::format("hits of a target on a source, {} x {}", facts_.image.width,
-                                     facts_.image.height)),
-      grid);
+  while_stored([&] {
+    writer_ = std::make_unique<store::HitStoreWriter>(
+        job.stores->create(store::PackKind::hits, key_of(request),
+                           fmt::format("hits of a target on a source, {} x {}", facts_.image.width,
+                                       facts_.image.height)),
+        grid);
+  });
+}
+
+template <typename Step>
+void HitKeeper::while_stored(const Step& step) {
+  try {
+    step();
+  } catch (const Error& e) {
+    if (e.kind() != ErrorKind::storage) throw;
+    writer_.reset();
+    refusal_ = e.what();
+  }
 }
 
 void HitKeeper::encode(HitWork& work, float max_distance) const {
@@ -213,16 +227,27 @@ void HitKeeper::encode(HitWork& work, float max_distance) const {
 }
 
 void HitKeeper::store(const PieceWork& work) {
-  for (std::size_t b = 0; b < work.blocks.size(); ++b) {
-    if (work.hits[b].empty()) continue;
-    writer_->add(static_cast<std::uint32_t>(work.blocks[b].x),
-                 static_cast<std::uint32_t>(work.blocks[b].y), work.hits[b], work.hit_bytes[b]);
-  }
+  if (writer_ == nullptr) return;
+  while_stored([&] {
+    for (std::size_t b = 0; b < work.blocks.size(); ++b) {
+      if (work.hits[b].empty()) continue;
+      writer_->add(static_cast<std::uint32_t>(work.blocks[b].x),
+                   static_cast<std::uint32_t>(work.blocks[b].y), work.hits[b], work.hit_bytes[b]);
+    }
+  });
 }
 
 void HitKeeper::publish() {
-  const auto pack = job_.stores->publish(writer_->finish(job_.compressor()));
-  job_.count_store(*pack, false);
+  if (writer_ != nullptr) {
+    while_stored([&] {
+      const auto pack = job_.stores->publish(writer_->finish(job_.compressor()));
+      job_.count_store(*pack, false);
+    });
+  }
+  if (writer_ == nullptr) {
+    job_.warn(fmt::format(
+        "what was found on the source cannot be kept, the next job searches again: {}", refusal_));
+  }
 }
 
 std::uint64_t HitKeeper::scratch_bytes() { return 3 * std::uint64_t{projection::kMostHitBytes}; }

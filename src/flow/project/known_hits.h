@@ -6,6 +6,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 
 #include "flow/project/mesh.h"
 #include "store/blocks/hit_store.h"
@@ -24,7 +25,8 @@ std::unique_ptr<store::HitStore> find_hits(job::JobContext& job, const MeshProje
 std::unique_ptr<Projection> shade_known(job::JobContext& job, const MeshProjection& request,
                                         std::unique_ptr<store::HitStore> hits);
 
-/// Keeps the hits of a page on their way from a search to its results.
+/// Keeps the hits of a page on their way from a search to its results. Where they cannot be stored
+/// publish() says so as a warning: the job is done without.
 class HitKeeper {
  public:
   HitKeeper(job::JobContext& job, const MeshProjection& request);
@@ -42,8 +44,13 @@ class HitKeeper {
   job::JobContext& job_;
   const store::HitStore::Facts facts_;
   const store::GeometryStore& target_;
+  /// Does a step of storing, and stores no more where the disk refuses it.
+  template <typename Step>
+  void while_stored(const Step& step);
+
   runtime::Lease index_lease_;
-  std::unique_ptr<store::HitStoreWriter> writer_;
+  std::unique_ptr<store::HitStoreWriter> writer_;  ///< null: refused
+  std::string refusal_;
 };
 
 }  // namespace pounce::flow

@@ -70,6 +70,7 @@ std::uint64_t geometry_directory_bytes(const GeometryRequest& request,
 struct GeometrySize {
   std::uint64_t bytes = 0;
   std::uint64_t chunks = 0;
+  std::uint64_t entries = 0;  ///< triangles, in each block again
 };
 /// The most that such a store holds.
 GeometrySize geometry_most(const GeometryRequest& request);

@@ -556,7 +556,8 @@ GeometrySize geometry_most(const GeometryRequest& request) {
     runs = std::min(blocks * store::kTexelsPerBlock, kEdge * blocks + 2 * kEdge * entries);
   }
   const std::uint64_t pages = request.pages.size() * (sizeof(mesh::Lattice) + 16);
-  return {entries * per_triangle + blocks * kPerBlock + runs * kPerRun + pages, 2 * blocks};
+  return {entries * per_triangle + blocks * kPerBlock + runs * kPerRun + pages, 2 * blocks,
+          entries};
 }
 
 }  // namespace pounce::flow
