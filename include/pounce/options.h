@@ -231,6 +231,7 @@ struct ImageLayout {
   /// file's size, and as much scratch space.
   bool mipmap = false;
   std::uint32_t png_compression = 2;  ///< zlib level of PNG, 0..9: higher is smaller and slower
+  std::uint32_t jpeg_quality = 95;    ///< of JPEG, 1..100: lower is smaller and loses more
   bool operator==(const ImageLayout&) const = default;
 };
 

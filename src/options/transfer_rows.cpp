@@ -169,6 +169,14 @@ Rows<Options> file_rows() {
                     .formats = {"PNG"}},
                    path(&Options::image, &ImageOptions::layout, &ImageLayout::png_compression),
                    integer<std::uint32_t>(0, 9)),
+      row<Options>({.name = "jpeg-quality",
+                    .value = "N",
+                    .group = group,
+                    .help = "Quality of JPEG images: a lower one gives smaller files and loses "
+                            "more detail",
+                    .formats = {"JPEG"}},
+                   path(&Options::image, &ImageOptions::layout, &ImageLayout::jpeg_quality),
+                   integer<std::uint32_t>(1, 100)),
       switch_row<Options>({.name = "mipmap",
                            .group = group,
                            .help = "Write .exr and .tif with all mipmap levels, for renderers; .tx "

@@ -180,7 +180,7 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
     out.attribute("png:compressionLevel", static_cast<int>(spec.layout.png_compression));
     out.attribute("png:filter", kPngFilter);
   } else if (name == "jpeg") {
-    out.attribute("Compression", "jpeg:95");
+    out.attribute("Compression", fmt::format("jpeg:{}", spec.layout.jpeg_quality));
     out.attribute("jpeg:subsampling", "4:4:4");
   } else if (name == "tiff") {
     out.attribute("compression", "zip");
