@@ -197,9 +197,10 @@ class MeshJob {
     io::check_splat_count(options_.output, source->count(), source->lobes());
     std::uint64_t accounted = write_gaussians(job_, *source, file_);
     if (accounted == 0) {
-      throw Error(ErrorKind::input, options_.source +
-                                        ": none of its triangles has an area and a colour, so "
-                                        "there is no Gaussian to write");
+      throw Error(
+          ErrorKind::input,
+          options_.source +
+              ": no triangle has both an area and a colour, so there is no Gaussian to write");
     }
     auto& filtered = job_.report.source_filtered;
     for (const auto reason : {store::SplatFilter::not_finite, store::SplatFilter::sizeless}) {
@@ -246,9 +247,8 @@ class SceneJob {
     tell();
     file.keep.lattice = lattice(source, file.keep);
     if (write_gaussians(job_, source, file) == 0) {
-      throw Error(ErrorKind::input,
-                  fmt::format("{}: none of its {} Gaussians is left to write ({})", options_.source,
-                              info.splats, left_out()));
+      throw Error(ErrorKind::input, fmt::format("{}: all of its {} Gaussians are left out ({})",
+                                                options_.source, info.splats, left_out()));
     }
     for (const std::string& path : info.files) job_.report.bytes_read += job::size_on_disk({path});
   }
@@ -290,7 +290,7 @@ class SceneJob {
   /// What a transfer leaves out since it lies far away from all the rest is of no use to anybody.
   store::SplatLattice lattice(const SceneGaussians& source, const SplatKeep& keep) const {
     const runtime::Lease lease(job_.budget, kept_sample_bytes(source.count(), source.read_bytes()),
-                               "looking at " + options_.source);
+                               "scanning " + options_.source);
     return store::SplatLattice(kept_sample(source, keep));
   }
 
@@ -299,19 +299,19 @@ class SceneJob {
     job_.report.notes = scene_->info().assumptions;
     if (scene_->info().sh_degree > 3) {
       job_.report.notes.push_back(
-          "harmonics of degree 4 are not written: degree 3 is the highest that is read");
+          "spherical harmonics of degree 4 are not written; degree 3 is the highest supported");
     }
     if (!options_.axes.empty()) return;
     job_.report.notes.push_back(
         !turns()
-            ? fmt::format("{} lies as {} does", options_.output, options_.source)
-            : fmt::format("{} is taken to lie {} and is turned to lie {} ({}); --source-axes x,y,z "
-                          "writes it as it is stored",
+            ? fmt::format("{} has the same axes as {}", options_.output, options_.source)
+            : fmt::format("{} is assumed to have {} and is rotated to {} ({}); --source-axes x,y,z "
+                          "writes it as stored",
                           options_.source,
-                          comes_from_gltf() ? "as glTF does (y up)"
-                                            : "as trained scenes do (right, down, forward)",
-                          comes_from_gltf() ? "as trained scenes do (right, down, forward)"
-                                            : "as glTF does (y up)",
+                          comes_from_gltf() ? "glTF axes (y up)"
+                                            : "the axes of trained scenes (right, down, forward)",
+                          comes_from_gltf() ? "the axes of trained scenes (right, down, forward)"
+                                            : "glTF axes (y up)",
                           kHalfTurn));
   }
 
@@ -321,7 +321,7 @@ class SceneJob {
     const std::uint64_t preparing = scene_->prepare_bytes();
     const std::uint64_t looking = kept_sample_bytes(source.count(), source.read_bytes());
     if (preparing > std::max(looking, writing)) return {preparing, "unpacking " + options_.source};
-    if (looking > writing) return {looking, "looking at " + options_.source};
+    if (looking > writing) return {looking, "scanning " + options_.source};
     return {writing, "writing " + options_.output};
   }
 
@@ -352,13 +352,14 @@ class SceneJob {
 
 void check_request(const GaussiansOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
-  if (o.source.empty() || o.output.empty()) usage("a source and an output are needed");
+  if (o.source.empty() || o.output.empty()) usage("a source and an output are required");
   if (!io::splat_output(o.output)) {
-    usage(o.output + ": Gaussians are written as .ply, .spz or .glb; name it as one of these");
+    usage(o.output +
+          ": Gaussians are written as .ply, .spz or .glb; choose one of these extensions");
   }
   for (const SourceTexture& texture : o.source_textures) {
     if (texture.channel != Channel::base_color)
-      usage("--source-texture: Gaussians have the colours of baseColor; give that channel alone");
+      usage("--source-texture: Gaussians have only baseColor; specify that channel only");
   }
   options::check_ranges(o);
   axes_of(as_transfer(o).source_use, "source");

@@ -69,13 +69,14 @@ class MapsJob {
 
   void check_output() {
     if (!has_token(options_.output, "CHANNEL")) {
-      throw Error(ErrorKind::usage,
-                  options_.output + ": needs <CHANNEL>, which becomes position, normal and mask");
+      throw Error(ErrorKind::usage, options_.output +
+                                        ": <CHANNEL> is missing, which becomes position, normal "
+                                        "and mask; add it to the file name");
     }
     if (io::is_tx_path(options_.output)) {
       throw Error(ErrorKind::usage, options_.output +
-                                        ": .tx is for renderers' textures, with smaller levels "
-                                        "that maps of a mesh have not; write .exr or .tif");
+                                        ": .tx is for renderers' textures with mipmaps, which maps "
+                                        "of a mesh do not have; write .exr or .tif");
     }
     by_tile_ = has_token(options_.output, "UDIM") || has_token(options_.output, "UVTILE");
   }
@@ -240,7 +241,7 @@ class MapsJob {
     const auto twice = std::adjacent_find(all.begin(), all.end(), [](const auto& a, const auto& b) {
       return a.y == b.y && a.x == b.x;
     });
-    if (twice != all.end()) store_->damaged("a block is there twice");
+    if (twice != all.end()) store_->damaged("duplicate block");
     return all;
   }
 
@@ -328,7 +329,7 @@ class MapsJob {
 };
 
 void check_options(const MapsOptions& o) {
-  if (o.target.empty()) throw Error(ErrorKind::usage, "a target is needed");
+  if (o.target.empty()) throw Error(ErrorKind::usage, "a target is required");
   options::check_ranges(o);
 }
 

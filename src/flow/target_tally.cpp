@@ -77,17 +77,17 @@ std::string steps_of(const projection::Pose& pose, double diagonal, Vec3d origin
   const projection::PoseParts parts = projection::parts_of(pose);
   std::vector<std::string> steps;
   if (parts.axes != Axes{})
-    steps.push_back(fmt::format("with --target-axes {}", to_text(then(given, parts.axes))));
+    steps.push_back(fmt::format("rotated with --target-axes {}", to_text(then(given, parts.axes))));
   const bool is_unit = parts.scale > kUnits || parts.scale * kUnits < 1;
   if (is_unit) {
     steps.push_back(fmt::format(
-        "scaled by {:.4g} (it is {:.4g} times the source's size in all axes: other units?)",
+        "scaled by {:.4g} (it is {:.4g} times the source's size along all axes: different units?)",
         parts.scale, 1 / parts.scale));
   } else if (std::abs(parts.scale - 1) > kScale) {
     steps.push_back(fmt::format("scaled by {:.4g}", parts.scale));
   }
   if (parts.degrees > kDegrees) {
-    steps.push_back(fmt::format("turned by {:.1f} degrees about ({:.2f} {:.2f} {:.2f})",
+    steps.push_back(fmt::format("rotated by {:.1f} degrees about ({:.2f} {:.2f} {:.2f})",
                                 parts.degrees, parts.about.x, parts.about.y, parts.about.z));
   }
   // --target-axes and units leave 0 where it is; all else is about the target's middle.
@@ -107,8 +107,7 @@ std::string judge_distances(const DistanceCounts& distances) {
                       distances.end(), std::uint64_t{0});
   if (far * 100 <= all * kMostFarPercent) return "";
   return fmt::format(
-      "{:.0f} % of the covered texels found their surface in the farthest quarter of "
-      "--max-distance",
+      "{:.0f} % of the covered texels hit the source in the farthest quarter of --max-distance",
       percent(far, all));
 }
 
@@ -232,7 +231,7 @@ void TargetTally::finish(const Box3f& source) {
   const TexelCounts& counts = target().counts;
   if (target().overlapping > 0) {
     warn(fmt::format(
-        "{} texels are claimed by more than one triangle; the first in file order has them",
+        "{} texels are covered by more than one triangle; the first one in file order is used",
         target().overlapping));
   }
   if (counts.covered > 0) warn_of_empty_pages();
@@ -269,9 +268,9 @@ void TargetTally::warn_of_layers() {
   const TargetReport& entry = target();
   if (!entry.close_layers || *entry.close_layers < kManyLayers) return;
   warn(fmt::format(
-      "on {:.1f} % of the source's surface another layer of it lies within {:.2g}, and this target "
-      "lies {:.2g} from the source on average: some texels may show the wrong layer. Transfer the "
-      "layers one by one (--source-mesh, --source-material), or bring the two shapes closer",
+      "{:.1f} % of the source's surface has another layer within {:.2g}, and this target is {:.2g} "
+      "from the source on average: some texels may show the wrong layer. Transfer the layers one "
+      "by one (--source-mesh, --source-material), or bring the two shapes closer",
       100 * *entry.close_layers, kPerLayer * *entry.mean_distance, *entry.mean_distance));
 }
 
@@ -280,10 +279,10 @@ void TargetTally::warn_of_waste() {
   const TargetReport& entry = target();
   const bool is_part = target_.painted_over || target_.in_part;
   if (entry.fill > 0 && entry.fill < kLittleFill && !is_part) {
-    warn(fmt::format(
-        "its UVs use {:.2g} % of the images ({} of {} texels): pack their charts more tightly "
-        "(Blender: UV > Pack Islands, with a small margin)",
-        100 * entry.fill, entry.counts.texels, image_texels_));
+    warn(
+        fmt::format("its UVs use only {:.2g} % of the images ({} of {} texels): pack the charts "
+                    "more tightly (Blender: UV > Pack Islands, with a small margin)",
+                    100 * entry.fill, entry.counts.texels, image_texels_));
   }
   const double ratio =
       report_.gaussian_size > 0 && entry.texel_size ? *entry.texel_size / report_.gaussian_size : 0;
@@ -291,10 +290,10 @@ void TargetTally::warn_of_waste() {
   std::uint32_t edge = kLeastSize;
   const double wanted = longest_edge_ * ratio / gaussian::kFineSizes;
   while (edge < wanted && edge < kLargestSize) edge *= 2;
-  report_.notes.push_back(fmt::format(
-      "{}: a texel is {:.1f} times as large as the scene's Gaussians are (median): what is finer "
-      "is averaged; --size {} shows more",
-      entry.path, ratio, edge));
+  report_.notes.push_back(
+      fmt::format("{}: texels are {:.1f} times as large as the scene's Gaussians (median), so "
+                  "finer detail is averaged; --size {} shows more",
+                  entry.path, ratio, edge));
 }
 
 bool TargetTally::any_kept() const {
@@ -329,14 +328,14 @@ void TargetTally::warn_of_empty_pages() {
   for (const auto& [material, pages] : sets) {
     const std::string name = fmt::format("material \"{}\"", target_.pages[pages.front()].set);
     if (!model_.empty()) {
-      warn(fmt::format("no texel of {} found a source; it stays as it was", name));
+      warn(fmt::format("no texel of {} found a source; it is left unchanged", name));
       continue;
     }
     std::vector<std::uint32_t> udims;
     for (const std::size_t page : pages) udims.push_back(target_.pages[page].udim);
     std::sort(udims.begin(), udims.end());
-    warn(fmt::format("no texel of UDIM {}{} found a source; no image was written for that",
-                     udim_list(udims), material ? " of " + name : ""));
+    warn(fmt::format("no texel of UDIM {}{} found a source; no image was written", udim_list(udims),
+                     material ? " of " + name : ""));
   }
 }
 
@@ -366,11 +365,11 @@ void TargetTally::warn_of_little(const Box3f& source) {
   }
   const std::string far = judge_distances(target().distances);
   if (far.empty()) return;
-  warn(
-      fmt::format("{} ({:g}): either the source lies farther away, then {}, or this is "
-                  "another object, then colours are by chance. {}",
-                  far, target_.max_distance,
-                  is_beyond() ? fmt::format("give {}", distance_to_give()) : "raise it", places));
+  warn(fmt::format(
+      "{} ({:g}): either the source is farther away ({}), or this is a different object and its "
+      "colours are arbitrary. {}",
+      far, target_.max_distance,
+      is_beyond() ? fmt::format("use {}", distance_to_give()) : "raise --max-distance", places));
 }
 
 /// Is there more of a scene than texels reach?
@@ -384,7 +383,7 @@ std::string TargetTally::distance_to_give() const {
 std::string TargetTally::cure() const {
   if (is_beyond())
     return fmt::format(
-        "the scene's surface lies up to {:.2g} from the target's: align them, or give {}",
+        "the scene's surface is up to {:.2g} from the target's: align them, or use {}",
         scene_distance_, distance_to_give());
   return source_.cure();
 }
@@ -401,12 +400,12 @@ bool TargetTally::is_doubtful() const {
 
 /// The texture is written, but somebody should look at it.
 void TargetTally::warn_of_doubt(const std::string& places) {
-  warn(fmt::format(
-      "the scene may not be this target's (fit {:.2f} of 1; below {:g} is unusual): it has parts "
-      "that the target lacks or the other way round, is shifted, turned or scaled by a few per "
-      "cent, or shows another object of about this shape. {}; look at the texture before you use "
-      "it, and at --channels baseColor,confidence,distance",
-      *target().fit, kSureFit, places));
+  warn(
+      fmt::format("the scene may not match this target (fit {:.2f} of 1; below {:g} is unusual): "
+                  "one may have parts that the other lacks, be shifted, rotated or scaled by a few "
+                  "per cent, or be another object of similar shape. {}; check the texture before "
+                  "you use it, and --channels baseColor,confidence,distance",
+                  *target().fit, kSureFit, places));
 }
 
 bool TargetTally::is_in_question() {
@@ -428,34 +427,33 @@ void TargetTally::warn_of_pose() {
   const projection::MeshFit& fit = mesh_fit_;
   const std::string steps = steps_of(*fit.better, target_.diagonal, plan_.origin, target_.axes);
   if (steps.empty()) return;
-  warn(fmt::format(
-      "only {:.0f} % of its surface lies at the source's (fit {:.2f} of 1); {:.0f} % would if it "
-      "were {}: align the two so",
-      100 * fit.lie_near, fit.fit, 100 * fit.would_lie_near, steps));
+  warn(
+      fmt::format("only {:.0f} % of its surface coincides with the source's (fit {:.2f} of 1); "
+                  "{:.0f} % would if the target were {}: align the two",
+                  100 * fit.lie_near, fit.fit, 100 * fit.would_lie_near, steps));
 }
 
 void TargetTally::warn_of_opposed() {
   const bool is_known = mesh_fit_.target_inward != mesh_fit_.source_inward;
-  warn(
-      fmt::format("its normals look against those of the source where the two lie together{}: flip "
-                  "the normals of {}",
-                  is_known ? fmt::format(", and those of the {} look inward",
-                                         mesh_fit_.target_inward ? "target" : "source")
-                           : "",
-                  is_known && mesh_fit_.source_inward ? "the source"
-                  : is_known                          ? "the target"
-                                                      : "one of them"));
+  warn(fmt::format(
+      "its normals point opposite to the source's where the two coincide{}: flip the normals of {}",
+      is_known ? fmt::format(", and those of the {} point inward",
+                             mesh_fit_.target_inward ? "target" : "source")
+               : "",
+      is_known && mesh_fit_.source_inward ? "the source"
+      : is_known                          ? "the target"
+                                          : "one of them"));
 }
 
 /// What a texel finds of another object is found by chance, so this says all there is to say.
 void TargetTally::warn_of_misfit(const std::string& places) {
   const TexelCounts& counts = target().counts;
   warn(fmt::format(
-      "the scene does not lie at this target's surface (fit {:.2f} of 1): {:.2f} % of its texels "
-      "are covered. {}; if they are one object, align them (--source-axes, scale, units), or {} if "
-      "the surface is farther away than {:g}; --min-confidence 0 shows what is there all the same",
+      "the scene does not match this target's surface (fit {:.2f} of 1): {:.2f} % of its texels "
+      "are covered. {}; if they show the same object, align them (--source-axes, scale, units), or "
+      "{} if the surface is farther away than {:g}; --min-confidence 0 shows all that was found",
       *target().fit, percent(counts.covered, counts.texels), places,
-      is_beyond() ? fmt::format("give {}", distance_to_give()) : "raise --max-distance",
+      is_beyond() ? fmt::format("use {}", distance_to_give()) : "raise --max-distance",
       target_.max_distance));
 }
 

@@ -146,8 +146,8 @@ void TransferPlan::check_channel_outputs() const {
     const std::string name = channel_name(options_, own.channel);
     throw Error(
         ErrorKind::usage,
-        fmt::format("--output-for {}={}: this job makes no {}; name it in --channels{}, or "
-                    "leave this out",
+        fmt::format("--output-for {}={}: this job writes no {}; add it to --channels{}, or remove "
+                    "this option",
                     name, own.path, name,
                     is_shape(own.channel) || own.channel == Channel::normal ? " or --bake" : ""));
   }
@@ -235,8 +235,8 @@ void TransferPlan::warn_of_own_colours() {
   });
   if (!target_.model || !target_.mesh.has_vertex_colours || !has_base) return;
   job_.warn(
-      fmt::format("{}: its vertices have colours, which stay in the model: renderers "
-                  "multiply the new baseColor by them; remove them if that is not meant",
+      fmt::format("{}: its vertex colours stay in the model, and renderers multiply the new "
+                  "baseColor by them; remove them if this is not intended",
                   target_.plan.path));
 }
 
@@ -289,8 +289,8 @@ void TransferPlan::warn_of_kept() {
   const std::vector<std::string>& kept = target_.plan.kept_by_time;
   if (kept.empty()) return;
   target_.plan.warnings.push_back(fmt::format(
-      "{}{}: kept because younger than all inputs; which job made it is not recorded there",
-      kept.front(), kept.size() > 1 ? fmt::format(" and {} more", kept.size() - 1) : ""));
+      "{}{}: skipped because newer than all inputs; no job is recorded there", kept.front(),
+      kept.size() > 1 ? fmt::format(" and {} more", kept.size() - 1) : ""));
 }
 
 void TransferPlan::keep_what_is_there() {

@@ -160,10 +160,11 @@ class TargetTransfer {
 
   void wait_for_others() {
     if (!policy_.waits) {
-      throw Error(ErrorKind::busy,
-                  fmt::format("{}: {} is making outputs of this job; run again without --no-wait "
-                              "to wait for it",
-                              target_.plan.path, other_));
+      throw Error(
+          ErrorKind::busy,
+          fmt::format(
+              "{}: {} is writing outputs of this job; run again without --no-wait to wait for it",
+              target_.plan.path, other_));
     }
     if (!job_.waiting) job_.waiting = std::make_unique<StageTimer>(job_.clock, "wait");
     job_.meter.wait("waiting for " + other_);
@@ -369,7 +370,7 @@ class TargetTransfer {
       const Depth depth = source_plan_.channels[c].format.depth;
       const bool is_half = depth == Depth::half;
       job_.report.warnings.push_back(fmt::format(
-          "{}{}: {} samples of {} were clipped: {} holds {}; {} keeps them", clipped.first,
+          "{}{}: {} samples of {} were clipped: {} holds {}; use {} to keep them", clipped.first,
           clipped.images > 1 ? fmt::format(" and {} more", clipped.images - 1) : "",
           clipped.samples, source_plan_.channels[c].name, depth_name(depth),
           is_half ? "-65504 to 65504" : "0 to 1",

@@ -10,7 +10,7 @@ expect 2 "${job[@]}" -o o.jpg --alpha
 err_has 'JPEG holds no alpha; choose .png, .tif or .exr'
 expect 0 "${job[@]}" -o plain.png --coverage mask.png
 expect 2 "${job[@]}" -o o.png --onto plain.png --alpha
-err_has '--alpha: plain.png has no alpha to paint over'
+err_has '--alpha: plain.png has no alpha channel'
 [[ ! -e o.png && ! -e o.jpg ]] || fail 'an image was made'
 expect 0 "${job[@]}" -o alpha.png --alpha --report r.json
 tr -d ' \n' <r.json | grep -qF '"alpha":"true"' || fail 'the report does not tell of it'

@@ -25,7 +25,7 @@ expect 0 transfer two.obj between.obj -o a.png --size 16 --report r.json
 ! grep -q 'another layer' "$err" || fail 'a warning where the layers are far enough apart'
 { echo "$uvs"; square -0.006 1; } >below.obj
 expect 0 transfer two.obj below.obj -o a.png --size 16 --report r.json
-err_has "below.obj: on 100.0 % of the source's surface another layer of it lies within 0.012, and this target lies 0.006 from the source"
+err_has "below.obj: 100.0 % of the source's surface has another layer within 0.012, and this target is 0.006 from the source"
 err_has '(--source-mesh'
 [[ $(value close_layers) == 1.0 ]] || fail "close_layers $(value close_layers)"
 # Of the layers each by itself nothing is to be said.

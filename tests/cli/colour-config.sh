@@ -17,7 +17,7 @@ same() {
   grep -qiE 'infinite' "$out" || fail "$1 is not ${*:2}"
 }
 
-refused 'say which of its spaces' transfer a.glb b.glb -o o.png --ocio c.ocio
+refused 'none of its colour spaces is used' transfer a.glb b.glb -o o.png --ocio c.ocio
 expect 5 transfer a.glb b.glb -o o.png --ocio c.ocio --source-colorspace squared
 err_has 'c.ocio: cannot open'
 
@@ -47,25 +47,25 @@ table 0.25
 run() { expect 0 transfer source.obj target.obj --size 16 --ocio c.ocio -o "$@"; }
 ends() { expect "$1" transfer source.obj target.obj --size 16 -o no.png --ocio "${@:2}"; }
 ends 2 c.ocio --source-colorspace nope
-err_has 'c.ocio has no such colour space, but raw, lin_rec709, squared, tinted, srgb, table, lost; known without it are srgb'
+err_has 'c.ocio has no such colour space; it has raw, lin_rec709, squared, tinted, srgb, table, lost; built in are srgb'
 ends 2 c.ocio --source-colorspace raw
-err_has 'the space of data, which is never converted'
+err_has 'declares this space as data, which is never converted'
 ends 2 c.ocio --source-colorspace squared
-err_has 'give --output-colorspace'
+err_has 'add --output-colorspace'
 ends 2 c.ocio --output-colorspace srgb
-err_has 'c.ocio means another space by this name'
+err_has 'c.ocio gives this built-in name to a different colour space'
 ends 5 c.ocio --source-colorspace lost --output-colorspace lin_rec709
 err_has 'c.ocio: no way from "lost": '
 ends 3 source.obj --source-colorspace squared
 err_has 'source.obj: is no OpenColorIO configuration'
 expect 2 transfer source.obj target.obj -o no.glb --ocio c.ocio --output-colorspace squared
-err_has 'the textures of glTF are srgb'
+err_has 'glTF textures are always srgb'
 [[ ! -e no.png && ! -e no.glb ]] || fail 'an output of a job that was refused'
 
 # Out of the configuration, into it, through it; by another name; in a model.
 run out.png --source-colorspace squared --output-colorspace display-p3 --report r.json
 err_has 'note: baseColor is converted from squared to display-p3'
-err_has 'note: colours go through c.ocio by OpenColorIO: the last bits of the output may differ'
+err_has 'note: colours are converted by OpenColorIO with c.ocio: the last bits of the output may differ'
 grep -q '"ocio": "c.ocio"' r.json || fail 'no option in the report'
 sed -i 's/name: srgb/name: other/' c.ocio
 run out.png --source-colorspace baseColor=Square --output-colorspace srgb

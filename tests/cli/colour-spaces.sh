@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 # What colours are: taken from files, from the user, converted as OpenColorIO does it, and not asked of glTF's images.
 source "$(dirname "$0")/support.sh"
-refused '--output-colorspace rec2020: this colour space is not known; known are srgb, lin_rec709' \
+refused '--output-colorspace rec2020: unknown colour space; choose srgb, lin_rec709' \
   transfer a.glb b.glb -o o.png --output-colorspace rec2020
-refused '--source-colorspace nope: this colour space is not known' \
+refused '--source-colorspace nope: unknown colour space' \
   transfer a.glb b.glb -o o.png --source-colorspace nope
-refused 'occlusion is data and never converted' \
+refused 'occlusion is data and is never converted' \
   transfer a.glb b.glb -o o.png --source-colorspace occlusion=srgb
-refused 'given twice for baseColor' transfer a.glb b.glb -o o.png --source-colorspace baseColor=srgb \
+refused 'specified twice for baseColor' transfer a.glb b.glb -o o.png --source-colorspace baseColor=srgb \
   --source-colorspace baseColor=acescg
-refused 'EXR holds linear light; choose lin_rec709' transfer a.glb b.glb -o o.exr --output-colorspace srgb
-refused 'the textures of glTF are srgb' transfer a.glb b.glb -o o.glb --output-colorspace acescg
-refused 'an image that is painted onto keeps its own' transfer a.glb b.glb -o o.png --onto old.png \
+refused 'EXR is linear; choose lin_rec709' transfer a.glb b.glb -o o.exr --output-colorspace srgb
+refused 'glTF textures are always srgb' transfer a.glb b.glb -o o.glb --output-colorspace acescg
+refused 'an image that is painted over keeps its own' transfer a.glb b.glb -o o.png --onto old.png \
   --output-colorspace srgb
 
 "$POUNCE_FIXTURE" plane -o s.obj --triangles 200 --texture 64 >/dev/null

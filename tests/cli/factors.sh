@@ -18,15 +18,15 @@ run plain.png
 same plain.png 200 100 50
 printf 'newmtl skin\nKd 0.5 0.5 0.5\nmap_Kd skin.ppm\n' >source.mtl
 run half.png --report r.json
-err_has 'note: source.obj: factors of materials multiplied into the images (--factors ignore: not): baseColor (1 material)'
+err_has 'note: source.obj: material factors multiplied into the images (--factors ignore disables this): baseColor (1 material)'
 same half.png 146 71 34
-grep -q 'factors of materials multiplied' r.json || fail 'no note in the report'
+grep -q 'material factors multiplied' r.json || fail 'no note in the report'
 run ignored.png --factors ignore --report r.json
-err_has 'factors of materials not multiplied into the images: baseColor (1 material)'
+err_has 'material factors not multiplied into the images: baseColor (1 material)'
 same ignored.png 200 100 50
 grep -q '"factors": "ignore"' r.json || fail 'no option in the report'
 run none.png --plan
-err_has 'factors of materials multiplied into the images'
+err_has 'material factors multiplied into the images'
 run gaussian.png --method gaussian
 same gaussian.png 146 71 34
 run gaussian.png --method gaussian --factors ignore # another store
@@ -76,7 +76,7 @@ expect 0 transfer m.gltf m.gltf -o '<CHANNEL>.png' --size 16 --channels emissive
 expect 0 inspect m.gltf
 out_has 'roughness 0.5, metallic 0.2, occlusion_strength 0.4, emissive 0.25 0.5 1, emissive_strength 20'
 expect 0 transfer m.gltf m.gltf -o o.glb --size 8
-! grep -q 'factors of' "$err" || fail 'a model has factors in its material'
+! grep -q 'material factors' "$err" || fail 'a model has factors in its material'
 
 # The model's material has the factors, its images are as they were; a transfer from it shows both.
 expect 0 transfer m.gltf m.gltf -o model.glb --size 16 --padding 16
@@ -132,13 +132,13 @@ err_has '--factors factors'
 # Black everywhere says nothing (Open3D writes it).
 sed -i 's/0.7354 0.7354 0.7354/0 0 0/' source.obj
 run black.png --report r.json
-err_has 'note: source.obj: the colours of its vertices are left out: all of them are black'
+err_has 'note: source.obj: its vertex colours are ignored because all are black'
 same black.png 146 71 34
-grep -q 'all of them are black' r.json || fail 'no note in the report'
+grep -q 'because all are black' r.json || fail 'no note in the report'
 expect 3 transfer source.obj target.obj -o o.exr --size 16 --bake vertexColor
 err_has 'all black'
 expect 0 gaussians source.obj -o o.ply
-err_has 'all of them are black'
+err_has 'because all are black'
 sed -i '0,/0 0 0$/s/0 0 0$/0 0 0.5/' source.obj # one that is not counts
 run dark.png
-! grep -q 'all of them are black' "$err" || fail 'a vertex has a colour'
+! grep -q 'because all are black' "$err" || fail 'a vertex has a colour'

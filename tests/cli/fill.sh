@@ -9,7 +9,7 @@ corners='v 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\n'
 printf "$corners"'vt 0 0\nvt 0.3 0\nvt 0.3 0.3\nvt 0 0.3\nf 1/1 2/2 3/3 4/4\n' >small.obj
 job=(transfer source.obj small.obj -o o.png --size 100 --max-distance 10 --report r.json --no-cache)
 expect 0 "${job[@]}"
-grep -qF 'small.obj: its UVs use 9 % of the images (900 of 10000 texels): pack their charts more tightly' "$err" ||
+grep -qF 'small.obj: its UVs use only 9 % of the images (900 of 10000 texels): pack the charts more tightly' "$err" ||
   fail "no warning of waste"
 is "$(value fill)" 0.09 fill
 is "$(value texel_size)" 0.1 "edge of a texel"
@@ -26,7 +26,7 @@ expect 0 "${job[@]}" --onto o.png
 expect 0 transfer s.ply s_target.glb -o s.png --size 16 --no-cache --report r.json
 ratio=$(awk -v t="$(value texel_size)" -v g="$(value gaussian_size)" 'BEGIN { printf "%.1f", t / g }')
 size=$(awk -v r="$ratio" 'BEGIN { for (s = 256; s < 16 * r / 1.75; s *= 2); print s }')
-grep -qF "s_target.glb: a texel is $ratio times as large as the scene's Gaussians are (median): what is finer is averaged; --size $size shows more" "$err" ||
+grep -qF "s_target.glb: texels are $ratio times as large as the scene's Gaussians (median), so finer detail is averaged; --size $size shows more" "$err" ||
   fail "no note of $ratio and $size"
 expect 0 transfer s.ply s_target.glb -o s.png --size 1024 --no-cache --report r.json
 ! grep -q 'a texel is' "$err" || fail "a note about fine texels"

@@ -40,7 +40,7 @@ for format in ply spz glb; do
   out_has 'gaussians  100, 100 usable'
 done
 expect 0 gaussians scene.ply -o turned.glb --progress none
-err_has 'is taken to lie as trained scenes do (right, down, forward)'
+err_has 'is assumed to have the axes of trained scenes (right, down, forward)'
 err_has '--source-axes x,y,z'
 # How a glTF lies is said wherever it is read, unless the user says it.
 expect 0 inspect turned.glb
@@ -59,7 +59,7 @@ err_has '--sharpen applies only to meshes; scene.ply is a splat scene'
 # Nothing is left, or the source is damaged: what was there stays.
 cp some.spz before.spz
 expect 3 gaussians scene.ply -o some.spz --box 50,50,50,60,60,60
-err_has 'none of its 256 Gaussians is left to write (256 outside of --box)'
+err_has 'all of its 256 Gaussians are left out (256 outside of --box)'
 head -c 3000 scene.ply >cut.ply
 expect 3 gaussians cut.ply -o some.spz
 cmp some.spz before.spz || fail 'a job that failed changed its output'

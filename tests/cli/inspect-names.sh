@@ -59,13 +59,13 @@ END
 quad target
 expect 0 transfer model.obj target.obj -o o.png --size 8
 err_has 'note: model.obj: not transferred: map_Bump (bumps.png, skin.ppm), map_Ks (shine.png), normal (skin.ppm)'
-err_has 'model.obj: factors of materials multiplied into the images (--factors ignore: not): baseColor (1 material)'
-[[ $(grep -cE 'factors of|not transferred' "$err") == 2 ]] || fail 'more than a line per kind'
+err_has 'model.obj: material factors multiplied into the images (--factors ignore disables this): baseColor (1 material)'
+[[ $(grep -cE 'material factors|not transferred' "$err") == 2 ]] || fail 'more than a line per kind'
 # What is not selected is not missed.
 expect 0 transfer model.obj target.obj -o o.png --size 8 --source-material eyes
 err_has 'not transferred: map_Bump (skin.ppm), map_Ks (shine.png)'
 ! grep -q 'normal' "$err" || fail 'a texture of a material that takes no part'
-! grep -q 'factors of' "$err" || fail 'a factor of a material that takes no part'
+! grep -q 'material factors' "$err" || fail 'a factor of a material that takes no part'
 # glTF: a normal map, a texture of an extension, vertex colours; a model output keeps factors.
 cat >m.gltf <<'END'
 {"asset":{"version":"2.0"},"nodes":[{"mesh":0,"name":"body"}],"meshes":[{"name":"shape","primitives":[{"material":0,
@@ -86,8 +86,8 @@ expect 0 transfer m.gltf target.obj -o o.png --size 8
 coat='KHR_materials_clearcoat.clearcoatTexture (skin.ppm)'
 err_has "m.gltf: not transferred: $coat, metallicRoughness (skin.ppm), normal (skin.ppm)"
 ! grep -q 'vertex colours' "$err" || fail 'colours of vertices that are transferred are missed'
-err_has 'm.gltf: the colours of its vertices are multiplied into baseColor'
-err_has 'm.gltf: factors of materials multiplied'
+err_has 'm.gltf: its vertex colours are multiplied into baseColor'
+err_has 'm.gltf: material factors multiplied'
 # A channel is missed where nobody chose, whatever the output.
 expect 0 transfer m.gltf target.obj -o o.png --size 8 --channels baseColor --report r.json
 err_has "not transferred: $coat"
@@ -98,8 +98,8 @@ expect 0 transfer m.gltf target.obj -o o.png --size 8 --plan
 err_has 'not transferred: '
 expect 0 transfer m.gltf m.gltf -o o.glb --size 8
 err_has "not transferred: $coat"
-err_has 'm.gltf: its vertices have colours, which stay in the model'
-! grep -q 'factors of' "$err" || fail 'a model holds factors'
+err_has 'm.gltf: its vertex colours stay in the model'
+! grep -q 'material factors' "$err" || fail 'a model holds factors'
 
 # A hundred materials, and names without end, are one line of a few hundred letters.
 for m in $(seq 100); do

@@ -20,7 +20,7 @@ awk '/^v /{printf "v %.4f %.4f %.4f\n", $2 + 448250, $3 + 5411900, $4 + 120; nex
 
 # Onto itself every texel is its own, whatever the coordinates; so says a note.
 expect 0 transfer map.obj map.obj -o map.png --size 256
-err_has 'map.obj: is far from 0 for its size'
+err_has 'map.obj: far from the origin for its size'
 same_picture map.png noise.ppm || fail 'the scan at map coordinates is not exact onto itself'
 expect 0 transfer local.obj local.obj -o local.png --size 256
 ! grep -q 'far from 0' "$err" || fail 'a note without a reason'
@@ -33,9 +33,9 @@ same_picture y_up.png noise.ppm || fail 'a target with other axes'
 
 # What shows coordinates shows those of the file; a float image has them in steps.
 expect 0 transfer map.obj map.obj -o '<CHANNEL>.exr' --size 16 --bake position
-err_has 'position: floats hold these coordinates in steps of 0.5'
+err_has 'position: floats store these coordinates in steps of 0.5'
 expect 0 maps map.obj -o 'of.<CHANNEL>.exr' --size 16
-err_has 'position: floats hold these coordinates in steps of 0.5'
+err_has 'position: floats store these coordinates in steps of 0.5'
 expect 0 compare position.exr of.position.exr --min-psnr 110
 expect 0 maps local.obj -o 'local.<CHANNEL>.exr' --size 16
 ! same_picture local.position.exr of.position.exr || fail 'positions lost their origin'

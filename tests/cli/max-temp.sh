@@ -14,12 +14,12 @@ expect 0 "${job[@]}" --max-temp none --report r.json
 peak=$(tr -d ' \n' <r.json | sed -nE 's/.*"temp_peak":([0-9]+).*/\1/p')
 ((peak > 200000)) || fail "a job of $peak bytes of scratch shows nothing"
 mv s.png whole.png
-! grep -q 'scratch files may come to need' "$err" || fail "a note about no limit"
+! grep -q 'scratch files may need' "$err" || fail "a note about no limit"
 
 # Too little: no picture, and the message has the limit, the need and the way out.
 refused "scratch files would take more than 100.0 KiB (the job takes " "${job[@]}" --max-temp 100KiB
 grep -qF 'raise the limit with --max-temp, or name a folder with more room with --temp' "$err" || fail "no cure"
-grep -qF 'note: scratch files may come to need' "$err" || fail "not said before"
+grep -qF 'note: scratch files may need' "$err" || fail "not said before"
 [[ $(ls -A | grep -c '\.pounce\|^s.png') == 0 ]] || fail "something was left"
 # What nobody uses any more does not count: half as much again as the peak is enough, and the bytes are the same.
 expect 0 "${job[@]}" --max-temp $((peak * 3 / 2)) --report r.json

@@ -5,8 +5,8 @@ rejected --method paper Gaussian ''
 rejected --sigma 0 0.05 5 wide ''
 refused '--sigma applies only to --method gaussian' transfer a.glb b.glb -o o.png --sigma 0.7
 refused '--densify applies only to --method gaussian' transfer a.glb b.glb -o o.png --densify
-refused 'baseColor only' transfer a.glb b.glb -o o.png --method gaussian --channels occlusion
-refused 'baseColor only' transfer a.glb b.glb -o '<CHANNEL>.png' --method gaussian --channels all
+refused 'transfers only baseColor' transfer a.glb b.glb -o o.png --method gaussian --channels occlusion
+refused 'transfers only baseColor' transfer a.glb b.glb -o '<CHANNEL>.png' --method gaussian --channels all
 rejected --filter bilinear Cubic ''
 refused '--filter applies only to --method surface' transfer a.glb b.glb -o o.png --method gaussian --filter tent
 expect 0 transfer --help
@@ -32,7 +32,7 @@ expect 0 compare g.png s.png --min-psnr 100
 "$POUNCE_FIXTURE" channels -o channels >/dev/null
 source=$(find channels -name '*_src.glb') target=$(find channels -name '*_target.glb')
 expect 0 transfer "$source" "$target" -o '<CHANNEL>.png' --method gaussian
-err_has 'transfers baseColor alone; left out: metallicRoughness, occlusion'
+err_has 'transfers only baseColor; left out: metallicRoughness, occlusion'
 [[ -e baseColor.png && ! -e occlusion.png ]] || fail "files: $(ls)"
 # Gaussians of a scene have their own sizes; the method is the scene's own.
 "$POUNCE_FIXTURE" splats -o scene.ply --count 2000 --target-size 64 >/dev/null

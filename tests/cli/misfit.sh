@@ -10,7 +10,7 @@ moved() {
     /^f /{gsub(\"/[0-9]+ \", \" \"); sub(\"/[0-9]+\$\", \"\")} 1" h/head_same.obj >"$1.obj"
 }
 none() {
-  ! grep -qE 'of its surface lies|its normals look' "$err" || fail 'a warning without a reason'
+  ! grep -qE 'of its surface coincides|its normals point' "$err" || fail 'a warning without a reason'
   grep -q '"fit": 1.0' r.json || fail "the fit: $(grep fit r.json)"
 }
 transfer h/head_same.glb
@@ -23,11 +23,11 @@ none
 
 moved shifted 'put($2 + 0.05, $3, $4)'
 transfer shifted.obj
-err_has 'of its surface lies at the source'
-err_has 'would if it were moved by (-0.05 '
+err_has 'of its surface coincides with the source'
+err_has 'would if the target were moved by (-0.05 '
 moved turned 'put($2 * 0.984808 + $4 * 0.173648, $3, $4 * 0.984808 - $2 * 0.173648)'
 transfer turned.obj
-grep -qE 'turned by (9\.[7-9]|10\.[0-3]) degrees' "$err" || fail 'the turn is not named'
+grep -qE 'rotated by (9\.[7-9]|10\.[0-3]) degrees' "$err" || fail 'the turn is not named'
 moved large 'put(100 * $2, 100 * $3, 100 * $4)'
 transfer large.obj
 err_has 'scaled by 0.01 (it is 100 times'
@@ -44,5 +44,5 @@ grep -qE -- '--target-axes -?x,z,-y' "$err" || fail 'the axes that were given do
 moved inward 'put($2, $3, $4)'
 awk '/^f /{t = $3; $3 = $4; $4 = t} 1' inward.obj >out.obj
 transfer out.obj
-err_has 'its normals look against those of the source where the two lie together, and those of the target look inward'
+err_has 'its normals point opposite to the source'"'"'s where the two coincide, and those of the target point inward'
 err_has 'flip the normals of the target'

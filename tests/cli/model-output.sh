@@ -78,7 +78,7 @@ expect 2 transfer source.obj uses-taken.gltf -o taken.gltf
 err_has 'taken.bin: is also an input'
 rm taken.bin uses-taken.gltf
 expect 2 transfer source.obj one.gltf -o out.glb --depth half
-err_has 'which holds u8 and u16'
+err_has 'which supports u8 and u16'
 expect 2 transfer source.obj one.gltf -o 'out.<CHANNEL>.glb'
 err_has '<TARGET>'
 expect 2 transfer source.obj one.gltf -o out.glb --coverage mask.glb

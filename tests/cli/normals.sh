@@ -8,12 +8,12 @@ for name in Normal '' banana heights,normal; do
   refused 'expected normal, height, position or vertexColor' transfer a.obj b.obj -o o.png --bake "$name"
 done
 refused 'normal only once' transfer a.obj b.obj -o o.png --bake normal,normal
-refused '--bake emissive: it takes normal, height, position and vertexColor' transfer a.obj b.obj -o o.png --bake emissive
-refused '--channels height: it is made of the shape' transfer a.obj b.obj -o o.exr --channels height
+refused '--bake emissive: cannot be baked; choose normal, height, position or vertexColor' transfer a.obj b.obj -o o.png --bake emissive
+refused '--channels height: not a material channel; use --bake height' transfer a.obj b.obj -o o.exr --channels height
 refused '--bake position: o.glb is a model' transfer a.obj b.obj -o o.glb --bake position
 refused '--output-normal-y down: o.glb is a glTF model' transfer a.obj b.obj -o o.glb --output-normal-y down
 refused '--bake applies only to --method surface' transfer a.obj b.obj -o o.png --bake normal --method gaussian
-refused '--source-texture: height is no channel of a material' transfer a.obj b.obj -o o.png --source-texture height=h.png
+refused '--source-texture: height is not a material channel; use --bake height' transfer a.obj b.obj -o o.png --source-texture height=h.png
 
 # A square with a flat normal map, onto itself: a flat one.
 quad target
@@ -36,13 +36,13 @@ expect 0 compare bump.png bump.ppm --min-psnr 45
 # What a flag changes nothing of is said.
 image skin.ppm 8 8 10 20 30
 expect 0 transfer source.obj target.obj -o skin.png --source-texture baseColor=skin.ppm --normal-y down
-err_has '--normal-y: no normal map is made'
+err_has '--normal-y: no normal map is written'
 err_has 'normal (flat.ppm)'
 
 # Without any texture a bake needs a size; the square lies on itself.
 quad bare
 expect 2 transfer bare.obj target.obj -o n.png --bake normal
-err_has 'give --size'
+err_has 'specify --size'
 expect 2 transfer bare.obj target.obj -o h.png --bake height --size 8
 err_has 'write .exr or .tif'
 expect 0 transfer bare.obj target.obj -o '<CHANNEL>.exr' --bake height,normal,position --size 8

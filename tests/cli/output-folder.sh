@@ -46,18 +46,18 @@ else
   chmod 666 locked/old.png && chmod 555 locked && chmod 777 open
   for name in locked/o.png locked/old.png open/away.png; do
     locked 5 transfer source.obj target.obj -o $name --temp /tmp --plan
-    err_has "$name: no file can be made in the folder "
+    err_has "$name: cannot create files in the folder "
     locked 5 transfer source.obj target.obj -o $name --temp /tmp
     ! grep -q project "$err" || fail "$name: refused after the work"
   done
   locked 5 transfer source.obj target.obj -o locked/new/o.png --plan
-  err_has 'the folder locked/new cannot be made in locked'
+  err_has 'cannot create the folder locked/new in locked'
   locked 5 transfer source.obj target.obj -o open/o.png --coverage locked/m.png --plan
   err_has 'locked/m.png'
   locked 5 maps target.obj -o 'locked/<CHANNEL>.exr' --size 4
-  err_has 'locked/position.exr: no file can be made'
+  err_has 'locked/position.exr: cannot create files'
   locked 5 gaussians source.obj -o locked/s.ply
-  err_has 'locked/s.ply: no file can be made'
+  err_has 'locked/s.ply: cannot create files'
   locked 0 transfer source.obj target.obj -o locked/there.png --temp /tmp
   [[ -s open/there.png ]] || fail 'a link out of a locked folder leads nowhere'
   chmod 755 locked && rm -rf locked open

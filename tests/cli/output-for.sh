@@ -7,11 +7,11 @@ done
 refused 'an image (.png, .jpg, .tif, .tx, .exr)' transfer a.glb b.glb -o '<CHANNEL>.png' --output-for height=o.glb
 refused 'images are written as' transfer a.glb b.glb -o '<CHANNEL>.png' --output-for height=o.bmp
 refused 'o.glb is a model' transfer a.glb b.glb -o o.glb --output-for normal=n.exr
-refused 'the channel has a.exr already; give it once' \
+refused 'this channel already has the output a.exr; specify one' \
   transfer a.glb b.glb -o '<CHANNEL>.png' --output-for height=a.exr --output-for height=b.exr
-refused '<UDIM> must be in this pattern as in -o' transfer a.glb b.glb -o '<CHANNEL>.<UDIM>.png' --output-for height=h.exr
-refused '<MATERIAL> must be in this pattern as in -o' transfer a.glb b.glb -o o.png --output-for 'height=<MATERIAL>.exr'
-refused '--onto needs <CHANNEL> then' transfer a.glb b.glb -o o.png --onto p.png --output-for normal=n.png
+refused '<UDIM> must appear both in this pattern and in -o' transfer a.glb b.glb -o '<CHANNEL>.<UDIM>.png' --output-for height=h.exr
+refused '<MATERIAL> must appear both in this pattern and in -o' transfer a.glb b.glb -o o.png --output-for 'height=<MATERIAL>.exr'
+refused '--onto also needs <CHANNEL>' transfer a.glb b.glb -o o.png --onto p.png --output-for normal=n.png
 refused '--exr-compression needs EXR output' \
   transfer a.glb b.glb -o '<CHANNEL>.png' --output-for height=h.tif --exr-compression piz
 
@@ -19,7 +19,7 @@ make_job
 job=(transfer source.obj target.obj --bake normal,height --size 32 --no-cache)
 # What was refused as a whole: heights need floats, normals as PNG are what engines read.
 expect 2 "${job[@]}" -o 'all/<CHANNEL>.png'
-err_has 'signed lengths need half or float samples'
+err_has 'signed values need half or float samples'
 expect 0 "${job[@]}" -o 'all/<CHANNEL>.png' --output-for height=all/height.exr --exr-compression piz --report r.json
 only_files all r.json skin.ppm source.mtl source.obj target.obj
 [[ $(ls all | tr '\n' ' ') == 'baseColor.png height.exr normal.png ' ]] || fail "there are $(ls all)"
@@ -43,7 +43,7 @@ expect 0 "${job[@]}" -o n.png --output-for height=h.exr --coverage '<CHANNEL>_ma
 same_picture n.png all/normal.png || fail "another normal map"
 # What is no channel of this job is said; so is a name that two images would have.
 expect 2 "${job[@]}" -o '<CHANNEL>.png' --output-for height=height.exr --output-for position=p.exr
-err_has '--output-for position=p.exr: this job makes no position; name it in --channels or --bake'
+err_has '--output-for position=p.exr: this job writes no position; add it to --channels or --bake'
 expect 2 "${job[@]}" -o '<CHANNEL>.exr' --output-for height=normal.exr
 err_has 'normal.exr'
 # A map of the user's own, over UDIMs, in another format.

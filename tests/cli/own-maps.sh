@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 # --source-texture NAME=PATH takes maps of the user's own, as colour or as data.
 source "$(dirname "$0")/support.sh"
-refused 'banana: no channel has this name' transfer a.glb b.glb -o o.png --channels banana
+refused 'banana: unknown channel' transfer a.glb b.glb -o o.png --channels banana
 refused 'a.glb is a model' transfer a.glb b.glb -o a.glb --source-texture mask=m.png
 refused '--source-texture: got "all"' transfer a.glb b.glb -o o.png --source-texture all=m.png
 refused '--source-texture: got "BaseColor", expected baseColor, from which it differs in case only' transfer a.glb b.glb -o o.png --source-texture BaseColor=m.png
 refused '--source-texture: got "a/b"' transfer a.glb b.glb -o o.png --source-texture a/b=m.png
 refused '--data: got "baseColor"' transfer a.glb b.glb -o o.png --data baseColor
 refused 'either --data or --color' transfer a.glb b.glb -o o.png --source-texture x=m.png --data x --color x
-refused 'baseColor only' transfer a.glb b.glb -o o.png --method gaussian --source-texture x=m.png --channels x
+refused 'transfers only baseColor' transfer a.glb b.glb -o o.png --method gaussian --source-texture x=m.png --channels x
 same() {
   image wanted.ppm 16 16 "${@:2}"
   expect 0 compare "$1" wanted.ppm
@@ -20,7 +20,7 @@ image lumps.ppm 4 4 10 20 30
 image shine.ppm 4 4 200 100 50
 run() { expect 0 transfer source.obj target.obj -o "$@" --size 16; }
 run '<CHANNEL>.png' --source-texture displacement=lumps.ppm --source-texture gloss-2=shine.ppm --report r.json
-err_has 'note: gloss-2: taken as data, never converted; --color gloss-2 where it is colour'
+err_has 'note: gloss-2: treated as data (never converted); use --color gloss-2 if it is colour'
 ! grep -q 'displacement:' "$err" || fail 'a name that says what it is'
 grep -q '"channel": "displacement"' r.json || fail 'the report has another name'
 same baseColor.png 200 100 50

@@ -43,7 +43,7 @@ err_has 'both.obj: --target-mesh lefft: matches nothing; there are "Left", "Righ
 expect 3 transfer both.obj both.obj -o o.png --source-material blue
 err_has '--source-material blue: matches nothing; there are "red", "green"'
 expect 3 transfer both.obj both.obj -o o.png --target-uv-set 1
-err_has 'both.obj: --target-uv-set 1: there is no such UV set; it has 1, number 0'
+err_has 'both.obj: --target-uv-set 1: no such UV set; the mesh has 1, number 0'
 expect 3 transfer both.obj both.obj -o o.png --source-uv-set 7
 err_has '--source-uv-set 7'
 expect 3 maps both.obj -o '<CHANNEL>.exr' --size 4 --target-mesh Middle

@@ -58,7 +58,7 @@ rm t.1003.png
 exec 9>.t.1003.png.0-0.tmp
 flock 9
 expect 75 "${job[@]}" --no-wait
-err_has 'is making outputs of this job'
+err_has 'is writing outputs of this job'
 "$POUNCE" "${job[@]}" --progress json 2>waiting.txt &
 waiting=$!
 for ((i = 0; i < 200; ++i)); do

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # --skip-existing: what this same job made stays, all else is made. Times count only where no job is said.
 source "$(dirname "$0")/support.sh"
-refused '--skip-existing cannot tell' transfer a.obj b.obj -o o.png --onto o.png --skip-existing
+refused '--skip-existing cannot distinguish' transfer a.obj b.obj -o o.png --onto o.png --skip-existing
 "$POUNCE_FIXTURE" plane -o s.obj --triangles 400 --uv-tiles 3 --texture 16 >/dev/null
 "$POUNCE_FIXTURE" plane -o t.obj --triangles 400 --uv-tiles 3 >/dev/null
 touch -d '2020-01-01' s.* t.*
@@ -23,7 +23,7 @@ err_has 'kept 2'
 touch s.* t.obj # younger than the outputs, but the same
 expect 0 "${job[@]}" --threads 1 --memory 64MiB
 err_has 'kept 3'
-! grep -q 'is not recorded' "$err" || fail 'a warning of what is recorded'
+! grep -q 'no job is recorded' "$err" || fail 'a warning of what is recorded'
 expect 0 "${job[@]}" --plan
 ! grep -qF 't.1001.png' "$out" || fail 'a plan to write what is kept'
 
@@ -43,7 +43,7 @@ touch -d '2020-01-01' s.* t.obj
 painted=$(sum t.1001.png)
 expect 0 "${job[@]}" --padding 2
 err_has 'kept 3'
-err_has 't.1001.png: kept because younger than all inputs; which job made it is not recorded there'
+err_has 't.1001.png: skipped because newer than all inputs; no job is recorded there'
 [[ $(sum t.1001.png) == "$painted" ]] || fail 'painted work is lost'
 touch -d '2019-01-01' t.1001.png
 expect 0 "${job[@]}" --padding 2

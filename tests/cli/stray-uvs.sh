@@ -26,6 +26,6 @@ wait $job || status=$?
 only_files o.json o.png plain.json plain.obj plain.png skin.ppm source.mtl source.obj target.obj
 err_has 'source.obj: the UVs of material "skin" repeat its image 1785 times, triangle 1 alone'
 err_has '117 million Gaussians'
-err_has 'repair stray texture coordinates'
+err_has 'repair the texture coordinates'
 expect 0 gaussians plain.obj -o plain.ply
 ! grep -q repeat "$err" || fail 'a warning too many'

@@ -3,12 +3,12 @@
 source "$(dirname "$0")/support.sh"
 make_job
 expect 3 transfer target.obj source.obj -o o.png
-err_has 'target.obj: the source has no texture, but the target source.obj has; the source comes first: swap the two'
+err_has 'target.obj: the source has no texture, but the target source.obj has one; the source comes first: swap the two'
 expect 3 transfer target.obj source.obj -o o.png --channels occlusion
 err_has 'swap the two'
 # Nobody has a texture: that alone is said.
 expect 3 transfer target.obj target.obj -o o.png
-err_has 'target.obj: no material has a baseColor texture; give one with --source-texture'
+err_has 'target.obj: no material has a baseColor texture; specify one with --source-texture'
 ! grep -q 'swap' "$err" || fail 'nothing is swapped'
 expect 3 transfer source.obj target.obj -o o.png --channels occlusion
 err_has 'source.obj: no material has an occlusion texture'

@@ -17,11 +17,11 @@ expect 2 transfer source.obj one/target.obj two/target.obj -o '<TARGET>.png'
 err_has 'the same for one/target.obj and two/target.obj'
 expect 2 transfer source.obj target.obj one/target.obj -o '<TARGET>.glb'
 expect 2 transfer source.obj target.obj source.obj -o '<TARGET>.png' --coverage mask.png
-err_has 'put <TARGET> into --coverage'
+err_has 'add <TARGET> to --coverage'
 { sed 's/^f/usemtl a\/b\nf/' target.obj && echo 'usemtl a_b' && echo 'f 1/1 2/2 3/3'; } >names.obj
 expect 2 transfer source.obj names.obj -o '<MATERIAL>.png'
 err_has 'a_b.png: <MATERIAL>'
 sed "s/a_b/$(printf 'x%.0s' {1..300})/" names.obj >long.obj
 expect 2 transfer source.obj long.obj -o '<MATERIAL>.png'
-err_has 'too long for a file name'
+err_has 'the file name is too long'
 [[ -z $(ls | grep png) ]] || fail 'an image was written'

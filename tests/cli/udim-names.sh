@@ -30,9 +30,9 @@ for name in s.1001.ppm s.1002.ppm t_u1_v1.ppm maps/s.1001.ppm 'C:\art\s.1001.ppm
   mtl "$name"
   run o.png --report r.json
   err_has 'note: baseColor: '
-  err_has 'since UVs enter 2 tiles and 2 of them have an image there'
+  err_has 'since the UVs enter 2 tiles and 2 of them have an image'
   same_picture o.png truth.png || fail "$name: one tile on all"
-  grep -q 'is taken for one of the UDIM tiles' r.json || fail 'the report does not tell of it'
+  grep -q 'is read as one of the UDIM tiles' r.json || fail 'the report does not tell of it'
 done
 for name in 's.<UDIM>.ppm' 't_<UVTILE>.ppm'; do
   mtl "$name"
@@ -41,7 +41,7 @@ for name in 's.<UDIM>.ppm' 't_<UVTILE>.ppm'; do
 done
 mtl skin_2024.ppm
 run o.png --source-texture baseColor=s.1002.ppm --channels baseColor
-err_has 's.1002.ppm is taken for one of the UDIM tiles s.<UDIM>.ppm'
+err_has 's.1002.ppm is read as one of the UDIM tiles s.<UDIM>.ppm'
 same_picture o.png truth.png || fail '--source-texture: one tile on all'
 expect 0 gaussians source.obj -o a.ply --source-texture baseColor=s.1001.ppm
 expect 0 gaussians source.obj -o b.ply --source-texture 'baseColor=s.<UDIM>.ppm'
@@ -51,7 +51,7 @@ cmp a.ply b.ply || fail 'other Gaussians'
 mtl one.1001.ppm
 run o.png
 same_picture o.png wrong.png || fail 'another picture of the only image'
-err_has "warning: one.1001.ppm: it is called like one UDIM tile, but shown on all 2 tiles that the UVs enter, as there are no images of the others; put them there, or name the set: --source-texture 'baseColor=one.<UDIM>.ppm'"
+err_has "warning: one.1001.ppm: its name is that of one UDIM tile, but it is used for all 2 tiles that the UVs enter because the others have no images; add them, or name the set: --source-texture 'baseColor=one.<UDIM>.ppm'"
 # A number that is no tile of these UVs, and other folders' images, are nothing.
 for name in skin_2024.ppm maps/one.1001.ppm; do
   mtl "$name"

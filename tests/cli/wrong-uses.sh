@@ -18,8 +18,8 @@ refused '-out: long options begin with two dashes; did you mean --output?' trans
 refused '--memory: got "2" and "GiB", expected one word: --memory 2GiB' transfer a.glb b.glb -o o.png --memory 2 GiB
 refused 'compare takes A and B' compare a.png b.png c.png
 refused '--size: given more than once; give it once' transfer a.glb b.glb -o o.png --size 8 --size 9
-refused 'basecolour: no channel has this name; did you mean baseColor?' transfer a.glb b.glb -o o.png --channels basecolour
-refused 'emisive: no channel has this name; did you mean emissive?' transfer a.glb b.glb -o o.png --channels emisive
+refused 'basecolour: unknown channel; did you mean baseColor?' transfer a.glb b.glb -o o.png --channels basecolour
+refused 'emisive: unknown channel; did you mean emissive?' transfer a.glb b.glb -o o.png --channels emisive
 for token in '[UDIM]' '{udim}' 'x.UDIM'; do
   refused '<UDIM> (1001) or <UVTILE> (u1_v1) for a tile' transfer a.glb b.glb -o "o.$token.png"
 done

@@ -216,11 +216,11 @@ TEST_CASE("what a format has no place for is left out and said", "[flow]") {
   write_samples(scene.texture(), kFloatData, samples);
   const Report png = scene.run("out.png");
   CHECK(warnings(png, "out.png") == 1);
-  CHECK(warnings(png, "has no place in PNG and is left out: disp") == 1);
+  CHECK(warnings(png, "does not fit into PNG and is left out: disp") == 1);
   CHECK(scene.result().info.channels == 3);
-  CHECK(warnings(scene.run("out.jpg"), "has no place in JPEG and is left out: disp") == 1);
+  CHECK(warnings(scene.run("out.jpg"), "does not fit into JPEG and is left out: disp") == 1);
   const Report tiff = scene.run("out.tif");
-  CHECK(warnings(tiff, "TIFF has no names for channels: R, G, B, disp") == 1);
+  CHECK(warnings(tiff, "TIFF does not store channel names: R, G, B, disp") == 1);
   const Stored out = scene.result();
   CHECK(out.info.channels == 4);
   CHECK_FALSE(out.info.has_alpha);
@@ -429,7 +429,7 @@ TEST_CASE("a profile that is not known is told", "[flow]") {
   write_samples(scene.texture(), spec, samples);
   change_gamma(scene.texture());
   const Report report = scene.run("out.png");
-  CHECK(warnings(report, "is not applied; its colours are taken as srgb") == 1);
+  CHECK(warnings(report, "is not applied; its colours are read as srgb") == 1);
   scene.options.colour.source_spaces = {{std::nullopt, "srgb"}};
   CHECK(scene.run("out.png").warnings.empty());
 }
@@ -491,7 +491,7 @@ TEST_CASE("images whose channels do not go together are said so", "[flow]") {
   write_samples(scene.folder.file("set.1001.exr"), kFloatData, noise(4));
   write_samples(scene.folder.file("set.1002.exr"), kFloatRgba, noise(4));
   const Report report = scene.run("out.exr");
-  CHECK(warnings(report, "has no place in an image with alpha and is left out: disp") == 1);
+  CHECK(warnings(report, "does not fit into an image with alpha and is left out: disp") == 1);
   CHECK(scene.result().info.names == Names{"R", "G", "B", "A"});
   Scene absent("absent.exr");
   CHECK(error_of(absent, "out.exr", message) == ErrorKind::storage);

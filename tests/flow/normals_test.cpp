@@ -474,16 +474,16 @@ TEST_CASE("what cannot be a normal map or a bake is said", "[flow]") {
   using Catch::Contains;
   CHECK_THAT(fails([](auto& o) { o.channels.transferred = {Channel::normal}; }),
              Contains("no material has a normal texture"));
-  CHECK_THAT(fails([](auto& o) { o.channels.baked = {Channel::normal}; }), Contains("give --size"));
+  CHECK_THAT(fails([](auto& o) { o.channels.baked = {Channel::normal}; }), Contains("specify --size"));
   CHECK_THAT(fails([](auto& o) {
                o.channels.baked = {Channel::height};
                o.image.size = ImageSize{64, 64};
              }),
-             Contains("signed lengths need half or float samples"));
+             Contains("signed values need half or float samples"));
   CHECK_THAT(fails([](auto& o) { o.channels.transferred = {Channel::height}; }),
              Contains("--bake height"));
   CHECK_THAT(fails([](auto& o) { o.channels.baked = {Channel::emissive}; }),
-             Contains("it takes normal, height, position and vertexColor"));
+             Contains("choose normal, height, position or vertexColor"));
   CHECK_THAT(fails([&](auto& o) {
                o.channels.baked = {Channel::position};
                o.output = folder.file("out.glb");
@@ -495,7 +495,7 @@ TEST_CASE("what cannot be a normal map or a bake is said", "[flow]") {
                o.output = folder.file("out.glb");
                o.image.coverage_output.clear();
              }),
-             Contains("have y up"));
+             Contains("always up (+Y)"));
   CHECK_THAT(fails([](auto& o) {
                o.mesh.method = Method::gaussian;
                o.channels.baked = {Channel::normal};

@@ -178,7 +178,7 @@ TEST_CASE("a fit that is neither good nor bad is told", "[flow]") {
     const Report report = sheets.run();
     CAPTURE(*report.targets[0].fit);
     return std::count_if(report.warnings.begin(), report.warnings.end(), [](const auto& warning) {
-      return warning.find("the scene may not be this target's (fit 0.") != std::string::npos;
+      return warning.find("the scene may not match this target (fit 0.") != std::string::npos;
     });
   };
   CHECK(warned() == 0);
@@ -233,7 +233,7 @@ TEST_CASE("a scene that crosses its target does not fit", "[flow]") {
   REQUIRE(!report.warnings.empty());
   const std::string& warning = report.warnings.back();
   for (const char* part :
-       {"does not lie at this target", "--source-axes", "--max-distance", "--min-confidence 0"}) {
+       {"does not match this target", "--source-axes", "--max-distance", "--min-confidence 0"}) {
     CAPTURE(warning, part);
     CHECK(warning.find(part) != std::string::npos);
   }
@@ -253,7 +253,7 @@ TEST_CASE("the fit is looked for farther than colours are", "[flow]") {
   CHECK(report.target_covered * 20 < report.target_texels);
   CHECK(report.source_filtered.empty());
   REQUIRE(!report.warnings.empty());
-  CHECK(report.warnings.back().find("or give --max-distance 0.06") != std::string::npos);
+  CHECK(report.warnings.back().find("or use --max-distance 0.06") != std::string::npos);
   // The sheet is so thick that it comes near enough to be sorted, but others would not be.
   sheets.options.splats.near_target = Length{0.03, false};
   const Report near = sheets.run();
@@ -304,13 +304,13 @@ TEST_CASE("evidence goes only where it can be held", "[flow]") {
     TransferOptions other = sheets.options;
     other.output = sheets.folder.file(std::string("<CHANNEL>.") + ending);
     other.image.depth.reset();
-    refusal(other, "distance: signed lengths");
+    refusal(other, "distance: signed values");
     refusal(other, ".exr or .tif");
   }
   TransferOptions other = sheets.options;
   other.output = sheets.folder.file("<CHANNEL>.tif");
   other.image.depth = Depth::u16;
-  refusal(other, "leave out --depth");
+  refusal(other, "remove --depth");
   other.image.depth.reset();  // colours in integers, lengths in floats
   transfer(other);
   CHECK(std::filesystem::exists(sheets.folder.file("distance.tif")));

@@ -118,7 +118,7 @@ TEST_CASE("the vertices' colours are a base colour of their own", "[flow]") {
   options.image.depth = Depth::float32;
   const Report report = transfer(options);
   CHECK_THAT(notes_of(report),
-             Contains("the colours of its vertices are multiplied into baseColor"));
+             Contains("its vertex colours are multiplied into baseColor"));
   check_affine(read_whole_image(options.output));
 
   options.image.size.reset();
@@ -127,7 +127,7 @@ TEST_CASE("the vertices' colours are a base colour of their own", "[flow]") {
     FAIL("no size, no error");
   } catch (const Error& error) {
     CHECK(error.kind() == ErrorKind::usage);
-    CHECK_THAT(error.what(), Contains("s.glb has no texture whose size") && Contains("--size"));
+    CHECK_THAT(error.what(), Contains("s.glb has no texture that determines the image size") && Contains("--size"));
   }
 }
 
@@ -228,7 +228,7 @@ TEST_CASE("an opacity of the vertices becomes the image's alpha", "[flow]") {
   options.output = folder.file("o.jpg");
   const Report report = transfer(options);
   REQUIRE(report.warnings.size() == 1);
-  CHECK_THAT(report.warnings[0], Contains("baseColor: the opacity of its vertices is left out"));
+  CHECK_THAT(report.warnings[0], Contains("baseColor: the vertices' opacity is left out"));
 }
 
 TEST_CASE("they are baked by themselves, whatever the texture", "[flow]") {

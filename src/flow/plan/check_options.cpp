@@ -29,8 +29,8 @@ void check_method(const TransferOptions& o) {
   });
   if (o.channels.all || !only_colour) {
     throw Error(ErrorKind::usage,
-                "--method gaussian transfers baseColor only; ask for that, or use --method surface "
-                "for other channels");
+                "--method gaussian transfers only baseColor; request only that channel, or use "
+                "--method surface");
   }
 }
 
@@ -39,10 +39,11 @@ void check_layout(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   options::refuse_formats(o);
   if (o.image.drop_alpha && o.splats.alpha)
-    usage("--drop-alpha leaves out what --alpha asks for; give one of them");
+    usage("--drop-alpha contradicts --alpha; use one of them");
   if (o.image.drop_alpha && !o.composite.onto.empty())
     usage(
-        "--drop-alpha: an image that is painted over keeps its channels; leave it out, or --onto");
+        "--drop-alpha: an image that is painted over keeps its channels; remove --drop-alpha or "
+        "--onto");
 }
 
 /// Channels with outputs of their own, which come in as many pages as the others.
@@ -52,31 +53,31 @@ void check_channel_outputs(const TransferOptions& o) {
     const auto& [channel, path] = o.image.channel_outputs[k];
     const std::string what = fmt::format("--output-for {}={}", channel_name(o, channel), path);
     if (io::is_model_path(o.output)) {
-      usage(
-          fmt::format("{}: {} is a model, which holds its images itself; write images, such as "
-                      "'<CHANNEL>.png'",
-                      what, o.output));
+      usage(fmt::format(
+          "{}: {} is a model, which contains its images; write images, such as '<CHANNEL>.png'",
+          what, o.output));
     }
     if (!io::is_image_path(path)) {
       usage(what +
-            ": images are written as .png, .jpg, .jpeg, .tif, .tiff, .tx or .exr; choose "
-            "one of these endings");
+            ": images are written as .png, .jpg, .jpeg, .tif, .tiff, .tx or .exr; choose one of "
+            "these extensions");
     }
     for (std::size_t before = 0; before < k; ++before) {
       if (o.image.channel_outputs[before].channel == channel)
-        usage(fmt::format("{}: the channel has {} already; give it once", what,
+        usage(fmt::format("{}: this channel already has the output {}; specify one", what,
                           o.image.channel_outputs[before].path));
     }
     for (const char* token : {"TARGET", "MATERIAL", "UDIM", "UVTILE"}) {
       if (has_token(path, token) == has_token(o.output, token)) continue;
-      usage(fmt::format("{}: <{}> must be in this pattern as in -o {}: in both or in neither", what,
-                        token, o.output));
+      usage(fmt::format("{}: <{}> must appear both in this pattern and in -o {}, or in neither",
+                        what, token, o.output));
     }
     if (!o.composite.onto.empty() && !has_token(o.composite.onto, "CHANNEL"))
-      usage(what + ": --onto needs <CHANNEL> then: " + o.composite.onto +
-            " is one channel's image");
+      usage(what + ": --onto also needs <CHANNEL>: " + o.composite.onto + " names a single image");
     if (o.skip_existing && !o.composite.onto.empty() && o.composite.onto == path)
-      usage("--skip-existing cannot tell an image that was painted over in place from an old one");
+      usage(
+          "--skip-existing cannot distinguish an image that was painted over in place from an old "
+          "one; use one of --skip-existing and --onto");
   }
 }
 
@@ -85,7 +86,7 @@ void check_evidence(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   for (const SourceTexture& texture : o.material.textures) {
     if (!is_evidence(texture.channel)) continue;
-    usage(fmt::format("--source-texture: {} is no channel of a material; it is found, not read",
+    usage(fmt::format("--source-texture: {} is not a material channel; it is computed, not read",
                       channel_name(texture.channel)));
   }
   for (const Channel channel : o.channels.transferred) {
@@ -103,19 +104,21 @@ void check_baked(const TransferOptions& o) {
   for (const SourceTexture& texture : o.material.textures) {
     if (!is_shape(texture.channel)) continue;
     usage(
-        fmt::format("--source-texture: {} is no channel of a material; it is made of the shape, "
-                    "by --bake {}",
+        fmt::format("--source-texture: {} is not a material channel; use --bake {} to create it "
+                    "from the geometry",
                     channel_name(texture.channel), channel_name(texture.channel)));
   }
   for (const Channel channel : o.channels.transferred) {
     if (!is_shape(channel)) continue;
-    usage(fmt::format("--channels {}: it is made of the shape, by --bake {}", channel_name(channel),
-                      channel_name(channel)));
+    usage(fmt::format(
+        "--channels {}: not a material channel; use --bake {} to create it from the geometry",
+        channel_name(channel), channel_name(channel)));
   }
   for (const Channel channel : o.channels.baked) {
     if (channel != Channel::normal && !is_shape(channel))
-      usage(fmt::format("--bake {}: it takes normal, height, position and vertexColor",
-                        channel_name(o, channel)));
+      usage(
+          fmt::format("--bake {}: cannot be baked; choose normal, height, position or vertexColor",
+                      channel_name(o, channel)));
     if (is_shape(channel) && io::is_model_path(o.output)) {
       usage(
           fmt::format("--bake {}: {} is a model, whose materials have no such texture; write "
@@ -124,8 +127,10 @@ void check_baked(const TransferOptions& o) {
     }
   }
   if (o.image.normal_y == NormalY::down && io::is_model_path(o.output)) {
-    usage(fmt::format("--output-normal-y down: {} is a glTF model, whose normal maps have y up",
-                      o.output));
+    usage(
+        fmt::format("--output-normal-y down: {} is a glTF model, whose normal maps are always up "
+                    "(+Y); write images",
+                    o.output));
   }
 }
 
@@ -140,20 +145,22 @@ std::vector<std::string> channel_names() {
 void check_other_maps(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   if (o.channels.other_maps.size() > kMostOtherMaps)
-    usage(fmt::format("{} maps of your own: at most {}", o.channels.other_maps.size(),
+    usage(fmt::format("{} custom maps; at most {} are allowed", o.channels.other_maps.size(),
                       kMostOtherMaps));
   for (std::size_t k = 0; k < o.channels.other_maps.size(); ++k) {
     const std::string& name = o.channels.other_maps[k].name;
-    if (!is_map_name(name)) usage(fmt::format("\"{}\" is no name for a map", name));
+    if (!is_map_name(name))
+      usage(
+          fmt::format("\"{}\" is not a valid map name; use up to 64 letters, digits, - and _, and "
+                      "no channel's name",
+                      name));
     const bool is_given = std::any_of(
         o.material.textures.begin(), o.material.textures.end(),
         [&](const SourceTexture& texture) { return texture.channel == other_channel(k); });
     if (!is_given) {
       const std::string meant = did_you_mean(name, channel_names());
-      usage(
-          fmt::format("{}: no channel has this name{}{} a map of your own needs "
-                      "--source-texture {}=FILE",
-                      name, meant, meant.empty() ? ";" : "", name));
+      usage(fmt::format("{}: unknown channel{}{} a custom map needs --source-texture {}=FILE", name,
+                        meant, meant.empty() ? ";" : "", name));
     }
     if (io::is_model_path(o.output)) {
       usage(
@@ -176,29 +183,29 @@ void check_other_maps(const TransferOptions& o) {
 void check_output(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   if (o.targets.size() > 1 && !has_token(o.output, "TARGET")) {
-    usage(fmt::format("{} targets need <TARGET> in the output: {} is one name", o.targets.size(),
-                      o.output));
+    usage(fmt::format("{} targets need <TARGET> in the output: {} names a single file",
+                      o.targets.size(), o.output));
   }
   const bool is_model = io::is_model_path(o.output);
   if (!is_model && !io::is_image_path(o.output)) {
     usage(o.output +
           ": models are written as .glb or .gltf, images as .png, .jpg, .jpeg, .tif, .tiff, .tx or "
-          ".exr; choose one of these endings");
+          ".exr; choose one of these extensions");
   }
   if (is_model && o.image.depth && *o.image.depth != Depth::u8 && *o.image.depth != Depth::u16) {
     usage(
-        fmt::format("--depth {}: the images of a model are PNG, which holds u8 and u16; ask for "
+        fmt::format("--depth {}: the images of a model are PNG, which supports u8 and u16; choose "
                     "one of these, or write images",
                     depth_name(*o.image.depth)));
   }
   if (is_model && !o.material.apply_factors) {
     usage(
         "--factors applies only to images: a model keeps the source's factors in its materials; "
-        "leave it out, or leave out vertex colours only: --factors factors");
+        "remove it, or use --factors factors to leave out vertex colours only");
   }
   const bool by_tile = has_token(o.output, "UDIM") || has_token(o.output, "UVTILE");
   if (!o.image.tiles.empty() && !by_tile)
-    usage("--tiles needs <UDIM> or <UVTILE> in the output: " + o.output + " is one image");
+    usage("--tiles needs <UDIM> or <UVTILE> in the output: " + o.output + " names a single image");
 }
 
 /// Images that are painted over.
@@ -206,11 +213,13 @@ void check_composite(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   const auto& [onto, mask] = o.composite;
   if (onto.empty() && !mask.empty())
-    usage("--mask needs --onto: it says where an image is painted over");
+    usage("--mask needs --onto: it limits where an image is painted over");
   if (!onto.empty() && has_token(o.output, "CHANNEL") && !has_token(onto, "CHANNEL"))
-    usage("--onto needs <CHANNEL> when the output has it: " + onto + " is one channel's image");
+    usage("--onto needs <CHANNEL> because the output has it: " + onto + " names a single image");
   if (o.skip_existing && !onto.empty() && onto == o.output)
-    usage("--skip-existing cannot tell an image that was painted over in place from an old one");
+    usage(
+        "--skip-existing cannot distinguish an image that was painted over in place from an old "
+        "one; use one of --skip-existing and --onto");
 }
 
 }  // namespace
@@ -218,10 +227,10 @@ void check_composite(const TransferOptions& o) {
 void check_options(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   if (o.source.empty() || o.targets.empty() || o.output.empty())
-    usage("a source, a target and an output are needed");
+    usage("a source, a target and an output are required");
   options::check_ranges(o);
   if (o.channels.all && !o.channels.transferred.empty())
-    usage("--channels takes either a list or all");
+    usage("--channels accepts either a list or all");
   check_output(o);
   check_channel_outputs(o);
   check_composite(o);

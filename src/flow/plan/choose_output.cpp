@@ -39,25 +39,25 @@ void choose_channels(const TransferOptions& options, const SourceLook& look,
   plan.format.channels = colours + (plan.format.has_alpha ? 1U : 0U);
   if (look.colours == 4 && colours == 3) {
     warnings.push_back(fmt::format(
-        "{}: a fourth channel that is no alpha has no place in {} and is left out: {}", output,
-        onto   ? "what is painted onto"
+        "{}: a fourth channel other than alpha does not fit into {} and is left out: {}", output,
+        onto   ? "the image that is painted over"
         : fits ? format.name
                : "an image with alpha",
         look.names.empty() ? "the fourth" : look.names.back()));
   }
   if (look.colours == 2 && colours == 3 && !onto) {
-    warnings.push_back(
-        fmt::format("{}: {} holds no images of two channels; the third is 0", output, format.name));
+    warnings.push_back(fmt::format("{}: {} does not support two channels; the third is set to 0",
+                                   output, format.name));
   }
   if (plan.names.size() > colours) plan.names.resize(colours);
   const bool named = !plan.names.empty() && !io::are_usual(plan.names, false);
   if (named && !format.annotated) {
     const auto usual = io::usual_names(colours, false);
-    warnings.push_back(
-        fmt::format("{}: {} has no names for channels: {} are written as {}; .exr keeps the names",
-                    output, format.name, io::joined(plan.names),
-                    io::joined({usual.begin(),
-                                usual.begin() + static_cast<std::ptrdiff_t>(plan.names.size())})));
+    warnings.push_back(fmt::format(
+        "{}: {} does not store channel names: {} are written as {}; use .exr to keep the names",
+        output, format.name, io::joined(plan.names),
+        io::joined(
+            {usual.begin(), usual.begin() + static_cast<std::ptrdiff_t>(plan.names.size())})));
   }
   if (plan.names.size() < colours) plan.names.clear();
   if (!plan.names.empty() && plan.format.has_alpha) {  // of their layer: "diffuse.R", "diffuse.A"
@@ -79,7 +79,7 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Colou
   if (plan.size.width == 0) plan.size = {kUntexturedSize, kUntexturedSize};
   if (plan.size.width > store::kLargestImageSide || plan.size.height > store::kLargestImageSide) {
     throw Error(ErrorKind::usage,
-                fmt::format("--size {}x{}: at most {} texels a side", plan.size.width,
+                fmt::format("--size {}x{}: each side is limited to {} texels", plan.size.width,
                             plan.size.height, store::kLargestImageSide));
   }
   const std::string& output = output_of(options, plan.channel);
@@ -110,18 +110,17 @@ void check_numbers(const TransferOptions& options, const ChannelPlan& plan,
   if (plan.format.channels != samples) {
     throw Error(
         ErrorKind::usage,
-        fmt::format("{} {}: --onto {} holds {} samples per texel, this is {}; put <CHANNEL> "
-                    "into --onto, or leave {} to a run of its own",
+        fmt::format("{} {}: --onto {} has {} samples per texel, this channel has {}; add <CHANNEL> "
+                    "to --onto, or transfer {} in a separate run",
                     option, name, options.composite.onto, plan.format.channels, samples, name));
   }
   const bool is_float = plan.format.depth == Depth::half || plan.format.depth == Depth::float32;
   if (plan.channel == Channel::confidence || is_float) return;
-  throw Error(
-      ErrorKind::usage,
-      fmt::format("{} {}: signed lengths need half or float samples, {} would hold {}; "
-                  "write .exr or .tif{}",
-                  option, name, output_of(options, plan.channel), depth_name(plan.format.depth),
-                  options.image.depth ? " and leave out --depth" : ""));
+  throw Error(ErrorKind::usage, fmt::format("{} {}: signed values need half or float samples, but "
+                                            "{} would hold {}; write .exr or .tif{}",
+                                            option, name, output_of(options, plan.channel),
+                                            depth_name(plan.format.depth),
+                                            options.image.depth ? " and remove --depth" : ""));
 }
 
 }  // namespace pounce::flow

@@ -31,16 +31,16 @@ constexpr std::uint64_t kLookAnyway = 64ULL << 20;
 /// EXR holds linear light, whatever is asked for.
 void check_exr_space(const TransferOptions& options, const ColourSpace& asked) {
   if (asked.linear) return;
-  throw Error(ErrorKind::usage,
-              fmt::format("--output-colorspace {}: EXR holds linear light; choose lin_rec709, "
-                          "acescg or aces2065-1, or another format",
-                          options.image.colour_space));
+  throw Error(ErrorKind::usage, fmt::format("--output-colorspace {}: EXR is linear; choose "
+                                            "lin_rec709, acescg or aces2065-1, or another format",
+                                            options.image.colour_space));
 }
 
 void check_output_space(const TransferOptions& options, const ColourSpace& asked) {
   if (!options.composite.onto.empty()) {
     throw Error(ErrorKind::usage,
-                "--output-colorspace: an image that is painted onto keeps its own; leave it out");
+                "--output-colorspace: an image that is painted over keeps its own colour space; "
+                "remove this option");
   }
   if (io::is_exr(options.output, options.image.depth.value_or(Depth::u8)))
     check_exr_space(options, asked);
@@ -48,7 +48,7 @@ void check_output_space(const TransferOptions& options, const ColourSpace& asked
       asked.config_name.empty() && !asked.linear && same_primaries(asked.primaries, kRec709);
   if (io::is_model_path(options.output) && !is_srgb) {
     throw Error(ErrorKind::usage,
-                fmt::format("--output-colorspace {}: the textures of glTF are srgb; write images",
+                fmt::format("--output-colorspace {}: glTF textures are always srgb; write images",
                             options.image.colour_space));
   }
 }
@@ -58,12 +58,10 @@ void check_kept(const TransferOptions& options, const ColourSpace& source) {
   const bool is_said = !options.image.colour_space.empty() || !options.composite.onto.empty() ||
                        io::is_model_path(options.output);
   if (source.config_name.empty() || is_said) return;
-  throw Error(
-      ErrorKind::usage,
-      fmt::format("--source-colorspace {0}: what shall become of it? A file cannot say that "
-                  "it holds a space of {1}; give --output-colorspace, such as srgb, "
-                  "lin_rec709 or {0}",
-                  source.config_name, options.colour.config));
+  throw Error(ErrorKind::usage,
+              fmt::format("--source-colorspace {0}: an output file cannot state a colour space of "
+                          "{1}; add --output-colorspace, such as srgb, lin_rec709 or {0}",
+                          source.config_name, options.colour.config));
 }
 
 /// The first of them, for messages.
@@ -85,12 +83,12 @@ void check_colour_spaces(const TransferOptions& options) {
         source.channel ? channel_name(options, *source.channel) : "all channels";
     if (source.channel && !is_colour(options, *source.channel)) {
       throw Error(ErrorKind::usage,
-                  fmt::format("--source-colorspace {}={}: {} is data and never converted", channel,
-                              source.space, channel));
+                  fmt::format("--source-colorspace {}={}: {} is data and is never converted",
+                              channel, source.space, channel));
     }
     if (std::find(given.begin(), given.end(), channel) != given.end())
       throw Error(ErrorKind::usage,
-                  fmt::format("--source-colorspace: given twice for {}", channel));
+                  fmt::format("--source-colorspace: specified twice for {}", channel));
     given.push_back(channel);
   }
   if (spaces.asked()) check_output_space(options, *spaces.asked());
@@ -104,8 +102,8 @@ ColourSpaces::ColourSpaces(const TransferOptions& options, bool for_model)
   if (!options.colour.config.empty()) {
     if (options.colour.source_spaces.empty() && options.image.colour_space.empty()) {
       throw Error(ErrorKind::usage,
-                  fmt::format("--ocio {}: say which of its spaces the source holds or the output "
-                              "shall hold, with --source-colorspace or --output-colorspace",
+                  fmt::format("--ocio {}: none of its colour spaces is used; select one with "
+                              "--source-colorspace or --output-colorspace",
                               options.colour.config));
     }
     config_ = std::make_unique<const io::ColourConfig>(
@@ -124,21 +122,20 @@ ColourSpace ColourSpaces::resolved(const char* option, const std::string& name) 
     return *own;
   }
   if (config_ == nullptr) {
-    throw Error(ErrorKind::usage,
-                fmt::format("{} {}: this colour space is not known; known are {}, and with --ocio "
-                            "CONFIG those of an OpenColorIO configuration",
-                            option, name, colour_space_names()));
+    throw Error(ErrorKind::usage, fmt::format("{} {}: unknown colour space; choose {}, or one of "
+                                              "an OpenColorIO configuration with --ocio CONFIG",
+                                              option, name, colour_space_names()));
   }
   if (!config_->has(name)) {
     throw Error(
         ErrorKind::usage,
-        fmt::format("{} {}: {} has no such colour space, but {}; known without it are {}", option,
-                    name, config_->path(), some_of(config_->names()), colour_space_names()));
+        fmt::format("{} {}: {} has no such colour space; it has {}; built in are {}", option, name,
+                    config_->path(), some_of(config_->names()), colour_space_names()));
   }
   if (config_->is_data(name)) {
     throw Error(ErrorKind::usage,
-                fmt::format("{} {}: of {} this is the space of data, which is never converted; "
-                            "leave it out, or say --data of the map",
+                fmt::format("{} {}: {} declares this space as data, which is never converted; "
+                            "remove it, or mark the map with --data",
                             option, name, config_->path()));
   }
   return {kRec709, true, config_->full_name(name)};
@@ -164,10 +161,9 @@ void ColourSpaces::refuse_other_meaning(const char* option, const std::string& n
     theirs->apply(got);
     for (std::size_t c = 0; c < 3; ++c) {
       if (std::fabs(got[c] - expected.v[c]) <= kAlike) continue;
-      throw Error(ErrorKind::usage,
-                  fmt::format("{} {}: {} means another space by this name than the one that is "
-                              "always called so here; use another of its names for it there",
-                              option, name, config_->path()));
+      throw Error(ErrorKind::usage, fmt::format("{} {}: {} gives this built-in name to a different "
+                                                "colour space; use another alias of that space",
+                                                option, name, config_->path()));
     }
   }
 }
@@ -277,8 +273,8 @@ void ColourSpaces::finish(SourcePlan& plan) const {
   plan.table_loading_bytes = config_->table_loading_bytes();
   plan.table_bytes = config_->table_bytes();
   plan.notes.push_back(
-      fmt::format("colours go through {} by OpenColorIO: the last bits of the output may differ "
-                  "from one kind of processor to another",
+      fmt::format("colours are converted by OpenColorIO with {}: the last bits of the output may "
+                  "differ between kinds of processors",
                   config_->path()));
 }
 

@@ -142,8 +142,8 @@ DiskForecast DiskPlan::forecast() const {
 std::string scratch_note(const DiskForecast& disk) {
   if (disk.scratch_limit_bytes == 0 || disk.scratch_bytes <= disk.scratch_limit_bytes) return {};
   return fmt::format(
-      "scratch files may come to need {}, if nothing compresses, and are allowed {}: the job ends "
-      "there with an error; --max-temp allows more, --temp names another folder",
+      "scratch files may need {} if nothing compresses, but their limit is {}: the job fails when "
+      "it is reached; raise it with --max-temp, or choose another folder with --temp",
       runtime::format_bytes(disk.scratch_bytes), runtime::format_bytes(disk.scratch_limit_bytes));
 }
 

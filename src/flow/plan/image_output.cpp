@@ -51,19 +51,16 @@ io::ImageInfo checked_header(const std::string& option, const std::string& path,
                              const std::vector<ImageFormat>& allowed) {
   std::error_code error;
   if (fs::status(path, error).type() == fs::file_type::not_found) {
-    throw Error(
-        ErrorKind::storage,
-        fmt::format("{}: there is no such file for {}; make it (an empty image will do), or "
-                    "name the UDIMs that there are with --tiles",
-                    path, option));
+    throw Error(ErrorKind::storage, fmt::format("{}: missing for {}; create it (an empty image "
+                                                "will do), or list the existing UDIMs with --tiles",
+                                                path, option));
   }
   const io::ImageInfo info = io::ImageReader(path, allowed).info();
   if (info.width != size.width || info.height != size.height) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: {} has {} x {} texels, but the output {} x {}; resize it, or leave "
-                    "out --size to get the size of the image that is painted onto",
-                    path, option, info.width, info.height, size.width, size.height));
+    throw Error(ErrorKind::input,
+                fmt::format("{}: {} has {} x {} texels, but the output has {} x {}; resize it, or "
+                            "remove --size to use the size of the image that is painted over",
+                            path, option, info.width, info.height, size.width, size.height));
   }
   return info;
 }
@@ -87,8 +84,7 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
       first = name;
   }
   if (first.empty()) {
-    throw io::MissingFile(
-        fmt::format("{}: --onto: no file has such a name; name images that are there", pattern));
+    throw io::MissingFile(fmt::format("{}: --onto: no such file; name existing images", pattern));
   }
   return io::ImageReader((path.parent_path() / first).string(), options.allowed_formats).info();
 }
@@ -109,11 +105,9 @@ OntoImage plan_onto(const TransferOptions& options, const std::string& output,
   const bool lost_alpha = info.has_alpha && !format.has_alpha;
   const bool made_alpha = !info.has_alpha && info.channels == 4 && format.has_alpha;
   if (info.channels > format.channels || lost_alpha || made_alpha) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: --onto holds {}, unlike the first image of that pattern; make them "
-                    "alike",
-                    onto.path, header_text(info)));
+    throw Error(ErrorKind::input, fmt::format("{}: --onto image has {}, unlike the first image of "
+                                              "the pattern; convert them to one format",
+                                              onto.path, header_text(info)));
   }
   onto.alpha = format.has_alpha && source.alpha && info.has_alpha ? shading::PaintAlpha::mix
                                                                   : shading::PaintAlpha::keep;

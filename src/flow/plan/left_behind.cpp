@@ -122,9 +122,9 @@ std::string factors_note(const TransferOptions& options, const SourcePlan& plan,
   }
   if (counts.empty()) return "";
   return fmt::format(
-      "{}: factors of materials {}: {}", source.path,
+      "{}: material factors {}: {}", source.path,
       options.material.apply_factors
-          ? fmt::format("multiplied into the images (--factors {}: not)",
+          ? fmt::format("multiplied into the images (--factors {} disables this)",
                         options.material.apply_vertex_colours && !source.colours.empty()
                             ? "vertices"
                             : "ignore")

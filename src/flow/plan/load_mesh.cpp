@@ -40,11 +40,10 @@ void refuse_swapped(const mesh::Mesh& source, const mesh::Mesh& target) {
   }
   // It may have some, and whoever needs them says what is missing.
   if (!source.unread_files.empty() || !has_textures(target)) return;
-  throw Error(
-      ErrorKind::input,
-      fmt::format("{}: the source has no texture, but the target {} has; the source comes first: "
-                  "swap the two, or give --source-texture baseColor=FILE",
-                  source.path, target.path));
+  throw Error(ErrorKind::input,
+              fmt::format("{}: the source has no texture, but the target {} has one; the source "
+                          "comes first: swap the two, or add --source-texture baseColor=FILE",
+                          source.path, target.path));
 }
 
 namespace {
@@ -64,10 +63,10 @@ void drop_black(mesh::Mesh& mesh) {
   });
   if (mesh.colours.empty() || !is_black) return;
   mesh.colours = {};
-  mesh.notes.push_back(fmt::format(
-      "{}: the colours of its vertices are left out: all of them are black, as some programs write "
-      "where there are none",
-      mesh.path));
+  mesh.notes.push_back(
+      fmt::format("{}: its vertex colours are ignored because all are black (some programs write "
+                  "black where there are none)",
+                  mesh.path));
 }
 
 }  // namespace
@@ -90,7 +89,7 @@ mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::str
   if (use.uv_set && *use.uv_set >= mesh.uv_sets.size()) {
     const std::size_t count = mesh.uv_sets.size();
     throw Error(ErrorKind::input,
-                fmt::format("{}: --{}-uv-set {}: there is no such UV set; it has {}{}", path, side,
+                fmt::format("{}: --{}-uv-set {}: no such UV set; the mesh has {}{}", path, side,
                             *use.uv_set, count,
                             count == 0   ? ""
                             : count == 1 ? ", number 0"
@@ -150,8 +149,8 @@ PlacedMesh place_mesh(const std::string& path, const MeshUse& use, const std::st
 std::string origin_note(const std::string& path, Vec3d origin) {
   if (origin == Vec3d{}) return "";
   return fmt::format(
-      "{}: is far from 0 for its size, as at map coordinates; positions are processed relative to "
-      "({} {} {}) and written in the file's coordinates",
+      "{}: far from the origin for its size, as with map coordinates; positions are processed "
+      "relative to ({} {} {}) and written in the file's coordinates",
       path, origin.x, origin.y, origin.z);
 }
 
@@ -160,7 +159,7 @@ std::string positions_note(Vec3d origin, Depth depth) {
   int exponent = 0;
   std::frexp(largest(origin), &exponent);
   const bool is_half = depth == Depth::half;
-  return fmt::format("position: {} hold these coordinates in steps of {:g}",
+  return fmt::format("position: {} store these coordinates in steps of {:g}",
                      is_half ? "half floats" : "floats",
                      std::ldexp(1.0, exponent - (is_half ? 11 : 24)));
 }
@@ -177,9 +176,9 @@ std::string coarse_positions(const mesh::Mesh& mesh, Vec3d origin, ImageSize siz
   const double step = step_of(mesh, origin);
   if (!(step > texel)) return "";
   return fmt::format(
-      "{}: stores positions in steps of {:g}, as single precision does that far from 0, and a "
-      "texel is about {:.2g} wide: its surface is stepped; export it with its offset in a node's "
-      "translation (glTF) or with more digits (OBJ), or nearer to 0",
+      "{}: stores positions in steps of {:g} (single precision that far from the origin), but a "
+      "texel is only about {:.2g} wide: its surface is stepped; export it closer to the origin, "
+      "with its offset in a node's translation (glTF), or with more digits (OBJ)",
       mesh.path, step, texel);
 }
 

@@ -148,16 +148,17 @@ class ChannelPlanner {
     if (!is_other(channel)) return;
     const OtherMap& map = options_.channels.other_maps[other_index(channel)];
     if (map.is_colour || usually_colour(map.name)) return;
-    plan_.notes.push_back(fmt::format(
-        "{}: taken as data, never converted; --color {} where it is colour", map.name, map.name));
+    plan_.notes.push_back(
+        fmt::format("{}: treated as data (never converted); use --color {} if it is colour",
+                    map.name, map.name));
   }
 
   void note_factors(const ChannelPlan& plan) {
     const auto has_factor = [](const PageTexture& page) { return page.factor.has_value(); };
     if (std::none_of(plan.pages.begin(), plan.pages.end(), has_factor)) return;
     plan_.notes.push_back(
-        fmt::format("{}: its materials have different {} factors, a model's material has one: "
-                    "they are multiplied into the images",
+        fmt::format("{}: its materials have different {} factors, but a model's material has only "
+                    "one: they are multiplied into the images",
                     source_.path, plan.name));
   }
 
@@ -192,8 +193,8 @@ class ChannelPlanner {
       const std::uint32_t samples = image->info.channels - (image->info.has_alpha ? 1U : 0U);
       if (samples >= 3) continue;
       throw Error(ErrorKind::input,
-                  fmt::format("{}: has {} channel{}, a normal map has three; heights are none: "
-                              "bake them into one",
+                  fmt::format("{}: has {} channel{}, but a normal map has three; convert a height "
+                              "map to a normal map first",
                               image->image.label, samples, samples == 1 ? "" : "s"));
     }
   }
@@ -208,7 +209,7 @@ class ChannelPlanner {
     }
     if (largest.width == 0 && !options_.image.size && options_.composite.onto.empty()) {
       throw Error(ErrorKind::usage,
-                  fmt::format("{}{} has no texture whose size the images could take; give --size",
+                  fmt::format("{}{} has no texture that determines the image size; specify --size",
                               plan.baked ? "--bake: " : "", source_.path));
     }
     return largest;
@@ -265,12 +266,11 @@ class ChannelPlanner {
     take_three(look);
     const bool has_opacity = std::any_of(source_.colours.begin(), source_.colours.end(),
                                          [](const Vec4f& c) { return c.w != 1; });
-    if (has_opacity && !look.alpha) take_opacity("the opacity of its vertices", plan, look);
+    if (has_opacity && !look.alpha) take_opacity("the vertices' opacity", plan, look);
     if (!plan.is_tinted()) return;
     plan_.notes.push_back(fmt::format(
-        "{}: the colours of its vertices are multiplied into {} "
-        "(--factors {}: not)",
-        source_.path, plan.name, options_.material.apply_factors ? "factors" : "textures"));
+        "{}: its vertex colours are multiplied into {} (--factors {} disables this)", source_.path,
+        plan.name, options_.material.apply_factors ? "factors" : "textures"));
   }
 
   void take_opacity(const char* what, const ChannelPlan& plan, SourceLook& look) {
@@ -281,7 +281,7 @@ class ChannelPlanner {
     if (!look.alpha) {
       plan_.warnings.push_back(
           fmt::format("{}: {} is left out: {}", plan.name, what,
-                      why.empty() ? "the source's images have four channels of their own" : why));
+                      why.empty() ? "the source's images already have four channels" : why));
     }
   }
 
@@ -316,10 +316,11 @@ class ChannelPlanner {
         first = image;
         look.names = names;
       } else if (names != look.names) {
-        plan_.warnings.push_back(fmt::format(
-            "{}: the channels of {} are {}, those of {} {}; the output has the usual names",
-            planning_.name_of(channel), first->image.label, io::joined(look.names),
-            image->image.label, io::joined(names)));
+        plan_.warnings.push_back(
+            fmt::format("{}: the channels of {} are {}, but those of {} are {}; the output has the "
+                        "default names",
+                        planning_.name_of(channel), first->image.label, io::joined(look.names),
+                        image->image.label, io::joined(names)));
         look.names.clear();
         return;
       }
@@ -335,8 +336,8 @@ class ChannelPlanner {
       const ColourSpace space = spaces_.of(channel, *image);
       if (!problem.empty() && image->heeds_tags && !spaces_.given(channel)) {
         plan_.warnings.push_back(
-            fmt::format("{}: {}; its colours are taken as {}; convert the image, or say what they "
-                        "are with --source-colorspace",
+            fmt::format("{}: {}; its colours are read as {}; convert the image, or specify its "
+                        "colour space with --source-colorspace",
                         image->image.label, problem, colour_space_name(space)));
       }
       const bool is_said = !same_primaries(space.primaries, kRec709) ||

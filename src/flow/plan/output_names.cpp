@@ -68,8 +68,7 @@ namespace {
 void check_folder(const std::string& path) {
   const std::string place = io::output_place(path);
   if (place.empty()) {
-    throw Error(ErrorKind::storage,
-                path + ": is a link that leads to no file; write to another name");
+    throw Error(ErrorKind::storage, path + ": is a broken link; choose another name");
   }
   const std::string folder = std::filesystem::path(place).parent_path().string();
   const std::string there = io::existing_folder(folder);
@@ -83,8 +82,8 @@ void check_folder(const std::string& path) {
   throw Error(
       ErrorKind::storage,
       folder.empty() || there == folder
-          ? fmt::format("{}: no file can be made in the folder {}: {}", path, there, reason)
-          : fmt::format("{}: the folder {} cannot be made in {}: {}", path, folder, there, reason));
+          ? fmt::format("{}: cannot create files in the folder {}: {}", path, there, reason)
+          : fmt::format("{}: cannot create the folder {} in {}: {}", path, folder, there, reason));
 }
 
 }  // namespace
@@ -101,15 +100,16 @@ void check_outputs(const std::vector<std::string>& paths, const std::string& cur
     std::error_code problem;
     const bool taken = fs::is_directory(path, problem);
     if (problem == std::errc::filename_too_long) {
-      throw Error(ErrorKind::usage,
-                  path + ": is too long for a file name; shorten it, or what its tokens stand for");
+      throw Error(
+          ErrorKind::usage,
+          path + ": the file name is too long; shorten it, or the names its tokens expand to");
     }
     if (taken) {
       throw Error(ErrorKind::storage, fmt::format("{}: is a folder; name a file in it", path));
     }
     if (fs::exists(path, problem) && !fs::is_regular_file(path, problem)) {
       throw Error(ErrorKind::storage,
-                  path + ": there is something of that name that is not a file; choose another");
+                  path + ": exists but is not a regular file; choose another name");
     }
   }
 }

@@ -24,6 +24,6 @@ const std::string& output_of(const TransferOptions& options, Channel channel);
 /// too long for the file system; Error(storage) where no file can be made: a folder that may not be
 /// written or made, a link that leads nowhere, something that is no file.
 void check_outputs(const std::vector<std::string>& paths,
-                   const std::string& cure = "put <CHANNEL> or <MATERIAL> into the pattern");
+                   const std::string& cure = "add <CHANNEL> or <MATERIAL> to the pattern");
 
 }  // namespace pounce::flow

@@ -59,9 +59,9 @@ class SourcePlanner {
     if (!has_surface(source_)) {
       throw Error(
           ErrorKind::input,
-          fmt::format("{}: all of its {} triangles are degenerate, none has an area; export "
-                      "the model again",
-                      source_.path, source_.triangles.size()));
+          fmt::format(
+              "{}: all of its {} triangles are degenerate (no area); export the model again",
+              source_.path, source_.triangles.size()));
     }
     const std::vector<Channel> chosen = chosen_channels();
     for (const Channel channel : chosen) {
@@ -113,8 +113,8 @@ class SourcePlanner {
     if (plan_.makes_normals()) return;
     const bool source = options_.material.normal_y != NormalY::up;
     if (!source && options_.image.normal_y == NormalY::up) return;
-    plan_.warnings.push_back(
-        fmt::format("{}: no normal map is made", source ? "--normal-y" : "--output-normal-y"));
+    plan_.warnings.push_back(fmt::format("{}: no normal map is written; remove this option",
+                                         source ? "--normal-y" : "--output-normal-y"));
   }
 
   bool source_has(Channel channel) const {
@@ -154,9 +154,9 @@ class SourcePlanner {
                           plan_.columns.end());
       plan_.warnings.resize(warnings);
       plan_.notes.resize(notes);
-      plan_.warnings.push_back(fmt::format("{}: {} is left out: {}; --channels {} insists on it",
-                                           source_.path, planning_.name_of(channel), error.what(),
-                                           planning_.name_of(channel)));
+      plan_.warnings.push_back(
+          fmt::format("{}: {} is left out: {}; with --channels {} this is an error", source_.path,
+                      planning_.name_of(channel), error.what(), planning_.name_of(channel)));
     }
   }
 
@@ -188,7 +188,7 @@ class SourcePlanner {
     }
     if (others.empty()) return;
     plan_.warnings.push_back(
-        fmt::format("{}: --method gaussian transfers baseColor alone; left out: {}", source_.path,
+        fmt::format("{}: --method gaussian transfers only baseColor; left out: {}", source_.path,
                     others.substr(2)));
   }
 
@@ -220,11 +220,10 @@ class SourcePlanner {
         throw Error(
             ErrorKind::input,
             fmt::format(
-                "{}: no material has {} {} texture{}; give one with --source-texture "
-                "{}=FILE{}",
+                "{}: no material has {} {} texture{}; specify one with --source-texture {}=FILE{}",
                 source_.path, article(c), planning_.name_of(c), missing_files(),
                 planning_.name_of(c),
-                c == Channel::normal ? ", or make it of the shape with --bake normal" : ""));
+                c == Channel::normal ? ", or create it from the geometry with --bake normal" : ""));
       }
     }
     if (planning_.is_baked(Channel::vertex_color) && source_.colours.empty()) {
@@ -237,10 +236,10 @@ class SourcePlanner {
       if (std::find(distinct.begin(), distinct.end(), c) == distinct.end()) distinct.push_back(c);
     }
     if (distinct.empty()) {
-      throw Error(ErrorKind::input,
-                  fmt::format("{}: has no textures{}; give one with --source-texture "
-                              "baseColor=FILE",
-                              source_.path, missing_files()));
+      throw Error(
+          ErrorKind::input,
+          fmt::format("{}: has no textures{}; specify one with --source-texture baseColor=FILE",
+                      source_.path, missing_files()));
     }
     last_channel_ = distinct.back();
     return distinct;
@@ -329,9 +328,9 @@ class SourcePlanner {
                               source_.path, planning_.name_of(channel)));
     }
     if (without > 0) {
-      plan_.warnings.push_back(fmt::format(
-          "{}: {} triangles have no UVs for their {} texture and count as one plain colour",
-          source_.path, without, planning_.name_of(channel)));
+      plan_.warnings.push_back(
+          fmt::format("{}: {} triangles have no UVs for their {} texture and get one plain colour",
+                      source_.path, without, planning_.name_of(channel)));
     }
   }
 

@@ -44,9 +44,10 @@ SourceImages::SourceImages(const TransferOptions& options, const mesh::Mesh& sou
   for (const SourceTexture& given : options.material.textures) {
     const auto [at, is_first] = override_.try_emplace(given.channel, images_.size());
     if (!is_first) {
-      throw Error(ErrorKind::usage, fmt::format("two source textures for {}: {} and {}",
-                                                channel_name(options, given.channel),
-                                                images_[at->second].label, given.path));
+      throw Error(
+          ErrorKind::usage,
+          fmt::format("two source textures for {}: {} and {}; specify one",
+                      channel_name(options, given.channel), images_[at->second].label, given.path));
     }
     mesh::ImageRef image;
     const io::FileChannels named = io::split_channels(given.path);
@@ -108,10 +109,10 @@ int SourceImages::column_for(const mesh::ImageRef& image, mesh::Wrap wrap_u, mes
                            options_.allowed_formats});
   if (const io::ImageInfo& info = plan_.columns.back().info; !info.left_out.empty()) {
     plan_.warnings.push_back(fmt::format(
-        "{}: of its {} channels {} are taken, the others are left out: {}{}", image.label,
+        "{}: of its {} channels {} are used, the others are left out: {}{}", image.label,
         info.names.size() + info.left_out.size(), io::joined(info.names), io::joined(info.left_out),
         info.format == "openexr"
-            ? "; to take these, name them: --source-texture NAME=FILE.exr:" + info.left_out.front()
+            ? "; to use these, name them: --source-texture NAME=FILE.exr:" + info.left_out.front()
             : ""));
   }
   return static_cast<int>(plan_.columns.size() - 1);
@@ -158,10 +159,10 @@ std::optional<mesh::ImageRef> SourceImages::set_meant(std::uint32_t index, Chann
     if (tiles.contains(named->tile)) warn_of_one_tile(image, *named, tiles.size(), channel);
     return std::nullopt;
   }
-  plan_.notes.push_back(fmt::format(
-      "{}: {} is taken for one of the UDIM tiles {}, since UVs enter {} tiles and {} of them "
-      "have an image there",
-      name_of(channel), image.label, named->pattern, tiles.size(), there));
+  plan_.notes.push_back(
+      fmt::format("{}: {} is read as one of the UDIM tiles {}, since the UVs enter {} tiles and {} "
+                  "of them have an image",
+                  name_of(channel), image.label, named->pattern, tiles.size(), there));
   mesh::ImageRef set = image;
   set.path = set.label = named->pattern;
   return set;
@@ -170,9 +171,8 @@ std::optional<mesh::ImageRef> SourceImages::set_meant(std::uint32_t index, Chann
 void SourceImages::warn_of_one_tile(const mesh::ImageRef& image, const NamedTile& named,
                                     std::size_t tiles, Channel channel) {
   plan_.warnings.push_back(fmt::format(
-      "{}: it is called like one UDIM tile, but shown on all {} tiles that the UVs enter, as "
-      "there are no images of the others; put them there, or name the set: --source-texture "
-      "'{}={}'",
+      "{}: its name is that of one UDIM tile, but it is used for all {} tiles that the UVs enter "
+      "because the others have no images; add them, or name the set: --source-texture '{}={}'",
       image.label, tiles, name_of(channel), named.pattern));
 }
 
@@ -211,17 +211,15 @@ int SourceImages::tile_set_for(const mesh::ImageRef& wanted, std::uint32_t index
   }
   if (set.columns.empty()) {
     throw Error(missing.empty() ? ErrorKind::input : ErrorKind::storage,
-                missing.empty()
-                    ? fmt::format("{}: the source's UVs lie in no UDIM tile", pattern)
-                    : fmt::format("{}: no image of this set is there for the tiles that the "
-                                  "source's UVs enter ({}); the first would be {}",
-                                  pattern, udim_list(missing), first_missing));
+                missing.empty() ? fmt::format("{}: the source's UVs enter no UDIM tile", pattern)
+                                : fmt::format("{}: no image exists for the UDIM tiles that the "
+                                              "source's UVs enter ({}); the first would be {}",
+                                              pattern, udim_list(missing), first_missing));
   }
   if (!missing.empty()) {
-    plan_.warnings.push_back(
-        fmt::format("{}: no image for UDIM {}, which the source's UVs enter; texels that meet it "
-                    "stay empty",
-                    pattern, udim_list(missing)));
+    plan_.warnings.push_back(fmt::format(
+        "{}: no image for UDIM {}, which the source's UVs enter; texels that hit it stay empty",
+        pattern, udim_list(missing)));
   }
   plan_.tile_sets.push_back(std::move(set));
   return static_cast<int>(plan_.tile_sets.size() - 1);
@@ -250,7 +248,7 @@ std::vector<std::uint32_t> SourceImages::entered_udims(Channel channel, std::uin
   if (beyond > 0) {
     plan_.warnings.push_back(
         fmt::format("{}: the UVs of {} triangles leave the UDIM tiles 1001 to 9999; texels that "
-                    "meet them there stay empty",
+                    "hit them there stay empty",
                     source_.path, beyond));
   }
   return {entered.begin(), entered.end()};

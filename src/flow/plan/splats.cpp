@@ -52,10 +52,10 @@ std::vector<Channel> channels_of(const TransferOptions& options) {
   if (options.channels.transferred.empty()) return {Channel::base_color};
   for (const Channel channel : options.channels.transferred) {
     if (channel == Channel::base_color || is_evidence(channel)) continue;
-    throw Error(ErrorKind::input,
-                fmt::format("{}: a splat scene has colours only, no {}; ask for baseColor, "
-                            "confidence or distance",
-                            options.source, channel_name(options, channel)));
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: a splat scene has no {} channel; choose baseColor, confidence or distance",
+                    options.source, channel_name(options, channel)));
   }
   return options.channels.transferred;
 }
@@ -81,10 +81,11 @@ void add_channel(const TransferOptions& options, const SceneFacts& scene, Channe
   choose_output(options, look, spaces, added, plan.warnings, plan.notes);
   if (is_evidence(channel)) check_numbers(options, added, "--channels");
   if (look.alpha && !added.format.has_alpha) {
-    throw Error(ErrorKind::usage,
-                fmt::format("--alpha: {} has no alpha to paint over; paint onto an image with "
-                            "alpha, or leave --alpha out",
-                            options.composite.onto));
+    throw Error(
+        ErrorKind::usage,
+        fmt::format(
+            "--alpha: {} has no alpha channel; paint over an image with alpha, or remove --alpha",
+            options.composite.onto));
   }
   const std::size_t c = plan.channels.size() - 1;
   for (PassPlan& pass : plan.passes) {
@@ -120,10 +121,8 @@ void refuse_splat_options(const TransferOptions& options) {
   for (const Channel channel : options.channels.transferred) {
     if (!is_evidence(channel)) continue;
     throw Error(ErrorKind::usage,
-                fmt::format("--channels {}: it says {} a splat scene {} a texel; {} is a mesh",
-                            channel_name(channel),
-                            channel == Channel::confidence ? "how sure" : "how far away",
-                            channel == Channel::confidence ? "is of" : "is from", options.source));
+                fmt::format("--channels {0}: {0} applies only to splat scenes; {1} is a mesh",
+                            channel_name(channel), options.source));
   }
   options::refuse_unsuitable(options, false);
 }
@@ -134,7 +133,7 @@ void refuse_mesh_options(const TransferOptions& options) {
   if (options.splats.alpha &&
       std::find(channels.begin(), channels.end(), Channel::base_color) == channels.end()) {
     throw Error(ErrorKind::usage,
-                "--alpha is of colours: add baseColor to --channels, or leave --alpha out");
+                "--alpha applies to colours: add baseColor to --channels, or remove --alpha");
   }
 }
 

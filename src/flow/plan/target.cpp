@@ -225,22 +225,21 @@ std::string how_to_tell_apart(const TransferOptions& options, const SourcePlan& 
     const auto [at, fresh] = targets.try_emplace(stem(path), path);
     if (fresh) continue;
     return fmt::format(
-        "<TARGET> is a file name without folder and ending, the same for {} and {}; rename one, or "
-        "make it in a run of its own",
+        "<TARGET> is the file name without folder and extension, which is the same for {} and {}; "
+        "rename one, or transfer it in a separate run",
         at->second, path);
   }
   for (const char* token : {"TARGET", "UDIM", "UVTILE", "MATERIAL"}) {
     if (!options.image.coverage_output.empty() && has_token(options.output, token) &&
         !has_token(options.image.coverage_output, token))
-      return fmt::format("put <{}> into --coverage, as into -o", token);
+      return fmt::format("add <{}> to --coverage, as in -o", token);
   }
   if (plan.channels.size() > 1 && !has_token(options.output, "CHANNEL"))
-    return "put <CHANNEL> into the pattern";
+    return "add <CHANNEL> to the pattern";
   if (has_token(options.output, "MATERIAL")) {
-    return "<MATERIAL> is a name in which / and \\ become _; rename one of the materials that get "
-           "the same";
+    return "<MATERIAL> replaces / and \\ by _; rename one of the materials with the same result";
   }
-  return "give -o and --coverage names of their own";
+  return "choose different names for -o and --coverage";
 }
 
 }  // namespace

@@ -90,10 +90,11 @@ class PageFinder {
       if (udim) tiles_.insert({*udim, set});
     });
     if (count > 65536) {
-      throw Error(ErrorKind::input,
-                  fmt::format("{}: triangle {} spreads over more than 65536 UV tiles; repair its "
-                              "UVs or leave out <UDIM>",
-                              target_.path, t));
+      throw Error(
+          ErrorKind::input,
+          fmt::format(
+              "{}: triangle {} spans more than 65536 UV tiles; repair its UVs or remove <UDIM>",
+              target_.path, t));
     }
     beyond_ += beyond ? 1 : 0;
   }
@@ -123,8 +124,8 @@ class PageFinder {
     if (out_.pages.empty()) {
       throw Error(ErrorKind::input,
                   there.empty() ? target_.path +
-                                      ": its UVs lie in no UDIM tile (0 <= u < 10, 0 <= v); move "
-                                      "them, or leave out <UDIM>"
+                                      ": its UVs are outside of all UDIM tiles (0 <= u < 10, 0 <= "
+                                      "v); move them, or remove <UDIM>"
                                 : fmt::format("{}: has no UVs in UDIM {}; it has {}", target_.path,
                                               udim_list(request_.selected), udim_list(there)));
     }
@@ -133,8 +134,8 @@ class PageFinder {
     std::set_difference(request_.selected.begin(), request_.selected.end(), there.begin(),
                         there.end(), std::back_inserter(absent));
     if (!absent.empty()) {
-      warnings_.push_back(fmt::format("{}: has no UVs in UDIM {}, which --tiles names",
-                                      target_.path, udim_list(absent)));
+      warnings_.push_back(
+          fmt::format("{}: has no UVs in UDIM {} of --tiles", target_.path, udim_list(absent)));
     }
   }
 
@@ -158,15 +159,15 @@ class PageFinder {
     }
     if (outside_ > 0 && !request_.by_tile) {
       warnings_.push_back(
-          fmt::format("{}: the UVs of {} triangles leave the image and wrap around into it; with "
-                      "<UDIM> in the output each tile gets its own image",
+          fmt::format("{}: the UVs of {} triangles leave the image and wrap around; with <UDIM> in "
+                      "the output each tile gets its own image",
                       target_.path, outside_));
     }
     if (beyond_ > 0) {
-      warnings_.push_back(fmt::format(
-          "{}: the UVs of {} triangles leave the UDIM tiles 1001 to 9999 (0 <= u < 10, 0 <= v); "
-          "what lies outside is not written",
-          target_.path, beyond_));
+      warnings_.push_back(
+          fmt::format("{}: the UVs of {} triangles leave the UDIM tiles 1001 to 9999 (0 <= u < 10, "
+                      "0 <= v); those parts are not written",
+                      target_.path, beyond_));
     }
   }
 

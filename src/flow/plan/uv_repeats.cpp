@@ -43,12 +43,12 @@ void warn_of_repeats(const GeometryRequest& request, std::vector<std::string>& w
     const double image = double{1} * lattice.width * lattice.height;
     const Covered& sum = pages[page];
     if (sum.texels <= kUsualTexels || sum.texels <= kUsualRepeats * image) continue;
-    warnings.push_back(fmt::format(
-        "{}: the UVs of material \"{}\" repeat its image {:.0f} times, triangle {} alone {:.0f} "
-        "times; that makes {:.0f} million Gaussians; repair stray texture coordinates, if that is "
-        "not meant",
-        mesh.path, mesh.materials[page].name, sum.texels / image, sum.triangle, sum.most / image,
-        sum.texels / 1e6));
+    warnings.push_back(
+        fmt::format("{}: the UVs of material \"{}\" repeat its image {:.0f} times, triangle {} "
+                    "alone {:.0f} times, which gives {:.0f} million Gaussians; repair the texture "
+                    "coordinates if this is not intended",
+                    mesh.path, mesh.materials[page].name, sum.texels / image, sum.triangle,
+                    sum.most / image, sum.texels / 1e6));
   }
 }
 

@@ -245,8 +245,8 @@ void HitKeeper::publish() {
     });
   }
   if (writer_ == nullptr) {
-    job_.warn(fmt::format(
-        "what was found on the source cannot be kept, the next job searches again: {}", refusal_));
+    job_.warn(
+        fmt::format("hits could not be stored, so the next job will search again: {}", refusal_));
   }
 }
 

@@ -56,7 +56,7 @@ std::uint64_t ResultCollector::store(const PieceWork& work) {
     for (std::size_t c = 0; c < result_.blocks.size(); ++c) {
       const auto& stored = work.stored[c][b];
       if (stored.empty()) continue;
-      if (result_.blocks[c][slot].raw_bytes != 0) target_.damaged("a block is there twice");
+      if (result_.blocks[c][slot].raw_bytes != 0) target_.damaged("duplicate block");
       result_.blocks[c][slot] = writer_->append(store::ChunkKind::block, stored, work.raw_bytes[c]);
       bytes += stored.size();
     }

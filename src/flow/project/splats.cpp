@@ -161,7 +161,7 @@ projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& reque
   const std::uint64_t bytes =
       method.fixed_bytes() + method.least_batch_bytes() + request.packet_bytes(places.size()) +
       request.profile_bytes(places.size()) + places.size() * sizeof(store::BlockEntry);
-  const runtime::Lease lease(job.budget, bytes, "looking whether the scene lies at the target");
+  const runtime::Lease lease(job.budget, bytes, "measuring how well the scene fits the target");
   method.begin(work, places, edge);
   method.settle(work, method.wanted_bytes(work, bytes));
   while (method.fetch(work) > 0) method.hit(work);

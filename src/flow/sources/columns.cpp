@@ -121,7 +121,7 @@ SourceColumns build_columns(job::JobContext& job, const SourcePlan& plan, const 
     if (requests.back().wanted != nullptr)
       later_bytes = std::max(later_bytes, colour_least_bytes(requests.back()));
   }
-  made.whole_lease = runtime::Lease(job.budget, later_bytes, "images that are seen whole");
+  made.whole_lease = runtime::Lease(job.budget, later_bytes, "images that are read as a whole");
   job.meter.begin("source colours", rows, "rows of tiles", progress_end);
   for (const ColourRequest& request : requests) {
     whole_keys.push_back(colour_key(job, request));

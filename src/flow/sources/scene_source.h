@@ -35,7 +35,7 @@ class SceneSource final : public Source {
                                           const TargetPlan& target_plan) const override;
   /// A capture's whole box is made by a few floaters, so that of its middle is known.
   std::string box_name() const override {
-    return "The scene without its outer tenths (\"middle\" of pounce inspect)";
+    return "The scene without its outer tenths (\"middle\" in pounce inspect)";
   }
   std::string cure() const override;
 

@@ -29,8 +29,8 @@ void count_coincident(const SourcePlan& plan, Report& report) {
   if (count == 0) return;
   report.source_filtered["coincident triangles"] = count;
   report.warnings.push_back(fmt::format(
-      "{}: {} of {} triangles lie exactly on others, with other UVs or another material; of each "
-      "place the first in file order is shown. Leave out what is not meant: --source-mesh",
+      "{}: {} of {} triangles coincide with others that have different UVs or another material; "
+      "only the first of them in file order is used. Select the intended parts with --source-mesh",
       mesh.path, count, mesh.triangles.size()));
 }
 

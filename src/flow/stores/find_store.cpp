@@ -23,7 +23,7 @@ void check_places(const store::GeometryStore& store,
     store.damaged("its pages are out of order");
   std::sort(places.begin(), places.end());
   if (std::adjacent_find(places.begin(), places.end()) != places.end())
-    store.damaged("a block is there twice");
+    store.damaged("duplicate block");
 }
 
 }  // namespace
@@ -79,7 +79,7 @@ void check_largest(job::JobContext& job, const store::GeometryStore& store) {
   }
   if (triangles != says.most_triangles || patches != says.most_patches ||
       chunk_bytes != says.largest_chunk_bytes) {
-    store.damaged("its blocks are smaller than it says");
+    store.damaged("its blocks are smaller than it states");
   }
 }
 
@@ -89,7 +89,7 @@ surface::SourceBlock decoded_source(const store::GeometryStore& store,
   surface::SourceBlock made =
       surface::make_source_block(block, store.directory().pages[entry.page], with_attributes);
   if (made.patches.size() != entry.patches)
-    store.damaged("a block decodes to another number of patches than its index says");
+    store.damaged("a block decodes to a different number of patches than its index states");
   return made;
 }
 

@@ -48,7 +48,7 @@ auto find_store(job::JobContext& job, store::PackKind kind, const Hash128& key, 
       if (e.kind() != ErrorKind::damaged_store) throw;
       const bool removed = job.stores->discard(kind, key);
       job.report.warnings.push_back(
-          fmt::format("{} ({}; it is built again)", e.what(), removed ? "removed" : "left out"));
+          fmt::format("{} ({}; rebuilding it)", e.what(), removed ? "removed" : "ignored"));
     }
   }
   return nullptr;

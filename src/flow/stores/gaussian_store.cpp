@@ -99,7 +99,7 @@ class StoreBuilder {
 
 SplatLattice StoreBuilder::make_lattice() {
   const runtime::Lease lease(job_.budget, kept_sample_bytes(source_.count(), source_.read_bytes()),
-                             "looking at " + request_.path);
+                             "scanning " + request_.path);
   const PageVector<Splat> sample = kept_sample(source_, request_.keep);
   directory_.roundness = gaussian::median_roundness(sample);
   directory_.typical_size = gaussian::median_size(sample);

@@ -61,7 +61,7 @@ ImportanceCut::ImportanceCut(job::JobContext& job, const GaussianSource& source,
   first_.push_back(0);
   using Keys = PageVector<std::uint64_t>;
   runtime::run_ordered<Keys>(
-      job.budget, costs, "looking for the most important Gaussians",
+      job.budget, costs, "selecting the most important Gaussians",
       [&](std::size_t i) {
         store::SplatCounts ignored{};
         const std::uint64_t begin = i * part_rows;

@@ -209,7 +209,7 @@ void SplatMerge::refill(Cursor& cursor) {
   if (count > kRunChunk) in.fail("has more Gaussians than a chunk holds");
   const bool has_normals = in.left() == count * record_bytes(lobes_);
   if (!has_normals && in.left() != count * (record_bytes(lobes_) - sizeof(Vec3f)))
-    in.fail("has another size than its count says");
+    in.fail("has a different size than its count states");
   cursor.splats.resize(count);
   cursor.keys.resize(count);
   for (std::size_t i = 0; i < count; ++i) {

@@ -112,7 +112,7 @@ class SceneStore {
         job_.budget,
         round_to_pages(std::min(count(), io::kSampleSplats) * sizeof(store::Splat)) +
             source_.read_bytes(),
-        "looking at " + request_.path);
+        "scanning " + request_.path);
     const PageVector<store::Splat> sample = source_.sample();
     const auto near = static_cast<std::size_t>(
         std::count_if(sample.begin(), sample.end(), [&](const store::Splat& splat) {

@@ -57,7 +57,7 @@ class GaussianFileJob {
     const StageTimer timer(job_.clock, "count");
     job_.meter.begin("count", source_.count(), "Gaussians", kAfterCut);
     cut_lease_ = runtime::Lease(job_.budget, ImportanceCut::bytes(source_.count(), kPartRows),
-                                "looking for the most important Gaussians");
+                                "selecting the most important Gaussians");
     cut_.emplace(job_, source_, file_.keep, *file_.most, kPartRows);
     io::check_splat_count(file_.path, cut_->taken(), file_.facts.lobes);
     job_.meter.end();

@@ -38,10 +38,9 @@ void make_distinct(std::vector<std::vector<ImageOutput>>& images) {
 std::string model_image_pattern(const std::string& output) {
   for (const char* token : {"UDIM", "UVTILE", "CHANNEL", "MATERIAL"}) {
     if (!has_token(output, token)) continue;
-    throw Error(ErrorKind::usage,
-                fmt::format("{}: a model holds every material and channel, and UVs wrap into its "
-                            "images; leave out <{}>",
-                            output, token));
+    throw Error(ErrorKind::usage, fmt::format("{}: a model contains every material and channel, "
+                                              "and UVs wrap around in its images; remove <{}>",
+                                              output, token));
   }
   const std::string base = std::filesystem::path(output).replace_extension().string();
   return base + ".<MATERIAL>.<CHANNEL>.png";
