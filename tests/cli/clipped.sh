@@ -9,7 +9,7 @@ quad source skin.hdr
   for ((i = 0; i < 64; ++i)); do samples 128 32 0 130; done
 } >skin.hdr
 expect 0 transfer source.obj target.obj -o o.png --report report.json
-err_has 'o.png: 64 samples of baseColor were clipped: u16 holds 0 to 1; --depth half or float with .exr keeps them'
+err_has 'o.png: 64 samples of baseColor were clipped: u16 holds 0 to 1; use --depth half or float with .exr to keep them'
 [[ $(grep -c clipped "$err") == 1 ]] || fail 'said more than once'
 grep -q '"clipped": 64' report.json || fail 'the report does not say so'
 expect 0 transfer source.obj target.obj -o o.exr --report report.json

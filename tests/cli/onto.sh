@@ -16,7 +16,7 @@ expect 0 compare same.tif old.ppm --min-psnr 99
 expect 0 transfer source.obj target.obj -o same.tif --onto same.tif
 expect 5 transfer source.obj target.obj -o o.png --onto gone.png
 expect 3 transfer source.obj target.obj -o o.png --onto old.ppm --size 16
-err_has 'old.ppm: --onto has 8 x 8 texels, but the output 16 x 16'
+err_has 'old.ppm: --onto has 8 x 8 texels, but the output has 16 x 16'
 # Neither a mask nor what another image is painted onto is written over.
 expect 0 compare same.tif old.ppm
 cp same.tif mask.tif

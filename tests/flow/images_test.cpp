@@ -465,7 +465,7 @@ TEST_CASE("samples that the output cannot hold are counted and said once", "[flo
   scene.options.image.depth = Depth::half;
   const Report half = scene.run("half.exr");
   CHECK(half.target_clipped == 1);
-  CHECK(warnings(half, "--depth float keeps them") == 1);
+  CHECK(warnings(half, "use --depth float to keep them") == 1);
 }
 
 TEST_CASE("painting over leaves a channel alone that the source has not", "[flow]") {
