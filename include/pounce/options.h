@@ -28,6 +28,7 @@ enum class Channel : std::uint8_t {
   height,        ///< "height": the same of a mesh, by ChannelOptions::baked
   position,      ///< "position": data: where the surface was found, in the job's axes; by `baked`
   vertex_color,  ///< "vertexColor": colour: that of the mesh's vertices; by `baked`
+  hits,          ///< "hits": data: where on a mesh each texel's ray ended; by `map_output` alone
   /// The first of the maps of the user's own; see other_channel(). No material has these.
   other,
 };
@@ -252,6 +253,10 @@ struct ImageOptions {
   std::vector<ChannelOutput> channel_outputs = {};
   /// Also write an 8-bit mask (255 = covered) here; same tokens as `output`; empty = no.
   std::string coverage_output = {};
+  /// Also write where each texel hit the source, as an EXR of floats (docs/hit-map.md): u, v and
+  /// UDIM tile on the source, signed distance, angle; same tokens as `output`, without <CHANNEL>;
+  /// empty = no. Surface transfers of meshes to images, whose channels share one search.
+  std::string map_output = {};
   ImageLayout layout = {};
 };
 

@@ -33,6 +33,7 @@ std::optional<Enum> find_name(const std::array<const char*, N>& names, const std
 }  // namespace
 
 const char* channel_name(Channel channel) noexcept {
+  if (channel == Channel::hits) return "hits";  // which no option takes
   return is_other(channel) ? "other" : kChannelNames[static_cast<std::size_t>(channel)];
 }
 

@@ -92,6 +92,16 @@ Rows<Options> output_rows() {
                     .hashed = kHashed},
                    path(&Options::image, &ImageOptions::coverage_output),
                    text(parse_image_pattern)),
+      row<Options>({.name = "map",
+                    .value = "PATTERN",
+                    .group = group,
+                    .help = "Also write a map of where each texel hit the source, as .exr: u and v "
+                            "(an ST map), UDIM, distance and angle. Accepts the tokens of OUTPUT "
+                            "but <CHANNEL>",
+                    .source = Source::mesh,
+                    .method = Only::surface,
+                    .hashed = kHashed},
+                   path(&Options::image, &ImageOptions::map_output), text(parse_image_pattern)),
       row<Options>({.name = "tiles",
                     .value = "LIST",
                     .group = group,

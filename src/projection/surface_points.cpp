@@ -45,7 +45,6 @@ void evaluate(const Found& found, const TexelPacket& packet, std::size_t i, Surf
                    packet.pz[i] - packet.inset_z[i] * step};
   const Vec3d along{packet.nx[i], packet.ny[i], packet.nz[i]};
   const surface::Facet& f = *found.facet;
-  const surface::FacetAttributes& t = *found.attributes;
   const Place at = meet(f, from, along);
   const auto between = [&](const float(&v)[3], const float(&v1)[3], const float(&v2)[3]) {
     return vector(v) + (vector(v1) * at.w1 + vector(v2) * at.w2);
@@ -53,13 +52,15 @@ void evaluate(const Found& found, const TexelPacket& packet, std::size_t i, Surf
   const Vec3d point = between(f.m, f.e1, f.e2);
   put(point, out.px[i], out.py[i], out.pz[i]);
   put(between(f.s, f.s1, f.s2), out.nx[i], out.ny[i], out.nz[i]);
-  put(between(t.t, t.t1, t.t2), out.tx[i], out.ty[i], out.tz[i]);
   out.height[i] = static_cast<float>(dot(along, point - from));
+  out.id[i] = found.id;
+  if (found.attributes == nullptr) return;
+  const surface::FacetAttributes& t = *found.attributes;
+  put(between(t.t, t.t1, t.t2), out.tx[i], out.ty[i], out.tz[i]);
   out.handedness[i] = t.handedness;
   float* const samples[4] = {out.red, out.green, out.blue, out.alpha};
   for (std::size_t c = 0; c < 4; ++c)
     samples[c][i] = static_cast<float>(t.c[c] + (t.c1[c] * at.w1 + t.c2[c] * at.w2));
-  out.id[i] = found.id;
 }
 
 bool is_new(const HitPacket& hit, const SurfacePacket& known, std::size_t lane) {
@@ -105,7 +106,7 @@ void SurfacePoints::follow(const SearchState& state,
       Found* const winner = find(block->facets[f].id);
       if (winner == nullptr) continue;
       winner->facet = &block->facets[f];
-      winner->attributes = &block->attributes[f];
+      if (!block->attributes.empty()) winner->attributes = &block->attributes[f];
     }
   }
   for (std::size_t p = 0; p < packets_.size(); ++p) {

@@ -44,7 +44,8 @@ class SurfacePoints {
   /// One per packet of the search, empty.
   void start(std::size_t packets);
   /// For all texels whose winner came with this batch: to be called after each search_batch().
-  /// Blocks have their attributes. Winners that are found in none of these are left as they are.
+  /// Tangents and colours are those of blocks that have attributes. Winners that are found in none
+  /// of these are left as they are.
   void follow(const SearchState& state,
               std::span<const std::shared_ptr<const surface::SourceBlock>> batch);
   const SurfacePacket& operator[](std::size_t packet) const { return packets_[packet]; }

@@ -46,6 +46,16 @@ void check_layout(const TransferOptions& o) {
         "--onto");
 }
 
+/// Images beside the output come in as many pages as it.
+void check_pages(const TransferOptions& o, const std::string& path, const std::string& what) {
+  for (const char* token : {"TARGET", "MATERIAL", "UDIM", "UVTILE"}) {
+    if (has_token(path, token) == has_token(o.output, token)) continue;
+    throw Error(ErrorKind::usage,
+                fmt::format("{}: <{}> must appear both in this pattern and in -o {}, or in neither",
+                            what, token, o.output));
+  }
+}
+
 /// Channels with outputs of their own, which come in as many pages as the others.
 void check_channel_outputs(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
@@ -67,11 +77,7 @@ void check_channel_outputs(const TransferOptions& o) {
         usage(fmt::format("{}: this channel already has the output {}; specify one", what,
                           o.image.channel_outputs[before].path));
     }
-    for (const char* token : {"TARGET", "MATERIAL", "UDIM", "UVTILE"}) {
-      if (has_token(path, token) == has_token(o.output, token)) continue;
-      usage(fmt::format("{}: <{}> must appear both in this pattern and in -o {}, or in neither",
-                        what, token, o.output));
-    }
+    check_pages(o, path, what);
     if (!o.composite.onto.empty() && !has_token(o.composite.onto, "CHANNEL"))
       usage(what + ": --onto also needs <CHANNEL>: " + o.composite.onto + " names a single image");
     if (o.skip_existing && !o.composite.onto.empty() && o.composite.onto == path)
@@ -79,6 +85,21 @@ void check_channel_outputs(const TransferOptions& o) {
           "--skip-existing cannot distinguish an image that was painted over in place from an old "
           "one; use one of --skip-existing and --onto");
   }
+}
+
+/// The map of hits.
+void check_map(const TransferOptions& o) {
+  const std::string& path = o.image.map_output;
+  if (path.empty()) return;
+  const auto usage = [&](const std::string& text) {
+    throw Error(ErrorKind::usage, fmt::format("--map {}: {}", path, text));
+  };
+  if (!io::is_exr(path, Depth::float32)) usage("a map has named float channels; write .exr");
+  if (has_token(path, "CHANNEL")) usage("one map serves all channels; leave out <CHANNEL>");
+  if (io::is_model_path(o.output))
+    usage(o.output + " is a model; write images, such as '<CHANNEL>.png'");
+  if (!o.composite.onto.empty()) usage("--onto paints textures, not maps; use a run without --map");
+  check_pages(o, path, "--map " + path);
 }
 
 /// Where evidence cannot go, whatever the source is.
@@ -233,6 +254,7 @@ void check_options(const TransferOptions& o) {
     usage("--channels accepts either a list or all");
   check_output(o);
   check_channel_outputs(o);
+  check_map(o);
   check_composite(o);
   axes_of(o.source_use, "source");
   axes_of(o.target_use, "target");

@@ -59,9 +59,16 @@ void add_page(const TargetPage& page, bool by_tile, Hasher& hash) {
   hash.add(by_tile ? page.udim : 0);
 }
 
-/// A place that was found on another channel's larger lattice is rounded there, not in the image.
+/// A place that was found on another channel's larger lattice is rounded there, not in the image. A
+/// map has no images of its own, and places on the lattices of all.
 void add_scaled_pages(const SourcePlan& plan, const PassPlan& pass, const ChannelPlan& channel,
                       Hasher& hash) {
+  if (channel.channel == Channel::hits) {
+    for (const mesh::Lattice& lattice : pass.source.pages) {
+      hash.add(lattice.width);
+      hash.add(lattice.height);
+    }
+  }
   for (std::size_t p = 0; p < std::min(channel.pages.size(), pass.source.pages.size()); ++p) {
     const ImageSize own = sampled_size(plan, channel.pages[p]);
     const mesh::Lattice& lattice = pass.source.pages[p];

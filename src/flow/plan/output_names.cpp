@@ -47,6 +47,7 @@ std::string expand_pattern(const std::string& pattern,
 }
 
 const std::string& output_of(const TransferOptions& options, Channel channel) {
+  if (channel == Channel::hits) return options.image.map_output;
   for (const ChannelOutput& own : options.image.channel_outputs) {
     if (own.channel == channel) return own.path;
   }

@@ -18,6 +18,7 @@
 #include "flow/plan/mesh_planning.h"
 #include "flow/plan/output_names.h"
 #include "io/files/asset_file.h"
+#include "projection/hit_map.h"
 
 namespace pounce::flow {
 namespace {
@@ -71,6 +72,7 @@ class SourcePlanner {
         try_channel(channel);
       }
     }
+    if (!options_.image.map_output.empty()) add_map();
     for (PassPlan& pass : plan_.passes) {
       // Each texel is a Gaussian; or the shape is what is transferred.
       pass.source.exact = planning_.as_gaussians || pass.has_shape;
@@ -177,6 +179,28 @@ class SourcePlanner {
       plan_.passes.push_back({std::move(source), {}, plan.size, {c}, needs_surface});
     }
     plan_.channels.push_back(std::move(plan));
+  }
+
+  /// Where the texels of all channels hit the source: of the one search that finds it.
+  void add_map() {
+    if (plan_.passes.size() > 1) {
+      throw Error(ErrorKind::usage,
+                  fmt::format("--map {}: these channels need {} searches, because their images "
+                              "differ in size or in UV sets, and a map shows one; give --size, or "
+                              "fewer --channels",
+                              options_.image.map_output, plan_.passes.size()));
+    }
+    PassPlan& pass = plan_.passes.front();
+    ChannelPlan map;
+    map.channel = Channel::hits;
+    map.name = channel_name(Channel::hits);
+    map.size = pass.size;
+    map.format = {static_cast<std::uint32_t>(projection::kHitMapNames.size()), Depth::float32, true,
+                  false};
+    for (const char* name : projection::kHitMapNames) map.names.emplace_back(name);
+    map.pages.resize(2 * source_.materials.size());
+    pass.channels.push_back(plan_.channels.size());
+    plan_.channels.push_back(std::move(map));
   }
 
   /// Where every channel is meant, but not by name.

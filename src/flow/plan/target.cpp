@@ -33,13 +33,14 @@ bool by_tile(const std::string& pattern) {
 // (docs/decisions/026-evidence.md).
 constexpr double kFitPercent = 6, kFitOverReach = 2;
 
-/// How files of this ending and depth are laid out.
-ImageLayout layout_of(const TransferOptions& options, const std::string& path, Depth depth) {
+/// How files of this ending and depth are laid out. Means of places are none: a map has no levels.
+ImageLayout layout_of(const TransferOptions& options, const std::string& path, Depth depth,
+                      bool is_map = false) {
   constexpr std::uint32_t kLevelTiles = 64;  // as maketx
   ImageLayout layout = options.image.layout;
   const bool is_tiled = io::format_look(path, depth).tiled;
   if (!io::is_exr(path, depth)) layout.exr_compression.clear();
-  layout.mipmap = is_tiled && (layout.mipmap || io::is_tx_path(path));
+  layout.mipmap = is_tiled && !is_map && (layout.mipmap || io::is_tx_path(path));
   if (!is_tiled) layout.tile_size = 0;
   if (layout.tile_size == 0 && layout.mipmap) layout.tile_size = kLevelTiles;
   return layout;
@@ -132,19 +133,20 @@ class TargetPlanner {
       image.path = expand_pattern(output_of(options_, channel.channel), values);
       plan_.outputs.push_back(image.path);
       // Without <CHANNEL> one mask stands for all channels: that of the first.
-      if (!options_.image.coverage_output.empty() &&
+      if (!options_.image.coverage_output.empty() && channel.channel != Channel::hits &&
           (c == 0 || has_token(options_.image.coverage_output, "CHANNEL"))) {
         image.coverage_path = expand_pattern(options_.image.coverage_output, values);
         check_mask(image.coverage_path, channel.size);
         plan_.outputs.push_back(image.coverage_path);
       }
       const Depth depth = channel.format.depth;
-      image.layout = layout_of(options_, image.path, depth);
+      const bool is_map = channel.channel == Channel::hits;
+      image.layout = layout_of(options_, image.path, depth, is_map);
       image.coverage_layout = layout_of(options_, image.coverage_path, Depth::u8);
-      image.usual_tiles =
-          options_.image.layout.tile_size != 0 && is_laid_out_by(without_tiles(), depth, image);
+      image.usual_tiles = options_.image.layout.tile_size != 0 &&
+                          is_laid_out_by(without_tiles(), depth, is_map, image);
       image.usual_levels =
-          options_.image.layout.mipmap && is_laid_out_by(without_levels(), depth, image);
+          options_.image.layout.mipmap && is_laid_out_by(without_levels(), depth, is_map, image);
       image.channel_names = channel.names;
       image.chromaticities = channel.chromaticities;
       image.tagged = channel.colour_space.empty();
@@ -170,15 +172,15 @@ class TargetPlanner {
     options.image.layout.mipmap = false;
     return options;
   }
-  static bool is_laid_out_by(const TransferOptions& options, Depth depth,
+  static bool is_laid_out_by(const TransferOptions& options, Depth depth, bool is_map,
                              const ImageOutput& image) {
-    return layout_of(options, image.path, depth) == image.layout &&
+    return layout_of(options, image.path, depth, is_map) == image.layout &&
            layout_of(options, image.coverage_path, Depth::u8) == image.coverage_layout;
   }
 
   /// No texel is sure because its neighbour is. A distance is padded: meshes are displaced by it.
   std::uint32_t padding_of(const ChannelPlan& channel) const {
-    if (channel.channel == Channel::confidence) return 0;
+    if (channel.channel == Channel::confidence || channel.channel == Channel::hits) return 0;
     return options_.image.padding_px.value_or(std::max(channel.size.width, channel.size.height) /
                                               kPaddingShare);
   }

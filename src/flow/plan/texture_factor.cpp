@@ -41,6 +41,7 @@ std::optional<shading::Factor> texture_factor(const mesh::Material& material, Ch
     case Channel::height:
     case Channel::position:
     case Channel::vertex_color:
+    case Channel::hits:
     case Channel::other:
       return std::nullopt;
   }

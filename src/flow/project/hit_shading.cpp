@@ -11,6 +11,7 @@
 
 #include "flow/project/packet_blend.h"
 #include "flow/project/results.h"
+#include "projection/hit_map.h"
 
 namespace pounce::flow {
 namespace {
@@ -40,6 +41,10 @@ class BlockShading {
     for (std::uint32_t p = first; p < last; ++p) {
       const projection::HitPacket& hit = work.state.hits[p];
       const surface::TexelPacket& texels = work.state.packets[p];
+      if (channel.is_map) {
+        covered += store_map(channel, work, p, result);
+        continue;
+      }
       if (!channel.shape || is_normal(*channel.shape)) {
         blend.packet.look_up(channel.pages, hit, texels, work.axes[texels.block], channel.format,
                              !channel.shape, blend.window);
@@ -63,6 +68,26 @@ class BlockShading {
   }
 
  private:
+  /// Where the texels of a packet hit. Returns how many did.
+  static std::uint64_t store_map(const ChannelOutput& channel, const HitWork& work, std::size_t p,
+                                 shading::ResultBlock& result) {
+    const projection::HitPacket& hit = work.state.hits[p];
+    const surface::TexelPacket& texels = work.state.packets[p];
+    std::uint64_t count = 0;
+    for (int l = 0; l < surface::kLanes; ++l) {
+      if (!is_hit(hit, texels, l)) continue;
+      const auto lane = static_cast<std::size_t>(l);
+      const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
+      const projection::HitMapTexel values =
+          projection::map_texel(hit, texels, work.points[p], lane, page.lattice);
+      std::memcpy(result.texels.data() + texels.texel[lane] * sizeof values, values.data(),
+                  sizeof values);
+      result.cover(texels.texel[lane]);
+      ++count;
+    }
+    return count;
+  }
+
   /// What blending a block goes on with from packet to packet.
   struct BlockBlend {
     ColourWindow window;
@@ -191,6 +216,7 @@ class BlockShading {
 }  // namespace
 
 bool needs_surface(const ChannelOutput& channel) { return channel.shape || is_tinted(channel); }
+bool needs_points(const ChannelOutput& channel) { return channel.is_map || needs_surface(channel); }
 
 std::uint64_t shading_bytes(std::uint64_t colour_tile_bytes) {
   return colour_tile_bytes * (ColourWindow::kTiles + 2) +

@@ -25,6 +25,7 @@ struct ChannelOutput {
   shading::TexelFormat format;
   std::vector<PageColour> pages;     ///< by source page
   std::optional<ShapeOutput> shape;  ///< nothing: what the pages give is what is written
+  bool is_map = false;               ///< of the hits themselves: projection::map_texel()
 };
 
 /// What shading looks images up with.
@@ -38,11 +39,13 @@ struct Lookup {
 struct HitWork : PieceWork {
   projection::SearchState state;
   std::vector<std::vector<surface::TexelAxes>> axes;  ///< by block
-  projection::SurfacePoints points;                   ///< where some channel needs_surface()
+  projection::SurfacePoints points;                   ///< where some channel needs_points()
 };
 
 /// Is the channel of the surface itself, or tinted by the colours of its vertices?
 bool needs_surface(const ChannelOutput& channel);
+/// Does it ask where on the surface hits are? The same, or a map of them.
+bool needs_points(const ChannelOutput& channel);
 /// What shading asks for: the tiles that it keeps and one on its way, or the making of a level.
 std::uint64_t shading_bytes(std::uint64_t colour_tile_bytes);
 

@@ -38,11 +38,11 @@ std::uint64_t batch_cost(std::uint64_t triangles, std::uint64_t patches, bool wi
 }
 
 std::uint64_t block_state_bytes(std::uint32_t texels, std::uint32_t triangles,
-                                std::uint64_t result_texel_bytes, bool with_shape) {
+                                std::uint64_t result_texel_bytes, bool with_points) {
   const std::uint64_t packets = surface::TargetBlock::most_packets(texels);
-  const std::uint64_t shape = with_shape ? projection::SurfacePoints::most_bytes(packets) +
-                                               surface::TexelFrames::bytes(triangles)
-                                         : 0;
+  const std::uint64_t shape = with_points ? projection::SurfacePoints::most_bytes(packets) +
+                                                surface::TexelFrames::bytes(triangles)
+                                          : 0;
   return shape +
          packets * (sizeof(surface::TexelPacket) + sizeof(projection::HitPacket) +
                     sizeof(RayBundle) + 16) +
@@ -88,7 +88,8 @@ class SurfaceMethod {
             std::min(limits_.max_distance,
                      farthest(source_->store().directory().box, target_->directory().box)))),
         result_texel_bytes_(shading_.result_texel_bytes()),
-        with_shape_(std::any_of(request.channels.begin(), request.channels.end(), needs_surface)) {}
+        with_shape_(std::any_of(request.channels.begin(), request.channels.end(), needs_surface)),
+        with_points_(std::any_of(request.channels.begin(), request.channels.end(), needs_points)) {}
 
   std::size_t channels() const { return shading_.channels().size(); }
 
@@ -104,7 +105,7 @@ class SurfaceMethod {
   }
 
   std::uint64_t state_bytes(const store::BlockEntry& entry) const {
-    return block_state_bytes(entry.texels, entry.triangles, result_texel_bytes_, with_shape_) +
+    return block_state_bytes(entry.texels, entry.triangles, result_texel_bytes_, with_points_) +
            (keeper_ != nullptr ? HitKeeper::block_bytes(entry) : 0);
   }
 
@@ -112,7 +113,7 @@ class SurfaceMethod {
     read_packets(*job_, *target_, smallest_edge_, surface::TargetBlock::Start::inset, work,
                  work.state.packets, work.state.groups, &work.axes);
     projection::start(work.state);
-    if (with_shape_) work.points.start(work.state.packets.size());
+    if (with_points_) work.points.start(work.state.packets.size());
     // Neighbouring pieces lie about as far from the source: start where the last one found it.
     const float expected = neighbours_->distance.load(std::memory_order_relaxed);
     while (work.height + 1 < heights_.size() && heights_[work.height] < expected) ++work.height;
@@ -142,7 +143,7 @@ class SurfaceMethod {
 
   void hit(Work& work) const {
     projection::search_batch(*work.grid, heights_[work.height], limits_, *kernels_, work.state);
-    if (with_shape_) work.points.follow(work.state, work.batch);
+    if (with_points_) work.points.follow(work.state, work.batch);
     if (work.walk->done()) end_height(work);
   }
 
@@ -196,7 +197,8 @@ class SurfaceMethod {
   std::vector<float> heights_;
   std::shared_ptr<Neighbours> neighbours_ = std::make_shared<Neighbours>();
   std::uint64_t result_texel_bytes_ = 0;
-  bool with_shape_ = false;  ///< is some channel of the surface itself?
+  bool with_shape_ = false;   ///< is some channel of the surface itself?
+  bool with_points_ = false;  ///< that, or one asks where its hits are
 };
 
 /// Searches. Says damaged, not too little memory, where the source lies about its largest blocks.
@@ -229,9 +231,16 @@ class Search final : public Projection {
 }  // namespace
 
 std::unique_ptr<Projection> project_mesh(job::JobContext& job, const MeshProjection& request) {
-  if (!may_keep_hits(job, request)) return std::make_unique<Search>(job, request, nullptr);
-  if (auto known = find_hits(job, request)) return shade_known(job, request, std::move(known));
-  return std::make_unique<Search>(job, request, std::make_unique<HitKeeper>(job, request));
+  std::unique_ptr<HitKeeper> keeper;
+  if (may_keep_hits(job, request)) {
+    auto known = find_hits(job, request);
+    // A map says more of a hit than is kept: on which side it lies, and at what angle.
+    const bool has_map = std::any_of(request.channels.begin(), request.channels.end(),
+                                     [](const ChannelOutput& channel) { return channel.is_map; });
+    if (known != nullptr && !has_map) return shade_known(job, request, std::move(known));
+    if (known == nullptr) keeper = std::make_unique<HitKeeper>(job, request);
+  }
+  return std::make_unique<Search>(job, request, std::move(keeper));
 }
 
 std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t most_patches,

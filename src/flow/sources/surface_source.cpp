@@ -57,11 +57,12 @@ void SurfaceSource::add_stores(DiskPlan& disk) const {
 std::uint64_t SurfaceSource::project_least_bytes(std::size_t pass) const {
   constexpr std::uint64_t kStoredTriangle = 160, kColouredTriangle = 208, kChunk = 1 << 16;
   const PassPlan& p = plan_.passes[pass];
+  const bool has_map = plan_.channels[p.channels.back()].channel == Channel::hits;
   const std::uint64_t triangle = p.source.colours ? kColouredTriangle : kStoredTriangle;
   return flow::project_least_bytes(
       p.shape.most_triangles, p.shape.most_patches,
       static_cast<std::uint32_t>(p.shape.most_triangles * triangle + kChunk),
-      result_texel_bytes(pass), colour_tile_bytes(), p.has_shape);
+      result_texel_bytes(pass), colour_tile_bytes(), p.has_shape || has_map);
 }
 
 void SurfaceSource::build(ProgressRange range, std::uint64_t target_texels) {
@@ -146,7 +147,7 @@ std::unique_ptr<Projection> SurfaceSource::projector(std::size_t pass,
     const ChannelPlan& channel = plan_.channels[c];
     request.channels.push_back({channel.format,
                                 columns_.pages_of(channel, plan_.passes[pass].source.pages),
-                                shape_of(channel)});
+                                shape_of(channel), channel.channel == Channel::hits});
   }
   return project_mesh(job_, std::move(request));
 }

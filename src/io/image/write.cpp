@@ -212,7 +212,8 @@ std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec
     return fmt::format("{}: {} x {} texels do not fit; this format holds 1 to {} each way", path,
                        spec.width, spec.height, format->largest_side);
   }
-  if (spec.channels < 1 || spec.channels > 4) {
+  const bool is_named = format->channels == Holds::names && spec.names.size() == spec.channels;
+  if (spec.channels < 1 || (spec.channels > 4 && !is_named)) {
     return fmt::format("{}: {} channels; 1 to 4 can be written", path, spec.channels);
   }
   if (std::string_view(format->name) == "jpeg" && spec.has_alpha) {

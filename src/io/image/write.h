@@ -20,7 +20,7 @@ namespace pounce::io {
 /// colour is lost).
 struct ImageWriteSpec {
   std::uint32_t width = 0, height = 0;
-  std::uint32_t channels = 0;  ///< 1..4
+  std::uint32_t channels = 0;  ///< 1..4; of an EXR with names, any number
   Depth depth = Depth::u8;
   bool linear = false;         ///< samples are scene-linear: tagged so where the format can say it
   bool has_alpha = false;      ///< the last channel is straight alpha

@@ -18,6 +18,7 @@ const std::map<std::string, std::string> kValues{
     {"output", "<CHANNEL>.exr"},
     {"output-for", "normal=n.png"},
     {"coverage", "m.png"},
+    {"map", "m.exr"},
     {"tiles", "1001-1003,1011"},
     {"size", "64x32"},
     {"depth", "half"},
