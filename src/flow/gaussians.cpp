@@ -298,7 +298,7 @@ class SceneJob {
   void tell() {
     job_.report.notes = scene_->info().assumptions;
     if (scene_->info().sh_degree > 3) {
-      job_.report.notes.push_back(
+      job_.report.notes.emplace_back(
           "spherical harmonics of degree 4 are not written; degree 3 is the highest supported");
     }
     if (!options_.axes.empty()) return;
