@@ -5,7 +5,7 @@
 #include <cstring>
 #include <span>
 
-#include "io/image/straight_alpha.h"
+#include "io/image/sample.h"
 #include "mesh/lattice.h"
 #include "store/blocks/colour_store.h"
 

@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "io/image/straight_alpha.h"
+#include "io/image/sample.h"
 #include "io/image/write.h"
 #include "pounce/error.h"
 #include "shading/pad_seams.h"

@@ -219,4 +219,22 @@ FILE* ByteSource::stream() {
   return file;
 }
 
+Hash128 hash_image(const mesh::ImageRef& image) {
+  ByteSource bytes(image);
+  std::vector<std::byte> piece(std::min<std::uint64_t>(bytes.size_bytes(), 1 << 20));
+  Hasher hasher;
+  for (std::uint64_t at = 0; at < bytes.size_bytes();) {
+    const std::size_t got = bytes.read_at(at, piece.data(), piece.size());
+    bytes.check();
+    if (got == 0) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: reading stopped after {} of {} bytes: the file shrank",
+                              bytes.label(), at, bytes.size_bytes()));
+    }
+    hasher.add(std::span<const std::byte>(piece.data(), got));
+    at += got;
+  }
+  return hasher.digest();
+}
+
 }  // namespace pounce::io

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "core/hash.h"
 #include "mesh/mesh.h"
 #include "pounce/error.h"
 
@@ -112,5 +113,9 @@ class ByteSource {
   std::vector<Piece> pieces_;          ///< empty: all that is stored
   std::vector<std::uint64_t> starts_;  ///< of the pieces, in what is shown
 };
+
+/// 128-bit content hash of the encoded bytes of an image, streamed in 1 MiB pieces. Throws
+/// Error(storage) if they cannot be read, Error(input) if they are fewer than they were.
+Hash128 hash_image(const mesh::ImageRef& image);
 
 }  // namespace pounce::io

@@ -1,13 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/colour_space.h"
 
 namespace pounce::io {
+
+/// What an ICC profile (ICC.1:2010) says that matters here.
+struct IccProfile {
+  std::string description;  ///< without control characters; "" if it has none
+  /// What it stands for, if that is a matrix and curves, linear or sRGB's: the primaries of sRGB,
+  /// Display P3, ACES or BT.2020 if it is nearly these, else its own, of the white D50.
+  std::optional<ColourSpace> space;
+};
+
+/// Nothing: this is not a profile of RGB colours. Never throws for what is in it.
+std::optional<IccProfile> read_icc(std::span<const std::byte> profile);
+
+/// A profile for a space: version 4.3, matrix and curves, always the same bytes.
+std::vector<std::byte> make_icc(const ColourSpace& space);
 
 struct ColourPiece;
 

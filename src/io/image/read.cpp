@@ -13,20 +13,14 @@
 #include <vector>
 
 #include "io/files/asset_file.h"
-#include "io/image/decoder_cost.h"
-#include "io/image/decoder_error.h"
+#include "io/image/decoder.h"
 #include "io/image/exr_guard.h"
-#include "io/image/format.h"
 #include "io/image/guard.h"
 #include "io/image/header.h"
-#include "io/image/oiio_setup.h"
-#include "io/image/parts.h"
-#include "io/image/png_check.h"
 #include "io/image/pnm.h"
 #include "io/image/sample.h"
-#include "io/image/straight_alpha.h"
+#include "io/image/tiff_directory.h"
 #include "io/image/tiff_guard.h"
-#include "io/image/tiff_levels.h"
 #include "pounce/error.h"
 #include "store/blocks/colour_store.h"
 

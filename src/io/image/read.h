@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "core/hash.h"
 #include "io/image/channels.h"
 #include "io/image/colour_tags.h"
 #include "mesh/mesh.h"
@@ -81,9 +80,5 @@ class ImageReader {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
-
-/// 128-bit content hash of the encoded bytes of an image, streamed in 1 MiB pieces. Throws
-/// Error(storage) if they cannot be read, Error(input) if they are fewer than they were.
-Hash128 hash_image(const mesh::ImageRef& image);
 
 }  // namespace pounce::io

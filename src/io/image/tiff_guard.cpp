@@ -13,200 +13,21 @@
 
 #include <algorithm>
 #include <array>
-#include <optional>
 #include <string>
 #include <string_view>
 
-#include "io/image/cursor.h"
+#include "io/image/tiff_directory.h"
 
 namespace pounce::io {
 namespace {
 
 constexpr std::uint64_t kLargestSide = 65536;
-constexpr std::uint64_t kMostFields = 4096;  // as libtiff
 /// libtiff keeps 16 bytes for each strip or tile, and twice that while it reads the lists: no
 /// budget knows of it. 65536 x 65536 in tiles of 64 x 64 are as many.
 constexpr std::uint64_t kMostParts = 1 << 20;
 constexpr std::uint64_t kMostSamples = 64;
 /// Tiles may be larger than the image. Renderers' are 64 texels wide, GIS's 512 or less.
 constexpr std::uint64_t kMostTileBytes = 64 << 20;
-
-enum Tag : std::uint16_t {
-  kWidth = 256,
-  kHeight = 257,
-  kBits = 258,
-  kCompression = 259,
-  kPhotometric = 262,
-  kFillOrder = 266,
-  kStripOffsets = 273,
-  kSamples = 277,
-  kStripRows = 278,
-  kStripBytes = 279,
-  kPlanes = 284,
-  kPredictor = 317,
-  kColourMap = 320,
-  kTileWidth = 322,
-  kTileHeight = 323,
-  kTileOffsets = 324,
-  kTileBytes = 325,
-  kExtraSamples = 338,
-  kSampleFormat = 339,
-  kMatteing = 32995,
-  kIccProfile = 34675,
-};
-
-enum Type : std::uint16_t { kShort = 3, kLong = 4, kLong8 = 16 };
-
-struct Field {
-  std::uint16_t tag = 0, type = 0;
-  std::uint64_t count = 0;
-  std::uint64_t place = 0, size_bytes = 0;  ///< of the field itself
-  std::uint64_t data = 0;                   ///< where its values are
-
-  /// Of one value; 1 where the type is not known.
-  std::uint64_t value_bytes() const {
-    constexpr std::array<std::uint8_t, 19> kBytes{1, 1, 1, 2, 4, 8, 1, 1, 2, 4,
-                                                  8, 4, 8, 4, 1, 1, 8, 8, 8};
-    return type < kBytes.size() ? kBytes[type] : 1;
-  }
-  std::uint64_t data_bytes() const {
-    return count > UINT64_MAX / 8 ? UINT64_MAX : count * value_bytes();
-  }
-};
-
-bool is_big_endian(ByteSource& bytes) {
-  char first = 0;
-  return bytes.read_at(0, &first, 1) == 1 && first == 'M';
-}
-
-/// The first directory, and what its fields say.
-class Directory {
- public:
-  explicit Directory(ByteSource& bytes) : at_(bytes, "TIFF", is_big_endian(bytes)) {
-    big_ = at_.u16(2) == 43;
-    place_ = big_ ? at_.number(8, 8) : at_.u32(4);
-    if (place_ >= at_.size())
-      refuse("the TIFF has no directory where it should be; the file is damaged or cut off");
-    const std::uint64_t fields = at_.number(place_, count_bytes());
-    if (fields == 0 || fields > kMostFields)
-      refuse(fmt::format("the TIFF's directory claims {} fields; the file is damaged", fields));
-    end_ = place_ + count_bytes();
-    for (std::uint64_t i = 0; i < fields; ++i) {
-      Field field;
-      field.place = end_;
-      field.size_bytes = big_ ? 20 : 12;
-      field.tag = at_.u16(end_);
-      field.type = at_.u16(end_ + 2);
-      field.count = at_.number(end_ + 4, word_bytes());
-      const std::uint64_t value = end_ + 4 + word_bytes();
-      field.data = field.data_bytes() <= word_bytes() ? value : at_.number(value, word_bytes());
-      end_ += field.size_bytes;
-      fields_.push_back(field);
-    }
-    end_ += word_bytes();
-  }
-
-  [[noreturn]] void refuse(const std::string& why) const { at_.refuse(why); }
-  Cursor& at() { return at_; }
-
-  /// A field of that tag; null if there is none. Two of them are damage: decoders differ in which
-  /// one they take.
-  const Field* find(std::uint16_t tag) const {
-    const Field* found = nullptr;
-    for (const Field& field : fields_) {
-      if (field.tag != tag) continue;
-      if (found != nullptr)
-        refuse(fmt::format("the TIFF has its field {} twice; the file is damaged", tag));
-      found = &field;
-    }
-    return found;
-  }
-  /// The same, and from here on it is shown.
-  const Field* use(std::uint16_t tag) {
-    const Field* const field = find(tag);
-    if (field != nullptr) used_.push_back(tag);
-    return field;
-  }
-
-  /// All values of a field of whole numbers, of which there are `count`.
-  std::vector<std::uint64_t> numbers(const Field& field, std::uint64_t count) {
-    const bool whole =
-        field.type == kShort || field.type == kLong || (field.type == kLong8 && big_);
-    if (!whole || field.count != count) {
-      refuse(
-          fmt::format("field {} of the TIFF has {} values of type {}, not {} whole numbers; the "
-                      "file is damaged",
-                      field.tag, field.count, field.type, count));
-    }
-    if (field.data > at_.size() || field.data_bytes() > at_.size() - field.data) {
-      refuse(
-          fmt::format("the values of field {} of the TIFF lie behind its end ({} bytes); the file "
-                      "is damaged or cut off",
-                      field.tag, at_.size()));
-    }
-    std::vector<std::uint64_t> values(static_cast<std::size_t>(count));
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      values[i] = at_.number(field.data + i * field.value_bytes(),
-                             static_cast<std::size_t>(field.value_bytes()));
-    }
-    return values;
-  }
-  /// The one value of a field, or what stands for a missing one.
-  std::uint64_t number(std::uint16_t tag, std::uint64_t fallback) {
-    const Field* const field = use(tag);
-    return field == nullptr ? fallback : numbers(*field, 1).front();
-  }
-  std::uint64_t needed(std::uint16_t tag, std::string_view what) {
-    if (find(tag) == nullptr)
-      refuse(fmt::format("the TIFF does not say {} (field {}); the file is damaged", what, tag));
-    return number(tag, 0);
-  }
-  /// A field with a value per sample, all alike. Writers of one value mean all samples, and so does
-  /// libtiff.
-  std::uint64_t of_all_samples(std::uint16_t tag, std::uint64_t samples, std::uint64_t fallback) {
-    const Field* const field = use(tag);
-    if (field == nullptr) return fallback;
-    const std::vector<std::uint64_t> each = numbers(*field, field->count == 1 ? 1 : samples);
-    if (std::any_of(each.begin(), each.end(), [&](std::uint64_t n) { return n != each.front(); }))
-      refuse(
-          "the samples of the TIFF differ in their bits or types; save it with all of them alike");
-    return each.front();
-  }
-
-  /// A directory of the used fields alone in the place of this one. Everything else keeps its
-  /// place.
-  void show_used() {
-    std::vector<std::byte> shown(static_cast<std::size_t>(end_ - place_));
-    std::size_t end = count_bytes();
-    std::uint64_t kept = 0;
-    for (const Field& field : fields_) {
-      if (std::find(used_.begin(), used_.end(), field.tag) == used_.end()) continue;
-      for (std::uint64_t i = 0; i < field.size_bytes; ++i)
-        shown[end++] = static_cast<std::byte>(at_.u8(field.place + i));
-      ++kept;
-    }
-    ByteSource& bytes = at_.bytes();
-    const bool big_endian = is_big_endian(bytes);
-    for (std::size_t i = 0; i < count_bytes(); ++i)
-      shown[big_endian ? count_bytes() - 1 - i : i] = static_cast<std::byte>(kept >> 8 * i);
-    std::vector<ByteSource::Piece> pieces;
-    if (place_ > 0) pieces.push_back({0, place_, {}});
-    const std::uint64_t size = shown.size();
-    pieces.push_back({place_, size, std::move(shown)});
-    if (end_ < bytes.size_bytes()) pieces.push_back({end_, bytes.size_bytes() - end_, {}});
-    bytes.show_only(std::move(pieces));
-  }
-
- private:
-  std::size_t count_bytes() const { return big_ ? 8 : 2; }
-  std::size_t word_bytes() const { return big_ ? 8 : 4; }
-
-  Cursor at_;
-  bool big_ = false;  ///< 64-bit offsets
-  std::uint64_t place_ = 0, end_ = 0;
-  std::vector<Field> fields_;
-  std::vector<std::uint16_t> used_;
-};
 
 struct Name {
   std::uint64_t value;
@@ -221,7 +42,7 @@ std::string name_of(const std::array<Name, N>& names, std::uint64_t value) {
   return fmt::format("kind {}", value);
 }
 
-void take_size(Directory& from, TiffPicture& picture) {
+void take_size(TiffDirectory& from, TiffPicture& picture) {
   const std::uint64_t width = from.needed(kWidth, "how wide it is");
   const std::uint64_t height = from.needed(kHeight, "how high it is");
   if (width < 1 || height < 1 || width > kLargestSide || height > kLargestSide) {
@@ -233,7 +54,7 @@ void take_size(Directory& from, TiffPicture& picture) {
 }
 
 /// Bits, types and number of the samples.
-void take_samples(Directory& from, TiffPicture& picture) {
+void take_samples(TiffDirectory& from, TiffPicture& picture) {
   const std::uint64_t samples = from.number(kSamples, 1);
   if (samples < 1 || samples > kMostSamples) {
     from.refuse(fmt::format("the TIFF has {} samples per texel; 1 to {} can be read", samples,
@@ -265,7 +86,7 @@ void take_samples(Directory& from, TiffPicture& picture) {
 }
 
 /// What the samples mean.
-void take_colours(Directory& from, TiffPicture& picture) {
+void take_colours(TiffDirectory& from, TiffPicture& picture) {
   using Colours = TiffPicture::Colours;
   const std::uint64_t photometric = from.needed(kPhotometric, "what its samples mean");
   constexpr std::uint64_t kWhiteIsZero = 0, kBlackIsZero = 1, kRgb = 2, kPalette = 3;
@@ -279,7 +100,7 @@ void take_colours(Directory& from, TiffPicture& picture) {
     picture.colours = Colours::rgb;
   } else if (photometric == kPalette && one_integer && picture.bits <= 8) {
     picture.colours = Colours::palette;
-    const Field* const map = from.use(kColourMap);
+    const TiffField* const map = from.use(kColourMap);
     if (map == nullptr) from.refuse("the TIFF has no palette where it needs one; it is damaged");
     if (map->type != kShort) from.refuse("the TIFF's palette is no list of 16-bit numbers");
     from.numbers(*map, std::uint64_t{3} << picture.bits);
@@ -303,7 +124,7 @@ void take_colours(Directory& from, TiffPicture& picture) {
         name_of(kNames, photometric), picture.samples, picture.bits));
   }
   const std::uint64_t extra = picture.samples - (picture.colours == Colours::rgb ? 3 : 1);
-  if (const Field* const said = from.use(kExtraSamples)) {
+  if (const TiffField* const said = from.use(kExtraSamples)) {
     picture.says_extra_samples = true;
     constexpr std::uint64_t kStraightAlpha = 2;
     for (const std::uint64_t kind : from.numbers(*said, extra)) {
@@ -318,7 +139,7 @@ void take_colours(Directory& from, TiffPicture& picture) {
   }
 }
 
-void take_coding(Directory& from, TiffPicture& picture) {
+void take_coding(TiffDirectory& from, TiffPicture& picture) {
   constexpr std::uint64_t kNone = 1, kLzw = 5, kDeflate = 8, kOldDeflate = 32946, kPackBits = 32773;
   const std::uint64_t coding = from.number(kCompression, kNone);
   const bool predicts = coding == kLzw || coding == kDeflate || coding == kOldDeflate;
@@ -365,7 +186,7 @@ void take_coding(Directory& from, TiffPicture& picture) {
 }
 
 /// The size of strips or tiles. After take_coding().
-void take_part_size(Directory& from, TiffPicture& picture) {
+void take_part_size(TiffDirectory& from, TiffPicture& picture) {
   picture.tiled = from.find(kTileWidth) != nullptr || from.find(kTileHeight) != nullptr;
   if (!picture.tiled) {
     if (picture.planes && picture.compressed) {
@@ -401,7 +222,7 @@ void take_part_size(Directory& from, TiffPicture& picture) {
 
 /// Where the strips or tiles are: as many as there must be, each within the file, none much larger
 /// than what it decodes to.
-void check_parts(Directory& from, const TiffPicture& picture) {
+void check_parts(TiffDirectory& from, const TiffPicture& picture) {
   const std::uint64_t across = (picture.width - 1) / picture.part_width + 1;
   const std::uint64_t down = (picture.height - 1) / picture.part_height + 1;
   const std::uint64_t of_plane = across * down;
@@ -413,8 +234,8 @@ void check_parts(Directory& from, const TiffPicture& picture) {
                     "larger ones",
                     count, name, kMostParts));
   }
-  const Field* const places = from.use(picture.tiled ? kTileOffsets : kStripOffsets);
-  const Field* const sizes = from.use(picture.tiled ? kTileBytes : kStripBytes);
+  const TiffField* const places = from.use(picture.tiled ? kTileOffsets : kStripOffsets);
+  const TiffField* const sizes = from.use(picture.tiled ? kTileBytes : kStripBytes);
   if (places == nullptr || sizes == nullptr)
     from.refuse(fmt::format("the TIFF does not say where its {}s are; the file is damaged", name));
   const std::vector<std::uint64_t> begins = from.numbers(*places, count);
@@ -454,7 +275,7 @@ std::uint64_t TiffPicture::part_bytes() const {
 }
 
 TiffPicture guard_tiff(ByteSource& bytes, std::vector<ColourPiece>& colours) {
-  Directory directory(bytes);
+  TiffDirectory directory(bytes);
   TiffPicture picture;
   take_size(directory, picture);
   take_samples(directory, picture);
@@ -462,7 +283,7 @@ TiffPicture guard_tiff(ByteSource& bytes, std::vector<ColourPiece>& colours) {
   take_coding(directory, picture);
   take_part_size(directory, picture);
   check_parts(directory, picture);
-  if (const Field* const profile = directory.find(kIccProfile);
+  if (const TiffField* const profile = directory.find(kIccProfile);
       profile != nullptr && profile->data_bytes() > 8) {
     keep_colours(directory.at(), "ICC", profile->data, profile->data_bytes(), colours);
   }

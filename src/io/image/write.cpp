@@ -15,10 +15,10 @@
 #include "io/files/asset_file.h"
 #include "io/files/finished_output.h"
 #include "io/files/output_file.h"
-#include "io/image/icc.h"
-#include "io/image/oiio_setup.h"
+#include "io/image/colour_tags.h"
+#include "io/image/decoder.h"
 #include "io/image/output_proxy.h"
-#include "io/image/straight_alpha.h"
+#include "io/image/sample.h"
 #include "mesh/lattice.h"
 #include "pounce/error.h"
 

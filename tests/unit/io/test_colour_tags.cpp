@@ -6,7 +6,6 @@
 
 #include "io/image/colour_tags.h"
 #include "io/image/guard.h"
-#include "io/image/icc.h"
 
 using namespace pounce;
 

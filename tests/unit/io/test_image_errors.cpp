@@ -10,6 +10,7 @@
 #include <catch2/catch.hpp>
 #include <cerrno>
 
+#include "io/files/asset_file.h"
 #include "io/image/write.h"
 #include "pounce/error.h"
 #include "support/test_data.h"

@@ -6,7 +6,7 @@
 
 #include "io/image/read.h"
 #include "io/image/sample.h"
-#include "io/image/tiff_levels.h"
+#include "io/image/tiff_directory.h"
 #include "io/image/write.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"

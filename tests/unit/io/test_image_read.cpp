@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "core/portable_math.h"
+#include "io/files/asset_file.h"
 #include "pounce/error.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"
