@@ -8,11 +8,8 @@
 #include "fuzz/fuzz_support.h"
 #include "io/files/asset_file.h"
 #include "io/image/colour_tags.h"
-#include "io/image/exr_guard.h"
 #include "io/image/guard.h"
 #include "io/image/header.h"
-#include "io/image/pnm.h"
-#include "io/image/tiff_guard.h"
 #include "mesh/mesh.h"
 
 namespace pounce::fuzz {

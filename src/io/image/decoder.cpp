@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// What can be known of OpenImageIO's decoders from outside. None of them says how much memory it
+// takes, so each cost here is an upper bound that was read from the libraries' sources and is held
+// against resident memory by a test. And their errors come as texts of many libraries, in which a
+// damaged file, a lack of memory and something that the library cannot do look alike.
 #include "io/image/decoder.h"
 
 #include <OpenImageIO/imageio.h>
@@ -6,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <mutex>
 #include <new>
 #include <string_view>
@@ -15,6 +21,7 @@
 #include "pounce/error.h"
 
 namespace pounce::io {
+
 void set_up_oiio() {
   static std::once_flag once;
   std::call_once(once, [] {
@@ -116,6 +123,51 @@ std::string in_brackets(const std::string& text) {
 }
 
 }  // namespace
+
+OIIO::TypeDesc sample_type_of(const OIIO::ImageSpec& spec, const std::vector<int>& places) {
+  OIIO::TypeDesc deepest = spec.channelformat(places.front());
+  for (const int place : places) {
+    const OIIO::TypeDesc type = spec.channelformat(place);
+    if (type.basetype != OIIO::TypeDesc::HALF) deepest = type;
+    if (type.basetype != OIIO::TypeDesc::HALF && type.basetype != OIIO::TypeDesc::FLOAT) break;
+  }
+  return deepest;
+}
+
+Depth depth_of(const std::string& label, OIIO::TypeDesc type) {
+  switch (type.basetype) {
+    case OIIO::TypeDesc::UINT8:
+      return Depth::u8;
+    case OIIO::TypeDesc::UINT16:
+      return Depth::u16;
+    case OIIO::TypeDesc::HALF:
+      return Depth::half;
+    case OIIO::TypeDesc::FLOAT:
+      return Depth::float32;
+    default:
+      throw Error(
+          ErrorKind::input,
+          label + ": " +
+              fmt::format(
+                  "its samples are of type {}; convert it to 8 or 16 bit integers, half or float",
+                  type.c_str()));
+  }
+}
+
+void take_chromaticities(const OIIO::ImageSpec& spec, ColourTags& tags) {
+  const OIIO::ParamValue* found = spec.find_attribute("chromaticities");
+  if (found == nullptr || found->type().basetype != OIIO::TypeDesc::FLOAT ||
+      found->type().basevalues() * static_cast<std::size_t>(found->nvalues()) != 8) {
+    return;
+  }
+  Chromaticities said;
+  std::memcpy(said.data(), found->data(), sizeof said);
+  if (are_primaries(said)) {
+    tags.primaries = said;
+  } else {
+    tags.problem = "its chromaticities span no colours";
+  }
+}
 
 void refuse_damaged(const std::string& label, const std::string& what, const std::string& why) {
   throw Error(ErrorKind::input, fmt::format("{}: {}{}; the file is damaged or cut off", label, what,

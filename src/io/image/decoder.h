@@ -10,6 +10,8 @@
 
 #include "io/files/asset_file.h"
 #include "io/image/channels.h"
+#include "io/image/colour_tags.h"
+#include "pounce/options.h"
 
 namespace pounce::io {
 
@@ -38,6 +40,15 @@ std::uint64_t decoder_cost(const OIIO::ImageSpec& spec, const std::string& forma
 std::uint64_t jpeg_row_cost(std::uint64_t width);
 /// Of a format that only decodes whole, from a copy of the file.
 std::uint64_t whole_cost(std::uint64_t decoded_bytes, const ByteSource& bytes);
+
+// What an image's ImageSpec says.
+
+/// The type of the deepest of these channels' samples.
+OIIO::TypeDesc sample_type_of(const OIIO::ImageSpec& spec, const std::vector<int>& places);
+/// How deep such samples are. Throws Error(input) if they are none that can be read.
+Depth depth_of(const std::string& label, OIIO::TypeDesc type);
+/// An EXR's attribute of that name.
+void take_chromaticities(const OIIO::ImageSpec& spec, ColourTags& tags);
 
 /// Throws Error(input) that calls the image of that label damaged: `what` is not to be had of it,
 /// and `why`, if that is known.

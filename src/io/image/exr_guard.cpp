@@ -4,8 +4,6 @@
 // whatever a block of the file held: of one that is too short the rest is what was there before.
 // A block decodes into the buffer of the block before, so it is enough that the first one, which is
 // the largest, fills it: then no picture holds memory that nobody wrote.
-#include "io/image/exr_guard.h"
-
 #include <fmt/format.h>
 #include <zlib.h>
 

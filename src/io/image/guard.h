@@ -69,8 +69,6 @@ class Cursor {
   std::size_t count_ = 0;
 };
 
-class Cursor;
-
 /// A piece of a file that is hidden and says what its colours mean: a PNG's "cICP", "iCCP", "sRGB",
 /// "gAMA" or "cHRM" chunk, or "ICC", a profile.
 struct ColourPiece {
@@ -120,5 +118,40 @@ class PngCheck {
   bool finished_ = false;
   std::string problem_;
 };
+
+/// Checks what OpenEXR takes from a file without a look of its own: how much room it makes, and
+/// that the first block of each part decodes to all of the texels that are handed out. Throws
+/// Error(input). Returns what it makes room for when it opens the file, beside the decoder of the
+/// part that is read: of a file in several parts a block of each, read or not.
+std::uint64_t guard_exr(ByteSource& bytes);
+
+// Which TIFFs are read, decided by their directory before any decoder sees it.
+
+/// What the first directory of a TIFF says, checked.
+struct TiffPicture {
+  enum class Colours : std::uint8_t { grey, grey_inverted, rgb, palette };
+  std::uint32_t width = 0, height = 0;
+  std::uint32_t samples = 1;  ///< per texel in the file; a palette has one
+  std::uint32_t bits = 1;     ///< of each: 1, 2, 4, 8, 16; of floats 16, 32
+  bool floats = false;
+  Colours colours = Colours::grey;
+  bool planes = false;                            ///< each sample has strips or tiles of its own
+  bool compressed = false;                        ///< LZW, Deflate or PackBits
+  bool says_extra_samples = false;                ///< what the samples beyond the colours are
+  std::uint32_t part_width = 0, part_height = 0;  ///< of a tile, or of a strip
+  bool tiled = false;
+
+  /// What a decoder hands out per texel.
+  std::uint32_t channels() const { return colours == Colours::palette ? 3 : samples; }
+  /// Decoded bytes of a whole strip or tile of one plane.
+  std::uint64_t part_bytes() const;
+};
+
+/// Checks the directory against the combinations of colours, samples, planes, compression, strips
+/// and tiles that are read, each of which has a test, and shows it as the only one, with nothing
+/// but the fields that were checked. Throws Error(input) with what is not read and what to do, or
+/// naming the field that is damaged. Nothing a decoder may make room for is larger than what is
+/// returned.
+TiffPicture guard_tiff(ByteSource& bytes, std::vector<ColourPiece>& colours);
 
 }  // namespace pounce::io

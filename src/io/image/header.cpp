@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <array>
 #include <cstdlib>
+#include <cstring>
+#include <initializer_list>
 #include <optional>
 #include <string_view>
 
@@ -339,6 +341,95 @@ JpegHeader read_jpeg_header(ByteSource& bytes) {
                             bytes.label()));
   }
   return header;
+}
+
+namespace {
+
+/// The text before the picture: "P6 width height largest" and one white space, with comments from #
+/// to the end of a line.
+class PnmHeader {
+ public:
+  explicit PnmHeader(ByteSource& bytes) : bytes_(bytes) { next(); }
+
+  int next() {
+    if (at_ == count_) {
+      position_ += count_;
+      count_ = bytes_.read_at(position_, window_.data(), window_.size());
+      at_ = 0;
+    }
+    return last_ = at_ < count_ ? static_cast<unsigned char>(window_[at_++]) : -1;
+  }
+  /// The next number, and one byte behind it; 0 if there is none.
+  std::uint32_t number() {
+    while (last_ == '#' || is_white(last_)) {
+      const bool comment = last_ == '#';
+      while (comment && last_ != '\n' && last_ >= 0) next();
+      next();
+    }
+    std::uint32_t value = 0;
+    for (; last_ >= '0' && last_ <= '9'; next()) {
+      if (value > 9'999'999) return 0;
+      value = value * 10 + static_cast<std::uint32_t>(last_ - '0');
+    }
+    return is_white(last_) || last_ == '#' ? value : 0;
+  }
+  /// Behind the byte read last.
+  std::uint64_t position() const { return position_ + at_; }
+
+ private:
+  static bool is_white(int c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
+
+  ByteSource& bytes_;
+  std::array<char, 4096> window_;
+  std::uint64_t position_ = 0;
+  std::size_t at_ = 0, count_ = 0;
+  int last_ = -1;
+};
+
+}  // namespace
+
+PnmPicture::PnmPicture(ByteSource& bytes) : bytes_(bytes) {
+  PnmHeader header(bytes);
+  channels_ = header.next() == '6' ? 3 : 1;
+  header.next();
+  for (std::uint32_t* number : {&width_, &height_, &largest_}) *number = header.number();
+  begin_ = header.position();
+  bytes.check();
+  if (width_ == 0 || height_ == 0 || largest_ == 0 || largest_ > 65535) {
+    throw Error(ErrorKind::input,
+                bytes.label() + ": the image header cannot be read; the PNM is damaged or cut off");
+  }
+  const std::uint64_t end = begin_ + row_bytes() * height_;
+  if (end > bytes.size_bytes()) {
+    throw Error(ErrorKind::input,
+                fmt::format("{}: the PNM is cut off: its picture ends at byte {}, the file at {}",
+                            bytes.label(), end, bytes.size_bytes()));
+  }
+}
+
+std::uint64_t PnmPicture::row_bytes() const {
+  return std::uint64_t{width_} * channels_ * (largest_ > 255 ? 2 : 1);
+}
+
+void PnmPicture::read_rows(std::uint32_t first, std::uint32_t count, std::byte* rows) {
+  const std::size_t size = static_cast<std::size_t>(row_bytes() * count);
+  const std::size_t got = bytes_.read_at(begin_ + row_bytes() * first, rows, size);
+  std::memset(rows + got, 0, size - got);
+  const bool wide = largest_ > 255;
+  const std::uint32_t full = wide ? 65535 : 255;
+  if (!wide && largest_ == full) return;
+  for (std::size_t i = 0; i < size; i += wide ? 2 : 1) {
+    const auto high = static_cast<std::uint32_t>(rows[i]);
+    const std::uint32_t stored = wide ? high << 8 | static_cast<std::uint32_t>(rows[i + 1]) : high;
+    // 65535 * 65535 + 32767 fits.
+    const std::uint32_t value = (std::min(stored, largest_) * full + largest_ / 2) / largest_;
+    if (wide) {
+      const auto sample = static_cast<std::uint16_t>(value);
+      std::memcpy(rows + i, &sample, sizeof sample);
+    } else {
+      rows[i] = static_cast<std::byte>(value);
+    }
+  }
 }
 
 }  // namespace pounce::io

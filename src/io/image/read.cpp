@@ -14,13 +14,10 @@
 
 #include "io/files/asset_file.h"
 #include "io/image/decoder.h"
-#include "io/image/exr_guard.h"
 #include "io/image/guard.h"
 #include "io/image/header.h"
-#include "io/image/pnm.h"
 #include "io/image/sample.h"
 #include "io/image/tiff_directory.h"
-#include "io/image/tiff_guard.h"
 #include "pounce/error.h"
 #include "store/blocks/colour_store.h"
 
@@ -43,35 +40,6 @@ void check_size(const std::string& label, std::int64_t width, std::int64_t heigh
   if (width < 1 || height < 1 || width > kLargestSide || height > kLargestSide) {
     refuse(label, fmt::format("the image is {} x {} texels; 1 to {} each way can be read", width,
                               height, kLargestSide));
-  }
-}
-
-/// The deepest of these channels' samples.
-OIIO::TypeDesc sample_type_of(const OIIO::ImageSpec& spec, const std::vector<int>& places) {
-  OIIO::TypeDesc deepest = spec.channelformat(places.front());
-  for (const int place : places) {
-    const OIIO::TypeDesc type = spec.channelformat(place);
-    if (type.basetype != OIIO::TypeDesc::HALF) deepest = type;
-    if (type.basetype != OIIO::TypeDesc::HALF && type.basetype != OIIO::TypeDesc::FLOAT) break;
-  }
-  return deepest;
-}
-
-Depth depth_of(const std::string& label, OIIO::TypeDesc type) {
-  switch (type.basetype) {
-    case OIIO::TypeDesc::UINT8:
-      return Depth::u8;
-    case OIIO::TypeDesc::UINT16:
-      return Depth::u16;
-    case OIIO::TypeDesc::HALF:
-      return Depth::half;
-    case OIIO::TypeDesc::FLOAT:
-      return Depth::float32;
-    default:
-      refuse(label,
-             fmt::format(
-                 "its samples are of type {}; convert it to 8 or 16 bit integers, half or float",
-                 type.c_str()));
   }
 }
 
@@ -108,22 +76,6 @@ void check_promise(const std::string& label, const TiffPicture& tiff, const OIIO
                     is(spec.tile_height, tiff.tiled ? tiff.part_height : 0);
   if (!same)
     refuse(label, "the TIFF's decoder reads its header otherwise; convert it to PNG or EXR");
-}
-
-/// What EXR's attribute says.
-void take_chromaticities(const OIIO::ImageSpec& spec, ColourTags& tags) {
-  const OIIO::ParamValue* found = spec.find_attribute("chromaticities");
-  if (found == nullptr || found->type().basetype != OIIO::TypeDesc::FLOAT ||
-      found->type().basevalues() * static_cast<std::size_t>(found->nvalues()) != 8) {
-    return;
-  }
-  Chromaticities said;
-  std::memcpy(said.data(), found->data(), sizeof said);
-  if (are_primaries(said)) {
-    tags.primaries = said;
-  } else {
-    tags.problem = "its chromaticities span no colours";
-  }
 }
 
 /// The stream for libjpeg, which asks for a FILE, and for everybody else. IOFile's own pread() and

@@ -7,8 +7,6 @@
 // what is read; a decoder is shown a directory that holds these fields and no other. What they say
 // together is checked too: every strip and tile lies within the file, and there are as many as the
 // size asks for.
-#include "io/image/tiff_guard.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,6 +14,7 @@
 #include <string>
 #include <string_view>
 
+#include "io/image/guard.h"
 #include "io/image/tiff_directory.h"
 
 namespace pounce::io {

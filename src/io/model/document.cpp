@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The JSON of a model with new textures, edited as text: only the values that change are touched,
-// so all that nobody here knows, and every number as it is spelled, stays (io/json/edit.h).
+// so all that nobody here knows, and every number as it is spelled, stays (io/json/untrusted.h).
 //
 // A material takes a new texture in five places, each with a factor beside it and maybe an
 // extension that overrides it: MaterialEditor. Around materials DocumentEditor keeps the rest
@@ -21,7 +21,7 @@
 
 #include "io/files/finished_output.h"
 #include "io/gltf/validate.h"
-#include "io/json/edit.h"
+#include "io/json/untrusted.h"
 
 namespace pounce::io {
 namespace {

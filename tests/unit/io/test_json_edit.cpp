@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
-#include "io/json/edit.h"
+#include "io/json/untrusted.h"
 #include "support/random.h"
 
 using namespace pounce::io;
