@@ -43,8 +43,8 @@ HitMapTexel map_texel(const HitPacket& hit, const TexelPacket& texels, const Sur
     const Split y = split(hit.base_y[lane], hit.frac_y[lane], lattice.height);
     out[0] = static_cast<float>(x.rest);
     out[1] = static_cast<float>(1 - y.rest);
-    out[3] = static_cast<float>(
-        mesh::udim_number(mesh::tile_of_period(x.period, y.period)).value_or(0));
+    out[3] =
+        static_cast<float>(mesh::udim_number(mesh::tile_of_period(x.period, y.period)).value_or(0));
   }
   const float distance = distance_of(hit.key[lane], texels);
   out[4] = surface.height[lane] < 0 ? -distance : distance;

@@ -77,8 +77,8 @@ TEST_CASE("a map names the places that a transfer shows", "[flow]") {
   CAPTURE(tiles);
   Scene scene(tiles);
   const Report report = transfer(scene.options);
-  CHECK(report.outputs == std::vector<std::string>{scene.folder.file("shown.exr"),
-                                                   scene.folder.file("map.exr")});
+  CHECK(report.outputs ==
+        std::vector<std::string>{scene.folder.file("shown.exr"), scene.folder.file("map.exr")});
   const WholeImage shown = read_whole_image(scene.folder.file("shown.exr"));
   const WholeImage map = channels(scene.folder.file("map.exr"), "R,G,udim");
   const WholeImage found = channels(scene.folder.file("map.exr"), "distance,angle");
@@ -96,7 +96,8 @@ TEST_CASE("a map names the places that a transfer shows", "[flow]") {
     const double rim_u = 3.0 / 96, rim_v = 3.0 / 64;
     if (u < rim_u || u > 1 - rim_u || v < rim_v || v > 1 - rim_v) continue;
     ++compared;
-    worst = std::max({worst, std::abs(u - shown.samples[3 * i]), std::abs(v - shown.samples[3 * i + 1])});
+    worst = std::max(
+        {worst, std::abs(u - shown.samples[3 * i]), std::abs(v - shown.samples[3 * i + 1])});
   }
   CHECK(covered == report.target_covered);
   CHECK(compared > covered * 8 / 10);
@@ -129,7 +130,8 @@ TEST_CASE("a map knows how far away the source is, on which side, and how it lea
     const double at = (x + 0.5) / 150;
     CAPTURE(x);
     CHECK(found.samples[2 * i] == Approx(height + lean * (at - 0.5)).margin(1e-6));
-    CHECK(found.samples[2 * i + 1] == Approx(std::atan(lean) * 180 / 3.14159265358979).epsilon(1e-5));
+    CHECK(found.samples[2 * i + 1] ==
+          Approx(std::atan(lean) * 180 / 3.14159265358979).epsilon(1e-5));
     CHECK(map.samples[2 * i] == Approx(at).margin(1e-5));
   }
 }

@@ -364,8 +364,10 @@ TEST_CASE("counts of a geometry pack beyond its mesh and images are noticed", "[
   // Nothing but warnings and the report shows them: there they would be lies.
   const Jobs jobs(From::surface);
   constexpr std::uint64_t kPast = std::uint64_t{1} << 40;
-  const std::vector<std::pair<std::string, std::size_t>> counts{
-      {"overlapping texels", 16}, {"slivers", 24}, {"degenerate triangles", 32}};
+  const std::vector<std::pair<std::string, std::size_t>> counts{{"overlapping texels", 16},
+                                                                {"slivers", 24},
+                                                                {"degenerate triangles", 32},
+                                                                {"coincident triangles", 56}};
   for (const std::string& pack : jobs.packs("geometry")) {
     const PackTree tree(jobs.pristine + "/v3/" + pack);
     for (const auto& [what, at] : counts) {

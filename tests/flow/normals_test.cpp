@@ -474,7 +474,8 @@ TEST_CASE("what cannot be a normal map or a bake is said", "[flow]") {
   using Catch::Contains;
   CHECK_THAT(fails([](auto& o) { o.channels.transferred = {Channel::normal}; }),
              Contains("no material has a normal texture"));
-  CHECK_THAT(fails([](auto& o) { o.channels.baked = {Channel::normal}; }), Contains("specify --size"));
+  CHECK_THAT(fails([](auto& o) { o.channels.baked = {Channel::normal}; }),
+             Contains("specify --size"));
   CHECK_THAT(fails([](auto& o) {
                o.channels.baked = {Channel::height};
                o.image.size = ImageSize{64, 64};

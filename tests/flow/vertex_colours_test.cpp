@@ -117,8 +117,7 @@ TEST_CASE("the vertices' colours are a base colour of their own", "[flow]") {
   TransferOptions options = job(source, target, folder.file("o.exr"));
   options.image.depth = Depth::float32;
   const Report report = transfer(options);
-  CHECK_THAT(notes_of(report),
-             Contains("its vertex colours are multiplied into baseColor"));
+  CHECK_THAT(notes_of(report), Contains("its vertex colours are multiplied into baseColor"));
   check_affine(read_whole_image(options.output));
 
   options.image.size.reset();
@@ -127,7 +126,8 @@ TEST_CASE("the vertices' colours are a base colour of their own", "[flow]") {
     FAIL("no size, no error");
   } catch (const Error& error) {
     CHECK(error.kind() == ErrorKind::usage);
-    CHECK_THAT(error.what(), Contains("s.glb has no texture that determines the image size") && Contains("--size"));
+    CHECK_THAT(error.what(), Contains("s.glb has no texture that determines the image size") &&
+                                 Contains("--size"));
   }
 }
 

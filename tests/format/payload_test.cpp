@@ -178,6 +178,7 @@ TEST_CASE("the documented index page and directory are what the writers make", "
   CHECK(in.u32() == 0);                                   // most patches
   CHECK(in.u32() == 1);                                   // most blocks of a tile
   CHECK(in.u32() == 182);                                 // largest raw block
+  CHECK(in.integer(8) == 0);                              // coincident
   for (const float v : {0.5F, 0.5F, 0.0F, 2.5F, 2.5F, 0.0F}) CHECK(in.f32() == v);
   for (const unsigned v : {4U, 4U, 0U}) CHECK(in.u32() == v);  // width, height, UV set
   for (int i = 0; i < 6; ++i) CHECK(in.integer(8) == (i % 4 == 0 ? 0x3FF0000000000000U : 0U));

@@ -188,7 +188,7 @@ TEST_CASE("a stranger finds every covered texel in the target's pack", "[format]
     REQUIRE(in.u32() == 1);  // pages
     const std::uint32_t tiles = in.u32();
     CHECK(in.integer(8) == std::uint64_t{kWidth} * kHeight);
-    for (int i = 0; i < 3 + 2 + 3; ++i) in.integer(8);  // counts, largest sizes, the box
+    for (int i = 0; i < 3 + 2 + 1 + 3; ++i) in.integer(8);  // counts, largest sizes, the box
     CHECK(in.u32() == kWidth);
     CHECK(in.u32() == kHeight);
     in.u32();

@@ -94,12 +94,11 @@ WantedTiles little_shown(const SourcePlan& plan) {
   return shown;
 }
 
-WantedTiles tiles_shown(const job::JobContext& job, const SourcePlan& plan,
+WantedTiles tiles_shown(const job::JobContext& job, const SourcePlan& plan, WantedTiles wanted,
                         std::uint64_t target_texels) {
   for (const PassPlan& pass : plan.passes) {
     if (texels_shown(pass) > kFromAfar * static_cast<double>(target_texels)) return {};
   }
-  WantedTiles wanted = little_shown(plan);
   for (std::size_t c = 0; c < wanted.size(); ++c) {
     const std::uint64_t later = colour_least_bytes(request_of(plan.columns[c]));
     if (job.report.least_memory_bytes + later > job.budget.limit()) wanted[c] = nullptr;

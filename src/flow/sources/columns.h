@@ -33,10 +33,10 @@ ColourRequest request_of(const ColumnPlan& column);
 using WantedTiles = std::vector<std::shared_ptr<const mesh::TileMask>>;
 /// The tiles that the source's triangles show, of the images of which that is less than half.
 WantedTiles little_shown(const SourcePlan& plan);
-/// The same as a job keeps them: all of every image where targets of so many texels see it from too
-/// far for tiles alone (levels are made of all), and where the budget has no room for building an
-/// image later.
-WantedTiles tiles_shown(const job::JobContext& job, const SourcePlan& plan,
+/// Those, `wanted`, as a job keeps them: all of every image where targets of so many texels see it
+/// from too far for tiles alone (levels are made of all), and where the budget has no room for
+/// building an image later.
+WantedTiles tiles_shown(const job::JobContext& job, const SourcePlan& plan, WantedTiles wanted,
                         std::uint64_t target_texels);
 
 /// Builds the columns of a plan or finds them in the cache; takes job.meter through a stage whose

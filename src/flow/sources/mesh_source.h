@@ -40,7 +40,7 @@ class MeshSource : public Source {
   void report_plan();
   /// What building needs beside its columns and its geometry.
   virtual std::vector<job::LeastMemory> further_needs() const { return {}; }
-  virtual void add_stores(DiskPlan& disk) const = 0;
+  virtual void add_stores(DiskPlan& disk) = 0;
   virtual void report_kind() = 0;  ///< what the report says of the kind
 
   const TexelsAs as_;

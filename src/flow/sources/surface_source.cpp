@@ -17,24 +17,6 @@
 #include "surface/layers.h"
 
 namespace pounce::flow {
-namespace {
-
-/// A search sees one of the triangles in a place: the first in file order, always.
-void count_coincident(const SourcePlan& plan, Report& report) {
-  const auto pass = std::find_if(plan.passes.begin(), plan.passes.end(),
-                                 [](const PassPlan& one) { return !one.has_shape; });
-  if (pass == plan.passes.end()) return;  // no image is looked at
-  const mesh::Mesh& mesh = *pass->source.mesh;
-  const std::uint64_t count = mesh::count_coincident(mesh);
-  if (count == 0) return;
-  report.source_filtered["coincident triangles"] = count;
-  report.warnings.push_back(fmt::format(
-      "{}: {} of {} triangles coincide with others that have different UVs or another material; "
-      "only the first of them in file order is used. Select the intended parts with --source-mesh",
-      mesh.path, count, mesh.triangles.size()));
-}
-
-}  // namespace
 
 SurfaceSource::SurfaceSource(job::JobContext& job, const TransferOptions& options, bool for_model,
                              const TestKnobs& knobs)
@@ -47,10 +29,10 @@ SurfaceSource::SurfaceSource(job::JobContext& job, const TransferOptions& option
 
 void SurfaceSource::report_kind() { job_.report.filter = filter_name(filter_); }
 
-void SurfaceSource::add_stores(DiskPlan& disk) const {
-  const WantedTiles shown = little_shown(plan_);
+void SurfaceSource::add_stores(DiskPlan& disk) {
+  little_shown_ = little_shown(plan_);
   for (std::size_t c = 0; c < plan_.columns.size(); ++c)
-    disk.add_seen_column(plan_.columns[c].info, shown[c] != nullptr);
+    disk.add_seen_column(plan_.columns[c].info, little_shown_[c] != nullptr);
   for (const PassPlan& pass : plan_.passes) disk.add_geometry(pass.source);
 }
 
@@ -69,7 +51,7 @@ void SurfaceSource::build(ProgressRange range, std::uint64_t target_texels) {
   job_.report.isa = kernels_->isa;
   {
     const StageTimer timer(job_.clock, "precondition");
-    columns_ = build_columns(job_, plan_, tiles_shown(job_, plan_, target_texels),
+    columns_ = build_columns(job_, plan_, tiles_shown(job_, plan_, little_shown_, target_texels),
                              (range.begin + range.end) / 2);
     all_cached_ = columns_.all_cached;
   }
@@ -81,7 +63,6 @@ void SurfaceSource::build(ProgressRange range, std::uint64_t target_texels) {
 void SurfaceSource::build_geometry(double end) {
   const StageTimer timer(job_.clock, "precondition");
   job_.meter.begin("precondition", 0, "tiles", end);
-  count_coincident(plan_, job_.report);
   find_layers();
   bool all_cached = true;
   for (const PassPlan& pass : plan_.passes) {
@@ -89,6 +70,7 @@ void SurfaceSource::build_geometry(double end) {
     open_geometry(pass, &cached);
     all_cached = all_cached && cached;
   }
+  warn_of_coincident();
   all_cached_ = all_cached_ && all_cached;
   if (all_cached_) job_.clock.set_cached("precondition");
   job_.meter.end(all_cached);
@@ -109,6 +91,21 @@ void SurfaceSource::open_geometry(const PassPlan& pass, bool* cached) {
     job_.report.source_filtered["degenerate triangles"] = directory.degenerate;
   if (directory.slivers > 0)
     job_.report.source_filtered["triangles without a texel centre"] = directory.slivers;
+}
+
+/// A search sees one of the triangles in a place: the first in file order, always. Where only the
+/// shape is transferred no image is looked at.
+void SurfaceSource::warn_of_coincident() {
+  std::size_t pass = 0;
+  while (pass < plan_.passes.size() && plan_.passes[pass].has_shape) ++pass;
+  if (pass == plan_.passes.size()) return;
+  const std::uint64_t count = geometry_[pass]->store().directory().coincident;
+  if (count == 0) return;
+  job_.report.source_filtered["coincident triangles"] = count;
+  job_.warn(fmt::format(
+      "{}: {} of {} triangles coincide with others that have different UVs or another material; "
+      "only the first of them in file order is used. Select the intended parts with --source-mesh",
+      mesh_.path, count, mesh_.triangles.size()));
 }
 
 void SurfaceSource::find_layers() {

@@ -28,17 +28,19 @@ class SurfaceSource final : public MeshSource {
   std::span<const float> layer_gaps() const override { return layer_gaps_; }
 
  private:
-  void add_stores(DiskPlan& disk) const override;
+  void add_stores(DiskPlan& disk) override;
   void report_kind() override;
   void build_geometry(double end);
   void open_geometry(const PassPlan& pass, bool* cached);
   void find_layers();
+  void warn_of_coincident();
   std::optional<ShapeOutput> shape_of(const ChannelPlan& channel) const;
 
   const Filter filter_;
   const NormalY source_y_, output_y_;  ///< of normal maps
   const projection::Kernels* kernels_;
   const projection::BlendLanes* lanes_;
+  WantedTiles little_shown_;  ///< of the plan's columns
   SourceColumns columns_;
   std::vector<std::unique_ptr<SurfaceCache>> geometry_;  ///< by pass
   std::vector<float> layer_gaps_;

@@ -95,7 +95,7 @@ void TexelsSource::report_kind() {
   job_.report.densify = densify_;
 }
 
-void TexelsSource::add_stores(DiskPlan& disk) const {
+void TexelsSource::add_stores(DiskPlan& disk) {
   for (const ColumnPlan& column : plan_.columns) disk.add_column(column.info);
   disk.add_geometry(geometry());
   disk.add_splats(most_gaussians(), 0, 0);

@@ -27,7 +27,7 @@ class TexelsSource final : public MeshSource {
                                         const projection::SplatFit& fit) const override;
 
  private:
-  void add_stores(DiskPlan& disk) const override;
+  void add_stores(DiskPlan& disk) override;
   void report_kind() override;
   std::vector<job::LeastMemory> further_needs() const override;
   const GeometryRequest& geometry() const { return plan_.passes.front().source; }

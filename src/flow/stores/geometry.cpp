@@ -399,6 +399,8 @@ std::unique_ptr<store::GeometryStore> build(job::JobContext& job, const Geometry
   store::GeometryDirectory directory;
   directory.pages = request.pages;
   directory.page_texels.assign(request.pages.size(), 0);
+  if (!request.is_target && !request.exact)
+    directory.coincident = mesh::count_coincident(*request.mesh);
   for (std::size_t band = 0; band < binner.bands(); ++band) {
     const runtime::Lease lease(job.budget, binner.cost_bytes(binner.entries(band)),
                                "binning the triangles of " + request.mesh->path);
@@ -441,7 +443,7 @@ const Hash128& MeshHashes::uvs(std::uint32_t uv_set) {
 Hash128 geometry_key(const GeometryRequest& request) {
   Hasher hash;
   // The numbers are of the rules that cut triangles and pages: others make other blocks.
-  hash.add(std::string_view(request.is_target ? "target geometry 2" : "source geometry 4"));
+  hash.add(std::string_view(request.is_target ? "target geometry 2" : "source geometry 5"));
   hash.add(std::uint32_t{request.exact ? 1U : 0U});
   hash.add(store::kFormatVersion);
   add(request.hashes->shape(), hash);
@@ -457,6 +459,9 @@ Hash128 geometry_key(const GeometryRequest& request) {
     if (page.width != 0) add(request.hashes->uvs(page.uv_set), hash);
     add(request.triangles->of(request.first_page + p), hash);
   }
+  // Coincident triangles are told apart by all of their UVs.
+  for (std::uint32_t k = 0; !request.is_target && k < request.mesh->uv_sets.size(); ++k)
+    add(request.hashes->uvs(k), hash);
   hash.add(std::uint32_t{request.tile ? 1U : 0U});
   if (request.tile) {
     hash.add(request.tile->column);

@@ -24,7 +24,7 @@ namespace {
 // What one of each takes in the file, as written below: docs/tile-format.md.
 constexpr std::size_t kLatticeBytes = 60;
 constexpr std::size_t kTileBytes = 44;
-constexpr std::size_t kHeaderBytes = 80;
+constexpr std::size_t kHeaderBytes = 88;
 
 // Each calls visit(fields...) in the order of the format.
 constexpr auto for_entry = [](auto& e, const auto& visit) {
@@ -36,7 +36,7 @@ constexpr auto for_page = [](auto& p, const auto& visit) {
 };
 constexpr auto for_directory = [](auto& d, const auto& visit) {
   visit(d.texels, d.overlapping, d.slivers, d.degenerate, d.most_triangles, d.most_patches,
-        d.most_blocks, d.largest_chunk_bytes);
+        d.most_blocks, d.largest_chunk_bytes, d.coincident);
 };
 
 /// Windows that a large triangle is cut into within its block: surface/source_block.cpp.
@@ -254,7 +254,7 @@ void GeometryCodec::check(const Directory& directory, const Facts& facts, const 
   if (texels != directory.texels) fail(name, "has another number of texels than its pages");
   // Users are warned of these, so they must at least be possible.
   if (directory.overlapping > directory.texels || directory.slivers > facts.triangles ||
-      directory.degenerate > facts.triangles) {
+      directory.degenerate > facts.triangles || directory.coincident > facts.triangles) {
     fail(name, "counts more texels or triangles than there are");
   }
   if (directory.most_triangles > kMostTrianglesPerBlock ||

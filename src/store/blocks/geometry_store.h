@@ -47,6 +47,7 @@ struct GeometryDirectory : GeometryIndex {
   std::uint64_t overlapping = 0;           ///< target: texels that more than one triangle claimed
   std::uint64_t slivers = 0;               ///< source: triangles that cover no texel centre
   std::uint64_t degenerate = 0;            ///< triangles without area in space, left out
+  std::uint64_t coincident = 0;            ///< source: mesh::count_coincident(); 0 where exact
   std::vector<std::uint64_t> page_texels;  ///< covered texel centres per page
 };
 

@@ -73,6 +73,7 @@ TEST_CASE("a geometry store gives back its tiles, blocks and directory") {
   directory.overlapping = 2;
   directory.slivers = 3;
   directory.degenerate = 4;
+  directory.coincident = 5;
   const GeometryStore store(folder->publish(writer.finish(directory, compressor)),
                             {false, directory.pages, kTriangles, kTriangles}, compressor);
 
@@ -83,6 +84,7 @@ TEST_CASE("a geometry store gives back its tiles, blocks and directory") {
   CHECK(read.overlapping == 2);
   CHECK(read.slivers == 3);
   CHECK(read.degenerate == 4);
+  CHECK(read.coincident == 5);
   CHECK(read.most_triangles == most_triangles);
   CHECK(read.most_patches == 9);
   CHECK(read.most_blocks == 20);
