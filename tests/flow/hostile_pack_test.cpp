@@ -125,7 +125,7 @@ struct Jobs {
     std::vector<std::string> warnings;
     verdict.same = run(warnings) == expected;
     verdict.noticed = std::any_of(warnings.begin(), warnings.end(), [](const std::string& w) {
-      return w.find("it is built again") != std::string::npos;
+      return w.find("rebuilding it") != std::string::npos;
     });
     return verdict;
   }

@@ -95,7 +95,7 @@ struct PackTree {
 
   void find_tiles() {
     const bool geometry = kind == store::PackKind::geometry;
-    const std::size_t first = geometry ? 80 + 68 * std::size_t{u32(directory, 0)} + 24
+    const std::size_t first = geometry ? 88 + 68 * std::size_t{u32(directory, 0)} + 24
                               : kind == store::PackKind::colour ? 25
                                                                 : 180 + 24;
     const std::size_t step = geometry ? 44 : kind == store::PackKind::colour ? 16 : 48;
