@@ -18,7 +18,7 @@
 
 #include "core/bytes.h"
 #include "pounce/error.h"
-#include "projection/distance_counts.h"
+#include "projection/search.h"
 #include "store/pack/codec.h"
 
 namespace pounce::projection {

@@ -20,8 +20,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "projection/distance_counts.h"
 #include "projection/packet_bundle.h"
+#include "projection/search.h"
 
 namespace pounce::projection {
 namespace {

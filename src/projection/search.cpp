@@ -17,8 +17,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "projection/distance_counts.h"
-
 namespace pounce::projection {
 namespace {
 

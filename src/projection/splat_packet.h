@@ -49,7 +49,7 @@ struct SplatLimits {
   float window = 0;          ///< width of the depth window; half a texel at least
   float discness = 0;        ///< 0..1: are the scene's Gaussians the discs of a surface?
   bool antialiased = false;  ///< the scene was trained with opacity x sqrt(det / det')
-  int rays = 0;              ///< beside each texel's normal: ray_cone.h
+  int rays = 0;              ///< beside each texel's normal: tilted()
   double least_opacity = kLeastOpacity;  ///< what texels find with less is not taken
   double least_confidence = 0;           ///< nor with less of SplatFinding::confidence
   float expected = 0;   ///< where along the normals the scene's surface is thought to lie

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "projection/ray_cone.h"
-
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
 
+#include "projection/splat_blend.h"
 #include "unit/projection/splat_runs.h"
 
 using namespace pounce;

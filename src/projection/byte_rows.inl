@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Rows of texels of 8 bits: four in a row of each lane, loaded from the lanes' runs of a tile, as
+// pairs of 16-bit integers by channel. That is the form in which one instruction multiplies a pair
+// by two weights and adds the products. Included by blend_lanes.inl, inside POUNCE_ISA_NAMESPACE.
+
+using ShortRegister = std::int16_t __attribute__((vector_size(4 * kGroup)));
+
+#if defined(__AVX512DQ__)
+#define POUNCE_SI(name) _mm512_##name
+#define POUNCE_REGISTER __m512i
+#elif defined(__AVX2__)
+#define POUNCE_SI(name) _mm256_##name
+#define POUNCE_REGISTER __m256i
+#else
+#define POUNCE_SI(name) _mm_##name
+#define POUNCE_REGISTER __m128i
+#endif
+
+/// Products of 16 bits, added in pairs.
+inline IntRegister multiply_add(IntRegister a, IntRegister b) {
+  return (IntRegister)POUNCE_SI(madd_epi16)((POUNCE_REGISTER)a, (POUNCE_REGISTER)b);
+}
+inline ShortRegister lesser(ShortRegister a, ShortRegister b) {
+  return (ShortRegister)POUNCE_SI(min_epi16)((POUNCE_REGISTER)a, (POUNCE_REGISTER)b);
+}
+inline ShortRegister greater(ShortRegister a, ShortRegister b) {
+  return (ShortRegister)POUNCE_SI(max_epi16)((POUNCE_REGISTER)a, (POUNCE_REGISTER)b);
+}
+
+/// Where the runs of a group's lanes begin.
+using Runs = std::array<const std::byte*, kGroup>;
+
+/// Sixteen bytes, or eight, of the lanes `i`, `i` + 4, ...
+template <bool kSixteenBytes>
+inline POUNCE_REGISTER load_runs(const Runs& runs, std::size_t i, std::ptrdiff_t at) {
+  const auto one = [&](std::size_t lane) {
+    const auto* from = reinterpret_cast<const __m128i*>(runs[lane] + at);
+    return kSixteenBytes ? _mm_loadu_si128(from) : _mm_loadl_epi64(from);
+  };
+#if defined(__AVX512DQ__)
+  __m512i out = _mm512_castsi128_si512(one(i));
+  out = _mm512_inserti32x4(out, one(i + 4), 1);
+  out = _mm512_inserti32x4(out, one(i + 8), 2);
+  return _mm512_inserti32x4(out, one(i + 12), 3);
+#elif defined(__AVX2__)
+  return _mm256_inserti128_si256(_mm256_castsi128_si256(one(i)), one(i + 4), 1);
+#else
+  return one(i);
+#endif
+}
+
+/// The words of the runs, by lanes.
+inline std::array<IntRegister, 4> turned(POUNCE_REGISTER a, POUNCE_REGISTER b, POUNCE_REGISTER c,
+                                         POUNCE_REGISTER d) {
+  const POUNCE_REGISTER ab = POUNCE_SI(unpacklo_epi32)(a, b), cd = POUNCE_SI(unpacklo_epi32)(c, d),
+                        ab2 = POUNCE_SI(unpackhi_epi32)(a, b),
+                        cd2 = POUNCE_SI(unpackhi_epi32)(c, d);
+  return {(IntRegister)POUNCE_SI(unpacklo_epi64)(ab, cd),
+          (IntRegister)POUNCE_SI(unpackhi_epi64)(ab, cd),
+          (IntRegister)POUNCE_SI(unpacklo_epi64)(ab2, cd2),
+          (IntRegister)POUNCE_SI(unpackhi_epi64)(ab2, cd2)};
+}
+
+/// Four texels of a row of one channel, as integers of 16 bits: the first and the second, the third
+/// and the fourth.
+struct Pairs {
+  IntRegister first, second;
+};
+
+/// Byte `a` of one word and byte `b` of another.
+template <int kA, int kB>
+inline IntRegister pair(IntRegister a, IntRegister b) {
+  const auto ua = (UintRegister)a, ub = (UintRegister)b;
+  const UintRegister low = ua >> (8 * kA) & 0xFFU;
+  const UintRegister high = kB < 2 ? ub << (16 - 8 * kB) : ub >> (8 * kB - 16);
+  return (IntRegister)(low | (high & 0xFF0000U));
+}
+
+template <std::size_t kChannels>
+inline std::array<Pairs, kChannels> load_row(const Runs& runs, std::ptrdiff_t at, bool is_last) {
+  if constexpr (kChannels == 1) {
+    IntRegister word;
+    for (std::size_t lane = 0; lane < kGroup; ++lane) {
+      std::int32_t v;
+      std::memcpy(&v, runs[lane] + at, sizeof v);
+      word[lane] = v;
+    }
+    return {{{pair<0, 1>(word, word), pair<2, 3>(word, word)}}};
+  } else if constexpr (kChannels == 2) {
+    const auto words = turned(load_runs<false>(runs, 0, at), load_runs<false>(runs, 1, at),
+                              load_runs<false>(runs, 2, at), load_runs<false>(runs, 3, at));
+    return {{{pair<0, 2>(words[0], words[0]), pair<0, 2>(words[1], words[1])},
+             {pair<1, 3>(words[0], words[0]), pair<1, 3>(words[1], words[1])}}};
+  } else {
+    // Three channels are twelve bytes: what is loaded beside them lies behind, but of the last row,
+    // which may be the end of the tile, before.
+    constexpr std::ptrdiff_t kBefore = kChannels == 3 ? 4 : 0;
+    const auto load = [&](std::size_t i) {
+      return load_runs<true>(runs, i, is_last ? at - kBefore : at);
+    };
+    POUNCE_REGISTER a = load(0), b = load(1), c = load(2), d = load(3);
+#if defined(__AVX2__)
+    // Bytes 0, 2, 1, 3 of each channel become a word.
+    const auto order = [&](int skipped) {
+      const auto of = [&](int channel) {
+        constexpr int kC = static_cast<int>(kChannels);
+        const int i = channel + skipped;
+        return channel >= kC ? -1 : i | (i + 2 * kC) << 8 | (i + kC) << 16 | (i + 3 * kC) << 24;
+      };
+      return _mm_setr_epi32(of(0), of(1), of(2), of(3));
+    };
+    const __m128i one = is_last ? order(kBefore) : order(0);
+#if defined(__AVX512DQ__)
+    const __m512i by = _mm512_broadcast_i32x4(one);
+#else
+    const __m256i by = _mm256_broadcastsi128_si256(one);
+#endif
+    const auto words = turned(POUNCE_SI(shuffle_epi8)(a, by), POUNCE_SI(shuffle_epi8)(b, by),
+                              POUNCE_SI(shuffle_epi8)(c, by), POUNCE_SI(shuffle_epi8)(d, by));
+    std::array<Pairs, kChannels> out;
+    for (std::size_t channel = 0; channel < kChannels; ++channel) {
+      const IntRegister word = words[channel];
+      out[channel] = {word & 0xFF00FF, (IntRegister)((UintRegister)word >> 8) & 0xFF00FF};
+    }
+    return out;
+#else
+    if (is_last && kBefore != 0) {
+      a = _mm_srli_si128(a, kBefore);
+      b = _mm_srli_si128(b, kBefore);
+      c = _mm_srli_si128(c, kBefore);
+      d = _mm_srli_si128(d, kBefore);
+    }
+    const auto w = turned(a, b, c, d);
+    if constexpr (kChannels == 3) {
+      return {{{pair<0, 3>(w[0], w[0]), pair<2, 1>(w[1], w[2])},
+               {pair<1, 0>(w[0], w[1]), pair<3, 2>(w[1], w[2])},
+               {pair<2, 1>(w[0], w[1]), pair<0, 3>(w[2], w[2])}}};
+    } else {
+      return {{{pair<0, 0>(w[0], w[1]), pair<0, 0>(w[2], w[3])},
+               {pair<1, 1>(w[0], w[1]), pair<1, 1>(w[2], w[3])},
+               {pair<2, 2>(w[0], w[1]), pair<2, 2>(w[2], w[3])},
+               {pair<3, 3>(w[0], w[1]), pair<3, 3>(w[2], w[3])}}};
+    }
+#endif
+  }
+}
+
+#undef POUNCE_SI
+#undef POUNCE_REGISTER
