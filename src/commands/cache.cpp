@@ -31,13 +31,14 @@ FileSystem& disk() { return posix_file_system(); }
 std::string chosen(const std::string& folder) {
   const std::string root = folder.empty() ? default_cache_folder() : folder;
   if (root.empty()) {
-    throw Error(ErrorKind::storage,
-                "there is no cache: neither XDG_CACHE_HOME nor HOME is set; name one with --cache");
+    throw Error(
+        ErrorKind::storage,
+        "no cache folder: neither XDG_CACHE_HOME nor HOME is set; specify one with --cache");
   }
   // Never taken for an empty cache: somebody mistyped.
   const auto status = disk().status(root);
   if (status && !status->is_folder) {
-    throw Error(ErrorKind::storage, root + ": this is a file, not the folder of a cache");
+    throw Error(ErrorKind::storage, root + ": is a file, not a cache folder");
   }
   return root;
 }

@@ -74,8 +74,9 @@ void check_sizes(const std::string& path, const io::ImageInfo& info, const std::
   if (info.width == other.width && info.height == other.height) return;
   throw Error(
       ErrorKind::input,
-      fmt::format("{} is {} x {} texels and {} is {} x {}; only images of one size can be compared",
-                  path, info.width, info.height, other_path, other.width, other.height));
+      fmt::format(
+          "{} is {} x {} texels, but {} is {} x {}; only images of the same size can be compared",
+          path, info.width, info.height, other_path, other.width, other.height));
 }
 
 Comparison compare_images(const std::string& a_path, const std::string& b_path,
@@ -116,9 +117,8 @@ Comparison compare_images(const std::string& a_path, const std::string& b_path,
   }
   Comparison& result = sums.result;
   if (result.texels == 0) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: the mask is empty, so there is nothing to compare",
-                            mask ? mask_path : b_path + " (its alpha)"));
+    throw Error(ErrorKind::input, fmt::format("{}: the mask is empty, so nothing can be compared",
+                                              mask ? mask_path : b_path + " (its alpha)"));
   }
   result.channels = static_cast<int>(colours) + (alpha_compared ? 1 : 0);
   // The range of samples is 1, so PSNR is the logarithm of the mean square alone.

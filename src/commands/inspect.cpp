@@ -103,7 +103,7 @@ void add_job(const std::string& path, Json& json) {
 /// Of outputs of pounce alone: other files have no job.
 std::string job_text(const Json& file) {
   return file.contains("job")
-             ? fmt::format("made by pounce, job {}\n", file["job"].get<std::string>())
+             ? fmt::format("written by pounce, job {}\n", file["job"].get<std::string>())
              : "";
 }
 
@@ -159,8 +159,8 @@ Json describe_image(const std::string& path, const Allowed& allowed) {
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::input) throw;
     throw Error(ErrorKind::input,
-                fmt::format("{}; it is no mesh (.glb, .gltf, .obj), no splat scene (PLY, SPZ, SOG, "
-                            ".splat, .ksplat) and no tile pack either",
+                fmt::format("{}; it is not a mesh (.glb, .gltf, .obj), splat scene (PLY, SPZ, SOG, "
+                            ".splat, .ksplat) or tile pack either",
                             error.what()));
   }
 }
@@ -247,8 +247,8 @@ Json describe_splats(const std::string& path) {
   const std::uint64_t most_bytes = default_scratch_limit(posix_file_system(), folder);
   const auto too_much = [&] {
     return fmt::format(
-        "{}: unpacked it takes more than {} bytes in {} (a tenth of what is free there, 1 GiB at "
-        "least); name a folder with more room in the environment variable TMPDIR",
+        "{}: unpacking needs more than {} bytes in {} (a tenth of the free space there, at least 1 "
+        "GiB); set the environment variable TMPDIR to a folder with more space",
         path, most_bytes, folder);
   };
   const auto files =
@@ -335,10 +335,9 @@ void require_memory(const std::string& path, const Allowed& allowed) {
   const std::uint64_t most = usable_memory().bytes;
   const std::uint64_t needed = io::mesh_cost(path, {allowed.external, {}}, most).peak_bytes;
   if (needed <= most) return;
-  throw Error(ErrorKind::budget,
-              fmt::format("{}: reading it takes {} MiB, more than the {} MiB that this "
-                          "process may use; split the model",
-                          path, needed >> 20, most >> 20));
+  throw Error(ErrorKind::budget, fmt::format("{}: reading it needs {} MiB, more than the {} MiB "
+                                             "that this process may use; split the model",
+                                             path, needed >> 20, most >> 20));
 }
 
 /// A folder can only be a splat scene. A file is opened here once, so that what is no file or may
@@ -354,7 +353,8 @@ Json describe_file(const std::string& path, const Allowed& allowed) {
     }
     throw Error(
         ErrorKind::storage,
-        fmt::format("{}: is a folder; name a mesh, a splat scene, an image or a pack file", path));
+        fmt::format("{}: is a folder; specify a mesh, a splat scene, an image or a pack file",
+                    path));
   }
   std::unique_ptr<ReadFile> file = posix_file_system().open(path);
   Json json{{"file", path}};

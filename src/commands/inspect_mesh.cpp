@@ -352,7 +352,7 @@ std::string image_text(const Json& image) {
       fmt::format(", tiles {} x {}", tile_width, image["tile_height"].get<std::uint32_t>());
   const auto count = image["channels"].get<std::uint32_t>();
   const std::string channels = count == 0
-                                   ? "channels in layers, which are taken by name (FILE.exr:LAYER)"
+                                   ? "channels in layers, selected by name (FILE.exr:LAYER)"
                                    : fmt::format("{} channel{}{}", count, count == 1 ? "" : "s",
                                                  image["alpha"].get<bool>() ? " with alpha" : "");
   const std::string space = image.contains("colour_space")

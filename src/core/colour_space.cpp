@@ -176,8 +176,8 @@ std::string colour_space_name(const ColourSpace& space) {
       return named.name;
   }
   const Chromaticities& c = space.primaries;
-  return fmt::format("{} of red {:g} {:g}, green {:g} {:g}, blue {:g} {:g}, white {:g} {:g}",
-                     space.linear ? "linear light" : "sRGB's coding", c[0], c[1], c[2], c[3], c[4],
+  return fmt::format("{} with red {:g} {:g}, green {:g} {:g}, blue {:g} {:g}, white {:g} {:g}",
+                     space.linear ? "linear light" : "sRGB encoding", c[0], c[1], c[2], c[3], c[4],
                      c[5], c[6], c[7]);
 }
 

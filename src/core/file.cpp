@@ -67,7 +67,7 @@ bool is_named(int fd, const std::string& path) {
   struct stat there {};
   if (::stat(path.c_str(), &there) != 0) {
     if (errno == ENOENT) return false;
-    fail_storage(path, "look at it", errno);
+    fail_storage(path, "examine it", errno);
   }
   return here.st_dev == there.st_dev && here.st_ino == there.st_ino;
 }
@@ -85,8 +85,8 @@ class PosixReadFile final : public ReadFile {
           ErrorKind::storage,
           fmt::format("{}: cannot read: it is {}, not a file; {}", path_,
                       kind_of_file(status.st_mode),
-                      S_ISDIR(status.st_mode) ? "name a mesh, a splat scene or an image in it"
-                                              : "write what should be read into a file first"));
+                      S_ISDIR(status.st_mode) ? "specify a mesh, a splat scene or an image in it"
+                                              : "write its contents to a file first"));
     }
     size_ = static_cast<std::uint64_t>(status.st_size);
   }
@@ -251,7 +251,7 @@ class PosixFileSystem final : public FileSystem {
   bool exists(const std::string& path) override {
     struct stat status {};
     if (::stat(path.c_str(), &status) == 0) return true;
-    if (errno != ENOENT && errno != ENOTDIR) fail_storage(path, "look at it", errno);
+    if (errno != ENOENT && errno != ENOTDIR) fail_storage(path, "examine it", errno);
     return false;
   }
 
@@ -290,8 +290,8 @@ class PosixFileSystem final : public FileSystem {
       struct stat status {};
       if (::lstat(folder.c_str(), &status) == 0 && S_ISLNK(status.st_mode)) {
         throw Error(ErrorKind::storage,
-                    fmt::format("{}: cannot list the folder: it is a link, which is not followed "
-                                "there; make a link of the whole cache instead, or bind-mount it",
+                    fmt::format("{}: cannot list the folder: it is a link, and links are not "
+                                "followed there; link the whole cache instead, or use a bind mount",
                                 folder));
       }
       fail_storage(folder, "list the folder", reason);
@@ -389,7 +389,7 @@ class PosixFileSystem final : public FileSystem {
     struct stat found {};
     if (::stat(path.c_str(), &found) != 0) {
       if (errno == ENOENT || errno == ENOTDIR) return std::nullopt;
-      fail_storage(path, "look at it", errno);
+      fail_storage(path, "examine it", errno);
     }
     return FileStatus{static_cast<std::uint64_t>(found.st_size),
                       nanoseconds(found.st_mtim),
@@ -403,7 +403,7 @@ class PosixFileSystem final : public FileSystem {
     // Sets the time of the last change alone.
     const timespec times[2] = {{0, UTIME_OMIT}, {0, UTIME_NOW}};
     if (::utimensat(AT_FDCWD, path.c_str(), times, AT_SYMLINK_NOFOLLOW) != 0)
-      fail_to_change(path, "set its time", errno);
+      fail_to_change(path, "set its modification time", errno);
   }
 
   void resize(const std::string& path, std::uint64_t size_bytes) override {
@@ -442,7 +442,7 @@ class PosixFileSystem final : public FileSystem {
   static struct statvfs disk_of(const std::string& folder) {
     struct statvfs disk {};
     if (::statvfs(folder.c_str(), &disk) != 0)
-      fail_storage(folder, "look at its file system", errno);
+      fail_storage(folder, "examine its file system", errno);
     return disk;
   }
 

@@ -21,8 +21,8 @@ namespace {
 
 [[noreturn]] void fail(std::string_view text) {
   throw Error(ErrorKind::usage,
-              fmt::format("\"{}\" does not name axes; write x, y and z once each, in the order "
-                          "wanted, with a minus where one turns round, as in x,-y,-z",
+              fmt::format("\"{}\" are not valid axes; write x, y and z once each in the wanted "
+                          "order, with a minus for each reversed one, such as x,-y,-z",
                           text));
 }
 

@@ -20,15 +20,15 @@ decltype(auto) with_own_errors(const Work& work) {
     return work();
   } catch (const std::bad_alloc&) {
     throw Error(ErrorKind::budget,
-                "out of memory; run it with a smaller --memory or with fewer --threads, or give it "
-                "more (ulimit -v, ulimit -d, a control group)");
+                "out of memory; run with a smaller --memory or fewer --threads, or raise the limit "
+                "(ulimit -v, ulimit -d, a control group)");
   } catch (const std::filesystem::filesystem_error& e) {
     throw Error(ErrorKind::storage, e.path1().string() + ": " + e.code().message());
   } catch (const std::system_error& e) {
     throw Error(ErrorKind::storage,
-                std::string("the system refuses what the job needs: ") + e.what() +
+                std::string("the system refuses a resource that the job needs: ") + e.what() +
                     "; raise the limit (ulimit -u for threads, -v and -d for memory, -n for open "
-                    "files), or run it with fewer --threads");
+                    "files), or run with fewer --threads");
   } catch (const Error&) {
     throw;
   } catch (const std::exception& e) {
@@ -36,7 +36,7 @@ decltype(auto) with_own_errors(const Work& work) {
                                                           e.what() + "; please report it"));
   } catch (...) {
     std::throw_with_nested(
-        Error(ErrorKind::internal, "an error inside pounce: something unknown; please report it"));
+        Error(ErrorKind::internal, "an error inside pounce: unknown exception; please report it"));
   }
 }
 

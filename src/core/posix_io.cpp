@@ -81,7 +81,7 @@ const char* storage_advice(int code) {
     case ENOLCK:
     case EOPNOTSUPP:
     case ENOSYS:
-      return "; its file system cannot do that, choose a folder on another one";
+      return "; its file system does not support this, choose a folder on another one";
     default:
       return "";
   }
@@ -132,7 +132,7 @@ int open_scratch_file(const std::string& folder) {
 
 struct stat status_of(int fd, const std::string& path) {
   struct stat status {};
-  if (::fstat(fd, &status) != 0) fail_storage(path, "look at it", errno);
+  if (::fstat(fd, &status) != 0) fail_storage(path, "examine it", errno);
   return status;
 }
 

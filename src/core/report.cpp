@@ -135,13 +135,13 @@ std::span<const LeftOutReason> left_out_reasons() {
       {"outside_box", "outside of --box"},
       {"faint", "below --min-opacity"},
       {"too_large", "above --max-scale"},
-      {"out_of_reach", "farther from the target than any texel looks (--near-target)"},
+      {"out_of_reach", "farther from the target than the search distance (--near-target)"},
       {"less_important", "beyond --count"},
       {"transparent", "transparent"},
-      {"far", "far away from the scene"},
+      {"far", "far from the rest of the scene"},
       {"exploded", "larger than the whole scene"},
-      {"sizeless", "without size"},
-      {"zero_quaternion", "without rotation"},
+      {"sizeless", "with zero size"},
+      {"zero_quaternion", "without a rotation"},
       {"not_finite", "not finite"},
   }};
   return kReasons;

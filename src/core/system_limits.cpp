@@ -170,8 +170,8 @@ std::vector<MemoryLimit> memory_limits(const std::string& system_root) {
     const std::uint64_t bytes = resource_limit(resource);
     if (bytes != kNoLimit) limits.push_back({bytes, taken_bytes(system_root, field), false, name});
   };
-  add(RLIMIT_AS, 0, "the limit of address space (ulimit -v)");
-  add(RLIMIT_DATA, 5, "the limit of data (ulimit -d)");
+  add(RLIMIT_AS, 0, "the address space limit (ulimit -v)");
+  add(RLIMIT_DATA, 5, "the data limit (ulimit -d)");
   return limits;
 }
 

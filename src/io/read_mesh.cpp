@@ -32,14 +32,13 @@ enum class Format { gltf, obj };
 [[noreturn]] void refuse_splats(const std::string& path, const SplatFormat& format) {
   if (format.kind == SplatKind::ply && !holds_splats(*open_input(path), path)) {
     refuse(path,
-           "a PLY file is read as a splat scene, which is a source only; convert a mesh to .glb, "
-           ".gltf or .obj");
+           "a PLY file is read as a splat scene, which can only be a source; convert a mesh to "
+           ".glb, .gltf or .obj");
   }
-  refuse(
-      path,
-      "a Gaussian splat scene in {}, where a mesh is wanted (.glb, .gltf or .obj); a scene comes "
-      "first, as the source of a transfer: pounce transfer SCENE TARGET.glb -o OUTPUT",
-      format.name);
+  refuse(path,
+         "a Gaussian splat scene in {}, but a mesh (.glb, .gltf or .obj) is required; a scene "
+         "comes first, as the source of a transfer: pounce transfer SCENE TARGET.glb -o OUTPUT",
+         format.name);
 }
 
 // A folder and a scene are looked for before the file is opened as a mesh.
@@ -67,15 +66,14 @@ Format format_of(const std::string& path) {
   if (ending == ".gltf" || ending == ".glb" || (is_json && ending != ".obj")) {
     if (size == 0) refuse(path, "the file is empty; export it again");
     if (ending == ".glb" && !is_json) {
-      refuse(
-          path,
-          "does not begin like a GLB file; it is damaged or something else (.glb, .gltf and .obj "
-          "are read)");
+      refuse(path,
+             "does not begin like a GLB file; it is damaged or in another format (.glb, .gltf and "
+             ".obj are supported)");
     }
     return Format::gltf;
   }
   if (ending == ".obj") return Format::obj;
-  refuse(path, "not a mesh format that pounce reads; convert it to .glb, .gltf or .obj");
+  refuse(path, "not a supported mesh format; convert it to .glb, .gltf or .obj");
 }
 
 }  // namespace

@@ -71,10 +71,10 @@ void count_scratch_files(const Resources& resources, JobContext& job) {
   const auto refusal = [&job] {
     const std::uint64_t most = job.report.disk_most.value_or(DiskForecast{}).scratch_bytes;
     return fmt::format(
-        "{}: the job's scratch files would take more than {}{}; raise the limit with --max-temp, "
-        "or name a folder with more room with --temp",
+        "{}: the job's scratch files would need more than {}{}; raise the limit with --max-temp, "
+        "or choose a folder with more space with --temp",
         job.scratch_folder, runtime::format_bytes(job.scratch_limit_bytes),
-        most > 0 ? fmt::format(" (the job takes {} at most)", runtime::format_bytes(most)) : "");
+        most > 0 ? fmt::format(" (the job needs {} at most)", runtime::format_bytes(most)) : "");
   };
   job.scratch_account = std::make_shared<ScratchAccount>(job.scratch_limit_bytes, refusal);
   job.counted_files = make_counting_file_system(job.scratch_account);
@@ -92,8 +92,8 @@ store::CacheOptions cache_options(const Resources& resources, const std::string&
                                                             const std::string& path) {
     if (!wait) {
       throw Error(ErrorKind::busy,
-                  fmt::format("{}: {} is making this pack of the cache; run again without "
-                              "--no-wait to wait for it, or with --no-cache",
+                  fmt::format("{}: {} is building this cache pack; run again without --no-wait to "
+                              "wait for it, or with --no-cache",
                               path, holder));
     }
     if (!job.waiting) job.waiting = std::make_unique<StageTimer>(job.clock, "wait");
@@ -117,9 +117,10 @@ std::unique_ptr<store::StoreFolder> open_cache(const Resources& resources, const
     const std::string what = fmt::format("the cache cannot be used: {}", e.what());
     if (!resources.cache_dir.empty()) {
       throw Error(ErrorKind::storage,
-                  what + "; give another folder with --cache, or run with --no-cache");
+                  what + "; choose another folder with --cache, or run with --no-cache");
     }
-    job.report.warnings.push_back(what + "; this run does without (--cache names another folder)");
+    job.report.warnings.push_back(
+        what + "; this run continues without it (--cache chooses another folder)");
     return nullptr;
   }
 }
@@ -129,7 +130,7 @@ void require_threads(unsigned count) {
   if (obtainable == count) return;
   throw Error(
       ErrorKind::storage,
-      fmt::format("only {} of {} threads can be had; run it with --threads {}, or raise the "
+      fmt::format("only {} of {} threads could be created; run with --threads {}, or raise the "
                   "limit (ulimit -u for threads, -v and -d for the memory of their stacks)",
                   obtainable, count, obtainable));
 }
@@ -143,7 +144,7 @@ void run_attempts(const Resources& resources, JobRun& run,
     if (e.kind() != ErrorKind::damaged_store || !resources.use_cache) throw;
     if (run.painted_in_place) {
       throw Error(ErrorKind::damaged_store,
-                  fmt::format("{}; {} outputs were written before, do not paint over these again",
+                  fmt::format("{}; {} outputs were already written, do not paint over them again",
                               e.what(), run.report.outputs.size()));
     }
   }
@@ -194,7 +195,7 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   job->check_packs = rebuild;
   if (rebuild) {
     job->report.warnings.push_back(
-        cache + ": a damaged pack was found; every pack that this job uses is checked");
+        cache + ": a damaged pack was found; now every pack that this job uses is checked");
   }
   return job;
 }
@@ -235,10 +236,11 @@ void require_least(JobContext& job, const LeastMemory& least, std::uint64_t held
   job.report.least_memory_for = least.why;
   const HeldBudget held = hold_to_limits(job, least, held_bytes);
   if (job.asks_memory && !held.lowered_by.empty()) {
-    job.report.warnings.push_back(fmt::format(
-        "{} holds less than --memory {} and the program: the budget is {}, the result the same",
-        held.lowered_by, runtime::format_bytes(job.asked_bytes),
-        runtime::format_bytes(held.bytes)));
+    job.report.warnings.push_back(
+        fmt::format("{} is too small for --memory {} and the program: the budget is reduced to {}, "
+                    "the result is the same",
+                    held.lowered_by, runtime::format_bytes(job.asked_bytes),
+                    runtime::format_bytes(held.bytes)));
   }
   if (job.budget.limit() >= least.bytes) return;
   const std::uint64_t mib = (least.bytes + (1 << 20) - 1) >> 20;

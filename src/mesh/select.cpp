@@ -81,7 +81,7 @@ class Filter {
     // One of several may be for other files of a batch; all of them hardly.
     if (!patterns_.empty() && idle.size() == patterns_.size()) refuse(mesh);
     for (const std::string& pattern : idle) {
-      mesh.warnings.push_back(fmt::format("{}: {} {}: matches nothing; there are {}", mesh.path,
+      mesh.warnings.push_back(fmt::format("{}: {} {}: matches nothing; available are {}", mesh.path,
                                           option_, pattern, listed(names_)));
     }
     return taken;
@@ -99,7 +99,7 @@ class Filter {
     }
     std::string wanted;
     for (const std::string& pattern : patterns_) wanted += " " + pattern;
-    throw Error(ErrorKind::input, fmt::format("{}: {}{}: matches nothing; there are {}{}",
+    throw Error(ErrorKind::input, fmt::format("{}: {}{}: matches nothing; available are {}{}",
                                               mesh.path, option_, wanted, listed(names_), near));
   }
 
@@ -175,11 +175,10 @@ void select(Mesh& mesh, const Selection& selection, const std::string& side, boo
     if (named && kept > before) left.runs.push_back({before, part});
   }
   if (kept == 0) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: no triangle has both a mesh of --{}-mesh and a material of "
-                    "--{}-material; the meshes are {}, the materials {}",
-                    mesh.path, side, side, listed(mesh.parts.names), listed(material_names)));
+    throw Error(ErrorKind::input, fmt::format("{}: no triangle is in both --{}-mesh and "
+                                              "--{}-material; the meshes are {}, the materials {}",
+                                              mesh.path, side, side, listed(mesh.parts.names),
+                                              listed(material_names)));
   }
   // The rest of the job leases what the mesh takes now.
   mesh.triangles.resize(kept);

@@ -37,7 +37,7 @@ void set(Options& options, const std::string& name, const std::string& text) {
     known.push_back(row.info.name);
   }
   throw Error(ErrorKind::usage,
-              fmt::format("{}: no option has this name{}", name, did_you_mean(name, known)));
+              fmt::format("{}: unknown option{}", name, did_you_mean(name, known)));
 }
 
 template <class Options>
@@ -103,7 +103,7 @@ void refuse_formats(const TransferOptions& options) {
     });
     if (is_met) continue;
     throw Error(ErrorKind::usage,
-                fmt::format("{} needs {} output: {} is none", typed_name(row.info),
+                fmt::format("{} applies only to {} output, but {} is not", typed_name(row.info),
                             fmt::join(row.formats, " or "), options.output));
   }
 }
@@ -114,7 +114,7 @@ void refuse_unsuitable(const TransferOptions& options, Method method) {
     if (row.method != other || row.get(options).empty()) continue;
     throw Error(
         ErrorKind::usage,
-        fmt::format("{0} applies only to --method {1}; use that method, or leave {0} out",
+        fmt::format("{0} applies only to --method {1}; use that method, or remove {0}",
                     typed_name(row.info),
                     method_name(other == Only::surface ? Method::surface : Method::gaussian)));
   }

@@ -82,8 +82,7 @@ void check_foreign_tokens(const std::string& option, const std::string& text, st
         option, text,
         is_tile
             ? fmt::format("<UDIM> (1001) or <UVTILE> (u1_v1) for a tile's number, not {}", token)
-            : fmt::format("no {}: pounce has no frames, and writes a UDIM tile's number as "
-                          "<UDIM>",
+            : fmt::format("no {}: pounce has no frames; a UDIM tile's number is written as <UDIM>",
                           token));
   }
 }

@@ -74,12 +74,12 @@ Channel parse_channel(const std::string& option, const std::string& name,
                       std::vector<OtherMap>& maps) {
   if (const std::optional<Channel> channel = channel_from_name(name)) return *channel;
   if (const std::string known = name_in_its_case(name); !known.empty())
-    refuse_value(option, name, fmt::format("{}, from which it differs in case only", known));
+    refuse_value(option, name, fmt::format("{} (names are case-sensitive)", known));
   if (!is_map_name(name) || maps.size() >= kMostOtherMaps) {
     refuse_value(
         option, name,
-        "baseColor, metallicRoughness, occlusion, emissive or normal; of splat scenes baseColor, "
-        "confidence or distance; or a name of your own in letters, digits, - and _");
+        "baseColor, metallicRoughness, occlusion, emissive or normal; for splat scenes baseColor, "
+        "confidence or distance; or a custom map's name of letters, digits, - and _");
   }
   return other_channel(map_of(name, maps));
 }
@@ -190,7 +190,7 @@ std::vector<Channel> parse_channels(const std::string& option, const std::string
   std::vector<Channel> channels;
   for (const std::string& name : split_at_commas(text)) {
     if (name == "all")
-      refuse_value(option, text, "all by itself, or the channels by name: baseColor,confidence");
+      refuse_value(option, text, "all alone, or the channels by name: baseColor,confidence");
     const Channel channel = parse_channel(option, name, maps);
     if (std::find(channels.begin(), channels.end(), channel) != channels.end()) {
       refuse_value(option, text, fmt::format("{} only once", name));
@@ -216,10 +216,10 @@ void parse_map_kind(const std::string& option, const std::string& name, bool is_
                     std::vector<OtherMap>& maps) {
   if (channel_from_name(name) || !is_map_name(name) || maps.size() >= kMostOtherMaps)
     refuse_value(option, name,
-                 "the name of a map of your own; what channels of materials are is fixed");
+                 "the name of a custom map; the kinds of material channels are fixed");
   OtherMap& map = maps[map_of(name, maps)];
   if (map.is_colour && *map.is_colour != is_colour)
-    refuse_value(option, name, "either --data or --color for it");
+    refuse_value(option, name, "either --data or --color for it, not both");
   map.is_colour = is_colour;
 }
 
@@ -227,7 +227,7 @@ SourceTexture parse_source_texture(const std::string& option, const std::string&
                                    std::vector<OtherMap>& maps) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals + 1 == text.size()) {
-    refuse_value(option, text, "NAME=PATH, for example baseColor=skin.png");
+    refuse_value(option, text, "NAME=PATH, such as baseColor=skin.png");
   }
   SourceTexture texture{parse_channel(option, text.substr(0, equals), maps),
                         text.substr(equals + 1)};
@@ -249,7 +249,7 @@ ChannelOutput parse_channel_output(const std::string& option, const std::string&
                                    std::vector<OtherMap>& maps) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals + 1 == text.size())
-    refuse_value(option, text, "CHANNEL=PATTERN, for example height=height.exr");
+    refuse_value(option, text, "CHANNEL=PATTERN, such as height=height.exr");
   const Channel channel = parse_channel(option, text.substr(0, equals), maps);
   return {channel, parse_image_pattern(option, text.substr(equals + 1))};
 }
@@ -280,10 +280,9 @@ std::vector<ImageFormat> parse_formats(const std::string& option, const std::str
   for (const std::string& name : split_at_commas(text)) {
     const std::optional<ImageFormat> format = image_format_from_name(name);
     if (!format) {
-      throw Error(ErrorKind::usage,
-                  fmt::format("{}: got \"{}\", expected bmp or tga, which are not read without it; "
-                              "convert images of other formats{}",
-                              option, name, did_you_mean(name, {"bmp", "tga"})));
+      throw Error(ErrorKind::usage, fmt::format("{}: got \"{}\", expected bmp or tga; other "
+                                                "formats need no permission or are not supported{}",
+                                                option, name, did_you_mean(name, {"bmp", "tga"})));
     }
     formats.push_back(*format);
   }

@@ -34,7 +34,7 @@ std::string text_of(const std::string& path, const std::string& name, const Json
   if (value.is_string()) return value.get<std::string>();
   if (value.is_number() || value.is_boolean()) return value.dump();
   refuse(path,
-         fmt::format("options: \"{}\": neither text, a number, true, false nor a list of these",
+         fmt::format("options: \"{}\" is neither text, a number, true, false nor a list of these",
                      name));
 }
 

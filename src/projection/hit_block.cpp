@@ -148,21 +148,23 @@ constexpr std::size_t kHeaderBytes = 3 * sizeof(std::uint32_t) + sizeof(std::uin
 void check(const HitBlock& block, std::size_t pages, const ByteReader& in) {
   std::uint64_t counted = 0;
   for (const std::uint64_t count : block.distances) counted += count;
-  if (counted != block.size()) in.fail("counts other distances than it has hits");
+  if (counted != block.size()) in.fail("has a number of distances that differs from its hits");
   for (const HitFacet& facet : block.facets) {
     if (facet.page < 0 || static_cast<std::size_t>(facet.page) >= pages)
-      in.fail("names a page that the source does not have");
+      in.fail("refers to a page that the source does not have");
     for (const std::int32_t base : facet.base) {
-      if (std::abs(static_cast<double>(base)) > double{kFarthest}) in.fail("lies beyond any image");
+      if (std::abs(static_cast<double>(base)) > double{kFarthest})
+        in.fail("has texels outside of any image");
     }
   }
   const auto is_place = [](float v) { return std::abs(v) <= kFarthest; };  // not of NaN
   for (std::size_t i = 0; i < block.size(); ++i) {
-    if (block.facet[i] >= block.facets.size()) in.fail("names a facet that it does not have");
-    if (!is_place(block.frac_x[i]) || !is_place(block.frac_y[i])) in.fail("lies beyond any image");
+    if (block.facet[i] >= block.facets.size()) in.fail("refers to a missing facet");
+    if (!is_place(block.frac_x[i]) || !is_place(block.frac_y[i]))
+      in.fail("has texels outside of any image");
   }
   for (const std::uint16_t owner : block.owner) {
-    if (owner >= block.axes.size()) in.fail("names a triangle that it does not have");
+    if (owner >= block.axes.size()) in.fail("refers to a missing triangle");
   }
   for (const float edges : block.per_texel) {
     if (!(edges > 0)) in.fail("has a texel without an edge");
@@ -280,14 +282,14 @@ HitBlock decode_hits(std::span<const std::byte> raw, std::size_t pages, const st
     bits = in.get<std::uint8_t>();
     set += static_cast<std::uint32_t>(std::popcount(bits));
   }
-  if (hits != set) in.fail("has another number of hits than its mask");
+  if (hits != set) in.fail("has a number of hits that differs from its mask");
   if (facets > hits || axes > hits) in.fail("has more triangles than hits");
   std::span<const std::byte> planes = raw.subspan(kHeaderBytes);
   const std::size_t by_hit = 2 * sizeof(float) + sizeof(std::uint16_t) +
                              (axes > 0 ? sizeof(std::uint16_t) : sizeof(float));
   if (planes.size() !=
       facets * sizeof(HitFacet) + axes * sizeof(surface::TexelAxes) + hits * by_hit)
-    in.fail("has another size than its counts say");
+    in.fail("has a different size than its counts state");
   block.facets.resize(facets);
   block.axes.resize(axes);
   block.facet.resize(hits);

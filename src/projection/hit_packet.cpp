@@ -27,7 +27,7 @@ const Kernels& kernels(const std::string& isa) {
   if (isa == "sse2") return sse2::kKernels;
   if (!isa.empty()) {
     throw Error(ErrorKind::usage,
-                "this processor has no \"" + isa + "\" kernels (sse2, avx2, avx512 exist)");
+                "this processor has no \"" + isa + "\" kernels (choose sse2, avx2 or avx512)");
   }
   return has_avx512 ? avx512::kKernels : has_avx2 ? avx2::kKernels : sse2::kKernels;
 }

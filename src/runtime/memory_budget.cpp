@@ -110,8 +110,8 @@ Error too_small(const MemoryBudget& budget, std::uint64_t bytes, const std::stri
   // In whole units, rounded up: what the message names is what is typed next.
   const std::uint64_t kib = (leased + bytes + 1023) / 1024, mib = (kib + 1023) / 1024;
   return {ErrorKind::budget,
-          fmt::format("the memory budget of {} is too small: {} needs {} beside {} in use; the "
-                      "least that works is about {} (--memory)",
+          fmt::format("the memory budget of {} is too small: {} needs {} in addition to {} in use; "
+                      "at least about {} is required (--memory)",
                       format_bytes(budget.limit()), what, format_bytes(bytes), format_bytes(leased),
                       mib < 4 ? fmt::format("{}KiB", kib) : fmt::format("{}MiB", mib))};
 }

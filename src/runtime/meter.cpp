@@ -32,7 +32,7 @@ void tell(const Progress& progress, const ProgressEvent& event) {
                                  fmt::format("stopped: Progress::on_event threw: {}", e.what())));
   } catch (...) {
     std::throw_with_nested(
-        Error(ErrorKind::cancelled, "stopped: Progress::on_event threw something unknown"));
+        Error(ErrorKind::cancelled, "stopped: Progress::on_event threw an unknown exception"));
   }
 }
 
@@ -51,7 +51,7 @@ void Meter::begin(const std::string& stage, std::uint64_t total, const std::stri
 void Meter::throw_if_cancelled() const {
   if (progress_ != nullptr && progress_->cancelled()) {
     throw Error(ErrorKind::cancelled,
-                "stopped; nothing half-written is left, run the same command to start again");
+                "stopped; no partial files are left, run the same command to start again");
   }
 }
 

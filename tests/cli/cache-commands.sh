@@ -12,7 +12,7 @@ expect 0 cache info
 [[ ! -e $XDG_CACHE_HOME ]] || fail 'looking at a cache makes one'
 make_job
 expect 5 cache info --cache skin.ppm
-err_has 'skin.ppm: this is a file'
+err_has 'skin.ppm: is a file'
 expect 0 cache clear --cache nowhere
 [[ ! -e nowhere ]] || fail 'clearing a cache makes one'
 expect 0 transfer source.obj target.obj -o o.png

@@ -62,7 +62,7 @@ pristine
 mv cache/v3/geometry elsewhere.geometry
 ln -s "$PWD/elsewhere.geometry" cache/v3/geometry
 expect 5 cache info --cache cache
-err_has 'it is a link, which is not followed'
+err_has 'it is a link, and links are not followed there'
 
 # Another user's damaged pack, in a folder where each removes their own.
 if [[ $(id -u) == 0 ]] && command -v setpriv >/dev/null &&
@@ -75,6 +75,6 @@ if [[ $(id -u) == 0 ]] && command -v setpriv >/dev/null &&
   setpriv --reuid 65534 --clear-groups "$POUNCE" transfer source.obj target.obj -o o.png --size 64 --cache cache \
     >"$out" 2>"$err" || status=$?
   [[ $status == 0 ]] || fail "exit status $status for another user's damaged pack"
-  err_has 'left out; it is built again'
+  err_has 'ignored; rebuilding it'
   cmp o.png expected.png
 fi

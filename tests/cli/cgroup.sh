@@ -19,7 +19,7 @@ status=0
 prlimit --data=$((160 << 20)) "$POUNCE" transfer in/head_src.glb in/head_same.glb -o h.png --no-cache --memory 2GiB -q \
   >"$out" 2>"$err" || status=$?
 [[ $status == 4 && $(wc -l <"$err") == 1 ]] || fail "exit status $status under ulimit -d"
-err_has 'the limit of data (ulimit -d) is 160.0 MiB: this job needs at least '
+err_has 'the data limit (ulimit -d) is 160.0 MiB: this job needs at least '
 err_has 'raise that limit to '
 
 # Control groups, where this user may make some: version 1 below the group that we are in, or version 2.
@@ -65,7 +65,7 @@ rm o.png
 # A budget that the group does not hold is lowered, and that is said.
 in_group 0 $((process + (16 << 20))) "${job[@]}" --memory 1GiB --report r.json
 cmp o.png free.png || fail 'another image in a group'
-grep -Eq 'warning: the memory limit of the control group \(.*/pounce-test-.*\) holds less than --memory 1.00 GiB' "$err" ||
+grep -Eq 'warning: the memory limit of the control group \(.*/pounce-test-.*\) is too small for --memory 1.00 GiB' "$err" ||
   fail 'the lower budget is not said'
 budget=$(sed -nE 's/.*"budget": ([0-9]+).*/\1/p' r.json)
 ((budget >= least && budget <= least + (24 << 20))) || fail "a budget of $budget in a group of $process + 16 MiB"

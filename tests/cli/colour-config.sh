@@ -124,7 +124,7 @@ same own.png 200 100 50
 run 'kept.png' --source-colorspace table --output-colorspace lin_rec709
 same kept.png 50 50 50
 run 'kept.png' --source-colorspace table --output-colorspace lin_rec709 --skip-existing
-err_has 'kept'
+err_has 'skipped'
 table 0.5
 run 'kept.png' --source-colorspace table --output-colorspace lin_rec709 --skip-existing
 same kept.png 100 100 100

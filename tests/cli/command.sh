@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # No command, and commands and options of later versions, are unknown.
 source "$(dirname "$0")/support.sh"
-refused 'no command was given'
+refused 'no command given'
 for command in denoise frobnicate; do refused "\"$command\" is not a command" $command; done
 refused '"-v" is not a command' -v
 refused 'SOURCE is required' transfer

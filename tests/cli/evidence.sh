@@ -7,7 +7,7 @@ err_has '--channels confidence: confidence applies only to splat scenes; source.
 expect 2 transfer source.obj target.obj -o o.exr --channels distance
 err_has '--channels distance: distance applies only to splat scenes; source.obj is a mesh'
 expect 2 transfer source.obj target.obj -o o.exr --channels all,confidence
-err_has 'got "all,confidence", expected all by itself, or the channels by name: baseColor,confidence'
+err_has 'got "all,confidence", expected all alone, or the channels by name: baseColor,confidence'
 "$POUNCE_FIXTURE" splats -o scene.ply --count 4000 --target-size 64 >/dev/null
 job=(transfer scene.ply scene_target.glb --size 32 --no-cache)
 expect 2 "${job[@]}" -o '<CHANNEL>.png' --channels baseColor,distance

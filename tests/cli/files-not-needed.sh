@@ -53,7 +53,7 @@ for uri in "${others[@]}"; do
   run 0 inspect m.gltf
   for output in o.glb o.gltf; do
     run 0 transfer source.obj m.gltf -o $output --size 16 --no-cache
-    err_has "; $output names it as before"
+    err_has "; $output still refers to it"
     [[ $uri != closed.ppm ]] || err_has 'its image closed.ppm cannot be read (Permission denied)'
   done
   # A buffer that no accessor lies in.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# A folder where a mesh is wanted is told to be one, with what may be named instead.
+# A folder but a mesh is told to be one, with what may be named instead.
 source "$(dirname "$0")/support.sh"
 make_job
 mkdir folder folder.glb

@@ -44,9 +44,9 @@ err_has 'is assumed to have the axes of trained scenes (right, down, forward)'
 err_has '--source-axes x,y,z'
 # How a glTF lies is said wherever it is read, unless the user says it.
 expect 0 inspect turned.glb
-out_has "note       its axes are glTF's (left, up, forward), taken as stored; --source-axes=-x,-y,z"
+out_has "note       its axes are assumed to be glTF's (left, up, forward); --source-axes=-x,-y,z"
 expect 0 transfer turned.glb target.obj -o from.png --progress none
-err_has "its axes are glTF's"
+err_has "its axes are assumed to be glTF's"
 expect 0 transfer turned.glb target.obj -o from.png --progress none --source-axes=-x,-y,z
 ! grep -qF "glTF's" "$err" || fail 'what the user said is assumed'
 # What is about the other kind of source.
@@ -69,7 +69,7 @@ rm -f mesh.* some.* before.spz turned.glb from.png cut.ply
 expect 0 gaussians broken.ply -o clean.spz --progress none
 err_has '4,990 Gaussians'
 err_has '10 Gaussians left out: '
-for words in '2 far away from the scene' '2 not finite' '2 transparent'; do err_has "$words"; done
+for words in '2 far from the rest of the scene' '2 not finite' '2 transparent'; do err_has "$words"; done
 expect 0 inspect clean.spz
 out_has 'gaussians  4990, 4990 usable'
 expect 0 gaussians broken.ply -o clean.spz --progress none --count 90 --report r.json
@@ -86,7 +86,7 @@ rm broken* clean.spz r.json
 } >huge.ply
 truncate -s $(($(wc -c <huge.ply) + 80000000 * 56)) huge.ply
 expect 3 gaussians huge.ply -o huge.glb
-err_has 'a .glb is no larger than 4 GiB, which is 76695551 Gaussians of this kind; write a .ply or .spz'
+err_has 'a .glb is limited to 4 GiB, which is 76695551 Gaussians of this kind; write a .ply or .spz'
 expect 3 gaussians huge.ply -o huge.glb --count 79000000
 err_has 'fewer with --count'
 rm huge.ply

@@ -37,7 +37,7 @@ done
 # As a source: the channel that is needed decides.
 expect 0 transfer half.gltf target.obj -o o.png
 expect 3 transfer whole.gltf target.obj -o o.png
-err_has 'is stored with the extension KHR_texture_basisu, which pounce does not read'
+err_has 'uses the extension KHR_texture_basisu, which pounce does not support'
 expect 0 transfer half.gltf target.obj -o 'o.<CHANNEL>.png'
 err_has 'emissive is left out'
 expect 0 inspect whole.gltf

@@ -10,7 +10,7 @@ for name in letter.txt empty; do
   err_has "$name"
 done
 expect 5 inspect folder
-err_has 'folder: is a folder; name a mesh, a splat scene, an image or a pack file'
+err_has 'folder: is a folder; specify a mesh, a splat scene, an image or a pack file'
 expect 5 inspect missing.glb
 err_has 'missing.glb: cannot open: No such file'
 printf 'glTF\002\000\000\000' >short.glb

@@ -7,7 +7,7 @@ run() { expect 0 transfer "$@" -q; }
 # job_of FILE: sets $job.
 job_of() {
   expect 0 inspect "$1"
-  job=$(sed -n 's/^made by pounce, job \([0-9a-f]\{32\}\)$/\1/p' "$out")
+  job=$(sed -n 's/^written by pounce, job \([0-9a-f]\{32\}\)$/\1/p' "$out")
   [[ -n $job ]] || fail "$1 does not say its job"
 }
 

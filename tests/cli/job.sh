@@ -51,9 +51,9 @@ wrong() { # WORDS TEXT
   expect "${3-2}" transfer --job wrong.json
   err_has "wrong.json: $1"
 }
-wrong 'sice: no option has this name; did you mean size?' '{"command": "transfer", "options": {"sice": 8}}'
+wrong 'sice: unknown option; did you mean size?' '{"command": "transfer", "options": {"sice": 8}}'
 wrong '--size: got "wide"' '{"command": "transfer", "options": {"size": "wide"}}'
-wrong 'a job of maps; run it as pounce maps --job wrong.json' '{"command": "maps", "options": {}}'
+wrong 'is a job of maps; run it with pounce maps --job wrong.json' '{"command": "maps", "options": {}}'
 wrong 'not a report or job file' '{"options": {}}' 3
 wrong 'not a report or job file' 'no JSON' 3
 wrong 'options: "size"' '{"command": "transfer", "options": {"size": {}}}' 3

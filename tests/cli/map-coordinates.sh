@@ -23,7 +23,7 @@ expect 0 transfer map.obj map.obj -o map.png --size 256
 err_has 'map.obj: far from the origin for its size'
 same_picture map.png noise.ppm || fail 'the scan at map coordinates is not exact onto itself'
 expect 0 transfer local.obj local.obj -o local.png --size 256
-! grep -q 'far from 0' "$err" || fail 'a note without a reason'
+! grep -q 'far from the origin' "$err" || fail 'a note without a reason'
 same_picture local.png map.png || fail 'the scan is another picture at 0'
 
 # The same for a target with other axes.
@@ -55,7 +55,7 @@ err_has 'coarse.obj: stores positions in steps of 0.5'
 
 # Gaussians of it: floats in a PLY, a node's translation in a .glb, nothing in an SPZ.
 expect 0 gaussians map.obj -o map.ply
-err_has 'map.ply: places are written in single precision, in steps of about 0.6 this far'
+err_has 'map.ply: positions are written in single precision, in steps of about 0.6 this far'
 expect 0 inspect map.ply
 out_has '448250'
 expect 0 gaussians map.obj -o map.glb

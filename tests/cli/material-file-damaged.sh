@@ -8,17 +8,17 @@ wrong() { # WORDS: the source has no texture, and that is why.
 }
 cp source.mtl whole.mtl
 rm source.mtl
-wrong 'cannot be read: put it back'
+wrong 'is missing: restore it'
 { cat whole.mtl && printf 'map_Bump ' && head -c 1100000 /dev/zero | tr '\0' x; } >source.mtl
 wrong 'is damaged: export it again'
 rm source.mtl
 mkfifo source.mtl
-wrong 'is no file that may be read: put one there'
+wrong 'is not a readable file: replace it by one'
 rm source.mtl
 { cat whole.mtl && for i in 1 2 3; do printf 'map_Bump ' && head -c 1000000 /dev/zero | tr '\0' x && echo; done; } >source.mtl
 wrong 'is damaged: export it again'
 expect 0 inspect source.obj
-out_has 'a material longer than 2 MiB, which no material file has'
+out_has 'a material longer than 2 MiB; this is not a material file'
 
 { printf '\357\273\277' && cat whole.mtl; } >source.mtl
 expect 0 transfer source.obj target.obj -o o.png -q

@@ -17,8 +17,8 @@ mv s.png whole.png
 ! grep -q 'scratch files may need' "$err" || fail "a note about no limit"
 
 # Too little: no picture, and the message has the limit, the need and the way out.
-refused "scratch files would take more than 100.0 KiB (the job takes " "${job[@]}" --max-temp 100KiB
-grep -qF 'raise the limit with --max-temp, or name a folder with more room with --temp' "$err" || fail "no cure"
+refused "scratch files would need more than 100.0 KiB (the job needs " "${job[@]}" --max-temp 100KiB
+grep -qF 'raise the limit with --max-temp, or choose a folder with more space with --temp' "$err" || fail "no cure"
 grep -qF 'note: scratch files may need' "$err" || fail "not said before"
 [[ $(ls -A | grep -c '\.pounce\|^s.png') == 0 ]] || fail "something was left"
 # What nobody uses any more does not count: half as much again as the peak is enough, and the bytes are the same.
@@ -33,10 +33,10 @@ free=$(df -B1 --output=avail . | tail -n 1)
 ((limit == 1 << 30 || (limit > free / 11 && limit < free / 9))) || fail "default $limit of $free free bytes"
 
 # Writers and readers of packed formats use such files, too, and a cache that keeps nothing.
-refused "would take more than 10.0 KiB;" gaussians s.ply -o s.spz --max-temp 10KiB
+refused "would need more than 10.0 KiB;" gaussians s.ply -o s.spz --max-temp 10KiB
 expect 0 gaussians s.ply -o s.spz
-refused "would take more than 10.0 KiB" gaussians s.spz -o again.ply --max-temp 10KiB
-refused "would take more than 10.0 KiB" transfer s.ply s_target.glb -o s.png --size 64 --cache-limit 10KiB --max-temp 10KiB
+refused "would need more than 10.0 KiB" gaussians s.spz -o again.ply --max-temp 10KiB
+refused "would need more than 10.0 KiB" transfer s.ply s_target.glb -o s.png --size 64 --cache-limit 10KiB --max-temp 10KiB
 "$POUNCE_FIXTURE" plane -o p.obj --triangles 2000 --texture 128 >"$out"
-refused "would take more than 1.0 KiB" maps p.obj -o '<CHANNEL>.exr' --size 128 --no-cache --max-temp 1KiB
+refused "would need more than 1.0 KiB" maps p.obj -o '<CHANNEL>.exr' --size 128 --no-cache --max-temp 1KiB
 expect 2 "${job[@]}" --max-temp 0

@@ -92,13 +92,13 @@ touch -d '2020-01-01' -- *
 keeps=(transfer source.obj own.gltf -o out.glb --coverage mask.png --skip-existing)
 expect 0 "${keeps[@]}"
 expect 0 "${keeps[@]}"
-err_has 'kept 2 '
+err_has 'skipped 2 '
 rm mask.png
 expect 0 "${keeps[@]}"
 [[ -s mask.png ]] || fail 'the mask was not made again'
 touch own.png # an image of the target that the model takes in, and that is the same
 expect 0 "${keeps[@]}"
-err_has 'kept 2 '
+err_has 'skipped 2 '
 expect 0 transfer source.obj target.obj -o own.png --size 5 -q
 touch -d '2020-01-01' own.png
 expect 0 "${keeps[@]}"

@@ -64,10 +64,10 @@ else
 fi
 ln -s round.png round.png
 expect 5 transfer source.obj target.obj -o round.png --plan
-err_has 'round.png: is a link that leads to no file'
+err_has 'round.png: is a broken link'
 rm round.png && mkfifo pipe.png
 expect 5 transfer source.obj target.obj -o pipe.png --plan
-err_has 'pipe.png: there is something of that name that is not a file'
+err_has 'pipe.png: exists but is not a regular file'
 rm pipe.png
 only_files "${inputs[@]:0:3}" taken.png target.obj
 # Tokens may be in the folders.

@@ -33,7 +33,7 @@ mkdir alone
 expect 0 "${job[@]}" -o 'alone/<CHANNEL>.exr' --exr-compression piz
 cmp all/height.exr alone/height.exr || fail 'another height than in a run of EXRs'
 expect 0 "${job[@]}" -o 'all/<CHANNEL>.png' --output-for height=all/height.exr --exr-compression piz --skip-existing
-err_has 'kept 3'
+err_has 'skipped 3'
 # The plan names them; a mask goes along; without <CHANNEL> a channel with its own pattern is no second image of one name.
 expect 0 "${job[@]}" -o n.png --output-for height=h.exr --coverage '<CHANNEL>_mask.png' --plan
 for line in 'would write   n.png' 'would write   h.exr' 'would write   normal_mask.png' 'would write   height_mask.png'; do

@@ -13,7 +13,7 @@ for token in '%(UDIM)d' '<udim>' '<uvtile>' '$UDIM' '${UDIM}' '{udim}' '_MAPID_'
     transfer a.glb b.glb -o "o.<UDIM>.$token.png"
 done
 for token in '%04d' '####' '##' '$F' '$F4' '${F4}' '${F}' '$FF'; do
-  refused "expected no $token: pounce has no frames, and writes a UDIM tile's number as <UDIM>" \
+  refused "expected no $token: pounce has no frames; a UDIM tile's number is written as <UDIM>" \
     transfer a.glb b.glb -o "o.$token.png"
 done
 refused '--coverage: got "m.%(UDIM)d.png"' transfer a.glb b.glb -o o.png --coverage 'm.%(UDIM)d.png'

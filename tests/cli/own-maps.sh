@@ -4,7 +4,7 @@ source "$(dirname "$0")/support.sh"
 refused 'banana: unknown channel' transfer a.glb b.glb -o o.png --channels banana
 refused 'a.glb is a model' transfer a.glb b.glb -o a.glb --source-texture mask=m.png
 refused '--source-texture: got "all"' transfer a.glb b.glb -o o.png --source-texture all=m.png
-refused '--source-texture: got "BaseColor", expected baseColor, from which it differs in case only' transfer a.glb b.glb -o o.png --source-texture BaseColor=m.png
+refused '--source-texture: got "BaseColor", expected baseColor (names are case-sensitive)' transfer a.glb b.glb -o o.png --source-texture BaseColor=m.png
 refused '--source-texture: got "a/b"' transfer a.glb b.glb -o o.png --source-texture a/b=m.png
 refused '--data: got "baseColor"' transfer a.glb b.glb -o o.png --data baseColor
 refused 'either --data or --color' transfer a.glb b.glb -o o.png --source-texture x=m.png --data x --color x

@@ -14,7 +14,7 @@ quickly() {
 
 for mesh in pipe.obj pipe.glb; do
   quickly 5 transfer "$mesh" target.obj -o o.png
-  err_has "$mesh: cannot read: it is a pipe, not a file; write what should be read into a file first"
+  err_has "$mesh: cannot read: it is a pipe, not a file; write its contents to a file first"
   quickly 5 transfer source.obj "$mesh" -o o.png
   quickly 5 inspect "$mesh"
   quickly 5 maps "$mesh" -o 'o.<CHANNEL>.exr'

@@ -33,14 +33,14 @@ read_as points.splat '.splat'
 read_as two.bin 'SPZ v2'
 read_as two.gz 'SPZ v2'
 expect 0 inspect two.gz
-out_has 'note       SPZ does not say how its axes lie'
+out_has 'note       SPZ does not define its axes'
 
-# no_target FILE FORMAT: where a mesh is wanted, it is named.
+# no_target FILE FORMAT: but a mesh, it is named.
 no_target() {
   for command in "transfer source.obj $1 -o o.png" "maps $1 -o <CHANNEL>.exr"; do
     expect 3 $command
     silent "$out"
-    err_has "$1: a Gaussian splat scene in $2" 'where a mesh is wanted' 'a scene comes first'
+    err_has "$1: a Gaussian splat scene in $2" 'but a mesh' 'a scene comes first'
   done
 }
 no_target points.splat '.splat'
@@ -54,10 +54,10 @@ no_target splats.gltf 'glTF (KHR_gaussian_splatting)'
 expect 3 inspect sog
 err_has 'sog: the SOG' 'has no codebook of 256 numbers in "scales"'
 expect 3 transfer splats.gltf target.obj -o o.png
-err_has 'splats.gltf: mesh 0 primitive 0 POSITION' 'has no bytes of its own'
+err_has 'splats.gltf: mesh 0 primitive 0 POSITION' 'has no buffer view or is sparse'
 head -c 34 two.bin >short.spz
 expect 3 inspect short.spz
-err_has 'short.spz: the header announces 1 Gaussians'
+err_has 'short.spz: the header states 1 Gaussians'
 
 # What is not read is named, with the cure.
 for scene in 'streamed streamed SOG (levels of detail)' 'room.lcc LCC'; do
@@ -75,11 +75,11 @@ cp scene.ply scene.bin
 expect 0 transfer scene.bin target.obj -o o.png -q
 for name in scene.ply scene.bin; do
   expect 3 transfer target.obj $name -o o.png
-  err_has "$name: a Gaussian splat scene in 3DGS PLY, where a mesh is wanted"
+  err_has "$name: a Gaussian splat scene in 3DGS PLY, but a mesh"
   err_has 'a scene comes first'
 done
 expect 3 maps scene.ply -o '<CHANNEL>.exr'
-err_has 'where a mesh is wanted'
+err_has 'but a mesh'
 # What only has the ending of one is refused as before.
 mkdir empty
 expect 5 inspect empty

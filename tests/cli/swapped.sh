@@ -17,9 +17,9 @@ err_has 'source.obj: no material has an emissive texture'
 # The MTL file is gone, and with it the texture.
 rm source.mtl
 expect 3 transfer source.obj target.obj -o o.png
-err_has 'no material has a baseColor texture (its material file source.mtl cannot be read: put it back)'
+err_has 'no material has a baseColor texture (its material file source.mtl is missing: restore it)'
 expect 3 transfer source.obj target.obj -o 'o.<CHANNEL>.png'
-err_has 'has no textures (its material file source.mtl cannot be read: put it back)'
+err_has 'has no textures (its material file source.mtl is missing: restore it)'
 expect 0 transfer source.obj target.obj -o o.png --source-texture baseColor=skin.ppm -q
 # Also where the target has textures: nothing is swapped.
 quad textured skin.ppm

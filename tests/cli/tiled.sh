@@ -23,7 +23,7 @@ run -o 't.<UDIM>.tx' --no-cache
 run -o 't.<UDIM>.png' --no-cache
 same_picture t.1002.tx t.1002.png || fail 'the first level is not the picture'
 expect 0 inspect t.1001.tx
-out_has 'made by pounce, job '
+out_has 'written by pounce, job '
 out_has '200 x 200, 3 channels, u8, srgb, tiff, tiles 64 x 64, 8 levels'
 expect 0 inspect t.1001.tx --json
 for text in '"tile_width": 64' '"tile_height": 64' '"levels": 8'; do out_has "$text"; done
@@ -94,7 +94,7 @@ if command -v oiiotool >/dev/null && command -v maketx >/dev/null; then
   half -o h.tx
   expect 0 inspect h.tx
   out_has '200 x 200, 3 channels, half, lin_rec709, openexr, tiles 64 x 64, 8 levels'
-  out_has 'made by pounce, job '
+  out_has 'written by pounce, job '
   same_picture h.tx h.exr || fail 'the first level is not the picture'
   maketx --format openexr h.exr -o theirs.tx
   for level in 0 1 4 7; do
@@ -107,10 +107,10 @@ if command -v oiiotool >/dev/null && command -v maketx >/dev/null; then
   out_has 'float, lin_rec709, tiff, tiles 64 x 64, 8 levels'
   (($(wc -c <h.tx) * 10 < $(wc -c <f.tx) * 8)) || fail 'halves take as much room as floats'
   half -o h.tx --skip-existing
-  err_has 'kept 1'
+  err_has 'skipped 1'
   head -c $(($(wc -c <h.tx) - 100)) h.tx >cut.tx && mv cut.tx h.tx # what is not whole is made again
   half -o h.tx --skip-existing
-  ! grep -q kept "$err" || fail 'half a file was kept'
+  ! grep -q skipped "$err" || fail 'half a file was kept'
   half -o z.tx --depth half --exr-compression piz
   same_picture z.tx h.exr || fail 'another compression, another picture'
   iinfo -v z.tx | grep -q 'compression: "piz"' || fail 'z.tx is compressed otherwise'
@@ -126,11 +126,11 @@ fi
 # Another layout is another job; the same is kept, .tx like others.
 job=(-o 't.<UDIM>.tx' --no-cache --skip-existing)
 run "${job[@]}"
-err_has 'kept 2'
+err_has 'skipped 2'
 run "${job[@]}" --tile-size 32
-! grep -q kept "$err" || fail 'files of other tiles were kept'
+! grep -q skipped "$err" || fail 'files of other tiles were kept'
 run "${job[@]}" --tile-size 32
-err_has 'kept 2'
+err_has 'skipped 2'
 
 # As a source, and painted over, such a file is its first level.
 run -o 't.<UDIM>.tx' --no-cache

@@ -9,15 +9,15 @@ expect 0 help transfer
 out_has 'Usage: pounce transfer'
 expect 0 version
 out_has 'pounce 0.'
-refused '"transfr" is not a command; there are transfer, maps, gaussians, inspect, compare, cache; did you mean transfer?' transfr a b
-refused '"purge": cache does one of: info, list, verify, prune, clear; did you mean clear?' cache purge
+refused '"transfr" is not a command; choose transfer, maps, gaussians, inspect, compare or cache; did you mean transfer?' transfr a b
+refused '"purge": cache needs one of: info, list, verify, prune, clear; did you mean clear?' cache purge
 refused 'did you mean verify?' cache verfy
 refused '--ouput is unknown; did you mean --output?' transfer a.glb b.glb --ouput o.png
 refused '--max-dist is unknown; did you mean --max-distance?' transfer a.glb b.glb -o o.png --max-dist 1
 refused '-out: long options begin with two dashes; did you mean --output?' transfer a.glb b.glb -out o.png
-refused '--memory: got "2" and "GiB", expected one word: --memory 2GiB' transfer a.glb b.glb -o o.png --memory 2 GiB
+refused '--memory: got "2" and "GiB", expected a single word: --memory 2GiB' transfer a.glb b.glb -o o.png --memory 2 GiB
 refused 'compare takes A and B' compare a.png b.png c.png
-refused '--size: given more than once; give it once' transfer a.glb b.glb -o o.png --size 8 --size 9
+refused '--size: given more than once; specify it once' transfer a.glb b.glb -o o.png --size 8 --size 9
 refused 'basecolour: unknown channel; did you mean baseColor?' transfer a.glb b.glb -o o.png --channels basecolour
 refused 'emisive: unknown channel; did you mean emissive?' transfer a.glb b.glb -o o.png --channels emisive
 for token in '[UDIM]' '{udim}' 'x.UDIM'; do

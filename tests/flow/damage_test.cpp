@@ -67,9 +67,9 @@ void judge(const Job& job, const std::string& pack, Verdicts& verdicts) {
     if (read_whole(posix_file_system(), job.options.output) != job.expected) {
       ++verdicts.wrong;
     } else {
-      const bool told =
-          std::any_of(report.warnings.begin(), report.warnings.end(),
-                      [](const std::string& w) { return w.find("built a") != std::string::npos; });
+      const bool told = std::any_of(
+          report.warnings.begin(), report.warnings.end(),
+          [](const std::string& w) { return w.find("rebuilding it") != std::string::npos; });
       ++(told ? verdicts.rebuilt : verdicts.unnoticed);
     }
   } catch (const Error& e) {

@@ -221,7 +221,7 @@ TEST_CASE("blocks of a geometry pack that cannot be are noticed", "[flow]") {
       {"a normal of NaN", [](Block& b) { b.normals[0].y = kNan; }},
       {"a UV of NaN", [](Block& b) { b.uvs[0].x = kNan; }},
       {"a UV that spans too much", [](Block& b) { b.uvs[0].y = 3e37F; }},
-      {"a triangle that the mesh lacks", [](Block& b) { b.ids[0] = 0xFFFFFFFF; }},
+      {"a triangle that the mesh does not have", [](Block& b) { b.ids[0] = 0xFFFFFFFF; }},
   };
   const std::vector<std::pair<std::string, Harm>> target{
       {"an x beyond the image", [](Block& b) { b.x = 2; }},
@@ -268,7 +268,7 @@ TEST_CASE("records of a geometry pack that cannot be are noticed", "[flow]") {
   const std::vector<std::pair<std::string, Harm>> harms{
       {"a step of NaN", [](Block& b) { b.step = kNan; }},
       {"an infinite step", [](Block& b) { b.step = kInfinity; }},
-      {"a step that is no power of two", [](Block& b) { b.step *= 1.5F; }},
+      {"a step that is not a power of two", [](Block& b) { b.step *= 1.5F; }},
       {"a position out of range",
        [](Block& b) { b.records[0].position[1] = store::kLargestPosition + 1; }},
       {"an edge of 0", [](Block& b) { b.records[0].edge = 0; }},

@@ -242,7 +242,7 @@ TEST_CASE("what a splat scene cannot give is refused with the reason", "[flow]")
   other = options;
   other.source = folder.file("scene.spz");
   std::ofstream(other.source, std::ios::binary) << "NGSP" << std::string(28, '\4');
-  refusal(other, ErrorKind::input, "versions 1 to 4 are read");
+  refusal(other, ErrorKind::input, "versions 1 to 4 are supported");
   other = options;
   other.resources.memory_bytes = kMiB;
   refusal(other, ErrorKind::budget, "--memory");

@@ -191,7 +191,7 @@ TEST_CASE("a damaged pack is replaced while another process goes on reading it",
   options.verify = true;
   const auto checking = StoreFolder::open_cache(files, root, options);
   CHECK_FALSE(checking->find(kKind, kKey, &warning));
-  CHECK_THAT(warning, Catch::Contains(pack->name()) && Catch::Contains("built again"));
+  CHECK_THAT(warning, Catch::Contains(pack->name()) && Catch::Contains("rebuilding it"));
   CHECK(checking->publish(write(*checking, kKey))->verify() == 2);
   CHECK(checking->find(kKind, kKey, nullptr));
   CHECK(pack->verify() == 2);  // the inode it opened, before the damage

@@ -113,7 +113,7 @@ std::string line_advice(const CLI::App& command, const std::vector<std::string>&
     const std::string name = before_equals(argument);
     if (!name.starts_with("--") || is_known(name, known)) continue;
     const std::string meant = did_you_mean(name, known);
-    return meant.empty() ? fmt::format("; {} has no {}", command.get_name(), name)
+    return meant.empty() ? fmt::format("; {} does not accept {}", command.get_name(), name)
                          : fmt::format("; {} is unknown{}", name, meant);
   }
   return "";
@@ -140,7 +140,7 @@ void refuse_lookalikes(const CLI::App& command, const std::vector<std::string>& 
     if (has_size && i + 2 < arguments.size() && is_number(arguments[i + 1]) &&
         is_unit(arguments[i + 2])) {
       throw Error(ErrorKind::usage,
-                  fmt::format("{0}: got \"{1}\" and \"{2}\", expected one word: {0} {1}{2}",
+                  fmt::format("{0}: got \"{1}\" and \"{2}\", expected a single word: {0} {1}{2}",
                               argument, arguments[i + 1], arguments[i + 2]));
     }
   }

@@ -49,12 +49,13 @@ constexpr std::size_t kUsualStackBytes = 8u << 20;
     if (const auto thrown = std::current_exception()) std::rethrow_exception(thrown);
   } catch (const std::bad_alloc&) {
     end(ErrorKind::budget,
-        "out of memory; give it more (ulimit -v, ulimit -d), or a smaller --memory or --threads");
+        "out of memory; raise the limit (ulimit -v, ulimit -d), or use a smaller --memory or "
+        "--threads");
   } catch (const std::system_error& error) {
     char text[256];
     std::snprintf(text, sizeof text,
-                  "the system refuses what a library needs: %s; raise the limit of threads or "
-                  "memory (ulimit -u, -v, -d), or lower --threads",
+                  "the system refuses a resource that a library needs: %s; raise the limit of "
+                  "threads or memory (ulimit -u, -v, -d), or lower --threads",
                   error.what());
     end(ErrorKind::storage, text);
   } catch (const std::exception& error) {
@@ -63,7 +64,7 @@ constexpr std::size_t kUsualStackBytes = 8u << 20;
     end(ErrorKind::internal, text);
   } catch (...) {
   }
-  end(ErrorKind::internal, "internal error: nobody caught an exception (please report)");
+  end(ErrorKind::internal, "internal error: uncaught exception (please report)");
 }
 
 /// Threads' stacks are as large as the limit says when the process begins, and the main one may
@@ -73,7 +74,7 @@ void check_stack() {
   if (getrlimit(RLIMIT_STACK, &limit) != 0 || limit.rlim_cur >= kUsualStackBytes) return;
   limit.rlim_cur = std::min<rlim_t>(kUsualStackBytes, limit.rlim_max);
   if (limit.rlim_cur < kLeastStackBytes || setrlimit(RLIMIT_STACK, &limit) != 0)
-    end(ErrorKind::budget, "stacks need at least 1 MiB; raise their limit (ulimit -s)");
+    end(ErrorKind::budget, "stacks need at least 1 MiB; raise the limit (ulimit -s)");
   pthread_attr_t usual;
   if (pthread_attr_init(&usual) != 0) return;
   if (pthread_attr_setstacksize(&usual, limit.rlim_cur) == 0) pthread_setattr_default_np(&usual);
@@ -85,8 +86,8 @@ void check_memory() {
       mmap(nullptr, kLeastBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (some == MAP_FAILED) {
     end(ErrorKind::budget,
-        "out of memory: beside its libraries pounce needs at least 112 MiB; give it more (ulimit "
-        "-v, ulimit -d)");
+        "out of memory: in addition to its libraries pounce needs at least 112 MiB; raise the "
+        "limit (ulimit -v, ulimit -d)");
   }
   munmap(some, kLeastBytes);
 }

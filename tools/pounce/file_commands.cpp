@@ -94,7 +94,7 @@ int inspect_all(const InspectSettings& settings) {
 Command add_inspect_command(CLI::App& program) {
   const auto settings = std::make_shared<InspectSettings>();
   CLI::App* command = program.add_subcommand(
-      "inspect", "Say what a mesh, a splat scene, an image or a tile store holds");
+      "inspect", "Show the contents of a mesh, splat scene, image or tile store");
   set_help_text(*command, kInspectUsage);
   command
       ->add_option("FILE", settings->paths,
@@ -103,7 +103,8 @@ Command add_inspect_command(CLI::App& program) {
       ->option_text("...")
       ->required();
   add_switch(*command, "--json", kGroup,
-             "As JSON instead of text: an object; of several files a list of them", settings->json);
+             "Print JSON instead of text: an object, or a list of objects for several files",
+             settings->json);
   add_transfer_row(*command, "allow-external", kGroup, [settings](const std::string& text) {
     set_option(settings->reading, "allow-external", text);
   });
@@ -118,7 +119,7 @@ constexpr const char* kCompareUsage =
     "Usage: pounce compare A B [--mask M] [--min-psnr DB] [--json]\n"
     "\n"
     "Examples:\n"
-    "  # How alike are a result and its truth, where the truth's alpha is set?\n"
+    "  # Compare a result with its truth where the truth's alpha is set.\n"
     "  pounce compare result.png truth.png\n"
     "\n"
     "  # In a script: exit status 1 unless at least 40 dB inside the mask.\n"
@@ -165,7 +166,7 @@ int run_comparison(const CompareSettings& settings) {
   const bool passed = !settings.min_psnr_db || result.psnr_db >= *settings.min_psnr_db;
   write_stdout(settings.json ? comparison_json(result, passed) : comparison_text(result));
   if (!passed) {
-    write_stderr(fmt::format("pounce: {} and {}: {:.2f} dB, below the {:g} dB asked for\n",
+    write_stderr(fmt::format("pounce: {} and {}: {:.2f} dB, below the required {:g} dB\n",
                              visible_line(settings.a), visible_line(settings.b), result.psnr_db,
                              *settings.min_psnr_db));
   }
@@ -176,19 +177,20 @@ int run_comparison(const CompareSettings& settings) {
 
 Command add_compare_command(CLI::App& program) {
   const auto settings = std::make_shared<CompareSettings>();
-  CLI::App* command = program.add_subcommand("compare", "Measure how alike two images are");
+  CLI::App* command = program.add_subcommand("compare", "Measure the similarity of two images");
   set_help_text(*command, kCompareUsage);
   command->add_option("A", settings->a, "Image")->option_text(" ")->required();
   command->add_option("B", settings->b, "Image of the same size")->option_text(" ")->required();
   add_value(*command, "--mask", "M", kGroup,
-            "Compare where this image's first channel is not 0.\n"
-            "Default: B's alpha if it has one, else everywhere",
+            "Compare where this image's first channel is not 0.\nDefault: B's alpha if present, "
+            "else everywhere",
             [settings](const std::string& text) { settings->mask = parse_path("--mask", text); });
-  add_value(*command, "--min-psnr", "DB", kGroup, "Exit with status 1 below this, 0 to 1000 dB",
+  add_value(*command, "--min-psnr", "DB", kGroup,
+            "Exit with status 1 below this PSNR, 0 to 1000 dB",
             [settings](const std::string& text) {
               settings->min_psnr_db = parse_number("--min-psnr", text, 0, kHighestThresholdDb);
             });
-  add_switch(*command, "--json", kGroup, "As JSON instead of text", settings->json);
+  add_switch(*command, "--json", kGroup, "Print JSON instead of text", settings->json);
   add_format_option(*command, settings->reading);
   return {command, [settings] { return run_comparison(*settings); }};
 }
@@ -200,20 +202,20 @@ using Json = nlohmann::ordered_json;
 constexpr const char* kCacheUsage =
     "Usage: pounce cache info|list|verify|prune|clear [options]\n"
     "\n"
-    "A mesh or an image that was prepared once waits here for the next run. Everything in it can\n"
-    "be made again; jobs may run meanwhile, and what they use stays.\n"
+    "The cache stores prepared meshes and images for reuse. Everything in it can be rebuilt. Jobs\n"
+    "may run meanwhile: packs in use are never removed.\n"
     "\n"
     "Examples:\n"
-    "  # How much room does it take, and how much may it take?\n"
+    "  # How much space does it use, and what is its limit?\n"
     "  pounce cache info\n"
     "\n"
-    "  # What is in it, longest unused first?\n"
+    "  # List its contents, least recently used first.\n"
     "  pounce cache list\n"
     "\n"
-    "  # Is all of it as it was written? Remove what is not.\n"
+    "  # Verify every pack; remove damaged ones.\n"
     "  pounce cache verify --remove\n"
     "\n"
-    "  # Keep what was used within 30 days, and no more than 10 GiB of that.\n"
+    "  # Keep what was used within 30 days, up to 10 GiB.\n"
     "  pounce cache prune --older-than 30d --to 10GiB";
 
 struct CacheSettings {
@@ -254,7 +256,7 @@ int show_info(const CacheSettings& settings) {
     return 0;
   }
   std::string text =
-      fmt::format("folder      {}\ntaken       {}\n", info.folder, bytes_text(info.taken_bytes));
+      fmt::format("folder      {}\nused        {}\n", info.folder, bytes_text(info.taken_bytes));
   text += info.default_limit_bytes == 0
               ? "limit       none\n"
               : fmt::format("limit       {}, a tenth of the disk, for jobs without --cache-limit\n",
@@ -322,10 +324,10 @@ int show_verdict(const CacheSettings& settings) {
 
 int show_pruned(const CachePruned& pruned) {
   std::string text =
-      fmt::format("removed {}, {}; the cache takes {} now\n", count_text(pruned.objects, "pack"),
+      fmt::format("removed {}, {}; the cache now uses {}\n", count_text(pruned.objects, "pack"),
                   bytes_text(pruned.bytes), bytes_text(pruned.taken_bytes));
   if (pruned.in_use > 0) {
-    text += fmt::format("{} stayed: in use by a running job, or another user's\n",
+    text += fmt::format("{} kept: in use by a running job, or owned by another user\n",
                         count_text(pruned.in_use, "pack"));
   }
   write_stdout(text);
@@ -344,22 +346,23 @@ CLI::App* add_action(CLI::App& command, CacheSettings& settings, const char* nam
 
 void add_json(CLI::App& action, CacheSettings& settings) {
   add_switch(action, "--json", kGroup,
-             "As JSON instead of text; sizes in bytes, times in seconds since 1970", settings.json);
+             "Print JSON instead of text; sizes in bytes, times in seconds since 1970",
+             settings.json);
 }
 
 }  // namespace
 
 Command add_cache_command(CLI::App& program) {
   const auto settings = std::make_shared<CacheSettings>();
-  CLI::App* command =
-      program.add_subcommand("cache", "Look at the tile cache, check it, make room");
+  CLI::App* command = program.add_subcommand("cache", "Show, verify and shrink the tile cache");
   command->require_subcommand(1);
   set_help_text(*command, kCacheUsage);
-  CLI::App* info = add_action(*command, *settings, "info", "Folder, size, limit, packs per kind");
+  CLI::App* info =
+      add_action(*command, *settings, "info", "Show folder, size, limit and packs per kind");
   set_help_text(*info, "Usage: pounce cache info [--json] [--cache DIR]");
   add_json(*info, *settings);
   CLI::App* list = add_action(*command, *settings, "list",
-                              "Each pack: kind, key, size, last use, what it was made from");
+                              "List packs: kind, key, size, last use, what they were built from");
   set_help_text(*list, "Usage: pounce cache list [--json] [--cache DIR]");
   add_json(*list, *settings);
   CLI::App* verify = add_action(*command, *settings, "verify",
@@ -367,24 +370,24 @@ Command add_cache_command(CLI::App& program) {
   set_help_text(*verify, "Usage: pounce cache verify [--remove] [--json] [--cache DIR]");
   add_json(*verify, *settings);
   add_switch(*verify, "--remove", kGroup,
-             "Remove damaged packs; the next job that needs one makes it again", settings->remove);
+             "Remove damaged packs; the next job that needs one rebuilds it", settings->remove);
   CLI::App* prune = add_action(*command, *settings, "prune",
-                               "Remove packs, longest unused first, and what dead runs left");
+                               "Remove packs, least recently used first, and remains of dead runs");
   set_help_text(
       *prune,
-      "Usage: pounce cache prune [--to SIZE] [--older-than TIME] [--cache DIR]\n\n"
-      "With neither option: removes only what dead runs left half-built. With both: first\n"
-      "what was not used for so long, then, if that is not enough, longest unused first.");
+      "Usage: pounce cache prune [--to SIZE] [--older-than TIME] [--cache DIR]\n\nWith neither "
+      "option: removes only unfinished packs of dead runs. With both: first packs\nunused for that "
+      "long, then, if that is not enough, the least recently used ones.");
   add_value(
-      *prune, "--to", "SIZE", kGroup, "Until the cache takes no more than this: 10GiB, 500MB",
+      *prune, "--to", "SIZE", kGroup, "Target size of the cache: 10GiB, 500MB",
       [settings](const std::string& text) { settings->most_bytes = parse_bytes("--to", text); });
   add_value(*prune, "--older-than", "TIME", kGroup,
-            "Those not used for so long: 30d, 12h, 90min, 45s",
+            "Packs unused for this long: 30d, 12h, 90min, 45s",
             [settings](const std::string& text) {
               settings->older_than_s = parse_duration("--older-than", text);
             });
   CLI::App* clear = add_action(*command, *settings, "clear",
-                               "Remove every pack that no running job uses, and remembered hashes");
+                               "Remove every pack that no running job uses, and cached hashes");
   set_help_text(*clear, "Usage: pounce cache clear [--cache DIR]");
   const auto run = [settings, info, list, verify, prune] {
     if (info->parsed()) return show_info(*settings);

@@ -47,17 +47,17 @@ void check_report_folder(const std::string& path) {
   for (std::error_code gone; !std::filesystem::exists(folder, gone);)
     folder = folder.has_parent_path() ? folder.parent_path() : ".";
   if (!is_written_in_place(path) && access(folder.c_str(), W_OK | X_OK) != 0) {
-    cannot("the report cannot be written into its folder", path);
+    cannot("cannot write the report into its folder", path);
   }
   if (std::error_code ignored; std::filesystem::is_directory(path, ignored)) {
     errno = EISDIR;
-    cannot("the report cannot be written", path);
+    cannot("cannot write the report", path);
   }
 }
 
 void write_in_place(const std::string& path, const std::string& text) {
   const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (file < 0) cannot("the report cannot be created", path);
+  if (file < 0) cannot("cannot create the report", path);
   std::size_t written = 0;
   while (written < text.size()) {
     const ssize_t count = write(file, text.data() + written, text.size() - written);
@@ -68,7 +68,7 @@ void write_in_place(const std::string& path, const std::string& text) {
   const int reason = errno;
   if (close(file) == 0 && written == text.size()) return;
   if (written < text.size()) errno = reason;
-  cannot("the report cannot be written", path);
+  cannot("cannot write the report", path);
 }
 
 /// To the standard output, a file or nowhere.

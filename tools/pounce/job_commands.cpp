@@ -121,8 +121,9 @@ void set_recorded(JobCommand command, Line<Options>& line) {
   const std::string name = job_command_name(command);
   const RecordedJob job = read_job(line.job_path);
   if (job.command != name) {
-    throw Error(ErrorKind::usage, fmt::format("{0}: a job of {1}; run it as pounce {1} --job {0}",
-                                              line.job_path, job.command));
+    throw Error(ErrorKind::usage,
+                fmt::format("{0}: is a job of {1}; run it with pounce {1} --job {0}", line.job_path,
+                            job.command));
   }
   const std::vector<OptionInfo>& table = option_table(command);
   for (const OptionReport& option : job.options) {

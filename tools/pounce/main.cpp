@@ -86,10 +86,10 @@ std::string too_many(const CLI::App& command, const std::string& what) {
 std::string parse_problem(const CLI::App& program, int argc, char** argv,
                           const CLI::ParseError& error) {
   const std::vector<std::string> arguments{argv + 1, argv + argc};
-  if (arguments.empty()) return "no command was given";
+  if (arguments.empty()) return "no command given";
   if (const CLI::App* cache = named_command(program, argc, argv);
       cache != nullptr && cache->get_name() == "cache" && cache->get_subcommands().empty()) {
-    constexpr const char* kActions = "cache does one of: info, list, verify, prune, clear";
+    constexpr const char* kActions = "cache needs one of: info, list, verify, prune, clear";
     if (arguments.size() == 1) return kActions;
     return "\"" + arguments[1] + "\": " + kActions +
            (arguments[1] == "purge"
@@ -98,8 +98,8 @@ std::string parse_problem(const CLI::App& program, int argc, char** argv,
   }
   const auto unknown = program.remaining();
   if (program.get_subcommands().empty() && !unknown.empty()) {
-    return "\"" + unknown.front() + "\" is not a command; there are transfer, maps, gaussians, " +
-           "inspect, compare, cache" +
+    return "\"" + unknown.front() + "\" is not a command; choose transfer, maps, gaussians, " +
+           "inspect, compare or cache" +
            pounce::did_you_mean(unknown.front(), pounce::cli::command_names(program));
   }
   const CLI::App* command = &program;
@@ -107,7 +107,7 @@ std::string parse_problem(const CLI::App& program, int argc, char** argv,
   const std::string what = error.what();
   constexpr const char* kTwice = ": At Most 1 required";
   if (const std::size_t at = what.find(kTwice); at != std::string::npos)
-    return what.substr(0, at) + ": given more than once; give it once";
+    return what.substr(0, at) + ": given more than once; specify it once";
   const std::string advice = pounce::cli::line_advice(*command, arguments);
   const bool is_extra = dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr;
   if (is_extra && advice.empty()) return too_many(*command, what);
@@ -183,7 +183,8 @@ int main(int argc, char** argv) try {
   pounce::cli::write_stderr("pounce: error: " + pounce::cli::visible_line(error.what()) + "\n");
   return pounce::exit_status(error.kind());
 } catch (const std::bad_alloc&) {
-  pounce::cli::write_stderr("pounce: error: out of memory; give it more (ulimit -v, ulimit -d)\n");
+  pounce::cli::write_stderr(
+      "pounce: error: out of memory; raise the limit (ulimit -v, ulimit -d)\n");
   return pounce::exit_status(pounce::ErrorKind::budget);
 } catch (const std::exception& error) {
   pounce::cli::write_stderr("pounce: internal error: " + pounce::cli::visible_line(error.what()) +

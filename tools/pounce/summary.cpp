@@ -97,12 +97,15 @@ std::string summary_text(const Report& report, double wall_s) {
     return text + fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
   }
   if (!report.kept.empty())
-    text += fmt::format("kept {} that are up to date\n", report.kept.size());
+    text += fmt::format("skipped {} file{} (up to date)\n", report.kept.size(),
+                        report.kept.size() == 1 ? "" : "s");
   const std::uint64_t texels = report.target_texels;
-  text += fmt::format("{} texels: {} covered{}, {} empty{}; {} filled around the charts\n",
-                      with_commas(texels), with_commas(report.target_covered),
-                      share_text(report.target_covered, texels), with_commas(report.target_empty),
-                      share_text(report.target_empty, texels), with_commas(report.target_filled));
+  if (texels > 0 || report.kept.empty()) {
+    text += fmt::format("{} texels: {} covered{}, {} empty{}; {} filled around the charts\n",
+                        with_commas(texels), with_commas(report.target_covered),
+                        share_text(report.target_covered, texels), with_commas(report.target_empty),
+                        share_text(report.target_empty, texels), with_commas(report.target_filled));
+  }
   text += left_out_text(report);
   for (const TargetReport& target : report.targets) {
     if (target.fit && *target.fit < kLeastFit)
@@ -140,7 +143,7 @@ std::string details_text(const Report& report) {
     text += fmt::format("         {} left out: {}\n", with_commas(count), reason);
   }
   if (report.target_overlapping > 0) {
-    text += fmt::format("target   {} texels claimed by more than one triangle\n",
+    text += fmt::format("target   {} texels covered by more than one triangle\n",
                         with_commas(report.target_overlapping));
   }
   for (const NodeReport& node : report.nodes) {
@@ -162,7 +165,7 @@ std::string plan_text(const Report& report) {
                                  bytes_text(report.least_memory_bytes), report.least_memory_bytes);
   text += fmt::format("needed for    {}\n", visible_line(report.least_memory_for));
   const std::uint64_t process = report.least_memory_bytes + report.memory_beside_bytes;
-  text += fmt::format("process       {} ({} bytes) at least: {} of --memory and {} beside it\n",
+  text += fmt::format("process       {} ({} bytes) at least: {} of --memory and {} in addition\n",
                       bytes_text(process), process, bytes_text(report.least_memory_bytes),
                       bytes_text(report.memory_beside_bytes));
   text += fmt::format("budget        {}\n", bytes_text(report.memory_budget_bytes));

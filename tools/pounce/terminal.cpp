@@ -109,7 +109,7 @@ void write_stdout(const std::string& text) {
   if (arrived) return;
   const int reason = errno;
   throw Error(ErrorKind::storage,
-              fmt::format("standard output: cannot be written: {}", std::strerror(reason)));
+              fmt::format("standard output: cannot write: {}", std::strerror(reason)));
 }
 
 void write_stderr(const std::string& text) {

@@ -131,7 +131,7 @@ void ByteSource::open(const mesh::ImageRef& image) {
   if (offset_bytes_ > file_bytes || size_bytes_ > file_bytes - offset_bytes_) {
     throw Error(ErrorKind::input,
                 fmt::format("{}: the image should be bytes {} to {} of {}, which has only {}; the "
-                            "file was cut off",
+                            "file is truncated",
                             label_, offset_bytes_, offset_bytes_ + size_bytes_, path_, file_bytes));
   }
 }
@@ -212,7 +212,7 @@ FILE* ByteSource::stream() {
   auto cookie = std::make_unique<Cookie>(Cookie{this, 0});
   FILE* file = ::fopencookie(cookie.get(), "r", {cookie_read, nullptr, cookie_seek, cookie_close});
   if (file == nullptr)
-    throw Error(ErrorKind::budget, label_ + ": no memory to read it; give it more");
+    throw Error(ErrorKind::budget, label_ + ": not enough memory to read it; give it more");
   cookie.release();
   // Decoders ask for 4 KB at a time; 64 KB halves the system time of a 100 MB PNG.
   std::setvbuf(file, nullptr, _IOFBF, 64 << 10);

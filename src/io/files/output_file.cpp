@@ -196,10 +196,10 @@ std::string output_place(const std::string& given) {
 // /proc is there to give it a name later.
 OutputFile::OutputFile(const std::string& path)
     : path_(path), target_(output_place(path)), folder_(folder_of(target_)), folders_(folder_) {
-  if (target_.empty()) fail("it is a link that leads to no file");
+  if (target_.empty()) fail("it is a broken link");
   struct stat there {};
   if (::stat(path_.c_str(), &there) == 0) {
-    if (!S_ISREG(there.st_mode)) fail("there is something of that name that is not a file");
+    if (!S_ISREG(there.st_mode)) fail("it exists but is not a regular file");
     replaced_ = there;
   }
   check_folder();
@@ -362,11 +362,11 @@ void OutputFile::commit() {
   if (folder >= 0) ::close(folder);
   // Some network file systems cannot sync a folder; the file itself is safe.
   if (synced || reason == EINVAL || reason == EACCES) return;
-  throw Error(ErrorKind::storage,
-              fmt::format("{}: is written and in place, but its folder could not be synced to the "
-                          "disk ({}), so its name may be lost in a power failure; check the disk "
-                          "and run the job again",
-                          path_, std::strerror(reason)));
+  throw Error(
+      ErrorKind::storage,
+      fmt::format("{}: was written, but its folder could not be synced to the disk ({}), so its "
+                  "name may be lost in a power failure; check the disk and run the job again",
+                  path_, std::strerror(reason)));
 }
 
 void OutputFile::fail_by(int code) const {

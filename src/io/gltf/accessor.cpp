@@ -139,7 +139,7 @@ void check_type(const AccessorReader& accessors, int index, const std::string& n
   const AttributeRule rule = rule_of(name);
   if (rule.type == 0) {
     if (a.componentType == kUInt) {
-      accessors.fail(index, place, "is of 32-bit integers, which no attribute may be");
+      accessors.fail(index, place, "has 32-bit integers, which no attribute allows");
     }
     return;
   }
@@ -151,7 +151,7 @@ void check_type(const AccessorReader& accessors, int index, const std::string& n
   if (a.type != rule.type || !allowed) {
     accessors.fail(
         index, place,
-        fmt::format("is of {} with component type {}{}, which this attribute may not be",
+        fmt::format("has type {} with component type {}{}, which this attribute does not allow",
                     type_name(a.type), a.componentType, a.normalized ? " (normalized)" : ""));
   }
 }

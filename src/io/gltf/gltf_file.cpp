@@ -100,14 +100,14 @@ std::array<std::int8_t, 256> make_base64_table() {
 std::vector<std::byte> decode_base64(std::string_view text) {
   static const std::array<std::int8_t, 256> table = make_base64_table();
   while (!text.empty() && text.back() == '=') text.remove_suffix(1);
-  if (text.size() % 4 == 1) throw std::invalid_argument("base64 text of impossible length");
+  if (text.size() % 4 == 1) throw std::invalid_argument("base64 text of invalid length");
   std::vector<std::byte> bytes;
   bytes.reserve(text.size() / 4 * 3 + 2);
   std::uint32_t bits = 0;
   int bit_count = 0;
   for (const char c : text) {
     const int value = table[static_cast<unsigned char>(c)];
-    if (value < 0) throw std::invalid_argument("a character that is not base64");
+    if (value < 0) throw std::invalid_argument("a character that is not valid in base64");
     bits = ((bits << 6) | static_cast<std::uint32_t>(value)) & 0xFFFFFF;
     bit_count += 6;
     if (bit_count >= 8) {
@@ -215,7 +215,7 @@ GltfFile::GltfFile(const std::string& path, bool allow_external)
   // tinygltf and nlohmann's writer recurse, and the parser's own callback for this is quadratic.
   const JsonSize size = json_size(*file, json_offset_, json_text_bytes_);
   if (size.depth > kMaxJsonDepth) {
-    refuse(path_, "JSON nested deeper than {} levels; this is no sensible glTF file",
+    refuse(path_, "JSON nested deeper than {} levels; this is not a usable glTF file",
            kMaxJsonDepth);
   }
   long_string_bytes_ = size.long_bytes;
@@ -249,22 +249,22 @@ void GltfFile::find_chunks(const ReadFile& file) {
     return;
   }
 
-  if (file_bytes < 20) fail("a GLB header that is cut off");
+  if (file_bytes < 20) fail("the GLB header is truncated");
   if (const std::uint32_t version = read_u32(file, 4); version != 2) {
-    refuse(path_, "GLB version {}, but only version 2 is read; export the model as glTF 2.0",
+    refuse(path_, "GLB version {}, but only version 2 is supported; export the model as glTF 2.0",
            version);
   }
   const std::uint64_t length = read_u32(file, 8);
   if (length > file_bytes) {
-    fail(fmt::format("the GLB header says {} bytes, the file has {}", length, file_bytes));
+    fail(fmt::format("the GLB header states {} bytes, but the file has {}", length, file_bytes));
   }
   std::uint64_t offset = 12;
   for (std::size_t chunk = 0; offset < length; ++chunk) {
-    if (length - offset < 8) fail(fmt::format("the header of GLB chunk {} is cut off", chunk));
+    if (length - offset < 8) fail(fmt::format("the header of GLB chunk {} is truncated", chunk));
     const std::uint64_t chunk_bytes = read_u32(file, offset);
     const std::uint32_t type = read_u32(file, offset + 4);
     offset += 8;
-    if (chunk_bytes > length - offset) fail(fmt::format("GLB chunk {} is cut off", chunk));
+    if (chunk_bytes > length - offset) fail(fmt::format("GLB chunk {} is truncated", chunk));
     if ((chunk == 0) != (type == kJsonChunk))
       fail("the first GLB chunk, and only it, must be JSON");
     if (chunk == 0) {
@@ -272,7 +272,7 @@ void GltfFile::find_chunks(const ReadFile& file) {
       json_text_bytes_ = chunk_bytes;
     } else if (type != kBinChunk) {
       if (other_chunks_.size() == kMaxOtherChunks) {
-        fail(fmt::format("more than {} GLB chunks of unknown meaning", kMaxOtherChunks));
+        fail(fmt::format("more than {} GLB chunks of unknown types", kMaxOtherChunks));
       }
       other_chunks_.push_back({type, offset, chunk_bytes});
     }
@@ -299,7 +299,7 @@ void GltfFile::parse(const std::string& text) {
   try {
     document_ = nlohmann::json::parse(text);
   } catch (const nlohmann::json::exception& e) {
-    refuse(path_, "no valid JSON ({}); the file is damaged, export it again", e.what());
+    refuse(path_, "invalid JSON ({}); the file is damaged, export it again", e.what());
   }
   json_bytes_ = text.size();
 }
@@ -332,7 +332,7 @@ void GltfFile::open_buffer(std::size_t index, nlohmann::json& buffer) {
   } else {
     out.path = resolve(uri);
     if (out.path.empty() || is_missing(out.path)) {
-      out.problem = fmt::format("is the file \"{}\", which is not there", shown_uri(uri));
+      out.problem = fmt::format("is the file \"{}\", which is missing", shown_uri(uri));
       return;
     }
     if (!may_read(out.path)) {
@@ -351,7 +351,7 @@ void GltfFile::open_buffer(std::size_t index, nlohmann::json& buffer) {
     if (out.path != path_) available = out.file->size_bytes();
   }
   if (out.size_bytes > available) {
-    out.problem = fmt::format("should hold {} bytes, but there are {}", out.size_bytes, available);
+    out.problem = fmt::format("should have {} bytes, but has {}", out.size_bytes, available);
   }
 }
 
@@ -365,7 +365,7 @@ void GltfFile::read_view(std::size_t view, std::uint64_t offset, std::span<std::
     throw Error(ErrorKind::storage, fmt::format("{}: buffer {} {}", path_, index, buffer.problem));
   }
   if (!buffer.problem.empty()) {
-    refuse(path_, "buffer {} {}; put the missing data back or export the model again", index,
+    refuse(path_, "buffer {} {}; restore the missing data or export the model again", index,
            buffer.problem);
   }
   const std::uint64_t start = json.value("byteOffset", std::uint64_t{0}) + offset;
@@ -425,9 +425,9 @@ tinygltf::Model load_model(const GltfFile& file) {
     // tinygltf tells what its parser threw, but not that it was no fault of the file.
     if (error.find(std::bad_alloc().what()) != std::string::npos) throw std::bad_alloc();
     while (!error.empty() && (error.back() == '\n' || error.back() == ' ')) error.pop_back();
-    fail(fmt::format("cannot be understood ({})", error));
+    fail(fmt::format("cannot be parsed ({})", error));
   }
-  if (!is_complete(file.document(), model)) fail("holds entries that cannot be understood");
+  if (!is_complete(file.document(), model)) fail("has entries that cannot be parsed");
   // Back to what the document says of indices, which it was checked for.
   for (std::size_t m = 0; m < model.meshes.size(); ++m) {
     const auto& primitives = file.document().at("meshes").at(m).at("primitives");

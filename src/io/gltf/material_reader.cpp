@@ -90,16 +90,16 @@ ImageRef read_image_ref(const GltfFile& file, std::size_t index, const nlohmann:
   }
   out.path = file.resolve(uri);
   if (out.path.empty()) {
-    out.problem = fmt::format("its uri \"{}\" leads to no file", uri.substr(0, 200));
+    out.problem = fmt::format("its uri \"{}\" is not a file name", uri.substr(0, 200));
   } else {
     out.label = out.path;
     std::error_code error;
     // Whatever else is wrong with it, reading says.
     if (std::filesystem::status(out.path, error).type() == std::filesystem::file_type::not_found) {
-      out.problem = fmt::format("the file is not there (named by {})", file.path());
+      out.problem = fmt::format("the file is missing (referenced by {})", file.path());
       out.missing = true;
     } else if (!file.may_read(out.path)) {
-      out.problem = fmt::format("the file {} (named by {})", kOutsideProblem, file.path());
+      out.problem = fmt::format("the file {} (referenced by {})", kOutsideProblem, file.path());
     }
   }
   return out;
@@ -154,8 +154,7 @@ std::optional<std::uint32_t> MaterialReader::image_of(const tinygltf::Texture& t
     const int source = extension->Get("source").GetNumberAsInt();
     ImageRef& image = mesh_.images.at(static_cast<std::size_t>(source));
     if (name == kWebp) return static_cast<std::uint32_t>(source);
-    image.problem =
-        fmt::format("is stored with the extension {}, which pounce does not read", name);
+    image.problem = fmt::format("uses the extension {}, which pounce does not support", name);
     return static_cast<std::uint32_t>(source);
   }
   return std::nullopt;
@@ -242,8 +241,8 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   if (in.extensions.contains("KHR_materials_pbrSpecularGlossiness") &&
       pbr.baseColorTexture.index < 0) {
     warnings_.add(
-        "material \"{}\" keeps its colour in KHR_materials_pbrSpecularGlossiness, which pounce "
-        "does not read; it has no baseColor or metallicRoughness texture",
+        "material \"{}\" stores its colour in KHR_materials_pbrSpecularGlossiness, which pounce "
+        "does not support; it has no baseColor or metallicRoughness texture",
         out.name);
   }
   return out;

@@ -203,16 +203,15 @@ ScenePlan plan_scene(const GltfFile& file, const tinygltf::Model& model,
     check_proportion(file, plan);
   }
   if (plan.triangles == 0 && plan.splats > 0) {
-    refuse(
-        file.path(),
-        "a Gaussian splat scene in glTF ({}), without a triangle, where a mesh is wanted; a scene "
-        "comes first, as the source of a transfer (of KHR_gaussian_splatting, as .glb): pounce "
-        "transfer SCENE TARGET.glb -o OUTPUT",
-        splat_extensions(model));
+    refuse(file.path(),
+           "a Gaussian splat scene in glTF ({}) without triangles, but a mesh is required; a scene "
+           "comes first, as the source of a transfer (of KHR_gaussian_splatting, as .glb): pounce "
+           "transfer SCENE TARGET.glb -o OUTPUT",
+           splat_extensions(model));
   }
   if (plan.triangles == 0) {
     refuse(file.path(),
-           "no triangles in its scene ({} primitives of points or lines or without positions); "
+           "no triangles in its scene ({} primitives are points or lines or have no positions); "
            "export a model with a surface",
            plan.skipped);
   }
@@ -296,21 +295,20 @@ void append_instance(const tinygltf::Model& model, const AccessorReader& accesso
       warnings.add("{} has a skin but no joints and weights; placed by its node instead", place);
     }
     if (!shape.has_colours && primitive.attributes.contains("COLOR_0"))
-      warnings.add("{} COLOR_0 is of a type that colours do not have; left out", place);
+      warnings.add("{} COLOR_0 has a type that is not valid for colours; ignored", place);
     const PrimitiveContext context{accessors,         primitive, place,        weights,
                                    instance.to_world, joints,    with_colours, origin};
     const AppendCounts counts = append_primitive(context, shape, material, mesh);
     if (counts.incomplete_triangles > 0) {
-      warnings.add("{} ends with an incomplete triangle, left out", place);
+      warnings.add("{} ends with an incomplete triangle; ignored", place);
     }
     if (counts.bad_colours > 0) {
-      warnings.add("{} COLOR_0 has {} colours that are not finite; taken as white", place,
+      warnings.add("{} COLOR_0 has {} non-finite colours; replaced by white", place,
                    counts.bad_colours);
     }
     if (counts.bad_normals > 0) {
-      warnings.add(
-          "{} has {} normals that are zero or not finite; replaced by those of the triangles",
-          place, counts.bad_normals);
+      warnings.add("{} has {} zero or non-finite normals; replaced by the normals of the triangles",
+                   place, counts.bad_normals);
     }
   }
 }
@@ -320,7 +318,7 @@ void warn_of_extensions(const GltfFile& file, MeshWarnings& warnings) {
   if (used == file.document().end()) return;
   for (const auto& name : *used) {
     if (name == "EXT_mesh_gpu_instancing") {
-      warnings.add("EXT_mesh_gpu_instancing is not read; each mesh appears once");
+      warnings.add("EXT_mesh_gpu_instancing is not supported; each mesh appears once");
     }
   }
 }
@@ -341,7 +339,7 @@ void check_bindings(mesh::Mesh& mesh, MeshWarnings& warnings) {
       auto& binding = material.textures[c];
       if (!binding || binding->uv_set < mesh.uv_sets.size()) continue;
       warnings.add(
-          "material \"{}\" wants TEXCOORD_{} for {}, which no primitive has; texture left out",
+          "material \"{}\" needs TEXCOORD_{} for {}, which no primitive has; texture ignored",
           material.name, binding->uv_set, channel_name(static_cast<Channel>(c)));
       binding.reset();
     }
@@ -389,10 +387,11 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
   read_gltf_materials(file, model, mesh, warnings);
   warn_of_extensions(file, warnings);
   if (plan.skipped > 0) {
-    warnings.add("{} primitives of points or lines, or without positions, left out", plan.skipped);
+    warnings.add("{} primitives that are points or lines, or have no positions, ignored",
+                 plan.skipped);
   }
   if (plan.splats > 0) {
-    warnings.add("{} primitives of Gaussian splats ({}) left out", plan.splats,
+    warnings.add("{} primitives of Gaussian splats ({}) ignored", plan.splats,
                  splat_extensions(model));
   }
   const bool with_colours = reading.vertex_colours && plan.has_colours;

@@ -142,9 +142,9 @@ void PrimitiveReader::read_triangles() {
                                             i, restart));
       }
       if (corners[i] >= vertices_) {
-        context_.accessors.fail(index, at("indices"),
-                                fmt::format("element {} is {}, but there are only {} vertices", i,
-                                            corners[i], vertices_));
+        context_.accessors.fail(
+            index, at("indices"),
+            fmt::format("element {} is {}, but only {} vertices exist", i, corners[i], vertices_));
       }
     }
   }
@@ -254,9 +254,10 @@ void PrimitiveReader::read_skin() {
                                   fmt::format("element {} is negative", i));
         }
         if (each[k] > 0 && joints_.back()[i][k] >= context_.joints.size()) {
-          context_.accessors.fail(find(joints), at(joints),
-                                  fmt::format("element {} names joint {}, but the skin has only {}",
-                                              i, joints_.back()[i][k], context_.joints.size()));
+          context_.accessors.fail(
+              find(joints), at(joints),
+              fmt::format("element {} refers to joint {}, but the skin has only {}", i,
+                          joints_.back()[i][k], context_.joints.size()));
         }
       }
     }

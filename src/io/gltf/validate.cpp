@@ -61,7 +61,7 @@ void check_asset(const JsonCheck& check, const std::string& path, const Json& ro
   const std::string* version = check.string(*asset, "version", "asset");
   if (version == nullptr) check.fail("asset.version", "is missing");
   const auto refuse = [&](const std::string& found) {
-    io::refuse(path, "glTF version \"{}\", but only 2.x is read; export the model as glTF 2.0",
+    io::refuse(path, "glTF version \"{}\", but only 2.x is supported; export the model as glTF 2.0",
                found);
   };
   const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
@@ -80,7 +80,7 @@ void check_extensions(const JsonCheck& check, const std::string& path, const Jso
     const Json* list = check.array(root, key, {});
     if (list == nullptr) return nullptr;
     for (const Json& name : *list) {
-      if (!name.is_string()) check.fail(key, "holds something that is not a string");
+      if (!name.is_string()) check.fail(key, "contains something that is not a string");
     }
     return list;
   };
@@ -97,7 +97,7 @@ void check_extensions(const JsonCheck& check, const std::string& path, const Jso
     if (is_image_extension(name) || is_splat_extension(name)) continue;
     const bool packed = name.find("compression") != std::string::npos;
     refuse(
-        path, "requires the extension {}, which pounce does not read; {}", name,
+        path, "requires the extension {}, which pounce does not support; {}", name,
         packed ? "export the model without geometry compression" : "export the model without it");
   }
 }
@@ -160,7 +160,8 @@ void check_sparse(const JsonCheck& check, const Json& root, const Json& accessor
     if (std::string_view(part) == "indices") {
       const std::uint64_t type = check.required_whole(*object, "componentType", where, 5121, 5125);
       if (type != 5121 && type != 5123 && type != 5125) {
-        check.fail(where + ".componentType", fmt::format("is {}, which is no index type", type));
+        check.fail(where + ".componentType",
+                   fmt::format("is {}, which is not an index type", type));
       }
       size = gltf_element_bytes(static_cast<int>(type), "SCALAR");
     }
@@ -177,7 +178,7 @@ void check_accessors(const JsonCheck& check, const Json& root) {
         check.required_whole(accessor, "componentType", place, 5120, 5126);
     // Signed 32-bit integers: the one number of OpenGL in this range that glTF leaves out.
     if (component == 5124)
-      check.fail(place + ".componentType", "is 5124, which glTF does not have");
+      check.fail(place + ".componentType", "is 5124, which glTF does not define");
     // No upper bound: without a buffer view there is none to be had, and check_unbacked() guards
     // whoever reads such an accessor.
     const std::uint64_t count = check.required_whole(accessor, "count", place, 1, kMaxBytes);
@@ -186,7 +187,7 @@ void check_accessors(const JsonCheck& check, const Json& root) {
     if (type == nullptr) check.fail(place + ".type", "is missing");
     const std::uint64_t element = gltf_element_bytes(static_cast<int>(component), *type);
     if (element == 0)
-      check.fail(place + ".type", fmt::format("is \"{}\", which glTF does not have", *type));
+      check.fail(place + ".type", fmt::format("is \"{}\", which glTF does not define", *type));
     if (has_view) {
       const auto view_index = accessor.at("bufferView").get<std::size_t>();
       const Json& view = root.at("bufferViews").at(view_index);
@@ -286,7 +287,7 @@ void check_textures(const JsonCheck& check) {
     for (const char* key : {"wrapS", "wrapT"}) {
       const std::uint64_t wrap = check.whole(sampler, key, place, 0, kMaxInt, 10497);
       if (wrap != 10497 && wrap != 33071 && wrap != 33648) {
-        check.fail(place + "." + key, fmt::format("is {}, which is no wrap mode", wrap));
+        check.fail(place + "." + key, fmt::format("is {}, which is not a wrap mode", wrap));
       }
     }
   });
@@ -335,9 +336,9 @@ void check_node(const JsonCheck& check, const Json& node, const std::string& pla
   if (!rotation) return;
   double square = 0;
   for (const Json& value : node.at("rotation")) square += value.get<double>() * value.get<double>();
-  if (square < 1e-12) check.fail(place + ".rotation", "is zero, which is no rotation");
+  if (square < 1e-12) check.fail(place + ".rotation", "is zero, which is not a rotation");
   if (std::abs(square - 1) > 1e-3) {
-    warnings.push_back(fmt::format("{}.rotation is not of unit length; normalised", place));
+    warnings.push_back(fmt::format("{}.rotation does not have unit length; normalised", place));
   }
 }
 
@@ -347,7 +348,7 @@ void check_name_lengths(const JsonCheck& check, const std::string& path) {
     check.for_each(collection, [&](const Json& object, const std::string& place) {
       const std::string* name = check.string(object, "name", place);
       if (name == nullptr || name->size() <= kMaxNameBytes) return;
-      refuse(path, "the name of {} has {} bytes; give it one of at most {}", place, name->size(),
+      refuse(path, "the name of {} has {} bytes; shorten it to at most {}", place, name->size(),
              kMaxNameBytes);
     });
   }
@@ -399,7 +400,7 @@ void check_scenes(const JsonCheck& check, const Json& root,
     for (const Json& value : *nodes) {
       const auto node = value.get<std::size_t>();
       if (parent[node] >= 0)
-        check.fail(place, fmt::format("lists nodes[{}], which is no root node", node));
+        check.fail(place, fmt::format("lists nodes[{}], which is not a root node", node));
       if (listed_by[node] == &scene) check.fail(place, fmt::format("lists nodes[{}] twice", node));
       listed_by[node] = &scene;
     }

@@ -210,7 +210,8 @@ bool JsonCheck::numbers(const Json& parent, const char* key, const std::string& 
     fail(member(place, key), fmt::format("has {} numbers, but must have {}", list->size(), count));
   }
   for (const Json& value : *list) {
-    if (!is_float(value)) fail(member(place, key), "holds something that is not a finite number");
+    if (!is_float(value))
+      fail(member(place, key), "contains something that is not a finite number");
   }
   return true;
 }
@@ -226,8 +227,8 @@ void JsonCheck::check_index(const Json& value, const std::string& place,
   const std::size_t count = size_of(collection);
   if (!is_whole(value)) fail(place, "is not an index");
   if (value.get<std::uint64_t>() >= count) {
-    fail(place, fmt::format("is {}, but there are only {} {}", value.get<std::uint64_t>(), count,
-                            collection));
+    fail(place,
+         fmt::format("is {}, but only {} {} exist", value.get<std::uint64_t>(), count, collection));
   }
 }
 

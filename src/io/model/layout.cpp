@@ -285,8 +285,8 @@ ModelBuffers::ModelBuffers(const GltfFile& target, const ModelSlots& slots,
     const nlohmann::json& entry = target.document().at("buffers").at(b);
     if (!entry.contains("uri") && buffer.bytes == nullptr && buffer.file == nullptr) return false;
     refuse(target.path(),
-           "buffer {} {}; a copy would not be whole: put the missing data back or export the model "
-           "again",
+           "buffer {} {}, so a copy would be incomplete; restore the missing data or export the "
+           "model again",
            b, buffer.problem);
   };
   find_holes(slots);

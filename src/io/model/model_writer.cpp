@@ -89,8 +89,8 @@ std::string image_mime_type(const ReadFile& file) {
 std::string why_unreadable(const std::string& path) {
   std::error_code error;
   const fs::file_type type = fs::status(path, error).type();
-  if (type == fs::file_type::not_found) return "is not there";
-  if (type != fs::file_type::none && type != fs::file_type::regular) return "is no file";
+  if (type == fs::file_type::not_found) return "is missing";
+  if (type != fs::file_type::none && type != fs::file_type::regular) return "is not a file";
   // By opening it: permissions alone do not say what a network file system will allow.
   const int file = open_for_reading(path);
   if (file >= 0) {
@@ -121,7 +121,7 @@ class ModelCopy {
     find_images();
     if (!is_glb() && !target_.other_chunks().empty()) {
       warnings_.push_back(fmt::format(
-          "{}: {} GLB chunks of unknown meaning are left out of a .gltf; write a .glb to keep them",
+          "{}: {} GLB chunks of unknown types are left out of a .gltf; write a .glb to keep them",
           request.target, target_.other_chunks().size()));
     }
   }
@@ -191,12 +191,12 @@ void ModelCopy::find_images() {
     const std::string path = target_.resolve(text);
     if (path.empty()) continue;  // on the web
     if (const std::string why = why_unreadable(path); !why.empty()) {
-      warnings_.push_back(fmt::format("{}: its image {} {}; {} names it as before", request_.target,
+      warnings_.push_back(fmt::format("{}: its image {} {}; {} still refers to it", request_.target,
                                       path, why, request_.output));
       continue;
     }
     if (!target_.may_read(path)) {
-      refuse(request_.target, "its image {} {}, and {} would take it along", path, kOutsideProblem,
+      refuse(request_.target, "its image {} {}, and {} would include it", path, kOutsideProblem,
              request_.output);
     }
     StayingImage image{i, path,
@@ -204,10 +204,9 @@ void ModelCopy::find_images() {
     if (is_glb()) {
       image.mime_type = image_mime_type(*open_input(path));
       if (image.mime_type.empty()) {
-        warnings_.push_back(
-            fmt::format("{}: its image {} is of a kind that a .glb cannot hold; {} "
-                        "names it as before",
-                        request_.target, path, request_.output));
+        warnings_.push_back(fmt::format(
+            "{}: its image {} has a format that a .glb cannot contain; {} still refers to it",
+            request_.target, path, request_.output));
         continue;
       }
     }
@@ -270,7 +269,7 @@ void ModelCopy::write_glb(const std::vector<ModelPiece>& pieces) {
   for (const GlbChunk& chunk : target_.other_chunks()) total += 8 + (chunk.size_bytes + 3) / 4 * 4;
   if (total > std::numeric_limits<std::uint32_t>::max()) {
     throw Error(ErrorKind::usage,
-                fmt::format("{}: {} bytes are more than a .glb can hold (4 GiB); write a .gltf",
+                fmt::format("{}: {} bytes exceed the limit of a .glb (4 GiB); write a .gltf",
                             request_.output, total));
   }
   OutputFile out(request_.output);
@@ -361,10 +360,10 @@ ModelPlan plan_model(const ModelRequest& request) {
   if (!is_gltf(request.target)) {
     throw Error(
         ErrorKind::usage,
-        fmt::format("{}: a model is written from a .glb or .gltf target, and {} is neither; "
-                    "name images (such as 'NAME.<MATERIAL>.<CHANNEL>.png') or convert the "
-                    "target",
-                    request.output, request.target));
+        fmt::format(
+            "{}: a model can only be written from a .glb or .gltf target, but {} is neither; write "
+            "images (such as 'NAME.<MATERIAL>.<CHANNEL>.png') or convert the target",
+            request.output, request.target));
   }
   return ModelCopy(request).plan();
 }

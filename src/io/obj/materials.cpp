@@ -113,7 +113,7 @@ class MtlReader {
     } else if (material_ && !rest.empty() && set(word, rest)) {
       bytes_ += statement.size();
       if (bytes_ > kMaxMaterialBytes) {
-        refuse(path_, "a material longer than 2 MiB, which no material file has");
+        refuse(path_, "a material longer than 2 MiB; this is not a material file");
       }
     }
   }
@@ -174,7 +174,7 @@ class MtlReader {
 
 ObjText open_mtl(const std::string& path) {
   if (open_input(path)->size_bytes() > kMaxMtlBytes)
-    refuse(path, "larger than 64 MiB, which no material file is");
+    refuse(path, "larger than 64 MiB; this is not a material file");
   return {path, ObjText::Kind::mtl};
 }
 
@@ -256,7 +256,7 @@ ObjMaterials::ObjMaterials(const std::string& obj_path, bool allow_external, boo
 
 void refuse_libraries(const std::string& obj_path) {
   refuse(obj_path,
-         "names more than {} material files; split the model or leave out those that no face uses",
+         "refers to more than {} material files; split the model or remove those that no face uses",
          kMaxLibraries);
 }
 
@@ -284,20 +284,20 @@ bool ObjMaterials::can_load(const std::string& name) {
   if (libraries_.size() > kMaxLibraries) refuse_libraries(path_);
   const std::string shown = library_path(path_, name).string();
   // What is wrong decides which cure the user is told; none of it is a reason to refuse the model.
-  std::string cure = "cannot be read: put it back", refused;
+  std::string cure = "is missing: restore it", refused;
   try {
     if (!is_file(shown)) {
       std::error_code ignored;
       if (fs::status(shown, ignored).type() == fs::file_type::not_found)
         throw Error(ErrorKind::storage, "no such file");
-      cure = "is no file that may be read: put one there";
-      throw Error(ErrorKind::storage, "no file that may be read");
+      cure = "is not a readable file: replace it by one";
+      throw Error(ErrorKind::storage, "not a readable file");
     }
     if (!folder_.holds(shown)) {
       cure = kOutsideProblem;
       throw Error(ErrorKind::input, std::string("it ") + kOutsideProblem);
     }
-    cure = "cannot be read: let this user read it";
+    cure = "cannot be read: grant this user access";
     read(shown);
     library->second = true;
   } catch (const Error& e) {
@@ -356,10 +356,10 @@ std::uint32_t ObjMaterials::make() {
 void ObjMaterials::finish() {
   if (!tells_) return;
   for (const std::string& name : unknown_) {
-    warnings_.add("no material file has the material \"{}\"; it has no textures", name);
+    warnings_.add("no material file defines the material \"{}\"; it has no textures", name);
   }
   if (unknown_count_ > unknown_.size()) {
-    warnings_.add("no material file has {} more materials; they have no textures",
+    warnings_.add("no material file defines {} more materials; they have no textures",
                   unknown_count_ - unknown_.size());
   }
 }
@@ -368,8 +368,7 @@ void ObjMaterials::warn_of_unread(const MtlMaterial& material, const char* state
                                   std::string_view how) {
   if (how.empty()) return;
   warnings_.add(
-      "material \"{}\": \"{} {}\" is not read and counts as not given; write it as "
-      "\"{} r g b\"",
+      "material \"{}\": \"{} {}\" is not supported and is ignored; write it as \"{} r g b\"",
       material.name, statement, how, statement);
 }
 
@@ -431,7 +430,7 @@ std::uint32_t ObjMaterials::image(const std::string& name, const std::string& fo
   }();
   if (is_moved && moved_.insert(clean).second) {
     mesh_.notes.push_back(
-        fmt::format("{}: {} is not there, or may not be read; {} is taken, of the same name", path_,
+        fmt::format("{}: {} is missing or not readable; {} of the same name is used instead", path_,
                     name, path.string()));
   }
   const auto [it, is_new] =
@@ -441,10 +440,11 @@ std::uint32_t ObjMaterials::image(const std::string& name, const std::string& fo
     out.path = out.label = path.string();
     std::error_code error;  // whatever else is wrong with it, reading says
     if (fs::status(path, error).type() == fs::file_type::not_found) {
-      out.problem = fmt::format("the file is not there (named by a material of {})", path_);
+      out.problem = fmt::format("the file is missing (referenced by a material of {})", path_);
       out.missing = true;
     } else if (!folder_.holds(path.string())) {
-      out.problem = fmt::format("the file (named by a material of {}) {}", path_, kOutsideProblem);
+      out.problem =
+          fmt::format("the file (referenced by a material of {}) {}", path_, kOutsideProblem);
     }
   }
   return it->second;

@@ -253,7 +253,7 @@ std::array<T, 3> ObjReader::numbers(std::string_view rest, std::size_t needed, s
 
 std::string ObjReader::name(std::string_view rest) const {
   if (rest.size() > kMaxNameBytes) {
-    text_.fail(fmt::format("names of more than {} bytes, which no model has", kMaxNameBytes));
+    text_.fail(fmt::format("names of more than {} bytes; this is not a model", kMaxNameBytes));
   }
   return name_in(rest);
 }
@@ -284,7 +284,7 @@ std::uint32_t ObjReader::resolve(int index, std::size_t count, const char* what)
   const std::int64_t zero_based = index > 0 ? std::int64_t{index} - 1 : total + index;
   if (zero_based < 0 || zero_based >= total) {
     text_.fail(
-        fmt::format("a face names {} {}, but {} have been given so far", what, index, count));
+        fmt::format("a face refers to {} {}, but only {} are defined so far", what, index, count));
   }
   return static_cast<std::uint32_t>(zero_based);
 }
@@ -307,7 +307,7 @@ ObjReader::Corner ObjReader::corner(std::string_view word) const {
     at = result.ec == std::errc() ? result.ptr : at;
     if (at == end) return indices;
     if (*at != '/' || part == 2) {
-      text_.fail(fmt::format("\"{}\" is no corner of a face", word.substr(0, 60)));
+      text_.fail(fmt::format("\"{}\" is not a corner of a face", word.substr(0, 60)));
     }
     ++at;
   }
@@ -355,14 +355,14 @@ void ObjReader::add_face(std::string_view rest) {
 void ObjReader::keep_colours() {
   if (colours_.empty()) return;
   if (bad_colours_ > 0) {
-    warnings_.add("the colours of {} vertices are not three finite numbers; taken as white",
+    warnings_.add("the colours of {} vertices are not three finite numbers; replaced by white",
                   bad_colours_);
   }
   float largest = 0;
   for (const Vec4f& c : colours_) largest = std::max({largest, c.x, c.y, c.z});
   const bool in_bytes = largest > 1;
   if (in_bytes) {
-    warnings_.add("colours of vertices go up to {}; taken as 0 to 255, not 0 to 1",
+    warnings_.add("vertex colours go up to {}; read as 0 to 255, not 0 to 1",
                   static_cast<double>(largest));
   }
   // The extension was never written down: some programs write 0 to 1, others 0 to 255.
@@ -425,7 +425,7 @@ void ObjReader::finish_normals(bool all_given) {
   // Zeros that smoothing left (at corners of flat triangles) are no fault of the file.
   const std::uint64_t replaced = mesh::repair_normals(mesh_);
   if (replaced > 0 && all_given) {
-    warnings_.add("{} normals were zero or not finite; replaced by those of the triangles",
+    warnings_.add("{} normals are zero or not finite; replaced by the normals of the triangles",
                   replaced);
   }
 }
@@ -443,15 +443,15 @@ mesh::Mesh ObjReader::read() {
   if (mesh_.triangles.empty()) {
     refuse(
         path_,
-        "no faces ({} vertices, {} faces of fewer than 3 corners); export a model with a surface",
+        "no faces ({} vertices, {} faces with fewer than 3 corners); export a model with a surface",
         positions_.size(), small_faces_);
   }
   if (small_faces_ > 0) {
-    warnings_.add("{} faces of fewer than 3 corners left out", small_faces_);
+    warnings_.add("{} faces with fewer than 3 corners ignored", small_faces_);
   }
   if (crowded_groups_ > 0) {
     warnings_.add(
-        "{} statements put faces into more than {} groups; only the first {} of each count",
+        "{} statements put faces into more than {} groups; only the first {} of each are used",
         crowded_groups_, kMaxGroups, kMaxGroups);
   }
   materials_.finish();
@@ -467,7 +467,8 @@ mesh::Mesh ObjReader::read() {
     for (auto& binding : material.textures) {
       if (!binding) continue;
       warnings_.add(
-          "material \"{}\" has a texture, but the model has no texture coordinates; left out",
+          "material \"{}\" has a texture, but the model has no texture coordinates; texture "
+          "ignored",
           material.name);
       binding.reset();
     }

@@ -294,7 +294,8 @@ bool ObjText::append_line(std::string& out) {
     const std::size_t size = std::min(line.find('\r'), line.size());
     if (out.size() + size > most_bytes) {
       line_ = lines_ended_ + 1;
-      fail(fmt::format("longer than {} MiB, which no line of such a file is", most_bytes >> 20));
+      fail(fmt::format("longer than {} MiB; this is not a text file of this format",
+                       most_bytes >> 20));
     }
     out.append(line, 0, size);
     at_ += size;

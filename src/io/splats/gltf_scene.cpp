@@ -135,21 +135,19 @@ bool is_small(const JsonSize& size) {
 /// The path, once its JSON is known to be no larger than a scene's.
 const std::string& checked(const std::string& path) {
   if (is_small(gltf_json_size(path))) return path;
-  refuse(
-      path,
-      "its JSON is larger than that of any scene of Gaussians ({} MiB, and {} MiB of data within "
-      "it); write it as .glb, without anything else",
-      kMostJsonBytes >> 20, kMostInlineBytes >> 20);
+  refuse(path,
+         "its JSON is too large for a scene of Gaussians ({} MiB, and {} MiB of data within it); "
+         "write it as .glb, without anything else",
+         kMostJsonBytes >> 20, kMostInlineBytes >> 20);
 }
 
 /// Entries are limited as text is: an accessor of 30 bytes costs over a kilobyte of model.
 tinygltf::Model load_scene(const GltfFile& file) {
   if (gltf_entry_count(file.document()) > kMostEntries) {
-    refuse(
-        file.path(),
-        "more than {} nodes, accessors and the like, which no scene of Gaussians needs; export it "
-        "alone",
-        kMostEntries);
+    refuse(file.path(),
+           "more than {} nodes, accessors and other elements, which is too many for a scene of "
+           "Gaussians; export it alone",
+           kMostEntries);
   }
   return load_model(file);
 }
@@ -228,25 +226,23 @@ GltfSplats::GltfSplats(const std::string& path, const Axes& axes, const std::fun
     }
   }
   if (parts_.empty()) {
-    fail(
-        "its scene shows no primitive of Gaussians; make the node that has them part of the "
-        "default scene");
+    fail("its default scene has no primitive of Gaussians; add their node to it");
   }
   info_.format = fmt::format("glTF ({})", spz_.empty() ? kExtension : kSpz);
   info_.is_linear = colour_space_ == "lin_rec709_display";
   if (axes == Axes{}) {  // else the user says it
     info_.assumptions.emplace_back(
-        "its axes are glTF's (left, up, forward), taken as stored; --source-axes=-x,-y,z turns it "
-        "to lie as trained scenes do in other formats (right, down, forward)");
+        "its axes are assumed to be glTF's (left, up, forward); --source-axes=-x,-y,z rotates it "
+        "to the axes of trained scenes in other formats (right, down, forward)");
   }
   if (names_no_kernel_) {
-    info_.assumptions.push_back(
-        fmt::format("it names no kernel, which {} requires; taken as \"ellipse\"", kExtension));
+    info_.assumptions.push_back(fmt::format(
+        "its kernel is missing, which {} requires; \"ellipse\" is assumed", kExtension));
   }
   if (others > 0) {
     info_.assumptions.push_back(fmt::format(
-        "{} primitives without {} left out: where a file holds Gaussians, these are the source",
-        others, kExtension));
+        "{} primitives without {} ignored: if a file has Gaussians, these are the source", others,
+        kExtension));
   }
 }
 
@@ -260,18 +256,19 @@ void GltfSplats::check_kind(const Json& extension, const std::string& place) {
   if (kernel == nullptr) {
     names_no_kernel_ = true;
   } else if (*kernel != "ellipse") {
-    fail(fmt::format("{} has the kernel \"{}\", only \"ellipse\" is read; export it as that", place,
-                     kernel->substr(0, 60)));
+    fail(fmt::format(
+        "{} has the kernel \"{}\", but only \"ellipse\" is supported; export it with that", place,
+        kernel->substr(0, 60)));
   }
   const std::string* const space = check.string(extension, "colorSpace", place);
   if (space == nullptr || (*space != "srgb_rec709_display" && *space != "lin_rec709_display")) {
     fail(
-        fmt::format("{} has the colour space \"{}\", only srgb_rec709_display and "
-                    "lin_rec709_display are read; export it as one of these",
+        fmt::format("{} has the colour space \"{}\", but only srgb_rec709_display and "
+                    "lin_rec709_display are supported; export it in one of these",
                     place, space == nullptr ? "" : space->substr(0, 60)));
   }
   if (!colour_space_.empty() && colour_space_ != *space) {
-    fail(fmt::format("{} is in {}, another primitive in {}; export one scene for each", place,
+    fail(fmt::format("{} is in {}, another primitive in {}; export each as its own scene", place,
                      *space, colour_space_));
   }
   colour_space_ = *space;
@@ -292,10 +289,8 @@ const SpzScene& GltfSplats::open_spz(const Json& extension, const std::string& p
         std::make_unique<ViewFile>(file_, view, json.at("byteLength").get<std::uint64_t>()),
         fmt::format("{}: {}", file_.path(), place), Axes{}, poll);
     if (!scene->own_axes().empty()) {
-      info_.assumptions.push_back(
-          fmt::format("its SPZ says that its axes are {}; not turned, within a glTF they are those "
-                      "of glTF",
-                      scene->own_axes()));
+      info_.assumptions.push_back(fmt::format(
+          "its SPZ states the axes {}; ignored, because glTF defines the axes", scene->own_axes()));
     }
   }
   return *scene;
@@ -306,7 +301,7 @@ const SpzScene& GltfSplats::open_spz(const Json& extension, const std::string& p
 void GltfSplats::add(int mesh, std::size_t primitive, const SplatPlacement& placement,
                      const std::function<void()>& poll) {
   if (parts_.size() == kMostParts) {
-    fail(fmt::format("its nodes show more than {} primitives of Gaussians; join them", kMostParts));
+    fail(fmt::format("its nodes have more than {} primitives of Gaussians; join them", kMostParts));
   }
   const std::string place = primitive_place(model_, mesh, primitive);
   const auto& meshes = file_.document().at("meshes");
@@ -320,8 +315,8 @@ void GltfSplats::add(int mesh, std::size_t primitive, const SplatPlacement& plac
     for (const auto& [name, value] : inner->items()) {
       if (name != kSpz) {
         fail(
-            fmt::format("{} is compressed or extended by {}, which is not read; of compressions "
-                        "only {} is: export it without",
+            fmt::format("{} is compressed or extended with {}, which is not supported; the only "
+                        "supported compression is {}: export it without",
                         place, name.substr(0, 80), kSpz));
       }
       part.spz = &open_spz(value, place + " " + kSpz, poll);
@@ -350,9 +345,9 @@ int GltfSplats::accessor(const tinygltf::Primitive& primitive, const std::string
   const int index = found->second;
   const tinygltf::Accessor& a = accessors_.accessor(index);
   const std::string where = place + " " + name;
-  if (a.type != type) accessors_.fail(index, where, "is of another type than Gaussians have");
+  if (a.type != type) accessors_.fail(index, where, "has the wrong type for Gaussians");
   if (a.bufferView < 0 || a.sparse.isSparse)
-    accessors_.fail(index, where, "has no bytes of its own, or is sparse");
+    accessors_.fail(index, where, "has no buffer view or is sparse");
   if (a.count != count)
     accessors_.fail(index, where, fmt::format("has {} elements for {} Gaussians", a.count, count));
   file_.read_view(static_cast<std::size_t>(a.bufferView), 0, {});
@@ -363,7 +358,7 @@ void GltfSplats::find_accessors(const tinygltf::Primitive& primitive, const std:
                                 Part& part) {
   const auto position = primitive.attributes.find("POSITION");
   if (position == primitive.attributes.end())
-    fail(place + " has Gaussians without POSITION; export the scene again");
+    fail(place + " has no POSITION for its Gaussians; export the scene again");
   part.count = accessors_.count(position->second);
   const auto required = [&](const std::string& name, int type) {
     const int index = accessor(primitive, name, type, part.count, place);
@@ -377,8 +372,7 @@ void GltfSplats::find_accessors(const tinygltf::Primitive& primitive, const std:
   part.opacity = required(prefix + "OPACITY", TINYGLTF_TYPE_SCALAR);
   const tinygltf::Accessor& opacity = accessors_.accessor(part.opacity);
   if (opacity.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT && !opacity.normalized) {
-    accessors_.fail(part.opacity, place + " OPACITY",
-                    "holds whole numbers that are not normalized");
+    accessors_.fail(part.opacity, place + " OPACITY", "has integers that are not normalized");
   }
   std::size_t k = 0;
   for (int degree = 0; degree <= 3; ++degree) {
@@ -390,8 +384,8 @@ void GltfSplats::find_accessors(const tinygltf::Primitive& primitive, const std:
       const bool missed = k > 0 && part.harmonics[k - 1] < 0;
       if (k == 0 ? part.harmonics[k] < 0 : part.harmonics[k] < 0 ? begun : missed) {
         fail(
-            fmt::format("{} has only some of its harmonics ({} is the first that is missing); "
-                        "export the scene again",
+            fmt::format("{} has an incomplete set of spherical harmonics ({} is the first that is "
+                        "missing); export the scene again",
                         place, missed ? fmt::format("one before {}", name) : name));
       }
     }

@@ -95,7 +95,7 @@ class HeaderParser {
     } else if (key == "format") {
       header_.format = word(rest);
       if (const auto version = word(rest); version != "1.0") {
-        fail(fmt::format("says format version \"{}\", only 1.0 exists", shown(version)));
+        fail(fmt::format("states format version \"{}\", but only 1.0 exists", shown(version)));
       }
     } else if (key == "comment" || key == "obj_info") {
       comment(rest);
@@ -104,7 +104,7 @@ class HeaderParser {
     } else if (key == "property") {
       property(rest);
     } else if (!key.empty()) {
-      fail(fmt::format("says \"{}\", which is no PLY", shown(text)));
+      fail(fmt::format("contains \"{}\", which is not PLY", shown(text)));
     }
     return false;
   }
@@ -159,7 +159,7 @@ class HeaderParser {
     const std::string_view type_name = word(rest);
     if (type_name == "list") {
       const auto length = type_of(word(rest)), item = type_of(word(rest));
-      if (!length || !item || word(rest).empty()) fail("has a list without types and name");
+      if (!length || !item || word(rest).empty()) fail("has a list without types and a name");
       // Rows with a list have no fixed size: nothing behind them can be found without reading them.
       // A nameless column keeps its place in the count.
       element.has_list = true;
@@ -242,8 +242,8 @@ PlyHeader read_ply_header(const ReadFile& file, const std::string& path) {
     if (text.size() == file.size_bytes() || wanted == kMostHeaderBytes) break;
   }
   refuse(path,
-         "the PLY header has no \"end_header\" line in its first {} bytes; the file was cut off or "
-         "is something else, export it again",
+         "the PLY header has no \"end_header\" line in its first {} bytes; the file is truncated "
+         "or in another format, export it again",
          text.size());
 }
 
@@ -258,7 +258,7 @@ std::uint64_t ply_rows_at(const PlyHeader& header, std::uint64_t file_bytes,
     if (element.has_list) {
       if (begin == 0) {
         refuse(path,
-               "the element \"{}\" before the Gaussians has rows of no fixed size; export the file "
+               "the element \"{}\" before the Gaussians has rows of variable size; export the file "
                "without it",
                shown(element.name));
       }
@@ -271,22 +271,22 @@ std::uint64_t ply_rows_at(const PlyHeader& header, std::uint64_t file_bytes,
           begin == 0 || element.row_bytes == 0 ? 0 : (file_bytes - begin) / element.row_bytes;
       if (element.name == "vertex") {
         refuse(path,
-               "cut off: the header announces {} Gaussians of {} bytes, the file ends at byte {} "
-               "after {} of them; copy or export it again",
+               "truncated: the header states {} Gaussians of {} bytes, but the file ends at byte "
+               "{} after {} of them; copy or export it again",
                element.count, element.row_bytes, file_bytes, whole);
       }
-      refuse(path,
-             "cut off: the file ends at byte {} inside its element \"{}\"; copy or export it again",
-             file_bytes, shown(element.name));
+      refuse(
+          path,
+          "truncated: the file ends at byte {} inside its element \"{}\"; copy or export it again",
+          file_bytes, shown(element.name));
     }
   }
   // Bytes too many are as bad as too few: every row would be read from a wrong place.
   if (exact && at != file_bytes) {
-    refuse(
-        path,
-        "the header announces {} bytes, the file has {}; header and data do not belong together, "
-        "export it again",
-        at, file_bytes);
+    refuse(path,
+           "the header states {} bytes, but the file has {}; header and data do not match, export "
+           "it again",
+           at, file_bytes);
   }
   return begin;
 }

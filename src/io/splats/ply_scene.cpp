@@ -43,11 +43,10 @@ constexpr const char* kWanted =
 void check_types(const std::vector<PlyColumn>& columns, const std::string& path) {
   for (const PlyColumn& column : columns) {
     if (!is_splat_column(column.name) || column.type != PlyType::i16) continue;
-    refuse(
-        path,
-        "its column \"{}\" is of type short (int16), whose scale no splat PLY says; export it as "
-        "float, or as half floats in ushort",
-        shown(column.name));
+    refuse(path,
+           "its column \"{}\" has type short (int16), whose scale splat PLYs do not define; export "
+           "it as float, or as half floats in ushort",
+           shown(column.name));
   }
 }
 
@@ -70,8 +69,8 @@ void check_kind(const PlyHeader& header, const std::string& path) {
     for (const char* name : {"face", "tristrips"}) {
       if (const PlyElement* e = header.find(name); e != nullptr && e->count > 0) {
         refuse(path,
-               "a mesh ({} vertices, {} {} rows), not a splat scene; a PLY is read as splats only, "
-               "convert a mesh to .glb, .gltf or .obj",
+               "a mesh ({} vertices, {} {} rows), not a splat scene; PLY is supported for splats "
+               "only, convert a mesh to .glb, .gltf or .obj",
                vertex->count, e->count, name);
       }
     }
@@ -101,8 +100,8 @@ std::uint32_t sh_degree(const std::vector<PlyColumn>& columns, const std::string
   const auto found = std::find(kColumns.begin(), kColumns.end(), rest);
   if (found == kColumns.end()) {
     refuse(path,
-           "{} f_rest columns are no whole degree of spherical harmonics (0, 9, 24, 45 or 72 are); "
-           "export it again",
+           "{} f_rest columns do not match any degree of spherical harmonics (0, 9, 24, 45 or 72 "
+           "do); export it again",
            rest);
   }
   return static_cast<std::uint32_t>(found - kColumns.begin());
@@ -233,8 +232,8 @@ class CompressedHeaderReader {
     found_.row_bytes = static_cast<std::uint32_t>(vertex.row_bytes);
     found_.chunk_bytes = static_cast<std::uint32_t>(chunk.row_bytes);
     if (const std::uint64_t chunks = (vertex.count - 1) / kChunkRows + 1; chunk.count < chunks) {
-      fail(fmt::format("has {} chunks of 256, its {} Gaussians need {}", chunk.count, vertex.count,
-                       chunks));
+      fail(fmt::format("has {} chunks of 256, but its {} Gaussians need {}", chunk.count,
+                       vertex.count, chunks));
     }
     find_bounds(chunk);
     constexpr std::array<const char*, 4> kPacked{"packed_position", "packed_rotation",
@@ -274,17 +273,17 @@ class CompressedHeaderReader {
   /// A byte each, channel by channel, and nothing else between them: so that a row is an array.
   void find_harmonics(const PlyElement& harmonics) {
     if (harmonics.count != found_.splats) {
-      fail(
-          fmt::format("has {} rows of harmonics for {} Gaussians", harmonics.count, found_.splats));
+      fail(fmt::format("has {} rows of spherical harmonics for {} Gaussians", harmonics.count,
+                       found_.splats));
     }
     found_.sh_degree = sh_degree(harmonics.columns, path_);
     found_.harmonics = static_cast<std::uint32_t>(harmonics.row_bytes);
     found_.harmonics_at = ply_rows_at(header_, file_bytes_, path_, "sh");
     if (harmonics.columns.size() != found_.harmonics || found_.harmonics > 45)
-      fail("has harmonics that are not bytes, or other columns among them");
+      fail("has spherical harmonics that are not bytes, or other columns among them");
     for (std::uint32_t k = 0; k < found_.harmonics; ++k) {
       if (column(harmonics, fmt::format("f_rest_{}", k), PlyType::u8) != k)
-        fail("has harmonics in an unknown order");
+        fail("has spherical harmonics in an unknown order");
     }
   }
 

@@ -57,8 +57,8 @@ DotSplat::DotSplat(const std::string& path, const Axes& axes)
   const std::uint64_t size = file_->size_bytes();
   if (size == 0 || size % kRecordBytes != 0) {
     refuse(path,
-           "a .splat is a whole number of records of {} bytes, this file has {} bytes; it was cut "
-           "off or is something else, export it again",
+           "a .splat consists of records of {} bytes, but this file has {} bytes; it is truncated "
+           "or in another format, export it again",
            kRecordBytes, size);
   }
   info_.format = ".splat";
@@ -150,17 +150,17 @@ void KsplatScene::fail(const std::string& what) const {
 KsplatScene::KsplatScene(const std::string& path, const Axes& axes)
     : BatchScene(axes), file_(open_input(path)), path_(path) {
   const std::uint64_t size = file_->size_bytes();
-  if (size < kFileHeaderBytes) fail("the .ksplat header is cut off");
+  if (size < kFileHeaderBytes) fail("the .ksplat header is truncated");
   const auto major = read_value<std::uint8_t>(*file_, 0),
              minor = read_value<std::uint8_t>(*file_, 1);
   if (major != 0 || minor < 1)
-    fail(fmt::format("says .ksplat version {}.{}, only 0.1 is read", major, minor));
+    fail(fmt::format("has .ksplat version {}.{}, but only 0.1 is supported", major, minor));
   // Writers leave the number of sections in use at 0; those beyond it are empty.
   const auto sections = read_value<std::uint32_t>(*file_, 4);
   level_ = read_value<std::uint16_t>(*file_, 20);
-  if (level_ > 2) fail(fmt::format("says compression level {}, 0 to 2 are known", level_));
+  if (level_ > 2) fail(fmt::format("has compression level {}, but only 0 to 2 are known", level_));
   if (sections > kMostSections)
-    fail(fmt::format("says {} sections, {} are the most", sections, kMostSections));
+    fail(fmt::format("has {} sections, but at most {} are allowed", sections, kMostSections));
   // The range of harmonics that are stored as bytes (level 2).
   least_harmonic_ = read_value<float>(*file_, 36);
   most_harmonic_ = read_value<float>(*file_, 40);
@@ -168,7 +168,7 @@ KsplatScene::KsplatScene(const std::string& path, const Axes& axes)
   if (least_harmonic_ == 0) least_harmonic_ = -1.5F;
   if (most_harmonic_ == 0) most_harmonic_ = 1.5F;
   std::uint64_t data_at = kFileHeaderBytes + kSectionHeaderBytes * sections;
-  if (data_at > size) fail("its section headers are cut off");
+  if (data_at > size) fail("its section headers are truncated");
   for (std::uint32_t k = 0; k < sections; ++k)
     read_section(kFileHeaderBytes + kSectionHeaderBytes * k, data_at);
   if (info_.splats == 0) fail("the .ksplat holds no Gaussians");
@@ -192,16 +192,16 @@ void KsplatScene::read_section(std::uint64_t header_at, std::uint64_t& data_at) 
   section.range = static_cast<float>(u32(24) == 0 ? (level_ == 0 ? 1 : 32767) : u32(24));
   section.step = value_at<float>(&raw[16]) / 2 / section.range;
   if (degree >= kLobes.size())
-    fail(fmt::format("says degree {} of harmonics, 2 is the most", degree));
+    fail(fmt::format("has spherical harmonics of degree {}, but at most 2 is allowed", degree));
   section.lobes = kLobes[degree];
   const std::uint32_t harmonic_bytes = level_ == 0 ? 4 : level_ == 1 ? 2 : 1;
   section.row_bytes = (level_ == 0 ? 44U : 24U) + 3 * section.lobes * harmonic_bytes;
-  if (section.count > most_rows) fail("a section holds more Gaussians than it has room for");
+  if (section.count > most_rows) fail("a section has more Gaussians than its capacity");
   section.centres_at = data_at + 4 * partial;
   section.rows_at = section.centres_at + kCentreBytes * section.buckets;
   const std::uint64_t end = section.rows_at + most_rows * section.row_bytes;
   if (end > file_->size_bytes()) {
-    fail(fmt::format("a section announces {} Gaussians of {} bytes, beyond the end of the file",
+    fail(fmt::format("a section states {} Gaussians of {} bytes, beyond the end of the file",
                      most_rows, section.row_bytes));
   }
   // Level 0 has no buckets: bucket_rows may be 0 there, and is divided by all the same.
@@ -219,7 +219,7 @@ void KsplatScene::read_section(std::uint64_t header_at, std::uint64_t& data_at) 
 void KsplatScene::read_partial_buckets(std::uint64_t at, std::uint64_t count, Section& section) {
   std::uint64_t before = count;
   for (const Section& other : sections_) before += other.partial_starts.size();
-  if (before > kMostPartialBuckets) fail("has more partly filled buckets than can be");
+  if (before > kMostPartialBuckets) fail("has more partly filled buckets than possible");
   std::vector<std::uint32_t> lengths(count);
   file_->read(at, std::as_writable_bytes(std::span(lengths)));
   // Empty buckets are refused: a piece of rows then meets no more buckets than it has rows, which
@@ -230,7 +230,7 @@ void KsplatScene::read_partial_buckets(std::uint64_t at, std::uint64_t count, Se
     section.partial_starts.push_back(section.partial_starts.back() + length);
   }
   if (section.partial_starts.back() < section.count)
-    fail("its buckets do not hold all Gaussians of their section");
+    fail("its buckets do not contain all Gaussians of their section");
 }
 
 std::uint64_t KsplatScene::decode_bytes() const {

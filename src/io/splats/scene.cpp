@@ -124,8 +124,8 @@ void require_plausible_count(const SplatSceneInfo& info) {
   for (const std::string& file : info.files) bytes += open_input(file)->size_bytes();
   if (info.splats <= bytes / kLeastBytesPerSplat) return;
   throw Error(ErrorKind::input,
-              fmt::format("{}: announces {} Gaussians in {} bytes, less than a byte for each; a "
-                          "capture takes more than ten. If it is not damaged, convert it to PLY",
+              fmt::format("{}: states {} Gaussians in {} bytes, less than one byte per Gaussian; a "
+                          "capture needs more than ten. If it is not damaged, convert it to PLY",
                           info.files.front(), info.splats, bytes));
 }
 
@@ -133,10 +133,9 @@ std::unique_ptr<SplatScene> open_format(const std::string& path, const Axes& axe
                                         const std::function<void()>& poll) {
   const auto format = source_splat_format(path);
   if (!format) {
-    throw Error(ErrorKind::input,
-                path +
-                    ": no splat scene (PLY, SPZ, SOG, glTF with KHR_gaussian_splatting, .splat "
-                    "and .ksplat are read)");
+    throw Error(ErrorKind::input, path +
+                                      ": not a splat scene (PLY, SPZ, SOG, glTF with "
+                                      "KHR_gaussian_splatting, .splat and .ksplat are supported)");
   }
   switch (format->kind) {
     case SplatKind::ply:
@@ -197,8 +196,8 @@ std::string why_not_read(const std::string& path, const SplatFormat& format) {
   const fs::path file(path);
   const fs::path named = file.filename().empty() ? file.parent_path() : file;  // "scene/"
   return fmt::format(
-      "{}: a Gaussian splat scene in {}; pounce reads scenes as PLY, SPZ, SOG, glTF, .splat and "
-      ".ksplat: convert it, for example with splat-transform {} {}.ply",
+      "{}: a Gaussian splat scene in {}, which is not supported; convert it to PLY, SPZ, SOG, "
+      "glTF, .splat or .ksplat, for example with splat-transform {} {}.ply",
       path, format.name, path, named.stem().string());
 }
 

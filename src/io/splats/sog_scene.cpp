@@ -166,19 +166,20 @@ SogScene::Json SogScene::open_meta(const std::string& path) {
         }
         entries_.push_back(entry);
       }
-      if (meta_name_.empty()) refuse(path, "a ZIP archive without meta.json, so it is no SOG");
+      if (meta_name_.empty()) refuse(path, "a ZIP archive without meta.json, so it is not a SOG");
     } else {
       folder_ = fs::path(path).parent_path().string();
       meta_name_ = fs::path(path).filename().string();
       bytes = file->size_bytes();
     }
   }
-  if (bytes > kMostMetaBytes) fail(fmt::format("has {} bytes, more than any scene's", bytes));
-  if (json_size(*file, at, bytes).depth > kMostMetaDepth) fail("is nested deeper than any scene's");
+  if (bytes > kMostMetaBytes)
+    fail(fmt::format("has {} bytes, which is too large for a scene", bytes));
+  if (json_size(*file, at, bytes).depth > kMostMetaDepth) fail("is nested too deeply for a scene");
   std::string text(bytes, '\0');
   file->read(at, std::as_writable_bytes(std::span(text)));
   Json meta = Json::parse(text, nullptr, false);
-  if (!meta.is_object()) fail("is no JSON object");
+  if (!meta.is_object()) fail("is not a JSON object");
   return meta;
 }
 
@@ -189,14 +190,14 @@ SogScene::Image SogScene::open_image(const std::string& name) const {
   // The name comes from the file: it shall lead nowhere else.
   if (name.empty() || name.size() > 255 || name.find_first_of("/\\") != std::string::npos ||
       name == "..") {
-    fail("names an image that lies in another folder");
+    fail("refers to an image in another folder");
   }
   std::uint64_t at = 0, bytes = 0;
   if (archive_ != nullptr) {
     const std::string wanted = (fs::path(meta_name_).parent_path() / name).string();
     const auto entry = std::find_if(entries_.begin(), entries_.end(),
                                     [&](const StoredEntry& e) { return e.name == wanted; });
-    if (entry == entries_.end()) fail(fmt::format("names \"{}\", which is not there", name));
+    if (entry == entries_.end()) fail(fmt::format("refers to \"{}\", which is missing", name));
     image.file = archive_;
     image.name = fmt::format("{}: {}", path_, name);
     at = entry->at;
@@ -206,7 +207,7 @@ SogScene::Image SogScene::open_image(const std::string& name) const {
     const std::string meta = (fs::path(folder_) / meta_name_).string();
     std::error_code ignored;
     if (!fs::is_regular_file(image.name, ignored) || !AssetFolder(meta, false).holds(image.name))
-      fail(fmt::format("names \"{}\", which is not there", name));
+      fail(fmt::format("refers to \"{}\", which is missing", name));
     image.file = open_input(image.name);
     bytes = image.file->size_bytes();
   }
@@ -225,7 +226,7 @@ std::string SogScene::file_name(const Json& part, const std::string& place,
   const auto files = part.find("files");
   if (files == part.end() || !files->is_array() || files->size() <= index ||
       !(*files)[index].is_string()) {
-    fail(fmt::format("names no file {} in \"{}\"", index, place));
+    fail(fmt::format("has no file {} in \"{}\"", index, place));
   }
   return (*files)[index].get<std::string>();
 }
@@ -257,7 +258,7 @@ Codebook SogScene::codebook(const Json& part, const std::string& place, float no
   for (std::size_t k = 0; k < book.size(); ++k) {
     const Json& value = (*found)[k];
     if (!value.is_number() && !value.is_null())
-      fail(fmt::format("has a codebook of other things than numbers in \"{}\"", place));
+      fail(fmt::format("has a codebook with entries that are not numbers in \"{}\"", place));
     book[k] = value.is_null() ? nothing : value.get<float>();
   }
   if ((*found)[0].is_null() && !(*found)[1].is_null())
@@ -268,10 +269,10 @@ Codebook SogScene::codebook(const Json& part, const std::string& place, float no
 void SogScene::read_meta(const Json& meta) {
   const auto version = meta.find("version");
   if (version != meta.end() && *version != 2) {
-    refuse(
-        path_,
-        "SOG version {}; versions 1 and 2 are read: convert it, for example with splat-transform",
-        version->is_number() ? version->dump() : "of an unknown kind");
+    refuse(path_,
+           "SOG version {}; only versions 1 and 2 are supported: convert it, for example with "
+           "splat-transform",
+           version->is_number() ? version->dump() : "of an unknown kind");
   }
   // The first version did not state itself yet; whatever states none is read as that.
   version_ = version == meta.end() ? 1 : 2;
@@ -295,7 +296,7 @@ void SogScene::read_meta(const Json& meta) {
     // it has.
     const std::uint64_t pixels = std::uint64_t{image.header.width} * image.header.height;
     if (pixels < info_.splats) {
-      fail(fmt::format("announces {} Gaussians, but {} has {} pixels", info_.splats, image.name,
+      fail(fmt::format("states {} Gaussians, but {} has {} pixels", info_.splats, image.name,
                        pixels));
     }
     if (archive_ == nullptr) info_.files.push_back(image.name);
@@ -360,10 +361,10 @@ void SogScene::read_palette(const Json& part) {
     for (std::uint64_t degree = 1; degree < kLobes.size(); ++degree)
       if (centroids_.header.width == kPaletteColumns * kLobes[degree]) bands = degree;
   }
-  if (bands < 1 || bands > 3) fail("has harmonics of an unknown degree in \"shN\"");
+  if (bands < 1 || bands > 3) fail("has spherical harmonics of an unknown degree in \"shN\"");
   lobes_ = kLobes[bands];
   if (centroids_.header.width != kPaletteColumns * lobes_) {
-    fail(fmt::format("wants a palette of degree {}, {} pixels wide, but {} has {}", bands,
+    fail(fmt::format("needs a palette of degree {}, {} pixels wide, but {} has {}", bands,
                      kPaletteColumns * lobes_, centroids_.name, centroids_.header.width));
   }
   palette_entries_ = std::min(entries, kPaletteColumns * centroids_.header.height);

@@ -104,7 +104,7 @@ std::string ply_header(std::uint64_t rows, const SplatFileFacts& facts) {
 SplatPlyWriter::SplatPlyWriter(const std::string& path, const SplatFileFacts& facts)
     : SplatWriter(path, facts, SplatOutput::ply, nullptr) {
   if (facts.is_linear) {
-    refuse("these colours are linear light, which PLY cannot say; write a .glb, which can");
+    refuse("these colours are linear, which PLY cannot state; write a .glb");
   }
   put_header();
 }
@@ -138,7 +138,7 @@ void SplatPlyWriter::encode_columns(const store::SplatRows& rows,
 
 // The header again, with the number of rows that came; padding keeps its length.
 void SplatPlyWriter::commit(const std::function<void()>&) {
-  if (std::fseek(file_.stream(), 0, SEEK_SET) != 0) file_.fail("its header cannot be finished");
+  if (std::fseek(file_.stream(), 0, SEEK_SET) != 0) file_.fail("its header cannot be completed");
   put_header();
   file_.commit();
 }
@@ -181,12 +181,12 @@ GltfSplatWriter::GltfSplatWriter(const std::string& path, const SplatFileFacts& 
     : SplatWriter(path, facts, SplatOutput::glb, &folder) {
   if (facts.model == store::SplatModel::antialiased) {
     notes_.emplace_back(
-        "these Gaussians were trained with antialiasing, which glTF cannot say: viewers show them "
-        "a little too opaque");
+        "these Gaussians were trained with antialiasing, which glTF cannot state: viewers show "
+        "them slightly too opaque");
   }
   if (facts.model == store::SplatModel::flat)
     notes_.emplace_back(
-        "glTF cannot say that these Gaussians are discs (2DGS): they are written flat");
+        "glTF cannot state that these Gaussians are discs (2DGS): they are written flat");
 }
 
 void GltfSplatWriter::encode_columns(const store::SplatRows& rows,
@@ -253,7 +253,8 @@ std::string GltfSplatWriter::document() const {
 // All lengths are known by now, so the file is written once from front to back.
 void GltfSplatWriter::commit(const std::function<void()>& poll) {
   if (tally_.normals > 0)
-    notes_.emplace_back("the normals of the source are not written: splats in glTF have none");
+    notes_.emplace_back(
+        "the normals of the source are not written: splats in glTF have no normals");
   const std::string json = document();
   const std::uint64_t binary = rows_ * row_bytes();  // a multiple of four
   const auto put_numbers = [this](std::initializer_list<std::uint64_t> numbers) {
@@ -313,14 +314,13 @@ void check_splat_count(const std::string& path, std::uint64_t splats, std::uint3
   if (kind == SplatOutput::spz) {
     constexpr std::uint64_t kMost = 0x7FFFFFFF;
     refuse_beyond(kMost,
-                  "an SPZ holds no more than 2^31 - 1 Gaussians; write a .ply, or fewer with "
-                  "--count");
+                  "an SPZ is limited to 2^31 - 1 Gaussians; write a .ply, or fewer with --count");
   }
   if (kind == SplatOutput::glb) {
     constexpr std::uint64_t kMostJsonBytes = 16 << 10;
     const std::uint64_t most = (std::numeric_limits<std::uint32_t>::max() - kMostJsonBytes) /
                                sum(splat_columns(kind, lobes));
-    refuse_beyond(most, fmt::format("a .glb is no larger than 4 GiB, which is {} Gaussians of this "
+    refuse_beyond(most, fmt::format("a .glb is limited to 4 GiB, which is {} Gaussians of this "
                                     "kind; write a .ply or .spz, or fewer with --count",
                                     most));
   }
@@ -363,8 +363,8 @@ SplatWriter::SplatWriter(const std::string& path, const SplatFileFacts& facts, S
     const double farthest = std::max({std::abs(added_.x), std::abs(added_.y), std::abs(added_.z)});
     constexpr double kLastPlace = std::numeric_limits<float>::epsilon();
     notes_.push_back(
-        fmt::format("{}: places are written in single precision, in steps of about {:.1g} this far "
-                    "from 0; a .glb holds them in full, by a node's translation",
+        fmt::format("{}: positions are written in single precision, in steps of about {:.1g} this "
+                    "far from the origin; a .glb keeps full precision with a node's translation",
                     path_, farthest * kLastPlace));
   }
   if (folder == nullptr) return;

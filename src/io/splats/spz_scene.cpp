@@ -136,9 +136,9 @@ SpzScene::SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, cons
   is_gzip_ = size >= 2 && read_value<std::uint16_t>(*file_, 0) == kGzip;
   std::array<std::byte, kHeaderBytes> raw{};
   if (is_gzip_) {
-    if (GzipReader(*file_, name_).read(raw) < raw.size()) fail("the SPZ header is cut off");
+    if (GzipReader(*file_, name_).read(raw) < raw.size()) fail("the SPZ header is truncated");
   } else {
-    if (size < raw.size()) fail("the SPZ header is cut off");
+    if (size < raw.size()) fail("the SPZ header is truncated");
     file_->read(0, raw);
   }
   read_header(raw);
@@ -148,10 +148,9 @@ SpzScene::SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, cons
   }
   const std::uint64_t needed = kHeaderBytes + content_bytes();
   if (is_gzip_ ? needed / kMostGzipRatio > size : needed > size) {
-    fail(
-        fmt::format("the header announces {} Gaussians, {} bytes, more than the file's {} bytes "
-                    "can hold",
-                    info_.splats, needed, size));
+    fail(fmt::format(
+        "the header states {} Gaussians, {} bytes, more than the file's {} bytes can contain",
+        info_.splats, needed, size));
   }
   for (std::size_t k = 0, at = kHeaderBytes; k < kBlocks; at += block_bytes(k++)) at_[k] = at;
   if (has_extensions_ && is_gzip_) {
@@ -161,7 +160,7 @@ SpzScene::SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, cons
     file_->read(needed, records);
     read_extensions(records);
   } else if (!is_gzip_ && needed != size) {
-    fail(fmt::format("the header announces {} bytes, the file has {}", needed, size));
+    fail(fmt::format("the header states {} bytes, but the file has {}", needed, size));
   }
   assume_axes();
 }
@@ -185,12 +184,12 @@ void SpzScene::find_extensions(const std::function<void()>& poll) {
 // Every number is checked that sizes follow from; the sizes themselves are in content_bytes().
 void SpzScene::read_header(std::span<const std::byte, 16> raw) {
   if (value_at<std::uint32_t>(raw.data()) != kMagic)
-    fail("does not begin with \"NGSP\", in gzip or not, so it is no SPZ");
+    fail("does not begin with \"NGSP\", compressed or not, so it is not an SPZ");
   version_ = value_at<std::uint32_t>(&raw[4]);
   if (version_ < 1 || version_ > 4 || (version_ == 4 && is_gzip_)) {
     refuse(name_,
-           "SPZ version {}{}; versions 1 to 4 are read, 4 without gzip: convert it to one of these "
-           "or to PLY",
+           "SPZ version {}{}; versions 1 to 4 are supported, 4 without gzip: convert it to one of "
+           "these or to PLY",
            version_, is_gzip_ ? " in gzip" : "");
   }
   info_.splats = value_at<std::uint32_t>(&raw[8]);
@@ -201,13 +200,14 @@ void SpzScene::read_header(std::span<const std::byte, 16> raw) {
   info_.format = fmt::format("SPZ v{}", version_);
   if ((flags & kAntialiased) != 0) info_.model = store::SplatModel::antialiased;
   if (info_.splats == 0) fail("the SPZ holds no Gaussians");
-  if (info_.splats > 0x7FFFFFFF) fail("the header announces more than 2^31 - 1 Gaussians");
+  if (info_.splats > 0x7FFFFFFF) fail("the header states more than 2^31 - 1 Gaussians");
   if (info_.sh_degree > 4) {
-    fail(fmt::format("the header says degree {} of spherical harmonics, 4 is the highest",
+    fail(fmt::format("the header states degree {} of spherical harmonics, but the highest is 4",
                      info_.sh_degree));
   }
   if (fraction_bits_ > 30)
-    fail(fmt::format("the header says {} fractional bits, positions have 24", fraction_bits_));
+    fail(fmt::format("the header states {} fractional bits, but positions have 24 bits",
+                     fraction_bits_));
   constexpr std::array<std::uint64_t, 5> kHarmonicBytes{0, 9, 24, 45, 72};
   row_bytes_ = {version_ == 1 ? 6U : 9U,        1, 3, 3, version_ < 3 ? 3U : 4U,
                 kHarmonicBytes[info_.sh_degree]};
@@ -216,27 +216,27 @@ void SpzScene::read_header(std::span<const std::byte, 16> raw) {
 /// Version 4: its list of streams, each checked against what the header means.
 void SpzScene::read_contents() {
   const std::uint64_t size = file_->size_bytes();
-  if (size < kHeaderBytes4) fail("the SPZ header is cut off");
+  if (size < kHeaderBytes4) fail("the SPZ header is truncated");
   if (content_bytes() / kMostZstdRatio > size) {
-    fail(fmt::format("the header announces {} Gaussians, more than the file's {} bytes can hold",
+    fail(fmt::format("the header states {} Gaussians, more than the file's {} bytes can contain",
                      info_.splats, size));
   }
   const auto count = read_value<std::uint8_t>(*file_, 15);
   const std::uint64_t list = read_value<std::uint32_t>(*file_, 16);
   const std::size_t expected = info_.sh_degree == 0 ? kBlocks - 1 : kBlocks;
   if (count != expected)
-    fail(fmt::format("the header says {} streams where there must be {}", count, expected));
+    fail(fmt::format("the header states {} streams, but there must be {}", count, expected));
   if (list < kHeaderBytes4 || list + expected * kStreamBytes > size)
-    fail("its list of streams lies outside of the file");
+    fail("its list of streams is outside of the file");
   std::uint64_t at = list + expected * kStreamBytes, unpacked = 0;
   for (std::size_t k = 0; k < expected; ++k) {
     const auto packed = read_value<std::uint64_t>(*file_, list + k * kStreamBytes);
     const auto bytes = read_value<std::uint64_t>(*file_, list + k * kStreamBytes + 8);
     if (bytes != block_bytes(k)) {
-      fail(fmt::format("stream {} says {} bytes, {} Gaussians have {}", k, bytes, info_.splats,
-                       block_bytes(k)));
+      fail(fmt::format("stream {} states {} bytes, but {} Gaussians need {}", k, bytes,
+                       info_.splats, block_bytes(k)));
     }
-    if (packed > size - at) fail(fmt::format("stream {} is cut off by the end of the file", k));
+    if (packed > size - at) fail(fmt::format("stream {} extends beyond the end of the file", k));
     streams_.push_back({at, packed});
     at_[k] = unpacked;
     at += packed;
@@ -269,10 +269,9 @@ void SpzScene::read_extensions(std::span<const std::byte> records) {
       if (system < 1 || system > kSystems.size()) return;
       const char* const name = kSystems[system - 1];
       set_axes(compose(to_ply_axes(name), axes_));
-      info_.assumptions.push_back(
-          fmt::format("its axes are {} by its own word; turned to those of PLY scenes, RDF (right, "
-                      "down, forward)",
-                      name));
+      info_.assumptions.push_back(fmt::format(
+          "its axes are stated as {}; rotated to those of PLY scenes, RDF (right, down, forward)",
+          name));
       own_axes_ = name;
     }
     records = records.subspan(bytes);
@@ -282,8 +281,8 @@ void SpzScene::read_extensions(std::span<const std::byte> records) {
 void SpzScene::assume_axes() {
   if (!own_axes_.empty() || axes_ != Axes{}) return;  // it is said, by the file or by the user
   info_.assumptions.emplace_back(
-      "SPZ does not say how its axes lie (writers disagree): taken as stored; --source-axes "
-      "x,-y,-z turns a scene that lies upside down");
+      "SPZ does not define its axes (writers disagree): read as stored; --source-axes x,-y,-z "
+      "rotates a scene that is upside down");
 }
 
 // Frames are unpacked one after the other, so the largest window counts; beside it are a piece of
@@ -317,8 +316,8 @@ void SpzScene::unpack_gzip(WriteFile& to, const std::function<void()>& poll) {
   for (std::uint64_t at = 0; at < needed;) {
     const auto part = std::span(piece).first(std::min<std::uint64_t>(piece.size(), needed - at));
     if (const std::size_t got = reader.read(part); got < part.size()) {
-      fail(fmt::format("the header announces {} Gaussians, {} bytes, but {} are there",
-                       info_.splats, needed, at + got));
+      fail(fmt::format("the header states {} Gaussians, {} bytes, but only {} exist", info_.splats,
+                       needed, at + got));
     }
     to.append(part);
     at += part.size();
@@ -329,7 +328,7 @@ void SpzScene::unpack_gzip(WriteFile& to, const std::function<void()>& poll) {
   PageVector<std::byte> rest(kMostExtensionBytes);
   const std::size_t got = reader.read(rest);
   if (got == rest.size() || (got > 0 && !has_extensions_))
-    fail("more bytes follow its Gaussians than the header announces");
+    fail("more bytes follow its Gaussians than the header states");
 }
 
 // Each frame has to give exactly what its block needs: no more, which would shift the next one.
@@ -339,7 +338,7 @@ void SpzScene::unpack_streams(WriteFile& to, const std::function<void()>& poll) 
     ZstdReader reader(*file_, streams_[k].offset_bytes, streams_[k].size_bytes, name_);
     std::uint64_t left = block_bytes(k);
     while (const std::size_t got = reader.read(piece)) {
-      if (got > left) fail(fmt::format("stream {} holds more than it announces", k));
+      if (got > left) fail(fmt::format("stream {} is longer than stated", k));
       to.append(std::span(piece).first(got));
       left -= got;
       poll();

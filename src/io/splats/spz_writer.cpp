@@ -141,11 +141,11 @@ SpzWriter::SpzWriter(const std::string& path, const SplatFileFacts& facts,
                      const ScratchFolder& folder)
     : SplatWriter(path, facts, SplatOutput::spz, &folder) {
   if (facts.is_linear) {
-    refuse("these colours are linear light, which SPZ cannot say; write a .glb, which can");
+    refuse("these colours are linear, which SPZ cannot state; write a .glb");
   }
   if (facts.model == store::SplatModel::flat)
     notes_.emplace_back(
-        "SPZ cannot say that these Gaussians are discs (2DGS): they are written flat");
+        "SPZ cannot state that these Gaussians are discs (2DGS): they are written flat");
 }
 
 // Every value as the byte whose meaning is nearest. What a byte cannot hold is clamped and counted
@@ -195,11 +195,11 @@ int SpzWriter::fraction_bits() const {
   for (int bits = kMostFractionBits; bits >= 0; --bits) {
     if (std::floor(std::ldexp(farthest, bits) + 0.5) <= kLargestFixed) return bits;
   }
-  refuse(fmt::format(
-      "{} of {} Gaussians lie farther than {:.0f} units from the origin, up to {:.3g}, which SPZ "
-      "cannot hold; leave them out with --box (\"box 98 %\" of pounce inspect holds nearly all of "
-      "a scene), or write a .ply or .glb",
-      tally_.too_far, rows_, kLargestFixed, farthest));
+  refuse(
+      fmt::format("{} of {} Gaussians are farther than {:.0f} units from the origin, up to {:.3g}, "
+                  "which exceeds the range of SPZ; leave them out with --box (\"box 98 %\" in "
+                  "pounce inspect contains nearly all of a scene), or write a .ply or .glb",
+                  tally_.too_far, rows_, kLargestFixed, farthest));
 }
 
 /// A place is rounded to the step: no matter to Gaussians that are larger. Their number comes from
@@ -209,13 +209,13 @@ void SpzWriter::check_places(int bits) {
   for (int e = 0; e <= 126 - bits; ++e) smaller += tally_.sizes[static_cast<std::size_t>(e)];
   if (smaller == 0) return;
   const std::string what = fmt::format(
-      "{} of {} Gaussians are smaller than the step of {:g} units that SPZ keeps places to in a "
-      "scene so wide",
+      "{} of {} Gaussians are smaller than the step of {:g} units with which SPZ stores positions "
+      "in a scene of this extent",
       smaller, rows_, std::ldexp(1.0, -bits));
   if (2 * smaller > rows_)
     refuse(what +
-           "; leave out what is far with --box (\"box 98 %\" of pounce inspect holds nearly all of "
-           "a scene), or write a .ply or .glb");
+           "; leave out distant ones with --box (\"box 98 %\" in pounce inspect contains nearly "
+           "all of a scene), or write a .ply or .glb");
   warnings_.push_back(what);
 }
 
@@ -224,20 +224,20 @@ void SpzWriter::check_sizes() {
   const std::uint64_t clamped = tally_.too_small + tally_.too_large;
   if (clamped > 0) {
     const std::string what = fmt::format(
-        "{} of {} Gaussians are narrower or larger than SPZ holds (standard deviations of 4.5e-05 "
-        "to 379 units)",
+        "{} of {} Gaussians are outside of the range of SPZ (standard deviations of 4.5e-05 to 379 "
+        "units)",
         clamped, rows_);
     if (2 * clamped > rows_) refuse(what + "; scale the scene, or write a .ply or .glb");
-    warnings_.push_back(what + ": written as the nearest that it does");
+    warnings_.push_back(what + ": clamped to it");
   }
   if (tally_.clipped > 0) {
     warnings_.push_back(
-        fmt::format("{} of {} Gaussians have colours or harmonics beyond what SPZ holds (harmonics "
-                    "of -1 to 1): cut to that",
+        fmt::format("{} of {} Gaussians have colours or spherical harmonics outside of the range "
+                    "of SPZ (-1 to 1): clamped",
                     tally_.clipped, rows_));
   }
   if (tally_.normals > 0)
-    notes_.emplace_back("SPZ has no normals: those of the source are not written");
+    notes_.emplace_back("SPZ does not store normals: those of the source are not written");
 }
 
 // Known once all Gaussians are: their number and the bits of a position.

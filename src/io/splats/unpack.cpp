@@ -103,12 +103,12 @@ Directory find_directory(const ReadFile& file, const std::string& path) {
   std::vector<std::byte> tail(tail_bytes);
   file.read(size - tail_bytes, tail);
   const Fields fields(tail);
-  if (tail_bytes < kEndBytes) refuse(path, "is no whole ZIP archive; {}", kAgain);
+  if (tail_bytes < kEndBytes) refuse(path, "is not a complete ZIP archive; {}", kAgain);
   std::size_t end = tail_bytes - kEndBytes;
   // From the end: the mark may stand in a comment, but then the comment's length does not fit.
   while (fields.u32(end) != kEndMark || fields.u16(end + 20) != tail_bytes - kEndBytes - end) {
     if (end == 0)
-      refuse(path, "has no directory at its end, as a ZIP archive has that is whole; {}", kAgain);
+      refuse(path, "has no directory at its end, so this ZIP archive is incomplete; {}", kAgain);
     --end;
   }
   Directory directory;
@@ -120,16 +120,18 @@ Directory find_directory(const ReadFile& file, const std::string& path) {
   // Fields of all ones say that ZIP64 has the number elsewhere.
   if (has_locator || directory.entries == 0xFFFF || directory.bytes == 0xFFFFFFFF ||
       directory.at == 0xFFFFFFFF)
-    refuse(path, "is a ZIP64 archive, which is not read; unpack it and name the folder's file");
+    refuse(
+        path,
+        "is a ZIP64 archive, which is not supported; unpack it and specify the file in its folder");
   if (fields.u16(end + 4) != 0 || fields.u16(end + 6) != 0 ||
       fields.u16(end + 8) != directory.entries)
-    refuse(path, "is one of several parts of a ZIP archive; put them together first");
+    refuse(path, "is one of several parts of a ZIP archive; join them first");
   if (directory.entries > kMostEntries || directory.bytes > kMostDirectoryBytes) {
-    refuse(path, "lists {} entries in {} bytes; a scene has no more than {} in {}",
-           directory.entries, directory.bytes, kMostEntries, kMostDirectoryBytes);
+    refuse(path, "lists {} entries in {} bytes; a scene has at most {} in {}", directory.entries,
+           directory.bytes, kMostEntries, kMostDirectoryBytes);
   }
   if (directory.at + directory.bytes > size - tail_bytes + end)
-    refuse(path, "has a directory that ends beyond its end; {}", kAgain);
+    refuse(path, "has a directory that extends beyond its end; {}", kAgain);
   return directory;
 }
 
@@ -170,14 +172,14 @@ class DirectoryReader {
     *header_at = fields.u32(42);
     const std::uint16_t method = fields.u16(10);
     if ((fields.u16(8) & kEncrypted) != 0)
-      refuse_entry(entry, "is encrypted; unpack the archive and name the folder's file");
+      refuse_entry(entry, "is encrypted; unpack the archive and specify the file in its folder");
     if (method != 0) {
-      refuse_entry(entry, fmt::format("is compressed (method {}), and only stored ones are read; "
-                                      "unpack the archive, or pack it again with zip -0",
+      refuse_entry(entry, fmt::format("is compressed (method {}), but only stored entries are "
+                                      "supported; unpack the archive, or pack it again with zip -0",
                                       method));
     }
     if (entry.bytes == 0xFFFFFFFF || *header_at == 0xFFFFFFFF)
-      refuse_entry(entry, "is of ZIP64, which is not read; unpack the archive");
+      refuse_entry(entry, "uses ZIP64, which is not supported; unpack the archive");
     // Stored means that packed and unpacked sizes are the same.
     if (fields.u32(20) != entry.bytes) refuse_directory();
     at_ += entry_bytes;
@@ -186,13 +188,13 @@ class DirectoryReader {
 
   /// Finds the bytes of the entry whose local header is at `header_at`.
   Place locate(std::uint64_t header_at, StoredEntry& entry) const {
-    const std::string outside = fmt::format("lies outside of it; {}", kAgain);
+    const std::string outside = fmt::format("is outside of it; {}", kAgain);
     if (header_at + kLocalBytes > directory_.at) refuse_entry(entry, outside);
     std::array<std::byte, kLocalBytes> bytes;
     file_.read(header_at, bytes);
     const Fields local(bytes);
     if (local.u32(0) != kLocalMark)
-      refuse_entry(entry, fmt::format("is not where its directory says; {}", kAgain));
+      refuse_entry(entry, fmt::format("is not where its directory states; {}", kAgain));
     entry.at = header_at + kLocalBytes + local.u16(26) + local.u16(28);
     if (entry.at + entry.bytes > directory_.at) refuse_entry(entry, outside);
     return {header_at, entry.at + entry.bytes, 0};
@@ -223,7 +225,7 @@ void refuse_overlaps(const std::string& path, const std::vector<StoredEntry>& en
             [](const Place& a, const Place& b) { return a.begin < b.begin; });
   for (std::size_t i = 1; i < places.size(); ++i) {
     if (places[i].begin >= places[i - 1].end) continue;
-    refuse(path, "its entries \"{}\" and \"{}\" lie over each other; {}",
+    refuse(path, "its entries \"{}\" and \"{}\" overlap; {}",
            shown_name(entries[places[i - 1].entry].name), shown_name(entries[places[i].entry].name),
            kAgain);
   }
@@ -274,10 +276,10 @@ std::size_t GzipReader::read(std::span<std::byte> out) {
       // No progress and no more input: the member has no end.
     } else if (code == Z_BUF_ERROR || (code == Z_OK && s.stream.avail_out == room &&
                                        s.stream.avail_in == 0 && s.pieces.at_end())) {
-      fail(s.name, "its gzip data are cut off");
+      fail(s.name, "its gzip data are truncated");
     } else if (code != Z_OK) {
       fail(s.name, fmt::format("its gzip data are damaged ({})",
-                               s.stream.msg != nullptr ? s.stream.msg : "zlib does not say how"));
+                               s.stream.msg != nullptr ? s.stream.msg : "no details from zlib"));
     }
   }
   return done;
@@ -326,9 +328,9 @@ std::size_t ZstdReader::read(std::span<std::byte> out) {
     if (left == 0) {
       s.ended = true;
       if (s.in.pos != s.in.size || !s.pieces.at_end())
-        fail(s.name, "bytes follow a zstd frame that should be the last");
+        fail(s.name, "bytes follow the last zstd frame");
     } else if (to.pos == before && s.in.pos == input && s.pieces.at_end()) {
-      fail(s.name, "its zstd data are cut off");
+      fail(s.name, "its zstd data are truncated");
     }
   }
   return to.pos;

@@ -160,7 +160,7 @@ class Predictor final : public Vp8lTransform {
                                                 const std::uint32_t predictor = pixel >> 8 & 0xFF;
                                                 if (predictor >= kPredictors)
                                                   input.source.fail(fmt::format(
-                                                      "a predictor of number {}", predictor));
+                                                      "unknown predictor {}", predictor));
                                                 return static_cast<std::uint8_t>(predictor);
                                               })),
         above_(input.width + std::size_t{1}) {}
@@ -297,8 +297,8 @@ constexpr std::uint64_t kMostPalette = 256;
 
 [[noreturn]] void refuse_lossy(const std::string& name) {
   refuse(name,
-         "is a lossy WebP image (VP8), which changes the values of Gaussians; export the scene "
-         "again with lossless WebP images");
+         "is a lossy WebP image (VP8), which changes the Gaussians' values; export the scene again "
+         "with lossless WebP images");
 }
 
 [[noreturn]] void refuse_animation(const std::string& name) {
@@ -342,14 +342,13 @@ Vp8lHeader read_stream_header(const Range& range, std::uint64_t offset, std::uin
   std::array<std::uint8_t, 5> start{};
   if (size >= start.size()) start = range.read<5>(offset);
   if (start[0] != 0x2F)
-    refuse(range.name, "does not begin as a lossless WebP image; download it or export it again");
+    refuse(range.name, "does not begin like a lossless WebP image; download it or export it again");
   const std::uint32_t bits = number_of(start, 1);
   if (bits >> 29 != 0) {
-    refuse(
-        range.name,
-        "is lossless WebP of version {}, and only 0 is known; export the scene again with a plain "
-        "encoder",
-        bits >> 29);
+    refuse(range.name,
+           "is lossless WebP of version {}, but only 0 is supported; export the scene again with a "
+           "plain encoder",
+           bits >> 29);
   }
   Vp8lHeader header;
   header.width = (bits & 0x3FFF) + 1;
@@ -390,8 +389,7 @@ Vp8lHeader read_vp8l_header(const ReadFile& file, std::uint64_t at, std::uint64_
     } else if (type == "VP8L") {
       const Vp8lHeader header = read_stream_header(range, offset, size);
       if (canvas_width != 0 && (header.width != canvas_width || header.height != canvas_height)) {
-        refuse(name,
-               "says that it is {} x {} pixels and holds {} x {}; download it or export it again",
+        refuse(name, "states {} x {} pixels, but has {} x {}; download it or export it again",
                canvas_width, canvas_height, header.width, header.height);
       }
       return header;
@@ -399,8 +397,7 @@ Vp8lHeader read_vp8l_header(const ReadFile& file, std::uint64_t at, std::uint64_
     // Chunks begin at even places.
     offset += size + (size & 1);
   }
-  refuse(name,
-         "is a WebP file without an image in it (no VP8L chunk); download it or export it again");
+  refuse(name, "is a WebP file without an image (no VP8L chunk); download it or export it again");
 }
 
 // The ring serves every image in turn: those that steer the main one (predictors, colours, groups,
@@ -421,7 +418,7 @@ void Vp8lDecoder::read_transforms(WriteFile& scratch) {
   std::array<bool, 4> seen{};
   while (source_.read(1) == 1) {
     const std::uint32_t kind = source_.read(2);
-    if (seen[kind]) source_.fail("a transform that it had before");
+    if (seen[kind]) source_.fail("a repeated transform");
     seen[kind] = true;
     transforms_.push_back(
         read_vp8l_transform(static_cast<Vp8lTransformKind>(kind),
@@ -433,7 +430,7 @@ void Vp8lDecoder::read_transforms(WriteFile& scratch) {
 // Transforms are undone from the last to the first; the palette is the one that changes the width.
 void Vp8lDecoder::read_row(std::span<std::uint8_t> rgba) {
   if (next_row_ == header_.height || rgba.size() != std::size_t{4} * header_.width)
-    throw Error(ErrorKind::internal, name_ + ": asked for a row that there is not");
+    throw Error(ErrorKind::internal, name_ + ": asked for a row that does not exist");
   row_.resize(stored_width_);
   pixels_->read_row(row_);
   for (auto transform = transforms_.rbegin(); transform != transforms_.rend(); ++transform)

@@ -148,7 +148,7 @@ void read_simple(BitSource& source, std::uint32_t symbols, Lengths& lengths) {
   const std::uint32_t first_bits = source.read(1) == 0 ? 1 : 8;
   for (std::uint32_t i = 0; i < count; ++i) {
     const std::uint32_t symbol = source.read(i == 0 ? first_bits : 8);
-    if (symbol >= symbols) source.fail("a prefix code has a symbol that its alphabet has not");
+    if (symbol >= symbols) source.fail("a prefix code has a symbol outside of its alphabet");
     lengths[symbol] = 1;
   }
 }
@@ -298,7 +298,7 @@ PrefixCode read_prefix_code(BitSource& source, std::uint32_t symbols, PrefixTabl
   source.check();
   Table storage;
   const auto table = make_table(std::span(lengths).first(symbols), storage);
-  if (table.empty()) source.fail("the lengths of a prefix code make no complete code");
+  if (table.empty()) source.fail("the lengths of a prefix code do not form a complete code");
   return tables != nullptr ? tables->add(table) : PrefixCode{};
 }
 
@@ -358,7 +358,7 @@ void Vp8lPixels::read_groups() {
     group.distance = read_prefix_code(source_, kDistances, tables);
     groups_.push_back(group);
     if (memory_bytes() > kMostCodeBytes) {
-      source_.fail(fmt::format("its {} groups of prefix codes take more than {} MiB",
+      source_.fail(fmt::format("its {} groups of prefix codes need more than {} MiB",
                                group_is_used_.size(), kMostCodeBytes >> 20));
     }
   }

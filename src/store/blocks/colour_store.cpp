@@ -36,7 +36,7 @@ std::vector<std::byte> encode_directory(const ColourDirectory& d) {
 }
 
 std::vector<ChunkRef> get_chunks(ByteReader& in, std::size_t count) {
-  if (in.left() != count * kChunkRefBytes) in.fail("has another size than its counts say");
+  if (in.left() != count * kChunkRefBytes) in.fail("has a different size than its counts state");
   std::vector<ChunkRef> chunks(count);
   for (ChunkRef& chunk : chunks) chunk = get_chunk(in);
   return chunks;
@@ -57,8 +57,7 @@ ColourDirectory decode_directory(std::span<const std::byte> raw, const std::stri
   // Users are warned of these: integers have none, and no image more than it has samples.
   const bool is_float = d.depth == Depth::half || d.depth == Depth::float32;
   const std::uint64_t samples = std::uint64_t{d.width} * d.height * d.channels;
-  if (d.nonfinite > (is_float ? samples : 0))
-    in.fail("counts more samples that are not finite than it has");
+  if (d.nonfinite > (is_float ? samples : 0)) in.fail("counts more non-finite samples than it has");
   d.linear = linear != 0;
   d.has_alpha = alpha > 0;
   d.premultiplied = alpha > 1;
@@ -165,7 +164,7 @@ ColourStore::ColourStore(std::unique_ptr<PackReader> pack, const ColourDirectory
   if (!is_of(directory_, image)) {
     // Everything that sizes a buffer or chooses a kernel is in is_of().
     throw Error(ErrorKind::damaged_store,
-                pack_->name() + ": directory is of another image than its key stands for");
+                pack_->name() + ": directory belongs to a different image than its key");
   }
 }
 
@@ -181,13 +180,12 @@ ColourTile ColourStore::read_tile(const ChunkRef& chunk, Compressor& compressor)
   const std::size_t size = kTileTexels * directory_.texel_bytes();
   // Also of a tile that was left out: who asks for it was wrong about what its texels need.
   if (chunk.raw_bytes != size)
-    throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile of another size");
+    throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile has the wrong size");
   const auto raw = read_payload(*pack_, chunk, ChunkKind::block, size, compressor);
   ColourTile tile(size);
   unfilter_colours(directory_, raw, tile);
   if (!are_finite(directory_, tile))
-    throw Error(ErrorKind::damaged_store,
-                pack_->name() + ": a tile of samples that are not finite");
+    throw Error(ErrorKind::damaged_store, pack_->name() + ": a tile has non-finite samples");
   return tile;
 }
 

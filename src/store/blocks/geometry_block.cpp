@@ -85,9 +85,10 @@ void get_runs(ByteReader& in, GeometryBlock& block) {
   block.owner.reserve(kTexelsPerBlock);
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t length = std::size_t{lengths[i]} + 1;
-    if (block.owner.size() + length > kTexelsPerBlock) in.fail("has texel runs beyond its window");
+    if (block.owner.size() + length > kTexelsPerBlock)
+      in.fail("has texel runs outside of its window");
     if (values[i] != kNoTriangle && values[i] >= block.triangles.size())
-      in.fail("names a triangle it lacks");
+      in.fail("refers to a missing triangle");
     block.owner.insert(block.owner.end(), length, values[i]);
   }
   if (block.owner.size() != kTexelsPerBlock) in.fail("has texel runs that do not fill its window");
@@ -200,7 +201,7 @@ std::size_t get_coverage(ByteReader& in, std::vector<std::uint16_t>& owner) {
   std::uint16_t next = 0;
   for (std::size_t r = 0; r < runs; ++r) {
     if ((r != 0 && lengths[r] == 0) || owner.size() + lengths[r] > kTexelsPerBlock)
-      in.fail("has texel runs beyond its window");
+      in.fail("has texel runs outside of its window");
     for (std::size_t i = 0; i < lengths[r]; ++i) owner.push_back(r % 2 == 0 ? kNoTriangle : next++);
   }
   if (owner.size() != kTexelsPerBlock) in.fail("has texel runs that do not fill its window");
@@ -246,9 +247,9 @@ void put_records(std::vector<std::byte>& raw, float step, const std::vector<std:
 void get_records(ByteReader& in, float& step, std::vector<std::uint16_t>& owner,
                  std::vector<TexelRecord>& records) {
   step = in.get<float>();
-  if (!is_step(step)) in.fail("has a step that is no power of two");
+  if (!is_step(step)) in.fail("has a step that is not a power of two");
   const std::size_t count = get_coverage(in, owner);
-  if (in.left() != count * kRecordBytes) in.fail("has another size than its records");
+  if (in.left() != count * kRecordBytes) in.fail("has a different size than its records");
   records.resize(count);
   const std::vector<Expected> expected = expectations(owner, count);
   for_each_column([&](const auto& field) { get_column(in, records, expected, field); });
@@ -263,7 +264,7 @@ void get_records(ByteReader& in, float& step, std::vector<std::uint16_t>& owner,
     for (const std::int32_t p : record.position) {
       if (p < -kLargestPosition || p > kLargestPosition) in.fail("has a position out of range");
     }
-    if (record.edge == 0 || record.edge >= kInfinity) in.fail("has an edge that is none");
+    if (record.edge == 0 || record.edge >= kInfinity) in.fail("has an invalid edge");
   }
 }
 
@@ -340,12 +341,12 @@ GeometryBlock decode_geometry(std::span<const std::byte> raw, const std::string&
   // From here on an index needs no check.
   for (const auto& triangle : block.triangles) {
     for (const std::uint16_t v : triangle) {
-      if (v >= vertices) in.fail("names a vertex it lacks");
+      if (v >= vertices) in.fail("refers to a missing vertex");
     }
   }
   if ((flags & kHasShifts) != 0) get_filtered(in, block.shifts, triangles, 4, 2);
   if ((flags & kHasOwner) != 0) get_runs(in, block);
-  if (in.left() != 0) in.fail("has bytes left over");
+  if (in.left() != 0) in.fail("has trailing bytes");
   return block;
 }
 

@@ -81,7 +81,7 @@ void check_vertices(const GeometryBlock& block, const mesh::Lattice& page,
     if (!is_finite(position)) fail(name, "has a position that is not finite");
   }
   for (const Vec3f& normal : block.normals) {
-    if (!(dot(normal, normal) <= kLongestSquared)) fail(name, "has a normal that is none");
+    if (!(dot(normal, normal) <= kLongestSquared)) fail(name, "has an invalid normal");
   }
   for (const Vec4f& c : block.colours) {
     if (!is_finite({c.x, c.y, c.z}) || !std::isfinite(c.w))
@@ -111,7 +111,8 @@ void check_owners(const GeometryBlock& block, const BlockEntry& entry, const mes
     if (x >= columns || y >= rows) fail(name, "covers texels outside its image");
     ++texels;
   }
-  if (texels != entry.texels) fail(name, "covers another number of texels than its index says");
+  if (texels != entry.texels)
+    fail(name, "covers a different number of texels than its index states");
 }
 
 }  // namespace
@@ -143,7 +144,7 @@ BlockEntry GeometryCodec::get_entry(ByteReader& in) {
   for_entry(entry, [&](auto&... fields) { in.get_all(fields...); });
   entry.chunk = get_chunk(in);
   entry.box_count = in.get<std::uint32_t>();
-  if (entry.box_count > kMostBoxesPerBlock) in.fail("has a block of too many boxes");
+  if (entry.box_count > kMostBoxesPerBlock) in.fail("has a block with too many boxes");
   for (std::uint32_t i = 0; i < entry.box_count; ++i) entry.boxes[i] = get_box(in);
   return entry;
 }
@@ -171,7 +172,7 @@ GeometryDirectory GeometryCodec::get_directory(ByteReader& in) {
   directory.box = get_box(in);
   // Before anything is allocated: the counts are those of bytes that are there.
   if (in.left() != std::uint64_t{pages} * (kLatticeBytes + 8) + std::uint64_t{tiles} * kTileBytes) {
-    in.fail("has another size than its counts say");
+    in.fail("has a different size than its counts state");
   }
   directory.pages.resize(pages);
   for (mesh::Lattice& page : directory.pages)
@@ -241,21 +242,21 @@ void GeometryCodec::check(const Directory& directory, const Facts& facts, const 
   // The key was made from these: others under the same key are forged.
   if (!std::equal(directory.pages.begin(), directory.pages.end(), facts.pages.begin(),
                   facts.pages.end(), same)) {
-    fail(name, "has other pages than its key stands for");
+    fail(name, "has different pages than its key");
   }
   std::uint64_t texels = 0;
   for (std::size_t p = 0; p < directory.pages.size(); ++p) {
     const mesh::Lattice& page = directory.pages[p];
     if (facts.is_target && directory.page_texels[p] > std::uint64_t{page.width} * page.height) {
-      fail(name, "has a page of more texels than its image");
+      fail(name, "has a page with more texels than its image");
     }
     texels += directory.page_texels[p];
   }
-  if (texels != directory.texels) fail(name, "has another number of texels than its pages");
+  if (texels != directory.texels) fail(name, "has a different number of texels than its pages");
   // Users are warned of these, so they must at least be possible.
   if (directory.overlapping > directory.texels || directory.slivers > facts.triangles ||
       directory.degenerate > facts.triangles || directory.coincident > facts.triangles) {
-    fail(name, "counts more texels or triangles than there are");
+    fail(name, "counts more texels or triangles than possible");
   }
   if (directory.most_triangles > kMostTrianglesPerBlock ||
       directory.most_patches > kMostPatchesPerTriangle * kMostTrianglesPerBlock ||
@@ -269,7 +270,7 @@ void GeometryCodec::check(const Directory& directory, const Facts& facts, const 
   if (directory.most_blocks > most_blocks) fail(name, "has impossible maxima");
   for (const TileEntry& tile : directory.tiles) {
     if (tile.blocks == 0 || tile.blocks > directory.most_blocks) {
-      fail(name, "has a tile of an impossible number of blocks");
+      fail(name, "has a tile with an impossible number of blocks");
     }
   }
 }
@@ -280,7 +281,7 @@ void GeometryCodec::check(const std::vector<Entry>& entries, const Tile&,
   for (const BlockEntry& entry : entries) {
     if (entry.page >= directory.pages.size() || entry.page != entries.front().page ||
         !is_inside(entry, directory.pages[entry.page], facts.is_target)) {
-      fail(name, "has a block outside its page");
+      fail(name, "has a block outside of its page");
     }
     if ((entry.triangles == 0 && !facts.is_target) || entry.triangles > directory.most_triangles ||
         entry.patches >
@@ -296,20 +297,20 @@ void GeometryCodec::check(const Block& block, const Entry& entry, const Director
                           const Facts& facts, const std::string& name) {
   if (block.page != entry.page || block.x != entry.x || block.y != entry.y ||
       block.triangles.size() != entry.triangles) {
-    fail(name, "is not the one its index names");
+    fail(name, "is not the block that its index names");
   }
   // Facets carry it into the search, where the triangle that a texel is on is looked up by it.
   for (const std::uint32_t id : block.ids) {
-    if (id >= facts.triangles) fail(name, "names a triangle that the mesh lacks");
+    if (id >= facts.triangles) fail(name, "refers to a triangle that the mesh does not have");
   }
   if (block.colours.empty() == facts.has_colours && !block.triangles.empty())
-    fail(name, "has colours, or has none, against its key");
+    fail(name, "has or lacks colours, contrary to its key");
   const mesh::Lattice& page = facts.pages[block.page];
   check_vertices(block, page, name);
   if (facts.is_target) {
     check_owners(block, entry, page, name);
   } else if (!block.owner.empty() || !block.shifts.empty()) {
-    fail(name, "has texel runs, records or periods, which a source has not");
+    fail(name, "has texel runs, records or periods, which a source does not have");
   }
   // Shifts are subtracted from texels: a large one would leave doubles no digits for the texel.
   for (const auto& shift : block.shifts) {

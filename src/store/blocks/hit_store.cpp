@@ -48,8 +48,10 @@ HitStore::HitStore(std::unique_ptr<PackReader> pack, Facts facts, Compressor& co
   ByteReader in(raw, pack_->name() + ": directory");
   std::uint32_t across = 0, down = 0;
   in.get_all(across, down);
-  if (across != grid_.across || down != grid_.down) in.fail("is of an image of another size");
-  if (in.left() != grid_.blocks() * kChunkRefBytes) in.fail("has another size than its image says");
+  if (across != grid_.across || down != grid_.down)
+    in.fail("belongs to an image of a different size");
+  if (in.left() != grid_.blocks() * kChunkRefBytes)
+    in.fail("has a different size than its image requires");
   blocks_.resize(grid_.blocks());
   for (ChunkRef& block : blocks_) block = get_chunk(in);
 }

@@ -200,9 +200,9 @@ SplatBlock decode_splats(std::span<const std::byte> raw, const std::string& name
   block.sh.resize(std::size_t{3} * block.lobes * count);
   const auto sh = std::as_writable_bytes(std::span(block.sh));
   if (!sh.empty()) unshuffle(in.take(sh.size()), sizeof(std::uint16_t), sh);
-  if (!all_finite(block.sh)) in.fail("has harmonics that are not finite");
+  if (!all_finite(block.sh)) in.fail("has non-finite spherical harmonics");
   for (std::size_t i = 0; i < count; ++i) {
-    if (!is_legal(block.splat(i))) in.fail("has a Gaussian that is none");
+    if (!is_legal(block.splat(i))) in.fail("has an invalid Gaussian");
   }
   return block;
 }

@@ -130,7 +130,7 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
   directory.box = get_box(in);
   directory.middle_box = get_box(in);
   if (in.left() != std::uint64_t{tiles} * kTileBytes) {
-    in.fail("has another size than its counts say");
+    in.fail("has a different size than its counts state");
   }
   directory.tiles.resize(tiles);
   for (SplatTile& tile : directory.tiles) {
@@ -138,7 +138,7 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
     tile.index_page = get_chunk(in);
     in.get_all(tile.blocks, tile.size_class);
     if (tile.blocks == 0 || tile.blocks > directory.most_blocks) {
-      in.fail("has a tile of an impossible number of blocks");
+      in.fail("has a tile with an impossible number of blocks");
     }
   }
   return directory;
@@ -150,7 +150,7 @@ void SplatCodec::check(const Directory& directory, const Facts& facts, const std
   for (const std::uint64_t count : directory.filtered) rows += count;
   if (rows != facts.rows.value_or(rows) || directory.model != facts.model ||
       directory.lobes != facts.lobes || directory.is_linear != facts.is_linear)
-    fail(name, "is of another scene than its key stands for");
+    fail(name, "belongs to a different scene than its key");
 }
 
 // The index sizes the buffers of a walk before any block is read, so each entry must keep to what
@@ -171,7 +171,7 @@ void SplatCodec::check(const Block& block, const Entry& entry, const Directory& 
                        const Facts&, const std::string& name) {
   if (block.size() != entry.splats || block.lobes != directory.lobes ||
       (!block.normal[0].empty() && !directory.has_normals))
-    fail(name, "is not the one its index names");
+    fail(name, "is not the block that its index names");
 }
 
 }  // namespace pounce::store

@@ -148,7 +148,7 @@ const char* kind_name(PackKind kind) {
     case PackKind::hits:
       return "hits";
   }
-  throw Error(ErrorKind::internal, "a pack of no kind (please report)");
+  throw Error(ErrorKind::internal, "a pack of an unknown kind (please report)");
 }
 
 CacheLayout::CacheLayout(const std::string& root)

@@ -211,7 +211,7 @@ class CacheFolder final : public StoreFolder {
         unkept_(make_scratch(files, options_.scratch_folder)) {
     if (read_only_) {
       notes_.push_back(layout_.folder() +
-                       ": cannot be written; packs are read from it and none are added");
+                       ": not writable; packs are read from it, but none are added");
     }
   }
 
@@ -232,8 +232,8 @@ class CacheFolder final : public StoreFolder {
       if (damage.empty() || removed) claims_[name_of(kind, key)] = std::move(claim);
     }
     if (!damage.empty() && warning != nullptr) {
-      *warning += fmt::format("{}{} ({}; it is built again)", warning->empty() ? "" : "\n", damage,
-                              removed ? "removed" : "left out");
+      *warning += fmt::format("{}{} ({}; rebuilding it)", warning->empty() ? "" : "\n", damage,
+                              removed ? "removed" : "ignored");
     }
     return nullptr;
   }
@@ -370,9 +370,8 @@ class CacheFolder final : public StoreFolder {
     const std::lock_guard lock(mutex_);
     if (std::exchange(unkept_told_, true)) return;
     notes_.push_back(
-        fmt::format("{}: no room for a pack of {:.1f} MiB within --cache-limit ({:.1f} MiB) and "
-                    "what is free on "
-                    "the disk; this run does without keeping what does not fit",
+        fmt::format("{}: no space for a pack of {:.1f} MiB within --cache-limit ({:.1f} MiB) and "
+                    "the free disk space; this run does not store what does not fit",
                     layout_.folder(), mebibytes(size_bytes), mebibytes(space_.limit_bytes())));
   }
 

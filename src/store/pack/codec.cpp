@@ -209,7 +209,7 @@ struct Compressor::Contexts {
       throw std::bad_alloc();
     }
     // Chunks carry an XXH3 of ours, which is checked before the frame is looked at.
-    check_zstd(ZSTD_CCtx_setParameter(compress, ZSTD_c_checksumFlag, 0), "turn checksums off");
+    check_zstd(ZSTD_CCtx_setParameter(compress, ZSTD_c_checksumFlag, 0), "disable checksums");
     check_zstd(ZSTD_CCtx_setParameter(compress, ZSTD_c_compressionLevel, kZstdLevel), "set level");
     check_zstd(ZSTD_CCtx_setParameter(compress, ZSTD_c_windowLog, kWindowLog), "set the window");
   }
@@ -242,21 +242,21 @@ void Compressor::compress(std::span<const std::byte> raw, std::vector<std::byte>
 void Compressor::decompress(std::span<const std::byte> stored, std::span<std::byte> raw) {
   const unsigned long long content = ZSTD_getFrameContentSize(stored.data(), stored.size());
   if (content == ZSTD_CONTENTSIZE_ERROR || content == ZSTD_CONTENTSIZE_UNKNOWN) {
-    damaged("it is not a zstd frame that states its size");
+    damaged("it is not a zstd frame with a stated size");
   }
   if (content != raw.size()) {
-    damaged(fmt::format("its frame holds {} bytes, {} were announced", content, raw.size()));
+    damaged(fmt::format("its frame holds {} bytes, expected {}", content, raw.size()));
   }
   // Exactly one frame: zstd would silently go on into a second one or skip foreign ones.
   const std::size_t frame = ZSTD_findFrameCompressedSize(stored.data(), stored.size());
-  if (ZSTD_isError(frame) || frame != stored.size())
-    damaged("its frame does not end where it should");
+  if (ZSTD_isError(frame) || frame != stored.size()) damaged("its frame has the wrong length");
   const std::size_t size = ZSTD_decompressDCtx(contexts_->decompress, raw.data(), raw.size(),
                                                stored.data(), stored.size());
   // Too little memory is no damage: the pack must not be thrown away for it.
   if (ZSTD_getErrorCode(size) == ZSTD_error_memory_allocation) throw std::bad_alloc();
   if (ZSTD_isError(size)) damaged(ZSTD_getErrorName(size));
-  if (size != raw.size()) damaged(fmt::format("{} of {} bytes came out", size, raw.size()));
+  if (size != raw.size())
+    damaged(fmt::format("only {} of {} bytes were decompressed", size, raw.size()));
 }
 
 std::uint64_t Compressor::context_bytes() {

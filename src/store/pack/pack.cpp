@@ -32,7 +32,7 @@ void check_size(const ReadFile& file, const std::string& name) {
   const std::uint64_t least = kPackHeaderBytes + kPackFooterBytes;
   if (file.size_bytes() < least) {
     damaged(name, file.size_bytes(),
-            fmt::format("the file ends here, a pack has at least {} bytes", least));
+            fmt::format("the file ends here, but a pack has at least {} bytes", least));
   }
 }
 
@@ -42,7 +42,7 @@ void check_size(const ReadFile& file, const std::string& name) {
 void check_frame(std::span<const std::byte, 64> bytes, const std::array<char, 8>& magic,
                  const std::string& name, std::uint64_t offset) {
   if (std::memcmp(bytes.data(), magic.data(), magic.size()) != 0) {
-    damaged(name, offset, fmt::format("\"{}\" was expected", std::string(magic.data(), 8)));
+    damaged(name, offset, fmt::format("expected \"{}\"", std::string(magic.data(), 8)));
   }
   if (get_u64(bytes.data() + kEndChecksumOffset) != checksum(bytes.first<kEndChecksumOffset>())) {
     damaged(name, offset, "its checksum does not match");
@@ -84,7 +84,7 @@ ChunkRef PackWriter::append(ChunkKind kind, std::span<const std::byte> stored,
                             std::uint32_t raw_bytes) {
   if (finished_ || stored.size() > kLargestChunkBytes || raw_bytes > kLargestChunkBytes) {
     throw Error(ErrorKind::internal,
-                fmt::format("a pack cannot take a chunk of {} bytes, {} stored{} (please report)",
+                fmt::format("a pack cannot store a chunk of {} bytes, {} stored{} (please report)",
                             raw_bytes, stored.size(), finished_ ? ", once finished" : ""));
   }
   // Composed in memory and written at once: an offset is part of its checksum, and a chunk that is
@@ -135,7 +135,7 @@ PackInfo read_pack_info(const ReadFile& file, const std::string& name) {
   }
   // Another version is told before anything else: its other fields may mean something else.
   const std::uint32_t kind = get_u32(header.data() + 12);
-  if (kind < 1 || kind > 5) damaged(name, 12, fmt::format("{} is no kind of pack", kind));
+  if (kind < 1 || kind > 5) damaged(name, 12, fmt::format("{} is not a known kind of pack", kind));
   info.kind = static_cast<PackKind>(kind);
   info.key = get_key(header.data() + 16);
   if (std::any_of(header.begin() + 32, header.begin() + kEndChecksumOffset,
@@ -168,11 +168,11 @@ void PackReader::read_header(PackKind kind) {
   bytes_read_.fetch_add(kPackHeaderBytes, std::memory_order_relaxed);
   if (info.kind != kind) {
     damaged(12,
-            fmt::format("it is a pack of kind {}, {} was expected",
+            fmt::format("it is a pack of kind {}, expected {}",
                         static_cast<std::uint32_t>(info.kind), static_cast<std::uint32_t>(kind)));
   }
   if (info.key != key_) {
-    damaged(16, fmt::format("it holds {}, {} was expected", to_hex(info.key), to_hex(key_)));
+    damaged(16, fmt::format("it holds {}, expected {}", to_hex(info.key), to_hex(key_)));
   }
 }
 
@@ -188,19 +188,20 @@ void PackReader::read_footer() {
     damaged(at, fmt::format("it was written with {} bytes and now has {}",
                             get_u64(footer.data() + 32), size_));
   }
-  if (get_key(footer.data() + 40) != key_) damaged(at, "the footer has another key");
+  if (get_key(footer.data() + 40) != key_) damaged(at, "the footer has a different key");
 }
 
 /// Everything about a reference that can be known before memory is taken for it.
 void PackReader::check_ref(const ChunkRef& ref) const {
   const std::uint64_t end = size_ - kPackFooterBytes;
   if (ref.stored_bytes > kLargestChunkBytes || ref.raw_bytes > kLargestChunkBytes) {
-    damaged(ref.offset, fmt::format("a chunk of {} bytes, {} stored, is larger than any",
-                                    ref.raw_bytes, ref.stored_bytes));
+    damaged(ref.offset,
+            fmt::format("a chunk of {} bytes, {} stored, exceeds the largest possible size",
+                        ref.raw_bytes, ref.stored_bytes));
   }
   if (ref.offset < kPackHeaderBytes || ref.offset % kChunkAlignment != 0 || ref.offset > end ||
       chunk_file_bytes(ref.stored_bytes) > end - ref.offset) {
-    damaged(ref.offset, fmt::format("a chunk of {} bytes cannot lie there", ref.stored_bytes));
+    damaged(ref.offset, fmt::format("a chunk of {} bytes does not fit there", ref.stored_bytes));
   }
 }
 
@@ -217,7 +218,7 @@ void PackReader::read(const ChunkRef& ref, ChunkKind kind, std::vector<std::byte
   if (get_u32(stored.data() + 4) != static_cast<std::uint32_t>(kind) ||
       get_u32(stored.data() + 8) != ref.raw_bytes ||
       get_u32(stored.data() + 12) != ref.stored_bytes) {
-    damaged(ref.offset, "the chunk has another kind or size than its index says");
+    damaged(ref.offset, "the chunk has a different kind or size than its index states");
   }
   // A file system that mixed up blocks of two packs of like sizes would pass all of the above.
   if (get_u64(stored.data() + 24) != key_.lo)
@@ -244,7 +245,7 @@ std::uint64_t PackReader::verify() const {
     std::array<std::byte, kChunkHeaderBytes> header{};
     read_raw(at, header);
     const std::uint32_t kind = get_u32(header.data() + 4);
-    if (kind < 1 || kind > 3) damaged(at, fmt::format("{} is no kind of chunk", kind));
+    if (kind < 1 || kind > 3) damaged(at, fmt::format("{} is not a known kind of chunk", kind));
     const ChunkRef ref{at, get_u32(header.data() + 12), get_u32(header.data() + 8)};
     read(ref, static_cast<ChunkKind>(kind), stored);
     directory_seen |= ref == directory_;
@@ -252,8 +253,8 @@ std::uint64_t PackReader::verify() const {
     ++count;
   }
   if (count != chunks_ || !directory_seen) {
-    damaged(end, fmt::format("it holds {} chunks, the footer says {}{}", count, chunks_,
-                             directory_seen ? "" : " and a directory that is none"));
+    damaged(end, fmt::format("it holds {} chunks, but the footer states {}{}", count, chunks_,
+                             directory_seen ? "" : " and an invalid directory"));
   }
   return count;
 }

@@ -69,7 +69,7 @@ inline ChunkRef get_chunk(ByteReader& in) {
   chunk.raw_bytes = in.get<std::uint32_t>();
   if (chunk.offset < kPackHeaderBytes || chunk.offset % kChunkAlignment != 0 ||
       chunk.stored_bytes > kLargestChunkBytes || chunk.raw_bytes > kLargestChunkBytes) {
-    in.fail("names a chunk that cannot be");
+    in.fail("refers to an impossible chunk");
   }
   return chunk;
 }
@@ -83,7 +83,7 @@ inline Box3f get_box(ByteReader& in) {
   Box3f box;
   for (float* v : {&box.lo.x, &box.lo.y, &box.lo.z, &box.hi.x, &box.hi.y, &box.hi.z})
     *v = in.get<float>();
-  if (box.empty() && box != Box3f()) in.fail("has a box that is none");
+  if (box.empty() && box != Box3f()) in.fail("has an invalid box");
   return box;
 }
 

@@ -77,7 +77,7 @@ TEST_CASE("names are told apart from what has none") {
   CHECK(colour_space_name({kRec709, false}) == "srgb");
   CHECK(colour_space_name({kRec709, true}) == "lin_rec709");
   CHECK(colour_space_name({space("display-p3").primaries, true}) ==
-        "linear light of red 0.68 0.32, green 0.265 0.69, blue 0.15 0.06, white 0.3127 0.329");
+        "linear light with red 0.68 0.32, green 0.265 0.69, blue 0.15 0.06, white 0.3127 0.329");
 }
 
 TEST_CASE("what spans no colours is no space") {

@@ -92,7 +92,7 @@ TEST_CASE("a file that is in place is not told as one that cannot be written", "
   }
   folder_syncs_fail = false;
   CHECK(test::read_file(path) == "new");
-  CHECK(said.starts_with(path + ": is written and in place, but its folder could not be synced"));
+  CHECK(said.starts_with(path + ": was written, but its folder could not be synced"));
   CHECK(said.find("Input/output error") != std::string::npos);
 }
 

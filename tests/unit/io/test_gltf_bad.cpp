@@ -77,7 +77,8 @@ const std::vector<BadCase>& structure_cases() {
       {"scene is 4", [](auto& b) { b.doc["scene"] = 4; }},
       {"scenes[0].nodes is 9", [](auto& b) { b.doc["scenes"][0]["nodes"].push_back(9); }},
       {"lists nodes[0] twice", [](auto& b) { b.doc["scenes"][0]["nodes"].push_back(0); }},
-      {"which is no root node", [](auto& b) { b.doc["nodes"][0]["children"] = json::array({1}); }},
+      {"which is not a root node",
+       [](auto& b) { b.doc["nodes"][0]["children"] = json::array({1}); }},
       {"two parents",
        [](auto& b) {
          b.doc["nodes"].push_back({{"children", json::array({0})}});
@@ -99,7 +100,7 @@ const std::vector<BadCase>& structure_cases() {
        [](auto& b) {
          b.doc["nodes"][0]["matrix"] = json::array({1, 2, 3});
        }},
-      {"nodes[0].translation holds something that is not a finite number",
+      {"nodes[0].translation contains something that is not a finite number",
        [](auto& b) {
          b.doc["nodes"][0]["translation"] = json::array({1e200, 0, 0});
        }},
@@ -124,7 +125,7 @@ const std::vector<BadCase>& structure_cases() {
       {"index is 3", [](auto& b) { b.doc["materials"][0]["occlusionTexture"]["index"] = 3; }},
       {"textures[0].source is 2", [](auto& b) { b.doc["textures"][0]["source"] = 2; }},
       {"textures[0].sampler is 2", [](auto& b) { b.doc["textures"][0]["sampler"] = 2; }},
-      {"no wrap mode", [](auto& b) { b.doc["samplers"][0]["wrapS"] = 1; }},
+      {"not a wrap mode", [](auto& b) { b.doc["samplers"][0]["wrapS"] = 1; }},
       {"images[0].bufferView is 50",
        [](auto& b) {
          b.doc["images"][0] = {{"bufferView", 50}};
@@ -203,7 +204,7 @@ const std::vector<BadCase>& accessor_cases() {
       {"indices (accessor 0) is not", [](auto& b) { primitive_of(b)["indices"] = 0; }},
       {"JOINTS_0", [](auto& b) { primitive_of(b)["attributes"]["JOINTS_0"] = 5; }},
       {"no matching joints", [](auto& b) { primitive_of(b)["attributes"].erase("JOINTS_0"); }},
-      {"element 1 is 3, but there are only 3 vertices",
+      {"element 1 is 3, but only 3 vertices exist",
        [](auto& b) {
          primitive_of(b)["indices"] = b.template add<std::uint16_t>({0, 3, 2}, "SCALAR");
        }},
@@ -221,7 +222,7 @@ const std::vector<BadCase>& accessor_cases() {
       {"TEXCOORD_0 (accessor 2) element 0", [](auto& b) { put_floats(b, 2, 0, {kInf}); }},
       {"WEIGHTS_0 (accessor 5) element 0 is not", [](auto& b) { put_floats(b, 5, 0, {kNan}); }},
       {"WEIGHTS_0 (accessor 5) element 1 is negative", [](auto& b) { put_floats(b, 5, 5, {-1}); }},
-      {"names joint 1, but the skin has only 1",
+      {"refers to joint 1, but the skin has only 1",
        [](auto& b) {
          primitive_of(b)["attributes"]["JOINTS_0"] =
              b.template add<std::uint8_t>({0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0}, "VEC4");
@@ -357,10 +358,10 @@ TEST_CASE("buffers that are missing or too short are told", "[io]") {
     test::write_file(folder.file("m.gltf"), b.doc.dump());
     return refusal(folder.file("m.gltf"));
   };
-  CHECK_THAT(with_uri("gone.bin"), Catch::Contains("\"gone.bin\", which is not there"));
-  CHECK_THAT(with_uri("http://example.com/a.bin"), Catch::Contains("not there"));
+  CHECK_THAT(with_uri("gone.bin"), Catch::Contains("\"gone.bin\", which is missing"));
+  CHECK_THAT(with_uri("http://example.com/a.bin"), Catch::Contains("missing"));
   CHECK_THAT(with_uri("data:application/octet-stream;base64,AAAA"),
-             Catch::Contains("should hold 72 bytes, but there are 3"));
+             Catch::Contains("should have 72 bytes, but has 3"));
   CHECK_THAT(with_uri("data:application/octet-stream;base64,!!!!"), Catch::Contains("not base64"));
   CHECK_THAT(with_uri("data:text/plain,hello"), Catch::Contains("not base64"));
   b.doc["buffers"] = json::array({{{"byteLength", b.buffer.size()}}});

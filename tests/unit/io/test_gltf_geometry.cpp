@@ -115,7 +115,8 @@ TEST_CASE("what is called COLOR_0 and is no colour is told of and left out", "[i
     CHECK_FALSE(m.has_vertex_colours);
     CHECK(m.colours.empty());
     REQUIRE(m.warnings.size() == 1);
-    CHECK_THAT(m.warnings[0], Catch::Matchers::Contains("COLOR_0 is of a type that colours"));
+    CHECK_THAT(m.warnings[0],
+               Catch::Matchers::Contains("COLOR_0 has a type that is not valid for colours"));
   }
 }
 

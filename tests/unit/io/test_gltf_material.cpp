@@ -158,7 +158,7 @@ TEST_CASE("a missing image file is told, not thrown", "[io]") {
   GltfBuilder b = textured({{"index", 0}});
   b.doc["images"][0] = {{"uri", "no%20such.png"}};
   const std::string path = b.write(folder.file("m.gltf"));
-  CHECK_THAT(io::read_mesh(path).images.at(0).problem, Catch::Contains("not there"));
+  CHECK_THAT(io::read_mesh(path).images.at(0).problem, Catch::Contains("missing"));
   test::write_file(folder.file("no such.png"), kPngHead);
   const mesh::Mesh m = io::read_mesh(path);
   CHECK(m.images.at(0).problem.empty());

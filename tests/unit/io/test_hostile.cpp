@@ -281,7 +281,7 @@ TEST_CASE("a warning for every instance costs nothing", "[io]") {
   const mesh::Mesh mesh = io::read_mesh(path);
   REQUIRE(mesh.warnings.size() == 101);
   CHECK(mesh.warnings[0] == path + ": mesh 0 \"" + std::string(100, 'n') +
-                                "...\" primitive 0 ends with an incomplete triangle, left out");
+                                "...\" primitive 0 ends with an incomplete triangle; ignored");
   CHECK(mesh.warnings.back() == path + ": 49900 more warnings, not shown");
 }
 

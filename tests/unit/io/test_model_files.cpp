@@ -115,7 +115,7 @@ TEST_CASE("a missing image is named as before, a missing buffer ends it", "[mode
   io::ModelRequest request{folder.file("target.gltf"), folder.file("out.glb"), 0, {base_color(0)}};
   const io::ModelPlan plan = io::plan_model(request);
   REQUIRE(plan.warnings.size() == 1);
-  CHECK_THAT(plan.warnings[0], Contains("gone.png is not there"));
+  CHECK_THAT(plan.warnings[0], Contains("gone.png is missing"));
   FakeImages({kNewImage}).write(request);
   CHECK(Glb(request.output).doc["images"][1]["uri"] == "gone.png");
 

@@ -239,7 +239,7 @@ TEST_CASE("MTL materials give textures, factors and wrap modes", "[io]") {
   CHECK(skin.textures[0]->transform == mesh::UvTransform{});
   REQUIRE(glow.textures[0].has_value());
   CHECK(glow.textures[0]->wrap_v == mesh::Wrap::clamp);
-  CHECK_THAT(m.images.at(glow.textures[0]->image).problem, Catch::Contains("not there"));
+  CHECK_THAT(m.images.at(glow.textures[0]->image).problem, Catch::Contains("missing"));
   CHECK(glow.factors[0] == std::array<float, 4>{1, 1, 1, 1});
   REQUIRE(glow.textures[static_cast<std::size_t>(Channel::emissive)].has_value());
   CHECK(glow.factors[static_cast<std::size_t>(Channel::emissive)] ==
@@ -264,11 +264,12 @@ TEST_CASE("a missing MTL file or material is a warning", "[io]") {
 
 TEST_CASE("bad OBJ lines are refused, naming file and line", "[io]") {
   const std::vector<std::pair<std::string, std::string>> cases = {
-      {kQuad + "f 1 2 9\n", "line 5: a face names vertex 9, but 4"},
-      {kQuad + "f 1 2 -9\n", "line 5: a face names vertex -9"},
+      {kQuad + "f 1 2 9\n", "line 5: a face refers to vertex 9, but only 4"},
+      {kQuad + "f 1 2 -9\n", "line 5: a face refers to vertex -9"},
       {kQuad + "f 1 2 0\n", "line 5: the corner \"0\" has index 0"},
-      {kQuad + "vt 0 0\nf 1/1 2/2 3/1\n", "line 6: a face names texture coordinate 2, but 1"},
-      {kQuad + "f 1//1 2//1 3//1\n", "line 5: a face names normal 1, but 0"},
+      {kQuad + "vt 0 0\nf 1/1 2/2 3/1\n",
+       "line 6: a face refers to texture coordinate 2, but only 1"},
+      {kQuad + "f 1//1 2//1 3//1\n", "line 5: a face refers to normal 1, but only 0"},
       {kQuad + "f 1 2 x\n", "line 5: the corner \"x\""},
       {kQuad + "f 1 2 3/2f\n", "line 5"},
       {kQuad + "f 1 2 99999999999999999999\n", "line 5"},
@@ -282,7 +283,7 @@ TEST_CASE("bad OBJ lines are refused, naming file and line", "[io]") {
       {"vt nan 0\n" + kQuad, "line 1: a texture coordinate holds"},
       {"vn 0 1 -nan\n" + kQuad, "line 1: a normal holds"},
       {kQuad, "no faces"},
-      {kQuad + "f 1 2\n", "no faces (4 vertices, 1 faces of fewer than 3 corners)"},
+      {kQuad + "f 1 2\n", "no faces (4 vertices, 1 faces with fewer than 3 corners)"},
       {"", "no faces"},
   };
   for (const auto& [text, message] : cases) {

@@ -85,7 +85,7 @@ TEST_CASE("relative indices of an OBJ are those of the lines before", "[io]") {
   CHECK(m.positions[3] == Vec3f{5, 5, 5});
   CHECK(m.normals[3] == Vec3f{1, 0, 0});
   CHECK_THAT(refused("v 0 0 0\nv 1 0 0\nf 1 2 3\nv 0 1 0\n"),
-             Catch::Contains("line 3: a face names vertex 3, but 2"));
+             Catch::Contains("line 3: a face refers to vertex 3, but only 2"));
   CHECK_THAT(refused(kSquare + "f 1/-5 2 3\n"), Catch::Contains("texture coordinate -5, but 4"));
   CHECK_THAT(refused(kSquare + "f 1//-3 2 3\n"), Catch::Contains("normal -3, but 2"));
 }
@@ -149,7 +149,7 @@ TEST_CASE("colours of vertices become linear light", "[io]") {
   CHECK(bytes.colours[0].x == 1);
   CHECK(bytes.colours[0].y == Approx(.033105).epsilon(1e-4));  // of 0.2
   REQUIRE(bytes.warnings.size() == 1);
-  CHECK_THAT(bytes.warnings[0], Contains("go up to 255; taken as 0 to 255"));
+  CHECK_THAT(bytes.warnings[0], Contains("go up to 255; read as 0 to 255"));
   // What is no colour is white, and said: a mesh whose colours nobody wants has to be read.
   const mesh::Mesh bad =
       read_coloured("v 0 0 0 1 nan 0\nv 1 0 0 1 1 1e99\nv 0 1 0 0 0 1\nf 1 2 3\n");
@@ -163,7 +163,7 @@ TEST_CASE("a normal too large for a float is replaced", "[io]") {
       read("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 1e300 0\nvn 0 0 0\nf 1//1 2//2 3//1\n");
   CHECK(m.normals == std::vector<Vec3f>(3, {0, 0, 1}));
   REQUIRE(m.warnings.size() == 1);
-  CHECK_THAT(m.warnings[0], Catch::Contains("3 normals were zero or not finite"));
+  CHECK_THAT(m.warnings[0], Catch::Contains("3 normals are zero or not finite"));
 }
 
 TEST_CASE("an OBJ's lines have an end", "[io]") {
@@ -194,7 +194,7 @@ TEST_CASE("faces have the material that was named last", "[io]") {
   CHECK(materials(m) == Strings{"default", "a", "a_2", " a", "gone"});
   CHECK(m.triangle_material == std::vector<std::uint32_t>{0, 1, 2, 2, 3, 2, 4});
   REQUIRE(m.warnings.size() == 4);
-  CHECK_THAT(m.warnings[2], Catch::Contains("has the material \" a\""));
+  CHECK_THAT(m.warnings[2], Catch::Contains("defines the material \" a\""));
 }
 
 TEST_CASE("of several material files the first that can be read is", "[io]") {
@@ -314,7 +314,8 @@ TEST_CASE("lines of an OBJ end in every way", "[io]") {
     CHECK(m.positions.size() == 4);
     CHECK(m.triangles == std::vector<Triangle>{{0, 1, 2}, {0, 2, 3}});
     CHECK(m.parts.names == Strings{"a"});
-    CHECK_THAT(refused(ended(square) + "f 1 2 5" + end), Catch::Contains("line 8: a face names"));
+    CHECK_THAT(refused(ended(square) + "f 1 2 5" + end),
+               Catch::Contains("line 8: a face refers to"));
   }
 }
 

@@ -276,8 +276,8 @@ TEST_CASE("an SPZ that names its axes is turned to those of a PLY, others are no
     CHECK(rub.sh(0, 3) == -rdf.sh(0, 3));                     // with z
     CHECK(rub.sh(0, 6) == rdf.sh(0, 6));                      // with x
     REQUIRE(rub.info.assumptions.size() == 1);
-    CHECK(rub.info.assumptions[0].find("RUB by its own word") != std::string::npos);
-    CHECK(unknown.info.assumptions[0].find("taken as stored") != std::string::npos);
+    CHECK(rub.info.assumptions[0].find("stated as RUB") != std::string::npos);
+    CHECK(unknown.info.assumptions[0].find("read as stored") != std::string::npos);
     CHECK(read(version, 4, parse_axes("z,x,y")).rows.splats[0].mean == Vec3f{-p.z, p.x, -p.y});
     CHECK(read(version, 99, parse_axes("z,x,y")).info.assumptions.empty());  // the user said it
   }

@@ -133,7 +133,7 @@ TEST_CASE("SPZ in a buffer view is decoded", "[io]") {
   CHECK(found.sh(7, 0) == Approx(-splats[7].rest[0]).margin(5e-3));
   CHECK(found.sh(7, 6) == Approx(splats[7].rest[6]).margin(5e-3));
   REQUIRE(found.info.assumptions.size() == 1);
-  has(found.info.assumptions[0], "its axes are glTF's (left, up, forward), taken as stored");
+  has(found.info.assumptions[0], "its axes are assumed to be glTF's (left, up, forward)");
   extension["extensions"]["KHR_gaussian_splatting_compression_spz_2"]["bufferView"] = 99;
   has(problem_of(scene), "bufferView");
   extension["extensions"] = {{"KHR_gaussian_splatting_compression_egsc", {{"bufferView", view}}}};
@@ -150,7 +150,7 @@ TEST_CASE("what an SPZ within a glTF says of its axes is not followed, and told"
       read(test::spz_in_gltf(splats, test::gzipped(test::spz_bytes(splats, 2, record))));
   CHECK(found.rows.splats[1].mean.y == Approx(splats[1].mean[1]).margin(2e-4));
   REQUIRE(found.info.assumptions.size() == 2);
-  has(found.info.assumptions[0], "says that its axes are RUB; not turned");
+  has(found.info.assumptions[0], "states the axes RUB; ignored");
 }
 
 TEST_CASE("colour spaces are told, what is unknown is refused by name", "[io]") {
@@ -166,9 +166,10 @@ TEST_CASE("colour spaces are told, what is unknown is refused by name", "[io]") 
   has(problem_of(scene), "kernel \"cube\"");
   extension["kernel"] = "ellipse";
   const auto told = [&](const ReadScene& read_scene) {
-    return std::any_of(
-        read_scene.info.assumptions.begin(), read_scene.info.assumptions.end(),
-        [](const std::string& one) { return one.find("names no kernel") != std::string::npos; });
+    return std::any_of(read_scene.info.assumptions.begin(), read_scene.info.assumptions.end(),
+                       [](const std::string& one) {
+                         return one.find("its kernel is missing") != std::string::npos;
+                       });
   };
   CHECK_FALSE(told(read(scene)));
   extension.erase("kernel");  // as files of public readers' tests: there is but one
@@ -192,26 +193,27 @@ TEST_CASE("splat primitives that lack something are refused", "[io]") {
     scene.primitive()["attributes"].erase(name);
     return problem_of(scene);
   };
-  has(without("POSITION"), "without POSITION");
+  has(without("POSITION"), "no POSITION");
   has(without(kPrefix + "ROTATION"), "has no KHR_gaussian_splatting:ROTATION");
-  has(without(kPrefix + "SH_DEGREE_0_COEF_0"), "only some of its harmonics");
+  has(without(kPrefix + "SH_DEGREE_0_COEF_0"), "an incomplete set of spherical harmonics");
   for (int n = 0; n < 3; ++n)
-    has(without(kPrefix + "SH_DEGREE_1_COEF_" + std::to_string(n)), "only some of its harmonics");
+    has(without(kPrefix + "SH_DEGREE_1_COEF_" + std::to_string(n)),
+        "an incomplete set of spherical harmonics");
   GltfScene scene = whole;
   scene.document["accessors"][0].erase("bufferView");
-  has(problem_of(scene), "has no bytes of its own");
+  has(problem_of(scene), "has no buffer view or is sparse");
   scene = whole;
   scene.document["accessors"][3]["count"] = 2;
   has(problem_of(scene), "has 2 elements for 3 Gaussians");
   scene = whole;
   scene.document["accessors"][2]["type"] = "VEC2";
-  has(problem_of(scene), "another type");
+  has(problem_of(scene), "wrong type");
   scene = whole;
   scene.document["accessors"][0]["count"] = 4294967296;
   CHECK_FALSE(problem_of(scene).empty());
   scene = whole;
   scene.document["scenes"][0]["nodes"] = Json::array();
-  has(problem_of(scene), "shows no primitive of Gaussians");
+  has(problem_of(scene), "has no primitive of Gaussians");
 }
 
 TEST_CASE("a file of meshes is no scene, a scene is no mesh", "[io]") {
@@ -225,7 +227,7 @@ TEST_CASE("a file of meshes is no scene, a scene is no mesh", "[io]") {
     read_mesh(path);
     FAIL("read as a mesh");
   } catch (const Error& e) {
-    has(e.what(), "a Gaussian splat scene in glTF (KHR_gaussian_splatting), without a triangle");
+    has(e.what(), "a Gaussian splat scene in glTF (KHR_gaussian_splatting) without triangles");
   }
   // The word alone makes no scene.
   scene.primitive().erase("extensions");

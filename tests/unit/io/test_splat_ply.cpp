@@ -189,7 +189,7 @@ TEST_CASE("splat columns of short are refused by name", "[io]") {
     if (name == "f_rest_0") ply.columns = SplatPlyBuilder::usual_columns(9);
     *std::find(ply.columns.begin(), ply.columns.end(), "float " + name) =
         (name == "x" ? "short " : "int16 ") + name;
-    has(problem_of(ply.bytes()), "its column \"" + name + "\" is of type short (int16)");
+    has(problem_of(ply.bytes()), "its column \"" + name + "\" has type short (int16)");
   }
 }
 
@@ -280,7 +280,7 @@ TEST_CASE("what is no splat PLY is refused by what it is", "[io]") {
   has(problem_of("glTF stuff"), "does not begin like a PLY");
   has(problem_of("ply\n"), "end_header");
   has(problem_of(whole.substr(0, whole.size() - 1)), "after 2 of them");
-  has(problem_of(whole + "x"), "do not belong together");
+  has(problem_of(whole + "x"), "do not match");
   has(problem_of(ply.header()), "cut off");
   ply.format = "ascii 1.0";
   has(problem_of(ply.bytes()), "ASCII");
@@ -320,13 +320,13 @@ TEST_CASE("a malicious header costs no memory and no time", "[io]") {
       "cut off");
   has(problem_of(start + "element a 1\nproperty list uchar int b\nelement vertex 1\n" + columns +
                  "end_header\n"),
-      "no fixed size");
+      "rows of variable size");
   has(problem_of(start + "property float x\n"), "before any element");
   has(problem_of(start + "element vertex 1\nproperty quad x\n"), "unknown type");
   has(problem_of(start + "element vertex 1\nproperty float\n"), "without a name");
   has(problem_of(start + "element vertex 1\nproperty float x\nproperty float x\n"), "twice");
   has(problem_of(start + "element vertex 1\nelement vertex 1\n"), "twice");
-  has(problem_of(start + "nonsense\n"), "no PLY");
+  has(problem_of(start + "nonsense\n"), "not PLY");
   std::string many = start + "element vertex 1\n";
   for (int i = 0; i < 5000; ++i) many += "property float c" + std::to_string(i) + "\n";
   has(problem_of(many), "too many columns");

@@ -351,13 +351,13 @@ TEST_CASE("an SPZ that cannot hold its scene is refused, else what was cut is sa
   };
   for (std::size_t i = 0; i < 6; ++i) rows.splats[i].sigma = {1e-5F, 2e-5F, 1e-9F};
   try_it();
-  CHECK(message.find("6 of 10 Gaussians are narrower or larger") != std::string::npos);
+  CHECK(message.find("6 of 10 Gaussians are outside of the range of SPZ") != std::string::npos);
   CHECK(message.find("write a .ply or .glb") != std::string::npos);
   CHECK(read_all(path) == "old");
   for (std::size_t i = 0; i < 4; ++i) rows.splats[i].sigma = {0.01F, 0.01F, 1e-9F};
   try_it();
   CHECK(message.empty());
-  CHECK(warnings.find("2 of 10 Gaussians are narrower") != std::string::npos);
+  CHECK(warnings.find("2 of 10 Gaussians are outside of the range") != std::string::npos);
   CHECK(read_all(path) != "old");
   // One far away makes the step of all places coarse: 2^22 leaves no bit behind the point.
   rows = random_rows(10, 0);
@@ -367,9 +367,9 @@ TEST_CASE("an SPZ that cannot hold its scene is refused, else what was cut is sa
   CHECK(message.find("--box") != std::string::npos);
   rows.splats[3].mean.y = 0x1p23F;
   try_it();
-  CHECK(message.find("1 of 10 Gaussians lie farther than 8388607 units from the origin, up to "
+  CHECK(message.find("1 of 10 Gaussians are farther than 8388607 units from the origin, up to "
                      "8.39e+06") != std::string::npos);
-  CHECK(message.find("--box (\"box 98 %\" of pounce inspect") != std::string::npos);
+  CHECK(message.find("--box (\"box 98 %\" in pounce inspect") != std::string::npos);
   rows = random_rows(10, 0);
   rows.splats[0].colour.x = 2;
   try_it();

@@ -121,7 +121,7 @@ TEST_CASE("archives that cannot be read as they are are refused by name", "[zip]
   }
   SECTION("ZIP64 by an entry's size") {
     zip.entries[0].stored = 0xFFFFFFFF;
-    check_refused(zip.bytes(), "its entry \"meta.json\" is of ZIP64");
+    check_refused(zip.bytes(), "its entry \"meta.json\" uses ZIP64");
   }
   SECTION("ZIP64 by the number of entries") {
     zip.more_entries = 65533;
@@ -149,7 +149,7 @@ TEST_CASE("entries that lie where they cannot are refused", "[zip]") {
   ZipBuilder zip = two_entries();
   SECTION("beyond the end") {
     zip.entries[1].stored = 9 + 16;
-    check_refused(zip.bytes(), "its entry \"means_l.webp\" lies outside of it");
+    check_refused(zip.bytes(), "its entry \"means_l.webp\" is outside of it");
   }
   SECTION("up to the directory, which is no fault") {
     zip.entries[1].stored = 8 + 16;
@@ -157,21 +157,21 @@ TEST_CASE("entries that lie where they cannot are refused", "[zip]") {
   }
   SECTION("over another") {
     zip.entries[0].stored = 2 + 16 + 1;
-    check_refused(zip.bytes(), "\"meta.json\" and \"means_l.webp\" lie over each other");
+    check_refused(zip.bytes(), "\"meta.json\" and \"means_l.webp\" overlap");
   }
   SECTION("in the same place") {
     zip.entries.insert(zip.entries.begin(), {"first", "12345"});
     const std::uint32_t second = 30 + 5 + 3 + 5 + 16;
     zip.entries[2].header_at = second;
-    check_refused(zip.bytes(), "\"meta.json\" and \"means_l.webp\" lie over each other");
+    check_refused(zip.bytes(), "\"meta.json\" and \"means_l.webp\" overlap");
   }
   SECTION("not where the directory says") {
     zip.entries[1].header_at = 3;
-    check_refused(zip.bytes(), "is not where its directory says");
+    check_refused(zip.bytes(), "is not where its directory states");
   }
   SECTION("in the directory") {
     zip.entries[1].header_at = 150;
-    check_refused(zip.bytes(), "lies outside of it");
+    check_refused(zip.bytes(), "is outside of it");
   }
 }
 
@@ -202,7 +202,8 @@ TEST_CASE("archives that were cut off or have wrong bytes are refused or read", 
   const std::string bytes = two_entries().bytes();
   for (std::size_t size = 0; size < bytes.size(); ++size) {
     CAPTURE(size);
-    check_refused(bytes.substr(0, size), size < 22 ? "no whole ZIP archive" : "has no directory");
+    check_refused(bytes.substr(0, size),
+                  size < 22 ? "not a complete ZIP archive" : "has no directory");
   }
   int refused = 0;
   for (std::size_t at = 0; at < bytes.size(); ++at) {

@@ -109,7 +109,7 @@ TEST_CASE("what a listener throws stops the job as an Error", "[job]") {
   CHECK(ended_by([] { throw std::domain_error("window closed"); }) ==
         "cancelled: stopped: Progress::on_event threw: window closed (nested)");
   CHECK(ended_by([] { throw 1; }) ==
-        "cancelled: stopped: Progress::on_event threw something unknown (nested int)");
+        "cancelled: stopped: Progress::on_event threw an unknown exception (nested int)");
   CHECK(ended_by([] { throw Error(ErrorKind::usage, "mine"); }) == "usage: mine");
 }
 

@@ -106,12 +106,13 @@ TEST_CASE("parts stay right after a selection", "[mesh]") {
 
 TEST_CASE("a selection of nothing lists the names and the nearest", "[mesh]") {
   CHECK(refusal({{"haed"}, {}}) ==
-        "figure.glb: --target-mesh haed: matches nothing; there are \"Head\", \"face\", "
+        "figure.glb: --target-mesh haed: matches nothing; available are \"Head\", \"face\", "
         "\"Eye.L\", \"eye\", \"Eye.R\", \"Body\", \"body\"; did you mean \"Head\"?");
   const std::string material = refusal({{}, {"leather"}});
-  CHECK(material ==
-        "figure.glb: --target-material leather: matches nothing; there are \"skin\", \"cornea\", "
-        "\"cloth[1]\"");
+  CHECK(
+      material ==
+      "figure.glb: --target-material leather: matches nothing; available are \"skin\", \"cornea\", "
+      "\"cloth[1]\"");
   const std::string both = refusal({{"Head"}, {"cornea"}});
   CHECK(both.find("no triangle has both") != std::string::npos);
 
