@@ -71,18 +71,18 @@ std::unique_ptr<PreparedJob> prepare(Shape shape, std::int64_t size) {
   job->options = reference_options(shape, size);
   job->source = io::read_mesh(job->options.source);
   job->target = io::read_mesh(job->options.targets.front());
-  job->plan = flow::plan_mesh(job->options, job->source, flow::TexelsAs::surface, false);
+  job->plan = planning::plan_mesh(job->options, job->source, planning::TexelsAs::surface, false);
   job->target_plan =
-      flow::plan_target(job->options, job->plan, job->options.targets.front(), job->target);
+      planning::plan_target(job->options, job->plan, job->options.targets.front(), job->target);
   job->context = job::open_job(job->options.resources, job->options.output, job->files.get(), false,
                                false, job->run);
-  job->context->tile_cap_bytes = job::kTileCapBytes;
-  const flow::PassPlan& pass = job->plan.passes.at(0);
+  job->context->tile_cap_bytes = mesh::kTileCapBytes;
+  const planning::PassPlan& pass = job->plan.passes.at(0);
   bool cached = false;
   job->source_store = flow::geometry_store(*job->context, pass.source, &cached);
   job->target_store =
       flow::geometry_store(*job->context, job->target_plan.requests.at(0).at(0), &cached);
-  const flow::ColumnPlan& column = job->plan.columns.at(0);
+  const planning::ColumnPlan& column = job->plan.columns.at(0);
   const flow::ColourRequest request{&column.image, &column.info, column.wrap_u,
                                     column.wrap_v, {},           {}};
   const runtime::Lease reading(job->context->budget, flow::colour_least_bytes(request), "reading");

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "flow/plan/plan.h"
 #include "job/job_context.h"
+#include "planning/plan.h"
 #include "pounce/transfer.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
@@ -39,8 +39,8 @@ struct PreparedJob {
   std::unique_ptr<FileSystem> files = test::make_memory_file_system();
   TransferOptions options;
   mesh::Mesh source, target;
-  flow::SourcePlan plan;
-  flow::TargetPlan target_plan;
+  planning::SourcePlan plan;
+  planning::TargetPlan target_plan;
   job::JobRun run{nullptr};
   std::unique_ptr<job::JobContext> context;
   std::unique_ptr<store::GeometryStore> source_store, target_store;
@@ -52,7 +52,7 @@ struct PreparedJob {
   const mesh::Lattice& target_lattice() const { return target_store->directory().pages[0]; }
   std::uint64_t source_texels() const { return source_store->directory().texels; }
   std::uint64_t target_texels() const { return target_store->directory().texels; }
-  const flow::GeometryRequest& source_request() const { return plan.passes[0].source; }
+  const surface::GeometryRequest& source_request() const { return plan.passes[0].source; }
 };
 
 /// Made once per shape and size, then kept.

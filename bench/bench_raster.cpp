@@ -40,7 +40,7 @@ BENCHMARK(raster_windows)->Arg(1024)->Arg(2048)->Unit(benchmark::kMillisecond);
 /// Which triangles touch which window, and windows to tiles. Per triangle.
 void raster_bins(benchmark::State& state) {
   const PreparedJob& job = prepared_job(Shape::same, state.range(0));
-  const flow::GeometryRequest& target = job.target_plan.requests[0][0];
+  const surface::GeometryRequest& target = job.target_plan.requests[0][0];
   for (auto _ : state) {
     const mesh::BlockBinner binner({&job.target, target.pages, target.triangles.get(), 0, true,
                                     std::nullopt, job.context->tile_cap_bytes});

@@ -74,7 +74,7 @@ TransferOptions options_for(Shape shape, const benchmark::State& state) {
 }
 
 void run_jobs(benchmark::State& state, const TransferOptions& options,
-              const flow::TestKnobs& knobs = {}) {
+              const job::TestKnobs& knobs = {}) {
   JobTotals totals;
   reset_peak_rss();
   for (auto _ : state) totals.add(flow::transfer(options, knobs));

@@ -12,11 +12,6 @@
 #include <cmath>
 #include <filesystem>
 
-#include "flow/plan/describe_job.h"
-#include "flow/plan/load_mesh.h"
-#include "flow/plan/output_names.h"
-#include "flow/plan/plan.h"
-#include "flow/plan/uv_repeats.h"
 #include "flow/sources/columns.h"
 #include "flow/sources/texel_source.h"
 #include "flow/stores/kept_rows.h"
@@ -27,6 +22,11 @@
 #include "io/splats/scene.h"
 #include "job/run_job.h"
 #include "options/table.h"
+#include "planning/describe_job.h"
+#include "planning/load_mesh.h"
+#include "planning/output_names.h"
+#include "planning/plan.h"
+#include "planning/uv_repeats.h"
 
 namespace pounce {
 namespace flow {
@@ -69,7 +69,7 @@ void refuse_over_input(const std::string& output, const std::vector<std::string>
 class MeshJob {
  public:
   MeshJob(const GaussiansOptions& options, job::JobContext& job) : options_(options), job_(job) {
-    job_.tile_cap_bytes = job::kTileCapBytes;
+    job_.tile_cap_bytes = mesh::kTileCapBytes;
     file_.path = options.output;
   }
 
@@ -92,24 +92,25 @@ class MeshJob {
     job_.meter.begin("read mesh", 1, "meshes", kAfterReading);
     require_early(job_, {reading_bytes(), "reading " + options_.source}, 0);
     const TransferOptions transfer = as_transfer(options_);
-    PlacedMesh placed =
-        place_mesh(options_.source, transfer.source_use, "source", options_.allow_external);
+    planning::PlacedMesh placed = planning::place_mesh(options_.source, transfer.source_use,
+                                                       "source", options_.allow_external);
     mesh_ = std::move(placed.mesh);
     file_.facts.origin = placed.origin;
     job_.report.origin = {placed.origin.x, placed.origin.y, placed.origin.z};
     if (placed.origin != Vec3d{})
-      job_.report.notes.push_back(origin_note(options_.source, placed.origin));
+      job_.report.notes.push_back(planning::origin_note(options_.source, placed.origin));
     options::refuse_unsuitable(options_, false);  // now that it is known to be a mesh
-    plan_ = plan_mesh(transfer, mesh_, TexelsAs::surface, false);
+    plan_ = planning::plan_mesh(transfer, mesh_, planning::TexelsAs::surface, false);
     plan_.passes.front().source.exact = true;  // each of its texels is one
-    warn_of_repeats(request(), plan_.warnings);
+    planning::warn_of_repeats(request(), plan_.warnings);
     for (const auto* warnings : {&mesh_.warnings, &plan_.warnings}) {
       job_.report.warnings.insert(job_.report.warnings.end(), warnings->begin(), warnings->end());
     }
     for (const auto* notes : {&mesh_.notes, &plan_.notes})
       job_.report.notes.insert(job_.report.notes.end(), notes->begin(), notes->end());
-    for (const std::string& file : mesh_.files) add_input(file, job_.report);
-    for (const ColumnPlan& column : plan_.columns) add_input(column.image.path, job_.report);
+    for (const std::string& file : mesh_.files) planning::add_input(file, job_.report);
+    for (const planning::ColumnPlan& column : plan_.columns)
+      planning::add_input(column.image.path, job_.report);
     check_output();
     require_least(job_, least(), mesh_.size_bytes() + plan_.table_bytes);
     mesh_lease_ = runtime::Lease(job_.budget, mesh_.size_bytes(), "the mesh");
@@ -120,13 +121,13 @@ class MeshJob {
   }
 
   void check_output() const {
-    check_outputs({options_.output});
+    planning::check_outputs({options_.output});
     std::vector<std::string> inputs{options_.source};
-    for (const ColumnPlan& column : plan_.columns) inputs.push_back(column.image.path);
+    for (const planning::ColumnPlan& column : plan_.columns) inputs.push_back(column.image.path);
     refuse_over_input(options_.output, inputs);
   }
 
-  const GeometryRequest& request() const { return plan_.passes.front().source; }
+  const surface::GeometryRequest& request() const { return plan_.passes.front().source; }
 
   job::LeastMemory least() const {
     const std::uint64_t contexts = job_.threads * store::Compressor::context_bytes();
@@ -141,14 +142,14 @@ class MeshJob {
            "the tables of " + options_.colour.config);
     }
     std::uint64_t tile = 0;
-    for (const ColumnPlan& column : plan_.columns) {
+    for (const planning::ColumnPlan& column : plan_.columns) {
       const std::uint64_t texel = column.info.channels * store::depth_bytes(column.info.depth);
       need(beside + colour_least_bytes(column.info.width, texel, column.info.decoder_bytes),
            "reading " + column.image.label);
       tile =
           std::max(tile, round_to_pages(store::kColourTileEdge * store::kColourTileEdge * texel));
     }
-    const std::uint64_t building = geometry_least_bytes(request(), job_.tile_cap_bytes);
+    const std::uint64_t building = surface::geometry_least_bytes(request(), job_.tile_cap_bytes);
     need(beside + building, "preconditioning " + options_.source);
     const std::uint64_t triangles =
         std::min<std::uint64_t>(mesh_.triangles.size(), store::kMostTrianglesPerBlock);
@@ -218,7 +219,7 @@ class MeshJob {
   job::JobContext& job_;
   GaussianFile file_;
   mesh::Mesh mesh_;
-  SourcePlan plan_;
+  planning::SourcePlan plan_;
   runtime::Lease mesh_lease_;
   std::vector<runtime::Lease> leases_;  ///< what stays in use until the job ends
   SourceColumns columns_;
@@ -232,8 +233,8 @@ class SceneJob {
 
   void run() {
     const io::SplatSceneInfo& info = scene_->info();
-    for (const std::string& file : info.files) add_input(file, job_.report);
-    check_outputs({options_.output});
+    for (const std::string& file : info.files) planning::add_input(file, job_.report);
+    planning::check_outputs({options_.output});
     refuse_over_input(options_.output, info.files);
     const SceneGaussians source(*scene_,
                                 store::kLobesOfDegree[std::min<std::uint32_t>(info.sh_degree, 3)]);
@@ -258,8 +259,8 @@ class SceneJob {
     return io::open_splat_scene(options_.source, request_.axes, [this] { job_.meter.advance(0); });
   }
 
-  SplatRequest request() const {
-    SplatRequest request = splat_request(as_transfer(options_));
+  planning::SplatRequest request() const {
+    planning::SplatRequest request = planning::splat_request(as_transfer(options_));
     if (turns()) {
       request.axes = parse_axes(kHalfTurn);
       if (auto& box = request.keep.box) {  // the user's, of the scene as it is stored
@@ -281,14 +282,14 @@ class SceneJob {
   /// Says at once what could only be said after gigabytes were written: what is wanted, where no
   /// filter makes it less, is more than the format holds.
   void check_size(const SceneGaussians& source, const GaussianFile& file) const {
-    const SplatKeep& keep = file.keep;
+    const gaussian::SplatKeep& keep = file.keep;
     if (keep.min_alpha || keep.max_sigma || keep.box) return;
     const std::uint64_t wanted = std::min(source.count(), file.most.value_or(source.count()));
     io::check_splat_count(file.path, wanted, file.facts.lobes);
   }
 
   /// What a transfer leaves out since it lies far away from all the rest is of no use to anybody.
-  store::SplatLattice lattice(const SceneGaussians& source, const SplatKeep& keep) const {
+  store::SplatLattice lattice(const SceneGaussians& source, const gaussian::SplatKeep& keep) const {
     const runtime::Lease lease(job_.budget, kept_sample_bytes(source.count(), source.read_bytes()),
                                "scanning " + options_.source);
     return store::SplatLattice(kept_sample(source, keep));
@@ -346,7 +347,7 @@ class SceneJob {
 
   const GaussiansOptions& options_;
   job::JobContext& job_;
-  const SplatRequest request_;
+  const planning::SplatRequest request_;
   const std::unique_ptr<io::SplatScene> scene_;
 };
 
@@ -362,7 +363,7 @@ void check_request(const GaussiansOptions& o) {
       usage("--source-texture: Gaussians have only baseColor; specify that channel only");
   }
   options::check_ranges(o);
-  axes_of(as_transfer(o).source_use, "source");
+  planning::axes_of(as_transfer(o).source_use, "source");
 }
 
 }  // namespace
@@ -370,9 +371,9 @@ void check_request(const GaussiansOptions& o) {
 
 Report gaussians(const GaussiansOptions& options, Progress* progress, Report* so_far) {
   return job::run_job(options.resources, progress, so_far, [&](job::JobRun& run, bool rebuild) {
-    flow::describe(options, run.report);
+    planning::describe(options, run.report);
     flow::check_request(options);
-    const bool is_scene = flow::is_splat_scene(options.source);
+    const bool is_scene = planning::is_splat_scene(options.source);
     if (is_scene) options::refuse_unsuitable(options, true);
     const auto job = job::open_job(options.resources, options.output, nullptr, rebuild, false, run);
     is_scene ? flow::SceneJob(options, *job).run() : flow::MeshJob(options, *job).run();

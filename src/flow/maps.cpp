@@ -12,15 +12,16 @@
 #include <tuple>
 
 #include "core/portable_math.h"
-#include "flow/plan/describe_job.h"
-#include "flow/plan/job_hash.h"
-#include "flow/plan/load_mesh.h"
-#include "flow/plan/output_names.h"
-#include "flow/plan/plan.h"
+#include "flow/stores/build_stores.h"
 #include "io/image/write.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "options/table.h"
+#include "planning/describe_job.h"
+#include "planning/job_hash.h"
+#include "planning/load_mesh.h"
+#include "planning/output_names.h"
+#include "planning/plan.h"
 #include "pounce/transfer.h"
 #include "surface/target_block.h"
 
@@ -47,7 +48,7 @@ class MapsJob {
       : options_(options),
         job_(open_job(options.resources, options.output, nullptr, rebuild, false, run)),
         job_hash_(*job_, options) {
-    job_->tile_cap_bytes = job::kTileCapBytes;
+    job_->tile_cap_bytes = mesh::kTileCapBytes;
   }
 
   void run() {
@@ -68,7 +69,7 @@ class MapsJob {
   }
 
   void check_output() {
-    if (!has_token(options_.output, "CHANNEL")) {
+    if (!planning::has_token(options_.output, "CHANNEL")) {
       throw Error(ErrorKind::usage, options_.output +
                                         ": <CHANNEL> is missing, which becomes position, normal "
                                         "and mask; add it to the file name");
@@ -78,24 +79,25 @@ class MapsJob {
                                         ": .tx is for renderers' textures with mipmaps, which maps "
                                         "of a mesh do not have; write .exr or .tif");
     }
-    by_tile_ = has_token(options_.output, "UDIM") || has_token(options_.output, "UVTILE");
+    by_tile_ = planning::has_token(options_.output, "UDIM") ||
+               planning::has_token(options_.output, "UVTILE");
   }
 
-  std::string path_of(const TargetPage& page, int map) const {
+  std::string path_of(const planning::TargetPage& page, int map) const {
     std::map<std::string, std::string> values{
         {"CHANNEL", kMapNames[static_cast<std::size_t>(map)]},
         {"TARGET", std::filesystem::path(options_.target).stem().string()}};
     if (by_tile_) values.merge(page.tokens());
     values.erase("MATERIAL");
-    return expand_pattern(options_.output, values);
+    return planning::expand_pattern(options_.output, values);
   }
 
   void name_outputs() {
     std::vector<std::string> paths;
-    for (const TargetPage& page : pages_) {
+    for (const planning::TargetPage& page : pages_) {
       for (int map = 0; map < 3; ++map) paths.push_back(path_of(page, map));
     }
-    check_outputs(paths);
+    planning::check_outputs(paths);
     for (int map = 0; map < 3; ++map) {
       const std::string& path = paths[static_cast<std::size_t>(map)];
       const Depth depth = io::writable_depth(path, map == kMask ? Depth::u8 : Depth::float32);
@@ -113,31 +115,32 @@ class MapsJob {
   void read() {
     const StageTimer timer(job_->clock, "read");
     require_early(*job_, {reading_bytes(), "reading " + options_.target}, 0);
-    PlacedMesh placed =
-        place_mesh(options_.target, options_.target_use, "target", options_.allow_external);
+    planning::PlacedMesh placed = planning::place_mesh(options_.target, options_.target_use,
+                                                       "target", options_.allow_external);
     target_ = std::move(placed.mesh);
     origin_ = placed.origin;
     job_->report.origin = {origin_.x, origin_.y, origin_.z};
     if (origin_ != Vec3d{}) {
-      job_->report.notes = {origin_note(options_.target, origin_),
-                            positions_note(origin_, Depth::float32)};
+      job_->report.notes = {planning::origin_note(options_.target, origin_),
+                            planning::positions_note(origin_, Depth::float32)};
     }
-    if (const std::string warning = coarse_positions(target_, origin_, options_.size);
+    if (const std::string warning = planning::coarse_positions(target_, origin_, options_.size);
         !warning.empty())
       job_->report.warnings.push_back(warning);
     job_->report.warnings.insert(job_->report.warnings.end(), target_.warnings.begin(),
                                  target_.warnings.end());
     target_files_ = target_.files;
-    for (const std::string& file : target_files_) add_input(file, job_->report);
-    PageRequest request;
+    for (const std::string& file : target_files_) planning::add_input(file, job_->report);
+    planning::PageRequest request;
     request.by_tile = by_tile_;
     request.uv_set = options_.target_use.uv_set.value_or(0);
-    const TargetPages pages = target_pages(target_, request, job_->report.warnings);
+    const planning::TargetPages pages =
+        planning::target_pages(target_, request, job_->report.warnings);
     pages_ = pages.pages;
     name_outputs();
-    const auto hashes = std::make_shared<MeshHashes>(target_);
+    const auto hashes = std::make_shared<surface::MeshHashes>(target_);
     for (std::uint32_t p = 0; p < pages_.size(); ++p) {
-      GeometryRequest& one = requests_.emplace_back();
+      surface::GeometryRequest& one = requests_.emplace_back();
       one.mesh = &target_;
       one.hashes = hashes;
       one.is_target = true;
@@ -149,7 +152,7 @@ class MapsJob {
     }
     require_least(*job_, least(), target_.size_bytes());
     mesh_lease_ = runtime::Lease(job_->budget, target_.size_bytes(), "the mesh");
-    smallest_edge_ = static_cast<float>(std::max(diagonal(target_) * 1e-7, 1e-30));
+    smallest_edge_ = static_cast<float>(std::max(planning::diagonal(target_) * 1e-7, 1e-30));
     job_->report.targets.emplace_back().path = options_.target;
     for (const char* map : kMapNames) job_->report.channels.push_back({map, 0, {}});
   }
@@ -213,8 +216,8 @@ class MapsJob {
 
   job::LeastMemory least() const {
     std::uint64_t building = 0;
-    for (const GeometryRequest& request : requests_)
-      building = std::max(building, geometry_least_bytes(request, job::kTileCapBytes));
+    for (const surface::GeometryRequest& request : requests_)
+      building = std::max(building, surface::geometry_least_bytes(request, mesh::kTileCapBytes));
     building += target_.size_bytes();
     const std::uint64_t writing =
         (pages_.size() > 1 ? target_.size_bytes() : 0) + row_bytes() +
@@ -314,16 +317,16 @@ class MapsJob {
 
   const MapsOptions& options_;
   std::unique_ptr<job::JobContext> job_;
-  JobHash job_hash_;
+  planning::JobHash job_hash_;
   std::vector<std::string> target_files_;
   std::vector<io::ImageWriteSpec> specs_;
-  std::vector<TargetPage> pages_;
+  std::vector<planning::TargetPage> pages_;
   bool by_tile_ = false;
   mesh::Mesh target_;  ///< until its last page is vectorized
   Vec3d origin_;       ///< was subtracted from its positions
   runtime::Lease mesh_lease_;
-  std::vector<GeometryRequest> requests_;        ///< by page
-  std::unique_ptr<store::GeometryStore> store_;  ///< of the page at hand
+  std::vector<surface::GeometryRequest> requests_;  ///< by page
+  std::unique_ptr<store::GeometryStore> store_;     ///< of the page at hand
   bool all_cached_ = true;
   float smallest_edge_ = 0;
 };
@@ -338,7 +341,7 @@ void check_options(const MapsOptions& o) {
 
 Report maps(const MapsOptions& options, Progress* progress, Report* so_far) {
   return job::run_job(options.resources, progress, so_far, [&](job::JobRun& run, bool rebuild) {
-    flow::describe(options, run.report);
+    planning::describe(options, run.report);
     flow::check_options(options);
     flow::MapsJob(options, run, rebuild).run();
   });

@@ -112,7 +112,7 @@ std::string judge_distances(const DistanceCounts& distances) {
 }
 
 TargetTally::TargetTally(double min_coverage_percent, const Source& source,
-                         const TargetPlan& target_plan, std::string model, Report& report)
+                         const planning::TargetPlan& target_plan, std::string model, Report& report)
     : min_coverage_percent_(min_coverage_percent),
       source_(source),
       plan_(source.plan()),
@@ -125,7 +125,7 @@ TargetTally::TargetTally(double min_coverage_percent, const Source& source,
   page_states_.resize(target_.pages.size());
   page_vectorized_.resize(target_.pages.size());
   if (report_.channels.empty()) {
-    for (const ChannelPlan& channel : plan_.channels)
+    for (const planning::ChannelPlan& channel : plan_.channels)
       report_.channels.push_back({channel.name, 0, {}});
   }
   bool any_to_make = false;
@@ -147,7 +147,7 @@ void TargetTally::keeps(std::size_t channel, std::uint32_t page) {
 }
 
 ImageReport TargetTally::describe(std::size_t channel, std::size_t page) const {
-  const ImageOutput& output = target_.images[channel][page];
+  const planning::ImageOutput& output = target_.images[channel][page];
   ImageReport image;
   image.path = model_.empty() ? output.path : model_;
   image.channel = plan_.channels[channel].name;
@@ -334,8 +334,8 @@ void TargetTally::warn_of_empty_pages() {
     std::vector<std::uint32_t> udims;
     for (const std::size_t page : pages) udims.push_back(target_.pages[page].udim);
     std::sort(udims.begin(), udims.end());
-    warn(fmt::format("no texel of UDIM {}{} found a source; no image was written", udim_list(udims),
-                     material ? " of " + name : ""));
+    warn(fmt::format("no texel of UDIM {}{} found a source; no image was written",
+                     planning::udim_list(udims), material ? " of " + name : ""));
   }
 }
 

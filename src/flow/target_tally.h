@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "core/bounds.h"
-#include "flow/plan/plan.h"
 #include "flow/project/results.h"
 #include "flow/sources/source.h"
+#include "planning/plan.h"
 #include "pounce/options.h"
 #include "pounce/report.h"
 #include "projection/mesh_fit.h"
@@ -24,7 +24,7 @@ class TargetTally {
  public:
   /// `source`, `target` and `report` must outlive it; `min_coverage_percent`: below that it has not
   /// found enough. `model`: the path of a model output, else empty.
-  TargetTally(double min_coverage_percent, const Source& source, const TargetPlan& target,
+  TargetTally(double min_coverage_percent, const Source& source, const planning::TargetPlan& target,
               std::string model, Report& report);
 
   /// How a splat scene lies at this target.
@@ -86,8 +86,8 @@ class TargetTally {
 
   const double min_coverage_percent_;
   const Source& source_;
-  const SourcePlan& plan_;
-  const TargetPlan& target_;
+  const planning::SourcePlan& plan_;
+  const planning::TargetPlan& target_;
   const std::string model_;
   Report& report_;
   Box3f box_;

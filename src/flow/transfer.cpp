@@ -9,12 +9,12 @@
 // Stages are functions from values to values; threads, memory and files are wired in this folder.
 #include "pounce/transfer.h"
 
-#include "flow/plan/check_options.h"
-#include "flow/plan/describe_job.h"
 #include "flow/transfer.h"
 #include "flow/transfer_plan.h"
 #include "flow/transfer_target.h"
 #include "job/run_job.h"
+#include "planning/check_options.h"
+#include "planning/describe_job.h"
 
 namespace pounce {
 namespace flow {
@@ -24,14 +24,14 @@ namespace {
 constexpr double kAfterReading = 0.02, kAfterSource = 0.2;
 
 std::unique_ptr<job::JobContext> open_transfer(const TransferOptions& options,
-                                               const TestKnobs& knobs, job::JobRun& run,
+                                               const job::TestKnobs& knobs, job::JobRun& run,
                                                bool rebuild, bool plan_only) {
   auto job = job::open_job(options.resources, options.output, knobs.files, rebuild, plan_only, run);
-  job->tile_cap_bytes = knobs.tile_cap_bytes != 0 ? knobs.tile_cap_bytes : job::kTileCapBytes;
+  job->tile_cap_bytes = knobs.tile_cap_bytes != 0 ? knobs.tile_cap_bytes : mesh::kTileCapBytes;
   return job;
 }
 
-void run_transfer(const TransferOptions& options, const TestKnobs& knobs, job::JobRun& run,
+void run_transfer(const TransferOptions& options, const job::TestKnobs& knobs, job::JobRun& run,
                   bool rebuild) {
   const auto job = open_transfer(options, knobs, run, rebuild, false);
   TransferPlan plan(*job, options, knobs);
@@ -58,21 +58,21 @@ void run_transfer(const TransferOptions& options, const TestKnobs& knobs, job::J
 
 }  // namespace
 
-Report transfer(const TransferOptions& options, const TestKnobs& knobs, Progress* progress,
+Report transfer(const TransferOptions& options, const job::TestKnobs& knobs, Progress* progress,
                 Report* so_far) {
   return job::run_job(options.resources, progress, so_far, [&](job::JobRun& run, bool rebuild) {
-    describe(options, false, run.report);
-    check_options(options);
+    planning::describe(options, false, run.report);
+    planning::check_options(options);
     run_transfer(options, knobs, run, rebuild);
   });
 }
 
-PlanReport plan(const TransferOptions& options, const TestKnobs& knobs, Progress* progress,
+PlanReport plan(const TransferOptions& options, const job::TestKnobs& knobs, Progress* progress,
                 Report* so_far) {
   const Report report =
       job::run_job(options.resources, progress, so_far, [&](job::JobRun& run, bool rebuild) {
-        describe(options, true, run.report);
-        check_options(options);
+        planning::describe(options, true, run.report);
+        planning::check_options(options);
         const auto job = open_transfer(options, knobs, run, rebuild, true);
         TransferPlan(*job, options, knobs).make(1);
       });

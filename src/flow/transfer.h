@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "flow/plan/test_knobs.h"
+#include "job/test_knobs.h"
 #include "pounce/options.h"
 #include "pounce/progress.h"
 #include "pounce/report.h"
@@ -9,9 +9,9 @@
 namespace pounce::flow {
 
 /// pounce::transfer() and pounce::plan(), with knobs.
-Report transfer(const TransferOptions& options, const TestKnobs& knobs,
+Report transfer(const TransferOptions& options, const job::TestKnobs& knobs,
                 Progress* progress = nullptr, Report* so_far = nullptr);
-PlanReport plan(const TransferOptions& options, const TestKnobs& knobs,
+PlanReport plan(const TransferOptions& options, const job::TestKnobs& knobs,
                 Progress* progress = nullptr, Report* so_far = nullptr);
 
 }  // namespace pounce::flow

@@ -12,12 +12,12 @@
 #include <map>
 #include <utility>
 
-#include "flow/plan/describe_job.h"
-#include "flow/plan/load_mesh.h"
-#include "flow/plan/output_names.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "mesh/tangent_space.h"
+#include "planning/describe_job.h"
+#include "planning/load_mesh.h"
+#include "planning/output_names.h"
 
 namespace pounce::flow {
 namespace {
@@ -37,7 +37,7 @@ bool PlannedTarget::has_work(const std::vector<std::size_t>& channels, std::size
 
 bool PlannedTarget::has_work() const {
   for (const auto& images : plan.images) {
-    for (const ImageOutput& image : images) {
+    for (const planning::ImageOutput& image : images) {
       if (!image.keep) return true;
     }
   }
@@ -50,7 +50,7 @@ void PlannedTarget::drop_mesh() {
 }
 
 TransferPlan::TransferPlan(job::JobContext& job, const TransferOptions& options,
-                           const TestKnobs& knobs)
+                           const job::TestKnobs& knobs)
     : job_(job),
       options_(image_options(options)),
       model_pattern_(io::is_model_path(options.output) ? options.output : ""),
@@ -58,14 +58,14 @@ TransferPlan::TransferPlan(job::JobContext& job, const TransferOptions& options,
       job_hash_(job, options_),
       needs_(job) {}
 
-OutputPolicy TransferPlan::policy() const {
+planning::OutputPolicy TransferPlan::policy() const {
   return {options_.skip_existing, options_.resources.wait_for_cache, options_.min_coverage_percent};
 }
 
 void TransferPlan::make(double end) {
   const StageTimer timer(job_.clock, "read");
   job_.meter.begin("read meshes", 1 + options_.targets.size(), "meshes", end);
-  DiskPlan disk(job_.keeps_stores, job_.cache_limit_bytes);
+  planning::DiskPlan disk(job_.keeps_stores, job_.cache_limit_bytes);
   source_ = open_source(job_, options_, !model_pattern_.empty(), knobs_);
   source_->make_plan(needs_, disk, [this](const mesh::Mesh& mesh) { check_order(mesh); });
   plan_source();
@@ -76,8 +76,8 @@ void TransferPlan::make(double end) {
   job_.meter.end();
   job_.report.disk_most = disk.forecast();
   job_.report.disk_most->scratch_limit_bytes = job_.scratch_limit_bytes;
-  job_.note(scratch_note(*job_.report.disk_most));
-  check_all_outputs(options_, source_->plan(), outputs_, inputs_);
+  job_.note(planning::scratch_note(*job_.report.disk_most));
+  planning::check_all_outputs(options_, source_->plan(), outputs_, inputs_);
   if (job_.plan_only) job_.report.outputs = outputs_;
   const std::uint64_t tables = source_->plan().table_bytes;
   require_least(job_, needs_.most(), meshes + tables);
@@ -90,7 +90,7 @@ void TransferPlan::make(double end) {
 
 /// What planning a source of any kind says.
 void TransferPlan::plan_source() {
-  const SourcePlan& plan = source_->plan();
+  const planning::SourcePlan& plan = source_->plan();
   if (plan.table_loading_bytes > 0) {
     needs_.add(plan.table_loading_bytes + source_->held_bytes(),
                "the tables of " + options_.colour.config);
@@ -99,11 +99,12 @@ void TransferPlan::plan_source() {
   for (const std::string& warning : plan.warnings) job_.warn(warning);
   for (const std::string& note : plan.notes) job_.note(note);
   add_inputs(source_->files());
-  for (const ColumnPlan& column : plan.columns) add_input(column.image.path, job_.report);
+  for (const planning::ColumnPlan& column : plan.columns)
+    planning::add_input(column.image.path, job_.report);
 }
 
-void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
-  const SourcePlan& source = source_->plan();
+void TransferPlan::plan_target_side(const std::string& path, planning::DiskPlan& disk) {
+  const planning::SourcePlan& source = source_->plan();
   target_.mesh = {};  // the one before, whose memory this one takes
   target_.mesh = read_target(path, source_->held_bytes());
   if (source.makes_normals()) {
@@ -112,8 +113,8 @@ void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
     add_target_tangents();
   }
   plan_one(path);
-  const TargetPlan& plan = target_.plan;
-  for (const PassPlan& pass : source.passes) {
+  const planning::TargetPlan& plan = target_.plan;
+  for (const planning::PassPlan& pass : source.passes) {
     const std::uint64_t texels = std::uint64_t{pass.size.width} * pass.size.height;
     least_target_texels_ = std::min(least_target_texels_, texels * plan.pages.size());
   }
@@ -122,12 +123,12 @@ void TransferPlan::plan_target_side(const std::string& path, DiskPlan& disk) {
   source_->meet(plan, target_.mesh);
   for (const std::string& warning : plan.warnings) job_.warn(warning);
   if (path != options_.source)
-    job_.warn(coarse_positions(target_.mesh, source.origin, source.passes.front().size));
+    job_.warn(planning::coarse_positions(target_.mesh, source.origin, source.passes.front().size));
   add_inputs(target_.mesh.files);
   add_inputs(plan.inputs);
   for (const auto& images : plan.images) {  // what is painted over in place is read, too
-    for (const ImageOutput& image : images)
-      add_input(image.onto ? image.onto->path : "", job_.report);
+    for (const planning::ImageOutput& image : images)
+      planning::add_input(image.onto ? image.onto->path : "", job_.report);
   }
   outputs_.insert(outputs_.end(), plan.outputs.begin(), plan.outputs.end());
   inputs_.insert(inputs_.end(), plan.inputs.begin(), plan.inputs.end());
@@ -141,7 +142,7 @@ void TransferPlan::check_channel_outputs() const {
   for (const ChannelOutput& own : options_.image.channel_outputs) {
     const bool is_made =
         std::any_of(source_->plan().channels.begin(), source_->plan().channels.end(),
-                    [&](const ChannelPlan& plan) { return plan.channel == own.channel; });
+                    [&](const planning::ChannelPlan& plan) { return plan.channel == own.channel; });
     if (is_made) continue;
     const std::string name = channel_name(options_, own.channel);
     throw Error(
@@ -172,12 +173,12 @@ void TransferPlan::need_target(const std::string& path) {
 
 /// What one pass past the target at hand needs, step by step.
 void TransferPlan::need_pass(std::size_t p) {
-  const SourcePlan& source = source_->plan();
-  const PassPlan& pass = source.passes[p];
+  const planning::SourcePlan& source = source_->plan();
+  const planning::PassPlan& pass = source.passes[p];
   const mesh::Mesh& mesh = target_.mesh;
-  for (const GeometryRequest& request : target_.plan.requests[p]) {
+  for (const surface::GeometryRequest& request : target_.plan.requests[p]) {
     needs_.add(contexts() + source_->held_bytes() + mesh.size_bytes() +
-                   geometry_least_bytes(request, job_.tile_cap_bytes),
+                   surface::geometry_least_bytes(request, job_.tile_cap_bytes),
                "vectorizing " + mesh.path);
   }
   // Where the results of one page are, and its pieces; the mesh is there for the next page.
@@ -189,10 +190,10 @@ void TransferPlan::need_pass(std::size_t p) {
   needs_.add(beside + (2ULL << 20) + source_->project_least_bytes(p),
              "projecting one block of the target");
   for (const std::size_t c : pass.channels) {
-    for (const ImageOutput& image : target_.plan.images[c]) {
+    for (const planning::ImageOutput& image : target_.plan.images[c]) {
       const std::uint64_t occupied =
           image.onto && image.padding > 0
-              ? (mesh.triangles.size() + mesh.rest.size()) * kOccupiedBytes
+              ? (mesh.triangles.size() + mesh.rest.size()) * planning::kOccupiedBytes
               : 0;
       needs_.add(beside + occupied + image_least_bytes(image, source.channels[c].format),
                  "writing " + image.path);
@@ -230,9 +231,9 @@ PlannedTarget& TransferPlan::target(std::size_t t) {
 /// A model keeps its vertices as they are.
 void TransferPlan::warn_of_own_colours() {
   const auto& channels = source_->plan().channels;
-  const bool has_base = std::any_of(channels.begin(), channels.end(), [](const ChannelPlan& c) {
-    return c.channel == Channel::base_color;
-  });
+  const bool has_base =
+      std::any_of(channels.begin(), channels.end(),
+                  [](const planning::ChannelPlan& c) { return c.channel == Channel::base_color; });
   if (!target_.model || !target_.mesh.has_vertex_colours || !has_base) return;
   job_.warn(
       fmt::format("{}: its vertex colours stay in the model, and renderers multiply the new "
@@ -243,31 +244,31 @@ void TransferPlan::warn_of_own_colours() {
 /// What shows that source and target are in the wrong order is said before what is missing.
 void TransferPlan::check_order(const mesh::Mesh& source) {
   const bool needs_none = !options_.material.textures.empty() || !options_.channels.baked.empty();
-  if (needs_none || has_textures(source) || !source.colours.empty()) return;
+  if (needs_none || planning::has_textures(source) || !source.colours.empty()) return;
   for (const std::string& path : options_.targets) {
     require_early(job_, {source.size_bytes() + reading_bytes(path), "reading " + path},
                   source.size_bytes());
-    refuse_swapped(source, load_target(path));
+    planning::refuse_swapped(source, load_target(path));
   }
 }
 
 /// What follows sees the mesh as if the file had these tangents.
 void TransferPlan::add_target_tangents() {
-  const TangentPlan tangents = target_tangents(options_, target_.mesh);
+  const planning::TangentPlan tangents = planning::target_tangents(options_, target_.mesh);
   mesh::set_tangents(target_.mesh, tangents.uv_sets, tangents.keeps_own);
 }
 
 void TransferPlan::plan_one(const std::string& path) {
-  target_.plan = plan_target(options_, source_->plan(), path, target_.mesh);
+  target_.plan = planning::plan_target(options_, source_->plan(), path, target_.mesh);
   for (auto& images : target_.plan.images) {
-    for (ImageOutput& image : images) image.stripe_rows = knobs_.stripe_rows;
+    for (planning::ImageOutput& image : images) image.stripe_rows = knobs_.stripe_rows;
   }
   if (!model_pattern_.empty()) {
     target_.model.emplace(model_pattern_, source_->plan(), options_.allow_external, target_.plan);
   }
   // A job that finds damage begins again; what is painted over in place must be painted once.
   for (const auto& images : target_.plan.images) {
-    for (const ImageOutput& image : images)
+    for (const planning::ImageOutput& image : images)
       job_.check_packs = job_.check_packs || (image.onto && image.onto->in_place);
   }
   if (options_.skip_existing) keep_what_is_there();
@@ -275,7 +276,7 @@ void TransferPlan::plan_one(const std::string& path) {
 
 /// Reads every input, so not before it is known that the job can be done; --skip-existing must.
 void TransferPlan::name_jobs() {
-  TargetPlan& plan = target_.plan;
+  planning::TargetPlan& plan = target_.plan;
   for (std::size_t c = 0; c < plan.images.size(); ++c) {
     for (std::size_t page = 0; page < plan.images[c].size(); ++page) {
       plan.images[c][page].job =
@@ -298,26 +299,28 @@ void TransferPlan::keep_what_is_there() {
   std::vector<std::string> meshes = target_.mesh.files;
   meshes.insert(meshes.end(), source_->files().begin(), source_->files().end());
   if (!target_.model) {
-    keep_existing(source_->plan(), newest(meshes), job_.run.written_before, target_.plan);
+    planning::keep_existing(source_->plan(), planning::newest(meshes), job_.run.written_before,
+                            target_.plan);
     return warn_of_kept();
   }
   // A model is made of all its inputs, the images that it takes over among them.
-  for (const ColumnPlan& column : source_->plan().columns) meshes.push_back(column.image.path);
+  for (const planning::ColumnPlan& column : source_->plan().columns)
+    meshes.push_back(column.image.path);
   meshes.insert(meshes.end(), target_.plan.inputs.begin(), target_.plan.inputs.end());
-  if (!keeps_model(newest(meshes))) return;
+  if (!keeps_model(planning::newest(meshes))) return;
   warn_of_kept();
   for (auto& images : target_.plan.images) {
-    for (ImageOutput& image : images) image.keep = true;
+    for (planning::ImageOutput& image : images) image.keep = true;
   }
   target_.plan.kept = std::exchange(target_.plan.outputs, {});
 }
 
 /// The model says which job made it; of the files beside it, its images and masks say their own.
-bool TransferPlan::keeps_model(FileTime inputs) {
-  TargetPlan& plan = target_.plan;
+bool TransferPlan::keeps_model(planning::FileTime inputs) {
+  planning::TargetPlan& plan = target_.plan;
   std::map<std::string, std::string> jobs{{target_.model->path(), target_.model->job()}};
   for (const auto& images : plan.images) {
-    for (const ImageOutput& image : images) {
+    for (const planning::ImageOutput& image : images) {
       jobs[image.path] = image.job;
       jobs[image.coverage_path] = image.job;
     }
@@ -327,8 +330,8 @@ bool TransferPlan::keeps_model(FileTime inputs) {
     if (job_.run.written_before.count(output) > 0) return false;
     const auto job = jobs.find(output);
     const bool keeps = job == jobs.end()  // a buffer or an image that was copied
-                           ? has_content(output)
-                           : keeps_all({output}, job->second, inputs, by_time);
+                           ? planning::has_content(output)
+                           : planning::keeps_all({output}, job->second, inputs, by_time);
     if (!keeps) return false;
   }
   plan.kept_by_time = by_time;
@@ -352,12 +355,12 @@ std::uint64_t TransferPlan::reading_bytes(const std::string& path) const {
 }
 
 mesh::Mesh TransferPlan::load_target(const std::string& path) const {
-  return load_mesh(path, options_.target_use, "target", options_.allow_external,
-                   source_->plan().origin, !options_.composite.onto.empty());
+  return planning::load_mesh(path, options_.target_use, "target", options_.allow_external,
+                             source_->plan().origin, !options_.composite.onto.empty());
 }
 
 void TransferPlan::add_inputs(const std::vector<std::string>& files) {
-  for (const std::string& file : files) add_input(file, job_.report);
+  for (const std::string& file : files) planning::add_input(file, job_.report);
 }
 
 }  // namespace pounce::flow

@@ -7,14 +7,14 @@
 #include <string>
 #include <vector>
 
-#include "flow/plan/disk.h"
-#include "flow/plan/existing_outputs.h"
-#include "flow/plan/job_hash.h"
-#include "flow/plan/plan.h"
 #include "flow/sources/source.h"
 #include "flow/write/model.h"
 #include "job/job_context.h"
 #include "mesh/mesh.h"
+#include "planning/disk.h"
+#include "planning/existing_outputs.h"
+#include "planning/job_hash.h"
+#include "planning/plan.h"
 
 namespace pounce::flow {
 
@@ -22,7 +22,7 @@ namespace pounce::flow {
 struct PlannedTarget {
   mesh::Mesh mesh;
   runtime::Lease mesh_lease;
-  TargetPlan plan;
+  planning::TargetPlan plan;
   std::optional<ModelOutput> model;
 
   /// Is there an image of this page in these channels that has to be written? Any at all?
@@ -36,13 +36,13 @@ struct PlannedTarget {
 class TransferPlan {
  public:
   /// `job` must outlive it.
-  TransferPlan(job::JobContext& job, const TransferOptions& options, const TestKnobs& knobs);
+  TransferPlan(job::JobContext& job, const TransferOptions& options, const job::TestKnobs& knobs);
 
   /// Plans the source and all targets; takes the progress bar to `end`. Throws what is wrong,
   /// Error(budget) too where the budget is below what the job needs.
   void make(double end);
 
-  OutputPolicy policy() const;
+  planning::OutputPolicy policy() const;
   Source& source() { return *source_; }
   bool anything_to_write() const { return anything_to_write_; }  ///< --skip-existing may leave none
   /// Of the images of one channel of the target that has the fewest.
@@ -52,7 +52,7 @@ class TransferPlan {
 
  private:
   void plan_source();
-  void plan_target_side(const std::string& path, DiskPlan& disk);
+  void plan_target_side(const std::string& path, planning::DiskPlan& disk);
   void need_target(const std::string& path);
   void need_pass(std::size_t pass);
   void check_channel_outputs() const;
@@ -60,7 +60,7 @@ class TransferPlan {
   void plan_one(const std::string& path);
   void name_jobs();
   void keep_what_is_there();
-  bool keeps_model(FileTime inputs);
+  bool keeps_model(planning::FileTime inputs);
   void warn_of_kept();
   std::uint64_t contexts() const;
   mesh::Mesh read_target(const std::string& path, std::uint64_t beside);
@@ -73,9 +73,9 @@ class TransferPlan {
   job::JobContext& job_;
   const TransferOptions options_;
   const std::string model_pattern_;  ///< of the output, if that is a model
-  const TestKnobs knobs_;
-  JobHash job_hash_;
-  MemoryNeeds needs_;
+  const job::TestKnobs knobs_;
+  planning::JobHash job_hash_;
+  job::MemoryNeeds needs_;
   std::unique_ptr<Source> source_;
   runtime::Lease compressors_lease_, tables_lease_;
   PlannedTarget target_;                       ///< planned last

@@ -21,9 +21,10 @@
 #include <utility>
 #include <vector>
 
-#include "flow/plan/existing_outputs.h"
+#include "flow/stores/build_stores.h"
 #include "flow/target_tally.h"
 #include "flow/write/claims.h"
+#include "planning/existing_outputs.h"
 #include "projection/mesh_fit.h"
 #include "surface/strewn_places.h"
 
@@ -37,7 +38,7 @@ constexpr double kVectorizeShare = 0.06, kProjectShare = 0.66;  // of a page
 
 class TargetTransfer {
  public:
-  TargetTransfer(job::JobContext& job, const OutputPolicy& policy, const Source& source,
+  TargetTransfer(job::JobContext& job, const planning::OutputPolicy& policy, const Source& source,
                  PlannedTarget& target, ProgressRange range)
       : job_(job),
         policy_(policy),
@@ -129,7 +130,7 @@ class TargetTransfer {
   std::vector<std::string> images_of(const Step& step) const {
     std::vector<std::string> paths;
     for (const std::size_t c : source_plan_.passes[step.pass].channels) {
-      const ImageOutput& image = target_.plan.images[c][step.page];
+      const planning::ImageOutput& image = target_.plan.images[c][step.page];
       if (!image.keep) paths.push_back(image.path);
     }
     return paths;
@@ -149,8 +150,9 @@ class TargetTransfer {
   void keep_what_others_made(const Step& step) {
     if (!policy_.skips_existing || target_.model) return;
     for (const std::size_t c : source_plan_.passes[step.pass].channels) {
-      ImageOutput& image = target_.plan.images[c][step.page];
-      if (image.keep || job_.run.written_before.count(image.path) > 0 || !is_made(image)) continue;
+      planning::ImageOutput& image = target_.plan.images[c][step.page];
+      if (image.keep || job_.run.written_before.count(image.path) > 0 || !planning::is_made(image))
+        continue;
       image.keep = true;
       job_.report.kept.push_back(image.path);
       if (!image.coverage_path.empty()) job_.report.kept.push_back(image.coverage_path);
@@ -187,13 +189,14 @@ class TargetTransfer {
     const std::string& path = target_.model->path();
     const auto& outputs = target_.plan.outputs;
     return job_.run.written_before.count(path) == 0 &&
-           standing_of(path, target_.model->job(), FileTime::max()) == Standing::same_job &&
-           std::all_of(outputs.begin(), outputs.end(), has_content);
+           planning::standing_of(path, target_.model->job(), planning::FileTime::max()) ==
+               planning::Standing::same_job &&
+           std::all_of(outputs.begin(), outputs.end(), planning::has_content);
   }
 
   void keep_model(std::vector<Step>& steps) {
     for (auto& images : target_.plan.images) {
-      for (ImageOutput& image : images) image.keep = true;
+      for (planning::ImageOutput& image : images) image.keep = true;
     }
     const auto& outputs = target_.plan.outputs;
     job_.report.kept.insert(job_.report.kept.end(), outputs.begin(), outputs.end());
@@ -203,9 +206,9 @@ class TargetTransfer {
   // --- what this one makes -----------------------------------------------------------------------
 
   bool pads() const {
-    const auto any = [](const std::vector<ImageOutput>& images) {
+    const auto any = [](const std::vector<planning::ImageOutput>& images) {
       return std::any_of(images.begin(), images.end(),
-                         [](const ImageOutput& image) { return image.padding > 0; });
+                         [](const planning::ImageOutput& image) { return image.padding > 0; });
     };
     return std::any_of(target_.plan.images.begin(), target_.plan.images.end(), any);
   }
@@ -214,10 +217,10 @@ class TargetTransfer {
   void find_occupied() {
     if (!target_.plan.painted_over || !pads()) return;
     const std::uint64_t triangles = target_.mesh.triangles.size() + target_.mesh.rest.size();
-    occupied_lease_ = runtime::Lease(job_.budget, triangles * kOccupiedBytes,
+    occupied_lease_ = runtime::Lease(job_.budget, triangles * planning::kOccupiedBytes,
                                      "the target's triangles on its images");
-    const auto pages =
-        occupied_pages(target_.mesh, target_.plan.pages, target_.plan.by_tile, target_.plan.uv_set);
+    const auto pages = planning::occupied_pages(target_.mesh, target_.plan.pages,
+                                                target_.plan.by_tile, target_.plan.uv_set);
     std::uint64_t bytes = 0;
     for (const auto& page : pages) bytes += page->size_bytes();
     if (bytes > occupied_lease_.bytes()) {  // some stand in several periods of UV space
@@ -318,13 +321,13 @@ class TargetTransfer {
   }
 
   void write_page(std::size_t p, std::uint32_t page, const PageResult& result) {
-    const PassPlan& pass = source_plan_.passes[p];
+    const planning::PassPlan& pass = source_plan_.passes[p];
     const StageTimer timer(job_.clock, "assemble");
     job_.meter.begin(page_title("write", page), pass.channels.size() * pass.size.height, "rows",
                      fraction(1));
     for (std::size_t i = 0; i < pass.channels.size(); ++i) {
       const std::size_t c = pass.channels[i];
-      const ImageOutput& image = target_.plan.images[c][page];
+      const planning::ImageOutput& image = target_.plan.images[c][page];
       if (image.keep) continue;
       const runtime::Lease index(job_.budget, result.blocks[i].size() * sizeof(store::ChunkRef),
                                  "the index of the results");
@@ -387,8 +390,8 @@ class TargetTransfer {
   }
 
   job::JobContext& job_;
-  const OutputPolicy policy_;
-  const SourcePlan& source_plan_;
+  const planning::OutputPolicy policy_;
+  const planning::SourcePlan& source_plan_;
   const Source& source_;
   PlannedTarget& target_;
   const ProgressRange range_;
@@ -408,7 +411,7 @@ class TargetTransfer {
 
 }  // namespace
 
-bool transfer_to(job::JobContext& job, const OutputPolicy& policy, const Source& source,
+bool transfer_to(job::JobContext& job, const planning::OutputPolicy& policy, const Source& source,
                  PlannedTarget& target, ProgressRange range, OthersWork others) {
   return TargetTransfer(job, policy, source, target, range).run(others);
 }

@@ -17,7 +17,7 @@ enum class OthersWork : std::uint8_t {
 /// that is the output. What was found goes to the job's report. The target's mesh goes as soon as
 /// its last page is vectorized. False, and nothing done: others are making all of it that is
 /// missing.
-bool transfer_to(job::JobContext& job, const OutputPolicy& policy, const Source& source,
+bool transfer_to(job::JobContext& job, const planning::OutputPolicy& policy, const Source& source,
                  PlannedTarget& target, ProgressRange range, OthersWork others);
 
 }  // namespace pounce::flow

@@ -28,9 +28,6 @@
 
 namespace pounce::job {
 
-/// Stored bytes of a spatial tile, at most.
-inline constexpr std::uint64_t kTileCapBytes = 1ULL << 20;
-
 /// What asks for the most memory, and how much the whole job needs at least.
 struct LeastMemory {
   std::uint64_t bytes = 0;

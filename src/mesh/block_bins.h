@@ -80,6 +80,8 @@ struct BlockBin {
 
 /// What a triangle in a window is taken to need when stored: tiles are cut by it.
 inline constexpr std::uint64_t kTileBytesPerTriangle = 80;
+/// Stored bytes of a tile, at most, but for tests.
+inline constexpr std::uint64_t kTileCapBytes = 1ULL << 20;
 /// No tile holds more windows.
 inline constexpr std::uint32_t kMostBlocksPerTile = 64;
 /// A spatial tile: neighbouring blocks, stored together.

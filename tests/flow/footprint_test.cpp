@@ -6,8 +6,8 @@
 #include <cmath>
 #include <filesystem>
 
-#include "flow/stores/colour_levels.h"
 #include "pounce/error.h"
+#include "shading/level_tile.h"
 #include "support/bytes.h"
 #include "support/flat_scene.h"
 #include "support/many_threads.h"
@@ -209,13 +209,13 @@ TEST_CASE("a level's texels share the image out between them") {
     const std::uint32_t level_size = (size + 1) / 2;
     std::vector<std::uint64_t> given(size, 0);
     for (std::uint32_t i = 0; i < level_size; ++i) {
-      const flow::LevelSpan span = flow::level_span(i, size);
+      const shading::LevelSpan span = shading::level_span(i, size);
       std::uint32_t sum = 0;
       for (std::uint32_t k = 0; k < span.count; ++k) {
         sum += span.weights[k];
         given.at(span.first + k) += span.weights[k];
       }
-      if (sum != flow::level_total(size)) FAIL("texel " << i << " of " << size);
+      if (sum != shading::level_total(size)) FAIL("texel " << i << " of " << size);
     }
     const std::uint64_t each = size % 2 == 0 ? 1 : level_size;
     CHECK(std::all_of(given.begin(), given.end(), [&](std::uint64_t g) { return g == each; }));

@@ -502,7 +502,7 @@ TEST_CASE("padding costs an image the rows that it looks ahead, once", "[flow]")
   const Depth depth = GENERATE(Depth::u8, Depth::float32);
   const std::uint32_t padding = GENERATE(16U, 512U, 4096U);
   const shading::TexelFormat format{4, depth, true, false, true, false};
-  flow::ImageOutput image;
+  planning::ImageOutput image;
   image.path = "o.exr";
   image.lattice = {65536, 65536, 0, {}};
   const auto padder = [&](std::uint32_t radius) {

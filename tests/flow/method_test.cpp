@@ -104,7 +104,7 @@ double diagonal(const mesh::Mesh& mesh) {
   return length(hi - lo);
 }
 
-std::vector<std::byte> run(const TransferOptions& options, const flow::TestKnobs& knobs = {}) {
+std::vector<std::byte> run(const TransferOptions& options, const job::TestKnobs& knobs = {}) {
   flow::transfer(options, knobs);
   return read_whole(posix_file_system(), options.output);
 }

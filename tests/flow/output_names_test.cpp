@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "flow/plan/output_names.h"
+#include "planning/output_names.h"
 
 #include <catch2/catch.hpp>
 #include <filesystem>
@@ -9,7 +9,7 @@
 #include "support/test_data.h"
 
 using namespace pounce;
-using namespace pounce::flow;
+using namespace pounce::planning;
 
 TEST_CASE("tokens are replaced, everything else stays") {
   const std::map<std::string, std::string> values{{"CHANNEL", "baseColor"}, {"MATERIAL", "a<b"}};

@@ -26,7 +26,7 @@ constexpr std::uint64_t kPlenty = 1024 * kMiB;
 using Files = std::map<std::string, std::vector<std::byte>>;
 
 /// Runs the transfer into a folder of its own and hands out every file it wrote.
-Files run(TransferOptions options, const TempFolder& folder, const flow::TestKnobs& knobs = {}) {
+Files run(TransferOptions options, const TempFolder& folder, const job::TestKnobs& knobs = {}) {
   const std::string out = folder.file("out");
   std::filesystem::remove_all(out);
   std::filesystem::create_directory(out);
@@ -43,7 +43,7 @@ Files run(TransferOptions options, const TempFolder& folder, const flow::TestKno
 }
 
 std::uint64_t least_memory(TransferOptions options, const TempFolder& folder,
-                           const flow::TestKnobs& knobs = {}) {
+                           const job::TestKnobs& knobs = {}) {
   options.output = folder.file("planned.<CHANNEL>.png");
   options.resources.memory_bytes = kPlenty;
   return flow::plan(options, knobs).least_memory_bytes;
@@ -74,8 +74,7 @@ TEST_CASE("streamed runs give the bytes of the in-core run", "[flow]") {
     for (const std::uint64_t tile_cap :
          {std::uint64_t{1}, std::uint64_t{20000}, std::uint64_t{0}}) {
       options.resources.threads = threads;
-      const flow::TestKnobs knobs{.tile_cap_bytes = tile_cap,
-                                  .stripe_rows = threads == 3 ? 7U : 0U};
+      const job::TestKnobs knobs{.tile_cap_bytes = tile_cap, .stripe_rows = threads == 3 ? 7U : 0U};
       const std::uint64_t least = least_memory(options, folder, knobs);
       for (const std::uint64_t memory : {least, 2 * least, kPlenty}) {
         options.resources.memory_bytes = memory;

@@ -64,7 +64,7 @@ class Sheets {
     }
   }
 
-  Report run(const flow::TestKnobs& knobs = {.keeps_isolated = true}) {
+  Report run(const job::TestKnobs& knobs = {.keeps_isolated = true}) {
     ply.write(options.source);
     return flow::transfer(options, knobs);
   }
@@ -278,7 +278,7 @@ TEST_CASE("evidence has the same bytes however it is made", "[flow]") {
     for (const std::uint64_t tile_cap : {std::uint64_t{1}, std::uint64_t{0}}) {
       sheets.options.resources.threads = threads;
       sheets.options.resources.memory_bytes = 128ULL << 20;
-      const flow::TestKnobs knobs{.tile_cap_bytes = tile_cap};
+      const job::TestKnobs knobs{.tile_cap_bytes = tile_cap};
       const std::uint64_t least = flow::plan(sheets.options, knobs).least_memory_bytes;
       for (const std::uint64_t memory : {least, std::uint64_t{512} << 20}) {
         CAPTURE(threads, tile_cap, memory);

@@ -108,7 +108,7 @@ TEST_CASE("a splat store has the same bytes at any threads, budget and runs", "[
     CAPTURE(how.threads, how.budget, how.run, how.fan_in);
     Job job(how.budget, how.threads);
     bool cached = true;
-    SplatRequest request{path, {}};
+    planning::SplatRequest request{path, {}};
     request.run_splats = how.run;
     request.fan_in = how.fan_in;
     with_threads(how.threads, [&] { splat_store(job.context, request, &cached, 1); });
@@ -138,7 +138,7 @@ TEST_CASE("an external sort is std::stable_sort of the file", "[flow]") {
                    [&](const Splat& a, const Splat& b) { return key(a) < key(b); });
 
   Job job(16 << 20);
-  SplatRequest request{path, {}};
+  planning::SplatRequest request{path, {}};
   request.run_splats = GENERATE(19U, 500U, 20000U);
   request.fan_in = GENERATE(2U, 7U, 100U);
   request.fades_isolated = false;
@@ -165,7 +165,7 @@ TEST_CASE("harmonics stay with their Gaussians whatever the runs", "[flow]") {
   }
   ply.write(folder.file("s.ply"));
   Job job(16 << 20);
-  SplatRequest request{folder.file("s.ply"), {}};
+  planning::SplatRequest request{folder.file("s.ply"), {}};
   request.harmonics = SphericalHarmonics::normal;
   request.run_splats = GENERATE(100U, 3000U);
   request.fan_in = GENERATE(2U, 64U);
@@ -198,7 +198,7 @@ TEST_CASE("a store holds the harmonics that its mode wants", "[flow]") {
   ply.write(folder.file("s.ply"));
   Job job(64 << 20);
   bool cached;
-  SplatRequest request{folder.file("s.ply"), {}};
+  planning::SplatRequest request{folder.file("s.ply"), {}};
   const auto lobes = [&](SphericalHarmonics harmonics) {
     request.harmonics = harmonics;
     CHECK(scene_facts(request).lobes ==
@@ -233,8 +233,8 @@ TEST_CASE("what the user does not want is left out and makes another store", "[f
   ply.write(folder.file("s.ply"));
   Job job(64 << 20);
   bool cached;
-  const auto left = [&](const SplatKeep& keep, store::SplatFilter why) {
-    SplatRequest request{folder.file("s.ply"), {}};
+  const auto left = [&](const gaussian::SplatKeep& keep, store::SplatFilter why) {
+    planning::SplatRequest request{folder.file("s.ply"), {}};
     request.keep = keep;
     request.near_is_asked = true;
     const auto directory = splat_store(job.context, request, &cached, 1)->directory();
@@ -242,7 +242,7 @@ TEST_CASE("what the user does not want is left out and makes another store", "[f
     return directory.splats;
   };
   using store::SplatFilter;
-  SplatKeep keep;
+  gaussian::SplatKeep keep;
   CHECK(left(keep, SplatFilter::faint) == 1000);
   keep.min_alpha = 0.119F;
   CHECK(left(keep, SplatFilter::faint) == 1000);
@@ -268,7 +268,7 @@ TEST_CASE("what the user does not want is left out and makes another store", "[f
   mesh::Mesh target;  // at x = 5; the discs reach 0.3 along x
   target.positions = {{5, 0, 0}, {5, 1, 0}, {5, 0, 1}};
   target.triangles = {{0, 1, 2}};
-  keep.near = {std::make_shared<NearSurface>(target, 0.1)};
+  keep.near = {std::make_shared<gaussian::NearSurface>(target, 0.1)};
   const std::uint64_t near = left(keep, SplatFilter::out_of_reach);
   // From 4.6 to 5.4 at least, 80; cells of 0.02 (1.2 / 64) make it a few more.
   CHECK(near >= 80);
@@ -290,7 +290,7 @@ TEST_CASE("nothing that is near a surface is said to be far", "[flow]") {
     target.triangles.push_back({first, first + 1, first + 2});
   }
   constexpr double kDistance = 0.2;
-  const NearSurface surface(target, kDistance);
+  const gaussian::NearSurface surface(target, kDistance);
   std::size_t far = 0;
   for (int i = 0; i < 20000; ++i) {
     // A point of a triangle, moved: the box around it meets the surface within the distance.
@@ -309,8 +309,8 @@ TEST_CASE("nothing that is near a surface is said to be far", "[flow]") {
     far += surface.meets(Box3f{anywhere, anywhere}) ? 0 : 1;
   }
   CHECK(far > 14000);
-  CHECK(NearSurface(target, 1e38).meets(Box3f{{1e30F, 0, 0}, {1e30F, 0, 0}}));
-  CHECK_FALSE(NearSurface(mesh::Mesh{}, 1).meets(Box3f{{0, 0, 0}, {0, 0, 0}}));
+  CHECK(gaussian::NearSurface(target, 1e38).meets(Box3f{{1e30F, 0, 0}, {1e30F, 0, 0}}));
+  CHECK_FALSE(gaussian::NearSurface(mesh::Mesh{}, 1).meets(Box3f{{0, 0, 0}, {0, 0, 0}}));
 }
 
 TEST_CASE("runs that are all alike, empty or single merge in order", "[flow]") {
@@ -325,7 +325,7 @@ TEST_CASE("runs that are all alike, empty or single merge in order", "[flow]") {
   const std::string path = folder.file("s.ply");
   ply.write(path);
   Job job(16 << 20);
-  SplatRequest request{path, {}};
+  planning::SplatRequest request{path, {}};
   request.run_splats = GENERATE(1U, 100U, 5000U);
   request.fan_in = GENERATE(2U, 64U);
   bool cached;
@@ -445,7 +445,7 @@ TEST_CASE("a store is found again, and axes make another", "[flow]") {
   scene(3000).write(folder.file("s.ply"));
   Job job(64 << 20);
   bool cached;
-  SplatRequest request{folder.file("s.ply"), {}};
+  planning::SplatRequest request{folder.file("s.ply"), {}};
   const auto store = splat_store(job.context, request, &cached, 1);
   CHECK_FALSE(cached);
   const auto filtered = job.context.report.source_filtered;
@@ -465,7 +465,7 @@ TEST_CASE("a store is found again, and axes make another", "[flow]") {
 TEST_CASE("a budget below the least is refused, the least works for a long file", "[flow]") {
   const test::TempFolder folder;
   scene(100).write(folder.file("s.ply"));
-  const SplatRequest request{folder.file("s.ply"), {}};
+  const planning::SplatRequest request{folder.file("s.ply"), {}};
   CHECK(scene_facts(request).least_bytes < (16 << 20));
   Job job(1 << 20);
   bool cached;
@@ -498,7 +498,7 @@ TEST_CASE("a caller who asks to stop while a scene is read or merged is heard", 
     if (event.done >= after) progress.cancel();
   };
   Job job(64 << 20, 2, &progress);
-  SplatRequest request{folder.file("s.ply"), {}};
+  planning::SplatRequest request{folder.file("s.ply"), {}};
   request.run_splats = 1000;
   bool cached;
   const int kind = test::error_kind([&] { splat_store(job.context, request, &cached, 1); });

@@ -89,7 +89,7 @@ TransferOptions splat_scene(const TempFolder& folder, std::uint32_t seed, std::s
   return options;
 }
 
-std::vector<std::byte> run(const TransferOptions& options, const flow::TestKnobs& knobs = {}) {
+std::vector<std::byte> run(const TransferOptions& options, const job::TestKnobs& knobs = {}) {
   flow::transfer(options, knobs);
   return read_whole(posix_file_system(), options.output);
 }
@@ -195,7 +195,7 @@ TEST_CASE("splats give the same bytes however they are streamed", "[flow]") {
   for (const unsigned threads : {1U, 5U}) {
     for (const std::uint64_t tile_cap : {std::uint64_t{1}, std::uint64_t{0}}) {
       options.resources.threads = threads;
-      const flow::TestKnobs knobs{.tile_cap_bytes = tile_cap};
+      const job::TestKnobs knobs{.tile_cap_bytes = tile_cap};
       options.resources.memory_bytes = 512 * kMiB;
       const std::uint64_t least = flow::plan(options, knobs).least_memory_bytes;
       for (const std::uint64_t memory : {least, 512 * kMiB}) {

@@ -90,7 +90,7 @@ PacketBlend::Mask PacketBlend::find_images(std::span<const PageColour> pages,
     const projection::Footprint footprint = image.on_image(footprint_at(hit, texels, axes, l));
     if (image.column != before) {
       before = image.column;
-      last_level = static_cast<std::int32_t>(ColourLevels::last_level(image.directory()));
+      last_level = static_cast<std::int32_t>(shading::last_level(image.directory()));
     }
     pages_[lane] = &page;
     footprints_.ax[lane] = footprint.a.x;

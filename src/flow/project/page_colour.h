@@ -14,6 +14,7 @@
 #include "projection/footprint.h"
 #include "shading/colour_input.h"
 #include "shading/factor.h"
+#include "shading/level_tile.h"
 #include "shading/result_block.h"
 #include "store/blocks/colour_store.h"
 
@@ -141,7 +142,7 @@ struct PageImage {
   }
   /// How a footprint on the page is averaged.
   projection::FootprintLookups lookups(const projection::Footprint& footprint) const {
-    return projection::lookups_of(on_image(footprint), ColourLevels::last_level(directory()));
+    return projection::lookups_of(on_image(footprint), shading::last_level(directory()));
   }
 };
 

@@ -7,11 +7,11 @@
 
 namespace pounce::flow {
 
-std::vector<PageColour> SourceColumns::pages_of(const ChannelPlan& channel,
+std::vector<PageColour> SourceColumns::pages_of(const planning::ChannelPlan& channel,
                                                 const std::vector<mesh::Lattice>& lattices) const {
   std::vector<PageColour> pages;
   for (std::size_t p = 0; p < channel.pages.size(); ++p) {
-    const PageTexture& page = channel.pages[p];
+    const planning::PageTexture& page = channel.pages[p];
     // Pages of triangles without UVs have constants: no lattice is asked for there.
     const ImageSize lattice =
         p < lattices.size() ? ImageSize{lattices[p].width, lattices[p].height} : ImageSize{};
@@ -41,7 +41,7 @@ constexpr std::uint64_t kFewTiles = 16;
 constexpr double kFromAfar = 4;
 
 /// Texels of the images that a pass shows.
-double texels_shown(const PassPlan& pass) {
+double texels_shown(const planning::PassPlan& pass) {
   double texels = 0;
   for (std::size_t p = 0; p < pass.source.pages.size(); ++p) {
     if (pass.source.pages[p].width == 0) continue;  // no image, and perhaps no UVs
@@ -51,7 +51,8 @@ double texels_shown(const PassPlan& pass) {
   return texels;
 }
 
-void add_shown(const SourcePlan& plan, const PassPlan& pass, const ChannelPlan& channel,
+void add_shown(const planning::SourcePlan& plan, const planning::PassPlan& pass,
+               const planning::ChannelPlan& channel,
                std::vector<std::unique_ptr<mesh::TileMask>>& masks) {
   for (std::size_t p = 0; p < channel.pages.size(); ++p) {
     if (channel.pages[p].column < 0) continue;
@@ -69,21 +70,21 @@ void add_shown(const SourcePlan& plan, const PassPlan& pass, const ChannelPlan& 
 
 }  // namespace
 
-ColourRequest request_of(const ColumnPlan& column) {
+ColourRequest request_of(const planning::ColumnPlan& column) {
   return {&column.image, &column.info, column.wrap_u,
           column.wrap_v, nullptr,      column.allowed_formats};
 }
 
-WantedTiles little_shown(const SourcePlan& plan) {
+WantedTiles little_shown(const planning::SourcePlan& plan) {
   std::vector<std::unique_ptr<mesh::TileMask>> masks;
-  for (const ColumnPlan& column : plan.columns) {
+  for (const planning::ColumnPlan& column : plan.columns) {
     masks.push_back(std::make_unique<mesh::TileMask>(column.info.width, column.info.height));
     if (masks.back()->tiles() <= kFewTiles) masks.back() = nullptr;
   }
-  for (const TileSetPlan& set : plan.tile_sets) {
+  for (const planning::TileSetPlan& set : plan.tile_sets) {
     for (const auto& [tile, column] : set.columns) masks[column] = nullptr;
   }
-  for (const PassPlan& pass : plan.passes) {
+  for (const planning::PassPlan& pass : plan.passes) {
     for (const std::size_t c : pass.channels) add_shown(plan, pass, plan.channels[c], masks);
   }
   WantedTiles shown(plan.columns.size());
@@ -94,9 +95,9 @@ WantedTiles little_shown(const SourcePlan& plan) {
   return shown;
 }
 
-WantedTiles tiles_shown(const job::JobContext& job, const SourcePlan& plan, WantedTiles wanted,
-                        std::uint64_t target_texels) {
-  for (const PassPlan& pass : plan.passes) {
+WantedTiles tiles_shown(const job::JobContext& job, const planning::SourcePlan& plan,
+                        WantedTiles wanted, std::uint64_t target_texels) {
+  for (const planning::PassPlan& pass : plan.passes) {
     if (texels_shown(pass) > kFromAfar * static_cast<double>(target_texels)) return {};
   }
   for (std::size_t c = 0; c < wanted.size(); ++c) {
@@ -106,8 +107,8 @@ WantedTiles tiles_shown(const job::JobContext& job, const SourcePlan& plan, Want
   return wanted;
 }
 
-SourceColumns build_columns(job::JobContext& job, const SourcePlan& plan, const WantedTiles& wanted,
-                            double progress_end) {
+SourceColumns build_columns(job::JobContext& job, const planning::SourcePlan& plan,
+                            const WantedTiles& wanted, double progress_end) {
   SourceColumns made;
   made.levels = std::make_unique<ColourLevels>(job);
   std::uint64_t rows = 0, later_bytes = 0;
@@ -129,7 +130,7 @@ SourceColumns build_columns(job::JobContext& job, const SourcePlan& plan, const 
   }
   auto found = colour_stores(job, requests, keys);
   for (std::size_t c = 0; c < plan.columns.size(); ++c) {
-    const ColumnPlan& column = plan.columns[c];
+    const planning::ColumnPlan& column = plan.columns[c];
     const bool cached = found[c].cached;
     made.all_cached = made.all_cached && cached;
     auto whole = requests[c].wanted == nullptr
@@ -148,7 +149,7 @@ SourceColumns build_columns(job::JobContext& job, const SourcePlan& plan, const 
     job.count_store(store.pack(), cached);
     job.report.source_store_bytes += store.pack().size_bytes();
   }
-  for (const TileSetPlan& set : plan.tile_sets) {
+  for (const planning::TileSetPlan& set : plan.tile_sets) {
     made.tile_sets.emplace_back();
     for (const auto& [tile, column] : set.columns) {
       const auto input = set.inputs.find(tile);

@@ -4,10 +4,10 @@
 #include <memory>
 #include <vector>
 
-#include "flow/plan/plan.h"
 #include "flow/project/page_colour.h"
 #include "flow/stores/colour_levels.h"
 #include "job/job_context.h"
+#include "planning/plan.h"
 
 namespace pounce::flow {
 
@@ -21,27 +21,27 @@ struct SourceColumns {
   bool all_cached = true;
 
   /// What each source page gives to a channel whose source is seen through these lattices.
-  std::vector<PageColour> pages_of(const ChannelPlan& channel,
+  std::vector<PageColour> pages_of(const planning::ChannelPlan& channel,
                                    const std::vector<mesh::Lattice>& lattices) const;
   std::uint64_t bytes_read() const;
 };
 
 /// What building a planned column takes.
-ColourRequest request_of(const ColumnPlan& column);
+ColourRequest request_of(const planning::ColumnPlan& column);
 
 /// By SourcePlan::columns the tiles that are kept; null: all.
 using WantedTiles = std::vector<std::shared_ptr<const mesh::TileMask>>;
 /// The tiles that the source's triangles show, of the images of which that is less than half.
-WantedTiles little_shown(const SourcePlan& plan);
+WantedTiles little_shown(const planning::SourcePlan& plan);
 /// Those, `wanted`, as a job keeps them: all of every image where targets of so many texels see it
 /// from too far for tiles alone (levels are made of all), and where the budget has no room for
 /// building an image later.
-WantedTiles tiles_shown(const job::JobContext& job, const SourcePlan& plan, WantedTiles wanted,
-                        std::uint64_t target_texels);
+WantedTiles tiles_shown(const job::JobContext& job, const planning::SourcePlan& plan,
+                        WantedTiles wanted, std::uint64_t target_texels);
 
 /// Builds the columns of a plan or finds them in the cache; takes job.meter through a stage whose
 /// end is `progress_end`, and counts what was done in job.report.
-SourceColumns build_columns(job::JobContext& job, const SourcePlan& plan, const WantedTiles& wanted,
-                            double progress_end);
+SourceColumns build_columns(job::JobContext& job, const planning::SourcePlan& plan,
+                            const WantedTiles& wanted, double progress_end);
 
 }  // namespace pounce::flow

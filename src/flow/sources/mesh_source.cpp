@@ -6,21 +6,21 @@
 
 #include <algorithm>
 
-#include "flow/plan/left_behind.h"
-#include "flow/plan/load_mesh.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "mesh/tangent_space.h"
+#include "planning/left_behind.h"
+#include "planning/load_mesh.h"
 #include "projection/mesh_fit.h"
 
 namespace pounce::flow {
 
-void MeshSource::make_plan(MemoryNeeds& needs, DiskPlan& disk,
+void MeshSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
                            const std::function<void(const mesh::Mesh&)>& check_order) {
   read();
   check_order(mesh_);
   const Vec3d origin = plan_.origin;
-  plan_ = plan_mesh(options_, mesh_, as_, for_model_);
+  plan_ = planning::plan_mesh(options_, mesh_, as_, for_model_);
   plan_.origin = origin;
   places_ = surface::strew(mesh_, projection::kSourcePlaces);
   needs.keep(plan_.table_bytes);
@@ -32,33 +32,35 @@ void MeshSource::make_plan(MemoryNeeds& needs, DiskPlan& disk,
 void MeshSource::read() {
   const std::string& path = options_.source;
   require_early(job_, {reading_bytes(), "reading " + path}, 0);
-  PlacedMesh placed = place_mesh(path, options_.source_use, "source", options_.allow_external);
+  planning::PlacedMesh placed =
+      planning::place_mesh(path, options_.source_use, "source", options_.allow_external);
   mesh_ = std::move(placed.mesh);
   files_ = mesh_.files;
   plan_.origin = placed.origin;
   job_.report.origin = {placed.origin.x, placed.origin.y, placed.origin.z};
   for (const std::string& warning : mesh_.warnings) job_.warn(warning);
   for (const std::string& note : mesh_.notes) job_.note(note);
-  job_.note(origin_note(path, placed.origin));
+  job_.note(planning::origin_note(path, placed.origin));
   job_.meter.advance(1);
 }
 
 /// Said before they are made: a mesh whose tangents need far more than there is takes long.
-void MeshSource::add_tangents(MemoryNeeds& needs) {
+void MeshSource::add_tangents(job::MemoryNeeds& needs) {
   needs.add_now(mesh_.size_bytes() + mesh::tangents_bytes(mesh_), "the tangents of " + mesh_.path,
                 mesh_.size_bytes());
   mesh::set_tangents(mesh_, plan_.tangents->uv_sets, plan_.tangents->keeps_own);
 }
 
 void MeshSource::report_plan() {
-  for (const ChannelPlan& channel : plan_.channels) {
+  for (const planning::ChannelPlan& channel : plan_.channels) {
     if (channel.channel == Channel::position)
-      job_.note(positions_note(plan_.origin, channel.format.depth));
+      job_.note(planning::positions_note(plan_.origin, channel.format.depth));
   }
   report_kind();
-  job_.note(not_transferred(options_, plan_, mesh_));
-  if (!for_model_) job_.note(factors_note(options_, plan_, mesh_));
-  const std::string coarse = coarse_positions(mesh_, plan_.origin, plan_.passes.front().size);
+  job_.note(planning::not_transferred(options_, plan_, mesh_));
+  if (!for_model_) job_.note(planning::factors_note(options_, plan_, mesh_));
+  const std::string coarse =
+      planning::coarse_positions(mesh_, plan_.origin, plan_.passes.front().size);
   if (!coarse.empty()) plan_.warnings.push_back(coarse);
 }
 
@@ -78,26 +80,26 @@ std::uint64_t MeshSource::reading_bytes() const {
 
 std::vector<job::LeastMemory> MeshSource::build_needs() const {
   std::vector<job::LeastMemory> needs;
-  for (const ColumnPlan& column : plan_.columns)
+  for (const planning::ColumnPlan& column : plan_.columns)
     needs.push_back({colour_least_bytes(request_of(column)), "reading " + column.image.label});
   for (job::LeastMemory& need : further_needs()) needs.push_back(std::move(need));
-  for (const PassPlan& pass : plan_.passes) {
-    needs.push_back(
-        {geometry_least_bytes(pass.source, job_.tile_cap_bytes), "preconditioning " + mesh_.path});
+  for (const planning::PassPlan& pass : plan_.passes) {
+    needs.push_back({surface::geometry_least_bytes(pass.source, job_.tile_cap_bytes),
+                     "preconditioning " + mesh_.path});
   }
   return needs;
 }
 
 std::uint64_t MeshSource::directory_bytes() const {
   std::uint64_t bytes = 0;
-  for (const PassPlan& pass : plan_.passes)
-    bytes += geometry_directory_bytes(pass.source, job_.tile_cap_bytes);
+  for (const planning::PassPlan& pass : plan_.passes)
+    bytes += surface::geometry_directory_bytes(pass.source, job_.tile_cap_bytes);
   return bytes;
 }
 
 std::uint64_t MeshSource::colour_tile_bytes() const {
   std::uint64_t tile = 0;
-  for (const ColumnPlan& column : plan_.columns) {
+  for (const planning::ColumnPlan& column : plan_.columns) {
     const std::uint64_t texel = column.info.channels * store::depth_bytes(column.info.depth);
     tile = std::max(tile, round_to_pages(store::kColourTileEdge * store::kColourTileEdge * texel));
   }

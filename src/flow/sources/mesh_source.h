@@ -15,7 +15,7 @@ namespace pounce::flow {
 /// once and held until its stores are built.
 class MeshSource : public Source {
  public:
-  void make_plan(MemoryNeeds& needs, DiskPlan& disk,
+  void make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
                  const std::function<void(const mesh::Mesh&)>& check_order) override;
   std::uint64_t held_bytes() const override { return mesh_.size_bytes(); }
   void lease_held() override;
@@ -26,7 +26,8 @@ class MeshSource : public Source {
   std::span<const surface::Place> places() const override { return places_; }
 
  protected:
-  MeshSource(job::JobContext& job, const TransferOptions& options, TexelsAs as, bool for_model)
+  MeshSource(job::JobContext& job, const TransferOptions& options, planning::TexelsAs as,
+             bool for_model)
       : Source(job, options), as_(as), for_model_(for_model) {}
   void drop_mesh();
   /// The largest decoded tile of an image.
@@ -36,14 +37,14 @@ class MeshSource : public Source {
 
  private:
   void read();
-  void add_tangents(MemoryNeeds& needs);
+  void add_tangents(job::MemoryNeeds& needs);
   void report_plan();
   /// What building needs beside its columns and its geometry.
   virtual std::vector<job::LeastMemory> further_needs() const { return {}; }
-  virtual void add_stores(DiskPlan& disk) = 0;
+  virtual void add_stores(planning::DiskPlan& disk) = 0;
   virtual void report_kind() = 0;  ///< what the report says of the kind
 
-  const TexelsAs as_;
+  const planning::TexelsAs as_;
   const bool for_model_;
   runtime::Lease mesh_lease_;
   std::vector<surface::Place> places_;

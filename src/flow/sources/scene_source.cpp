@@ -13,9 +13,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "flow/plan/colour_spaces.h"
 #include "flow/stores/gaussian_store.h"
 #include "gaussian/splat_statistics.h"
+#include "planning/colour_spaces.h"
 
 namespace pounce::flow {
 namespace {
@@ -51,19 +51,19 @@ void expect_where_found(const projection::SplatFit& fit, projection::SplatLimits
 }  // namespace
 
 SceneSource::SceneSource(job::JobContext& job, const TransferOptions& options, bool for_model,
-                         const TestKnobs& knobs)
+                         const job::TestKnobs& knobs)
     : Source(job, options),
       for_model_(for_model),
       splats_(options.splats),
       kernels_(&projection::splat_kernels(knobs.isa)),
-      request_(splat_request(options)) {
+      request_(planning::splat_request(options)) {
   request_.fades_isolated = !knobs.keeps_isolated;
 }
 
-void SceneSource::make_plan(MemoryNeeds& needs, DiskPlan& disk,
+void SceneSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
                             const std::function<void(const mesh::Mesh&)>&) {
   facts_ = scene_facts(request_, [this] { job_.meter.advance(0); });
-  plan_ = plan_scene(options_, facts_, for_model_);
+  plan_ = planning::plan_scene(options_, facts_, for_model_);
   files_ = facts_.files;
   needs.keep(plan_.table_bytes);
   disk.add_splats(facts_.splats, facts_.lobes, facts_.unpacked_bytes);
@@ -71,8 +71,8 @@ void SceneSource::make_plan(MemoryNeeds& needs, DiskPlan& disk,
   job_.meter.advance(1);
 }
 
-void SceneSource::meet(const TargetPlan& target, const mesh::Mesh& mesh) {
-  keep_near(options_, target, mesh, request_);
+void SceneSource::meet(const planning::TargetPlan& target, const mesh::Mesh& mesh) {
+  planning::keep_near(options_, target, mesh, request_);
 }
 
 std::vector<job::LeastMemory> SceneSource::build_needs() const {
@@ -105,7 +105,7 @@ void SceneSource::build(ProgressRange range, std::uint64_t) {
   job_.meter.keep(range.end);  // what of it the cache had
 }
 
-SplatProjection SceneSource::projection(const TargetPlan& target_plan) const {
+SplatProjection SceneSource::projection(const planning::TargetPlan& target_plan) const {
   SplatProjection request;
   request.source = gaussians_.get();
   request.kernels = kernels_;
@@ -123,8 +123,8 @@ SplatProjection SceneSource::projection(const TargetPlan& target_plan) const {
   return request;
 }
 
-std::optional<projection::SplatFit> SceneSource::fit(std::span<const surface::Place> places,
-                                                     const TargetPlan& target_plan) const {
+std::optional<projection::SplatFit> SceneSource::fit(
+    std::span<const surface::Place> places, const planning::TargetPlan& target_plan) const {
   SplatProjection request = projection(target_plan);
   request.limits.reach = target_plan.fit_reach;
   request.limits.rays = 0;
@@ -135,12 +135,12 @@ std::optional<projection::SplatFit> SceneSource::fit(std::span<const surface::Pl
 
 std::unique_ptr<Projection> SceneSource::projector(std::size_t pass,
                                                    const store::GeometryStore& target,
-                                                   const TargetPlan& target_plan,
+                                                   const planning::TargetPlan& target_plan,
                                                    const projection::SplatFit& fit) const {
   SplatProjection request = projection(target_plan);
   request.target = &target;
   for (const std::size_t c : plan_.passes[pass].channels) {
-    const ChannelPlan& channel = plan_.channels[c];
+    const planning::ChannelPlan& channel = plan_.channels[c];
     const auto input = colour_input({kRec709, request.linear}, request.linear, channel);
     request.outputs.push_back({channel.channel, channel.format, input});
   }

@@ -14,12 +14,12 @@ namespace pounce::flow {
 class SceneSource final : public Source {
  public:
   SceneSource(job::JobContext& job, const TransferOptions& options, bool for_model,
-              const TestKnobs& knobs);
+              const job::TestKnobs& knobs);
 
-  void make_plan(MemoryNeeds& needs, DiskPlan& disk,
+  void make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
                  const std::function<void(const mesh::Mesh&)>& check_order) override;
   /// What is far from every target need not be sorted.
-  void meet(const TargetPlan& target, const mesh::Mesh& mesh) override;
+  void meet(const planning::TargetPlan& target, const mesh::Mesh& mesh) override;
   std::vector<job::LeastMemory> build_needs() const override;
   std::uint64_t directory_bytes() const override;
   std::uint64_t project_least_bytes(std::size_t pass) const override;
@@ -28,11 +28,11 @@ class SceneSource final : public Source {
   Box3f box() const override { return gaussians_->store().directory().middle_box; }
   std::uint64_t tiles_read() const override { return gaussians_->indices_read(); }
   std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
-                                        const TargetPlan& target_plan,
+                                        const planning::TargetPlan& target_plan,
                                         const projection::SplatFit& fit) const override;
   std::size_t target_places() const override { return surface::kStrewnPlaces; }
   std::optional<projection::SplatFit> fit(std::span<const surface::Place> places,
-                                          const TargetPlan& target_plan) const override;
+                                          const planning::TargetPlan& target_plan) const override;
   /// A capture's whole box is made by a few floaters, so that of its middle is known.
   std::string box_name() const override {
     return "The scene without its outer tenths (\"middle\" in pounce inspect)";
@@ -40,13 +40,13 @@ class SceneSource final : public Source {
   std::string cure() const override;
 
  private:
-  SplatProjection projection(const TargetPlan& target_plan) const;
+  SplatProjection projection(const planning::TargetPlan& target_plan) const;
 
   const bool for_model_;
   const SplatOptions splats_;  ///< how the scene is blended
   const projection::SplatKernels* kernels_;
-  SplatRequest request_;
-  SceneFacts facts_;
+  planning::SplatRequest request_;
+  planning::SceneFacts facts_;
   std::unique_ptr<SplatCache> gaussians_;
   runtime::Lease directory_lease_;
 };

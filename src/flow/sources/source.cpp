@@ -26,12 +26,12 @@ Source::Source(job::JobContext& job, const TransferOptions& options)
           static_cast<float>(std::cos(options.search.max_angle_deg * std::numbers::pi / 180))) {}
 
 std::unique_ptr<Source> open_source(job::JobContext& job, const TransferOptions& options,
-                                    bool for_model, const TestKnobs& knobs) {
-  if (is_splat_scene(options.source)) {
-    refuse_mesh_options(options);
+                                    bool for_model, const job::TestKnobs& knobs) {
+  if (planning::is_splat_scene(options.source)) {
+    planning::refuse_mesh_options(options);
     return std::make_unique<SceneSource>(job, options, for_model, knobs);
   }
-  refuse_splat_options(options);
+  planning::refuse_splat_options(options);
   if (options.mesh.method == Method::gaussian)
     return std::make_unique<TexelsSource>(job, options, for_model, knobs);
   return std::make_unique<SurfaceSource>(job, options, for_model, knobs);

@@ -14,12 +14,12 @@
 #include <vector>
 
 #include "core/bounds.h"
-#include "flow/plan/disk.h"
-#include "flow/plan/memory_needs.h"
-#include "flow/plan/plan.h"
-#include "flow/plan/test_knobs.h"
 #include "flow/project/page_projector.h"
 #include "job/job_context.h"
+#include "job/memory_needs.h"
+#include "job/test_knobs.h"
+#include "planning/disk.h"
+#include "planning/plan.h"
 #include "projection/splat_fit.h"
 #include "store/blocks/geometry_store.h"
 #include "store/pack/pack.h"
@@ -45,12 +45,12 @@ class Source {
   /// Decides channels, sizes and passes, and adds what that needs of memory and disk. What a user
   /// should know goes to the job's report; what he must hear before any work is thrown.
   /// `check_order` is told the source's mesh, if there is one, before anything is missed in it.
-  virtual void make_plan(MemoryNeeds& needs, DiskPlan& disk,
+  virtual void make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
                          const std::function<void(const mesh::Mesh&)>& check_order) = 0;
-  const SourcePlan& plan() const { return plan_; }
+  const planning::SourcePlan& plan() const { return plan_; }
   const std::vector<std::string>& files() const { return files_; }  ///< that it is made of
   /// Says that a target is there, planned; its mesh may go afterwards.
-  virtual void meet(const TargetPlan&, const mesh::Mesh&) {}
+  virtual void meet(const planning::TargetPlan&, const mesh::Mesh&) {}
   /// Memory of what planning left behind, until build() has run.
   virtual std::uint64_t held_bytes() const { return 0; }
   virtual void lease_held() {}  ///< takes that from the budget
@@ -80,7 +80,7 @@ class Source {
   /// Puts it in front of one page of a target, for one pass. `fit`: of a scene.
   virtual std::unique_ptr<Projection> projector(std::size_t pass,
                                                 const store::GeometryStore& target,
-                                                const TargetPlan& target_plan,
+                                                const planning::TargetPlan& target_plan,
                                                 const projection::SplatFit& fit) const = 0;
 
   // --- does it fit a target? ---------------------------------------------------------------------
@@ -89,7 +89,7 @@ class Source {
   virtual std::size_t target_places() const = 0;
   /// Does a scene lie at a target? Nothing of other kinds.
   virtual std::optional<projection::SplatFit> fit(std::span<const surface::Place>,
-                                                  const TargetPlan&) const {
+                                                  const planning::TargetPlan&) const {
     return std::nullopt;
   }
   /// Of a mesh: places of its surface, to find whether it fits.
@@ -107,13 +107,13 @@ class Source {
   job::JobContext& job_;
   const TransferOptions& options_;  ///< for planning alone: what they resolve to is in the plan
   const float min_cosine_;          ///< of --max-angle
-  SourcePlan plan_;
+  planning::SourcePlan plan_;
   std::vector<std::string> files_;
 };
 
 /// The kind that the file and the options ask for. Throws Error(usage) for options of another kind.
 /// `job` and `options` must outlive it; `for_model`: the images go into a model.
 std::unique_ptr<Source> open_source(job::JobContext& job, const TransferOptions& options,
-                                    bool for_model, const TestKnobs& knobs);
+                                    bool for_model, const job::TestKnobs& knobs);
 
 }  // namespace pounce::flow

@@ -12,15 +12,15 @@
 
 #include <algorithm>
 
-#include "flow/plan/colour_spaces.h"
 #include "mesh/mesh.h"
+#include "planning/colour_spaces.h"
 #include "surface/layers.h"
 
 namespace pounce::flow {
 
 SurfaceSource::SurfaceSource(job::JobContext& job, const TransferOptions& options, bool for_model,
-                             const TestKnobs& knobs)
-    : MeshSource(job, options, TexelsAs::surface, for_model),
+                             const job::TestKnobs& knobs)
+    : MeshSource(job, options, planning::TexelsAs::surface, for_model),
       filter_(options.mesh.filter.value_or(kDefaultFilter)),
       source_y_(options.material.normal_y),
       output_y_(options.image.normal_y),
@@ -29,16 +29,16 @@ SurfaceSource::SurfaceSource(job::JobContext& job, const TransferOptions& option
 
 void SurfaceSource::report_kind() { job_.report.filter = filter_name(filter_); }
 
-void SurfaceSource::add_stores(DiskPlan& disk) {
+void SurfaceSource::add_stores(planning::DiskPlan& disk) {
   little_shown_ = little_shown(plan_);
   for (std::size_t c = 0; c < plan_.columns.size(); ++c)
     disk.add_seen_column(plan_.columns[c].info, little_shown_[c] != nullptr);
-  for (const PassPlan& pass : plan_.passes) disk.add_geometry(pass.source);
+  for (const planning::PassPlan& pass : plan_.passes) disk.add_geometry(pass.source);
 }
 
 std::uint64_t SurfaceSource::project_least_bytes(std::size_t pass) const {
   constexpr std::uint64_t kStoredTriangle = 160, kColouredTriangle = 208, kChunk = 1 << 16;
-  const PassPlan& p = plan_.passes[pass];
+  const planning::PassPlan& p = plan_.passes[pass];
   const bool has_map = plan_.channels[p.channels.back()].channel == Channel::hits;
   const std::uint64_t triangle = p.source.colours ? kColouredTriangle : kStoredTriangle;
   return flow::project_least_bytes(
@@ -65,7 +65,7 @@ void SurfaceSource::build_geometry(double end) {
   job_.meter.begin("precondition", 0, "tiles", end);
   find_layers();
   bool all_cached = true;
-  for (const PassPlan& pass : plan_.passes) {
+  for (const planning::PassPlan& pass : plan_.passes) {
     bool cached = false;
     open_geometry(pass, &cached);
     all_cached = all_cached && cached;
@@ -76,7 +76,7 @@ void SurfaceSource::build_geometry(double end) {
   job_.meter.end(all_cached);
 }
 
-void SurfaceSource::open_geometry(const PassPlan& pass, bool* cached) {
+void SurfaceSource::open_geometry(const planning::PassPlan& pass, bool* cached) {
   auto opened = geometry_store(job_, pass.source, cached);
   geometry_.push_back(std::make_unique<SurfaceCache>(
       job_.budget, SurfaceReader{{&job_, std::move(opened)}, pass.has_shape}));
@@ -119,10 +119,10 @@ void SurfaceSource::find_layers() {
       surface::layer_gaps(mesh_, some, min_cosine_, kWithin * length(Vec3f(box.hi - box.lo)));
 }
 
-std::optional<ShapeOutput> SurfaceSource::shape_of(const ChannelPlan& channel) const {
+std::optional<ShapeOutput> SurfaceSource::shape_of(const planning::ChannelPlan& channel) const {
   if (!channel.has_shape()) return std::nullopt;
   ShapeOutput shape{channel.channel, channel.baked, source_y_, output_y_, {}, {}, plan_.origin};
-  for (const PageTexture& page : channel.pages) shape.scales.push_back(page.normal_scale);
+  for (const planning::PageTexture& page : channel.pages) shape.scales.push_back(page.normal_scale);
   if (channel.channel == Channel::vertex_color)
     shape.input = colour_input({kRec709, true}, true, channel);
   return shape;
@@ -130,7 +130,7 @@ std::optional<ShapeOutput> SurfaceSource::shape_of(const ChannelPlan& channel) c
 
 std::unique_ptr<Projection> SurfaceSource::projector(std::size_t pass,
                                                      const store::GeometryStore& target,
-                                                     const TargetPlan& target_plan,
+                                                     const planning::TargetPlan& target_plan,
                                                      const projection::SplatFit&) const {
   MeshProjection request;
   request.source = geometry_[pass].get();
@@ -141,7 +141,7 @@ std::unique_ptr<Projection> SurfaceSource::projector(std::size_t pass,
   request.limits.min_cosine = min_cosine_;
   request.smallest_edge = target_plan.smallest_edge;
   for (const std::size_t c : plan_.passes[pass].channels) {
-    const ChannelPlan& channel = plan_.channels[c];
+    const planning::ChannelPlan& channel = plan_.channels[c];
     request.channels.push_back({channel.format,
                                 columns_.pages_of(channel, plan_.passes[pass].source.pages),
                                 shape_of(channel), channel.channel == Channel::hits});

@@ -15,7 +15,7 @@ namespace pounce::flow {
 class SurfaceSource final : public MeshSource {
  public:
   SurfaceSource(job::JobContext& job, const TransferOptions& options, bool for_model,
-                const TestKnobs& knobs);
+                const job::TestKnobs& knobs);
 
   std::uint64_t project_least_bytes(std::size_t pass) const override;
   void build(ProgressRange range, std::uint64_t target_texels) override;
@@ -23,18 +23,18 @@ class SurfaceSource final : public MeshSource {
   Box3f box() const override;
   std::uint64_t tiles_read() const override;
   std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
-                                        const TargetPlan& target_plan,
+                                        const planning::TargetPlan& target_plan,
                                         const projection::SplatFit& fit) const override;
   std::span<const float> layer_gaps() const override { return layer_gaps_; }
 
  private:
-  void add_stores(DiskPlan& disk) override;
+  void add_stores(planning::DiskPlan& disk) override;
   void report_kind() override;
   void build_geometry(double end);
-  void open_geometry(const PassPlan& pass, bool* cached);
+  void open_geometry(const planning::PassPlan& pass, bool* cached);
   void find_layers();
   void warn_of_coincident();
-  std::optional<ShapeOutput> shape_of(const ChannelPlan& channel) const;
+  std::optional<ShapeOutput> shape_of(const planning::ChannelPlan& channel) const;
 
   const Filter filter_;
   const NormalY source_y_, output_y_;  ///< of normal maps

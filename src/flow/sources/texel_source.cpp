@@ -96,9 +96,9 @@ std::uint64_t TexelSource::read_bytes(std::uint64_t triangles, std::uint64_t chu
          (sharpens ? block + gaussian::TexelNeighbours::bytes() : 0);
 }
 
-std::uint64_t TexelSource::list_bytes(const GeometryRequest& geometry) {
+std::uint64_t TexelSource::list_bytes(const surface::GeometryRequest& geometry) {
   // Blocks are windows of the texels that triangles lie in; very full ones are cut.
-  const std::uint64_t entries = geometry_most(geometry).chunks / 2;
+  const std::uint64_t entries = surface::geometry_most(geometry).chunks / 2;
   std::uint64_t windows = 0;
   for (std::size_t p = 0; p < geometry.pages.size(); ++p) {
     const mesh::Lattice& page = geometry.pages[p];
@@ -319,7 +319,7 @@ PageVector<store::Splat> TexelSource::sample() const {
   return std::move(sample.splats);
 }
 
-std::uint64_t texel_count_bound(const GeometryRequest& geometry) {
+std::uint64_t texel_count_bound(const surface::GeometryRequest& geometry) {
   // A convex shape holds no more lattice points than its area, half its perimeter and one.
   double most = 0;
   for (std::size_t p = 0; p < geometry.pages.size(); ++p) {

@@ -62,7 +62,7 @@ class TexelSource : public GaussianSource {
   static std::uint64_t read_bytes(std::uint64_t triangles, std::uint64_t chunk_bytes,
                                   std::uint64_t colour_tile_bytes, bool sharpens = false);
   /// The most that the list of blocks takes, and the directory of the store that it is made from.
-  static std::uint64_t list_bytes(const GeometryRequest& geometry);
+  static std::uint64_t list_bytes(const surface::GeometryRequest& geometry);
 
  private:
   struct Block;
@@ -81,7 +81,7 @@ class TexelSource : public GaussianSource {
 };
 
 /// The most texels that a source's triangles cover, a triangle without any counted as one.
-std::uint64_t texel_count_bound(const GeometryRequest& geometry);
+std::uint64_t texel_count_bound(const surface::GeometryRequest& geometry);
 
 /// A Gaussian as the store has it. Nothing for one that it cannot hold; `filtered` says why.
 bool to_splat(const TexelGaussian& texel, store::Splat& splat, store::SplatCounts& filtered);

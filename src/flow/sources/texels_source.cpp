@@ -21,12 +21,12 @@ namespace {
 constexpr std::uint32_t kTexelSourceVersion = 1;
 
 /// Are a mesh's colours blended in linear light? As the images hold them: if any of them is linear.
-bool texels_are_linear(const SourcePlan& plan) {
-  const auto is_linear = [&](const PageTexture& page) {
+bool texels_are_linear(const planning::SourcePlan& plan) {
+  const auto is_linear = [&](const planning::PageTexture& page) {
     if (page.input) return page.input->linear || page.input->primaries.has_value();
     if (page.column >= 0) return plan.columns[static_cast<std::size_t>(page.column)].info.linear;
     if (page.tile_set < 0) return false;
-    const TileSetPlan& set = plan.tile_sets[static_cast<std::size_t>(page.tile_set)];
+    const planning::TileSetPlan& set = plan.tile_sets[static_cast<std::size_t>(page.tile_set)];
     return std::any_of(set.columns.begin(), set.columns.end(), [&](const auto& column) {
       const auto input = set.inputs.find(column.first);
       if (input == set.inputs.end()) return plan.columns[column.second].info.linear;
@@ -59,7 +59,8 @@ void add_key(const Hash128& key, Hasher& hash) {
 }
 
 /// What a page of the mesh has in the channel; `columns` are the keys of the plan's.
-void add_page(const PageTexture& page, const std::vector<Hash128>& columns, Hasher& hash) {
+void add_page(const planning::PageTexture& page, const std::vector<Hash128>& columns,
+              Hasher& hash) {
   hash.add(page.column);
   hash.add(page.tile_set);
   if (page.column >= 0) add_key(columns[static_cast<std::size_t>(page.column)], hash);
@@ -70,7 +71,8 @@ void add_page(const PageTexture& page, const std::vector<Hash128>& columns, Hash
   if (page.tinted) hash.add(std::string_view("tinted"));
 }
 
-void add_tile_set(const TileSetPlan& set, const std::vector<Hash128>& columns, Hasher& hash) {
+void add_tile_set(const planning::TileSetPlan& set, const std::vector<Hash128>& columns,
+                  Hasher& hash) {
   hash.add(static_cast<std::uint64_t>(set.columns.size()));
   for (const auto& [tile, column] : set.columns) {
     hash.add(tile.column);
@@ -84,8 +86,8 @@ void add_tile_set(const TileSetPlan& set, const std::vector<Hash128>& columns, H
 }  // namespace
 
 TexelsSource::TexelsSource(job::JobContext& job, const TransferOptions& options, bool for_model,
-                           const TestKnobs& knobs)
-    : MeshSource(job, options, TexelsAs::gaussians, for_model),
+                           const job::TestKnobs& knobs)
+    : MeshSource(job, options, planning::TexelsAs::gaussians, for_model),
       sigma_(options.mesh.sigma_texels.value_or(kDefaultSigma)),
       densify_(options.mesh.densify),
       kernels_(&projection::splat_kernels(knobs.isa)) {}
@@ -95,8 +97,8 @@ void TexelsSource::report_kind() {
   job_.report.densify = densify_;
 }
 
-void TexelsSource::add_stores(DiskPlan& disk) {
-  for (const ColumnPlan& column : plan_.columns) disk.add_column(column.info);
+void TexelsSource::add_stores(planning::DiskPlan& disk) {
+  for (const planning::ColumnPlan& column : plan_.columns) disk.add_column(column.info);
   disk.add_geometry(geometry());
   disk.add_splats(most_gaussians(), 0, 0);
 }
@@ -167,26 +169,27 @@ std::unique_ptr<store::SplatStore> TexelsSource::sort(const Hash128& key,
 
 Hash128 TexelsSource::store_key() const {
   std::vector<Hash128> columns;
-  for (const ColumnPlan& column : plan_.columns)
+  for (const planning::ColumnPlan& column : plan_.columns)
     columns.push_back(colour_key(job_, request_of(column)));
   Hasher hash;
   hash.add(std::string_view("texels"));
   hash.add(store::kFormatVersion);
   hash.add(kGaussianStoreVersion);
   hash.add(kTexelSourceVersion);
-  add_key(geometry_key(geometry()), hash);
-  for (const PageTexture& page : plan_.channels.front().pages) add_page(page, columns, hash);
+  add_key(surface::geometry_key(geometry()), hash);
+  for (const planning::PageTexture& page : plan_.channels.front().pages)
+    add_page(page, columns, hash);
   hash.add(static_cast<std::uint64_t>(plan_.tile_sets.size()));
-  for (const TileSetPlan& set : plan_.tile_sets) add_tile_set(set, columns, hash);
+  for (const planning::TileSetPlan& set : plan_.tile_sets) add_tile_set(set, columns, hash);
   hash.add(sigma_);
   hash.add(densify_);
   return hash.digest();
 }
 
 std::unique_ptr<Projection> TexelsSource::projector(std::size_t, const store::GeometryStore& target,
-                                                    const TargetPlan& target_plan,
+                                                    const planning::TargetPlan& target_plan,
                                                     const projection::SplatFit&) const {
-  const ChannelPlan& channel = plan_.channels.front();
+  const planning::ChannelPlan& channel = plan_.channels.front();
   GaussianProjection request;
   request.source = splats_.get();
   request.target = &target;

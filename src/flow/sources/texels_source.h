@@ -15,7 +15,7 @@ namespace pounce::flow {
 class TexelsSource final : public MeshSource {
  public:
   TexelsSource(job::JobContext& job, const TransferOptions& options, bool for_model,
-               const TestKnobs& knobs);
+               const job::TestKnobs& knobs);
 
   std::uint64_t project_least_bytes(std::size_t pass) const override;
   void build(ProgressRange range, std::uint64_t target_texels) override;
@@ -23,14 +23,14 @@ class TexelsSource final : public MeshSource {
   Box3f box() const override { return splats_->store().directory().middle_box; }
   std::uint64_t tiles_read() const override { return splats_->indices_read(); }
   std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
-                                        const TargetPlan& target_plan,
+                                        const planning::TargetPlan& target_plan,
                                         const projection::SplatFit& fit) const override;
 
  private:
-  void add_stores(DiskPlan& disk) override;
+  void add_stores(planning::DiskPlan& disk) override;
   void report_kind() override;
   std::vector<job::LeastMemory> further_needs() const override;
-  const GeometryRequest& geometry() const { return plan_.passes.front().source; }
+  const surface::GeometryRequest& geometry() const { return plan_.passes.front().source; }
   std::uint64_t most_gaussians() const;
   Hash128 store_key() const;
   std::unique_ptr<store::SplatStore> sort(const Hash128& key, ProgressRange range) const;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <map>
 #include <memory>
@@ -24,8 +23,6 @@ class ColourLevels {
   /// Level 1 or above of an image. Whoever asks first makes it; the others wait. Needs making_bytes
   /// of memory under the caller's lease. Throws as building a store does.
   const ColourCache& get(const ColourCache& column, std::uint32_t level);
-  /// The last level of an image: it fits into a few texels.
-  static std::uint32_t last_level(const store::ColourDirectory& image);
   static std::uint64_t making_bytes(std::uint64_t tile_bytes) { return 6 * tile_bytes; }
 
  private:
@@ -40,18 +37,5 @@ class ColourLevels {
   job::JobContext& job_;
   std::map<const ColourCache*, Levels> images_;
 };
-
-/// What a level says of itself before it is made.
-store::ColourDirectory level_of(const store::ColourDirectory& image, std::uint32_t level);
-
-/// How the texels of a level's row (or column) come from those of the level before: texel i is the
-/// mean of `count` texels from `first` on, weighted.
-struct LevelSpan {
-  std::uint32_t first = 0, count = 0;
-  std::array<std::uint32_t, 3> weights{};
-};
-/// `size` texels become (size + 1) / 2 of equal width. The weights of each are `level_total(size)`.
-LevelSpan level_span(std::uint32_t i, std::uint32_t size);
-std::uint32_t level_total(std::uint32_t size);
 
 }  // namespace pounce::flow

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "flow/stores/gaussian_source.h"
-#include "flow/stores/splat_keep.h"
+#include "gaussian/splat_keep.h"
 #include "job/job_context.h"
 #include "store/blocks/splat_store.h"
 
@@ -18,7 +18,7 @@ struct GaussianStoreRequest {
   Hash128 key;
   std::string path;  ///< of the source, for messages
   store::SplatFacts facts;
-  SplatKeep keep = {};
+  gaussian::SplatKeep keep = {};
   bool fades_isolated = false;  ///< see gaussian::fade_isolated()
   /// For tests: most Gaussians of a run and most runs merged at once; 0 = what the budget holds.
   /// The store does not depend on them.

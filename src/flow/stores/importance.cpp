@@ -50,7 +50,8 @@ std::uint64_t ImportanceCut::bytes(std::uint64_t rows, std::uint64_t part_rows) 
 }
 
 ImportanceCut::ImportanceCut(job::JobContext& job, const GaussianSource& source,
-                             const SplatKeep& keep, std::uint64_t count, std::uint64_t part_rows) {
+                             const gaussian::SplatKeep& keep, std::uint64_t count,
+                             std::uint64_t part_rows) {
   const std::uint64_t rows = source.count(), parts = parts_of(rows, part_rows);
   const std::uint64_t part_bytes = rows_bytes(std::min(rows, part_rows), source.lobes()) +
                                    source.read_bytes() +

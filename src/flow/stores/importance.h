@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "flow/stores/gaussian_source.h"
-#include "flow/stores/splat_keep.h"
+#include "gaussian/splat_keep.h"
 #include "job/job_context.h"
 
 namespace pounce::flow {
@@ -19,7 +19,7 @@ class ImportanceCut {
  public:
   /// Reads the source once, in parts of `part_rows`, and a nameless file of its importances five
   /// times. Advances job.meter by the source's number of rows.
-  ImportanceCut(job::JobContext& job, const GaussianSource& source, const SplatKeep& keep,
+  ImportanceCut(job::JobContext& job, const GaussianSource& source, const gaussian::SplatKeep& keep,
                 std::uint64_t count, std::uint64_t part_rows);
 
   /// Gaussians that can be used and are wanted before this part.

@@ -37,7 +37,7 @@ std::uint32_t kept_lobes(const io::SplatSceneInfo& info, SphericalHarmonics harm
 /// A scene on its way into a store.
 class SceneStore {
  public:
-  SceneStore(job::JobContext& job, const SplatRequest& request)
+  SceneStore(job::JobContext& job, const planning::SplatRequest& request)
       : job_(job),
         request_(request),
         scene_(open(job, request)),
@@ -46,7 +46,7 @@ class SceneStore {
   std::uint64_t count() const { return source_.count(); }
 
   std::unique_ptr<store::SplatStore> make(bool* cached) {
-    SplatKeep keep = request_.keep;
+    gaussian::SplatKeep keep = request_.keep;
     *cached = true;
     if (!keep.near.empty() && !request_.near_is_asked) {
       if (auto found = find(keep)) return found;
@@ -61,7 +61,8 @@ class SceneStore {
   }
 
  private:
-  static std::unique_ptr<io::SplatScene> open(job::JobContext& job, const SplatRequest& request) {
+  static std::unique_ptr<io::SplatScene> open(job::JobContext& job,
+                                              const planning::SplatRequest& request) {
     const runtime::Lease lease(job.budget, io::kOpenSplatBytes, "opening " + request.path);
     return io::open_splat_scene(request.path, request.axes, [&job] { job.meter.advance(0); });
   }
@@ -71,14 +72,14 @@ class SceneStore {
     return {info.splats, info.model, source_.lobes(), info.is_linear};
   }
 
-  std::unique_ptr<store::SplatStore> find(const SplatKeep& keep) {
+  std::unique_ptr<store::SplatStore> find(const gaussian::SplatKeep& keep) {
     return find_store(
         job_, store::PackKind::splats, key(keep), [&](std::unique_ptr<store::PackReader> pack) {
           return std::make_unique<store::SplatStore>(std::move(pack), facts(), job_.compressor());
         });
   }
 
-  Hash128 key(const SplatKeep& keep) {
+  Hash128 key(const gaussian::SplatKeep& keep) {
     Hasher hash;
     hash.add(std::string_view("splats"));
     hash.add(store::kFormatVersion);
@@ -106,7 +107,7 @@ class SceneStore {
     is_prepared_ = true;
   }
 
-  bool is_mostly_far(const SplatKeep& keep) {
+  bool is_mostly_far(const gaussian::SplatKeep& keep) {
     prepare();
     const runtime::Lease lease(
         job_.budget,
@@ -122,7 +123,7 @@ class SceneStore {
   }
 
   job::JobContext& job_;
-  const SplatRequest& request_;
+  const planning::SplatRequest& request_;
   const std::unique_ptr<io::SplatScene> scene_;
   const SceneGaussians source_;
   bool is_prepared_ = false;
@@ -130,8 +131,9 @@ class SceneStore {
 
 }  // namespace
 
-std::unique_ptr<store::SplatStore> splat_store(job::JobContext& job, const SplatRequest& request,
-                                               bool* cached, double progress_end) {
+std::unique_ptr<store::SplatStore> splat_store(job::JobContext& job,
+                                               const planning::SplatRequest& request, bool* cached,
+                                               double progress_end) {
   SceneStore scene(job, request);
   job.meter.begin("precondition", 2 * scene.count(), "Gaussians", progress_end);
   auto store = scene.make(cached);
@@ -140,16 +142,17 @@ std::unique_ptr<store::SplatStore> splat_store(job::JobContext& job, const Splat
   return store;
 }
 
-SceneFacts scene_facts(const SplatRequest& request, const std::function<void()>& poll) {
+planning::SceneFacts scene_facts(const planning::SplatRequest& request,
+                                 const std::function<void()>& poll) {
   const auto scene = io::open_splat_scene(request.path, request.axes, poll);
   const io::SplatSceneInfo& info = scene->info();
-  SceneFacts facts{info.splats,
-                   kept_lobes(info, request.harmonics),
-                   info.is_linear,
-                   info.files,
-                   info.assumptions,
-                   0,
-                   scene->unpacked_bytes()};
+  planning::SceneFacts facts{info.splats,
+                             kept_lobes(info, request.harmonics),
+                             info.is_linear,
+                             info.files,
+                             info.assumptions,
+                             0,
+                             scene->unpacked_bytes()};
   facts.least_bytes =
       std::max(scene->prepare_bytes(),
                gaussian_store_least_bytes(info.splats, scene->read_bytes(), facts.lobes));

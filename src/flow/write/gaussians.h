@@ -6,7 +6,7 @@
 #include <string>
 
 #include "flow/stores/gaussian_source.h"
-#include "flow/stores/splat_keep.h"
+#include "gaussian/splat_keep.h"
 #include "io/splats/splat_writer.h"
 #include "job/job_context.h"
 
@@ -16,7 +16,7 @@ namespace pounce::flow {
 struct GaussianFile {
   std::string path;
   io::SplatFileFacts facts;  ///< its lobes are the source's
-  SplatKeep keep = {};
+  gaussian::SplatKeep keep = {};
   std::optional<std::uint64_t> most;  ///< no more than these, the most important ones
 };
 

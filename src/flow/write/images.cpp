@@ -37,7 +37,8 @@ struct Rows {
   PageVector<std::byte> covered;  ///< 0 or the depth's 1, one sample per texel
 };
 
-io::ImageWriteSpec colour_spec(const ImageOutput& output, const shading::TexelFormat& format) {
+io::ImageWriteSpec colour_spec(const planning::ImageOutput& output,
+                               const shading::TexelFormat& format) {
   return {output.lattice.width,
           output.lattice.height,
           format.channels,
@@ -52,7 +53,7 @@ io::ImageWriteSpec colour_spec(const ImageOutput& output, const shading::TexelFo
           output.job};
 }
 
-io::ImageWriteSpec coverage_spec(const ImageOutput& output) {
+io::ImageWriteSpec coverage_spec(const planning::ImageOutput& output) {
   return {output.lattice.width,
           output.lattice.height,
           1,
@@ -80,7 +81,7 @@ void expand_mask(const std::uint8_t* bits, std::uint32_t count, std::uint8_t* by
 
 class ImageAssembler {
  public:
-  ImageAssembler(job::JobContext& job, const ImageOutput& output,
+  ImageAssembler(job::JobContext& job, const planning::ImageOutput& output,
                  const shading::TexelFormat& format, const store::PackReader& results,
                  const std::vector<store::ChunkRef>& blocks, WriteFile* sink)
       : job_(job),
@@ -252,7 +253,7 @@ class ImageAssembler {
   }
 
   job::JobContext& job_;
-  const ImageOutput& output_;
+  const planning::ImageOutput& output_;
   const shading::TexelFormat& format_;
   const store::PackReader& results_;
   const std::vector<store::ChunkRef>& blocks_;
@@ -267,18 +268,20 @@ class ImageAssembler {
 
 }  // namespace
 
-WrittenTexels write_image(job::JobContext& job, const ImageOutput& output,
+WrittenTexels write_image(job::JobContext& job, const planning::ImageOutput& output,
                           const shading::TexelFormat& format, const store::PackReader& results,
                           const std::vector<store::ChunkRef>& blocks, WriteFile* sink) {
   return ImageAssembler(job, output, format, results, blocks, sink).run();
 }
 
-std::uint64_t levels_bytes(const ImageOutput& output, const shading::TexelFormat& format) {
+std::uint64_t levels_bytes(const planning::ImageOutput& output,
+                           const shading::TexelFormat& format) {
   return ImageFile::scratch_bytes(colour_spec(output, format)) +
          (output.coverage_path.empty() ? 0 : ImageFile::scratch_bytes(coverage_spec(output)));
 }
 
-std::uint64_t image_least_bytes(const ImageOutput& output, const shading::TexelFormat& format) {
+std::uint64_t image_least_bytes(const planning::ImageOutput& output,
+                                const shading::TexelFormat& format) {
   const std::uint64_t width = output.lattice.width;
   const std::uint64_t texel = format.texel_bytes();
   const std::uint64_t row_of_blocks = round_to_pages(kBlockEdge * width * (texel + 1));

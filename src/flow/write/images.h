@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "flow/plan/image_output.h"
 #include "io/image/write.h"
 #include "job/job_context.h"
+#include "planning/image_output.h"
 #include "shading/result_block.h"
 #include "store/pack/pack.h"
 
@@ -24,13 +24,14 @@ struct WrittenTexels {
 
 /// Assembles result blocks into rows, pads charts, writes the image (and its coverage) in order and
 /// renames it into place. With a `sink` the image goes to its end instead, as PNG.
-WrittenTexels write_image(job::JobContext& job, const ImageOutput& output,
+WrittenTexels write_image(job::JobContext& job, const planning::ImageOutput& output,
                           const shading::TexelFormat& format, const store::PackReader& results,
                           const std::vector<store::ChunkRef>& blocks, WriteFile* sink = nullptr);
 
 /// What the levels of such an image take on disk until it is whole.
-std::uint64_t levels_bytes(const ImageOutput& output, const shading::TexelFormat& format);
+std::uint64_t levels_bytes(const planning::ImageOutput& output, const shading::TexelFormat& format);
 /// What writing such an image needs at once.
-std::uint64_t image_least_bytes(const ImageOutput& output, const shading::TexelFormat& format);
+std::uint64_t image_least_bytes(const planning::ImageOutput& output,
+                                const shading::TexelFormat& format);
 
 }  // namespace pounce::flow

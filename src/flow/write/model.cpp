@@ -12,7 +12,7 @@
 #include <optional>
 #include <set>
 
-#include "flow/plan/output_names.h"
+#include "planning/output_names.h"
 
 namespace pounce::flow {
 namespace {
@@ -20,10 +20,10 @@ namespace {
 std::string stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
 
 /// Materials may have names that give the same file name: the later ones are numbered.
-void make_distinct(std::vector<std::vector<ImageOutput>>& images) {
+void make_distinct(std::vector<std::vector<planning::ImageOutput>>& images) {
   std::set<std::string> seen;
   for (auto& channel : images) {
-    for (ImageOutput& image : channel) {
+    for (planning::ImageOutput& image : channel) {
       const std::string wanted = image.path;
       for (int n = 2; !seen.insert(image.path).second; ++n) {
         const std::size_t dot = wanted.rfind('.', wanted.rfind('.') - 1);
@@ -37,7 +37,7 @@ void make_distinct(std::vector<std::vector<ImageOutput>>& images) {
 
 std::string model_image_pattern(const std::string& output) {
   for (const char* token : {"UDIM", "UVTILE", "CHANNEL", "MATERIAL"}) {
-    if (!has_token(output, token)) continue;
+    if (!planning::has_token(output, token)) continue;
     throw Error(ErrorKind::usage, fmt::format("{}: a model contains every material and channel, "
                                               "and UVs wrap around in its images; remove <{}>",
                                               output, token));
@@ -46,11 +46,11 @@ std::string model_image_pattern(const std::string& output) {
   return base + ".<MATERIAL>.<CHANNEL>.png";
 }
 
-ModelOutput::ModelOutput(const std::string& pattern, const SourcePlan& plan, bool allow_external,
-                         TargetPlan& target) {
+ModelOutput::ModelOutput(const std::string& pattern, const planning::SourcePlan& plan,
+                         bool allow_external, planning::TargetPlan& target) {
   request_.target = target.path;
   request_.allow_external = allow_external;
-  request_.output = expand_pattern(pattern, {{"TARGET", stem(target.path)}});
+  request_.output = planning::expand_pattern(pattern, {{"TARGET", stem(target.path)}});
   request_.uv_set = target.requests.front().front().pages.front().uv_set;
   make_distinct(target.images);
   target.outputs.clear();
@@ -58,7 +58,7 @@ ModelOutput::ModelOutput(const std::string& pattern, const SourcePlan& plan, boo
     textures_.emplace_back();
     shows_alpha_.push_back(plan.channels[c].shows_alpha);
     for (std::size_t page = 0; page < target.pages.size(); ++page) {
-      const ImageOutput& image = target.images[c][page];
+      const planning::ImageOutput& image = target.images[c][page];
       if (!image.coverage_path.empty()) target.outputs.push_back(image.coverage_path);
       textures_.back().push_back({target.pages[page].material.value(), plan.channels[c].channel,
                                   plan.channels[c].material_factor, image.path});

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "flow/plan/plan.h"
 #include "flow/write/images.h"
 #include "io/model/model_writer.h"
+#include "planning/plan.h"
 
 namespace pounce::flow {
 
@@ -20,8 +20,8 @@ std::string model_image_pattern(const std::string& output);
 class ModelOutput {
  public:
   /// Plans it: `target` gets the model's files as its outputs and inputs, and its warnings.
-  ModelOutput(const std::string& pattern, const SourcePlan& plan, bool allow_external,
-              TargetPlan& target);
+  ModelOutput(const std::string& pattern, const planning::SourcePlan& plan, bool allow_external,
+              planning::TargetPlan& target);
 
   const std::string& path() const { return request_.output; }
   void set_job(const std::string& hash) { request_.job = hash; }  ///< see JobHash

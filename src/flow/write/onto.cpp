@@ -28,7 +28,8 @@ shading::TexelFormat format_of(const io::ImageInfo& info, bool is_colour) {
 
 }  // namespace
 
-OntoPainter::OntoPainter(const OntoImage& onto, const shading::TexelFormat& format, ImageSize size)
+OntoPainter::OntoPainter(const planning::OntoImage& onto, const shading::TexelFormat& format,
+                         ImageSize size)
     : onto_(onto), format_(format), width_(size.width), image_(onto.path, onto.allowed_formats) {
   onto_format_ = format_of(image_.info(), format.is_colour);
   if (onto.premultiplied) image_.keep_premultiplied();
@@ -94,7 +95,7 @@ void OntoPainter::convert_old(std::size_t count) {
   }
 }
 
-std::uint64_t OntoPainter::memory_bytes(const OntoImage& onto, std::uint32_t width) {
+std::uint64_t OntoPainter::memory_bytes(const planning::OntoImage& onto, std::uint32_t width) {
   const std::uint64_t rows = std::uint64_t{kRowsTogether} * width * (3 * kMostTexelBytes + 5);
   return onto.decoder_bytes + rows + 64ULL * width + (64 << 10);
 }

@@ -5,15 +5,15 @@
 #include <optional>
 
 #include "core/page_pool.h"
-#include "flow/plan/image_output.h"
 #include "io/image/read.h"
+#include "planning/image_output.h"
 
 namespace pounce::flow {
 
 /// Paints finished rows over an image that is read beside them, from top to bottom.
 class OntoPainter {
  public:
-  OntoPainter(const OntoImage& onto, const shading::TexelFormat& format, ImageSize size);
+  OntoPainter(const planning::OntoImage& onto, const shading::TexelFormat& format, ImageSize size);
   /// `texels`: new samples of the next `rows` rows, turned into what is written; `kinds`: what the
   /// padder says they are.
   void paint(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels);
@@ -22,13 +22,13 @@ class OntoPainter {
   std::uint64_t clipped() const { return clipped_; }
   bool paints() const { return paints_; }  ///< is any texel so far painted?
   /// Its own, and what the padder says of a stripe of 64 rows.
-  static std::uint64_t memory_bytes(const OntoImage& onto, std::uint32_t width);
+  static std::uint64_t memory_bytes(const planning::OntoImage& onto, std::uint32_t width);
 
  private:
   void convert_old(std::size_t count);
   void paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels);
 
-  const OntoImage& onto_;
+  const planning::OntoImage& onto_;
   shading::TexelFormat format_, painted_format_, onto_format_, mask_format_;
   std::uint32_t width_;
   io::ImageReader image_;

@@ -12,15 +12,15 @@ declare -A may_include=(
   [surface]="core mesh store" [gaussian]="core mesh store" [shading]="core mesh store"
   [grid]="core mesh store surface gaussian" [projection]="core mesh store surface gaussian grid"
   [commands]="core mesh store io" [job]="core runtime store io" [options]="core mesh io"
-  [flow]="job core runtime mesh store io options surface gaussian shading grid projection"
+  [planning]="core mesh store io options surface gaussian shading projection job"
+  [flow]="planning job core runtime mesh store io options surface gaussian shading grid projection"
 )
 # The same within rooms that have folders: what each may include besides itself and what lies above it.
 declare -A may_include_within=(
   [store/pack]="" [store/blocks]="pack" [store/cache]="pack"
   [io/files]="" [io/json]="" [io/image]="files" [io/gltf]="files json" [io/obj]="files" [io/splats]="files json gltf"
   [io/model]="files json gltf"
-  [flow/stores]="" [flow/project]="stores" [flow/plan]="stores" [flow/sources]="stores project plan"
-  [flow/write]="stores project plan"
+  [flow/stores]="" [flow/project]="stores" [flow/sources]="stores project" [flow/write]="stores project"
 )
 broken=0
 complain() {

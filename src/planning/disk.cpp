@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// How much room on disk a job takes, at most: known before it begins.
+//
+// Every bound assumes that nothing compresses. What lives as long as the job (stores) adds up; of
+// what comes and goes (results of a page, runs of a sort) the largest counts.
+#include "planning/disk.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "io/image/write.h"
+#include "job/job_context.h"
+#include "projection/hit_block.h"
+#include "shading/level_tile.h"
+#include "store/blocks/colour_store.h"
+#include "store/blocks/splat_block.h"
+
+namespace pounce::planning {
+namespace {
+
+/// A pack of chunks that do not compress: zstd adds a 256th and some bytes, each chunk has a header
+/// and a place in an index.
+std::uint64_t pack_bytes(std::uint64_t raw_bytes, std::uint64_t chunks) {
+  constexpr std::uint64_t kPerChunk = 256, kFixed = 16 << 10;
+  return raw_bytes + raw_bytes / 128 + chunks * kPerChunk + kFixed;
+}
+
+std::uint64_t blocks_of(ImageSize size) {
+  return ((size.width + 63) / 64) * std::uint64_t{(size.height + 63) / 64};
+}
+
+/// A column, or a level of one.
+std::uint64_t column_bytes(const store::ColourDirectory& image) {
+  constexpr std::uint64_t kTile = std::uint64_t{store::kColourTileEdge} * store::kColourTileEdge;
+  const std::uint64_t tiles = blocks_of({image.width, image.height});
+  return pack_bytes(tiles * kTile * image.texel_bytes(), tiles + image.height / 64 + 1);
+}
+
+store::ColourDirectory column_of(const io::ImageInfo& info) {
+  store::ColourDirectory image;
+  image.width = info.width;
+  image.height = info.height;
+  image.channels = info.channels;
+  image.depth = info.depth;
+  return image;
+}
+
+/// An image file whose encoder finds nothing to save.
+std::uint64_t image_bytes(ImageSize size, std::uint64_t texel_bytes) {
+  constexpr std::uint64_t kPerRow = 16, kFixed = 64 << 10;
+  const std::uint64_t raw = std::uint64_t{size.width} * size.height * texel_bytes;
+  return raw + raw / 64 + kPerRow * size.height + kFixed;
+}
+
+}  // namespace
+
+void DiskPlan::add_column(const io::ImageInfo& info) { stores_ += column_bytes(column_of(info)); }
+
+void DiskPlan::add_seen_column(const io::ImageInfo& info, bool in_part) {
+  const store::ColourDirectory image = column_of(info);
+  stores_ += column_bytes(image);
+  // Less than half of it may be kept first, and all of it after that.
+  if (in_part) stores_ += column_bytes(image) / 2;
+  const std::uint32_t last = shading::last_level(image);
+  for (std::uint32_t level = 1; level <= last; ++level)
+    stores_ += column_bytes(shading::level_of(image, level));
+}
+
+void DiskPlan::add_geometry(const surface::GeometryRequest& request) {
+  const surface::GeometrySize size = surface::geometry_most(request);
+  stores_ += pack_bytes(size.bytes, size.chunks);
+}
+
+/// As if every texel hit a triangle of its own, while there are others.
+void DiskPlan::add_hits(const PassPlan& pass, const surface::GeometryRequest& target) {
+  const std::uint64_t blocks = blocks_of(pass.size);
+  const std::uint64_t texels = std::uint64_t{pass.size.width} * pass.size.height;
+  const std::uint64_t facets =
+      std::min(texels, blocks * surface::geometry_most(pass.source).entries);
+  const std::uint64_t axes = std::min(texels, surface::geometry_most(target).entries);
+  stores_ += pack_bytes(projection::most_hit_bytes(blocks, texels, facets, axes), 2 * blocks);
+}
+
+void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes) {
+  // A chunk of a run is a thousand Gaussians, a block of the store hundreds at least; runs are
+  // merged into new ones at times, while the old ones are still there.
+  const std::uint64_t pack =
+      pack_bytes(splats * (sizeof(store::Splat) + store::lobe_bytes(lobes) + sizeof(std::uint64_t)),
+                 splats / 64 + 64);
+  stores_ += pack;
+  passing_ = std::max(passing_, 2 * pack + unpacked_bytes);
+}
+
+void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
+                          bool is_model, LevelsBytes levels_bytes) {
+  std::uint64_t results = 0, images = 0, levels = 0;
+  for (std::size_t p = 0; p < plan.passes.size(); ++p) {
+    const std::uint64_t blocks = blocks_of(plan.passes[p].size);
+    for (const surface::GeometryRequest& request : target.requests[p]) {
+      add_geometry(request);
+      if (keeps_ && plan.passes[p].keeps_hits) add_hits(plan.passes[p], request);
+    }
+    std::uint64_t of_page = 0;
+    for (const std::size_t c : plan.passes[p].channels) {
+      const std::uint64_t block =
+          store::kTexelsPerBlock * plan.channels[c].format.texel_bytes() + shading::kMaskBytes + 64;
+      of_page += pack_bytes(blocks * block, blocks);
+    }
+    results = std::max(results, of_page);
+  }
+  for (std::size_t c = 0; c < target.images.size(); ++c) {
+    const ChannelPlan& channel = plan.channels[c];
+    for (const ImageOutput& image : target.images[c]) {
+      if (image.keep) continue;
+      images += image_bytes(channel.size, channel.format.texel_bytes());
+      const std::uint64_t of_image = levels_bytes(image, channel.format);
+      outputs_ += of_image;
+      levels = std::max(levels, of_image);
+      if (image.coverage_path.empty()) continue;
+      const Depth depth = io::writable_depth(image.coverage_path, Depth::u8);
+      outputs_ += image_bytes(channel.size, store::depth_bytes(depth));
+    }
+  }
+  outputs_ += images;
+  if (is_model)
+    outputs_ += job::size_on_disk(mesh.files) + job::size_on_disk(target.inputs) + (1ULL << 20);
+  // One page's results at a time; a model's images wait in a file until all are there.
+  passing_ = std::max(passing_, results + levels + (is_model ? images : 0));
+}
+
+DiskForecast DiskPlan::forecast() const {
+  DiskForecast forecast;
+  const bool is_limited = keeps_ && cache_limit_bytes_ != 0 && stores_ > cache_limit_bytes_;
+  if (keeps_) forecast.cache_bytes = is_limited ? cache_limit_bytes_ : stores_;
+  // What the cache has no room for lives in scratch files.
+  forecast.scratch_bytes = passing_ + (keeps_ && !is_limited ? 0 : stores_);
+  forecast.output_bytes = outputs_;
+  return forecast;
+}
+
+std::string scratch_note(const DiskForecast& disk) {
+  if (disk.scratch_limit_bytes == 0 || disk.scratch_bytes <= disk.scratch_limit_bytes) return {};
+  return fmt::format(
+      "scratch files may need {} if nothing compresses, but their limit is {}: the job fails when "
+      "it is reached; raise it with --max-temp, or choose another folder with --temp",
+      runtime::format_bytes(disk.scratch_bytes), runtime::format_bytes(disk.scratch_limit_bytes));
+}
+
+}  // namespace pounce::planning

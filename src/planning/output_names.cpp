@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Names of outputs from patterns: <CHANNEL>, <MATERIAL>, <TARGET>, <UDIM> and <UVTILE>.
+//
+// Names come from files, so they are made safe as parts of a path; and no two outputs may have one.
+#include "planning/output_names.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <set>
+
+#include "io/files/output_file.h"
+#include "pounce/error.h"
+
+namespace pounce::planning {
+
+bool has_token(const std::string& pattern, const std::string& token) {
+  return pattern.find("<" + token + ">") != std::string::npos;
+}
+
+std::string expand_pattern(const std::string& pattern,
+                           const std::map<std::string, std::string>& values) {
+  std::string out;
+  for (std::size_t at = 0; at < pattern.size();) {
+    const std::size_t close = pattern[at] == '<' ? pattern.find('>', at) : std::string::npos;
+    if (close == std::string::npos) {
+      out += pattern[at++];
+      continue;
+    }
+    const std::string token = pattern.substr(at + 1, close - at - 1);
+    const auto value = values.find(token);
+    if (value == values.end()) {
+      std::string known;
+      for (const auto& [name, unused] : values) known += (known.empty() ? "<" : ", <") + name + ">";
+      throw Error(ErrorKind::usage,
+                  fmt::format("{}: unknown token <{}> (known here: {})", pattern, token, known));
+    }
+    out += value->second;
+    at = close + 1;
+  }
+  return out;
+}
+
+const std::string& output_of(const TransferOptions& options, Channel channel) {
+  if (channel == Channel::hits) return options.image.map_output;
+  for (const ChannelOutput& own : options.image.channel_outputs) {
+    if (own.channel == channel) return own.path;
+  }
+  return options.output;
+}
+
+std::string file_name_part(const std::string& name) {
+  std::string out = name;
+  for (char& c : out) {
+    if (c == '/' || c == '\\' || static_cast<unsigned char>(c) < 32) c = '_';
+  }
+  return out.empty() || out == "." || out == ".." ? "_" : out;
+}
+
+namespace {
+
+/// Every file is made anew in its folder, also where it replaces one: can it be? A folder that is
+/// missing is made when there is something to put into it.
+void check_folder(const std::string& path) {
+  const std::string place = io::output_place(path);
+  if (place.empty()) {
+    throw Error(ErrorKind::storage, path + ": is a broken link; choose another name");
+  }
+  const std::string folder = std::filesystem::path(place).parent_path().string();
+  const std::string there = io::existing_folder(folder);
+  std::error_code ignored;
+  if (!std::filesystem::is_directory(there, ignored)) {
+    throw Error(ErrorKind::storage,
+                fmt::format("{}: {} is not a folder; choose another", path, there));
+  }
+  if (::access(there.c_str(), W_OK | X_OK) == 0) return;
+  const char* const reason = std::strerror(errno);
+  throw Error(
+      ErrorKind::storage,
+      folder.empty() || there == folder
+          ? fmt::format("{}: cannot create files in the folder {}: {}", path, there, reason)
+          : fmt::format("{}: cannot create the folder {} in {}: {}", path, folder, there, reason));
+}
+
+}  // namespace
+
+void check_outputs(const std::vector<std::string>& paths, const std::string& cure) {
+  namespace fs = std::filesystem;
+  std::set<std::string> seen;
+  for (const std::string& path : paths) {
+    if (!seen.insert(fs::path(path).lexically_normal().string()).second) {
+      throw Error(ErrorKind::usage,
+                  fmt::format("two images would be written to {}: {}", path, cure));
+    }
+    check_folder(path);
+    std::error_code problem;
+    const bool taken = fs::is_directory(path, problem);
+    if (problem == std::errc::filename_too_long) {
+      throw Error(
+          ErrorKind::usage,
+          path + ": the file name is too long; shorten it, or the names its tokens expand to");
+    }
+    if (taken) {
+      throw Error(ErrorKind::storage, fmt::format("{}: is a folder; name a file in it", path));
+    }
+    if (fs::exists(path, problem) && !fs::is_regular_file(path, problem)) {
+      throw Error(ErrorKind::storage,
+                  path + ": exists but is not a regular file; choose another name");
+    }
+  }
+}
+
+}  // namespace pounce::planning

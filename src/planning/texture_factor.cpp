@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planning/texture_factor.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace pounce::planning {
+namespace {
+
+bool changes(const shading::Factor& factor) {
+  const shading::Factor none;
+  return factor.scale != none.scale || factor.offset != none.offset;
+}
+
+}  // namespace
+
+std::optional<shading::Factor> texture_factor(const mesh::Material& material, Channel channel) {
+  if (static_cast<int>(channel) >= kChannelCount) return std::nullopt;
+  const auto& f = material.factors[static_cast<std::size_t>(channel)];
+  const double light = static_cast<double>(material.emissive_strength);
+  const double strength = static_cast<double>(material.occlusion_strength);
+  shading::Factor factor;
+  switch (channel) {
+    case Channel::base_color:
+      factor.scale = {f[0], f[1], f[2], f[3]};
+      break;
+    case Channel::metallic_roughness:  // roughness is green, metallic blue
+      factor.scale = {1, f[1], f[2], 1};
+      break;
+    case Channel::occlusion:  // red: 1 + strength (v - 1)
+      factor.scale[0] = strength;
+      factor.offset[0] = std::isfinite(strength) ? 1 - strength : 0;
+      break;
+    case Channel::emissive:
+      factor.scale = {f[0], f[1], f[2], 1};
+      for (std::size_t c = 0; c < 3; ++c) factor.scale[c] *= light;
+      break;
+    case Channel::normal:      // its scale counts in the vectors themselves
+    case Channel::confidence:  // no material has these
+    case Channel::distance:
+    case Channel::height:
+    case Channel::position:
+    case Channel::vertex_color:
+    case Channel::hits:
+    case Channel::other:
+      return std::nullopt;
+  }
+  for (double& scale : factor.scale) {  // a number beyond floats says nothing
+    if (!std::isfinite(scale)) scale = 1;
+  }
+  if (!changes(factor)) return std::nullopt;
+  factor.is_colour = channel == Channel::base_color || channel == Channel::emissive;
+  factor.spreads = channel != Channel::occlusion &&
+                   (factor.scale[0] != factor.scale[1] || factor.scale[1] != factor.scale[2]);
+  return factor;
+}
+
+std::array<float, 4> material_factor(const mesh::Material& material, Channel channel) {
+  std::array<float, 4> factor = material.factors[static_cast<std::size_t>(channel)];
+  if (channel == Channel::occlusion) factor = {material.occlusion_strength, 1, 1, 1};
+  if (channel == Channel::emissive) {
+    const float most = std::max({factor[0], factor[1], factor[2]});
+    const float over = std::isfinite(most) ? std::max(most, 1.0F) : 1.0F;
+    for (std::size_t i = 0; i < 3; ++i) factor[i] /= over;
+    factor[3] = material.emissive_strength * over;
+  }
+  for (std::size_t i = 0; i < factor.size(); ++i) {
+    const bool is_strength = channel == Channel::emissive && i == 3;
+    if (!std::isfinite(factor[i])) factor[i] = 1;
+    if (!is_strength) factor[i] = std::clamp(factor[i], 0.0F, 1.0F);
+  }
+  return factor;
+}
+
+}  // namespace pounce::planning
