@@ -14,10 +14,10 @@
 
 #include "flow/sources/columns.h"
 #include "flow/sources/texel_source.h"
-#include "flow/stores/kept_rows.h"
 #include "flow/stores/scene_gaussians.h"
 #include "flow/stores/splats.h"
 #include "flow/write/gaussians.h"
+#include "gaussian/kept_rows.h"
 #include "io/read_mesh.h"
 #include "io/splats/scene.h"
 #include "job/run_job.h"
@@ -290,9 +290,10 @@ class SceneJob {
 
   /// What a transfer leaves out since it lies far away from all the rest is of no use to anybody.
   store::SplatLattice lattice(const SceneGaussians& source, const gaussian::SplatKeep& keep) const {
-    const runtime::Lease lease(job_.budget, kept_sample_bytes(source.count(), source.read_bytes()),
+    const runtime::Lease lease(job_.budget,
+                               gaussian::kept_sample_bytes(source.count(), source.read_bytes()),
                                "scanning " + options_.source);
-    return store::SplatLattice(kept_sample(source, keep));
+    return store::SplatLattice(gaussian::kept_sample(source, keep));
   }
 
   /// What is said of a scene is complete once it is prepared.
@@ -320,7 +321,7 @@ class SceneJob {
     const std::uint64_t writing =
         write_gaussians_least_bytes(file, source.count(), source.read_bytes());
     const std::uint64_t preparing = scene_->prepare_bytes();
-    const std::uint64_t looking = kept_sample_bytes(source.count(), source.read_bytes());
+    const std::uint64_t looking = gaussian::kept_sample_bytes(source.count(), source.read_bytes());
     if (preparing > std::max(looking, writing)) return {preparing, "unpacking " + options_.source};
     if (looking > writing) return {looking, "scanning " + options_.source};
     return {writing, "writing " + options_.output};

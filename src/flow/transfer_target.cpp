@@ -23,7 +23,7 @@
 
 #include "flow/stores/build_stores.h"
 #include "flow/target_tally.h"
-#include "flow/write/claims.h"
+#include "job/output_claim.h"
 #include "planning/existing_outputs.h"
 #include "projection/mesh_fit.h"
 #include "surface/strewn_places.h"
@@ -52,7 +52,7 @@ class TargetTransfer {
     if (policy_.skips_existing && others == OthersWork::leave && !steps.empty() &&
         !is_any_free(steps))
       return false;
-    std::optional<OutputClaim> model_claim;
+    std::optional<job::OutputClaim> model_claim;
     if (policy_.skips_existing && target_.model && !steps.empty()) {
       model_claim = await_model();
       if (is_model_made()) keep_model(steps);
@@ -108,7 +108,7 @@ class TargetTransfer {
     while (!steps.empty()) {
       std::vector<Step> others;
       for (std::size_t i = 0; i < steps.size(); ++i) {
-        const std::optional<OutputClaim> claim = claim_of(steps[i]);
+        const std::optional<job::OutputClaim> claim = claim_of(steps[i]);
         if (!claim) {
           others.push_back(steps[i]);
           continue;
@@ -136,13 +136,13 @@ class TargetTransfer {
     return paths;
   }
 
-  std::optional<OutputClaim> claim_of(const Step& step) {
+  std::optional<job::OutputClaim> claim_of(const Step& step) {
     const bool shares = policy_.skips_existing && !target_.model;  // a model is claimed as a whole
-    return OutputClaim::take(shares ? images_of(step) : std::vector<std::string>(), &other_);
+    return job::OutputClaim::take(shares ? images_of(step) : std::vector<std::string>(), &other_);
   }
 
   bool is_any_free(const std::vector<Step>& steps) {
-    if (target_.model) return OutputClaim::take({target_.model->path()}).has_value();
+    if (target_.model) return job::OutputClaim::take({target_.model->path()}).has_value();
     return std::any_of(steps.begin(), steps.end(),
                        [&](const Step& step) { return claim_of(step).has_value(); });
   }
@@ -173,9 +173,9 @@ class TargetTransfer {
     std::this_thread::sleep_for(kLookAgain);
   }
 
-  OutputClaim await_model() {
+  job::OutputClaim await_model() {
     for (;;) {
-      if (auto claim = OutputClaim::take({target_.model->path()}, &other_)) {
+      if (auto claim = job::OutputClaim::take({target_.model->path()}, &other_)) {
         job_.waiting.reset();
         job_.meter.resume();
         return std::move(*claim);

@@ -13,7 +13,7 @@ namespace {
 
 /// Gaussians of growing sizes. Reading takes longer than progress stays silent, so that the first
 /// that is said of it is said when all are read.
-class SlowSource : public GaussianSource {
+class SlowSource : public gaussian::GaussianSource {
  public:
   std::uint64_t count() const override { return 100; }
   std::uint32_t lobes() const override { return 0; }

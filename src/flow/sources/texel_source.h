@@ -9,7 +9,7 @@
 
 #include "flow/project/page_colour.h"
 #include "flow/stores/build_stores.h"
-#include "flow/stores/gaussian_source.h"
+#include "gaussian/gaussian_source.h"
 #include "gaussian/texel_gaussians.h"
 #include "job/job_context.h"
 #include "store/blocks/geometry_store.h"
@@ -27,7 +27,7 @@ struct TexelGaussian {
 /// of the page in blocks of 64x64 texels, then by triangle in file order. No tile cut, thread or
 /// budget knows of that order. Nothing is held but a list of the blocks; a range is made anew from
 /// the stores whenever it is read.
-class TexelSource : public GaussianSource {
+class TexelSource : public gaussian::GaussianSource {
  public:
   struct Request {
     const store::GeometryStore* geometry = nullptr;

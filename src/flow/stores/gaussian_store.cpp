@@ -19,8 +19,8 @@
 #include <filesystem>
 #include <utility>
 
-#include "flow/stores/kept_rows.h"
 #include "flow/stores/splat_sort.h"
+#include "gaussian/kept_rows.h"
 #include "gaussian/splat_statistics.h"
 #include "runtime/ordered_stream.h"
 #include "store/blocks/splat_lattice.h"
@@ -92,15 +92,16 @@ class StoreBuilder {
 
   job::JobContext& job_;
   const GaussianStoreRequest& request_;
-  const GaussianSource& source_;
+  const gaussian::GaussianSource& source_;
   const std::uint32_t lobes_;
   store::SplatDirectory directory_;
 };
 
 SplatLattice StoreBuilder::make_lattice() {
-  const runtime::Lease lease(job_.budget, kept_sample_bytes(source_.count(), source_.read_bytes()),
+  const runtime::Lease lease(job_.budget,
+                             gaussian::kept_sample_bytes(source_.count(), source_.read_bytes()),
                              "scanning " + request_.path);
-  const PageVector<Splat> sample = kept_sample(source_, request_.keep);
+  const PageVector<Splat> sample = gaussian::kept_sample(source_, request_.keep);
   directory_.roundness = gaussian::median_roundness(sample);
   directory_.typical_size = gaussian::median_size(sample);
   directory_.thickness = gaussian::quartile_thickness(sample);
@@ -348,7 +349,7 @@ std::uint64_t gaussian_store_least_bytes(std::uint64_t count, std::uint64_t read
                                          std::uint32_t lobes) {
   const std::uint64_t lists = count / 1024 * 2 * sizeof(store::ChunkRef) +
                               count / kLeastRun * 2 * sizeof(SplatRun) + kPageBytes;
-  return std::max({kept_sample_bytes(count, read_bytes),
+  return std::max({gaussian::kept_sample_bytes(count, read_bytes),
                    run_bytes(read_bytes, std::min(count, kLeastRun), lobes) + lists,
                    lists + pending_bytes(lobes) + token_bytes(lobes) +
                        kLeastFanIn * SplatMerge::cursor_bytes(lobes)}) +

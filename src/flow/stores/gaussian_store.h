@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "flow/stores/gaussian_source.h"
+#include "gaussian/gaussian_source.h"
 #include "gaussian/splat_keep.h"
 #include "job/job_context.h"
 #include "store/blocks/splat_store.h"
@@ -14,7 +14,7 @@ namespace pounce::flow {
 
 /// A store of Gaussians to be made.
 struct GaussianStoreRequest {
-  const GaussianSource* source = nullptr;
+  const gaussian::GaussianSource* source = nullptr;
   Hash128 key;
   std::string path;  ///< of the source, for messages
   store::SplatFacts facts;

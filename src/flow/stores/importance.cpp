@@ -9,7 +9,7 @@
 #include <array>
 #include <bit>
 
-#include "flow/stores/kept_rows.h"
+#include "gaussian/kept_rows.h"
 #include "runtime/ordered_stream.h"
 
 namespace pounce::flow {
@@ -49,11 +49,11 @@ std::uint64_t ImportanceCut::bytes(std::uint64_t rows, std::uint64_t part_rows) 
          round_to_pages(kPieceKeys * sizeof(std::uint64_t));
 }
 
-ImportanceCut::ImportanceCut(job::JobContext& job, const GaussianSource& source,
+ImportanceCut::ImportanceCut(job::JobContext& job, const gaussian::GaussianSource& source,
                              const gaussian::SplatKeep& keep, std::uint64_t count,
                              std::uint64_t part_rows) {
   const std::uint64_t rows = source.count(), parts = parts_of(rows, part_rows);
-  const std::uint64_t part_bytes = rows_bytes(std::min(rows, part_rows), source.lobes()) +
+  const std::uint64_t part_bytes = gaussian::rows_bytes(std::min(rows, part_rows), source.lobes()) +
                                    source.read_bytes() +
                                    round_to_pages(part_rows * sizeof(std::uint64_t));
   const PageVector<std::uint64_t> costs(parts, part_bytes);
@@ -67,7 +67,7 @@ ImportanceCut::ImportanceCut(job::JobContext& job, const GaussianSource& source,
         store::SplatCounts ignored{};
         const std::uint64_t begin = i * part_rows;
         const store::SplatRows read =
-            read_kept(source, keep, begin, std::min(part_rows, rows - begin), ignored);
+            gaussian::read_kept(source, keep, begin, std::min(part_rows, rows - begin), ignored);
         Keys found;
         found.reserve(read.splats.size());
         for (const store::Splat& splat : read.splats) found.push_back(importance(splat));

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "flow/stores/gaussian_source.h"
+#include "gaussian/gaussian_source.h"
 #include "gaussian/splat_keep.h"
 #include "job/job_context.h"
 
@@ -19,8 +19,8 @@ class ImportanceCut {
  public:
   /// Reads the source once, in parts of `part_rows`, and a nameless file of its importances five
   /// times. Advances job.meter by the source's number of rows.
-  ImportanceCut(job::JobContext& job, const GaussianSource& source, const gaussian::SplatKeep& keep,
-                std::uint64_t count, std::uint64_t part_rows);
+  ImportanceCut(job::JobContext& job, const gaussian::GaussianSource& source,
+                const gaussian::SplatKeep& keep, std::uint64_t count, std::uint64_t part_rows);
 
   /// Gaussians that can be used and are wanted before this part.
   std::uint64_t first(std::size_t part) const { return first_[part]; }

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "flow/stores/gaussian_source.h"
+#include "gaussian/gaussian_source.h"
 #include "io/splats/scene.h"
 
 namespace pounce::flow {
 
 /// The rows of a scene's file as a source of Gaussians. The scene must live, and be prepared before
 /// anything is read.
-class SceneGaussians : public GaussianSource {
+class SceneGaussians : public gaussian::GaussianSource {
  public:
   SceneGaussians(const io::SplatScene& scene, std::uint32_t lobes) : scene_(scene), lobes_(lobes) {}
   std::uint64_t count() const override { return scene_.info().splats; }

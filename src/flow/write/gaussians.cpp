@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "flow/stores/importance.h"
-#include "flow/stores/kept_rows.h"
+#include "gaussian/kept_rows.h"
 #include "runtime/ordered_stream.h"
 
 namespace pounce::flow {
@@ -17,8 +17,8 @@ constexpr double kAfterCut = 0.7;  // of the progress bar
 
 std::uint64_t part_bytes(const io::SplatWriterCost& cost, std::uint32_t lobes,
                          std::uint64_t read_bytes) {
-  return rows_bytes(kPartRows, lobes) + read_bytes + round_to_pages(kPartRows * cost.row_bytes) +
-         round_to_pages(sizeof(io::SplatPiece));
+  return gaussian::rows_bytes(kPartRows, lobes) + read_bytes +
+         round_to_pages(kPartRows * cost.row_bytes) + round_to_pages(sizeof(io::SplatPiece));
 }
 
 io::SplatWriterCost cost_of(const GaussianFile& file) {
@@ -32,7 +32,8 @@ struct Part {
 
 class GaussianFileJob {
  public:
-  GaussianFileJob(job::JobContext& job, const GaussianSource& source, const GaussianFile& file)
+  GaussianFileJob(job::JobContext& job, const gaussian::GaussianSource& source,
+                  const GaussianFile& file)
       : job_(job),
         source_(source),
         file_(file),
@@ -84,10 +85,11 @@ class GaussianFileJob {
   Part make(std::size_t i) const {
     Part part;
     const std::uint64_t first = i * kPartRows;
-    store::SplatRows rows = read_kept(source_, file_.keep, first, end(i) - first, part.filtered);
+    store::SplatRows rows =
+        gaussian::read_kept(source_, file_.keep, first, end(i) - first, part.filtered);
     if (cut_) {
       std::uint64_t ordinal = cut_->first(i);
-      leave_rows(rows, [&](const store::Splat& splat) {
+      gaussian::leave_rows(rows, [&](const store::Splat& splat) {
         return cut_->takes(importance(splat), ordinal++);
       });
     }
@@ -119,7 +121,7 @@ class GaussianFileJob {
   }
 
   job::JobContext& job_;
-  const GaussianSource& source_;
+  const gaussian::GaussianSource& source_;
   const GaussianFile& file_;
   const std::unique_ptr<io::SplatWriter> writer_;
   runtime::Lease cut_lease_;
@@ -129,7 +131,7 @@ class GaussianFileJob {
 
 }  // namespace
 
-std::uint64_t write_gaussians(job::JobContext& job, const GaussianSource& source,
+std::uint64_t write_gaussians(job::JobContext& job, const gaussian::GaussianSource& source,
                               const GaussianFile& file) {
   return GaussianFileJob(job, source, file).run();
 }

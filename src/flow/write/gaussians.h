@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "flow/stores/gaussian_source.h"
+#include "gaussian/gaussian_source.h"
 #include "gaussian/splat_keep.h"
 #include "io/splats/splat_writer.h"
 #include "job/job_context.h"
@@ -23,7 +23,7 @@ struct GaussianFile {
 /// Writes those Gaussians of a source that are wanted, in its order. Takes job.meter through its
 /// stages to its end; tells job.report what was written, left out and changed. Returns how many
 /// there are in the file; with none, there is no file.
-std::uint64_t write_gaussians(job::JobContext& job, const GaussianSource& source,
+std::uint64_t write_gaussians(job::JobContext& job, const gaussian::GaussianSource& source,
                               const GaussianFile& file);
 /// The least that the work above may need at once: for so many Gaussians, of which any range is
 /// read with `read_bytes`.

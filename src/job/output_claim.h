@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace pounce::flow {
+namespace pounce::job {
 
 /// While it lives, no other job with --skip-existing makes these outputs: locks on hidden files
 /// beside them, in missing folders too. They end with their process, however it ends.
@@ -22,4 +22,4 @@ class OutputClaim {
   std::vector<std::shared_ptr<const void>> locks_;
 };
 
-}  // namespace pounce::flow
+}  // namespace pounce::job

@@ -7,7 +7,7 @@
 #include "store/blocks/splat_block.h"
 #include "store/blocks/splat_store.h"
 
-namespace pounce::flow {
+namespace pounce::gaussian {
 
 /// Gaussians in an order of their own, of which any range can be read: what a store is sorted from
 /// (flow/stores/gaussian_store.h). Rows of a scene's file, texels of a textured mesh. Const members
@@ -31,4 +31,4 @@ class GaussianSource {
   virtual PageVector<store::Splat> sample() const = 0;
 };
 
-}  // namespace pounce::flow
+}  // namespace pounce::gaussian

@@ -2,7 +2,7 @@
 //
 // Who makes an output, where several jobs are to make it: the holder of the lock on a hidden file
 // beside it (docs/decisions/039-output-claims.md).
-#include "flow/write/claims.h"
+#include "job/output_claim.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -12,7 +12,7 @@
 #include "io/files/output_file.h"
 #include "pounce/error.h"
 
-namespace pounce::flow {
+namespace pounce::job {
 namespace {
 
 /// The lock on one output; its file goes with it.
@@ -66,4 +66,4 @@ std::optional<OutputClaim> OutputClaim::take(std::vector<std::string> outputs,
   return claim;
 }
 
-}  // namespace pounce::flow
+}  // namespace pounce::job

@@ -5,10 +5,10 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "flow/stores/gaussian_source.h"
+#include "gaussian/gaussian_source.h"
 #include "gaussian/splat_keep.h"
 
-namespace pounce::flow {
+namespace pounce::gaussian {
 
 /// What so many rows take as they are read.
 inline std::uint64_t rows_bytes(std::uint64_t count, std::uint32_t lobes) {
@@ -34,7 +34,7 @@ void leave_rows(store::SplatRows& rows, const Wanted& wanted) {
 
 /// Those of Gaussians [first, first + count) that can be used and are wanted; the others are
 /// counted by reason. Needs rows_bytes() and the source's read_bytes().
-inline store::SplatRows read_kept(const GaussianSource& source, const gaussian::SplatKeep& keep,
+inline store::SplatRows read_kept(const GaussianSource& source, const SplatKeep& keep,
                                   std::uint64_t first, std::uint64_t count,
                                   store::SplatCounts& filtered) {
   store::SplatRows rows{source.lobes(), {}, {}};
@@ -59,8 +59,7 @@ inline std::uint64_t kept_sample_bytes(std::uint64_t count, std::uint64_t read_b
 
 /// What is wanted of a source's sample; all of it where that is too little to say where the source
 /// is.
-inline PageVector<store::Splat> kept_sample(const GaussianSource& source,
-                                            const gaussian::SplatKeep& keep) {
+inline PageVector<store::Splat> kept_sample(const GaussianSource& source, const SplatKeep& keep) {
   constexpr std::size_t kLeastSample = 64;
   PageVector<store::Splat> sample = source.sample();
   const auto is_unwanted = [&](const store::Splat& s) { return keep.filter(s).has_value(); };
@@ -70,4 +69,4 @@ inline PageVector<store::Splat> kept_sample(const GaussianSource& source,
   return sample;
 }
 
-}  // namespace pounce::flow
+}  // namespace pounce::gaussian
