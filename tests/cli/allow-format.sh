@@ -88,6 +88,6 @@ cmp a.png b.png || fail "--allow-format changed the output"
 
 rm -rf ./*
 refused 'got "targa", expected bmp or tga' transfer a.glb b.glb -o o.png --allow-format targa
-refused 'other formats; did you mean tga?' transfer a.glb b.glb -o o.png --allow-format tgaa
+refused 'not supported; did you mean tga?' transfer a.glb b.glb -o o.png --allow-format tgaa
 refused 'got "psd"' inspect a.png --allow-format tga,psd
 refused 'got ""' compare a.png b.png --allow-format ''

@@ -32,7 +32,7 @@ out_has '"box_98": {'
 head -c 100000 scene.ply >short.ply
 expect 3 inspect short.ply
 silent "$out"
-err_has 'short.ply: cut off'
+err_has 'short.ply: truncated'
 printf 'ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nelement face 1\nproperty list uchar int v\nend_header\n' >mesh.ply
 expect 3 inspect mesh.ply
 err_has 'a mesh (3 vertices, 1 face rows)'

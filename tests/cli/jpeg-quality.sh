@@ -2,7 +2,7 @@
 # --jpeg-quality: a lower one is smaller and farther from the picture; its default is none, and it is part of the job.
 source "$(dirname "$0")/support.sh"
 rejected --jpeg-quality 0 101 -1 9.5 best ''
-refused '--jpeg-quality needs JPEG output: o.png is none' transfer a.glb b.glb -o o.png --jpeg-quality 90
+refused '--jpeg-quality applies only to JPEG output, but o.png is not' transfer a.glb b.glb -o o.png --jpeg-quality 90
 "$POUNCE_FIXTURE" head -o head --triangles 2000 --texture 256 --target-size 64 >/dev/null
 job=(transfer head/head_src.glb head/head_same.glb --size 256 --cache cache)
 bytes() { wc -c <"$1"; }

@@ -12,7 +12,7 @@ refused 'this channel already has the output a.exr; specify one' \
 refused '<UDIM> must appear both in this pattern and in -o' transfer a.glb b.glb -o '<CHANNEL>.<UDIM>.png' --output-for height=h.exr
 refused '<MATERIAL> must appear both in this pattern and in -o' transfer a.glb b.glb -o o.png --output-for 'height=<MATERIAL>.exr'
 refused '--onto also needs <CHANNEL>' transfer a.glb b.glb -o o.png --onto p.png --output-for normal=n.png
-refused '--exr-compression needs EXR output' \
+refused '--exr-compression applies only to EXR output' \
   transfer a.glb b.glb -o '<CHANNEL>.png' --output-for height=h.tif --exr-compression piz
 
 make_job

@@ -2,7 +2,7 @@
 # --png-compression: other bytes of the same picture, and another job; its default is none.
 source "$(dirname "$0")/support.sh"
 rejected --png-compression -1 10 1.5 best ''
-refused '--png-compression needs PNG output: o.tif is none' transfer a.glb b.glb -o o.tif --png-compression 9
+refused '--png-compression applies only to PNG output, but o.tif is not' transfer a.glb b.glb -o o.tif --png-compression 9
 "$POUNCE_FIXTURE" head -o head --triangles 2000 --texture 256 --target-size 64 >/dev/null
 job=(transfer head/head_src.glb head/head_same.glb --size 256 --cache cache)
 expect 0 "${job[@]}" -o usual.png

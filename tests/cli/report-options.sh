@@ -13,9 +13,14 @@ reported() {
 job() { expect 0 "$@" --report r.json && reported; }
 # An option whose help has a range is given the end of it here, unless a job below has it.
 numbered() { # COMMAND OPTION
-  local highest
+  local highest output
   highest=$("$POUNCE" "$1" --help | tr -s ' \n' ' ' | sed -nE "s/.* --$2 [^[]*\[[0-9.]+ to ([0-9.]+).*/\1/p")
-  [[ -z $highest ]] || job "$1" source.obj target.obj -o o.png --no-cache --plan "--$2" "$highest"
+  [[ -n $highest ]] || return 0
+  # Options of a file format are refused for the others.
+  for output in o.png o.jpg o.exr; do
+    "$POUNCE" "$1" source.obj target.obj -o "$output" --no-cache --plan "--$2" "$highest" >"$out" 2>&1 && break
+  done
+  job "$1" source.obj target.obj -o "$output" --no-cache --plan "--$2" "$highest"
 }
 all_of() { # COMMAND
   expect 0 "$1" --help
@@ -27,7 +32,7 @@ all_of() { # COMMAND
   seen=
 }
 machine=(--memory 1GiB --threads 2 --cache cache --cache-limit 1GB --no-wait --temp . --max-temp none)
-job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' --tiles 1001 --size 8 --depth u16 --padding 2 \
+job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' --map 'p.<UDIM>.exr' --tiles 1001 --size 8 --depth u16 --padding 2 \
   --min-coverage 1 --channels baseColor --source-texture baseColor=skin.ppm --source-material skin --source-uv-set 0 \
   --source-axes y,x,z --target-axes y,x,z --max-distance 1 --max-angle 70 --filter tent --source-colorspace srgb \
   --output-colorspace srgb --allow-external "${machine[@]}" --plan

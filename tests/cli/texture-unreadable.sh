@@ -22,7 +22,7 @@ at_once 'folder.png: cannot read: it is a folder' --source-texture baseColor=fol
 at_once 'set.<UDIM>.png' --source-texture 'baseColor=set.<UDIM>.png'
 at_once 'skin.ppm/none.png: cannot open: Not a directory' --source-texture baseColor=skin.ppm/none.png
 at_once 'gone.png: cannot open: No such file or directory' --onto gone.png
-at_once 'no such file' --onto skin.ppm --mask gone.png
+at_once 'gone.png: missing for --mask' --onto skin.ppm --mask gone.png
 for name in pipe.png folder.png gone.png; do
   got=0
   timeout 20 "$POUNCE" compare "$name" skin.ppm >"$out" 2>"$err" </dev/null || got=$?

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Files in tiles, with levels (.tx), the compression of EXR, and outputs without alpha.
 source "$(dirname "$0")/support.sh"
-refused '--mipmap needs EXR or TIFF output: o.png is none' transfer a.glb b.glb -o o.png --mipmap
-refused '--tile-size needs EXR or TIFF output: o.jpg is none' transfer a.glb b.glb -o o.jpg --tile-size 64
-refused '--tile-size needs EXR or TIFF output: o.glb' transfer a.glb b.glb -o o.glb --tile-size 64
+refused '--mipmap applies only to EXR or TIFF output, but o.png is not' transfer a.glb b.glb -o o.png --mipmap
+refused '--tile-size applies only to EXR or TIFF output, but o.jpg is not' transfer a.glb b.glb -o o.jpg --tile-size 64
+refused '--tile-size applies only to EXR or TIFF output, but o.glb' transfer a.glb b.glb -o o.glb --tile-size 64
 refused 'expected a multiple of 16 from 16 to 1024' transfer a.glb b.glb -o o.exr --tile-size 40
-refused '--exr-compression needs EXR output: o.tx is none' transfer a.glb b.glb -o o.tx --exr-compression piz
+refused '--exr-compression applies only to EXR output, but o.tx is not' transfer a.glb b.glb -o o.tx --exr-compression piz
 refused '--exr-compression: got "dwaa"; an EXR is compressed as none, rle, zips, zip or piz' \
   transfer a.glb b.glb -o o.exr --exr-compression dwaa
 refused '--drop-alpha contradicts --alpha' transfer a.ply b.glb -o o.png --alpha --drop-alpha

@@ -198,7 +198,7 @@ const std::vector<BadCase>& accessor_cases() {
        }},
       {"\"Head\" primitive 0 NORMAL (accessor 1) has 2 elements, but POSITION has 3",
        [](auto& b) { b.doc["accessors"][1]["count"] = 2; }},
-      {"POSITION (accessor 2) is of VEC2",
+      {"POSITION (accessor 2) has type VEC2",
        [](auto& b) { primitive_of(b)["attributes"]["POSITION"] = 2; }},
       {"NORMAL (accessor 1)", [](auto& b) { b.doc["accessors"][1]["componentType"] = 5121; }},
       {"indices (accessor 0) is not", [](auto& b) { primitive_of(b)["indices"] = 0; }},
@@ -362,7 +362,8 @@ TEST_CASE("buffers that are missing or too short are told", "[io]") {
   CHECK_THAT(with_uri("http://example.com/a.bin"), Catch::Contains("missing"));
   CHECK_THAT(with_uri("data:application/octet-stream;base64,AAAA"),
              Catch::Contains("should have 72 bytes, but has 3"));
-  CHECK_THAT(with_uri("data:application/octet-stream;base64,!!!!"), Catch::Contains("not base64"));
+  CHECK_THAT(with_uri("data:application/octet-stream;base64,!!!!"),
+             Catch::Contains("not valid in base64"));
   CHECK_THAT(with_uri("data:text/plain,hello"), Catch::Contains("not base64"));
   b.doc["buffers"] = json::array({{{"byteLength", b.buffer.size()}}});
   test::write_file(folder.file("m.gltf"), b.doc.dump());

@@ -79,7 +79,7 @@ std::string image_start(const mesh::ImageRef& image, std::size_t count) {
 const std::map<std::string, std::string>& must_refuse() {
   static const std::map<std::string, std::string> files = {
       {"assimp/glTF2/IncorrectVertexArrays/Cube.gltf", "bufferViews[2] reaches beyond"},
-      {"assimp/invalid/malformed.obj", "names vertex 12"},
+      {"assimp/invalid/malformed.obj", "refers to vertex 12"},
       {"draco/UnusedTexCoords/TexCoord0InvalidTexCoord1Valid.gltf", "MultiUVTest.bin"},
       {"gltf_validator/EXT_texture_webp/data/texture/unresolved_source.gltf", "source is 0"},
       {"gltf_validator/accessor/alignment.gltf", "reads beyond"},

@@ -205,7 +205,7 @@ TEST_CASE("what cannot be written is named", "[image][write]") {
   CHECK_THAT(failure_of(folder.file("file/new/a.png"), ErrorKind::storage),
              Contains(folder.file("file/new")));
   std::filesystem::create_directory(folder.file("b.png"));
-  CHECK_THAT(failure_of(folder.file("b.png"), ErrorKind::storage), Contains("not a file"));
+  CHECK_THAT(failure_of(folder.file("b.png"), ErrorKind::storage), Contains("not a regular file"));
   CHECK_THAT(failure_of("/proc/a.png", ErrorKind::storage), Contains("/proc/a.png"));
 }
 

@@ -153,7 +153,7 @@ TEST_CASE("headers that lie are refused before anything is made of them", "[io]"
   has(problem("a.spz", v4, 16, std::uint32_t{31}), "list of streams");
   has(problem("a.spz", v4, 16, std::uint32_t{0xFFFFFFFF}), "list of streams");
   has(problem("a.spz", v4, 32, std::uint64_t{1} << 60), "extends beyond the end");
-  has(problem("a.spz", v4, 40, std::uint64_t{1} << 60), "10 Gaussians have 90");
+  has(problem("a.spz", v4, 40, std::uint64_t{1} << 60), "10 Gaussians need 90");
   const std::string k1 = test::ksplat_bytes(scene, 1);
   has(problem("a.ksplat", k1, 0, std::uint8_t{1}), "version 1.1");
   has(problem("a.ksplat", k1, 4, std::uint32_t{5000}), "5000 sections");
@@ -173,7 +173,7 @@ TEST_CASE("headers that lie are refused before anything is made of them", "[io]"
     bytes.replace(bytes.find(from), from.size(), to);
     return problem("a.ply", bytes, 0, 'p');
   };
-  has(edited("vertex 10", "vertex 4000000000000"), "cut off");
+  has(edited("vertex 10", "vertex 4000000000000"), "truncated");
   has(edited("chunk 1", "chunk 0"), "do not match");
   std::string fewer = ply;
   fewer.replace(fewer.find("element sh 10"), 13, "element sh 9");
@@ -194,7 +194,7 @@ TEST_CASE("SPZ that inflates to more or less than its header says is refused", "
   const std::string bytes = test::spz_bytes(test::random_scene(10, 5), 3);
   has(splat_problem(write_bytes(folder, "a.spz", test::gzipped(bytes + "x"))), "more bytes follow");
   has(splat_problem(write_bytes(folder, "a.spz", test::gzipped(bytes.substr(0, 99)))),
-      "but 99 are there");
+      "but only 99 exist");
   std::string damaged = test::gzipped(bytes);
   damaged[damaged.size() - 6] = static_cast<char>(damaged[damaged.size() - 6] ^ 1);  // the checksum
   has(splat_problem(write_bytes(folder, "a.spz", damaged)), "damaged");

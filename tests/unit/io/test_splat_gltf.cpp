@@ -137,7 +137,7 @@ TEST_CASE("SPZ in a buffer view is decoded", "[io]") {
   extension["extensions"]["KHR_gaussian_splatting_compression_spz_2"]["bufferView"] = 99;
   has(problem_of(scene), "bufferView");
   extension["extensions"] = {{"KHR_gaussian_splatting_compression_egsc", {{"bufferView", view}}}};
-  has(problem_of(scene), "KHR_gaussian_splatting_compression_egsc, which is not read");
+  has(problem_of(scene), "KHR_gaussian_splatting_compression_egsc, which is not supported");
 }
 
 TEST_CASE("what an SPZ within a glTF says of its axes is not followed, and told", "[io]") {
@@ -238,7 +238,7 @@ TEST_CASE("a file of meshes is no scene, a scene is no mesh", "[io]") {
   const ReadScene both = read(scene);
   CHECK(both.info.splats == 3);
   REQUIRE(both.info.assumptions.size() == 2);
-  has(both.info.assumptions[1], "1 primitives without KHR_gaussian_splatting left out");
+  has(both.info.assumptions[1], "1 primitives without KHR_gaussian_splatting ignored");
 }
 
 TEST_CASE("JSON larger than any scene's is not understood", "[io]") {

@@ -281,7 +281,7 @@ TEST_CASE("what is no splat PLY is refused by what it is", "[io]") {
   has(problem_of("ply\n"), "end_header");
   has(problem_of(whole.substr(0, whole.size() - 1)), "after 2 of them");
   has(problem_of(whole + "x"), "do not match");
-  has(problem_of(ply.header()), "cut off");
+  has(problem_of(ply.header()), "truncated");
   ply.format = "ascii 1.0";
   has(problem_of(ply.bytes()), "ASCII");
   ply.format = "binary_big_endian 1.0";
@@ -310,14 +310,14 @@ TEST_CASE("a malicious header costs no memory and no time", "[io]") {
   for (const std::string& column : SplatPlyBuilder::usual_columns())
     columns += "property " + column + "\n";
   has(problem_of(start + "element vertex 18446744073709551615\n" + columns + "end_header\n"),
-      "cut off");
+      "truncated");
   has(problem_of(start + "element vertex 300000000000000000\n" + columns + "end_header\n"),
-      "cut off");
+      "truncated");
   has(problem_of(start + "element vertex 99999999999999999999999\n"), "count");
   has(problem_of(start + "element vertex -1\n"), "count");
   has(problem_of(start + "element a 18446744073709551615\nproperty float b\nelement vertex 1\n" +
                  columns + "end_header\n"),
-      "cut off");
+      "truncated");
   has(problem_of(start + "element a 1\nproperty list uchar int b\nelement vertex 1\n" + columns +
                  "end_header\n"),
       "rows of variable size");

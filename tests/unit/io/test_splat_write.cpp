@@ -375,7 +375,7 @@ TEST_CASE("an SPZ that cannot hold its scene is refused, else what was cut is sa
   try_it();
   CHECK(warnings.find("1 of 10 Gaussians have colours") != std::string::npos);
   try_it({0, {}, true});
-  CHECK(message.find("linear light") != std::string::npos);
+  CHECK(message.find("colours are linear") != std::string::npos);
 }
 
 TEST_CASE("Gaussians that were not finished leave nothing", "[io]") {

@@ -220,7 +220,7 @@ TEST_CASE("a pump that can start nothing says what needs how much") {
     const std::vector<std::uint64_t> costs{60};
     runtime::Pump pump(budget, costs, "projecting", put_it);
     CHECK(test::error_kind([&] { pump.admit(); }, &message) == static_cast<int>(ErrorKind::budget));
-    CHECK(message.find("projecting needs 60 B beside 41 B in use") != std::string::npos);
+    CHECK(message.find("projecting needs 60 B in addition to 41 B in use") != std::string::npos);
     CHECK(put.empty());
   }
   SECTION("after the last release, where the next is larger than all") {
@@ -231,7 +231,7 @@ TEST_CASE("a pump that can start nothing says what needs how much") {
     pump.release(1);  // 0 is under way: its release will try again
     CHECK(test::error_kind([&] { pump.release(0); }, &message) ==
           static_cast<int>(ErrorKind::budget));
-    CHECK(message.find("projecting needs 101 B beside 0 B in use") != std::string::npos);
+    CHECK(message.find("projecting needs 101 B in addition to 0 B in use") != std::string::npos);
   }
   CHECK(put.size() <= 2);
 }
@@ -251,7 +251,7 @@ TEST_CASE("a stream whose bytes were taken away ends with what its next work nee
     });
   };
   CHECK(test::error_kind(run, &message) == static_cast<int>(ErrorKind::budget));
-  CHECK(message.find("sorting needs 60 B beside 41 B in use") != std::string::npos);
+  CHECK(message.find("sorting needs 60 B in addition to 41 B in use") != std::string::npos);
   CHECK(budget.leased() == 41);
 }
 
