@@ -86,7 +86,8 @@ TEST_CASE("relative indices of an OBJ are those of the lines before", "[io]") {
   CHECK(m.normals[3] == Vec3f{1, 0, 0});
   CHECK_THAT(refused("v 0 0 0\nv 1 0 0\nf 1 2 3\nv 0 1 0\n"),
              Catch::Contains("line 3: a face refers to vertex 3, but only 2"));
-  CHECK_THAT(refused(kSquare + "f 1/-5 2 3\n"), Catch::Contains("texture coordinate -5, but only 4"));
+  CHECK_THAT(refused(kSquare + "f 1/-5 2 3\n"),
+             Catch::Contains("texture coordinate -5, but only 4"));
   CHECK_THAT(refused(kSquare + "f 1//-3 2 3\n"), Catch::Contains("normal -3, but only 2"));
 }
 
