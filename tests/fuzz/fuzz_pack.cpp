@@ -12,8 +12,10 @@
 #include <vector>
 
 #include "fuzz/fuzz_support.h"
+#include "projection/hit_block.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
+#include "store/blocks/hit_store.h"
 #include "store/blocks/splat_store.h"
 #include "support/pack_tree.h"
 
@@ -28,7 +30,19 @@ struct Sound {
   store::GeometryFacts facts;
   store::ColourDirectory image;
   store::SplatFacts splats;
+  store::HitStore::Facts hits;
 };
+
+store::HitStore::Facts hits_of(const PackTree& tree) {
+  store::HitStore::Facts facts;
+  facts.image = {64 * PackTree::u32(tree.directory, 0), 64 * PackTree::u32(tree.directory, 4)};
+  facts.most_bytes = projection::kMostHitBytes;
+  for (const auto& raw : tree.blocks) {
+    for (const auto& facet : projection::decode_hits(raw, SIZE_MAX, "block").facets)
+      facts.source_pages = std::max(facts.source_pages, static_cast<std::size_t>(facet.page) + 1);
+  }
+  return facts;
+}
 
 store::ColourDirectory image_of(const PackTree& tree) {
   const std::byte* at = tree.directory.data();
@@ -58,7 +72,7 @@ store::SplatFacts splats_of(const PackTree& tree) {
 
 store::GeometryFacts facts_of(const PackTree& tree) {
   store::GeometryFacts facts;
-  const std::byte* at = tree.directory.data() + 80;
+  const std::byte* at = tree.directory.data() + 88;
   for (std::uint32_t i = 0; i < PackTree::u32(tree.directory, 0); ++i, at += 60) {
     mesh::Lattice& page = facts.pages.emplace_back();
     page.width = store::get_u32(at);
@@ -92,10 +106,11 @@ std::deque<Sound> read_sound_packs() {
     paths.push_back(entry.path().string());
   std::sort(paths.begin(), paths.end());
   for (const std::string& path : paths) {
-    Sound& sound = packs.emplace_back(Sound{PackTree(path), {}, {}, {}});
+    Sound& sound = packs.emplace_back(Sound{PackTree(path), {}, {}, {}, {}});
     if (sound.tree.kind == store::PackKind::geometry) sound.facts = facts_of(sound.tree);
     if (sound.tree.kind == store::PackKind::colour) sound.image = image_of(sound.tree);
     if (sound.tree.kind == store::PackKind::splats) sound.splats = splats_of(sound.tree);
+    if (sound.tree.kind == store::PackKind::hits) sound.hits = hits_of(sound.tree);
   }
   require(!packs.empty(), "there are sound packs");
   return packs;
@@ -198,6 +213,26 @@ void read_splats(std::unique_ptr<store::PackReader> pack, const store::SplatFact
   }
 }
 
+void read_hits(std::unique_ptr<store::PackReader> pack, const store::HitStore::Facts& facts) {
+  store::Compressor compressor;
+  const store::HitStore store(std::move(pack), facts, compressor);
+  for (std::size_t i = 0; i < store.grid().blocks(); ++i) {
+    attempt([&] {
+      const auto raw = store.read(static_cast<std::uint32_t>(i % store.grid().across),
+                                  static_cast<std::uint32_t>(i / store.grid().across), compressor);
+      if (raw.empty()) return;
+      const projection::HitBlock block = projection::decode_hits(raw, facts.source_pages, "block");
+      for (const std::uint16_t facet : block.facet)
+        require(facet < block.facets.size(), "hits lie on facets");
+      for (const projection::HitFacet& facet : block.facets)
+        require(static_cast<std::size_t>(facet.page) < facts.source_pages, "facets lie on pages");
+      PageVector<projection::TexelPacket> packets;
+      PageVector<projection::HitPacket> hits;
+      projection::append_packets(block, 0, packets, hits);
+    });
+  }
+}
+
 void read_pack(const std::string& path, const Sound& sound) {
   const auto open = [&](const store::PackInfo& info) {
     return std::make_unique<store::PackReader>(posix_file_system().open(path), path, info.kind,
@@ -208,6 +243,7 @@ void read_pack(const std::string& path, const Sound& sound) {
   if (info.kind == store::PackKind::geometry) read_geometry(open(info), sound.facts);
   if (info.kind == store::PackKind::colour) read_colours(open(info), sound.image);
   if (info.kind == store::PackKind::splats) read_splats(open(info), sound.splats);
+  if (info.kind == store::PackKind::hits) read_hits(open(info), sound.hits);
 }
 
 /// The sound pack with the changes of an input.
@@ -225,13 +261,16 @@ void write_changed(const Sound& sound, std::string_view changes, const std::stri
       late.push_back(change);
       continue;
     }
-    auto& blocks = tree.tiles[(change.tile - 1U) % tree.tiles.size()].blocks;
+    auto& blocks = tree.tiles.empty() ? tree.blocks
+                                      : tree.tiles[(change.tile - 1U) % tree.tiles.size()].blocks;
+    if (blocks.empty()) continue;
     change_bytes(change, blocks[change.part / 2 % blocks.size()]);
   }
   tree.write(path, [&](int tile, PackTree::Bytes& raw) {
     for (const Change& change : late) {
-      const int own =
-          change.tile == 0 ? -1 : (change.tile - 1) % static_cast<int>(tree.tiles.size());
+      const int own = change.tile == 0 || tree.tiles.empty()
+                          ? -1
+                          : (change.tile - 1) % static_cast<int>(tree.tiles.size());
       if (own == tile) change_bytes(change, raw);
     }
   });

@@ -29,6 +29,9 @@ struct PackTree {
   Bytes directory;
   std::vector<Tile> tiles;
   std::vector<std::size_t> at;  ///< where the directory holds each page's chunk
+  /// Of hits, which have no tiles: payloads, and where the directory holds each one's chunk.
+  std::vector<Bytes> blocks;
+  std::vector<std::size_t> block_at;
 
   static std::uint32_t u32(const Bytes& raw, std::size_t at) {
     return store::get_u32(raw.data() + at);
@@ -45,7 +48,9 @@ struct PackTree {
       return store::read_payload(pack, ref, what, store::kLargestChunkBytes, compressor);
     };
     directory = read(pack.directory(), store::ChunkKind::directory);
-    find_tiles();
+    kind == store::PackKind::hits ? find_hits() : find_tiles();
+    for (const std::size_t place : block_at)
+      blocks.push_back(read(chunk(directory, place), store::ChunkKind::block));
     for (const std::size_t place : at) {
       Tile tile;
       tile.page = read(chunk(directory, place), store::ChunkKind::index_page);
@@ -74,6 +79,10 @@ struct PackTree {
       put(copy.directory, copy.at[t],
           store::append_payload(pack, store::ChunkKind::index_page, tile.page, compressor));
     }
+    for (std::size_t b = 0; b < copy.blocks.size(); ++b) {
+      put(copy.directory, copy.block_at[b],
+          store::append_payload(pack, store::ChunkKind::block, copy.blocks[b], compressor));
+    }
     harm(-1, copy.directory);
     pack.finish(
         store::append_payload(pack, store::ChunkKind::directory, copy.directory, compressor));
@@ -101,6 +110,11 @@ struct PackTree {
     const std::size_t step = geometry ? 44 : kind == store::PackKind::colour ? 16 : 48;
     for (std::size_t place = first; place + 16 <= directory.size(); place += step)
       at.push_back(place);
+  }
+  void find_hits() {
+    for (std::size_t place = 8; place + 16 <= directory.size(); place += 16) {
+      if (chunk(directory, place).raw_bytes > 0) block_at.push_back(place);
+    }
   }
   void find_blocks(Tile& tile) const {
     std::size_t place = 0;
