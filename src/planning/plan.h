@@ -96,6 +96,7 @@ struct PassPlan {
   ImageSize size;                     ///< of the outputs
   std::vector<std::size_t> channels;  ///< into SourcePlan::channels
   bool has_shape = false;             ///< is one of them of the surface itself, or tinted?
+  bool has_map = false;               ///< is one of them a map of the hits?
   bool keeps_hits = false;            ///< what its texels hit may stay in the cache
 };
 

@@ -200,6 +200,7 @@ class SourcePlanner {
     for (const char* name : projection::kHitMapNames) map.names.emplace_back(name);
     map.pages.resize(2 * source_.materials.size());
     pass.channels.push_back(plan_.channels.size());
+    pass.has_map = true;
     plan_.channels.push_back(std::move(map));
   }
 

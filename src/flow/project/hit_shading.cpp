@@ -181,10 +181,12 @@ class BlockShading {
   bool store_shape(const ChannelOutput& channel, const HitWork& work, std::uint32_t p, int lane,
                    const surface::TexelFrames* frames, BlockBlend& blend, std::byte* out,
                    std::uint64_t& clipped) const {
-    const ShapeOutput& shape = *channel.shape;
+    const shading::ShapeOutput& shape = *channel.shape;
     const projection::SurfacePacket& surface = work.points[p];
     if (!is_normal(shape)) {
-      clipped += shading::store_texel(channel.format, baked_value(shape, surface, lane), out);
+      const shading::HitPoint at{surface.height[lane], surface.position(lane),
+                                 surface.colour(lane)};
+      clipped += shading::store_texel(channel.format, shading::baked_value(shape, at), out);
       return true;
     }
     const projection::HitPacket& hit = work.state.hits[p];
@@ -193,7 +195,7 @@ class BlockShading {
     const TangentFrame target = frames->frame(work.state.packets[p].texel[lane]);
     clipped += shading::store_texel(
         channel.format,
-        transferred_normal(shape, hit.page[lane], *map, surface.frame(lane), target), out);
+        shading::transferred_normal(shape, hit.page[lane], *map, surface.frame(lane), target), out);
     return true;
   }
 

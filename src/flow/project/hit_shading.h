@@ -10,11 +10,11 @@
 
 #include "flow/project/page_colour.h"
 #include "flow/project/pieces.h"
-#include "flow/project/shape_output.h"
 #include "projection/blend.h"
 #include "projection/blend_lanes.h"
 #include "projection/search.h"
 #include "projection/surface_points.h"
+#include "shading/shape_output.h"
 #include "store/blocks/geometry_store.h"
 #include "surface/texel_frames.h"
 
@@ -23,9 +23,9 @@ namespace pounce::flow {
 /// One channel that a pass transfers.
 struct ChannelOutput {
   shading::TexelFormat format;
-  std::vector<PageColour> pages;     ///< by source page
-  std::optional<ShapeOutput> shape;  ///< nothing: what the pages give is what is written
-  bool is_map = false;               ///< of the hits themselves: projection::map_texel()
+  std::vector<PageColour> pages;              ///< by source page
+  std::optional<shading::ShapeOutput> shape;  ///< nothing: what the pages give is what is written
+  bool is_map = false;                        ///< of the hits themselves: projection::map_texel()
 };
 
 /// What shading looks images up with.

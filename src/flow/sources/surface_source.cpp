@@ -39,12 +39,11 @@ void SurfaceSource::add_stores(planning::DiskPlan& disk) {
 std::uint64_t SurfaceSource::project_least_bytes(std::size_t pass) const {
   constexpr std::uint64_t kStoredTriangle = 160, kColouredTriangle = 208, kChunk = 1 << 16;
   const planning::PassPlan& p = plan_.passes[pass];
-  const bool has_map = plan_.channels[p.channels.back()].channel == Channel::hits;
   const std::uint64_t triangle = p.source.colours ? kColouredTriangle : kStoredTriangle;
   return flow::project_least_bytes(
       p.shape.most_triangles, p.shape.most_patches,
       static_cast<std::uint32_t>(p.shape.most_triangles * triangle + kChunk),
-      result_texel_bytes(pass), colour_tile_bytes(), p.has_shape || has_map);
+      result_texel_bytes(pass), colour_tile_bytes(), p.has_shape || p.has_map);
 }
 
 void SurfaceSource::build(ProgressRange range, std::uint64_t target_texels) {
@@ -119,9 +118,11 @@ void SurfaceSource::find_layers() {
       surface::layer_gaps(mesh_, some, min_cosine_, kWithin * length(Vec3f(box.hi - box.lo)));
 }
 
-std::optional<ShapeOutput> SurfaceSource::shape_of(const planning::ChannelPlan& channel) const {
+std::optional<shading::ShapeOutput> SurfaceSource::shape_of(
+    const planning::ChannelPlan& channel) const {
   if (!channel.has_shape()) return std::nullopt;
-  ShapeOutput shape{channel.channel, channel.baked, source_y_, output_y_, {}, {}, plan_.origin};
+  shading::ShapeOutput shape{channel.channel, channel.baked, source_y_, output_y_, {}, {},
+                             plan_.origin};
   for (const planning::PageTexture& page : channel.pages) shape.scales.push_back(page.normal_scale);
   if (channel.channel == Channel::vertex_color)
     shape.input = colour_input({kRec709, true}, true, channel);

@@ -34,7 +34,7 @@ class SurfaceSource final : public MeshSource {
   void open_geometry(const planning::PassPlan& pass, bool* cached);
   void find_layers();
   void warn_of_coincident();
-  std::optional<ShapeOutput> shape_of(const planning::ChannelPlan& channel) const;
+  std::optional<shading::ShapeOutput> shape_of(const planning::ChannelPlan& channel) const;
 
   const Filter filter_;
   const NormalY source_y_, output_y_;  ///< of normal maps

@@ -12,9 +12,8 @@
 // An image decodes from its first pixel on, so prepare() writes the pixels of all of them into one
 // scratch file, column by column, row of the image by row; decode() then reads any range. One image
 // decodes at a time, in the constant memory of Vp8lDecoder; only the palette is kept (up to 3 MiB),
-// since Gaussians name its entries in any order. meta.json was checked by nobody: its size and
-// depth are measured before it is parsed, every value is looked up with its type, and the files
-// that it names must lie beside it.
+// since Gaussians name its entries in any order. Nobody checked meta.json: it is measured before it
+// is parsed, values are looked up with their types, and the files it names must lie beside it.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -3,16 +3,16 @@
 // Channels that need the surface itself: normal maps, and what is baked from the source's shape.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <vector>
 
 #include "core/directions.h"
 #include "pounce/options.h"
-#include "projection/surface_points.h"
 #include "shading/colour_input.h"
 #include "shading/result_block.h"
 
-namespace pounce::flow {
+namespace pounce::shading {
 
 /// How a channel follows from the surface.
 struct ShapeOutput {
@@ -21,9 +21,9 @@ struct ShapeOutput {
   /// detail alone, turned with the surface where source and target differ.
   bool keeps_shape = false;
   NormalY source_y = NormalY::up, output_y = NormalY::up;
-  std::vector<float> scales;                  ///< of normal maps, by source page
-  std::optional<shading::ColourInput> input;  ///< of colours, which are linear light of sRGB's
-  Vec3d origin = {};                          ///< the job's, which positions have again
+  std::vector<float> scales;         ///< of normal maps, by source page
+  std::optional<ColourInput> input;  ///< of colours, which are linear light of sRGB's
+  Vec3d origin = {};                 ///< the job's, which positions have again
 };
 
 /// Is it a normal map, which reads images and frames? The others need neither.
@@ -31,11 +31,16 @@ inline bool is_normal(const ShapeOutput& shape) { return shape.channel == Channe
 
 /// A normal map's texel at a hit: `map` as blended from the source's image on `page`, into the
 /// target's frame (usable), of unit length, coded 0..1. Alpha stays as it is.
-shading::TexelValue transferred_normal(const ShapeOutput& shape, int page, shading::TexelValue map,
-                                       const TangentFrame& source, const TangentFrame& target);
+TexelValue transferred_normal(const ShapeOutput& shape, int page, TexelValue map,
+                              const TangentFrame& source, const TangentFrame& target);
 
-/// Height, position or colour at a hit.
-shading::TexelValue baked_value(const ShapeOutput& shape, const projection::SurfacePacket& surface,
-                                int lane);
+/// The surface at a hit.
+struct HitPoint {
+  double height = 0;  ///< over the texel, along its normal
+  Vec3d position;
+  std::array<double, 4> colour{};  ///< of the vertices: linear light and alpha
+};
+/// One of these, as the channel wants it.
+TexelValue baked_value(const ShapeOutput& shape, const HitPoint& at);
 
-}  // namespace pounce::flow
+}  // namespace pounce::shading

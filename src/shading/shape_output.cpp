@@ -11,12 +11,12 @@
 //   v' = (T' B' N')^-1 d          the target's frame, the same way; then of unit length
 //
 // Texels are blended before that: within a chart frames change slowly.
-#include "flow/project/shape_output.h"
+#include "shading/shape_output.h"
 
-namespace pounce::flow {
+namespace pounce::shading {
 
-shading::TexelValue transferred_normal(const ShapeOutput& shape, int page, shading::TexelValue map,
-                                       const TangentFrame& source, const TangentFrame& target) {
+TexelValue transferred_normal(const ShapeOutput& shape, int page, TexelValue map,
+                              const TangentFrame& source, const TangentFrame& target) {
   const double scale = shape.scales[static_cast<std::size_t>(page)];
   const double y_scale = shape.source_y == NormalY::up ? scale : -scale;
   const Vec3d coded{map.v[0], map.v[1], map.v[2]};
@@ -34,16 +34,15 @@ shading::TexelValue transferred_normal(const ShapeOutput& shape, int page, shadi
   return map;
 }
 
-shading::TexelValue baked_value(const ShapeOutput& shape, const projection::SurfacePacket& surface,
-                                int lane) {
-  if (shape.channel == Channel::height) return {.v = {surface.height[lane]}, .channels = 1};
+TexelValue baked_value(const ShapeOutput& shape, const HitPoint& at) {
+  if (shape.channel == Channel::height) return {.v = {at.height}, .channels = 1};
   if (shape.channel == Channel::vertex_color) {
-    shading::TexelValue value{surface.colour(lane), 4, true, true, false};
-    if (shape.input) shading::apply(*shape.input, value);
+    TexelValue value{at.colour, 4, true, true, false};
+    if (shape.input) apply(*shape.input, value);
     return value;
   }
-  const Vec3d p = surface.position(lane) + shape.origin;
+  const Vec3d p = at.position + shape.origin;
   return {.v = {p.x, p.y, p.z}, .channels = 3};
 }
 
-}  // namespace pounce::flow
+}  // namespace pounce::shading
