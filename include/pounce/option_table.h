@@ -19,8 +19,9 @@ enum class JobCommand : std::uint8_t {
   transfer,   ///< TransferOptions
   maps,       ///< MapsOptions
   gaussians,  ///< GaussiansOptions
+  apply,      ///< TransferOptions whose source is a map of hits
 };
-/// "transfer", "maps", "gaussians".
+/// "transfer", "maps", "gaussians", "apply".
 POUNCE_API const char* job_command_name(JobCommand command) noexcept;
 
 /// How many values an option has.

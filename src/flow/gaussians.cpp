@@ -99,7 +99,8 @@ class MeshJob {
     job_.report.origin = {placed.origin.x, placed.origin.y, placed.origin.z};
     if (placed.origin != Vec3d{})
       job_.report.notes.push_back(planning::origin_note(options_.source, placed.origin));
-    options::refuse_unsuitable(options_, false);  // now that it is known to be a mesh
+    options::refuse_unsuitable(options_,
+                               options::Source::mesh);  // now that it is known to be a mesh
     plan_ = planning::plan_mesh(transfer, mesh_, planning::TexelsAs::surface, false);
     plan_.passes.front().source.exact = true;  // each of its texels is one
     planning::warn_of_repeats(request(), plan_.warnings);
@@ -375,7 +376,7 @@ Report gaussians(const GaussiansOptions& options, Progress* progress, Report* so
     planning::describe(options, run.report);
     flow::check_request(options);
     const bool is_scene = planning::is_splat_scene(options.source);
-    if (is_scene) options::refuse_unsuitable(options, true);
+    if (is_scene) options::refuse_unsuitable(options, options::Source::splats);
     const auto job = job::open_job(options.resources, options.output, nullptr, rebuild, false, run);
     is_scene ? flow::SceneJob(options, *job).run() : flow::MeshJob(options, *job).run();
   });

@@ -43,13 +43,13 @@ void run_transfer(const TransferOptions& options, const job::TestKnobs& knobs, j
   Source& source = plan.source();
   source.build({kAfterReading, kAfterSource}, plan.least_target_texels());
   // From here on only stores are read, never the source's files.
-  const double share = (1 - kAfterSource) / static_cast<double>(options.targets.size());
+  const double share = (1 - kAfterSource) / static_cast<double>(plan.targets());
   std::vector<std::size_t> left;  // to other jobs with --skip-existing
   const auto make = [&](std::size_t t, OthersWork others) {
     const double begin = kAfterSource + share * static_cast<double>(t);
     return transfer_to(*job, plan.policy(), source, plan.target(t), {begin, begin + share}, others);
   };
-  for (std::size_t t = 0; t < options.targets.size(); ++t) {
+  for (std::size_t t = 0; t < plan.targets(); ++t) {
     if (!make(t, OthersWork::leave)) left.push_back(t);
   }
   for (const std::size_t t : left) make(t, OthersWork::await);

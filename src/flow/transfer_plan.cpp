@@ -16,15 +16,18 @@
 #include "job/run_job.h"
 #include "mesh/tangent_space.h"
 #include "planning/describe_job.h"
+#include "planning/known_map.h"
 #include "planning/load_mesh.h"
 #include "planning/output_names.h"
 
 namespace pounce::flow {
 namespace {
 
-/// A model output is planned as its images.
-TransferOptions image_options(TransferOptions options) {
+/// What is planned. A model output is planned as its images, a map as the transfer that made it.
+TransferOptions planned_options(TransferOptions options) {
   if (io::is_model_path(options.output)) options.output = model_image_pattern(options.output);
+  if (planning::is_hit_map(options.source))
+    return planning::apply_options(planning::read_known_map(options.source), options);
   return options;
 }
 
@@ -52,7 +55,7 @@ void PlannedTarget::drop_mesh() {
 TransferPlan::TransferPlan(job::JobContext& job, const TransferOptions& options,
                            const job::TestKnobs& knobs)
     : job_(job),
-      options_(image_options(options)),
+      options_(planned_options(options)),
       model_pattern_(io::is_model_path(options.output) ? options.output : ""),
       knobs_(knobs),
       job_hash_(job, options_),
@@ -99,6 +102,7 @@ void TransferPlan::plan_source() {
   for (const std::string& warning : plan.warnings) job_.warn(warning);
   for (const std::string& note : plan.notes) job_.note(note);
   add_inputs(source_->files());
+  inputs_.insert(inputs_.end(), source_->files().begin(), source_->files().end());
   for (const planning::ColumnPlan& column : plan.columns)
     planning::add_input(column.image.path, job_.report);
 }
@@ -351,10 +355,12 @@ mesh::Mesh TransferPlan::read_target(const std::string& path, std::uint64_t besi
 }
 
 std::uint64_t TransferPlan::reading_bytes(const std::string& path) const {
+  if (source_->own_target()) return 0;
   return io::mesh_cost(path, {options_.allow_external, {}, true}, job_.budget.limit()).peak_bytes;
 }
 
 mesh::Mesh TransferPlan::load_target(const std::string& path) const {
+  if (auto own = source_->own_target()) return std::move(*own);
   return planning::load_mesh(path, options_.target_use, "target", options_.allow_external,
                              source_->plan().origin, !options_.composite.onto.empty());
 }

@@ -47,6 +47,7 @@ class TransferPlan {
   bool anything_to_write() const { return anything_to_write_; }  ///< --skip-existing may leave none
   /// Of the images of one channel of the target that has the fewest.
   std::uint64_t least_target_texels() const { return least_target_texels_; }
+  std::size_t targets() const { return options_.targets.size(); }
   /// This target, planned again unless it is the only one. Stays until the next is asked for.
   PlannedTarget& target(std::size_t t);
 

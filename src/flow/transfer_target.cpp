@@ -238,11 +238,10 @@ class TargetTransfer {
     const runtime::Lease directory(job_.budget, target->size_bytes(),
                                    "the directory of the target store");
     if (is_last) target_.drop_mesh();  // from here on only stores are read, never the inputs
-    const store::PackReader& source = source_.pack(p);
-    const std::uint64_t read_before = source.bytes_read();
+    const std::uint64_t read_before = source_.bytes_read(p);
     transfer_page(p, page, *target);
     job_.report.tiles_read += target->directory().tiles.size();
-    job_.report.bytes_read += source.bytes_read() - read_before + target->pack().bytes_read();
+    job_.report.bytes_read += source_.bytes_read(p) - read_before + target->pack().bytes_read();
   }
 
   std::unique_ptr<store::GeometryStore> vectorize(std::size_t p, std::uint32_t page) {
@@ -266,7 +265,7 @@ class TargetTransfer {
     if (texels == 0 && target_.model) return tally_->add_page(p, page, 0, nullptr);
     const job::ScratchPack results_go(job_, store::PackKind::results);
     const PageResult result = project_page(p, page, target);
-    tally_->add_page(p, page, texels, &result);
+    tally_->add_page(p, page, source_.texels_of(result, texels), &result);
     const bool may_stay_empty =
         target_.model || (target_.plan.by_tile && !target_.plan.painted_over);
     const bool found = std::any_of(result.covered.begin(), result.covered.end(),
@@ -295,7 +294,7 @@ class TargetTransfer {
       if (fit_) tally_->fits(*fit_);
     }
     PageResult result =
-        source_.projector(p, target, target_.plan, fit_.value_or(projection::SplatFit{}))
+        source_.projector(p, page, target, target_.plan, fit_.value_or(projection::SplatFit{}))
             ->project();
     job_.report.bytes_written += result.pack->size_bytes();
     add_nodes(result.nodes, job_.report.nodes);

@@ -70,7 +70,7 @@ Row<Options> source_texture_row() {
                "(displacement, specular, mask) that --channels and <CHANNEL> then know by NAME. "
                "PATH may hold <UDIM> or <UVTILE>. Layers and channels of an EXR: "
                "NAME=FILE.exr:diffuse or NAME=FILE.exr:N.X,Y,Z. Once per name",
-       .source = Source::mesh,
+       .source = Source::mesh_or_map,
        .hashed = Hashed::otherwise},
       OptionValues::several,
       [](Options& o, const std::string& option, const std::string& text) {
@@ -115,7 +115,7 @@ Row<Options> source_space_row() {
                "lin_rec709, acescg, aces2065-1, display-p3, or a space of --ocio",
        .default_text = "what the files state (EXR, ICC profiles, PNG chunks), but srgb in glTF; "
                        "else srgb for integers, lin_rec709 for floats",
-       .source = Source::mesh},
+       .source = Source::mesh_or_map},
       OptionValues::several,
       [](Options& o, const std::string& option, const std::string& text) {
         o.colour.source_spaces.push_back(parse_source_space(option, text, o.channels.other_maps));

@@ -76,14 +76,18 @@ void check_ranges(const Options& options) {
 }
 
 template <class Options>
-void refuse_unsuitable(const Options& options, bool is_splat_scene) {
-  const Source other = is_splat_scene ? Source::mesh : Source::splats;
+void refuse_unsuitable(const Options& options, Source kind) {
+  const char* const is = kind == Source::splats ? "a splat scene"
+                         : kind == Source::map  ? "a map of hits"
+                                                : "a mesh";
   for (const Row<Options>& row : rows_of<Options>()) {
-    if (row.source != other || row.get(options).empty()) continue;
+    if (applies_to(row.source, kind) || row.get(options).empty()) continue;
+    Texts suitable;
+    if (applies_to(row.source, Source::mesh)) suitable.emplace_back("meshes");
+    if (applies_to(row.source, Source::splats)) suitable.emplace_back("splat scenes");
     throw Error(ErrorKind::usage,
-                fmt::format("{} applies only to {}; {} is a {}", typed_name(row.info),
-                            is_splat_scene ? "meshes" : "splat scenes", options.source,
-                            is_splat_scene ? "splat scene" : "mesh"));
+                fmt::format("{} applies only to {}; {} is {}", typed_name(row.info),
+                            fmt::join(suitable, " and "), options.source, is));
   }
 }
 
@@ -125,8 +129,8 @@ template std::vector<OptionReport> hashed_texts(const MapsOptions&);
 template void check_ranges(const TransferOptions&);
 template void check_ranges(const MapsOptions&);
 template void check_ranges(const GaussiansOptions&);
-template void refuse_unsuitable(const TransferOptions&, bool);
-template void refuse_unsuitable(const GaussiansOptions&, bool);
+template void refuse_unsuitable(const TransferOptions&, Source);
+template void refuse_unsuitable(const GaussiansOptions&, Source);
 
 }  // namespace options
 
@@ -136,6 +140,8 @@ const char* job_command_name(JobCommand command) noexcept {
       return "maps";
     case JobCommand::gaussians:
       return "gaussians";
+    case JobCommand::apply:
+      return "apply";
     case JobCommand::transfer:
       break;
   }
@@ -146,11 +152,14 @@ const std::vector<OptionInfo>& option_table(JobCommand command) {
   static const std::vector<OptionInfo> transfer = options::infos<TransferOptions>();
   static const std::vector<OptionInfo> maps = options::infos<MapsOptions>();
   static const std::vector<OptionInfo> gaussians = options::infos<GaussiansOptions>();
+  static const std::vector<OptionInfo> apply = options::apply_infos();
   switch (command) {
     case JobCommand::maps:
       return maps;
     case JobCommand::gaussians:
       return gaussians;
+    case JobCommand::apply:
+      return apply;
     case JobCommand::transfer:
       break;
   }

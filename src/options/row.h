@@ -15,12 +15,12 @@
 #include <vector>
 
 #include "options/parse.h"
+#include "options/table.h"
 #include "pounce/option_table.h"
 
 namespace pounce::options {
 
-/// What an option applies to. Elsewhere it is refused, unless it has its default.
-enum class Source : std::uint8_t { any, mesh, splats };
+/// The method that an option applies to. Elsewhere it is refused, unless it has its default.
 enum class Only : std::uint8_t { any_method, surface, gaussian };
 
 /// How an option counts in the hash of a job (docs/decisions/029-job-hash.md).
@@ -184,5 +184,8 @@ template <>
 const std::vector<Row<MapsOptions>>& rows_of<MapsOptions>();
 template <>
 const std::vector<Row<GaussiansOptions>>& rows_of<GaussiansOptions>();
+
+/// Those of a transfer that apply to a map of hits, in the words of `pounce apply`.
+std::vector<OptionInfo> apply_infos();
 
 }  // namespace pounce::options

@@ -97,7 +97,7 @@ template <class Options>
 Rows<Options> mesh_use_rows(const std::string& side, MeshUse Options::*use) {
   const bool is_source = side == "source";
   const std::string group = is_source ? "Source" : "Target";
-  const Source source = is_source ? Source::mesh : Source::any;
+  const Source source = is_source ? Source::mesh : Source::mesh_or_splats;
   constexpr std::uint64_t kMostUvSets = 255;
   return {
       row<Options>({.name = side + "-mesh",
@@ -128,7 +128,8 @@ Rows<Options> mesh_use_rows(const std::string& side, MeshUse Options::*use) {
                     .group = group,
                     .help = "Rotate the mesh: its axes in the wanted order, with a minus for each "
                             "reversed one, as in x,-y,-z; write =AXES if it begins with a minus",
-                    .usual = "x,y,z"},
+                    .usual = "x,y,z",
+                    .source = Source::mesh_or_splats},
                    path(use, &MeshUse::axes), axes(true)),
   };
 }

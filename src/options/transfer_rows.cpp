@@ -23,7 +23,7 @@ Row<Options> factors_row() {
                "vertex colours. A model keeps its factors in its materials and accepts apply or "
                "factors",
        .usual = "apply",
-       .source = Source::mesh},
+       .source = Source::mesh_or_map},
       OptionValues::one,
       [](Options& o, const std::string& option, const std::string& text) {
         const Factors factors = parse_factors(option, text);
@@ -96,8 +96,8 @@ Rows<Options> output_rows() {
                     .value = "PATTERN",
                     .group = group,
                     .help = "Also write a map of where each texel hit the source, as .exr: u and v "
-                            "(an ST map), UDIM, distance and angle. Accepts the tokens of OUTPUT "
-                            "but <CHANNEL>",
+                            "(an ST map), UDIM, distance and angle; `pounce apply` paints through "
+                            "it. Accepts the tokens of OUTPUT but <CHANNEL>",
                     .source = Source::mesh,
                     .method = Only::surface,
                     .hashed = kHashed},
@@ -115,6 +115,7 @@ Rows<Options> output_rows() {
                     .help = "Resolution of each image in texels, each side 1 to 65536. Run time "
                             "scales with the number of texels",
                     .default_text = "per channel that of the largest source image",
+                    .source = Source::mesh_or_splats,
                     .hashed = kHashed},
                    path(&Options::image, &ImageOptions::size), image_size()),
       row<Options>({.name = "depth",
@@ -139,6 +140,7 @@ Rows<Options> output_rows() {
                     .group = group,
                     .help = "Exit with status 1 if a target finds the source for less than this "
                             "percentage of its texels; all outputs are written anyway",
+                    .source = Source::mesh_or_splats,
                     .hashed = kHashed},
                    path(&Options::min_coverage_percent), number(0, 100)),
       switch_row<Options>(
@@ -282,13 +284,15 @@ Rows<Options> search_rows() {
                    "% of its diagonal (up to 100%). A larger distance costs time: much where "
                    "nothing is near, else little. For splat scenes 1% excludes a second layer "
                    "behind a thin one; more reaches a scene that a coarse mesh only approximates",
-           .default_text = "5%, 3% for splat scenes"},
+           .default_text = "5%, 3% for splat scenes",
+           .source = Source::mesh_or_splats},
           path(&Options::search, &SearchOptions::max_distance), length()),
       row<Options>({.name = "max-angle",
                     .value = "DEG",
                     .group = "Search",
                     .help = "Ignore source surface that faces away from the texel's normal by more "
-                            "than this, in degrees"},
+                            "than this, in degrees",
+                    .source = Source::mesh_or_splats},
                    path(&Options::search, &SearchOptions::max_angle_deg), number(0, kLargestAngle)),
   };
 }
@@ -344,7 +348,8 @@ Rows<Options> method_rows() {
            .group = group,
            .help = "surface: what the texel's ray hits first, as sharp as the source; the better "
                    "choice. gaussian: the published blend of all source texels along the ray, as "
-                   "Gaussians: for comparison, or to blend layers and noise"},
+                   "Gaussians: for comparison, or to blend layers and noise",
+           .source = Source::mesh_or_splats},
           path(&Options::mesh, &MeshOptions::method),
           name(method_from_name, method_name, "surface or gaussian")),
       row<Options>(
@@ -357,7 +362,7 @@ Rows<Options> method_rows() {
                    "also undo the averaging baked into the source's texels on finer targets. tent: "
                    "bilinear, as renderers sample",
            .usual = filter_name(kDefaultFilter),
-           .source = Source::mesh,
+           .source = Source::mesh_or_map,
            .method = Only::surface},
           path(&Options::mesh, &MeshOptions::filter),
           name(filter_from_name, filter_name, "tent, cubic or sharp")),
@@ -395,6 +400,7 @@ Rows<Options> transfer_rows() {
       row<Options>({.name = "target",
                     .value = "TARGET",
                     .help = "Meshes with UVs: .glb, .gltf or .obj. Several need <TARGET> in OUTPUT",
+                    .source = Source::mesh_or_splats,
                     .hashed = Hashed::otherwise,
                     .is_operand = true,
                     .is_required = true},
@@ -416,7 +422,43 @@ Rows<Options> transfer_rows() {
   return rows;
 }
 
+/// What an option of a transfer is for a map of hits, where that is not the same.
+void reword(OptionInfo& info) {
+  if (info.name == "source") {
+    info.value = "MAP";
+    info.help =
+        "Map of hits (.exr) that `pounce transfer --map` wrote. May hold <UDIM> or <UVTILE>";
+  } else if (info.name == "output") {
+    info.help =
+        "Image to write (.png, .jpg, .tif, .tx, .exr). May hold <CHANNEL>, and holds <UDIM> "
+        "(1001) or <UVTILE> (u1_v1) if MAP does. Missing folders are created";
+  } else if (info.name == "tiles") {
+    info.default_text = "all that MAP has";
+  } else if (info.name == "channels") {
+    info.help =
+        "baseColor, metallicRoughness, occlusion and emissive, separated by commas. Each needs "
+        "--source-texture";
+    info.default_text = "all that --source-texture names if OUTPUT holds <CHANNEL>, else baseColor";
+  } else if (info.name == "source-texture") {
+    info.help =
+        "Paint this image: of a material's channel, or a custom map (displacement, specular, mask) "
+        "that --channels and <CHANNEL> then know by NAME. PATH may hold <UDIM> or <UVTILE>. Layers "
+        "and channels of an EXR: NAME=FILE.exr:diffuse or NAME=FILE.exr:N.X,Y,Z. Once per name";
+    info.is_required = true;
+  }
+}
+
 }  // namespace
+
+std::vector<OptionInfo> apply_infos() {
+  std::vector<OptionInfo> infos;
+  for (const Row<Options>& row : rows_of<Options>()) {
+    if (!applies_to(row.source, Source::map)) continue;
+    infos.push_back(row.info);
+    reword(infos.back());
+  }
+  return infos;
+}
 
 template <>
 const std::vector<Row<TransferOptions>>& rows_of<TransferOptions>() {

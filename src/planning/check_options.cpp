@@ -11,6 +11,7 @@
 #include "io/model/model_writer.h"
 #include "options/table.h"
 #include "planning/colour_spaces.h"
+#include "planning/known_map.h"
 #include "planning/load_mesh.h"
 #include "planning/output_names.h"
 #include "pounce/error.h"
@@ -100,6 +101,39 @@ void check_map(const TransferOptions& o) {
     usage(o.output + " is a model; write images, such as '<CHANNEL>.png'");
   if (!o.composite.onto.empty()) usage("--onto paints textures, not maps; use a run without --map");
   check_pages(o, path, "--map " + path);
+}
+
+/// What is painted through a map of hits.
+void check_apply(const TransferOptions& o) {
+  const auto usage = [&](const std::string& text) {
+    throw Error(ErrorKind::usage, fmt::format("{}: {}", o.source, text));
+  };
+  if (!o.targets.empty())
+    usage("is a map of hits, which has its target in it: use pounce apply, without a target");
+  options::refuse_unsuitable(o, options::Source::map);
+  if (io::is_model_path(o.output))
+    usage("a map does not hold the target's mesh, so no model can be written; write images");
+  for (const char* token : {"TARGET", "MATERIAL"}) {
+    if (has_token(o.output, token))
+      usage(fmt::format("a map knows no <{}>; remove it from -o {}", token, o.output));
+  }
+  const auto has_tiles = [](const std::string& path) {
+    return has_token(path, "UDIM") || has_token(path, "UVTILE");
+  };
+  if (has_tiles(o.source) != has_tiles(o.output))
+    usage(fmt::format("<UDIM> or <UVTILE> must appear both in the map and in -o {}, or in neither",
+                      o.output));
+  if (o.material.textures.empty())
+    usage("nothing to paint; name an image with --source-texture baseColor=FILE");
+  const auto refuse = [&](Channel channel) {
+    if (channel == Channel::normal || is_evidence(channel))
+      usage(
+          fmt::format("{} cannot be painted through a map: it depends on the meshes; use pounce "
+                      "transfer",
+                      channel_name(channel)));
+  };
+  for (const SourceTexture& texture : o.material.textures) refuse(texture.channel);
+  for (const Channel channel : o.channels.transferred) refuse(channel);
 }
 
 /// Where evidence cannot go, whatever the source is.
@@ -247,12 +281,15 @@ void check_composite(const TransferOptions& o) {
 
 void check_options(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
-  if (o.source.empty() || o.targets.empty() || o.output.empty())
-    usage("a source, a target and an output are required");
+  const bool is_map = is_hit_map(o.source);
+  if (o.source.empty() || o.output.empty()) usage("a source and an output are required");
+  if (o.targets.empty() && !is_map)
+    usage(o.source + ": is not a map of hits (.exr); every other source needs a target");
   options::check_ranges(o);
   if (o.channels.all && !o.channels.transferred.empty())
     usage("--channels accepts either a list or all");
   check_output(o);
+  if (is_map) check_apply(o);
   check_channel_outputs(o);
   check_map(o);
   check_composite(o);

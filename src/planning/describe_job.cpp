@@ -3,14 +3,16 @@
 
 #include <algorithm>
 
+#include "planning/known_map.h"
 #include "pounce/option_table.h"
 
 namespace pounce::planning {
 
 void describe(const TransferOptions& options, bool plan_only, Report& report) {
-  report.command = job_command_name(JobCommand::transfer);
+  const bool is_map = is_hit_map(options.source);  // of whose files its plan knows
+  report.command = job_command_name(is_map ? JobCommand::apply : JobCommand::transfer);
   report.method = method_name(options.mesh.method);
-  add_input(options.source, report);
+  if (!is_map) add_input(options.source, report);
   for (const std::string& target : options.targets) add_input(target, report);
   report.options = option_texts(options);
   if (plan_only) report.options.push_back({"plan", {"true"}, false});

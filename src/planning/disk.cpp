@@ -83,6 +83,13 @@ void DiskPlan::add_hits(const PassPlan& pass, const surface::GeometryRequest& ta
   stores_ += pack_bytes(projection::most_hit_bytes(blocks, texels, facets, axes), 2 * blocks);
 }
 
+void DiskPlan::add_map(ImageSize size, std::uint64_t images) {
+  const std::uint64_t blocks = blocks_of(size);
+  const std::uint64_t texels = std::uint64_t{size.width} * size.height;
+  stores_ +=
+      images * pack_bytes(projection::most_hit_bytes(blocks, texels, texels, texels), 2 * blocks);
+}
+
 void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes) {
   // A chunk of a run is a thousand Gaussians, a block of the store hundreds at least; runs are
   // merged into new ones at times, while the old ones are still there.

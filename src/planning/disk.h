@@ -25,6 +25,8 @@ class DiskPlan {
   void add_seen_column(const io::ImageInfo& info, bool in_part);
   /// The blocks of a mesh.
   void add_geometry(const surface::GeometryRequest& request);
+  /// The hits of so many images of a map.
+  void add_map(ImageSize size, std::uint64_t images);
   /// So many Gaussians, sorted; of a scene that may have to be unpacked.
   void add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes);
   /// What the levels of an image take until it is whole.

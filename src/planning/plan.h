@@ -60,7 +60,8 @@ struct ChannelPlan {
   bool shows_alpha = false;
   /// By source page: the materials, then the same again for triangles without UVs.
   std::vector<PageTexture> pages;
-  bool baked = false;  ///< ChannelOptions::baked
+  bool baked = false;     ///< ChannelOptions::baked
+  std::string hits_note;  ///< of a map of hits: map_note()
   /// Is it of the surface itself: a normal map, or baked?
   bool has_shape() const { return channel == Channel::normal || baked; }
   bool is_tinted() const;  ///< on some page

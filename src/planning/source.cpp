@@ -16,6 +16,7 @@
 #include <cmath>
 
 #include "io/files/asset_file.h"
+#include "planning/known_map.h"
 #include "planning/mesh_planning.h"
 #include "planning/output_names.h"
 #include "projection/hit_map.h"
@@ -199,6 +200,7 @@ class SourcePlanner {
                   false};
     for (const char* name : projection::kHitMapNames) map.names.emplace_back(name);
     map.pages.resize(2 * source_.materials.size());
+    map.hits_note = map_note(planning_, pass);
     pass.channels.push_back(plan_.channels.size());
     pass.has_map = true;
     plan_.channels.push_back(std::move(map));

@@ -124,11 +124,11 @@ void refuse_splat_options(const TransferOptions& options) {
                 fmt::format("--channels {0}: {0} applies only to splat scenes; {1} is a mesh",
                             channel_name(channel), options.source));
   }
-  options::refuse_unsuitable(options, false);
+  options::refuse_unsuitable(options, options::Source::mesh);
 }
 
 void refuse_mesh_options(const TransferOptions& options) {
-  options::refuse_unsuitable(options, true);
+  options::refuse_unsuitable(options, options::Source::splats);
   const std::vector<Channel> channels = channels_of(options);
   if (options.splats.alpha &&
       std::find(channels.begin(), channels.end(), Channel::base_color) == channels.end()) {

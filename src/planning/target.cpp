@@ -13,6 +13,7 @@
 #include <set>
 
 #include "io/image/write.h"
+#include "planning/known_map.h"
 #include "planning/load_mesh.h"
 #include "planning/output_names.h"
 #include "planning/plan.h"
@@ -149,6 +150,7 @@ class TargetPlanner {
       image.usual_levels =
           options_.image.layout.mipmap && is_laid_out_by(without_levels(), depth, is_map, image);
       image.channel_names = channel.names;
+      if (is_map) image.hits_note = with_distance(channel.hits_note, double{plan_.max_distance});
       image.chromaticities = channel.chromaticities;
       image.tagged = channel.colour_space.empty();
       image.lattice = {channel.size.width, channel.size.height, 0, {}};

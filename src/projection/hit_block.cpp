@@ -29,47 +29,11 @@ constexpr std::uint16_t kNone = 0xFFFF;
 /// Coordinates beyond this are a broken mesh (mesh::kLargestTexel); two of them fit an integer.
 constexpr float kFarthest = 1e9F;
 
-/// The texel at a place of the order: window by window, in each row by row.
-constexpr std::uint32_t texel_at(std::uint32_t place) {
-  const std::uint32_t window = place / 64, inside = place % 64;
-  return (window / 8 * 8 + inside / 8) * 64 + window % 8 * 8 + inside % 8;
-}
+/// The place of a texel: see hit_texel().
 constexpr std::uint32_t place_of_texel(std::uint32_t texel) {
   const std::uint32_t x = texel % 64, y = texel / 64;
   return (y / 8 * 8 + x / 8) * 64 + y % 8 * 8 + x % 8;
 }
-
-/// Bit for bit: what is read back must be what was found.
-bool is_same(const HitFacet& a, const HitFacet& b) {
-  static_assert(sizeof(HitFacet) == 9 * sizeof(float));
-  return std::memcmp(&a, &b, sizeof a) == 0;
-}
-
-/// Numbers facets in the order in which they are met. Two hits are on one facet if all that they
-/// share is equal: numbers of triangles are of the mesh, and a coarse block may cut one in several.
-class FacetNumbers {
- public:
-  explicit FacetNumbers(std::vector<HitFacet>& facets) : facets_(facets) { slots_.fill(kNone); }
-
-  std::uint16_t number(std::int32_t id, const HitFacet& facet) {
-    if (last_ != kNone && is_same(facets_[last_], facet)) return last_;
-    auto slot = static_cast<std::uint32_t>(id) * 2654435769U >> (32 - kBits);  // golden ratio
-    while (slots_[slot] != kNone && !is_same(facets_[slots_[slot]], facet))
-      slot = (slot + 1) % kSlots;
-    if (slots_[slot] == kNone) {
-      slots_[slot] = static_cast<std::uint16_t>(facets_.size());
-      facets_.push_back(facet);
-    }
-    return last_ = slots_[slot];
-  }
-
- private:
-  static constexpr unsigned kBits = 13;
-  static constexpr std::size_t kSlots = 1 << kBits;  // twice what a block can hold
-  std::vector<HitFacet>& facets_;
-  std::array<std::uint16_t, kSlots> slots_;
-  std::uint16_t last_ = kNone;
-};
 
 HitFacet facet_of(const HitPacket& hit, std::size_t lane) {
   HitFacet facet;
@@ -184,7 +148,7 @@ HitBlock hits_of(std::span<const TexelPacket> packets, std::span<const HitPacket
       const std::uint16_t texel = packets[p].texel[lane];
       if (texel == surface::kNoTexel || hits[p].key[lane] == kNoHit) continue;
       lane_at[place_of_texel(texel)] = static_cast<std::uint16_t>(p * kLanes + lane);
-      out.mask[texel / 8] = static_cast<std::uint8_t>(out.mask[texel / 8] | 1U << texel % 8);
+      out.mark(texel);
       const float distance = distance_of(hits[p].key[lane], packets[p]);
       count_distance(distance, max_distance, out.distances);
       out.distance_steps += distance_steps(distance, max_distance);
@@ -195,7 +159,7 @@ HitBlock hits_of(std::span<const TexelPacket> packets, std::span<const HitPacket
   out.frac_x.resize(count);
   out.frac_y.resize(count);
   (axes.empty() ? out.per_texel.resize(count) : out.owner.resize(count));
-  FacetNumbers facets(out.facets);
+  NumberedValues<HitFacet> facets(out.facets);
   std::vector<std::uint16_t> owners(axes.size(), kNone);  // those that some hit's texel has
   std::vector<std::uint8_t> on_one(packets.size(), kUnknown);
   std::size_t next = 0, before = packets.size();
@@ -203,9 +167,10 @@ HitBlock hits_of(std::span<const TexelPacket> packets, std::span<const HitPacket
     if (at == kNone) continue;
     const std::size_t p = at / kLanes, lane = at % kLanes;
     if (on_one[p] == kUnknown) on_one[p] = is_on_one_facet(hits[p]) ? kYes : kNo;
-    out.facet[next] = p == before && on_one[p] == kYes
-                          ? out.facet[next - 1]
-                          : facets.number(hits[p].id[lane], facet_of(hits[p], lane));
+    out.facet[next] =
+        p == before && on_one[p] == kYes
+            ? out.facet[next - 1]
+            : facets.number(static_cast<std::uint32_t>(hits[p].id[lane]), facet_of(hits[p], lane));
     before = p;
     out.frac_x[next] = hits[p].frac_x[lane];
     out.frac_y[next] = hits[p].frac_y[lane];
@@ -229,7 +194,7 @@ void append_packets(const HitBlock& block, std::uint32_t number, PageVector<Texe
   std::array<std::uint16_t, kTexels> texels;
   std::size_t count = 0;
   for (std::uint32_t place = 0; place < kTexels; ++place) {
-    const std::uint32_t texel = texel_at(place);
+    const std::uint32_t texel = hit_texel(place);
     if ((block.mask[texel / 8] >> texel % 8 & 1) != 0)
       texels[count++] = static_cast<std::uint16_t>(texel);
   }

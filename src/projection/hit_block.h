@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <span>
 #include <string>
 #include <vector>
@@ -43,6 +44,51 @@ struct HitBlock {
   std::uint64_t distance_steps = 0;
 
   std::size_t size() const { return facet.size(); }
+  /// Marks a texel as hit.
+  void mark(std::uint32_t texel) {
+    mask[texel / 8] = static_cast<std::uint8_t>(mask[texel / 8] | 1U << texel % 8);
+  }
+};
+
+/// The texel at a place of the order of a block's hits: window by window, in each row by row.
+constexpr std::uint32_t hit_texel(std::uint32_t place) {
+  const std::uint32_t window = place / 64, inside = place % 64;
+  return (window / 8 * 8 + inside / 8) * 64 + window % 8 * 8 + inside % 8;
+}
+
+/// Numbers values in the order in which they are met, equal ones alike: bit for bit, since what is
+/// read back must be what was found.
+template <class Value>
+class NumberedValues {
+ public:
+  explicit NumberedValues(std::vector<Value>& values) : values_(values) { slots_.fill(kNone); }
+
+  /// `hint` spreads values over the table: equal ones should have the same most of the time.
+  std::uint16_t number(std::uint32_t hint, const Value& value) {
+    if (last_ != kNone && is_same(values_[last_], value)) return last_;
+    auto slot = hint * 2654435769U >> (32 - kBits);  // golden ratio
+    while (slots_[slot] != kNone && !is_same(values_[slots_[slot]], value))
+      slot = (slot + 1) % kSlots;
+    if (slots_[slot] == kNone) {
+      slots_[slot] = static_cast<std::uint16_t>(values_.size());
+      values_.push_back(value);
+    }
+    return last_ = slots_[slot];
+  }
+
+ private:
+  static constexpr std::uint16_t kNone = 0xFFFF;
+  static constexpr unsigned kBits = 13;
+  static constexpr std::size_t kSlots = 1 << kBits;  // twice what a block can hold
+
+  static bool is_same(const Value& a, const Value& b) {
+    static_assert(sizeof(Value) % sizeof(float) == 0 && alignof(Value) == alignof(float));
+    return std::memcmp(&a, &b, sizeof a) == 0;
+  }
+
+  std::vector<Value>& values_;
+  std::array<std::uint16_t, kSlots> slots_;
+  std::uint16_t last_ = kNone;
 };
 
 /// The hits of one block's packets. `axes`: TargetBlock::axes().

@@ -19,6 +19,7 @@ struct Command {
 };
 
 Command add_transfer_command(CLI::App& program);
+Command add_apply_command(CLI::App& program);
 Command add_maps_command(CLI::App& program);
 Command add_gaussians_command(CLI::App& program);
 Command add_inspect_command(CLI::App& program);

@@ -49,6 +49,24 @@ constexpr const char* kTransferUsage =
     "  # One scan onto many avatars: the source is prepared once.\n"
     "  pounce transfer scan.glb avatars/*.glb -o 'skins/<TARGET>.png'";
 
+constexpr const char* kApplyUsage =
+    "Usage: pounce apply MAP --source-texture NAME=PATH -o OUTPUT [options]\n"
+    "\n"
+    "Paints images through a map of hits: what pounce transfer would give with this texture on "
+    "the\n"
+    "source, texel for texel, without the meshes and without a search.\n"
+    "\n"
+    "Examples:\n"
+    "  # Once: transfer, and keep where each texel hit the source.\n"
+    "  pounce transfer scan.glb avatar.glb -o avatar.png --map avatar.hits.exr\n"
+    "\n"
+    "  # For every new version of the scan's texture.\n"
+    "  pounce apply avatar.hits.exr --source-texture baseColor=scan_v2.png -o avatar_v2.png\n"
+    "\n"
+    "  # UDIMs, and a map that no material has.\n"
+    "  pounce apply 'hero.hits.<UDIM>.exr' --source-texture 'wetness=wet.<UDIM>.exr' \\\n"
+    "      --channels wetness -o 'hero.wetness.<UDIM>.exr'";
+
 constexpr const char* kMapsUsage =
     "Usage: pounce maps TARGET -o 'OUTPUT with <CHANNEL>' [options]\n"
     "\n"
@@ -171,7 +189,7 @@ Command add_job_command(CLI::App& program, JobCommand which, const std::string& 
     });
     if (!info.excludes.empty()) option->excludes("--" + info.excludes);
   }
-  if (which == JobCommand::transfer) {
+  if (which == JobCommand::transfer || which == JobCommand::apply) {
     add_switch(*command, "--plan", "Reporting",
                "Print the least memory, disk space and files; write nothing", line->job.plan_only);
   }
@@ -189,20 +207,27 @@ Command add_job_command(CLI::App& program, JobCommand which, const std::string& 
           }};
 }
 
+void run_transfer(const Line<TransferOptions>& line, Progress* progress, Report* report) {
+  if (line.job.plan_only) {
+    plan(line.options, progress, report);
+  } else {
+    transfer(line.options, progress, report);
+  }
+}
+
 }  // namespace
 
 Command add_transfer_command(CLI::App& program) {
-  using Options = Line<TransferOptions>;
   return add_job_command<TransferOptions>(
       program, JobCommand::transfer,
       "Transfer a textured mesh's or splat scene's appearance onto another mesh's UVs",
-      kTransferUsage, [](const Options& line, Progress* progress, Report* report) {
-        if (line.job.plan_only) {
-          plan(line.options, progress, report);
-        } else {
-          transfer(line.options, progress, report);
-        }
-      });
+      kTransferUsage, run_transfer);
+}
+
+Command add_apply_command(CLI::App& program) {
+  return add_job_command<TransferOptions>(
+      program, JobCommand::apply, "Paint new textures through a map that transfer --map wrote",
+      kApplyUsage, run_transfer);
 }
 
 Command add_maps_command(CLI::App& program) {

@@ -134,9 +134,10 @@ int run(int argc, char** argv) {
   program.require_subcommand(1);
   pounce::cli::set_help_text(program, kUsage);
   const std::array commands{
-      pounce::cli::add_transfer_command(program),  pounce::cli::add_maps_command(program),
-      pounce::cli::add_gaussians_command(program), pounce::cli::add_inspect_command(program),
-      pounce::cli::add_compare_command(program),   pounce::cli::add_cache_command(program)};
+      pounce::cli::add_transfer_command(program), pounce::cli::add_apply_command(program),
+      pounce::cli::add_maps_command(program),     pounce::cli::add_gaussians_command(program),
+      pounce::cli::add_inspect_command(program),  pounce::cli::add_compare_command(program),
+      pounce::cli::add_cache_command(program)};
   bool is_parsed = false;
   try {
     if (argc == 3 && std::string(argv[1]) == "--generate") {

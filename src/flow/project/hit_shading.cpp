@@ -73,13 +73,15 @@ class BlockShading {
                                  shading::ResultBlock& result) {
     const projection::HitPacket& hit = work.state.hits[p];
     const surface::TexelPacket& texels = work.state.packets[p];
+    const std::vector<surface::TexelAxes>& axes = work.axes[texels.block];
     std::uint64_t count = 0;
     for (int l = 0; l < surface::kLanes; ++l) {
       if (!is_hit(hit, texels, l)) continue;
       const auto lane = static_cast<std::size_t>(l);
       const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
       const projection::HitMapTexel values =
-          projection::map_texel(hit, texels, work.points[p], lane, page.lattice);
+          projection::map_texel(hit, texels, work.points[p], lane, page.lattice,
+                                axes.empty() ? nullptr : &axes[texels.owner[lane]]);
       std::memcpy(result.texels.data() + texels.texel[lane] * sizeof values, values.data(),
                   sizeof values);
       result.cover(texels.texel[lane]);

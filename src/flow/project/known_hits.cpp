@@ -61,6 +61,13 @@ void add_distances(const projection::HitBlock& block, PieceWork& work) {
   work.distance_steps += block.distance_steps;
 }
 
+std::uint64_t known_state_bytes(std::uint32_t texels, std::uint64_t result_texel_bytes) {
+  return projection::hit_packets(texels) *
+             (sizeof(surface::TexelPacket) + sizeof(projection::HitPacket)) +
+         texels * sizeof(surface::TexelAxes) + store::kTexelsPerBlock * result_texel_bytes +
+         shading::kMaskBytes + 4 * kPageBytes;
+}
+
 /// Shades a page without a search: fetch reads hits instead of texels, and nothing of the source.
 class KnownMethod {
  public:
@@ -81,11 +88,7 @@ class KnownMethod {
   static std::uint64_t least_batch_bytes() { return 0; }
 
   std::uint64_t state_bytes(const store::BlockEntry& entry) const {
-    const std::uint64_t packets = projection::hit_packets(entry.texels);
-    return packets * (sizeof(surface::TexelPacket) + sizeof(projection::HitPacket)) +
-           entry.texels * sizeof(surface::TexelAxes) +
-           store::kTexelsPerBlock * shading_.result_texel_bytes() + shading::kMaskBytes +
-           4 * kPageBytes;
+    return known_state_bytes(entry.texels, shading_.result_texel_bytes());
   }
 
   void begin(Work& work) const {
@@ -177,8 +180,12 @@ std::unique_ptr<store::HitStore> find_hits(job::JobContext& job, const MeshProje
 
 std::unique_ptr<Projection> shade_known(job::JobContext& job, const MeshProjection& request,
                                         std::unique_ptr<store::HitStore> hits) {
-  job.count_store(hits->pack(), true);
   return std::make_unique<KnownHits>(job, request, std::move(hits));
+}
+
+std::uint64_t known_least_bytes(std::uint64_t result_texel_bytes, std::uint64_t colour_tile_bytes) {
+  return kPieceScratch + shading_bytes(colour_tile_bytes) + HitKeeper::scratch_bytes() +
+         known_state_bytes(store::kTexelsPerBlock, result_texel_bytes);
 }
 
 HitKeeper::HitKeeper(job::JobContext& job, const MeshProjection& request)

@@ -237,7 +237,10 @@ std::unique_ptr<Projection> project_mesh(job::JobContext& job, const MeshProject
     // A map says more of a hit than is kept: on which side it lies, and at what angle.
     const bool has_map = std::any_of(request.channels.begin(), request.channels.end(),
                                      [](const ChannelOutput& channel) { return channel.is_map; });
-    if (known != nullptr && !has_map) return shade_known(job, request, std::move(known));
+    if (known != nullptr && !has_map) {
+      job.count_store(known->pack(), true);
+      return shade_known(job, request, std::move(known));
+    }
     if (known == nullptr) keeper = std::make_unique<HitKeeper>(job, request);
   }
   return std::make_unique<Search>(job, request, std::move(keeper));

@@ -75,6 +75,22 @@ ColourRequest request_of(const planning::ColumnPlan& column) {
           column.wrap_v, nullptr,      column.allowed_formats};
 }
 
+std::vector<job::LeastMemory> column_needs(const planning::SourcePlan& plan) {
+  std::vector<job::LeastMemory> needs;
+  for (const planning::ColumnPlan& column : plan.columns)
+    needs.push_back({colour_least_bytes(request_of(column)), "reading " + column.image.label});
+  return needs;
+}
+
+std::uint64_t colour_tile_bytes(const planning::SourcePlan& plan) {
+  std::uint64_t tile = 0;
+  for (const planning::ColumnPlan& column : plan.columns) {
+    const std::uint64_t texel = column.info.channels * store::depth_bytes(column.info.depth);
+    tile = std::max(tile, round_to_pages(store::kColourTileEdge * store::kColourTileEdge * texel));
+  }
+  return tile;
+}
+
 WantedTiles little_shown(const planning::SourcePlan& plan) {
   std::vector<std::unique_ptr<mesh::TileMask>> masks;
   for (const planning::ColumnPlan& column : plan.columns) {

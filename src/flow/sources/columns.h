@@ -7,6 +7,7 @@
 #include "flow/project/page_colour.h"
 #include "flow/stores/colour_levels.h"
 #include "job/job_context.h"
+#include "job/memory_needs.h"
 #include "planning/plan.h"
 
 namespace pounce::flow {
@@ -28,6 +29,10 @@ struct SourceColumns {
 
 /// What building a planned column takes.
 ColourRequest request_of(const planning::ColumnPlan& column);
+
+/// That of each, and the largest decoded tile of them all.
+std::vector<job::LeastMemory> column_needs(const planning::SourcePlan& plan);
+std::uint64_t colour_tile_bytes(const planning::SourcePlan& plan);
 
 /// By SourcePlan::columns the tiles that are kept; null: all.
 using WantedTiles = std::vector<std::shared_ptr<const mesh::TileMask>>;

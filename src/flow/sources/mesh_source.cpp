@@ -79,9 +79,7 @@ std::uint64_t MeshSource::reading_bytes() const {
 }
 
 std::vector<job::LeastMemory> MeshSource::build_needs() const {
-  std::vector<job::LeastMemory> needs;
-  for (const planning::ColumnPlan& column : plan_.columns)
-    needs.push_back({colour_least_bytes(request_of(column)), "reading " + column.image.label});
+  std::vector<job::LeastMemory> needs = column_needs(plan_);
   for (job::LeastMemory& need : further_needs()) needs.push_back(std::move(need));
   for (const planning::PassPlan& pass : plan_.passes) {
     needs.push_back({surface::geometry_least_bytes(pass.source, job_.tile_cap_bytes),
@@ -95,15 +93,6 @@ std::uint64_t MeshSource::directory_bytes() const {
   for (const planning::PassPlan& pass : plan_.passes)
     bytes += surface::geometry_directory_bytes(pass.source, job_.tile_cap_bytes);
   return bytes;
-}
-
-std::uint64_t MeshSource::colour_tile_bytes() const {
-  std::uint64_t tile = 0;
-  for (const planning::ColumnPlan& column : plan_.columns) {
-    const std::uint64_t texel = column.info.channels * store::depth_bytes(column.info.depth);
-    tile = std::max(tile, round_to_pages(store::kColourTileEdge * store::kColourTileEdge * texel));
-  }
-  return tile;
 }
 
 std::size_t MeshSource::target_places() const { return projection::kTargetPlaces; }

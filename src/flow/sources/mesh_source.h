@@ -30,8 +30,6 @@ class MeshSource : public Source {
              bool for_model)
       : Source(job, options), as_(as), for_model_(for_model) {}
   void drop_mesh();
-  /// The largest decoded tile of an image.
-  std::uint64_t colour_tile_bytes() const;
 
   mesh::Mesh mesh_;
 

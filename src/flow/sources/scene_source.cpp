@@ -133,7 +133,7 @@ std::optional<projection::SplatFit> SceneSource::fit(
                   target_plan.usual_fit_reach);
 }
 
-std::unique_ptr<Projection> SceneSource::projector(std::size_t pass,
+std::unique_ptr<Projection> SceneSource::projector(std::size_t pass, std::uint32_t,
                                                    const store::GeometryStore& target,
                                                    const planning::TargetPlan& target_plan,
                                                    const projection::SplatFit& fit) const {

@@ -24,10 +24,13 @@ class SceneSource final : public Source {
   std::uint64_t directory_bytes() const override;
   std::uint64_t project_least_bytes(std::size_t pass) const override;
   void build(ProgressRange range, std::uint64_t target_texels) override;
-  const store::PackReader& pack(std::size_t) const override { return gaussians_->store().pack(); }
+  std::uint64_t bytes_read(std::size_t) const override {
+    return gaussians_->store().pack().bytes_read();
+  }
   Box3f box() const override { return gaussians_->store().directory().middle_box; }
   std::uint64_t tiles_read() const override { return gaussians_->indices_read(); }
-  std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
+  std::unique_ptr<Projection> projector(std::size_t pass, std::uint32_t page,
+                                        const store::GeometryStore& target,
                                         const planning::TargetPlan& target_plan,
                                         const projection::SplatFit& fit) const override;
   std::size_t target_places() const override { return surface::kStrewnPlaces; }

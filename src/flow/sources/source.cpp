@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "flow/sources/map_source.h"
 #include "flow/sources/scene_source.h"
 #include "flow/sources/surface_source.h"
 #include "flow/sources/texels_source.h"
@@ -27,6 +28,7 @@ Source::Source(job::JobContext& job, const TransferOptions& options)
 
 std::unique_ptr<Source> open_source(job::JobContext& job, const TransferOptions& options,
                                     bool for_model, const job::TestKnobs& knobs) {
+  if (planning::is_hit_map(options.source)) return std::make_unique<MapSource>(job, options, knobs);
   if (planning::is_splat_scene(options.source)) {
     planning::refuse_mesh_options(options);
     return std::make_unique<SceneSource>(job, options, for_model, knobs);

@@ -22,7 +22,6 @@
 #include "planning/plan.h"
 #include "projection/splat_fit.h"
 #include "store/blocks/geometry_store.h"
-#include "store/pack/pack.h"
 #include "surface/strewn_places.h"
 
 namespace pounce::flow {
@@ -69,8 +68,8 @@ class Source {
   /// fewest. What planning held is gone afterwards: from here on the stores are read, never the
   /// inputs.
   virtual void build(ProgressRange range, std::uint64_t target_texels) = 0;
-  /// The pack that a pass reads most.
-  virtual const store::PackReader& pack(std::size_t pass) const = 0;
+  /// What a pass has read of the store that it reads most, so far.
+  virtual std::uint64_t bytes_read(std::size_t pass) const = 0;
   virtual Box3f box() const = 0;  ///< where it lies
   /// How often a tile's part of an index was read, so far.
   virtual std::uint64_t tiles_read() const = 0;
@@ -78,10 +77,16 @@ class Source {
   // --- projection --------------------------------------------------------------------------------
 
   /// Puts it in front of one page of a target, for one pass. `fit`: of a scene.
-  virtual std::unique_ptr<Projection> projector(std::size_t pass,
+  virtual std::unique_ptr<Projection> projector(std::size_t pass, std::uint32_t page,
                                                 const store::GeometryStore& target,
                                                 const planning::TargetPlan& target_plan,
                                                 const projection::SplatFit& fit) const = 0;
+  /// What stands for the target of a source that has it in it.
+  virtual std::optional<mesh::Mesh> own_target() const { return std::nullopt; }
+  /// How many texels of a target's page were to find something.
+  virtual std::uint64_t texels_of(const PageResult&, std::uint64_t target_texels) const {
+    return target_texels;
+  }
 
   // --- does it fit a target? ---------------------------------------------------------------------
 

@@ -43,7 +43,7 @@ std::uint64_t SurfaceSource::project_least_bytes(std::size_t pass) const {
   return flow::project_least_bytes(
       p.shape.most_triangles, p.shape.most_patches,
       static_cast<std::uint32_t>(p.shape.most_triangles * triangle + kChunk),
-      result_texel_bytes(pass), colour_tile_bytes(), p.has_shape || p.has_map);
+      result_texel_bytes(pass), colour_tile_bytes(plan_), p.has_shape || p.has_map);
 }
 
 void SurfaceSource::build(ProgressRange range, std::uint64_t target_texels) {
@@ -129,7 +129,7 @@ std::optional<shading::ShapeOutput> SurfaceSource::shape_of(
   return shape;
 }
 
-std::unique_ptr<Projection> SurfaceSource::projector(std::size_t pass,
+std::unique_ptr<Projection> SurfaceSource::projector(std::size_t pass, std::uint32_t,
                                                      const store::GeometryStore& target,
                                                      const planning::TargetPlan& target_plan,
                                                      const projection::SplatFit&) const {
@@ -150,8 +150,8 @@ std::unique_ptr<Projection> SurfaceSource::projector(std::size_t pass,
   return project_mesh(job_, std::move(request));
 }
 
-const store::PackReader& SurfaceSource::pack(std::size_t pass) const {
-  return geometry_[pass]->store().pack();
+std::uint64_t SurfaceSource::bytes_read(std::size_t pass) const {
+  return geometry_[pass]->store().pack().bytes_read();
 }
 
 Box3f SurfaceSource::box() const { return geometry_.front()->store().directory().box; }

@@ -19,10 +19,11 @@ class SurfaceSource final : public MeshSource {
 
   std::uint64_t project_least_bytes(std::size_t pass) const override;
   void build(ProgressRange range, std::uint64_t target_texels) override;
-  const store::PackReader& pack(std::size_t pass) const override;
+  std::uint64_t bytes_read(std::size_t pass) const override;
   Box3f box() const override;
   std::uint64_t tiles_read() const override;
-  std::unique_ptr<Projection> projector(std::size_t pass, const store::GeometryStore& target,
+  std::unique_ptr<Projection> projector(std::size_t pass, std::uint32_t page,
+                                        const store::GeometryStore& target,
                                         const planning::TargetPlan& target_plan,
                                         const projection::SplatFit& fit) const override;
   std::span<const float> layer_gaps() const override { return layer_gaps_; }

@@ -112,7 +112,7 @@ std::vector<job::LeastMemory> TexelsSource::further_needs() const {
   const std::uint64_t triangles =
       std::min<std::uint64_t>(mesh_.triangles.size(), store::kMostTrianglesPerBlock);
   const std::uint64_t reading =
-      TexelSource::read_bytes(triangles, triangles * 160 + (1 << 16), colour_tile_bytes());
+      TexelSource::read_bytes(triangles, triangles * 160 + (1 << 16), colour_tile_bytes(plan_));
   const std::uint64_t lists = TexelSource::list_bytes(geometry());
   return {{lists + reading, "counting the texels of " + mesh_.path},
           {lists + gaussian_store_least_bytes(most_gaussians(), reading, 0),
@@ -186,7 +186,8 @@ Hash128 TexelsSource::store_key() const {
   return hash.digest();
 }
 
-std::unique_ptr<Projection> TexelsSource::projector(std::size_t, const store::GeometryStore& target,
+std::unique_ptr<Projection> TexelsSource::projector(std::size_t, std::uint32_t,
+                                                    const store::GeometryStore& target,
                                                     const planning::TargetPlan& target_plan,
                                                     const projection::SplatFit&) const {
   const planning::ChannelPlan& channel = plan_.channels.front();

@@ -50,7 +50,8 @@ io::ImageWriteSpec colour_spec(const planning::ImageOutput& output,
           output.chromaticities,
           output.tagged,
           output.layout,
-          output.job};
+          output.job,
+          output.hits_note};
 }
 
 io::ImageWriteSpec coverage_spec(const planning::ImageOutput& output) {

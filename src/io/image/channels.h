@@ -8,6 +8,8 @@
 namespace pounce::io {
 
 inline constexpr std::size_t kMostChannels = 4;
+/// Of an EXR: ImageInfo::hits_note.
+inline constexpr const char* kHitsAttribute = "pounce:hits";
 
 /// Which channels of a file make the image: places in the file, in the image's order.
 struct ChosenChannels {

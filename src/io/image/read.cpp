@@ -96,10 +96,12 @@ class SourceProxy : public OIIO::Filesystem::IOFile {
 
 struct ImageReader::Impl {
   /// `only_lists`: only to list its channels, whatever they are.
-  Impl(const mesh::ImageRef& image, std::span<const ImageFormat> allowed, bool only_lists = false);
+  Impl(const mesh::ImageRef& image, std::span<const ImageFormat> allowed, bool only_lists = false,
+       std::vector<std::string> data = {});
   void open();
   void take_spec();
   ChosenChannels choose();
+  ChosenChannels choose_data() const;
   void take_channels(const ChosenChannels& chosen);
   void refuse_webp_alpha(bool has_alpha) const;
   void describe_unopened_jpeg(const JpegHeader& header);
@@ -115,6 +117,7 @@ struct ImageReader::Impl {
   ByteSource bytes;
   std::string wanted;  // channels, by name
   bool lists = false;
+  std::vector<std::string> data_names;  // of the channels, where these alone are wanted
   std::optional<TiffPicture> tiff;
   std::uint64_t parts_bytes = 0;                                       ///< of an EXR: guard_exr()
   std::unique_ptr<FILE, int (*)(FILE*)> stream{nullptr, std::fclose};  // outlives proxy and input
@@ -141,10 +144,10 @@ struct ImageReader::Impl {
 };
 
 ImageReader::Impl::Impl(const mesh::ImageRef& image, std::span<const ImageFormat> allowed,
-                        bool only_lists)
-    : bytes(image), wanted(image.channels), lists(only_lists) {
+                        bool only_lists, std::vector<std::string> data)
+    : bytes(image), wanted(image.channels), lists(only_lists), data_names(std::move(data)) {
   info.format = image_format(bytes, image.path, allowed);
-  if (!wanted.empty() && info.format != "openexr")
+  if ((!wanted.empty() || !data_names.empty()) && info.format != "openexr")
     refuse(bytes.label(), "channels are named of EXR files alone, and this is none");
   if (info.format == "tiff") {
     info.levels = tiff_levels(bytes);  // before they are hidden
@@ -197,9 +200,24 @@ void ImageReader::Impl::open() {
   if (!lists) take_spec();
 }
 
+/// All channels that are wanted as data.
+ChosenChannels ImageReader::Impl::choose_data() const {
+  const std::vector<std::string>& names = input->spec().channelnames;
+  ChosenChannels chosen;
+  chosen.names = data_names;
+  for (const std::string& name : data_names) {
+    const auto at = std::find(names.begin(), names.end(), name);
+    if (at == names.end())
+      refuse(bytes.label(), fmt::format("the image has no channel \"{}\"", name));
+    chosen.places.push_back(static_cast<int>(at - names.begin()));
+  }
+  return chosen;
+}
+
 /// Which channels of which part make the image. The decoder stands there then.
 ChosenChannels ImageReader::Impl::choose() {
   const TiffPicture* const said = tiff ? &*tiff : nullptr;
+  if (!data_names.empty()) return choose_data();
   if (info.format != "openexr") return channels_of(bytes, said, input->spec());
   const std::vector<Part> parts = parts_of(*input);
   if (wanted.empty()) {
@@ -237,7 +255,10 @@ void ImageReader::Impl::take_spec() {
   info.width = static_cast<std::uint32_t>(spec.width);
   info.height = static_cast<std::uint32_t>(spec.height);
   info.linear = info.depth == Depth::half || info.depth == Depth::float32;
-  if (info.format == "openexr") take_chromaticities(spec, info.colours);
+  if (info.format == "openexr") {
+    take_chromaticities(spec, info.colours);
+    info.hits_note = spec.get_string_attribute(kHitsAttribute);
+  }
   info.premultiplied = info.has_alpha && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0;
   refuse_webp_alpha(info.has_alpha);
   const bool all_alike =
@@ -399,6 +420,10 @@ ImageReader::ImageReader(const mesh::ImageRef& image, std::span<const ImageForma
 
 ImageReader::ImageReader(const std::string& path, std::span<const ImageFormat> allowed)
     : ImageReader(mesh::ImageRef{path, 0, 0, nullptr, path, "", "", false, ""}, allowed) {}
+
+ImageReader::ImageReader(const std::string& path, const std::vector<std::string>& channels)
+    : impl_(std::make_unique<Impl>(mesh::ImageRef{path, 0, 0, nullptr, path, "", "", false, ""},
+                                   std::span<const ImageFormat>(), false, channels)) {}
 
 ImageReader::~ImageReader() = default;
 ImageReader::ImageReader(ImageReader&&) noexcept = default;

@@ -19,7 +19,7 @@ namespace pounce::io {
 /// What an image file says of itself.
 struct ImageInfo {
   std::uint32_t width = 0, height = 0;
-  std::uint32_t channels = 0;  ///< 1..4; palettes are expanded
+  std::uint32_t channels = 0;  ///< 1..4, or as many as were named; palettes are expanded
   Depth depth = Depth::u8;     ///< below 8 bits per sample: u8, scaled to 0..255
   bool linear = false;     ///< a format's usual: float samples are linear light, others sRGB-coded
   bool has_alpha = false;  ///< the last channel is straight (unassociated) alpha
@@ -33,6 +33,8 @@ struct ImageInfo {
   /// Memory that the decoder itself needs beyond the rows handed out: small where the file decodes
   /// by rows, the whole image where it only decodes whole (interlaced PNG, progressive JPEG, WebP).
   std::uint64_t decoder_bytes = 0;
+  /// Of an EXR that is a map of hits: what pounce wrote there to read it again. Untrusted.
+  std::string hits_note;
 
   /// What its colours are, by what the file says and what is usual where it says nothing.
   ColourSpace space() const {
@@ -59,6 +61,9 @@ class ImageReader {
  public:
   explicit ImageReader(const mesh::ImageRef& image, std::span<const ImageFormat> allowed = {});
   explicit ImageReader(const std::string& path, std::span<const ImageFormat> allowed = {});
+  /// The channels of these names as data, in this order, of the first image of an EXR that may have
+  /// any number of others. Throws Error(input) that names what is missing.
+  ImageReader(const std::string& path, const std::vector<std::string>& channels);
   ~ImageReader();
   ImageReader(ImageReader&&) noexcept;
   ImageReader& operator=(ImageReader&&) noexcept;

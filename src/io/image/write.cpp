@@ -176,6 +176,7 @@ OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
   out.attribute("DateTime", "");  // else TIFF and EXR are given the time of day
   out.attribute("Software", software_name());
   if (!spec.job.empty()) out.attribute("ImageDescription", job_description(spec.job));
+  if (!spec.hits_note.empty()) out.attribute(kHitsAttribute, spec.hits_note);
   if (name == "png") {
     out.attribute("png:compressionLevel", static_cast<int>(spec.layout.png_compression));
     out.attribute("png:filter", kPngFilter);

@@ -35,6 +35,7 @@ struct ImageWriteSpec {
   ImageLayout layout = {};
   /// Hash of the job that makes it: recorded, as the software's name always is.
   std::string job = {};
+  std::string hits_note = {};  ///< EXR only: see ImageInfo
 };
 
 /// Does the ending of `path` name a format that images are written in?
