@@ -15,7 +15,7 @@ refuses() {
   local name=$1
   shift
   expect 3 "$@"
-  err_has "$name: it is a Targa image, which is read with --allow-format tga alone: do so if you trust it, or convert it: oiiotool $name -o ${name%.*}.png"
+  err_has "$name: Targa images are read only with --allow-format tga; add it if you trust the file, or convert it: oiiotool $name -o ${name%.*}.png"
   [[ ! -e o.png && ! -e o.ply ]] || fail "an output was written"
 }
 # door NAME ARGUMENT...: refused as it is, fine where it is allowed, as are other names beside it.
@@ -52,13 +52,13 @@ err_has '--allow-format tga'
 expect 0 inspect called.png --allow-format tga
 out_has '2 x 2, 3 channels, u8'
 expect 0 inspect tga.obj
-out_has 'problem: skin.tga: it is a Targa'
+out_has 'problem: skin.tga: Targa images are read only with'
 expect 0 inspect tga.obj --allow-format tga
 out_has '2 x 2'
 # A file that is no Targa does not become one by its name.
 printf 'no picture, and long enough for a header' >text.tga
 expect 3 inspect text.tga --allow-format tga
-err_has 'not an image of a known format'
+err_has 'not an image in a supported format'
 
 # Within a model that says it were PNG.
 expect 0 transfer source.obj target.obj -o model.png --size 2
@@ -76,7 +76,7 @@ open("model.gltf", "w").write("""{"asset":{"version":"2.0"},"buffers":[{"uri":"%
     uri("image/png", open("skin.tga", "rb").read())))
 END
 expect 3 transfer model.gltf target.obj -o o.png
-err_has 'it is a Targa image, which is read with --allow-format tga alone: do so if you trust it, or convert it to PNG'
+err_has 'Targa images are read only with --allow-format tga; add it if you trust the file, or convert it to PNG'
 expect 0 transfer model.gltf target.obj -o o.png --size 4 --allow-format tga --report r.json
 same_picture o.png truth.png || fail "another picture of the embedded Targa"
 grep -q '"allow-format"' r.json || fail "the report does not name the option"

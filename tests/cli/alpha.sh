@@ -7,7 +7,7 @@ err_has '--alpha applies only to splat scenes; source.obj is a mesh'
 "$POUNCE_FIXTURE" splats -o scene.ply --count 20000 --target-size 128 >/dev/null
 job=(transfer scene.ply scene_target.glb --size 128 --no-cache)
 expect 2 "${job[@]}" -o o.jpg --alpha
-err_has 'JPEG holds no alpha; choose .png, .tif or .exr'
+err_has 'JPEG does not support alpha; choose .png, .tif or .exr'
 expect 0 "${job[@]}" -o plain.png --coverage mask.png
 expect 2 "${job[@]}" -o o.png --onto plain.png --alpha
 err_has '--alpha: plain.png has no alpha channel'

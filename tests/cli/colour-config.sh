@@ -55,9 +55,9 @@ err_has 'add --output-colorspace'
 ends 2 c.ocio --output-colorspace srgb
 err_has 'c.ocio gives this built-in name to a different colour space'
 ends 5 c.ocio --source-colorspace lost --output-colorspace lin_rec709
-err_has 'c.ocio: no way from "lost": '
+err_has 'c.ocio: cannot convert from "lost": '
 ends 3 source.obj --source-colorspace squared
-err_has 'source.obj: is no OpenColorIO configuration'
+err_has 'source.obj: not a usable OpenColorIO configuration'
 expect 2 transfer source.obj target.obj -o no.glb --ocio c.ocio --output-colorspace squared
 err_has 'glTF textures are always srgb'
 [[ ! -e no.png && ! -e no.glb ]] || fail 'an output of a job that was refused'
@@ -110,7 +110,7 @@ same grey.png 100 50 25
 cp skin.ppm light.ppm
 printf 'newmtl skin\nmap_Kd skin.ppm\nmap_Ke light.ppm\nKe 1 1 1\n' >source.mtl
 run 'left.<CHANNEL>.png' --source-colorspace emissive=lost --output-colorspace lin_rec709
-err_has 'no way from "lost"'
+err_has 'cannot convert from "lost"'
 [[ -e left.baseColor.png && ! -e left.emissive.png ]] || fail 'what was left out'
 expect 5 transfer source.obj target.obj --size 16 --ocio c.ocio -o e.png --channels emissive --source-colorspace lost \
   --output-colorspace lin_rec709
@@ -157,7 +157,7 @@ config strange.ocio <<'CONFIG'
     to_scene_reference: !<ExponentTransform> {value: 2}
 CONFIG
 ends 3 strange.ocio --source-colorspace film --output-colorspace srgb
-err_has 'strange.ocio: says nothing of what its spaces are beside others'
+err_has 'strange.ocio: cannot be converted to other colour spaces'
 
 # ACES, beside OpenColorIO itself.
 command -v oiiotool >/dev/null || exit 0

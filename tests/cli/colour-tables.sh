@@ -66,7 +66,7 @@ for space in table far look; do
   rm studio/luts/t.spi1d
   ln -s /dev/zero studio/luts/t.spi1d
   job 3 $space
-  err_has "lies outside of the configuration's folder"
+  err_has "is outside of the configuration's folder"
   job 5 $space --allow-external --memory 64MiB
   err_has 't.spi1d: cannot read: it is a device, not a file'
   rm studio/luts/t.spi1d
@@ -76,7 +76,7 @@ for space in table far look; do
   ln -s "$PWD/elsewhere.spi1d" studio/luts/t.spi1d
   job 3 $space
   err_has "studio/c.ocio: its table"
-  err_has "lies outside of the configuration's folder; copy it there, or let it be read with --allow-external"
+  err_has "is outside of the configuration's folder; copy it into that folder, or add --allow-external"
   job 0 $space --allow-external
 done
 rm studio/luts/t.spi1d
@@ -110,18 +110,18 @@ for text in '<ProcessList id="a" version="1.7"><Reference path="pipe" inBitDepth
   config t.ctf
   printf '<?xml version="1.0"?>%s' "$text" >studio/luts/t.ctf
   job 3 table
-  err_has 'refers to other files or has entities'
+  err_has 'references other files or defines XML entities'
   if command -v iconv >/dev/null; then
     printf '<?xml version="1.0" encoding="UTF-16"?>%s' "$text" | iconv -t UTF-16 >studio/luts/t.ctf
     job 3 table
-    err_has 'refers to other files or has entities'
+    err_has 'references other files or defines XML entities'
   fi
 done
 
 # What is missing or cannot be read is no damaged input.
 config lost.spi1d
 job 5 table
-err_has 'no way from "table"'
+err_has 'cannot convert from "table"'
 if [[ $(id -u) -ne 0 ]]; then
   config t.spi1d
   chmod 0 studio/luts/t.spi1d

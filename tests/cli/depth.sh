@@ -11,6 +11,6 @@ done
 expect 0 compare u16.png u8.png --min-psnr 45
 # A format that cannot hold it is named once.
 expect 2 transfer source.obj target.obj -o o.png --depth half
-err_has 'error: o.png: this format holds'
+err_has 'error: o.png: this format supports'
 expect 2 transfer source.obj target.obj -o o.tif --coverage mask.jpg --size 65501x1
 err_has 'error: mask.jpg: 65501'

@@ -48,7 +48,7 @@ run alpha.exr
 expect 0 inspect alpha.exr
 out_has 'with alpha'
 run alpha.jpg
-err_has "baseColor: the materials' opacity is left out: alpha.jpg: JPEG holds no alpha"
+err_has "baseColor: the materials' opacity is left out: alpha.jpg: JPEG does not support alpha"
 expect 0 inspect source.obj
 out_has 'baseColor 1 1 1 0.5'
 

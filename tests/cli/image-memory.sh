@@ -26,7 +26,7 @@ expect 0 compare large.tif large.tif
 got=0
 prlimit --data=$((200 << 20)) "$POUNCE" compare large.tif large.tif >"$out" 2>"$err" || got=$?
 [[ $got == 4 ]] || fail "exit status $got, not 4"
-err_has 'pounce: error: large.tif: there is no memory to decode it ('
+err_has 'pounce: error: large.tif: not enough memory to decode it ('
 [[ $(wc -l <"$err") == 1 ]] || fail 'not one sentence'
 # A damaged one is damaged, however little memory there is.
 truncate -s $((4096 + 8192 * 8192)) large.tif

@@ -23,7 +23,7 @@ quad square
 job=(transfer square.obj square.obj -o o.png --source-texture baseColor=damaged.png --no-cache)
 expect 3 "${job[@]}" -q
 [[ $(wc -l <"$err") == 1 ]] || fail 'not one sentence'
-err_has 'pounce: error: damaged.png: the picture breaks off'
+err_has 'pounce: error: damaged.png: decoding failed in row'
 err_has '(PNG read error: ' # the library's reason is in it
 expect 3 "${job[@]}" --progress json
 ! grep -v '^{' "$err" || fail 'a line that is no JSON'

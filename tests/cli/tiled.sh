@@ -6,7 +6,7 @@ refused '--tile-size applies only to EXR or TIFF output, but o.jpg is not' trans
 refused '--tile-size applies only to EXR or TIFF output, but o.glb' transfer a.glb b.glb -o o.glb --tile-size 64
 refused 'expected a multiple of 16 from 16 to 1024' transfer a.glb b.glb -o o.exr --tile-size 40
 refused '--exr-compression applies only to EXR output, but o.tx is not' transfer a.glb b.glb -o o.tx --exr-compression piz
-refused '--exr-compression: got "dwaa"; an EXR is compressed as none, rle, zips, zip or piz' \
+refused '--exr-compression: got "dwaa", expected none, rle, zips, zip or piz' \
   transfer a.glb b.glb -o o.exr --exr-compression dwaa
 refused '--drop-alpha contradicts --alpha' transfer a.ply b.glb -o o.png --alpha --drop-alpha
 refused 'an image that is painted over keeps its channels' transfer a.glb b.glb -o o.png --onto p.png --drop-alpha
@@ -152,7 +152,7 @@ if command -v oiiotool >/dev/null; then
   ! oiiotool --info -v a.tx | grep -q UnassociatedAlpha || fail 'a.tx says that its alpha is straight'
   expect 0 compare a.tx a.png --min-psnr 45
   expect 2 transfer as.obj at.obj -o a.jpg --no-cache
-  err_has 'JPEG holds no alpha; choose .png, .tif or .exr, or --drop-alpha'
+  err_has 'JPEG does not support alpha; choose .png, .tif or .exr, or --drop-alpha'
   expect 0 transfer as.obj at.obj -o a.jpg --no-cache --drop-alpha
   expect 0 transfer as.obj at.obj -o plain.png --no-cache --drop-alpha
   oiiotool --info plain.png | grep -q '3 channel' || fail 'alpha was not dropped'

@@ -169,10 +169,11 @@ void ColourTables::check(const OCIO::ConstConfigRcPtr& config,
 void ColourTables::add(const std::string& path) {
   if (paths_.count(path) > 0) return;
   if (!folder_.holds(path)) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: its table {} lies outside of the configuration's folder; copy it "
-                            "there, or let it be read with --allow-external",
-                            config_path_, path));
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: its table {} is outside of the configuration's folder; copy it into that "
+                    "folder, or add --allow-external",
+                    config_path_, path));
   }
   const auto file = open_input(path);
   const std::uint64_t fixed = paths_.empty() ? kFixedBytes : 0;
@@ -180,10 +181,11 @@ void ColourTables::add(const std::string& path) {
   require(loading_bytes_ + fixed + kLoadingPerByte * bytes);
   const TableText text = read_text(*file);
   if (text.refers()) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: its table {} refers to other files or has entities, which are not "
-                            "read; write it as one table",
-                            config_path_, path));
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: its table {} references other files or defines XML entities, which is not "
+                    "supported; export it as one self-contained table",
+                    config_path_, path));
   }
   const std::uint64_t loading = fixed + kLoadingPerByte * bytes + kLoadingPerWord * text.words();
   require(loading_bytes_ + loading);
@@ -215,10 +217,12 @@ std::string read_config(const std::string& path) {
   file.path = file.label = path;
   ByteSource bytes(file);  // or says why not
   if (bytes.size_bytes() > kMostConfigBytes) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: is no OpenColorIO configuration that can be used: it has {} "
-                            "bytes, more than 8 MiB",
-                            path, bytes.size_bytes()));
+    throw Error(
+        ErrorKind::input,
+        fmt::format(
+            "{}: not a usable OpenColorIO configuration: it has {} bytes, but at most {} MiB "
+            "are supported",
+            path, bytes.size_bytes(), kMostConfigBytes >> 20));
   }
   std::string text(static_cast<std::size_t>(bytes.size_bytes()), '\0');
   const std::size_t got = bytes.read_at(0, text.data(), text.size());
@@ -302,15 +306,15 @@ struct ColourConfig::Impl {
     const auto common = common_space(*config);
     if (!common) {
       throw Error(ErrorKind::input,
-                  path +
-                      ": says nothing of what its spaces are beside others: it has no role "
-                      "aces_interchange and no space called ACES2065-1 or lin_rec709; add "
-                      "aces_interchange to its roles");
+                  fmt::format("{}: cannot be converted to other colour spaces: it has no role "
+                              "aces_interchange and no colour space named ACES2065-1 or "
+                              "lin_rec709; add the role aces_interchange",
+                              path));
     }
     const std::lock_guard lock(mutex);
     tables.check(config, {name.c_str(), common->name.c_str()});
     const auto no_way = [&](const OCIO::Exception& e) {
-      return fmt::format("{}: no way {} \"{}\": {}", path, to_linear ? "from" : "to", name,
+      return fmt::format("{}: cannot convert {} \"{}\": {}", path, to_linear ? "from" : "to", name,
                          e.what());
     };
     try {
@@ -339,9 +343,8 @@ ColourConfig::ColourConfig(const std::string& path, bool allow_external, std::ui
     impl_ = std::make_unique<const Impl>(std::move(config),
                                          ColourTables(path, allow_external, most_bytes));
   } catch (const OCIO::Exception& e) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format("{}: is no OpenColorIO configuration that can be used: {}", path, e.what()));
+    throw Error(ErrorKind::input,
+                fmt::format("{}: not a usable OpenColorIO configuration: {}", path, e.what()));
   }
 }
 

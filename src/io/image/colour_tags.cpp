@@ -333,8 +333,7 @@ ColourTags of_cicp(const Bytes& data) {
   const bool is_known = (code(0) == kBt709 || code(0) == kP3D65) &&
                         (code(1) == kLinear || code(1) == kSrgb) && code(2) == 0;
   if (!is_known) {
-    return {
-        {}, {}, fmt::format("its cICP code points {}, {} are not understood", code(0), code(1))};
+    return {{}, {}, fmt::format("its cICP code points {}, {} are not supported", code(0), code(1))};
   }
   const Chromaticities p3 = colour_space_from_name("display-p3")->primaries;
   return {code(1) == kLinear, code(0) == kP3D65 ? p3 : kRec709, ""};
@@ -356,7 +355,7 @@ ColourTags of_gamma(const Bytes* gamma, const Bytes* chromaticities) {
   if (are_primaries(said)) {
     tags.primaries = said;
   } else {
-    tags.problem = "its chromaticities span no colours";
+    tags.problem = "its chromaticities are invalid: they enclose no colours";
   }
   return tags;
 }

@@ -147,10 +147,9 @@ Depth depth_of(const std::string& label, OIIO::TypeDesc type) {
     default:
       throw Error(
           ErrorKind::input,
-          label + ": " +
-              fmt::format(
-                  "its samples are of type {}; convert it to 8 or 16 bit integers, half or float",
-                  type.c_str()));
+          fmt::format("{}: samples of type {} are not supported; convert it to 8-bit or 16-bit "
+                      "integers, half or float",
+                      label, type.c_str()));
   }
 }
 
@@ -165,27 +164,28 @@ void take_chromaticities(const OIIO::ImageSpec& spec, ColourTags& tags) {
   if (are_primaries(said)) {
     tags.primaries = said;
   } else {
-    tags.problem = "its chromaticities span no colours";
+    tags.problem = "its chromaticities are invalid: they enclose no colours";
   }
 }
 
 void refuse_damaged(const std::string& label, const std::string& what, const std::string& why) {
-  throw Error(ErrorKind::input, fmt::format("{}: {}{}; the file is damaged or cut off", label, what,
-                                            in_brackets(why)));
+  throw Error(ErrorKind::input, fmt::format("{}: {}{}; the file is damaged or truncated", label,
+                                            what, in_brackets(why)));
 }
 
 void decoder_failed(const std::string& label, const std::string& what, const std::string& why,
                     std::uint64_t needed_bytes) {
   if (tells_of_memory(why) || (why.empty() && !has_room(needed_bytes))) {
-    throw Error(ErrorKind::budget,
-                fmt::format("{}: there is no memory to decode it{}; give the job more (ulimit "
-                            "-v, ulimit -d, a control group), or run it with a smaller --memory "
-                            "or fewer --threads",
-                            label, in_brackets(why)));
+    throw Error(
+        ErrorKind::budget,
+        fmt::format(
+            "{}: not enough memory to decode it{}; raise the limit of the process (ulimit -v, "
+            "ulimit -d, a control group), or run it with a smaller --memory or fewer --threads",
+            label, in_brackets(why)));
   }
   if (why.find("not supported") != std::string::npos) {
-    throw Error(ErrorKind::input, fmt::format("{}: {}{}; convert it to a plainer kind of image",
-                                              label, what, in_brackets(why)));
+    throw Error(ErrorKind::input, fmt::format("{}: {}{}; convert it to a plain PNG or EXR", label,
+                                              what, in_brackets(why)));
   }
   refuse_damaged(label, what, why);
 }
@@ -225,8 +225,8 @@ ChosenPart wanted_part(const std::string& label, const std::vector<Part>& parts,
   ChosenPart chosen = named_channels(parts, wanted);
   if (!chosen.channels.places.empty()) return chosen;
   throw Error(ErrorKind::input,
-              fmt::format("{}: \"{}\" is neither a layer nor 1 to {} different channels of this "
-                          "file, which has {}",
+              fmt::format("{}: \"{}\" names neither a layer nor 1 to {} different channels of this "
+                          "file; it has {}",
                           label, wanted, kMostChannels, joined(names_of(parts))));
 }
 

@@ -128,7 +128,7 @@ std::string why_dwa_is_short(Cursor& at, std::uint64_t begin, std::uint64_t size
                              std::uint64_t rows) {
   // Eleven numbers come first.
   constexpr std::uint64_t kNumbers = 11 * 8;
-  if (size < kNumbers + 2) return fmt::format("has {} bytes, fewer than its own counts", size);
+  if (size < kNumbers + 2) return fmt::format("has {} bytes, fewer than a DWA header", size);
   const auto number = [&](std::uint64_t index) { return at.number(begin + 8 * index, 8); };
   const std::uint64_t version = number(0), deflated = number(1), deflated_size = number(2),
                       runs = number(7), coefficients = number(8), means = number(9);
@@ -137,10 +137,10 @@ std::string why_dwa_is_short(Cursor& at, std::uint64_t begin, std::uint64_t size
   if (version >= 2) {
     const std::uint64_t rule_bytes = at.u16(begin + kNumbers);
     data += rule_bytes;
-    if (rule_bytes < 2 || data > size) return "has rules beyond its end";
+    if (rule_bytes < 2 || data > size) return "has DWA channel rules of an invalid size";
     rules = read_rules(at, begin + kNumbers + 2, begin + data);
   }
-  if (deflated_size > size - data) return "holds more than its own size";
+  if (deflated_size > size - data) return "has deflated data that extend past its end";
 
   const std::uint64_t texels = width * rows;
   const std::uint64_t squares = ((width + 7) / 8) * ((rows + 7) / 8);
@@ -153,15 +153,16 @@ std::string why_dwa_is_short(Cursor& at, std::uint64_t begin, std::uint64_t size
   }
   if (deflated != bytes[kByDeflate] ||
       (deflated > 0 && inflated_bytes(at, begin + data, deflated_size, deflated) != deflated)) {
-    return fmt::format("does not hold the {} bytes of its deflated channels", bytes[kByDeflate]);
+    return fmt::format("does not contain the {} bytes of its deflated channels", bytes[kByDeflate]);
   }
   if (runs != bytes[kByRuns])
-    return fmt::format("holds {} bytes of its channels in runs, not {}", runs, bytes[kByRuns]);
+    return fmt::format("has {} bytes of run-length encoded channels instead of {}", runs,
+                       bytes[kByRuns]);
   // A mean for each square, and one word at least for what its coefficients are.
   if (means != transformed || coefficients < transformed ||
       (transformed > 0 && (number(3) == 0 || number(4) == 0))) {
-    return fmt::format("holds {} means and {} coefficients of {} squares", means, coefficients,
-                       transformed);
+    return fmt::format("has {} DC and {} AC values for {} blocks of 8 x 8 texels", means,
+                       coefficients, transformed);
   }
   return "";
 }
@@ -228,14 +229,14 @@ class Guard {
     } while (several && at_.u8(position) != 0);
     if (chunks > at_.size() / 8) {
       at_.refuse(
-          fmt::format("the EXR should be in {} parts, more than a file of {} bytes can list; it "
-                      "is damaged or cut off",
+          fmt::format("the EXR needs {} chunks, more than a file of {} bytes can list; the file is "
+                      "damaged or truncated",
                       chunks, at_.size()));
     }
     if (room > kMostBlockBytesOfAll) {
       at_.refuse(
-          fmt::format("the parts of the EXR are compressed in blocks of {} MiB together, of "
-                      "which up to {} can be read; save them in files of their own",
+          fmt::format("one chunk of each part of the EXR takes {} MiB in total, but at most {} MiB "
+                      "are supported; save the parts as separate files",
                       room >> 20, kMostBlockBytesOfAll >> 20));
     }
     position += several ? 1 : 0;
@@ -255,7 +256,8 @@ class Guard {
     while (const std::uint8_t c = at_.u8(position++)) {
       text += static_cast<char>(c);
       if (text.size() > kLongest)
-        at_.refuse("the EXR's header is damaged: it has a name without end");
+        at_.refuse(fmt::format(
+            "a name in the EXR header has more than {} bytes; the file is damaged", kLongest));
     }
     return text;
   }
@@ -271,8 +273,10 @@ class Guard {
       position += 4;
       if (size > most_end || position + size > most_end || position + size > at_.size()) {
         at_.refuse(
-            fmt::format("the attribute \"{}\" of its header claims {} bytes; headers of up to "
-                        "{} MiB can be read: remove what is not needed, or the file is damaged",
+            fmt::format("the attribute \"{}\" of the EXR header claims {} bytes, more than the "
+                        "file has or than "
+                        "the limit of {} MiB for headers; remove large metadata, or save it again "
+                        "if it is damaged",
                         name, size, kMostHeaderBytes >> 20));
       }
       check_value(name, type, position, size);
@@ -282,7 +286,9 @@ class Guard {
       Part other;
       if (type == "chlist") take_channels(position, position + size, is_list ? part : other);
       if (is_list && type != "chlist")
-        at_.refuse("the list of channels of the EXR is none; the file is damaged");
+        at_.refuse(
+            "the attribute \"channels\" of the EXR header is not a channel list; the file is "
+            "damaged");
       position += size;
     }
     part.end = position;
@@ -309,8 +315,9 @@ class Guard {
       needed = 8 + std::uint64_t{4} * at_.u32(position) * at_.u32(position + 4);
     if (needed == size) return;
     at_.refuse(
-        fmt::format("the attribute \"{}\" of its header has {} bytes, where a {} has {}; the "
-                    "file is damaged",
+        fmt::format("the attribute \"{}\" of the EXR header has {} bytes, but its type {} needs "
+                    "{}; the file is "
+                    "damaged",
                     name, size, type, needed));
   }
 
@@ -340,7 +347,8 @@ class Guard {
       const std::uint64_t length = end - position < 4 ? end : at_.u32(position);
       position += 4 + length;
       if (position > end)
-        at_.refuse("a list of texts in the EXR's header does not end with it; the file is damaged");
+        at_.refuse(
+            "a string in the EXR header extends past the end of its list; the file is damaged");
     }
   }
 
@@ -353,7 +361,7 @@ class Guard {
     for (std::uint32_t i = 0; i < std::min(size, 64U); ++i)
       type += static_cast<char>(at_.u8(position + i));
     if (several_ && std::find(kTypes.begin(), kTypes.end(), type) == kTypes.end())
-      at_.refuse("a part of the EXR is of no type that parts have; the file is damaged");
+      at_.refuse("a part of the EXR has an unknown type; the file is damaged");
     part.deep = type.starts_with("deep");
   }
 
@@ -367,39 +375,34 @@ class Guard {
       const std::string name = text(position);
       const std::uint32_t type = at_.u32(position);
       if (type > kFloat) {  // of which OpenImageIO 2.4 would end the process
-        at_.refuse(
-            fmt::format("a channel of the EXR is of type {}, which there is not; the file is "
-                        "damaged",
-                        type));
+        at_.refuse(fmt::format(
+            "a channel of the EXR has the unknown sample type {}; the file is damaged", type));
       }
       part.channels.push_back({name, type});
       part.texel_bytes += part.channels.back().bytes();
       if (at_.u32(position + kSampling) != 1 || at_.u32(position + kSampling + 4) != 1)
-        at_.refuse(
-            "channels of fewer samples than texels (luminance and chroma) are not supported; "
-            "convert it to RGB");
+        at_.refuse("subsampled channels (luminance/chroma) are not supported; convert it to RGB");
       position += kChannelBytes;
     }
     if (part.texel_bytes == 0 || position + 1 != end)
-      at_.refuse("the list of channels of the EXR is empty or has no end; the file is damaged");
+      at_.refuse("the EXR's channel list is empty or not terminated; the file is damaged");
   }
 
   void check_sizes(const Part& part) {
     if (part.width > static_cast<std::int64_t>(kLargestSide) ||
         part.height > static_cast<std::int64_t>(kLargestSide)) {
-      at_.refuse(fmt::format("the image is {} x {} texels; 1 to {} each way can be read",
+      at_.refuse(fmt::format("the image is {} x {} texels, but each side must be 1 to {}",
                              part.width, part.height, kLargestSide));
     }
     const bool tiles_fit = part.tile_width <= kLargestSide && part.tile_height <= kLargestSide;
     if (!tiles_fit || part.block_bytes() > kMostBlockBytes) {
-      at_.refuse(
-          fmt::format("the EXR is in {} of {} x {} texels with {} bytes each; up to {} MiB can be "
-                      "read: save it "
-                      "in smaller ones",
-                      part.tile_width > 0 ? "tiles" : "blocks",
-                      part.tile_width > 0 ? part.tile_width : part.wide(),
-                      part.tile_width > 0 ? part.tile_height : part.block_rows(), part.texel_bytes,
-                      kMostBlockBytes >> 20));
+      at_.refuse(fmt::format(
+          "the EXR has {0} of {1} x {2} texels with {3} bytes per texel, but at most {4} MiB each "
+          "are supported; save it with smaller {0}",
+          part.tile_width > 0 ? "tiles" : "blocks",
+          part.tile_width > 0 ? part.tile_width : part.wide(),
+          part.tile_width > 0 ? part.tile_height : part.block_rows(), part.texel_bytes,
+          kMostBlockBytes >> 20));
     }
   }
 
@@ -413,8 +416,9 @@ class Guard {
     const std::uint64_t data = chunk + head + 4;
     if (!inside || size == 0 || size > at_.size() - data) {
       at_.refuse(
-          fmt::format("the first block of the EXR has {} bytes at place {}, in a file of {}; the "
-                      "file is damaged or cut off",
+          fmt::format("the first chunk of the EXR has {} bytes at offset {}, in a file of {} "
+                      "bytes; the file is "
+                      "damaged or truncated",
                       size, chunk, at_.size()));
     }
     const std::uint64_t wanted = part.first_bytes();
@@ -427,11 +431,11 @@ class Guard {
       const std::string why =
           why_dwa_is_short(at_, data, size, part.channels, part.first_width(), part.first_rows());
       if (!why.empty())
-        at_.refuse(fmt::format("the first block of the EXR {}; the file is damaged", why));
+        at_.refuse(fmt::format("the first chunk of the EXR {}; the file is damaged", why));
     }
     if (decoded != wanted) {
       at_.refuse(
-          fmt::format("the first block of the EXR decodes to {} bytes of {}; the file is "
+          fmt::format("the first chunk of the EXR decodes to {} bytes instead of {}; the file is "
                       "damaged",
                       decoded, wanted));
     }

@@ -30,7 +30,8 @@ class Kept {
       return;
     }
     if (pieces_.size() == kMostPieces)
-      from_.refuse("its picture is in too many pieces, between which there is something else");
+      from_.refuse(fmt::format(
+          "metadata split its image data into more than {} pieces; save it again", kMostPieces));
     pieces_.push_back({begin, end - begin, {}});
   }
 
@@ -63,12 +64,12 @@ void hide_in_png(ByteSource& bytes, std::vector<ColourPiece>& colours) {
     if (std::find(kPixels.begin(), kPixels.end(), type) != kPixels.end()) {
       kept.add(position, end);
     } else if (!optional) {
-      at.refuse("it has a chunk that no PNG has and that must not be skipped; the file is damaged");
+      at.refuse("the PNG has an unknown critical chunk; the file is damaged");
     } else if (end > at.size()) {
-      at.refuse(
-          fmt::format("a chunk beside the picture claims {} bytes, the file has {}; it is "
-                      "damaged or cut off",
-                      length, at.size()));
+      at.refuse(fmt::format(
+          "an ancillary chunk of the PNG claims {} bytes, but the file has {}; it is damaged or "
+          "truncated",
+          length, at.size()));
     } else if (std::find(kColours.begin(), kColours.end(), type) != kColours.end()) {
       keep_colours(at, type, position + 8, length, colours);
     }
@@ -147,7 +148,8 @@ void hide_in_webp(ByteSource& bytes, std::vector<ColourPiece>& colours) {
       hides = true;
       if (type == "ICCP") keep_colours(at, "ICC", position + 8, end - position - 8, colours);
     } else {
-      if (pieces.size() == kMostPieces) at.refuse("the WebP is in too many pieces");
+      if (pieces.size() == kMostPieces)
+        at.refuse(fmt::format("the WebP has more than {} chunks; save it again", kMostPieces));
       pieces.push_back({position, end - position, std::move(chunk)});
       kept += end - position;
     }
@@ -172,7 +174,7 @@ std::uint64_t end_of_targa_packets(Cursor& at, std::uint64_t position, std::uint
     position += 1 + ((head & 0x80) != 0 ? 1 : count) * texel_bytes;
     done += count;
     if (done > texels || position > at.size())
-      at.refuse("the Targa's run lengths do not end with the picture; it is damaged or cut off");
+      at.refuse("the Targa's run-length data do not match its size; it is damaged or truncated");
   }
   return position;
 }
@@ -186,23 +188,23 @@ void hide_in_targa(ByteSource& bytes) {
   Cursor at(bytes, "Targa", false);
   const std::uint8_t type = at.u8(2), bits = at.u8(16), plain = type & ~kRuns;
   if (at.u8(1) != 0 || plain == 1)
-    at.refuse("it is a Targa with a palette, which cannot be read; convert it to PNG");
+    at.refuse("Targa images with a palette are not supported; convert it to PNG");
   const bool colours = plain == kColours && (bits == 15 || bits == 16 || bits == 24 || bits == 32);
   if (!colours && !(plain == kGrey && bits == 8)) {
-    at.refuse(
-        fmt::format("it is a Targa of type {} with {} bits per texel, which cannot be read; "
-                    "convert it to PNG",
-                    type, bits));
+    at.refuse(fmt::format(
+        "Targa images of type {} with {} bits per texel are not supported; convert it to PNG", type,
+        bits));
   }
   const std::uint64_t texels = std::uint64_t{at.u16(12)} * at.u16(14), texel_bytes = (bits + 7) / 8;
   const std::uint64_t begin = kHeaderBytes + at.u8(0);
   const bool runs = (type & kRuns) != 0;
   const std::uint64_t end =
       runs ? end_of_targa_packets(at, begin, texels, texel_bytes) : begin + texels * texel_bytes;
-  if (texels == 0) at.refuse("the Targa has no texels; it is damaged");
+  if (texels == 0) at.refuse("the Targa has no texels; the file is damaged");
   if (end > at.size()) {
-    at.refuse(fmt::format("the Targa is cut off: its picture ends at byte {}, the file at {}", end,
-                          at.size()));
+    at.refuse(fmt::format(
+        "the Targa is truncated: its image data end at byte {}, the file ends at byte {}", end,
+        at.size()));
   }
   std::vector<std::byte> header;
   at.copy(0, kHeaderBytes, header);

@@ -35,8 +35,8 @@ class Cursor {
       count_ = bytes_.read_at(at, window_.data(), window_.size());
       bytes_.check();
       if (count_ == 0) {
-        refuse(fmt::format("the {} is cut off: it has {} bytes and goes on", what_,
-                           bytes_.size_bytes()));
+        refuse(
+            fmt::format("the {} is truncated: it ends after {} bytes", what_, bytes_.size_bytes()));
       }
     }
     return static_cast<std::uint8_t>(window_[at - first_]);

@@ -118,10 +118,11 @@ std::string image_format(ByteSource& bytes, const std::string& path,
   const auto if_allowed = [&](ImageFormat format, const char* name, const char* people) {
     if (std::find(allowed.begin(), allowed.end(), format) != allowed.end())
       return std::string(name);
-    refuse(bytes,
-           fmt::format("it is a {} image, which is read with --allow-format {} alone: do so if "
-                       "you trust it, or {}",
-                       people, image_format_name(format), cure(bytes, path)));
+    refuse(
+        bytes,
+        fmt::format("{} images are read only with --allow-format {}; add it if you trust the file, "
+                    "or {}",
+                    people, image_format_name(format), cure(bytes, path)));
   };
   if (start.starts_with("BM"sv)) return if_allowed(ImageFormat::bmp, "bmp", "BMP");
   std::optional<std::string_view> other = find(kNotRead, start);
@@ -129,10 +130,8 @@ std::string image_format(ByteSource& bytes, const std::string& path,
   if (!other && is_targa(bytes, start)) return if_allowed(ImageFormat::tga, "targa", "Targa");
   bytes.check();
   if (other)
-    refuse(bytes,
-           fmt::format("it is a {} image, which is not read; {}", *other, cure(bytes, path)));
-  refuse(bytes,
-         "this is not an image of a known format (PNG, JPEG, EXR, TIFF, WebP, HDR, binary PNM)");
+    refuse(bytes, fmt::format("{} images are not supported; {}", *other, cure(bytes, path)));
+  refuse(bytes, "not an image in a supported format (PNG, JPEG, EXR, TIFF, WebP, HDR, binary PNM)");
 }
 
 namespace {
@@ -149,7 +148,7 @@ class JpegCursor {
       throw Error(
           ErrorKind::input,
           fmt::format(
-              "{}: the JPEG ends before its first row (after {} bytes); the file was cut off",
+              "{}: the JPEG ends before its first row (after {} bytes); the file is truncated",
               bytes_.label(), bytes_.size_bytes()));
     }
     return value;
@@ -271,9 +270,11 @@ std::optional<WholeHeader> bmp_runs_header(ByteSource& bytes) {
   if (!header || header->bits != (header->compression == 1 ? 8U : 4U)) return std::nullopt;
   constexpr std::int64_t kMostTexels = INT32_MAX;  // it counts them in int
   if (header->width > 0 && header->height > kMostTexels / header->width) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: a BMP with run lengths of {} x {} texels; convert it to PNG",
-                            bytes.label(), header->width, header->height));
+    throw Error(
+        ErrorKind::input,
+        fmt::format(
+            "{}: a run-length encoded BMP of {} x {} texels is too large; convert it to PNG",
+            bytes.label(), header->width, header->height));
   }
   const auto side = [](std::int64_t n) {
     return static_cast<std::uint32_t>(std::max<std::int64_t>(n, 0));
@@ -300,7 +301,7 @@ WholeHeader read_whole_header(ByteSource& bytes, const std::string& format) {
   bytes.check();
   if (header) return *header;
   throw Error(ErrorKind::input,
-              fmt::format("{}: the image header cannot be read; the file is damaged or cut off",
+              fmt::format("{}: the image header cannot be read; the file is damaged or truncated",
                           bytes.label()));
 }
 
@@ -326,19 +327,19 @@ JpegHeader read_jpeg_header(ByteSource& bytes) {
       // Each goes over the whole picture. libjpeg-turbo's own programs stop there.
       constexpr std::uint32_t kMostScans = 500;
       if (header.several_scans && count_scans(bytes, next, kMostScans) > kMostScans) {
-        throw Error(ErrorKind::input,
-                    fmt::format("{}: the JPEG is in more than {} scans, of which pictures have 10 "
-                                "or so; save it again, or it was made to waste time",
-                                bytes.label(), kMostScans));
+        throw Error(
+            ErrorKind::input,
+            fmt::format("{}: the JPEG has more than {} scans (about 10 are usual); save it again",
+                        bytes.label(), kMostScans));
       }
       break;
     }
     at.position = next;
   }
   if (header.width == 0 || header.height == 0) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: the JPEG does not say how large it is; the file is damaged",
-                            bytes.label()));
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}: the JPEG does not state its size; the file is damaged", bytes.label()));
   }
   return header;
 }
@@ -396,14 +397,17 @@ PnmPicture::PnmPicture(ByteSource& bytes) : bytes_(bytes) {
   begin_ = header.position();
   bytes.check();
   if (width_ == 0 || height_ == 0 || largest_ == 0 || largest_ > 65535) {
-    throw Error(ErrorKind::input,
-                bytes.label() + ": the image header cannot be read; the PNM is damaged or cut off");
+    throw Error(
+        ErrorKind::input,
+        bytes.label() + ": the image header cannot be read; the PNM is damaged or truncated");
   }
   const std::uint64_t end = begin_ + row_bytes() * height_;
   if (end > bytes.size_bytes()) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: the PNM is cut off: its picture ends at byte {}, the file at {}",
-                            bytes.label(), end, bytes.size_bytes()));
+    throw Error(
+        ErrorKind::input,
+        fmt::format(
+            "{}: the PNM is truncated: its image data end at byte {}, the file ends at byte {}",
+            bytes.label(), end, bytes.size_bytes()));
   }
 }
 

@@ -32,7 +32,7 @@ std::int64_t OutputProxy::open_link(std::int64_t first_link, std::size_t entry_b
   while (const std::uint64_t directory = number_at<Link>(link)) {
     const auto at = static_cast<std::int64_t>(directory);
     // Each is behind the one before, so this ends.
-    if (at < link) file_.fail("its images are not in order");
+    if (at < link) file_.fail("its TIFF directories are not in order");
     link = at + static_cast<std::int64_t>(sizeof(Count) + number_at<Count>(at) * entry_bytes);
   }
   return link;
@@ -47,7 +47,7 @@ void OutputProxy::append_tiff_image() {
     header_bytes_ = 16;
     last_link_ = open_link<std::uint64_t, std::uint64_t>(8, 20);
   } else {
-    file_.fail("it is no TIFF");
+    file_.fail("it is not a TIFF");
   }
 }
 

@@ -38,7 +38,7 @@ constexpr std::uint32_t kLargestSide = store::kLargestImageSide;
 
 void check_size(const std::string& label, std::int64_t width, std::int64_t height) {
   if (width < 1 || height < 1 || width > kLargestSide || height > kLargestSide) {
-    refuse(label, fmt::format("the image is {} x {} texels; 1 to {} each way can be read", width,
+    refuse(label, fmt::format("the image is {} x {} texels, but each side must be 1 to {}", width,
                               height, kLargestSide));
   }
 }
@@ -54,11 +54,12 @@ ChosenChannels channels_of(const ByteSource& bytes, const TiffPicture* tiff,
         fmt::format("channel{}", spec.alpha_channel);
   ChosenChannels chosen = choose_channels(names, guessed ? -1 : spec.alpha_channel);
   if (!chosen.places.empty()) return chosen;
-  refuse(bytes.label(),
-         fmt::format("it has {} channels ({}) and not one set of R, G, B or Y among them; "
-                     "save those that are wanted, 4 at most, in a file of their own, or of an EXR "
-                     "name them behind its path: FILE.exr:diffuse.R,G,B",
-                     spec.nchannels, joined(spec.channelnames)));
+  refuse(
+      bytes.label(),
+      fmt::format(
+          "it has {} channels ({}), but no single set of R, G, B or Y; save up to {} of them as "
+          "a separate file, or name those of an EXR after its path, such as FILE.exr:diffuse.R,G,B",
+          spec.nchannels, joined(spec.channelnames), kMostChannels));
 }
 
 /// The decoder makes room by its own reading of the header and is handed buffers by it: it must be
@@ -75,7 +76,7 @@ void check_promise(const std::string& label, const TiffPicture& tiff, const OIIO
                     spec.format == type && is(spec.tile_width, tiff.tiled ? tiff.part_width : 0) &&
                     is(spec.tile_height, tiff.tiled ? tiff.part_height : 0);
   if (!same)
-    refuse(label, "the TIFF's decoder reads its header otherwise; convert it to PNG or EXR");
+    refuse(label, "the decoder reads the TIFF's header differently; convert it to PNG or EXR");
 }
 
 /// The stream for libjpeg, which asks for a FILE, and for everybody else. IOFile's own pread() and
@@ -148,7 +149,8 @@ ImageReader::Impl::Impl(const mesh::ImageRef& image, std::span<const ImageFormat
     : bytes(image), wanted(image.channels), lists(only_lists), data_names(std::move(data)) {
   info.format = image_format(bytes, image.path, allowed);
   if ((!wanted.empty() || !data_names.empty()) && info.format != "openexr")
-    refuse(bytes.label(), "channels are named of EXR files alone, and this is none");
+    refuse(bytes.label(),
+           "not an EXR file; remove the channel names, which apply only to EXR files");
   if (info.format == "tiff") {
     info.levels = tiff_levels(bytes);  // before they are hidden
     std::vector<ColourPiece> colours;
@@ -185,7 +187,8 @@ void ImageReader::Impl::open() {
   }
   proxy = std::make_unique<SourceProxy>(bytes, stream.get());
   auto created = OIIO::ImageInput::create(info.format);
-  if (!created) refuse(bytes.label(), fmt::format("OpenImageIO was built without {}", info.format));
+  if (!created)
+    refuse(bytes.label(), fmt::format("OpenImageIO was built without support for {}", info.format));
   created->threads(1);
   OIIO::ImageSpec config, spec;
   config.attribute("oiio:UnassociatedAlpha", 1);
@@ -238,14 +241,15 @@ void ImageReader::Impl::take_spec() {
   const OIIO::ImageSpec& spec = input->spec();
   const std::string& label = bytes.label();
   check_size(label, spec.width, spec.height);
-  if (spec.deep || spec.depth > 1) refuse(label, "deep and volume images cannot be read");
+  if (spec.deep || spec.depth > 1)
+    refuse(label, "deep and volume images are not supported; convert it to a flat image");
   if (info.format == "openexr" &&
       (spec.x != spec.full_x || spec.y != spec.full_y || spec.width != spec.full_width ||
        spec.height != spec.full_height)) {
     refuse(label,
            fmt::format(
-               "its data window ({} x {} at {}, {}) is not its display window ({} x {} at {}, {}); "
-               "save it uncropped",
+               "its data window ({} x {} at {}, {}) differs from its display window ({} x {} at "
+               "{}, {}); save it with equal windows",
                spec.width, spec.height, spec.x, spec.y, spec.full_width, spec.full_height,
                spec.full_x, spec.full_y));
   }
@@ -351,7 +355,7 @@ void ImageReader::Impl::read_tile_row(std::uint32_t row) {
   const int end = std::min(begin + static_cast<int>(rows_together), first_row + spec.height);
   if (!input->read_tiles(part, 0, first_column, first_column + spec.width, begin, end, 0, 1,
                          first_channel, end_channel, asked_type, tile_row.data())) {
-    fail(fmt::format("the picture breaks off in rows {} to {} of {}", row, end - first_row - 1,
+    fail(fmt::format("decoding failed in rows {} to {} of {}", row, end - first_row - 1,
                      info.height));
   }
 }
@@ -382,7 +386,7 @@ void ImageReader::Impl::read_decoded(std::uint32_t row_count, std::byte* rows) {
       const int begin = first_row + static_cast<int>(row);
       if (!input->read_scanlines(part, 0, begin, begin + static_cast<int>(piece), 0, first_channel,
                                  end_channel, asked_type, out)) {
-        fail(fmt::format("the picture breaks off in row {} of {}", row, info.height));
+        fail(fmt::format("decoding failed in row {} of {}", row, info.height));
       }
     }
     if (!picked.empty()) pick(piece, rows + done * image_row_bytes);
@@ -409,10 +413,10 @@ void ImageReader::Impl::check_bytes_after_last_row() {
   while (!png_check.finished() && png_check.problem().empty()) {
     const std::uint64_t at = png_check.position();
     const std::size_t got = bytes.read_at(at, piece.data(), piece.size());
-    if (got == 0) fail("all rows are there, but the PNG has no end");
+    if (got == 0) fail("the PNG has all rows, but no IEND chunk");
     png_check.see(at, piece.data(), got);
   }
-  if (!png_check.problem().empty()) fail("the PNG cannot be trusted");
+  if (!png_check.problem().empty()) fail("the PNG failed its checks");
 }
 
 ImageReader::ImageReader(const mesh::ImageRef& image, std::span<const ImageFormat> allowed)
@@ -446,7 +450,7 @@ void ImageReader::read_rows(std::uint32_t row_count, std::byte* rows) {
   Impl& self = *impl_;
   if (row_count > self.info.height - self.next_row) {
     throw Error(ErrorKind::internal,
-                fmt::format("{}: rows {} to {} of {} asked for", self.bytes.label(), self.next_row,
+                fmt::format("{}: rows {} to {} of {} requested", self.bytes.label(), self.next_row,
                             self.next_row + row_count, self.info.height));
   }
   if (row_count == 0) return;
@@ -461,14 +465,14 @@ void ImageReader::read_rows(std::uint32_t row_count, std::byte* rows) {
     self.open();
     if (self.info.width != promised.width || self.info.height != promised.height ||
         self.info.channels != promised.channels || self.info.depth != promised.depth) {
-      self.fail("the image contradicts itself about its size");
+      self.fail("the decoded size or format differs from the image header");
     }
     self.info.decoder_bytes = promised.decoder_bytes;
   }
   self.read_decoded(row_count, rows);
   // Decoders that go on after damage leave a text behind.
   if (self.input->has_error() || self.bytes.failure() != 0 || !self.png_check.problem().empty()) {
-    self.fail(fmt::format("the picture is damaged in rows {} to {} of {}", self.next_row,
+    self.fail(fmt::format("the image is damaged in rows {} to {} of {}", self.next_row,
                           self.next_row + row_count - 1, self.info.height));
   }
   if (self.info.premultiplied && self.straighten) {

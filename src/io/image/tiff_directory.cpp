@@ -32,7 +32,10 @@ TiffDirectory::TiffDirectory(ByteSource& bytes, std::optional<std::uint64_t> pla
   big_ = at_.u16(2) == 43;
   place_ = place ? *place : big_ ? at_.number(8, 8) : at_.u32(4);
   if (place_ >= at_.size())
-    refuse("the TIFF has no directory where it should be; the file is damaged or cut off");
+    refuse(
+        fmt::format("the TIFF's directory is at offset {}, past the end of the file ({} bytes); "
+                    "the file is damaged or truncated",
+                    place_, at_.size()));
   const std::uint64_t fields = at_.number(place_, count_bytes());
   if (fields == 0 || fields > kMostFields)
     refuse(fmt::format("the TIFF's directory claims {} fields; the file is damaged", fields));
@@ -59,7 +62,7 @@ const TiffField* TiffDirectory::find(std::uint16_t tag) const {
   for (const TiffField& field : fields_) {
     if (field.tag != tag) continue;
     if (found != nullptr)
-      refuse(fmt::format("the TIFF has its field {} twice; the file is damaged", tag));
+      refuse(fmt::format("the TIFF has field {} twice; the file is damaged", tag));
     found = &field;
   }
   return found;
@@ -74,16 +77,15 @@ const TiffField* TiffDirectory::use(std::uint16_t tag) {
 std::vector<std::uint64_t> TiffDirectory::numbers(const TiffField& field, std::uint64_t count) {
   const bool whole = field.type == kShort || field.type == kLong || (field.type == kLong8 && big_);
   if (!whole || field.count != count) {
-    refuse(
-        fmt::format("field {} of the TIFF has {} values of type {}, not {} whole numbers; the "
-                    "file is damaged",
-                    field.tag, field.count, field.type, count));
+    refuse(fmt::format(
+        "field {} of the TIFF has {} values of type {} instead of {} integers; the file is damaged",
+        field.tag, field.count, field.type, count));
   }
   if (field.data > at_.size() || field.data_bytes() > at_.size() - field.data) {
-    refuse(
-        fmt::format("the values of field {} of the TIFF lie behind its end ({} bytes); the file "
-                    "is damaged or cut off",
-                    field.tag, at_.size()));
+    refuse(fmt::format(
+        "the values of field {} of the TIFF extend past the end of the file ({} bytes); the file "
+        "is damaged or truncated",
+        field.tag, at_.size()));
   }
   std::vector<std::uint64_t> values(static_cast<std::size_t>(count));
   for (std::size_t i = 0; i < values.size(); ++i) {
@@ -100,7 +102,8 @@ std::uint64_t TiffDirectory::number(std::uint16_t tag, std::uint64_t fallback) {
 
 std::uint64_t TiffDirectory::needed(std::uint16_t tag, std::string_view what) {
   if (find(tag) == nullptr)
-    refuse(fmt::format("the TIFF does not say {} (field {}); the file is damaged", what, tag));
+    refuse(
+        fmt::format("the TIFF does not state its {} (field {}); the file is damaged", what, tag));
   return number(tag, 0);
 }
 
@@ -110,7 +113,8 @@ std::uint64_t TiffDirectory::of_all_samples(std::uint16_t tag, std::uint64_t sam
   if (field == nullptr) return fallback;
   const std::vector<std::uint64_t> each = numbers(*field, field->count == 1 ? 1 : samples);
   if (std::any_of(each.begin(), each.end(), [&](std::uint64_t n) { return n != each.front(); }))
-    refuse("the samples of the TIFF differ in their bits or types; save it with all of them alike");
+    refuse(
+        "the TIFF's samples differ in bit depth or type; save it with one type for all channels");
   return each.front();
 }
 

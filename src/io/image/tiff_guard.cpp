@@ -38,14 +38,14 @@ std::string name_of(const std::array<Name, N>& names, std::uint64_t value) {
   for (const Name& known : names) {
     if (known.value == value) return std::string(known.name);
   }
-  return fmt::format("kind {}", value);
+  return fmt::format("type {}", value);
 }
 
 void take_size(TiffDirectory& from, TiffPicture& picture) {
-  const std::uint64_t width = from.needed(kWidth, "how wide it is");
-  const std::uint64_t height = from.needed(kHeight, "how high it is");
+  const std::uint64_t width = from.needed(kWidth, "width");
+  const std::uint64_t height = from.needed(kHeight, "height");
   if (width < 1 || height < 1 || width > kLargestSide || height > kLargestSide) {
-    from.refuse(fmt::format("the image is {} x {} texels; 1 to {} each way can be read", width,
+    from.refuse(fmt::format("the image is {} x {} texels, but each side must be 1 to {}", width,
                             height, kLargestSide));
   }
   picture.width = static_cast<std::uint32_t>(width);
@@ -56,14 +56,13 @@ void take_size(TiffDirectory& from, TiffPicture& picture) {
 void take_samples(TiffDirectory& from, TiffPicture& picture) {
   const std::uint64_t samples = from.number(kSamples, 1);
   if (samples < 1 || samples > kMostSamples) {
-    from.refuse(fmt::format("the TIFF has {} samples per texel; 1 to {} can be read", samples,
-                            kMostSamples));
+    from.refuse(fmt::format("the TIFF has {} samples per texel, but only 1 to {} are supported",
+                            samples, kMostSamples));
   }
   // One bit where nothing is said; OpenImageIO 2.4 takes it for eight.
   if (from.find(kBits) == nullptr)
-    from.refuse(fmt::format(
-        "the TIFF does not say how many bits its samples have (field {}); save it again",
-        static_cast<int>(kBits)));
+    from.refuse(fmt::format("the TIFF does not state its bits per sample (field {}); save it again",
+                            static_cast<int>(kBits)));
   const std::uint64_t bits = from.of_all_samples(kBits, samples, 1);
   const std::uint64_t format = from.of_all_samples(kSampleFormat, samples, 1);
   constexpr std::uint64_t kUnsigned = 1, kFloat = 3;
@@ -72,13 +71,13 @@ void take_samples(TiffDirectory& from, TiffPicture& picture) {
   const bool whole = format == kUnsigned && (bits == 8 || bits == 16 || (small && samples == 1));
   const bool real = picture.floats && (bits == 16 || bits == 32);
   if (!whole && !real) {
-    constexpr std::array<std::string_view, 7> kKinds{"?",       "unsigned", "signed",       "float",
+    constexpr std::array<std::string_view, 7> kKinds{"unknown", "unsigned", "signed",       "float",
                                                      "untyped", "complex",  "complex float"};
     from.refuse(fmt::format(
-        "its samples are {}-bit {} ones{}; convert it to 8 or 16 bit unsigned integers, half or "
-        "float",
+        "{}-bit {} samples{} are not supported; convert it to 8-bit or 16-bit unsigned integers, "
+        "half or float",
         bits, format < kKinds.size() ? kKinds[format] : kKinds[0],
-        small && samples > 1 ? fmt::format(", {} per texel", samples) : ""));
+        small && samples > 1 ? fmt::format(" ({} per texel)", samples) : ""));
   }
   picture.samples = static_cast<std::uint32_t>(samples);
   picture.bits = static_cast<std::uint32_t>(bits);
@@ -87,7 +86,7 @@ void take_samples(TiffDirectory& from, TiffPicture& picture) {
 /// What the samples mean.
 void take_colours(TiffDirectory& from, TiffPicture& picture) {
   using Colours = TiffPicture::Colours;
-  const std::uint64_t photometric = from.needed(kPhotometric, "what its samples mean");
+  const std::uint64_t photometric = from.needed(kPhotometric, "photometric interpretation");
   constexpr std::uint64_t kWhiteIsZero = 0, kBlackIsZero = 1, kRgb = 2, kPalette = 3;
   const bool one_integer = picture.samples == 1 && !picture.floats;
   if (photometric == kBlackIsZero) {
@@ -100,8 +99,10 @@ void take_colours(TiffDirectory& from, TiffPicture& picture) {
   } else if (photometric == kPalette && one_integer && picture.bits <= 8) {
     picture.colours = Colours::palette;
     const TiffField* const map = from.use(kColourMap);
-    if (map == nullptr) from.refuse("the TIFF has no palette where it needs one; it is damaged");
-    if (map->type != kShort) from.refuse("the TIFF's palette is no list of 16-bit numbers");
+    if (map == nullptr)
+      from.refuse("the TIFF has palette indices, but no palette; the file is damaged");
+    if (map->type != kShort)
+      from.refuse("the TIFF's palette is not a list of 16-bit integers; the file is damaged");
     from.numbers(*map, std::uint64_t{3} << picture.bits);
   } else {
     constexpr auto kNames = std::to_array<Name>({{kWhiteIsZero, "white-is-zero"},
@@ -118,8 +119,8 @@ void take_colours(TiffDirectory& from, TiffPicture& picture) {
                                                  {32845, "LogLuv"},
                                                  {34892, "camera sensor"}});
     from.refuse(fmt::format(
-        "it is a TIFF of {} colours with {} samples of {} bits per texel, which cannot be read; "
-        "convert it to RGB or grey of 8 or 16 bits, half or float",
+        "TIFF images of {} colours with {} samples of {} bits per texel are not supported; convert "
+        "it to RGB or grey of 8 or 16 bits, half or float",
         name_of(kNames, photometric), picture.samples, picture.bits));
   }
   const std::uint64_t extra = picture.samples - (picture.colours == Colours::rgb ? 3 : 1);
@@ -128,12 +129,13 @@ void take_colours(TiffDirectory& from, TiffPicture& picture) {
     constexpr std::uint64_t kStraightAlpha = 2;
     for (const std::uint64_t kind : from.numbers(*said, extra)) {
       if (kind > kStraightAlpha)
-        from.refuse(fmt::format("the TIFF has extra samples of kind {}; it is damaged", kind));
+        from.refuse(fmt::format(
+            "the TIFF has extra samples of the unknown type {}; the file is damaged", kind));
     }
   }
   if (from.find(kMatteing) != nullptr && !picture.says_extra_samples) {
     if (from.number(kMatteing, 0) > 1 || extra < 1)
-      from.refuse("the TIFF's field 32995 is damaged");
+      from.refuse("the TIFF's field 32995 (Matteing) is invalid; the file is damaged");
     picture.says_extra_samples = true;
   }
 }
@@ -159,10 +161,10 @@ void take_coding(TiffDirectory& from, TiffPicture& picture) {
                                                  {34925, "LZMA"},
                                                  {50000, "Zstandard"},
                                                  {50001, "WebP"}});
-    from.refuse(
-        fmt::format("the TIFF's compression is {}, which cannot be read; save it with ZIP "
-                    "(Deflate), LZW, PackBits or no compression",
-                    name_of(kNames, coding)));
+    from.refuse(fmt::format(
+        "the TIFF's compression is {}, which is not supported; save it with ZIP (Deflate), "
+        "LZW, PackBits or no compression",
+        name_of(kNames, coding)));
   }
   picture.compressed = coding != kNone;
   if (predicts) {
@@ -172,15 +174,16 @@ void take_coding(TiffDirectory& from, TiffPicture& picture) {
                       (predictor == kFloatDifferences && picture.floats);
     if (!fits) {
       from.refuse(
-          fmt::format("the TIFF's predictor {} does not fit its {}-bit samples; it is damaged",
+          fmt::format("the TIFF's predictor {} is invalid for {}-bit samples; the file is damaged",
                       predictor, picture.bits));
     }
   }
   if (const std::uint64_t order = from.number(kFillOrder, 1); order < 1 || order > 2)
-    from.refuse(fmt::format("the TIFF's order of bits is {}; it is damaged", order));
+    from.refuse(fmt::format("the TIFF's fill order {} is invalid; the file is damaged", order));
   const std::uint64_t planes = from.number(kPlanes, 1);
   if (planes < 1 || planes > 2)
-    from.refuse(fmt::format("the TIFF's order of planes is {}; it is damaged", planes));
+    from.refuse(
+        fmt::format("the TIFF's planar configuration {} is invalid; the file is damaged", planes));
   picture.planes = planes == 2 && picture.samples > 1;
 }
 
@@ -191,7 +194,7 @@ void take_part_size(TiffDirectory& from, TiffPicture& picture) {
     if (picture.planes && picture.compressed) {
       // The decoder goes from plane to plane for each row, which no compressed strip allows.
       from.refuse(
-          "it is a TIFF with compressed strips for each channel, which cannot be read; save it "
+          "TIFF images with separate compressed strips per channel are not supported; save it "
           "interleaved (planar configuration 1), in tiles, or without compression");
     }
     const std::uint64_t rows = from.number(kStripRows, UINT32_MAX);
@@ -200,22 +203,21 @@ void take_part_size(TiffDirectory& from, TiffPicture& picture) {
     picture.part_height = static_cast<std::uint32_t>(std::min<std::uint64_t>(rows, picture.height));
     return;
   }
-  const std::uint64_t width = from.needed(kTileWidth, "how wide its tiles are");
-  const std::uint64_t height = from.needed(kTileHeight, "how high its tiles are");
+  const std::uint64_t width = from.needed(kTileWidth, "tile width");
+  const std::uint64_t height = from.needed(kTileHeight, "tile height");
   if (width < 16 || height < 16 || width % 16 != 0 || height % 16 != 0 || width > kLargestSide ||
       height > kLargestSide) {
-    from.refuse(
-        fmt::format("the TIFF's tiles are {} x {} texels; multiples of 16 up to {} can be "
-                    "read",
-                    width, height, kLargestSide));
+    from.refuse(fmt::format(
+        "the TIFF's tiles are {} x {} texels, but each side must be a multiple of 16 up to {}",
+        width, height, kLargestSide));
   }
   picture.part_width = static_cast<std::uint32_t>(width);
   picture.part_height = static_cast<std::uint32_t>(height);
   if (picture.part_bytes() > kMostTileBytes) {
-    from.refuse(
-        fmt::format("the TIFF's tiles of {} x {} texels have {} MiB each; up to {} MiB can "
-                    "be read: save it with smaller ones",
-                    width, height, picture.part_bytes() >> 20, kMostTileBytes >> 20));
+    from.refuse(fmt::format(
+        "the TIFF's tiles of {} x {} texels have {} MiB each, but at most {} MiB are supported; "
+        "save it with smaller tiles",
+        width, height, picture.part_bytes() >> 20, kMostTileBytes >> 20));
   }
 }
 
@@ -228,15 +230,15 @@ void check_parts(TiffDirectory& from, const TiffPicture& picture) {
   const std::uint64_t count = of_plane * (picture.planes ? picture.samples : 1);
   const std::string_view name = picture.tiled ? "tile" : "strip";
   if (count > kMostParts) {
-    from.refuse(
-        fmt::format("the TIFF is in {} {}s, of which up to {} can be read; save it with "
-                    "larger ones",
-                    count, name, kMostParts));
+    from.refuse(fmt::format(
+        "the TIFF has {0} {1}s, but at most {2} are supported; save it with larger {1}s", count,
+        name, kMostParts));
   }
   const TiffField* const places = from.use(picture.tiled ? kTileOffsets : kStripOffsets);
   const TiffField* const sizes = from.use(picture.tiled ? kTileBytes : kStripBytes);
   if (places == nullptr || sizes == nullptr)
-    from.refuse(fmt::format("the TIFF does not say where its {}s are; the file is damaged", name));
+    from.refuse(fmt::format(
+        "the TIFF does not state the offsets and sizes of its {}s; the file is damaged", name));
   const std::vector<std::uint64_t> begins = from.numbers(*places, count);
   const std::vector<std::uint64_t> bytes = from.numbers(*sizes, count);
   const std::uint64_t row = picture.part_bytes() / picture.part_height;
@@ -250,19 +252,19 @@ void check_parts(TiffDirectory& from, const TiffPicture& picture) {
     const std::uint64_t least = picture.compressed ? 1 : decoded;
     const bool inside = begins[i] <= from.at().size() && bytes[i] <= from.at().size() - begins[i];
     if (inside && bytes[i] >= least && bytes[i] <= 2 * decoded + kSlack) continue;
-    from.refuse(
-        fmt::format("{} {} of {} of the TIFF has {} bytes at place {} for {} decoded ones, in a "
-                    "file of {}; the "
-                    "file is damaged or cut off",
-                    name, i + 1, count, bytes[i], begins[i], decoded, from.at().size()));
+    from.refuse(fmt::format(
+        "{} {} of {} of the TIFF has {} bytes at offset {} (decoded: {} bytes), in a file of "
+        "{} bytes; the file is damaged or truncated",
+        name, i + 1, count, bytes[i], begins[i], decoded, from.at().size()));
   }
   // libtiff takes counts that differ for wrong ones there, and goes by its own of as many rows in
   // each strip, of which whole strips and rows are cut off at different places.
   const bool estimates = !picture.compressed && !picture.tiled && !picture.planes && count > 2;
   if (estimates && bytes[0] != bytes[1]) {
-    from.refuse(fmt::format(
-        "the first strips of the TIFF have {} and {} bytes for as many rows; save it again",
-        bytes[0], bytes[1]));
+    from.refuse(
+        fmt::format("the first two strips of the TIFF have {} and {} bytes for the same number of "
+                    "rows; save it again",
+                    bytes[0], bytes[1]));
   }
 }
 

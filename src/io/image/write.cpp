@@ -41,14 +41,14 @@ struct Format {
 constexpr std::array<Format, 4> kFormats{{
     {"png",
      {".png", "", ""},
-     "8 or 16 bit integers",
+     "8-bit or 16-bit integers",
      {Depth::u8, Depth::u16, Depth::u16, Depth::u16},
      65536,
      "PNG",
      Holds::alpha},
     {"jpeg",
      {".jpg", ".jpeg", ""},
-     "8 bit integers",
+     "8-bit integers",
      {Depth::u8, Depth::u8, Depth::u8, Depth::u8},
      65500,
      "JPEG",
@@ -62,7 +62,7 @@ constexpr std::array<Format, 4> kFormats{{
      Holds::names},
     {"tiff",
      {".tif", ".tiff", ".tx"},
-     "8 or 16 bit integers or float",
+     "8-bit or 16-bit integers or float",
      {Depth::u8, Depth::u16, Depth::float32, Depth::float32},
      65536,
      "TIFF",
@@ -205,27 +205,28 @@ std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec
   if (format == nullptr) {
     return fmt::format(
         "{}: images are written as .png, .jpg, .jpeg, .tif, .tiff, .tx or .exr; choose one of "
-        "these endings",
+        "these extensions",
         path);
   }
   if (spec.width < 1 || spec.height < 1 || spec.width > format->largest_side ||
       spec.height > format->largest_side) {
-    return fmt::format("{}: {} x {} texels do not fit; this format holds 1 to {} each way", path,
-                       spec.width, spec.height, format->largest_side);
+    return fmt::format(
+        "{}: {} x {} texels are not supported; each side must be 1 to {} in this format", path,
+        spec.width, spec.height, format->largest_side);
   }
   const bool is_named = format->channels == Holds::names && spec.names.size() == spec.channels;
   if (spec.channels < 1 || (spec.channels > 4 && !is_named)) {
-    return fmt::format("{}: {} channels; 1 to 4 can be written", path, spec.channels);
+    return fmt::format("{}: {} channels are not supported; write 1 to 4", path, spec.channels);
   }
   if (std::string_view(format->name) == "jpeg" && spec.has_alpha) {
-    return fmt::format("{}: JPEG holds no alpha; choose .png, .tif or .exr", path);
+    return fmt::format("{}: JPEG does not support alpha; choose .png, .tif or .exr", path);
   }
   if (format->channels == Holds::alpha && spec.channels % 2 == 0 && !spec.has_alpha) {
-    return fmt::format("{}: {} holds no {} channels without alpha; choose .tif or .exr", path,
-                       format->title, spec.channels);
+    return fmt::format("{}: {} does not support {} channels without alpha; choose .tif or .exr",
+                       path, format->title, spec.channels);
   }
   if (writable_depth(path, spec.depth) != spec.depth) {
-    return fmt::format("{}: this format holds {}, not {}", path, format->holds,
+    return fmt::format("{}: this format supports {}, not {}", path, format->holds,
                        depth_name(spec.depth));
   }
   return "";
@@ -234,8 +235,7 @@ std::string why_not_writable(const std::string& path, const ImageWriteSpec& spec
 std::string why_no_exr_compression(const std::string& name) {
   constexpr std::array<std::string_view, 5> kLossless{"none", "rle", "zips", "zip", "piz"};
   if (std::find(kLossless.begin(), kLossless.end(), name) != kLossless.end()) return "";
-  return fmt::format(
-      "got \"{}\"; an EXR is compressed as none, rle, zips, zip or piz, which lose nothing", name);
+  return fmt::format("got \"{}\", expected none, rle, zips, zip or piz, which are lossless", name);
 }
 
 bool is_tx_path(const std::string& path) { return lower_ending(path) == ".tx"; }
@@ -283,7 +283,7 @@ struct ImageWriter::Impl {
     set_up_oiio();
     proxy = std::move(to);
     output = OIIO::ImageOutput::create(format.name);
-    if (!output) fail(fmt::format("OpenImageIO was built without {}", format.name));
+    if (!output) fail(fmt::format("OpenImageIO was built without support for {}", format.name));
     output->threads(1);
     foreign = oiio_spec(format, spec);
     OIIO::Filesystem::IOProxy* io = proxy.get();
@@ -356,12 +356,12 @@ struct ImageWriter::Impl {
 
   [[noreturn]] void fail() {
     const std::string message = one_line(output->geterror());
-    fail(message.empty() ? "the encoder gave no reason" : message);
+    fail(message.empty() ? "the encoder reported no reason" : message);
   }
   [[noreturn]] void fail(const std::string& what) const {
     check();
     if (file) file->fail(what);
-    throw Error(ErrorKind::storage, "cannot encode an image: " + what);
+    throw Error(ErrorKind::storage, fmt::format("cannot encode an image: {}", what));
   }
 
   ImageWriteSpec spec;
@@ -422,7 +422,7 @@ void ImageWriter::write_rows(std::uint32_t row_count, const std::byte* rows) {
 void ImageWriter::next_level() {
   Impl& self = *impl_;
   if (self.next_row != self.spec.height)
-    throw Error(ErrorKind::internal, "a level begins before the one above it is written");
+    throw Error(ErrorKind::internal, "a MIP level begins before the previous one is complete");
   const ImageSize size = mesh::next_level_size({self.spec.width, self.spec.height});
   self.spec.width = size.width;
   self.spec.height = size.height;

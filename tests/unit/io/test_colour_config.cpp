@@ -107,5 +107,5 @@ TEST_CASE("a file that is no configuration is named", "[io]") {
   std::ofstream(path) << "ocio_profile_version: 2\n";
   CHECK(says(path));
   std::ofstream(path) << std::string(1000, '\0');
-  CHECK(says("is no OpenColorIO configuration"));
+  CHECK(says("not a usable OpenColorIO configuration"));
 }

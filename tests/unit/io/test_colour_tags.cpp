@@ -147,9 +147,9 @@ TEST_CASE("what a file says and nobody understands is told", "[io]") {
   CHECK(io::read_colour_tags({{"gAMA", big_endian({100000})}}).linear == true);
   CHECK(problem("gAMA", big_endian({55556})) == "its gamma of 0.55556 is not applied");
   CHECK(problem("cHRM", big_endian(std::vector<std::uint32_t>(8))) ==
-        "its chromaticities span no colours");
+        "its chromaticities are invalid: they enclose no colours");
   CHECK(problem("cICP", {std::byte{9}, std::byte{16}, std::byte{0}, std::byte{1}}) ==
-        "its cICP code points 9, 16 are not understood");
+        "its cICP code points 9, 16 are not supported");
   CHECK(problem("ICC", of_gamma(2.2)) == "its ICC profile \"lin_rec709\" is not applied");
   CHECK(problem("ICC", Bytes(5000)).empty());
   CHECK(problem("iCCP", Bytes(40, std::byte{'x'})).empty());

@@ -91,28 +91,31 @@ TEST_CASE("of an EXR's first block each texel must be there", "[image][exr]") {
   };
   CHECK(test::read_all(in_memory(rows(0, row, row))) == std::vector<std::uint8_t>(16, 0x11));
   CHECK_THAT(refusal(rows(0, short_row, row)),
-             Contains("a.exr: the first block of the EXR decodes to 6 bytes of 8"));
+             Contains("a.exr: the first chunk of the EXR decodes to 6 bytes instead of 8"));
   // Seven more of the same, five more of it.
   CHECK(refusal(rows(1, std::string("\7a"), row)) == "nothing");
-  CHECK_THAT(refusal(rows(1, std::string("\5a"), row)), Contains("decodes to 6 bytes of 8"));
+  CHECK_THAT(refusal(rows(1, std::string("\5a"), row)),
+             Contains("decodes to 6 bytes instead of 8"));
   CHECK_THAT(refusal(rows(1,
                           std::string("\xFE"
                                       "ab\3c"),
                           row)),
-             Contains("decodes to 6 bytes of 8"));
+             Contains("decodes to 6 bytes instead of 8"));
 
   // Sixteen rows together, of which there are two; and a tile, of which the image fills a part.
   const auto block = [](const std::string& plain) {
     return Made{.coding = 3, .blocks = {plain}, .block_rows = 16}.file();
   };
   CHECK(refusal(block(zip(std::string(16, '\0')))) == "nothing");
-  CHECK_THAT(refusal(block(zip(std::string(10, '\0')))), Contains("decodes to 10 bytes of 16"));
-  CHECK_THAT(refusal(block(zip(std::string(40, '\0')))), Contains("decodes to 40 bytes of 16"));
-  CHECK_THAT(refusal(block("nothing")), Contains("decodes to 0 bytes of 16"));
+  CHECK_THAT(refusal(block(zip(std::string(10, '\0')))),
+             Contains("decodes to 10 bytes instead of 16"));
+  CHECK_THAT(refusal(block(zip(std::string(40, '\0')))),
+             Contains("decodes to 40 bytes instead of 16"));
+  CHECK_THAT(refusal(block("nothing")), Contains("decodes to 0 bytes instead of 16"));
   const std::string tiles = number(16, 4) + number(16, 4) + '\0';
   CHECK(refusal(Made{.tiles = tiles, .blocks = {std::string(16, '\1')}}.file()) == "nothing");
   CHECK_THAT(refusal(Made{.tiles = tiles, .blocks = {std::string(15, '\1')}}.file()),
-             Contains("decodes to 15 bytes of 16"));
+             Contains("decodes to 15 bytes instead of 16"));
 }
 
 TEST_CASE("a block of DWA must hold all channels", "[image][exr]") {
@@ -150,19 +153,19 @@ TEST_CASE("a block of DWA must hold all channels", "[image][exr]") {
     file[counts + 8 * index] = static_cast<char>(file[counts + 8 * index] + by);
     return refusal(file);
   };
-  CHECK_THAT(changed(1, -2), Contains("a.exr: the first block of the EXR does not hold the "));
-  CHECK_THAT(changed(7, -2), Contains("bytes of its channels in runs, not "));
-  CHECK_THAT(changed(9, -1), Contains("squares"));
+  CHECK_THAT(changed(1, -2), Contains("a.exr: the first chunk of the EXR does not contain the "));
+  CHECK_THAT(changed(7, -2), Contains("bytes of run-length encoded channels instead of "));
+  CHECK_THAT(changed(9, -1), Contains("blocks of 8 x 8 texels"));
   // Once its name is another, a channel is looked for where nothing is.
   std::string renamed = whole;
   renamed[renamed.find(std::string("\0G\0\1", 4)) + 1] = 'H';
-  CHECK_THAT(refusal(renamed), Contains("does not hold the "));
+  CHECK_THAT(refusal(renamed), Contains("does not contain the "));
   // Deflated samples that end early, though the count is right: another stream in their place.
   std::string early = whole;
   const std::size_t rules = static_cast<unsigned char>(whole[counts + 88]);
   const std::string few = zip("few");
   early.replace(counts + 88 + rules, few.size(), few);
-  CHECK_THAT(refusal(early), Contains("does not hold the "));
+  CHECK_THAT(refusal(early), Contains("does not contain the "));
 }
 
 TEST_CASE("an EXR's list of blocks must lead to one", "[image][exr]") {
@@ -171,7 +174,7 @@ TEST_CASE("an EXR's list of blocks must lead to one", "[image][exr]") {
   for (const std::uint64_t place :
        {std::uint64_t{0}, std::uint64_t{file.size()}, ~std::uint64_t{0}}) {
     file.replace(list, 8, number(place, 8));
-    CHECK_THAT(refusal(file), Contains("the first block of the EXR has 0 bytes at place"));
+    CHECK_THAT(refusal(file), Contains("the first chunk of the EXR has 0 bytes at offset"));
   }
 }
 
@@ -184,15 +187,15 @@ TEST_CASE("an EXR in blocks of more than 256 MiB is refused unread", "[image][ex
   // Of two bytes: 2^27 texels are as many as there may be.
   CHECK(tiles(8192, 16384) == "nothing");
   CHECK_THAT(tiles(8193, 16384),
-             Contains("tiles of 8193 x 16384 texels with 2 bytes each; up to 256 MiB"));
+             Contains("tiles of 8193 x 16384 texels with 2 bytes per texel, but at most 256 MiB"));
   CHECK_THAT(tiles(1, 65537), Contains("tiles of 1 x 65537"));
-  CHECK_THAT(tiles(0xFFFFFFFF, 0xFFFFFFFF), Contains("save it in smaller ones"));
+  CHECK_THAT(tiles(0xFFFFFFFF, 0xFFFFFFFF), Contains("save it with smaller tiles"));
 }
 
 TEST_CASE("an EXR of luminance and chroma is refused with what to do", "[image][exr]") {
   CHECK_THAT(
       refusal(Made{.sampling = 2, .blocks = {std::string(8, '\1'), std::string(8, '\1')}}.file()),
-      Contains("fewer samples than texels") && Contains("convert it to RGB"));
+      Contains("subsampled channels") && Contains("convert it to RGB"));
 }
 
 TEST_CASE("an EXR whose values have not their types' lengths is refused", "[image][exr]") {
@@ -201,15 +204,16 @@ TEST_CASE("an EXR whose values have not their types' lengths is refused", "[imag
   std::string file = Made{.blocks = blocks}.file();
   const std::size_t at = file.find("v2f") + 4;
   CHECK(file.substr(at, 4) == number(8, 4));
-  CHECK_THAT(refusal(file.substr(0, at) + number(12, 4) + number(0, 4) + file.substr(at + 4)),
-             Contains("\"screenWindowCenter\" of its header has 12 bytes, where a v2f has 8"));
+  CHECK_THAT(
+      refusal(file.substr(0, at) + number(12, 4) + number(0, 4) + file.substr(at + 4)),
+      Contains("\"screenWindowCenter\" of the EXR header has 12 bytes, but its type v2f needs 8"));
   const std::size_t list = file.find("chlist") + 7;
   CHECK(file.substr(list, 4) == number(19, 4));
   CHECK_THAT(refusal(file.substr(0, list) + number(20, 4) + file.substr(list + 4, 19) + '\0' +
                      file.substr(list + 23)),
-             Contains("list of channels of the EXR is empty or has no end"));
+             Contains("channel list is empty or not terminated"));
   CHECK_THAT(refusal(file.substr(0, list) + number(1, 4) + '\0' + file.substr(list + 23)),
-             Contains("list of channels of the EXR is empty or has no end"));
+             Contains("channel list is empty or not terminated"));
 }
 
 TEST_CASE("an EXR with a channel of no known type is refused", "[image][exr]") {
@@ -219,7 +223,7 @@ TEST_CASE("an EXR with a channel of no known type is refused", "[image][exr]") {
   CHECK(file.substr(type, 4) == number(1, 4));
   for (const std::uint32_t unknown : {3U, 0x86000002U}) {
     CHECK_THAT(refusal(file.replace(type, 4, number(unknown, 4))),
-               Contains("of type " + std::to_string(unknown) + ", which there is not"));
+               Contains("the unknown sample type " + std::to_string(unknown) + ";"));
   }
 }
 
@@ -259,7 +263,7 @@ TEST_CASE("an EXR in parts announces a block of each, read or not", "[image][exr
   for (const std::string type : {"scanbad_alloc", "no memory now", "SCANLINEIMAGE"}) {
     std::string odd = two;
     odd.replace(odd.rfind(usual), usual.size(), type);
-    CHECK_THAT(refusal(odd), Contains("a part of the EXR is of no type that parts have"));
+    CHECK_THAT(refusal(odd), Contains("a part of the EXR has an unknown type"));
   }
 }
 
@@ -279,15 +283,16 @@ TEST_CASE("lists in an EXR's header end where they say", "[image][exr]") {
       std::string("Z") + '\0' + number(1, 4) + number(0, 4) + number(1, 4) + number(1, 4);
   CHECK(with("") == "nothing");
   CHECK(with(attribute("others", "chlist", channel + '\0')) == "nothing");
-  CHECK_THAT(with(attribute("others", "chlist", channel)), Contains("list of channels"));
+  CHECK_THAT(with(attribute("others", "chlist", channel)),
+             Contains("channel list is empty or not terminated"));
   CHECK_THAT(with(attribute("others", "chlist", channel + '\0' + '\0')),
-             Contains("list of channels"));
+             Contains("channel list is empty or not terminated"));
   CHECK_THAT(with(attribute("channels", "string", channel + '\0')),
-             Contains("the list of channels of the EXR is none"));
+             Contains("\"channels\" of the EXR header is not a channel list"));
   const std::string left = number(4, 4) + "left";
   CHECK(with(attribute("multiView", "stringvector", left + number(0, 4))) == "nothing");
   CHECK_THAT(with(attribute("multiView", "stringvector", left + number(1 << 30, 4) + "right")),
-             Contains("a list of texts in the EXR's header"));
+             Contains("a string in the EXR header extends past the end of its list"));
   CHECK_THAT(with(attribute("multiView", "stringvector", left + "abc")),
-             Contains("a list of texts in the EXR's header"));
+             Contains("a string in the EXR header extends past the end of its list"));
 }

@@ -251,7 +251,8 @@ TEST_CASE("what a format cannot hold is said before anything is written", "[imag
   CHECK_THAT(io::why_not_writable("a.jpg", rgba), Contains("alpha"));
   CHECK_THAT(io::why_not_writable("a.jpg", wide), Contains("65500"));
   CHECK(io::why_not_writable("a.png", wide).empty());
-  CHECK_THAT(io::why_not_writable("a.png", half_rgb), Contains("half") && Contains("8 or 16"));
+  CHECK_THAT(io::why_not_writable("a.png", half_rgb),
+             Contains("half") && Contains("8-bit or 16-bit"));
   CHECK_THAT(failure_of("a.gif", ErrorKind::usage), Contains("a.gif"));
   CHECK(io::writable_depth("a.png", Depth::float32) == Depth::u16);
   CHECK(io::writable_depth("a.jpeg", Depth::u16) == Depth::u8);
@@ -278,7 +279,7 @@ TEST_CASE("a PNG at the end of a scratch file has the bytes of one with a name",
   CHECK(bytes.substr(6) == test::read_file(folder.file("a.png")));
   CHECK(failure(ErrorKind::usage, [&] {
           ImageWriter(*scratch, {4, 4, 3, Depth::half, true, false});
-        }).find("8 or 16 bit integers, not half") != std::string::npos);
+        }).find("8-bit or 16-bit integers, not half") != std::string::npos);
 }
 
 TEST_CASE("a scratch file that fails ends the encoding with its reason", "[image][write]") {

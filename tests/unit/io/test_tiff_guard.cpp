@@ -308,7 +308,7 @@ TEST_CASE("a TIFF that does not say its bits is refused", "[image][tiff]") {
   layout.photometric = layout.samples = layout.bits = 1;
   CHECK(test::read_all(in_memory(tiff(layout))) == expected(layout));
   CHECK_THAT(refusal(tiff(layout, [](Entries& entries) { entries.erase(258); })),
-             Contains("does not say how many bits its samples have (field 258)"));
+             Contains("does not state its bits per sample (field 258)"));
 }
 
 TEST_CASE("a deflated strip that cannot be inflated is no picture", "[image][tiff]") {
@@ -341,7 +341,7 @@ TEST_CASE("a TIFF of colours that are not on the list is refused", "[image][tiff
     for (const std::uint32_t bits : {8U, 16U}) {
       cmyk.bits = bits;
       CHECK_THAT(refusal(tiff(cmyk)),
-                 Contains("a.tif: it is a TIFF of CMYK colours") && Contains("convert it to RGB"));
+                 Contains("a.tif: TIFF images of CMYK colours") && Contains("convert it to RGB"));
     }
     for (const auto& [photometric, name] :
          std::map<std::uint32_t, std::string>{{4, "mask"},
@@ -349,7 +349,7 @@ TEST_CASE("a TIFF of colours that are not on the list is refused", "[image][tiff
                                               {8, "CIELAB"},
                                               {32844, "LogL"},
                                               {32845, "LogLuv"},
-                                              {777, "kind 777"}}) {
+                                              {777, "type 777"}}) {
       Layout other;
       other.photometric = photometric;
       other.tiled = tiled;
@@ -376,13 +376,13 @@ TEST_CASE("a TIFF of samples that are not on the list is refused", "[image][tiff
   CHECK_THAT(refusal(tiff(of(2, 65, 8))), Contains("65 samples per texel"));
   for (const std::uint64_t format : {2ULL, 4ULL, 5ULL}) {
     CHECK_THAT(refusal(tiff(Layout{}, [&](Entries& e) { e[339].values = Values(3, format); })),
-               Contains("convert it to 8 or 16 bit"));
+               Contains("convert it to 8-bit or 16-bit unsigned"));
   }
   CHECK_THAT(refusal(tiff(Layout{},
                           [](Entries& e) {
                             e[258].values = {8, 8, 16};
                           })),
-             Contains("differ in their bits"));
+             Contains("differ in bit depth"));
 }
 
 TEST_CASE("compressed strips of one channel each are refused", "[image][tiff]") {
@@ -390,8 +390,8 @@ TEST_CASE("compressed strips of one channel each are refused", "[image][tiff]") 
     Layout layout;
     layout.planes = true;
     layout.coding = coding;
-    CHECK_THAT(refusal(tiff(layout)),
-               Contains("compressed strips for each channel") && Contains("save it interleaved"));
+    CHECK_THAT(refusal(tiff(layout)), Contains("separate compressed strips per channel") &&
+                                          Contains("save it interleaved"));
   }
 }
 
@@ -402,7 +402,7 @@ TEST_CASE("a TIFF of a compression that is not on the list is refused", "[image]
                                                                          {34887, "LERC"},
                                                                          {34925, "LZMA"},
                                                                          {50000, "Zstandard"},
-                                                                         {9999, "kind 9999"}}) {
+                                                                         {9999, "type 9999"}}) {
     CHECK_THAT(refusal(tiff(Layout{}, [&](Entries& e) { e[259].values = {coding}; })),
                Contains("compression is " + name) && Contains("save it with ZIP"));
   }
@@ -419,7 +419,7 @@ TEST_CASE("a tiled TIFF without the bits of its samples is refused", "[image][ti
                           })),
              Contains("a.tif"));
   CHECK_THAT(refusal(tiff(layout, [](Entries& e) { e.erase(258); })),
-             Contains("does not say how many bits"));
+             Contains("does not state its bits per sample"));
 }
 
 TEST_CASE("fields of a TIFF that contradict each other are refused", "[image][tiff]") {
@@ -431,10 +431,10 @@ TEST_CASE("fields of a TIFF that contradict each other are refused", "[image][ti
   const auto without = [&](const Layout& layout, int tag) {
     return refusal(tiff(layout, [&](Entries& e) { e.erase(tag); }));
   };
-  CHECK_THAT(without({}, 262), Contains("what its samples mean"));
-  CHECK_THAT(without({}, 279), Contains("where its strips are"));
-  CHECK_THAT(without(tiled, 324), Contains("where its tiles are"));
-  CHECK_THAT(without(tiled, 323), Contains("how high its tiles are"));
+  CHECK_THAT(without({}, 262), Contains("its photometric interpretation (field 262)"));
+  CHECK_THAT(without({}, 279), Contains("the offsets and sizes of its strips"));
+  CHECK_THAT(without(tiled, 324), Contains("the offsets and sizes of its tiles"));
+  CHECK_THAT(without(tiled, 323), Contains("its tile height (field 323)"));
   CHECK_THAT(with(tiled, 322, {24}, 3), Contains("tiles are 24 x 16"));
   CHECK_THAT(with(tiled, 322, {65536}), Contains("field 324") || Contains("tiles of 65536"));
   CHECK_THAT(with(tiled, 322, {16}, 2), Contains("field 322"));
@@ -443,12 +443,13 @@ TEST_CASE("fields of a TIFF that contradict each other are refused", "[image][ti
   CHECK_THAT(with({}, 273, {8, 900, 4000000000}), Contains("strip 3 of 3"));
   CHECK_THAT(with({}, 279, {888, 888, 1}), Contains("has 1 bytes"));
   // Rows of 111 bytes: 8, 8 and 5 of them. With another count libtiff read 7 of each strip.
-  CHECK_THAT(with({}, 279, {889, 888, 555}), Contains("have 889 and 888 bytes for as many rows"));
+  CHECK_THAT(with({}, 279, {889, 888, 555}),
+             Contains("have 889 and 888 bytes for the same number of rows"));
   CHECK(with({}, 279, {888, 888, 556}) == "nothing");
   CHECK_THAT(with({}, 258, {8, 8}, 3), Contains("field 258"));
   CHECK_THAT(with({}, 338, {2}, 3), Contains("field 338"));
-  CHECK_THAT(with({}, 284, {3}, 3), Contains("order of planes"));
-  CHECK_THAT(with({}, 256, {70000}), Contains("1 to 65536 each way"));
+  CHECK_THAT(with({}, 284, {3}, 3), Contains("planar configuration 3"));
+  CHECK_THAT(with({}, 256, {70000}), Contains("each side must be 1 to 65536"));
   Layout palette;
   palette.photometric = 3;
   palette.samples = 1;
