@@ -4,6 +4,14 @@
 //
 //   mesh + image ─▶ source stores ─▶ TexelSource ──┐ parts of its order ─▶ PLY, SPZ or glTF
 //   splat scene  ─▶ SceneGaussians ─▶ filter, cut ─┘
+//
+// A mesh and a scene are two jobs here, since nothing of their preparation is shared: a mesh is
+// read, binned and stored as a transfer's source is, a scene is read in place and not sorted. They
+// meet in write_gaussians(), which sees a gaussian::GaussianSource and nothing else.
+//
+// The output has the order of the source (docs/gaussians.md), whatever threads, budget and cache
+// are. So a mesh's Gaussians come from a TexelSource, which reads any range in that order, and not
+// from the store of --method gaussian, which has the order of its sort.
 #include "pounce/gaussians.h"
 
 #include <fmt/format.h>
@@ -49,6 +57,8 @@ TransferOptions as_transfer(const GaussiansOptions& o) {
   transfer.source_use.axes = o.axes;
   transfer.channels.transferred = {Channel::base_color};
   transfer.output = "colours.exr";  // a format that holds any image: nothing is written there
+  // Planning refuses a mesh without textures if no size is given. No image is written here, so any
+  // size will do.
   transfer.image.size = ImageSize{1, 1};
   transfer.image.colour_space = "lin_rec709";  // the primaries of Gaussians
   transfer.splats.filter = o.filter;
@@ -59,6 +69,8 @@ TransferOptions as_transfer(const GaussiansOptions& o) {
 }
 
 void refuse_over_input(const std::string& output, const std::vector<std::string>& inputs) {
+  // By identity, not by name: links and relative paths may lead to the same file. An output that
+  // does not exist yet is equivalent to nothing.
   for (const std::string& input : inputs) {
     std::error_code ignored;
     if (!input.empty() && std::filesystem::equivalent(output, input, ignored))
@@ -89,6 +101,8 @@ class MeshJob {
 
   void plan() {
     const StageTimer timer(job_.clock, "read");
+    // The cost of reading is checked before the mesh is read, since it may exceed the budget by
+    // far. All other needs are known only from the mesh.
     job_.meter.begin("read mesh", 1, "meshes", kAfterReading);
     require_early(job_, {reading_bytes(), "reading " + options_.source}, 0);
     const TransferOptions transfer = as_transfer(options_);
@@ -102,6 +116,8 @@ class MeshJob {
     options::refuse_unsuitable(options_,
                                options::Source::mesh);  // now that it is known to be a mesh
     plan_ = planning::plan_mesh(transfer, mesh_, planning::TexelsAs::surface, false);
+    // Coarsening replaces triangles by windows of texels (docs/decisions/022-coarse-sources.md). A
+    // ray does not notice, but shapes and numbers of Gaussians are those of the triangles.
     plan_.passes.front().source.exact = true;  // each of its texels is one
     planning::warn_of_repeats(request(), plan_.warnings);
     for (const auto* warnings : {&mesh_.warnings, &plan_.warnings}) {
@@ -131,6 +147,8 @@ class MeshJob {
   const surface::GeometryRequest& request() const { return plan_.passes.front().source; }
 
   job::LeastMemory least() const {
+    // Steps follow each other, so the largest decides. The mesh is held until the geometry store
+    // exists and is not counted for the writing that follows.
     const std::uint64_t contexts = job_.threads * store::Compressor::context_bytes();
     const std::uint64_t beside = contexts + mesh_.size_bytes();
     job::LeastMemory most{reading_bytes(), "reading " + options_.source};
@@ -152,6 +170,7 @@ class MeshJob {
     }
     const std::uint64_t building = surface::geometry_least_bytes(request(), job_.tile_cap_bytes);
     need(beside + building, "preconditioning " + options_.source);
+    // No block exists yet. Its size is bounded by what a triangle may take before compression.
     const std::uint64_t triangles =
         std::min<std::uint64_t>(mesh_.triangles.size(), store::kMostTrianglesPerBlock);
     const std::uint64_t reading =
@@ -179,6 +198,8 @@ class MeshJob {
     job_.count_store(store_->pack(), cached);
     if (directory.degenerate > 0)
       job_.report.source_filtered["degenerate triangles"] = directory.degenerate;
+    // The store has all that is left to read. The mesh goes before its lease does: the budget must
+    // not promise memory that is still in use.
     mesh_ = {};
     mesh_lease_ = {};
     job_.meter.end();
@@ -204,6 +225,9 @@ class MeshJob {
           options_.source +
               ": no triangle has both an area and a colour, so there is no Gaussian to write");
     }
+    // Each Gaussian of the source is written, or filtered for a reason, or passed over while it is
+    // read, since it lies in a UDIM tile without image. Nobody counts the last ones: they are the
+    // difference.
     auto& filtered = job_.report.source_filtered;
     for (const auto reason : {store::SplatFilter::not_finite, store::SplatFilter::sizeless}) {
       const auto found = filtered.find(store::filter_name(reason));
@@ -243,6 +267,8 @@ class SceneJob {
                       {source.lobes(), info.model, info.is_linear},
                       request_.keep,
                       options_.count};
+    // What the headers can refuse is refused before prepare(), which may write gigabytes of
+    // scratch.
     check_size(source, file);
     require_least(job_, least(source, file), 0);
     prepare();
@@ -264,6 +290,8 @@ class SceneJob {
     planning::SplatRequest request = planning::splat_request(as_transfer(options_));
     if (turns()) {
       request.axes = parse_axes(kHalfTurn);
+      // Filters see Gaussians after the rotation, so the box rotates as well. A rotation may
+      // exchange low and high corners: the new box is around both.
       if (auto& box = request.keep.box) {  // the user's, of the scene as it is stored
         const Vec3f lo = request.axes.apply(box->lo), hi = request.axes.apply(box->hi);
         box.emplace();

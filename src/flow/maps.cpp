@@ -1,6 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The target's projection maps as images: vectorization alone.
+//
+// Position, normal and ownership of each texel, as a transfer would start from them. They are
+// evaluated from the same kind of store that projection reads, so the maps show what the program
+// works with, seams and overlaps included. The requests are exact: no block stores rounded records
+// (docs/decisions/020-texel-records.md), so the stores of most transfers cannot be reused.
+//
+// One page after the other is vectorized and written. A page's three images are written one after
+// the other, and each decodes all blocks again. That costs decoding three times, but a row of
+// blocks of one image is all that is in memory.
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
@@ -84,6 +93,8 @@ class MapsJob {
   }
 
   std::string path_of(const planning::TargetPage& page, int map) const {
+    // All materials share the page, so <MATERIAL> has no value here: expand_pattern() refuses it as
+    // unknown. The same holds for tokens of tiles unless the pattern has them.
     std::map<std::string, std::string> values{
         {"CHANNEL", kMapNames[static_cast<std::size_t>(map)]},
         {"TARGET", std::filesystem::path(options_.target).stem().string()}};
@@ -98,6 +109,9 @@ class MapsJob {
       for (int map = 0; map < 3; ++map) paths.push_back(path_of(page, map));
     }
     planning::check_outputs(paths);
+    // The ending decides the depth, and endings do not depend on a page: what holds for the first
+    // page's names holds for all. Positions and normals are signed and unbounded, so integers
+    // cannot hold them.
     for (int map = 0; map < 3; ++map) {
       const std::string& path = paths[static_cast<std::size_t>(map)];
       const Depth depth = io::writable_depth(path, map == kMask ? Depth::u8 : Depth::float32);
@@ -233,6 +247,8 @@ class MapsJob {
 
   /// All blocks of the page at hand, in image order.
   std::vector<BlockPlace> places() {
+    // The store has its blocks in tiles of a k-d split, an image needs them row by row. The list is
+    // leased with the rows that are written.
     std::vector<BlockPlace> all;
     for (std::uint32_t tile = 0; tile < store_->directory().tiles.size(); ++tile) {
       for (const store::BlockEntry& entry : store_->read_index(tile, job_->compressor()))
@@ -241,6 +257,8 @@ class MapsJob {
     std::sort(all.begin(), all.end(), [](const BlockPlace& a, const BlockPlace& b) {
       return std::tie(a.y, a.x) < std::tie(b.y, b.x);
     });
+    // Two blocks at one place cannot come from pounce. They would be written by two threads at
+    // once.
     const auto twice = std::adjacent_find(all.begin(), all.end(), [](const auto& a, const auto& b) {
       return a.y == b.y && a.x == b.x;
     });
@@ -269,6 +287,8 @@ class MapsJob {
     std::size_t next = 0;
     for (std::uint32_t top = 0; top < spec.height; top += kBlockEdge) {
       const std::uint32_t count = std::min<std::uint32_t>(kBlockEdge, spec.height - top);
+      // Blocks are in image order, so those of this row are next in the list. They do not overlap,
+      // so threads fill the rows without a lock. What no block covers stays 0.
       PageVector<std::byte> rows(std::size_t{count} * spec.width * texel);
       std::size_t end = next;
       while (end < all.size() && all[end].y == static_cast<std::int32_t>(top / kBlockEdge)) ++end;
@@ -302,6 +322,8 @@ class MapsJob {
       std::byte* const at = rows.data() + (t / kBlockEdge * std::size_t{spec.width} + x) *
                                               spec.channels * store::depth_bytes(spec.depth);
       const surface::TargetBlock::Texel texel = block.texel(t);
+      // A position is written in the file's coordinates. Where these have an origin, single
+      // precision is coarse again, which a note has reported (planning::positions_note).
       const Vec3f v = map == 0 ? Vec3f(Vec3d(texel.position) + origin_) : texel.normal;
       const float samples[3] = {v.x, v.y, v.z};
       if (map != kMask) {

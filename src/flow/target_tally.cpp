@@ -4,6 +4,14 @@
 //
 // A result that is empty, mostly empty or far away is written all the same, but it is hardly what
 // somebody wanted: here it is said, with both boxes and the options that would change it.
+//
+// Pages arrive one after the other, and each pass brings the same page again. The target's own
+// numbers are those of the first channel of each page that is written; the other channels count for
+// themselves. Otherwise a texel would count once per channel.
+//
+// Warnings come last, once all pages are known, from the strongest finding to the weakest. One that
+// explains the rest ends the list: of a scene that does not fit, distances and coverage say nothing
+// more.
 #include "flow/target_tally.h"
 
 #include <fmt/format.h>
@@ -78,6 +86,8 @@ std::string steps_of(const projection::Pose& pose, double diagonal, Vec3d origin
   std::vector<std::string> steps;
   if (parts.axes != Axes{})
     steps.push_back(fmt::format("rotated with --target-axes {}", to_text(then(given, parts.axes))));
+  // A factor of two or more is taken for another unit of length. It is corrected where the model
+  // was exported, so it acts about 0, as --target-axes does.
   const bool is_unit = parts.scale > kUnits || parts.scale * kUnits < 1;
   if (is_unit) {
     steps.push_back(fmt::format(
@@ -179,6 +189,8 @@ void TargetTally::add_page(std::size_t pass, std::uint32_t page, std::uint64_t t
     const std::uint64_t covered = result == nullptr ? 0 : result->covered[i];
     image.state = covered == 0 ? "empty" : "not written";
     image.counts = {texels, covered, texels - covered, 0};
+    // The first channel that is written stands for its page, in whichever pass it comes. Its counts
+    // and its distances become the target's.
     if (page_states_[page] == PageState::unseen) {
       image_texels_ += std::uint64_t{image.width} * image.height;
       ++pages_counted_;
@@ -204,6 +216,8 @@ void TargetTally::count(const TexelCounts& counts, std::size_t channel) {
 }
 
 void TargetTally::wrote(std::size_t channel, std::uint64_t filled) {
+  // add_page() has added the entry as "not written". So the report of a job that fails in between
+  // names no file that does not exist. Images of a model become files only with the model.
   const std::string name = plan_.channels[channel].name;
   std::vector<ImageReport>& images = target().images;
   const auto image =
@@ -277,6 +291,8 @@ void TargetTally::warn_of_layers() {
 /// A scene's details need texels as large as its Gaussians, and UVs that use their images.
 void TargetTally::warn_of_waste() {
   const TargetReport& entry = target();
+  // A part of a mesh, or an image that is composited over, leaves most of its texels alone on
+  // purpose.
   const bool is_part = target_.painted_over || target_.in_part;
   if (entry.fill > 0 && entry.fill < kLittleFill && !is_part) {
     warn(
@@ -321,6 +337,7 @@ bool TargetTally::has_enough() const {
 
 /// Pages that stay as they were, or have no image, for want of a source.
 void TargetTally::warn_of_empty_pages() {
+  // One line per material, however many UDIM tiles it has.
   std::map<std::optional<std::uint32_t>, std::vector<std::size_t>> sets;  // by material
   for (std::size_t page = 0; page < page_states_.size(); ++page) {
     if (page_states_[page] == PageState::empty) sets[target_.pages[page].material].push_back(page);
@@ -410,6 +427,8 @@ void TargetTally::warn_of_doubt(const std::string& places) {
 
 bool TargetTally::is_in_question() {
   const TexelCounts& counts = target().counts;
+  // A cheap question before an expensive one: the search for a better pose is made only if few
+  // texels lie at the surface.
   if (source_.places().empty() || counts.texels == 0) return false;
   // In whole sixteenths of the maximum distance.
   const double bin = double{target_.max_distance} / kDistanceBins;

@@ -7,6 +7,10 @@
 //   target mesh ─▶ vectorize ────▶ target store ─┘
 //
 // Stages are functions from values to values; threads, memory and files are wired in this folder.
+//
+// run_job() may call run_transfer() twice: again, with `rebuild`, if a pack of the cache turned out
+// to be damaged. Everything is planned anew then. What must survive the first attempt is in
+// job::JobRun, such as which outputs it wrote.
 #include "pounce/transfer.h"
 
 #include "flow/transfer.h"
@@ -44,6 +48,9 @@ void run_transfer(const TransferOptions& options, const job::TestKnobs& knobs, j
   source.build({kAfterReading, kAfterSource}, plan.least_target_texels());
   // From here on only stores are read, never the source's files.
   const double share = (1 - kAfterSource) / static_cast<double>(plan.targets());
+  // Two rounds with --skip-existing: a target whose missing outputs are all in work elsewhere is
+  // left for the end. Jobs that start together thus spread over the targets and do not queue at the
+  // first one.
   std::vector<std::size_t> left;  // to other jobs with --skip-existing
   const auto make = [&](std::size_t t, OthersWork others) {
     const double begin = kAfterSource + share * static_cast<double>(t);

@@ -3,6 +3,13 @@
 // All that is decided before any work, so that whatever is wrong is said before it: the source,
 // then each target, then what all of it needs of memory and disk. Several targets are read one
 // after the other here, and again when their turn comes: only one of their meshes is in memory.
+//
+// The source decides channels, sizes and passes, a target decides pages and names. Needs of memory
+// are collected as (bytes, reason), one for each step of the job, with what is held beside that
+// step; the largest one is the least budget that works (job/memory_needs.h). A step that is missing
+// here is not noticed while planning: it ends a job in its middle, at small budgets only.
+//
+// Planning has costs of its own. Before a mesh is read, require_early() refuses what is hopeless.
 #include "flow/transfer_plan.h"
 
 #include <fmt/format.h>
@@ -72,7 +79,10 @@ void TransferPlan::make(double end) {
   source_ = open_source(job_, options_, !model_pattern_.empty(), knobs_);
   source_->make_plan(needs_, disk, [this](const mesh::Mesh& mesh) { check_order(mesh); });
   plan_source();
+  // The source first: channels and sizes of the outputs follow from it, and so do requests and
+  // names of the targets.
   for (const std::string& path : options_.targets) plan_target_side(path, disk);
+  // The source's stores are built while the target that was planned last is in memory.
   const std::uint64_t meshes = source_->held_bytes() + target_.mesh.size_bytes();
   for (const job::LeastMemory& step : source_->build_needs())
     needs_.add(contexts() + meshes + step.bytes, step.why);
@@ -80,6 +90,7 @@ void TransferPlan::make(double end) {
   job_.report.disk_most = disk.forecast();
   job_.report.disk_most->scratch_limit_bytes = job_.scratch_limit_bytes;
   job_.note(planning::scratch_note(*job_.report.disk_most));
+  // All targets together, since two of them may produce one name.
   planning::check_all_outputs(options_, source_->plan(), outputs_, inputs_);
   if (job_.plan_only) job_.report.outputs = outputs_;
   const std::uint64_t tables = source_->plan().table_bytes;
@@ -88,6 +99,7 @@ void TransferPlan::make(double end) {
   target_.mesh_lease = runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
   compressors_lease_ = runtime::Lease(job_.budget, contexts(), "the compressors");
   tables_lease_ = runtime::Lease(job_.budget, tables, "the tables of --ocio");
+  // Naming reads every input. Of several targets each is named when its turn comes.
   if (options_.targets.size() == 1 && !job_.plan_only) name_jobs();
 }
 
@@ -163,6 +175,7 @@ void TransferPlan::need_target(const std::string& path) {
   if (target_.model) {
     needs_.add(target_.model->least_bytes() + contexts(), "writing " + target_.model->path());
   }
+  // The source is read alone, a target beside what the source left in memory.
   needs_.add(std::max(source_->reading_bytes(), source_->held_bytes() + reading_bytes(path)),
              "reading " + options_.source + " and " + path);
   if (options_.targets.size() == 1) return;
@@ -207,6 +220,8 @@ void TransferPlan::need_pass(std::size_t p) {
 
 PlannedTarget& TransferPlan::target(std::size_t t) {
   if (options_.targets.size() > 1) {
+    // Only one target's mesh is in memory, so it is read and planned again. Its warnings were
+    // reported by make(). With --skip-existing more outputs may be up to date by now.
     const StageTimer timer(job_.clock, "read");
     target_ = {};
     const std::string& path = options_.targets[t];
@@ -267,6 +282,7 @@ void TransferPlan::plan_one(const std::string& path) {
   for (auto& images : target_.plan.images) {
     for (planning::ImageOutput& image : images) image.stripe_rows = knobs_.stripe_rows;
   }
+  // A model takes its images' names and outputs over, so --skip-existing must look after it.
   if (!model_pattern_.empty()) {
     target_.model.emplace(model_pattern_, source_->plan(), options_.allow_external, target_.plan);
   }
@@ -331,6 +347,7 @@ bool TransferPlan::keeps_model(planning::FileTime inputs) {
   }
   std::vector<std::string> by_time;
   for (const std::string& output : plan.outputs) {
+    // What an attempt before this one wrote is no earlier work: it may come from the damaged pack.
     if (job_.run.written_before.count(output) > 0) return false;
     const auto job = jobs.find(output);
     const bool keeps = job == jobs.end()  // a buffer or an image that was copied

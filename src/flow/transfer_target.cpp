@@ -10,6 +10,13 @@
 //
 // With --skip-existing several jobs may be at the same outputs, and share them: each claims what it
 // makes next, looks whether it was made meanwhile, and leaves for later what another has claimed.
+//
+// A claim is held for one step, or for a whole model, and nobody waits for a claim while holding
+// one. So two jobs on the same outputs cannot wait for each other
+// (docs/decisions/039-output-claims.md).
+//
+// The target's mesh stays until its last page is vectorized, but projecting and writing a page read
+// its blocks only. Scratch packs of results belong to a step: the next step's replaces them.
 #include "flow/transfer_target.h"
 
 #include <fmt/format.h>
@@ -48,6 +55,8 @@ class TargetTransfer {
         range_(range) {}
 
   bool run(OthersWork others) {
+    // The order matters. What may end this visit without a trace comes first: nothing is counted or
+    // reported of a target that is left for later.
     std::vector<Step> steps = steps_to_make();
     if (policy_.skips_existing && others == OthersWork::leave && !steps.empty() &&
         !is_any_free(steps))
@@ -55,6 +64,7 @@ class TargetTransfer {
     std::optional<job::OutputClaim> model_claim;
     if (policy_.skips_existing && target_.model && !steps.empty()) {
       model_claim = await_model();
+      // Another job may have finished the model between planning and this claim.
       if (is_model_made()) keep_model(steps);
     }
     tally_.emplace(policy_.min_coverage_percent, source_, target_.plan,
@@ -64,6 +74,7 @@ class TargetTransfer {
       return true;
     }
     find_occupied();
+    // Both need the mesh, which goes while pages are made.
     places_ = surface::strew(target_.mesh, source_.target_places());
     const double area = surface::surface_area(target_.mesh);
     make(std::move(steps));
@@ -105,6 +116,8 @@ class TargetTransfer {
   void make(std::vector<Step> steps) {
     steps_done_ = steps_of_all() - steps.size();
     job_.meter.keep(fraction(0));
+    // A round tries all steps once. Those that others have claimed are tried again in the next
+    // round, and only a round that could claim nothing waits.
     while (!steps.empty()) {
       std::vector<Step> others;
       for (std::size_t i = 0; i < steps.size(); ++i) {
@@ -116,6 +129,8 @@ class TargetTransfer {
         job_.waiting.reset();
         job_.meter.resume();
         keep_what_others_made(steps[i]);
+        // The mesh goes with the last step only if no step is left to other jobs: one that fails or
+        // is killed leaves its steps to this one.
         if (has_work(steps[i])) make_images(steps[i], i + 1 == steps.size() && others.empty());
         ++steps_done_;
         job_.meter.keep(fraction(0));  // what of its share took no work
@@ -149,6 +164,8 @@ class TargetTransfer {
 
   void keep_what_others_made(const Step& step) {
     if (!policy_.skips_existing || target_.model) return;
+    // Times are not asked here, only recorded jobs: what is younger than the inputs but records no
+    // job was decided while planning.
     for (const std::size_t c : source_plan_.passes[step.pass].channels) {
       planning::ImageOutput& image = target_.plan.images[c][step.page];
       if (image.keep || job_.run.written_before.count(image.path) > 0 || !planning::is_made(image))
@@ -261,6 +278,8 @@ class TargetTransfer {
 
   void transfer_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target) {
     const std::uint64_t texels = target.directory().texels;
+    // Without texels a UDIM tile gets no file and a model's material stays as it is. A single image
+    // is written even if it is empty: its user has named it.
     if (texels == 0 && target_.plan.by_tile) return;
     if (texels == 0 && target_.model) return tally_->add_page(p, page, 0, nullptr);
     const job::ScratchPack results_go(job_, store::PackKind::results);
@@ -289,6 +308,8 @@ class TargetTransfer {
     const StageTimer timer(job_.clock, "project");
     job_.meter.begin(page_title("project", page), target.directory().texels, "texels",
                      fraction(kVectorizeShare + kProjectShare));
+    // Once for all pages: coverage depends on the fit, so it must not depend on the page or on
+    // --tiles.
     if (!fit_) {
       fit_ = source_.fit(places_, target_.plan);
       if (fit_) tally_->fits(*fit_);
@@ -303,6 +324,7 @@ class TargetTransfer {
   }
 
   static void add_nodes(const std::vector<NodeReport>& page, std::vector<NodeReport>& all) {
+    // Every page has the same graph, so nodes are matched by their position.
     if (all.empty()) return void(all = page);
     for (std::size_t n = 0; n < all.size(); ++n) {
       all[n].runs += page[n].runs;
@@ -334,6 +356,7 @@ class TargetTransfer {
       const WrittenTexels written =
           write_image(job_, image, source_plan_.channels[c].format, *result.pack, result.blocks[i],
                       target_.model ? &target_.model->sink(job_) : nullptr);
+      // From here on a second attempt would composite over its own result.
       job_.run.painted_in_place = job_.run.painted_in_place || in_place;
       tally_->wrote(c, written.filled);
       count_clipped(c, (written.any_fresh ? result.clipped[i] : 0) + written.clipped, image.path);
@@ -346,6 +369,7 @@ class TargetTransfer {
     }
     job_.report.bytes_read += result.pack->bytes_read();
     if (target_.plan.by_tile) {
+      // Sorted, each once: passes and targets bring the same tiles again.
       std::vector<int>& udims = job_.report.udims;
       const auto udim = static_cast<int>(target_.plan.pages[page].udim);
       const auto at = std::lower_bound(udims.begin(), udims.end(), udim);

@@ -9,6 +9,10 @@
 //   blend: sums become colours
 //
 // The blend is a sum over all that a ray meets (projection/ray_blend.cpp), so one pass is enough.
+//
+// Most texels meet Gaussians within the first reach and are done. Only the others look twice as
+// far, again and again up to the maximum distance. So the reach of a texel depends on what it meets
+// alone, and a large --max-distance costs time only where nothing is near (docs/paper.md).
 #include "flow/project/gaussians.h"
 
 #include <algorithm>
@@ -36,6 +40,8 @@ class GaussianMethod : public SplatMethodBase<GaussianProjection, projection::Ra
 
   /// A reach without any Gaussians goes by here.
   std::uint64_t fetch(Work& work) const {
+    // A walk lives as long as its reach. Groups are closed and widened only when all blocks of the
+    // reach have passed: until then a texel that has met nothing may still do.
     drop_batch(work);
     while (!work.state.open.empty()) {
       if (!work.walk)
@@ -57,6 +63,8 @@ class GaussianMethod : public SplatMethodBase<GaussianProjection, projection::Ra
     projection::count_distances(work.state, request_.limits.max_distance, work.distances);
     const auto value_of = [&](std::size_t, std::size_t p,
                               int lane) -> std::optional<shading::TexelValue> {
+      // No Gaussian on the ray is no colour: the texel is not covered, which is not the same as
+      // transparent.
       const auto colour = projection::ray_colour(work.state.sums[p], lane);
       if (!colour) return std::nullopt;
       return shading::TexelValue{*colour, request_.has_alpha ? 4U : 3U, request_.linear,

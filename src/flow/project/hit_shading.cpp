@@ -3,6 +3,10 @@
 // A block's texels one channel after the other, in each packet after packet: sixteen lookups go
 // side by side where images and kernel allow it (PacketBlend), to the bits that one by one gives.
 // What is left is blended alone: float images, hits near a tile's border, constants.
+//
+// Images differ from channel to channel, hits do not: the packets of a block are visited once for
+// each channel. A channel of a block begins with an empty window of decoded tiles, in which most
+// lookups of the block find their tile.
 #include "flow/project/hit_shading.h"
 
 #include <algorithm>
@@ -37,6 +41,8 @@ class BlockShading {
     BlockBlend blend{{}, {*lookup_.lanes, lookup_.blend, *lookup_.levels}};
     std::uint64_t covered = 0;
     std::optional<BlockFrames> own;
+    // Frames are read again from the target's store, here and not at the beginning of the piece: so
+    // no piece holds them while it searches.
     if (channel.shape && is_normal(*channel.shape)) own.emplace(job_, target_, work.blocks[b]);
     for (std::uint32_t p = first; p < last; ++p) {
       const projection::HitPacket& hit = work.state.hits[p];
@@ -63,6 +69,8 @@ class BlockShading {
       }
     }
     work.covered[c] += covered;
+    // A block without a covered texel is not stored at all: writing images takes a missing block as
+    // empty.
     if (covered == 0) return;
     finish_block(job_, channel.format, result, c, b, work);
   }
@@ -105,6 +113,8 @@ class BlockShading {
   /// to `clipped`. False: it met a UDIM tile without image.
   bool store_colour(const ChannelOutput& channel, const HitWork& work, std::size_t packet, int lane,
                     BlockBlend& blend, std::byte* out, std::uint64_t& clipped) const {
+    // From the most special case to the most general one. Where several apply, all give the same
+    // bits: it must not show which lanes happened to share a packet.
     if (blend.packet.has_texel(lane)) {
       std::memcpy(out, blend.packet.texel(lane), channel.format.texel_bytes());
       return true;
@@ -127,6 +137,9 @@ class BlockShading {
     const PageImage image = image_at(page, place_of(hit, lane));
     if (image.column == nullptr) return false;
     const auto lookups = image.lookups(footprint(work, packet, lane));
+    // Nothing changes the samples on their way into the output, so the integer sum itself is
+    // rounded. With any conversion, factor or mean the value must stay unrounded until the output's
+    // format stores it.
     if (lookups.single() && image.input == nullptr && !page.factor && !vertices &&
         channel.format.keeps(image.directory())) {
       const ColourPlace at = blend.window.find(image);
@@ -170,6 +183,7 @@ class BlockShading {
     const projection::HitPacket& hit = work.state.hits[packet];
     const PageColour& page = channel.pages[static_cast<std::size_t>(hit.page[lane])];
     if (page.column == nullptr && page.tile_set == nullptr) return page.constant;
+    // A vector of a normal map is no colour: it is read as the map states it, never times alpha.
     shading::TexelFormat straight = channel.format;
     straight.premultiplied = false;
     if (blend.packet.has_samples(lane)) return lanes_value(page, blend.packet, lane, straight);
@@ -251,6 +265,8 @@ void HitShading::shade(HitWork& work) const {
   work.raw_bytes.resize(channels_.size());
   work.covered.resize(channels_.size());
   work.clipped.resize(channels_.size());
+  // Packets are in the order of their blocks, so counts per block, added up, are the blocks'
+  // ranges.
   std::vector<std::uint32_t> first_packet(work.blocks.size() + 1, 0);
   for (const auto& packet : work.state.packets) ++first_packet[packet.block + 1];
   for (std::size_t b = 0; b < work.blocks.size(); ++b) first_packet[b + 1] += first_packet[b];

@@ -69,6 +69,9 @@ std::uint64_t known_state_bytes(std::uint32_t texels, std::uint64_t result_texel
 }
 
 /// Shades a page without a search: fetch reads hits instead of texels, and nothing of the source.
+/// The graph is that of a search, so pieces, order of results and leases are, too. fetch says at
+/// once that there is no more of the source, and a piece goes from there to blend; bin and hit
+/// never run.
 class KnownMethod {
  public:
   static constexpr PieceSize kPieceSize{32ULL << 20, 2};
@@ -111,6 +114,8 @@ class KnownMethod {
  private:
   void add_block(std::uint32_t b, Work& work) const {
     const store::BlockEntry& entry = work.blocks[b];
+    // The pack may be anybody's who can write to the cache. More hits than the target's block has
+    // texels would exceed the lease of the piece, which counts texels.
     const auto raw = hits_->read(static_cast<std::uint32_t>(entry.x),
                                  static_cast<std::uint32_t>(entry.y), job_->compressor());
     if (raw.empty()) return;
@@ -190,6 +195,8 @@ std::uint64_t known_least_bytes(std::uint64_t result_texel_bytes, std::uint64_t 
 
 HitKeeper::HitKeeper(job::JobContext& job, const MeshProjection& request)
     : job_(job), facts_(facts_of(request)), target_(*request.target) {
+  // The claim on the key, taken by find_hits(), passes to the pack that is created here. Other jobs
+  // that want these hits wait until it is published or given up.
   const store::HitGrid grid(facts_.image);
   index_lease_ = runtime::Lease(job.budget, 2 * grid.index_bytes(), "the index of the hits");
   while_stored([&] {
@@ -206,6 +213,8 @@ void HitKeeper::while_stored(const Step& step) {
   try {
     step();
   } catch (const Error& e) {
+    // A disk that is full costs the next job a search, not this one its result. Everything else,
+    // such as a cancelled job, ends it as usual.
     if (e.kind() != ErrorKind::storage) throw;
     writer_.reset();
     refusal_ = e.what();
@@ -213,6 +222,8 @@ void HitKeeper::while_stored(const Step& step) {
 }
 
 void HitKeeper::encode(HitWork& work, float max_distance) const {
+  // By block of the target, not by piece: how pieces are cut depends on the budget, and a later job
+  // with another budget must find its blocks.
   work.hits.resize(work.blocks.size());
   work.hit_bytes.resize(work.blocks.size());
   std::vector<std::byte> raw;

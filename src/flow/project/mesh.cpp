@@ -11,6 +11,10 @@
 // A piece that meets more source than its batch holds goes through it batch by batch: the best hit
 // of a texel is a minimum, so batches may be cut anywhere. What the leases leave keeps decoded
 // source blocks for the next pieces.
+//
+// Correctness does not depend on heights, batches, threads or on which piece was first: the winner
+// is the least (key, triangle number) of all that a texel may hit
+// (docs/decisions/007-search-heights-final-key.md). What is tuned here saves work only.
 #include "flow/project/mesh.h"
 
 #include <algorithm>
@@ -37,6 +41,9 @@ std::uint64_t batch_cost(std::uint64_t triangles, std::uint64_t patches, bool wi
   return surface::SourceBlock::decoded_bytes(triangles, patches, with_shape) + patches * 128;
 }
 
+/// What the texels of one target block hold in a piece, at most: packets with hits and rays, what
+/// the block is read from (triangles with their axes, or records), and the results of all channels.
+/// A term that is missing is no error at run time. It shows as a process that exceeds its budget.
 std::uint64_t block_state_bytes(std::uint32_t texels, std::uint32_t triangles,
                                 std::uint64_t result_texel_bytes, bool with_points) {
   const std::uint64_t packets = surface::TargetBlock::most_packets(texels);
@@ -99,6 +106,8 @@ class SurfaceMethod {
   }
 
   std::uint64_t least_batch_bytes() const {
+    // The largest block and its chunk, by the word of the store's directory: check_largest() finds
+    // out whether it is true where a budget turns out too small.
     const store::GeometryDirectory& d = source_->store().directory();
     return batch_cost(d.most_triangles, d.most_patches, with_shape_) +
            grid::PatchGrid::most_bytes(0) + 3 * std::uint64_t{d.largest_chunk_bytes};
@@ -120,6 +129,8 @@ class SurfaceMethod {
   }
 
   /// Height after height: every source block that the open texels may meet goes past them.
+  /// A height ends when its walk does. Closing a group earlier would be wrong: one of the blocks to
+  /// come may have a better hit within the height.
   std::uint64_t fetch(Work& work) const {
     work.grid.reset();
     work.batch.clear();
@@ -143,6 +154,7 @@ class SurfaceMethod {
 
   void hit(Work& work) const {
     projection::search_batch(*work.grid, heights_[work.height], limits_, *kernels_, work.state);
+    // New winners are evaluated while their facets are in memory: the batch is dropped after this.
     if (with_points_) work.points.follow(work.state, work.batch);
     if (work.walk->done()) end_height(work);
   }
@@ -250,6 +262,10 @@ std::uint64_t project_least_bytes(std::uint32_t most_triangles, std::uint32_t mo
                                   std::uint32_t largest_chunk_bytes,
                                   std::uint64_t result_texel_bytes, std::uint64_t colour_tile_bytes,
                                   bool with_shape) {
+  // What fixed_bytes(), least_batch_bytes() and state_bytes() give for the worst block, from bounds
+  // that planning has before any store exists. A change there belongs here, too. Left out are the
+  // grid of an empty batch, a page, and hits: these are kept only where the budget is much larger
+  // (may_keep_hits()).
   return kPieceScratch + shading_bytes(colour_tile_bytes) +
          batch_cost(most_triangles, most_patches, with_shape) +
          3 * std::uint64_t{largest_chunk_bytes} +

@@ -1,4 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Sixteen lookups side by side (docs/decisions/040-blend-lanes.md).
+//
+// The lanes of a packet are close together on the target, so mostly they need the same image, the
+// same level and the same tile. Nothing guarantees that. So lanes are grouped: by page and image
+// here, then by level, then by tile in projection/lane_lookups.h. Each group is blended under a
+// mask of its lanes, so a packet on a chart's border is as right as any.
+//
+// A lane gets one of three results: a finished texel (`rounded_`), samples that shading has yet to
+// convert (`blended_`), or neither, and then it is blended alone. The last are lanes without an
+// image of 8 bits: floats, constants, UDIM tiles without image. A filter without a kernel for lanes
+// leaves all of them alone.
 #include "flow/project/packet_blend.h"
 
 #include <bit>
@@ -36,6 +48,9 @@ void PacketBlend::look_up(std::span<const PageColour> pages, const projection::H
   lanes_.lookups(footprints_, last_level_, lookups_);
   for (auto& channel : means_) channel.fill(0);
   Mask kept = 0;
+  // Where the output stores samples as the image holds them, one lookup is rounded from its integer
+  // sum at once. A mean of several is a sum of doubles: it is rounded at the end, when all sets
+  // were added.
   for (Mask left = found; left != 0;) {
     const std::size_t first = first_of(left);
     const Mask group = like(first, left);
@@ -45,6 +60,8 @@ void PacketBlend::look_up(std::span<const PageColour> pages, const projection::H
     if (const Mask single = group & lookups_.single; single != 0)
       add_single(first, single, keeps_samples, window);
     for (std::size_t s = 0; s < 2; ++s) {
+      // The second set is that of the next level, mixed in near the end of a level's range
+      // (docs/decisions/033-footprints.md).
       Mask several = group & ~lookups_.single & (s == 0 ? ~0U : lookups_.two);
       while (several != 0) {
         const std::size_t lane = first_of(several);
@@ -88,6 +105,7 @@ PacketBlend::Mask PacketBlend::find_images(std::span<const PageColour> pages,
     image = image_at(page, place_of(hit, l));
     if (image.column == nullptr || image.directory().depth != Depth::u8) continue;
     const projection::Footprint footprint = image.on_image(footprint_at(hit, texels, axes, l));
+    // Neighbouring lanes mostly share an image: its number of levels is asked for once.
     if (image.column != before) {
       before = image.column;
       last_level = static_cast<std::int32_t>(shading::last_level(image.directory()));
@@ -121,6 +139,7 @@ bool PacketBlend::keeps(std::size_t lane, const shading::TexelFormat& format) co
 }
 
 const FootprintLookupsLanes* PacketBlend::sharpening(Mask lanes) const {
+  // Null where no lane asks for it: kernels skip the work for the whole packet.
   std::int32_t any = 0;
   for_each_lane(lanes,
                 [&](std::size_t lane) { any |= lookups_.across[lane] | lookups_.down[lane]; });

@@ -1,6 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A target cut into pieces under the budget.
+//
+// A lease has three parts: what a piece needs in any case (`fixed`), a batch of source blocks, and
+// the state of its texels. Half of what `fixed` leaves of a share goes to the batch, the rest to
+// texels. More batch means fewer rounds per piece; more texels mean fewer pieces, which would read
+// the same source blocks again.
+//
+// A share is a wish. A target block that needs more is a piece of its own, and a batch holds the
+// largest source block in any case. Both may exceed the share, so cut_target() checks that the
+// largest piece fits the budget before any work begins.
 #include "flow/project/pieces.h"
 
 #include <algorithm>
@@ -23,6 +32,8 @@ PieceList cut_pieces(job::JobContext& job, const store::GeometryStore& target, s
                      const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes) {
   PieceList list;
   for (std::uint32_t t = 0; t < target.directory().tiles.size(); ++t) {
+    // A piece never reaches into another tile: it reads one page of the index, and its blocks are
+    // neighbours in space.
     const auto blocks = target.read_index(t, job.compressor());
     Piece piece{t, 0, 0};
     std::uint64_t state = 0;
@@ -54,6 +65,8 @@ CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
   CutTarget cut;
   const std::uint64_t share = budget_share(job, most);
   cut.batch_bytes = std::max(least_batch, share > fixed ? (share - fixed) / 2 : 0);
+  // A piece that settles is admitted with the least batch. What it lacks of a full one may be added
+  // when its texels are known (docs/decisions/046-splat-leases.md), so it is no part of its cost.
   cut.more_bytes = most.settles ? cut.batch_bytes - least_batch : 0;
   const std::uint64_t taken = fixed + cut.batch_bytes;
   std::uint64_t blocks = 0;
@@ -63,6 +76,7 @@ CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
                           most.most_blocks, state_bytes);
   const std::vector<std::uint64_t>& costs = cut.pieces.costs;
   if (!costs.empty()) {
+    // Taken and returned at once: it throws where the largest piece does not fit.
     const runtime::Lease fits(job.budget, *std::max_element(costs.begin(), costs.end()),
                               "projecting one block of the target");
   }

@@ -4,6 +4,10 @@
 //
 // They come in the order in which pieces are finished, and are found again by an index that is in
 // memory: 16 bytes per block and channel.
+//
+// Images need rows from top to bottom, and padding needs the rows below as well. Waiting for those
+// in memory would cost an image's size; on disk it costs a scratch file. The index is not part of
+// the pack, which nobody else opens.
 #include "flow/project/results.h"
 
 #include "mesh/lattice.h"
@@ -56,6 +60,7 @@ std::uint64_t ResultCollector::store(const PieceWork& work) {
     for (std::size_t c = 0; c < result_.blocks.size(); ++c) {
       const auto& stored = work.stored[c][b];
       if (stored.empty()) continue;
+      // The second block would silently replace the first one.
       if (result_.blocks[c][slot].raw_bytes != 0) target_.damaged("duplicate block");
       result_.blocks[c][slot] = writer_->append(store::ChunkKind::block, stored, work.raw_bytes[c]);
       bytes += stored.size();
@@ -70,6 +75,7 @@ std::uint64_t ResultCollector::store(const PieceWork& work) {
 }
 
 PageResult ResultCollector::finish() {
+  // A pack ends with a directory. This one's is empty.
   std::vector<std::byte> nothing(1), stored;
   job_.compressor().compress(nothing, stored);
   writer_->finish(writer_->append(store::ChunkKind::directory, stored, 1));

@@ -29,6 +29,9 @@ using Base = SplatMethodBase<SplatProjection, projection::SplatState>;
 class SplatMethod : public Base {
  public:
   /// What the Gaussians go past the texels for.
+  /// first_batch ends with the first fetch, which shows whether that was all: then `whole` finds
+  /// surface and sums in one go. Otherwise `profile` runs over all batches, and `sum` over all of
+  /// them again.
   enum class Pass : std::uint8_t { first_batch, whole, profile, sum, done };
   struct Work : Base::Work {
     Pass pass = Pass::first_batch;
@@ -45,6 +48,8 @@ class SplatMethod : public Base {
     return begun + std::min(room, work.met_bytes);
   }
   void settle(Work& work, std::uint64_t bytes) const {
+    // What the piece got may be less than it wanted. Profiles are needed in two passes only, so
+    // they are part of the batch's bytes until it is known that there are two.
     work.batch_bytes = bytes - begun_bytes(work);
     work.sifts = work.met_bytes > work.batch_bytes;
     if (work.sifts) work.batch_bytes -= profile_bytes(work);
@@ -57,6 +62,9 @@ class SplatMethod : public Base {
     drop_batch(work);
     while (work.pass != Pass::done) {
       if (!work.walk->done()) {
+        // A batch that is sifted may come out empty although its walk has ended: nothing of these
+        // blocks is near. Passing it on would make the graph think that there is no more of the
+        // source.
         const std::uint64_t bytes = work.sifts ? sift(work) : take(work);
         if (work.pass == Pass::first_batch)
           work.pass = work.walk->done() ? Pass::whole : Pass::profile;
@@ -138,6 +146,8 @@ class SplatMethod : public Base {
       work.pass = Pass::done;
       return;
     }
+    // All profiles are complete only now. Sums that began earlier would weigh Gaussians by an
+    // occlusion that is not known yet.
     projection::find_surfaces(request_.limits, *request_.kernels, work.state);
     work.pass = Pass::sum;
     work.walk.emplace(*request_.source, boxes(work));
@@ -156,6 +166,7 @@ projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& reque
                               float usual_reach) {
   // As many packets as a full block has at most, so that projecting one takes as much memory.
   static_assert(surface::kStrewnPlaces == SplatMethod::most_packets());
+  // No graph: one work, led by hand through the members that the graph's nodes call.
   const SplatMethod method(job, request);
   SplatMethod::Work work;
   const std::uint64_t bytes =
