@@ -1,4 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The images of a mesh, opened as columns of colour tiles, and which of their tiles are stored at
+// all.
+//
+// A mesh may show a corner of an atlas only. Then the tiles around its triangles are kept, and rows
+// below the last of them are not even decoded (docs/stages/1-precondition.md). That is a guess
+// which must be safe to get wrong: a lookup may reach a tile that was left out, and a level is made
+// of the whole image. WholeColumn then builds the image as a whole, in the middle of the
+// projection. The result is the same, so the guess may depend on the budget.
+//
+// Three kinds of images are kept whole from the start: those of few tiles, those of UDIM sets, and
+// all of a job whose targets see many source texels at once and would need levels anyway.
 #include "flow/sources/columns.h"
 
 #include <fmt/format.h>
@@ -105,6 +117,8 @@ WantedTiles little_shown(const planning::SourcePlan& plan) {
   }
   WantedTiles shown(plan.columns.size());
   for (std::size_t c = 0; c < masks.size(); ++c) {
+    // The forecast of disk space (planning/disk.cpp) counts on the half: some tiles, and later all
+    // of them, take one and a half images at most.
     const bool is_little = masks[c] != nullptr && 2 * masks[c]->count() <= masks[c]->tiles();
     if (is_little) shown[c] = std::move(masks[c]);
   }
@@ -117,6 +131,8 @@ WantedTiles tiles_shown(const job::JobContext& job, const planning::SourcePlan& 
     if (texels_shown(pass) > kFromAfar * static_cast<double>(target_texels)) return {};
   }
   for (std::size_t c = 0; c < wanted.size(); ++c) {
+    // Building it later needs a lease beside the projection's. Where the budget has no space for
+    // that, it is built whole now, when nothing else runs.
     const std::uint64_t later = colour_least_bytes(request_of(plan.columns[c]));
     if (job.report.least_memory_bytes + later > job.budget.limit()) wanted[c] = nullptr;
   }
@@ -137,8 +153,11 @@ SourceColumns build_columns(job::JobContext& job, const planning::SourcePlan& pl
     if (requests.back().wanted != nullptr)
       later_bytes = std::max(later_bytes, colour_least_bytes(requests.back()));
   }
+  // One lease for all of them: columns are completed one at a time, under JobContext::making.
   made.whole_lease = runtime::Lease(job.budget, later_bytes, "images that are read as a whole");
   job.meter.begin("source colours", rows, "rows of tiles", progress_end);
+  // A column of some tiles has a key of its own. Levels belong to the whole image, whatever is kept
+  // of it, so they follow the whole one's key.
   for (const ColourRequest& request : requests) {
     whole_keys.push_back(colour_key(job, request));
     keys.push_back(request.wanted == nullptr ? whole_keys.back()

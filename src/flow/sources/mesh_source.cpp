@@ -2,6 +2,10 @@
 //
 // A textured mesh as a source, as far as it does not matter what becomes of its texels: it is read,
 // planned and held, and says what building its stores takes.
+//
+// The mesh is the largest thing that planning leaves in memory. It stays for the plan, the tangents
+// and the places, and for build(), which turns it into blocks; then it goes. The requests of the
+// passes still point to it: of these only the pages may be used from then on.
 #include "flow/sources/mesh_source.h"
 
 #include <algorithm>
@@ -18,7 +22,9 @@ namespace pounce::flow {
 void MeshSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
                            const std::function<void(const mesh::Mesh&)>& check_order) {
   read();
+  // Before planning, which would report a swapped pair as missing textures.
   check_order(mesh_);
+  // A new plan knows no origin; it was decided when the mesh was read.
   const Vec3d origin = plan_.origin;
   plan_ = planning::plan_mesh(options_, mesh_, as_, for_model_);
   plan_.origin = origin;

@@ -25,6 +25,8 @@ constexpr double kPlaceEdge = 1.0 / 1024;
 
 /// What a texel must be sure of before the fit is known, to be covered.
 double least_confidence(double min_confidence, double fit) {
+  // Covered is a texel whose confidence times the fit reaches the minimum. Dividing the minimum
+  // once is the same, and spares each texel the product.
   constexpr double kNone = 2;  // no texel has that
   if (fit > 0) return min_confidence / fit;
   return min_confidence > 0 ? kNone : 0;
@@ -126,6 +128,9 @@ SplatProjection SceneSource::projection(const planning::TargetPlan& target_plan)
 std::optional<projection::SplatFit> SceneSource::fit(
     std::span<const surface::Place> places, const planning::TargetPlan& target_plan) const {
   SplatProjection request = projection(target_plan);
+  // Places look farther than texels, so that a scene which is just out of reach is found, too, and
+  // the warning can state how far it is. Extra rays and their colours do not say where a surface
+  // is.
   request.limits.reach = target_plan.fit_reach;
   request.limits.rays = 0;
   const auto edge = static_cast<float>(target_plan.diagonal * kPlaceEdge);
@@ -140,6 +145,8 @@ std::unique_ptr<Projection> SceneSource::projector(std::size_t pass, std::uint32
   SplatProjection request = projection(target_plan);
   request.target = &target;
   for (const std::size_t c : plan_.passes[pass].channels) {
+    // A scene states whether its colours are linear, and never other primaries than those of Rec.
+    // 709.
     const planning::ChannelPlan& channel = plan_.channels[c];
     const auto input = colour_input({kRec709, request.linear}, request.linear, channel);
     request.outputs.push_back({channel.channel, channel.format, input});

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Which kind of source a job has. From here on nobody asks: each kind knows what it is.
+//
+// A cosine of the C library may differ in its last place from machine to machine. It is computed
+// once, here, and not per texel (docs/same-bytes.md).
 #include "flow/sources/source.h"
 
 #include <cmath>

@@ -37,6 +37,8 @@ void SurfaceSource::add_stores(planning::DiskPlan& disk) {
 }
 
 std::uint64_t SurfaceSource::project_least_bytes(std::size_t pass) const {
+  // While planning no store exists. Its largest chunk is bounded by what a triangle takes before
+  // compression; source_shape() has counted the most triangles of a block.
   constexpr std::uint64_t kStoredTriangle = 160, kColouredTriangle = 208, kChunk = 1 << 16;
   const planning::PassPlan& p = plan_.passes[pass];
   const std::uint64_t triangle = p.source.colours ? kColouredTriangle : kStoredTriangle;
@@ -61,6 +63,8 @@ void SurfaceSource::build(ProgressRange range, std::uint64_t target_texels) {
 
 void SurfaceSource::build_geometry(double end) {
   const StageTimer timer(job_.clock, "precondition");
+  // Layers are looked for here since the mesh goes after this. Whether they are too close is known
+  // only when a target has been projected (docs/decisions/050-close-layers.md).
   job_.meter.begin("precondition", 0, "tiles", end);
   find_layers();
   bool all_cached = true;
@@ -81,6 +85,7 @@ void SurfaceSource::open_geometry(const planning::PassPlan& pass, bool* cached) 
       job_.budget, SurfaceReader{{&job_, std::move(opened)}, pass.has_shape}));
   const store::GeometryStore& store = geometry_.back()->store();
   const store::GeometryDirectory& directory = store.directory();
+  // Passes see the same surface, each on a lattice of its own, so their numbers are not added.
   job_.report.source_gaussians = std::max(job_.report.source_gaussians, directory.texels);
   job_.report.source_tiles += directory.tiles.size();
   job_.count_store(store.pack(), *cached);
@@ -120,6 +125,8 @@ void SurfaceSource::find_layers() {
 
 std::optional<shading::ShapeOutput> SurfaceSource::shape_of(
     const planning::ChannelPlan& channel) const {
+  // What shading asks of the surface itself: how to read a normal map of each page, or what to
+  // bake.
   if (!channel.has_shape()) return std::nullopt;
   shading::ShapeOutput shape{channel.channel, channel.baked, source_y_, output_y_, {}, {},
                              plan_.origin};

@@ -9,6 +9,13 @@
 // Gaussians. A range decodes the blocks that it touches and visits the part it wants, so that even
 // a block of millions (an image repeated over one triangle) is read in pieces whose bytes are known
 // before they are made.
+//
+// Nothing is cached between ranges: whoever reads in order decodes a block about once, and a sort
+// reads in order. The readers are pounce gaussians, which writes the ranges as they come, and the
+// store of --method gaussian, which sorts them. Both may read in several threads.
+//
+// Densifying needs the mean area of a Gaussian, which is known when all were counted. So it counts
+// twice: once to find the mean, once with the texels split by it.
 #include "flow/sources/texel_source.h"
 
 #include <fmt/format.h>
@@ -98,6 +105,9 @@ std::uint64_t TexelSource::read_bytes(std::uint64_t triangles, std::uint64_t chu
 
 std::uint64_t TexelSource::list_bytes(const surface::GeometryRequest& geometry) {
   // Blocks are windows of the texels that triangles lie in; very full ones are cut.
+  // A bound for planning, before the store exists. A page cannot have more blocks than windows that
+  // its triangles' box spans, with the partial ones at both ends, and one more for each time that a
+  // block is full.
   const std::uint64_t entries = surface::geometry_most(geometry).chunks / 2;
   std::uint64_t windows = 0;
   for (std::size_t p = 0; p < geometry.pages.size(); ++p) {
@@ -185,6 +195,8 @@ void TexelSource::find_neighbours(const Block& block, gaussian::TexelNeighbours&
     return std::tuple{b.page, b.y, b.x} < place;
   };
   for (int y = block.y - 1; y <= block.y + 1; ++y) {
+    // Blocks are sorted by page, row and column: each of the three rows is one search. A full
+    // window has several blocks, all of which count.
     auto near = std::lower_bound(blocks_.begin(), blocks_.end(),
                                  std::tuple{block.page, y, block.x - 1}, before);
     for (; near != blocks_.end() && near->page == block.page && near->y == y &&
@@ -196,6 +208,8 @@ void TexelSource::find_neighbours(const Block& block, gaussian::TexelNeighbours&
 
 void TexelSource::visit(std::uint64_t first, std::uint64_t last,
                         const std::function<void(const TexelGaussian&)>& each) const {
+  // At a whole texel the tent gives that texel alone. Only triangles without a texel's centre, and
+  // parts of texels that are split, ask for places between texels.
   const shading::TexelFormat format{4, Depth::float32, request_.linear, true, true};
   const BlendKernel kernel(request_.sigma);
   const bool sharpens = request_.sharpen > 0;
@@ -244,6 +258,8 @@ void TexelSource::visit(std::uint64_t first, std::uint64_t last,
       rgba[c] = static_cast<float>(std::clamp(sharp, 0.0, std::max(1.0, own)));
     }
   };
+  // The block that holds `first`. Blocks without Gaussians begin where the next one does, and are
+  // passed over.
   auto b = static_cast<std::size_t>(std::upper_bound(first_.begin(), first_.end(), first) -
                                     first_.begin() - 1);
   for (; b < blocks_.size() && first_[b] < last; ++b) {
@@ -304,6 +320,8 @@ void TexelSource::read(std::uint64_t first, std::uint64_t count, store::SplatRow
 }
 
 PageVector<store::Splat> TexelSource::sample() const {
+  // Evenly in the order of the source, but in pieces of neighbours: one Gaussian at a time would
+  // decode a block each.
   store::SplatRows sample;
   sample.splats.reserve(std::min(count(), kSampleSplats));
   store::SplatCounts ignored{};

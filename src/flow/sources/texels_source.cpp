@@ -113,6 +113,7 @@ std::vector<job::LeastMemory> TexelsSource::further_needs() const {
       std::min<std::uint64_t>(mesh_.triangles.size(), store::kMostTrianglesPerBlock);
   const std::uint64_t reading =
       TexelSource::read_bytes(triangles, triangles * 160 + (1 << 16), colour_tile_bytes(plan_));
+  // The list of blocks is in memory beside each step of the sort.
   const std::uint64_t lists = TexelSource::list_bytes(geometry());
   return {{lists + reading, "counting the texels of " + mesh_.path},
           {lists + gaussian_store_least_bytes(most_gaussians(), reading, 0),
@@ -127,6 +128,8 @@ void TexelsSource::build(ProgressRange range, std::uint64_t) {
   const StageTimer timer(job_.clock, "precondition");
   job_.report.isa = kernels_->isa;
   const job::ScratchPack runs_go(job_, store::PackKind::splats);  // what the store is sorted from
+  // The key needs hashes of all images, but no decoding: a job that finds its store reads the mesh,
+  // the hashes and the store.
   const Hash128 key = store_key();
   auto store =
       find_store(job_, store::PackKind::splats, key, [&](std::unique_ptr<store::PackReader> pack) {
@@ -144,6 +147,8 @@ void TexelsSource::build(ProgressRange range, std::uint64_t) {
 
 std::unique_ptr<store::SplatStore> TexelsSource::sort(const Hash128& key,
                                                       ProgressRange range) const {
+  // Columns and blocks are needed while Gaussians are made, not afterwards: both are closed when
+  // this returns, and their memory with them.
   const auto until = [&](double share) { return range.begin + (range.end - range.begin) * share; };
   const SourceColumns columns = build_columns(job_, plan_, {}, until(0.2));
   job_.meter.begin("precondition", 0, "tiles", until(0.3));
@@ -168,6 +173,8 @@ std::unique_ptr<store::SplatStore> TexelsSource::sort(const Hash128& key,
 }
 
 Hash128 TexelsSource::store_key() const {
+  // All that a Gaussian is made of, by content. A term that is missing here is found by no check: a
+  // job with other options would get these Gaussians from the cache.
   std::vector<Hash128> columns;
   for (const planning::ColumnPlan& column : plan_.columns)
     columns.push_back(colour_key(job_, request_of(column)));

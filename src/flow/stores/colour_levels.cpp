@@ -4,6 +4,14 @@
 //
 // A level is made from the tiles of the level before, tile by tile: no image is decoded again, and
 // a handful of tiles is all that is in memory (shading/level_tile.h).
+//
+// A level that nobody asks for is not made: making all of them while decoding would cost every job.
+// So levels are made while a projection runs, by the piece that needs one first; others wait for
+// the lock. That must not deadlock, hence the rules: the maker takes no lease (its piece's includes
+// the tiles), starts no parallel work, whose waiting thread might pick up a piece that wants this
+// lock, and its memory is a few tiles (docs/decisions/033-footprints.md).
+//
+// A level is a column like any other, with a key of its own in the cache.
 #include "flow/stores/colour_levels.h"
 
 #include <fmt/format.h>
@@ -23,9 +31,13 @@ void ColourLevels::add(const ColourCache& column, const Hash128& key) {
 
 const ColourCache& ColourLevels::get(const ColourCache& column, std::uint32_t level) {
   Levels& levels = images_.at(&column);
+  // Without the lock once the level exists: `made` never grows, and the count is published after
+  // the level that it counts.
   if (levels.count.load(std::memory_order_acquire) < level) {
     const std::lock_guard lock(job_.making);
     for (std::uint32_t made = levels.count.load(); made < level; ++made) {
+      // Each from the one before. The lock is recursive: reading a tile of the image may build the
+      // whole image, which takes it again (whole_column.cpp).
       levels.made[made] = make(made == 0 ? column : *levels.made[made - 1], levels.key, made + 1);
       levels.count.store(made + 1, std::memory_order_release);
     }
@@ -61,6 +73,8 @@ std::unique_ptr<ColourCache> ColourLevels::make(const ColourCache& before, const
     for (std::uint32_t y = 0; y < image.tiles_y(); ++y) {
       const shading::LevelAxis rows(y, source.height, image.wrap_v);
       for (std::uint32_t x = 0; x < image.tiles_x(); ++x) {
+        // With its apron a tile of a level covers parts of several tiles of the level before,
+        // beyond the image's border as it wraps.
         const shading::LevelAxis columns(x, source.width, image.wrap_u);
         std::fill(tile.begin(), tile.end(), std::byte{0});
         for (const std::uint32_t tile_y : rows.tiles) {

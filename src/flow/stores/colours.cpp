@@ -8,6 +8,14 @@
 //
 // Of an image of which the mesh shows little, the tiles that it shows are all that is kept, and
 // rows after the last of them are not even decoded. Small images are built side by side.
+//
+// Memory is that of a few strips and the decoder, whatever the image's height. A strip overlaps the
+// next one by the aprons of both; these rows are copied, since a decoder goes forward only. The
+// strip at the top is kept to the end: a repeating image needs its first rows below its last ones,
+// and the other way round.
+//
+// The result depends on the image and its wrap modes alone. Which tiles are kept is part of the
+// key.
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_pipeline.h>
@@ -125,8 +133,12 @@ class ColumnBuilder {
               ++rows_passed_;
               job_.meter.advance(1);
             }));
+    // A pipeline that is stopped from outside returns as if it had ended. The column must not be
+    // published then.
     if (rows_passed_ < end_row_) throw_stopped();
     write(encode(*top_));
+    // Rows that nobody wants have no tiles, but an index: a column always has the shape of its
+    // image.
     for (; next_row_ < image_.tiles_y(); ++next_row_) {
       write({next_row_, std::vector<std::vector<std::byte>>(image_.tiles_x())});
       job_.meter.advance(1);
@@ -153,6 +165,8 @@ class ColumnBuilder {
   }
 
   StripPtr read_strip() {
+    // Shared: a strip is used by its token, as the one before by the next strip, and the first one
+    // to the end.
     auto strip = std::make_shared<Strip>();
     strip->tile_row = next_row_++;
     strip->first = std::max<std::int64_t>(std::int64_t{strip->tile_row} * kBlockEdge - kApron, 0);
@@ -178,6 +192,7 @@ class ColumnBuilder {
     if (fresh > 0) {
       clean(at, std::size_t{fresh} * image_.width * image_.channels);
     }
+    // Only the stage that reads moves these two, and it runs one strip at a time.
     if (strip->tile_row == 0) top_ = strip;
     previous_ = strip;
     return strip;
@@ -239,6 +254,8 @@ class ColumnBuilder {
         if (rows[r] == nullptr) continue;
         std::byte* const to = tile.data() + r * kColourTileEdge * texel;
         const std::int64_t x0 = std::int64_t{tx} * kBlockEdge - kApron;
+        // Most rows are one copy. At the left and right border each texel of the apron is looked up
+        // as the image wraps.
         if (x0 >= 0 && x0 + kColourTileEdge <= image_.width) {
           std::memcpy(to, rows[r] + static_cast<std::size_t>(x0) * texel, kColourTileEdge * texel);
           continue;
@@ -298,6 +315,8 @@ Hash128 colour_key(job::JobContext& job, const ColourRequest& request) {
   Hash128 content;
   {
     const WorkTimer decoding(job.clock, "decode");
+    // Of the encoded bytes: a column is found without decoding, and an image that is renamed or
+    // moved keeps its column. Bytes that are in memory have no file whose hash could be remembered.
     const mesh::ImageRef& image = *request.image;
     const auto hash = [&image] { return io::hash_image(image); };
     content = image.bytes != nullptr
@@ -320,6 +339,7 @@ Hash128 some_tiles_key(const Hash128& whole, const mesh::TileMask& wanted) {
   hash.add(std::string_view("some tiles of a colour column"));
   hash.add(whole.hi);
   hash.add(whole.lo);
+  // By the tiles themselves: another mesh that shows the same part of the image shares the column.
   hash.add(std::as_bytes(wanted.bytes()));
   return hash.digest();
 }
@@ -383,6 +403,8 @@ std::vector<FoundColumn> colour_stores(job::JobContext& job,
   std::vector<FoundColumn> columns(requests.size());
   ColumnBatch batch(job, columns);
   for (std::size_t i = 0; i < requests.size(); ++i) {
+    // Images are gathered until threads or memory are used up, then built at once. A small image
+    // keeps a thread or two busy, so hundreds of them would otherwise be read one after the other.
     const std::uint64_t least = colour_least_bytes(requests[i]);
     if (batch.is_full(least)) batch.build();
     columns[i].store = find_colours(job, requests[i], keys[i]);

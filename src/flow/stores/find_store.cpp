@@ -5,6 +5,11 @@
 // A checksum says that bytes are those that somebody wrote, not that pounce wrote them. Opening a
 // store checks its directory; a job that found damage, or may not be run twice, has every block
 // checked.
+//
+// What is found to be damaged is thrown as Error(damaged_store). While a store is opened that costs
+// one rebuild of it (find_store()), later the whole job begins again, once, and checks all packs
+// first (job/run_job.cpp). So checking everything always would protect little and cost a reading of
+// every block.
 #include "flow/stores/find_store.h"
 
 #include <algorithm>
@@ -64,6 +69,8 @@ void check_store(job::JobContext& job, const store::SplatStore& store) {
 
 void check_largest(job::JobContext& job, const store::GeometryStore& store) {
   const store::GeometryDirectory& says = store.directory();
+  // Entries may claim what they like as well. A block that would set a new maximum is decoded,
+  // which refuses a false claim; all others cannot make the maxima larger.
   std::uint32_t triangles = 0, patches = 0, chunk_bytes = 0;
   for (std::uint32_t tile = 0; tile < says.tiles.size(); ++tile) {
     for (const store::BlockEntry& entry : store.read_index(tile, job.compressor())) {

@@ -9,6 +9,10 @@
 //
 // Whatever the budget, the sequence is that of one stable sort of the source's order by key, and
 // the cuts depend on that sequence alone: so do the bytes of the store.
+//
+// A scene of any size passes through a budget that holds a fraction of it. Runs are as long as the
+// budget allows, merges are as wide; both change the work, never the sequence. No block can be made
+// before all runs are sorted, since any run may have Gaussians of any place.
 #include "flow/stores/gaussian_store.h"
 
 #include <fmt/format.h>
@@ -101,6 +105,7 @@ SplatLattice StoreBuilder::make_lattice() {
   const runtime::Lease lease(job_.budget,
                              gaussian::kept_sample_bytes(source_.count(), source_.read_bytes()),
                              "scanning " + request_.path);
+  // Of what is wanted alone: floaters that are filtered anyway must not stretch the lattice.
   const PageVector<Splat> sample = gaussian::kept_sample(source_, request_.keep);
   directory_.roundness = gaussian::median_roundness(sample);
   directory_.typical_size = gaussian::median_size(sample);
@@ -122,6 +127,8 @@ SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& wri
       ++filtered[static_cast<std::size_t>(*reason)];
       continue;
     }
+    // A key is that of the rounded Gaussian. The merge computes it again from what was spilled, and
+    // both must agree.
     order.push_back({lattice.key(read.splats[i]), static_cast<std::uint32_t>(i)});
   }
   sort_by_key(order, scratch);
@@ -145,6 +152,8 @@ SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
   // As many runs at once as there are threads, and no longer than that leaves room for.
   const std::uint64_t room = (job_.budget.limit() - job_.budget.leased()) / job_.threads;
   const std::uint64_t fixed = run_bytes(source_.read_bytes(), 0, lobes_);
+  // Long runs merge faster. An eighth of the share is left over, since buffers are rounded up to
+  // pages.
   std::uint64_t run = room > fixed ? (room - fixed) * 7 / 8 / row_bytes(lobes_) : 0;
   run = std::clamp(run, kLeastRun, kMostRun);
   run = std::min(run, std::max(kLeastRun, (rows + job_.threads - 1) / job_.threads));
@@ -195,6 +204,8 @@ class BlockCutter {
   /// False at the end.
   bool next(Cut& cut) {
     std::uint64_t key;
+    // One more than a block holds shows that the sequence goes on. The cut leaves its rest for the
+    // next block, so up to two blocks are held.
     while (keys_.size() <= kMostSplatsPerBlock && merge_.next(rows_, key)) keys_.push_back(key);
     if (keys_.empty()) return false;
     const bool ended = keys_.size() <= kMostSplatsPerBlock;
@@ -262,6 +273,9 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   const auto less = [](std::uint64_t a, std::uint64_t b) { return a > b ? a - b : 0; };
   const std::uint64_t room =
       less(job_.budget.limit(), job_.budget.leased() + pending_bytes(lobes_));
+  // At most half of what is left goes to blocks on their way, up to two per thread, the rest to
+  // cursors of the merge. With too few cursors there are more rounds of merging, each of which
+  // reads and writes all.
   const std::uint64_t tokens = std::clamp<std::uint64_t>(
       room / 2 / token_bytes(lobes_), 1, 2 * static_cast<std::uint64_t>(job_.threads));
   const std::uint64_t cursors =
@@ -290,6 +304,8 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   std::vector<std::pair<std::uint64_t, std::vector<float>>> noise;
   std::uint64_t blocks = 0, done = 0;
   const auto write = [&](Slot& slot) {
+    // A tile has one size class: a few large Gaussians would enlarge the box of a tile of small
+    // ones, and pieces far away would read its index.
     const auto tile = writer.open_tile();
     if (!tile.empty() && (tile.size() == store::kMostBlocksPerSplatTile ||
                           slot.entry.size_class != tile.front().size_class)) {
@@ -301,6 +317,7 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
     if (!slot.noise.empty()) noise.emplace_back(slot.cut.ordinal, slot.noise);
     blocks = slot.cut.ordinal + 1;
     done += slot.entry.splats;
+    // In rows of the source, of which the filters may have left few: the bar counts each row twice.
     job_.meter.advance(source_.count() * done / total -
                        source_.count() * (done - slot.entry.splats) / total);
   };
@@ -327,6 +344,8 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   }
   writer.end_tile(job_.compressor());
   ++job_.report.tiles_written;
+  // Blocks that were asked while their number was small, and would not be asked by now, are left
+  // out. So the estimate depends on the number of blocks alone, not on when it was known.
   std::vector<float> figures;
   for (const auto& [ordinal, of_block] : noise) {
     if (asked_for_noise(ordinal, noise_step_log2(blocks - 1)))

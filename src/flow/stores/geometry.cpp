@@ -4,6 +4,14 @@
 //
 // Triangles are binned by the 64x64 windows that they touch, windows grouped into tiles, and each
 // tile made, compressed and written on its own: in parallel, in order, under the budget.
+//
+// Bins of a whole mesh would need memory in proportion to all (block, triangle) pairs. So triangles
+// are binned in bands of rows of blocks, one band after the other
+// (docs/decisions/019-page-by-page.md). What a band is depends on the triangles alone, hence the
+// same pack at any budget.
+//
+// Where the cache has the pack, nothing is binned or built. Triangles are only counted, since the
+// pack is held against that count.
 #include <utility>
 
 #include "flow/stores/build_stores.h"
@@ -31,6 +39,7 @@ void build_band(job::JobContext& job, const surface::GeometryRequest& request,
       [&](std::size_t, surface::EncodedTile& tile) {
         for (surface::EncodedBlock& block : tile.blocks)
           writer.add_block(block.entry, block.stored, block.raw_bytes);
+        // In order and one at a time, so counts need no lock and the pack has one sequence.
         writer.end_tile(job.compressor());
         directory.texels += tile.texels;
         directory.page_texels[tile.page] += tile.texels;
@@ -51,6 +60,7 @@ std::unique_ptr<store::GeometryStore> build(job::JobContext& job,
   store::GeometryDirectory directory;
   directory.pages = request.pages;
   directory.page_texels.assign(request.pages.size(), 0);
+  // Counted once, with the store: jobs that find it in the cache need not count again.
   if (request.coarsens_dense()) directory.coincident = mesh::count_coincident(*request.mesh);
   for (std::size_t band = 0; band < binner.bands(); ++band) {
     const runtime::Lease lease(job.budget, binner.cost_bytes(binner.entries(band)),

@@ -3,6 +3,10 @@
 // The N-th largest of any number of keys in constant memory: keys go to a nameless file; four times
 // it is read, and a histogram of the next 16 bits, of those keys that begin as the one that is
 // looked for, says how it goes on. A fifth time finds how far its equals are taken.
+//
+// Sorting would need memory or disk for all keys with their places, and the source is wanted in its
+// own order anyway: a threshold is enough. It is exact, so the number of Gaussians is what was
+// asked for. Reading the keys several times is cheap beside reading the source once more.
 #include "flow/stores/importance.h"
 
 #include <algorithm>
@@ -39,6 +43,8 @@ void for_keys(runtime::Meter& meter, const ReadFile& file, std::uint64_t total, 
 std::uint64_t importance(const store::Splat& splat) {
   std::array<double, 3> sigma{splat.sigma.x, splat.sigma.y, splat.sigma.z};
   std::sort(sigma.begin(), sigma.end());
+  // Bits of doubles that are not negative are in the order of the numbers, so that a key can be
+  // compared, and searched digit by digit, as an integer.
   return std::bit_cast<std::uint64_t>(static_cast<double>(splat.alpha) * (sigma[1] * sigma[2]));
 }
 
@@ -74,6 +80,8 @@ ImportanceCut::ImportanceCut(job::JobContext& job, const gaussian::GaussianSourc
         return found;
       },
       [&](std::size_t i, const Keys& found) {
+        // Parts come in order, so a key's place in the file is the ordinal of its Gaussian among
+        // those that are wanted. takes() relies on that where importances are equal.
         keys->append(std::as_bytes(std::span(found)));
         first_.push_back(first_.back() + found.size());
         job.meter.advance(std::min(part_rows, rows - i * part_rows));
@@ -94,6 +102,8 @@ void ImportanceCut::find(runtime::Meter& meter, const ReadFile& keys, std::uint6
     for_keys(meter, keys, total, [&](std::uint64_t, std::uint64_t key) {
       if ((key & known) == least_) ++histogram[key >> shift & 0xFFFF];
     });
+    // From the largest digit down: whole digits are taken while they are fewer than what is still
+    // wanted. The digit that is too many holds the threshold.
     std::uint64_t digit = histogram.size() - 1;
     for (; histogram[digit] < wanted; --digit) wanted -= histogram[digit];
     least_ |= digit << shift;

@@ -3,6 +3,12 @@
 // External sort. Runs hold consecutive rows of the file and are sorted stably; a merge takes the
 // earlier run first where keys are equal. So the result is that of one stable sort of the whole
 // file, however the runs were cut, which is what makes the store independent of budget and threads.
+//
+// Runs are merged in groups of neighbours, which keeps that order; two runs that are not neighbours
+// must never be merged before what is between them.
+//
+// Runs are scratch: they are read once and soon. They are not compressed, and keys are not stored,
+// since the lattice computes them again from what was spilled.
 #include "flow/stores/splat_sort.h"
 
 #include <algorithm>
@@ -52,6 +58,7 @@ std::uint64_t SplatRuns::size_bytes() const {
 
 void sort_by_key(PageVector<KeyedSplat>& splats, PageVector<KeyedSplat>& scratch) {
   // Least significant digit first; digits that are the same everywhere are skipped.
+  // A radix sort is stable by itself, and its memory is known beforehand.
   std::vector<std::array<std::uint32_t, kDigitValues>> counts(kDigits);
   for (const KeyedSplat& s : splats) {
     for (std::size_t d = 0; d < kDigits; ++d)
@@ -104,6 +111,7 @@ class SplatRunWriter::Chunk {
       std::memcpy(&bytes_[size], sh_.data(), sh_bytes);
       size += sh_bytes;
     }
+    // Where in the pack a chunk lands does not matter: each run has a list of its own chunks.
     const std::lock_guard lock(writer_.mutex_);
     run_.chunks.push_back(writer_.pack_->append(
         store::ChunkKind::block, std::span(bytes_).first(size), static_cast<std::uint32_t>(size)));
@@ -138,6 +146,8 @@ SplatRun SplatRunWriter::write(const store::SplatRows& rows, std::span<const Key
   SplatRun run;
   Chunk chunk(*this, run);
   for (std::size_t i = 0; i < order.size(); ++i) {
+    // The order by key is random in memory, and a run is usually larger than the processor's
+    // caches. A Gaussian may span two cache lines, so both ends are fetched.
     const Splat* const ahead = &splats[order[std::min(i + kAhead, order.size() - 1)].index];
     __builtin_prefetch(ahead);
     __builtin_prefetch(reinterpret_cast<const std::byte*>(ahead + 1) - 1);
@@ -205,6 +215,8 @@ void SplatMerge::refill(Cursor& cursor) {
   if (cursor.next_chunk == cursor.run->chunks.size()) return;
   pack_->read(cursor.run->chunks[cursor.next_chunk++], store::ChunkKind::block, chunk_);
   ByteReader in(chunk_, pack_->name() + ": run");
+  // Checked although the file is the process's own: a disk may return other bytes than were
+  // written.
   const auto count = in.get<std::uint64_t>();
   if (count > kRunChunk) in.fail("has more Gaussians than a chunk holds");
   const bool has_normals = in.left() == count * record_bytes(lobes_);
@@ -235,6 +247,7 @@ void SplatMerge::replay(std::size_t leaf) {
       tree_[node] = winner;
       return;
     }
+    // Equal keys: the lower run wins, as it comes first in the file.
     if (keys_[other] < keys_[winner] || (keys_[other] == keys_[winner] && other < winner)) {
       tree_[node] = winner;
       winner = other;

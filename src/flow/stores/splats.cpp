@@ -46,6 +46,10 @@ class SceneStore {
   std::uint64_t count() const { return source_.count(); }
 
   std::unique_ptr<store::SplatStore> make(bool* cached) {
+    // By default what is near the targets is only a suggestion: whether it is worth a store of its
+    // own depends on a sample, which for SPZ and SOG means unpacking the scene. A store that exists
+    // answers the question without it. The answer must not depend on the cache otherwise, since the
+    // surface noise is measured on what was sorted (docs/decisions/024-near-target.md).
     gaussian::SplatKeep keep = request_.keep;
     *cached = true;
     if (!keep.near.empty() && !request_.near_is_asked) {
@@ -93,6 +97,8 @@ class SceneStore {
       hash.add(content.hi);
       hash.add(content.lo);
     }
+    // What shapes the Gaussians while they are read, and which of them are kept. How they are
+    // blended later is no part of the store.
     hash.add(to_text(request_.axes));
     hash.add(source_.lobes());
     keep.add_to(hash);

@@ -1,4 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The rest of an image of which a job kept only the tiles that its mesh shows. It is built when a
+// lookup first reaches beyond these, in the middle of a projection, so the rules are those of
+// colour_levels.cpp: one maker at a time, under a lease that the job took beforehand. It differs in
+// one point. Decoding and cutting run in parallel, hence the isolation.
+//
+// The bytes of a tile are the same in both columns, so it does not show which one a lookup used.
 #include "flow/stores/whole_column.h"
 
 #include <tbb/task_arena.h>
@@ -21,6 +28,8 @@ WholeColumn::WholeColumn(job::JobContext& job, const ColourRequest& request, con
 
 store::ColourTile WholeColumn::tile(const store::ChunkRef& left_out) {
   const store::ColourStore& store = made();
+  // The place of a tile that was left out is its number (whole_column.h). Shifted, it stays a
+  // multiple of 8 like every offset: BlockCache uses the low bit.
   const std::uint64_t tile = (left_out.offset & ~kLeftOut) >> 3;
   const std::uint32_t columns = store.directory().tiles_x();
   const auto row = store.read_row(static_cast<std::uint32_t>(tile / columns), job_.compressor());

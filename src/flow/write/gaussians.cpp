@@ -1,6 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 //   source ─▶ parts of its order, in parallel: read, filter, choose, encode ─▶ in order: append
+//
+// Parts of the order are made in parallel and appended in order, so the file does not depend on
+// threads. A part is small and its cost is known, so the budget decides how many are under way.
+//
+// With a limit on their number the source is read twice. The first time finds the importance of the
+// last Gaussian that is wanted (stores/importance.h), the second writes those above it. Equal ones
+// are decided by their ordinal among the wanted, hence each part must know how many come before it.
 #include "flow/write/gaussians.h"
 
 #include <algorithm>
@@ -44,6 +51,7 @@ class GaussianFileJob {
     choose();
     write();
     report_left_out();
+    // Nothing to write is no file: the caller reports why.
     if (writer_->rows() > 0) finish();
     return writer_->rows();
   }

@@ -1,4 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Files with levels want the first level whole before the next one begins, while rows of all levels
+// are computed together, as they pass (docs/decisions/034-levels.md). So smaller levels wait in one
+// scratch file. Their rows arrive interleaved, hence the list of pieces per level; a piece is many
+// rows of a small level, so that the file is not written a few bytes at a time.
+//
+// Without levels this is the writer alone.
 #include "flow/write/image_file.h"
 
 #include <algorithm>
@@ -56,6 +63,8 @@ void ImageFile::write_rows(std::uint32_t count, const std::byte* rows) {
   const auto keep = [this](std::uint32_t level, const std::byte* row) { keep_row(level, row); };
   const std::size_t row_bytes = row_bytes_of(spec_, spec_.width);
   for (std::uint32_t i = 0; i < count; ++i, rows += row_bytes) {
+    // Levels are made of the same samples that the first level stores, so a straight colour is
+    // multiplied before both. The caller's rows stay as they are.
     const std::byte* row = rows;
     if (!row_.empty()) {
       std::memcpy(row_.data(), rows, row_bytes);
@@ -83,6 +92,7 @@ void ImageFile::spill(Level& level) {
 }
 
 void ImageFile::commit() {
+  // What waits last is shorter than a piece.
   for (Level& level : kept_) spill(level);
   if (scratch_ != nullptr) {
     const std::unique_ptr<ReadFile> scratch = scratch_->reader();
@@ -117,6 +127,8 @@ std::uint64_t ImageFile::memory_bytes(const std::string& path, const io::ImageWr
   std::uint64_t bytes = io::ImageWriter::encoder_bytes(path, spec);
   if (!spec.layout.mipmap) return bytes;
   ImageSize size{spec.width, spec.height};
+  // As the constructor allocates it, level by level, with lists that may have doubled while they
+  // grew.
   bytes += shading::MipLevels::memory_bytes(size, spec.channels) +
            round_to_pages(row_bytes_of(spec, spec.width));
   while (size.width > 1 || size.height > 1) {

@@ -80,6 +80,8 @@ void expand_mask(const std::uint8_t* bits, std::uint32_t count, std::uint8_t* by
   }
 }
 
+/// The results of one image on their way to its file. The lease covers all of it and is the first
+/// to be taken: image_least_bytes() must count whatever is added here.
 class ImageAssembler {
  public:
   ImageAssembler(job::JobContext& job, const planning::ImageOutput& output,
@@ -136,6 +138,7 @@ class ImageAssembler {
   /// The next stripe; false: there are no more. While the padder's delay builds up a stripe has no
   /// finished rows, only its row of blocks in the mask.
   bool make_stripe(Rows& out) {
+    // What is ready leaves before more is pushed, which the padder demands.
     const bool all_pushed = next_row_ == output_.lattice.height;
     if (padder_.ready_rows() == 0) {
       if (all_pushed) return false;
@@ -164,11 +167,15 @@ class ImageAssembler {
         std::memcpy(texels.data() + to * texel, block.texels.data() + y * kBlockEdge * texel,
                     columns * texel);
         expand_mask(block.mask.data() + y * kBlockEdge / 8, columns, covered.data() + to);
+        // A model's material must state whether its texture has holes (write/model.cpp), and nobody
+        // sees the texels again. Threads only ever set the two flags.
         if (looks_at_alpha_)
           look_at_alpha(columns, texels.data() + to * texel, covered.data() + to);
       }
     });
     if (coverage_) {
+      // The mask is of covered texels, before padding. It needs no rows below and leaves at once,
+      // so in a stripe it is ahead of the colours.
       out.covered_count = rows;
       store_mask(covered, out.covered);
     }
@@ -199,6 +206,8 @@ class ImageAssembler {
     out.count = rows;
     out.texels.resize(std::size_t{rows} * output_.lattice.width * format_.texel_bytes());
     if (painter_) {
+      // The painter reads the old image beside these rows, so every row must pass it exactly once,
+      // in order.
       PageVector<std::uint8_t> kinds(std::size_t{rows} * output_.lattice.width);
       padder_.pop(rows, out.texels.data(), kinds.data());
       painter_->paint(rows, kinds.data(), out.texels.data());
@@ -285,6 +294,8 @@ std::uint64_t image_least_bytes(const planning::ImageOutput& output,
                                 const shading::TexelFormat& format) {
   const std::uint64_t width = output.lattice.width;
   const std::uint64_t texel = format.texel_bytes();
+  // One row of blocks with its coverage, a stripe for each token, the padder's ring, and what
+  // paints and encodes. Nothing grows with the height.
   const std::uint64_t row_of_blocks = round_to_pages(kBlockEdge * width * (texel + 1));
   const std::uint64_t mask =
       output.coverage_path.empty() ? 0 : store::depth_bytes(coverage_spec(output).depth);

@@ -2,6 +2,14 @@
 //
 // A target as a model with new textures: its images wait in a scratch file, one after the other,
 // until all are there and the model can be written around them.
+//
+// A GLB states all sizes before its first byte, and pages are finished one by one, so images cannot
+// be written where they belong. They are encoded as soon as they are finished, since results go
+// with their page (docs/stages/7-model.md).
+//
+// The model is planned twice: while planning, with a texture for each material and channel, to know
+// its files and its memory; and when it is written, with those that found anything. A material that
+// found nothing keeps its textures.
 #include "flow/write/model.h"
 
 #include <fmt/format.h>
@@ -26,6 +34,7 @@ void make_distinct(std::vector<std::vector<planning::ImageOutput>>& images) {
     for (planning::ImageOutput& image : channel) {
       const std::string wanted = image.path;
       for (int n = 2; !seen.insert(image.path).second; ++n) {
+        // Before the channel: "base.MATERIAL-2.CHANNEL.png".
         const std::size_t dot = wanted.rfind('.', wanted.rfind('.') - 1);
         image.path = fmt::format("{}-{}{}", wanted.substr(0, dot), n, wanted.substr(dot));
       }
@@ -53,6 +62,8 @@ ModelOutput::ModelOutput(const std::string& pattern, const planning::SourcePlan&
   request_.output = planning::expand_pattern(pattern, {{"TARGET", stem(target.path)}});
   request_.uv_set = target.requests.front().front().pages.front().uv_set;
   make_distinct(target.images);
+  // Images of a GLB are no files of their own. Those of a .gltf are, and io::plan_model() lists
+  // them.
   target.outputs.clear();
   for (std::size_t c = 0; c < plan.channels.size(); ++c) {
     textures_.emplace_back();
@@ -80,6 +91,7 @@ WriteFile& ModelOutput::sink(job::JobContext& job) {
 }
 
 void ModelOutput::add(std::size_t channel, std::size_t page, const WrittenTexels& written) {
+  // Images follow each other in the scratch file: where one ends, the next begins.
   const std::uint64_t before =
       places_.empty() ? 0 : places_.back().offset_bytes + places_.back().size_bytes;
   places_.push_back({before, scratch_->size_bytes() - before});

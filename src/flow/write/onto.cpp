@@ -6,6 +6,10 @@
 // across it), but it must not run into what is no gutter: the part of a chart that found no source,
 // or charts that were not selected. So a padded texel is painted only where no triangle of the
 // whole target owns it, and, like every other, only as far as the mask lets it.
+//
+// Old and new image meet in the output's format. A weight of 0 leaves the old samples as they are,
+// a weight of 1 the new ones, bit for bit (docs/decisions/013-painting-over.md): rows that nothing
+// touches come out as they went in, if the formats are the same.
 #include "flow/write/onto.h"
 
 #include <algorithm>
@@ -59,6 +63,8 @@ void OntoPainter::paint(std::uint32_t rows, const std::uint8_t* kinds, std::byte
 void OntoPainter::paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std::byte* texels) {
   const std::size_t count = std::size_t{rows} * width_;
   image_.read_rows(rows, old_raw_.data());
+  // The mask is a wish. What may be painted at all are covered texels, and padding where no
+  // triangle of the whole target lies: all else has weight 0, whatever the mask says.
   std::fill_n(weights_.begin(), count, 1.0F);
   if (mask_) {
     mask_->read_rows(rows, mask_raw_.data());
@@ -72,6 +78,8 @@ void OntoPainter::paint_rows(std::uint32_t rows, const std::uint8_t* kinds, std:
     paints_ = paints_ || weights_[i] > 0;
   }
   convert_old(count);
+  // Premultiplied colours mix with their alpha in one step. Where the old alpha stays, the new
+  // colours are multiplied by that.
   shading::PaintAlpha alpha = onto_.alpha;
   if (onto_.premultiplied) {
     if (alpha == shading::PaintAlpha::keep)
