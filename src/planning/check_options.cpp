@@ -1,6 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What no transfer can do, whatever is in the files: said before any of them is opened.
+//
+// Ranges of single values and what applies to which kind of source are rows of the table of options
+// and are checked from there (docs/decisions/052-option-table.md). Here is what depends on two
+// options or more, and there should be little of it. What depends on files is found by the
+// planners, later.
+//
+// C++ callers come here without a parser, so nothing may be taken for granted that the command line
+// refuses. A user hears of one mistake at a time, in the order of the checks: the output comes
+// early, since most of the others refer to it.
 #include "planning/check_options.h"
 
 #include <fmt/format.h>
@@ -25,6 +34,8 @@ void check_method(const TransferOptions& o) {
   options::refuse_unsuitable(o, o.mesh.method);
   if (o.mesh.method == Method::surface) return;
   const auto& channels = o.channels.transferred;
+  // "all" by an output that has <CHANNEL> is no request for a channel: the others are left out
+  // then, with a warning (source.cpp).
   const bool only_colour = std::all_of(channels.begin(), channels.end(), [](Channel channel) {
     return channel == Channel::base_color;
   });
@@ -50,6 +61,8 @@ void check_layout(const TransferOptions& o) {
 /// Images beside the output come in as many pages as it.
 void check_pages(const TransferOptions& o, const std::string& path, const std::string& what) {
   for (const char* token : {"TARGET", "MATERIAL", "UDIM", "UVTILE"}) {
+    // Pages follow from the tokens of -o. A pattern with fewer tokens would write several pages to
+    // one file, and one with more would name pages that do not exist.
     if (has_token(path, token) == has_token(o.output, token)) continue;
     throw Error(ErrorKind::usage,
                 fmt::format("{}: <{}> must appear both in this pattern and in -o {}, or in neither",
@@ -79,6 +92,8 @@ void check_channel_outputs(const TransferOptions& o) {
                           o.image.channel_outputs[before].path));
     }
     check_pages(o, path, what);
+    // The image that is painted over decides size, depth and channels, and cannot be that of two
+    // formats.
     if (!o.composite.onto.empty() && !has_token(o.composite.onto, "CHANNEL"))
       usage(what + ": --onto also needs <CHANNEL>: " + o.composite.onto + " names a single image");
     if (o.skip_existing && !o.composite.onto.empty() && o.composite.onto == path)
@@ -181,6 +196,7 @@ void check_baked(const TransferOptions& o) {
                       channel_name(channel), o.output));
     }
   }
+  // glTF has no way to state another direction, so its readers would light the model wrongly.
   if (o.image.normal_y == NormalY::down && io::is_model_path(o.output)) {
     usage(
         fmt::format("--output-normal-y down: {} is a glTF model, whose normal maps are always up "
@@ -213,6 +229,8 @@ void check_other_maps(const TransferOptions& o) {
         o.material.textures.begin(), o.material.textures.end(),
         [&](const SourceTexture& texture) { return texture.channel == other_channel(k); });
     if (!is_given) {
+      // Any name that is no channel was taken for a custom map while it was parsed. Without an
+      // image it is more likely a channel that is misspelt.
       const std::string meant = did_you_mean(name, channel_names());
       usage(fmt::format("{}: unknown channel{}{} a custom map needs --source-texture {}=FILE", name,
                         meant, meant.empty() ? ";" : "", name));
@@ -224,6 +242,7 @@ void check_other_maps(const TransferOptions& o) {
                       name, o.output));
     }
   }
+  // Numbers of custom maps come from the parser. Only a C++ caller can have others.
   const auto is_known = [&](Channel channel) {
     return !is_other(channel) || other_index(channel) < o.channels.other_maps.size();
   };

@@ -2,6 +2,15 @@
 //
 // The output of a channel: its size, its channels and what they are called, its depth; and what its
 // format cannot hold.
+//
+// In this order: what the user says, else what the image below has (--onto), else what the source
+// has, else what the format prefers. A format that cannot hold the result is refused before any
+// work if something would be wrong in the image, and accepted with a warning if something is left
+// out.
+//
+// The depth comes first, since a format's abilities may depend on it: a .tx is a TIFF, or an EXR
+// for halves. Colour spaces come last: they depend on the depth and on whether the channel is
+// colour at all.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -32,6 +41,8 @@ void choose_channels(const TransferOptions& options, const SourceLook& look,
     plan.names = onto->names;
     if (onto->has_alpha) plan.names.pop_back();
   }
+  // One and three channels fit everywhere. Two and four are data: a format must say of the last one
+  // that it is no alpha, or readers would take it for that.
   const bool fits = colours + (plan.format.has_alpha ? 1U : 0U) <= io::kMostChannels;
   const bool data = colours == 2 || colours == 4;
   const bool held = format.annotated || (format.data && !plan.format.has_alpha);
@@ -59,6 +70,7 @@ void choose_channels(const TransferOptions& options, const SourceLook& look,
         io::joined(
             {usual.begin(), usual.begin() + static_cast<std::ptrdiff_t>(plan.names.size())})));
   }
+  // Names for some of the channels only count as none.
   if (plan.names.size() < colours) plan.names.clear();
   if (!plan.names.empty() && plan.format.has_alpha) {  // of their layer: "diffuse.R", "diffuse.A"
     const std::size_t dot = plan.names.front().rfind('.');
@@ -83,6 +95,8 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Colou
                             plan.size.height, store::kLargestImageSide));
   }
   const std::string& output = output_of(options, plan.channel);
+  // A depth that was asked for is not replaced by the nearest one: why_not_writable() refuses it
+  // below.
   const Depth wanted = options.image.depth ? *options.image.depth : onto ? onto->depth : look.depth;
   plan.format.depth = options.image.depth ? wanted : io::writable_depth(output, wanted);
   choose_channels(options, look, onto, plan, warnings);
@@ -95,6 +109,7 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Colou
                           plan.format.depth, plan.format.linear, plan.format.has_alpha};
   std::string why = io::why_not_writable(output, spec);
   if (why.empty()) return;
+  // Would it do without alpha? Then the message says so.
   if (spec.has_alpha && !onto && !options.splats.alpha) {
     spec.has_alpha = false;
     --spec.channels;
@@ -106,6 +121,8 @@ void choose_output(const TransferOptions& options, const SourceLook& look, Colou
 void check_numbers(const TransferOptions& options, const ChannelPlan& plan,
                    const std::string& option) {
   const char* const name = channel_name(plan.channel);
+  // Only --onto can bring another number of samples: an image that is composited over keeps its
+  // own.
   const std::uint32_t samples = plan.channel == Channel::position ? 3 : 1;
   if (plan.format.channels != samples) {
     throw Error(

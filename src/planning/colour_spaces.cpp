@@ -6,6 +6,15 @@
 //
 // Spaces of a configuration come in as linear light of Rec. 709, before factors, and go out as the
 // last thing of all. In between everything is as without it.
+//
+// There are two kinds of spaces here. Built-in ones are primaries and one of two curves, and
+// convert by matrices with the same bits everywhere (docs/decisions/030-colour-spaces.md). Those of
+// an OpenColorIO configuration are names, opaque to all but io::ColourConfig, and come as
+// transforms to and from linear light (docs/decisions/036-colour-configurations.md). A name that
+// both know is ours.
+//
+// Nothing is converted that need not be: `input` is nothing where samples mean what is usual for
+// their depth and have the output's primaries. Such texels keep their bits.
 #include "planning/colour_spaces.h"
 
 #include <fmt/format.h>
@@ -76,6 +85,8 @@ std::string some_of(const std::vector<std::string>& names) {
 }  // namespace
 
 void check_colour_spaces(const TransferOptions& options) {
+  // Reads the configuration, although planning reads it again: names that are wrong are told before
+  // a mesh is read, which may take long.
   const ColourSpaces spaces(options, io::is_model_path(options.output));
   std::vector<std::string> given;
   for (const SourceColourSpace& source : options.colour.source_spaces) {
@@ -118,6 +129,9 @@ ColourSpaces::ColourSpaces(const TransferOptions& options, bool for_model)
 
 ColourSpace ColourSpaces::resolved(const char* option, const std::string& name) const {
   if (const auto own = colour_space_from_name(name)) {
+    // Scripts must give the same bytes with and without --ocio, so a built-in name keeps its
+    // meaning. Where the configuration means something else by it, silence would be worse than an
+    // error.
     if (config_ != nullptr && config_->has(name)) refuse_other_meaning(option, name, *own);
     return *own;
   }
@@ -144,6 +158,8 @@ ColourSpace ColourSpaces::resolved(const char* option, const std::string& name) 
 /// Our names are ours, exact and the same everywhere; who means something else by them must hear.
 void ColourSpaces::refuse_other_meaning(const char* option, const std::string& name,
                                         const ColourSpace& own) const {
+  // Compared by what the two make of a few colours, since a configuration has no formula to
+  // compare.
   constexpr double kAlike = 0.002;
   constexpr std::array<std::array<double, 3>, 4> kColours{
       {{0.18, 0.18, 0.18}, {0.6, 0.3, 0.2}, {0.2, 0.5, 0.3}, {0.1, 0.2, 0.7}}};
@@ -175,6 +191,7 @@ std::optional<ColourSpace> ColourSpaces::given(Channel channel) const {
   if (!is_colour(options_, channel)) return found;
   for (std::size_t i = 0; i < given_.size(); ++i) {
     const auto& of = options_.colour.source_spaces[i].channel;
+    // What names the channel beats what names none, whichever comes first.
     if (of ? *of == channel : !found) found = given_[i];
   }
   return found;
@@ -213,6 +230,8 @@ void ColourSpaces::choose(const SourceLook& look, const std::optional<io::ImageI
     plan.colour_space = asked_->config_name;
     return note_conversion(look, plan, *asked_, notes);
   }
+  // An image below decides for its output. Else primaries of linear light are kept where the output
+  // is linear as well, and those of coded colours everywhere; glTF knows sRGB alone.
   const ColourSpace source{look.chromaticities.value_or(kRec709), look.linear};
   if (onto) {
     plan.primaries = onto->space().primaries;
@@ -220,6 +239,7 @@ void ColourSpaces::choose(const SourceLook& look, const std::optional<io::ImageI
   } else {
     if (!for_model_ && (plan.format.linear || !source.linear)) plan.primaries = source.primaries;
     const ColourSpace usual{plan.primaries, plan.format.linear};
+    // The hash of the job does not tell an option that states the default from none.
     if (asked_ && *asked_ == usual) plan.said_anyway.emplace_back("output-colorspace");
     if (asked_) {
       plan.primaries = asked_->primaries;
@@ -251,6 +271,8 @@ std::optional<shading::ColourInput> ColourSpaces::input(const ColourSpace& space
                                                         bool plain, const ChannelPlan& plan) {
   if (space.config_name.empty() || !plan.format.is_colour)
     return colour_input(space, usual_linear, plan);
+  // From a space into itself, with nothing in between: the samples are the output's, bit for bit. A
+  // conversion to light and back would only round them.
   if (plain && space.config_name == plan.colour_space)
     return shading::ColourInput{plan.format.linear, std::nullopt, nullptr, true};
   shading::ColourInput input{true, std::nullopt, transform(space.config_name, true)};
@@ -260,6 +282,8 @@ std::optional<shading::ColourInput> ColourSpaces::input(const ColourSpace& space
 }
 
 const ColourTransform* ColourSpaces::transform(const std::string& name, bool to_linear) {
+  // One transform per space and direction, shared by all images and channels: its tables may be
+  // large.
   const std::pair key(name, to_linear);
   if (const auto made = transforms_.find(key); made != transforms_.end()) return made->second.get();
   // What throws leaves nothing behind: a channel that cannot be read may be left out.

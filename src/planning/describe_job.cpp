@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// What a report says of a job before the job has done anything. It is written first, so that the
+// report of any failure shows what was asked for.
 #include "planning/describe_job.h"
 
 #include <algorithm>

@@ -4,6 +4,10 @@
 //
 // Every bound assumes that nothing compresses. What lives as long as the job (stores) adds up; of
 // what comes and goes (results of a page, runs of a sort) the largest counts.
+//
+// The bounds are generous on purpose: --plan and the message of --max-temp promise that the job
+// does not need more. An estimate of compression would be wrong for noise, and a job that fills the
+// disk in its middle costs more than a forecast that is too high.
 #include "planning/disk.h"
 
 #include <fmt/format.h>
@@ -75,6 +79,8 @@ void DiskPlan::add_geometry(const surface::GeometryRequest& request) {
 
 /// As if every texel hit a triangle of its own, while there are others.
 void DiskPlan::add_hits(const PassPlan& pass, const surface::GeometryRequest& target) {
+  // A facet is stored in each block that hits it, so all facets may count in every block, but no
+  // texel hits two.
   const std::uint64_t blocks = blocks_of(pass.size);
   const std::uint64_t texels = std::uint64_t{pass.size.width} * pass.size.height;
   const std::uint64_t facets =
@@ -97,6 +103,7 @@ void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64
       pack_bytes(splats * (sizeof(store::Splat) + store::lobe_bytes(lobes) + sizeof(std::uint64_t)),
                  splats / 64 + 64);
   stores_ += pack;
+  // Runs before a merge, runs after it, and the unpacked scene from which the first were read.
   passing_ = std::max(passing_, 2 * pack + unpacked_bytes);
 }
 
@@ -105,6 +112,8 @@ void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, cons
   std::uint64_t results = 0, images = 0, levels = 0;
   for (std::size_t p = 0; p < plan.passes.size(); ++p) {
     const std::uint64_t blocks = blocks_of(plan.passes[p].size);
+    // Stores of pages are kept in the cache and add up. Results of a page are scratch: the largest
+    // counts.
     for (const surface::GeometryRequest& request : target.requests[p]) {
       add_geometry(request);
       if (keeps_ && plan.passes[p].keeps_hits) add_hits(plan.passes[p], request);
@@ -139,6 +148,8 @@ void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, cons
 
 DiskForecast DiskPlan::forecast() const {
   DiskForecast forecast;
+  // A cache that may run full gives nothing back to the forecast: any store may be the one without
+  // space.
   const bool is_limited = keeps_ && cache_limit_bytes_ != 0 && stores_ > cache_limit_bytes_;
   if (keeps_) forecast.cache_bytes = is_limited ? cache_limit_bytes_ : stores_;
   // What the cache has no room for lives in scratch files.

@@ -2,6 +2,10 @@
 //
 // Painting over, as far as it is decided before any work: which image each output is painted onto,
 // whether the two fit, and where charts lie that padding must leave alone.
+//
+// A channel has one format, but --onto may name many images, one per UDIM tile. The first one by
+// name decides the format before pages are known (onto_header()); each page's own image is then
+// held against it (plan_onto()).
 #include "planning/image_output.h"
 
 #include <fmt/format.h>
@@ -76,6 +80,8 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
   const fs::path path(pattern);
   const std::string wanted = any_name(path.filename().string());
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  // By name, since the order of a folder's entries differs between file systems, and the format
+  // must not.
   std::string first;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder, error)) {
@@ -102,6 +108,8 @@ OntoImage plan_onto(const TransferOptions& options, const std::string& output,
     onto.decoder_bytes +=
         checked_header("--mask", onto.mask_path, size, options.allowed_formats).decoder_bytes;
   }
+  // A smaller number of channels is converted, grey to colour for instance. A channel that has no
+  // place in the output, or that would change its meaning, is an error.
   const bool lost_alpha = info.has_alpha && !format.has_alpha;
   const bool made_alpha = !info.has_alpha && info.channels == 4 && format.has_alpha;
   if (info.channels > format.channels || lost_alpha || made_alpha) {
@@ -112,6 +120,8 @@ OntoImage plan_onto(const TransferOptions& options, const std::string& output,
   onto.alpha = format.has_alpha && source.alpha && info.has_alpha ? shading::PaintAlpha::mix
                                                                   : shading::PaintAlpha::keep;
   onto.keep_last = format.colours() == 4 && source.colours < 4;
+  // Only between EXRs of one depth and number of channels can old samples stay as they are,
+  // multiplied. Everything else is straight while it is composited.
   onto.premultiplied = info.premultiplied && format.has_alpha && info.format == "openexr" &&
                        info.depth == format.depth && info.channels == format.channels &&
                        io::is_exr(output, format.depth);
@@ -122,6 +132,7 @@ std::vector<std::shared_ptr<const mesh::UvOccupancy>> occupied_pages(
     const mesh::Mesh& target, const std::vector<TargetPage>& pages, bool by_tile,
     std::uint32_t uv_set) {
   std::vector<std::shared_ptr<mesh::UvOccupancy>> made;
+  // Triangles that were not selected count, too: their texels are somebody's paint.
   std::map<std::pair<std::int64_t, std::uint32_t>, std::size_t> page_of;  // (material, UDIM)
   for (std::size_t p = 0; p < pages.size(); ++p) {
     made.push_back(std::make_shared<mesh::UvOccupancy>());

@@ -3,6 +3,14 @@
 // The hash of its job that every output records. What it must know is simple to forget one by one,
 // so nothing is listed that could be: files go in whole, as they are on disk, and all options but
 // those whose rows say that they change no byte, or that what they come to is hashed.
+//
+// Too much in the hash writes an image again, too little keeps a wrong one. What is left out is
+// what provably changes no byte: names, folders and times of files, resources, the other images of
+// the job. The hash is of one image, so that a tile, a target or a channel has the same one alone
+// and among others (docs/decisions/029-job-hash.md).
+//
+// The order of what is added is part of the hash. Options and files are added after their number,
+// so that no two lists of them look alike.
 #include "planning/job_hash.h"
 
 #include <unistd.h>
@@ -91,6 +99,7 @@ void JobHash::begin(const std::vector<std::string>& said_anyway, Hasher& hash) c
   const auto counts = [&](const OptionReport& option) {
     return std::find(said_anyway.begin(), said_anyway.end(), option.name) == said_anyway.end();
   };
+  // Another version may give other bytes.
   hash.add(std::string_view("pounce " POUNCE_VERSION));
   hash.add(static_cast<std::uint64_t>(std::count_if(options_.begin(), options_.end(), counts)));
   for (const OptionReport& option : options_) {
@@ -104,6 +113,7 @@ void JobHash::begin(const std::vector<std::string>& said_anyway, Hasher& hash) c
 /// What is not there, or not for this user, is no part of the job: what needs it says so. A read
 /// that fails ends the job: its outputs would name another one.
 void JobHash::add_file(const std::string& path, Hasher& hash) {
+  // All images of a job share their files: each is read once.
   const auto known = contents_.find(path);
   if (known != contents_.end()) return add(known->second, hash);
   Hash128 content;
@@ -152,6 +162,8 @@ void JobHash::add_source_images(const SourcePlan& plan, const ChannelPlan& chann
 void JobHash::add_output(const ChannelPlan& channel, const ImageOutput& image, Hasher& hash) {
   hash.add(std::string_view(channel.name));
   if (is_other(channel.channel)) hash.add(channel.format.is_colour);
+  // As resolved, not as stated: a size that follows from an image is the same as one that was
+  // given.
   hash.add(std::string_view(kind_of(image.path)));
   hash.add(image.lattice.width);
   hash.add(image.lattice.height);
@@ -172,6 +184,7 @@ std::string JobHash::of_image(const std::vector<std::string>& source, const Sour
   begin(said_anyway(plan.channels[channel], target_plan, target_plan.images[channel][page]), hash);
   add_files(source, hash);
   add_source_images(plan, plan.channels[channel], hash);
+  // Channels of a pass share a search. Where that shows in the bytes of this one, the hash says so.
   for (const PassPlan& pass : plan.passes) {  // whose stores have the triangles as they are
     const bool is_of =
         std::find(pass.channels.begin(), pass.channels.end(), channel) != pass.channels.end();

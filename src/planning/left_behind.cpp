@@ -2,6 +2,9 @@
 //
 // What a source has and a transfer does not take: said, so that nobody has to find out from the
 // result. Materials come by the hundred and names as long as a file likes: the first few are told.
+//
+// A channel that a user left out by name is not missed, and neither is one that nothing uses: only
+// materials that triangles have count. The note is of bounded length, whatever a file has.
 #include "planning/left_behind.h"
 
 #include <fmt/format.h>
@@ -30,6 +33,7 @@ constexpr std::size_t kLongestName = 64;
 std::string shortened(const std::string& name) {
   if (name.size() <= kLongestName) return name;
   std::size_t end = kLongestName;
+  // Back to the first byte of a character of UTF-8.
   while (end > 0 && (static_cast<unsigned char>(name[end]) & 0xC0U) == 0x80) --end;
   return name.substr(0, end) + "...";
 }
@@ -56,6 +60,8 @@ Slots slots_left(const TransferOptions& options, const SourcePlan& plan, const m
     const mesh::Material& material = source.materials[m];
     for (const mesh::OtherTexture& other : material.other_textures)
       add_image(source.images[other.image], slots[other.slot]);
+    // With channels by name the user has chosen. Else what was not chosen is told, and textures
+    // that no channel takes in any case.
     for (int c = 0; options.channels.transferred.empty() && c < kChannelCount; ++c) {
       const auto& texture = material.textures[static_cast<std::size_t>(c)];
       const auto channel = static_cast<Channel>(c);
@@ -116,6 +122,7 @@ std::string factors_note(const TransferOptions& options, const SourcePlan& plan,
   for (const std::uint32_t m : used_materials(source)) {
     for (const ChannelPlan& channel : plan.channels) {
       if (!is_of_material(channel.channel)) continue;
+      // A factor without a texture is the constant itself, and always in the image.
       const auto& own = source.materials[m].textures[static_cast<std::size_t>(channel.channel)];
       if (own && texture_factor(source.materials[m], channel.channel)) ++counts[channel.name];
     }

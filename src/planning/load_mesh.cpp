@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A mesh as a job sees it: read, turned to the job's axes, and only what was selected.
+//
+// The order is that of the data: positions lose the origin while they are still double precision,
+// then axes change, then parts are selected. What comes later, hashes of stores included, sees the
+// result only, so a mesh that is stored rotated and one that is rotated by an option share their
+// stores.
 #include "planning/load_mesh.h"
 
 #include <fmt/format.h>
@@ -73,6 +78,7 @@ void drop_black(mesh::Mesh& mesh) {
 
 mesh::Mesh load_mesh(const std::string& path, const MeshUse& use, const std::string& side,
                      bool allow_external, Vec3d origin, bool keep_rest) {
+  // The origin is in the job's axes, and the reader subtracts it in the file's.
   const bool is_source = side == "source";
   const Axes axes = axes_of(use, side);
   mesh::Mesh mesh = io::read_mesh(path, {allow_external, is_source ? use.uv_set : std::nullopt,
@@ -113,12 +119,15 @@ double largest(Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::ab
 /// The value of the last binary digit that is not 0.
 double last_digit(double value) {
   int exponent = 0;
+  // All 53 binary digits as a whole number: its lowest bit that is set is the last digit.
   auto digits = static_cast<std::int64_t>(std::ldexp(std::frexp(value, &exponent), 53));
   return std::ldexp(static_cast<double>(digits & -digits), exponent - 53);
 }
 
 /// The power of two that all positions are multiples of along the axis in which that is largest.
 double step_of(const mesh::Mesh& mesh, Vec3d origin) {
+  // The origin is a multiple of a much larger power of two than a file's steps, so positions
+  // relative to it are still multiples of these steps.
   double step = 0;
   for (const auto axis : {0, 1, 2}) {
     double along = std::numeric_limits<double>::infinity();
@@ -140,6 +149,8 @@ PlacedMesh place_mesh(const std::string& path, const MeshUse& use, const std::st
                       bool allow_external) {
   PlacedMesh placed{load_mesh(path, use, side, allow_external), {}};
   placed.origin = origin_for(box_of(placed.mesh));
+  // The first reading has rounded positions to single precision already, so it can show where the
+  // mesh is, but not repair it. Nearly all meshes end here.
   if (placed.origin == Vec3d{}) return placed;
   placed.mesh = {};  // the second one takes its memory
   placed.mesh = load_mesh(path, use, side, allow_external, placed.origin);

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Colour or data: only colour is converted between sRGB coding and linear light. Nothing in a file
+// says reliably which of the two a custom map is, so its name does where it is a usual one. The
+// default is data: a mask that is converted is wrong everywhere, a colour that is not is right
+// wherever source and output have one coding.
 #include "planning/map_kind.h"
 
 #include <algorithm>

@@ -6,6 +6,14 @@
 // vertices. The output must hold all of them at once: the most channels, the deepest samples, an
 // alpha if any has one that means something, the colour space of the first. What cannot be held is
 // thrown before any work; what is lost or converted on the way is told.
+//
+// The steps of make() follow from each other. First the pages, which add columns and tile sets to
+// the plan. From these comes the look of the source: what all images together have. Factors, vertex
+// colours and a configuration may raise it, grey to colour for instance. Then the output is chosen,
+// and only then is it known how each page's samples get there.
+//
+// Pages come twice: once per material, and once more for its triangles without UVs, which get the
+// constant (request_of_pages() in source.cpp).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -39,6 +47,8 @@ class ChannelPlanner {
     note_kind(channel);
     std::map<std::uint32_t, int> tile_sets;  // by image
     std::vector<PageTexture> without_uvs;
+    // A factor that all materials of the source share goes into the model's materials. Then the
+    // images must not show it, since renderers multiply the two.
     const auto common = common_factor(channel);
     if (common) plan.material_factor = *common;
     const bool applies_factors = options_.material.apply_factors && !common;
@@ -70,6 +80,7 @@ class ChannelPlanner {
   /// A primitive without this texture still hides what is behind it: its factor, as the image would
   /// hold it.
   shading::TexelValue constant(std::size_t material, Channel channel, bool applies_factors) const {
+    // Flat: the surface's own normal.
     if (channel == Channel::normal) return {{0.5, 0.5, 1}, 3, false, false, false};
     if (is_shape(channel)) return {};
     if (!is_of_material(channel)) return {{0, 0, 0, 1}, 4, true, true, false};
@@ -133,6 +144,8 @@ class ChannelPlanner {
         planning_.is_tinted(channel) &&
         (!binding || source_.materials[material].textures[static_cast<std::size_t>(channel)]);
     if (!binding) return page;
+    // By image: several materials may sample one set, which must be found, checked and warned of
+    // once.
     const auto [set, is_new] = tile_sets.try_emplace(binding->image, -1);
     if (is_new) set->second = images_.tile_set_of(*binding, channel);
     page.tile_set = set->second;
@@ -219,6 +232,7 @@ class ChannelPlanner {
   /// of sRGB's primaries.
   void give_space(const ChannelPlan& plan, PageTexture& page) {
     if (const auto input = colour_input({kRec709, true}, true, plan)) {
+      // A constant that vertices tint can be converted only when a vertex's colour is known.
       if (page.tinted) {
         page.input = *input;
       } else {
@@ -235,6 +249,7 @@ class ChannelPlanner {
 
   std::optional<shading::ColourInput> input_of(const ChannelPlan& plan, std::size_t column) {
     const ColumnPlan& c = plan_.columns[column];
+    // Nothing happens to the texels between reading and writing.
     const bool plain = !planning_.as_gaussians &&
                        std::none_of(plan.pages.begin(), plan.pages.end(),
                                     [](const PageTexture& p) { return p.factor || p.tinted; });
@@ -276,6 +291,8 @@ class ChannelPlanner {
   void take_opacity(const char* what, const ChannelPlan& plan, SourceLook& look) {
     const std::string& output = output_of(options_, plan.channel);
     const Depth depth = io::writable_depth(output, look.depth);
+    // An opacity is a wish of the material, not of the user: a JPEG is written without it, with a
+    // warning.
     const std::string why = io::why_not_writable(output, {1, 1, 4, depth, look.linear, true});
     look.alpha = why.empty() && look.colours < 4;
     if (!look.alpha) {
@@ -288,6 +305,8 @@ class ChannelPlanner {
   SourceLook look_of(Channel channel, const std::vector<const ColumnPlan*>& images) {
     SourceLook look;
     look.colours = 1;
+    // True until an image with alpha says otherwise: one straight image makes the whole channel
+    // straight.
     look.premultiplied = true;
     for (const ColumnPlan* image : images) {
       const io::ImageInfo& info = image->info;

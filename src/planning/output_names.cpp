@@ -26,6 +26,8 @@ bool has_token(const std::string& pattern, const std::string& token) {
 std::string expand_pattern(const std::string& pattern,
                            const std::map<std::string, std::string>& values) {
   std::string out;
+  // In one pass over the pattern: a value that looks like a token, such as a material called
+  // "<UDIM>", is not expanded again.
   for (std::size_t at = 0; at < pattern.size();) {
     const std::size_t close = pattern[at] == '<' ? pattern.find('>', at) : std::string::npos;
     if (close == std::string::npos) {
@@ -55,6 +57,8 @@ const std::string& output_of(const TransferOptions& options, Channel channel) {
 }
 
 std::string file_name_part(const std::string& name) {
+  // A material may be called "../../x" or nothing at all. Other characters stay: file systems have
+  // them.
   std::string out = name;
   for (char& c : out) {
     if (c == '/' || c == '\\' || static_cast<unsigned char>(c) < 32) c = '_';
@@ -67,6 +71,7 @@ namespace {
 /// Every file is made anew in its folder, also where it replaces one: can it be? A folder that is
 /// missing is made when there is something to put into it.
 void check_folder(const std::string& path) {
+  // Through links, to where the file really is written.
   const std::string place = io::output_place(path);
   if (place.empty()) {
     throw Error(ErrorKind::storage, path + ": is a broken link; choose another name");
@@ -93,6 +98,7 @@ void check_outputs(const std::vector<std::string>& paths, const std::string& cur
   namespace fs = std::filesystem;
   std::set<std::string> seen;
   for (const std::string& path : paths) {
+    // By spelling, since the files need not exist yet.
     if (!seen.insert(fs::path(path).lexically_normal().string()).second) {
       throw Error(ErrorKind::usage,
                   fmt::format("two images would be written to {}: {}", path, cure));

@@ -10,6 +10,10 @@
 // sets and transforms), share one pass: one search finds where each texel's ray meets the surface,
 // and every image is looked up there. Their images may differ in size. A pass then sees the source
 // on the lattice of the largest; in smaller images the same place is found in proportion.
+//
+// A pass costs a search per texel, a channel in it a lookup. A geometry store belongs to a pass as
+// well, so passes that are joined also save a store. What does not matter for joining: constants,
+// which have no place on the surface, and the sizes of source images.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -65,6 +69,7 @@ class SourcePlanner {
               "{}: all of its {} triangles are degenerate (no area); export the model again",
               source_.path, source_.triangles.size()));
     }
+    // A channel that was asked for must succeed. One that is only part of "all" may fail alone.
     const std::vector<Channel> chosen = chosen_channels();
     for (const Channel channel : chosen) {
       if (is_asked_for(channel)) {
@@ -99,6 +104,8 @@ class SourcePlanner {
 
   /// Tangents matter where a material's normal map is read.
   void plan_tangents() {
+    // Tangents split vertices (docs/decisions/031-normals.md), which would change the keys of
+    // stores. So only a job that reads a normal map has them.
     for (const ChannelPlan& channel : plan_.channels) {
       if (channel.channel != Channel::normal || images_of(plan_, channel).empty()) continue;
       TangentPlan& tangents = plan_.tangents.emplace();
@@ -145,6 +152,7 @@ class SourcePlanner {
   /// Of all that the source has, what is missing, damaged or of no use is left out. A file that is
   /// there and that the system does not let us read ends the job: the next run would give more.
   void try_channel(Channel channel) {
+    // The plan must then be as if the channel had never been tried.
     const std::size_t columns = plan_.columns.size(), warnings = plan_.warnings.size(),
                       notes = plan_.notes.size();
     try {
@@ -168,6 +176,7 @@ class SourcePlanner {
     surface::GeometryRequest source = source_request(plan);
     const std::size_t c = plan_.channels.size();
     const bool needs_surface = plan.has_shape() || (plan.is_tinted() && !planning_.as_gaussians);
+    // The first pass that fits. With the finer lattice of both it still fits all its channels.
     const auto same =
         std::find_if(plan_.passes.begin(), plan_.passes.end(), [&](const PassPlan& pass) {
           return pass.size == plan.size && lie_alike(pass.source.pages, source.pages);
@@ -191,6 +200,7 @@ class SourcePlanner {
                               "fewer --channels",
                               options_.image.map_output, plan_.passes.size()));
     }
+    // No image is sampled, so every page is a constant. The names are those of the EXR's channels.
     PassPlan& pass = plan_.passes.front();
     ChannelPlan map;
     map.channel = Channel::hits;
@@ -238,6 +248,7 @@ class SourcePlanner {
       for (std::size_t k = 0; k < options_.channels.other_maps.size(); ++k)
         chosen.push_back(other_channel(k));
     }
+    // Each once, in the order in which they were requested; channels are planned in that order.
     std::vector<Channel> distinct;
     for (const Channel c : chosen) {
       if (std::find(distinct.begin(), distinct.end(), c) == distinct.end()) distinct.push_back(c);
@@ -276,6 +287,7 @@ class SourcePlanner {
   /// have images, these must lie on the surface in the same way.
   bool lie_alike(const std::vector<mesh::Lattice>& a, const std::vector<mesh::Lattice>& b) const {
     for (std::size_t m = 0; m < source_.materials.size(); ++m) {
+      // Without an image there is nothing to lie differently.
       if (a[m].width == 0 || b[m].width == 0) continue;
       if (a[m].uv_set != b[m].uv_set || !(a[m].transform == b[m].transform)) return false;
     }
@@ -320,6 +332,8 @@ class SourcePlanner {
   /// The source's triangles by material. What has a texture there but not the UVs for it is set
   /// apart, in as many pages again: it is constant, as if it had no texture.
   surface::GeometryRequest request_of_pages(std::vector<mesh::Lattice> pages) const {
+    // Such triangles still occlude, so they cannot be left out of the store. On a page without a
+    // lattice they have no texel coordinates, and whatever hits them gets the constant.
     std::vector<std::uint32_t> triangle_page = source_.triangle_material;
     bool any_apart = false;
     for (std::size_t t = 0; t < triangle_page.size(); ++t) {

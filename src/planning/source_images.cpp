@@ -41,6 +41,8 @@ SourceImages::SourceImages(const TransferOptions& options, const mesh::Mesh& sou
       plan_(plan),
       images_(source.images),
       uv_set_(options.source_use.uv_set) {
+  // Images of options are numbered after those of the mesh, so that one number names either.
+  // is_own() tells them apart, which matters for trust (folders) and for colour (glTF is sRGB).
   for (const SourceTexture& given : options.material.textures) {
     const auto [at, is_first] = override_.try_emplace(given.channel, images_.size());
     if (!is_first) {
@@ -64,6 +66,7 @@ std::optional<mesh::TextureBinding> SourceImages::binding(std::size_t material,
   if (is_of_material(channel))
     found = source_.materials[material].textures[static_cast<std::size_t>(channel)];
   if (const auto given = override_.find(channel); given != override_.end()) {
+    // The image changes, and the material's UV set, transform and wrap modes stay.
     if (!found) found.emplace();
     found->image = static_cast<std::uint32_t>(given->second);
   }
@@ -95,6 +98,8 @@ int SourceImages::tile_set_of(const mesh::TextureBinding& bound, Channel channel
 
 int SourceImages::column_for(const mesh::ImageRef& image, mesh::Wrap wrap_u, mesh::Wrap wrap_v,
                              bool heeds_tags) {
+  // One column per image as it is sampled: an atlas of a hundred materials is opened, decoded and
+  // stored once. Wrap modes are part of it, since a tile's apron depends on them.
   for (std::size_t i = 0; i < plan_.columns.size(); ++i) {
     const ColumnPlan& c = plan_.columns[i];
     if (c.image.label == image.label && c.image.path == image.path &&
@@ -131,6 +136,7 @@ const std::map<std::uint32_t, std::set<mesh::UvTile>>& SourceImages::middles(Cha
       middle.x += uv.x / 3;
       middle.y += uv.y / 3;
     }
+    // Stray coordinates would make tiles that no set has.
     constexpr double kFar = 1e6;
     if (!(std::abs(middle.x) < kFar && std::abs(middle.y) < kFar)) continue;
     at->second[bound->image].insert(
@@ -144,8 +150,12 @@ const std::map<std::uint32_t, std::set<mesh::UvTile>>& SourceImages::middles(Cha
 /// write the name of one tile's image for the whole set.
 std::optional<mesh::ImageRef> SourceImages::set_meant(std::uint32_t index, Channel channel) {
   const mesh::ImageRef& image = images_[index];
+  // A file that is called so in earnest is that file. The token means a set only where no such file
+  // exists, or where the user wrote it.
   if (is_tile_pattern(image.path))
     return is_own(index) && !image.missing ? std::nullopt : std::optional(image);
+  // A number in a name may be a year. A set is meant only if UVs say so as well, and if files of at
+  // least two tiles exist.
   const bool is_file = image.size_bytes == 0 && image.bytes == nullptr && image.problem.empty();
   const auto named = is_file ? named_tile(image.path) : std::nullopt;
   if (!named) return std::nullopt;
@@ -184,6 +194,8 @@ bool SourceImages::heeds_tags(std::uint32_t image) const {
 /// The UDIM tiles that the source's UVs enter where this channel samples a pattern, and the
 /// images there are for them.
 int SourceImages::tile_set_for(const mesh::ImageRef& wanted, std::uint32_t index, Channel channel) {
+  // The names that a pattern expands to were in no list when the mesh was read, so their folder is
+  // checked here. A pattern of the user's own may lead anywhere.
   const io::AssetFolder folder(source_.path, options_.allow_external || !is_own(index));
   const std::string& pattern = wanted.path;
   TileSetPlan set;
@@ -227,6 +239,7 @@ int SourceImages::tile_set_for(const mesh::ImageRef& wanted, std::uint32_t index
 
 /// Those that UVs enter where an image is sampled.
 std::vector<std::uint32_t> SourceImages::entered_udims(Channel channel, std::uint32_t image) {
+  // By triangle, not by vertex: a triangle may cross a tile without a corner in it.
   std::set<std::uint32_t> entered;
   std::uint64_t beyond = 0;
   for (std::size_t t = 0; t < source_.triangles.size(); ++t) {

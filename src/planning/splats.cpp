@@ -2,6 +2,9 @@
 //
 // The source's side of a plan where the source is a splat scene: colours and evidence, which share
 // one pass where their images are of one size.
+//
+// Nothing of the scene is decoded: headers say how many Gaussians there are, how they are coded and
+// what unpacking takes. There are no images, so no size follows from the source.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -32,6 +35,7 @@ SplatRequest splat_request(const TransferOptions& options) {
   request.axes = axes_of(options.source_use, "source");
   request.harmonics = options.splats.harmonics;
   const auto value = [](double v) { return static_cast<float>(v); };
+  // What removes nothing is no filter: the scene then shares its store with jobs that state none.
   if (options.splats.filter.min_opacity && *options.splats.filter.min_opacity > kDefaultMinOpacity)
     request.keep.min_alpha = value(*options.splats.filter.min_opacity);
   if (options.splats.filter.max_scale)
@@ -89,6 +93,7 @@ void add_channel(const TransferOptions& options, const SceneFacts& scene, Channe
   }
   const std::size_t c = plan.channels.size() - 1;
   for (PassPlan& pass : plan.passes) {
+    // One blend gives colour, confidence and distance at once.
     if (pass.size == added.size) return pass.channels.push_back(c);
   }
   plan.passes.push_back({{}, {}, added.size, {c}, false});
@@ -107,6 +112,8 @@ void keep_near(const TransferOptions& options, const TargetPlan& target, const m
                SplatRequest& splats) {
   if (options.splats.everywhere || options.targets.size() > kMostNearTargets) return;
   // What texels see, and what says whether the scene lies here at all.
+  // By default an upper bound of how far anything is looked for: what is left out could not be met.
+  // With --near-target the fit looks no farther than that (TargetPlanner::set_fit_reach()).
   double distance =
       kReachOverDistance * static_cast<double>(std::max(target.max_distance, target.fit_reach));
   if (options.splats.near_target) {

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A target's side of a plan: pages, output names, the least memory.
+//
+// Lengths that are relative become lengths of this target, by the diagonal of its box. Names of all
+// images are expanded even for pages that may turn out empty, since two images with one name must
+// be found before any work.
 #include <fmt/format.h>
 #include <sys/stat.h>
 
@@ -60,6 +64,7 @@ class TargetPlanner {
     const Length reach = options_.search.max_distance.value_or(usual);
     const double distance = reach.is_percent ? reach.value / 100 * diag : reach.value;
     using Float = std::numeric_limits<float>;
+    // Kept within what single precision can hold, and above 0, so that divisions by it are safe.
     plan_.max_distance =
         static_cast<float>(std::clamp<double>(distance, Float::min(), Float::max()));
     plan_.usual_distance = options_.search.max_distance && distance == usual.value / 100 * diag;
@@ -78,6 +83,7 @@ class TargetPlanner {
     plan_.axes = axes_of(options_.target_use, "target");
     plan_.in_part = !options_.target_use.meshes.empty() || !options_.target_use.materials.empty();
     plan_.painted_over = !options_.composite.onto.empty();
+    // Keys of all pages and passes share the mesh's hash.
     const auto hashes = std::make_shared<surface::MeshHashes>(target_);
     for (const PassPlan& pass : source_.passes) {
       plan_.requests.emplace_back();
@@ -177,6 +183,7 @@ class TargetPlanner {
   }
   static bool is_laid_out_by(const TransferOptions& options, Depth depth, bool is_map,
                              const ImageOutput& image) {
+    // The option says what holds without it, for the image and its mask alike.
     return layout_of(options, image.path, depth, is_map) == image.layout &&
            layout_of(options, image.coverage_path, Depth::u8) == image.coverage_layout;
   }
@@ -192,6 +199,8 @@ class TargetPlanner {
   /// never an output.
   void keep_from_harm(OntoImage& onto, const std::string& output) {
     if (!onto.mask_path.empty()) plan_.inputs.push_back(onto.mask_path);
+    // In place, the old image is read while the new one is written beside it, under another name
+    // until it is complete.
     std::error_code ignored;
     onto.in_place = std::filesystem::equivalent(onto.path, output, ignored);
     if (!onto.in_place) plan_.inputs.push_back(onto.path);
@@ -225,6 +234,7 @@ std::optional<FileId> file_id(const std::string& path) {
 
 /// Why two images may get one name, and what to do about it.
 std::string how_to_tell_apart(const TransferOptions& options, const SourcePlan& plan) {
+  // The likeliest reason first, so that the message names one thing to change.
   std::map<std::string, std::string> targets;  // by stem
   for (const std::string& path : options.targets) {
     const auto [at, fresh] = targets.try_emplace(stem(path), path);
@@ -263,6 +273,7 @@ void check_all_outputs(const TransferOptions& options, const SourcePlan& plan,
   inputs.push_back(options.source);
   inputs.insert(inputs.end(), options.targets.begin(), options.targets.end());
   for (const ColumnPlan& column : plan.columns) inputs.push_back(column.image.path);
+  // By identity: a link or another spelling of the path is the same file.
   std::set<FileId> read;
   for (const std::string& input : inputs) {
     if (const auto id = file_id(input)) read.insert(*id);

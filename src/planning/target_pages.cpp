@@ -5,6 +5,9 @@
 // A triangle is on the page of its texture set, or, with tiles, on those of all tiles of UV space
 // that it shares an area with. Each page keeps a list of its triangles, so that it can be made by
 // itself.
+//
+// Pages are numbered in the order in which they are written. Texture sets are numbered as triangles
+// meet them, so a material without triangles has no page, and triangles without UVs are on none.
 #include "planning/target_pages.h"
 
 #include <fmt/format.h>
@@ -79,6 +82,7 @@ class PageFinder {
 
   void look_at_tiles(std::uint32_t t, std::uint32_t set) {
     const std::array<Vec2d, 3> uvs = uvs_of(t);
+    // Counted with tiles, too, but only told where UVs wrap: there it may come as a surprise.
     bool inside = true;
     for (const Vec2d uv : uvs) inside = inside && uv.x >= 0 && uv.x <= 1 && uv.y >= 0 && uv.y <= 1;
     if (!inside) ++outside_;
@@ -89,6 +93,8 @@ class PageFinder {
       beyond = beyond || !udim;
       if (udim) tiles_.insert({*udim, set});
     });
+    // visit_uv_tiles() has visited none then. One stray coordinate must not cost a list of millions
+    // of tiles.
     if (count > 65536) {
       throw Error(
           ErrorKind::input,
@@ -141,6 +147,8 @@ class PageFinder {
 
   void list_triangles(const std::map<std::pair<std::uint32_t, UvTile>, std::uint32_t>& page_of) {
     out_.triangles =
+        // Tiles are found twice, here and in look_at_tiles(): a list of (triangle, tile) in between
+        // could be larger than the mesh.
         std::make_shared<const mesh::PageTriangles>(out_.pages.size(), [&](auto&& put) {
           for (std::uint32_t t = 0; t < triangle_set_.size(); ++t) {
             if (triangle_set_[t] == kNoPage) continue;

@@ -1,4 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A material's factors, for two kinds of outputs. texture_factor() is what an image must be
+// multiplied by, since nothing else will do it; its values are as the file has them.
+// material_factor() is what the material of a model keeps, within what glTF allows: numbers of 0 to
+// 1, and light beyond 1 as emissive strength (docs/decisions/032-factors.md).
+//
+// A factor that changes nothing is none, so that texels without one keep their bits.
 #include "planning/texture_factor.h"
 
 #include <algorithm>
@@ -50,6 +57,7 @@ std::optional<shading::Factor> texture_factor(const mesh::Material& material, Ch
   }
   if (!changes(factor)) return std::nullopt;
   factor.is_colour = channel == Channel::base_color || channel == Channel::emissive;
+  // A grey image gets three channels where the factor differs between them.
   factor.spreads = channel != Channel::occlusion &&
                    (factor.scale[0] != factor.scale[1] || factor.scale[1] != factor.scale[2]);
   return factor;

@@ -1,4 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Names of UDIM tiles in both directions: a pattern becomes the name of a tile, and the name of one
+// tile becomes the pattern of its set.
+//
+// A name may have several numbers ("scan_2023_skin.1001.png"). Exporters put the tile last, so the
+// last one counts, and the number of a tile counts before "u1_v1". Whether a set is meant at all is
+// not decided here.
 #include "planning/tile_pattern.h"
 
 #include <cstdint>
@@ -16,6 +23,8 @@ std::uint32_t number_at(const std::string& text, std::size_t& at) {
   std::uint32_t number = 0;
   const std::size_t begin = at;
   for (; at < text.size() && is_digit(text[at]); ++at)
+    // Longer runs of digits are no UDIM. They are read to their end, so that their tail is not one
+    // either.
     number = at - begin < 4 ? number * 10 + static_cast<std::uint32_t>(text[at] - '0') : 0;
   return number;
 }
@@ -61,6 +70,7 @@ std::optional<NamedTile> named_tile(const std::string& path) {
     } else if (name[at] == 'u') {
       const auto tile = uvtile_at(name, at);
       if (tile && at <= stem) by_tile = NamedTile{with(begin, at, "<UVTILE>"), *tile};
+      // The letter may be part of a word ("skull"); what follows it is looked at again.
       if (!tile) at = begin + 1;
     } else {
       ++at;

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A transfer does not mind: an image that repeats is stored once. As Gaussians each repetition is
+// written again, so one triangle with a stray coordinate can ask for more than a disk holds. Both
+// conditions must hold for a warning, since repeating is usual and large images are, too.
 #include "planning/uv_repeats.h"
 
 #include <fmt/format.h>
@@ -38,6 +42,7 @@ void warn_of_repeats(const surface::GeometryRequest& request, std::vector<std::s
       if (texels > sum.most) sum.most = texels, sum.triangle = t;
     }
   }
+  // Pages beyond the materials are those of triangles without UVs, which repeat nothing.
   for (std::size_t page = 0; page < std::min(pages.size(), mesh.materials.size()); ++page) {
     const mesh::Lattice& lattice = request.pages[page];
     const double image = double{1} * lattice.width * lattice.height;
