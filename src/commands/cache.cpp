@@ -5,6 +5,10 @@
 // Nothing here locks the cache as a whole. A file that a job holds open cannot be evicted (it
 // counts as in use), and one that goes between listing and opening was evicted by somebody else: it
 // is passed over. A missing folder is an empty cache, and is not made.
+//
+// So every number is of one moment. Between a listing and an eviction packs may come, go or be
+// used, and nothing here relies on their staying. Removing is safe at any time: a job that misses a
+// pack builds it again (docs/cache.md).
 #include "pounce/cache.h"
 
 #include <fmt/format.h>
@@ -82,9 +86,11 @@ CachePruned tidy(const std::string& folder, const Evict& evict) {
     const CacheLayout layout(chosen(folder));
     CachePruned pruned;
     if (!disk().exists(layout.parts_folder())) return pruned;
+    // Leftovers of dead processes first: they take space, for which packs would be evicted.
     store::remove_leftovers(disk(), layout);
     store::CacheSpace space(disk(), layout, 0, nullptr);
     evict(space, pruned);
+    // Counted again, not subtracted: jobs may have written meanwhile.
     pruned.taken_bytes = store::scan_cache(disk(), layout).total_bytes;
     return pruned;
   });
@@ -168,6 +174,7 @@ CachePruned cache_prune(const std::string& folder, std::optional<std::uint64_t> 
     if (older_than_s) {
       const auto now = std::chrono::system_clock::now().time_since_epoch();
       const double oldest = std::chrono::duration<double>(now).count() - *older_than_s;
+      // Down to 0 bytes, but only of what is too old.
       add(pruned, space.evict(0, [&](const CachedObject& object) {
         return seconds(object.last_used_ns) < oldest;
       }));

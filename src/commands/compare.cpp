@@ -44,6 +44,8 @@ class Strips {
 
 /// |a - b|; 0 for equal infinities and for two NaNs, infinite if only one is a number.
 double difference(double a, double b) {
+  // Infinities subtract to NaN, and NaN compares as nothing: without these cases a difference would
+  // vanish from the largest error.
   if (a == b || (std::isnan(a) && std::isnan(b))) return 0;
   const double d = std::abs(a - b);
   return std::isnan(d) ? std::numeric_limits<double>::infinity() : d;
@@ -59,6 +61,7 @@ struct Sums {
     const double d = difference(a[channel_a], b[channel_b]);
     absolute += d;
     squared += d * d;
+    // The first of equal ones, in the order of the texels.
     if (d > result.largest_error) {
       result.largest_error = d;
       result.largest_x = x;
@@ -106,6 +109,8 @@ Comparison compare_images(const std::string& a_path, const std::string& b_path,
     for (std::size_t i = 0; i < std::size_t{rows} * width; ++i) {
       const double* const of_a = a.texel(i);
       const double* const of_b = b.texel(i);
+      // A mask is a threshold here: a grey texel counts like a white one. Only its first channel is
+      // asked.
       if (mask && mask->texel(i)[0] == 0) continue;
       if (masked_by_alpha && !(of_b[b.colours()] > 0)) continue;
       const auto x = static_cast<std::uint32_t>(i % width);

@@ -7,6 +7,9 @@
 // whoever asks what is in a file also asks whether it is sound; a splat scene is read in pieces of
 // 16,384 Gaussians, of an image the header alone. There is no budget here: a mesh is read if this
 // process may use the memory that it is found to need, and all else takes little, whatever it says.
+//
+// The JSON has numbers as they are and texts as the file has them; whatever is only for the eye,
+// such as lines and columns, is made in the text functions.
 #include "pounce/inspect.h"
 
 #include <fmt/format.h>
@@ -56,6 +59,7 @@ struct Allowed {
 
 /// One at map coordinates is read again from where single precision is fine enough.
 Json describe_mesh(const std::string& path, const Allowed& allowed) {
+  // The first reading finds where the mesh is, in single precision, which is enough for that.
   mesh::Mesh mesh = io::read_mesh(path, {allowed.external, {}});
   Box3f box;
   for (const Vec3f& position : mesh.positions) box.extend(position);
@@ -70,6 +74,7 @@ Json describe_mesh(const std::string& path, const Allowed& allowed) {
 /// By the first bytes where they say it, else by the ending; what is neither mesh nor pack is left
 /// to the image reader, which tells formats by content.
 FileType file_type(const std::string& path, const ReadFile& file) {
+  // Scenes first: a glTF may be a mesh or a scene, and only its content says which.
   if (const auto splats = io::source_splat_format(path)) {
     if (!splats->is_read()) throw Error(ErrorKind::input, io::why_not_read(path, *splats));
     return FileType::splats;
@@ -117,6 +122,7 @@ io::ImageInfo info_of(const std::string& path, const std::vector<std::string>& e
   }
   mesh::ImageRef image;
   image.path = image.label = path;
+  // Any channel will do to learn size and depth.
   image.channels = exr_channels.front();
   io::ImageInfo info = io::ImageReader(image).info();
   info.channels = 0;
@@ -195,6 +201,7 @@ Json quantiles(const PageVector<Splat>& sample, const Value& value) {
 /// the floaters that make the whole box of a capture useless.
 Box3f most_of(const PageVector<Splat>& sample) {
   constexpr std::size_t kSidesPerCent = 300;  // 2 % on six sides
+  // By axis, each sorted alone: a box, not a hull. Floaters are few, so they are at the ends.
   const std::size_t cut = sample.size() / kSidesPerCent;
   const auto ends = [&](float Vec3f::*axis) {
     std::vector<float> values;
@@ -262,6 +269,8 @@ Json describe_splats(const std::string& path) {
   std::uint64_t usable = 0, with_normal = 0;
   Box3f box;  // of all that have a place, the strays included: it says why there are strays
   store::SplatRows rows;
+  // Without the options of a job: what is counted as usable is what a transfer would use by
+  // default.
   for (std::uint64_t first = 0; first < info.splats; first += kRows) {
     rows.splats.clear();
     scene->read(first, std::min(kRows, info.splats - first), rows, filtered);
@@ -348,6 +357,7 @@ Json describe_file(const std::string& path, const Allowed& allowed) {
     if (const auto splats = io::splat_format(path)) {
       if (!splats->is_read()) throw Error(ErrorKind::input, io::why_not_read(path, *splats));
       Json json{{"file", path}, {"type", "splats"}};
+      // "file" and "type" come first, in both forms, whatever follows.
       json.update(describe_splats(path));
       return json;
     }

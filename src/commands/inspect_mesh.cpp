@@ -3,6 +3,9 @@
 // A mesh, and the header of an image, described: first as JSON, which programs read, then as text
 // made of it. Each image is opened once, for its header alone, and what is wrong with it becomes a
 // member "problem": a model whose textures are elsewhere can be looked at like any other.
+//
+// What a transfer would refuse is not refused here. A mesh without UVs, or with an image that is
+// missing, is what somebody inspects who wants to know why.
 #include "commands/inspect_mesh.h"
 
 #include <fmt/format.h>
@@ -59,6 +62,8 @@ class Images {
   Images(const mesh::Mesh& mesh, const std::vector<ImageFormat>& allowed)
       : mesh_(mesh), allowed_(allowed) {}
   const Json& operator[](std::uint32_t image) {
+    // An atlas of many materials is opened once. Its problem, if it has one, is shown at each of
+    // them.
     const auto found = known_.find(image);
     if (found != known_.end()) return found->second;
     return known_[image] = image_json(mesh_.images.at(image), allowed_);
@@ -119,6 +124,7 @@ Json numbers_json(const std::array<float, 4>& values, std::size_t count) {
 /// Under the names that glTF has for them.
 Json factors_json(const mesh::Material& material) {
   const auto of = [&](Channel c) { return material.factors[static_cast<std::size_t>(c)]; };
+  // Factors are in the places of the texture's channels: roughness in green, metallic in blue.
   const auto data = of(Channel::metallic_roughness);
   return {{"baseColor", numbers_json(of(Channel::base_color), 4)},
           {"roughness", shortest(data[1])},
@@ -279,6 +285,7 @@ Json describe(const mesh::Mesh& mesh, Vec3d origin,
               const std::vector<ImageFormat>& allowed_formats) {
   Box3f box;
   for (const Vec3f& position : mesh.positions) box.extend(position);
+  // The order of members is that of the text, and part of what scripts see.
   Json json{{"triangles", mesh.triangles.size()}, {"vertices", mesh.positions.size()}};
   if (!box.empty())
     json["box"] = {{"lo", vector_json(box.lo, origin)}, {"hi", vector_json(box.hi, origin)}};

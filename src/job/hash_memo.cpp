@@ -2,6 +2,11 @@
 //
 // Hashes of input files that are remembered from job to job, as long as a file's size, times and
 // inode stay what they were: a large image is not read again to find that its column is cached.
+//
+// A wrong hash would make a job use another image's column, so doubt means "not remembered". A file
+// is asked for its identity before and after it is hashed: one that changes meanwhile is not
+// remembered, and neither is one that changed so recently that a later change might have the same
+// times. Whatever is wrong with the memo itself counts as an empty memo.
 #include "job/hash_memo.h"
 
 #include <fmt/format.h>
@@ -57,6 +62,7 @@ Hash128 HashMemo::get(const std::string& path, std::uint64_t offset, std::uint64
     return compute();
   }
   const Identity identity = identify(*before, offset, size_bytes);
+  // Read anew each time, and searched in sequence: the file is small beside what a hit saves.
   for (const Entry& entry : load()) {
     if (entry.identity == identity) return entry.hash;
   }
@@ -104,6 +110,7 @@ std::vector<HashMemo::Entry> HashMemo::load() const {
 }
 
 void HashMemo::save(std::vector<Entry> entries) {
+  // The oldest go. What is asked for again is hashed and becomes the newest.
   if (entries.size() > kMostEntries) {
     entries.erase(entries.begin(), entries.end() - static_cast<std::ptrdiff_t>(kMostEntries));
   }
@@ -120,6 +127,8 @@ void HashMemo::save(std::vector<Entry> entries) {
     at += 16;
   }
   put_u64(bytes.data() + at, checksum(std::span(bytes).first(at)));
+  // Written elsewhere and renamed, so that readers see the old file or the new one. Of two
+  // processes that save at once one loses its entry, and hashes again.
   const std::string part = fmt::format("{}/{}-{}.hashes", parts_folder_, ::getpid(), now_ns());
   try {
     const auto file = files_.create_private(part);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What all stages of a running job share.
+//
+// The destructor completes the report, since a job may end at any line: what is known only at the
+// end, such as times, peaks and notes of the cache, is in the report of a job that failed, too.
 #include "job/job_context.h"
 
 #include <algorithm>
@@ -15,6 +18,7 @@ namespace pounce::job {
 namespace {
 
 Hash128 hash_of(JobContext& job, const ReadFile& file) {
+  // In pieces, under a lease: a scene may be larger than memory.
   constexpr std::uint64_t kPiece = 1 << 20;
   const runtime::Lease lease(job.budget, kPiece, "hashing the inputs");
   PageVector<std::byte> bytes(std::min(kPiece, file.size_bytes()));
@@ -68,6 +72,8 @@ JobContext::~JobContext() {
 std::unique_ptr<store::PackReader> JobContext::find_pack(store::PackKind kind, const Hash128& key) {
   std::string warning;
   auto pack = stores->find(kind, key, &warning);
+  // The wait is over, with a pack or with the claim to make it: its time stops, and progress goes
+  // on.
   waiting.reset();
   meter.resume();
   if (!warning.empty()) report.warnings.push_back(warning);

@@ -2,6 +2,10 @@
 //
 // Who makes an output, where several jobs are to make it: the holder of the lock on a hidden file
 // beside it (docs/decisions/039-output-claims.md).
+//
+// All or none, so that nobody holds one output while waiting for another. A lock that cannot be had
+// because the file system has none, or the folder cannot be written, counts as free; the job then
+// behaves as if it were alone.
 #include "job/output_claim.h"
 
 #include <algorithm>

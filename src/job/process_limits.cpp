@@ -2,6 +2,11 @@
 //
 // A budget is what a job leases. The program and its libraries come on top, and whoever limits the
 // process (a container, a scheduler, ulimit) limits the sum.
+//
+// Two kinds of limits, treated differently (docs/decisions/045-process-need.md). A control group
+// kills without a message, so the budget is lowered until the sum fits, or the job is refused with
+// the sum that would do. A ulimit refuses memory, which is an error like others: it ends a job
+// beforehand only where it is certain to be hit.
 #include "job/process_limits.h"
 
 #include <fmt/format.h>
@@ -51,6 +56,8 @@ HeldBudget budget_under(const std::vector<MemoryLimit>& limits, std::uint64_t as
 }
 
 HeldBudget hold_to_limits(JobContext& job, const LeastMemory& least, std::uint64_t held_bytes) {
+  // Measured, not assumed: libraries differ between machines. What planning holds already is part
+  // of the budget's side and must not count twice.
   const std::uint64_t beside = beside_budget(anonymous_bytes(), held_bytes, job.threads);
   job.report.memory_beside_bytes = beside;
   const std::vector<MemoryLimit> limits = memory_limits();

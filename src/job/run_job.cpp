@@ -2,6 +2,10 @@
 //
 // How a job begins and ends, whatever it is: threads of its own, a budget, a cache or scratch
 // stores, one more attempt where a pack turns out to be damaged, and a report in any case.
+//
+// A job runs in an arena of its own. Its report exists from the first line and reaches the caller
+// whatever happens. A second attempt begins from nothing but the inputs: only JobRun lives through
+// both. It is made once, and only with a cache.
 #include "job/run_job.h"
 
 #include <fmt/format.h>
@@ -113,6 +117,7 @@ std::unique_ptr<store::StoreFolder> open_cache(const Resources& resources, const
     job.hashes = std::make_unique<HashMemo>(*job.files, layout.hash_memo(), layout.parts_folder());
     return stores;
   } catch (const Error& e) {
+    // A cache is a convenience: one that nobody asked for by name must not fail a job.
     if (e.kind() != ErrorKind::storage) throw;
     const std::string what = fmt::format("the cache cannot be used: {}", e.what());
     if (!resources.cache_dir.empty()) {
@@ -142,6 +147,7 @@ void run_attempts(const Resources& resources, JobRun& run,
     return job(run, false);
   } catch (const Error& e) {
     if (e.kind() != ErrorKind::damaged_store || !resources.use_cache) throw;
+    // Nothing can be begun again once an image has been composited over itself.
     if (run.painted_in_place) {
       throw Error(ErrorKind::damaged_store,
                   fmt::format("{}; {} outputs were already written, do not paint over them again",
@@ -149,6 +155,8 @@ void run_attempts(const Resources& resources, JobRun& run,
     }
   }
   run.meter.restart();
+  // What the first attempt wrote is written again, even with --skip-existing, and reported if the
+  // second one fails before it comes to it.
   run.written_before.insert(run.report.outputs.begin(), run.report.outputs.end());
   run.report = {};
   run.report.version = POUNCE_VERSION;
@@ -169,6 +177,7 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   job->plan_only = plan_only;
   job->asks_memory = resources.memory_bytes != 0;
   hold_to_limits(*job, {kLeastBudget, "any job"}, 0);
+  // Tests: all files in memory, no cache, no account of scratch.
   if (own_files != nullptr) {
     job->files = own_files;
     job->scratch_folder = "/";
@@ -252,6 +261,8 @@ void require_least(JobContext& job, const LeastMemory& least, std::uint64_t held
 
 void require_early(JobContext& job, const LeastMemory& need, std::uint64_t held_bytes) {
   hold_to_limits(job, need, held_bytes);
+  // A little more than the budget is read anyway: the message can then state what the whole job
+  // needs, not only its first step.
   const std::uint64_t look_anyway = std::min(kLookAnyway, job.room_bytes);
   if (need.bytes > std::max(job.budget.limit(), look_anyway)) require_least(job, need, held_bytes);
 }

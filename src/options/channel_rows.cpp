@@ -1,4 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Rows whose values name channels, and so may name custom maps.
+//
+// A name that is no channel gets a number in ChannelOptions::other_maps the first time that any of
+// these options meets it, and the same number from every later one. Numbers therefore depend on the
+// order of the options. They never leave a job: whatever is printed, hashed or recorded has the
+// name. Whether a name has an image at all is asked once all options are known
+// (planning/check_options.cpp), since --channels may come before --source-texture.
+//
+// Most rows are hashed otherwise: which channels are written does not matter to the bytes of one of
+// them, and an image counts by its content (docs/decisions/029-job-hash.md).
 #include "options/channel_rows.h"
 
 #include "options/codecs.h"
@@ -14,6 +25,7 @@ std::string name_in(Get o, Channel channel) { return channel_name(o, channel); }
 }  // namespace
 
 Row<Options> output_for_row() {
+  // A channel's own pattern decides the format of its image, which is hashed as resolved.
   return custom_row<Options>(
       {.name = "output-for",
        .value = "CHANNEL=PATTERN",
@@ -48,6 +60,8 @@ Row<Options> channels_row() {
        .hashed = Hashed::otherwise},
       OptionValues::list,
       [](Options& o, const std::string& option, const std::string& text) {
+        // The last one counts, as for any option with one value: "all" clears a list and the other
+        // way round.
         o.channels.all = text == "all";
         o.channels.transferred = o.channels.all
                                      ? std::vector<Channel>{}
@@ -74,6 +88,7 @@ Row<Options> source_texture_row() {
        .hashed = Hashed::otherwise},
       OptionValues::several,
       [](Options& o, const std::string& option, const std::string& text) {
+        // Two images for one name are refused by planning::SourceImages, which names both.
         o.material.textures.push_back(parse_source_texture(option, text, o.channels.other_maps));
       },
       [](Get o) {
@@ -85,6 +100,8 @@ Row<Options> source_texture_row() {
 }
 
 Row<Options> map_kind_row(bool is_colour) {
+  // Two options, one member: a map is colour, data, or neither is stated. parse_map_kind() refuses
+  // both.
   Spec spec{.name = is_colour ? "color" : "data", .value = "NAME", .group = "Source"};
   spec.help = is_colour
                   ? "Treat this custom map as colour: converted between sRGB and linear light "
@@ -100,6 +117,7 @@ Row<Options> map_kind_row(bool is_colour) {
       [is_colour](Get o) {
         Texts texts;
         for (const OtherMap& map : o.channels.other_maps) {
+          // A map for which nothing was stated is printed by neither option.
           if (map.is_colour == is_colour) texts.push_back(map.name);
         }
         return texts;
@@ -123,6 +141,7 @@ Row<Options> source_space_row() {
       [](Get o) {
         Texts texts;
         for (const auto& [channel, space] : o.colour.source_spaces)
+          // Without a name it applies to all channels, which is how it is printed.
           texts.push_back((channel ? name_in(o, *channel) + "=" : "") + space);
         return texts;
       });

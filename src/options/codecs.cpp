@@ -1,4 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// How each kind of value is read from text and printed again.
+//
+// Printing is the inverse of parsing, digit by digit: a report is read back as a job, and the hash
+// of a job is made of these texts. So numbers are printed with the fewest digits that name the same
+// double, and never rounded for people. What equals its default in meaning prints as nothing or as
+// the default, however it was typed.
+//
+// `is_checked` marks codecs whose range a C++ caller can miss, who sets members without a parser.
+// Such a value is printed and read once more, and the parser refuses what the command line would
+// (check_ranges() in option_table.cpp).
 #include "options/codecs.h"
 
 #include <fmt/ranges.h>
@@ -11,6 +22,7 @@ namespace {
 constexpr double kLeastOpacity = 0.0039;  // what people write for 1/255
 constexpr double kLargestScale = 1e30;    // its square still fits a float's exponent
 
+// fmt's shortest form: it reads back as the same double.
 std::string digits(double value) { return fmt::format("{}", value); }
 
 }  // namespace
@@ -24,6 +36,7 @@ Codec<double> number(double lowest, double highest) {
 
 Codec<double> above_zero() {
   return {[](const std::string& option, const std::string& text) {
+            // As a closed interval, which is all that parse_number() knows.
             return parse_number(option, text, 1 / kLargestScale, kLargestScale);
           },
           digits, "above 0", true};
@@ -43,6 +56,7 @@ Codec<std::string> any_text() {
 Codec<std::string> exr_compression() {
   Codec<std::string> codec = any_text();
   codec.parse = [](const std::string& option, const std::string& text) {
+    // The writer knows which compressions there are. One list is enough.
     const std::string why = io::why_no_exr_compression(text);
     if (!why.empty()) throw Error(ErrorKind::usage, option + ": " + why);
     return text;
@@ -52,6 +66,7 @@ Codec<std::string> exr_compression() {
 }
 
 Codec<std::uint32_t> tile_edge() {
+  // TIFF requires multiples of 16. EXR does not, but one rule serves both.
   constexpr std::uint32_t kStep = 16, kLargest = 1024;
   Codec<std::uint32_t> codec = integer<std::uint32_t>(kStep, kLargest);
   codec.parse = [](const std::string& option, const std::string& text) {
@@ -62,10 +77,12 @@ Codec<std::uint32_t> tile_edge() {
   return codec;
 }
 
+// Printed as plain bytes: a value in units would have to be rounded.
 Codec<std::uint64_t> bytes() {
   return {parse_bytes, [](const std::uint64_t& value) { return std::to_string(value); }};
 }
 
+// No limit is 0 inside and a word outside: as a number it would read like the opposite.
 Codec<std::uint64_t> limit() {
   return {parse_limit, [](const std::uint64_t& value) {
             return value == 0 ? std::string("none") : std::to_string(value);
@@ -93,6 +110,8 @@ Codec<AxisBox> box() {
           "", true};
 }
 
+// Lists are parsed as a whole and printed one element at a time: a report has them as a JSON list.
+// Ranges are not restored; their numbers are.
 Codec<std::vector<std::uint32_t>, std::uint32_t> udims() {
   return {parse_udims, [](const std::uint32_t& udim) { return std::to_string(udim); }, "", true};
 }
@@ -103,6 +122,8 @@ Codec<std::vector<Channel>, Channel> baked() {
 
 Codec<double> least_opacity() {
   Codec<double> codec = number(kLeastOpacity, 1);
+  // Between what people write for 1/255 and the exact number nothing is skipped that is not skipped
+  // anyway, so all of it is the default.
   codec.print = [](const double& value) {
     return value >= kLeastOpacity && value <= kDefaultMinOpacity ? "" : digits(value);
   };
@@ -111,6 +132,9 @@ Codec<double> least_opacity() {
 
 Codec<std::string> axes(bool as_stored) {
   return {parse_axes, [=](std::string value) {
+            // "+x" is "x". Where axes have a default it is the identity, which prints as nothing;
+            // elsewhere the identity is a choice of its own: pounce gaussians rotates some scenes
+            // without it.
             std::erase(value, '+');
             return as_stored && value == "x,y,z" ? "" : value;
           }};

@@ -1,6 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What is printed from the tables of options: their description, texts of values, refusals.
+//
+// An option is described once, in its row (row.h), and all that a program can say of it is derived
+// here: help, reports, hashes, refusals, values from C++ (docs/decisions/052-option-table.md). The
+// functions are templates over the options of a command; each command has a table of its own and
+// needs no other.
+//
+// A row prints nothing for a value that equals its default. That one rule serves all: such an
+// option is not in the report, not in the hash, and refused nowhere.
 #include "pounce/option_table.h"
 
 #include <fmt/format.h>
@@ -18,6 +26,7 @@ namespace {
 
 /// As messages name it: as it is typed.
 std::string typed_name(const OptionInfo& info) {
+  // Operands have no dashes and are named by their placeholder: "SOURCE", not "--source".
   if (info.is_operand) return info.value;
   return info.letter != 0 ? std::string{'-', info.letter} : "--" + info.name;
 }
@@ -31,6 +40,7 @@ std::vector<OptionInfo> infos() {
 
 template <class Options>
 void set(Options& options, const std::string& name, const std::string& text) {
+  // A linear search: a job has some dozens of options and sets each of them once.
   std::vector<std::string> known;
   for (const Row<Options>& row : rows_of<Options>()) {
     if (row.info.name == name) return row.set(options, typed_name(row.info), text);
@@ -42,6 +52,7 @@ void set(Options& options, const std::string& name, const std::string& text) {
 
 template <class Options>
 std::vector<OptionReport> texts_where(const Options& options, bool (*counts)(const Row<Options>&)) {
+  // In the order of the rows, whatever order they were set in: the hash depends on it.
   std::vector<OptionReport> texts;
   for (const Row<Options>& row : rows_of<Options>()) {
     if (!counts(row)) continue;
@@ -70,6 +81,7 @@ template <class Options>
 void check_ranges(const Options& options) {
   for (const Row<Options>& row : rows_of<Options>()) {
     if (!row.is_checked) continue;
+    // Printed, then read into options that nobody keeps. Only the refusal matters.
     Options ignored;
     for (const std::string& text : row.get(options)) row.set(ignored, typed_name(row.info), text);
   }
@@ -80,6 +92,7 @@ void refuse_unsuitable(const Options& options, Source kind) {
   const char* const is = kind == Source::splats ? "a splat scene"
                          : kind == Source::map  ? "a map of hits"
                                                 : "a mesh";
+  // What has its default is not refused, so a script may pass defaults to any kind of source.
   for (const Row<Options>& row : rows_of<Options>()) {
     if (applies_to(row.source, kind) || row.get(options).empty()) continue;
     Texts suitable;
@@ -101,6 +114,8 @@ void refuse_formats(const TransferOptions& options) {
   };
   for (const Row<TransferOptions>& row : rows_of<TransferOptions>()) {
     if (row.formats.empty() || row.get(options).empty()) continue;
+    // One output of the format is enough: channels may have different formats (--output-for), and
+    // the option then applies to those that have it.
     const bool is_met = std::any_of(outputs.begin(), outputs.end(), [&](const auto& path) {
       return std::find(row.formats.begin(), row.formats.end(), format_of(path)) !=
              row.formats.end();
@@ -113,6 +128,7 @@ void refuse_formats(const TransferOptions& options) {
 }
 
 void refuse_unsuitable(const TransferOptions& options, Method method) {
+  // By method as by source above: only what belongs to the other one, and was set.
   const Only other = method == Method::surface ? Only::gaussian : Only::surface;
   for (const Row<TransferOptions>& row : rows_of<TransferOptions>()) {
     if (row.method != other || row.get(options).empty()) continue;
@@ -124,6 +140,7 @@ void refuse_unsuitable(const TransferOptions& options, Method method) {
   }
 }
 
+// The templates are instantiated here, so that tables and rows stay inside of this room.
 template std::vector<OptionReport> hashed_texts(const TransferOptions&);
 template std::vector<OptionReport> hashed_texts(const MapsOptions&);
 template void check_ranges(const TransferOptions&);
@@ -149,6 +166,7 @@ const char* job_command_name(JobCommand command) noexcept {
 }
 
 const std::vector<OptionInfo>& option_table(JobCommand command) {
+  // Built when first asked for, once. Callers keep references.
   static const std::vector<OptionInfo> transfer = options::infos<TransferOptions>();
   static const std::vector<OptionInfo> maps = options::infos<MapsOptions>();
   static const std::vector<OptionInfo> gaussians = options::infos<GaussiansOptions>();

@@ -1,6 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The options of `pounce maps` and `pounce gaussians`.
+//
+// Shorter tables than that of a transfer, from the same parts (shared_rows.h). What both have is
+// one row there, so help and refusals agree.
+//
+// `maps` is hashed like a transfer, since its images record their jobs. Files of Gaussians record
+// none, so `hashed` means nothing in their table.
 #include "options/output_pattern.h"
 #include "options/shared_rows.h"
 
@@ -57,6 +63,8 @@ Row<GaussiansOptions> colour_image_row(const std::string& group) {
        .source = Source::mesh},
       OptionValues::one,
       [](GaussiansOptions& o, const std::string& option, const std::string& text) {
+        // A list that is thrown away: a name that is no channel becomes a map of it and is refused
+        // here.
         std::vector<OtherMap> maps;
         const SourceTexture texture = parse_source_texture(option, text, maps);
         if (texture.channel != Channel::base_color)
@@ -118,6 +126,8 @@ Rows<GaussiansOptions> mesh_rows() {
 
 Rows<GaussiansOptions> gaussians_rows() {
   using Options = GaussiansOptions;
+  // Whatever is written, one row says how it is rotated. There is no default that holds for all
+  // formats, so "x,y,z" is a value like others here, and not the same as nothing.
   const std::string scenes = "Splat scenes";
   Rows<Options> rows{
       row<Options>({.name = "source",
@@ -141,6 +151,7 @@ Rows<GaussiansOptions> gaussians_rows() {
                                     "-x,-y,z"},
                    path(&Options::axes), axes(false)),
   };
+  // What applies to one kind of source only is a group of its own in help.
   append(rows, mesh_rows());
   append(rows, splat_filter_rows<Options>(scenes, "as the scene is stored, or after --source-axes",
                                           &Options::filter));

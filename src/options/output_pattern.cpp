@@ -3,6 +3,10 @@
 // Names of outputs with tokens in them. Other programs write tiles and frames otherwise (%04d,
 // $F4, ####, {udim}, _MAPID_): whoever types one of those here would get one file of that name,
 // over which each tile is written. So they are recognised, and refused with what to write instead.
+//
+// Two more rules. A token that is known, but means nothing at this place, is refused as well: a
+// model has no tiles. And what merely looks unusual is allowed: file names may have percent signs
+// and dollars, as long as no program reads them as a token.
 #include "options/output_pattern.h"
 
 #include <fmt/format.h>
@@ -31,6 +35,7 @@ std::size_t run_end(const std::string& text, std::size_t at, Kind kind) {
 std::size_t foreign_token_end(const std::string& text, std::size_t at, bool& is_tile) {
   const auto is_digit = [](unsigned char c) { return std::isdigit(c) != 0; };
   const auto is_letter = [](unsigned char c) { return std::isalpha(c) != 0; };
+  // Behind the end there is a character that is part of no token.
   const auto next = [&](std::size_t i) { return i < text.size() ? text[i] : '\0'; };
   is_tile = false;
   if (text[at] == '%') {  // %(UDIM)d, %04d; a %d alone may be a word's ("100%done")
@@ -50,10 +55,12 @@ std::size_t foreign_token_end(const std::string& text, std::size_t at, bool& is_
     const std::size_t digits = run_end(text, end, is_digit);
     return begin == at + 2 && next(digits) == '}' ? digits + 1 : digits;
   }
+  // A single # is common in names, two are frames.
   if (text[at] == '#') {
     const std::size_t end = run_end(text, at, [](unsigned char c) { return c == '#'; });
     return end - at > 1 ? end : 0;
   }
+  // Ours in another spelling of letters is a mistake, too: tokens are case-sensitive.
   for (const std::string name : {"<udim>", "<uvtile>", "{udim}", "[udim]", "_mapid_"}) {
     const std::string found = text.substr(at, name.size());
     is_tile = lower(found) == name && found != "<UDIM>" && found != "<UVTILE>";
@@ -73,6 +80,8 @@ std::size_t foreign_token_end(const std::string& text, std::size_t at, bool& is_
 
 void check_foreign_tokens(const std::string& option, const std::string& text, std::size_t at,
                           bool tiles_only) {
+  // Every place may begin a token; the first one found is reported. In sources a frame number is no
+  // mistake of this kind, so only tiles count there.
   for (; at < text.size(); ++at) {
     bool is_tile = false;
     const std::size_t end = foreign_token_end(text, at, is_tile);
@@ -91,6 +100,7 @@ void check_tokens(const std::string& option, const std::string& text,
                   const std::vector<std::string>& tokens) {
   for (std::size_t begin = text.find('<'); begin != std::string::npos;
        begin = text.find('<', begin + 1)) {
+    // A "<" that is never closed is part of a name.
     const std::size_t end = text.find('>', begin);
     if (end == std::string::npos) break;
     const std::string token = text.substr(begin, end + 1 - begin);

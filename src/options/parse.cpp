@@ -1,4 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// From text to values: what the command line, job files and set_option() have in common.
+//
+// A parser refuses what makes no sense by itself and says what would: the option, the text as it
+// was given, and what is expected with an example. What depends on other options or on files is
+// checked later (planning/check_options.cpp and the planners), so a parser never needs more than
+// its text. The one exception are custom maps, whose names get numbers as they appear.
+//
+// Numbers are read by from_chars, which knows no locale: "0,5" is not a number anywhere, and a job
+// file means the same on every machine. Not finite is not a number. Limits keep byte offsets, and
+// squares of lengths in double precision, finite: code behind this need not check again.
+//
+// Letters are compared as ASCII. Names of channels have one spelling, and one that differs in the
+// case of its letters is refused with the right one, since it would otherwise become a custom map.
 #include "options/parse.h"
 
 #include <fmt/format.h>
@@ -43,6 +57,7 @@ bool whole_number(const std::string& text, std::uint64_t& value) {
 /// Bytes in a unit (already lower case); 0 if there is no such unit.
 double unit_bytes(const std::string& unit) {
   if (unit.empty() || unit == "b") return 1;
+  // K and KiB are powers of 1024, only kB is one of 1000; the same holds for larger units.
   constexpr std::string_view kPrefixes = "kmgt";
   const std::size_t power = kPrefixes.find(unit[0]);
   if (power == std::string_view::npos) return 0;
@@ -57,6 +72,7 @@ std::size_t map_of(const std::string& name, std::vector<OtherMap>& maps) {
   const auto at =
       std::find_if(maps.begin(), maps.end(), [&](const OtherMap& map) { return map.name == name; });
   if (at != maps.end()) return static_cast<std::size_t>(at - maps.begin());
+  // Whether it is colour is not known yet, and may never be stated: then its name decides.
   maps.push_back({name, std::nullopt});
   return maps.size() - 1;
 }
@@ -72,9 +88,12 @@ std::string name_in_its_case(const std::string& name) {
 
 Channel parse_channel(const std::string& option, const std::string& name,
                       std::vector<OtherMap>& maps) {
+  // The order matters: first what is a channel, then what is nearly one, and only the rest may be a
+  // map.
   if (const std::optional<Channel> channel = channel_from_name(name)) return *channel;
   if (const std::string known = name_in_its_case(name); !known.empty())
     refuse_value(option, name, fmt::format("{} (names are case-sensitive)", known));
+  // A name that cannot be a map's is more likely a mistake: the message lists the channels.
   if (!is_map_name(name) || maps.size() >= kMostOtherMaps) {
     refuse_value(
         option, name,
@@ -101,6 +120,7 @@ std::string lower(std::string text) {
 
 std::vector<std::string> split_at_commas(const std::string& text) {
   std::vector<std::string> parts;
+  // A comma at the end gives an empty last part, which every caller refuses as a value.
   for (std::size_t begin = 0; begin <= text.size();) {
     const std::size_t end = std::min(text.find(',', begin), text.size());
     parts.push_back(text.substr(begin, end - begin));
@@ -124,10 +144,12 @@ std::uint64_t parse_integer(const std::string& option, const std::string& text,
 }
 
 std::uint64_t parse_limit(const std::string& option, const std::string& text) {
+  // 0 stands for no limit inside. It cannot be typed: parse_bytes() refuses less than a byte.
   return text == "none" ? 0 : parse_bytes(option, text);
 }
 
 ImageSize parse_image_size(const std::string& option, const std::string& text) {
+  // Without a cross the whole text is both sides: substr() up to npos.
   const std::size_t cross = text.find_first_of("xX");
   const std::string first = text.substr(0, cross);
   const std::string second = cross == std::string::npos ? first : text.substr(cross + 1);
@@ -170,6 +192,7 @@ AxisBox parse_box(const std::string& option, const std::string& text) {
   constexpr const char* kExpected =
       "six numbers, lowest x,y,z before highest x,y,z (-1,-1,0,1,1,2)";
   AxisBox box;
+  // With a comma in front all six are alike: a comma, then a number.
   std::string rest = "," + text;
   for (std::size_t i = 0; i < 6; ++i) {
     double& value = i < 3 ? box.lowest[i] : box.highest[i - 3];
@@ -188,6 +211,7 @@ AxisBox parse_box(const std::string& option, const std::string& text) {
 std::vector<Channel> parse_channels(const std::string& option, const std::string& text,
                                     std::vector<OtherMap>& maps) {
   std::vector<Channel> channels;
+  // "all" among names is refused: it would say less, or more, than the names beside it.
   for (const std::string& name : split_at_commas(text)) {
     if (name == "all")
       refuse_value(option, text, "all alone, or the channels by name: baseColor,confidence");
@@ -200,6 +224,8 @@ std::vector<Channel> parse_channels(const std::string& option, const std::string
   return channels;
 }
 
+// No custom map can be baked, so other names are refused at once. Which channels can be is known in
+// planning/check_options.cpp.
 std::vector<Channel> parse_baked(const std::string& option, const std::string& text) {
   std::vector<Channel> channels;
   for (const std::string& name : split_at_commas(text)) {
@@ -217,6 +243,7 @@ void parse_map_kind(const std::string& option, const std::string& name, bool is_
   if (channel_from_name(name) || !is_map_name(name) || maps.size() >= kMostOtherMaps)
     refuse_value(option, name,
                  "the name of a custom map; the kinds of material channels are fixed");
+  // The map may be named here before any option gives it an image.
   OtherMap& map = maps[map_of(name, maps)];
   if (map.is_colour && *map.is_colour != is_colour)
     refuse_value(option, name, "either --data or --color for it, not both");
@@ -225,6 +252,7 @@ void parse_map_kind(const std::string& option, const std::string& name, bool is_
 
 SourceTexture parse_source_texture(const std::string& option, const std::string& text,
                                    std::vector<OtherMap>& maps) {
+  // At the first "=": a path may have more of them, a name has none.
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals + 1 == text.size()) {
     refuse_value(option, text, "NAME=PATH, such as baseColor=skin.png");
@@ -232,6 +260,8 @@ SourceTexture parse_source_texture(const std::string& option, const std::string&
   SourceTexture texture{parse_channel(option, text.substr(0, equals), maps),
                         text.substr(equals + 1)};
   std::error_code unknown;
+  // Whoever names a file that exists means it, whatever it is called. Tokens of frames are no
+  // business of a texture: reading it reports that there is no such file.
   if (!std::filesystem::exists(texture.path, unknown))
     check_foreign_tokens(option, text, equals + 1, true);
   check_tokens(option, text, {"<UDIM>", "<UVTILE>"});
@@ -260,6 +290,7 @@ std::vector<std::uint32_t> parse_udims(const std::string& option, const std::str
   for (const std::string& part : split_at_commas(text)) {
     const std::size_t dash = part.find('-');
     const auto number = [&](const std::string& digits) -> std::uint32_t {
+      // Four digits from 1001 on compare as text as they do as numbers.
       const bool valid = digits.size() == 4 && digits >= "1001" &&
                          digits.find_first_not_of("0123456789") == std::string::npos;
       if (!valid) refuse_value(option, text, kExpected);
@@ -270,6 +301,7 @@ std::vector<std::uint32_t> parse_udims(const std::string& option, const std::str
     if (last < first) refuse_value(option, text, kExpected);
     for (std::uint32_t udim = first; udim <= last; ++udim) udims.push_back(udim);
   }
+  // Sorted and each once, which planning relies on (std::binary_search in target_pages.cpp).
   std::sort(udims.begin(), udims.end());
   udims.erase(std::unique(udims.begin(), udims.end()), udims.end());
   return udims;
@@ -290,6 +322,7 @@ std::vector<ImageFormat> parse_formats(const std::string& option, const std::str
 }
 
 std::string parse_name_pattern(const std::string& option, const std::string& text) {
+  // A name that begins with two dashes is an option whose predecessor lacks its value.
   if (text.empty() || text.starts_with("--"))
     refuse_value(option, text, "a name or pattern (* ? [a-c])");
   return text;
@@ -303,6 +336,7 @@ std::string parse_axes(const std::string& option, const std::string& text) {
     valid = valid && name.size() == 1;
     letters += name;
   }
+  // The text stays as it is; core/job_space.h reads it where it is used.
   std::sort(letters.begin(), letters.end());
   if (!valid || letters != "xyz")
     refuse_value(option, text, "x, y and z once each, such as x,-y,-z");
@@ -329,6 +363,7 @@ std::uint64_t parse_bytes(const std::string& option, const std::string& text) {
   // "34.5 MiB", as messages write it, may be copied.
   if (unit.size() > 1 && unit[0] == ' ') unit.erase(0, 1);
   const double scale = is_number ? options::unit_bytes(options::lower(unit)) : 0;
+  // A fraction of a unit is common (1.5G), a fraction of a byte is dropped.
   const double bytes = std::floor(value * scale);
   if (!(bytes >= 1 && bytes <= options::kLargestBytes)) {
     options::refuse_value(option, text, "an amount of memory such as 512MiB, 1.5G or 4096 (bytes)");
@@ -341,6 +376,7 @@ double parse_duration(const std::string& option, const std::string& text) {
   std::string unit;
   const bool is_number = options::leading_number(text, value, unit);
   double scale = 0;
+  // No default unit: "30" could be seconds or days, and a cache is pruned by it.
   for (const auto& [name, seconds] :
        {std::pair{"s", 1.0}, {"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}, {"w", 604800.0}}) {
     if (unit == name) scale = seconds;
@@ -353,6 +389,7 @@ double parse_duration(const std::string& option, const std::string& text) {
 }
 
 std::string parse_path(const std::string& option, const std::string& text) {
+  // "-" alone is a path: where it makes sense it stands for standard output.
   if (text.empty() || (text.size() > 1 && text[0] == '-')) {
     options::refuse_value(option, text,
                           "a path (write ./-name for a file whose name begins with -)");

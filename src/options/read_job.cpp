@@ -2,6 +2,14 @@
 //
 // Reports as job files. Of a report only the command and its options matter; values that somebody
 // writes by hand may also be JSON's own numbers, true and false.
+//
+// A report is a job file because printing options is the inverse of parsing them (codecs.cpp). So
+// nothing is interpreted here: names and values stay text, and set_option() refuses what it does
+// not know, with the messages of the command line. All else in the file is ignored; a report of a
+// later version may have more in it.
+//
+// The file may be anybody's. It is limited in size before it is read, and parsed without
+// exceptions.
 #include <fmt/format.h>
 
 #include <memory>
@@ -32,6 +40,8 @@ std::string read_text(const std::string& path) {
 
 std::string text_of(const std::string& path, const std::string& name, const Json& value) {
   if (value.is_string()) return value.get<std::string>();
+  // As JSON prints them, which the parsers read: numbers have a point and no blanks, switches are
+  // true and false.
   if (value.is_number() || value.is_boolean()) return value.dump();
   refuse(path,
          fmt::format("options: \"{}\" is neither text, a number, true, false nor a list of these",
@@ -42,6 +52,7 @@ std::string text_of(const std::string& path, const std::string& name, const Json
 
 RecordedJob read_job(const std::string& path) {
   const Json json = Json::parse(read_text(path), nullptr, false);
+  // Two members make a job. A file that somebody writes by hand needs nothing else.
   const bool is_job = json.is_object() && json.contains("command") && json["command"].is_string() &&
                       json.contains("options") && json["options"].is_object();
   if (!is_job) {

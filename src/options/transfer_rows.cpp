@@ -2,6 +2,14 @@
 //
 // The options of `pounce transfer`. Their order is that of a job's hash, too: another order makes
 // all outputs anew.
+//
+// A row says whether its text counts in that hash. `Hashed::otherwise` is for what changes no byte
+// (resources), and for what is hashed as it was resolved: a size that follows from an image is the
+// same as one that was given. When in doubt an option counts. Too much writes an image again, too
+// little keeps a wrong one (docs/decisions/029-job-hash.md).
+//
+// `source`, `method` and `formats` say what an option applies to. Elsewhere it is refused rather
+// than ignored, but only if it differs from its default.
 #include "options/channel_rows.h"
 #include "options/output_pattern.h"
 #include "options/shared_rows.h"
@@ -26,6 +34,8 @@ Row<Options> factors_row() {
        .source = Source::mesh_or_map},
       OptionValues::one,
       [](Options& o, const std::string& option, const std::string& text) {
+        // Two members, one option. Its two names for "nothing" print as one, so their jobs are one
+        // job.
         const Factors factors = parse_factors(option, text);
         o.material.apply_factors = factors.of_materials;
         o.material.apply_vertex_colours = factors.of_vertices;
@@ -50,6 +60,8 @@ Row<Options> near_target_row() {
        .source = Source::splats},
       OptionValues::one,
       [](Options& o, const std::string& option, const std::string& text) {
+        // Three states: a distance, "off", and nothing, by which a sample decides. One of the first
+        // two clears the other.
         o.splats.everywhere = text == "off";
         o.splats.near_target.reset();
         if (!o.splats.everywhere) o.splats.near_target = parse_length(option, text);
@@ -59,6 +71,8 @@ Row<Options> near_target_row() {
         if (o.splats.near_target) return {length().print(*o.splats.near_target)};
         return {};
       });
+  // A row of its own has no codec that would say so. Lengths have a range, which C++ callers can
+  // miss.
   row.is_checked = true;
   return row;
 }
@@ -66,6 +80,8 @@ Row<Options> near_target_row() {
 Rows<Options> output_rows() {
   const std::string group = "Output";
   constexpr std::uint64_t kMostPadding = 4096;  // half of it is the default at the largest size
+  // Names and sizes of outputs are hashed as they come out, image by image. What to do about
+  // existing files, and when to complain, changes no byte.
   constexpr auto kHashed = Hashed::otherwise;
   return {
       row<Options>(
@@ -155,6 +171,8 @@ Rows<Options> output_rows() {
 }
 
 Rows<Options> file_rows() {
+  // The bytes of a file depend on these, so their texts are hashed. An option of a format that no
+  // output has is refused (refuse_formats()).
   const std::string group = "File format";
   return {
       row<Options>({.name = "exr-compression",
@@ -203,6 +221,7 @@ Rows<Options> file_rows() {
 }
 
 Rows<Options> composite_rows() {
+  // Hashed by content: which image lies below, not what it is called.
   const std::string group = "Compositing";
   return {
       row<Options>({.name = "onto",
@@ -225,6 +244,7 @@ Rows<Options> composite_rows() {
 
 Rows<Options> source_rows() {
   const std::string group = "Source";
+  // One codec for both directions of normal maps; what goes in and what comes out are independent.
   const auto normal_y = name(normal_y_from_name, normal_y_name, "up or down");
   return {
       channels_row(),
@@ -261,6 +281,8 @@ Rows<Options> source_rows() {
 
 Rows<Options> colour_rows() {
   return {
+      // What a file states anyway need not be stated: the plan drops such an option from the hash
+      // (ColourSpaces::said_anyway()).
       source_space_row(),
       row<Options>({.name = "output-colorspace",
                     .value = "SPACE",
@@ -274,6 +296,8 @@ Rows<Options> colour_rows() {
 }
 
 Rows<Options> search_rows() {
+  // The default of --max-distance differs between meshes and scenes, so it is no value of its row
+  // but a text for people. The plan resolves it.
   constexpr double kLargestAngle = 89.9;  // a grazing source surface is not seen at all
   return {
       row<Options>(
@@ -299,7 +323,10 @@ Rows<Options> search_rows() {
 
 Rows<Options> splat_rows() {
   const std::string group = "Splat scenes";
+  // All of these are refused with a mesh. What filters Gaussians is shared with `pounce gaussians`.
   constexpr auto kSplats = Source::splats;
+  // Harmonics and filters decide what is stored of a scene, and so does --near-target. The others
+  // apply to the blend: they can change without another sort.
   Rows<Options> rows{row<Options>(
       {.name = "sh",
        .value = "dc|normal|mean",
@@ -340,6 +367,8 @@ Rows<Options> splat_rows() {
 }
 
 Rows<Options> method_rows() {
+  // `filter` belongs to one method, `sigma` and `densify` to the other. The members are optional or
+  // off, so that a row can tell whether they were set.
   const std::string group = "Meshes";
   return {
       row<Options>(
@@ -406,6 +435,7 @@ Rows<Options> transfer_rows() {
                     .is_required = true},
                    path(&Options::targets), any_text()),
   };
+  // The order of help, and of the hash: see above before you move one.
   append(rows, output_rows());
   append(rows, file_rows());
   append(rows, composite_rows());
@@ -418,6 +448,7 @@ Rows<Options> transfer_rows() {
   append(rows, search_rows());
   append(rows, splat_rows());
   append(rows, {external_row<Options>(), format_row<Options>()});
+  // Last, as in all commands: no result depends on these.
   append(rows, resource_rows<Options>());
   return rows;
 }
