@@ -6,6 +6,10 @@
 // edge starts at 1.5 times the mean extent of a patch and doubles until cells and entries stay
 // within a fixed multiple of the number of patches: that bounds the memory before anything is
 // allocated, however uneven the patches are.
+//
+// A grid lives for one batch of one piece, so building it has to cost less than the search saves:
+// two passes over the patches, counting and filling, and no sorting. A tree would adapt to uneven
+// patches, but would have to be built for each batch again.
 #include "grid/patch_grid.h"
 
 #include <cmath>
@@ -42,6 +46,8 @@ PatchGrid::Walk::Walk(const PatchGrid& grid, const RayBundle& bundle, float heig
   for (std::size_t k = 1; k < 3; ++k) {
     if (std::abs(direction[k]) > std::abs(direction[axis])) axis = k;
   }
+  // Any ray of the bundle is within offset + height * spread of its axis (core/bounds.h); the
+  // factor covers the rounding of what follows.
   reach = (bundle.offset + height * bundle.spread) * 1.0001F;
   const std::array<float, 3> start{grid.region_.lo.x, grid.region_.lo.y, grid.region_.lo.z};
   slab_start = start[axis];
@@ -67,6 +73,7 @@ Box3f PatchGrid::Walk::slab_box(std::uint32_t slab, const Box3f& swept) const {
   return {{lo[0], lo[1], lo[2]}, {hi[0], hi[1], hi[2]}};
 }
 
+// Also leaves each item's first cell behind, for the cells that were chosen last.
 std::uint64_t PatchGrid::count_entries() {
   std::uint64_t entries = 0;
   for (GridItem& item : items_) {
@@ -92,6 +99,7 @@ void PatchGrid::choose_cells() {
   if (!(edge > 0) || !std::isfinite(edge)) edge = 1;
   for (;; edge *= 2) {
     per_cell_ = 1 / edge;
+    // An index along an axis has 16 bits.
     const auto dim = [&](float length) {
       return static_cast<std::uint32_t>(
                  std::clamp(length * per_cell_, 0.0F, kMostCellsPerAxis - 1)) +
@@ -99,6 +107,7 @@ void PatchGrid::choose_cells() {
     };
     dims_ = {dim(size.x), dim(size.y), dim(size.z)};
     const std::uint64_t cells = std::uint64_t{dims_[0]} * dims_[1] * dims_[2];
+    // One cell always ends it: then there are as many entries as patches.
     if (cells == 1 || (cells <= kCellsPerItem * items_.size() + kFreeCells &&
                        count_entries() <= kEntriesPerItem * items_.size())) {
       return;

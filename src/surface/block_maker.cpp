@@ -6,6 +6,10 @@
 // that covers its centre, so that every texel has one place on the surface, wherever tiles are cut.
 // A source keeps all of its surface, since a texel that the surface uses twice is two Gaussians, in
 // fewer triangles than the mesh has where these are tiny (coarsen.h).
+//
+// A block follows from its bin and the request alone, not from tiles, threads or the budget. So
+// equal inputs give equal bytes, whatever runs beside this, and a hash of the inputs can be the key
+// of the store (geometry_request.cpp).
 #include "surface/block_maker.h"
 
 #include <algorithm>
@@ -67,6 +71,7 @@ class TileMaker {
 
   void source_blocks(const mesh::BlockBin& bin) {
     const mesh::Lattice& l = lattice(bin);
+    // A page without an image has no texels, and nothing to measure a deviation by.
     const bool coarsens = request_.coarsens_dense() && l.width != 0 && is_dense(bin.count);
     const CoarseSurface coarse =
         coarsens ? coarsen(*request_.mesh, l, entries(bin)) : CoarseSurface{};
@@ -76,13 +81,18 @@ class TileMaker {
       if (counts_in(bin, triangle)) source_texels_ += count_texels(bin, triangle);
       if (coarsens && coarse.replaced[i] != 0) continue;
       builder_.add(triangle, l.uv_set, l.width != 0);
+      // A block has 4096 triangles at most. What is more becomes a further block with the same
+      // place.
       if (builder_.full()) finish_source(bin);
     }
+    // These count no texels: the triangles that they replace did, above.
     add_coarse(bin, coarse);
     finish_source(bin);
   }
 
   void add_coarse(const mesh::BlockBin& bin, const CoarseSurface& coarse) {
+    // From points of the coarse surface to vertices of the block being built. A further block
+    // begins without any, and gets its own copies.
     std::vector<std::uint16_t> local(coarse.points.size(), kNoTriangle);
     for (const CoarseTriangle& triangle : coarse.triangles) {
       std::array<std::uint16_t, 3> points;
@@ -118,6 +128,7 @@ class TileMaker {
     const bool whole = mesh::is_whole(corners, l);
     const double area = std::abs(mesh::doubled_area(corners[0], corners[1], corners[2])) / 2;
     const auto [low, high] = std::minmax({corners[0].y, corners[1].y, corners[2].y});
+    // To visit all rows of such a triangle would take long, and its area is as good a number.
     if (whole && (high - low > kCountedRows || area > double{1} * l.width * l.height))
       return std::max<std::uint64_t>(static_cast<std::uint64_t>(area), 1);
     const mesh::TexelWindow everywhere{INT32_MIN, INT32_MIN, INT32_MAX, INT32_MAX};
@@ -146,6 +157,8 @@ class TileMaker {
 
   void encode_source(const mesh::BlockBin& bin, std::uint64_t texels) {
     const store::GeometryBlock& block = builder_.block();
+    // Decoded as projection will decode it: the index states how many patches a block has and where
+    // they are, so that a reader can decide on the block, and lease its memory, before reading it.
     const SourceBlock decoded = make_source_block(block, lattice(bin));
     if (decoded.degenerate > 0) count_degenerate(bin, decoded);
     out_.texels += texels;
@@ -160,6 +173,8 @@ class TileMaker {
 
   /// Triangles of the builder's block that became no facet.
   void count_degenerate(const mesh::BlockBin& bin, const SourceBlock& decoded) {
+    // The facets are the triangles in their order, some left out, so one walk along both finds
+    // which.
     auto facet = decoded.facets.begin();  // in the order of the triangles
     for (const std::uint32_t id : builder_.block().ids) {
       if (facet != decoded.facets.end() && static_cast<std::uint32_t>(facet->id) == id) {
@@ -173,6 +188,7 @@ class TileMaker {
   void target_block(const mesh::BlockBin& bin) {
     constexpr std::uint32_t kFree = 0xFFFFFFFF;
     const mesh::Lattice& l = lattice(bin);
+    // Blocks at the right and lower border reach beyond the image, where no texel exists.
     mesh::TexelWindow window = window_of(bin);
     window.x1 = std::min<std::int64_t>(window.x1, l.width);
     window.y1 = std::min<std::int64_t>(window.y1, l.height);
@@ -187,6 +203,8 @@ class TileMaker {
               const auto t = static_cast<std::size_t>((y - std::int64_t{bin.y} * mesh::kBlockEdge) *
                                                           mesh::kBlockEdge +
                                                       (x - std::int64_t{bin.x} * mesh::kBlockEdge));
+              // Entries of a bin are in file order, so the first claim is that of the first
+              // triangle.
               if (claim[t] == kFree) {
                 claim[t] = i;
               } else if (!contested[t]) {
@@ -196,6 +214,7 @@ class TileMaker {
             }
           });
     }
+    // Only triangles that own a texel are stored, in the order of their first texels.
     std::vector<std::uint16_t> local(bin.count, kNoTriangle);
     builder_.start(bin.page, bin.x, bin.y, bin.count);
     store::GeometryBlock& block = builder_.block();
@@ -220,6 +239,9 @@ class TileMaker {
   EncodedBlock encode_target(const store::GeometryBlock& block, const mesh::Lattice& l,
                              std::uint32_t texels, std::vector<Box3f>& boxes) {
     store::encode(block, raw_);
+    // From cheap to dear: the raw size settles sparse blocks, the entropy most others, and records
+    // are only computed where they may be smaller. The entropy is computed in integers, not read
+    // off zstd's output: another version of zstd must not change the choice (docs/decisions/020).
     const std::size_t exact = std::size_t{kExactBytes} * std::max(texels, kFewTexels);
     if (request_.exact || raw_.size() <= exact) return compress(block, raw_, boxes);
     const std::uint64_t as_triangles = store::estimated_bytes(raw_);
@@ -229,6 +251,8 @@ class TileMaker {
       if (records) {
         store::encode(*records, records_raw_);
         if (store::estimated_bytes(records_raw_) < as_triangles) {
+          // A rounded position may be half a step outside of the box of the exact ones, on each
+          // axis.
           for (Box3f& box : boxes) box = box.grown(records->step);
           return compress(*records, records_raw_, boxes);
         }

@@ -13,6 +13,14 @@
 // A triangle goes when all texels of this block that it touches are replaced. The neighbouring
 // block has it, too, and decides for its own texels. So surfaces overlap by a triangle where they
 // meet, and there is no gap but for the bound, which the tolerance of hits spans.
+//
+// Each half of a window carries the number of a triangle that lies in this window and in no other,
+// not even by a corner on the block's border. The winner of a search is the minimum of (key,
+// number): two facets with one number would let the order of the batches decide.
+//
+// Sizes go from large to small and never overlap, so a sheet gets as few triangles as its curvature
+// permits. A merge that minimizes an error would need fewer, but would need a bound of its own for
+// how far a lookup moves (docs/decisions/022). Here the bound is what is tested.
 #include "surface/coarsen.h"
 
 #include <algorithm>
@@ -74,6 +82,7 @@ class Polygon {
   }
 
  private:
+  // In a union the array is not initialized. Only the first size_ corners are ever read.
   union {
     std::array<Corner, 16> corners_;
   };
@@ -84,6 +93,8 @@ class Polygon {
 struct TwoHalves {
   Vec3d at00, at10, at01, at11;
   Vec3d operator()(Vec2d p) const {
+    // The halves meet where x = y. take() cuts the window along the same diagonal; if the two
+    // differed, the bounds would be tested on a surface that is never stored.
     return p.x >= p.y ? at00 + (at10 - at00) * p.x + (at11 - at10) * p.y
                       : at00 + (at01 - at00) * p.y + (at11 - at01) * p.x;
   }
@@ -184,6 +195,9 @@ class Coarsener {
 
   /// Which triangle covers each point: exactly one, if it is to be a corner.
   void claim_points() {
+    // The row and the column behind the block's last texel are claimed as well: the windows at its
+    // border have corners there. A point on an edge that two triangles share goes to one of them by
+    // the raster's rule, so a second claim means that the surface overlaps itself in UV space.
     claims_.fill(kNobody);
     const auto x0 = static_cast<std::int64_t>(first_.x), y0 = static_cast<std::int64_t>(first_.y);
     for (std::size_t i = 0; i < entries_.size(); ++i) {
@@ -202,12 +216,15 @@ class Coarsener {
 
   /// Makes the point, if it is not yet there.
   std::uint16_t surface_point(int x, int y) {
+    // Windows that share a corner share this point, so they meet there exactly.
     std::uint16_t& known = points_[point(x, y)];
     if (known != 0) return static_cast<std::uint16_t>(known - 1);
     const std::size_t i = claims_[point(x, y)];
     const Triangle t = triangle(i, footprint(i));
     const Vec2d p{static_cast<double>(x), static_cast<double>(y)};
     const double all = mesh::doubled_area(t.texels[0], t.texels[1], t.texels[2]);
+    // Rounding may put the point just outside of its triangle; clamped weights keep it on the
+    // surface.
     const double w1 = std::clamp(mesh::doubled_area(t.texels[0], p, t.texels[2]) / all, 0.0, 1.0);
     const double w2 =
         std::clamp(mesh::doubled_area(t.texels[0], t.texels[1], p) / all, 0.0, 1 - w1);
@@ -238,6 +255,8 @@ class Coarsener {
     const int across = kEdge / edge;
     std::vector<std::optional<Window>> windows(static_cast<std::size_t>(across * across));
     if (open_windows(edge, windows) == 0) return;
+    // open_windows() has ruled out what it could without looking at the surface. Only the windows
+    // left are compared in space.
     for (std::size_t i = 0; i < entries_.size(); ++i) {
       const Footprint f = footprint(i);
       std::optional<Triangle> t;  // in space only where a window is left to be compared
@@ -248,6 +267,9 @@ class Coarsener {
         if (!agrees(*t, *window, edge)) window.reset();
       });
     }
+    // All parts have one orientation by now, and each point has one owner. Still both tests are
+    // needed: points say nothing of a gap between them, and equal areas do not tell a gap plus an
+    // overlap of its size from a sheet.
     for (const std::optional<Window>& window : windows) {
       if (window && std::abs(window->area - 1) <= kAreaBound) take(*window, edge);
     }
@@ -345,6 +367,8 @@ class Coarsener {
     if (part.size() == 0) return true;
     const double area = part.area();
     window.area += std::abs(area);
+    // Opposite signs are a fold, or two charts that meet. The two halves have one winding and one
+    // handedness to give.
     if (area * window.winding < 0 || t.handedness * window.handedness < 0) return false;
     if (area != 0) window.winding = area;
     if (t.handedness != 0) window.handedness = t.handedness;
@@ -356,6 +380,8 @@ class Coarsener {
       return dot(off, off) <= window.bound * window.bound &&
              dot(turned, turned) <= kNormalBound * kNormalBound;
     };
+    // The corners of the overlay are those of the part and the points where its outline crosses the
+    // diagonal. No other point needs a test.
     for (std::size_t i = 0; i < part.size(); ++i) {
       const Corner &a = part[i], &b = part[(i + 1) % part.size()];
       if (!is_near(a)) return false;
@@ -369,6 +395,9 @@ class Coarsener {
     for (int y = window.y; y < window.y + edge; ++y) {
       for (int x = window.x; x < window.x + edge; ++x) taken_[texel(x, y)] = true;
     }
+    // Wound as the triangles were: where normals are ambiguous, the winding decides which side is
+    // the front. The third point is at (0, 1) and the fourth at (1, 1), hence the order of the
+    // names.
     const auto [a, b, d, c] = window.points;
     if (window.winding > 0) {
       out_.triangles.push_back({{a, b, c}, window.ids[0]});
@@ -419,6 +448,8 @@ CoarseSurface coarsen(const mesh::Mesh& mesh, const mesh::Lattice& lattice,
 }
 
 std::uint64_t coarsen_bytes(std::uint64_t triangles) {
+  // One byte per triangle in `replaced`, then every container at its largest. The caller leases
+  // this before it knows how many windows will fit.
   return triangles + kPoints * kPoints * sizeof(SurfacePoint) +
          kMostTriangles * sizeof(CoarseTriangle) +
          std::uint64_t{kEdge} * kEdge * (sizeof(std::optional<Window>) + sizeof(Inside)) +

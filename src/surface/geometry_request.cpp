@@ -5,6 +5,11 @@
 // Costs are bounds from above that are known before any block is made, since a job that does not
 // fit its budget is to say so at once. They follow from counting into which windows of 64x64 texels
 // triangles fall, which is cheap, and from the most that a triangle or a block can take.
+//
+// The key holds all that the blocks depend on: positions, normals and tangents, colours where they
+// are stored, UVs, which triangles are on which page, each lattice, and the version of the rules.
+// What is missing in a key gives stale blocks from the cache, which nothing later is sure to
+// notice.
 #include "surface/geometry_request.h"
 
 #include <fmt/format.h>
@@ -68,6 +73,7 @@ void add(const Values& values, Hasher& hash) {
 
 const Hash128& MeshHashes::shape() {
   if (shape_) return *shape_;
+  // Hashed once: the passes and pages of a job share these arrays, of which each has its own key.
   Hasher hash;
   add(mesh_->positions, hash);
   add(mesh_->normals, hash);
@@ -147,6 +153,7 @@ Hash128 geometry_key(const GeometryRequest& request) {
     hash.add(page.uv_set);
     const mesh::UvTransform& t = page.transform;
     for (const double v : {t.a, t.b, t.c, t.d, t.e, t.f}) hash.add(v);
+    // A page without an image does not use its UVs.
     if (page.width != 0) add(request.hashes->uvs(page.uv_set), hash);
     add(request.triangles->of(request.first_page + p), hash);
   }
@@ -162,6 +169,8 @@ Hash128 geometry_key(const GeometryRequest& request) {
 }
 
 std::uint64_t geometry_least_bytes(const GeometryRequest& request, std::uint64_t tile_cap_bytes) {
+  // This decides whether a job is refused, before any bin exists. It must not be below what
+  // tile_cost() asks for later, or a job that was admitted could not go on.
   const mesh::BlockBinner binner = binner_of(request, tile_cap_bytes);
   const std::uint64_t bins = binner.cost_bytes(binner.most_entries());
   // A tile has no more triangles than its cap has room for, and one window; nor more than all of
@@ -186,6 +195,9 @@ std::uint64_t geometry_directory_bytes(const GeometryRequest& request,
 }
 
 SourceShape source_shape(const GeometryRequest& request) {
+  // The largest block of the source sets the least that a piece leases for its batch. Uncut
+  // triangles have one patch each and need no look; the cut ones are few and are binned here for
+  // real, since how many windows they touch depends on their shape.
   constexpr std::uint64_t kMost = store::kMostTrianglesPerBlock;
   constexpr std::uint64_t kPatchesPerTriangle =
       (mesh::kBlockEdge / kPatchWindow) * (mesh::kBlockEdge / kPatchWindow);
@@ -214,6 +226,7 @@ SourceShape source_shape(const GeometryRequest& request) {
                                  block);
       }
       const std::uint64_t count = std::min<std::uint64_t>(block.count, triangles);
+      // The other triangles of a full block are whole, with a patch each.
       patches = std::min(patches, count * kPatchesPerTriangle) + triangles - count;
       shape.most_patches = std::max(shape.most_patches, static_cast<std::uint32_t>(patches));
     }
@@ -221,6 +234,8 @@ SourceShape source_shape(const GeometryRequest& request) {
   return shape;
 }
 
+// Bounds for the disk check before work begins, so every block is assumed to be stored as
+// triangles, without any compression.
 GeometrySize geometry_most(const GeometryRequest& request) {
   // Three vertices that it shares with none.
   const std::uint64_t per_triangle = 138 + (request.colours ? 3 * sizeof(Vec4f) : 0);

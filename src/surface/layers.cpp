@@ -2,6 +2,10 @@
 //
 // One pass over the triangles, whatever their number: the places' segments lie in a lattice of
 // cells, and a triangle looks at those whose cells its box touches.
+//
+// The usual way round, a tree over the triangles that each place asks, would need memory in
+// proportion to the mesh. The places are few, so their lattice is small, and the mesh is only read
+// through once.
 #include "surface/layers.h"
 
 #include <algorithm>
@@ -22,6 +26,7 @@ class Segments {
   Segments(std::span<const Place> places, float most) : places_(places), most_(most) {
     for (const Place& place : places) bounds_.extend(place.position);
     const Vec3f size = bounds_.hi - bounds_.lo;
+    // Segments reach beyond the places themselves, by `most` at both ends.
     const float longest = std::max({size.x, size.y, size.z}) + 2 * most;
     per_cell_ = longest > 0 ? kCells / longest : 0;
     cells_.resize(std::size_t{kCells} * kCells * kCells);
@@ -37,6 +42,8 @@ class Segments {
   /// Calls `visit` once with each segment that may meet the box.
   template <class Visit>
   void for_each_near(const Box3f& box, const Visit& visit) {
+    // A segment is in all cells that its box touches, and a triangle may look at several of them.
+    // The round tells what was visited without anything to clear between triangles.
     ++round_;
     for_each_cell(box, [&](std::vector<std::uint32_t>& cell) {
       for (const std::uint32_t i : cell) {
@@ -121,6 +128,7 @@ std::vector<float> layer_gaps(const mesh::Mesh& mesh, std::span<const Place> pla
     segments.for_each_near(box, [&](std::uint32_t i) {
       const Vec3d normal(places[i].normal);
       if (dot(facet.normal, normal) < double{least_cosine}) return;
+      // A line that misses gives no number, and no comparison below is true of that.
       const double gap = std::abs(facet.along(Vec3d(places[i].position), normal));
       if (gap > own && gap <= double{most} && gap < double{gaps[i]})
         gaps[i] = static_cast<float>(gap);

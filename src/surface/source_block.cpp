@@ -7,6 +7,10 @@
 // it stands for; a small or thin one is one patch. The tolerance lets a hit lie up to one texel
 // outside the triangle: two tessellations of one surface do not meet exactly at open borders. It
 // never exceeds the triangle's own size, so stretched texels do not overhang their triangle.
+//
+// A facet is computed from its triangle alone. A triangle that is stored in several blocks, or is
+// decoded again for another piece, gives the same bits each time: the search takes a minimum over
+// all copies that it meets, and must get the same one whichever they are.
 #include "surface/source_block.h"
 
 #include <algorithm>
@@ -60,6 +64,8 @@ Facet make_facet(const store::GeometryBlock& block, std::size_t triangle,
   const Vec3d e2 = s.corners[2] - s.corners[0];
   const Vec3d across1 = cross(e2, s.normal);
   const Vec3d across2 = cross(s.normal, e1);
+  // The dual basis of the edges in the plane: g1 . e1 = 1 and g1 . e2 = 0, and the reverse for g2.
+  // So two dot products turn a point of the plane into barycentrics.
   const Vec3d g1 = across1 * (1.0 / dot(e1, across1));
   const Vec3d g2 = across2 * (1.0 / dot(e2, across2));
   // The front is where the vertex normals point; the winding alone decides where they say nothing.
@@ -81,6 +87,8 @@ Facet make_facet(const store::GeometryBlock& block, std::size_t triangle,
   facet.id = static_cast<std::int32_t>(block.ids[triangle]);
   facet.page = static_cast<std::int32_t>(block.page);
   if (lattice.width != 0) {
+    // Whole and fractional part apart: UVs that repeat an image lead far from 0, where single
+    // precision would round the fraction away.
     const auto& t = s.texels;
     facet.base[0] = static_cast<std::int32_t>(std::floor(t[0].x));
     facet.base[1] = static_cast<std::int32_t>(std::floor(t[0].y));
@@ -188,6 +196,8 @@ void add_patches(const store::GeometryBlock& block, const Setup& s, bool whole, 
       clip(polygon, true, left + (wx + 1) * kPatchWindow, -1, scratch);
       clip(polygon, false, top + wy * kPatchWindow, 1, scratch);
       clip(polygon, false, top + (wy + 1) * kPatchWindow, -1, scratch);
+      // A window that a triangle only touches gives a polygon without area, and a patch that finds
+      // the facet once more. That is harmless: the winner is a minimum.
       if (!polygon.empty()) patches.push_back(bounded(s, polygon, facet));
     }
   }
@@ -206,6 +216,7 @@ SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lat
     for (std::size_t k = 0; k < 3; ++k) s.corners[k] = position(block, i, k);
     const Vec3d doubled = cross(s.corners[1] - s.corners[0], s.corners[2] - s.corners[0]);
     const double doubled_area = length(doubled);
+    // An area so small that its reciprocal is infinite gives no normal either.
     if (!(doubled_area > 0) || !std::isfinite(1.0 / doubled_area)) {
       ++out.degenerate;
       continue;
@@ -217,9 +228,12 @@ SourceBlock make_source_block(const store::GeometryBlock& block, const mesh::Lat
       s.texels = block.texel_corners(lattice, i);
       whole = mesh::is_whole(s.texels, lattice);
       const double texel_area = std::abs(mesh::doubled_area(s.texels[0], s.texels[1], s.texels[2]));
+      // One source texel in space is the root of (area in space / area in texels).
       if (texel_area > 0) s.tolerance = std::min(s.tolerance, std::sqrt(doubled_area / texel_area));
     }
     const Facet facet = make_facet(block, i, lattice, s);
+    // A needle may have an area, and still a height so small that a gradient exceeds single
+    // precision.
     if (!std::isfinite(facet.g1[0] + facet.g1[1] + facet.g1[2] + facet.g2[0] + facet.g2[1] +
                        facet.g2[2])) {
       ++out.degenerate;

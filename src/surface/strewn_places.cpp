@@ -1,4 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Places on a surface without its texels: whether source and target are aligned, and how close
+// layers are, is measured there.
+//
+// Place i is on the triangle in which the running sum of areas, in file order, passes i + 1/2
+// shares. So a large triangle gets many places and a dense region of small ones no more than its
+// area's worth, unlike vertices or triangle centres. There is no random number in it: the same mesh
+// gives the same places, and a report the same figures.
 #include "surface/strewn_places.h"
 
 #include <algorithm>
@@ -48,6 +56,7 @@ double surface_area(const mesh::Mesh& mesh) {
 }
 
 std::vector<Place> strew(const mesh::Mesh& mesh, std::size_t count) {
+  // A sum that is not finite comes from broken positions; then there are no places to judge by.
   const double all = surface_area(mesh);
   std::vector<Place> places;
   if (!(all > 0) || !std::isfinite(all)) return places;
@@ -55,6 +64,8 @@ std::vector<Place> strew(const mesh::Mesh& mesh, std::size_t count) {
   const double share = all / static_cast<double>(count);
   double until = 0;
   for (const auto& corners : mesh.triangles) {
+    // The same sum in the same order as in surface_area(): it ends at exactly `all`, so the last
+    // place finds its triangle, too.
     const Triangle triangle(mesh, corners);
     until += triangle.area;
     for (std::size_t i = places.size(); i < count && (static_cast<double>(i) + 0.5) * share < until;
@@ -66,6 +77,8 @@ std::vector<Place> strew(const mesh::Mesh& mesh, std::size_t count) {
 
 void make_packets(std::span<const Place> places, float edge, PageVector<TexelPacket>& packets,
                   std::vector<PacketGroup>& groups) {
+  // One lane of sixteen is used. Places are far apart, so a packet of several would have a bundle
+  // as wide as the mesh and every patch for a candidate.
   packets.reserve(packets.size() + places.size());
   groups.reserve(groups.size() + places.size());
   for (std::size_t i = 0; i < places.size(); ++i) {

@@ -10,6 +10,11 @@
 // A texel's centre may lie on the edge of two triangles, within rounding: the raster gives it to
 // one of them. Its ray starts a little inside of that one, so that the search sees what the raster
 // decided (docs/decisions/015-own-surface-first.md).
+//
+// Packets are cut inside of 8x8 windows of the image, and within a window by where texels are on
+// the surface. A packet therefore depends on its block alone, never on how the target is cut into
+// tiles and pieces. That must hold: the coarsest triangle of a packet sets the steps in which all
+// its keys count, so a packet of other texels could break ties differently.
 #include "surface/target_block.h"
 
 #include <algorithm>
@@ -44,6 +49,7 @@ bool gradients(const store::GeometryBlock& block, const mesh::Lattice& lattice,
   const auto& corner = block.triangles[triangle];
   const double x1 = t[1].x - t[0].x, y1 = t[1].y - t[0].y, x2 = t[2].x - t[0].x,
                y2 = t[2].y - t[0].y;
+  // Cramer's rule: what a value that is given at the three corners changes by, per texel.
   const auto solve = [&](Vec3d a, Vec3d b, Vec3d c, Vec3d& du, Vec3d& dv) {
     const Vec3d e1 = b - a, e2 = c - a;
     du = (e1 * y2 - e2 * y1) * (1.0 / area);
@@ -70,6 +76,7 @@ bool gradients(const store::GeometryBlock& block, const mesh::Lattice& lattice,
 
 template <class Four>
 bool any_negative(Four v) {
+  // Sign bits, so -0 counts as negative. A start that is moved for it moves by nothing.
   return __builtin_ia32_movmskps(v) != 0;
 }
 
@@ -132,7 +139,10 @@ TargetBlock::Edges TargetBlock::make_edges(const std::array<Vec2d, 3>& t, Vec2d 
     lines[k] = {x, y, x * (anchor.x - from.x) + y * (anchor.y - from.y)};
   }
   Edges out;
+  // Doubled area over circumference is the radius of the inscribed circle. A start farther inside
+  // than that would leave the triangle by another edge.
   out.most = static_cast<float>(std::min(kLargestInset, std::abs(area) / around));
+  // The fourth lane is no edge: what it holds is above any start, so it never asks for a move.
   out.at_anchor[3] = 1;
   for (int k = 0; k < 3; ++k) {
     const Vec3d& line = lines[static_cast<std::size_t>(k)];
@@ -211,6 +221,7 @@ bool TargetBlock::is_deep(const Window& window) const {
   const float start = start_of(owner_[first], a.coarseness);
   const float left = static_cast<float>(first % mesh::kBlockEdge / kWindow * kWindow) - a.x;
   const float top = static_cast<float>(first / mesh::kBlockEdge / kWindow * kWindow) - a.y;
+  // An affine function on a square is least at a corner, so four tests answer for all texels.
   for (const float dx : {left, left + kWindow - 1}) {
     for (const float dy : {top, top + kWindow - 1}) {
       if (any_negative(edges.beyond(dx, dy, start))) return false;
@@ -222,6 +233,8 @@ bool TargetBlock::is_deep(const Window& window) const {
 Vec3f TargetBlock::way_inside(std::uint16_t triangle, Four beyond) const {
   const Edges& edges = edges_[triangle];
   const Affine& a = triangles_[triangle];
+  // For each edge that is too near, along its inward normal by what is lacking. Near a corner the
+  // ways of two edges add up.
   float x = 0, y = 0;  // into the triangle, in texels
   for (int k = 0; k < 3; ++k) {
     const float lacking = std::max(-beyond[k], 0.0F);
@@ -245,9 +258,12 @@ void TargetBlock::move_start(std::size_t lane, Four beyond, TexelPacket& packet)
 void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_deep,
                        TexelPacket& packet) const {
   if (has_records()) return fill_records(texels, count, packet);
+  // One coarseness for all lanes, that of the coarsest owner: kernels compare sixteen keys at once.
   packet.coarseness = coarseness(texels, count);
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     const bool used = lane < count;
+    // Unused lanes repeat lane 0's start, so they widen no bound, with a zero normal, which faces
+    // nothing.
     const std::uint32_t at = texels[used ? lane : 0];
     const Affine& a = triangles_[owner_[at]];
     const float dx = static_cast<float>(at % mesh::kBlockEdge) - a.x;
@@ -305,6 +321,9 @@ void TargetBlock::make_packets(std::uint32_t block_index, PageVector<TexelPacket
       continue;
     }
     // One group of packets per cluster: usually all of the window, one each where charts meet.
+    // The first texel left is the seed, and takes what is near it. A packet across two charts would
+    // have a bundle as wide as their distance, and every patch in between would be a candidate. The
+    // last cluster takes the rest however far apart: most_packets() depends on that bound.
     for (int cluster = 1; rest.count > 0; ++cluster) {
       const Vec3f seed = position(rest.texels[0]);
       const float seed_per_texel = per_texel(rest.texels[0]);
@@ -333,6 +352,8 @@ std::vector<TexelAxes> TargetBlock::axes() const {
 }
 
 std::vector<Box3f> texel_boxes(const store::GeometryBlock& block, const mesh::Lattice& lattice) {
+  // Boxes hold texels, not triangles. A triangle may reach far beyond this block, and its own box
+  // would request source blocks that none of these texels can meet.
   std::vector<Box3f> boxes(block.triangles.size());
   const TargetBlock map(block, lattice, 1e-30F);
   const auto& owner = block.owner;
