@@ -1,4 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The value of an image at a hit: the definition, one texel at a time. The kernels for sixteen
+// lanes (blend_lanes.inl) repeat it operation by operation, and a test compares their bits.
+// Whatever changes here changes there.
+//
+// Weights are integers in steps of 2^-20. With samples of 8 and 16 bits all sums are exact, so
+// neither order nor instruction set can change a byte. Tents of float samples are summed exactly
+// too, in 128 bits; cubics of floats in double precision, in one order.
 #include "projection/blend.h"
 
 #include <algorithm>
@@ -100,6 +108,7 @@ Around around(const std::byte* tile, int column, int row, std::size_t texel) noe
 void tent(double u, double v, Taps& taps) noexcept {
   taps.wide = taps.sharpened = false;
   const auto step = [](double w) { return static_cast<std::int32_t>(w * kWeightSteps + 0.5); };
+  // Rounded one by one, so they may miss 2^20 by a few steps: the blend divides by their sum.
   taps.square = {step((1 - u) * (1 - v)), step(u * (1 - v)), step((1 - u) * v), step(u * v)};
   taps.total = taps.square[0] + taps.square[1] + taps.square[2] + taps.square[3];
 }
@@ -160,6 +169,7 @@ namespace {
 /// Steeper halfway between two texels, flatter beside them, by the third difference: what is
 /// straight or a parabola stays what it is.
 void steepen(std::int32_t by, double place, std::array<std::int32_t, 4>& weights) noexcept {
+  // Weights change by multiples of (-1, 3, -3, 1), which has no sum and no first or second moment.
   constexpr double kSteeper = 3;  // 1/8 where a texel's move is 1/24 (docs/decisions/037)
   const double share = kSteeper * by * place * (1 - place) * (1 - 2 * place);
   const auto step = static_cast<std::int32_t>(share + (share < 0 ? -0.5 : 0.5));
@@ -207,6 +217,7 @@ Sum wide_sum(const Taps& taps, RowSum one, const Sample& sample) noexcept {
   std::array<Sum, 4> rows{};
   for (int y = -1; y < 3; ++y) {
     const auto row = static_cast<std::size_t>(y + 1);
+    // Along a row of texel centres the outer rows have no weight, and need not be read.
     if ((y == -1 || y == 2) && taps.down[row] == 0) continue;
     const std::array<RowSum, 4> values = {sample(-1, y), sample(0, y), sample(1, y), sample(2, y)};
     rows[row] = static_cast<Sum>(kept_sum(taps.across, values));
@@ -222,6 +233,7 @@ bool only_one(const std::array<std::int32_t, 4>& weights, std::size_t which) noe
 
 /// The texel that has all the weight, if one has.
 const std::byte* only_texel(const Taps& taps, const Around& texels) noexcept {
+  // A finer target does not show the texel itself at its centre, but what its mean implies.
   if (taps.sharpened) return nullptr;
   for (int y = 0; y < 2; ++y) {
     for (int x = 0; x < 2; ++x) {
@@ -239,11 +251,14 @@ Blended blend_floats(const store::ColourDirectory& image, const Around& texels, 
   const std::size_t sample = store::depth_bytes(image.depth);
   const bool divides = image.premultiplied && alpha == BlendAlpha::straight;
   const std::size_t last = image.channels - 1;
+  // A hit on a centre, as in a transfer of a mesh onto itself: one read instead of four or sixteen.
   const std::byte* const only = only_texel(taps, texels);
   Blended out{};
   for (std::size_t c = 0; c < image.channels; ++c) {
     const auto value = [&](const std::byte* texel) {
       const float v = float_sample(image.depth, texel + c * sample);
+      // Each texel before the sum: divided after it, transparent texels would bring in their
+      // colour.
       return divides && c != last
                  ? without_alpha(image.depth, v, float_sample(image.depth, texel + last * sample))
                  : v;

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Finds the lanes' kernels, and places the lookups that leave an image: those few are done one by
+// one, by the wrap mode, where all others are placed sixteen at once.
 #include "projection/blend_lanes.h"
 
 #include <algorithm>
@@ -31,6 +34,7 @@ void PlacesLanes::set_place(std::size_t lane, Coordinate at_x, Coordinate at_y,
   const std::int32_t tile_x = std::max(at_x.texel, 0) / mesh::kBlockEdge,
                      tile_y = std::max(at_y.texel, 0) / mesh::kBlockEdge;
   constexpr std::int32_t kFirst = store::kApron - 1;
+  // The first of the 4x4 texels is one before the hit's own, and a tile begins with its apron.
   const std::int32_t column = at_x.texel - tile_x * mesh::kBlockEdge + kFirst,
                      row = at_y.texel - tile_y * mesh::kBlockEdge + kFirst;
   rest_x[lane] = at_x.rest;

@@ -1,4 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Which build of the kernels runs, and the lists that they run over.
+//
+// One source is compiled per instruction set (kernels.cpp.in), each in a namespace of its own.
+// Inline functions that two builds shared under one name would be merged by the linker, and a
+// processor could meet instructions that it does not have. All builds give the same bits, so the
+// choice shows in time only.
 #include "projection/hit_packet.h"
 
 #include <algorithm>
@@ -22,6 +29,8 @@ const Kernels& kernels(const std::string& isa) {
       __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512dq") != 0 &&
       __builtin_cpu_supports("avx512vl") != 0 && __builtin_cpu_supports("avx512bw") != 0;
   const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
+  // A set that is asked for by name is not replaced: tests and benchmarks want this one or an
+  // error.
   if (isa == "avx512" && has_avx512) return avx512::kKernels;
   if (isa == "avx2" && has_avx2) return avx2::kKernels;
   if (isa == "sse2") return sse2::kKernels;
@@ -33,6 +42,8 @@ const Kernels& kernels(const std::string& isa) {
 }
 
 void Candidates::add(const grid::GridItem& item) {
+  // Arrays grow by whole registers, so that kernels may load sixteen from any multiple of sixteen.
+  // Capacity stays from group to group.
   if (count_ == radius_.size()) {
     const std::size_t room = count_ + kLanes;
     for (auto& axis : centre_) axis.resize(room);

@@ -6,6 +6,11 @@
 // places there; where that is much nearer than as they are, they are misaligned. Where they start
 // too far away for that, each of the 48 ways to name axes is tried, with both brought to one centre
 // and size.
+//
+// A report and a warning come of it, nothing else: no texel depends on it. So it works on places
+// strewn over both surfaces, 256 and 4096, and costs the same for meshes of any size. The search is
+// iterative closest point with distances to planes. Its result is only believed where it brings the
+// surfaces much nearer than they are, since least squares always find something.
 #include "projection/mesh_fit.h"
 
 #include <algorithm>
@@ -59,6 +64,7 @@ class Surface {
     float least;
     /// Could a place farther along x be nearer?
     bool look(const Place& place, Vec3f p, Vec3f n) {
+      // In order of x, the way along x alone bounds the distance of all that follow.
       const Vec3f to = place.position - p;
       if (to.x * to.x >= least) return false;
       const float square = dot(to, to);
@@ -214,12 +220,15 @@ bool improve(const std::vector<Found>& found, double reach, double size, bool gr
   }
   // A ball turns and a plane slides for nothing: then neither does.
   constexpr double kStiffness = 1e-3;
+  // What the places do not determine gets no weight from them, and without this would take any
+  // value.
   for (std::size_t i = 0; i < kUnknowns; ++i) a[i][i] += kStiffness * trace / kUnknowns;
   if (!grows) {  // row and column of the growth say that there is none
     for (std::size_t i = 0; i < kUnknowns; ++i) a[i][6] = a[6][i] = i == 6 ? 1 : 0;
     b[6] = 0;
   }
   if (!solve(a, b, x)) return false;
+  // The equations are linear in the growth, which holds for small steps only.
   const double growth = std::clamp(1 + x[6] / size, 0.8, 1.25);
   const auto turned = turn({x[0] / size, x[1] / size, x[2] / size});
   const auto moved = [&](Vec3d v) {
@@ -237,6 +246,8 @@ Pose settle(std::span<const Place> target, double facing, const Surface& source,
     // Wide at first, to be drawn from afar; then what is off no more draws.
     const double now = round < kRounds / 2 ? 2 * reach : reach;
     std::vector<Found> found = find(target, facing, source, pose, now);
+    // With a growth among the unknowns, a constant distance all around is a difference in size,
+    // which is what is asked for then.
     if (!grows) leave_out_layer(found);
     if (!improve(found, now, reach / kReach, grows, pose)) break;
   }
@@ -309,6 +320,7 @@ std::vector<Pose> from_afar(std::span<const Place> target, double facing,
   const Surface surface(some);
   const double reach = kReach * diagonal * scale;
   std::vector<std::pair<double, Pose>> tried;
+  // All 48 are cheap to try on few places. Least squares run only for the best of them.
   for (const Axes& axes : all_axes()) {
     const Pose pose{columns_of(axes, scale), here.centre, there.centre - here.centre};
     // Of what looks the same in a mirror, the one that needs none.
@@ -359,6 +371,8 @@ PoseParts parts_of(const Pose& pose) {
   std::array<Vec3d, 3> columns = pose.columns;
   for (Vec3d& column : columns) column = column * (1 / parts.scale);
   double most = 0;
+  // The nearest of the 48 namings of axes, by the trace of the product; the first of equal ones is
+  // the one that files differ by.
   for (const Axes& axes : all_axes()) {
     const auto other = columns_of(axes, 1);
     const double alike =
@@ -403,6 +417,8 @@ MeshFit fit_of(std::span<const Place> target, std::span<const Place> source, dou
     const double would_lie_near = part_within(then, kNear * diagonal * scale);
     leave_out_layer(then);
     const double moved = nearness(then, scaled);
+    // Compared over the same places, those that are near after the move: others would favour a move
+    // that loses them.
     std::vector<double> before, after;
     for (std::size_t i = 0; i < then.size(); ++i) {
       if (!then[i].is_near) continue;
@@ -419,6 +435,8 @@ MeshFit fit_of(std::span<const Place> target, std::span<const Place> source, dou
     fit.better = pose;
     fit.would_lie_near = would_lie_near;
   };
+  // From the cheap explanation to the dear one: moved, moved and scaled, other axes. A later one
+  // has to be clearly better to replace an earlier one.
   consider(as_is, false, false);
   if (!fit.better) consider(as_is, true, true);
   constexpr double kDone = 0.9;

@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A cone around sixteen rays, for culling: from p + t n, minus the axis o + t d, remain (p - o) + t
+// (n - d). So no ray is farther from the axis at t than offset + |t| spread, the largest of both
+// differences. A patch outside of that for all lanes is tested once instead of sixteen times. The
+// bound may be loose, never too small: a patch culled by rounding would be a hole in the image, and
+// a different one for other packets.
 #include "projection/packet_bundle.h"
 
 #include <algorithm>
@@ -31,6 +37,8 @@ RayBundle bundle_of(const surface::TexelPacket& packet) {
     count += used;
   }
   bundle.origin = bundle.origin * (1 / count);
+  // Zero where normals cancel out. Then spread is 1, and the cone a ball that grows with the
+  // height.
   bundle.direction = unit_or_zero(normals);
   float offsets[kLanes], spreads[kLanes], sizes[kLanes];
   for (int i = 0; i < kLanes; ++i) {
@@ -57,6 +65,7 @@ RayBundle bundle_of(const surface::TexelPacket& packet) {
 
 RayBundle unite(std::span<const RayBundle> bundles) {
   RayBundle all;
+  // Margins of coordinates are in each bundle's offset already; here only the sums round.
   Vec3f directions;
   for (const RayBundle& b : bundles) {
     all.origin = all.origin + b.origin;

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The candidates of a group, as arrays that kernels read sixteen at a time. A scene's group may
+// have many thousands; what they may take is leased before (`most`), so arrays grow up to that and
+// never beyond.
 #include "projection/splat_packet.h"
 
 #include <algorithm>
@@ -39,6 +43,8 @@ void SplatCandidates::add(const gaussian::SplatSet& set, std::size_t i) {
     grow(shapes_);
   }
   const gaussian::SplatSpheres& spheres = set.levels[0];
+  // Copied out of the block, shapes by reference: the copies are what every packet of the group
+  // culls by.
   for (std::size_t k = 0; k < 3; ++k) centre_[k][count_] = spheres.centre[k][i];
   radius_[count_] = spheres.radius[i];
   for (std::size_t c = 0; c < 6; ++c) covariance_[c][count_] = set.covariance[c][i];

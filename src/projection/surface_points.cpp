@@ -3,6 +3,11 @@
 // A search keeps a winner's number, not the winner: while the batch that it came from is there, the
 // facet is looked up by that number, and the texel's own ray is put to it once more, in double
 // precision and from the texel's own point, as kernels do for the place in the image.
+//
+// The search itself could carry this along, but its kernels would have to carry all of it for each
+// candidate that wins for a while, in all jobs. Evaluated here, once per winner and batch, it costs
+// other jobs nothing (docs/decisions/031). A winner may be replaced by a later batch, and is then
+// evaluated again.
 #include "projection/surface_points.h"
 
 #include <algorithm>
@@ -24,10 +29,13 @@ struct Place {
 };
 
 Place meet(const surface::Facet& f, Vec3d from, Vec3d along) {
+  // As the kernels do: a ray in the plane of its facet would be 0/0 (docs/decisions/015).
   double rising = dot(vector(f.n), along);
   if (std::abs(rising) < kGrazing) rising = rising < 0 ? -kGrazing : kGrazing;
   const Vec3d r = vector(f.m) - from;
   const Vec3d d = along * (dot(vector(f.n), r) / rising) - r;
+  // Hits count a little outside of their triangle; position, normal and tangent are those of its
+  // border.
   const double w1 = std::max(dot(vector(f.g1), d), 0.0), w2 = std::max(dot(vector(f.g2), d), 0.0);
   const double scale = 1 / std::max(w1 + w2, 1.0);
   return {w1 * scale, w2 * scale};
@@ -76,6 +84,8 @@ std::vector<Found> wanted(const SearchState& state, const PageVector<SurfacePack
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       if (!is_new(state.hits[p], known[p], lane)) continue;
       const std::int32_t id = state.hits[p].id[lane];
+      // Neighbouring texels mostly have the same winner, which keeps the list short before it is
+      // sorted.
       if (ids.empty() || ids.back().id != id) ids.push_back({id, nullptr, nullptr});
     }
   }
@@ -101,6 +111,8 @@ void SurfacePoints::follow(const SearchState& state,
         std::lower_bound(winners.begin(), winners.end(), Found{id, nullptr, nullptr}, by_id);
     return at != winners.end() && at->id == id ? &*at : nullptr;
   };
+  // A cut triangle is in several blocks of the batch. Its facets have the same bits, so the last
+  // one does.
   for (const auto& block : batch) {
     for (std::size_t f = 0; f < block->facets.size(); ++f) {
       Found* const winner = find(block->facets[f].id);

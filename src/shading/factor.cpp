@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// A material's constant over its texture (docs/decisions/032). The order matters: a texture is
+// filtered in its own encoding, then multiplied in linear light, since a material's constants are
+// linear. Channels whose factor is 1 are left alone rather than multiplied by 1: the way through
+// linear light and back would move their last bit.
 #include "shading/factor.h"
 
 #include <algorithm>
@@ -11,6 +16,7 @@ void scale_alpha(double scale, TexelValue& value) noexcept {
   if (scale == 1) return;
   if (value.has_alpha) {
     value.v[value.channels - 1] *= scale;
+    // Premultiplied colours hold the alpha, and shrink with it.
     for (std::uint32_t c = 0; value.premultiplied && c + 1 < value.channels; ++c)
       value.v[c] *= scale;
   } else if (value.channels < value.v.size()) {

@@ -6,6 +6,10 @@
 // size is even, else up to three by three, so that a level covers the image from edge to edge and
 // wraps as it does. A texel's span begins in one tile and ends in its apron at most, so a tile of a
 // level can be made from a handful of tiles, one after the other.
+//
+// Levels are made when a texel first asks for one: a target as fine as its source needs none.
+// Samples are averaged as they are stored, as filters do it (docs/decisions/008). A texel is
+// computed from one tile of the level before, so the order in which tiles are read does not matter.
 #include "shading/level_tile.h"
 
 #include <algorithm>
@@ -42,6 +46,8 @@ void mean_sample(Depth depth, const std::byte* from, std::size_t texel, const Le
                  const LevelAxis& rows, const LevelSpan& across, const LevelSpan& down,
                  std::byte* to) {
   const std::size_t row_bytes = kColourTileEdge * texel;
+  // The weights of one texel sum to `total`, at most width times height: sums of 16-bit samples fit
+  // 64 bits.
   const std::uint64_t total = std::uint64_t{columns.total} * rows.total;
   const auto sum = [&]<class Sum>(Sum zero, const auto& value) {
     Sum out = zero;
@@ -83,6 +89,8 @@ LevelAxis::LevelAxis(std::uint32_t tile, std::uint32_t size, mesh::Wrap wrap)
     : total(level_total(size)) {
   const std::int64_t level_size = (size + 1) / 2;
   for (int i = 0; i < kColourTileEdge; ++i) {
+    // Wrapped by the level's own size: of odd sizes, the apron of the level before is something
+    // else.
     const std::int64_t at = std::int64_t{tile} * kBlockEdge + i - kApron;
     if (at >= level_size + kApron) continue;
     Texel& texel = texels[static_cast<std::size_t>(i)];

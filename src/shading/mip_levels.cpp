@@ -11,6 +11,10 @@
 // exact, and the same in both directions. Of even sides it is always in the middle of two texels:
 // the box filter of 2 x 2. Odd sides of one level make a linear filter: its middle is where it
 // belongs, and no texel shifts by half of one.
+//
+// Rows are read once, as the encoder gets them, since the image is nowhere as a whole: it may be
+// larger than the budget. Levels are means of what is stored, as maketx makes them by default
+// (docs/decisions/034).
 #include "shading/mip_levels.h"
 
 #include <algorithm>

@@ -107,6 +107,10 @@ struct SeamPadder::Impl {
 };
 
 /// Fills `below` for the rows [final, end).
+//
+// The pass upwards. It begins `radius` rows below the batch, as far as any row of it may look, and
+// carries each column's distance along. The larger the batch, the less often the rows below it are
+// visited again.
 void SeamPadder::Impl::measure_below(std::uint32_t end) {
   const auto none = static_cast<std::int16_t>(radius + 1);
   std::fill(below_now.begin(), below_now.end(), none);
@@ -115,6 +119,8 @@ void SeamPadder::Impl::measure_below(std::uint32_t end) {
   for (std::uint32_t y = bottom; y-- > final;) {
     const std::uint8_t* const row = row_covered(y);
     for (std::uint32_t x = 0; x < width; ++x) {
+      // The distance grows with every row and saturates one beyond the radius. covered - 1 is all
+      // ones or all zeros: without a branch, the loop becomes vectors.
       const auto further = static_cast<std::int16_t>(std::min(below_now[x], none) + 1);
       below_now[x] = static_cast<std::int16_t>(further & (row[x] - 1));  // 0 where covered
     }
@@ -158,6 +164,7 @@ void SeamPadder::Impl::fill_row(std::uint32_t y, const std::int16_t* below_row) 
 }
 
 void SeamPadder::Impl::add_to_envelope(Parabola offer) {
+  // -1 stands for "from the start of the row": every column of the run is at or after it.
   offer.start = -1;
   while (!envelope.empty()) {
     offer.start = first_won(envelope.back(), offer);
@@ -214,6 +221,8 @@ void SeamPadder::Impl::copy_segments(std::uint32_t y, std::int32_t begin, std::i
   std::byte* const row = row_texels(y);
   for (std::size_t i = 0; i < envelope.size(); ++i) {
     const Parabola& p = envelope[i];
+    // The envelope ignores the radius, which only cuts: a texel whose nearest is too far has no
+    // other.
     const std::int32_t far = reach[static_cast<std::size_t>(std::abs(p.height))];
     const std::int32_t from = std::max({begin, p.start, p.column - far});
     const std::int32_t next = i + 1 < envelope.size() ? envelope[i + 1].start : end;
@@ -232,6 +241,7 @@ void SeamPadder::Impl::copy_segments(std::uint32_t y, std::int32_t begin, std::i
 /// Brings `above` and its values to row y: what the rows below will see.
 void SeamPadder::Impl::remember_row(std::uint32_t y) {
   const std::uint8_t* const row = row_covered(y);
+  // Only covered texels go on, never what was filled: values would creep on from row to row.
   const auto most = static_cast<std::int16_t>(radius);
   for (std::uint32_t x = 0; x < width; ++x) {
     const auto further = static_cast<std::int16_t>(std::min(above[x], most) + 1);
@@ -261,6 +271,7 @@ SeamPadder::SeamPadder(std::uint32_t width, std::uint32_t height, std::uint32_t 
                                               radius, kLargestRadius));
   }
   Impl& self = *impl_;
+  // Rows that still may change, and one push of new ones.
   self.capacity = static_cast<std::uint32_t>(
       std::min<std::uint64_t>(height, std::uint64_t{radius} + largest_push_rows));
   self.texels.resize(std::size_t{self.capacity} * width * texel_bytes);

@@ -68,6 +68,7 @@ bool alike(const TexelFormat& a, const TexelFormat& b) {
 }
 
 double mixed(double old, double fresh, double weight) noexcept {
+  // Equal values stay as they are even if they are infinite: the difference would be no number.
   return old == fresh ? old : old + (fresh - old) * weight;
 }
 
@@ -103,6 +104,7 @@ void paint_over(const TexelFormat& format, PaintAlpha alpha, const float* weight
   const std::size_t sample = store::depth_bytes(format.depth);
   const std::uint32_t colours = format.colours();
   const std::uint32_t painted = alpha == PaintAlpha::keep ? colours : format.channels;
+  // EXR's premultiplied colours carry their weight already and are mixed as they are.
   const bool by_opacity = alpha == PaintAlpha::mix && format.has_alpha;
   for (std::size_t i = 0; i < count; ++i, fresh += size, texels += size) {
     if (!(weights[i] > 0)) continue;
@@ -116,6 +118,7 @@ void paint_over(const TexelFormat& format, PaintAlpha alpha, const float* weight
     double colour_weight = w;
     if (by_opacity) {
       const double left = a.v[colours] * (1 - w), right = b.v[colours] * w;
+      // Two transparent texels have no opacity to go by, and are mixed by the mask.
       if (left + right > 0) colour_weight = right / (left + right);
       out[colours] = mixed(a.v[colours], b.v[colours], w);
     }

@@ -1,4 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Where a blended value becomes an output's sample: channels are matched, the colour space is
+// changed if source and output differ, the number is rounded. Filters work on what the source
+// stores (docs/decisions/008), so the conversion comes last, and what comes after this only moves
+// bytes.
+//
+// Result blocks then wait in a scratch pack until their row of the image is due. They are stored as
+// differences of neighbouring texels in planes of bytes, which a fast compression level shrinks
+// well.
 #include "shading/result_block.h"
 
 #include <algorithm>
@@ -42,6 +51,7 @@ bool is_coarse(Depth depth, double v) noexcept {
 
 double converted(const TexelFormat& format, const TexelValue& value, std::uint32_t channel,
                  double v) noexcept {
+  // Alpha, and whatever follows after three colours, has no transfer function.
   const bool is_data = channel >= std::min(format.colours(), 3U);
   if (!format.is_colour || is_data || format.linear == value.linear) return v;
   return format.linear ? to_linear(v, format.depth) : to_coded(v, format.depth);
@@ -49,6 +59,8 @@ double converted(const TexelFormat& format, const TexelValue& value, std::uint32
 
 /// Output channel c of a value that may have fewer or more channels.
 double pick(const TexelFormat& format, const TexelValue& value, std::uint32_t c) noexcept {
+  // Materials of one output may have grey and colour images. Grey is the same in red, green and
+  // blue; an alpha that an image lacks is opaque.
   if (c >= format.colours()) return value.has_alpha ? value.v[value.channels - 1] : 1.0;
   const std::uint32_t colours = value.channels - (value.has_alpha ? 1U : 0U);
   if (colours == 1 && c < 3) return value.v[0];
@@ -59,6 +71,8 @@ double pick(const TexelFormat& format, const TexelValue& value, std::uint32_t c)
 /// no number counts as 0.
 template <class Sample>
 std::uint32_t store_integer(double v, double most, std::byte* out) noexcept {
+  // Counted before clamping, and not within half a step: what only rounding moved out is not
+  // clipped.
   const bool outside = !(v * most >= -0.5 && v * most < most + 0.5);
   const auto sample = static_cast<Sample>(std::isnan(v) ? 0 : std::clamp(v, 0.0, 1.0) * most + 0.5);
   std::memcpy(out, &sample, sizeof sample);
@@ -91,6 +105,8 @@ std::uint32_t store_sample(Depth depth, double v, std::byte* out) noexcept {
 std::size_t TexelFormat::texel_bytes() const { return channels * store::depth_bytes(depth); }
 
 double to_linear(double coded, Depth depth) noexcept {
+  // The choice depends on depth and value alone, so equal values become equal samples in every
+  // path.
   static const CoarseCurve coarse(srgb_to_linear);
   return is_coarse(depth, coded) ? coarse(coded) : srgb_to_linear(coded);
 }
@@ -110,6 +126,7 @@ void transform_colour(const ColourTransform& transform, TexelValue& value) noexc
   const std::uint32_t colours = value.channels - (value.has_alpha ? 1U : 0U);
   if (colours == 2) return;
   if (colours == 1) spread_grey(value);
+  // A transform is not linear, so it must see the colour itself, not the colour times its alpha.
   const double alpha = value.has_alpha && value.premultiplied ? value.v[value.channels - 1] : 1;
   const double share = alpha != 0 ? alpha : 1;  // light that covers nothing is what it is
   std::array<double, 3> colour{value.v[0] / share, value.v[1] / share, value.v[2] / share};
