@@ -12,6 +12,11 @@
 // every block needs all triangles that may cover a texel of it, in each period of UV space that
 // they reach into. A source's triangle is met by rays, wherever its texels are: one block is enough
 // for a small one, and a large one is cut at block borders only to keep boxes small.
+//
+// Files order triangles as they like, so entries of one block come from anywhere. To sort all of
+// them at once would need memory for all; so a band's worth is collected and sorted at a time, and
+// the mesh is read through again for the next band. Counting comes first because of leases: a
+// band's bytes are known before it is binned.
 #include "mesh/block_bins.h"
 
 #include <fmt/format.h>
@@ -255,6 +260,7 @@ void split_tiles(BlockBins& bins, std::uint32_t first, std::uint32_t count, std:
   std::stable_sort(begin, begin + count, [&](const BlockBin& a, const BlockBin& b) {
     return by_x ? std::tie(a.x, a.y) < std::tie(b.x, b.y) : std::tie(a.y, a.x) < std::tie(b.y, b.x);
   });
+  // At least one block is on each side, or the recursion would not end.
   std::uint64_t left = 0;
   std::uint32_t cut = 0;
   while (cut + 1 < count && (cut == 0 || left + weight(begin[cut]) <= total / 2))
@@ -333,6 +339,8 @@ BlockBands count_bands(const BinRequest& request, std::uint64_t band_entries) {
               });
     }
     for (const auto& [y, count] : rows) {
+      // A row is never divided, so one with more entries than a band should have is a band of its
+      // own.
       if (out.bands.empty() || out.bands.back().entries + count > band_entries)
         out.bands.push_back({{page, y}, {page, y}, 0});
       out.bands.back().last = {page, y};

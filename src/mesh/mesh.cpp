@@ -82,6 +82,7 @@ std::uint64_t count_among(const Mesh& mesh, std::span<const Entry> entries) {
   const auto places = [&](const Entry& e) {
     return places_of(mesh, from_least(mesh, mesh.triangles[e.triangle]));
   };
+  // The later one counts, held against the first with its places: that is the one which rays hit.
   for (std::size_t i = 1; i < entries.size(); ++i) {
     const Places own = places(entries[i]);
     if (own[0] == own[1] || own[1] == own[2] || own[2] == own[0]) continue;  // no area

@@ -153,6 +153,8 @@ void select(Mesh& mesh, const Selection& selection, const std::string& side, boo
   Parts left;
   std::uint32_t kept = 0;
   const std::size_t count = mesh.triangles.size();
+  // Runs are in the order of triangles, so one walk serves both, and what is left of a run is a run
+  // again.
   for (std::size_t r = 0, t = 0; t < count; ++r) {
     // A mesh made without a file has no runs: one part without a name.
     const bool named = r < mesh.parts.runs.size();

@@ -20,6 +20,9 @@
 // What decides (which corners are equal, which way UVs turn) is computed in single precision as
 // others do; sums are in double precision, since they need not be the same in the last place.
 // Angles are found with +, -, *, / and square roots alone.
+//
+// This is an implementation of our own, held against recorded results of the reference
+// (docs/decisions/031): the same bits whatever compiler and library it is built with.
 #include "mesh/tangent_space.h"
 
 #include <algorithm>
@@ -47,6 +50,8 @@ Vec3d in_plane(Vec3d v, Vec3d normal) { return unit_or_zero(v - normal * dot(nor
 /// The angle between unit vectors. tan(angle / 16) from half angles is below 0.2, where a few terms
 /// of the arc tangent's series are exact to 1e-9.
 double angle_between(Vec3d a, Vec3d b) {
+  // The two lengths are twice the sine and twice the cosine of half the angle: the diagonals of the
+  // rhombus of a and b. Each step halves the angle once more.
   const double t4 = length(a - b) / (2 + length(a + b));
   const double t8 = t4 / (1 + std::sqrt(1 + t4 * t4));
   const double t = t8 / (1 + std::sqrt(1 + t8 * t8)), q = t * t;
@@ -126,6 +131,8 @@ class TangentSpace {
     }
     point_of_.resize(vertices);
     std::vector<std::uint32_t> slots(std::bit_ceil(2 * vertices + 1), kNone);
+    // Open addressing, less than half full. A slot holds the first vertex of its point, and keys
+    // are made again for each comparison: stored, they would take 36 bytes for each vertex.
     for (std::uint32_t v = 0; v < vertices; ++v) {
       point_of_[v] = v;
       if (material_of_[v] == kNone) continue;  // no triangle has it
@@ -271,6 +278,7 @@ class TangentSpace {
     std::uint32_t* const corners = &out_.of_corner[3 * t];
     if (corners[k] != kNone) return false;
     const bool is_first = corners[0] == kNone && corners[1] == kNone && corners[2] == kNone;
+    // Whichever group reaches it first decides how a triangle without area in UV space turns.
     if ((kinds_[t] & any) != 0 && is_first)
       kinds_[t] = static_cast<std::uint8_t>((kinds_[t] & ~upright) | turn);
     if ((kinds_[t] & upright) != turn) return false;
@@ -346,6 +354,8 @@ class TangentSpace {
     std::vector<const Share*> members;
     for (const Share& s : shares) members.push_back(&s);
     out_.tangents[group] = frame(members, group);
+    // Nearly always true. Then nobody is opposite to anybody, and the square of the group is
+    // spared.
     const bool close = std::all_of(shares.begin(), shares.end(), [&](const Share& s) {
       return s.is_any || (dot(s.u, shares[0].u) > 0.01 && dot(s.v, shares[0].v) > 0.01);
     });

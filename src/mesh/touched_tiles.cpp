@@ -6,6 +6,10 @@
 // mode says. It is cut into bands as high as a tile; each gives a rectangle of texels, which is
 // brought into the image as intervals: one that crosses the image's border as two, one that is
 // longer than the image as all of it.
+//
+// A tile too many costs time and disk. A tile too few means that the whole image is built after
+// all, when a texel asks for it (flow/stores/whole_column.h). So all rounding is outwards, and the
+// margin covers what filters and levels read beside a triangle.
 #include "mesh/touched_tiles.h"
 
 #include <algorithm>
@@ -101,6 +105,7 @@ void add_touched(const Mesh& mesh, const Lattice& lattice, std::span<const std::
       continue;
     }
     // Bands of the triangle's own, as high as a tile: no two share a row.
+    // The box of a long slanted triangle would be most of the image.
     for (double top = box.lo.y; top <= box.hi.y; top += kBlockEdge) {
       const double bottom = std::min(top + kBlockEdge, box.hi.y);
       const Extent extent = extent_between(corners, top, bottom);

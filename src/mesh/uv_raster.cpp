@@ -4,6 +4,9 @@
 // safe side (which windows it touches), and the occupancy of an image: a target's images are padded
 // after its mesh has gone, row by row, so what is kept is the UVs alone, sorted by where they
 // begin. A sweep from top to bottom then holds only the triangles that the current rows cut.
+//
+// The safe side is one of two: a window that is wrongly counted as touched costs a test, one that
+// is wrongly left out is a hole in the surface.
 #include "mesh/uv_raster.h"
 
 #include <cstring>
@@ -98,6 +101,7 @@ void UvOccupancy::Rows::next(std::uint32_t count, std::uint8_t* occupied) {
   const auto& triangles = occupancy_.triangles_;
   const Lattice lattice{width_, height_, 0, {}};
   const std::uint32_t end = row_ + count;
+  // They are in the order of their tops, so the first that begins below these rows ends the walk.
   while (upcoming_ < triangles.size() &&
          triangles[upcoming_].top() * height_ - 0.5 < static_cast<double>(end)) {
     active_.push_back(static_cast<std::uint32_t>(upcoming_++));

@@ -94,6 +94,7 @@ std::string udim_list(const std::vector<std::uint32_t>& sorted) {
 std::uint64_t visit_uv_tiles(const std::array<Vec2d, 3>& uvs,
                              const std::function<void(UvTile)>& visit) {
   const auto [lo, hi] = box_of(uvs);
+  // NaN ends here, too.
   if (!(hi.x > lo.x && hi.y > lo.y)) return 0;
   const double x0 = std::floor(lo.x), x1 = std::ceil(hi.x) - 1;
   const double y0 = std::floor(lo.y), y1 = std::ceil(hi.y) - 1;

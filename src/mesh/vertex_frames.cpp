@@ -7,6 +7,10 @@
 // A normal at a crease belongs to a corner and not to a vertex: the faces on its two sides want
 // different ones. smooth_normals() looks around each corner's position for triangles that lean
 // little from the corner's own, and splits a vertex whose corners end up with different normals.
+//
+// What is made here for missing tangents only has to be sound. Where a normal map is written, what
+// the file lacks is made again in the way that renderers agree on (tangent_space.cpp); that takes
+// longer, and other jobs have no use for tangents.
 #include "mesh/vertex_frames.h"
 
 #include <algorithm>
@@ -82,6 +86,7 @@ std::uint64_t repair_normals(Mesh& mesh) {
   std::vector<bool> wanted(mesh.normals.size(), false);
   for (const std::uint32_t vertex : broken) wanted[vertex] = true;
   // Only around broken ones: mostly a few vertices of a large mesh.
+  // Unnormalized normals weigh triangles by their area.
   for (const auto& t : mesh.triangles) {
     if (!wanted[t[0]] && !wanted[t[1]] && !wanted[t[2]]) continue;
     const Vec3d normal = area_normal(mesh, t);
@@ -140,6 +145,7 @@ std::uint64_t complete_tangents(Mesh& mesh) {
     const Vec3d n = unit(Vec3d(mesh.normals[i]));  // to double precision
     const Vec3d sum = unit(Vec3d{t.x, t.y, t.z});
     const Vec3d direction = unit(sum - n * dot(sum, n));
+    // No UVs, or UVs that cancel out: any direction will do, as long as the frame is one.
     if (is_zero(direction)) {
       store_tangent(t, any_orthogonal(n), t.w < 0 ? -1.0F : 1.0F);
     } else {
@@ -220,6 +226,8 @@ void smooth_normals(Mesh& mesh, const std::vector<std::uint32_t>& position_of,
   const Incidence around = triangles_around(mesh, position_of, position_count);
   CornerNormals normals(mesh, around, min_cosine);
   VertexSplitter<Vec3f> vertices(mesh.normals);
+  // Normals are found by corner, from positions alone, and stored by vertex: a mesh has one index
+  // per corner, for all attributes.
   auto renumbered = mesh.triangles;  // the old numbers are needed until the last corner is done
   for (std::uint32_t i = 0; i < mesh.triangles.size(); ++i) {
     for (std::uint32_t& corner : renumbered[i]) {

@@ -17,6 +17,9 @@
 //   . . . . . . .        expected of x:  left + above - above left, where all three are covered
 //   . c b . . . .                        left, else above, where one of them is
 //   . a x . . . .                        else the covered texel before it; 0 for the first
+//
+// Filters see integers, floats included: a difference of bit patterns is exact and comes back to
+// the bit, while a difference of floats would round.
 #include "store/blocks/geometry_block.h"
 
 #include <algorithm>
@@ -169,6 +172,8 @@ void get_column(ByteReader& in, std::vector<TexelRecord>& records,
   values[0] = 0;
   for (std::size_t i = 0; i < records.size(); ++i) {
     const Expected& e = expected[i];
+    // Unsigned, so that what a damaged file holds overflows in a defined way. The result is checked
+    // in get_records().
     values[i + 1] =
         static_cast<U>(values[e.first] + values[e.second] - values[e.third] + unfolded(numbers[i]));
     field(records[i]) = static_cast<T>(values[i + 1]);

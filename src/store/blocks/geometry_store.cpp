@@ -8,6 +8,10 @@
 //
 // Each list of fields stands once and serves both ways, so what is written and what is read cannot
 // come apart.
+//
+// There are three layers of it, read in this order: the directory (held in memory while a pack is
+// open), the index page of a tile, the block. Each is checked against the one before, and the
+// directory against the job; so memory for a layer is only ever sized by numbers that were checked.
 #include "store/blocks/geometry_store.h"
 
 #include <algorithm>
@@ -81,6 +85,7 @@ void check_vertices(const GeometryBlock& block, const mesh::Lattice& page,
     if (!is_finite(position)) fail(name, "has a position that is not finite");
   }
   for (const Vec3f& normal : block.normals) {
+    // A normal of length 0 is legal: it faces nothing. NaN fails.
     if (!(dot(normal, normal) <= kLongestSquared)) fail(name, "has an invalid normal");
   }
   for (const Vec4f& c : block.colours) {
@@ -230,6 +235,8 @@ void cluster_boxes(std::vector<Box3f>& boxes, BlockEntry& entry) {
     if (cut == first || cut == last) cut = first + static_cast<std::ptrdiff_t>(whole.count / 2);
     const auto left = static_cast<std::size_t>(cut - first);
     const Cluster a = bound(whole.first, left), b = bound(whole.first + left, whole.count - left);
+    // The boxes' edges together stand for how many rays meet them. Two halves are worth their test
+    // unless they overlap so much that nearly every ray meets both.
     if (extent(a.box) + extent(b.box) > 1.3F * extent(whole.box)) break;  // splitting gains nothing
     *widest = a;
     clusters.push_back(b);

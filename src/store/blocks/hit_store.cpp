@@ -2,6 +2,10 @@
 //
 // A pack of hits is read by place in the image, so its directory is a table of places: 16 bytes per
 // block, all of it in memory. What a block holds is projection's (projection/hit_block.h).
+//
+// Blocks come in any order, as pieces finish, and are written as they come: a place is fixed, so no
+// index pages and no spatial tiles are needed as in a geometry pack. A block without hits costs its
+// 16 bytes, and reading it costs nothing.
 #include "store/blocks/hit_store.h"
 
 #include "core/bytes.h"
@@ -48,6 +52,8 @@ HitStore::HitStore(std::unique_ptr<PackReader> pack, Facts facts, Compressor& co
   ByteReader in(raw, pack_->name() + ": directory");
   std::uint32_t across = 0, down = 0;
   in.get_all(across, down);
+  // The key names both surfaces and the image's size, so another size means damage, not another
+  // job.
   if (across != grid_.across || down != grid_.down)
     in.fail("belongs to an image of a different size");
   if (in.left() != grid_.blocks() * kChunkRefBytes)

@@ -8,6 +8,9 @@
 //
 // A decoder lets nothing through that a reader of scenes would not: no NaN, no size below 0, no
 // quaternion that is not one. Kernels rely on that and check nothing.
+//
+// Boxes are made of the rounded numbers, after round_for_store(): they must hold what a reader
+// gets, not what the file had.
 #include "store/blocks/splat_block.h"
 
 #include <algorithm>
@@ -96,6 +99,8 @@ void round_for_store(Splat& splat) {
 }
 
 Box3f splat_box(const Splat& splat) {
+  // Per axis of space, not per axis of the Gaussian: the tightest box there is, in three square
+  // roots.
   const auto [w, x, y, z] = splat.rotation;
   const auto r = rotation_columns(w, x, y, z);
   // Sigma = R S S R^T, so Sigma_xx is the squared length of R's first row times S, and so on.

@@ -5,6 +5,10 @@
 // spacing where the scene is, and 2^15 per doubling of the distance beyond. Any monotone map of
 // each axis keeps what matters here: neighbours in the order are neighbours in space, and a range
 // of keys is a few boxes.
+//
+// Why size classes: a block's box holds its largest Gaussian, so one that is a hundred times the
+// others would make every ray near it read the block of its small neighbours. Apart, small blocks
+// stay small, and the few large ones are blocks of their own (docs/decisions/010).
 #include "store/blocks/splat_lattice.h"
 
 #include <algorithm>
@@ -111,6 +115,8 @@ std::optional<SplatFilter> SplatLattice::filter(const Splat& splat) const {
 }
 
 std::uint32_t SplatLattice::size_class(float size) const {
+  // A class spans two doublings. A change of class ends a block, so more classes would mean more
+  // blocks that are not full.
   if (size <= class_0_size_) return 0;
   const double ratio = static_cast<double>(size) / static_cast<double>(class_0_size_);
   return std::min(31U, static_cast<std::uint32_t>(std::ilogb(ratio)) / 2 + 1);

@@ -146,6 +146,7 @@ SplatDirectory SplatCodec::get_directory(ByteReader& in) {
 
 void SplatCodec::check(const Directory& directory, const Facts& facts, const std::string& name) {
   // A row of the file is either in a block or in one of the counts.
+  // What was left out is checked with the rest: a user reads these counts in the summary.
   std::uint64_t rows = directory.splats;
   for (const std::uint64_t count : directory.filtered) rows += count;
   if (rows != facts.rows.value_or(rows) || directory.model != facts.model ||

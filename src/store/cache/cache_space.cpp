@@ -8,6 +8,9 @@
 //
 // What goes first is what was used longest ago, by the time that find() sets on a pack. A pack that
 // some process has open stays whatever the limit says: removing it would free nothing.
+//
+// The lock is held for a scan of the folder, so scans must stay short (docs/decisions/009). Files
+// of other programs in the folder count as taken space, and are never removed.
 #include "store/cache/cache_space.h"
 
 #include <fmt/format.h>

@@ -14,6 +14,14 @@
 // and nothing to clean up by hand. Nobody waits for a key while holding one (a store that has
 // claimed a key makes its own copy of the next one instead), and space.lock is held by nobody who
 // waits: no deadlock.
+//
+// A pack's life: find() misses and claims the key; create() opens a part under a name of this
+// process; publish() syncs it and gives it its real name, in one step, without replacing. So a name
+// stands for a whole pack or for nothing, whenever a process dies. Whoever waits for a key looks
+// for the pack again once it has the key.
+//
+// Nothing here may fail a job that could run without a cache: what does not fit the limit, may not
+// be written or is damaged goes to the scratch store of the process, with a note.
 #include "store/cache/store_folder.h"
 
 #include <fmt/format.h>
@@ -121,6 +129,7 @@ class CachePart final : public WriteFile {
     const std::uint64_t size = file_->size_bytes() + bytes.size();
     if (!in_scratch_ && size > reserved_bytes_) {
       reserved_bytes_ = space_.reserve(path_, reserved_bytes_, size);
+      // 0 means refused. What was written so far is copied: the reader of a pack sees one file.
       if (reserved_bytes_ == 0) move_to_scratch();
     }
     file_->append(bytes);
@@ -135,6 +144,7 @@ class CachePart final : public WriteFile {
   void publish(const std::string& to) {
     const std::uint64_t size = file_->size_bytes();
     file_->sync();
+    // UINT64_MAX stands for "without limit", where nothing was reserved.
     if (reserved_bytes_ != UINT64_MAX) {
       files_.resize(path_, size);  // what was reserved and not needed
       file_->sync();
@@ -182,6 +192,8 @@ class Claim final : public FileLock {
     ++*count_;
   }
   ~Claim() override {
+    // The name first, then the lock: the other way round, a process that has just locked the file
+    // would lose its name to this one.
     try {
       files_.remove(path_);
     } catch (const Error&) {

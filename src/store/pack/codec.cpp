@@ -10,6 +10,9 @@
 //
 // Frames come from files that others may have written. Before zstd is let at one, it must say how
 // long its content is and be exactly one frame; what comes out must be exactly what was announced.
+//
+// The frames of zstd have no checksum of their own, since chunks have one, and no content is
+// trusted to be small: sizes come from an index that was checked.
 #include "store/pack/codec.h"
 
 #include <fmt/format.h>
@@ -162,6 +165,8 @@ void unshuffle4(const std::byte* __restrict planes, std::size_t count,
 
 /// The logarithm to base 2 in steps of 2^-16, rounded down; v > 0.
 std::uint32_t log2_steps(std::uint32_t v) {
+  // Digit by digit, in integers: the estimate decides how a block is stored
+  // (surface/block_maker.cpp), and logarithms of a C library may differ in the last bit.
   const auto whole = static_cast<std::uint32_t>(std::bit_width(v)) - 1;
   std::uint64_t x = std::uint64_t{v}
                     << (31 - whole);  // 1 <= x / 2^31 < 2; squaring doubles its log

@@ -9,6 +9,9 @@
 //
 // A writer whose append failed does not know what the file holds, so it refuses to go on; a pack
 // without a footer is no pack.
+//
+// Versions are not converted: a pack is a cache entry, and another version is built again under its
+// own folder. The version is told before all else, since it decides what the other bytes mean.
 #include "store/pack/pack.h"
 
 #include <fmt/format.h>
@@ -74,6 +77,7 @@ void PackWriter::write(std::span<const std::byte> bytes) {
   if (broken_) {
     throw Error(ErrorKind::storage, "a pack cannot be continued after a failed write; run again");
   }
+  // An append that throws may have written a part, and size_ would be wrong for what follows.
   broken_ = true;  // until append() has returned
   file_->append(bytes);
   broken_ = false;
@@ -106,6 +110,8 @@ ChunkRef PackWriter::append(ChunkKind kind, std::span<const std::byte> stored,
 
 void PackWriter::finish(const ChunkRef& directory) {
   if (finished_) throw Error(ErrorKind::internal, "a pack was finished twice (please report)");
+  // The footer repeats the file's length: a copy that was cut off, or has something after its end,
+  // is told from a sound pack by 64 bytes.
   std::array<std::byte, kPackFooterBytes> footer{};
   std::memcpy(footer.data(), kFooterMagic.data(), kFooterMagic.size());
   put_u64(footer.data() + 8, directory.offset);
