@@ -9,6 +9,10 @@
 // Both curves of sRGB need roots. pow() differs in its last bit from one C library to another, and
 // a texel whose value falls on the edge between two codes would differ with it; so roots are found
 // by Newton's method from above, which ends at the same number everywhere.
+//
+// Readers and writers of images name spaces with this, planning chooses them,
+// shading/colour_input.cpp converts texels. Spaces of a configuration are OpenColorIO's (io/image),
+// not these.
 #include "core/colour_space.h"
 
 #include <fmt/format.h>
@@ -102,6 +106,7 @@ Matrix3 directions(const Chromaticities& c) noexcept {
 /// To X, Y, Z, white of Y = 1.
 Matrix3 to_xyz(const Chromaticities& c) noexcept {
   Matrix3 m = directions(c);
+  // The brightness of each light, such that all three together are white.
   const Vec3d scale = times(inverse(m), xyz(c, 3));
   for (std::size_t row = 0; row < 3; ++row) {
     m[3 * row] *= scale.x;
@@ -139,6 +144,8 @@ std::string lower(std::string text) {
 /// step falls until rounding stops it.
 double root(double x, int n) noexcept {
   double r = std::max(x, 1.0);
+  // Far from the root a step only takes a fixed share of r off. The bound ends that for numbers no
+  // image has; 0..1 and the range of a half are long at their end.
   for (int i = 0; i < 200; ++i) {
     double power = 1;
     for (int k = 1; k < n; ++k) power *= r;
@@ -193,6 +200,7 @@ bool are_primaries(const Chromaticities& c) noexcept {
 }
 
 Matrix3 primaries_matrix(const Chromaticities& from, const Chromaticities& to) noexcept {
+  // From right to left: to X, Y, Z, to the other white, into the other's lights.
   const Matrix3 adapted = times(adaptation(white_of(from), white_of(to)), to_xyz(from));
   return times(inverse(to_xyz(to)), adapted);
 }

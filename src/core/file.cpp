@@ -120,10 +120,13 @@ class GrowingFile {
       account_->take(bytes.size());
       taken_ += bytes.size();
     }
+    // Order in the file is order of appends, so what is buffered goes first.
     if (buffer_.size() + bytes.size() > kWriteBufferBytes) flush_locked();
     if (bytes.size() >= kWriteBufferBytes) {  // no copy of what is large already
       const std::uint64_t at = written_.load(std::memory_order_relaxed);
       write_fully(fd_.get(), path_, at, bytes);
+      // Released after the bytes are in the file: a reader that sees the new count may read up to
+      // it.
       written_.store(at + bytes.size(), std::memory_order_release);
     } else {
       if (buffer_.capacity() == 0) buffer_.reserve(kWriteBufferBytes);

@@ -30,6 +30,7 @@ void Hasher::add(std::span<const std::byte> bytes) {
   if (!bytes.empty()) XXH3_128bits_update(&state_->xxh, bytes.data(), bytes.size());
 }
 
+// The length first: "ab" and "c" must not give the key of "a" and "bc".
 void Hasher::add(std::string_view text) {
   add(static_cast<std::uint64_t>(text.size()));
   add(std::as_bytes(std::span(text.data(), text.size())));

@@ -63,6 +63,8 @@ const InputFiles::Kept& InputFiles::get(const std::string& path) {
   Kept opened{path, files.open(path), status, uses_};
   // Who had the name before and after it was opened is the one that was opened.
   if (!is_same(status, files.status(path))) opened.status = {};
+  // Open files are limited per process. The one used longest ago is given up; readers that still
+  // have it keep it open.
   if (kept_.size() < kMostKept) return kept_.emplace_back(std::move(opened));
   return *std::min_element(kept_.begin(), kept_.end(), [](const Kept& a, const Kept& b) {
     return a.used < b.used;
@@ -70,6 +72,7 @@ const InputFiles::Kept& InputFiles::get(const std::string& path) {
 }
 
 std::unique_ptr<ReadFile> open_input(const std::string& path) {
+  // No list outside of a job: tools and tests open what they name.
   if (current == nullptr) return posix_file_system().open(path);
   return std::make_unique<SharedFile>(current->get(path).file);
 }

@@ -48,6 +48,7 @@ void Axes::apply(Vec3f& sigma, std::array<float, 4>& rotation) const {
   rotation = {rotation[0], v.x, v.y, v.z};
 }
 
+// All three must be named, each once: two of them would leave a guess about the third one's sign.
 Axes parse_axes(std::string_view text) {
   Axes axes;
   std::string_view rest = text;

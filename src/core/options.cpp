@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// The names of choices, for options, reports and messages alike. Each enumeration has one list of
+// names, in its own order, which both directions read. A new enumerator needs its name at the same
+// place in its list.
 #include "pounce/options.h"
 
 #include <algorithm>
@@ -48,6 +52,8 @@ bool is_map_name(const std::string& name) noexcept {
   const bool is_written = std::all_of(name.begin(), name.end(), [&](char c) {
     return is_letter(c) || (c >= '0' && c <= '9') || c == '-' || c == '_';
   });
+  // A custom map's name becomes part of file names and of option values: no path, no separator,
+  // nothing that looks like an option.
   if (name.empty() || name.size() > kLongest || !is_written || name.front() == '-') return false;
   const auto is_same = [&](std::string_view other) {
     // Letters differ in one bit from their other case, and no other sign that is allowed does.

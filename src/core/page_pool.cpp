@@ -10,6 +10,10 @@
 // A buffer of 64 pages or more that is freed waits as it is for the next one of exactly its size:
 // pieces of work ask for the same large buffers again and again, and would fault all their pages in
 // each time (docs/decisions/003-page-pool.md).
+//
+// Why not malloc: a general allocator keeps what was freed, in pieces that it cannot give back, so
+// the process holds more than the budget leased. Here, what is idle is bounded by the constants
+// below.
 #include "core/page_pool.h"
 
 #include <sys/mman.h>
@@ -115,6 +119,7 @@ void free_run(Pool& p, std::byte* at, std::size_t pages) {
   if (keep) p.idle_pages += pages;
   if (first < region.first_free) region.first_free = first;
   region.used_pages -= pages;
+  // An empty region goes back as a whole, its idle pages with it.
   if (region.used_pages != 0) return;
   for (const std::uint64_t word : region.idle)
     p.idle_pages -= static_cast<std::size_t>(std::popcount(word));
@@ -132,7 +137,10 @@ PagePool& PagePool::instance() {
 void* PagePool::allocate(std::size_t bytes) {
   const std::size_t pages = (bytes + kPageBytes - 1) / kPageBytes;
   if (pages == 0) return nullptr;
+  // A run must fit into a region beside others; a mapping of its own is also given back at once.
   if (pages > kRegionPages / 2) return map_pages(pages * kPageBytes);
+  // One lock for all regions: buffers are large, and what is done in one takes far longer than
+  // getting it.
   Pool& p = pool();
   const std::lock_guard lock(p.mutex);
   // The newest one first: its pages are most likely still in the processor's caches.

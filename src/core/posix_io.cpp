@@ -102,6 +102,7 @@ Descriptor::~Descriptor() {
 
 int open_retrying(const std::string& path, int flags, mode_t mode) {
   for (;;) {
+    // Never inherited: a program that a caller of the library starts must not keep files and locks.
     const int fd = ::open(path.c_str(), flags | O_CLOEXEC, mode);
     if (fd >= 0 || errno != EINTR) return fd;
   }
@@ -121,6 +122,8 @@ int open_for_reading(const std::string& path) {
 int open_scratch_file(const std::string& folder) {
   // Never had a name: nothing to tidy up, whenever the process dies.
   int file = open_retrying(folder, O_TMPFILE | O_RDWR | O_EXCL, 0600);
+  // These three are how kernels and file systems say that they know no O_TMPFILE; anything else is
+  // the reason that the user must hear.
   if (file >= 0 || (errno != EOPNOTSUPP && errno != EISDIR && errno != EINVAL)) return file;
   remove_left_scratch(folder);
   // NFS and FAT have no such files. There it has a name for a moment.

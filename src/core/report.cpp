@@ -3,6 +3,9 @@
 // The report as JSON, field by field as docs/report.md tells it. That page is a promise to scripts:
 // keys that it names stay, and where there is nothing to say the key is there with null or nothing
 // in it. So values are copied one by one: a member renamed in C++ renames no key.
+//
+// A failed job has a report, too, with whatever was known when it failed; so no function here may
+// rely on a stage having run.
 #include "pounce/report.h"
 
 #include <nlohmann/json.hpp>

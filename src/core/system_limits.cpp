@@ -5,6 +5,9 @@
 // in a file of each group, in one of two forms (v1, v2), under a mount point that differs, along a
 // path that inside a container may be the host's. So the walk goes from the process's own group to
 // the root and takes the least; what cannot be read does not limit.
+//
+// Without any of these files, as in a sandbox, the machine's memory is the limit. All paths may be
+// below another root, so that tests can present other machines.
 #include "core/system_limits.h"
 
 #include <pthread.h>
@@ -102,6 +105,7 @@ void apply_groups(const std::string& system_root, const GroupMount& mount, std::
   for (;;) {
     const std::string file =
         mount.folder + group + (mount.is_v2 ? "/memory.max" : "/memory.limit_in_bytes");
+    // A group may allow more than the groups above it; only the least of all counts.
     if (const std::uint64_t bytes = limit_in(system_root + file); bytes < least.bytes)
       least = {bytes, file};
     const std::size_t slash = group.rfind('/');
@@ -152,6 +156,8 @@ UsableMemory usable_memory(const std::string& system_root) {
   const auto apply = [&](std::uint64_t limit, const char* name) {
     if (limit < usable.bytes) usable = {limit, name};
   };
+  // Limits of the process are compared less what it has taken already. A group's is compared as a
+  // whole: most of what it has used may be cached files, which give way.
   apply(cgroup_limit(system_root).bytes, "cgroup");
   apply(left_of(resource_limit(RLIMIT_AS), taken_bytes(system_root, 0)), "address space limit");
   apply(left_of(resource_limit(RLIMIT_DATA), taken_bytes(system_root, 5)), "data limit");

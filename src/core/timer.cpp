@@ -5,6 +5,9 @@
 // what timers inside it gave to others. For a WorkTimer "inside" is on the same thread, known by a
 // thread-local pointer to the innermost one; for a StageTimer, which has the process for itself, it
 // is all that the clock was given meanwhile.
+//
+// Clocks are read where stages and pieces of work begin and end, never per texel: reading one is a
+// system call or nearly so.
 #include "core/timer.h"
 
 #include <fcntl.h>
