@@ -63,6 +63,8 @@ Format format_of(const std::string& path) {
   const std::string ending = lower_ending(path);
   const std::size_t start = text.find_first_not_of(" \t\r\n");
   const bool is_json = start != std::string_view::npos && text[start] == '{';
+  // A .glb that holds JSON, or a .json, is still read: what is inside decides, and the ending only
+  // where it leaves a doubt.
   if (ending == ".gltf" || ending == ".glb" || (is_json && ending != ".obj")) {
     if (size == 0) refuse(path, "the file is empty; export it again");
     if (ending == ".glb" && !is_json) {

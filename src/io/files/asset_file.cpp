@@ -11,6 +11,9 @@
 // guard wants it (show_only()). Decoders are C libraries that call back: nothing may throw through
 // them, so a read that fails is remembered, looks like the end of the file, and becomes an error in
 // check().
+//
+// AssetFolder judges a name, and the file is opened later, so what is exchanged in between is not
+// noticed. It guards against names in a model, not against other users of the machine.
 #include "io/files/asset_file.h"
 
 #include <fmt/format.h>
@@ -89,6 +92,7 @@ bool AssetFolder::holds(const std::string& path) const {
   if (folders_.empty()) return true;
   const fs::path file = resolved(path);
   return std::any_of(folders_.begin(), folders_.end(), [&](const fs::path& folder) {
+    // A folder holds a file if all of its own components come first in the file's path.
     const auto rest = std::mismatch(folder.begin(), folder.end(), file.begin(), file.end());
     return rest.first == folder.end();
   });
@@ -96,6 +100,7 @@ bool AssetFolder::holds(const std::string& path) const {
 
 ByteSource::ByteSource(const mesh::ImageRef& image)
     : label_(image.label.empty() ? image.path : image.label), path_(image.path) {
+  // Found while the model was read, and no error then: only now does somebody want this image.
   if (!image.problem.empty()) {
     const std::string what = fmt::format("{}: {}", label_, image.problem);
     if (image.missing) throw MissingFile(what);
@@ -127,6 +132,7 @@ void ByteSource::open(const mesh::ImageRef& image) {
   const auto file_bytes = static_cast<std::uint64_t>(status.st_size);
   offset_bytes_ = image.offset_bytes;
   size_bytes_ = image.size_bytes;
+  // 0 in a reference stands for all of the file.
   if (size_bytes_ == 0 && file_bytes > offset_bytes_) size_bytes_ = file_bytes - offset_bytes_;
   if (offset_bytes_ > file_bytes || size_bytes_ > file_bytes - offset_bytes_) {
     throw Error(ErrorKind::input,
@@ -187,6 +193,7 @@ std::size_t ByteSource::read_stored(std::uint64_t offset, char* out, std::size_t
     const ssize_t got = ::pread(descriptor_.get(), out + done, count - done,
                                 static_cast<off_t>(offset_bytes_ + offset + done));
     if (got < 0 && errno == EINTR) continue;
+    // The first reason is kept: later ones are mostly its consequences.
     if (got < 0 && failure_ == 0) failure_ = errno;
     if (got <= 0) break;
     done += static_cast<std::size_t>(got);
@@ -220,6 +227,8 @@ FILE* ByteSource::stream() {
 }
 
 Hash128 hash_image(const mesh::ImageRef& image) {
+  // By content and not by name or time: a copied file finds its column again, an edited one does
+  // not.
   ByteSource bytes(image);
   std::vector<std::byte> piece(std::min<std::uint64_t>(bytes.size_bytes(), 1 << 20));
   Hasher hasher;

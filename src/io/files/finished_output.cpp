@@ -11,6 +11,10 @@
 // The files may be anything: cut off, of another format, made to mislead. Reading beyond the end
 // throws, loops have limits where a file could lead them in a circle, and every error means "no":
 // then the output is made again, and whoever makes it says what is wrong.
+//
+// "Whole" means that a job was not interrupted while it wrote, no more: whether pixels are the
+// right ones is what the job's hash answers. A file that was written by something else may be
+// whole, and has no hash.
 #include "io/files/finished_output.h"
 
 #include <fmt/format.h>
@@ -71,6 +75,7 @@ class Bytes {
 
  private:
   std::byte byte(std::uint64_t at) {
+    // One piece at a time: numbers of one place are near each other, and places are far apart.
     if (at < begin_ || at >= begin_ + piece_.size()) {
       piece_.resize(static_cast<std::size_t>(
           std::clamp<std::uint64_t>(size() - std::min(at, size()), 1, kPieceBytes)));
@@ -134,6 +139,7 @@ ExrHeaders read_exr_headers(Bytes& file) {
   found.deep = (flags & kDeep) != 0;
   std::uint64_t at = 8;
   do {
+    // Of one part the version says whether it has tiles; of several, each header does.
     bool tiled = (flags & kTiled) != 0;
     for (std::string name = file.text(at); !name.empty(); name = file.text(at)) {
       at += name.size() + 1;
@@ -155,6 +161,8 @@ bool is_whole_exr(Bytes& file) {
   if (!file.has_text(0, kExrMagic)) return false;
   const ExrHeaders headers = read_exr_headers(file);
   std::uint64_t first = std::numeric_limits<std::uint64_t>::max(), last = 0;
+  // The table has no length of its own: it ends where the first chunk begins, wherever that is in
+  // it.
   for (std::uint64_t at = headers.end; at < first; at += 8) {
     const std::uint64_t chunk = file.number(at, 8);
     if (chunk <= at || chunk >= file.size()) return false;
@@ -181,6 +189,8 @@ class Tiff {
   }
 
   bool is_whole() {
+    // All images of the chain, levels included: a file that was cut off in its last level is not
+    // whole.
     constexpr int kMostImages = 65536;  // a chain may be a circle
     if (!starts_well_) return false;
     std::uint64_t at = first_directory();
@@ -229,6 +239,7 @@ class Tiff {
 
   /// Are all the pixels of a directory's image within the file?
   bool holds_all(const Directory& fields) {
+    // Without lengths a place is held against the file's end alone.
     std::optional<Numbers> places, lengths;
     for (std::uint64_t field = fields.begin; field < fields.end; field += field_bytes()) {
       const std::uint64_t tag = file_.number(field, 2);
@@ -308,6 +319,7 @@ std::optional<std::string> digits_after(std::string_view text, std::string_view 
 std::optional<std::string> search(const ReadFile& file, std::uint64_t begin, std::uint64_t end,
                                   std::string_view prefix) {
   end = std::min(end, file.size_bytes());
+  // Windows overlap by what is looked for, or a mark across a border would be missed.
   const std::size_t overlap = prefix.size() + kDigits;
   for (std::uint64_t at = begin; at < end; at += kWindow) {
     const std::string window =
@@ -320,6 +332,7 @@ std::optional<std::string> search(const ReadFile& file, std::uint64_t begin, std
 /// Where pounce itself writes it: a mark elsewhere in the file is somebody else's text.
 std::optional<std::string> search_file(const std::string& path) {
   const std::unique_ptr<ReadFile> file = posix_file_system().open(path);
+  // By content here, not by ending: a .tx may be TIFF or EXR.
   const std::string head = read_text(*file, 0, 20);
   Bytes bytes(*file);
   if (head.starts_with("glTF")) return search(*file, 20, 20 + bytes.number(12, 4), kInModel);

@@ -14,6 +14,9 @@
 //
 // Leftovers are looked for by listing a folder, which may hold a million files and be on a network:
 // the time of a listing decides how soon there is another.
+//
+// Encoders write through a C stream. Behind it are one descriptor and a position of our own, so a
+// failed write is seen here and not by the encoder.
 #include "io/files/output_file.h"
 
 #include <fcntl.h>
@@ -56,6 +59,7 @@ constexpr std::size_t kMostLeftovers = 4096;  // of a folder; the next listing f
 
 /// The NAME in ".NAME.<digits>-<digits>.tmp", or nothing.
 std::string_view output_of(std::string_view entry) {
+  // From the end: a name may have dots, dashes and digits of its own.
   constexpr std::string_view kEnding = ".tmp", kDigits = "0123456789";
   if (!entry.starts_with('.') || !entry.ends_with(kEnding)) return {};
   entry.remove_prefix(1);
@@ -141,6 +145,7 @@ bool NewFolders::make_missing(const std::string& folder, bool last) {
 
 // rmdir() takes empty folders only: what another job has put there keeps its folder.
 NewFolders::~NewFolders() {
+  // The innermost first, since the others are empty only then.
   for (auto path = made_.rbegin(); path != made_.rend(); ++path) ::rmdir(path->c_str());
 }
 
@@ -157,6 +162,7 @@ std::string existing_folder(const std::string& folder) {
 std::string claim_name(const std::string& name) { return "." + name + ".0-0.tmp"; }
 
 void remove_leftovers(const std::string& folder, const std::string& name, uid_t owner) {
+  // One set of listings for the process: the jobs of a batch write into the same folders.
   static std::mutex mutex;
   static std::map<std::pair<dev_t, ino_t>, Listing> listings;
   struct stat status {};
@@ -255,6 +261,8 @@ void OutputFile::open_named(mode_t mode) {
     if (descriptor_ < 0) fail_by(errno);
     // Before it is locked another job may take it for a leftover.
     struct stat named {};
+    // Somebody has it locked: a job that is about to remove it. The name is that job's concern
+    // then.
     if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
       ::close(descriptor_);
       continue;
@@ -280,6 +288,8 @@ void OutputFile::give_temporary_name() {
 void OutputFile::keep_mode() const {
   if (!replaced_) return;
   const struct stat& old = *replaced_;
+  // Set-ID bits and a group's rights are those of the old owner and group. Where these cannot be
+  // given, the rights are not given either.
   mode_t mode = old.st_mode & 07777;
   struct stat own {};
   if (::fstat(descriptor_, &own) != 0) return;
@@ -311,6 +321,7 @@ long OutputFile::write_piece(void* opaque, const char* bytes, std::size_t count)
       self.failure_ = put == 0 ? EIO : errno;
     }
   }
+  // Counted in full after a failure, too: an encoder that seeks must not notice anything.
   self.position_ += static_cast<std::int64_t>(count);
   return static_cast<long>(count);
 }

@@ -13,6 +13,9 @@
 // check_primitive() judges a primitive by its accessors alone: what types glTF (with
 // KHR_mesh_quantization) allows, that all attributes are as long as POSITION, and how much mesh
 // will come of it. Values are looked at when they are read.
+//
+// Attributes are read one after the other in full, not vertex by vertex: a file may store them
+// interleaved or apart, and a pass over each keeps one conversion in the inner loop.
 #include "io/gltf/accessor.h"
 
 #include <fmt/format.h>
@@ -199,6 +202,7 @@ std::size_t check_joint_sets(const AccessorReader& accessors,
     }
     if (joints) ++sets;
   }
+  // As many sets as there are, so a gap among the numbers leaves one of these missing.
   for (std::size_t set = 0; set < sets; ++set) {
     if (!attributes.contains("JOINTS_" + std::to_string(set))) {
       const auto first = attributes.lower_bound("JOINTS_");
@@ -245,6 +249,7 @@ void AccessorReader::read_elements(const tinygltf::Accessor& a, std::uint64_t fi
   const std::uint64_t components = component_count(a.type);
   const std::uint64_t element = components * component_bytes(a.componentType);
   const std::uint64_t view_stride = model_.bufferViews.at(idx(a.bufferView)).byteStride;
+  // A stride of 0 means that elements follow each other without a gap.
   const std::uint64_t stride = view_stride == 0 ? element : view_stride;
   const std::uint64_t most = std::max<std::uint64_t>(1, kPieceBytes / stride);
   std::vector<std::byte> raw;
@@ -284,10 +289,12 @@ void AccessorReader::read_sparse(const tinygltf::Accessor& a, int index, Out* ou
                     raw);
     convert_any(a.sparse.indices.componentType, raw.data(), index_bytes, count, 1, false,
                 where.data());
+    // The same buffer again: the indices are numbers in `where` by now.
     raw.resize(count * element);
     file_.read_view(idx(a.sparse.values.bufferView),
                     static_cast<std::uint64_t>(a.sparse.values.byteOffset) + first * element, raw);
     for (std::uint64_t i = 0; i < count; ++i) {
+      // Looked at here and not in check_gltf(), which sees no bytes of buffers.
       if (where[i] >= a.count) {
         fail(index, place,
              fmt::format("has the sparse index {}, but only {} elements", where[i], a.count));
@@ -345,6 +352,7 @@ PrimitiveShape check_primitive(const AccessorReader& accessors,
   }
   const std::size_t joint_sets = check_joint_sets(accessors, primitive.attributes, place);
   if (skin_joints > 0) shape.joint_sets = joint_sets;
+  // Without indices the vertices are the corners, in their order.
   std::uint64_t corners = shape.vertices;
   if (primitive.indices >= 0) {
     const tinygltf::Accessor& indices = accessors.accessor(primitive.indices);

@@ -220,6 +220,7 @@ GltfFile::GltfFile(const std::string& path, bool allow_external)
   }
   long_string_bytes_ = size.long_bytes;
   parse(read_text(*file, json_offset_, json_text_bytes_));
+  // From here on the document is trusted.
   warnings_ = check_gltf(path_, document_);
   if (const auto it = document_.find("buffers"); it != document_.end()) {
     buffers_.resize(it->size());
@@ -368,6 +369,8 @@ void GltfFile::read_view(std::size_t view, std::uint64_t offset, std::span<std::
     refuse(path_, "buffer {} {}; restore the missing data or export the model again", index,
            buffer.problem);
   }
+  // Within the buffer for sure: check_gltf() has compared the view with the stated length,
+  // open_buffer() that length with the file.
   const std::uint64_t start = json.value("byteOffset", std::uint64_t{0}) + offset;
   if (buffer.bytes != nullptr) {
     std::memcpy(out.data(), buffer.bytes->data() + start, out.size());
@@ -385,6 +388,8 @@ std::uint64_t GltfFile::total_buffer_bytes() const {
 }
 
 tinygltf::Model load_model(const GltfFile& file) {
+  // Without "buffers", so tinygltf loads none; nothing here asks it for bytes. Views keep their
+  // indices into the document's list.
   nlohmann::json part;
   for (const char* key : {"asset", "scene", "scenes", "nodes", "meshes", "accessors", "bufferViews",
                           "materials", "textures", "samplers", "skins"}) {

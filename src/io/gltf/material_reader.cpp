@@ -147,11 +147,13 @@ class MaterialReader {
 /// The image a texture shows: its plain source if it has one, else a WebP, else a stand-in whose
 /// problem names the extension that holds it.
 std::optional<std::uint32_t> MaterialReader::image_of(const tinygltf::Texture& texture) {
+  // A plain source is there for readers without the extension; glTF allows PNG and JPEG for it.
   if (texture.source >= 0) return static_cast<std::uint32_t>(texture.source);
   for (const char* name : kOtherSources) {
     const tinygltf::Value* extension = find(texture.extensions, name);
     if (extension == nullptr || !extension->Has("source")) continue;
     const int source = extension->Get("source").GetNumberAsInt();
+    // Of several, the first in our list: they are different forms of one image.
     ImageRef& image = mesh_.images.at(static_cast<std::size_t>(source));
     if (name == kWebp) return static_cast<std::uint32_t>(source);
     image.problem = fmt::format("uses the extension {}, which pounce does not support", name);
@@ -174,6 +176,7 @@ void MaterialReader::bind(mesh::Material& material, Channel channel, const Info&
   binding.image = *image;
   binding.uv_set = static_cast<std::uint32_t>(info.texCoord);
   if (const auto* t = find(info.extensions, "KHR_texture_transform"); t != nullptr) {
+    // What is left out has the value that does nothing, as the extension says.
     binding.transform = gltf_uv_transform(number(*t, "offset", 0, 0), number(*t, "offset", 1, 0),
                                           number(*t, "rotation", -1, 0), number(*t, "scale", 0, 1),
                                           number(*t, "scale", 1, 1));
@@ -203,6 +206,7 @@ void MaterialReader::note_others(mesh::Material& material, const tinygltf::Mater
 }
 
 void MaterialReader::note_other(mesh::Material& material, const std::string& slot, int texture) {
+  // Extensions that nobody here knows were not checked, so their numbers may be anything.
   if (texture < 0 || static_cast<std::size_t>(texture) >= model_.textures.size()) return;
   const auto image = image_of(model_.textures[static_cast<std::size_t>(texture)]);
   if (image) material.other_textures.push_back({slot, *image});
@@ -213,6 +217,7 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   out.name = in.name;
   out.double_sided = in.doubleSided;
   out.is_opaque = in.alphaMode != "MASK" && in.alphaMode != "BLEND";
+  // What a file leaves out, tinygltf leaves empty: the default of glTF counts.
   const auto factor = [](const std::vector<double>& from, std::size_t i, float fallback) {
     return i < from.size() ? static_cast<float>(from[i]) : fallback;
   };

@@ -236,6 +236,7 @@ std::vector<Affine> joint_matrices(const tinygltf::Model& model, const AccessorR
   std::vector<Affine> matrices;
   if (skin_index < 0) return matrices;
   const tinygltf::Skin& skin = model.skins[static_cast<std::size_t>(skin_index)];
+  // Without matrices all of them are the identity: the mesh is in the joints' own space.
   std::vector<float> inverse_bind;
   if (skin.inverseBindMatrices >= 0) {
     const std::string place = fmt::format("skin {} inverseBindMatrices", skin_index);
@@ -397,6 +398,8 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
   const bool with_colours = reading.vertex_colours && plan.has_colours;
   reserve(plan, mesh);
   if (with_colours) mesh.colours.reserve(plan.vertices);
+  // One run of triangles for each node that shows a mesh: what a user can select is what a node or
+  // a mesh is called.
   mesh::PartsBuilder parts;
   std::map<int, std::vector<Affine>> joints;  // by skin; many nodes may share one
   // No skin, so no joints: instances without one find an empty list.

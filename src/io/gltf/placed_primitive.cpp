@@ -312,6 +312,8 @@ void PrimitiveReader::transform() {
                               fmt::format("element {} is moved to infinity by its node", i));
     }
     positions_[i] = moved;
+    // Normals stand on the surface and take the cofactors of the map; tangents lie in it and take
+    // the map itself.
     if (!normals_.empty()) {
       normals_[i] = unit(map.normal(Vec3d(normals_[i])));
       if (normals_[i] == Vec3f{}) ++counts_.bad_normals;

@@ -453,6 +453,7 @@ std::vector<std::string> check_gltf(const std::string& path, const nlohmann::jso
   const JsonCheck check(path, document);
   if (!document.is_object()) check.fail("the document", "is not a JSON object");
   std::vector<std::string> warnings;
+  // Each of these relies on what those before it have found sound.
   check_asset(check, path, document);
   check_extensions(check, path, document);
   check_buffers(check, document);

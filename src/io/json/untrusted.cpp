@@ -11,6 +11,9 @@
 //
 // After parsing a document is a tree of anything. JsonCheck looks a member up together with its
 // type and range, and says where in the document it is wrong: no code behind it asks again.
+//
+// The last part of this file edits JSON as text. It is for documents that were parsed and checked:
+// its walk knows no errors.
 #include "io/json/untrusted.h"
 
 #include <fmt/format.h>
@@ -53,6 +56,8 @@ class Scanner {
       add_to_string(c);
     } else if (c == '"') {
       in_string_ = true;
+      // Only the beginning of a string is kept: the longest word that is asked for has fewer
+      // characters.
       string_.clear();
       string_bytes_ = 0;
     } else if (c == '{' || c == '[') {
@@ -63,6 +68,7 @@ class Scanner {
       }
       add_value();
     } else if (c == '}' || c == ']') {
+      // After a bracket that closes, what stood inside is no key any more.
       if (depth_-- == extensions_depth_) extensions_depth_ = 0;
       string_.clear();
     } else if (c == ',') {
@@ -121,6 +127,7 @@ bool is_whole(const nlohmann::json& value) {
          (value.is_number_integer() && value.get<std::int64_t>() >= 0);
 }
 
+// A number that is finite as a double may be infinite as a float, which is what readers make of it.
 bool is_float(const nlohmann::json& value) {
   return value.is_number() &&
          std::abs(value.get<double>()) <= static_cast<double>(std::numeric_limits<float>::max());
@@ -288,6 +295,7 @@ class Cursor {
         if (depth == 0) break;
         continue;
       }
+      // A number or a word ends before what follows it; an array or an object with its own bracket.
       const bool closes = c == '}' || c == ']';
       if (depth == 0 && (closes || c == ',' || is_space(c))) break;
       depth += c == '{' || c == '[' ? 1 : 0;
@@ -422,6 +430,7 @@ std::string edit_json_object(std::string_view object, const JsonChanges& changes
 std::string edit_json_array(std::string_view array,
                             const std::map<std::size_t, std::string>& changed,
                             const std::vector<std::string>& appended) {
+  // Indices rise in a map, so the text is passed over once.
   const std::vector<std::string_view> old = json_elements(array);
   std::string out;
   std::size_t copied = 0;

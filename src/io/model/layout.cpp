@@ -13,6 +13,9 @@
 // Bytes can be taken out: those of a freed view that no other view reads, in steps of 16, so that
 // what lies behind keeps its alignment. Buffers are lists of pieces of files until the very end, so
 // a model of any size is copied in constant memory.
+//
+// To count a reference too many is safe: an entry stays that could have gone. One too few would
+// pull bytes away from somebody. All guesses here are on that side.
 #include "io/model/layout.h"
 
 #include <fmt/format.h>
@@ -40,6 +43,7 @@ struct References {
   std::map<std::size_t, std::size_t> textures, images, views;
 
   /// `anything`: of unknown meaning, every whole number may be a reference to anything.
+  // As deep as the document nests, which was limited when the file was opened (gltf_file.cpp).
   void count(const Json& value, bool anything) {
     if (anything && value.is_number_unsigned()) {
       for (auto* kind : {&textures, &images, &views}) ++(*kind)[value.get<std::size_t>()];
@@ -119,6 +123,7 @@ class SlotFinder {
 
   ModelSlots find() {
     assign_materials();
+    // The document as it is, then less what the new textures replace. What is left at 0 is free.
     left_.count(document_, false);
     // A copy shows the same textures, so it refers to them once more.
     for (const MaterialCopy& copy : slots_.copies) {
@@ -144,6 +149,7 @@ class SlotFinder {
   void assign_materials() {
     std::set<std::size_t> written;
     for (const ModelTexture& texture : request_.textures) written.insert(texture.material);
+    // A texture whose material has the number behind the last is for triangles without a material.
     const std::size_t own = material_count_;
     if (written.contains(own)) ++material_count_;
     std::map<std::size_t, std::size_t> copies;
@@ -202,6 +208,8 @@ class SlotFinder {
     References gone;
     gone.count(entry, false);
     std::optional<std::size_t> unused;
+    // Taken off all of them, also of those that are not reused: their entries stay, with nobody's
+    // name.
     for (const auto& [index, count] : gone.*kind) {
       std::size_t& left = (left_.*kind)[index];
       left -= std::min(left, count);
@@ -245,6 +253,8 @@ class Ranges {
   }
   void close() {
     std::sort(ranges_.begin(), ranges_.end());
+    // The largest end so far, instead of each one's own: then one look at the range before answers
+    // for all that begin earlier.
     std::uint64_t end = 0;
     for (auto& range : ranges_) range.second = end = std::max(end, range.second);
   }
@@ -342,6 +352,7 @@ void ModelBuffers::find_holes(const ModelSlots& slots) {
     std::uint64_t end = 0;
     for (Hole& hole : holes) {
       const std::uint64_t skip = hole.begin < end ? end - hole.begin : 0;
+      // In steps of 16 again, or what is behind would lose its alignment.
       const std::uint64_t stepped = (skip + kAlignment - 1) / kAlignment * kAlignment;
       const std::uint64_t used = std::min(stepped, hole.size);
       hole = {hole.begin + used, hole.size - used};
@@ -385,6 +396,8 @@ ViewPlace ModelBuffers::moved(std::size_t buffer, std::uint64_t offset, std::uin
   const Origin& origin = origins_.at(buffer);
   std::uint64_t gone = 0;
   for (const Hole& hole : origin.holes) {
+    // An offset may lie inside a hole only for the view that was freed, which view() has answered
+    // before.
     if (hole.begin >= offset) break;
     gone += std::min(hole.size, offset - hole.begin);
   }

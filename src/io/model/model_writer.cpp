@@ -14,6 +14,9 @@
 // The plan is made before a job begins and the copy after it, from the same files, which stay open
 // in between (open_input()). The target's images that stay are taken along only if they lie in its
 // folder: a model must not carry files of this machine away under a harmless name.
+//
+// The target is read again for the copy, not kept since the plan: the job lies in between, and
+// needs the memory for texels.
 #include "io/model/model_writer.h"
 
 #include <fmt/format.h>
@@ -142,6 +145,7 @@ class ModelCopy {
     }
     plan.outputs.push_back(request_.output);
     plan.warnings = warnings_;
+    // Of the JSON alone: images and buffers are streamed.
     plan.least_bytes = kTextCopies * target_.json_text_bytes() + 3 * target_.inline_bytes() +
                        kTreeBytesPerJsonByte * target_.json_bytes() +
                        kBytesPerEntry * gltf_entry_count(target_.document()) + kCopyBytes;
@@ -150,6 +154,7 @@ class ModelCopy {
 
   void write(const ReadFile& images, std::span<const EncodedImage> places) {
     std::vector<ModelPiece> pieces;
+    // All new images are in one scratch file, in the order of the request's textures.
     for (const EncodedImage& place : places) {
       // Not owned: the caller keeps it open.
       pieces.push_back({std::shared_ptr<const ReadFile>(std::shared_ptr<void>(), &images), nullptr,
@@ -195,6 +200,8 @@ void ModelCopy::find_images() {
                                       path, why, request_.output));
       continue;
     }
+    // Refused, not left out: a copy without the image would look finished, and one with it would
+    // give a file away that the user did not mean to pass on.
     if (!target_.may_read(path)) {
       refuse(request_.target, "its image {} {}, and {} would include it", path, kOutsideProblem,
              request_.output);
@@ -216,6 +223,7 @@ void ModelCopy::find_images() {
 
 std::string ModelCopy::edited_json(const DocumentParts& parts) const {
   std::string json = edit_model_json(target_.json_text(), target_.document(), parts);
+  // A chunk's padding is part of its bytes as they were read. The new chunk gets its own.
   while (!json.empty() && json.back() != '}') json.pop_back();  // padding of the old chunk
   return json;
 }
@@ -250,6 +258,8 @@ void put(OutputFile& out, std::uint64_t word) {
 // Where images will be has to be known before the JSON is, and its length before the first byte is
 // written: everything is laid out, then written once from front to back.
 void ModelCopy::write_glb(const std::vector<ModelPiece>& pieces) {
+  // First all places, then the text that names them, then the bytes. No step reads back what it
+  // wrote.
   DocumentParts parts{request_, slots_, buffers_, {}, {}, {}, {}};
   for (const ModelPiece& piece : pieces) parts.image_places.push_back(buffers_.append(piece));
   for (const StayingImage& image : images_) {
@@ -298,6 +308,8 @@ void commit_all(std::vector<std::unique_ptr<OutputFile>>& files,
   std::vector<std::string> fresh;
   try {
     for (std::size_t i = 0; i < files.size(); ++i) {
+      // Only names that were not taken before: an output that was replaced is the new file already,
+      // and removing it would leave neither.
       std::error_code ignored;
       if (!fs::exists(paths[i], ignored)) fresh.push_back(paths[i]);
       files[i]->commit();
@@ -338,11 +350,13 @@ void ModelCopy::write_gltf(const std::vector<ModelPiece>& pieces) {
     copy_piece({std::move(file), nullptr, 0, size}, begin(image.to));
     parts.moved_images[image.index] = {uri_of(image.to, request_.output), "", {}};
   }
+  // The document last: only now is it known under which names everything else is.
   const std::string json = edited_json(parts);
   OutputFile& out = begin(request_.output);
   std::fwrite(json.data(), 1, json.size(), out.stream());
   std::fputc('\n', out.stream());
   for (const auto& file : files) {
+    // A full disk shows here at the latest, before any file has its name.
     std::fflush(file->stream());
     file->check();
   }
