@@ -124,6 +124,8 @@ class MtlReader {
     material_->base_color = std::move(textures_[0]);
     material_->emissive = std::move(textures_[1]);
     material_->normal = std::move(textures_[2]);
+    // The order is that of the table, not of the file: messages list the maps alike for all
+    // materials.
     for (std::size_t i = 3; i < kTextures.size(); ++i) {
       if (!textures_[i].name.empty())
         material_->others.emplace_back(kTextures[i], std::move(textures_[i].name));
@@ -269,6 +271,7 @@ void ObjMaterials::load(const std::string& said) {
   } else if (names.size() > 1) {
     names.erase(names.begin());
   }
+  // A file that exists under the whole text is meant, blanks and all; else each word is a file.
   for (const std::string& name : names) {
     if (loaded_names_.contains(name) || !can_load(name)) continue;
     loaded_names_.insert(name);
@@ -310,6 +313,7 @@ bool ObjMaterials::can_load(const std::string& name) {
 }
 
 void ObjMaterials::read(const std::string& path) {
+  // Materials keep where they were read: their textures lie beside the MTL, not beside the OBJ.
   const std::string& folder = *folders_.insert(fs::path(path).parent_path().string()).first;
   read_mtl(path, [&](MtlMaterial&& material) {
     const auto id = static_cast<int>(loaded_.size());
@@ -384,6 +388,8 @@ void ObjMaterials::fill(mesh::Material& out, const Loaded& loaded) {
     if (base[0] == 0 && base[1] == 0 && base[2] == 0) base[0] = base[1] = base[2] = 1;
     if (base[3] == 0) base[3] = 1;
   }
+  // "Ke 0 0 0" beside a map would mean that the map is never seen: it is what exporters write by
+  // default.
   const bool dark = in.emission[0] == 0 && in.emission[1] == 0 && in.emission[2] == 0;
   auto& emissive = out.factors[static_cast<std::size_t>(Channel::emissive)];
   emissive = {in.emission[0], in.emission[1], in.emission[2], 1};

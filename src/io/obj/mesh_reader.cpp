@@ -295,6 +295,7 @@ ObjReader::Corner ObjReader::corner(std::string_view word) const {
   const char* at = word.data();
   const char* const end = at + word.size();
   for (std::size_t part = 0;; ++part) {
+    // Where there is no number, the index stays 0, which is none: the middle of "v//vn".
     const auto result = std::from_chars(at, end, indices[part]);
     if (result.ec == std::errc() && indices[part] == 0) {
       text_.fail(
@@ -359,6 +360,7 @@ void ObjReader::keep_colours() {
                   bad_colours_);
   }
   float largest = 0;
+  // The largest of all decides for all: a program writes one range or the other.
   for (const Vec4f& c : colours_) largest = std::max({largest, c.x, c.y, c.z});
   const bool in_bytes = largest > 1;
   if (in_bytes) {

@@ -49,6 +49,8 @@ bool is_large(std::string_view number) {
   const std::size_t first = number.find_first_not_of("0.");
   std::string_view exponent = number.substr(std::min(mantissa + 1, number.size()));
   if (exponent.starts_with('+')) exponent.remove_prefix(1);
+  // from_chars() says that a number is out of range, but not on which side. What decides is where
+  // its first digit other than 0 stands after the exponent has moved the point.
   std::int64_t moved = 0;
   const auto result = std::from_chars(exponent.data(), exponent.data() + exponent.size(), moved);
   if (result.ec == std::errc::result_out_of_range) return exponent[0] != '-';
@@ -102,6 +104,8 @@ class DistinctCounter {
     const int run = std::countl_zero((key << kBits) | 1) + 1;
     slot = std::max(slot, static_cast<std::uint8_t>(run));
   }
+  // The standard formula and its constant for many registers; with few keys, empty registers tell
+  // more.
   double count() const {
     double sum = 0, empty = 0;
     for (const std::uint8_t run : registers_) {
@@ -167,10 +171,12 @@ class ObjCounter {
     for (const char c : text) hash = (hash + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
     return hash * 0xD6E8FEB86659FD93ULL;
   }
+  // Of the text, not of the numbers: "1/1" and "01/1" count as two, which errs upwards.
   std::uint64_t corner_hash(std::string_view word) const {
     std::uint64_t hash = 0;
     for (const char c : word) {
       hash = (hash + static_cast<unsigned char>(c)) * 0x100000001B3ULL;
+      // The mix of the three counts stands for what a negative index would lead to.
       // Negative indices mean something else after each new vertex.
       if (c == '-') hash += (counts_.positions * 31 + counts_.texcoords) * 31 + counts_.normals;
     }
@@ -402,6 +408,7 @@ MeshCost obj_cost(const std::string& path, const MeshReading& reading) {
                                          : 0;
   const std::uint64_t part_tables =
       counts.distinct_parts * 280 + part_groups + name_bytes * 32 + runs;
+  // The set of corners is gone when smoothing begins, so only the larger of the two counts.
   cost.peak_bytes = cost.kept_bytes + part_tables + lists + std::max(corner_set, smoothing) +
                     libraries.reading_bytes + 3 * material_name_bytes +
                     counts.most_corners * kBytesPerFaceCorner + 3 * counts.longest_line_bytes +

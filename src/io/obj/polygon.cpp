@@ -9,6 +9,9 @@
 // at some point; the fan of what is left has the right number of triangles at least.
 //
 // n - 2 triangles come of n corners whatever their places: mesh_cost() counts on it.
+//
+// A triangulation must not depend on where the polygon lies or on the machine: the plane is found
+// in doubles from all corners, and of several ears the first in the file's order goes.
 #include "io/obj/polygon.h"
 
 #include <algorithm>
@@ -39,6 +42,8 @@ std::vector<Vec2d> flatten(std::span<const Vec3f> corners, Vec3d normal) {
   for (const Vec3f& corner : corners) {
     const Vec3d p(corner);
     if (z >= x && z >= y) {
+      // Two coordinates are swapped where the normal points away, or all turns would have the other
+      // sign.
       flat.push_back(normal.z < 0 ? Vec2d{p.y, p.x} : Vec2d{p.x, p.y});
     } else if (y >= x) {
       flat.push_back(normal.y < 0 ? Vec2d{p.x, p.z} : Vec2d{p.z, p.x});
@@ -126,6 +131,8 @@ class Ears {
     if (turn(a, b, c) <= 0) return false;
     const double left = std::min({a.x, b.x, c.x}), right = std::max({a.x, b.x, c.x});
     const double low = std::min({a.y, b.y, c.y}), high = std::max({a.y, b.y, c.y});
+    // Only corners between the triangle's left and right can be inside it: the walk begins at the
+    // first of these.
     std::uint32_t& at = corners_[corner_b].looked;
     if (at == 0) {
       const auto is_left = [&](std::uint32_t corner, double x) { return flat_[corner].x < x; };

@@ -17,6 +17,9 @@
 #include "io/splats/batch.h"
 
 #include <algorithm>
+//
+// Memory does not depend on the scene, since one batch is decoded, judged and turned at a time.
+// Columns let the exponentials of logarithms and logits run over arrays, as vector code.
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -289,6 +292,8 @@ Decomposed decompose(Matrix columns) {
       const double pp = dot(d.u[p], d.u[p]), qq = dot(d.u[q], d.u[q]), pq = dot(d.u[p], d.u[q]);
       if (!(std::abs(pq) > 1e-15 * std::sqrt(pp * qq))) continue;
       done = false;
+      // Of the rotations that bring the two columns to right angles the smaller one: t is the
+      // tangent of its angle, in the form that does not cancel.
       const double zeta = (qq - pp) / (2 * pq);
       const double t = (zeta < 0 ? -1.0 : 1.0) / (std::abs(zeta) + std::sqrt(1 + zeta * zeta));
       const double c = 1 / std::sqrt(1 + t * t), s = c * t;
@@ -319,6 +324,7 @@ SplatPlacement::SplatPlacement(const Matrix& columns, Vec3d offset)
 void SplatPlacement::apply(SplatBatch& batch, std::size_t rows, std::uint32_t lobes) const {
   if (is_identity_) return;
   for (std::size_t i = 0; i < rows; ++i) {
+    // In double precision, rounded once: a node may be far from 0.
     const Vec3d mean = times(columns_, {batch.mean[0][i], batch.mean[1][i], batch.mean[2][i]});
     batch.mean[0][i] = static_cast<float>(mean.x + offset_.x);
     batch.mean[1][i] = static_cast<float>(mean.y + offset_.y);
@@ -351,6 +357,8 @@ void SplatPlacement::shear(SplatBatch& batch, std::size_t i) const {
   for (std::size_t k = 0; k < 3; ++k) sigma[k] = static_cast<double>(batch.sigma[k][i]);
   if (!(square > 0) || !std::isfinite(square + sigma[0] + sigma[1] + sigma[2])) return;
   for (double& v : q) v /= std::sqrt(square);
+  // M R S times its own transpose is the new covariance, M Sigma M^T. So its left singular vectors
+  // are the new axes, and its singular values the new sigmas.
   Matrix axes = rotation_columns(q[0], q[1], q[2], q[3]);
   for (std::size_t k = 0; k < 3; ++k) axes[k] = times(columns_, axes[k] * sigma[k]);
   const Decomposed d = decompose(axes);

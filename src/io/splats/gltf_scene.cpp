@@ -423,6 +423,7 @@ void GltfSplats::decode(std::uint64_t first, std::uint64_t count, std::uint32_t 
     const std::uint64_t end = std::min(first + count, part.first + part.count);
     if (from >= end) continue;
     for (auto& column : batch.sh) column.fill(0);  // parts differ in their degrees
+    // Placed after decoding and before it is taken: what leaves here is in the scene's own space.
     const auto place = [&](std::size_t rows) {
       part.placement.apply(batch, rows, lobes);
       take(rows);
@@ -472,6 +473,7 @@ bool is_splat_gltf(const std::string& path) {
   if (!range || !contains(*file, range->first, range->second, kExtension)) return false;
   const JsonSize size = gltf_json_size(path);
   if (!is_small(size)) return false;
+  // No more than 1 MiB by now: is_small().
   std::string text(range->second, '\0');
   file->read(range->first, std::as_writable_bytes(std::span(text)));
   return has_splat_primitive(Json::parse(text, nullptr, false));

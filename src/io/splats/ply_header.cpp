@@ -9,6 +9,9 @@
 // A header can announce anything. Its text is limited (1 MiB), the number of elements and columns
 // too; counts are multiplied so that they saturate, and compared with the bytes that are there
 // before anything is allocated by them.
+//
+// All header text is looked at before any row is: the size of a row and where rows begin follow
+// from every line, and a reader that starts early reads numbers from the wrong columns.
 #include "io/splats/ply_header.h"
 
 #include <fmt/format.h>
@@ -229,6 +232,7 @@ PlyHeader read_ply_header(const ReadFile& file, const std::string& path) {
   std::size_t at = 0;
   // Nearly all headers end in the first piece; only one that does not costs the whole limit.
   for (std::size_t wanted = kFirstRead;; wanted = kMostHeaderBytes) {
+    // What was read stays: the second read appends the rest up to the limit.
     const std::size_t have = text.size();
     text.resize(std::min<std::uint64_t>(wanted, file.size_bytes()));
     file.read(have, std::as_writable_bytes(std::span(text)).subspan(have));
@@ -251,6 +255,8 @@ PlyHeader read_ply_header(const ReadFile& file, const std::string& path) {
 // An element with a list behind the wanted one is fine, one before it hides where that begins.
 std::uint64_t ply_rows_at(const PlyHeader& header, std::uint64_t file_bytes,
                           const std::string& path, std::string_view wanted) {
+  // Elements of no rows have a place, too; 0 stands for "not met yet", since a header is never
+  // empty.
   std::uint64_t at = header.bytes, begin = 0;
   bool exact = true;
   for (const PlyElement& element : header.elements) {

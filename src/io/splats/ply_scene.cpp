@@ -333,6 +333,8 @@ void CompressedPly::decode(std::uint64_t first, std::uint64_t count, std::uint32
     return header_.bounds[k] ? value_at<float>(&bounds[*header_.bounds[k]]) : k < 15 ? 0.0F : 1.0F;
   };
   for (const std::uint64_t end = first + count; first < end;) {
+    // All rows of a chunk share its bounds, so a batch ends where a chunk does. A range may begin
+    // inside of one.
     const std::size_t n = std::min(end - first, kChunkRows - first % kChunkRows);
     file_->read(header_.chunks_at + first / kChunkRows * header_.chunk_bytes, bounds);
     file_->read(header_.rows_at + first * row_bytes, std::span(rows).first(n * row_bytes));

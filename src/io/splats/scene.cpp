@@ -11,6 +11,10 @@
 // measured before it is parsed, of a ZIP's directory only the last 64 KiB are searched; of a gzip
 // four bytes are unpacked. Of formats that are known but not read (streamed SOG, LCC) the name is
 // told with a cure.
+//
+// Every reader supplies any range of rows at any time, in any thread. That is what lets the store
+// be built by runs in parallel (flow/stores/splat_sort.h), and a sample be taken from all over a
+// scene without reading it.
 #include "io/splats/scene.h"
 
 #include <fmt/format.h>
@@ -89,6 +93,7 @@ std::optional<SplatFormat> marked_format(const ReadFile& file, const std::string
       return SplatFormat{"SuperSplat compressed PLY", SplatKind::compressed_ply};
     return SplatFormat{"3DGS PLY", SplatKind::ply};
   }
+  // Version 4 begins with its mark; older ones are gzip, and their mark is inside.
   if (head.starts_with("NGSP") && head.size() >= 8) {
     std::uint32_t version = 0;
     std::memcpy(&version, head.data() + 4, sizeof version);
@@ -119,6 +124,7 @@ constexpr std::uint64_t kUnquestionedSplats = 1 << 18;
 
 /// Throws Error(input) if a scene announces more Gaussians than its files can reasonably hold.
 void require_plausible_count(const SplatSceneInfo& info) {
+  // Asked after the scene is open, when all of its files are known: SOG has several.
   if (info.splats <= kUnquestionedSplats) return;
   std::uint64_t bytes = 0;
   for (const std::string& file : info.files) bytes += open_input(file)->size_bytes();

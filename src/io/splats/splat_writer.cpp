@@ -12,6 +12,9 @@
 //
 // Memory is fixed (splat_writer_cost(), leased by the caller): a buffer for each nameless file and
 // one piece. The output is an OutputFile, so a job that fails leaves none.
+//
+// Why columns wait in files and not in memory: a scene may have more Gaussians than the budget has
+// bytes, and neither SPZ nor glTF can be begun before the last one is known.
 #include "io/splats/splat_writer.h"
 
 #include <fmt/format.h>
@@ -85,6 +88,7 @@ class SplatPlyWriter : public SplatWriter {
 /// again at the end, and the rows need not be copied behind it.
 std::string ply_header(std::uint64_t rows, const SplatFileFacts& facts) {
   const std::string count = std::to_string(rows);
+  // As many blanks as the longest count has more digits.
   const std::string padding(std::numeric_limits<std::uint64_t>::digits10 + 1 - count.size(), ' ');
   std::string text =
       fmt::format("ply\nformat binary_little_endian 1.0\ncomment pounce gaussians{}\n", padding);
@@ -127,6 +131,8 @@ void SplatPlyWriter::encode_columns(const store::SplatRows& rows,
     const store::Splat& s = rows.splats[i];
     for (const float v : {s.mean.x, s.mean.y, s.mean.z, s.normal.x, s.normal.y, s.normal.z}) add(v);
     for (const float v : {s.colour.x, s.colour.y, s.colour.z}) add(dc_of(v));
+    // All coefficients of red first, then of green and blue, as 3DGS' trainer stores them; in the
+    // store they are coefficient by coefficient.
     for (std::size_t c = 0; c < 3; ++c) {  // channel by channel
       for (std::size_t k = 0; k < lobes; ++k) add(half_to_float(rows.sh[3 * (i * lobes + k) + c]));
     }
@@ -167,6 +173,7 @@ std::string attribute(std::size_t column) {
                                                        "SH_DEGREE_0_COEF_0"};
   if (column == kPlaces) return kNames[0];
   if (column < kHarmonics) return std::string(kPrefix) + kNames[column];
+  // Degree d has 2 d + 1 coefficients, so the first of the next degree is that much farther on.
   std::size_t degree = 1, first = kHarmonics;
   while (column >= first + 2 * degree + 1) first += 2 * degree++ + 1;
   return fmt::format("{}SH_DEGREE_{}_COEF_{}", kPrefix, degree, column - first);
@@ -197,6 +204,7 @@ void GltfSplatWriter::encode_columns(const store::SplatRows& rows,
   const std::size_t lobes = rows.lobes;
   for (std::size_t i = 0; i < rows.splats.size(); ++i) {
     const store::Splat& s = rows.splats[i];
+    // glTF has w last, PLY and the store first.
     const auto& [w, x, y, z] = s.rotation;
     put_floats(columns[kPlaces], i, std::array{s.mean.x, s.mean.y, s.mean.z});
     put_floats(columns[kRotations], i, std::array{x, y, z, w});

@@ -58,6 +58,8 @@ constexpr std::array<const char*, 16> kSystems{"LDB", "RDB", "LUB", "RUB", "LDF"
 
 /// Turns a system to that of PLY scenes: right, down, forward.
 Axes to_ply_axes(std::string_view system) {
+  // A letter names where an axis of the file points; its place among the three says which axis it
+  // is.
   constexpr std::array<std::string_view, 3> kAxes{"RL", "DU", "FB"};
   Axes axes;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -102,6 +104,7 @@ std::array<float, 4> rotation_of_bits(std::uint32_t bits) {
 
 /// A coordinate of 24 bits with sign, the lowest byte first.
 float fixed_of(const std::byte* at, float unit) {
+  // The three bytes go to the top, and the shift back down extends the sign.
   const auto byte = [&](std::size_t k) { return std::to_integer<std::uint32_t>(at[k]) << 8 * k; };
   const auto shifted = static_cast<std::int32_t>((byte(0) | byte(1) | byte(2)) << 8);
   return static_cast<float>(shifted >> 8) * unit;
@@ -113,6 +116,7 @@ bool is_spz(const ReadFile& file) {
   if (file.size_bytes() < 4) return false;
   if (read_value<std::uint32_t>(file, 0) == kMagic) return true;
   if (read_value<std::uint16_t>(file, 0) != kGzip) return false;
+  // Four bytes are inflated, whatever the file: most that begin like gzip are something else.
   try {
     std::array<std::byte, 4> start{};
     return GzipReader(file, "").read(start) == start.size() &&
@@ -146,6 +150,7 @@ SpzScene::SpzScene(std::unique_ptr<ReadFile> file, const std::string& name, cons
     read_contents();
     return;
   }
+  // Compared by dividing: what a header states may be anything, and a product could overflow.
   const std::uint64_t needed = kHeaderBytes + content_bytes();
   if (is_gzip_ ? needed / kMostGzipRatio > size : needed > size) {
     fail(fmt::format(
@@ -263,6 +268,7 @@ void SpzScene::read_extensions(std::span<const std::byte> records) {
     const auto type = value_at<std::uint32_t>(records.data());
     const std::uint64_t bytes = value_at<std::uint32_t>(&records[4]);
     records = records.subspan(8);
+    // A record that is cut off is no reason to refuse a scene: it is about axes at most.
     if (bytes > records.size()) return;
     if (type == kCoordinateSystem && bytes == 4) {
       const auto system = value_at<std::uint32_t>(records.data());
@@ -353,6 +359,7 @@ std::uint64_t SpzScene::decode_bytes() const {
 
 void SpzScene::decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes,
                       SplatBatch& batch, const Take& take) const {
+  // An SPZ that is neither gzip nor version 4 is read where it is.
   const ReadFile& file = unpacked_ != nullptr ? *unpacked_ : *file_;
   const std::uint64_t most = std::min(count, kPieceRows);
   PageVector<std::byte> raw(most * kMostBytesPerGaussian);

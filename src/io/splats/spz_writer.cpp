@@ -32,6 +32,8 @@ using Quaternion = std::array<float, 4>;  // w, x, y, z
 constexpr float kHalf = 0.5F, kRoot = 0.70710678F;
 
 /// A rotation of the cube: column k of its matrix is plus or minus the axis from[k].
+// One of the 24 rotations that take axes to axes. Mirrors would leave the ellipsoid as well, but no
+// quaternion stands for one.
 struct Renaming {
   Quaternion turn;
   std::array<std::size_t, 3> from;
@@ -161,6 +163,7 @@ void SpzWriter::encode_columns(const store::SplatRows& rows, std::span<std::byte
     // Counted while the bounds are still unknown: what even the largest step cannot hold.
     tally.too_far += static_cast<double>(farthest) + 0.5 >= kLargestFixed + 1 ? 1 : 0;
     columns[kAlphas][i] = byte_of(s.alpha * 255, ignored);
+    // The constants of the format: its colours are degree-0 coefficients times 0.15, around a half.
     const std::array<float, 3> colour{s.colour.x, s.colour.y, s.colour.z};
     for (std::size_t k = 0; k < 3; ++k)
       columns[kColours][3 * i + k] = byte_of((dc_of(colour[k]) * 0.15F + 0.5F) * 255, clipped);
@@ -273,6 +276,7 @@ void SpzWriter::commit(const std::function<void()>& poll) {
       std::array<float, 3> mean;
       std::memcpy(mean.data(), &floats[at], sizeof mean);
       for (std::size_t k = 0; k < 3; ++k) {
+        // Rounded, not cut off: cutting would move all places by half a step towards one corner.
         const double steps = std::ldexp(static_cast<double>(mean[k]), bits);
         const auto whole = static_cast<std::int32_t>(std::floor(steps + 0.5));
         std::memcpy(&fixed[3 * k], &whole, 3);
@@ -281,6 +285,7 @@ void SpzWriter::commit(const std::function<void()>& poll) {
     }
     gzip.write(places);
   });
+  // In the order of the format, which is that of the columns.
   for (std::size_t k = kAlphas; k < (facts_.lobes > 0 ? kHarmonics + 1 : kHarmonics); ++k)
     for_column(k, poll, [&](std::span<const std::byte> bytes) { gzip.write(bytes); });
   gzip.finish();
@@ -297,6 +302,7 @@ void turn_least(store::Splat& splat) {
   const Renaming* best = nullptr;
   float largest = -1;
   for (const Renaming& renaming : kRenamings) {
+    // q and -q are one rotation, so the sign of w does not matter here; it is made positive below.
     const float w = std::abs(product(q, renaming.turn)[0]);
     if (w > largest) {
       largest = w;

@@ -195,6 +195,8 @@ class DirectoryReader {
     const Fields local(bytes);
     if (local.u32(0) != kLocalMark)
       refuse_entry(entry, fmt::format("is not where its directory states; {}", kAgain));
+    // Sizes are the directory's, lengths of name and extra field the local header's: the two may
+    // differ.
     entry.at = header_at + kLocalBytes + local.u16(26) + local.u16(28);
     if (entry.at + entry.bytes > directory_.at) refuse_entry(entry, outside);
     return {header_at, entry.at + entry.bytes, 0};
@@ -221,6 +223,7 @@ class DirectoryReader {
 /// amount.
 void refuse_overlaps(const std::string& path, const std::vector<StoredEntry>& entries,
                      std::vector<Place> places) {
+  // If any two overlap, two neighbours in the order of where they begin do.
   std::sort(places.begin(), places.end(),
             [](const Place& a, const Place& b) { return a.begin < b.begin; });
   for (std::size_t i = 1; i < places.size(); ++i) {
@@ -258,6 +261,7 @@ std::size_t GzipReader::read(std::span<std::byte> out) {
   State& s = *state_;
   std::size_t done = 0;
   while (done < out.size() && !s.ended) {
+    // zlib keeps what it has not used of a piece; only then is the next one read.
     if (s.stream.avail_in == 0 && !s.pieces.at_end()) {
       const auto piece = s.pieces.next();
       // zlib's interface is older than const.
@@ -339,6 +343,7 @@ std::size_t ZstdReader::read(std::span<std::byte> out) {
 std::uint64_t ZstdReader::bytes(const ReadFile& file, std::uint64_t offset, std::uint64_t size) {
   // Frame: magic, descriptor, then the window's size as a power of two and eighths of it, or, where
   // the whole content is the window, the content's size.
+  // Read off the frame before any decoder sees it: the memory is leased first.
   std::array<std::byte, 13> head{};
   file.read(offset, std::span(head).first(std::min<std::uint64_t>(size, head.size())));
   const auto descriptor = std::to_integer<unsigned>(head[4]);

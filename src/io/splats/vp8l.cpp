@@ -45,6 +45,8 @@ enum class Vp8lTransformKind : std::uint32_t { predictor, cross_colour, subtract
 using Pixel = std::uint32_t;
 constexpr Pixel kBlack = 0xFF000000;
 
+// Two channels at a time: what one carries falls into the gap above it, or out of the word, and
+// the masks drop it.
 Pixel add(Pixel a, Pixel b) {
   const Pixel even = (a & 0x00FF00FF) + (b & 0x00FF00FF);
   const Pixel odd = (a & 0xFF00FF00) + (b & 0xFF00FF00);
@@ -89,6 +91,7 @@ Pixel half_gradient(Pixel a, Pixel corner) {
 template <class Predict>
 void add_predicted(Pixel* row, const Pixel* above, std::uint32_t begin, std::uint32_t end,
                    const Predict& predict) {
+  // The pixel to the left stays in a register: each prediction waits for the one before.
   Pixel left = row[begin - 1];
   for (std::uint32_t x = begin; x < end; ++x) {
     left = add(row[x], predict(left, above[x], above[x - 1], above[x + 1]));
@@ -171,6 +174,8 @@ class Predictor final : public Vp8lTransform {
     // The last pixel has nothing above to its right: the next in memory takes that place.
     above_[width] = row[0];
     if (y == 0) {
+      // In the first row nothing is above: the format predicts from the left there, whatever the
+      // block says.
       add_predicted(1, row.data(), above_.data(), 1, width);
     } else {
       const auto predictors = predictors_.row(y);
@@ -214,6 +219,7 @@ class CrossColours final : public Vp8lTransform {
 
  private:
   static void undo(const CrossColour& factors, std::span<Pixel> pixels) {
+    // Signed bytes, and a shift that keeps the sign, as the format has it.
     const auto share = [](std::int8_t factor, std::uint32_t channel) {
       return static_cast<std::uint32_t>((factor * static_cast<std::int8_t>(channel)) >> 5);
     };
@@ -244,6 +250,8 @@ class SubtractGreen final : public Vp8lTransform {
 class Palette final : public Vp8lTransform {
  public:
   explicit Palette(const Vp8lTransformInput& input) : width_(input.width) {
+    // Colours are stored as differences to the one before. Indices beyond the last mean clear
+    // black, as the format has it, so no index needs a check.
     const std::uint32_t count = input.source.read(8) + 1;
     Vp8lPixels image(input.source, count, 1, input.ring, nullptr);
     PixelRow colours(count);
@@ -370,6 +378,7 @@ Vp8lHeader read_vp8l_header(const ReadFile& file, std::uint64_t at, std::uint64_
   const std::uint64_t end = std::uint64_t{8} + number_of(riff, 4);
   if (end > bytes) refuse_cut(name, end, bytes);
   std::uint32_t canvas_width = 0, canvas_height = 0;
+  // The length in the RIFF counts, not the file's: an archive may have more behind it.
   std::uint64_t offset = riff.size();
   for (std::uint32_t chunk = 0; chunk < kMostChunks && offset + 8 <= end; ++chunk) {
     const auto start = range.read<8>(offset);

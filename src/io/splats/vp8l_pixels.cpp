@@ -60,6 +60,8 @@ struct Canonical {
 
   /// False if the lengths make no code.
   bool assign(std::span<const std::uint8_t> lengths) {
+    // Codes of one length are numbered on from where the shorter ones end; more than fit into the
+    // length are refused as they are counted.
     std::array<std::uint32_t, kMostBits + 1> count{}, place{}, next{};
     for (const std::uint8_t length : lengths) ++count[length];
     count[0] = 0;  // those symbols have no code
@@ -103,6 +105,8 @@ std::span<const std::uint16_t> make_table(std::span<const std::uint8_t> lengths,
     table[0] = entry_of(canonical.symbols[0], 0);
     return std::span(table).first(1);
   }
+  // Most codes fit into the first table, and one look-up finds symbol and length. A longer code
+  // finds there where the second table for its first bits is.
   const std::size_t slots = std::size_t{1} << std::min(canonical.longest, kPrimary);
   std::array<Second, 1 << kPrimary> seconds{};
   for (std::uint32_t i = 0; i < canonical.used; ++i) {
@@ -221,6 +225,8 @@ std::uint32_t read_number(BitState& state, std::uint32_t symbol) {
 std::uint64_t distance_of(std::uint32_t number, std::uint32_t width) {
   if (number > kNear.size()) return number - kNear.size();
   const Near near = kNear[number - 1];
+  // To the right of the place above means less than a row; in a narrow image it would be this pixel
+  // or a later one, for which the format says 1.
   const std::int64_t distance = std::int64_t{near.up} * width + near.left;
   return static_cast<std::uint64_t>(std::max<std::int64_t>(1, distance));
 }
@@ -385,6 +391,8 @@ BitState Vp8lPixels::copy(BitState state, std::uint32_t length_symbol,
   const std::uint64_t mask = ring_.mask();
   const std::uint64_t to = position_ & mask, from = (position_ - distance) & mask;
   position_ += length;
+  // Neither range may wrap round the ring, and the copy must not read what it writes: one from
+  // nearer than its length repeats pixels.
   if (!kHasCache && distance >= length && to + length <= mask && from + length <= mask) {
     // The source may begin in what is about to be overwritten: the ring's oldest pixels.
     std::memmove(ring + to, ring + from, length * sizeof *ring);
@@ -428,6 +436,7 @@ void Vp8lPixels::decode_row() {
       if (green < kLengths) {
         const std::uint32_t red = group->red.read(state);
         const std::uint32_t blue = group->blue.read(state);
+        // At least 56 bits were sure, and three codes take 45 at most: the fourth may lack some.
         if (state.count < 15) [[unlikely]]
           state.refill();
         pixel = group->alpha.read(state) << 24 | red << 16 | green << 8 | blue;
