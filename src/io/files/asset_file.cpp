@@ -14,6 +14,9 @@
 //
 // AssetFolder judges a name, and the file is opened later, so what is exchanged in between is not
 // noticed. It guards against names in a model, not against other users of the machine.
+//
+// Links are followed before the comparison, since a name within the folder may lead anywhere. 0.1.0
+// read what a model asked for, and a model output carried it away (docs/decisions/017).
 #include "io/files/asset_file.h"
 
 #include <fmt/format.h>
@@ -216,6 +219,7 @@ void ByteSource::fail(const char* what, int reason) const {
 }
 
 FILE* ByteSource::stream() {
+  // Released once the stream owns it: cookie_close() deletes it.
   auto cookie = std::make_unique<Cookie>(Cookie{this, 0});
   FILE* file = ::fopencookie(cookie.get(), "r", {cookie_read, nullptr, cookie_seek, cookie_close});
   if (file == nullptr)

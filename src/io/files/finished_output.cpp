@@ -15,6 +15,9 @@
 // "Whole" means that a job was not interrupted while it wrote, no more: whether pixels are the
 // right ones is what the job's hash answers. A file that was written by something else may be
 // whole, and has no hash.
+//
+// A modification time alone would not do: a checkout renews it, and a copy may keep it. So the
+// job's hash decides, and time only where a file has none (docs/decisions/029).
 #include "io/files/finished_output.h"
 
 #include <fmt/format.h>
@@ -96,6 +99,7 @@ bool is_whole_png(Bytes& file) {
   constexpr std::string_view kSignature = "\x89PNG\r\n\x1a\n"sv;
   file.big_endian = true;
   if (!file.has_text(0, kSignature) || !file.has_text(12, "IHDR")) return false;
+  // Ends by itself: every chunk moves on by 12 bytes at least, and must lie within the file.
   for (std::uint64_t at = kSignature.size();;) {
     const std::uint64_t length = file.number(at, 4);
     if (!file.has(at, length + 12)) return false;
@@ -171,6 +175,7 @@ bool is_whole_exr(Bytes& file) {
   }
   // pounce writes none; that all places are there is what can be said of them.
   if (headers.deep) return true;  // their chunks have lengths of other kinds
+  // The chunk that lies farthest back was written last: if it is whole, all are.
   const std::uint64_t part = headers.several ? file.number(last, 4) : 0;
   if (part >= headers.tiled.size()) return false;
   // Its part, its row or its tile and level, its length.
@@ -260,6 +265,7 @@ class Tiff {
     const std::size_t size = type == kShort ? 2 : type == kLong8 ? 8 : 4;
     const std::uint64_t count = file_.number(field + 4, word());
     std::uint64_t at = field + 4 + word();
+    // What fits into the field's own word is there; else the word says where.
     if (count > word() / size) at = file_.number(at, word());
     return {file_, at, count, size};
   }
@@ -335,6 +341,7 @@ std::optional<std::string> search_file(const std::string& path) {
   // By content here, not by ending: a .tx may be TIFF or EXR.
   const std::string head = read_text(*file, 0, 20);
   Bytes bytes(*file);
+  // Of a GLB only its JSON: a mark within its buffers is somebody's data.
   if (head.starts_with("glTF")) return search(*file, 20, 20 + bytes.number(12, 4), kInModel);
   if (lower_ending(path) == ".gltf") return search(*file, 0, file->size_bytes(), kInModel);
   // Little-endian, as pounce writes them.

@@ -17,6 +17,10 @@
 //
 // Encoders write through a C stream. Behind it are one descriptor and a position of our own, so a
 // failed write is seen here and not by the encoder.
+//
+// Why not write beside the output and rename: that leaves a file behind wherever a process is
+// killed, and on a render farm many are. Without a name there is nothing to remove, and no reader
+// can take half a file for an output.
 #include "io/files/output_file.h"
 
 #include <fcntl.h>
@@ -124,6 +128,7 @@ void NewFolders::make(const std::string& folder) {
 bool NewFolders::make_missing(const std::string& folder, bool last) {
   std::vector<std::string> missing;
   std::error_code ignored;
+  // From the inside out to the first folder that exists, then mkdir() in the other direction.
   for (fs::path path = folder; !path.empty() && !fs::exists(path, ignored);) {
     missing.push_back(path.string());
     const fs::path above = path.parent_path();
@@ -168,6 +173,7 @@ void remove_leftovers(const std::string& folder, const std::string& name, uid_t 
   struct stat status {};
   if (::stat(folder.c_str(), &status) != 0) return;
   const std::lock_guard lock(mutex);
+  // By identity: a folder may have several names.
   const std::pair key{status.st_dev, status.st_ino};
   auto known = listings.find(key);
   // Not more than a fiftieth of the time goes into listing, however slow the folder is.

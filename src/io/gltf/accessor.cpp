@@ -16,6 +16,10 @@
 //
 // Attributes are read one after the other in full, not vertex by vertex: a file may store them
 // interleaved or apart, and a pass over each keeps one conversion in the inner loop.
+//
+// Nothing is cached between calls: a mesh that many nodes show is read once for each of them. To
+// keep it would need its memory a second time, and what is read is bounded in proportion to the
+// file (mesh_reader.cpp).
 #include "io/gltf/accessor.h"
 
 #include <fmt/format.h>
@@ -371,6 +375,7 @@ PrimitiveShape check_primitive(const AccessorReader& accessors,
   shape.has_normals = primitive.attributes.contains("NORMAL");
   const int colours = attribute(primitive.attributes, "COLOR_0");
   shape.has_colours = colours >= 0 && holds_colours(accessors.accessor(colours));
+  // Without normals each triangle gets corners of its own (placed_primitive.cpp).
   shape.flattened = shape.has_normals ? shape.vertices : 3 * shape.triangles;
   for (const auto& item : primitive.attributes) {
     const auto set = set_index(item.first, "TEXCOORD_");

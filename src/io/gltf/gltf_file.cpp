@@ -21,6 +21,9 @@
 // for. A buffer that is missing, outside of the model's folder or too short has a `problem` and no
 // bytes; only who needs it is refused. Data URIs are the exception: they are decoded when the file
 // is opened, and their text leaves the tree.
+//
+// Two trees exist for a while, the document's and the one that tinygltf parses; gltf_cost() counts
+// both. The document stays, since images, extensions and a model output need what tinygltf drops.
 #include "io/gltf/gltf_file.h"
 
 #include <fmt/format.h>
@@ -260,6 +263,7 @@ void GltfFile::find_chunks(const ReadFile& file) {
     fail(fmt::format("the GLB header states {} bytes, but the file has {}", length, file_bytes));
   }
   std::uint64_t offset = 12;
+  // Every step is held against the length before it is taken, so the loop cannot leave the file.
   for (std::size_t chunk = 0; offset < length; ++chunk) {
     if (length - offset < 8) fail(fmt::format("the header of GLB chunk {} is truncated", chunk));
     const std::uint64_t chunk_bytes = read_u32(file, offset);

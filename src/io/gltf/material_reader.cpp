@@ -11,6 +11,9 @@
 //
 // Indices are trusted here: check_gltf() has seen every one of them, those in extensions that are
 // followed included.
+//
+// Colours of factors are linear in glTF, textures coded: they are kept apart here, and meet when a
+// texel is stored (shading/factor.cpp).
 #include "io/gltf/material_reader.h"
 
 #include <fmt/format.h>
@@ -49,6 +52,7 @@ void refer_to_view(const GltfFile& file, std::size_t view_index, ImageRef& out) 
   const GltfBuffer& buffer = file.buffers().at(view.at("buffer").get<std::size_t>());
   const std::uint64_t offset = view.value("byteOffset", std::uint64_t{0});
   const auto size = view.at("byteLength").get<std::uint64_t>();
+  // A problem is kept and not thrown: perhaps no channel of the job needs this image.
   if (!buffer.problem.empty()) {
     out.problem = fmt::format("its buffer {}", buffer.problem);
   } else if (size == 0) {
@@ -224,6 +228,7 @@ mesh::Material MaterialReader::read(const tinygltf::Material& in) {
   const auto& pbr = in.pbrMetallicRoughness;
   auto& base = out.factors[static_cast<std::size_t>(Channel::base_color)];
   for (std::size_t i = 0; i < 4; ++i) base[i] = factor(pbr.baseColorFactor, i, 1);
+  // In the order of the texture's channels: roughness is green, metallic blue.
   out.factors[static_cast<std::size_t>(Channel::metallic_roughness)] = {
       0, static_cast<float>(pbr.roughnessFactor), static_cast<float>(pbr.metallicFactor), 1};
   auto& emissive = out.factors[static_cast<std::size_t>(Channel::emissive)];

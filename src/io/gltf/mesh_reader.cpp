@@ -153,6 +153,7 @@ MeshShape shape_of(const tinygltf::Model& model, const AccessorReader& accessors
 
 /// Checked at every step: whatever the file says, the sums stay far from overflow.
 void check_proportion(const GltfFile& file, const ScenePlan& plan) {
+  // In proportion to what the file has, not an absolute number: a large scan is no attack.
   const std::uint64_t limit =
       kFlattenedBase + kFlattenedPerByte * (file.total_buffer_bytes() + file.json_bytes());
   if (plan.vertices > std::numeric_limits<std::uint32_t>::max() ||
@@ -401,6 +402,7 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
   // One run of triangles for each node that shows a mesh: what a user can select is what a node or
   // a mesh is called.
   mesh::PartsBuilder parts;
+  // Once per skin and not per instance: a crowd of one character shares its matrices.
   std::map<int, std::vector<Affine>> joints;  // by skin; many nodes may share one
   // No skin, so no joints: instances without one find an empty list.
   joints[-1];
@@ -429,6 +431,8 @@ MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uin
   const std::uint64_t understanding = json_cost(size.text_bytes, size.long_bytes, size.entries,
                                                 size.materials, size.extension_values) +
                                       3 * size.data_bytes;
+  // A bound is all that is known then: for the exact number the JSON would have to be parsed, which
+  // needs the memory that is not there.
   if (understanding > std::max(most_bytes, kUnderstoodAnyway))
     return {understanding, size.text_bytes};
   GltfFile file(path, reading.allow_external);

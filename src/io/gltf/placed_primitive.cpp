@@ -15,6 +15,9 @@
 // What a number does to the result decides what is done about a bad one: an index or a position
 // that makes no sense is refused with its place, a normal or a colour is counted, replaced and
 // warned of.
+//
+// Animations are not played: a transfer sees the pose that nodes and weights have in the file.
+// Source and target in different poses would not lie on each other, whatever their textures.
 #include "io/gltf/placed_primitive.h"
 
 #include <fmt/format.h>

@@ -111,6 +111,8 @@ void check_range(const JsonCheck& check, const std::string& place, const Accesso
                  const Json& view, std::size_t view_index) {
   // Every factor is below 2^53, so divide instead of multiplying.
   const auto view_bytes = view.at("byteLength").get<std::uint64_t>();
+  // All strides but the last, and then one element: a view may end with it, without the rest of a
+  // stride.
   const std::uint64_t head = layout.offset + layout.element;
   if (head > view_bytes || (layout.count - 1) > (view_bytes - head) / layout.stride) {
     check.fail(place, fmt::format("reads beyond the end of bufferViews[{}] ({} elements from byte "

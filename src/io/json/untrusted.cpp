@@ -14,6 +14,10 @@
 //
 // The last part of this file edits JSON as text. It is for documents that were parsed and checked:
 // its walk knows no errors.
+//
+// Why counting and not a parser with a limit: a parser that stops at a limit has taken the memory
+// by then, and says only that it was too much. Counts say how much a file needs, so a job can be
+// refused with a number, and leased where it fits (docs/decisions/017).
 #include "io/json/untrusted.h"
 
 #include <fmt/format.h>
@@ -84,6 +88,8 @@ class Scanner {
     if (c == '"' && !escaped) {
       in_string_ = false;
       // At this depth strings are keys, or values that are taken for keys: no array is theirs.
+      // Extensions may hold members of the same names; only those of the root become objects of
+      // tinygltf.
       if (depth_ == 1) key_ = string_;
       if (string_.starts_with(kData)) {
         size_.data_bytes += string_bytes_;
@@ -137,6 +143,7 @@ bool is_float(const nlohmann::json& value) {
 
 JsonSize json_size(const ReadFile& file, std::uint64_t offset, std::uint64_t size) {
   Scanner scanner;
+  // The text is read once for this and once to be parsed: reading twice costs less than holding it.
   std::vector<char> piece;
   for (std::uint64_t done = 0; done < size; done += piece.size()) {
     piece.resize(std::min<std::uint64_t>(size - done, kPieceBytes));
@@ -308,6 +315,7 @@ class Cursor {
 
  private:
   void skip_string() {
+    // A backslash hides the character behind it, so an escaped quote does not end the string.
     for (++at_; at_ < text_.size() && text_[at_] != '"'; ++at_) at_ += text_[at_] == '\\' ? 1 : 0;
     step();
   }
@@ -400,6 +408,8 @@ std::string edit_json_object(std::string_view object, const JsonChanges& changes
   std::size_t copied = 0, kept = 0;
   for (const Place& place : old) {
     const auto change = changes.find(place.member.key);
+    // A member that stands twice is changed in both places. Parsers differ in which of the two
+    // counts.
     const bool removed = change != changes.end() && !change->second;
     fresh.erase(place.member.key);
     if (removed) {

@@ -16,6 +16,10 @@
 //
 // To count a reference too many is safe: an entry stays that could have gone. One too few would
 // pull bytes away from somebody. All guesses here are on that side.
+//
+// To append always would be simpler, and an avatar that is painted ten times would hold eleven
+// textures. To close the holes in the arrays would be smaller, and would change what an index in an
+// unknown extension means (docs/decisions/012).
 #include "io/model/layout.h"
 
 #include <fmt/format.h>
@@ -162,6 +166,7 @@ class SlotFinder {
         if (!written.contains(material)) continue;
         const bool has_uvs = primitives[p].at("attributes").contains(uvs);
         if (material == own) {
+          // Modes from 4 on are triangles; points and lines show no texture of this kind.
           const bool is_surface = primitives[p].value("mode", 4) >= 4;
           if (has_uvs && is_surface) slots_.primitives.push_back({m, p, own});
         } else if (!has_uvs) {
@@ -178,6 +183,7 @@ class SlotFinder {
   // bytes. taken_: two channels may have shown one texture, and only one of them may have its
   // entry.
   ModelSlots::Texture take(const std::vector<std::size_t>& replaced) {
+    // At the ends of the arrays, unless something below becomes free.
     ModelSlots::Texture slot{texture_count_, image_count_, std::nullopt};
     const std::size_t own = size_of(document_, "textures");
     const auto unused = std::find_if(replaced.begin(), replaced.end(), [&](std::size_t index) {
@@ -293,6 +299,8 @@ ModelBuffers::ModelBuffers(const GltfFile& target, const ModelSlots& slots,
     const GltfBuffer& buffer = target.buffers()[b];
     if (buffer.problem.empty()) return true;
     const nlohmann::json& entry = target.document().at("buffers").at(b);
+    // A buffer that has no data anywhere, as some extensions have it, is kept as it is. One whose
+    // data should be there and are not cannot be copied.
     if (!entry.contains("uri") && buffer.bytes == nullptr && buffer.file == nullptr) return false;
     refuse(target.path(),
            "buffer {} {}, so a copy would be incomplete; restore the missing data or export the "
@@ -410,6 +418,7 @@ ViewPlace ModelBuffers::view(std::size_t index) const {
   const std::uint64_t offset = view.value("byteOffset", std::uint64_t{0});
   const auto size = view.at("byteLength").get<std::uint64_t>();
   const bool kept = buffers_[origins_[buffer].buffer].is_kept;
+  // A view that lost its bytes still has to be valid: one byte, at the beginning.
   if (!kept && emptied_.contains(index)) return {origins_[buffer].buffer, 0, 1};
   return moved(buffer, offset, size);
 }

@@ -17,6 +17,9 @@
 //
 // The target is read again for the copy, not kept since the plan: the job lies in between, and
 // needs the memory for texels.
+//
+// Memory follows from the JSON alone (ModelPlan::least_bytes), whatever the size of the model: that
+// is why buffers are lists of pieces, and why the images wait in a scratch file and not in memory.
 #include "io/model/model_writer.h"
 
 #include <fmt/format.h>
@@ -79,6 +82,7 @@ std::string uri_of(const std::string& path, const std::string& model) {
 
 /// By the first bytes; "" when it is none that a GLB may hold.
 std::string image_mime_type(const ReadFile& file) {
+  // Names lie, and a GLB must state the type.
   std::string head(std::min<std::uint64_t>(file.size_bytes(), 12), '\0');
   file.read(0, std::as_writable_bytes(std::span(head)));
   if (head.starts_with("\x89PNG")) return "image/png";
@@ -251,6 +255,7 @@ void copy_pieces(const std::vector<ModelPiece>& pieces, OutputFile& out) {
 
 /// A GLB is little-endian, and so is every machine that this is built for.
 void put(OutputFile& out, std::uint64_t word) {
+  // The caller has compared the sum of all lengths with 32 bits.
   const auto narrow = static_cast<std::uint32_t>(word);
   std::fwrite(&narrow, sizeof narrow, 1, out.stream());
 }

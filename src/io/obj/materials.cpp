@@ -21,6 +21,9 @@
 //
 // A mesh material is made when the first face uses it, so unused ones, which libraries are full of,
 // cost nothing and ask for no images.
+//
+// What is read of an MTL is old, and what it says is often a default that nobody chose. So the
+// rules lean to showing a texture: black, invisible or dark beside a map counts as not said.
 #include "io/obj/materials.h"
 
 #include <fmt/format.h>
@@ -208,6 +211,8 @@ void read_mtl(const std::string& path, const std::function<void(MtlMaterial&&)>&
 MtlSize mtl_size(const std::string& path) {
   ObjText text = open_mtl(path);
   MtlSize size;
+  // Statement by statement as reading does it, but nothing is kept: the count comes before the
+  // lease.
   std::uint64_t materials = 0, texts = 0;
   for (std::string statement; text.next(statement);) {
     std::string_view rest = statement;
@@ -283,6 +288,7 @@ bool ObjMaterials::can_load(const std::string& name) {
   const std::string path = library_path(path_, name).lexically_normal().string();
   // By where the name leads, so that "./a.mtl" and "a.mtl" are read once.
   const auto [library, is_new] = libraries_.try_emplace(path, false);
+  // Also of one that failed: its warning was given, and exporters repeat "mtllib" for each object.
   if (!is_new) return library->second;
   if (libraries_.size() > kMaxLibraries) refuse_libraries(path_);
   const std::string shown = library_path(path_, name).string();
@@ -428,6 +434,8 @@ std::uint32_t ObjMaterials::image(const std::string& name, const std::string& fo
   const auto is_readable = [&](const fs::path& file) {
     return is_file(file) && folder_.holds(file.string());
   };
+  // Only where the named file cannot be read, or a texture beside the MTL would hide the one that
+  // is meant.
   const bool is_moved = [&] {
     const fs::path beside = fs::path(folder) / fs::path(clean).filename();
     if (is_readable(path) || !is_readable(beside)) return false;

@@ -47,6 +47,7 @@ constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 // What modelling programs take where nothing is said; sharper edges stay edges.
 constexpr double kSmoothAngleDeg = 60;
 
+// No material is in it: faces of two materials share vertices where the file's indices say so.
 struct CornerKey {
   std::uint32_t position = kNone, texcoord = kNone, normal = kNone;
   bool operator==(const CornerKey&) const = default;

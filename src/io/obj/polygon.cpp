@@ -26,6 +26,8 @@ constexpr std::size_t kMaxEars = 1000;  // cutting ears costs the square of the 
 /// Newell's sum: twice the area vector, good for corners that are not quite in one plane.
 Vec3d area_vector(std::span<const Vec3f> corners) {
   Vec3d sum;
+  // Relative to a corner: at map coordinates, products of positions would leave no digits for the
+  // area.
   const Vec3d origin(corners[0]);
   for (std::size_t i = 1; i + 1 < corners.size(); ++i) {
     sum = sum + cross(Vec3d(corners[i]) - origin, Vec3d(corners[i + 1]) - origin);
@@ -182,6 +184,7 @@ std::vector<std::array<std::uint32_t, 3>> triangulate(std::span<const Vec3f> cor
       std::erase_if(ring, [&](std::uint32_t corner) { return !ears.is_there(corner); });
     }
   }
+  // What no ear took off becomes a fan, so the number of triangles is right in any case.
   for (std::size_t i = 1; i + 1 < ring.size(); ++i) {
     triangles.push_back({ring[0], ring[i], ring[i + 1]});
   }

@@ -14,6 +14,10 @@
 //
 // All is done in an order that is fixed, in IEEE operations and exp_same(): the same file gives the
 // same bytes on every machine.
+//
+// A Gaussian that is left out is always counted by the first reason that holds, in a fixed order.
+// The counts are in the report and in the store's directory, where they are compared with the rows
+// of the file: a format's decoder must not drop a row itself.
 #include "io/splats/batch.h"
 
 #include <algorithm>
@@ -203,6 +207,7 @@ void cut(const HarmonicMatrix& all, std::size_t first, std::array<std::array<flo
 template <std::size_t N>
 void multiply(const std::array<std::array<float, N>, N>& matrix, float* values,
               std::size_t stride) {
+  // In one order and in single precision, for the same bits everywhere.
   std::array<float, N> old;
   for (std::size_t k = 0; k < N; ++k) old[k] = values[k * stride];
   for (std::size_t j = 0; j < N; ++j) {

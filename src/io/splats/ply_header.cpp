@@ -191,6 +191,7 @@ class HeaderParser {
 /// a * b + c, or the largest number there is.
 std::uint64_t saturated(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
   constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max();
+  // A sum that stays at the largest number is beyond any file, which is all that is asked of it.
   if (b != 0 && a > (kMost - c) / b) return kMost;
   return a * b + c;
 }

@@ -24,6 +24,8 @@
 // read at once. Every offset comes from the headers of a .ksplat and is compared with the size of
 // the file when these are read; the lengths of partly filled buckets are the only part that is kept
 // in memory, and their number is limited.
+//
+// Neither format states its axes or how its scene was trained: both are read as stored.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -55,6 +57,8 @@ class DotSplat : public BatchScene {
 DotSplat::DotSplat(const std::string& path, const Axes& axes)
     : BatchScene(axes), file_(open_input(path)) {
   const std::uint64_t size = file_->size_bytes();
+  // A file of another kind with a fitting size would be read as noise. So it is the ending that
+  // decides, after all formats that have a mark (scene.cpp).
   if (size == 0 || size % kRecordBytes != 0) {
     refuse(path,
            "a .splat consists of records of {} bytes, but this file has {} bytes; it is truncated "
@@ -84,6 +88,7 @@ void DotSplat::decode(std::uint64_t first, std::uint64_t count, std::uint32_t, S
         }
         batch.alpha[i] = byte_at(at + 27) / 255;
         for (std::size_t k = 0; k < 4; ++k)
+          // Of any length: BatchScene makes unit quaternions of them.
           batch.rotation[k][i] = (byte_at(at + 28 + k) - 128) / 128;
       }
       take(n);
@@ -169,6 +174,7 @@ KsplatScene::KsplatScene(const std::string& path, const Axes& axes)
   if (most_harmonic_ == 0) most_harmonic_ = 1.5F;
   std::uint64_t data_at = kFileHeaderBytes + kSectionHeaderBytes * sections;
   if (data_at > size) fail("its section headers are truncated");
+  // In order, since each section begins where the one before it ends.
   for (std::uint32_t k = 0; k < sections; ++k)
     read_section(kFileHeaderBytes + kSectionHeaderBytes * k, data_at);
   if (info_.splats == 0) fail("the .ksplat holds no Gaussians");
@@ -189,6 +195,7 @@ void KsplatScene::read_section(std::uint64_t header_at, std::uint64_t& data_at) 
   const auto degree = value_at<std::uint16_t>(&raw[40]);
   section.bucket_rows = u32(8);
   section.buckets = u32(12);
+  // 0 stands for the usual range, which depends on the level.
   section.range = static_cast<float>(u32(24) == 0 ? (level_ == 0 ? 1 : 32767) : u32(24));
   section.step = value_at<float>(&raw[16]) / 2 / section.range;
   if (degree >= kLobes.size())
@@ -280,6 +287,7 @@ void KsplatScene::decode_section(const Section& section, std::uint64_t first, st
 }
 
 float KsplatScene::harmonic(const std::byte* from, std::size_t index) const {
+  // Floats, halves, or bytes over the range that the header states.
   if (level_ == 0) return value_at<float>(from + 4 * index);
   if (level_ == 1) return half_to_float(value_at<std::uint16_t>(from + 2 * index));
   return least_harmonic_ + byte_at(from + index) / 255 * (most_harmonic_ - least_harmonic_);

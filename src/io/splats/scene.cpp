@@ -62,6 +62,7 @@ std::optional<SplatFormat> sog_format(const std::string& meta, const char* what)
   const std::uint64_t size = file->size_bytes();
   if (size > kMostMetaBytes || json_size(*file, 0, size).depth > kMostMetaDepth)
     return std::nullopt;
+  // No exceptions: what is no JSON is no SOG, and the next format is tried.
   const auto json = nlohmann::json::parse(text_at(*file, 0, kMostMetaBytes), nullptr, false);
   if (!json.is_object()) return std::nullopt;
   // Levels of detail have a tree of files; one whole SOG has four attributes in one meta.json.
@@ -178,6 +179,8 @@ std::optional<SplatFormat> splat_format(const std::string& path) {
     const char* name;
     SplatKind kind;
   };
+  // Endings of formats with a mark are here, too: a damaged file gets the message of its own
+  // reader.
   constexpr std::array<Ending, 6> kEndings{{{".ply", "3DGS PLY", SplatKind::ply},
                                             {".splat", ".splat", SplatKind::dot_splat},
                                             {".ksplat", ".ksplat", SplatKind::ksplat},

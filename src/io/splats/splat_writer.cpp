@@ -15,6 +15,9 @@
 //
 // Why columns wait in files and not in memory: a scene may have more Gaussians than the budget has
 // bytes, and neither SPZ nor glTF can be begun before the last one is known.
+//
+// To read the source again for each attribute instead would decode it twice, an SPZ five times
+// (docs/decisions/025).
 #include "io/splats/splat_writer.h"
 
 #include <fmt/format.h>
@@ -282,6 +285,7 @@ void GltfSplatWriter::commit(const std::function<void()>& poll) {
 
 }  // namespace
 
+// By log_same(): logarithms of C libraries differ in the last bit, and so would the files.
 float log_sigma(float sigma) {
   return static_cast<float>(log_same(static_cast<double>(std::max(sigma, kLeastSigma))));
 }

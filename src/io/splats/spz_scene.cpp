@@ -26,6 +26,9 @@
 // No version says how its axes lie, and writers disagree, except in an extension: a record behind
 // the Gaussians (in front of them in version 4). Where it is there the scene is turned; where not,
 // that is an assumption which the user is told of.
+//
+// Unpacking costs scratch of the scene's size. To decode the attributes in step would cost none,
+// but only from the start and in one thread, and the store asks for ranges from many.
 #include "io/splats/spz_scene.h"
 
 #include <fmt/format.h>
@@ -92,6 +95,7 @@ std::array<float, 4> rotation_of_bytes(const std::byte* at) {
 /// From version 3: w, x, y, z of two bits that name the largest of x, y, z, w, and the others as
 /// signs and magnitudes of 9 bits.
 std::array<float, 4> rotation_of_bits(std::uint32_t bits) {
+  // The three that are stored are at most 1/sqrt(2), or one of them would be the largest.
   constexpr float kUnit = 0.70710678F / 511;
   std::array<float, 3> rest;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -177,6 +181,8 @@ void SpzScene::find_extensions(const std::function<void()>& poll) {
   static_assert(GzipReader::kBytes + kMostExtensionBytes <= kOpenSplatBytes);
   GzipReader reader(*file_, name_);
   PageVector<std::byte> piece(kMostExtensionBytes);
+  // What comes out is thrown away: nothing is kept before the job has leased its memory and
+  // scratch.
   for (std::uint64_t left = kHeaderBytes + content_bytes(); left > 0;) {
     const std::size_t got = reader.read(std::span(piece).first(std::min(left, piece.size())));
     if (got == 0) return;
@@ -213,6 +219,7 @@ void SpzScene::read_header(std::span<const std::byte, 16> raw) {
   if (fraction_bits_ > 30)
     fail(fmt::format("the header states {} fractional bits, but positions have 24 bits",
                      fraction_bits_));
+  // All sizes follow from version and degree: the file states none of them.
   constexpr std::array<std::uint64_t, 5> kHarmonicBytes{0, 9, 24, 45, 72};
   row_bytes_ = {version_ == 1 ? 6U : 9U,        1, 3, 3, version_ < 3 ? 3U : 4U,
                 kHarmonicBytes[info_.sh_degree]};
@@ -274,6 +281,7 @@ void SpzScene::read_extensions(std::span<const std::byte> records) {
       const auto system = value_at<std::uint32_t>(records.data());
       if (system < 1 || system > kSystems.size()) return;
       const char* const name = kSystems[system - 1];
+      // What the file says comes first, then what the user asks for on top of it.
       set_axes(compose(to_ply_axes(name), axes_));
       info_.assumptions.push_back(fmt::format(
           "its axes are stated as {}; rotated to those of PLY scenes, RDF (right, down, forward)",
@@ -367,6 +375,7 @@ void SpzScene::decode(std::uint64_t first, std::uint64_t count, std::uint32_t lo
   const float unit = std::ldexp(1.0F, -static_cast<int>(fraction_bits_));
   for (const std::uint64_t end = first + count; first < end;) {
     const std::uint64_t rows = std::min(end - first, kPieceRows);
+    // One read per attribute and piece: its rows are together in the file.
     std::array<const std::byte*, kBlocks> blocks{};
     for (std::size_t k = 0, at = 0; k < (harmonics > 0 ? kBlocks : kBlocks - 1); ++k) {
       const auto part = std::span(raw).subspan(at, rows * row_bytes_[k]);

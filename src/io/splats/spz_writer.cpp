@@ -12,6 +12,10 @@
 // ellipsoid stays the same.
 //
 // zlib is told no time and no name, and its level is fixed: the same Gaussians are the same bytes.
+//
+// Version 2 and not a later one, since every reader supports it. What its three-byte rotations lose
+// is given back by the naming of axes: w is then 0.85 at least, and the error below a degree
+// (docs/decisions/025).
 #include <fmt/format.h>
 #include <zlib.h>
 
@@ -209,6 +213,7 @@ int SpzWriter::fraction_bits() const {
 /// the tally by exponents, so "smaller" means by whole powers of two, as the step is one.
 void SpzWriter::check_places(int bits) {
   std::uint64_t smaller = 0;  // than 2^-bits
+  // A float with the exponent field e is below 2^(e - 126).
   for (int e = 0; e <= 126 - bits; ++e) smaller += tally_.sizes[static_cast<std::size_t>(e)];
   if (smaller == 0) return;
   const std::string what = fmt::format(
@@ -269,6 +274,7 @@ void SpzWriter::commit(const std::function<void()>& poll) {
   gzip.write(header(bits));
   std::array<std::byte, 9> fixed;
   PageVector<std::byte> places;
+  // Converted only now: the step follows from the farthest place of all.
   for_column(kPlaces, poll, [&](std::span<const std::byte> floats) {
     places.clear();
     places.reserve(floats.size() / sizeof(Vec3f) * fixed.size());  // growing would hold it twice

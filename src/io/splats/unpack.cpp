@@ -12,6 +12,9 @@
 // that do not know sizes beforehand leave zeros in the headers before the entries, and a local
 // header is read for its own length alone. Entries must lie apart, before the directory and within
 // the file: a few bytes that stand for many entries are how archives grow without end.
+//
+// Of ZIP a scene needs three records of fixed layout. All else (compression, encryption, ZIP64,
+// several parts) is refused by name, with what to do about it.
 #include "io/splats/unpack.h"
 
 #include <fmt/format.h>
@@ -259,6 +262,8 @@ GzipReader::~GzipReader() = default;
 
 std::size_t GzipReader::read(std::span<std::byte> out) {
   State& s = *state_;
+  // As much as is asked for, or less where the member ends: the caller decides how much may come
+  // out.
   std::size_t done = 0;
   while (done < out.size() && !s.ended) {
     // zlib keeps what it has not used of a piece; only then is the next one read.
@@ -380,6 +385,7 @@ std::vector<StoredEntry> read_stored_zip(const ReadFile& file, const std::string
   DirectoryReader reader(file, path, directory);
   std::vector<StoredEntry> entries;
   std::vector<Place> places;
+  // A name that stands twice would be one file to some readers and another to others.
   std::set<std::string> names;
   for (std::uint32_t i = 0; i < directory.entries; ++i) {
     std::uint32_t header_at = 0;

@@ -16,6 +16,10 @@
 //
 // Bytes are added modulo 256, four at a time. Predictors that need the pixel to the left go pixel
 // by pixel, with the SSE2 that every x86-64 has; the others become vector code by themselves.
+//
+// Steering images (predictors, colour shares, code groups) have a pixel per block, and the rows of
+// the image need them block row by block row. They wait in the scratch file, so that memory grows
+// with the width of an image at most.
 #include "io/splats/vp8l.h"
 
 #include <emmintrin.h>
@@ -54,6 +58,7 @@ Pixel add(Pixel a, Pixel b) {
 }
 
 /// Of each channel, rounded down.
+// Half of what differs plus what both have: no sum exceeds a channel, so nothing is carried.
 Pixel average(Pixel a, Pixel b) { return (((a ^ b) & 0xFEFEFEFE) >> 1) + (a & b); }
 
 __m128i vector_of(Pixel pixel) { return _mm_cvtsi32_si128(static_cast<int>(pixel)); }
@@ -73,6 +78,7 @@ Pixel nearer(Pixel left, Pixel above, Pixel corner) {
 
 /// left + above - corner, clamped.
 Pixel gradient(Pixel left, Pixel above, Pixel corner) {
+  // In 16 bits with sign per channel. Packing clamps to a byte.
   const __m128i change = _mm_sub_epi16(widened(above), widened(corner));
   const __m128i sum = _mm_add_epi16(widened(left), change);
   return pixel_of(_mm_packus_epi16(sum, sum));
@@ -267,6 +273,8 @@ class Palette final : public Vp8lTransform {
   }
 
   void undo(std::uint32_t, PixelRow& row) override {
+    // With more than 16 colours a pixel is one index and nothing is bundled: the loop is then a
+    // look-up.
     const std::uint32_t bits = 8U >> bundle_;
     row.resize(width_);
     // From the end: a bundle lies before the pixels that come out of it.
@@ -424,6 +432,8 @@ Vp8lDecoder::Vp8lDecoder(const ReadFile& file, const Vp8lHeader& header, const s
 }
 
 void Vp8lDecoder::read_transforms(WriteFile& scratch) {
+  // The format allows each kind once. Without that, a file could stack transforms without end, each
+  // with blocks of its own in the scratch file.
   std::array<bool, 4> seen{};
   while (source_.read(1) == 1) {
     const std::uint32_t kind = source_.read(2);

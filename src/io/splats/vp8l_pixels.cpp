@@ -308,6 +308,7 @@ PrefixCode read_prefix_code(BitSource& source, std::uint32_t symbols, PrefixTabl
   return tables != nullptr ? tables->add(table) : PrefixCode{};
 }
 
+// A power of two, so that a mask finds the place of a pixel.
 PixelRing::PixelRing(std::uint64_t pixels)
     : pixels_(std::bit_ceil(std::min(pixels, kMostPixels))) {}
 
@@ -357,6 +358,7 @@ void Vp8lPixels::read_groups() {
     // A code that no block uses is read for its length in the stream alone.
     PrefixTables* const tables = is_used ? &tables_ : nullptr;
     PrefixGroup group;
+    // In the order of the format: each code begins where the one before it ends.
     group.green = read_prefix_code(source_, greens, tables);
     group.red = read_prefix_code(source_, 256, tables);
     group.blue = read_prefix_code(source_, 256, tables);
