@@ -144,8 +144,8 @@ std::string lower(std::string text) {
 /// step falls until rounding stops it.
 double root(double x, int n) noexcept {
   double r = std::max(x, 1.0);
-  // Far from the root a step only takes a fixed share of r off. The bound ends that for numbers no
-  // image has; 0..1 and the range of a half are long at their end.
+  // Far from the root a step only takes a fixed share of r off. 0..1 and the range of a half are at
+  // the root long before the bound; the largest floats are not.
   for (int i = 0; i < 200; ++i) {
     double power = 1;
     for (int k = 1; k < n; ++k) power *= r;

@@ -93,6 +93,8 @@ bool is_gltf(const std::string& path) { return format_of(path) == Format::gltf; 
 
 // Outputs are named after materials, so two of one name would be one file.
 std::vector<std::string> unique_material_names(std::vector<std::string> names) {
+  // A suffix may give a name that a later material has of its own: then that one moves on. Earlier
+  // names never change, so outputs keep theirs when materials are added at the end.
   std::set<std::string> taken;
   std::map<std::string, std::size_t> last_suffix;  // so that a million equal names stay cheap
   for (std::size_t i = 0; i < names.size(); ++i) {
