@@ -19,7 +19,7 @@ enum class JobCommand : std::uint8_t {
   transfer,   ///< TransferOptions
   maps,       ///< MapsOptions
   gaussians,  ///< GaussiansOptions
-  apply,      ///< TransferOptions whose source is a map of hits
+  apply,      ///< TransferOptions whose source is a hit map
 };
 /// "transfer", "maps", "gaussians", "apply".
 POUNCE_API const char* job_command_name(JobCommand command) noexcept;

@@ -254,7 +254,7 @@ struct ImageOptions {
   /// Also write an 8-bit mask (255 = covered) here; same tokens as `output`; empty = no.
   std::string coverage_output = {};
   /// Also write where each texel hit the source, as an EXR of floats (docs/hit-map.md): u, v and
-  /// UDIM tile on the source, signed distance, angle; same tokens as `output`, without <CHANNEL>;
+  /// UDIM tile on the source, signed distance, angle, and what painting through it takes; same tokens as `output`, without <CHANNEL>;
   /// empty = no. Surface transfers of meshes to images, whose channels share one search.
   std::string map_output = {};
   ImageLayout layout = {};
@@ -364,9 +364,12 @@ struct CompositeOptions {
 
 /// One transfer of appearance from a textured mesh or a splat scene onto the UV textures of meshes.
 struct TransferOptions {
-  std::string source = {};  ///< .glb, .gltf or .obj with textures, or a splat scene in any format
+  /// .glb, .gltf or .obj with textures; a splat scene in any format; or a hit map that
+  /// ImageOptions::map_output named (.exr), through which MaterialOptions::textures are painted.
+  std::string source = {};
   MeshUse source_use = {};
-  std::vector<std::string> targets = {};  ///< .glb, .gltf or .obj with UVs; at least one
+  /// .glb, .gltf or .obj with UVs; at least one, but none for a hit map, which has its target in it.
+  std::vector<std::string> targets = {};
   MeshUse target_use = {};                ///< for every target
   /// Image path; may hold <CHANNEL>, <MATERIAL>, <TARGET> (needed for several), <UDIM> and
   /// <UVTILE>. With one of the last two, UVs outside [0,1) are UDIM tiles with an image each;

@@ -144,8 +144,10 @@ std::string lower(std::string text) {
 /// step falls until rounding stops it.
 double root(double x, int n) noexcept {
   double r = std::max(x, 1.0);
-  // Far from the root a step only takes a fixed share of r off. 0..1 and the range of a half are at
-  // the root long before the bound; the largest floats are not.
+  // Far from the root a step only takes a fixed share of r off: beyond the range of a half the
+  // start is the power of two above the root.
+  constexpr double kNear = 1e6;
+  if (x > kNear && std::isfinite(x)) r = std::ldexp(1.0, std::ilogb(x) / n + 1);
   for (int i = 0; i < 200; ++i) {
     double power = 1;
     for (int k = 1; k < n; ++k) power *= r;

@@ -12,8 +12,7 @@
 //   between open() and flock() the name may have gone to another file, so every function that locks
 //   asks afterwards whether the name still leads to what it locked.
 //   A lock file is removed by whoever held it, which is the same race from the other side.
-// - An fdatasync() that failed may succeed when it is called again although pages were dropped, so
-// a
+// - An fdatasync() that failed may succeed when it is called again although pages were dropped: a
 //   failure is remembered.
 #include "core/file.h"
 
@@ -288,6 +287,7 @@ class PosixFileSystem final : public FileSystem {
     const FolderStream stream(fd < 0 ? nullptr : ::fdopendir(fd));
     if (!stream) {
       const int reason = errno;
+      if (fd >= 0) ::close(fd);
       // It may be another user's trap, or this user's way to a larger disk: say why it is not
       // followed.
       struct stat status {};

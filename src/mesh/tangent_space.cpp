@@ -11,9 +11,9 @@
 //   3. around a point, neighbours whose UVs turn the same way are a group. A triangle without area
 //      in UV space joins whichever group comes first;
 //   4. the frame of a group is the mean of its triangles' directions of growing u, each brought
-//   into
-//      the plane of the point's normal, weighted by the triangle's angle there. A triangle without
-//      area in UV space has no direction; one whose direction is just opposite counts apart;
+//      into the plane of the point's normal, weighted by the triangle's angle there. A triangle
+//      without area in UV space has no direction; one whose direction is just opposite counts
+//      apart;
 //   5. triangles of which two corners have the same position take no part; their corners get the
 //      frame of the first triangle that has the same point.
 //

@@ -20,7 +20,7 @@ namespace pounce::options {
 namespace {
 
 constexpr double kLeastOpacity = 0.0039;  // what people write for 1/255
-constexpr double kLargestScale = 1e30;    // its square still fits a float's exponent
+constexpr double kLargestScale = 1e30;    // a float holds it
 
 // fmt's shortest form: it reads back as the same double.
 std::string digits(double value) { return fmt::format("{}", value); }

@@ -90,7 +90,7 @@ void check_ranges(const Options& options) {
 template <class Options>
 void refuse_unsuitable(const Options& options, Source kind) {
   const char* const is = kind == Source::splats ? "a splat scene"
-                         : kind == Source::map  ? "a map of hits"
+                         : kind == Source::map  ? "a hit map"
                                                 : "a mesh";
   // What has its default is not refused, so a script may pass defaults to any kind of source.
   for (const Row<Options>& row : rows_of<Options>()) {

@@ -36,7 +36,7 @@ namespace {
 constexpr std::uint32_t kLargestSide = 65536;  // ImageSize's own limit
 constexpr double kLargestBytes = 0x1p62;       // fits every signed 64-bit file offset
 constexpr double kLongestTimeS = 1e10;         // 300 years
-constexpr double kLargestDistance = 1e30;      // squares still fit a double and a float's exponent
+constexpr double kLargestDistance = 1e30;      // a float holds it, a double its square
 
 /// The number at the start of `text`; `rest` becomes what follows it. False if there is none or it
 /// is not finite. from_chars: the same in every locale.

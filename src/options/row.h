@@ -185,7 +185,7 @@ const std::vector<Row<MapsOptions>>& rows_of<MapsOptions>();
 template <>
 const std::vector<Row<GaussiansOptions>>& rows_of<GaussiansOptions>();
 
-/// Those of a transfer that apply to a map of hits, in the words of `pounce apply`.
+/// Those of a transfer that apply to a hit map, in the words of `pounce apply`.
 std::vector<OptionInfo> apply_infos();
 
 }  // namespace pounce::options

@@ -453,7 +453,7 @@ Rows<Options> transfer_rows() {
   return rows;
 }
 
-/// What an option of a transfer is for a map of hits, where that is not the same.
+/// What an option of a transfer is for a hit map, where that is not the same.
 void reword(OptionInfo& info) {
   if (info.name == "source") {
     info.value = "MAP";

@@ -103,7 +103,7 @@ void check_channel_outputs(const TransferOptions& o) {
   }
 }
 
-/// The map of hits.
+/// The hit map.
 void check_map(const TransferOptions& o) {
   const std::string& path = o.image.map_output;
   if (path.empty()) return;
@@ -118,13 +118,13 @@ void check_map(const TransferOptions& o) {
   check_pages(o, path, "--map " + path);
 }
 
-/// What is painted through a map of hits.
+/// What is painted through a hit map.
 void check_apply(const TransferOptions& o) {
   const auto usage = [&](const std::string& text) {
     throw Error(ErrorKind::usage, fmt::format("{}: {}", o.source, text));
   };
   if (!o.targets.empty())
-    usage("is a map of hits, which has its target in it: use pounce apply, without a target");
+    usage("is a hit map, which has its target in it: use pounce apply, without a target");
   options::refuse_unsuitable(o, options::Source::map);
   if (io::is_model_path(o.output))
     usage("a map does not hold the target's mesh, so no model can be written; write images");
@@ -303,7 +303,7 @@ void check_options(const TransferOptions& o) {
   const bool is_map = is_hit_map(o.source);
   if (o.source.empty() || o.output.empty()) usage("a source and an output are required");
   if (o.targets.empty() && !is_map)
-    usage(o.source + ": is not a map of hits (.exr); every other source needs a target");
+    usage(o.source + ": is not a hit map (.exr); every other source needs a target");
   options::check_ranges(o);
   if (o.channels.all && !o.channels.transferred.empty())
     usage("--channels accepts either a list or all");

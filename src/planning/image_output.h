@@ -49,7 +49,7 @@ struct ImageOutput {
   /// which is no direction. Their alpha, if there is one, stays 0.
   bool is_normal_map = false;
   std::vector<std::string> channel_names;
-  std::string hits_note;  ///< of a map of hits: see io::ImageInfo
+  std::string hits_note;  ///< of a hit map: see io::ImageInfo
   std::optional<Chromaticities> chromaticities;
   bool tagged = true;             ///< see io::ImageWriteSpec
   std::optional<OntoImage> onto;  ///< --onto

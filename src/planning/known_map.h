@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A map of hits as a source, which has its target in it: `pounce apply`.
+// A hit map as a source, which has its target in it: `pounce apply`.
 //
 // A map says where each texel's ray met which material; what that material is (wrap modes, UV sets,
 // factors, which UDIM tiles it enters) stands in a note in its header. Both together are all that a
@@ -55,7 +55,7 @@ struct KnownMap {
   MapNote note;
 };
 
-/// Is this source a map of hits?
+/// Is this source a hit map?
 bool is_hit_map(const std::string& path);
 
 /// Reads the headers of a map's images. Throws Error(storage) if there is none, Error(input) for

@@ -61,7 +61,7 @@ struct ChannelPlan {
   /// By source page: the materials, then the same again for triangles without UVs.
   std::vector<PageTexture> pages;
   bool baked = false;     ///< ChannelOptions::baked
-  std::string hits_note;  ///< of a map of hits: map_note()
+  std::string hits_note;  ///< of a hit map: map_note()
   /// Is it of the surface itself: a normal map, or baked?
   bool has_shape() const { return channel == Channel::normal || baked; }
   bool is_tinted() const;  ///< on some page

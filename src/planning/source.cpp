@@ -153,8 +153,8 @@ class SourcePlanner {
   /// there and that the system does not let us read ends the job: the next run would give more.
   void try_channel(Channel channel) {
     // The plan must then be as if the channel had never been tried.
-    const std::size_t columns = plan_.columns.size(), warnings = plan_.warnings.size(),
-                      notes = plan_.notes.size();
+    const std::size_t columns = plan_.columns.size(), tile_sets = plan_.tile_sets.size(),
+                      warnings = plan_.warnings.size(), notes = plan_.notes.size();
     try {
       add_channel(channel);
     } catch (const Error& error) {
@@ -163,6 +163,8 @@ class SourcePlanner {
       if (is_last || (error.kind() != ErrorKind::input && !is_missing)) throw;
       plan_.columns.erase(plan_.columns.begin() + static_cast<std::ptrdiff_t>(columns),
                           plan_.columns.end());
+      plan_.tile_sets.erase(plan_.tile_sets.begin() + static_cast<std::ptrdiff_t>(tile_sets),
+                            plan_.tile_sets.end());
       plan_.warnings.resize(warnings);
       plan_.notes.resize(notes);
       plan_.warnings.push_back(

@@ -68,8 +68,12 @@ bool alike(const TexelFormat& a, const TexelFormat& b) {
 }
 
 double mixed(double old, double fresh, double weight) noexcept {
-  // Equal values stay as they are even if they are infinite: the difference would be no number.
-  return old == fresh ? old : old + (fresh - old) * weight;
+  // Equal values stay as they are even if they are infinite: the difference would be no number. So
+  // would be a part of an infinite one: any part of what is infinite is.
+  if (old == fresh) return old;
+  if (std::isfinite(old) && std::isfinite(fresh)) return old + (fresh - old) * weight;
+  const bool is_fresh = std::isfinite(old) ? weight > 0 : weight >= 1;
+  return is_fresh ? fresh : old;
 }
 
 }  // namespace

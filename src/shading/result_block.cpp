@@ -137,7 +137,9 @@ void transform_colour(const ColourTransform& transform, TexelValue& value) noexc
 namespace {
 
 TexelValue in_space_of(const TexelFormat& format, TexelValue value) noexcept {
-  for (std::size_t c = 0; c < 3 && !value.linear; ++c) value.v[c] = srgb_to_linear(value.v[c]);
+  const std::uint32_t colours = std::min(3U, value.channels - (value.has_alpha ? 1U : 0U));
+  for (std::size_t c = 0; c < colours && !value.linear; ++c)
+    value.v[c] = srgb_to_linear(value.v[c]);
   transform_colour(*format.transform, value);
   value.linear = format.linear;
   value.is_final = true;

@@ -10,8 +10,8 @@
 //
 //   a position is off by at most 0.87 steps     < 1/2000 of a texel, or < 4 last places
 //   the image is read off by as much            an 8-bit sample on its own texel stays as it is
-//   rays start 32 steps inside of their owner   so it still wins, on an edge and rounded (decision
-//   15)
+//   rays start 32 steps inside of their owner   so it still wins, on an edge and rounded
+//                                               (decision 15)
 //
 // Where a triangle far out makes the steps too coarse for a small one that shares its block, the
 // block keeps its triangles. Normals are off by at most 7e-5: over a ray of 100 texels, 1/140 of

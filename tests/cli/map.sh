@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# --map: a map of hits beside the images, by UDIM tile too; what it cannot be; it is an output like the others.
+# --map: a hit map beside the images, by UDIM tile too; what it cannot be; it is an output like the others.
 source "$(dirname "$0")/support.sh"
 # Where there can be none: refused before a file is read.
 refused '--map m.png: a map has named float channels; write .exr' transfer a.glb b.glb -o o.png --map m.png

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What is painted through a map of hits is what a transfer paints, sample for sample: on random
+// What is painted through a hit map is what a transfer paints, sample for sample: on random
 // scenes of several materials, wrap modes, transforms and layers, on UDIM tiles, fine and so coarse
 // that texels are averaged.
 #include <algorithm>

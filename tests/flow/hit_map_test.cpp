@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The map of hits against what the same transfer shows: a texture that holds its own UVs.
+// The hit map against what the same transfer shows: a texture that holds its own UVs.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>

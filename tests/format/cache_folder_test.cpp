@@ -116,6 +116,21 @@ TEST_CASE("waiting ends with what its callback throws, and then holds nothing", 
   CHECK(store->find(kKind, kKey, nullptr));
 }
 
+TEST_CASE("nobody waits for a key that was given up", "[format]") {
+  const test::TempFolder folder;
+  const std::string root = folder.file("cache");
+  const auto first = StoreFolder::open_cache(posix_file_system(), root);
+  CHECK_FALSE(first->find(kKind, kKey, nullptr));
+  first->give_up(kKind, kKey);
+  first->give_up(kKind, kOther);  // that it never had
+  Waits waits;
+  const auto second = StoreFolder::open_cache(posix_file_system(), root, waits.options());
+  CHECK_FALSE(second->find(kKind, kKey, nullptr));
+  CHECK(waits.calls == 0);
+  CHECK(second->publish(write(*second, kKey))->verify() == 2);
+  CHECK(first->find(kKind, kKey, nullptr));
+}
+
 TEST_CASE("nobody waits for a key while holding one, so two stores never wait for each other",
           "[format]") {
   const test::TempFolder folder;

@@ -52,7 +52,7 @@ constexpr const char* kTransferUsage =
 constexpr const char* kApplyUsage =
     "Usage: pounce apply MAP --source-texture NAME=PATH -o OUTPUT [options]\n"
     "\n"
-    "Paints images through a map of hits: what pounce transfer would give with this texture on "
+    "Paints images through a hit map: what pounce transfer would give with this texture on "
     "the\n"
     "source, texel for texel, without the meshes and without a search.\n"
     "\n"

@@ -2,7 +2,7 @@
 //
 // A block's texels one channel after the other, in each packet after packet: sixteen lookups go
 // side by side where images and kernel allow it (PacketBlend), to the bits that one by one gives.
-// What is left is blended alone: float images, hits near a tile's border, constants.
+// What is left is blended alone: float images, constants, UDIM tiles without image.
 //
 // Images differ from channel to channel, hits do not: the packets of a block are visited once for
 // each channel. A channel of a block begins with an empty window of decoded tiles, in which most

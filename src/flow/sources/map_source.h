@@ -13,7 +13,7 @@
 
 namespace pounce::flow {
 
-/// A map of hits: nothing is searched, images are looked up where it says. Its target is in it.
+/// A hit map: nothing is searched, images are looked up where it says. Its target is in it.
 class MapSource final : public Source {
  public:
   MapSource(job::JobContext& job, const TransferOptions& options, const job::TestKnobs& knobs);

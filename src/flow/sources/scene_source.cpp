@@ -23,7 +23,7 @@ namespace {
 /// The texels that a target's places stand for, whatever its images' size: of its diagonal.
 constexpr double kPlaceEdge = 1.0 / 1024;
 
-/// What a texel must be sure of before the fit is known, to be covered.
+/// The confidence, without the fit, from which on a texel is covered.
 double least_confidence(double min_confidence, double fit) {
   // Covered is a texel whose confidence times the fit reaches the minimum. Dividing the minimum
   // once is the same, and spares each texel the product.

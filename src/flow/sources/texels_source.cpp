@@ -3,7 +3,7 @@
 // A mesh as the paper has it: every texel is a Gaussian on the surface, and a target's texel blends
 // all that its ray meets (--method gaussian, docs/paper.md).
 //
-// Columns of colours and blocks of triangles are what the Gaussians are made from (stores/
+// Columns of colours and blocks of triangles are what the Gaussians are made from (sources/
 // texel_source.h); sorted into one store they are all that a projection reads, so where the cache
 // has that store no image and no triangle is looked at.
 #include "flow/sources/texels_source.h"

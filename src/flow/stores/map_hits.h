@@ -11,7 +11,7 @@
 
 namespace pounce::flow {
 
-/// One image of a map of hits (projection/hit_map.h).
+/// One image of a hit map (projection/hit_map.h).
 struct MapRequest {
   std::string path;
   ImageSize size;

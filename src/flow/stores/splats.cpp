@@ -52,11 +52,14 @@ class SceneStore {
     // surface noise is measured on what was sorted (docs/decisions/024-near-target.md).
     gaussian::SplatKeep keep = request_.keep;
     *cached = true;
-    if (!keep.near.empty() && !request_.near_is_asked) {
-      if (auto found = find(keep)) return found;
-      if (!is_mostly_far(keep)) keep.near.clear();
-    }
+    const bool is_suggested = !keep.near.empty() && !request_.near_is_asked;
     if (auto found = find(keep)) return found;
+    if (is_suggested && !is_mostly_far(keep)) {
+      // Another store than the one that was looked for, and whose key is this job's now.
+      job_.stores->give_up(store::PackKind::splats, key(keep));
+      keep.near.clear();
+      if (auto found = find(keep)) return found;
+    }
     *cached = false;
     prepare();
     return build_gaussian_store(

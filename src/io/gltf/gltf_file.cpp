@@ -10,8 +10,7 @@
 //   json_size     depth and counts, before anything recurses or allocates by them
 //   check_gltf    types, ranges, indices, the node graph; behind it the document is trusted
 //   load_model    tinygltf sees a copy without buffers, images, extras and indices, and what it
-//   made
-//                 of that is compared with the document, entry by entry
+//                 made of that is compared with the document, entry by entry
 //
 // A .glb is 12 bytes ("glTF", version 2, length) and chunks of (bytes, type, data): first the JSON,
 // then at most one BIN, which is buffer 0 if that has no uri. Anything else is JSON with its

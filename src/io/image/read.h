@@ -33,7 +33,7 @@ struct ImageInfo {
   /// Memory that the decoder itself needs beyond the rows handed out: small where the file decodes
   /// by rows, the whole image where it only decodes whole (interlaced PNG, progressive JPEG, WebP).
   std::uint64_t decoder_bytes = 0;
-  /// Of an EXR that is a map of hits: what pounce wrote there to read it again. Untrusted.
+  /// Of an EXR that is a hit map: what pounce wrote there to read it again. Untrusted.
   std::string hits_note;
 
   /// What its colours are, by what the file says and what is usual where it says nothing.

@@ -9,7 +9,7 @@
 //   ModelBuffers       what the buffers will hold, without reading them      layout.h
 //   edit_model_json    the document with all of that                         document.h
 //   write_glb          one file; write_gltf: several, which get their names together, the model
-//   last
+//                      last
 //
 // The plan is made before a job begins and the copy after it, from the same files, which stay open
 // in between (open_input()). The target's images that stay are taken along only if they lie in its

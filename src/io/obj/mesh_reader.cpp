@@ -5,11 +5,12 @@
 // bend the surface without a word. Curves, lines, points and smoothing groups are passed over. A
 // vertex may have a colour, three numbers more, which programs write as they show it: sRGB.
 //
-//   v x y z [r g b]      a position, and maybe its colour; a fourth number alone is a weight:
-//   ignored vt u [v]             v counts from below here and from above inside vn x y z f
-//   v[/[vt][/[vn]]]... three corners or more; negative indices count from the last entry o, g names
-//   that triangles can be selected by (--source-part); g may give several usemtl, mtllib
-//   materials.cpp
+//   v x y z [r g b]             a position, maybe a colour; one number more is a weight, ignored
+//   vt u [v]                    v counts from below here, and from above inside
+//   vn x y z                    a normal
+//   f v[/[vt][/[vn]]] ...       three corners or more; negative indices count from the last entry
+//   o NAME, g NAME ...          names that triangles can be selected by (--source-mesh)
+//   usemtl NAME, mtllib FILE    materials.cpp
 //
 // The file is read twice: first it is counted (obj_text.h), so that its lists and the mesh are
 // reserved once, at their final size. Beside the mesh there are then the lists of the file and the

@@ -3,8 +3,7 @@
 // The two formats of viewers in the browser: rows that are copied to the graphics card as they are.
 //
 //   .splat    one row after the other, 32 bytes each, nothing else: no header, no mark. All that
-//   can
-//             be checked is that the size is a whole number of rows.
+//             can be checked is that the size is a whole number of rows.
 //   .ksplat   a header of 4096 bytes, headers of 1024 bytes for each section, then the sections:
 //             lengths of the buckets that are not full, centres of all buckets, rows. Compressed
 //             rows hold positions as 16 bits around the centre of their bucket. Buckets are filled

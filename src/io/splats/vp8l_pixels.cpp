@@ -10,10 +10,10 @@
 //                  that make no complete code are refused: with them some bits would name no
 //                  symbol.
 //   Vp8lPixels     a pixel is one of: four symbols (green, red, blue, alpha); the length and
-//   distance
-//                  of a copy of pixels before it; a place in a cache of colours met before. Copies
-//                  reach back less than 2^20 pixels, so a ring of that many is all that is ever
-//                  needed of the rows above. Each copy is checked against both ends of the image.
+//                  distance of a copy of pixels before it; a place in a cache of colours met
+//                  before. Copies reach back less than 2^20 pixels, so a ring of that many is all
+//                  that is ever needed of the rows above. Each copy is checked against both ends of
+//                  the image.
 //
 // An image may have any number of groups of codes, one per block of pixels. Their tables are the
 // only memory that the file decides on: 32 MiB at the most, groups that no block names are parsed

@@ -250,6 +250,11 @@ class CacheFolder final : public StoreFolder {
     return nullptr;
   }
 
+  void give_up(PackKind kind, const Hash128& key) override {
+    const std::lock_guard lock(mutex_);
+    claims_.erase(name_of(kind, key));
+  }
+
   std::unique_ptr<PackWriter> create(PackKind kind, const Hash128& key,
                                      const std::string& label) override {
     if (read_only_ || is_left_out(kind, key)) return unkept_->create(kind, key, label);

@@ -51,6 +51,8 @@ class StoreFolder {
   /// reported through `warning` (appended to), and treated as absent.
   virtual std::unique_ptr<PackReader> find(PackKind kind, const Hash128& key,
                                            std::string* warning) = 0;
+  /// Gives up a key that find() left to this store: others need not wait for it any more.
+  virtual void give_up(PackKind, const Hash128&) {}
   /// A writer for a new pack. `label` says to people what it is made from; names of files, not
   /// paths.
   virtual std::unique_ptr<PackWriter> create(PackKind kind, const Hash128& key,

@@ -68,6 +68,14 @@ TEST_CASE("CIE XYZ is turned into Rec. 709 without a tint") {
   }
 }
 
+TEST_CASE("the largest floats are coded as the formula says") {
+  for (double light = 0.01; light < 3e38; light *= 7) {
+    CAPTURE(light);
+    CHECK(linear_to_srgb(light) == Approx(1.055 * std::pow(light, 1 / 2.4) - 0.055).epsilon(1e-13));
+    CHECK(srgb_to_linear(linear_to_srgb(light)) == Approx(light).epsilon(1e-12));
+  }
+}
+
 TEST_CASE("names are told apart from what has none") {
   CHECK(space("ACEScg").linear);
   CHECK_FALSE(space("Display-P3").linear);

@@ -100,6 +100,21 @@ TEST_CASE("in between, the stored numbers mix and round to nearest", "[texture]"
         std::vector<std::uint16_t>{float_to_half(1.5F)});
 }
 
+TEST_CASE("infinite samples mix to what is infinite, never to what is no number", "[texture]") {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  const TexelFormat real{1, Depth::float32, true, true, false};
+  const auto mix = [&](float old, float fresh, float weight) {
+    return values_of<float>(painted(real, PaintAlpha::keep, {weight}, bytes_of<float>({old}),
+                                    bytes_of<float>({fresh})))[0];
+  };
+  CHECK(mix(kInfinity, 2, 0.5F) == kInfinity);
+  CHECK(mix(kInfinity, 2, 0) == kInfinity);
+  CHECK(mix(kInfinity, 2, 1) == 2);
+  CHECK(mix(2, -kInfinity, 0.5F) == -kInfinity);
+  CHECK(mix(2, -kInfinity, 0) == 2);
+  CHECK(mix(-kInfinity, kInfinity, 0.5F) == -kInfinity);
+}
+
 TEST_CASE("equal samples stay equal under any mask", "[texture]") {
   Bytes all;
   std::vector<float> weights;

@@ -232,6 +232,10 @@ TEST_CASE("a colour goes through a format's transform last, without its alpha an
   SECTION("grey becomes colour, its alpha stays alpha") {
     CHECK(stored(format, {{0.5, 0.25}, 2, true, true}) == Values{1.5, 2.5, 3.5, 0.25});
     CHECK(stored(format, {{0.5}, 1, true}) == Values{1.5, 2.5, 3.5, 1});
+    const double grey = srgb_to_linear(0.5);
+    const auto as_float = [](double v) { return double{static_cast<float>(v)}; };
+    CHECK(stored(format, {{0.5, 0.25}, 2, false, true}) ==
+          Values{as_float(grey + 1), as_float(grey + 2), as_float(grey + 3), 0.25});
   }
   SECTION("two channels are none") {
     CHECK(stored(format, {{0.5, 0.25}, 2, true}) == Values{0.5, 0.25, 0, 1});
