@@ -254,8 +254,9 @@ struct ImageOptions {
   /// Also write an 8-bit mask (255 = covered) here; same tokens as `output`; empty = no.
   std::string coverage_output = {};
   /// Also write where each texel hit the source, as an EXR of floats (docs/hit-map.md): u, v and
-  /// UDIM tile on the source, signed distance, angle, and what painting through it takes; same tokens as `output`, without <CHANNEL>;
-  /// empty = no. Surface transfers of meshes to images, whose channels share one search.
+  /// UDIM tile on the source, signed distance, angle, and what painting through it takes; same
+  /// tokens as `output`, without <CHANNEL>; empty = no. Surface transfers of meshes to images,
+  /// whose channels share one search.
   std::string map_output = {};
   ImageLayout layout = {};
 };
@@ -368,9 +369,10 @@ struct TransferOptions {
   /// ImageOptions::map_output named (.exr), through which MaterialOptions::textures are painted.
   std::string source = {};
   MeshUse source_use = {};
-  /// .glb, .gltf or .obj with UVs; at least one, but none for a hit map, which has its target in it.
+  /// .glb, .gltf or .obj with UVs; at least one, but none for a hit map, which has its target in
+  /// it.
   std::vector<std::string> targets = {};
-  MeshUse target_use = {};                ///< for every target
+  MeshUse target_use = {};  ///< for every target
   /// Image path; may hold <CHANNEL>, <MATERIAL>, <TARGET> (needed for several), <UDIM> and
   /// <UVTILE>. With one of the last two, UVs outside [0,1) are UDIM tiles with an image each;
   /// without, they wrap. The ending picks the format. Missing folders are created.

@@ -22,10 +22,12 @@ void append(Rows<Options>& rows, Rows<Options> more) {
   std::move(more.begin(), more.end(), std::back_inserter(rows));
 }
 
-/// Machine resources; no result depends on them.
+inline constexpr const char* kResourcesGroup = "Resources (the result does not depend on these)";
+
+/// Memory and threads; no result depends on them.
 template <class Options>
-Rows<Options> resource_rows() {
-  const std::string group = "Resources (the result does not depend on these)";
+Rows<Options> machine_rows() {
+  const std::string group = kResourcesGroup;
   const auto at = [](auto member) { return path(&Options::resources, member); };
   constexpr auto kHashed = Hashed::otherwise;
   constexpr std::uint64_t kMostThreads = 1024;
@@ -46,6 +48,16 @@ Rows<Options> resource_rows() {
                     .default_text = "all cores",
                     .hashed = kHashed},
                    at(&Resources::threads), integer<unsigned>(1, kMostThreads)),
+  };
+}
+
+/// Where a job keeps what it makes on the way, and how much of it.
+template <class Options>
+Rows<Options> place_rows() {
+  const std::string group = kResourcesGroup;
+  const auto at = [](auto member) { return path(&Options::resources, member); };
+  constexpr auto kHashed = Hashed::otherwise;
+  return {
       row<Options>({.name = "cache",
                     .value = "DIR",
                     .group = group,
@@ -90,6 +102,14 @@ Rows<Options> resource_rows() {
                            .hashed = kHashed},
                           at(&Resources::wait_for_cache)),
   };
+}
+
+/// Machine resources.
+template <class Options>
+Rows<Options> resource_rows() {
+  Rows<Options> rows = machine_rows<Options>();
+  append(rows, place_rows<Options>());
+  return rows;
 }
 
 /// Which triangles of a mesh are used. `side`: "source" or "target".

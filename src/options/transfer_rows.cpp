@@ -79,7 +79,6 @@ Row<Options> near_target_row() {
 
 Rows<Options> output_rows() {
   const std::string group = "Output";
-  constexpr std::uint64_t kMostPadding = 4096;  // half of it is the default at the largest size
   // Names and sizes of outputs are hashed as they come out, image by image. What to do about
   // existing files, and when to complain, changes no byte.
   constexpr auto kHashed = Hashed::otherwise;
@@ -118,6 +117,15 @@ Rows<Options> output_rows() {
                     .method = Only::surface,
                     .hashed = kHashed},
                    path(&Options::image, &ImageOptions::map_output), text(parse_image_pattern)),
+  };
+}
+
+/// How large outputs are, what is around their charts, and which of them are written.
+Rows<Options> output_extent_rows() {
+  const std::string group = "Output";
+  constexpr std::uint64_t kMostPadding = 4096;  // half of it is the default at the largest size
+  constexpr auto kHashed = Hashed::otherwise;
+  return {
       row<Options>({.name = "tiles",
                     .value = "LIST",
                     .group = group,
@@ -437,6 +445,7 @@ Rows<Options> transfer_rows() {
   };
   // The order of help, and of the hash: see above before you move one.
   append(rows, output_rows());
+  append(rows, output_extent_rows());
   append(rows, file_rows());
   append(rows, composite_rows());
   append(rows, source_rows());
@@ -453,43 +462,7 @@ Rows<Options> transfer_rows() {
   return rows;
 }
 
-/// What an option of a transfer is for a hit map, where that is not the same.
-void reword(OptionInfo& info) {
-  if (info.name == "source") {
-    info.value = "MAP";
-    info.help =
-        "Map of hits (.exr) that `pounce transfer --map` wrote. May hold <UDIM> or <UVTILE>";
-  } else if (info.name == "output") {
-    info.help =
-        "Image to write (.png, .jpg, .tif, .tx, .exr). May hold <CHANNEL>, and holds <UDIM> "
-        "(1001) or <UVTILE> (u1_v1) if MAP does. Missing folders are created";
-  } else if (info.name == "tiles") {
-    info.default_text = "all that MAP has";
-  } else if (info.name == "channels") {
-    info.help =
-        "baseColor, metallicRoughness, occlusion and emissive, separated by commas. Each needs "
-        "--source-texture";
-    info.default_text = "all that --source-texture names if OUTPUT holds <CHANNEL>, else baseColor";
-  } else if (info.name == "source-texture") {
-    info.help =
-        "Paint this image: of a material's channel, or a custom map (displacement, specular, mask) "
-        "that --channels and <CHANNEL> then know by NAME. PATH may hold <UDIM> or <UVTILE>. Layers "
-        "and channels of an EXR: NAME=FILE.exr:diffuse or NAME=FILE.exr:N.X,Y,Z. Once per name";
-    info.is_required = true;
-  }
-}
-
 }  // namespace
-
-std::vector<OptionInfo> apply_infos() {
-  std::vector<OptionInfo> infos;
-  for (const Row<Options>& row : rows_of<Options>()) {
-    if (!applies_to(row.source, Source::map)) continue;
-    infos.push_back(row.info);
-    reword(infos.back());
-  }
-  return infos;
-}
 
 template <>
 const std::vector<Row<TransferOptions>>& rows_of<TransferOptions>() {

@@ -237,8 +237,7 @@ std::vector<KnownMap::Page> pages_of(const std::string& pattern) {
 }
 
 [[noreturn]] void refuse_as_no_map(const std::string& path) {
-  throw Error(ErrorKind::input,
-              path + ": is not a hit map; write one with pounce transfer --map");
+  throw Error(ErrorKind::input, path + ": is not a hit map; write one with pounce transfer --map");
 }
 
 /// The header of one image of a map.

@@ -77,6 +77,21 @@ inline IntRegister pair(IntRegister a, IntRegister b) {
   return (IntRegister)(low | (high & 0xFF0000U));
 }
 
+/// The channels of four texels of three or four bytes each, which lie in words one after the other.
+template <std::size_t kChannels, class Words>
+inline std::array<Pairs, kChannels> bytes_of_words(const Words& w) {
+  if constexpr (kChannels == 3) {
+    return {{{pair<0, 3>(w[0], w[0]), pair<2, 1>(w[1], w[2])},
+             {pair<1, 0>(w[0], w[1]), pair<3, 2>(w[1], w[2])},
+             {pair<2, 1>(w[0], w[1]), pair<0, 3>(w[2], w[2])}}};
+  } else {
+    return {{{pair<0, 0>(w[0], w[1]), pair<0, 0>(w[2], w[3])},
+             {pair<1, 1>(w[0], w[1]), pair<1, 1>(w[2], w[3])},
+             {pair<2, 2>(w[0], w[1]), pair<2, 2>(w[2], w[3])},
+             {pair<3, 3>(w[0], w[1]), pair<3, 3>(w[2], w[3])}}};
+  }
+}
+
 template <std::size_t kChannels>
 inline std::array<Pairs, kChannels> load_row(const Runs& runs, std::ptrdiff_t at, bool is_last) {
   if constexpr (kChannels == 1) {
@@ -131,17 +146,7 @@ inline std::array<Pairs, kChannels> load_row(const Runs& runs, std::ptrdiff_t at
       c = _mm_srli_si128(c, kBefore);
       d = _mm_srli_si128(d, kBefore);
     }
-    const auto w = turned(a, b, c, d);
-    if constexpr (kChannels == 3) {
-      return {{{pair<0, 3>(w[0], w[0]), pair<2, 1>(w[1], w[2])},
-               {pair<1, 0>(w[0], w[1]), pair<3, 2>(w[1], w[2])},
-               {pair<2, 1>(w[0], w[1]), pair<0, 3>(w[2], w[2])}}};
-    } else {
-      return {{{pair<0, 0>(w[0], w[1]), pair<0, 0>(w[2], w[3])},
-               {pair<1, 1>(w[0], w[1]), pair<1, 1>(w[2], w[3])},
-               {pair<2, 2>(w[0], w[1]), pair<2, 2>(w[2], w[3])},
-               {pair<3, 3>(w[0], w[1]), pair<3, 3>(w[2], w[3])}}};
-    }
+    return bytes_of_words<kChannels>(turned(a, b, c, d));
 #endif
   }
 }

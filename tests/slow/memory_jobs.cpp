@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <utility>
 
 #include "pounce/transfer.h"
 #include "support/many_threads.h"
@@ -70,6 +71,12 @@ class Maker {
     if (onto) {
       o.composite.onto = (folder_ / "old.png").string();
       write_image(o.composite.onto, *o.image.size, 3);
+    }
+    const bool maps = !splats && !several && !onto && o.channels.transferred.size() == 1;
+    if (maps && random_.one_in(2)) {
+      o.image.map_output =
+          (folder_ / (std::string("map") + (tiles ? ".<UDIM>" : "") + ".exr")).string();
+      job.what += " map";
     }
     o.resources.threads = static_cast<unsigned>(random_.whole(1, 8));
     o.resources.use_cache = false;
@@ -193,8 +200,7 @@ std::string outcome(TransferOptions options, std::uint64_t memory_bytes) {
 }
 
 /// Is everything as promised? Says so, if not.
-bool check(std::uint64_t seed, const fs::path& folder) {
-  Job job = Maker(seed, folder).make();
+bool keeps_promises(Job job, std::uint64_t seed) {
   std::string what = "seed " + std::to_string(seed) + " (" + job.what + ")";
   job.options.resources.memory_bytes = 2ULL << 30;
   PlanReport named;
@@ -224,6 +230,27 @@ bool check(std::uint64_t seed, const fs::path& folder) {
       complain(std::to_string(other), m);
   }
   return good;
+}
+
+/// What paints through the map that a job wrote.
+Job applied(const Job& job) {
+  Job apply = job;
+  TransferOptions& o = apply.options;
+  o.source = std::exchange(o.image.map_output, "");
+  o.targets.clear();
+  o.image.size.reset();
+  apply.what = "apply after " + job.what;
+  return apply;
+}
+
+bool check(std::uint64_t seed, const fs::path& folder) {
+  const Job job = Maker(seed, folder).make();
+  if (!keeps_promises(job, seed)) return false;
+  if (job.options.image.map_output.empty()) return true;
+  const std::string failure = outcome(job.options, 2ULL << 30);
+  if (failure.empty()) return keeps_promises(applied(job), seed);
+  std::printf("seed %llu: no map: %s\n", static_cast<unsigned long long>(seed), failure.c_str());
+  return false;
 }
 
 int run(std::uint64_t jobs, std::uint64_t first) {

@@ -342,7 +342,7 @@ std::string markdown_page(const CLI::App& program) {
         if (option->get_group() != group) continue;
         const std::string value = option->get_option_text();
         page += fmt::format("| `{}{}` | {} |\n", fmt::join(names_of(*option), "`, `"),
-                            value.empty() ? "" : " " + replaced(value, "|", "\\|"),
+                            value.empty() ? "" : fmt::format(" {}", replaced(value, "|", "\\|")),
                             markdown(option->get_description()));
       }
     }

@@ -146,14 +146,20 @@ TEST_CASE("options are refused where they do not apply", "[options]") {
   TransferOptions options;
   options.source = "x.glb";
   options.splats.rays = 1;
-  CHECK_THROWS_WITH(options::refuse_unsuitable(options, false),
+  CHECK_THROWS_WITH(options::refuse_unsuitable(options, options::Source::mesh),
                     "--rays applies only to splat scenes; x.glb is a mesh");
-  CHECK_NOTHROW(options::refuse_unsuitable(options, true));
+  CHECK_NOTHROW(options::refuse_unsuitable(options, options::Source::splats));
   options.splats.rays = 0;
   options.mesh.filter = kDefaultFilter;  // which is not said at all
-  CHECK_NOTHROW(options::refuse_unsuitable(options, true));
+  CHECK_NOTHROW(options::refuse_unsuitable(options, options::Source::splats));
   options.mesh.filter = Filter::tent;
-  CHECK_THROWS_WITH(options::refuse_unsuitable(options, true), Contains("only to meshes"));
+  CHECK_THROWS_WITH(options::refuse_unsuitable(options, options::Source::splats),
+                    Contains("only to meshes"));
+  options.source = "m.exr";
+  CHECK_NOTHROW(options::refuse_unsuitable(options, options::Source::map));
+  options.search.max_angle_deg = 45;
+  CHECK_THROWS_WITH(options::refuse_unsuitable(options, options::Source::map),
+                    "--max-angle applies only to meshes and splat scenes; m.exr is a hit map");
   CHECK_NOTHROW(options::refuse_unsuitable(options, Method::surface));
   CHECK_THROWS_WITH(options::refuse_unsuitable(options, Method::gaussian),
                     Contains("--filter applies only to --method surface"));
