@@ -13,7 +13,7 @@ void reword(OptionInfo& info) {
   if (info.name == "source") {
     info.value = "MAP";
     info.help =
-        "Map of hits (.exr) that `pounce transfer --map` wrote. May hold <UDIM> or <UVTILE>";
+        "Hit map (.exr) that `pounce transfer --map` wrote. May hold <UDIM> or <UVTILE>";
   } else if (info.name == "output") {
     info.help =
         "Image to write (.png, .jpg, .tif, .tx, .exr). May hold <CHANNEL>, and holds <UDIM> "

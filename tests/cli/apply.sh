@@ -14,7 +14,8 @@ refused 'normal cannot be painted through a map' apply m.exr --source-texture no
 refused 'apply does not accept --max-distance' apply m.exr "${paint[@]}" -o o.png --max-distance 1
 echo '{"command": "apply", "options": {"source": "m.exr", "output": "o.png", "source-texture": ["baseColor=t.png"],
   "max-distance": 1}}' >job.json
-refused '--max-distance applies only to meshes and splat scenes; m.exr is a hit map' apply --job job.json
+expect 2 apply --job job.json
+err_has '--max-distance applies only to meshes and splat scenes; m.exr is a hit map'
 expect 5 apply m.exr "${paint[@]}" -o o.png
 err_has 'm.exr: cannot open'
 expect 5 apply 'm.<UDIM>.exr' "${paint[@]}" -o 'o.<UDIM>.png'
@@ -59,7 +60,7 @@ err_has 'none.exr: is not a hit map'
 expect 0 transfer ../p.obj ../p.obj --source-texture baseColor=new.1001.png -o other.png --size 32 --map m.1003.exr
 expect 3 apply 'm.<UDIM>.exr' --source-texture 'baseColor=new.<UDIM>.png' -o 'o.<UDIM>.png'
 err_has 'm.1003.exr: is of another job than m.1001.exr'
-head -c 20000 m.1003.exr >cut.exr
+head -c $(($(stat -c %s m.1003.exr) * 2 / 3)) m.1003.exr >cut.exr
 expect 3 apply cut.exr --source-texture baseColor=new.1001.png -o o.png
 [[ ! -e o.png ]] || fail 'half an image'
 expect 3 apply m.1003.exr --source-texture occlusion=new.1001.png --channels baseColor -o o.png
