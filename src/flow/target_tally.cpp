@@ -249,8 +249,14 @@ void TargetTally::finish(const Box3f& source) {
         target().overlapping));
   }
   if (counts.covered > 0) warn_of_empty_pages();
-  if (counts.texels > 0 || !any_kept()) warn_of_little(source);
-  warn_of_waste();
+  if (source_.own_target()) {
+    // Where texels that found nothing lie, and how far away what they sought, the map does not say.
+    if (counts.covered == 0 && !any_kept())
+      warn("no texel of the map shows an image; the result is empty");
+  } else {
+    if (counts.texels > 0 || !any_kept()) warn_of_little(source);
+    warn_of_waste();
+  }
   if (!mesh_fit_.better && !mesh_fit_.opposed) warn_of_layers();
   target().enough = has_enough();
 }

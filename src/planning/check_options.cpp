@@ -128,10 +128,19 @@ void check_apply(const TransferOptions& o) {
   options::refuse_unsuitable(o, options::Source::map);
   if (io::is_model_path(o.output))
     usage("a map does not hold the target's mesh, so no model can be written; write images");
+  std::vector<std::string> patterns{o.output, o.image.coverage_output, o.composite.onto,
+                                    o.composite.mask};
+  for (const ChannelOutput& own : o.image.channel_outputs) patterns.push_back(own.path);
   for (const char* token : {"TARGET", "MATERIAL"}) {
-    if (has_token(o.output, token))
-      usage(fmt::format("a map knows no <{}>; remove it from -o {}", token, o.output));
+    for (const std::string& pattern : patterns) {
+      if (has_token(pattern, token))
+        usage(fmt::format("a map knows no <{}>; remove it from {}", token, pattern));
+    }
   }
+  if (!o.composite.onto.empty() && o.image.padding_px.value_or(0) > 0)
+    usage(
+        "--padding contradicts --onto: padding must not run into other charts, and a map does not "
+        "know which empty texels are theirs; remove --padding, or use pounce transfer");
   const auto has_tiles = [](const std::string& path) {
     return has_token(path, "UDIM") || has_token(path, "UVTILE");
   };

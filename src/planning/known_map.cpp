@@ -17,6 +17,7 @@
 #include "io/image/read.h"
 #include "io/json/untrusted.h"
 #include "mesh/uv_tiles.h"
+#include "planning/output_names.h"
 #include "planning/tile_pattern.h"
 #include "pounce/error.h"
 #include "projection/hit_map.h"
@@ -29,6 +30,7 @@ using Json = nlohmann::ordered_json;
 constexpr int kNoteVersion = 1;
 constexpr std::size_t kMostMaterials = 65536;
 constexpr std::uint64_t kLargestSide = 65536;
+constexpr std::size_t kMostNoteBytes = 6 << 20;  // a header is read up to 8 MiB (exr_guard.cpp)
 constexpr double kFarthest = std::numeric_limits<float>::max();
 constexpr std::array<const char*, 3> kWraps{"repeat", "mirror", "clamp"};  // by mesh::Wrap
 
@@ -248,12 +250,6 @@ io::ImageInfo header_of(const std::string& path) {
       io::ImageReader(path, {projection::kHitMapNames.begin(), projection::kHitMapNames.end()})
           .info();
   if (info.hits_note.empty()) refuse_as_no_map(path);
-  if (info.depth != Depth::float32) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: its samples are {}, but hits are exact as float only; write the "
-                            "map again and do not convert it",
-                            path, depth_name(info.depth)));
-  }
   return info;
 }
 
@@ -323,7 +319,13 @@ std::string map_note(const MeshPlanning& planning, const PassPlan& pass) {
   if (const auto uv_set = planning.options.source_use.uv_set) note["uvSet"] = *uv_set;
   for (std::size_t m = 0; m < planning.source.materials.size(); ++m)
     note["materials"].push_back(json_of_material(planning, pass, m));
-  return note.dump(-1, ' ', true, Json::error_handler_t::replace);
+  std::string text = note.dump(-1, ' ', true, Json::error_handler_t::replace);
+  if (text.size() <= kMostNoteBytes) return text;
+  throw Error(ErrorKind::input,
+              fmt::format("--map {}: what a map must say of the {} materials of {} takes {} bytes, "
+                          "but an EXR's header holds {}; select some with --source-material",
+                          planning.options.image.map_output, planning.source.materials.size(),
+                          planning.source.path, text.size(), kMostNoteBytes));
 }
 
 std::string with_distance(const std::string& note, double max_distance) {
@@ -362,7 +364,6 @@ KnownMap read_known_map(const std::string& pattern) {
 mesh::Mesh map_source(const KnownMap& map, const TransferOptions& options) {
   std::set<Channel> given;
   for (const SourceTexture& texture : options.material.textures) given.insert(texture.channel);
-  for (const Channel channel : given) check_channel(map, options, channel);
   mesh::Mesh mesh;
   mesh.path = map.pattern;
   mesh.uv_sets.resize(1);
@@ -381,6 +382,11 @@ mesh::Mesh map_source(const KnownMap& map, const TransferOptions& options) {
     if (noted.udims.empty()) add_triangle({0, 0}, m, mesh);
   }
   return mesh;
+}
+
+void check_map_channels(const KnownMap& map, const TransferOptions& options,
+                        const SourcePlan& plan) {
+  for (const ChannelPlan& channel : plan.channels) check_channel(map, options, channel.channel);
 }
 
 mesh::Mesh map_target(const KnownMap& map) {
@@ -410,6 +416,12 @@ TransferOptions apply_options(const KnownMap& map, TransferOptions options) {
   options.targets = {map.pattern};
   options.image.size = map.size;
   options.search.max_distance = Length{map.note.max_distance, false};
+  // Padding must not run into other charts of what is painted over, which a map does not know.
+  if (!options.composite.onto.empty()) options.image.padding_px = 0;
+  // Whoever names one texture wants to see that one.
+  const bool names_none = !options.channels.all && options.channels.transferred.empty();
+  if (names_none && options.material.textures.size() == 1 && !has_token(options.output, "CHANNEL"))
+    options.channels.transferred = {options.material.textures.front().channel};
   return options;
 }
 

@@ -62,11 +62,15 @@ bool is_hit_map(const std::string& path);
 /// what is no map, or no longer whole, or of another search than the first.
 KnownMap read_known_map(const std::string& pattern);
 
-/// Stands for the source. Throws Error(input) for channels that the map has no places for.
+/// Stands for the source.
 mesh::Mesh map_source(const KnownMap& map, const TransferOptions& options);
+/// Throws Error(input), or Error(usage), for a channel of the plan that the map has no places for.
+void check_map_channels(const KnownMap& map, const TransferOptions& options,
+                        const SourcePlan& plan);
 /// Stands for the target.
 mesh::Mesh map_target(const KnownMap& map);
-/// The options of the transfer that paints through a map: its size, its target, its search.
+/// The options of the transfer that paints through a map: its size, its target, its search. What
+/// they do not say is what is usual for maps.
 TransferOptions apply_options(const KnownMap& map, TransferOptions options);
 
 }  // namespace pounce::planning

@@ -10,6 +10,9 @@ refused 'no model can be written' apply m.exr "${paint[@]}" -o o.glb
 refused 'a map knows no <TARGET>' apply m.exr "${paint[@]}" -o 'o.<TARGET>.png'
 refused '<UDIM> or <UVTILE> must appear both' apply m.exr "${paint[@]}" -o 'o.<UDIM>.png'
 refused '<UDIM> or <UVTILE> must appear both' apply 'm.<UDIM>.exr' "${paint[@]}" -o o.png
+refused 'a map knows no <TARGET>' apply m.exr "${paint[@]}" -o o.png --coverage 'c.<TARGET>.png'
+refused 'a map knows no <MATERIAL>' apply m.exr "${paint[@]}" -o o.png --onto 'c.<MATERIAL>.png'
+refused '--padding contradicts --onto' apply m.exr "${paint[@]}" -o o.png --onto old.png --padding 4
 refused 'normal cannot be painted through a map' apply m.exr --source-texture normal=n.png -o o.png
 refused 'apply does not accept --max-distance' apply m.exr "${paint[@]}" -o o.png --max-distance 1
 echo '{"command": "apply", "options": {"source": "m.exr", "output": "o.png", "source-texture": ["baseColor=t.png"],
@@ -50,6 +53,18 @@ cmp a.1001.png kept.png || fail 'other bytes'
 expect 0 apply 'm.<UDIM>.exr' --source-texture 'baseColor=new.<UDIM>.png' -o 'a.<UDIM>.png' --plan
 out_has 'a.1002.png'
 
+# With the least memory that a plan of several tiles names.
+least=$(sed -nE 's/^least memory .*\(([0-9]+) bytes\)/\1/p' "$out")
+[[ -n $least ]] || fail 'the plan names no least memory'
+expect 0 apply 'm.<UDIM>.exr' --source-texture 'baseColor=new.<UDIM>.png' -o 'a.<UDIM>.png' --no-cache --memory "$least"
+cmp a.1001.png kept.png || fail 'other bytes with the least memory'
+# The one texture that is named is painted, whatever its channel; over an old image nothing is filled beside the charts.
+expect 0 apply 'm.<UDIM>.exr' --source-texture 'gloss=new.<UDIM>.png' -o 'g.<UDIM>.png'
+expect 0 compare g.1001.png a.1001.png
+out_has 'infinite (equal)'
+expect 0 apply 'm.<UDIM>.exr' --source-texture 'baseColor=new.<UDIM>.png' -o 'over.<UDIM>.png' --onto 'g.<UDIM>.png'
+err_has 'nothing is filled around the charts'
+
 # A map is an input: nothing is written over it.
 expect 2 apply 'm.<UDIM>.exr' --source-texture 'baseColor=new.<UDIM>.png' -o 'm.<UDIM>.exr' --depth float
 err_has 'm.1001.exr: is also an input'
@@ -65,6 +80,13 @@ expect 3 apply cut.exr --source-texture baseColor=new.1001.png -o o.png
 [[ ! -e o.png ]] || fail 'half an image'
 expect 3 apply m.1003.exr --source-texture occlusion=new.1001.png --channels baseColor -o o.png
 err_has 'no material has a baseColor texture'
+# Nothing was hit: said without the words of a search.
+expect 0 transfer ../p.obj ../p.obj --source-texture baseColor=new.1001.png -o far.png --size 16 --map far.exr \
+  --source-axes x,-y,-z --max-distance 1e-6
+expect 0 apply far.exr --source-texture baseColor=new.1001.png -o o.png
+err_has 'no texel of the map shows an image'
+! grep -q 'max-distance\|inf' "$err" || fail 'words of a search'
+rm o.png
 # A map of a source without a texture knows no places.
 expect 0 transfer ../p.obj ../p.obj --bake height --size 16 -o h.exr --map bare.exr
 expect 3 apply bare.exr --source-texture baseColor=new.1001.png -o o.png

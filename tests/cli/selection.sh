@@ -42,6 +42,8 @@ expect 3 transfer both.obj both.obj -o o.png --target-mesh lefft
 err_has 'both.obj: --target-mesh lefft: matches nothing; available are "Left", "Right"; did you mean "Left"?'
 expect 3 transfer both.obj both.obj -o o.png --source-material blue
 err_has '--source-material blue: matches nothing; available are "red", "green"'
+expect 3 transfer both.obj both.obj -o o.png --source-material '[gr]'
+err_has '--source-material [gr]: matches nothing'
 expect 3 transfer both.obj both.obj -o o.png --target-uv-set 1
 err_has 'both.obj: --target-uv-set 1: no such UV set; the mesh has 1, number 0'
 expect 3 transfer both.obj both.obj -o o.png --source-uv-set 7

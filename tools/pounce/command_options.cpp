@@ -119,6 +119,7 @@ CLI::Option* add_row(CLI::App& command, const OptionInfo& info, SetText set) {
       ->type_name(info.value)
       ->option_text(info.value)
       ->expected(1)
+      ->allow_extra_args(false)  // else "[bc]", a pattern, is a list of CLI11's
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
       ->group(info.group);
 }

@@ -26,6 +26,7 @@ void MapSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
   for (const planning::KnownMap::Page& page : map_.pages) files_.push_back(page.path);
   mesh_ = planning::map_source(map_, options_);
   plan_ = planning::plan_mesh(options_, mesh_, planning::TexelsAs::surface, false);
+  planning::check_map_channels(map_, options_, plan_);
   if (plan_.passes.size() != 1)
     throw Error(ErrorKind::internal, map_.pattern + ": its channels need several searches");
   plan_.passes.front().keeps_hits = false;  // they are the map's
@@ -34,17 +35,19 @@ void MapSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
   disk.add_map(map_.size, map_.pages.size());
   job_.report.filter = filter_name(filter_);
   job_.note(planning::factors_note(options_, plan_, mesh_));
+  if (!options_.composite.onto.empty())
+    job_.note(
+        "nothing is filled around the charts, since a map does not know which empty texels belong "
+        "to others; pounce transfer --onto does");
   job_.meter.advance(1);
 }
 
-std::vector<job::LeastMemory> MapSource::build_needs() const {
-  std::vector<job::LeastMemory> needs = column_needs(plan_);
-  needs.push_back({map_hits_bytes(request(map_.pages.front().udim)), "reading " + map_.pattern});
-  return needs;
-}
+std::vector<job::LeastMemory> MapSource::build_needs() const { return column_needs(plan_); }
 
 std::uint64_t MapSource::project_least_bytes(std::size_t pass) const {
-  return known_least_bytes(result_texel_bytes(pass), colour_tile_bytes(plan_));
+  // A page's map is read when its turn comes, before its pieces are under way.
+  return std::max(map_hits_bytes(request(map_.pages.front().udim)),
+                  known_least_bytes(result_texel_bytes(pass), colour_tile_bytes(plan_)));
 }
 
 void MapSource::build(ProgressRange range, std::uint64_t) {

@@ -62,7 +62,8 @@ class ImageReader {
   explicit ImageReader(const mesh::ImageRef& image, std::span<const ImageFormat> allowed = {});
   explicit ImageReader(const std::string& path, std::span<const ImageFormat> allowed = {});
   /// The channels of these names as data, in this order, of the first image of an EXR that may have
-  /// any number of others. Throws Error(input) that names what is missing.
+  /// any number of others. All are float. Throws Error(input) that names what is missing, or not as
+  /// exact as a float.
   ImageReader(const std::string& path, const std::vector<std::string>& channels);
   ~ImageReader();
   ImageReader(ImageReader&&) noexcept;

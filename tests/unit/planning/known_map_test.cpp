@@ -128,7 +128,9 @@ TEST_CASE("a map is refused for what it has no place for", "[planning]") {
   }
   write_map(path, note.dump());
   const KnownMap map = read_known_map(path);
-  CHECK_THROWS_WITH(map_source(map, options), Catch::Contains(expected));
+  SourcePlan plan;
+  plan.channels.emplace_back().channel = options.material.textures.front().channel;
+  CHECK_THROWS_WITH(check_map_channels(map, options, plan), Catch::Contains(expected));
 }
 
 TEST_CASE("a note that lacks something or has another kind of it is refused", "[planning]") {
@@ -206,6 +208,9 @@ TEST_CASE("no damage of a note does worse than to be refused", "[planning]") {
       const KnownMap map = read_known_map(path);
       map_target(map);
       map_source(map, painting(Channel::base_color));
+      SourcePlan plan;
+      plan.channels.emplace_back();
+      check_map_channels(map, painting(Channel::base_color), plan);
       ++accepted;
     } catch (const Error& error) {
       CHECK(error.kind() == ErrorKind::input);
