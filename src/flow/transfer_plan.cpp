@@ -204,6 +204,13 @@ void TransferPlan::need_pass(std::size_t p) {
   const std::uint64_t beside = contexts() +
                                page_blocks * (sizeof(store::ChunkRef) * pass.channels.size() + 32) +
                                (more_pages ? mesh.size_bytes() : 0);
+  // While an image is written all stores stay open.
+  std::uint64_t directories = 0;
+  for (const surface::GeometryRequest& request : target_.plan.requests[p]) {
+    directories =
+        std::max(directories, surface::geometry_directory_bytes(request, job_.tile_cap_bytes));
+  }
+  directories += source_->directory_bytes();
   needs_.add(beside + (2ULL << 20) + source_->project_least_bytes(p),
              "projecting one block of the target");
   for (const std::size_t c : pass.channels) {
@@ -212,7 +219,8 @@ void TransferPlan::need_pass(std::size_t p) {
           image.onto && image.padding > 0
               ? (mesh.triangles.size() + mesh.rest.size()) * planning::kOccupiedBytes
               : 0;
-      needs_.add(beside + occupied + image_least_bytes(image, source.channels[c].format),
+      needs_.add(beside + directories + occupied +
+                     image_least_bytes(image, source.channels[c].format),
                  "writing " + image.path);
     }
   }

@@ -12,8 +12,7 @@ namespace {
 void reword(OptionInfo& info) {
   if (info.name == "source") {
     info.value = "MAP";
-    info.help =
-        "Hit map (.exr) that `pounce transfer --map` wrote. May hold <UDIM> or <UVTILE>";
+    info.help = "Hit map (.exr) that `pounce transfer --map` wrote. May hold <UDIM> or <UVTILE>";
   } else if (info.name == "output") {
     info.help =
         "Image to write (.png, .jpg, .tif, .tx, .exr). May hold <CHANNEL>, and holds <UDIM> "

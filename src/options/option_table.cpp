@@ -107,6 +107,7 @@ void refuse_unsuitable(const Options& options, Source kind) {
 void refuse_formats(const TransferOptions& options) {
   Texts outputs{options.output};
   for (const ChannelOutput& own : options.image.channel_outputs) outputs.push_back(own.path);
+  if (!options.image.map_output.empty()) outputs.push_back(options.image.map_output);
   const Depth depth = options.image.depth.value_or(Depth::u8);  // no source is known yet
   const auto format_of = [depth](const std::string& path) {
     const std::string name = io::format_look(path, depth).name;

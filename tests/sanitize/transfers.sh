@@ -89,6 +89,13 @@ job 0 transfer plane.obj tiles.obj -o 'n.<UDIM>.tif' --size 70
 job 0 transfer tiles.obj plane.obj -o o.png --source-texture 'baseColor=n.<UDIM>.tif' --size 64
 job 0 transfer plane.obj plane.obj -o p.png --source-mesh one --target-material 'sk*' --source-axes x,y,z
 job 0 transfer $source $target -o q.png --onto a.png --mask covered.png
+job 0 transfer $source $target -o hit.png --size 70 --map hit.exr --source-texture baseColor=g.tif
+job 0 apply hit.exr --source-texture baseColor=g.tif -o applied.png --no-cache --threads 3
+job 0 apply hit.exr --source-texture gloss=g.tif -o applied.tif --cache cold --skip-existing
+job 0 transfer tiles.obj tiles.obj -o 'hit.<UDIM>.png' --size 40 --map 'hit.<UDIM>.exr' --source-texture 'baseColor=n.<UDIM>.tif'
+job 0 apply 'hit.<UDIM>.exr' --source-texture 'baseColor=n.<UDIM>.tif' -o 'applied.<UDIM>.png' --onto 'hit.<UDIM>.png' --no-cache
+head -c 9000 hit.exr >cut.exr
+job 3 apply cut.exr --source-texture baseColor=g.tif -o applied.png --no-cache
 job 0 transfer $source $target head/head_other.glb -o 'r_<TARGET>.png' --size 64
 job 0 transfer $source $target -o a.png --size 96 --skip-existing
 # A format that must be allowed, a file name for one channel, maps of a set by one tile's name, factors of one kind,

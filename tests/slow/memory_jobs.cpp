@@ -72,7 +72,9 @@ class Maker {
       o.composite.onto = (folder_ / "old.png").string();
       write_image(o.composite.onto, *o.image.size, 3);
     }
-    const bool maps = !splats && !several && !onto && o.channels.transferred.size() == 1;
+    // A large map takes seconds, several times over.
+    const bool maps = !splats && !several && !onto && o.channels.transferred.size() == 1 &&
+                      std::uint64_t{o.image.size->width} * o.image.size->height < 100'000;
     if (maps && random_.one_in(2)) {
       o.image.map_output =
           (folder_ / (std::string("map") + (tiles ? ".<UDIM>" : "") + ".exr")).string();
