@@ -219,9 +219,9 @@ void TransferPlan::need_pass(std::size_t p) {
           image.onto && image.padding > 0
               ? (mesh.triangles.size() + mesh.rest.size()) * planning::kOccupiedBytes
               : 0;
-      needs_.add(beside + directories + occupied +
-                     image_least_bytes(image, source.channels[c].format),
-                 "writing " + image.path);
+      needs_.add(
+          beside + directories + occupied + image_least_bytes(image, source.channels[c].format),
+          "writing " + image.path);
     }
   }
 }
