@@ -214,12 +214,15 @@ ChosenChannels ImageReader::Impl::choose_data() const {
       refuse(bytes.label(), fmt::format("the image has no channel \"{}\"", name));
     chosen.places.push_back(static_cast<int>(at - names.begin()));
     if (input->spec().channelformat(chosen.places.back()) != OIIO::TypeDesc::FLOAT)
-      refuse(bytes.label(), fmt::format("channel \"{}\" is not float, so it is not exact; write it as float", name));
+      refuse(
+          bytes.label(),
+          fmt::format("channel \"{}\" is not float, so it is not exact; write it as float", name));
   }
   const std::string compression = input->spec().get_string_attribute("compression");
   for (const char* lossy : {"pxr24", "b44", "dwa"}) {
     if (compression.starts_with(lossy))
-      refuse(bytes.label(), fmt::format("{} compression loses precision; write it as zip", compression));
+      refuse(bytes.label(),
+             fmt::format("{} compression loses precision; write it as zip", compression));
   }
   return chosen;
 }
