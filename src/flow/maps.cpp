@@ -17,7 +17,6 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <tuple>
 
 #include "core/portable_math.h"
@@ -29,7 +28,7 @@
 #include "planning/describe_job.h"
 #include "planning/job_hash.h"
 #include "planning/load_mesh.h"
-#include "planning/output_names.h"
+#include "planning/maps_output.h"
 #include "planning/plan.h"
 #include "pounce/transfer.h"
 #include "surface/target_block.h"
@@ -40,8 +39,8 @@ namespace {
 
 using mesh::kBlockEdge;
 
-constexpr std::array<const char*, 3> kMapNames{"position", "normal", "mask"};
-constexpr int kMask = 2;
+using planning::kMapNames;
+using planning::kMask;
 constexpr double kVectorizeShare = 0.4;  // of a page
 
 /// Where a block is, without its boxes.
@@ -56,18 +55,18 @@ class MapsJob {
   MapsJob(const MapsOptions& options, job::JobRun& run, bool rebuild)
       : options_(options),
         job_(open_job(options.resources, options.output, nullptr, rebuild, false, run)),
-        job_hash_(*job_, options) {
+        job_hash_(*job_, options),
+        output_(options) {
     job_->tile_cap_bytes = mesh::kTileCapBytes;
   }
 
   void run() {
-    check_output();
     read();
     for (std::uint32_t page = 0; page < pages_.size(); ++page) {
       vectorize(page);
-      if (by_tile_ && store_->directory().texels == 0) continue;
+      if (output_.by_tile() && store_->directory().texels == 0) continue;
       write_page(page);
-      if (by_tile_) job_->report.udims.push_back(static_cast<int>(pages_[page].udim));
+      if (output_.by_tile()) job_->report.udims.push_back(static_cast<int>(pages_[page].udim));
     }
   }
 
@@ -75,55 +74,6 @@ class MapsJob {
   std::uint64_t reading_bytes() const {
     return io::mesh_cost(options_.target, {options_.allow_external, {}, true}, job_->budget.limit())
         .peak_bytes;
-  }
-
-  void check_output() {
-    if (!planning::has_token(options_.output, "CHANNEL")) {
-      throw Error(ErrorKind::usage, options_.output +
-                                        ": <CHANNEL> is missing, which becomes position, normal "
-                                        "and mask; add it to the file name");
-    }
-    if (io::is_tx_path(options_.output)) {
-      throw Error(ErrorKind::usage, options_.output +
-                                        ": .tx is for renderers' textures with mipmaps, which maps "
-                                        "of a mesh do not have; write .exr or .tif");
-    }
-    by_tile_ = planning::has_token(options_.output, "UDIM") ||
-               planning::has_token(options_.output, "UVTILE");
-  }
-
-  std::string path_of(const planning::TargetPage& page, int map) const {
-    // All materials share the page, so <MATERIAL> has no value here: expand_pattern() refuses it as
-    // unknown. The same holds for tokens of tiles unless the pattern has them.
-    std::map<std::string, std::string> values{
-        {"CHANNEL", kMapNames[static_cast<std::size_t>(map)]},
-        {"TARGET", std::filesystem::path(options_.target).stem().string()}};
-    if (by_tile_) values.merge(page.tokens());
-    values.erase("MATERIAL");
-    return planning::expand_pattern(options_.output, values);
-  }
-
-  void name_outputs() {
-    std::vector<std::string> paths;
-    for (const planning::TargetPage& page : pages_) {
-      for (int map = 0; map < 3; ++map) paths.push_back(path_of(page, map));
-    }
-    planning::check_outputs(paths);
-    // The ending decides the depth, and endings do not depend on a page: what holds for the first
-    // page's names holds for all. Positions and normals are signed and unbounded, so integers
-    // cannot hold them.
-    for (int map = 0; map < 3; ++map) {
-      const std::string& path = paths[static_cast<std::size_t>(map)];
-      const Depth depth = io::writable_depth(path, map == kMask ? Depth::u8 : Depth::float32);
-      io::ImageWriteSpec spec{
-          options_.size.width, options_.size.height, map == kMask ? 1U : 3U, depth, true, false};
-      std::string why = io::why_not_writable(path, spec);
-      if (why.empty() && map != kMask && depth != Depth::float32) {
-        why = path + ": positions and normals need a float format; write .exr or .tif";
-      }
-      if (!why.empty()) throw Error(ErrorKind::usage, why);
-      specs_.push_back(spec);
-    }
   }
 
   void read() {
@@ -146,12 +96,12 @@ class MapsJob {
     target_files_ = target_.files;
     for (const std::string& file : target_files_) planning::add_input(file, job_->report);
     planning::PageRequest request;
-    request.by_tile = by_tile_;
+    request.by_tile = output_.by_tile();
     request.uv_set = options_.target_use.uv_set.value_or(0);
     const planning::TargetPages pages =
         planning::target_pages(target_, request, job_->report.warnings);
     pages_ = pages.pages;
-    name_outputs();
+    output_.plan(pages_);
     const auto hashes = std::make_shared<surface::MeshHashes>(target_);
     for (std::uint32_t p = 0; p < pages_.size(); ++p) {
       surface::GeometryRequest& one = requests_.emplace_back();
@@ -162,7 +112,7 @@ class MapsJob {
       one.pages.push_back({options_.size.width, options_.size.height, request.uv_set, {}});
       one.triangles = pages.triangles;
       one.first_page = p;
-      if (by_tile_) one.tile = mesh::udim_tile(pages_[p].udim);
+      if (output_.by_tile()) one.tile = mesh::udim_tile(pages_[p].udim);
     }
     require_least(*job_, least(), target_.size_bytes());
     mesh_lease_ = runtime::Lease(job_->budget, target_.size_bytes(), "the mesh");
@@ -203,7 +153,7 @@ class MapsJob {
     image.path = path;
     image.channel = map;
     image.material = pages_[page].set;
-    image.udim = by_tile_ ? static_cast<int>(pages_[page].udim) : 0;
+    image.udim = output_.by_tile() ? static_cast<int>(pages_[page].udim) : 0;
     image.width = options_.size.width;
     image.height = options_.size.height;
     image.state = "written";
@@ -236,11 +186,11 @@ class MapsJob {
     const std::uint64_t writing =
         (pages_.size() > 1 ? target_.size_bytes() : 0) + row_bytes() +
         2 * blocks() * sizeof(BlockPlace) +
-        io::ImageWriter::encoder_bytes(path_of(pages_.front(), 0), specs_.front());
+        io::ImageWriter::encoder_bytes(output_.path(pages_.front(), 0), output_.specs().front());
     const std::uint64_t reading = reading_bytes();
     job::LeastMemory most{reading, "reading " + options_.target};
     if (building > most.bytes) most = {building, "vectorizing " + options_.target};
-    if (writing > most.bytes) most = {writing, "writing " + path_of(pages_.front(), 0)};
+    if (writing > most.bytes) most = {writing, "writing " + output_.path(pages_.front(), 0)};
     most.bytes += job_->threads * store::Compressor::context_bytes();
     return most;
   }
@@ -276,8 +226,8 @@ class MapsJob {
 
   void write_map(std::uint32_t page, int map, const std::vector<BlockPlace>& all) {
     const auto m = static_cast<std::size_t>(map);
-    const std::string path = path_of(pages_[page], map);
-    io::ImageWriteSpec spec = specs_[m];
+    const std::string path = output_.path(pages_[page], map);
+    io::ImageWriteSpec spec = output_.specs()[m];
     spec.job = job_hash_.of_map(target_files_, pages_[page], options_.size, kMapNames[m], path);
     const double done = page + kVectorizeShare + (1 - kVectorizeShare) * (map + 1) / 3;
     job_->meter.begin(std::string("write ") + kMapNames[m], spec.height, "rows",
@@ -340,10 +290,9 @@ class MapsJob {
   const MapsOptions& options_;
   std::unique_ptr<job::JobContext> job_;
   planning::JobHash job_hash_;
+  planning::MapsOutput output_;
   std::vector<std::string> target_files_;
-  std::vector<io::ImageWriteSpec> specs_;
   std::vector<planning::TargetPage> pages_;
-  bool by_tile_ = false;
   mesh::Mesh target_;  ///< until its last page is vectorized
   Vec3d origin_;       ///< was subtracted from its positions
   runtime::Lease mesh_lease_;

@@ -29,8 +29,8 @@
 #include <vector>
 
 #include "flow/stores/build_stores.h"
-#include "flow/target_tally.h"
 #include "job/output_claim.h"
+#include "outcome/target_tally.h"
 #include "planning/existing_outputs.h"
 #include "projection/mesh_fit.h"
 #include "surface/strewn_places.h"
@@ -67,7 +67,7 @@ class TargetTransfer {
       // Another job may have finished the model between planning and this claim.
       if (is_model_made()) keep_model(steps);
     }
-    tally_.emplace(policy_.min_coverage_percent, source_, target_.plan,
+    tally_.emplace(policy_.min_coverage_percent, source_facts(), target_.plan,
                    target_.model ? target_.model->path() : "", job_.report);
     if (steps.empty()) {
       job_.meter.keep(range_.end);
@@ -96,6 +96,11 @@ class TargetTransfer {
     std::size_t pass = 0;
     std::uint32_t page = 0;
   };
+
+  outcome::SourceFacts source_facts() const {
+    return {&source_plan_, source_.box_name(), source_.cure(), !source_.places().empty(),
+            source_.own_target().has_value()};
+  }
 
   bool has_work(const Step& step) const {
     return target_.has_work(source_plan_.passes[step.pass].channels, step.page);
@@ -418,8 +423,8 @@ class TargetTransfer {
   const Source& source_;
   PlannedTarget& target_;
   const ProgressRange range_;
-  std::optional<TargetTally> tally_;  ///< once something is made or kept
-  std::string other_;                 ///< job that has claimed what this one wanted, for messages
+  std::optional<outcome::TargetTally> tally_;  ///< once something is made or kept
+  std::string other_;  ///< job that has claimed what this one wanted, for messages
   struct Clipped {
     std::uint64_t samples = 0, images = 0;
     std::string first;  ///< image

@@ -7,6 +7,7 @@
 
 #include "flow/project/pieces.h"
 #include "job/job_context.h"
+#include "outcome/target_tally.h"
 #include "shading/result_block.h"
 #include "store/pack/pack.h"
 
@@ -18,13 +19,10 @@ void finish_block(job::JobContext& job, const shading::TexelFormat& format,
                   PieceWork& work);
 
 /// The results of one page.
-struct PageResult {
+struct PageResult : outcome::PageFound {
   std::unique_ptr<store::PackReader> pack;  ///< scratch; empty when the page has no texels
   /// [channel][block_y * blocks_x + block_x]; raw_bytes == 0: nothing covered there.
   std::vector<std::vector<store::ChunkRef>> blocks;
-  std::vector<std::uint64_t> covered;  ///< [channel] texels
-  DistanceCounts distances{};          ///< of all texels that found something
-  std::uint64_t distance_steps = 0;    ///< of a mesh, their sum: projection::distance_steps()
   std::vector<std::uint64_t> clipped;  ///< [channel]
   std::vector<NodeReport> nodes;       ///< of the graph that made it
 };

@@ -41,47 +41,6 @@ std::uint64_t SourceColumns::bytes_read() const {
   return bytes;
 }
 
-namespace {
-
-/// The apron, how far outside of its triangle a hit may be, and how far lookups in the image itself
-/// (not in a level) spread: half of 32 texels (projection/footprint.cpp). Beyond, the whole image
-/// is built: this only saves work.
-constexpr double kSeenAround = 24;
-/// So few tiles of an image are not worth leaving out.
-constexpr std::uint64_t kFewTiles = 16;
-/// Of the source's texels per target texel: from here on many are seen in levels.
-constexpr double kFromAfar = 4;
-
-/// Texels of the images that a pass shows.
-double texels_shown(const planning::PassPlan& pass) {
-  double texels = 0;
-  for (std::size_t p = 0; p < pass.source.pages.size(); ++p) {
-    if (pass.source.pages[p].width == 0) continue;  // no image, and perhaps no UVs
-    texels += mesh::texel_area(*pass.source.mesh, pass.source.pages[p],
-                               pass.source.triangles->of(pass.source.first_page + p));
-  }
-  return texels;
-}
-
-void add_shown(const planning::SourcePlan& plan, const planning::PassPlan& pass,
-               const planning::ChannelPlan& channel,
-               std::vector<std::unique_ptr<mesh::TileMask>>& masks) {
-  for (std::size_t p = 0; p < channel.pages.size(); ++p) {
-    if (channel.pages[p].column < 0) continue;
-    const auto c = static_cast<std::size_t>(channel.pages[p].column);
-    if (masks[c] == nullptr) continue;
-    // The search may be on another image's lattice, in proportion.
-    mesh::Lattice of_image = pass.source.pages[p];
-    of_image.width = plan.columns[c].info.width;
-    of_image.height = plan.columns[c].info.height;
-    mesh::add_touched(*pass.source.mesh, of_image,
-                      pass.source.triangles->of(pass.source.first_page + p), plan.columns[c].wrap_u,
-                      plan.columns[c].wrap_v, kSeenAround, *masks[c]);
-  }
-}
-
-}  // namespace
-
 ColourRequest request_of(const planning::ColumnPlan& column) {
   return {&column.image, &column.info, column.wrap_u,
           column.wrap_v, nullptr,      column.allowed_formats};
@@ -103,33 +62,9 @@ std::uint64_t colour_tile_bytes(const planning::SourcePlan& plan) {
   return tile;
 }
 
-WantedTiles little_shown(const planning::SourcePlan& plan) {
-  std::vector<std::unique_ptr<mesh::TileMask>> masks;
-  for (const planning::ColumnPlan& column : plan.columns) {
-    masks.push_back(std::make_unique<mesh::TileMask>(column.info.width, column.info.height));
-    if (masks.back()->tiles() <= kFewTiles) masks.back() = nullptr;
-  }
-  for (const planning::TileSetPlan& set : plan.tile_sets) {
-    for (const auto& [tile, column] : set.columns) masks[column] = nullptr;
-  }
-  for (const planning::PassPlan& pass : plan.passes) {
-    for (const std::size_t c : pass.channels) add_shown(plan, pass, plan.channels[c], masks);
-  }
-  WantedTiles shown(plan.columns.size());
-  for (std::size_t c = 0; c < masks.size(); ++c) {
-    // The forecast of disk space (planning/disk.cpp) counts on the half: some tiles, and later all
-    // of them, take one and a half images at most.
-    const bool is_little = masks[c] != nullptr && 2 * masks[c]->count() <= masks[c]->tiles();
-    if (is_little) shown[c] = std::move(masks[c]);
-  }
-  return shown;
-}
-
 WantedTiles tiles_shown(const job::JobContext& job, const planning::SourcePlan& plan,
                         WantedTiles wanted, std::uint64_t target_texels) {
-  for (const planning::PassPlan& pass : plan.passes) {
-    if (texels_shown(pass) > kFromAfar * static_cast<double>(target_texels)) return {};
-  }
+  if (planning::is_seen_from_afar(plan, target_texels)) return {};
   for (std::size_t c = 0; c < wanted.size(); ++c) {
     // Building it later needs a lease beside the projection's. Where the budget has no space for
     // that, it is built whole now, when nothing else runs.

@@ -9,6 +9,7 @@
 #include "job/job_context.h"
 #include "job/memory_needs.h"
 #include "planning/plan.h"
+#include "planning/shown_tiles.h"
 
 namespace pounce::flow {
 
@@ -34,13 +35,10 @@ ColourRequest request_of(const planning::ColumnPlan& column);
 std::vector<job::LeastMemory> column_needs(const planning::SourcePlan& plan);
 std::uint64_t colour_tile_bytes(const planning::SourcePlan& plan);
 
-/// By SourcePlan::columns the tiles that are kept; null: all.
-using WantedTiles = std::vector<std::shared_ptr<const mesh::TileMask>>;
-/// The tiles that the source's triangles show, of the images of which that is less than half.
-WantedTiles little_shown(const planning::SourcePlan& plan);
-/// Those, `wanted`, as a job keeps them: all of every image where targets of so many texels see it
-/// from too far for tiles alone (levels are made of all), and where the budget has no room for
-/// building an image later.
+using planning::WantedTiles;
+/// Of the tiles that planning::little_shown() names, `wanted`, those that a job keeps: all of every
+/// image where targets of so many texels see it from too far for tiles alone (levels are made of
+/// all), and where the budget has no space for building an image later.
 WantedTiles tiles_shown(const job::JobContext& job, const planning::SourcePlan& plan,
                         WantedTiles wanted, std::uint64_t target_texels);
 

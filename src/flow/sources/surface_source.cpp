@@ -30,7 +30,7 @@ SurfaceSource::SurfaceSource(job::JobContext& job, const TransferOptions& option
 void SurfaceSource::report_kind() { job_.report.filter = filter_name(filter_); }
 
 void SurfaceSource::add_stores(planning::DiskPlan& disk) {
-  little_shown_ = little_shown(plan_);
+  little_shown_ = planning::little_shown(plan_);
   for (std::size_t c = 0; c < plan_.columns.size(); ++c)
     disk.add_seen_column(plan_.columns[c].info, little_shown_[c] != nullptr);
   for (const planning::PassPlan& pass : plan_.passes) disk.add_geometry(pass.source);

@@ -13,6 +13,7 @@
 #include "flow/project/gaussians.h"
 #include "flow/stores/find_store.h"
 #include "flow/stores/gaussian_store.h"
+#include "planning/page_keys.h"
 
 namespace pounce::flow {
 namespace {
@@ -35,52 +36,6 @@ bool texels_are_linear(const planning::SourcePlan& plan) {
   };
   const auto& pages = plan.channels.front().pages;
   return std::any_of(pages.begin(), pages.end(), is_linear);
-}
-
-void add_input(const shading::ColourInput& input, Hasher& hash) {
-  hash.add(input.linear);
-  for (const double v : input.primaries.value_or(Matrix3{})) hash.add(v);
-  if (input.transform == nullptr) return;
-  const Hash128 transform = input.transform->identity();
-  hash.add(transform.hi);
-  hash.add(transform.lo);
-}
-
-void add_factor(const shading::Factor& factor, Hasher& hash) {
-  for (const double v : factor.scale) hash.add(v);
-  for (const double v : factor.offset) hash.add(v);
-  hash.add(factor.is_colour);
-  hash.add(factor.spreads);
-}
-
-void add_key(const Hash128& key, Hasher& hash) {
-  hash.add(key.hi);
-  hash.add(key.lo);
-}
-
-/// What a page of the mesh has in the channel; `columns` are the keys of the plan's.
-void add_page(const planning::PageTexture& page, const std::vector<Hash128>& columns,
-              Hasher& hash) {
-  hash.add(page.column);
-  hash.add(page.tile_set);
-  if (page.column >= 0) add_key(columns[static_cast<std::size_t>(page.column)], hash);
-  for (const double v : page.constant.v) hash.add(v);
-  hash.add(page.constant.linear);
-  if (page.input) add_input(*page.input, hash);
-  if (page.factor) add_factor(*page.factor, hash);
-  if (page.tinted) hash.add(std::string_view("tinted"));
-}
-
-void add_tile_set(const planning::TileSetPlan& set, const std::vector<Hash128>& columns,
-                  Hasher& hash) {
-  hash.add(static_cast<std::uint64_t>(set.columns.size()));
-  for (const auto& [tile, column] : set.columns) {
-    hash.add(tile.column);
-    hash.add(tile.row);
-    add_key(columns[column], hash);
-    if (const auto input = set.inputs.find(tile); input != set.inputs.end())
-      add_input(input->second, hash);
-  }
 }
 
 }  // namespace
@@ -183,11 +138,12 @@ Hash128 TexelsSource::store_key() const {
   hash.add(store::kFormatVersion);
   hash.add(kGaussianStoreVersion);
   hash.add(kTexelSourceVersion);
-  add_key(surface::geometry_key(geometry()), hash);
+  planning::add_key(surface::geometry_key(geometry()), hash);
   for (const planning::PageTexture& page : plan_.channels.front().pages)
-    add_page(page, columns, hash);
+    planning::add_page(page, columns, hash);
   hash.add(static_cast<std::uint64_t>(plan_.tile_sets.size()));
-  for (const planning::TileSetPlan& set : plan_.tile_sets) add_tile_set(set, columns, hash);
+  for (const planning::TileSetPlan& set : plan_.tile_sets)
+    planning::add_tile_set(set, columns, hash);
   hash.add(sigma_);
   hash.add(densify_);
   return hash.digest();

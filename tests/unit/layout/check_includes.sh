@@ -13,7 +13,8 @@ declare -A may_include=(
   [grid]="core mesh store surface gaussian" [projection]="core mesh store surface gaussian grid"
   [commands]="core mesh store io" [job]="core runtime store io" [options]="core mesh io"
   [planning]="core mesh store io options surface gaussian shading projection job"
-  [flow]="planning job core runtime mesh store io options surface gaussian shading grid projection"
+  [outcome]="core mesh store gaussian projection planning"
+  [flow]="outcome planning job core runtime mesh store io options surface gaussian shading grid projection"
 )
 # The same within rooms that have folders: what each may include besides itself and what lies above it.
 declare -A may_include_within=(

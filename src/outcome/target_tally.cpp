@@ -12,7 +12,7 @@
 // Warnings come last, once all pages are known, from the strongest finding to the weakest. One that
 // explains the rest ends the list: of a scene that does not fit, distances and coverage say nothing
 // more.
-#include "flow/target_tally.h"
+#include "outcome/target_tally.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -22,10 +22,11 @@
 #include <map>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "gaussian/splat_statistics.h"
 
-namespace pounce::flow {
+namespace pounce::outcome {
 namespace {
 
 /// Of covered texels, in percent: more than this in the farthest quarter of the maximum distance is
@@ -121,11 +122,11 @@ std::string judge_distances(const DistanceCounts& distances) {
       percent(far, all));
 }
 
-TargetTally::TargetTally(double min_coverage_percent, const Source& source,
+TargetTally::TargetTally(double min_coverage_percent, SourceFacts source,
                          const planning::TargetPlan& target_plan, std::string model, Report& report)
     : min_coverage_percent_(min_coverage_percent),
-      source_(source),
-      plan_(source.plan()),
+      source_(std::move(source)),
+      plan_(*source_.plan),
       target_(target_plan),
       model_(std::move(model)),
       report_(report) {
@@ -177,7 +178,7 @@ void TargetTally::vectorized(std::uint32_t page, const store::GeometryDirectory&
 }
 
 void TargetTally::add_page(std::size_t pass, std::uint32_t page, std::uint64_t texels,
-                           const PageResult* result) {
+                           const PageFound* result) {
   const std::vector<std::size_t>& channels = plan_.passes[pass].channels;
   page_ = page;
   page_begin_ = target().images.size();
@@ -249,7 +250,7 @@ void TargetTally::finish(const Box3f& source) {
         target().overlapping));
   }
   if (counts.covered > 0) warn_of_empty_pages();
-  if (source_.own_target()) {
+  if (source_.has_own_target) {
     // Where texels that found nothing lie, and how far away what they sought, the map does not say.
     if (counts.covered == 0 && !any_kept())
       warn("no texel of the map shows an image; the result is empty");
@@ -368,7 +369,7 @@ void TargetTally::warn_of_little(const Box3f& source) {
   const TexelCounts& counts = target().counts;
   if (counts.texels == 0) return warn("its UVs cover no texel centre; the result is empty");
   const std::string places =
-      fmt::format("{} spans {}, the target {}", source_.box_name(), text_of(source, plan_.origin),
+      fmt::format("{} spans {}, the target {}", source_.box_name, text_of(source, plan_.origin),
                   text_of(box_, plan_.origin));
   if (is_misfit()) return warn_of_misfit(places);
   if (mesh_fit_.better) warn_of_pose();
@@ -408,7 +409,7 @@ std::string TargetTally::cure() const {
     return fmt::format(
         "the scene's surface is up to {:.2g} from the target's: align them, or use {}",
         scene_distance_, distance_to_give());
-  return source_.cure();
+  return source_.cure;
 }
 
 bool TargetTally::is_misfit() const {
@@ -435,7 +436,7 @@ bool TargetTally::is_in_question() {
   const TexelCounts& counts = target().counts;
   // A cheap question before an expensive one: the search for a better pose is made only if few
   // texels lie at the surface.
-  if (source_.places().empty() || counts.texels == 0) return false;
+  if (!source_.is_mesh || counts.texels == 0) return false;
   // In whole sixteenths of the maximum distance.
   const double bin = double{target_.max_distance} / kDistanceBins;
   const auto bins = static_cast<std::size_t>(
@@ -482,4 +483,4 @@ void TargetTally::warn_of_misfit(const std::string& places) {
       target_.max_distance));
 }
 
-}  // namespace pounce::flow
+}  // namespace pounce::outcome

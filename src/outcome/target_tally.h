@@ -3,28 +3,44 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "core/bounds.h"
-#include "flow/project/results.h"
-#include "flow/sources/source.h"
 #include "planning/plan.h"
 #include "pounce/options.h"
 #include "pounce/report.h"
 #include "projection/mesh_fit.h"
 #include "projection/splat_fit.h"
+#include "store/blocks/geometry_store.h"
 
-namespace pounce::flow {
+namespace pounce::outcome {
+
+/// What the texels of a page found.
+struct PageFound {
+  std::vector<std::uint64_t> covered;  ///< [channel] texels
+  DistanceCounts distances{};          ///< of all texels that found something
+  std::uint64_t distance_steps = 0;    ///< of a mesh, their sum: projection::distance_steps()
+};
+
+/// What warnings must know of the source.
+struct SourceFacts {
+  const planning::SourcePlan* plan = nullptr;
+  std::string box_name;         ///< what the box that finish() is told is the box of
+  std::string cure;             ///< what helps where texels do not reach it
+  bool is_mesh = false;         ///< whether it fits can be asked of its surface
+  bool has_own_target = false;  ///< a hit map, which knows nothing of what was not hit
+};
 
 /// Counts what one target got into the report, image by image as they are made, and says in the end
 /// what a user should know of it. Not thread-safe.
 class TargetTally {
  public:
-  /// `source`, `target` and `report` must outlive it; `min_coverage_percent`: below that it has not
-  /// found enough. `model`: the path of a model output, else empty.
-  TargetTally(double min_coverage_percent, const Source& source, const planning::TargetPlan& target,
+  /// The source's plan, `target` and `report` must outlive it; `min_coverage_percent`: below that
+  /// it has not found enough. `model`: the path of a model output, else empty.
+  TargetTally(double min_coverage_percent, SourceFacts source, const planning::TargetPlan& target,
               std::string model, Report& report);
 
   /// How a splat scene lies at this target.
@@ -47,7 +63,7 @@ class TargetTally {
   void vectorized(std::uint32_t page, const store::GeometryDirectory& directory);
   /// A page of a pass with so many texels; `result` is null where there was nothing to project.
   void add_page(std::size_t pass, std::uint32_t page, std::uint64_t texels,
-                const PageResult* result);
+                const PageFound* result);
   /// Of the page that was added last, an image was written: as a file, or into what becomes the
   /// model.
   void wrote(std::size_t channel, std::uint64_t filled);
@@ -57,8 +73,8 @@ class TargetTally {
   void wrote_model();
   /// So much surface the target has. To be called once all pages are added.
   void spreads(double area);
-  /// Of a mesh that was projected, how far away other layers of it lie (Source). To be called
-  /// once all pages are added.
+  /// Of a mesh that was projected, how far away other layers of it lie (surface::layer_gaps()).
+  /// To be called once all pages are added.
   void layers(std::span<const float> gaps);
   /// Warns of what was not found; `source` is where the source lies.
   void finish(const Box3f& source);
@@ -85,14 +101,14 @@ class TargetTally {
   void warn(const std::string& text) { report_.warnings.push_back(target_.path + ": " + text); }
 
   const double min_coverage_percent_;
-  const Source& source_;
+  const SourceFacts source_;
   const planning::SourcePlan& plan_;
   const planning::TargetPlan& target_;
   const std::string model_;
   Report& report_;
   Box3f box_;
   projection::MeshFit mesh_fit_;
-  std::uint64_t distance_steps_ = 0;  ///< PageResult's, of the texels of its distances
+  std::uint64_t distance_steps_ = 0;  ///< PageFound's, of the texels of its distances
   bool is_scene_ = false;             ///< what was projected is a splat scene
   double scene_distance_ = 0;         ///< of a splat scene from this target, at most places
   /// What the first channel of a page that is made found there, or that some channel was written.
@@ -112,4 +128,4 @@ class TargetTally {
 /// What the distances at which a target found its source say: a sentence for a warning, or nothing.
 std::string judge_distances(const DistanceCounts& distances);
 
-}  // namespace pounce::flow
+}  // namespace pounce::outcome

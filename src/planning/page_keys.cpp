@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What an image's texels become depends on more than the image: factors, colour spaces, constants
+// in its place. A store of texels as they become needs all of that in its key.
+#include "planning/page_keys.h"
+
+#include <string_view>
+
+namespace pounce::planning {
+namespace {
+
+void add_input(const shading::ColourInput& input, Hasher& hash) {
+  hash.add(input.linear);
+  for (const double v : input.primaries.value_or(Matrix3{})) hash.add(v);
+  if (input.transform == nullptr) return;
+  const Hash128 transform = input.transform->identity();
+  hash.add(transform.hi);
+  hash.add(transform.lo);
+}
+
+void add_factor(const shading::Factor& factor, Hasher& hash) {
+  for (const double v : factor.scale) hash.add(v);
+  for (const double v : factor.offset) hash.add(v);
+  hash.add(factor.is_colour);
+  hash.add(factor.spreads);
+}
+
+}  // namespace
+
+void add_key(const Hash128& key, Hasher& hash) {
+  hash.add(key.hi);
+  hash.add(key.lo);
+}
+
+void add_page(const PageTexture& page, const std::vector<Hash128>& columns, Hasher& hash) {
+  hash.add(page.column);
+  hash.add(page.tile_set);
+  if (page.column >= 0) add_key(columns[static_cast<std::size_t>(page.column)], hash);
+  for (const double v : page.constant.v) hash.add(v);
+  hash.add(page.constant.linear);
+  if (page.input) add_input(*page.input, hash);
+  if (page.factor) add_factor(*page.factor, hash);
+  if (page.tinted) hash.add(std::string_view("tinted"));
+}
+
+void add_tile_set(const TileSetPlan& set, const std::vector<Hash128>& columns, Hasher& hash) {
+  hash.add(static_cast<std::uint64_t>(set.columns.size()));
+  for (const auto& [tile, column] : set.columns) {
+    hash.add(tile.column);
+    hash.add(tile.row);
+    add_key(columns[column], hash);
+    if (const auto input = set.inputs.find(tile); input != set.inputs.end())
+      add_input(input->second, hash);
+  }
+}
+
+}  // namespace pounce::planning

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "core/hash.h"
+#include "planning/plan.h"
+
+namespace pounce::planning {
+
+void add_key(const Hash128& key, Hasher& hash);
+/// What a page of the mesh has in a channel; `columns` are the keys of the plan's.
+void add_page(const PageTexture& page, const std::vector<Hash128>& columns, Hasher& hash);
+void add_tile_set(const TileSetPlan& set, const std::vector<Hash128>& columns, Hasher& hash);
+
+}  // namespace pounce::planning
