@@ -20,7 +20,7 @@ out_has 'angle'
 expect 0 "${job[@]}" -o 'p.<UDIM>.out.png' --no-cache
 for tile in 1001 1002; do cmp "o.$tile.png" "p.$tile.out.png" || fail "a map changes tile $tile"; done
 # What only its format has applies to it.
-expect 0 "${job[@]}" -o 'o.<UDIM>.png' --map 'm2.<UDIM>.exr' --exr-compression rle
+expect 0 "${job[@]}" -o 'o2.<UDIM>.png' --map 'm2.<UDIM>.exr' --exr-compression rle
 [[ $(stat -c %s m2.1001.exr) -gt $(stat -c %s m.1001.exr) ]] || fail 'not compressed as asked'
 # Up to date, it is skipped; without its map a job is not done.
 expect 0 "${job[@]}" -o 'o.<UDIM>.png' --map 'm.<UDIM>.exr' --skip-existing --report r.json

@@ -74,13 +74,16 @@ PackWriter::PackWriter(std::unique_ptr<WriteFile> file, PackKind kind, const Has
 }
 
 void PackWriter::write(std::span<const std::byte> bytes) {
-  if (broken_) {
-    throw Error(ErrorKind::storage, "a pack cannot be continued after a failed write; run again");
-  }
   // An append that throws may have written a part, and size_ would be wrong for what follows.
-  broken_ = true;  // until append() has returned
-  file_->append(bytes);
-  broken_ = false;
+  // Threads that share a writer under a lock may try again before all of them know: whoever is
+  // heard first has the reason to tell.
+  if (failure_) std::rethrow_exception(failure_);
+  try {
+    file_->append(bytes);
+  } catch (...) {
+    failure_ = std::current_exception();
+    throw;
+  }
   size_ += bytes.size();
 }
 

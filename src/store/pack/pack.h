@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <exception>
 #include <memory>
 #include <span>
 #include <string>
@@ -71,7 +72,7 @@ class PackWriter {
   std::uint64_t size_ = 0;  ///< what was appended, whatever the file buffers
   std::uint64_t chunks_ = 0;
   bool finished_ = false;
-  bool broken_ = false;           ///< an append failed: what the file holds is not known any more
+  std::exception_ptr failure_;    ///< of an append: what the file holds is not known any more
   std::vector<std::byte> chunk_;  ///< one chunk as it goes to the file, reused
 };
 
