@@ -4,6 +4,7 @@
 // in its place. A store of texels as they become needs all of that in its key.
 #include "planning/page_keys.h"
 
+#include <algorithm>
 #include <string_view>
 
 namespace pounce::planning {
@@ -26,6 +27,22 @@ void add_factor(const shading::Factor& factor, Hasher& hash) {
 }
 
 }  // namespace
+
+bool texels_are_linear(const SourcePlan& plan) {
+  const auto is_linear = [&](const PageTexture& page) {
+    if (page.input) return page.input->linear || page.input->primaries.has_value();
+    if (page.column >= 0) return plan.columns[static_cast<std::size_t>(page.column)].info.linear;
+    if (page.tile_set < 0) return false;
+    const TileSetPlan& set = plan.tile_sets[static_cast<std::size_t>(page.tile_set)];
+    return std::any_of(set.columns.begin(), set.columns.end(), [&](const auto& column) {
+      const auto input = set.inputs.find(column.first);
+      if (input == set.inputs.end()) return plan.columns[column.second].info.linear;
+      return input->second.linear || input->second.primaries.has_value();
+    });
+  };
+  const auto& pages = plan.channels.front().pages;
+  return std::any_of(pages.begin(), pages.end(), is_linear);
+}
 
 void add_key(const Hash128& key, Hasher& hash) {
   hash.add(key.hi);

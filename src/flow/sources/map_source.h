@@ -7,7 +7,7 @@
 
 #include "flow/sources/columns.h"
 #include "flow/sources/source.h"
-#include "flow/stores/map_hits.h"
+#include "flow/stores/build_stores.h"
 #include "planning/known_map.h"
 #include "projection/blend_lanes.h"
 

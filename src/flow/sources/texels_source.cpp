@@ -21,23 +21,6 @@ namespace {
 /// Raised whenever the same mesh and images would make other Gaussians.
 constexpr std::uint32_t kTexelSourceVersion = 1;
 
-/// Are a mesh's colours blended in linear light? As the images hold them: if any of them is linear.
-bool texels_are_linear(const planning::SourcePlan& plan) {
-  const auto is_linear = [&](const planning::PageTexture& page) {
-    if (page.input) return page.input->linear || page.input->primaries.has_value();
-    if (page.column >= 0) return plan.columns[static_cast<std::size_t>(page.column)].info.linear;
-    if (page.tile_set < 0) return false;
-    const planning::TileSetPlan& set = plan.tile_sets[static_cast<std::size_t>(page.tile_set)];
-    return std::any_of(set.columns.begin(), set.columns.end(), [&](const auto& column) {
-      const auto input = set.inputs.find(column.first);
-      if (input == set.inputs.end()) return plan.columns[column.second].info.linear;
-      return input->second.linear || input->second.primaries.has_value();
-    });
-  };
-  const auto& pages = plan.channels.front().pages;
-  return std::any_of(pages.begin(), pages.end(), is_linear);
-}
-
 }  // namespace
 
 TexelsSource::TexelsSource(job::JobContext& job, const TransferOptions& options, bool for_model,
@@ -118,7 +101,7 @@ std::unique_ptr<store::SplatStore> TexelsSource::sort(const Hash128& key,
   const TexelSource source(
       job_,
       {blocks.get(), columns.pages_of(plan_.channels.front(), plan_.passes.front().source.pages),
-       sigma_, densify_, texels_are_linear(plan_)},
+       sigma_, densify_, planning::texels_are_linear(plan_)},
       until(0.4));
   job_.meter.begin("sort", 2 * source.count(), "Gaussians", range.end);
   auto made = build_gaussian_store(job_, {&source, key, mesh_.path, {}, {}, false, 0, 0});
@@ -158,7 +141,7 @@ std::unique_ptr<Projection> TexelsSource::projector(std::size_t, std::uint32_t,
   request.source = splats_.get();
   request.target = &target;
   request.format = channel.format;
-  request.linear = texels_are_linear(plan_);
+  request.linear = planning::texels_are_linear(plan_);
   request.has_alpha = channel.source_alpha;
   request.kernels = kernels_;
   request.limits.max_distance = target_plan.max_distance;

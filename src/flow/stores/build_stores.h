@@ -11,6 +11,7 @@
 #include "mesh/touched_tiles.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
+#include "store/blocks/hit_store.h"
 #include "surface/geometry_request.h"
 
 namespace pounce::flow {
@@ -48,5 +49,21 @@ FoundColumn whole_colours(job::JobContext& job, const ColourRequest& request, co
 std::uint64_t colour_least_bytes(const ColourRequest& request);
 std::uint64_t colour_least_bytes(std::uint32_t width, std::uint64_t texel_bytes,
                                  std::uint64_t decoder_bytes);
+
+/// One image of a hit map (projection/hit_map.h).
+struct MapRequest {
+  std::string path;
+  ImageSize size;
+  std::uint64_t decoder_bytes = 0;
+  std::size_t source_pages = 0;
+  float max_distance = 0;  ///< of the search that found them: for the report's distances
+};
+
+/// The hits of an image as a store, as a search leaves them; or as the cache has them by the
+/// image's content. Throws Error(input) for what no map has.
+std::unique_ptr<store::HitStore> map_hits(job::JobContext& job, const MapRequest& request,
+                                          bool* cached);
+/// What that takes at once.
+std::uint64_t map_hits_bytes(const MapRequest& request);
 
 }  // namespace pounce::flow

@@ -3,8 +3,6 @@
 // A map is rows of texels, shading wants blocks: 64 rows at a time are read, cut into blocks side
 // by side, and stored. Reading is what takes time, since a decoder gives one row after the other;
 // the next job on the same map finds the store in the cache.
-#include "flow/stores/map_hits.h"
-
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
@@ -14,6 +12,7 @@
 
 #include "core/hash.h"
 #include "core/page_pool.h"
+#include "flow/stores/build_stores.h"
 #include "flow/stores/find_store.h"
 #include "io/image/read.h"
 #include "mesh/lattice.h"
