@@ -345,7 +345,7 @@ struct Reason {
 constexpr std::array<Reason, 7> kReasons{
     {{"tiff-rgb", "-unsaid", "takes a fourth sample for alpha that the file says nothing of"},
      {"tiff-white-u16", "", "does not invert white-is-zero of 16 bits"},
-     {"tiff-cmyk-u16", "", "multiplies inks out in floats"},
+     {"tiff-cmyk-u", "", "multiplies inks out in floats, and small ones without scaling"},
      {"tiff-jpeg-cmyk", "", "makes too little room for tiles of inks"},
      {"pnm-", "", "scales in floats and cuts off what is below one"},
      {"webp-", "-alpha", "multiplies by alpha in eight bits"},

@@ -194,8 +194,12 @@ void append_texel(const Tiff& tiff, const Contents& contents, const std::uint64_
       continue;
     }
     if (tiff.photometric == PHOTOMETRIC_SEPARATED && s < 3) {
-      const std::uint64_t largest = (1ULL << tiff.bits) - 1;
-      word = ((largest - word) * (largest - texel[3]) + largest / 2) / largest;
+      // Small ones are scaled first.
+      const std::uint64_t full = tiff.bits == 16 ? 65535 : 255;
+      const std::uint64_t scale = full / ((1ULL << tiff.bits) - 1);
+      word = ((full - word * scale) * (full - texel[3] * scale) + full / 2) / full;
+      append_scaled(out, static_cast<std::uint32_t>(word), tiff.bits == 16 ? 16 : 8);
+      continue;
     }
     if (tiff.photometric == PHOTOMETRIC_SEPARATED && s == 3) continue;
     if (tiff.photometric == PHOTOMETRIC_MINISWHITE && s == 0) word = (1ULL << tiff.bits) - 1 - word;
