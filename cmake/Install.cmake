@@ -4,6 +4,8 @@ install(TARGETS pounce EXPORT pounceTargets
         LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
         FILE_SET HEADERS)
+# Opened when a file needs it, never linked.
+install(TARGETS pounce_imageio LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/pounce)
 install(EXPORT pounceTargets NAMESPACE pounce::
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pounce)
 configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/pounceConfig.cmake.in
@@ -13,8 +15,8 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/pounceConfigVersion.cmake
   COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/pounceConfig.cmake
               ${PROJECT_BINARY_DIR}/pounceConfigVersion.cmake
-              ${PROJECT_SOURCE_DIR}/cmake/FindOpenImageIO.cmake
-              ${PROJECT_SOURCE_DIR}/cmake/FindOpenColorIO.cmake
+              ${PROJECT_SOURCE_DIR}/cmake/FindOpenEXR.cmake
+              ${PROJECT_SOURCE_DIR}/cmake/FindWebP.cmake
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pounce)
 if(TARGET pounce_cli)
   install(TARGETS pounce_cli RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})

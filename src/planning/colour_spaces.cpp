@@ -117,9 +117,8 @@ ColourSpaces::ColourSpaces(const TransferOptions& options, bool for_model)
                               "--source-colorspace or --output-colorspace",
                               options.colour.config));
     }
-    config_ = std::make_unique<const io::ColourConfig>(
-        options.colour.config, options.allow_external,
-        std::max(job::budget_bytes(options.resources), kLookAnyway));
+    config_ = io::ColourConfig::load(options.colour.config, options.allow_external,
+                                     std::max(job::budget_bytes(options.resources), kLookAnyway));
   }
   for (const SourceColourSpace& given : options.colour.source_spaces)
     given_.push_back(resolved("--source-colorspace", given.space));

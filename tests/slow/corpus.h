@@ -49,6 +49,9 @@ void add_exr_parts(Entries& entries);
 void add_webp(Entries& entries);
 void add_other(Entries& entries);
 
+/// What libwebp makes of a file. Throws std::runtime_error if it reads none.
+Picture read_webp(const std::string& path);
+
 inline void add(Entries& entries, const std::string& file, Maker make) {
   entries.push_back({file, file, "", 0, std::move(make)});
 }

@@ -136,7 +136,6 @@ void add_windows(Entries& entries) {
     add(entries, fmt::format("window-at-{}-tiles", at), exr);
   }
   exr = usual_exr();
-  exr.no_rule = true;
   exr.display = Imath::Box2i({-3, -3}, {50, 50});
   add(entries, "window-smaller", exr);
   exr.display = Imath::Box2i({3, 4}, {20, 20});

@@ -118,7 +118,7 @@ void add_parts(Entries& entries) {
   add_wanted(entries, "parts", {main, depth},
              {{"", rgba, true}, {"depth", {"Z"}, false, 1}, {"Z", {"Z"}, false, 1}});
   add_wanted(entries, "parts-of-sizes", {main, other, depth},
-             {{"", rgba, true}, {"glow", {}, false, 1}, {"depth", {"Z"}, false, 2}});
+             {{"", rgba, true}, {"glow", rgba, true, 1}, {"depth", {"Z"}, false, 2}});
   other.height = main.height;
   add_wanted(entries, "parts-alike", {main, other, depth},
              {{"", rgba, true}, {"glow", rgba, true, 1}, {"glow.R,G", {"R", "G"}, false, 1}});

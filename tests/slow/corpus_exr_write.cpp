@@ -160,6 +160,31 @@ void write_file(const Exr& exr, const Planes& planes, const std::string& path) {
   file.writePixels(static_cast<int>(exr.height));
 }
 
+namespace {
+
+/// The display window of data that begins at `origin`: what is missing is 0.
+Picture within(const Imath::Box2i& display, Imath::V2i origin, const Picture& data) {
+  Picture out = data;
+  out.width = static_cast<std::uint32_t>(display.max.x - display.min.x + 1);
+  out.height = static_cast<std::uint32_t>(display.max.y - display.min.y + 1);
+  const std::size_t texel = data.samples.size() / (std::size_t{data.width} * data.height);
+  out.samples.assign(std::size_t{out.width} * out.height * texel, std::byte{});
+  for (int y = 0; y < static_cast<int>(data.height); ++y) {
+    for (int x = 0; x < static_cast<int>(data.width); ++x) {
+      const int to_x = origin.x + x - display.min.x, to_y = origin.y + y - display.min.y;
+      if (to_x < 0 || to_y < 0 || to_x >= static_cast<int>(out.width) ||
+          to_y >= static_cast<int>(out.height))
+        continue;
+      const auto from = (static_cast<std::size_t>(y) * data.width + static_cast<std::size_t>(x));
+      const auto to = static_cast<std::size_t>(to_y) * out.width + static_cast<std::size_t>(to_x);
+      std::memcpy(out.samples.data() + to * texel, data.samples.data() + from * texel, texel);
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
 std::optional<Picture> expected(const Exr& exr, const Planes& planes) {
   if (exr.no_rule) return std::nullopt;
   Picture out{exr.width,   exr.height,    static_cast<std::uint32_t>(exr.wanted.size()),
@@ -178,7 +203,7 @@ std::optional<Picture> expected(const Exr& exr, const Planes& planes) {
       append_sample(out.samples, out.depth, *channel, planes.at(channel->name), i);
   }
   if (exr.has_alpha) io::divide_by_alpha(out.depth, out.channels, texels, out.samples.data());
-  return out;
+  return exr.display ? within(*exr.display, {exr.left, exr.top}, out) : out;
 }
 
 void add(Entries& entries, const std::string& name, const Exr& exr) {

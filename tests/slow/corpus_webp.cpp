@@ -5,6 +5,8 @@
 #include <webp/mux.h>
 
 #include <cstdio>
+#include <fstream>
+#include <iterator>
 
 #include "corpus.h"
 
@@ -128,15 +130,18 @@ void add(Entries& entries, const std::string& name, const Webp& webp) {
   });
 }
 
-/// No rule says what to read of it.
+/// The first frame is read.
 std::optional<Picture> write_animation(const std::string& path, Random& random) {
   WebPAnimEncoderOptions options;
   WebPAnimEncoderOptionsInit(&options);
   const Webp webp{20, 14, true, true};
   WebPAnimEncoder* const encoder = WebPAnimEncoderNew(webp.width, webp.height, &options);
   const WebPConfig config = config_of(webp);
+  Picture first{20, 14, 4, Depth::u8, true, {}};
   for (int frame = 0; frame < 3; ++frame) {
     const std::vector<std::uint8_t> samples = picture(webp, random);
+    for (std::size_t i = 0; frame == 0 && i < samples.size(); ++i)
+      append(first.samples, samples[i]);
     WebPPicture image;
     WebPPictureInit(&image);
     image.use_argb = 1;
@@ -153,10 +158,34 @@ std::optional<Picture> write_animation(const std::string& path, Random& random) 
   save(path, data.bytes, data.size);
   WebPDataClear(&data);
   WebPAnimEncoderDelete(encoder);
-  return std::nullopt;
+  return first;
 }
 
 }  // namespace
+
+Picture read_webp(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  const auto* const data = reinterpret_cast<const std::uint8_t*>(bytes.data());
+  WebPBitstreamFeatures said;
+  if (WebPGetFeatures(data, bytes.size(), &said) != VP8_STATUS_OK)
+    throw std::runtime_error(path + ": libwebp cannot read it");
+  const bool alpha = said.has_alpha != 0;
+  Picture out{static_cast<std::uint32_t>(said.width),
+              static_cast<std::uint32_t>(said.height),
+              alpha ? 4U : 3U,
+              Depth::u8,
+              alpha,
+              {}};
+  int width = 0, height = 0;
+  std::uint8_t* const decoded = alpha ? WebPDecodeRGBA(data, bytes.size(), &width, &height)
+                                      : WebPDecodeRGB(data, bytes.size(), &width, &height);
+  if (decoded == nullptr) throw std::runtime_error(path + ": libwebp cannot read it");
+  const auto* const from = reinterpret_cast<const std::byte*>(decoded);
+  out.samples.assign(from, from + std::size_t{out.width} * out.height * out.channels);
+  WebPFree(decoded);
+  return out;
+}
 
 void add_webp(Entries& entries) {
   struct Size {

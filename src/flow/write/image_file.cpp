@@ -8,6 +8,8 @@
 // Without levels this is the writer alone.
 #include "flow/write/image_file.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cstring>
 #include <span>
@@ -37,10 +39,15 @@ io::ImageWriteSpec multiplied(io::ImageWriteSpec spec) {
   return spec;
 }
 
+/// On all threads of the job.
+void on_all_threads(std::size_t count, const std::function<void(std::size_t)>& one) {
+  tbb::parallel_for(std::size_t{0}, count, one);
+}
+
 }  // namespace
 
 ImageFile::ImageFile(job::JobContext& job, const std::string& path, const io::ImageWriteSpec& spec)
-    : job_(job), spec_(spec), writer_(path, multiplied(spec)) {
+    : job_(job), spec_(spec), writer_(path, multiplied(spec), on_all_threads) {
   if (!spec.layout.mipmap) return;
   ImageSize size{spec.width, spec.height};
   levels_.emplace(size, spec.channels, spec.depth);
@@ -56,7 +63,7 @@ ImageFile::ImageFile(job::JobContext& job, const std::string& path, const io::Im
 }
 
 ImageFile::ImageFile(job::JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec)
-    : job_(job), spec_(spec), writer_(sink, spec) {}
+    : job_(job), spec_(spec), writer_(sink, spec, on_all_threads) {}
 
 void ImageFile::write_rows(std::uint32_t count, const std::byte* rows) {
   if (!levels_) return writer_.write_rows(count, rows);

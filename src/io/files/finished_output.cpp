@@ -23,6 +23,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <exception>
 #include <filesystem>
 #include <fstream>
@@ -247,6 +248,7 @@ class Tiff {
     // Without lengths a place is held against the file's end alone.
     std::optional<Numbers> places, lengths;
     for (std::uint64_t field = fields.begin; field < fields.end; field += field_bytes()) {
+      if (!holds_values(field)) return false;
       const std::uint64_t tag = file_.number(field, 2);
       if (tag == 273 || tag == 324) places = numbers(field);   // of strips, of tiles
       if (tag == 279 || tag == 325) lengths = numbers(field);  // a very old file has none
@@ -256,6 +258,17 @@ class Tiff {
       if (!file_.has((*places)[i], lengths ? (*lengths)[i] : 1)) return false;
     }
     return true;
+  }
+
+  /// Are a field's values within the file? They may be what ends it.
+  bool holds_values(std::uint64_t field) {
+    constexpr std::array<std::uint8_t, 19> kBytes{1, 1, 1, 2, 4, 8, 1, 1, 2, 4,
+                                                  8, 4, 8, 4, 1, 1, 8, 8, 8};
+    const std::uint64_t type = file_.number(field + 2, 2), count = file_.number(field + 4, word());
+    const std::uint64_t size = kBytes[type < kBytes.size() ? static_cast<std::size_t>(type) : 0];
+    if (count > file_.size()) return false;
+    return count * size <= word() ||
+           file_.has(file_.number(field + 4 + word(), word()), count * size);
   }
 
   /// They are in the field, if there is room, or elsewhere.

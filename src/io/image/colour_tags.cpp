@@ -16,8 +16,6 @@
 #include <span>
 #include <string_view>
 
-#include "io/image/guard.h"
-
 namespace pounce::io {
 namespace {
 
@@ -361,6 +359,12 @@ ColourTags of_gamma(const Bytes* gamma, const Bytes* chromaticities) {
 }
 
 }  // namespace
+
+void add_piece(const std::string& kind, std::span<const std::byte> data,
+               std::vector<ColourPiece>& pieces) {
+  if (data.size() > kMostColourBytes || find(pieces, kind) != nullptr) return;
+  pieces.push_back({kind, {data.begin(), data.end()}});
+}
 
 ColourTags read_colour_tags(const std::vector<ColourPiece>& pieces) {
   if (const Bytes* const cicp = find(pieces, "cICP")) return of_cicp(*cicp);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -25,7 +26,17 @@ std::optional<IccProfile> read_icc(std::span<const std::byte> profile);
 /// A profile for a space: version 4.3, matrix and curves, always the same bytes.
 std::vector<std::byte> make_icc(const ColourSpace& space);
 
-struct ColourPiece;
+/// A piece of a file that says what its colours mean: a PNG's "cICP", "iCCP", "sRGB", "gAMA" or
+/// "cHRM" chunk, or "ICC", a profile.
+struct ColourPiece {
+  std::string kind;
+  std::vector<std::byte> data;
+};
+/// Larger ones are not kept.
+inline constexpr std::uint64_t kMostColourBytes = 1 << 20;
+/// Keeps a piece, unless it is too large or not the first of its kind.
+void add_piece(const std::string& kind, std::span<const std::byte> data,
+               std::vector<ColourPiece>& pieces);
 
 /// What an image file says of its colour space, where it says anything.
 struct ColourTags {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "io/files/asset_file.h"
+#include "io/image/colour_tags.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -67,56 +68,6 @@ class Cursor {
   std::array<std::byte, 4096> window_;
   std::uint64_t first_ = 0;
   std::size_t count_ = 0;
-};
-
-/// A piece of a file that is hidden and says what its colours mean: a PNG's "cICP", "iCCP", "sRGB",
-/// "gAMA" or "cHRM" chunk, or "ICC", a profile.
-struct ColourPiece {
-  std::string kind;
-  std::vector<std::byte> data;
-};
-/// Larger ones are not read.
-inline constexpr std::uint64_t kMostColourBytes = 1 << 20;
-
-/// Hides from the decoder what is no picture, before it sees any of it: decoders keep texts,
-/// profiles and EXIF blocks whole in memory, believe the sizes they claim, and inflate them. Of a
-/// PNG, a JPEG and a WebP only what makes pixels is left to see (of a TIFF: guard_tiff(), of an
-/// EXR: guard_exr()). Returns what of it is about colours. Throws Error(input) naming what is too
-/// large or cut off, Error(storage) if the file cannot be read.
-std::vector<ColourPiece> hide_metadata(ByteSource& bytes, const std::string& format);
-
-/// Keeps a hidden piece that is about colours, the first of its kind, unless it is too large.
-void keep_colours(Cursor& at, std::string_view kind, std::uint64_t begin, std::uint64_t size,
-                  std::vector<ColourPiece>& colours);
-
-/// Follows the bytes of a PNG from start to end in pieces of any size and verifies what decoders
-/// leave out: the checksum of every chunk that makes pixels, the last IDAT included, and that IEND
-/// is there.
-class PngCheck {
- public:
-  /// The bytes at `offset`; what was seen before is skipped, what would leave a gap is ignored.
-  void see(std::uint64_t offset, const std::byte* bytes, std::size_t count);
-  /// First byte not seen yet.
-  std::uint64_t position() const { return position_; }
-  bool finished() const { return finished_; }  ///< IEND was seen
-  /// "" or what is wrong.
-  const std::string& problem() const { return problem_; }
-
- private:
-  void step(const std::byte* bytes, std::size_t count);
-  void end_of_header();
-  void end_of_checksum();
-
-  enum class Part { signature, header, data, checksum };
-  Part part_ = Part::signature;
-  std::uint64_t position_ = 0;
-  std::uint32_t left_ = 8;    ///< bytes of this part to come
-  std::uint32_t crc_ = 0;     ///< over the chunk's type and data
-  std::uint32_t number_ = 0;  ///< big-endian number being gathered
-  std::uint32_t length_ = 0;  ///< of the chunk's data
-  std::array<char, 4> type_{};
-  bool finished_ = false;
-  std::string problem_;
 };
 
 /// Checks what OpenEXR takes from a file without a look of its own: how much room it makes, and

@@ -284,9 +284,12 @@ TiffPicture guard_tiff(ByteSource& bytes, std::vector<ColourPiece>& colours) {
   take_coding(directory, picture);
   take_part_size(directory, picture);
   check_parts(directory, picture);
-  if (const TiffField* const profile = directory.find(kIccProfile);
-      profile != nullptr && profile->data_bytes() > 8) {
-    keep_colours(directory.at(), "ICC", profile->data, profile->data_bytes(), colours);
+  const TiffField* const profile = directory.find(kIccProfile);
+  if (profile != nullptr && profile->data_bytes() > 8 &&
+      profile->data_bytes() <= kMostColourBytes) {
+    std::vector<std::byte> data;
+    directory.at().copy(profile->data, profile->data_bytes(), data);
+    add_piece("ICC", data, colours);
   }
   directory.show_used();
   return picture;

@@ -1,23 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/image/write.h"
 
-#include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <cstring>
 #include <optional>
+#include <span>
 #include <string_view>
 #include <vector>
 
 #include "core/page_pool.h"
 #include "io/files/asset_file.h"
-#include "io/files/finished_output.h"
 #include "io/files/output_file.h"
-#include "io/image/colour_tags.h"
-#include "io/image/decoder.h"
-#include "io/image/output_proxy.h"
+#include "io/image/row_encoder.h"
 #include "io/image/sample.h"
 #include "mesh/lattice.h"
 #include "pounce/error.h"
@@ -29,7 +27,7 @@ namespace {
 enum class Holds { alpha, data, names };
 
 struct Format {
-  const char* name;  // OpenImageIO's
+  const char* name;
   std::array<std::string_view, 3> endings;
   const char* holds;
   std::array<Depth, 4> depth_for;  // nearest by wanted depth: u8, u16, half, float32
@@ -95,25 +93,15 @@ const Format* format_of(const std::string& path, Depth depth) {
   return is_half_tx(path, depth) ? &exr_format() : format_by_ending(path);
 }
 
-// Deflating a 2048^2 photograph as PNG, ns and bytes per texel: level 6 with libpng's choice of
-// filters 175 and 0.46, level 3 67 and 0.52, level 2 57 and 0.56; with the Up filter alone level 3
-// 43 and 0.48, level 2 30 and 0.55, level 1 28 and 0.59. A checkerboard costs 7. Projection costs
-// tens of ns: level 2 does not hold it up. The same level in TIFF 47 (6: 240), in half EXR 70 (6:
-// 306).
-constexpr int kDeflateLevel = 2;
-constexpr int kPngFilter = 32;  // PNG_FILTER_UP
+/// Of an encoder itself.
+constexpr std::uint64_t kEncoderBaseBytes = 1U << 20;
 
-OIIO::TypeDesc type_of(Depth depth) {
-  constexpr std::array kTypes{OIIO::TypeDesc::UINT8, OIIO::TypeDesc::UINT16, OIIO::TypeDesc::HALF,
-                              OIIO::TypeDesc::FLOAT};
-  return kTypes[static_cast<std::size_t>(depth)];
-}
+}  // namespace
 
 std::uint64_t row_bytes_of(const ImageWriteSpec& spec) {
-  return std::uint64_t{spec.width} * spec.channels * type_of(spec.depth).size();
+  return std::uint64_t{spec.width} * spec.channels * sample_bytes(spec.depth);
 }
 
-/// Rows of a TIFF strip: 64 KiB or a row.
 std::uint32_t strip_rows(const ImageWriteSpec& spec) {
   const std::uint64_t rows = (64U << 10) / std::max<std::uint64_t>(1, row_bytes_of(spec));
   return static_cast<std::uint32_t>(std::clamp<std::uint64_t>(rows, 1, spec.height));
@@ -123,7 +111,6 @@ std::uint32_t across_tiles(const ImageWriteSpec& spec) {
   return (spec.width + spec.layout.tile_size - 1) / spec.layout.tile_size;
 }
 
-/// Texels of all tiles of an image, its levels included.
 std::uint64_t tiled_texels(const ImageWriteSpec& spec) {
   const std::uint64_t edge = spec.layout.tile_size;
   std::uint64_t tiles = 0;
@@ -132,71 +119,6 @@ std::uint64_t tiled_texels(const ImageWriteSpec& spec) {
     if (!spec.layout.mipmap || size == ImageSize{1, 1}) return tiles * edge * edge;
   }
 }
-
-// A classic TIFF ends at 4 GiB. OpenImageIO looks at a level without the others when it decides.
-constexpr std::uint64_t kMostClassicBytes = 4000ULL << 20;
-
-/// The attributes are those of maketx, less what OpenImageIO believes of no other program (mean and
-/// constant colour, hash of the samples). Readers take the last level for the mean.
-void add_tiles(const ImageWriteSpec& spec, OIIO::ImageSpec& out) {
-  out.tile_width = out.tile_height = static_cast<int>(spec.layout.tile_size);
-  out.tile_depth = 1;
-  if (tiled_texels(spec) * spec.channels * type_of(spec.depth).size() > kMostClassicBytes)
-    out.attribute("tiff:bigtiff", 1);
-  if (!spec.layout.mipmap) return;
-  out.attribute("textureformat", "Plain Texture");
-  out.attribute("wrapmodes", "black,black");
-  out.attribute("fovcot", static_cast<float>(spec.width) / static_cast<float>(spec.height));
-}
-
-OIIO::ImageSpec oiio_spec(const Format& format, const ImageWriteSpec& spec) {
-  const std::string_view name = format.name;
-  OIIO::ImageSpec out(static_cast<int>(spec.width), static_cast<int>(spec.height),
-                      static_cast<int>(spec.channels), type_of(spec.depth));
-  out.channelnames = spec.names.empty() || name != "openexr"
-                         ? usual_names(spec.channels, spec.has_alpha)
-                         : spec.names;
-  out.alpha_channel = spec.has_alpha ? static_cast<int>(spec.channels) - 1 : -1;
-  if (spec.chromaticities && name == "openexr") {
-    out.attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8),
-                  spec.chromaticities->data());
-  }
-  if (out.alpha_channel >= 0 && name != "openexr" && !spec.layout.mipmap)
-    out.attribute("oiio:UnassociatedAlpha", 1);
-  if (spec.chromaticities && name != "openexr") {
-    const std::vector<std::byte> profile = make_icc({*spec.chromaticities, spec.linear});
-    out.attribute("ICCProfile",
-                  OIIO::TypeDesc(OIIO::TypeDesc::UINT8, static_cast<int>(profile.size())),
-                  profile.data());
-  }
-  // Beside a profile a second word on the same is one too many. In a TIFF this would only add an
-  // Exif directory, for which libtiff reads the main one back.
-  if (spec.tagged && (name == "openexr" || (name != "tiff" && !spec.chromaticities)))
-    out.attribute("oiio:ColorSpace", spec.linear || name == "openexr" ? "linear" : "sRGB");
-  out.attribute("DateTime", "");  // else TIFF and EXR are given the time of day
-  out.attribute("Software", software_name());
-  if (!spec.job.empty()) out.attribute("ImageDescription", job_description(spec.job));
-  if (!spec.hits_note.empty()) out.attribute(kHitsAttribute, spec.hits_note);
-  if (name == "png") {
-    out.attribute("png:compressionLevel", static_cast<int>(spec.layout.png_compression));
-    out.attribute("png:filter", kPngFilter);
-  } else if (name == "jpeg") {
-    out.attribute("Compression", fmt::format("jpeg:{}", spec.layout.jpeg_quality));
-    out.attribute("jpeg:subsampling", "4:4:4");
-  } else if (name == "tiff") {
-    out.attribute("compression", "zip");
-    out.attribute("tiff:zipquality", kDeflateLevel);
-    out.attribute("tiff:RowsPerStrip", static_cast<int>(strip_rows(spec)));
-  } else {
-    const std::string& compression = spec.layout.exr_compression;
-    const bool zip = compression.empty() || compression == "zip";
-    out.attribute("compression", zip ? fmt::format("zip:{}", kDeflateLevel) : compression);
-  }
-  if (spec.layout.tile_size > 0) add_tiles(spec, out);
-  return out;
-}
-
-}  // namespace
 
 bool is_image_path(const std::string& path) { return format_by_ending(path) != nullptr; }
 
@@ -257,139 +179,60 @@ Depth writable_depth(const std::string& path, Depth wanted) {
 }
 
 struct ImageWriter::Impl {
-  Impl(const std::string& path, const ImageWriteSpec& wanted)
+  Impl(const std::string& path, const ImageWriteSpec& wanted, ForEach for_each)
       : spec(wanted), file(std::in_place, path) {
-    auto to_file = std::make_unique<OutputProxy>(*file);
-    file_proxy = to_file.get();
-    open(*format_of(path, spec.depth), path, std::move(to_file));
+    const std::string_view name = format_of(path, spec.depth)->name;
+    const bool is_exr = name == "openexr";
+    premultiply = spec.has_alpha && (is_exr || spec.layout.mipmap) && !spec.premultiplied;
+    const auto to_file = [this](std::span<const std::byte> bytes) {
+      std::fwrite(bytes.data(), 1, bytes.size(), file->stream());
+      file->check();
+    };
+    encoder = is_exr           ? encode_exr(*file, spec)
+              : name == "tiff" ? encode_tiff(*file, spec)
+              : name == "jpeg" ? encode_jpeg(to_file, spec)
+                               : encode_png(to_file, spec, std::move(for_each));
   }
-  Impl(WriteFile& to, const ImageWriteSpec& wanted) : spec(wanted) {
-    auto to_sink = std::make_unique<SinkProxy>(to);
-    sink = to_sink.get();
-    open(kFormats.front(), "image.png", std::move(to_sink));
-  }
-
-  ~Impl() {
-    // An encoder that is closed early complains about missing rows; nobody wants to know. libpng
-    // says so on the standard error output, unless it has put out something.
-    if (output && next_row < spec.height && std::string_view(output->format_name()) == "png")
-      write_noise();
-    if (output) output->close();
-    if (output) output->geterror();
-  }
-
-  void open(const Format& format, const std::string& path,
-            std::unique_ptr<OIIO::Filesystem::IOProxy> to) {
-    set_up_oiio();
-    proxy = std::move(to);
-    output = OIIO::ImageOutput::create(format.name);
-    if (!output) fail(fmt::format("OpenImageIO was built without support for {}", format.name));
-    output->threads(1);
-    foreign = oiio_spec(format, spec);
-    OIIO::Filesystem::IOProxy* io = proxy.get();
-    foreign.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &io);
-    const bool times_alpha = std::string_view(format.name) == "openexr" || spec.layout.mipmap;
-    premultiply = foreign.alpha_channel >= 0 && times_alpha && !spec.premultiplied;
-    if (!output->open(path, foreign)) fail();
-    name = path;
-  }
-
-  /// Of the size that `spec` has now.
-  void open_level() {
-    foreign.width = foreign.full_width = static_cast<int>(spec.width);
-    foreign.height = foreign.full_height = static_cast<int>(spec.height);
-    auto mode = OIIO::ImageOutput::AppendMIPLevel;
-    if (output->supports("mipmap") == 0) {  // TIFF: images, one after another
-      close();
-      file_proxy->append_tiff_image();
-      mode = OIIO::ImageOutput::Create;
-      foreign.extra_attribs.remove("ImageDescription");  // the first one's are all that is read
-      foreign.extra_attribs.remove("ICCProfile");
-    }
-    if (!output->open(name, foreign, mode)) fail();
-  }
-
-  void close() {
-    if (!output->close()) fail();
-    if (file) proxy->flush();
-    check();
+  Impl(WriteFile& to, const ImageWriteSpec& wanted, ForEach for_each) : spec(wanted) {
+    encoder = encode_png([&to](std::span<const std::byte> bytes) { to.append(bytes); }, spec,
+                         std::move(for_each));
   }
 
   /// The rows go into tiles as soon as a row of these is complete.
   void tile(const std::byte* samples) {
     const std::uint32_t edge = spec.layout.tile_size;
-    const std::size_t texel_bytes = row_bytes_of(spec) / spec.width;
-    const std::size_t stride = across_tiles(spec) * edge * texel_bytes;
-    tile_rows.resize(stride * edge);
-    // What a tile has beyond the image is in the file, too.
-    if (next_row % edge == 0) std::fill(tile_rows.begin(), tile_rows.end(), std::byte{});
-    std::memcpy(tile_rows.data() + next_row % edge * stride, samples, row_bytes_of(spec));
+    const std::size_t row_bytes = row_bytes_of(spec);
+    tile_rows.resize(row_bytes * edge);
+    std::memcpy(tile_rows.data() + next_row % edge * row_bytes, samples, row_bytes);
     if ((next_row + 1) % edge != 0 && next_row + 1 < spec.height) return;
-    const auto y = static_cast<int>(next_row / edge * edge);
-    for (std::uint32_t x = 0; x < spec.width; x += edge) {
-      if (!output->write_tile(static_cast<int>(x), y, 0, type_of(spec.depth),
-                              tile_rows.data() + x * texel_bytes, OIIO::AutoStride,
-                              static_cast<OIIO::stride_t>(stride))) {
-        fail();
-      }
-    }
+    encoder->write_rows(next_row / edge * edge, next_row % edge + 1, tile_rows.data());
   }
 
-  /// Rows that do not deflate, enough to make the encoder put some out.
-  void write_noise() {
-    constexpr std::size_t kEnough = 512 << 10;
-    std::vector<std::byte> noise(row_bytes_of(spec));
-    std::uint32_t state = 1;
-    for (std::size_t done = 0; done < kEnough && next_row < spec.height; done += noise.size()) {
-      for (std::byte& b : noise)
-        b = static_cast<std::byte>((state = state * 1664525 + 1013904223) >> 24);
-      const int y = static_cast<int>(next_row++);
-      if (!output->write_scanline(y, 0, type_of(spec.depth), noise.data())) return;
-    }
-  }
-
-  /// Throws if any byte so far did not reach the file.
-  void check() const {
-    if (file) file->check();
-    if (sink != nullptr) sink->check();
-  }
-
-  [[noreturn]] void fail() {
-    const std::string message = one_line(output->geterror());
-    fail(message.empty() ? "the encoder reported no reason" : message);
-  }
-  [[noreturn]] void fail(const std::string& what) const {
-    check();
-    if (file) file->fail(what);
-    throw Error(ErrorKind::storage, fmt::format("cannot encode an image: {}", what));
-  }
-
-  ImageWriteSpec spec;
-  std::optional<OutputFile> file;  // outlives the proxy and the encoder
-  std::unique_ptr<OIIO::Filesystem::IOProxy> proxy;
-  OutputProxy* file_proxy = nullptr;  // it, where there is a file
-  SinkProxy* sink = nullptr;          // it, where there is none
-  std::unique_ptr<OIIO::ImageOutput> output;
-  OIIO::ImageSpec foreign;  // what the encoder was told
+  ImageWriteSpec spec;             // of the level
+  std::optional<OutputFile> file;  // outlives the encoder
+  std::unique_ptr<RowEncoder> encoder;
   bool premultiply = false;
-  std::string name;                 // of the image, for its levels
-  std::uint32_t next_row = 0;       // of the level
-  std::vector<std::byte> row;       // premultiplied copy of one row
-  PageVector<std::byte> tile_rows;  // of a row of tiles, these whole
+  std::uint32_t next_row = 0;         // of the level
+  std::vector<std::byte> multiplied;  // rows times alpha
+  PageVector<std::byte> tile_rows;    // of a row of tiles
 };
 
-ImageWriter::ImageWriter(const std::string& path, const ImageWriteSpec& spec) {
+void one_by_one(std::size_t count, const std::function<void(std::size_t)>& one) {
+  for (std::size_t i = 0; i < count; ++i) one(i);
+}
+
+ImageWriter::ImageWriter(const std::string& path, const ImageWriteSpec& spec, ForEach for_each) {
   if (const std::string reason = why_not_writable(path, spec); !reason.empty()) {
     throw Error(ErrorKind::usage, reason);
   }
-  impl_ = std::make_unique<Impl>(path, spec);
+  impl_ = std::make_unique<Impl>(path, spec, std::move(for_each));
 }
 
-ImageWriter::ImageWriter(WriteFile& sink, const ImageWriteSpec& spec) {
+ImageWriter::ImageWriter(WriteFile& sink, const ImageWriteSpec& spec, ForEach for_each) {
   if (const std::string reason = why_not_writable("image.png", spec); !reason.empty()) {
     throw Error(ErrorKind::usage, reason);
   }
-  impl_ = std::make_unique<Impl>(sink, spec);
+  impl_ = std::make_unique<Impl>(sink, spec, std::move(for_each));
 }
 
 ImageWriter::~ImageWriter() = default;
@@ -401,22 +244,19 @@ void ImageWriter::write_rows(std::uint32_t row_count, const std::byte* rows) {
   if (row_count > self.spec.height - self.next_row) {
     throw Error(ErrorKind::internal, "more rows written than the image has");
   }
-  const std::size_t row_bytes = row_bytes_of(self.spec);
-  for (std::uint32_t i = 0; i < row_count; ++i, ++self.next_row, rows += row_bytes) {
-    const std::byte* samples = rows;
-    if (self.premultiply) {
-      self.row.assign(rows, rows + row_bytes);
-      multiply_by_alpha(self.spec.depth, self.spec.channels, self.spec.width, self.row.data());
-      samples = self.row.data();
-    }
-    if (self.spec.layout.tile_size > 0) {
-      self.tile(samples);
-    } else if (!self.output->write_scanline(static_cast<int>(self.next_row), 0,
-                                            type_of(self.spec.depth), samples)) {
-      self.fail();
-    }
+  if (self.premultiply) {
+    self.multiplied.assign(rows, rows + row_count * row_bytes_of(self.spec));
+    multiply_by_alpha(self.spec.depth, self.spec.channels, std::size_t{self.spec.width} * row_count,
+                      self.multiplied.data());
+    rows = self.multiplied.data();
   }
-  self.check();
+  if (self.spec.layout.tile_size == 0) {
+    self.encoder->write_rows(self.next_row, row_count, rows);
+    self.next_row += row_count;
+    return;
+  }
+  for (std::uint32_t i = 0; i < row_count; ++i, ++self.next_row)
+    self.tile(rows + i * row_bytes_of(self.spec));
 }
 
 void ImageWriter::next_level() {
@@ -427,7 +267,7 @@ void ImageWriter::next_level() {
   self.spec.width = size.width;
   self.spec.height = size.height;
   self.next_row = 0;
-  self.open_level();
+  self.encoder->next_level(size.width, size.height);
 }
 
 void ImageWriter::commit() {
@@ -436,11 +276,8 @@ void ImageWriter::commit() {
     throw Error(ErrorKind::internal,
                 fmt::format("{} of {} rows written at commit", self.next_row, self.spec.height));
   }
-  self.close();
-  self.output.reset();
-  self.sink = nullptr;
-  self.file_proxy = nullptr;
-  self.proxy.reset();
+  self.encoder->finish();
+  self.encoder.reset();
   if (self.file) self.file->commit();
 }
 
@@ -448,17 +285,16 @@ std::uint64_t ImageWriter::encoder_bytes(const std::string& path, const ImageWri
   const Format* format = format_of(path, spec.depth);
   const std::string_view name = format == nullptr ? "" : format->name;
   const std::uint64_t row = row_bytes_of(spec);
-  constexpr std::uint64_t kBase = 1U << 20;
   if (const std::uint64_t edge = spec.layout.tile_size; edge > 0) {
     // A row of tiles, copies of one on its way, and where each is in the file.
     const std::uint64_t tile = edge * edge * row / spec.width;
     const std::uint64_t tiles = tiled_texels(spec) / (edge * edge);
-    return kBase + across_tiles(spec) * tile + 6 * tile + 48 * tiles;
+    return kEncoderBaseBytes + across_tiles(spec) * tile + 6 * tile + 48 * tiles;
   }
-  if (name == "openexr") return kBase + 16 * 6 * row;
-  if (name == "tiff") return kBase + 3 * row * strip_rows(spec);
-  if (name == "jpeg") return kBase + 64 * row;
-  return kBase + 8 * row;
+  if (name == "openexr") return kEncoderBaseBytes + 16 * 6 * row;
+  if (name == "tiff") return kEncoderBaseBytes + 3 * row * strip_rows(spec);
+  if (name == "jpeg") return kEncoderBaseBytes + 64 * row;
+  return kEncoderBaseBytes + png_encoder_bytes(spec);
 }
 
 }  // namespace pounce::io

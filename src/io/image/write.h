@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -62,6 +63,12 @@ FormatLook format_look(const std::string& path, Depth depth);
 /// tiff: all).
 Depth writable_depth(const std::string& path, Depth wanted);
 
+/// Calls `one` with 0 to count - 1 and returns when all calls have: on one thread or on several.
+/// What a call throws it throws.
+using ForEach = std::function<void(std::size_t count, const std::function<void(std::size_t)>& one)>;
+/// One after another.
+void one_by_one(std::size_t count, const std::function<void(std::size_t)>& one);
+
 /// Writes an image top to bottom in strips of rows in bounded memory. Until commit() the bytes have
 /// no name, or where the file system cannot do that a hidden temporary one beside `path`, which the
 /// destructor removes. The same samples give the same bytes, whenever and wherever they are
@@ -70,9 +77,11 @@ Depth writable_depth(const std::string& path, Depth wanted);
 /// why_not_writable() names, Error(storage) with path and reason. Not thread-safe.
 class ImageWriter {
  public:
-  ImageWriter(const std::string& path, const ImageWriteSpec& spec);
+  /// `for_each` runs what can be encoded at the same time (blocks of a PNG); the bytes are the same
+  /// with any.
+  ImageWriter(const std::string& path, const ImageWriteSpec& spec, ForEach for_each = one_by_one);
   /// As PNG at the end of `sink`, which must outlive the writer; commit() only ends the image.
-  ImageWriter(WriteFile& sink, const ImageWriteSpec& spec);
+  ImageWriter(WriteFile& sink, const ImageWriteSpec& spec, ForEach for_each = one_by_one);
   ~ImageWriter();
   ImageWriter(ImageWriter&&) noexcept;
   ImageWriter& operator=(ImageWriter&&) noexcept;

@@ -46,27 +46,27 @@ TEST_CASE("a configuration's spaces are beside ours by ACES or by Rec. 709", "[i
   const std::string squared = space("squared", "ExponentTransform> {value: 2}");
   const Colour number{0.8, 0.4, 0.2}, light{0.64, 0.16, 0.04};
   SECTION("Rec. 709 under a usual name") {
-    const io::ColourConfig config(
-        config_file(folder, "", space("Utility - Linear - sRGB") + squared));
-    check_colour(through(*config.to_linear("squared"), number), light);
-    check_colour(through(*config.from_linear("squared"), light), number);
+    const auto config =
+        io::ColourConfig::load(config_file(folder, "", space("Utility - Linear - sRGB") + squared));
+    check_colour(through(*config->to_linear("squared"), number), light);
+    check_colour(through(*config->from_linear("squared"), light), number);
   }
   SECTION("ACES2065-1 by its role, or by name") {
     const bool by_role = GENERATE(true, false);
-    const io::ColourConfig config(
+    const auto config = io::ColourConfig::load(
         by_role ? config_file(folder, ", aces_interchange: base", space("base") + squared)
                 : config_file(folder, "", space("ACES - ACES2065-1") + squared));
     const Matrix3 m = primaries_matrix(colour_space_from_name("aces2065-1")->primaries, kRec709);
     Colour expected;
     for (std::size_t row = 0; row < 3; ++row)
       expected[row] = m[3 * row] * light[0] + m[3 * row + 1] * light[1] + m[3 * row + 2] * light[2];
-    check_colour(through(*config.to_linear("squared"), number), expected);
-    check_colour(through(*config.from_linear("squared"), expected), number);
+    check_colour(through(*config->to_linear("squared"), number), expected);
+    check_colour(through(*config->from_linear("squared"), expected), number);
   }
   SECTION("nothing in common") {
-    const io::ColourConfig config(config_file(folder, "", space("base") + squared));
-    CHECK(config.has("SQUARED"));
-    CHECK_THROWS_AS(config.to_linear("squared"), Error);
+    const auto config = io::ColourConfig::load(config_file(folder, "", space("base") + squared));
+    CHECK(config->has("SQUARED"));
+    CHECK_THROWS_AS(config->to_linear("squared"), Error);
   }
 }
 
@@ -80,8 +80,8 @@ TEST_CASE("transforms that do the same have one identity, others have others", "
                                           << middle << "\n1\n}\n";
   };
   const auto identity = [&](const std::string& name, bool to_linear = true) {
-    const io::ColourConfig config(config_file(folder, "", spaces));
-    const auto made = to_linear ? config.to_linear(name) : config.from_linear(name);
+    const auto config = io::ColourConfig::load(config_file(folder, "", spaces));
+    const auto made = to_linear ? config->to_linear(name) : config->from_linear(name);
     return made->identity();
   };
   table("0.25");
@@ -97,7 +97,7 @@ TEST_CASE("a file that is no configuration is named", "[io]") {
   const std::string path = folder.file("c.ocio");
   const auto says = [&](const std::string& text) {
     try {
-      const io::ColourConfig config(path);
+      const auto config = io::ColourConfig::load(path);
     } catch (const Error& e) {
       return std::string(e.what()).find(text) != std::string::npos;
     }

@@ -10,8 +10,6 @@
 #include <filesystem>
 #include <numeric>
 
-#include "io/files/output_file.h"
-#include "io/image/output_proxy.h"
 #include "io/image/sample.h"
 #include "io/image/write.h"
 #include "pounce/error.h"
@@ -129,43 +127,6 @@ TEST_CASE("levels follow the image, each whole, the image first", "[image][write
   const std::size_t said = bytes.find("pounce:job=");
   CHECK(said != std::string::npos);
   CHECK(bytes.find("pounce:job=", said + 1) == std::string::npos);
-}
-
-TEST_CASE("images are chained in a TIFF of either kind", "[image][write][tiles]") {
-  const bool big = GENERATE(false, true);
-  const test::TempFolder folder;
-  const std::string path = folder.file("a.tif");
-  {
-    io::OutputFile file(path);
-    io::OutputProxy proxy(file);
-    OIIO::Filesystem::IOProxy* io = &proxy;
-    for (int image = 0; image < 3; ++image) {
-      if (image > 0) proxy.append_tiff_image();
-      OIIO::ImageSpec spec(16 + image, 5, 1, OIIO::TypeUInt8);
-      spec.attribute("DateTime", "");
-      spec.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &io);
-      if (big) spec.attribute("tiff:bigtiff", 1);
-      const auto output = OIIO::ImageOutput::create("tiff");
-      REQUIRE(output->open(path, spec));
-      const auto samples = noise(spec.image_bytes(), static_cast<std::uint32_t>(image));
-      REQUIRE(output->write_image(OIIO::TypeUInt8, samples.data()));
-      REQUIRE(output->close());
-      proxy.flush();
-    }
-    file.commit();
-  }
-  CHECK(test::read_file(path)[2] == (big ? 43 : 42));
-  const auto input = OIIO::ImageInput::open(path);
-  REQUIRE(input);
-  for (int image = 0; image < 3; ++image) {
-    REQUIRE(input->seek_subimage(image, 0));
-    const OIIO::ImageSpec spec = input->spec();
-    CHECK(spec.width == 16 + image);
-    std::vector<std::uint8_t> samples(spec.image_bytes());
-    REQUIRE(input->read_image(image, 0, 0, 1, OIIO::TypeUInt8, samples.data()));
-    CHECK(samples == noise(samples.size(), static_cast<std::uint32_t>(image)));
-  }
-  CHECK_FALSE(input->seek_subimage(3, 0));
 }
 
 TEST_CASE("what a tile has beyond the image is 0", "[image][write][tiles]") {

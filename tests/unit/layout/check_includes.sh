@@ -19,7 +19,7 @@ declare -A may_include=(
 # The same within rooms that have folders: what each may include besides itself and what lies above it.
 declare -A may_include_within=(
   [store/pack]="" [store/blocks]="pack" [store/cache]="pack"
-  [io/files]="" [io/json]="" [io/image]="files" [io/gltf]="files json" [io/obj]="files" [io/splats]="files json gltf"
+  [io/files]="" [io/json]="" [io/image]="files" [io/foreign]="files image" [io/gltf]="files json" [io/obj]="files" [io/splats]="files json gltf"
   [io/model]="files json gltf"
   [flow/stores]="" [flow/project]="stores" [flow/sources]="stores project" [flow/write]="stores project"
 )
@@ -61,7 +61,11 @@ for folder in src/{store,io,flow}/*/; do
   done < <(grep -rnE "^#include \"$room/[^\"]+/" "$folder")
 done
 
-file_libraries='OpenImageIO|OpenColorIO|tiny_gltf|stb_image'
+file_libraries='OpenImageIO|OpenColorIO|OpenEXR|tiny_gltf|stb_image|png\.h|jpeglib|tiffio|webp/'
+while IFS=: read -r file line _; do
+  complain "$file:$line: only the module (src/io/foreign/) includes OpenImageIO and OpenColorIO"
+done < <(grep -rnE '^#include <Open(ImageIO|ColorIO)/' src tools bench 2>/dev/null | grep -v '^src/io/foreign/' || true)
+
 while IFS=: read -r file line _; do
   complain "$file:$line: only src/io/ includes image and mesh libraries"
 done < <(grep -rnE "^#include [<\"]($file_libraries)" src tools bench 2>/dev/null | grep -v '^src/io/' || true)

@@ -9,19 +9,15 @@
 // and then refuse costs most, up to 8 bytes per byte and 72 per word; a reader may also make the
 // largest table there is (129^3 texels) before it finds none. A table that is loaded keeps 12 bytes
 // per byte at most: a digit and a line end may be a step of three channels.
-#include "io/image/colour_config.h"
+#include "io/foreign/ocio_tables.h"
 
 #include <OpenColorIO/OpenColorIO.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <filesystem>
-#include <mutex>
-#include <optional>
 #include <span>
-#include <sstream>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "core/file.h"
@@ -205,186 +201,6 @@ void ColourTables::require(std::uint64_t bytes) const {
 
 void ColourTables::check_reading() const {
   for (const std::string& path : paths_) read_text(*open_input(path));
-}
-namespace {
-
-constexpr std::uint64_t kMostConfigBytes = 8 << 20;  // the largest published have 1 MB
-
-/// The text of a configuration. What reads a disk that fails is no damaged configuration, so it is
-/// read here.
-std::string read_config(const std::string& path) {
-  mesh::ImageRef file;
-  file.path = file.label = path;
-  ByteSource bytes(file);  // or says why not
-  if (bytes.size_bytes() > kMostConfigBytes) {
-    throw Error(
-        ErrorKind::input,
-        fmt::format(
-            "{}: not a usable OpenColorIO configuration: it has {} bytes, but at most {} MiB "
-            "are supported",
-            path, bytes.size_bytes(), kMostConfigBytes >> 20));
-  }
-  std::string text(static_cast<std::size_t>(bytes.size_bytes()), '\0');
-  const std::size_t got = bytes.read_at(0, text.data(), text.size());
-  bytes.check();
-  text.resize(got);
-  return text;
-}
-
-/// As OCIO::Config::CreateFromFile(), which opens the file itself.
-OCIO::ConstConfigRcPtr parse_config(const std::string& path) {
-  std::istringstream text(read_config(path));
-  const auto config = OCIO::Config::CreateFromStream(text)->createEditableCopy();
-  config->setWorkingDir(std::filesystem::absolute(path).parent_path().c_str());
-  return config;
-}
-
-/// A space of the configuration that is one of ours.
-struct Common {
-  std::string name;
-  Chromaticities primaries;
-};
-
-std::optional<Common> common_space(const OCIO::Config& config) {
-  const Chromaticities ap0 = colour_space_from_name("aces2065-1")->primaries;
-  for (const char* name : {"aces_interchange", "ACES2065-1", "ACES - ACES2065-1", "lin_ap0"}) {
-    if (config.getColorSpace(name)) return Common{name, ap0};
-  }
-  for (const char* name : {"lin_rec709", "Linear Rec.709 (sRGB)", "lin_srgb",
-                           "Utility - Linear - Rec.709", "Utility - Linear - sRGB"}) {
-    if (config.getColorSpace(name)) return Common{name, kRec709};
-  }
-  return std::nullopt;
-}
-
-void multiply(const Matrix3& m, std::array<double, 3>& c) noexcept {
-  c = {m[0] * c[0] + m[1] * c[1] + m[2] * c[2], m[3] * c[0] + m[4] * c[1] + m[5] * c[2],
-       m[6] * c[0] + m[7] * c[1] + m[8] * c[2]};
-}
-
-/// The configuration's part, with a matrix before or behind it.
-class ConfigTransform : public ColourTransform {
- public:
-  ConfigTransform(OCIO::ConstCPUProcessorRcPtr processor, const Matrix3& matrix, bool matrix_first)
-      : processor_(std::move(processor)), matrix_(matrix), matrix_first_(matrix_first) {}
-
-  void apply(std::array<double, 3>& rgb) const noexcept override {
-    if (matrix_first_) multiply(matrix_, rgb);
-    std::array<float, 3> single;
-    std::copy(rgb.begin(), rgb.end(), single.begin());
-    processor_->applyRGB(single.data());
-    std::copy(single.begin(), single.end(), rgb.begin());
-    if (!matrix_first_) multiply(matrix_, rgb);
-  }
-
-  Hash128 identity() const override {
-    Hasher hash;
-    hash.add(std::string_view(processor_->getCacheID()));
-    hash.add(matrix_first_);
-    for (const double v : matrix_) hash.add(v);
-    return hash.digest();
-  }
-
- private:
-  OCIO::ConstCPUProcessorRcPtr processor_;
-  Matrix3 matrix_;
-  bool matrix_first_;
-};
-
-}  // namespace
-
-struct ColourConfig::Impl {
-  OCIO::ConstConfigRcPtr config;
-  mutable ColourTables tables;
-  mutable std::mutex mutex;  ///< guards it
-
-  Impl(OCIO::ConstConfigRcPtr of, ColourTables with)
-      : config(std::move(of)), tables(std::move(with)) {}
-
-  std::shared_ptr<const ColourTransform> transform(const std::string& path, const std::string& name,
-                                                   bool to_linear) const {
-    const auto common = common_space(*config);
-    if (!common) {
-      throw Error(ErrorKind::input,
-                  fmt::format("{}: cannot be converted to other colour spaces: it has no role "
-                              "aces_interchange and no colour space named ACES2065-1 or "
-                              "lin_rec709; add the role aces_interchange",
-                              path));
-    }
-    const std::lock_guard lock(mutex);
-    tables.check(config, {name.c_str(), common->name.c_str()});
-    const auto no_way = [&](const OCIO::Exception& e) {
-      return fmt::format("{}: cannot convert {} \"{}\": {}", path, to_linear ? "from" : "to", name,
-                         e.what());
-    };
-    try {
-      const char *from = name.c_str(), *to = common->name.c_str();
-      if (!to_linear) std::swap(from, to);
-      const auto processor = config->getProcessor(from, to);
-      return std::make_shared<ConfigTransform>(
-          processor->getOptimizedCPUProcessor(OCIO::OPTIMIZATION_LOSSLESS),
-          to_linear ? primaries_matrix(common->primaries, kRec709)
-                    : primaries_matrix(kRec709, common->primaries),
-          !to_linear);
-    } catch (const OCIO::ExceptionMissingFile& e) {
-      throw MissingFile(no_way(e));
-    } catch (const OCIO::Exception& e) {
-      tables.check_reading();  // a disk that fails is no damaged table
-      throw Error(ErrorKind::input, no_way(e));
-    }
-  }
-};
-
-ColourConfig::ColourConfig(const std::string& path, bool allow_external, std::uint64_t most_bytes)
-    : path_(path) {
-  try {
-    auto config = parse_config(path);
-    config->validate();
-    impl_ = std::make_unique<const Impl>(std::move(config),
-                                         ColourTables(path, allow_external, most_bytes));
-  } catch (const OCIO::Exception& e) {
-    throw Error(ErrorKind::input,
-                fmt::format("{}: not a usable OpenColorIO configuration: {}", path, e.what()));
-  }
-}
-
-ColourConfig::~ColourConfig() = default;
-
-bool ColourConfig::has(const std::string& name) const {
-  return impl_->config->getColorSpace(name.c_str()) != nullptr;
-}
-
-std::string ColourConfig::full_name(const std::string& name) const {
-  return impl_->config->getColorSpace(name.c_str())->getName();
-}
-
-bool ColourConfig::is_data(const std::string& name) const {
-  return impl_->config->getColorSpace(name.c_str())->isData();
-}
-
-std::vector<std::string> ColourConfig::names() const {
-  std::vector<std::string> names;
-  for (int i = 0; i < impl_->config->getNumColorSpaces(); ++i)
-    names.emplace_back(impl_->config->getColorSpaceNameByIndex(i));
-  return names;
-}
-
-std::uint64_t ColourConfig::table_loading_bytes() const {
-  const std::lock_guard lock(impl_->mutex);
-  return impl_->tables.loading_bytes();
-}
-
-std::uint64_t ColourConfig::table_bytes() const {
-  const std::lock_guard lock(impl_->mutex);
-  return impl_->tables.kept_bytes();
-}
-
-std::shared_ptr<const ColourTransform> ColourConfig::to_linear(const std::string& name) const {
-  return impl_->transform(path_, name, true);
-}
-
-std::shared_ptr<const ColourTransform> ColourConfig::from_linear(const std::string& name) const {
-  return impl_->transform(path_, name, false);
 }
 
 }  // namespace pounce::io

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "io/image/colour_config.h"
+#include "io/image/row_decoder.h"
+
+namespace pounce::io {
+
+/// What libpounce-imageio.so gives: the formats and colour configurations of OpenImageIO and
+/// OpenColorIO, which bring 260 shared libraries with them. The module is opened when a job needs
+/// it, and stays open then. It has copies of its own of the functions it shares with the library,
+/// so nothing in these may be one per process. Thread-safe.
+class ForeignModule {
+ public:
+  virtual ~ForeignModule() = default;
+  /// See open_foreign().
+  virtual std::unique_ptr<RowDecoder> open_image(ByteSource& bytes, ImageInfo& info) const = 0;
+  /// See ColourConfig::load().
+  virtual std::unique_ptr<const ColourConfig> load_config(const std::string& path,
+                                                          bool allow_external,
+                                                          std::uint64_t most_bytes) const = 0;
+};
+
+/// The module's one function. `version` is the caller's; null if the module is of another one.
+using ForeignEntry = const ForeignModule*(const char* version);
+inline constexpr const char* kForeignEntry = "pounce_imageio";
+
+/// Opens the module beside the library or the program, or where it is installed. `purpose`: what
+/// cannot be done without it, as a sentence's beginning ("a.hdr: Radiance HDR images are"). Throws
+/// Error(storage) if there is none, naming the places and the reason.
+const ForeignModule& foreign_module(const std::string& purpose);
+
+}  // namespace pounce::io
