@@ -36,11 +36,6 @@ std::string kind_of(const std::string& path) {
   return ending == ".tiff" ? ".tif" : ending;
 }
 
-void add(const Hash128& value, Hasher& hash) {
-  hash.add(value.hi);
-  hash.add(value.lo);
-}
-
 /// Options that say of an image what holds without them (docs/decisions/029-job-hash.md); those
 /// whose defaults do not depend on files were not described in the first place.
 std::vector<std::string> said_anyway(const ChannelPlan& channel, const TargetPlan& target,
@@ -115,11 +110,11 @@ void JobHash::begin(const std::vector<std::string>& said_anyway, Hasher& hash) c
 void JobHash::add_file(const std::string& path, Hasher& hash) {
   // All images of a job share their files: each is read once.
   const auto known = contents_.find(path);
-  if (known != contents_.end()) return add(known->second, hash);
+  if (known != contents_.end()) return hash.add(known->second);
   Hash128 content;
   if (is_readable(path)) content = file_hash(job_, path);
   contents_.emplace(path, content);
-  add(content, hash);
+  hash.add(content);
 }
 
 void JobHash::add_files(const std::vector<std::string>& paths, Hasher& hash) {
@@ -135,7 +130,7 @@ void JobHash::add_image(const mesh::ImageRef& image, Hasher& hash) {
   if (image.bytes == nullptr) return add_file(image.path, hash);
   Hasher bytes;
   bytes.add(std::span<const std::byte>(*image.bytes));
-  add(bytes.digest(), hash);
+  hash.add(bytes.digest());
 }
 
 void JobHash::add_source_images(const SourcePlan& plan, const ChannelPlan& channel, Hasher& hash) {
@@ -196,7 +191,7 @@ std::string JobHash::of_image(const std::vector<std::string>& source, const Sour
   add_page(target_plan.pages[page], target_plan.by_tile, hash);
   add_output(plan.channels[channel], target_plan.images[channel][page], hash);
   if (plan.channels[channel].format.is_colour) {
-    for (const auto& transform : plan.transforms) add(transform->identity(), hash);
+    for (const auto& transform : plan.transforms) hash.add(transform->identity());
   }
   return to_hex(hash.digest());
 }

@@ -14,9 +14,7 @@ void add_input(const shading::ColourInput& input, Hasher& hash) {
   hash.add(input.linear);
   for (const double v : input.primaries.value_or(Matrix3{})) hash.add(v);
   if (input.transform == nullptr) return;
-  const Hash128 transform = input.transform->identity();
-  hash.add(transform.hi);
-  hash.add(transform.lo);
+  hash.add(input.transform->identity());
 }
 
 void add_factor(const shading::Factor& factor, Hasher& hash) {
@@ -44,15 +42,10 @@ bool texels_are_linear(const SourcePlan& plan) {
   return std::any_of(pages.begin(), pages.end(), is_linear);
 }
 
-void add_key(const Hash128& key, Hasher& hash) {
-  hash.add(key.hi);
-  hash.add(key.lo);
-}
-
 void add_page(const PageTexture& page, const std::vector<Hash128>& columns, Hasher& hash) {
   hash.add(page.column);
   hash.add(page.tile_set);
-  if (page.column >= 0) add_key(columns[static_cast<std::size_t>(page.column)], hash);
+  if (page.column >= 0) hash.add(columns[static_cast<std::size_t>(page.column)]);
   for (const double v : page.constant.v) hash.add(v);
   hash.add(page.constant.linear);
   if (page.input) add_input(*page.input, hash);
@@ -65,7 +58,7 @@ void add_tile_set(const TileSetPlan& set, const std::vector<Hash128>& columns, H
   for (const auto& [tile, column] : set.columns) {
     hash.add(tile.column);
     hash.add(tile.row);
-    add_key(columns[column], hash);
+    hash.add(columns[column]);
     if (const auto input = set.inputs.find(tile); input != set.inputs.end())
       add_input(input->second, hash);
   }

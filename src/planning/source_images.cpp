@@ -22,10 +22,6 @@
 namespace pounce::planning {
 namespace {
 
-Vec2d transformed(const mesh::UvTransform& m, Vec2f uv) {
-  return {m.a * uv.x + m.b * uv.y + m.c, m.d * uv.x + m.e * uv.y + m.f};
-}
-
 /// Is the file there?
 bool is_there(const std::string& path) {
   std::error_code ignored;
@@ -33,6 +29,16 @@ bool is_there(const std::string& path) {
 }
 
 }  // namespace
+
+std::array<Vec2d, 3> transformed_uvs(const mesh::Mesh& mesh, std::size_t triangle,
+                                     std::uint32_t uv_set, const mesh::UvTransform& m) {
+  std::array<Vec2d, 3> uvs;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec2f uv = mesh.uv_sets[uv_set][mesh.triangles[triangle][k]];
+    uvs[k] = {m.a * uv.x + m.b * uv.y + m.c, m.d * uv.x + m.e * uv.y + m.f};
+  }
+  return uvs;
+}
 
 SourceImages::SourceImages(const TransferOptions& options, const mesh::Mesh& source,
                            SourcePlan& plan)
@@ -131,8 +137,7 @@ const std::map<std::uint32_t, std::set<mesh::UvTile>>& SourceImages::middles(Cha
     const auto bound = binding(source_.triangle_material[t], channel);
     if (!bound || !has_uvs(t, bound->uv_set)) continue;
     Vec2d middle{0, 0};
-    for (const std::uint32_t corner : source_.triangles[t]) {
-      const Vec2d uv = transformed(bound->transform, source_.uv_sets[bound->uv_set][corner]);
+    for (const Vec2d uv : transformed_uvs(source_, t, bound->uv_set, bound->transform)) {
       middle.x += uv.x / 3;
       middle.y += uv.y / 3;
     }
@@ -245,11 +250,7 @@ std::vector<std::uint32_t> SourceImages::entered_udims(Channel channel, std::uin
   for (std::size_t t = 0; t < source_.triangles.size(); ++t) {
     const auto bound = binding(source_.triangle_material[t], channel);
     if (!bound || bound->image != image || !has_uvs(t, bound->uv_set)) continue;
-    std::array<Vec2d, 3> uvs;
-    for (std::size_t k = 0; k < 3; ++k) {
-      uvs[k] =
-          transformed(bound->transform, source_.uv_sets[bound->uv_set][source_.triangles[t][k]]);
-    }
+    const auto uvs = transformed_uvs(source_, t, bound->uv_set, bound->transform);
     bool outside = false;
     const std::uint64_t count = mesh::visit_uv_tiles(uvs, [&](mesh::UvTile tile) {
       const auto udim = mesh::udim_number(tile);

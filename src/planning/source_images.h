@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -14,6 +15,10 @@
 #include "planning/tile_pattern.h"
 
 namespace pounce::planning {
+
+/// A triangle's UVs as a texture transform has them. The set must be there.
+std::array<Vec2d, 3> transformed_uvs(const mesh::Mesh& mesh, std::size_t triangle,
+                                     std::uint32_t uv_set, const mesh::UvTransform& transform);
 
 /// Which image, or which set of UDIM tiles, each material of a source has in a channel, with
 /// --source-texture and --source-uv-set applied. What is asked for becomes a column or a tile set

@@ -121,7 +121,7 @@ Hash128 TexelsSource::store_key() const {
   hash.add(store::kFormatVersion);
   hash.add(kGaussianStoreVersion);
   hash.add(kTexelSourceVersion);
-  planning::add_key(surface::geometry_key(geometry()), hash);
+  hash.add(surface::geometry_key(geometry()));
   for (const planning::PageTexture& page : plan_.channels.front().pages)
     planning::add_page(page, columns, hash);
   hash.add(static_cast<std::uint64_t>(plan_.tile_sets.size()));

@@ -52,8 +52,7 @@ std::unique_ptr<ColourCache> ColourLevels::make(const ColourCache& before, const
   Hasher hash;
   hash.add(std::string_view("colour level"));
   hash.add(store::kFormatVersion);
-  hash.add(image_key.hi);
-  hash.add(image_key.lo);
+  hash.add(image_key);
   hash.add(level);
   const Hash128 key = hash.digest();
   auto found =

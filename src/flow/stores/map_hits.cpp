@@ -32,8 +32,7 @@ Hash128 key_of(job::JobContext& job, const MapRequest& request) {
   Hasher hash;
   hash.add(kRules);
   hash.add(store::kFormatVersion);
-  hash.add(content.hi);
-  hash.add(content.lo);
+  hash.add(content);
   hash.add(std::uint64_t{request.source_pages});
   hash.add(request.max_distance);
   return hash.digest();

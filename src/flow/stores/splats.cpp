@@ -97,8 +97,7 @@ class SceneStore {
         continue;
       }
       const Hash128 content = file_hash(job_, path);
-      hash.add(content.hi);
-      hash.add(content.lo);
+      hash.add(content);
     }
     // What shapes the Gaussians while they are read, and which of them are kept. How they are
     // blended later is no part of the store.
