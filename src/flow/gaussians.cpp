@@ -32,9 +32,8 @@
 #include "options/table.h"
 #include "planning/describe_job.h"
 #include "planning/load_mesh.h"
-#include "planning/output_names.h"
+#include "planning/name_patterns.h"
 #include "planning/plan.h"
-#include "planning/uv_repeats.h"
 
 namespace pounce {
 namespace flow {

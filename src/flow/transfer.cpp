@@ -17,8 +17,8 @@
 #include "flow/transfer_plan.h"
 #include "flow/transfer_target.h"
 #include "job/run_job.h"
-#include "planning/check_options.h"
 #include "planning/describe_job.h"
+#include "planning/plan.h"
 
 namespace pounce {
 namespace flow {

@@ -25,7 +25,7 @@
 #include "planning/describe_job.h"
 #include "planning/known_map.h"
 #include "planning/load_mesh.h"
-#include "planning/output_names.h"
+#include "planning/name_patterns.h"
 
 namespace pounce::flow {
 namespace {

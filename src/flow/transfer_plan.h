@@ -12,7 +12,6 @@
 #include "job/job_context.h"
 #include "mesh/mesh.h"
 #include "planning/disk.h"
-#include "planning/existing_outputs.h"
 #include "planning/job_hash.h"
 #include "planning/plan.h"
 

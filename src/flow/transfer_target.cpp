@@ -31,7 +31,7 @@
 #include "flow/stores/build_stores.h"
 #include "job/output_claim.h"
 #include "outcome/target_tally.h"
-#include "planning/existing_outputs.h"
+#include "planning/job_hash.h"
 #include "projection/mesh_fit.h"
 #include "surface/strewn_places.h"
 

@@ -17,8 +17,7 @@
 #include "io/image/read.h"
 #include "io/json/untrusted.h"
 #include "mesh/uv_tiles.h"
-#include "planning/output_names.h"
-#include "planning/tile_pattern.h"
+#include "planning/name_patterns.h"
 #include "pounce/error.h"
 #include "projection/hit_map.h"
 

@@ -9,7 +9,7 @@
 #include "job/job_context.h"
 #include "job/memory_needs.h"
 #include "planning/plan.h"
-#include "planning/shown_tiles.h"
+#include "planning/source_images.h"
 
 namespace pounce::flow {
 

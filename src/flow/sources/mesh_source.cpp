@@ -13,7 +13,7 @@
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "mesh/tangent_space.h"
-#include "planning/left_behind.h"
+#include "planning/describe_job.h"
 #include "planning/load_mesh.h"
 #include "projection/mesh_fit.h"
 

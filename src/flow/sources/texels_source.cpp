@@ -13,7 +13,7 @@
 #include "flow/project/gaussians.h"
 #include "flow/stores/find_store.h"
 #include "flow/stores/gaussian_store.h"
-#include "planning/page_keys.h"
+#include "planning/job_hash.h"
 
 namespace pounce::flow {
 namespace {

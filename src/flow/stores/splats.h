@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "job/job_context.h"
-#include "planning/splat_request.h"
+#include "planning/plan.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::flow {
