@@ -19,7 +19,7 @@
 #include "mesh/uv_tiles.h"
 #include "planning/name_patterns.h"
 #include "pounce/error.h"
-#include "projection/hit_map.h"
+#include "projection/hit_block.h"
 
 namespace pounce::planning {
 namespace {

@@ -23,7 +23,7 @@
 #include "planning/known_map.h"
 #include "planning/mesh_planning.h"
 #include "planning/name_patterns.h"
-#include "projection/hit_map.h"
+#include "projection/hit_block.h"
 
 namespace pounce::planning {
 namespace {

@@ -15,7 +15,7 @@
 
 #include "flow/project/packet_blend.h"
 #include "flow/project/results.h"
-#include "projection/hit_map.h"
+#include "projection/hit_block.h"
 
 namespace pounce::flow {
 namespace {

@@ -13,7 +13,6 @@
 #include "projection/blend.h"
 #include "projection/blend_lanes.h"
 #include "projection/search.h"
-#include "projection/surface_points.h"
 #include "shading/shape_output.h"
 #include "store/blocks/geometry_store.h"
 #include "surface/texel_frames.h"

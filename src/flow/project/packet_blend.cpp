@@ -4,7 +4,7 @@
 //
 // The lanes of a packet are close together on the target, so mostly they need the same image, the
 // same level and the same tile. Nothing guarantees that. So lanes are grouped: by page and image
-// here, then by level, then by tile in projection/lane_lookups.h. Each group is blended under a
+// here, then by level, then by tile in projection/blend_lanes.h. Each group is blended under a
 // mask of its lanes, so a packet on a chart's border is as right as any.
 //
 // A lane gets one of three results: a finished texel (`rounded_`), samples that shading has yet to

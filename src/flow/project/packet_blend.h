@@ -11,7 +11,6 @@
 #include "flow/project/page_colour.h"
 #include "projection/blend_lanes.h"
 #include "projection/hit_packet.h"
-#include "projection/lane_lookups.h"
 #include "surface/target_block.h"
 
 namespace pounce::flow {

@@ -50,7 +50,7 @@ std::uint64_t colour_least_bytes(const ColourRequest& request);
 std::uint64_t colour_least_bytes(std::uint32_t width, std::uint64_t texel_bytes,
                                  std::uint64_t decoder_bytes);
 
-/// One image of a hit map (projection/hit_map.h).
+/// One image of a hit map (projection/hit_block.h).
 struct MapRequest {
   std::string path;
   ImageSize size;

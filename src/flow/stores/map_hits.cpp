@@ -16,7 +16,7 @@
 #include "flow/stores/find_store.h"
 #include "io/image/read.h"
 #include "mesh/lattice.h"
-#include "projection/hit_map.h"
+#include "projection/hit_block.h"
 #include "store/pack/pack_layout.h"
 
 namespace pounce::flow {
