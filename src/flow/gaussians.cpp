@@ -20,9 +20,8 @@
 #include <cmath>
 #include <filesystem>
 
-#include "flow/sources/columns.h"
+#include "flow/sources/source.h"
 #include "flow/sources/texel_source.h"
-#include "flow/stores/scene_gaussians.h"
 #include "flow/stores/splats.h"
 #include "flow/write/gaussians.h"
 #include "gaussian/kept_rows.h"

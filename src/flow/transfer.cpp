@@ -15,7 +15,6 @@
 
 #include "flow/transfer.h"
 #include "flow/transfer_plan.h"
-#include "flow/transfer_target.h"
 #include "job/run_job.h"
 #include "planning/describe_job.h"
 #include "planning/plan.h"

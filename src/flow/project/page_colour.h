@@ -8,7 +8,6 @@
 #include <optional>
 
 #include "flow/stores/block_readers.h"
-#include "flow/stores/colour_levels.h"
 #include "mesh/uv_tiles.h"
 #include "projection/blend.h"
 #include "projection/footprint.h"

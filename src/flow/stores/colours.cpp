@@ -30,7 +30,6 @@
 
 #include "core/portable_math.h"
 #include "flow/stores/build_stores.h"
-#include "flow/stores/find_store.h"
 #include "io/files/asset_file.h"
 #include "io/image/read.h"
 

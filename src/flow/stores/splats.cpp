@@ -9,9 +9,8 @@
 
 #include <algorithm>
 
-#include "flow/stores/find_store.h"
+#include "flow/stores/build_stores.h"
 #include "flow/stores/gaussian_store.h"
-#include "flow/stores/scene_gaussians.h"
 
 namespace pounce::flow {
 namespace {
