@@ -24,7 +24,7 @@
 #include "flow/sources/texel_source.h"
 #include "flow/stores/splats.h"
 #include "flow/write/gaussians.h"
-#include "gaussian/kept_rows.h"
+#include "gaussian/gaussian_source.h"
 #include "io/read_mesh.h"
 #include "io/splats/scene.h"
 #include "job/run_job.h"

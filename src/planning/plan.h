@@ -18,8 +18,7 @@
 #include "planning/image_output.h"
 #include "planning/target_pages.h"
 #include "pounce/options.h"
-#include "shading/colour_input.h"
-#include "shading/factor.h"
+#include "shading/texel_input.h"
 #include "surface/geometry_request.h"
 
 namespace pounce::planning {

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "mesh/lattice.h"
 #include "mesh/mesh.h"
-#include "mesh/touched_tiles.h"
 #include "mesh/uv_tiles.h"
 #include "planning/name_patterns.h"
 #include "planning/plan.h"

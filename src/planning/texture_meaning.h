@@ -7,7 +7,7 @@
 
 #include "mesh/mesh.h"
 #include "pounce/options.h"
-#include "shading/factor.h"
+#include "shading/texel_input.h"
 
 namespace pounce::planning {
 

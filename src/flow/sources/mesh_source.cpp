@@ -24,7 +24,7 @@
 #include "planning/job_hash.h"
 #include "planning/load_mesh.h"
 #include "projection/mesh_fit.h"
-#include "surface/layers.h"
+#include "surface/strewn_places.h"
 
 namespace pounce::flow {
 

@@ -14,7 +14,7 @@
 #include <algorithm>
 #include <mutex>
 
-#include "shading/level_tile.h"
+#include "shading/mip_levels.h"
 
 namespace pounce::flow {
 namespace {
@@ -61,7 +61,7 @@ const store::ColourStore& WholeColumn::made() {
 // Smaller versions of images, for targets whose texels cover more than one texel of the source.
 //
 // A level is made from the tiles of the level before, tile by tile: no image is decoded again, and
-// a handful of tiles is all that is in memory (shading/level_tile.h).
+// a handful of tiles is all that is in memory (shading/mip_levels.h).
 //
 // A level that nobody asks for is not made: making all of them while decoding would cost every job.
 // So levels are made while a projection runs, by the piece that needs one first; others wait for

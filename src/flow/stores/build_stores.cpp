@@ -26,7 +26,7 @@
 #include "io/image/read.h"
 #include "mesh/lattice.h"
 #include "projection/hit_block.h"
-#include "runtime/ordered_stream.h"
+#include "runtime/pump.h"
 #include "store/pack/pack_layout.h"
 #include "surface/block_maker.h"
 

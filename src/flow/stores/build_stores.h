@@ -11,7 +11,7 @@
 #include "io/image/read.h"
 #include "job/job_context.h"
 #include "mesh/block_bins.h"
-#include "mesh/touched_tiles.h"
+#include "mesh/lattice.h"
 #include "pounce/error.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/geometry_store.h"
