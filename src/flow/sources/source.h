@@ -18,7 +18,7 @@
 #include "flow/project/page_projector.h"
 #include "flow/stores/block_readers.h"
 #include "job/job_context.h"
-#include "job/memory_needs.h"
+#include "job/run_job.h"
 #include "job/test_knobs.h"
 #include "planning/disk.h"
 #include "planning/plan.h"
