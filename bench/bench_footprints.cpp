@@ -6,7 +6,7 @@
 #include <random>
 
 #include "bench_input.h"
-#include "projection/lane_lookups.h"
+#include "projection/blend_lanes.h"
 
 namespace pounce::bench {
 namespace {

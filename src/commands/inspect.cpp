@@ -36,7 +36,7 @@
 #include "io/read_mesh.h"
 #include "io/splats/ply_scene.h"
 #include "io/splats/scene.h"
-#include "store/blocks/splat_lattice.h"
+#include "store/blocks/splat_store.h"
 #include "store/cache/cache_space.h"
 #include "store/pack/pack.h"
 

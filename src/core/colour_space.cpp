@@ -11,7 +11,7 @@
 // by Newton's method from above, which ends at the same number everywhere.
 //
 // Readers and writers of images name spaces with this, planning chooses them,
-// shading/colour_input.cpp converts texels. Spaces of a configuration are OpenColorIO's (io/image),
+// shading/texel_input.cpp converts texels. Spaces of a configuration are OpenColorIO's (io/image),
 // not these.
 #include "core/colour_space.h"
 

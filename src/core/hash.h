@@ -34,6 +34,10 @@ class Hasher {
   template <class T>
   requires std::is_arithmetic_v<T> || std::is_enum_v<T>
   void add(T value) { add(std::as_bytes(std::span(&value, 1))); }
+  void add(const Hash128& hash) {
+    add(hash.hi);
+    add(hash.lo);
+  }
   Hash128 digest() const;
 
  private:

@@ -20,21 +20,19 @@
 #include <cmath>
 #include <filesystem>
 
-#include "flow/sources/columns.h"
+#include "flow/sources/source.h"
 #include "flow/sources/texel_source.h"
-#include "flow/stores/scene_gaussians.h"
 #include "flow/stores/splats.h"
 #include "flow/write/gaussians.h"
-#include "gaussian/kept_rows.h"
+#include "gaussian/gaussian_source.h"
 #include "io/read_mesh.h"
 #include "io/splats/scene.h"
 #include "job/run_job.h"
 #include "options/table.h"
 #include "planning/describe_job.h"
 #include "planning/load_mesh.h"
-#include "planning/output_names.h"
+#include "planning/name_patterns.h"
 #include "planning/plan.h"
-#include "planning/uv_repeats.h"
 
 namespace pounce {
 namespace flow {

@@ -15,10 +15,9 @@
 
 #include "flow/transfer.h"
 #include "flow/transfer_plan.h"
-#include "flow/transfer_target.h"
 #include "job/run_job.h"
-#include "planning/check_options.h"
 #include "planning/describe_job.h"
+#include "planning/plan.h"
 
 namespace pounce {
 namespace flow {

@@ -6,7 +6,7 @@
 //
 // The source decides channels, sizes and passes, a target decides pages and names. Needs of memory
 // are collected as (bytes, reason), one for each step of the job, with what is held beside that
-// step; the largest one is the least budget that works (job/memory_needs.h). A step that is missing
+// step; the largest one is the least budget that works (job::MemoryNeeds). A step that is missing
 // here is not noticed while planning: it ends a job in its middle, at small budgets only.
 //
 // Planning has costs of its own. Before a mesh is read, require_early() refuses what is hopeless.
@@ -25,7 +25,7 @@
 #include "planning/describe_job.h"
 #include "planning/known_map.h"
 #include "planning/load_mesh.h"
-#include "planning/output_names.h"
+#include "planning/name_patterns.h"
 
 namespace pounce::flow {
 namespace {

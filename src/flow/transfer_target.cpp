@@ -17,8 +17,6 @@
 //
 // The target's mesh stays until its last page is vectorized, but projecting and writing a page read
 // its blocks only. Scratch packs of results belong to a step: the next step's replaces them.
-#include "flow/transfer_target.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -29,9 +27,10 @@
 #include <vector>
 
 #include "flow/stores/build_stores.h"
+#include "flow/transfer_plan.h"
 #include "job/output_claim.h"
 #include "outcome/target_tally.h"
-#include "planning/existing_outputs.h"
+#include "planning/job_hash.h"
 #include "projection/mesh_fit.h"
 #include "surface/strewn_places.h"
 

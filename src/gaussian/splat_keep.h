@@ -10,7 +10,6 @@
 #include "core/bounds.h"
 #include "core/hash.h"
 #include "mesh/mesh.h"
-#include "store/blocks/splat_lattice.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::gaussian {

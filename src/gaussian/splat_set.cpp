@@ -24,8 +24,8 @@
 #include <utility>
 
 #include "core/bounds.h"
+#include "core/directions.h"
 #include "core/portable_math.h"
-#include "core/quaternion.h"
 
 namespace pounce::gaussian {
 namespace {

@@ -25,7 +25,7 @@
 #include <cstdint>
 #include <utility>
 
-#include "core/quaternion.h"
+#include "core/directions.h"
 
 namespace pounce::gaussian {
 namespace {

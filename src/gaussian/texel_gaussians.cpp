@@ -31,7 +31,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/quaternion.h"
+#include "core/directions.h"
 #include "mesh/uv_raster.h"
 
 namespace pounce::gaussian {

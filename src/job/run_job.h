@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "core/system_limits.h"
 #include "job/job_context.h"
 
 namespace pounce::job {
@@ -35,5 +38,64 @@ void require_least(JobContext& job, const LeastMemory& least, std::uint64_t held
 /// require_least() does if that is so much more than the budget that it is not worth going on to
 /// say exactly what the whole job needs. That may be more than is named here, never less.
 void require_early(JobContext& job, const LeastMemory& need, std::uint64_t held_bytes);
+
+// --- what steps need -----------------------------------------------------------------------------
+
+/// What the steps of a job need of memory: the one that needs the most decides. Not thread-safe.
+class MemoryNeeds {
+ public:
+  explicit MemoryNeeds(job::JobContext& job) : job_(job) {}
+
+  /// What stays for the whole job is in use beside every step that is added from now on.
+  void keep(std::uint64_t bytes) { kept_bytes_ += bytes; }
+  void add(std::uint64_t bytes, const std::string& why) {
+    const std::uint64_t with_kept = bytes + kept_bytes_;
+    if (with_kept > most_.bytes) most_ = {with_kept, why};
+  }
+  /// The same of a step of planning, which is about to run: throws Error(budget) where it is
+  /// hopeless (job::require_early). `held_bytes`: what of it is in memory already.
+  void add_now(std::uint64_t bytes, const std::string& why, std::uint64_t held_bytes) {
+    add(bytes, why);
+    require_early(job_, most_, held_bytes);
+  }
+  const job::LeastMemory& most() const { return most_; }
+
+ private:
+  job::JobContext& job_;
+  std::uint64_t kept_bytes_ = 0;
+  job::LeastMemory most_;
+};
+
+// --- limits of the process -----------------------------------------------------------------------
+
+/// What a process with this job takes beside its budget (docs/decisions/045): what it has of memory
+/// now that no file holds, less what of that is in the budget, and room for what follows.
+std::uint64_t beside_budget(std::uint64_t anonymous_bytes, std::uint64_t held_bytes,
+                            unsigned threads);
+
+/// What a job needs of the limits that its process is under.
+struct ProcessNeed {
+  LeastMemory least;             ///< of the budget
+  std::uint64_t held_bytes = 0;  ///< of that, what is in memory already
+  std::uint64_t beside_bytes = 0;
+  unsigned threads = 1;
+};
+
+/// A budget, and what made it less than was asked for; empty where nothing did.
+struct HeldBudget {
+  std::uint64_t bytes = 0;
+  std::string lowered_by;
+};
+
+/// The budget of at most `asked_bytes` with which these limits do not end the process. Limits that
+/// only refuse memory lower it not: a budget is seldom used up, and a refusal is an error like
+/// others. Throws Error(budget) that names the limit, the need and the cure where the least cannot
+/// be had.
+HeldBudget budget_under(const std::vector<MemoryLimit>& limits, std::uint64_t asked_bytes,
+                        const ProcessNeed& need);
+
+/// Measures the process, says in the report what it needs, and holds the job's budget to what its
+/// limits leave. What it returns is that.
+HeldBudget hold_to_limits(JobContext& job, const LeastMemory& least, std::uint64_t held_bytes);
 
 }  // namespace pounce::job

@@ -7,8 +7,6 @@
 // Two more rules. A token that is known, but means nothing at this place, is refused as well: a
 // model has no tiles. And what merely looks unusual is allowed: file names may have percent signs
 // and dollars, as long as no program reads them as a token.
-#include "options/output_pattern.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -55,7 +56,7 @@ void parse_map_kind(const std::string& option, const std::string& name, bool is_
 /// "[NAME=]SPACE"; NAME likewise. The library knows which spaces there are.
 SourceColourSpace parse_source_space(const std::string& option, const std::string& text,
                                      std::vector<OtherMap>& maps);
-/// "CHANNEL=PATTERN": a channel's name as above, and an image pattern (output_pattern.h).
+/// "CHANNEL=PATTERN": a channel's name as above, and an image pattern (below).
 ChannelOutput parse_channel_output(const std::string& option, const std::string& text,
                                    std::vector<OtherMap>& maps);
 /// "1001-1004,1011": UDIMs and ranges of them; sorted, each once.
@@ -66,5 +67,21 @@ std::vector<ImageFormat> parse_formats(const std::string& option, const std::str
 std::string parse_name_pattern(const std::string& option, const std::string& text);
 /// "x,-y,-z": x, y and z once each, with or without a sign.
 std::string parse_axes(const std::string& option, const std::string& text);
+
+// --- patterns of outputs -------------------------------------------------------------------------
+
+/// An image path that may hold <CHANNEL>, <MATERIAL>, <TARGET>, <UDIM> and <UVTILE>; nothing else
+/// between < and >, and no ending of a model. Throws Error(usage), as do all of these.
+std::string parse_image_pattern(const std::string& option, const std::string& text);
+/// The same, or a model (.glb, .gltf), whose name may hold <TARGET>.
+std::string parse_output(const std::string& option, const std::string& text);
+
+/// Refuses what stands for a tile, or unless `tiles_only` for a frame, in other programs: here it
+/// would be a name like any. `text` is looked at from `at` on.
+void check_foreign_tokens(const std::string& option, const std::string& text, std::size_t at,
+                          bool tiles_only);
+/// Refuses anything between < and > that is not one of `tokens`.
+void check_tokens(const std::string& option, const std::string& text,
+                  const std::vector<std::string>& tokens);
 
 }  // namespace pounce::options

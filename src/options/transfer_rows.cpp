@@ -11,7 +11,7 @@
 // `source`, `method` and `formats` say what an option applies to. Elsewhere it is refused rather
 // than ignored, but only if it differs from its default.
 #include "options/channel_rows.h"
-#include "options/output_pattern.h"
+#include "options/parse.h"
 #include "options/shared_rows.h"
 
 namespace pounce::options {

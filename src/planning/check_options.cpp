@@ -10,8 +10,6 @@
 // C++ callers come here without a parser, so nothing may be taken for granted that the command line
 // refuses. A user hears of one mistake at a time, in the order of the checks: the output comes
 // early, since most of the others refer to it.
-#include "planning/check_options.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -22,7 +20,8 @@
 #include "planning/colour_spaces.h"
 #include "planning/known_map.h"
 #include "planning/load_mesh.h"
-#include "planning/output_names.h"
+#include "planning/name_patterns.h"
+#include "planning/plan.h"
 #include "pounce/error.h"
 
 namespace pounce::planning {

@@ -27,8 +27,8 @@
 #include "io/image/write.h"
 #include "io/model/model_writer.h"
 #include "job/run_job.h"
-#include "planning/map_kind.h"
-#include "planning/output_names.h"
+#include "planning/name_patterns.h"
+#include "planning/texture_meaning.h"
 
 namespace pounce::planning {
 namespace {

@@ -17,7 +17,7 @@
 #include "io/image/write.h"
 #include "job/job_context.h"
 #include "projection/hit_block.h"
-#include "shading/level_tile.h"
+#include "shading/mip_levels.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/splat_block.h"
 

@@ -18,11 +18,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <set>
 #include <string_view>
 #include <system_error>
 #include <utility>
 
 #include "io/files/asset_file.h"
+#include "io/files/finished_output.h"
 #include "options/table.h"
 #include "pounce/version.h"
 
@@ -34,11 +36,6 @@ std::string kind_of(const std::string& path) {
   const std::string ending = io::lower_ending(path);
   if (ending == ".jpeg") return ".jpg";
   return ending == ".tiff" ? ".tif" : ending;
-}
-
-void add(const Hash128& value, Hasher& hash) {
-  hash.add(value.hi);
-  hash.add(value.lo);
 }
 
 /// Options that say of an image what holds without them (docs/decisions/029-job-hash.md); those
@@ -115,11 +112,11 @@ void JobHash::begin(const std::vector<std::string>& said_anyway, Hasher& hash) c
 void JobHash::add_file(const std::string& path, Hasher& hash) {
   // All images of a job share their files: each is read once.
   const auto known = contents_.find(path);
-  if (known != contents_.end()) return add(known->second, hash);
+  if (known != contents_.end()) return hash.add(known->second);
   Hash128 content;
   if (is_readable(path)) content = file_hash(job_, path);
   contents_.emplace(path, content);
-  add(content, hash);
+  hash.add(content);
 }
 
 void JobHash::add_files(const std::vector<std::string>& paths, Hasher& hash) {
@@ -135,7 +132,7 @@ void JobHash::add_image(const mesh::ImageRef& image, Hasher& hash) {
   if (image.bytes == nullptr) return add_file(image.path, hash);
   Hasher bytes;
   bytes.add(std::span<const std::byte>(*image.bytes));
-  add(bytes.digest(), hash);
+  hash.add(bytes.digest());
 }
 
 void JobHash::add_source_images(const SourcePlan& plan, const ChannelPlan& channel, Hasher& hash) {
@@ -196,7 +193,7 @@ std::string JobHash::of_image(const std::vector<std::string>& source, const Sour
   add_page(target_plan.pages[page], target_plan.by_tile, hash);
   add_output(plan.channels[channel], target_plan.images[channel][page], hash);
   if (plan.channels[channel].format.is_colour) {
-    for (const auto& transform : plan.transforms) add(transform->identity(), hash);
+    for (const auto& transform : plan.transforms) hash.add(transform->identity());
   }
   return to_hex(hash.digest());
 }
@@ -222,6 +219,166 @@ std::string JobHash::of_map(const std::vector<std::string>& target, const Target
   hash.add(std::string_view(map));
   hash.add(std::string_view(kind_of(path)));
   return to_hex(hash.digest());
+}
+
+// --- keys of pages -------------------------------------------------------------------------------
+//
+// What an image's texels become depends on more than the image: factors, colour spaces, constants
+// in its place. A store of texels as they become needs all of that in its key.
+
+namespace {
+
+void add_input(const shading::ColourInput& input, Hasher& hash) {
+  hash.add(input.linear);
+  for (const double v : input.primaries.value_or(Matrix3{})) hash.add(v);
+  if (input.transform == nullptr) return;
+  hash.add(input.transform->identity());
+}
+
+void add_factor(const shading::Factor& factor, Hasher& hash) {
+  for (const double v : factor.scale) hash.add(v);
+  for (const double v : factor.offset) hash.add(v);
+  hash.add(factor.is_colour);
+  hash.add(factor.spreads);
+}
+
+}  // namespace
+
+bool texels_are_linear(const SourcePlan& plan) {
+  const auto is_linear = [&](const PageTexture& page) {
+    if (page.input) return page.input->linear || page.input->primaries.has_value();
+    if (page.column >= 0) return plan.columns[static_cast<std::size_t>(page.column)].info.linear;
+    if (page.tile_set < 0) return false;
+    const TileSetPlan& set = plan.tile_sets[static_cast<std::size_t>(page.tile_set)];
+    return std::any_of(set.columns.begin(), set.columns.end(), [&](const auto& column) {
+      const auto input = set.inputs.find(column.first);
+      if (input == set.inputs.end()) return plan.columns[column.second].info.linear;
+      return input->second.linear || input->second.primaries.has_value();
+    });
+  };
+  const auto& pages = plan.channels.front().pages;
+  return std::any_of(pages.begin(), pages.end(), is_linear);
+}
+
+void add_page(const PageTexture& page, const std::vector<Hash128>& columns, Hasher& hash) {
+  hash.add(page.column);
+  hash.add(page.tile_set);
+  if (page.column >= 0) hash.add(columns[static_cast<std::size_t>(page.column)]);
+  for (const double v : page.constant.v) hash.add(v);
+  hash.add(page.constant.linear);
+  if (page.input) add_input(*page.input, hash);
+  if (page.factor) add_factor(*page.factor, hash);
+  if (page.tinted) hash.add(std::string_view("tinted"));
+}
+
+void add_tile_set(const TileSetPlan& set, const std::vector<Hash128>& columns, Hasher& hash) {
+  hash.add(static_cast<std::uint64_t>(set.columns.size()));
+  for (const auto& [tile, column] : set.columns) {
+    hash.add(tile.column);
+    hash.add(tile.row);
+    hash.add(columns[column]);
+    if (const auto input = set.inputs.find(tile); input != set.inputs.end())
+      add_input(input->second, hash);
+  }
+}
+
+// --- what is there already -----------------------------------------------------------------------
+//
+// --skip-existing: which outputs this very job has made before. Images of other programs, and of
+// versions that did not say so, are told by times: whoever edited one by hand keeps it.
+//
+// A recorded job decides alone, whatever the times are: a checkout or a copy changes times, and
+// nothing else. Times decide for files without a job. Both ask first whether the file is whole,
+// which its structure shows without decoding (io::is_whole_file()).
+//
+// An image and its mask stand or fall together.
+
+namespace {
+
+std::vector<std::string> images_of(const SourcePlan& plan, const ChannelPlan& channel) {
+  std::set<std::size_t> columns;
+  for (const PageTexture& page : channel.pages) {
+    if (page.column >= 0) columns.insert(static_cast<std::size_t>(page.column));
+    if (page.tile_set < 0) continue;
+    const TileSetPlan& set = plan.tile_sets[static_cast<std::size_t>(page.tile_set)];
+    for (const auto& [tile, column] : set.columns) columns.insert(column);
+  }
+  std::vector<std::string> files;
+  for (const std::size_t column : columns) files.push_back(plan.columns[column].image.path);
+  return files;
+}
+
+}  // namespace
+
+FileTime newest(const std::vector<std::string>& files) {
+  FileTime latest = FileTime::min();
+  for (const std::string& file : files) {
+    std::error_code failed;
+    const FileTime time = std::filesystem::last_write_time(file, failed);
+    if (!failed) latest = std::max(latest, time);
+  }
+  return latest;
+}
+
+bool has_content(const std::string& file) {
+  std::error_code failed;
+  return std::filesystem::is_regular_file(file, failed) &&
+         std::filesystem::file_size(file, failed) > 0 && !failed;
+}
+
+Standing standing_of(const std::string& output, const std::string& job, FileTime inputs) {
+  std::error_code failed;
+  const FileTime time = std::filesystem::last_write_time(output, failed);
+  // A file that another program has cut off or renamed to a wrong ending is no output, whoever made
+  // it.
+  if (failed || !io::is_whole_file(output)) return Standing::outdated;
+  if (const auto made_by = io::read_job(output))
+    return *made_by == job ? Standing::same_job : Standing::outdated;
+  return time > inputs ? Standing::younger : Standing::outdated;
+}
+
+bool keeps_all(const std::vector<std::string>& files, const std::string& job, FileTime inputs,
+               std::vector<std::string>& by_time) {
+  std::vector<std::string> younger;
+  for (const std::string& file : files) {
+    const Standing standing = standing_of(file, job, inputs);
+    if (standing == Standing::outdated) return false;
+    if (standing == Standing::younger) younger.push_back(file);
+  }
+  by_time.insert(by_time.end(), younger.begin(), younger.end());
+  return true;
+}
+
+bool is_made(const ImageOutput& image) {
+  const auto by_job = [&](const std::string& file) {
+    // Later than any time there is: by its time no file is kept here.
+    return standing_of(file, image.job, FileTime::max()) == Standing::same_job;
+  };
+  return by_job(image.path) && (image.coverage_path.empty() || by_job(image.coverage_path));
+}
+
+void keep_existing(const SourcePlan& plan, FileTime meshes, const std::set<std::string>& made,
+                   TargetPlan& target) {
+  for (std::size_t c = 0; c < plan.channels.size(); ++c) {
+    // By the channel's own images: a repainted colour does not outdate the normal map.
+    const FileTime source = std::max(meshes, newest(images_of(plan, plan.channels[c])));
+    for (ImageOutput& image : target.images[c]) {
+      const FileTime old =
+          image.onto ? newest({image.onto->path, image.onto->mask_path}) : FileTime::min();
+      const FileTime inputs = std::max(source, old);
+      std::vector<std::string> files{image.path};
+      if (!image.coverage_path.empty()) files.push_back(image.coverage_path);
+      // An output of this job's first attempt is no older work: it may be made from the damaged
+      // pack.
+      image.keep =
+          made.count(image.path) == 0 && keeps_all(files, image.job, inputs, target.kept_by_time);
+      if (!image.keep) continue;
+      for (const std::string& path : files) {
+        std::erase(target.outputs, path);
+        target.kept.push_back(path);
+      }
+    }
+  }
 }
 
 }  // namespace pounce::planning

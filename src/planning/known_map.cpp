@@ -17,10 +17,9 @@
 #include "io/image/read.h"
 #include "io/json/untrusted.h"
 #include "mesh/uv_tiles.h"
-#include "planning/output_names.h"
-#include "planning/tile_pattern.h"
+#include "planning/name_patterns.h"
 #include "pounce/error.h"
-#include "projection/hit_map.h"
+#include "projection/hit_block.h"
 
 namespace pounce::planning {
 namespace {
@@ -56,14 +55,9 @@ Json json_of(const mesh::Lattice& lattice) {
 /// The tiles that the triangles of a page enter, of those that have numbers.
 std::set<std::uint32_t> entered_udims(const mesh::Mesh& mesh, const mesh::Lattice& lattice,
                                       std::span<const std::uint32_t> triangles) {
-  const mesh::UvTransform& m = lattice.transform;
   std::set<std::uint32_t> udims;
   for (const std::uint32_t t : triangles) {
-    std::array<Vec2d, 3> uvs;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Vec2f uv = mesh.uv_sets[lattice.uv_set][mesh.triangles[t][k]];
-      uvs[k] = {m.a * uv.x + m.b * uv.y + m.c, m.d * uv.x + m.e * uv.y + m.f};
-    }
+    const auto uvs = transformed_uvs(mesh, t, lattice.uv_set, lattice.transform);
     mesh::visit_uv_tiles(uvs, [&](mesh::UvTile tile) {
       if (const auto udim = mesh::udim_number(tile)) udims.insert(*udim);
     });

@@ -17,7 +17,6 @@
 #include "core/job_space.h"
 #include "io/read_mesh.h"
 #include "mesh/mesh.h"
-#include "mesh/select.h"
 #include "pounce/error.h"
 
 namespace pounce::planning {

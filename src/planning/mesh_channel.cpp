@@ -21,10 +21,9 @@
 #include <set>
 
 #include "io/image/write.h"
-#include "planning/map_kind.h"
 #include "planning/mesh_planning.h"
-#include "planning/output_names.h"
-#include "planning/texture_factor.h"
+#include "planning/name_patterns.h"
+#include "planning/texture_meaning.h"
 
 namespace pounce::planning {
 namespace {

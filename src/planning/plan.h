@@ -2,6 +2,8 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
@@ -9,17 +11,44 @@
 #include <vector>
 
 #include "core/job_space.h"
+#include "gaussian/splat_keep.h"
 #include "io/image/read.h"
 #include "mesh/mesh.h"
 #include "mesh/uv_tiles.h"
 #include "planning/image_output.h"
-#include "planning/splat_request.h"
 #include "planning/target_pages.h"
-#include "shading/colour_input.h"
-#include "shading/factor.h"
+#include "pounce/options.h"
+#include "shading/texel_input.h"
 #include "surface/geometry_request.h"
 
 namespace pounce::planning {
+
+/// A splat scene as a source.
+struct SplatRequest {
+  std::string path;
+  Axes axes;  ///< applied to everything that is read
+  /// What a texel will want of the harmonics decides how many of them are kept.
+  SphericalHarmonics harmonics = SphericalHarmonics::mean;
+  gaussian::SplatKeep keep = {};
+  /// keep.near counts whatever it saves; else only where little of the scene is near.
+  bool near_is_asked = false;
+  /// For tests: most Gaussians of a run and most runs merged at once; 0 = what the budget holds.
+  /// The store does not depend on them.
+  std::uint64_t run_splats = 0;
+  std::size_t fan_in = 0;
+  bool fades_isolated = true;  ///< see gaussian::fade_isolated(); tests alone do without
+};
+
+/// What is known of a scene from its headers.
+struct SceneFacts {
+  std::uint64_t splats = 0;                     ///< in the file
+  std::uint32_t lobes = 0;                      ///< of its harmonics that are kept
+  bool is_linear = false;                       ///< colours are linear light, not sRGB-coded
+  std::vector<std::string> files, assumptions;  ///< as in io::SplatSceneInfo
+  /// The least that splat_store() may need at once; the same for a file of any length.
+  std::uint64_t least_bytes = 0;
+  std::uint64_t unpacked_bytes = 0;  ///< as io::SplatScene::unpacked_bytes()
+};
 
 class ColourSpaces;
 
@@ -221,5 +250,8 @@ void check_all_outputs(const TransferOptions& options, const SourcePlan& plan,
 
 /// Length of the diagonal of the mesh's bounding box.
 double diagonal(const mesh::Mesh& mesh);
+
+/// Throws Error(usage) for what no transfer can do, whatever its files hold.
+void check_options(const TransferOptions& options);
 
 }  // namespace pounce::planning

@@ -22,8 +22,8 @@
 #include "io/files/asset_file.h"
 #include "planning/known_map.h"
 #include "planning/mesh_planning.h"
-#include "planning/output_names.h"
-#include "projection/hit_map.h"
+#include "planning/name_patterns.h"
+#include "projection/hit_block.h"
 
 namespace pounce::planning {
 namespace {

@@ -22,10 +22,6 @@
 namespace pounce::planning {
 namespace {
 
-Vec2d transformed(const mesh::UvTransform& m, Vec2f uv) {
-  return {m.a * uv.x + m.b * uv.y + m.c, m.d * uv.x + m.e * uv.y + m.f};
-}
-
 /// Is the file there?
 bool is_there(const std::string& path) {
   std::error_code ignored;
@@ -33,6 +29,16 @@ bool is_there(const std::string& path) {
 }
 
 }  // namespace
+
+std::array<Vec2d, 3> transformed_uvs(const mesh::Mesh& mesh, std::size_t triangle,
+                                     std::uint32_t uv_set, const mesh::UvTransform& m) {
+  std::array<Vec2d, 3> uvs;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vec2f uv = mesh.uv_sets[uv_set][mesh.triangles[triangle][k]];
+    uvs[k] = {m.a * uv.x + m.b * uv.y + m.c, m.d * uv.x + m.e * uv.y + m.f};
+  }
+  return uvs;
+}
 
 SourceImages::SourceImages(const TransferOptions& options, const mesh::Mesh& source,
                            SourcePlan& plan)
@@ -131,8 +137,7 @@ const std::map<std::uint32_t, std::set<mesh::UvTile>>& SourceImages::middles(Cha
     const auto bound = binding(source_.triangle_material[t], channel);
     if (!bound || !has_uvs(t, bound->uv_set)) continue;
     Vec2d middle{0, 0};
-    for (const std::uint32_t corner : source_.triangles[t]) {
-      const Vec2d uv = transformed(bound->transform, source_.uv_sets[bound->uv_set][corner]);
+    for (const Vec2d uv : transformed_uvs(source_, t, bound->uv_set, bound->transform)) {
       middle.x += uv.x / 3;
       middle.y += uv.y / 3;
     }
@@ -245,11 +250,7 @@ std::vector<std::uint32_t> SourceImages::entered_udims(Channel channel, std::uin
   for (std::size_t t = 0; t < source_.triangles.size(); ++t) {
     const auto bound = binding(source_.triangle_material[t], channel);
     if (!bound || bound->image != image || !has_uvs(t, bound->uv_set)) continue;
-    std::array<Vec2d, 3> uvs;
-    for (std::size_t k = 0; k < 3; ++k) {
-      uvs[k] =
-          transformed(bound->transform, source_.uv_sets[bound->uv_set][source_.triangles[t][k]]);
-    }
+    const auto uvs = transformed_uvs(source_, t, bound->uv_set, bound->transform);
     bool outside = false;
     const std::uint64_t count = mesh::visit_uv_tiles(uvs, [&](mesh::UvTile tile) {
       const auto udim = mesh::udim_number(tile);
@@ -265,6 +266,80 @@ std::vector<std::uint32_t> SourceImages::entered_udims(Channel channel, std::uin
                     source_.path, beyond));
   }
   return {entered.begin(), entered.end()};
+}
+
+// --- tiles that are shown ------------------------------------------------------------------------
+//
+// Which parts of its images a source shows. A scan's surface may show a tenth of its texture, and
+// tiles of an image that no triangle touches need not be kept. What the triangles' UVs touch is
+// known before an image is decoded; lookups reach a little farther.
+
+namespace {
+
+/// The apron, how far outside of its triangle a hit may be, and how far lookups in the image itself
+/// (not in a level) spread: half of 32 texels (projection/footprint.cpp). Beyond, the whole image
+/// is built: this only saves work.
+constexpr double kSeenAround = 24;
+/// So few tiles of an image are not worth leaving out.
+constexpr std::uint64_t kFewTiles = 16;
+/// Of the source's texels per target texel: from here on many are seen in levels.
+constexpr double kFromAfar = 4;
+
+/// Texels of the images that a pass shows.
+double texels_shown(const PassPlan& pass) {
+  double texels = 0;
+  for (std::size_t p = 0; p < pass.source.pages.size(); ++p) {
+    if (pass.source.pages[p].width == 0) continue;  // no image, and perhaps no UVs
+    texels += mesh::texel_area(*pass.source.mesh, pass.source.pages[p],
+                               pass.source.triangles->of(pass.source.first_page + p));
+  }
+  return texels;
+}
+
+void add_shown(const SourcePlan& plan, const PassPlan& pass, const ChannelPlan& channel,
+               std::vector<std::unique_ptr<mesh::TileMask>>& masks) {
+  for (std::size_t p = 0; p < channel.pages.size(); ++p) {
+    if (channel.pages[p].column < 0) continue;
+    const auto c = static_cast<std::size_t>(channel.pages[p].column);
+    if (masks[c] == nullptr) continue;
+    // The search may be on another image's lattice, in proportion.
+    mesh::Lattice of_image = pass.source.pages[p];
+    of_image.width = plan.columns[c].info.width;
+    of_image.height = plan.columns[c].info.height;
+    mesh::add_touched(*pass.source.mesh, of_image,
+                      pass.source.triangles->of(pass.source.first_page + p), plan.columns[c].wrap_u,
+                      plan.columns[c].wrap_v, kSeenAround, *masks[c]);
+  }
+}
+
+}  // namespace
+
+WantedTiles little_shown(const SourcePlan& plan) {
+  std::vector<std::unique_ptr<mesh::TileMask>> masks;
+  for (const ColumnPlan& column : plan.columns) {
+    masks.push_back(std::make_unique<mesh::TileMask>(column.info.width, column.info.height));
+    if (masks.back()->tiles() <= kFewTiles) masks.back() = nullptr;
+  }
+  for (const TileSetPlan& set : plan.tile_sets) {
+    for (const auto& [tile, column] : set.columns) masks[column] = nullptr;
+  }
+  for (const PassPlan& pass : plan.passes) {
+    for (const std::size_t c : pass.channels) add_shown(plan, pass, plan.channels[c], masks);
+  }
+  WantedTiles shown(plan.columns.size());
+  for (std::size_t c = 0; c < masks.size(); ++c) {
+    // The forecast of disk space (planning/disk.cpp) counts on the half: some tiles, and later all
+    // of them, take one and a half images at most.
+    const bool is_little = masks[c] != nullptr && 2 * masks[c]->count() <= masks[c]->tiles();
+    if (is_little) shown[c] = std::move(masks[c]);
+  }
+  return shown;
+}
+
+bool is_seen_from_afar(const SourcePlan& plan, std::uint64_t target_texels) {
+  return std::any_of(plan.passes.begin(), plan.passes.end(), [&](const PassPlan& pass) {
+    return texels_shown(pass) > kFromAfar * static_cast<double>(target_texels);
+  });
 }
 
 }  // namespace pounce::planning

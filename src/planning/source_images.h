@@ -1,19 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "mesh/lattice.h"
 #include "mesh/mesh.h"
 #include "mesh/uv_tiles.h"
+#include "planning/name_patterns.h"
 #include "planning/plan.h"
-#include "planning/tile_pattern.h"
 
 namespace pounce::planning {
+
+/// A triangle's UVs as a texture transform has them. The set must be there.
+std::array<Vec2d, 3> transformed_uvs(const mesh::Mesh& mesh, std::size_t triangle,
+                                     std::uint32_t uv_set, const mesh::UvTransform& transform);
 
 /// Which image, or which set of UDIM tiles, each material of a source has in a channel, with
 /// --source-texture and --source-uv-set applied. What is asked for becomes a column or a tile set
@@ -57,5 +64,15 @@ class SourceImages {
   std::map<Channel, std::size_t> override_;  ///< by --source-texture: into images_
   std::map<Channel, std::map<std::uint32_t, std::set<mesh::UvTile>>> middles_;
 };
+
+// --- tiles that are shown ------------------------------------------------------------------------
+
+/// By SourcePlan::columns the tiles that are kept; null: all.
+using WantedTiles = std::vector<std::shared_ptr<const mesh::TileMask>>;
+/// The tiles that the source's triangles show, of the images of which that is less than half.
+WantedTiles little_shown(const SourcePlan& plan);
+/// Do targets of so many texels see the source from so far that most lookups are in levels, which
+/// are made of whole images?
+bool is_seen_from_afar(const SourcePlan& plan, std::uint64_t target_texels);
 
 }  // namespace pounce::planning

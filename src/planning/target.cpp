@@ -19,7 +19,7 @@
 #include "io/image/write.h"
 #include "planning/known_map.h"
 #include "planning/load_mesh.h"
-#include "planning/output_names.h"
+#include "planning/name_patterns.h"
 #include "planning/plan.h"
 
 namespace pounce::planning {

@@ -16,7 +16,7 @@
 #include <array>
 #include <set>
 
-#include "planning/output_names.h"
+#include "planning/name_patterns.h"
 #include "pounce/error.h"
 
 namespace pounce::planning {

@@ -16,7 +16,6 @@
 #include <limits>
 
 #include "core/portable_math.h"
-#include "projection/kept_sum.h"
 
 namespace pounce::projection {
 namespace {

@@ -2,7 +2,7 @@
 //
 // Lookups of sixteen texels, compiled once per instruction set with POUNCE_ISA_NAMESPACE set.
 //
-// What is averaged, and why, is said in footprint.cpp, blend.cpp and kept_sum.h; here the same is
+// What is averaged, and why, is said in footprint.cpp, blend.cpp and blend.h; here the same is
 // done to a group of lanes at once, to the same bits:
 //
 //   footprint and places     doubles, operation by operation as there
@@ -19,8 +19,8 @@
 #include <cstring>
 
 #include "projection/blend_lanes.h"
-#include "projection/footprint_rules.h"
-#include "projection/kept_sum.h"
+#include "projection/footprint.h"
+#include "projection/blend.h"
 
 namespace pounce::projection::POUNCE_ISA_NAMESPACE {
 namespace {

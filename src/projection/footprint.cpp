@@ -15,8 +15,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "projection/footprint_rules.h"
-
 namespace pounce::projection {
 namespace {
 

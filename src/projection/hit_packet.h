@@ -5,12 +5,12 @@
 #include <bit>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/bounds.h"
 #include "grid/patch_grid.h"
-#include "projection/packet_bundle.h"
 #include "surface/target_block.h"
 
 namespace pounce::projection {
@@ -89,5 +89,12 @@ struct Kernels {
 const Kernels& kernels(const std::string& isa);
 
 void clear(HitPacket& best);
+
+// --- bundles -------------------------------------------------------------------------------------
+
+/// The bundle of a packet's used lanes.
+RayBundle bundle_of(const surface::TexelPacket& packet);
+/// A bundle that holds all of these (at least one).
+RayBundle unite(std::span<const RayBundle> bundles);
 
 }  // namespace pounce::projection

@@ -87,7 +87,7 @@ struct alignas(64) DepthPacket {
   unsigned used = 0;               ///< bit per lane
 };
 
-/// What sixteen texels have met on their rays: the plain blend of a mesh's texels (ray_blend.h).
+/// What sixteen texels have met on their rays: the plain blend of a mesh's texels (splat_blend.h).
 /// All sums are in steps of 2^-36. Lengths are in space.
 struct alignas(64) RayPacket {
   std::int64_t weight[kLanes];     ///< of alpha x response x cosine

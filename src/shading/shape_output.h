@@ -9,8 +9,8 @@
 
 #include "core/directions.h"
 #include "pounce/options.h"
-#include "shading/colour_input.h"
 #include "shading/result_block.h"
+#include "shading/texel_input.h"
 
 namespace pounce::shading {
 

@@ -58,11 +58,6 @@ mesh::BinRequest bin_request(const GeometryRequest& request, std::uint64_t tile_
           request.is_target, request.tile,  tile_cap_bytes,          request.coarsens_dense()};
 }
 
-void add(const Hash128& part, Hasher& hash) {
-  hash.add(part.hi);
-  hash.add(part.lo);
-}
-
 template <class Values>
 void add(const Values& values, Hasher& hash) {
   hash.add(static_cast<std::uint64_t>(values.size()));
@@ -143,8 +138,8 @@ Hash128 geometry_key(const GeometryRequest& request) {
   hash.add(std::string_view(request.is_target ? "target geometry 2" : "source geometry 5"));
   hash.add(std::uint32_t{request.exact ? 1U : 0U});
   hash.add(store::kFormatVersion);
-  add(request.hashes->shape(), hash);
-  if (request.colours) add(request.hashes->colours(), hash);
+  hash.add(request.hashes->shape());
+  if (request.colours) hash.add(request.hashes->colours());
   hash.add(static_cast<std::uint64_t>(request.pages.size()));
   for (std::size_t p = 0; p < request.pages.size(); ++p) {
     const mesh::Lattice& page = request.pages[p];
@@ -154,12 +149,12 @@ Hash128 geometry_key(const GeometryRequest& request) {
     const mesh::UvTransform& t = page.transform;
     for (const double v : {t.a, t.b, t.c, t.d, t.e, t.f}) hash.add(v);
     // A page without an image does not use its UVs.
-    if (page.width != 0) add(request.hashes->uvs(page.uv_set), hash);
+    if (page.width != 0) hash.add(request.hashes->uvs(page.uv_set));
     add(request.triangles->of(request.first_page + p), hash);
   }
   // Coincident triangles are told apart by all of their UVs.
   for (std::uint32_t k = 0; !request.is_target && k < request.mesh->uv_sets.size(); ++k)
-    add(request.hashes->uvs(k), hash);
+    hash.add(request.hashes->uvs(k));
   hash.add(std::uint32_t{request.tile ? 1U : 0U});
   if (request.tile) {
     hash.add(request.tile->column);

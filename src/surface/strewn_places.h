@@ -36,4 +36,17 @@ double surface_area(const mesh::Mesh& mesh);
 void make_packets(std::span<const Place> places, float edge, PageVector<TexelPacket>& packets,
                   std::vector<PacketGroup>& groups);
 
+// --- layers --------------------------------------------------------------------------------------
+//
+// Layers of a surface that face alike and lie close together: a shirt on a body, two sides of a
+// collar. A target whose own triangles stray farther from the source's than the layers lie apart
+// finds now the one and now the other.
+
+/// For each place on a mesh the distance along its normal, either way, of the nearest other part of
+/// the mesh that faces like it (the cosine of their normals is at least `least_cosine`); infinite
+/// where none is within `most`. What lies within a millionth of `most` is the place's own:
+/// triangles that meet there, or coincide. The same for the same mesh; no threads.
+std::vector<float> layer_gaps(const mesh::Mesh& mesh, std::span<const Place> places,
+                              float least_cosine, float most);
+
 }  // namespace pounce::surface

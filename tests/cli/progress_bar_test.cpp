@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
-#include "summary.h"
+#include "job.h"
 
 using namespace pounce;
 using namespace pounce::cli;

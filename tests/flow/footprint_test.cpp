@@ -7,7 +7,7 @@
 #include <filesystem>
 
 #include "pounce/error.h"
-#include "shading/level_tile.h"
+#include "shading/mip_levels.h"
 #include "support/bytes.h"
 #include "support/flat_scene.h"
 #include "support/many_threads.h"

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planning/output_names.h"
-
 #include <catch2/catch.hpp>
 #include <filesystem>
 #include <fstream>
 
+#include "planning/name_patterns.h"
 #include "support/bytes.h"
 #include "support/test_data.h"
 

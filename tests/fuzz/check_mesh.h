@@ -9,7 +9,6 @@
 #include "fuzz/fuzz_support.h"
 #include "io/read_mesh.h"
 #include "mesh/mesh.h"
-#include "mesh/select.h"
 
 namespace pounce::fuzz {
 

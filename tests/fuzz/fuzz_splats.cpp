@@ -15,7 +15,7 @@
 #include "io/splats/scene.h"
 #include "pounce/inspect.h"
 #include "store/blocks/splat_block.h"
-#include "store/blocks/splat_lattice.h"
+#include "store/blocks/splat_store.h"
 
 namespace pounce::fuzz {
 namespace {

@@ -30,7 +30,7 @@ Command add_cache_command(CLI::App& program);
 /// "markdown" (docs/options.md). Throws Error(usage) for another kind.
 std::string generate(const CLI::App& program, const std::string& kind);
 
-// What commands are made of (command_options.cpp). Help is one paragraph that is wrapped here.
+// What commands are made of. Help is one paragraph that is wrapped here.
 
 /// Makes a command's help read: purpose, usage line and worked examples, options by group, exit
 /// statuses.
@@ -54,5 +54,28 @@ void add_transfer_row(CLI::App& command, const std::string& name, const std::str
 std::string parse_report_path(const std::string& option, const std::string& text);
 /// --report, --progress, -q and -v.
 void add_job_options(CLI::App& command, JobSettings& settings);
+
+// --- lines that cannot be parsed -----------------------------------------------------------------
+
+/// What a command line that cannot be parsed still says of how its errors are to be told.
+struct BadLine {
+  std::string report_path;  ///< "": no report
+  bool json = false;        ///< --progress json, without -q
+};
+BadLine read_bad_line(const std::vector<std::string>& arguments);
+
+/// Writes the failed report and the JSON line that such a line asks for. True: the message is still
+/// to be told as text.
+bool tell_bad_line(const BadLine& line, const std::string& command, const std::string& message);
+
+std::vector<std::string> command_names(const CLI::App& program);
+
+/// What the arguments of a command hold that it does not know, and what was probably meant: a
+/// sentence's end. "": nothing to say.
+std::string line_advice(const CLI::App& command, const std::vector<std::string>& arguments);
+
+/// Throws Error(usage) for what would be parsed as something else than it looks like: "-out x" is
+/// "-o ut x", and "--memory 2 GiB" has a word too many.
+void refuse_lookalikes(const CLI::App& command, const std::vector<std::string>& arguments);
 
 }  // namespace pounce::cli

@@ -12,11 +12,11 @@
 #include <vector>
 
 #include "commands.h"
+#include "job.h"
 #include "pounce/cache.h"
 #include "pounce/compare.h"
 #include "pounce/error.h"
 #include "pounce/inspect.h"
-#include "summary.h"
 #include "terminal.h"
 
 namespace pounce::cli {

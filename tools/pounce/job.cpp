@@ -12,10 +12,12 @@
 #include <cstring>
 #include <exception>
 #include <filesystem>
+#include <map>
 #include <new>
+#include <nlohmann/json.hpp>
+#include <utility>
 
 #include "pounce/error.h"
-#include "summary.h"
 #include "terminal.h"
 
 namespace pounce::cli {
@@ -157,6 +159,227 @@ int run_job(const JobSettings& settings, const std::function<void(Progress*, Rep
   }
   if (kind != ProgressKind::json) write_stderr(too_little_text(report));
   return status;
+}
+
+// --- what is said of a job -----------------------------------------------------------------------
+
+namespace {
+
+constexpr std::size_t kMostOutputsListed = 8;  // a folder of files is better counted than listed
+
+std::string wall_text(double seconds) {
+  if (seconds < 100) return fmt::format("{:.2f} s", seconds);
+  const auto whole = static_cast<std::uint64_t>(seconds);
+  return fmt::format("{} min {} s", whole / 60, whole % 60);
+}
+
+std::string share_text(std::uint64_t part, std::uint64_t whole) {
+  if (whole == 0) return "";
+  return fmt::format(" ({:.2f} %)", 100.0 * static_cast<double>(part) / static_cast<double>(whole));
+}
+
+/// The channel that is covered least; without a name where there is only one.
+std::pair<std::string, TexelCounts> least_covered(const TargetReport& target) {
+  std::map<std::string, TexelCounts> channels;
+  for (const ImageReport& image : target.images) {
+    if (image.state == "kept") continue;
+    channels[image.channel].texels += image.counts.texels;
+    channels[image.channel].covered += image.counts.covered;
+  }
+  if (channels.size() < 2) return {"", target.counts};
+  const auto share = [](const TexelCounts& counts) {
+    return counts.texels == 0
+               ? 0.0
+               : static_cast<double>(counts.covered) / static_cast<double>(counts.texels);
+  };
+  return *std::min_element(channels.begin(), channels.end(), [&](const auto& a, const auto& b) {
+    return share(a.second) < share(b.second);
+  });
+}
+
+/// What was left out of a scene and why, in words; empty where nothing was.
+std::string left_out_text(const Report& report) {
+  std::string text;
+  std::uint64_t total = 0;
+  for (const auto& [reason, words] : left_out_reasons()) {
+    const auto found = report.source_filtered.find(reason);
+    if (found == report.source_filtered.end()) continue;
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", with_commas(found->second), words);
+    total += found->second;
+  }
+  if (total == 0) return "";
+  return fmt::format("{} Gaussians left out: {}\n", with_commas(total), text);
+}
+
+}  // namespace
+
+std::string with_commas(std::uint64_t count) {
+  std::string text = std::to_string(count);
+  for (std::size_t place = text.size(); place > 3;) {
+    place -= 3;
+    text.insert(place, 1, ',');
+  }
+  return text;
+}
+
+std::string bytes_text(std::uint64_t bytes) {
+  constexpr const char* kUnits[] = {"B", "KiB", "MiB", "GiB", "TiB"};
+  if (bytes < 1024) return fmt::format("{} B", bytes);
+  auto value = static_cast<double>(bytes);
+  std::size_t unit = 0;
+  while (value >= 1024 && unit + 1 < std::size(kUnits)) {
+    value /= 1024;
+    ++unit;
+  }
+  return fmt::format("{:.1f} {}", value, kUnits[unit]);
+}
+
+std::string summary_text(const Report& report, double wall_s) {
+  std::string text;
+  const std::size_t listed = std::min(report.outputs.size(), kMostOutputsListed);
+  for (std::size_t i = 0; i < listed; ++i)
+    text += fmt::format("wrote {}\n", visible_line(report.outputs[i]));
+  if (listed < report.outputs.size()) {
+    text += fmt::format("wrote {} more\n", report.outputs.size() - listed);
+  }
+  if (report.command == "gaussians") {
+    text += fmt::format("{} Gaussians\n", with_commas(report.source_gaussians));
+    text += left_out_text(report);
+    return text + fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
+  }
+  if (!report.kept.empty())
+    text += fmt::format("skipped {} file{} (up to date)\n", report.kept.size(),
+                        report.kept.size() == 1 ? "" : "s");
+  const std::uint64_t texels = report.target_texels;
+  if (texels > 0 || report.kept.empty()) {
+    text += fmt::format("{} texels: {} covered{}, {} empty{}; {} filled around the charts\n",
+                        with_commas(texels), with_commas(report.target_covered),
+                        share_text(report.target_covered, texels), with_commas(report.target_empty),
+                        share_text(report.target_empty, texels), with_commas(report.target_filled));
+  }
+  text += left_out_text(report);
+  for (const TargetReport& target : report.targets) {
+    if (target.fit && *target.fit < kLeastFit)
+      text += fmt::format("{}: fit {:.2f} of 1\n", visible_line(target.path), *target.fit);
+  }
+  text += fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
+  return text;
+}
+
+std::string details_text(const Report& report) {
+  std::string text = fmt::format("\n{:<14} {:>9} {:>9}\n", "stage", "wall s", "cpu s");
+  double wall_s = 0;
+  double cpu_s = 0;
+  for (const StageTime& stage : report.stages) {
+    text += fmt::format("{:<14} {:>9.3f} {:>9.3f}{}\n", stage.name, stage.wall_s, stage.cpu_s,
+                        stage.cached ? "  cached" : "");
+    wall_s += stage.wall_s;
+    cpu_s += stage.cpu_s;
+  }
+  text += fmt::format("{:<14} {:>9.3f} {:>9.3f}\n\n", "sum", wall_s, cpu_s);
+  text += fmt::format("memory   budget {}, leased at most {}, resident at most {}\n",
+                      bytes_text(report.memory_budget_bytes), bytes_text(report.leased_peak_bytes),
+                      bytes_text(report.peak_rss_bytes));
+  text += fmt::format("tiles    source {}, target {}, read {}, written {}\n",
+                      with_commas(report.source_tiles), with_commas(report.target_tiles),
+                      with_commas(report.tiles_read), with_commas(report.tiles_written));
+  text += fmt::format(
+      "disk     read {}, written {}, scratch at most {}; stores: source {}, target {}\n",
+      bytes_text(report.bytes_read), bytes_text(report.bytes_written),
+      bytes_text(report.temp_peak_bytes), bytes_text(report.source_store_bytes),
+      bytes_text(report.target_store_bytes));
+  text += fmt::format("source   {} Gaussians from {} images\n",
+                      with_commas(report.source_gaussians), report.images_decoded);
+  for (const auto& [reason, count] : report.source_filtered) {
+    text += fmt::format("         {} left out: {}\n", with_commas(count), reason);
+  }
+  if (report.target_overlapping > 0) {
+    text += fmt::format("target   {} texels covered by more than one triangle\n",
+                        with_commas(report.target_overlapping));
+  }
+  for (const NodeReport& node : report.nodes) {
+    const std::string bytes = node.bytes > 0 ? ", " + bytes_text(node.bytes) : "";
+    const std::string stalls = node.stalls > 0
+                                   ? fmt::format(", {} waited {:.2f} s for memory",
+                                                 with_commas(node.stalls), node.stalled_s)
+                                   : "";
+    text +=
+        fmt::format("node     {:<6} {:>9} runs {:8.2f} s busy, {} waiting at most{}{}\n", node.name,
+                    with_commas(node.runs), node.busy_s, node.most_waiting, stalls, bytes);
+  }
+  text += fmt::format("kernels  {}\n", report.isa);
+  return text;
+}
+
+std::string plan_text(const Report& report) {
+  std::string text = fmt::format("least memory  {} ({} bytes)\n",
+                                 bytes_text(report.least_memory_bytes), report.least_memory_bytes);
+  text += fmt::format("needed for    {}\n", visible_line(report.least_memory_for));
+  const std::uint64_t process = report.least_memory_bytes + report.memory_beside_bytes;
+  text += fmt::format("process       {} ({} bytes) at least: {} of --memory and {} in addition\n",
+                      bytes_text(process), process, bytes_text(report.least_memory_bytes),
+                      bytes_text(report.memory_beside_bytes));
+  text += fmt::format("budget        {}\n", bytes_text(report.memory_budget_bytes));
+  text += fmt::format("threads       {}\n", report.threads);
+  if (!report.filter.empty()) text += fmt::format("filter        {}\n", report.filter);
+  const auto add = [&text](const char* name, std::uint64_t bytes) {
+    if (bytes > 0) text += fmt::format("{:<13} at most {}\n", name, bytes_text(bytes));
+  };
+  const DiskForecast disk = report.disk_most.value_or(DiskForecast{});
+  add("scratch disk", disk.scratch_bytes);
+  if (disk.scratch_limit_bytes > 0)
+    text += fmt::format("scratch limit {}\n", bytes_text(disk.scratch_limit_bytes));
+  add("cache", disk.cache_bytes);
+  add("outputs", disk.output_bytes);
+  for (const std::string& path : report.outputs)
+    text += fmt::format("would write   {}\n", visible_line(path));
+  return text;
+}
+
+std::string warnings_text(const Report& report) {
+  std::string text;
+  for (const std::string& warning : report.warnings) {
+    text += fmt::format("pounce: warning: {}\n", visible_line(warning));
+  }
+  for (const std::string& note : report.notes)
+    text += fmt::format("pounce: note: {}\n", visible_line(note));
+  return text;
+}
+
+std::string warnings_json(const Report& report) {
+  using Json = nlohmann::ordered_json;
+  std::string text;
+  for (const std::string& warning : report.warnings) {
+    text += Json{{"warning", warning}}.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  }
+  for (const std::string& note : report.notes)
+    text += Json{{"note", note}}.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  return text;
+}
+
+std::string end_line(const Report& report, int status) {
+  nlohmann::ordered_json line;
+  const bool cancelled = status == exit_status(ErrorKind::cancelled);
+  line["end"] = !report.failure ? "done" : cancelled ? "cancelled" : "failed";
+  line["exit_status"] = status;
+  if (report.failure) {
+    line["kind"] = report.failure->kind;
+    line["message"] = report.failure->message;
+  }
+  return line.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+std::string too_little_text(const Report& report) {
+  std::string text;
+  for (const TargetReport& target : report.targets) {
+    if (target.enough) continue;
+    const auto [channel, counts] = least_covered(target);
+    text += fmt::format("pounce: {}: {} of {} texels{} covered{}, less than --min-coverage\n",
+                        visible_line(target.path), with_commas(counts.covered),
+                        with_commas(counts.texels), channel.empty() ? "" : " of " + channel,
+                        share_text(counts.covered, counts.texels));
+  }
+  return text;
 }
 
 }  // namespace pounce::cli

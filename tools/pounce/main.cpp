@@ -13,7 +13,6 @@
 #include <utility>
 #include <vector>
 
-#include "bad_line.h"
 #include "commands.h"
 #include "job.h"
 #include "pounce/error.h"

@@ -8,7 +8,7 @@
 //          was nothing
 //   blend: sums become colours
 //
-// The blend is a sum over all that a ray meets (projection/ray_blend.cpp), so one pass is enough.
+// The blend is a sum over all that a ray meets (projection/splat_blend.cpp), so one pass is enough.
 //
 // Most texels meet Gaussians within the first reach and are done. Only the others look twice as
 // far, again and again up to the maximum distance. So the reach of a texel depends on what it meets

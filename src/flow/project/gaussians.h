@@ -5,7 +5,7 @@
 
 #include "flow/project/page_projector.h"
 #include "flow/stores/block_readers.h"
-#include "projection/ray_blend.h"
+#include "projection/splat_blend.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::flow {

@@ -25,17 +25,12 @@ constexpr std::uint64_t kPieceScratch = 256 << 10;  // index pages, encode buffe
 /// Of the rules that hits follow: others are other hits.
 constexpr std::string_view kRules = "hits 1";
 
-void add(const Hash128& part, Hasher& hash) {
-  hash.add(part.hi);
-  hash.add(part.lo);
-}
-
 Hash128 key_of(const MeshProjection& request) {
   Hasher hash;
   hash.add(kRules);
   hash.add(store::kFormatVersion);
-  add(request.source->store().pack().key(), hash);
-  add(request.target->pack().key(), hash);
+  hash.add(request.source->store().pack().key());
+  hash.add(request.target->pack().key());
   hash.add(request.limits.max_distance);
   hash.add(request.limits.min_cosine);
   hash.add(request.smallest_edge);

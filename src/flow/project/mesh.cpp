@@ -23,10 +23,9 @@
 #include <cstring>
 #include <optional>
 
-#include "flow/project/block_walk.h"
 #include "flow/project/known_hits.h"
 #include "flow/project/page_projector.h"
-#include "flow/stores/find_store.h"
+#include "flow/stores/build_stores.h"
 
 namespace pounce::flow {
 namespace {

@@ -8,14 +8,12 @@
 #include <optional>
 
 #include "flow/stores/block_readers.h"
-#include "flow/stores/colour_levels.h"
 #include "mesh/uv_tiles.h"
 #include "projection/blend.h"
 #include "projection/footprint.h"
-#include "shading/colour_input.h"
-#include "shading/factor.h"
-#include "shading/level_tile.h"
+#include "shading/mip_levels.h"
 #include "shading/result_block.h"
+#include "shading/texel_input.h"
 #include "store/blocks/colour_store.h"
 
 namespace pounce::flow {

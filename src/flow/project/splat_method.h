@@ -12,7 +12,6 @@
 #include <utility>
 #include <vector>
 
-#include "flow/project/block_walk.h"
 #include "flow/project/page_projector.h"
 #include "gaussian/splat_set.h"
 #include "projection/splat_packet.h"

@@ -10,7 +10,7 @@
 #include "flow/stores/block_readers.h"
 #include "projection/splat_blend.h"
 #include "projection/splat_fit.h"
-#include "shading/colour_input.h"
+#include "shading/texel_input.h"
 #include "store/blocks/splat_store.h"
 #include "surface/strewn_places.h"
 

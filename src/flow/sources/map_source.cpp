@@ -9,7 +9,7 @@
 #include <numeric>
 
 #include "flow/project/known_hits.h"
-#include "planning/left_behind.h"
+#include "planning/describe_job.h"
 #include "pounce/error.h"
 
 namespace pounce::flow {

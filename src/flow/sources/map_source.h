@@ -5,7 +5,6 @@
 #include <optional>
 #include <vector>
 
-#include "flow/sources/columns.h"
 #include "flow/sources/source.h"
 #include "flow/stores/build_stores.h"
 #include "planning/known_map.h"

@@ -2,12 +2,17 @@
 #pragma once
 
 #include <functional>
+#include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
-#include "flow/sources/columns.h"
+#include "flow/project/mesh.h"
 #include "flow/sources/source.h"
+#include "flow/sources/texel_source.h"
 #include "mesh/mesh.h"
 #include "runtime/memory_budget.h"
+#include "store/blocks/splat_store.h"
 
 namespace pounce::flow {
 
@@ -46,6 +51,83 @@ class MeshSource : public Source {
   const bool for_model_;
   runtime::Lease mesh_lease_;
   std::vector<surface::Place> places_;
+};
+
+// --- what rays see of it -------------------------------------------------------------------------
+
+/// A textured mesh whose surface rays hit: a geometry store per pass and a column per image.
+class SurfaceSource final : public MeshSource {
+ public:
+  SurfaceSource(job::JobContext& job, const TransferOptions& options, bool for_model,
+                const job::TestKnobs& knobs);
+
+  std::uint64_t project_least_bytes(std::size_t pass) const override;
+  void build(ProgressRange range, std::uint64_t target_texels) override;
+  std::uint64_t bytes_read(std::size_t pass) const override;
+  Box3f box() const override;
+  std::uint64_t tiles_read() const override;
+  std::unique_ptr<Projection> projector(std::size_t pass, std::uint32_t page,
+                                        const store::GeometryStore& target,
+                                        const planning::TargetPlan& target_plan,
+                                        const projection::SplatFit& fit) const override;
+  std::span<const float> layer_gaps() const override { return layer_gaps_; }
+
+ private:
+  void add_stores(planning::DiskPlan& disk) override;
+  void report_kind() override;
+  void build_geometry(double end);
+  void open_geometry(const planning::PassPlan& pass, bool* cached);
+  void find_layers();
+  void warn_of_coincident();
+  std::optional<shading::ShapeOutput> shape_of(const planning::ChannelPlan& channel) const;
+
+  const Filter filter_;
+  const NormalY source_y_, output_y_;  ///< of normal maps
+  const projection::Kernels* kernels_;
+  const projection::BlendLanes* lanes_;
+  WantedTiles little_shown_;  ///< of the plan's columns
+  SourceColumns columns_;
+  std::vector<std::unique_ptr<SurfaceCache>> geometry_;  ///< by pass
+  std::vector<float> layer_gaps_;
+  std::vector<runtime::Lease> leases_;
+  bool all_cached_ = true;
+};
+
+// --- its texels as Gaussians ---------------------------------------------------------------------
+
+/// A textured mesh each of whose texels is a Gaussian (--method gaussian): one channel, one pass,
+/// one store of Gaussians.
+class TexelsSource final : public MeshSource {
+ public:
+  TexelsSource(job::JobContext& job, const TransferOptions& options, bool for_model,
+               const job::TestKnobs& knobs);
+
+  std::uint64_t project_least_bytes(std::size_t pass) const override;
+  void build(ProgressRange range, std::uint64_t target_texels) override;
+  std::uint64_t bytes_read(std::size_t) const override {
+    return splats_->store().pack().bytes_read();
+  }
+  Box3f box() const override { return splats_->store().directory().middle_box; }
+  std::uint64_t tiles_read() const override { return splats_->indices_read(); }
+  std::unique_ptr<Projection> projector(std::size_t pass, std::uint32_t page,
+                                        const store::GeometryStore& target,
+                                        const planning::TargetPlan& target_plan,
+                                        const projection::SplatFit& fit) const override;
+
+ private:
+  void add_stores(planning::DiskPlan& disk) override;
+  void report_kind() override;
+  std::vector<job::LeastMemory> further_needs() const override;
+  const surface::GeometryRequest& geometry() const { return plan_.passes.front().source; }
+  std::uint64_t most_gaussians() const;
+  Hash128 store_key() const;
+  std::unique_ptr<store::SplatStore> sort(const Hash128& key, ProgressRange range) const;
+
+  const double sigma_;
+  const bool densify_;
+  const projection::SplatKernels* kernels_;
+  std::unique_ptr<SplatCache> splats_;
+  runtime::Lease directory_lease_;
 };
 
 }  // namespace pounce::flow

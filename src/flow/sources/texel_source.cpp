@@ -29,7 +29,7 @@
 #include <utility>
 
 #include "core/portable_math.h"
-#include "runtime/ordered_stream.h"
+#include "runtime/pump.h"
 
 namespace pounce::flow {
 namespace {

@@ -4,12 +4,13 @@
 // from piece to piece, page to page and target to target.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <vector>
 
-#include "flow/stores/find_store.h"
-#include "flow/stores/whole_column.h"
+#include "flow/stores/build_stores.h"
 #include "gaussian/splat_set.h"
 #include "job/job_context.h"
 #include "runtime/block_cache.h"
@@ -19,6 +20,31 @@
 #include "surface/source_block.h"
 
 namespace pounce::flow {
+
+/// All of an image of which only some tiles were kept: found in the cache or built when one of the
+/// others is first asked for (by a footprint that reaches far, or by a smaller level). Thread-safe.
+class WholeColumn {
+ public:
+  /// `job` and what `request` points to must outlive it. Of the memory that building takes
+  /// (colour_least_bytes) the caller keeps one lease for all such columns of a job: one is built at
+  /// a time.
+  WholeColumn(job::JobContext& job, const ColourRequest& request, const Hash128& key);
+
+  /// Stands for the place of a tile that was left out. No chunk of a pack has it.
+  static store::ChunkRef left_out(std::uint64_t tile) { return {kLeftOut | tile << 3, 0, 0}; }
+  /// The tile that left_out() stands for.
+  store::ColourTile tile(const store::ChunkRef& left_out);
+
+ private:
+  static constexpr std::uint64_t kLeftOut = 1ULL << 63;
+  const store::ColourStore& made();
+
+  job::JobContext& job_;
+  const ColourRequest request_;
+  const Hash128 key_;
+  std::unique_ptr<store::ColourStore> store_;
+  std::atomic<const store::ColourStore*> ready_{nullptr};
+};
 
 /// A store whose index has a part per spatial tile.
 template <class Store, class BlockEntry, class Decoded>
@@ -97,5 +123,35 @@ struct ColourReader {
   static std::uint64_t place(const Entry& chunk) { return chunk.offset; }
 };
 using ColourCache = runtime::BlockCache<ColourReader>;
+
+// --- smaller levels ------------------------------------------------------------------------------
+
+/// Smaller versions of a job's images, each half as wide and high as the one before (rounded up):
+/// columns of their own, found in the cache or made from the level before when they are first asked
+/// for. Thread-safe.
+class ColourLevels {
+ public:
+  explicit ColourLevels(job::JobContext& job) : job_(job) {}
+  /// `column` is an image's own, `key` that of all of it; it must outlive this. Before any other
+  /// use.
+  void add(const ColourCache& column, const Hash128& key);
+
+  /// Level 1 or above of an image. Whoever asks first makes it; the others wait. Needs making_bytes
+  /// of memory under the caller's lease. Throws as building a store does.
+  const ColourCache& get(const ColourCache& column, std::uint32_t level);
+  static std::uint64_t making_bytes(std::uint64_t tile_bytes) { return 6 * tile_bytes; }
+
+ private:
+  struct Levels {
+    Hash128 key;
+    std::vector<std::unique_ptr<ColourCache>> made;  ///< from level 1 on; never grows
+    std::atomic<std::uint32_t> count{0};             ///< of those that are there
+  };
+  std::unique_ptr<ColourCache> make(const ColourCache& before, const Hash128& key,
+                                    std::uint32_t level);
+
+  job::JobContext& job_;
+  std::map<const ColourCache*, Levels> images_;
+};
 
 }  // namespace pounce::flow

@@ -30,7 +30,6 @@
 
 #include "core/portable_math.h"
 #include "flow/stores/build_stores.h"
-#include "flow/stores/find_store.h"
 #include "io/files/asset_file.h"
 #include "io/image/read.h"
 
@@ -326,8 +325,7 @@ Hash128 colour_key(job::JobContext& job, const ColourRequest& request) {
   Hasher hash;
   hash.add(std::string_view("colour column"));
   hash.add(store::kFormatVersion);
-  hash.add(content.hi);
-  hash.add(content.lo);
+  hash.add(content);
   hash.add(request.wrap_u);
   hash.add(request.wrap_v);
   if (!request.image->channels.empty()) hash.add(std::string_view(request.image->channels));
@@ -337,8 +335,7 @@ Hash128 colour_key(job::JobContext& job, const ColourRequest& request) {
 Hash128 some_tiles_key(const Hash128& whole, const mesh::TileMask& wanted) {
   Hasher hash;
   hash.add(std::string_view("some tiles of a colour column"));
-  hash.add(whole.hi);
-  hash.add(whole.lo);
+  hash.add(whole);
   // By the tiles themselves: another mesh that shows the same part of the image shares the column.
   hash.add(std::as_bytes(wanted.bytes()));
   return hash.digest();

@@ -24,10 +24,10 @@
 #include <utility>
 
 #include "flow/stores/splat_sort.h"
-#include "gaussian/kept_rows.h"
+#include "gaussian/gaussian_source.h"
 #include "gaussian/splat_statistics.h"
-#include "runtime/ordered_stream.h"
-#include "store/blocks/splat_lattice.h"
+#include "runtime/pump.h"
+#include "store/blocks/splat_store.h"
 
 namespace pounce::flow {
 namespace {

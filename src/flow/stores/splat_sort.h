@@ -10,7 +10,7 @@
 
 #include "job/job_context.h"
 #include "store/blocks/splat_block.h"
-#include "store/blocks/splat_lattice.h"
+#include "store/blocks/splat_store.h"
 #include "store/pack/pack.h"
 
 namespace pounce::flow {

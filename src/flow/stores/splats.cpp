@@ -9,9 +9,8 @@
 
 #include <algorithm>
 
-#include "flow/stores/find_store.h"
+#include "flow/stores/build_stores.h"
 #include "flow/stores/gaussian_store.h"
-#include "flow/stores/scene_gaussians.h"
 
 namespace pounce::flow {
 namespace {
@@ -97,8 +96,7 @@ class SceneStore {
         continue;
       }
       const Hash128 content = file_hash(job_, path);
-      hash.add(content.hi);
-      hash.add(content.lo);
+      hash.add(content);
     }
     // What shapes the Gaussians while they are read, and which of them are kept. How they are
     // blended later is no part of the store.

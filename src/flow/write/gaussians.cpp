@@ -13,8 +13,8 @@
 #include <algorithm>
 
 #include "flow/stores/importance.h"
-#include "gaussian/kept_rows.h"
-#include "runtime/ordered_stream.h"
+#include "gaussian/gaussian_source.h"
+#include "runtime/pump.h"
 
 namespace pounce::flow {
 namespace {

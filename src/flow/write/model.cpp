@@ -20,7 +20,7 @@
 #include <optional>
 #include <set>
 
-#include "planning/output_names.h"
+#include "planning/name_patterns.h"
 
 namespace pounce::flow {
 namespace {

@@ -13,7 +13,7 @@
 // followed included.
 //
 // Colours of factors are linear in glTF, textures coded: they are kept apart here, and meet when a
-// texel is stored (shading/factor.cpp).
+// texel is stored (shading/texel_input.cpp).
 #include "io/gltf/material_reader.h"
 
 #include <fmt/format.h>

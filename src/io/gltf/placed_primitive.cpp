@@ -27,7 +27,7 @@
 #include <map>
 #include <string_view>
 
-#include "core/quaternion.h"
+#include "core/directions.h"
 
 namespace pounce::io {
 namespace {

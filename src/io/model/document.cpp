@@ -10,8 +10,6 @@
 // extensions.
 //
 // Later steps ask for what earlier ones changed (changes_), so their order is fixed in edit().
-#include "io/model/document.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -22,6 +20,7 @@
 #include "io/files/finished_output.h"
 #include "io/gltf/validate.h"
 #include "io/json/untrusted.h"
+#include "io/model/layout.h"
 
 namespace pounce::io {
 namespace {

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "io/gltf/gltf_file.h"
@@ -109,5 +110,29 @@ class ModelBuffers {
   std::map<std::size_t, bool> emptied_;  ///< free views whose bytes are gone
   std::vector<std::string> inputs_;
 };
+
+// --- the JSON ------------------------------------------------------------------------------------
+
+/// An image of the target that is not replaced, at its new place.
+struct MovedImage {
+  std::string uri;  ///< of a .gltf: its file, as the JSON names it
+  std::string mime_type;
+  ViewPlace place;  ///< of a .glb
+};
+
+/// What becomes of the JSON besides materials and textures.
+struct DocumentParts {
+  const ModelRequest& request;
+  const ModelSlots& slots;
+  const ModelBuffers& buffers;
+  std::vector<std::string> buffer_uris;  ///< by ModelBuffers::buffers(); "" = the BIN chunk
+  std::vector<ViewPlace> image_places;   ///< of a .glb, by ModelRequest::textures
+  std::vector<std::string> image_uris;   ///< of a .gltf, by ModelRequest::textures
+  std::map<std::size_t, MovedImage> moved_images;
+};
+
+/// The target's JSON with the new textures. `text` is what `document` was read from.
+std::string edit_model_json(std::string_view text, const nlohmann::json& document,
+                            const DocumentParts& parts);
 
 }  // namespace pounce::io

@@ -7,7 +7,7 @@
 //
 //   find_slots         which entries of the arrays the new textures take     layout.h
 //   ModelBuffers       what the buffers will hold, without reading them      layout.h
-//   edit_model_json    the document with all of that                         document.h
+//   edit_model_json    the document with all of that                         layout.h
 //   write_glb          one file; write_gltf: several, which get their names together, the model
 //                      last
 //
@@ -39,7 +39,7 @@
 #include "core/posix_io.h"
 #include "io/files/output_file.h"
 #include "io/gltf/validate.h"
-#include "io/model/document.h"
+#include "io/model/layout.h"
 #include "io/problems.h"
 #include "io/read_mesh.h"
 #include "pounce/error.h"

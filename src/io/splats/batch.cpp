@@ -30,7 +30,6 @@
 
 #include "core/directions.h"
 #include "core/portable_math.h"
-#include "core/quaternion.h"
 
 namespace pounce::io {
 namespace {

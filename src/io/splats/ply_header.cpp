@@ -12,8 +12,6 @@
 //
 // All header text is looked at before any row is: the size of a row and where rows begin follow
 // from every line, and a reader that starts early reads numbers from the wrong columns.
-#include "io/splats/ply_header.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -26,6 +24,7 @@
 #include <utility>
 
 #include "io/problems.h"
+#include "io/splats/ply_scene.h"
 
 namespace pounce::io {
 namespace {

@@ -32,7 +32,6 @@
 #include "io/files/asset_file.h"
 #include "io/json/untrusted.h"
 #include "io/splats/batch.h"
-#include "io/splats/ply_header.h"
 #include "io/splats/ply_scene.h"
 #include "io/splats/spz_scene.h"
 #include "io/splats/unpack.h"

@@ -18,8 +18,6 @@
 // An image may have any number of groups of codes, one per block of pixels. Their tables are the
 // only memory that the file decides on: 32 MiB at the most, groups that no block names are parsed
 // and not kept. Which block has which group is written to the scratch file.
-#include "io/splats/vp8l_pixels.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -28,6 +26,7 @@
 #include <cstring>
 
 #include "io/problems.h"
+#include "io/splats/vp8l.h"
 
 namespace pounce::io {
 namespace {

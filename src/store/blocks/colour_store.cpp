@@ -9,7 +9,7 @@
 // the job knows of the image, since a tile of another depth would be read beyond its end.
 //
 // A mesh may show only a part of an image; then the other tiles are left out. Whoever needs one
-// after all gets the whole column (flow/stores/whole_column.h); here it is an error.
+// after all gets the whole column (flow/stores/block_readers.h); here it is an error.
 #include "store/blocks/colour_store.h"
 
 #include <algorithm>

@@ -19,7 +19,7 @@
 #include <cstring>
 
 #include "core/bytes.h"
-#include "core/quaternion.h"
+#include "core/directions.h"
 #include "store/pack/codec.h"
 
 namespace pounce::store {

@@ -2,11 +2,11 @@
 //
 // The join of boxes and a source's blocks, over a store of four blocks whose places are worked out
 // by hand.
-#include "flow/project/block_walk.h"
-
 #include <catch2/catch.hpp>
 #include <string>
 #include <vector>
+
+#include "flow/project/page_projector.h"
 
 using namespace pounce;
 using namespace pounce::flow;

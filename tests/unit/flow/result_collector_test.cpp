@@ -3,7 +3,7 @@
 // Results of a page of 130x70 texels, three blocks by two, that come in no order.
 #include <catch2/catch.hpp>
 
-#include "flow/project/results.h"
+#include "flow/project/pieces.h"
 #include "support/bytes.h"
 #include "unit/flow/small_target.h"
 

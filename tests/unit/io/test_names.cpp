@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include "io/read_mesh.h"
-#include "mesh/select.h"
+#include "mesh/mesh.h"
 #include "support/gltf_builder.h"
 #include "support/test_data.h"
 

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "core/directions.h"
-#include "core/quaternion.h"
 #include "io/splats/batch.h"
 
 namespace pounce::io {

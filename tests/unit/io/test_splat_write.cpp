@@ -14,8 +14,8 @@
 #include <string>
 #include <vector>
 
+#include "core/directions.h"
 #include "core/portable_math.h"
-#include "core/quaternion.h"
 #include "io/splats/batch.h"
 #include "io/splats/scene.h"
 #include "io/splats/splat_writer.h"

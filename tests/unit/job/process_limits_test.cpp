@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "job/process_limits.h"
-
 #include <catch2/catch.hpp>
 
+#include "job/run_job.h"
 #include "pounce/error.h"
 
 namespace pounce::job {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mesh/select.h"
-
 #include <catch2/catch.hpp>
 
+#include "mesh/mesh.h"
 #include "pounce/error.h"
 
 using namespace pounce;

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mesh/touched_tiles.h"
-
 #include <algorithm>
 #include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <numeric>
 
+#include "mesh/lattice.h"
 #include "store/blocks/colour_store.h"
 #include "support/random.h"
 

@@ -3,7 +3,6 @@
 
 #include <catch2/catch.hpp>
 
-#include "options/output_pattern.h"
 #include "pounce/error.h"
 #include "pounce/option_table.h"
 

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/image/write.h"
-#include "projection/hit_map.h"
+#include "projection/hit_block.h"
 #include "support/bytes.h"
 #include "support/random.h"
 #include "support/test_data.h"

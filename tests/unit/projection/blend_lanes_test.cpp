@@ -8,7 +8,6 @@
 #include <cstring>
 #include <limits>
 
-#include "projection/lane_lookups.h"
 #include "support/bytes.h"
 #include "support/random.h"
 

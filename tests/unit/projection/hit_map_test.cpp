@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "projection/hit_map.h"
-
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -11,6 +9,7 @@
 
 #include "core/portable_math.h"
 #include "pounce/error.h"
+#include "projection/hit_block.h"
 
 namespace pounce::projection {
 namespace {

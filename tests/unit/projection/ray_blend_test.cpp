@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "projection/ray_blend.h"
-
 #include <catch2/catch.hpp>
 #include <stdexcept>
 
+#include "projection/splat_blend.h"
 #include "unit/projection/splat_runs.h"
 
 namespace pounce::projection {

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "runtime/ordered_stream.h"
-
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
@@ -13,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include "runtime/pump.h"
 #include "support/bytes.h"
 #include "support/random.h"
 

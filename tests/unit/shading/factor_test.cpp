@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "shading/factor.h"
-
 #include <catch2/catch.hpp>
 
 #include "core/colour_space.h"
+#include "shading/texel_input.h"
 
 using namespace pounce;
 using namespace pounce::shading;

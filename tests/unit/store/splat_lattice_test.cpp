@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "store/blocks/splat_lattice.h"
-
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <vector>
 
+#include "store/blocks/splat_store.h"
 #include "support/random.h"
 
 namespace pounce::store {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "surface/layers.h"
-
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <limits>
 #include <random>
+
+#include "surface/strewn_places.h"
 
 using namespace pounce;
 using namespace pounce::surface;

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 
+#include "mesh/mesh.h"
 #include "pounce/options.h"
+#include "shading/texel_input.h"
 
 namespace pounce::planning {
 
@@ -16,5 +19,14 @@ std::optional<bool> usually_colour(const std::string& name);
 /// Data is never converted between sRGB coding and linear light. A map whose name says nothing is
 /// data.
 bool is_colour(const TransferOptions& options, Channel channel);
+
+// --- factors -------------------------------------------------------------------------------------
+
+/// What a material makes of its texture in a channel; nothing where it leaves it as it is.
+std::optional<shading::Factor> texture_factor(const mesh::Material& material, Channel channel);
+
+/// The same as the factor of a glTF material may be (io::ModelTexture::factor): 0..1, more light as
+/// emissive strength, which is the fourth.
+std::array<float, 4> material_factor(const mesh::Material& material, Channel channel);
 
 }  // namespace pounce::planning

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "mesh/uv_tiles.h"
 #include "pounce/options.h"
 
 namespace pounce::planning {
@@ -25,5 +27,22 @@ const std::string& output_of(const TransferOptions& options, Channel channel);
 /// written or made, a link that leads nowhere, something that is no file.
 void check_outputs(const std::vector<std::string>& paths,
                    const std::string& cure = "add <CHANNEL> or <MATERIAL> to the pattern");
+
+// --- sets of UDIM tiles --------------------------------------------------------------------------
+
+/// Does the path name a set of UDIM tiles: has it <UDIM> or <UVTILE>?
+bool is_tile_pattern(const std::string& path);
+/// The image of a tile in such a set.
+std::string tile_path(const std::string& pattern, mesh::UvTile tile);
+
+/// The set that "skin.1002.png" or "skin_u2_v1.png" is called one of, and its tile in it.
+struct NamedTile {
+  std::string pattern;
+  mesh::UvTile tile;
+};
+/// By the last number in the file's name, its ending aside, that has four digits and is a UDIM's;
+/// else by the last "u2_v1". Nothing: it is called like no tile. A year is a UDIM's number, too:
+/// what else is in the folder, and where UVs lie, must say whether a set is meant.
+std::optional<NamedTile> named_tile(const std::string& path);
 
 }  // namespace pounce::planning

@@ -8,9 +8,9 @@
 // longer than the image as all of it.
 //
 // A tile too many costs time and disk. A tile too few means that the whole image is built after
-// all, when a texel asks for it (flow/stores/whole_column.h). So all rounding is outwards, and the
+// all, when a texel asks for it (flow/stores/block_readers.h). So all rounding is outwards, and the
 // margin covers what filters and levels read beside a triangle.
-#include "mesh/touched_tiles.h"
+#include "mesh/lattice.h"
 
 #include <algorithm>
 #include <array>

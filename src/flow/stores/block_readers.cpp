@@ -1,9 +1,67 @@
 // SPDX-License-Identifier: Apache-2.0
 //
+// The rest of an image of which a job kept only the tiles that its mesh shows. It is built when a
+// lookup first reaches beyond these, in the middle of a projection, so the rules are those of
+// smaller levels (below): one maker at a time, under a lease that the job took beforehand. It
+// differs in one point. Decoding and cutting run in parallel, hence the isolation.
+//
+// The bytes of a tile are the same in both columns, so it does not show which one a lookup used.
+#include "flow/stores/block_readers.h"
+
+#include <fmt/format.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <mutex>
+
+#include "shading/mip_levels.h"
+
+namespace pounce::flow {
+namespace {
+
+/// Of a request for some tiles, that for all.
+ColourRequest all_of(ColourRequest request) {
+  request.wanted = nullptr;
+  return request;
+}
+
+}  // namespace
+
+WholeColumn::WholeColumn(job::JobContext& job, const ColourRequest& request, const Hash128& key)
+    : job_(job), request_(all_of(request)), key_(key) {}
+
+store::ColourTile WholeColumn::tile(const store::ChunkRef& left_out) {
+  const store::ColourStore& store = made();
+  // The place of a tile that was left out is its number (WholeColumn::left_out). Shifted, it stays
+  // a multiple of 8 like every offset: BlockCache uses the low bit.
+  const std::uint64_t tile = (left_out.offset & ~kLeftOut) >> 3;
+  const std::uint32_t columns = store.directory().tiles_x();
+  const auto row = store.read_row(static_cast<std::uint32_t>(tile / columns), job_.compressor());
+  return store.read_tile(row[tile % columns], job_.compressor());
+}
+
+const store::ColourStore& WholeColumn::made() {
+  if (const auto* ready = ready_.load(std::memory_order_acquire)) return *ready;
+  const std::lock_guard lock(job_.making);
+  if (store_ == nullptr) {
+    // Who waits for the parts of the building may not begin other work, which may want this lock.
+    FoundColumn column =
+        tbb::this_task_arena::isolate([this] { return whole_colours(job_, request_, key_); });
+    if (!column.cached) ++job_.report.images_decoded;
+    job_.count_store(column.store->pack(), column.cached);
+    job_.report.source_store_bytes += column.store->pack().size_bytes();
+    store_ = std::move(column.store);
+    ready_.store(store_.get(), std::memory_order_release);
+  }
+  return *store_;
+}
+
+// --- smaller levels ------------------------------------------------------------------------------
+//
 // Smaller versions of images, for targets whose texels cover more than one texel of the source.
 //
 // A level is made from the tiles of the level before, tile by tile: no image is decoded again, and
-// a handful of tiles is all that is in memory (shading/level_tile.h).
+// a handful of tiles is all that is in memory (shading/mip_levels.h).
 //
 // A level that nobody asks for is not made: making all of them while decoding would cost every job.
 // So levels are made while a projection runs, by the piece that needs one first; others wait for
@@ -12,16 +70,6 @@
 // lock, and its memory is a few tiles (docs/decisions/033-footprints.md).
 //
 // A level is a column like any other, with a key of its own in the cache.
-#include "flow/stores/colour_levels.h"
-
-#include <fmt/format.h>
-
-#include <algorithm>
-#include <mutex>
-
-#include "shading/level_tile.h"
-
-namespace pounce::flow {
 
 void ColourLevels::add(const ColourCache& column, const Hash128& key) {
   Levels& levels = images_[&column];
@@ -37,7 +85,7 @@ const ColourCache& ColourLevels::get(const ColourCache& column, std::uint32_t le
     const std::lock_guard lock(job_.making);
     for (std::uint32_t made = levels.count.load(); made < level; ++made) {
       // Each from the one before. The lock is recursive: reading a tile of the image may build the
-      // whole image, which takes it again (whole_column.cpp).
+      // whole image, which takes it again.
       levels.made[made] = make(made == 0 ? column : *levels.made[made - 1], levels.key, made + 1);
       levels.count.store(made + 1, std::memory_order_release);
     }
@@ -52,8 +100,7 @@ std::unique_ptr<ColourCache> ColourLevels::make(const ColourCache& before, const
   Hasher hash;
   hash.add(std::string_view("colour level"));
   hash.add(store::kFormatVersion);
-  hash.add(image_key.hi);
-  hash.add(image_key.lo);
+  hash.add(image_key);
   hash.add(level);
   const Hash128 key = hash.digest();
   auto found =
