@@ -4,8 +4,9 @@ install(TARGETS pounce EXPORT pounceTargets
         LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
         FILE_SET HEADERS)
-# Opened when a file needs it, never linked.
-install(TARGETS pounce_imageio LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/pounce)
+# Opened and started when a file needs it, never linked.
+install(TARGETS pounce_imageio pounce_decoder
+        LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/pounce RUNTIME DESTINATION ${CMAKE_INSTALL_LIBDIR}/pounce)
 install(EXPORT pounceTargets NAMESPACE pounce::
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pounce)
 configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/pounceConfig.cmake.in

@@ -5,7 +5,8 @@ set -eu
 
 packages="g++ cmake ninja-build pkg-config libtbb-dev libzstd-dev libxxhash-dev libfmt-dev libspdlog-dev
 libcli11-dev nlohmann-json3-dev libtinygltf-dev libopenimageio-dev libopencolorio-dev libimath-dev zlib1g-dev
-openimageio-tools catch2 libbenchmark-dev libpng-dev libjpeg62-turbo-dev libtiff-dev libopenexr-dev libwebp-dev"
+openimageio-tools catch2 libbenchmark-dev libpng-dev libjpeg62-turbo-dev libtiff-dev libopenexr-dev libwebp-dev
+libseccomp-dev"
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
   echo "install-packages.sh: this system has no apt-get. pounce is built and tested on Debian 12 (bookworm);" \

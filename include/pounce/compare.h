@@ -26,9 +26,8 @@ struct Comparison {
 /// Compares image files of one size. The mask is the image `mask_path` (non-zero first channel =
 /// compare), else B's alpha if it has one, else everything. Throws Error(input) for unreadable
 /// files, different sizes, an empty mask. Reads in strips: memory does not grow with the height.
-/// `allowed_formats`: as in TransferOptions.
+/// `trust`: as in TransferOptions.
 POUNCE_API Comparison compare(const std::string& a_path, const std::string& b_path,
-                              const std::string& mask_path = {},
-                              const std::vector<ImageFormat>& allowed_formats = {});
+                              const std::string& mask_path = {}, const ImageTrust& trust = {});
 
 }  // namespace pounce

@@ -92,6 +92,21 @@ enum class ImageFormat : std::uint8_t { bmp, tga };
 POUNCE_API const char* image_format_name(ImageFormat format) noexcept;
 POUNCE_API std::optional<ImageFormat> image_format_from_name(const std::string& name) noexcept;
 
+/// Are images decoded in a process of their own, which can do nothing else? A file that is made to
+/// do harm then harms that process alone. automatic: formats whose libraries have had such faults
+/// (EXR, TIFF, HDR, BMP, Targa), where there is the program pounce-decoder and the kernel can
+/// confine it; on: all formats, or none; off: all are decoded here. The samples are the same.
+enum class Sandbox : std::uint8_t { automatic, on, off };
+/// "auto", "on", "off".
+POUNCE_API const char* sandbox_name(Sandbox sandbox) noexcept;
+POUNCE_API std::optional<Sandbox> sandbox_from_name(const std::string& name) noexcept;
+
+/// How far image files are trusted.
+struct ImageTrust {
+  std::vector<ImageFormat> formats = {};  ///< are read, too
+  Sandbox sandbox = Sandbox::automatic;
+};
+
 /// Width and height of an image in texels, each 1..65536.
 struct ImageSize {
   std::uint32_t width = 0;
@@ -397,8 +412,7 @@ struct TransferOptions {
   /// may be outside of its folder (an absolute path, "..", a link); false: they are refused, since
   /// a model from elsewhere could copy any file of this machine into the output.
   bool allow_external = false;
-  /// Images of the source, `onto` and `mask` may be in these formats, too.
-  std::vector<ImageFormat> allowed_formats = {};
+  ImageTrust trust = {};  ///< of the images of the source, `onto` and `mask`
   Resources resources = {};
 };
 
@@ -441,8 +455,8 @@ struct GaussiansOptions {
   /// times the product of their two larger standard deviations; of equals the first. Reads the
   /// source twice.
   std::optional<std::uint64_t> count = {};
-  bool allow_external = false;                    ///< as in TransferOptions
-  std::vector<ImageFormat> allowed_formats = {};  ///< the same
+  bool allow_external = false;  ///< as in TransferOptions
+  ImageTrust trust = {};        ///< the same
   Resources resources = {};
 };
 

@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "core/own_errors.h"
+#include "io/codec/sample.h"
 #include "io/image/read.h"
-#include "io/image/sample.h"
 
 namespace pounce {
 namespace {
@@ -24,8 +24,7 @@ namespace {
 /// An image that is read in strips of rows of doubles.
 class Strips {
  public:
-  Strips(const std::string& path, const std::vector<ImageFormat>& allowed)
-      : reader_(path, allowed) {}
+  Strips(const std::string& path, const ImageTrust& trust) : reader_(path, trust) {}
   const io::ImageInfo& info() const { return reader_.info(); }
   std::uint32_t colours() const { return info().channels - (info().has_alpha ? 1 : 0); }
   void read(std::uint32_t rows) {
@@ -83,12 +82,12 @@ void check_sizes(const std::string& path, const io::ImageInfo& info, const std::
 }
 
 Comparison compare_images(const std::string& a_path, const std::string& b_path,
-                          const std::string& mask_path, const std::vector<ImageFormat>& allowed) {
-  Strips a(a_path, allowed), b(b_path, allowed);
+                          const std::string& mask_path, const ImageTrust& trust) {
+  Strips a(a_path, trust), b(b_path, trust);
   check_sizes(a_path, a.info(), b_path, b.info());
   std::optional<Strips> mask;
   if (!mask_path.empty()) {
-    mask.emplace(mask_path, allowed);
+    mask.emplace(mask_path, trust);
     check_sizes(mask_path, mask->info(), b_path, b.info());
   }
   // What counts: where there is a mask, what it shows; else what the second image shows by its
@@ -137,9 +136,8 @@ Comparison compare_images(const std::string& a_path, const std::string& b_path,
 }  // namespace
 
 Comparison compare(const std::string& a_path, const std::string& b_path,
-                   const std::string& mask_path, const std::vector<ImageFormat>& allowed_formats) {
-  return with_own_errors(
-      [&] { return compare_images(a_path, b_path, mask_path, allowed_formats); });
+                   const std::string& mask_path, const ImageTrust& trust) {
+  return with_own_errors([&] { return compare_images(a_path, b_path, mask_path, trust); });
 }
 
 }  // namespace pounce

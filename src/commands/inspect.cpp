@@ -54,7 +54,7 @@ constexpr std::string_view kGlbStart = "glTF";
 /// What is read beyond the usual.
 struct Allowed {
   bool external = false;
-  const std::vector<ImageFormat>& formats;
+  const ImageTrust& trust;
 };
 
 /// One at map coordinates is read again from where single precision is fine enough.
@@ -68,7 +68,7 @@ Json describe_mesh(const std::string& path, const Allowed& allowed) {
     mesh = {};
     mesh = io::read_mesh(path, {allowed.external, {}, false, true, origin});
   }
-  return commands::describe(mesh, origin, allowed.formats);
+  return commands::describe(mesh, origin, allowed.trust);
 }
 
 /// By the first bytes where they say it, else by the ending; what is neither mesh nor pack is left
@@ -116,7 +116,7 @@ std::string job_text(const Json& file) {
 io::ImageInfo info_of(const std::string& path, const std::vector<std::string>& exr_channels,
                       const Allowed& allowed) {
   try {
-    return io::ImageReader(path, allowed.formats).info();
+    return io::ImageReader(path, allowed.trust).info();
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::input || exr_channels.empty()) throw;
   }
@@ -157,7 +157,7 @@ std::string layers_text(const Json& image) {
 Json describe_image(const std::string& path, const Allowed& allowed) {
   try {
     const std::vector<std::string> exr_channels =
-        io::ImageReader::exr_channels(path, allowed.formats);
+        io::ImageReader::exr_channels(path, allowed.trust);
     Json json = commands::describe(info_of(path, exr_channels, allowed));
     if (!exr_channels.empty()) json["layers"] = layers_json(exr_channels);
     add_job(path, json);
@@ -404,11 +404,8 @@ void join_lines(Json& value) {
 
 }  // namespace
 
-std::string inspect_text(const std::string& path, bool allow_external,
-                         const std::vector<ImageFormat>& allowed_formats) {
-  Json file = with_own_errors([&] {
-    return describe_file(path, {allow_external, allowed_formats});
-  });
+std::string inspect_text(const std::string& path, bool allow_external, const ImageTrust& trust) {
+  Json file = with_own_errors([&] { return describe_file(path, {allow_external, trust}); });
   join_lines(file);
   const std::string type = file["type"].get<std::string>();
   std::string text =
@@ -426,12 +423,9 @@ std::string inspect_text(const std::string& path, bool allow_external,
              file["chunks"].get<std::uint64_t>());
 }
 
-std::string inspect_json(const std::string& path, bool allow_external,
-                         const std::vector<ImageFormat>& allowed_formats) {
+std::string inspect_json(const std::string& path, bool allow_external, const ImageTrust& trust) {
   // A name inside a file need not be UTF-8; JSON must be.
-  const Json file = with_own_errors([&] {
-    return describe_file(path, {allow_external, allowed_formats});
-  });
+  const Json file = with_own_errors([&] { return describe_file(path, {allow_external, trust}); });
   return file.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

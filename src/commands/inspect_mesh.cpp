@@ -43,13 +43,13 @@ const char* wrap_name(mesh::Wrap wrap) {
 }
 
 /// The image's header, or why it cannot be read.
-Json image_json(const mesh::ImageRef& image, const std::vector<ImageFormat>& allowed) {
+Json image_json(const mesh::ImageRef& image, const ImageTrust& trust) {
   Json json{{"image", image.label}};
   if (!image.path.empty()) json["path"] = image.path;
   json["embedded"] = image.size_bytes > 0 || image.bytes != nullptr;
   try {
     if (!image.problem.empty()) throw Error(ErrorKind::input, image.problem);
-    json.update(describe(io::ImageReader(image, allowed).info()));
+    json.update(describe(io::ImageReader(image, trust).info()));
   } catch (const Error& error) {
     json["problem"] = error.what();
   }
@@ -59,19 +59,18 @@ Json image_json(const mesh::ImageRef& image, const std::vector<ImageFormat>& all
 /// Of this mesh, each opened once.
 class Images {
  public:
-  Images(const mesh::Mesh& mesh, const std::vector<ImageFormat>& allowed)
-      : mesh_(mesh), allowed_(allowed) {}
+  Images(const mesh::Mesh& mesh, const ImageTrust& trust) : mesh_(mesh), trust_(trust) {}
   const Json& operator[](std::uint32_t image) {
     // An atlas of many materials is opened once. Its problem, if it has one, is shown at each of
     // them.
     const auto found = known_.find(image);
     if (found != known_.end()) return found->second;
-    return known_[image] = image_json(mesh_.images.at(image), allowed_);
+    return known_[image] = image_json(mesh_.images.at(image), trust_);
   }
 
  private:
   const mesh::Mesh& mesh_;
-  const std::vector<ImageFormat>& allowed_;
+  const ImageTrust& trust_;
   std::map<std::uint32_t, Json> known_;
 };
 
@@ -136,10 +135,10 @@ Json factors_json(const mesh::Material& material) {
 }
 
 /// All of them, used by triangles or not.
-Json materials_json(const mesh::Mesh& mesh, const std::vector<ImageFormat>& allowed) {
+Json materials_json(const mesh::Mesh& mesh, const ImageTrust& trust) {
   std::vector<std::uint64_t> triangles(mesh.materials.size());
   for (const std::uint32_t material : mesh.triangle_material) ++triangles.at(material);
-  Images images(mesh, allowed);
+  Images images(mesh, trust);
   Json materials = Json::array();
   for (std::size_t i = 0; i < mesh.materials.size(); ++i) {
     const mesh::Material& material = mesh.materials[i];
@@ -281,8 +280,7 @@ std::string factors_text(const Json& factors) {
 
 }  // namespace
 
-Json describe(const mesh::Mesh& mesh, Vec3d origin,
-              const std::vector<ImageFormat>& allowed_formats) {
+Json describe(const mesh::Mesh& mesh, Vec3d origin, const ImageTrust& trust) {
   Box3f box;
   for (const Vec3f& position : mesh.positions) box.extend(position);
   // The order of members is that of the text, and part of what scripts see.
@@ -292,7 +290,7 @@ Json describe(const mesh::Mesh& mesh, Vec3d origin,
   json["parts"] = parts_json(mesh);
   json["vertex_colours"] = mesh.has_vertex_colours;
   json["uv_sets"] = uv_sets_json(mesh);
-  json["materials"] = materials_json(mesh, allowed_formats);
+  json["materials"] = materials_json(mesh, trust);
   json["warnings"] = mesh.warnings;
   return json;
 }

@@ -23,9 +23,9 @@ inline double shortest(float value) {
 /// What a mesh holds: counts, bounding box, names of its parts, UV sets with their ranges and UDIM
 /// tiles, materials with all their textures, those that no channel takes among them. Images that
 /// cannot be read are named with their problem; nothing is thrown for them. `origin` was subtracted
-/// from its positions. `allowed_formats`: as in TransferOptions.
+/// from its positions. `trust`: as in TransferOptions.
 nlohmann::ordered_json describe(const mesh::Mesh& mesh, Vec3d origin = {},
-                                const std::vector<ImageFormat>& allowed_formats = {});
+                                const ImageTrust& trust = {});
 /// That description for people.
 std::string mesh_text(const nlohmann::ordered_json& description);
 

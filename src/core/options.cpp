@@ -24,6 +24,7 @@ constexpr std::array<const char*, 2> kMethodNames = {"surface", "gaussian"};
 constexpr std::array<const char*, 3> kFilterNames = {"tent", "cubic", "sharp"};
 constexpr std::array<const char*, 3> kHarmonicsNames = {"dc", "normal", "mean"};
 constexpr std::array<const char*, 2> kImageFormatNames = {"bmp", "tga"};
+constexpr std::array<const char*, 3> kSandboxNames = {"auto", "on", "off"};
 constexpr std::array<const char*, 4> kDepthNames = {"u8", "u16", "half", "float"};
 
 template <class Enum, std::size_t N>
@@ -90,6 +91,14 @@ const char* image_format_name(ImageFormat format) noexcept {
 
 std::optional<ImageFormat> image_format_from_name(const std::string& name) noexcept {
   return find_name<ImageFormat>(kImageFormatNames, name);
+}
+
+const char* sandbox_name(Sandbox sandbox) noexcept {
+  return kSandboxNames[static_cast<std::size_t>(sandbox)];
+}
+
+std::optional<Sandbox> sandbox_from_name(const std::string& name) noexcept {
+  return find_name<Sandbox>(kSandboxNames, name);
 }
 
 const char* method_name(Method method) noexcept {

@@ -61,7 +61,7 @@ TransferOptions as_transfer(const GaussiansOptions& o) {
   transfer.image.colour_space = "lin_rec709";  // the primaries of Gaussians
   transfer.splats.filter = o.filter;
   transfer.allow_external = o.allow_external;
-  transfer.allowed_formats = o.allowed_formats;
+  transfer.trust = o.trust;
   transfer.resources = o.resources;
   return transfer;
 }

@@ -165,7 +165,7 @@ Rows<GaussiansOptions> gaussians_rows() {
                               .default_text = "all",
                               .source = Source::splats},
                              path(&Options::count), integer<std::uint64_t>(1, UINT64_MAX)),
-                external_row<Options>(), format_row<Options>()});
+                external_row<Options>(), format_row<Options>(), sandbox_row<Options>()});
   append(rows, resource_rows<Options>());
   return rows;
 }

@@ -180,7 +180,7 @@ Row<Options> format_row() {
        .hashed = Hashed::otherwise},
       OptionValues::several,
       [](Options& options, const std::string& option, const std::string& text) {
-        std::vector<ImageFormat>& allowed = options.allowed_formats;
+        std::vector<ImageFormat>& allowed = options.trust.formats;
         for (const ImageFormat format : parse_formats(option, text)) {
           if (std::find(allowed.begin(), allowed.end(), format) == allowed.end())
             allowed.push_back(format);
@@ -188,10 +188,25 @@ Row<Options> format_row() {
       },
       [](const Options& options) {
         Texts texts;
-        for (const ImageFormat format : options.allowed_formats)
+        for (const ImageFormat format : options.trust.formats)
           texts.emplace_back(image_format_name(format));
         return texts;
       });
+}
+
+template <class Options>
+Row<Options> sandbox_row() {
+  return row<Options>(
+      {.name = "sandbox",
+       .value = "auto|on|off",
+       .group = "Input files",
+       .help = "Decode images in a process that can open no file, reach no network and start no "
+               "program, so that a damaged or hostile image cannot harm this one. auto: EXR, TIFF, "
+               "HDR, BMP and Targa, where the system can; on: all images, or none; off: none. The "
+               "result is identical",
+       .hashed = Hashed::otherwise},
+      path(&Options::trust, &ImageTrust::sandbox),
+      name(sandbox_from_name, sandbox_name, "auto, on or off"));
 }
 
 template <class Options>

@@ -456,7 +456,7 @@ Rows<Options> transfer_rows() {
   append(rows, method_rows());
   append(rows, search_rows());
   append(rows, splat_rows());
-  append(rows, {external_row<Options>(), format_row<Options>()});
+  append(rows, {external_row<Options>(), format_row<Options>(), sandbox_row<Options>()});
   // Last, as in all commands: no result depends on these.
   append(rows, resource_rows<Options>());
   return rows;

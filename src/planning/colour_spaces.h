@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "io/image/colour_config.h"
+#include "io/codec/colour_config.h"
 #include "planning/plan.h"
 
 namespace pounce::planning {

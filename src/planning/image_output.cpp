@@ -57,14 +57,14 @@ std::string replaced(std::string pattern, const std::string& token, const std::s
 }
 
 io::ImageInfo checked_header(const std::string& option, const std::string& path, ImageSize size,
-                             const std::vector<ImageFormat>& allowed) {
+                             const ImageTrust& trust) {
   std::error_code error;
   if (fs::status(path, error).type() == fs::file_type::not_found) {
     throw Error(ErrorKind::storage, fmt::format("{}: missing for {}; create it (an empty image "
                                                 "will do), or list the existing UDIMs with --tiles",
                                                 path, option));
   }
-  const io::ImageInfo info = io::ImageReader(path, allowed).info();
+  const io::ImageInfo info = io::ImageReader(path, trust).info();
   if (info.width != size.width || info.height != size.height) {
     throw Error(ErrorKind::input,
                 fmt::format("{}: {} has {} x {} texels, but the output has {} x {}; resize it, or "
@@ -80,8 +80,7 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
                                          const std::string& channel) {
   if (options.composite.onto.empty()) return std::nullopt;
   const std::string pattern = replaced(options.composite.onto, "CHANNEL", channel);
-  if (pattern.find('<') == std::string::npos)
-    return io::ImageReader(pattern, options.allowed_formats).info();
+  if (pattern.find('<') == std::string::npos) return io::ImageReader(pattern, options.trust).info();
   const fs::path path(pattern);
   const std::string wanted = any_name(path.filename().string());
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
@@ -97,21 +96,21 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
   if (first.empty()) {
     throw io::MissingFile(fmt::format("{}: --onto: no such file; name existing images", pattern));
   }
-  return io::ImageReader((path.parent_path() / first).string(), options.allowed_formats).info();
+  return io::ImageReader((path.parent_path() / first).string(), options.trust).info();
 }
 
 OntoImage plan_onto(const TransferOptions& options, const std::string& output,
                     const std::map<std::string, std::string>& tokens, ImageSize size,
                     const shading::TexelFormat& format, const SourceSamples& source) {
   OntoImage onto;
-  onto.allowed_formats = options.allowed_formats;
+  onto.trust = options.trust;
   onto.path = expand_pattern(options.composite.onto, tokens);
-  const io::ImageInfo info = checked_header("--onto", onto.path, size, options.allowed_formats);
+  const io::ImageInfo info = checked_header("--onto", onto.path, size, options.trust);
   onto.decoder_bytes = info.decoder_bytes;
   if (!options.composite.mask.empty()) {
     onto.mask_path = expand_pattern(options.composite.mask, tokens);
     onto.decoder_bytes +=
-        checked_header("--mask", onto.mask_path, size, options.allowed_formats).decoder_bytes;
+        checked_header("--mask", onto.mask_path, size, options.trust).decoder_bytes;
   }
   // A smaller number of channels is converted, grey to colour for instance. A channel that has no
   // place in the output, or that would change its meaning, is an error.

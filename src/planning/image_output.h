@@ -31,7 +31,7 @@ struct OntoImage {
   bool in_place = false;       ///< the output takes its place: painted once, it is another image
   bool premultiplied = false;  ///< EXR onto EXR: colours stay multiplied by alpha, bit for bit
   std::uint64_t decoder_bytes = 0;
-  std::vector<ImageFormat> allowed_formats;
+  ImageTrust trust;
   /// What padding must not run into; null: there is no padding.
   std::shared_ptr<const mesh::UvOccupancy> occupied;
 };

@@ -237,11 +237,12 @@ std::vector<KnownMap::Page> pages_of(const std::string& pattern) {
 }
 
 /// The header of one image of a map.
-io::ImageInfo header_of(const std::string& path) {
-  const std::vector<std::string> names = io::ImageReader::exr_channels(path);
+io::ImageInfo header_of(const std::string& path, const ImageTrust& trust) {
+  const std::vector<std::string> names = io::ImageReader::exr_channels(path, trust);
   if (std::find(names.begin(), names.end(), "hit.page") == names.end()) refuse_as_no_map(path);
   io::ImageInfo info =
-      io::ImageReader(path, {projection::kHitMapNames.begin(), projection::kHitMapNames.end()})
+      io::ImageReader(path, {projection::kHitMapNames.begin(), projection::kHitMapNames.end()},
+                      trust)
           .info();
   if (info.hits_note.empty()) refuse_as_no_map(path);
   return info;
@@ -328,13 +329,13 @@ std::string with_distance(const std::string& note, double max_distance) {
 
 bool is_hit_map(const std::string& path) { return io::lower_ending(path) == ".exr"; }
 
-KnownMap read_known_map(const std::string& pattern) {
+KnownMap read_known_map(const std::string& pattern, const ImageTrust& trust) {
   KnownMap map;
   map.pattern = pattern;
   map.pages = pages_of(pattern);
   std::string first;  // note
   for (const KnownMap::Page& page : map.pages) {
-    const io::ImageInfo info = header_of(page.path);
+    const io::ImageInfo info = header_of(page.path, trust);
     map.decoder_bytes = std::max(map.decoder_bytes, info.decoder_bytes);
     if (first.empty()) {
       first = info.hits_note;

@@ -60,7 +60,7 @@ bool is_hit_map(const std::string& path);
 
 /// Reads the headers of a map's images. Throws Error(storage) if there is none, Error(input) for
 /// what is no map, or no longer whole, or of another search than the first.
-KnownMap read_known_map(const std::string& pattern);
+KnownMap read_known_map(const std::string& pattern, const ImageTrust& trust = {});
 
 /// Stands for the source.
 mesh::Mesh map_source(const KnownMap& map, const TransferOptions& options);

@@ -102,7 +102,7 @@ struct ColumnPlan {
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
   io::ImageInfo info;
   bool heeds_tags = true;  ///< what the file says of its colours counts; glTF's textures are sRGB
-  std::vector<ImageFormat> allowed_formats;
+  ImageTrust trust;
 };
 
 /// A source texture of many UDIM tiles, which may differ in size.

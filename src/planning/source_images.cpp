@@ -116,8 +116,8 @@ int SourceImages::column_for(const mesh::ImageRef& image, mesh::Wrap wrap_u, mes
     }
   }
   plan_.columns.push_back({image, wrap_u, wrap_v,
-                           io::ImageReader(image, options_.allowed_formats).info(), heeds_tags,
-                           options_.allowed_formats});
+                           io::ImageReader(image, options_.trust).info(), heeds_tags,
+                           options_.trust});
   if (const io::ImageInfo& info = plan_.columns.back().info; !info.left_out.empty()) {
     plan_.warnings.push_back(fmt::format(
         "{}: of its {} channels {} are used, the others are left out: {}{}", image.label,

@@ -7,8 +7,8 @@
 
 #include "fuzz/fuzz_support.h"
 #include "io/files/asset_file.h"
-#include "io/image/colour_tags.h"
-#include "io/image/guard.h"
+#include "io/codec/colour_tags.h"
+#include "io/codec/guard.h"
 #include "io/image/header.h"
 #include "io/image/read.h"
 #include "mesh/mesh.h"
@@ -39,7 +39,7 @@ inline void guard_image(const mesh::ImageRef& image) {
   constexpr std::array kAllowed{ImageFormat::bmp, ImageFormat::tga};
   const std::string format = io::image_format(source, image.path, kAllowed);
   if (format != "tiff" && format != "openexr") {
-    const io::ImageReader reader(image, kAllowed);
+    const io::ImageReader reader(image, {{kAllowed.begin(), kAllowed.end()}, Sandbox::off});
     return;
   }
   const std::uint64_t stored = source.size_bytes();

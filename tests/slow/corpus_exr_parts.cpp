@@ -17,7 +17,7 @@
 #include <array>
 
 #include "corpus_exr.h"
-#include "io/image/sample.h"
+#include "io/codec/sample.h"
 
 namespace pounce::test::corpus {
 namespace {

@@ -14,7 +14,7 @@
 #include <limits>
 
 #include "corpus_exr.h"
-#include "io/image/sample.h"
+#include "io/codec/sample.h"
 
 namespace pounce::test::corpus {
 namespace {

@@ -12,9 +12,9 @@
 
 #include "core/colour_space.h"
 #include "core/hash.h"
-#include "io/image/colour_tags.h"
+#include "io/codec/colour_tags.h"
+#include "io/codec/sample.h"
 #include "io/image/read.h"
-#include "io/image/sample.h"
 #include "pounce/error.h"
 #include "unit/io/image_files.h"
 
@@ -161,15 +161,15 @@ std::vector<std::byte> rows_of(io::ImageReader& reader, std::uint32_t strip) {
 
 /// Other ways to ask an EXR for its channels: what they are, and these ones as data.
 std::string other_doors(const mesh::ImageRef& image, const io::ImageInfo& info,
-                        const std::vector<std::byte>& kept) {
+                        const std::vector<std::byte>& kept, const ImageTrust& trust) {
   if (info.format != "openexr") return "";
   std::string out;
-  const std::vector<std::string> all = io::ImageReader::exr_channels(image.path);
+  const std::vector<std::string> all = io::ImageReader::exr_channels(image.path, trust);
   const std::string names = joined(all);
   if (all != info.names) out += " all:" + hash_of(std::as_bytes(std::span(names))).substr(0, 6);
   if (info.depth != Depth::float32 || !image.channels.empty()) return out;
   try {
-    io::ImageReader reader(image.path, info.names);
+    io::ImageReader reader(image.path, info.names, trust);
     const std::vector<std::byte> rows = rows_of(reader, 7);
     return out + (rows == kept ? " data" : " data differ");
   } catch (const Error&) {
@@ -177,10 +177,8 @@ std::string other_doors(const mesh::ImageRef& image, const io::ImageInfo& info,
   }
 }
 
-constexpr std::array<ImageFormat, 2> kAllowed{ImageFormat::bmp, ImageFormat::tga};
-
-Answer read(const mesh::ImageRef& image) {
-  io::ImageReader reader(image, kAllowed);
+Answer read(const mesh::ImageRef& image, const ImageTrust& trust) {
+  io::ImageReader reader(image, trust);
   Answer answer;
   answer.picture.samples = rows_of(reader, UINT32_MAX);
   const io::ImageInfo info = reader.info();
@@ -197,7 +195,7 @@ Answer read(const mesh::ImageRef& image) {
   mesh::ImageRef held = in_memory(read_file(image.path));
   held.channels = image.channels;
   for (const std::uint32_t strip : {1U, 3U, 64U}) {
-    io::ImageReader again(strip == 3 ? held : image, kAllowed);
+    io::ImageReader again(strip == 3 ? held : image, trust);
     if (rows_of(again, strip) != answer.picture.samples)
       failure = fmt::format("strips of {} rows differ", strip);
     if (info_text(again.info()) != answer.text)
@@ -205,7 +203,7 @@ Answer read(const mesh::ImageRef& image) {
   }
   std::vector<std::byte> kept = answer.picture.samples;
   if (info.premultiplied) {
-    io::ImageReader keeping(image, kAllowed);
+    io::ImageReader keeping(image, trust);
     keeping.keep_premultiplied();
     kept = rows_of(keeping, 5);
     answer.hash += "+" + hash_of(kept).substr(0, 6);
@@ -214,7 +212,7 @@ Answer read(const mesh::ImageRef& image) {
                         samples.data());
     if (samples != answer.picture.samples) failure = "premultiplied samples differ";
   }
-  const std::string doors = other_doors(image, info, kept);
+  const std::string doors = other_doors(image, info, kept, trust);
   if (doors.ends_with("differ")) failure = "its channels as data differ";
   answer.text += doors;
   if (!failure.empty()) return {Answer::Kind::failed, failure, "", "", {}};
@@ -398,7 +396,7 @@ std::uint64_t seed_of(const std::string& file, std::uint64_t seed) {
 
 }  // namespace
 
-Verdict judge(const Entry& entry, const std::string& folder, std::uint64_t seed) {
+Verdict judge(const Entry& entry, const std::string& folder, std::uint64_t seed, Sandbox sandbox) {
   Verdict verdict{entry.name, "", "-", "-", ""};
   const std::string path = folder + "/" + entry.file;
   std::optional<Picture> truth;
@@ -423,7 +421,9 @@ Verdict judge(const Entry& entry, const std::string& folder, std::uint64_t seed)
   }
   mesh::ImageRef image = at_path(path);
   image.channels = entry.channels;
-  const Answer ours = in_process([&] { return read(image); });
+  const Answer ours = in_process([&] {
+    return read(image, {{ImageFormat::bmp, ImageFormat::tga}, sandbox});
+  });
   const Answer oiio = in_process([&] { return by_oiio(path, ours.names, entry.part); });
   if (ours.kind == Answer::Kind::picture) {
     verdict.hash = ours.hash;

@@ -33,6 +33,6 @@ inline constexpr std::array<Kind, 8> kVerdicts{
 
 /// Writes the image, if it is one that is made, reads it in several ways, each in a process of its
 /// own, and compares.
-Verdict judge(const Entry& entry, const std::string& folder, std::uint64_t seed);
+Verdict judge(const Entry& entry, const std::string& folder, std::uint64_t seed, Sandbox sandbox);
 
 }  // namespace pounce::test::corpus

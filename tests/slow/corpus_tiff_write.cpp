@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "corpus_tiff.h"
-#include "io/image/sample.h"
+#include "io/codec/sample.h"
 
 namespace pounce::test::corpus {
 namespace {

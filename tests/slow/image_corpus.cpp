@@ -28,12 +28,13 @@ struct Options {
   std::string folder, record, against, only;
   std::vector<std::string> files;
   std::uint64_t seed = 1;
+  Sandbox sandbox = Sandbox::automatic;
 };
 
 [[noreturn]] void usage() {
   std::fputs(
       "usage: slow_images FOLDER [--seed N] [--files FOLDER]... [--record FILE] [--against FILE]\n"
-      "                   [--only TEXT]\n"
+      "                   [--only TEXT] [--sandbox auto|on|off]\n"
       "FOLDER takes the images; --files: more images, held against OpenImageIO alone.\n"
       "--record: what was read, to be compared later; --against: compare with such a record.\n"
       "--only: the images whose names hold TEXT.\n",
@@ -53,6 +54,8 @@ Options options_of(int argc, char** argv) {
     if (++i == argc) usage();
     if (word == "--seed")
       options.seed = std::strtoull(argv[i], nullptr, 10);
+    else if (word == "--sandbox")
+      options.sandbox = sandbox_from_name(argv[i]).value_or(Sandbox::automatic);
     else if (word == "--files")
       options.files.push_back(argv[i]);
     else if (word == "--record")
@@ -107,7 +110,7 @@ std::vector<Verdict> judge_all(const Options& options) {
   const auto judge_some = [&](const Entries& entries, const std::string& folder) {
     for (const Entry& entry : entries) {
       if (entry.name.find(options.only) == std::string::npos) continue;
-      Verdict verdict = judge(entry, folder, options.seed);
+      Verdict verdict = judge(entry, folder, options.seed, options.sandbox);
       if (!entry.make && is_no_image(verdict)) continue;
       if (is_bad(verdict)) fmt::print("{}\t{}\t{}\n", verdict.what, verdict.name, verdict.note);
       verdicts.push_back(std::move(verdict));

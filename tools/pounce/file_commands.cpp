@@ -24,10 +24,13 @@ namespace {
 
 constexpr const char* kGroup = "Options";
 
-void add_format_option(CLI::App& command, TransferOptions& reading) {
-  add_transfer_row(command, "allow-format", kGroup, [&reading](const std::string& text) {
-    set_option(reading, "allow-format", text);
-  });
+/// How far images are trusted.
+void add_trust_options(CLI::App& command, TransferOptions& reading) {
+  for (const char* name : {"allow-format", "sandbox"}) {
+    add_transfer_row(command, name, kGroup, [&reading, name](const std::string& text) {
+      set_option(reading, name, text);
+    });
+  }
 }
 
 }  // namespace
@@ -63,7 +66,7 @@ struct InspectSettings {
 std::string inspect_one(const InspectSettings& settings, const std::string& path, int& status) {
   try {
     const auto say = settings.json ? inspect_json : inspect_text;
-    return say(path, settings.reading.allow_external, settings.reading.allowed_formats);
+    return say(path, settings.reading.allow_external, settings.reading.trust);
   } catch (const Error& error) {
     if (settings.paths.size() == 1) throw;
     write_stderr("pounce: error: " + visible_line(error.what()) + "\n");
@@ -108,7 +111,7 @@ Command add_inspect_command(CLI::App& program) {
   add_transfer_row(*command, "allow-external", kGroup, [settings](const std::string& text) {
     set_option(settings->reading, "allow-external", text);
   });
-  add_format_option(*command, settings->reading);
+  add_trust_options(*command, settings->reading);
   const auto run = [settings] { return inspect_all(*settings); };
   return {command, run};
 }
@@ -161,8 +164,7 @@ std::string comparison_json(const Comparison& result, bool passed) {
 }
 
 int run_comparison(const CompareSettings& settings) {
-  const Comparison result =
-      compare(settings.a, settings.b, settings.mask, settings.reading.allowed_formats);
+  const Comparison result = compare(settings.a, settings.b, settings.mask, settings.reading.trust);
   const bool passed = !settings.min_psnr_db || result.psnr_db >= *settings.min_psnr_db;
   write_stdout(settings.json ? comparison_json(result, passed) : comparison_text(result));
   if (!passed) {
@@ -191,7 +193,7 @@ Command add_compare_command(CLI::App& program) {
               settings->min_psnr_db = parse_number("--min-psnr", text, 0, kHighestThresholdDb);
             });
   add_switch(*command, "--json", kGroup, "Print JSON instead of text", settings->json);
-  add_format_option(*command, settings->reading);
+  add_trust_options(*command, settings->reading);
   return {command, [settings] { return run_comparison(*settings); }};
 }
 

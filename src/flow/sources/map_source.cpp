@@ -22,7 +22,7 @@ MapSource::MapSource(job::JobContext& job, const TransferOptions& options,
 
 void MapSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
                           const std::function<void(const mesh::Mesh&)>&) {
-  map_ = planning::read_known_map(options_.source);
+  map_ = planning::read_known_map(options_.source, options_.trust);
   for (const planning::KnownMap::Page& page : map_.pages) files_.push_back(page.path);
   mesh_ = planning::map_source(map_, options_);
   plan_ = planning::plan_mesh(options_, mesh_, planning::TexelsAs::surface, false);
@@ -63,8 +63,12 @@ MapRequest MapSource::request(std::uint32_t udim) const {
                    [&](const planning::KnownMap::Page& one) { return one.udim == udim; });
   if (page == map_.pages.end())
     throw Error(ErrorKind::internal, map_.pattern + ": a page that the map does not have");
-  return {page->path, map_.size, map_.decoder_bytes, map_.note.pages,
-          static_cast<float>(map_.note.max_distance)};
+  return {page->path,
+          map_.size,
+          map_.decoder_bytes,
+          map_.note.pages,
+          static_cast<float>(map_.note.max_distance),
+          options_.trust};
 }
 
 std::unique_ptr<Projection> MapSource::projector(std::size_t pass, std::uint32_t page,

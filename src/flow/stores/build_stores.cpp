@@ -235,7 +235,8 @@ class MapConversion {
       : job_(job),
         request_(request),
         lease_(job.budget, map_hits_bytes(request), "reading " + request.path),
-        reader_(request.path, {projection::kHitMapNames.begin(), projection::kHitMapNames.end()}),
+        reader_(request.path, {projection::kHitMapNames.begin(), projection::kHitMapNames.end()},
+                request.trust),
         grid_(request.size),
         rows_(band_bytes(request.size)),
         blocks_(grid_.across) {

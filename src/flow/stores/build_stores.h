@@ -70,7 +70,7 @@ struct ColourRequest {
   const io::ImageInfo* info = nullptr;  ///< of that image
   mesh::Wrap wrap_u = mesh::Wrap::repeat, wrap_v = mesh::Wrap::repeat;
   std::shared_ptr<const mesh::TileMask> wanted;  ///< the tiles that are kept; null: all
-  std::span<const ImageFormat> allowed_formats;
+  const ImageTrust& trust;
 };
 /// Key of a whole column: content of the image, wrap modes. Reads the image where nobody remembers
 /// its content.
@@ -101,6 +101,7 @@ struct MapRequest {
   std::uint64_t decoder_bytes = 0;
   std::size_t source_pages = 0;
   float max_distance = 0;  ///< of the search that found them: for the report's distances
+  ImageTrust trust = {};
 };
 
 /// The hits of an image as a store, as a search leaves them; or as the cache has them by the

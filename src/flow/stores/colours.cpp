@@ -85,7 +85,7 @@ class ColumnBuilder {
   ColumnBuilder(job::JobContext& job, const ColourRequest& request, const Hash128& key,
                 runtime::Lease lease)
       : job_(job),
-        reader_(*request.image, request.allowed_formats),
+        reader_(*request.image, request.trust),
         wanted_(request.wanted.get()),
         lease_(std::move(lease)) {
     const io::ImageInfo& info = reader_.info();

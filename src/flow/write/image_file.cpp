@@ -14,7 +14,7 @@
 #include <cstring>
 #include <span>
 
-#include "io/image/sample.h"
+#include "io/codec/sample.h"
 #include "mesh/lattice.h"
 #include "store/blocks/colour_store.h"
 

@@ -19,7 +19,7 @@
 #include <optional>
 
 #include "flow/write/image_file.h"
-#include "io/image/sample.h"
+#include "io/codec/sample.h"
 #include "io/image/write.h"
 #include "pounce/error.h"
 #include "shading/pad_seams.h"
@@ -342,11 +342,11 @@ shading::TexelFormat format_of(const io::ImageInfo& info, bool is_colour) {
 
 OntoPainter::OntoPainter(const planning::OntoImage& onto, const shading::TexelFormat& format,
                          ImageSize size)
-    : onto_(onto), format_(format), width_(size.width), image_(onto.path, onto.allowed_formats) {
+    : onto_(onto), format_(format), width_(size.width), image_(onto.path, onto.trust) {
   onto_format_ = format_of(image_.info(), format.is_colour);
   if (onto.premultiplied) image_.keep_premultiplied();
   if (!onto.mask_path.empty()) {
-    mask_.emplace(onto.mask_path, onto.allowed_formats);
+    mask_.emplace(onto.mask_path, onto.trust);
     mask_format_ = format_of(mask_->info(), false);
   }
   if (onto.occupied) occupied_rows_.emplace(*onto.occupied, size.width, size.height);

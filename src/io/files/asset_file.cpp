@@ -20,6 +20,7 @@
 #include "io/files/asset_file.h"
 
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -119,6 +120,31 @@ ByteSource::ByteSource(const mesh::ImageRef& image)
   if (size_bytes_ == 0) {
     throw Error(ErrorKind::input, fmt::format("{}: the image is empty (0 bytes)", label_));
   }
+}
+
+ByteSource::ByteSource(std::string label, std::string path, int descriptor,
+                       std::uint64_t offset_bytes, std::uint64_t size_bytes)
+    : label_(std::move(label)),
+      path_(std::move(path)),
+      offset_bytes_(offset_bytes),
+      size_bytes_(size_bytes) {
+  descriptor_.reset(descriptor);
+}
+
+int ByteSource::share() {
+  if (!memory_ || descriptor_.get() >= 0) return descriptor_.get();
+  descriptor_.reset(memfd_create("pounce image", MFD_CLOEXEC));
+  const std::byte* const bytes = memory_->data() + offset_bytes_;
+  for (std::uint64_t done = 0; done < size_bytes_;) {
+    const ssize_t put =
+        ::pwrite(descriptor_.get(), bytes + done, static_cast<std::size_t>(size_bytes_ - done),
+                 static_cast<off_t>(done));
+    if (put < 0 && errno == EINTR) continue;
+    if (put <= 0)
+      throw Error(ErrorKind::budget, label_ + ": not enough memory to hand it to its decoder");
+    done += static_cast<std::uint64_t>(put);
+  }
+  return descriptor_.get();
 }
 
 // Opened without waiting and without becoming a terminal (open_for_reading()), then judged: a name

@@ -59,6 +59,10 @@ class ByteSource {
   /// Throws Error(storage) naming image.label and the file if it is not there or cannot be opened,
   /// Error(input) if there is nothing in it or image.problem says so.
   explicit ByteSource(const mesh::ImageRef& image);
+  /// So many bytes from `offset_bytes` of a file that is open, which it closes; `path` is its name,
+  /// for messages.
+  ByteSource(std::string label, std::string path, int descriptor, std::uint64_t offset_bytes,
+             std::uint64_t size_bytes);
   ByteSource(const ByteSource&) = delete;
   ByteSource& operator=(const ByteSource&) = delete;
 
@@ -72,6 +76,14 @@ class ByteSource {
 
   std::uint64_t size_bytes() const { return size_bytes_; }
   const std::string& label() const { return label_; }
+  const std::string& path() const { return path_; }
+  /// A descriptor of what is stored, for another process, and what of that is the image. Bytes in
+  /// memory are copied into a file without a name. It stays this object's. Throws Error(budget).
+  int share();
+  struct Range {
+    std::uint64_t offset_bytes = 0, size_bytes = 0;
+  };
+  Range range() const { return {memory_ ? 0 : offset_bytes_, size_bytes_}; }
   /// Up to `count` bytes from `offset`; fewer only at the end, or after an error (see failure()).
   /// noexcept because C libraries call it.
   std::size_t read_at(std::uint64_t offset, void* out, std::size_t count) noexcept;

@@ -2,7 +2,6 @@
 #include <dlfcn.h>
 #include <fmt/format.h>
 
-#include <array>
 #include <filesystem>
 #include <mutex>
 
@@ -15,19 +14,6 @@ namespace {
 
 constexpr const char* kFileName = "libpounce-imageio.so";
 
-/// Beside the file that this function is in (the library, or a program that has it inside), and
-/// where an installed program finds its library's.
-std::array<std::filesystem::path, 3> places() {
-  Dl_info self{};
-  std::filesystem::path folder;
-  if (dladdr(reinterpret_cast<const void*>(&foreign_module), &self) != 0 &&
-      self.dli_fname != nullptr) {
-    std::error_code unknown;
-    folder = std::filesystem::weakly_canonical(self.dli_fname, unknown).parent_path();
-  }
-  return {folder / kFileName, folder / "pounce" / kFileName, POUNCE_MODULE_FOLDER};
-}
-
 struct Loaded {
   const ForeignModule* module = nullptr;
   std::string problem;
@@ -35,8 +21,8 @@ struct Loaded {
 
 Loaded load() {
   Loaded loaded;
-  for (std::filesystem::path path : places()) {
-    if (path.filename() != kFileName) path /= kFileName;
+  for (const std::filesystem::path& folder : companion_folders()) {
+    const std::filesystem::path path = folder / kFileName;
     std::error_code unknown;
     if (!std::filesystem::exists(path, unknown)) continue;
     void* const handle = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
@@ -52,17 +38,25 @@ Loaded load() {
     loaded.problem = fmt::format("{} belongs to another version of pounce", path.string());
   }
   if (loaded.problem.empty()) {
-    loaded.problem = "it is neither in";
-    const auto all = places();
-    for (std::size_t i = 0; i < all.size(); ++i) {
-      const auto folder = all[i].filename() == kFileName ? all[i].parent_path() : all[i];
-      loaded.problem += fmt::format("{}{}", i == 0 ? " " : " nor in ", folder.string());
-    }
+    for (const std::filesystem::path& folder : companion_folders())
+      loaded.problem += fmt::format(
+          "{}{}", loaded.problem.empty() ? "it is neither in " : " nor in ", folder.string());
   }
   return loaded;
 }
 
 }  // namespace
+
+std::vector<std::filesystem::path> companion_folders() {
+  Dl_info self{};
+  std::filesystem::path folder;
+  if (dladdr(reinterpret_cast<const void*>(&companion_folders), &self) != 0 &&
+      self.dli_fname != nullptr) {
+    std::error_code unknown;
+    folder = std::filesystem::weakly_canonical(self.dli_fname, unknown).parent_path();
+  }
+  return {folder, folder / "pounce", POUNCE_COMPANION_FOLDER};
+}
 
 const ForeignModule& foreign_module(const std::string& purpose) {
   static const Loaded loaded = load();

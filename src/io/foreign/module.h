@@ -2,11 +2,13 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
-#include "io/image/colour_config.h"
-#include "io/image/row_decoder.h"
+#include "io/codec/colour_config.h"
+#include "io/codec/row_decoder.h"
 
 namespace pounce::io {
 
@@ -28,6 +30,10 @@ class ForeignModule {
 /// The module's one function. `version` is the caller's; null if the module is of another one.
 using ForeignEntry = const ForeignModule*(const char* version);
 inline constexpr const char* kForeignEntry = "pounce_imageio";
+
+/// Where what belongs to the library is looked for: the folder of the file that this function is in
+/// (the library, or a program that has it inside), "pounce" beside it, and where it is installed.
+std::vector<std::filesystem::path> companion_folders();
 
 /// Opens the module beside the library or the program, or where it is installed. `purpose`: what
 /// cannot be done without it, as a sentence's beginning ("a.hdr: Radiance HDR images are"). Throws

@@ -11,10 +11,10 @@
 #include <utility>
 #include <vector>
 
+#include "io/codec/colour_config.h"
 #include "io/files/asset_file.h"
 #include "io/foreign/ocio_tables.h"
 #include "io/foreign/oiio_decoder.h"
-#include "io/image/colour_config.h"
 #include "pounce/error.h"
 
 namespace OCIO = OCIO_NAMESPACE;

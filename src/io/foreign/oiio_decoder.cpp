@@ -17,8 +17,8 @@
 #include <optional>
 #include <vector>
 
-#include "io/image/guard.h"
-#include "io/image/sample.h"
+#include "io/codec/guard.h"
+#include "io/codec/sample.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
-#include "io/image/colour_config.h"
-#include "io/image/row_decoder.h"
+#include "io/codec/colour_config.h"
+#include "io/codec/row_decoder.h"
 
 // What the module is made of.
 namespace pounce::io {

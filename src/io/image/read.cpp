@@ -8,10 +8,11 @@
 #include <span>
 #include <vector>
 
+#include "io/codec/row_decoder.h"
+#include "io/codec/sample.h"
 #include "io/files/asset_file.h"
 #include "io/image/header.h"
-#include "io/image/row_decoder.h"
-#include "io/image/sample.h"
+#include "io/sandbox/sandboxed_decoder.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -30,9 +31,7 @@ mesh::ImageRef at_path(const std::string& path) {
 }  // namespace
 
 struct ImageReader::Impl {
-  Impl(const mesh::ImageRef& image, std::span<const ImageFormat> allowed,
-       std::vector<std::string> data);
-  std::unique_ptr<RowDecoder> open(const WantedChannels& wanted);
+  Impl(const mesh::ImageRef& image, const ImageTrust& trust, std::vector<std::string> data);
 
   ByteSource bytes;
   ImageInfo info;
@@ -41,43 +40,39 @@ struct ImageReader::Impl {
   std::uint32_t next_row = 0;
 };
 
-ImageReader::Impl::Impl(const mesh::ImageRef& image, std::span<const ImageFormat> allowed,
+ImageReader::Impl::Impl(const mesh::ImageRef& image, const ImageTrust& trust,
                         std::vector<std::string> data)
     : bytes(image) {
-  info.format = image_format(bytes, image.path, allowed);
+  info.format = image_format(bytes, image.path, trust.formats);
   const WantedChannels wanted{image.channels, std::move(data)};
   if ((!wanted.named.empty() || !wanted.data.empty()) && info.format != "openexr")
     refuse_names(bytes);
-  decoder = open(wanted);
+  if (is_sandboxed(info.format, trust.sandbox))
+    decoder = open_sandboxed(bytes, wanted, trust.sandbox, info);
+  if (!decoder) decoder = open_here(bytes, wanted, info);
 }
 
-std::unique_ptr<RowDecoder> ImageReader::Impl::open(const WantedChannels& wanted) {
-  if (info.format == "png") return open_png(bytes, info);
-  if (info.format == "jpeg") return open_jpeg(bytes, info);
-  if (info.format == "tiff") return open_tiff(bytes, info);
-  if (info.format == "openexr") return open_exr(bytes, wanted, info);
-  if (info.format == "webp") return open_webp(bytes, info);
-  if (info.format == "pnm") return open_pnm(bytes, info);
-  return open_foreign(bytes, info);
-}
+ImageReader::ImageReader(const mesh::ImageRef& image, const ImageTrust& trust)
+    : impl_(std::make_unique<Impl>(image, trust, std::vector<std::string>{})) {}
 
-ImageReader::ImageReader(const mesh::ImageRef& image, std::span<const ImageFormat> allowed)
-    : impl_(std::make_unique<Impl>(image, allowed, std::vector<std::string>{})) {}
+ImageReader::ImageReader(const std::string& path, const ImageTrust& trust)
+    : ImageReader(at_path(path), trust) {}
 
-ImageReader::ImageReader(const std::string& path, std::span<const ImageFormat> allowed)
-    : ImageReader(at_path(path), allowed) {}
-
-ImageReader::ImageReader(const std::string& path, const std::vector<std::string>& channels)
-    : impl_(std::make_unique<Impl>(at_path(path), std::span<const ImageFormat>(), channels)) {}
+ImageReader::ImageReader(const std::string& path, const std::vector<std::string>& channels,
+                         const ImageTrust& trust)
+    : impl_(std::make_unique<Impl>(at_path(path), trust, channels)) {}
 
 ImageReader::~ImageReader() = default;
 ImageReader::ImageReader(ImageReader&&) noexcept = default;
 ImageReader& ImageReader::operator=(ImageReader&&) noexcept = default;
 
 std::vector<std::string> ImageReader::exr_channels(const std::string& path,
-                                                   std::span<const ImageFormat> allowed) {
+                                                   const ImageTrust& trust) {
   ByteSource bytes(at_path(path));
-  if (image_format(bytes, path, allowed) != "openexr") return {};
+  if (image_format(bytes, path, trust.formats) != "openexr") return {};
+  if (is_sandboxed("openexr", trust.sandbox)) {
+    if (auto names = list_sandboxed(bytes, trust.sandbox)) return std::move(*names);
+  }
   return exr_channel_names(bytes);
 }
 

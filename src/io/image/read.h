@@ -9,38 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "io/image/channels.h"
-#include "io/image/colour_tags.h"
+#include "io/codec/image_info.h"
 #include "mesh/mesh.h"
 #include "pounce/options.h"
 
 namespace pounce::io {
-
-/// What an image file says of itself.
-struct ImageInfo {
-  std::uint32_t width = 0, height = 0;
-  std::uint32_t channels = 0;  ///< 1..4, or as many as were named; palettes are expanded
-  Depth depth = Depth::u8;     ///< below 8 bits per sample: u8, scaled to 0..255
-  bool linear = false;     ///< a format's usual: float samples are linear light, others sRGB-coded
-  bool has_alpha = false;  ///< the last channel is straight (unassociated) alpha
-  bool premultiplied = false;         ///< the file holds colours times alpha (EXR always does)
-  std::string format;                 ///< "png", "jpeg", "openexr", "tiff", ...
-  std::vector<std::string> names;     ///< of the channels: "R", "G", "B", "disp"
-  std::vector<std::string> left_out;  ///< the names of the file's other channels
-  ColourTags colours;                 ///< what the file says of its colour space
-  std::uint32_t tile_width = 0, tile_height = 0;  ///< what the file keeps together; 0: rows
-  std::uint32_t levels = 1;                       ///< itself and its smaller ones in the file
-  /// Memory that the decoder itself needs beyond the rows handed out: small where the file decodes
-  /// by rows, the whole image where it only decodes whole (interlaced PNG, progressive JPEG, WebP).
-  std::uint64_t decoder_bytes = 0;
-  /// Of an EXR that is a hit map: what pounce wrote there to read it again. Untrusted.
-  std::string hits_note;
-
-  /// What its colours are, by what the file says and what is usual where it says nothing.
-  ColourSpace space() const {
-    return {colours.primaries.value_or(kRec709), colours.linear.value_or(linear)};
-  }
-};
 
 /// Reads an image top to bottom in strips of rows, samples exactly as stored (no colour
 /// conversion). Alpha is what the file says is alpha, and no other fourth channel. It is handed out
@@ -59,12 +32,13 @@ struct ImageInfo {
 /// Not thread-safe; one reader per thread, several at once are fine.
 class ImageReader {
  public:
-  explicit ImageReader(const mesh::ImageRef& image, std::span<const ImageFormat> allowed = {});
-  explicit ImageReader(const std::string& path, std::span<const ImageFormat> allowed = {});
+  explicit ImageReader(const mesh::ImageRef& image, const ImageTrust& trust = {});
+  explicit ImageReader(const std::string& path, const ImageTrust& trust = {});
   /// The channels of these names as data, in this order, of the first image of an EXR that may have
   /// any number of others. All are float. Throws Error(input) that names what is missing, or not as
   /// exact as a float.
-  ImageReader(const std::string& path, const std::vector<std::string>& channels);
+  ImageReader(const std::string& path, const std::vector<std::string>& channels,
+              const ImageTrust& trust = {});
   ~ImageReader();
   ImageReader(ImageReader&&) noexcept;
   ImageReader& operator=(ImageReader&&) noexcept;
@@ -72,7 +46,7 @@ class ImageReader {
   /// Of an EXR the full names of the channels of all its parts, of which ImageRef::channels can
   /// name some; nothing of other formats.
   static std::vector<std::string> exr_channels(const std::string& path,
-                                               std::span<const ImageFormat> allowed = {});
+                                               const ImageTrust& trust = {});
 
   const ImageInfo& info() const;
   std::size_t row_bytes() const;  ///< width * channels * bytes per sample

@@ -13,10 +13,10 @@
 #include <vector>
 
 #include "core/page_pool.h"
+#include "io/codec/row_encoder.h"
+#include "io/codec/sample.h"
 #include "io/files/asset_file.h"
 #include "io/files/output_file.h"
-#include "io/image/row_encoder.h"
-#include "io/image/sample.h"
 #include "mesh/lattice.h"
 #include "pounce/error.h"
 
@@ -97,28 +97,6 @@ const Format* format_of(const std::string& path, Depth depth) {
 constexpr std::uint64_t kEncoderBaseBytes = 1U << 20;
 
 }  // namespace
-
-std::uint64_t row_bytes_of(const ImageWriteSpec& spec) {
-  return std::uint64_t{spec.width} * spec.channels * sample_bytes(spec.depth);
-}
-
-std::uint32_t strip_rows(const ImageWriteSpec& spec) {
-  const std::uint64_t rows = (64U << 10) / std::max<std::uint64_t>(1, row_bytes_of(spec));
-  return static_cast<std::uint32_t>(std::clamp<std::uint64_t>(rows, 1, spec.height));
-}
-
-std::uint32_t across_tiles(const ImageWriteSpec& spec) {
-  return (spec.width + spec.layout.tile_size - 1) / spec.layout.tile_size;
-}
-
-std::uint64_t tiled_texels(const ImageWriteSpec& spec) {
-  const std::uint64_t edge = spec.layout.tile_size;
-  std::uint64_t tiles = 0;
-  for (ImageSize size{spec.width, spec.height};; size = mesh::next_level_size(size)) {
-    tiles += ((size.width + edge - 1) / edge) * ((size.height + edge - 1) / edge);
-    if (!spec.layout.mipmap || size == ImageSize{1, 1}) return tiles * edge * edge;
-  }
-}
 
 bool is_image_path(const std::string& path) { return format_by_ending(path) != nullptr; }
 
@@ -216,10 +194,6 @@ struct ImageWriter::Impl {
   std::vector<std::byte> multiplied;  // rows times alpha
   PageVector<std::byte> tile_rows;    // of a row of tiles
 };
-
-void one_by_one(std::size_t count, const std::function<void(std::size_t)>& one) {
-  for (std::size_t i = 0; i < count; ++i) one(i);
-}
 
 ImageWriter::ImageWriter(const std::string& path, const ImageWriteSpec& spec, ForEach for_each) {
   if (const std::string reason = why_not_writable(path, spec); !reason.empty()) {

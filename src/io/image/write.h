@@ -11,33 +11,10 @@
 
 #include "core/colour_space.h"
 #include "core/file.h"
-#include "io/image/channels.h"
+#include "io/codec/image_info.h"
 #include "pounce/options.h"
 
 namespace pounce::io {
-
-/// What to write. Samples handed over are in `depth`, row-major, tightly packed, native endian. EXR
-/// stores colours premultiplied, so they are multiplied by alpha when written (where alpha is 0 the
-/// colour is lost).
-struct ImageWriteSpec {
-  std::uint32_t width = 0, height = 0;
-  std::uint32_t channels = 0;  ///< 1..4; of an EXR with names, any number
-  Depth depth = Depth::u8;
-  bool linear = false;         ///< samples are scene-linear: tagged so where the format can say it
-  bool has_alpha = false;      ///< the last channel is straight alpha
-  bool premultiplied = false;  ///< EXR, levels: colours come multiplied by alpha already
-  /// EXR only: what the channels are called; empty: usual_names().
-  std::vector<std::string> names = {};
-  /// Primaries that the file is to name: EXR in an attribute, the others by an ICC profile.
-  std::optional<Chromaticities> chromaticities = {};
-  bool tagged = true;  ///< false: what the samples are, sRGB or else, is not said
-  /// With levels (EXR, TIFF in tiles) all smaller ones follow (ImageWriter::next_level), with the
-  /// attributes of a texture by maketx, and colours are stored times alpha, in TIFF too.
-  ImageLayout layout = {};
-  /// Hash of the job that makes it: recorded, as the software's name always is.
-  std::string job = {};
-  std::string hits_note = {};  ///< EXR only: see ImageInfo
-};
 
 /// Does the ending of `path` name a format that images are written in?
 bool is_image_path(const std::string& path);
@@ -62,12 +39,6 @@ FormatLook format_look(const std::string& path, Depth depth);
 /// The nearest depth that the format of `path` can hold (png: u8/u16; jpeg: u8; exr: half/float;
 /// tiff: all).
 Depth writable_depth(const std::string& path, Depth wanted);
-
-/// Calls `one` with 0 to count - 1 and returns when all calls have: on one thread or on several.
-/// What a call throws it throws.
-using ForEach = std::function<void(std::size_t count, const std::function<void(std::size_t)>& one)>;
-/// One after another.
-void one_by_one(std::size_t count, const std::function<void(std::size_t)>& one);
 
 /// Writes an image top to bottom in strips of rows in bounded memory. Until commit() the bytes have
 /// no name, or where the file system cannot do that a hidden temporary one beside `path`, which the

@@ -3,7 +3,7 @@
 #include <fstream>
 #include <string>
 
-#include "io/image/colour_config.h"
+#include "io/codec/colour_config.h"
 #include "pounce/error.h"
 #include "support/test_data.h"
 

@@ -4,8 +4,8 @@
 #include <catch2/catch.hpp>
 #include <string>
 
-#include "io/image/colour_tags.h"
-#include "io/image/guard.h"
+#include "io/codec/colour_tags.h"
+#include "io/codec/guard.h"
 
 using namespace pounce;
 

@@ -4,7 +4,7 @@
 #include <catch2/catch.hpp>
 #include <chrono>
 
-#include "io/image/guard.h"
+#include "io/codec/guard.h"
 #include "io/image/write.h"
 #include "pounce/error.h"
 #include "support/resident_memory.h"
@@ -413,7 +413,7 @@ TEST_CASE("an EXR that promises more chunks than it can list is refused unread",
 
 TEST_CASE("a BMP with run lengths is not unpacked before it is read", "[image]") {
   const auto three = [](bool grey) {
-    const io::ImageReader reader(in_memory(run_length_bmp(300, 2, 8, bmp_palette(grey))), kAllowed);
+    const io::ImageReader reader(in_memory(run_length_bmp(300, 2, 8, bmp_palette(grey))), {kAllowed});
     CHECK(reader.info().decoder_bytes >= 600);
     return reader.info().channels;
   };
@@ -430,7 +430,7 @@ TEST_CASE("a BMP with run lengths is not unpacked before it is read", "[image]")
   const std::string much = run_length_bmp(kMuch / 4096, 4096, 8, bmp_palette(true));
   const mesh::ImageRef image = in_memory(much);
   const std::uint64_t before = test::reset_peak_rss();
-  const io::ImageReader reader(image, kAllowed);
+  const io::ImageReader reader(image, {kAllowed});
   CHECK(test::peak_rss() - std::min(before, test::peak_rss()) < kMuch / 3);
   CHECK(reader.info().decoder_bytes > kMuch);
 }

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "io/image/read.h"
-#include "io/image/sample.h"
-#include "io/image/tiff_directory.h"
+#include "io/codec/sample.h"
+#include "io/codec/tiff_directory.h"
 #include "io/image/write.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"

@@ -13,7 +13,7 @@
 
 #include "core/portable_math.h"
 #include "io/files/output_file.h"
-#include "io/image/sample.h"
+#include "io/codec/sample.h"
 #include "io/image/write.h"
 #include "pounce/error.h"
 #include "support/failing_file_system.h"

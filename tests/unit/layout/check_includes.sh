@@ -19,7 +19,8 @@ declare -A may_include=(
 # The same within rooms that have folders: what each may include besides itself and what lies above it.
 declare -A may_include_within=(
   [store/pack]="" [store/blocks]="pack" [store/cache]="pack"
-  [io/files]="" [io/json]="" [io/image]="files" [io/foreign]="files image" [io/gltf]="files json" [io/obj]="files" [io/splats]="files json gltf"
+  [io/files]="" [io/json]="" [io/codec]="files" [io/foreign]="files codec"
+  [io/sandbox]="files codec foreign" [io/image]="files codec sandbox" [io/gltf]="files json" [io/obj]="files" [io/splats]="files json gltf"
   [io/model]="files json gltf"
   [flow/stores]="" [flow/project]="stores" [flow/sources]="stores project" [flow/write]="stores project"
 )

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/image/sample.h"
+#include "io/codec/sample.h"
 
 #include <algorithm>
 #include <cstdint>

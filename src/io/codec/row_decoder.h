@@ -7,8 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "io/codec/channels.h"
+#include "io/codec/image_info.h"
 #include "io/files/asset_file.h"
-#include "io/image/read.h"
 #include "pounce/error.h"
 
 namespace pounce::io {
@@ -45,6 +46,9 @@ std::unique_ptr<RowDecoder> open_pnm(ByteSource& bytes, ImageInfo& info);
 std::unique_ptr<RowDecoder> open_tiff(ByteSource& bytes, ImageInfo& info);
 std::unique_ptr<RowDecoder> open_exr(ByteSource& bytes, const WantedChannels& wanted,
                                      ImageInfo& info);
+/// Whichever of these `info.format` names.
+std::unique_ptr<RowDecoder> open_here(ByteSource& bytes, const WantedChannels& wanted,
+                                      ImageInfo& info);
 /// The full names of the channels of all parts of an EXR.
 std::vector<std::string> exr_channel_names(ByteSource& bytes);
 /// Radiance HDR, BMP and Targa, by the module (foreign/module.h).

@@ -22,9 +22,9 @@
 #include <string_view>
 #include <vector>
 
+#include "io/codec/row_encoder.h"
+#include "io/codec/sample.h"
 #include "io/files/finished_output.h"
-#include "io/image/row_encoder.h"
-#include "io/image/sample.h"
 #include "pounce/error.h"
 
 namespace Imf = OPENEXR_IMF_NAMESPACE;

@@ -4,7 +4,7 @@
 // adapted to D50, are compared with those of the spaces that are known, or else are primaries of
 // their own; its curves are compared at some places. Other curves (gamma 2.2), tables and printers
 // are told, and left to whoever converts the image.
-#include "io/image/colour_tags.h"
+#include "io/codec/colour_tags.h"
 
 #include <fmt/format.h>
 #include <zlib.h>

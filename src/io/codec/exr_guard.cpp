@@ -15,7 +15,7 @@
 #include <string_view>
 #include <vector>
 
-#include "io/image/guard.h"
+#include "io/codec/guard.h"
 
 namespace pounce::io {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/image/channels.h"
+#include "io/codec/channels.h"
 
 #include <algorithm>
 #include <filesystem>

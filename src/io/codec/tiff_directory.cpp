@@ -7,7 +7,7 @@
 // TIFF beside its decoder goes through this walker, so that the attacks on it are stopped once:
 // a directory or values beyond the end of the file, more fields than libtiff takes, the same field
 // twice. What the fields mean together is for guard_tiff().
-#include "io/image/tiff_directory.h"
+#include "io/codec/tiff_directory.h"
 
 #include <fmt/format.h>
 

@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "core/page_pool.h"
-#include "io/image/guard.h"
-#include "io/image/row_decoder.h"
+#include "io/codec/guard.h"
+#include "io/codec/row_decoder.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

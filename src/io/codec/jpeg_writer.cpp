@@ -14,9 +14,9 @@
 #include <string>
 #include <vector>
 
+#include "io/codec/colour_tags.h"
+#include "io/codec/row_encoder.h"
 #include "io/files/finished_output.h"
-#include "io/image/colour_tags.h"
-#include "io/image/row_encoder.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

@@ -17,8 +17,8 @@
 #include <string_view>
 #include <vector>
 
-#include "io/image/guard.h"
-#include "io/image/row_decoder.h"
+#include "io/codec/guard.h"
+#include "io/codec/row_decoder.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

@@ -24,14 +24,15 @@
 #include <cstring>
 #include <memory>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <tuple>
 #include <vector>
 
 #include "core/page_pool.h"
-#include "io/image/guard.h"
-#include "io/image/row_decoder.h"
-#include "io/image/sample.h"
+#include "io/codec/guard.h"
+#include "io/codec/row_decoder.h"
+#include "io/codec/sample.h"
 #include "pounce/error.h"
 
 namespace Imf = OPENEXR_IMF_NAMESPACE;
@@ -73,24 +74,32 @@ struct ExrChannel {
 };
 
 /// The place that a channel's usual name has among those of its layer; others follow as they come.
-int usual_place(const ExrChannel& channel) {
-  constexpr std::array kUsual{"R",  "Red", "G",    "Green", "B",  "Blue",  "X",
-                              "Y",  "Z",   "real", "imag",  "A",  "Alpha", "AR",
-                              "RA", "AG",  "GA",   "AB",    "BA", "Depth", "Zback"};
-  const auto at = std::find_if(kUsual.begin(), kUsual.end(),
-                               [&](const char* name) { return channel.is(name); });
+/// `beside_x`: Z is the third of X, Y, Z there, else a depth.
+int usual_place(const ExrChannel& channel, bool beside_x) {
+  constexpr std::array kUsual{"R",  "Red",  "G",    "Green", "B",     "Blue", "X",  "Y",
+                              "Z",  "real", "imag", "A",     "Alpha", "AR",   "RA", "AG",
+                              "GA", "AB",   "BA",   "Z",     "Depth", "Zback"};
+  const auto from = beside_x || !channel.is("Z") ? kUsual.begin() : kUsual.end() - 3;
+  const auto at =
+      std::find_if(from, kUsual.end(), [&](const char* name) { return channel.is(name); });
   return static_cast<int>(at - kUsual.begin());
 }
 
 /// Of a part, layer by layer, colours first and alpha behind them: a file has them by alphabet.
 std::vector<ExrChannel> channels_of(const Imf::Header& header) {
   std::vector<ExrChannel> channels;
-  for (auto at = header.channels().begin(); at != header.channels().end(); ++at) {
+  for (auto at = header.channels().begin(); at != header.channels().end(); ++at)
     channels.push_back({at.name(), at.channel().type});
+  std::set<std::string> with_x;  // layers
+  for (const ExrChannel& channel : channels) {
+    if (channel.is("X")) with_x.emplace(channel.layer());
   }
-  std::stable_sort(channels.begin(), channels.end(), [](const ExrChannel& a, const ExrChannel& b) {
-    return std::tuple(a.layer(), usual_place(a)) < std::tuple(b.layer(), usual_place(b));
-  });
+  const auto place = [&](const ExrChannel& channel) {
+    const bool beside_x = with_x.count(std::string(channel.layer())) > 0;
+    return std::tuple(channel.layer(), usual_place(channel, beside_x));
+  };
+  std::stable_sort(channels.begin(), channels.end(),
+                   [&](const ExrChannel& a, const ExrChannel& b) { return place(a) < place(b); });
   return channels;
 }
 

@@ -14,8 +14,8 @@
 #include <string>
 #include <string_view>
 
-#include "io/image/guard.h"
-#include "io/image/tiff_directory.h"
+#include "io/codec/guard.h"
+#include "io/codec/tiff_directory.h"
 
 namespace pounce::io {
 namespace {

@@ -7,7 +7,7 @@
 #include <array>
 #include <cstring>
 
-#include "io/image/row_decoder.h"
+#include "io/codec/row_decoder.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

@@ -14,10 +14,10 @@
 #include <vector>
 
 #include "core/page_pool.h"
+#include "io/codec/colour_tags.h"
+#include "io/codec/row_encoder.h"
+#include "io/codec/sample.h"
 #include "io/files/finished_output.h"
-#include "io/image/colour_tags.h"
-#include "io/image/row_encoder.h"
-#include "io/image/sample.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

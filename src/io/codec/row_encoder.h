@@ -8,8 +8,9 @@
 #include <span>
 #include <string>
 
+#include "io/codec/channels.h"
+#include "io/codec/image_info.h"
 #include "io/files/output_file.h"
-#include "io/image/write.h"
 
 namespace pounce::io {
 

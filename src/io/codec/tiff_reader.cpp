@@ -14,10 +14,10 @@
 #include <vector>
 
 #include "core/page_pool.h"
-#include "io/image/guard.h"
-#include "io/image/row_decoder.h"
-#include "io/image/sample.h"
-#include "io/image/tiff_directory.h"
+#include "io/codec/guard.h"
+#include "io/codec/row_decoder.h"
+#include "io/codec/sample.h"
+#include "io/codec/tiff_directory.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

@@ -11,8 +11,8 @@
 #include <string_view>
 #include <vector>
 
+#include "io/codec/colour_tags.h"
 #include "io/files/asset_file.h"
-#include "io/image/colour_tags.h"
 #include "pounce/error.h"
 
 namespace pounce::io {

@@ -2,7 +2,7 @@
 //
 // Decoders' errors come as texts of many libraries, in which a damaged file, a lack of memory and
 // something that the library cannot do look alike. Here they are told apart.
-#include "io/image/row_decoder.h"
+#include "io/codec/row_decoder.h"
 
 #include <fmt/format.h>
 
@@ -40,6 +40,17 @@ std::string in_brackets(const std::string& text) {
 }
 
 }  // namespace
+
+std::unique_ptr<RowDecoder> open_here(ByteSource& bytes, const WantedChannels& wanted,
+                                      ImageInfo& info) {
+  if (info.format == "png") return open_png(bytes, info);
+  if (info.format == "jpeg") return open_jpeg(bytes, info);
+  if (info.format == "tiff") return open_tiff(bytes, info);
+  if (info.format == "openexr") return open_exr(bytes, wanted, info);
+  if (info.format == "webp") return open_webp(bytes, info);
+  if (info.format == "pnm") return open_pnm(bytes, info);
+  return open_foreign(bytes, info);
+}
 
 void check_size(const std::string& label, std::int64_t width, std::int64_t height) {
   constexpr std::uint32_t kLargestSide = store::kLargestImageSide;
