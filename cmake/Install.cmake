@@ -14,6 +14,7 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/pounceConfigVersion.cmake
 install(FILES ${PROJECT_BINARY_DIR}/pounceConfig.cmake
               ${PROJECT_BINARY_DIR}/pounceConfigVersion.cmake
               ${PROJECT_SOURCE_DIR}/cmake/FindOpenImageIO.cmake
+              ${PROJECT_SOURCE_DIR}/cmake/FindDraco.cmake
               ${PROJECT_SOURCE_DIR}/cmake/FindOpenColorIO.cmake
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pounce)
 if(TARGET pounce_cli)

@@ -20,7 +20,7 @@ declare -A may_include=(
 declare -A may_include_within=(
   [store/pack]="" [store/blocks]="pack" [store/cache]="pack"
   [io/files]="" [io/json]="" [io/image]="files" [io/gltf]="files json" [io/obj]="files" [io/splats]="files json gltf"
-  [io/model]="files json gltf"
+  [io/model]="files json gltf" [io/ply]="files obj splats" [io/stl]="files obj ply"
   [flow/stores]="" [flow/project]="stores" [flow/sources]="stores project" [flow/write]="stores project"
 )
 broken=0
@@ -61,7 +61,7 @@ for folder in src/{store,io,flow}/*/; do
   done < <(grep -rnE "^#include \"$room/[^\"]+/" "$folder")
 done
 
-file_libraries='OpenImageIO|OpenColorIO|tiny_gltf|stb_image'
+file_libraries='OpenImageIO|OpenColorIO|tiny_gltf|stb_image|draco/|meshoptimizer'
 while IFS=: read -r file line _; do
   complain "$file:$line: only src/io/ includes image and mesh libraries"
 done < <(grep -rnE "^#include [<\"]($file_libraries)" src tools bench 2>/dev/null | grep -v '^src/io/' || true)
