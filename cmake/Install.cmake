@@ -16,6 +16,7 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/pounceConfigVersion.cmake
   COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/pounceConfig.cmake
               ${PROJECT_BINARY_DIR}/pounceConfigVersion.cmake
+              ${PROJECT_SOURCE_DIR}/cmake/FindDraco.cmake
               ${PROJECT_SOURCE_DIR}/cmake/FindOpenEXR.cmake
               ${PROJECT_SOURCE_DIR}/cmake/FindWebP.cmake
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/pounce)

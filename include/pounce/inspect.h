@@ -10,7 +10,7 @@
 
 namespace pounce {
 
-/// What a mesh (.glb, .gltf, .obj), splat scene (.ply), image or tile store holds, as text for
+/// What a mesh (.glb, .gltf, .obj, .ply, .stl), splat scene (.ply), image or tile store holds, as text for
 /// people.
 /// Throws Error(input) if the file is none of these or malformed, Error(damaged_store) for a store
 /// whose bytes do not match their checksums. `allow_external`, `trust`: as in

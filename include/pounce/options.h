@@ -380,11 +380,11 @@ struct CompositeOptions {
 
 /// One transfer of appearance from a textured mesh or a splat scene onto the UV textures of meshes.
 struct TransferOptions {
-  /// .glb, .gltf or .obj with textures; a splat scene in any format; or a hit map that
+  /// .glb, .gltf, .obj, .ply or .stl with textures; a splat scene in any format; or a hit map that
   /// ImageOptions::map_output named (.exr), through which MaterialOptions::textures are painted.
   std::string source = {};
   MeshUse source_use = {};
-  /// .glb, .gltf or .obj with UVs; at least one, but none for a hit map, which has its target in
+  /// .glb, .gltf, .obj or .ply with UVs; at least one, but none for a hit map, which has its target in
   /// it.
   std::vector<std::string> targets = {};
   MeshUse target_use = {};  ///< for every target
@@ -433,7 +433,7 @@ struct MapsOptions {
 
 /// Source preconditioning alone: a textured mesh or a splat scene as a file of Gaussians.
 struct GaussiansOptions {
-  std::string source = {};  ///< .glb, .gltf or .obj with a baseColor texture, or a splat scene
+  std::string source = {};  ///< .glb, .gltf, .obj or .ply with a baseColor texture, or a splat scene
   /// .ply (3DGS), .spz (version 2) or .glb (KHR_gaussian_splatting, colours sRGB-coded or, where
   /// the source's are, linear).
   std::string output = {};

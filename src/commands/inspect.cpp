@@ -34,6 +34,7 @@
 #include "io/files/finished_output.h"
 #include "io/image/read.h"
 #include "io/read_mesh.h"
+#include "io/splats/ply_header.h"
 #include "io/splats/ply_scene.h"
 #include "io/splats/scene.h"
 #include "store/blocks/splat_store.h"
@@ -84,10 +85,12 @@ FileType file_type(const std::string& path, const ReadFile& file) {
   file.read(0, std::as_writable_bytes(std::span(start)).first(length));
   const std::string_view begins(start.data(), length);
   if (begins == kPackStart) return FileType::pack;
-  if (begins.substr(0, kGlbStart.size()) == kGlbStart) return FileType::mesh;
+  // A PLY that is no scene is a mesh.
+  if (begins.substr(0, kGlbStart.size()) == kGlbStart || io::is_ply(file)) return FileType::mesh;
   const std::string ending = io::lower_ending(path);
   if (ending == ".pack") return FileType::pack;
-  const bool is_mesh = ending == ".glb" || ending == ".gltf" || ending == ".obj";
+  const bool is_mesh =
+      ending == ".glb" || ending == ".gltf" || ending == ".obj" || ending == ".stl";
   return is_mesh ? FileType::mesh : FileType::image;
 }
 
@@ -164,10 +167,11 @@ Json describe_image(const std::string& path, const Allowed& allowed) {
     return json;
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::input) throw;
-    throw Error(ErrorKind::input,
-                fmt::format("{}; it is not a mesh (.glb, .gltf, .obj), splat scene (PLY, SPZ, SOG, "
-                            ".splat, .ksplat) or tile pack either",
-                            error.what()));
+    throw Error(
+        ErrorKind::input,
+        fmt::format("{}; it is not a mesh (.glb, .gltf, .obj, .ply, .stl), splat scene (PLY, "
+                    "SPZ, SOG, .splat, .ksplat) or tile pack either",
+                    error.what()));
   }
 }
 

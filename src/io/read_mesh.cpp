@@ -26,17 +26,19 @@
 namespace pounce::io {
 namespace {
 
-enum class Format { gltf, obj };
+enum class Format { gltf, obj, ply, stl };
 
 /// A splat scene where a mesh is wanted: often the two are in the wrong order.
 [[noreturn]] void refuse_splats(const std::string& path, const SplatFormat& format) {
   if (format.kind == SplatKind::ply && !holds_splats(*open_input(path), path)) {
     refuse(path,
-           "a PLY file is read as a splat scene, which can only be a source; convert a mesh to "
-           ".glb, .gltf or .obj");
+           "a PLY file without faces (lists \"vertex_indices\") is read as a splat scene, which "
+           "can only "
+           "be a source; export a mesh with its faces");
   }
   refuse(path,
-         "a Gaussian splat scene in {}, but a mesh (.glb, .gltf or .obj) is required; a scene "
+         "a Gaussian splat scene in {}, but a mesh (.glb, .gltf, .obj, .ply or .stl) is required; "
+         "a scene "
          "comes first, as the source of a transfer: pounce transfer SCENE TARGET.glb -o OUTPUT",
          format.name);
 }
@@ -47,10 +49,11 @@ enum class Format { gltf, obj };
 Format format_of(const std::string& path) {
   if (const auto splats = splat_format(path)) refuse_splats(path, *splats);
   if (std::error_code ignored; std::filesystem::is_directory(path, ignored)) {
-    throw Error(ErrorKind::storage,
-                fmt::format("{}: is a folder; name a mesh in it (.glb, .gltf or .obj) or, as a "
-                            "source, a splat scene",
-                            path));
+    throw Error(
+        ErrorKind::storage,
+        fmt::format("{}: is a folder; name a mesh in it (.glb, .gltf, .obj, .ply or .stl) or, "
+                    "as a source, a splat scene",
+                    path));
   }
   const auto file = open_input(path);
   std::array<char, 64> head{};
@@ -69,24 +72,45 @@ Format format_of(const std::string& path) {
     if (size == 0) refuse(path, "the file is empty; export it again");
     if (ending == ".glb" && !is_json) {
       refuse(path,
-             "does not begin like a GLB file; it is damaged or in another format (.glb, .gltf and "
-             ".obj are supported)");
+             "does not begin like a GLB file; it is damaged or in another format (.glb, .gltf, "
+             ".obj, .ply and .stl are supported)");
     }
     return Format::gltf;
   }
+  if (is_ply(*file)) return Format::ply;  // and no splat scene
   if (ending == ".obj") return Format::obj;
-  refuse(path, "not a supported mesh format; convert it to .glb, .gltf or .obj");
+  if (ending == ".stl") return Format::stl;
+  refuse(path, "not a supported mesh format; convert it to .glb, .gltf, .obj, .ply or .stl");
 }
 
 }  // namespace
 
 mesh::Mesh read_mesh(const std::string& path, const MeshReading& reading) {
-  return format_of(path) == Format::gltf ? read_gltf(path, reading) : read_obj(path, reading);
+  switch (format_of(path)) {
+    case Format::gltf:
+      return read_gltf(path, reading);
+    case Format::obj:
+      return read_obj(path, reading);
+    case Format::ply:
+      return read_ply(path, reading);
+    case Format::stl:
+      break;
+  }
+  return read_stl(path, reading);
 }
 
 MeshCost mesh_cost(const std::string& path, const MeshReading& reading, std::uint64_t most_bytes) {
-  return format_of(path) == Format::gltf ? gltf_cost(path, reading, most_bytes)
-                                         : obj_cost(path, reading);
+  switch (format_of(path)) {
+    case Format::gltf:
+      return gltf_cost(path, reading, most_bytes);
+    case Format::obj:
+      return obj_cost(path, reading);
+    case Format::ply:
+      return ply_cost(path, reading);
+    case Format::stl:
+      break;
+  }
+  return stl_cost(path);
 }
 
 bool is_gltf(const std::string& path) { return format_of(path) == Format::gltf; }

@@ -22,13 +22,14 @@ struct MeshReading {
   Vec3d origin = {};            ///< is subtracted from all positions, in double precision
 };
 
-/// Reads a .glb, .gltf or .obj (by content, then by ending). Throws Error(input) naming the file,
-/// the place in it and what to do; Error(storage) where the file cannot be read at all. Never
-/// decodes an image.
+/// Reads a .glb, .gltf, .obj, .ply or .stl (by content, then by ending). Throws Error(input) naming
+/// the file, the place in it and what to do; Error(storage) where the file cannot be read at all.
+/// Never decodes an image.
 mesh::Mesh read_mesh(const std::string& path, const MeshReading& reading = {});
 
 /// An upper bound on the memory that read_mesh() needs for this file at its peak, and the part of
-/// it that the returned Mesh keeps. Takes a pass over the text (JSON, OBJ, MTL), none over buffers.
+/// it that the returned Mesh keeps. Takes a pass over the text (JSON, OBJ, MTL)
+/// or the faces (PLY), none over buffers.
 struct MeshCost {
   std::uint64_t peak_bytes = 0;
   std::uint64_t kept_bytes = 0;
@@ -46,6 +47,10 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading);
 MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uint64_t most_bytes);
 mesh::Mesh read_obj(const std::string& path, const MeshReading& reading);
 MeshCost obj_cost(const std::string& path, const MeshReading& reading);
+mesh::Mesh read_ply(const std::string& path, const MeshReading& reading);
+MeshCost ply_cost(const std::string& path, const MeshReading& reading);
+mesh::Mesh read_stl(const std::string& path, const MeshReading& reading);
+MeshCost stl_cost(const std::string& path);
 
 /// More than these are no sensible model: each costs memory in every stage.
 inline constexpr std::size_t kMaxMaterials = 1 << 15;

@@ -26,7 +26,7 @@ Rows<MapsOptions> maps_rows() {
   Rows<Options> rows{
       row<Options>({.name = "target",
                     .value = "TARGET",
-                    .help = "Mesh with UVs: .glb, .gltf or .obj",
+                    .help = "Mesh with UVs: .glb, .gltf, .obj or .ply",
                     .hashed = Hashed::otherwise,
                     .is_operand = true,
                     .is_required = true},
@@ -133,7 +133,7 @@ Rows<GaussiansOptions> gaussians_rows() {
   Rows<Options> rows{
       row<Options>({.name = "source",
                     .value = "SOURCE",
-                    .help = "Mesh with a baseColor texture (.glb, .gltf, .obj) or splat scene",
+                    .help = "Mesh with a baseColor texture (.glb, .gltf, .obj, .ply) or splat scene",
                     .is_operand = true,
                     .is_required = true},
                    path(&Options::source), any_text()),

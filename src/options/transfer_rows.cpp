@@ -428,7 +428,7 @@ Rows<Options> transfer_rows() {
   Rows<Options> rows{
       row<Options>({.name = "source",
                     .value = "SOURCE",
-                    .help = "Textured mesh (.glb, .gltf, .obj) or splat scene (.ply, .spz, .sog, "
+                    .help = "Textured mesh (.glb, .gltf, .obj, .ply, .stl) or splat scene (.ply, .spz, .sog, "
                             ".glb, .gltf, .splat, .ksplat)",
                     .hashed = Hashed::otherwise,
                     .is_operand = true,
@@ -436,7 +436,7 @@ Rows<Options> transfer_rows() {
                    path(&Options::source), any_text()),
       row<Options>({.name = "target",
                     .value = "TARGET",
-                    .help = "Meshes with UVs: .glb, .gltf or .obj. Several need <TARGET> in OUTPUT",
+                    .help = "Meshes with UVs: .glb, .gltf, .obj or .ply. Several need <TARGET> in OUTPUT",
                     .source = Source::mesh_or_splats,
                     .hashed = Hashed::otherwise,
                     .is_operand = true,

@@ -7,6 +7,6 @@ for mesh in folder folder.glb; do
   for sides in "$mesh target.obj" "source.obj $mesh"; do
     # shellcheck disable=SC2086  # two words
     expect 5 transfer $sides -o o.png
-    err_has "$mesh: is a folder; name a mesh in it (.glb, .gltf or .obj) or, as a source, a splat scene"
+    err_has "$mesh: is a folder; name a mesh in it (.glb, .gltf, .obj, .ply or .stl) or, as a source, a splat scene"
   done
 done

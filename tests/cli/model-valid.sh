@@ -41,5 +41,9 @@ check heads/head_src.glb heads/head_dst.glb
 check meshes/cesium_man/CesiumMan.glb meshes/cesium_man/CesiumMan.glb
 check meshes/water_bottle/SpecGlossVsMetalRough.gltf meshes/water_bottle/SpecGlossVsMetalRough.gltf
 check meshes/multi_uv/MultiUVTest.gltf meshes/multi_uv/MultiUVTest.gltf
+# Packed with Draco and with meshoptimizer: a copy keeps that.
+check meshes/lee_perry_smith/LeePerrySmith_plain_textured.glb meshes/lee_perry_smith/LeePerrySmith.glb
+check meshes/milk_truck_draco/CesiumMilkTruck.gltf meshes/milk_truck_draco/CesiumMilkTruck.gltf
+check meshes/duck/gltf/Duck.gltf meshes/duck/Duck-vp-12-vt-12-vn-12.glb
 check splats/playbot_lod3_converted/playbot_lod3.ply meshes/playbot_proxy/playbot_proxy.glb
 [[ -z $skipped ]] || echo 'SKIPPED: needs the glTF validator (tools/install-oracles.sh BUILD/npm)'

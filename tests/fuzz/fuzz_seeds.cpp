@@ -200,6 +200,29 @@ void gltf_seeds(const fs::path& folder) {
       R"("meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}]})");
 }
 
+/// Meshes in PLY and STL, which the target of OBJ reads, too.
+void other_mesh_seeds(const fs::path& folder) {
+  const std::string xyz = "property float x\nproperty float y\nproperty float z\n";
+  const std::string head = "comment TextureFile a.png\nelement vertex 4\n" + xyz;
+  const std::string square = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+  put(folder, "ply-text",
+      "ply\nformat ascii 1.0\n" + head +
+          "element face 2\nproperty list uchar int vertex_indices\nproperty list uchar float "
+          "texcoord\nproperty int texnumber\nend_header\n" +
+          square + "4 0 1 2 3 8 0 0 1 0 1 1 0 1 0\n3 0 1 2 0 -1\n");
+  const std::vector<float> corners{0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
+  put(folder, "ply-binary",
+      "ply\nformat binary_little_endian 1.0\n" + head +
+          "element face 1\nproperty list uint ushort vertex_index\nend_header\n" +
+          GltfBuilder::bytes_of(corners) + std::string("\3\0\0\0\0\0\1\0\2\0", 10));
+  put(folder, "stl-text",
+      "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1e0 "
+      "-0.5\nendloop\nendfacet\nendsolid a\n");
+  put(folder, "stl-binary",
+      "STL" + std::string(77, ' ') + std::string("\1\0\0\0", 4) + GltfBuilder::bytes_of(corners) +
+          std::string(2, '\0'));
+}
+
 void obj_seeds(const fs::path& folder) {
   const std::string square =
       "mtllib m.mtl\no cube\ng side left\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\n"
@@ -413,6 +436,7 @@ int main(int argc, char** argv) try {
   const std::filesystem::path folder(argv[1]);
   pounce::gltf_seeds(folder / "gltf");
   pounce::obj_seeds(folder / "obj");
+  pounce::other_mesh_seeds(folder / "obj");
   pounce::splat_seeds(folder / "splats");
   pounce::image_seeds(folder / "image");
   pounce::fuzz::put_images(folder / "decode");

@@ -228,6 +228,12 @@ void AccessorReader::fail(int index, const std::string& place, const std::string
   refuse(file_.path(), "{} (accessor {}) {}; export the model again", place, index, what);
 }
 
+std::uint64_t AccessorReader::count(int index) const {
+  if (unpacked_ != nullptr && unpacked_->has(index)) return unpacked_->vertices();
+  if (unpacked_ != nullptr && unpacked_->is_indices(index)) return 3 * unpacked_->triangles();
+  return accessor(index).count;
+}
+
 void AccessorReader::check_unbacked(int index, std::uint64_t most, const std::string& place) const {
   const tinygltf::Accessor& a = accessor(index);
   if (a.bufferView < 0 && a.count > most) {
@@ -238,6 +244,8 @@ void AccessorReader::check_unbacked(int index, std::uint64_t most, const std::st
 template <class Out>
 void AccessorReader::read(int index, Out* out, const std::string& place) const {
   const tinygltf::Accessor& a = accessor(index);
+  if (unpacked_ != nullptr && (unpacked_->has(index) || unpacked_->is_indices(index)))
+    return read_unpacked(index, out);
   if (a.bufferView < 0) {
     std::fill_n(out, a.count * component_count(a.type), Out{});
   } else {
@@ -263,6 +271,28 @@ void AccessorReader::read_elements(const tinygltf::Accessor& a, std::uint64_t fi
     raw.resize((piece - 1) * stride + element);
     file_.read_view(idx(a.bufferView), a.byteOffset + (first + done) * stride, raw);
     convert_any(a.componentType, raw.data(), stride, piece, components, a.normalized,
+                out + done * components);
+    done += piece;
+  }
+}
+
+/// What Draco held, by the same conversions as what lies in a buffer.
+template <class Out>
+void AccessorReader::read_unpacked(int index, Out* out) const {
+  if constexpr (std::is_same_v<Out, std::uint32_t>) {
+    if (unpacked_->is_indices(index)) return unpacked_->read_indices(out);
+  }
+  const tinygltf::Accessor& a = accessor(index);
+  const std::uint64_t components = component_count(a.type);
+  const std::uint64_t element = components * component_bytes(a.componentType);
+  const std::uint64_t total = count(index);
+  const std::uint64_t most = std::max<std::uint64_t>(1, kPieceBytes / element);
+  std::vector<std::byte> raw;
+  for (std::uint64_t done = 0; done < total;) {
+    const std::uint64_t piece = std::min<std::uint64_t>(most, total - done);
+    raw.resize(piece * element);
+    unpacked_->read(index, done, piece, raw);
+    convert_any(a.componentType, raw.data(), element, piece, components, a.normalized,
                 out + done * components);
     done += piece;
   }

@@ -7,19 +7,23 @@
 #include <string>
 #include <vector>
 
+#include "io/gltf/draco.h"
 #include "io/gltf/gltf_file.h"
 
 namespace pounce::io {
 
 /// Reads the elements of accessors, whatever their component type, stride, normalisation and sparse
-/// part; one without a buffer view is all zeros. Bytes come from the file in pieces of about 1 MiB.
-/// `place` names the user of the accessor in messages ("mesh 0 \"Head\" primitive 1 POSITION").
+/// part; one without a buffer view is all zeros, or `unpacked`. Bytes come from the file in pieces
+/// of about 1 MiB. `place` names the user of the accessor in messages ("mesh 0 \"Head\" primitive 1
+/// POSITION").
 class AccessorReader {
  public:
-  AccessorReader(const GltfFile& file, const tinygltf::Model& model) : file_(file), model_(model) {}
+  AccessorReader(const GltfFile& file, const tinygltf::Model& model,
+                 const DracoPrimitive* unpacked = nullptr)
+      : file_(file), model_(model), unpacked_(unpacked) {}
 
   const tinygltf::Accessor& accessor(int index) const { return model_.accessors.at(idx(index)); }
-  std::uint64_t count(int index) const { return accessor(index).count; }
+  std::uint64_t count(int index) const;
 
   /// Throws Error(input) if an accessor without bytes (all zeros) claims more than `most` elements:
   /// where nothing else bounds them, this stands between a tiny file and a huge allocation.
@@ -44,11 +48,14 @@ class AccessorReader {
   void read_elements(const tinygltf::Accessor& accessor, std::uint64_t first, std::uint64_t count,
                      Out* out) const;
   template <class Out>
+  void read_unpacked(int index, Out* out) const;
+  template <class Out>
   void read_sparse(const tinygltf::Accessor& accessor, int index, Out* out,
                    const std::string& place) const;
 
   const GltfFile& file_;
   const tinygltf::Model& model_;
+  const DracoPrimitive* unpacked_;  ///< of the primitive at hand, if it is packed
 };
 
 /// UV sets beyond these are ignored; no tool writes more.
@@ -66,6 +73,7 @@ struct PrimitiveShape {
   bool is_surface = false;  ///< triangles with positions; points and lines are not
   bool has_normals = false;
   bool has_colours = false;  ///< COLOR_0, of a type that glTF has for colours
+  bool is_packed = false;    ///< with Draco
 };
 
 /// Checks types and counts of every attribute. Throws Error(input) naming place and accessor.

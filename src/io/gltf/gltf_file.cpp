@@ -228,6 +228,7 @@ GltfFile::GltfFile(const std::string& path, bool allow_external)
     buffers_.resize(it->size());
     for (std::size_t i = 0; i < it->size(); ++i) open_buffer(i, (*it)[i]);
   }
+  measure_packed();
   if (const auto it = document_.find("images"); it != document_.end()) {
     for (const auto& image : *it) {
       const auto uri = image.find("uri");
@@ -359,9 +360,28 @@ void GltfFile::open_buffer(std::size_t index, nlohmann::json& buffer) {
   }
 }
 
+bool GltfFile::requires_extension(std::string_view name) const {
+  const auto required = document_.find("extensionsRequired");
+  if (required == document_.end()) return false;
+  return std::any_of(required->begin(), required->end(),
+                     [&](const nlohmann::json& item) { return item == name; });
+}
+
 void GltfFile::read_view(std::size_t view, std::uint64_t offset, std::span<std::byte> out) const {
   const nlohmann::json& json = document_.at("bufferViews").at(view);
-  const auto index = json.at("buffer").get<std::size_t>();
+  if (const auto packed = meshopt_view(json)) {
+    const std::span<const std::byte> bytes = unpacked(view, *packed);
+    // Within it for sure: a packed view has the size that its accessors were compared with.
+    if (!out.empty()) std::memcpy(out.data(), bytes.data() + offset, out.size());
+    return;
+  }
+  read_buffer(json.at("buffer").get<std::size_t>(),
+              json.value("byteOffset", std::uint64_t{0}) + offset, out);
+}
+
+// Within the buffer for sure: check_gltf() has compared the view with the stated length,
+// open_buffer() that length with the file.
+void GltfFile::read_buffer(std::size_t index, std::uint64_t start, std::span<std::byte> out) const {
   const GltfBuffer& buffer = buffers_.at(index);
   // What the system refuses (permissions, descriptors) is an error of storage: the file may be
   // fine.
@@ -372,11 +392,8 @@ void GltfFile::read_view(std::size_t view, std::uint64_t offset, std::span<std::
     refuse(path_, "buffer {} {}; restore the missing data or export the model again", index,
            buffer.problem);
   }
-  // Within the buffer for sure: check_gltf() has compared the view with the stated length,
-  // open_buffer() that length with the file.
-  const std::uint64_t start = json.value("byteOffset", std::uint64_t{0}) + offset;
   if (buffer.bytes != nullptr) {
-    std::memcpy(out.data(), buffer.bytes->data() + start, out.size());
+    if (!out.empty()) std::memcpy(out.data(), buffer.bytes->data() + start, out.size());
   } else {
     buffer.file->read(buffer.offset_bytes + start, out);
   }

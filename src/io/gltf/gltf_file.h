@@ -5,7 +5,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
@@ -14,6 +16,7 @@
 
 #include "core/file.h"
 #include "io/files/asset_file.h"
+#include "io/gltf/meshopt.h"
 #include "io/json/untrusted.h"
 
 namespace pounce::io {
@@ -49,7 +52,7 @@ class GltfFile {
   std::vector<std::string>& warnings() { return warnings_; }
 
   /// Fills `out` from `offset` of a buffer view (offset + size within the view: the caller has
-  /// checked).
+  /// checked). One that is packed (EXT_meshopt_compression) is unpacked whole, and stays.
   void read_view(std::size_t view, std::uint64_t offset, std::span<std::byte> out) const;
 
   static bool is_data_uri(std::string_view uri);
@@ -64,6 +67,10 @@ class GltfFile {
   std::uint64_t json_bytes() const { return json_bytes_; }
   std::uint64_t inline_bytes() const { return inline_bytes_; }
   std::uint64_t image_text_bytes() const { return image_text_bytes_; }
+  /// What unpacking all packed views takes, at most.
+  std::uint64_t unpacking_bytes() const { return unpacking_bytes_; }
+  /// Is the extension one that the file cannot be read without?
+  bool requires_extension(std::string_view name) const;
   /// Bytes of geometry and images that the file can possibly describe.
   std::uint64_t total_buffer_bytes() const;
 
@@ -79,6 +86,9 @@ class GltfFile {
  private:
   void find_chunks(const ReadFile& file);
   void open_buffer(std::size_t index, nlohmann::json& buffer);
+  void measure_packed();
+  void read_buffer(std::size_t index, std::uint64_t start, std::span<std::byte> out) const;
+  std::span<const std::byte> unpacked(std::size_t view, const MeshoptView& packed) const;
   void parse(const std::string& text);
 
   std::string path_;
@@ -91,7 +101,14 @@ class GltfFile {
   bool has_bin_chunk_ = false;
   std::uint64_t bin_offset_ = 0, bin_bytes_ = 0;
   std::uint64_t json_bytes_ = 0, inline_bytes_ = 0, image_text_bytes_ = 0;
+  std::uint64_t unpacking_bytes_ = 0;
+  mutable std::mutex unpacking_;
+  mutable std::map<std::size_t, std::vector<std::byte>> unpacked_;  ///< by view
 };
+
+/// What a file says may become so much memory: a base, and so much for each byte that it has.
+inline constexpr std::uint64_t kExpandedBase = 256U << 20;
+inline constexpr std::uint64_t kExpandedPerByte = 256;
 
 /// The size of a file's JSON, found without reading it into memory; of a damaged file, anything.
 JsonSize gltf_json_size(const std::string& path);

@@ -16,6 +16,7 @@
 #include <algorithm>
 #include <limits>
 #include <map>
+#include <optional>
 #include <set>
 #include <string_view>
 #include <utility>
@@ -79,8 +80,6 @@ struct ScenePlan {
 };
 
 // A scene may repeat its meshes; what it becomes must stay in some proportion to the file.
-constexpr std::uint64_t kFlattenedBase = 256U << 20;
-constexpr std::uint64_t kFlattenedPerByte = 256;
 constexpr std::uint64_t kReadingPerFlattened = 8;  // and what is read to make it
 constexpr std::uint64_t kClaimedVertices = std::uint64_t{1} << 40;
 
@@ -117,8 +116,8 @@ void add_claimed(std::uint64_t& sum, std::uint64_t more) {
 
 /// Sums over the primitives of a mesh, from their accessors. What reading it costs is counted apart
 /// from what it becomes: morph targets and accessors without bytes can make the first far larger.
-MeshShape shape_of(const tinygltf::Model& model, const AccessorReader& accessors,
-                   const MeshInstance& instance) {
+MeshShape shape_of(const GltfFile& file, const tinygltf::Model& model,
+                   const AccessorReader& accessors, const MeshInstance& instance) {
   MeshShape out;
   const auto& primitives = model.meshes[static_cast<std::size_t>(instance.mesh)].primitives;
   for (std::size_t p = 0; p < primitives.size(); ++p) {
@@ -127,9 +126,14 @@ MeshShape shape_of(const tinygltf::Model& model, const AccessorReader& accessors
       out.primitives.emplace_back();
       continue;
     }
-    const PrimitiveShape shape =
+    PrimitiveShape shape =
         check_primitive(accessors, primitives[p], primitive_place(model, instance.mesh, p),
                         joints_of(model, instance));
+    shape.is_packed = shape.is_surface && is_draco(file, model, primitives[p]);
+    if (shape.is_packed) {
+      shape.vertices = most_draco_vertices(shape.vertices);
+      if (shape.has_normals) shape.flattened = shape.vertices;
+    }
     out.primitives.push_back(shape);
     if (!shape.is_surface) {
       ++out.skipped;
@@ -146,7 +150,13 @@ MeshShape shape_of(const tinygltf::Model& model, const AccessorReader& accessors
                     (12 * std::min(shape.vertices, kClaimedVertices) + kBytesPerRead));
     out.uv_sets = std::max(out.uv_sets, shape.uv_sets);
     out.has_colours = out.has_colours || shape.has_colours;
-    out.largest_primitive_bytes = std::max(out.largest_primitive_bytes, reading_bytes(shape));
+    std::uint64_t reading = reading_bytes(shape);
+    if (shape.is_packed) {
+      const std::uint64_t unpacking = draco_bytes(file, model, primitives[p]);
+      add_claimed(out.reading_bytes, unpacking);
+      reading += unpacking;
+    }
+    out.largest_primitive_bytes = std::max(out.largest_primitive_bytes, reading);
   }
   return out;
 }
@@ -155,7 +165,7 @@ MeshShape shape_of(const tinygltf::Model& model, const AccessorReader& accessors
 void check_proportion(const GltfFile& file, const ScenePlan& plan) {
   // In proportion to what the file has, not an absolute number: a large scan is no attack.
   const std::uint64_t limit =
-      kFlattenedBase + kFlattenedPerByte * (file.total_buffer_bytes() + file.json_bytes());
+      kExpandedBase + kExpandedPerByte * (file.total_buffer_bytes() + file.json_bytes());
   if (plan.vertices > std::numeric_limits<std::uint32_t>::max() ||
       plan.triangles > std::numeric_limits<std::uint32_t>::max() || plan.mesh_bytes() > limit ||
       plan.reading_bytes / kReadingPerFlattened > limit) {
@@ -187,7 +197,7 @@ ScenePlan plan_scene(const GltfFile& file, const tinygltf::Model& model,
     const int skin = skin_of(model, instance);
     // A mesh is judged once, however many nodes show it; a skin changes what its joints may name.
     const auto [at, is_new] = plan.meshes.try_emplace({instance.mesh, skin >= 0});
-    if (is_new) at->second = shape_of(model, accessors, instance);
+    if (is_new) at->second = shape_of(file, model, accessors, instance);
     const MeshShape& shape = at->second;
     plan.shapes.push_back(&shape);
     if (skin >= 0) plan.skins.insert(skin);
@@ -277,14 +287,14 @@ std::vector<std::string> instance_names(const tinygltf::Model& model,
 
 /// All surfaces of a mesh as one node shows it, with a warning for each thing that was wrong but
 /// not enough to refuse the file.
-void append_instance(const tinygltf::Model& model, const AccessorReader& accessors,
-                     const ScenePlan& plan, std::size_t index, const std::vector<Affine>& joints,
-                     bool with_colours, Vec3d origin, mesh::Mesh& mesh, MeshWarnings& warnings) {
+void append_instance(const GltfFile& file, const tinygltf::Model& model, const ScenePlan& plan,
+                     std::size_t index, const std::vector<Affine>& joints, bool with_colours,
+                     Vec3d origin, mesh::Mesh& mesh, MeshWarnings& warnings) {
   const MeshInstance& instance = plan.instances[index];
   const tinygltf::Mesh& source = model.meshes[static_cast<std::size_t>(instance.mesh)];
   const std::vector<double>& weights = weights_of(model, instance);
   for (const std::size_t p : plan.shapes[index]->surfaces) {
-    const PrimitiveShape& shape = plan.shapes[index]->primitives[p];
+    PrimitiveShape shape = plan.shapes[index]->primitives[p];
     const tinygltf::Primitive& primitive = source.primitives[p];
     const std::string place = primitive_place(model, instance.mesh, p);
     // The last material is the one for primitives without any.
@@ -298,8 +308,15 @@ void append_instance(const tinygltf::Model& model, const AccessorReader& accesso
     }
     if (!shape.has_colours && primitive.attributes.contains("COLOR_0"))
       warnings.add("{} COLOR_0 has a type that is not valid for colours; ignored", place);
-    const PrimitiveContext context{accessors,         primitive, place,        weights,
-                                   instance.to_world, joints,    with_colours, origin};
+    std::optional<DracoPrimitive> unpacked;
+    if (shape.is_packed) {
+      unpacked.emplace(file, model, primitive, place);
+      shape.vertices = unpacked->vertices();
+      shape.triangles = unpacked->triangles();
+    }
+    const AccessorReader reader(file, model, unpacked ? &*unpacked : nullptr);
+    const PrimitiveContext context{reader, primitive,    place, weights, instance.to_world,
+                                   joints, with_colours, origin};
     const AppendCounts counts = append_primitive(context, shape, material, mesh);
     if (counts.incomplete_triangles > 0) {
       warnings.add("{} ends with an incomplete triangle; ignored", place);
@@ -410,7 +427,7 @@ mesh::Mesh read_gltf(const std::string& path, const MeshReading& reading) {
   for (std::size_t i = 0; i < plan.instances.size(); ++i) {
     parts.start(static_cast<std::uint32_t>(mesh.triangles.size()),
                 instance_names(model, plan.instances[i]));
-    append_instance(model, accessors, plan, i, joints.at(skin_of(model, plan.instances[i])),
+    append_instance(file, model, plan, i, joints.at(skin_of(model, plan.instances[i])),
                     with_colours, reading.origin, mesh, warnings);
   }
   mesh.parts = parts.finish(static_cast<std::uint32_t>(mesh.triangles.size()));
@@ -451,7 +468,7 @@ MeshCost gltf_cost(const std::string& path, const MeshReading& reading, std::uin
   cost.kept_bytes = plan.mesh_bytes() + colours + file.inline_bytes() + file.image_text_bytes() +
                     file.json_bytes() + materials * sizeof(mesh::Material) + names + (1U << 20);
   cost.peak_bytes = cost.kept_bytes + plan.largest_primitive_bytes + 2 * colours +
-                    3 * file.inline_bytes() + joints * kBytesPerJoint +
+                    3 * file.inline_bytes() + joints * kBytesPerJoint + file.unpacking_bytes() +
                     2 * file.image_text_bytes() +
                     json_cost(file.json_bytes(), file.long_string_bytes(),
                               gltf_entry_count(file.document()), materials, size.extension_values);

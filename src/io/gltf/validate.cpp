@@ -20,6 +20,8 @@
 #include <cmath>
 #include <string_view>
 
+#include "io/gltf/draco.h"
+#include "io/gltf/meshopt.h"
 #include "io/json/untrusted.h"
 #include "io/problems.h"
 #include "io/read_mesh.h"
@@ -40,14 +42,16 @@ constexpr std::size_t kMaxNameBytes = 4096;
 
 // Besides every KHR_materials_*: these change neither geometry nor UVs nor how images are decoded,
 // or pounce implements them.
-constexpr std::array<std::string_view, 8> kSupported = {"KHR_mesh_quantization",
-                                                        "KHR_texture_transform",
-                                                        "KHR_lights_punctual",
-                                                        "KHR_animation_pointer",
-                                                        "KHR_xmp",
-                                                        "KHR_xmp_json_ld",
-                                                        "EXT_lights_image_based",
-                                                        "EXT_lights_ies"};
+constexpr std::array<std::string_view, 10> kSupported = {"KHR_mesh_quantization",
+                                                         "KHR_texture_transform",
+                                                         "KHR_lights_punctual",
+                                                         "KHR_animation_pointer",
+                                                         "KHR_xmp",
+                                                         "KHR_xmp_json_ld",
+                                                         "EXT_lights_image_based",
+                                                         "EXT_lights_ies",
+                                                         kMeshopt,
+                                                         kDraco};
 
 constexpr std::array<std::string_view, 6> kImageExtensions = {
     "KHR_texture_basisu", "EXT_texture_webp",  "EXT_texture_avif",
@@ -140,6 +144,7 @@ void check_buffers(const JsonCheck& check, const Json& root) {
       check.fail(place,
                  fmt::format("reaches beyond the end of buffers[{}] ({} bytes)", buffer, size));
     }
+    check_meshopt(check, root, view, place);
   });
 }
 
@@ -224,6 +229,7 @@ void check_meshes(const JsonCheck& check) {
       check.index(primitive, "indices", at, "accessors");
       check.index(primitive, "material", at, "materials");
       check.whole(primitive, "mode", at, 0, 6, 4);
+      check_draco(check, primitive, at);
       check.for_each_in(primitive, "targets", at, [&](const Json& target, const std::string& t) {
         check_attributes(check, target, t);
       });

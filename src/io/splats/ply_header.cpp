@@ -12,6 +12,8 @@
 //
 // All header text is looked at before any row is: the size of a row and where rows begin follow
 // from every line, and a reader that starts early reads numbers from the wrong columns.
+#include "io/splats/ply_header.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,7 +26,6 @@
 #include <utility>
 
 #include "io/problems.h"
-#include "io/splats/ply_scene.h"
 
 namespace pounce::io {
 namespace {
@@ -111,6 +112,7 @@ class HeaderParser {
     return false;
   }
   PlyHeader& header() { return header_; }
+  std::size_t lines() const { return number_; }
 
  private:
   [[noreturn]] void fail(const std::string& what) const {
@@ -123,6 +125,7 @@ class HeaderParser {
   void comment(std::string_view rest) {
     std::string key = lower(word(rest));
     if (!key.empty() && key.back() == ':') key.pop_back();
+    if (key == "texturefile") return texture(rest);
     const std::string value = lower(word(rest));
     using store::SplatModel;
     if (key == "splatrendermode") {
@@ -133,6 +136,15 @@ class HeaderParser {
       if (value == "1" || value == "true") header_.model = SplatModel::antialiased;
       if (value == "0" || value == "false") header_.model = SplatModel::standard;
     }
+  }
+
+  /// Of a mesh: the rest of the line, blanks inside included.
+  void texture(std::string_view name) {
+    const auto first = std::min(name.find_first_not_of(" \t"), name.size());
+    name.remove_prefix(first);
+    while (!name.empty() && (name.back() == ' ' || name.back() == '\t' || name.back() == '\r'))
+      name.remove_suffix(1);
+    if (!name.empty()) header_.textures.emplace_back(name);
   }
 
   // A count may be any 64-bit number here; ply_rows_at() compares it with the file.
@@ -161,10 +173,12 @@ class HeaderParser {
     const std::string_view type_name = word(rest);
     if (type_name == "list") {
       const auto length = type_of(word(rest)), item = type_of(word(rest));
-      if (!length || !item || word(rest).empty()) fail("has a list without types and a name");
+      const std::string_view name = word(rest);
+      if (!length || !item || name.empty()) fail("has a list without types and a name");
       // Rows with a list have no fixed size: nothing behind them can be found without reading them.
       // A nameless column keeps its place in the count.
       element.has_list = true;
+      element.lists.push_back({std::string(name), *length, *item});
       element.columns.push_back({"", PlyType::u8, 0});
     } else {
       const auto type = type_of(type_name);
@@ -211,6 +225,32 @@ const PlyElement* PlyHeader::find(std::string_view name) const {
   return nullptr;
 }
 
+const PlyList* find_list(const PlyElement& element, std::initializer_list<std::string_view> names) {
+  for (const PlyList& list : element.lists) {
+    if (std::find(names.begin(), names.end(), list.name) != names.end()) return &list;
+  }
+  return nullptr;
+}
+
+const PlyList* ply_corners(const PlyElement& face) {
+  return find_list(face, {"vertex_indices", "vertex_index"});
+}
+
+bool is_ply_mesh(const ReadFile& file, const std::string& path) {
+  if (!is_ply(file)) return false;
+  try {
+    const PlyHeader header = read_ply_header(file, path);
+    const PlyElement* face = header.find("face");
+    if (face == nullptr || face->count == 0 || ply_corners(*face) == nullptr) return false;
+    const PlyElement* vertex = header.find("vertex");
+    return vertex == nullptr || (find_column(vertex->columns, "f_dc_0") == nullptr &&
+                                 find_column(vertex->columns, "packed_position") == nullptr);
+  } catch (const Error& e) {
+    if (e.kind() != ErrorKind::input) throw;
+    return false;
+  }
+}
+
 std::string shown(std::string_view text) {
   std::string result;
   for (const char c : text.substr(0, 60)) result += c >= ' ' && c <= '~' ? c : '?';
@@ -241,6 +281,7 @@ PlyHeader read_ply_header(const ReadFile& file, const std::string& path) {
       at = end + 1;
       if (!done) continue;
       parser.header().bytes = at;
+      parser.header().lines = parser.lines();
       return std::move(parser.header());
     }
     if (text.size() == file.size_bytes() || wanted == kMostHeaderBytes) break;

@@ -69,8 +69,8 @@ void check_kind(const PlyHeader& header, const std::string& path) {
     for (const char* name : {"face", "tristrips"}) {
       if (const PlyElement* e = header.find(name); e != nullptr && e->count > 0) {
         refuse(path,
-               "a mesh ({} vertices, {} {} rows), not a splat scene; PLY is supported for splats "
-               "only, convert a mesh to .glb, .gltf or .obj",
+               "a mesh ({} vertices, {} {} rows) whose faces are no lists \"vertex_indices\"; export "
+               "it with plain faces",
                vertex->count, e->count, name);
       }
     }

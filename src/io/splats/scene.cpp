@@ -170,6 +170,7 @@ std::optional<SplatFormat> splat_format(const std::string& path) {
   std::error_code ignored;
   if (fs::is_directory(path, ignored)) return folder_format(path);
   const auto file = open_input(path);
+  if (is_ply_mesh(*file, path)) return std::nullopt;
   if (auto marked = marked_format(*file, path)) return marked;
   if (text_at(*file, 0, 4) == "glTF") return std::nullopt;  // whatever its name
   // .splat and .ksplat begin with data; of the others what is left is damaged.

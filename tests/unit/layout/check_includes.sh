@@ -21,7 +21,7 @@ declare -A may_include_within=(
   [store/pack]="" [store/blocks]="pack" [store/cache]="pack"
   [io/files]="" [io/json]="" [io/codec]="files" [io/foreign]="files codec"
   [io/sandbox]="files codec foreign" [io/image]="files codec sandbox" [io/gltf]="files json" [io/obj]="files" [io/splats]="files json gltf"
-  [io/model]="files json gltf"
+  [io/model]="files json gltf" [io/ply]="files obj splats" [io/stl]="files obj ply"
   [flow/stores]="" [flow/project]="stores" [flow/sources]="stores project" [flow/write]="stores project"
 )
 broken=0
@@ -62,7 +62,7 @@ for folder in src/{store,io,flow}/*/; do
   done < <(grep -rnE "^#include \"$room/[^\"]+/" "$folder")
 done
 
-file_libraries='OpenImageIO|OpenColorIO|OpenEXR|tiny_gltf|stb_image|png\.h|jpeglib|tiffio|webp/'
+file_libraries='OpenImageIO|OpenColorIO|OpenEXR|tiny_gltf|stb_image|png\.h|jpeglib|tiffio|webp/|draco/|meshoptimizer'
 while IFS=: read -r file line _; do
   complain "$file:$line: only the module (src/io/foreign/) includes OpenImageIO and OpenColorIO"
 done < <(grep -rnE '^#include <Open(ImageIO|ColorIO)/' src tools bench 2>/dev/null | grep -v '^src/io/foreign/' || true)
