@@ -80,20 +80,24 @@ std::uint64_t guard_exr(ByteSource& bytes);
 
 /// What the first directory of a TIFF says, checked.
 struct TiffPicture {
-  enum class Colours : std::uint8_t { grey, grey_inverted, rgb, palette };
+  enum class Colours : std::uint8_t { grey, grey_inverted, rgb, palette, cmyk };
   std::uint32_t width = 0, height = 0;
   std::uint32_t samples = 1;  ///< per texel in the file; a palette has one
   std::uint32_t bits = 1;     ///< of each: 1, 2, 4, 8, 16; of floats 16, 32
   bool floats = false;
   Colours colours = Colours::grey;
-  bool planes = false;                            ///< each sample has strips or tiles of its own
-  bool compressed = false;                        ///< LZW, Deflate or PackBits
+  bool planes = false;  ///< each sample has strips or tiles of its own
+  bool compressed = false;
+  bool is_jpeg = false;
+  bool is_ycbcr = false;                          ///< of a JPEG, which gives RGB
   bool says_extra_samples = false;                ///< what the samples beyond the colours are
   std::uint32_t part_width = 0, part_height = 0;  ///< of a tile, or of a strip
   bool tiled = false;
 
   /// What a decoder hands out per texel.
-  std::uint32_t channels() const { return colours == Colours::palette ? 3 : samples; }
+  std::uint32_t channels() const {
+    return colours == Colours::palette || colours == Colours::cmyk ? 3 : samples;
+  }
   /// Decoded bytes of a whole strip or tile of one plane.
   std::uint64_t part_bytes() const;
 };

@@ -26,8 +26,10 @@ namespace pounce::io {
 namespace {
 
 constexpr std::size_t kBlockBytes = 128 << 10;
-/// Blocks that are coded at the same time.
+/// Blocks that are coded at the same time, at most.
 constexpr std::size_t kMostAtOnce = 8;
+/// Rows that come together.
+constexpr std::uint32_t kStripeRows = 64;
 /// What zlib takes for one (its zconf.h).
 constexpr std::uint64_t kDeflaterBytes = 272 << 10;
 
@@ -66,6 +68,11 @@ void swap_pairs(const std::byte* in, std::size_t size, std::byte* out) {
 std::uint32_t block_rows(const ImageWriteSpec& spec) {
   return static_cast<std::uint32_t>(
       std::bit_floor(std::clamp<std::uint64_t>(kBlockBytes / row_bytes_of(spec), 1, 1024)));
+}
+
+/// Of blocks, as many as rows that come together make.
+std::size_t blocks_at_once(const ImageWriteSpec& spec) {
+  return std::clamp<std::size_t>(kStripeRows / block_rows(spec), 1, kMostAtOnce);
 }
 
 /// Rows, filtered and deflated apart from all others.
@@ -201,9 +208,10 @@ class PngEncoder : public RowEncoder {
   void put_blocks(std::uint32_t begin, std::uint32_t end, const std::byte* rows) {
     const std::uint32_t together = block_rows(spec_);
     const std::size_t count = (end - begin + together - 1) / together;
-    for (std::size_t done = 0; done < count; done += kMostAtOnce) {
+    const std::size_t at_once = blocks_at_once(spec_);
+    for (std::size_t done = 0; done < count; done += at_once) {
       std::array<PngBlock, kMostAtOnce> blocks;
-      const std::size_t now = std::min(kMostAtOnce, count - done);
+      const std::size_t now = std::min(at_once, count - done);
       for_each_(now, [&](std::size_t i) {
         const std::uint32_t first = begin + static_cast<std::uint32_t>(done + i) * together;
         const std::uint32_t last = std::min(first + together, end);
@@ -298,8 +306,9 @@ std::unique_ptr<RowEncoder> encode_png(ByteSink sink, const ImageWriteSpec& spec
 std::uint64_t png_encoder_bytes(const ImageWriteSpec& spec) {
   // Of each block: the rows filtered, two of them swapped, and what they deflate to; one block
   // waits for its rows, one is on its way to the file.
-  const std::uint64_t row = row_bytes_of(spec) + 1, block = row * block_rows(spec);
-  return kMostAtOnce * (kDeflaterBytes + 2 * block + 2 * row + block / 8) + 2 * block;
+  const std::uint64_t row = row_bytes_of(spec) + 1;
+  const std::uint64_t block = row * std::min(block_rows(spec), spec.height);
+  return blocks_at_once(spec) * (kDeflaterBytes + 2 * block + 2 * row + block / 8) + 2 * block;
 }
 
 }  // namespace pounce::io

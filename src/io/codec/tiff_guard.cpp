@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A TIFF says of itself in any number of fields how its samples are coded, and decoders believe
-// each of them somewhere else: OpenImageIO 2.4 makes room for three samples of a CMYK tile and
-// libtiff writes four; without BitsPerSample one counts in bytes and the other in bits. So it is
-// not left to them. The first directory is read here, field by field, and held against a list of
-// what is read; a decoder is shown a directory that holds these fields and no other. What they say
-// together is checked too: every strip and tile lies within the file, and there are as many as the
-// size asks for.
+// A TIFF says of itself in any number of fields how its samples are coded, and a decoder believes
+// each of them somewhere else. So it is not left to it. The first directory is read here, field by
+// field, and held against a list of what is read; a decoder is shown a directory that holds these
+// fields and no other. What they say together is checked too: every strip and tile lies within the
+// file, and there are as many as the size asks for.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -59,7 +57,7 @@ void take_samples(TiffDirectory& from, TiffPicture& picture) {
     from.refuse(fmt::format("the TIFF has {} samples per texel, but only 1 to {} are supported",
                             samples, kMostSamples));
   }
-  // One bit where nothing is said; OpenImageIO 2.4 takes it for eight.
+  // One bit where nothing is said, which nobody means.
   if (from.find(kBits) == nullptr)
     from.refuse(fmt::format("the TIFF does not state its bits per sample (field {}); save it again",
                             static_cast<int>(kBits)));
@@ -68,16 +66,16 @@ void take_samples(TiffDirectory& from, TiffPicture& picture) {
   constexpr std::uint64_t kUnsigned = 1, kFloat = 3;
   picture.floats = format == kFloat;
   const bool small = bits == 1 || bits == 2 || bits == 4;
-  const bool whole = format == kUnsigned && (bits == 8 || bits == 16 || (small && samples == 1));
+  const bool whole = format == kUnsigned && (bits == 8 || bits == 16 || small);
   const bool real = picture.floats && (bits == 16 || bits == 32);
   if (!whole && !real) {
     constexpr std::array<std::string_view, 7> kKinds{"unknown", "unsigned", "signed",       "float",
                                                      "untyped", "complex",  "complex float"};
-    from.refuse(fmt::format(
-        "{}-bit {} samples{} are not supported; convert it to 8-bit or 16-bit unsigned integers, "
-        "half or float",
-        bits, format < kKinds.size() ? kKinds[format] : kKinds[0],
-        small && samples > 1 ? fmt::format(" ({} per texel)", samples) : ""));
+    from.refuse(
+        fmt::format("{}-bit {} samples are not supported; convert it to 8-bit or 16-bit unsigned "
+                    "integers, half "
+                    "or float",
+                    bits, format < kKinds.size() ? kKinds[format] : kKinds[0]));
   }
   picture.samples = static_cast<std::uint32_t>(samples);
   picture.bits = static_cast<std::uint32_t>(bits);
@@ -87,15 +85,23 @@ void take_samples(TiffDirectory& from, TiffPicture& picture) {
 void take_colours(TiffDirectory& from, TiffPicture& picture) {
   using Colours = TiffPicture::Colours;
   const std::uint64_t photometric = from.needed(kPhotometric, "photometric interpretation");
-  constexpr std::uint64_t kWhiteIsZero = 0, kBlackIsZero = 1, kRgb = 2, kPalette = 3;
+  constexpr std::uint64_t kWhiteIsZero = 0, kBlackIsZero = 1, kRgb = 2, kPalette = 3, kInks = 5,
+                          kYCbCr = 6, kJpeg = 7;
   const bool one_integer = picture.samples == 1 && !picture.floats;
   if (photometric == kBlackIsZero) {
     picture.colours = Colours::grey;
-  } else if (photometric == kWhiteIsZero && one_integer && picture.bits <= 8) {
-    // Of 16 bits OpenImageIO 2.4 forgets to turn them round.
+  } else if (photometric == kWhiteIsZero && one_integer) {
     picture.colours = Colours::grey_inverted;
-  } else if (photometric == kRgb && picture.samples >= 3 && picture.bits >= 8) {
+  } else if (photometric == kRgb && picture.samples >= 3) {
     picture.colours = Colours::rgb;
+  } else if (photometric == kInks && picture.samples == 4 && !picture.floats &&
+             from.number(kInkSet, 1) == 1) {
+    picture.colours = Colours::cmyk;
+  } else if (photometric == kYCbCr && picture.samples == 3 && picture.bits == 8 &&
+             from.number(kCompression, 1) == kJpeg) {
+    picture.colours = Colours::rgb;
+    picture.is_ycbcr = true;
+    from.use(kSubsampling);
   } else if (photometric == kPalette && one_integer && picture.bits <= 8) {
     picture.colours = Colours::palette;
     const TiffField* const map = from.use(kColourMap);
@@ -109,8 +115,8 @@ void take_colours(TiffDirectory& from, TiffPicture& picture) {
                                                  {kRgb, "RGB"},
                                                  {kPalette, "palette"},
                                                  {4, "mask"},
-                                                 {5, "CMYK"},
-                                                 {6, "YCbCr"},
+                                                 {kInks, "ink"},
+                                                 {kYCbCr, "YCbCr"},
                                                  {8, "CIELAB"},
                                                  {9, "ICCLAB"},
                                                  {10, "ITULAB"},
@@ -123,7 +129,9 @@ void take_colours(TiffDirectory& from, TiffPicture& picture) {
         "it to RGB or grey of 8 or 16 bits, half or float",
         name_of(kNames, photometric), picture.samples, picture.bits));
   }
-  const std::uint64_t extra = picture.samples - (picture.colours == Colours::rgb ? 3 : 1);
+  const std::uint64_t extra = picture.samples - (picture.colours == Colours::rgb    ? 3
+                                                 : picture.colours == Colours::cmyk ? 4
+                                                                                    : 1);
   if (const TiffField* const said = from.use(kExtraSamples)) {
     picture.says_extra_samples = true;
     constexpr std::uint64_t kStraightAlpha = 2;
@@ -141,10 +149,21 @@ void take_colours(TiffDirectory& from, TiffPicture& picture) {
 }
 
 void take_coding(TiffDirectory& from, TiffPicture& picture) {
-  constexpr std::uint64_t kNone = 1, kLzw = 5, kDeflate = 8, kOldDeflate = 32946, kPackBits = 32773;
+  constexpr std::uint64_t kNone = 1, kRle = 2, kFax = 3, kFax4 = 4, kLzw = 5, kJpeg = 7,
+                          kDeflate = 8, kOldDeflate = 32946, kPackBits = 32773, kLzma = 34925,
+                          kZstd = 50000;
   const std::uint64_t coding = from.number(kCompression, kNone);
-  const bool predicts = coding == kLzw || coding == kDeflate || coding == kOldDeflate;
-  if (!predicts && coding != kNone && coding != kPackBits) {
+  const bool predicts = coding == kLzw || coding == kDeflate || coding == kOldDeflate ||
+                        coding == kLzma || coding == kZstd;
+  const bool is_fax = (coding == kRle || coding == kFax || coding == kFax4) && picture.bits == 1 &&
+                      picture.samples == 1;
+  picture.is_jpeg = coding == kJpeg && picture.bits == 8 && !picture.floats;
+  if (is_fax) {
+    from.use(kFaxOptions);
+    from.use(kFax4Options);
+  }
+  if (picture.is_jpeg) from.use(kJpegTables);
+  if (!predicts && !is_fax && !picture.is_jpeg && coding != kNone && coding != kPackBits) {
     constexpr auto kNames = std::to_array<Name>({{2, "CCITT"},
                                                  {3, "CCITT fax"},
                                                  {4, "CCITT fax"},
@@ -158,12 +177,10 @@ void take_coding(TiffDirectory& from, TiffPicture& picture) {
                                                  {34677, "SGILog"},
                                                  {34712, "JPEG 2000"},
                                                  {34887, "LERC"},
-                                                 {34925, "LZMA"},
-                                                 {50000, "Zstandard"},
                                                  {50001, "WebP"}});
     from.refuse(fmt::format(
-        "the TIFF's compression is {}, which is not supported; save it with ZIP (Deflate), "
-        "LZW, PackBits or no compression",
+        "the TIFF's compression is {}, which is not supported for its samples; save it with ZIP "
+        "(Deflate), LZW, PackBits or no compression",
         name_of(kNames, coding)));
   }
   picture.compressed = coding != kNone;
@@ -191,12 +208,6 @@ void take_coding(TiffDirectory& from, TiffPicture& picture) {
 void take_part_size(TiffDirectory& from, TiffPicture& picture) {
   picture.tiled = from.find(kTileWidth) != nullptr || from.find(kTileHeight) != nullptr;
   if (!picture.tiled) {
-    if (picture.planes && picture.compressed) {
-      // The decoder goes from plane to plane for each row, which no compressed strip allows.
-      from.refuse(
-          "TIFF images with separate compressed strips per channel are not supported; save it "
-          "interleaved (planar configuration 1), in tiles, or without compression");
-    }
     const std::uint64_t rows = from.number(kStripRows, UINT32_MAX);
     if (rows < 1) from.refuse("the TIFF's strips have no rows; the file is damaged");
     picture.part_width = picture.width;

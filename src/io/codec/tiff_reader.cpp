@@ -10,6 +10,7 @@
 #include <array>
 #include <cstdio>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -89,6 +90,8 @@ class TiffDecoder : public RowDecoder {
   void count_memory(ImageInfo& info);
   void read_stored(std::uint32_t row);
   void read_tiles(std::uint32_t row);
+  std::uint32_t small_sample(std::size_t x, std::size_t s) const;
+  void unpack();
   void convert(std::byte* out);
   void check(bool did, const TiffHandle& handle, std::uint32_t row) const;
 
@@ -106,6 +109,7 @@ class TiffDecoder : public RowDecoder {
   std::uint64_t decoder_bytes_ = 0;
   std::vector<std::array<std::byte, 3>> palette_;
   std::vector<std::byte> row_;          ///< a row of each plane, one behind another
+  std::vector<std::byte> texels_;       ///< the same with the samples of a texel side by side
   PageVector<std::byte> tile_, tiles_;  ///< a tile; a row of tiles of each plane, by rows
 };
 
@@ -140,6 +144,7 @@ void TiffDecoder::open_handles() {
     if (tiff == nullptr)
       decoder_failed(bytes_, "the image header cannot be read",
                      one_line(handles_.back()->message()), 0);
+    if (picture_.is_ycbcr) TIFFSetField(tiff, TIFFTAG_JPEGCOLORMODE, JPEGCOLORMODE_RGB);
     // It makes room by its own reading of the directory, and is handed buffers by ours.
     const bool same =
         picture_.tiled
@@ -202,7 +207,8 @@ void TiffDecoder::take_palette() {
 void TiffDecoder::count_memory(ImageInfo& info) {
   const std::uint64_t planes = picture_.planes ? picture_.samples : 1;
   row_.resize(plane_row_bytes() * planes);
-  info.decoder_bytes = kDecoderBaseBytes + 2 * row_.size();
+  info.decoder_bytes =
+      kDecoderBaseBytes + 2 * row_.size() + row_.size() * 8 / picture_.bits * sample_bytes_;
   if (picture_.tiled) {
     const std::uint64_t across = (picture_.width - 1) / picture_.part_width + 1;
     // Decoded and as they are in the file.
@@ -269,36 +275,93 @@ void TiffDecoder::read_stored(std::uint32_t row) {
   }
 }
 
+/// Sample `s` of texel `x` of row_, of less than 8 bits.
+std::uint32_t TiffDecoder::small_sample(std::size_t x, std::size_t s) const {
+  const std::size_t bits = picture_.bits;
+  const std::size_t bit =
+      picture_.planes ? 8 * s * plane_row_bytes() + x * bits : (x * picture_.samples + s) * bits;
+  const auto byte = static_cast<std::uint32_t>(row_[bit / 8]);
+  return byte >> (8 - bits - bit % 8) & ((1U << bits) - 1);
+}
+
+/// row_ with its samples side by side, of 8 bits and more.
+void TiffDecoder::unpack() {
+  const std::size_t width = picture_.width, samples = picture_.samples, size = sample_bytes_;
+  texels_.resize(width * samples * size);
+  std::byte* out = texels_.data();
+  for (std::size_t x = 0; x < width; ++x) {
+    for (std::size_t s = 0; s < samples; ++s, out += size) {
+      if (picture_.bits < 8) {
+        *out = static_cast<std::byte>(small_sample(x, s) * 255 / ((1U << picture_.bits) - 1));
+      } else {
+        const std::size_t at =
+            picture_.planes ? s * plane_row_bytes() + x * size : (x * samples + s) * size;
+        std::memcpy(out, row_.data() + at, size);
+      }
+    }
+  }
+}
+
+namespace {
+
+/// Whole numbers, turned round.
+template <class Sample>
+void invert(std::vector<std::byte>& samples) {
+  for (std::size_t i = 0; i < samples.size(); i += sizeof(Sample)) {
+    Sample sample;
+    std::memcpy(&sample, samples.data() + i, sizeof sample);
+    sample = static_cast<Sample>(~sample);
+    std::memcpy(samples.data() + i, &sample, sizeof sample);
+  }
+}
+
+/// Of four inks what they leave of white: (1 - ink) (1 - black), to the nearest number.
+template <class Sample>
+void from_inks(const std::vector<std::byte>& inks, std::byte* out) {
+  constexpr std::uint64_t kFull = std::numeric_limits<Sample>::max();
+  for (std::size_t i = 0; i < inks.size(); i += 4 * sizeof(Sample)) {
+    std::array<Sample, 4> ink;
+    std::memcpy(ink.data(), inks.data() + i, sizeof ink);
+    for (std::size_t c = 0; c < 3; ++c) {
+      const auto value =
+          static_cast<Sample>(((kFull - ink[c]) * (kFull - ink[3]) + kFull / 2) / kFull);
+      std::memcpy(out, &value, sizeof value);
+      out += sizeof value;
+    }
+  }
+}
+
+}  // namespace
+
 /// row_ as samples of the image.
 void TiffDecoder::convert(std::byte* out) {
   using Colours = TiffPicture::Colours;
-  if (picture_.bits < 8 || picture_.colours == Colours::palette ||
-      picture_.colours == Colours::grey_inverted) {  // one sample
-    const std::uint32_t bits = picture_.bits, most = (1U << bits) - 1;
+  const std::size_t size = sample_bytes_;
+  if (picture_.colours == Colours::palette) {
     for (std::size_t x = 0; x < picture_.width; ++x) {
-      const auto byte = static_cast<std::uint32_t>(row_[x * bits / 8]);
-      std::uint32_t value = byte >> (8 - bits - x * bits % 8) & most;
-      if (picture_.colours == Colours::palette) {
-        out = std::copy(palette_[value].begin(), palette_[value].end(), out);
-        continue;
-      }
-      if (picture_.colours == Colours::grey_inverted) value = most - value;
-      *out++ = static_cast<std::byte>(value * 255 / most);
+      const std::uint32_t index =
+          picture_.bits == 8 ? static_cast<std::uint32_t>(row_[x]) : small_sample(x, 0);
+      out = std::copy(palette_[index].begin(), palette_[index].end(), out);
     }
     return;
   }
-  const std::size_t size = sample_bytes_;
-  const std::size_t plane = plane_row_bytes();
-  const std::size_t texel = picture_.planes ? size : size * picture_.samples;
-  const bool as_stored = !picture_.planes && places_.size() == picture_.samples;
-  if (as_stored && std::is_sorted(places_.begin(), places_.end())) {
+  const bool all =
+      places_.size() == picture_.samples && std::is_sorted(places_.begin(), places_.end());
+  if (all && picture_.bits >= 8 && !picture_.planes && picture_.colours != Colours::cmyk &&
+      picture_.colours != Colours::grey_inverted) {
     std::memcpy(out, row_.data(), row_.size());
     return;
   }
+  unpack();
+  if (picture_.colours == Colours::cmyk)
+    return size == 2 ? from_inks<std::uint16_t>(texels_, out)
+                     : from_inks<std::uint8_t>(texels_, out);
+  if (picture_.colours == Colours::grey_inverted)
+    size == 2 ? invert<std::uint16_t>(texels_) : invert<std::uint8_t>(texels_);
+  const std::size_t texel = size * picture_.samples;
   for (std::size_t x = 0; x < picture_.width; ++x) {
     for (const int place : places_) {
-      const auto c = static_cast<std::size_t>(place);
-      std::memcpy(out, row_.data() + x * texel + (picture_.planes ? c * plane : c * size), size);
+      std::memcpy(out, texels_.data() + x * texel + static_cast<std::size_t>(place) * size, size);
       out += size;
     }
   }
