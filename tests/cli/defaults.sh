@@ -14,7 +14,7 @@ kept() {
 }
 both=('--channels baseColor' '--max-angle 80' '--method surface' '--output-colorspace srgb' '--target-uv-set 0'
   '--target-axes x,y,z' '--source-axes x,y,z' '--min-coverage 0' '--exr-compression zip' '--no-wait' '--threads 1' '--temp .'
-  '--max-temp none' '--allow-external' '--allow-format bmp')
+  '--max-temp none' '--allow-external' '--allow-format bmp' '--sandbox auto')
 job=(transfer source.obj target.obj -o mesh.png)
 expect 0 "${job[@]}"
 kept "${both[@]}" '--size 16' '--depth u8' '--padding 0' '--filter cubic' '--factors apply' '--max-distance 5%' '--normal-y up' \

@@ -36,7 +36,7 @@ job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' -
   --min-coverage 1 --channels baseColor --source-texture baseColor=skin.ppm --source-material skin --source-uv-set 0 \
   --source-axes y,x,z --target-axes y,x,z --max-distance 1 --max-angle 70 --filter tent --source-colorspace srgb \
   --output-colorspace srgb --allow-external "${machine[@]}" --plan
-job transfer source.obj target.obj -o o.png --skip-existing --no-cache --factors ignore --allow-format tga --output-for baseColor=o.exr --source-texture m=skin.ppm --data m \
+job transfer source.obj target.obj -o o.png --skip-existing --no-cache --factors ignore --allow-format tga --sandbox off --output-for baseColor=o.exr --source-texture m=skin.ppm --data m \
   --source-texture c=skin.ppm --color c
 printf 'ocio_profile_version: 1\nsearch_path: ""\nroles: {default: lin_rec709}\ndisplays:\n  d:\n    - !<View> {name: v, colorspace: lin_rec709}\ncolorspaces:\n  - !<ColorSpace> {name: lin_rec709}\n  - !<ColorSpace> {name: film}\n' >c.ocio
 job transfer source.obj target.obj -o o.png --no-cache --ocio c.ocio --output-colorspace film
@@ -58,7 +58,7 @@ job maps named.obj -o '<CHANNEL>.exr' --size 8 --target-mesh thing --target-mate
 job maps named.obj -o '<CHANNEL>.exr' --no-cache
 failed maps named.obj -o '<CHANNEL>.exr' --target-uv-set 1
 all_of maps
-job gaussians source.obj -o s.ply --allow-format bmp --source-texture baseColor=skin.ppm --source-colorspace srgb --ocio c.ocio --sigma 0.25 --sharpen 1 --allow-external "${machine[@]}"
+job gaussians source.obj -o s.ply --allow-format bmp --sandbox off --source-texture baseColor=skin.ppm --source-colorspace srgb --ocio c.ocio --sigma 0.25 --sharpen 1 --allow-external "${machine[@]}"
 job gaussians scene.ply -o s.glb --source-axes x,-y,-z --min-opacity 0.01 --max-scale 9 --box -9,-9,-9,9,9,9 --count 100 --no-cache
 all_of gaussians
 # An image that is painted over in place was read.

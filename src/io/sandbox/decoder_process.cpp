@@ -40,13 +40,17 @@ std::string program_path() {
 /// Those that wait for an image, without and with the module. They end when this process does: each
 /// finds its socket closed.
 struct Idle {
+  const pid_t owner = getpid();
   std::mutex mutex;
   std::string program = program_path();
   std::array<std::vector<std::unique_ptr<DecoderProcess>>, 2> processes;
 };
 Idle& idle() {
   static Idle all;
-  return all;
+  if (all.owner == getpid()) return all;
+  // After a fork these are the other process's, to use and to end.
+  static Idle* const own = new Idle;
+  return *own;
 }
 
 /// The slowest decoders do 20 MiB per second.

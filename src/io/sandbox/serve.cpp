@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <climits>
 #include <csignal>
 #include <cstdio>
 #include <exception>
@@ -31,8 +32,21 @@
 namespace pounce::io {
 namespace {
 
-/// False where this kernel cannot.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define POUNCE_HAS_SANITIZER 1
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || \
+    __has_feature(memory_sanitizer)
+#define POUNCE_HAS_SANITIZER 1
+#endif
+#endif
+
+/// False where this kernel cannot, and with sanitizers, which ask the system for more: then they
+/// look at the decoders in the job itself.
 bool enter_sandbox() {
+#ifdef POUNCE_HAS_SANITIZER
+  return false;
+#else
   const std::unique_ptr<void, void (*)(scmp_filter_ctx)> filter(seccomp_init(SCMP_ACT_KILL_PROCESS),
                                                                 seccomp_release);
   if (!filter || prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return false;
@@ -55,6 +69,7 @@ bool enter_sandbox() {
                                           SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0)) == 0;
   }
   return allowed && seccomp_load(filter.get()) == 0;
+#endif
 }
 
 /// An image that is open, and where its rows go.
@@ -140,6 +155,7 @@ std::uint64_t address_space_bytes() {
 }  // namespace
 
 int serve_images(int socket, bool with_module, ImageOpener& opener) {
+  close_range(3, UINT_MAX, 0);  // whatever the job has open that is not marked
   const rlimit no_core{0, 0};
   setrlimit(RLIMIT_CORE, &no_core);
   mallopt(M_PERTURB, 0xA5);

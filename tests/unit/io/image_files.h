@@ -37,8 +37,9 @@ inline mesh::ImageRef in_memory(const std::string& bytes, const std::string& lab
 /// All samples, read in strips of `strip` rows.
 inline std::vector<std::uint8_t> read_all(const mesh::ImageRef& image,
                                           std::uint32_t strip = 1000000,
-                                          const std::vector<ImageFormat>& allowed = {}) {
-  io::ImageReader reader(image, {allowed});
+                                          const std::vector<ImageFormat>& allowed = {},
+                                          Sandbox sandbox = Sandbox::automatic) {
+  io::ImageReader reader(image, {allowed, sandbox});
   std::vector<std::uint8_t> samples(reader.row_bytes() * reader.info().height);
   for (std::uint32_t y = 0; y < reader.info().height;) {
     const std::uint32_t rows = std::min(strip, reader.info().height - y);

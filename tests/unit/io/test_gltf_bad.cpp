@@ -370,10 +370,12 @@ TEST_CASE("buffers that are missing or too short are told", "[io]") {
 
 TEST_CASE("files of other kinds are refused by what is read, missing ones by the system", "[io]") {
   const TempFolder folder;
-  for (const char* name : {"a.ply", "a.stl", "a.fbx", "a"}) {
-    test::write_file(folder.file(name), "ply\nformat ascii 1.0\n");
-    CHECK_THAT(refusal(folder.file(name)), Catch::Contains(".glb, .gltf or .obj"));
+  for (const char* name : {"a.fbx", "a"}) {
+    test::write_file(folder.file(name), "no mesh at all\n");
+    CHECK_THAT(refusal(folder.file(name)), Catch::Contains(".glb, .gltf, .obj"));
   }
+  test::write_file(folder.file("a.fbx"), "ply\nformat ascii 1.0\n");
+  CHECK_THAT(refusal(folder.file("a.fbx")), Catch::Contains("without faces"));
   for (const char* name : {"gone.glb", "gone.gltf", "gone.obj"}) {
     try {
       io::read_mesh(folder.file(name));

@@ -153,9 +153,15 @@ TEST_CASE("compressed copies of geometry move with their buffers", "[model]") {
   document["buffers"] = {{{"byteLength", 40}, {"uri", "packed.bin"}},
                          {{"byteLength", target.buffer.size()}, {"uri", "plain.bin"}}};
   for (auto& view : document["bufferViews"]) view["buffer"] = 1;
-  document["bufferViews"][0]["extensions"] = {
-      {"EXT_meshopt_compression",
-       {{"buffer", 1}, {"byteOffset", 8}, {"byteLength", 8}, {"count", 1}}}};
+  // Nothing names it, so nobody unpacks it.
+  document["bufferViews"].push_back({{"buffer", 1}, {"byteLength", 4}, {"byteStride", 4}});
+  document["bufferViews"].back()["extensions"] = {{"EXT_meshopt_compression",
+                                                   {{"buffer", 1},
+                                                    {"byteOffset", 8},
+                                                    {"byteLength", 8},
+                                                    {"byteStride", 4},
+                                                    {"count", 1},
+                                                    {"mode", "ATTRIBUTES"}}}};
   document["extensionsUsed"] = {"EXT_meshopt_compression"};
   test::write_file(folder.file("packed.bin"), std::string(40, 'p'));
   test::write_file(folder.file("plain.bin"), target.buffer);
@@ -164,7 +170,8 @@ TEST_CASE("compressed copies of geometry move with their buffers", "[model]") {
       folder.file("target.gltf"), folder.file("out.glb"), 0, {base_color(0)}};
   FakeImages({kNewImage}).write(request);
   const Glb out(request.output);
-  const auto& packed = out.doc["bufferViews"][0]["extensions"]["EXT_meshopt_compression"];
+  const std::size_t last = document["bufferViews"].size() - 1;
+  const auto& packed = out.doc["bufferViews"][last]["extensions"]["EXT_meshopt_compression"];
   CHECK(packed["buffer"] == 0);
   CHECK(packed["byteOffset"] == 48 + 8);  // 40 rounded up to 16
   CHECK(packed["count"] == 1);

@@ -227,6 +227,17 @@ std::vector<std::uint8_t> expected(const Layout& layout) {
           out.push_back(static_cast<std::uint8_t>(palette_at(sample_at(layout, x, y, 0), c)));
         continue;
       }
+      if (layout.photometric == 5) {  // what four inks leave of white
+        const std::uint64_t full = (1ULL << layout.bits) - 1;
+        for (std::uint32_t c = 0; c < 3; ++c) {
+          const std::uint64_t left =
+              (full - sample_at(layout, x, y, c)) * (full - sample_at(layout, x, y, 3));
+          const std::uint64_t sample = (left + full / 2) / full;
+          for (std::uint32_t b = 0; b < layout.bits / 8; ++b)
+            out.push_back(static_cast<std::uint8_t>(sample >> 8 * b));
+        }
+        continue;
+      }
       for (std::uint32_t s = 0; s < layout.samples; ++s) {
         std::uint32_t sample = sample_at(layout, x, y, s);
         const std::uint32_t most = layout.bits < 32 ? (1U << layout.bits) - 1 : UINT32_MAX;
@@ -267,12 +278,13 @@ TEST_CASE("every kind of TIFF on the list is read as it was written", "[image][t
     Values extra;
   };
   const std::vector<Kind> kinds{
-      {1, 1, 1, false, {}},  {1, 1, 2, false, {}},   {1, 1, 4, false, {}},  {1, 1, 8, false, {}},
-      {1, 1, 16, false, {}}, {1, 1, 16, true, {}},   {1, 1, 32, true, {}},  {1, 2, 8, false, {2}},
-      {0, 1, 1, false, {}},  {0, 1, 4, false, {}},   {0, 1, 8, false, {}},  {2, 3, 8, false, {}},
-      {2, 3, 16, false, {}}, {2, 3, 16, true, {}},   {2, 3, 32, true, {}},  {2, 4, 8, false, {2}},
-      {2, 4, 8, false, {}},  {2, 4, 16, false, {2}}, {2, 4, 32, true, {0}}, {3, 1, 1, false, {}},
-      {3, 1, 2, false, {}},  {3, 1, 4, false, {}},   {3, 1, 8, false, {}}};
+      {1, 1, 1, false, {}},   {1, 1, 2, false, {}},  {1, 1, 4, false, {}},  {1, 1, 8, false, {}},
+      {1, 1, 16, false, {}},  {1, 1, 16, true, {}},  {1, 1, 32, true, {}},  {1, 2, 8, false, {2}},
+      {0, 1, 1, false, {}},   {0, 1, 4, false, {}},  {0, 1, 8, false, {}},  {2, 3, 8, false, {}},
+      {0, 1, 16, false, {}},  {5, 4, 8, false, {}},  {5, 4, 16, false, {}}, {2, 3, 16, false, {}},
+      {2, 3, 16, true, {}},   {2, 3, 32, true, {}},  {2, 4, 8, false, {2}}, {2, 4, 8, false, {}},
+      {2, 4, 16, false, {2}}, {2, 4, 32, true, {0}}, {3, 1, 1, false, {}},  {3, 1, 2, false, {}},
+      {3, 1, 4, false, {}},   {3, 1, 8, false, {}}};
   std::size_t read = 0;
   for (const Kind& kind : kinds) {
     for (const bool tiled : {false, true}) {
@@ -281,7 +293,6 @@ TEST_CASE("every kind of TIFF on the list is read as it was written", "[image][t
         for (const Coding coding :
              {Coding::none, Coding::lzw, Coding::deflate, Coding::pack_bits}) {
           for (std::uint32_t predictor = 1; predictor <= 3; ++predictor) {
-            if (planes && !tiled && coding != Coding::none) continue;
             const bool predicts = coding == Coding::lzw || coding == Coding::deflate;
             if (predictor == 2 && (!predicts || kind.bits < 8)) continue;
             if (predictor == 3 && (!predicts || !kind.floats)) continue;
@@ -334,15 +345,15 @@ TEST_CASE("a deflated strip that cannot be inflated is no picture", "[image][tif
 
 TEST_CASE("a TIFF of colours that are not on the list is refused", "[image][tiff]") {
   for (const bool tiled : {false, true}) {
-    Layout cmyk;
-    cmyk.photometric = 5;
-    cmyk.samples = 4;
-    cmyk.tiled = tiled;
-    for (const std::uint32_t bits : {8U, 16U}) {
-      cmyk.bits = bits;
-      CHECK_THAT(refusal(tiff(cmyk)),
-                 Contains("a.tif: TIFF images of CMYK colours") && Contains("convert it to RGB"));
-    }
+    Layout inks;  // not CMYK
+    inks.photometric = 5;
+    inks.samples = 4;
+    inks.tiled = tiled;
+    CHECK_THAT(refusal(tiff(inks,
+                            [](Entries& e) {
+                              e[332] = {3, {2}};
+                            })),
+               Contains("a.tif: TIFF images of ink colours") && Contains("convert it to RGB"));
     for (const auto& [photometric, name] :
          std::map<std::uint32_t, std::string>{{4, "mask"},
                                               {6, "YCbCr"},
@@ -366,13 +377,11 @@ TEST_CASE("a TIFF of samples that are not on the list is refused", "[image][tiff
     layout.bits = bits;
     return layout;
   };
-  CHECK_THAT(refusal(tiff(of(2, 3, 4))), Contains("4-bit unsigned") && Contains("3 per texel"));
   CHECK_THAT(refusal(tiff(of(1, 1, 12))), Contains("12-bit"));
   CHECK_THAT(refusal(tiff(of(1, 1, 32))), Contains("32-bit unsigned"));
   CHECK_THAT(refusal(tiff(of(3, 1, 16))), Contains("palette colours with 1 samples of 16 bits"));
   CHECK_THAT(refusal(tiff(of(2, 2, 8))), Contains("RGB colours with 2 samples"));
   CHECK_THAT(refusal(tiff(of(0, 2, 8))), Contains("white-is-zero colours with 2 samples"));
-  CHECK_THAT(refusal(tiff(of(0, 1, 16))), Contains("white-is-zero colours with 1 samples of 16"));
   CHECK_THAT(refusal(tiff(of(2, 65, 8))), Contains("65 samples per texel"));
   for (const std::uint64_t format : {2ULL, 4ULL, 5ULL}) {
     CHECK_THAT(refusal(tiff(Layout{}, [&](Entries& e) { e[339].values = Values(3, format); })),
@@ -385,24 +394,9 @@ TEST_CASE("a TIFF of samples that are not on the list is refused", "[image][tiff
              Contains("differ in bit depth"));
 }
 
-TEST_CASE("compressed strips of one channel each are refused", "[image][tiff]") {
-  for (const Coding coding : {Coding::lzw, Coding::deflate, Coding::pack_bits}) {
-    Layout layout;
-    layout.planes = true;
-    layout.coding = coding;
-    CHECK_THAT(refusal(tiff(layout)), Contains("separate compressed strips per channel") &&
-                                          Contains("save it interleaved"));
-  }
-}
-
 TEST_CASE("a TIFF of a compression that is not on the list is refused", "[image][tiff]") {
-  for (const auto& [coding, name] : std::map<std::uint64_t, std::string>{{3, "CCITT fax"},
-                                                                         {6, "old JPEG"},
-                                                                         {7, "JPEG"},
-                                                                         {34887, "LERC"},
-                                                                         {34925, "LZMA"},
-                                                                         {50000, "Zstandard"},
-                                                                         {9999, "type 9999"}}) {
+  for (const auto& [coding, name] : std::map<std::uint64_t, std::string>{
+           {3, "CCITT fax"}, {6, "old JPEG"}, {34887, "LERC"}, {9999, "type 9999"}}) {
     CHECK_THAT(refusal(tiff(Layout{}, [&](Entries& e) { e[259].values = {coding}; })),
                Contains("compression is " + name) && Contains("save it with ZIP"));
   }

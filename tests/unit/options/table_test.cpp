@@ -68,6 +68,7 @@ const std::map<std::string, std::string> kValues{
     {"count", "12"},
     {"allow-external", "true"},
     {"allow-format", "bmp,tga"},
+    {"sandbox", "on"},
     {"memory", "4096"},
     {"threads", "2"},
     {"cache", "c"},
