@@ -16,10 +16,10 @@ mv o.png free.png
 # Limits of the process itself: less than the least and what is taken already.
 "$POUNCE_FIXTURE" head -o in --triangles 300000 --texture 16 --target-size 16 >/dev/null
 status=0
-prlimit --data=$((160 << 20)) "$POUNCE" transfer in/head_src.glb in/head_same.glb -o h.png --no-cache --memory 2GiB -q \
+prlimit --data=$((60 << 20)) "$POUNCE" transfer in/head_src.glb in/head_same.glb -o h.png --no-cache --memory 2GiB -q \
   >"$out" 2>"$err" || status=$?
 [[ $status == 4 && $(wc -l <"$err") == 1 ]] || fail "exit status $status under ulimit -d"
-err_has 'the data limit (ulimit -d) is 160.0 MiB: this job needs at least '
+err_has 'the data limit (ulimit -d) is 60.0 MiB: this job needs at least '
 err_has 'raise that limit to '
 
 # Control groups, where this user may make some: version 1 below the group that we are in, or version 2.
@@ -72,10 +72,10 @@ budget=$(sed -nE 's/.*"budget": ([0-9]+).*/\1/p' r.json)
 rm o.png r.json
 # Less ends before the work, with a sentence: here the kernel would kill.
 for memory in "$least" 1GiB 2MiB; do
-  in_group 4 $((46 << 20)) "${job[@]}" --memory "$memory"
+  in_group 4 $((12 << 20)) "${job[@]}" --memory "$memory"
   [[ $(wc -l <"$err") == 1 ]] || fail 'not one sentence'
-  err_has "pounce-test-$$/$limit_file) is 46.0 MiB: this job needs at least "
+  err_has "pounce-test-$$/$limit_file) is 12.0 MiB: this job needs at least "
   err_has 'raise that limit to '
   [[ ! -e o.png ]] || fail 'an image was written'
 done
-in_group 4 $((46 << 20)) "${job[@]}" --plan
+in_group 4 $((12 << 20)) "${job[@]}" --plan

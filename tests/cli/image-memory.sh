@@ -8,13 +8,13 @@ little() {
 }
 # field TAG TYPE VALUE: of a TIFF's directory (3: 16 bits, 4: 32 bits).
 field() { little 2 "$1" && little 2 "$2" && little 4 1 && little 4 "$3"; }
-# black TIFF SIDE: a grey image in one strip, PackBits; two zeros are a black texel, so what it has is a hole.
+# black TIFF SIDE: a grey image in one tile, PackBits; two zeros are a black texel, so what it has is a hole.
 black() {
   {
     printf 'II' && little 2 42 && little 4 8
-    little 2 9
+    little 2 10
     field 256 4 "$2" && field 257 4 "$2" && field 258 3 8 && field 259 3 32773 && field 262 3 1
-    field 273 4 4096 && field 277 3 1 && field 278 4 "$2" && field 279 4 $(($2 * $2 * 2))
+    field 277 3 1 && field 322 4 "$2" && field 323 4 "$2" && field 324 4 4096 && field 325 4 $(($2 * $2 * 2))
     little 4 0
   } >"$1"
   truncate -s $((4096 + $2 * $2 * 2)) "$1"
@@ -23,11 +23,13 @@ black small.tif 64
 expect 0 compare small.tif small.tif
 black large.tif 8192
 expect 0 compare large.tif large.tif
-got=0
-prlimit --data=$((200 << 20)) "$POUNCE" compare large.tif large.tif >"$out" 2>"$err" || got=$?
-[[ $got == 4 ]] || fail "exit status $got, not 4"
-err_has 'pounce: error: large.tif: not enough memory to decode it ('
-[[ $(wc -l <"$err") == 1 ]] || fail 'not one sentence'
+for sandbox in auto off; do
+  got=0
+  prlimit --data=$((130 << 20)) "$POUNCE" compare large.tif large.tif --sandbox $sandbox >"$out" 2>"$err" || got=$?
+  [[ $got == 4 ]] || fail "exit status $got, not 4, with --sandbox $sandbox"
+  err_has 'pounce: error: large.tif: not enough memory to decode it ('
+  [[ $(wc -l <"$err") == 1 ]] || fail 'not one sentence'
+done
 # A damaged one is damaged, however little memory there is.
 truncate -s $((4096 + 8192 * 8192)) large.tif
 expect 3 compare large.tif large.tif

@@ -364,8 +364,10 @@ void compare(const Answer& ours, const Answer& oiio, const std::optional<Picture
              Verdict& verdict) {
   const std::string from_oiio = beside(oiio, ours.picture);
   if (!truth) {
-    verdict.what = from_oiio.empty() ? "as-oiio" : "unexplained";
-    if (!from_oiio.empty()) verdict.note = "OpenImageIO: " + from_oiio;
+    const std::string reason = oiio.kind == Answer::Kind::failed ? reason_of(verdict.name) : "";
+    verdict.what = from_oiio.empty() || !reason.empty() ? "as-oiio" : "unexplained";
+    if (!from_oiio.empty())
+      verdict.note = "OpenImageIO " + (reason.empty() ? "" : reason) + ": " + from_oiio;
     return;
   }
   std::string wrong = difference(ours.picture, *truth);

@@ -30,7 +30,7 @@ namespace {
 using pounce::ErrorKind;
 
 /// What the libraries' initialisers and the smallest job take, and room to spare.
-constexpr std::size_t kLeastBytes = 112u << 20;
+constexpr std::size_t kLeastBytes = 32u << 20;
 constexpr std::size_t kLeastStackBytes = 1u << 20;
 constexpr std::size_t kUsualStackBytes = 8u << 20;
 
@@ -86,7 +86,7 @@ void check_memory() {
       mmap(nullptr, kLeastBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (some == MAP_FAILED) {
     end(ErrorKind::budget,
-        "out of memory: in addition to its libraries pounce needs at least 112 MiB; raise the "
+        "out of memory: in addition to its libraries pounce needs at least 32 MiB; raise the "
         "limit (ulimit -v, ulimit -d)");
   }
   munmap(some, kLeastBytes);
