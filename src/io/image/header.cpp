@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The one door to the decoders: OpenImageIO knows thirty formats and guesses among them, and each
-// is code that a stranger's file would reach. Here it is decided which decoder is asked, by what
-// the file holds, whatever it or the model around it says that it were.
+// The one door to the decoders: each is code that a stranger's file would reach. Here it is decided
+// which one is asked, by what the file holds, whatever it or the model around it says that it were.
 #include "io/image/header.h"
 
 #include <fmt/format.h>
@@ -24,7 +23,7 @@ using namespace std::string_view_literals;
 
 struct Format {
   std::string_view start;  ///< of a file
-  std::string_view name;   ///< OpenImageIO's, or for people
+  std::string_view name;   ///< the code's, or for people
 };
 
 constexpr auto kRead = std::to_array<Format>({{"\x89PNG\r\n\x1a\n"sv, "png"sv},

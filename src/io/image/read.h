@@ -20,7 +20,7 @@ namespace pounce::io {
 /// straight: where the file says that its colours are premultiplied (EXR always does) they are
 /// divided by alpha, and kept where alpha is 0. Of a file with several images the first is read, of
 /// one with more than four channels those that choose_channels() says. Formats, told by content
-/// (image_format()): PNG, JPEG, EXR, TIFF, WebP without alpha, Radiance HDR, binary PNM; those of
+/// (image_format()): PNG, JPEG, EXR, TIFF, WebP, Radiance HDR, binary PNM; those of
 /// `allowed`, too.
 ///
 /// Damage: a file that was cut off, a wrong PNG checksum and whatever the decoders notice throw
