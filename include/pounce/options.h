@@ -384,8 +384,8 @@ struct TransferOptions {
   /// ImageOptions::map_output named (.exr), through which MaterialOptions::textures are painted.
   std::string source = {};
   MeshUse source_use = {};
-  /// .glb, .gltf, .obj or .ply with UVs; at least one, but none for a hit map, which has its target in
-  /// it.
+  /// .glb, .gltf, .obj or .ply with UVs; at least one, but none for a hit map, which has its target
+  /// in it.
   std::vector<std::string> targets = {};
   MeshUse target_use = {};  ///< for every target
   /// Image path; may hold <CHANNEL>, <MATERIAL>, <TARGET> (needed for several), <UDIM> and
@@ -433,7 +433,8 @@ struct MapsOptions {
 
 /// Source preconditioning alone: a textured mesh or a splat scene as a file of Gaussians.
 struct GaussiansOptions {
-  std::string source = {};  ///< .glb, .gltf, .obj or .ply with a baseColor texture, or a splat scene
+  std::string source =
+      {};  ///< .glb, .gltf, .obj or .ply with a baseColor texture, or a splat scene
   /// .ply (3DGS), .spz (version 2) or .glb (KHR_gaussian_splatting, colours sRGB-coded or, where
   /// the source's are, linear).
   std::string output = {};

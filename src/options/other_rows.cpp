@@ -131,12 +131,13 @@ Rows<GaussiansOptions> gaussians_rows() {
   // formats, so "x,y,z" is a value like others here, and not the same as nothing.
   const std::string scenes = "Splat scenes";
   Rows<Options> rows{
-      row<Options>({.name = "source",
-                    .value = "SOURCE",
-                    .help = "Mesh with a baseColor texture (.glb, .gltf, .obj, .ply) or splat scene",
-                    .is_operand = true,
-                    .is_required = true},
-                   path(&Options::source), any_text()),
+      row<Options>(
+          {.name = "source",
+           .value = "SOURCE",
+           .help = "Mesh with a baseColor texture (.glb, .gltf, .obj, .ply) or splat scene",
+           .is_operand = true,
+           .is_required = true},
+          path(&Options::source), any_text()),
       row<Options>({.name = "output",
                     .value = "OUTPUT",
                     .group = "Output",

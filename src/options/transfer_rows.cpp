@@ -426,22 +426,25 @@ Rows<Options> method_rows() {
 
 Rows<Options> transfer_rows() {
   Rows<Options> rows{
-      row<Options>({.name = "source",
-                    .value = "SOURCE",
-                    .help = "Textured mesh (.glb, .gltf, .obj, .ply, .stl) or splat scene (.ply, .spz, .sog, "
-                            ".glb, .gltf, .splat, .ksplat)",
-                    .hashed = Hashed::otherwise,
-                    .is_operand = true,
-                    .is_required = true},
-                   path(&Options::source), any_text()),
-      row<Options>({.name = "target",
-                    .value = "TARGET",
-                    .help = "Meshes with UVs: .glb, .gltf, .obj or .ply. Several need <TARGET> in OUTPUT",
-                    .source = Source::mesh_or_splats,
-                    .hashed = Hashed::otherwise,
-                    .is_operand = true,
-                    .is_required = true},
-                   path(&Options::targets), any_text()),
+      row<Options>(
+          {.name = "source",
+           .value = "SOURCE",
+           .help =
+               "Textured mesh (.glb, .gltf, .obj, .ply, .stl) or splat scene (.ply, .spz, .sog, "
+               ".glb, .gltf, .splat, .ksplat)",
+           .hashed = Hashed::otherwise,
+           .is_operand = true,
+           .is_required = true},
+          path(&Options::source), any_text()),
+      row<Options>(
+          {.name = "target",
+           .value = "TARGET",
+           .help = "Meshes with UVs: .glb, .gltf, .obj or .ply. Several need <TARGET> in OUTPUT",
+           .source = Source::mesh_or_splats,
+           .hashed = Hashed::otherwise,
+           .is_operand = true,
+           .is_required = true},
+          path(&Options::targets), any_text()),
   };
   // The order of help, and of the hash: see above before you move one.
   append(rows, output_rows());

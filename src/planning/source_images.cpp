@@ -115,9 +115,8 @@ int SourceImages::column_for(const mesh::ImageRef& image, mesh::Wrap wrap_u, mes
       return static_cast<int>(i);
     }
   }
-  plan_.columns.push_back({image, wrap_u, wrap_v,
-                           io::ImageReader(image, options_.trust).info(), heeds_tags,
-                           options_.trust});
+  plan_.columns.push_back({image, wrap_u, wrap_v, io::ImageReader(image, options_.trust).info(),
+                           heeds_tags, options_.trust});
   if (const io::ImageInfo& info = plan_.columns.back().info; !info.left_out.empty()) {
     plan_.warnings.push_back(fmt::format(
         "{}: of its {} channels {} are used, the others are left out: {}{}", image.label,

@@ -18,9 +18,9 @@
 
 #include <cstring>
 
+#include "projection/blend.h"
 #include "projection/blend_lanes.h"
 #include "projection/footprint.h"
-#include "projection/blend.h"
 
 namespace pounce::projection::POUNCE_ISA_NAMESPACE {
 namespace {

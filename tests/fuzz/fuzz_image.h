@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "fuzz/fuzz_support.h"
-#include "io/files/asset_file.h"
 #include "io/codec/colour_tags.h"
 #include "io/codec/guard.h"
+#include "io/files/asset_file.h"
 #include "io/image/header.h"
 #include "io/image/read.h"
 #include "mesh/mesh.h"

@@ -81,8 +81,7 @@ std::uint64_t SourceColumns::bytes_read() const {
 }
 
 ColourRequest request_of(const planning::ColumnPlan& column) {
-  return {&column.image, &column.info, column.wrap_u,
-          column.wrap_v, nullptr,      column.trust};
+  return {&column.image, &column.info, column.wrap_u, column.wrap_v, nullptr, column.trust};
 }
 
 std::vector<job::LeastMemory> column_needs(const planning::SourcePlan& plan) {

@@ -35,8 +35,6 @@
 #include "io/codec/sample.h"
 #include "pounce/error.h"
 
-namespace Imf = OPENEXR_IMF_NAMESPACE;
-
 namespace pounce::io {
 namespace {
 

@@ -27,8 +27,6 @@
 #include "io/files/finished_output.h"
 #include "pounce/error.h"
 
-namespace Imf = OPENEXR_IMF_NAMESPACE;
-
 namespace pounce::io {
 namespace {
 

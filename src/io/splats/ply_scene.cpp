@@ -68,10 +68,11 @@ void check_kind(const PlyHeader& header, const std::string& path) {
   if (!has("f_dc_0")) {
     for (const char* name : {"face", "tristrips"}) {
       if (const PlyElement* e = header.find(name); e != nullptr && e->count > 0) {
-        refuse(path,
-               "a mesh ({} vertices, {} {} rows) whose faces are no lists \"vertex_indices\"; export "
-               "it with plain faces",
-               vertex->count, e->count, name);
+        refuse(
+            path,
+            "a mesh ({} vertices, {} {} rows) whose faces are no lists \"vertex_indices\"; export "
+            "it with plain faces",
+            vertex->count, e->count, name);
       }
     }
     if (!has("scale_0") && !has("rot_0")) {

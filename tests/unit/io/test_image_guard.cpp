@@ -413,7 +413,8 @@ TEST_CASE("an EXR that promises more chunks than it can list is refused unread",
 
 TEST_CASE("a BMP with run lengths is not unpacked before it is read", "[image]") {
   const auto three = [](bool grey) {
-    const io::ImageReader reader(in_memory(run_length_bmp(300, 2, 8, bmp_palette(grey))), {kAllowed});
+    const io::ImageReader reader(in_memory(run_length_bmp(300, 2, 8, bmp_palette(grey))),
+                                 {kAllowed});
     CHECK(reader.info().decoder_bytes >= 600);
     return reader.info().channels;
   };

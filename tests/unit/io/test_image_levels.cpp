@@ -4,9 +4,9 @@
 #include <catch2/catch.hpp>
 #include <utility>
 
-#include "io/image/read.h"
 #include "io/codec/sample.h"
 #include "io/codec/tiff_directory.h"
+#include "io/image/read.h"
 #include "io/image/write.h"
 #include "support/test_data.h"
 #include "unit/io/image_files.h"

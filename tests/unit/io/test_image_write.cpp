@@ -12,8 +12,8 @@
 #include <thread>
 
 #include "core/portable_math.h"
-#include "io/files/output_file.h"
 #include "io/codec/sample.h"
+#include "io/files/output_file.h"
 #include "io/image/write.h"
 #include "pounce/error.h"
 #include "support/failing_file_system.h"
