@@ -81,6 +81,27 @@ void take_samples(TiffDirectory& from, TiffPicture& picture) {
   picture.bits = static_cast<std::uint32_t>(bits);
 }
 
+[[noreturn]] void refuse_colours(const TiffDirectory& from, const TiffPicture& picture,
+                                 std::uint64_t photometric) {
+  constexpr auto kNames = std::to_array<Name>({{0, "white-is-zero"},
+                                               {2, "RGB"},
+                                               {3, "palette"},
+                                               {4, "mask"},
+                                               {5, "ink"},
+                                               {6, "YCbCr"},
+                                               {8, "CIELAB"},
+                                               {9, "ICCLAB"},
+                                               {10, "ITULAB"},
+                                               {32803, "camera sensor"},
+                                               {32844, "LogL"},
+                                               {32845, "LogLuv"},
+                                               {34892, "camera sensor"}});
+  from.refuse(fmt::format(
+      "TIFF images of {} colours with {} samples of {} bits per texel are not supported; convert "
+      "it to RGB or grey of 8 or 16 bits, half or float",
+      name_of(kNames, photometric), picture.samples, picture.bits));
+}
+
 /// What the samples mean.
 void take_colours(TiffDirectory& from, TiffPicture& picture) {
   using Colours = TiffPicture::Colours;
@@ -111,23 +132,7 @@ void take_colours(TiffDirectory& from, TiffPicture& picture) {
       from.refuse("the TIFF's palette is not a list of 16-bit integers; the file is damaged");
     from.numbers(*map, std::uint64_t{3} << picture.bits);
   } else {
-    constexpr auto kNames = std::to_array<Name>({{kWhiteIsZero, "white-is-zero"},
-                                                 {kRgb, "RGB"},
-                                                 {kPalette, "palette"},
-                                                 {4, "mask"},
-                                                 {kInks, "ink"},
-                                                 {kYCbCr, "YCbCr"},
-                                                 {8, "CIELAB"},
-                                                 {9, "ICCLAB"},
-                                                 {10, "ITULAB"},
-                                                 {32803, "camera sensor"},
-                                                 {32844, "LogL"},
-                                                 {32845, "LogLuv"},
-                                                 {34892, "camera sensor"}});
-    from.refuse(fmt::format(
-        "TIFF images of {} colours with {} samples of {} bits per texel are not supported; convert "
-        "it to RGB or grey of 8 or 16 bits, half or float",
-        name_of(kNames, photometric), picture.samples, picture.bits));
+    refuse_colours(from, picture, photometric);
   }
   const std::uint64_t extra = picture.samples - (picture.colours == Colours::rgb    ? 3
                                                  : picture.colours == Colours::cmyk ? 4
