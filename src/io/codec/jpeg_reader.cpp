@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "io/codec/guard.h"
+#include "io/codec/jump.h"
 #include "io/codec/row_decoder.h"
 #include "pounce/error.h"
 
@@ -132,15 +133,6 @@ boolean on_profile(j_decompress_ptr jpeg) {
   return TRUE;
 }
 
-/// Runs a step of libjpeg. False where it failed: JpegContext says why. Never inlined: what a jump
-/// comes back to must keep no variable of the caller in a register.
-template <class Step>
-[[gnu::noinline]] bool attempt(JpegContext& context, Step step) {
-  if (setjmp(context.place) != 0) return false;
-  step();
-  return true;
-}
-
 /// libjpeg holds a few rows of blocks per component.
 std::uint64_t row_cost(std::uint64_t width) { return kDecoderBaseBytes + width * 3 * 64; }
 
@@ -204,7 +196,7 @@ JpegDecoder::JpegDecoder(ByteSource& bytes, ImageInfo& info) : bytes_(bytes) {
 }
 
 void JpegDecoder::read_header() {
-  const bool read = attempt(context_, [this] {
+  const bool read = attempt(context_.place, [this] {
     jpeg_create_decompress(&jpeg_);
     context_.source.init_source = do_nothing;
     context_.source.fill_input_buffer = on_fill;
@@ -227,7 +219,7 @@ void JpegDecoder::start() {
   }
   // What is counted, and a part of it for the library's own tables.
   jpeg_.mem->max_memory_to_use = static_cast<long>(decoder_bytes_ + kDecoderBaseBytes);
-  if (!attempt(context_, [this] { jpeg_start_decompress(&jpeg_); })) fail("decoding failed");
+  if (!attempt(context_.place, [this] { jpeg_start_decompress(&jpeg_); })) fail("decoding failed");
 }
 
 /// Adobe writes the inks as what they leave white.
@@ -244,7 +236,7 @@ void JpegDecoder::from_cmyk(const JSAMPLE* texel, std::byte* out) const {
 void JpegDecoder::read_rows(std::uint32_t first, std::uint32_t count, std::byte* rows) {
   if (first == 0) start();
   std::uint32_t done = 0;
-  const bool decoded = attempt(context_, [&] {
+  const bool decoded = attempt(context_.place, [&] {
     while (done < count) {
       std::byte* const out = rows + done * row_bytes_;
       JSAMPROW row = cmyk_.empty() ? reinterpret_cast<JSAMPROW>(out) : cmyk_.data();

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "io/codec/colour_tags.h"
+#include "io/codec/jump.h"
 #include "io/codec/row_encoder.h"
 #include "io/files/finished_output.h"
 #include "pounce/error.h"
@@ -64,14 +65,6 @@ boolean on_full(j_compress_ptr jpeg) {
 void on_end(j_compress_ptr jpeg) {
   JpegSink& context = sink_of(jpeg);
   put(context, context.buffer.size() - context.destination.free_in_buffer);
-}
-
-/// See jpeg_reader.cpp.
-template <class Step>
-[[gnu::noinline]] bool attempt(JpegSink& context, Step step) {
-  if (setjmp(context.place) != 0) return false;
-  step();
-  return true;
 }
 
 /// Appends a big-endian number.
@@ -155,7 +148,7 @@ class JpegEncoder : public RowEncoder {
  private:
   template <class Step>
   void run(Step step) {
-    const bool did = attempt(context_, step);
+    const bool did = attempt(context_.place, step);
     if (context_.failure) std::rethrow_exception(context_.failure);
     if (!did) {
       throw Error(ErrorKind::storage,

@@ -17,6 +17,7 @@
 
 #include "core/page_pool.h"
 #include "io/codec/guard.h"
+#include "io/codec/jump.h"
 #include "io/codec/row_decoder.h"
 #include "pounce/error.h"
 
@@ -47,15 +48,6 @@ void on_read(png_structp png, png_bytep out, png_size_t count) {
   if (context.bytes->read_at(context.position, out, count) != count)
     png_error(png, "the file ends too early");
   context.position += count;
-}
-
-/// Runs a step of libpng. False where it failed: PngContext says why. Never inlined: what a jump
-/// comes back to must keep no variable of the caller in a register.
-template <class Step>
-[[gnu::noinline]] bool attempt(png_structp png, Step step) {
-  if (setjmp(png_jmpbuf(png)) != 0) return false;
-  step();
-  return true;
 }
 
 class PngDecoder : public RowDecoder {
@@ -102,7 +94,7 @@ void PngDecoder::set_up() {
   static constexpr std::array<png_byte, 25> kColours{'c', 'I', 'C', 'P', 0,   'i', 'C', 'C', 'P',
                                                      0,   's', 'R', 'G', 'B', 0,   'g', 'A', 'M',
                                                      'A', 0,   'c', 'H', 'R', 'M', 0};
-  const bool opened = attempt(png_, [this] {
+  const bool opened = attempt(png_jmpbuf(png_), [this] {
     png_set_read_fn(png_, &context_, on_read);
     png_set_user_limits(png_, 0x7FFFFFFF, 0x7FFFFFFF);  // check_size() says it better
     png_set_chunk_malloc_max(png_, kMostColourBytes);
@@ -113,7 +105,7 @@ void PngDecoder::set_up() {
   if (!opened) fail("the image header cannot be read");
   check_size(bytes_.label(), png_get_image_width(png_, png_info_),
              png_get_image_height(png_, png_info_));
-  const bool described = attempt(png_, [this] {
+  const bool described = attempt(png_jmpbuf(png_), [this] {
     png_set_expand(png_);  // small samples, palettes, transparency
     if (std::endian::native == std::endian::little) png_set_swap(png_);
     passes_ = png_set_interlace_handling(png_);
@@ -145,7 +137,7 @@ void PngDecoder::describe(ImageInfo& info) {
 
 void PngDecoder::decode_whole() {
   whole_.resize(row_bytes_ * height_);
-  const bool decoded = attempt(png_, [this] {
+  const bool decoded = attempt(png_jmpbuf(png_), [this] {
     for (int pass = 0; pass < passes_; ++pass) {
       for (std::uint32_t y = 0; y < height_; ++y)
         png_read_row(png_, reinterpret_cast<png_bytep>(whole_.data() + y * row_bytes_), nullptr);
@@ -160,14 +152,14 @@ void PngDecoder::read_rows(std::uint32_t first, std::uint32_t count, std::byte* 
     std::memcpy(rows, whole_.data() + first * row_bytes_, count * row_bytes_);
   } else {
     std::uint32_t done = 0;
-    const bool decoded = attempt(png_, [&] {
+    const bool decoded = attempt(png_jmpbuf(png_), [&] {
       for (; done < count; ++done)
         png_read_row(png_, reinterpret_cast<png_bytep>(rows + done * row_bytes_), nullptr);
     });
     if (!decoded) fail(fmt::format("decoding failed in row {} of {}", first + done, height_));
   }
   if (first + count < height_) return;
-  if (!attempt(png_, [this] { png_read_end(png_, nullptr); }))
+  if (!attempt(png_jmpbuf(png_), [this] { png_read_end(png_, nullptr); }))
     fail("all rows of the PNG were decoded, but not what follows them");
 }
 

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "io/codec/colour_tags.h"
+#include "io/codec/jump.h"
 #include "io/codec/row_encoder.h"
 #include "io/codec/sample.h"
 #include "io/files/finished_output.h"
@@ -27,9 +28,11 @@ namespace {
 
 constexpr std::size_t kBlockBytes = 128 << 10;
 /// Blocks that are coded at the same time, at most.
-constexpr std::size_t kMostAtOnce = 8;
+constexpr std::size_t kMostAtOnce = 6;
 /// Rows that come together.
 constexpr std::uint32_t kStripeRows = 64;
+/// What libpng takes, and the buffers of its chunks.
+constexpr std::uint64_t kBaseBytes = 256 << 10;
 /// What zlib takes for one (its zconf.h).
 constexpr std::uint64_t kDeflaterBytes = 272 << 10;
 
@@ -144,14 +147,6 @@ void on_write(png_structp png, png_bytep bytes, png_size_t count) {
 
 void on_warning(png_structp, png_const_charp) {}
 
-/// See png_reader.cpp.
-template <class Step>
-[[gnu::noinline]] bool attempt(png_structp png, Step step) {
-  if (setjmp(png_jmpbuf(png)) != 0) return false;
-  step();
-  return true;
-}
-
 class PngEncoder : public RowEncoder {
  public:
   PngEncoder(ByteSink sink, const ImageWriteSpec& spec, ForEach for_each)
@@ -242,7 +237,7 @@ class PngEncoder : public RowEncoder {
 
   template <class Step>
   void run(Step step) {
-    const bool did = attempt(png_, step);
+    const bool did = attempt(png_jmpbuf(png_), step);
     if (context_.failure) std::rethrow_exception(context_.failure);
     if (!did) fail(context_.message.data());
   }
@@ -308,7 +303,8 @@ std::uint64_t png_encoder_bytes(const ImageWriteSpec& spec) {
   // waits for its rows, one is on its way to the file.
   const std::uint64_t row = row_bytes_of(spec) + 1;
   const std::uint64_t block = row * std::min(block_rows(spec), spec.height);
-  return blocks_at_once(spec) * (kDeflaterBytes + 2 * block + 2 * row + block / 8) + 2 * block;
+  return kBaseBytes + 2 * block +
+         blocks_at_once(spec) * (kDeflaterBytes + 2 * block + 2 * row + block / 8);
 }
 
 }  // namespace pounce::io

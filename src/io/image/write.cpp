@@ -268,7 +268,7 @@ std::uint64_t ImageWriter::encoder_bytes(const std::string& path, const ImageWri
   if (name == "openexr") return kEncoderBaseBytes + 16 * 6 * row;
   if (name == "tiff") return kEncoderBaseBytes + 3 * row * strip_rows(spec);
   if (name == "jpeg") return kEncoderBaseBytes + 64 * row;
-  return kEncoderBaseBytes + png_encoder_bytes(spec);
+  return png_encoder_bytes(spec);
 }
 
 }  // namespace pounce::io

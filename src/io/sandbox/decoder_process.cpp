@@ -53,7 +53,7 @@ Idle& idle() {
   return *own;
 }
 
-/// The slowest decoders do 20 MiB per second.
+/// Much more than any decoder needs.
 double most_cpu_seconds(std::uint64_t work_bytes) {
   return 20 + static_cast<double>(work_bytes) / (1 << 20);
 }

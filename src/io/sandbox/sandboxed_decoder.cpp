@@ -22,8 +22,11 @@ namespace {
 
 /// Rows that come in one go: this much, or one.
 constexpr std::uint64_t kBufferBytes = 1 << 20;
-/// What opening a file may take: headers, tables, and a block of each part of an EXR.
-constexpr std::uint64_t kOpeningBytes = 1536ULL << 20;
+/// What opening a file may take: headers and tables; of an EXR a block of each part as well, of
+/// which its guard lets through 1 GiB.
+constexpr std::uint64_t kOpeningBytes = 128 << 20, kOpeningExrBytes = 1280ULL << 20;
+/// Channels that are handed out: four, or as many as were named as data.
+constexpr std::size_t kMostDataChannels = 64;
 /// What the program takes beside what a decoder says.
 constexpr std::uint64_t kSlackBytes = 64 << 20;
 
@@ -60,6 +63,10 @@ bool needs_module(const std::string& format) {
   return format == "hdr" || format == "bmp" || format == "targa";
 }
 
+std::uint64_t opening_bytes(const std::string& format) {
+  return format == "openexr" ? kOpeningExrBytes : kOpeningBytes;
+}
+
 Message request_of(const char* what, const ByteSource& bytes, const std::string& format) {
   const ByteSource::Range range = bytes.range();
   return {{"what", what},     {"label", bytes.label()},       {"path", bytes.path()},
@@ -86,9 +93,12 @@ class SandboxedDecoder : public RowDecoder {
     const int file = bytes.share();
     try {
       const std::string format = info.format;
-      info = info_from(process_->ask(label_, request, {file}, kOpeningBytes, bytes.size_bytes()));
+      info = info_from(
+          process_->ask(label_, request, {file}, opening_bytes(format), bytes.size_bytes()));
       info.format = format;
       check_size(label_, info.width, info.height);
+      if (info.channels > kMostDataChannels || info.names.size() != info.channels)
+        throw std::runtime_error("no image has so many channels");
     } catch (const Error&) {
       throw;
     } catch (const std::exception&) {
@@ -158,9 +168,13 @@ std::optional<std::vector<std::string>> list_sandboxed(ByteSource& bytes, Sandbo
   auto process = take(bytes.label(), "openexr", mode);
   if (!process) return std::nullopt;
   const Message answer = process->ask(bytes.label(), request_of("list", bytes, "openexr"),
-                                      {bytes.share()}, kOpeningBytes, bytes.size_bytes());
+                                      {bytes.share()}, kOpeningExrBytes, bytes.size_bytes());
   DecoderProcess::give_back(std::move(process));
-  return answer.at("names").get<std::vector<std::string>>();
+  try {
+    return answer.at("names").get<std::vector<std::string>>();
+  } catch (const Message::exception&) {
+    throw Error(ErrorKind::input, bytes.label() + ": its decoder says what cannot be");
+  }
 }
 
 }  // namespace pounce::io

@@ -73,7 +73,7 @@ TEST_CASE("a large image is written and read in the memory that was announced", 
   const std::uint64_t encoder =
       io::ImageWriter::encoder_bytes(path, spec_of(depth, kSide, tile_size));
   CHECK(peak_rss() <= before_write + encoder + row + slack);
-  CHECK(encoder < ((tile_size == 0 ? 6U : 8U) << 20));
+  CHECK(encoder < ((tile_size == 0 ? 4U : 8U) << 20));
 
   const std::uint64_t before_read = reset_peak_rss();
   read_in_strips(path);
