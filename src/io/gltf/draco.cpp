@@ -292,8 +292,8 @@ std::uint64_t most_draco_vertices(std::uint64_t accessor_count) {
   return accessor_count + accessor_count / 2 + 256;
 }
 
-// Estimated from the library's tables, and wide; tests/unit/io/test_packed.cpp holds it against what
-// is allocated for grids.
+// Estimated from the library's tables, and wide; tests/unit/io/test_packed.cpp holds it against
+// what is allocated for grids.
 std::uint64_t draco_bytes(const GltfFile& file, const tinygltf::Model& model,
                           const tinygltf::Primitive& primitive) {
   constexpr std::uint64_t kPerFace = 160, kPerPoint = 64;
