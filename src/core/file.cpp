@@ -31,14 +31,13 @@
 #include <mutex>
 #include <system_error>
 
+#include "core/growing_file.h"
 #include "core/posix_io.h"
+#include "core/resumable_file.h"
 #include "pounce/error.h"
 
 namespace pounce {
 namespace {
-
-// Chunks are 1 KB to 1 MB: small ones are gathered so that a write costs no more than the copy.
-constexpr std::size_t kWriteBufferBytes = 256u << 10;
 
 /// Opens a file to lock it. Another user's, in a folder that users share, may only be opened for
 /// reading, which is enough for a lock (but on NFS).
@@ -48,27 +47,6 @@ int open_to_lock(const std::string& path, int flags, mode_t mode = 0) {
   const int readable = open_retrying(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
   if (readable < 0) errno = EACCES;
   return readable;
-}
-
-/// Takes a lock (LOCK_SH or LOCK_EX) without waiting; false if somebody else has it.
-bool lock_now(int fd, const std::string& path, int kind) {
-  while (::flock(fd, kind | LOCK_NB) != 0) {
-    if (errno == EINTR) continue;
-    if (errno == EWOULDBLOCK) return false;
-    fail_storage(path, "lock", errno);
-  }
-  return true;
-}
-
-/// Whether `path` names the open file: another process may have removed or replaced it.
-bool is_named(int fd, const std::string& path) {
-  const struct stat here = status_of(fd, path);
-  struct stat there {};
-  if (::stat(path.c_str(), &there) != 0) {
-    if (errno == ENOENT) return false;
-    fail_storage(path, "examine it", errno);
-  }
-  return here.st_dev == there.st_dev && here.st_ino == there.st_ino;
 }
 
 std::int64_t nanoseconds(const timespec& time) {
@@ -100,103 +78,6 @@ class PosixReadFile final : public ReadFile {
   std::uint64_t size_ = 0;
 };
 
-/// What a growing file and its readers share. Bytes below written_ are in the file, the rest in the
-/// buffer. A failed write changes neither, so that it may be tried again. Its bytes are in the
-/// account, if there is one, until nobody has it open.
-class GrowingFile {
- public:
-  GrowingFile(Descriptor fd, std::string path, std::shared_ptr<ScratchAccount> account)
-      : fd_(std::move(fd)), path_(std::move(path)), account_(std::move(account)) {}
-  ~GrowingFile() {
-    if (account_) account_->give_back(taken_);
-  }
-  GrowingFile(const GrowingFile&) = delete;
-  GrowingFile& operator=(const GrowingFile&) = delete;
-
-  void append(std::span<const std::byte> bytes) {
-    const std::lock_guard lock(mutex_);
-    if (account_) {
-      account_->take(bytes.size());
-      taken_ += bytes.size();
-    }
-    // Order in the file is order of appends, so what is buffered goes first.
-    if (buffer_.size() + bytes.size() > kWriteBufferBytes) flush_locked();
-    if (bytes.size() >= kWriteBufferBytes) {  // no copy of what is large already
-      const std::uint64_t at = written_.load(std::memory_order_relaxed);
-      write_fully(fd_.get(), path_, at, bytes);
-      // Released after the bytes are in the file: a reader that sees the new count may read up to
-      // it.
-      written_.store(at + bytes.size(), std::memory_order_release);
-    } else {
-      if (buffer_.capacity() == 0) buffer_.reserve(kWriteBufferBytes);
-      buffer_.insert(buffer_.end(), bytes.begin(), bytes.end());
-    }
-  }
-
-  std::uint64_t size_bytes() const {
-    const std::lock_guard lock(mutex_);
-    return written_.load(std::memory_order_relaxed) + buffer_.size();
-  }
-
-  /// Empties the buffer and gives its memory back: files that are only read from now on hold none.
-  void flush() {
-    const std::lock_guard lock(mutex_);
-    flush_locked();
-    std::vector<std::byte>().swap(buffer_);
-  }
-
-  void sync() {
-    // The data alone: a size that grew counts as data, times do not matter.
-    flush();
-    // After a failed fdatasync the kernel may have dropped the pages and report success next time.
-    if (sync_failed_) fail_storage(path_, "write to the disk", EIO);
-    while (::fdatasync(fd_.get()) != 0) {
-      if (errno == EINTR) continue;
-      sync_failed_ = true;
-      fail_storage(path_, "write to the disk", errno);
-    }
-  }
-
-  void read(std::uint64_t offset, std::span<std::byte> out) {
-    // Mostly no lock: what was flushed never changes.
-    if (offset + out.size() > written_.load(std::memory_order_acquire)) {
-      const std::lock_guard lock(mutex_);
-      flush_locked();
-    }
-    read_fully(fd_.get(), path_, offset, out);
-  }
-
- private:
-  void flush_locked() {
-    if (buffer_.empty()) return;
-    const std::uint64_t at = written_.load(std::memory_order_relaxed);
-    write_fully(fd_.get(), path_, at, buffer_);
-    written_.store(at + buffer_.size(), std::memory_order_release);
-    buffer_.clear();
-  }
-
-  const Descriptor fd_;
-  const std::string path_;
-  const std::shared_ptr<ScratchAccount> account_;
-  mutable std::mutex mutex_;  // guards buffer_, taken_ and changes of written_
-  std::uint64_t taken_ = 0;   // from the account
-  std::vector<std::byte> buffer_;
-  std::atomic<std::uint64_t> written_{0};
-  bool sync_failed_ = false;
-};
-
-class GrowingReadFile final : public ReadFile {
- public:
-  explicit GrowingReadFile(std::shared_ptr<GrowingFile> file) : file_(std::move(file)) {}
-  std::uint64_t size_bytes() const override { return file_->size_bytes(); }
-  void read(std::uint64_t offset, std::span<std::byte> out) const override {
-    file_->read(offset, out);
-  }
-
- private:
-  std::shared_ptr<GrowingFile> file_;
-};
-
 class PosixWriteFile final : public WriteFile {
  public:
   PosixWriteFile(Descriptor fd, const std::string& path,
@@ -206,7 +87,7 @@ class PosixWriteFile final : public WriteFile {
   std::uint64_t size_bytes() const override { return file_->size_bytes(); }
   void sync() override { file_->sync(); }
   std::unique_ptr<ReadFile> reader() const override {
-    file_->flush();
+    file_->drop_buffer();
     return std::make_unique<GrowingReadFile>(file_);
   }
 
@@ -246,6 +127,13 @@ class PosixFileSystem final : public FileSystem {
     Descriptor fd(open_scratch_file(where));
     if (fd.get() < 0) fail_to_change(where, "create a scratch file there", errno);
     return std::make_unique<PosixWriteFile>(std::move(fd), where + "/(scratch file)", account_);
+  }
+
+  std::unique_ptr<ResumableFile> create_resumable(const std::string& path) override {
+    return pounce::create_resumable(path, account_);
+  }
+  std::unique_ptr<ResumableFile> reopen_resumable(const std::string& path) override {
+    return pounce::reopen_resumable(path, account_);
   }
 
   // A file in its place, or a folder on the way that is a file: it is not there. Anything else

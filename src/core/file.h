@@ -37,6 +37,21 @@ class WriteFile {
   virtual std::unique_ptr<ReadFile> reader() const = 0;
 };
 
+/// A scratch file that another process can go on with when this one has died: nameless until keep()
+/// gives it its name. Nobody else can have it while it is open. Not thread-safe, but for readers.
+class ResumableFile : public WriteFile {
+ public:
+  /// Gives it its name. False, and it stays nameless, where that cannot be: there is another file
+  /// of that name, or the folder is gone.
+  virtual bool keep() = 0;
+  /// What was appended so far outlives this process. (Whether it outlives the machine sync() says.)
+  virtual void flush() = 0;
+  /// Drops what is behind this.
+  virtual void cut(std::uint64_t size_bytes) = 0;
+  /// Takes its name away: it goes when it is closed.
+  virtual void forget() noexcept = 0;
+};
+
 /// What a file system says of one name.
 struct FileStatus {
   std::uint64_t size_bytes = 0;
@@ -62,6 +77,11 @@ class FileSystem {
   virtual std::unique_ptr<WriteFile> create(const std::string& path) = 0;  ///< fails if it exists
   /// A nameless file in `folder`: gone when closed or when the process dies, however it dies.
   virtual std::unique_ptr<WriteFile> create_scratch(const std::string& folder) = 0;
+  /// Null where this file system has no such files.
+  virtual std::unique_ptr<ResumableFile> create_resumable(const std::string& path) = 0;
+  /// One that was kept, at its end. Null if there is none, somebody has it, or another user could
+  /// have written it; a symbolic link is none.
+  virtual std::unique_ptr<ResumableFile> reopen_resumable(const std::string& path) = 0;
   virtual bool exists(const std::string& path) = 0;
   virtual void rename(const std::string& from, const std::string& to) = 0;  ///< replaces `to`
   virtual void remove(const std::string& path) = 0;                         ///< missing is fine

@@ -8,6 +8,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -27,8 +28,10 @@ constexpr const char* kAnotherFolder = "; choose a folder that this user may wri
 
 [[noreturn]] void fail(const std::string& path, const std::string& what, int code,
                        const char* cure) {
-  throw Error(ErrorKind::storage, fmt::format("{}: cannot {}: {}{}", path, what,
-                                              std::generic_category().message(code), cure));
+  throw Error(
+      ErrorKind::storage,
+      fmt::format("{}: cannot {}: {}{}", path, what, std::generic_category().message(code), cure),
+      is_passing(code));
 }
 
 constexpr std::string_view kScratchPrefix = ".pounce-", kScratchRandom = "XXXXXX";
@@ -65,6 +68,10 @@ void remove_left_scratch(const std::string& folder) {
 }
 
 }  // namespace
+
+bool is_passing(int code) noexcept {
+  return code == ENOSPC || code == EDQUOT || code == EIO || code == ESTALE;
+}
 
 const char* storage_advice(int code) {
   switch (code) {
@@ -131,6 +138,25 @@ int open_scratch_file(const std::string& folder) {
   file = ::mkostemp(path.data(), O_CLOEXEC);
   if (file >= 0) ::unlink(path.c_str());
   return file;
+}
+
+bool lock_now(int fd, const std::string& path, int kind) {
+  while (::flock(fd, kind | LOCK_NB) != 0) {
+    if (errno == EINTR) continue;
+    if (errno == EWOULDBLOCK) return false;
+    fail_storage(path, "lock", errno);
+  }
+  return true;
+}
+
+bool is_named(int fd, const std::string& path) {
+  const struct stat here = status_of(fd, path);
+  struct stat there {};
+  if (::stat(path.c_str(), &there) != 0) {
+    if (errno == ENOENT) return false;
+    fail_storage(path, "examine it", errno);
+  }
+  return here.st_dev == there.st_dev && here.st_ino == there.st_ino;
 }
 
 struct stat status_of(int fd, const std::string& path) {

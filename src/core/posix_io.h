@@ -17,6 +17,9 @@
 
 namespace pounce {
 
+/// An errno for which trying again may help: see Error::is_passing().
+bool is_passing(int code) noexcept;
+
 /// What to do about an errno of a file or folder, as the end of a sentence: "; free some space or
 /// choose another folder". "" where its message says it all.
 const char* storage_advice(int code);
@@ -56,6 +59,11 @@ int open_for_reading(const std::string& path);
 /// a file system has no nameless files it has a name for a moment; what a process left that died at
 /// that moment is removed. Thread-safe.
 int open_scratch_file(const std::string& folder);
+
+/// Takes a lock (LOCK_SH or LOCK_EX) without waiting; false if somebody else has it.
+bool lock_now(int fd, const std::string& path, int kind);
+/// Whether `path` names the open file: another process may have removed or replaced it.
+bool is_named(int fd, const std::string& path);
 
 /// fstat() that throws; `path` is for the message.
 struct stat status_of(int fd, const std::string& path);

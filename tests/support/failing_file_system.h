@@ -46,6 +46,16 @@ class FailingFileSystem : public FileSystem {
     step("create_scratch");
     return std::make_unique<Writer>(*this, real_.create_scratch(folder));
   }
+  std::unique_ptr<ResumableFile> create_resumable(const std::string& path) override {
+    step("create_resumable");
+    auto file = real_.create_resumable(path);
+    return file ? std::make_unique<Resumable>(*this, std::move(file)) : nullptr;
+  }
+  std::unique_ptr<ResumableFile> reopen_resumable(const std::string& path) override {
+    step("reopen_resumable");
+    auto file = real_.reopen_resumable(path);
+    return file ? std::make_unique<Resumable>(*this, std::move(file)) : nullptr;
+  }
   bool exists(const std::string& path) override {
     step("exists");
     return real_.exists(path);
@@ -171,6 +181,42 @@ class FailingFileSystem : public FileSystem {
    private:
     FailingFileSystem& files_;
     std::unique_ptr<WriteFile> real_;
+  };
+
+  class Resumable final : public ResumableFile {
+   public:
+    Resumable(FailingFileSystem& files, std::unique_ptr<ResumableFile> real)
+        : files_(files), real_(std::move(real)) {}
+    void append(std::span<const std::byte> bytes) override {
+      if (files_.fails()) {
+        if (files_.plan_.short_writes) real_->append(bytes.first(bytes.size() / 2));
+        fail("append");
+      }
+      real_->append(bytes);
+    }
+    std::uint64_t size_bytes() const override { return real_->size_bytes(); }
+    void sync() override {
+      files_.step("sync");
+      real_->sync();
+    }
+    void flush() override {
+      files_.step("flush");
+      real_->flush();
+    }
+    void cut(std::uint64_t size_bytes) override {
+      files_.step("cut");
+      real_->cut(size_bytes);
+    }
+    std::unique_ptr<ReadFile> reader() const override {
+      files_.step("reader");
+      return std::make_unique<Reader>(files_, real_->reader());
+    }
+    bool keep() override { return real_->keep(); }
+    void forget() noexcept override { real_->forget(); }
+
+   private:
+    FailingFileSystem& files_;
+    std::unique_ptr<ResumableFile> real_;
   };
 
   FileSystem& real_;

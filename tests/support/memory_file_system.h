@@ -80,6 +80,12 @@ class Contents {
     }
   }
 
+  void cut(std::uint64_t size_bytes) {
+    const std::unique_lock lock(mutex_);
+    size_ = std::min(size_, size_bytes);
+    pieces_.resize((size_ + kPieceBytes - 1) / kPieceBytes);
+  }
+
   void read(std::uint64_t offset, std::span<std::byte> out) const {
     const std::shared_lock lock(mutex_);
     if (offset > size_ || out.size() > size_ - offset) {
@@ -150,6 +156,49 @@ class MemoryWriteFile final : public WriteFile {
   HoldPtr hold_;
 };
 
+/// What names lead to; shared with files that get or lose theirs while they are open.
+struct Names {
+  std::mutex mutex;  ///< guards the others
+  std::map<std::string, std::shared_ptr<Contents>> files;
+  std::set<std::string> folders;
+};
+
+class MemoryResumableFile final : public ResumableFile {
+ public:
+  MemoryResumableFile(std::shared_ptr<Contents> contents, std::shared_ptr<Names> names,
+                      std::string path, bool named)
+      : contents_(std::move(contents)),
+        hold_(std::make_shared<Hold>(contents_)),
+        names_(std::move(names)),
+        path_(std::move(path)),
+        named_(named) {}
+  void append(std::span<const std::byte> bytes) override { contents_->append(bytes); }
+  std::uint64_t size_bytes() const override { return contents_->size_bytes(); }
+  void sync() override {}
+  void flush() override {}
+  void cut(std::uint64_t size_bytes) override { contents_->cut(size_bytes); }
+  std::unique_ptr<ReadFile> reader() const override {
+    return std::make_unique<MemoryReadFile>(contents_, hold_);
+  }
+  bool keep() override {
+    const std::lock_guard lock(names_->mutex);
+    named_ = named_ || names_->files.emplace(path_, contents_).second;
+    return named_;
+  }
+  void forget() noexcept override {
+    const std::lock_guard lock(names_->mutex);
+    if (named_) names_->files.erase(path_);
+    named_ = false;
+  }
+
+ private:
+  const std::shared_ptr<Contents> contents_;
+  const HoldPtr hold_;
+  const std::shared_ptr<Names> names_;
+  const std::string path_;
+  bool named_;
+};
+
 /// The locks held; shared with them, so that a lock may outlive the file system.
 struct HeldLocks {
   std::mutex mutex;
@@ -173,9 +222,9 @@ class MemoryFileLock final : public FileLock {
 class MemoryFileSystem final : public FileSystem {
  public:
   std::unique_ptr<ReadFile> open(const std::string& path) override {
-    const std::lock_guard lock(mutex_);
-    const auto found = files_.find(normal(path));
-    if (found == files_.end()) fail(path, "open", ENOENT);
+    const std::lock_guard lock(names_->mutex);
+    const auto found = names_->files.find(normal(path));
+    if (found == names_->files.end()) fail(path, "open", ENOENT);
     return std::make_unique<MemoryReadFile>(found->second);
   }
 
@@ -188,47 +237,59 @@ class MemoryFileSystem final : public FileSystem {
         std::make_shared<Contents>(folder + "/(scratch file)"));
   }
 
+  std::unique_ptr<ResumableFile> create_resumable(const std::string& path) override {
+    return std::make_unique<MemoryResumableFile>(std::make_shared<Contents>(path), names_,
+                                                 normal(path), false);
+  }
+  std::unique_ptr<ResumableFile> reopen_resumable(const std::string& path) override {
+    const std::lock_guard lock(names_->mutex);
+    const auto found = names_->files.find(normal(path));
+    if (found == names_->files.end() || found->second->held()) return nullptr;
+    return std::make_unique<MemoryResumableFile>(found->second, names_, normal(path), true);
+  }
+
   bool exists(const std::string& path) override {
-    const std::lock_guard lock(mutex_);
-    return files_.contains(normal(path)) || has_folder(normal(path));
+    const std::lock_guard lock(names_->mutex);
+    return names_->files.contains(normal(path)) || has_folder(normal(path));
   }
 
   void rename(const std::string& from, const std::string& to) override {
-    const std::lock_guard lock(mutex_);
-    const auto found = files_.find(normal(from));
-    if (found == files_.end() || !has_folder(parent(normal(to)))) fail(from, "rename", ENOENT);
+    const std::lock_guard lock(names_->mutex);
+    const auto found = names_->files.find(normal(from));
+    if (found == names_->files.end() || !has_folder(parent(normal(to))))
+      fail(from, "rename", ENOENT);
     auto contents = std::move(found->second);
-    files_.erase(found);
-    files_[normal(to)] = std::move(contents);
+    names_->files.erase(found);
+    names_->files[normal(to)] = std::move(contents);
   }
 
   void remove(const std::string& path) override {
-    const std::lock_guard lock(mutex_);
-    files_.erase(normal(path));
+    const std::lock_guard lock(names_->mutex);
+    names_->files.erase(normal(path));
   }
 
   void make_folders(const std::string& path) override {
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(names_->mutex);
     for (std::string name = normal(path); !has_folder(name); name = parent(name)) {
-      if (files_.contains(name)) fail(path, "create the folder", ENOTDIR);
-      folders_.insert(name);
+      if (names_->files.contains(name)) fail(path, "create the folder", ENOTDIR);
+      names_->folders.insert(name);
     }
   }
 
   void sync_folder(const std::string& path) override {
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(names_->mutex);
     if (!has_folder(normal(path))) fail(path, "open the folder", ENOENT);
   }
 
   std::vector<std::string> list(const std::string& folder) override {
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(names_->mutex);
     const std::string name = normal(folder);
     if (!has_folder(name)) fail(folder, "list the folder", ENOENT);
     std::set<std::string> names;
-    for (const auto& [path, contents] : files_) {
+    for (const auto& [path, contents] : names_->files) {
       if (parent(path) == name) names.insert(std::filesystem::path(path).filename().string());
     }
-    for (const std::string& path : folders_) {
+    for (const std::string& path : names_->folders) {
       if (parent(path) == name) names.insert(std::filesystem::path(path).filename().string());
     }
     return {names.begin(), names.end()};
@@ -241,9 +302,9 @@ class MemoryFileSystem final : public FileSystem {
   }
 
   std::unique_ptr<ReadFile> open_held(const std::string& path) override {
-    const std::lock_guard lock(mutex_);
-    const auto found = files_.find(normal(path));
-    if (found == files_.end()) return nullptr;
+    const std::lock_guard lock(names_->mutex);
+    const auto found = names_->files.find(normal(path));
+    if (found == names_->files.end()) return nullptr;
     return std::make_unique<MemoryReadFile>(found->second, std::make_shared<Hold>(found->second));
   }
 
@@ -261,11 +322,11 @@ class MemoryFileSystem final : public FileSystem {
   }
 
   bool remove_unheld(const std::string& path) override {
-    const std::lock_guard lock(mutex_);
-    const auto found = files_.find(normal(path));
-    if (found == files_.end()) return true;
+    const std::lock_guard lock(names_->mutex);
+    const auto found = names_->files.find(normal(path));
+    if (found == names_->files.end()) return true;
     if (found->second->held()) return false;
-    files_.erase(found);
+    names_->files.erase(found);
     return true;
   }
 
@@ -276,8 +337,8 @@ class MemoryFileSystem final : public FileSystem {
   }
 
   std::optional<FileStatus> status(const std::string& path) override {
-    const std::lock_guard lock(mutex_);
-    if (const auto found = files_.find(normal(path)); found != files_.end()) {
+    const std::lock_guard lock(names_->mutex);
+    if (const auto found = names_->files.find(normal(path)); found != names_->files.end()) {
       return found->second->status();
     }
     if (!has_folder(normal(path))) return std::nullopt;
@@ -291,7 +352,7 @@ class MemoryFileSystem final : public FileSystem {
     get(path, "set its size")->reserve(size_bytes);
   }
   bool is_writable(const std::string& folder) override {
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(names_->mutex);
     return has_folder(normal(folder));
   }
   std::uint64_t disk_bytes(const std::string&) override { return 0; }
@@ -299,16 +360,17 @@ class MemoryFileSystem final : public FileSystem {
 
  private:
   std::shared_ptr<Contents> add(const std::string& path) {
-    const std::lock_guard lock(mutex_);
+    const std::lock_guard lock(names_->mutex);
     const std::string name = normal(path);
     if (!has_folder(parent(name))) fail(path, "create", ENOENT);
-    if (files_.contains(name) || folders_.contains(name)) fail(path, "create", EEXIST);
-    return files_[name] = std::make_shared<Contents>(path);
+    if (names_->files.contains(name) || names_->folders.contains(name))
+      fail(path, "create", EEXIST);
+    return names_->files[name] = std::make_shared<Contents>(path);
   }
   std::shared_ptr<Contents> get(const std::string& path, const char* what) {
-    const std::lock_guard lock(mutex_);
-    const auto found = files_.find(normal(path));
-    if (found == files_.end()) fail(path, what, ENOENT);
+    const std::lock_guard lock(names_->mutex);
+    const auto found = names_->files.find(normal(path));
+    if (found == names_->files.end()) fail(path, what, ENOENT);
     return found->second;
   }
 
@@ -321,12 +383,10 @@ class MemoryFileSystem final : public FileSystem {
     return std::filesystem::path(name).parent_path().string();
   }
   bool has_folder(const std::string& name) const {
-    return name.empty() || name == "." || name == "/" || folders_.contains(name);
+    return name.empty() || name == "." || name == "/" || names_->folders.contains(name);
   }
 
-  std::mutex mutex_;  // guards files_ and folders_
-  std::map<std::string, std::shared_ptr<Contents>> files_;
-  std::set<std::string> folders_;
+  const std::shared_ptr<Names> names_ = std::make_shared<Names>();
   std::shared_ptr<HeldLocks> held_ = std::make_shared<HeldLocks>();
 };
 

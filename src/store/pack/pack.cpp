@@ -17,6 +17,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "pounce/error.h"
@@ -54,6 +55,36 @@ void check_frame(std::span<const std::byte, 64> bytes, const std::array<char, 8>
 
 Hash128 get_key(const std::byte* from) { return {get_u64(from), get_u64(from + 8)}; }
 
+/// What is wrong with a chunk that was read from where `ref` says, header and padding included;
+/// null: nothing. Its checksum's place is overwritten.
+const char* wrong_with(std::span<std::byte> chunk, const ChunkRef& ref, ChunkKind kind,
+                       const Hash128& key) {
+  const std::uint64_t sum = get_u64(chunk.data() + kChunkChecksumOffset);
+  if (get_u32(chunk.data()) != kChunkMagic) return "no chunk begins here";
+  if (chunk_checksum(chunk, ref.offset) != sum) return "the chunk's checksum does not match";
+  if (get_u32(chunk.data() + 4) != static_cast<std::uint32_t>(kind) ||
+      get_u32(chunk.data() + 8) != ref.raw_bytes || get_u32(chunk.data() + 12) != ref.stored_bytes)
+    return "the chunk has a different kind or size than its index states";
+  // A file system that mixed up blocks of two packs of like sizes would pass all of the above.
+  if (get_u64(chunk.data() + 24) != key.lo) return "the chunk belongs to another pack";
+  // Every byte is checked: what a reader ignores a later version could not use.
+  const auto padding = chunk.subspan(kChunkHeaderBytes + ref.stored_bytes);
+  const bool is_clear =
+      std::all_of(padding.begin(), padding.end(), [](std::byte b) { return b == std::byte{0}; });
+  return is_clear ? nullptr : "the padding is not zero";
+}
+
+/// The chunk that a header states, and its kind, if any chunk may state this.
+std::optional<std::pair<ChunkKind, ChunkRef>> stated_chunk(
+    std::span<const std::byte, kChunkHeaderBytes> header, std::uint64_t offset) {
+  const std::uint32_t kind = get_u32(header.data() + 4);
+  const ChunkRef ref{offset, get_u32(header.data() + 12), get_u32(header.data() + 8)};
+  const bool is_known = kind >= 1 && kind <= static_cast<std::uint32_t>(ChunkKind::encoded);
+  if (!is_known || ref.stored_bytes > kLargestChunkBytes || ref.raw_bytes > kLargestChunkBytes)
+    return std::nullopt;
+  return std::pair(static_cast<ChunkKind>(kind), ref);
+}
+
 /// Marks the end of a header or footer by its checksum.
 void seal(std::span<std::byte, 64> frame) {
   put_u64(frame.data() + kEndChecksumOffset, checksum(frame.first<kEndChecksumOffset>()));
@@ -72,6 +103,14 @@ PackWriter::PackWriter(std::unique_ptr<WriteFile> file, PackKind kind, const Has
   seal(header);
   write(header);
 }
+
+PackWriter::PackWriter(std::unique_ptr<WriteFile> file, PackKind kind, const Hash128& key,
+                       const PackScan& so_far)
+    : file_(std::move(file)),
+      kind_(kind),
+      key_(key),
+      size_(so_far.size_bytes),
+      chunks_(so_far.chunks) {}
 
 void PackWriter::write(std::span<const std::byte> bytes) {
   // An append that throws may have written a part, and size_ would be wrong for what follows.
@@ -156,12 +195,23 @@ PackInfo read_pack_info(const ReadFile& file, const std::string& name) {
 
 PackReader::PackReader(std::unique_ptr<ReadFile> file, std::string name, PackKind kind,
                        const Hash128& key)
-    : file_(std::move(file)), name_(std::move(name)), key_(key), size_(file_->size_bytes()) {
+    : file_(std::move(file)),
+      name_(std::move(name)),
+      key_(key),
+      is_growing_(false),
+      size_(file_->size_bytes()) {
   // The footer is written last: a file that has a sound one is complete.
   read_header(kind);
   read_footer();
   check_ref(directory_);
 }
+
+PackReader::PackReader(const PackWriter& writer, std::string name)
+    : file_(writer.file().reader()),
+      name_(std::move(name)),
+      key_(writer.key()),
+      is_growing_(true),
+      size_(file_->size_bytes()) {}
 
 void PackReader::damaged(std::uint64_t offset, const std::string& what) const {
   store::damaged(name_, offset, what);
@@ -202,7 +252,7 @@ void PackReader::read_footer() {
 
 /// Everything about a reference that can be known before memory is taken for it.
 void PackReader::check_ref(const ChunkRef& ref) const {
-  const std::uint64_t end = size_ - kPackFooterBytes;
+  const std::uint64_t end = is_growing_ ? file_->size_bytes() : size_ - kPackFooterBytes;
   if (ref.stored_bytes > kLargestChunkBytes || ref.raw_bytes > kLargestChunkBytes) {
     damaged(ref.offset,
             fmt::format("a chunk of {} bytes, {} stored, exceeds the largest possible size",
@@ -220,24 +270,8 @@ void PackReader::read(const ChunkRef& ref, ChunkKind kind, std::vector<std::byte
   // again once all is checked.
   stored.resize(chunk_file_bytes(ref.stored_bytes));
   read_raw(ref.offset, stored);
-  const std::uint64_t sum = get_u64(stored.data() + kChunkChecksumOffset);
-  if (get_u32(stored.data()) != kChunkMagic) damaged(ref.offset, "no chunk begins here");
-  if (chunk_checksum(stored, ref.offset) != sum)
-    damaged(ref.offset, "the chunk's checksum does not match");
-  if (get_u32(stored.data() + 4) != static_cast<std::uint32_t>(kind) ||
-      get_u32(stored.data() + 8) != ref.raw_bytes ||
-      get_u32(stored.data() + 12) != ref.stored_bytes) {
-    damaged(ref.offset, "the chunk has a different kind or size than its index states");
-  }
-  // A file system that mixed up blocks of two packs of like sizes would pass all of the above.
-  if (get_u64(stored.data() + 24) != key_.lo)
-    damaged(ref.offset, "the chunk belongs to another pack");
+  if (const char* what = wrong_with(stored, ref, kind, key_)) damaged(ref.offset, what);
   const auto payload = stored.begin() + static_cast<std::ptrdiff_t>(kChunkHeaderBytes);
-  // Every byte is checked: what a reader ignores a later version could not use.
-  if (std::any_of(payload + ref.stored_bytes, stored.end(),
-                  [](std::byte b) { return b != std::byte{0}; })) {
-    damaged(ref.offset, "the padding is not zero");
-  }
   stored.erase(stored.begin(), payload);
   stored.resize(ref.stored_bytes);
 }
@@ -254,7 +288,7 @@ std::uint64_t PackReader::verify() const {
     std::array<std::byte, kChunkHeaderBytes> header{};
     read_raw(at, header);
     const std::uint32_t kind = get_u32(header.data() + 4);
-    if (kind < 1 || kind > 3) damaged(at, fmt::format("{} is not a known kind of chunk", kind));
+    if (kind < 1 || kind > 5) damaged(at, fmt::format("{} is not a known kind of chunk", kind));
     const ChunkRef ref{at, get_u32(header.data() + 12), get_u32(header.data() + 8)};
     read(ref, static_cast<ChunkKind>(kind), stored);
     directory_seen |= ref == directory_;
@@ -266,6 +300,44 @@ std::uint64_t PackReader::verify() const {
                              directory_seen ? "" : " and an invalid directory"));
   }
   return count;
+}
+
+// --- unfinished packs ----------------------------------------------------------------------------
+
+PackScan scan_pack(
+    const ReadFile& file, PackKind kind, const Hash128& key,
+    const std::function<bool(ChunkKind, const ChunkRef&, std::span<const std::byte> stored,
+                             const PackScan& behind)>& take) {
+  PackScan sound;
+  try {
+    const std::uint64_t end = file.size_bytes();
+    const PackInfo info = read_pack_info(file, "an unfinished pack");
+    if (info.kind != kind || info.key != key) return {};
+    sound.size_bytes = kPackHeaderBytes;
+    std::vector<std::byte> chunk;
+    while (end - sound.size_bytes >= kChunkHeaderBytes) {
+      const std::uint64_t at = sound.size_bytes;
+      std::array<std::byte, kChunkHeaderBytes> header{};
+      file.read(at, header);
+      const auto stated = stated_chunk(header, at);
+      if (!stated) break;
+      const auto& [chunk_kind, ref] = *stated;
+      const std::uint64_t bytes = chunk_file_bytes(ref.stored_bytes);
+      if (bytes > end - at) break;
+      chunk.resize(bytes);
+      file.read(at, chunk);
+      if (wrong_with(chunk, ref, chunk_kind, key) != nullptr) break;
+      const PackScan behind{at + bytes, sound.chunks + 1};
+      if (!take(chunk_kind, ref, std::span(chunk).subspan(kChunkHeaderBytes, ref.stored_bytes),
+                behind))
+        break;
+      sound = behind;
+    }
+  } catch (const Error& e) {
+    // Whatever is wrong from here on: what was sound before it stays so.
+    if (e.kind() != ErrorKind::damaged_store && e.kind() != ErrorKind::storage) throw;
+  }
+  return sound;
 }
 
 }  // namespace pounce::store

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <exception>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -20,7 +21,13 @@ namespace pounce::store {
 enum class PackKind : std::uint32_t { geometry = 1, colour = 2, results = 3, splats = 4, hits = 5 };
 
 /// What a chunk of a pack holds; part of its header.
-enum class ChunkKind : std::uint32_t { block = 1, index_page = 2, directory = 3 };
+enum class ChunkKind : std::uint32_t {
+  block = 1,
+  index_page = 2,
+  directory = 3,
+  record = 4,
+  encoded = 5
+};
 
 /// Where a chunk is and how large: enough to size every buffer before reading.
 struct ChunkRef {
@@ -47,18 +54,35 @@ struct PackInfo {
 /// inspect`). Throws Error(damaged_store).
 PackInfo read_pack_info(const ReadFile& file, const std::string& name);
 
+/// How much of an unfinished pack is sound: so far it may be gone on with.
+struct PackScan {
+  std::uint64_t size_bytes = 0;  ///< 0: it is no pack of that kind and key
+  std::uint64_t chunks = 0;
+};
+/// Reads a pack that may end anywhere, every byte of it, and hands on its chunks in their order,
+/// each with how far the pack is sound behind it. Ends at what is no chunk of this pack, where it
+/// cannot be read, and where `take` says false. Returns how far it was sound.
+PackScan scan_pack(
+    const ReadFile& file, PackKind kind, const Hash128& key,
+    const std::function<bool(ChunkKind, const ChunkRef&, std::span<const std::byte> stored,
+                             const PackScan& behind)>& take);
+
 /// Append-only pack file: header, chunks, footer. Layout: docs/tile-format.md. Not thread-safe.
 /// The header carries kind, version and key; the footer (written by finish()) the directory's
 /// place, the number of chunks and the file's size. Every byte is under a checksum.
 class PackWriter {
  public:
   PackWriter(std::unique_ptr<WriteFile> file, PackKind kind, const Hash128& key);
+  /// Goes on with a pack of which the file has exactly this.
+  PackWriter(std::unique_ptr<WriteFile> file, PackKind kind, const Hash128& key,
+             const PackScan& so_far);
   /// `stored` is the zstd frame of raw_bytes bytes.
   ChunkRef append(ChunkKind kind, std::span<const std::byte> stored, std::uint32_t raw_bytes);
   /// Writes the footer. `directory` is the chunk a reader starts from.
   void finish(const ChunkRef& directory);
   std::uint64_t size_bytes() const { return size_; }
   WriteFile& file() { return *file_; }
+  const WriteFile& file() const { return *file_; }
   PackKind kind() const { return kind_; }
   const Hash128& key() const { return key_; }
   bool finished() const { return finished_; }
@@ -81,6 +105,8 @@ class PackWriter {
 class PackReader {
  public:
   PackReader(std::unique_ptr<ReadFile> file, std::string name, PackKind kind, const Hash128& key);
+  /// Of a pack that is being written: reads what was appended so far. It has no directory.
+  PackReader(const PackWriter& writer, std::string name);
   ChunkRef directory() const { return directory_; }
   /// Reads one chunk's stored payload into `stored` (exactly ref.stored_bytes) and checks its
   /// header (kind, sizes, its own offset) and checksum. The header is read with the payload in one
@@ -88,7 +114,7 @@ class PackReader {
   void read(const ChunkRef& ref, ChunkKind kind, std::vector<std::byte>& stored) const;
   /// Reads and checks every chunk from the header to the footer; returns how many there are.
   std::uint64_t verify() const;
-  std::uint64_t size_bytes() const { return size_; }
+  std::uint64_t size_bytes() const { return is_growing_ ? file_->size_bytes() : size_; }
   std::uint64_t bytes_read() const { return bytes_read_; }  ///< so far
   const std::string& name() const { return name_; }
   const Hash128& key() const { return key_; }
@@ -103,6 +129,7 @@ class PackReader {
   const std::unique_ptr<ReadFile> file_;
   const std::string name_;
   const Hash128 key_;
+  const bool is_growing_;
   const std::uint64_t size_;
   ChunkRef directory_;
   std::uint64_t chunks_ = 0;
