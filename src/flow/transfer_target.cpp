@@ -26,6 +26,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/hash.h"
+#include "flow/project/results.h"
 #include "flow/stores/build_stores.h"
 #include "flow/transfer_plan.h"
 #include "job/output_claim.h"
@@ -286,14 +288,40 @@ class TargetTransfer {
     // is written even if it is empty: its user has named it.
     if (texels == 0 && target_.plan.by_tile) return;
     if (texels == 0 && target_.model) return tally_->add_page(p, page, 0, nullptr);
-    const job::ScratchPack results_go(job_, store::PackKind::results);
-    const PageResult result = project_page(p, page, target);
+    ResultCollector results(job_, target, source_plan_.passes[p].channels.size(),
+                            results_key(p, page));
+    try {
+      make_page(p, page, target, results);
+    } catch (const Error& e) {
+      // What a later run would go on with may be made from what is damaged.
+      if (e.kind() == ErrorKind::damaged_store) results.forget();
+      throw;
+    }
+    // A model's images are only there once it is.
+    if (!target_.model) return results.forget();
+    if (auto pack = results.release()) packs_of_model_.push_back(std::move(pack));
+  }
+
+  /// Of all that decides what a page's results are: the jobs of its images say that, and more.
+  Hash128 results_key(std::size_t p, std::uint32_t page) const {
+    Hasher hasher;
+    hasher.add(std::string_view("results"));
+    hasher.add(store::kFormatVersion);
+    for (const std::size_t c : source_plan_.passes[p].channels)
+      hasher.add(std::string_view(target_.plan.images[c][page].job));
+    return hasher.digest();
+  }
+
+  void make_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target,
+                 ResultCollector& results) {
+    const std::uint64_t texels = target.directory().texels;
+    const PageResult result = project_page(p, page, target, results);
     tally_->add_page(p, page, source_.texels_of(result, texels), &result);
     const bool may_stay_empty =
         target_.model || (target_.plan.by_tile && !target_.plan.painted_over);
     const bool found = std::any_of(result.covered.begin(), result.covered.end(),
                                    [](std::uint64_t covered) { return covered > 0; });
-    if (found || !may_stay_empty) write_page(p, page, result);
+    if (found || !may_stay_empty) write_page(p, page, result, results);
   }
 
   /// Where the progress bar stands when this share of the page and pass at hand is done. All pages
@@ -308,10 +336,10 @@ class TargetTransfer {
     return source_plan_.passes.size() * target_.plan.pages.size();
   }
 
-  PageResult project_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target) {
+  PageResult project_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target,
+                          ResultCollector& results) {
     const StageTimer timer(job_.clock, "project");
-    job_.meter.begin(page_title("project", page), target.directory().texels, "texels",
-                     fraction(kVectorizeShare + kProjectShare));
+    begin_projecting(p, page, target.directory().texels, results.kept_texels());
     // Once for all pages: coverage depends on the fit, so it must not depend on the page or on
     // --tiles.
     if (!fit_) {
@@ -320,11 +348,26 @@ class TargetTransfer {
     }
     PageResult result =
         source_.projector(p, page, target, target_.plan, fit_.value_or(projection::SplatFit{}))
-            ->project();
+            ->project(results);
     job_.report.bytes_written += result.pack->size_bytes();
     add_nodes(result.nodes, job_.report.nodes);
     job_.meter.end();
     return result;
+  }
+
+  /// What an earlier run has made takes no work: its share of the progress is there at once.
+  void begin_projecting(std::size_t p, std::uint32_t page, std::uint64_t texels,
+                        std::uint64_t kept) {
+    const std::string title = page_title("project", page);
+    if (kept > 0) {
+      const double share = static_cast<double>(kept) / static_cast<double>(texels);
+      job_.meter.keep(fraction(kVectorizeShare + share * kProjectShare));
+      job_.note(
+          fmt::format("{}: went on from an earlier run, which had made {:.0f} % of its texels",
+                      images_of({p, page}).front(), 100 * share));
+    }
+    job_.meter.begin(title, texels - std::min(kept, texels), "texels",
+                     fraction(kVectorizeShare + kProjectShare));
   }
 
   static void add_nodes(const std::vector<NodeReport>& page, std::vector<NodeReport>& all) {
@@ -345,7 +388,8 @@ class TargetTransfer {
                                 : stage;
   }
 
-  void write_page(std::size_t p, std::uint32_t page, const PageResult& result) {
+  void write_page(std::size_t p, std::uint32_t page, const PageResult& result,
+                  ResultCollector& results) {
     const planning::PassPlan& pass = source_plan_.passes[p];
     const StageTimer timer(job_.clock, "assemble");
     job_.meter.begin(page_title("write", page), pass.channels.size() * pass.size.height, "rows",
@@ -357,9 +401,12 @@ class TargetTransfer {
       const runtime::Lease index(job_.budget, result.blocks[i].size() * sizeof(store::ChunkRef),
                                  "the index of the results");
       const bool in_place = image.onto && image.onto->in_place;
-      const WrittenTexels written =
-          write_image(job_, image, source_plan_.channels[c].format, *result.pack, result.blocks[i],
-                      target_.model ? &target_.model->sink(job_) : nullptr);
+      const auto number = static_cast<std::uint32_t>(i);
+      const auto colours = results.encodings(2 * number),
+                 coverage = results.encodings(2 * number + 1);
+      const WrittenTexels written = write_image(
+          job_, image, source_plan_.channels[c].format, *result.pack, result.blocks[i],
+          {colours.get(), coverage.get()}, target_.model ? &target_.model->sink(job_) : nullptr);
       // From here on a second attempt would composite over its own result.
       job_.run.painted_in_place = job_.run.painted_in_place || in_place;
       tally_->wrote(c, written.filled);
@@ -413,6 +460,8 @@ class TargetTransfer {
     const StageTimer timer(job_.clock, "model");
     const std::vector<std::string> files = target_.model->write(job_);
     job_.report.outputs.insert(job_.report.outputs.end(), files.begin(), files.end());
+    for (const auto& pack : packs_of_model_) pack->forget();
+    packs_of_model_.clear();
     tally_->wrote_model();
   }
 
@@ -432,6 +481,8 @@ class TargetTransfer {
   runtime::Lease occupied_lease_;
   std::vector<surface::Place> places_;       ///< of the target: where the fit is found
   std::optional<projection::SplatFit> fit_;  ///< of a splat scene, once the first page is projected
+  /// What the finished steps of a model have made, until it is there.
+  std::vector<std::unique_ptr<job::StepPack>> packs_of_model_;
   bool all_targets_cached_ = true;
   std::uint64_t steps_done_ = 0;  ///< passes of pages
 };

@@ -4,6 +4,7 @@
 #include <tbb/enumerable_thread_specific.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -69,6 +70,9 @@ struct JobContext {
   bool check_packs = false;  ///< of the cache, whole, before they are believed
   unsigned threads = 1;
   bool plan_only = false;
+  bool begins_again = false;  ///< an attempt before this one met a damaged pack
+  /// How long a step takes before what it has made is kept for a later run.
+  std::chrono::milliseconds keeps_results_after = std::chrono::seconds(1);
   bool keeps_stores = false;              ///< stores go into the cache (of a plan: would go)
   std::uint64_t cache_limit_bytes = 0;    ///< then: what the cache may take; 0 = no limit
   std::uint64_t scratch_limit_bytes = 0;  ///< of all scratch files together; 0 = no limit

@@ -107,6 +107,26 @@ void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64
   passing_ = std::max(passing_, 2 * pack + unpacked_bytes);
 }
 
+namespace {
+
+/// What is kept of a channel's image in PNG, and of its mask, until the image is there: whoever
+/// goes on later need not encode it again.
+std::uint64_t encoded_bytes(const ChannelPlan& channel, const std::vector<ImageOutput>& images) {
+  const auto is_png = [](const std::string& path) {
+    return !path.empty() && io::format_look(path, Depth::u8).name == "PNG";
+  };
+  std::uint64_t most = 0;
+  for (const ImageOutput& image : images) {
+    std::uint64_t bytes = 0;
+    if (is_png(image.path)) bytes += image_bytes(channel.size, channel.format.texel_bytes());
+    if (is_png(image.coverage_path)) bytes += image_bytes(channel.size, sizeof(std::uint16_t));
+    most = std::max(most, bytes);
+  }
+  return most;
+}
+
+}  // namespace
+
 void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
                           bool is_model, LevelsBytes levels_bytes) {
   std::uint64_t results = 0, images = 0, levels = 0;
@@ -122,9 +142,14 @@ void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, cons
     for (const std::size_t c : plan.passes[p].channels) {
       const std::uint64_t block =
           store::kTexelsPerBlock * plan.channels[c].format.texel_bytes() + shading::kMaskBytes + 64;
-      of_page += pack_bytes(blocks * block, blocks);
+      of_page +=
+          pack_bytes(blocks * block, blocks) + encoded_bytes(plan.channels[c], target.images[c]);
     }
-    results = std::max(results, of_page);
+    // Records of what is made, as if each block had one of its own (flow/project/results.cpp).
+    constexpr std::uint64_t kRecord = 192, kRecordOfChannel = 17;
+    of_page += blocks * (kRecord + kRecordOfChannel * plan.passes[p].channels.size());
+    // The results of a model's pages stay until it is there: a later run may need them all.
+    results = is_model ? results + of_page * target.pages.size() : std::max(results, of_page);
   }
   for (std::size_t c = 0; c < target.images.size(); ++c) {
     const ChannelPlan& channel = plan.channels[c];

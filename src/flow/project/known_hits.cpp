@@ -79,7 +79,6 @@ class KnownMethod {
         hits_(std::move(hits)),
         shading_(job, *request.target, request.channels, request.lookup) {}
 
-  std::size_t channels() const { return shading_.channels().size(); }
   std::uint64_t fixed_bytes() const {
     return kPieceScratch + shading_.lookup_bytes() + HitKeeper::scratch_bytes();
   }
@@ -136,8 +135,8 @@ class KnownHits final : public Projection {
         index_lease_(job.budget, hits->grid().index_bytes(), "the index of the hits"),
         projector_(job, *request.target, KnownMethod(job, request, std::move(hits))) {}
 
-  PageResult project() override {
-    PageResult result = projector_.project();
+  PageResult project(ResultCollector& results) override {
+    PageResult result = projector_.project(results);
     job_.report.bytes_read += hits_->pack().bytes_read();
     return result;
   }
@@ -250,6 +249,8 @@ void HitKeeper::store(const PieceWork& work) {
   });
 }
 
+void HitKeeper::give_up() { writer_.reset(); }
+
 void HitKeeper::publish() {
   if (writer_ != nullptr) {
     while_stored([&] {
@@ -257,7 +258,7 @@ void HitKeeper::publish() {
       job_.count_store(*pack, false);
     });
   }
-  if (writer_ == nullptr) {
+  if (writer_ == nullptr && !refusal_.empty()) {
     job_.warn(
         fmt::format("hits could not be stored, so the next job will search again: {}", refusal_));
   }

@@ -37,6 +37,7 @@ class HitKeeper {
   /// Stores what encode() made. Not thread-safe.
   void store(const PieceWork& work);
   void publish();  ///< after the last one
+  void give_up();  ///< they will not be all there are: nothing is stored
 
   /// Memory while a block is encoded, and of an encoded block until it is stored.
   static std::uint64_t scratch_bytes();

@@ -221,9 +221,11 @@ class Search final : public Projection {
         keeper_(std::move(keeper)),
         projector_(job, *request.target, SurfaceMethod(job, request, keeper_.get())) {}
 
-  PageResult project() override {
+  PageResult project(ResultCollector& results) override {
     try {
-      PageResult result = projector_.project();
+      // Hits of the blocks that are there already are not known: these could only be some of all.
+      if (keeper_ != nullptr && results.kept_texels() > 0) keeper_->give_up();
+      PageResult result = projector_.project(results);
       if (keeper_ != nullptr) keeper_->publish();
       return result;
     } catch (const Error& e) {

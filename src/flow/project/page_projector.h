@@ -33,6 +33,7 @@
 
 #include "core/bounds.h"
 #include "flow/project/pieces.h"
+#include "flow/project/results.h"
 #include "job/job_context.h"
 #include "pounce/error.h"
 #include "runtime/meter.h"
@@ -46,14 +47,14 @@ namespace pounce::flow {
 class Projection {
  public:
   virtual ~Projection() = default;
-  virtual PageResult project() = 0;
+  /// Makes what `results` do not have yet.
+  virtual PageResult project(ResultCollector& results) = 0;
 };
 
 /// What differs from source to source is its `Method`, whose members are thread-safe for different
 /// works:
 ///   struct Work                    derives from PieceWork
 ///   PieceSize kPieceSize           larger pieces are not faster
-///   size_t channels() const
 ///   uint64_t fixed_bytes() const, least_batch_bytes() const, state_bytes(const BlockEntry&) const
 ///                                  of a piece: what it needs in any case, for the smallest batch
 ///                                  of source blocks, for the texels of one target block
@@ -71,11 +72,11 @@ class PageProjector final : public Projection {
   PageProjector(job::JobContext& job, const store::GeometryStore& target, Method method)
       : job_(job), target_(target), method_(std::move(method)) {}
 
-  PageResult project() override {
-    ResultCollector results(job_, target_, method_.channels());
+  PageResult project(ResultCollector& results) override {
     const CutTarget cut = cut_target(
         job_, target_, Method::kPieceSize, method_.fixed_bytes(), method_.least_batch_bytes(),
-        [&](const store::BlockEntry& entry) { return method_.state_bytes(entry); });
+        [&](const store::BlockEntry& entry) { return method_.state_bytes(entry); },
+        [&](const store::BlockEntry& entry) { return results.has(entry); });
     stream(cut, results);
     PageResult result = results.finish();
     for (const runtime::NodeMeter* node : {&fetch_, &bin_, &hit_, &blend_, &store_})

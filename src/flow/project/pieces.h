@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "job/job_context.h"
-#include "outcome/target_tally.h"
 #include "shading/result_block.h"
 #include "store/blocks/geometry_store.h"
 #include "store/pack/pack.h"
@@ -59,10 +58,12 @@ struct PieceSize {
 
 /// Shares the budget out, to a piece no more than `most`: beside `fixed`, half of a piece's
 /// share goes to a batch of source blocks (at least `least_batch`), half to its texels' state, of
-/// which a block needs state_bytes(entry). Throws Error(budget) if the largest piece does not fit.
+/// which a block needs state_bytes(entry). Blocks that are made already are in no piece. Throws
+/// Error(budget) if the largest piece does not fit.
 CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
                      const PieceSize& most, std::uint64_t fixed, std::uint64_t least_batch,
-                     const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes);
+                     const std::function<std::uint64_t(const store::BlockEntry&)>& state_bytes,
+                     const std::function<bool(const store::BlockEntry&)>& is_made);
 
 /// A piece on its way through the graph, and its result. A projection adds its own state. Owned by
 /// whichever node has it; the piece's lease covers all of it.
@@ -98,32 +99,5 @@ void read_packets(job::JobContext& job, const store::GeometryStore& target, floa
 void finish_block(job::JobContext& job, const shading::TexelFormat& format,
                   const shading::ResultBlock& result, std::size_t c, std::size_t b,
                   PieceWork& work);
-
-/// The results of one page.
-struct PageResult : outcome::PageFound {
-  std::unique_ptr<store::PackReader> pack;  ///< scratch; empty when the page has no texels
-  /// [channel][block_y * blocks_x + block_x]; raw_bytes == 0: nothing covered there.
-  std::vector<std::vector<store::ChunkRef>> blocks;
-  std::vector<std::uint64_t> clipped;  ///< [channel]
-  std::vector<NodeReport> nodes;       ///< of the graph that made it
-};
-
-/// Collects the result blocks of one page, in any order, in a scratch pack. Not thread-safe.
-class ResultCollector {
- public:
-  ResultCollector(job::JobContext& job, const store::GeometryStore& target, std::size_t channels);
-  std::uint64_t store(const PieceWork& work);  ///< returns the bytes that were written
-  PageResult finish();
-  /// Bytes of the index of a page's results.
-  static std::uint64_t index_bytes(const mesh::Lattice& page, std::size_t channels);
-
- private:
-  job::JobContext& job_;
-  const store::GeometryStore& target_;
-  std::uint32_t across_;
-  runtime::Lease index_lease_;
-  std::unique_ptr<store::PackWriter> writer_;
-  PageResult result_;
-};
 
 }  // namespace pounce::flow

@@ -46,8 +46,9 @@ void on_all_threads(std::size_t count, const std::function<void(std::size_t)>& o
 
 }  // namespace
 
-ImageFile::ImageFile(job::JobContext& job, const std::string& path, const io::ImageWriteSpec& spec)
-    : job_(job), spec_(spec), writer_(path, multiplied(spec), on_all_threads) {
+ImageFile::ImageFile(job::JobContext& job, const std::string& path, const io::ImageWriteSpec& spec,
+                     io::EncodedBlocks* known)
+    : job_(job), spec_(spec), writer_(path, multiplied(spec), on_all_threads, known) {
   if (!spec.layout.mipmap) return;
   ImageSize size{spec.width, spec.height};
   levels_.emplace(size, spec.channels, spec.depth);
@@ -62,8 +63,9 @@ ImageFile::ImageFile(job::JobContext& job, const std::string& path, const io::Im
   if (!kept_.empty()) scratch_ = job.scratch_place().create();
 }
 
-ImageFile::ImageFile(job::JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec)
-    : job_(job), spec_(spec), writer_(sink, spec, on_all_threads) {}
+ImageFile::ImageFile(job::JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec,
+                     io::EncodedBlocks* known)
+    : job_(job), spec_(spec), writer_(sink, spec, on_all_threads, known) {}
 
 void ImageFile::write_rows(std::uint32_t count, const std::byte* rows) {
   if (!levels_) return writer_.write_rows(count, rows);

@@ -19,9 +19,12 @@ namespace pounce::flow {
 /// Leases nothing: its memory_bytes() are the caller's to lease. Not thread-safe.
 class ImageFile {
  public:
-  ImageFile(job::JobContext& job, const std::string& path, const io::ImageWriteSpec& spec);
+  /// `known`: see io::ImageWriter.
+  ImageFile(job::JobContext& job, const std::string& path, const io::ImageWriteSpec& spec,
+            io::EncodedBlocks* known);
   /// As PNG to the end of `sink`.
-  ImageFile(job::JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec);
+  ImageFile(job::JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec,
+            io::EncodedBlocks* known);
   ImageFile(const ImageFile&) = delete;
   ImageFile& operator=(const ImageFile&) = delete;
 

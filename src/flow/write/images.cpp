@@ -88,7 +88,8 @@ class ImageAssembler {
  public:
   ImageAssembler(job::JobContext& job, const planning::ImageOutput& output,
                  const shading::TexelFormat& format, const store::PackReader& results,
-                 const std::vector<store::ChunkRef>& blocks, WriteFile* sink)
+                 const std::vector<store::ChunkRef>& blocks, const KnownEncodings& known,
+                 WriteFile* sink)
       : job_(job),
         output_(output),
         format_(format),
@@ -103,12 +104,12 @@ class ImageAssembler {
     }
     looks_at_alpha_ = sink != nullptr && format.has_alpha;
     if (sink != nullptr) {
-      colours_.emplace(job, *sink, colour_spec(output, format));
+      colours_.emplace(job, *sink, colour_spec(output, format), known.colours);
     } else if (!output.path.empty()) {
-      colours_.emplace(job, output.path, colour_spec(output, format));
+      colours_.emplace(job, output.path, colour_spec(output, format), known.colours);
     }
     if (!output.coverage_path.empty())
-      coverage_.emplace(job, output.coverage_path, coverage_spec(output));
+      coverage_.emplace(job, output.coverage_path, coverage_spec(output), known.coverage);
   }
 
   WrittenTexels run() {
@@ -282,8 +283,9 @@ class ImageAssembler {
 
 WrittenTexels write_image(job::JobContext& job, const planning::ImageOutput& output,
                           const shading::TexelFormat& format, const store::PackReader& results,
-                          const std::vector<store::ChunkRef>& blocks, WriteFile* sink) {
-  return ImageAssembler(job, output, format, results, blocks, sink).run();
+                          const std::vector<store::ChunkRef>& blocks, const KnownEncodings& known,
+                          WriteFile* sink) {
+  return ImageAssembler(job, output, format, results, blocks, known, sink).run();
 }
 
 std::uint64_t levels_bytes(const planning::ImageOutput& output,

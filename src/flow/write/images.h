@@ -26,11 +26,17 @@ struct WrittenTexels {
   bool has_holes = false, has_veils = false;
 };
 
+/// What an earlier run has encoded of an image and of its coverage; null: nobody wants to know.
+struct KnownEncodings {
+  io::EncodedBlocks *colours = nullptr, *coverage = nullptr;
+};
+
 /// Assembles result blocks into rows, pads charts, writes the image (and its coverage) in order and
 /// renames it into place. With a `sink` the image goes to its end instead, as PNG.
 WrittenTexels write_image(job::JobContext& job, const planning::ImageOutput& output,
                           const shading::TexelFormat& format, const store::PackReader& results,
-                          const std::vector<store::ChunkRef>& blocks, WriteFile* sink = nullptr);
+                          const std::vector<store::ChunkRef>& blocks, const KnownEncodings& known,
+                          WriteFile* sink = nullptr);
 
 /// What the levels of such an image take on disk until it is whole.
 std::uint64_t levels_bytes(const planning::ImageOutput& output, const shading::TexelFormat& format);

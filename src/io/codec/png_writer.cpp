@@ -83,6 +83,8 @@ struct PngBlock {
   std::vector<std::byte> deflated;
   std::uint64_t raw_bytes = 0;  ///< before
   std::uint32_t adler = 1;      ///< Adler-32 of these
+  Hash128 rows;                 ///< the hash of its rows, where somebody wants to know
+  bool was_known = false;
 };
 
 PngBlock deflated(const ImageWriteSpec& spec, std::uint32_t count, const std::byte* rows,
@@ -149,8 +151,8 @@ void on_warning(png_structp, png_const_charp) {}
 
 class PngEncoder : public RowEncoder {
  public:
-  PngEncoder(ByteSink sink, const ImageWriteSpec& spec, ForEach for_each)
-      : spec_(spec), for_each_(std::move(for_each)) {
+  PngEncoder(ByteSink sink, const ImageWriteSpec& spec, ForEach for_each, EncodedBlocks* known)
+      : spec_(spec), for_each_(std::move(for_each)), known_(known) {
     context_.sink = std::move(sink);
     png_ = png_create_write_struct(PNG_LIBPNG_VER_STRING, &context_, on_error, on_warning);
     info_ = png_ == nullptr ? nullptr : png_create_info_struct(png_);
@@ -186,7 +188,7 @@ class PngEncoder : public RowEncoder {
       waiting_.insert(waiting_.end(), from, from + piece * size);
       row += piece;
       if (row < block_end) continue;
-      put(deflated(spec_, in_block + piece, waiting_.data(), row == spec_.height));
+      put(made(row - in_block - piece, in_block + piece, waiting_.data()));
       waiting_.clear();
     }
   }
@@ -210,14 +212,46 @@ class PngEncoder : public RowEncoder {
       for_each_(now, [&](std::size_t i) {
         const std::uint32_t first = begin + static_cast<std::uint32_t>(done + i) * together;
         const std::uint32_t last = std::min(first + together, end);
-        blocks[i] = deflated(spec_, last - first, rows + (first - begin) * row_bytes_of(spec_),
-                             last == spec_.height);
+        blocks[i] = made(first, last - first, rows + (first - begin) * row_bytes_of(spec_));
       });
       for (std::size_t i = 0; i < now; ++i) put(blocks[i]);
     }
   }
 
+  /// A block of so many rows: as it is known, or deflated.
+  PngBlock made(std::uint32_t first, std::uint32_t count, const std::byte* rows) const {
+    const bool is_last = first + count == spec_.height;
+    if (known_ == nullptr) return deflated(spec_, count, rows, is_last);
+    Hasher hasher;
+    hasher.add(std::span(rows, row_bytes_of(spec_) * count));
+    PngBlock block;
+    if (known_->find(number_of(first), hasher.digest(), block.deflated) &&
+        block.deflated.size() > sizeof block.adler) {
+      block.was_known = true;
+      block.raw_bytes = (row_bytes_of(spec_) + 1) * count;
+      const std::size_t size = block.deflated.size() - sizeof block.adler;
+      std::memcpy(&block.adler, &block.deflated[size], sizeof block.adler);
+      block.deflated.resize(size);
+      return block;
+    }
+    block = deflated(spec_, count, rows, is_last);
+    block.rows = hasher.digest();
+    return block;
+  }
+  std::uint32_t number_of(std::uint32_t row) const { return row / block_rows(spec_); }
+
+  /// With its checksum behind it, which would cost the filters to know.
+  void remember(const PngBlock& block) {
+    if (known_ == nullptr || block.was_known) return;
+    std::vector<std::byte> encoded(block.deflated.size() + sizeof block.adler);
+    std::copy(block.deflated.begin(), block.deflated.end(), encoded.begin());
+    std::memcpy(&encoded[block.deflated.size()], &block.adler, sizeof block.adler);
+    known_->put(number_of(rows_put_), block.rows, encoded);
+  }
+
   void put(const PngBlock& block) {
+    remember(block);
+    rows_put_ += static_cast<std::uint32_t>(block.raw_bytes / (row_bytes_of(spec_) + 1));
     static constexpr std::array<png_byte, 4> kIdat{'I', 'D', 'A', 'T'};
     std::vector<std::byte> data;
     if (raw_bytes_ == 0) data = {std::byte{0x78}, std::byte{0x01}};  // a zlib stream
@@ -286,6 +320,8 @@ class PngEncoder : public RowEncoder {
   png_structp png_ = nullptr;
   png_infop info_ = nullptr;
   ForEach for_each_;
+  EncodedBlocks* const known_;
+  std::uint32_t rows_put_ = 0;
   std::vector<std::byte> waiting_;  ///< rows of a block that is not whole
   std::uint32_t adler_ = 1;
   std::uint64_t raw_bytes_ = 0;
@@ -293,9 +329,9 @@ class PngEncoder : public RowEncoder {
 
 }  // namespace
 
-std::unique_ptr<RowEncoder> encode_png(ByteSink sink, const ImageWriteSpec& spec,
-                                       ForEach for_each) {
-  return std::make_unique<PngEncoder>(std::move(sink), spec, std::move(for_each));
+std::unique_ptr<RowEncoder> encode_png(ByteSink sink, const ImageWriteSpec& spec, ForEach for_each,
+                                       EncodedBlocks* known) {
+  return std::make_unique<PngEncoder>(std::move(sink), spec, std::move(for_each), known);
 }
 
 std::uint64_t png_encoder_bytes(const ImageWriteSpec& spec) {

@@ -7,7 +7,9 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
+#include "core/hash.h"
 #include "io/codec/channels.h"
 #include "io/codec/image_info.h"
 #include "io/files/output_file.h"
@@ -32,10 +34,26 @@ class RowEncoder {
   virtual void finish() = 0;
 };
 
+/// What blocks of rows were encoded to, remembered for who encodes the same rows again. find() may
+/// be called from several threads at once.
+class EncodedBlocks {
+ public:
+  EncodedBlocks() = default;
+  virtual ~EncodedBlocks() = default;
+  EncodedBlocks(const EncodedBlocks&) = delete;
+  EncodedBlocks& operator=(const EncodedBlocks&) = delete;
+  /// `rows`: the hash of what was encoded. False: nothing is known of such a block.
+  virtual bool find(std::uint32_t block, const Hash128& rows, std::vector<std::byte>& encoded) = 0;
+  virtual void put(std::uint32_t block, const Hash128& rows,
+                   std::span<const std::byte> encoded) = 0;
+};
+
 /// What a PNG and a JPEG, which are written from start to end, hand their bytes to.
 using ByteSink = std::function<void(std::span<const std::byte>)>;
 
-std::unique_ptr<RowEncoder> encode_png(ByteSink sink, const ImageWriteSpec& spec, ForEach for_each);
+/// `known` may be null.
+std::unique_ptr<RowEncoder> encode_png(ByteSink sink, const ImageWriteSpec& spec, ForEach for_each,
+                                       EncodedBlocks* known);
 /// Memory that encoding such a PNG takes.
 std::uint64_t png_encoder_bytes(const ImageWriteSpec& spec);
 std::unique_ptr<RowEncoder> encode_jpeg(ByteSink sink, const ImageWriteSpec& spec);

@@ -16,6 +16,8 @@
 
 namespace pounce::io {
 
+class EncodedBlocks;
+
 /// Does the ending of `path` name a format that images are written in?
 bool is_image_path(const std::string& path);
 /// Can the format of `path` (by its ending) hold this? Returns "" or a sentence that says what it
@@ -50,9 +52,13 @@ class ImageWriter {
  public:
   /// `for_each` runs what can be encoded at the same time (blocks of a PNG); the bytes are the same
   /// with any.
-  ImageWriter(const std::string& path, const ImageWriteSpec& spec, ForEach for_each = one_by_one);
+  /// Of a PNG `known` remembers what blocks were encoded to; it may be null, and must outlive the
+  /// writer.
+  ImageWriter(const std::string& path, const ImageWriteSpec& spec, ForEach for_each = one_by_one,
+              EncodedBlocks* known = nullptr);
   /// As PNG at the end of `sink`, which must outlive the writer; commit() only ends the image.
-  ImageWriter(WriteFile& sink, const ImageWriteSpec& spec, ForEach for_each = one_by_one);
+  ImageWriter(WriteFile& sink, const ImageWriteSpec& spec, ForEach for_each = one_by_one,
+              EncodedBlocks* known = nullptr);
   ~ImageWriter();
   ImageWriter(ImageWriter&&) noexcept;
   ImageWriter& operator=(ImageWriter&&) noexcept;

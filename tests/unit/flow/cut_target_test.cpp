@@ -19,6 +19,7 @@ namespace {
 const std::vector<std::vector<std::uint32_t>> kTiles{{200, 200, 200}, {500}, {10, 10, 10, 10}};
 constexpr mesh::Lattice kPage{512, 512, 0, {}};
 
+bool none_made(const store::BlockEntry&) { return false; }
 std::uint64_t texels_of(const store::BlockEntry& entry) { return entry.texels; }
 
 /// Tile, first block and number of blocks of each piece.
@@ -35,7 +36,7 @@ using Costs = std::vector<std::uint64_t>;
 TEST_CASE("pieces end at their share, at the most blocks, and with their tile") {
   SmallJob job(1 << 20);
   const auto target = small_target(job, kPage, kTiles);
-  const CutTarget cut = cut_target(job.context, target, {1000, 3}, 100, 50, texels_of);
+  const CutTarget cut = cut_target(job.context, target, {1000, 3}, 100, 50, texels_of, none_made);
   CHECK(cut.batch_bytes == 450);
   CHECK(cut.more_bytes == 0);
   // Two blocks of 200 fit 450; one of 500 is a piece though it does not; of the small ones three.
@@ -47,7 +48,8 @@ TEST_CASE("pieces end at their share, at the most blocks, and with their tile") 
 TEST_CASE("pieces that settle begin with the least batch and may have the rest later") {
   SmallJob job(1 << 20);
   const auto target = small_target(job, kPage, kTiles);
-  const CutTarget cut = cut_target(job.context, target, {1000, 3, true}, 100, 50, texels_of);
+  const CutTarget cut =
+      cut_target(job.context, target, {1000, 3, true}, 100, 50, texels_of, none_made);
   CHECK(cut.batch_bytes == 450);
   CHECK(cut.more_bytes == 400);
   CHECK(cut.pieces.costs == Costs{150 + 400, 150 + 200, 150 + 500, 150 + 30, 150 + 10});
@@ -56,7 +58,7 @@ TEST_CASE("pieces that settle begin with the least batch and may have the rest l
 TEST_CASE("where the share holds no more than what is fixed, each block is a piece") {
   SmallJob job(1 << 20);
   const auto target = small_target(job, kPage, kTiles);
-  const CutTarget cut = cut_target(job.context, target, {100, 3}, 100, 50, texels_of);
+  const CutTarget cut = cut_target(job.context, target, {100, 3}, 100, 50, texels_of, none_made);
   CHECK(cut.batch_bytes == 50);
   CHECK(cut.pieces.pieces.size() == 8);
   CHECK(cut.pieces.costs.front() == 150 + 200);
@@ -68,12 +70,12 @@ TEST_CASE("the share is the budget's by threads and pieces under way, and one mo
   const std::vector<std::vector<std::uint32_t>> small{{10, 10}};
   const auto target = small_target(job, kPage, small);
   const PieceSize most{1 << 20, 3};
-  CHECK(cut_target(job.context, target, most, 100, 50, texels_of).batch_bytes == 450);
+  CHECK(cut_target(job.context, target, most, 100, 50, texels_of, none_made).batch_bytes == 450);
   job.context.threads = 0;  // counts as one: 4 shares of 4000
-  CHECK(cut_target(job.context, target, most, 100, 50, texels_of).batch_bytes == 1950);
+  CHECK(cut_target(job.context, target, most, 100, 50, texels_of, none_made).batch_bytes == 1950);
   // Only what other leases leave is available.
   const runtime::Lease other(job.context.budget, 15000, "another");
-  CHECK(cut_target(job.context, target, most, 100, 50, texels_of).batch_bytes == 450);
+  CHECK(cut_target(job.context, target, most, 100, 50, texels_of, none_made).batch_bytes == 450);
 }
 
 TEST_CASE("a piece that can never fit the budget is refused before any work") {
@@ -82,7 +84,7 @@ TEST_CASE("a piece that can never fit the budget is refused before any work") {
   std::string message;
   CHECK(test::error_kind(
             [&] {
-              cut_target(job.context, target, {1000, 3}, 100, 50, texels_of);
+              cut_target(job.context, target, {1000, 3}, 100, 50, texels_of, none_made);
             },
             &message) == static_cast<int>(ErrorKind::budget));
   CHECK(message.find("projecting one block of the target") != std::string::npos);
@@ -92,7 +94,20 @@ TEST_CASE("a piece that can never fit the budget is refused before any work") {
 TEST_CASE("a target without blocks has no pieces") {
   SmallJob job(1 << 20);
   const auto target = small_target(job, kPage, {});
-  CHECK(cut_target(job.context, target, {1000, 3}, 100, 50, texels_of).pieces.pieces.empty());
+  CHECK(cut_target(job.context, target, {1000, 3}, 100, 50, texels_of, none_made)
+            .pieces.pieces.empty());
+}
+
+TEST_CASE("blocks that are made already are in no piece, and end the one before them") {
+  SmallJob job(1 << 20);
+  const auto target = small_target(job, kPage, kTiles);
+  job.context.threads = 1;
+  const auto second = [](const store::BlockEntry& entry) { return entry.x % 2 == 1; };
+  // Of the tiles' blocks 0 1 2 | 3 | 4 5 6 7 the odd ones are made; the page is eight blocks wide.
+  const CutTarget cut = cut_target(job.context, target, {1000, 3}, 100, 50, texels_of, second);
+  CHECK(pieces_of(cut) == Pieces{{0, 0, 1}, {0, 2, 1}, {2, 0, 1}, {2, 2, 1}});
+  const auto all = [](const store::BlockEntry&) { return true; };
+  CHECK(cut_target(job.context, target, {1000, 3}, 100, 50, texels_of, all).pieces.pieces.empty());
 }
 
 }  // namespace

@@ -3,7 +3,7 @@
 // Results of a page of 130x70 texels, three blocks by two, that come in no order.
 #include <catch2/catch.hpp>
 
-#include "flow/project/pieces.h"
+#include "flow/project/results.h"
 #include "support/bytes.h"
 #include "unit/flow/small_target.h"
 
@@ -15,6 +15,7 @@ using test::SmallJob;
 namespace {
 
 constexpr mesh::Lattice kPage{130, 70, 0, {}};
+constexpr Hash128 kKey{1, 2};
 using Bytes = std::vector<std::byte>;
 
 /// A block's place, and a byte for each channel: 0 where it covers nothing.
@@ -50,7 +51,7 @@ TEST_CASE("results are found at their blocks' places, whatever order they came i
   SmallJob job(1 << 20);
   const auto target = small_target(job, kPage, {{1}});
   job.context.meter.begin("project", 100, "texels", 1);
-  ResultCollector collector(job.context, target, 2);
+  ResultCollector collector(job.context, target, 2, kKey);
   PieceWork late = work_of(job, {{2, 1, 7, {1, 2}}});
   PieceWork early = work_of(job, {{0, 0, 5, {3, 0}}, {1, 0, 4, {0, 0}}});
   late.distances[1] = 7, late.distance_steps = 70, late.clipped = {0, 9};
@@ -88,7 +89,7 @@ TEST_CASE("a block that comes twice means a damaged target") {
   SmallJob job(1 << 20);
   const auto target = small_target(job, kPage, {{1}});
   job.context.meter.begin("project", 100, "texels", 1);
-  ResultCollector collector(job.context, target, 2);
+  ResultCollector collector(job.context, target, 2, kKey);
   collector.store(work_of(job, {{1, 1, 3, {1, 0}}}));
   collector.store(work_of(job, {{1, 1, 3, {0, 1}}}));  // another channel of the block
   CHECK(test::error_kind([&] {
@@ -97,12 +98,13 @@ TEST_CASE("a block that comes twice means a damaged target") {
 }
 
 TEST_CASE("the index of results is leased: a place per block and channel") {
-  CHECK(ResultCollector::index_bytes(kPage, 2) == 6 * 2 * sizeof(store::ChunkRef));
-  CHECK(ResultCollector::index_bytes({64, 64, 0, {}}, 1) == sizeof(store::ChunkRef));
-  CHECK(ResultCollector::index_bytes({65, 1, 0, {}}, 1) == 2 * sizeof(store::ChunkRef));
+  // And a bit per block: whether it is made.
+  CHECK(ResultCollector::index_bytes(kPage, 2) == 6 * 2 * sizeof(store::ChunkRef) + 8);
+  CHECK(ResultCollector::index_bytes({64, 64, 0, {}}, 1) == sizeof(store::ChunkRef) + 8);
+  CHECK(ResultCollector::index_bytes({65, 1, 0, {}}, 1) == 2 * sizeof(store::ChunkRef) + 8);
   SmallJob job(1 << 20);
   const auto target = small_target(job, kPage, {{1}});
-  const ResultCollector collector(job.context, target, 2);
+  const ResultCollector collector(job.context, target, 2, kKey);
   CHECK(job.context.budget.leased() == ResultCollector::index_bytes(kPage, 2));
 }
 

@@ -18,6 +18,7 @@ struct SmallJob {
   job::JobContext context;
   explicit SmallJob(std::uint64_t budget, unsigned threads = 1) : context(budget, run) {
     context.files = files.get();
+    context.scratch_folder = "/";
     context.scratch = store::StoreFolder::make_scratch(*files, "/");
     context.threads = threads;
   }

@@ -1,0 +1,137 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Jobs that are killed and go on: a 16384² image killed at 90 %, and ten times in a row; then random kills of jobs of
+# every kind (mesh, splats, UDIM tiles, model, .tx, painting over), each followed by the same command. Same bytes,
+# nothing left, and how much of the work is done twice. Generated input, in build/release/slow/resume.
+# Usage: tools/slow-resume.sh [KILLS] [SEED]   (default 200 and 1: some hours; 12 take a quarter of an hour)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+[[ -x build/release/pounce && -x build/release/pounce-fixture ]] || { echo "build first: tools/test.sh" >&2; exit 2; }
+exec python3 - "$PWD" "${1:-200}" "${2:-1}" <<'PY'
+import filecmp, json, os, random, resource, shutil, signal, subprocess, sys, time
+
+root, kills, seed = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+pounce, fixture = root + "/build/release/pounce", root + "/build/release/pounce-fixture"
+work = root + "/build/release/slow/resume"
+shutil.rmtree(work, ignore_errors=True)
+os.makedirs(work)
+os.chdir(work)
+failures = 0
+
+def check(what, good):
+    global failures
+    failures += not good
+    print("%s  %s" % ("ok    " if good else "FAILED", what), flush=True)
+
+def make(*arguments):
+    subprocess.run([fixture, *arguments], check=True, stdout=subprocess.DEVNULL)
+
+def run(job, kill_at=None):
+    """Runs a job, kills it where its progress is beyond a fraction; returns CPU seconds and whether it was killed."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    process = subprocess.Popen([pounce, *job, "--progress", "json"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    said = []
+    for line in process.stderr:
+        said.append(line)
+        try:
+            fraction = json.loads(line).get("fraction", 0)
+        except ValueError:
+            continue
+        if kill_at is not None and fraction > kill_at:
+            process.kill()
+            break
+    process.stderr.close()
+    status = process.wait()
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    killed = status == -signal.SIGKILL
+    if not killed and status != 0:
+        print("status", status, said[-3:])
+    return cpu, killed, status
+
+def outputs(folder):
+    found = {}
+    for base, _, names in os.walk(folder):
+        for name in names:
+            found[os.path.relpath(os.path.join(base, name), folder)] = os.path.join(base, name)
+    return found
+
+def same(a, b):
+    a, b = outputs(a), outputs(b)
+    return a.keys() == b.keys() and all(filecmp.cmp(a[name], b[name], shallow=False) for name in a)
+
+make("plane", "-o", "plane.glb", "--triangles", "200000", "--texture", "2048")
+make("head", "-o", "head", "--texture", "1024", "--target-size", "64")
+make("splats", "-o", "scene/scene.ply", "--count", "400000", "--target-size", "64")
+make("plane", "-o", "tiles.obj", "--triangles", "20000", "--uv-tiles", "6", "--texture", "512")
+
+def fresh(folder):
+    shutil.rmtree(folder, ignore_errors=True)
+    os.makedirs(folder)
+
+# --- one large image -----------------------------------------------------------------------------
+
+def large(folder):
+    return ["transfer", "plane.glb", "plane.glb", "-o", folder + "/o.png", "--size", "16384", "--cache", "cache"]
+
+fresh("quiet")
+run(large("quiet"))  # fills the cache
+fresh("quiet")
+quiet, _, _ = run(large("quiet"))
+fresh("one")
+first, killed, _ = run(large("one"), 0.9)
+second, _, _ = run(large("one"))
+check("16384², killed at 90 %%: the second run takes %.0f %% of a quiet one's %.1f s" % (100 * second / quiet, quiet),
+      killed and second <= 0.15 * quiet)
+check("the same bytes, nothing left", same("quiet", "one"))
+fresh("ten")
+total, met = 0, 0
+for i in range(10):
+    cpu, killed, _ = run(large("ten"), 0.05 + 0.09 * i)
+    total += cpu
+    met += killed
+total += run(large("ten"))[0]
+check("killed %d times in a row: all runs take %.2f times the quiet one" % (met, total / quiet), met == 10 and total <= 1.3 * quiet)
+check("the same bytes, nothing left", same("quiet", "ten"))
+
+# --- kills at random -----------------------------------------------------------------------------
+
+scene = [name for name in outputs("scene").values() if name.endswith((".glb", ".obj"))]
+def kinds(folder):
+    head, other = "head/head_src.glb", "head/head_other.glb"
+    jobs = {
+        "mesh": ["transfer", head, other, "-o", folder + "/o.png", "--size", "8192", "--coverage", folder + "/m.png"],
+        "UDIM": ["transfer", "tiles.obj", "tiles.obj", "--source-texture", "baseColor=tiles.<UDIM>.png", "-o", folder + "/o.<UDIM>.png", "--size", "4096"],
+        "model": ["transfer", head, other, "-o", folder + "/o.glb", "--size", "8192"],
+        ".tx": ["transfer", head, other, "-o", folder + "/o.tx", "--size", "8192"],
+        "EXR": ["transfer", head, other, "-o", folder + "/o.exr", "--depth", "half", "--size", "8192"],
+        "onto": ["transfer", head, other, "-o", folder + "/o.png", "--size", "4096", "--onto", "below.png"],
+        "normals": ["transfer", head, other, "--bake", "normal", "-o", folder + "/o.png", "--size", "8192"],
+    }
+    if scene:
+        jobs["splats"] = ["transfer", "scene/scene.ply", scene[0], "-o", folder + "/o.png", "--size", "2048"]
+    return jobs
+
+run(["transfer", "head/head_src.glb", "head/head_other.glb", "-o", "below.png", "--size", "4096", "--filter", "tent"])
+dice = random.Random(seed)
+references, met = {}, 0
+for i in range(kills):
+    kind = sorted(kinds("x"))[i % len(kinds("x"))]
+    if kind not in references:
+        fresh("reference." + kind)
+        references[kind], _, status = run(kinds("reference." + kind)[kind] + ["--no-cache"])
+        check("%s: %.1f s of CPU" % (kind, references[kind]), status == 0)
+    fresh("killed")
+    at = dice.random()
+    cpu, killed, _ = run(kinds("killed")[kind] + ["--no-cache"], at)
+    met += killed
+    again, _, status = run(kinds("killed")[kind] + ["--no-cache"])
+    good = status == 0 and same("reference." + kind, "killed")
+    if not good or not killed:
+        check("%s killed at %.0f %%" % (kind, 100 * at), good and (killed or at > 0.95))
+    else:
+        print("        %-8s killed at %2.0f %%: %.2f of the work again" % (kind, 100 * at, again / references[kind]), flush=True)
+check("%d of %d kills met a job at work" % (met, kills), met >= 0.8 * kills)
+print("%d failed" % failures)
+sys.exit(failures > 0)
+PY
