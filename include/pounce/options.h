@@ -408,6 +408,10 @@ struct TransferOptions {
   /// Outputs already produced by the same inputs and options stay as they are; so do those without
   /// a recorded job that are newer than every input (docs/outputs.md).
   bool skip_existing = false;
+  /// Outputs that record this very job stay as they are, whatever their times; nothing else is
+  /// skipped. The command line sets it unless --redo is given. Nothing is skipped with
+  /// min_coverage_percent: what was counted when they were made is not known.
+  bool keep_made = false;
   /// Files that a mesh file (buffers, images, materials) or a colour configuration (tables) names
   /// may be outside of its folder (an absolute path, "..", a link); false: they are refused, since
   /// a model from elsewhere could copy any file of this machine into the output.

@@ -41,7 +41,7 @@ void run_transfer(const TransferOptions& options, const job::TestKnobs& knobs, j
 
   plan.make(kAfterReading);
   // From here on it is known what will be done and that it fits.
-  if (options.skip_existing && !plan.anything_to_write()) return;
+  if ((options.skip_existing || options.keep_made) && !plan.anything_to_write()) return;
 
   Source& source = plan.source();
   source.build({kAfterReading, kAfterSource}, plan.least_target_texels());

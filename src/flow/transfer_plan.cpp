@@ -19,6 +19,7 @@
 #include <map>
 #include <utility>
 
+#include "io/files/finished_output.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "mesh/tangent_space.h"
@@ -300,7 +301,7 @@ void TransferPlan::plan_one(const std::string& path) {
     for (const planning::ImageOutput& image : images)
       job_.check_packs = job_.check_packs || (image.onto && image.onto->in_place);
   }
-  if (options_.skip_existing) keep_what_is_there();
+  if (options_.skip_existing || keeps_made()) keep_what_is_there();
 }
 
 /// Reads every input, so not before it is known that the job can be done; --skip-existing must.
@@ -323,12 +324,24 @@ void TransferPlan::warn_of_kept() {
       kept.size() > 1 ? fmt::format(" and {} more", kept.size() - 1) : ""));
 }
 
+/// Whether this very job may have made some of the outputs. Naming jobs reads all inputs, so it is
+/// asked first whether any output says what job made it.
+bool TransferPlan::keeps_made() const {
+  const std::vector<std::string>& outputs = target_.plan.outputs;
+  return options_.keep_made && options_.min_coverage_percent == 0 &&
+         std::any_of(outputs.begin(), outputs.end(), [](const std::string& output) {
+           std::error_code failed;
+           return std::filesystem::is_regular_file(output, failed) &&
+                  io::read_job(output).has_value();
+         });
+}
+
 void TransferPlan::keep_what_is_there() {
   name_jobs();
   std::vector<std::string> meshes = target_.mesh.files;
   meshes.insert(meshes.end(), source_->files().begin(), source_->files().end());
   if (!target_.model) {
-    planning::keep_existing(source_->plan(), planning::newest(meshes), job_.run.written_before,
+    planning::keep_existing(source_->plan(), inputs_time(meshes), job_.run.written_before,
                             target_.plan);
     return warn_of_kept();
   }
@@ -336,12 +349,17 @@ void TransferPlan::keep_what_is_there() {
   for (const planning::ColumnPlan& column : source_->plan().columns)
     meshes.push_back(column.image.path);
   meshes.insert(meshes.end(), target_.plan.inputs.begin(), target_.plan.inputs.end());
-  if (!keeps_model(planning::newest(meshes))) return;
+  if (!keeps_model(inputs_time(meshes))) return;
   warn_of_kept();
   for (auto& images : target_.plan.images) {
     for (planning::ImageOutput& image : images) image.keep = true;
   }
   target_.plan.kept = std::exchange(target_.plan.outputs, {});
+}
+
+/// Only --skip-existing goes by times: later than any time there is, no file is kept by its own.
+planning::FileTime TransferPlan::inputs_time(const std::vector<std::string>& files) const {
+  return options_.skip_existing ? planning::newest(files) : planning::FileTime::max();
 }
 
 /// The model says which job made it; of the files beside it, its images and masks say their own.

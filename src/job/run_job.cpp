@@ -174,6 +174,7 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   auto job = std::make_unique<JobContext>(budget_bytes(resources), run);
   job->threads = thread_count(resources);
   job->plan_only = plan_only;
+  job->begins_again = rebuild;
   job->asks_memory = resources.memory_bytes != 0;
   hold_to_limits(*job, {kLeastBudget, "any job"}, 0);
   // Tests: all files in memory, no cache, no account of scratch.
@@ -213,10 +214,10 @@ Report run_job(const Resources& resources, Progress* progress, Report* so_far,
   // Threads of the job's own: what else the process runs keeps its number, and so does this job.
   tbb::task_arena arena(static_cast<int>(thread_count(resources)));
   JobRun run(progress);
-  const auto fail = [&](ErrorKind kind, const char* what) {
+  const auto fail = [&](const Error& error) {
     if (so_far == nullptr) return;
     try {
-      run.report.failure = Failure{error_kind_name(kind), exit_status(kind), what};
+      run.report.failure = Failure{error_kind_name(error.kind()), exit_status(error), error.what()};
       for (const std::string& path : run.report.outputs) run.written_before.erase(path);
       run.report.outputs.insert(run.report.outputs.begin(), run.written_before.begin(),
                                 run.written_before.end());
@@ -228,12 +229,21 @@ Report run_job(const Resources& resources, Progress* progress, Report* so_far,
   try {
     with_own_errors([&] {
       require_threads(thread_count(resources));
-      arena.execute([&] { run_attempts(resources, run, job); });
+      arena.execute([&] {
+        try {
+          run_attempts(resources, run, job);
+        } catch (const Error&) {
+          // A signal to a whole group of processes ends a decoder's, too: that is no fault of the
+          // image that it was at.
+          run.meter.throw_if_cancelled();
+          throw;
+        }
+      });
       run.meter.finish();
       if (so_far != nullptr) *so_far = run.report;
     });
   } catch (const Error& e) {
-    fail(e.kind(), e.what());
+    fail(e);
     throw;
   }
   return std::move(run.report);

@@ -51,7 +51,7 @@ void Meter::begin(const std::string& stage, std::uint64_t total, const std::stri
 void Meter::throw_if_cancelled() const {
   if (progress_ != nullptr && progress_->cancelled()) {
     throw Error(ErrorKind::cancelled,
-                "stopped; no partial files are left, run the same command to start again");
+                "stopped; run the same command again to go on from what is finished");
   }
 }
 

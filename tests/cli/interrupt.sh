@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-# SIGINT, SIGTERM and SIGHUP stop a job with status 130, whatever it is at; the old image stays, nothing half-written is left.
+# SIGINT and SIGHUP stop a job with status 130, SIGTERM and SIGUSR1 with 143, whatever it is at; the old image stays, nothing half-written is left.
 source "$(dirname "$0")/support.sh"
 make_job
-for signal in INT TERM HUP; do
+status_of() { case $1 in TERM | USR1) echo 143 ;; *) echo 130 ;; esac; }
+for signal in INT TERM HUP USR1; do
   echo 'an old picture' >o.png
   status=0
   : >"$err"  # what the last run said must not pass for this one's first word
@@ -17,7 +18,8 @@ for signal in INT TERM HUP; do
   grep -q '"stage":"project"' "$err" || fail 'the job never came to its work'
   kill -$signal $job || fail 'the job was done before the signal'
   wait $job || status=$?
-  [[ $status == 130 ]] || fail "status $status after SIG$signal"
+  [[ $status == "$(status_of $signal)" ]] || fail "status $status after SIG$signal"
+  err_has 'run the same command again'
   [[ $(cat o.png) == 'an old picture' ]] || fail 'the old picture was touched'
   only_files o.png skin.ppm source.mtl source.obj target.obj
 done
@@ -32,7 +34,7 @@ handles() {
   [[ $(readlink "/proc/$job/exe") == "$(readlink -f "$POUNCE")" ]] &&
     (($(sed -n 's/^SigCgt:[[:space:]]*/0x/p' "/proc/$job/status") & 1 << ($(kill -l "$1") - 1)))
 }
-for signal in INT TERM HUP; do
+for signal in INT TERM HUP USR1; do
   status=0
   env --default-signal=INT "$POUNCE" --help >&3 2>"$err" &
   job=$!
@@ -42,7 +44,7 @@ for signal in INT TERM HUP; do
   done
   kill -$signal $job
   wait $job || status=$?
-  [[ $status == 130 ]] || fail "status $status after SIG$signal without a job"
+  [[ $status == "$(status_of $signal)" ]] || fail "status $status after SIG$signal without a job"
 done
 # What nohup starts outlives its terminal.
 status=0
@@ -57,4 +59,4 @@ sleep 0.1
 ! grep -q '^State:[[:space:]]*Z' "/proc/$job/status" || fail 'an ignored SIGHUP was heard'
 kill -TERM $job
 wait $job || status=$?
-[[ $status == 130 ]] || fail "status $status after SIGTERM"
+[[ $status == 143 ]] || fail "status $status after SIGTERM"

@@ -56,6 +56,7 @@ kill_job() {
 
 out_has() { grep -qF -- "$1" "$out" || fail "the standard output lacks: $1"; }
 err_has() { grep -qF -- "$1" "$err" || fail "the standard error output lacks: $1"; }
+err_lacks() { ! grep -qF -- "$1" "$err" || fail "the standard error output has: $1"; }
 silent() { [[ ! -s $1 ]] || fail "$(basename "$1") should be empty"; }
 
 # refused WORDS ARGUMENT...: a usage error that says WORDS, points at the help and writes nothing.

@@ -33,7 +33,8 @@ constexpr const char* kExitStatusHelp =
     "    6  a cached file is damaged\n"
     "   70  internal error; please report it\n"
     "   75  another process is building a cache entry that this job needs\n"
-    "  130  interrupted; no incomplete output is left";
+    "  130  interrupted; no incomplete output is left, the same command goes on\n"
+    "  143  the same, terminated (SIGTERM, SIGUSR1)";
 
 class HelpFormatter : public CLI::Formatter {
  public:

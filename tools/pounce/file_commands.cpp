@@ -70,7 +70,7 @@ std::string inspect_one(const InspectSettings& settings, const std::string& path
   } catch (const Error& error) {
     if (settings.paths.size() == 1) throw;
     write_stderr("pounce: error: " + visible_line(error.what()) + "\n");
-    if (status == 0) status = exit_status(error.kind());
+    if (status == 0) status = exit_status(error);
     if (!settings.json) return "";
     const nlohmann::ordered_json said{{"file", path}, {"error", error.what()}};
     return said.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";

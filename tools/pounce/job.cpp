@@ -32,7 +32,8 @@ std::string folder_of(const std::string& path) {
 
 [[noreturn]] void cannot(const std::string& what, const std::string& path) {
   const int reason = errno;
-  throw Error(ErrorKind::storage, fmt::format("{}: {}: {}", path, what, std::strerror(reason)));
+  throw Error(ErrorKind::storage, fmt::format("{}: {}: {}", path, what, std::strerror(reason)),
+              reason == ENOSPC || reason == EDQUOT || reason == EIO || reason == ESTALE);
 }
 
 /// Devices, pipes and links (/dev/stdout, /dev/fd/3, /dev/null) are written into: a rename would
@@ -87,11 +88,14 @@ void write_report(const std::string& path, const Report& report) {
 /// Of what the library did not turn into an error of its own.
 Failure failure_of(const std::exception& error) {
   const bool no_memory = dynamic_cast<const std::bad_alloc*>(&error) != nullptr;
-  const auto* known = dynamic_cast<const Error*>(&error);
-  const ErrorKind kind = known != nullptr ? known->kind()
-                         : no_memory      ? ErrorKind::budget
-                                          : ErrorKind::internal;
+  if (const auto* known = dynamic_cast<const Error*>(&error))
+    return {error_kind_name(known->kind()), exit_status(*known), error.what()};
+  const ErrorKind kind = no_memory ? ErrorKind::budget : ErrorKind::internal;
   return {error_kind_name(kind), exit_status(kind), no_memory ? "out of memory" : error.what()};
+}
+
+bool is_cancelled(const Failure& failure) {
+  return failure.exit_status == exit_status(ErrorKind::cancelled);
 }
 
 bool has_enough(const Report& report) {
@@ -139,6 +143,7 @@ int run_job(const JobSettings& settings, const std::function<void(Progress*, Rep
   } catch (const std::exception& error) {
     bar.finish();
     if (!report.failure) report.failure = failure_of(error);
+    if (is_cancelled(*report.failure)) report.failure->exit_status = stopped_status();
     if (!is_of_report) write_failed_report(settings.report_path, kind, report);
     if (kind != ProgressKind::json) {
       // What was noticed until then may be why.
@@ -248,8 +253,8 @@ std::string summary_text(const Report& report, double wall_s) {
     return text + fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
   }
   if (!report.kept.empty())
-    text += fmt::format("skipped {} file{} (up to date)\n", report.kept.size(),
-                        report.kept.size() == 1 ? "" : "s");
+    text += fmt::format("skipped {} file{} (up to date); --redo makes them again\n",
+                        report.kept.size(), report.kept.size() == 1 ? "" : "s");
   const std::uint64_t texels = report.target_texels;
   if (texels > 0 || report.kept.empty()) {
     text += fmt::format("{} texels: {} covered{}, {} empty{}; {} filled around the charts\n",
@@ -359,7 +364,8 @@ std::string warnings_json(const Report& report) {
 
 std::string end_line(const Report& report, int status) {
   nlohmann::ordered_json line;
-  const bool cancelled = status == exit_status(ErrorKind::cancelled);
+  const bool cancelled =
+      status == exit_status(ErrorKind::cancelled) || (report.failure && status == kTerminated);
   line["end"] = !report.failure ? "done" : cancelled ? "cancelled" : "failed";
   line["exit_status"] = status;
   if (report.failure) {

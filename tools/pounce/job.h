@@ -17,6 +17,7 @@ struct JobSettings {
   bool quiet = false;
   bool verbose = false;
   bool plan_only = false;  ///< print the plan instead of the summary
+  bool redo = false;       ///< make again what this very job has made
 };
 
 /// Runs a job with progress on the standard error output and signals wired to its cancellation

@@ -192,6 +192,10 @@ Command add_job_command(CLI::App& program, JobCommand which, const std::string& 
   if (which == JobCommand::transfer || which == JobCommand::apply) {
     add_switch(*command, "--plan", "Reporting",
                "Print the least memory, disk space and files; write nothing", line->job.plan_only);
+    add_switch(*command, "--redo", "Output",
+               "Make outputs again that this same job has made; without it they are skipped",
+               line->job.redo)
+        ->excludes("--skip-existing");
   }
   add_value(*command, "--job", "FILE", "Reporting",
             "Run the job that this report records, or a JSON file of the same form "
@@ -208,10 +212,12 @@ Command add_job_command(CLI::App& program, JobCommand which, const std::string& 
 }
 
 void run_transfer(const Line<TransferOptions>& line, Progress* progress, Report* report) {
+  TransferOptions options = line.options;
+  options.keep_made = !line.job.redo;
   if (line.job.plan_only) {
-    plan(line.options, progress, report);
+    plan(options, progress, report);
   } else {
-    transfer(line.options, progress, report);
+    transfer(options, progress, report);
   }
 }
 

@@ -181,7 +181,8 @@ int main(int argc, char** argv) try {
   return run(argc, argv);
 } catch (const pounce::Error& error) {
   pounce::cli::write_stderr("pounce: error: " + pounce::cli::visible_line(error.what()) + "\n");
-  return pounce::exit_status(error.kind());
+  return error.kind() == pounce::ErrorKind::cancelled ? pounce::cli::stopped_status()
+                                                      : pounce::exit_status(error);
 } catch (const std::bad_alloc&) {
   pounce::cli::write_stderr(
       "pounce: error: out of memory; raise the limit (ulimit -v, ulimit -d)\n");

@@ -122,8 +122,12 @@ namespace {
 // What the signal handler may touch.
 std::atomic<Progress*> running_job{nullptr};
 std::atomic<std::int64_t> stopped_ms{0};
+std::atomic<int> stopped_by{SIGINT};
 static_assert(std::atomic<Progress*>::is_always_lock_free);
 static_assert(std::atomic<std::int64_t>::is_always_lock_free);
+
+/// A scheduler that stops a job kills it some seconds later: by then it must have ended by itself.
+constexpr unsigned kMostSeconds = 4;
 
 /// timeout(1) and other supervisors signal the process and then its group: that is one wish.
 constexpr std::int64_t kSameWishMs = 500;
@@ -134,17 +138,28 @@ std::int64_t now_ms() {
   return std::int64_t{now.tv_sec} * 1000 + now.tv_nsec / 1'000'000;
 }
 
-extern "C" void stop_job(int) {
+extern "C" void stop_job(int signal) {
   const int before = errno;
   Progress* const progress = running_job.load();
-  if (progress == nullptr) _exit(exit_status(ErrorKind::cancelled));
+  if (progress == nullptr || !progress->cancelled()) stopped_by = signal;
+  if (progress == nullptr) _exit(stopped_status());
   if (!progress->cancelled()) {
     stopped_ms = now_ms();
     progress->cancel();
+    alarm(kMostSeconds);
   } else if (now_ms() - stopped_ms > kSameWishMs) {
-    _exit(exit_status(ErrorKind::cancelled));
+    _exit(stopped_status());
   }
   errno = before;
+}
+
+/// What is at work (a mesh of gigabytes, a disk that does not answer) looks too seldom whether it
+/// should stop. A process may end anywhere without harm; see docs/exit-status.md.
+extern "C" void stop_now(int) {
+  constexpr std::string_view kSaid =
+      "pounce: error: stopped in the middle of its work; run the same command again to go on\n";
+  (void)!write(own_stderr_descriptor(), kSaid.data(), kSaid.size());
+  _exit(stopped_status());
 }
 
 }  // namespace
@@ -154,12 +169,19 @@ void handle_signals() noexcept {
   action.sa_handler = stop_job;
   action.sa_flags = SA_RESTART;  // no read or write of a library fails for a signal
   sigemptyset(&action.sa_mask);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGUSR1}) {
     struct sigaction before = {};
     const bool outlives_terminal = signal == SIGHUP && sigaction(signal, nullptr, &before) == 0 &&
                                    before.sa_handler == SIG_IGN;
     if (!outlives_terminal) sigaction(signal, &action, nullptr);
   }
+  action.sa_handler = stop_now;
+  sigaction(SIGALRM, &action, nullptr);
+}
+
+int stopped_status() noexcept {
+  const int signal = stopped_by;
+  return signal == SIGTERM || signal == SIGUSR1 ? kTerminated : exit_status(ErrorKind::cancelled);
 }
 
 SignalsCancel::SignalsCancel(Progress& progress) { running_job = &progress; }

@@ -32,10 +32,14 @@ void write_stdout(const std::string& text);
 /// Writes text to the standard error output, visible(). That it cannot be read there is no error.
 void write_stderr(const std::string& text);
 
-/// From here on SIGINT, SIGTERM and SIGHUP (unless it is ignored, as under nohup) cancel the job
-/// that runs; without one, or as a second wish, they end the process at once, with status 130. To
-/// be called as early as can be; a second call changes nothing.
+/// From here on SIGINT, SIGTERM, SIGUSR1 and SIGHUP (unless it is ignored, as under nohup) cancel
+/// the job that runs, which ends within five seconds; without one, or as a second wish, they end
+/// the process at once, with stopped_status(). To be called as early as can be; a second call
+/// changes nothing.
 void handle_signals() noexcept;
+/// Of a job that a signal stopped: 143 for SIGTERM and SIGUSR1, which schedulers send, else 130.
+inline constexpr int kTerminated = 143;
+int stopped_status() noexcept;
 
 /// While it lives, this is the job that runs.
 class SignalsCancel {

@@ -241,7 +241,7 @@ void ByteSource::fail(const char* what, int reason) const {
           ? fmt::format("{}: cannot {}: {}", path_, what, std::strerror(reason))
           : fmt::format("{}: cannot {} {}: {}", label_, what, path_, std::strerror(reason));
   if (reason == ENOENT || reason == ENOTDIR) throw MissingFile(said);
-  throw Error(ErrorKind::storage, said);
+  throw Error(ErrorKind::storage, said, is_passing(reason));
 }
 
 FILE* ByteSource::stream() {

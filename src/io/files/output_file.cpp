@@ -383,15 +383,17 @@ void OutputFile::commit() {
       ErrorKind::storage,
       fmt::format("{}: was written, but its folder could not be synced to the disk ({}), so its "
                   "name may be lost in a power failure; check the disk and run the job again",
-                  path_, std::strerror(reason)));
+                  path_, std::strerror(reason)),
+      is_passing(reason));
 }
 
 void OutputFile::fail_by(int code) const {
-  fail(std::string(std::strerror(code)) + storage_advice(code));
+  fail(std::string(std::strerror(code)) + storage_advice(code), code);
 }
 
-void OutputFile::fail(const std::string& what) const {
-  throw Error(ErrorKind::storage, fmt::format("cannot write {}: {}", path_, what));
+void OutputFile::fail(const std::string& what, int code) const {
+  throw Error(ErrorKind::storage, fmt::format("cannot write {}: {}", path_, what),
+              is_passing(code));
 }
 
 }  // namespace pounce::io

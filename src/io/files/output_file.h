@@ -60,7 +60,7 @@ class OutputFile {
   /// afterwards.
   void commit();
   /// Throws Error(storage): "cannot write <path>: <what>".
-  [[noreturn]] void fail(const std::string& what) const;
+  [[noreturn]] void fail(const std::string& what, int code = 0) const;
 
  private:
   static long write_piece(void* self, const char* bytes, std::size_t count);
