@@ -147,9 +147,10 @@ void take_colours(TiffDirectory& from, TiffPicture& picture) {
     }
   }
   if (from.find(kMatteing) != nullptr && !picture.says_extra_samples) {
-    if (from.number(kMatteing, 0) > 1 || extra < 1)
+    // Some writers state that there is none, which needs no extra sample.
+    if (from.number(kMatteing, 0) > std::min<std::uint64_t>(extra, 1))
       from.refuse("the TIFF's field 32995 (Matteing) is invalid; the file is damaged");
-    picture.says_extra_samples = true;
+    picture.says_extra_samples = extra > 0;
   }
 }
 
