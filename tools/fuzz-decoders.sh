@@ -4,7 +4,7 @@
 # `fuzz-decoders` looks: with AddressSanitizer, the checks of UndefinedBehaviorSanitizer that stand for wrong memory or
 # a crash, and coverage. With the installed ones a fuzzer neither sees what they do inside their blocks nor where it
 # has been. Of the rest (shifts, overflows of signed numbers, which these libraries have in sums over damaged texels)
-# nothing is asked. Six minutes on two cores, once.
+# nothing is asked. Six minutes of CPU, once.
 # Where a mirror lacks the newest version, the release's own is taken; which ones were is in build/decoders/versions.
 # The images that these sources bring, whole and broken ones, go into build/decoders/images.
 set -euo pipefail
@@ -12,6 +12,7 @@ cd "$(dirname "$0")/.."
 
 folder=$PWD/build/decoders prefix=$PWD/build/decoders/install sources=$PWD/build/decoders/sources
 tools/install-clang.sh
+command -v dpkg-source >/dev/null || { echo "fuzz-decoders.sh: install dpkg-dev first" >&2; exit 2; }
 mkdir -p "$folder" "$sources"
 
 # The machine's own package lists seldom name sources, so this brings its own.
