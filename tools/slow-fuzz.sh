@@ -8,6 +8,7 @@
 # Usage: tools/slow-fuzz.sh [SECONDS per target] [TARGET...]   (default 600, and all that tests/fuzz/targets.txt lists)
 # POUNCE_FUZZ_SEED=N: the same inputs each time from the same corpus (0, the default: others each time). .ci/run sets
 # it, since a change is to be judged by what it did, not by what a fuzzer happens to find that day.
+# POUNCE_FUZZ_PRESET=fuzz-decoders: with the libraries that tools/fuzz-decoders.sh built, in build/fuzz-decoders.
 # What was learnt stays in build/fuzz/corpus, where the next run goes on. To see a finding again:
 #   build/fuzz/fuzz_gltf build/fuzz/findings/gltf-crash-...    (pack: POUNCE_FUZZ_PACKS=build/fuzz/corpus/packs)
 set -euo pipefail
@@ -30,9 +31,9 @@ done
 
 tools/install-packages.sh
 tools/install-clang.sh
-build=$PWD/build/fuzz
-cmake --preset fuzz >/dev/null
-cmake --build --preset fuzz --target fuzz_seeds "${targets[@]/#/fuzz_}"
+preset=${POUNCE_FUZZ_PRESET:-fuzz} build=$PWD/build/${POUNCE_FUZZ_PRESET:-fuzz}
+cmake --preset "$preset" >/dev/null
+cmake --build --preset "$preset" --target fuzz_seeds "${targets[@]/#/fuzz_}"
 
 corpus=$build/corpus findings=$build/findings
 mkdir -p "$findings"

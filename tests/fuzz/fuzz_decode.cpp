@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Images as a job reads them, from the first bytes to the last row, by the decoders of this system.
-// These are not instrumented: what they do beyond their blocks is seen where it meets instrumented
-// code. What they hand out of memory that nobody wrote is seen, as two readings of one image differ
-// that find other bytes in new memory.
+// Images as a job reads them, in this process, from the first bytes to the last row, and what of an
+// EXR can be named beside that. With the preset fuzz-decoders the libraries that decode them are
+// instrumented. With fuzz they are this system's: what these do beyond their blocks is seen where
+// it meets instrumented code. What they hand out of memory that nobody wrote is seen with both, as
+// two readings of one image differ that find other bytes in new memory.
 #include <array>
 #include <cstring>
 #include <random>
@@ -64,7 +65,7 @@ Reading read(const mesh::ImageRef& image, std::uint32_t strip, int new_memory) {
   NewMemory::fill_with(new_memory);
   try {
     PeakMemory::start();
-    io::ImageReader reader(image);
+    io::ImageReader reader(image, {{}, Sandbox::off});
     const io::ImageInfo& info = reader.info();
     // OpenEXR makes room for blocks when it opens a file, and touches it when it reads.
     require_within(info.decoder_bytes + most_header_bytes(image.bytes->size()),
@@ -81,11 +82,7 @@ Reading read(const mesh::ImageRef& image, std::uint32_t strip, int new_memory) {
         reader.read_rows(std::min(strip, info.height - row),
                          reading.texels.data() + row * reader.row_bytes());
       }
-      // Of some channels OpenImageIO makes room for 64 MiB of rows, and touches those it is asked
-      // for.
-      const bool some = !image.channels.empty() || !info.left_out.empty();
-      const std::uint64_t untouched = some ? 64 << 20 : 0;
-      require_within(info.decoder_bytes + untouched, "a decoder takes what was announced");
+      require_within(info.decoder_bytes, "a decoder takes what was announced");
     }
   } catch (const Error& e) {
     require(e.kind() == ErrorKind::input, e.what());
@@ -109,13 +106,6 @@ std::vector<std::string> read_alike(const mesh::ImageRef& image) {
 
 }  // namespace
 }  // namespace pounce::fuzz
-
-/// Decoders forget memory when they give up.
-extern "C" const char* __lsan_default_suppressions() {
-  // Of a string that OpenImageIO assigns the stack ends in the standard library, which has no frame
-  // pointers.
-  return "leak:libOpenImageIO\nleak:std::__cxx11::basic_string<*>::_M_assign\n";
-}
 
 /// Changes what is inside of one piece of the file, so that the others are reached.
 extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size,
@@ -144,6 +134,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace pounce;
   std::vector<std::byte> bytes(size);
   if (size > 0) std::memcpy(bytes.data(), data, size);
+  // Radiance pictures are read by a module that is not linked, with libraries of its own.
+  if (fuzz::text_of(data, size).starts_with("#?")) return 0;
   mesh::ImageRef image = fuzz::in_memory(std::move(bytes), "image");
   image.path.clear();
   const std::vector<std::string> others = fuzz::read_alike(image);

@@ -303,8 +303,6 @@ void put_images(const fs::path& folder) {
       write(folder / (std::string(coding, 4) + std::to_string(channels) + ".webp"), {kind});
     }
   }
-  write(folder / "runs.hdr", {{.type = TypeDesc::FLOAT}});
-  write(folder / "narrow.hdr", {{.width = 5, .height = 9, .type = TypeDesc::FLOAT}});
 }
 
 }  // namespace pounce::fuzz

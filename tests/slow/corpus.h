@@ -51,6 +51,8 @@ void add_other(Entries& entries);
 
 /// What libwebp makes of a file. Throws std::runtime_error if it reads none.
 Picture read_webp(const std::string& path);
+/// The samples of a binary PPM of 8 or 16 bits. Throws std::runtime_error if it is none.
+Picture read_ppm(const std::string& path);
 
 inline void add(Entries& entries, const std::string& file, Maker make) {
   entries.push_back({file, file, "", 0, std::move(make)});

@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "corpus.h"
+#include "unit/io/image_files.h"
 
 namespace pounce::test::corpus {
 namespace {
@@ -226,6 +227,33 @@ std::optional<Picture> write_bmp(std::uint32_t bits, const std::string& path, Ra
 }
 
 }  // namespace
+
+Picture read_ppm(const std::string& path) {
+  const std::string file = test::read_file(path);
+  std::size_t at = 2;
+  const auto number = [&] {
+    while (at < file.size() && (file[at] == '#' || file[at] <= ' '))
+      at = file[at] == '#' ? file.find('\n', at) : at + 1;
+    std::uint32_t value = 0;
+    for (; at < file.size() && file[at] >= '0' && file[at] <= '9'; ++at)
+      value = value * 10 + static_cast<std::uint32_t>(file[at] - '0');
+    return value;
+  };
+  const std::uint32_t width = number(), height = number(), largest = number();
+  const std::size_t size = largest == 255 ? 1 : 2, count = std::size_t{width} * height * 3;
+  if (!file.starts_with("P6") || (largest != 255 && largest != 65535) ||
+      file.size() <= at + count * size)
+    throw std::runtime_error(path + ": no such PPM, or truncated");
+  Picture out{width, height, 3, size == 1 ? Depth::u8 : Depth::u16, false, {}};
+  const auto* const from = reinterpret_cast<const unsigned char*>(file.data()) + at + 1;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (size == 1)
+      append(out.samples, from[i]);
+    else
+      append(out.samples, static_cast<std::uint16_t>(from[2 * i] << 8 | from[2 * i + 1]));
+  }
+  return out;
+}
 
 void add_other(Entries& entries) {
   add_pnm(entries);

@@ -93,6 +93,7 @@ struct TiffPicture {
   bool says_extra_samples = false;                ///< what the samples beyond the colours are
   std::uint32_t part_width = 0, part_height = 0;  ///< of a tile, or of a strip
   bool tiled = false;
+  std::uint64_t window_bytes = 0;  ///< how far back the decoder of a strip or tile looks
 
   /// What a decoder hands out per texel.
   std::uint32_t channels() const {

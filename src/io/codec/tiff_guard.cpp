@@ -14,6 +14,7 @@
 
 #include "io/codec/guard.h"
 #include "io/codec/tiff_directory.h"
+#include "io/codec/tiff_window.h"
 
 namespace pounce::io {
 namespace {
@@ -147,16 +148,18 @@ void take_colours(TiffDirectory& from, TiffPicture& picture) {
     }
   }
   if (from.find(kMatteing) != nullptr && !picture.says_extra_samples) {
-    if (from.number(kMatteing, 0) > 1 || extra < 1)
+    // Some writers state that there is none, which needs no extra sample.
+    if (from.number(kMatteing, 0) > std::min<std::uint64_t>(extra, 1))
       from.refuse("the TIFF's field 32995 (Matteing) is invalid; the file is damaged");
-    picture.says_extra_samples = true;
+    picture.says_extra_samples = extra > 0;
   }
 }
 
+constexpr std::uint64_t kLzma = 34925, kZstd = 50000;
+
 void take_coding(TiffDirectory& from, TiffPicture& picture) {
   constexpr std::uint64_t kNone = 1, kRle = 2, kFax = 3, kFax4 = 4, kLzw = 5, kJpeg = 7,
-                          kDeflate = 8, kOldDeflate = 32946, kPackBits = 32773, kLzma = 34925,
-                          kZstd = 50000;
+                          kDeflate = 8, kOldDeflate = 32946, kPackBits = 32773;
   const std::uint64_t coding = from.number(kCompression, kNone);
   const bool predicts = coding == kLzw || coding == kDeflate || coding == kOldDeflate ||
                         coding == kLzma || coding == kZstd;
@@ -237,9 +240,16 @@ void take_part_size(TiffDirectory& from, TiffPicture& picture) {
   }
 }
 
+/// How far back the decoder of a strip or tile looks.
+std::uint64_t window_of(std::uint64_t coding, ByteSource& bytes, std::uint64_t begin,
+                        std::uint64_t size) {
+  if (coding == kZstd) return zstd_window(bytes, begin, size);
+  return coding == kLzma ? xz_window(bytes, begin, size) : 0;
+}
+
 /// Where the strips or tiles are: as many as there must be, each within the file, none much larger
 /// than what it decodes to.
-void check_parts(TiffDirectory& from, const TiffPicture& picture) {
+void check_parts(TiffDirectory& from, TiffPicture& picture) {
   const std::uint64_t across = (picture.width - 1) / picture.part_width + 1;
   const std::uint64_t down = (picture.height - 1) / picture.part_height + 1;
   const std::uint64_t of_plane = across * down;
@@ -258,6 +268,7 @@ void check_parts(TiffDirectory& from, const TiffPicture& picture) {
   const std::vector<std::uint64_t> begins = from.numbers(*places, count);
   const std::vector<std::uint64_t> bytes = from.numbers(*sizes, count);
   const std::uint64_t row = picture.part_bytes() / picture.part_height;
+  const std::uint64_t coding = from.number(kCompression, 0);
   for (std::uint64_t i = 0; i < count; ++i) {
     const std::uint64_t first_row = i % of_plane / across * picture.part_height;
     const std::uint64_t rows =
@@ -267,7 +278,11 @@ void check_parts(TiffDirectory& from, const TiffPicture& picture) {
     constexpr std::uint64_t kSlack = 4096;
     const std::uint64_t least = picture.compressed ? 1 : decoded;
     const bool inside = begins[i] <= from.at().size() && bytes[i] <= from.at().size() - begins[i];
-    if (inside && bytes[i] >= least && bytes[i] <= 2 * decoded + kSlack) continue;
+    if (inside && bytes[i] >= least && bytes[i] <= 2 * decoded + kSlack) {
+      picture.window_bytes =
+          std::max(picture.window_bytes, window_of(coding, from.at().bytes(), begins[i], bytes[i]));
+      continue;
+    }
     from.refuse(fmt::format(
         "{} {} of {} of the TIFF has {} bytes at offset {} (decoded: {} bytes), in a file of "
         "{} bytes; the file is damaged or truncated",

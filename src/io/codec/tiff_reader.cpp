@@ -207,8 +207,9 @@ void TiffDecoder::take_palette() {
 void TiffDecoder::count_memory(ImageInfo& info) {
   const std::uint64_t planes = picture_.planes ? picture_.samples : 1;
   row_.resize(plane_row_bytes() * planes);
-  info.decoder_bytes =
-      kDecoderBaseBytes + 2 * row_.size() + row_.size() * 8 / picture_.bits * sample_bytes_;
+  info.decoder_bytes = kDecoderBaseBytes + 2 * row_.size() +
+                       row_.size() * 8 / picture_.bits * sample_bytes_ +
+                       handles_.size() * picture_.window_bytes;
   if (picture_.tiled) {
     const std::uint64_t across = (picture_.width - 1) / picture_.part_width + 1;
     // Decoded and as they are in the file.

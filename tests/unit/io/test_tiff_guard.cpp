@@ -394,6 +394,14 @@ TEST_CASE("a TIFF of samples that are not on the list is refused", "[image][tiff
              Contains("differ in bit depth"));
 }
 
+TEST_CASE("the old field for alpha may say that there is none", "[image][tiff]") {
+  const auto with = [](std::uint64_t matteing) {
+    return tiff(Layout{}, [&](Entries& e) { e[32995] = {3, {matteing}}; });
+  };
+  CHECK(test::read_all(in_memory(with(0), "a.tif")) == expected(Layout{}));
+  CHECK_THAT(refusal(with(1)), Contains("32995 (Matteing) is invalid"));
+}
+
 TEST_CASE("a TIFF of a compression that is not on the list is refused", "[image][tiff]") {
   for (const auto& [coding, name] : std::map<std::uint64_t, std::string>{
            {3, "CCITT fax"}, {6, "old JPEG"}, {34887, "LERC"}, {9999, "type 9999"}}) {
