@@ -34,7 +34,8 @@ using mesh::TextureBinding;
 
 /// WebP is read like any other image, the others are not.
 constexpr std::string_view kWebp = "EXT_texture_webp";
-const char* const kOtherSources[] = {kWebp.data(),        "KHR_texture_basisu",
+constexpr std::string_view kKtx2 = "KHR_texture_basisu";
+const char* const kOtherSources[] = {kWebp.data(),        kKtx2.data(),
                                      "EXT_texture_avif",  "MSFT_texture_dds",
                                      "EXT_texture_video", "GOOGLE_texture_basis"};
 
@@ -160,7 +161,9 @@ std::optional<std::uint32_t> MaterialReader::image_of(const tinygltf::Texture& t
     // Of several, the first in our list: they are different forms of one image.
     ImageRef& image = mesh_.images.at(static_cast<std::size_t>(source));
     if (name == kWebp) return static_cast<std::uint32_t>(source);
-    image.problem = fmt::format("uses the extension {}, which pounce does not support", name);
+    image.problem = fmt::format(
+        "uses the extension {}, which pounce does not support; convert it to PNG{}", name,
+        name == kKtx2 ? " (docs/limits.md shows how, under \"KTX2 textures\")" : "");
     return static_cast<std::uint32_t>(source);
   }
   return std::nullopt;
