@@ -20,6 +20,7 @@
 #include "core/input_file.h"
 #include "io/files/asset_file.h"
 #include "io/problems.h"
+#include "io/splats/ply_header.h"
 #include "io/splats/ply_scene.h"
 #include "io/splats/scene.h"
 
@@ -30,11 +31,14 @@ enum class Format { gltf, obj, ply, stl };
 
 /// A splat scene where a mesh is wanted: often the two are in the wrong order.
 [[noreturn]] void refuse_splats(const std::string& path, const SplatFormat& format) {
-  if (format.kind == SplatKind::ply && !holds_splats(*open_input(path), path)) {
-    refuse(path,
-           "a PLY file without faces (lists \"vertex_indices\") is read as a splat scene, which "
-           "can only "
-           "be a source; export a mesh with its faces");
+  if (format.kind == SplatKind::ply) {
+    const auto file = open_input(path);
+    if (is_ply(*file)) read_ply_header(*file, path);  // what is wrong with it may hide its faces
+    if (!holds_splats(*file, path)) {
+      refuse(path,
+             "a PLY file without faces (lists \"vertex_indices\") is read as a splat scene, which "
+             "can only be a source; export a mesh with its faces");
+    }
   }
   refuse(path,
          "a Gaussian splat scene in {}, but a mesh (.glb, .gltf, .obj, .ply or .stl) is required; "

@@ -22,6 +22,8 @@
 #include <array>
 #include <stdexcept>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "io/gltf/gltf_file.h"
 #include "io/problems.h"
@@ -140,8 +142,8 @@ std::optional<MeshoptView> meshopt_view(const Json& view) {
   return read(*extension);
 }
 
-std::vector<std::byte> unpack_meshopt(const MeshoptView& view, std::span<const std::byte> packed) {
-  std::vector<std::byte> out(view.bytes());
+void unpack_meshopt(const MeshoptView& view, std::span<const std::byte> packed,
+                    std::span<std::byte> out) {
   const auto* bytes = reinterpret_cast<const unsigned char*>(packed.data());
   int result = 0;
   switch (view.mode) {
@@ -171,7 +173,6 @@ std::vector<std::byte> unpack_meshopt(const MeshoptView& view, std::span<const s
       meshopt_decodeFilterExp(out.data(), view.count, view.stride);
       break;
   }
-  return out;
 }
 
 /// Each view can become no more than 64 times its packed bytes (check_meshopt()), but any number of
@@ -203,17 +204,19 @@ std::span<const std::byte> GltfFile::unpacked(std::size_t view, const MeshoptVie
   const auto found = unpacked_.find(view);
   if (found != unpacked_.end()) return found->second;
   read_buffer(packed.buffer, packed.offset_bytes, {});  // a buffer without bytes says so here
+  // What stays is allocated first: between such, what goes would leave holes.
+  std::vector<std::byte> out(packed.bytes());
   std::vector<std::byte> bytes(packed.packed_bytes);
   read_buffer(packed.buffer, packed.offset_bytes, bytes);
   try {
-    return unpacked_[view] = unpack_meshopt(packed, bytes);
+    unpack_meshopt(packed, bytes, out);
   } catch (const std::invalid_argument& e) {
-    unpacked_.erase(view);
     refuse(path_,
            "bufferViews[{}] {}: its {} data are damaged; export the model again, or without "
            "compression",
            view, e.what(), kMeshopt);
   }
+  return unpacked_[view] = std::move(out);
 }
 
 }  // namespace pounce::io

@@ -7,7 +7,6 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "io/json/untrusted.h"
 
@@ -37,7 +36,8 @@ void check_meshopt(const JsonCheck& check, const nlohmann::json& root, const nlo
 /// Of a checked view; nothing where it is not packed.
 std::optional<MeshoptView> meshopt_view(const nlohmann::json& view);
 
-/// The bytes of a view. Throws std::invalid_argument with the reason.
-std::vector<std::byte> unpack_meshopt(const MeshoptView& view, std::span<const std::byte> packed);
+/// Fills `out`, which has the size of the view. Throws std::invalid_argument with the reason.
+void unpack_meshopt(const MeshoptView& view, std::span<const std::byte> packed,
+                    std::span<std::byte> out);
 
 }  // namespace pounce::io

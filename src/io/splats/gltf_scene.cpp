@@ -189,7 +189,7 @@ class GltfSplats : public BatchScene {
   GltfFile file_;
   tinygltf::Model model_;
   AccessorReader accessors_;
-  std::uint64_t json_cost_ = 0;
+  std::uint64_t held_bytes_ = 0;
   std::string colour_space_;
   bool names_no_kernel_ = false;                          ///< some primitive
   std::map<std::size_t, std::unique_ptr<SpzScene>> spz_;  ///< by buffer view
@@ -203,9 +203,11 @@ GltfSplats::GltfSplats(const std::string& path, const Axes& axes, const std::fun
       file_(checked(path), false),
       model_(load_scene(file_)),
       accessors_(file_, model_) {
-  // As mesh_cost() has it: measured for trees and models of accessors and nodes.
-  json_cost_ = kTypedBytesPerJsonByte * file_.json_bytes() +
-               kBytesPerEntry * gltf_entry_count(file_.document()) + 3 * file_.inline_bytes();
+  // As mesh_cost() has it: measured for trees and models of accessors and nodes. Packed views stay
+  // unpacked once they were read.
+  held_bytes_ = kTypedBytesPerJsonByte * file_.json_bytes() +
+                kBytesPerEntry * gltf_entry_count(file_.document()) + 3 * file_.inline_bytes() +
+                file_.unpacking_bytes();
   info_.files = {path};
   for (const GltfBuffer& buffer : file_.buffers()) {
     if (!buffer.path.empty() && buffer.path != path) info_.files.push_back(buffer.path);
@@ -413,7 +415,7 @@ void GltfSplats::prepare(const ScratchFolder& folder, const std::function<void()
 std::uint64_t GltfSplats::decode_bytes() const {
   std::uint64_t most = 1 << 20;  // a piece of an accessor
   for (const auto& [view, scene] : spz_) most = std::max(most, scene->decode_bytes());
-  return most + json_cost_;
+  return most + held_bytes_;
 }
 
 void GltfSplats::decode(std::uint64_t first, std::uint64_t count, std::uint32_t lobes,

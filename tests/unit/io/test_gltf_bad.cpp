@@ -375,7 +375,7 @@ TEST_CASE("files of other kinds are refused by what is read, missing ones by the
     CHECK_THAT(refusal(folder.file(name)), Catch::Contains(".glb, .gltf, .obj"));
   }
   test::write_file(folder.file("a.fbx"), "ply\nformat ascii 1.0\n");
-  CHECK_THAT(refusal(folder.file("a.fbx")), Catch::Contains("without faces"));
+  CHECK_THAT(refusal(folder.file("a.fbx")), Catch::Contains("has no \"end_header\" line"));
   for (const char* name : {"gone.glb", "gone.gltf", "gone.obj"}) {
     try {
       io::read_mesh(folder.file(name));

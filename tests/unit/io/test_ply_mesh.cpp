@@ -332,6 +332,10 @@ TEST_CASE("a damaged PLY mesh is refused with its place", "[io][ply]") {
   CHECK_THAT(said(ascii(kXyz, 4, kFaces, 2'000'000'000, body)),
              Catch::Contains("announces 2000000000 rows of the element \"face\""));
   CHECK_THAT(said(ascii(kXyz, 4, kFaces, 1, body + "2 0 1\n")), Catch::Contains("no faces"));
+  // Assimp's Wuson.ply: a comment without the word. It has faces, so it is not said to have none.
+  std::string remark = plain_square();
+  remark.insert(remark.find("element"), "Created by Blender3D 247\n");
+  CHECK_THAT(said(remark), Catch::Contains("line 3 of the header contains \"Created by Blender3D"));
   std::string other = plain_square();
   other.replace(other.find("ascii"), 5, "utf-8");
   CHECK_THAT(said(other), Catch::Contains("its format is \"utf-8\""));
