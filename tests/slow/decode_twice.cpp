@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <malloc.h>
 #include <sys/resource.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -37,7 +38,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::array kFormats{ImageFormat::bmp, ImageFormat::tga};
-constexpr unsigned kSecondsForEach = 20;
+/// Of the processor, and of the clock, which others share.
+constexpr unsigned kSecondsForEach = 20, kMostSeconds = 300;
 /// More are not decoded; their headers are read.
 constexpr std::uint64_t kMostSampleBytes = 64 << 20;
 /// Files above are not changed: the change would be somewhere in a sea of samples.
@@ -216,6 +218,13 @@ Outcome read(mesh::ImageRef image, const std::string& format) {
   asm volatile("" : : "r"(room.data()) : "memory");
 }
 
+/// From here on the process may run for that long.
+void allow_seconds(unsigned processor, unsigned clock) {
+  const itimerval timer{{0, 0}, {processor, 0}};
+  setitimer(ITIMER_PROF, &timer, nullptr);
+  alarm(clock);
+}
+
 /// Reads one after another, and writes a line for each.
 [[noreturn]] void read_all_cases(std::span<const Case> cases, std::uint64_t seed, int fill,
                                  FILE* out) {
@@ -226,10 +235,10 @@ Outcome read(mesh::ImageRef image, const std::string& format) {
   for (const Case& one : cases) {
     const mesh::ImageRef image = in_memory(one.bytes(seed), "the image");
     const std::string format = one.mutant == 0 ? one.format : format_of(image);
-    alarm(kSecondsForEach);
+    allow_seconds(kSecondsForEach, kMostSeconds);
     fill_stack(fill);
     Outcome outcome = read(image, format);
-    alarm(0);
+    allow_seconds(0, 0);
     allow_memory(UINT32_MAX);
     std::replace(outcome.text.begin(), outcome.text.end(), '\n', ' ');
     fmt::print(out, "{}\t{}\n", outcome.what, outcome.text);
@@ -264,7 +273,8 @@ std::vector<Outcome> outcomes_until_death(std::span<const Case> cases, std::uint
   int status = 0;
   waitpid(child, &status, 0);
   if (outcomes.size() < cases.size()) {
-    const bool late = WIFSIGNALED(status) && WTERMSIG(status) == SIGALRM;
+    const bool late =
+        WIFSIGNALED(status) && (WTERMSIG(status) == SIGALRM || WTERMSIG(status) == SIGPROF);
     outcomes.push_back({late ? "HANGS" : "CRASHED", fmt::format("status {}", status)});
   } else if (status != 0) {
     throw std::runtime_error(fmt::format("a reader ended with status {}", status));
