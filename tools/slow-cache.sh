@@ -96,7 +96,7 @@ if mount -t tmpfs -o size=$((job_bytes / 2)) none "$work/disk" 2>/dev/null; then
   mounted=yes
   status=0
   transfer a "$work/full.png" --cache "$work/disk/cache" --cache-limit none --temp "$work" 2>"$work/log" || status=$?
-  check "a full disk: status $status" test $status -eq 5 -o $status -eq 0
+  check "a full disk: status $status" test $status -eq 75 -o $status -eq 0
   check "a full disk leaves a sound cache" is_sound "$work/disk/cache"
   check "a full disk with the default limit" transfer a "$work/full.png" --cache "$work/disk/cache" --temp "$work" 2>/dev/null
   check "a full disk: the same picture" cmp -s "$work/full.png" "$work/a.png"

@@ -66,6 +66,9 @@ struct CachePruned {
   std::uint64_t bytes = 0;        ///< room that is free again
   std::uint64_t in_use = 0;       ///< objects that some process uses: they stay
   std::uint64_t taken_bytes = 0;  ///< room that the cache still takes
+  /// Results of images that jobs left half done beside their outputs, and of jobs that used this
+  /// cache alone.
+  std::uint64_t half_done = 0, half_done_bytes = 0;
 };
 /// Removes objects, longest unused first: those not used for `older_than_s` seconds (if given), and
 /// as many more as it takes to bring the cache to `most_bytes` (if given). With neither, nothing

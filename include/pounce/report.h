@@ -122,6 +122,15 @@ struct Failure {
   std::string message;
 };
 
+/// An image that an earlier run of the same job has begun: a later one goes on there.
+struct HalfDoneImage {
+  std::string path;  ///< of the first of the images that are made together
+  std::uint64_t blocks = 0, texels = 0;
+  std::uint64_t of_texels = 0;  ///< that there are
+  double worked_s = 0;          ///< so far
+  double left_s = 0;            ///< at that speed; what it takes to write the image is not in it
+};
+
 /// What a job did. Bytes and seconds throughout.
 struct Report {
   std::string version;
@@ -181,8 +190,9 @@ struct Report {
   std::vector<std::string> warnings;
   /// What the inputs leave open, and how it was taken; what they have and is not transferred.
   std::vector<std::string> notes;
-  std::vector<std::string> kept;     ///< outputs that were up to date (skip_existing)
-  std::vector<std::string> outputs;  ///< files written; of a plan: that would be written
+  std::vector<std::string> kept;  ///< outputs that were up to date (skip_existing, keep_made)
+  std::vector<HalfDoneImage> half_done;  ///< of a plan
+  std::vector<std::string> outputs;      ///< files written; of a plan: that would be written
 };
 
 /// What a transfer would do and take.
@@ -197,8 +207,9 @@ struct PlanReport {
   DiskForecast disk_most;
   std::vector<std::string> inputs;    ///< files that would be read
   std::vector<std::string> outputs;   ///< files that would be written
-  std::vector<std::string> kept;      ///< outputs that are up to date (skip_existing)
+  std::vector<std::string> kept;      ///< outputs that are up to date (skip_existing, keep_made)
   std::vector<std::string> warnings;  ///< what the job would warn of before its work
+  std::vector<HalfDoneImage> half_done;
 };
 
 /// A scene whose TargetReport::fit is below that hardly lies at its target: what fits less is

@@ -20,6 +20,7 @@
 
 #include "core/own_errors.h"
 #include "store/cache/cache_space.h"
+#include "store/cache/resume_files.h"
 
 namespace pounce {
 namespace {
@@ -90,6 +91,9 @@ CachePruned tidy(const std::string& folder, const Evict& evict) {
     store::remove_leftovers(disk(), layout);
     store::CacheSpace space(disk(), layout, 0, nullptr);
     evict(space, pruned);
+    const store::RemovedFiles left = store::remove_noted_files(disk(), layout);
+    pruned.half_done = left.files;
+    pruned.half_done_bytes = left.bytes;
     // Counted again, not subtracted: jobs may have written meanwhile.
     pruned.taken_bytes = store::scan_cache(disk(), layout).total_bytes;
     return pruned;

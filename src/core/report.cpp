@@ -202,6 +202,14 @@ std::string to_json(const Report& report) {
   json["notes"] = report.notes;
   json["outputs"] = report.outputs;
   json["kept"] = report.kept;
+  for (const HalfDoneImage& image : report.half_done) {
+    json["half_done"].push_back({{"path", image.path},
+                                 {"blocks", image.blocks},
+                                 {"texels", image.texels},
+                                 {"of_texels", image.of_texels},
+                                 {"worked_s", image.worked_s},
+                                 {"left_s", image.left_s}});
+  }
   // A file name need not be UTF-8; JSON must be.
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

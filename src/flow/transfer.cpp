@@ -91,7 +91,8 @@ PlanReport plan(const TransferOptions& options, const job::TestKnobs& knobs, Pro
           report.inputs,
           report.outputs,
           report.kept,
-          report.warnings};
+          report.warnings,
+          report.half_done};
 }
 
 }  // namespace flow

@@ -19,9 +19,11 @@
 #include <map>
 #include <utility>
 
+#include "flow/project/results.h"
 #include "io/files/finished_output.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
+#include "job/step_pack.h"
 #include "mesh/tangent_space.h"
 #include "planning/describe_job.h"
 #include "planning/known_map.h"
@@ -153,6 +155,7 @@ void TransferPlan::plan_target_side(const std::string& path, planning::DiskPlan&
   job_.report.kept.insert(job_.report.kept.end(), plan.kept.begin(), plan.kept.end());
   anything_to_write_ = anything_to_write_ || target_.has_work();
   need_target(path);
+  if (job_.plan_only) find_half_done();
 }
 
 /// An output of its own is no wish for a channel: it may be meant for another job.
@@ -314,6 +317,27 @@ void TransferPlan::name_jobs() {
     }
   }
   if (target_.model) target_.model->set_job(job_hash_.of_model(target_.model->path(), plan));
+}
+
+/// What an earlier run has begun. Naming jobs reads all inputs, so first it is asked whether
+/// anything was left at all.
+void TransferPlan::find_half_done() {
+  if (!job::StepPack::any_left(job_)) return;
+  name_jobs();
+  const planning::TargetPlan& plan = target_.plan;
+  for (const planning::PassPlan& pass : source_->plan().passes) {
+    for (std::size_t page = 0; page < plan.pages.size(); ++page) {
+      const planning::ImageOutput& image = plan.images[pass.channels.front()][page];
+      const auto done =
+          half_done(job_, image.lattice, pass.channels.size(), results_key(pass, plan, page));
+      if (!done || !target_.has_work(pass.channels, page)) continue;
+      const double speed = static_cast<double>(done->texels) / std::max(done->worked_s, 1e-3);
+      const auto left =
+          static_cast<double>(done->of_texels - std::min(done->of_texels, done->texels));
+      job_.report.half_done.push_back({image.path, done->blocks, done->texels, done->of_texels,
+                                       done->worked_s, left / std::max(speed, 1.0)});
+    }
+  }
 }
 
 void TransferPlan::warn_of_kept() {

@@ -59,6 +59,7 @@ class TransferPlan {
   void check_order(const mesh::Mesh& source);
   void plan_one(const std::string& path);
   void name_jobs();
+  void find_half_done();
   bool keeps_made() const;
   planning::FileTime inputs_time(const std::vector<std::string>& files) const;
   void keep_what_is_there();

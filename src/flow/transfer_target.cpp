@@ -289,7 +289,7 @@ class TargetTransfer {
     if (texels == 0 && target_.plan.by_tile) return;
     if (texels == 0 && target_.model) return tally_->add_page(p, page, 0, nullptr);
     ResultCollector results(job_, target, source_plan_.passes[p].channels.size(),
-                            results_key(p, page));
+                            results_key(source_plan_.passes[p], target_.plan, page));
     try {
       make_page(p, page, target, results);
     } catch (const Error& e) {
@@ -300,16 +300,6 @@ class TargetTransfer {
     // A model's images are only there once it is.
     if (!target_.model) return results.forget();
     if (auto pack = results.release()) packs_of_model_.push_back(std::move(pack));
-  }
-
-  /// Of all that decides what a page's results are: the jobs of its images say that, and more.
-  Hash128 results_key(std::size_t p, std::uint32_t page) const {
-    Hasher hasher;
-    hasher.add(std::string_view("results"));
-    hasher.add(store::kFormatVersion);
-    for (const std::size_t c : source_plan_.passes[p].channels)
-      hasher.add(std::string_view(target_.plan.images[c][page].job));
-    return hasher.digest();
   }
 
   void make_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target,

@@ -69,6 +69,7 @@ struct JobContext {
   std::string scratch_folder;                       ///< of all nameless files
   bool check_packs = false;  ///< of the cache, whole, before they are believed
   unsigned threads = 1;
+  std::string cache_folder;  ///< "" without a cache
   bool plan_only = false;
   bool begins_again = false;  ///< an attempt before this one met a damaged pack
   /// How long a step takes before what it has made is kept for a later run.

@@ -192,6 +192,7 @@ std::unique_ptr<JobContext> open_job(const Resources& resources, const std::stri
   const std::string cache = !resources.use_cache          ? std::string()
                             : resources.cache_dir.empty() ? default_cache_folder()
                                                           : resources.cache_dir;
+  job->cache_folder = plan_only ? "" : cache;
   job->keeps_stores = !cache.empty();
   if (!cache.empty()) job->cache_limit_bytes = cache_limit(resources, cache, *job->files);
   if (!cache.empty() && !plan_only) {

@@ -17,64 +17,62 @@
 #include <utility>
 
 #include "pounce/error.h"
+#include "store/cache/resume_files.h"
 
 namespace pounce::job {
 namespace {
 
-constexpr std::string_view kPrefix = ".pounce-", kSuffix = ".resume";
 constexpr auto kFlushEvery = std::chrono::milliseconds(250);
 constexpr auto kSyncEvery = std::chrono::seconds(15);
-constexpr std::int64_t kMostDays = 7;
-constexpr int kMostFolders = 8;  // above the scratch folder
+constexpr std::int64_t kOldestNs = 7 * 86'400'000'000'000;  // a week
+constexpr int kMostFolders = 8;                             // above the scratch folder
 
 std::string place(const std::string& folder, const std::string& name) {
   return (std::filesystem::path(folder.empty() ? "." : folder) / name).string();
 }
 
-std::unique_ptr<ResumableFile> find_earlier(FileSystem& files, const std::string& folder,
-                                            const std::string& name) {
-  if (auto file = files.reopen_resumable(place(folder, name))) return file;
+/// What `open` finds of this name in the scratch folder or in those above it.
+template <class Open>
+auto find_earlier(const std::string& folder, const std::string& name, const Open& open)
+    -> decltype(open(name)) {
+  if (auto file = open(place(folder, name))) return file;
   std::error_code failed;
   std::filesystem::path at = std::filesystem::absolute(folder.empty() ? "." : folder, failed);
   for (int up = 0; !failed && up < kMostFolders && at != at.root_path(); ++up) {
     at = at.parent_path();
-    if (auto file = files.reopen_resumable((at / name).string())) return file;
+    if (auto file = open((at / name).string())) return file;
   }
   return nullptr;
-}
-
-bool is_resume_name(const std::string& name) {
-  return name.starts_with(kPrefix) && name.ends_with(kSuffix);
-}
-
-/// Removes what was left in this folder and never gone on with.
-void remove_old(FileSystem& files, const std::string& folder) {
-  const auto now = std::chrono::duration_cast<std::chrono::nanoseconds>(
-                       std::chrono::system_clock::now().time_since_epoch())
-                       .count();
-  for (const std::string& name : files.list(folder)) {
-    if (!is_resume_name(name)) continue;
-    const std::string path = place(folder, name);
-    const auto status = files.status(path);
-    if (!status || now - status->modified_ns < kMostDays * 86'400'000'000'000) continue;
-    // Whoever can open it so has it alone: nobody goes on with it meanwhile.
-    if (const auto file = files.reopen_resumable(path)) file->forget();
-  }
 }
 
 }  // namespace
 
 StepPack::StepPack(JobContext& job, store::PackKind kind, const Hash128& key,
                    const Earlier& earlier)
-    : job_(job),
-      kind_(kind),
-      key_(key),
-      name_(fmt::format("{}{}{}", kPrefix, to_hex(key), kSuffix)) {
-  auto file = find_earlier(*job_.files, job_.scratch_folder, name_);
+    : job_(job), kind_(kind), key_(key), name_(store::resume_name(key)) {
+  auto file = find_earlier(job_.scratch_folder, name_, [&](const std::string& path) {
+    return job_.files->reopen_resumable(path);
+  });
   // A second attempt believes nothing that was made from what turned out to be damaged.
   if (file != nullptr && job_.begins_again) file->forget();
   if (file != nullptr && !job_.begins_again) go_on(std::move(file), earlier);
   if (writer_ == nullptr) begin();
+}
+
+std::unique_ptr<ReadFile> StepPack::find(JobContext& job, const Hash128& key) {
+  return find_earlier(job.scratch_folder, store::resume_name(key),
+                      [&](const std::string& path) { return job.files->open_private(path); });
+}
+
+bool StepPack::any_left(JobContext& job) {
+  std::error_code failed;
+  std::filesystem::path at =
+      std::filesystem::absolute(job.scratch_folder.empty() ? "." : job.scratch_folder, failed);
+  for (int up = 0; !failed && up <= kMostFolders; ++up, at = at.parent_path()) {
+    if (store::has_resume_files(*job.files, at.string())) return true;
+    if (at == at.root_path()) break;
+  }
+  return false;
 }
 
 void StepPack::go_on(std::unique_ptr<ResumableFile> file, const Earlier& earlier) {
@@ -107,7 +105,8 @@ void StepPack::keep() {
     is_kept_ = file_->keep();
     if (is_kept_) {
       job_.files->sync_folder(folder);
-      remove_old(*job_.files, folder);
+      store::remove_resume_files(*job_.files, folder, kOldestNs);
+      note_folder(folder);
     }
   } catch (const Error& e) {
     // A folder that may not be looked into, say: this job does without.
@@ -116,6 +115,14 @@ void StepPack::keep() {
     is_kept_ = false;
   }
   if (!is_kept_) file_ = nullptr;
+}
+
+void StepPack::note_folder(const std::string& folder) const {
+  if (job_.cache_folder.empty()) return;
+  std::error_code failed;
+  const auto place = std::filesystem::absolute(folder, failed).lexically_normal();
+  if (!failed)
+    store::note_resume_folder(*job_.files, store::CacheLayout(job_.cache_folder), place.string());
 }
 
 void StepPack::commit() {
@@ -144,7 +151,10 @@ void StepPack::forget() noexcept {
 }
 
 StepPack::~StepPack() {
-  if (!is_kept_) return;
+  if (!is_kept_) {
+    if (file_ != nullptr) file_->forget();  // where it has had its name from the start
+    return;
+  }
   try {
     file_->flush();
   } catch (const Error&) {

@@ -36,7 +36,14 @@ class StepPack {
   StepPack(const StepPack&) = delete;
   StepPack& operator=(const StepPack&) = delete;
 
+  /// What an earlier run left under this key, for whoever only looks; null: nothing.
+  static std::unique_ptr<ReadFile> find(JobContext& job, const Hash128& key);
+  static bool any_left(JobContext& job);  ///< under any key
+
   store::PackWriter& writer() { return *writer_; }
+  std::chrono::milliseconds worked() const {  ///< by this run
+    return std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - begun_);
+  }
   /// What was appended so far belongs together. From time to time it is handed to the system, and
   /// to the disk.
   void commit();
@@ -52,6 +59,7 @@ class StepPack {
   void go_on(std::unique_ptr<ResumableFile> file, const Earlier& earlier);
   void begin();
   void keep();
+  void note_folder(const std::string& folder) const;
 
   JobContext& job_;
   const store::PackKind kind_;

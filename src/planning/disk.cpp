@@ -149,7 +149,8 @@ void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, cons
     constexpr std::uint64_t kRecord = 192, kRecordOfChannel = 17;
     of_page += blocks * (kRecord + kRecordOfChannel * plan.passes[p].channels.size());
     // The results of a model's pages stay until it is there: a later run may need them all.
-    results = is_model ? results + of_page * target.pages.size() : std::max(results, of_page);
+    const std::size_t pages = target.images[plan.passes[p].channels.front()].size();
+    results = is_model ? results + of_page * pages : std::max(results, of_page);
   }
   for (std::size_t c = 0; c < target.images.size(); ++c) {
     const ChannelPlan& channel = plan.channels[c];

@@ -79,10 +79,12 @@ report_has '"failure": null'
 mkdir folder
 touch file
 for report in /dev/full folder file/r.json; do
-  expect 5 transfer source.obj target.obj -o o.png --report "$report" --progress json
-  [[ $(last) == '{"end":"failed","exit_status":5,"kind":"storage","message":"'* ]] || fail "the last line: $report"
+  status=5
+  [[ $report != /dev/full ]] || status=75
+  expect $status transfer source.obj target.obj -o o.png --report "$report" --progress json
+  [[ $(last) == '{"end":"failed","exit_status":'$status',"kind":"storage","message":"'* ]] || fail "the last line: $report"
   ! grep -v '^{' "$err" || fail 'text among JSON lines'
-  expect 5 transfer source.obj target.obj -o o.png --report "$report"
+  expect $status transfer source.obj target.obj -o o.png --report "$report"
   [[ $(grep -c '^pounce: ' "$err") == 1 ]] || fail 'not said once'
 done
 expect 2 maps target.obj -o '<CHANNEL>.jpg' --report /dev/full --progress json
@@ -90,7 +92,7 @@ expect 2 maps target.obj -o '<CHANNEL>.jpg' --report /dev/full --progress json
 grep -q '^{"warning":"/dev/full' "$err" || fail 'no warning of the report'
 got=0
 "$POUNCE" transfer source.obj target.obj -o o.png --plan --progress json >/dev/full 2>"$err" || got=$?
-[[ $got == 5 && $(last) == '{"end":"failed","exit_status":5,'* ]] || fail "a plan that cannot be written: $got"
+[[ $got == 75 && $(last) == '{"end":"failed","exit_status":75,'* ]] || fail "a plan that cannot be written: $got"
 # What was noticed until then is said before the error, unless --quiet.
 rm source.mtl
 expect 3 transfer source.obj target.obj -o o.png

@@ -4,7 +4,7 @@ source "$(dirname "$0")/support.sh"
 make_job
 mask mask.pgm 16 16 $(for ((i = 0; i < 256; ++i)); do echo 255; done)
 # Options of how things are said, not of what is done.
-said=' help quiet verbose progress report job '
+said=' help quiet verbose progress report job redo '
 # reported COMMAND: the options in r.json are among those that were seen of it.
 seen=
 reported() {

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # A job that is killed goes on where it was: the same command, the same bytes, nothing left beside the image. What is
 # cheap to make again (a job of a second) leaves nothing at all.
+skips=made
 source "$(dirname "$0")/support.sh"
 "$POUNCE_FIXTURE" plane -o plane.glb --triangles 2000 --texture 512 >/dev/null
 left() { find . -name '.pounce-*.resume' | sort; }
@@ -36,6 +37,10 @@ wait $pid || status=$?
 err_has 'run the same command again'
 [[ -n $(left) ]] || fail 'nothing was kept of a job that was stopped'
 
+expect 0 "${line[@]}" -o o.png --plan --report plan.json
+out_has 'half done     o.png: '
+grep -q '"left_s"' plan.json || fail 'the report does not say what is left'
+
 # What another job wants is not gone on with; nor is what somebody changed.
 expect 0 "${line[@]}" -o p.png --padding 3
 err_lacks 'went on from an earlier run'
@@ -49,6 +54,8 @@ cmp o.png quiet.png || fail 'a changed byte became part of the image'
 # The second time there is nothing to do, but for --redo; a changed source is another job.
 expect 0 "${line[@]}" -o o.png
 err_has 'skipped 2 files (up to date); --redo makes them again'
+expect 0 "${line[@]}" -o o.png --plan
+out_has 'would skip    o.png'
 before=$(stat -c %i o.png)
 expect 0 "${line[@]}" -o o.png --redo
 [[ $(stat -c %i o.png) != "$before" ]] || fail '--redo made nothing'
@@ -58,3 +65,13 @@ expect 0 "${line[@]}" -o o.png
 cmp o.png quiet.png || fail 'a file that says nothing of its job was skipped'
 expect 2 transfer a.glb b.glb -o o.png --redo --skip-existing
 err_has '--redo'
+
+# What nobody goes on with is removed with what dead processes left in the cache.
+rm -f o.png m.png
+kill_job 0.5 "${line[@]}" -o o.png --redo
+[[ -n $(left) ]] || fail 'nothing was kept'
+expect 0 cache prune --cache cache
+out_has 'removed 1 half-done image beside outputs'
+[[ -z $(left) ]] || fail 'it is still there'
+expect 0 cache prune --cache cache
+! grep -q 'half-done' "$out" || fail 'removed twice'

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # --skip-existing: what this same job made stays, all else is made. Times count only where no job is said.
+skips=made
 source "$(dirname "$0")/support.sh"
 refused '--skip-existing cannot distinguish' transfer a.obj b.obj -o o.png --onto o.png --skip-existing
 "$POUNCE_FIXTURE" plane -o s.obj --triangles 400 --uv-tiles 3 --texture 16 >/dev/null
@@ -25,7 +26,7 @@ expect 0 "${job[@]}" --threads 1 --memory 64MiB
 err_has 'skipped 3'
 ! grep -q 'no job is recorded' "$err" || fail 'a warning of what is recorded'
 expect 0 "${job[@]}" --plan
-! grep -qF 't.1001.png' "$out" || fail 'a plan to write what is kept'
+! grep -q 'would write.*t.1001.png' "$out" || fail 'a plan to write what is kept'
 
 # Another option, another content of an input: made again, though the outputs are younger.
 expect 0 "${job[@]}" --padding 2

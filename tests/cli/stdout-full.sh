@@ -6,6 +6,6 @@ image a.ppm 2 2 1 2 3
 for command in '--help' '--version' 'inspect a.ppm' 'compare a.ppm a.ppm'; do
   status=0
   "$POUNCE" $command >/dev/full 2>"$err" || status=$?
-  [[ $status == 5 ]] || fail "exit status $status: pounce $command"
+  [[ $status == 75 ]] || fail "exit status $status: pounce $command"
   err_has 'standard output'
 done

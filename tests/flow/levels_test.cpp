@@ -105,7 +105,7 @@ void write(const std::string& path, const io::ImageWriteSpec& spec, std::uint32_
   const auto job = job::open_job(resources, path, nullptr, false, false, run);
   const std::vector<std::byte> samples = picture(spec);
   const std::size_t row = samples.size() / spec.height;
-  flow::ImageFile file(*job, path, spec);
+  flow::ImageFile file(*job, path, spec, nullptr);
   for (std::uint32_t y = 0; y < spec.height; y += together)
     file.write_rows(std::min(together, spec.height - y), samples.data() + y * row);
   file.commit();

@@ -28,12 +28,11 @@ constexpr const char* kExitStatusHelp =
     "    2  invalid command line\n"
     "    3  a mesh, image or scene cannot be used\n"
     "    4  --memory is too small; the message names the least that works\n"
-    "    5  a file or folder cannot be read, written or created; disk full; could not create "
-    "threads\n"
+    "    5  a file or folder cannot be read, written or created; could not create threads\n"
     "    6  a cached file is damaged\n"
     "   70  internal error; please report it\n"
-    "   75  another process is building a cache entry that this job needs\n"
-    "  130  interrupted; no incomplete output is left, the same command goes on\n"
+    "   75  may succeed later: disk full, or another process is building what this job needs\n"
+    "  130  interrupted; no incomplete output is left, the same command continues\n"
     "  143  the same, terminated (SIGTERM, SIGUSR1)";
 
 class HelpFormatter : public CLI::Formatter {

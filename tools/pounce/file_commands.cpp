@@ -332,6 +332,11 @@ int show_pruned(const CachePruned& pruned) {
     text += fmt::format("{} kept: in use by a running job, or owned by another user\n",
                         count_text(pruned.in_use, "pack"));
   }
+  if (pruned.half_done > 0) {
+    text += fmt::format("removed {} beside outputs, {}\n",
+                        count_text(pruned.half_done, "half-done image"),
+                        bytes_text(pruned.half_done_bytes));
+  }
   write_stdout(text);
   return 0;
 }

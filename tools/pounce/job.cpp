@@ -33,7 +33,7 @@ std::string folder_of(const std::string& path) {
 [[noreturn]] void cannot(const std::string& what, const std::string& path) {
   const int reason = errno;
   throw Error(ErrorKind::storage, fmt::format("{}: {}: {}", path, what, std::strerror(reason)),
-              reason == ENOSPC || reason == EDQUOT || reason == EIO || reason == ESTALE);
+              may_pass(reason));
 }
 
 /// Devices, pipes and links (/dev/stdout, /dev/fd/3, /dev/null) are written into: a rename would
@@ -336,8 +336,17 @@ std::string plan_text(const Report& report) {
     text += fmt::format("scratch limit {}\n", bytes_text(disk.scratch_limit_bytes));
   add("cache", disk.cache_bytes);
   add("outputs", disk.output_bytes);
+  for (const std::string& path : report.kept)
+    text += fmt::format("would skip    {}\n", visible_line(path));
   for (const std::string& path : report.outputs)
     text += fmt::format("would write   {}\n", visible_line(path));
+  for (const HalfDoneImage& image : report.half_done) {
+    const double share = static_cast<double>(image.texels) /
+                         static_cast<double>(std::max<std::uint64_t>(image.of_texels, 1));
+    text += fmt::format("half done     {}: {:.0f} % ({} blocks, {:.0f} s), about {:.0f} s left\n",
+                        visible_line(image.path), 100 * share, with_commas(image.blocks),
+                        image.worked_s, image.left_s);
+  }
   return text;
 }
 

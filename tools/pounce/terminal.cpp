@@ -102,6 +102,10 @@ void keep_stderr() noexcept {
 std::FILE* own_stderr() noexcept { return own != nullptr ? own : stderr; }
 int own_stderr_descriptor() noexcept { return own_descriptor; }
 
+bool may_pass(int code) noexcept {
+  return code == ENOSPC || code == EDQUOT || code == EIO || code == ESTALE;
+}
+
 void write_stdout(const std::string& text) {
   const std::string shown = visible(text);
   const bool arrived = std::fwrite(shown.data(), 1, shown.size(), stdout) == shown.size() &&
@@ -109,7 +113,8 @@ void write_stdout(const std::string& text) {
   if (arrived) return;
   const int reason = errno;
   throw Error(ErrorKind::storage,
-              fmt::format("standard output: cannot write: {}", std::strerror(reason)));
+              fmt::format("standard output: cannot write: {}", std::strerror(reason)),
+              may_pass(reason));
 }
 
 void write_stderr(const std::string& text) {

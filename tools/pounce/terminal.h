@@ -26,6 +26,9 @@ std::FILE* own_stderr() noexcept;
 /// The same as a descriptor, for who may not use streams.
 int own_stderr_descriptor() noexcept;
 
+/// An errno of writing for which trying again may help: Error::is_passing().
+bool may_pass(int code) noexcept;
+
 /// Writes text or JSON to the standard output, visible(), and makes sure that it arrived; throws
 /// Error(storage).
 void write_stdout(const std::string& text);

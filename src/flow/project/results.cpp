@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <utility>
 
 #include "core/bytes.h"
@@ -29,6 +30,68 @@ std::uint32_t blocks_across(std::uint32_t texels) {
 
 /// What a record states is held against what can be before it is believed.
 constexpr std::uint64_t kMostTexels = store::kTexelsPerBlock;
+
+/// What a record states. Layout: docs/tile-format-colours.md.
+struct Record {
+  struct Block {
+    std::int32_t x = 0, y = 0;
+    std::vector<bool> has_chunk;  ///< [channel]
+  };
+  std::vector<Block> blocks;
+  std::size_t chunks = 0;    ///< that precede it
+  std::uint64_t texels = 0;  ///< of its blocks, which the target covers
+  outcome::PageFound found;
+  std::vector<std::uint64_t> clipped;
+  std::uint64_t target_texels = 0;  ///< of the whole page
+  std::uint64_t worked_ms = 0;      ///< by all runs so far
+};
+
+/// What is the same for all records of a pack.
+struct RecordFrame {
+  std::uint32_t across = 0, down = 0;
+  std::size_t channels = 0;
+};
+
+bool names_twice(const Record& record) {
+  std::vector<std::pair<std::int32_t, std::int32_t>> places;
+  for (const Record::Block& block : record.blocks) places.emplace_back(block.x, block.y);
+  std::sort(places.begin(), places.end());
+  return std::adjacent_find(places.begin(), places.end()) != places.end();
+}
+
+/// Nothing where it states what cannot be.
+std::optional<Record> parse_record(std::span<const std::byte> bytes, const RecordFrame& frame) {
+  try {
+    ByteReader in(bytes, "a record of results");
+    Record record;
+    const auto count = in.get<std::uint32_t>();
+    if (count > std::uint64_t{frame.across} * frame.down) return std::nullopt;
+    for (std::uint32_t b = 0; b < count; ++b) {
+      const auto x = in.get<std::uint32_t>(), y = in.get<std::uint32_t>();
+      const auto texels = in.get<std::uint32_t>();
+      if (x >= frame.across || y >= frame.down || texels > kMostTexels) return std::nullopt;
+      Record::Block& block = record.blocks.emplace_back();
+      block.x = static_cast<std::int32_t>(x);
+      block.y = static_cast<std::int32_t>(y);
+      record.texels += texels;
+      for (std::size_t c = 0; c < frame.channels; ++c) {
+        block.has_chunk.push_back(in.get<std::uint8_t>() != 0);
+        record.chunks += block.has_chunk.back() ? 1 : 0;
+      }
+    }
+    record.found.covered.resize(frame.channels);
+    record.clipped.resize(frame.channels);
+    in.get_span(std::span(record.found.covered));
+    in.get_span(std::span(record.clipped));
+    in.get_span(std::span<std::uint64_t>(record.found.distances));
+    in.get_all(record.found.distance_steps, record.target_texels, record.worked_ms);
+    if (in.left() != 0 || names_twice(record)) return std::nullopt;
+    return record;
+  } catch (const Error& e) {
+    if (e.kind() != ErrorKind::damaged_store) throw;
+    return std::nullopt;
+  }
+}
 
 /// Of a map's entry, with what it and the allocator add.
 constexpr std::uint64_t kEncodedIndexBytes = 128;
@@ -127,64 +190,32 @@ job::StepPack::Earlier ResultCollector::earlier() {
 }
 
 /// Counts what a record names; false, and nothing is counted, if it does not fit the chunks before
-/// it or this page. Layout: docs/tile-format-colours.md.
-bool ResultCollector::take_record(std::span<const std::byte> record) {
-  struct Made {
-    std::size_t slot;
-    std::vector<store::ChunkRef> chunks;
-  };
-  try {
-    ByteReader in(record, "a record of results");
-    const auto chunks = std::exchange(waiting_, {});
-    std::size_t next = 0;
-    const auto count = in.get<std::uint32_t>();
-    if (count > made_.size()) return false;
-    std::vector<Made> blocks(count);
-    std::uint64_t texels = 0;
-    for (Made& made : blocks) {
-      const auto x = in.get<std::uint32_t>(), y = in.get<std::uint32_t>();
-      const auto of_block = in.get<std::uint32_t>();
-      if (x >= across_ || y >= down_ || of_block > kMostTexels) return false;
-      made.slot = std::size_t{y} * across_ + x;
-      texels += of_block;
-      for (std::size_t c = 0; c < result_.blocks.size(); ++c) {
-        made.chunks.emplace_back();
-        if (in.get<std::uint8_t>() == 0) continue;
-        if (next == chunks.size()) return false;
-        made.chunks.back() = chunks[next++];
-      }
-    }
-    outcome::PageFound found;
-    found.covered.resize(result_.covered.size());
-    std::vector<std::uint64_t> clipped(result_.clipped.size());
-    in.get_span(std::span(found.covered));
-    in.get_span(std::span(clipped));
-    in.get_span(std::span<std::uint64_t>(found.distances));
-    found.distance_steps = in.get<std::uint64_t>();
-    if (in.left() != 0 || next != chunks.size()) return false;
-    std::vector<std::size_t> slots;
-    for (const Made& made : blocks) slots.push_back(made.slot);
-    std::sort(slots.begin(), slots.end());
-    if (std::adjacent_find(slots.begin(), slots.end()) != slots.end()) return false;
-    if (std::any_of(slots.begin(), slots.end(), [&](std::size_t slot) { return made_[slot]; }))
-      return false;
-    for (const Made& made : blocks) {
-      made_[made.slot] = true;
-      for (std::size_t c = 0; c < made.chunks.size(); ++c)
-        result_.blocks[c][made.slot] = made.chunks[c];
-    }
-    for (std::size_t c = 0; c < clipped.size(); ++c) {
-      result_.covered[c] += found.covered[c];
-      result_.clipped[c] += clipped[c];
-    }
-    for (std::size_t i = 0; i < kDistanceBins; ++i) result_.distances[i] += found.distances[i];
-    result_.distance_steps += found.distance_steps;
-    kept_texels_ += texels;
-    return true;
-  } catch (const Error& e) {
-    if (e.kind() != ErrorKind::damaged_store) throw;
-    return false;
+/// it, or this page.
+bool ResultCollector::take_record(std::span<const std::byte> bytes) {
+  const auto chunks = std::exchange(waiting_, {});
+  const auto record = parse_record(bytes, {across_, down_, result_.blocks.size()});
+  if (!record || record->chunks != chunks.size()) return false;
+  for (const Record::Block& block : record->blocks) {
+    if (made_[slot_of(block.x, block.y)]) return false;
   }
+  auto next = chunks.begin();
+  for (const Record::Block& block : record->blocks) {
+    const std::size_t slot = slot_of(block.x, block.y);
+    made_[slot] = true;
+    for (std::size_t c = 0; c < result_.blocks.size(); ++c) {
+      if (block.has_chunk[c]) result_.blocks[c][slot] = *next++;
+    }
+  }
+  for (std::size_t c = 0; c < result_.covered.size(); ++c) {
+    result_.covered[c] += record->found.covered[c];
+    result_.clipped[c] += record->clipped[c];
+  }
+  for (std::size_t i = 0; i < kDistanceBins; ++i)
+    result_.distances[i] += record->found.distances[i];
+  result_.distance_steps += record->found.distance_steps;
+  kept_texels_ += record->texels;
+  earlier_ms_ = record->worked_ms;
+  return true;
 }
 
 bool ResultCollector::take_encoded(const store::ChunkRef& chunk,
@@ -213,7 +244,8 @@ void ResultCollector::append_record(const PieceWork& work) {
   out.put_span(std::span<const std::uint64_t>(work.covered));
   out.put_span(std::span<const std::uint64_t>(clipped));
   out.put_span(std::span<const std::uint64_t>(work.distances));
-  out.put(work.distance_steps);
+  out.put_all(work.distance_steps, target_.directory().texels,
+              earlier_ms_ + static_cast<std::uint64_t>(pack_->worked().count()));
   pack_->writer().append(store::ChunkKind::record, record_,
                          static_cast<std::uint32_t>(record_.size()));
   pack_->commit();
@@ -254,6 +286,40 @@ PageResult ResultCollector::finish() {
 std::unique_ptr<io::EncodedBlocks> ResultCollector::encodings(std::uint32_t image) {
   if (!pack_->is_kept()) return nullptr;
   return std::make_unique<KeptEncodings>(*pack_, encoded_, image);
+}
+
+// --- for a plan ----------------------------------------------------------------------------------
+
+Hash128 results_key(const planning::PassPlan& pass, const planning::TargetPlan& target,
+                    std::size_t page) {
+  Hasher hasher;
+  hasher.add(std::string_view("results"));
+  hasher.add(store::kFormatVersion);
+  for (const std::size_t c : pass.channels)
+    hasher.add(std::string_view(target.images[c][page].job));
+  return hasher.digest();
+}
+
+std::optional<HalfDone> half_done(job::JobContext& job, const mesh::Lattice& page,
+                                  std::size_t channels, const Hash128& key) {
+  const auto file = job::StepPack::find(job, key);
+  if (file == nullptr) return std::nullopt;
+  const RecordFrame frame{blocks_across(page.width), blocks_across(page.height), channels};
+  HalfDone done;
+  store::scan_pack(*file, store::PackKind::results, key,
+                   [&](store::ChunkKind kind, const store::ChunkRef&,
+                       std::span<const std::byte> stored, const store::PackScan&) {
+                     if (kind != store::ChunkKind::record) return true;
+                     const auto record = parse_record(stored, frame);
+                     if (!record) return false;
+                     done.blocks += record->blocks.size();
+                     done.texels += record->texels;
+                     done.of_texels = record->target_texels;
+                     done.worked_s = static_cast<double>(record->worked_ms) / 1000;
+                     return true;
+                   });
+  if (done.blocks == 0) return std::nullopt;
+  return done;
 }
 
 }  // namespace pounce::flow

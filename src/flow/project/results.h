@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -17,6 +18,7 @@
 #include "job/job_context.h"
 #include "job/step_pack.h"
 #include "outcome/target_tally.h"
+#include "planning/plan.h"
 #include "store/blocks/geometry_store.h"
 #include "store/pack/pack.h"
 
@@ -78,10 +80,24 @@ class ResultCollector {
   std::vector<bool> made_;                ///< by an earlier run
   std::vector<store::ChunkRef> waiting_;  ///< chunks that no record has named yet
   std::uint64_t kept_texels_ = 0;
-  EncodedIndex encoded_;  ///< by an earlier run
+  std::uint64_t earlier_ms_ = 0;  ///< that earlier runs have worked
+  EncodedIndex encoded_;          ///< by an earlier run
   runtime::Lease encoded_lease_;
   std::unique_ptr<job::StepPack> pack_;  // reads what is there into all of the above
   std::vector<std::byte> record_;
 };
+
+/// Of all that decides what a page's results are: the jobs of its images say that, and more.
+Hash128 results_key(const planning::PassPlan& pass, const planning::TargetPlan& target,
+                    std::size_t page);
+
+/// How much of a step an earlier run has made.
+struct HalfDone {
+  std::uint64_t blocks = 0, texels = 0, of_texels = 0;
+  double worked_s = 0;
+};
+/// Nothing where it has left nothing. Looks, and takes nothing.
+std::optional<HalfDone> half_done(job::JobContext& job, const mesh::Lattice& page,
+                                  std::size_t channels, const Hash128& key);
 
 }  // namespace pounce::flow

@@ -230,7 +230,7 @@ std::uint64_t kept_of(std::size_t chunks, std::uint32_t count, const std::vector
     ByteWriter out(record);
     out.put(count);
     for (const Stated& block : blocks) out.put_all(block.x, block.y, block.texels, block.chunk);
-    for (std::size_t i = 0; i < 2 + kDistanceBins + 1; ++i) out.put(std::uint64_t{0});
+    for (std::size_t i = 0; i < 2 + kDistanceBins + 3; ++i) out.put(std::uint64_t{0});
     record.resize(record.size() + more_bytes);
     writer.append(store::ChunkKind::record, record, static_cast<std::uint32_t>(record.size()));
   }
