@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # The checks that take minutes: a texture of 8192², a target of 16384², a budget of 512 MiB, measured from outside; and 20
-# UDIMs of 4096² from 16 of 4096² in 256 MiB; and 4096² by --method gaussian in 128 MiB.
+# UDIMs of 4096² from 16 of 4096² in 256 MiB; 4096² by --method gaussian in 128 MiB; and 16384² of every format in 64 MiB.
 # Run before a release and after every change of the flow; tools/test.sh holds smaller siblings.
 # Usage: tools/slow-checks.sh [SOURCE.glb TARGET.glb TEXTURE]   (default: generated, in build/release/slow)
 set -euo pipefail
@@ -90,5 +90,22 @@ print(round(100 * ns(sys.argv[1]) / ns(sys.argv[2])))
 PY
 )
 check "CPU per texel of 20 tiles: $ratio % of one tile's" test "$ratio" -le 130
+
+# 16384² of each format, written and read with a budget of 48 MiB: 64 MiB above the smallest job of the same formats.
+"$fixture" plane -o "$work/plain.glb" --triangles 2000 --texture 1024 >/dev/null
+for format in png jpg tif tx exr; do
+  kind=$format
+  [[ $kind != tx ]] || kind=tif
+  "$fixture" one-texel -o "$work/one" --image-format $kind >/dev/null
+  one=$(find "$work/one" -name '*.glb' | sort | head -n1)
+  limit=$(($(rss_kib "$pounce" transfer "$one" "$one" -o "$work/one.$format" --size 1 --no-cache) + 64 * 1024))
+  peak=$(rss_kib "$pounce" transfer "$work/plain.glb" "$work/plain.glb" -o "$work/big.$format" --size 16384 --memory 48MiB \
+    --no-cache)
+  check "16384² written as $format with 48 MiB: $((peak / 1024)) MiB, limit $((limit / 1024)) MiB" test "$peak" -le "$limit"
+  peak=$(rss_kib "$pounce" transfer "$work/plain.glb" "$work/plain.glb" --source-texture "baseColor=$work/big.$format" \
+    -o "$work/small.$format" --size 256 --memory 48MiB --no-cache)
+  check "16384² read as $format with 48 MiB: $((peak / 1024)) MiB, limit $((limit / 1024)) MiB" test "$peak" -le "$limit"
+  rm -f "$work/big.$format"
+done
 echo "$failures failed"
 [[ $failures -eq 0 ]]
