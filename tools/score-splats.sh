@@ -19,7 +19,7 @@ read -ra options <<<"${OPTIONS-}"
 mkdir -p "$work"
 
 transfer() {  # transfer SCENE TARGET IMAGE SIZE OPTION...
-  "$programs/pounce" transfer "$1" "$2" -o "$3" --size "$4" --no-cache --quiet "${options[@]}" "${@:5}" 2>"$work/log" ||
+  "$programs/pounce" transfer --redo "$1" "$2" -o "$3" --size "$4" --no-cache --quiet "${options[@]}" "${@:5}" 2>"$work/log" ||
     { cat "$work/log" >&2; return 1; }
 }
 

@@ -21,7 +21,7 @@ check() {  # check WHAT CONDITION...
 is_sound() { "$pounce" cache verify --cache "$1" >"$work/verdict" || { cat "$work/verdict"; return 1; }; }
 field() { sed -n "s/.*\"$1\": \([0-9]*\).*/\1/p" "$2" | head -n1; }
 transfer() {  # transfer SOURCE OUTPUT OPTION...
-  "$pounce" transfer "$work/$1/head_src.glb" "$work/$1/head_same.glb" -o "$2" --size 512 --threads 1 "${@:3}"
+  "$pounce" transfer --redo "$work/$1/head_src.glb" "$work/$1/head_same.glb" -o "$2" --size 512 --threads 1 "${@:3}"
 }
 # Room of all files, in pages, as docs/cache.md counts it.
 room() { { find "$1" -type f -printf '%s\n' 2>/dev/null || true; } | awk '{ sum += int(($1 + 4095) / 4096) * 4096 } END { print sum + 0 }'; }

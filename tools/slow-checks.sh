@@ -29,12 +29,12 @@ override=()
 
 "$fixture" one-texel -o "$work/one" >/dev/null
 one=$(find "$work/one" -name '*.glb' | sort | head -n1)
-baseline=$(rss_kib "$pounce" transfer "$one" "$one" -o "$work/one.png" --size 1 --no-cache)
+baseline=$(rss_kib "$pounce" transfer --redo "$one" "$one" -o "$work/one.png" --size 1 --no-cache)
 limit=$((baseline + 512 * 1024 * 105 / 100 + 16 * 1024))
 echo "baseline $((baseline / 1024)) MiB, limit for 512 MiB: $((limit / 1024)) MiB"
 
 for threads in 1 2; do
-  peak=$(rss_kib "$pounce" transfer "$source" "$target" "${override[@]}" -o "$work/$threads.png" --size 16384 \
+  peak=$(rss_kib "$pounce" transfer --redo "$source" "$target" "${override[@]}" -o "$work/$threads.png" --size 16384 \
     --memory 512MiB --threads $threads --no-cache --report "$work/$threads.json")
   check "peak at $threads threads: $((peak / 1024)) MiB" test "$peak" -le "$limit"
   ns=$(python3 - "$work/$threads.json" <<'PY'
@@ -46,7 +46,7 @@ PY
 )
   check "CPU at $threads threads: $ns ns per covered texel" test "$ns" -le 150
 done
-rss_kib "$pounce" transfer "$source" "$target" "${override[@]}" -o "$work/3.png" --size 16384 --memory 8GiB \
+rss_kib "$pounce" transfer --redo "$source" "$target" "${override[@]}" -o "$work/3.png" --size 16384 --memory 8GiB \
   --threads 3 --no-cache >/dev/null
 check "the same bytes at 1 thread" cmp -s "$work/1.png" "$work/3.png"
 check "the same bytes at 2 threads" cmp -s "$work/2.png" "$work/3.png"
@@ -55,7 +55,7 @@ check "the same bytes at 2 threads" cmp -s "$work/2.png" "$work/3.png"
 "$fixture" head -o "$work/gaussians" --texture 4096 --target-size 64 >/dev/null
 limit=$((baseline + 128 * 1024 * 105 / 100 + 16 * 1024))
 for memory in 128MiB 4GiB; do
-  peak=$(rss_kib "$pounce" transfer "$work/gaussians/head_src.glb" "$work/gaussians/head_src.glb" --method gaussian \
+  peak=$(rss_kib "$pounce" transfer --redo "$work/gaussians/head_src.glb" "$work/gaussians/head_src.glb" --method gaussian \
     -o "$work/g.$memory.png" --size 4096 --memory $memory --no-cache)
   [[ $memory != 128MiB ]] ||
     check "peak of --method gaussian at 4096² in 128 MiB: $((peak / 1024)) MiB, limit $((limit / 1024)) MiB" test "$peak" -le "$limit"
@@ -64,7 +64,7 @@ check "the same bytes in 128 MiB and 4 GiB" cmp -s "$work/g.128MiB.png" "$work/g
 
 # 20 UDIMs from 16. What the source costs once is left out of the time per texel.
 "$fixture" one-texel -o "$work/one" --mesh-format obj >/dev/null
-baseline=$(rss_kib "$pounce" transfer "$work/one/one_texel_src.obj" "$work/one/one_texel_target.obj" -o "$work/one.png" \
+baseline=$(rss_kib "$pounce" transfer --redo "$work/one/one_texel_src.obj" "$work/one/one_texel_target.obj" -o "$work/one.png" \
   --size 1 --no-cache)
 limit=$((baseline + 256 * 1024 * 105 / 100 + 16 * 1024))
 mkdir -p "$work/udim"
@@ -73,7 +73,7 @@ mkdir -p "$work/udim"
 udims() {  # udims NAME OPTION...
   local name=$1
   shift
-  rss_kib "$pounce" transfer "$work/s.obj" "$work/t.obj" -o "$work/udim/$name.<UDIM>.png" --size 4096 --memory 256MiB \
+  rss_kib "$pounce" transfer --redo "$work/s.obj" "$work/t.obj" -o "$work/udim/$name.<UDIM>.png" --size 4096 --memory 256MiB \
     --source-texture "baseColor=$work/s.<UDIM>.png" --no-cache --report "$work/$name.json" "$@"
 }
 peak=$(udims all)
@@ -96,13 +96,13 @@ check "CPU per texel of 20 tiles: $ratio % of one tile's" test "$ratio" -le 130
 for format in png jpg tif tx exr; do
   kind=$format
   [[ $kind != tx ]] || kind=tif
-  "$fixture" one-texel -o "$work/one" --image-format $kind >/dev/null
-  one=$(find "$work/one" -name '*.glb' | sort | head -n1)
-  limit=$(($(rss_kib "$pounce" transfer "$one" "$one" -o "$work/one.$format" --size 1 --no-cache) + 64 * 1024))
-  peak=$(rss_kib "$pounce" transfer "$work/plain.glb" "$work/plain.glb" -o "$work/big.$format" --size 16384 --memory 48MiB \
+  "$fixture" one-texel -o "$work/one" --mesh-format obj --image-format $kind >/dev/null
+  limit=$(($(rss_kib "$pounce" transfer --redo "$work/one/one_texel_src.obj" "$work/one/one_texel_target.obj" \
+    -o "$work/one.$format" --size 1 --no-cache) + 64 * 1024))
+  peak=$(rss_kib "$pounce" transfer --redo "$work/plain.glb" "$work/plain.glb" -o "$work/big.$format" --size 16384 --memory 48MiB \
     --no-cache)
   check "16384² written as $format with 48 MiB: $((peak / 1024)) MiB, limit $((limit / 1024)) MiB" test "$peak" -le "$limit"
-  peak=$(rss_kib "$pounce" transfer "$work/plain.glb" "$work/plain.glb" --source-texture "baseColor=$work/big.$format" \
+  peak=$(rss_kib "$pounce" transfer --redo "$work/plain.glb" "$work/plain.glb" --source-texture "baseColor=$work/big.$format" \
     -o "$work/small.$format" --size 256 --memory 48MiB --no-cache)
   check "16384² read as $format with 48 MiB: $((peak / 1024)) MiB, limit $((limit / 1024)) MiB" test "$peak" -le "$limit"
   rm -f "$work/big.$format"

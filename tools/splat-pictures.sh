@@ -14,7 +14,7 @@ scene=$data/splats/playbot_lod0_sog target=$data/meshes/playbot_proxy/playbot_pr
 [[ -e $scene && -e $target ]] || { echo "needs test data (set POUNCE_TEST_DATA)" >&2; exit 2; }
 mkdir -p "$work" "$to"
 
-"$programs/pounce" transfer "$scene" "$target" -o "$work/texture.png" --size 4096 --no-cache --quiet
+"$programs/pounce" transfer --redo "$scene" "$target" -o "$work/texture.png" --size 4096 --no-cache --quiet
 
 picture() {  # picture NAME X,Y,Z OPTION...: the camera stands there; the scene lies as PLYs do, -y is up
   "$programs/pounce-score" render "$scene" "$target" "$work/texture.png" -o "$work/$1.png" --sh --from "$2" --up 0,-1,0 \
