@@ -91,20 +91,22 @@ PY
 )
 check "CPU per texel of 20 tiles: $ratio % of one tile's" test "$ratio" -le 130
 
-# 16384² of each format, written and read with a budget of 48 MiB: 64 MiB above the smallest job of the same formats.
+# 16384² of each format, written and read: 64 MiB above the smallest job of the same formats. An EXR has chunks of 16
+# rows, so its least budget is larger. (WebP ends at 16383.)
 "$fixture" plane -o "$work/plain.glb" --triangles 2000 --texture 1024 >/dev/null
 for format in png jpg tif tx exr; do
-  kind=$format
+  kind=$format budget=48MiB
   [[ $kind != tx ]] || kind=tif
+  [[ $kind != exr ]] || budget=60MiB
   "$fixture" one-texel -o "$work/one" --mesh-format obj --image-format $kind >/dev/null
   limit=$(($(rss_kib "$pounce" transfer --redo "$work/one/one_texel_src.obj" "$work/one/one_texel_target.obj" \
     -o "$work/one.$format" --size 1 --no-cache) + 64 * 1024))
-  peak=$(rss_kib "$pounce" transfer --redo "$work/plain.glb" "$work/plain.glb" -o "$work/big.$format" --size 16384 --memory 48MiB \
+  peak=$(rss_kib "$pounce" transfer --redo "$work/plain.glb" "$work/plain.glb" -o "$work/big.$format" --size 16384 --memory $budget \
     --no-cache)
-  check "16384² written as $format with 48 MiB: $((peak / 1024)) MiB, limit $((limit / 1024)) MiB" test "$peak" -le "$limit"
+  check "16384² written as $format with $budget: $((peak / 1024)) MiB, limit $((limit / 1024)) MiB" test "$peak" -le "$limit"
   peak=$(rss_kib "$pounce" transfer --redo "$work/plain.glb" "$work/plain.glb" --source-texture "baseColor=$work/big.$format" \
-    -o "$work/small.$format" --size 256 --memory 48MiB --no-cache)
-  check "16384² read as $format with 48 MiB: $((peak / 1024)) MiB, limit $((limit / 1024)) MiB" test "$peak" -le "$limit"
+    -o "$work/small.$format" --size 256 --memory $budget --no-cache)
+  check "16384² read as $format with $budget: $((peak / 1024)) MiB, limit $((limit / 1024)) MiB" test "$peak" -le "$limit"
   rm -f "$work/big.$format"
 done
 echo "$failures failed"
