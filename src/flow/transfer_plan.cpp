@@ -304,7 +304,9 @@ void TransferPlan::plan_one(const std::string& path) {
     for (const planning::ImageOutput& image : images)
       job_.check_packs = job_.check_packs || (image.onto && image.onto->in_place);
   }
-  if (options_.skip_existing || keeps_made()) keep_what_is_there();
+  if (!options_.skip_existing && !keeps_made()) return;
+  keep_what_is_there();
+  if (!job_.plan_only) remove_what_is_done();
 }
 
 /// Reads every input, so not before it is known that the job can be done; --skip-existing must.
@@ -317,6 +319,18 @@ void TransferPlan::name_jobs() {
     }
   }
   if (target_.model) target_.model->set_job(job_hash_.of_model(target_.model->path(), plan));
+}
+
+/// A run that died after its last image, or between two of them, left what nobody goes on with.
+void TransferPlan::remove_what_is_done() {
+  const planning::TargetPlan& plan = target_.plan;
+  if (plan.kept.empty()) return;
+  for (const planning::PassPlan& pass : source_->plan().passes) {
+    for (std::size_t page = 0; page < plan.pages.size(); ++page) {
+      if (!target_.has_work(pass.channels, page))
+        job::StepPack::remove(job_, results_key(pass, plan, page));
+    }
+  }
 }
 
 /// What an earlier run has begun. Naming jobs reads all inputs, so first it is asked whether

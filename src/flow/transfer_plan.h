@@ -60,6 +60,7 @@ class TransferPlan {
   void plan_one(const std::string& path);
   void name_jobs();
   void find_half_done();
+  void remove_what_is_done();
   bool keeps_made() const;
   planning::FileTime inputs_time(const std::vector<std::string>& files) const;
   void keep_what_is_there();

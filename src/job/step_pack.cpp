@@ -64,6 +64,13 @@ std::unique_ptr<ReadFile> StepPack::find(JobContext& job, const Hash128& key) {
                       [&](const std::string& path) { return job.files->open_private(path); });
 }
 
+void StepPack::remove(JobContext& job, const Hash128& key) {
+  const auto file =
+      find_earlier(job.scratch_folder, store::resume_name(key),
+                   [&](const std::string& path) { return job.files->reopen_resumable(path); });
+  if (file != nullptr) file->forget();
+}
+
 bool StepPack::any_left(JobContext& job) {
   std::error_code failed;
   std::filesystem::path at =

@@ -39,6 +39,8 @@ class StepPack {
   /// What an earlier run left under this key, for whoever only looks; null: nothing.
   static std::unique_ptr<ReadFile> find(JobContext& job, const Hash128& key);
   static bool any_left(JobContext& job);  ///< under any key
+  /// Removes that: the step's images are there. Not what somebody is at work on.
+  static void remove(JobContext& job, const Hash128& key);
 
   store::PackWriter& writer() { return *writer_; }
   std::chrono::milliseconds worked() const {  ///< by this run

@@ -14,12 +14,19 @@ for fraction in 0.5 0.93; do
   rm -f o.png m.png
   kill_job $fraction "${line[@]}" -o o.png --redo
   [[ -n $(left) ]] || fail "nothing was kept of a job that was killed at $fraction"
+  file=$(left)
+  cp "$file" kept
   expect 0 "${line[@]}" -o o.png --report report.json
   err_has 'went on from an earlier run'
   cmp o.png quiet.png || fail "other bytes after a kill at $fraction"
   cmp m.png quiet.m.png || fail "another mask after a kill at $fraction"
   [[ -z $(left) ]] || fail "what was gone on with is still there: $(left)"
 done
+# As if it had died when its images were there and its file was not yet removed.
+mv kept "$file"
+expect 0 "${line[@]}" -o o.png
+err_has 'skipped 2 files'
+[[ -z $(left) ]] || fail "what is done is still there: $(left)"
 [[ $kills == 2 ]] || fail "only $kills of 2 kills met a job at work"
 
 # Asked to stop, it keeps what it has, too, and says how to go on.
