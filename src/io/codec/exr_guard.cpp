@@ -422,7 +422,13 @@ class Guard {
                       size, chunk, at_.size()));
     }
     const std::uint64_t wanted = part.first_bytes();
-    std::uint64_t decoded = wanted;  // larger or equal: as it is. Other codings check themselves.
+    if (size > wanted) {  // what would be larger packed is stored as it is
+      at_.refuse(
+          fmt::format("the first chunk of the EXR has {} bytes, more than the {} that it can hold; "
+                      "the file is damaged",
+                      size, wanted));
+    }
+    std::uint64_t decoded = wanted;  // equal: as it is. Other codings check themselves.
     if (size < wanted && part.coding == kNone) decoded = size;
     if (size < wanted && part.coding == kRuns) decoded = bytes_of_runs(data, size);
     if (size < wanted && (part.coding == kZip || part.coding == kZipRow))

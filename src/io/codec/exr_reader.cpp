@@ -265,7 +265,7 @@ class ExrDecoder : public RowDecoder {
  private:
   void take_size(const Imf::Header& header, ImageInfo& info);
   void count_memory(const Imf::Header& header, ImageInfo& info);
-  void open_part();
+  void open_part(ImageInfo& info);
   void decode_block(int row);
 
   ExrFile exr_;
@@ -308,7 +308,7 @@ ExrDecoder::ExrDecoder(ByteSource& bytes, const WantedChannels& wanted, ImageInf
   take_attributes(header, info);
   texel_bytes_ = sample_bytes(info.depth) * info.channels;
   count_memory(header, info);
-  open_part();
+  open_part(info);
 }
 
 void ExrDecoder::take_size(const Imf::Header& header, ImageInfo& info) {
@@ -328,7 +328,8 @@ void ExrDecoder::count_memory(const Imf::Header& header, ImageInfo& info) {
   for (auto at = header.channels().begin(); at != header.channels().end(); ++at)
     file_texel += at.channel().type == Imf::HALF ? 2 : 4;
   const std::uint64_t width = span_of(data_.min.x, data_.max.x);
-  tiled_ = header.hasTileDescription();
+  // By what the part is, not by what it describes: rows may bring a description of tiles, too.
+  tiled_ = header.hasTileDescription() && (!header.hasType() || Imf::isTiled(header.type()));
   if (tiled_) {
     const Imf::TileDescription& tiles = header.tileDescription();
     info.tile_width = tiles.xSize;
@@ -337,10 +338,6 @@ void ExrDecoder::count_memory(const Imf::Header& header, ImageInfo& info) {
     // OpenEXR holds a tile, packed and unpacked.
     info.decoder_bytes =
         kDecoderBaseBytes + 4 * std::uint64_t{tiles.xSize} * tiles.ySize * file_texel;
-    if (tiles.mode != Imf::ONE_LEVEL) {
-      Imf::TiledInputPart part(*exr_.file, part_);
-      info.levels = static_cast<std::uint32_t>(part.numXLevels());
-    }
   } else {
     rows_together_ = block_rows(header.compression());
     info.decoder_bytes =
@@ -351,10 +348,11 @@ void ExrDecoder::count_memory(const Imf::Header& header, ImageInfo& info) {
   decoder_bytes_ = info.decoder_bytes;
 }
 
-void ExrDecoder::open_part() {
+void ExrDecoder::open_part(ImageInfo& info) {
   try {
     if (tiled_) {
       tiles_.emplace(*exr_.file, part_);
+      info.levels = static_cast<std::uint32_t>(tiles_->numXLevels());
     } else {
       scanlines_.emplace(*exr_.file, part_);
     }

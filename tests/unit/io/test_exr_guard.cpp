@@ -34,12 +34,14 @@ struct Made {
   std::string tiles = "";
   std::vector<std::string> blocks{};  ///< one after another, rows from the top
   std::uint32_t block_rows = 1;
+  std::uint32_t flags_of_tiles = 0x200;
+  std::string type = "";
 
   std::string file() const {
     const std::string box = number(0, 8) + number(3, 4) + number(1, 4);
     const std::string channel = std::string("Y") + '\0' + number(1, 4) + number(0, 4) +
                                 number(sampling, 4) + number(sampling, 4) + '\0';
-    std::string out = "\x76\x2f\x31\x01" + number(tiles.empty() ? 2 : 0x202, 4) +
+    std::string out = "\x76\x2f\x31\x01" + number(tiles.empty() ? 2 : 2 + flags_of_tiles, 4) +
                       attribute("channels", "chlist", channel) +
                       attribute("compression", "compression", number(coding, 1)) +
                       attribute("dataWindow", "box2i", box) +
@@ -49,6 +51,10 @@ struct Made {
                       attribute("screenWindowCenter", "v2f", number(0, 8)) +
                       attribute("screenWindowWidth", "float", number(0x3F800000, 4));
     if (!tiles.empty()) out += attribute("tiles", "tiledesc", tiles);
+    if (!type.empty()) {
+      out += attribute("chunkCount", "int", number(blocks.size(), 4)) +
+             attribute("type", "string", type) + attribute("version", "int", number(1, 4));
+    }
     out += '\0';
     std::uint64_t place = out.size() + 8 * blocks.size();
     std::string chunks;
@@ -84,6 +90,23 @@ std::string refusal(const std::string& file) {
 
 }  // namespace
 
+TEST_CASE("an EXR that describes tiles and says that it is something else is refused",
+          "[image][exr]") {
+  // With levels: OpenEXR is asked how many there are, and throws.
+  const std::string mipmap = number(4, 4) + number(2, 4) + '\1';
+  Made made{.coding = 3, .tiles = mipmap, .blocks = std::vector(4, std::string(10, '\x11'))};
+  made.flags_of_tiles = 0x800;  // not an image of the usual kind
+  made.type = "deep";           // which no type is called
+  // In this process: in the decoder's any exception is a refusal.
+  try {
+    const io::ImageReader reader(in_memory(made.file(), "a.exr"), {{}, Sandbox::off});
+    FAIL("it was opened");
+  } catch (const Error& e) {
+    CHECK(e.kind() == ErrorKind::input);
+    CHECK_THAT(e.what(), Contains("the header of one of its parts cannot be read"));
+  }
+}
+
 TEST_CASE("of an EXR's first block each texel must be there", "[image][exr]") {
   const std::string row(8, '\x11'), short_row(6, '\x11'), large(256, '\0');
   const auto rows = [](std::uint8_t coding, const std::string& first, const std::string& second) {
@@ -92,6 +115,8 @@ TEST_CASE("of an EXR's first block each texel must be there", "[image][exr]") {
   CHECK(test::read_all(in_memory(rows(0, row, row))) == std::vector<std::uint8_t>(16, 0x11));
   CHECK_THAT(refusal(rows(0, short_row, row)),
              Contains("a.exr: the first chunk of the EXR decodes to 6 bytes instead of 8"));
+  CHECK_THAT(refusal(rows(1, std::string(9, '\0'), row)),
+             Contains("the first chunk of the EXR has 9 bytes, more than the 8 that it can hold"));
   // Seven more of the same, five more of it.
   CHECK(refusal(rows(1, std::string("\7a"), row)) == "nothing");
   CHECK_THAT(refusal(rows(1, std::string("\5a"), row)),
