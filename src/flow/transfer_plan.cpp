@@ -19,13 +19,13 @@
 #include <map>
 #include <utility>
 
-#include "flow/project/results.h"
 #include "io/files/finished_output.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "job/step_pack.h"
 #include "mesh/tangent_space.h"
 #include "planning/describe_job.h"
+#include "planning/half_done.h"
 #include "planning/known_map.h"
 #include "planning/load_mesh.h"
 #include "planning/name_patterns.h"
@@ -43,11 +43,6 @@ TransferOptions planned_options(TransferOptions options) {
 }
 
 }  // namespace
-
-bool PlannedTarget::has_work(const std::vector<std::size_t>& channels, std::size_t page) const {
-  return std::any_of(channels.begin(), channels.end(),
-                     [&](std::size_t c) { return !plan.images[c][page].keep; });
-}
 
 bool PlannedTarget::has_work() const {
   for (const auto& images : plan.images) {
@@ -155,7 +150,11 @@ void TransferPlan::plan_target_side(const std::string& path, planning::DiskPlan&
   job_.report.kept.insert(job_.report.kept.end(), plan.kept.begin(), plan.kept.end());
   anything_to_write_ = anything_to_write_ || target_.has_work();
   need_target(path);
-  if (job_.plan_only) find_half_done();
+  // Naming jobs reads all inputs, so first it is asked whether anything was left at all.
+  if (!job_.plan_only || !job::StepPack::any_left(job_)) return;
+  name_jobs();
+  const auto begun = planning::half_done(job_, source, plan);
+  job_.report.half_done.insert(job_.report.half_done.end(), begun.begin(), begun.end());
 }
 
 /// An output of its own is no wish for a channel: it may be meant for another job.
@@ -306,7 +305,7 @@ void TransferPlan::plan_one(const std::string& path) {
   }
   if (!options_.skip_existing && !keeps_made()) return;
   keep_what_is_there();
-  if (!job_.plan_only) remove_what_is_done();
+  if (!job_.plan_only) planning::remove_what_is_done(job_, source_->plan(), target_.plan);
 }
 
 /// Reads every input, so not before it is known that the job can be done; --skip-existing must.
@@ -319,39 +318,6 @@ void TransferPlan::name_jobs() {
     }
   }
   if (target_.model) target_.model->set_job(job_hash_.of_model(target_.model->path(), plan));
-}
-
-/// A run that died after its last image, or between two of them, left what nobody goes on with.
-void TransferPlan::remove_what_is_done() {
-  const planning::TargetPlan& plan = target_.plan;
-  if (plan.kept.empty()) return;
-  for (const planning::PassPlan& pass : source_->plan().passes) {
-    for (std::size_t page = 0; page < plan.pages.size(); ++page) {
-      if (!target_.has_work(pass.channels, page))
-        job::StepPack::remove(job_, results_key(pass, plan, page));
-    }
-  }
-}
-
-/// What an earlier run has begun. Naming jobs reads all inputs, so first it is asked whether
-/// anything was left at all.
-void TransferPlan::find_half_done() {
-  if (!job::StepPack::any_left(job_)) return;
-  name_jobs();
-  const planning::TargetPlan& plan = target_.plan;
-  for (const planning::PassPlan& pass : source_->plan().passes) {
-    for (std::size_t page = 0; page < plan.pages.size(); ++page) {
-      const planning::ImageOutput& image = plan.images[pass.channels.front()][page];
-      const auto done =
-          half_done(job_, image.lattice, pass.channels.size(), results_key(pass, plan, page));
-      if (!done || !target_.has_work(pass.channels, page)) continue;
-      const double speed = static_cast<double>(done->texels) / std::max(done->worked_s, 1e-3);
-      const auto left =
-          static_cast<double>(done->of_texels - std::min(done->of_texels, done->texels));
-      job_.report.half_done.push_back({image.path, done->blocks, done->texels, done->of_texels,
-                                       done->worked_s, left / std::max(speed, 1.0)});
-    }
-  }
 }
 
 void TransferPlan::warn_of_kept() {

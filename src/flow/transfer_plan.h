@@ -24,9 +24,7 @@ struct PlannedTarget {
   planning::TargetPlan plan;
   std::optional<ModelOutput> model;
 
-  /// Is there an image of this page in these channels that has to be written? Any at all?
-  bool has_work(const std::vector<std::size_t>& channels, std::size_t page) const;
-  bool has_work() const;
+  bool has_work() const;  ///< is there an image that has to be written?
   void drop_mesh();
 };
 
@@ -59,8 +57,6 @@ class TransferPlan {
   void check_order(const mesh::Mesh& source);
   void plan_one(const std::string& path);
   void name_jobs();
-  void find_half_done();
-  void remove_what_is_done();
   bool keeps_made() const;
   planning::FileTime inputs_time(const std::vector<std::string>& files) const;
   void keep_what_is_there();

@@ -32,6 +32,7 @@
 #include "flow/transfer_plan.h"
 #include "job/output_claim.h"
 #include "outcome/target_tally.h"
+#include "planning/half_done.h"
 #include "planning/job_hash.h"
 #include "projection/mesh_fit.h"
 #include "surface/strewn_places.h"
@@ -104,7 +105,7 @@ class TargetTransfer {
   }
 
   bool has_work(const Step& step) const {
-    return target_.has_work(source_plan_.passes[step.pass].channels, step.page);
+    return planning::has_work(target_.plan, source_plan_.passes[step.pass].channels, step.page);
   }
 
   std::vector<Step> steps_to_make() const {
@@ -289,7 +290,7 @@ class TargetTransfer {
     if (texels == 0 && target_.plan.by_tile) return;
     if (texels == 0 && target_.model) return tally_->add_page(p, page, 0, nullptr);
     ResultCollector results(job_, target, source_plan_.passes[p].channels.size(),
-                            results_key(source_plan_.passes[p], target_.plan, page));
+                            planning::results_key(source_plan_.passes[p], target_.plan, page));
     try {
       make_page(p, page, target, results);
     } catch (const Error& e) {

@@ -15,15 +15,12 @@
 #include "projection/mesh_fit.h"
 #include "projection/splat_fit.h"
 #include "store/blocks/geometry_store.h"
+#include "store/blocks/result_records.h"
 
 namespace pounce::outcome {
 
 /// What the texels of a page found.
-struct PageFound {
-  std::vector<std::uint64_t> covered;  ///< [channel] texels
-  DistanceCounts distances{};          ///< of all texels that found something
-  std::uint64_t distance_steps = 0;    ///< of a mesh, their sum: projection::distance_steps()
-};
+using PageFound = store::ResultCounts;
 
 /// What warnings must know of the source.
 struct SourceFacts {

@@ -15,6 +15,7 @@
 #include "job/job_context.h"
 #include "shading/result_block.h"
 #include "store/blocks/geometry_store.h"
+#include "store/blocks/result_records.h"
 #include "store/pack/pack.h"
 #include "surface/target_block.h"
 
@@ -67,7 +68,7 @@ CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
 
 /// A piece on its way through the graph, and its result. A projection adds its own state. Owned by
 /// whichever node has it; the piece's lease covers all of it.
-struct PieceWork {
+struct PieceWork : store::ResultCounts {
   std::size_t index = 0;
   Piece piece;
   bool begun = false;             ///< its packets have been read
@@ -76,10 +77,6 @@ struct PieceWork {
   /// [channel][block], encoded and compressed; empty: nothing covered.
   std::vector<std::vector<std::vector<std::byte>>> stored;
   std::vector<std::uint32_t> raw_bytes;  ///< [channel]
-  std::vector<std::uint64_t> covered;    ///< [channel] texels
-  DistanceCounts distances{};            ///< of all texels that found something
-  std::uint64_t distance_steps = 0;      ///< of a mesh, their sum: projection::distance_steps()
-  std::vector<std::uint64_t> clipped;  ///< [channel]: samples beyond what the output's depth holds
   /// [block]: what its texels hit, encoded and compressed, where that is kept; empty: nothing.
   std::vector<std::vector<std::byte>> hits;
   std::vector<std::uint32_t> hit_bytes;  ///< [block], before compression

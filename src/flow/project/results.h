@@ -5,40 +5,28 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <memory>
-#include <optional>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "core/hash.h"
 #include "flow/project/pieces.h"
-#include "io/codec/row_encoder.h"
 #include "job/job_context.h"
+#include "job/kept_encodings.h"
 #include "job/step_pack.h"
-#include "outcome/target_tally.h"
-#include "planning/plan.h"
 #include "store/blocks/geometry_store.h"
+#include "store/blocks/result_records.h"
 #include "store/pack/pack.h"
 
 namespace pounce::flow {
 
 /// The results of one page.
-struct PageResult : outcome::PageFound {
+struct PageResult : store::ResultCounts {
   std::unique_ptr<store::PackReader> pack;  ///< scratch; empty when the page has no texels
   /// [channel][block_y * blocks_x + block_x]; raw_bytes == 0: nothing covered there.
   std::vector<std::vector<store::ChunkRef>> blocks;
-  std::vector<std::uint64_t> clipped;  ///< [channel]
-  std::vector<NodeReport> nodes;       ///< of the graph that made it
+  std::vector<NodeReport> nodes;  ///< of the graph that made it
 };
-
-/// Blocks of rows that an earlier run has encoded, by image and number.
-struct EncodedBlock {
-  store::ChunkRef chunk;
-  Hash128 rows;
-};
-using EncodedIndex = std::map<std::pair<std::uint32_t, std::uint32_t>, EncodedBlock>;
 
 /// Collects the result blocks of one page, in any order, in a scratch pack. Not thread-safe.
 class ResultCollector {
@@ -49,7 +37,7 @@ class ResultCollector {
                   const Hash128& key);
 
   /// An earlier run has made this block.
-  bool has(const store::BlockEntry& entry) const { return made_[slot_of(entry.x, entry.y)]; }
+  bool has(const store::BlockEntry& entry) const { return made_[grid_.slot(entry.x, entry.y)]; }
   std::uint64_t kept_texels() const { return kept_texels_; }  ///< that an earlier run has made
   std::uint64_t store(const PieceWork& work);  ///< returns the bytes that were written
   PageResult finish();
@@ -65,39 +53,23 @@ class ResultCollector {
 
  private:
   job::StepPack::Earlier earlier();
-  bool take_record(std::span<const std::byte> record);
+  bool take_record(std::span<const std::byte> bytes);
   bool take_encoded(const store::ChunkRef& chunk, std::span<const std::byte> stored);
   void append_record(const PieceWork& work);
-  std::size_t slot_of(std::int32_t x, std::int32_t y) const {
-    return static_cast<std::size_t>(y) * across_ + static_cast<std::size_t>(x);
-  }
 
   job::JobContext& job_;
   const store::GeometryStore& target_;
-  const std::uint32_t across_, down_;
+  const store::ResultGrid grid_;
   runtime::Lease index_lease_;
   PageResult result_;
   std::vector<bool> made_;                ///< by an earlier run
   std::vector<store::ChunkRef> waiting_;  ///< chunks that no record has named yet
   std::uint64_t kept_texels_ = 0;
   std::uint64_t earlier_ms_ = 0;  ///< that earlier runs have worked
-  EncodedIndex encoded_;          ///< by an earlier run
+  job::KeptBlocks encoded_;       ///< by an earlier run
   runtime::Lease encoded_lease_;
   std::unique_ptr<job::StepPack> pack_;  // reads what is there into all of the above
   std::vector<std::byte> record_;
 };
-
-/// Of all that decides what a page's results are: the jobs of its images say that, and more.
-Hash128 results_key(const planning::PassPlan& pass, const planning::TargetPlan& target,
-                    std::size_t page);
-
-/// How much of a step an earlier run has made.
-struct HalfDone {
-  std::uint64_t blocks = 0, texels = 0, of_texels = 0;
-  double worked_s = 0;
-};
-/// Nothing where it has left nothing. Looks, and takes nothing.
-std::optional<HalfDone> half_done(job::JobContext& job, const mesh::Lattice& page,
-                                  std::size_t channels, const Hash128& key);
 
 }  // namespace pounce::flow

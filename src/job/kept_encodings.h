@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "io/codec/row_encoder.h"
+#include "job/step_pack.h"
+
+namespace pounce::job {
+
+/// Blocks of rows that an earlier run has encoded, by image and number.
+struct KeptBlock {
+  store::ChunkRef chunk;
+  Hash128 rows;
+};
+using KeptBlocks = std::map<std::pair<std::uint32_t, std::uint32_t>, KeptBlock>;
+/// Memory of one, with what the map and the allocator add.
+inline constexpr std::uint64_t kKeptBlockBytes = 128;
+
+/// Encoded rows of one image in the pack of its step. `pack` and `blocks` must outlive it.
+class KeptEncodings final : public io::EncodedBlocks {
+ public:
+  KeptEncodings(StepPack& pack, const KeptBlocks& blocks, std::uint32_t image)
+      : pack_(pack), reader_(pack.reader()), blocks_(blocks), image_(image) {}
+
+  bool find(std::uint32_t block, const Hash128& rows, std::vector<std::byte>& encoded) override;
+  void put(std::uint32_t block, const Hash128& rows, std::span<const std::byte> encoded) override;
+
+ private:
+  StepPack& pack_;
+  const std::unique_ptr<store::PackReader> reader_;
+  const KeptBlocks& blocks_;
+  const std::uint32_t image_;
+  bool is_full_ = false;
+  std::vector<std::byte> chunk_;
+};
+
+}  // namespace pounce::job
