@@ -66,8 +66,8 @@ struct CachePruned {
   std::uint64_t bytes = 0;        ///< room that is free again
   std::uint64_t in_use = 0;       ///< objects that some process uses: they stay
   std::uint64_t taken_bytes = 0;  ///< room that the cache still takes
-  /// Results of images that jobs left half done beside their outputs, and of jobs that used this
-  /// cache alone.
+  /// Images that killed jobs, which used this cache, left half done beside their outputs: files,
+  /// and their bytes.
   std::uint64_t half_done = 0, half_done_bytes = 0;
 };
 /// Removes objects, longest unused first: those not used for `older_than_s` seconds (if given), and

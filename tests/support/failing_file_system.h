@@ -157,9 +157,11 @@ class FailingFileSystem : public FileSystem {
     std::unique_ptr<ReadFile> real_;
   };
 
-  class Writer final : public WriteFile {
+  /// Of any kind of file that is appended to.
+  template <class File>
+  class Appending : public File {
    public:
-    Writer(FailingFileSystem& files, std::unique_ptr<WriteFile> real)
+    Appending(FailingFileSystem& files, std::unique_ptr<File> real)
         : files_(files), real_(std::move(real)) {}
     void append(std::span<const std::byte> bytes) override {
       if (files_.fails()) {
@@ -178,27 +180,15 @@ class FailingFileSystem : public FileSystem {
       return std::make_unique<Reader>(files_, real_->reader());
     }
 
-   private:
+   protected:
     FailingFileSystem& files_;
-    std::unique_ptr<WriteFile> real_;
+    std::unique_ptr<File> real_;
   };
+  using Writer = Appending<WriteFile>;
 
-  class Resumable final : public ResumableFile {
+  class Resumable final : public Appending<ResumableFile> {
    public:
-    Resumable(FailingFileSystem& files, std::unique_ptr<ResumableFile> real)
-        : files_(files), real_(std::move(real)) {}
-    void append(std::span<const std::byte> bytes) override {
-      if (files_.fails()) {
-        if (files_.plan_.short_writes) real_->append(bytes.first(bytes.size() / 2));
-        fail("append");
-      }
-      real_->append(bytes);
-    }
-    std::uint64_t size_bytes() const override { return real_->size_bytes(); }
-    void sync() override {
-      files_.step("sync");
-      real_->sync();
-    }
+    using Appending::Appending;
     void flush() override {
       files_.step("flush");
       real_->flush();
@@ -207,16 +197,8 @@ class FailingFileSystem : public FileSystem {
       files_.step("cut");
       real_->cut(size_bytes);
     }
-    std::unique_ptr<ReadFile> reader() const override {
-      files_.step("reader");
-      return std::make_unique<Reader>(files_, real_->reader());
-    }
     bool keep() override { return real_->keep(); }
     void forget() noexcept override { real_->forget(); }
-
-   private:
-    FailingFileSystem& files_;
-    std::unique_ptr<ResumableFile> real_;
   };
 
   FileSystem& real_;
