@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <string_view>
 
+#include "io/files/output_file.h"
 #include "job/step_pack.h"
 #include "store/blocks/result_records.h"
 
@@ -47,6 +48,7 @@ std::vector<HalfDoneImage> half_done(job::JobContext& job, const SourcePlan& sou
 
 void remove_what_is_done(job::JobContext& job, const SourcePlan& source, const TargetPlan& target) {
   if (target.kept.empty()) return;
+  for (const std::string& path : target.kept) io::remove_leftovers_of(path);
   for (const PassPlan& pass : source.passes) {
     for (std::size_t page = 0; page < target.pages.size(); ++page) {
       if (!has_work(target, pass.channels, page))

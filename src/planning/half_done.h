@@ -22,7 +22,8 @@ bool has_work(const TargetPlan& target, const std::vector<std::size_t>& channels
 /// The images of a target, whose jobs are named, that an earlier run has begun.
 std::vector<HalfDoneImage> half_done(job::JobContext& job, const SourcePlan& source,
                                      const TargetPlan& target);
-/// A run that died after its last image, or between two of them, left what nobody goes on with.
+/// A run that died after its last image, or between two of them, left what nobody goes on with:
+/// results, and files beside images that are there.
 void remove_what_is_done(job::JobContext& job, const SourcePlan& source, const TargetPlan& target);
 
 }  // namespace pounce::planning

@@ -37,6 +37,12 @@ expect 0 transfer source.obj target.obj -o expected.png --size 256 --no-cache -q
 cmp out/o.png expected.png || fail 'jobs with one output disturbed each other'
 silent "$err"
 
+# Beside an output that is skipped, too: nobody writes it.
+touch out/.o.png.0-0.tmp out/.o.png.7-3.tmp
+expect 0 transfer source.obj target.obj -o out/o.png --size 256 --no-cache --skip-existing
+err_has 'skipped 1 file'
+[[ ! -e out/.o.png.0-0.tmp && ! -e out/.o.png.7-3.tmp ]] || fail 'what dead jobs left stays beside an output that is skipped'
+
 # Where there are no nameless files (without /proc here) the file has its hidden name from the start; a kill at any
 # time leaves it.
 if [[ $(id -u) == 0 ]] && unshare -m mount -t tmpfs none /proc 2>/dev/null; then

@@ -190,6 +190,13 @@ void remove_leftovers(const std::string& folder, const std::string& name, uid_t 
   found.erase(begin, end);
 }
 
+void remove_leftovers_of(const std::string& output) {
+  const fs::path place = output_place(output);
+  struct stat there {};
+  if (place.empty() || ::stat(place.c_str(), &there) != 0) return;
+  remove_leftovers(folder_of(place), place.filename().string(), there.st_uid);
+}
+
 // Links are followed by hand, since the last one may lead to a file that is not there yet.
 std::string output_place(const std::string& given) {
   fs::path path = given;

@@ -94,6 +94,8 @@ class OutputFile {
 /// fiftieth of the time since: a job may have thousands of outputs in a folder of a million files.
 /// Thread-safe.
 void remove_leftovers(const std::string& folder, const std::string& name, uid_t owner);
+/// The same of an output that is there and stays: nobody will write it and look.
+void remove_leftovers_of(const std::string& output);
 
 /// The hidden file beside an output `name` whose lock says that a job is making it: one of those
 /// above, so that it goes where its process could not remove it.

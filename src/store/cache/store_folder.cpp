@@ -295,10 +295,11 @@ class CacheFolder final : public StoreFolder {
       part->release_claim();
       return unkept_->publish(std::move(writer));
     }
-    // The pack first: without a label it is whole, while a label without a pack is litter.
+    // The label first: without a pack it is litter, which goes when room is looked for. A pack
+    // without a label, as a process that dies between the two would leave it, is never made again.
     const std::string path = layout_.pack(kind, key);
-    part->publish(path);
     write_label(kind, key);
+    part->publish(path);
     files_.sync_folder(layout_.kind_folder(kind));
     auto file = files_.open_held(path);
     if (file == nullptr) file = part->reader();  // removed again already: it is still open here

@@ -1,0 +1,12 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Small jobs of every kind, each killed before every write, sync, link, rename, removal and creation of a file, in the middle
+# of every write, and as if the power failed there; and the run that follows killed as well. Then the same command:
+# same bytes, nothing left, a sound cache. Five minutes of two cores.
+# Usage: tools/slow-kill-points.sh [OPTION...]   (of tests/kill_points/kill_points.py: --only JOB,... --how before,half,zeros,short)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+build=build/release
+[[ -x $build/pounce && -x $build/pounce-fixture ]] || { echo "build first: tools/test.sh" >&2; exit 2; }
+exec python3 tests/kill_points/kill_points.py $build/pounce $build/pounce-fixture $build/tests/kill_points/libkill_point.so \
+  --twice -j "$(nproc)" "$@"
