@@ -410,7 +410,8 @@ struct TransferOptions {
   bool skip_existing = false;
   /// Outputs that record this very job stay as they are, whatever their times; nothing else is
   /// skipped. The command line sets it unless --redo is given. Nothing is skipped with
-  /// min_coverage_percent: what was counted when they were made is not known.
+  /// min_coverage_percent: what was counted when they were made is not known; but what this job has
+  /// painted over in place is not painted again.
   bool keep_made = false;
   /// Files that a mesh file (buffers, images, materials) or a colour configuration (tables) names
   /// may be outside of its folder (an absolute path, "..", a link); false: they are refused, since

@@ -303,8 +303,10 @@ void TransferPlan::plan_one(const std::string& path) {
     for (const planning::ImageOutput& image : images)
       job_.check_packs = job_.check_packs || (image.onto && image.onto->in_place);
   }
-  if (!options_.skip_existing && !keeps_made()) return;
-  keep_what_is_there();
+  if (!options_.skip_existing && !any_is_made()) return;
+  name_jobs();
+  if (options_.skip_existing || options_.min_coverage_percent == 0) keep_what_is_there();
+  if (options_.keep_made) planning::leave_painted(target_.plan);
   if (!job_.plan_only) planning::remove_what_is_done(job_, source_->plan(), target_.plan);
 }
 
@@ -328,11 +330,11 @@ void TransferPlan::warn_of_kept() {
       kept.size() > 1 ? fmt::format(" and {} more", kept.size() - 1) : ""));
 }
 
-/// Whether this very job may have made some of the outputs. Naming jobs reads all inputs, so it is
-/// asked first whether any output says what job made it.
-bool TransferPlan::keeps_made() const {
+/// Whether this very job may have made some of the outputs, and that matters. Naming jobs reads all
+/// inputs, so it is asked first whether any output says what job made it.
+bool TransferPlan::any_is_made() const {
   const std::vector<std::string>& outputs = target_.plan.outputs;
-  return options_.keep_made && options_.min_coverage_percent == 0 &&
+  return options_.keep_made && (options_.min_coverage_percent == 0 || target_.plan.painted_over) &&
          std::any_of(outputs.begin(), outputs.end(), [](const std::string& output) {
            std::error_code failed;
            return std::filesystem::is_regular_file(output, failed) &&
@@ -341,7 +343,6 @@ bool TransferPlan::keeps_made() const {
 }
 
 void TransferPlan::keep_what_is_there() {
-  name_jobs();
   std::vector<std::string> meshes = target_.mesh.files;
   meshes.insert(meshes.end(), source_->files().begin(), source_->files().end());
   if (!target_.model) {

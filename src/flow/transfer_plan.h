@@ -57,7 +57,7 @@ class TransferPlan {
   void check_order(const mesh::Mesh& source);
   void plan_one(const std::string& path);
   void name_jobs();
-  bool keeps_made() const;
+  bool any_is_made() const;
   planning::FileTime inputs_time(const std::vector<std::string>& files) const;
   void keep_what_is_there();
   bool keeps_model(planning::FileTime inputs);

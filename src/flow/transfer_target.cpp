@@ -289,8 +289,9 @@ class TargetTransfer {
     // is written even if it is empty: its user has named it.
     if (texels == 0 && target_.plan.by_tile) return;
     if (texels == 0 && target_.model) return tally_->add_page(p, page, 0, nullptr);
-    ResultCollector results(job_, target, source_plan_.passes[p].channels.size(),
-                            planning::results_key(source_plan_.passes[p], target_.plan, page));
+    ResultCollector results(
+        job_, target, source_plan_.passes[p].channels.size(),
+        planning::results_key(source_plan_, source_plan_.passes[p], target_.plan, page));
     try {
       make_page(p, page, target, results);
     } catch (const Error& e) {
@@ -391,7 +392,7 @@ class TargetTransfer {
       if (image.keep) continue;
       const runtime::Lease index(job_.budget, result.blocks[i].size() * sizeof(store::ChunkRef),
                                  "the index of the results");
-      const bool in_place = image.onto && image.onto->in_place;
+      const bool in_place = image.onto && image.onto->in_place && !image.painted;
       const auto number = static_cast<std::uint32_t>(i);
       const auto colours = results.encodings(2 * number),
                  coverage = results.encodings(2 * number + 1);
@@ -404,7 +405,7 @@ class TargetTransfer {
       count_clipped(c, (written.any_fresh ? result.clipped[i] : 0) + written.clipped, image.path);
       if (target_.model) {
         target_.model->add(c, page, written);
-      } else {
+      } else if (!image.painted) {
         job_.report.outputs.push_back(image.path);
       }
       if (!image.coverage_path.empty()) job_.report.outputs.push_back(image.coverage_path);

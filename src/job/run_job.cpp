@@ -149,7 +149,8 @@ void run_attempts(const Resources& resources, JobRun& run,
     // Nothing can be begun again once an image has been composited over itself.
     if (run.painted_in_place) {
       throw Error(ErrorKind::damaged_store,
-                  fmt::format("{}; {} outputs were already written, do not paint over them again",
+                  fmt::format("{}; {} outputs were already written: the same command without "
+                              "--redo leaves these as they are and goes on with the others",
                               e.what(), run.report.outputs.size()));
     }
   }

@@ -10,12 +10,19 @@
 
 namespace pounce::planning {
 
-Hash128 results_key(const PassPlan& pass, const TargetPlan& target, std::size_t page) {
+Hash128 results_key(const SourcePlan& source, const PassPlan& pass, const TargetPlan& target,
+                    std::size_t page) {
   Hasher hasher;
   hasher.add(std::string_view("results"));
   hasher.add(store::kFormatVersion);
-  for (const std::size_t c : pass.channels)
+  for (const std::size_t c : pass.channels) {
+    const ChannelPlan& channel = source.channels[c];
     hasher.add(std::string_view(target.images[c][page].job));
+    hasher.add(channel.format.linear);
+    hasher.add(channel.format.has_alpha);
+    hasher.add(channel.format.premultiplied);
+    for (const float value : channel.primaries) hasher.add(double{value});
+  }
   return hasher.digest();
 }
 
@@ -31,7 +38,7 @@ std::vector<HalfDoneImage> half_done(job::JobContext& job, const SourcePlan& sou
   for (const PassPlan& pass : source.passes) {
     for (std::size_t page = 0; page < target.pages.size(); ++page) {
       if (!has_work(target, pass.channels, page)) continue;
-      const Hash128 key = results_key(pass, target, page);
+      const Hash128 key = results_key(source, pass, target, page);
       const auto file = job::StepPack::find(job, key);
       if (file == nullptr) continue;
       const ImageOutput& image = target.images[pass.channels.front()][page];
@@ -52,7 +59,7 @@ void remove_what_is_done(job::JobContext& job, const SourcePlan& source, const T
   for (const PassPlan& pass : source.passes) {
     for (std::size_t page = 0; page < target.pages.size(); ++page) {
       if (!has_work(target, pass.channels, page))
-        job::StepPack::remove(job, results_key(pass, target, page));
+        job::StepPack::remove(job, results_key(source, pass, target, page));
     }
   }
 }

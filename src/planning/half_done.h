@@ -13,8 +13,10 @@
 
 namespace pounce::planning {
 
-/// Of all that decides what a page's results are: the jobs of its images say that, and more.
-Hash128 results_key(const PassPlan& pass, const TargetPlan& target, std::size_t page);
+/// Of all that decides what a page's results are: the jobs of its images say that, and more; how
+/// they are stored the image below them may decide, which is no part of the job in place.
+Hash128 results_key(const SourcePlan& source, const PassPlan& pass, const TargetPlan& target,
+                    std::size_t page);
 
 /// Is anything of this page in these channels to be made?
 bool has_work(const TargetPlan& target, const std::vector<std::size_t>& channels, std::size_t page);

@@ -42,6 +42,7 @@ struct ImageOutput {
   std::string coverage_path;  ///< "" = no coverage mask
   mesh::Lattice lattice;      ///< its size
   bool keep = false;          ///< it is there already and stays as it is
+  bool painted = false;       ///< the image alone stays: in place, by this very job
   ImageLayout layout, coverage_layout;
   /// --tile-size or --mipmap was given, and the layouts are the same without it.
   bool usual_tiles = false, usual_levels = false;

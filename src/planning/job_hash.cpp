@@ -169,7 +169,13 @@ void JobHash::add_output(const ChannelPlan& channel, const ImageOutput& image, H
   hash.add(image.padding);
   hash.add(image.onto.has_value());
   if (!image.onto) return;
-  add_file(image.onto->path, hash);
+  // In place the old image is gone once the new one is there, which must know that it is painted:
+  // its job is that of the paint.
+  if (image.onto->in_place) {
+    hash.add(std::string_view("in place"));
+  } else {
+    add_file(image.onto->path, hash);
+  }
   hash.add(!image.onto->mask_path.empty());
   if (!image.onto->mask_path.empty()) add_file(image.onto->mask_path, hash);
 }
@@ -357,6 +363,17 @@ bool is_made(const ImageOutput& image) {
   return by_job(image.path) && (image.coverage_path.empty() || by_job(image.coverage_path));
 }
 
+namespace {
+
+void leave(const std::vector<std::string>& files, TargetPlan& target) {
+  for (const std::string& path : files) {
+    std::erase(target.outputs, path);
+    target.kept.push_back(path);
+  }
+}
+
+}  // namespace
+
 void keep_existing(const SourcePlan& plan, FileTime meshes, const std::set<std::string>& made,
                    TargetPlan& target) {
   for (std::size_t c = 0; c < plan.channels.size(); ++c) {
@@ -372,11 +389,17 @@ void keep_existing(const SourcePlan& plan, FileTime meshes, const std::set<std::
       // pack.
       image.keep =
           made.count(image.path) == 0 && keeps_all(files, image.job, inputs, target.kept_by_time);
-      if (!image.keep) continue;
-      for (const std::string& path : files) {
-        std::erase(target.outputs, path);
-        target.kept.push_back(path);
-      }
+      if (image.keep) leave(files, target);
+    }
+  }
+}
+
+void leave_painted(TargetPlan& target) {
+  for (auto& images : target.images) {
+    for (ImageOutput& image : images) {
+      if (image.keep || !image.onto || !image.onto->in_place) continue;
+      image.painted = standing_of(image.path, image.job, FileTime::max()) == Standing::same_job;
+      if (image.painted) leave({image.path}, target);
     }
   }
 }

@@ -91,4 +91,8 @@ bool is_made(const ImageOutput& image);
 void keep_existing(const SourcePlan& plan, FileTime meshes, const std::set<std::string>& made,
                    TargetPlan& target);
 
+/// Marks the images that this very job has painted over in place (ImageOutput::painted) and that
+/// are not kept, as where their mask is missing: painted twice they would be other images.
+void leave_painted(TargetPlan& target);
+
 }  // namespace pounce::planning

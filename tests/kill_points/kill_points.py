@@ -30,6 +30,10 @@ def jobs():
         "bake": (head + cut + none + ["-o", "<CHANNEL>.exr", "--bake", "normal,position"], {}),
         "map": (head + cut + cached + ["-o", "o.png", "--map", "hits.exr"], {}),
         "onto": (head + cut + none + ["-o", "o.png", "--onto", "IN/skin.png", "--mask", "IN/mask.png"], {}),
+        "in place": (head + cut + none + ["-o", "o.png", "--onto", "o.png", "--mask", "IN/mask.png", "--coverage", "m.png",
+                                          "--min-coverage", "1"], {"o.png": "skin.png"}),
+        "set in place": (tiles + none + ["-o", "o.<UDIM>.png", "--onto", "o.<UDIM>.png", "--mask", "IN/mask.png"],
+                         {"o.1001.png": "skin.png", "o.1002.png": "skin.png"}),
         "model": (head + cut + cached + ["-o", "o.glb"], {}),
         "gltf": (head + cut + none + ["-o", "model/o.gltf"], {}),
         "targets": (["transfer", "IN/plane.glb", "IN/head.glb", "IN/plane.glb", "--size", "72", "--threads", "1"] + cut + none +

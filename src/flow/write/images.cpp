@@ -98,14 +98,15 @@ class ImageAssembler {
         lease_(job.budget, image_least_bytes(output, format), "writing " + output.path),
         padder_(output.lattice.width, output.lattice.height, output.padding,
                 static_cast<std::uint32_t>(format.texel_bytes()), kBlockEdge) {
-    if (output.onto) {
+    const bool writes_colours = !output.path.empty() && !output.painted;
+    if (output.onto && writes_colours) {
       painter_.emplace(*output.onto, format,
                        ImageSize{output.lattice.width, output.lattice.height});
     }
     looks_at_alpha_ = sink != nullptr && format.has_alpha;
     if (sink != nullptr) {
       colours_.emplace(job, *sink, colour_spec(output, format), known.colours);
-    } else if (!output.path.empty()) {
+    } else if (writes_colours) {
       colours_.emplace(job, output.path, colour_spec(output, format), known.colours);
     }
     if (!output.coverage_path.empty())
@@ -131,8 +132,9 @@ class ImageAssembler {
               *rows = {};
             }));
     const WorkTimer encoding(job_.clock, "encode");
-    if (colours_) colours_->commit();
+    // The mask first: an image that is painted over in place must be the last that is missing.
     if (coverage_) coverage_->commit();
+    if (colours_) colours_->commit();
     if (painter_) return {painter_->filled(), painter_->clipped(), painter_->paints()};
     return {padder_.filled(), 0, true, has_holes_, has_veils_};
   }
