@@ -432,7 +432,8 @@ struct MapsOptions {
   /// <UVTILE> one image per tile of UV space.
   std::string output = {};
   ImageSize size{1024, 1024};
-  bool allow_external = false;  ///< as in TransferOptions
+  bool keep_made = false;       ///< as in TransferOptions
+  bool allow_external = false;  ///< the same
   Resources resources = {};
 };
 

@@ -17,14 +17,17 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <optional>
 #include <tuple>
 
 #include "core/portable_math.h"
 #include "flow/stores/build_stores.h"
+#include "io/files/output_file.h"
 #include "io/image/write.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "options/table.h"
+#include "outcome/map_tally.h"
 #include "planning/describe_job.h"
 #include "planning/image_output.h"
 #include "planning/job_hash.h"
@@ -63,9 +66,11 @@ class MapsJob {
   void run() {
     read();
     for (std::uint32_t page = 0; page < pages_.size(); ++page) {
+      const std::vector<int> maps = maps_to_write(page);
+      if (maps.empty()) continue;
       vectorize(page);
       if (output_.by_tile() && store_->directory().texels == 0) continue;
-      write_page(page);
+      write_page(page, maps);
       if (output_.by_tile()) job_->report.udims.push_back(static_cast<int>(pages_[page].udim));
     }
   }
@@ -117,8 +122,7 @@ class MapsJob {
     require_least(*job_, least(), target_.size_bytes());
     mesh_lease_ = runtime::Lease(job_->budget, target_.size_bytes(), "the mesh");
     smallest_edge_ = static_cast<float>(std::max(planning::diagonal(target_) * 1e-7, 1e-30));
-    job_->report.targets.emplace_back().path = options_.target;
-    for (const char* map : kMapNames) job_->report.channels.push_back({map, 0, {}});
+    tally_.emplace(options_, job_->report);
   }
 
   void vectorize(std::uint32_t page) {
@@ -148,24 +152,28 @@ class MapsJob {
     job_->meter.end();
   }
 
-  void add_image(std::uint32_t page, const std::string& path, const char* map) {
-    ImageReport image;
-    image.path = path;
-    image.channel = map;
-    image.material = pages_[page].set;
-    image.udim = output_.by_tile() ? static_cast<int>(pages_[page].udim) : 0;
-    image.width = options_.size.width;
-    image.height = options_.size.height;
-    image.state = "written";
-    const std::uint64_t texels = store_->directory().texels;
-    image.counts = {texels, texels, 0, 0};
-    job_->report.targets.back().images.push_back(image);
-    ChannelReport& channel =
-        *std::find_if(job_->report.channels.begin(), job_->report.channels.end(),
-                      [map](const ChannelReport& one) { return one.name == map; });
-    ++channel.images;
-    channel.counts.texels += texels;
-    channel.counts.covered += texels;
+  std::string job_of(std::uint32_t page, int map) {
+    return job_hash_.of_map(target_files_, pages_[page], options_.size,
+                            kMapNames[static_cast<std::size_t>(map)],
+                            output_.path(pages_[page], map));
+  }
+
+  /// Of a page's maps those that this very job has not made before.
+  std::vector<int> maps_to_write(std::uint32_t page) {
+    std::vector<int> maps;
+    for (int map = 0; map < 3; ++map) {
+      const std::string path = output_.path(pages_[page], map);
+      // What an attempt before this one wrote may come from a damaged pack.
+      const bool stays = options_.keep_made && job_->run.written_before.count(path) == 0 &&
+                         planning::is_made_by(path, [&] { return job_of(page, map); });
+      if (stays) {
+        io::remove_leftovers_of(path);
+        tally_->keeps(pages_[page], path, map);
+      } else {
+        maps.push_back(map);
+      }
+    }
+    return maps;
   }
 
   std::uint64_t row_bytes() const {
@@ -216,19 +224,19 @@ class MapsJob {
     return all;
   }
 
-  void write_page(std::uint32_t page) {
+  void write_page(std::uint32_t page, const std::vector<int>& maps) {
     const StageTimer timer(job_->clock, "assemble");
     const runtime::Lease lease(job_->budget, row_bytes() + 2 * blocks() * sizeof(BlockPlace),
                                "writing the maps");
     const std::vector<BlockPlace> all = places();
-    for (int map = 0; map < 3; ++map) write_map(page, map, all);
+    for (const int map : maps) write_map(page, map, all);
   }
 
   void write_map(std::uint32_t page, int map, const std::vector<BlockPlace>& all) {
     const auto m = static_cast<std::size_t>(map);
     const std::string path = output_.path(pages_[page], map);
     io::ImageWriteSpec spec = output_.specs()[m];
-    spec.job = job_hash_.of_map(target_files_, pages_[page], options_.size, kMapNames[m], path);
+    spec.job = job_of(page, map);
     const double done = page + kVectorizeShare + (1 - kVectorizeShare) * (map + 1) / 3;
     job_->meter.begin(std::string("write ") + kMapNames[m], spec.height, "rows",
                       done / static_cast<double>(pages_.size()));
@@ -251,8 +259,7 @@ class MapsJob {
       job_->meter.advance(count);
     }
     writer.commit();
-    job_->report.outputs.push_back(path);
-    add_image(page, path, kMapNames[m]);
+    tally_->wrote(pages_[page], path, map, store_->directory().texels);
     job_->meter.end();
   }
 
@@ -291,6 +298,7 @@ class MapsJob {
   std::unique_ptr<job::JobContext> job_;
   planning::JobHash job_hash_;
   planning::MapsOutput output_;
+  std::optional<outcome::MapTally> tally_;  ///< once the target is read
   std::vector<std::string> target_files_;
   std::vector<planning::TargetPage> pages_;
   mesh::Mesh target_;  ///< until its last page is vectorized

@@ -355,6 +355,11 @@ bool keeps_all(const std::vector<std::string>& files, const std::string& job, Fi
   return true;
 }
 
+bool is_made_by(const std::string& output, const std::function<std::string()>& job) {
+  return io::read_job(output).has_value() &&
+         standing_of(output, job(), FileTime::max()) == Standing::same_job;
+}
+
 bool is_made(const ImageOutput& image) {
   const auto by_job = [&](const std::string& file) {
     // Later than any time there is: by its time no file is kept here.

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <set>
 #include <string>
@@ -80,6 +81,10 @@ Standing standing_of(const std::string& output, const std::string& job, FileTime
 /// `by_time`.
 bool keeps_all(const std::vector<std::string>& files, const std::string& job, FileTime inputs,
                std::vector<std::string>& by_time);
+
+/// Has the job that `job` names made this file? It is asked where the file says of one: naming a
+/// job reads all inputs.
+bool is_made_by(const std::string& output, const std::function<std::string()>& job);
 
 /// Has this very job made the image, with its mask, by now?
 bool is_made(const ImageOutput& image);

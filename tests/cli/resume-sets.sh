@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# Sets that are killed between their images: what the same job has painted over in place is not painted again.
+# Sets that are killed between their images: what the same job has painted over in place is not painted again, what it
+# has made is skipped, maps too.
 skips=made
 source "$(dirname "$0")/support.sh"
 left() { find . -name '.pounce-*.resume' -o -name '.*.tmp' | sort; }
@@ -48,3 +49,19 @@ expect 0 "${line[@]}"
 once 'painted twice where its mask was missing'
 expect 0 "${line[@]}" --redo
 ! cmp -s w.1001.png once.1001.png || fail '--redo did not paint again'
+
+# Maps are images that this job made, too.
+maps=(maps tiles.obj -o 'x.<CHANNEL>.<UDIM>.exr' --size 64 --no-cache)
+expect 0 "${maps[@]}"
+sums=$(md5sum x.*)
+rm x.normal.1002.exr
+expect 0 "${maps[@]}" --report r.json
+err_has 'skipped 8 files'
+grep -q '"state": "kept"' r.json || fail 'the report does not say what was skipped'
+md5sum -c --quiet <<<"$sums" || fail 'other maps the second time'
+before=$(stat -c %i x.mask.1001.exr)
+expect 0 "${maps[@]}"
+err_has 'skipped 9 files'
+[[ $(stat -c %i x.mask.1001.exr) == "$before" ]] || fail 'a map was made again'
+expect 0 "${maps[@]}" --redo
+[[ $(stat -c %i x.mask.1001.exr) != "$before" ]] || fail '--redo made no map again'

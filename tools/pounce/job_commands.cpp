@@ -189,13 +189,17 @@ Command add_job_command(CLI::App& program, JobCommand which, const std::string& 
     });
     if (!info.excludes.empty()) option->excludes("--" + info.excludes);
   }
-  if (which == JobCommand::transfer || which == JobCommand::apply) {
+  const bool is_transfer = which == JobCommand::transfer || which == JobCommand::apply;
+  if (is_transfer) {
     add_switch(*command, "--plan", "Reporting",
                "Print the least memory, disk space and files; write nothing", line->job.plan_only);
-    add_switch(*command, "--redo", "Output",
-               "Make outputs again that this same job has made; without it they are skipped",
-               line->job.redo)
-        ->excludes("--skip-existing");
+  }
+  if (which != JobCommand::gaussians) {
+    CLI::Option* redo =
+        add_switch(*command, "--redo", "Output",
+                   "Make outputs again that this same job has made; without it they are skipped",
+                   line->job.redo);
+    if (is_transfer) redo->excludes("--skip-existing");
   }
   add_value(*command, "--job", "FILE", "Reporting",
             "Run the job that this report records, or a JSON file of the same form "
@@ -240,7 +244,9 @@ Command add_maps_command(CLI::App& program) {
   return add_job_command<MapsOptions>(
       program, JobCommand::maps, "Write a mesh's position, normal and mask images over its UVs",
       kMapsUsage, [](const Line<MapsOptions>& line, Progress* progress, Report* report) {
-        maps(line.options, progress, report);
+        MapsOptions options = line.options;
+        options.keep_made = !line.job.redo;
+        maps(options, progress, report);
       });
 }
 
