@@ -39,6 +39,8 @@
 namespace pounce {
 namespace {
 
+constexpr std::uint64_t kScratchShare = 10;  // of what is free: one in so many bytes
+
 /// Opens a file to lock it. Another user's, in a folder that users share, may only be opened for
 /// reading, which is enough for a lock (but on NFS).
 int open_to_lock(const std::string& path, int flags, mode_t mode = 0) {
@@ -369,18 +371,29 @@ void ScratchAccount::take(std::uint64_t bytes) {
   // All of it or nothing, whatever other threads take meanwhile: the limit is never passed.
   std::uint64_t used = used_.load();
   do {
-    if (limit_ != 0 && (bytes > limit_ || used > limit_ - bytes))
+    const std::uint64_t limit = limit_;
+    if (limit != 0 && (bytes > limit || used > limit - bytes))
       throw Error(ErrorKind::storage, refusal_());
   } while (!used_.compare_exchange_weak(used, used + bytes));
+  note_peak(used + bytes);
+}
+
+void ScratchAccount::adopt(std::uint64_t bytes) noexcept {
+  if (is_usual_ && limit_ != 0) limit_ += bytes / kScratchShare;
+  note_peak(used_ += bytes);
+}
+
+void ScratchAccount::note_peak(std::uint64_t used) noexcept {
   for (std::uint64_t peak = peak_.load();
-       peak < used + bytes && !peak_.compare_exchange_weak(peak, used + bytes);) {
+       peak < used && !peak_.compare_exchange_weak(peak, used);) {
   }
 }
 
 std::uint64_t default_scratch_limit(FileSystem& files, const std::string& folder) {
   constexpr std::uint64_t kLeast = 1ULL << 30;
   const std::uint64_t free = files.free_bytes(folder);
-  return free == std::numeric_limits<std::uint64_t>::max() ? 0 : std::max(free / 10, kLeast);
+  return free == std::numeric_limits<std::uint64_t>::max() ? 0
+                                                           : std::max(free / kScratchShare, kLeast);
 }
 
 }  // namespace pounce

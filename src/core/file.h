@@ -136,18 +136,26 @@ std::string lock_holder(FileSystem& files, const std::string& lock_path);
 class ScratchAccount {
  public:
   /// What would take more than `limit_bytes` (0 = any) throws Error(storage) with what `refusal`
-  /// says.
-  ScratchAccount(std::uint64_t limit_bytes, std::function<std::string()> refusal)
-      : limit_(limit_bytes), refusal_(std::move(refusal)) {}
+  /// says. `is_usual`: that is the default_scratch_limit().
+  ScratchAccount(std::uint64_t limit_bytes, std::function<std::string()> refusal,
+                 bool is_usual = false)
+      : limit_(limit_bytes), refusal_(std::move(refusal)), is_usual_(is_usual) {}
 
   void take(std::uint64_t bytes);
+  /// Counts what an earlier run has left on the disk, even if that is too much. To the usual limit
+  /// it is room that is free.
+  void adopt(std::uint64_t bytes) noexcept;
+  bool is_over() const { return limit_ != 0 && used_ > limit_; }
   void give_back(std::uint64_t bytes) noexcept { used_ -= bytes; }
   /// The most at one moment.
   std::uint64_t peak_bytes() const { return peak_; }
 
  private:
-  const std::uint64_t limit_;
+  void note_peak(std::uint64_t used) noexcept;
+
+  std::atomic<std::uint64_t> limit_;
   const std::function<std::string()> refusal_;
+  const bool is_usual_;
   std::atomic<std::uint64_t> used_{0}, peak_{0};
 };
 

@@ -60,7 +60,7 @@ class GrowingFile {
   /// Goes on behind what is in the file already.
   void go_on() {
     const auto size = static_cast<std::uint64_t>(status_of(fd_.get(), path_).st_size);
-    if (account_) account_->take(size);
+    if (account_) account_->adopt(size);
     taken_ = account_ ? size : 0;
     written_ = size;
   }

@@ -79,7 +79,8 @@ void count_scratch_files(const Resources& resources, JobContext& job) {
         job.scratch_folder, runtime::format_bytes(job.scratch_limit_bytes),
         most > 0 ? fmt::format(" (the job needs {} at most)", runtime::format_bytes(most)) : "");
   };
-  job.scratch_account = std::make_shared<ScratchAccount>(job.scratch_limit_bytes, refusal);
+  job.scratch_account =
+      std::make_shared<ScratchAccount>(job.scratch_limit_bytes, refusal, !resources.max_temp_bytes);
   job.counted_files = make_counting_file_system(job.scratch_account);
   job.files = job.counted_files.get();
 }

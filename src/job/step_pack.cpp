@@ -53,9 +53,15 @@ StepPack::StepPack(JobContext& job, store::PackKind kind, const Hash128& key,
   auto file = find_earlier(job_.scratch_folder, name_, [&](const std::string& path) {
     return job_.files->reopen_resumable(path);
   });
-  // A second attempt believes nothing that was made from what turned out to be damaged.
-  if (file != nullptr && job_.begins_again) file->forget();
-  if (file != nullptr && !job_.begins_again) go_on(std::move(file), earlier);
+  // A second attempt believes nothing that was made from what turned out to be damaged; and what is
+  // larger than this job may take, as its user says now, is made again as far as that goes.
+  const bool is_too_large = job_.scratch_account != nullptr && job_.scratch_account->is_over();
+  if (file != nullptr && (job_.begins_again || is_too_large)) {
+    file->forget();
+  } else if (file != nullptr) {
+    go_on(std::move(file), earlier);
+  }
+  file.reset();  // what is begun below has its room
   if (writer_ == nullptr) begin();
 }
 

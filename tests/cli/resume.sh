@@ -73,10 +73,22 @@ cmp o.png quiet.png || fail 'a file that says nothing of its job was skipped'
 expect 2 transfer a.glb b.glb -o o.png --redo --skip-existing
 err_has '--redo'
 
-# What nobody goes on with is removed with what dead processes left in the cache.
 rm -f o.png m.png
 kill_job 0.5 "${line[@]}" -o o.png --redo
 [[ -n $(left) ]] || fail 'nothing was kept'
+file=$(left)
+cp "$file" kept
+
+# What is larger than this job may take is made again, and takes what it needs.
+head -c 400000000 /dev/zero >>"$file"
+expect 0 "${line[@]}" -o o.png --max-temp 300MB
+err_lacks 'went on from an earlier run'
+cmp o.png quiet.png || fail 'other bytes after too large a file'
+[[ -z $(left) ]] || fail 'it is still there'
+
+# What nobody goes on with is removed with what dead processes left in the cache.
+rm o.png m.png
+mv kept "$file"
 expect 0 cache prune --cache cache
 out_has 'removed 1 half-done image beside outputs'
 [[ -z $(left) ]] || fail 'it is still there'

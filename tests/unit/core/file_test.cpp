@@ -311,6 +311,37 @@ TEST_CASE("what scratch files took at most is known without a limit", "[core]") 
   CHECK(counted.account->peak_bytes() == 100);
 }
 
+TEST_CASE("what an earlier run left counts, however much it is", "[core]") {
+  const Counted counted(100);
+  const std::string path = counted.folder.file(".left");
+  {
+    const auto left = posix_file_system().create_private(path);
+    append_some(*left, 150);
+    left->sync();
+  }
+  auto again = counted.files->reopen_resumable(path);
+  REQUIRE(again != nullptr);
+  CHECK(counted.account->is_over());
+  CHECK(counted.account->peak_bytes() == 150);
+  REQUIRE_THROWS_AS(append_some(*again, 1), Error);
+  again->cut(90);
+  CHECK_FALSE(counted.account->is_over());
+  append_some(*again, 10);
+  REQUIRE_THROWS_AS(append_some(*again, 1), Error);
+  again.reset();
+  append_some(*counted.scratch.create(), 100);
+}
+
+TEST_CASE("the usual limit counts what an earlier run left as free", "[core]") {
+  ScratchAccount account(
+      100, [] { return std::string("too much"); }, true);
+  account.adopt(200);  // 20 more, but for which it would be free
+  CHECK(account.is_over());
+  account.give_back(200);
+  account.take(120);
+  CHECK_THROWS_AS(account.take(1), Error);
+}
+
 TEST_CASE("files with names have no limit", "[core]") {
   const Counted counted(10);
   const auto named = counted.files->create(counted.folder.file("named"));

@@ -206,6 +206,16 @@ TEST_CASE("an attempt that follows on damage believes nothing that was made befo
   CHECK_FALSE(run.is_there());
 }
 
+TEST_CASE("a pack that takes more than this job may is made again") {
+  Fixture run;
+  run.die_after(2);
+  run.job.context.scratch_account =
+      std::make_shared<ScratchAccount>(100, [] { return std::string("too much"); });
+  run.job.context.scratch_account->adopt(101);
+  CHECK(run.collector().kept_texels() == 0);
+  CHECK_FALSE(run.is_there());
+}
+
 TEST_CASE("a step that takes less than a second leaves nothing") {
   Fixture run;
   run.job.context.keeps_results_after = std::chrono::seconds(1);
