@@ -44,8 +44,9 @@ struct ImageReport {
   std::string material;  ///< texture set; "default" where all materials share one
   int udim = 0;          ///< 0: the output has no tiles
   std::uint32_t width = 0, height = 0;
-  /// "written"; "kept": up to date (skip_existing), its counts are 0; "empty": nothing was found
-  /// and nothing written; "not written": found, but the job ended before its file was there.
+  /// "written"; "kept": up to date (skip_existing, keep_made), its counts are 0 unless it was
+  /// painted over in place and only counted again; "empty": nothing was found and nothing written;
+  /// "not written": found, but the job ended before its file was there.
   std::string state;
   TexelCounts counts;
 };

@@ -226,7 +226,11 @@ void TargetTally::wrote(std::size_t channel, std::uint64_t filled) {
                    [&](const ImageReport& one) { return one.channel == name; });
   image->counts.filled = filled;
   page_states_[page_] = PageState::found;
-  in_model_.emplace_back(static_cast<std::size_t>(image - images.begin()), channel);
+  if (target_.images[channel][page_].painted) {  // it was counted again, and stays as it is
+    image->state = "kept";
+  } else {
+    in_model_.emplace_back(static_cast<std::size_t>(image - images.begin()), channel);
+  }
   if (model_.empty()) wrote_model();
   report_.channels[channel].counts.filled += filled;
   if (channel != first_counted_) return;

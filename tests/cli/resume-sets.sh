@@ -41,8 +41,9 @@ done
 ((kills >= 2)) || fail "only $kills of 3 kills met a job at work"
 expect 0 "${line[@]}" --plan
 out_has 'would skip    w.1003.png'
-expect 0 "${line[@]}" --min-coverage 1 # counts all again, and paints nothing
+expect 0 "${line[@]}" --min-coverage 1 --report r.json # counts all again, and paints nothing
 once 'painted twice with --min-coverage'
+[[ $(grep -c '"state": "kept"' r.json) == 3 ]] || fail 'the report says that something was painted'
 err_has 'skipped 3 files'
 rm m.1002.png
 expect 0 "${line[@]}"
