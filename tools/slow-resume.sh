@@ -3,14 +3,17 @@
 # Jobs that are killed and go on: a 16384² image killed at 90 %, and ten times in a row; then random kills of jobs of
 # every kind (mesh, splats, UDIM tiles, model, .tx, painting over), each followed by the same command. Same bytes,
 # nothing left, and how much of the work is done twice. Generated input, in build/release/slow/resume.
-# Usage: tools/slow-resume.sh [KILLS] [SEED]   (default 200 and 1: some hours; 12 take a quarter of an hour)
+# Usage: tools/slow-resume.sh [KILLS] [SEED] [small]
+# (default 200 and 1: jobs of half a minute of CPU and more, three hours; small: a quarter of the texels, 40 kills in
+# half an hour)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [[ -x build/release/pounce && -x build/release/pounce-fixture ]] || { echo "build first: tools/test.sh" >&2; exit 2; }
-exec python3 - "$PWD" "${1:-200}" "${2:-1}" <<'PY'
+exec python3 - "$PWD" "${1:-200}" "${2:-1}" "${3:-large}" <<'PY'
 import filecmp, json, os, random, resource, shutil, signal, subprocess, sys, time
 
 root, kills, seed = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+edge = 8192 if sys.argv[4] == "small" else 16384
 pounce, fixture = root + "/build/release/pounce", root + "/build/release/pounce-fixture"
 work = root + "/build/release/slow/resume"
 shutil.rmtree(work, ignore_errors=True)
@@ -100,28 +103,44 @@ scene = [name for name in outputs("scene").values() if name.endswith((".glb", ".
 def kinds(folder):
     head, other = "head/head_src.glb", "head/head_other.glb"
     jobs = {
-        "mesh": ["transfer", head, other, "-o", folder + "/o.png", "--size", "8192", "--coverage", folder + "/m.png"],
-        "UDIM": ["transfer", "tiles.obj", "tiles.obj", "--source-texture", "baseColor=tiles.<UDIM>.png", "-o", folder + "/o.<UDIM>.png", "--size", "4096"],
-        "model": ["transfer", head, other, "-o", folder + "/o.glb", "--size", "8192"],
-        ".tx": ["transfer", head, other, "-o", folder + "/o.tx", "--size", "8192"],
-        "EXR": ["transfer", head, other, "-o", folder + "/o.exr", "--depth", "half", "--size", "8192"],
-        "onto": ["transfer", head, other, "-o", folder + "/o.png", "--size", "4096", "--onto", "below.png"],
-        "normals": ["transfer", head, other, "--bake", "normal", "-o", folder + "/o.png", "--size", "8192"],
+        "mesh": ["transfer", head, other, "-o", folder + "/o.png", "--size", str(edge), "--coverage", folder + "/m.png"],
+        "UDIM": ["transfer", "tiles.obj", "tiles.obj", "--source-texture", "baseColor=tiles.<UDIM>.png", "-o", folder + "/o.<UDIM>.png", "--size", str(edge // 2)],
+        "model": ["transfer", head, other, "-o", folder + "/o.glb", "--size", str(edge)],
+        ".tx": ["transfer", head, other, "-o", folder + "/o.tx", "--size", str(edge)],
+        "EXR": ["transfer", head, other, "-o", folder + "/o.exr", "--depth", "half", "--size", str(edge)],
+        "onto": ["transfer", head, other, "-o", folder + "/o.png", "--onto", "below.png"],
+        # A set that is painted over in place, under a soft mask: painted twice it is another set.
+        "in place": ["transfer", "tiles.obj", "tiles.obj", "--source-texture", "baseColor=tiles.<UDIM>.png",
+                     "-o", folder + "/o.<UDIM>.png", "--onto", folder + "/o.<UDIM>.png", "--mask", "soft.pgm"],
+        "normals": ["transfer", head, other, "--bake", "normal", "-o", folder + "/o.png", "--size", str(edge)],
+        "maps": ["maps", other, "-o", folder + "/o.<CHANNEL>.exr", "--size", str(edge // 2)],
+        "splats": ["transfer", "scene/scene.ply", scene[0], "-o", folder + "/o.png", "--size", str(edge * 3 // 8)],
     }
-    if scene:
-        jobs["splats"] = ["transfer", "scene/scene.ply", scene[0], "-o", folder + "/o.png", "--size", "2048"]
     return jobs
 
-run(["transfer", "head/head_src.glb", "head/head_other.glb", "-o", "below.png", "--size", "4096", "--filter", "tent"])
+def begin(folder, kind):
+    fresh(folder)
+    if kind == "in place":
+        for name in below:
+            shutil.copy(name, folder)
+
+run(["transfer", "head/head_src.glb", "head/head_other.glb", "-o", "below.png", "--size", str(edge // 2), "--filter", "tent"])
+below = ["below/o.%d.png" % udim for udim in range(1001, 1007)]
+run(["transfer", "tiles.obj", "tiles.obj", "--source-texture", "baseColor=tiles.<UDIM>.png", "-o", "below/o.<UDIM>.png",
+     "--size", str(edge // 2), "--filter", "tent"])
+with open("soft.pgm", "wb") as mask:
+    mask.write(b"P5\n%d %d\n255\n" % (edge // 2, edge // 2))
+    for row in range(edge // 2):
+        mask.write(b"\x60" * (edge // 2))
 dice = random.Random(seed)
 references, met = {}, 0
 for i in range(kills):
     kind = sorted(kinds("x"))[i % len(kinds("x"))]
     if kind not in references:
-        fresh("reference." + kind)
+        begin("reference." + kind, kind)
         references[kind], _, status = run(kinds("reference." + kind)[kind] + ["--no-cache"])
         check("%s: %.1f s of CPU" % (kind, references[kind]), status == 0)
-    fresh("killed")
+    begin("killed", kind)
     at = dice.random()
     cpu, killed, _ = run(kinds("killed")[kind] + ["--no-cache"], at)
     met += killed
