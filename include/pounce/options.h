@@ -160,6 +160,9 @@ struct Resources {
   unsigned threads = 0;
   /// Folder of the tile cache; empty = $XDG_CACHE_HOME/pounce, else ~/.cache/pounce.
   std::string cache_dir;
+  /// Another cache, which is read where the first has nothing, and never written: of a farm, or on
+  /// a disk that many share. Empty: none.
+  std::string cache_readonly_dir;
   /// false: build the tile stores in `temp_dir` and remove them at the end.
   bool use_cache = true;
   /// Room on disk that the cache may take, in bytes; what was used longest ago makes room before
@@ -378,6 +381,26 @@ struct CompositeOptions {
   std::string mask = {};
 };
 
+/// What a run does of a job.
+enum class TaskRole : std::uint8_t {
+  whole,     ///< all of it
+  prepare,   ///< the stores that the other runs read; needs a cache
+  share,     ///< its share of the images, and of those that are too much for one run a part
+  assemble,  ///< makes images of these parts
+};
+
+/// What a run does of a job that several share, on one machine or on many (docs/farm.md). What they
+/// make together is what one run makes, byte for byte; two that make the same do no harm.
+struct TaskShare {
+  TaskRole role = TaskRole::whole;
+  std::uint32_t task = 1;   ///< of TaskRole::share: which one, 1..tasks
+  std::uint32_t tasks = 1;  ///< how many there are, 1..kMostTasks
+  /// A folder that all of them see, where parts of images wait. Empty: no image is cut, and a model
+  /// cannot be shared.
+  std::string folder = {};
+};
+inline constexpr std::uint32_t kMostTasks = 100'000;
+
 /// One transfer of appearance from a textured mesh or a splat scene onto the UV textures of meshes.
 struct TransferOptions {
   /// .glb, .gltf, .obj, .ply or .stl with textures; a splat scene in any format; or a hit map that
@@ -418,6 +441,7 @@ struct TransferOptions {
   /// a model from elsewhere could copy any file of this machine into the output.
   bool allow_external = false;
   ImageTrust trust = {};  ///< of the images of the source, `onto` and `mask`
+  TaskShare share = {};
   Resources resources = {};
 };
 

@@ -92,6 +92,9 @@ store::CacheOptions cache_options(const Resources& resources, const std::string&
   options.limit_bytes = job.cache_limit_bytes;
   options.scratch_folder = scratch;
   options.verify = rebuild;
+  options.second_root = resources.cache_readonly_dir;
+  if (!options.second_root.empty() && !job.files->exists(options.second_root))
+    job.warn(options.second_root + ": --cache-readonly names no folder; this run does without it");
   options.waiting = [&job, wait = resources.wait_for_cache](const std::string& holder,
                                                             const std::string& path) {
     if (!wait) {

@@ -55,3 +55,18 @@ rm -rf "$XDG_CACHE_HOME"
 echo >"$XDG_CACHE_HOME"
 expect 0 transfer source.obj target.obj -o p.png
 err_has 'the cache cannot be used'
+
+# A second cache is read, and never written: not even when it was used.
+expect 0 transfer source.obj target.obj -o q.png --cache second
+find second -type f -exec touch -d 2001-01-01 {} +
+find second -type f -printf '%p %T@ %s\n' | sort >before
+expect 0 transfer source.obj target.obj -o q.png --cache first --cache-readonly second --report r.json
+find second -type f -printf '%p %T@ %s\n' | sort | diff before - || fail 'the second cache was written'
+[[ -z $(find first -name '*.pack') ]] || fail 'what the second cache has was made again'
+grep -q '"images_decoded": 0' r.json || fail 'an image was decoded though the second cache has it'
+expect 0 transfer source.obj target.obj -o q.png --cache first --cache-readonly nowhere
+err_has '--cache-readonly names no folder'
+pack=$(find second/v3/colour -name '*.pack' | head -n 1)
+printf 'x' | dd of="$pack" bs=1 seek=$(($(stat -c %s "$pack") - 20)) conv=notrunc status=none
+expect 0 transfer source.obj target.obj -o w.png --cache first --cache-readonly second
+cmp q.png w.png || fail 'a damaged pack of the second cache changed the image'

@@ -4,7 +4,7 @@ source "$(dirname "$0")/support.sh"
 make_job
 mask mask.pgm 16 16 $(for ((i = 0; i < 256; ++i)); do echo 255; done)
 # Options of how things are said, not of what is done.
-said=' help quiet verbose progress report job redo '
+said=' help quiet verbose progress report job redo task job-folder '
 # reported COMMAND: the options in r.json are among those that were seen of it.
 seen=
 reported() {
@@ -31,7 +31,7 @@ all_of() { # COMMAND
   done
   seen=
 }
-machine=(--memory 1GiB --threads 2 --cache cache --cache-limit 1GB --no-wait --temp . --max-temp none)
+machine=(--memory 1GiB --threads 2 --cache cache --cache-readonly . --cache-limit 1GB --no-wait --temp . --max-temp none)
 job transfer source.obj target.obj -o 'o.<UDIM>.png' --coverage 'm.<UDIM>.png' --map 'p.<UDIM>.exr' --tiles 1001 --size 8 --depth u16 --padding 2 \
   --min-coverage 1 --channels baseColor --source-texture baseColor=skin.ppm --source-material skin --source-uv-set 0 \
   --source-axes y,x,z --target-axes y,x,z --max-distance 1 --max-angle 70 --filter tent --source-colorspace srgb \

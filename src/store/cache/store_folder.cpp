@@ -232,13 +232,14 @@ class CacheFolder final : public StoreFolder {
     if (auto pack = unkept_->find(kind, key, warning)) return pack;
     std::string damage;
     if (is_left_out(kind, key)) return nullptr;
-    if (auto pack = open_sound(kind, key, &damage)) return pack;
+    if (auto pack = open_sound(layout_, kind, key, &damage)) return pack;
+    if (auto pack = find_second(kind, key)) return pack;
     bool removed = false;
-    if (!read_only_) {
+    if (!read_only_ && adds(kind)) {
       auto claim = claim_key(kind, key);
       // Somebody may have made it, or made it anew, before the key was ours.
       damage.clear();
-      if (auto pack = open_sound(kind, key, &damage)) return pack;
+      if (auto pack = open_sound(layout_, kind, key, &damage)) return pack;
       if (!damage.empty()) removed = discard(kind, key);
       const std::lock_guard lock(mutex_);
       if (damage.empty() || removed) claims_[name_of(kind, key)] = std::move(claim);
@@ -257,7 +258,8 @@ class CacheFolder final : public StoreFolder {
 
   std::unique_ptr<PackWriter> create(PackKind kind, const Hash128& key,
                                      const std::string& label) override {
-    if (read_only_ || is_left_out(kind, key)) return unkept_->create(kind, key, label);
+    if (read_only_ || !adds(kind) || is_left_out(kind, key))
+      return unkept_->create(kind, key, label);
     std::unique_ptr<FileLock> claim;
     {
       const std::lock_guard lock(mutex_);
@@ -281,7 +283,7 @@ class CacheFolder final : public StoreFolder {
   std::unique_ptr<PackReader> publish(std::unique_ptr<PackWriter> writer) override {
     auto* part = writer == nullptr ? nullptr : dynamic_cast<CachePart*>(&writer->file());
     if (part == nullptr && writer != nullptr &&
-        (read_only_ || is_left_out(writer->kind(), writer->key()))) {
+        (read_only_ || !adds(writer->kind()) || is_left_out(writer->kind(), writer->key()))) {
       return unkept_->publish(std::move(writer));
     }
     if (part == nullptr || !writer->finished()) {
@@ -321,6 +323,15 @@ class CacheFolder final : public StoreFolder {
     return false;
   }
 
+  void add_new(PackKind kind, bool adds) override {
+    const std::lock_guard lock(mutex_);
+    if (adds) {
+      not_added_.erase(kind);
+    } else {
+      not_added_.insert(kind);
+    }
+  }
+
   bool persistent() const override { return true; }
 
   std::vector<std::string> take_notes() override {
@@ -329,10 +340,21 @@ class CacheFolder final : public StoreFolder {
   }
 
  private:
+  /// What is damaged there is somebody else's to mend: it is made again here.
+  std::unique_ptr<PackReader> find_second(PackKind kind, const Hash128& key) {
+    if (options_.second_root.empty()) return nullptr;
+    std::string damage;
+    auto pack = open_sound(CacheLayout(options_.second_root), kind, key, &damage);
+    const std::lock_guard lock(mutex_);
+    if (!damage.empty()) notes_.push_back(damage + "; --cache-readonly has it, this run makes it");
+    return pack;
+  }
+
   /// The pack under this key if there is one whose head and directory are sound; `damage` says why
   /// not.
-  std::unique_ptr<PackReader> open_sound(PackKind kind, const Hash128& key, std::string* damage) {
-    const std::string path = layout_.pack(kind, key);
+  std::unique_ptr<PackReader> open_sound(const CacheLayout& layout, PackKind kind,
+                                         const Hash128& key, std::string* damage) {
+    const std::string path = layout.pack(kind, key);
     auto file = files_.open_held(path);
     if (file == nullptr) return nullptr;
     try {
@@ -342,13 +364,18 @@ class CacheFolder final : public StoreFolder {
       // read, which restarts the job.
       reader->read(reader->directory(), ChunkKind::directory, stored);
       if (options_.verify) reader->verify();
-      note_use(path);
+      if (&layout == &layout_) note_use(path);
       return reader;
     } catch (const Error& e) {
       if (e.kind() != ErrorKind::damaged_store) throw;
       *damage = e.what();
       return nullptr;
     }
+  }
+
+  bool adds(PackKind kind) {
+    const std::lock_guard lock(mutex_);
+    return !not_added_.contains(kind);
   }
 
   bool is_left_out(PackKind kind, const Hash128& key) {
@@ -424,6 +451,7 @@ class CacheFolder final : public StoreFolder {
   std::mutex mutex_;                                  // guards all below
   std::map<Name, std::unique_ptr<FileLock>> claims_;  ///< keys that find() claimed, until create()
   std::map<Name, std::string> labels_;
+  std::set<PackKind> not_added_;
   std::set<Name> left_out_;  ///< damaged packs that may not be removed
   std::vector<std::string> notes_;
   bool unkept_told_ = false;

@@ -19,6 +19,8 @@ struct CacheOptions {
   std::uint64_t limit_bytes = 0;
   /// Folder for packs that the limit leaves no room for; empty = the cache's own.
   std::string scratch_folder;
+  /// Another cache that is read and never written; empty = none.
+  std::string second_root;
   /// Read every byte of a pack before it is believed: one of them turned out to be damaged.
   bool verify = false;
   /// Called some twenty times a second while another process (`holder`, "process 123") makes the
@@ -63,6 +65,9 @@ class StoreFolder {
   /// Removes a pack that turned out to be damaged. Who reads it goes on reading. False: it is not
   /// ours to remove; then this store behaves as if it were not there.
   virtual bool discard(PackKind kind, const Hash128& key) = 0;
+  /// Whether new packs of this kind are added from now on, as at first. Others are of this store
+  /// alone, and nobody is asked to wait for them; what is there already is found all the same.
+  virtual void add_new(PackKind, bool) {}
   virtual bool persistent() const = 0;  ///< true for the cache
   /// What a user should know of how the store went, each once; empty afterwards.
   virtual std::vector<std::string> take_notes() { return {}; }

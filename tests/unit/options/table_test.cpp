@@ -72,6 +72,7 @@ const std::map<std::string, std::string> kValues{
     {"memory", "4096"},
     {"threads", "2"},
     {"cache", "c"},
+    {"cache-readonly", "d"},
     {"no-cache", "true"},
     {"cache-limit", "none"},
     {"temp", "t"},
