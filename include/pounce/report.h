@@ -132,6 +132,13 @@ struct HalfDoneImage {
   double left_s = 0;            ///< at that speed; what it takes to write the image is not in it
 };
 
+/// An image that cannot be assembled yet.
+struct MissingImage {
+  std::string path;
+  std::uint64_t texels = 0, of_texels = 0;  ///< that are there; 0 of 0: nobody has begun
+  std::vector<std::uint32_t> tasks;         ///< that have to make the rest
+};
+
 /// What a job did. Bytes and seconds throughout.
 struct Report {
   std::string version;
@@ -193,7 +200,10 @@ struct Report {
   std::vector<std::string> notes;
   std::vector<std::string> kept;  ///< outputs that were up to date (skip_existing, keep_made)
   std::vector<HalfDoneImage> half_done;  ///< of a plan
-  std::vector<std::string> outputs;      ///< files written; of a plan: that would be written
+  /// Of a plan, roughly, by areas in UV space: what its texels take on one thread, stores aside.
+  double work_s = 0;
+  std::vector<MissingImage> missing;  ///< of TaskRole::assemble
+  std::vector<std::string> outputs;   ///< files written; of a plan: that would be written
 };
 
 /// What a transfer would do and take.

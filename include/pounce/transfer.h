@@ -9,7 +9,9 @@
 
 namespace pounce {
 
-/// Transfers the source's appearance onto the target's textures and writes the images.
+/// Transfers the source's appearance onto the target's textures and writes the images; with
+/// `options.share` what that says of it. TaskRole::assemble throws Error(busy), once it has made
+/// what it can, if parts are missing: Report::missing names them.
 ///
 /// Out of core: never holds more than options.resources.memory_bytes of big data. Same input, same
 /// output bytes, at any budget, thread count and cache state. Output files appear whole or not at

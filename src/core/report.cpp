@@ -210,6 +210,13 @@ std::string to_json(const Report& report) {
                                  {"worked_s", image.worked_s},
                                  {"left_s", image.left_s}});
   }
+  for (const MissingImage& image : report.missing) {
+    json["missing"].push_back({{"path", image.path},
+                               {"texels", image.texels},
+                               {"of_texels", image.of_texels},
+                               {"tasks", image.tasks}});
+  }
+  if (report.work_s > 0) json["work_s"] = report.work_s;
   // A file name need not be UTF-8; JSON must be.
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

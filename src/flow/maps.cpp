@@ -29,6 +29,7 @@
 #include "options/table.h"
 #include "outcome/map_tally.h"
 #include "planning/describe_job.h"
+#include "planning/existing_outputs.h"
 #include "planning/image_output.h"
 #include "planning/job_hash.h"
 #include "planning/load_mesh.h"

@@ -15,9 +15,11 @@
 
 #include "flow/transfer.h"
 #include "flow/transfer_plan.h"
+#include "job/part_files.h"
 #include "job/run_job.h"
 #include "planning/describe_job.h"
 #include "planning/plan.h"
+#include "planning/task_share.h"
 
 namespace pounce {
 namespace flow {
@@ -30,19 +32,12 @@ std::unique_ptr<job::JobContext> open_transfer(const TransferOptions& options,
                                                const job::TestKnobs& knobs, job::JobRun& run,
                                                bool rebuild, bool plan_only) {
   auto job = job::open_job(options.resources, options.output, knobs.files, rebuild, plan_only, run);
+  if (!options.share.folder.empty()) job->parts_folder = options.share.folder + "/parts";
   job->tile_cap_bytes = knobs.tile_cap_bytes != 0 ? knobs.tile_cap_bytes : mesh::kTileCapBytes;
   return job;
 }
 
-void run_transfer(const TransferOptions& options, const job::TestKnobs& knobs, job::JobRun& run,
-                  bool rebuild) {
-  const auto job = open_transfer(options, knobs, run, rebuild, false);
-  TransferPlan plan(*job, options, knobs);
-
-  plan.make(kAfterReading);
-  // From here on it is known what will be done and that it fits.
-  if ((options.skip_existing || options.keep_made) && !plan.anything_to_write()) return;
-
+void make_targets(job::JobContext& job, TransferPlan& plan) {
   Source& source = plan.source();
   source.build({kAfterReading, kAfterSource}, plan.least_target_texels());
   // From here on only stores are read, never the source's files.
@@ -53,13 +48,27 @@ void run_transfer(const TransferOptions& options, const job::TestKnobs& knobs, j
   std::vector<std::size_t> left;  // to other jobs with --skip-existing
   const auto make = [&](std::size_t t, OthersWork others) {
     const double begin = kAfterSource + share * static_cast<double>(t);
-    return transfer_to(*job, plan.policy(), source, plan.target(t), {begin, begin + share}, others);
+    return transfer_to(job, plan.policy(), source, plan.target(t), {begin, begin + share}, others);
   };
   for (std::size_t t = 0; t < plan.targets(); ++t) {
     if (!make(t, OthersWork::leave)) left.push_back(t);
   }
   for (const std::size_t t : left) make(t, OthersWork::await);
-  job->report.tiles_read += source.tiles_read();
+  job.report.tiles_read += source.tiles_read();
+}
+
+void run_transfer(const TransferOptions& options, const job::TestKnobs& knobs, job::JobRun& run,
+                  bool rebuild) {
+  const auto job = open_transfer(options, knobs, run, rebuild, false);
+  TransferPlan plan(*job, options, knobs);
+
+  plan.make(kAfterReading);
+  // From here on it is known what will be done and that it fits.
+  const bool may_keep = options.skip_existing || options.keep_made;
+  if (!may_keep || plan.anything_to_write()) make_targets(*job, plan);
+  if (options.share.role != TaskRole::assemble) return;
+  planning::refuse_missing(job->report.missing);
+  job::PartFiles::sweep(*job);
 }
 
 }  // namespace

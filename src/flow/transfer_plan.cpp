@@ -15,16 +15,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
-#include <map>
 #include <utility>
 
-#include "io/files/finished_output.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "job/step_pack.h"
 #include "mesh/tangent_space.h"
 #include "planning/describe_job.h"
+#include "planning/existing_outputs.h"
 #include "planning/half_done.h"
 #include "planning/known_map.h"
 #include "planning/load_mesh.h"
@@ -68,7 +66,8 @@ TransferPlan::TransferPlan(job::JobContext& job, const TransferOptions& options,
       needs_(job) {}
 
 planning::OutputPolicy TransferPlan::policy() const {
-  return {options_.skip_existing, options_.resources.wait_for_cache, options_.min_coverage_percent};
+  return {options_.skip_existing, options_.resources.wait_for_cache, options_.min_coverage_percent,
+          options_.share.role, options_.share.task};
 }
 
 void TransferPlan::make(double end) {
@@ -80,7 +79,7 @@ void TransferPlan::make(double end) {
   plan_source();
   // The source first: channels and sizes of the outputs follow from it, and so do requests and
   // names of the targets.
-  for (const std::string& path : options_.targets) plan_target_side(path, disk);
+  for (std::size_t t = 0; t < options_.targets.size(); ++t) plan_target_side(t, disk);
   // The source's stores are built while the target that was planned last is in memory.
   const std::uint64_t meshes = source_->held_bytes() + target_.mesh.size_bytes();
   for (const job::LeastMemory& step : source_->build_needs())
@@ -91,7 +90,10 @@ void TransferPlan::make(double end) {
   job_.note(planning::scratch_note(*job_.report.disk_most));
   // All targets together, since two of them may produce one name.
   planning::check_all_outputs(options_, source_->plan(), outputs_, inputs_);
-  if (job_.plan_only) job_.report.outputs = outputs_;
+  if (job_.plan_only) {
+    job_.report.outputs = outputs_;
+    job_.report.work_s = planning::work_seconds(units_, options_, source_->plan());
+  }
   const std::uint64_t tables = source_->plan().table_bytes;
   require_least(job_, needs_.most(), meshes + tables);
   source_->lease_held();
@@ -118,7 +120,8 @@ void TransferPlan::plan_source() {
     planning::add_input(column.image.path, job_.report);
 }
 
-void TransferPlan::plan_target_side(const std::string& path, planning::DiskPlan& disk) {
+void TransferPlan::plan_target_side(std::size_t t, planning::DiskPlan& disk) {
+  const std::string& path = options_.targets[t];
   const planning::SourcePlan& source = source_->plan();
   target_.mesh = {};  // the one before, whose memory this one takes
   target_.mesh = read_target(path, source_->held_bytes());
@@ -127,7 +130,7 @@ void TransferPlan::plan_target_side(const std::string& path, planning::DiskPlan&
     needs_.add_now(meshes + mesh::tangents_bytes(target_.mesh), "the tangents of " + path, meshes);
     add_target_tangents();
   }
-  plan_one(path);
+  plan_one(t);
   const planning::TargetPlan& plan = target_.plan;
   for (const planning::PassPlan& pass : source.passes) {
     const std::uint64_t texels = std::uint64_t{pass.size.width} * pass.size.height;
@@ -249,7 +252,7 @@ PlannedTarget& TransferPlan::target(std::size_t t) {
     }
     target_.mesh_lease =
         runtime::Lease(job_.budget, target_.mesh.size_bytes(), "the target's mesh");
-    plan_one(options_.targets[t]);
+    plan_one(t);
     for (const std::string& file : target_.plan.kept) {  // some may have been made meanwhile
       std::vector<std::string>& kept = job_.report.kept;
       if (std::find(kept.begin(), kept.end(), file) == kept.end()) kept.push_back(file);
@@ -289,8 +292,9 @@ void TransferPlan::add_target_tangents() {
   mesh::set_tangents(target_.mesh, tangents.uv_sets, tangents.keeps_own);
 }
 
-void TransferPlan::plan_one(const std::string& path) {
-  target_.plan = planning::plan_target(options_, source_->plan(), path, target_.mesh);
+void TransferPlan::plan_one(std::size_t t) {
+  target_.plan =
+      planning::plan_target(options_, source_->plan(), options_.targets[t], target_.mesh);
   for (auto& images : target_.plan.images) {
     for (planning::ImageOutput& image : images) image.stripe_rows = knobs_.stripe_rows;
   }
@@ -303,11 +307,30 @@ void TransferPlan::plan_one(const std::string& path) {
     for (const planning::ImageOutput& image : images)
       job_.check_packs = job_.check_packs || (image.onto && image.onto->in_place);
   }
-  if (!options_.skip_existing && !any_is_made()) return;
+  if (first_unit_.size() == t) {
+    first_unit_.push_back(units_.size());
+    planning::add_units(source_->plan(), target_.plan, target_.model.has_value(), units_);
+  }
+  // What other tasks make is not looked for: a thousand of them would ask for all images each.
+  if (options_.share.role != TaskRole::whole && !share_out(t)) return;
+  const std::string model = target_.model ? target_.model->path() : "";
+  if (!options_.skip_existing && !planning::may_be_made(options_, target_.plan, model)) return;
   name_jobs();
-  if (options_.skip_existing || options_.min_coverage_percent == 0) keep_what_is_there();
-  if (options_.keep_made) planning::leave_painted(target_.plan);
+  std::vector<std::string> meshes = target_.mesh.files;
+  meshes.insert(meshes.end(), source_->files().begin(), source_->files().end());
+  planning::keep_what_is_there(options_, source_->plan(), meshes,
+                               {model, target_.model ? target_.model->job() : ""},
+                               job_.run.written_before, target_.plan);
   if (!job_.plan_only) planning::remove_what_is_done(job_, source_->plan(), target_.plan);
+}
+
+/// Who makes what is known once all targets are: false, and everything is to be made, until then.
+bool TransferPlan::share_out(std::size_t t) {
+  if (first_unit_.size() < options_.targets.size()) return false;
+  const TaskShare& share = options_.share;
+  const auto shares = planning::share_out(units_, share.tasks, !share.folder.empty());
+  planning::take_shares(shares, first_unit_[t], share, source_->plan(), target_.plan);
+  return true;
 }
 
 /// Reads every input, so not before it is known that the job can be done; --skip-existing must.
@@ -320,75 +343,6 @@ void TransferPlan::name_jobs() {
     }
   }
   if (target_.model) target_.model->set_job(job_hash_.of_model(target_.model->path(), plan));
-}
-
-void TransferPlan::warn_of_kept() {
-  const std::vector<std::string>& kept = target_.plan.kept_by_time;
-  if (kept.empty()) return;
-  target_.plan.warnings.push_back(fmt::format(
-      "{}{}: skipped because newer than all inputs; no job is recorded there", kept.front(),
-      kept.size() > 1 ? fmt::format(" and {} more", kept.size() - 1) : ""));
-}
-
-/// Whether this very job may have made some of the outputs, and that matters. Naming jobs reads all
-/// inputs, so it is asked first whether any output says what job made it.
-bool TransferPlan::any_is_made() const {
-  const std::vector<std::string>& outputs = target_.plan.outputs;
-  return options_.keep_made && (options_.min_coverage_percent == 0 || target_.plan.painted_over) &&
-         std::any_of(outputs.begin(), outputs.end(), [](const std::string& output) {
-           std::error_code failed;
-           return std::filesystem::is_regular_file(output, failed) &&
-                  io::read_job(output).has_value();
-         });
-}
-
-void TransferPlan::keep_what_is_there() {
-  std::vector<std::string> meshes = target_.mesh.files;
-  meshes.insert(meshes.end(), source_->files().begin(), source_->files().end());
-  if (!target_.model) {
-    planning::keep_existing(source_->plan(), inputs_time(meshes), job_.run.written_before,
-                            target_.plan);
-    return warn_of_kept();
-  }
-  // A model is made of all its inputs, the images that it takes over among them.
-  for (const planning::ColumnPlan& column : source_->plan().columns)
-    meshes.push_back(column.image.path);
-  meshes.insert(meshes.end(), target_.plan.inputs.begin(), target_.plan.inputs.end());
-  if (!keeps_model(inputs_time(meshes))) return;
-  warn_of_kept();
-  for (auto& images : target_.plan.images) {
-    for (planning::ImageOutput& image : images) image.keep = true;
-  }
-  target_.plan.kept = std::exchange(target_.plan.outputs, {});
-}
-
-/// Only --skip-existing goes by times: later than any time there is, no file is kept by its own.
-planning::FileTime TransferPlan::inputs_time(const std::vector<std::string>& files) const {
-  return options_.skip_existing ? planning::newest(files) : planning::FileTime::max();
-}
-
-/// The model says which job made it; of the files beside it, its images and masks say their own.
-bool TransferPlan::keeps_model(planning::FileTime inputs) {
-  planning::TargetPlan& plan = target_.plan;
-  std::map<std::string, std::string> jobs{{target_.model->path(), target_.model->job()}};
-  for (const auto& images : plan.images) {
-    for (const planning::ImageOutput& image : images) {
-      jobs[image.path] = image.job;
-      jobs[image.coverage_path] = image.job;
-    }
-  }
-  std::vector<std::string> by_time;
-  for (const std::string& output : plan.outputs) {
-    // What an attempt before this one wrote is no earlier work: it may come from the damaged pack.
-    if (job_.run.written_before.count(output) > 0) return false;
-    const auto job = jobs.find(output);
-    const bool keeps = job == jobs.end()  // a buffer or an image that was copied
-                           ? planning::has_content(output)
-                           : planning::keeps_all({output}, job->second, inputs, by_time);
-    if (!keeps) return false;
-  }
-  plan.kept_by_time = by_time;
-  return true;
 }
 
 std::uint64_t TransferPlan::contexts() const {

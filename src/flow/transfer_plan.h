@@ -14,6 +14,7 @@
 #include "planning/disk.h"
 #include "planning/job_hash.h"
 #include "planning/plan.h"
+#include "planning/task_share.h"
 
 namespace pounce::flow {
 
@@ -50,18 +51,14 @@ class TransferPlan {
 
  private:
   void plan_source();
-  void plan_target_side(const std::string& path, planning::DiskPlan& disk);
+  void plan_target_side(std::size_t t, planning::DiskPlan& disk);
   void need_target(const std::string& path);
   void need_pass(std::size_t pass);
   void check_channel_outputs() const;
   void check_order(const mesh::Mesh& source);
-  void plan_one(const std::string& path);
+  void plan_one(std::size_t t);
+  bool share_out(std::size_t t);
   void name_jobs();
-  bool any_is_made() const;
-  planning::FileTime inputs_time(const std::vector<std::string>& files) const;
-  void keep_what_is_there();
-  bool keeps_model(planning::FileTime inputs);
-  void warn_of_kept();
   std::uint64_t contexts() const;
   mesh::Mesh read_target(const std::string& path, std::uint64_t beside);
   std::uint64_t reading_bytes(const std::string& path) const;
@@ -80,6 +77,8 @@ class TransferPlan {
   runtime::Lease compressors_lease_, tables_lease_;
   PlannedTarget target_;                       ///< planned last
   std::vector<std::string> outputs_, inputs_;  ///< of all targets
+  std::vector<planning::WorkUnit> units_;      ///< of all targets
+  std::vector<std::size_t> first_unit_;        ///< by target
   std::uint64_t least_target_texels_ = UINT64_MAX;
   bool anything_to_write_ = false;
 };

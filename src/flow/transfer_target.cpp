@@ -20,9 +20,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <optional>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -31,16 +29,16 @@
 #include "flow/stores/build_stores.h"
 #include "flow/transfer_plan.h"
 #include "job/output_claim.h"
+#include "job/part_files.h"
+#include "outcome/clipped_samples.h"
 #include "outcome/target_tally.h"
 #include "planning/half_done.h"
-#include "planning/job_hash.h"
+#include "planning/others_outputs.h"
 #include "projection/mesh_fit.h"
 #include "surface/strewn_places.h"
 
 namespace pounce::flow {
 namespace {
-
-constexpr auto kLookAgain = std::chrono::milliseconds(50);  // whether others are done
 
 // Shares of the progress bar, measured on a 4096² transfer of a head with a PNG in and out.
 constexpr double kVectorizeShare = 0.06, kProjectShare = 0.66;  // of a page
@@ -54,20 +52,21 @@ class TargetTransfer {
         source_plan_(source.plan()),
         source_(source),
         target_(target),
-        range_(range) {}
+        range_(range),
+        others_(job, policy, source_plan_, target.plan, model_of(target)) {}
 
   bool run(OthersWork others) {
     // The order matters. What may end this visit without a trace comes first: nothing is counted or
     // reported of a target that is left for later.
     std::vector<Step> steps = steps_to_make();
     if (policy_.skips_existing && others == OthersWork::leave && !steps.empty() &&
-        !is_any_free(steps))
+        !others_.is_any_free(steps))
       return false;
     std::optional<job::OutputClaim> model_claim;
     if (policy_.skips_existing && target_.model && !steps.empty()) {
-      model_claim = await_model();
+      model_claim = others_.await_model();
       // Another job may have finished the model between planning and this claim.
-      if (is_model_made()) keep_model(steps);
+      if (others_.keep_made_model()) steps.clear();
     }
     tally_.emplace(policy_.min_coverage_percent, source_facts(), target_.plan,
                    target_.model ? target_.model->path() : "", job_.report);
@@ -75,29 +74,33 @@ class TargetTransfer {
       job_.meter.keep(range_.end);
       return true;
     }
+    if (policy_.role == TaskRole::prepare) return prepare(steps);
     find_occupied();
     // Both need the mesh, which goes while pages are made.
     places_ = surface::strew(target_.mesh, source_.target_places());
     const double area = surface::surface_area(target_.mesh);
     make(std::move(steps));
     tally_->spreads(area);
-    warn_of_clipped();
-    if (target_.model) write_model();
+    clipped_.warn(source_plan_, job_.report);
+    if (target_.model && !is_shared() && !is_missing_) write_model();
     if (tally_->is_in_question()) {
       const StageTimer timer(job_.clock, "project");
       tally_->fits(projection::fit_of(places_, source_.places(), target_.plan.diagonal));
     }
+    // Of parts nobody knows what their images lack.
+    if (is_missing_ || makes_parts_) return true;
     tally_->layers(source_.layer_gaps());
     tally_->finish(source_.box());
     return true;
   }
 
  private:
-  /// A page of a pass: what is vectorized, projected and written at once.
-  struct Step {
-    std::size_t pass = 0;
-    std::uint32_t page = 0;
-  };
+  using Step = planning::Step;
+
+  static planning::ModelFile model_of(const PlannedTarget& target) {
+    if (!target.model) return {};
+    return {target.model->path(), target.model->job()};
+  }
 
   outcome::SourceFacts source_facts() const {
     return {&source_plan_, source_.box_name(), source_.cure(), !source_.places().empty(),
@@ -106,6 +109,19 @@ class TargetTransfer {
 
   bool has_work(const Step& step) const {
     return planning::has_work(target_.plan, source_plan_.passes[step.pass].channels, step.page);
+  }
+
+  bool is_shared() const { return policy_.role == TaskRole::share; }
+
+  /// Of this step; null: one run makes all of everything.
+  const planning::StepShare* share_of(const Step& step) const {
+    return target_.plan.shares.empty() ? nullptr : &target_.plan.shares[step.pass][step.page];
+  }
+
+  /// The stores that others will read.
+  bool prepare(const std::vector<Step>& steps) {
+    for (const Step& step : steps) vectorize(step.pass, step.page);
+    return true;
   }
 
   std::vector<Step> steps_to_make() const {
@@ -128,103 +144,23 @@ class TargetTransfer {
     while (!steps.empty()) {
       std::vector<Step> others;
       for (std::size_t i = 0; i < steps.size(); ++i) {
-        const std::optional<job::OutputClaim> claim = claim_of(steps[i]);
+        const std::optional<job::OutputClaim> claim = others_.claim(steps[i]);
         if (!claim) {
           others.push_back(steps[i]);
           continue;
         }
         job_.waiting.reset();
         job_.meter.resume();
-        keep_what_others_made(steps[i]);
+        for (const std::size_t c : others_.keep_made(steps[i])) tally_->keeps(c, steps[i].page);
         // The mesh goes with the last step only if no step is left to other jobs: one that fails or
         // is killed leaves its steps to this one.
         if (has_work(steps[i])) make_images(steps[i], i + 1 == steps.size() && others.empty());
         ++steps_done_;
         job_.meter.keep(fraction(0));  // what of its share took no work
       }
-      if (others.size() == steps.size()) wait_for_others();
+      if (others.size() == steps.size()) others_.wait();
       steps = std::move(others);
     }
-  }
-
-  // --- what other jobs make ----------------------------------------------------------------------
-
-  std::vector<std::string> images_of(const Step& step) const {
-    std::vector<std::string> paths;
-    for (const std::size_t c : source_plan_.passes[step.pass].channels) {
-      const planning::ImageOutput& image = target_.plan.images[c][step.page];
-      if (!image.keep) paths.push_back(image.path);
-    }
-    return paths;
-  }
-
-  std::optional<job::OutputClaim> claim_of(const Step& step) {
-    const bool shares = policy_.skips_existing && !target_.model;  // a model is claimed as a whole
-    return job::OutputClaim::take(shares ? images_of(step) : std::vector<std::string>(), &other_);
-  }
-
-  bool is_any_free(const std::vector<Step>& steps) {
-    if (target_.model) return job::OutputClaim::take({target_.model->path()}).has_value();
-    return std::any_of(steps.begin(), steps.end(),
-                       [&](const Step& step) { return claim_of(step).has_value(); });
-  }
-
-  void keep_what_others_made(const Step& step) {
-    if (!policy_.skips_existing || target_.model) return;
-    // Times are not asked here, only recorded jobs: what is younger than the inputs but records no
-    // job was decided while planning.
-    for (const std::size_t c : source_plan_.passes[step.pass].channels) {
-      planning::ImageOutput& image = target_.plan.images[c][step.page];
-      if (image.keep || job_.run.written_before.count(image.path) > 0 || !planning::is_made(image))
-        continue;
-      image.keep = true;
-      job_.report.kept.push_back(image.path);
-      if (!image.coverage_path.empty()) job_.report.kept.push_back(image.coverage_path);
-      tally_->keeps(c, step.page);
-    }
-  }
-
-  void wait_for_others() {
-    if (!policy_.waits) {
-      throw Error(
-          ErrorKind::busy,
-          fmt::format(
-              "{}: {} is writing outputs of this job; run again without --no-wait to wait for it",
-              target_.plan.path, other_));
-    }
-    if (!job_.waiting) job_.waiting = std::make_unique<StageTimer>(job_.clock, "wait");
-    job_.meter.wait("waiting for " + other_);
-    std::this_thread::sleep_for(kLookAgain);
-  }
-
-  job::OutputClaim await_model() {
-    for (;;) {
-      if (auto claim = job::OutputClaim::take({target_.model->path()}, &other_)) {
-        job_.waiting.reset();
-        job_.meter.resume();
-        return std::move(*claim);
-      }
-      wait_for_others();
-    }
-  }
-
-  /// The files beside it come first.
-  bool is_model_made() const {
-    const std::string& path = target_.model->path();
-    const auto& outputs = target_.plan.outputs;
-    return job_.run.written_before.count(path) == 0 &&
-           planning::standing_of(path, target_.model->job(), planning::FileTime::max()) ==
-               planning::Standing::same_job &&
-           std::all_of(outputs.begin(), outputs.end(), planning::has_content);
-  }
-
-  void keep_model(std::vector<Step>& steps) {
-    for (auto& images : target_.plan.images) {
-      for (planning::ImageOutput& image : images) image.keep = true;
-    }
-    const auto& outputs = target_.plan.outputs;
-    job_.report.kept.insert(job_.report.kept.end(), outputs.begin(), outputs.end());
-    steps.clear();
   }
 
   // --- what this one makes -----------------------------------------------------------------------
@@ -258,6 +194,15 @@ class TargetTransfer {
 
   void make_images(const Step& step, bool is_last) {
     const auto [p, page] = step;
+    if (policy_.role == TaskRole::assemble) {
+      if (job::PartFiles(job_, results_key(step)).is_empty()) return;
+      if (!share_of(step)->in_parts) return miss(step, 0, 0, share_of(step)->tasks);
+    }
+    // A cache that a thousand tasks fill is looked through by each of them, again and again: they
+    // add what others read.
+    job_.keeps_pages = !is_shared() || share_of(step)->in_parts;
+    for (const auto kind : {store::PackKind::geometry, store::PackKind::hits})
+      job_.stores->add_new(kind, job_.keeps_pages);
     const auto target = vectorize(p, page);
     const runtime::Lease directory(job_.budget, target->size_bytes(),
                                    "the directory of the target store");
@@ -287,12 +232,17 @@ class TargetTransfer {
     const std::uint64_t texels = target.directory().texels;
     // Without texels a UDIM tile gets no file and a model's material stays as it is. A single image
     // is written even if it is empty: its user has named it.
-    if (texels == 0 && target_.plan.by_tile) return;
+    if (texels == 0 && target_.plan.by_tile) return leave_empty({p, page});
     if (texels == 0 && target_.model) return tally_->add_page(p, page, 0, nullptr);
-    ResultCollector results(
-        job_, target, source_plan_.passes[p].channels.size(),
-        planning::results_key(source_plan_, source_plan_.passes[p], target_.plan, page));
+    const planning::StepShare* share = share_of({p, page});
+    const bool in_parts = share != nullptr && share->in_parts;
+    ResultCollector results(job_, target, source_plan_.passes[p].channels.size(),
+                            results_key({p, page}),
+                            {policy_.role, policy_.task, in_parts ? share : nullptr});
     try {
+      if (in_parts && is_shared()) return make_part({p, page}, target, results);
+      if (in_parts && results.texels_left() > 0)
+        return miss({p, page}, texels - results.texels_left(), texels, results.missing_tasks());
       make_page(p, page, target, results);
     } catch (const Error& e) {
       // What a later run would go on with may be made from what is damaged.
@@ -304,6 +254,34 @@ class TargetTransfer {
     if (auto pack = results.release()) packs_of_model_.push_back(std::move(pack));
   }
 
+  Hash128 results_key(const Step& step) const {
+    return planning::results_key(source_plan_, source_plan_.passes[step.pass], target_.plan,
+                                 step.page);
+  }
+
+  /// Of an image that is assembled later.
+  void make_part(const Step& step, const store::GeometryStore& target, ResultCollector& results) {
+    makes_parts_ = true;
+    const std::uint64_t texels = results.texels_left();
+    const PageResult result = project_page(step.pass, step.page, target, results);
+    tally_->add_page(step.pass, step.page, source_.texels_of(result, texels), &result);
+  }
+
+  /// No image will say that it was made.
+  void leave_empty(const Step& step) {
+    if (policy_.role != TaskRole::whole && !job_.parts_folder.empty())
+      job::PartFiles(job_, results_key(step)).note_empty();
+  }
+
+  /// An image cannot be assembled.
+  void miss(const Step& step, std::uint64_t texels, std::uint64_t of_texels,
+            const std::vector<std::uint32_t>& tasks) {
+    for (const std::string& path : planning::images_to_make(source_plan_, target_.plan, step))
+      job_.report.missing.push_back(
+          {target_.model ? target_.model->path() : path, texels, of_texels, tasks});
+    is_missing_ = true;
+  }
+
   void make_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target,
                  ResultCollector& results) {
     const std::uint64_t texels = target.directory().texels;
@@ -313,7 +291,8 @@ class TargetTransfer {
         target_.model || (target_.plan.by_tile && !target_.plan.painted_over);
     const bool found = std::any_of(result.covered.begin(), result.covered.end(),
                                    [](std::uint64_t covered) { return covered > 0; });
-    if (found || !may_stay_empty) write_page(p, page, result, results);
+    if (found || !may_stay_empty) return write_page(p, page, result, results);
+    leave_empty({p, page});
   }
 
   /// Where the progress bar stands when this share of the page and pass at hand is done. All pages
@@ -331,7 +310,7 @@ class TargetTransfer {
   PageResult project_page(std::size_t p, std::uint32_t page, const store::GeometryStore& target,
                           ResultCollector& results) {
     const StageTimer timer(job_.clock, "project");
-    begin_projecting(p, page, target.directory().texels, results.kept_texels());
+    begin_projecting(p, page, target.directory().texels, results);
     // Once for all pages: coverage depends on the fit, so it must not depend on the page or on
     // --tiles.
     if (!fit_) {
@@ -341,7 +320,7 @@ class TargetTransfer {
     PageResult result =
         source_.projector(p, page, target, target_.plan, fit_.value_or(projection::SplatFit{}))
             ->project(results);
-    job_.report.bytes_written += result.pack->size_bytes();
+    job_.report.bytes_written += result.written_bytes;
     add_nodes(result.nodes, job_.report.nodes);
     job_.meter.end();
     return result;
@@ -349,16 +328,20 @@ class TargetTransfer {
 
   /// What an earlier run has made takes no work: its share of the progress is there at once.
   void begin_projecting(std::size_t p, std::uint32_t page, std::uint64_t texels,
-                        std::uint64_t kept) {
-    const std::string title = page_title("project", page);
-    if (kept > 0) {
-      const double share = static_cast<double>(kept) / static_cast<double>(texels);
-      job_.meter.keep(fraction(kVectorizeShare + share * kProjectShare));
+                        const ResultCollector& results) {
+    const auto share = [&](std::uint64_t part) {
+      return static_cast<double>(part) / static_cast<double>(texels);
+    };
+    if (!is_shared() && !results.makes_all())
+      job_.meter.keep(
+          fraction(kVectorizeShare + share(texels - results.texels_left()) * kProjectShare));
+    if (results.went_on_with() > 0) {
       job_.note(
           fmt::format("{}: went on from an earlier run, which had made {:.0f} % of its texels",
-                      images_of({p, page}).front(), 100 * share));
+                      planning::images_to_make(source_plan_, target_.plan, {p, page}).front(),
+                      100 * share(results.went_on_with())));
     }
-    job_.meter.begin(title, texels - std::min(kept, texels), "texels",
+    job_.meter.begin(page_title("project", page), results.texels_left(), "texels",
                      fraction(kVectorizeShare + kProjectShare));
   }
 
@@ -402,7 +385,7 @@ class TargetTransfer {
       // From here on a second attempt would composite over its own result.
       job_.run.painted_in_place = job_.run.painted_in_place || in_place;
       tally_->wrote(c, written.filled);
-      count_clipped(c, (written.any_fresh ? result.clipped[i] : 0) + written.clipped, image.path);
+      clipped_.count(c, (written.any_fresh ? result.clipped[i] : 0) + written.clipped, image.path);
       if (target_.model) {
         target_.model->add(c, page, written);
       } else if (!image.painted) {
@@ -421,33 +404,6 @@ class TargetTransfer {
     job_.meter.end();
   }
 
-  /// Samples of an image of channel `c` that its depth cannot hold.
-  void count_clipped(std::size_t c, std::uint64_t samples, const std::string& path) {
-    if (samples == 0) return;
-    job_.report.target_clipped += samples;
-    clipped_.resize(source_plan_.channels.size());
-    Clipped& clipped = clipped_[c];
-    clipped.samples += samples;
-    if (clipped.images++ == 0) clipped.first = path;
-  }
-
-  /// One warning per channel, however many images it has.
-  void warn_of_clipped() {
-    for (std::size_t c = 0; c < clipped_.size(); ++c) {
-      const Clipped& clipped = clipped_[c];
-      if (clipped.samples == 0) continue;
-      const Depth depth = source_plan_.channels[c].format.depth;
-      const bool is_half = depth == Depth::half;
-      job_.report.warnings.push_back(fmt::format(
-          "{}{}: {} samples of {} were clipped: {} holds {}; use {} to keep them", clipped.first,
-          clipped.images > 1 ? fmt::format(" and {} more", clipped.images - 1) : "",
-          clipped.samples, source_plan_.channels[c].name, depth_name(depth),
-          is_half ? "-65504 to 65504" : "0 to 1",
-          is_half ? "--depth float" : "--depth half or float with .exr"));
-    }
-    clipped_.clear();
-  }
-
   void write_model() {
     const StageTimer timer(job_.clock, "model");
     const std::vector<std::string> files = target_.model->write(job_);
@@ -464,18 +420,16 @@ class TargetTransfer {
   PlannedTarget& target_;
   const ProgressRange range_;
   std::optional<outcome::TargetTally> tally_;  ///< once something is made or kept
-  std::string other_;  ///< job that has claimed what this one wanted, for messages
-  struct Clipped {
-    std::uint64_t samples = 0, images = 0;
-    std::string first;  ///< image
-  };
-  std::vector<Clipped> clipped_;  ///< by channel
+  planning::OthersOutputs others_;
+  outcome::ClippedSamples clipped_;
   runtime::Lease occupied_lease_;
   std::vector<surface::Place> places_;       ///< of the target: where the fit is found
   std::optional<projection::SplatFit> fit_;  ///< of a splat scene, once the first page is projected
   /// What the finished steps of a model have made, until it is there.
   std::vector<std::unique_ptr<job::StepPack>> packs_of_model_;
   bool all_targets_cached_ = true;
+  bool is_missing_ = false;       ///< some image could not be assembled
+  bool makes_parts_ = false;      ///< of images that others assemble
   std::uint64_t steps_done_ = 0;  ///< passes of pages
 };
 

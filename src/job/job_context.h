@@ -67,6 +67,7 @@ struct JobContext {
   std::unique_ptr<store::StoreFolder> scratch;      ///< results; vanish with the process
   std::shared_ptr<ScratchAccount> scratch_account;  ///< of all nameless files; null in memory
   std::string scratch_folder;                       ///< of all nameless files
+  std::string parts_folder;  ///< of parts of images, which tasks leave for each other; "": none
   bool check_packs = false;  ///< of the cache, whole, before they are believed
   unsigned threads = 1;
   std::string cache_folder;  ///< "" without a cache
@@ -74,6 +75,7 @@ struct JobContext {
   bool begins_again = false;  ///< an attempt before this one met a damaged pack
   /// How long a step takes before what it has made is kept for a later run.
   std::chrono::milliseconds keeps_results_after = std::chrono::seconds(1);
+  bool keeps_pages = true;                ///< in the cache: what is made of a page
   bool keeps_stores = false;              ///< stores go into the cache (of a plan: would go)
   std::uint64_t cache_limit_bytes = 0;    ///< then: what the cache may take; 0 = no limit
   std::uint64_t scratch_limit_bytes = 0;  ///< of all scratch files together; 0 = no limit

@@ -43,9 +43,6 @@ class StepPack {
   static void remove(JobContext& job, const Hash128& key);
 
   store::PackWriter& writer() { return *writer_; }
-  std::chrono::milliseconds worked() const {  ///< by this run
-    return std::chrono::duration_cast<std::chrono::milliseconds>(Clock::now() - begun_);
-  }
   /// What was appended so far belongs together. From time to time it is handed to the system, and
   /// to the disk.
   void commit();

@@ -146,7 +146,7 @@ TargetTally::TargetTally(double min_coverage_percent, SourceFacts source,
         any_to_make = true;
         continue;
       }
-      keeps(c, static_cast<std::uint32_t>(page));
+      if (!target_.images[c][page].elsewhere) keeps(c, static_cast<std::uint32_t>(page));
     }
   }
   entry.enough = min_coverage_percent_ <= 0 || !any_to_make;  // until finish() knows

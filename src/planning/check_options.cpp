@@ -306,6 +306,35 @@ void check_composite(const TransferOptions& o) {
 
 }  // namespace
 
+namespace {
+
+/// What tasks of one job cannot do, each by itself.
+void check_share(const TransferOptions& o) {
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  const TaskShare& share = o.share;
+  if (share.tasks < 1 || share.tasks > kMostTasks || share.task < 1 || share.task > share.tasks)
+    usage(fmt::format("task {} of {}: tasks count from 1, and are {} at most", share.task,
+                      share.tasks, kMostTasks));
+  if (share.role == TaskRole::whole) return;
+  if (o.min_coverage_percent > 0)
+    usage(
+        "--min-coverage: no task sees all texels of a target; leave it out, and compare the counts "
+        "in the reports");
+  if (o.skip_existing)
+    usage("--skip-existing: tasks skip what this same job has made already; leave it out");
+  if (!o.composite.onto.empty() && o.composite.onto == o.output)
+    usage(fmt::format("--onto {}: tasks cannot paint over their own input; give -o another name",
+                      o.composite.onto));
+  if (share.role == TaskRole::prepare && !o.resources.use_cache)
+    usage("--no-cache: what is prepared is kept in the cache; leave it out");
+  const bool needs_folder = share.role == TaskRole::assemble ||
+                            (share.role == TaskRole::share && io::is_model_path(o.output));
+  if (needs_folder && share.folder.empty())
+    usage(o.output + ": is assembled from parts, which need a job folder that all tasks see");
+}
+
+}  // namespace
+
 void check_options(const TransferOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   const bool is_map = is_hit_map(o.source);
@@ -328,6 +357,7 @@ void check_options(const TransferOptions& o) {
   check_colour_spaces(o);
   check_baked(o);
   check_layout(o);
+  check_share(o);
 }
 
 }  // namespace pounce::planning

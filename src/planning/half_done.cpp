@@ -32,6 +32,16 @@ bool has_work(const TargetPlan& target, const std::vector<std::size_t>& channels
                      [&](std::size_t c) { return !target.images[c][page].keep; });
 }
 
+namespace {
+
+bool is_elsewhere(const TargetPlan& target, const std::vector<std::size_t>& channels,
+                  std::size_t page) {
+  return std::any_of(channels.begin(), channels.end(),
+                     [&](std::size_t c) { return target.images[c][page].elsewhere; });
+}
+
+}  // namespace
+
 std::vector<HalfDoneImage> half_done(job::JobContext& job, const SourcePlan& source,
                                      const TargetPlan& target) {
   std::vector<HalfDoneImage> found;
@@ -58,7 +68,7 @@ void remove_what_is_done(job::JobContext& job, const SourcePlan& source, const T
   for (const std::string& path : target.kept) io::remove_leftovers_of(path);
   for (const PassPlan& pass : source.passes) {
     for (std::size_t page = 0; page < target.pages.size(); ++page) {
-      if (!has_work(target, pass.channels, page))
+      if (!has_work(target, pass.channels, page) && !is_elsewhere(target, pass.channels, page))
         job::StepPack::remove(job, results_key(source, pass, target, page));
     }
   }

@@ -41,7 +41,8 @@ struct ImageOutput {
   std::string path;           ///< "" = no colour image
   std::string coverage_path;  ///< "" = no coverage mask
   mesh::Lattice lattice;      ///< its size
-  bool keep = false;          ///< it is there already and stays as it is
+  bool keep = false;          ///< this run does not make it: it is there already and stays as it is
+  bool elsewhere = false;     ///< kept because another task makes it
   bool painted = false;       ///< the image alone stays: in place, by this very job
   ImageLayout layout, coverage_layout;
   /// --tile-size or --mipmap was given, and the layouts are the same without it.

@@ -71,13 +71,14 @@ namespace {
 
 /// Every file is made anew in its folder, also where it replaces one: can it be? A folder that is
 /// missing is made when there is something to put into it.
-void check_folder(const std::string& path) {
+void check_folder(const std::string& path, std::set<std::string>& checked) {
   // Through links, to where the file really is written.
   const std::string place = io::output_place(path);
   if (place.empty()) {
     throw Error(ErrorKind::storage, path + ": is a broken link; choose another name");
   }
   const std::string folder = std::filesystem::path(place).parent_path().string();
+  if (!checked.insert(folder).second) return;  // a set has thousands of images in one
   const std::string there = io::existing_folder(folder);
   std::error_code ignored;
   if (!std::filesystem::is_directory(there, ignored)) {
@@ -97,14 +98,14 @@ void check_folder(const std::string& path) {
 
 void check_outputs(const std::vector<std::string>& paths, const std::string& cure) {
   namespace fs = std::filesystem;
-  std::set<std::string> seen;
+  std::set<std::string> seen, folders;
   for (const std::string& path : paths) {
     // By spelling, since the files need not exist yet.
     if (!seen.insert(fs::path(path).lexically_normal().string()).second) {
       throw Error(ErrorKind::usage,
                   fmt::format("two images would be written to {}: {}", path, cure));
     }
-    check_folder(path);
+    check_folder(path, folders);
     std::error_code problem;
     const bool taken = fs::is_directory(path, problem);
     if (problem == std::errc::filename_too_long) {

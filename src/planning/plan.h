@@ -152,6 +152,15 @@ struct SourcePlan {
 /// a constant.
 ImageSize sampled_size(const SourcePlan& plan, const PageTexture& page);
 
+/// Who makes a page of a pass, where several tasks share a job.
+struct StepShare {
+  /// By part: its task, from 1. A part is a run of the page's blocks in their order; one part is
+  /// all of it.
+  std::vector<std::uint32_t> tasks;
+  bool in_parts = false;  ///< tasks leave parts, which are assembled later
+  bool has(std::uint32_t task) const;
+};
+
 /// One target's side.
 struct TargetPlan {
   std::string path;
@@ -171,6 +180,8 @@ struct TargetPlan {
   bool painted_over = false;  ///< --onto
   std::vector<std::vector<surface::GeometryRequest>> requests;  ///< [pass][page]
   std::vector<std::vector<ImageOutput>> images;                 ///< [channel][page]
+  /// [pass][page]; empty: one run makes all.
+  std::vector<std::vector<StepShare>> shares;
   std::vector<std::string> warnings;
   /// Every file that may be written: a tile that turns out to have no covered texel centre is not.
   std::vector<std::string> outputs;
@@ -184,6 +195,8 @@ struct OutputPolicy {
   bool skips_existing = false;      ///< those that are there and up to date stay as they are
   bool waits = true;                ///< for others that are making the same ones
   double min_coverage_percent = 0;  ///< below that a target has not found enough
+  TaskRole role = TaskRole::whole;
+  std::uint32_t task = 1;
 };
 
 /// What a mesh's texels are for a job: texels of images that its surface shows, or Gaussians.

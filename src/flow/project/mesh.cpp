@@ -224,7 +224,7 @@ class Search final : public Projection {
   PageResult project(ResultCollector& results) override {
     try {
       // Hits of the blocks that are there already are not known: these could only be some of all.
-      if (keeper_ != nullptr && results.kept_texels() > 0) keeper_->give_up();
+      if (keeper_ != nullptr && !results.makes_all()) keeper_->give_up();
       PageResult result = projector_.project(results);
       if (keeper_ != nullptr) keeper_->publish();
       return result;
@@ -254,7 +254,7 @@ std::unique_ptr<Projection> project_mesh(job::JobContext& job, const MeshProject
       job.count_store(known->pack(), true);
       return shade_known(job, request, std::move(known));
     }
-    if (known == nullptr) keeper = std::make_unique<HitKeeper>(job, request);
+    if (known == nullptr && job.keeps_pages) keeper = std::make_unique<HitKeeper>(job, request);
   }
   return std::make_unique<Search>(job, request, std::move(keeper));
 }

@@ -12,23 +12,26 @@
 #include "flow/project/results.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
+#include "planning/task_share.h"
 #include "pounce/error.h"
 
 namespace pounce::flow {
 
 ResultCollector::ResultCollector(job::JobContext& job, const store::GeometryStore& target,
-                                 std::size_t channels, const Hash128& key)
+                                 std::size_t channels, const Hash128& key, const ResultShare& share)
     : job_(job),
       target_(target),
-      grid_(target.directory().pages.front(), channels),
-      index_lease_(job.budget, index_bytes(target.directory().pages.front(), channels),
-                   "the index of the results"),
-      made_(grid_.blocks(), false) {
-  result_.covered.assign(channels, 0);
-  result_.clipped.assign(channels, 0);
-  result_.blocks.assign(channels, std::vector<store::ChunkRef>(grid_.blocks()));
+      index_(target.directory().pages.front(), channels),
+      index_lease_(job.budget,
+                   store::ResultIndex::size_bytes(target.directory().pages.front(), channels),
+                   "the index of the results") {
+  if (share.tasks != nullptr && share.role == TaskRole::share) {
+    begin_part(key, share);
+    return;
+  }
   pack_ = std::make_unique<job::StepPack>(job, store::PackKind::results, key, earlier());
   waiting_ = {};
   try {
@@ -38,11 +41,49 @@ ResultCollector::ResultCollector(job::JobContext& job, const store::GeometryStor
     if (e.kind() != ErrorKind::budget) throw;
     encoded_ = {};  // they are encoded again
   }
+  went_on_with_ = index_.texels();
+  texels_left_ = target.directory().texels - std::min(target.directory().texels, index_.texels());
+  if (share.role == TaskRole::assemble) take_parts(key, share);
 }
 
-std::uint64_t ResultCollector::index_bytes(const mesh::Lattice& page, std::size_t channels) {
-  const std::uint64_t blocks = store::ResultGrid(page, channels).blocks();
-  return blocks * sizeof(store::ChunkRef) * channels + blocks / 8 + 8;
+/// Calls visit(block, its task).
+void ResultCollector::visit_tasks(
+    const planning::StepShare& share,
+    const std::function<void(const store::BlockEntry&, std::uint32_t)>& visit) const {
+  std::uint64_t before = 0;
+  const std::uint64_t all = target_.directory().texels;
+  for (std::uint32_t t = 0; t < target_.directory().tiles.size(); ++t) {
+    for (const store::BlockEntry& entry : target_.read_index(t, job_.compressor())) {
+      visit(entry, share.tasks[planning::part_of(before, entry.texels, all, share.tasks.size())]);
+      before += entry.texels;
+    }
+  }
+}
+
+/// Leaves out what other tasks make, and what is there.
+void ResultCollector::begin_part(const Hash128& key, const ResultShare& share) {
+  const job::PartFiles parts(job_, key);
+  parts.count(index_);
+  bool any_left = false;  // a block may have no texels
+  visit_tasks(*share.tasks, [&](const store::BlockEntry& entry, std::uint32_t task) {
+    if (has(entry)) return;
+    if (task != share.task) return index_.leave_out(entry.x, entry.y);
+    texels_left_ += entry.texels;
+    any_left = true;
+  });
+  if (any_left) part_ = parts.create();
+}
+
+/// What tasks have made, and who has to make the rest.
+void ResultCollector::take_parts(const Hash128& key, const ResultShare& share) {
+  job::PartFiles(job_, key).copy(index_, pack_->writer());
+  texels_left_ = target_.directory().texels - index_.texels();
+  if (share.tasks == nullptr || texels_left_ == 0) return;
+  std::set<std::uint32_t> tasks;
+  visit_tasks(*share.tasks, [&](const store::BlockEntry& entry, std::uint32_t task) {
+    if (!has(entry)) tasks.insert(task);
+  });
+  missing_tasks_.assign(tasks.begin(), tasks.end());
 }
 
 // --- what an earlier run left --------------------------------------------------------------------
@@ -61,24 +102,10 @@ job::StepPack::Earlier ResultCollector::earlier() {
   return earlier;
 }
 
-/// Counts what a record names; false, and nothing is counted, if it does not fit the chunks before
-/// it, or this page.
 bool ResultCollector::take_record(std::span<const std::byte> bytes) {
   const auto chunks = std::exchange(waiting_, {});
-  const auto record = store::decode_record(bytes, grid_);
-  if (!record || record->chunks() != chunks.size()) return false;
-  const auto is_made = [&](const auto& block) { return made_[grid_.slot(block.x, block.y)]; };
-  if (std::any_of(record->blocks.begin(), record->blocks.end(), is_made)) return false;
-  auto next = chunks.begin();
-  for (const store::ResultRecord::Block& block : record->blocks) {
-    const std::size_t slot = grid_.slot(block.x, block.y);
-    made_[slot] = true;
-    for (std::size_t c = 0; c < grid_.channels; ++c) {
-      if (block.has_chunk[c]) result_.blocks[c][slot] = *next++;
-    }
-  }
-  result_.add(record->counts);
-  kept_texels_ += record->texels();
+  const auto record = store::decode_record(bytes, index_.grid());
+  if (!record || !index_.take(*record, chunks)) return false;
   earlier_ms_ = record->worked_ms;
   return true;
 }
@@ -96,17 +123,26 @@ void ResultCollector::append_record(const PieceWork& work) {
   for (std::size_t b = 0; b < work.blocks.size(); ++b) {
     const store::BlockEntry& entry = work.blocks[b];
     record.blocks.push_back({entry.x, entry.y, entry.texels, {}});
-    for (std::size_t c = 0; c < grid_.channels; ++c)
-      record.blocks.back().has_chunk.push_back(!work.stored[c][b].empty());
+    for (const auto& stored : work.stored)
+      record.blocks.back().has_chunk.push_back(!stored[b].empty());
   }
   record.counts = work;
-  record.counts.clipped.resize(grid_.channels);
+  record.counts.clipped.resize(work.stored.size());
   record.page_texels = target_.directory().texels;
-  record.worked_ms = earlier_ms_ + static_cast<std::uint64_t>(pack_->worked().count());
+  record.worked_ms = earlier_ms_ + static_cast<std::uint64_t>(worked().count());
   store::encode(record, record_);
-  pack_->writer().append(store::ChunkKind::record, record_,
-                         static_cast<std::uint32_t>(record_.size()));
-  pack_->commit();
+  writer().append(store::ChunkKind::record, record_, static_cast<std::uint32_t>(record_.size()));
+  if (pack_ != nullptr) return pack_->commit();
+  // As StepPack does: a process that is killed loses a quarter of a second, a machine fifteen.
+  constexpr auto kFlushEvery = std::chrono::milliseconds(250);
+  constexpr auto kSyncEvery = std::chrono::seconds(15);
+  const auto now = Clock::now();
+  if (now - flushed_ < kFlushEvery) return;
+  flushed_ = now;
+  (void)part_.writer->file().reader();  // empties its buffer
+  if (now - synced_ < kSyncEvery) return;
+  part_.writer->file().sync();
+  synced_ = now;
 }
 
 // --- what this run makes -------------------------------------------------------------------------
@@ -116,30 +152,50 @@ std::uint64_t ResultCollector::store(const PieceWork& work) {
   for (std::size_t b = 0; b < work.blocks.size(); ++b) {
     const store::BlockEntry& entry = work.blocks[b];
     texels += entry.texels;
-    const std::size_t slot = grid_.slot(entry.x, entry.y);
-    for (std::size_t c = 0; c < grid_.channels; ++c) {
+    for (std::size_t c = 0; c < work.stored.size(); ++c) {
       const auto& stored = work.stored[c][b];
       if (stored.empty()) continue;
+      store::ChunkRef& chunk = index_.chunk(c, entry.x, entry.y);
       // The second block would silently replace the first one.
-      if (result_.blocks[c][slot].raw_bytes != 0) target_.damaged("duplicate block");
-      result_.blocks[c][slot] =
-          pack_->writer().append(store::ChunkKind::block, stored, work.raw_bytes[c]);
+      if (chunk.raw_bytes != 0) target_.damaged("duplicate block");
+      chunk = writer().append(store::ChunkKind::block, stored, work.raw_bytes[c]);
       bytes += stored.size();
     }
   }
-  result_.add(work);
+  made_.add(work);
   append_record(work);
   job_.meter.advance(texels);
   return bytes;
 }
 
 PageResult ResultCollector::finish() {
-  result_.pack = pack_->reader();
-  return std::move(result_);
+  PageResult result;
+  result.covered.resize(index_.grid().channels);
+  result.clipped.resize(index_.grid().channels);
+  result.add(made_);
+  if (part_.writer != nullptr) {
+    part_.writer->file().sync();
+    result.written_bytes = part_.writer->size_bytes();
+  }
+  if (pack_ == nullptr) return result;
+  result.add(index_);
+  result.pack = pack_->reader();
+  result.written_bytes = result.pack->size_bytes();
+  result.blocks = std::move(index_.blocks());
+  return result;
+}
+
+void ResultCollector::forget() noexcept {
+  if (pack_ != nullptr) return pack_->forget();
+  try {
+    if (part_.writer != nullptr) job_.files->remove(part_.path);
+  } catch (const Error&) {
+    // It cannot be removed: then it cannot be replaced either, and who assembles it fails.
+  }
 }
 
 std::unique_ptr<io::EncodedBlocks> ResultCollector::encodings(std::uint32_t image) {
-  if (!pack_->is_kept()) return nullptr;
+  if (pack_ == nullptr || !pack_->is_kept()) return nullptr;
   return std::make_unique<job::KeptEncodings>(*pack_, encoded_, image);
 }
 

@@ -99,13 +99,13 @@ TEST_CASE("a block that comes twice means a damaged target") {
 
 TEST_CASE("the index of results is leased: a place per block and channel") {
   // And a bit per block: whether it is made.
-  CHECK(ResultCollector::index_bytes(kPage, 2) == 6 * 2 * sizeof(store::ChunkRef) + 8);
-  CHECK(ResultCollector::index_bytes({64, 64, 0, {}}, 1) == sizeof(store::ChunkRef) + 8);
-  CHECK(ResultCollector::index_bytes({65, 1, 0, {}}, 1) == 2 * sizeof(store::ChunkRef) + 8);
+  CHECK(store::ResultIndex::size_bytes(kPage, 2) == 6 * 2 * sizeof(store::ChunkRef) + 8);
+  CHECK(store::ResultIndex::size_bytes({64, 64, 0, {}}, 1) == sizeof(store::ChunkRef) + 8);
+  CHECK(store::ResultIndex::size_bytes({65, 1, 0, {}}, 1) == 2 * sizeof(store::ChunkRef) + 8);
   SmallJob job(1 << 20);
   const auto target = small_target(job, kPage, {{1}});
   const ResultCollector collector(job.context, target, 2, kKey);
-  CHECK(job.context.budget.leased() == ResultCollector::index_bytes(kPage, 2));
+  CHECK(job.context.budget.leased() == store::ResultIndex::size_bytes(kPage, 2));
 }
 
 }  // namespace

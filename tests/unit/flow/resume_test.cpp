@@ -94,7 +94,7 @@ struct Fixture {
       kept += found[i] ? kTexels[i] : 0;
       if (!found[i]) results.store(work);
     }
-    REQUIRE(results.kept_texels() == kept);
+    REQUIRE(results.went_on_with() == kept);
     const PageResult page = results.finish();
     REQUIRE(page.covered == std::vector<std::uint64_t>{23});
     REQUIRE(page.clipped == std::vector<std::uint64_t>{15});
@@ -179,7 +179,7 @@ TEST_CASE("another job's pack is not gone on with") {
   const Hash128 other{3, 5};
   run.job.files->create("/.pounce-00000000000000030000000000000005.resume")->append(whole);
   ResultCollector results = run.collector(other);
-  CHECK(results.kept_texels() == 0);
+  CHECK(results.went_on_with() == 0);
 }
 
 TEST_CASE("a pack that somebody is at work on stays that job's") {
@@ -189,7 +189,7 @@ TEST_CASE("a pack that somebody is at work on stays that job's") {
   REQUIRE(run.is_there());
   {
     ResultCollector second = run.collector();
-    CHECK(second.kept_texels() == 0);
+    CHECK(second.went_on_with() == 0);
     second.store(work_of(run.job, kPieces[1]));
     second.finish();
     second.forget();
@@ -202,7 +202,7 @@ TEST_CASE("an attempt that follows on damage believes nothing that was made befo
   Fixture run;
   run.die_after(2);
   run.job.context.begins_again = true;
-  CHECK(run.collector().kept_texels() == 0);
+  CHECK(run.collector().went_on_with() == 0);
   CHECK_FALSE(run.is_there());
 }
 
@@ -212,7 +212,7 @@ TEST_CASE("a pack that takes more than this job may is made again") {
   run.job.context.scratch_account =
       std::make_shared<ScratchAccount>(100, [] { return std::string("too much"); });
   run.job.context.scratch_account->adopt(101);
-  CHECK(run.collector().kept_texels() == 0);
+  CHECK(run.collector().went_on_with() == 0);
   CHECK_FALSE(run.is_there());
 }
 
@@ -244,7 +244,7 @@ std::uint64_t kept_of(std::size_t chunks, std::uint32_t count, const std::vector
     record.resize(record.size() + more_bytes);
     writer.append(store::ChunkKind::record, record, static_cast<std::uint32_t>(record.size()));
   }
-  return run.collector().kept_texels();
+  return run.collector().went_on_with();
 }
 
 TEST_CASE("a sound record that cannot be true is not believed") {

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The rules of --skip-existing, on files whose times are set by hand.
+#include "planning/existing_outputs.h"
+
 #include <catch2/catch.hpp>
 #include <chrono>
 
 #include "io/image/write.h"
-#include "planning/job_hash.h"
 #include "support/bytes.h"
 #include "support/test_data.h"
 
