@@ -20,3 +20,8 @@ expect 0 "${job[@]}" -o s.png -q
 silent "$err"
 expect 0 "${job[@]}" -o t.png -v
 for word in 'stage ' 'memory ' 'tiles ' 'cpu s'; do err_has "$word"; done
+expect 0 "${job[@]}" -o u.png --progress openjd
+grep -qE '^openjd_progress: (100|[0-9]{1,2})\.[0-9]$' "$out" || fail 'no progress for openjd'
+grep -vqE '^openjd_(progress|status): ' "$out" && fail 'a line that is not of openjd'
+expect 5 transfer source.obj nothing.obj -o v.png --progress openjd
+grep -q '^openjd_fail: ' "$out" || fail 'openjd is not told why'

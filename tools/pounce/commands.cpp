@@ -165,10 +165,11 @@ void add_job_options(CLI::App& command, JobSettings& settings) {
             [&settings](const std::string& text) {
               settings.report_path = parse_report_path("--report", text);
             });
-  add_value(command, "--progress", "auto|plain|json|none", group,
+  add_value(command, "--progress", "auto|plain|json|openjd|none", group,
             "Progress on the standard error output. auto: a bar on a terminal, else plain. plain: "
             "a line every few seconds and at the end of each stage. json: one JSON object per "
-            "line; the last states how the job ended [default: auto]",
+            "line; the last states how the job ended. openjd: openjd_progress, openjd_status and "
+            "openjd_fail on the standard output [default: auto]",
             [&settings](const std::string& text) {
               settings.progress = parse_progress_kind("--progress", text);
             });

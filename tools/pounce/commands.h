@@ -19,6 +19,11 @@ struct Command {
 };
 
 Command add_transfer_command(CLI::App& program);
+Command add_prepare_command(CLI::App& program);
+Command add_assemble_command(CLI::App& program);
+Command add_status_command(CLI::App& program);
+/// `rest`: what follows "--" on the command line.
+Command add_submit_command(CLI::App& program, const std::vector<std::string>& rest);
 Command add_apply_command(CLI::App& program);
 Command add_maps_command(CLI::App& program);
 Command add_gaussians_command(CLI::App& program);

@@ -103,6 +103,16 @@ bool has_enough(const Report& report) {
                      [](const TargetReport& target) { return target.enough; });
 }
 
+/// What goes wrong in one of a hundred tasks is read where all their messages come together.
+void run_named(const JobSettings& settings, const std::function<void()>& job) {
+  try {
+    job();
+  } catch (const Error& error) {
+    if (settings.who.empty()) throw;
+    throw Error(error.kind(), settings.who + ": " + error.what(), error.is_passing());
+  }
+}
+
 }  // namespace
 
 void write_failed_report(const std::string& path, ProgressKind kind, Report& report) {
@@ -123,7 +133,10 @@ int run_job(const JobSettings& settings, const std::function<void(Progress*, Rep
   const ProgressKind kind =
       settings.quiet ? ProgressKind::none : choose_kind(settings.progress, own_stderr());
   ProgressBar bar(kind, own_stderr());
-  progress.on_event = [&bar](const ProgressEvent& event) { bar.show(event); };
+  progress.on_event = [&](const ProgressEvent& event) {
+    bar.show(event);
+    if (settings.log != nullptr) settings.log->event(event);
+  };
 
   Report report;
   double wall_s = 0;
@@ -133,7 +146,7 @@ int run_job(const JobSettings& settings, const std::function<void(Progress*, Rep
     check_report_folder(settings.report_path);
     is_of_report = false;
     const double begin_s = monotonic_seconds();
-    job(&progress, &report);
+    run_named(settings, [&] { job(&progress, &report); });
     wall_s = monotonic_seconds() - begin_s;
     bar.finish();
     status = has_enough(report) ? 0 : kBelow;
@@ -144,7 +157,11 @@ int run_job(const JobSettings& settings, const std::function<void(Progress*, Rep
     bar.finish();
     if (!report.failure) report.failure = failure_of(error);
     if (is_cancelled(*report.failure)) report.failure->exit_status = stopped_status();
+    if (settings.log != nullptr)
+      settings.log->end(report, report.failure->exit_status, report.failure->message);
     if (!is_of_report) write_failed_report(settings.report_path, kind, report);
+    if (kind == ProgressKind::openjd)
+      write_stdout("openjd_fail: " + visible_line(report.failure->message) + "\n");
     if (kind != ProgressKind::json) {
       // What was noticed until then may be why.
       if (!settings.quiet) write_stderr(warnings_text(report));
@@ -153,6 +170,7 @@ int run_job(const JobSettings& settings, const std::function<void(Progress*, Rep
     write_stderr(warnings_json(report) + end_line(report, report.failure->exit_status));
     return report.failure->exit_status;
   }
+  if (settings.log != nullptr) settings.log->end(report, status, "");
   // A program that reads JSON lines gets nothing else; the report has the figures.
   if (kind == ProgressKind::json) {
     write_stderr(warnings_json(report) + end_line(report, status));
@@ -256,7 +274,11 @@ std::string summary_text(const Report& report, double wall_s) {
     text += fmt::format("skipped {} file{} (up to date); --redo makes them again\n",
                         report.kept.size(), report.kept.size() == 1 ? "" : "s");
   const std::uint64_t texels = report.target_texels;
-  if (texels > 0 || report.kept.empty()) {
+  const bool is_part = texels == 0 && report.outputs.empty();  // of a job that others go on with
+  if (is_part && report.kept.empty())
+    text += fmt::format("{} tiles of sources and {} of targets are there\n",
+                        with_commas(report.source_tiles), with_commas(report.target_tiles));
+  if (!is_part || (report.kept.empty() && report.source_tiles + report.target_tiles == 0)) {
     text += fmt::format("{} texels: {} covered{}, {} empty{}; {} filled around the charts\n",
                         with_commas(texels), with_commas(report.target_covered),
                         share_text(report.target_covered, texels), with_commas(report.target_empty),

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 
+#include "job_folder.h"
 #include "pounce/progress.h"
 #include "pounce/report.h"
 #include "progress_bar.h"
@@ -16,8 +18,10 @@ struct JobSettings {
   ProgressKind progress = ProgressKind::automatic;
   bool quiet = false;
   bool verbose = false;
-  bool plan_only = false;  ///< print the plan instead of the summary
-  bool redo = false;       ///< make again what this very job has made
+  bool plan_only = false;        ///< print the plan instead of the summary
+  bool redo = false;             ///< make again what this very job has made
+  std::shared_ptr<TaskLog> log;  ///< of a task, which says how it stands
+  std::string who;               ///< of a task, for its messages: "host n2, task 3 of 20"
 };
 
 /// Runs a job with progress on the standard error output and signals wired to its cancellation

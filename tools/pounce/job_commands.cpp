@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The commands that run a job. Their options come from the library's table. What the command line
-// gives is kept as text until all of it is read, since --job may name a file with more options:
-// those are set first, so that the command line wins.
+// The commands that run a job. Their options come from the library's table.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
-#include <algorithm>
 #include <memory>
+#include <type_traits>
 
 #include "commands.h"
+#include "job_line.h"
 #include "pounce/error.h"
 #include "pounce/gaussians.h"
 #include "pounce/transfer.h"
@@ -48,6 +46,33 @@ constexpr const char* kTransferUsage =
     "\n"
     "  # One scan onto many avatars: the source is prepared once.\n"
     "  pounce transfer scan.glb avatars/*.glb -o 'skins/<TARGET>.png'";
+
+constexpr const char* kPrepareUsage =
+    "Usage: pounce prepare SOURCE TARGET... -o OUTPUT [--job-folder DIR --tasks N] [options]\n"
+    "\n"
+    "Takes the options of pounce transfer. Reads meshes and images, and keeps what is made of them "
+    "in\n"
+    "the cache, for tasks that start together later. Writes no image; runs again in no time.\n"
+    "\n"
+    "Examples:\n"
+    "  # Once, then four tasks, on four machines that share this folder.\n"
+    "  pounce prepare scan.glb hero.obj -o 'hero.<UDIM>.exr' --cache job/cache \\\n"
+    "      --job-folder job --tasks 4\n"
+    "  pounce transfer --job job --task 1/4      # and 2/4, 3/4, 4/4\n"
+    "  pounce assemble job";
+
+constexpr const char* kAssembleUsage =
+    "Usage: pounce assemble FOLDER [options]\n"
+    "\n"
+    "Checks that everything the tasks of a job were to make is there, and makes images of what "
+    "they "
+    "left\n"
+    "in parts: the files of one run, byte for byte. What is missing is named, with its tasks, and "
+    "the\n"
+    "status is 75; run these tasks again, then this. When all is there, the parts are removed.\n"
+    "\n"
+    "Example:\n"
+    "  pounce assemble job";
 
 constexpr const char* kApplyUsage =
     "Usage: pounce apply MAP --source-texture NAME=PATH -o OUTPUT [options]\n"
@@ -99,98 +124,42 @@ constexpr const char* kGaussiansUsage =
     "  # A trained scene for the web: the half million that matter, within a box.\n"
     "  pounce gaussians room.ply -o table.spz --box -1,-1,-1,1,1,1 --count 500000";
 
-template <class Options>
-struct Line {
-  Options options;
-  JobSettings job;
-  std::string job_path;             ///< --job
-  std::vector<OptionReport> given;  ///< on the command line
-};
-
-const OptionReport* find_given(const std::vector<OptionReport>& given, const std::string& name) {
-  const auto at = std::find_if(given.begin(), given.end(),
-                               [&](const OptionReport& option) { return option.name == name; });
-  return at == given.end() ? nullptr : &*at;
-}
-
-/// Is the option, or one that excludes it, on the command line?
-bool is_overridden(const std::vector<OptionInfo>& table, const std::vector<OptionReport>& given,
-                   const std::string& name) {
-  if (find_given(given, name) != nullptr) return true;
-  return std::any_of(table.begin(), table.end(), [&](const OptionInfo& info) {
-    const std::string other = info.name == name       ? info.excludes
-                              : info.excludes == name ? info.name
-                                                      : "";
-    return !other.empty() && find_given(given, other) != nullptr;
-  });
-}
-
-/// The texts of an option in a file, each as the command line would have it.
-std::vector<std::string> typed_texts(const std::vector<OptionInfo>& table,
-                                     const OptionReport& option) {
-  const auto row = std::find_if(table.begin(), table.end(),
-                                [&](const OptionInfo& info) { return info.name == option.name; });
-  if (row == table.end() || row->values != OptionValues::list) return option.values;
-  return {fmt::format("{}", fmt::join(option.values, ","))};
-}
-
-template <class Options>
-void set_recorded(JobCommand command, Line<Options>& line) {
-  const std::string name = job_command_name(command);
-  const RecordedJob job = read_job(line.job_path);
-  if (job.command != name) {
-    throw Error(ErrorKind::usage,
-                fmt::format("{0}: is a job of {1}; run it with pounce {1} --job {0}", line.job_path,
-                            job.command));
+void add_farm_options(CLI::App& command, FarmLine& farm) {
+  const std::string group = "Tasks on one machine or many (docs/farm.md)";
+  if (farm.role == TaskRole::whole) {
+    add_value(command, "--task", "K/N|auto", group,
+              "Make share K of N of the job, balanced by area: whole images, and parts of an image "
+              "where there are fewer images than tasks. auto: K as an array of Slurm, Kubernetes, "
+              "AWS Batch, SGE or PBS numbers it, N of the job folder; auto/N also works",
+              [&farm](const std::string& text) { farm.task = text; });
+  } else {
+    add_value(command, "--tasks", "N", group, "How many tasks will share the job",
+              [&farm](const std::string& text) {
+                farm.tasks =
+                    static_cast<std::uint32_t>(parse_number("--tasks", text, 1, kMostTasks));
+              });
   }
-  const std::vector<OptionInfo>& table = option_table(command);
-  for (const OptionReport& option : job.options) {
-    if (is_overridden(table, line.given, option.name)) continue;
-    if (option.name == "plan") {
-      line.job.plan_only = true;
-      continue;
-    }
-    try {
-      for (const std::string& text : typed_texts(table, option))
-        set_option(line.options, option.name, text);
-    } catch (const Error& error) {
-      throw Error(error.kind(), line.job_path + ": " + error.what());
-    }
-  }
-}
-
-/// Once the whole line is read.
-template <class Options>
-void set_options(JobCommand command, Line<Options>& line) {
-  if (!line.job_path.empty()) set_recorded(command, line);
-  for (const OptionReport& option : line.given) {
-    for (const std::string& text : option.values) set_option(line.options, option.name, text);
-  }
-  const std::vector<OptionReport> known = option_texts(line.options);
-  for (const OptionInfo& info : option_table(command)) {
-    if (!info.is_required || find_given(known, info.name) != nullptr) continue;
-    throw Error(ErrorKind::usage,
-                (info.is_operand ? info.value : "--" + info.name) + " is required");
-  }
+  add_value(
+      command, "--job-folder", "DIR", group,
+      "Folder that all tasks see: the job itself, how each task stands (pounce status), parts "
+      "of images (pounce assemble). Needed where an image or a model is shared",
+      [&farm](const std::string& text) { farm.folder = parse_path("--job-folder", text); });
 }
 
 /// A command with the options of its table; `run` gets them.
 template <class Options>
-Command add_job_command(CLI::App& program, JobCommand which, const std::string& purpose,
-                        const std::string& usage,
-                        void (*run)(const Line<Options>&, Progress*, Report*)) {
+Command add_job_command(CLI::App& program, JobCommand which, const std::string& name,
+                        const std::string& purpose, const std::string& usage,
+                        void (*run)(const Line<Options>&, Progress*, Report*),
+                        TaskRole role = TaskRole::whole) {
   const auto line = std::make_shared<Line<Options>>();
-  CLI::App* command = program.add_subcommand(job_command_name(which), purpose);
+  line->farm.role = role;
+  CLI::App* command = program.add_subcommand(name, purpose);
   set_help_text(*command, usage);
-  for (const OptionInfo& info : option_table(which)) {
-    CLI::Option* option = add_row(*command, info, [line, name = info.name](const auto& text) {
-      if (find_given(line->given, name) == nullptr) line->given.push_back({name, {}, false});
-      line->given.back().values.push_back(text);
-    });
-    if (!info.excludes.empty()) option->excludes("--" + info.excludes);
-  }
+  for (const OptionInfo& info : option_table(which)) add_given<Options>(*command, info, line);
+  if (which == JobCommand::transfer) add_farm_options(*command, line->farm);
   const bool is_transfer = which == JobCommand::transfer || which == JobCommand::apply;
-  if (is_transfer) {
+  if (is_transfer && role == TaskRole::whole) {
     add_switch(*command, "--plan", "Reporting",
                "Print the least memory, disk space and files; write nothing", line->job.plan_only);
   }
@@ -203,12 +172,14 @@ Command add_job_command(CLI::App& program, JobCommand which, const std::string& 
   }
   add_value(*command, "--job", "FILE", "Reporting",
             "Run the job that this report records, or a JSON file of the same form "
-            "(docs/report.md). Options on the command line override it; its relative paths start "
+            "(docs/report.md), or the one of a job folder. Options on the command line override "
+            "it; its relative paths start "
             "at the current folder",
             [line](const std::string& text) { line->job_path = parse_path("--job", text); });
   add_job_options(*command, line->job);
   command->callback([line, which] { set_options(which, *line); });
   return {command, [line, run] {
+            if constexpr (std::is_same_v<Options, TransferOptions>) take_share(*line);
             return run_job(line->job, [&](Progress* progress, Report* report) {
               run(*line, progress, report);
             });
@@ -229,21 +200,79 @@ void run_transfer(const Line<TransferOptions>& line, Progress* progress, Report*
 
 Command add_transfer_command(CLI::App& program) {
   return add_job_command<TransferOptions>(
-      program, JobCommand::transfer,
+      program, JobCommand::transfer, "transfer",
       "Transfer a textured mesh's or splat scene's appearance onto another mesh's UVs",
       kTransferUsage, run_transfer);
 }
 
+Command add_prepare_command(CLI::App& program) {
+  return add_job_command<TransferOptions>(
+      program, JobCommand::transfer, "prepare",
+      "Build the stores that tasks of one transfer will read, once", kPrepareUsage, run_transfer,
+      TaskRole::prepare);
+}
+
+namespace {
+
+/// What an assembling run did not find has to be made again.
+void assemble(const Line<TransferOptions>& line, Progress* progress, Report* report) {
+  try {
+    transfer(line.options, progress, report);
+  } catch (const Error&) {
+    const JobFolder folder(line.farm.folder);
+    for (const MissingImage& image : report->missing) {
+      for (const std::uint32_t task : image.tasks) {
+        const std::string name = std::to_string(task);
+        if (folder.look_at(name).state == "done") folder.forget(name);  // others say why
+      }
+    }
+    throw;
+  }
+}
+
+}  // namespace
+
+Command add_assemble_command(CLI::App& program) {
+  const auto line = std::make_shared<Line<TransferOptions>>();
+  CLI::App* command = program.add_subcommand(
+      "assemble", "Check what tasks have made, and make images of parts of them");
+  set_help_text(*command, kAssembleUsage);
+  command
+      ->add_option_function<std::string>(
+          "FOLDER", [line](const std::string& text) { line->farm.folder = text; })
+      ->description("Job folder that the tasks share")
+      ->option_text(" ")
+      ->required();
+  for (const OptionInfo& info : option_table(JobCommand::transfer)) {
+    if (info.group.starts_with("Resources")) add_given<TransferOptions>(*command, info, line);
+  }
+  add_job_options(*command, line->job);
+  return {command, [line] {
+            const JobFolder folder(line->farm.folder);
+            const std::uint32_t tasks = folder.tasks();
+            line->job_path = folder.path();
+            set_options(JobCommand::transfer, *line);
+            line->options.keep_made = true;
+            line->options.share = {TaskRole::assemble, 1, tasks, folder.path()};
+            line->job.who = fmt::format("host {}, assemble", host_name());
+            line->job.log = std::make_shared<TaskLog>(folder, "assemble");
+            return run_job(line->job, [&](Progress* progress, Report* report) {
+              assemble(*line, progress, report);
+            });
+          }};
+}
+
 Command add_apply_command(CLI::App& program) {
   return add_job_command<TransferOptions>(
-      program, JobCommand::apply, "Paint new textures through a map that transfer --map wrote",
-      kApplyUsage, run_transfer);
+      program, JobCommand::apply, "apply",
+      "Paint new textures through a map that transfer --map wrote", kApplyUsage, run_transfer);
 }
 
 Command add_maps_command(CLI::App& program) {
   return add_job_command<MapsOptions>(
-      program, JobCommand::maps, "Write a mesh's position, normal and mask images over its UVs",
-      kMapsUsage, [](const Line<MapsOptions>& line, Progress* progress, Report* report) {
+      program, JobCommand::maps, "maps",
+      "Write a mesh's position, normal and mask images over its UVs", kMapsUsage,
+      [](const Line<MapsOptions>& line, Progress* progress, Report* report) {
         MapsOptions options = line.options;
         options.keep_made = !line.job.redo;
         maps(options, progress, report);
@@ -252,8 +281,9 @@ Command add_maps_command(CLI::App& program) {
 
 Command add_gaussians_command(CLI::App& program) {
   return add_job_command<GaussiansOptions>(
-      program, JobCommand::gaussians, "Write a textured mesh or a splat scene as Gaussian splats",
-      kGaussiansUsage, [](const Line<GaussiansOptions>& line, Progress* progress, Report* report) {
+      program, JobCommand::gaussians, "gaussians",
+      "Write a textured mesh or a splat scene as Gaussian splats", kGaussiansUsage,
+      [](const Line<GaussiansOptions>& line, Progress* progress, Report* report) {
         gaussians(line.options, progress, report);
       });
 }

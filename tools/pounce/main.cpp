@@ -97,8 +97,8 @@ std::string parse_problem(const CLI::App& program, int argc, char** argv,
   }
   const auto unknown = program.remaining();
   if (program.get_subcommands().empty() && !unknown.empty()) {
-    return "\"" + unknown.front() + "\" is not a command; choose transfer, maps, gaussians, " +
-           "inspect, compare or cache" +
+    return "\"" + unknown.front() + "\" is not a command; choose transfer, apply, maps, " +
+           "gaussians, inspect, compare, cache, prepare, assemble, status or submit" +
            pounce::did_you_mean(unknown.front(), pounce::cli::command_names(program));
   }
   const CLI::App* command = &program;
@@ -132,9 +132,18 @@ int run(int argc, char** argv) {
   program.set_version_flag("--version", "pounce " POUNCE_VERSION);
   program.require_subcommand(1);
   pounce::cli::set_help_text(program, kUsage);
+  // What is meant for another program: it would be read as operands.
+  std::vector<std::string> words{argv + 1, argv + argc}, rest;
+  if (const auto end = std::find(words.begin(), words.end(), "--");
+      !words.empty() && words.front() == "submit" && end != words.end()) {
+    rest.assign(end + 1, words.end());
+    words.erase(end, words.end());
+  }
   const std::array commands{
       pounce::cli::add_transfer_command(program), pounce::cli::add_apply_command(program),
       pounce::cli::add_maps_command(program),     pounce::cli::add_gaussians_command(program),
+      pounce::cli::add_prepare_command(program),  pounce::cli::add_assemble_command(program),
+      pounce::cli::add_status_command(program),   pounce::cli::add_submit_command(program, rest),
       pounce::cli::add_inspect_command(program),  pounce::cli::add_compare_command(program),
       pounce::cli::add_cache_command(program)};
   bool is_parsed = false;
@@ -143,7 +152,7 @@ int run(int argc, char** argv) {
       pounce::cli::write_stdout(pounce::cli::generate(program, argv[2]));
       return 0;
     }
-    std::vector<std::string> arguments = with_usual_words({argv + 1, argv + argc});
+    std::vector<std::string> arguments = with_usual_words(words);
     std::reverse(arguments.begin(), arguments.end());  // as CLI11 takes them
     if (const CLI::App* named = named_command(program, argc, argv))
       pounce::cli::refuse_lookalikes(*named, {argv + 2, argv + argc});

@@ -71,9 +71,11 @@ ProgressKind parse_progress_kind(const std::string& option, const std::string& t
   if (text == "auto") return ProgressKind::automatic;
   if (text == "plain") return ProgressKind::plain;
   if (text == "json") return ProgressKind::json;
+  if (text == "openjd") return ProgressKind::openjd;
   if (text == "none") return ProgressKind::none;
-  throw Error(ErrorKind::usage,
-              fmt::format("{}: got \"{}\", expected auto, plain, json or none", option, text));
+  throw Error(
+      ErrorKind::usage,
+      fmt::format("{}: got \"{}\", expected auto, plain, json, openjd or none", option, text));
 }
 
 ProgressKind choose_kind(ProgressKind asked, std::FILE* out) {
@@ -149,6 +151,11 @@ std::string json_line(const ProgressEvent& event, const ProgressFigures& figures
   return line.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
+std::string openjd_lines(const ProgressEvent& event, const ProgressFigures& figures) {
+  return fmt::format("openjd_progress: {:.1f}\nopenjd_status: {}\n",
+                     std::clamp(event.fraction, 0.0, 1.0) * 100, plain_line(event, figures));
+}
+
 ProgressFigures ProgressBar::figures(const ProgressEvent& event) {
   time_left_.update(event.fraction, event.kept, event.elapsed_s);
   const auto [stage, is_new] =
@@ -168,6 +175,7 @@ void ProgressBar::show(ProgressEvent event) {
       say(out_, json_line(event, now) + "\n");
       break;
     case ProgressKind::plain:
+    case ProgressKind::openjd:
       show_plain(event, now);
       break;
     default:
@@ -191,6 +199,7 @@ void ProgressBar::show_plain(const ProgressEvent& event, const ProgressFigures& 
     return;
   }
   last_shown_s_ = event.elapsed_s;
+  if (kind_ == ProgressKind::openjd) return say(stdout, openjd_lines(event, now));
   say(out_, plain_line(event, now) + "\n");
 }
 

@@ -11,9 +11,9 @@
 
 namespace pounce::cli {
 
-enum class ProgressKind : std::uint8_t { automatic, bar, plain, json, none };
+enum class ProgressKind : std::uint8_t { automatic, bar, plain, json, openjd, none };
 
-/// "auto", "plain", "json" or "none"; throws Error(usage).
+/// "auto", "plain", "json", "openjd" or "none"; throws Error(usage).
 ProgressKind parse_progress_kind(const std::string& option, const std::string& text);
 /// What `automatic` means here: a bar when `out` is a terminal that can rewrite a line, else plain
 /// lines. Others stay as they are.
@@ -49,6 +49,8 @@ std::string bar_line(const ProgressEvent& event, const ProgressFigures& figures,
                      std::size_t columns);
 std::string plain_line(const ProgressEvent& event, const ProgressFigures& figures);
 std::string json_line(const ProgressEvent& event, const ProgressFigures& figures);
+/// As a worker of Open Job Description reads it from the standard output: two lines.
+std::string openjd_lines(const ProgressEvent& event, const ProgressFigures& figures);
 
 /// Shows progress on `out`. Not thread-safe: the library makes one call at a time.
 class ProgressBar {
