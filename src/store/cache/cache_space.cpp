@@ -292,7 +292,7 @@ namespace {
 
 /// Only what jobs leave is removed, wherever the folder may lead.
 bool is_leftover(const std::string& name) {
-  if (name.ends_with(".part") || name.ends_with(".hashes")) return true;
+  if (name.ends_with(".part") || name.ends_with(".hashes") || name.starts_with(kProbe)) return true;
   const std::size_t key = name.find('-') + 1;
   return key != 0 && key_from_hex(name.substr(key)).has_value();
 }

@@ -24,6 +24,9 @@ inline constexpr std::array kCachedKinds = {PackKind::geometry, PackKind::colour
 /// "geometry", "colour", ...: also the folder's name.
 const char* kind_name(PackKind kind);
 
+/// Begins the name of a lock that is only tried.
+inline constexpr const char* kProbe = "probe-";
+
 /// Names below a cache's root.
 class CacheLayout {
  public:

@@ -476,6 +476,10 @@ std::unique_ptr<StoreFolder> StoreFolder::open_cache(FileSystem& files, const st
   files.make_folders(layout.locks_folder());
   for (const PackKind kind : kCachedKinds) files.make_folders(layout.kind_folder(kind));
   remove_leftovers(files, layout);
+  // Asked once: a file system without locks is better known before the first pack than at it.
+  const std::string probe = fmt::format("{}/{}{}", layout.locks_folder(), kProbe, ::getpid());
+  (void)files.try_lock(probe);
+  files.remove(probe);
   return std::make_unique<CacheFolder>(files, std::move(layout), std::move(options), false);
 }
 
