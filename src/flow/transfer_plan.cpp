@@ -87,6 +87,7 @@ void TransferPlan::make(double end) {
   job_.meter.end();
   job_.report.disk_most = disk.forecast();
   job_.report.disk_most->scratch_limit_bytes = job_.scratch_limit_bytes;
+  job_.spare_scratch_bytes = disk.spare_bytes(job_.scratch_limit_bytes);
   job_.note(planning::scratch_note(*job_.report.disk_most));
   // All targets together, since two of them may produce one name.
   planning::check_all_outputs(options_, source_->plan(), outputs_, inputs_);

@@ -79,6 +79,8 @@ struct JobContext {
   bool keeps_stores = false;              ///< stores go into the cache (of a plan: would go)
   std::uint64_t cache_limit_bytes = 0;    ///< then: what the cache may take; 0 = no limit
   std::uint64_t scratch_limit_bytes = 0;  ///< of all scratch files together; 0 = no limit
+  /// What is left of that for what only a later run needs: without it this one must not fail.
+  std::uint64_t spare_scratch_bytes = std::numeric_limits<std::uint64_t>::max();
   std::uint64_t tile_cap_bytes = 0;
   tbb::enumerable_thread_specific<store::Compressor> compressors;
 

@@ -20,6 +20,10 @@ void KeptEncodings::put(std::uint32_t block, const Hash128& rows,
   if (is_full_) return;
   store::encode(store::EncodedRows{image_, block, rows}, chunk_);
   chunk_.insert(chunk_.end(), encoded.begin(), encoded.end());
+  if (!pack_.take_spare(chunk_.size() + store::kChunkHeaderBytes)) {
+    is_full_ = true;
+    return;
+  }
   try {
     pack_.writer().append(store::ChunkKind::encoded, chunk_,
                           static_cast<std::uint32_t>(chunk_.size()));

@@ -157,6 +157,13 @@ std::unique_ptr<store::PackReader> StepPack::reader() const {
       *writer_, fmt::format("{}/(scratch results pack)", job_.scratch_folder));
 }
 
+bool StepPack::take_spare(std::uint64_t bytes) {
+  if (bytes > job_.spare_scratch_bytes) return false;
+  job_.spare_scratch_bytes -= bytes;
+  spare_taken_ += bytes;
+  return true;
+}
+
 void StepPack::forget() noexcept {
   if (file_ != nullptr) file_->forget();
   file_ = nullptr;
@@ -164,6 +171,7 @@ void StepPack::forget() noexcept {
 }
 
 StepPack::~StepPack() {
+  job_.spare_scratch_bytes += spare_taken_;
   if (!is_kept_) {
     if (file_ != nullptr) file_->forget();  // where it has had its name from the start
     return;

@@ -49,6 +49,9 @@ class StepPack {
   /// Reads what was appended so far.
   std::unique_ptr<store::PackReader> reader() const;
   bool is_kept() const { return is_kept_; }  ///< it has its name
+  /// Counts bytes of the pack that only a later run needs; false, and nothing is counted: this job
+  /// may need their room itself.
+  bool take_spare(std::uint64_t bytes);
   /// No later run needs it: the step's images are there, or what it is made from is damaged.
   void forget() noexcept;
 
@@ -67,6 +70,7 @@ class StepPack {
   ResumableFile* file_ = nullptr;  ///< the writer's; null: it is an ordinary scratch file
   std::unique_ptr<store::PackWriter> writer_;
   bool is_kept_ = false;
+  std::uint64_t spare_taken_ = 0;
   const Clock::time_point begun_ = Clock::now();
   Clock::time_point flushed_ = begun_, synced_ = begun_;
 };

@@ -105,6 +105,7 @@ void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64
   stores_ += pack;
   // Runs before a merge, runs after it, and the unpacked scene from which the first were read.
   passing_ = std::max(passing_, 2 * pack + unpacked_bytes);
+  needed_ = std::max(needed_, 2 * pack + unpacked_bytes);
 }
 
 namespace {
@@ -129,7 +130,7 @@ std::uint64_t encoded_bytes(const ChannelPlan& channel, const std::vector<ImageO
 
 void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
                           bool is_model, LevelsBytes levels_bytes) {
-  std::uint64_t results = 0, images = 0, levels = 0;
+  std::uint64_t results = 0, kept = 0, images = 0, levels = 0;
   for (std::size_t p = 0; p < plan.passes.size(); ++p) {
     const std::uint64_t blocks = blocks_of(plan.passes[p].size);
     // Stores of pages are kept in the cache and add up. Results of a page are scratch: the largest
@@ -138,12 +139,12 @@ void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, cons
       add_geometry(request);
       if (keeps_ && plan.passes[p].keeps_hits) add_hits(plan.passes[p], request);
     }
-    std::uint64_t of_page = 0;
+    std::uint64_t of_page = 0, kept_of_page = 0;
     for (const std::size_t c : plan.passes[p].channels) {
       const std::uint64_t block =
           store::kTexelsPerBlock * plan.channels[c].format.texel_bytes() + shading::kMaskBytes + 64;
-      of_page +=
-          pack_bytes(blocks * block, blocks) + encoded_bytes(plan.channels[c], target.images[c]);
+      of_page += pack_bytes(blocks * block, blocks);
+      kept_of_page += encoded_bytes(plan.channels[c], target.images[c]);
     }
     // Records of what is made, as if each block had one of its own (flow/project/results.cpp).
     constexpr std::uint64_t kRecord = 192, kRecordOfChannel = 17;
@@ -151,6 +152,7 @@ void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, cons
     // The results of a model's pages stay until it is there: a later run may need them all.
     const std::size_t pages = target.images[plan.passes[p].channels.front()].size();
     results = is_model ? results + of_page * pages : std::max(results, of_page);
+    kept = is_model ? kept + kept_of_page * pages : std::max(kept, kept_of_page);
   }
   for (std::size_t c = 0; c < target.images.size(); ++c) {
     const ChannelPlan& channel = plan.channels[c];
@@ -169,7 +171,14 @@ void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, cons
   if (is_model)
     outputs_ += job::size_on_disk(mesh.files) + job::size_on_disk(target.inputs) + (1ULL << 20);
   // One page's results at a time; a model's images wait in a file until all are there.
-  passing_ = std::max(passing_, results + levels + (is_model ? images : 0));
+  needed_ = std::max(needed_, results + levels + (is_model ? images : 0));
+  passing_ = std::max(passing_, results + kept + levels + (is_model ? images : 0));
+}
+
+std::uint64_t DiskPlan::spare_bytes(std::uint64_t limit_bytes) const {
+  if (limit_bytes == 0) return UINT64_MAX;
+  const std::uint64_t needed = forecast().scratch_bytes - passing_ + needed_;
+  return limit_bytes - std::min(limit_bytes, needed);
 }
 
 DiskForecast DiskPlan::forecast() const {

@@ -35,6 +35,9 @@ class DiskPlan {
   void add_target(const SourcePlan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
                   bool is_model, LevelsBytes levels_bytes);
   DiskForecast forecast() const;
+  /// Of a limit of scratch files (0 = none): what is left of it for encoded rows that are kept for
+  /// a later run, beside all that this one needs.
+  std::uint64_t spare_bytes(std::uint64_t limit_bytes) const;
 
  private:
   /// What the texels of a page hit: one store more.
@@ -42,6 +45,7 @@ class DiskPlan {
 
   std::uint64_t stores_ = 0;   ///< that stay until the job ends, or in the cache
   std::uint64_t passing_ = 0;  ///< the most of other scratch files at one moment
+  std::uint64_t needed_ = 0;   ///< the same without what is kept for a later run
   std::uint64_t outputs_ = 0;
   const bool keeps_;
   const std::uint64_t cache_limit_bytes_;

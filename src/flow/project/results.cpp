@@ -34,6 +34,8 @@ ResultCollector::ResultCollector(job::JobContext& job, const store::GeometryStor
   }
   pack_ = std::make_unique<job::StepPack>(job, store::PackKind::results, key, earlier());
   waiting_ = {};
+  for (const auto& [place, block] : encoded_)
+    pack_->take_spare(block.chunk.stored_bytes + store::kChunkHeaderBytes);
   try {
     encoded_lease_ = runtime::Lease(job.budget, encoded_.size() * job::kKeptBlockBytes,
                                     "the index of encoded rows");

@@ -216,6 +216,28 @@ TEST_CASE("a pack that takes more than this job may is made again") {
   CHECK_FALSE(run.is_there());
 }
 
+TEST_CASE("encoded rows take no room but what the job can spare") {
+  Fixture run;
+  run.job.context.spare_scratch_bytes = 500;
+  const Hash128 first{1, 1}, second{1, 2};
+  {
+    ResultCollector results = run.collector();
+    results.store(work_of(run.job, kPieces[0]));
+    const auto kept = results.encodings(0);
+    kept->put(0, first, Bytes(300));
+    kept->put(1, second, Bytes(300));
+    CHECK(run.job.context.spare_scratch_bytes < 200);
+  }
+  CHECK(run.job.context.spare_scratch_bytes == 500);
+  ResultCollector results = run.collector();
+  CHECK(run.job.context.spare_scratch_bytes < 200);  // what the first run kept counts
+  const auto kept = results.encodings(0);
+  Bytes found;
+  CHECK(kept->find(0, first, found));
+  CHECK(found == Bytes(300));
+  CHECK_FALSE(kept->find(1, second, found));
+}
+
 TEST_CASE("a step that takes less than a second leaves nothing") {
   Fixture run;
   run.job.context.keeps_results_after = std::chrono::seconds(1);

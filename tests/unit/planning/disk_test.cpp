@@ -54,6 +54,17 @@ TEST_CASE("stores add up; of what comes and goes the largest counts") {
   CHECK(once.forecast().scratch_bytes == 2 * once.forecast().cache_bytes + 500);
 }
 
+TEST_CASE("what a later run alone needs gets what the forecast leaves of a limit") {
+  DiskPlan plan(false, 0);
+  plan.add_column(image_info(256));
+  plan.add_splats(1000, 0, 500);
+  const std::uint64_t needed = plan.forecast().scratch_bytes;
+  CHECK(plan.spare_bytes(needed + 100) == 100);
+  CHECK(plan.spare_bytes(needed) == 0);
+  CHECK(plan.spare_bytes(1) == 0);
+  CHECK(plan.spare_bytes(0) == UINT64_MAX);  // no limit
+}
+
 TEST_CASE("an image seen in levels takes a third more, kept in part first half as much again") {
   const auto stores = [](bool levels, bool in_part) {
     DiskPlan plan(true, 0);
