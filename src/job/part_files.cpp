@@ -12,6 +12,7 @@
 #include <array>
 #include <cctype>
 #include <filesystem>
+#include <string_view>
 #include <utility>
 
 #include "pounce/error.h"
@@ -20,6 +21,7 @@ namespace pounce::job {
 namespace {
 
 constexpr const char* kPart = ".part";
+constexpr const char* kWhole = ".whole.part";  // ends as the others do
 constexpr const char* kEmpty = "empty";
 
 /// Of this machine, in letters that file names have.
@@ -51,13 +53,16 @@ std::vector<std::string> PartFiles::names() const {
   return found;
 }
 
-/// The largest first, an order that does not change while nobody writes. Of two processes that made
-/// the same part at once each cut it in its own way, and only one of them may have got to its end:
-/// its records are taken, and those of the other name what is made already.
+/// First those of tasks that came to their end. Of two that made the same part at once each cut it
+/// in its own way: the records of the one that ended are taken, and with them all that it had found
+/// when it began; those of the other that name a block again are not.
 std::vector<std::unique_ptr<ReadFile>> PartFiles::open() const {
   std::vector<std::unique_ptr<ReadFile>> parts;
-  for (const std::string& name : names()) {
-    if (!name.ends_with(kPart)) continue;
+  std::vector<std::string> found = names();
+  std::erase_if(found, [](const std::string& name) { return !name.ends_with(kPart); });
+  std::stable_partition(found.begin(), found.end(),
+                        [](const std::string& name) { return name.ends_with(kWhole); });
+  for (const std::string& name : found) {
     try {
       parts.push_back(job_.files->open(path(name)));
     } catch (const Error& e) {
@@ -65,8 +70,6 @@ std::vector<std::unique_ptr<ReadFile>> PartFiles::open() const {
       if (e.kind() != ErrorKind::storage || job_.files->exists(path(name))) throw;
     }
   }
-  std::stable_sort(parts.begin(), parts.end(),
-                   [](const auto& a, const auto& b) { return a->size_bytes() > b->size_bytes(); });
   return parts;
 }
 
@@ -112,12 +115,22 @@ PartFiles::NewPart PartFiles::create() const {
   job_.files->make_folders(job_.parts_folder);
   const std::string mine = fmt::format("{}.{}", host_name(), getpid());
   for (int n = 0;; ++n) {  // a process of this number may have been here before
-    const std::string name = path(fmt::format("{}.{}{}", mine, n, kPart));
-    if (job_.files->exists(name)) continue;
+    const std::string stem = path(fmt::format("{}.{}", mine, n));
+    const std::string name = stem + kPart;
+    if (job_.files->exists(name) || job_.files->exists(stem + kWhole)) continue;
     return {std::make_unique<store::PackWriter>(job_.files->create(name), store::PackKind::results,
                                                 key_),
             name};
   }
+}
+
+void PartFiles::finish(NewPart& part) const {
+  part.writer->file().sync();
+  const std::string whole =
+      part.path.substr(0, part.path.size() - std::string_view(kPart).size()) + kWhole;
+  job_.files->rename(part.path, whole);
+  job_.files->sync_folder(job_.parts_folder);
+  part.path = whole;
 }
 
 void PartFiles::note_empty() const {

@@ -34,6 +34,8 @@ class PartFiles {
     std::string path;
   };
   NewPart create() const;
+  /// All of its share is in it, or in parts that were there when it was begun.
+  void finish(NewPart& part) const;
   /// There is nothing on this page, and no file will say so.
   void note_empty() const;
   bool is_empty() const;

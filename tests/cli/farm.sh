@@ -31,7 +31,7 @@ udims=(plane.glb five.obj -o 'o.<UDIM>.png' --size 512 --cache cache)
 expect 0 transfer "${udims[@]}"
 mkdir quiet && mv o.*.png quiet
 expect 0 prepare "${udims[@]}" --job-folder job --tasks 3
-err_has 'are there'
+err_has 'the cache has'
 [[ -z $(ls o.* 2>/dev/null) ]] || fail 'preparing wrote images'
 for task in 3 1 2; do share job $task/3; done
 [[ -n $(ls job/parts) ]] || fail 'no image was cut: this test shows less than it should'

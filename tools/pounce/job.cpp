@@ -176,7 +176,11 @@ int run_job(const JobSettings& settings, const std::function<void(Progress*, Rep
     write_stderr(warnings_json(report) + end_line(report, status));
   } else if (!settings.quiet) {
     std::string said = warnings_text(report);
-    if (!settings.plan_only) said += summary_text(report, wall_s);
+    if (settings.prepares) {
+      said += prepared_text(report, wall_s);
+    } else if (!settings.plan_only) {
+      said += summary_text(report, wall_s);
+    }
     if (!settings.plan_only && settings.verbose) said += details_text(report);
     write_stderr(said);
   }
@@ -274,11 +278,7 @@ std::string summary_text(const Report& report, double wall_s) {
     text += fmt::format("skipped {} file{} (up to date); --redo makes them again\n",
                         report.kept.size(), report.kept.size() == 1 ? "" : "s");
   const std::uint64_t texels = report.target_texels;
-  const bool is_part = texels == 0 && report.outputs.empty();  // of a job that others go on with
-  if (is_part && report.kept.empty())
-    text += fmt::format("{} tiles of sources and {} of targets are there\n",
-                        with_commas(report.source_tiles), with_commas(report.target_tiles));
-  if (!is_part || (report.kept.empty() && report.source_tiles + report.target_tiles == 0)) {
+  if (texels > 0 || report.kept.empty()) {
     text += fmt::format("{} texels: {} covered{}, {} empty{}; {} filled around the charts\n",
                         with_commas(texels), with_commas(report.target_covered),
                         share_text(report.target_covered, texels), with_commas(report.target_empty),
@@ -291,6 +291,12 @@ std::string summary_text(const Report& report, double wall_s) {
   }
   text += fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
   return text;
+}
+
+std::string prepared_text(const Report& report, double wall_s) {
+  return fmt::format("the cache has {} tiles of the source and {} of targets\n{}, {} threads\n",
+                     with_commas(report.source_tiles), with_commas(report.target_tiles),
+                     wall_text(wall_s), report.threads);
 }
 
 std::string details_text(const Report& report) {

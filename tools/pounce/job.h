@@ -19,6 +19,7 @@ struct JobSettings {
   bool quiet = false;
   bool verbose = false;
   bool plan_only = false;        ///< print the plan instead of the summary
+  bool prepares = false;         ///< stores alone
   bool redo = false;             ///< make again what this very job has made
   std::shared_ptr<TaskLog> log;  ///< of a task, which says how it stands
   std::string who;               ///< of a task, for its messages: "host n2, task 3 of 20"
@@ -37,9 +38,10 @@ void write_failed_report(const std::string& path, ProgressKind kind, Report& rep
 // --- what is said of a job -----------------------------------------------------------------------
 
 /// What is said of a finished job, as text with line ends.
-std::string summary_text(const Report& report, double wall_s);  ///< outputs, texels, time
-std::string details_text(const Report& report);                 ///< -v: stages, memory, tiles
-std::string plan_text(const Report& report);                    ///< --plan
+std::string prepared_text(const Report& report, double wall_s);  ///< of stores alone
+std::string summary_text(const Report& report, double wall_s);   ///< outputs, texels, time
+std::string details_text(const Report& report);                  ///< -v: stages, memory, tiles
+std::string plan_text(const Report& report);                     ///< --plan
 std::string warnings_text(const Report& report);
 /// One {"warning": text} or {"note": text} per line.
 std::string warnings_json(const Report& report);

@@ -235,25 +235,23 @@ std::optional<TaskState> JobFolder::task(const std::string& name) const {
 }
 
 TaskState JobFolder::look_at(const std::string& name) const {
-  auto state = task(name);
-  if (!state) {
-    TaskState missing;
-    missing.name = name;
-    missing.state = "missing";
-    return missing;
+  TaskState state = task(name).value_or(TaskState{});
+  if (state.state.empty()) {
+    state.name = name;
+    state.state = "missing";
   }
-  if (state->state != "running") return *state;
+  if (state.state != "running" && state.state != "missing") return state;
   // A script that saw it end says how (docs/farm.md); nobody else could.
   if (const auto status = read_if_there(path_ + "/tasks/" + name + ".exit")) {
-    state->state = "failed";
-    state->exit_status = std::atoi(status->c_str());
-    state->message =
-        state->exit_status == 137 ? "killed, for memory perhaps" : "ended without a word";
-  } else if (seconds_now() - state->seen_s > kLostAfter_s) {
-    state->state = "lost";
-    state->message = fmt::format("no sign of life for {:.0f} s", seconds_now() - state->seen_s);
+    state.state = "failed";
+    state.exit_status = std::atoi(status->c_str());
+    state.message =
+        state.exit_status == 137 ? "killed, for memory perhaps" : "ended without a word";
+  } else if (state.state == "running" && seconds_now() - state.seen_s > kLostAfter_s) {
+    state.state = "lost";
+    state.message = fmt::format("no sign of life for {:.0f} s", seconds_now() - state.seen_s);
   }
-  return *state;
+  return state;
 }
 
 void JobFolder::forget(const std::string& name) const {

@@ -108,6 +108,7 @@ void take_share(Line<TransferOptions>& line) {
                     ? "--tasks N: say how many tasks will share this job"
                     : fmt::format("--task {0}: say of how many, as in {0}/20", farm.task));
   }
+  line.job.prepares = farm.role == TaskRole::prepare;
   line.options.share = {farm.role, number.task, number.tasks, farm.folder};
   const std::string name = farm.role == TaskRole::prepare ? "prepare" : std::to_string(number.task);
   line.job.who = fmt::format("host {}, {}", host_name(),

@@ -240,9 +240,15 @@ std::set<std::uint32_t> queued_tasks(const Terms& terms) {
 }
 
 /// A batch script. It hands signals on, so that the work of minutes is kept; it says how the
-/// process ended where that could not say it; and what may pass is tried again, three times.
-std::string script_of(const std::string& command, const JobFolder& folder,
-                      const std::string& name) {
+/// process ended where that could not say it; and what may pass is tried again, three times (not
+/// assembling: what it misses has to be made first).
+std::string script_of(const std::string& command, const JobFolder& folder, const std::string& name,
+                      bool tries_again) {
+  constexpr const char* kTryAgain =
+      "if [ $status -eq 75 ] && [ \"${SLURM_RESTART_COUNT:-0}\" -lt 3 ]; then\n"
+      "  scontrol requeue \"${SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}"
+      "${SLURM_ARRAY_TASK_ID:+_$SLURM_ARRAY_TASK_ID}\" && sleep 30\n"
+      "fi\n";
   return fmt::format(
       "#!/bin/bash\n"
       "# Written by pounce submit slurm.\n"
@@ -250,18 +256,16 @@ std::string script_of(const std::string& command, const JobFolder& folder,
       "name={}\n"
       "{} &\n"
       "child=$!\n"
-      "trap 'kill -TERM \"$child\"' TERM INT\n"
-      "trap 'kill -USR1 \"$child\"' USR1\n"
+      "trap 'kill -TERM \"$child\" 2>/dev/null' TERM INT\n"
+      "trap 'kill -USR1 \"$child\" 2>/dev/null' USR1\n"
       "wait \"$child\"\n"
       "status=$?\n"
       "while kill -0 \"$child\" 2>/dev/null; do wait \"$child\"; status=$?; done\n"
       "[ $status -le 128 ] || [ $status -eq 143 ] || echo $status > {}/tasks/\"$name\".exit\n"
-      "if [ $status -eq 75 ] && [ \"${{SLURM_RESTART_COUNT:-0}}\" -lt 3 ]; then\n"
-      "  scontrol requeue \"${{SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}}"
-      "${{SLURM_ARRAY_TASK_ID:+_$SLURM_ARRAY_TASK_ID}}\" && sleep 30\n"
-      "fi\n"
+      "{}"
       "exit $status\n",
-      quoted(std::filesystem::current_path().string()), name, command, quoted(folder.path()));
+      quoted(std::filesystem::current_path().string()), name, command, quoted(folder.path()),
+      tries_again ? kTryAgain : "");
 }
 
 void write_script(const JobFolder& folder, const std::string& name, const std::string& text) {
@@ -325,10 +329,11 @@ void write_scripts(const SubmitLine& line, const JobFolder& folder, const Terms&
                    std::size_t tasks) {
   const std::string task = fmt::format("\"$SLURM_ARRAY_TASK_ID\"/{}", tasks);
   const std::map<std::string, std::string> scripts{
-      {"prepare.sh", script_of(command_of("prepare", folder, terms, ""), folder, "prepare")},
+      {"prepare.sh", script_of(command_of("prepare", folder, terms, ""), folder, "prepare", true)},
       {"task.sh",
-       script_of(command_of("task", folder, terms, task), folder, "$SLURM_ARRAY_TASK_ID")},
-      {"assemble.sh", script_of(command_of("assemble", folder, terms, ""), folder, "assemble")}};
+       script_of(command_of("task", folder, terms, task), folder, "$SLURM_ARRAY_TASK_ID", true)},
+      {"assemble.sh",
+       script_of(command_of("assemble", folder, terms, ""), folder, "assemble", false)}};
   for (const auto& [name, text] : scripts) {
     if (line.dry_run) {
       write_stdout(fmt::format("# {}/slurm/{}\n{}\n", folder.path(), name, text));

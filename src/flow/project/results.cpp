@@ -176,7 +176,7 @@ PageResult ResultCollector::finish() {
   result.clipped.resize(index_.grid().channels);
   result.add(made_);
   if (part_.writer != nullptr) {
-    part_.writer->file().sync();
+    job::PartFiles(job_, part_.writer->key()).finish(part_);
     result.written_bytes = part_.writer->size_bytes();
   }
   if (pack_ == nullptr) return result;

@@ -66,18 +66,21 @@ struct Fixture {
   ResultCollector assembled() {
     return {job.context, target, 1, kKey, {TaskRole::assemble, 1, &shares}};
   }
-  /// Makes what is left in pieces of so many blocks, at most so many pieces.
-  std::size_t make(ResultCollector& results, std::size_t piece, std::size_t most = 6) {
+  /// Makes what was left when it was begun, in pieces of so many blocks: the `first` piece and so
+  /// many. Returns how many blocks were left.
+  std::size_t make(ResultCollector& results, std::size_t piece, std::size_t most = 6,
+                   std::size_t first = 0) {
     std::vector<std::size_t> left;
     for (std::size_t b = 0; b < kTexels.size(); ++b) {
       if (!results.has(entry(b))) left.push_back(b);
     }
-    const std::size_t count = left.size();
-    for (std::size_t i = 0; i < left.size() && most-- > 0; i += piece)
-      results.store(
-          work_of({left.begin() + static_cast<std::ptrdiff_t>(i),
-                   left.begin() + static_cast<std::ptrdiff_t>(std::min(i + piece, left.size()))}));
-    return count;
+    for (std::size_t p = first; p < first + most && p * piece < left.size(); ++p) {
+      const auto begin = left.begin() + static_cast<std::ptrdiff_t>(p * piece);
+      const auto end =
+          left.begin() + static_cast<std::ptrdiff_t>(std::min((p + 1) * piece, left.size()));
+      results.store(work_of({begin, end}));
+    }
+    return left.size();
   }
   void check_whole() {
     ResultCollector results = assembled();
@@ -153,20 +156,26 @@ TEST_CASE("a task that died is gone on with as far as it came") {
 }
 
 TEST_CASE("two workers at one share cut it in their own ways, and nothing is taken twice") {
-  // The first has got so far and dies, the second makes all of its share.
+  // The first has got so far and dies, before or after the second has begun, which makes all of its
+  // share; or a third, which begins when the first has made something and the second, too.
   for (std::size_t dies_after = 0; dies_after <= 3; ++dies_after) {
     for (const std::size_t piece : {1, 2, 3}) {
-      Fixture f;
-      {
-        ResultCollector one = f.task(1), other = f.task(1), second = f.task(2);
-        f.make(one, 1, dies_after);
-        f.make(other, piece);
-        (void)other.finish();
-        f.make(second, piece);
-        (void)second.finish();
+      for (const bool late : {false, true}) {
+        Fixture f;
+        {
+          ResultCollector one = f.task(1);
+          const std::size_t early = late ? std::min<std::size_t>(dies_after, 1) : 0;
+          f.make(one, 1, early);
+          ResultCollector other = f.task(1), second = f.task(2);
+          f.make(one, 1, dies_after - early, early);
+          f.make(other, piece);
+          (void)other.finish();
+          f.make(second, piece);
+          (void)second.finish();
+        }
+        CAPTURE(dies_after, piece, late);
+        f.check_whole();
       }
-      CAPTURE(dies_after, piece);
-      f.check_whole();
     }
   }
 }
