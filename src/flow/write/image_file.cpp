@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "io/codec/sample.h"
+#include "job/kept_encodings.h"
 #include "mesh/lattice.h"
 #include "pounce/error.h"
 #include "store/blocks/colour_store.h"
@@ -165,7 +166,9 @@ std::uint64_t ImageFile::scratch_bytes(const io::ImageWriteSpec& spec) {
 }
 
 std::uint64_t ImageFile::memory_bytes(const std::string& path, const io::ImageWriteSpec& spec) {
-  std::uint64_t bytes = io::ImageWriter::encoder_bytes(path, spec);
+  std::uint64_t bytes =
+      io::ImageWriter::encoder_bytes(path, spec) +
+      job::KeptEncodings::memory_bytes(io::ImageWriter::encoded_block_bytes(path, spec));
   if (!spec.layout.mipmap) return bytes;
   ImageSize size{spec.width, spec.height};
   // As the constructor allocates it, level by level, with lists that may have doubled while they

@@ -366,15 +366,15 @@ std::unique_ptr<RowEncoder> encode_png(ByteSink sink, const ImageWriteSpec& spec
 }
 
 std::uint64_t png_block_bytes(const ImageWriteSpec& spec) {
-  return (row_bytes_of(spec) + 1) * std::min(block_rows(spec), spec.height);
+  // What does not deflate is stored, five bytes more for each 16 KiB.
+  const std::uint64_t filtered = (row_bytes_of(spec) + 1) * std::min(block_rows(spec), spec.height);
+  return filtered + filtered / 1024 + 64;
 }
 
 std::uint64_t png_encoder_bytes(const ImageWriteSpec& spec) {
-  // Of each block: the rows filtered, and what they deflate to, which may be more. Beside them two
-  // rows.
-  const std::uint64_t block = png_block_bytes(spec);
+  // Of each block: the rows filtered, and what they deflate to. Beside them two rows.
   return kBaseBytes + 2 * row_bytes_of(spec) +
-         blocks_at_once(spec) * (kDeflaterBytes + 2 * block + block / 8);
+         blocks_at_once(spec) * (kDeflaterBytes + 2 * png_block_bytes(spec));
 }
 
 }  // namespace pounce::io

@@ -56,6 +56,8 @@ std::unique_ptr<RowEncoder> encode_png(ByteSink sink, const ImageWriteSpec& spec
                                        BeginWork begin_work, EncodedBlocks* known);
 /// Memory that encoding such a PNG takes, `known` left out.
 std::uint64_t png_encoder_bytes(const ImageWriteSpec& spec);
+/// The most that one of its blocks is encoded to.
+std::uint64_t png_block_bytes(const ImageWriteSpec& spec);
 std::unique_ptr<RowEncoder> encode_jpeg(ByteSink sink, const ImageWriteSpec& spec);
 /// In strips or tiles, with levels if the spec has them.
 std::unique_ptr<RowEncoder> encode_tiff(OutputFile& file, const ImageWriteSpec& spec);

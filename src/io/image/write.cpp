@@ -275,4 +275,10 @@ std::uint64_t ImageWriter::encoder_bytes(const std::string& path, const ImageWri
   return png_encoder_bytes(spec);
 }
 
+std::uint64_t ImageWriter::encoded_block_bytes(const std::string& path,
+                                               const ImageWriteSpec& spec) {
+  const Format* format = format_of(path, spec.depth);
+  return format == nullptr || std::string_view(format->name) == "png" ? png_block_bytes(spec) : 0;
+}
+
 }  // namespace pounce::io

@@ -71,6 +71,8 @@ class ImageWriter {
   void commit();
   /// Memory the encoder holds beyond the rows handed over, for the budget.
   static std::uint64_t encoder_bytes(const std::string& path, const ImageWriteSpec& spec);
+  /// The most that `known` gets for one block; 0: this format has none.
+  static std::uint64_t encoded_block_bytes(const std::string& path, const ImageWriteSpec& spec);
 
  private:
   struct Impl;
