@@ -7,7 +7,7 @@
 # 2. what is in these sources, held against OpenImageIO
 # 3. each tenth of the classes under valgrind's memcheck, where it is installed
 # 4. fuzzing, with the decoding libraries built anew so that the sanitizers see into them: tools/fuzz-decoders.sh
-# Usage: tools/slow-decoders.sh [SECONDS for each of two fuzz targets]   (default 1800; 0: none), after tools/test.sh
+# Usage: tools/slow-decoders.sh [SECONDS for two fuzz targets side by side]   (default 1800; 0: none), after tools/test.sh
 # Mutants that fail are kept in build/release/slow-decoders, what the fuzzers find in build/fuzz-decoders/findings.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -36,7 +36,8 @@ if [[ $seconds -gt 0 ]]; then
   mkdir -p build/fuzz-decoders/corpus/decode
   find "$classes" build/decoders/images -type f -size -64k ! -name '*.tsv' \
     -exec cp --parents -t build/fuzz-decoders/corpus/decode {} +
-  POUNCE_FUZZ_PRESET=fuzz-decoders tools/slow-fuzz.sh "$seconds" decode image || failed+=("fuzzing")
+  POUNCE_FUZZ_AT_ONCE=${POUNCE_FUZZ_AT_ONCE:-2} POUNCE_FUZZ_PRESET=fuzz-decoders \
+    tools/slow-fuzz.sh "$seconds" decode image || failed+=("fuzzing")
 fi
 echo "defects in: ${failed[*]:-nothing}"
 [[ ${#failed[@]} -eq 0 ]]

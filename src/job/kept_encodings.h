@@ -28,6 +28,12 @@ class KeptEncodings final : public io::EncodedBlocks {
   KeptEncodings(StepPack& pack, const KeptBlocks& blocks, std::uint32_t image)
       : pack_(pack), reader_(pack.reader()), blocks_(blocks), image_(image) {}
 
+  /// Memory that these take for blocks of at most so many bytes, encoded: copies of one, as a
+  /// chunk and as what is written of it.
+  static std::uint64_t memory_bytes(std::uint64_t block_bytes) {
+    return block_bytes == 0 ? 0 : 2 * (block_bytes + (4 << 10));
+  }
+
   bool find(std::uint32_t block, const Hash128& rows, std::vector<std::byte>& encoded) override;
   void put(std::uint32_t block, const Hash128& rows, std::span<const std::byte> encoded) override;
 

@@ -4,9 +4,12 @@
 //
 // A row of blocks is decoded in parallel into 64 rows of texels, the padder turns them into
 // finished rows `padding` rows later, and a second pipeline stage encodes these while the next row
-// of blocks is assembled. Finished rows leave in stripes of at most 64, also at the end, where all
+// of blocks is assembled. Finished rows leave in stripes of at most 16, also at the end, where all
 // that the padder holds is ready at once. Everything is in order from top to bottom, so an image of
 // any height needs the same memory.
+//
+// Many narrow stripes, not a few wide ones: the next row of blocks begins as soon as there is room
+// for one of its stripes, not when all of an earlier row of blocks is encoded.
 #include "flow/write/images.h"
 
 #include <tbb/parallel_for.h>
@@ -30,7 +33,8 @@ namespace {
 
 using mesh::kBlockEdge;
 
-constexpr std::uint64_t kMostTokens = 2;
+constexpr std::uint64_t kMostTokens = 8;
+constexpr std::uint32_t kStripeRows = 16;
 
 /// A stripe of rows that are ready for the encoders.
 struct Rows {
@@ -141,19 +145,19 @@ class ImageAssembler {
 
  private:
   /// The next stripe; false: there are no more. While the padder's delay builds up a stripe has no
-  /// finished rows, only its row of blocks in the mask.
+  /// finished rows, only some of the mask.
   bool make_stripe(Rows& out) {
     // What is ready leaves before more is pushed, which the padder demands.
-    const bool all_pushed = next_row_ == output_.lattice.height;
-    if (padder_.ready_rows() == 0) {
-      if (all_pushed) return false;
-      push_row_of_blocks(out);
+    if (padder_.ready_rows() == 0 && mask_left_ == 0) {
+      if (next_row_ == output_.lattice.height) return false;
+      push_row_of_blocks();
     }
-    pop(std::min<std::uint32_t>(kBlockEdge, padder_.ready_rows()), out);
+    take_mask(out);
+    pop(std::min(kStripeRows, padder_.ready_rows()), out);
     return true;
   }
 
-  void push_row_of_blocks(Rows& out) {
+  void push_row_of_blocks() {
     const std::uint32_t width = output_.lattice.width;
     const std::uint32_t block_row = next_row_ / kBlockEdge;
     const std::uint32_t rows =
@@ -181,8 +185,8 @@ class ImageAssembler {
     if (coverage_) {
       // The mask is of covered texels, before padding. It needs no rows below and leaves at once,
       // so in a stripe it is ahead of the colours.
-      out.covered_count = rows;
-      store_mask(covered, out.covered);
+      store_mask(covered, mask_);
+      mask_rows_ = mask_left_ = rows;
     }
     const std::uint32_t step =
         output_.stripe_rows == 0 ? rows : std::min(output_.stripe_rows, rows);
@@ -205,6 +209,15 @@ class ImageAssembler {
       if (alpha < full) has_holes_ = true;
       if (alpha > 0 && alpha < full) has_veils_ = true;
     }
+  }
+
+  void take_mask(Rows& out) {
+    if (mask_left_ == 0) return;
+    const std::size_t row_bytes = mask_.size() / mask_rows_;
+    out.covered_count = std::min(kStripeRows, mask_left_);
+    const auto from = mask_.begin() + std::ptrdiff_t((mask_rows_ - mask_left_) * row_bytes);
+    out.covered.assign(from, from + std::ptrdiff_t(out.covered_count * row_bytes));
+    mask_left_ -= out.covered_count;
   }
 
   void pop(std::uint32_t rows, Rows& out) {
@@ -243,7 +256,7 @@ class ImageAssembler {
     std::array<std::byte, 4> one{};
     shading::store_texel(mask, {.v = {1}, .channels = 1}, one.data());
     const std::size_t size = mask.texel_bytes();
-    samples.resize(covered.size() * size);
+    samples.assign(covered.size() * size, std::byte{});
     for (std::size_t i = 0; i < covered.size(); ++i) {
       if (covered[i] != 0) std::memcpy(samples.data() + i * size, one.data(), size);
     }
@@ -275,6 +288,8 @@ class ImageAssembler {
   runtime::Lease lease_;
   shading::SeamPadder padder_;
   std::uint32_t next_row_ = 0;  ///< that the padder gets
+  PageVector<std::byte> mask_;  ///< of the row of blocks that was pushed last
+  std::uint32_t mask_rows_ = 0, mask_left_ = 0;
   bool looks_at_alpha_ = false;
   std::atomic<bool> has_holes_ = false, has_veils_ = false;
   std::optional<OntoPainter> painter_;
@@ -302,10 +317,10 @@ std::uint64_t image_least_bytes(const planning::ImageOutput& output,
   const std::uint64_t texel = format.texel_bytes();
   // One row of blocks with its coverage, a stripe for each token, the padder's ring, and what
   // paints and encodes. Nothing grows with the height.
-  const std::uint64_t row_of_blocks = round_to_pages(kBlockEdge * width * (texel + 1));
   const std::uint64_t mask =
       output.coverage_path.empty() ? 0 : store::depth_bytes(coverage_spec(output).depth);
-  const std::uint64_t stripe = round_to_pages(kBlockEdge * width * (texel + mask));
+  const std::uint64_t row_of_blocks = round_to_pages(kBlockEdge * width * (texel + 1 + mask));
+  const std::uint64_t stripe = round_to_pages(kStripeRows * width * (texel + mask));
   std::uint64_t bytes =
       row_of_blocks + kMostTokens * stripe +
       shading::SeamPadder::memory_bytes(output.lattice.width, output.padding,

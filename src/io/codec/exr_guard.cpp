@@ -217,8 +217,9 @@ class Guard {
   explicit Guard(ByteSource& bytes) : at_(bytes, "EXR", false) {}
 
   std::uint64_t check() {
-    constexpr std::uint32_t kSeveral = 0x1000;
+    constexpr std::uint32_t kSeveral = 0x1000, kDeep = 0x800;
     const bool several = several_ = (at_.u32(4) & kSeveral) != 0;
+    may_be_deep_ = (at_.u32(4) & (kSeveral | kDeep)) != 0;
     std::vector<Part> parts;
     std::uint64_t position = 8, chunks = 0, room = 0;
     do {
@@ -362,7 +363,8 @@ class Guard {
       type += static_cast<char>(at_.u8(position + i));
     if (several_ && std::find(kTypes.begin(), kTypes.end(), type) == kTypes.end())
       at_.refuse("a part of the EXR has an unknown type; the file is damaged");
-    part.deep = type.starts_with("deep");
+    // Without these flags OpenEXR decodes a plain image, whatever its type says.
+    part.deep = may_be_deep_ && type.starts_with("deep");
   }
 
   /// Name, type, four bytes, sampling across and down.
@@ -460,6 +462,7 @@ class Guard {
 
   Cursor at_;
   bool several_ = false;  ///< parts
+  bool may_be_deep_ = false;
 };
 
 }  // namespace

@@ -64,12 +64,23 @@ struct ImageWriteSpec {
   std::string hits_note = {};  ///< EXR only: see ImageInfo
 };
 
-/// Calls `one` with 0 to count - 1 and returns when all calls have: on one thread or on several.
-/// What a call throws it throws.
-using ForEach = std::function<void(std::size_t count, const std::function<void(std::size_t)>& one)>;
-/// One after another.
-inline void one_by_one(std::size_t count, const std::function<void(std::size_t)>& one) {
-  for (std::size_t i = 0; i < count; ++i) one(i);
+/// Work that was begun and may be under way on another thread. Its destructor waits for it, too.
+class BegunWork {
+ public:
+  BegunWork() = default;
+  virtual ~BegunWork() = default;
+  BegunWork(const BegunWork&) = delete;
+  BegunWork& operator=(const BegunWork&) = delete;
+
+  /// Returns when it is done and throws what it threw. Called once at most.
+  virtual void wait() = 0;
+};
+/// Begins `work`. Null: it is done.
+using BeginWork = std::function<std::unique_ptr<BegunWork>(std::function<void()> work)>;
+/// Does it here and now.
+inline std::unique_ptr<BegunWork> work_here(const std::function<void()>& work) {
+  work();
+  return nullptr;
 }
 
 }  // namespace pounce::io

@@ -4,6 +4,12 @@
 // know nothing of each other: each begins with a row that is filtered within itself, and ends on a
 // whole byte (Z_SYNC_FLUSH), so that blocks one after another are one stream. So they may be coded
 // on any number of cores, and are the same bytes on all.
+//
+// Rows are filtered as they come, which is quick, into the next block. When a block has all of its
+// rows, its deflating begins, perhaps on another thread, and further rows may come. Blocks take
+// their places by turns: before a place is used again, what was in it goes to the file. So blocks
+// leave in their order, and no more are in memory than there are places. A thread that codes never
+// waits for the slowest of several blocks.
 #include <fmt/format.h>
 #include <png.h>
 #include <zlib.h>
@@ -14,6 +20,10 @@
 #include <csetjmp>
 #include <cstring>
 #include <exception>
+#include <memory>
+#include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "io/codec/colour_tags.h"
@@ -27,9 +37,9 @@ namespace pounce::io {
 namespace {
 
 constexpr std::size_t kBlockBytes = 128 << 10;
-/// Blocks that are coded at the same time, at most.
+/// Blocks that are under way at the same time, at most.
 constexpr std::size_t kMostAtOnce = 6;
-/// Rows that come together.
+/// Rows that are under way together, where these are not more than so many blocks.
 constexpr std::uint32_t kStripeRows = 64;
 /// What libpng takes, and the buffers of its chunks.
 constexpr std::uint64_t kBaseBytes = 256 << 10;
@@ -73,56 +83,66 @@ std::uint32_t block_rows(const ImageWriteSpec& spec) {
       std::bit_floor(std::clamp<std::uint64_t>(kBlockBytes / row_bytes_of(spec), 1, 1024)));
 }
 
-/// Of blocks, as many as rows that come together make.
 std::size_t blocks_at_once(const ImageWriteSpec& spec) {
   return std::clamp<std::size_t>(kStripeRows / block_rows(spec), 1, kMostAtOnce);
 }
 
-/// Rows, filtered and deflated apart from all others.
-struct PngBlock {
-  std::vector<std::byte> deflated;
-  std::uint64_t raw_bytes = 0;  ///< before
-  std::uint32_t adler = 1;      ///< Adler-32 of these
-  Hash128 rows;                 ///< the hash of its rows, where somebody wants to know
-  bool was_known = false;
+/// deflate() for one block after another, in the same memory.
+class Deflater {
+ public:
+  explicit Deflater(std::uint32_t level) {
+    constexpr int kRawWindow = -15, kMemory = 8;
+    if (deflateInit2(&zip_, static_cast<int>(level), Z_DEFLATED, kRawWindow, kMemory, Z_FILTERED) !=
+        Z_OK)
+      fail("out of memory");
+  }
+  ~Deflater() { deflateEnd(&zip_); }
+  Deflater(const Deflater&) = delete;
+  Deflater& operator=(const Deflater&) = delete;
+
+  /// `room`: bytes left free behind `out`.
+  void deflate_block(std::span<const std::byte> in, bool is_last, std::size_t room,
+                     std::vector<std::byte>& out) {
+    deflateReset(&zip_);
+    constexpr std::size_t kFlushBytes = 16;
+    out.resize(deflateBound(&zip_, static_cast<uLong>(in.size())) + kFlushBytes + room);
+    zip_.next_in = const_cast<Bytef*>(reinterpret_cast<const Bytef*>(in.data()));
+    zip_.avail_in = static_cast<uInt>(in.size());
+    zip_.next_out = reinterpret_cast<Bytef*>(out.data());
+    zip_.avail_out = static_cast<uInt>(out.size() - room);
+    deflate(&zip_, is_last ? Z_FINISH : Z_SYNC_FLUSH);
+    out.resize(out.size() - room - zip_.avail_out);
+  }
+
+ private:
+  z_stream zip_{};  // what is behind it points to it
 };
 
-PngBlock deflated(const ImageWriteSpec& spec, std::uint32_t count, const std::byte* rows,
-                  bool is_last) {
-  const std::size_t size = row_bytes_of(spec);
-  const std::size_t texel = spec.channels * sample_bytes(spec.depth);
-  const bool swaps = spec.depth == Depth::u16 && std::endian::native == std::endian::little;
-  std::vector<std::byte> filtered((size + 1) * count), big_endian(swaps ? 2 * size : 0);
-  const std::byte* above = nullptr;
-  for (std::uint32_t y = 0; y < count; ++y, rows += size) {
-    const std::byte* row = rows;
-    if (swaps) {  // this row and the one above, by turns
-      row = big_endian.data() + y % 2 * size;
-      swap_pairs(rows, size, big_endian.data() + y % 2 * size);
-    }
-    filter_row(row, above, size, texel, filtered.data() + y * (size + 1));
-    above = row;
+/// Rows, filtered and deflated apart from all others.
+struct PngBlock {
+  explicit PngBlock(const ImageWriteSpec& spec)
+      : filtered((row_bytes_of(spec) + 1) * std::min(block_rows(spec), spec.height)),
+        deflater(spec.layout.png_compression) {}
+
+  std::uint32_t number = 0;  ///< in the image
+  std::uint32_t rows = 0;    ///< that it has so far
+  Hash128 hash;              ///< of these as they came, where somebody wants to know
+  std::vector<std::byte> filtered;
+  /// What they deflate to, and the Adler-32 of what was filtered, four bytes.
+  std::vector<std::byte> encoded;
+  bool was_known = false;
+  Deflater deflater;
+  std::unique_ptr<BegunWork> work;  // the last: it ends before what it uses does
+
+  void encode(std::size_t row_bytes, bool is_last) {
+    const auto bytes = std::span(filtered).first((row_bytes + 1) * rows);
+    const auto adler = static_cast<std::uint32_t>(
+        adler32_z(1, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+    deflater.deflate_block(bytes, is_last, sizeof adler, encoded);
+    encoded.resize(encoded.size() + sizeof adler);
+    std::memcpy(&encoded[encoded.size() - sizeof adler], &adler, sizeof adler);
   }
-  PngBlock block;
-  block.raw_bytes = filtered.size();
-  block.adler = static_cast<std::uint32_t>(
-      adler32_z(1, reinterpret_cast<const Bytef*>(filtered.data()), filtered.size()));
-  z_stream zip{};
-  constexpr int kRawWindow = -15, kMemory = 8;
-  if (deflateInit2(&zip, static_cast<int>(spec.layout.png_compression), Z_DEFLATED, kRawWindow,
-                   kMemory, Z_FILTERED) != Z_OK)
-    fail("out of memory");
-  constexpr std::size_t kFlushBytes = 16;
-  block.deflated.resize(deflateBound(&zip, static_cast<uLong>(filtered.size())) + kFlushBytes);
-  zip.next_in = reinterpret_cast<Bytef*>(filtered.data());
-  zip.avail_in = static_cast<uInt>(filtered.size());
-  zip.next_out = reinterpret_cast<Bytef*>(block.deflated.data());
-  zip.avail_out = static_cast<uInt>(block.deflated.size());
-  deflate(&zip, is_last ? Z_FINISH : Z_SYNC_FLUSH);
-  block.deflated.resize(block.deflated.size() - zip.avail_out);
-  deflateEnd(&zip);
-  return block;
-}
+};
 
 /// What libpng's callbacks see.
 struct PngSink {
@@ -151,8 +171,13 @@ void on_warning(png_structp, png_const_charp) {}
 
 class PngEncoder : public RowEncoder {
  public:
-  PngEncoder(ByteSink sink, const ImageWriteSpec& spec, ForEach for_each, EncodedBlocks* known)
-      : spec_(spec), for_each_(std::move(for_each)), known_(known) {
+  PngEncoder(ByteSink sink, const ImageWriteSpec& spec, BeginWork begin_work, EncodedBlocks* known)
+      : spec_(spec),
+        row_bytes_(row_bytes_of(spec)),
+        block_rows_(block_rows(spec)),
+        begin_work_(std::move(begin_work)),
+        known_(known),
+        kept_rows_(2 * row_bytes_) {
     context_.sink = std::move(sink);
     png_ = png_create_write_struct(PNG_LIBPNG_VER_STRING, &context_, on_error, on_warning);
     info_ = png_ == nullptr ? nullptr : png_create_info_struct(png_);
@@ -170,102 +195,102 @@ class PngEncoder : public RowEncoder {
   ~PngEncoder() override { png_destroy_write_struct(&png_, &info_); }
 
   void write_rows(std::uint32_t first, std::uint32_t count, const std::byte* rows) override {
-    const std::uint32_t together = block_rows(spec_);
-    const std::size_t size = row_bytes_of(spec_);
-    std::uint32_t row = first;
-    const std::uint32_t end = first + count;
-    while (row < end) {
-      const std::byte* const from = rows + (row - first) * size;
-      const std::uint32_t in_block = row % together;
-      const std::uint32_t block_end = std::min(row - in_block + together, spec_.height);
-      if (in_block == 0 && block_end <= end) {  // whole blocks: all there are
-        const std::uint32_t whole_end = end == spec_.height ? end : end - end % together;
-        put_blocks(row, whole_end, from);
-        row = whole_end;
-        continue;
-      }
-      const std::uint32_t piece = std::min(end, block_end) - row;
-      waiting_.insert(waiting_.end(), from, from + piece * size);
-      row += piece;
-      if (row < block_end) continue;
-      put(made(row - in_block - piece, in_block + piece, waiting_.data()));
-      waiting_.clear();
+    for (std::uint32_t row = first; row < first + count; ++row, rows += row_bytes_) {
+      if (row % block_rows_ == 0) take_place();
+      add_row(row, rows);
+      if (row % block_rows_ + 1 == block_rows_ || row + 1 == spec_.height) begin_block();
+    }
+    // The row above the next one, which the caller is about to take away.
+    if (above_ != nullptr && !swaps_) {
+      std::copy_n(above_, row_bytes_, kept_rows_.data());
+      above_ = kept_rows_.data();
     }
   }
 
   void next_level(std::uint32_t, std::uint32_t) override { fail("PNG has no levels"); }
 
   void finish() override {
+    // From the oldest on: the place after the newest one's, where all are in use.
+    for (std::size_t i = 1; i <= blocks_.size(); ++i) put(*blocks_[(newest_ + i) % blocks_.size()]);
     static constexpr std::array<png_byte, 4> kIend{'I', 'E', 'N', 'D'};
     run([&] { png_write_chunk(png_, kIend.data(), nullptr, 0); });
   }
 
  private:
-  /// Codes whole blocks of rows, several at once, and puts them out in their order.
-  void put_blocks(std::uint32_t begin, std::uint32_t end, const std::byte* rows) {
-    const std::uint32_t together = block_rows(spec_);
-    const std::size_t count = (end - begin + together - 1) / together;
-    const std::size_t at_once = blocks_at_once(spec_);
-    for (std::size_t done = 0; done < count; done += at_once) {
-      std::array<PngBlock, kMostAtOnce> blocks;
-      const std::size_t now = std::min(at_once, count - done);
-      for_each_(now, [&](std::size_t i) {
-        const std::uint32_t first = begin + static_cast<std::uint32_t>(done + i) * together;
-        const std::uint32_t last = std::min(first + together, end);
-        blocks[i] = made(first, last - first, rows + (first - begin) * row_bytes_of(spec_));
-      });
-      for (std::size_t i = 0; i < now; ++i) put(blocks[i]);
+  /// The place of the next block: a new one or the oldest block's, which goes to the file.
+  void take_place() {
+    newest_ = blocks_.empty() ? 0 : (newest_ + 1) % blocks_at_once(spec_);
+    if (newest_ == blocks_.size()) {
+      blocks_.push_back(std::make_unique<PngBlock>(spec_));
+    } else {
+      put(*blocks_[newest_]);
     }
+    blocks_[newest_]->number = next_block_++;
+    if (known_ != nullptr) hasher_.emplace();
+    above_ = nullptr;
   }
 
-  /// A block of so many rows: as it is known, or deflated.
-  PngBlock made(std::uint32_t first, std::uint32_t count, const std::byte* rows) const {
-    const bool is_last = first + count == spec_.height;
-    if (known_ == nullptr) return deflated(spec_, count, rows, is_last);
-    Hasher hasher;
-    hasher.add(std::span(rows, row_bytes_of(spec_) * count));
-    PngBlock block;
-    if (known_->find(number_of(first), hasher.digest(), block.deflated) &&
-        block.deflated.size() > sizeof block.adler) {
-      block.was_known = true;
-      block.raw_bytes = (row_bytes_of(spec_) + 1) * count;
-      const std::size_t size = block.deflated.size() - sizeof block.adler;
-      std::memcpy(&block.adler, &block.deflated[size], sizeof block.adler);
-      block.deflated.resize(size);
-      return block;
+  void add_row(std::uint32_t row, const std::byte* samples) {
+    PngBlock& block = *blocks_[newest_];
+    if (known_ != nullptr) hasher_->add(std::span(samples, row_bytes_));
+    if (swaps_) {  // this row and the one above, by turns
+      std::byte* const big_endian = kept_rows_.data() + row % 2 * row_bytes_;
+      swap_pairs(samples, row_bytes_, big_endian);
+      samples = big_endian;
     }
-    block = deflated(spec_, count, rows, is_last);
-    block.rows = hasher.digest();
-    return block;
-  }
-  std::uint32_t number_of(std::uint32_t row) const { return row / block_rows(spec_); }
-
-  /// With its checksum behind it, which would cost the filters to know.
-  void remember(const PngBlock& block) {
-    if (known_ == nullptr || block.was_known) return;
-    std::vector<std::byte> encoded(block.deflated.size() + sizeof block.adler);
-    std::copy(block.deflated.begin(), block.deflated.end(), encoded.begin());
-    std::memcpy(&encoded[block.deflated.size()], &block.adler, sizeof block.adler);
-    known_->put(number_of(rows_put_), block.rows, encoded);
+    filter_row(samples, above_, row_bytes_, spec_.channels * sample_bytes(spec_.depth),
+               block.filtered.data() + block.rows++ * (row_bytes_ + 1));
+    above_ = samples;
   }
 
-  void put(const PngBlock& block) {
-    remember(block);
-    rows_put_ += static_cast<std::uint32_t>(block.raw_bytes / (row_bytes_of(spec_) + 1));
+  /// A block has all of its rows: as it is known, or soon deflated.
+  void begin_block() {
+    PngBlock& block = *blocks_[newest_];
+    above_ = nullptr;
+    if (known_ != nullptr) {
+      block.hash = hasher_->digest();
+      block.was_known = known_->find(block.number, block.hash, block.encoded) &&
+                        block.encoded.size() > sizeof(std::uint32_t);
+      if (block.was_known) return;
+    }
+    const bool is_last = block.number * block_rows_ + block.rows == spec_.height;
+    block.work = begin_work_(
+        [&block, is_last, row_bytes = row_bytes_] { block.encode(row_bytes, is_last); });
+  }
+
+  /// To the file, and to who keeps it for the next run; its place is free then.
+  void put(PngBlock& block) {
+    if (const auto work = std::move(block.work)) work->wait();
+    if (known_ != nullptr && !block.was_known) known_->put(block.number, block.hash, block.encoded);
+    std::uint32_t adler = 0;
+    const std::size_t size = block.encoded.size() - sizeof adler;
+    std::memcpy(&adler, &block.encoded[size], sizeof adler);
+    const std::uint64_t raw_bytes = (row_bytes_ + 1) * block.rows;
+    adler_ =
+        static_cast<std::uint32_t>(adler32_combine(adler_, adler, static_cast<z_off_t>(raw_bytes)));
+    const bool is_first = block.number == 0;
+    const bool is_last = block.number * block_rows_ + block.rows == spec_.height;
+    write_data(is_first, std::span(block.encoded).first(size), is_last);
+    block.rows = 0;
+    block.was_known = false;
+  }
+
+  /// A chunk of what is in all of them together one zlib stream.
+  void write_data(bool is_first, std::span<const std::byte> deflated, bool is_last) {
     static constexpr std::array<png_byte, 4> kIdat{'I', 'D', 'A', 'T'};
-    std::vector<std::byte> data;
-    if (raw_bytes_ == 0) data = {std::byte{0x78}, std::byte{0x01}};  // a zlib stream
-    adler_ = static_cast<std::uint32_t>(
-        adler32_combine(adler_, block.adler, static_cast<z_off_t>(block.raw_bytes)));
-    raw_bytes_ += block.raw_bytes;
-    data.insert(data.end(), block.deflated.begin(), block.deflated.end());
-    if (raw_bytes_ == (row_bytes_of(spec_) + 1) * spec_.height) {
-      for (int shift = 24; shift >= 0; shift -= 8)
-        data.push_back(static_cast<std::byte>(adler_ >> shift));
-    }
+    static constexpr std::array<png_byte, 2> kZlibHeader{0x78, 0x01};
+    std::array<png_byte, 4> sum{};
+    for (std::size_t i = 0; i < sum.size(); ++i)
+      sum[i] = static_cast<png_byte>(adler_ >> (24 - 8 * i));
+    const std::size_t head = is_first ? kZlibHeader.size() : 0, tail = is_last ? sum.size() : 0;
     run([&] {
-      png_write_chunk(png_, kIdat.data(), reinterpret_cast<png_const_bytep>(data.data()),
-                      data.size());
+      png_write_chunk_start(png_, kIdat.data(),
+                            static_cast<png_uint_32>(head + deflated.size() + tail));
+      png_write_chunk_data(png_, kZlibHeader.data(), head);
+      png_write_chunk_data(png_, reinterpret_cast<png_const_bytep>(deflated.data()),
+                           deflated.size());
+      png_write_chunk_data(png_, sum.data(), tail);
+      png_write_chunk_end(png_);
     });
   }
 
@@ -315,32 +340,41 @@ class PngEncoder : public RowEncoder {
     });
   }
 
-  ImageWriteSpec spec_;
+  const ImageWriteSpec spec_;
+  const std::size_t row_bytes_;
+  const std::uint32_t block_rows_;
+  const bool swaps_ = spec_.depth == Depth::u16 && std::endian::native == std::endian::little;
   PngSink context_;
   png_structp png_ = nullptr;
   png_infop info_ = nullptr;
-  ForEach for_each_;
+  const BeginWork begin_work_;
   EncodedBlocks* const known_;
-  std::uint32_t rows_put_ = 0;
-  std::vector<std::byte> waiting_;  ///< rows of a block that is not whole
   std::uint32_t adler_ = 1;
-  std::uint64_t raw_bytes_ = 0;
+  std::vector<std::byte> kept_rows_;
+  const std::byte* above_ = nullptr;  ///< the row above the next one, where its block has it
+  std::vector<std::unique_ptr<PngBlock>> blocks_;  ///< by their places
+  std::size_t newest_ = 0;
+  std::uint32_t next_block_ = 0;
+  std::optional<Hasher> hasher_;  ///< of the newest block's rows
 };
 
 }  // namespace
 
-std::unique_ptr<RowEncoder> encode_png(ByteSink sink, const ImageWriteSpec& spec, ForEach for_each,
-                                       EncodedBlocks* known) {
-  return std::make_unique<PngEncoder>(std::move(sink), spec, std::move(for_each), known);
+std::unique_ptr<RowEncoder> encode_png(ByteSink sink, const ImageWriteSpec& spec,
+                                       BeginWork begin_work, EncodedBlocks* known) {
+  return std::make_unique<PngEncoder>(std::move(sink), spec, std::move(begin_work), known);
+}
+
+std::uint64_t png_block_bytes(const ImageWriteSpec& spec) {
+  // What does not deflate is stored, five bytes more for each 16 KiB.
+  const std::uint64_t filtered = (row_bytes_of(spec) + 1) * std::min(block_rows(spec), spec.height);
+  return filtered + filtered / 1024 + 64;
 }
 
 std::uint64_t png_encoder_bytes(const ImageWriteSpec& spec) {
-  // Of each block: the rows filtered, two of them swapped, and what they deflate to; one block
-  // waits for its rows, one is on its way to the file.
-  const std::uint64_t row = row_bytes_of(spec) + 1;
-  const std::uint64_t block = row * std::min(block_rows(spec), spec.height);
-  return kBaseBytes + 2 * block +
-         blocks_at_once(spec) * (kDeflaterBytes + 2 * block + 2 * row + block / 8);
+  // Of each block: the rows filtered, and what they deflate to. Beside them two rows.
+  return kBaseBytes + 2 * row_bytes_of(spec) +
+         blocks_at_once(spec) * (kDeflaterBytes + 2 * png_block_bytes(spec));
 }
 
 }  // namespace pounce::io

@@ -34,8 +34,8 @@ class RowEncoder {
   virtual void finish() = 0;
 };
 
-/// What blocks of rows were encoded to, remembered for who encodes the same rows again. find() may
-/// be called from several threads at once.
+/// What blocks of rows were encoded to, remembered for who encodes the same rows again. Not
+/// thread-safe.
 class EncodedBlocks {
  public:
   EncodedBlocks() = default;
@@ -52,10 +52,12 @@ class EncodedBlocks {
 using ByteSink = std::function<void(std::span<const std::byte>)>;
 
 /// `known` may be null.
-std::unique_ptr<RowEncoder> encode_png(ByteSink sink, const ImageWriteSpec& spec, ForEach for_each,
-                                       EncodedBlocks* known);
-/// Memory that encoding such a PNG takes.
+std::unique_ptr<RowEncoder> encode_png(ByteSink sink, const ImageWriteSpec& spec,
+                                       BeginWork begin_work, EncodedBlocks* known);
+/// Memory that encoding such a PNG takes, `known` left out.
 std::uint64_t png_encoder_bytes(const ImageWriteSpec& spec);
+/// The most that one of its blocks is encoded to.
+std::uint64_t png_block_bytes(const ImageWriteSpec& spec);
 std::unique_ptr<RowEncoder> encode_jpeg(ByteSink sink, const ImageWriteSpec& spec);
 /// In strips or tiles, with levels if the spec has them.
 std::unique_ptr<RowEncoder> encode_tiff(OutputFile& file, const ImageWriteSpec& spec);

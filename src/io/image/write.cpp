@@ -157,7 +157,7 @@ Depth writable_depth(const std::string& path, Depth wanted) {
 }
 
 struct ImageWriter::Impl {
-  Impl(const std::string& path, const ImageWriteSpec& wanted, ForEach for_each,
+  Impl(const std::string& path, const ImageWriteSpec& wanted, BeginWork begin_work,
        EncodedBlocks* known)
       : spec(wanted), file(std::in_place, path) {
     const std::string_view name = format_of(path, spec.depth)->name;
@@ -170,12 +170,12 @@ struct ImageWriter::Impl {
     encoder = is_exr           ? encode_exr(*file, spec)
               : name == "tiff" ? encode_tiff(*file, spec)
               : name == "jpeg" ? encode_jpeg(to_file, spec)
-                               : encode_png(to_file, spec, std::move(for_each), known);
+                               : encode_png(to_file, spec, std::move(begin_work), known);
   }
-  Impl(WriteFile& to, const ImageWriteSpec& wanted, ForEach for_each, EncodedBlocks* known)
+  Impl(WriteFile& to, const ImageWriteSpec& wanted, BeginWork begin_work, EncodedBlocks* known)
       : spec(wanted) {
     encoder = encode_png([&to](std::span<const std::byte> bytes) { to.append(bytes); }, spec,
-                         std::move(for_each), known);
+                         std::move(begin_work), known);
   }
 
   /// The rows go into tiles as soon as a row of these is complete.
@@ -197,20 +197,20 @@ struct ImageWriter::Impl {
   PageVector<std::byte> tile_rows;    // of a row of tiles
 };
 
-ImageWriter::ImageWriter(const std::string& path, const ImageWriteSpec& spec, ForEach for_each,
+ImageWriter::ImageWriter(const std::string& path, const ImageWriteSpec& spec, BeginWork begin_work,
                          EncodedBlocks* known) {
   if (const std::string reason = why_not_writable(path, spec); !reason.empty()) {
     throw Error(ErrorKind::usage, reason);
   }
-  impl_ = std::make_unique<Impl>(path, spec, std::move(for_each), known);
+  impl_ = std::make_unique<Impl>(path, spec, std::move(begin_work), known);
 }
 
-ImageWriter::ImageWriter(WriteFile& sink, const ImageWriteSpec& spec, ForEach for_each,
+ImageWriter::ImageWriter(WriteFile& sink, const ImageWriteSpec& spec, BeginWork begin_work,
                          EncodedBlocks* known) {
   if (const std::string reason = why_not_writable("image.png", spec); !reason.empty()) {
     throw Error(ErrorKind::usage, reason);
   }
-  impl_ = std::make_unique<Impl>(sink, spec, std::move(for_each), known);
+  impl_ = std::make_unique<Impl>(sink, spec, std::move(begin_work), known);
 }
 
 ImageWriter::~ImageWriter() = default;
@@ -273,6 +273,12 @@ std::uint64_t ImageWriter::encoder_bytes(const std::string& path, const ImageWri
   if (name == "tiff") return kEncoderBaseBytes + 3 * row * strip_rows(spec);
   if (name == "jpeg") return kEncoderBaseBytes + 64 * row;
   return png_encoder_bytes(spec);
+}
+
+std::uint64_t ImageWriter::encoded_block_bytes(const std::string& path,
+                                               const ImageWriteSpec& spec) {
+  const Format* format = format_of(path, spec.depth);
+  return format == nullptr || std::string_view(format->name) == "png" ? png_block_bytes(spec) : 0;
 }
 
 }  // namespace pounce::io

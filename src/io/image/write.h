@@ -50,14 +50,14 @@ Depth writable_depth(const std::string& path, Depth wanted);
 /// why_not_writable() names, Error(storage) with path and reason. Not thread-safe.
 class ImageWriter {
  public:
-  /// `for_each` runs what can be encoded at the same time (blocks of a PNG); the bytes are the same
-  /// with any.
+  /// `begin_work` begins what can be encoded beside all else (blocks of a PNG); the bytes are the
+  /// same with any.
   /// Of a PNG `known` remembers what blocks were encoded to; it may be null, and must outlive the
   /// writer.
-  ImageWriter(const std::string& path, const ImageWriteSpec& spec, ForEach for_each = one_by_one,
+  ImageWriter(const std::string& path, const ImageWriteSpec& spec, BeginWork begin_work = work_here,
               EncodedBlocks* known = nullptr);
   /// As PNG at the end of `sink`, which must outlive the writer; commit() only ends the image.
-  ImageWriter(WriteFile& sink, const ImageWriteSpec& spec, ForEach for_each = one_by_one,
+  ImageWriter(WriteFile& sink, const ImageWriteSpec& spec, BeginWork begin_work = work_here,
               EncodedBlocks* known = nullptr);
   ~ImageWriter();
   ImageWriter(ImageWriter&&) noexcept;
@@ -71,6 +71,8 @@ class ImageWriter {
   void commit();
   /// Memory the encoder holds beyond the rows handed over, for the budget.
   static std::uint64_t encoder_bytes(const std::string& path, const ImageWriteSpec& spec);
+  /// The most that `known` gets for one block; 0: this format has none.
+  static std::uint64_t encoded_block_bytes(const std::string& path, const ImageWriteSpec& spec);
 
  private:
   struct Impl;

@@ -141,6 +141,15 @@ TEST_CASE("of an EXR's first block each texel must be there", "[image][exr]") {
   CHECK(refusal(Made{.tiles = tiles, .blocks = {std::string(16, '\1')}}.file()) == "nothing");
   CHECK_THAT(refusal(Made{.tiles = tiles, .blocks = {std::string(15, '\1')}}.file()),
              Contains("decodes to 15 bytes instead of 16"));
+
+  // By the flags of its version it is a plain image, which is what OpenEXR decodes.
+  for (const char* type : {"deeptile", "deeptiled"}) {
+    CHECK_THAT(
+        refusal(Made{.tiles = tiles, .blocks = {std::string(15, '\1')}, .type = type}.file()),
+        Contains("decodes to 15 bytes instead of 16"));
+  }
+  CHECK_THAT(refusal(Made{.blocks = {short_row, row}, .type = "deepscanline"}.file()),
+             Contains("decodes to 6 bytes instead of 8"));
 }
 
 TEST_CASE("a block of DWA must hold all channels", "[image][exr]") {

@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <functional>
+#include <future>
 #include <thread>
 
 #include "core/portable_math.h"
@@ -280,6 +282,76 @@ TEST_CASE("a PNG at the end of a scratch file has the bytes of one with a name",
   CHECK(failure(ErrorKind::usage, [&] {
           ImageWriter(*scratch, {4, 4, 3, Depth::half, true, false});
         }).find("8-bit or 16-bit integers, not half") != std::string::npos);
+}
+
+namespace {
+
+/// Work that is done when somebody waits for it, or meanwhile; counts what is under way.
+class LaterWork final : public io::BegunWork {
+ public:
+  LaterWork(std::launch when, std::function<void()> work, int& now)
+      : now_(now), done_(std::async(when, std::move(work))) {
+    ++now_;
+  }
+  ~LaterWork() override { --now_; }
+  void wait() override { done_.get(); }
+
+ private:
+  int& now_;
+  std::future<void> done_;
+};
+
+}  // namespace
+
+TEST_CASE("a PNG has the same bytes whenever its blocks are encoded", "[image][write]") {
+  constexpr int kMostAtOnce = 6;
+  const test::TempFolder folder;
+  const Depth depth = GENERATE(Depth::u8, Depth::u16);
+  const std::uint32_t strip = GENERATE(1U, 13U, 64U, 203U);
+  const std::launch when = GENERATE(std::launch::async, std::launch::deferred);
+  CAPTURE(depth_name(depth), strip);
+  const ImageWriteSpec spec{3000, 203, 3, depth, false, false};
+  const auto samples = make_samples(spec);
+  write(folder.file("here.png"), spec, samples);
+
+  int now = 0, most = 0;
+  {
+    ImageWriter writer(folder.file("later.png"), spec, [&](std::function<void()> work) {
+      auto later = std::make_unique<LaterWork>(when, std::move(work), now);
+      most = std::max(most, now);
+      return later;
+    });
+    const std::size_t row = samples.size() / spec.height;
+    for (std::uint32_t y = 0; y < spec.height; y += strip) {
+      // Rows that are gone once they were handed over.
+      const std::uint32_t count = std::min(strip, spec.height - y);
+      std::vector<std::byte> rows(count * row);
+      std::memcpy(rows.data(), samples.data() + y * row, rows.size());
+      writer.write_rows(count, rows.data());
+      std::fill(rows.begin(), rows.end(), std::byte{0xCC});
+    }
+    writer.commit();
+  }
+  CHECK(now == 0);
+  CHECK(most == kMostAtOnce);
+  CHECK(test::read_file(folder.file("later.png")) == test::read_file(folder.file("here.png")));
+}
+
+TEST_CASE("a PNG whose encoding fails does not appear, and waits for all that was begun",
+          "[image][write]") {
+  const test::TempFolder folder;
+  const ImageWriteSpec spec{3000, 203, 3, Depth::u8, false, false};
+  int now = 0, begun = 0;
+  CHECK(failure(ErrorKind::storage, [&] {
+          ImageWriter writer(folder.file("a.png"), spec, [&](std::function<void()> work) {
+            if (++begun == 3) work = [] { throw Error(ErrorKind::storage, "no memory"); };
+            return std::make_unique<LaterWork>(std::launch::async, std::move(work), now);
+          });
+          const auto samples = make_samples(spec);
+          writer.write_rows(spec.height, reinterpret_cast<const std::byte*>(samples.data()));
+        }) == "no memory");
+  CHECK(now == 0);
+  CHECK(files_in(folder.path()) == 0);
 }
 
 TEST_CASE("a scratch file that fails ends the encoding with its reason", "[image][write]") {
