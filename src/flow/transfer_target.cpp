@@ -321,7 +321,7 @@ class TargetTransfer {
         source_.projector(p, page, target, target_.plan, fit_.value_or(projection::SplatFit{}))
             ->project(results);
     job_.report.bytes_written += result.written_bytes;
-    add_nodes(result.nodes, job_.report.nodes);
+    outcome::add_nodes(result.nodes, job_.report.nodes);
     job_.meter.end();
     return result;
   }
@@ -343,19 +343,6 @@ class TargetTransfer {
     }
     job_.meter.begin(page_title("project", page), results.texels_left(), "texels",
                      fraction(kVectorizeShare + kProjectShare));
-  }
-
-  static void add_nodes(const std::vector<NodeReport>& page, std::vector<NodeReport>& all) {
-    // Every page has the same graph, so nodes are matched by their position.
-    if (all.empty()) return void(all = page);
-    for (std::size_t n = 0; n < all.size(); ++n) {
-      all[n].runs += page[n].runs;
-      all[n].busy_s += page[n].busy_s;
-      all[n].stalls += page[n].stalls;
-      all[n].stalled_s += page[n].stalled_s;
-      all[n].bytes += page[n].bytes;
-      all[n].most_waiting = std::max(all[n].most_waiting, page[n].most_waiting);
-    }
   }
 
   std::string page_title(const std::string& stage, std::uint32_t page) const {

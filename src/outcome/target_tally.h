@@ -122,6 +122,9 @@ class TargetTally {
   std::vector<std::pair<std::size_t, std::size_t>> in_model_;  ///< (image, channel), not there yet
 };
 
+/// Adds the nodes of a page's graph to those of all pages, which have the same graph.
+void add_nodes(const std::vector<NodeReport>& page, std::vector<NodeReport>& all);
+
 /// What the distances at which a target found its source say: a sentence for a warning, or nothing.
 std::string judge_distances(const DistanceCounts& distances);
 

@@ -184,6 +184,19 @@ void refuse_missing(const std::vector<MissingImage>& missing) {
                           tasks.size() > told.size() ? ", ..." : ""));
 }
 
+void visit_tasks(const store::GeometryStore& target, store::Compressor& compressor,
+                 const StepShare& share,
+                 const std::function<void(const store::BlockEntry&, std::uint32_t)>& visit) {
+  std::uint64_t before = 0;
+  const std::uint64_t all = target.directory().texels;
+  for (std::uint32_t t = 0; t < target.directory().tiles.size(); ++t) {
+    for (const store::BlockEntry& entry : target.read_index(t, compressor)) {
+      visit(entry, share.tasks[part_of(before, entry.texels, all, share.tasks.size())]);
+      before += entry.texels;
+    }
+  }
+}
+
 std::uint32_t part_of(std::uint64_t before, std::uint64_t texels, std::uint64_t all,
                       std::size_t parts) {
   if (all == 0 || parts < 2) return 0;

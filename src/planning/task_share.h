@@ -9,11 +9,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "planning/plan.h"
 #include "pounce/options.h"
 #include "pounce/report.h"
+#include "store/blocks/geometry_store.h"
+#include "store/pack/codec.h"
 
 namespace pounce::planning {
 
@@ -47,6 +50,11 @@ void take_shares(const std::vector<StepShare>& shares, std::size_t first, const 
 
 /// Throws Error(busy) that names what is missing, and who has to make it, if anything is.
 void refuse_missing(const std::vector<MissingImage>& missing);
+
+/// Calls visit(block, its task) for each block of a page's store, in their order.
+void visit_tasks(const store::GeometryStore& target, store::Compressor& compressor,
+                 const StepShare& share,
+                 const std::function<void(const store::BlockEntry&, std::uint32_t task)>& visit);
 
 /// The part, of so many, in which a block lies that has `texels` behind `before` of the page's
 /// `all`.

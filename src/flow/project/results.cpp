@@ -48,31 +48,18 @@ ResultCollector::ResultCollector(job::JobContext& job, const store::GeometryStor
   if (share.role == TaskRole::assemble) take_parts(key, share);
 }
 
-/// Calls visit(block, its task).
-void ResultCollector::visit_tasks(
-    const planning::StepShare& share,
-    const std::function<void(const store::BlockEntry&, std::uint32_t)>& visit) const {
-  std::uint64_t before = 0;
-  const std::uint64_t all = target_.directory().texels;
-  for (std::uint32_t t = 0; t < target_.directory().tiles.size(); ++t) {
-    for (const store::BlockEntry& entry : target_.read_index(t, job_.compressor())) {
-      visit(entry, share.tasks[planning::part_of(before, entry.texels, all, share.tasks.size())]);
-      before += entry.texels;
-    }
-  }
-}
-
 /// Leaves out what other tasks make, and what is there.
 void ResultCollector::begin_part(const Hash128& key, const ResultShare& share) {
   const job::PartFiles parts(job_, key);
   parts.count(index_);
   bool any_left = false;  // a block may have no texels
-  visit_tasks(*share.tasks, [&](const store::BlockEntry& entry, std::uint32_t task) {
-    if (has(entry)) return;
-    if (task != share.task) return index_.leave_out(entry.x, entry.y);
-    texels_left_ += entry.texels;
-    any_left = true;
-  });
+  planning::visit_tasks(target_, job_.compressor(), *share.tasks,
+                        [&](const store::BlockEntry& entry, std::uint32_t task) {
+                          if (has(entry)) return;
+                          if (task != share.task) return index_.leave_out(entry.x, entry.y);
+                          texels_left_ += entry.texels;
+                          any_left = true;
+                        });
   if (any_left) part_ = parts.create();
 }
 
@@ -82,9 +69,10 @@ void ResultCollector::take_parts(const Hash128& key, const ResultShare& share) {
   texels_left_ = target_.directory().texels - index_.texels();
   if (share.tasks == nullptr || texels_left_ == 0) return;
   std::set<std::uint32_t> tasks;
-  visit_tasks(*share.tasks, [&](const store::BlockEntry& entry, std::uint32_t task) {
-    if (!has(entry)) tasks.insert(task);
-  });
+  planning::visit_tasks(target_, job_.compressor(), *share.tasks,
+                        [&](const store::BlockEntry& entry, std::uint32_t task) {
+                          if (!has(entry)) tasks.insert(task);
+                        });
   missing_tasks_.assign(tasks.begin(), tasks.end());
 }
 

@@ -6,7 +6,6 @@
 
 #include <chrono>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -69,8 +68,6 @@ class ResultCollector {
  private:
   using Clock = std::chrono::steady_clock;
 
-  void visit_tasks(const planning::StepShare& share,
-                   const std::function<void(const store::BlockEntry&, std::uint32_t)>& visit) const;
   void begin_part(const Hash128& key, const ResultShare& share);
   void take_parts(const Hash128& key, const ResultShare& share);
   job::StepPack::Earlier earlier();
