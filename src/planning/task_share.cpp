@@ -158,15 +158,22 @@ double imbalance(const std::vector<WorkUnit>& units, const std::vector<StepShare
 void take_shares(const std::vector<StepShare>& shares, std::size_t first, const TaskShare& share,
                  const SourcePlan& source, TargetPlan& target) {
   target.shares.clear();
+  std::set<std::string> others;
   for (const PassPlan& pass : source.passes) {
     std::vector<StepShare>& of_pass = target.shares.emplace_back();
     for (std::size_t page = 0; page < target.pages.size(); ++page) {
       of_pass.push_back(shares[first++]);
       if (is_of(share, of_pass.back())) continue;
-      for (const std::size_t c : pass.channels)
-        target.images[c][page].elsewhere = target.images[c][page].keep = true;
+      for (const std::size_t c : pass.channels) {
+        ImageOutput& image = target.images[c][page];
+        image.elsewhere = image.keep = true;
+        others.insert({image.path, image.coverage_path});
+      }
     }
   }
+  // Whether others may write theirs they find out: each task asking for all of them is what a
+  // thousand tasks would wait for (tools/farm-model.sh).
+  std::erase_if(target.outputs, [&](const std::string& path) { return others.contains(path); });
 }
 
 void refuse_missing(const std::vector<MissingImage>& missing) {
