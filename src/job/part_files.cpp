@@ -114,12 +114,18 @@ void PartFiles::copy(store::ResultIndex& index, store::PackWriter& to) const {
 PartFiles::NewPart PartFiles::create() const {
   job_.files->make_folders(job_.parts_folder);
   const std::string mine = fmt::format("{}.{}", host_name(), getpid());
-  for (int n = 0;; ++n) {  // a process of this number may have been here before
+  for (int n = 0;; ++n) {  // a process of this number was here before, or is in another container
     const std::string stem = path(fmt::format("{}.{}", mine, n));
     const std::string name = stem + kPart;
     if (job_.files->exists(name) || job_.files->exists(stem + kWhole)) continue;
-    return {std::make_unique<store::PackWriter>(job_.files->create(name), store::PackKind::results,
-                                                key_),
+    std::unique_ptr<WriteFile> file;
+    try {
+      file = job_.files->create(name);
+    } catch (const Error& e) {
+      if (e.kind() != ErrorKind::storage || !job_.files->exists(name)) throw;
+      continue;
+    }
+    return {std::make_unique<store::PackWriter>(std::move(file), store::PackKind::results, key_),
             name};
   }
 }

@@ -21,8 +21,8 @@
 namespace pounce::planning {
 namespace {
 
-/// What a texel costs that nothing covers, beside one that something does: it is read, encoded and
-/// written (8192² onto PNG: 29 ns of 135).
+/// What a texel costs that nothing covers, beside one that something does: it is encoded and
+/// written (1.5 s of 6.4 at 8192²: docs/decisions/058-resume.md).
 constexpr double kEmptyTexel = 0.25;
 /// And an image of no size at all.
 constexpr double kImage = 4096;
@@ -118,7 +118,8 @@ void add_units(const SourcePlan& source, const TargetPlan& target, bool is_model
 
 double work_seconds(const std::vector<WorkUnit>& units, const TransferOptions& options,
                     const SourcePlan& source) {
-  // Per texel: docs/measured.md; of Gaussians those of the usual scenes, which differ tenfold.
+  // Of a surface: docs/measured.md. Of Gaussians a guess: scenes differ tenfold, and nobody has
+  // counted how many lie on a ray before they are sorted.
   constexpr double kSurface = 1.4e-7, kTexels = 1e-6, kScene = 2.5e-6;
   const bool is_scene = source.passes.front().source.mesh == nullptr;
   const double each = is_scene                                  ? kScene * (1 + options.splats.rays)

@@ -160,3 +160,6 @@ env PATH=/nowhere "$POUNCE" submit slurm dry plane.glb five.obj -o 'p.<UDIM>.png
   status=$?
 [[ $status == 2 ]] || fail "status $status without sbatch"
 err_has 'use pounce submit commands'
+refused_count() { expect 2 submit commands never plane.glb five.obj -o 'p.<UDIM>.png' --tasks "$1" && err_has 'expected a whole number'; }
+for count in 0 2.5 -1 many 100001; do refused_count $count; done
+[[ ! -e never ]] || fail 'a refused line made the folder'

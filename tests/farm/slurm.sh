@@ -32,3 +32,11 @@ grep -q 'tasks [0-9]* 2 with 1.2 GiB' submitted || fail "not task 2 with twice t
 settle 60
 [[ $(state job.one assemble) == done ]] || fail "not assembled: $("$POUNCE" status job.one)"
 same quiet.one
+
+# Submitted twice in a row: the second time all is under way, and nothing is done twice.
+rm one.png
+submit job.twice "${one[@]}" --tasks 2 --mem 600MiB
+submit job.twice
+grep -q 'all is under way' submitted || fail "done twice: $(cat submitted)"
+settle 60
+same quiet.one

@@ -11,6 +11,7 @@
 #include "pounce/error.h"
 #include "pounce/gaussians.h"
 #include "pounce/transfer.h"
+#include "task_number.h"
 
 namespace pounce::cli {
 namespace {
@@ -134,10 +135,7 @@ void add_farm_options(CLI::App& command, FarmLine& farm) {
               [&farm](const std::string& text) { farm.task = text; });
   } else {
     add_value(command, "--tasks", "N", group, "How many tasks will share the job",
-              [&farm](const std::string& text) {
-                farm.tasks =
-                    static_cast<std::uint32_t>(parse_number("--tasks", text, 1, kMostTasks));
-              });
+              [&farm](const std::string& text) { farm.tasks = parse_count("--tasks", text); });
   }
   add_value(
       command, "--job-folder", "DIR", group,

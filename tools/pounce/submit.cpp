@@ -27,6 +27,7 @@
 #include "job_state.h"
 #include "pounce/error.h"
 #include "pounce/transfer.h"
+#include "task_number.h"
 #include "terminal.h"
 #include "terms.h"
 
@@ -191,7 +192,7 @@ struct Output {
 };
 
 /// Runs a program and returns what it prints. Throws Error(usage) where there is none.
-Output run_program(const std::vector<std::string>& words) {
+Output run_program(const std::vector<std::string>& words, bool shows_errors = true) {
   int pipes[2];
   if (pipe2(pipes, O_CLOEXEC) != 0)
     throw Error(ErrorKind::storage, fmt::format("{}: {}", words[0], std::strerror(errno)));
@@ -201,7 +202,7 @@ Output run_program(const std::vector<std::string>& words) {
   const pid_t child = fork();
   if (child == 0) {
     dup2(pipes[1], STDOUT_FILENO);
-    dup2(own_stderr_descriptor(), STDERR_FILENO);
+    if (shows_errors) dup2(own_stderr_descriptor(), STDERR_FILENO);  // else nowhere: keep_stderr()
     execvp(arguments[0], arguments.data());
     _exit(127);
   }
@@ -225,17 +226,26 @@ Output run_program(const std::vector<std::string>& words) {
   return output;
 }
 
-/// Tasks that Slurm has and that have not ended.
-std::set<std::uint32_t> queued_tasks(const Terms& terms) {
+/// What squeue says of a job, a line for each of its tasks; nothing once it has ended. Of one that
+/// Slurm has forgotten squeue prints an error, which nobody needs to read.
+std::string queue_of(const std::string& job) {
+  return run_program({"squeue", "-h", "-r", "-j", job, "-o", "%K"}, false).text;
+}
+
+/// Tasks that Slurm has and that have not ended. Jobs that have are forgotten: Slurm may refuse
+/// what is to wait for them.
+std::set<std::uint32_t> queued_tasks(Terms& terms) {
   std::set<std::uint32_t> tasks;
-  for (const std::string& array : terms.arrays) {
-    // One that is long gone is an error of squeue.
-    std::istringstream lines(run_program({"squeue", "-h", "-r", "-j", array, "-o", "%K"}).text);
+  std::erase_if(terms.arrays, [&](const std::string& array) {
+    const std::string queue = queue_of(array);
+    std::istringstream lines(queue);
     for (std::string line; std::getline(lines, line);) {
       if (!line.empty() && line.find_first_not_of("0123456789") == std::string::npos)
         tasks.insert(static_cast<std::uint32_t>(std::stoul(line)));
     }
-  }
+    return queue.empty();
+  });
+  if (!terms.assemble.empty() && queue_of(terms.assemble).empty()) terms.assemble.clear();
   return tasks;
 }
 
@@ -341,7 +351,11 @@ void write_scripts(const SubmitLine& line, const JobFolder& folder, const Terms&
       write_script(folder, name, text);
     }
   }
-  if (!line.dry_run) std::filesystem::create_directories(folder.path() + "/log");
+  // For sbatch and the scripts, whatever comes of pounce itself.
+  if (!line.dry_run) {
+    for (const char* name : {"/log", "/tasks"})
+      std::filesystem::create_directories(folder.path() + name);
+  }
 }
 
 /// Those that need the same memory together.
@@ -366,13 +380,14 @@ int submit_slurm(SubmitLine& line, const std::vector<std::string>& rest) {
   const JobState state = open_folder(line, folder, terms, folder.path() + "/cache");
   const Missing missing =
       missing_of(state, line.dry_run ? std::set<std::uint32_t>() : queued_tasks(*terms));
-  if (!missing.assemble) {
-    write_stdout(fmt::format("{}: all is done\n", line.folder));
+  if (!missing.assemble || (missing.tasks.empty() && !terms->assemble.empty())) {
+    write_stdout(
+        fmt::format("{}: all is {}\n", line.folder, missing.assemble ? "under way" : "done"));
     return 0;
   }
   write_scripts(line, folder, *terms, state.tasks.size());
   Slurm slurm(line, folder, *terms, rest);
-  std::vector<std::string> waits = terms->arrays, arrays = terms->arrays;
+  std::vector<std::string> arrays = terms->arrays;
   std::string said;
   if (!missing.tasks.empty()) {
     const std::string prepare = slurm.submit("prepare", {}, terms->memory_bytes);
@@ -391,10 +406,12 @@ int submit_slurm(SubmitLine& line, const std::vector<std::string>& rest) {
       if (!line.dry_run) folder.forget(std::to_string(task));
     }
   }
-  std::vector<std::string> more;
-  if (!arrays.empty()) more = {fmt::format("--dependency=afterany:{}", fmt::join(arrays, ":"))};
-  said += fmt::format("{}assemble {}", said.empty() ? "" : ", ",
-                      slurm.submit("assemble", more, terms->memory_bytes));
+  // One after the other: what one has assembled another would miss.
+  std::vector<std::string> before = arrays, more;
+  if (!terms->assemble.empty()) before.push_back(terms->assemble);
+  if (!before.empty()) more = {fmt::format("--dependency=afterany:{}", fmt::join(before, ":"))};
+  terms->assemble = slurm.submit("assemble", more, terms->memory_bytes);
+  said += fmt::format("{}assemble {}", said.empty() ? "" : ", ", terms->assemble);
   if (line.dry_run) return 0;
   folder.forget("assemble");
   terms->arrays = arrays;
@@ -419,10 +436,7 @@ CLI::App* add_engine(CLI::App& command, const char* name, const char* purpose, c
     add_given<TransferOptions>(*engine, info, line);
   add_value(*engine, "--tasks", "N", "Tasks",
             "How many tasks share the job [default: tasks of about five minutes, 1000 at most]",
-            [line](const std::string& text) {
-              line->farm.tasks =
-                  static_cast<std::uint32_t>(parse_number("--tasks", text, 1, kMostTasks));
-            });
+            [line](const std::string& text) { line->farm.tasks = parse_count("--tasks", text); });
   engine->callback([line] {
     const JobFolder folder(line->folder);
     if (folder.has_job() && line->options.source.empty() &&
@@ -437,8 +451,7 @@ void add_slurm_options(CLI::App& engine, const std::shared_ptr<SubmitLine>& line
   const std::string group = "Slurm";
   add_value(engine, "--max-running", "N", group, "Tasks that may run at once",
             [line](const std::string& text) {
-              line->max_running =
-                  fmt::format("{:.0f}", parse_number("--max-running", text, 1, kMostTasks));
+              line->max_running = std::to_string(parse_count("--max-running", text));
             });
   add_value(engine, "--partition", "NAME", group, "Partition, as for sbatch",
             [line](const std::string& text) { line->partition = text; });

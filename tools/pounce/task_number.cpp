@@ -100,4 +100,11 @@ TaskNumber parse_task(const std::string& option, const std::string& text) {
   return {task, tasks};
 }
 
+std::uint32_t parse_count(const std::string& option, const std::string& text) {
+  const auto value = whole_number(text);
+  if (!value || *value < 1 || *value > kMostTasks)
+    refuse(option, text, fmt::format("expected a whole number of 1 to {}", kMostTasks));
+  return static_cast<std::uint32_t>(*value);
+}
+
 }  // namespace pounce::cli

@@ -15,4 +15,7 @@ struct TaskNumber {
 /// Error(usage), also where no scheduler says anything, or several do.
 TaskNumber parse_task(const std::string& option, const std::string& text);
 
+/// A whole number of tasks. Throws Error(usage).
+std::uint32_t parse_count(const std::string& option, const std::string& text);
+
 }  // namespace pounce::cli

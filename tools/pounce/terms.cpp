@@ -32,7 +32,8 @@ void save(const Terms& terms, const JobFolder& folder) {
             {"memory_bytes", terms.memory_bytes},
             {"threads", terms.threads},
             {"minutes", terms.minutes},
-            {"arrays", terms.arrays}};
+            {"arrays", terms.arrays},
+            {"assemble", terms.assemble}};
   json["more_memory"] = Json::object();
   for (const auto& [task, bytes] : terms.more_memory)
     json["more_memory"][std::to_string(task)] = bytes;
@@ -50,6 +51,7 @@ std::optional<Terms> load_terms(const JobFolder& folder) {
                 json.at("minutes"),
                 {},
                 json.at("arrays")};
+    terms.assemble = json.at("assemble");
     for (const auto& [task, bytes] : json.at("more_memory").items())
       terms.more_memory[static_cast<std::uint32_t>(std::stoul(task))] = bytes;
     return terms;

@@ -20,6 +20,7 @@ struct Terms {
   double minutes = 0;
   std::map<std::uint32_t, std::uint64_t> more_memory;  ///< by task: one that died of too little
   std::vector<std::string> arrays;                     ///< of Slurm, that may still be at work
+  std::string assemble;                                ///< the same
 };
 void save(const Terms& terms, const JobFolder& folder);
 /// Nothing of a job that was never submitted. Throws Error(input), Error(storage).
