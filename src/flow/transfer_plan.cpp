@@ -112,7 +112,7 @@ void TransferPlan::plan_source() {
     needs_.add(plan.table_loading_bytes + source_->held_bytes(),
                "the tables of " + options_.colour.config);
   }
-  check_channel_outputs();
+  planning::check_channel_outputs(options_, plan);
   for (const std::string& warning : plan.warnings) job_.warn(warning);
   for (const std::string& note : plan.notes) job_.note(note);
   add_inputs(source_->files());
@@ -138,7 +138,7 @@ void TransferPlan::plan_target_side(std::size_t t, planning::DiskPlan& disk) {
     least_target_texels_ = std::min(least_target_texels_, texels * plan.pages.size());
   }
   disk.add_target(source, plan, target_.mesh, target_.model.has_value(), levels_bytes);
-  warn_of_own_colours();
+  if (target_.model) job_.warn(planning::own_colours_note(source, target_.mesh));
   source_->meet(plan, target_.mesh);
   for (const std::string& warning : plan.warnings) job_.warn(warning);
   if (path != options_.source)
@@ -159,23 +159,6 @@ void TransferPlan::plan_target_side(std::size_t t, planning::DiskPlan& disk) {
   name_jobs();
   const auto begun = planning::half_done(job_, source, plan);
   job_.report.half_done.insert(job_.report.half_done.end(), begun.begin(), begun.end());
-}
-
-/// An output of its own is no wish for a channel: it may be meant for another job.
-void TransferPlan::check_channel_outputs() const {
-  for (const ChannelOutput& own : options_.image.channel_outputs) {
-    const bool is_made =
-        std::any_of(source_->plan().channels.begin(), source_->plan().channels.end(),
-                    [&](const planning::ChannelPlan& plan) { return plan.channel == own.channel; });
-    if (is_made) continue;
-    const std::string name = channel_name(options_, own.channel);
-    throw Error(
-        ErrorKind::usage,
-        fmt::format("--output-for {}={}: this job writes no {}; add it to --channels{}, or remove "
-                    "this option",
-                    name, own.path, name,
-                    is_shape(own.channel) || own.channel == Channel::normal ? " or --bake" : ""));
-  }
 }
 
 void TransferPlan::need_target(const std::string& path) {
@@ -261,19 +244,6 @@ PlannedTarget& TransferPlan::target(std::size_t t) {
     name_jobs();
   }
   return target_;
-}
-
-/// A model keeps its vertices as they are.
-void TransferPlan::warn_of_own_colours() {
-  const auto& channels = source_->plan().channels;
-  const bool has_base =
-      std::any_of(channels.begin(), channels.end(),
-                  [](const planning::ChannelPlan& c) { return c.channel == Channel::base_color; });
-  if (!target_.model || !target_.mesh.has_vertex_colours || !has_base) return;
-  job_.warn(
-      fmt::format("{}: its vertex colours stay in the model, and renderers multiply the new "
-                  "baseColor by them; remove them if this is not intended",
-                  target_.plan.path));
 }
 
 /// What shows that source and target are in the wrong order is said before what is missing.

@@ -54,7 +54,6 @@ class TransferPlan {
   void plan_target_side(std::size_t t, planning::DiskPlan& disk);
   void need_target(const std::string& path);
   void need_pass(std::size_t pass);
-  void check_channel_outputs() const;
   void check_order(const mesh::Mesh& source);
   void plan_one(std::size_t t);
   bool share_out(std::size_t t);
@@ -64,7 +63,6 @@ class TransferPlan {
   std::uint64_t reading_bytes(const std::string& path) const;
   mesh::Mesh load_target(const std::string& path) const;
   void add_target_tangents();
-  void warn_of_own_colours();
   void add_inputs(const std::vector<std::string>& files);
 
   job::JobContext& job_;

@@ -120,7 +120,12 @@ class TargetTransfer {
 
   /// The stores that others will read.
   bool prepare(const std::vector<Step>& steps) {
-    for (const Step& step : steps) vectorize(step.pass, step.page);
+    steps_done_ = steps_of_all() - steps.size();
+    for (const Step& step : steps) {
+      vectorize(step.pass, step.page);
+      ++steps_done_;
+      job_.meter.keep(fraction(0));
+    }
     return true;
   }
 

@@ -255,6 +255,12 @@ TangentPlan target_tangents(const TransferOptions& options, const mesh::Mesh& ta
 void check_numbers(const TransferOptions& options, const ChannelPlan& plan,
                    const std::string& option);
 
+/// Throws Error(usage) for a channel with an output of its own that this job does not write: an
+/// output is no wish for a channel, as it may be meant for another job.
+void check_channel_outputs(const TransferOptions& options, const SourcePlan& plan);
+/// What a user should know of a model whose vertices have colours, which it keeps; else empty.
+std::string own_colours_note(const SourcePlan& plan, const mesh::Mesh& target);
+
 /// Throws Error(usage) if two images of these plans have one name, or one of them is an input:
 /// these, the meshes or the source's images.
 void check_all_outputs(const TransferOptions& options, const SourcePlan& plan,

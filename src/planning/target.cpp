@@ -264,6 +264,33 @@ TargetPlan plan_target(const TransferOptions& options, const SourcePlan& plan,
   return TargetPlanner(options, plan, target).make(path);
 }
 
+void check_channel_outputs(const TransferOptions& options, const SourcePlan& plan) {
+  for (const ChannelOutput& own : options.image.channel_outputs) {
+    const bool is_made =
+        std::any_of(plan.channels.begin(), plan.channels.end(),
+                    [&](const ChannelPlan& channel) { return channel.channel == own.channel; });
+    if (is_made) continue;
+    const std::string name = channel_name(options, own.channel);
+    throw Error(
+        ErrorKind::usage,
+        fmt::format("--output-for {}={}: this job writes no {}; add it to --channels{}, or remove "
+                    "this option",
+                    name, own.path, name,
+                    is_shape(own.channel) || own.channel == Channel::normal ? " or --bake" : ""));
+  }
+}
+
+std::string own_colours_note(const SourcePlan& plan, const mesh::Mesh& target) {
+  const bool has_base =
+      std::any_of(plan.channels.begin(), plan.channels.end(),
+                  [](const ChannelPlan& c) { return c.channel == Channel::base_color; });
+  if (!target.has_vertex_colours || !has_base) return {};
+  return fmt::format(
+      "{}: its vertex colours stay in the model, and renderers multiply the new "
+      "baseColor by them; remove them if this is not intended",
+      target.path);
+}
+
 void check_all_outputs(const TransferOptions& options, const SourcePlan& plan,
                        const std::vector<std::string>& outputs,
                        const std::vector<std::string>& more_inputs) {

@@ -8,19 +8,15 @@
 // Without levels this is the writer alone.
 #include "flow/write/image_file.h"
 
-#include <tbb/task_arena.h>
-#include <tbb/task_group.h>
-
 #include <algorithm>
 #include <cstring>
-#include <functional>
 #include <span>
 #include <utility>
 
 #include "io/codec/sample.h"
 #include "job/kept_encodings.h"
 #include "mesh/lattice.h"
-#include "pounce/error.h"
+#include "runtime/shared_work.h"
 #include "store/blocks/colour_store.h"
 
 namespace pounce::flow {
@@ -44,44 +40,11 @@ io::ImageWriteSpec multiplied(io::ImageWriteSpec spec) {
   return spec;
 }
 
-/// Work that any thread of the job may take. Who waits for it works meanwhile.
-class SharedWork final : public io::BegunWork {
- public:
-  explicit SharedWork(std::function<void()> work) {
-    group_.run([this, work = std::move(work)] {
-      work();
-      done_ = true;
-    });
-  }
-  ~SharedWork() noexcept override {
-    if (waited_) return;
-    try {
-      group_.wait();
-    } catch (...) {  // of an image that nobody gets
-    }
-  }
-  void wait() override {
-    waited_ = true;
-    group_.wait();
-    // Where the job has ended with an error, TBB drops what was not begun without a word.
-    if (!done_) throw Error(ErrorKind::cancelled, "an image was not encoded to its end");
-  }
-
- private:
-  tbb::task_group group_;
-  bool done_ = false, waited_ = false;
-};
-
-std::unique_ptr<io::BegunWork> begin_work(std::function<void()> work) {
-  if (tbb::this_task_arena::max_concurrency() == 1) return io::work_here(work);
-  return std::make_unique<SharedWork>(std::move(work));
-}
-
 }  // namespace
 
 ImageFile::ImageFile(job::JobContext& job, const std::string& path, const io::ImageWriteSpec& spec,
                      io::EncodedBlocks* known)
-    : job_(job), spec_(spec), writer_(path, multiplied(spec), begin_work, known) {
+    : job_(job), spec_(spec), writer_(path, multiplied(spec), runtime::begin_work, known) {
   if (!spec.layout.mipmap) return;
   ImageSize size{spec.width, spec.height};
   levels_.emplace(size, spec.channels, spec.depth);
@@ -98,7 +61,7 @@ ImageFile::ImageFile(job::JobContext& job, const std::string& path, const io::Im
 
 ImageFile::ImageFile(job::JobContext& job, WriteFile& sink, const io::ImageWriteSpec& spec,
                      io::EncodedBlocks* known)
-    : job_(job), spec_(spec), writer_(sink, spec, begin_work, known) {}
+    : job_(job), spec_(spec), writer_(sink, spec, runtime::begin_work, known) {}
 
 void ImageFile::write_rows(std::uint32_t count, const std::byte* rows) {
   if (!levels_) return writer_.write_rows(count, rows);

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "core/begun_work.h"
 #include "core/hash.h"
 #include "io/codec/channels.h"
 #include "io/codec/image_info.h"

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "core/begun_work.h"
 #include "core/colour_space.h"
 #include "core/file.h"
 #include "io/codec/image_info.h"

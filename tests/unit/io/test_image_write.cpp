@@ -287,7 +287,7 @@ TEST_CASE("a PNG at the end of a scratch file has the bytes of one with a name",
 namespace {
 
 /// Work that is done when somebody waits for it, or meanwhile; counts what is under way.
-class LaterWork final : public io::BegunWork {
+class LaterWork final : public BegunWork {
  public:
   LaterWork(std::launch when, std::function<void()> work, int& now)
       : now_(now), done_(std::async(when, std::move(work))) {
