@@ -165,11 +165,8 @@ class PosixFileSystem final : public FileSystem {
     const Descriptor fd(open_retrying(path, O_RDONLY | O_DIRECTORY));
     if (fd.get() < 0) fail_storage(path, "open the folder", errno);
     // EINVAL: a file system that cannot sync folders has nothing to promise about them.
-    while (::fsync(fd.get()) != 0) {
-      if (errno == EINTR) continue;
-      if (errno == EINVAL) return;
+    if (!sync_retrying(fd.get()) && errno != EINVAL)
       fail_storage(path, "write the folder to the disk", errno);
-    }
   }
 
   std::vector<std::string> list(const std::string& folder) override {

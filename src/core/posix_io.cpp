@@ -115,6 +115,13 @@ int open_retrying(const std::string& path, int flags, mode_t mode) {
   }
 }
 
+bool sync_retrying(int fd) {
+  while (::fsync(fd) != 0) {
+    if (errno != EINTR) return false;
+  }
+  return true;
+}
+
 int open_for_reading(const std::string& path) {
   constexpr int kFlags = O_RDONLY | O_NOCTTY;
   const int fd = open_retrying(path, kFlags | O_NONBLOCK);

@@ -50,6 +50,9 @@ using FolderStream = std::unique_ptr<DIR, CloseFolder>;
 /// open() that goes on after a signal; -1 and errno if it fails.
 int open_retrying(const std::string& path, int flags, mode_t mode = 0);
 
+/// fsync() that goes on after a signal; false and errno if it fails.
+bool sync_retrying(int fd);
+
 /// Opens `path` for reading and never waits: not for somebody who writes into a pipe, not for a
 /// device. -1, and errno, if that fails. What was opened may be anything: ask fstat() before
 /// reading.

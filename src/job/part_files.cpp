@@ -73,31 +73,37 @@ std::vector<std::unique_ptr<ReadFile>> PartFiles::open() const {
   return parts;
 }
 
-void PartFiles::read(const store::ResultGrid& grid,
-                     const std::function<void(const Piece&)>& visit) const {
+std::optional<Error> PartFiles::read(const store::ResultGrid& grid,
+                                     const std::function<void(const Piece&)>& visit) const {
+  std::optional<Error> unread;
   for (const auto& file : open()) {
     std::vector<store::ChunkRef> waiting;
-    store::scan_pack(*file, store::PackKind::results, key_,
-                     [&](store::ChunkKind kind, const store::ChunkRef& ref,
-                         std::span<const std::byte> stored, const store::PackScan&) {
-                       if (kind == store::ChunkKind::block) waiting.push_back(ref);
-                       if (kind != store::ChunkKind::record) return true;
-                       const auto record = store::decode_record(stored, grid);
-                       if (!record) return false;
-                       visit({*file, *record, waiting, stored});
-                       waiting.clear();
-                       return true;
-                     });
+    const store::PackScan scan =
+        store::scan_pack(*file, store::PackKind::results, key_,
+                         [&](store::ChunkKind kind, const store::ChunkRef& ref,
+                             std::span<const std::byte> stored, const store::PackScan&) {
+                           if (kind == store::ChunkKind::block) waiting.push_back(ref);
+                           if (kind != store::ChunkKind::record) return true;
+                           const auto record = store::decode_record(stored, grid);
+                           if (!record) return false;
+                           visit({*file, *record, waiting, stored});
+                           waiting.clear();
+                           return true;
+                         });
+    if (scan.unread && !unread) unread = scan.unread;
   }
+  return unread;
 }
 
 void PartFiles::count(store::ResultIndex& index) const {
-  read(index.grid(), [&](const Piece& piece) { index.take(piece.record, piece.chunks); });
+  const auto unread =
+      read(index.grid(), [&](const Piece& piece) { index.take(piece.record, piece.chunks); });
+  if (unread) job_.warn(std::string(unread->what()) + "; what it cannot show is made again");
 }
 
-void PartFiles::copy(store::ResultIndex& index, store::PackWriter& to) const {
+std::optional<Error> PartFiles::copy(store::ResultIndex& index, store::PackWriter& to) const {
   std::vector<std::byte> bytes;
-  read(index.grid(), [&](const Piece& piece) {
+  return read(index.grid(), [&](const Piece& piece) {
     if (!index.fits(piece.record, piece.chunks.size())) return;
     std::vector<store::ChunkRef> copies;
     for (const store::ChunkRef& chunk : piece.chunks) {

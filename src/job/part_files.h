@@ -6,6 +6,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "core/file.h"
 #include "core/hash.h"
 #include "job/job_context.h"
+#include "pounce/error.h"
 #include "store/blocks/result_index.h"
 #include "store/pack/pack.h"
 
@@ -24,10 +26,11 @@ class PartFiles {
   /// `key`: of all that decides what the results are.
   PartFiles(JobContext& job, const Hash128& key);
 
-  /// Counts as made what the parts have, as far as each of them is sound.
+  /// Counts as made what the parts have, as far as each of them is sound and can be read.
   void count(store::ResultIndex& index) const;
-  /// The same, and copies it behind what is in a pack.
-  void copy(store::ResultIndex& index, store::PackWriter& to) const;
+  /// The same, and copies it behind what is in a pack. Returns why the system could not read all of
+  /// it, if it could not.
+  std::optional<Error> copy(store::ResultIndex& index, store::PackWriter& to) const;
   /// A pack of this process. Whoever makes the same part at once has one of its own.
   struct NewPart {
     std::unique_ptr<store::PackWriter> writer;
@@ -50,7 +53,8 @@ class PartFiles {
     std::span<const store::ChunkRef> chunks;
     std::span<const std::byte> stored;  ///< the record itself
   };
-  void read(const store::ResultGrid& grid, const std::function<void(const Piece&)>& visit) const;
+  std::optional<Error> read(const store::ResultGrid& grid,
+                            const std::function<void(const Piece&)>& visit) const;
   std::vector<std::unique_ptr<ReadFile>> open() const;
   std::vector<std::string> names() const;
   std::string path(const std::string& name) const;

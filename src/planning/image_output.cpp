@@ -15,6 +15,7 @@
 #include <filesystem>
 #include <map>
 
+#include "core/posix_io.h"
 #include "io/files/asset_file.h"
 #include "io/image/write.h"
 #include "planning/colour_spaces.h"
@@ -88,11 +89,14 @@ std::optional<io::ImageInfo> onto_header(const TransferOptions& options,
   // must not.
   std::string first;
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(folder, error)) {
-    const std::string name = entry.path().filename().string();
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
     if (fnmatch(wanted.c_str(), name.c_str(), 0) == 0 && (first.empty() || name < first))
       first = name;
   }
+  if (error && error != std::errc::no_such_file_or_directory && error != std::errc::not_a_directory)
+    fail_storage(folder.string(), "read the folder", error.value());
   if (first.empty()) {
     throw io::MissingFile(fmt::format("{}: --onto: no such file; name existing images", pattern));
   }

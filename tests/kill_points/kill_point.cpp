@@ -3,13 +3,21 @@
 // A library that is preloaded into pounce and kills it at one of its calls that change a file:
 // every write, sync, link, rename, removal, change of size, mode or time, and every file or folder
 // that is created. Whoever goes through all numbers has killed a job everywhere that a kill can
-// matter: between two such calls nothing changes on disk.
+// matter: between two such calls nothing changes on disk. Or it lets a call fail, as a disk would:
+// then every opening, reading and mapping of a file counts too.
 //
-// What it does at its call is one of
+// A kill is one of
 //   before  dies before the call
 //   half    lets half of a write through, then dies (other calls: as before)
 //   zeros   dies as if the power failed: what was written and not synced reads as zeros
 //   short   the same, and files end where something was not synced
+//
+// A fault is one of these, once, or with a + behind it from this call on
+//   eio      it fails, whatever it is
+//   enospc   there is no room: it fails if it writes, makes something, or syncs
+//   emfile   it fails if it opens a file
+//   eintr    a signal came before it began: it fails if it opens, reads, writes or syncs
+//   partial  a read or a write does half of what it was asked for
 //
 // What a kernel does to unsynced data is anything between the last two: they are the two that it
 // does in practice. What it does to names that were not synced is the same as an earlier kill.
@@ -20,6 +28,7 @@
 // Decoders have processes of their own: only the process that was started first counts and dies.
 #include <dlfcn.h>
 #include <fcntl.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/uio.h>
@@ -27,6 +36,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <csignal>
 #include <cstdarg>
 #include <cstdio>
@@ -41,7 +51,33 @@
 
 namespace {
 
-enum class How { before, half, zeros, cut_short };
+enum class How { before, half, zeros, cut_short, fault };
+
+/// What kinds of calls there are; a fault concerns some.
+enum Kind : unsigned {
+  kOpens = 1,
+  kReads = 2,
+  kWrites = 4,  // data
+  kMakes = 8,   // a name, or room
+  kSyncs = 16,
+  kOther = 32,  // renames, removals, modes, times
+  kMaps = 64,
+  kAny = 127,
+};
+
+struct Fault {
+  const char* name;
+  int number;  // of the error; 0: half is done
+  unsigned kinds;
+};
+
+constexpr Fault kFaults[] = {
+    {"eio", EIO, kAny},
+    {"enospc", ENOSPC, kWrites | kMakes | kSyncs},
+    {"emfile", EMFILE, kOpens},
+    {"eintr", EINTR, kOpens | kReads | kWrites | kSyncs},
+    {"partial", 0, kReads | kWrites},
+};
 
 /// What was written to a file since it was last synced.
 struct Unsynced {
@@ -53,6 +89,8 @@ struct State {
   pid_t owner = 0;
   long at = 0;  ///< the call to die at; 0: none
   How how = How::before;
+  Fault fault{"", 0, kWrites | kMakes | kSyncs | kOther};  ///< a kill's kinds
+  bool goes_on = false;                                    ///< the fault, from its call on
   long clock_step_ns = 0;
   std::string report;
   std::atomic<long> calls{0}, looks{0};
@@ -60,6 +98,8 @@ struct State {
   std::string trace;  ///< the calls, a line for each, where it does not die
   std::map<std::pair<dev_t, ino_t>, Unsynced> unsynced;
 };
+
+constexpr const char* kMemory = "/memfd:";  ///< files that are no files
 
 State* state = nullptr;  // null before main(), and after it
 
@@ -87,11 +127,18 @@ __attribute__((constructor)) void begin() {
   auto* const made = new State;
   made->owner = getpid();
   made->at = std::atol(setting("KILL_POINT_AT").c_str());
-  const std::string how = setting("KILL_POINT_HOW");
+  std::string how = setting("KILL_POINT_HOW");
+  made->goes_on = !how.empty() && how.back() == '+';
+  if (made->goes_on) how.pop_back();
   made->how = how == "half"    ? How::half
               : how == "zeros" ? How::zeros
               : how == "short" ? How::cut_short
                                : How::before;
+  for (const Fault& fault : kFaults) {
+    if (how != fault.name) continue;
+    made->how = How::fault;
+    made->fault = fault;
+  }
   made->clock_step_ns = 1'000'000 * std::atol(setting("KILL_POINT_CLOCK_MS").c_str());
   made->report = setting("KILL_POINT_REPORT");
   unsetenv("LD_PRELOAD");  // for the processes that this one starts
@@ -100,7 +147,7 @@ __attribute__((constructor)) void begin() {
 
 __attribute__((destructor)) void end() {
   if (state == nullptr || getpid() != state->owner) return;
-  write_report("ended\n" + state->trace);
+  if (state->at == 0 || state->trace.empty()) write_report("ended\n" + state->trace);
   state = nullptr;
 }
 
@@ -154,18 +201,33 @@ void lose_unsynced() {
   for (;;) pause();
 }
 
-/// Is this the call to die at?
-bool is_last(const char* call) {
+/// Is this the call to die at, or to let fail?
+bool is_chosen(Kind kind, const char* call) {
+  if ((kind & state->fault.kinds) == 0) return false;
+  const long number = ++state->calls;
   if (state->at == 0) {
     const std::lock_guard lock(state->mutex);
     state->trace += call;
     state->trace += '\n';
+    return false;
   }
-  return ++state->calls == state->at;
+  return state->goes_on ? number >= state->at : number == state->at;
 }
 
-void point(const char* call, const std::string& what) {
-  if (counts() && is_last(call)) die(call, what);
+void note_fault(const char* call, const std::string& what) {
+  const std::lock_guard lock(state->mutex);
+  if (!state->trace.empty()) return;
+  state->trace = "failed at " + std::to_string(state->at) + ": " + call + " " + what + "\n";
+  write_report(state->trace);
+}
+
+/// Dies at the call it is to die at. Returns true at one that is to fail, with errno.
+bool point(Kind kind, const char* call, const std::string& what) {
+  if (what.starts_with(kMemory) || !counts() || !is_chosen(kind, call)) return false;
+  if (state->how != How::fault) die(call, what);
+  note_fault(call, what);
+  errno = state->fault.number;
+  return true;
 }
 
 std::string name_of(int fd) {
@@ -177,61 +239,74 @@ std::string name_of(int fd) {
 
 bool is_file(int fd) {
   struct stat file {};
-  return fstat(fd, &file) == 0 && S_ISREG(file.st_mode);
+  return fstat(fd, &file) == 0 && S_ISREG(file.st_mode) && !name_of(fd).starts_with(kMemory);
 }
 
-/// A write of so many bytes. `put` writes the first so many of them.
-template <class Put>
-ssize_t pass_write(const char* call, int fd, off_t at, std::size_t bytes, const Put& put) {
-  if (!counts() || !is_file(fd)) return put(bytes);
-  if (is_last(call)) {
-    if (state->how == How::half) put(bytes / 2);
-    die(call, name_of(fd) + " " + std::to_string(bytes) + " bytes at " + std::to_string(at));
+/// A read or write of so many bytes. `pass` does the first so many of them.
+template <class Pass>
+ssize_t pass_bytes(Kind kind, const char* call, int fd, off_t at, std::size_t bytes,
+                   const Pass& pass) {
+  if (!counts() || !is_file(fd)) return pass(bytes);
+  if (is_chosen(kind, call)) {
+    const std::string what =
+        name_of(fd) + " " + std::to_string(bytes) + " bytes at " + std::to_string(at);
+    if (state->how == How::half) pass(bytes / 2);
+    if (state->how != How::fault) die(call, what);
+    note_fault(call, what);
+    errno = state->fault.number;
+    return errno != 0 ? -1 : pass((bytes + 1) / 2);
   }
-  const ssize_t done = put(bytes);
-  note_written(fd, at, done);
+  const ssize_t done = pass(bytes);
+  if (kind == kWrites) note_written(fd, at, done);
   return done;
 }
 
 int pass_sync(const char* call, int fd, int (*sync)(int)) {
-  if (counts()) point(call, name_of(fd));
+  if (point(kSyncs, call, name_of(fd))) return -1;
   const int failed = sync(fd);
   if (counts() && failed == 0) note_synced(fd);
   return failed;
 }
 
-bool makes(int flags) { return (flags & O_CREAT) != 0; }
+bool makes(int flags) { return (flags & O_CREAT) != 0 || (flags & O_TMPFILE) == O_TMPFILE; }
+
+/// An opening that makes a file is both.
+Kind opening(int flags) { return makes(flags) ? Kind(kOpens | kMakes) : kOpens; }
 
 }  // namespace
 
-#define PASS(result, name, parameters, arguments, what)         \
-  extern "C" result name parameters {                           \
-    static const auto real = next<result(*) parameters>(#name); \
-    point(#name, what);                                         \
-    return real arguments;                                      \
+#define PASS(kind, name, parameters, arguments, what)        \
+  extern "C" int name parameters {                           \
+    static const auto real = next<int(*) parameters>(#name); \
+    if (point(kind, #name, what)) return -1;                 \
+    return real arguments;                                   \
   }
 
-PASS(int, linkat, (int a, const char* from, int b, const char* to, int flags),
+PASS(kMakes, linkat, (int a, const char* from, int b, const char* to, int flags),
      (a, from, b, to, flags), to)
-PASS(int, link, (const char* from, const char* to), (from, to), to)
-PASS(int, rename, (const char* from, const char* to), (from, to), to)
-PASS(int, renameat, (int a, const char* from, int b, const char* to), (a, from, b, to), to)
-PASS(int, renameat2, (int a, const char* from, int b, const char* to, unsigned flags),
+PASS(kMakes, link, (const char* from, const char* to), (from, to), to)
+PASS(kOther, rename, (const char* from, const char* to), (from, to), to)
+PASS(kOther, renameat, (int a, const char* from, int b, const char* to), (a, from, b, to), to)
+PASS(kOther, renameat2, (int a, const char* from, int b, const char* to, unsigned flags),
      (a, from, b, to, flags), to)
-PASS(int, unlink, (const char* path), (path), path)
-PASS(int, unlinkat, (int folder, const char* path, int flags), (folder, path, flags), path)
-PASS(int, ftruncate, (int fd, off_t size), (fd, size), name_of(fd))
-PASS(int, ftruncate64, (int fd, off64_t size), (fd, size), name_of(fd))
-PASS(int, fallocate, (int fd, int mode, off_t at, off_t size), (fd, mode, at, size), name_of(fd))
-PASS(int, posix_fallocate, (int fd, off_t at, off_t size), (fd, at, size), name_of(fd))
-PASS(int, mkdir, (const char* path, mode_t mode), (path, mode), path)
-PASS(int, rmdir, (const char* path), (path), path)
-PASS(int, fchmod, (int fd, mode_t mode), (fd, mode), name_of(fd))
-PASS(int, fchown, (int fd, uid_t user, gid_t group), (fd, user, group), name_of(fd))
-PASS(int, utimensat, (int folder, const char* path, const timespec* times, int flags),
+PASS(kOther, unlink, (const char* path), (path), path)
+PASS(kOther, unlinkat, (int folder, const char* path, int flags), (folder, path, flags), path)
+PASS(kMakes, ftruncate, (int fd, off_t size), (fd, size), name_of(fd))
+PASS(kMakes, ftruncate64, (int fd, off64_t size), (fd, size), name_of(fd))
+PASS(kMakes, fallocate, (int fd, int mode, off_t at, off_t size), (fd, mode, at, size), name_of(fd))
+PASS(kMakes, mkdir, (const char* path, mode_t mode), (path, mode), path)
+PASS(kOther, rmdir, (const char* path), (path), path)
+PASS(kOther, fchmod, (int fd, mode_t mode), (fd, mode), name_of(fd))
+PASS(kOther, fchown, (int fd, uid_t user, gid_t group), (fd, user, group), name_of(fd))
+PASS(kOther, utimensat, (int folder, const char* path, const timespec* times, int flags),
      (folder, path, times, flags), path)
 
 extern "C" {
+
+int posix_fallocate(int fd, off_t at, off_t size) {
+  static const auto real = next<int (*)(int, off_t, off_t)>("posix_fallocate");
+  return point(kMakes, "posix_fallocate", name_of(fd)) ? errno : real(fd, at, size);
+}
 
 int fsync(int fd) {
   static const auto real = next<int (*)(int)>("fsync");
@@ -245,13 +320,13 @@ int fdatasync(int fd) {
 
 ssize_t write(int fd, const void* from, std::size_t bytes) {
   static const auto real = next<ssize_t (*)(int, const void*, std::size_t)>("write");
-  return pass_write("write", fd, lseek(fd, 0, SEEK_CUR), bytes,
+  return pass_bytes(kWrites, "write", fd, lseek(fd, 0, SEEK_CUR), bytes,
                     [&](std::size_t first) { return real(fd, from, first); });
 }
 
 ssize_t pwrite(int fd, const void* from, std::size_t bytes, off_t at) {
   static const auto real = next<ssize_t (*)(int, const void*, std::size_t, off_t)>("pwrite");
-  return pass_write("pwrite", fd, at, bytes,
+  return pass_bytes(kWrites, "pwrite", fd, at, bytes,
                     [&](std::size_t first) { return real(fd, from, first, at); });
 }
 
@@ -261,32 +336,60 @@ ssize_t pwrite64(int fd, const void* from, std::size_t bytes, off64_t at) {
 
 ssize_t writev(int fd, const iovec* parts, int count) {
   static const auto real = next<ssize_t (*)(int, const iovec*, int)>("writev");
-  return pass_write("writev", fd, lseek(fd, 0, SEEK_CUR), 2, [&](std::size_t first) {
+  return pass_bytes(kWrites, "writev", fd, lseek(fd, 0, SEEK_CUR), 2, [&](std::size_t first) {
     return real(fd, parts, first < 2 ? count / 2 : count);
   });
 }
 
 ssize_t pwritev(int fd, const iovec* parts, int count, off_t at) {
   static const auto real = next<ssize_t (*)(int, const iovec*, int, off_t)>("pwritev");
-  return pass_write("pwritev", fd, at, 2, [&](std::size_t first) {
+  return pass_bytes(kWrites, "pwritev", fd, at, 2, [&](std::size_t first) {
     return real(fd, parts, first < 2 ? count / 2 : count, at);
   });
+}
+
+ssize_t read(int fd, void* to, std::size_t bytes) {
+  static const auto real = next<ssize_t (*)(int, void*, std::size_t)>("read");
+  return pass_bytes(kReads, "read", fd, 0, bytes,
+                    [&](std::size_t first) { return real(fd, to, first); });
+}
+
+ssize_t pread(int fd, void* to, std::size_t bytes, off_t at) {
+  static const auto real = next<ssize_t (*)(int, void*, std::size_t, off_t)>("pread");
+  return pass_bytes(kReads, "pread", fd, at, bytes,
+                    [&](std::size_t first) { return real(fd, to, first, at); });
+}
+
+ssize_t pread64(int fd, void* to, std::size_t bytes, off64_t at) {
+  return pread(fd, to, bytes, at);
+}
+
+void* mmap(void* where, std::size_t bytes, int access, int flags, int fd, off_t at) noexcept {
+  const auto real = [&] {
+    return reinterpret_cast<void*>(syscall(SYS_mmap, where, bytes, access, flags, fd, at));
+  };
+  if (fd >= 0 && counts() && is_file(fd) && point(kMaps, "mmap", name_of(fd))) return MAP_FAILED;
+  return real();
+}
+
+void* mmap64(void* where, std::size_t bytes, int access, int flags, int fd, off64_t at) noexcept {
+  return mmap(where, bytes, access, flags, fd, at);
 }
 
 int open(const char* path, int flags, ...) {
   static const auto real = next<int (*)(const char*, int, ...)>("open");
   va_list more;
   va_start(more, flags);
-  const mode_t mode = makes(flags) || (flags & O_TMPFILE) == O_TMPFILE ? va_arg(more, mode_t) : 0;
+  const mode_t mode = makes(flags) ? va_arg(more, mode_t) : 0;
   va_end(more);
-  if (makes(flags)) point("open", path);
+  if (point(opening(flags), "open", path)) return -1;
   return real(path, flags, mode);
 }
 
 int open64(const char* path, int flags, ...) {
   va_list more;
   va_start(more, flags);
-  const mode_t mode = makes(flags) || (flags & O_TMPFILE) == O_TMPFILE ? va_arg(more, mode_t) : 0;
+  const mode_t mode = makes(flags) ? va_arg(more, mode_t) : 0;
   va_end(more);
   return open(path, flags, mode);
 }
@@ -295,9 +398,9 @@ int openat(int folder, const char* path, int flags, ...) {
   static const auto real = next<int (*)(int, const char*, int, ...)>("openat");
   va_list more;
   va_start(more, flags);
-  const mode_t mode = makes(flags) || (flags & O_TMPFILE) == O_TMPFILE ? va_arg(more, mode_t) : 0;
+  const mode_t mode = makes(flags) ? va_arg(more, mode_t) : 0;
   va_end(more);
-  if (makes(flags)) point("openat", path);
+  if (point(opening(flags), "openat", path)) return -1;
   return real(folder, path, flags, mode);
 }
 

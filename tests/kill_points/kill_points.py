@@ -1,25 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kills small jobs of every kind at every call that changes a file (kill_point.cpp), then runs the same command again.
+With --how eio,... lets calls fail instead, once or from there on.
 
 After a kill every output is absent, as it was before, or right. After the second run all bytes are right, and nothing
 else is there: no temporary file, no half-done pack, no part or lock in the cache, whose packs are sound.
+A job whose calls fail ends well, with the right bytes, or with a status for trouble of the system and the reason in
+its message; where a read or a write does half, or was interrupted before it began, it ends well.
 
 Usage: kill_points.py POUNCE FIXTURE LIBRARY [--most POINTS_PER_JOB] [--only JOB,...] [--how before,half,zeros,short]
-       [--twice] [-j PROCESSES]
+       [--twice] [-j PROCESSES]      (--how faults: all kinds of failing)
 """
-import argparse, itertools, json, multiprocessing, os, shutil, subprocess, sys, tempfile
+import argparse, itertools, json, multiprocessing, os, re, shutil, subprocess, sys, tempfile
 
 HOWS = ["before", "half", "zeros", "short"]
+FAULTS = {"eio": "Input/output error", "enospc": "No space left on device", "emfile": "Too many open files", "eintr": "", "partial": ""}
 
 
 def jobs():
-    """By name: the arguments, and files that are copied into the job's folder beforehand ({name: input})."""
+    """By name: the arguments, files that are copied into the job's folder beforehand ({name: input}), and commands that
+    run in it beforehand."""
     head = ["transfer", "IN/plane.glb", "IN/head.glb", "--size", "72", "--threads", "1"]
     cut = ["--max-distance", "60%"]
     splats = ["transfer", "IN/scene.ply", "IN/scene_target.glb", "--size", "72", "--threads", "1"]
     tiles = ["transfer", "IN/tiles.obj", "IN/tiles.obj", "--source-texture", "baseColor=IN/tiles.<UDIM>.png", "--threads", "1"]
     cached = ["--cache", "cache"]
     none = ["--no-cache"]
+    alone = head[:3] + cut + cached + ["-o", "o.png", "--size", "300", "--threads", "1", "--job-folder", "job"]
+    shared = tiles + cached + ["-o", "o.<UDIM>.png", "--size", "72", "--job-folder", "job"]
     return {
         "png": (head + cut + cached + ["-o", "o.png", "--coverage", "m.png", "--report", "r.json"], {}),
         "png again": (head + cut + none + ["-o", "o.png", "--coverage", "m.png"], {"o.png": "skin.png", "m.png": "skin.png"}),
@@ -47,6 +54,10 @@ def jobs():
         "ply": (["gaussians", "IN/plane.glb", "-o", "o.ply", "--threads", "1"] + cached, {}),
         "spz": (["gaussians", "IN/scene.ply", "-o", "o.spz", "--count", "500", "--threads", "1"] + none, {}),
         "glb": (["gaussians", "IN/scene.ply", "-o", "o.glb", "--threads", "1"] + none, {}),
+        "prepare": (["prepare"] + [text for text in shared if text != "transfer"] + ["--tasks", "2"], {}),
+        "task": (shared + ["--task", "1/2"], {}),
+        "part": (alone + ["--task", "2/2"], {}),
+        "assemble": (["assemble", "job"], {}, [alone + ["--task", "1/2"], alone + ["--task", "2/2"]]),
     }
 
 
@@ -74,12 +85,16 @@ class Driver:
         with open(os.path.join(self.inputs, "mask.png"), "wb") as mask:
             mask.write(b"P5\n72 72\n255\n" + bytes(120 for _ in range(72 * 72)))
 
-    def fresh(self, name, files):
+    def fresh(self, name, files, commands=()):
         folder = os.path.join(self.folder, name)
         shutil.rmtree(folder, ignore_errors=True)
         os.makedirs(folder)
         for to, source in files.items():
             shutil.copy(os.path.join(self.inputs, source), os.path.join(folder, to))
+        for arguments in commands:
+            status, said, _ = self.run(folder, arguments)
+            if status != 0:
+                sys.exit("%s: status %d: %s" % (arguments, status, said))
         return folder
 
     def run(self, folder, arguments, at=None, how="before"):
@@ -98,13 +113,17 @@ class Driver:
         found = {}
         for base, folders, names in os.walk(folder):
             inside = os.path.relpath(base, folder)
-            is_cache = inside.split("/")[0] == "cache"
+            is_cache = inside.split("/")[0] in ("cache", "job")
             if inside == "cache/v3/resume":
                 continue  # where half-done packs may be, which it keeps for `cache prune`
             if not is_cache and not folders and not names and inside != ".":
                 found[inside + "/"] = b""
             for name in names:
                 path = os.path.normpath(os.path.join(inside, name))
+                # A part is named after the process that made it. One that died leaves its own, for the next.
+                if inside == "job/parts":
+                    found[re.sub(r"\.[^.]+\.\d+\.\d+(\.whole)?\.part$", ".part", path)] = b""
+                    continue
                 with open(os.path.join(folder, path), "rb") as file:
                     found[path] = b"" if is_cache or name == "r.json" else file.read()
                 if name == "r.json":
@@ -114,14 +133,28 @@ class Driver:
     def check_killed(self, folder, before, right):
         for path, content in self.tree(folder).items():
             name = os.path.basename(path)
-            if path.startswith("cache/") or path.endswith("/") or name.startswith("."):
+            if path.startswith(("cache/", "job/")) or path.endswith("/") or name.startswith("."):
                 continue
             if content not in (before.get(path), right.get(path)):
                 return "%s is half written" % path
         for path in before:
-            if not os.path.exists(os.path.join(folder, path)):
+            if not path.startswith("job/") and not os.path.exists(os.path.join(folder, path)):
                 return "%s, which was there before, is gone" % path
         return ""
+
+    def check_failed(self, folder, how, status, said, before, right):
+        """What is wrong after a job whose calls failed."""
+        reason = FAULTS[how.rstrip("+")]
+        if status not in (0, 5, 75) or (status != 0 and not reason):
+            return "status %d: %s" % (status, said.strip())
+        if status != 0 and (reason not in said or "error:" not in said):
+            return "status %d says no reason: %s" % (status, said.strip())
+        if status == 0:
+            now = self.tree(folder)
+            wrong = sorted(path for path in right if not path.startswith("cache/") and now.get(path) != right[path])
+            if wrong:
+                return "status 0 with other bytes: " + ", ".join(wrong)
+        return self.check_killed(folder, before, right)
 
     def check_again(self, folder, arguments, right):
         status, said, _ = self.run(folder, arguments)
@@ -130,8 +163,8 @@ class Driver:
         now = self.tree(folder)
         wrong = sorted(path for path in right if path in now and now[path] != right[path])
         more, less = sorted(now.keys() - right.keys()), sorted(right.keys() - now.keys())
-        # Hits are stored by a run that searched for all of a page.
-        less = [path for path in less if not path.startswith("cache/v3/hits/")]
+        # Hits are stored by a run that searched for all of a page, labels of packs where they can be.
+        less = [path for path in less if not path.startswith("cache/v3/hits/") and not path.endswith(".label")]
         if wrong or more or less:
             return "; ".join("%s: %s" % (what, ", ".join(paths))
                              for what, paths in (("other bytes", wrong), ("left", more), ("missing", less)) if paths)
@@ -145,8 +178,8 @@ class Driver:
     def one(self, task):
         """A kill; returns what it was, and what is wrong."""
         name, at, how, second, before, right = task
-        arguments, files = jobs()[name]
-        folder = self.fresh("killed-%d" % os.getpid(), files)
+        arguments, *given = jobs()[name]
+        folder = self.fresh("killed-%d" % os.getpid(), *given)
         report = folder + ".report"
         if os.path.exists(report):
             os.remove(report)
@@ -154,6 +187,9 @@ class Driver:
         if report.startswith("ended"):
             return "%s %d %s: ended" % (name, at, how), "" if status == 0 else "status %d: %s" % (status, said)
         what = "%s %s, %s" % (name, report.strip(), how)
+        if how.rstrip("+") in FAULTS:
+            return what, (self.check_failed(folder, how, status, said, before, right) or
+                          self.check_again(folder, arguments, right))
         if status != -9:
             return what, "status %d: %s" % (status, said)
         wrong = self.check_killed(folder, before, right)
@@ -166,29 +202,32 @@ class Driver:
 
     def plan(self, name, number):
         """The quiet run, how many calls there are, and a task for each kill."""
-        arguments, files = jobs()[name]
-        folder = self.fresh("quiet", files)
+        arguments, *given = jobs()[name]
+        folder = self.fresh("quiet", *given)
         before = self.tree(folder)
         status, said, _ = self.run(folder, arguments)
         right = self.tree(folder)
         if status != 0:
             sys.exit("%s: status %d: %s" % (name, status, said))
-        folder = self.fresh("counted", files)
-        status, said, report = self.run(folder, arguments, 0)
-        calls = report.splitlines()[1:]
-        if status != 0 or self.tree(folder).keys() != right.keys():
-            sys.exit("%s with a fast clock: status %d: %s %s" % (name, status, said, sorted(self.tree(folder).keys() ^ right.keys())))
-        points = []
+        points, counted = [], {}
         for how in self.options.how:
-            for at, call in enumerate(calls, 1):
-                if how != "half" or "write" in call:
-                    points.append((at, how))
+            kind = "kill" if how in HOWS else how.rstrip("+")
+            if kind in counted:
+                points += [(at, how) for at, call in enumerate(counted[kind], 1) if how != "half" or "write" in call]
+                continue
+            folder = self.fresh("counted", *given)
+            status, said, report = self.run(folder, arguments, 0, how)
+            calls = counted[kind] = report.splitlines()[1:]
+            if status != 0 or self.tree(folder).keys() != right.keys():
+                sys.exit("%s with a fast clock: status %d: %s %s" % (name, status, said, sorted(self.tree(folder).keys() ^ right.keys())))
+            points += [(at, how) for at, call in enumerate(calls, 1) if how != "half" or "write" in call]
         if self.options.most and len(points) > self.options.most:
             # Spread over all, and over the jobs in another way for each.
             step = len(points) / self.options.most
             points = [points[int((i + number % 7 / 7) * step)] for i in range(self.options.most)]
-        print("%-16s %3d calls (%s), %d kills" % (name, len(calls), " ".join(
-            "%d %s" % (len(list(same)), call) for call, same in itertools.groupby(sorted(calls))), len(points)), flush=True)
+        print("%-16s %3d calls (%s), %d of %s" % (name, len(calls), " ".join(
+            "%d %s" % (len(list(same)), call) for call, same in itertools.groupby(sorted(calls))), len(points),
+            ",".join(self.options.how)), flush=True)
         second = lambda at: at * 31 % len(calls) + 1 if self.options.twice else 0
         return [(name, at, how, second(at), before, right) for at, how in points]
 
@@ -204,7 +243,8 @@ def main():
     parser.add_argument("--twice", action="store_true", help="the run that follows is killed as well")
     parser.add_argument("-j", type=int, default=1)
     options = parser.parse_args()
-    options.how = options.how.split(",")
+    options.how = ([how + more for how in FAULTS for more in ("", "+") if how != "eintr" or not more]
+                   if options.how == "faults" else options.how.split(","))
     for program in ("pounce", "fixture", "library"):
         setattr(options, program, os.path.abspath(getattr(options, program)))
     folder = tempfile.mkdtemp(prefix="pounce-kill-")
@@ -218,11 +258,11 @@ def main():
             for done, (what, wrong) in enumerate(pool.imap_unordered(driver.one, tasks, 4), 1):
                 if done % 500 == 0:
                     print("%d of %d" % (done, len(tasks)), flush=True)
-                kills += " killed at " in what
+                kills += " killed at " in what or " failed at " in what
                 failures += bool(wrong)
                 if wrong:
                     print("FAILED %s: %s" % (what, wrong), flush=True)
-        print("%d kills, %d failed" % (kills, failures))
+        print("%d points met, %d failed" % (kills, failures))
         return 1 if failures or kills < 0.9 * len(tasks) else 0
     finally:
         shutil.rmtree(folder, ignore_errors=True)

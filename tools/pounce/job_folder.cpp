@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "job_folder.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -9,6 +10,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -97,6 +99,24 @@ std::uint64_t most_resident_bytes() {
   return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
 }
 
+/// A file or folder. What cannot be synced, as some network folders, has nothing to promise.
+void sync(const std::filesystem::path& path) {
+  const auto again = [](auto&& call) {
+    int result = call();
+    while (result < 0 && errno == EINTR) result = call();
+    return result;
+  };
+  const int fd = again([&] { return ::open(path.c_str(), O_RDONLY | O_CLOEXEC); });
+  const int reason = fd < 0 || again([&] { return ::fsync(fd); }) < 0 ? errno : 0;
+  if (fd >= 0) ::close(fd);
+  if (reason != 0 && reason != EINVAL && reason != EACCES)
+    cannot("cannot write to the disk", path.string(), reason);
+}
+
+std::string draft_prefix(const std::filesystem::path& path) {
+  return "." + path.filename().string() + ".";
+}
+
 std::string scheduler_name() {
   const auto value = [](const char* name) {
     const char* text = std::getenv(name);
@@ -141,13 +161,16 @@ void JobFolder::be_for(const std::string& command, const std::vector<OptionRepor
                        std::uint32_t tasks) const {
   const Json mine = options_of(options);
   const auto there = read_if_there(job_path());
+  sweep_drafts("job.json");
   if (!there) {
     const Json job{
         {"version", POUNCE_VERSION}, {"command", command}, {"tasks", tasks}, {"options", mine}};
     return write("job.json", job.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
   }
   const Json job = Json::parse(*there, nullptr, false);
-  const bool is_same = job.is_object() && value_of<std::string>(job, "command", "") == command &&
+  if (!job.is_object())
+    throw Error(ErrorKind::input, job_path() + ": is damaged; remove it, and run this again");
+  const bool is_same = value_of<std::string>(job, "command", "") == command &&
                        job.contains("options") && job["options"].is_object() &&
                        without_resources(job["options"]) == without_resources(mine);
   if (!is_same)
@@ -167,14 +190,17 @@ std::optional<std::string> JobFolder::read(const std::string& name) const {
 }
 
 void JobFolder::write(const std::string& name, const std::string& text) const {
+  replace(name, text, true);
+}
+
+void JobFolder::replace(const std::string& name, const std::string& text, bool synced) const {
   const std::filesystem::path path = std::filesystem::path(path_) / name;
   std::error_code failed;
   std::filesystem::create_directories(path.parent_path(), failed);
   if (failed) cannot("cannot create the folder", path.parent_path().string(), failed.value());
   // Of this process alone: two may write the same.
   const std::filesystem::path draft =
-      path.parent_path() /
-      fmt::format(".{}.{}.{}", path.filename().string(), host_name(), getpid());
+      path.parent_path() / fmt::format("{}{}.{}", draft_prefix(path), host_name(), getpid());
   std::ofstream file(draft, std::ios::binary | std::ios::trunc);
   file << text;
   file.close();
@@ -183,8 +209,31 @@ void JobFolder::write(const std::string& name, const std::string& text) const {
     std::filesystem::remove(draft, failed);
     cannot("cannot write", path.string(), reason);
   }
+  if (synced) sync(draft);
   std::filesystem::rename(draft, path, failed);
-  if (failed) cannot("cannot write", path.string(), failed.value());
+  if (!failed) {
+    if (synced) sync(path.parent_path());
+    return;
+  }
+  const int reason = failed.value();
+  std::filesystem::remove(draft, failed);
+  cannot("cannot write", path.string(), reason);
+}
+
+// A living process of another container that loses its own at that moment says so and goes on.
+void JobFolder::sweep_drafts(const std::string& name) const {
+  const std::filesystem::path path = std::filesystem::path(path_) / name;
+  const std::string prefix = draft_prefix(path) + host_name() + ".";
+  std::error_code failed;
+  for (std::filesystem::directory_iterator entry(path.parent_path(), failed), end;
+       !failed && entry != end; entry.increment(failed)) {
+    const std::string found = entry->path().filename().string();
+    if (!found.starts_with(prefix)) continue;
+    const auto process = static_cast<pid_t>(std::atol(found.c_str() + prefix.size()));
+    std::error_code ignored;
+    if (process > 0 && ::kill(process, 0) != 0 && errno == ESRCH)
+      std::filesystem::remove(entry->path(), ignored);
+  }
 }
 
 // --- how its tasks stand -------------------------------------------------------------------------
@@ -206,8 +255,9 @@ void JobFolder::save(const TaskState& state) const {
                   {"outputs", state.outputs},
                   {"exit_status", state.exit_status},
                   {"message", state.message}};
-  write("tasks/" + state.name + ".json",
-        json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  // A state that is lost is as one that was not written yet.
+  replace("tasks/" + state.name + ".json",
+          json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n", false);
 }
 
 std::optional<TaskState> JobFolder::task(const std::string& name) const {
@@ -263,6 +313,7 @@ void JobFolder::forget(const std::string& name) const {
 TaskLog::TaskLog(JobFolder folder, std::string name) : folder_(std::move(folder)) {
   const auto before = folder_.task(name);
   is_again_ = before && before->state == "done";
+  folder_.sweep_drafts("tasks/" + name + ".json");
   if (!is_again_) folder_.forget(name);
   state_.name = std::move(name);
   state_.state = "running";

@@ -56,10 +56,15 @@ class JobFolder {
 
   /// A file of this folder; nothing if there is none.
   std::optional<std::string> read(const std::string& name) const;
-  /// Writes a file of this folder, which appears whole. Throws Error(storage).
+  /// Writes a file of this folder, which appears whole, and stays so when the power fails. Throws
+  /// Error(storage).
   void write(const std::string& name, const std::string& text) const;
+  /// Removes what processes of this machine left that died while they wrote such a file.
+  void sweep_drafts(const std::string& name) const;
 
  private:
+  void replace(const std::string& name, const std::string& text, bool synced) const;
+
   std::string path_;
 };
 

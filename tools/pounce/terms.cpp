@@ -50,8 +50,8 @@ std::optional<Terms> load_terms(const JobFolder& folder) {
                 json.at("threads"),
                 json.at("minutes"),
                 {},
-                json.at("arrays")};
-    terms.assemble = json.at("assemble");
+                json.at("arrays"),
+                json.at("assemble")};
     for (const auto& [task, bytes] : json.at("more_memory").items())
       terms.more_memory[static_cast<std::uint32_t>(std::stoul(task))] = bytes;
     return terms;

@@ -65,8 +65,10 @@ void ResultCollector::begin_part(const Hash128& key, const ResultShare& share) {
 
 /// What tasks have made, and who has to make the rest.
 void ResultCollector::take_parts(const Hash128& key, const ResultShare& share) {
-  job::PartFiles(job_, key).copy(index_, pack_->writer());
+  const std::optional<Error> unread = job::PartFiles(job_, key).copy(index_, pack_->writer());
   texels_left_ = target_.directory().texels - index_.texels();
+  // What could not be read may be whole: a task that made it again would find it there.
+  if (unread && texels_left_ > 0) throw Error(*unread);
   if (share.tasks == nullptr || texels_left_ == 0) return;
   std::set<std::uint32_t> tasks;
   planning::visit_tasks(target_, job_.compressor(), *share.tasks,

@@ -78,10 +78,10 @@ std::string_view output_of(std::string_view entry) {
 }
 
 void remove_if_left(const std::string& path, uid_t owner) {
-  constexpr int kHow = O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC;
-  int file = ::open(path.c_str(), O_RDWR | kHow);
+  constexpr int kHow = O_NOFOLLOW | O_NONBLOCK;
+  int file = open_retrying(path, O_RDWR | kHow);
   // Reading is enough for a lock (but on NFS).
-  if (file < 0 && errno == EACCES) file = ::open(path.c_str(), O_RDONLY | kHow);
+  if (file < 0 && errno == EACCES) file = open_retrying(path, O_RDONLY | kHow);
   if (file < 0) return;
   struct stat opened {
   }, named{};
@@ -227,7 +227,7 @@ OutputFile::OutputFile(const std::string& path)
   // Until it has the mode of what it replaces nobody else may look into it.
   const mode_t mode = replaced_ ? 0600 : 0666;
   if (::access("/proc/self/fd", X_OK) == 0) {
-    descriptor_ = ::open(folder_.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, mode);
+    descriptor_ = open_retrying(folder_, O_TMPFILE | O_RDWR, mode);
     nameless_ = descriptor_ >= 0;
     if (nameless_) ::flock(descriptor_, LOCK_EX | LOCK_NB);  // it has no name: nobody else can
   }
@@ -268,7 +268,7 @@ void OutputFile::next_temporary() {
 void OutputFile::open_named(mode_t mode) {
   for (int tries = 0;;) {
     next_temporary();
-    descriptor_ = ::open(temporary_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, mode);
+    descriptor_ = open_retrying(temporary_, O_CREAT | O_EXCL | O_RDWR, mode);
     if (descriptor_ < 0 && errno == EEXIST) continue;  // a process of our number elsewhere
     if (descriptor_ < 0 && folder_is_back(tries)) continue;
     if (descriptor_ < 0) fail_by(errno);
@@ -360,8 +360,18 @@ std::uint64_t OutputFile::size_bytes() {
 
 std::size_t OutputFile::read_back(std::int64_t offset, void* out, std::size_t count) noexcept {
   std::fflush(stream_);
-  const ssize_t got = ::pread(descriptor_, out, count, static_cast<off_t>(offset));
-  return got < 0 ? 0 : static_cast<std::size_t>(got);
+  std::size_t done = 0;
+  while (done < count && failure_ == 0) {
+    const ssize_t got = ::pread(descriptor_, static_cast<char*>(out) + done, count - done,
+                                static_cast<off_t>(offset) + static_cast<off_t>(done));
+    if (got == 0) break;
+    if (got > 0) {
+      done += static_cast<std::size_t>(got);
+    } else if (errno != EINTR) {
+      failure_ = errno;
+    }
+  }
+  return done;
 }
 
 void OutputFile::check() const {
@@ -375,13 +385,13 @@ void OutputFile::commit() {
   stream_ = nullptr;
   const bool flushed = std::fclose(stream) == 0;
   check();
-  if (!flushed || ::fsync(descriptor_) != 0) fail_by(errno);
+  if (!flushed || !sync_retrying(descriptor_)) fail_by(errno);
   if (nameless_) give_temporary_name();
   keep_mode();
   if (::rename(temporary_.c_str(), target_.c_str()) != 0) fail_by(errno);
   has_temporary_ = false;
-  const int folder = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  const bool synced = folder >= 0 && ::fsync(folder) == 0;
+  const int folder = open_retrying(folder_, O_RDONLY | O_DIRECTORY);
+  const bool synced = folder >= 0 && sync_retrying(folder);
   const int reason = errno;
   if (folder >= 0) ::close(folder);
   // Some network file systems cannot sync a folder; the file itself is safe.

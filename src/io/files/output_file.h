@@ -85,7 +85,7 @@ class OutputFile {
   int descriptor_ = -1;
   FILE* stream_ = nullptr;
   std::int64_t position_ = 0;
-  int failure_ = 0;  ///< errno of the first write that failed
+  int failure_ = 0;  ///< errno of the first call that failed
 };
 
 /// Removes the hidden files ".NAME.<digits>-<digits>.tmp" that processes which died left beside the

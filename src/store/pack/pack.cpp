@@ -327,7 +327,7 @@ PackScan scan_pack(
       chunk.resize(bytes);
       file.read(at, chunk);
       if (wrong_with(chunk, ref, chunk_kind, key) != nullptr) break;
-      const PackScan behind{at + bytes, sound.chunks + 1};
+      const PackScan behind{at + bytes, sound.chunks + 1, {}};
       if (!take(chunk_kind, ref, std::span(chunk).subspan(kChunkHeaderBytes, ref.stored_bytes),
                 behind))
         break;
@@ -336,6 +336,7 @@ PackScan scan_pack(
   } catch (const Error& e) {
     // Whatever is wrong from here on: what was sound before it stays so.
     if (e.kind() != ErrorKind::damaged_store && e.kind() != ErrorKind::storage) throw;
+    if (e.kind() == ErrorKind::storage) sound.unread = e;
   }
   return sound;
 }

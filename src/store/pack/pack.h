@@ -8,12 +8,14 @@
 #include <exception>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "core/file.h"
 #include "core/hash.h"
+#include "pounce/error.h"
 
 namespace pounce::store {
 
@@ -58,6 +60,7 @@ PackInfo read_pack_info(const ReadFile& file, const std::string& name);
 struct PackScan {
   std::uint64_t size_bytes = 0;  ///< 0: it is no pack of that kind and key
   std::uint64_t chunks = 0;
+  std::optional<Error> unread;  ///< why the system could not read on, if it could not
 };
 /// Reads a pack that may end anywhere, every byte of it, and hands on its chunks in their order,
 /// each with how far the pack is sound behind it. Ends at what is no chunk of this pack, where it

@@ -72,15 +72,15 @@ TEST_CASE("the images of a model are parts, even whole ones") {
 TEST_CASE("every piece of many images has one task, and no task has much more than another") {
   test::Random random(11);
   for (int round = 0; round < 200; ++round) {
-    const std::uint32_t tasks = 1 + random.below(40);
+    const std::uint32_t tasks = 1 + static_cast<std::uint32_t>(random.below(40));
     std::vector<double> costs(1 + random.below(60));
-    for (double& cost : costs) cost = 1 + random.below(20);  // 20-fold
+    for (double& cost : costs) cost = static_cast<double>(1 + random.below(20));  // 20-fold
     const auto units = units_of(costs);
     const auto shares = share_out(units, tasks, true);
     REQUIRE(shares.size() == units.size());
     for (const StepShare& share : shares) {
       REQUIRE_FALSE(share.tasks.empty());
-      REQUIRE(share.in_parts == share.tasks.size() > 1);
+      REQUIRE(share.in_parts == (share.tasks.size() > 1));
       for (const std::uint32_t task : share.tasks) REQUIRE((task >= 1 && task <= tasks));
     }
     CHECK(imbalance(units, shares, tasks) <= 1.25);
