@@ -204,10 +204,10 @@ class TargetTransfer {
       if (!share_of(step)->in_parts) return miss(step, 0, 0, share_of(step)->tasks);
     }
     // A cache that a thousand tasks fill is looked through by each of them, again and again: they
-    // add what others read.
-    job_.keeps_pages = !is_shared() || share_of(step)->in_parts;
-    for (const auto kind : {store::PackKind::geometry, store::PackKind::hits})
-      job_.stores->add_new(kind, job_.keeps_pages);
+    // add what others read. Nobody has all hits of an image that is cut.
+    job_.keeps_hits = !is_shared();
+    job_.stores->add_new(store::PackKind::hits, job_.keeps_hits);
+    job_.stores->add_new(store::PackKind::geometry, !is_shared() || share_of(step)->in_parts);
     const auto target = vectorize(p, page);
     const runtime::Lease directory(job_.budget, target->size_bytes(),
                                    "the directory of the target store");

@@ -75,7 +75,7 @@ struct JobContext {
   bool begins_again = false;  ///< an attempt before this one met a damaged pack
   /// How long a step takes before what it has made is kept for a later run.
   std::chrono::milliseconds keeps_results_after = std::chrono::seconds(1);
-  bool keeps_pages = true;                ///< in the cache: what is made of a page
+  bool keeps_hits = true;                 ///< in the cache: of the page that is being made
   bool keeps_stores = false;              ///< stores go into the cache (of a plan: would go)
   std::uint64_t cache_limit_bytes = 0;    ///< then: what the cache may take; 0 = no limit
   std::uint64_t scratch_limit_bytes = 0;  ///< of all scratch files together; 0 = no limit

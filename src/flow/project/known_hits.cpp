@@ -249,7 +249,10 @@ void HitKeeper::store(const PieceWork& work) {
   });
 }
 
-void HitKeeper::give_up() { writer_.reset(); }
+void HitKeeper::give_up() {
+  is_wanted_ = false;
+  writer_.reset();
+}
 
 void HitKeeper::publish() {
   if (writer_ != nullptr) {

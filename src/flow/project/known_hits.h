@@ -37,7 +37,8 @@ class HitKeeper {
   /// Stores what encode() made. Not thread-safe.
   void store(const PieceWork& work);
   void publish();  ///< after the last one
-  void give_up();  ///< they will not be all there are: nothing is stored
+  void give_up();  ///< before the first one, since they will not be all there are
+  bool is_wanted() const { return is_wanted_; }
 
   /// Memory while a block is encoded, and of an encoded block until it is stored.
   static std::uint64_t scratch_bytes();
@@ -53,6 +54,7 @@ class HitKeeper {
 
   runtime::Lease index_lease_;
   std::unique_ptr<store::HitStoreWriter> writer_;  ///< null: refused
+  bool is_wanted_ = true;
   std::string refusal_;
 };
 
