@@ -18,10 +18,13 @@
 #include <utility>
 #include <vector>
 
+#include "surface/place_tree.h"
+
 namespace pounce::projection {
 namespace {
 
 using surface::Place;
+using surface::PlaceTree;
 
 constexpr double kReach = 0.05;      // of the target's size: farther away is not near at all
 constexpr double kNear = 0.005;      // of the same: nearer is at the surface
@@ -34,50 +37,6 @@ constexpr double kMovedNear = 0.70;  // of the places lie near then
 constexpr double kMostOff = 0.9;     // of the places: how far these are off is what is judged
 constexpr double kOffAsIs = 0.004;   // of the target's size: no farther off is on the surface
 constexpr double kSame = 0.35;       // of that, and of how they are off as they are: one surface
-
-/// Places of a source, to be found by where they are and how they face: in order of x, so that
-/// those that are too far along it need no look.
-class Surface {
- public:
-  explicit Surface(std::span<const Place> places) : places_(places.begin(), places.end()) {
-    std::stable_sort(places_.begin(), places_.end(),
-                     [](const Place& a, const Place& b) { return a.position.x < b.position.x; });
-  }
-
-  /// The nearest place that faces like `normal`; nothing if none is within `most`.
-  const Place* nearest(Vec3d point, Vec3d normal, double most) const {
-    const Vec3f p(point), n(normal);
-    Nearest nearest{nullptr, static_cast<float>(most * most)};
-    const auto middle =
-        std::lower_bound(places_.begin(), places_.end(), p.x,
-                         [](const Place& place, float x) { return place.position.x < x; });
-    for (auto at = middle; at != places_.end() && nearest.look(*at, p, n); ++at) {
-    }
-    for (auto at = middle; at != places_.begin() && nearest.look(*--at, p, n);) {
-    }
-    return nearest.best;
-  }
-
- private:
-  struct Nearest {
-    const Place* best;
-    float least;
-    /// Could a place farther along x be nearer?
-    bool look(const Place& place, Vec3f p, Vec3f n) {
-      // In order of x, the way along x alone bounds the distance of all that follow.
-      const Vec3f to = place.position - p;
-      if (to.x * to.x >= least) return false;
-      const float square = dot(to, to);
-      if (square < least && dot(place.normal, n) >= static_cast<float>(kFacing)) {
-        least = square;
-        best = &place;
-      }
-      return true;
-    }
-  };
-
-  std::vector<Place> places_;
-};
 
 Vec3d unit(Vec3d v) {
   const double size = length(v);
@@ -114,13 +73,14 @@ void leave_out_layer(std::vector<Found>& found) {
   for (Found& f : found) f.distance -= f.is_near ? layer : 0;
 }
 
-std::vector<Found> find(std::span<const Place> target, double facing, const Surface& source,
+std::vector<Found> find(std::span<const Place> target, double facing, const PlaceTree& source,
                         const Pose& pose, double reach) {
   std::vector<Found> found(target.size());
   for (std::size_t i = 0; i < target.size(); ++i) {
     const Vec3d p = pose.point(Vec3d(target[i].position));
     const Vec3d n = unit(pose.direction(Vec3d(target[i].normal))) * facing;
-    const Place* const at = source.nearest(p, n, kLateral * reach);
+    const Place* const at = source.nearest(Vec3f(p), Vec3f(n), static_cast<float>(kFacing),
+                                           static_cast<float>(kLateral * reach));
     found[i].point = p;
     if (at == nullptr) continue;
     found[i].normal = Vec3d(at->normal);
@@ -240,7 +200,7 @@ bool improve(const std::vector<Found>& found, double reach, double size, bool gr
   return true;
 }
 
-Pose settle(std::span<const Place> target, double facing, const Surface& source, Pose pose,
+Pose settle(std::span<const Place> target, double facing, const PlaceTree& source, Pose pose,
             double reach, bool grows) {
   for (int round = 0; round < kRounds; ++round) {
     // Wide at first, to be drawn from afar; then what is off no more draws.
@@ -317,7 +277,7 @@ std::vector<Pose> from_afar(std::span<const Place> target, double facing,
   const Extent there = extent_of(source), here = extent_of(target);
   const double scale = here.radius > 0 ? there.radius / here.radius : 1;
   const std::vector<Place> few = thinned(target, 128), some = thinned(source, 2048);
-  const Surface surface(some);
+  const PlaceTree tree(some);
   const double reach = kReach * diagonal * scale;
   std::vector<std::pair<double, Pose>> tried;
   // All 48 are cheap to try on few places. Least squares run only for the best of them.
@@ -325,7 +285,7 @@ std::vector<Pose> from_afar(std::span<const Place> target, double facing,
     const Pose pose{columns_of(axes, scale), here.centre, there.centre - here.centre};
     // Of what looks the same in a mirror, the one that needs none.
     constexpr double kMirrored = 0.05;
-    const double near = nearness(find(few, facing, surface, pose, reach), reach);
+    const double near = nearness(find(few, facing, tree, pose, reach), reach);
     tried.emplace_back(near - (axes.mirrors() ? kMirrored : 0), pose);
   }
   std::stable_sort(tried.begin(), tried.end(),
@@ -336,17 +296,12 @@ std::vector<Pose> from_afar(std::span<const Place> target, double facing,
 }
 
 /// Do the places of the target that lie next to the source face the other way?
-bool is_opposed(std::span<const Place> target, std::span<const Place> source, double reach) {
+bool is_opposed(std::span<const Place> target, const PlaceTree& source, double reach) {
   std::size_t against = 0, near = 0;
   for (const Place& place : target) {
-    const Place* best = nullptr;
-    auto least = static_cast<float>(reach * reach);
-    for (const Place& other : source) {
-      const Vec3f to = other.position - place.position;
-      if (dot(to, to) >= least) continue;
-      least = dot(to, to);
-      best = &other;
-    }
+    constexpr float kAnyFacing = -2;
+    const Place* const best =
+        source.nearest(place.position, place.normal, kAnyFacing, static_cast<float>(reach));
     if (best == nullptr) continue;
     ++near;
     against += dot(best->normal, place.normal) < 0 ? 1 : 0;
@@ -397,23 +352,23 @@ MeshFit fit_of(std::span<const Place> target, std::span<const Place> source, dou
   MeshFit fit;
   if (target.empty() || source.empty() || !(diagonal > 0)) return fit;
   const double reach = kReach * diagonal;
-  fit.opposed = is_opposed(target, source, reach);
+  const PlaceTree tree(source);
+  fit.opposed = is_opposed(target, tree, reach);
   fit.target_inward = fit.opposed && is_inward(target);
   fit.source_inward = fit.opposed && is_inward(source);
   const double facing = fit.opposed ? -1 : 1;
-  const Surface surface(source);
   Pose as_is;
   as_is.centre = extent_of(target).centre;
-  auto now = find(target, facing, surface, as_is, reach);
+  auto now = find(target, facing, tree, as_is, reach);
   fit.lie_near = part_within(now, kNear * diagonal);
   leave_out_layer(now);
   const double near = nearness(now, reach), off = off_by(now, reach);
   if (off < kOffAsIs * diagonal) return fit;
   double best = 0;
   const auto consider = [&](Pose pose, bool grows, bool must_be_one) {
-    pose = settle(target, facing, surface, pose, reach * scale_of(pose), grows);
+    pose = settle(target, facing, tree, pose, reach * scale_of(pose), grows);
     const double scale = scale_of(pose), scaled = reach * scale;
-    auto then = find(target, facing, surface, pose, scaled);
+    auto then = find(target, facing, tree, pose, scaled);
     const double would_lie_near = part_within(then, kNear * diagonal * scale);
     leave_out_layer(then);
     const double moved = nearness(then, scaled);
