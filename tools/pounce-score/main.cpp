@@ -2,15 +2,21 @@
 //
 // How well do textures show a scene? In figures, for tools/score-splats.sh, and in pictures.
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <functional>
 
+#include "around.h"
+#include "core/bounds.h"
 #include "io/read_mesh.h"
 #include "picture.h"
 #include "pounce/error.h"
 #include "score.h"
+#include "views.h"
 
 namespace {
 
@@ -140,6 +146,134 @@ void add_ranking(CLI::App& app, std::function<void()>& run, RankingOptions& o) {
   c->callback([&run, &o] { run = [&o] { print_rankings(o); }; });
 }
 
+struct ViewsOptions {
+  std::string scene, target;
+  std::vector<std::string> images;
+  std::size_t count = 26;
+  std::uint32_t size = 448, finer = 3;
+  bool harmonics = false;
+};
+
+/// Between the directions of the method, whatever their number.
+constexpr double kTurn = 0.31;
+
+void print_views(const ViewsOptions& o) {
+  const score::Scene scene = score::read_scene(o.scene);
+  const mesh::Mesh target = io::read_mesh(o.target);
+  std::vector<score::Image> images;
+  for (const std::string& image : o.images) images.push_back(score::read_image(image));
+  const std::vector<Vec3d> ways = score::directions(o.count, kTurn);
+  Box3f box;
+  for (const Vec3f& p : target.positions) box.extend(p);
+  const double diagonal = length(Vec3d(box.hi) - Vec3d(box.lo));
+  std::vector<std::vector<score::Likeness>> scores(ways.size());
+  tbb::parallel_for(std::size_t{0}, ways.size(), [&](std::size_t i) {
+    const score::View view = score::view_along(target, ways[i], o.size);
+    const score::Seen seen = score::see_scene(scene, view, o.harmonics, o.finer);
+    for (const score::Image& image : images) {
+      scores[i].push_back(
+          score::likeness(seen, score::see_mesh(target, &image, view, o.finer), o.size, diagonal));
+    }
+  });
+  fmt::print("{:<28} {:>6} {:>6} {:>6} {:>6} {:>6}  {:>12}  {}\n", fmt::format("{} views", o.count),
+             "either", "both", "IoU", "SSIM", "sharp", "depth 50, 90", "nearer than the first");
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    score::Likeness all;
+    std::size_t nearer = 0;
+    for (const auto& of_view : scores) {
+      all.add(of_view[k]);
+      nearer += of_view[k].either_squares < of_view[0].either_squares ? 1 : 0;
+    }
+    fmt::print("{:<28} {:>6.2f} {:>6.2f} {:>6.3f} {:>6.3f} {:>6.2f}  {:>5.2f} {:>5.2f}%  {}\n",
+               o.images[k], all.either_db(), all.both_db(), all.iou(), all.mean_ssim(),
+               all.sharpness(), 100 * all.depth(0.5), 100 * all.depth(0.9), nearer);
+  }
+}
+
+struct BakeOptions {
+  std::string scene, target, maps, rest, output, rule = "around";
+  score::AroundOptions around;
+};
+
+/// All hits of a part of the points are in memory at once.
+std::vector<Vec3d> composited_in_parts(const score::Scene& scene, const score::Points& points) {
+  constexpr std::size_t kPart = 100000;
+  constexpr double kOutside = 0.01;  // of the diagonal
+  std::vector<Vec3d> colours(points.points.size());
+  const std::size_t parts = (colours.size() + kPart - 1) / kPart;
+  tbb::parallel_for(std::size_t{0}, parts, [&](std::size_t i) {
+    score::Points some{{}, points.diagonal, points.width, points.height};
+    const std::size_t first = i * kPart, last = std::min(first + kPart, colours.size());
+    for (std::size_t p = first; p < last; ++p) some.points.push_back(points.points[p]);
+    const std::vector<Vec3d> found = score::composited(scene, some, kOutside);
+    std::copy(found.begin(), found.end(), colours.begin() + static_cast<std::ptrdiff_t>(first));
+  });
+  return colours;
+}
+
+void bake(const BakeOptions& o) {
+  const score::Scene scene = score::read_scene(o.scene);
+  const score::Points points = score::read_points(o.maps, SIZE_MAX);
+  std::vector<Vec3d> colours;
+  if (o.rule == "nearest") {
+    colours = score::nearest_colours(scene, points);
+  } else if (o.rule == "composite") {
+    colours = composited_in_parts(scene, points);
+  } else {
+    colours = score::read_colours(o.rest, points);
+    const auto seen = score::around(scene, io::read_mesh(o.target), points, o.around);
+    std::size_t unseen = 0;
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      unseen += seen[i].weight > 0 ? 0 : 1;
+      if (seen[i].weight > 0) colours[i] = seen[i].colour;
+    }
+    fmt::print("{}: {:.1f} % of {} texels are seen by no view\n", o.output,
+               100 * static_cast<double>(unseen) / static_cast<double>(seen.size()), seen.size());
+  }
+  score::write_texture(o.output, points, colours);
+}
+
+void add_views(CLI::App& app, std::function<void()>& run, ViewsOptions& o) {
+  CLI::App* c = app.add_subcommand(
+      "views", "How alike the scene and the target with each texture look from all around");
+  c->add_option("SCENE", o.scene, "The splat scene")->required();
+  c->add_option("TARGET", o.target, "The mesh whose UV set 0 the textures lie on")->required();
+  c->add_option("IMAGE", o.images, "Textures of the target")->required();
+  c->add_option("--views", o.count, "So many directions")->capture_default_str();
+  c->add_option("--size", o.size, "Pixels along a picture's edge")
+      ->check(CLI::Range(1, 8192))
+      ->capture_default_str();
+  c->add_option("--samples", o.finer, "Samples along a pixel's edge")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
+  c->add_flag("--sh", o.harmonics, "The scene shows spherical harmonics; else degree 0 alone");
+  c->callback([&run, &o] { run = [&o] { print_views(o); }; });
+}
+
+void add_bake(CLI::App& app, std::function<void()>& run, BakeOptions& o) {
+  CLI::App* c = app.add_subcommand("bake", "A texture by a plain rule, to be held against");
+  c->add_option("SCENE", o.scene, "The splat scene")->required();
+  c->add_option("TARGET", o.target, "The mesh whose UV set 0 the texture lies on")->required();
+  c->add_option("--maps", o.maps, "What `pounce maps` wrote of the target: a path with <CHANNEL>")
+      ->required();
+  c->add_option("--rule", o.rule, "nearest Gaussian; composite along the normal; seen from around")
+      ->check(CLI::IsMember({"nearest", "composite", "around"}))
+      ->capture_default_str();
+  c->add_option("--rest", o.rest, "A texture for what no view sees");
+  c->add_option("-o,--output", o.output, "An image")->required();
+  score::AroundOptions& around = o.around;
+  c->add_option("--views", around.views, "So many directions")->capture_default_str();
+  c->add_option("--pixels", around.size, "Pixels along a view's edge")->capture_default_str();
+  c->add_option("--exponent", around.exponent, "Of the cosine, as a weight")->capture_default_str();
+  c->add_option("--on-target", around.on_target,
+                "How far from the target's surface, of the diagonal")
+      ->capture_default_str();
+  c->add_option("--hidden", around.hidden, "How far before a texel the scene hides it")
+      ->capture_default_str();
+  c->add_flag("--sh", around.harmonics, "The scene shows spherical harmonics; else degree 0 alone");
+  c->callback([&run, &o] { run = [&o] { bake(o); }; });
+}
+
 void add_picture(CLI::App& app, std::function<void()>& run, PictureOptions& o) {
   CLI::App* c = app.add_subcommand(
       "render", "The scene and the target with each texture side by side, orthographic, unlit");
@@ -181,10 +315,14 @@ int main(int argc, char** argv) try {
   TableOptions table;
   RankingOptions ranking;
   PictureOptions picture;
+  ViewsOptions views;
+  BakeOptions baking;
   std::function<void()> run;
   add_table(app, run, table);
   add_ranking(app, run, ranking);
   add_picture(app, run, picture);
+  add_views(app, run, views);
+  add_bake(app, run, baking);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -16,6 +16,7 @@ namespace {
 
 constexpr std::uint32_t kFiner = 2;  // samples along a pixel's edge, of the mesh
 constexpr double kMargin = 0.03;
+constexpr Vec3d kGrey{0.5, 0.5, 0.5};
 
 Vec3d unit(Vec3d v) { return v * (1 / length(v)); }
 
@@ -42,7 +43,7 @@ struct Corner {
 };
 
 struct Raster {
-  const Image& texture;
+  const Image* texture;  ///< null: grey
   std::uint32_t size;
   std::vector<double> depth;
   std::vector<Vec3d> colours;
@@ -69,10 +70,48 @@ struct Raster {
     const std::size_t pixel = static_cast<std::size_t>(y) * size + static_cast<std::size_t>(x);
     if (here >= depth[pixel]) return;
     depth[pixel] = here;
-    colours[pixel] = lookup(texture, s0 * c[0].u + s1 * c[1].u + s2 * c[2].u,
+    if (texture == nullptr) return;
+    colours[pixel] = lookup(*texture, s0 * c[0].u + s1 * c[1].u + s2 * c[2].u,
                             s0 * c[0].v + s1 * c[1].v + s2 * c[2].v);
   }
 };
+
+struct Sample {
+  Vec3d colour;
+  double cover, depth;
+};
+
+/// Pixels of `finer`^2 samples; sample(i) of a picture that is as much finer.
+template <class Get>
+Seen averaged(std::uint32_t size, std::uint32_t finer, const Get& sample) {
+  Seen seen;
+  const double share = 1.0 / (finer * finer);
+  for (std::size_t y = 0; y < size; ++y) {
+    for (std::size_t x = 0; x < size; ++x) {
+      Vec3d colour;
+      double cover = 0, depth = 0, deep = 0;
+      for (std::size_t i = 0; i < std::size_t{finer} * finer; ++i) {
+        const Sample s = sample((y * finer + i / finer) * size * finer + x * finer + i % finer);
+        colour = colour + s.colour * s.cover;
+        cover += s.cover;
+        if (!std::isfinite(s.depth)) continue;
+        depth += s.depth;
+        ++deep;
+      }
+      seen.colours.push_back(cover > 0 ? colour * (1 / cover) : Vec3d{});
+      seen.cover.push_back(cover * share);
+      seen.depth.push_back(2 * deep >= finer * finer ? depth / deep
+                                                     : std::numeric_limits<double>::infinity());
+    }
+  }
+  return seen;
+}
+
+std::vector<Vec3d> before(const Seen& seen, Vec3d background) {
+  std::vector<Vec3d> colours;
+  for (std::size_t i = 0; i < seen.cover.size(); ++i) colours.push_back(seen.before(i, background));
+  return colours;
+}
 
 }  // namespace
 
@@ -106,50 +145,50 @@ View view_of(const mesh::Mesh& mesh, const Framing& framing) {
   return view;
 }
 
+Seen see_scene(const Scene& scene, const View& view, bool harmonics, std::uint32_t finer) {
+  const double step = 1.0 / finer, first = (step - 1) / 2;
+  const std::uint32_t size = view.size * finer;
+  std::vector<Point> points(std::size_t{size} * size);
+  for (std::uint32_t y = 0; y < size; ++y) {
+    for (std::uint32_t x = 0; x < size; ++x)
+      points[std::size_t{y} * size + x].position = view.place(first + x * step, first + y * step);
+  }
+  const std::vector<Pixel> samples =
+      render(scene, points, view.forward, view.pixel * step, harmonics);
+  const double plane = dot(view.forward, view.corner);
+  return averaged(view.size, finer, [&](std::size_t i) {
+    return Sample{samples[i].colour, samples[i].opacity, samples[i].median_depth - plane};
+  });
+}
+
+Seen see_mesh(const mesh::Mesh& mesh, const Image* texture, const View& view, std::uint32_t finer) {
+  if (texture != nullptr && mesh.uv_sets.empty())
+    throw Error(ErrorKind::input, mesh.path + ": has no UVs; unwrap it first");
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const std::uint32_t size = view.size * finer;
+  const std::size_t samples = std::size_t{size} * size;
+  Raster raster{texture, size, std::vector<double>(samples, kInfinity),
+                std::vector<Vec3d>(samples, kGrey)};
+  const auto corner = [&](std::uint32_t vertex) {
+    const Vec3d d = Vec3d(mesh.positions[vertex]) - view.corner;
+    const auto along = [&](Vec3d axis) { return (dot(axis, d) / view.pixel + 0.5) * finer - 0.5; };
+    const Vec2f uv = texture != nullptr ? mesh.uv_sets[0][vertex] : Vec2f{};
+    return Corner{{along(view.right), along(view.down)}, dot(view.forward, d), uv.x, uv.y};
+  };
+  for (const auto& t : mesh.triangles) raster.draw({corner(t[0]), corner(t[1]), corner(t[2])});
+  return averaged(view.size, finer, [&](std::size_t i) {
+    return Sample{raster.colours[i], raster.depth[i] < kInfinity ? 1.0 : 0.0, raster.depth[i]};
+  });
+}
+
 std::vector<Vec3d> draw_scene(const Scene& scene, const View& view, bool harmonics,
                               Vec3d background) {
-  std::vector<Point> points;
-  for (std::uint32_t y = 0; y < view.size; ++y) {
-    for (std::uint32_t x = 0; x < view.size; ++x) {
-      Point point;
-      point.position = view.place(x, y);
-      points.push_back(point);
-    }
-  }
-  std::vector<Vec3d> colours;
-  for (const Pixel& p : render(scene, points, view.forward, view.pixel, harmonics))
-    colours.push_back(p.colour * p.opacity + background * (1 - p.opacity));
-  return colours;
+  return before(see_scene(scene, view, harmonics, 1), background);
 }
 
 std::vector<Vec3d> draw_mesh(const mesh::Mesh& mesh, const Image& texture, const View& view,
                              Vec3d background) {
-  if (mesh.uv_sets.empty())
-    throw Error(ErrorKind::input, mesh.path + ": has no UVs; unwrap it first");
-  const std::uint32_t size = view.size * kFiner;
-  const std::size_t samples = std::size_t{size} * size;
-  Raster raster{texture, size,
-                std::vector<double>(samples, std::numeric_limits<double>::infinity()),
-                std::vector<Vec3d>(samples, background)};
-  const auto corner = [&](std::uint32_t vertex) {
-    const Vec3d d = Vec3d(mesh.positions[vertex]) - view.corner;
-    const auto along = [&](Vec3d axis) { return (dot(axis, d) / view.pixel + 0.5) * kFiner - 0.5; };
-    const Vec2f uv = mesh.uv_sets[0][vertex];
-    return Corner{{along(view.right), along(view.down)}, dot(view.forward, d), uv.x, uv.y};
-  };
-  for (const auto& t : mesh.triangles) raster.draw({corner(t[0]), corner(t[1]), corner(t[2])});
-  std::vector<Vec3d> colours;
-  for (std::size_t y = 0; y < view.size; ++y) {
-    for (std::size_t x = 0; x < view.size; ++x) {
-      Vec3d sum;
-      for (std::size_t sy = 0; sy < kFiner; ++sy) {
-        for (std::size_t sx = 0; sx < kFiner; ++sx)
-          sum = sum + raster.colours[(y * kFiner + sy) * size + x * kFiner + sx];
-      }
-      colours.push_back(sum * (1.0 / (kFiner * kFiner)));
-    }
-  }
-  return colours;
+  return before(see_mesh(mesh, &texture, view, kFiner), background);
 }
 
 }  // namespace pounce::score

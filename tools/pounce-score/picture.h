@@ -37,6 +37,25 @@ struct Framing {
 /// without size.
 View view_of(const mesh::Mesh& mesh, const Framing& framing);
 
+/// What a camera sees in its pixels, row by row.
+struct Seen {
+  std::vector<Vec3d> colours;  ///< of what is there, without a background
+  std::vector<double> cover;   ///< 0..1: how much of a pixel it takes
+  std::vector<double> depth;   ///< from the camera's plane; infinite where nothing takes half of it
+
+  /// A pixel before a background.
+  Vec3d before(std::size_t pixel, Vec3d background) const {
+    return colours[pixel] * cover[pixel] + background * (1 - cover[pixel]);
+  }
+};
+
+/// The scene, as render() draws it with `finer`^2 samples per pixel. A sample is as sharp as a
+/// pixel of its size.
+Seen see_scene(const Scene& scene, const View& view, bool harmonics, std::uint32_t finer);
+/// The mesh, as draw_mesh() draws it with `finer`^2 samples per pixel. Without a texture: grey.
+/// Throws Error(input) for a mesh without UVs that is to have one.
+Seen see_mesh(const mesh::Mesh& mesh, const Image* texture, const View& view, std::uint32_t finer);
+
 /// What the scene looks like, as render() draws it, before a background; row by row.
 std::vector<Vec3d> draw_scene(const Scene& scene, const View& view, bool harmonics,
                               Vec3d background);

@@ -76,4 +76,37 @@ std::vector<Vec3d> read_colours(const std::string& path, const Points& points) {
   return colours;
 }
 
+void write_texture(const std::string& path, const Points& points,
+                   const std::vector<Vec3d>& colours) {
+  const std::size_t width = points.width, height = points.height;
+  std::vector<Vec3d> image(width * height);
+  std::vector<char> is_there(image.size(), 0);
+  for (std::size_t i = 0; i < points.points.size(); ++i) {
+    const std::size_t at = points.points[i].y * width + points.points[i].x;
+    image[at] = colours[i];
+    is_there[at] = 1;
+  }
+  constexpr int kPadding = 8;
+  for (int ring = 0; ring < kPadding; ++ring) {
+    const std::vector<char> before = is_there;
+    for (std::size_t y = 0; y < height; ++y) {
+      for (std::size_t x = 0; x < width; ++x) {
+        if (before[y * width + x] != 0) continue;
+        Vec3d sum;
+        int count = 0;
+        const auto look = [&](std::size_t nx, std::size_t ny) {
+          if (nx >= width || ny >= height || before[ny * width + nx] == 0) return;
+          sum = sum + image[ny * width + nx];
+          ++count;
+        };
+        look(x - 1, y), look(x + 1, y), look(x, y - 1), look(x, y + 1);
+        if (count == 0) continue;
+        image[y * width + x] = sum * (1.0 / count);
+        is_there[y * width + x] = 1;
+      }
+    }
+  }
+  write_image(path, points.width, points.height, image);
+}
+
 }  // namespace pounce::score

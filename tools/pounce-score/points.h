@@ -30,4 +30,9 @@ Points read_points(const std::string& maps, std::size_t most);
 /// Throws pounce::Error, also where its size is not the points'.
 std::vector<Vec3d> read_colours(const std::string& path, const Points& points);
 
+/// Writes the points' colours as an image of the maps' size, and some texels around them, for
+/// lookups between texels. Throws pounce::Error.
+void write_texture(const std::string& path, const Points& points,
+                   const std::vector<Vec3d>& colours);
+
 }  // namespace pounce::score
