@@ -26,6 +26,20 @@ mesh::Mesh square(float z) {
   return mesh;
 }
 
+/// Opaque, across z = 0, of one colour.
+SplatPlyBuilder sheet(Vec3d colour) {
+  SplatPlyBuilder ply;
+  for (double x = -2; x <= 2; x += 0.1) {
+    for (double y = -2; y <= 2; y += 0.1) {
+      SplatPlyBuilder::Row row = disc(0, 0.99, colour);
+      row["x"] = x;
+      row["y"] = y;
+      ply.rows.push_back(row);
+    }
+  }
+  return ply;
+}
+
 /// So many pixels of one kind.
 Seen pixels(std::size_t count, Vec3d colour, double cover, double depth) {
   return {std::vector<Vec3d>(count, colour), std::vector<double>(count, cover),
@@ -114,29 +128,20 @@ TEST_CASE("gradient energy tells soft from sharp", "[score]") {
 }
 
 TEST_CASE("a texel has the colour that the views show which see it", "[score]") {
-  SplatPlyBuilder ply;
-  for (double x = -2; x <= 2; x += 0.1) {
-    for (double y = -2; y <= 2; y += 0.1) {
-      SplatPlyBuilder::Row row = disc(0, 0.99, kFront);
-      row["x"] = x;
-      row["y"] = y;
-      ply.rows.push_back(row);
-    }
-  }
-  const Scene sheet = scene_of(ply);
+  const Scene scene = scene_of(sheet(kFront));
   Points points;
   points.diagonal = std::sqrt(8.0);
   points.points = {{{0.1, 0.2, 0}, {0, 0, 1}, 0.01, 0, 0}, {{0.1, 0.2, 0}, {0, 0, -1}, 0.01, 1, 0}};
   AroundOptions options;
   options.size = 64;
-  for (const auto& seen : around(sheet, square(0), points, options)) {
+  for (const auto& seen : around(scene, square(0), points, options)) {
     CHECK(seen.weight > 0.5);
     CHECK(seen.colour.x == Approx(kFront.x).margin(0.02));
     CHECK(seen.colour.y == Approx(kFront.y).margin(0.02));
   }
   // Beneath the target's surface nobody sees it; where the scene is thin, neither.
   points.points = {{{0.1, 0.2, -0.5}, {0, 0, 1}, 0.01, 0, 0}};
-  CHECK(around(sheet, square(0), points, options).front().weight == 0);
+  CHECK(around(scene, square(0), points, options).front().weight == 0);
   points.points = {{{0, 0, 0.99}, {0, 0, 1}, 0.01, 0, 0}};
   SplatPlyBuilder thin;
   thin.rows = {disc(1, 0.4, kFront)};
@@ -147,15 +152,7 @@ TEST_CASE("a texel has the colour that the views show which see it", "[score]") 
 
 TEST_CASE("what hides a texel does not colour it where another view is clear", "[score]") {
   // A sheet at z = 0 that is the target's, and a small disc one unit above the middle.
-  SplatPlyBuilder ply;
-  for (double x = -2; x <= 2; x += 0.1) {
-    for (double y = -2; y <= 2; y += 0.1) {
-      SplatPlyBuilder::Row row = disc(0, 0.99, kBack);
-      row["x"] = x;
-      row["y"] = y;
-      ply.rows.push_back(row);
-    }
-  }
+  SplatPlyBuilder ply = sheet(kBack);
   for (int i = 0; i < 4; ++i) ply.rows.push_back(disc(1, 0.99, kFront));
   Points points;
   points.diagonal = std::sqrt(8.0);
