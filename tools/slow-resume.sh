@@ -5,7 +5,7 @@
 # command. Same bytes, nothing left, and how much of the work is done twice. Generated input, in
 # build/release/slow/resume.
 # Usage: tools/slow-resume.sh [KILLS] [SEED] [small]
-# (default 200 and 1: jobs of half a minute of CPU and more, an hour and a half; small: a quarter of the texels)
+# (default 200 and 1: jobs of half a minute, an hour; small: half of the texels)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [[ -x build/release/pounce && -x build/release/pounce-fixture ]] || { echo "build first: tools/test.sh" >&2; exit 2; }
@@ -13,7 +13,7 @@ exec python3 - "$PWD" "${1:-200}" "${2:-1}" "${3:-large}" <<'PY'
 import filecmp, json, os, random, resource, shutil, signal, subprocess, sys, time
 
 root, kills, seed = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-edge = 8192 if sys.argv[4] == "small" else 16384
+edge = 8192 if sys.argv[4] == "small" else 12288
 pounce, fixture = root + "/build/release/pounce", root + "/build/release/pounce-fixture"
 work = root + "/build/release/slow/resume"
 shutil.rmtree(work, ignore_errors=True)
