@@ -329,8 +329,9 @@ int show_pruned(const CachePruned& pruned) {
       fmt::format("removed {}, {}; the cache now uses {}\n", count_text(pruned.objects, "pack"),
                   bytes_text(pruned.bytes), bytes_text(pruned.taken_bytes));
   if (pruned.in_use > 0) {
-    text += fmt::format("{} kept: in use by a running job, or owned by another user\n",
-                        count_text(pruned.in_use, "pack"));
+    text += fmt::format(
+        "{} kept: in use by a running job, owned by another user, or not to be removed\n",
+        count_text(pruned.in_use, "pack"));
   }
   if (pruned.half_done > 0) {
     text += fmt::format("removed {} beside outputs, {}\n",
