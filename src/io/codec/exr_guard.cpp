@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -265,9 +266,11 @@ class Guard {
 
   Part header(std::uint64_t position, std::uint64_t most_end) {
     Part part;
+    std::set<std::string> missing{"compression", "dataWindow", "displayWindow"};
     for (;;) {
       const std::string name = text(position);
       if (name.empty()) break;
+      missing.erase(name);
       const std::string type = text(position);
       const bool is_list = name == "channels";
       const std::uint32_t size = at_.u32(position);
@@ -294,6 +297,11 @@ class Guard {
     }
     part.end = position;
     if (part.texel_bytes == 0) at_.refuse("a part of the EXR has no channels; the file is damaged");
+    // OpenEXR takes what it has in mind itself: 64 x 64 texels, packed by zip.
+    if (!missing.empty()) {
+      at_.refuse(fmt::format("a part of the EXR has no attribute \"{}\"; the file is damaged",
+                             *missing.begin()));
+    }
     check_sizes(part);
     return part;
   }

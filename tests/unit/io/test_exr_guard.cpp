@@ -107,6 +107,17 @@ TEST_CASE("an EXR that describes tiles and says that it is something else is ref
   }
 }
 
+TEST_CASE("an EXR must say itself how large it is and how it is packed", "[image][exr]") {
+  const std::string row(8, '\x11');
+  const std::string whole = Made{.blocks = {row, row}}.file();
+  CHECK(refusal(whole) == "nothing");
+  for (const std::string name : {"compression", "dataWindow", "displayWindow"}) {
+    std::string without = whole;
+    without[without.find(name)] = 'X';
+    CHECK_THAT(refusal(without), Contains("has no attribute \"" + name + "\""));
+  }
+}
+
 TEST_CASE("of an EXR's first block each texel must be there", "[image][exr]") {
   const std::string row(8, '\x11'), short_row(6, '\x11'), large(256, '\0');
   const auto rows = [](std::uint8_t coding, const std::string& first, const std::string& second) {
