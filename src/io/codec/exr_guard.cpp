@@ -5,7 +5,6 @@
 // A block decodes into the buffer of the block before, so it is enough that the first one, which is
 // the largest, fills it: then no picture holds memory that nobody wrote.
 #include <fmt/format.h>
-#include <zlib.h>
 
 #include <algorithm>
 #include <array>
@@ -16,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include "io/codec/exr_block.h"
 #include "io/codec/guard.h"
 
 namespace pounce::io {
@@ -28,146 +28,6 @@ constexpr std::uint64_t kLargestSide = 65536;
 /// is opened, before anybody knows its size.
 constexpr std::uint64_t kMostBlockBytes = 256 << 20, kMostBlockBytesOfAll = 1 << 30;
 
-/// A channel as the header of an EXR lists it.
-struct ExrChannel {
-  std::string name;
-  std::uint32_t type = 0;  ///< 0: whole numbers, 1: half, 2: float
-  std::uint64_t bytes() const { return type == 1 ? 2 : 4; }
-};
-
-enum DwaScheme : std::uint8_t { kByDeflate = 0, kByCosines = 1, kByRuns = 2 };
-
-/// Channels whose last name is `suffix` and whose type is `type` are stored so.
-struct DwaRule {
-  std::string suffix;
-  DwaScheme scheme = kByDeflate;
-  std::uint32_t type = 0;
-  bool any_case = false;
-};
-
-std::string lowered(std::string text) {
-  for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return text;
-}
-
-/// Those of blocks of versions 0 and 1, which bring none.
-std::vector<DwaRule> old_rules() {
-  std::vector<DwaRule> rules;
-  for (const char* name : {"r", "red", "g", "grn", "green", "b", "blu", "blue", "y", "by", "ry"}) {
-    for (const std::uint32_t type : {1U, 2U}) rules.push_back({name, kByCosines, type, true});
-  }
-  for (const std::uint32_t type : {0U, 1U, 2U}) rules.push_back({"a", kByRuns, type, true});
-  return rules;
-}
-
-/// Name, zero, case and scheme, type; damaged ones end the list, which the decoder refuses then.
-std::vector<DwaRule> read_rules(Cursor& at, std::uint64_t begin, std::uint64_t end) {
-  std::vector<DwaRule> rules;
-  while (begin < end) {
-    DwaRule rule;
-    while (begin < end) {
-      const std::uint8_t c = at.u8(begin++);
-      if (c == 0) break;
-      rule.suffix += static_cast<char>(c);
-    }
-    if (end - begin < 2) break;
-    const std::uint8_t how = at.u8(begin);
-    rule.any_case = (how & 1) != 0;
-    rule.scheme = static_cast<DwaScheme>(how >> 2 & 3);
-    rule.type = at.u8(begin + 1);
-    begin += 2;
-    rules.push_back(rule);
-  }
-  return rules;
-}
-
-/// The last rule that fits holds; without any a channel is deflated.
-DwaScheme scheme_of(const ExrChannel& channel, const std::vector<DwaRule>& rules) {
-  const std::string suffix = channel.name.substr(channel.name.rfind('.') + 1);
-  DwaScheme scheme = kByDeflate;
-  for (const DwaRule& rule : rules) {
-    const std::string name = rule.any_case ? lowered(suffix) : suffix;
-    if (rule.type == channel.type && name == rule.suffix) scheme = rule.scheme;
-  }
-  return scheme;
-}
-
-/// How many bytes a deflated stream of `size` bytes holds, until it is more than `most`, or up to
-/// what is damaged.
-std::uint64_t inflated_bytes(Cursor& cursor, std::uint64_t begin, std::uint64_t size,
-                             std::uint64_t most) {
-  z_stream zip{};
-  if (inflateInit(&zip) != Z_OK) return most;
-  std::array<Bytef, 16384> out;
-  std::vector<std::byte> in;
-  std::uint64_t decoded = 0;
-  int state = Z_OK;
-  for (std::uint64_t at = begin; state == Z_OK && decoded <= most && at < begin + size;) {
-    in.clear();
-    cursor.copy(at, std::min<std::uint64_t>(16384, begin + size - at), in);
-    at += in.size();
-    zip.next_in = reinterpret_cast<Bytef*>(in.data());
-    zip.avail_in = static_cast<uInt>(in.size());
-    do {
-      zip.next_out = out.data();
-      zip.avail_out = static_cast<uInt>(out.size());
-      state = inflate(&zip, Z_NO_FLUSH);
-      decoded += out.size() - zip.avail_out;
-    } while (state == Z_OK && zip.avail_out == 0 && decoded <= most);
-    if (state == Z_BUF_ERROR) state = Z_OK;  // all of it was taken before
-  }
-  inflateEnd(&zip);
-  return decoded;
-}
-
-/// Why a block of DWA does not hold all texels of its channels; empty if it does. OpenEXR 3.1
-/// believes the block's own counts, and hands out its buffers whatever came into them. `size` bytes
-/// from `begin` on are a block of `width` times `rows` texels. Layout: ImfDwaCompressor.cpp of
-/// OpenEXR. Not looked at: whether the coefficients of the cosine transform end too early.
-std::string why_dwa_is_short(Cursor& at, std::uint64_t begin, std::uint64_t size,
-                             std::span<const ExrChannel> channels, std::uint64_t width,
-                             std::uint64_t rows) {
-  // Eleven numbers come first.
-  constexpr std::uint64_t kNumbers = 11 * 8;
-  if (size < kNumbers + 2) return fmt::format("has {} bytes, fewer than a DWA header", size);
-  const auto number = [&](std::uint64_t index) { return at.number(begin + 8 * index, 8); };
-  const std::uint64_t version = number(0), deflated = number(1), deflated_size = number(2),
-                      runs = number(7), coefficients = number(8), means = number(9);
-  std::uint64_t data = kNumbers;
-  std::vector<DwaRule> rules = old_rules();
-  if (version >= 2) {
-    const std::uint64_t rule_bytes = at.u16(begin + kNumbers);
-    data += rule_bytes;
-    if (rule_bytes < 2 || data > size) return "has DWA channel rules of an invalid size";
-    rules = read_rules(at, begin + kNumbers + 2, begin + data);
-  }
-  if (deflated_size > size - data) return "has deflated data that extend past its end";
-
-  const std::uint64_t texels = width * rows;
-  const std::uint64_t squares = ((width + 7) / 8) * ((rows + 7) / 8);
-  std::array<std::uint64_t, 4> bytes{};
-  std::uint64_t transformed = 0;
-  for (const ExrChannel& channel : channels) {
-    const DwaScheme scheme = scheme_of(channel, rules);
-    bytes[scheme] += texels * channel.bytes();
-    transformed += scheme == kByCosines ? squares : 0;
-  }
-  if (deflated != bytes[kByDeflate] ||
-      (deflated > 0 && inflated_bytes(at, begin + data, deflated_size, deflated) != deflated)) {
-    return fmt::format("does not contain the {} bytes of its deflated channels", bytes[kByDeflate]);
-  }
-  if (runs != bytes[kByRuns])
-    return fmt::format("has {} bytes of run-length encoded channels instead of {}", runs,
-                       bytes[kByRuns]);
-  // A mean for each square, and one word at least for what its coefficients are.
-  if (means != transformed || coefficients < transformed ||
-      (transformed > 0 && (number(3) == 0 || number(4) == 0))) {
-    return fmt::format("has {} DC and {} AC values for {} blocks of 8 x 8 texels", means,
-                       coefficients, transformed);
-  }
-  return "";
-}
-
 enum Coding : std::uint8_t { kNone = 0, kRuns = 1, kZipRow = 2, kZip = 3, kDwaa = 8, kDwab = 9 };
 
 /// A header of an EXR, that is of one of its parts.
@@ -177,6 +37,7 @@ struct Part {
   std::uint64_t texel_bytes = 0;
   std::vector<ExrChannel> channels;
   std::uint32_t tile_width = 0, tile_height = 0;  ///< 0: rows
+  std::uint8_t levels = 0;  ///< of tiles: the file's byte of mode and rounding
   std::uint8_t coding = kNone;
   std::uint64_t listed = 0;  ///< chunks, as the header says; 0: it does not
   bool deep = false;
@@ -196,6 +57,33 @@ struct Part {
     const auto parts = [](std::uint64_t side, std::uint64_t part) { return (side - 1) / part + 1; };
     return tile_width > 0 ? parts(wide(), tile_width) * parts(high(), std::max(tile_height, 1U))
                           : parts(high(), block_rows());
+  }
+  /// Places that the file lists, those of levels with them.
+  std::uint64_t places() const {
+    if (listed > 0) return listed;
+    const unsigned mode = levels & 15U;
+    if (tile_width == 0 || tile_height == 0 || mode == 0) return chunks();
+    const std::vector<std::uint64_t> across = tiles_of_levels(wide(), tile_width),
+                                     down = tiles_of_levels(high(), tile_height);
+    std::uint64_t count = 0;
+    for (std::size_t y = 0; y < down.size(); ++y) {
+      for (std::size_t x = 0; x < across.size(); ++x)
+        count += mode == 2 || x == y ? across[x] * down[y] : 0;
+    }
+    // Of a mipmap the shorter side has one tile where only the longer one goes on.
+    for (std::size_t i = std::min(across.size(), down.size());
+         mode == 1 && i < std::max(across.size(), down.size()); ++i)
+      count += i < across.size() ? across[i] : down[i];
+    return count;
+  }
+  /// Of each level of a side: halves, rounded as the file says.
+  std::vector<std::uint64_t> tiles_of_levels(std::uint64_t side, std::uint64_t tile) const {
+    const std::uint64_t up = levels >> 4;
+    std::vector<std::uint64_t> tiles;
+    for (;; side = (side + (up != 0 ? 1 : 0)) / 2) {
+      tiles.push_back((side - 1) / tile + 1);
+      if (side <= 1) return tiles;
+    }
   }
   /// What a decoder makes room for.
   std::uint64_t block_bytes() const {
@@ -244,8 +132,10 @@ class Guard {
     position += several ? 1 : 0;
     for (const Part& part : parts) {
       // A damaged one goes to the decoder, which says so.
-      if (part.width > 0 && part.height > 0 && !part.deep)
+      if (part.width > 0 && part.height > 0 && !part.deep) {
+        check_places(part, position);
         check_first_chunk(part, position, several);
+      }
       position += 8 * (part.listed > 0 ? part.listed : part.chunks());
     }
     return several ? room : 0;
@@ -341,6 +231,7 @@ class Guard {
     } else if (name == "tiles" && size >= 8) {
       part.tile_width = at_.u32(position);
       part.tile_height = at_.u32(position + 4);
+      part.levels = size > 8 ? at_.u8(position + 8) : 0;
     } else if (name == "compression" && size == 1) {
       part.coding = at_.u8(position);
     } else if (name == "chunkCount" && size == 4) {
@@ -413,6 +304,19 @@ class Guard {
           part.tile_width > 0 ? part.tile_width : part.wide(),
           part.tile_width > 0 ? part.tile_height : part.block_rows(), part.texel_bytes,
           kMostBlockBytes >> 20));
+    }
+  }
+
+  /// Where a place is missing OpenEXR takes none of them: it takes chunks as they follow in the
+  /// file.
+  void check_places(const Part& part, std::uint64_t list) {
+    const std::uint64_t count = part.places();
+    for (std::uint64_t i = 1; i < count; ++i) {  // the first is looked at more closely
+      if (at_.number(list + 8 * i, 8) - 1 >= INT64_MAX) {
+        at_.refuse(fmt::format(
+            "the EXR has no place for chunk {} of {}: it was not written to its end, or is damaged",
+            i + 1, count));
+      }
     }
   }
 

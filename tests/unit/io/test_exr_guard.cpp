@@ -118,6 +118,15 @@ TEST_CASE("an EXR must say itself how large it is and how it is packed", "[image
   }
 }
 
+TEST_CASE("an EXR that does not list all its chunks is refused", "[image][exr]") {
+  const std::string row(8, '\x11');
+  Made made{.blocks = {row, row}};
+  std::string file = made.file();
+  const std::size_t second = file.size() - 2 * (8 + row.size()) - 8;
+  file.replace(second, 8, std::string(8, '\0'));
+  CHECK_THAT(refusal(file), Contains("no place for chunk 2 of 2"));
+}
+
 TEST_CASE("of an EXR's first block each texel must be there", "[image][exr]") {
   const std::string row(8, '\x11'), short_row(6, '\x11'), large(256, '\0');
   const auto rows = [](std::uint8_t coding, const std::string& first, const std::string& second) {
