@@ -4,7 +4,6 @@
 # with 3x3 samples per pixel, before grey; `either` is the PSNR over the pixels where the one or the other is, `both` that
 # over those where both are. Beside pounce's textures: the nearest Gaussian's colour, plain compositing along the normal,
 # and what the scene shows from 24 and from 48 sides (the plain form of that rule, tools/pounce-score/around.cpp).
-# Ten minutes for the captures of the test data.
 # Usage: [SIZE=2048] [OPTIONS='--filter tent'] tools/score-capture.sh [SCENE TARGET]...     OPTIONS go to every transfer
 set -euo pipefail
 cd "$(dirname "$0")/.."

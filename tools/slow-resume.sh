@@ -5,7 +5,7 @@
 # command. Same bytes, nothing left, and how much of the work is done twice. Generated input, in
 # build/release/slow/resume.
 # Usage: tools/slow-resume.sh [KILLS] [SEED] [small]
-# (default 200 and 1: jobs of half a minute, an hour; small: half of the texels)
+# (default 200 and 1: jobs of half a minute on two cores, hours; small: 4/9 of the texels)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [[ -x build/release/pounce && -x build/release/pounce-fixture ]] || { echo "build first: tools/test.sh" >&2; exit 2; }

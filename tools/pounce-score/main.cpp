@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// How well do textures show a scene? In figures, for tools/score-splats.sh, and in pictures.
+// How well do textures show a scene? In figures, for tools/score-splats.sh and
+// tools/score-capture.sh, and in pictures.
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
@@ -220,6 +221,7 @@ void bake(const BakeOptions& o) {
   } else if (o.rule == "composite") {
     colours = composited_in_parts(scene, points);
   } else {
+    if (o.rest.empty()) throw Error(ErrorKind::usage, "--rule around needs --rest IMAGE");
     colours = score::read_colours(o.rest, points);
     const auto seen = score::around(scene, io::read_mesh(o.target), points, o.around);
     std::size_t unseen = 0;

@@ -39,7 +39,6 @@ struct Part {
   std::uint32_t tile_width = 0, tile_height = 0;  ///< 0: rows
   std::uint8_t levels = 0;  ///< of tiles: the file's byte of mode and rounding
   std::uint8_t coding = kNone;
-  std::uint64_t listed = 0;  ///< chunks, as the header says; 0: it does not
   bool deep = false;
 
   std::uint64_t block_rows() const {
@@ -58,9 +57,8 @@ struct Part {
     return tile_width > 0 ? parts(wide(), tile_width) * parts(high(), std::max(tile_height, 1U))
                           : parts(high(), block_rows());
   }
-  /// Places that the file lists, those of levels with them.
+  /// Places that the file lists, those of levels with them. OpenEXR believes no chunkCount either.
   std::uint64_t places() const {
-    if (listed > 0) return listed;
     const unsigned mode = levels & 15U;
     if (tile_width == 0 || tile_height == 0 || mode == 0) return chunks();
     const std::vector<std::uint64_t> across = tiles_of_levels(wide(), tile_width),
@@ -136,7 +134,7 @@ class Guard {
         check_places(part, position);
         check_first_chunk(part, position, several);
       }
-      position += 8 * (part.listed > 0 ? part.listed : part.chunks());
+      position += 8 * part.places();
     }
     return several ? room : 0;
   }
@@ -234,8 +232,6 @@ class Guard {
       part.levels = size > 8 ? at_.u8(position + 8) : 0;
     } else if (name == "compression" && size == 1) {
       part.coding = at_.u8(position);
-    } else if (name == "chunkCount" && size == 4) {
-      part.listed = at_.u32(position);
     } else if (name == "type") {
       take_type(position, size, part);
     }

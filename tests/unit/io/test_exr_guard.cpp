@@ -122,8 +122,18 @@ TEST_CASE("an EXR that does not list all its chunks is refused", "[image][exr]")
   const std::string row(8, '\x11');
   Made made{.blocks = {row, row}};
   std::string file = made.file();
+  const std::size_t made_without_type = file.size();
   const std::size_t second = file.size() - 2 * (8 + row.size()) - 8;
   file.replace(second, 8, std::string(8, '\0'));
+  CHECK_THAT(refusal(file), Contains("no place for chunk 2 of 2"));
+
+  // Whatever the header says of their number.
+  made.type = "scanlineimage";
+  file = made.file();
+  CHECK(refusal(file) == "nothing");
+  file.replace(second + (file.size() - made_without_type), 8, std::string(8, '\0'));
+  const std::string counted = "chunkCount" + std::string("\0int\0", 5);
+  file.replace(file.find(counted) + counted.size() + 4, 4, number(1, 4));
   CHECK_THAT(refusal(file), Contains("no place for chunk 2 of 2"));
 }
 
