@@ -116,7 +116,7 @@ def kinds(folder):
                      "-o", folder + "/o.<UDIM>.png", "--onto", folder + "/o.<UDIM>.png", "--mask", "soft.pgm"],
         "normals": ["transfer", head, other, "--bake", "normal", "-o", folder + "/o.png", "--size", str(edge)],
         "maps": ["maps", other, "-o", folder + "/o.<CHANNEL>.exr", "--size", str(edge // 2)],
-        "splats": ["transfer", "scene/scene.ply", scene[0], "-o", folder + "/o.png", "--size", str(edge * 3 // 8)],
+        "splats": ["transfer", "scene/scene.ply", scene[0], "-o", folder + "/o.png", "--size", str(edge // 2)],
     }
     return jobs
 
@@ -126,7 +126,7 @@ def begin(folder, kind):
         for name in below:
             shutil.copy(name, folder)
 
-run(["transfer", "head/head_src.glb", "head/head_other.glb", "-o", "below.png", "--size", str(edge // 2), "--filter", "tent"])
+run(["transfer", "head/head_src.glb", "head/head_other.glb", "-o", "below.png", "--size", str(edge), "--filter", "tent"])
 below = ["below/o.%d.png" % udim for udim in range(1001, 1007)]
 run(["transfer", "tiles.obj", "tiles.obj", "--source-texture", "baseColor=tiles.<UDIM>.png", "-o", "below/o.<UDIM>.png",
      "--size", str(edge // 2), "--filter", "tent"])
