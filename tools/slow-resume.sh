@@ -5,7 +5,7 @@
 # command. Same bytes, nothing left, and how much of the work is done twice. Generated input, in
 # build/release/slow/resume.
 # Usage: tools/slow-resume.sh [KILLS] [SEED] [small]
-# (default 200 and 1: jobs of half a minute on two cores, hours; small: 4/9 of the texels)
+# (default 200 and 1: jobs of half a minute on two cores, hours; small: 2/7 of the texels)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [[ -x build/release/pounce && -x build/release/pounce-fixture ]] || { echo "build first: tools/test.sh" >&2; exit 2; }
@@ -13,7 +13,7 @@ exec python3 - "$PWD" "${1:-200}" "${2:-1}" "${3:-large}" <<'PY'
 import filecmp, json, os, random, resource, shutil, signal, subprocess, sys, time
 
 root, kills, seed = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-edge = 8192 if sys.argv[4] == "small" else 12288
+edge = 8192 if sys.argv[4] == "small" else 15360
 pounce, fixture = root + "/build/release/pounce", root + "/build/release/pounce-fixture"
 work = root + "/build/release/slow/resume"
 shutil.rmtree(work, ignore_errors=True)
@@ -106,7 +106,7 @@ def kinds(folder):
     head, other = "head/head_src.glb", "head/head_other.glb"
     jobs = {
         "mesh": ["transfer", head, other, "-o", folder + "/o.png", "--size", str(edge), "--coverage", folder + "/m.png"],
-        "UDIM": ["transfer", "tiles.obj", "tiles.obj", "--source-texture", "baseColor=tiles.<UDIM>.png", "-o", folder + "/o.<UDIM>.png", "--size", str(edge // 2)],
+        "UDIM": ["transfer", "tiles.obj", "tiles.obj", "--source-texture", "baseColor=tiles.<UDIM>.png", "-o", folder + "/o.<UDIM>.png", "--size", str(edge * 3 // 8)],
         "model": ["transfer", head, other, "-o", folder + "/o.glb", "--size", str(edge)],
         ".tx": ["transfer", head, other, "-o", folder + "/o.tx", "--size", str(edge)],
         "EXR": ["transfer", head, other, "-o", folder + "/o.exr", "--depth", "half", "--size", str(edge)],
@@ -129,11 +129,11 @@ def begin(folder, kind):
 run(["transfer", "head/head_src.glb", "head/head_other.glb", "-o", "below.png", "--size", str(edge), "--filter", "tent"])
 below = ["below/o.%d.png" % udim for udim in range(1001, 1007)]
 run(["transfer", "tiles.obj", "tiles.obj", "--source-texture", "baseColor=tiles.<UDIM>.png", "-o", "below/o.<UDIM>.png",
-     "--size", str(edge // 2), "--filter", "tent"])
+     "--size", str(edge * 3 // 8), "--filter", "tent"])
 with open("soft.pgm", "wb") as mask:
-    mask.write(b"P5\n%d %d\n255\n" % (edge // 2, edge // 2))
-    for row in range(edge // 2):
-        mask.write(b"\x60" * (edge // 2))
+    mask.write(b"P5\n%d %d\n255\n" % (edge * 3 // 8, edge * 3 // 8))
+    for row in range(edge * 3 // 8):
+        mask.write(b"\x60" * (edge * 3 // 8))
 dice = random.Random(seed)
 references, done, met, most_lost = {}, 0, 0, 0
 for i in range(10 * kills):

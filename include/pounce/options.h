@@ -224,6 +224,19 @@ enum class SphericalHarmonics : std::uint8_t {
 POUNCE_API const char* harmonics_name(SphericalHarmonics harmonics) noexcept;
 POUNCE_API std::optional<SphericalHarmonics> harmonics_from_name(const std::string& name) noexcept;
 
+/// From where a texel looks at a splat scene.
+enum class Look : std::uint8_t {
+  automatic,  ///< "auto": `around` for captures, `normal` for scenes made of a surface's discs
+  /// "around": the mean of what the scene shows from directions all around, as far as the texel is
+  /// seen from there; along its normal where no view sees it.
+  around,
+  normal,  ///< "normal": what lies on the line along the texel's normal
+};
+/// "auto", "around", "normal".
+POUNCE_API const char* look_name(Look look) noexcept;
+POUNCE_API std::optional<Look> look_from_name(const std::string& name) noexcept;
+inline constexpr std::uint32_t kLeastViews = 6, kMostViews = 96, kDefaultViews = 24;
+
 /// A box with its sides along the axes, in the job's axes and units.
 struct AxisBox {
   std::array<double, 3> lowest{}, highest{};  ///< x, y, z
@@ -352,7 +365,11 @@ struct SplatFilter {
 
 /// How a splat scene is blended. Not for meshes.
 struct SplatOptions {
-  /// View dependence; degree 3 is read for `normal` only.
+  Look look = Look::automatic;
+  /// How many directions `around` looks from, kLeastViews..kMostViews: more are smoother, see more
+  /// texels, and take time in proportion.
+  std::uint32_t views = kDefaultViews;
+  /// View dependence along normals. A view shows the harmonics of its own direction, unless `dc`.
   SphericalHarmonics harmonics = SphericalHarmonics::mean;
   SplatFilter filter = {};
   /// Extra rays per texel, 0..kMostRays, in a cone of 35 degrees around its normal, whose colours

@@ -167,6 +167,8 @@ struct Report {
   /// tilted ellipsoids that make a picture together (0, captures)? Each kind is blended by its own
   /// rule. 0 for meshes.
   double discness = 0;
+  /// How many sides a splat scene was looked at from; 0: along the texels' normals.
+  std::uint32_t views = 0;
   /// Splats: the median of the Gaussians' largest standard deviations, in the target's units.
   double gaussian_size = 0;
   std::uint64_t images_decoded = 0;

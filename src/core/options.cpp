@@ -23,6 +23,7 @@ constexpr std::array<const char*, 2> kNormalYNames = {"up", "down"};
 constexpr std::array<const char*, 2> kMethodNames = {"surface", "gaussian"};
 constexpr std::array<const char*, 3> kFilterNames = {"tent", "cubic", "sharp"};
 constexpr std::array<const char*, 3> kHarmonicsNames = {"dc", "normal", "mean"};
+constexpr std::array kLookNames{"auto", "around", "normal"};
 constexpr std::array<const char*, 2> kImageFormatNames = {"bmp", "tga"};
 constexpr std::array<const char*, 3> kSandboxNames = {"auto", "on", "off"};
 constexpr std::array<const char*, 4> kDepthNames = {"u8", "u16", "half", "float"};
@@ -123,6 +124,12 @@ const char* harmonics_name(SphericalHarmonics harmonics) noexcept {
 
 std::optional<SphericalHarmonics> harmonics_from_name(const std::string& name) noexcept {
   return find_name<SphericalHarmonics>(kHarmonicsNames, name);
+}
+
+const char* look_name(Look look) noexcept { return kLookNames[static_cast<std::size_t>(look)]; }
+
+std::optional<Look> look_from_name(const std::string& name) noexcept {
+  return find_name<Look>(kLookNames, name);
 }
 
 const char* error_kind_name(ErrorKind kind) noexcept {

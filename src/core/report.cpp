@@ -166,11 +166,15 @@ std::string to_json(const Report& report) {
   json["method"] = report.method;
   json["filter"] = report.filter;
   json["origin"] = report.origin;
-  json["source"] = {
-      {"gaussians", report.source_gaussians},  {"filtered", filtered},
-      {"sigma", report.sigma_texels},          {"densify", report.densify},
-      {"depth_window", report.depth_window},   {"discness", report.discness},
-      {"gaussian_size", report.gaussian_size}, {"images_decoded", report.images_decoded}};
+  json["source"] = {{"gaussians", report.source_gaussians},
+                    {"filtered", filtered},
+                    {"sigma", report.sigma_texels},
+                    {"densify", report.densify},
+                    {"depth_window", report.depth_window},
+                    {"discness", report.discness},
+                    {"views", report.views},
+                    {"gaussian_size", report.gaussian_size},
+                    {"images_decoded", report.images_decoded}};
   json["target"] = {{"texels", report.target_texels},
                     {"covered", report.target_covered},
                     {"filled", report.target_filled},

@@ -42,6 +42,7 @@ namespace {
 
 // Shares of the progress bar, measured on a 4096² transfer of a head with a PNG in and out.
 constexpr double kVectorizeShare = 0.06, kProjectShare = 0.66;  // of a page
+constexpr double kViewsShare = 0.4;  // of a target, where a scene is drawn from all around
 
 class TargetTransfer {
  public:
@@ -74,11 +75,12 @@ class TargetTransfer {
       job_.meter.keep(range_.end);
       return true;
     }
+    // All of these need the mesh, which goes while pages are made.
+    const double area = surface::surface_area(target_.mesh);
+    if (policy_.role != TaskRole::assemble) look_around(area);
     if (policy_.role == TaskRole::prepare) return prepare(steps);
     find_occupied();
-    // Both need the mesh, which goes while pages are made.
     places_ = surface::strew(target_.mesh, source_.target_places());
-    const double area = surface::surface_area(target_.mesh);
     make(std::move(steps));
     tally_->spreads(area);
     clipped_.warn(source_plan_, job_.report);
@@ -116,6 +118,13 @@ class TargetTransfer {
   /// Of this step; null: one run makes all of everything.
   const planning::StepShare* share_of(const Step& step) const {
     return target_.plan.shares.empty() ? nullptr : &target_.plan.shares[step.pass][step.page];
+  }
+
+  void look_around(double area) {
+    const StageTimer timer(job_.clock, "views");
+    const double end = range_.begin + kViewsShare * (range_.end - range_.begin);
+    views_ = source_.views_of(target_.plan, target_.mesh, area, {range_.begin, end});
+    if (views_ != nullptr) range_.begin = end;
   }
 
   /// The stores that others will read.
@@ -322,9 +331,10 @@ class TargetTransfer {
       fit_ = source_.fit(places_, target_.plan);
       if (fit_) tally_->fits(*fit_);
     }
-    PageResult result =
-        source_.projector(p, page, target, target_.plan, fit_.value_or(projection::SplatFit{}))
-            ->project(results);
+    PageResult result = source_
+                            .projector(p, page, target, target_.plan,
+                                       {fit_.value_or(projection::SplatFit{}), views_.get()})
+                            ->project(results);
     job_.report.bytes_written += result.written_bytes;
     outcome::add_nodes(result.nodes, job_.report.nodes);
     job_.meter.end();
@@ -410,12 +420,13 @@ class TargetTransfer {
   const planning::SourcePlan& source_plan_;
   const Source& source_;
   PlannedTarget& target_;
-  const ProgressRange range_;
+  ProgressRange range_;                        ///< what is left of it once views are there
   std::optional<outcome::TargetTally> tally_;  ///< once something is made or kept
   planning::OthersOutputs others_;
   outcome::ClippedSamples clipped_;
   runtime::Lease occupied_lease_;
   std::vector<surface::Place> places_;       ///< of the target: where the fit is found
+  std::unique_ptr<SceneViews> views_;        ///< of a splat scene that is seen from all around
   std::optional<projection::SplatFit> fit_;  ///< of a splat scene, once the first page is projected
   /// What the finished steps of a model have made, until it is there.
   std::vector<std::unique_ptr<job::StepPack>> packs_of_model_;

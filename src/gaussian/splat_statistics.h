@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -33,6 +34,16 @@ float fine_edge(float size);
 /// picture together (0)? Discs are round and thin. Captures of needles are not round (0.10 to 0.54;
 /// made scenes 0.78 to 0.83), captures of balls are round, but thick (docs/decisions/023 and 038).
 float discness(float roundness, float thickness);
+
+/// Discs on a clean surface, with artefacts before it, are a made scene: what lies along a texel's
+/// normal is the surface, and from all around one sees the artefacts. Others are captures.
+inline bool is_made(float roundness, float thickness) {
+  constexpr float kLeastDiscness = 0.5F;
+  return discness(roundness, thickness) >= kLeastDiscness;
+}
+
+/// Whose isolated Gaussians fade (fade_isolated()): what viewers show of a capture is all of it.
+enum class FadeIsolated : std::uint8_t { of_no_scene, of_made_scenes, of_all_scenes };
 
 /// How far Gaussians lie from the surface that their neighbours make, for up to 32 Gaussians of a
 /// block spread evenly over it: 1.4826 times the median absolute deviation of the offsets of its 16

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 
@@ -15,7 +16,8 @@ struct TestKnobs {
   std::uint32_t stripe_rows = 0;     ///< rows handed to the padder at once; 0 = a row of blocks
   std::string isa = "";              ///< "sse2", "avx2" or "avx512"; empty = the best there is
   FileSystem* files = nullptr;  ///< holds every store; one in memory: the streamed path's reference
-  bool keeps_isolated = false;  ///< do not fade isolated Gaussians: for references of the blend
+  std::size_t most_ellipses = 0;  ///< drawn at once, of a scene's views; 0 = what the budget holds
+  bool keeps_isolated = false;    ///< do not fade isolated Gaussians: for references of the blend
 };
 
 }  // namespace pounce::job

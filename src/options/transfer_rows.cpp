@@ -335,15 +335,37 @@ Rows<Options> splat_rows() {
   constexpr auto kSplats = Source::splats;
   // Harmonics and filters decide what is stored of a scene, and so does --near-target. The others
   // apply to the blend: they can change without another sort.
-  Rows<Options> rows{row<Options>(
-      {.name = "sh",
-       .value = "dc|normal|mean",
-       .group = group,
-       .help = "Spherical harmonics. mean: view-independent, for relighting. normal: as seen along "
-               "the surface normal, highlights included. dc: base colour only, a little faster",
-       .source = kSplats},
-      path(&Options::splats, &SplatOptions::harmonics),
-      name(harmonics_from_name, harmonics_name, "dc, normal or mean"))};
+  Rows<Options> rows{
+      row<Options>({.name = "look",
+                    .value = "auto|around|normal",
+                    .group = group,
+                    .help = "Viewing directions. around: average what the scene shows from all "
+                            "sides that see the texel, as viewers display it. normal: what lies "
+                            "along the texel's normal. auto: around for captures, normal for "
+                            "scenes generated from a surface",
+                    .source = kSplats},
+                   path(&Options::splats, &SplatOptions::look),
+                   name(look_from_name, look_name, "auto, around or normal")),
+      row<Options>(
+          {.name = "views",
+           .value = "N",
+           .group = group,
+           .help = "Number of directions for --look around. 48 cover more of a texture and are "
+                   "slightly closer to a viewer's image, for twice the drawing time",
+           .source = kSplats},
+          path(&Options::splats, &SplatOptions::views),
+          integer<std::uint32_t>(kLeastViews, kMostViews)),
+      row<Options>(
+          {.name = "sh",
+           .value = "dc|normal|mean",
+           .group = group,
+           .help =
+               "Spherical harmonics along normals. mean: view-independent, for relighting. normal: "
+               "as seen along the surface normal, highlights included. dc: base colour only, also "
+               "from around",
+           .source = kSplats},
+          path(&Options::splats, &SplatOptions::harmonics),
+          name(harmonics_from_name, harmonics_name, "dc, normal or mean"))};
   append(rows, splat_filter_rows<Options>(group, "in the job's axes: after --source-axes",
                                           &Options::splats, &SplatOptions::filter));
   append(rows,

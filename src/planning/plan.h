@@ -12,6 +12,7 @@
 
 #include "core/job_space.h"
 #include "gaussian/splat_keep.h"
+#include "gaussian/splat_statistics.h"
 #include "io/image/read.h"
 #include "mesh/mesh.h"
 #include "mesh/uv_tiles.h"
@@ -29,6 +30,7 @@ struct SplatRequest {
   Axes axes;  ///< applied to everything that is read
   /// What a texel will want of the harmonics decides how many of them are kept.
   SphericalHarmonics harmonics = SphericalHarmonics::mean;
+  bool from_around = false;  ///< its views may be drawn: they show all harmonics
   gaussian::SplatKeep keep = {};
   /// keep.near counts whatever it saves; else only where little of the scene is near.
   bool near_is_asked = false;
@@ -36,7 +38,7 @@ struct SplatRequest {
   /// The store does not depend on them.
   std::uint64_t run_splats = 0;
   std::size_t fan_in = 0;
-  bool fades_isolated = true;  ///< see gaussian::fade_isolated(); tests alone do without
+  gaussian::FadeIsolated fades = gaussian::FadeIsolated::of_all_scenes;
 };
 
 /// What is known of a scene from its headers.

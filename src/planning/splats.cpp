@@ -34,6 +34,10 @@ SplatRequest splat_request(const TransferOptions& options) {
   request.path = options.source;
   request.axes = axes_of(options.source_use, "source");
   request.harmonics = options.splats.harmonics;
+  request.from_around = options.splats.look != Look::normal;
+  request.fades = options.splats.look == Look::normal   ? gaussian::FadeIsolated::of_all_scenes
+                  : options.splats.look == Look::around ? gaussian::FadeIsolated::of_no_scene
+                                                        : gaussian::FadeIsolated::of_made_scenes;
   const auto value = [](double v) { return static_cast<float>(v); };
   // What removes nothing is no filter: the scene then shares its store with jobs that state none.
   if (options.splats.filter.min_opacity && *options.splats.filter.min_opacity > kDefaultMinOpacity)

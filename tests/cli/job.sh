@@ -28,7 +28,7 @@ again transfer source.obj target.obj -o 'out/<CHANNEL>.png' --channels baseColor
   --source-texture yours=skin.ppm --color mine --data yours --filter tent
 again transfer source.obj target.obj source.obj -o 'out/<TARGET>.png' --method gaussian --sigma 0.8 --densify --no-wait
 again transfer source.obj target.obj -o out/o.png --onto skin.ppm --mask mask.pgm --source-axes=x,-y,-z --target-axes=x,-y,-z
-again transfer scene.ply scene_target.glb -o out/s.png --size 48 --sh dc --rays 2 --alpha --min-opacity 0.01 --max-scale 9 \
+again transfer scene.ply scene_target.glb -o out/s.png --size 48 --look around --views 8 --sh dc --rays 2 --alpha --min-opacity 0.01 --max-scale 9 \
   --box -9,-9,-9,9,9,9 --near-target off --min-confidence 0.2
 again maps target.obj -o 'out/<CHANNEL>.exr' --size 16
 again gaussians source.obj -o out/g.ply --sigma 0.25 --sharpen 1

@@ -48,7 +48,7 @@ sed 's/^usemtl/o thing\nusemtl/' source.obj >named.obj
 job transfer named.obj named.obj -o n.png --source-mesh thing --target-mesh thing --target-material skin --no-cache
 "$POUNCE_FIXTURE" splats -o scene.ply --count 2000 --target-size 64 >/dev/null
 job transfer scene.ply scene_target.glb -o s.png --size 16 --no-cache --sh dc --min-opacity 0.01 --max-scale 9 \
-  --box -9,-9,-9,9,9,9 --near-target 50% --rays 1 --alpha --min-confidence 0.2
+  --box -9,-9,-9,9,9,9 --near-target 50% --look normal --views 30 --rays 1 --alpha --min-confidence 0.2
 # What fails says its options, too.
 failed() { expect 3 "$@" --report r.json && reported; }
 failed transfer named.obj named.obj -o n.png --target-uv-set 1

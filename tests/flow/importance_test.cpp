@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "flow/stores/importance.h"
+#include "sorting/importance.h"
 
 #include <catch2/catch.hpp>
 #include <chrono>
@@ -8,7 +8,7 @@
 #include "support/bytes.h"
 #include "support/test_data.h"
 
-namespace pounce::flow {
+namespace pounce::sorting {
 namespace {
 
 /// Gaussians of growing sizes. Reading takes longer than progress stays silent, so that the first
@@ -53,4 +53,4 @@ TEST_CASE("a wish to stop is heard while the most important Gaussians are looked
 }
 
 }  // namespace
-}  // namespace pounce::flow
+}  // namespace pounce::sorting

@@ -36,6 +36,7 @@ class Sheets {
     options.output = folder.file("<CHANNEL>.exr");
     options.channels.transferred = {Channel::base_color, Channel::confidence, Channel::distance};
     options.image.size = ImageSize{16, 16};
+    options.splats.look = Look::normal;
     options.image.depth = Depth::float32;
     options.search.max_distance = Length{max_distance, false};
     options.resources.threads = 2;
@@ -325,6 +326,7 @@ TEST_CASE("evidence goes only where it can be held", "[flow]") {
   refusal(other, "--onto");
   other = sheets.options;
   other.source = sheets.options.targets[0];
+  other.splats.look = Look::automatic;
   refusal(other, "is a mesh");
   other.channels.transferred = {Channel::base_color};
   other.splats.min_confidence = 0.5;

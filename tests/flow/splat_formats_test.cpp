@@ -60,6 +60,7 @@ TransferOptions picture_of(const TempFolder& folder, const std::string& source) 
   options.output = folder.file("out.png");
   options.image.depth = Depth::u16;
   options.image.size = ImageSize{128, 128};
+  options.splats.look = Look::normal;  // where each format's steps were measured
   options.resources.use_cache = false;
   options.resources.threads = 2;
   return options;

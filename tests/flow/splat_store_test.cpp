@@ -12,9 +12,9 @@
 #include <map>
 
 #include "core/portable_math.h"
-#include "flow/stores/splat_sort.h"
 #include "flow/stores/splats.h"
 #include "io/splats/ply_scene.h"
+#include "sorting/splat_sort.h"
 #include "support/bytes.h"
 #include "support/memory_file_system.h"
 #include "support/random.h"
@@ -22,6 +22,9 @@
 #include "support/test_data.h"
 
 namespace pounce::flow {
+
+using sorting::KeyedSplat;
+using sorting::sort_by_key;
 namespace {
 
 using store::Splat;
@@ -141,7 +144,7 @@ TEST_CASE("an external sort is std::stable_sort of the file", "[flow]") {
   planning::SplatRequest request{path, {}};
   request.run_splats = GENERATE(19U, 500U, 20000U);
   request.fan_in = GENERATE(2U, 7U, 100U);
-  request.fades_isolated = false;
+  request.fades = gaussian::FadeIsolated::of_no_scene;
   bool cached;
   const auto store = splat_store(job.context, request, &cached, 1);
   const auto found = all_splats(*store);

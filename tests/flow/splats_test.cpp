@@ -80,6 +80,7 @@ TransferOptions splat_scene(const TempFolder& folder, std::uint32_t seed, std::s
   options.source = folder.file("scene.ply");
   write_reference_splats(options.source, strew(target, random, count, seed % 2 == 0));
   options.search.max_distance = Length{5.3, true};
+  options.splats.look = Look::normal;
   options.splats.min_confidence =
       0;  // chaos around a surface: what is blended counts, not whether it fits
   options.output = folder.file("out.png");
@@ -189,13 +190,16 @@ TEST_CASE("splats give the same bytes however they are streamed", "[flow]") {
       splat_scene(folder, seed, 20000);  // several blocks, one at a time below
   options.image.size = seed == 27 ? ImageSize{120, 100} : ImageSize{300, 260};
   options.splats.rays = seed == 27 ? 3 : 0;
+  options.splats.look = seed == 21 ? Look::normal : Look::around;
+  options.splats.views = seed == 24 ? 9 : 6;
   options.resources.threads = 1;
   const auto in_memory = test::make_memory_file_system();
   const auto expected = run(options, {.files = in_memory.get()});
   for (const unsigned threads : {1U, 5U}) {
     for (const std::uint64_t tile_cap : {std::uint64_t{1}, std::uint64_t{0}}) {
       options.resources.threads = threads;
-      const job::TestKnobs knobs{.tile_cap_bytes = tile_cap};
+      const job::TestKnobs knobs{.tile_cap_bytes = tile_cap,
+                                 .most_ellipses = tile_cap == 1 ? 3000U : 0U};
       options.resources.memory_bytes = 512 * kMiB;
       const std::uint64_t least = flow::plan(options, knobs).least_memory_bytes;
       for (const std::uint64_t memory : {least, 512 * kMiB}) {

@@ -131,6 +131,7 @@ TEST_CASE("a trained scene covers its proxy as the brute force says", "[golden][
   TransferOptions options =
       golden_options(*data / "splats/playbot_lod3_converted/playbot_lod3.ply",
                      *data / "meshes/playbot_proxy/playbot_proxy.glb", folder.file("playbot.png"));
+  options.splats.look = Look::normal;
   options.image.size = ImageSize{2048, 2048};
   // As the brute force has it.
   options.splats.harmonics = SphericalHarmonics::dc;

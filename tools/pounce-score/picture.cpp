@@ -153,8 +153,7 @@ Seen see_scene(const Scene& scene, const View& view, bool harmonics, std::uint32
     for (std::uint32_t x = 0; x < size; ++x)
       points[std::size_t{y} * size + x].position = view.place(first + x * step, first + y * step);
   }
-  const std::vector<Pixel> samples =
-      render(scene, points, view.forward, view.pixel * step, harmonics);
+  const std::vector<Pixel> samples = render(scene, points, view.forward, view.pixel, harmonics);
   const double plane = dot(view.forward, view.corner);
   return averaged(view.size, finer, [&](std::size_t i) {
     return Sample{samples[i].colour, samples[i].opacity, samples[i].median_depth - plane};

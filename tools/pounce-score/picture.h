@@ -49,8 +49,8 @@ struct Seen {
   }
 };
 
-/// The scene, as render() draws it with `finer`^2 samples per pixel. A sample is as sharp as a
-/// pixel of its size.
+/// The scene, as render() draws it, with `finer`^2 samples per pixel: as a viewer shows it whose
+/// pixels are these, each the mean of its samples.
 Seen see_scene(const Scene& scene, const View& view, bool harmonics, std::uint32_t finer);
 /// The mesh, as draw_mesh() draws it with `finer`^2 samples per pixel. Without a texture: grey.
 /// Throws Error(input) for a mesh without UVs that is to have one.

@@ -21,6 +21,7 @@ struct GaussianProjection {
   const projection::SplatKernels* kernels = nullptr;
   float smallest_edge = 0;  ///< see TargetBlock
 
+  static std::uint64_t beside_bytes(std::uint64_t) { return 0; }
   static std::uint64_t packet_bytes(std::uint64_t packets) {
     return projection::RayState::most_bytes(packets);
   }

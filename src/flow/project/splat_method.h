@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -40,6 +41,7 @@ class SplatMethodBase {
     std::vector<std::shared_ptr<const gaussian::SplatSet>> batch;
     std::vector<const gaussian::SplatSet*> sets;  ///< of the batch
     gaussian::SplatSet near;                      ///< a batch that is sifted
+    std::size_t packets = 0;                      ///< of the piece; some may have what they want
   };
 
   std::size_t channels() const { return request_.channels(); }
@@ -50,7 +52,7 @@ class SplatMethodBase {
   std::uint64_t state_bytes(const store::BlockEntry& entry) const {
     const std::uint64_t packets = count_packets(entry);
     return request_.packet_bytes(packets) + request_.profile_bytes(packets) +
-           result_bytes(result_texel_bytes(), channels());
+           request_.beside_bytes(packets) + result_bytes(result_texel_bytes(), channels());
   }
   /// What projecting one block needs at once, whatever is in it; its packets take
   /// request.packet_bytes(most_packets()) and their profiles.
@@ -73,6 +75,7 @@ class SplatMethodBase {
                  surface::TargetBlock::Start::at_texel, work, work.state.packets,
                  work.state.groups);
     work.state.packets.shrink_to_fit();
+    work.packets = work.state.packets.size();
     projection::start(request_.limits, work.state);
   }
 
@@ -97,6 +100,7 @@ class SplatMethodBase {
   /// What a piece that has begun holds whatever its batch is, but for profiles.
   std::uint64_t begun_bytes(const Work& work) const {
     return fixed_bytes() + request_.packet_bytes(work.state.packets.size()) +
+           request_.beside_bytes(work.packets) +
            work.blocks.size() * result_bytes(result_texel_bytes(), channels());
   }
 
@@ -142,10 +146,11 @@ class SplatMethodBase {
     work.near.clear();
   }
 
-  /// value_of(c, packet, lane), of channel c, is an optional shading::TexelValue: nothing where
-  /// nothing was met.
+  /// Of all packets of the piece; value_of(c, packet, lane), of channel c, is an optional
+  /// shading::TexelValue: nothing where nothing was met.
   template <class ValueOf>
-  void blend_blocks(Work& work, const ValueOf& value_of) const {
+  void blend_blocks(Work& work, std::span<const surface::TexelPacket> packets,
+                    const ValueOf& value_of) const {
     work.stored.assign(channels(), std::vector<std::vector<std::byte>>(work.blocks.size()));
     work.raw_bytes.assign(channels(), 0);
     work.covered.assign(channels(), 0);
@@ -153,8 +158,9 @@ class SplatMethodBase {
     std::size_t p = 0;  // packets are in the order of their blocks
     for (std::size_t b = 0; b < work.blocks.size(); ++b) {
       const std::size_t first = p;
-      while (p < work.state.packets.size() && work.state.packets[p].block == b) ++p;
-      for (std::size_t c = 0; c < channels(); ++c) blend_block(work, c, b, first, p, value_of);
+      while (p < packets.size() && packets[p].block == b) ++p;
+      for (std::size_t c = 0; c < channels(); ++c)
+        blend_block(work, c, b, packets.subspan(first, p - first), first, value_of);
     }
   }
 
@@ -231,18 +237,19 @@ class SplatMethodBase {
   }
 
   template <class ValueOf>
-  void blend_block(Work& work, std::size_t c, std::size_t b, std::size_t first, std::size_t last,
+  void blend_block(Work& work, std::size_t c, std::size_t b,
+                   std::span<const surface::TexelPacket> packets, std::size_t first,
                    const ValueOf& value_of) const {
     const shading::TexelFormat& format = request_.format_of(c);
     const std::size_t texel_bytes = format.texel_bytes();
     shading::ResultBlock result;
     result.texels.resize(store::kTexelsPerBlock * texel_bytes);
     std::uint64_t covered = 0;
-    for (std::size_t p = first; p < last; ++p) {
+    for (std::size_t p = 0; p < packets.size(); ++p) {
       for (int lane = 0; lane < surface::kLanes; ++lane) {
-        const std::uint16_t texel = work.state.packets[p].texel[lane];
+        const std::uint16_t texel = packets[p].texel[lane];
         if (texel == surface::kNoTexel) continue;
-        const std::optional<shading::TexelValue> value = value_of(c, p, lane);
+        const std::optional<shading::TexelValue> value = value_of(c, first + p, lane);
         if (!value) continue;
         work.clipped[c] +=
             shading::store_texel(format, *value, result.texels.data() + texel * texel_bytes);

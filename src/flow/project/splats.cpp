@@ -19,6 +19,7 @@
 #include <optional>
 #include <tuple>
 
+#include "flow/project/around.h"
 #include "flow/project/splat_method.h"
 
 namespace pounce::flow {
@@ -37,6 +38,7 @@ class SplatMethod : public Base {
     Pass pass = Pass::first_batch;
     std::uint64_t met_bytes = 0;  ///< what all that its texels may meet costs a batch, if known
     bool sifts = false;           ///< blocks
+    AroundWork around;            ///< of a scene that is seen from all around
   };
 
   SplatMethod(job::JobContext& job, const SplatProjection& request) : Base(job, request) {}
@@ -81,15 +83,41 @@ class SplatMethod : public Base {
     if (work.walk->done()) end_pass(work);
   }
 
+  void begin(Work& work) const {
+    if (request_.views == nullptr) return Base::begin(work);
+    std::vector<surface::PacketGroup> groups;
+    read_packets(*job_, *request_.target, request_.smallest_edge,
+                 surface::TargetBlock::Start::at_texel, work, work.around.packets, groups);
+    work.around.packets.shrink_to_fit();
+    work.packets = work.around.packets.size();
+    look_around(*job_, *request_.views, work.around);
+    leave_unseen(groups, work.around, work.state);
+    projection::start(request_.limits, work.state);
+  }
+
   void blend(Work& work) const {
     projection::count_distances(request_.limits, work.state, work.distances);
-    const auto value_of = [&](std::size_t c, std::size_t p,
-                              int lane) -> std::optional<shading::TexelValue> {
-      const auto found = projection::finding(request_.limits, work.state, p, lane);
-      if (!found) return std::nullopt;
-      return value(request_.outputs[c], *found);
+    const auto along_normal = [&](std::size_t p, int lane) {
+      return projection::finding(request_.limits, work.state, p, lane);
     };
-    blend_blocks(work, value_of);
+    const auto blend = [&](std::span<const surface::TexelPacket> packets, const auto& find) {
+      blend_blocks(
+          work, packets,
+          [&](std::size_t c, std::size_t p, int lane) -> std::optional<shading::TexelValue> {
+            const std::optional<projection::SplatFinding> found = find(p, lane);
+            if (!found) return std::nullopt;
+            return value(request_.outputs[c], *found);
+          });
+    };
+    if (request_.views == nullptr) return blend(work.state.packets, along_normal);
+    count_distances(*request_.views, work.around, request_.limits.reach, work.distances);
+    blend(work.around.packets,
+          [&](std::size_t p, int lane) -> std::optional<projection::SplatFinding> {
+            const auto seen = finding(*request_.views, work.around, p, lane);
+            if (!seen) return along_normal(work.around.ray[p], lane);
+            if (seen->confidence < request_.limits.least_confidence) return std::nullopt;
+            return seen;
+          });
   }
 
   /// A work of places instead of texels; the rays of each need blocks of their own.
@@ -98,7 +126,6 @@ class SplatMethod : public Base {
     work.blocks.resize(places.size());
     projection::start(request_.limits, work.state);
   }
-  using Base::begin;
 
  private:
   shading::TexelValue value(const SplatOutput& output,
@@ -181,11 +208,13 @@ projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& reque
 }
 
 std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::size_t channels,
-                                         std::uint32_t lobes, std::uint32_t rays) {
+                                         std::uint32_t lobes, std::uint32_t rays,
+                                         bool from_around) {
   return SplatMethod::least_bytes(
       result_texel_bytes, channels, lobes,
       projection::SplatState::most_bytes(SplatMethod::most_packets(), rays) +
-          projection::SplatState::profile_bytes(SplatMethod::most_packets(), rays));
+          projection::SplatState::profile_bytes(SplatMethod::most_packets(), rays) +
+          (from_around ? SplatProjection::around_bytes(SplatMethod::most_packets()) : 0));
 }
 
 }  // namespace pounce::flow

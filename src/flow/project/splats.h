@@ -8,6 +8,7 @@
 
 #include "flow/project/page_projector.h"
 #include "flow/stores/block_readers.h"
+#include "flow/stores/views.h"
 #include "projection/splat_blend.h"
 #include "projection/splat_fit.h"
 #include "shading/texel_input.h"
@@ -36,11 +37,25 @@ struct SplatProjection {
   projection::SplatLimits limits;
   const projection::SplatKernels* kernels = nullptr;
   float smallest_edge = 0;  ///< see TargetBlock
+  /// The scene from all around: texels that no view sees look along their normals. Null: all do.
+  const SceneViews* views = nullptr;
 
   std::size_t channels() const { return outputs.size(); }
   const shading::TexelFormat& format_of(std::size_t c) const { return outputs[c].format; }
   std::uint64_t packet_bytes(std::uint64_t packets) const {
     return projection::SplatState::most_bytes(packets, static_cast<std::uint64_t>(limits.rays));
+  }
+  /// What texels hold beside that, whatever they look for: packets and what they have seen.
+  std::uint64_t beside_bytes(std::uint64_t packets) const {
+    return views == nullptr ? 0 : around_bytes(packets);
+  }
+  /// Of a block, while it is looked up.
+  static constexpr std::uint64_t kMostPlaces =
+      surface::TargetBlock::most_packets(store::kTexelsPerBlock);
+  static std::uint64_t around_bytes(std::uint64_t packets) {
+    return round_to_pages(packets * sizeof(surface::TexelPacket)) +
+           round_to_pages(packets * sizeof(views::SightPacket)) + packets * sizeof(std::uint32_t) +
+           kMostPlaces * sizeof(views::PlacePacket) + SceneViews::reading_bytes();
   }
   std::uint64_t profile_bytes(std::uint64_t packets) const {
     return projection::SplatState::profile_bytes(packets, static_cast<std::uint64_t>(limits.rays));
@@ -61,8 +76,8 @@ projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& reque
 
 /// The least that projecting needs at once: one target block, one block of a scene that has so many
 /// lobes of harmonics, and so many rays beside each texel's normal. `result_texel_bytes`: of all
-/// channels together.
+/// channels together; `from_around`: it has views.
 std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::size_t channels,
-                                         std::uint32_t lobes, std::uint32_t rays);
+                                         std::uint32_t lobes, std::uint32_t rays, bool from_around);
 
 }  // namespace pounce::flow

@@ -74,7 +74,7 @@ MapRequest MapSource::request(std::uint32_t udim) const {
 std::unique_ptr<Projection> MapSource::projector(std::size_t pass, std::uint32_t page,
                                                  const store::GeometryStore& target,
                                                  const planning::TargetPlan& target_plan,
-                                                 const projection::SplatFit&) const {
+                                                 const Before&) const {
   bool cached = false;
   auto hits = map_hits(job_, request(target_plan.pages[page].udim), &cached);
   job_.count_store(hits->pack(), cached);

@@ -29,7 +29,7 @@ class MapSource final : public Source {
   std::unique_ptr<Projection> projector(std::size_t pass, std::uint32_t page,
                                         const store::GeometryStore& target,
                                         const planning::TargetPlan& target_plan,
-                                        const projection::SplatFit& fit) const override;
+                                        const Before& before) const override;
   std::optional<mesh::Mesh> own_target() const override { return planning::map_target(map_); }
   std::uint64_t texels_of(const PageResult& result, std::uint64_t target_texels) const override;
   std::size_t target_places() const override { return 0; }

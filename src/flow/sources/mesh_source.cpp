@@ -242,7 +242,7 @@ std::optional<shading::ShapeOutput> SurfaceSource::shape_of(
 std::unique_ptr<Projection> SurfaceSource::projector(std::size_t pass, std::uint32_t,
                                                      const store::GeometryStore& target,
                                                      const planning::TargetPlan& target_plan,
-                                                     const projection::SplatFit&) const {
+                                                     const Before&) const {
   MeshProjection request;
   request.source = geometry_[pass].get();
   request.target = &target;
@@ -369,7 +369,8 @@ std::unique_ptr<store::SplatStore> TexelsSource::sort(const Hash128& key,
        sigma_, densify_, planning::texels_are_linear(plan_)},
       until(0.4));
   job_.meter.begin("sort", 2 * source.count(), "Gaussians", range.end);
-  auto made = build_gaussian_store(job_, {&source, key, mesh_.path, {}, {}, false, 0, 0});
+  auto made = build_gaussian_store(
+      job_, {&source, key, mesh_.path, {}, {}, gaussian::FadeIsolated::of_no_scene, 0, 0});
   job_.meter.end();
   job_.report.bytes_read += blocks->pack().bytes_read() + columns.bytes_read();
   return made;
@@ -400,7 +401,7 @@ Hash128 TexelsSource::store_key() const {
 std::unique_ptr<Projection> TexelsSource::projector(std::size_t, std::uint32_t,
                                                     const store::GeometryStore& target,
                                                     const planning::TargetPlan& target_plan,
-                                                    const projection::SplatFit&) const {
+                                                    const Before&) const {
   const planning::ChannelPlan& channel = plan_.channels.front();
   GaussianProjection request;
   request.source = splats_.get();

@@ -69,7 +69,7 @@ class SurfaceSource final : public MeshSource {
   std::unique_ptr<Projection> projector(std::size_t pass, std::uint32_t page,
                                         const store::GeometryStore& target,
                                         const planning::TargetPlan& target_plan,
-                                        const projection::SplatFit& fit) const override;
+                                        const Before& before) const override;
   std::span<const float> layer_gaps() const override { return layer_gaps_; }
 
  private:
@@ -112,7 +112,7 @@ class TexelsSource final : public MeshSource {
   std::unique_ptr<Projection> projector(std::size_t pass, std::uint32_t page,
                                         const store::GeometryStore& target,
                                         const planning::TargetPlan& target_plan,
-                                        const projection::SplatFit& fit) const override;
+                                        const Before& before) const override;
 
  private:
   void add_stores(planning::DiskPlan& disk) override;

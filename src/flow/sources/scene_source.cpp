@@ -58,8 +58,10 @@ SceneSource::SceneSource(job::JobContext& job, const TransferOptions& options, b
       for_model_(for_model),
       splats_(options.splats),
       kernels_(&projection::splat_kernels(knobs.isa)),
+      drawing_(&views::draw_kernels(knobs.isa)),
+      most_ellipses_(knobs.most_ellipses),
       request_(planning::splat_request(options)) {
-  request_.fades_isolated = !knobs.keeps_isolated;
+  if (knobs.keeps_isolated) request_.fades = gaussian::FadeIsolated::of_no_scene;
 }
 
 void SceneSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
@@ -78,17 +80,21 @@ void SceneSource::meet(const planning::TargetPlan& target, const mesh::Mesh& mes
 }
 
 std::vector<job::LeastMemory> SceneSource::build_needs() const {
-  return {{facts_.least_bytes, "sorting " + options_.source}};
+  std::vector<job::LeastMemory> needs{{facts_.least_bytes, "sorting " + options_.source}};
+  if (request_.from_around)
+    needs.push_back(
+        {scene_views_least_bytes(facts_.lobes), "drawing " + options_.source + " from all around"});
+  return needs;
 }
 
 std::uint64_t SceneSource::directory_bytes() const {
-  constexpr std::uint64_t kMost = 64 << 10;  // of a pass
-  return kMost * plan_.passes.size();
+  constexpr std::uint64_t kMost = 64 << 10;  // of a pass, and of the scene's and target's views
+  return kMost * (plan_.passes.size() + (request_.from_around ? 2 : 0));
 }
 
 std::uint64_t SceneSource::project_least_bytes(std::size_t pass) const {
   return project_splats_least_bytes(result_texel_bytes(pass), plan_.passes[pass].channels.size(),
-                                    facts_.lobes, splats_.rays);
+                                    facts_.lobes, splats_.rays, request_.from_around);
 }
 
 void SceneSource::build(ProgressRange range, std::uint64_t) {
@@ -96,9 +102,9 @@ void SceneSource::build(ProgressRange range, std::uint64_t) {
   job_.report.isa = kernels_->isa;
   const job::ScratchPack runs_go(job_, store::PackKind::splats);  // what the store is sorted from
   bool cached = false;
-  auto opened = splat_store(job_, request_, &cached, range.end);
-  gaussians_ = std::make_unique<SplatCache>(
-      job_.budget, SplatReader{{&job_, std::move(opened)}, splats_.harmonics});
+  store_ = splat_store(job_, request_, &cached, range.end);
+  gaussians_ =
+      std::make_unique<SplatCache>(job_.budget, SplatReader{{&job_, store_}, splats_.harmonics});
   const store::SplatDirectory& scene = gaussians_->store().directory();
   job_.report.depth_window = kWindowOverNoise * scene.surface_noise;
   job_.report.discness = gaussian::discness(scene.roundness, scene.thickness);
@@ -125,6 +131,36 @@ SplatProjection SceneSource::projection(const planning::TargetPlan& target_plan)
   return request;
 }
 
+bool SceneSource::looks_around() const {
+  if (splats_.look != Look::automatic) return splats_.look == Look::around;
+  const store::SplatDirectory& scene = store_->directory();
+  return !gaussian::is_made(scene.roundness, scene.thickness);
+}
+
+std::unique_ptr<SceneViews> SceneSource::views_of(const planning::TargetPlan& target_plan,
+                                                  const mesh::Mesh& mesh, double area,
+                                                  ProgressRange range) const {
+  if (!looks_around()) return nullptr;
+  const store::SplatDirectory& scene = store_->directory();
+  ViewsRequest request;
+  request.scene = store_;
+  request.drawing = {scene.model == store::SplatModel::antialiased,
+                     gaussian::fine_edge(scene.typical_size),
+                     splats_.harmonics != SphericalHarmonics::dc};
+  request.kernels = drawing_;
+  request.views = splats_.views;
+  request.path = options_.source;
+  request.most_ellipses = most_ellipses_;
+  // As if charts filled all pages, of the largest size.
+  double texels = 1;
+  for (const planning::PassPlan& pass : plan_.passes)
+    texels = std::max(texels, static_cast<double>(pass.size.width) * pass.size.height *
+                                  static_cast<double>(target_plan.pages.size()));
+  const auto edge = static_cast<float>(std::sqrt(area / texels));
+  return std::make_unique<SceneViews>(
+      scene_views(job_, request, mesh, target_plan.diagonal, edge, range.end));
+}
+
 std::optional<projection::SplatFit> SceneSource::fit(
     std::span<const surface::Place> places, const planning::TargetPlan& target_plan) const {
   SplatProjection request = projection(target_plan);
@@ -141,7 +177,7 @@ std::optional<projection::SplatFit> SceneSource::fit(
 std::unique_ptr<Projection> SceneSource::projector(std::size_t pass, std::uint32_t,
                                                    const store::GeometryStore& target,
                                                    const planning::TargetPlan& target_plan,
-                                                   const projection::SplatFit& fit) const {
+                                                   const Before& before) const {
   SplatProjection request = projection(target_plan);
   request.target = &target;
   for (const std::size_t c : plan_.passes[pass].channels) {
@@ -151,9 +187,10 @@ std::unique_ptr<Projection> SceneSource::projector(std::size_t pass, std::uint32
     const auto input = colour_input({kRec709, request.linear}, request.linear, channel);
     request.outputs.push_back({channel.channel, channel.format, input});
   }
-  request.fit = fit.fit;
-  request.limits.least_confidence = least_confidence(splats_.min_confidence, fit.fit);
-  expect_where_found(fit, request.limits);
+  request.views = before.views;
+  request.fit = before.fit.fit;
+  request.limits.least_confidence = least_confidence(splats_.min_confidence, before.fit.fit);
+  expect_where_found(before.fit, request.limits);
   return project_splats(job_, request);
 }
 

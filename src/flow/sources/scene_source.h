@@ -32,7 +32,10 @@ class SceneSource final : public Source {
   std::unique_ptr<Projection> projector(std::size_t pass, std::uint32_t page,
                                         const store::GeometryStore& target,
                                         const planning::TargetPlan& target_plan,
-                                        const projection::SplatFit& fit) const override;
+                                        const Before& before) const override;
+  std::unique_ptr<SceneViews> views_of(const planning::TargetPlan& target_plan,
+                                       const mesh::Mesh& mesh, double area,
+                                       ProgressRange range) const override;
   std::size_t target_places() const override { return surface::kStrewnPlaces; }
   std::optional<projection::SplatFit> fit(std::span<const surface::Place> places,
                                           const planning::TargetPlan& target_plan) const override;
@@ -46,10 +49,15 @@ class SceneSource final : public Source {
   SplatProjection projection(const planning::TargetPlan& target_plan) const;
 
   const bool for_model_;
+  bool looks_around() const;
+
   const SplatOptions splats_;  ///< how the scene is blended
   const projection::SplatKernels* kernels_;
+  const views::DrawKernels* drawing_;
+  const std::size_t most_ellipses_;
   planning::SplatRequest request_;
   planning::SceneFacts facts_;
+  std::shared_ptr<store::SplatStore> store_;
   std::unique_ptr<SplatCache> gaussians_;
   runtime::Lease directory_lease_;
 };

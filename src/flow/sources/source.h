@@ -17,6 +17,7 @@
 #include "flow/project/page_colour.h"
 #include "flow/project/page_projector.h"
 #include "flow/stores/block_readers.h"
+#include "flow/stores/views.h"
 #include "job/job_context.h"
 #include "job/run_job.h"
 #include "job/test_knobs.h"
@@ -79,11 +80,22 @@ class Source {
 
   // --- projection --------------------------------------------------------------------------------
 
-  /// Puts it in front of one page of a target, for one pass. `fit`: of a scene.
+  /// Draws a scene, and the target, from all around, for this target: nothing where texels look
+  /// along their normals. `area`: of the mesh.
+  virtual std::unique_ptr<SceneViews> views_of(const planning::TargetPlan&, const mesh::Mesh&,
+                                               double /*area*/, ProgressRange) const {
+    return nullptr;
+  }
+  /// What puts it in front of a target, beside the target: of a scene.
+  struct Before {
+    projection::SplatFit fit;
+    const SceneViews* views = nullptr;
+  };
+  /// Puts it in front of one page of a target, for one pass.
   virtual std::unique_ptr<Projection> projector(std::size_t pass, std::uint32_t page,
                                                 const store::GeometryStore& target,
                                                 const planning::TargetPlan& target_plan,
-                                                const projection::SplatFit& fit) const = 0;
+                                                const Before& before) const = 0;
   /// What stands for the target of a source that has it in it.
   virtual std::optional<mesh::Mesh> own_target() const { return std::nullopt; }
   /// How many texels of a target's page were to find something.

@@ -54,7 +54,7 @@ struct TileReader {
   using Block = Decoded;
 
   job::JobContext* job;
-  std::unique_ptr<Store> store;
+  std::shared_ptr<Store> store;
 
   Index read_index(std::uint32_t tile) const { return store->read_index(tile, job->compressor()); }
   static std::uint64_t index_bytes(const Index& index) { return index.size() * sizeof(Entry); }

@@ -23,15 +23,20 @@
 #include <filesystem>
 #include <utility>
 
-#include "flow/stores/splat_sort.h"
 #include "gaussian/gaussian_source.h"
 #include "gaussian/splat_statistics.h"
 #include "runtime/pump.h"
+#include "sorting/splat_sort.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::flow {
 namespace {
 
+using sorting::KeyedSplat;
+using sorting::SplatMerge;
+using sorting::SplatRun;
+using sorting::SplatRuns;
+using sorting::SplatRunWriter;
 using store::kMostSplatsPerBlock;
 using store::Splat;
 using store::SplatBlock;
@@ -131,7 +136,7 @@ SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& wri
     // both must agree.
     order.push_back({lattice.key(read.splats[i]), static_cast<std::uint32_t>(i)});
   }
-  sort_by_key(order, scratch);
+  sorting::sort_by_key(order, scratch);
   return writer.write(read, order);
 }
 
@@ -250,8 +255,8 @@ bool asked_for_noise(std::uint64_t ordinal, std::uint32_t step_log2) {
   return (ordinal & ((1ULL << step_log2) - 1)) == 0;
 }
 
-void encode_block(job::JobContext& job, std::uint32_t lobes, bool fades_isolated, Slot& slot) {
-  if (fades_isolated) gaussian::fade_isolated(slot.cut.splats);
+void encode_block(job::JobContext& job, std::uint32_t lobes, bool fades, Slot& slot) {
+  if (fades) gaussian::fade_isolated(slot.cut.splats);
   slot.entry = {};
   slot.entry.splats = static_cast<std::uint32_t>(slot.cut.splats.size());
   slot.entry.size_class =
@@ -287,8 +292,11 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
                              pending_bytes(lobes_) + tokens * token_bytes(lobes_) +
                                  fan_in * SplatMerge::cursor_bytes(lobes_),
                              "merging the Gaussians of " + request_.path);
-  runs = merge_to_fan_in(job_, lattice, lobes_, std::move(runs), fan_in);
+  runs = sorting::merge_to_fan_in(job_, lattice, lobes_, std::move(runs), fan_in);
 
+  const bool fades = request_.fades == gaussian::FadeIsolated::of_all_scenes ||
+                     (request_.fades == gaussian::FadeIsolated::of_made_scenes &&
+                      gaussian::is_made(directory_.roundness, directory_.thickness));
   SplatMerge sequence(lattice, lobes_, runs.pack, runs.runs);
   BlockCutter cutter(sequence, lobes_);
   // The last stage ends blocks in order, so those under way are neighbours: each has its own slot.
@@ -331,8 +339,7 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
                                             }) &
                   tbb::make_filter<Slot*, Slot*>(tbb::filter_mode::parallel,
                                                  [&](Slot* slot) {
-                                                   encode_block(job_, lobes_,
-                                                                request_.fades_isolated, *slot);
+                                                   encode_block(job_, lobes_, fades, *slot);
                                                    return slot;
                                                  }) &
                   tbb::make_filter<Slot*, void>(tbb::filter_mode::serial_in_order,

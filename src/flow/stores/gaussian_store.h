@@ -7,6 +7,7 @@
 
 #include "gaussian/gaussian_source.h"
 #include "gaussian/splat_keep.h"
+#include "gaussian/splat_statistics.h"
 #include "job/job_context.h"
 #include "store/blocks/splat_store.h"
 
@@ -19,7 +20,7 @@ struct GaussianStoreRequest {
   std::string path;  ///< of the source, for messages
   store::SplatFacts facts;
   gaussian::SplatKeep keep = {};
-  bool fades_isolated = false;  ///< see gaussian::fade_isolated()
+  gaussian::FadeIsolated fades = gaussian::FadeIsolated::of_no_scene;
   /// For tests: most Gaussians of a run and most runs merged at once; 0 = what the budget holds.
   /// The store does not depend on them.
   std::uint64_t run_splats = 0;

@@ -19,16 +19,16 @@ namespace {
 /// some: a scene in other units, or elsewhere, is sorted as a whole, so that the job can say so.
 constexpr std::size_t kWorthLeavingOut = 4;
 
-std::uint32_t kept_lobes(const io::SplatSceneInfo& info, SphericalHarmonics harmonics) {
+std::uint32_t kept_lobes(const io::SplatSceneInfo& info, const planning::SplatRequest& request) {
   const std::uint32_t of_file = store::kLobesOfDegree[std::min<std::size_t>(
       info.sh_degree, store::kLobesOfDegree.size() - 1)];
-  switch (harmonics) {
+  switch (request.harmonics) {
     case SphericalHarmonics::dc:
       return 0;
     case SphericalHarmonics::normal:
       return of_file;
     case SphericalHarmonics::mean:  // the hemisphere's mean of degree 3 is 0
-      return std::min(of_file, store::kLobesOfDegree[2]);
+      return request.from_around ? of_file : std::min(of_file, store::kLobesOfDegree[2]);
   }
   return 0;
 }
@@ -40,7 +40,7 @@ class SceneStore {
       : job_(job),
         request_(request),
         scene_(open(job, request)),
-        source_(*scene_, kept_lobes(scene_->info(), request.harmonics)) {}
+        source_(*scene_, kept_lobes(scene_->info(), request)) {}
 
   std::uint64_t count() const { return source_.count(); }
 
@@ -61,9 +61,8 @@ class SceneStore {
     }
     *cached = false;
     prepare();
-    return build_gaussian_store(
-        job_, {&source_, key(keep), request_.path, facts(), keep, request_.fades_isolated,
-               request_.run_splats, request_.fan_in});
+    return build_gaussian_store(job_, {&source_, key(keep), request_.path, facts(), keep,
+                                       request_.fades, request_.run_splats, request_.fan_in});
   }
 
  private:
@@ -103,7 +102,10 @@ class SceneStore {
     hash.add(to_text(request_.axes));
     hash.add(source_.lobes());
     keep.add_to(hash);
-    if (!request_.fades_isolated) hash.add(std::string_view("isolated"));
+    if (request_.fades != gaussian::FadeIsolated::of_all_scenes) {
+      hash.add(std::string_view("isolated"));
+      hash.add(request_.fades);
+    }
     return hash.digest();
   }
 
@@ -153,13 +155,9 @@ planning::SceneFacts scene_facts(const planning::SplatRequest& request,
                                  const std::function<void()>& poll) {
   const auto scene = io::open_splat_scene(request.path, request.axes, poll);
   const io::SplatSceneInfo& info = scene->info();
-  planning::SceneFacts facts{info.splats,
-                             kept_lobes(info, request.harmonics),
-                             info.is_linear,
-                             info.files,
-                             info.assumptions,
-                             0,
-                             scene->unpacked_bytes()};
+  planning::SceneFacts facts{
+      info.splats, kept_lobes(info, request), info.is_linear, info.files, info.assumptions,
+      0,           scene->unpacked_bytes()};
   facts.least_bytes =
       std::max(scene->prepare_bytes(),
                gaussian_store_least_bytes(info.splats, scene->read_bytes(), facts.lobes));

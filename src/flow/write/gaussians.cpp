@@ -12,12 +12,15 @@
 
 #include <algorithm>
 
-#include "flow/stores/importance.h"
 #include "gaussian/gaussian_source.h"
 #include "runtime/pump.h"
+#include "sorting/importance.h"
 
 namespace pounce::flow {
 namespace {
+
+using sorting::importance;
+using sorting::ImportanceCut;
 
 constexpr std::uint64_t kPartRows = 16384;
 constexpr double kAfterCut = 0.7;  // of the progress bar

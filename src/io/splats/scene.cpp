@@ -13,7 +13,7 @@
 // told with a cure.
 //
 // Every reader supplies any range of rows at any time, in any thread. That is what lets the store
-// be built by runs in parallel (flow/stores/splat_sort.h), and a sample be taken from all over a
+// be built by runs in parallel (sorting/splat_sort.h), and a sample be taken from all over a
 // scene without reading it.
 #include "io/splats/scene.h"
 

@@ -50,10 +50,9 @@ ColourDirectory decode_directory(std::span<const std::byte> raw, const std::stri
   ColourDirectory d;
   std::uint8_t depth, linear, alpha, wrap_u, wrap_v;
   in.get_all(d.width, d.height, d.channels, depth, linear, alpha, wrap_u, wrap_v, d.nonfinite);
-  if (d.width == 0 || d.width > kLargestImageSide || d.height == 0 ||
-      d.height > kLargestImageSide || d.channels == 0 || d.channels > 4 || depth > 3 ||
-      linear > 1 || alpha > 2 || (alpha > 0 && d.channels < 2) || (alpha > 1 && depth < 2) ||
-      wrap_u > 2 || wrap_v > 2) {
+  if (d.width == 0 || d.width > kLargestImageSide || d.height == 0 || d.height > kTallestColumn ||
+      d.channels == 0 || d.channels > kMostSamples || depth > 3 || linear > 1 || alpha > 2 ||
+      (alpha > 0 && d.channels < 2) || (alpha > 1 && depth < 2) || wrap_u > 2 || wrap_v > 2) {
     in.fail("has an impossible image header");
   }
   d.depth = static_cast<Depth>(depth);

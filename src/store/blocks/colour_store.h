@@ -21,6 +21,9 @@ inline constexpr int kColourTileEdge = mesh::kBlockEdge + 2 * kApron;
 
 /// No image has more texels along a side.
 inline constexpr std::uint32_t kLargestImageSide = 65536;
+/// Nor a column more below each other, nor more samples in each: the views of a scene are one tall
+/// image of five (src/views/).
+inline constexpr std::uint32_t kTallestColumn = 1U << 20, kMostSamples = 5;
 
 std::size_t depth_bytes(Depth depth);
 

@@ -11,10 +11,11 @@ declare -A may_include=(
   [core]="" [runtime]="core" [mesh]="core" [store]="core mesh" [io]="core mesh store"
   [surface]="core mesh store" [gaussian]="core mesh store" [shading]="core mesh store"
   [grid]="core mesh store surface gaussian" [projection]="core mesh store surface gaussian grid"
-  [commands]="core mesh store io" [job]="core runtime store io" [options]="core mesh io"
+  [views]="core mesh store surface gaussian grid projection"
+  [sorting]="core runtime mesh store gaussian job" [commands]="core mesh store io" [job]="core runtime store io" [options]="core mesh io"
   [planning]="core mesh store io options surface gaussian shading projection job"
   [outcome]="core mesh store gaussian projection planning"
-  [flow]="outcome planning job core runtime mesh store io options surface gaussian shading grid projection"
+  [flow]="sorting outcome planning job core runtime mesh store io options surface gaussian shading grid projection views"
 )
 # The same within rooms that have folders: what each may include besides itself and what lies above it.
 declare -A may_include_within=(

@@ -68,6 +68,7 @@ const std::map<std::string, std::string> kValues{
     {"count", "12"},
     {"allow-external", "true"},
     {"allow-format", "bmp,tga"},
+    {"look", "around"},
     {"sandbox", "on"},
     {"memory", "4096"},
     {"threads", "2"},
@@ -177,6 +178,8 @@ TEST_CASE("numbers that no parser has seen are checked, too", "[options]") {
   TransferOptions usual;
   CHECK_NOTHROW(options::check_ranges(usual));
   refused([](auto& o) { o.splats.rays = 17; }, "--rays");
+  refused([](auto& o) { o.splats.views = 5; }, "--views");
+  refused([](auto& o) { o.splats.views = 97; }, "--views");
   refused([](auto& o) { o.search.max_angle_deg = 90; }, "--max-angle");
   refused([](auto& o) { o.search.max_distance = Length{-1, false}; }, "--max-distance");
   refused([](auto& o) { o.splats.filter.min_opacity = 0.001; }, "--min-opacity");

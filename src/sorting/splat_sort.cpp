@@ -9,7 +9,7 @@
 //
 // Runs are scratch: they are read once and soon. They are not compressed, and keys are not stored,
 // since the lattice computes them again from what was spilled.
-#include "flow/stores/splat_sort.h"
+#include "sorting/splat_sort.h"
 
 #include <algorithm>
 #include <array>
@@ -20,7 +20,7 @@
 #include "core/bytes.h"
 #include "store/pack/codec.h"
 
-namespace pounce::flow {
+namespace pounce::sorting {
 namespace {
 
 using store::Splat;
@@ -290,4 +290,4 @@ SplatRuns merge_to_fan_in(job::JobContext& job, const store::SplatLattice& latti
   return runs;
 }
 
-}  // namespace pounce::flow
+}  // namespace pounce::sorting

@@ -13,7 +13,7 @@
 #include "store/blocks/splat_store.h"
 #include "store/pack/pack.h"
 
-namespace pounce::flow {
+namespace pounce::sorting {
 
 /// Gaussians in the order of their keys, in chunks of a scratch pack.
 struct SplatRun {
@@ -91,4 +91,4 @@ class SplatMerge {
 SplatRuns merge_to_fan_in(job::JobContext& job, const store::SplatLattice& lattice,
                           std::uint32_t lobes, SplatRuns runs, std::size_t fan_in);
 
-}  // namespace pounce::flow
+}  // namespace pounce::sorting

@@ -7,7 +7,7 @@
 // Sorting would need memory or disk for all keys with their places, and the source is wanted in its
 // own order anyway: a threshold is enough. It is exact, so the number of Gaussians is what was
 // asked for. Reading the keys several times is cheap beside reading the source once more.
-#include "flow/stores/importance.h"
+#include "sorting/importance.h"
 
 #include <algorithm>
 #include <array>
@@ -16,7 +16,7 @@
 #include "gaussian/gaussian_source.h"
 #include "runtime/pump.h"
 
-namespace pounce::flow {
+namespace pounce::sorting {
 namespace {
 
 constexpr int kDigitBits = 16;
@@ -113,4 +113,4 @@ void ImportanceCut::find(runtime::Meter& meter, const ReadFile& keys, std::uint6
   });
 }
 
-}  // namespace pounce::flow
+}  // namespace pounce::sorting

@@ -7,7 +7,7 @@
 #include "gaussian/splat_keep.h"
 #include "job/job_context.h"
 
-namespace pounce::flow {
+namespace pounce::sorting {
 
 /// How much of a picture a Gaussian can make, as a number to compare by: its opacity times the
 /// product of its two larger standard deviations, in double precision, by its bits.
@@ -43,4 +43,4 @@ class ImportanceCut {
   std::uint64_t left_out_ = 0;
 };
 
-}  // namespace pounce::flow
+}  // namespace pounce::sorting

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "flow/project/around.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "projection/search.h"
+
+namespace pounce::flow {
+namespace {
+
+const std::uint16_t* samples_of(const store::ColourTile& tile) {
+  return reinterpret_cast<const std::uint16_t*>(tile.data());
+}
+
+bool is_seen(const views::SightPacket& sight, int lane) {
+  return sight.clear.weight[lane] > 0 || sight.hidden.weight[lane] > 0;
+}
+
+void look_around(const SceneViews& views, std::span<const surface::TexelPacket> packets,
+                 std::span<views::SightPacket> sights) {
+  std::vector<views::PlacePacket> places;
+  for (std::uint32_t view = 0; view < views.grid.views(); ++view) {
+    views::place(views.grid, view, packets, places, sights);
+    std::set<std::pair<std::uint32_t, std::uint32_t>> tiles;  // y, x
+    for (const views::PlacePacket& place : places) {
+      for (std::uint32_t y = place.tiles.y0; y <= place.tiles.y1; ++y) {
+        for (std::uint32_t x = place.tiles.x0; x <= place.tiles.x1; ++x) tiles.emplace(y, x);
+      }
+    }
+    for (const auto& [y, x] : tiles) {
+      const std::uint32_t row = views.grid.tile_row(view, y);
+      const store::ChunkRef scene = (*views.scene->index(row))[x],
+                            target = (*views.target->index(row))[x];
+      // Where there is nothing of the one or the other, no texel is seen.
+      if (store::is_left_out(scene) || store::is_left_out(target)) continue;
+      const auto of_scene = views.scene->block(scene), of_target = views.target->block(target);
+      views::gather(views.limits, {x, y, samples_of(*of_scene), samples_of(*of_target)}, places,
+                    sights);
+    }
+  }
+}
+
+}  // namespace
+
+void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work) {
+  work.sights.assign(work.packets.size(), views::SightPacket{});
+  // Block by block, whose sums stay in the processor's cache while all views go past.
+  for (std::size_t p = 0; p < work.packets.size();) {
+    const std::size_t first = p;
+    while (p < work.packets.size() && work.packets[p].block == work.packets[first].block) ++p;
+    job.meter.throw_if_cancelled();
+    look_around(views, std::span(work.packets).subspan(first, p - first),
+                std::span(work.sights).subspan(first, p - first));
+  }
+}
+
+void leave_unseen(std::span<const surface::PacketGroup> groups, AroundWork& work,
+                  projection::SplatState& state) {
+  const auto is_left = [&](std::size_t p) {
+    for (int lane = 0; lane < surface::kLanes; ++lane) {
+      if (work.packets[p].texel[lane] != surface::kNoTexel && !is_seen(work.sights[p], lane))
+        return true;
+    }
+    return false;
+  };
+  work.ray.assign(work.packets.size(), 0);
+  std::size_t count = 0;
+  for (std::size_t p = 0; p < work.packets.size(); ++p) count += is_left(p) ? 1 : 0;
+  state.packets.reserve(count);
+  for (const surface::PacketGroup& group : groups) {
+    surface::PacketGroup left{static_cast<std::uint32_t>(state.packets.size()), 0};
+    for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
+      if (!is_left(p)) continue;
+      surface::TexelPacket packet = work.packets[p];
+      for (int lane = 0; lane < surface::kLanes; ++lane) {
+        if (!is_seen(work.sights[p], lane)) continue;
+        packet.texel[lane] = surface::kNoTexel;  // as unused lanes are
+        packet.nx[lane] = packet.ny[lane] = packet.nz[lane] = 0;
+      }
+      work.ray[p] = static_cast<std::uint32_t>(state.packets.size());
+      state.packets.push_back(packet);
+      ++left.count;
+    }
+    if (left.count > 0) state.groups.push_back(left);
+  }
+}
+
+std::optional<projection::SplatFinding> finding(const SceneViews& views, const AroundWork& work,
+                                                std::size_t packet, int lane) {
+  const auto sight = views::sight_of(views.grid, views.limits, work.sights[packet], lane);
+  if (!sight) return std::nullopt;
+  return projection::SplatFinding{sight->colour, sight->alpha, sight->distance, sight->confidence};
+}
+
+void count_distances(const SceneViews& views, const AroundWork& work, float reach,
+                     DistanceCounts& counts) {
+  for (std::size_t p = 0; p < work.packets.size(); ++p) {
+    for (int lane = 0; lane < surface::kLanes; ++lane) {
+      if (const auto found = finding(views, work, p, lane))
+        projection::count_distance(static_cast<float>(std::abs(found->distance)), reach, counts);
+    }
+  }
+}
+
+}  // namespace pounce::flow

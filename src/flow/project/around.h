@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The texels of a piece in the views of a scene: what of them is seen, and what is left for rays.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/page_pool.h"
+#include "flow/stores/views.h"
+#include "job/job_context.h"
+#include "pounce/report.h"
+#include "projection/splat_blend.h"
+#include "surface/target_block.h"
+#include "views/gather.h"
+
+namespace pounce::flow {
+
+/// A piece's texels and what they have seen.
+struct AroundWork {
+  PageVector<surface::TexelPacket> packets;
+  PageVector<views::SightPacket> sights;  ///< one per packet
+  std::vector<std::uint32_t> ray;  ///< of each packet: the one that looks for its unseen texels
+};
+
+/// Looks the packets up in all views: tile by tile, each of which is read once for all of them.
+void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work);
+
+/// The texels that no view sees become packets of `state`. `groups`: of all packets.
+void leave_unseen(std::span<const surface::PacketGroup> groups, AroundWork& work,
+                  projection::SplatState& state);
+
+/// What a texel has seen; nothing where no view sees it.
+std::optional<projection::SplatFinding> finding(const SceneViews& views, const AroundWork& work,
+                                                std::size_t packet, int lane);
+
+/// Adds how far from the seen texels the scene lies.
+void count_distances(const SceneViews& views, const AroundWork& work, float reach,
+                     DistanceCounts& counts);
+
+}  // namespace pounce::flow

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "flow/stores/block_readers.h"
+#include "job/job_context.h"
+#include "mesh/mesh.h"
+#include "views/draw.h"
+#include "views/gather.h"
+#include "views/grid.h"
+
+namespace pounce::flow {
+
+/// A scene as it is seen from all around, in front of one target: tiles of what the scene shows,
+/// which the cache keeps for the next target and size, and of where the target's surface is.
+struct SceneViews {
+  views::Grid grid;
+  views::SightLimits limits;
+  std::unique_ptr<ColourCache> scene, target;
+  std::unique_ptr<job::ScratchPack> target_goes = nullptr;
+
+  /// What a piece of the target needs to look texels up, beside what it holds of each packet.
+  static std::uint64_t reading_bytes();
+};
+
+struct ViewsRequest {
+  std::shared_ptr<store::SplatStore> scene;
+  views::DrawOptions drawing;
+  const views::DrawKernels* kernels = nullptr;
+  std::uint32_t views = 0;
+  std::string path;               ///< of the scene
+  std::size_t most_ellipses = 0;  ///< for tests: of a slab; 0: what the budget holds
+};
+
+/// Draws the scene for such a target, or finds its views in the cache, and draws the target.
+/// `edge`: of its texels. Takes job.meter through a stage "views" whose end is `progress_end`.
+SceneViews scene_views(job::JobContext& job, const ViewsRequest& request, const mesh::Mesh& target,
+                       double diagonal, float edge, double progress_end);
+
+/// The least that this needs at once beside the mesh, for scenes with so many lobes of harmonics.
+std::uint64_t scene_views_least_bytes(std::uint32_t lobes);
+
+}  // namespace pounce::flow

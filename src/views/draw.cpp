@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "views/draw.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "core/directions.h"
+#include "projection/hit_packet.h"
+#include "projection/splat_packet.h"
+
+namespace pounce::views {
+
+namespace sse2 {
+extern const DrawKernels kDrawKernels;
+}
+namespace avx2 {
+extern const DrawKernels kDrawKernels;
+}
+namespace avx512 {
+extern const DrawKernels kDrawKernels;
+}
+
+const DrawKernels& draw_kernels(const std::string& isa) {
+  const std::string chosen = projection::kernels(isa).isa;  // knows what this processor has
+  return chosen == "avx512" ? avx512::kDrawKernels
+         : chosen == "avx2" ? avx2::kDrawKernels
+                            : sse2::kDrawKernels;
+}
+
+namespace {
+
+constexpr float kLeastAlpha = 1.0F / 255;  // of what viewers draw
+
+/// Whole numbers in the order of the floats.
+std::uint32_t in_order(float value) {
+  const auto bits = std::bit_cast<std::uint32_t>(value);
+  return (bits >> 31) != 0 ? ~bits : bits | 0x80000000U;
+}
+
+}  // namespace
+
+void Canvas::clear() {
+  std::fill(std::begin(through), std::end(through), 1.0F);
+  std::memset(colour, 0, sizeof colour);
+  std::fill(std::begin(depth), std::end(depth), -1.0F);
+}
+
+// --- the nearest first ---------------------------------------------------------------------------
+
+Slab::Slab(std::size_t most) : most_(std::max<std::size_t>(most, 1)) { clear(); }
+
+void Slab::clear() {
+  sorted_.clear();
+  next();
+  after_ = {};
+}
+
+void Slab::next() {
+  if (!sorted_.empty()) after_ = sorted_.back()->order;
+  sorted_.clear();
+  ellipses_.clear();
+  below_ = {std::numeric_limits<std::uint32_t>::max(), std::numeric_limits<std::uint64_t>::max()};
+  is_cut_ = false;
+}
+
+void Slab::add(const Ellipse& ellipse) {
+  if (ellipses_.size() == 2 * most_) cut();
+  if (!wants(ellipse.order)) return;
+  if (ellipses_.size() == ellipses_.capacity())
+    ellipses_.reserve(std::min(2 * most_, std::max<std::size_t>(2 * ellipses_.size(), 1024)));
+  ellipses_.push_back(ellipse);
+}
+
+void Slab::cut() {
+  const auto end = ellipses_.begin() + static_cast<std::ptrdiff_t>(most_);
+  std::nth_element(ellipses_.begin(), end, ellipses_.end(),
+                   [](const Ellipse& a, const Ellipse& b) { return a.order < b.order; });
+  below_ = end->order;
+  ellipses_.resize(most_);
+  is_cut_ = true;
+}
+
+std::span<const Ellipse* const> Slab::sorted() {
+  if (ellipses_.size() > most_) cut();
+  places_.clear();
+  for (std::uint32_t i = 0; i < ellipses_.size(); ++i) places_.push_back({ellipses_[i].order, i});
+  std::sort(places_.begin(), places_.end(),
+            [](const Place& a, const Place& b) { return a.order < b.order; });
+  sorted_.clear();
+  for (const Place& place : places_) sorted_.push_back(&ellipses_[place.at]);
+  return sorted_;
+}
+
+// --- Gaussians that meet a tile ------------------------------------------------------------------
+
+TileSight::TileSight(const Grid& grid, std::uint32_t view, std::uint32_t tile_x,
+                     std::uint32_t tile_y, const DrawOptions& options)
+    : frame_(grid.frame(view)),
+      middle_(grid.middle()),
+      per_pixel_(1 / grid.pixel()),
+      depth_per_pixel_(grid.pixel() / grid.depth_step()),
+      options_(options) {
+  const float middle = static_cast<float>(grid.edge() / 2) - 0.5F + kApron;
+  first_x_ = middle - static_cast<float>(tile_x * kTileEdge);
+  first_y_ = middle - static_cast<float>(tile_y * kTileEdge);
+  const float edge = options.fine_edge * per_pixel_, square = std::min(edge * edge, 1.0F);
+  fine_ = projection::kFootprint * square;
+  footprint_ = fine_ + projection::kBoxVariance * (1 - square);
+  basis_ = sh_basis<float>(frame_.forward.x, frame_.forward.y, frame_.forward.z);
+}
+
+bool TileSight::meets(float x, float y, float z, float radius) const {
+  const Vec3f from = Vec3f{x, y, z} - middle_;
+  const float reach =
+      radius * per_pixel_ + gaussian::kSplatCutOff * std::sqrt(footprint_) * 1.0001F;
+  const float u = dot(frame_.right, from) * per_pixel_ + first_x_,
+              v = dot(frame_.down, from) * per_pixel_ + first_y_;
+  constexpr float kLast = kStoredEdge - 1;
+  return u >= -reach && u <= kLast + reach && v >= -reach && v <= kLast + reach;
+}
+
+bool TileSight::meets(const Box3f& box) const {
+  const Vec3f half = (box.hi - box.lo) * 0.5F, at = (box.hi + box.lo) * 0.5F - middle_;
+  const float footprint = gaussian::kSplatCutOff * std::sqrt(footprint_) * 1.0001F;
+  const auto meets = [&](Vec3f axis, float first) {
+    const float reach =
+        (std::abs(axis.x) * half.x + std::abs(axis.y) * half.y + std::abs(axis.z) * half.z) *
+            per_pixel_ * 1.0001F +
+        footprint;
+    const float place = dot(axis, at) * per_pixel_ + first;
+    return place >= -reach && place <= kStoredEdge - 1 + reach;
+  };
+  return meets(frame_.right, first_x_) && meets(frame_.down, first_y_);
+}
+
+void TileSight::add(const gaussian::SplatSet& set, std::uint64_t first, Slab& slab) const {
+  constexpr std::size_t kOfOne = 16;
+  const auto visit = [&](const gaussian::SplatSpheres& spheres, std::size_t begin,
+                         const auto& use) {
+    const std::size_t end = std::min(begin + kOfOne, spheres.count);
+    for (std::size_t i = begin; i < end; ++i) {
+      if (meets(spheres.centre[0][i], spheres.centre[1][i], spheres.centre[2][i],
+                spheres.radius[i]))
+        use(i);
+    }
+  };
+  for (std::size_t top = 0; top < set.levels[2].count; top += kOfOne) {
+    visit(set.levels[2], top, [&](std::size_t a) {
+      visit(set.levels[1], a * kOfOne, [&](std::size_t b) {
+        visit(set.levels[0], b * kOfOne, [&](std::size_t i) { add(set, i, first + i, slab); });
+      });
+    });
+  }
+}
+
+void TileSight::add(const gaussian::SplatSet& set, std::size_t i, std::uint64_t number,
+                    Slab& slab) const {
+  const gaussian::SplatShape& g = set.shapes[i];
+  const Vec3f from = Vec3f{g.mean[0], g.mean[1], g.mean[2]} - middle_;
+  const float along = dot(frame_.forward, from) * per_pixel_;
+  Ellipse e;
+  e.order = {in_order(along), number};
+  if (!slab.wants(e.order)) return;
+  const float square = per_pixel_ * per_pixel_;
+  const auto covariance = [&](std::size_t c) { return set.covariance[c][i] * square; };
+  const float sxx = covariance(0), sxy = covariance(1), sxz = covariance(2), syy = covariance(3),
+              syz = covariance(4), szz = covariance(5);
+  const auto times = [&](Vec3f v) {
+    return Vec3f{sxx * v.x + sxy * v.y + sxz * v.z, sxy * v.x + syy * v.y + syz * v.z,
+                 sxz * v.x + syz * v.y + szz * v.z};
+  };
+  const Vec3f su = times(frame_.right), sv = times(frame_.down);
+  const float uu = dot(frame_.right, su), uv = dot(frame_.right, sv), vv = dot(frame_.down, sv);
+  // By the Gaussian's axes nothing cancels, however thin it is (projection/splat_kernels.inl).
+  float squares[3], variances[3];
+  for (int k = 0; k < 3; ++k) {
+    const float cosine = dot(frame_.forward, Vec3f{g.axis[k][0], g.axis[k][1], g.axis[k][2]});
+    squares[k] = cosine * cosine;
+    variances[k] = g.variance[k] * square;
+  }
+  const auto det = [&](float f) {
+    const float g0 = variances[0] + f, g1 = variances[1] + f, g2 = variances[2] + f;
+    return squares[0] * (g1 * g2) + squares[1] * (g0 * g2) + squares[2] * (g0 * g1);
+  };
+  const float whole = det(footprint_), fine = det(fine_);
+  e.opacity = g.alpha;
+  if (options_.antialiased) e.opacity *= std::sqrt(det(0) / fine);
+  if (footprint_ > fine_) e.opacity *= std::sqrt(fine / whole);  // its integral stays
+  if (!(e.opacity >= kLeastAlpha)) return;
+  // Where its alpha falls below the least: a bound, so it does not matter whose logarithm it is.
+  e.cut_off = std::min(gaussian::kSplatCutOff * gaussian::kSplatCutOff,
+                       2.002F * std::log(e.opacity / kLeastAlpha) + 0.002F);
+  e.x = dot(frame_.right, from) * per_pixel_ + first_x_;
+  e.y = dot(frame_.down, from) * per_pixel_ + first_y_;
+  e.reach_x = std::sqrt((uu + footprint_) * e.cut_off);
+  e.reach_y = std::sqrt((vv + footprint_) * e.cut_off);
+  e.widest_y = e.reach_x * uv / (uu + footprint_);
+  constexpr float kLast = kStoredEdge - 1;
+  if (!(e.x + e.reach_x >= 0 && e.x - e.reach_x <= kLast)) return;
+  if (!(e.y + e.reach_y >= 0 && e.y - e.reach_y <= kLast)) return;
+  e.xx = (vv + footprint_) / whole;
+  e.xy = -uv / whole;
+  e.yy = (uu + footprint_) / whole;
+  const float wu = dot(frame_.forward, su), wv = dot(frame_.forward, sv);
+  e.depth = along * depth_per_pixel_ + static_cast<float>(kMostDepth / 2);
+  e.lean_x = (wu * e.xx + wv * e.xy) * depth_per_pixel_;
+  e.lean_y = (wu * e.xy + wv * e.yy) * depth_per_pixel_;
+  for (int c = 0; c < 3; ++c) {
+    float colour = g.colour[c];
+    const std::int32_t lobes = options_.harmonics ? g.lobes : 0;
+    for (std::int32_t k = 0; k < lobes; ++k)
+      colour += basis_[static_cast<std::size_t>(k) + 1] * g.sh[3 * k + c];
+    e.colour[c] = std::clamp(colour, 0.0F, gaussian::kLargestSplatColour);
+  }
+  slab.add(e);
+}
+
+// --- what is stored ------------------------------------------------------------------------------
+
+std::vector<std::byte> samples_of(const Canvas& canvas) {
+  std::vector<std::byte> out(std::size_t{kStoredEdge} * kStoredEdge * kSceneSamples *
+                             sizeof(std::uint16_t));
+  std::byte* at = out.data();
+  for (int y = 0; y < kStoredEdge; ++y) {
+    for (int x = 0; x < kStoredEdge; ++x) {
+      const int i = Canvas::at(x, y);
+      const float alpha = 1 - canvas.through[i];
+      std::uint16_t samples[kSceneSamples] = {0, 0, 0, 0, kNoDepth};
+      if (alpha > 0) {
+        for (int c = 0; c < 3; ++c) {
+          const float colour = std::min(canvas.colour[c][i] / alpha, gaussian::kLargestSplatColour);
+          samples[c] = static_cast<std::uint16_t>(colour * kColourSteps + 0.5F);
+        }
+        samples[3] = static_cast<std::uint16_t>(alpha * kAlphaSteps + 0.5F);
+      }
+      if (canvas.depth[i] >= 0) samples[4] = static_cast<std::uint16_t>(canvas.depth[i] + 0.5F);
+      std::memcpy(at, samples, sizeof samples);
+      at += sizeof samples;
+    }
+  }
+  return out;
+}
+
+}  // namespace pounce::views

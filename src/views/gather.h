@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the views that see a texel show there.
+//
+// A view sees a texel that faces its eye, where the target's own surface is met about where the
+// texel is and the scene is there. Of the views that do, those count in which the scene does not
+// lie before the texel, if there are any: a target may be a part of its scene. The colour is their
+// mean, weighed by a power of the cosine. All sums are integers, so views and tiles come in any
+// order. The rule's figures: docs/decisions/061-views.md.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/page_pool.h"
+#include "surface/target_block.h"
+#include "views/grid.h"
+
+namespace pounce::views {
+
+using surface::kLanes;
+using surface::TexelPacket;
+
+/// Weights are squares of the cosine in so many steps: sums of kMostViews stay in 32 bits.
+inline constexpr float kWeightSteps = 255;
+
+/// Of the target's diagonal: how near the target's surface in a view a texel that it sees lies, and
+/// how far before it the scene may be and not hide it.
+inline constexpr double kOnTarget = 0.012, kHidden = 0.04;
+
+/// What sixteen texels have seen: structure of arrays. Sums of numbers below 2^16 with weights of
+/// at most kWeightSteps.
+struct alignas(64) SightPacket {
+  /// Of the views in which the scene does not hide the texel, and of the others.
+  struct Sums {
+    std::uint32_t weight[kLanes];
+    std::uint32_t colour[3][kLanes];  ///< of weight x colour, in its steps
+    std::uint32_t alpha[kLanes];      ///< of weight x alpha, in its steps
+    std::int32_t away[kLanes];  ///< of weight x how far outside the scene lies, in depth steps
+    std::uint32_t off[kLanes];  ///< the same, whichever side
+  };
+  Sums clear, hidden;
+  std::uint32_t facing[kLanes];  ///< weights of all views that a texel faces
+};
+
+/// What decides which views see a texel, beside the grid: in depth steps.
+struct SightLimits {
+  float on_target = 0, hidden = 0;
+};
+
+/// A tile of a view.
+struct ViewTiles {
+  std::uint32_t tile_x = 0, tile_y = 0;
+  const std::uint16_t* scene = nullptr;   ///< kStoredEdge rows of kSceneSamples each
+  const std::uint16_t* target = nullptr;  ///< kStoredEdge rows
+};
+
+/// Tiles of a view in which some texel of a packet lies that faces the eye: a range, ends included.
+struct TileRange {
+  std::uint16_t x0 = 1, x1 = 0, y0 = 1, y1 = 0;
+  bool empty() const { return x0 > x1; }
+};
+
+/// Sixteen texels in a view.
+struct alignas(64) PlacePacket {
+  float x[kLanes], y[kLanes], depth[kLanes];  ///< as in Seen
+  float cosine[kLanes];                       ///< of the normal with the way to the eye
+  std::uint32_t weight[kLanes];               ///< 0: it does not face the eye
+  TileRange tiles;                            ///< in which those lie that face it
+};
+
+/// Where packets lie in a view; counts in `sights` how much they face it.
+void place(const Grid& grid, std::uint32_t view, std::span<const TexelPacket> packets,
+           std::vector<PlacePacket>& places, std::span<SightPacket> sights);
+
+/// Adds what one tile of that view shows.
+void gather(const SightLimits& limits, const ViewTiles& tiles, std::span<const PlacePacket> places,
+            std::span<SightPacket> sights);
+
+/// What a texel has seen.
+struct Sight {
+  std::array<double, 3> colour;
+  double alpha = 0;
+  double distance = 0;    ///< of the scene from the texel along its normal, in space
+  double confidence = 0;  ///< 0..1
+};
+/// Nothing where no view sees it.
+std::optional<Sight> sight_of(const Grid& grid, const SightLimits& limits,
+                              const SightPacket& packet, int lane);
+
+}  // namespace pounce::views

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Triangles drawn one after the other; of a pixel's depths the least stays, so their order is
+// nobody's concern. A triangle between the pixels' middles leaves none: its depth is that of its
+// neighbours, but where it is alone texels on it are seen by no view.
+#include "views/target_depth.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+namespace pounce::views {
+namespace {
+
+struct Corner {
+  double x, y, depth;
+};
+
+void draw(const std::array<Corner, 3>& corners, TargetDepths& out) {
+  const auto& [a, b, c] = corners;
+  const double last = out.row - 1.0, last_y = static_cast<double>(out.samples.size() / out.row) - 1;
+  const double x0 = std::max(std::ceil(std::min({a.x, b.x, c.x})), 0.0),
+               x1 = std::min(std::floor(std::max({a.x, b.x, c.x})), last),
+               y0 = std::max(std::ceil(std::min({a.y, b.y, c.y})), 0.0),
+               y1 = std::min(std::floor(std::max({a.y, b.y, c.y})), last_y);
+  if (!(x0 <= x1 && y0 <= y1)) return;
+  const double area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
+  if (!(std::abs(area) > 0)) return;
+  // Shares of b and c, and the depth, are affine in x and y.
+  const double bx = (c.y - a.y) / area, by = -(c.x - a.x) / area, cx = -(b.y - a.y) / area,
+               cy = (b.x - a.x) / area;
+  const double depth_x = bx * (b.depth - a.depth) + cx * (c.depth - a.depth),
+               depth_y = by * (b.depth - a.depth) + cy * (c.depth - a.depth);
+  constexpr double kOutside = 1e-9;  // what lies on an edge belongs to both sides
+  for (double y = y0; y <= y1; ++y) {
+    // Where all three shares are at least 0: a span of the row.
+    double low = x0, high = x1;
+    const auto cut = [&](double share, double per_x) {
+      const double zero = a.x - (share + kOutside) / per_x;
+      if (per_x > 0) low = std::max(low, std::ceil(zero));
+      if (per_x < 0) high = std::min(high, std::floor(zero));
+      if (per_x == 0 && share < -kOutside) high = low - 1;
+    };
+    const double of_b = by * (y - a.y), of_c = cy * (y - a.y);
+    cut(of_b, bx);
+    cut(of_c, cx);
+    cut(1 - of_b - of_c, -(bx + cx));
+    if (!(low <= high)) continue;
+    std::uint16_t* const row = out.samples.data() + static_cast<std::size_t>(y) * out.row;
+    double depth = a.depth + depth_y * (y - a.y) + depth_x * (low - a.x) + 0.5;
+    for (auto x = static_cast<std::size_t>(low); x <= static_cast<std::size_t>(high); ++x) {
+      const auto steps =
+          static_cast<std::uint16_t>(std::clamp(depth, 0.0, static_cast<double>(kMostDepth)));
+      row[x] = std::min(row[x], steps);
+      depth += depth_x;
+    }
+  }
+}
+
+}  // namespace
+
+TargetDepths draw_target(const mesh::Mesh& mesh, const Grid& grid, std::uint32_t view,
+                         std::uint32_t first_tile_y, std::uint32_t tile_rows) {
+  TargetDepths out;
+  out.first_tile_y = first_tile_y;
+  out.tile_rows = tile_rows;
+  out.row = grid.edge() + 2 * kApron;
+  out.samples.resize(std::size_t{out.row} * (tile_rows * kTileEdge + 2 * kApron));
+  std::fill(out.samples.begin(), out.samples.end(), kNoDepth);
+  const double above = static_cast<double>(first_tile_y * kTileEdge) - kApron;
+  const auto corner = [&](std::uint32_t vertex) {
+    const Seen seen = grid.see(view, mesh.positions[vertex]);
+    return Corner{double{seen.x} + kApron, double{seen.y} - above, double{seen.depth}};
+  };
+  for (const auto* triangles : {&mesh.triangles, &mesh.rest}) {
+    for (const auto& t : *triangles) draw({corner(t[0]), corner(t[1]), corner(t[2])}, out);
+  }
+  return out;
+}
+
+bool TargetDepths::has(std::uint32_t tile_x, std::uint32_t tile_y) const {
+  for (std::size_t y = 0; y < kStoredEdge; ++y) {
+    const std::uint16_t* const first = at(tile_x, tile_y, y);
+    if (std::any_of(first, first + kStoredEdge, [](std::uint16_t d) { return d != kNoDepth; }))
+      return true;
+  }
+  return false;
+}
+
+std::vector<std::byte> TargetDepths::tile(std::uint32_t tile_x, std::uint32_t tile_y) const {
+  constexpr std::size_t kRowBytes = kStoredEdge * sizeof(std::uint16_t);
+  std::vector<std::byte> out(kStoredEdge * kRowBytes);
+  for (std::size_t y = 0; y < kStoredEdge; ++y)
+    std::memcpy(out.data() + y * kRowBytes, at(tile_x, tile_y, y), kRowBytes);
+  return out;
+}
+
+}  // namespace pounce::views

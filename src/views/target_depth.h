@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Where a target's surface is first met in a view: what says whether the view sees a texel.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/page_pool.h"
+#include "mesh/mesh.h"
+#include "views/grid.h"
+
+namespace pounce::views {
+
+/// Some rows of tiles of a view, with an apron around: rows of Grid::edge() + 2 kApron samples.
+struct TargetDepths {
+  std::uint32_t first_tile_y = 0, tile_rows = 0;
+  std::uint32_t row = 0;
+  PageVector<std::uint16_t> samples;
+
+  static std::uint64_t bytes(const Grid& grid, std::uint32_t tile_rows) {
+    const std::uint64_t row = grid.edge() + 2 * kApron;
+    return round_to_pages(row * (tile_rows * kTileEdge + 2 * kApron) * sizeof(std::uint16_t));
+  }
+  /// Is anything of the target in this tile, or beside it?
+  bool has(std::uint32_t tile_x, std::uint32_t tile_y) const;
+  /// A tile's samples, as in Grid::image(kTargetSamples).
+  std::vector<std::byte> tile(std::uint32_t tile_x, std::uint32_t tile_y) const;
+
+ private:
+  const std::uint16_t* at(std::uint32_t tile_x, std::uint32_t tile_y, std::size_t y) const {
+    return samples.data() + (std::size_t{tile_y - first_tile_y} * kTileEdge + y) * row +
+           std::size_t{tile_x} * kTileEdge;
+  }
+};
+
+/// All triangles, whichever way they face.
+TargetDepths draw_target(const mesh::Mesh& mesh, const Grid& grid, std::uint32_t view,
+                         std::uint32_t first_tile_y, std::uint32_t tile_rows);
+
+}  // namespace pounce::views

@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "views/draw.h"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "core/portable_math.h"
+#include "support/bytes.h"
+#include "support/splat_scenes.h"
+
+using namespace pounce;
+using namespace pounce::views;
+using namespace pounce::test;
+
+namespace {
+
+std::vector<const DrawKernels*> available_kernels() {
+  std::vector<const DrawKernels*> all;
+  for (const char* isa : {"sse2", "avx2", "avx512"}) {
+    const DrawKernels* found = nullptr;
+    if (error_kind([&] { found = &draw_kernels(isa); }) == 0) all.push_back(found);
+  }
+  return all;
+}
+
+/// A tile of a view, in slabs of so many Gaussians.
+std::unique_ptr<Canvas> drawn(const gaussian::SplatSet& set, const TileSight& sight,
+                              const DrawKernels& kernels, std::size_t most = 1 << 16) {
+  auto canvas = std::make_unique<Canvas>();
+  canvas->clear();
+  for (Slab slab(most);; slab.next()) {
+    sight.add(set, 0, slab);
+    const auto ellipses = slab.sorted();
+    CHECK(ellipses.size() <= most);
+    CHECK(std::is_sorted(ellipses.begin(), ellipses.end(),
+                         [](const Ellipse* a, const Ellipse* b) { return a->order < b->order; }));
+    if (!kernels.draw(ellipses, *canvas) || slab.is_last()) return canvas;
+  }
+}
+
+struct ReferencePixel {
+  Vec3d colour;
+  double alpha = 0, depth = -1;
+};
+
+/// Every Gaussian against one pixel, as viewers draw it: double precision, textbook formulas.
+ReferencePixel reference_pixel(std::vector<ReferenceSplat> scene, const Grid& grid,
+                               std::uint32_t view, Vec2d at, bool antialiased) {
+  const Frame& f = grid.frame(view);
+  const Vec3d u(f.right), v(f.down), w(f.forward), middle(grid.middle());
+  const double pixel = static_cast<double>(grid.pixel());
+  std::stable_sort(scene.begin(), scene.end(),
+                   [&](const auto& a, const auto& b) { return dot(w, a.mean) < dot(w, b.mean); });
+  ReferencePixel out;
+  double through = 1;
+  for (const ReferenceSplat& s : scene) {
+    const std::array<double, 9> m = covariance(s);
+    const auto quadratic = [&](Vec3d a, Vec3d b) {
+      return (a.x * (m[0] * b.x + m[1] * b.y + m[2] * b.z) +
+              a.y * (m[3] * b.x + m[4] * b.y + m[5] * b.z) +
+              a.z * (m[6] * b.x + m[7] * b.y + m[8] * b.z)) /
+             (pixel * pixel);
+    };
+    const double a = quadratic(u, u), b = quadratic(u, v), c = quadratic(v, v), ga = a + 0.3,
+                 gc = c + 0.3, det = ga * gc - b * b;
+    const double centre = grid.edge() / 2.0 - 0.5;
+    const double dx = at.x - centre - dot(u, s.mean - middle) / pixel,
+                 dy = at.y - centre - dot(v, s.mean - middle) / pixel;
+    const double q = (gc * dx * dx - 2 * b * dx * dy + ga * dy * dy) / det;
+    if (q > 9) continue;
+    double opacity = s.alpha;
+    if (antialiased) opacity *= std::sqrt(std::max(a * c - b * b, 0.0) / det);
+    const double alpha = std::min(0.99, opacity * std::exp(-q / 2));
+    if (alpha < 1.0 / 255 || through < 1.0 / 255) continue;
+    out.colour = out.colour + s.colour * (through * alpha);
+    const double before = through;
+    through *= 1 - alpha;
+    if (before > 0.5 && through <= 0.5) {
+      const double wu = quadratic(w, u), wv = quadratic(w, v);
+      const double depth = dot(w, s.mean - middle) / pixel +
+                           ((wu * gc - wv * b) * dx + (wv * ga - wu * b) * dy) / det;
+      out.depth =
+          std::clamp(depth * pixel / static_cast<double>(grid.depth_step()) + kMostDepth / 2, 0.0,
+                     double{kMostDepth});
+    }
+  }
+  out.alpha = 1 - through;
+  return out;
+}
+
+ReferenceSplat ball(Vec3d mean, double sigma, double alpha, Vec3d colour) {
+  ReferenceSplat s;
+  s.mean = mean;
+  s.sigma = {sigma, sigma, sigma};
+  s.rotation = {1, 0, 0, 0};
+  s.alpha = alpha;
+  s.colour = colour;
+  return as_floats(s);
+}
+
+/// The tile in whose middle row and column the grid's middle lies, or beside it.
+TileSight middle_tile(const Grid& grid, std::uint32_t view, const DrawOptions& options = {}) {
+  return {grid, view, grid.tiles_across() / 2, grid.tiles_across() / 2, options};
+}
+
+int pixel_at(int x, int y) { return Canvas::at(x + kApron, y + kApron); }
+
+}  // namespace
+
+TEST_CASE("two balls behind each other, by hand", "[views]") {
+  // Four across the region, so that the middle lies between the tiles 1 and 2.
+  const Grid grid({{-1, -1, -1}, {1, 1, 1}}, 1 / 64.0F, 24);
+  REQUIRE(grid.pixel() == 1 / 64.0F);
+  REQUIRE(grid.tiles_across() % 2 == 0);
+  const Vec3f forward = grid.frame(5).forward;
+  const double sigma = 2.0 / 64;
+  const Vec3d near = Vec3d(forward) * -0.25, far = Vec3d(forward) * 0.25;
+  // The second in the file is the first that is met.
+  const auto set = gaussian::make_splat_set(
+      splat_block({ball(far, sigma, 0.9, {0.1, 0.2, 1}), ball(near, sigma, 0.6, {1, 0.5, 0})}));
+  for (const DrawKernels* kernels : available_kernels()) {
+    const auto canvas = drawn(set, middle_tile(grid, 5), *kernels);
+    // The pixel half a pixel right of and below the middle: q = 0.5 / (4 + 0.3).
+    const double response = std::exp(-0.5 * 0.5 / 4.3), front = 0.6 * response,
+                 back = 0.9 * response;
+    const int at = pixel_at(0, 0);
+    CHECK(canvas->through[at] == Approx((1 - front) * (1 - back)).epsilon(1e-4));
+    CHECK(canvas->colour[0][at] == Approx(front + (1 - front) * back * 0.1).epsilon(1e-4));
+    CHECK(canvas->colour[1][at] == Approx(front * 0.5 + (1 - front) * back * 0.2).epsilon(1e-4));
+    CHECK(canvas->colour[2][at] == Approx((1 - front) * back).epsilon(1e-4));
+    // More than half is taken by the first.
+    CHECK(canvas->depth[at] * grid.depth_step() ==
+          Approx(kMostDepth / 2 * grid.depth_step() - 0.25).margin(1e-3));
+    // Beyond the least alpha there is nothing: at 9 pixels q = 81 / 4.3.
+    CHECK(canvas->through[pixel_at(10, 0)] == 1);
+    const auto samples = samples_of(*canvas);
+    std::uint16_t stored[kSceneSamples];
+    std::memcpy(stored, samples.data() + ((kApron * kStoredEdge) + kApron) * sizeof(stored),
+                sizeof stored);
+    const double alpha = 1 - (1 - front) * (1 - back);
+    CHECK(stored[3] == Approx(alpha * 65535).margin(3));
+    CHECK(stored[0] == Approx((front + (1 - front) * back * 0.1) / alpha * 8191).margin(3));
+    std::memcpy(stored, samples.data() + ((kApron * kStoredEdge) + kApron + 20) * sizeof(stored),
+                sizeof stored);
+    CHECK(stored[3] == 0);
+    CHECK(stored[4] == kNoDepth);
+  }
+}
+
+TEST_CASE("a tile shows what a slow viewer shows", "[views]") {
+  for (const unsigned seed : {3U, 4U, 5U, 6U}) {
+    Random random(seed);
+    const auto scene = random_splats(random, seed % 2 == 0 ? 60 : 700, false);
+    const auto set = gaussian::make_splat_set(splat_block(scene));
+    const Grid grid({{-1.2F, -1.2F, -0.4F}, {1.2F, 1.2F, 0.1F}}, 0.01F, 24);
+    const bool antialiased = seed % 2 == 0;
+    const std::uint32_t view = seed * 5 % 24, tile = grid.tiles_across() / 2;
+    const auto canvas = drawn(set, middle_tile(grid, view, {antialiased}), *available_kernels()[0]);
+    double worst = 0;
+    std::size_t unlike = 0, pixels = 0, depths = 0;
+    for (int y = 0; y < kTileEdge; y += 3) {
+      for (int x = 0; x < kTileEdge; x += 2, ++pixels) {
+        const Vec2d at{double(tile * kTileEdge) + x, double(tile * kTileEdge) + y};
+        const ReferencePixel expected = reference_pixel(scene, grid, view, at, antialiased);
+        const int i = pixel_at(x, y);
+        const double off = std::max({std::abs(canvas->colour[0][i] - expected.colour.x),
+                                     std::abs(canvas->colour[1][i] - expected.colour.y),
+                                     std::abs(canvas->colour[2][i] - expected.colour.z),
+                                     std::abs(1 - canvas->through[i] - expected.alpha)});
+        worst = std::max(worst, off);
+        unlike += off > 1e-3 ? 1 : 0;
+        // Where exactly half is taken, rounding says by which.
+        const bool is_met = (canvas->depth[i] >= 0) == (expected.depth >= 0) &&
+                            std::abs(canvas->depth[i] - expected.depth) < 8;
+        depths += is_met ? 0 : 1;
+      }
+    }
+    CAPTURE(seed, worst);
+    CHECK(worst < 0.01);  // a Gaussian at its least alpha is there or not
+    CHECK(unlike <= pixels / 50);
+    CHECK(depths <= pixels / 50);
+  }
+}
+
+TEST_CASE("slabs, kernels and the order of blocks are nobody's to see", "[views]") {
+  Random random(11);
+  const auto scene = random_splats(random, 900, false);
+  const auto set = gaussian::make_splat_set(splat_block(scene));
+  const Grid grid({{-1.2F, -1.2F, -0.4F}, {1.2F, 1.2F, 0.1F}}, 0.01F, 24);
+  for (const std::uint32_t view : {0U, 7U, 12U, 23U}) {
+    const TileSight sight = middle_tile(grid, view);
+    const auto expected = drawn(set, sight, *available_kernels()[0]);
+    for (const DrawKernels* kernels : available_kernels()) {
+      for (const std::size_t most : {1UL, 2UL, 7UL, 100UL, 899UL, 900UL}) {
+        CAPTURE(kernels->isa, view, most);
+        const auto canvas = drawn(set, sight, *kernels, most);
+        CHECK(std::memcmp(canvas.get(), expected.get(), sizeof(Canvas)) == 0);
+      }
+    }
+  }
+  // Two halves as two blocks, the second first.
+  const std::vector<ReferenceSplat> front(scene.begin(), scene.begin() + 450),
+      back(scene.begin() + 450, scene.end());
+  const auto first = gaussian::make_splat_set(splat_block(front)),
+             second = gaussian::make_splat_set(splat_block(back));
+  const TileSight sight = middle_tile(grid, 7);
+  const auto expected = drawn(set, sight, *available_kernels()[0]);
+  Canvas canvas;
+  canvas.clear();
+  for (Slab slab(64);; slab.next()) {
+    sight.add(second, 450, slab);
+    sight.add(first, 0, slab);
+    if (!available_kernels()[0]->draw(slab.sorted(), canvas) || slab.is_last()) break;
+  }
+  CHECK(std::memcmp(&canvas, expected.get(), sizeof canvas) == 0);
+}
+
+TEST_CASE("what a tile may see is in its boxes, and what it cannot is not added", "[views]") {
+  Random random(21);
+  const Grid grid({{-1, -1, -1}, {1, 1, 1}}, 0.01F, 24);
+  std::size_t met = 0;
+  for (int i = 0; i < 400; ++i) {
+    const auto splats = random_splats(random, 1, false);
+    const store::SplatBlock block = splat_block(splats);
+    const auto set = gaussian::make_splat_set(block);
+    const std::uint32_t view = static_cast<std::uint32_t>(random.below(24)),
+                        x = static_cast<std::uint32_t>(random.below(grid.tiles_across())),
+                        y = static_cast<std::uint32_t>(random.below(grid.tiles_across()));
+    const TileSight sight(grid, view, x, y, {});
+    const auto canvas = drawn(set, sight, *available_kernels()[0]);
+    const float most =
+        *std::max_element(std::begin(canvas->colour[0]), std::end(canvas->colour[0]));
+    if (most == 0) continue;
+    ++met;
+    CHECK(sight.meets(store::splat_box(block.splat(0))));
+  }
+  CHECK(met > 20);
+}
+
+TEST_CASE("a view shows the harmonics of its own direction", "[views]") {
+  ReferenceSplat splat = ball({0, 0, 0}, 0.1, 0.9, {0.5, 0.5, 0.5});
+  store::SplatBlock block = splat_block({splat});
+  block.lobes = 3;
+  const std::uint16_t one = float_to_half(0.5F), zero = float_to_half(0);
+  // Degree 1's second coefficient is 0.4886 z; of red alone.
+  block.sh = {zero, zero, zero, one, zero, zero, zero, zero, zero};
+  const auto set = gaussian::make_splat_set(block, SphericalHarmonics::normal);
+  const Grid grid({{-1, -1, -1}, {1, 1, 1}}, 0.01F, 24);
+  for (const std::uint32_t view : {0U, 11U, 23U}) {
+    Slab slab(4);
+    middle_tile(grid, view).add(set, 0, slab);
+    const float z = grid.frame(view).forward.z;
+    REQUIRE(slab.sorted().size() == 1);
+    CHECK(slab.sorted()[0]->colour[0] == Approx(0.5 + 0.5 * 0.4886025 * z).margin(1e-3));
+    CHECK(slab.sorted()[0]->colour[1] == Approx(0.5));
+    Slab plain(4);
+    middle_tile(grid, view, {false, 1e9F, false}).add(set, 0, plain);
+    CHECK(plain.sorted()[0]->colour[0] == Approx(0.5));
+  }
+}

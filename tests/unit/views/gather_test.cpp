@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "views/gather.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <vector>
+
+using namespace pounce;
+using namespace pounce::views;
+
+namespace {
+
+/// A tile of the scene and one of the target, of one value each.
+struct Tiles {
+  std::vector<std::uint16_t> scene, target;
+  ViewTiles view;
+
+  Tiles(std::uint32_t x, std::uint32_t y, std::vector<std::uint16_t> samples,
+        std::uint16_t target_depth)
+      : target(kStoredEdge * kStoredEdge, target_depth) {
+    for (int i = 0; i < kStoredEdge * kStoredEdge; ++i)
+      scene.insert(scene.end(), samples.begin(), samples.end());
+    view = {x, y, scene.data(), target.data()};
+  }
+  std::uint16_t& at(int x, int y, std::size_t sample) {
+    return scene[((y + kApron) * kStoredEdge + x + kApron) * kSceneSamples + sample];
+  }
+};
+
+/// One texel in the first lane that faces the eye of `view` at this cosine, so many pixels from the
+/// upper left one of the tile and at this depth.
+TexelPacket texel(const Grid& grid, std::uint32_t view, std::uint32_t tile, float x, float y,
+                  float depth, float cosine) {
+  TexelPacket packet{};
+  for (int lane = 0; lane < kLanes; ++lane) packet.texel[lane] = surface::kNoTexel;
+  const Frame& f = grid.frame(view);
+  const float middle = static_cast<float>(grid.edge() / 2) - 0.5F,
+              first = static_cast<float>(tile * kTileEdge);
+  const Vec3f at = grid.middle() + f.right * ((first + x - middle) * grid.pixel()) +
+                   f.down * ((first + y - middle) * grid.pixel()) +
+                   f.forward * ((depth - kMostDepth / 2) * grid.depth_step());
+  const Vec3f normal = f.forward * -cosine + f.right * std::sqrt(1 - cosine * cosine);
+  packet.px[0] = at.x, packet.py[0] = at.y, packet.pz[0] = at.z;
+  packet.nx[0] = normal.x, packet.ny[0] = normal.y, packet.nz[0] = normal.z;
+  packet.texel[0] = 0;
+  return packet;
+}
+
+const Grid& grid() {
+  static const Grid made({{-1, -1, -1}, {1, 1, 1}}, 1 / 64.0F, 24);
+  return made;
+}
+constexpr std::uint32_t kView = 5, kTile = 2;
+constexpr std::uint16_t kAt = 30000;
+constexpr SightLimits kLimits{100, 300};
+
+void look(const TexelPacket& packet, const Tiles& tiles, SightPacket& sight,
+          std::uint32_t view = kView) {
+  std::vector<PlacePacket> places;
+  place(grid(), view, {&packet, 1}, places, {&sight, 1});
+  gather(kLimits, tiles.view, places, {&sight, 1});
+}
+
+}  // namespace
+
+TEST_CASE("a texel has the colour between four pixels", "[views]") {
+  const TexelPacket packet = texel(grid(), kView, kTile, 10.25F, 20.5F, kAt, 0.8F);
+  Tiles tiles(kTile, kTile, {1000, 2000, 3000, 65535, kAt}, kAt);
+  tiles.at(11, 20, 0) = 5000;
+  tiles.at(10, 21, 1) = 6000;
+  SightPacket sight{};
+  look(packet, tiles, sight);
+  const auto found = sight_of(grid(), kLimits, sight, 0);
+  REQUIRE(found);
+  CHECK(found->colour[0] * 8191 == Approx(1000 + 4000 * 0.25 * 0.5).margin(3));
+  CHECK(found->colour[1] * 8191 == Approx(2000 + 4000 * 0.75 * 0.5).margin(6));
+  CHECK(found->colour[2] * 8191 == Approx(3000).margin(1));
+  CHECK(found->alpha == 1);
+  CHECK(found->distance == Approx(0).margin(grid().depth_step()));
+  CHECK(sight.clear.weight[0] == 163);  // 0.64 * 255
+  CHECK(sight.facing[0] == 163);
+  for (int lane = 1; lane < kLanes; ++lane) CHECK_FALSE(sight_of(grid(), kLimits, sight, lane));
+}
+
+TEST_CASE("colours count by their alpha, and half of it is asked for", "[views]") {
+  const TexelPacket packet = texel(grid(), kView, kTile, 10.5F, 20, kAt, 1);
+  Tiles tiles(kTile, kTile, {1000, 1000, 1000, 65535, kAt}, kAt);
+  tiles.at(11, 20, 0) = 4000;
+  tiles.at(11, 20, 3) = 21845;  // a third
+  SightPacket sight{};
+  look(packet, tiles, sight);
+  CHECK(sight_of(grid(), kLimits, sight, 0)->colour[0] * 8191 ==
+        Approx((3 * 1000 + 4000) / 4.0).margin(6));
+  CHECK(sight_of(grid(), kLimits, sight, 0)->alpha == Approx(2.0 / 3).margin(1e-3));
+  SightPacket faint{};
+  look(packet, Tiles(kTile, kTile, {1000, 1000, 1000, 32000, kAt}, kAt), faint);
+  CHECK_FALSE(sight_of(grid(), kLimits, faint, 0));
+  CHECK(faint.facing[0] == 255);
+}
+
+TEST_CASE("what is not where the target is first met is not seen", "[views]") {
+  const Tiles tiles(kTile, kTile, {1000, 1000, 1000, 65535, kAt}, kAt);
+  const auto seen = [&](float depth, float cosine) {
+    SightPacket sight{};
+    look(texel(grid(), kView, kTile, 10, 20, depth, cosine), tiles, sight);
+    return sight_of(grid(), kLimits, sight, 0).has_value();
+  };
+  CHECK(seen(kAt + 98, 1));
+  CHECK(seen(kAt - 98, 1));
+  CHECK_FALSE(seen(kAt + 102, 1));
+  CHECK_FALSE(seen(kAt - 102, 1));
+  CHECK(seen(kAt, 0.11F));
+  CHECK_FALSE(seen(kAt, 0.09F));
+  CHECK_FALSE(seen(kAt, -0.5F));
+  SightPacket sight{};
+  look(texel(grid(), kView, kTile, 10, 20, kAt, 1),
+       Tiles(kTile, kTile, {1000, 1000, 1000, 65535, kAt}, kNoDepth), sight);
+  CHECK_FALSE(sight_of(grid(), kLimits, sight, 0));
+  // Another tile's texels are left to it.
+  look(texel(grid(), kView, kTile, 64, 20, kAt, 1), tiles, sight);
+  look(texel(grid(), kView, kTile, -1, 20, kAt, 1), tiles, sight);
+  CHECK_FALSE(sight_of(grid(), kLimits, sight, 0));
+  look(texel(grid(), kView, kTile, 63.5F, 20, kAt, 1), tiles, sight);
+  CHECK(sight_of(grid(), kLimits, sight, 0));
+}
+
+TEST_CASE("a view that the scene hides counts where no other does", "[views]") {
+  const TexelPacket packet = texel(grid(), kView, kTile, 10, 20, kAt, 1);
+  const Tiles hidden(kTile, kTile, {4000, 0, 0, 65535, kAt - 301}, kAt),
+      clear(kTile, kTile, {0, 4000, 0, 65535, kAt - 150}, kAt);
+  SightPacket sight{};
+  look(packet, hidden, sight);
+  const auto alone = sight_of(grid(), kLimits, sight, 0);
+  REQUIRE(alone);
+  CHECK(alone->colour[0] * 8191 == Approx(4000).margin(1));
+  CHECK(alone->distance == Approx(301 * grid().depth_step()).epsilon(0.01));
+  look(packet, clear, sight);
+  const auto both = sight_of(grid(), kLimits, sight, 0);
+  CHECK(both->colour[0] == 0);
+  CHECK(both->colour[1] * 8191 == Approx(4000).margin(1));
+  CHECK(both->distance == Approx(150 * grid().depth_step()).epsilon(0.01));
+  // It knows better where it is, and more of what it faces sees it.
+  CHECK(both->confidence > alone->confidence);
+  SightPacket at_place{};
+  look(packet, Tiles(kTile, kTile, {0, 4000, 0, 65535, kAt}, kAt), at_place);
+  CHECK(sight_of(grid(), kLimits, at_place, 0)->confidence == Approx(1));
+}
+
+TEST_CASE("views are weighed by the square of the cosine", "[views]") {
+  TexelPacket packet = texel(grid(), kView, kTile, 10, 20, kAt, 1);
+  const Tiles red(kTile, kTile, {8000, 0, 0, 65535, kAt}, kAt),
+      blue(kTile, kTile, {0, 0, 8000, 65535, kAt}, kAt);
+  SightPacket sight{};
+  look(packet, red, sight);
+  const TexelPacket aside = texel(grid(), kView, kTile, 10, 20, kAt, 0.5F);
+  look(aside, blue, sight);
+  const auto found = sight_of(grid(), kLimits, sight, 0);
+  CHECK(found->colour[0] * 8191 == Approx(8000 * 255.0 / (255 + 64)).margin(2));
+  CHECK(found->colour[2] * 8191 == Approx(8000 * 64.0 / (255 + 64)).margin(2));
+}
