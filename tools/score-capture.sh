@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # How alike does a textured mesh look to the scene that it was made of? Both are drawn from 26 sides that no method uses,
 # with 3x3 samples per pixel, before grey; `either` is the PSNR over the pixels where the one or the other is, `both` that
-# over those where both are. Beside pounce's textures: the nearest Gaussian's colour, plain compositing along the normal,
-# and what the scene shows from 24 and from 48 sides (the plain form of that rule, tools/pounce-score/around.cpp).
+# over those where both are. Along normals, by default, from 48 sides, with seven more rays; beside these the nearest
+# Gaussian's colour and plain compositing along the normal. PLAIN=yes: what the scene shows from 24 and from 48 sides by
+# the plain form of that rule, too (tools/pounce-score/around.cpp).
 # Usage: [SIZE=2048] [OPTIONS='--filter tent'] tools/score-capture.sh [SCENE TARGET]...     OPTIONS go to every transfer
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -27,16 +28,21 @@ score() {  # score SCENE TARGET MODE: dc, or sh where the scene shows its harmon
       "${@:2}" 2>log || { cat log >&2; return 1; }
   }
   bake() {  # bake IMAGE OPTION...
-    "$programs/pounce-score" bake "$scene" "$target" --maps 'maps.<CHANNEL>.exr' --rest default.png -o "$@" "${shown[@]}" >log
+    "$programs/pounce-score" bake "$scene" "$target" --maps 'maps.<CHANNEL>.exr' --rest normal.png -o "$@" "${shown[@]}" >log
   }
   printf '\n%s onto %s, %s\n' "$(basename "$scene")" "$(basename "$target")" "$3"
   "$programs/pounce" maps "$target" -o 'maps.<CHANNEL>.exr' --size "$size" -q --redo
+  transfer normal.png --look normal
   transfer default.png
-  transfer rays7.png --rays 7
+  transfer views48.png --look around --views 48
+  transfer rays7.png --look normal --rays 7
   for rule in nearest composite; do bake $rule.png --rule $rule; done
-  for rule in 24 48; do bake around$rule.png --views $rule; done
-  "$programs/pounce-score" views "$scene" "$target" default.png rays7.png nearest.png composite.png around24.png around48.png \
-    "${shown[@]}"
+  local images=(normal default views48 rays7 nearest composite)
+  if [[ -n ${PLAIN-} ]]; then
+    for rule in 24 48; do bake plain$rule.png --views $rule; done
+    images+=(plain24 plain48)
+  fi
+  "$programs/pounce-score" views "$scene" "$target" "${images[@]/%/.png}" "${shown[@]}"
 }
 
 if (($#)); then

@@ -108,6 +108,16 @@ void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64
   needed_ = std::max(needed_, 2 * pack + unpacked_bytes);
 }
 
+void DiskPlan::add_views(std::uint32_t views) {
+  // A view is at most 18 tiles wide (views/grid.h) around a region that fills half of it, or less;
+  // what is drawn smoothly takes half of its samples' bytes, or less.
+  constexpr std::uint64_t kTiles = 18 * 18 / 2, kTileBytes = std::uint64_t{store::kColourTileEdge} *
+                                                             store::kColourTileEdge *
+                                                             (store::kMostSamples + 1) *
+                                                             sizeof(std::uint16_t) / 2;
+  stores_ += pack_bytes(views * kTiles * kTileBytes, 2 * views * kTiles);
+}
+
 namespace {
 
 /// What is kept of a channel's image in PNG, and of its mask, until the image is there: whoever

@@ -7,27 +7,9 @@
 #include <cstring>
 
 #include "core/directions.h"
-#include "projection/hit_packet.h"
 #include "projection/splat_packet.h"
 
 namespace pounce::views {
-
-namespace sse2 {
-extern const DrawKernels kDrawKernels;
-}
-namespace avx2 {
-extern const DrawKernels kDrawKernels;
-}
-namespace avx512 {
-extern const DrawKernels kDrawKernels;
-}
-
-const DrawKernels& draw_kernels(const std::string& isa) {
-  const std::string chosen = projection::kernels(isa).isa;  // knows what this processor has
-  return chosen == "avx512" ? avx512::kDrawKernels
-         : chosen == "avx2" ? avx2::kDrawKernels
-                            : sse2::kDrawKernels;
-}
 
 namespace {
 
@@ -96,8 +78,9 @@ std::span<const Ellipse* const> Slab::sorted() {
 // --- Gaussians that meet a tile ------------------------------------------------------------------
 
 TileSight::TileSight(const Grid& grid, std::uint32_t view, std::uint32_t tile_x,
-                     std::uint32_t tile_y, const DrawOptions& options)
-    : frame_(grid.frame(view)),
+                     std::uint32_t tile_y, const DrawOptions& options, const ViewKernels& kernels)
+    : kernels_(&kernels),
+      frame_(grid.frame(view)),
       middle_(grid.middle()),
       per_pixel_(1 / grid.pixel()),
       depth_per_pixel_(grid.pixel() / grid.depth_step()),
@@ -108,17 +91,15 @@ TileSight::TileSight(const Grid& grid, std::uint32_t view, std::uint32_t tile_x,
   const float edge = options.fine_edge * per_pixel_, square = std::min(edge * edge, 1.0F);
   fine_ = projection::kFootprint * square;
   footprint_ = fine_ + projection::kBoxVariance * (1 - square);
+  bounds_ = {frame_.right * per_pixel_,
+             frame_.down * per_pixel_,
+             middle_,
+             first_x_,
+             first_y_,
+             per_pixel_ * 1.0001F,
+             gaussian::kSplatCutOff * std::sqrt(footprint_) * 1.0001F,
+             static_cast<float>(kStoredEdge - 1)};
   basis_ = sh_basis<float>(frame_.forward.x, frame_.forward.y, frame_.forward.z);
-}
-
-bool TileSight::meets(float x, float y, float z, float radius) const {
-  const Vec3f from = Vec3f{x, y, z} - middle_;
-  const float reach =
-      radius * per_pixel_ + gaussian::kSplatCutOff * std::sqrt(footprint_) * 1.0001F;
-  const float u = dot(frame_.right, from) * per_pixel_ + first_x_,
-              v = dot(frame_.down, from) * per_pixel_ + first_y_;
-  constexpr float kLast = kStoredEdge - 1;
-  return u >= -reach && u <= kLast + reach && v >= -reach && v <= kLast + reach;
 }
 
 bool TileSight::meets(const Box3f& box) const {
@@ -136,15 +117,15 @@ bool TileSight::meets(const Box3f& box) const {
 }
 
 void TileSight::add(const gaussian::SplatSet& set, std::uint64_t first, Slab& slab) const {
-  constexpr std::size_t kOfOne = 16;
+  constexpr std::size_t kOfOne = surface::kLanes;
+  // Sixteen spheres of a level are those of one sphere of the level above.
   const auto visit = [&](const gaussian::SplatSpheres& spheres, std::size_t begin,
                          const auto& use) {
-    const std::size_t end = std::min(begin + kOfOne, spheres.count);
-    for (std::size_t i = begin; i < end; ++i) {
-      if (meets(spheres.centre[0][i], spheres.centre[1][i], spheres.centre[2][i],
-                spheres.radius[i]))
-        use(i);
-    }
+    unsigned met = kernels_->meet(&spheres.centre[0][begin], &spheres.centre[1][begin],
+                                  &spheres.centre[2][begin], &spheres.radius[begin], bounds_);
+    const std::size_t left = spheres.count - begin;
+    if (left < kOfOne) met &= (1U << left) - 1;
+    for (; met != 0; met &= met - 1) use(begin + static_cast<std::size_t>(std::countr_zero(met)));
   };
   for (std::size_t top = 0; top < set.levels[2].count; top += kOfOne) {
     visit(set.levels[2], top, [&](std::size_t a) {

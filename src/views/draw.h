@@ -20,6 +20,7 @@
 #include "core/page_pool.h"
 #include "gaussian/splat_set.h"
 #include "views/grid.h"
+#include "views/kernels.h"
 
 namespace pounce::views {
 
@@ -68,14 +69,6 @@ struct alignas(64) Canvas {
   void clear();
 };
 
-/// One build per instruction set; all give the same bits. Thread-safe.
-struct DrawKernels {
-  const char* isa;
-  /// Composites ellipses in their order behind what is there. False: nothing behind them will show.
-  bool (*draw)(std::span<const Ellipse* const> ellipses, Canvas& canvas);
-};
-const DrawKernels& draw_kernels(const std::string& isa);
-
 /// The next ellipses of a tile, front to back, no more than `most` at once.
 class Slab {
  public:
@@ -113,19 +106,20 @@ class Slab {
 class TileSight {
  public:
   TileSight(const Grid& grid, std::uint32_t view, std::uint32_t tile_x, std::uint32_t tile_y,
-            const DrawOptions& options);
+            const DrawOptions& options, const ViewKernels& kernels);
   bool meets(const Box3f& box) const;  ///< of Gaussians, without their footprints
   /// Adds to `slab` what the tile may see of a block; `first`: the number of its first Gaussian.
   void add(const gaussian::SplatSet& set, std::uint64_t first, Slab& slab) const;
 
  private:
-  bool meets(float x, float y, float z, float radius) const;
   void add(const gaussian::SplatSet& set, std::size_t i, std::uint64_t number, Slab& slab) const;
 
+  const ViewKernels* kernels_;
   Frame frame_;
   Vec3f middle_;
   float per_pixel_, first_x_, first_y_;  ///< of a view's middle, in the tile
   float depth_per_pixel_;
+  TileBounds bounds_;
   float fine_, footprint_;  ///< in squared pixels
   DrawOptions options_;
   std::array<float, 16> basis_;

@@ -2,6 +2,7 @@
 #include "views/gather.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "pounce/options.h"
@@ -9,16 +10,9 @@
 namespace pounce::views {
 namespace {
 
-constexpr float kLeastCosine = 0.1F;
 constexpr float kLeastAlpha = 0.5F;
 
 static_assert(kMostViews * std::uint64_t{255} * 65535 <= 0x7FFFFFFF, "sums are of 32 bits");
-
-/// The square of the cosine, in steps.
-std::uint32_t weight_of(float cosine) {
-  return static_cast<std::uint32_t>(
-      static_cast<std::int32_t>(cosine * cosine * kWeightSteps + 0.5F));
-}
 
 /// The nearest whole number of one that is not negative.
 std::uint32_t rounded(float value) {
@@ -83,7 +77,7 @@ void add_lane(const SightLimits& limits, const ViewTiles& tiles, const Around& a
   }
   const float alpha = sum[3];
   if (!(alpha >= kLeastAlpha * kAlphaSteps)) return;
-  const std::uint32_t weight = places.weight[lane];
+  const auto weight = static_cast<std::uint32_t>(places.weight[lane]);
   SightPacket::Sums& sums = before > limits.hidden ? sight.hidden : sight.clear;
   const float per_alpha = 1 / alpha;
   sums.weight[lane] += weight;
@@ -99,49 +93,38 @@ void add_lane(const SightLimits& limits, const ViewTiles& tiles, const Around& a
 
 }  // namespace
 
-void place(const Grid& grid, std::uint32_t view, std::span<const TexelPacket> packets,
-           std::vector<PlacePacket>& places, std::span<SightPacket> sights) {
+void place(const Grid& grid, std::uint32_t view, const ViewKernels& kernels,
+           std::span<const TexelPacket> packets, std::vector<PlacePacket>& places,
+           std::span<SightPacket> sights) {
   const auto most = static_cast<std::int32_t>(grid.tiles_across()) - 1;
   // All of a target lies inside a view, so no place is negative.
   const auto tile = [most](float at) {
     return static_cast<std::uint16_t>(
         std::clamp(static_cast<std::int32_t>(at) / kTileEdge, 0, most));
   };
-  const Frame frame = grid.frame(view);
+  const Frame& f = grid.frame(view);
+  const float per_pixel = 1 / grid.pixel();
   const Seen middle = grid.see(view, grid.middle());
-  const Vec3f from = grid.middle();
-  const float per_pixel = 1 / grid.pixel(), per_step = 1 / grid.depth_step();
+  const PlaceFrame frame{f.right * per_pixel,  f.down * per_pixel, f.forward,
+                         grid.middle(),        middle.x,           middle.depth,
+                         1 / grid.depth_step()};
   places.resize(packets.size());
   for (std::size_t p = 0; p < packets.size(); ++p) {
-    const TexelPacket& packet = packets[p];
-    PlacePacket out;
-    float largest = 0;
-    for (int i = 0; i < kLanes; ++i) {
-      out.cosine[i] = -(packet.nx[i] * frame.forward.x + packet.ny[i] * frame.forward.y +
-                        packet.nz[i] * frame.forward.z);
-      largest = out.cosine[i] > largest ? out.cosine[i] : largest;
+    PlacePacket& out = places[p];
+    const unsigned facing = kernels.place(frame, packets[p], out);
+    out.tiles = {};
+    if (facing == 0) continue;
+    for (int i = 0; i < kLanes; ++i)
+      sights[p].facing[i] += static_cast<std::uint32_t>(out.weight[i]);
+    float x0 = 1e30F, x1 = 0, y0 = 1e30F, y1 = 0;
+    for (unsigned left = facing; left != 0; left &= left - 1) {
+      const int i = std::countr_zero(left);
+      x0 = std::min(x0, out.x[i]);
+      x1 = std::max(x1, out.x[i]);
+      y0 = std::min(y0, out.y[i]);
+      y1 = std::max(y1, out.y[i]);
     }
-    places[p].tiles = {};
-    if (!(largest >= kLeastCosine)) continue;
-    for (int i = 0; i < kLanes; ++i) {
-      const float x = packet.px[i] - from.x, y = packet.py[i] - from.y, z = packet.pz[i] - from.z;
-      const auto along = [&](Vec3f axis) { return x * axis.x + y * axis.y + z * axis.z; };
-      out.x[i] = along(frame.right) * per_pixel + middle.x;
-      out.y[i] = along(frame.down) * per_pixel + middle.y;
-      out.depth[i] = along(frame.forward) * per_step + middle.depth;
-      out.weight[i] = out.cosine[i] >= kLeastCosine ? weight_of(out.cosine[i]) : 0;
-    }
-    for (int i = 0; i < kLanes; ++i) sights[p].facing[i] += out.weight[i];
-    TileRange range;
-    for (int i = 0; i < kLanes; ++i) {
-      if (out.weight[i] == 0) continue;
-      const std::uint16_t x = tile(out.x[i]), y = tile(out.y[i]);
-      if (range.empty()) range = {x, x, y, y};
-      range = {std::min(range.x0, x), std::max(range.x1, x), std::min(range.y0, y),
-               std::max(range.y1, y)};
-    }
-    out.tiles = range;
-    places[p] = out;
+    out.tiles = {tile(x0), tile(x1), tile(y0), tile(y1)};
   }
 }
 

@@ -18,6 +18,7 @@
 #include "core/page_pool.h"
 #include "surface/target_block.h"
 #include "views/grid.h"
+#include "views/kernels.h"
 
 namespace pounce::views {
 
@@ -26,6 +27,8 @@ using surface::TexelPacket;
 
 /// Weights are squares of the cosine in so many steps: sums of kMostViews stay in 32 bits.
 inline constexpr float kWeightSteps = 255;
+
+inline constexpr float kLeastCosine = 0.1F;  ///< of a texel that faces a view
 
 /// Of the target's diagonal: how near the target's surface in a view a texel that it sees lies, and
 /// how far before it the scene may be and not hide it.
@@ -73,8 +76,9 @@ struct alignas(64) PlacePacket {
 };
 
 /// Where packets lie in a view; counts in `sights` how much they face it.
-void place(const Grid& grid, std::uint32_t view, std::span<const TexelPacket> packets,
-           std::vector<PlacePacket>& places, std::span<SightPacket> sights);
+void place(const Grid& grid, std::uint32_t view, const ViewKernels& kernels,
+           std::span<const TexelPacket> packets, std::vector<PlacePacket>& places,
+           std::span<SightPacket> sights);
 
 /// Adds what one tile of that view shows.
 void gather(const SightLimits& limits, const ViewTiles& tiles, std::span<const PlacePacket> places,

@@ -45,16 +45,21 @@ holds limit source.obj target.obj -o o.png --cache-limit 100KB
 "$POUNCE_FIXTURE" one-texel -o one >"$out"
 holds model one/one_texel_src.glb one/one_texel_target.glb -o m.glb --size 256
 "$POUNCE_FIXTURE" splats -o s.ply --count 20000 --target-size 64 >"$out"
-holds splats s.ply s_target.glb -o s.png
-holds splats-no-cache s.ply s_target.glb -o s.png --no-cache
+# Whether --look auto draws views is not known before the scene is sorted: its forecast has room for them.
+holds splats s.ply s_target.glb -o s.png --look normal
+holds splats-no-cache s.ply s_target.glb -o s.png --no-cache --look normal
+holds views s.ply s_target.glb -o s.png --look around
+most=$cache_most
+expect 0 transfer s.ply s_target.glb -o s.png --plan --report plan.json
+(($(number plan.json '"disk_most":[^}]*"cache":([0-9]+)') == most)) || fail 'the forecast of --look auto is another'
 "$POUNCE_FIXTURE" plane -o p.obj --triangles 2000 --texture 128 --uv-tiles 4 >"$out"
 holds udim p.obj p.obj -o 'u.<UDIM>.png' --source-texture 'baseColor=p.<UDIM>.png' --size 200
 # Scenes that are unpacked, some of them next to nothing on disk: the forecast knows what they become.
 expect 0 gaussians s.ply -o s.spz
-holds spz s.spz s_target.glb -o s.png
-holds spz-no-cache s.spz s_target.glb -o s.png --no-cache
+holds spz s.spz s_target.glb -o s.png --look normal
+holds spz-no-cache s.spz s_target.glb -o s.png --no-cache --look normal
 if [[ -d ${POUNCE_TEST_DATA:=$POUNCE_SOURCE_DIR/../shared/data} ]]; then
-  holds sog "$POUNCE_TEST_DATA/splats/playbot_lod3_sog/meta.json" s_target.glb -o s.png --size 128 --min-confidence 0
+  holds sog "$POUNCE_TEST_DATA/splats/playbot_lod3_sog/meta.json" s_target.glb -o s.png --size 128 --min-confidence 0 --look normal
 else
   echo 'SKIPPED: needs test data'
 fi

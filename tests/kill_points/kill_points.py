@@ -47,6 +47,7 @@ def jobs():
                     ["-o", "<TARGET>.png", "--skip-existing"], {}),
         "udim": (tiles + cached + ["-o", "o.<UDIM>.png", "--size", "72"], {}),
         "splats": (splats + cached + ["-o", "<CHANNEL>.png", "--channels", "baseColor,confidence"], {}),
+        "around": (splats + cached + ["-o", "o.png", "--look", "around", "--views", "6"], {}),
         "splats uncached": (splats + none + ["-o", "o.png"], {}),
         "gaussian": (head + cut + none + ["-o", "o.png", "--method", "gaussian"], {}),
         "apply": (["apply", "IN/hits.exr", "--source-texture", "baseColor=IN/skin.png", "-o", "o.png", "--threads", "1"] + cached, {}),

@@ -23,7 +23,7 @@ void look_around(const SceneViews& views, std::span<const surface::TexelPacket> 
                  std::span<views::SightPacket> sights) {
   std::vector<views::PlacePacket> places;
   for (std::uint32_t view = 0; view < views.grid.views(); ++view) {
-    views::place(views.grid, view, packets, places, sights);
+    views::place(views.grid, view, *views.kernels, packets, places, sights);
     std::set<std::pair<std::uint32_t, std::uint32_t>> tiles;  // y, x
     for (const views::PlacePacket& place : places) {
       for (std::uint32_t y = place.tiles.y0; y <= place.tiles.y1; ++y) {

@@ -58,7 +58,7 @@ SceneSource::SceneSource(job::JobContext& job, const TransferOptions& options, b
       for_model_(for_model),
       splats_(options.splats),
       kernels_(&projection::splat_kernels(knobs.isa)),
-      drawing_(&views::draw_kernels(knobs.isa)),
+      drawing_(&views::view_kernels(knobs.isa)),
       most_ellipses_(knobs.most_ellipses),
       request_(planning::splat_request(options)) {
   if (knobs.keeps_isolated) request_.fades = gaussian::FadeIsolated::of_no_scene;
@@ -71,6 +71,7 @@ void SceneSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
   files_ = facts_.files;
   needs.keep(plan_.table_bytes);
   disk.add_splats(facts_.splats, facts_.lobes, facts_.unpacked_bytes);
+  if (request_.from_around) disk.add_views(splats_.views);
   job_.report.notes = facts_.assumptions;
   job_.meter.advance(1);
 }

@@ -53,7 +53,7 @@ class SceneSource final : public Source {
 
   const SplatOptions splats_;  ///< how the scene is blended
   const projection::SplatKernels* kernels_;
-  const views::DrawKernels* drawing_;
+  const views::ViewKernels* drawing_;
   const std::size_t most_ellipses_;
   planning::SplatRequest request_;
   planning::SceneFacts facts_;

@@ -128,7 +128,8 @@ class SceneDrawing {
     for (std::uint32_t x = 0; x < tiles.size(); ++x) {
       job_.meter.throw_if_cancelled();
       if (!grid_.has(view, x, y)) continue;
-      if (!draw_tile({grid_, view, x, y, request_.drawing}, slab, *canvas)) continue;
+      if (!draw_tile({grid_, view, x, y, request_.drawing, *request_.kernels}, slab, *canvas))
+        continue;
       encode(job_, image_, views::samples_of(*canvas), tiles[x]);
     }
     return tiles;
@@ -234,7 +235,8 @@ std::uint64_t SceneViews::reading_bytes() {
 
 SceneViews scene_views(job::JobContext& job, const ViewsRequest& request, const mesh::Mesh& target,
                        double diagonal, float edge, double progress_end) {
-  SceneViews out{views::Grid(box_of(target), edge, request.views), {}, nullptr, nullptr};
+  SceneViews out{
+      views::Grid(box_of(target), edge, request.views), {}, request.kernels, nullptr, nullptr};
   out.limits.on_target = out.grid.in_steps(static_cast<float>(views::kOnTarget * diagonal));
   out.limits.hidden = out.grid.in_steps(static_cast<float>(views::kHidden * diagonal));
   job.meter.begin("views", out.grid.image(views::kSceneSamples).tiles_y(), "rows", progress_end);

@@ -19,6 +19,7 @@ namespace pounce::flow {
 struct SceneViews {
   views::Grid grid;
   views::SightLimits limits;
+  const views::ViewKernels* kernels = nullptr;
   std::unique_ptr<ColourCache> scene, target;
   std::unique_ptr<job::ScratchPack> target_goes = nullptr;
 
@@ -29,7 +30,7 @@ struct SceneViews {
 struct ViewsRequest {
   std::shared_ptr<store::SplatStore> scene;
   views::DrawOptions drawing;
-  const views::DrawKernels* kernels = nullptr;
+  const views::ViewKernels* kernels = nullptr;
   std::uint32_t views = 0;
   std::string path;               ///< of the scene
   std::size_t most_ellipses = 0;  ///< for tests: of a slab; 0: what the budget holds

@@ -18,18 +18,18 @@ using namespace pounce::test;
 
 namespace {
 
-std::vector<const DrawKernels*> available_kernels() {
-  std::vector<const DrawKernels*> all;
+std::vector<const ViewKernels*> available_kernels() {
+  std::vector<const ViewKernels*> all;
   for (const char* isa : {"sse2", "avx2", "avx512"}) {
-    const DrawKernels* found = nullptr;
-    if (error_kind([&] { found = &draw_kernels(isa); }) == 0) all.push_back(found);
+    const ViewKernels* found = nullptr;
+    if (error_kind([&] { found = &view_kernels(isa); }) == 0) all.push_back(found);
   }
   return all;
 }
 
 /// A tile of a view, in slabs of so many Gaussians.
 std::unique_ptr<Canvas> drawn(const gaussian::SplatSet& set, const TileSight& sight,
-                              const DrawKernels& kernels, std::size_t most = 1 << 16) {
+                              const ViewKernels& kernels, std::size_t most = 1 << 16) {
   auto canvas = std::make_unique<Canvas>();
   canvas->clear();
   for (Slab slab(most);; slab.next()) {
@@ -103,8 +103,9 @@ ReferenceSplat ball(Vec3d mean, double sigma, double alpha, Vec3d colour) {
 }
 
 /// The tile in whose middle row and column the grid's middle lies, or beside it.
-TileSight middle_tile(const Grid& grid, std::uint32_t view, const DrawOptions& options = {}) {
-  return {grid, view, grid.tiles_across() / 2, grid.tiles_across() / 2, options};
+TileSight middle_tile(const Grid& grid, std::uint32_t view, const DrawOptions& options = {},
+                      const ViewKernels& kernels = *available_kernels()[0]) {
+  return {grid, view, grid.tiles_across() / 2, grid.tiles_across() / 2, options, kernels};
 }
 
 int pixel_at(int x, int y) { return Canvas::at(x + kApron, y + kApron); }
@@ -122,8 +123,8 @@ TEST_CASE("two balls behind each other, by hand", "[views]") {
   // The second in the file is the first that is met.
   const auto set = gaussian::make_splat_set(
       splat_block({ball(far, sigma, 0.9, {0.1, 0.2, 1}), ball(near, sigma, 0.6, {1, 0.5, 0})}));
-  for (const DrawKernels* kernels : available_kernels()) {
-    const auto canvas = drawn(set, middle_tile(grid, 5), *kernels);
+  for (const ViewKernels* kernels : available_kernels()) {
+    const auto canvas = drawn(set, middle_tile(grid, 5, {}, *kernels), *kernels);
     // The pixel half a pixel right of and below the middle: q = 0.5 / (4 + 0.3).
     const double response = std::exp(-0.5 * 0.5 / 4.3), front = 0.6 * response,
                  back = 0.9 * response;
@@ -194,10 +195,10 @@ TEST_CASE("slabs, kernels and the order of blocks are nobody's to see", "[views]
   for (const std::uint32_t view : {0U, 7U, 12U, 23U}) {
     const TileSight sight = middle_tile(grid, view);
     const auto expected = drawn(set, sight, *available_kernels()[0]);
-    for (const DrawKernels* kernels : available_kernels()) {
+    for (const ViewKernels* kernels : available_kernels()) {
       for (const std::size_t most : {1UL, 2UL, 7UL, 100UL, 899UL, 900UL}) {
         CAPTURE(kernels->isa, view, most);
-        const auto canvas = drawn(set, sight, *kernels, most);
+        const auto canvas = drawn(set, middle_tile(grid, view, {}, *kernels), *kernels, most);
         CHECK(std::memcmp(canvas.get(), expected.get(), sizeof(Canvas)) == 0);
       }
     }
@@ -230,7 +231,7 @@ TEST_CASE("what a tile may see is in its boxes, and what it cannot is not added"
     const std::uint32_t view = static_cast<std::uint32_t>(random.below(24)),
                         x = static_cast<std::uint32_t>(random.below(grid.tiles_across())),
                         y = static_cast<std::uint32_t>(random.below(grid.tiles_across()));
-    const TileSight sight(grid, view, x, y, {});
+    const TileSight sight(grid, view, x, y, {}, *available_kernels()[0]);
     const auto canvas = drawn(set, sight, *available_kernels()[0]);
     const float most =
         *std::max_element(std::begin(canvas->colour[0]), std::end(canvas->colour[0]));

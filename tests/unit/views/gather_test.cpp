@@ -3,7 +3,10 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstring>
 #include <vector>
+
+#include "support/bytes.h"
 
 using namespace pounce;
 using namespace pounce::views;
@@ -57,7 +60,7 @@ constexpr SightLimits kLimits{100, 300};
 void look(const TexelPacket& packet, const Tiles& tiles, SightPacket& sight,
           std::uint32_t view = kView) {
   std::vector<PlacePacket> places;
-  place(grid(), view, {&packet, 1}, places, {&sight, 1});
+  place(grid(), view, view_kernels(""), {&packet, 1}, places, {&sight, 1});
   gather(kLimits, tiles.view, places, {&sight, 1});
 }
 
@@ -157,4 +160,35 @@ TEST_CASE("views are weighed by the square of the cosine", "[views]") {
   const auto found = sight_of(grid(), kLimits, sight, 0);
   CHECK(found->colour[0] * 8191 == Approx(8000 * 255.0 / (255 + 64)).margin(2));
   CHECK(found->colour[2] * 8191 == Approx(8000 * 64.0 / (255 + 64)).margin(2));
+}
+
+TEST_CASE("kernels place texels at the same bits", "[views]") {
+  std::vector<PlacePacket> expected, found;
+  for (const char* isa : {"sse2", "avx2", "avx512"}) {
+    const ViewKernels* kernels = nullptr;
+    if (test::error_kind([&] { kernels = &view_kernels(isa); }) != 0) continue;
+    for (std::uint32_t view = 0; view < 24; ++view) {
+      TexelPacket packet = texel(grid(), kView, kTile, 10.3F, 20.7F, kAt, 0.7F);
+      for (int lane = 1; lane < kLanes; ++lane) {
+        packet.px[lane] = packet.px[0] + 0.013F * static_cast<float>(lane);
+        packet.py[lane] = packet.py[0] - 0.007F * static_cast<float>(lane);
+        packet.pz[lane] = packet.pz[0];
+        packet.nx[lane] = packet.ny[0];
+        packet.ny[lane] = packet.nz[0];
+        packet.nz[lane] = packet.nx[0];
+      }
+      SightPacket sight{};
+      place(grid(), view, *kernels, {&packet, 1}, found, {&sight, 1});
+      if (expected.size() <= view) expected.push_back(found[0]);
+      const PlacePacket &a = expected[view], &b = found[0];
+      CHECK(std::memcmp(a.cosine, b.cosine, sizeof a.cosine) == 0);
+      CHECK(a.tiles.empty() == b.tiles.empty());
+      if (a.tiles.empty()) continue;
+      CHECK(std::memcmp(a.x, b.x, sizeof a.x) == 0);
+      CHECK(std::memcmp(a.y, b.y, sizeof a.y) == 0);
+      CHECK(std::memcmp(a.depth, b.depth, sizeof a.depth) == 0);
+      CHECK(std::memcmp(a.weight, b.weight, sizeof a.weight) == 0);
+      CHECK(std::memcmp(&a.tiles, &b.tiles, sizeof a.tiles) == 0);
+    }
+  }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Ellipses composited on the pixels of a tile, sixteen at a time: compiled once per instruction set
-// with POUNCE_ISA_NAMESPACE set. As viewers do it: alpha = opacity exp(-q / 2), at most 0.99;
+// Sixteen spheres before a tile, sixteen pixels below an ellipse, sixteen texels in a view: compiled
+// once per instruction set with POUNCE_ISA_NAMESPACE set. Pixels are composited as viewers do it: alpha = opacity exp(-q / 2), at most 0.99;
 // nothing below 1/255 or beyond the cut-off, nothing behind what lets less than 1/255 through.
 #include <immintrin.h>
 
@@ -11,6 +11,7 @@
 
 #include "surface/target_block.h"
 #include "views/draw.h"
+#include "views/gather.h"
 
 namespace pounce::views::POUNCE_ISA_NAMESPACE {
 namespace {
@@ -118,9 +119,36 @@ bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
   return left > 0;
 }
 
+unsigned meet(const float* x, const float* y, const float* z, const float* radius,
+              const TileBounds& b) {
+  const Floats dx = load(x) - b.middle.x, dy = load(y) - b.middle.y, dz = load(z) - b.middle.z;
+  const Floats reach = load(radius) * b.per_pixel + b.margin;
+  const auto along = [&](Vec3f axis) { return dx * axis.x + dy * axis.y + dz * axis.z; };
+  const Floats u = along(b.right) + b.first_x, v = along(b.down) + b.first_y;
+  return bits((u + reach >= 0.0F) & (u - reach <= b.last) & (v + reach >= 0.0F) &
+              (v - reach <= b.last));
+}
+
+unsigned place(const PlaceFrame& f, const surface::TexelPacket& packet, PlacePacket& out) {
+  const Floats cosine = all(0.0F) - (load(packet.nx) * f.forward.x + load(packet.ny) * f.forward.y +
+                                     load(packet.nz) * f.forward.z);
+  store(out.cosine, cosine);
+  const Ints faces = cosine >= kLeastCosine;
+  const unsigned found = bits(faces);
+  if (found == 0) return 0;
+  const Floats x = load(packet.px) - f.middle.x, y = load(packet.py) - f.middle.y,
+               z = load(packet.pz) - f.middle.z;
+  const auto along = [&](Vec3f axis) { return x * axis.x + y * axis.y + z * axis.z; };
+  store(out.x, along(f.right) + f.middle_pixel);
+  store(out.y, along(f.down) + f.middle_pixel);
+  store(out.depth, along(f.forward) * f.per_step + f.middle_depth);
+  store(out.weight, select(faces, to_int(cosine * cosine * kWeightSteps + 0.5F), all(0)));
+  return found;
+}
+
 }  // namespace
 
-extern const DrawKernels kDrawKernels;
-const DrawKernels kDrawKernels{POUNCE_ISA_NAME, draw};
+extern const ViewKernels kViewKernels;
+const ViewKernels kViewKernels{POUNCE_ISA_NAME, meet, draw, place};
 
 }  // namespace pounce::views::POUNCE_ISA_NAMESPACE

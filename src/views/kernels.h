@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What is done to sixteen of a kind at once: spheres, pixels, texels. One build per instruction
+// set; all give the same bits.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "core/vec.h"
+#include "surface/target_block.h"
+
+namespace pounce::views {
+
+struct Ellipse;
+struct Canvas;
+struct PlacePacket;
+
+/// A tile from a sphere's point of view: where the tile's first pixel is along its axes.
+struct TileBounds {
+  Vec3f right, down;       ///< per pixel
+  Vec3f middle;            ///< of the view, in space
+  float first_x, first_y;  ///< of that, in the tile
+  float per_pixel;
+  float margin;  ///< in pixels, around every sphere
+  float last;    ///< the tile's last pixel
+};
+
+/// A view from a texel's point of view.
+struct PlaceFrame {
+  Vec3f right, down;  ///< per pixel
+  Vec3f forward;      ///< unit
+  Vec3f middle;       ///< of the view, in space
+  float middle_pixel, middle_depth, per_step;
+};
+
+/// Thread-safe.
+struct ViewKernels {
+  const char* isa;  ///< "sse2", "avx2", "avx512"
+  /// Which of sixteen spheres may meet the tile: a bit each.
+  unsigned (*meet)(const float* x, const float* y, const float* z, const float* radius,
+                   const TileBounds& bounds);
+  /// Composites ellipses in their order behind what is there. False: nothing behind them will show.
+  bool (*draw)(std::span<const Ellipse* const> ellipses, Canvas& canvas);
+  /// Where sixteen texels lie in a view, but for their tiles. Returns a bit for each that faces the
+  /// eye; where none does, only the cosines are set.
+  unsigned (*place)(const PlaceFrame& frame, const surface::TexelPacket& packet, PlacePacket& out);
+};
+
+/// The kernels for `isa`, or the best that this processor has for "". Throws Error(usage) if it
+/// lacks them.
+const ViewKernels& view_kernels(const std::string& isa);
+
+}  // namespace pounce::views
