@@ -121,7 +121,6 @@ class TargetTransfer {
   }
 
   void look_around(double area) {
-    const StageTimer timer(job_.clock, "views");
     const double end = range_.begin + kViewsShare * (range_.end - range_.begin);
     views_ = source_.views_of(target_.plan, target_.mesh, area, {range_.begin, end});
     if (views_ != nullptr) range_.begin = end;

@@ -21,6 +21,15 @@ std::uint32_t in_order(float value) {
   return (bits >> 31) != 0 ? ~bits : bits | 0x80000000U;
 }
 
+/// At most 0.05 above the logarithm of a number from 1 on: of its exponent, and two tangents of the
+/// logarithm for what is left.
+float log_bound(float x) {
+  int exponent;
+  const float m = 2 * std::frexp(x, &exponent);  // 1..2
+  constexpr float kLog2 = 0.69314722F, kLog15 = 0.40546513F;
+  return static_cast<float>(exponent - 1) * kLog2 + std::min(m - 1, kLog15 + (m - 1.5F) / 1.5F);
+}
+
 }  // namespace
 
 void Canvas::clear() {
@@ -170,9 +179,9 @@ void TileSight::add(const gaussian::SplatSet& set, std::size_t i, std::uint64_t 
   if (options_.antialiased) e.opacity *= std::sqrt(det(0) / fine);
   if (footprint_ > fine_) e.opacity *= std::sqrt(fine / whole);  // its integral stays
   if (!(e.opacity >= kLeastAlpha)) return;
-  // Where its alpha falls below the least: a bound, so it does not matter whose logarithm it is.
+  // Beyond that its alpha falls below the least.
   e.cut_off = std::min(gaussian::kSplatCutOff * gaussian::kSplatCutOff,
-                       2.002F * std::log(e.opacity / kLeastAlpha) + 0.002F);
+                       2 * log_bound(e.opacity / kLeastAlpha) + 0.001F);
   e.x = dot(frame_.right, from) * per_pixel_ + first_x_;
   e.y = dot(frame_.down, from) * per_pixel_ + first_y_;
   e.reach_x = std::sqrt((uu + footprint_) * e.cut_off);

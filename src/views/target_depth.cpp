@@ -18,7 +18,7 @@ struct Corner {
 };
 
 void draw(const std::array<Corner, 3>& corners, TargetDepths& out) {
-  const auto& [a, b, c] = corners;
+  const Corner &a = corners[0], &b = corners[1], &c = corners[2];
   const double last = out.row - 1.0, last_y = static_cast<double>(out.samples.size() / out.row) - 1;
   const double x0 = std::max(std::ceil(std::min({a.x, b.x, c.x})), 0.0),
                x1 = std::min(std::floor(std::max({a.x, b.x, c.x})), last),

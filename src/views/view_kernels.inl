@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Sixteen spheres before a tile, sixteen pixels below an ellipse, sixteen texels in a view: compiled
-// once per instruction set with POUNCE_ISA_NAMESPACE set. Pixels are composited as viewers do it: alpha = opacity exp(-q / 2), at most 0.99;
-// nothing below 1/255 or beyond the cut-off, nothing behind what lets less than 1/255 through.
+// Sixteen spheres before a tile, sixteen pixels below an ellipse, sixteen texels in a view:
+// compiled once per instruction set with POUNCE_ISA_NAMESPACE set. Pixels are composited as viewers
+// do it: alpha = opacity exp(-q / 2), at most 0.99; nothing below 1/255 or beyond the cut-off,
+// nothing behind what lets less than 1/255 through.
 #include <immintrin.h>
 
 #include <algorithm>

@@ -142,6 +142,7 @@ std::unique_ptr<SceneViews> SceneSource::views_of(const planning::TargetPlan& ta
                                                   const mesh::Mesh& mesh, double area,
                                                   ProgressRange range) const {
   if (!looks_around()) return nullptr;
+  const StageTimer timer(job_.clock, "views");
   const store::SplatDirectory& scene = store_->directory();
   ViewsRequest request;
   request.scene = store_;
