@@ -117,8 +117,8 @@ job 0 transfer plane.obj large.obj -o q.png --size 64 --no-cache
 job 0 transfer splats/scene.ply splats/scene_target.glb -o s.png --size 64 --cache cold
 job 0 transfer splats/scene.ply splats/scene_target.glb -o t.exr --size 64 --cache cold --threads 3
 job 0 transfer splats/scene.ply splats/scene_target.glb -o w.png --size 64 --cache cold --rays 3 --alpha
-job 0 transfer splats/scene.ply splats/scene_target.glb -o a.png --size 64 --cache cold --look around --views 7 --threads 3
-job 0 transfer splats/scene.ply splats/scene_target.glb -o 'a_<CHANNEL>.exr' --size 96 --cache cold --look around --views 7 --alpha --channels baseColor,confidence,distance
+job 0 transfer splats/scene.ply splats/scene_target.glb -o around.png --size 64 --cache cold --look around --views 7 --threads 3
+job 0 transfer splats/scene.ply splats/scene_target.glb -o 'around_<CHANNEL>.exr' --size 96 --cache cold --look around --views 7 --alpha --channels baseColor,confidence,distance
 job 0 transfer splats/scene.ply splats/scene_target.glb -o 't_<CHANNEL>.tif' --size 64 --channels baseColor,confidence,distance
 job 0 transfer splats/scene.ply $target -o w.png --size 64 --source-axes=-y,z,-x --min-confidence 0
 job 0 gaussians $source -o u.ply
