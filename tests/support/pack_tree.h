@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/file.h"
+#include "store/blocks/colour_store.h"
 #include "store/pack/codec.h"
 #include "store/pack/pack.h"
 #include "store/pack/pack_layout.h"
@@ -123,8 +124,10 @@ struct PackTree {
         tile.at.push_back(place + 24);
         place += 44 + 24 * std::size_t{u32(tile.page, place + 40)};
       } else {
-        tile.at.push_back(kind == store::PackKind::colour ? place : place + 32);
-        place += kind == store::PackKind::colour ? 16 : 48;
+        const bool colour = kind == store::PackKind::colour;
+        const std::size_t where = colour ? place : place + 32;
+        if (!store::is_left_out(chunk(tile.page, where))) tile.at.push_back(where);
+        place += colour ? 16 : 48;
       }
     }
   }
