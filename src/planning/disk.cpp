@@ -20,6 +20,7 @@
 #include "shading/mip_levels.h"
 #include "store/blocks/colour_store.h"
 #include "store/blocks/splat_block.h"
+#include "views/grid.h"
 
 namespace pounce::planning {
 namespace {
@@ -108,14 +109,14 @@ void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64
   needed_ = std::max(needed_, 2 * pack + unpacked_bytes);
 }
 
-void DiskPlan::add_views(std::uint32_t views) {
-  // A view is at most 18 tiles wide (views/grid.h) around a region that fills half of it, or less;
-  // what is drawn smoothly takes half of its samples' bytes, or less.
-  constexpr std::uint64_t kTiles = 18 * 18 / 2, kTileBytes = std::uint64_t{store::kColourTileEdge} *
-                                                             store::kColourTileEdge *
-                                                             (store::kMostSamples + 1) *
-                                                             sizeof(std::uint16_t) / 2;
-  stores_ += pack_bytes(views * kTiles * kTileBytes, 2 * views * kTiles);
+void DiskPlan::add_views(std::uint32_t count) {
+  // A region fills half of a view's square, or less; what is drawn smoothly takes half of its
+  // samples' bytes, or less.
+  using views::Grid, views::kSceneSamples, views::kStoredEdge, views::kTargetSamples;
+  constexpr std::uint64_t kTiles = Grid::kMostAcross * Grid::kMostAcross / 2,
+                          kTileBytes = std::uint64_t{kStoredEdge} * kStoredEdge *
+                                       (kSceneSamples + kTargetSamples) * sizeof(std::uint16_t) / 2;
+  stores_ += pack_bytes(count * kTiles * kTileBytes, 2 * count * kTiles);
 }
 
 namespace {

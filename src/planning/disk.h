@@ -30,7 +30,7 @@ class DiskPlan {
   /// So many Gaussians, sorted; of a scene that may have to be unpacked.
   void add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes);
   /// A scene drawn from so many sides, and a target.
-  void add_views(std::uint32_t views);
+  void add_views(std::uint32_t count);
   /// What the levels of an image take until it is whole.
   using LevelsBytes = std::uint64_t (*)(const ImageOutput&, const shading::TexelFormat&);
   /// A target. `is_model`: its images pass through a scratch file into copies of its files.

@@ -90,21 +90,18 @@ TileSight::TileSight(const Grid& grid, std::uint32_t view, std::uint32_t tile_x,
                      std::uint32_t tile_y, const DrawOptions& options, const ViewKernels& kernels)
     : kernels_(&kernels),
       frame_(grid.frame(view)),
-      middle_(grid.middle()),
       per_pixel_(1 / grid.pixel()),
       depth_per_pixel_(grid.pixel() / grid.depth_step()),
       options_(options) {
   const float middle = static_cast<float>(grid.edge() / 2) - 0.5F + kApron;
-  first_x_ = middle - static_cast<float>(tile_x * kTileEdge);
-  first_y_ = middle - static_cast<float>(tile_y * kTileEdge);
   const float edge = options.fine_edge * per_pixel_, square = std::min(edge * edge, 1.0F);
   fine_ = projection::kFootprint * square;
   footprint_ = fine_ + projection::kBoxVariance * (1 - square);
   bounds_ = {frame_.right * per_pixel_,
              frame_.down * per_pixel_,
-             middle_,
-             first_x_,
-             first_y_,
+             grid.middle(),
+             middle - static_cast<float>(tile_x * kTileEdge),
+             middle - static_cast<float>(tile_y * kTileEdge),
              per_pixel_ * 1.0001F,
              gaussian::kSplatCutOff * std::sqrt(footprint_) * 1.0001F,
              static_cast<float>(kStoredEdge - 1)};
@@ -112,17 +109,16 @@ TileSight::TileSight(const Grid& grid, std::uint32_t view, std::uint32_t tile_x,
 }
 
 bool TileSight::meets(const Box3f& box) const {
-  const Vec3f half = (box.hi - box.lo) * 0.5F, at = (box.hi + box.lo) * 0.5F - middle_;
-  const float footprint = gaussian::kSplatCutOff * std::sqrt(footprint_) * 1.0001F;
+  const Vec3f half = (box.hi - box.lo) * 0.5F, at = (box.hi + box.lo) * 0.5F - bounds_.middle;
   const auto meets = [&](Vec3f axis, float first) {
     const float reach =
         (std::abs(axis.x) * half.x + std::abs(axis.y) * half.y + std::abs(axis.z) * half.z) *
-            per_pixel_ * 1.0001F +
-        footprint;
+            bounds_.per_pixel +
+        bounds_.margin;
     const float place = dot(axis, at) * per_pixel_ + first;
-    return place >= -reach && place <= kStoredEdge - 1 + reach;
+    return place >= -reach && place <= bounds_.last + reach;
   };
-  return meets(frame_.right, first_x_) && meets(frame_.down, first_y_);
+  return meets(frame_.right, bounds_.first_x) && meets(frame_.down, bounds_.first_y);
 }
 
 void TileSight::add(const gaussian::SplatSet& set, std::uint64_t first, Slab& slab) const {
@@ -148,7 +144,7 @@ void TileSight::add(const gaussian::SplatSet& set, std::uint64_t first, Slab& sl
 void TileSight::add(const gaussian::SplatSet& set, std::size_t i, std::uint64_t number,
                     Slab& slab) const {
   const gaussian::SplatShape& g = set.shapes[i];
-  const Vec3f from = Vec3f{g.mean[0], g.mean[1], g.mean[2]} - middle_;
+  const Vec3f from = Vec3f{g.mean[0], g.mean[1], g.mean[2]} - bounds_.middle;
   const float along = dot(frame_.forward, from) * per_pixel_;
   Ellipse e;
   e.order = {in_order(along), number};
@@ -182,8 +178,8 @@ void TileSight::add(const gaussian::SplatSet& set, std::size_t i, std::uint64_t 
   // Beyond that its alpha falls below the least.
   e.cut_off = std::min(gaussian::kSplatCutOff * gaussian::kSplatCutOff,
                        2 * log_bound(e.opacity / kLeastAlpha) + 0.001F);
-  e.x = dot(frame_.right, from) * per_pixel_ + first_x_;
-  e.y = dot(frame_.down, from) * per_pixel_ + first_y_;
+  e.x = dot(frame_.right, from) * per_pixel_ + bounds_.first_x;
+  e.y = dot(frame_.down, from) * per_pixel_ + bounds_.first_y;
   e.reach_x = std::sqrt((uu + footprint_) * e.cut_off);
   e.reach_y = std::sqrt((vv + footprint_) * e.cut_off);
   e.widest_y = e.reach_x * uv / (uu + footprint_);

@@ -116,9 +116,7 @@ class TileSight {
 
   const ViewKernels* kernels_;
   Frame frame_;
-  Vec3f middle_;
-  float per_pixel_, first_x_, first_y_;  ///< of a view's middle, in the tile
-  float depth_per_pixel_;
+  float per_pixel_, depth_per_pixel_;
   TileBounds bounds_;
   float fine_, footprint_;  ///< in squared pixels
   DrawOptions options_;

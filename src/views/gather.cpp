@@ -143,6 +143,42 @@ void gather(const SightLimits& limits, const ViewTiles& tiles, std::span<const P
   }
 }
 
+std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> groups,
+                                        std::span<const TexelPacket> packets,
+                                        std::span<const SightPacket> sights,
+                                        projection::SplatState& rays) {
+  const auto is_seen = [&](std::size_t p, int lane) {
+    return sights[p].clear.weight[lane] > 0 || sights[p].hidden.weight[lane] > 0;
+  };
+  const auto is_left = [&](std::size_t p) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (packets[p].texel[lane] != surface::kNoTexel && !is_seen(p, lane)) return true;
+    }
+    return false;
+  };
+  std::size_t count = 0;
+  for (std::size_t p = 0; p < packets.size(); ++p) count += is_left(p) ? 1 : 0;
+  rays.packets.reserve(count);
+  std::vector<std::uint32_t> places(packets.size());
+  for (const surface::PacketGroup& group : groups) {
+    surface::PacketGroup left{static_cast<std::uint32_t>(rays.packets.size()), 0};
+    for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
+      if (!is_left(p)) continue;
+      TexelPacket packet = packets[p];
+      for (int lane = 0; lane < kLanes; ++lane) {
+        if (!is_seen(p, lane)) continue;
+        packet.texel[lane] = surface::kNoTexel;  // as unused lanes are
+        packet.nx[lane] = packet.ny[lane] = packet.nz[lane] = 0;
+      }
+      places[p] = static_cast<std::uint32_t>(rays.packets.size());
+      rays.packets.push_back(packet);
+      ++left.count;
+    }
+    if (left.count > 0) rays.groups.push_back(left);
+  }
+  return places;
+}
+
 std::optional<Sight> sight_of(const Grid& grid, const SightLimits& limits,
                               const SightPacket& packet, int lane) {
   const bool is_clear = packet.clear.weight[lane] > 0;

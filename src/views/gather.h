@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "core/page_pool.h"
+#include "projection/splat_blend.h"
 #include "surface/target_block.h"
 #include "views/grid.h"
 #include "views/kernels.h"
@@ -83,6 +84,13 @@ void place(const Grid& grid, std::uint32_t view, const ViewKernels& kernels,
 /// Adds what one tile of that view shows.
 void gather(const SightLimits& limits, const ViewTiles& tiles, std::span<const PlacePacket> places,
             std::span<SightPacket> sights);
+
+/// The texels that no view sees become packets of `rays`, in their groups. Returns for each packet
+/// the one there that has its unseen texels.
+std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> groups,
+                                        std::span<const TexelPacket> packets,
+                                        std::span<const SightPacket> sights,
+                                        projection::SplatState& rays);
 
 /// What a texel has seen.
 struct Sight {

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/directions.h"
+
 namespace pounce::views {
 namespace {
 
@@ -25,8 +27,6 @@ double rounded_pixel(double wanted) {
   return fraction < kQuarter ? low : fraction < kThreeQuarters ? low * 1.4142135623730951 : 2 * low;
 }
 
-Vec3f unit(Vec3d v) { return Vec3f(v * (1 / length(v))); }
-
 }  // namespace
 
 std::vector<Frame> frames_around(std::uint32_t views) {
@@ -39,7 +39,8 @@ std::vector<Frame> frames_around(std::uint32_t views) {
     const Vec3d forward{across * x, across * y, z};
     const Vec3d up = std::abs(forward.y) < 0.9 ? Vec3d{0, 1, 0} : Vec3d{0, 0, 1};
     const Vec3d right = cross(forward, up);
-    frames.push_back({unit(right), unit(cross(forward, right)), unit(forward)});
+    frames.push_back({Vec3f(unit_vector(right)), Vec3f(unit_vector(cross(forward, right))),
+                      Vec3f(unit_vector(forward))});
     const double turned = x * kCosine - y * kSine;
     y = x * kSine + y * kCosine;
     x = turned;

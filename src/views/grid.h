@@ -31,6 +31,11 @@ inline constexpr std::uint16_t kMostDepth = 65534, kNoDepth = 65535;
 /// Samples of a pixel of the scene: colours (of what is there), alpha, depth. Of a target: depth.
 inline constexpr std::uint32_t kSceneSamples = 5, kTargetSamples = 1;
 
+/// Of a tile as it is stored, decoded.
+constexpr std::uint64_t tile_bytes(std::uint32_t samples) {
+  return std::uint64_t{kStoredEdge} * kStoredEdge * samples * sizeof(std::uint16_t);
+}
+
 /// The axes of a view: unit vectors, at right angles; `forward` leads away from the eye.
 struct Frame {
   Vec3f right, down, forward;
@@ -48,6 +53,10 @@ struct Seen {
 
 class Grid {
  public:
+  /// No view is more tiles across: a region's diagonal is at most 1.3 times its target's, and
+  /// pixels are not finer than 1.4 thousandths of that, rounded.
+  static constexpr std::uint32_t kMostAcross = 18;
+
   /// Of a target's box. `edge`: of its texels, finer pixels than which show nothing; pixels are not
   /// finer than 1.4 thousandths of the box's diagonal either (docs/decisions/061-views.md).
   Grid(const Box3f& target, float edge, std::uint32_t views);

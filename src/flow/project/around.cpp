@@ -15,10 +15,6 @@ const std::uint16_t* samples_of(const store::ColourTile& tile) {
   return reinterpret_cast<const std::uint16_t*>(tile.data());
 }
 
-bool is_seen(const views::SightPacket& sight, int lane) {
-  return sight.clear.weight[lane] > 0 || sight.hidden.weight[lane] > 0;
-}
-
 void look_around(const SceneViews& views, std::span<const surface::TexelPacket> packets,
                  std::span<views::SightPacket> sights) {
   std::vector<views::PlacePacket> places;
@@ -54,37 +50,6 @@ void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work
     job.meter.throw_if_cancelled();
     look_around(views, std::span(work.packets).subspan(first, p - first),
                 std::span(work.sights).subspan(first, p - first));
-  }
-}
-
-void leave_unseen(std::span<const surface::PacketGroup> groups, AroundWork& work,
-                  projection::SplatState& state) {
-  const auto is_left = [&](std::size_t p) {
-    for (int lane = 0; lane < surface::kLanes; ++lane) {
-      if (work.packets[p].texel[lane] != surface::kNoTexel && !is_seen(work.sights[p], lane))
-        return true;
-    }
-    return false;
-  };
-  work.ray.assign(work.packets.size(), 0);
-  std::size_t count = 0;
-  for (std::size_t p = 0; p < work.packets.size(); ++p) count += is_left(p) ? 1 : 0;
-  state.packets.reserve(count);
-  for (const surface::PacketGroup& group : groups) {
-    surface::PacketGroup left{static_cast<std::uint32_t>(state.packets.size()), 0};
-    for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
-      if (!is_left(p)) continue;
-      surface::TexelPacket packet = work.packets[p];
-      for (int lane = 0; lane < surface::kLanes; ++lane) {
-        if (!is_seen(work.sights[p], lane)) continue;
-        packet.texel[lane] = surface::kNoTexel;  // as unused lanes are
-        packet.nx[lane] = packet.ny[lane] = packet.nz[lane] = 0;
-      }
-      work.ray[p] = static_cast<std::uint32_t>(state.packets.size());
-      state.packets.push_back(packet);
-      ++left.count;
-    }
-    if (left.count > 0) state.groups.push_back(left);
   }
 }
 

@@ -28,10 +28,6 @@ struct AroundWork {
 /// Looks the packets up in all views: tile by tile, each of which is read once for all of them.
 void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work);
 
-/// The texels that no view sees become packets of `state`. `groups`: of all packets.
-void leave_unseen(std::span<const surface::PacketGroup> groups, AroundWork& work,
-                  projection::SplatState& state);
-
 /// What a texel has seen; nothing where no view sees it.
 std::optional<projection::SplatFinding> finding(const SceneViews& views, const AroundWork& work,
                                                 std::size_t packet, int lane);

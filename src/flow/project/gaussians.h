@@ -22,6 +22,7 @@ struct GaussianProjection {
   float smallest_edge = 0;  ///< see TargetBlock
 
   static std::uint64_t beside_bytes(std::uint64_t) { return 0; }
+  static std::uint64_t lookup_bytes() { return 0; }
   static std::uint64_t packet_bytes(std::uint64_t packets) {
     return projection::RayState::most_bytes(packets);
   }

@@ -45,7 +45,9 @@ class SplatMethodBase {
   };
 
   std::size_t channels() const { return request_.channels(); }
-  std::uint64_t fixed_bytes() const { return at_most(least_batch_bytes()) - least_batch_bytes(); }
+  std::uint64_t fixed_bytes() const {
+    return at_most(least_batch_bytes()) - least_batch_bytes() + request_.lookup_bytes();
+  }
   std::uint64_t least_batch_bytes() const {
     return splat_batch_cost(request_.source->store().directory().most_splats, lobes());
   }

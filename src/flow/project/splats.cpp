@@ -91,7 +91,8 @@ class SplatMethod : public Base {
     work.around.packets.shrink_to_fit();
     work.packets = work.around.packets.size();
     look_around(*job_, *request_.views, work.around);
-    leave_unseen(groups, work.around, work.state);
+    work.around.ray =
+        views::leave_unseen(groups, work.around.packets, work.around.sights, work.state);
     projection::start(request_.limits, work.state);
   }
 
@@ -214,7 +215,9 @@ std::uint64_t project_splats_least_bytes(std::uint64_t result_texel_bytes, std::
       result_texel_bytes, channels, lobes,
       projection::SplatState::most_bytes(SplatMethod::most_packets(), rays) +
           projection::SplatState::profile_bytes(SplatMethod::most_packets(), rays) +
-          (from_around ? SplatProjection::around_bytes(SplatMethod::most_packets()) : 0));
+          (from_around ? SplatProjection::around_bytes(SplatMethod::most_packets()) +
+                             SplatProjection::kLookupBytes
+                       : 0));
 }
 
 }  // namespace pounce::flow

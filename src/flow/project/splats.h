@@ -49,14 +49,15 @@ struct SplatProjection {
   std::uint64_t beside_bytes(std::uint64_t packets) const {
     return views == nullptr ? 0 : around_bytes(packets);
   }
-  /// Of a block, while it is looked up.
-  static constexpr std::uint64_t kMostPlaces =
-      surface::TargetBlock::most_packets(store::kTexelsPerBlock);
+  /// What a piece holds while it is looked up, beside all that is of its texels.
+  std::uint64_t lookup_bytes() const { return views == nullptr ? 0 : kLookupBytes; }
   static std::uint64_t around_bytes(std::uint64_t packets) {
     return round_to_pages(packets * sizeof(surface::TexelPacket)) +
-           round_to_pages(packets * sizeof(views::SightPacket)) + packets * sizeof(std::uint32_t) +
-           kMostPlaces * sizeof(views::PlacePacket) + SceneViews::reading_bytes();
+           round_to_pages(packets * sizeof(views::SightPacket)) + packets * sizeof(std::uint32_t);
   }
+  static constexpr std::uint64_t kLookupBytes =
+      surface::TargetBlock::most_packets(store::kTexelsPerBlock) * sizeof(views::PlacePacket) +
+      SceneViews::kReadingBytes;
   std::uint64_t profile_bytes(std::uint64_t packets) const {
     return projection::SplatState::profile_bytes(packets, static_cast<std::uint64_t>(limits.rays));
   }

@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <vector>
 
+#include "planning/load_mesh.h"
 #include "runtime/pump.h"
 #include "views/target_depth.h"
 
@@ -27,11 +28,10 @@ constexpr std::size_t kLeastEllipses = 1 << 10, kMostEllipses = 1 << 16;
 /// A row of a view's tiles, compressed; an empty one shows nothing.
 using Row = std::vector<std::vector<std::byte>>;
 
-constexpr std::uint64_t tile_bytes(std::uint32_t samples) {
-  return std::uint64_t{views::kStoredEdge} * views::kStoredEdge * samples * sizeof(std::uint16_t);
-}
 /// Raw, filtered, compressed at its worst, each a little more.
-constexpr std::uint64_t encoding_bytes(std::uint32_t samples) { return 4 * tile_bytes(samples); }
+constexpr std::uint64_t encoding_bytes(std::uint32_t samples) {
+  return 4 * views::tile_bytes(samples);
+}
 
 void encode(job::JobContext& job, const store::ColourDirectory& image,
             std::span<const std::byte> tile, std::vector<std::byte>& stored) {
@@ -91,7 +91,7 @@ class SceneDrawing {
   std::uint64_t row_bytes(std::size_t ellipses) const {
     return sizeof(views::Canvas) + views::Slab::most_bytes(ellipses) + block_bytes() +
            encoding_bytes(views::kSceneSamples) +
-           grid_.tiles_across() * tile_bytes(views::kSceneSamples);
+           grid_.tiles_across() * views::tile_bytes(views::kSceneSamples);
   }
 
   std::unique_ptr<store::PackReader> draw(const Hash128& key) {
@@ -113,7 +113,7 @@ class SceneDrawing {
         [&](std::size_t row) { return draw_row(static_cast<std::uint32_t>(row), ellipses); },
         [&](std::size_t row, Row& made) {
           writer.add_row(static_cast<std::uint32_t>(row), made,
-                         static_cast<std::uint32_t>(tile_bytes(views::kSceneSamples)),
+                         static_cast<std::uint32_t>(views::tile_bytes(views::kSceneSamples)),
                          job_.compressor());
           job_.meter.advance(1);
         });
@@ -177,7 +177,7 @@ std::unique_ptr<ColourCache> draw_targets(job::JobContext& job, const views::Gri
   const std::uint32_t across = grid.tiles_across();
   const auto bytes = [&](std::uint32_t rows) {
     return views::TargetDepths::bytes(grid, rows) + encoding_bytes(views::kTargetSamples) +
-           std::uint64_t{rows} * across * tile_bytes(views::kTargetSamples);
+           std::uint64_t{rows} * across * views::tile_bytes(views::kTargetSamples);
   };
   // All rows of a view at once if there is room: each band goes through all triangles.
   const std::uint64_t room =
@@ -210,7 +210,7 @@ std::unique_ptr<ColourCache> draw_targets(job::JobContext& job, const views::Gri
                    first = static_cast<std::uint32_t>(i % bands) * band;
         for (std::uint32_t y = 0; y < rows.size(); ++y)
           writer.add_row(grid.tile_row(view, first + y), rows[y],
-                         static_cast<std::uint32_t>(tile_bytes(views::kTargetSamples)),
+                         static_cast<std::uint32_t>(views::tile_bytes(views::kTargetSamples)),
                          job.compressor());
       });
   return opened(job, std::make_unique<store::ColourStore>(
@@ -218,25 +218,15 @@ std::unique_ptr<ColourCache> draw_targets(job::JobContext& job, const views::Gri
                          job.compressor(), true));
 }
 
-Box3f box_of(const mesh::Mesh& mesh) {
-  Box3f box;
-  for (const auto& t : mesh.triangles) {
-    for (const std::uint32_t vertex : t) box.extend(mesh.positions[vertex]);
-  }
-  return box;
-}
-
 }  // namespace
-
-std::uint64_t SceneViews::reading_bytes() {
-  return 3 * (round_to_pages(tile_bytes(views::kSceneSamples)) +
-              round_to_pages(tile_bytes(views::kTargetSamples)));
-}
 
 SceneViews scene_views(job::JobContext& job, const ViewsRequest& request, const mesh::Mesh& target,
                        double diagonal, float edge, double progress_end) {
-  SceneViews out{
-      views::Grid(box_of(target), edge, request.views), {}, request.kernels, nullptr, nullptr};
+  SceneViews out{views::Grid(planning::box_of(target), edge, request.views),
+                 {},
+                 request.kernels,
+                 nullptr,
+                 nullptr};
   out.limits.on_target = out.grid.in_steps(static_cast<float>(views::kOnTarget * diagonal));
   out.limits.hidden = out.grid.in_steps(static_cast<float>(views::kHidden * diagonal));
   job.meter.begin("views", out.grid.image(views::kSceneSamples).tiles_y(), "rows", progress_end);
@@ -253,13 +243,12 @@ SceneViews scene_views(job::JobContext& job, const ViewsRequest& request, const 
 }
 
 std::uint64_t scene_views_least_bytes(std::uint32_t lobes) {
-  constexpr std::uint32_t kMostAcross = 30;
   constexpr std::uint64_t kSplats = store::kMostSplatsPerBlock;
   return sizeof(views::Canvas) + views::Slab::most_bytes(kLeastEllipses) +
          kSplats * (sizeof(store::Splat) + store::lobe_bytes(lobes)) +
          store::SplatBlock::decoded_bytes(kSplats, true, lobes) +
          gaussian::SplatSet::most_bytes(kSplats, lobes) + encoding_bytes(views::kSceneSamples) +
-         kMostAcross * tile_bytes(views::kSceneSamples);
+         views::Grid::kMostAcross * views::tile_bytes(views::kSceneSamples);
 }
 
 }  // namespace pounce::flow

@@ -24,7 +24,9 @@ struct SceneViews {
   std::unique_ptr<job::ScratchPack> target_goes = nullptr;
 
   /// What a piece of the target needs to look texels up, beside what it holds of each packet.
-  static std::uint64_t reading_bytes();
+  static constexpr std::uint64_t kReadingBytes =
+      3 * (views::tile_bytes(views::kSceneSamples) + views::tile_bytes(views::kTargetSamples) +
+           2 * kPageBytes);
 };
 
 struct ViewsRequest {

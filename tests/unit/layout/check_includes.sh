@@ -13,7 +13,7 @@ declare -A may_include=(
   [grid]="core mesh store surface gaussian" [projection]="core mesh store surface gaussian grid"
   [views]="core mesh store surface gaussian grid projection"
   [sorting]="core runtime mesh store gaussian job" [commands]="core mesh store io" [job]="core runtime store io" [options]="core mesh io"
-  [planning]="core mesh store io options surface gaussian shading projection job"
+  [planning]="core mesh store io options surface gaussian shading projection views job"
   [outcome]="core mesh store gaussian projection planning"
   [flow]="sorting outcome planning job core runtime mesh store io options surface gaussian shading grid projection views"
 )

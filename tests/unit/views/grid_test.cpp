@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "support/random.h"
+
 using namespace pounce;
 using namespace pounce::views;
 
@@ -96,6 +98,15 @@ TEST_CASE("targets of about one size share a grid, and coarse texels have a coar
   const Grid coarse(kUnit, 0.1F, 24);
   CHECK(coarse.pixel() == Approx(std::pow(2.0, -3.5)));
   CHECK(coarse.tiles_across() == 1);
+  test::Random random(3);
+  for (int i = 0; i < 2000; ++i) {
+    Box3f box;
+    const float longest = std::exp(random.between(-9.0F, 9.0F));
+    for (int corner = 0; corner < 2; ++corner)
+      box.extend(Vec3f{longest * random.between(-1.0F, 1.0F), longest * random.between(-1.0F, 1.0F),
+                       longest * random.between(-1.0F, 1.0F) * (random.one_in(3) ? 0.0F : 1.0F)});
+    CHECK(Grid(box, 0, 6).tiles_across() <= Grid::kMostAcross);
+  }
   // A target that is a plane, and one that is a point, have a grid, too.
   CHECK(Grid({{0, 0, 5}, {1, 1, 5}}, 0, 6).tiles_across() > 10);
   CHECK(Grid({{2, 2, 2}, {2, 2, 2}}, 0, 6).tiles_across() >= 1);
