@@ -43,6 +43,10 @@ score() {  # score SCENE TARGET MODE: dc, or sh where the scene shows its harmon
     images+=(plain24 plain48)
   fi
   "$programs/pounce-score" views "$scene" "$target" "${images[@]/%/.png}" "${shown[@]}"
+  # How far the default's confidence tells its wrong pixels from its right ones.
+  transfer 'default.<CHANNEL>.png' --channels baseColor,confidence
+  "$programs/pounce-score" views "$scene" "$target" default.baseColor.png --confidence default.confidence.png "${shown[@]}" |
+    tail -n 1
 }
 
 if (($#)); then

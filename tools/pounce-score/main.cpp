@@ -148,7 +148,7 @@ void add_ranking(CLI::App& app, std::function<void()>& run, RankingOptions& o) {
 }
 
 struct ViewsOptions {
-  std::string scene, target;
+  std::string scene, target, confidence;
   std::vector<std::string> images;
   std::size_t count = 26;
   std::uint32_t size = 448, finer = 3;
@@ -163,6 +163,8 @@ void print_views(const ViewsOptions& o) {
   const mesh::Mesh target = io::read_mesh(o.target);
   std::vector<score::Image> images;
   for (const std::string& image : o.images) images.push_back(score::read_image(image));
+  std::optional<score::Image> confidence;
+  if (!o.confidence.empty()) confidence = score::read_image(o.confidence);
   const std::vector<Vec3d> ways = score::directions(o.count, kTurn);
   Box3f box;
   for (const Vec3f& p : target.positions) box.extend(p);
@@ -171,9 +173,11 @@ void print_views(const ViewsOptions& o) {
   tbb::parallel_for(std::size_t{0}, ways.size(), [&](std::size_t i) {
     const score::View view = score::view_along(target, ways[i], o.size);
     const score::Seen seen = score::see_scene(scene, view, o.harmonics, o.finer);
+    std::optional<score::Seen> trust;
+    if (confidence) trust = score::see_mesh(target, &*confidence, view, o.finer);
     for (const score::Image& image : images) {
-      scores[i].push_back(
-          score::likeness(seen, score::see_mesh(target, &image, view, o.finer), o.size, diagonal));
+      const score::Seen mesh = score::see_mesh(target, &image, view, o.finer);
+      scores[i].push_back(score::likeness(seen, mesh, trust ? &*trust : nullptr, o.size, diagonal));
     }
   });
   fmt::print("{:<28} {:>6} {:>6} {:>6} {:>6} {:>6}  {:>12}  {}\n", fmt::format("{} views", o.count),
@@ -188,6 +192,9 @@ void print_views(const ViewsOptions& o) {
     fmt::print("{:<28} {:>6.2f} {:>6.2f} {:>6.3f} {:>6.3f} {:>6.2f}  {:>5.2f} {:>5.2f}%  {}\n",
                o.images[k], all.either_db(), all.both_db(), all.iou(), all.mean_ssim(),
                all.sharpness(), 100 * all.depth(0.5), 100 * all.depth(0.9), nearer);
+    if (confidence)
+      fmt::print("  mean errors by quarters of confidence: {:.3f}\n",
+                 fmt::join(score::errors_by_trust(std::move(all.trusted)), " / "));
   }
 }
 
@@ -241,6 +248,8 @@ void add_views(CLI::App& app, std::function<void()>& run, ViewsOptions& o) {
   c->add_option("SCENE", o.scene, "The splat scene")->required();
   c->add_option("TARGET", o.target, "The mesh whose UV set 0 the textures lie on")->required();
   c->add_option("IMAGE", o.images, "Textures of the target")->required();
+  c->add_option("--confidence", o.confidence,
+                "An image of confidence: prints the mean error of its four quarters of pixels");
   c->add_option("--views", o.count, "So many directions")->capture_default_str();
   c->add_option("--size", o.size, "Pixels along a picture's edge")
       ->check(CLI::Range(1, 8192))

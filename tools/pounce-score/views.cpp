@@ -79,6 +79,7 @@ void Likeness::add(const Likeness& other) {
   gradient += other.gradient;
   scene_gradient += other.scene_gradient;
   depths.insert(depths.end(), other.depths.begin(), other.depths.end());
+  trusted.insert(trusted.end(), other.trusted.begin(), other.trusted.end());
 }
 
 double Likeness::either_db() const { return decibels(either_squares, either); }
@@ -116,7 +117,8 @@ std::vector<double> ssim(const std::vector<Vec3d>& a, const std::vector<Vec3d>& 
   return out;
 }
 
-Likeness likeness(const Seen& scene, const Seen& mesh, std::uint32_t size, double diagonal) {
+Likeness likeness(const Seen& scene, const Seen& mesh, const Seen* trust, std::uint32_t size,
+                  double diagonal) {
   Likeness out;
   std::vector<Vec3d> a, b;
   for (std::size_t i = 0; i < scene.cover.size(); ++i) {
@@ -134,6 +136,9 @@ Likeness likeness(const Seen& scene, const Seen& mesh, std::uint32_t size, doubl
     if (!in_both(i)) continue;
     out.both_squares += dot(off, off);
     ++out.both;
+    if (trust != nullptr)
+      out.trusted.emplace_back(trust->colours[i].x,
+                               (std::abs(off.x) + std::abs(off.y) + std::abs(off.z)) / 3);
     if (std::isfinite(scene.depth[i]) && std::isfinite(mesh.depth[i]))
       out.depths.push_back(std::abs(scene.depth[i] - mesh.depth[i]) / diagonal);
     for (const std::size_t step : {std::size_t{1}, std::size_t{size}}) {
@@ -145,6 +150,19 @@ Likeness likeness(const Seen& scene, const Seen& mesh, std::uint32_t size, doubl
     }
   }
   return out;
+}
+
+std::array<double, 4> errors_by_trust(std::vector<std::pair<double, double>> trusted) {
+  std::stable_sort(trusted.begin(), trusted.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::array<double, 4> errors{};
+  const std::size_t count = trusted.size();
+  for (std::size_t q = 0; q < 4; ++q) {
+    const std::size_t first = q * count / 4, last = (q + 1) * count / 4;
+    for (std::size_t i = first; i < last; ++i) errors[q] += trusted[i].second;
+    errors[q] /= static_cast<double>(std::max<std::size_t>(last - first, 1));
+  }
+  return errors;
 }
 
 }  // namespace pounce::score

@@ -3,8 +3,10 @@
 // A scene and a textured mesh, drawn from the same sides all around: how alike they look.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/vec.h"
@@ -28,6 +30,9 @@ struct Likeness {
   double gradient = 0, scene_gradient = 0;  ///< sums of squares, where both are
   std::vector<double> depths;               ///< how far apart where both are, of the diagonal
 
+  /// Where both are, if the mesh's confidence is known: that, and the mean error of the channels.
+  std::vector<std::pair<double, double>> trusted;
+
   void add(const Likeness& other);
   double either_db() const;
   double both_db() const;
@@ -43,6 +48,11 @@ struct Likeness {
 std::vector<double> ssim(const std::vector<Vec3d>& a, const std::vector<Vec3d>& b,
                          std::uint32_t edge);
 
-Likeness likeness(const Seen& scene, const Seen& mesh, std::uint32_t size, double diagonal);
+/// `trust`: the mesh with its confidence as a texture, or null.
+Likeness likeness(const Seen& scene, const Seen& mesh, const Seen* trust, std::uint32_t size,
+                  double diagonal);
+
+/// The mean errors of the four quarters of pixels, from the least trusted to the most.
+std::array<double, 4> errors_by_trust(std::vector<std::pair<double, double>> trusted);
 
 }  // namespace pounce::score

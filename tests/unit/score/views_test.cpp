@@ -103,7 +103,7 @@ TEST_CASE("likeness counts pixels of either, errors, gradients and depths", "[sc
   scene.colours[1] = {0.5, 0.7, 0.5};
   mesh.colours[1] = {0.5, 0.5, 0.5};
   mesh.depth[2] = 3;
-  const Likeness is = likeness(scene, mesh, 2, 10);
+  const Likeness is = likeness(scene, mesh, nullptr, 2, 10);
   CHECK(is.either == 4);
   CHECK(is.both == 2);
   CHECK(is.iou() == 0.5);
@@ -124,7 +124,22 @@ TEST_CASE("gradient energy tells soft from sharp", "[score]") {
   Seen scene = pixels(4, {}, 1, 1), mesh = scene;
   scene.colours[1] = scene.colours[3] = {1, 1, 1};
   mesh.colours[1] = mesh.colours[3] = {0.5, 0.5, 0.5};
-  CHECK(likeness(scene, mesh, 2, 1).sharpness() == Approx(0.25));
+  CHECK(likeness(scene, mesh, nullptr, 2, 1).sharpness() == Approx(0.25));
+}
+
+TEST_CASE("errors are told apart by confidence", "[score]") {
+  Seen scene = pixels(9, {0.5, 0.5, 0.5}, 1, 1), mesh = scene, trust = scene;
+  for (std::size_t i = 0; i < 9; ++i) {
+    mesh.colours[i].x += 0.03 * static_cast<double>(i);
+    trust.colours[i] = Vec3d{1, 1, 1} * (1 - 0.1 * static_cast<double>(i));
+  }
+  scene.cover[0] = 0;  // only where both are
+  const auto errors = errors_by_trust(likeness(scene, mesh, &trust, 3, 1).trusted);
+  CHECK(errors[0] == Approx(0.075));  // a third of 0.24 and 0.21
+  CHECK(errors[1] == Approx(0.055));
+  CHECK(errors[2] == Approx(0.035));
+  CHECK(errors[3] == Approx(0.015));
+  CHECK(errors_by_trust({})[3] == 0);
 }
 
 TEST_CASE("a texel has the colour that the views show which see it", "[score]") {
