@@ -35,7 +35,7 @@ inline auto each(F f, const Operands&... operands) {
 
 inline Floats all(float value) {
   Floats out;
-  for (auto& part : out.part) part = FloatRegister{} + value;
+  for (auto& part : out.part) part = value - FloatRegister{};  // + would be one: -0 + 0 is 0
   return out;
 }
 inline Ints all(std::int32_t value) {
@@ -56,6 +56,16 @@ POUNCE_ARITHMETIC(*)
 POUNCE_ARITHMETIC(/)
 #undef POUNCE_ARITHMETIC
 
+#define POUNCE_ARITHMETIC(op)                                               \
+  inline Ints operator op(const Ints& a, const Ints& b) {                   \
+    return each([](IntRegister x, IntRegister y) { return x op y; }, a, b); \
+  }                                                                         \
+  inline Ints operator op(const Ints& a, std::int32_t b) { return a op all(b); }
+POUNCE_ARITHMETIC(+)
+POUNCE_ARITHMETIC(-)
+POUNCE_ARITHMETIC(*)
+#undef POUNCE_ARITHMETIC
+
 // Comparisons give all bits of a lane or none.
 #define POUNCE_COMPARISON(op)                                                                  \
   inline Ints operator op(const Floats& a, const Floats& b) {                                  \
@@ -64,7 +74,8 @@ POUNCE_ARITHMETIC(/)
   inline Ints operator op(const Floats& a, float b) { return a op all(b); }                    \
   inline Ints operator op(const Ints& a, const Ints& b) {                                      \
     return each([](IntRegister x, IntRegister y) { return (IntRegister)(x op y); }, a, b);     \
-  }
+  }                                                                                            \
+  inline Ints operator op(const Ints& a, std::int32_t b) { return a op all(b); }
 POUNCE_COMPARISON(<)
 POUNCE_COMPARISON(<=)
 POUNCE_COMPARISON(>)
@@ -106,6 +117,9 @@ inline Ints bits_of(const Floats& a) {
 /// Towards zero; values must fit.
 inline Ints to_int(const Floats& a) {
   return each([](FloatRegister x) { return __builtin_convertvector(x, IntRegister); }, a);
+}
+inline Floats to_float(const Ints& a) {
+  return each([](IntRegister x) { return __builtin_convertvector(x, FloatRegister); }, a);
 }
 
 inline Floats load(const float* at) {

@@ -175,15 +175,6 @@ struct Rays {
   Floats px, py, pz, nx, ny, nz, per_texel;
 };
 
-inline Floats to_float(const Ints& a) {
-  return each([](IntRegister x) { return __builtin_convertvector(x, FloatRegister); }, a);
-}
-inline Ints operator+(const Ints& a, const Ints& b) {
-  return each([](IntRegister x, IntRegister y) { return x + y; }, a, b);
-}
-inline Ints operator-(const Ints& a, const Ints& b) {
-  return each([](IntRegister x, IntRegister y) { return x - y; }, a, b);
-}
 inline Ints least(const Ints& a, std::int32_t b) {
   return each([b](IntRegister x) { return x < b ? x : IntRegister{} + b; }, a);
 }

@@ -38,52 +38,6 @@ void Canvas::clear() {
   std::fill(std::begin(depth), std::end(depth), -1.0F);
 }
 
-// --- the nearest first ---------------------------------------------------------------------------
-
-Slab::Slab(std::size_t most) : most_(std::max<std::size_t>(most, 1)) { clear(); }
-
-void Slab::clear() {
-  sorted_.clear();
-  next();
-  after_ = {};
-}
-
-void Slab::next() {
-  if (!sorted_.empty()) after_ = sorted_.back()->order;
-  sorted_.clear();
-  ellipses_.clear();
-  below_ = {std::numeric_limits<std::uint32_t>::max(), std::numeric_limits<std::uint64_t>::max()};
-  is_cut_ = false;
-}
-
-void Slab::add(const Ellipse& ellipse) {
-  if (ellipses_.size() == 2 * most_) cut();
-  if (!wants(ellipse.order)) return;
-  if (ellipses_.size() == ellipses_.capacity())
-    ellipses_.reserve(std::min(2 * most_, std::max<std::size_t>(2 * ellipses_.size(), 1024)));
-  ellipses_.push_back(ellipse);
-}
-
-void Slab::cut() {
-  const auto end = ellipses_.begin() + static_cast<std::ptrdiff_t>(most_);
-  std::nth_element(ellipses_.begin(), end, ellipses_.end(),
-                   [](const Ellipse& a, const Ellipse& b) { return a.order < b.order; });
-  below_ = end->order;
-  ellipses_.resize(most_);
-  is_cut_ = true;
-}
-
-std::span<const Ellipse* const> Slab::sorted() {
-  if (ellipses_.size() > most_) cut();
-  places_.clear();
-  for (std::uint32_t i = 0; i < ellipses_.size(); ++i) places_.push_back({ellipses_[i].order, i});
-  std::sort(places_.begin(), places_.end(),
-            [](const Place& a, const Place& b) { return a.order < b.order; });
-  sorted_.clear();
-  for (const Place& place : places_) sorted_.push_back(&ellipses_[place.at]);
-  return sorted_;
-}
-
 // --- Gaussians that meet a tile ------------------------------------------------------------------
 
 TileSight::TileSight(const Grid& grid, std::uint32_t view, std::uint32_t tile_x,
@@ -119,6 +73,19 @@ bool TileSight::meets(const Box3f& box) const {
     return place >= -reach && place <= bounds_.last + reach;
   };
   return meets(frame_.right, bounds_.first_x) && meets(frame_.down, bounds_.first_y);
+}
+
+DepthRange TileSight::depths(const Box3f& box) const {
+  const Vec3f half = (box.hi - box.lo) * 0.5F, at = (box.hi + box.lo) * 0.5F - bounds_.middle;
+  const Vec3f& w = frame_.forward;
+  const float place = dot(w, at),
+              reach = std::abs(w.x) * half.x + std::abs(w.y) * half.y + std::abs(w.z) * half.z;
+  // More than rounding takes from either.
+  const float slack =
+      1e-5F * (reach + std::abs(w.x * at.x) + std::abs(w.y * at.y) + std::abs(w.z * at.z)) +
+      1e-5F * length(bounds_.middle);
+  return {in_order((place - reach - slack) * per_pixel_),
+          in_order((place + reach + slack) * per_pixel_)};
 }
 
 void TileSight::add(const gaussian::SplatSet& set, std::uint64_t first, Slab& slab) const {

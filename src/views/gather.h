@@ -35,19 +35,26 @@ inline constexpr float kLeastCosine = 0.1F;  ///< of a texel that faces a view
 /// how far before it the scene may be and not hide it.
 inline constexpr double kOnTarget = 0.012, kHidden = 0.04;
 
+inline constexpr float kLeastSeen = 0.5F;  ///< alpha of what is seen
+
+/// Brightness is the mean of red, twice green and blue: 0..1 in so many steps.
+inline constexpr float kLumaSteps = 255;
+
 /// What sixteen texels have seen: structure of arrays. Sums of numbers below 2^16 with weights of
 /// at most kWeightSteps.
 struct alignas(64) SightPacket {
   /// Of the views in which the scene does not hide the texel, and of the others.
   struct Sums {
-    std::uint32_t weight[kLanes];
-    std::uint32_t colour[3][kLanes];  ///< of weight x colour, in its steps
-    std::uint32_t alpha[kLanes];      ///< of weight x alpha, in its steps
+    std::int32_t weight[kLanes];
+    std::int32_t colour[3][kLanes];     ///< of weight x colour, in its steps
+    std::int32_t alpha[kLanes];         ///< of weight x alpha, in its steps
+    std::int32_t luma[kLanes];          ///< of weight x brightness, in kLumaSteps
+    std::int32_t luma_squares[kLanes];  ///< of weight x its square
     std::int32_t away[kLanes];  ///< of weight x how far outside the scene lies, in depth steps
-    std::uint32_t off[kLanes];  ///< the same, whichever side
+    std::int32_t off[kLanes];   ///< the same, whichever side
   };
   Sums clear, hidden;
-  std::uint32_t facing[kLanes];  ///< weights of all views that a texel faces
+  std::int32_t facing[kLanes];  ///< weights of all views that a texel faces
 };
 
 /// What decides which views see a texel, beside the grid: in depth steps.
@@ -72,7 +79,7 @@ struct TileRange {
 struct alignas(64) PlacePacket {
   float x[kLanes], y[kLanes], depth[kLanes];  ///< as in Seen
   float cosine[kLanes];                       ///< of the normal with the way to the eye
-  std::uint32_t weight[kLanes];               ///< 0: it does not face the eye
+  std::int32_t weight[kLanes];                ///< 0: it does not face the eye
   TileRange tiles;                            ///< in which those lie that face it
 };
 
@@ -80,10 +87,6 @@ struct alignas(64) PlacePacket {
 void place(const Grid& grid, std::uint32_t view, const ViewKernels& kernels,
            std::span<const TexelPacket> packets, std::vector<PlacePacket>& places,
            std::span<SightPacket> sights);
-
-/// Adds what one tile of that view shows.
-void gather(const SightLimits& limits, const ViewTiles& tiles, std::span<const PlacePacket> places,
-            std::span<SightPacket> sights);
 
 /// The texels that no view sees become packets of `rays`, in their groups. Returns for each packet
 /// the one there that has its unseen texels.

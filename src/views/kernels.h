@@ -16,6 +16,9 @@ namespace pounce::views {
 struct Ellipse;
 struct Canvas;
 struct PlacePacket;
+struct SightLimits;
+struct SightPacket;
+struct ViewTiles;
 
 /// A tile from a sphere's point of view: where the tile's first pixel is along its axes.
 struct TileBounds {
@@ -46,6 +49,9 @@ struct ViewKernels {
   /// Where sixteen texels lie in a view, but for their tiles. Returns a bit for each that faces the
   /// eye; where none does, only the cosines are set.
   unsigned (*place)(const PlaceFrame& frame, const surface::TexelPacket& packet, PlacePacket& out);
+  /// Adds to texels what one tile of a view shows where they lie in it.
+  void (*gather)(const SightLimits& limits, const ViewTiles& tiles,
+                 std::span<const PlacePacket> places, std::span<SightPacket> sights);
 };
 
 /// The kernels for `isa`, or the best that this processor has for "". Throws Error(usage) if it

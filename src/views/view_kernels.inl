@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "surface/target_block.h"
 #include "views/draw.h"
@@ -42,83 +43,134 @@ struct BlockPixels {
   Floats x, y;
 };
 
-/// One ellipse on a block, `dx` and `dy` from its middle. False: none of the pixels will show what
-/// comes behind.
-[[gnu::always_inline]] inline bool blend(const Ellipse& e, const Floats& dx, const Floats& dy,
-                                         int at, Canvas& canvas) {
-  const Floats through = load(canvas.through + at);
-  const Floats q = (e.xx * dx + (2 * e.xy) * dy) * dx + e.yy * (dy * dy);
-  Ints ok = (q <= e.cut_off) & (through >= kLeastThrough);
-  if (!any(ok)) return true;
-  Floats alpha = e.opacity * exp_of_minus(select(ok, q, all(0.0F)) * 0.5F);
-  ok = ok & (alpha >= kLeastAlpha);
-  alpha = select(alpha < kMostAlpha, alpha, all(kMostAlpha));
-  alpha = select(ok, alpha, all(0.0F));
-  const Floats weight = through * alpha, left = through - weight;
-  store(canvas.through + at, left);
-  for (int c = 0; c < 3; ++c)
-    store(canvas.colour[c] + at, load(canvas.colour[c] + at) + weight * e.colour[c]);
-  const Ints crosses = (through > 0.5F) & (left <= 0.5F);
-  if (any(crosses)) {
-    Floats depth = e.lean_x * dx + e.lean_y * dy + e.depth;
-    depth = select(depth > 0.0F, depth, all(0.0F));
-    constexpr float kMost = kMostDepth;
-    depth = select(depth < kMost, depth, all(kMost));
-    store(canvas.depth + at, select(crosses, depth, load(canvas.depth + at)));
+constexpr std::size_t kAll = std::size_t{kBlocks} * kBlocks;
+
+/// The ellipses that wait for a block: it is blended when there are so many, all in registers.
+struct Waiting {
+  static constexpr std::uint32_t kMost = 32;
+  std::uint32_t ellipse[kAll + 3][kMost];
+  std::uint32_t count[kAll + 3] = {};
+};
+
+/// What waits for a block is composited behind what is there. False: nothing behind it will show.
+bool blend_waiting(std::span<const Ellipse* const> ellipses, const BlockPixels& pixels, int block,
+                   Waiting& waiting, Canvas& canvas) {
+  const int at = block * kLanes;
+  const Floats x = pixels.x + static_cast<float>(block % kBlocks * kBlock),
+               y = pixels.y + static_cast<float>(block / kBlocks * kBlock);
+  Floats through = load(canvas.through + at), depth = load(canvas.depth + at);
+  Floats red = load(canvas.colour[0] + at), green = load(canvas.colour[1] + at),
+         blue = load(canvas.colour[2] + at);
+  const std::uint32_t count = std::exchange(waiting.count[block], 0);
+  Ints crossed = all(0);
+  bool open = true;
+  // No branch on a pixel's fate: it would be wrong every other time, a whole chain of operations
+  // late.
+  for (std::uint32_t i = 0; i < count && open; ++i) {
+    const Ellipse& e = *ellipses[waiting.ellipse[block][i]];
+    const Floats dx = x - e.x, dy = y - e.y;
+    const Floats q = (e.xx * dx + (2 * e.xy) * dy) * dx + e.yy * (dy * dy);
+    Ints ok = (q <= e.cut_off) & (through >= kLeastThrough);
+    Floats alpha = e.opacity * exp_of_minus(select(q <= e.cut_off, q, all(0.0F)) * 0.5F);
+    ok = ok & (alpha >= kLeastAlpha);
+    alpha = select(alpha < kMostAlpha, alpha, all(kMostAlpha));
+    alpha = select(ok, alpha, all(0.0F));
+    const Floats weight = through * alpha, left = through - weight;
+    red = red + weight * e.colour[0];
+    green = green + weight * e.colour[1];
+    blue = blue + weight * e.colour[2];
+    const Ints crosses = (through > 0.5F) & (left <= 0.5F);
+    depth = select(crosses, e.lean_x * dx + e.lean_y * dy + e.depth, depth);
+    crossed = crossed | crosses;
+    through = left;
+    open = any(through >= kLeastThrough);
   }
-  return any(left >= kLeastThrough);
+  constexpr float kMost = kMostDepth;
+  Floats within = select(depth > 0.0F, depth, all(0.0F));
+  within = select(within < kMost, within, all(kMost));
+  store(canvas.depth + at, select(crossed, within, depth));
+  store(canvas.through + at, through);
+  store(canvas.colour[0] + at, red);
+  store(canvas.colour[1] + at, green);
+  store(canvas.colour[2] + at, blue);
+  return open;
 }
 
-/// Whole numbers of blocks between two places, within the tile.
-inline int first_block(float low) { return static_cast<int>(std::max(low, 0.0F)) / kBlock; }
-inline int last_block(float high) {
-  return static_cast<int>(std::min(high, static_cast<float>(kStoredEdge - 1))) / kBlock;
-}
+/// The blocks of sixteen rows that an ellipse meets: a range each, ends included; none: first >
+/// last.
+struct BlockRows {
+  alignas(64) std::int32_t first[kLanes], last[kLanes];
 
-bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
-  bool open[kBlocks * kBlocks];
-  int left = 0;
-  for (int b = 0; b < kBlocks * kBlocks; ++b) {
-    open[b] = any(load(canvas.through + b * kLanes) >= kLeastThrough);
-    left += open[b] ? 1 : 0;
-  }
-  const BlockPixels pixels;
-  for (const Ellipse* const ellipse : ellipses) {
-    const Ellipse& e = *ellipse;
-    if (left == 0) return false;
+  /// From row `top` on; `rows`: the lanes' numbers.
+  void set(const Ellipse& e, const Floats& rows, int top) {
     const float per_xx = 1 / e.xx, lean = e.xy * per_xx,
                 curve = e.cut_off / (e.reach_y * e.reach_y);
-    // How far it is seen to both sides of its middle line, at a height.
-    const auto half = [&](float dy) {
-      return std::sqrt(std::max((e.cut_off - curve * dy * dy) * per_xx, 0.0F));
+    const auto larger = [](const Floats& a, const Floats& b) { return select(a < b, b, a); };
+    const auto smaller = [](const Floats& a, const Floats& b) { return select(b < a, b, a); };
+    // Of the rows of pixels between these heights: it is widest where it is, or at the nearest of
+    // them. A little more: rounding keeps none out.
+    const Floats height =
+        rows * static_cast<float>(kBlock) + (static_cast<float>(top * kBlock) - e.y);
+    const Floats above = larger(height, all(-e.reach_y)),
+                 below = larger(above,
+                                smaller(height + static_cast<float>(kBlock - 1), all(e.reach_y)));
+    // How far it is seen to one side of its middle line, at the height where that is farthest.
+    const auto half = [&](const Floats& at) {
+      return square_root(larger((e.cut_off - curve * (at * at)) * per_xx, all(0.0F)));
     };
-    const int last_y = last_block(e.y + e.reach_y);
-    for (int by = first_block(e.y - e.reach_y); by <= last_y; ++by) {
-      // Of the rows of blocks between these heights: it is widest where it is, or at the nearest
-      // of them. A little more: rounding keeps none out.
-      const float above = std::max(static_cast<float>(by * kBlock) - e.y, -e.reach_y),
-                  below = std::min(static_cast<float>(by * kBlock + kBlock - 1) - e.y, e.reach_y);
-      const float at_right = std::clamp(e.widest_y, above, std::max(above, below)),
-                  at_left = std::clamp(-e.widest_y, above, std::max(above, below));
-      constexpr float kSlack = 0.02F;
-      const float low = e.x - lean * at_left - half(at_left) - kSlack,
-                  high = e.x - lean * at_right + half(at_right) + kSlack;
-      if (!(high >= 0 && low <= static_cast<float>(kStoredEdge - 1))) continue;
-      const Floats dy = pixels.y + (static_cast<float>(by * kBlock) - e.y);
-      const int last_x = last_block(high);
-      for (int bx = first_block(low); bx <= last_x; ++bx) {
-        const int b = by * kBlocks + bx;
-        if (!open[b]) continue;
-        const Floats dx = pixels.x + (static_cast<float>(bx * kBlock) - e.x);
-        if (!blend(e, dx, dy, b * kLanes, canvas)) {
-          open[b] = false;
-          --left;
+    const Floats at_right = smaller(larger(all(e.widest_y), above), below),
+                 at_left = smaller(larger(all(-e.widest_y), above), below);
+    constexpr float kSlack = 0.02F, kLast = kStoredEdge - 1, kPerBlock = 1.0F / kBlock;
+    const Floats low = larger((e.x - kSlack) - lean * at_left - half(at_left), all(0.0F)),
+                 high = smaller((e.x + kSlack) - lean * at_right + half(at_right), all(kLast));
+    store(first, to_int(smaller(low, all(kLast + kBlock)) * kPerBlock));
+    store(last, select(high >= 0.0F, to_int(high * kPerBlock), all(-1)));
+  }
+};
+
+bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
+  Waiting waiting;
+  std::uint32_t open[kAll + 3] = {};  // 1: something behind what is there may show
+  std::uint32_t left = 0;
+  for (std::size_t b = 0; b < kAll; ++b) {
+    open[b] = any(load(canvas.through + b * kLanes) >= kLeastThrough) ? 1 : 0;
+    left += open[b];
+  }
+  const BlockPixels pixels;
+  const Floats numbers = pixels.y * static_cast<float>(kBlock) + pixels.x;
+  BlockRows rows;
+  const auto blend = [&](std::size_t b) {
+    if (blend_waiting(ellipses, pixels, static_cast<int>(b), waiting, canvas)) return;
+    open[b] = 0;
+    --left;
+  };
+  for (std::uint32_t i = 0; i < ellipses.size() && left > 0; ++i) {
+    const Ellipse& e = *ellipses[i];
+    constexpr float kLast = kStoredEdge - 1;
+    const int end = static_cast<int>(std::min(e.y + e.reach_y, kLast)) / kBlock + 1;
+    for (int by = static_cast<int>(std::max(e.y - e.reach_y, 0.0F)) / kBlock, top = -kLanes;
+         by < end; ++by) {
+      if (by >= top + kLanes) rows.set(e, numbers, top = by);
+      // How many blocks and whether they are open nobody can foresee: four at a time are asked
+      // without a branch, and some wait nowhere.
+      const int last = rows.last[by - top];
+      for (int bx = rows.first[by - top]; bx <= last; bx += 4) {
+        for (int k = 0; k < 4; ++k) {
+          const auto b = static_cast<std::size_t>(by * kBlocks + bx + k);
+          waiting.ellipse[b][waiting.count[b]] = i;
+          waiting.count[b] += bx + k <= last ? open[b] : 0;
+          if (waiting.count[b] == Waiting::kMost) blend(b);
         }
       }
     }
   }
+  for (std::size_t b = 0; b < kAll; ++b) {
+    if (waiting.count[b] > 0) blend(b);
+  }
   return left > 0;
 }
+
+#include "views/gather_lanes.inl"
 
 unsigned meet(const float* x, const float* y, const float* z, const float* radius,
               const TileBounds& b) {
@@ -150,6 +202,6 @@ unsigned place(const PlaceFrame& f, const surface::TexelPacket& packet, PlacePac
 }  // namespace
 
 extern const ViewKernels kViewKernels;
-const ViewKernels kViewKernels{POUNCE_ISA_NAME, meet, draw, place};
+const ViewKernels kViewKernels{POUNCE_ISA_NAME, meet, draw, place, gather};
 
 }  // namespace pounce::views::POUNCE_ISA_NAMESPACE

@@ -33,8 +33,8 @@ void look_around(const SceneViews& views, std::span<const surface::TexelPacket> 
       // Where there is nothing of the one or the other, no texel is seen.
       if (store::is_left_out(scene) || store::is_left_out(target)) continue;
       const auto of_scene = views.scene->block(scene), of_target = views.target->block(target);
-      views::gather(views.limits, {x, y, samples_of(*of_scene), samples_of(*of_target)}, places,
-                    sights);
+      views.kernels->gather(views.limits, {x, y, samples_of(*of_scene), samples_of(*of_target)},
+                            places, sights);
     }
   }
 }

@@ -46,6 +46,8 @@ std::unique_ptr<ColourCache> opened(job::JobContext& job,
   return std::make_unique<ColourCache>(job.budget, ColourReader{&job, std::move(store), nullptr});
 }
 
+using SplatIndexPart = std::shared_ptr<const SplatCache::Index>;
+
 class SceneDrawing {
  public:
   SceneDrawing(job::JobContext& job, const ViewsRequest& request, const views::Grid& grid)
@@ -88,9 +90,16 @@ class SceneDrawing {
            store::SplatBlock::decoded_bytes(d.most_splats, d.has_normals, d.lobes) +
            gaussian::SplatSet::most_bytes(d.most_splats, d.lobes);
   }
+  /// Of the blocks that a tile may see, if it sees all.
+  std::uint64_t places_bytes() const {
+    const std::uint64_t tiles = request_.scene->directory().tiles.size(),
+                        blocks = tiles * store::kMostBlocksPerSplatTile;
+    return blocks * (2 * sizeof(NearBlock) + sizeof(store::SplatEntry)) +
+           tiles * sizeof(SplatIndexPart);
+  }
   std::uint64_t row_bytes(std::size_t ellipses) const {
     return sizeof(views::Canvas) + views::Slab::most_bytes(ellipses) + block_bytes() +
-           encoding_bytes(views::kSceneSamples) +
+           places_bytes() + encoding_bytes(views::kSceneSamples) +
            grid_.tiles_across() * views::tile_bytes(views::kSceneSamples);
   }
 
@@ -135,32 +144,58 @@ class SceneDrawing {
     return tiles;
   }
 
-  /// False: there is nothing.
-  bool draw_tile(const views::TileSight& sight, views::Slab& slab, views::Canvas& canvas) const {
-    bool any = false;
-    slab.clear();
-    for (;;) {
-      add_blocks(sight, slab);
-      const auto ellipses = slab.sorted();
-      if (ellipses.empty()) return any;
-      if (!any) canvas.clear();
-      any = true;
-      if (!request_.kernels->draw(ellipses, canvas) || slab.is_last()) return true;
-      slab.next();
-    }
-  }
+  /// A block that a tile may see.
+  struct NearBlock {
+    views::DepthRange depths;
+    const store::SplatEntry* entry;
+  };
 
-  void add_blocks(const views::TileSight& sight, views::Slab& slab) const {
+  /// From the nearest to the farthest. They lie in `indices`.
+  std::vector<NearBlock> near_blocks(const views::TileSight& sight,
+                                     std::vector<SplatIndexPart>& indices) const {
+    std::vector<NearBlock> found;
+    indices.clear();
     const auto& tiles = request_.scene->directory().tiles;
     for (std::uint32_t t = 0; t < tiles.size(); ++t) {
       if (!sight.meets(tiles[t].box)) continue;
-      const auto entries = blocks_.index(t);
-      for (const store::SplatEntry& entry : *entries) {
-        if (!sight.meets(entry.box)) continue;
-        // Chunks lie in the order of the store, farther apart than a block has Gaussians.
-        sight.add(*blocks_.block(entry), entry.chunk.offset * store::kMostSplatsPerBlock, slab);
+      const auto& entries = *indices.emplace_back(blocks_.index(t));
+      for (const store::SplatEntry& entry : entries) {
+        if (sight.meets(entry.box)) found.push_back({sight.depths(entry.box), &entry});
       }
     }
+    std::sort(found.begin(), found.end(), [](const NearBlock& a, const NearBlock& b) {
+      return std::pair(a.depths.nearest, a.entry->chunk.offset) <
+             std::pair(b.depths.nearest, b.entry->chunk.offset);
+    });
+    return found;
+  }
+
+  /// False: there is nothing.
+  bool draw_tile(const views::TileSight& sight, views::Slab& slab, views::Canvas& canvas) const {
+    std::vector<SplatIndexPart> indices;
+    const std::vector<NearBlock> blocks = near_blocks(sight, indices);
+    bool any = false;
+    // False: nothing behind what is nearer than that will show.
+    const auto draw = [&](std::uint32_t depth) {
+      const auto ellipses = slab.nearer_than(depth);
+      if (!any && !ellipses.empty()) canvas.clear();
+      any = any || !ellipses.empty();
+      const bool is_open = ellipses.empty() || request_.kernels->draw(ellipses, canvas);
+      slab.drop();
+      return is_open;
+    };
+    slab.clear();
+    do {
+      for (const NearBlock& block : blocks) {
+        if (!slab.wants(block.depths)) continue;
+        if (slab.is_full() && !draw(block.depths.nearest)) return any;
+        // Chunks lie in the order of the store, farther apart than a block has Gaussians.
+        sight.add(*blocks_.block(*block.entry),
+                  block.entry->chunk.offset * store::kMostSplatsPerBlock, slab);
+      }
+      if (!draw(views::kNoEnd)) return any;
+    } while (slab.again());
+    return any;
   }
 
   job::JobContext& job_;

@@ -32,14 +32,17 @@ std::unique_ptr<Canvas> drawn(const gaussian::SplatSet& set, const TileSight& si
                               const ViewKernels& kernels, std::size_t most = 1 << 16) {
   auto canvas = std::make_unique<Canvas>();
   canvas->clear();
-  for (Slab slab(most);; slab.next()) {
+  Slab slab(most);
+  do {
     sight.add(set, 0, slab);
-    const auto ellipses = slab.sorted();
-    CHECK(ellipses.size() <= most);
+    const auto ellipses = slab.nearer_than(kNoEnd);
+    CHECK(ellipses.size() <= 2 * most);
     CHECK(std::is_sorted(ellipses.begin(), ellipses.end(),
                          [](const Ellipse* a, const Ellipse* b) { return a->order < b->order; }));
-    if (!kernels.draw(ellipses, *canvas) || slab.is_last()) return canvas;
-  }
+    if (!kernels.draw(ellipses, *canvas)) break;
+    slab.drop();
+  } while (slab.again());
+  return canvas;
 }
 
 struct ReferencePixel {
@@ -212,12 +215,79 @@ TEST_CASE("slabs, kernels and the order of blocks are nobody's to see", "[views]
   const auto expected = drawn(set, sight, *available_kernels()[0]);
   Canvas canvas;
   canvas.clear();
-  for (Slab slab(64);; slab.next()) {
+  Slab slab(64);
+  do {
     sight.add(second, 450, slab);
     sight.add(first, 0, slab);
-    if (!available_kernels()[0]->draw(slab.sorted(), canvas) || slab.is_last()) break;
-  }
+    if (!available_kernels()[0]->draw(slab.nearer_than(kNoEnd), canvas)) break;
+    slab.drop();
+  } while (slab.again());
   CHECK(std::memcmp(&canvas, expected.get(), sizeof canvas) == 0);
+}
+
+TEST_CASE("what lies before all that is to come is drawn before it comes", "[views]") {
+  Random random(5);
+  auto scene = random_splats(random, 3000, false);
+  const Grid grid({{-1.2F, -1.2F, -0.4F}, {1.2F, 1.2F, 0.1F}}, 0.01F, 24);
+  const TileSight sight = middle_tile(grid, 7);
+  // Blocks of fifty, the nearest first, as their boxes say.
+  struct Block {
+    gaussian::SplatSet set;
+    std::uint64_t first;
+    DepthRange depths;
+  };
+  std::vector<Block> blocks;
+  const Vec3d forward = Vec3d(grid.frame(7).forward);
+  std::sort(scene.begin(), scene.end(), [&](const ReferenceSplat& a, const ReferenceSplat& b) {
+    return dot(forward, a.mean) < dot(forward, b.mean);
+  });
+  for (std::size_t i = 0; i < scene.size(); i += 50) {
+    const std::vector<ReferenceSplat> part(scene.begin() + static_cast<std::ptrdiff_t>(i),
+                                           scene.begin() + static_cast<std::ptrdiff_t>(i + 50));
+    const store::SplatBlock block = splat_block(part);
+    Box3f box;
+    for (std::size_t k = 0; k < part.size(); ++k) box.extend(store::splat_box(block.splat(k)));
+    blocks.push_back({gaussian::make_splat_set(block), i, sight.depths(box)});
+    Slab all(100);
+    sight.add(blocks.back().set, i, all);
+    for (const Ellipse* e : all.nearer_than(kNoEnd)) {
+      CHECK(e->order.depth >= blocks.back().depths.nearest);
+      CHECK(e->order.depth <= blocks.back().depths.farthest);
+    }
+  }
+  std::sort(blocks.begin(), blocks.end(),
+            [](const Block& a, const Block& b) { return a.depths.nearest < b.depths.nearest; });
+  const auto whole = gaussian::make_splat_set(splat_block(scene));
+  const auto expected = drawn(whole, sight, *available_kernels()[0]);
+  for (const std::size_t most : {10UL, 1000UL, 5000UL}) {
+    CAPTURE(most);
+    Canvas canvas;
+    canvas.clear();
+    Slab slab(most);
+    std::size_t early = 0, times = 0;
+    bool open = true;
+    const auto draw = [&](std::uint32_t depth) {
+      const auto ellipses = slab.nearer_than(depth);
+      early += depth != kNoEnd ? ellipses.size() : 0;
+      open = available_kernels()[0]->draw(ellipses, canvas);
+      slab.drop();
+    };
+    do {
+      ++times;
+      for (const Block& block : blocks) {
+        if (!slab.wants(block.depths)) continue;
+        if (slab.is_full()) draw(block.depths.nearest);
+        sight.add(block.set, block.first, slab);
+      }
+      draw(kNoEnd);
+    } while (slab.again());
+    CHECK(std::memcmp(&canvas, expected.get(), sizeof canvas) == 0);
+    if (most == 10) CHECK(times > 10);
+    if (most == 5000) {
+      CHECK(times == 1);
+      CHECK(early > 100);
+    }
+  }
 }
 
 TEST_CASE("what a tile may see is in its boxes, and what it cannot is not added", "[views]") {
@@ -255,11 +325,12 @@ TEST_CASE("a view shows the harmonics of its own direction", "[views]") {
     Slab slab(4);
     middle_tile(grid, view).add(set, 0, slab);
     const float z = grid.frame(view).forward.z;
-    REQUIRE(slab.sorted().size() == 1);
-    CHECK(slab.sorted()[0]->colour[0] == Approx(0.5 + 0.5 * 0.4886025 * z).margin(1e-3));
-    CHECK(slab.sorted()[0]->colour[1] == Approx(0.5));
+    const auto found = slab.nearer_than(kNoEnd);
+    REQUIRE(found.size() == 1);
+    CHECK(found[0]->colour[0] == Approx(0.5 + 0.5 * 0.4886025 * z).margin(1e-3));
+    CHECK(found[0]->colour[1] == Approx(0.5));
     Slab plain(4);
     middle_tile(grid, view, {false, 1e9F, false}).add(set, 0, plain);
-    CHECK(plain.sorted()[0]->colour[0] == Approx(0.5));
+    CHECK(plain.nearer_than(kNoEnd)[0]->colour[0] == Approx(0.5));
   }
 }

@@ -61,7 +61,7 @@ void look(const TexelPacket& packet, const Tiles& tiles, SightPacket& sight,
           std::uint32_t view = kView) {
   std::vector<PlacePacket> places;
   place(grid(), view, view_kernels(""), {&packet, 1}, places, {&sight, 1});
-  gather(kLimits, tiles.view, places, {&sight, 1});
+  view_kernels("").gather(kLimits, tiles.view, places, {&sight, 1});
 }
 
 }  // namespace
@@ -160,6 +160,112 @@ TEST_CASE("views are weighed by the square of the cosine", "[views]") {
   const auto found = sight_of(grid(), kLimits, sight, 0);
   CHECK(found->colour[0] * 8191 == Approx(8000 * 255.0 / (255 + 64)).margin(2));
   CHECK(found->colour[2] * 8191 == Approx(8000 * 64.0 / (255 + 64)).margin(2));
+}
+
+TEST_CASE("views that disagree are trusted less", "[views]") {
+  const TexelPacket packet = texel(grid(), kView, kTile, 10, 20, kAt, 1);
+  const auto seen = [&](std::uint16_t first, std::uint16_t second) {
+    SightPacket sight{};
+    for (const std::uint16_t grey : {first, second})
+      look(packet, Tiles(kTile, kTile, {grey, grey, grey, 65535, kAt}, kAt), sight);
+    return sight_of(grid(), kLimits, sight, 0)->confidence;
+  };
+  CHECK(seen(4000, 4000) == Approx(1));
+  // Greys of 125 and 151 of 255: 13 from their mean.
+  CHECK(seen(4016, 4850) == Approx(0.1 + 0.9 / (1 + std::pow(13 / (0.05 * 255), 2))));
+  CHECK(seen(9000, 9000) == Approx(1));  // brighter than white, as bright as white
+}
+
+TEST_CASE("kernels see the same bits, lane by lane", "[views]") {
+  // Sixteen texels across a corner of the tile, on and off the target, before and behind the scene.
+  Tiles tiles(kTile, kTile, {0, 0, 0, 65535, kAt}, kAt);
+  std::uint32_t state = 1;
+  for (std::size_t i = 0; i < tiles.scene.size(); ++i) {
+    state = state * 1664525 + 1013904223;
+    tiles.scene[i] = i % kSceneSamples == 4 ? static_cast<std::uint16_t>(kAt - 400 + (state >> 22))
+                                            : static_cast<std::uint16_t>(state >> 17);
+    if (i % 35 == 4) tiles.scene[i] = kNoDepth;
+    if (i % kSceneSamples == 3) tiles.scene[i] = static_cast<std::uint16_t>(tiles.scene[i] + 20000);
+  }
+  for (std::size_t i = 0; i < tiles.target.size(); ++i) {
+    state = state * 1664525 + 1013904223;
+    tiles.target[i] = i % 11 == 0 ? kNoDepth : static_cast<std::uint16_t>(kAt - 80 + (state >> 25));
+  }
+  std::vector<PlacePacket> places(40);
+  for (PlacePacket& place : places) {
+    place.tiles = {kTile, kTile, kTile, kTile};
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const auto next = [&] {
+        return static_cast<float>((state = state * 1664525 + 1013904223) >> 8) / 16777216;
+      };
+      place.x[lane] = kTile * kTileEdge - 2 + 68 * next();
+      place.y[lane] = kTile * kTileEdge - 2 + 68 * next();
+      place.depth[lane] = kAt - 50 + 100 * next();
+      place.cosine[lane] = next();
+      place.weight[lane] = next() < 0.2F ? 0 : 1 + static_cast<std::int32_t>(254 * next());
+    }
+  }
+  // Lane by lane, in plain code.
+  std::vector<SightPacket> expected(places.size());
+  const auto whole = [](float value) { return static_cast<std::int32_t>(value + 0.5F); };
+  std::size_t counted = 0, hidden = 0;
+  for (std::size_t p = 0; p < places.size(); ++p) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const PlacePacket& at = places[p];
+      const float x = at.x[lane] - kTile * kTileEdge, y = at.y[lane] - kTile * kTileEdge;
+      if (at.weight[lane] == 0 || x < 0 || y < 0 || x >= kTileEdge || y >= kTileEdge) continue;
+      const int ix = static_cast<int>(x), iy = static_cast<int>(y);
+      const float fx = at.x[lane] -
+                       static_cast<float>(kTile * kTileEdge + static_cast<std::uint32_t>(ix)),
+                  fy = at.y[lane] -
+                       static_cast<float>(kTile * kTileEdge + static_cast<std::uint32_t>(iy));
+      bool on = false;
+      float sum[3] = {}, alpha = 0, before = -1e30F, depths = 0, shares = 0;
+      for (int k = 0; k < 4; ++k) {
+        const float share = (k % 2 ? fx : 1 - fx) * (k / 2 ? fy : 1 - fy);
+        const auto pixel =
+            static_cast<std::size_t>((iy + k / 2 + kApron) * kStoredEdge + ix + k % 2 + kApron);
+        const float target = tiles.target[pixel];
+        on = on || (target != kNoDepth && std::abs(target - at.depth[lane]) <= kLimits.on_target);
+        const std::uint16_t* const s = &tiles.scene[pixel * kSceneSamples];
+        for (int c = 0; c < 3; ++c) sum[c] += share * s[3] * s[c];
+        alpha += share * s[3];
+        if (s[4] == kNoDepth) continue;
+        before = std::max(before, at.depth[lane] - s[4]);
+        depths += share * s[4];
+        shares += share;
+      }
+      if (!on || alpha < 0.5F * 65535) continue;
+      SightPacket::Sums& sums = before > kLimits.hidden ? expected[p].hidden : expected[p].clear;
+      ++(before > kLimits.hidden ? hidden : counted);
+      const std::int32_t w = at.weight[lane];
+      sums.weight[lane] += w;
+      float colour[3];
+      for (int c = 0; c < 3; ++c) {
+        colour[c] = sum[c] * (1 / alpha);
+        sums.colour[c][lane] += w * whole(colour[c]);
+      }
+      sums.alpha[lane] += w * whole(std::min(alpha, 65535.0F));
+      const std::int32_t luma =
+          whole(std::min((colour[0] + 2 * colour[1] + colour[2]) * (255 / (4 * 8191.0F)), 255.0F));
+      sums.luma[lane] += w * luma;
+      sums.luma_squares[lane] += w * luma * luma;
+      if (!(shares > 0)) continue;
+      const float away = at.depth[lane] - depths / shares, outside = away * at.cosine[lane];
+      sums.away[lane] += w * static_cast<std::int32_t>(outside + (outside < 0 ? -0.5F : 0.5F));
+      sums.off[lane] += w * whole(std::abs(away));
+    }
+  }
+  CHECK(counted > 50);
+  CHECK(hidden > 50);
+  for (const char* isa : {"sse2", "avx2", "avx512"}) {
+    const ViewKernels* kernels = nullptr;
+    if (test::error_kind([&] { kernels = &view_kernels(isa); }) != 0) continue;
+    CAPTURE(isa);
+    std::vector<SightPacket> found(places.size());
+    kernels->gather(kLimits, tiles.view, places, found);
+    CHECK(std::memcmp(found.data(), expected.data(), found.size() * sizeof found[0]) == 0);
+  }
 }
 
 TEST_CASE("kernels place texels at the same bits", "[views]") {

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a tile of a view shows at sixteen texels. Included inside POUNCE_ISA_NAMESPACE, after
+// lanes.inl.
+
+/// The tile's samples of one pixel for each of sixteen lanes.
+struct PixelLanes {
+  alignas(64) std::int32_t red_green[kLanes], blue_alpha[kLanes], depth[kLanes];
+
+  void set(const std::uint16_t* scene, const std::int32_t (&pixels)[kLanes], std::int32_t off) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const std::uint16_t* const s = scene + std::size_t{kSceneSamples} * static_cast<std::size_t>(
+                                                                              pixels[lane] + off);
+      std::memcpy(&red_green[lane], s, sizeof red_green[lane]);
+      std::memcpy(&blue_alpha[lane], s + 2, sizeof blue_alpha[lane]);
+      depth[lane] = s[4];
+    }
+  }
+  static Floats low(const std::int32_t (&pairs)[kLanes]) {
+    return to_float(load(pairs) & all(0xFFFF));
+  }
+  static Floats high(const std::int32_t (&pairs)[kLanes]) {
+    return to_float(each([](IntRegister x) { return x >> 16; }, load(pairs)) & all(0xFFFF));
+  }
+};
+
+inline void add_to(std::int32_t (&sums)[kLanes], const Ints& value) {
+  store(sums, load(sums) + value);
+}
+
+/// The nearest whole number of one that is not negative.
+inline Ints rounded(const Floats& value) { return to_int(value + 0.5F); }
+
+inline Floats at_most(const Floats& a, float most) { return select(a < most, a, all(most)); }
+
+void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const PlacePacket& place,
+                   SightPacket& sight) {
+  const Floats x = load(place.x), y = load(place.y), depth = load(place.depth);
+  const Ints weight = load(place.weight), low_x = to_int(x), low_y = to_int(y);
+  const Ints in_x = low_x - static_cast<std::int32_t>(tiles.tile_x * kTileEdge),
+             in_y = low_y - static_cast<std::int32_t>(tiles.tile_y * kTileEdge);
+  Ints here = (weight > 0) & (in_x >= 0) & (in_x < kTileEdge) & (in_y >= 0) & (in_y < kTileEdge);
+  if (!any(here)) return;
+  // The four pixels around, and their shares.
+  alignas(64) std::int32_t first[kLanes];
+  store(first, select(here, (in_y + kApron) * kStoredEdge + in_x + kApron, all(0)));
+  constexpr std::int32_t kOff[4] = {0, 1, kStoredEdge, kStoredEdge + 1};
+  const Floats fx = x - to_float(low_x), fy = y - to_float(low_y), gx = 1.0F - fx, gy = 1.0F - fy;
+  const Floats shares[4] = {gx * gy, fx * gy, gx * fy, fx * fy};
+
+  // Is the target's surface, in some of them, about where the texel is?
+  Ints on_target = all(0);
+  for (const std::int32_t off : kOff) {
+    alignas(64) std::int32_t samples[kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) samples[lane] = tiles.target[first[lane] + off];
+    const Ints sample = load(samples);
+    on_target = on_target | ((sample < kNoDepth) &
+                             (absolute(to_float(sample) - depth) <= limits.on_target));
+  }
+  here = here & on_target;
+  if (!any(here)) return;
+
+  // Colours are those of what is there: each counts by its alpha.
+  Floats colours[3] = {all(0.0F), all(0.0F), all(0.0F)}, alpha = all(0.0F);
+  Floats before = all(-1e30F), depths = all(0.0F), of_depths = all(0.0F);
+  for (int i = 0; i < 4; ++i) {
+    PixelLanes pixel;
+    pixel.set(tiles.scene, first, kOff[i]);
+    const Floats share = shares[i] * pixel.high(pixel.blue_alpha);
+    colours[0] = colours[0] + share * pixel.low(pixel.red_green);
+    colours[1] = colours[1] + share * pixel.high(pixel.red_green);
+    colours[2] = colours[2] + share * pixel.low(pixel.blue_alpha);
+    alpha = alpha + share;
+    const Ints is_there = load(pixel.depth) < kNoDepth;
+    const Floats scene = to_float(load(pixel.depth)), nearer = depth - scene;
+    before = select(is_there & (before < nearer), nearer, before);
+    depths = depths + select(is_there, shares[i] * scene, all(0.0F));
+    of_depths = of_depths + select(is_there, shares[i], all(0.0F));
+  }
+  here = here & (alpha >= kLeastSeen * kAlphaSteps);
+  if (!any(here)) return;
+
+  const Floats per_alpha = 1.0F / select(here, alpha, all(1.0F));
+  for (Floats& colour : colours) colour = colour * per_alpha;
+  const Ints luma = rounded(at_most(
+      (colours[0] + 2.0F * colours[1] + colours[2]) * (kLumaSteps / (4 * kColourSteps)),
+      kLumaSteps));
+  const Ints has_depth = of_depths > 0.0F;
+  const Floats away = select(has_depth, depth - depths / of_depths, all(0.0F)),
+               outside = away * load(place.cosine);
+  const Ints whole_outside =
+      to_int(outside + select(outside < 0.0F, all(-0.5F), all(0.5F)));
+  const auto add = [&](SightPacket::Sums& sums, const Ints& counts) {
+    const Ints w = select(counts, weight, all(0));
+    add_to(sums.weight, w);
+    for (int c = 0; c < 3; ++c) add_to(sums.colour[c], w * rounded(colours[c]));
+    add_to(sums.alpha, w * rounded(at_most(alpha, kAlphaSteps)));
+    add_to(sums.luma, w * luma);
+    add_to(sums.luma_squares, w * luma * luma);
+    add_to(sums.away, w * whole_outside);
+    add_to(sums.off, w * rounded(at_most(absolute(away), 65534.0F)));
+  };
+  const Ints hides = here & (before > limits.hidden);
+  add(sight.clear, select(hides, all(0), here));
+  if (any(hides)) add(sight.hidden, hides);
+}
+
+void gather(const SightLimits& limits, const ViewTiles& tiles, std::span<const PlacePacket> places,
+            std::span<SightPacket> sights) {
+  for (std::size_t p = 0; p < places.size(); ++p) {
+    const TileRange& range = places[p].tiles;
+    if (!range.empty() && tiles.tile_x >= range.x0 && tiles.tile_x <= range.x1 &&
+        tiles.tile_y >= range.y0 && tiles.tile_y <= range.y1)
+      gather_packet(limits, tiles, places[p], sights[p]);
+  }
+}
