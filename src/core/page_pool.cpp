@@ -41,25 +41,24 @@ struct Region {
   std::array<std::uint64_t, kRegionPages / 64> used{};
   std::array<std::uint64_t, kRegionPages / 64> idle{};  // free, but resident
 
-  bool is_used(std::size_t page) const { return (used[page / 64] >> (page % 64) & 1) != 0; }
+  /// The first page from `page` on that is used, or free; kRegionPages: none. Words at once.
+  std::size_t next(bool is_used, std::size_t page) const {
+    while (page < kRegionPages) {
+      const std::uint64_t word = (is_used ? used[page / 64] : ~used[page / 64]) >> (page % 64);
+      if (word != 0) return page + static_cast<std::size_t>(std::countr_zero(word));
+      page = (page / 64 + 1) * 64;
+    }
+    return kRegionPages;
+  }
 
   /// First run of `count` free pages, or kRegionPages.
   std::size_t find(std::size_t count) {
     if (kRegionPages - used_pages < count) return kRegionPages;
-    std::size_t run = 0;
-    bool seen_free = false;
-    for (std::size_t page = first_free; page < kRegionPages; ++page) {
-      if (run == 0 && page % 64 == 0 && used[page / 64] == ~0ULL) {  // 64 at once
-        page += 63;
-        continue;
-      }
-      if (is_used(page)) {
-        run = 0;
-        continue;
-      }
-      if (!seen_free) first_free = page;
-      seen_free = true;
-      if (++run == count) return page + 1 - count;
+    first_free = next(false, first_free);
+    for (std::size_t start = first_free; start < kRegionPages;) {
+      const std::size_t end = next(true, start);
+      if (end - start >= count) return start;
+      start = next(false, end);
     }
     return kRegionPages;
   }

@@ -18,35 +18,19 @@ static_assert(kMostViews * std::uint64_t{255} * 65535 <= 0x7FFFFFFF &&
 void place(const Grid& grid, std::uint32_t view, const ViewKernels& kernels,
            std::span<const TexelPacket> packets, std::vector<PlacePacket>& places,
            std::span<SightPacket> sights) {
-  const auto most = static_cast<std::int32_t>(grid.tiles_across()) - 1;
-  // All of a target lies inside a view, so no place is negative.
-  const auto tile = [most](float at) {
-    return static_cast<std::uint16_t>(
-        std::clamp(static_cast<std::int32_t>(at) / kTileEdge, 0, most));
-  };
   const Frame& f = grid.frame(view);
   const float per_pixel = 1 / grid.pixel();
   const Seen middle = grid.see(view, grid.middle());
-  const PlaceFrame frame{f.right * per_pixel,  f.down * per_pixel, f.forward,
-                         grid.middle(),        middle.x,           middle.depth,
-                         1 / grid.depth_step()};
+  const PlaceFrame frame{f.right * per_pixel,
+                         f.down * per_pixel,
+                         f.forward,
+                         grid.middle(),
+                         middle.x,
+                         middle.depth,
+                         1 / grid.depth_step(),
+                         static_cast<std::int32_t>(grid.tiles_across()) - 1};
   places.resize(packets.size());
-  for (std::size_t p = 0; p < packets.size(); ++p) {
-    PlacePacket& out = places[p];
-    const unsigned facing = kernels.place(frame, packets[p], out);
-    out.tiles = {};
-    if (facing == 0) continue;
-    for (int i = 0; i < kLanes; ++i) sights[p].facing[i] += out.weight[i];
-    float x0 = 1e30F, x1 = 0, y0 = 1e30F, y1 = 0;
-    for (unsigned left = facing; left != 0; left &= left - 1) {
-      const int i = std::countr_zero(left);
-      x0 = std::min(x0, out.x[i]);
-      x1 = std::max(x1, out.x[i]);
-      y0 = std::min(y0, out.y[i]);
-      y1 = std::max(y1, out.y[i]);
-    }
-    out.tiles = {tile(x0), tile(x1), tile(y0), tile(y1)};
-  }
+  kernels.place(frame, packets, places, sights);
 }
 
 std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> groups,
@@ -85,16 +69,24 @@ std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> gr
   return places;
 }
 
+std::optional<double> distance_of(const Grid& grid, const SightPacket& packet, int lane) {
+  const SightPacket::Sums& sums = packet.clear.weight[lane] > 0 ? packet.clear : packet.hidden;
+  if (sums.weight[lane] == 0) return std::nullopt;
+  return sums.away[lane] * (1 / static_cast<double>(sums.weight[lane])) * double{grid.depth_step()};
+}
+
 std::optional<Sight> sight_of(const Grid& grid, const SightLimits& limits,
                               const SightPacket& packet, int lane) {
   const bool is_clear = packet.clear.weight[lane] > 0;
   const SightPacket::Sums& sums = is_clear ? packet.clear : packet.hidden;
+  if (sums.weight[lane] == 0) return std::nullopt;
   const auto weight = static_cast<double>(sums.weight[lane]);
-  if (!(weight > 0)) return std::nullopt;
-  const auto mean = [&](const auto& sum) { return static_cast<double>(sum[lane]) / weight; };
+  const double per_weight = 1 / weight;
+  const auto mean = [&](const auto& sum) { return static_cast<double>(sum[lane]) * per_weight; };
   Sight out;
-  for (std::size_t c = 0; c < 3; ++c) out.colour[c] = mean(sums.colour[c]) / double{kColourSteps};
-  out.alpha = mean(sums.alpha) / double{kAlphaSteps};
+  for (std::size_t c = 0; c < 3; ++c)
+    out.colour[c] = mean(sums.colour[c]) * (1 / double{kColourSteps});
+  out.alpha = mean(sums.alpha) * (1 / double{kAlphaSteps});
   out.distance = mean(sums.away) * double{grid.depth_step()};
   // How much of what might see it does, how near the scene is to where it should be, and how far
   // its views agree. What is seen at all is a colour of the scene.

@@ -1,7 +1,59 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a tile of a view shows at sixteen texels. Included inside POUNCE_ISA_NAMESPACE, after
-// lanes.inl.
+// Where sixteen texels lie in a view, and what its tiles show there. Included inside
+// POUNCE_ISA_NAMESPACE, after lanes.inl.
+
+inline void add_to(std::int32_t (&sums)[kLanes], const Ints& value) {
+  store(sums, load(sums) + value);
+}
+
+/// From the least to the largest of the lanes that count.
+struct IntRange {
+  std::int32_t least = 0xFFFF, largest = 0;
+
+  IntRange(const Ints& values, const Ints& counts, std::int32_t last) {
+    alignas(64) std::int32_t low[kLanes], high[kLanes];
+    const Ints within = select(values < last, values, all(last));
+    store(low, select(counts, within, all(0xFFFF)));
+    store(high, select(counts, within, all(0)));
+    for (int lane = 0; lane < kLanes; ++lane) {
+      least = std::min(least, low[lane]);
+      largest = std::max(largest, high[lane]);
+    }
+  }
+};
+
+void place(const PlaceFrame& f, std::span<const surface::TexelPacket> packets,
+           std::span<PlacePacket> places, std::span<SightPacket> sights) {
+  for (std::size_t p = 0; p < packets.size(); ++p) {
+    const surface::TexelPacket& packet = packets[p];
+    PlacePacket& out = places[p];
+    const Floats cosine =
+        all(0.0F) - (load(packet.nx) * f.forward.x + load(packet.ny) * f.forward.y +
+                     load(packet.nz) * f.forward.z);
+    const Ints faces = cosine >= kLeastCosine;
+    const Ints weight = select(faces, to_int(cosine * cosine * kWeightSteps + 0.5F), all(0));
+    store(out.cosine, cosine);
+    store(out.weight, weight);
+    out.tiles = {};
+    if (!any(faces)) continue;
+    add_to(sights[p].facing, weight);
+    const Floats dx = load(packet.px) - f.middle.x, dy = load(packet.py) - f.middle.y,
+                 dz = load(packet.pz) - f.middle.z;
+    const auto along = [&](Vec3f axis) { return dx * axis.x + dy * axis.y + dz * axis.z; };
+    const Floats x = along(f.right) + f.middle_pixel, y = along(f.down) + f.middle_pixel;
+    store(out.x, x);
+    store(out.y, y);
+    store(out.depth, along(f.forward) * f.per_step + f.middle_depth);
+    // All of a target lies inside a view, so no place is negative.
+    const auto tiles = [&](const Floats& at) {
+      return IntRange(to_int(at * (1.0F / kTileEdge)), faces, f.last_tile);
+    };
+    const IntRange tx = tiles(x), ty = tiles(y);
+    out.tiles = {static_cast<std::uint16_t>(tx.least), static_cast<std::uint16_t>(tx.largest),
+                 static_cast<std::uint16_t>(ty.least), static_cast<std::uint16_t>(ty.largest)};
+  }
+}
 
 /// The tile's samples of one pixel for each of sixteen lanes.
 struct PixelLanes {
@@ -9,8 +61,8 @@ struct PixelLanes {
 
   void set(const std::uint16_t* scene, const std::int32_t (&pixels)[kLanes], std::int32_t off) {
     for (int lane = 0; lane < kLanes; ++lane) {
-      const std::uint16_t* const s = scene + std::size_t{kSceneSamples} * static_cast<std::size_t>(
-                                                                              pixels[lane] + off);
+      const std::uint16_t* const s =
+          scene + std::size_t{kSceneSamples} * static_cast<std::size_t>(pixels[lane] + off);
       std::memcpy(&red_green[lane], s, sizeof red_green[lane]);
       std::memcpy(&blue_alpha[lane], s + 2, sizeof blue_alpha[lane]);
       depth[lane] = s[4];
@@ -23,10 +75,6 @@ struct PixelLanes {
     return to_float(each([](IntRegister x) { return x >> 16; }, load(pairs)) & all(0xFFFF));
   }
 };
-
-inline void add_to(std::int32_t (&sums)[kLanes], const Ints& value) {
-  store(sums, load(sums) + value);
-}
 
 /// The nearest whole number of one that is not negative.
 inline Ints rounded(const Floats& value) { return to_int(value + 0.5F); }
@@ -54,8 +102,8 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
     alignas(64) std::int32_t samples[kLanes];
     for (int lane = 0; lane < kLanes; ++lane) samples[lane] = tiles.target[first[lane] + off];
     const Ints sample = load(samples);
-    on_target = on_target | ((sample < kNoDepth) &
-                             (absolute(to_float(sample) - depth) <= limits.on_target));
+    on_target = on_target |
+                ((sample < kNoDepth) & (absolute(to_float(sample) - depth) <= limits.on_target));
   }
   here = here & on_target;
   if (!any(here)) return;
@@ -82,14 +130,13 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
 
   const Floats per_alpha = 1.0F / select(here, alpha, all(1.0F));
   for (Floats& colour : colours) colour = colour * per_alpha;
-  const Ints luma = rounded(at_most(
-      (colours[0] + 2.0F * colours[1] + colours[2]) * (kLumaSteps / (4 * kColourSteps)),
-      kLumaSteps));
+  const Ints luma = rounded(
+      at_most((colours[0] + 2.0F * colours[1] + colours[2]) * (kLumaSteps / (4 * kColourSteps)),
+              kLumaSteps));
   const Ints has_depth = of_depths > 0.0F;
   const Floats away = select(has_depth, depth - depths / of_depths, all(0.0F)),
                outside = away * load(place.cosine);
-  const Ints whole_outside =
-      to_int(outside + select(outside < 0.0F, all(-0.5F), all(0.5F)));
+  const Ints whole_outside = to_int(outside + select(outside < 0.0F, all(-0.5F), all(0.5F)));
   const auto add = [&](SightPacket::Sums& sums, const Ints& counts) {
     const Ints w = select(counts, weight, all(0));
     add_to(sums.weight, w);

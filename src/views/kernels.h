@@ -36,6 +36,7 @@ struct PlaceFrame {
   Vec3f forward;      ///< unit
   Vec3f middle;       ///< of the view, in space
   float middle_pixel, middle_depth, per_step;
+  std::int32_t last_tile;  ///< of a row or column
 };
 
 /// Thread-safe.
@@ -46,9 +47,10 @@ struct ViewKernels {
                    const TileBounds& bounds);
   /// Composites ellipses in their order behind what is there. False: nothing behind them will show.
   bool (*draw)(std::span<const Ellipse* const> ellipses, Canvas& canvas);
-  /// Where sixteen texels lie in a view, but for their tiles. Returns a bit for each that faces the
-  /// eye; where none does, only the cosines are set.
-  unsigned (*place)(const PlaceFrame& frame, const surface::TexelPacket& packet, PlacePacket& out);
+  /// Where packets of texels lie in a view; adds to `sights` how much they face it. Of packets that
+  /// do not, only the cosines, the weights and the empty range of tiles are set.
+  void (*place)(const PlaceFrame& frame, std::span<const surface::TexelPacket> packets,
+                std::span<PlacePacket> places, std::span<SightPacket> sights);
   /// Adds to texels what one tile of a view shows where they lie in it.
   void (*gather)(const SightLimits& limits, const ViewTiles& tiles,
                  std::span<const PlacePacket> places, std::span<SightPacket> sights);

@@ -71,9 +71,7 @@ void Slab::drop() {
   full_ = std::max(kBatch, 2 * ellipses_.size());
 }
 
-bool Slab::again() {
-  return std::exchange(below_, kBehindAll) != kBehindAll;
-}
+bool Slab::again() { return std::exchange(below_, kBehindAll) != kBehindAll; }
 
 void Slab::sort_places() {
   // By eight bits of the depth after the other, from the lowest.

@@ -33,22 +33,39 @@ void draw(const std::array<Corner, 3>& corners, TargetDepths& out) {
   const double depth_x = bx * (b.depth - a.depth) + cx * (c.depth - a.depth),
                depth_y = by * (b.depth - a.depth) + cy * (c.depth - a.depth);
   constexpr double kOutside = 1e-9;  // what lies on an edge belongs to both sides
+  // Where a share is 0: at an x that is affine in y. On rising shares all right of it is inside.
+  struct Edge {
+    double x = 0, per_y = 0;
+    double share = 0, share_y = 0;  // where it is the same along a row
+    double rises = 0;
+  };
+  std::array<Edge, 3> edges;
+  const auto set = [&](Edge& edge, double at_a, double per_x, double per_y) {
+    edge.rises = per_x;
+    if (per_x != 0) {
+      edge.x = a.x - (at_a + kOutside) / per_x;
+      edge.per_y = -per_y / per_x;
+    } else {
+      edge.share = at_a;
+      edge.share_y = per_y;
+    }
+  };
+  set(edges[0], 0, bx, by);
+  set(edges[1], 0, cx, cy);
+  set(edges[2], 1, -(bx + cx), -(by + cy));
   for (double y = y0; y <= y1; ++y) {
     // Where all three shares are at least 0: a span of the row.
     double low = x0, high = x1;
-    const auto cut = [&](double share, double per_x) {
-      const double zero = a.x - (share + kOutside) / per_x;
-      if (per_x > 0) low = std::max(low, std::ceil(zero));
-      if (per_x < 0) high = std::min(high, std::floor(zero));
-      if (per_x == 0 && share < -kOutside) high = low - 1;
-    };
-    const double of_b = by * (y - a.y), of_c = cy * (y - a.y);
-    cut(of_b, bx);
-    cut(of_c, cx);
-    cut(1 - of_b - of_c, -(bx + cx));
+    const double down = y - a.y;
+    for (const Edge& edge : edges) {
+      const double zero = edge.x + edge.per_y * down;
+      if (edge.rises > 0) low = std::max(low, std::ceil(zero));
+      if (edge.rises < 0) high = std::min(high, std::floor(zero));
+      if (edge.rises == 0 && edge.share + edge.share_y * down < -kOutside) high = low - 1;
+    }
     if (!(low <= high)) continue;
     std::uint16_t* const row = out.samples.data() + static_cast<std::size_t>(y) * out.row;
-    double depth = a.depth + depth_y * (y - a.y) + depth_x * (low - a.x) + 0.5;
+    double depth = a.depth + depth_y * down + depth_x * (low - a.x) + 0.5;
     for (auto x = static_cast<std::size_t>(low); x <= static_cast<std::size_t>(high); ++x) {
       const auto steps =
           static_cast<std::uint16_t>(std::clamp(depth, 0.0, static_cast<double>(kMostDepth)));

@@ -182,23 +182,6 @@ unsigned meet(const float* x, const float* y, const float* z, const float* radiu
               (v - reach <= b.last));
 }
 
-unsigned place(const PlaceFrame& f, const surface::TexelPacket& packet, PlacePacket& out) {
-  const Floats cosine = all(0.0F) - (load(packet.nx) * f.forward.x + load(packet.ny) * f.forward.y +
-                                     load(packet.nz) * f.forward.z);
-  store(out.cosine, cosine);
-  const Ints faces = cosine >= kLeastCosine;
-  const unsigned found = bits(faces);
-  if (found == 0) return 0;
-  const Floats x = load(packet.px) - f.middle.x, y = load(packet.py) - f.middle.y,
-               z = load(packet.pz) - f.middle.z;
-  const auto along = [&](Vec3f axis) { return x * axis.x + y * axis.y + z * axis.z; };
-  store(out.x, along(f.right) + f.middle_pixel);
-  store(out.y, along(f.down) + f.middle_pixel);
-  store(out.depth, along(f.forward) * f.per_step + f.middle_depth);
-  store(out.weight, select(faces, to_int(cosine * cosine * kWeightSteps + 0.5F), all(0)));
-  return found;
-}
-
 }  // namespace
 
 extern const ViewKernels kViewKernels;

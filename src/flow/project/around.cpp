@@ -3,8 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
-#include <utility>
+#include <vector>
 
 #include "projection/search.h"
 
@@ -18,15 +17,20 @@ const std::uint16_t* samples_of(const store::ColourTile& tile) {
 void look_around(const SceneViews& views, std::span<const surface::TexelPacket> packets,
                  std::span<views::SightPacket> sights) {
   std::vector<views::PlacePacket> places;
+  const std::uint32_t across = views.grid.tiles_across();
+  std::vector<char> tiles(std::size_t{across} * across);  // of a view: some texel may lie there
   for (std::uint32_t view = 0; view < views.grid.views(); ++view) {
     views::place(views.grid, view, *views.kernels, packets, places, sights);
-    std::set<std::pair<std::uint32_t, std::uint32_t>> tiles;  // y, x
+    std::fill(tiles.begin(), tiles.end(), false);
     for (const views::PlacePacket& place : places) {
       for (std::uint32_t y = place.tiles.y0; y <= place.tiles.y1; ++y) {
-        for (std::uint32_t x = place.tiles.x0; x <= place.tiles.x1; ++x) tiles.emplace(y, x);
+        for (std::uint32_t x = place.tiles.x0; x <= place.tiles.x1; ++x)
+          tiles[y * std::size_t{across} + x] = true;
       }
     }
-    for (const auto& [y, x] : tiles) {
+    for (std::uint32_t tile = 0; tile < tiles.size(); ++tile) {
+      if (!tiles[tile]) continue;
+      const std::uint32_t x = tile % across, y = tile / across;
       const std::uint32_t row = views.grid.tile_row(view, y);
       const store::ChunkRef scene = (*views.scene->index(row))[x],
                             target = (*views.target->index(row))[x];
@@ -64,8 +68,8 @@ void count_distances(const SceneViews& views, const AroundWork& work, float reac
                      DistanceCounts& counts) {
   for (std::size_t p = 0; p < work.packets.size(); ++p) {
     for (int lane = 0; lane < surface::kLanes; ++lane) {
-      if (const auto found = finding(views, work, p, lane))
-        projection::count_distance(static_cast<float>(std::abs(found->distance)), reach, counts);
+      if (const auto distance = views::distance_of(views.grid, work.sights[p], lane))
+        projection::count_distance(static_cast<float>(std::abs(*distance)), reach, counts);
     }
   }
 }

@@ -23,7 +23,7 @@ namespace {
 /// Of views as they are drawn: what is drawn otherwise is another store.
 constexpr std::uint32_t kViewsVersion = 1;
 
-constexpr std::size_t kLeastEllipses = 1 << 10, kMostEllipses = 1 << 16;
+constexpr std::size_t kLeastEllipses = 1 << 10, kMostEllipses = 1 << 19;
 
 /// A row of a view's tiles, compressed; an empty one shows nothing.
 using Row = std::vector<std::vector<std::byte>>;
