@@ -149,7 +149,6 @@ void TileSight::add(const gaussian::SplatSet& set, std::size_t i, std::uint64_t 
   e.y = dot(frame_.down, from) * per_pixel_ + bounds_.first_y;
   e.reach_x = std::sqrt((uu + footprint_) * e.cut_off);
   e.reach_y = std::sqrt((vv + footprint_) * e.cut_off);
-  e.widest_y = e.reach_x * uv / (uu + footprint_);
   constexpr float kLast = kStoredEdge - 1;
   if (!(e.x + e.reach_x >= 0 && e.x - e.reach_x <= kLast)) return;
   if (!(e.y + e.reach_y >= 0 && e.y - e.reach_y <= kLast)) return;

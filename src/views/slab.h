@@ -43,7 +43,6 @@ struct Ellipse {
   float colour[3];
   float depth, lean_x, lean_y;  ///< of the best hit: at the mean, and per pixel from there
   float reach_x, reach_y;       ///< as far as it is seen
-  float widest_y;               ///< how far below the mean it reaches that far to the right
 };
 
 /// The next ellipses of a tile.

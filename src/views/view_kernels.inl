@@ -107,22 +107,21 @@ struct BlockRows {
                 curve = e.cut_off / (e.reach_y * e.reach_y);
     const auto larger = [](const Floats& a, const Floats& b) { return select(a < b, b, a); };
     const auto smaller = [](const Floats& a, const Floats& b) { return select(b < a, b, a); };
-    // Of the rows of pixels between these heights: it is widest where it is, or at the nearest of
-    // them. A little more: rounding keeps none out.
+    // Between these heights its middle line leans from one side to the other, and it is no wider to
+    // both sides of that than where it is nearest to its middle. A little more: rounding keeps none
+    // out.
     const Floats height =
         rows * static_cast<float>(kBlock) + (static_cast<float>(top * kBlock) - e.y);
     const Floats above = larger(height, all(-e.reach_y)),
                  below = larger(above,
                                 smaller(height + static_cast<float>(kBlock - 1), all(e.reach_y)));
-    // How far it is seen to one side of its middle line, at the height where that is farthest.
-    const auto half = [&](const Floats& at) {
-      return square_root(larger((e.cut_off - curve * (at * at)) * per_xx, all(0.0F)));
-    };
-    const Floats at_right = smaller(larger(all(e.widest_y), above), below),
-                 at_left = smaller(larger(all(-e.widest_y), above), below);
+    const Floats nearest = smaller(larger(above, all(0.0F)), below);
+    const Floats half =
+        square_root(larger((e.cut_off - curve * (nearest * nearest)) * per_xx, all(0.0F)));
+    const Floats at_top = lean * above, at_bottom = lean * below;
     constexpr float kSlack = 0.02F, kLast = kStoredEdge - 1, kPerBlock = 1.0F / kBlock;
-    const Floats low = larger((e.x - kSlack) - lean * at_left - half(at_left), all(0.0F)),
-                 high = smaller((e.x + kSlack) - lean * at_right + half(at_right), all(kLast));
+    const Floats low = larger((e.x - kSlack) - larger(at_top, at_bottom) - half, all(0.0F)),
+                 high = smaller((e.x + kSlack) - smaller(at_top, at_bottom) + half, all(kLast));
     store(first, to_int(smaller(low, all(kLast + kBlock)) * kPerBlock));
     store(last, select(high >= 0.0F, to_int(high * kPerBlock), all(-1)));
   }
