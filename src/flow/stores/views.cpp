@@ -23,7 +23,7 @@ namespace {
 /// Of views as they are drawn: what is drawn otherwise is another store.
 constexpr std::uint32_t kViewsVersion = 1;
 
-constexpr std::size_t kLeastEllipses = 1 << 10, kMostEllipses = 1 << 19;
+constexpr std::size_t kLeastEllipses = 1 << 10, kMostEllipses = 1 << 19, kTileShare = 16;
 
 /// A row of a view's tiles, compressed; an empty one shows nothing.
 using Row = std::vector<std::vector<std::byte>>;
@@ -107,8 +107,11 @@ class SceneDrawing {
     const std::uint64_t room =
         (job_.budget.limit() - std::min(job_.budget.limit(), job_.budget.leased())) /
         (2 * std::uint64_t{job_.threads});
+    // A tile shows a small part of its scene; what is not leased keeps decoded blocks.
+    const std::uint64_t enough = std::min<std::uint64_t>(
+        request_.scene->directory().splats / kTileShare, kMostEllipses);
     std::size_t ellipses = kLeastEllipses;
-    while (ellipses < kMostEllipses && row_bytes(2 * ellipses) <= room) ellipses *= 2;
+    while (ellipses < enough && row_bytes(2 * ellipses) <= room) ellipses *= 2;
     if (request_.most_ellipses > 0) ellipses = request_.most_ellipses;
     const std::vector<std::uint64_t> costs(image_.tiles_y(), row_bytes(ellipses));
     store::ColourStoreWriter writer(
