@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "core/directions.h"
 #include "projection/splat_packet.h"
@@ -84,8 +85,11 @@ DepthRange TileSight::depths(const Box3f& box) const {
   const float slack =
       1e-5F * (reach + std::abs(w.x * at.x) + std::abs(w.y * at.y) + std::abs(w.z * at.z)) +
       1e-5F * length(bounds_.middle);
-  return {in_order((place - reach - slack) * per_pixel_),
-          in_order((place + reach + slack) * per_pixel_)};
+  const float nearest = (place - reach - slack) * per_pixel_,
+              farthest = (place + reach + slack) * per_pixel_;
+  // A box may be so large that its middle is beyond what floats hold.
+  if (!std::isfinite(nearest) || !std::isfinite(farthest)) return {0, kNoEnd - 1};
+  return {in_order(nearest), in_order(farthest)};
 }
 
 void TileSight::add(const gaussian::SplatSet& set, std::uint64_t first, Slab& slab) const {
@@ -167,6 +171,37 @@ void TileSight::add(const gaussian::SplatSet& set, std::size_t i, std::uint64_t 
     e.colour[c] = std::clamp(colour, 0.0F, gaussian::kLargestSplatColour);
   }
   slab.add(e);
+}
+
+// --- a tile -------------------------------------------------------------------------------------
+
+bool draw_tile(
+    const TileSight& sight, std::vector<NearBlock> blocks,
+    const std::function<std::shared_ptr<const gaussian::SplatSet>(const NearBlock&)>& block,
+    const ViewKernels& kernels, Slab& slab, Canvas& canvas) {
+  std::sort(blocks.begin(), blocks.end(), [](const NearBlock& a, const NearBlock& b) {
+    return std::pair(a.depths.nearest, a.first) < std::pair(b.depths.nearest, b.first);
+  });
+  bool any = false;
+  // False: nothing behind what is nearer than that will show.
+  const auto draw = [&](std::uint32_t depth) {
+    const auto ellipses = slab.nearer_than(depth);
+    if (!any && !ellipses.empty()) canvas.clear();
+    any = any || !ellipses.empty();
+    const bool is_open = ellipses.empty() || kernels.draw(ellipses, canvas);
+    slab.drop();
+    return is_open;
+  };
+  slab.clear();
+  do {
+    for (const NearBlock& near : blocks) {
+      if (!slab.wants(near.depths)) continue;
+      if (slab.is_full() && !draw(near.depths.nearest)) return any;
+      sight.add(*block(near), near.first, slab);
+    }
+    if (!draw(kNoEnd)) return any;
+  } while (slab.again());
+  return any;
 }
 
 // --- what is stored ------------------------------------------------------------------------------

@@ -9,7 +9,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "gaussian/splat_set.h"
@@ -65,6 +67,20 @@ class TileSight {
   DrawOptions options_;
   std::array<float, 16> basis_;
 };
+
+/// A block of Gaussians that a tile may see.
+struct NearBlock {
+  DepthRange depths;
+  std::uint64_t first = 0;      ///< number of its first Gaussian
+  const void* entry = nullptr;  ///< the caller's: which block it is
+};
+
+/// Draws what a tile sees. `blocks`: all that it may see, in any order; `block` reads one. False:
+/// there is nothing, and the canvas is as it was.
+bool draw_tile(
+    const TileSight& sight, std::vector<NearBlock> blocks,
+    const std::function<std::shared_ptr<const gaussian::SplatSet>(const NearBlock&)>& block,
+    const ViewKernels& kernels, Slab& slab, Canvas& canvas);
 
 /// The tile's samples, interleaved as in Grid::image(kSceneSamples).
 std::vector<std::byte> samples_of(const Canvas& canvas);

@@ -94,7 +94,7 @@ class SceneDrawing {
   std::uint64_t places_bytes() const {
     const std::uint64_t tiles = request_.scene->directory().tiles.size(),
                         blocks = tiles * store::kMostBlocksPerSplatTile;
-    return blocks * (2 * sizeof(NearBlock) + sizeof(store::SplatEntry)) +
+    return blocks * (2 * sizeof(views::NearBlock) + sizeof(store::SplatEntry)) +
            tiles * sizeof(SplatIndexPart);
   }
   std::uint64_t row_bytes(std::size_t ellipses) const {
@@ -108,8 +108,8 @@ class SceneDrawing {
         (job_.budget.limit() - std::min(job_.budget.limit(), job_.budget.leased())) /
         (2 * std::uint64_t{job_.threads});
     // A tile shows a small part of its scene; what is not leased keeps decoded blocks.
-    const std::uint64_t enough = std::min<std::uint64_t>(
-        request_.scene->directory().splats / kTileShare, kMostEllipses);
+    const std::uint64_t enough =
+        std::min<std::uint64_t>(request_.scene->directory().splats / kTileShare, kMostEllipses);
     std::size_t ellipses = kLeastEllipses;
     while (ellipses < enough && row_bytes(2 * ellipses) <= room) ellipses *= 2;
     if (request_.most_ellipses > 0) ellipses = request_.most_ellipses;
@@ -137,68 +137,39 @@ class SceneDrawing {
     Row tiles(grid_.tiles_across());
     views::Slab slab(ellipses);
     const auto canvas = std::make_unique<views::Canvas>();
+    std::vector<SplatIndexPart> indices;
     for (std::uint32_t x = 0; x < tiles.size(); ++x) {
       job_.meter.throw_if_cancelled();
       if (!grid_.has(view, x, y)) continue;
-      if (!draw_tile({grid_, view, x, y, request_.drawing, *request_.kernels}, slab, *canvas))
+      const views::TileSight sight(grid_, view, x, y, request_.drawing, *request_.kernels);
+      const auto block = [&](const views::NearBlock& near) {
+        return blocks_.block(*static_cast<const store::SplatEntry*>(near.entry));
+      };
+      if (!views::draw_tile(sight, near_blocks(sight, indices), block, *request_.kernels, slab,
+                            *canvas))
         continue;
       encode(job_, image_, views::samples_of(*canvas), tiles[x]);
     }
     return tiles;
   }
 
-  /// A block that a tile may see.
-  struct NearBlock {
-    views::DepthRange depths;
-    const store::SplatEntry* entry;
-  };
-
-  /// From the nearest to the farthest. They lie in `indices`.
-  std::vector<NearBlock> near_blocks(const views::TileSight& sight,
-                                     std::vector<SplatIndexPart>& indices) const {
-    std::vector<NearBlock> found;
+  /// Those that a tile may see. Their entries lie in `indices`.
+  std::vector<views::NearBlock> near_blocks(const views::TileSight& sight,
+                                            std::vector<SplatIndexPart>& indices) const {
+    std::vector<views::NearBlock> found;
     indices.clear();
     const auto& tiles = request_.scene->directory().tiles;
     for (std::uint32_t t = 0; t < tiles.size(); ++t) {
       if (!sight.meets(tiles[t].box)) continue;
       const auto& entries = *indices.emplace_back(blocks_.index(t));
       for (const store::SplatEntry& entry : entries) {
-        if (sight.meets(entry.box)) found.push_back({sight.depths(entry.box), &entry});
+        // Chunks lie in the order of the store, farther apart than a block has Gaussians.
+        if (sight.meets(entry.box))
+          found.push_back(
+              {sight.depths(entry.box), entry.chunk.offset * store::kMostSplatsPerBlock, &entry});
       }
     }
-    std::sort(found.begin(), found.end(), [](const NearBlock& a, const NearBlock& b) {
-      return std::pair(a.depths.nearest, a.entry->chunk.offset) <
-             std::pair(b.depths.nearest, b.entry->chunk.offset);
-    });
     return found;
-  }
-
-  /// False: there is nothing.
-  bool draw_tile(const views::TileSight& sight, views::Slab& slab, views::Canvas& canvas) const {
-    std::vector<SplatIndexPart> indices;
-    const std::vector<NearBlock> blocks = near_blocks(sight, indices);
-    bool any = false;
-    // False: nothing behind what is nearer than that will show.
-    const auto draw = [&](std::uint32_t depth) {
-      const auto ellipses = slab.nearer_than(depth);
-      if (!any && !ellipses.empty()) canvas.clear();
-      any = any || !ellipses.empty();
-      const bool is_open = ellipses.empty() || request_.kernels->draw(ellipses, canvas);
-      slab.drop();
-      return is_open;
-    };
-    slab.clear();
-    do {
-      for (const NearBlock& block : blocks) {
-        if (!slab.wants(block.depths)) continue;
-        if (slab.is_full() && !draw(block.depths.nearest)) return any;
-        // Chunks lie in the order of the store, farther apart than a block has Gaussians.
-        sight.add(*blocks_.block(*block.entry),
-                  block.entry->chunk.offset * store::kMostSplatsPerBlock, slab);
-      }
-      if (!draw(views::kNoEnd)) return any;
-    } while (slab.again());
-    return any;
   }
 
   job::JobContext& job_;
