@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # A splat scene far larger than its budget: 50 million Gaussians, as a PLY of degree 3 (12 GB), read where it is, and as an SPZ,
 # which is unpacked first, onto 4096² in 512 MiB, by the ray and from around, measured from outside; of each the same bytes at
-# one and two threads. Needs 20 GB of disk and an hour.
+# one and two threads. Needs 45 GB of disk and two hours.
 # Usage: tools/slow-splats.sh [COUNT]
 set -euo pipefail
 cd "$(dirname "$0")/.."
