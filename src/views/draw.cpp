@@ -71,7 +71,7 @@ bool TileSight::meets(const Box3f& box) const {
             bounds_.per_pixel +
         bounds_.margin;
     const float place = dot(axis, at) * per_pixel_ + first;
-    return place >= -reach && place <= bounds_.last + reach;
+    return !(place < -reach) && !(place > bounds_.last + reach);  // nor does a box without a middle
   };
   return meets(frame_.right, bounds_.first_x) && meets(frame_.down, bounds_.first_y);
 }
@@ -159,6 +159,8 @@ void TileSight::add(const gaussian::SplatSet& set, std::size_t i, std::uint64_t 
   e.xx = (vv + footprint_) / whole;
   e.xy = -uv / whole;
   e.yy = (uu + footprint_) / whole;
+  // So large that floats do not hold its shape: nothing is known of where it is.
+  if (!std::isfinite(whole) || !std::isfinite(1 / e.xx) || !std::isfinite(1 / e.yy)) return;
   const float wu = dot(frame_.forward, su), wv = dot(frame_.forward, sv);
   e.depth = along * depth_per_pixel_ + static_cast<float>(kMostDepth / 2);
   e.lean_x = (wu * e.xx + wv * e.xy) * depth_per_pixel_;

@@ -120,9 +120,12 @@ struct BlockRows {
         square_root(larger((e.cut_off - curve * (nearest * nearest)) * per_xx, all(0.0F)));
     const Floats at_top = lean * above, at_bottom = lean * below;
     constexpr float kSlack = 0.02F, kLast = kStoredEdge - 1, kPerBlock = 1.0F / kBlock;
-    const Floats low = larger((e.x - kSlack) - larger(at_top, at_bottom) - half, all(0.0F)),
-                 high = smaller((e.x + kSlack) - smaller(at_top, at_bottom) + half, all(kLast));
-    store(first, to_int(smaller(low, all(kLast + kBlock)) * kPerBlock));
+    // What is no number is nowhere.
+    const Floats left = (e.x - kSlack) - larger(at_top, at_bottom) - half,
+                 right = (e.x + kSlack) - smaller(at_top, at_bottom) + half;
+    const Floats low = select(left <= kLast + kBlock, larger(left, all(0.0F)), all(kLast + kBlock)),
+                 high = select(right >= 0.0F, smaller(right, all(kLast)), all(-1.0F));
+    store(first, to_int(low * kPerBlock));
     store(last, select(high >= 0.0F, to_int(high * kPerBlock), all(-1)));
   }
 };

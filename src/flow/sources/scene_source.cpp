@@ -83,8 +83,8 @@ void SceneSource::meet(const planning::TargetPlan& target, const mesh::Mesh& mes
 std::vector<job::LeastMemory> SceneSource::build_needs() const {
   std::vector<job::LeastMemory> needs{{facts_.least_bytes, "sorting " + options_.source}};
   if (request_.from_around)
-    needs.push_back(
-        {scene_views_least_bytes(facts_.lobes), "drawing " + options_.source + " from all around"});
+    needs.push_back({scene_views_least_bytes(facts_.lobes, facts_.splats),
+                     "drawing " + options_.source + " from all around"});
   return needs;
 }
 

@@ -3,7 +3,7 @@
 // A scene's views become a column of tiles, row by row: a row is a task. It asks the splat store
 // for the blocks that each of its tiles may see, one tile after the other; decoded blocks stay in
 // the block cache for the next ones. Nothing of the scene is spilled, and nothing is held but a
-// tile, the nearest of its Gaussians and a block.
+// tile, the nearest of its Gaussians, a block and the list of those that it may see.
 #include "flow/stores/views.h"
 
 #include <fmt/format.h>
@@ -21,7 +21,7 @@ namespace pounce::flow {
 namespace {
 
 /// Of views as they are drawn: what is drawn otherwise is another store.
-constexpr std::uint32_t kViewsVersion = 1;
+constexpr std::uint32_t kViewsVersion = 2;
 
 constexpr std::size_t kLeastEllipses = 1 << 10, kMostEllipses = 1 << 19, kTileShare = 16;
 
@@ -47,6 +47,17 @@ std::unique_ptr<ColourCache> opened(job::JobContext& job,
 }
 
 using SplatIndexPart = std::shared_ptr<const SplatCache::Index>;
+
+std::uint64_t blocks_in(const store::SplatDirectory& directory) {
+  std::uint64_t blocks = 0;
+  for (const store::SplatTile& tile : directory.tiles) blocks += tile.blocks;
+  return blocks;
+}
+
+/// Of the list of blocks that a tile may see, if it sees all, and of their entries.
+constexpr std::uint64_t places_bytes(std::uint64_t blocks) {
+  return blocks * (2 * sizeof(views::NearBlock) + sizeof(store::SplatEntry)) + 4096;
+}
 
 class SceneDrawing {
  public:
@@ -90,23 +101,17 @@ class SceneDrawing {
            store::SplatBlock::decoded_bytes(d.most_splats, d.has_normals, d.lobes) +
            gaussian::SplatSet::most_bytes(d.most_splats, d.lobes);
   }
-  /// Of the blocks that a tile may see, if it sees all.
-  std::uint64_t places_bytes() const {
-    const std::uint64_t tiles = request_.scene->directory().tiles.size(),
-                        blocks = tiles * store::kMostBlocksPerSplatTile;
-    return blocks * (2 * sizeof(views::NearBlock) + sizeof(store::SplatEntry)) +
-           tiles * sizeof(SplatIndexPart);
-  }
   std::uint64_t row_bytes(std::size_t ellipses) const {
     return sizeof(views::Canvas) + views::Slab::most_bytes(ellipses) + block_bytes() +
-           places_bytes() + encoding_bytes(views::kSceneSamples) +
+           places_bytes(blocks_in(request_.scene->directory())) +
+           encoding_bytes(views::kSceneSamples) +
            grid_.tiles_across() * views::tile_bytes(views::kSceneSamples);
   }
 
   std::unique_ptr<store::PackReader> draw(const Hash128& key) {
     const std::uint64_t room =
         (job_.budget.limit() - std::min(job_.budget.limit(), job_.budget.leased())) /
-        (2 * std::uint64_t{job_.threads});
+        (2 * runtime::works_at_once());
     // A tile shows a small part of its scene; what is not leased keeps decoded blocks.
     const std::uint64_t enough =
         std::min<std::uint64_t>(request_.scene->directory().splats / kTileShare, kMostEllipses);
@@ -251,12 +256,14 @@ SceneViews scene_views(job::JobContext& job, const ViewsRequest& request, const 
   return out;
 }
 
-std::uint64_t scene_views_least_bytes(std::uint32_t lobes) {
+std::uint64_t scene_views_least_bytes(std::uint32_t lobes, std::uint64_t splats) {
   constexpr std::uint64_t kSplats = store::kMostSplatsPerBlock;
+  constexpr std::uint64_t kFewInBlock = kSplats / 4;  // blocks are cut where neighbours part
   return sizeof(views::Canvas) + views::Slab::most_bytes(kLeastEllipses) +
          kSplats * (sizeof(store::Splat) + store::lobe_bytes(lobes)) +
          store::SplatBlock::decoded_bytes(kSplats, true, lobes) +
-         gaussian::SplatSet::most_bytes(kSplats, lobes) + encoding_bytes(views::kSceneSamples) +
+         gaussian::SplatSet::most_bytes(kSplats, lobes) + places_bytes(splats / kFewInBlock) +
+         encoding_bytes(views::kSceneSamples) +
          views::Grid::kMostAcross * views::tile_bytes(views::kSceneSamples);
 }
 

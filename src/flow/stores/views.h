@@ -44,6 +44,6 @@ SceneViews scene_views(job::JobContext& job, const ViewsRequest& request, const 
                        double diagonal, float edge, double progress_end);
 
 /// The least that this needs at once beside the mesh, for scenes with so many lobes of harmonics.
-std::uint64_t scene_views_least_bytes(std::uint32_t lobes);
+std::uint64_t scene_views_least_bytes(std::uint32_t lobes, std::uint64_t splats);
 
 }  // namespace pounce::flow

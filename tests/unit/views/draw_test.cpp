@@ -315,6 +315,32 @@ TEST_CASE("what a tile may see is in its boxes, and what it cannot is not added"
   CHECK(met > 20);
 }
 
+TEST_CASE("Gaussians of any size are drawn, or left out whole", "[views]") {
+  const Grid grid({{-1, -1, -1}, {1, 1, 1}}, 0.01F, 24);
+  for (const double sigma : {1e2, 1e5, 1e8, 1e12, 1e15, 1e18, 1e19}) {
+    for (const std::array<double, 3> turned :
+         {std::array{1.0, 1.0, 1.0}, std::array{1.0, 1e-3, 1e-6}, std::array{1.0, 1.0, 1e-12}}) {
+      ReferenceSplat s = ball({0.1, 0.2, 0.3}, sigma, 0.9, {1, 0.5, 0.25});
+      s.sigma = {sigma * turned[0], sigma * turned[1], sigma * turned[2]};
+      s = as_floats(s);
+      const auto set = gaussian::make_splat_set(splat_block({s}));
+      std::unique_ptr<Canvas> expected;
+      for (const ViewKernels* kernels : available_kernels()) {
+        CAPTURE(sigma, turned[1], turned[2], kernels->isa);
+        auto found = drawn(set, middle_tile(grid, 3, {}, *kernels), *kernels);
+        for (int i = 0; i < Canvas::kPixels; ++i)
+          REQUIRE((found->through[i] >= 0 && found->through[i] <= 1));  // and a number
+        if (sigma == 1e2 && turned[1] == 1)
+          CHECK(found->through[pixel_at(32, 32)] == Approx(0.1).margin(1e-3));
+        if (!expected)
+          expected = std::move(found);
+        else
+          CHECK(std::memcmp(found.get(), expected.get(), sizeof(Canvas)) == 0);
+      }
+    }
+  }
+}
+
 TEST_CASE("a view shows the harmonics of its own direction", "[views]") {
   ReferenceSplat splat = ball({0, 0, 0}, 0.1, 0.9, {0.5, 0.5, 0.5});
   store::SplatBlock block = splat_block({splat});
