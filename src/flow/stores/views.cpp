@@ -48,12 +48,6 @@ std::unique_ptr<ColourCache> opened(job::JobContext& job,
 
 using SplatIndexPart = std::shared_ptr<const SplatCache::Index>;
 
-std::uint64_t blocks_in(const store::SplatDirectory& directory) {
-  std::uint64_t blocks = 0;
-  for (const store::SplatTile& tile : directory.tiles) blocks += tile.blocks;
-  return blocks;
-}
-
 /// Of the list of blocks that a tile may see, if it sees all, and of their entries.
 constexpr std::uint64_t places_bytes(std::uint64_t blocks) {
   return blocks * (2 * sizeof(views::NearBlock) + sizeof(store::SplatEntry)) + 4096;
@@ -103,7 +97,7 @@ class SceneDrawing {
   }
   std::uint64_t row_bytes(std::size_t ellipses) const {
     return sizeof(views::Canvas) + views::Slab::most_bytes(ellipses) + block_bytes() +
-           places_bytes(blocks_in(request_.scene->directory())) +
+           places_bytes(request_.scene->directory().blocks()) +
            encoding_bytes(views::kSceneSamples) +
            grid_.tiles_across() * views::tile_bytes(views::kSceneSamples);
   }

@@ -70,6 +70,11 @@ struct SplatTile {
 struct SplatIndex : TileIndex<SplatTile> {
   std::uint64_t splats = 0;       ///< in the store
   std::uint32_t most_splats = 0;  ///< of any block
+  std::uint64_t blocks() const {
+    std::uint64_t sum = 0;
+    for (const SplatTile& tile : tiles) sum += tile.blocks;
+    return sum;
+  }
 };
 
 /// What a splat pack says of itself: the chunk a reader starts from. Small; always in memory. Its
