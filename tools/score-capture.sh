@@ -33,18 +33,17 @@ score() {  # score SCENE TARGET MODE: dc, or sh where the scene shows its harmon
   printf '\n%s onto %s, %s\n' "$(basename "$scene")" "$(basename "$target")" "$3"
   "$programs/pounce" maps "$target" -o 'maps.<CHANNEL>.exr' --size "$size" -q --redo
   transfer normal.png --look normal
-  transfer default.png
+  transfer 'default.<CHANNEL>.png' --channels baseColor,confidence
   transfer views48.png --look around --views 48
   transfer rays7.png --look normal --rays 7
   for rule in nearest composite; do bake $rule.png --rule $rule; done
-  local images=(normal default views48 rays7 nearest composite)
+  local images=(normal default.baseColor views48 rays7 nearest composite)
   if [[ -n ${PLAIN-} ]]; then
     for rule in 24 48; do bake plain$rule.png --views $rule; done
     images+=(plain24 plain48)
   fi
   "$programs/pounce-score" views "$scene" "$target" "${images[@]/%/.png}" "${shown[@]}"
   # How far the default's confidence tells its wrong pixels from its right ones.
-  transfer 'default.<CHANNEL>.png' --channels baseColor,confidence
   "$programs/pounce-score" views "$scene" "$target" default.baseColor.png --confidence default.confidence.png "${shown[@]}" |
     tail -n 1
 }
