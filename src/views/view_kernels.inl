@@ -44,12 +44,14 @@ struct BlockPixels {
 };
 
 constexpr std::size_t kAll = std::size_t{kBlocks} * kBlocks;
+constexpr int kAsked = 4;  ///< blocks of a row that an ellipse asks at once: up to three too many
+constexpr std::size_t kAllAsked = kAll + kAsked - 1;
 
 /// The ellipses that wait for a block: it is blended when there are so many, all in registers.
 struct Waiting {
   static constexpr std::uint32_t kMost = 32;
-  std::uint32_t ellipse[kAll + 3][kMost];
-  std::uint32_t count[kAll + 3] = {};
+  std::uint32_t ellipse[kAllAsked][kMost];
+  std::uint32_t count[kAllAsked] = {};
 };
 
 /// What waits for a block is composited behind what is there. False: nothing behind it will show.
@@ -132,7 +134,7 @@ struct BlockRows {
 
 bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
   Waiting waiting;
-  std::uint32_t open[kAll + 3] = {};  // 1: something behind what is there may show
+  std::uint32_t open[kAllAsked] = {};  // 1: something behind what is there may show
   std::uint32_t left = 0;
   for (std::size_t b = 0; b < kAll; ++b) {
     open[b] = any(load(canvas.through + b * kLanes) >= kLeastThrough) ? 1 : 0;
@@ -153,11 +155,11 @@ bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
     for (int by = static_cast<int>(std::max(e.y - e.reach_y, 0.0F)) / kBlock, top = -kLanes;
          by < end; ++by) {
       if (by >= top + kLanes) rows.set(e, numbers, top = by);
-      // How many blocks and whether they are open nobody can foresee: four at a time are asked
+      // How many blocks and whether they are open nobody can foresee: some at a time are asked
       // without a branch, and some wait nowhere.
       const int last = rows.last[by - top];
-      for (int bx = rows.first[by - top]; bx <= last; bx += 4) {
-        for (int k = 0; k < 4; ++k) {
+      for (int bx = rows.first[by - top]; bx <= last; bx += kAsked) {
+        for (int k = 0; k < kAsked; ++k) {
           const auto b = static_cast<std::size_t>(by * kBlocks + bx + k);
           waiting.ellipse[b][waiting.count[b]] = i;
           waiting.count[b] += bx + k <= last ? open[b] : 0;

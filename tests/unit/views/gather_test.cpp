@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "support/bytes.h"
+#include "support/random.h"
 
 using namespace pounce;
 using namespace pounce::views;
@@ -179,30 +180,26 @@ TEST_CASE("views that disagree are trusted less", "[views]") {
 TEST_CASE("kernels see the same bits, lane by lane", "[views]") {
   // Sixteen texels across a corner of the tile, on and off the target, before and behind the scene.
   Tiles tiles(kTile, kTile, {0, 0, 0, 65535, kAt}, kAt);
-  std::uint32_t state = 1;
+  test::Random random(1);
+  const auto depth = [&](int low, int high) {
+    return random.one_in(9) ? kNoDepth : static_cast<std::uint16_t>(kAt + random.whole(low, high));
+  };
   for (std::size_t i = 0; i < tiles.scene.size(); ++i) {
-    state = state * 1664525 + 1013904223;
-    tiles.scene[i] = i % kSceneSamples == 4 ? static_cast<std::uint16_t>(kAt - 400 + (state >> 22))
-                                            : static_cast<std::uint16_t>(state >> 17);
-    if (i % 35 == 4) tiles.scene[i] = kNoDepth;
-    if (i % kSceneSamples == 3) tiles.scene[i] = static_cast<std::uint16_t>(tiles.scene[i] + 20000);
+    const std::size_t sample = i % kSceneSamples;
+    tiles.scene[i] = sample == 4
+                         ? depth(-400, 600)
+                         : static_cast<std::uint16_t>(random.whole(sample == 3 ? 20000 : 0, 52000));
   }
-  for (std::size_t i = 0; i < tiles.target.size(); ++i) {
-    state = state * 1664525 + 1013904223;
-    tiles.target[i] = i % 11 == 0 ? kNoDepth : static_cast<std::uint16_t>(kAt - 80 + (state >> 25));
-  }
+  for (std::uint16_t& target : tiles.target) target = depth(-80, 48);
   std::vector<PlacePacket> places(40);
   for (PlacePacket& place : places) {
     place.tiles = {kTile, kTile, kTile, kTile};
     for (int lane = 0; lane < kLanes; ++lane) {
-      const auto next = [&] {
-        return static_cast<float>((state = state * 1664525 + 1013904223) >> 8) / 16777216;
-      };
-      place.x[lane] = kTile * kTileEdge - 2 + 68 * next();
-      place.y[lane] = kTile * kTileEdge - 2 + 68 * next();
-      place.depth[lane] = kAt - 50 + 100 * next();
-      place.cosine[lane] = next();
-      place.weight[lane] = next() < 0.2F ? 0 : 1 + static_cast<std::int32_t>(254 * next());
+      place.x[lane] = kTile * kTileEdge + random.between(-2.0F, 66.0F);
+      place.y[lane] = kTile * kTileEdge + random.between(-2.0F, 66.0F);
+      place.depth[lane] = kAt + random.between(-50.0F, 50.0F);
+      place.cosine[lane] = random.between(0.0F, 1.0F);
+      place.weight[lane] = static_cast<std::int32_t>(random.one_in(5) ? 0 : random.whole(1, 255));
     }
   }
   // Lane by lane, in plain code.
