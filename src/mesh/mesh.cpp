@@ -103,6 +103,7 @@ std::uint64_t count_among(const Mesh& mesh, std::span<const Entry> entries) {
 void Mesh::append_copies(const std::vector<std::uint32_t>& originals) {
   const std::size_t total = positions.size() + originals.size();
   const auto extend = [&](auto& items) {
+    if (items.empty()) return;
     items.reserve(total);
     for (const std::uint32_t vertex : originals) {
       const auto item = items[vertex];
@@ -113,11 +114,9 @@ void Mesh::append_copies(const std::vector<std::uint32_t>& originals) {
   extend(normals);
   extend(tangents);
   for (auto& set : uv_sets) extend(set);
-  for (auto& present : uv_present) {
-    if (!present.empty()) extend(present);
-  }
-  if (!own_tangents.empty()) extend(own_tangents);
-  if (!colours.empty()) extend(colours);
+  for (auto& present : uv_present) extend(present);
+  extend(own_tangents);
+  extend(colours);
 }
 
 std::uint64_t Mesh::size_bytes() const {

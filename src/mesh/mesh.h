@@ -136,7 +136,8 @@ struct Mesh {
   bool has_uv(std::size_t uv_set, std::uint32_t vertex) const {
     return uv_set < uv_sets.size() && (uv_present[uv_set].empty() || uv_present[uv_set][vertex]);
   }
-  /// Adds a copy of each of these vertices, with all that it has; no triangle uses them yet.
+  /// Adds a copy of each of these vertices, with all that it has; no triangle uses them yet. What
+  /// the mesh has not (an array that is empty) stays so.
   void append_copies(const std::vector<std::uint32_t>& originals);
   /// Bytes this mesh holds in memory.
   std::uint64_t size_bytes() const;

@@ -3,6 +3,8 @@
 
 #include <catch2/catch.hpp>
 
+#include "mesh/vertex_frames.h"
+
 using namespace pounce;
 
 namespace {
@@ -71,4 +73,32 @@ TEST_CASE("triangles without an area lie on none") {
     m.triangle_material.push_back(static_cast<std::uint32_t>(i));
   }
   CHECK(mesh::count_coincident(m) == 0);
+}
+
+TEST_CASE("copies of vertices have what the mesh has", "[mesh]") {
+  mesh::Mesh m = strip(1);
+  m.tangents.assign(3, Vec4f{0, 1, 0, 1});
+  m.tangents[2] = {1, 0, 0, -1};
+  m.append_copies({2, 0});
+  CHECK(m.positions.size() == 5);
+  CHECK(m.positions[3] == m.positions[2]);
+  CHECK(m.uv_sets[0][4] == m.uv_sets[0][0]);
+  CHECK(m.tangents[3] == Vec4f{1, 0, 0, -1});
+  // Normals, colours, and which tangents are its own: it has none, and gets none.
+  CHECK(m.normals.empty());
+  CHECK(m.colours.empty());
+  CHECK(m.own_tangents.empty());
+  CHECK(m.uv_present.empty());
+}
+
+TEST_CASE("normals are smoothed before there are tangents", "[mesh]") {
+  mesh::Mesh m;  // two triangles at a right angle along an edge
+  m.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  m.triangles = {{0, 1, 2}, {1, 0, 3}};
+  m.normals.assign(4, {});
+  mesh::smooth_normals(m, {0, 1, 2, 3}, 4, std::vector<bool>(4, true), 60);
+  CHECK(m.positions.size() == 6);
+  CHECK(m.tangents.empty());
+  CHECK(m.normals[m.triangles[0][0]] == Vec3f{0, 0, 1});
+  CHECK(m.normals[m.triangles[1][0]] == Vec3f{0, 1, 0});
 }
