@@ -271,64 +271,73 @@ void sum_batch(SplatSets sets, const SplatLimits& limits, const SplatKernels& ke
 
 namespace {
 
-/// What a texel has found along one of its rays, if its opacity is `least` or more.
-std::optional<SplatFinding> found_along(const SplatLimits& limits, const SplatState& state,
-                                        std::size_t look, int lane, double least) {
-  const DepthPacket& depths = state.depths[look];
-  const auto weight = static_cast<double>(depths.weight[lane]);
-  if (weight <= 0) return std::nullopt;
-  SplatFinding out;
-  out.opacity = 1 - exp_same(-depths.passed[lane] / double{kSplatSteps});
-  if (out.opacity < least) return std::nullopt;
-  for (std::size_t c = 0; c < 3; ++c)
-    out.colour[c] = std::clamp(static_cast<double>(depths.colour[c][lane]) / weight, 0.0, 1.0);
-  // Places in the profile, 0..1 of all its bins.
-  const double bins = kProfileBins / double{depths.per_bin[lane]};
-  const double place = static_cast<double>(depths.depth[lane]) / weight;
-  out.distance = double{limits.reach} - place * bins;
-  double square = static_cast<double>(depths.square[lane]) / weight - kNoVariance;
-  for (const double c : out.colour) square -= c * c;
-  const double away = std::min(std::abs(out.distance) / double{limits.reach}, 1.0);
-  out.confidence = out.opacity * exp_same(-std::sqrt(std::max(square, 0.0)) - kDoubtFarAway * away);
-  return out;
-}
+/// What sixteen texels have found along one of their rays, lane by lane in loops that become
+/// vectors. Lanes that have not found as much as `least` of opacity are not `enough`.
+struct Found {
+  double colour[3][kLanes], opacity[kLanes], distance[kLanes], confidence[kLanes];
+  bool enough[kLanes];
+};
 
-/// The same along its normal, if that is enough.
-std::optional<SplatFinding> found_ahead(const SplatLimits& limits, const SplatState& state,
-                                        std::size_t packet, int lane) {
-  auto out = found_along(limits, state, packet * looks_of(limits), lane, limits.least_opacity);
-  if (out && out->confidence < limits.least_confidence) return std::nullopt;
+Found found_along(const SplatLimits& limits, const DepthPacket& depths, double least) {
+  Found out;
+  double per_weight[kLanes], square[kLanes];
+  for (int i = 0; i < kLanes; ++i) {
+    out.opacity[i] = 1 - exp_same(-depths.passed[i] / double{kSplatSteps});
+    out.enough[i] = depths.weight[i] > 0 && out.opacity[i] >= least;
+    per_weight[i] = out.enough[i] ? static_cast<double>(depths.weight[i]) : 1;
+    square[i] = static_cast<double>(depths.square[i]) / per_weight[i] - kNoVariance;
+  }
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (int i = 0; i < kLanes; ++i) {
+      const double mean = static_cast<double>(depths.colour[c][i]) / per_weight[i];
+      out.colour[c][i] = std::min(std::max(mean, 0.0), 1.0);
+      square[i] -= out.colour[c][i] * out.colour[c][i];
+    }
+  }
+  for (int i = 0; i < kLanes; ++i) {
+    // Places in the profile, 0..1 of all its bins.
+    const double bins = kProfileBins / double{depths.per_bin[i]};
+    const double place = static_cast<double>(depths.depth[i]) / per_weight[i];
+    out.distance[i] = double{limits.reach} - place * bins;
+    const double away = std::min(std::abs(out.distance[i]) / double{limits.reach}, 1.0);
+    out.confidence[i] =
+        out.opacity[i] * exp_same(-std::sqrt(std::max(square[i], 0.0)) - kDoubtFarAway * away);
+  }
   return out;
 }
 
 }  // namespace
 
-std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState& state,
-                                    std::size_t packet, int lane) {
+SplatFindings findings(const SplatLimits& limits, const SplatState& state, std::size_t packet) {
   const std::size_t own = packet * looks_of(limits);
-  std::optional<SplatFinding> out = found_ahead(limits, state, packet, lane);
-  if (!out || limits.rays == 0) return out;
-  double weights = out->opacity;
-  for (double& c : out->colour) c *= weights;
-  for (std::size_t k = 1; k < looks_of(limits); ++k) {
-    const auto found = found_along(limits, state, own + k, lane, kLeastOpacity);
-    if (!found) continue;
-    const double weight = kConeCosine * found->opacity;
-    for (std::size_t c = 0; c < 3; ++c) out->colour[c] += weight * found->colour[c];
-    weights += weight;
+  const Found ahead = found_along(limits, state.depths[own], limits.least_opacity);
+  SplatFindings out;
+  std::array<double, kLanes> weights{};
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    if (!ahead.enough[i] || ahead.confidence[i] < limits.least_confidence) continue;
+    out[i] = {{ahead.colour[0][i], ahead.colour[1][i], ahead.colour[2][i]},
+              ahead.opacity[i],
+              ahead.distance[i],
+              ahead.confidence[i]};
+    if (limits.rays == 0) continue;
+    weights[i] = ahead.opacity[i];
+    for (double& c : out[i]->colour) c *= weights[i];
   }
-  for (double& c : out->colour) c /= weights;
-  return out;
-}
-
-void count_distances(const SplatLimits& limits, const SplatState& state, DistanceCounts& counts) {
-  for (std::size_t p = 0; p < state.packets.size(); ++p) {
-    for (int lane = 0; lane < kLanes; ++lane) {
-      if (state.packets[p].texel[lane] == surface::kNoTexel) continue;
-      if (const auto found = found_ahead(limits, state, p, lane))
-        count_distance(static_cast<float>(std::abs(found->distance)), limits.reach, counts);
+  if (limits.rays == 0) return out;
+  for (std::size_t k = 1; k < looks_of(limits); ++k) {
+    const Found beside = found_along(limits, state.depths[own + k], kLeastOpacity);
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      if (!out[i] || !beside.enough[i]) continue;
+      const double weight = kConeCosine * beside.opacity[i];
+      for (std::size_t c = 0; c < 3; ++c) out[i]->colour[c] += weight * beside.colour[c][i];
+      weights[i] += weight;
     }
   }
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    if (!out[i]) continue;
+    for (double& c : out[i]->colour) c /= weights[i];
+  }
+  return out;
 }
 
 std::uint64_t SplatState::scratch_bytes(std::uint64_t splats) {

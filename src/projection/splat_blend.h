@@ -79,12 +79,10 @@ struct SplatFinding {
   double confidence = 0;
 };
 
-/// Nothing where a texel has found less than limits.least_opacity or is less sure than asked.
-std::optional<SplatFinding> finding(const SplatLimits& limits, const SplatState& state,
-                                    std::size_t packet, int lane);
-
-/// Adds how far away the covered texels found their surface.
-void count_distances(const SplatLimits& limits, const SplatState& state, DistanceCounts& counts);
+/// Of a packet, lane by lane: nothing where a texel has found less than limits.least_opacity or is
+/// less sure than asked, nor in unused lanes.
+using SplatFindings = std::array<std::optional<SplatFinding>, kLanes>;
+SplatFindings findings(const SplatLimits& limits, const SplatState& state, std::size_t packet);
 
 // --- a mesh's texels on rays ---------------------------------------------------------------------
 

@@ -110,7 +110,7 @@ std::vector<FoundPlace> found_places(const SplatLimits& limits, const SplatState
   std::vector<FoundPlace> places;
   for (std::size_t p = 0; p < state.packets.size(); ++p) {
     const TexelPacket& packet = state.packets[p];
-    if (const auto found = finding(limits, state, p, 0))
+    if (const auto found = findings(limits, state, p)[0])
       places.push_back({{packet.px[0], packet.py[0], packet.pz[0]}, found->distance});
   }
   return places;

@@ -54,71 +54,137 @@ class SeenColours {
 constexpr int kHalf = kWidth / 2;
 using HalfFloats = float __attribute__((vector_size(4 * kHalf)));
 using DoubleRegister = double __attribute__((vector_size(8 * kHalf)));
-using LongRegister = std::int64_t __attribute__((vector_size(8 * kHalf)));
+using LongRegister = std::uint64_t __attribute__((vector_size(8 * kHalf)));
 
-/// Adds 0 <= value <= 8 in whole steps of 2^-36: a double of 2^52 and more has no fraction, so the
-/// sum's low bits are the rounded steps.
-void add_steps(const Floats& value, std::int64_t* sums) {
-  constexpr double kNoFraction = 4503599627370496.0;           // 2^52
-  const Floats steps = value * static_cast<float>(kSumSteps);  // exact
-  float at[kLanes];
-  std::memcpy(at, &steps, sizeof at);
-  for (int i = 0; i < kLanes; i += kHalf) {
-    HalfFloats half;
-    std::memcpy(&half, at + i, sizeof half);
-    const DoubleRegister rounded = __builtin_convertvector(half, DoubleRegister) + kNoFraction;
-    LongRegister sum;
-    std::memcpy(&sum, sums + i, sizeof sum);
-    sum += (LongRegister)rounded - std::bit_cast<std::int64_t>(kNoFraction);
-    std::memcpy(sums + i, &sum, sizeof sum);
+/// Sums of values in whole steps of 2^-36, in registers while Gaussians go past.
+template <int count>
+class StepSums {
+ public:
+  /// Adds 0 <= value <= 8 to sum `at`: a double of 2^52 and more has no fraction, so the low bits
+  /// of value + 2^52 are its rounded steps. What 2^52 itself is made of comes off at the end.
+  [[gnu::always_inline]] void add(int at, const Floats& value) {
+    const Floats steps = value * static_cast<float>(kSumSteps);  // exact
+    float lanes[kLanes];
+    std::memcpy(lanes, &steps, sizeof lanes);
+    for (int i = 0; i < kLanes / kHalf; ++i) {
+      HalfFloats half;
+      std::memcpy(&half, lanes + i * kHalf, sizeof half);
+      const DoubleRegister rounded = __builtin_convertvector(half, DoubleRegister) + kNoFraction;
+      sums_[at][i] += (LongRegister)rounded;
+    }
   }
-}
+  /// To what sum `at` has in memory, `added` having been given to it.
+  void store(int at, std::uint64_t added, std::int64_t* sums) const {
+    const std::uint64_t beside = added * std::bit_cast<std::uint64_t>(kNoFraction);
+    for (int i = 0; i < kLanes / kHalf; ++i) {
+      LongRegister sum;
+      std::memcpy(&sum, sums + i * kHalf, sizeof sum);
+      sum += sums_[at][i] - beside;
+      std::memcpy(sums + i * kHalf, &sum, sizeof sum);
+    }
+  }
+
+ private:
+  static constexpr double kNoFraction = 4503599627370496.0;  // 2^52
+  LongRegister sums_[count][kLanes / kHalf] = {};
+};
+
+/// How sixteen texels weigh what they see.
+class Weights {
+ public:
+  Weights(const TexelPacket& packet, const ProfilePacket& profile, const SplatLimits& limits,
+          const DepthPacket& depths)
+      : ray_(packet),
+        profile_(profile),
+        limits_(limits),
+        width_(1.0F / load(depths.per_bin)),
+        anchor_(load(depths.anchor)),
+        focus_(load(depths.focus)),
+        per_window_(load(depths.per_window)),
+        per_anchor_(kReachOverAnchor / limits.reach),
+        unhidden_(kUnhidden + kUnhiddenDiscs * limits.discness) {}
+
+  /// What is seen of a response; false if that is nothing.
+  [[gnu::always_inline]] bool seen(const SplatResponse& response, Floats& weight) const {
+    const Floats all_of_it =
+        load(response.alpha) * exp_of_minus_far(depth_until(profile_, response, unhidden_));
+    const Ints is_seen = all_of_it >= kLeastSeen;
+    weight = select(is_seen, all_of_it, all(0.0F));
+    return any(is_seen);
+  }
+  /// How much of that counts.
+  [[gnu::always_inline]] Floats of(const SplatResponse& response, Floats weight) const {
+    const Floats t = limits_.reach - load(response.at) * width_;
+    const Floats before = largest((t - anchor_) * per_anchor_, 0.0F);
+    weight = weight * exp_of_minus(before * before * 0.5F);
+    if (limits_.discness <= 0) return weight;
+    const SplatShape& g = *response.shape;
+    const Floats cosine = g.normal[0] * ray_.nx + g.normal[1] * ray_.ny + g.normal[2] * ray_.nz;
+    const Floats disc = cosine * cosine * g.flatness;
+    const Floats z = (t - focus_) * per_window_;
+    return weight * (1.0F - limits_.discness + limits_.discness * disc) *
+           exp_of_minus_far(z * z * (0.5F * limits_.discness));
+  }
+
+ private:
+  Rays ray_;
+  const ProfilePacket& profile_;
+  const SplatLimits& limits_;
+  Floats width_, anchor_, focus_, per_window_;
+  float per_anchor_, unhidden_;
+};
 
 void accumulate(std::span<const SplatResponse> responses, const TexelPacket& packet,
                 const ProfilePacket& profile, const SplatLimits& limits, DepthPacket& depths) {
   if (responses.empty()) return;
-  const Rays ray(packet);
-  const SeenColours seen(*responses.front().shape, packet);
-  const Floats per_bin = load(depths.per_bin), anchor = load(depths.anchor),
-               focus = load(depths.focus), per_window = load(depths.per_window);
-  const Floats width = 1.0F / per_bin;
-  const float per_anchor = kReachOverAnchor / limits.reach;
-  const float unhidden = kUnhidden + kUnhiddenDiscs * limits.discness;
-  for (const SplatResponse& response : responses) {
-    const SplatShape& g = *response.shape;
-    const Floats at = load(response.at);
-    Floats weight =
-        load(response.alpha) * exp_of_minus_far(depth_until(profile, response, unhidden));
-    const Ints is_seen = weight >= kLeastSeen;
-    if (!any(is_seen)) continue;
-    weight = select(is_seen, weight, all(0.0F));
-    const Floats t = limits.reach - at * width;
-    const Floats before = largest((t - anchor) * per_anchor, 0.0F);
-    weight = weight * exp_of_minus(before * before * 0.5F);
-    if (limits.discness > 0) {
-      const Floats cosine = g.normal[0] * ray.nx + g.normal[1] * ray.ny + g.normal[2] * ray.nz;
-      const Floats disc = cosine * cosine * g.flatness;
-      const Floats z = (t - focus) * per_window;
-      weight = weight * (1.0F - limits.discness + limits.discness * disc) *
-               exp_of_minus_far(z * z * (0.5F * limits.discness));
+  const Weights weights(packet, profile, limits, depths);
+  const SeenColours colours(*responses.front().shape, packet);
+  constexpr int kWeight = 0, kColour = 1, kSquare = 4, kDepth = 5;
+  StepSums<6> sums;
+  std::uint64_t added = 0;
+  for (std::size_t first = 0; first < responses.size(); first += kAtOnce) {
+    // In passes, as in splat_response.inl.
+    const SplatResponse* seen[kAtOnce];
+    Floats weight[kAtOnce];
+    std::size_t count = 0;
+    for (const SplatResponse& response :
+         responses.subspan(first, std::min(kAtOnce, responses.size() - first))) {
+      seen[count] = &response;
+      count += weights.seen(response, weight[count]) ? 1 : 0;
     }
-    add_steps(weight, depths.weight);
-    Floats square = all(0.0F);
-    for (int c = 0; c < 3; ++c) {
-      const Floats colour = seen(g, c);
-      add_steps(weight * colour, depths.colour[c]);
-      const Floats shown = select(colour < 1.0F, colour, all(1.0F));
-      square = square + shown * shown;
+    for (std::size_t i = 0; i < count; ++i) weight[i] = weights.of(*seen[i], weight[i]);
+    for (std::size_t i = 0; i < count; ++i) {
+      const Floats own = weight[i];
+      sums.add(kWeight, own);
+      Floats square = all(0.0F);
+      for (int c = 0; c < 3; ++c) {
+        const Floats colour = colours(*seen[i]->shape, c);
+        sums.add(kColour + c, own * colour);
+        const Floats shown = select(colour < 1.0F, colour, all(1.0F));
+        square = square + shown * shown;
+      }
+      sums.add(kSquare, own * square);
+      const Floats place = load(seen[i]->at) * (1.0F / kProfileBins);
+      sums.add(kDepth, own * place);
     }
-    add_steps(weight * square, depths.square);
-    const Floats place = at * (1.0F / kProfileBins);
-    add_steps(weight * place, depths.depth);
+    added += count;
   }
+  sums.store(kWeight, added, depths.weight);
+  for (int c = 0; c < 3; ++c) sums.store(kColour + c, added, depths.colour[c]);
+  sums.store(kSquare, added, depths.square);
+  sums.store(kDepth, added, depths.depth);
 }
+
+/// What add_met() adds up.
+struct MetSums {
+  static constexpr int kPlain = 0, kWeight = 1, kColour = 2, kAway = 5;
+  StepSums<6> steps;
+  std::uint64_t added = 0;
+};
 
 /// One Gaussian on the rays of sixteen texels: alpha x response x cosine, and where.
 [[gnu::always_inline]] inline void add_one(const SplatShape& g, const Rays& ray,
-                                           const Floats& reach, float min_cosine, RayPacket& sums) {
+                                           const Floats& reach, float min_cosine, MetSums& sums) {
   const auto along_normal = [&](const float* a) {
     return a[0] * ray.nx + a[1] * ray.ny + a[2] * ray.nz;
   };
@@ -147,23 +213,29 @@ void accumulate(std::span<const SplatResponse> responses, const TexelPacket& pac
   const Floats plain =
       select(ok, cosine, all(0.0F)) * exp_of_minus(select(ok, q, all(0.0F)) * 0.5F);
   const Floats weight = plain * g.alpha;
-  add_steps(plain, sums.plain);
-  add_steps(weight, sums.weight);
-  for (int c = 0; c < 3; ++c) add_steps(weight * g.colour[c], sums.colour[c]);
-  add_steps(select(ok, weight * depth / reach, all(0.0F)), sums.away);
+  ++sums.added;
+  sums.steps.add(MetSums::kPlain, plain);
+  sums.steps.add(MetSums::kWeight, weight);
+  for (int c = 0; c < 3; ++c) sums.steps.add(MetSums::kColour + c, weight * g.colour[c]);
+  sums.steps.add(MetSums::kAway, select(ok, weight * depth / reach, all(0.0F)));
 }
 
 void add_met(const SplatCandidates& candidates, const RayBundle& bundle, float height,
              const TexelPacket& packet, const RayLimits& limits, RayPacket& sums) {
   const Rays rays(packet);
   const Floats reach = load(sums.reach) * rays.per_texel;
+  MetSums met;
   for (std::size_t i = 0; i < candidates.size(); i += kLanes) {
     unsigned left = meet(candidates.x(i), candidates.y(i), candidates.z(i), candidates.radius(i),
                          bundle, height);
     if (candidates.size() - i < kLanes) left &= (1U << (candidates.size() - i)) - 1;
     for (; left != 0; left &= left - 1) {
       add_one(candidates.shape(i + static_cast<std::size_t>(std::countr_zero(left))), rays, reach,
-              limits.min_cosine, sums);
+              limits.min_cosine, met);
     }
   }
+  met.steps.store(MetSums::kPlain, met.added, sums.plain);
+  met.steps.store(MetSums::kWeight, met.added, sums.weight);
+  for (int c = 0; c < 3; ++c) met.steps.store(MetSums::kColour + c, met.added, sums.colour[c]);
+  met.steps.store(MetSums::kAway, met.added, sums.away);
 }

@@ -69,12 +69,6 @@ std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> gr
   return places;
 }
 
-std::optional<double> distance_of(const Grid& grid, const SightPacket& packet, int lane) {
-  const SightPacket::Sums& sums = packet.clear.weight[lane] > 0 ? packet.clear : packet.hidden;
-  if (sums.weight[lane] == 0) return std::nullopt;
-  return sums.away[lane] * (1 / static_cast<double>(sums.weight[lane])) * double{grid.depth_step()};
-}
-
 std::optional<Sight> sight_of(const Grid& grid, const SightLimits& limits,
                               const SightPacket& packet, int lane) {
   const bool is_clear = packet.clear.weight[lane] > 0;

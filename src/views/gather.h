@@ -105,7 +105,5 @@ struct Sight {
 /// Nothing where no view sees it.
 std::optional<Sight> sight_of(const Grid& grid, const SightLimits& limits,
                               const SightPacket& packet, int lane);
-/// Its distance alone.
-std::optional<double> distance_of(const Grid& grid, const SightPacket& packet, int lane);
 
 }  // namespace pounce::views

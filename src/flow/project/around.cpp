@@ -2,10 +2,7 @@
 #include "flow/project/around.h"
 
 #include <algorithm>
-#include <cmath>
 #include <vector>
-
-#include "projection/search.h"
 
 namespace pounce::flow {
 namespace {
@@ -62,16 +59,6 @@ std::optional<projection::SplatFinding> finding(const SceneViews& views, const A
   const auto sight = views::sight_of(views.grid, views.limits, work.sights[packet], lane);
   if (!sight) return std::nullopt;
   return projection::SplatFinding{sight->colour, sight->alpha, sight->distance, sight->confidence};
-}
-
-void count_distances(const SceneViews& views, const AroundWork& work, float reach,
-                     DistanceCounts& counts) {
-  for (std::size_t p = 0; p < work.packets.size(); ++p) {
-    for (int lane = 0; lane < surface::kLanes; ++lane) {
-      if (const auto distance = views::distance_of(views.grid, work.sights[p], lane))
-        projection::count_distance(static_cast<float>(std::abs(*distance)), reach, counts);
-    }
-  }
 }
 
 }  // namespace pounce::flow

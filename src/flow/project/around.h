@@ -11,7 +11,6 @@
 #include "core/page_pool.h"
 #include "flow/stores/views.h"
 #include "job/job_context.h"
-#include "pounce/report.h"
 #include "projection/splat_blend.h"
 #include "surface/target_block.h"
 #include "views/gather.h"
@@ -31,9 +30,5 @@ void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work
 /// What a texel has seen; nothing where no view sees it.
 std::optional<projection::SplatFinding> finding(const SceneViews& views, const AroundWork& work,
                                                 std::size_t packet, int lane);
-
-/// Adds how far from the seen texels the scene lies.
-void count_distances(const SceneViews& views, const AroundWork& work, float reach,
-                     DistanceCounts& counts);
 
 }  // namespace pounce::flow

@@ -16,11 +16,13 @@
 // integers, so batches may be cut anywhere.
 #include "flow/project/splats.h"
 
+#include <cmath>
 #include <optional>
 #include <tuple>
 
 #include "flow/project/around.h"
 #include "flow/project/splat_method.h"
+#include "projection/search.h"
 
 namespace pounce::flow {
 namespace {
@@ -97,21 +99,24 @@ class SplatMethod : public Base {
   }
 
   void blend(Work& work) const {
-    projection::count_distances(request_.limits, work.state, work.distances);
+    projection::SplatFindings found;
+    std::size_t of_packet = work.state.packets.size();
     const auto along_normal = [&](std::size_t p, int lane) {
-      return projection::finding(request_.limits, work.state, p, lane);
+      if (p != of_packet) found = projection::findings(request_.limits, work.state, p);
+      of_packet = p;
+      return found[static_cast<std::size_t>(lane)];
     };
     const auto blend = [&](std::span<const surface::TexelPacket> packets, const auto& find) {
       blend_blocks(
           work, packets,
           [&](std::size_t c, std::size_t p, int lane) -> std::optional<shading::TexelValue> {
-            const std::optional<projection::SplatFinding> found = find(p, lane);
-            if (!found) return std::nullopt;
-            return value(request_.outputs[c], *found);
+            const std::optional<projection::SplatFinding> finding = find(p, lane);
+            if (!finding) return std::nullopt;
+            if (c == 0) count(finding->distance, work);
+            return value(request_.outputs[c], *finding);
           });
     };
     if (request_.views == nullptr) return blend(work.state.packets, along_normal);
-    count_distances(*request_.views, work.around, request_.limits.reach, work.distances);
     blend(work.around.packets,
           [&](std::size_t p, int lane) -> std::optional<projection::SplatFinding> {
             const auto seen = finding(*request_.views, work.around, p, lane);
@@ -129,6 +134,11 @@ class SplatMethod : public Base {
   }
 
  private:
+  void count(double distance, Work& work) const {
+    projection::count_distance(static_cast<float>(std::abs(distance)), request_.limits.reach,
+                               work.distances);
+  }
+
   shading::TexelValue value(const SplatOutput& output,
                             const projection::SplatFinding& found) const {
     const Channel channel = output.channel;

@@ -153,7 +153,7 @@ TEST_CASE("a plane of small Gaussians shows coarse texels its mean", "[projectio
   limits.window = 0.1F;
   run_whole(make_sets(scene, 4096), limits, splat_kernels(""), state);
   for (int lane = 0; lane < kLanes; ++lane) {
-    const auto found = finding(limits, state, 0, lane);
+    const auto found = findings(limits, state, 0)[static_cast<std::size_t>(lane)];
     REQUIRE(found);
     CHECK(found->colour[0] == Approx(0.2).margin(0.01));
     CHECK(found->colour[2] == Approx(0.8).margin(0.01));

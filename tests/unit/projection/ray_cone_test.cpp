@@ -56,7 +56,7 @@ SplatFinding look(const std::vector<ReferenceSplat>& scene, int rays) {
   state.packets.push_back(packet_looking({0, 0, 1}));
   state.groups.push_back({0, 1});
   run_whole(make_sets(scene, 10), limits, splat_kernels(""), state);
-  const auto found = finding(limits, state, 0, 3);
+  const auto found = findings(limits, state, 0)[3];
   REQUIRE(found);
   return *found;
 }
@@ -133,7 +133,7 @@ TEST_CASE("rays do not cover what the normal does not find", "[projection]") {
   state.groups.push_back({0, 1});
   run_whole(make_sets(scene, 10), limits, splat_kernels(""), state);
   CHECK(state.depths[1].weight[0] > 0);
-  CHECK_FALSE(finding(limits, state, 0, 0));
+  CHECK_FALSE(findings(limits, state, 0)[0]);
 }
 
 TEST_CASE("blends of several rays are those of the reference", "[projection]") {
@@ -165,7 +165,7 @@ TEST_CASE("blends of several rays are those of the reference", "[projection]") {
         colour = colour + seen.colour * (seen.opacity * std::cos(kTilt));
         weights += seen.opacity * std::cos(kTilt);
       }
-      const auto found = finding(limits, state, p, lane);
+      const auto found = findings(limits, state, p)[static_cast<std::size_t>(lane)];
       if (is_unsure) {
         ++unsure;
         continue;

@@ -37,7 +37,7 @@ TEST_CASE("blends of random scenes are those of the reference", "[projection]") 
       }
       const ReferenceBlend blend =
           reference_blend(scene, texel_of(state.packets[p], lane), expected);
-      const auto found = finding(limits, state, p, lane);
+      const auto found = findings(limits, state, p)[static_cast<std::size_t>(lane)];
       if (blend.unsure) {
         ++unsure;
         continue;
@@ -178,7 +178,7 @@ SplatFinding look(const std::vector<ReferenceSplat>& scene, const SplatLimits& l
   }
   state.groups.push_back({0, 1});
   run_whole(make_sets(scene, 10), limits, splat_kernels(""), state);
-  const auto found = finding(limits, state, 0, 10);
+  const auto found = findings(limits, state, 0)[10];
   REQUIRE(found);
   return *found;
 }
@@ -253,5 +253,5 @@ TEST_CASE("a texel that finds next to nothing stays empty", "[projection]") {
   state.groups.push_back({0, 1});
   run_whole(make_sets({disc(0, 0.05, {1, 1, 1})}, 10), limits, splat_kernels(""), state);
   CHECK(state.depths[0].weight[0] > 0);
-  CHECK_FALSE(finding(limits, state, 0, 0));
+  CHECK_FALSE(findings(limits, state, 0)[0]);
 }
