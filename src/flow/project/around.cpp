@@ -43,6 +43,7 @@ void look_around(const SceneViews& views, std::span<const surface::TexelPacket> 
 }  // namespace
 
 void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work) {
+  work.sights.reserve(work.packets.capacity());  // as other pieces had it
   work.sights.assign(work.packets.size(), views::SightPacket{});
   // Block by block, whose sums stay in the processor's cache while all views go past.
   for (std::size_t p = 0; p < work.packets.size();) {

@@ -41,7 +41,7 @@ class SplatMethodBase {
     std::vector<std::shared_ptr<const gaussian::SplatSet>> batch;
     std::vector<const gaussian::SplatSet*> sets;  ///< of the batch
     gaussian::SplatSet near;                      ///< a batch that is sifted
-    std::size_t packets = 0;                      ///< of the piece; some may have what they want
+    std::size_t packets = 0;                      ///< that the piece has room for
   };
 
   std::size_t channels() const { return request_.channels(); }
@@ -52,9 +52,8 @@ class SplatMethodBase {
     return splat_batch_cost(request_.source->store().directory().most_splats, lobes());
   }
   std::uint64_t state_bytes(const store::BlockEntry& entry) const {
-    const std::uint64_t packets = count_packets(entry);
-    return request_.packet_bytes(packets) + request_.profile_bytes(packets) +
-           request_.beside_bytes(packets) + result_bytes(result_texel_bytes(), channels());
+    const auto most = surface::TargetBlock::most_packets(entry.texels);
+    return block_state_bytes(is_roomy() ? most : count_packets(entry));
   }
   /// What projecting one block needs at once, whatever is in it; its packets take
   /// request.packet_bytes(most_packets()) and their profiles.
@@ -76,8 +75,7 @@ class SplatMethodBase {
     read_packets(*job_, *request_.target, request_.smallest_edge,
                  surface::TargetBlock::Start::at_texel, work, work.state.packets,
                  work.state.groups);
-    work.state.packets.shrink_to_fit();
-    work.packets = work.state.packets.size();
+    has_read(work.state.packets, work);
     projection::start(request_.limits, work.state);
   }
 
@@ -99,9 +97,13 @@ class SplatMethodBase {
     }
     return bytes;
   }
+  void has_read(PageVector<surface::TexelPacket>& packets, Work& work) const {
+    if (!is_roomy()) packets.shrink_to_fit();  // a copy, and memory that no other piece has left
+    work.packets = packets.capacity();
+  }
   /// What a piece that has begun holds whatever its batch is, but for profiles.
   std::uint64_t begun_bytes(const Work& work) const {
-    return fixed_bytes() + request_.packet_bytes(work.state.packets.size()) +
+    return fixed_bytes() + request_.packet_bytes(work.state.packets.capacity()) +
            request_.beside_bytes(work.packets) +
            work.blocks.size() * result_bytes(result_texel_bytes(), channels());
   }
@@ -180,8 +182,17 @@ class SplatMethodBase {
     most -= most % std::max<std::uint64_t>(std::bit_floor(most) / 8, 1);
     return std::max<std::uint64_t>(most, request_.source->store().directory().most_splats);
   }
+  std::uint64_t block_state_bytes(std::uint64_t packets) const {
+    return request_.packet_bytes(packets) + request_.profile_bytes(packets) +
+           request_.beside_bytes(packets) + result_bytes(result_texel_bytes(), channels());
+  }
+  /// Is there so much memory that pieces may cost what they cost at most?
+  bool is_roomy() const {
+    return kPieceSize.most_blocks * block_state_bytes(most_packets()) <=
+           job_->budget.limit() / (8 * std::uint64_t{std::max(job_->threads, 1U)});
+  }
   /// Of a block: 256 where it is full and no charts meet, while there may be 448. To make them
-  /// twice costs 30 ns per texel, a hundredth of what it takes to blend one.
+  /// twice costs 30 ns per texel, a twentieth of what it takes to blend one.
   std::uint64_t count_packets(const store::BlockEntry& entry) const {
     const std::uint64_t most = surface::TargetBlock::most_packets(entry.texels);
     const runtime::Lease lease(job_->budget,

@@ -90,8 +90,7 @@ class SplatMethod : public Base {
     std::vector<surface::PacketGroup> groups;
     read_packets(*job_, *request_.target, request_.smallest_edge,
                  surface::TargetBlock::Start::at_texel, work, work.around.packets, groups);
-    work.around.packets.shrink_to_fit();
-    work.packets = work.around.packets.size();
+    has_read(work.around.packets, work);
     look_around(*job_, *request_.views, work.around);
     work.around.ray =
         views::leave_unseen(groups, work.around.packets, work.around.sights, work.state);
