@@ -50,8 +50,8 @@ struct Lookers : Rays {
 /// The first and the last of the bins that the lanes of a mask are in, of which one is set.
 [[gnu::always_inline]] inline void range_of(const Ints& bin, const Ints& mask, std::int32_t& first,
                                             std::int32_t& last) {
-  const Ints bins = each([](IntRegister b, IntRegister m) { return (IntRegister{} + 1) << b & m; },
-                         bin, mask);
+  const Ints bins =
+      each([](IntRegister b, IntRegister m) { return (IntRegister{} + 1) << b & m; }, bin, mask);
   IntRegister some = bins.part[0];
   for (int p = 1; p < kParts; ++p) some |= bins.part[p];
   std::uint64_t pairs[kWidth / 2], met = 0;
@@ -167,9 +167,8 @@ struct Passing {
 
 /// The Gaussians `near`, at most kAtOnce.
 [[gnu::always_inline]] inline std::size_t respond_to(std::span<const SplatShape* const> near,
-                                                     const Lookers& rays,
-                                                     const SplatLimits& limits, SplatResponse* out,
-                                                     ProfilePacket* profile) {
+                                                     const Lookers& rays, const SplatLimits& limits,
+                                                     SplatResponse* out, ProfilePacket* profile) {
   Passing passings[kAtOnce];
   const SplatShape* met[kAtOnce];
   std::size_t reached = 0, kept = 0;

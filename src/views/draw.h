@@ -57,14 +57,12 @@ class TileSight {
   void add(const gaussian::SplatSet& set, std::uint64_t first, Slab& slab) const;
 
  private:
-  void add(const gaussian::SplatSet& set, std::size_t i, std::uint64_t number, Slab& slab) const;
+  void add_sixteen(const gaussian::SplatSet& set, std::size_t begin, unsigned met,
+                   std::uint64_t first, Slab& slab) const;
 
   const ViewKernels* kernels_;
-  Frame frame_;
-  float per_pixel_, depth_per_pixel_;
-  TileBounds bounds_;
-  float fine_, footprint_;  ///< in squared pixels
-  DrawOptions options_;
+  TileView view_;
+  bool harmonics_;
   std::array<float, 16> basis_;
 };
 

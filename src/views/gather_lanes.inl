@@ -59,14 +59,10 @@ void place(const PlaceFrame& f, std::span<const surface::TexelPacket> packets,
 struct PixelLanes {
   alignas(64) std::int32_t red_green[kLanes], blue_alpha[kLanes], depth[kLanes];
 
-  void set(const std::uint16_t* scene, const std::int32_t (&pixels)[kLanes], std::int32_t off) {
-    for (int lane = 0; lane < kLanes; ++lane) {
-      const std::uint16_t* const s =
-          scene + std::size_t{kSceneSamples} * static_cast<std::size_t>(pixels[lane] + off);
-      std::memcpy(&red_green[lane], s, sizeof red_green[lane]);
-      std::memcpy(&blue_alpha[lane], s + 2, sizeof blue_alpha[lane]);
-      depth[lane] = s[4];
-    }
+  void set(int lane, const std::uint16_t* s) {
+    std::memcpy(&red_green[lane], s, sizeof red_green[lane]);
+    std::memcpy(&blue_alpha[lane], s + 2, sizeof blue_alpha[lane]);
+    depth[lane] = s[4];
   }
   static Floats low(const std::int32_t (&pairs)[kLanes]) {
     return to_float(load(pairs) & all(0xFFFF));
@@ -98,10 +94,15 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
 
   // Is the target's surface, in some of them, about where the texel is?
   Ints on_target = all(0);
-  for (const std::int32_t off : kOff) {
-    alignas(64) std::int32_t samples[kLanes];
-    for (int lane = 0; lane < kLanes; ++lane) samples[lane] = tiles.target[first[lane] + off];
-    const Ints sample = load(samples);
+  // All of them are written before the first is read: what was just written lane by lane is slow to
+  // read as a whole.
+  alignas(64) std::int32_t samples[4][kLanes];
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const std::uint16_t* const at = tiles.target + first[lane];
+    for (int i = 0; i < 4; ++i) samples[i][lane] = at[kOff[i]];
+  }
+  for (const auto& own : samples) {
+    const Ints sample = load(own);
     on_target = on_target |
                 ((sample < kNoDepth) & (absolute(to_float(sample) - depth) <= limits.on_target));
   }
@@ -111,9 +112,14 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
   // Colours are those of what is there: each counts by its alpha.
   Floats colours[3] = {all(0.0F), all(0.0F), all(0.0F)}, alpha = all(0.0F);
   Floats before = all(-1e30F), depths = all(0.0F), of_depths = all(0.0F);
+  PixelLanes pixels[4];
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const std::uint16_t* const at =
+        tiles.scene + std::size_t{kSceneSamples} * static_cast<std::size_t>(first[lane]);
+    for (int i = 0; i < 4; ++i) pixels[i].set(lane, at + kSceneSamples * kOff[i]);
+  }
   for (int i = 0; i < 4; ++i) {
-    PixelLanes pixel;
-    pixel.set(tiles.scene, first, kOff[i]);
+    const PixelLanes& pixel = pixels[i];
     const Floats share = shares[i] * pixel.high(pixel.blue_alpha);
     colours[0] = colours[0] + share * pixel.low(pixel.red_green);
     colours[1] = colours[1] + share * pixel.high(pixel.red_green);

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "core/vec.h"
+#include "gaussian/splat_set.h"
 #include "surface/target_block.h"
 
 namespace pounce::views {
@@ -30,6 +31,15 @@ struct TileBounds {
   float last;    ///< the tile's last pixel
 };
 
+/// A tile from a Gaussian's point of view.
+struct TileView {
+  TileBounds bounds;
+  Vec3f right, down, forward;  ///< unit
+  float per_pixel, depth_per_pixel;
+  float fine, footprint;  ///< in squared pixels
+  bool antialiased;       ///< trained with opacity x sqrt(det / det')
+};
+
 /// A view from a texel's point of view.
 struct PlaceFrame {
   Vec3f right, down;  ///< per pixel
@@ -45,6 +55,11 @@ struct ViewKernels {
   /// Which of sixteen spheres may meet the tile: a bit each.
   unsigned (*meet)(const float* x, const float* y, const float* z, const float* radius,
                    const TileBounds& bounds);
+  /// What the tile shows of those of `met` (a bit each) among the sixteen Gaussians from `first`
+  /// on: writes one ellipse after the other, all of it but order and colour, the depth in pixels
+  /// from the view's middle. Returns which are shown.
+  unsigned (*show)(const gaussian::SplatSet& set, std::size_t first, unsigned met,
+                   const TileView& view, Ellipse* out);
   /// Composites ellipses in their order behind what is there. False: nothing behind them will show.
   bool (*draw)(std::span<const Ellipse* const> ellipses, Canvas& canvas);
   /// Where packets of texels lie in a view; adds to `sights` how much they face it. Of packets that

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 
 namespace pounce::views {
@@ -17,13 +18,28 @@ struct Corner {
   double x, y, depth;
 };
 
+/// Beyond every pixel.
+constexpr double kFar = 1e9;
+/// As std::ceil() and std::floor(), which are calls, of what may be a pixel. What is no number
+/// bounds nothing.
+double ceil_of(double v) {
+  v = v > -kFar ? v : -kFar;
+  const auto whole = static_cast<double>(static_cast<std::int64_t>(v < kFar ? v : kFar));
+  return whole < v ? whole + 1 : whole;
+}
+double floor_of(double v) {
+  v = v < kFar ? v : kFar;
+  const auto whole = static_cast<double>(static_cast<std::int64_t>(v > -kFar ? v : -kFar));
+  return whole > v ? whole - 1 : whole;
+}
+
 void draw(const std::array<Corner, 3>& corners, TargetDepths& out) {
   const Corner &a = corners[0], &b = corners[1], &c = corners[2];
   const double last = out.row - 1.0, last_y = static_cast<double>(out.samples.size() / out.row) - 1;
-  const double x0 = std::max(std::ceil(std::min({a.x, b.x, c.x})), 0.0),
-               x1 = std::min(std::floor(std::max({a.x, b.x, c.x})), last),
-               y0 = std::max(std::ceil(std::min({a.y, b.y, c.y})), 0.0),
-               y1 = std::min(std::floor(std::max({a.y, b.y, c.y})), last_y);
+  const double x0 = std::max(ceil_of(std::min({a.x, b.x, c.x})), 0.0),
+               x1 = std::min(floor_of(std::max({a.x, b.x, c.x})), last),
+               y0 = std::max(ceil_of(std::min({a.y, b.y, c.y})), 0.0),
+               y1 = std::min(floor_of(std::max({a.y, b.y, c.y})), last_y);
   if (!(x0 <= x1 && y0 <= y1)) return;
   const double area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
   if (!(std::abs(area) > 0)) return;
@@ -59,8 +75,8 @@ void draw(const std::array<Corner, 3>& corners, TargetDepths& out) {
     const double down = y - a.y;
     for (const Edge& edge : edges) {
       const double zero = edge.x + edge.per_y * down;
-      if (edge.rises > 0) low = std::max(low, std::ceil(zero));
-      if (edge.rises < 0) high = std::min(high, std::floor(zero));
+      if (edge.rises > 0) low = std::max(low, ceil_of(zero));
+      if (edge.rises < 0) high = std::min(high, floor_of(zero));
       if (edge.rises == 0 && edge.share + edge.share_y * down < -kOutside) high = low - 1;
     }
     if (!(low <= high)) continue;

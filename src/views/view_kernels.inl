@@ -7,8 +7,10 @@
 #include <immintrin.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 #include "surface/target_block.h"
@@ -54,6 +56,13 @@ struct Waiting {
   std::uint32_t count[kAllAsked] = {};
 };
 
+/// Ellipses lie where they were found, not in their order.
+constexpr std::uint32_t kAhead = 8;
+inline void prefetch(const Ellipse& e) {
+  __builtin_prefetch(&e);
+  __builtin_prefetch(reinterpret_cast<const char*>(&e + 1) - 1);
+}
+
 /// What waits for a block is composited behind what is there. False: nothing behind it will show.
 bool blend_waiting(std::span<const Ellipse* const> ellipses, const BlockPixels& pixels, int block,
                    Waiting& waiting, Canvas& canvas) {
@@ -70,6 +79,7 @@ bool blend_waiting(std::span<const Ellipse* const> ellipses, const BlockPixels& 
   // late.
   for (std::uint32_t i = 0; i < count && open; ++i) {
     const Ellipse& e = *ellipses[waiting.ellipse[block][i]];
+    prefetch(*ellipses[waiting.ellipse[block][std::min(i + kAhead, count - 1)]]);
     const Floats dx = x - e.x, dy = y - e.y;
     const Floats q = (e.xx * dx + (2 * e.xy) * dy) * dx + e.yy * (dy * dy);
     Ints ok = (q <= e.cut_off) & (through >= kLeastThrough);
@@ -150,6 +160,7 @@ bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
   };
   for (std::uint32_t i = 0; i < ellipses.size() && left > 0; ++i) {
     const Ellipse& e = *ellipses[i];
+    prefetch(*ellipses[std::min<std::size_t>(i + kAhead, ellipses.size() - 1)]);
     constexpr float kLast = kStoredEdge - 1;
     const int end = static_cast<int>(std::min(e.y + e.reach_y, kLast)) / kBlock + 1;
     for (int by = static_cast<int>(std::max(e.y - e.reach_y, 0.0F)) / kBlock, top = -kLanes;
@@ -174,6 +185,7 @@ bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
   return left > 0;
 }
 
+#include "views/ellipse_lanes.inl"
 #include "views/gather_lanes.inl"
 
 unsigned meet(const float* x, const float* y, const float* z, const float* radius,
@@ -189,6 +201,6 @@ unsigned meet(const float* x, const float* y, const float* z, const float* radiu
 }  // namespace
 
 extern const ViewKernels kViewKernels;
-const ViewKernels kViewKernels{POUNCE_ISA_NAME, meet, draw, place, gather};
+const ViewKernels kViewKernels{POUNCE_ISA_NAME, meet, show, draw, place, gather};
 
 }  // namespace pounce::views::POUNCE_ISA_NAMESPACE
