@@ -55,10 +55,10 @@ struct Region {
   std::size_t find(std::size_t count) {
     if (kRegionPages - used_pages < count) return kRegionPages;
     first_free = next(false, first_free);
-    for (std::size_t start = first_free; start < kRegionPages;) {
-      const std::size_t end = next(true, start);
-      if (end - start >= count) return start;
-      start = next(false, end);
+    for (std::size_t first = first_free; first < kRegionPages;) {
+      const std::size_t end = next(true, first);
+      if (end - first >= count) return first;
+      first = next(false, end);
     }
     return kRegionPages;
   }

@@ -23,7 +23,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <utility>
+#include <span>
 
 #include "core/directions.h"
 
@@ -51,6 +51,33 @@ float nth_of(std::vector<float>& figures, std::size_t n) {
   const auto at = figures.begin() + static_cast<std::ptrdiff_t>(n);
   std::nth_element(figures.begin(), at, figures.end());
   return *at;
+}
+
+/// Where the least of these are, but for number `self`; of equal ones the first. There are more.
+std::array<std::size_t, kNeighbours> nearest(std::span<const float> squared, std::size_t self) {
+  std::array<std::size_t, kNeighbours> found;
+  std::size_t count = 0;
+  const auto add = [&](std::size_t i) {
+    std::size_t at = count < kNeighbours ? count++ : kNeighbours - 1;
+    for (; at > 0 && squared[i] < squared[found[at - 1]]; --at) found[at] = found[at - 1];
+    found[at] = i;
+  };
+  std::size_t i = 0;
+  for (; count < kNeighbours; ++i) {
+    if (i != self) add(i);
+  }
+  constexpr std::size_t kAtOnce = 16;  // hardly any of which is nearer, as a rule
+  for (; i < squared.size(); i += kAtOnce) {
+    const std::size_t end = std::min(i + kAtOnce, squared.size());
+    const float farthest = squared[found.back()];
+    bool any = false;
+    for (std::size_t j = i; j < end; ++j) any |= squared[j] < farthest;
+    if (!any) continue;
+    for (std::size_t j = i; j < end; ++j) {
+      if (j != self && squared[j] < squared[found.back()]) add(j);
+    }
+  }
+  return found;
 }
 
 /// Mean of the two middle ones.
@@ -159,25 +186,19 @@ void append_surface_noise(const store::SplatBlock& block, std::vector<float>& fi
   const std::size_t count = block.size();
   if (count <= kNeighbours) return;
   const std::size_t probes = std::min(count, kMostPerBlock);
-  std::vector<std::pair<float, std::uint32_t>> near(count);  // squared distance, index
+  std::vector<float> squared(count);
   for (std::size_t p = 0; p < probes; ++p) {
     const std::size_t at = p * count / probes;
     const store::Splat probe = block.splat(at);
     for (std::size_t i = 0; i < count; ++i) {
       const float dx = block.mean[0][i] - probe.mean.x, dy = block.mean[1][i] - probe.mean.y,
                   dz = block.mean[2][i] - probe.mean.z;
-      near[i] = {dx * dx + dy * dy + dz * dz, static_cast<std::uint32_t>(i)};
+      squared[i] = dx * dx + dy * dy + dz * dz;
     }
-    // Itself: below every squared distance, so that it is among the nearest even where others share
-    // its place, and exactly kNeighbours others remain.
-    near[at].first = -1;
-    std::nth_element(near.begin(), near.begin() + kNeighbours, near.end());
     const Vec3f normal = normal_of(probe);
     std::array<float, kNeighbours> offsets;
     std::size_t k = 0;
-    for (std::size_t i = 0; i <= kNeighbours; ++i) {
-      const std::uint32_t n = near[i].second;
-      if (n == at) continue;
+    for (const std::size_t n : nearest(squared, at)) {
       offsets[k++] = dot(
           Vec3f{block.mean[0][n], block.mean[1][n], block.mean[2][n]} + probe.mean * -1.0F, normal);
     }

@@ -7,7 +7,8 @@
 // Runs are merged in groups of neighbours, which keeps that order; two runs that are not neighbours
 // must never be merged before what is between them.
 //
-// Runs are scratch: they are read once and soon. They are not compressed, and keys are not stored,
+// A scene that is little of the budget is one run, or a few, that stay in memory. Else runs are
+// scratch: they are read once and soon. They are not compressed, and keys are not stored,
 // since the lattice computes them again from what was spilled.
 #include "sorting/splat_sort.h"
 
@@ -36,6 +37,13 @@ constexpr std::uint64_t kNoKey = std::numeric_limits<std::uint64_t>::max();
 /// Of a Gaussian with a normal.
 constexpr std::size_t record_bytes(std::uint32_t lobes) {
   return sizeof(Splat) + store::lobe_bytes(lobes);
+}
+
+/// The order by key is random in memory, and a run is usually larger than the processor's caches. A
+/// Gaussian may span two cache lines, so both ends are fetched.
+void prefetch(const Splat& splat) {
+  __builtin_prefetch(&splat);
+  __builtin_prefetch(reinterpret_cast<const std::byte*>(&splat + 1) - 1);
 }
 
 constexpr int kDigitBits = 11;
@@ -146,11 +154,7 @@ SplatRun SplatRunWriter::write(const store::SplatRows& rows, std::span<const Key
   SplatRun run;
   Chunk chunk(*this, run);
   for (std::size_t i = 0; i < order.size(); ++i) {
-    // The order by key is random in memory, and a run is usually larger than the processor's
-    // caches. A Gaussian may span two cache lines, so both ends are fetched.
-    const Splat* const ahead = &splats[order[std::min(i + kAhead, order.size() - 1)].index];
-    __builtin_prefetch(ahead);
-    __builtin_prefetch(reinterpret_cast<const std::byte*>(ahead + 1) - 1);
+    prefetch(splats[order[std::min(i + kAhead, order.size() - 1)].index]);
     chunk.add(splats[order[i].index], rows.sh.data() + order[i].index * halves);
   }
   chunk.flush();
@@ -181,7 +185,7 @@ std::shared_ptr<store::PackReader> SplatRunWriter::finish() {
 /// Where a merge stands in one run.
 struct SplatMerge::Cursor {
   const SplatRun* run = nullptr;
-  std::size_t next_chunk = 0;
+  std::size_t next = 0;  ///< chunk, or of the order of a run in memory
   std::size_t at = 0;
   PageVector<Splat> splats;
   PageVector<std::uint16_t> sh;
@@ -212,8 +216,9 @@ SplatMerge::~SplatMerge() = default;
 void SplatMerge::refill(Cursor& cursor) {
   cursor.at = 0;
   cursor.keys.clear();
-  if (cursor.next_chunk == cursor.run->chunks.size()) return;
-  pack_->read(cursor.run->chunks[cursor.next_chunk++], store::ChunkKind::block, chunk_);
+  if (cursor.run->held) return refill(*cursor.run->held, cursor);
+  if (cursor.next == cursor.run->chunks.size()) return;
+  pack_->read(cursor.run->chunks[cursor.next++], store::ChunkKind::block, chunk_);
   ByteReader in(chunk_, pack_->name() + ": run");
   // Checked although the file is the process's own: a disk may return other bytes than were
   // written.
@@ -235,6 +240,24 @@ void SplatMerge::refill(Cursor& cursor) {
   }
   cursor.sh.resize(count * 3 * lobes_);
   if (lobes_ > 0) in.get_span(std::span(cursor.sh));
+}
+
+void SplatMerge::refill(const SortedSplats& held, Cursor& cursor) {
+  const std::span order =
+      std::span(held.order)
+          .subspan(cursor.next, std::min(kRunChunk, held.order.size() - cursor.next));
+  cursor.next += order.size();
+  cursor.splats.clear();
+  cursor.sh.clear();
+  const std::size_t halves = std::size_t{3} * lobes_;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    prefetch(held.rows.splats[order[std::min(i + kAhead, order.size() - 1)].index]);
+    const KeyedSplat& own = order[i];
+    cursor.keys.push_back(own.key);
+    cursor.splats.push_back(held.rows.splats[own.index]);
+    const auto sh = held.rows.sh.begin() + static_cast<std::ptrdiff_t>(own.index * halves);
+    cursor.sh.insert(cursor.sh.end(), sh, sh + static_cast<std::ptrdiff_t>(halves));
+  }
 }
 
 /// Takes a cursor up the tree of losers: each inner node keeps the one that lost there.

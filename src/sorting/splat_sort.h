@@ -15,25 +15,33 @@
 
 namespace pounce::sorting {
 
-/// Gaussians in the order of their keys, in chunks of a scratch pack.
+struct KeyedSplat {
+  std::uint64_t key;
+  std::uint32_t index;
+};
+
+/// Gaussians and the order of their keys, in memory.
+struct SortedSplats {
+  store::SplatRows rows;
+  PageVector<KeyedSplat> order;  ///< of some of the rows
+};
+
+/// Gaussians in the order of their keys, in chunks of a scratch pack or in memory.
 struct SplatRun {
   std::vector<store::ChunkRef> chunks;
+  std::shared_ptr<const SortedSplats> held;  ///< instead of chunks
   std::uint64_t splats = 0;
 };
 
 /// Runs in the order of the file they came from: a Gaussian of an earlier run goes before one of a
 /// later run that has the same key.
 struct SplatRuns {
-  std::shared_ptr<store::PackReader> pack;
+  std::shared_ptr<store::PackReader> pack;  ///< none: all are in memory
   std::vector<SplatRun> runs;
   std::uint64_t splats() const;
   std::uint64_t size_bytes() const;  ///< memory of the lists of chunks
 };
 
-struct KeyedSplat {
-  std::uint64_t key;
-  std::uint32_t index;
-};
 /// Stable. `scratch` takes as much memory as `splats`.
 void sort_by_key(PageVector<KeyedSplat>& splats, PageVector<KeyedSplat>& scratch);
 
@@ -70,12 +78,13 @@ class SplatMerge {
   ~SplatMerge();
   /// Appends the next Gaussian and tells its key; false at the end.
   bool next(store::SplatRows& out, std::uint64_t& key);
-  /// Memory per run that is merged at once.
+  /// Memory per run that is merged at once, beside what a run in memory holds.
   static std::uint64_t cursor_bytes(std::uint32_t lobes);
 
  private:
   struct Cursor;
   void refill(Cursor& cursor);
+  void refill(const SortedSplats& held, Cursor& cursor);
   void replay(std::size_t leaf);
 
   const store::SplatLattice& lattice_;

@@ -21,17 +21,20 @@
 #include <algorithm>
 #include <bit>
 #include <filesystem>
+#include <optional>
 #include <utility>
 
 #include "gaussian/gaussian_source.h"
 #include "gaussian/splat_statistics.h"
 #include "runtime/pump.h"
+#include "sorting/block_cutter.h"
 #include "sorting/splat_sort.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::flow {
 namespace {
 
+using sorting::BlockCutter;
 using sorting::KeyedSplat;
 using sorting::SplatMerge;
 using sorting::SplatRun;
@@ -68,13 +71,6 @@ std::uint64_t token_bytes(std::uint32_t lobes) {
          3 * SplatBlock::decoded_bytes(kMostSplatsPerBlock, true, lobes) + kScratch;
 }
 
-/// The merge's own: the Gaussians of two blocks and their keys, and a chunk of a run.
-std::uint64_t pending_bytes(std::uint32_t lobes) {
-  return 2 * round_to_pages(kMostSplatsPerBlock *
-                            (sizeof(Splat) + store::lobe_bytes(lobes) + sizeof(std::uint64_t))) +
-         SplatRunWriter::write_bytes(lobes);
-}
-
 class StoreBuilder {
  public:
   StoreBuilder(job::JobContext& job, const GaussianStoreRequest& request)
@@ -93,7 +89,7 @@ class StoreBuilder {
  private:
   SplatLattice make_lattice();
   SplatRuns make_runs(const SplatLattice& lattice);
-  SplatRun make_run(const SplatLattice& lattice, SplatRunWriter& writer, std::uint64_t first,
+  SplatRun make_run(const SplatLattice& lattice, SplatRunWriter* writer, std::uint64_t first,
                     std::uint64_t rows, store::SplatCounts& filtered);
   std::optional<store::SplatFilter> prepare(const SplatLattice& lattice, store::SplatRows& rows,
                                             std::size_t i) const;
@@ -104,6 +100,7 @@ class StoreBuilder {
   const gaussian::GaussianSource& source_;
   const std::uint32_t lobes_;
   store::SplatDirectory directory_;
+  runtime::Lease held_;  ///< of runs in memory
 };
 
 SplatLattice StoreBuilder::make_lattice() {
@@ -118,7 +115,8 @@ SplatLattice StoreBuilder::make_lattice() {
   return SplatLattice(sample);
 }
 
-SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& writer,
+/// Without a writer the run stays in memory.
+SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter* writer,
                                 std::uint64_t first, std::uint64_t rows,
                                 store::SplatCounts& filtered) {
   store::SplatRows read{lobes_, {}, {}};
@@ -137,7 +135,9 @@ SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter& wri
     order.push_back({lattice.key(read.splats[i]), static_cast<std::uint32_t>(i)});
   }
   sorting::sort_by_key(order, scratch);
-  return writer.write(read, order);
+  if (writer != nullptr) return writer->write(read, order);
+  const std::uint64_t kept = order.size();
+  return {{}, std::make_shared<sorting::SortedSplats>(std::move(read), std::move(order)), kept};
 }
 
 /// Rounds Gaussian i, or says why it is left out. What the user wants is compared unrounded.
@@ -171,14 +171,21 @@ SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
   const std::uint64_t count = (rows + run - 1) / run;
   const std::vector<std::uint64_t> costs(
       count, run_bytes(source_.read_bytes(), std::min(run, rows), lobes_));
-  SplatRunWriter writer(job_, lobes_);
+  // What is little of the budget stays in memory until it is merged.
+  const std::uint64_t held =
+      count * (run_bytes(0, std::min(run, rows), lobes_) - SplatRunWriter::write_bytes(lobes_));
+  std::optional<SplatRunWriter> writer;
+  if (held <= room / 4 && count <= kLeastFanIn && request_.run_splats == 0)
+    held_ = runtime::Lease(job_.budget, held, "sorting the Gaussians of " + request_.path);
+  else
+    writer.emplace(job_, lobes_);
   SplatRuns runs;
   runtime::run_ordered<Made>(
       job_.budget, costs, "sorting the Gaussians of " + request_.path,
       [&](std::size_t i) {
         const std::uint64_t first = i * run, here = std::min(run, rows - first);
         Made made;
-        made.run = make_run(lattice, writer, first, here, made.filtered);
+        made.run = make_run(lattice, writer ? &*writer : nullptr, first, here, made.filtered);
         return made;
       },
       [&](std::size_t i, Made& made) {
@@ -187,54 +194,9 @@ SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
           directory_.filtered[k] += made.filtered[k];
         job_.meter.advance(std::min(run, rows - i * run));
       });
-  runs.pack = writer.finish();
+  if (writer) runs.pack = writer->finish();
   return runs;
 }
-
-/// Blocks in order, cut from the merged sequence.
-class BlockCutter {
- public:
-  BlockCutter(SplatMerge& merge, std::uint32_t lobes) : merge_(merge), rows_{lobes, {}, {}} {
-    rows_.splats.reserve(2 * kMostSplatsPerBlock);
-    rows_.sh.reserve(2 * kMostSplatsPerBlock * halves());
-    keys_.reserve(2 * kMostSplatsPerBlock);
-  }
-
-  struct Cut {
-    std::uint64_t ordinal = 0;
-    std::uint64_t first_key = 0;
-    PageVector<Splat> splats;
-    PageVector<std::uint16_t> sh;
-  };
-  /// False at the end.
-  bool next(Cut& cut) {
-    std::uint64_t key;
-    // One more than a block holds shows that the sequence goes on. The cut leaves its rest for the
-    // next block, so up to two blocks are held.
-    while (keys_.size() <= kMostSplatsPerBlock && merge_.next(rows_, key)) keys_.push_back(key);
-    if (keys_.empty()) return false;
-    const bool ended = keys_.size() <= kMostSplatsPerBlock;
-    const std::size_t count = store::splat_cut(keys_, kMostSplatsPerBlock, ended);
-    cut.ordinal = next_++;
-    cut.first_key = keys_.front();
-    const auto end = static_cast<std::ptrdiff_t>(count);
-    const auto sh_end = static_cast<std::ptrdiff_t>(count * halves());
-    cut.splats.assign(rows_.splats.begin(), rows_.splats.begin() + end);
-    cut.sh.assign(rows_.sh.begin(), rows_.sh.begin() + sh_end);
-    rows_.splats.erase(rows_.splats.begin(), rows_.splats.begin() + end);
-    rows_.sh.erase(rows_.sh.begin(), rows_.sh.begin() + sh_end);
-    keys_.erase(keys_.begin(), keys_.begin() + end);
-    return true;
-  }
-
- private:
-  std::size_t halves() const { return std::size_t{3} * rows_.lobes; }
-
-  SplatMerge& merge_;
-  store::SplatRows rows_;  ///< merged, not cut yet
-  PageVector<std::uint64_t> keys_;
-  std::uint64_t next_ = 0;
-};
 
 /// A block on its way from the merge to the pack. Slots are used in turn and keep their memory.
 struct Slot {
@@ -264,7 +226,8 @@ void encode_block(job::JobContext& job, std::uint32_t lobes, bool fades, Slot& s
   for (const Splat& s : slot.cut.splats) slot.entry.box.extend(store::splat_box(s));
   slot.block.assign(slot.cut.splats, lobes, slot.cut.sh);
   store::encode(slot.block, slot.raw);
-  job.compressor().compress(slot.raw, slot.stored);
+  job.compressor().compress(slot.raw, slot.stored,
+                            job.stores->persistent() ? store::kZstdLevel : store::kScratchLevel);
   slot.noise.clear();
   if (asked_for_noise(slot.cut.ordinal, noise_step_log2(slot.cut.ordinal)))
     gaussian::append_surface_noise(slot.block, slot.noise);
@@ -277,7 +240,7 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   // Where little is left, the lease below says what is missing.
   const auto less = [](std::uint64_t a, std::uint64_t b) { return a > b ? a - b : 0; };
   const std::uint64_t room =
-      less(job_.budget.limit(), job_.budget.leased() + pending_bytes(lobes_));
+      less(job_.budget.limit(), job_.budget.leased() + BlockCutter::most_bytes(lobes_));
   // At most half of what is left goes to blocks on their way, up to two per thread, the rest to
   // cursors of the merge. With too few cursors there are more rounds of merging, each of which
   // reads and writes all.
@@ -289,10 +252,10 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   if (request_.fan_in > 0) fan_in = request_.fan_in;
   fan_in = std::min(fan_in, std::max<std::size_t>(runs.runs.size(), 1));
   const runtime::Lease lease(job_.budget,
-                             pending_bytes(lobes_) + tokens * token_bytes(lobes_) +
+                             BlockCutter::most_bytes(lobes_) + tokens * token_bytes(lobes_) +
                                  fan_in * SplatMerge::cursor_bytes(lobes_),
                              "merging the Gaussians of " + request_.path);
-  runs = sorting::merge_to_fan_in(job_, lattice, lobes_, std::move(runs), fan_in);
+  if (runs.pack) runs = sorting::merge_to_fan_in(job_, lattice, lobes_, std::move(runs), fan_in);
 
   const bool fades = request_.fades == gaussian::FadeIsolated::of_all_scenes ||
                      (request_.fades == gaussian::FadeIsolated::of_made_scenes &&
@@ -377,7 +340,7 @@ std::uint64_t gaussian_store_least_bytes(std::uint64_t count, std::uint64_t read
                               count / kLeastRun * 2 * sizeof(SplatRun) + kPageBytes;
   return std::max({gaussian::kept_sample_bytes(count, read_bytes),
                    run_bytes(read_bytes, std::min(count, kLeastRun), lobes) + lists,
-                   lists + pending_bytes(lobes) + token_bytes(lobes) +
+                   lists + BlockCutter::most_bytes(lobes) + token_bytes(lobes) +
                        kLeastFanIn * SplatMerge::cursor_bytes(lobes)}) +
          (64 << 10);
 }
