@@ -69,29 +69,41 @@ std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> gr
   return places;
 }
 
-std::optional<Sight> sight_of(const Grid& grid, const SightLimits& limits,
-                              const SightPacket& packet, int lane) {
-  const bool is_clear = packet.clear.weight[lane] > 0;
-  const SightPacket::Sums& sums = is_clear ? packet.clear : packet.hidden;
-  if (sums.weight[lane] == 0) return std::nullopt;
-  const auto weight = static_cast<double>(sums.weight[lane]);
-  const double per_weight = 1 / weight;
-  const auto mean = [&](const auto& sum) { return static_cast<double>(sum[lane]) * per_weight; };
-  Sight out;
-  for (std::size_t c = 0; c < 3; ++c)
-    out.colour[c] = mean(sums.colour[c]) * (1 / double{kColourSteps});
-  out.alpha = mean(sums.alpha) * (1 / double{kAlphaSteps});
-  out.distance = mean(sums.away) * double{grid.depth_step()};
+Sights sights_of(const Grid& grid, const SightLimits& limits, const SightPacket& packet) {
+  // Lane by lane in loops that become vectors.
+  const auto sums = [&](const auto& member, int lane) {
+    return static_cast<double>(packet.clear.weight[lane] > 0 ? (packet.clear.*member)[lane]
+                                                             : (packet.hidden.*member)[lane]);
+  };
+  double weight[kLanes], per_weight[kLanes], confidence[kLanes];
+  for (int i = 0; i < kLanes; ++i) {
+    weight[i] = sums(&SightPacket::Sums::weight, i);
+    per_weight[i] = 1 / std::max(weight[i], 1.0);
+  }
   // How much of what might see it does, how near the scene is to where it should be, and how far
   // its views agree. What is seen at all is a colour of the scene.
   constexpr double kLeast = 0.1, kUnlike = 0.05;
-  const double seen = std::min(weight / static_cast<double>(packet.facing[lane]), 1.0);
-  const double off = mean(sums.off) / double{limits.hidden};
-  const double luma = mean(sums.luma),
-               unlike = std::max(mean(sums.luma_squares) - luma * luma, 0.0) /
-                        (kUnlike * kUnlike * double{kLumaSteps} * double{kLumaSteps});
-  out.confidence =
-      kLeast + (1 - kLeast) * (is_clear ? 1.0 : 0.25) * seen / ((1 + 4 * off * off) * (1 + unlike));
+  constexpr double kSquare = kUnlike * kUnlike * double{kLumaSteps} * double{kLumaSteps};
+  for (int i = 0; i < kLanes; ++i) {
+    const double seen = std::min(weight[i] / std::max<double>(packet.facing[i], 1), 1.0);
+    const double off = sums(&SightPacket::Sums::off, i) * per_weight[i] / double{limits.hidden};
+    const double luma = sums(&SightPacket::Sums::luma, i) * per_weight[i],
+                 squares = sums(&SightPacket::Sums::luma_squares, i) * per_weight[i],
+                 unlike = std::max(squares - luma * luma, 0.0) / kSquare;
+    const double most = packet.clear.weight[i] > 0 ? 1.0 : 0.25;
+    confidence[i] = kLeast + (1 - kLeast) * most * seen / ((1 + 4 * off * off) * (1 + unlike));
+  }
+  Sights out;
+  for (int i = 0; i < kLanes; ++i) {
+    if (weight[i] == 0) continue;
+    Sight& sight = out[static_cast<std::size_t>(i)].emplace();
+    const SightPacket::Sums& own = packet.clear.weight[i] > 0 ? packet.clear : packet.hidden;
+    for (std::size_t c = 0; c < 3; ++c)
+      sight.colour[c] = own.colour[c][i] * per_weight[i] * (1 / double{kColourSteps});
+    sight.alpha = own.alpha[i] * per_weight[i] * (1 / double{kAlphaSteps});
+    sight.distance = own.away[i] * per_weight[i] * double{grid.depth_step()};
+    sight.confidence = confidence[i];
+  }
   return out;
 }
 

@@ -102,8 +102,8 @@ struct Sight {
   double distance = 0;    ///< of the scene from the texel along its normal, in space
   double confidence = 0;  ///< 0..1
 };
-/// Nothing where no view sees it.
-std::optional<Sight> sight_of(const Grid& grid, const SightLimits& limits,
-                              const SightPacket& packet, int lane);
+/// Of a packet, lane by lane: nothing where no view sees the texel.
+using Sights = std::array<std::optional<Sight>, kLanes>;
+Sights sights_of(const Grid& grid, const SightLimits& limits, const SightPacket& packet);
 
 }  // namespace pounce::views

@@ -55,20 +55,35 @@ void place(const PlaceFrame& f, std::span<const surface::TexelPacket> packets,
   }
 }
 
-/// The tile's samples of one pixel for each of sixteen lanes.
+/// The tile's samples of one pixel for each of sixteen lanes: colours and alpha of a lane together.
 struct PixelLanes {
-  alignas(64) std::int32_t red_green[kLanes], blue_alpha[kLanes], depth[kLanes];
+  alignas(64) std::int64_t colours[kLanes];
+  alignas(64) std::int32_t depth[kLanes];
 
   void set(int lane, const std::uint16_t* s) {
-    std::memcpy(&red_green[lane], s, sizeof red_green[lane]);
-    std::memcpy(&blue_alpha[lane], s + 2, sizeof blue_alpha[lane]);
+    static_assert(sizeof colours[0] == 4 * sizeof *s);
+    std::memcpy(&colours[lane], s, sizeof colours[lane]);
     depth[lane] = s[4];
   }
-  static Floats low(const std::int32_t (&pairs)[kLanes]) {
-    return to_float(load(pairs) & all(0xFFFF));
+  /// Red and green, or blue and alpha, of each lane.
+  template <int half, int... lane>
+  Ints pairs(std::integer_sequence<int, lane...>) const {
+    Ints out;
+    for (int p = 0; p < kParts; ++p) {
+      IntRegister low, high;
+      std::memcpy(&low, colours + p * kWidth, sizeof low);
+      std::memcpy(&high, colours + p * kWidth + kWidth / 2, sizeof high);
+      out.part[p] = __builtin_shufflevector(low, high, (2 * lane + half)...);
+    }
+    return out;
   }
-  static Floats high(const std::int32_t (&pairs)[kLanes]) {
-    return to_float(each([](IntRegister x) { return x >> 16; }, load(pairs)) & all(0xFFFF));
+  template <int half>
+  Ints pairs() const {
+    return pairs<half>(std::make_integer_sequence<int, kWidth>());
+  }
+  static Floats low(const Ints& pairs) { return to_float(pairs & all(0xFFFF)); }
+  static Floats high(const Ints& pairs) {
+    return to_float(each([](IntRegister x) { return x >> 16; }, pairs) & all(0xFFFF));
   }
 };
 
@@ -120,10 +135,11 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
   }
   for (int i = 0; i < 4; ++i) {
     const PixelLanes& pixel = pixels[i];
-    const Floats share = shares[i] * pixel.high(pixel.blue_alpha);
-    colours[0] = colours[0] + share * pixel.low(pixel.red_green);
-    colours[1] = colours[1] + share * pixel.high(pixel.red_green);
-    colours[2] = colours[2] + share * pixel.low(pixel.blue_alpha);
+    const Ints red_green = pixel.pairs<0>(), blue_alpha = pixel.pairs<1>();
+    const Floats share = shares[i] * pixel.high(blue_alpha);
+    colours[0] = colours[0] + share * pixel.low(red_green);
+    colours[1] = colours[1] + share * pixel.high(red_green);
+    colours[2] = colours[2] + share * pixel.low(blue_alpha);
     alpha = alpha + share;
     const Ints is_there = load(pixel.depth) < kNoDepth;
     const Floats scene = to_float(load(pixel.depth)), nearer = depth - scene;

@@ -55,11 +55,15 @@ void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work
   }
 }
 
-std::optional<projection::SplatFinding> finding(const SceneViews& views, const AroundWork& work,
-                                                std::size_t packet, int lane) {
-  const auto sight = views::sight_of(views.grid, views.limits, work.sights[packet], lane);
-  if (!sight) return std::nullopt;
-  return projection::SplatFinding{sight->colour, sight->alpha, sight->distance, sight->confidence};
+projection::SplatFindings findings(const SceneViews& views, const AroundWork& work,
+                                   std::size_t packet) {
+  projection::SplatFindings out;
+  const views::Sights sights = views::sights_of(views.grid, views.limits, work.sights[packet]);
+  for (std::size_t lane = 0; lane < out.size(); ++lane) {
+    if (const auto& sight = sights[lane])
+      out[lane] = {sight->colour, sight->alpha, sight->distance, sight->confidence};
+  }
+  return out;
 }
 
 }  // namespace pounce::flow

@@ -3,8 +3,8 @@
 // The texels of a piece in the views of a scene: what of them is seen, and what is left for rays.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -27,8 +27,8 @@ struct AroundWork {
 /// Looks the packets up in all views: tile by tile, each of which is read once for all of them.
 void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work);
 
-/// What a texel has seen; nothing where no view sees it.
-std::optional<projection::SplatFinding> finding(const SceneViews& views, const AroundWork& work,
-                                                std::size_t packet, int lane);
+/// What a packet's texels have seen; nothing where no view sees them.
+projection::SplatFindings findings(const SceneViews& views, const AroundWork& work,
+                                   std::size_t packet);
 
 }  // namespace pounce::flow

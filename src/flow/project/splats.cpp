@@ -16,6 +16,7 @@
 // integers, so batches may be cut anywhere.
 #include "flow/project/splats.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <tuple>
@@ -98,31 +99,41 @@ class SplatMethod : public Base {
   }
 
   void blend(Work& work) const {
+    // Packet by packet, channel by channel.
+    std::size_t of_packet = std::max(work.packets, work.state.packets.size());
     projection::SplatFindings found;
-    std::size_t of_packet = work.state.packets.size();
-    const auto along_normal = [&](std::size_t p, int lane) {
-      if (p != of_packet) found = projection::findings(request_.limits, work.state, p);
-      of_packet = p;
-      return found[static_cast<std::size_t>(lane)];
-    };
     const auto blend = [&](std::span<const surface::TexelPacket> packets, const auto& find) {
       blend_blocks(
           work, packets,
           [&](std::size_t c, std::size_t p, int lane) -> std::optional<shading::TexelValue> {
-            const std::optional<projection::SplatFinding> finding = find(p, lane);
+            if (p != of_packet) found = find(p);
+            of_packet = p;
+            const auto& finding = found[static_cast<std::size_t>(lane)];
             if (!finding) return std::nullopt;
             if (c == 0) count(finding->distance, work);
             return value(request_.outputs[c], *finding);
           });
     };
-    if (request_.views == nullptr) return blend(work.state.packets, along_normal);
-    blend(work.around.packets,
-          [&](std::size_t p, int lane) -> std::optional<projection::SplatFinding> {
-            const auto seen = finding(*request_.views, work.around, p, lane);
-            if (!seen) return along_normal(work.around.ray[p], lane);
-            if (seen->confidence < request_.limits.least_confidence) return std::nullopt;
-            return seen;
-          });
+    const auto along_normals = [&](std::size_t p) {
+      return projection::findings(request_.limits, work.state, p);
+    };
+    if (request_.views == nullptr) return blend(work.state.packets, along_normals);
+    blend(work.around.packets, [&](std::size_t p) {
+      const auto& texels = work.around.packets[p].texel;
+      projection::SplatFindings seen = findings(*request_.views, work.around, p), ray;
+      bool has_ray = false;
+      for (std::size_t lane = 0; lane < seen.size(); ++lane) {
+        if (texels[lane] == surface::kNoTexel) continue;
+        if (seen[lane]) {
+          if (seen[lane]->confidence < request_.limits.least_confidence) seen[lane].reset();
+          continue;
+        }
+        if (!has_ray) ray = along_normals(work.around.ray[p]);
+        has_ray = true;
+        seen[lane] = ray[lane];
+      }
+      return seen;
+    });
   }
 
   /// A work of places instead of texels; the rays of each need blocks of their own.

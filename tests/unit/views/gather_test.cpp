@@ -74,7 +74,7 @@ TEST_CASE("a texel has the colour between four pixels", "[views]") {
   tiles.at(10, 21, 1) = 6000;
   SightPacket sight{};
   look(packet, tiles, sight);
-  const auto found = sight_of(grid(), kLimits, sight, 0);
+  const auto found = sights_of(grid(), kLimits, sight)[0];
   REQUIRE(found);
   CHECK(found->colour[0] * 8191 == Approx(1000 + 4000 * 0.25 * 0.5).margin(3));
   CHECK(found->colour[1] * 8191 == Approx(2000 + 4000 * 0.75 * 0.5).margin(6));
@@ -83,7 +83,8 @@ TEST_CASE("a texel has the colour between four pixels", "[views]") {
   CHECK(found->distance == Approx(0).margin(grid().depth_step()));
   CHECK(sight.clear.weight[0] == 163);  // 0.64 * 255
   CHECK(sight.facing[0] == 163);
-  for (int lane = 1; lane < kLanes; ++lane) CHECK_FALSE(sight_of(grid(), kLimits, sight, lane));
+  for (int lane = 1; lane < kLanes; ++lane)
+    CHECK_FALSE(sights_of(grid(), kLimits, sight)[static_cast<std::size_t>(lane)]);
 }
 
 TEST_CASE("colours count by their alpha, and half of it is asked for", "[views]") {
@@ -93,12 +94,12 @@ TEST_CASE("colours count by their alpha, and half of it is asked for", "[views]"
   tiles.at(11, 20, 3) = 21845;  // a third
   SightPacket sight{};
   look(packet, tiles, sight);
-  CHECK(sight_of(grid(), kLimits, sight, 0)->colour[0] * 8191 ==
+  CHECK(sights_of(grid(), kLimits, sight)[0]->colour[0] * 8191 ==
         Approx((3 * 1000 + 4000) / 4.0).margin(6));
-  CHECK(sight_of(grid(), kLimits, sight, 0)->alpha == Approx(2.0 / 3).margin(1e-3));
+  CHECK(sights_of(grid(), kLimits, sight)[0]->alpha == Approx(2.0 / 3).margin(1e-3));
   SightPacket faint{};
   look(packet, Tiles(kTile, kTile, {1000, 1000, 1000, 32000, kAt}, kAt), faint);
-  CHECK_FALSE(sight_of(grid(), kLimits, faint, 0));
+  CHECK_FALSE(sights_of(grid(), kLimits, faint)[0]);
   CHECK(faint.facing[0] == 255);
 }
 
@@ -107,7 +108,7 @@ TEST_CASE("what is not where the target is first met is not seen", "[views]") {
   const auto seen = [&](float depth, float cosine) {
     SightPacket sight{};
     look(texel(grid(), kView, kTile, 10, 20, depth, cosine), tiles, sight);
-    return sight_of(grid(), kLimits, sight, 0).has_value();
+    return sights_of(grid(), kLimits, sight)[0].has_value();
   };
   CHECK(seen(kAt + 98, 1));
   CHECK(seen(kAt - 98, 1));
@@ -119,13 +120,13 @@ TEST_CASE("what is not where the target is first met is not seen", "[views]") {
   SightPacket sight{};
   look(texel(grid(), kView, kTile, 10, 20, kAt, 1),
        Tiles(kTile, kTile, {1000, 1000, 1000, 65535, kAt}, kNoDepth), sight);
-  CHECK_FALSE(sight_of(grid(), kLimits, sight, 0));
+  CHECK_FALSE(sights_of(grid(), kLimits, sight)[0]);
   // Another tile's texels are left to it.
   look(texel(grid(), kView, kTile, 64, 20, kAt, 1), tiles, sight);
   look(texel(grid(), kView, kTile, -1, 20, kAt, 1), tiles, sight);
-  CHECK_FALSE(sight_of(grid(), kLimits, sight, 0));
+  CHECK_FALSE(sights_of(grid(), kLimits, sight)[0]);
   look(texel(grid(), kView, kTile, 63.5F, 20, kAt, 1), tiles, sight);
-  CHECK(sight_of(grid(), kLimits, sight, 0));
+  CHECK(sights_of(grid(), kLimits, sight)[0]);
 }
 
 TEST_CASE("a view that the scene hides counts where no other does", "[views]") {
@@ -134,12 +135,12 @@ TEST_CASE("a view that the scene hides counts where no other does", "[views]") {
       clear(kTile, kTile, {0, 4000, 0, 65535, kAt - 150}, kAt);
   SightPacket sight{};
   look(packet, hidden, sight);
-  const auto alone = sight_of(grid(), kLimits, sight, 0);
+  const auto alone = sights_of(grid(), kLimits, sight)[0];
   REQUIRE(alone);
   CHECK(alone->colour[0] * 8191 == Approx(4000).margin(1));
   CHECK(alone->distance == Approx(301 * grid().depth_step()).epsilon(0.01));
   look(packet, clear, sight);
-  const auto both = sight_of(grid(), kLimits, sight, 0);
+  const auto both = sights_of(grid(), kLimits, sight)[0];
   CHECK(both->colour[0] == 0);
   CHECK(both->colour[1] * 8191 == Approx(4000).margin(1));
   CHECK(both->distance == Approx(150 * grid().depth_step()).epsilon(0.01));
@@ -147,7 +148,7 @@ TEST_CASE("a view that the scene hides counts where no other does", "[views]") {
   CHECK(both->confidence > alone->confidence);
   SightPacket at_place{};
   look(packet, Tiles(kTile, kTile, {0, 4000, 0, 65535, kAt}, kAt), at_place);
-  CHECK(sight_of(grid(), kLimits, at_place, 0)->confidence == Approx(1));
+  CHECK(sights_of(grid(), kLimits, at_place)[0]->confidence == Approx(1));
 }
 
 TEST_CASE("views are weighed by the square of the cosine", "[views]") {
@@ -158,7 +159,7 @@ TEST_CASE("views are weighed by the square of the cosine", "[views]") {
   look(packet, red, sight);
   const TexelPacket aside = texel(grid(), kView, kTile, 10, 20, kAt, 0.5F);
   look(aside, blue, sight);
-  const auto found = sight_of(grid(), kLimits, sight, 0);
+  const auto found = sights_of(grid(), kLimits, sight)[0];
   CHECK(found->colour[0] * 8191 == Approx(8000 * 255.0 / (255 + 64)).margin(2));
   CHECK(found->colour[2] * 8191 == Approx(8000 * 64.0 / (255 + 64)).margin(2));
 }
@@ -169,7 +170,7 @@ TEST_CASE("views that disagree are trusted less", "[views]") {
     SightPacket sight{};
     for (const std::uint16_t grey : {first, second})
       look(packet, Tiles(kTile, kTile, {grey, grey, grey, 65535, kAt}, kAt), sight);
-    return sight_of(grid(), kLimits, sight, 0)->confidence;
+    return sights_of(grid(), kLimits, sight)[0]->confidence;
   };
   CHECK(seen(4000, 4000) == Approx(1));
   // Greys of 125 and 151 of 255: 13 from their mean.
