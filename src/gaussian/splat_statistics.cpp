@@ -66,17 +66,23 @@ std::array<std::size_t, kNeighbours> nearest(std::span<const float> squared, std
   for (; count < kNeighbours; ++i) {
     if (i != self) add(i);
   }
+  const auto add_near = [&](std::size_t end) {
+    for (; i < end; ++i) {
+      if (i != self && squared[i] < squared[found.back()]) add(i);
+    }
+  };
   constexpr std::size_t kAtOnce = 16;  // hardly any of which is nearer, as a rule
-  for (; i < squared.size(); i += kAtOnce) {
-    const std::size_t end = std::min(i + kAtOnce, squared.size());
+  while (i + kAtOnce <= squared.size()) {
     const float farthest = squared[found.back()];
-    bool any = false;
-    for (std::size_t j = i; j < end; ++j) any |= squared[j] < farthest;
-    if (!any) continue;
-    for (std::size_t j = i; j < end; ++j) {
-      if (j != self && squared[j] < squared[found.back()]) add(j);
+    std::int32_t nearer = 0;
+    for (std::size_t j = 0; j < kAtOnce; ++j) nearer += squared[i + j] < farthest ? 1 : 0;
+    if (nearer > 0) {
+      add_near(i + kAtOnce);
+    } else {
+      i += kAtOnce;
     }
   }
+  add_near(squared.size());
   return found;
 }
 
