@@ -36,6 +36,7 @@ namespace {
 
 using sorting::BlockCutter;
 using sorting::KeyedSplat;
+using sorting::SortedSplats;
 using sorting::SplatMerge;
 using sorting::SplatRun;
 using sorting::SplatRuns;
@@ -137,7 +138,8 @@ SplatRun StoreBuilder::make_run(const SplatLattice& lattice, SplatRunWriter* wri
   sorting::sort_by_key(order, scratch);
   if (writer != nullptr) return writer->write(read, order);
   const std::uint64_t kept = order.size();
-  return {{}, std::make_shared<sorting::SortedSplats>(std::move(read), std::move(order)), kept};
+  return {
+      {}, std::make_shared<SortedSplats>(SortedSplats{std::move(read), std::move(order)}), kept};
 }
 
 /// Rounds Gaussian i, or says why it is left out. What the user wants is compared unrounded.
