@@ -186,10 +186,13 @@ class SplatMethodBase {
     return request_.packet_bytes(packets) + request_.profile_bytes(packets) +
            request_.beside_bytes(packets) + result_bytes(result_texel_bytes(), channels());
   }
-  /// Is there so much memory that pieces may cost what they cost at most?
+  /// Are pieces so small, in themselves and beside the budget, that they may cost what they cost at
+  /// most?
   bool is_roomy() const {
-    return kPieceSize.most_blocks * block_state_bytes(most_packets()) <=
-           job_->budget.limit() / (8 * std::uint64_t{std::max(job_->threads, 1U)});
+    constexpr std::uint64_t kSmall = 24 << 20;
+    const std::uint64_t most = kPieceSize.most_blocks * block_state_bytes(most_packets());
+    return most <= kSmall &&
+           most <= job_->budget.limit() / (8 * std::uint64_t{std::max(job_->threads, 1U)});
   }
   /// Of a block: 256 where it is full and no charts meet, while there may be 448. To make them
   /// twice costs 30 ns per texel, a twentieth of what it takes to blend one.
