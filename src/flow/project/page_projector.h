@@ -155,7 +155,8 @@ class PageProjector final : public Projection {
     if (!work.begun) {
       method_.begin(work);
       if constexpr (Method::kPieceSize.settles) {
-        const std::uint64_t most = cut.pieces.costs[work.index] + cut.more_bytes;
+        const std::uint64_t most =
+            std::max(cut.pieces.costs[work.index] + cut.more_bytes, cut.share_bytes);
         method_.settle(work, resize(work, method_.wanted_bytes(work, most)));
       }
     }

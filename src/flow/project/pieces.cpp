@@ -78,6 +78,7 @@ CutTarget cut_target(job::JobContext& job, const store::GeometryStore& target,
   // A piece that settles is admitted with the least batch. What it lacks of a full one may be added
   // when its texels are known (docs/decisions/046-splat-leases.md), so it is no part of its cost.
   cut.more_bytes = most.settles ? cut.batch_bytes - least_batch : 0;
+  cut.share_bytes = share;
   const std::uint64_t taken = fixed + cut.batch_bytes;
   std::uint64_t blocks = 0;
   for (const store::TileEntry& tile : target.directory().tiles) blocks += tile.blocks;

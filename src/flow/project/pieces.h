@@ -43,8 +43,9 @@ struct CutTarget {
   /// Of a piece's lease: for the source blocks it searches at once. Where pieces settle, what most
   /// of them may have: their costs hold the least.
   std::uint64_t batch_bytes = 0;
-  std::uint64_t more_bytes = 0;  ///< what a piece may have beyond its cost, once it settles
-  runtime::Lease index;          ///< of the list itself
+  std::uint64_t more_bytes = 0;   ///< what a piece may have beyond its cost, once it settles
+  std::uint64_t share_bytes = 0;  ///< what it may have in any case: its share of the budget
+  runtime::Lease index;           ///< of the list itself
 };
 /// How large pieces are made where the budget holds larger ones, too.
 struct PieceSize {
