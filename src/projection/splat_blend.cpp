@@ -130,8 +130,7 @@ void for_packets(SplatSets sets, const SplatLimits& limits, const SplatKernels& 
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p)
       footprint = std::max(footprint, state.depths[p * looks].footprint);
     candidates.clear();
-    for (const gaussian::SplatSet* set : sets)
-      kernels.gather(*set, all, limits.reach, footprint, candidates);
+    kernels.gather(sets, all, limits.reach, footprint, candidates);
     for_looks(limits, state, group.first, group.first + group.count, [&](const Look& look) {
       go_on();
       use(look, candidates);
@@ -405,7 +404,7 @@ void add_batch(SplatSets sets, const RayLimits& limits, const SplatKernels& kern
     const surface::PacketGroup& group = state.groups[g];
     const RayBundle all = unite(std::span(state.bundles.data() + group.first, group.count));
     candidates.clear();
-    for (const gaussian::SplatSet* set : sets) kernels.gather(*set, all, height, 0, candidates);
+    kernels.gather(sets, all, height, 0, candidates);
     for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
       if (!is_open(state.sums[p])) continue;
       go_on();

@@ -51,8 +51,9 @@ constexpr float kReachOverAnchor = 3;  // where the target is thought to lie, in
 // Which Gaussians the rays of a bundle may meet: by their spheres, then by their ellipses.
 
 /// RayBundle::may_meet for sixteen spheres: a bit each.
-unsigned meet(const float* x, const float* y, const float* z, const float* radius,
-              const RayBundle& bundle, float height) {
+[[gnu::always_inline]] inline unsigned meet(const float* x, const float* y, const float* z,
+                                            const float* radius, const RayBundle& bundle,
+                                            float height) {
   const Vec3f o = bundle.origin, d = bundle.direction;
   const Floats reach = (load(radius) + (bundle.offset + height * bundle.spread)) * 1.00001F;
   const Floats vx = load(x) - o.x, vy = load(y) - o.y, vz = load(z) - o.z;
@@ -61,8 +62,8 @@ unsigned meet(const float* x, const float* y, const float* z, const float* radiu
   return bits((cx * cx + cy * cy + cz * cz <= reach * reach) & (along <= height + reach));
 }
 
-unsigned meet(const gaussian::SplatSpheres& spheres, std::size_t i, const RayBundle& bundle,
-              float height) {
+[[gnu::always_inline]] inline unsigned meet(const gaussian::SplatSpheres& spheres, std::size_t i,
+                                            const RayBundle& bundle, float height) {
   const unsigned found = meet(&spheres.centre[0][i], &spheres.centre[1][i], &spheres.centre[2][i],
                               &spheres.radius[i], bundle, height);
   const std::size_t left = spheres.count - i;
@@ -138,11 +139,8 @@ class EllipseSight {
   bool sees_all_ = false;
 };
 
-void gather(const gaussian::SplatSet& set, const RayBundle& bundle, float height, float footprint,
-            SplatCandidates& out) {
-  RayBundle spheres = bundle;
-  spheres.offset += gaussian::kSplatCutOff * std::sqrt(footprint) * 1.0001F;
-  const EllipseSight sight(bundle, height, footprint);
+void gather(const gaussian::SplatSet& set, const RayBundle& spheres, const EllipseSight& sight,
+            float height, SplatCandidates& out) {
   const auto& level = set.levels[0];
   for (std::size_t i = 0; i < set.levels[2].count; i += kLanes) {
     for (unsigned a = meet(set.levels[2], i, spheres, height); a != 0; a &= a - 1) {
@@ -157,6 +155,14 @@ void gather(const gaussian::SplatSet& set, const RayBundle& bundle, float height
       }
     }
   }
+}
+
+void gather(std::span<const gaussian::SplatSet* const> sets, const RayBundle& bundle, float height,
+            float footprint, SplatCandidates& out) {
+  RayBundle spheres = bundle;
+  spheres.offset += gaussian::kSplatCutOff * std::sqrt(footprint) * 1.0001F;
+  const EllipseSight sight(bundle, height, footprint);
+  for (const gaussian::SplatSet* set : sets) gather(*set, spheres, sight, height, out);
 }
 
 // --- blending ------------------------------------------------------------------------------------

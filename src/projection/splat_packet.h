@@ -144,8 +144,8 @@ inline constexpr std::size_t kMostResponses = 256;
 struct SplatKernels {
   const char* isa;  ///< "sse2", "avx2", "avx512"
   /// Appends what the bundle may meet within `height` with so much of a footprint (its variance).
-  void (*gather)(const gaussian::SplatSet& set, const RayBundle& bundle, float height,
-                 float footprint, SplatCandidates& out);
+  void (*gather)(std::span<const gaussian::SplatSet* const> sets, const RayBundle& bundle,
+                 float height, float footprint, SplatCandidates& out);
   /// Writes the responses of candidates [first, last) that reach some lane and returns their
   /// number; `first` is a multiple of 16, last - first at most kMostResponses. Writes nothing
   /// beyond last - first responses. Adds them to `profile`, if there is one.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Texels that cover more of the surface than a Gaussian does.
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -46,7 +47,8 @@ std::array<float, kLanes> alphas(const SplatKernels& kernels, const ReferenceSpl
   state.packets.push_back(packet);
   start(limits, state);
   SplatCandidates candidates(set.shapes.size());
-  kernels.gather(set, state.bundles[0], limits.reach, state.depths[0].footprint, candidates);
+  kernels.gather(std::array{&set}, state.bundles[0], limits.reach, state.depths[0].footprint,
+                 candidates);
   std::array<float, kLanes> out{};
   SplatResponse response{};
   if (candidates.size() == 1 && kernels.respond(candidates, 0, 1, state.bundles[0], packet,

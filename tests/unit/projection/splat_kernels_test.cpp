@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstring>
@@ -21,7 +22,7 @@ std::vector<SplatResponse> respond(const SplatKernels& kernels, const gaussian::
   start(limits, state);
   const RayBundle everywhere{{0, 0, 0}, {0, 0, 0}, 1e9F, 0};
   SplatCandidates candidates(set.shapes.size());
-  kernels.gather(set, everywhere, 1e9F, 0, candidates);
+  kernels.gather(std::array{&set}, everywhere, 1e9F, 0, candidates);
   std::vector<SplatResponse> out(candidates.size());
   std::size_t count = 0;
   for (std::size_t i = 0; i < candidates.size(); i += kMostResponses) {
@@ -257,7 +258,8 @@ TEST_CASE("gathering leaves out nothing that gives anything", "[projection]") {
     start(limits, state);
     for (const SplatKernels* kernels : available_splat_kernels()) {
       SplatCandidates candidates(set.shapes.size());
-      kernels->gather(set, state.bundles[0], limits.reach, state.depths[0].footprint, candidates);
+      kernels->gather(std::array{&set}, state.bundles[0], limits.reach, state.depths[0].footprint,
+                      candidates);
       std::vector<SplatResponse> near(candidates.size());
       std::size_t count = 0;
       for (std::size_t at = 0; at < candidates.size(); at += kMostResponses) {
