@@ -19,7 +19,6 @@
 #include <tbb/parallel_pipeline.h>
 
 #include <algorithm>
-#include <bit>
 #include <filesystem>
 #include <optional>
 #include <utility>
@@ -28,6 +27,7 @@
 #include "gaussian/splat_statistics.h"
 #include "runtime/pump.h"
 #include "sorting/block_cutter.h"
+#include "sorting/block_encoder.h"
 #include "sorting/splat_sort.h"
 #include "store/blocks/splat_store.h"
 
@@ -35,21 +35,18 @@ namespace pounce::flow {
 namespace {
 
 using sorting::BlockCutter;
+using sorting::EncodedBlock;
 using sorting::KeyedSplat;
 using sorting::SortedSplats;
 using sorting::SplatMerge;
 using sorting::SplatRun;
 using sorting::SplatRuns;
 using sorting::SplatRunWriter;
-using store::kMostSplatsPerBlock;
 using store::Splat;
-using store::SplatBlock;
 using store::SplatLattice;
 
 constexpr std::uint64_t kLeastRun = 16 << 10, kMostRun = 4 << 20;
 constexpr std::size_t kLeastFanIn = 16, kMostFanIn = 1024;
-// Of the noise estimate: this many blocks are asked, taken evenly, or up to twice as many.
-constexpr std::uint32_t kNoiseBlocksLog2 = 5;
 
 /// Per Gaussian of a run that is being made: the Gaussian, its harmonics, and twice its key.
 constexpr std::uint64_t row_bytes(std::uint32_t lobes) {
@@ -62,14 +59,6 @@ std::uint64_t run_bytes(std::uint64_t read_bytes, std::uint64_t splats, std::uin
          round_to_pages(splats * sizeof(Splat)) +
          round_to_pages(splats * store::lobe_bytes(lobes)) +
          2 * round_to_pages(splats * sizeof(KeyedSplat));
-}
-
-/// One block on its way through the pipeline: Gaussians, columns, encoded and compressed.
-std::uint64_t token_bytes(std::uint32_t lobes) {
-  constexpr std::uint64_t kScratch = 128 << 10;  // a column, what is asked about noise, rounding
-  return round_to_pages(kMostSplatsPerBlock * sizeof(Splat)) +
-         round_to_pages(kMostSplatsPerBlock * store::lobe_bytes(lobes)) +
-         3 * SplatBlock::decoded_bytes(kMostSplatsPerBlock, true, lobes) + kScratch;
 }
 
 class StoreBuilder {
@@ -200,41 +189,6 @@ SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
   return runs;
 }
 
-/// A block on its way from the merge to the pack. Slots are used in turn and keep their memory.
-struct Slot {
-  BlockCutter::Cut cut;
-  SplatBlock block;
-  std::vector<std::byte> raw, stored;
-  store::SplatEntry entry;
-  std::vector<float> noise;  ///< of the blocks that are asked
-};
-
-/// The noise is estimated from every 2^k-th block. How many blocks there will be is not known when
-/// they pass: k grows with their number, and those that were asked too often are forgotten.
-std::uint32_t noise_step_log2(std::uint64_t ordinal) {
-  const auto bits = static_cast<std::uint32_t>(std::bit_width(ordinal));
-  return bits > kNoiseBlocksLog2 + 1 ? bits - kNoiseBlocksLog2 - 1 : 0;
-}
-bool asked_for_noise(std::uint64_t ordinal, std::uint32_t step_log2) {
-  return (ordinal & ((1ULL << step_log2) - 1)) == 0;
-}
-
-void encode_block(job::JobContext& job, std::uint32_t lobes, bool fades, Slot& slot) {
-  if (fades) gaussian::fade_isolated(slot.cut.splats);
-  slot.entry = {};
-  slot.entry.splats = static_cast<std::uint32_t>(slot.cut.splats.size());
-  slot.entry.size_class =
-      static_cast<std::uint32_t>(SplatLattice::key_size_class(slot.cut.first_key));
-  for (const Splat& s : slot.cut.splats) slot.entry.box.extend(store::splat_box(s));
-  slot.block.assign(slot.cut.splats, lobes, slot.cut.sh);
-  store::encode(slot.block, slot.raw);
-  job.compressor().compress(slot.raw, slot.stored,
-                            job.stores->persistent() ? store::kZstdLevel : store::kScratchLevel);
-  slot.noise.clear();
-  if (asked_for_noise(slot.cut.ordinal, noise_step_log2(slot.cut.ordinal)))
-    gaussian::append_surface_noise(slot.block, slot.noise);
-}
-
 std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& lattice,
                                                        SplatRuns runs) {
   const std::uint64_t total = std::max<std::uint64_t>(runs.splats(), 1);
@@ -247,14 +201,15 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   // cursors of the merge. With too few cursors there are more rounds of merging, each of which
   // reads and writes all.
   const std::uint64_t tokens = std::clamp<std::uint64_t>(
-      room / 2 / token_bytes(lobes_), 1, 2 * static_cast<std::uint64_t>(job_.threads));
+      room / 2 / EncodedBlock::most_bytes(lobes_), 1, 2 * static_cast<std::uint64_t>(job_.threads));
   const std::uint64_t cursors =
-      less(room, tokens * token_bytes(lobes_)) / SplatMerge::cursor_bytes(lobes_);
+      less(room, tokens * EncodedBlock::most_bytes(lobes_)) / SplatMerge::cursor_bytes(lobes_);
   std::size_t fan_in = std::clamp<std::size_t>(cursors, kLeastFanIn, kMostFanIn);
   if (request_.fan_in > 0) fan_in = request_.fan_in;
   fan_in = std::min(fan_in, std::max<std::size_t>(runs.runs.size(), 1));
   const runtime::Lease lease(job_.budget,
-                             BlockCutter::most_bytes(lobes_) + tokens * token_bytes(lobes_) +
+                             BlockCutter::most_bytes(lobes_) +
+                                 tokens * EncodedBlock::most_bytes(lobes_) +
                                  fan_in * SplatMerge::cursor_bytes(lobes_),
                              "merging the Gaussians of " + request_.path);
   if (runs.pack) runs = sorting::merge_to_fan_in(job_, lattice, lobes_, std::move(runs), fan_in);
@@ -265,18 +220,15 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   SplatMerge sequence(lattice, lobes_, runs.pack, runs.runs);
   BlockCutter cutter(sequence, lobes_);
   // The last stage ends blocks in order, so those under way are neighbours: each has its own slot.
-  std::vector<Slot> slots(tokens);
-  for (Slot& slot : slots) {  // vectors that grow hold what they had beside what they get
-    slot.raw.reserve(SplatBlock::decoded_bytes(kMostSplatsPerBlock, true, lobes_));
-    slot.stored.reserve(slot.raw.capacity() + slot.raw.capacity() / 64);
-  }
+  std::vector<EncodedBlock> slots;
+  for (std::uint64_t i = 0; i < tokens; ++i) slots.emplace_back(lobes_);
   store::SplatStoreWriter writer(job_.stores->create(
       store::PackKind::splats, request_.key,
       fmt::format("{}, {} Gaussians", std::filesystem::path(request_.path).filename().string(),
                   source_.count())));
-  std::vector<std::pair<std::uint64_t, std::vector<float>>> noise;
+  sorting::NoiseEstimate noise;
   std::uint64_t blocks = 0, done = 0;
-  const auto write = [&](Slot& slot) {
+  const auto write = [&](EncodedBlock& slot) {
     // A tile has one size class: a few large Gaussians would enlarge the box of a tile of small
     // ones, and pieces far away would read its index.
     const auto tile = writer.open_tile();
@@ -287,7 +239,7 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
     }
     writer.add_block(slot.entry, slot.stored, static_cast<std::uint32_t>(slot.raw.size()));
     directory_.has_normals |= !slot.block.normal[0].empty();
-    if (!slot.noise.empty()) noise.emplace_back(slot.cut.ordinal, slot.noise);
+    noise.add(slot);
     blocks = slot.cut.ordinal + 1;
     done += slot.entry.splats;
     // In rows of the source, of which the filters may have left few: the bar counts each row twice.
@@ -296,19 +248,20 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   };
   std::size_t next_slot = 0;
   tbb::parallel_pipeline(
-      tokens, tbb::make_filter<void, Slot*>(tbb::filter_mode::serial_in_order,
-                                            [&](tbb::flow_control& control) -> Slot* {
-                                              Slot& slot = slots[next_slot++ % tokens];
+      tokens,
+      tbb::make_filter<void, EncodedBlock*>(tbb::filter_mode::serial_in_order,
+                                            [&](tbb::flow_control& control) -> EncodedBlock* {
+                                              EncodedBlock& slot = slots[next_slot++ % tokens];
                                               if (!cutter.next(slot.cut)) control.stop();
                                               return &slot;
                                             }) &
-                  tbb::make_filter<Slot*, Slot*>(tbb::filter_mode::parallel,
-                                                 [&](Slot* slot) {
-                                                   encode_block(job_, lobes_, fades, *slot);
-                                                   return slot;
-                                                 }) &
-                  tbb::make_filter<Slot*, void>(tbb::filter_mode::serial_in_order,
-                                                [&](Slot* slot) { write(*slot); }));
+          tbb::make_filter<EncodedBlock*, EncodedBlock*>(tbb::filter_mode::parallel,
+                                                         [&](EncodedBlock* slot) {
+                                                           slot->encode(job_, fades);
+                                                           return slot;
+                                                         }) &
+          tbb::make_filter<EncodedBlock*, void>(tbb::filter_mode::serial_in_order,
+                                                [&](EncodedBlock* slot) { write(*slot); }));
   if (blocks == 0) {
     throw Error(ErrorKind::input,
                 fmt::format("{}: none of its {} Gaussians can be used ({})", request_.path,
@@ -316,14 +269,7 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   }
   writer.end_tile(job_.compressor());
   ++job_.report.tiles_written;
-  // Blocks that were asked while their number was small, and would not be asked by now, are left
-  // out. So the estimate depends on the number of blocks alone, not on when it was known.
-  std::vector<float> figures;
-  for (const auto& [ordinal, of_block] : noise) {
-    if (asked_for_noise(ordinal, noise_step_log2(blocks - 1)))
-      figures.insert(figures.end(), of_block.begin(), of_block.end());
-  }
-  directory_.surface_noise = gaussian::median(figures);
+  directory_.surface_noise = noise.median(blocks);
   return std::make_unique<store::SplatStore>(
       job_.stores->publish(writer.finish(directory_, job_.compressor())), request_.facts,
       job_.compressor());
@@ -342,7 +288,7 @@ std::uint64_t gaussian_store_least_bytes(std::uint64_t count, std::uint64_t read
                               count / kLeastRun * 2 * sizeof(SplatRun) + kPageBytes;
   return std::max({gaussian::kept_sample_bytes(count, read_bytes),
                    run_bytes(read_bytes, std::min(count, kLeastRun), lobes) + lists,
-                   lists + BlockCutter::most_bytes(lobes) + token_bytes(lobes) +
+                   lists + BlockCutter::most_bytes(lobes) + EncodedBlock::most_bytes(lobes) +
                        kLeastFanIn * SplatMerge::cursor_bytes(lobes)}) +
          (64 << 10);
 }
