@@ -89,6 +89,6 @@ std::unique_ptr<store::PackReader> publish_scratch(JobContext& job,
   return job.scratch->publish(std::move(writer));
 }
 
-ScratchPack::~ScratchPack() { job_.scratch->discard(kind_, Hash128{}); }
+ScratchPack::~ScratchPack() { job_.scratch->discard(kind_, key_); }
 
 }  // namespace pounce::job

@@ -137,10 +137,11 @@ std::uint64_t size_on_disk(const std::vector<std::string>& files);
 std::unique_ptr<store::PackReader> publish_scratch(JobContext& job,
                                                    std::unique_ptr<store::PackWriter> writer);
 
-/// When it goes, so does the scratch pack of its kind.
+/// When it goes, so does the scratch pack of its kind and key.
 class ScratchPack {
  public:
-  ScratchPack(JobContext& job, store::PackKind kind) : job_(job), kind_(kind) {}
+  ScratchPack(JobContext& job, store::PackKind kind, const Hash128& key = {})
+      : job_(job), kind_(kind), key_(key) {}
   ~ScratchPack();
   ScratchPack(const ScratchPack&) = delete;
   ScratchPack& operator=(const ScratchPack&) = delete;
@@ -148,6 +149,7 @@ class ScratchPack {
  private:
   JobContext& job_;
   store::PackKind kind_;
+  Hash128 key_;
 };
 
 }  // namespace pounce::job

@@ -14,6 +14,8 @@ namespace pounce::views {
 
 namespace {
 
+constexpr float kNowhere = 1e30F;  // behind every depth
+
 /// Whole numbers in the order of the floats.
 std::uint32_t in_order(float value) {
   const auto bits = std::bit_cast<std::uint32_t>(value);
@@ -24,8 +26,21 @@ std::uint32_t in_order(float value) {
 
 void Canvas::clear() {
   std::fill(std::begin(through), std::end(through), 1.0F);
+  for (int i = 0; clips && i < kPixels; ++i) {
+    if (begin[i] == kNowhere) through[i] = -1;  // nothing can be drawn there
+  }
   std::memset(colour, 0, sizeof colour);
   std::fill(std::begin(depth), std::end(depth), -1.0F);
+}
+
+void Canvas::begin_before(const std::uint16_t* depths, float gap) {
+  clips = true;
+  for (int y = 0; y < kStoredEdge; ++y) {
+    for (int x = 0; x < kStoredEdge; ++x) {
+      const std::uint16_t first = depths[y * kStoredEdge + x];
+      begin[at(x, y)] = first == kNoDepth ? kNowhere : static_cast<float>(first) - gap;
+    }
+  }
 }
 
 // --- Gaussians that meet a tile ------------------------------------------------------------------
@@ -170,7 +185,7 @@ std::vector<std::byte> samples_of(const Canvas& canvas) {
   for (int y = 0; y < kStoredEdge; ++y) {
     for (int x = 0; x < kStoredEdge; ++x) {
       const int i = Canvas::at(x, y);
-      const float alpha = 1 - canvas.through[i];
+      const float alpha = canvas.through[i] < 0 ? 0 : 1 - canvas.through[i];
       std::uint16_t samples[kSceneSamples] = {0, 0, 0, 0, kNoDepth};
       if (alpha > 0) {
         for (int c = 0; c < 3; ++c) {

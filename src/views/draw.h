@@ -41,8 +41,12 @@ struct alignas(64) Canvas {
   float through[kPixels];  ///< what is left of the light
   float colour[3][kPixels];
   float depth[kPixels];  ///< where half of the light was taken; below 0: nowhere
+  float begin[kPixels] = {};  ///< where clips: what lies before that is not drawn
+  bool clips = false;
 
   void clear();
+  /// Pixels begin `gap` before these depths, samples of a target's tile; those without are none.
+  void begin_before(const std::uint16_t* depths, float gap);
 };
 
 /// What a tile of a view sees.

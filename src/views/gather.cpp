@@ -33,16 +33,43 @@ void place(const Grid& grid, std::uint32_t view, const ViewKernels& kernels,
   kernels.place(frame, packets, places, sights);
 }
 
+namespace {
+
+bool is_seen(const SightPacket& sights, int lane) {
+  return sights.clear.weight[lane] > 0 || sights.hidden.weight[lane] > 0;
+}
+
+/// As unused lanes are.
+void drop_lane(TexelPacket& packet, int lane) {
+  packet.texel[lane] = surface::kNoTexel;
+  packet.nx[lane] = packet.ny[lane] = packet.nz[lane] = 0;
+}
+
+}  // namespace
+
+bool drop_clear(std::span<TexelPacket> packets, std::span<SightPacket> sights) {
+  bool any = false;
+  for (std::size_t p = 0; p < packets.size(); ++p) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (packets[p].texel[lane] == surface::kNoTexel) continue;
+      if (sights[p].clear.weight[lane] > 0) {
+        drop_lane(packets[p], lane);
+      } else {
+        sights[p].facing[lane] = 0;
+        any = true;
+      }
+    }
+  }
+  return any;
+}
+
 std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> groups,
                                         std::span<const TexelPacket> packets,
                                         std::span<const SightPacket> sights,
                                         projection::SplatState& rays) {
-  const auto is_seen = [&](std::size_t p, int lane) {
-    return sights[p].clear.weight[lane] > 0 || sights[p].hidden.weight[lane] > 0;
-  };
   const auto is_left = [&](std::size_t p) {
     for (int lane = 0; lane < kLanes; ++lane) {
-      if (packets[p].texel[lane] != surface::kNoTexel && !is_seen(p, lane)) return true;
+      if (packets[p].texel[lane] != surface::kNoTexel && !is_seen(sights[p], lane)) return true;
     }
     return false;
   };
@@ -56,9 +83,7 @@ std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> gr
       if (!is_left(p)) continue;
       TexelPacket packet = packets[p];
       for (int lane = 0; lane < kLanes; ++lane) {
-        if (!is_seen(p, lane)) continue;
-        packet.texel[lane] = surface::kNoTexel;  // as unused lanes are
-        packet.nx[lane] = packet.ny[lane] = packet.nz[lane] = 0;
+        if (is_seen(sights[p], lane)) drop_lane(packet, lane);
       }
       places[p] = static_cast<std::uint32_t>(rays.packets.size());
       rays.packets.push_back(packet);

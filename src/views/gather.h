@@ -34,6 +34,9 @@ inline constexpr float kLeastCosine = 0.1F;  ///< of a texel that faces a view
 /// Of the target's diagonal: how near the target's surface in a view a texel that it sees lies, and
 /// how far before it the scene may be and not hide it.
 inline constexpr double kOnTarget = 0.012, kHidden = 0.04;
+/// The same: where the near walls of a room are taken away, the scene begins so far before the
+/// first surface that faces the eye (docs/decisions/063-rooms.md).
+inline constexpr double kBeforeInside = 0.01;
 
 inline constexpr float kLeastSeen = 0.5F;  ///< alpha of what is seen
 
@@ -87,6 +90,10 @@ struct alignas(64) PlacePacket {
 void place(const Grid& grid, std::uint32_t view, const ViewKernels& kernels,
            std::span<const TexelPacket> packets, std::vector<PlacePacket>& places,
            std::span<SightPacket> sights);
+
+/// Takes texels that nothing hides out of packets, and what the others have counted of facing
+/// views: these look again. False: there are none.
+bool drop_clear(std::span<TexelPacket> packets, std::span<SightPacket> sights);
 
 /// The texels that no view sees become packets of `rays`, in their groups. Returns for each packet
 /// the one there that has its unseen texels.

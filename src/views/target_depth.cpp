@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <span>
 
 namespace pounce::views {
 namespace {
@@ -33,7 +34,7 @@ double floor_of(double v) {
   return whole > v ? whole - 1 : whole;
 }
 
-void draw(const std::array<Corner, 3>& corners, TargetDepths& out) {
+void draw(const std::array<Corner, 3>& corners, bool faces, TargetDepths& out) {
   const Corner &a = corners[0], &b = corners[1], &c = corners[2];
   const double last = out.row - 1.0, last_y = static_cast<double>(out.samples.size() / out.row) - 1;
   const double x0 = std::max(ceil_of(std::min({a.x, b.x, c.x})), 0.0),
@@ -80,12 +81,14 @@ void draw(const std::array<Corner, 3>& corners, TargetDepths& out) {
       if (edge.rises == 0 && edge.share + edge.share_y * down < -kOutside) high = low - 1;
     }
     if (!(low <= high)) continue;
-    std::uint16_t* const row = out.samples.data() + static_cast<std::size_t>(y) * out.row;
+    const std::size_t row = static_cast<std::size_t>(y) * out.row;
+    std::uint16_t *const all = out.samples.data() + row, *const facing = out.facing.data() + row;
     double depth = a.depth + depth_y * down + depth_x * (low - a.x) + 0.5;
     for (auto x = static_cast<std::size_t>(low); x <= static_cast<std::size_t>(high); ++x) {
       const auto steps =
           static_cast<std::uint16_t>(std::clamp(depth, 0.0, static_cast<double>(kMostDepth)));
-      row[x] = std::min(row[x], steps);
+      all[x] = std::min(all[x], steps);
+      if (faces) facing[x] = std::min(facing[x], steps);
       depth += depth_x;
     }
   }
@@ -101,20 +104,26 @@ TargetDepths draw_target(const mesh::Mesh& mesh, const Grid& grid, std::uint32_t
   out.row = grid.edge() + 2 * kApron;
   out.samples.resize(std::size_t{out.row} * (tile_rows * kTileEdge + 2 * kApron));
   std::fill(out.samples.begin(), out.samples.end(), kNoDepth);
+  out.facing.resize(out.samples.size());
+  std::fill(out.facing.begin(), out.facing.end(), kNoDepth);
   const double above = static_cast<double>(first_tile_y * kTileEdge) - kApron;
   const auto corner = [&](std::uint32_t vertex) {
     const Seen seen = grid.see(view, mesh.positions[vertex]);
     return Corner{double{seen.x} + kApron, double{seen.y} - above, double{seen.depth}};
   };
   for (const auto* triangles : {&mesh.triangles, &mesh.rest}) {
-    for (const auto& t : *triangles) draw({corner(t[0]), corner(t[1]), corner(t[2])}, out);
+    for (const auto& t : *triangles) {
+      const Vec3f normal = mesh.normals[t[0]] + mesh.normals[t[1]] + mesh.normals[t[2]];
+      const bool faces = dot(normal, grid.frame(view).forward) < 0;
+      draw({corner(t[0]), corner(t[1]), corner(t[2])}, faces, out);
+    }
   }
   return out;
 }
 
 bool TargetDepths::has(std::uint32_t tile_x, std::uint32_t tile_y) const {
   for (std::size_t y = 0; y < kStoredEdge; ++y) {
-    const std::uint16_t* const first = at(tile_x, tile_y, y);
+    const std::uint16_t* const first = samples.data() + at(tile_x, tile_y, y);
     if (std::any_of(first, first + kStoredEdge, [](std::uint16_t d) { return d != kNoDepth; }))
       return true;
   }
@@ -125,8 +134,27 @@ std::vector<std::byte> TargetDepths::tile(std::uint32_t tile_x, std::uint32_t ti
   constexpr std::size_t kRowBytes = kStoredEdge * sizeof(std::uint16_t);
   std::vector<std::byte> out(kStoredEdge * kRowBytes);
   for (std::size_t y = 0; y < kStoredEdge; ++y)
-    std::memcpy(out.data() + y * kRowBytes, at(tile_x, tile_y, y), kRowBytes);
+    std::memcpy(out.data() + y * kRowBytes, samples.data() + at(tile_x, tile_y, y), kRowBytes);
   return out;
+}
+
+std::vector<std::byte> TargetDepths::inside(std::uint32_t tile_x, std::uint32_t tile_y,
+                                            float gap) const {
+  constexpr std::size_t kPixels = std::size_t{kStoredEdge} * kStoredEdge, kLeast = kPixels / 50;
+  std::vector<std::uint16_t> depths(kPixels, kNoDepth);
+  std::size_t count = 0;
+  for (std::size_t y = 0; y < kStoredEdge; ++y) {
+    const std::size_t first = at(tile_x, tile_y, y);
+    for (std::size_t x = 0; x < kStoredEdge; ++x) {
+      const std::uint16_t nearest = samples[first + x], front = facing[first + x];
+      if (front == kNoDepth || static_cast<float>(front - nearest) <= gap) continue;
+      depths[y * kStoredEdge + x] = front;
+      ++count;
+    }
+  }
+  if (count < kLeast) return {};
+  const auto bytes = std::as_bytes(std::span(depths));
+  return {bytes.begin(), bytes.end()};
 }
 
 }  // namespace pounce::views

@@ -16,25 +16,30 @@ namespace pounce::views {
 struct TargetDepths {
   std::uint32_t first_tile_y = 0, tile_rows = 0;
   std::uint32_t row = 0;
-  PageVector<std::uint16_t> samples;
+  PageVector<std::uint16_t> samples;  ///< of all triangles, whichever way they face
+  PageVector<std::uint16_t> facing;   ///< of those that face the eye, by their vertices' normals
 
   static std::uint64_t bytes(const Grid& grid, std::uint32_t tile_rows) {
     const std::uint64_t row = grid.edge() + 2 * kApron;
-    return round_to_pages(row * (tile_rows * kTileEdge + 2 * kApron) * sizeof(std::uint16_t));
+    return 2 * round_to_pages(row * (tile_rows * kTileEdge + 2 * kApron) * sizeof(std::uint16_t));
   }
   /// Is anything of the target in this tile, or beside it?
   bool has(std::uint32_t tile_x, std::uint32_t tile_y) const;
   /// A tile's samples, as in Grid::image(kTargetSamples).
   std::vector<std::byte> tile(std::uint32_t tile_x, std::uint32_t tile_y) const;
+  /// The same of what one sees with the near walls taken away, as in a doll's house: the depth of
+  /// the first triangle that faces the eye, where the back of another is more than `gap` steps
+  /// before it. Empty where that is next to nothing of the tile.
+  std::vector<std::byte> inside(std::uint32_t tile_x, std::uint32_t tile_y, float gap) const;
 
  private:
-  const std::uint16_t* at(std::uint32_t tile_x, std::uint32_t tile_y, std::size_t y) const {
-    return samples.data() + (std::size_t{tile_y - first_tile_y} * kTileEdge + y) * row +
+  std::size_t at(std::uint32_t tile_x, std::uint32_t tile_y, std::size_t y) const {
+    return (std::size_t{tile_y - first_tile_y} * kTileEdge + y) * row +
            std::size_t{tile_x} * kTileEdge;
   }
 };
 
-/// All triangles, whichever way they face.
+/// `mesh` has normals.
 TargetDepths draw_target(const mesh::Mesh& mesh, const Grid& grid, std::uint32_t view,
                          std::uint32_t first_tile_y, std::uint32_t tile_rows);
 

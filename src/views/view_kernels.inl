@@ -64,6 +64,7 @@ inline void prefetch(const Ellipse& e) {
 }
 
 /// What waits for a block is composited behind what is there. False: nothing behind it will show.
+template <bool clips>
 bool blend_waiting(std::span<const Ellipse* const> ellipses, const BlockPixels& pixels, int block,
                    Waiting& waiting, Canvas& canvas) {
   const int at = block * kLanes;
@@ -72,6 +73,7 @@ bool blend_waiting(std::span<const Ellipse* const> ellipses, const BlockPixels& 
   Floats through = load(canvas.through + at), depth = load(canvas.depth + at);
   Floats red = load(canvas.colour[0] + at), green = load(canvas.colour[1] + at),
          blue = load(canvas.colour[2] + at);
+  const Floats begin = clips ? load(canvas.begin + at) : all(0.0F);
   const std::uint32_t count = std::exchange(waiting.count[block], 0);
   Ints crossed = all(0);
   bool open = true;
@@ -85,6 +87,8 @@ bool blend_waiting(std::span<const Ellipse* const> ellipses, const BlockPixels& 
     Ints ok = (q <= e.cut_off) & (through >= kLeastThrough);
     Floats alpha = e.opacity * exp_of_minus(select(q <= e.cut_off, q, all(0.0F)) * 0.5F);
     ok = ok & (alpha >= kLeastAlpha);
+    const Floats place = e.lean_x * dx + e.lean_y * dy + e.depth;
+    if (clips) ok = ok & (place >= begin);
     alpha = select(alpha < kMostAlpha, alpha, all(kMostAlpha));
     alpha = select(ok, alpha, all(0.0F));
     const Floats weight = through * alpha, left = through - weight;
@@ -92,7 +96,7 @@ bool blend_waiting(std::span<const Ellipse* const> ellipses, const BlockPixels& 
     green = green + weight * e.colour[1];
     blue = blue + weight * e.colour[2];
     const Ints crosses = (through > 0.5F) & (left <= 0.5F);
-    depth = select(crosses, e.lean_x * dx + e.lean_y * dy + e.depth, depth);
+    depth = select(crosses, place, depth);
     crossed = crossed | crosses;
     through = left;
     open = any(through >= kLeastThrough);
@@ -142,6 +146,7 @@ struct BlockRows {
   }
 };
 
+template <bool clips>
 bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
   Waiting waiting;
   std::uint32_t open[kAllAsked] = {};  // 1: something behind what is there may show
@@ -154,7 +159,7 @@ bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
   const Floats numbers = pixels.y * static_cast<float>(kBlock) + pixels.x;
   BlockRows rows;
   const auto blend = [&](std::size_t b) {
-    if (blend_waiting(ellipses, pixels, static_cast<int>(b), waiting, canvas)) return;
+    if (blend_waiting<clips>(ellipses, pixels, static_cast<int>(b), waiting, canvas)) return;
     open[b] = 0;
     --left;
   };
@@ -183,6 +188,10 @@ bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
     if (waiting.count[b] > 0) blend(b);
   }
   return left > 0;
+}
+
+bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
+  return canvas.clips ? draw<true>(ellipses, canvas) : draw<false>(ellipses, canvas);
 }
 
 #include "views/ellipse_lanes.inl"

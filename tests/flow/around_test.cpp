@@ -50,8 +50,9 @@ std::vector<ReferenceSplat> needles(Random& random, std::size_t count, double li
   return scene;
 }
 
-/// A sphere of radius 1 as a grid of longitude and latitude, the poles left out.
-void write_sphere(const std::string& path) {
+/// A sphere of radius 1 as a grid of longitude and latitude, the poles left out. A room is seen
+/// from inside.
+void write_sphere(const std::string& path, bool is_room = false) {
   constexpr int kAround = 48, kUp = 24;
   std::ofstream file(path);
   for (int y = 0; y <= kUp; ++y) {
@@ -67,9 +68,11 @@ void write_sphere(const std::string& path) {
     return " " + at + "/" + at;
   };
   for (int y = 0; y < kUp; ++y) {
-    for (int x = 0; x < kAround; ++x)
-      file << 'f' << corner(x, y) << corner(x, y + 1) << corner(x + 1, y + 1) << corner(x + 1, y)
-           << '\n';
+    for (int x = 0; x < kAround; ++x) {
+      const std::string a = corner(x, y), b = corner(x, y + 1), c = corner(x + 1, y + 1),
+                        d = corner(x + 1, y);
+      file << 'f' << (is_room ? d + c + b + a : a + b + c + d) << '\n';
+    }
   }
 }
 
@@ -134,6 +137,55 @@ TEST_CASE("a capture's texels are what the plain form of the rule sees", "[flow]
   CHECK(unseen == 0);
   // Each draws with pixels of its own lattice and looks up between them: a few thousandths.
   CHECK(std::sqrt(error_of(options.output, points, expected)) < 0.006);
+}
+
+TEST_CASE("a room is seen as a doll's house, haze and all", "[flow]") {
+  const TempFolder folder;
+  Random random(6);
+  std::vector<ReferenceSplat> scene = needles(random, 20000);
+  const std::size_t walls = scene.size();
+  while (scene.size() < walls + 600) {
+    const auto at = [&] { return random.between(-0.7, 0.7); };
+    ReferenceSplat s;
+    s.mean = {at(), at(), at()};
+    if (length(s.mean) > 0.7) continue;
+    s.sigma = {0.2, 0.18, 0.16};
+    s.rotation = random_rotation(random);
+    s.alpha = 0.3;
+    s.colour = {0.9, 0.9, 0.9};
+    scene.push_back(as_floats(s));
+  }
+  TransferOptions options = sphere(folder, scene);
+  write_sphere(options.targets[0], true);
+  const Report report = flow::transfer(options, {});
+  CHECK(report.views == 24);
+  CHECK(report.target_empty == 0);
+  const score::Points points = points_of(folder, options);
+  std::vector<Vec3d> expected;
+  for (const score::Point& point : points.points) expected.push_back(colour_at(point.position));
+  const double around = error_of(options.output, points, expected);
+  const std::vector<double> shown = read_whole_image(options.output).samples;
+
+  SECTION("it is nearer than along normals, through the haze") {
+    options.splats.look = Look::normal;
+    flow::transfer(options, {});
+    const double ray = error_of(options.output, points, expected);
+    CAPTURE(std::sqrt(around), std::sqrt(ray));
+    CHECK(around < ray);
+    CHECK(std::sqrt(around) < 0.01);  // no hole through which the back of another wall shows
+  }
+  SECTION("the same bytes from little memory, on another number of threads") {
+    options.resources.memory_bytes = 24ULL << 20;
+    options.resources.threads = 2;
+    flow::transfer(options, {});
+    CHECK(read_whole_image(options.output).samples == shown);
+  }
+  SECTION("the same bytes in slabs") {
+    job::TestKnobs knobs;
+    knobs.most_ellipses = 500;
+    flow::transfer(options, knobs);
+    CHECK(read_whole_image(options.output).samples == shown);
+  }
 }
 
 TEST_CASE("discs are looked at along normals, unless one asks otherwise", "[flow]") {

@@ -7,11 +7,8 @@
 namespace pounce::flow {
 namespace {
 
-const std::uint16_t* samples_of(const store::ColourTile& tile) {
-  return reinterpret_cast<const std::uint16_t*>(tile.data());
-}
-
-void look_around(const SceneViews& views, std::span<const surface::TexelPacket> packets,
+void look_around(const SceneViews& views, const ColourCache& of_scene, const ColourCache& of_target,
+                 std::span<const surface::TexelPacket> packets,
                  std::span<views::SightPacket> sights) {
   std::vector<views::PlacePacket> places;
   const std::uint32_t across = views.grid.tiles_across();
@@ -29,14 +26,26 @@ void look_around(const SceneViews& views, std::span<const surface::TexelPacket> 
       if (!tiles[tile]) continue;
       const std::uint32_t x = tile % across, y = tile / across;
       const std::uint32_t row = views.grid.tile_row(view, y);
-      const store::ChunkRef scene = (*views.scene->index(row))[x],
-                            target = (*views.target->index(row))[x];
+      const store::ChunkRef scene = (*of_scene.index(row))[x], target = (*of_target.index(row))[x];
       // Where there is nothing of the one or the other, no texel is seen.
       if (store::is_left_out(scene) || store::is_left_out(target)) continue;
-      const auto of_scene = views.scene->block(scene), of_target = views.target->block(target);
-      views.kernels->gather(views.limits, {x, y, samples_of(*of_scene), samples_of(*of_target)},
-                            places, sights);
+      const auto shown = of_scene.block(scene), depths = of_target.block(target);
+      views.kernels->gather(views.limits, {x, y, samples_of(*shown), samples_of(*depths)}, places,
+                            sights);
     }
+  }
+}
+
+/// What no view has seen, or none unhidden, is looked for inside of the target.
+void look_inside(const SceneViews& views, std::span<const surface::TexelPacket> packets,
+                 std::span<views::SightPacket> sights) {
+  std::vector<surface::TexelPacket> left;
+  for (std::size_t first = 0; first < packets.size(); first += SceneViews::kInsideAtOnce) {
+    const auto own =
+        sights.subspan(first, std::min(SceneViews::kInsideAtOnce, packets.size() - first));
+    left.assign(&packets[first], &packets[first] + own.size());
+    if (views::drop_clear(left, own))
+      look_around(views, *views.inside_scene, *views.inside_target, left, own);
   }
 }
 
@@ -50,8 +59,10 @@ void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work
     const std::size_t first = p;
     while (p < work.packets.size() && work.packets[p].block == work.packets[first].block) ++p;
     job.meter.throw_if_cancelled();
-    look_around(views, std::span(work.packets).subspan(first, p - first),
-                std::span(work.sights).subspan(first, p - first));
+    const auto packets = std::span(work.packets).subspan(first, p - first);
+    const auto sights = std::span(work.sights).subspan(first, p - first);
+    look_around(views, *views.scene, *views.target, packets, sights);
+    if (views.inside_scene) look_inside(views, packets, sights);
   }
 }
 

@@ -91,6 +91,11 @@ struct SplatReader : TileReader<store::SplatStore, store::SplatEntry, gaussian::
 };
 using SplatCache = runtime::BlockCache<SplatReader>;
 
+/// Of an image of 16 bits.
+inline const std::uint16_t* samples_of(const store::ColourTile& tile) {
+  return reinterpret_cast<const std::uint16_t*>(tile.data());
+}
+
 /// Texels of an image; a part of its index is a row of tiles. Tiles that its store left out come
 /// from the whole image.
 struct ColourReader {

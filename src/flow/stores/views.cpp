@@ -23,6 +23,9 @@ namespace {
 /// Of views as they are drawn: what is drawn otherwise is another store.
 constexpr std::uint32_t kViewsVersion = 2;
 
+/// Scratch packs beside that of the target's depths.
+constexpr Hash128 kInsideTarget{0, 1}, kInsideScene{0, 2};
+
 constexpr std::size_t kLeastEllipses = 1 << 10, kMostEllipses = 1 << 19, kTileShare = 16;
 
 /// A row of a view's tiles, compressed; an empty one shows nothing.
@@ -55,10 +58,13 @@ constexpr std::uint64_t places_bytes(std::uint64_t blocks) {
 
 class SceneDrawing {
  public:
-  SceneDrawing(job::JobContext& job, const ViewsRequest& request, const views::Grid& grid)
+  /// `before_inside`: how far before an inside the scene begins, in steps of depth.
+  SceneDrawing(job::JobContext& job, const ViewsRequest& request, const views::Grid& grid,
+               float before_inside)
       : job_(job),
         request_(request),
         grid_(grid),
+        before_inside_(before_inside),
         image_(grid.image(views::kSceneSamples)),
         // All degrees, whatever the ray makes of them.
         blocks_(job.budget, SplatReader{{&job, request.scene}, SphericalHarmonics::normal}) {}
@@ -69,8 +75,21 @@ class SceneDrawing {
         find_store(job_, store::PackKind::colour, key,
                    [&](std::unique_ptr<store::PackReader> pack) { return open(std::move(pack)); });
     *cached = store != nullptr;
-    if (!*cached) store = open(draw(key));
+    if (!*cached) {
+      const std::string name = std::filesystem::path(request_.path).filename().string();
+      store = open(job_.stores->publish(
+          draw(job_.stores->create(store::PackKind::colour, key,
+                                   fmt::format("{} from {} sides", name, grid_.views())),
+               nullptr)));
+    }
     return opened(job_, std::move(store));
+  }
+  /// Where `depths` has tiles, from a little before these on.
+  std::unique_ptr<ColourCache> make_inside(const ColourCache& depths) {
+    return opened(
+        job_,
+        open(publish_scratch(
+            job_, draw(job_.scratch->create(store::PackKind::colour, kInsideScene), &depths))));
   }
 
  private:
@@ -98,11 +117,12 @@ class SceneDrawing {
   std::uint64_t row_bytes(std::size_t ellipses) const {
     return sizeof(views::Canvas) + views::Slab::most_bytes(ellipses) + block_bytes() +
            places_bytes(request_.scene->directory().blocks()) +
-           encoding_bytes(views::kSceneSamples) +
+           encoding_bytes(views::kSceneSamples) + 3 * views::tile_bytes(views::kTargetSamples) +
            grid_.tiles_across() * views::tile_bytes(views::kSceneSamples);
   }
 
-  std::unique_ptr<store::PackReader> draw(const Hash128& key) {
+  std::unique_ptr<store::PackWriter> draw(std::unique_ptr<store::PackWriter> pack,
+                                          const ColourCache* inside) {
     const std::uint64_t room =
         (job_.budget.limit() - std::min(job_.budget.limit(), job_.budget.leased())) /
         (2 * runtime::works_at_once());
@@ -113,25 +133,22 @@ class SceneDrawing {
     while (ellipses < enough && row_bytes(2 * ellipses) <= room) ellipses *= 2;
     if (request_.most_ellipses > 0) ellipses = request_.most_ellipses;
     const std::vector<std::uint64_t> costs(image_.tiles_y(), row_bytes(ellipses));
-    store::ColourStoreWriter writer(
-        job_.stores->create(
-            store::PackKind::colour, key,
-            fmt::format("{} from {} sides",
-                        std::filesystem::path(request_.path).filename().string(), grid_.views())),
-        image_.tiles_y());
+    store::ColourStoreWriter writer(std::move(pack), image_.tiles_y());
     runtime::run_ordered<Row>(
         job_.budget, costs, "drawing " + request_.path + " from all around",
-        [&](std::size_t row) { return draw_row(static_cast<std::uint32_t>(row), ellipses); },
+        [&](std::size_t row) {
+          return draw_row(static_cast<std::uint32_t>(row), ellipses, inside);
+        },
         [&](std::size_t row, Row& made) {
           writer.add_row(static_cast<std::uint32_t>(row), made,
                          static_cast<std::uint32_t>(views::tile_bytes(views::kSceneSamples)),
                          job_.compressor());
-          job_.meter.advance(1);
+          job_.meter.advance(inside == nullptr ? 1 : 0);
         });
-    return job_.stores->publish(writer.finish(image_, job_.compressor()));
+    return writer.finish(image_, job_.compressor());
   }
 
-  Row draw_row(std::uint32_t row, std::size_t ellipses) const {
+  Row draw_row(std::uint32_t row, std::size_t ellipses, const ColourCache* inside) const {
     const std::uint32_t view = row / grid_.tiles_across(), y = row % grid_.tiles_across();
     Row tiles(grid_.tiles_across());
     views::Slab slab(ellipses);
@@ -140,6 +157,11 @@ class SceneDrawing {
     for (std::uint32_t x = 0; x < tiles.size(); ++x) {
       job_.meter.throw_if_cancelled();
       if (!grid_.has(view, x, y)) continue;
+      if (inside != nullptr) {
+        const store::ChunkRef depths = (*inside->index(row))[x];
+        if (store::is_left_out(depths)) continue;
+        canvas->begin_before(samples_of(*inside->block(depths)), before_inside_);
+      }
       const views::TileSight sight(grid_, view, x, y, request_.drawing, *request_.kernels);
       const auto block = [&](const views::NearBlock& near) {
         return blocks_.block(*static_cast<const store::SplatEntry*>(near.entry));
@@ -174,18 +196,19 @@ class SceneDrawing {
   job::JobContext& job_;
   const ViewsRequest& request_;
   const views::Grid& grid_;
+  const float before_inside_;
   const store::ColourDirectory image_;
   const SplatCache blocks_;
 };
 
 /// Nobody looks for it by its key: it is as quickly drawn as it is read.
-std::unique_ptr<ColourCache> draw_targets(job::JobContext& job, const views::Grid& grid,
-                                          const mesh::Mesh& target) {
+void draw_targets(job::JobContext& job, const mesh::Mesh& target, SceneViews& out) {
+  const views::Grid& grid = out.grid;
   const store::ColourDirectory image = grid.image(views::kTargetSamples);
   const std::uint32_t across = grid.tiles_across();
   const auto bytes = [&](std::uint32_t rows) {
     return views::TargetDepths::bytes(grid, rows) + encoding_bytes(views::kTargetSamples) +
-           std::uint64_t{rows} * across * views::tile_bytes(views::kTargetSamples);
+           2 * std::uint64_t{rows} * across * views::tile_bytes(views::kTargetSamples);
   };
   // All rows of a view at once if there is room: each band goes through all triangles.
   const std::uint64_t room =
@@ -195,35 +218,50 @@ std::unique_ptr<ColourCache> draw_targets(job::JobContext& job, const views::Gri
   while (band > 1 && bytes(band) > room) band = (band + 1) / 2;
   const std::uint32_t bands = (across + band - 1) / band;
   const std::vector<std::uint64_t> costs(std::size_t{grid.views()} * bands, bytes(band));
+  const auto view_of = [&](std::size_t i) { return static_cast<std::uint32_t>(i / bands); };
+  const auto first_of = [&](std::size_t i) { return static_cast<std::uint32_t>(i % bands) * band; };
+  struct Drawn {
+    std::vector<Row> rows, inside;
+  };
   store::ColourStoreWriter writer(job.scratch->create(store::PackKind::colour, {}),
                                   image.tiles_y());
-  runtime::run_ordered<std::vector<Row>>(
+  store::ColourStoreWriter inside(job.scratch->create(store::PackKind::colour, kInsideTarget),
+                                  image.tiles_y());
+  bool shows_inside = false;
+  runtime::run_ordered<Drawn>(
       job.budget, costs, "drawing the target from all around",
       [&](std::size_t i) {
         job.meter.throw_if_cancelled();
-        const auto view = static_cast<std::uint32_t>(i / bands),
-                   first = static_cast<std::uint32_t>(i % bands) * band;
-        const auto drawn =
-            views::draw_target(target, grid, view, first, std::min(band, across - first));
-        std::vector<Row> rows(drawn.tile_rows, Row(across));
+        const std::uint32_t first = first_of(i), count = std::min(band, across - first);
+        const auto drawn = views::draw_target(target, grid, view_of(i), first, count);
+        Drawn tiles{{drawn.tile_rows, Row(across)}, {drawn.tile_rows, Row(across)}};
         for (std::uint32_t y = 0; y < drawn.tile_rows; ++y) {
           for (std::uint32_t x = 0; x < across; ++x) {
-            if (drawn.has(x, first + y)) encode(job, image, drawn.tile(x, first + y), rows[y][x]);
+            if (!drawn.has(x, first + y)) continue;
+            encode(job, image, drawn.tile(x, first + y), tiles.rows[y][x]);
+            const auto depths = drawn.inside(x, first + y, out.limits.on_target);
+            if (!depths.empty()) encode(job, image, depths, tiles.inside[y][x]);
           }
         }
-        return rows;
+        return tiles;
       },
-      [&](std::size_t i, std::vector<Row>& rows) {
-        const auto view = static_cast<std::uint32_t>(i / bands),
-                   first = static_cast<std::uint32_t>(i % bands) * band;
-        for (std::uint32_t y = 0; y < rows.size(); ++y)
-          writer.add_row(grid.tile_row(view, first + y), rows[y],
-                         static_cast<std::uint32_t>(views::tile_bytes(views::kTargetSamples)),
-                         job.compressor());
+      [&](std::size_t i, Drawn& tiles) {
+        constexpr auto kBytes =
+            static_cast<std::uint32_t>(views::tile_bytes(views::kTargetSamples));
+        for (std::uint32_t y = 0; y < tiles.rows.size(); ++y) {
+          const std::uint32_t row = grid.tile_row(view_of(i), first_of(i) + y);
+          writer.add_row(row, tiles.rows[y], kBytes, job.compressor());
+          inside.add_row(row, tiles.inside[y], kBytes, job.compressor());
+          for (const auto& tile : tiles.inside[y]) shows_inside = shows_inside || !tile.empty();
+        }
       });
-  return opened(job, std::make_unique<store::ColourStore>(
-                         publish_scratch(job, writer.finish(image, job.compressor())), image,
-                         job.compressor(), true));
+  const auto finished = [&](store::ColourStoreWriter& one) {
+    return opened(job, std::make_unique<store::ColourStore>(
+                           publish_scratch(job, one.finish(image, job.compressor())), image,
+                           job.compressor(), true));
+  };
+  out.target = finished(writer);
+  if (shows_inside) out.inside_target = finished(inside);
 }
 
 }  // namespace
@@ -239,13 +277,17 @@ SceneViews scene_views(job::JobContext& job, const ViewsRequest& request, const 
   out.limits.hidden = out.grid.in_steps(static_cast<float>(views::kHidden * diagonal));
   job.meter.begin("views", out.grid.image(views::kSceneSamples).tiles_y(), "rows", progress_end);
   bool cached = false;
-  out.scene = SceneDrawing(job, request, out.grid).make(&cached);
+  SceneDrawing drawing(job, request, out.grid,
+                       out.grid.in_steps(static_cast<float>(views::kBeforeInside * diagonal)));
+  out.scene = drawing.make(&cached);
   job.count_store(out.scene->store().pack(), cached);
   job.report.source_store_bytes += out.scene->store().pack().size_bytes();
   if (cached) job.clock.set_cached("views");
   job.report.views = out.grid.views();
-  out.target_goes = std::make_unique<job::ScratchPack>(job, store::PackKind::colour);
-  out.target = draw_targets(job, out.grid, target);
+  for (const Hash128& key : {Hash128{}, kInsideTarget, kInsideScene})
+    out.go_with_it.push_back(std::make_unique<job::ScratchPack>(job, store::PackKind::colour, key));
+  draw_targets(job, target, out);
+  if (out.inside_target) out.inside_scene = drawing.make_inside(*out.inside_target);
   job.meter.end(cached);
   return out;
 }

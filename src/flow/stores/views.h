@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "flow/stores/block_readers.h"
 #include "job/job_context.h"
@@ -21,10 +22,16 @@ struct SceneViews {
   views::SightLimits limits;
   const views::ViewKernels* kernels = nullptr;
   std::unique_ptr<ColourCache> scene, target;
-  std::unique_ptr<job::ScratchPack> target_goes = nullptr;
+  /// The same as in a doll's house, where a tile shows the inside of the target: see
+  /// views::TargetDepths::inside(). Null: nowhere.
+  std::unique_ptr<ColourCache> inside_scene = nullptr, inside_target = nullptr;
+  std::vector<std::unique_ptr<job::ScratchPack>> go_with_it = {};
 
+  /// Packets that look inside of the target at once.
+  static constexpr std::size_t kInsideAtOnce = 64;
   /// What a piece of the target needs to look texels up, beside what it holds of each packet.
   static constexpr std::uint64_t kReadingBytes =
+      kInsideAtOnce * sizeof(surface::TexelPacket) +
       3 * (views::tile_bytes(views::kSceneSamples) + views::tile_bytes(views::kTargetSamples) +
            2 * kPageBytes);
 };

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <memory>
 #include <vector>
@@ -27,11 +28,9 @@ std::vector<const ViewKernels*> available_kernels() {
   return all;
 }
 
-/// A tile of a view, in slabs of so many Gaussians.
-std::unique_ptr<Canvas> drawn(const gaussian::SplatSet& set, const TileSight& sight,
-                              const ViewKernels& kernels, std::size_t most = 1 << 16) {
-  auto canvas = std::make_unique<Canvas>();
-  canvas->clear();
+/// In slabs of so many Gaussians.
+void draw_into(Canvas& canvas, const gaussian::SplatSet& set, const TileSight& sight,
+               const ViewKernels& kernels, std::size_t most) {
   Slab slab(most);
   do {
     sight.add(set, 0, slab);
@@ -39,9 +38,17 @@ std::unique_ptr<Canvas> drawn(const gaussian::SplatSet& set, const TileSight& si
     CHECK(ellipses.size() <= 2 * most);
     CHECK(std::is_sorted(ellipses.begin(), ellipses.end(),
                          [](const Ellipse* a, const Ellipse* b) { return a->order < b->order; }));
-    if (!kernels.draw(ellipses, *canvas)) break;
+    if (!kernels.draw(ellipses, canvas)) break;
     slab.drop();
   } while (slab.again());
+}
+
+/// A tile of a view.
+std::unique_ptr<Canvas> drawn(const gaussian::SplatSet& set, const TileSight& sight,
+                              const ViewKernels& kernels, std::size_t most = 1 << 16) {
+  auto canvas = std::make_unique<Canvas>();
+  canvas->clear();
+  draw_into(*canvas, set, sight, kernels, most);
   return canvas;
 }
 
@@ -50,9 +57,11 @@ struct ReferencePixel {
   double alpha = 0, depth = -1;
 };
 
-/// Every Gaussian against one pixel, as viewers draw it: double precision, textbook formulas.
+/// Every Gaussian against one pixel, as viewers draw it: double precision, textbook formulas. Those
+/// whose best hit lies before `begin` are not there.
 ReferencePixel reference_pixel(std::vector<ReferenceSplat> scene, const Grid& grid,
-                               std::uint32_t view, Vec2d at, bool antialiased) {
+                               std::uint32_t view, Vec2d at, bool antialiased,
+                               double begin = -1e30) {
   const Frame& f = grid.frame(view);
   const Vec3d u(f.right), v(f.down), w(f.forward), middle(grid.middle());
   const double pixel = static_cast<double>(grid.pixel());
@@ -79,17 +88,16 @@ ReferencePixel reference_pixel(std::vector<ReferenceSplat> scene, const Grid& gr
     if (antialiased) opacity *= std::sqrt(std::max(a * c - b * b, 0.0) / det);
     const double alpha = std::min(0.99, opacity * std::exp(-q / 2));
     if (alpha < 1.0 / 255 || through < 1.0 / 255) continue;
+    const double wu = quadratic(w, u), wv = quadratic(w, v);
+    const double depth = (dot(w, s.mean - middle) / pixel +
+                          ((wu * gc - wv * b) * dx + (wv * ga - wu * b) * dy) / det) *
+                             pixel / static_cast<double>(grid.depth_step()) +
+                         kMostDepth / 2;
+    if (depth < begin) continue;
     out.colour = out.colour + s.colour * (through * alpha);
     const double before = through;
     through *= 1 - alpha;
-    if (before > 0.5 && through <= 0.5) {
-      const double wu = quadratic(w, u), wv = quadratic(w, v);
-      const double depth = dot(w, s.mean - middle) / pixel +
-                           ((wu * gc - wv * b) * dx + (wv * ga - wu * b) * dy) / det;
-      out.depth =
-          std::clamp(depth * pixel / static_cast<double>(grid.depth_step()) + kMostDepth / 2, 0.0,
-                     double{kMostDepth});
-    }
+    if (before > 0.5 && through <= 0.5) out.depth = std::clamp(depth, 0.0, double{kMostDepth});
   }
   out.alpha = 1 - through;
   return out;
@@ -190,6 +198,58 @@ TEST_CASE("a tile shows what a slow viewer shows", "[views]") {
   }
 }
 
+TEST_CASE("pixels begin where they are told to, or are none", "[views]") {
+  const Grid grid({{-1.2F, -1.2F, -0.4F}, {1.2F, 1.2F, 0.1F}}, 0.01F, 24);
+  const std::uint32_t view = 11, tile = grid.tiles_across() / 2;
+  Random random(8);
+  const auto scene = random_splats(random, 700, false);
+  const auto set = gaussian::make_splat_set(splat_block(scene));
+  constexpr float kGap = 40;
+  std::vector<std::uint16_t> depths(std::size_t{kStoredEdge} * kStoredEdge, kNoDepth);
+  const auto number = [](int x, int y) {
+    return static_cast<std::size_t>((y + kApron) * kStoredEdge + x + kApron);
+  };
+  for (int y = 0; y < kTileEdge; ++y) {
+    for (int x = 0; x < kTileEdge; ++x) {
+      if ((x / 7 + y / 5) % 3 == 0) continue;
+      depths[number(x, y)] = static_cast<std::uint16_t>(kMostDepth / 2 + 40 * (x - y));
+    }
+  }
+  std::vector<std::byte> first;
+  for (const ViewKernels* kernels : available_kernels()) {
+    for (const std::size_t most : {std::size_t{1} << 16, std::size_t{30}}) {
+      auto canvas = std::make_unique<Canvas>();
+      canvas->begin_before(depths.data(), kGap);
+      canvas->clear();
+      draw_into(*canvas, set, middle_tile(grid, view, {}, *kernels), *kernels, most);
+      const auto samples = samples_of(*canvas);
+      if (first.empty()) first = samples;
+      CHECK(samples == first);
+      if (samples != first || most == 30) continue;
+      std::size_t unlike = 0, pixels = 0, cut = 0;
+      for (int y = 0; y < kTileEdge; y += 3) {
+        for (int x = 0; x < kTileEdge; x += 2, ++pixels) {
+          std::uint16_t stored[kSceneSamples];
+          std::memcpy(stored, samples.data() + number(x, y) * sizeof stored, sizeof stored);
+          if (depths[number(x, y)] == kNoDepth) {
+            CHECK(stored[3] == 0);
+            CHECK(stored[4] == kNoDepth);
+            continue;
+          }
+          const Vec2d at{double(tile * kTileEdge) + x, double(tile * kTileEdge) + y};
+          const double begin = depths[number(x, y)] - double{kGap};
+          const auto expected = reference_pixel(scene, grid, view, at, false, begin),
+                     whole = reference_pixel(scene, grid, view, at, false);
+          cut += std::abs(whole.alpha - expected.alpha) > 0.1 ? 1 : 0;
+          unlike += std::abs(stored[3] / 65535.0 - expected.alpha) < 0.01 ? 0 : 1;
+        }
+      }
+      CHECK(cut > 50);
+      CHECK(unlike <= pixels / 50);
+    }
+  }
+}
+
 TEST_CASE("slabs, kernels and the order of blocks are nobody's to see", "[views]") {
   Random random(11);
   const auto scene = random_splats(random, 900, false);
@@ -202,7 +262,7 @@ TEST_CASE("slabs, kernels and the order of blocks are nobody's to see", "[views]
       for (const std::size_t most : {1UL, 2UL, 7UL, 100UL, 899UL, 900UL}) {
         CAPTURE(kernels->isa, view, most);
         const auto canvas = drawn(set, middle_tile(grid, view, {}, *kernels), *kernels, most);
-        CHECK(std::memcmp(canvas.get(), expected.get(), sizeof(Canvas)) == 0);
+        CHECK(std::memcmp(canvas.get(), expected.get(), offsetof(Canvas, begin)) == 0);
       }
     }
   }
@@ -222,7 +282,7 @@ TEST_CASE("slabs, kernels and the order of blocks are nobody's to see", "[views]
     if (!available_kernels()[0]->draw(slab.nearer_than(kNoEnd), canvas)) break;
     slab.drop();
   } while (slab.again());
-  CHECK(std::memcmp(&canvas, expected.get(), sizeof canvas) == 0);
+  CHECK(std::memcmp(&canvas, expected.get(), offsetof(Canvas, begin)) == 0);
 }
 
 TEST_CASE("what lies before all that is to come is drawn before it comes", "[views]") {
@@ -272,7 +332,7 @@ TEST_CASE("what lies before all that is to come is drawn before it comes", "[vie
     Slab slab(most);
     asked = 0;
     CHECK(draw_tile(sight, near, read, *available_kernels()[0], slab, canvas));
-    CHECK(std::memcmp(&canvas, expected.get(), sizeof canvas) == 0);
+    CHECK(std::memcmp(&canvas, expected.get(), offsetof(Canvas, begin)) == 0);
     CHECK((asked > 10 * blocks.size()) == (most == 10));
     if (most == 5000) CHECK(asked <= blocks.size());
   }
@@ -335,7 +395,7 @@ TEST_CASE("Gaussians of any size are drawn, or left out whole", "[views]") {
         if (!expected)
           expected = std::move(found);
         else
-          CHECK(std::memcmp(found.get(), expected.get(), sizeof(Canvas)) == 0);
+          CHECK(std::memcmp(found.get(), expected.get(), offsetof(Canvas, begin)) == 0);
       }
     }
   }
