@@ -40,7 +40,7 @@ struct alignas(64) Canvas {
   }
   float through[kPixels];  ///< what is left of the light
   float colour[3][kPixels];
-  float depth[kPixels];  ///< where half of the light was taken; below 0: nowhere
+  float depth[kPixels];       ///< where half of the light was taken; below 0: nowhere
   float begin[kPixels] = {};  ///< where clips: what lies before that is not drawn
   bool clips = false;
 

@@ -43,7 +43,8 @@ TEST_CASE("a target's nearest surface is its depth, whichever way it faces", "[v
   CHECK(std::abs(sample(middle, 5, 7) - (kMostDepth / 2 - 500)) <= 1);
   CHECK(std::abs(sample(middle, 30, 30) - (kMostDepth / 2 + 900)) <= 1);
   CHECK(sample(middle, 45, 5) == kNoDepth);
-  // In a doll's house the nearer one is away; where it was not, nothing is seen that was not before.
+  // In a doll's house the nearer one is away; where it was not, nothing is seen that was not
+  // before.
   const auto inside = drawn.inside(tile, tile, 1399);
   CHECK(std::abs(sample(inside, 5, 7) - (kMostDepth / 2 + 900)) <= 1);
   CHECK(sample(inside, 30, 30) == kNoDepth);
