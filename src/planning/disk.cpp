@@ -111,7 +111,7 @@ void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64
 
 void DiskPlan::add_views(std::uint32_t count) {
   // A region fills half of a view's square, or less; what is drawn smoothly takes half of its
-  // samples' bytes, or less.
+  // samples' bytes, or less. The same again in a room, which is known once its target is drawn.
   using views::Grid, views::kSceneSamples, views::kStoredEdge, views::kTargetSamples;
   constexpr std::uint64_t kTiles = Grid::kMostAcross * Grid::kMostAcross / 2,
                           kTileBytes = std::uint64_t{kStoredEdge} * kStoredEdge *

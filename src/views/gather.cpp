@@ -12,6 +12,7 @@ namespace {
 static_assert(kMostViews * std::uint64_t{255} * 65535 <= 0x7FFFFFFF &&
                   kMostViews * std::uint64_t{255} * 255 * 255 <= 0x7FFFFFFF,
               "sums are of 32 bits");
+// A texel faces half of the views, about: twice, from outside and inside, is no more than all once.
 
 }  // namespace
 

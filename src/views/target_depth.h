@@ -39,7 +39,7 @@ struct TargetDepths {
   }
 };
 
-/// `mesh` has normals.
+/// `mesh` has a normal for each vertex, as every mesh that was read.
 TargetDepths draw_target(const mesh::Mesh& mesh, const Grid& grid, std::uint32_t view,
                          std::uint32_t first_tile_y, std::uint32_t tile_rows);
 

@@ -99,7 +99,7 @@ class SplatMethod : public Base {
   }
 
   void blend(Work& work) const {
-    // Packet by packet, channel by channel.
+    // Of the last packet that was asked for: sixteen lanes ask, one after the other.
     std::size_t of_packet = std::max(work.packets, work.state.packets.size());
     projection::SplatFindings found;
     const auto blend = [&](std::span<const surface::TexelPacket> packets, const auto& find) {

@@ -89,7 +89,7 @@ std::vector<job::LeastMemory> SceneSource::build_needs() const {
 }
 
 std::uint64_t SceneSource::directory_bytes() const {
-  constexpr std::uint64_t kMost = 64 << 10;  // of a pass, and of the scene's and target's views
+  constexpr std::uint64_t kMost = 64 << 10;  // of a pass, and of two pairs of views
   return kMost * (plan_.passes.size() + (request_.from_around ? 2 : 0));
 }
 

@@ -154,19 +154,19 @@ SplatRuns StoreBuilder::make_runs(const SplatLattice& lattice) {
   run = std::clamp(run, kLeastRun, kMostRun);
   run = std::min(run, std::max(kLeastRun, (rows + job_.threads - 1) / job_.threads));
   if (request_.run_splats > 0) run = request_.run_splats;
-
   struct Made {
     SplatRun run;
     store::SplatCounts filtered{};
   };
   const std::uint64_t count = (rows + run - 1) / run;
-  const std::vector<std::uint64_t> costs(
-      count, run_bytes(source_.read_bytes(), std::min(run, rows), lobes_));
+  const std::uint64_t rest = job_.budget.limit() - job_.budget.leased(),
+                      own = run_bytes(0, std::min(run, rows), lobes_),
+                      held = count * (own - SplatRunWriter::write_bytes(lobes_));
+  const std::vector<std::uint64_t> costs(count, source_.read_bytes() + own);
   // What is little of the budget stays in memory until it is merged.
-  const std::uint64_t held =
-      count * (run_bytes(0, std::min(run, rows), lobes_) - SplatRunWriter::write_bytes(lobes_));
+  const bool is_little = held <= room / 4 && held + source_.read_bytes() + own <= rest;
   std::optional<SplatRunWriter> writer;
-  if (held <= room / 4 && count <= kLeastFanIn && request_.run_splats == 0)
+  if (is_little && count <= kLeastFanIn && request_.run_splats == 0 && request_.fan_in == 0)
     held_ = runtime::Lease(job_.budget, held, "sorting the Gaussians of " + request_.path);
   else
     writer.emplace(job_, lobes_);

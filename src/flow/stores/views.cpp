@@ -299,7 +299,7 @@ std::uint64_t scene_views_least_bytes(std::uint32_t lobes, std::uint64_t splats)
          kSplats * (sizeof(store::Splat) + store::lobe_bytes(lobes)) +
          store::SplatBlock::decoded_bytes(kSplats, true, lobes) +
          gaussian::SplatSet::most_bytes(kSplats, lobes) + places_bytes(splats / kFewInBlock) +
-         encoding_bytes(views::kSceneSamples) +
+         encoding_bytes(views::kSceneSamples) + 3 * views::tile_bytes(views::kTargetSamples) +
          views::Grid::kMostAcross * views::tile_bytes(views::kSceneSamples);
 }
 
