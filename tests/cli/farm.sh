@@ -146,6 +146,10 @@ expect 0 status lines --json
 grep -q '"state": "done"' "$out" || fail 'status says nothing of done tasks'
 expect 5 status nowhere
 err_has 'is no job folder'
+# A file that opens and cannot be read says so.
+mkdir -p unread/job.json
+expect 5 assemble unread
+err_has 'job.json: cannot read'
 
 # --- Slurm, without one ------------------------------------------------------------------------------------------------
 expect 0 submit slurm dry plane.glb five.obj -o 'p.<UDIM>.png' --size 512 --tasks 4 --max-running 2 --partition night \

@@ -15,7 +15,6 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -43,7 +42,14 @@ std::optional<std::string> read_if_there(const std::string& path) {
     if (errno == ENOENT) return std::nullopt;
     cannot("cannot read", path, errno);
   }
-  return std::string(std::istreambuf_iterator<char>(file), {});
+  std::string text;
+  char some[1 << 14];
+  errno = 0;
+  // By the stream, not its buffer, which would throw the library's own words.
+  while (file.read(some, sizeof some), file.gcount() > 0)
+    text.append(some, static_cast<std::size_t>(file.gcount()));
+  if (file.bad()) cannot("cannot read", path, errno != 0 ? errno : EIO);
+  return text;
 }
 
 Json json_of(const OptionReport& option) {
