@@ -2,6 +2,7 @@
 #include "sorting/block_encoder.h"
 
 #include <bit>
+#include <type_traits>
 
 #include "gaussian/splat_statistics.h"
 
@@ -21,6 +22,9 @@ std::uint32_t noise_step_log2(std::uint64_t ordinal) {
 bool asked_for_noise(std::uint64_t ordinal, std::uint32_t step_log2) {
   return (ordinal & ((1ULL << step_log2) - 1)) == 0;
 }
+
+// A vector of them that grows moves them: a copy would lose the room that they have.
+static_assert(std::is_nothrow_move_constructible_v<EncodedBlock>);
 
 }  // namespace
 
