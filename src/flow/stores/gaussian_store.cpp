@@ -3,7 +3,7 @@
 // Gaussians become a store of blocks, whatever they come from.
 //
 //   sample    a few from everywhere: where they are, how large they are
-//   runs      consecutive ones are read, filtered, sorted in memory and spilled, runs in parallel
+//   runs      consecutive ones are read, filtered, sorted and, if many, spilled; runs in parallel
 //   merge     all runs at once, cut into blocks where neighbours are farthest apart; blocks are
 //             encoded in parallel and written in order
 //
@@ -212,7 +212,7 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
                                  tokens * EncodedBlock::most_bytes(lobes_) +
                                  fan_in * SplatMerge::cursor_bytes(lobes_),
                              "merging the Gaussians of " + request_.path);
-  if (runs.pack) runs = sorting::merge_to_fan_in(job_, lattice, lobes_, std::move(runs), fan_in);
+  runs = sorting::merge_to_fan_in(job_, lattice, lobes_, std::move(runs), fan_in);
 
   const bool fades = request_.fades == gaussian::FadeIsolated::of_all_scenes ||
                      (request_.fades == gaussian::FadeIsolated::of_made_scenes &&
