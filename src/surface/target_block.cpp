@@ -20,13 +20,18 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
+
+#include "surface/chart_fragments.h"
 
 namespace pounce::surface {
 namespace {
 
-constexpr int kWindow = 8;        // texels a group spans
-constexpr int kHalfWindow = 4;    // texels a packet spans
-constexpr float kSpread = 16.0F;  // texel edges beyond which two texels do not share a packet
+constexpr int kWindow = 8;              // texels a group spans
+constexpr int kHalfWindow = 4;          // texels a packet spans
+constexpr float kSpread = 16.0F;        // texel edges beyond which two texels do not share a packet
+constexpr std::uint32_t kWindows = 64;  // of a block
+constexpr std::size_t kOwnGroup = 48;   // texels of a window that lie together: enough for a group
 constexpr int kMostClusters = 4;  // per window; what is left then shares packets, however far apart
 // Enough for the own side of an edge to win against rounding, which is worth a few steps.
 constexpr float kInsetSteps = 32;
@@ -302,45 +307,93 @@ void TargetBlock::fill(const std::uint16_t* texels, std::size_t count, bool is_d
   }
 }
 
+void TargetBlock::add_group(std::span<const std::uint16_t> texels, bool is_deep,
+                            std::uint32_t block, PageVector<TexelPacket>& packets,
+                            std::vector<PacketGroup>& groups) const {
+  const auto first = static_cast<std::uint32_t>(packets.size());
+  for (std::size_t i = 0; i < texels.size(); i += kLanes) {
+    packets.emplace_back().block = block;
+    fill(&texels[i], std::min<std::size_t>(kLanes, texels.size() - i), is_deep, packets.back());
+  }
+  groups.push_back({first, static_cast<std::uint32_t>(packets.size()) - first});
+}
+
+/// The first texel that is left is the seed, and takes what is near it, or all there is.
+std::size_t TargetBlock::take_cluster(Window& rest, bool all,
+                                      std::array<std::uint16_t, kWindow * kWindow>& out) const {
+  if (all || rest.one_triangle) {
+    out = rest.texels;
+    return std::exchange(rest.count, 0);
+  }
+  const Vec3f seed = position(rest.texels[0]);
+  const float seed_per_texel = per_texel(rest.texels[0]);
+  std::size_t near = 0, far = 0;
+  for (std::size_t i = 0; i < rest.count; ++i) {
+    const Vec3f d = position(rest.texels[i]) - seed;
+    const float spread = std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)});
+    const bool is_near =
+        i == 0 || spread * std::min(seed_per_texel, per_texel(rest.texels[i])) <= kSpread;
+    (is_near ? out[near++] : rest.texels[far++]) = rest.texels[i];
+  }
+  rest.count = far;
+  return near;
+}
+
 void TargetBlock::make_packets(std::uint32_t block_index, PageVector<TexelPacket>& packets,
-                               std::vector<PacketGroup>& groups) const {
-  const auto add_group = [&](const std::uint16_t* texels, std::size_t count, bool is_deep) {
-    const auto first = static_cast<std::uint32_t>(packets.size());
-    for (std::size_t i = 0; i < count; i += kLanes) {
-      packets.emplace_back().block = block_index;
-      fill(texels + i, std::min<std::size_t>(kLanes, count - i), is_deep, packets.back());
-    }
-    groups.push_back({first, static_cast<std::uint32_t>(packets.size()) - first});
-  };
-  for (std::uint32_t w = 0; w < 64; ++w) {
+                               std::vector<PacketGroup>& groups, Order order) const {
+  if (order == Order::in_space) return make_packets_in_space(block_index, packets, groups);
+  std::array<std::uint16_t, kWindow * kWindow> together;
+  for (std::uint32_t w = 0; w < kWindows; ++w) {
     Window rest = window(w);
     if (rest.count == 0) continue;
     const bool deep = is_deep(rest);
-    if (rest.one_triangle) {
-      add_group(rest.texels.data(), rest.count, deep);
-      continue;
-    }
-    // One group of packets per cluster: usually all of the window, one each where charts meet.
-    // The first texel left is the seed, and takes what is near it. A packet across two charts would
-    // have a bundle as wide as their distance, and every patch in between would be a candidate. The
-    // last cluster takes the rest however far apart: most_packets() depends on that bound.
+    // One group of packets per cluster: usually all of the window, one each where charts meet. A
+    // packet across two charts would have a bundle as wide as their distance, and every patch in
+    // between would be a candidate. The last cluster takes the rest however far apart:
+    // most_packets() depends on that bound.
     for (int cluster = 1; rest.count > 0; ++cluster) {
-      const Vec3f seed = position(rest.texels[0]);
-      const float seed_per_texel = per_texel(rest.texels[0]);
-      std::array<std::uint16_t, kWindow * kWindow> together;
-      std::size_t near = 0, far = 0;
-      for (std::size_t i = 0; i < rest.count; ++i) {
-        const Vec3f d = position(rest.texels[i]) - seed;
-        const float spread = std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)});
-        const bool is_near =
-            i == 0 || cluster >= kMostClusters ||
-            spread * std::min(seed_per_texel, per_texel(rest.texels[i])) <= kSpread;
-        (is_near ? together[near++] : rest.texels[far++]) = rest.texels[i];
-      }
-      add_group(together.data(), near, deep);
-      rest.count = far;
+      const std::size_t count = take_cluster(rest, cluster >= kMostClusters, together);
+      add_group({together.data(), count}, deep, block_index, packets, groups);
     }
   }
+}
+
+std::size_t TargetBlock::count_packets(Order order) const {
+  const auto texels = std::count_if(owner_.begin(), owner_.end(),
+                                    [](auto owner) { return owner != store::kNoTriangle; });
+  PageVector<TexelPacket> packets;
+  packets.reserve(most_packets(static_cast<std::uint32_t>(texels)));
+  std::vector<PacketGroup> groups;
+  make_packets(0, packets, groups, order);
+  return packets.size();
+}
+
+static_assert(ChartFragments::most_bytes(store::kTexelsPerBlock) <= TargetBlock::kPackingBytes);
+
+void TargetBlock::make_packets_in_space(std::uint32_t block_index, PageVector<TexelPacket>& packets,
+                                        std::vector<PacketGroup>& groups) const {
+  const auto add = [&](std::span<const std::uint16_t> texels) {
+    add_group(texels, true, block_index, packets, groups);
+  };
+  const std::size_t before = packets.size();
+  std::size_t texels = 0;
+  ChartFragments fragments;
+  std::array<std::uint16_t, kWindow * kWindow> together;
+  for (std::uint32_t w = 0; w < kWindows; ++w) {
+    Window rest = window(w);
+    texels += rest.count;
+    while (rest.count > 0) {
+      const std::span<const std::uint16_t> cluster(together.data(),
+                                                   take_cluster(rest, false, together));
+      if (cluster.size() >= kOwnGroup) {
+        add(cluster);
+      } else {
+        fragments.add(cluster);
+      }
+    }
+  }
+  const std::size_t most = most_packets(static_cast<std::uint32_t>(texels));
+  fragments.join(*this, most - (packets.size() - before), add);
 }
 
 std::vector<TexelAxes> TargetBlock::axes() const {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "core/bounds.h"
@@ -67,11 +68,23 @@ class TargetBlock {
   Texel texel(std::uint32_t texel) const;
   bool covered(std::uint32_t texel) const { return owner_[texel] != store::kNoTriangle; }
 
-  /// Appends the block's packets and groups. Packets never cross an 8x8 window of the image, and
-  /// texels that lie far apart (another chart) never share one, so a packet does not depend on how
-  /// the target is cut.
+  enum class Order {
+    in_windows,  ///< packets never cross an 8x8 window of the image
+    in_space     ///< texels of small charts share packets with what lies near them
+  };
+  /// Gaussians count the same whoever shares a packet; of surfaces ties would break differently.
+  static constexpr Order order_of(Start start) {
+    return start == Start::at_texel ? Order::in_space : Order::in_windows;
+  }
+  /// Appends the block's packets and groups. Texels that lie far apart (another chart) do not share
+  /// one, unless there would be more than most_packets(). A packet does not depend on how the
+  /// target is cut.
   void make_packets(std::uint32_t block_index, PageVector<TexelPacket>& packets,
-                    std::vector<PacketGroup>& groups) const;
+                    std::vector<PacketGroup>& groups, Order order = Order::in_windows) const;
+  /// How many packets that appends, by making them.
+  std::size_t count_packets(Order order) const;
+  /// What making packets takes beside them, at most.
+  static constexpr std::uint64_t kPackingBytes = 160 << 10;
   /// The axes of each triangle's texels; empty for a block of records, whose texels are known by
   /// their edges alone.
   std::vector<TexelAxes> axes() const;
@@ -131,6 +144,11 @@ class TargetBlock {
   struct Window;
   Window window(std::uint32_t index) const;
   bool is_deep(const Window& window) const;
+  std::size_t take_cluster(Window& rest, bool all, std::array<std::uint16_t, 64>& out) const;
+  void add_group(std::span<const std::uint16_t> texels, bool is_deep, std::uint32_t block,
+                 PageVector<TexelPacket>& packets, std::vector<PacketGroup>& groups) const;
+  void make_packets_in_space(std::uint32_t block_index, PageVector<TexelPacket>& packets,
+                             std::vector<PacketGroup>& groups) const;
   void fill(const std::uint16_t* texels, std::size_t count, bool is_deep,
             TexelPacket& packet) const;
   void move_start(std::size_t lane, Four beyond, TexelPacket& packet) const;

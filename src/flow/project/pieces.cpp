@@ -110,7 +110,7 @@ void read_packets(job::JobContext& job, const store::GeometryStore& target, floa
     const store::BlockEntry& entry = work.blocks[b];
     const surface::TargetBlock maps(target.read_block(entry, job.compressor()),
                                     target.directory().pages[entry.page], smallest_edge, start);
-    maps.make_packets(b, packets, groups);
+    maps.make_packets(b, packets, groups, surface::TargetBlock::order_of(start));
     if (axes != nullptr) axes->push_back(maps.axes());
   }
 }

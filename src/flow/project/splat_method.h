@@ -204,11 +204,7 @@ class SplatMethodBase {
     const store::GeometryStore& target = *request_.target;
     const surface::TargetBlock maps(target.read_block(entry, job_->compressor()),
                                     target.directory().pages[entry.page], request_.smallest_edge);
-    PageVector<surface::TexelPacket> packets;
-    packets.reserve(most);
-    std::vector<surface::PacketGroup> groups;
-    maps.make_packets(0, packets, groups);
-    return packets.size();
+    return maps.count_packets(surface::TargetBlock::Order::in_space);
   }
   std::uint64_t result_texel_bytes() const {
     std::uint64_t bytes = 0;
@@ -242,7 +238,7 @@ class SplatMethodBase {
   /// A block of a target: of triangles, or as many records as texels; then its results, raw and
   /// stored.
   static std::uint64_t block_bytes(std::uint32_t triangles, std::uint64_t result_texel_bytes) {
-    return 2 * store::kTexelsPerBlock +
+    return 2 * store::kTexelsPerBlock + surface::TargetBlock::kPackingBytes +
            std::max({std::uint64_t{triangles} * 220,
                      surface::TargetBlock::record_bytes(store::kTexelsPerBlock),
                      4 * store::kTexelsPerBlock * result_texel_bytes});

@@ -75,9 +75,11 @@ struct Packets {
 };
 
 /// Checks what holds for any block's packets and returns them.
-Packets checked_packets(const TargetBlock& map) {
+Packets checked_packets(const TargetBlock& map,
+                        TargetBlock::Order order = TargetBlock::Order::in_windows) {
   Packets out;
-  map.make_packets(5, out.packets, out.groups);
+  map.make_packets(5, out.packets, out.groups, order);
+  CHECK(map.count_packets(order) == out.packets.size());
   std::multiset<std::uint32_t> used;
   for (const TexelPacket& packet : out.packets) {
     CHECK(packet.block == 5);
@@ -95,6 +97,7 @@ Packets checked_packets(const TargetBlock& map) {
       const TargetBlock::Texel expected = map.texel(texel);
       CHECK((p == expected.position && n == expected.normal));
       CHECK(packet.per_texel[lane] == expected.per_texel);
+      if (order == TargetBlock::Order::in_space) continue;
       const std::uint32_t first = packet.texel[0];  // all in one 8x8 window
       CHECK((texel % 64 / 8 == first % 64 / 8 && texel / 64 / 8 == first / 64 / 8));
     }
@@ -113,6 +116,90 @@ Packets checked_packets(const TargetBlock& map) {
 }
 
 }  // namespace
+
+namespace {
+
+/// A chart of 4x4 texels with edges of one unit in the corner of each 8x8 window, at `places` along
+/// x, facing `normal`.
+BlockMaker small_charts(const std::vector<Vec3f>& places, const std::vector<Vec3f>& normals) {
+  BlockMaker maker(0, 0);
+  for (std::size_t w = 0; w < places.size(); ++w) {
+    const double left = static_cast<double>(w % 8 * 8) - 0.5,
+                 top = static_cast<double>(w / 8 * 8) - 0.5;
+    const auto corner = [&](float x, float y) {
+      return BlockMaker::Corner{
+          {left + double{x}, top + double{y}}, places[w] + Vec3f{x, y, 0}, normals[w]};
+    };
+    maker.add({corner(0, 0), corner(4, 0), corner(4, 4)});
+    maker.add({corner(0, 0), corner(4, 4), corner(0, 4)});
+  }
+  return maker;
+}
+
+constexpr auto kInSpace = TargetBlock::Order::in_space;
+
+}  // namespace
+
+TEST_CASE("small charts share packets with what lies near them, wherever that is in the image") {
+  // A strip of 64 charts, strewn over the block.
+  std::vector<Vec3f> places;
+  for (int w = 0; w < 64; ++w) places.push_back({static_cast<float>(w * 37 % 64 * 4), 0, 0});
+  const TargetBlock map(small_charts(places, std::vector<Vec3f>(64, {0, 0, 1})).block, kImage,
+                        1e-6F);
+  const Packets own = checked_packets(map), shared = checked_packets(map, kInSpace);
+  CHECK(own.groups.size() == 64);
+  CHECK(shared.packets.size() == 64);  // none has an empty lane
+  CHECK(shared.groups.size() == 16);
+  for (const PacketGroup& group : shared.groups) {
+    float first = 1e9F, last = 0;
+    for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
+      for (const float x : shared.packets[p].px) {
+        first = std::min(first, x);
+        last = std::max(last, x);
+      }
+    }
+    CHECK(last - first == 15);  // four charts, side by side
+  }
+}
+
+TEST_CASE("what turns its back shares no group, however near it is") {
+  // Sixteen charts one unit above sixteen that face the other way.
+  std::vector<Vec3f> places, normals;
+  for (int w = 0; w < 32; ++w) {
+    places.push_back({static_cast<float>(w / 2 * 4), 0, static_cast<float>(w % 2)});
+    normals.push_back({0, 0, w % 2 == 0 ? -1.0F : 1.0F});
+  }
+  const Packets shared =
+      checked_packets(TargetBlock(small_charts(places, normals).block, kImage, 1e-6F), kInSpace);
+  CHECK(shared.groups.size() == 8);
+  for (const PacketGroup& group : shared.groups) {
+    for (std::uint32_t p = group.first; p < group.first + group.count; ++p) {
+      for (const float z : shared.packets[p].nz) CHECK(z == shared.packets[group.first].nz[0]);
+    }
+  }
+}
+
+TEST_CASE("packets in space are no more than promised, whatever charts there are") {
+  Random random(2718);
+  for (int round = 0; round < 40; ++round) {
+    // Texels of their own triangles, strewn: from all in one place to all apart.
+    const float strewn = std::ldexp(1.0F, 2 * round / 3 - 4);
+    const auto height = random.whole(1, 64);
+    BlockMaker maker(0, 0);
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < 64; ++x) {
+        if (random.one_in(5)) continue;
+        const auto at = [&] { return static_cast<float>(random.between(0.0, 1.0)) * strewn; };
+        const Vec3f place{at(), at(), at()}, normal{at() - strewn / 2, at() - strewn / 2, strewn};
+        const auto corner = [&](double dx, double dy) {
+          return BlockMaker::Corner{{x + dx, y + dy}, place + Vec3f(Vec3d{dx, dy, 0}), normal};
+        };
+        maker.add({corner(-0.25, -0.25), corner(0.5, -0.25), corner(-0.25, 0.5)});
+      }
+    }
+    checked_packets(TargetBlock(maker.block, kImage, 1e-6F), kInSpace);
+  }
+}
 
 TEST_CASE("positions, normals and texel sizes of a hand-made quad") {
   BlockMaker maker(1, 0);
