@@ -41,8 +41,8 @@ bool is_near(const TargetBlock::Texel& a, const TargetBlock::Texel& b, float far
 }  // namespace
 
 void ChartFragments::add(std::span<const std::uint16_t> texels) {
-  fragments_.push_back({0, static_cast<std::uint16_t>(texels_.size()),
-                        static_cast<std::uint16_t>(texels.size())});
+  fragments_.push_back(
+      {0, static_cast<std::uint16_t>(texels_.size()), static_cast<std::uint16_t>(texels.size())});
   texels_.insert(texels_.end(), texels.begin(), texels.end());
 }
 

@@ -31,7 +31,7 @@ class ChartFragments {
 
  private:
   struct Fragment {
-    std::uint64_t key = 0;                ///< place on a curve through space
+    std::uint64_t key = 0;               ///< place on a curve through space
     std::uint16_t first = 0, count = 0;  ///< of texels_
   };
   void sort(const TargetBlock& maps);

@@ -95,7 +95,8 @@ std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> gr
   return places;
 }
 
-Sights sights_of(const Grid& grid, const SightLimits& limits, const SightPacket& packet) {
+projection::SplatFindings sights_of(const Grid& grid, const SightLimits& limits,
+                                    const SightPacket& packet) {
   // Lane by lane in loops that become vectors.
   const auto sums = [&](const auto& member, int lane) {
     return static_cast<double>(packet.clear.weight[lane] > 0 ? (packet.clear.*member)[lane]
@@ -119,16 +120,16 @@ Sights sights_of(const Grid& grid, const SightLimits& limits, const SightPacket&
     const double most = packet.clear.weight[i] > 0 ? 1.0 : 0.25;
     confidence[i] = kLeast + (1 - kLeast) * most * seen / ((1 + 4 * off * off) * (1 + unlike));
   }
-  Sights out;
+  projection::SplatFindings out;
   for (int i = 0; i < kLanes; ++i) {
     if (weight[i] == 0) continue;
-    Sight& sight = out[static_cast<std::size_t>(i)].emplace();
+    projection::SplatFinding& found = out[static_cast<std::size_t>(i)].emplace();
     const SightPacket::Sums& own = packet.clear.weight[i] > 0 ? packet.clear : packet.hidden;
     for (std::size_t c = 0; c < 3; ++c)
-      sight.colour[c] = own.colour[c][i] * per_weight[i] * (1 / double{kColourSteps});
-    sight.alpha = own.alpha[i] * per_weight[i] * (1 / double{kAlphaSteps});
-    sight.distance = own.away[i] * per_weight[i] * double{grid.depth_step()};
-    sight.confidence = confidence[i];
+      found.colour[c] = own.colour[c][i] * per_weight[i] * (1 / double{kColourSteps});
+    found.opacity = own.alpha[i] * per_weight[i] * (1 / double{kAlphaSteps});
+    found.distance = own.away[i] * per_weight[i] * double{grid.depth_step()};
+    found.confidence = confidence[i];
   }
   return out;
 }

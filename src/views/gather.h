@@ -9,9 +9,7 @@
 // order. The rule's figures: docs/decisions/061-views.md.
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -102,15 +100,9 @@ std::vector<std::uint32_t> leave_unseen(std::span<const surface::PacketGroup> gr
                                         std::span<const SightPacket> sights,
                                         projection::SplatState& rays);
 
-/// What a texel has seen.
-struct Sight {
-  std::array<double, 3> colour;
-  double alpha = 0;
-  double distance = 0;    ///< of the scene from the texel along its normal, in space
-  double confidence = 0;  ///< 0..1
-};
-/// Of a packet, lane by lane: nothing where no view sees the texel.
-using Sights = std::array<std::optional<Sight>, kLanes>;
-Sights sights_of(const Grid& grid, const SightLimits& limits, const SightPacket& packet);
+/// What the texels of a packet have seen, lane by lane: nothing where no view sees them. Opacity is
+/// the alpha of what is there.
+projection::SplatFindings sights_of(const Grid& grid, const SightLimits& limits,
+                                    const SightPacket& packet);
 
 }  // namespace pounce::views

@@ -55,35 +55,43 @@ void place(const PlaceFrame& f, std::span<const surface::TexelPacket> packets,
   }
 }
 
-/// The tile's samples of one pixel for each of sixteen lanes: colours and alpha of a lane together.
-struct PixelLanes {
-  alignas(64) std::int64_t colours[kLanes];
-  alignas(64) std::int32_t depth[kLanes];
+/// Two samples of 16 bits each of sixteen lanes.
+inline Floats low(const Ints& pairs) { return to_float(pairs & all(0xFFFF)); }
+inline Floats high(const Ints& pairs) {
+  return to_float(each([](IntRegister x) { return x >> 16; }, pairs) & all(0xFFFF));
+}
 
-  void set(int lane, const std::uint16_t* s) {
-    static_assert(sizeof colours[0] == 4 * sizeof *s);
-    std::memcpy(&colours[lane], s, sizeof colours[lane]);
-    depth[lane] = s[4];
+/// What a row of the tile has for each of sixteen lanes: two pixels side by side, as they lie in
+/// memory, in pairs of samples.
+struct RowLanes {
+  static constexpr int kFirst = 4;  ///< pairs that are stored together; one more beside them
+  static_assert(2 * (kFirst + 1) == 2 * kSceneSamples);
+  alignas(64) std::uint32_t first[kLanes][kFirst];
+  alignas(64) std::int32_t last[kLanes];
+
+  void set(int lane, const std::uint16_t* samples) {
+    std::memcpy(first[lane], samples, sizeof first[lane]);
+    std::memcpy(&last[lane], samples + 2 * kFirst, sizeof last[lane]);
   }
-  /// Red and green, or blue and alpha, of each lane.
-  template <int half, int... lane>
-  Ints pairs(std::integer_sequence<int, lane...>) const {
+  /// One of the first pairs of each lane.
+  template <int pair, int... i>
+  Ints pairs(std::integer_sequence<int, i...>) const {
     Ints out;
     for (int p = 0; p < kParts; ++p) {
-      IntRegister low, high;
-      std::memcpy(&low, colours + p * kWidth, sizeof low);
-      std::memcpy(&high, colours + p * kWidth + kWidth / 2, sizeof high);
-      out.part[p] = __builtin_shufflevector(low, high, (2 * lane + half)...);
+      IntRegister quarters[4];
+      std::memcpy(quarters, first + p * kWidth, sizeof quarters);
+      const auto half = [](IntRegister a, IntRegister b) {
+        return __builtin_shufflevector(a, b, (kFirst * i + pair) % (2 * kWidth)...);
+      };
+      out.part[p] =
+          __builtin_shufflevector(half(quarters[0], quarters[1]), half(quarters[2], quarters[3]),
+                                  (i < kWidth / 2 ? i : i + kWidth / 2)...);
     }
     return out;
   }
-  template <int half>
+  template <int pair>
   Ints pairs() const {
-    return pairs<half>(std::make_integer_sequence<int, kWidth>());
-  }
-  static Floats low(const Ints& pairs) { return to_float(pairs & all(0xFFFF)); }
-  static Floats high(const Ints& pairs) {
-    return to_float(each([](IntRegister x) { return x >> 16; }, pairs) & all(0xFFFF));
+    return pairs<pair>(std::make_integer_sequence<int, kWidth>());
   }
 };
 
@@ -103,7 +111,6 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
   // The four pixels around, and their shares.
   alignas(64) std::int32_t first[kLanes];
   store(first, select(here, (in_y + kApron) * kStoredEdge + in_x + kApron, all(0)));
-  constexpr std::int32_t kOff[4] = {0, 1, kStoredEdge, kStoredEdge + 1};
   const Floats fx = x - to_float(low_x), fy = y - to_float(low_y), gx = 1.0F - fx, gy = 1.0F - fy;
   const Floats shares[4] = {gx * gy, fx * gy, gx * fy, fx * fy};
 
@@ -111,15 +118,17 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
   Ints on_target = all(0);
   // All of them are written before the first is read: what was just written lane by lane is slow to
   // read as a whole.
-  alignas(64) std::int32_t samples[4][kLanes];
+  alignas(64) std::int32_t samples[2][kLanes];
   for (int lane = 0; lane < kLanes; ++lane) {
-    const std::uint16_t* const at = tiles.target + first[lane];
-    for (int i = 0; i < 4; ++i) samples[i][lane] = at[kOff[i]];
+    for (int row = 0; row < 2; ++row)
+      std::memcpy(&samples[row][lane], tiles.target + first[lane] + row * kStoredEdge,
+                  sizeof samples[row][lane]);
   }
-  for (const auto& own : samples) {
-    const Ints sample = load(own);
-    on_target = on_target |
-                ((sample < kNoDepth) & (absolute(to_float(sample) - depth) <= limits.on_target));
+  for (const auto& row : samples) {
+    for (const Floats& sample : {low(load(row)), high(load(row))}) {
+      on_target = on_target | ((sample < static_cast<float>(kNoDepth)) &
+                               (absolute(sample - depth) <= limits.on_target));
+    }
   }
   here = here & on_target;
   if (!any(here)) return;
@@ -127,25 +136,31 @@ void gather_packet(const SightLimits& limits, const ViewTiles& tiles, const Plac
   // Colours are those of what is there: each counts by its alpha.
   Floats colours[3] = {all(0.0F), all(0.0F), all(0.0F)}, alpha = all(0.0F);
   Floats before = all(-1e30F), depths = all(0.0F), of_depths = all(0.0F);
-  PixelLanes pixels[4];
+  RowLanes rows[2];
   for (int lane = 0; lane < kLanes; ++lane) {
-    const std::uint16_t* const at =
-        tiles.scene + std::size_t{kSceneSamples} * static_cast<std::size_t>(first[lane]);
-    for (int i = 0; i < 4; ++i) pixels[i].set(lane, at + kSceneSamples * kOff[i]);
+    for (int row = 0; row < 2; ++row)
+      rows[row].set(lane,
+                    tiles.scene + std::size_t{kSceneSamples} *
+                                      static_cast<std::size_t>(first[lane] + row * kStoredEdge));
   }
-  for (int i = 0; i < 4; ++i) {
-    const PixelLanes& pixel = pixels[i];
-    const Ints red_green = pixel.pairs<0>(), blue_alpha = pixel.pairs<1>();
-    const Floats share = shares[i] * pixel.high(blue_alpha);
-    colours[0] = colours[0] + share * pixel.low(red_green);
-    colours[1] = colours[1] + share * pixel.high(red_green);
-    colours[2] = colours[2] + share * pixel.low(blue_alpha);
+  const auto add_pixel = [&](const Floats& part, const Floats(&own)[5]) {
+    const Floats share = part * own[3];
+    for (int c = 0; c < 3; ++c) colours[c] = colours[c] + share * own[c];
     alpha = alpha + share;
-    const Ints is_there = load(pixel.depth) < kNoDepth;
-    const Floats scene = to_float(load(pixel.depth)), nearer = depth - scene;
+    const Floats scene = own[4], nearer = depth - scene;
+    const Ints is_there = scene < static_cast<float>(kNoDepth);
     before = select(is_there & (before < nearer), nearer, before);
-    depths = depths + select(is_there, shares[i] * scene, all(0.0F));
-    of_depths = of_depths + select(is_there, shares[i], all(0.0F));
+    depths = depths + select(is_there, part * scene, all(0.0F));
+    of_depths = of_depths + select(is_there, part, all(0.0F));
+  };
+  for (int row = 0; row < 2; ++row) {
+    const RowLanes& own = rows[row];
+    const Ints pairs[5] = {own.pairs<0>(), own.pairs<1>(), own.pairs<2>(), own.pairs<3>(),
+                           load(own.last)};
+    add_pixel(shares[2 * row],
+              {low(pairs[0]), high(pairs[0]), low(pairs[1]), high(pairs[1]), low(pairs[2])});
+    add_pixel(shares[2 * row + 1],
+              {high(pairs[2]), low(pairs[3]), high(pairs[3]), low(pairs[4]), high(pairs[4])});
   }
   here = here & (alpha >= kLeastSeen * kAlphaSteps);
   if (!any(here)) return;

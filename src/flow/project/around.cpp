@@ -22,16 +22,19 @@ void look_around(const SceneViews& views, const ColourCache& of_scene, const Col
           tiles[y * std::size_t{across} + x] = true;
       }
     }
-    for (std::uint32_t tile = 0; tile < tiles.size(); ++tile) {
-      if (!tiles[tile]) continue;
-      const std::uint32_t x = tile % across, y = tile / across;
+    for (std::uint32_t y = 0; y < across; ++y) {
+      const auto asked = std::span(tiles).subspan(y * std::size_t{across}, across);
+      if (std::find(asked.begin(), asked.end(), true) == asked.end()) continue;
       const std::uint32_t row = views.grid.tile_row(view, y);
-      const store::ChunkRef scene = (*of_scene.index(row))[x], target = (*of_target.index(row))[x];
-      // Where there is nothing of the one or the other, no texel is seen.
-      if (store::is_left_out(scene) || store::is_left_out(target)) continue;
-      const auto shown = of_scene.block(scene), depths = of_target.block(target);
-      views.kernels->gather(views.limits, {x, y, samples_of(*shown), samples_of(*depths)}, places,
-                            sights);
+      const auto of_row = of_scene.index(row), target_of_row = of_target.index(row);
+      for (std::uint32_t x = 0; x < across; ++x) {
+        // Where there is nothing of the one or the other, no texel is seen.
+        const store::ChunkRef scene = (*of_row)[x], target = (*target_of_row)[x];
+        if (!asked[x] || store::is_left_out(scene) || store::is_left_out(target)) continue;
+        const auto shown = of_scene.block(scene), depths = of_target.block(target);
+        views.kernels->gather(views.limits, {x, y, samples_of(*shown), samples_of(*depths)}, places,
+                              sights);
+      }
     }
   }
 }
@@ -64,17 +67,6 @@ void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work
     look_around(views, *views.scene, *views.target, packets, sights);
     if (views.inside_scene) look_inside(views, packets, sights);
   }
-}
-
-projection::SplatFindings findings(const SceneViews& views, const AroundWork& work,
-                                   std::size_t packet) {
-  projection::SplatFindings out;
-  const views::Sights sights = views::sights_of(views.grid, views.limits, work.sights[packet]);
-  for (std::size_t lane = 0; lane < out.size(); ++lane) {
-    if (const auto& sight = sights[lane])
-      out[lane] = {sight->colour, sight->alpha, sight->distance, sight->confidence};
-  }
-  return out;
 }
 
 }  // namespace pounce::flow

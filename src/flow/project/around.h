@@ -11,7 +11,6 @@
 #include "core/page_pool.h"
 #include "flow/stores/views.h"
 #include "job/job_context.h"
-#include "projection/splat_blend.h"
 #include "surface/target_block.h"
 #include "views/gather.h"
 
@@ -26,9 +25,5 @@ struct AroundWork {
 
 /// Looks the packets up in all views: tile by tile, each of which is read once for all of them.
 void look_around(job::JobContext& job, const SceneViews& views, AroundWork& work);
-
-/// What a packet's texels have seen; nothing where no view sees them.
-projection::SplatFindings findings(const SceneViews& views, const AroundWork& work,
-                                   std::size_t packet);
 
 }  // namespace pounce::flow

@@ -120,7 +120,9 @@ class SplatMethod : public Base {
     if (request_.views == nullptr) return blend(work.state.packets, along_normals);
     blend(work.around.packets, [&](std::size_t p) {
       const auto& texels = work.around.packets[p].texel;
-      projection::SplatFindings seen = findings(*request_.views, work.around, p), ray;
+      projection::SplatFindings ray,
+          seen =
+              views::sights_of(request_.views->grid, request_.views->limits, work.around.sights[p]);
       bool has_ray = false;
       for (std::size_t lane = 0; lane < seen.size(); ++lane) {
         if (texels[lane] == surface::kNoTexel) continue;

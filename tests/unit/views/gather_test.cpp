@@ -79,7 +79,7 @@ TEST_CASE("a texel has the colour between four pixels", "[views]") {
   CHECK(found->colour[0] * 8191 == Approx(1000 + 4000 * 0.25 * 0.5).margin(3));
   CHECK(found->colour[1] * 8191 == Approx(2000 + 4000 * 0.75 * 0.5).margin(6));
   CHECK(found->colour[2] * 8191 == Approx(3000).margin(1));
-  CHECK(found->alpha == 1);
+  CHECK(found->opacity == 1);
   CHECK(found->distance == Approx(0).margin(grid().depth_step()));
   CHECK(sight.clear.weight[0] == 163);  // 0.64 * 255
   CHECK(sight.facing[0] == 163);
@@ -96,7 +96,7 @@ TEST_CASE("colours count by their alpha, and half of it is asked for", "[views]"
   look(packet, tiles, sight);
   CHECK(sights_of(grid(), kLimits, sight)[0]->colour[0] * 8191 ==
         Approx((3 * 1000 + 4000) / 4.0).margin(6));
-  CHECK(sights_of(grid(), kLimits, sight)[0]->alpha == Approx(2.0 / 3).margin(1e-3));
+  CHECK(sights_of(grid(), kLimits, sight)[0]->opacity == Approx(2.0 / 3).margin(1e-3));
   SightPacket faint{};
   look(packet, Tiles(kTile, kTile, {1000, 1000, 1000, 32000, kAt}, kAt), faint);
   CHECK_FALSE(sights_of(grid(), kLimits, faint)[0]);
