@@ -222,9 +222,14 @@ projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& reque
   const std::uint64_t bytes =
       method.fixed_bytes() + method.least_batch_bytes() + request.packet_bytes(places.size()) +
       request.profile_bytes(places.size()) + places.size() * sizeof(store::BlockEntry);
-  const runtime::Lease lease(job.budget, bytes, "measuring how well the scene fits the target");
+  constexpr auto kMeasuring = "measuring how well the scene fits the target";
+  const runtime::Lease lease(job.budget, bytes, kMeasuring);
   method.begin(work, places, edge);
-  method.settle(work, method.wanted_bytes(work, bytes));
+  // All blocks at once, if there is room: they stay decoded for texels, and are gone through once.
+  const std::uint64_t room = job.budget.limit() - std::min(job.budget.limit(), job.budget.leased());
+  const std::uint64_t wanted = method.wanted_bytes(work, bytes + room / 4);
+  const runtime::Lease rest(job.budget, wanted - std::min(bytes, wanted), kMeasuring);
+  method.settle(work, std::max(bytes, wanted));
   while (method.fetch(work) > 0) method.hit(work);
   return projection::fit_of(projection::found_places(request.limits, work.state), places.size(),
                             {double{request.limits.reach}, double{usual_reach}});
