@@ -23,6 +23,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include "core/directions.h"
@@ -104,6 +105,7 @@ Vec3f normal_of(const store::Splat& s) {
 }
 
 constexpr std::size_t kAround = 32;  // neighbours in the order, each way
+constexpr std::size_t kNext = 8;     // of those the ones that are near, as a rule
 constexpr std::size_t kLeastBlock = 17;
 constexpr std::size_t kNth = 8;  // the usual spacing: as far as the 8th of them is
 constexpr std::size_t kProbeEvery = 16;
@@ -126,27 +128,48 @@ struct Means {
     const float dx = x[j] - x[i], dy = y[j] - y[i], dz = z[j] - z[i];
     return dx * dx + dy * dy + dz * dz;
   }
-  std::size_t first(std::size_t i) const { return i - std::min(i, kAround); }
-  std::size_t last(std::size_t i) const { return std::min(i + kAround + 1, x.size()); }
+  std::size_t first(std::size_t i, std::size_t around) const { return i - std::min(i, around); }
+  std::size_t last(std::size_t i, std::size_t around) const {
+    return std::min(i + around + 1, x.size());
+  }
 };
+
+/// The squared distance of the kNth-nearest in the order around it; itself is the zeroth.
+float nth_squared(const Means& means, std::size_t i) {
+  std::array<float, kNth + 1> least;
+  least.fill(std::numeric_limits<float>::infinity());
+  const auto add = [&](std::size_t j) {
+    const float squared = means.squared(i, j);
+    if (!(squared < least.back())) return;
+    std::size_t at = kNth;
+    for (; at > 0 && squared < least[at - 1]; --at) least[at] = least[at - 1];
+    least[at] = squared;
+  };
+  add(i);
+  // From the next one outwards: the near ones come first, and few are let in after them.
+  for (std::size_t k = 1; k <= kAround; ++k) {
+    if (i >= k) add(i - k);
+    if (i + k < means.x.size()) add(i + k);
+  }
+  return least.back();
+}
 
 /// The median distance to the eighth neighbour, from every 16th Gaussian. The eighth and not the
 /// first: pairs that training split off each other lie much closer than the surface is dense.
 float usual_spacing(const Means& means) {
-  std::vector<float> figures, near;
-  for (std::size_t i = 0; i < means.x.size(); i += kProbeEvery) {
-    near.clear();
-    for (std::size_t j = means.first(i); j < means.last(i); ++j)
-      near.push_back(means.squared(i, j));
-    figures.push_back(nth_of(near, kNth));  // rank 0 is itself
-  }
+  std::vector<float> figures;
+  for (std::size_t i = 0; i < means.x.size(); i += kProbeEvery)
+    figures.push_back(nth_squared(means, i));
   return std::sqrt(median(figures));
 }
 
-int count_within(const Means& means, std::size_t i, float squared) {
+/// How many of the Gaussians [first, last) lie within that distance of `i`, itself among them if it
+/// is one of these.
+int count_within(const Means& means, std::size_t i, std::size_t first, std::size_t last,
+                 float squared) {
   const float x = means.x[i], y = means.y[i], z = means.z[i];
-  std::int32_t count = -1;  // itself
-  for (std::size_t j = means.first(i); j < means.last(i); ++j) {
+  std::int32_t count = 0;
+  for (std::size_t j = first; j < last; ++j) {
     const float dx = means.x[j] - x, dy = means.y[j] - y, dz = means.z[j] - z;
     count += dx * dx + dy * dy + dz * dz < squared ? 1 : 0;
   }
@@ -226,7 +249,12 @@ void fade_isolated(std::span<store::Splat> block) {
   for (std::size_t i = 0; i < block.size(); ++i) {
     // A large Gaussian may stand alone on a plain wall: its own size counts as neighbourhood.
     const float reach = spacing + store::size_of(block[i]);
-    const int count = count_within(means, i, reach * reach);
+    const auto within = [&](std::size_t around) {  // but for itself
+      return count_within(means, i, means.first(i, around), means.last(i, around), reach * reach) -
+             1;
+    };
+    if (within(kNext) >= kEnough) continue;
+    const int count = within(kAround);
     if (count >= kEnough) continue;
     block[i].alpha *= count > 0 ? static_cast<float>(count) / kEnough : kAlone;
     // What is stored later must decode to exactly this, or a store would depend on who wrote it.

@@ -32,7 +32,7 @@ SplatCandidates::SplatCandidates(std::size_t most) : most_((most + kLanes - 1) /
 
 void SplatCandidates::add(const gaussian::SplatSet& set, std::size_t i) {
   if (count_ == radius_.size()) {
-    const std::size_t room = std::min(count_ + std::max(count_, 64UL * kLanes), most_);
+    const std::size_t room = std::min(count_ + std::max(count_, 52UL * kLanes), most_);
     const auto grow = [room](auto& column) {
       column.reserve(room);  // no more: resize() alone doubles what there is
       column.resize(room);

@@ -126,3 +126,18 @@ TEST_CASE("a page vector grows, shrinks and moves like any vector") {
   CHECK(round_to_pages(1) == 4096);
   CHECK(round_to_pages(4097) == 8192);
 }
+
+TEST_CASE("columns of one size begin on lines of their own where there is room") {
+  // 3,000 bytes leave 17 lines of a page.
+  std::vector<PageVector<float>> columns;
+  std::set<std::uintptr_t> lines;
+  for (int i = 0; i < 17; ++i) {
+    const auto at = reinterpret_cast<std::uintptr_t>(columns.emplace_back(750).data());
+    CHECK(at % 64 == 0);
+    CHECK(at % kPageBytes + 3000 <= kPageBytes);
+    lines.insert(at % kPageBytes / 64);
+  }
+  CHECK(lines.size() == 17);
+  const PageVector<float> full(kPageBytes / sizeof(float)), none;
+  CHECK(reinterpret_cast<std::uintptr_t>(full.data()) % kPageBytes == 0);
+}

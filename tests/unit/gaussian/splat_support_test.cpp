@@ -25,6 +25,7 @@ TEST_CASE("what has neighbours keeps its opacity, what floats alone fades", "[so
   // The 8th nearest in a row is 4 away: the usual spacing. Neighbours count within 4.125.
   auto block = row(200);
   block[50].mean = {50, 100, 0};    // alone
+  block[80].mean = {105, 0.5F, 0};  // near others, which come 21 to 29 later
   block[120].mean = {120, 4, 0};    // its two neighbours are 4.123 away, the next 4.5
   block[150].mean = {150, 100, 0};  // alone, but large enough to reach the row
   block[150].sigma = {97, 1, 1};
