@@ -16,9 +16,11 @@ namespace pounce::views {
 
 struct Ellipse;
 struct Canvas;
+struct DepthTriangle;
 struct PlacePacket;
 struct SightLimits;
 struct SightPacket;
+struct TargetDepths;
 struct ViewTiles;
 
 /// A tile from a sphere's point of view: where the tile's first pixel is along its axes.
@@ -62,6 +64,9 @@ struct ViewKernels {
                    const TileView& view, Ellipse* out);
   /// Composites ellipses in their order behind what is there. False: nothing behind them will show.
   bool (*draw)(std::span<const Ellipse* const> ellipses, Canvas& canvas);
+  /// Lowers depths to those of triangles that are nearer. Of a triangle count the pixels whose
+  /// middles it has, edges included.
+  void (*draw_depths)(std::span<const DepthTriangle> triangles, TargetDepths& depths);
   /// Where packets of texels lie in a view; adds to `sights` how much they face it. Of packets that
   /// do not, only the cosines, the weights and the empty range of tiles are set.
   void (*place)(const PlaceFrame& frame, std::span<const surface::TexelPacket> packets,

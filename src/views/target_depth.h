@@ -9,6 +9,7 @@
 #include "core/page_pool.h"
 #include "mesh/mesh.h"
 #include "views/grid.h"
+#include "views/kernels.h"
 
 namespace pounce::views {
 
@@ -19,9 +20,13 @@ struct TargetDepths {
   PageVector<std::uint16_t> samples;  ///< of all triangles, whichever way they face
   PageVector<std::uint16_t> facing;   ///< of those that face the eye, by their vertices' normals
 
+  static constexpr std::size_t kBehind = 16;  ///< samples behind the last row, for kernels
+
+  std::uint32_t rows() const { return tile_rows * kTileEdge + 2 * kApron; }
   static std::uint64_t bytes(const Grid& grid, std::uint32_t tile_rows) {
     const std::uint64_t row = grid.edge() + 2 * kApron;
-    return 2 * round_to_pages(row * (tile_rows * kTileEdge + 2 * kApron) * sizeof(std::uint16_t));
+    return 2 * round_to_pages((row * (tile_rows * kTileEdge + 2 * kApron) + kBehind) *
+                              sizeof(std::uint16_t));
   }
   /// Is anything of the target in this tile, or beside it?
   bool has(std::uint32_t tile_x, std::uint32_t tile_y) const;
@@ -39,8 +44,17 @@ struct TargetDepths {
   }
 };
 
+/// A triangle in a view: in pixels from the first sample's, and in steps of depth.
+struct DepthTriangle {
+  struct Corner {
+    double x, y, depth;
+  };
+  Corner corners[3];
+  bool faces;  ///< the eye
+};
+
 /// `mesh` has a normal for each vertex, as every mesh that was read.
-TargetDepths draw_target(const mesh::Mesh& mesh, const Grid& grid, std::uint32_t view,
-                         std::uint32_t first_tile_y, std::uint32_t tile_rows);
+TargetDepths draw_target(const mesh::Mesh& mesh, const Grid& grid, const ViewKernels& kernels,
+                         std::uint32_t view, std::uint32_t first_tile_y, std::uint32_t tile_rows);
 
 }  // namespace pounce::views

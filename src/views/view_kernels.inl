@@ -16,6 +16,7 @@
 #include "surface/target_block.h"
 #include "views/draw.h"
 #include "views/gather.h"
+#include "views/target_depth.h"
 
 namespace pounce::views::POUNCE_ISA_NAMESPACE {
 namespace {
@@ -26,6 +27,7 @@ using surface::kLanes;
 
 constexpr float kMostAlpha = 0.99F, kLeastAlpha = 1.0F / 255, kLeastThrough = 1.0F / 255;
 
+#include "projection/double_lanes.inl"
 #include "projection/exp_lanes.inl"
 
 constexpr int kBlock = Canvas::kBlock, kBlocks = Canvas::kBlocks;
@@ -194,6 +196,7 @@ bool draw(std::span<const Ellipse* const> ellipses, Canvas& canvas) {
   return canvas.clips ? draw<true>(ellipses, canvas) : draw<false>(ellipses, canvas);
 }
 
+#include "views/depth_lanes.inl"
 #include "views/ellipse_lanes.inl"
 #include "views/gather_lanes.inl"
 
@@ -210,6 +213,6 @@ unsigned meet(const float* x, const float* y, const float* z, const float* radiu
 }  // namespace
 
 extern const ViewKernels kViewKernels;
-const ViewKernels kViewKernels{POUNCE_ISA_NAME, meet, show, draw, place, gather};
+const ViewKernels kViewKernels{POUNCE_ISA_NAME, meet, show, draw, draw_depths, place, gather};
 
 }  // namespace pounce::views::POUNCE_ISA_NAMESPACE

@@ -233,7 +233,7 @@ void draw_targets(job::JobContext& job, const mesh::Mesh& target, SceneViews& ou
       [&](std::size_t i) {
         job.meter.throw_if_cancelled();
         const std::uint32_t first = first_of(i), count = std::min(band, across - first);
-        const auto drawn = views::draw_target(target, grid, view_of(i), first, count);
+        const auto drawn = views::draw_target(target, grid, *out.kernels, view_of(i), first, count);
         Drawn tiles{{drawn.tile_rows, Row(across)}, {drawn.tile_rows, Row(across)}};
         for (std::uint32_t y = 0; y < drawn.tile_rows; ++y) {
           for (std::uint32_t x = 0; x < across; ++x) {

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <vector>
 
+#include "support/bytes.h"
 #include "support/random.h"
 
 using namespace pounce;
@@ -38,7 +39,8 @@ TEST_CASE("a target's nearest surface is its depth, whichever way it faces", "[v
   mesh.rest = {{4, 6, 5}, {4, 7, 6}};  // of no part in the job, but in the way
   // The nearer one is seen from behind.
   for (int i = 0; i < 8; ++i) mesh.normals.push_back(i < 4 ? f.forward * -1.0F : f.forward);
-  const TargetDepths drawn = draw_target(mesh, grid, view, 0, grid.tiles_across());
+  const TargetDepths drawn =
+      draw_target(mesh, grid, view_kernels(""), view, 0, grid.tiles_across());
   const auto middle = drawn.tile(tile, tile);
   CHECK(std::abs(sample(middle, 5, 7) - (kMostDepth / 2 - 500)) <= 1);
   CHECK(std::abs(sample(middle, 30, 30) - (kMostDepth / 2 + 900)) <= 1);
@@ -61,7 +63,7 @@ TEST_CASE("a target's nearest surface is its depth, whichever way it faces", "[v
     for (std::uint32_t band : {1U, 3U}) {
       for (std::uint32_t y = 0; y < grid.tiles_across(); y += band) {
         const std::uint32_t rows = std::min(band, grid.tiles_across() - y);
-        const TargetDepths part = draw_target(mesh, grid, view, y, rows);
+        const TargetDepths part = draw_target(mesh, grid, view_kernels(""), view, y, rows);
         for (std::uint32_t r = y; r < y + rows; ++r) {
           for (std::uint32_t x = 0; x < grid.tiles_across(); ++x) {
             CHECK(part.has(x, r) == drawn.has(x, r));
@@ -92,7 +94,8 @@ TEST_CASE("sloped triangles leave their plane's depth, and the nearest of many",
   constexpr float kGap = 200;
   std::size_t inside_pixels = 0;
   const std::uint32_t view = 4;
-  const TargetDepths drawn = draw_target(mesh, grid, view, 0, grid.tiles_across());
+  const TargetDepths drawn =
+      draw_target(mesh, grid, view_kernels(""), view, 0, grid.tiles_across());
   const Frame& f = grid.frame(view);
   std::size_t unlike = 0, pixels = 0;
   for (std::uint32_t ty = 0; ty < grid.tiles_across(); ++ty) {
@@ -139,4 +142,83 @@ TEST_CASE("sloped triangles leave their plane's depth, and the nearest of many",
   }
   CHECK(inside_pixels > 20);
   CHECK(unlike <= pixels / 500);  // on edges rounding says which
+}
+
+TEST_CASE("kernels draw the same depths", "[views]") {
+  TargetDepths expected;
+  expected.row = 4 * kTileEdge + 2 * kApron;
+  expected.tile_rows = 3;
+  for (auto* depths : {&expected.samples, &expected.facing})
+    depths->resize(std::size_t{expected.row} * expected.rows() + TargetDepths::kBehind, kNoDepth);
+  Random random(77);
+  std::vector<DepthTriangle> triangles;
+  for (int t = 0; t < 4000; ++t) {
+    // From less than a pixel to beyond the picture; every third with corners on pixels, so that
+    // edges are level, or pass through middles.
+    const double size = std::ldexp(1.0, static_cast<int>(random.below(10)) - 2);
+    const double x = random.between(-60.0, 320.0), y = random.between(-60.0, 260.0);
+    DepthTriangle& triangle = triangles.emplace_back();
+    triangle.faces = random.one_in(2);
+    for (auto& corner : triangle.corners) {
+      corner = {x + random.between(-size, size), y + random.between(-size, size),
+                random.between(-1000.0, 70000.0)};
+      if (t % 3 == 0) corner = {std::round(corner.x), std::round(corner.y), corner.depth};
+    }
+  }
+  // The plain rule, pixel by pixel; within rounding of a whole step or of an edge either will do.
+  TargetDepths low = expected, high = expected;
+  for (const DepthTriangle& t : triangles) {
+    const auto& [a, b, c] = t.corners;
+    const double area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
+    if (area == 0) continue;
+    const auto first = [](double v) {
+      return static_cast<int>(std::max(std::ceil(v - 1e-6), 0.0));
+    };
+    const auto last = [](double v, std::uint32_t end) {
+      return static_cast<int>(std::min(std::floor(v + 1e-6), end - 1.0));
+    };
+    for (int py = first(std::min({a.y, b.y, c.y}));
+         py <= last(std::max({a.y, b.y, c.y}), expected.rows()); ++py) {
+      for (int px = first(std::min({a.x, b.x, c.x}));
+           px <= last(std::max({a.x, b.x, c.x}), expected.row); ++px) {
+        const double of_b = ((px - a.x) * (c.y - a.y) - (c.x - a.x) * (py - a.y)) / area,
+                     of_c = ((b.x - a.x) * (py - a.y) - (px - a.x) * (b.y - a.y)) / area;
+        const double least = std::min({of_b, of_c, 1 - of_b - of_c});
+        const double depth =
+            a.depth + of_b * (b.depth - a.depth) + of_c * (c.depth - a.depth) + 0.5;
+        const auto put = [&](TargetDepths& out, double own) {
+          const auto steps = static_cast<std::uint16_t>(std::clamp(own, 0.0, double{kMostDepth}));
+          const auto at =
+              static_cast<std::size_t>(py) * expected.row + static_cast<std::size_t>(px);
+          out.samples[at] = std::min(out.samples[at], steps);
+          if (t.faces) out.facing[at] = std::min(out.facing[at], steps);
+        };
+        const double slack = 1e-6 * (std::abs(b.depth - a.depth) + std::abs(c.depth - a.depth) + 1);
+        if (least > -1e-6) put(low, depth - slack);
+        if (least > 1e-6) put(high, depth + slack);
+      }
+    }
+  }
+  bool is_first = true;
+  for (const char* isa : {"sse2", "avx2", "avx512"}) {
+    const ViewKernels* kernels = nullptr;
+    if (error_kind([&] { kernels = &view_kernels(isa); }) != 0) continue;
+    CAPTURE(isa);
+    TargetDepths found = low;
+    for (auto* depths : {&found.samples, &found.facing})
+      std::fill(depths->begin(), depths->end(), kNoDepth);
+    kernels->draw_depths(triangles, found);
+    if (is_first) expected = found;
+    is_first = false;
+    CHECK(found.samples == expected.samples);
+    CHECK(found.facing == expected.facing);
+  }
+  std::size_t drawn = 0, unlike = 0;
+  for (std::size_t i = 0; i < expected.samples.size(); ++i) {
+    drawn += expected.samples[i] != kNoDepth ? 1 : 0;
+    unlike += expected.samples[i] < low.samples[i] || expected.samples[i] > high.samples[i] ? 1 : 0;
+    unlike += expected.facing[i] < low.facing[i] || expected.facing[i] > high.facing[i] ? 1 : 0;
+  }
+  CHECK(drawn > expected.samples.size() / 2);
+  CHECK(unlike == 0);
 }
