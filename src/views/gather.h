@@ -74,6 +74,7 @@ struct ViewTiles {
 struct TileRange {
   std::uint16_t x0 = 1, x1 = 0, y0 = 1, y1 = 0;
   bool empty() const { return x0 > x1; }
+  bool operator==(const TileRange&) const = default;
 };
 
 /// Sixteen texels in a view.

@@ -16,9 +16,12 @@ void look_around(const SceneViews& views, const ColourCache& of_scene, const Col
   for (std::uint32_t view = 0; view < views.grid.views(); ++view) {
     views::place(views.grid, view, *views.kernels, packets, places, sights);
     std::fill(tiles.begin(), tiles.end(), false);
+    views::TileRange last;  // most packets lie where the one before does
     for (const views::PlacePacket& place : places) {
-      for (std::uint32_t y = place.tiles.y0; y <= place.tiles.y1; ++y) {
-        for (std::uint32_t x = place.tiles.x0; x <= place.tiles.x1; ++x)
+      if (place.tiles == last) continue;
+      last = place.tiles;
+      for (std::uint32_t y = last.y0; y <= last.y1; ++y) {
+        for (std::uint32_t x = last.x0; x <= last.x1; ++x)
           tiles[y * std::size_t{across} + x] = true;
       }
     }
