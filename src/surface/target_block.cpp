@@ -415,7 +415,7 @@ std::vector<Box3f> texel_boxes(const store::GeometryBlock& block, const mesh::La
     const bool starts = i % mesh::kBlockEdge == 0 || owner[i - 1] != owner[i];
     const bool ends = i % mesh::kBlockEdge == mesh::kBlockEdge - 1 || owner[i + 1] != owner[i];
     if (owner[i] != store::kNoTriangle && (starts || ends))
-      boxes[owner[i]].extend(map.texel(i).position);
+      boxes[owner[i]].extend(map.position(i));
   }
   std::erase_if(boxes, [](const Box3f& b) { return b.empty(); });
   return boxes;

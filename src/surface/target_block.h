@@ -66,6 +66,7 @@ class TargetBlock {
   };
   /// `texel` must be covered.
   Texel texel(std::uint32_t texel) const;
+  Vec3f position(std::uint32_t texel) const;  ///< of that alone
   bool covered(std::uint32_t texel) const { return owner_[texel] != store::kNoTriangle; }
 
   enum class Order {
@@ -136,7 +137,6 @@ class TargetBlock {
   void read_records(const store::GeometryBlock& block, float smallest_edge, Start start);
   void fill_records(const std::uint16_t* texels, std::size_t count, TexelPacket& packet) const;
   bool has_records() const { return !records_.empty(); }
-  Vec3f position(std::uint32_t texel) const;
   float per_texel(std::uint32_t texel) const {
     return has_records() ? records_[owner_[texel]].map.per_texel
                          : triangles_[owner_[texel]].per_texel;
