@@ -414,8 +414,7 @@ std::vector<Box3f> texel_boxes(const store::GeometryBlock& block, const mesh::La
     // A row's run of one triangle is a straight segment: its ends bound it.
     const bool starts = i % mesh::kBlockEdge == 0 || owner[i - 1] != owner[i];
     const bool ends = i % mesh::kBlockEdge == mesh::kBlockEdge - 1 || owner[i + 1] != owner[i];
-    if (owner[i] != store::kNoTriangle && (starts || ends))
-      boxes[owner[i]].extend(map.position(i));
+    if (owner[i] != store::kNoTriangle && (starts || ends)) boxes[owner[i]].extend(map.position(i));
   }
   std::erase_if(boxes, [](const Box3f& b) { return b.empty(); });
   return boxes;
