@@ -55,7 +55,8 @@ struct ShareLevel {
 };
 
 void draw(const DepthTriangle& triangle, TargetDepths& out) {
-  const auto& [a, b, c] = triangle.corners;
+  const DepthTriangle::Corner &a = triangle.corners[0], &b = triangle.corners[1],
+                              &c = triangle.corners[2];
   const auto least = [](double u, double v, double w) { return std::min(std::min(u, v), w); };
   const auto most = [](double u, double v, double w) { return std::max(std::max(u, v), w); };
   const auto ceiling = [](double v) { return v > 0 ? std::ceil(std::min(v, kBeyond)) : 0; };
