@@ -28,6 +28,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "core/directions.h"
 #include "projection/splat_packet.h"
@@ -86,7 +87,10 @@ class EllipseSight {
     sees_all_ = !(square > 0.25F);  // no direction
     u_ = u_ * (1 / std::sqrt(sees_all_ ? 1 : square));
     v_ = cross(d, u_);
-    per_depth_ = 1 / std::max(1 - bundle.spread, 0.01F);
+    // Beyond that a ray may lie across the direction, and how far it is along it says nothing.
+    constexpr float kMostSpread = 0.99F;
+    per_depth_ = bundle.spread < kMostSpread ? 1 / (1 - bundle.spread)
+                                             : std::numeric_limits<float>::infinity();
     set(u_, u_, uu_);
     set(u_, v_, uv_);
     set(v_, v_, vv_);

@@ -277,6 +277,34 @@ TEST_CASE("gathering leaves out nothing that gives anything", "[projection]") {
   CHECK(gathered < 4 * given);  // and not much else
 }
 
+TEST_CASE("a ray that lies across its bundle still meets what is far along it", "[projection]") {
+  // Two rays, a quarter of a degree from being opposite; a small ball 11 along the first, which is
+  // hardly anything along the direction between them.
+  TexelPacket packet = upright_packet(0);
+  const float tilt = 0.002F, across = std::sqrt(1 - tilt * tilt);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    packet.per_texel[lane] = 1e4F;
+    packet.nx[lane] = lane % 2 == 0 ? across : -across;
+    packet.nz[lane] = tilt;
+  }
+  ReferenceSplat splat;
+  splat.mean = {11.0 * double{across}, 0, 11.0 * double{tilt}};
+  splat.sigma = {0.001, 0.001, 0.001};
+  const auto set = gaussian::make_splat_set(splat_block({splat}), SphericalHarmonics::dc);
+  SplatState state;
+  state.packets.push_back(packet);
+  start(wide(), state);
+  REQUIRE(state.bundles[0].spread > 1);
+  for (const SplatKernels* kernels : available_splat_kernels()) {
+    SplatCandidates candidates(set.shapes.size());
+    kernels->gather(std::array{&set}, state.bundles[0], 12, state.depths[0].footprint, candidates);
+    CHECK(candidates.size() == 1);
+    SplatResponse response;
+    CHECK(kernels->respond(candidates, 0, candidates.size(), state.bundles[0], packet,
+                           state.depths[0], wide(), &response, nullptr) == 1);
+  }
+}
+
 TEST_CASE("every instruction set gives the same bits for splats", "[projection]") {
   const bool antialiased = GENERATE(false, true);
   const float discness = GENERATE(0.0F, 0.3F, 1.0F);
