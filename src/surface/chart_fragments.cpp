@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::size_t kMostTexels = 64;  // in a group
 constexpr float kNear = 16;              // texel edges between the firsts of two fragments
+constexpr float kFar = 256 * kNear;      // if there would be too many packets
 constexpr float kAlike = 0.3F;           // cosine of their normals
 constexpr auto kAnywhere = std::numeric_limits<float>::infinity();
 
@@ -50,10 +51,10 @@ void ChartFragments::join(const TargetBlock& maps, std::size_t most_packets,
                           const std::function<void(std::span<const std::uint16_t>)>& add_group) {
   if (fragments_.empty()) return;
   sort(maps);
-  std::vector<std::size_t> cuts = cut(maps, kNear);
-  for (float far = kNear; packets_of(cuts) > most_packets && far != kAnywhere;) {
-    far *= 256;
+  std::vector<std::uint16_t> cuts;
+  for (const float far : {kNear, kFar, kAnywhere}) {
     cuts = cut(maps, far);
+    if (packets_of(cuts) <= most_packets) break;
   }
   std::vector<std::uint16_t> group;
   for (std::size_t g = 1; g < cuts.size(); ++g) {
@@ -86,24 +87,25 @@ void ChartFragments::sort(const TargetBlock& maps) {
   });
 }
 
-std::vector<std::size_t> ChartFragments::cut(const TargetBlock& maps, float far) const {
-  std::vector<std::size_t> cuts;
+std::vector<std::uint16_t> ChartFragments::cut(const TargetBlock& maps, float far) const {
+  std::vector<std::uint16_t> cuts;
+  cuts.reserve(fragments_.size() + 1);
   TargetBlock::Texel first;  // of the group
   std::size_t count = 0;
   for (std::size_t i = 0; i < fragments_.size(); ++i) {
     const TargetBlock::Texel at = first_of(maps, fragments_[i]);
     if (i == 0 || count + fragments_[i].count > kMostTexels || !is_near(first, at, far)) {
-      cuts.push_back(i);
+      cuts.push_back(static_cast<std::uint16_t>(i));
       first = at;
       count = 0;
     }
     count += fragments_[i].count;
   }
-  cuts.push_back(fragments_.size());
+  cuts.push_back(static_cast<std::uint16_t>(fragments_.size()));
   return cuts;
 }
 
-std::size_t ChartFragments::packets_of(std::span<const std::size_t> cuts) const {
+std::size_t ChartFragments::packets_of(std::span<const std::uint16_t> cuts) const {
   std::size_t packets = 0;
   for (std::size_t g = 1; g < cuts.size(); ++g) {
     std::size_t count = 0;

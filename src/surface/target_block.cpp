@@ -11,14 +11,17 @@
 // one of them. Its ray starts a little inside of that one, so that the search sees what the raster
 // decided (docs/decisions/015-own-surface-first.md).
 //
-// Packets are cut inside of 8x8 windows of the image, and within a window by where texels are on
-// the surface. A packet therefore depends on its block alone, never on how the target is cut into
-// tiles and pieces. That must hold: the coarsest triangle of a packet sets the steps in which all
-// its keys count, so a packet of other texels could break ties differently.
+// A surface's packets are cut inside of 8x8 windows of the image, and within a window by where
+// texels are on the surface. A packet therefore depends on its block alone, never on how the target
+// is cut into tiles and pieces. That must hold: the coarsest triangle of a packet sets the steps in
+// which all its keys count, so a packet of other texels could break ties differently. Of Gaussians
+// nothing depends on who shares a packet, so texels of charts that meet in a window are packed with
+// what lies near them in the rest of the block (Order::in_space).
 #include "surface/target_block.h"
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cmath>
 #include <utility>
 
@@ -29,7 +32,7 @@ namespace {
 
 constexpr int kWindow = 8;              // texels a group spans
 constexpr int kHalfWindow = 4;          // texels a packet spans
-constexpr float kSpread = 16.0F;        // texel edges beyond which two texels do not share a packet
+constexpr float kSpread = 16.0F;        // texel edges beyond which texels are of two clusters
 constexpr std::uint32_t kWindows = 64;  // of a block
 constexpr std::size_t kOwnGroup = 48;   // texels of a window that lie together: enough for a group
 constexpr int kMostClusters = 4;  // per window; what is left then shares packets, however far apart
@@ -375,6 +378,7 @@ void TargetBlock::make_packets_in_space(std::uint32_t block_index, PageVector<Te
   const auto add = [&](std::span<const std::uint16_t> texels) {
     add_group(texels, true, block_index, packets, groups);
   };
+  assert(edges_.empty());  // all rays start at their texels, as in windows without edges
   const std::size_t before = packets.size();
   std::size_t texels = 0;
   ChartFragments fragments;

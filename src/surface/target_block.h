@@ -39,7 +39,8 @@ inline constexpr std::uint16_t kNoTexel = 0xFFFF;
 inline constexpr float kStepShare = 0x1p-23F;
 inline float step_of(const TexelPacket& packet) { return packet.coarseness * kStepShare; }
 
-/// Packets of one 8x8 window that lie together: looked up in the grid at once.
+/// Packets of one 8x8 window, or with Order::in_space of one block, that lie together: looked up at
+/// once.
 struct PacketGroup {
   std::uint32_t first = 0, count = 0;
 };
@@ -85,12 +86,12 @@ class TargetBlock {
   /// How many packets that appends, by making them.
   std::size_t count_packets(Order order) const;
   /// What making packets takes beside them, at most.
-  static constexpr std::uint64_t kPackingBytes = 160 << 10;
+  static constexpr std::uint64_t kPackingBytes = 164 << 10;
   /// The axes of each triangle's texels; empty for a block of records, whose texels are known by
   /// their edges alone.
   std::vector<TexelAxes> axes() const;
   /// At most so many packets for a block with so many covered texels: 64 windows of up to 4
-  /// clusters.
+  /// clusters, or of joined fragments not more than one in eleven texels.
   static constexpr std::uint32_t most_packets(std::uint32_t texels) {
     return texels < 448 ? texels : 448;
   }

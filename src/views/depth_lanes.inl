@@ -27,6 +27,8 @@ inline Doubles floor_of(const Doubles& v) {
 
 using Samples = std::uint16_t __attribute__((vector_size(2 * kGroup)));
 
+static_assert(kGroup - 1 <= TargetDepths::kBehind);
+
 /// `count` samples from `at` on become what is less, themselves or the depth. May rewrite those
 /// behind as they are.
 inline void lower(std::uint16_t* at, std::int32_t count, double depth, double per_pixel) {

@@ -65,7 +65,8 @@ struct ViewKernels {
   /// Composites ellipses in their order behind what is there. False: nothing behind them will show.
   bool (*draw)(std::span<const Ellipse* const> ellipses, Canvas& canvas);
   /// Lowers depths to those of triangles that are nearer. Of a triangle count the pixels whose
-  /// middles it has, edges included.
+  /// middles it has, edges included. Rewrites up to TargetDepths::kBehind samples behind a row's
+  /// last as they are.
   void (*draw_depths)(std::span<const DepthTriangle> triangles, TargetDepths& depths);
   /// Where packets of texels lie in a view; adds to `sights` how much they face it. Of packets that
   /// do not, only the cosines, the weights and the empty range of tiles are set.

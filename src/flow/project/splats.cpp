@@ -226,8 +226,10 @@ projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& reque
   const runtime::Lease lease(job.budget, bytes, kMeasuring);
   method.begin(work, places, edge);
   // All blocks at once, if there is room: they stay decoded for texels, and are gone through once.
+  // Nothing else is under way that would lease it.
   const std::uint64_t room = job.budget.limit() - std::min(job.budget.limit(), job.budget.leased());
-  const std::uint64_t wanted = method.wanted_bytes(work, bytes + room / 4);
+  const std::uint64_t wanted =
+      method.wanted_bytes(work, bytes + std::min(room / 4, SplatMethod::kPieceSize.largest_share));
   const runtime::Lease rest(job.budget, wanted - std::min(bytes, wanted), kMeasuring);
   method.settle(work, std::max(bytes, wanted));
   while (method.fetch(work) > 0) method.hit(work);

@@ -182,15 +182,19 @@ TEST_CASE("what turns its back shares no group, however near it is") {
 TEST_CASE("packets in space are no more than promised, whatever charts there are") {
   Random random(2718);
   for (int round = 0; round < 40; ++round) {
-    // Texels of their own triangles, strewn: from all in one place to all apart.
+    // Texels of their own triangles, strewn, from all in one place to all apart; of every other
+    // block they face all ways, so that nothing but normals may keep them apart.
     const float strewn = std::ldexp(1.0F, 2 * round / 3 - 4);
+    const bool all_ways = random.one_in(2);
     const auto height = random.whole(1, 64);
     BlockMaker maker(0, 0);
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < 64; ++x) {
         if (random.one_in(5)) continue;
         const auto at = [&] { return static_cast<float>(random.between(0.0, 1.0)) * strewn; };
-        const Vec3f place{at(), at(), at()}, normal{at() - strewn / 2, at() - strewn / 2, strewn};
+        const auto turn = [&] { return static_cast<float>(random.between(-1.0, 1.0)); };
+        const Vec3f place{at(), at(), at()};
+        const Vec3f normal{turn() / 2, turn() / 2, all_ways ? turn() : 1};
         const auto corner = [&](double dx, double dy) {
           return BlockMaker::Corner{{x + dx, y + dy}, place + Vec3f(Vec3d{dx, dy, 0}), normal};
         };
