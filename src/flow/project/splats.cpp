@@ -120,9 +120,10 @@ class SplatMethod : public Base {
     if (request_.views == nullptr) return blend(work.state.packets, along_normals);
     blend(work.around.packets, [&](std::size_t p) {
       const auto& texels = work.around.packets[p].texel;
-      projection::SplatFindings ray,
-          seen =
-              views::sights_of(request_.views->grid, request_.views->limits, work.around.sights[p]);
+      const SceneViews& views = *request_.views;
+      projection::SplatFindings seen =
+          views::sights_of(views.grid, views.limits, work.around.sights[p]);
+      projection::SplatFindings ray;
       bool has_ray = false;
       for (std::size_t lane = 0; lane < seen.size(); ++lane) {
         if (texels[lane] == surface::kNoTexel) continue;
@@ -228,10 +229,10 @@ projection::SplatFit find_fit(job::JobContext& job, const SplatProjection& reque
   // All blocks at once, if there is room: they stay decoded for texels, and are gone through once.
   // Nothing else is under way that would lease it.
   const std::uint64_t room = job.budget.limit() - std::min(job.budget.limit(), job.budget.leased());
-  const std::uint64_t wanted =
-      method.wanted_bytes(work, bytes + std::min(room / 4, SplatMethod::kPieceSize.largest_share));
-  const runtime::Lease rest(job.budget, wanted - std::min(bytes, wanted), kMeasuring);
-  method.settle(work, std::max(bytes, wanted));
+  const std::uint64_t most = bytes + std::min(room / 4, SplatMethod::kPieceSize.largest_share);
+  const std::uint64_t wanted = std::max(bytes, method.wanted_bytes(work, most));
+  const runtime::Lease rest(job.budget, wanted - bytes, kMeasuring);
+  method.settle(work, wanted);
   while (method.fetch(work) > 0) method.hit(work);
   return projection::fit_of(projection::found_places(request.limits, work.state), places.size(),
                             {double{request.limits.reach}, double{usual_reach}});

@@ -119,8 +119,8 @@ Packets checked_packets(const TargetBlock& map,
 
 namespace {
 
-/// A chart of 4x4 texels with edges of one unit in the corner of each 8x8 window, at `places` along
-/// x, facing `normal`.
+/// A chart of 4x4 texels with edges of one unit in the corner of one 8x8 window after the other, at
+/// `places`, facing `normals`.
 BlockMaker small_charts(const std::vector<Vec3f>& places, const std::vector<Vec3f>& normals) {
   BlockMaker maker(0, 0);
   for (std::size_t w = 0; w < places.size(); ++w) {
