@@ -137,7 +137,13 @@ void* PagePool::allocate(std::size_t bytes) {
   const std::size_t pages = (bytes + kPageBytes - 1) / kPageBytes;
   if (pages == 0) return nullptr;
   // A run must fit into a region beside others; a mapping of its own is also given back at once.
-  if (pages > kRegionPages / 2) return map_pages(pages * kPageBytes);
+  // Where the system has huge pages they replace hundreds of faults each. They lie inside of the
+  // mapping, all of which is counted. Where it has none nothing is wrong.
+  if (pages > kRegionPages / 2) {
+    std::byte* const at = map_pages(pages * kPageBytes);
+    madvise(at, pages * kPageBytes, MADV_HUGEPAGE);
+    return at;
+  }
   // One lock for all regions: buffers are large, and what is done in one takes far longer than
   // getting it.
   Pool& p = pool();

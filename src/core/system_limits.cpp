@@ -196,6 +196,8 @@ std::uint64_t anonymous_bytes(const std::string& system_root) {
   return bytes;
 }
 
+std::uint64_t largest_file_bytes() { return resource_limit(RLIMIT_FSIZE); }
+
 unsigned obtainable_threads(unsigned wanted) {
   // By trying, all at the same time: limits are per user, per group and per system, and what others
   // have of them is not to be read.

@@ -39,6 +39,9 @@ std::vector<MemoryLimit> memory_limits(const std::string& system_root = {});
 /// page tables of all of it. 0 where the system does not say.
 std::uint64_t anonymous_bytes(const std::string& system_root = {});
 
+/// The largest file that this process may write (RLIMIT_FSIZE); UINT64_MAX without a limit.
+std::uint64_t largest_file_bytes();
+
 /// How many threads of `wanted`, the calling one included, this process may have at once. They are
 /// started and ended again: what a thread pool does when it gets fewer than it counts on is not for
 /// us to say.

@@ -17,6 +17,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/system_limits.h"
 #include "io/read_mesh.h"
 #include "job/run_job.h"
 #include "job/step_pack.h"
@@ -88,6 +89,10 @@ void TransferPlan::make(double end) {
   job_.report.disk_most = disk.forecast();
   job_.report.disk_most->scratch_limit_bytes = job_.scratch_limit_bytes;
   job_.spare_scratch_bytes = disk.spare_bytes(job_.scratch_limit_bytes);
+  // What tasks leave for each other is not only this job's.
+  if (options_.share.role == TaskRole::whole)
+    job_.plain_room =
+        disk.plain_bytes(job_.scratch_limit_bytes, largest_file_bytes(), job_.budget.limit());
   job_.note(planning::scratch_note(*job_.report.disk_most));
   // All targets together, since two of them may produce one name.
   planning::check_all_outputs(options_, source_->plan(), outputs_, inputs_);

@@ -83,6 +83,7 @@ struct JobContext {
   std::uint64_t spare_scratch_bytes = std::numeric_limits<std::uint64_t>::max();
   std::uint64_t tile_cap_bytes = 0;
   tbb::enumerable_thread_specific<store::Compressor> compressors;
+  store::PlainRoom plain_room = 0;  ///< of scratch that is not worth compressing
 
   JobContext(std::uint64_t budget_bytes, JobRun& of_run)
       : run(of_run),
@@ -97,6 +98,9 @@ struct JobContext {
   /// For nameless files.
   ScratchFolder scratch_place() const { return {files, scratch_folder}; }
   store::Compressor& compressor() { return compressors.local(); }
+  /// What may be stored as it is of scratch, and of stores, which a cache keeps small.
+  store::PlainRoom* scratch_room() { return &plain_room; }
+  store::PlainRoom* stores_room() { return stores->persistent() ? nullptr : &plain_room; }
   /// A pack that the store has; nothing if the caller is to make it (store::StoreFolder::find).
   /// Says in progress and times when it had to wait for another process, and warns of damage.
   std::unique_ptr<store::PackReader> find_pack(store::PackKind kind, const Hash128& key);

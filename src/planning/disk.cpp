@@ -16,6 +16,7 @@
 
 #include "io/image/write.h"
 #include "job/job_context.h"
+#include "planning/load_mesh.h"
 #include "projection/hit_block.h"
 #include "shading/mip_levels.h"
 #include "store/blocks/colour_store.h"
@@ -109,16 +110,6 @@ void DiskPlan::add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64
   needed_ = std::max(needed_, 2 * pack + unpacked_bytes);
 }
 
-void DiskPlan::add_views(std::uint32_t count) {
-  // A region fills half of a view's square, or less; what is drawn smoothly takes half of its
-  // samples' bytes, or less. The same again in a room, which is known once its target is drawn.
-  using views::Grid, views::kSceneSamples, views::kStoredEdge, views::kTargetSamples;
-  constexpr std::uint64_t kTiles = Grid::kMostAcross * Grid::kMostAcross / 2,
-                          kTileBytes = std::uint64_t{kStoredEdge} * kStoredEdge *
-                                       (kSceneSamples + kTargetSamples) * sizeof(std::uint16_t) / 2;
-  stores_ += pack_bytes(count * kTiles * kTileBytes, 2 * count * kTiles);
-}
-
 namespace {
 
 /// What is kept of a channel's image in PNG, and of its mask, until the image is there: whoever
@@ -139,8 +130,22 @@ std::uint64_t encoded_bytes(const ChannelPlan& channel, const std::vector<ImageO
 
 }  // namespace
 
+void DiskPlan::add_views(std::uint32_t count, const mesh::Mesh& target) {
+  // Pixels as fine as any texels ask for. A region fills half of a view's square, or less, and what
+  // is compressed takes half of its bytes, or less: what a cache keeps, and what is drawn of the
+  // inside of a room, which is known once its target is drawn.
+  const std::uint64_t across = views::Grid(planning::box_of(target), 0, count).tiles_across(),
+                      tiles = count * (across * across / 2),
+                      scene_bytes = tiles * views::tile_bytes(views::kSceneSamples),
+                      target_bytes = tiles * views::tile_bytes(views::kTargetSamples);
+  stores_ += pack_bytes(keeps_ ? scene_bytes / 2 : scene_bytes, tiles);
+  const std::uint64_t inside_bytes = (scene_bytes + target_bytes) / 2;
+  beside_ = std::max(beside_, pack_bytes(target_bytes + inside_bytes, 3 * tiles));
+}
+
 void DiskPlan::add_target(const SourcePlan& plan, const TargetPlan& target, const mesh::Mesh& mesh,
                           bool is_model, LevelsBytes levels_bytes) {
+  if (plan.views > 0) add_views(plan.views, mesh);
   std::uint64_t results = 0, kept = 0, images = 0, levels = 0;
   for (std::size_t p = 0; p < plan.passes.size(); ++p) {
     const std::uint64_t blocks = blocks_of(plan.passes[p].size);
@@ -192,6 +197,16 @@ std::uint64_t DiskPlan::spare_bytes(std::uint64_t limit_bytes) const {
   return limit_bytes - std::min(limit_bytes, needed);
 }
 
+std::uint64_t DiskPlan::plain_bytes(std::uint64_t limit_bytes, std::uint64_t largest_file_bytes,
+                                    std::uint64_t memory_bytes) const {
+  // So little stays in the system's cache of files, and its room is given back to whoever needs it.
+  // Beyond that the disk is what waits, and compressing is cheaper.
+  constexpr std::uint64_t kShare = 8;
+  const std::uint64_t most = forecast().scratch_bytes;
+  const bool fits = (limit_bytes == 0 || most <= limit_bytes) && most <= largest_file_bytes;
+  return fits ? memory_bytes / kShare : 0;
+}
+
 DiskForecast DiskPlan::forecast() const {
   DiskForecast forecast;
   // A cache that may run full gives nothing back to the forecast: any store may be the one without
@@ -199,7 +214,7 @@ DiskForecast DiskPlan::forecast() const {
   const bool is_limited = keeps_ && cache_limit_bytes_ != 0 && stores_ > cache_limit_bytes_;
   if (keeps_) forecast.cache_bytes = is_limited ? cache_limit_bytes_ : stores_;
   // What the cache has no room for lives in scratch files.
-  forecast.scratch_bytes = passing_ + (keeps_ && !is_limited ? 0 : stores_);
+  forecast.scratch_bytes = passing_ + beside_ + (keeps_ && !is_limited ? 0 : stores_);
   forecast.output_bytes = outputs_;
   return forecast;
 }

@@ -29,8 +29,6 @@ class DiskPlan {
   void add_map(ImageSize size, std::uint64_t images);
   /// So many Gaussians, sorted; of a scene that may have to be unpacked.
   void add_splats(std::uint64_t splats, std::uint32_t lobes, std::uint64_t unpacked_bytes);
-  /// A scene drawn from so many sides, and a target.
-  void add_views(std::uint32_t count);
   /// What the levels of an image take until it is whole.
   using LevelsBytes = std::uint64_t (*)(const ImageOutput&, const shading::TexelFormat&);
   /// A target. `is_model`: its images pass through a scratch file into copies of its files.
@@ -40,12 +38,20 @@ class DiskPlan {
   /// Of a limit of scratch files (0 = none): what is left of it for encoded rows that are kept for
   /// a later run, beside all that this one needs.
   std::uint64_t spare_bytes(std::uint64_t limit_bytes) const;
+  /// How much of the scratch files need not be compressed (store::PlainRoom), of a job with so much
+  /// memory: none where a limit (0 = none), or that of a single file, is too little for all of them
+  /// as they are.
+  std::uint64_t plain_bytes(std::uint64_t limit_bytes, std::uint64_t largest_file_bytes,
+                            std::uint64_t memory_bytes) const;
 
  private:
+  /// A scene and a target, drawn from so many sides.
+  void add_views(std::uint32_t count, const mesh::Mesh& target);
   /// What the texels of a page hit: one store more.
   void add_hits(const PassPlan& pass, const surface::GeometryRequest& target);
 
   std::uint64_t stores_ = 0;   ///< that stay until the job ends, or in the cache
+  std::uint64_t beside_ = 0;   ///< the most of scratch files that one target has beside these
   std::uint64_t passing_ = 0;  ///< the most of other scratch files at one moment
   std::uint64_t needed_ = 0;   ///< the same without what is kept for a later run
   std::uint64_t outputs_ = 0;

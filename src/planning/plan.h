@@ -141,6 +141,7 @@ struct SourcePlan {
   std::vector<TileSetPlan> tile_sets;
   std::vector<PassPlan> passes;
   std::optional<TangentPlan> tangents;  ///< of the source: where it has normal maps
+  std::uint32_t views = 0;  ///< a scene may be drawn from so many sides, for each target
   /// Of --ocio's configuration: what formats and inputs point to.
   std::vector<std::shared_ptr<const ColourTransform>> transforms;
   /// Of its tables: what loading them takes in memory, and what stays as long as the job.

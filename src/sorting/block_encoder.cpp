@@ -50,7 +50,8 @@ void EncodedBlock::encode(job::JobContext& job, bool fades) {
   block.assign(cut.splats, lobes_, cut.sh);
   store::encode(block, raw);
   job.compressor().compress(raw, stored,
-                            job.stores->persistent() ? store::kZstdLevel : store::kScratchLevel);
+                            job.stores->persistent() ? store::kZstdLevel : store::kFastLevel,
+                            job.stores_room());
   noise.clear();
   if (asked_for_noise(cut.ordinal, noise_step_log2(cut.ordinal)))
     gaussian::append_surface_noise(block, noise);

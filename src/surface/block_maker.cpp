@@ -44,10 +44,11 @@ mesh::TexelWindow window_of(const mesh::BlockBin& bin) {
 class TileMaker {
  public:
   TileMaker(const GeometryRequest& request, const mesh::BlockBins& bins,
-            store::Compressor& compressor)
+            store::Compressor& compressor, store::PlainRoom* room)
       : request_(request),
         bins_(bins),
         compressor_(compressor),
+        room_(room),
         builder_(*request.mesh, request.colours) {}
 
   EncodedTile make(const mesh::TileRange& tile, const std::function<void()>& poll) {
@@ -269,7 +270,7 @@ class TileMaker {
   EncodedBlock compress(const store::GeometryBlock& block, std::span<const std::byte> raw,
                         std::vector<Box3f>& boxes) {
     EncodedBlock encoded;
-    compressor_.compress(raw, encoded.stored);
+    compressor_.compress(raw, encoded.stored, store::kZstdLevel, room_);
     encoded.raw_bytes = static_cast<std::uint32_t>(raw.size());
     encoded.entry.page = block.page;
     encoded.entry.x = block.x;
@@ -282,6 +283,7 @@ class TileMaker {
   const GeometryRequest& request_;
   const mesh::BlockBins& bins_;
   store::Compressor& compressor_;
+  store::PlainRoom* room_;
   store::GeometryBlockBuilder builder_;
   std::uint64_t source_texels_ = 0;  ///< Gaussians of what the builder holds
   std::vector<std::byte> raw_, records_raw_;
@@ -292,8 +294,8 @@ class TileMaker {
 
 EncodedTile make_tile(const GeometryRequest& request, const mesh::BlockBins& bins,
                       const mesh::TileRange& tile, store::Compressor& compressor,
-                      const std::function<void()>& poll) {
-  return TileMaker(request, bins, compressor).make(tile, poll);
+                      store::PlainRoom* room, const std::function<void()>& poll) {
+  return TileMaker(request, bins, compressor, room).make(tile, poll);
 }
 
 }  // namespace pounce::surface

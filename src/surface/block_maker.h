@@ -26,10 +26,11 @@ struct EncodedTile {
   std::uint32_t page = 0;
 };
 
-/// Makes the blocks of one tile and compresses them. `poll` is called for each of them and may
-/// throw. Thread-safe: all depends on the arguments alone.
+/// Makes the blocks of one tile and compresses them, or leaves them as they are while there is
+/// `room`. `poll` is called for each of them and may throw. Thread-safe: all depends on the
+/// arguments alone.
 EncodedTile make_tile(const GeometryRequest& request, const mesh::BlockBins& bins,
                       const mesh::TileRange& tile, store::Compressor& compressor,
-                      const std::function<void()>& poll);
+                      store::PlainRoom* room, const std::function<void()>& poll);
 
 }  // namespace pounce::surface

@@ -50,6 +50,7 @@ holds splats s.ply s_target.glb -o s.png --look normal
 holds splats-no-cache s.ply s_target.glb -o s.png --no-cache --look normal
 holds views s.ply s_target.glb -o s.png --look around
 most=$cache_most
+holds views-no-cache s.ply s_target.glb -o s.png --no-cache --look around
 expect 0 transfer s.ply s_target.glb -o s.png --plan --report plan.json
 (($(number plan.json '"disk_most":[^}]*"cache":([0-9]+)') == most)) || fail 'the forecast of --look auto is another'
 "$POUNCE_FIXTURE" plane -o p.obj --triangles 2000 --texture 128 --uv-tiles 4 >"$out"

@@ -4,10 +4,10 @@
 source "$(dirname "$0")/support.sh"
 make_job
 { printf 'P6\n256 256\n255\n' && head -c 196608 /dev/zero; } >skin.ppm
-expect 0 transfer source.obj target.obj -o plain.png --size 16 --no-cache --report plain.json
+expect 0 transfer source.obj target.obj -o plain.png --size 16 --report plain.json
 cp source.obj plain.obj
 sed -i 's/^vt 1 1$/vt 3569 1/' source.obj
-expect 0 transfer source.obj target.obj -o o.png --size 16 --no-cache --report o.json
+expect 0 transfer source.obj target.obj -o o.png --size 16 --report o.json
 size_of() { sed -n 's/.*"source_store": \([0-9]*\).*/\1/p' "$1"; }
 (($(size_of o.json) < $(size_of plain.json) + 10000)) ||
   fail "a stray coordinate makes a source of $(size_of o.json) bytes, $(size_of plain.json) without"

@@ -143,7 +143,9 @@ TEST_CASE("a surface of a triangle per texel and more takes its own materials", 
         textured_material(file, "m" + std::to_string(m) + ".png");
   }
   const std::string path = file.write_glb(folder.file("sheet.glb"));
-  const auto options = onto_itself(path, folder, size);
+  auto options = onto_itself(path, folder, size);
+  options.resources.use_cache = true;  // scratch files need not be small
+  options.resources.cache_dir = folder.file("cache");
   for (const char* name : {"m0.png", "m1.png"})
     write_picture(folder.file(name), size, [](auto, auto) { return kWhite; });
   const TargetRaster raster = Reference(options, Channel::base_color, 3, false).raster();

@@ -39,6 +39,36 @@ TEST_CASE("the same bytes compress to the same bytes whatever came before", "[fo
   CHECK(first == again);
 }
 
+TEST_CASE("a frame is not compressed where there is room, and is a frame like others", "[format]") {
+  Compressor compressor;
+  PlainRoom room = 5;
+  const std::vector raw{std::byte{7}, std::byte{8}, std::byte{9}};
+  std::vector<std::byte> stored, compressed;
+  compressor.compress(raw, stored, kZstdLevel, &room);
+  CHECK(room == 2);
+  // RFC 8878: magic, one segment whose size is in four bytes, 3; the last block, as it is, 3 bytes.
+  const unsigned char frame[] = {0x28, 0xB5, 0x2F, 0xFD, 0xA0, 3, 0, 0, 0, 0x19, 0, 0, 7, 8, 9};
+  REQUIRE(stored.size() == sizeof frame);
+  CHECK(std::memcmp(stored.data(), frame, sizeof frame) == 0);
+  compressor.compress(raw, compressed);
+  compressor.compress(raw, stored, kZstdLevel, &room);
+  CHECK(stored == compressed);  // too little was left
+  CHECK(room == 2);
+
+  for (const std::size_t size : {0u, 1u, 131'072u, 131'073u, 262'144u, 3'000'000u}) {
+    const auto bytes = random_bytes(size, static_cast<std::uint32_t>(size));
+    room = size;
+    compressor.compress(bytes, stored, kFastLevel, &room);
+    CHECK(room == 0);
+    CHECK(stored.size() >= size + 12);
+    CHECK(stored.size() <= ZSTD_compressBound(size));
+    std::vector<std::byte> back(size, std::byte{0xee});
+    compressor.decompress(stored, back);
+    CAPTURE(size);
+    CHECK(back == bytes);
+  }
+}
+
 TEST_CASE("a frame of another size than announced is damage", "[format]") {
   Compressor compressor;
   const auto raw = random_bytes(1000, 3);

@@ -234,7 +234,7 @@ void HitKeeper::encode(HitWork& work, float max_distance) const {
     add_distances(block, work);
     projection::encode(block, raw);
     work.hit_bytes[b] = static_cast<std::uint32_t>(raw.size());
-    job_.compressor().compress(raw, work.hits[b], store::kScratchLevel);
+    job_.compressor().compress(raw, work.hits[b], store::kFastLevel, job_.stores_room());
   }
 }
 

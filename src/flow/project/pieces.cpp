@@ -121,7 +121,7 @@ void finish_block(job::JobContext& job, const shading::TexelFormat& format,
   std::vector<std::byte> raw;
   shading::encode(result, format, raw);
   work.raw_bytes[c] = static_cast<std::uint32_t>(raw.size());
-  job.compressor().compress(raw, work.stored[c][b], store::kScratchLevel);
+  job.compressor().compress(raw, work.stored[c][b], store::kFastLevel, job.scratch_room());
 }
 
 }  // namespace pounce::flow

@@ -71,7 +71,7 @@ void SceneSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
   files_ = facts_.files;
   needs.keep(plan_.table_bytes);
   disk.add_splats(facts_.splats, facts_.lobes, facts_.unpacked_bytes);
-  if (request_.from_around) disk.add_views(splats_.views);
+  if (request_.from_around) plan_.views = splats_.views;
   job_.report.notes = facts_.assumptions;
   job_.meter.advance(1);
 }

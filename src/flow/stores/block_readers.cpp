@@ -131,7 +131,7 @@ std::unique_ptr<ColourCache> ColourLevels::make(const ColourCache& before, const
                                      columns, rows, tile);
         }
         store::filter_colours(image, tile, raw);
-        job_.compressor().compress(raw, stored);
+        job_.compressor().compress(raw, stored, store::kZstdLevel, job_.stores_room());
         writer.add_tile(stored, static_cast<std::uint32_t>(tile.size()));
       }
       writer.end_row(y, job_.compressor());

@@ -141,7 +141,7 @@ void build_band(job::JobContext& job, const surface::GeometryRequest& request,
       job.budget, costs,
       request.is_target ? "vectorizing the target" : "preconditioning the source",
       [&](std::size_t i) {
-        return surface::make_tile(request, bins, bins.tiles[i], job.compressor(),
+        return surface::make_tile(request, bins, bins.tiles[i], job.compressor(), job.stores_room(),
                                   [&] { job.meter.advance(0); });
       },
       [&](std::size_t, surface::EncodedTile& tile) {
@@ -282,7 +282,7 @@ class MapConversion {
     std::vector<std::byte> raw;
     projection::encode(hits, raw);
     out.raw_bytes = static_cast<std::uint32_t>(raw.size());
-    job_.compressor().compress(raw, out.stored, store::kScratchLevel);
+    job_.compressor().compress(raw, out.stored, store::kFastLevel, job_.stores_room());
     return out;
   }
 

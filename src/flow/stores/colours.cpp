@@ -268,7 +268,7 @@ class ColumnBuilder {
       }
       std::vector<std::byte> raw;
       store::filter_colours(image_, tile, raw);
-      job_.compressor().compress(raw, out.tiles[tx]);
+      job_.compressor().compress(raw, out.tiles[tx], store::kZstdLevel, job_.stores_room());
     });
     return out;
   }

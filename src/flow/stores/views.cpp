@@ -36,11 +36,13 @@ constexpr std::uint64_t encoding_bytes(std::uint32_t samples) {
   return 4 * views::tile_bytes(samples);
 }
 
+/// `room`: what the forecast of a job's disk does not know of has none.
 void encode(job::JobContext& job, const store::ColourDirectory& image,
-            std::span<const std::byte> tile, std::vector<std::byte>& stored) {
+            std::span<const std::byte> tile, store::PlainRoom* room,
+            std::vector<std::byte>& stored) {
   std::vector<std::byte> raw;
   store::filter_colours(image, tile, raw);
-  job.compressor().compress(raw, stored, store::kScratchLevel);
+  job.compressor().compress(raw, stored, store::kFastLevel, room);
   stored.shrink_to_fit();
 }
 
@@ -169,7 +171,8 @@ class SceneDrawing {
       if (!views::draw_tile(sight, near_blocks(sight, indices), block, *request_.kernels, slab,
                             *canvas))
         continue;
-      encode(job_, image_, views::samples_of(*canvas), tiles[x]);
+      encode(job_, image_, views::samples_of(*canvas),
+             inside == nullptr ? job_.stores_room() : nullptr, tiles[x]);
     }
     return tiles;
   }
@@ -238,9 +241,9 @@ void draw_targets(job::JobContext& job, const mesh::Mesh& target, SceneViews& ou
         for (std::uint32_t y = 0; y < drawn.tile_rows; ++y) {
           for (std::uint32_t x = 0; x < across; ++x) {
             if (!drawn.has(x, first + y)) continue;
-            encode(job, image, drawn.tile(x, first + y), tiles.rows[y][x]);
+            encode(job, image, drawn.tile(x, first + y), job.scratch_room(), tiles.rows[y][x]);
             const auto depths = drawn.inside(x, first + y, out.limits.on_target);
-            if (!depths.empty()) encode(job, image, depths, tiles.inside[y][x]);
+            if (!depths.empty()) encode(job, image, depths, nullptr, tiles.inside[y][x]);
           }
         }
         return tiles;

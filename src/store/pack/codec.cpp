@@ -13,6 +13,10 @@
 //
 // The frames of zstd have no checksum of their own, since chunks have one, and no content is
 // trusted to be small: sizes come from an index that was checked.
+//
+// Scratch data of small jobs never reaches a disk: compressing it would cost more than all else
+// that a store does. It goes into frames of blocks as they are (RFC 8878, 3.1.1), which zstd
+// unpacks like any other.
 #include "store/pack/codec.h"
 
 #include <fmt/format.h>
@@ -204,6 +208,47 @@ std::uint64_t estimated_bytes(std::span<const std::byte> raw) {
   return steps >> 19;  // 2^16 steps to a bit
 }
 
+namespace {
+
+/// False: so much is not left.
+bool take(PlainRoom& room, std::uint64_t bytes) {
+  std::uint64_t left = room.load(std::memory_order_relaxed);
+  while (left >= bytes) {
+    if (room.compare_exchange_weak(left, left - bytes, std::memory_order_relaxed)) return true;
+  }
+  return false;
+}
+
+template <std::size_t bytes>
+std::byte* put(std::byte* to, std::uint32_t value) {
+  std::memcpy(to, &value, bytes);
+  return to + bytes;
+}
+
+/// A frame of the bytes as they are: a header that states their number, blocks with a header each.
+void make_plain_frame(std::span<const std::byte> raw, std::vector<std::byte>& stored) {
+  constexpr std::uint32_t kMagic = 0xFD2FB528;
+  constexpr std::uint32_t kOneSegmentSizeIn4Bytes = 0xA0, kLastBlock = 1;
+  constexpr std::size_t kMostInBlock = std::size_t{1} << kWindowLog;
+  constexpr std::size_t kFrameHeader = 9, kBlockHeader = 3;
+  const std::size_t blocks =
+      std::max<std::size_t>((raw.size() + kMostInBlock - 1) / kMostInBlock, 1);
+  stored.resize(kFrameHeader + blocks * kBlockHeader + raw.size());
+  std::byte* to = put<4>(stored.data(), kMagic);
+  to = put<1>(to, kOneSegmentSizeIn4Bytes);
+  to = put<4>(to, static_cast<std::uint32_t>(raw.size()));
+  for (std::size_t b = 0; b < blocks; ++b) {
+    const auto block =
+        raw.subspan(b * kMostInBlock).first(std::min(kMostInBlock, raw.size() - b * kMostInBlock));
+    const auto size = static_cast<std::uint32_t>(block.size());
+    to = put<kBlockHeader>(to, size << 3 | (b + 1 == blocks ? kLastBlock : 0));
+    if (size > 0) std::memcpy(to, block.data(), size);
+    to += size;
+  }
+}
+
+}  // namespace
+
 struct Compressor::Contexts {
   ZSTD_CCtx* compress = nullptr;
   ZSTD_DCtx* decompress = nullptr;
@@ -232,8 +277,9 @@ Compressor::Compressor() : contexts_(std::make_unique<Contexts>()) {}
 Compressor::~Compressor() = default;
 Compressor::Compressor(Compressor&&) noexcept = default;
 
-void Compressor::compress(std::span<const std::byte> raw, std::vector<std::byte>& stored,
-                          int level) {
+void Compressor::compress(std::span<const std::byte> raw, std::vector<std::byte>& stored, int level,
+                          PlainRoom* room) {
+  if (room != nullptr && take(*room, raw.size())) return make_plain_frame(raw, stored);
   check_zstd(ZSTD_CCtx_setParameter(contexts_->compress, ZSTD_c_compressionLevel, level),
              "set the level");
   // Whatever the bytes are they fit: no second try with a larger buffer.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -14,8 +15,11 @@ namespace pounce::store {
 
 /// zstd level of every store: level 3 is 2-3x slower for 2-4 % (docs/tile-format.md).
 inline constexpr int kZstdLevel = 1;
-/// zstd level of scratch data that is read once and soon: faster, a little larger.
-inline constexpr int kScratchLevel = -3;
+/// zstd level of what is read once and soon: faster, a little larger.
+inline constexpr int kFastLevel = -3;
+
+/// How many bytes of scratch a job may still store as they are, all threads together.
+using PlainRoom = std::atomic<std::uint64_t>;
 
 /// A reusable compressor with its scratch memory. One per thread; not thread-safe.
 class Compressor {
@@ -23,9 +27,10 @@ class Compressor {
   Compressor();
   ~Compressor();
   Compressor(Compressor&&) noexcept;
-  /// Replaces `stored` by the zstd frame of `raw`.
+  /// Replaces `stored` by a zstd frame of `raw`. Where there is `room` for it, which is taken, it
+  /// is one of blocks that are not compressed. Never larger than ZSTD_compressBound says.
   void compress(std::span<const std::byte> raw, std::vector<std::byte>& stored,
-                int level = kZstdLevel);
+                int level = kZstdLevel, PlainRoom* room = nullptr);
   /// Fills `raw` exactly; throws Error(damaged_store) if the frame is malformed or of another size.
   /// raw.size() must have been checked by the caller against what it is willing to allocate.
   void decompress(std::span<const std::byte> stored, std::span<std::byte> raw);

@@ -145,5 +145,15 @@ TEST_CASE("a limit of the process's data is a limit", "[core]") {
   CHECK(rest.bytes == bytes - 300 * kMiB);
 }
 
+TEST_CASE("a limit of the size of files is known", "[core]") {
+  rlimit before{};
+  ::getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit limit{std::min<rlim_t>(before.rlim_max, 1000 * kMiB), before.rlim_max};
+  REQUIRE(::setrlimit(RLIMIT_FSIZE, &limit) == 0);
+  const std::uint64_t bytes = largest_file_bytes();
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  CHECK(bytes == limit.rlim_cur);
+}
+
 }  // namespace
 }  // namespace pounce

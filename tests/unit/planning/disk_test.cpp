@@ -54,6 +54,18 @@ TEST_CASE("stores add up; of what comes and goes the largest counts") {
   CHECK(once.forecast().scratch_bytes == 2 * once.forecast().cache_bytes + 500);
 }
 
+TEST_CASE("scratch is stored as it is where all of it fits its limits so") {
+  constexpr std::uint64_t kMemory = 800, kAny = UINT64_MAX;
+  DiskPlan plan(false, 0);
+  plan.add_column(image_info(256));
+  const std::uint64_t needed = plan.forecast().scratch_bytes;
+  CHECK(plan.plain_bytes(needed, kAny, kMemory) == 100);
+  CHECK(plan.plain_bytes(0, kAny, kMemory) == 100);  // no limit
+  CHECK(plan.plain_bytes(needed - 1, kAny, kMemory) == 0);
+  CHECK(plan.plain_bytes(needed, needed, kMemory) == 100);
+  CHECK(plan.plain_bytes(needed, needed - 1, kMemory) == 0);  // ulimit -f
+}
+
 TEST_CASE("what a later run alone needs gets what the forecast leaves of a limit") {
   DiskPlan plan(false, 0);
   plan.add_column(image_info(256));
