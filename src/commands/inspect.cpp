@@ -33,8 +33,8 @@
 #include "io/files/asset_file.h"
 #include "io/files/finished_output.h"
 #include "io/image/read.h"
+#include "io/ply/ply_header.h"
 #include "io/read_mesh.h"
-#include "io/splats/ply_header.h"
 #include "io/splats/ply_scene.h"
 #include "io/splats/scene.h"
 #include "store/blocks/splat_store.h"
@@ -170,7 +170,7 @@ Json describe_image(const std::string& path, const Allowed& allowed) {
     throw Error(
         ErrorKind::input,
         fmt::format("{}; it is not a mesh (.glb, .gltf, .obj, .ply, .stl), splat scene (PLY, "
-                    "SPZ, SOG, .splat, .ksplat) or tile pack either",
+                    "SPZ, SOG, .splat, .ksplat), point cloud (PLY) or tile pack either",
                     error.what()));
   }
 }
@@ -289,19 +289,25 @@ Json describe_splats(const std::string& path) {
     }
   }
   Json json{{"format", info.format},
-            {"gaussians", info.splats},
+            {info.are_points ? "points" : "gaussians", info.splats},
             {"usable", usable},
             {"filtered", Json::object()},
-            {"sh_degree", info.sh_degree},
-            {"model", model_name(info.model)},
             {"colour_space", info.is_linear ? "linear" : "sRGB"},
             {"with_normal", with_normal}};
+  if (!info.are_points) {
+    json["sh_degree"] = info.sh_degree;
+    json["model"] = model_name(info.model);
+  }
   for (std::size_t k = 0; k < filtered.size(); ++k) {
     if (filtered[k] > 0)
       json["filtered"][store::filter_name(static_cast<store::SplatFilter>(k))] = filtered[k];
   }
   if (!box.empty()) json["box"] = box_json(box);
   if (!sample.empty()) add_sample(sample, lattice, json);
+  if (info.are_points) {  // a cloud has neither
+    json.erase("opacity");
+    json.erase("size");
+  }
   if (const auto* ply = dynamic_cast<const io::SplatPly*>(scene.get()))
     add_columns(ply->header(), json);
   json["notes"] = info.assumptions;
@@ -310,9 +316,10 @@ Json describe_splats(const std::string& path) {
 
 /// One line for each thing, as of a mesh; what a file does not have is left out.
 std::string splats_text(const Json& splats) {
+  const char* const rows = splats.contains("points") ? "points" : "gaussians";
   std::string text =
-      fmt::format("format     {}\ngaussians  {}, {} usable\n", splats["format"].get<std::string>(),
-                  splats["gaussians"].get<std::uint64_t>(), splats["usable"].get<std::uint64_t>());
+      fmt::format("format     {}\n{:<10} {}, {} usable\n", splats["format"].get<std::string>(),
+                  rows, splats[rows].get<std::uint64_t>(), splats["usable"].get<std::uint64_t>());
   for (const auto& [reason, count] : splats["filtered"].items())
     text += fmt::format("left out   {} {}\n", count.get<std::uint64_t>(), reason);
   if (splats.contains("columns")) {
@@ -321,10 +328,12 @@ std::string splats_text(const Json& splats) {
                         halves == 0 ? "" : fmt::format(" ({} half floats)", halves),
                         splats["row_bytes"].get<unsigned>());
   }
-  text +=
-      fmt::format("colours    {}, spherical harmonics of degree {}\n",
-                  splats["colour_space"].get<std::string>(), splats["sh_degree"].get<unsigned>());
-  text += fmt::format("model      {}\n", splats["model"].get<std::string>());
+  text += fmt::format("colours    {}", splats["colour_space"].get<std::string>());
+  if (splats.contains("sh_degree")) {
+    text += fmt::format(", spherical harmonics of degree {}\nmodel      {}",
+                        splats["sh_degree"].get<unsigned>(), splats["model"].get<std::string>());
+  }
+  text += '\n';
   text += fmt::format("normals    {}\n", splats["with_normal"].get<std::uint64_t>());
   const auto box_text = [&](const char* name, const char* key) {
     if (!splats.contains(key)) return;

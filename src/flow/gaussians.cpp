@@ -256,6 +256,12 @@ class SceneJob {
 
   void run() {
     const io::SplatSceneInfo& info = scene_->info();
+    if (info.are_points) {
+      throw Error(ErrorKind::input,
+                  options_.source +
+                      ": a point cloud, which holds no Gaussians to write; transfer "
+                      "takes it as a source as it is");
+    }
     for (const std::string& file : info.files) planning::add_input(file, job_.report);
     planning::check_outputs({options_.output});
     refuse_over_input(options_.output, info.files);

@@ -19,8 +19,8 @@
 #include "core/file.h"
 #include "core/input_file.h"
 #include "io/files/asset_file.h"
+#include "io/ply/ply_header.h"
 #include "io/problems.h"
-#include "io/splats/ply_header.h"
 #include "io/splats/ply_scene.h"
 #include "io/splats/scene.h"
 
@@ -39,6 +39,11 @@ enum class Format { gltf, obj, ply, stl };
              "a PLY file without faces (lists \"vertex_indices\") is read as a splat scene, which "
              "can only be a source; export a mesh with its faces");
     }
+  }
+  if (format.kind == SplatKind::points) {
+    refuse(path,
+           "a point cloud, but a mesh (.glb, .gltf, .obj, .ply or .stl) is required; a cloud comes "
+           "first, as the source of a transfer: pounce transfer CLOUD TARGET.glb -o OUTPUT");
   }
   refuse(path,
          "a Gaussian splat scene in {}, but a mesh (.glb, .gltf, .obj, .ply or .stl) is required; "

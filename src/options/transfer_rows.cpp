@@ -451,9 +451,8 @@ Rows<Options> transfer_rows() {
       row<Options>(
           {.name = "source",
            .value = "SOURCE",
-           .help =
-               "Textured mesh (.glb, .gltf, .obj, .ply, .stl) or splat scene (.ply, .spz, .sog, "
-               ".glb, .gltf, .splat, .ksplat)",
+           .help = "Textured mesh (.glb, .gltf, .obj, .ply, .stl), splat scene (.ply, .spz, .sog, "
+                   ".glb, .gltf, .splat, .ksplat) or coloured point cloud (.ply)",
            .hashed = Hashed::otherwise,
            .is_operand = true,
            .is_required = true},

@@ -4,6 +4,7 @@
 #include <bit>
 #include <type_traits>
 
+#include "gaussian/point_discs.h"
 #include "gaussian/splat_statistics.h"
 
 namespace pounce::sorting {
@@ -41,8 +42,9 @@ std::uint64_t EncodedBlock::most_bytes(std::uint32_t lobes) {
          3 * SplatBlock::decoded_bytes(kMostSplatsPerBlock, true, lobes) + kScratch;
 }
 
-void EncodedBlock::encode(job::JobContext& job, bool fades) {
-  if (fades) gaussian::fade_isolated(cut.splats);
+void EncodedBlock::encode(job::JobContext& job, const Shaping& shaping) {
+  if (shaping.are_points) gaussian::make_discs(cut.splats);
+  if (shaping.fades) gaussian::fade_isolated(cut.splats);
   entry = {};
   entry.splats = static_cast<std::uint32_t>(cut.splats.size());
   entry.size_class = static_cast<std::uint32_t>(store::SplatLattice::key_size_class(cut.first_key));
@@ -53,15 +55,17 @@ void EncodedBlock::encode(job::JobContext& job, bool fades) {
                             job.stores->persistent() ? store::kZstdLevel : store::kFastLevel,
                             job.stores_room());
   noise.clear();
-  if (asked_for_noise(cut.ordinal, noise_step_log2(cut.ordinal)))
-    gaussian::append_surface_noise(block, noise);
+  sizes.clear();
+  if (!asked_for_noise(cut.ordinal, noise_step_log2(cut.ordinal))) return;
+  gaussian::append_surface_noise(block, noise);
+  if (shaping.are_points) sizes.push_back(gaussian::median_size(cut.splats));
 }
 
-void NoiseEstimate::add(const EncodedBlock& block) {
-  if (!block.noise.empty()) asked_.emplace_back(block.cut.ordinal, block.noise);
+void BlockEstimate::add(std::uint64_t ordinal, const std::vector<float>& figures) {
+  if (!figures.empty()) asked_.emplace_back(ordinal, figures);
 }
 
-float NoiseEstimate::median(std::uint64_t blocks) const {
+float BlockEstimate::median(std::uint64_t blocks) const {
   std::vector<float> figures;
   for (const auto& [ordinal, of_block] : asked_) {
     if (asked_for_noise(ordinal, noise_step_log2(blocks - 1)))

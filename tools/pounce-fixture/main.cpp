@@ -180,6 +180,10 @@ void add_splats(CLI::App& app, std::function<Paths()>& run, SplatOptions& o) {
                 "inward")
       ->check(CLI::Range(-10.0, 10.0))
       ->capture_default_str();
+  c->add_flag(
+      "--points", o.points,
+      "write a coloured point cloud (PLY) instead, as a scanner leaves it behind: the noisy "
+      "surface's places and colours, and nothing else");
   c->callback([&run, &o] { run = [&o] { return make_splats(o); }; });
 }
 

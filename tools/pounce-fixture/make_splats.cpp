@@ -4,6 +4,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -58,6 +59,41 @@ void write_scene(const SplatOptions& options, const SplatScene& scene) {
       }
     });
     file.append(rows.data(), here * columns * sizeof(float));
+  }
+  file.commit();
+}
+
+/// Places and colours of all rows.
+void write_points(const SplatOptions& options, const SplatScene& scene) {
+  constexpr std::uint64_t kBatch = 16384;
+  constexpr std::size_t kPlaceBytes = 3 * sizeof(float), kRowBytes = kPlaceBytes + 3;
+  constexpr std::size_t kColour = 6;  // of a row's columns
+  constexpr float kC0 = 0.28209479177387814F;
+  OutputFile file(options.path);
+  file.append(
+      fmt::format("ply\nformat binary_little_endian 1.0\n"
+                  "comment pounce-fixture splats --points: {}, seed {}\n"
+                  "comment spacing {:.9g} noise-sigma {:.9g}\nelement vertex {}\n"
+                  "property float x\nproperty float y\nproperty float z\n"
+                  "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+                  options.shape, options.seed, scene.spacing(), scene.noise(), options.count));
+  const std::size_t columns = scene.columns();
+  std::vector<std::byte> rows(kRowBytes * std::min(kBatch, options.count));
+  for (std::uint64_t first = 0; first < options.count; first += kBatch) {
+    const std::uint64_t here = std::min(kBatch, options.count - first);
+    tbb::parallel_for(tbb::blocked_range<std::uint64_t>(0, here, 256), [&](const auto& range) {
+      std::vector<float> row(columns);
+      for (std::uint64_t i = range.begin(); i < range.end(); ++i) {
+        scene.fill(first + i, row);
+        std::byte* const to = &rows[i * kRowBytes];
+        std::memcpy(to, row.data(), kPlaceBytes);
+        for (std::size_t c = 0; c < 3; ++c) {
+          const float share = std::clamp(0.5F + kC0 * row[kColour + c], 0.0F, 1.0F);
+          to[kPlaceBytes + c] = static_cast<std::byte>(share * 255 + 0.5F);
+        }
+      }
+    });
+    file.append(rows.data(), here * kRowBytes);
   }
   file.commit();
 }
@@ -120,7 +156,9 @@ void write_target(const SplatOptions& options, const SplatScene& scene, const st
 
 }  // namespace
 
-Paths make_splats(const SplatOptions& options) {
+Paths make_splats(const SplatOptions& asked) {
+  SplatOptions options = asked;
+  if (options.points) options.needles = options.interior = options.floaters = options.haze = 0;
   const std::filesystem::path path(options.path);
   const bool is_spz = path.extension() == ".spz";
   if (path.extension() != ".ply" && !is_spz) {
@@ -131,10 +169,18 @@ Paths make_splats(const SplatOptions& options) {
   if (is_spz && options.broken > 0) {
     throw Error(ErrorKind::usage, "SPZ has no place for broken rows; write a .ply");
   }
+  if (options.points && (is_spz || options.broken > 0 || options.sh_degree > 0)) {
+    throw Error(ErrorKind::usage,
+                "--points has no harmonics and no broken rows, and is written as .ply");
+  }
   const SplatScene scene(options);
   Paths written;
   if (path.has_parent_path()) make_folder(path.parent_path().string());
-  is_spz ? write_spz(options, scene) : write_scene(options, scene);
+  if (options.points) {
+    write_points(options, scene);
+  } else {
+    is_spz ? write_spz(options, scene) : write_scene(options, scene);
+  }
   written.push_back(options.path);
   if (options.target_size != 0) {
     write_target(options, scene, (path.parent_path() / path.stem()).string(), written);

@@ -67,6 +67,7 @@ struct SplatOptions {
   double floaters = 0.015;
   double haze = 0.02;
   std::uint64_t broken = 0;       ///< rows of each kind of breakage
+  bool points = false;            ///< places and colours alone, of the surface: a scanner's cloud
   std::uint32_t target_size = 0;  ///< of the truth image; 0: no target and no truth
   /// The target is moved so far along its normals, in percent of its diagonal; positive is outward.
   /// The truth stays what the surface itself has.

@@ -226,7 +226,7 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
       store::PackKind::splats, request_.key,
       fmt::format("{}, {} Gaussians", std::filesystem::path(request_.path).filename().string(),
                   source_.count())));
-  sorting::NoiseEstimate noise;
+  sorting::BlockEstimate noise, sizes;
   std::uint64_t blocks = 0, done = 0;
   const auto write = [&](EncodedBlock& slot) {
     // A tile has one size class: a few large Gaussians would enlarge the box of a tile of small
@@ -239,7 +239,8 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
     }
     writer.add_block(slot.entry, slot.stored, static_cast<std::uint32_t>(slot.raw.size()));
     directory_.has_normals |= !slot.block.normal[0].empty();
-    noise.add(slot);
+    noise.add(slot.cut.ordinal, slot.noise);
+    sizes.add(slot.cut.ordinal, slot.sizes);
     blocks = slot.cut.ordinal + 1;
     done += slot.entry.splats;
     // In rows of the source, of which the filters may have left few: the bar counts each row twice.
@@ -255,11 +256,12 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
                                               if (!cutter.next(slot.cut)) control.stop();
                                               return &slot;
                                             }) &
-          tbb::make_filter<EncodedBlock*, EncodedBlock*>(tbb::filter_mode::parallel,
-                                                         [&](EncodedBlock* slot) {
-                                                           slot->encode(job_, fades);
-                                                           return slot;
-                                                         }) &
+          tbb::make_filter<EncodedBlock*, EncodedBlock*>(
+              tbb::filter_mode::parallel,
+              [&](EncodedBlock* slot) {
+                slot->encode(job_, {request_.are_points, fades});
+                return slot;
+              }) &
           tbb::make_filter<EncodedBlock*, void>(tbb::filter_mode::serial_in_order,
                                                 [&](EncodedBlock* slot) { write(*slot); }));
   if (blocks == 0) {
@@ -270,6 +272,7 @@ std::unique_ptr<store::SplatStore> StoreBuilder::merge(const SplatLattice& latti
   writer.end_tile(job_.compressor());
   ++job_.report.tiles_written;
   directory_.surface_noise = noise.median(blocks);
+  if (request_.are_points) directory_.typical_size = sizes.median(blocks);
   return std::make_unique<store::SplatStore>(
       job_.stores->publish(writer.finish(directory_, job_.compressor())), request_.facts,
       job_.compressor());

@@ -21,6 +21,7 @@ struct GaussianStoreRequest {
   store::SplatFacts facts;
   gaussian::SplatKeep keep = {};
   gaussian::FadeIsolated fades = gaussian::FadeIsolated::of_no_scene;
+  bool are_points = false;  ///< of a cloud: they become discs (gaussian::make_discs())
   /// For tests: most Gaussians of a run and most runs merged at once; 0 = what the budget holds.
   /// The store does not depend on them.
   std::uint64_t run_splats = 0;

@@ -61,8 +61,9 @@ class SceneStore {
     }
     *cached = false;
     prepare();
-    return build_gaussian_store(job_, {&source_, key(keep), request_.path, facts(), keep,
-                                       request_.fades, request_.run_splats, request_.fan_in});
+    return build_gaussian_store(job_,
+                                {&source_, key(keep), request_.path, facts(), keep, request_.fades,
+                                 scene_->info().are_points, request_.run_splats, request_.fan_in});
   }
 
  private:
@@ -155,6 +156,10 @@ planning::SceneFacts scene_facts(const planning::SplatRequest& request,
                                  const std::function<void()>& poll) {
   const auto scene = io::open_splat_scene(request.path, request.axes, poll);
   const io::SplatSceneInfo& info = scene->info();
+  if (info.are_points && request.keep.max_sigma) {
+    throw Error(ErrorKind::usage, "--max-scale: the points of a cloud have no size; " +
+                                      request.path + " is a point cloud, remove the option");
+  }
   planning::SceneFacts facts{
       info.splats, kept_lobes(info, request), info.is_linear, info.files, info.assumptions,
       0,           scene->unpacked_bytes()};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows of a PLY mesh. A header (io/splats/ply_header.h) names the columns of each element; here
+// Rows of a PLY mesh. A header (io/ply/ply_header.h) names the columns of each element; here
 // they get their meanings, by the names that programs give them:
 //
 //   vertex   x y z, nx ny nz, u v (s t, texture_u texture_v, texture_s texture_t),
@@ -69,8 +69,9 @@ double value_of(PlyType type, std::span<const std::byte> raw, bool is_swapped) {
   return 0;
 }
 
-/// Which column is which value of a vertex.
-int vertex_value(std::string_view name) {
+}  // namespace
+
+std::optional<PlyValue> ply_value(std::string_view column) {
   constexpr std::array<std::pair<std::string_view, PlyValue>, 25> kNames{{
       {"x", PlyValue::x},
       {"y", PlyValue::y},
@@ -99,12 +100,10 @@ int vertex_value(std::string_view name) {
       {"diffuse_alpha", PlyValue::alpha},
   }};
   for (const auto& [text, value] : kNames) {
-    if (text == name) return static_cast<int>(value);
+    if (text == column) return value;
   }
-  return -1;
+  return std::nullopt;
 }
-
-}  // namespace
 
 /// One pass over the file.
 class PlyRows::Reader {
@@ -128,7 +127,7 @@ class PlyRows::Reader {
         } else {
           const auto place = static_cast<std::size_t>(column.value);
           values[place] = number(column.type, "vertex");
-          if (place <= static_cast<std::size_t>(PlyValue::z))
+          if (place <= static_cast<std::size_t>(PlyValue::z) && rows_.content_ == PlyContent::mesh)
             require_finite(values[place], "vertex");
         }
       }
@@ -193,7 +192,20 @@ class PlyRows::Reader {
   /// NaN for what is no number in a text.
   double number(PlyType type, const char*) {
     if (!is_text_) return value_of(type, stream_.bytes(bytes_of(type)), is_swapped_);
-    return to_double(word()).value_or(std::numeric_limits<double>::quiet_NaN());
+    const std::string_view text = word();
+    const auto value = to_double(text);
+    // Whoever asks for a number that must be one says where it is none. Of points any may be none,
+    // but only if that is what is written.
+    if (!value && rows_.content_ == PlyContent::points && !is_no_number(text))
+      fail(fmt::format("\"{}\" is no number", shown(text)));
+    return value.value_or(std::numeric_limits<double>::quiet_NaN());
+  }
+  /// nan, -inf, 1.#IND and the like.
+  static bool is_no_number(std::string_view text) {
+    if (text.find('#') != std::string_view::npos) return true;
+    if (text.starts_with('-') || text.starts_with('+')) text.remove_prefix(1);
+    return text.size() >= 3 &&
+           (text[0] == 'n' || text[0] == 'N' || text[0] == 'i' || text[0] == 'I');
   }
   void skip(PlyType type) {
     if (is_text_) {
@@ -253,7 +265,7 @@ class PlyRows::Reader {
   std::uint64_t row_ = 0;
 };
 
-PlyRows::PlyRows(const std::string& path) : path_(path) {
+PlyRows::PlyRows(const std::string& path, PlyContent content) : path_(path), content_(content) {
   const auto file = open_input(path);
   header_ = read_ply_header(*file, path);
   if (header_.format != "ascii" && header_.format != "binary_little_endian" &&
@@ -265,14 +277,16 @@ PlyRows::PlyRows(const std::string& path) : path_(path) {
   }
   const PlyElement* vertex = header_.find("vertex");
   const PlyElement* face = header_.find("face");
-  if (vertex == nullptr || face == nullptr)
+  const bool wants_faces = content == PlyContent::mesh;
+  if (vertex == nullptr || (wants_faces && face == nullptr))
     refuse(path, "the PLY has no vertices or no faces; export a mesh");
-  if (vertex > face) refuse(path, "the PLY has its faces before its vertices; {}", kExport);
+  if (wants_faces && vertex > face)
+    refuse(path, "the PLY has its faces before its vertices; {}", kExport);
   if (vertex->count > std::numeric_limits<std::uint32_t>::max() - 1)
     refuse(path, "more than 4 billion vertices; split the model");
   columns_.fill(-1);
   find_vertex_columns(*vertex);
-  find_face_columns(*face);
+  if (wants_faces) find_face_columns(*face);
   check_sizes(file->size_bytes());
 }
 
@@ -284,8 +298,9 @@ void PlyRows::find_vertex_columns(const PlyElement& vertex) {
       ++list;
       continue;
     }
-    int value = vertex_value(column.name);
-    if (value >= 0) {
+    const auto named = ply_value(column.name);
+    int value = named ? static_cast<int>(*named) : -1;
+    if (named) {
       int& taken = columns_[static_cast<std::size_t>(value)];
       // Of two spellings of one value the first counts.
       if (taken >= 0)
@@ -376,7 +391,8 @@ void PlyRows::read(const std::function<void(const PlyVertex&)>& on_vertex,
   for (const PlyElement& element : header_.elements) {
     if (element.name == "vertex") {
       reader.vertices(element, on_vertex);
-    } else if (element.name == "face") {
+      if (content_ == PlyContent::points) break;
+    } else if (element.name == "face" && content_ == PlyContent::mesh) {
       reader.faces(element, vertices, on_face);
       break;
     } else {

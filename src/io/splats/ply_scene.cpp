@@ -76,8 +76,10 @@ void check_kind(const PlyHeader& header, const std::string& path) {
       }
     }
     if (!has("scale_0") && !has("rot_0")) {
-      refuse(path, "a point cloud ({} points without f_dc_0, scale_0, rot_0), not splats; {}",
-             vertex->count, kWanted);
+      refuse(path,
+             "a point cloud without colours ({} points); export it with red, green and blue for "
+             "each point",
+             vertex->count);
     }
   }
   for (const char* name : {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0",

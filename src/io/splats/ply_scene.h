@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "core/file.h"
+#include "io/ply/ply_header.h"
 #include "io/splats/batch.h"
-#include "io/splats/ply_header.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::io {

@@ -33,6 +33,7 @@
 #include "io/json/untrusted.h"
 #include "io/splats/batch.h"
 #include "io/splats/ply_scene.h"
+#include "io/splats/point_ply.h"
 #include "io/splats/spz_scene.h"
 #include "io/splats/unpack.h"
 #include "pounce/error.h"
@@ -91,6 +92,7 @@ std::optional<SplatFormat> marked_format(const ReadFile& file, const std::string
   if (is_ply(file)) {
     if (is_compressed_ply(file, path))
       return SplatFormat{"SuperSplat compressed PLY", SplatKind::compressed_ply};
+    if (is_point_ply(file, path)) return SplatFormat{"point cloud PLY", SplatKind::points};
     return SplatFormat{"3DGS PLY", SplatKind::ply};
   }
   // Version 4 begins with its mark; older ones are gzip, and their mark is inside.
@@ -148,6 +150,8 @@ std::unique_ptr<SplatScene> open_format(const std::string& path, const Axes& axe
       return std::make_unique<SplatPly>(path, axes);
     case SplatKind::compressed_ply:
       return open_compressed_ply(path, axes);
+    case SplatKind::points:
+      return open_point_ply(path, axes);
     case SplatKind::spz:
       return std::make_unique<SpzScene>(open_input(path), path, axes, poll);
     case SplatKind::sog:

@@ -17,7 +17,7 @@
 namespace pounce::io {
 
 /// How a Gaussian splat scene is stored.
-enum class SplatKind { ply, compressed_ply, spz, sog, gltf, dot_splat, ksplat, unread };
+enum class SplatKind { ply, compressed_ply, points, spz, sog, gltf, dot_splat, ksplat, unread };
 struct SplatFormat {
   std::string name;  ///< "3DGS PLY", "SPZ v4", "SOG v2 (a folder)"
   SplatKind kind = SplatKind::unread;
@@ -42,6 +42,7 @@ struct SplatSceneInfo {
   std::uint32_t sh_degree = 0;  ///< of the file, 0 to 4; read() gives no more than 3
   store::SplatModel model = store::SplatModel::standard;
   bool is_linear = false;                ///< colours are linear light, not sRGB-coded
+  bool are_points = false;               ///< of a cloud: their sizes follow from their neighbours
   std::vector<std::string> files;        ///< that hold it; the first is the one that was named
   std::vector<std::string> assumptions;  ///< what the format leaves open, for warnings: its axes
 };

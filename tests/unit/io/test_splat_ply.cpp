@@ -290,9 +290,9 @@ TEST_CASE("what is no splat PLY is refused by what it is", "[io]") {
   has(problem_of(ply.bytes()), "version");
   ply = usual(0);
   has(problem_of(ply.bytes()), "no Gaussians");
-  ply.columns = {"float x", "float y", "float z", "uchar red", "uchar green", "uchar blue"};
+  ply.columns = {"float x", "float y", "float z", "float intensity"};
   ply.rows.resize(4);
-  has(problem_of(ply.bytes()), "point cloud");
+  has(problem_of(ply.bytes()), "a point cloud without colours (4 points)");
   ply.after = "element face 2\nproperty list uchar int vertex_indices\n";
   has(problem_of(ply.bytes()), "a mesh (4 vertices, 2 face rows)");
   ply.after.clear();

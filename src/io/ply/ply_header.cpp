@@ -12,7 +12,7 @@
 //
 // All header text is looked at before any row is: the size of a row and where rows begin follow
 // from every line, and a reader that starts early reads numbers from the wrong columns.
-#include "io/splats/ply_header.h"
+#include "io/ply/ply_header.h"
 
 #include <fmt/format.h>
 
