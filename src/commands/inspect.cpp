@@ -170,14 +170,19 @@ Json describe_image(const std::string& path, const Allowed& allowed) {
     throw Error(
         ErrorKind::input,
         fmt::format("{}; it is not a mesh (.glb, .gltf, .obj, .ply, .stl), splat scene (PLY, "
-                    "SPZ, SOG, .splat, .ksplat), point cloud (PLY) or tile pack either",
+                    "SPZ, SOG, .splat, .ksplat), point cloud (PLY, LAS) or tile pack either",
                     error.what()));
   }
 }
 
-Json box_json(const Box3f& box) {
-  const auto corner = [](Vec3f v) {
-    return Json{commands::shortest(v.x), commands::shortest(v.y), commands::shortest(v.z)};
+/// In the file's coordinates. What is far away has the digits of its distance from the origin.
+Json box_json(const Box3f& box, Vec3d origin) {
+  const auto number = [](float from, double add) -> Json {
+    const double own = commands::shortest(from);
+    return add == 0 ? own : std::round((own + add) * 1e6) / 1e6;
+  };
+  const auto corner = [&](Vec3f v) {
+    return Json{number(v.x, origin.x), number(v.y, origin.y), number(v.z, origin.z)};
   };
   return {{"lo", corner(box.lo)}, {"hi", corner(box.hi)}};
 }
@@ -240,9 +245,10 @@ void add_columns(const io::SplatPlyHeader& header, Json& json) {
 }
 
 /// Where most of a scene is, and how opaque and large its Gaussians are.
-void add_sample(const PageVector<Splat>& sample, const store::SplatLattice& lattice, Json& json) {
-  json["box_98"] = box_json(most_of(sample));
-  json["middle_box"] = box_json(lattice.middle_box());
+void add_sample(const PageVector<Splat>& sample, const store::SplatLattice& lattice, Vec3d origin,
+                Json& json) {
+  json["box_98"] = box_json(most_of(sample), origin);
+  json["middle_box"] = box_json(lattice.middle_box(), origin);
   json["opacity"] = quantiles(sample, [](const Splat& s) { return s.alpha; });
   json["size"] = quantiles(sample, [](const Splat& s) { return store::size_of(s); });
 }
@@ -302,8 +308,8 @@ Json describe_splats(const std::string& path) {
     if (filtered[k] > 0)
       json["filtered"][store::filter_name(static_cast<store::SplatFilter>(k))] = filtered[k];
   }
-  if (!box.empty()) json["box"] = box_json(box);
-  if (!sample.empty()) add_sample(sample, lattice, json);
+  if (!box.empty()) json["box"] = box_json(box, info.origin);
+  if (!sample.empty()) add_sample(sample, lattice, info.origin, json);
   if (info.are_points) {  // a cloud has neither
     json.erase("opacity");
     json.erase("size");

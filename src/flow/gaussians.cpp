@@ -18,7 +18,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 #include "flow/sources/source.h"
 #include "flow/sources/texel_source.h"
@@ -44,37 +43,6 @@ constexpr double kAfterReading = 0.02, kAfterColours = 0.3, kAfterGeometry = 0.4
 
 /// From the axes of trained scenes (right, down, forward) to glTF's (left, up, forward), and back.
 constexpr const char* kHalfTurn = "-x,-y,z";
-
-/// The same job as a transfer without a target: what the two have in common is checked, planned and
-/// named alike.
-TransferOptions as_transfer(const GaussiansOptions& o) {
-  TransferOptions transfer;
-  transfer.source = o.source;
-  transfer.material.textures = o.source_textures;
-  transfer.colour = o.colour;
-  transfer.source_use.axes = o.axes;
-  transfer.channels.transferred = {Channel::base_color};
-  transfer.output = "colours.exr";  // a format that holds any image: nothing is written there
-  // Planning refuses a mesh without textures if no size is given. No image is written here, so any
-  // size will do.
-  transfer.image.size = ImageSize{1, 1};
-  transfer.image.colour_space = "lin_rec709";  // the primaries of Gaussians
-  transfer.splats.filter = o.filter;
-  transfer.allow_external = o.allow_external;
-  transfer.trust = o.trust;
-  transfer.resources = o.resources;
-  return transfer;
-}
-
-void refuse_over_input(const std::string& output, const std::vector<std::string>& inputs) {
-  // By identity, not by name: links and relative paths may lead to the same file. An output that
-  // does not exist yet is equivalent to nothing.
-  for (const std::string& input : inputs) {
-    std::error_code ignored;
-    if (!input.empty() && std::filesystem::equivalent(output, input, ignored))
-      throw Error(ErrorKind::usage, output + ": is also an input; write to another file");
-  }
-}
 
 class MeshJob {
  public:
@@ -103,7 +71,7 @@ class MeshJob {
     // far. All other needs are known only from the mesh.
     job_.meter.begin("read mesh", 1, "meshes", kAfterReading);
     require_early(job_, {reading_bytes(), "reading " + options_.source}, 0);
-    const TransferOptions transfer = as_transfer(options_);
+    const TransferOptions transfer = planning::as_transfer(options_);
     planning::PlacedMesh placed = planning::place_mesh(options_.source, transfer.source_use,
                                                        "source", options_.allow_external);
     mesh_ = std::move(placed.mesh);
@@ -139,7 +107,7 @@ class MeshJob {
     planning::check_outputs({options_.output});
     std::vector<std::string> inputs{options_.source};
     for (const planning::ColumnPlan& column : plan_.columns) inputs.push_back(column.image.path);
-    refuse_over_input(options_.output, inputs);
+    planning::refuse_over_input(options_.output, inputs);
   }
 
   const surface::GeometryRequest& request() const { return plan_.passes.front().source; }
@@ -264,7 +232,7 @@ class SceneJob {
     }
     for (const std::string& file : info.files) planning::add_input(file, job_.report);
     planning::check_outputs({options_.output});
-    refuse_over_input(options_.output, info.files);
+    planning::refuse_over_input(options_.output, info.files);
     const SceneGaussians source(*scene_,
                                 store::kLobesOfDegree[std::min<std::uint32_t>(info.sh_degree, 3)]);
     GaussianFile file{options_.output,
@@ -291,7 +259,7 @@ class SceneJob {
   }
 
   planning::SplatRequest request() const {
-    planning::SplatRequest request = planning::splat_request(as_transfer(options_));
+    planning::SplatRequest request = planning::splat_request(planning::as_transfer(options_));
     if (turns()) {
       request.axes = parse_axes(kHalfTurn);
       // Filters see Gaussians after the rotation, so the box rotates as well. A rotation may
@@ -397,7 +365,7 @@ void check_request(const GaussiansOptions& o) {
       usage("--source-texture: Gaussians have only baseColor; specify that channel only");
   }
   options::check_ranges(o);
-  planning::axes_of(as_transfer(o).source_use, "source");
+  planning::axes_of(planning::as_transfer(o).source_use, "source");
 }
 
 }  // namespace

@@ -148,9 +148,12 @@ Vec3d thinnest(std::span<const Neighbour> neighbours, std::span<const store::Spl
     }
   }
   double axes[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};  // columns
-  constexpr int kSweeps = 8;                               // quadratic: 4 or 5 are usual
+  constexpr int kSweeps = 8;                              // quadratic: 4 or 5 are usual
   constexpr std::array<std::pair<int, int>, 3> kPairs{{{0, 1}, {0, 2}, {1, 2}}};
+  constexpr double kSmall = 1e-7;  // of what is beside the diagonal: the error of the angle
   for (int sweep = 0; sweep < kSweeps; ++sweep) {
+    const double rest = std::abs(m[0][1]) + std::abs(m[0][2]) + std::abs(m[1][2]);
+    if (rest <= kSmall * (m[0][0] + m[1][1] + m[2][2])) break;
     for (const auto& [p, q] : kPairs) {
       if (m[p][q] == 0) continue;
       const double zeta = (m[q][q] - m[p][p]) / (2 * m[p][q]);
@@ -196,8 +199,7 @@ float spacing(std::span<const Neighbour> neighbours, std::span<const store::Spla
   const float aside = std::sqrt(dot(mean, mean)) / (count * radius);
   // All of the disc where the mean is about its middle, half of it where it is that of a half.
   constexpr float kChance = 0.2F, kOfHalf = 4 / (3 * std::numbers::pi_v<float>);
-  const float part =
-      std::clamp(1 - 0.5F * (aside - kChance) / (kOfHalf - kChance), 0.25F, 1.0F);
+  const float part = std::clamp(1 - 0.5F * (aside - kChance) / (kOfHalf - kChance), 0.25F, 1.0F);
   return radius * std::sqrt(std::numbers::pi_v<float> * part / count);
 }
 
@@ -212,9 +214,8 @@ void make_discs(std::span<store::Splat> block) {
     store::Splat& point = block[i];
     const Nearest nearest = tree.nearest(point.mean, static_cast<std::uint32_t>(i));
     spacings[i] = spacing(nearest.all(), block, point.mean);
-    point.rotation = across(point.normal != Vec3f{}
-                                ? Vec3d(point.normal)
-                                : thinnest(nearest.all(), block, point.mean));
+    point.rotation = across(point.normal != Vec3f{} ? Vec3d(point.normal)
+                                                    : thinnest(nearest.all(), block, point.mean));
   }
   std::vector<float> ordered = spacings;
   const float usual = median(ordered);

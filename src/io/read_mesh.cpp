@@ -40,7 +40,7 @@ enum class Format { gltf, obj, ply, stl };
              "can only be a source; export a mesh with its faces");
     }
   }
-  if (format.kind == SplatKind::points) {
+  if (format.kind == SplatKind::point_ply || format.kind == SplatKind::las) {
     refuse(path,
            "a point cloud, but a mesh (.glb, .gltf, .obj, .ply or .stl) is required; a cloud comes "
            "first, as the source of a transfer: pounce transfer CLOUD TARGET.glb -o OUTPUT");

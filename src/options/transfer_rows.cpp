@@ -452,7 +452,7 @@ Rows<Options> transfer_rows() {
           {.name = "source",
            .value = "SOURCE",
            .help = "Textured mesh (.glb, .gltf, .obj, .ply, .stl), splat scene (.ply, .spz, .sog, "
-                   ".glb, .gltf, .splat, .ksplat) or coloured point cloud (.ply)",
+                   ".glb, .gltf, .splat, .ksplat) or coloured point cloud (.ply, .las)",
            .hashed = Hashed::otherwise,
            .is_operand = true,
            .is_required = true},

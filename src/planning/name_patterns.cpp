@@ -123,6 +123,16 @@ void check_outputs(const std::vector<std::string>& paths, const std::string& cur
   }
 }
 
+void refuse_over_input(const std::string& output, const std::vector<std::string>& inputs) {
+  // By identity, not by name: links and relative paths may lead to the same file. An output that
+  // does not exist yet is equivalent to nothing.
+  for (const std::string& input : inputs) {
+    std::error_code ignored;
+    if (!input.empty() && std::filesystem::equivalent(output, input, ignored))
+      throw Error(ErrorKind::usage, output + ": is also an input; write to another file");
+  }
+}
+
 // --- sets of UDIM tiles --------------------------------------------------------------------------
 //
 // Names of UDIM tiles in both directions: a pattern becomes the name of a tile, and the name of one

@@ -28,6 +28,9 @@ const std::string& output_of(const TransferOptions& options, Channel channel);
 void check_outputs(const std::vector<std::string>& paths,
                    const std::string& cure = "add <CHANNEL> or <MATERIAL> to the pattern");
 
+/// Throws Error(usage) where the output is one of these files, under whatever name.
+void refuse_over_input(const std::string& output, const std::vector<std::string>& inputs);
+
 // --- sets of UDIM tiles --------------------------------------------------------------------------
 
 /// Does the path name a set of UDIM tiles: has it <UDIM> or <UVTILE>?

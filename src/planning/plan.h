@@ -50,6 +50,7 @@ struct SceneFacts {
   /// The least that splat_store() may need at once; the same for a file of any length.
   std::uint64_t least_bytes = 0;
   std::uint64_t unpacked_bytes = 0;  ///< as io::SplatScene::unpacked_bytes()
+  Vec3d origin = {};                 ///< as in io::SplatSceneInfo
 };
 
 class ColourSpaces;
@@ -214,12 +215,18 @@ SourcePlan plan_mesh(const TransferOptions& options, const mesh::Mesh& source, T
 /// The same for a splat scene, from its headers. Throws Error(input) for channels that a scene does
 /// not have.
 SourcePlan plan_scene(const TransferOptions& options, const SceneFacts& scene, bool for_model);
+/// Writing a source's Gaussians as a transfer without a target: what the two have in common is
+/// checked, planned and named alike.
+TransferOptions as_transfer(const GaussiansOptions& options);
+
 /// Throws Error(usage) for options that only make sense for a mesh.
 void refuse_mesh_options(const TransferOptions& options);
 /// Throws Error(usage) for options that only make sense for a splat scene.
 void refuse_splat_options(const TransferOptions& options);
 /// The scene that is a job's source, and what its user wants of it.
 SplatRequest splat_request(const TransferOptions& options);
+/// What the request says of places is counted from there, as the scene's are.
+void move_to_origin(Vec3d origin, SplatRequest& splats);
 /// Leaves out of a scene what is far from this target too, as the options say. To be called for
 /// every target.
 void keep_near(const TransferOptions& options, const TargetPlan& target, const mesh::Mesh& mesh,

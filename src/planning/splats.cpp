@@ -112,6 +112,11 @@ bool is_splat_scene(const std::string& path) {
   return true;
 }
 
+void move_to_origin(Vec3d origin, SplatRequest& splats) {
+  if (auto& box = splats.keep.box; box && origin != Vec3d{})
+    box = Box3f{Vec3f(Vec3d(box->lo) - origin), Vec3f(Vec3d(box->hi) - origin)};
+}
+
 void keep_near(const TransferOptions& options, const TargetPlan& target, const mesh::Mesh& mesh,
                SplatRequest& splats) {
   if (options.splats.everywhere || options.targets.size() > kMostNearTargets) return;
@@ -126,6 +131,25 @@ void keep_near(const TransferOptions& options, const TargetPlan& target, const m
                    : options.splats.near_target->value;
   }
   splats.keep.near.push_back(std::make_shared<gaussian::NearSurface>(mesh, distance));
+}
+
+TransferOptions as_transfer(const GaussiansOptions& o) {
+  TransferOptions transfer;
+  transfer.source = o.source;
+  transfer.material.textures = o.source_textures;
+  transfer.colour = o.colour;
+  transfer.source_use.axes = o.axes;
+  transfer.channels.transferred = {Channel::base_color};
+  transfer.output = "colours.exr";  // a format that holds any image: nothing is written there
+  // Planning refuses a mesh without textures if no size is given. No image is written here, so any
+  // size will do.
+  transfer.image.size = ImageSize{1, 1};
+  transfer.image.colour_space = "lin_rec709";  // the primaries of Gaussians
+  transfer.splats.filter = o.filter;
+  transfer.allow_external = o.allow_external;
+  transfer.trust = o.trust;
+  transfer.resources = o.resources;
+  return transfer;
 }
 
 void refuse_splat_options(const TransferOptions& options) {
@@ -150,6 +174,7 @@ void refuse_mesh_options(const TransferOptions& options) {
 
 SourcePlan plan_scene(const TransferOptions& options, const SceneFacts& scene, bool for_model) {
   SourcePlan plan;
+  plan.origin = scene.origin;
   plan.reach_percent = kSceneReachPercent;
   ColourSpaces spaces(options, for_model);
   for (const Channel channel : channels_of(options))

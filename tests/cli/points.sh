@@ -47,6 +47,19 @@ expect 0 transfer grid.ply plate.obj -o grid.png --size 64 --no-cache --report g
 } >right.ppm
 psnr=$("$POUNCE" compare grid.png right.ppm | sed -nE 's/^psnr +([0-9]+).*/\1/p')
 ((psnr >= 18)) || fail "the plate is $psnr dB from red and blue"
+# At map coordinates the same picture; --box is in these.
+moved() { awk -v v="$2" '/^[-0-9]/ || $1 == v { k = $1 == v ? 2 : 1; $k += 448256; $(k + 1) += 5411904; $(k + 2) += 128 } 1' OFMT=%.3f CONVFMT=%.3f "$1"; }
+moved grid.ply - | sed 's/float \([xyz]\)$/double \1/' >map.ply
+moved plate.obj v >map.obj
+expect 0 transfer map.ply map.obj -o map.png --size 64 --no-cache
+err_has 'map.ply: far from the origin for its size'
+psnr=$("$POUNCE" compare grid.png map.png | sed -nE 's/^psnr +([0-9]+).*/\1/p')
+[[ -z $psnr ]] || ((psnr >= 60)) || fail "at map coordinates another picture: $psnr dB"
+expect 0 transfer map.ply map.obj -o left.png --size 64 --no-cache --box 448255,5411903,127,448272,5411945,129 --report l.json
+empty=$(number l.json '"target":[^}]*"empty":([0-9]+)')
+((empty > 2000 && empty < 2600)) || fail "of a plate of which 16 / 40 are in the box, $empty of 4096 texels are empty"
+expect 0 inspect map.ply
+out_has 'box        448256 5411904 128  to  448296 5411944 128'
 # What a cloud does not have.
 expect 2 transfer c.ply c_target.glb -o n.png --max-scale 0.1
 err_has 'the points of a cloud have no size'
@@ -57,4 +70,4 @@ expect 3 transfer grey.ply c_target.glb -o n.png
 err_has 'a point cloud without colours (20000 points); export it with red, green and blue'
 expect 3 transfer c_target.glb c.ply -o n.png
 err_has 'a point cloud, but a mesh'
-only_files a.json a.png b.png c.ply c_target.glb c_target.truth.png g.json grey.ply grid.ply grid.png plate.obj right.ppm
+only_files a.json a.png b.png c.ply c_target.glb c_target.truth.png g.json grey.ply grid.ply grid.png l.json left.png map.obj map.ply map.png plate.obj right.ppm

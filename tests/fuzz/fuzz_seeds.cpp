@@ -271,6 +271,34 @@ void splat_seeds(const fs::path& folder) {
   put(folder, "mesh",
       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nelement face 1\nproperty list "
       "uchar int vertex_indices\nend_header\n0\n3 0 0 0\n");
+  const std::string points =
+      "element vertex 20\nproperty float x\nproperty float y\nproperty float z\nproperty uchar "
+      "red\nproperty uchar green\nproperty uchar blue\nproperty float nx\nproperty float "
+      "ny\nproperty float nz\nproperty float alpha\nend_header\n";
+  std::string text, binary;
+  for (int i = 0; i < 20; ++i) {
+    const float x = 0.1F * static_cast<float>(i), y = x * x;
+    text += std::to_string(x) + ' ' + std::to_string(y) + " 2 9 99 255 0 0 1 0.5\n";
+    binary += GltfBuilder::bytes_of(std::vector<float>{x, y, 2}) + "abc" +
+              GltfBuilder::bytes_of(std::vector<float>{0, 0, 1, 0.5F});
+  }
+  put(folder, "points-text", "ply\nformat ascii 1.0\n" + points + text);
+  put(folder, "points-binary", "ply\nformat binary_little_endian 1.0\n" + points + binary);
+  std::string las(227 + 5 * 26, '\1');
+  const auto set = [&](std::size_t at, auto value) {
+    std::memcpy(las.data() + at, &value, sizeof value);
+  };
+  set(0, std::array{'L', 'A', 'S', 'F'});
+  set(24, std::array<std::uint8_t, 2>{1, 2});
+  set(96, std::uint32_t{227});
+  set(104, std::uint8_t{2});
+  set(105, std::uint16_t{26});
+  set(107, std::uint32_t{5});
+  for (std::size_t k = 0; k < 3; ++k) {
+    set(131 + 8 * k, 0.01);
+    set(155 + 8 * k, 1000.0);
+  }
+  put(folder, "las", las);
   const test::Scene small = test::random_scene(6, 1);
   put(folder, "compressed", test::compressed_ply_bytes(small));
   for (const std::uint32_t version : {1U, 2U, 3U, 4U})

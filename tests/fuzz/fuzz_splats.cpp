@@ -12,6 +12,7 @@
 #include "core/job_space.h"
 #include "core/portable_math.h"
 #include "fuzz/fuzz_support.h"
+#include "gaussian/point_discs.h"
 #include "io/splats/scene.h"
 #include "pounce/inspect.h"
 #include "store/blocks/splat_block.h"
@@ -89,6 +90,7 @@ void read(const std::string& path, const std::string& scratch) {
   require(rows.sh.size() == rows.splats.size() * 3 * rows.lobes, "every Gaussian has harmonics");
   for (const std::uint16_t half : rows.sh)
     require(std::isfinite(half_to_float(half)), "harmonics are finite");
+  if (scene->info().are_points) gaussian::make_discs(rows.splats);
   store(rows.splats, store::SplatLattice(io::sample(*scene)));
 }
 

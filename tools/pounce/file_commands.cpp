@@ -102,7 +102,7 @@ Command add_inspect_command(CLI::App& program) {
   command
       ->add_option("FILE", settings->paths,
                    "Mesh (.glb .gltf .obj), splat scene (.ply .spz .sog .glb .splat .ksplat), "
-                   "point\ncloud (.ply), image or pack file")
+                   "point\ncloud (.ply .las), image or pack file")
       ->option_text("...")
       ->required();
   add_switch(*command, "--json", kGroup,

@@ -188,7 +188,7 @@ std::uint64_t known_least_bytes(std::uint64_t result_texel_bytes, std::uint64_t 
 }
 
 HitKeeper::HitKeeper(job::JobContext& job, const MeshProjection& request)
-    : job_(job), facts_(facts_of(request)), target_(*request.target) {
+    : job_(job), facts_(facts_of(request)) {
   // The claim on the key, taken by find_hits(), passes to the pack that is created here. Other jobs
   // that want these hits wait until it is published or given up.
   const store::HitGrid grid(facts_.image);

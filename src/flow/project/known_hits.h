@@ -47,7 +47,6 @@ class HitKeeper {
  private:
   job::JobContext& job_;
   const store::HitStore::Facts facts_;
-  const store::GeometryStore& target_;
   /// Does a step of storing, and stores no more where the disk refuses it.
   template <typename Step>
   void while_stored(const Step& step);

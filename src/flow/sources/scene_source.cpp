@@ -16,6 +16,7 @@
 #include "flow/stores/gaussian_store.h"
 #include "gaussian/splat_statistics.h"
 #include "planning/colour_spaces.h"
+#include "planning/load_mesh.h"
 
 namespace pounce::flow {
 namespace {
@@ -72,7 +73,10 @@ void SceneSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
   needs.keep(plan_.table_bytes);
   disk.add_splats(facts_.splats, facts_.lobes, facts_.unpacked_bytes);
   if (request_.from_around) plan_.views = splats_.views;
+  planning::move_to_origin(facts_.origin, request_);
+  job_.report.origin = {facts_.origin.x, facts_.origin.y, facts_.origin.z};
   job_.report.notes = facts_.assumptions;
+  job_.note(planning::origin_note(options_.source, facts_.origin));
   job_.meter.advance(1);
 }
 

@@ -162,7 +162,7 @@ planning::SceneFacts scene_facts(const planning::SplatRequest& request,
   }
   planning::SceneFacts facts{
       info.splats, kept_lobes(info, request), info.is_linear, info.files, info.assumptions,
-      0,           scene->unpacked_bytes()};
+      0,           scene->unpacked_bytes(),   info.origin};
   facts.least_bytes =
       std::max(scene->prepare_bytes(),
                gaussian_store_least_bytes(info.splats, scene->read_bytes(), facts.lobes));

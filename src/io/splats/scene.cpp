@@ -33,7 +33,7 @@
 #include "io/json/untrusted.h"
 #include "io/splats/batch.h"
 #include "io/splats/ply_scene.h"
-#include "io/splats/point_ply.h"
+#include "io/splats/point_scene.h"
 #include "io/splats/spz_scene.h"
 #include "io/splats/unpack.h"
 #include "pounce/error.h"
@@ -92,10 +92,11 @@ std::optional<SplatFormat> marked_format(const ReadFile& file, const std::string
   if (is_ply(file)) {
     if (is_compressed_ply(file, path))
       return SplatFormat{"SuperSplat compressed PLY", SplatKind::compressed_ply};
-    if (is_point_ply(file, path)) return SplatFormat{"point cloud PLY", SplatKind::points};
+    if (is_point_ply(file, path)) return SplatFormat{"point cloud PLY", SplatKind::point_ply};
     return SplatFormat{"3DGS PLY", SplatKind::ply};
   }
   // Version 4 begins with its mark; older ones are gzip, and their mark is inside.
+  if (is_las(file)) return SplatFormat{"LAS", SplatKind::las};
   if (head.starts_with("NGSP") && head.size() >= 8) {
     std::uint32_t version = 0;
     std::memcpy(&version, head.data() + 4, sizeof version);
@@ -150,8 +151,10 @@ std::unique_ptr<SplatScene> open_format(const std::string& path, const Axes& axe
       return std::make_unique<SplatPly>(path, axes);
     case SplatKind::compressed_ply:
       return open_compressed_ply(path, axes);
-    case SplatKind::points:
+    case SplatKind::point_ply:
       return open_point_ply(path, axes);
+    case SplatKind::las:
+      return open_las(path, axes);
     case SplatKind::spz:
       return std::make_unique<SpzScene>(open_input(path), path, axes, poll);
     case SplatKind::sog:
@@ -185,7 +188,9 @@ std::optional<SplatFormat> splat_format(const std::string& path) {
   };
   // Endings of formats with a mark are here, too: a damaged file gets the message of its own
   // reader.
-  constexpr std::array<Ending, 6> kEndings{{{".ply", "3DGS PLY", SplatKind::ply},
+  constexpr std::array<Ending, 8> kEndings{{{".ply", "3DGS PLY", SplatKind::ply},
+                                            {".las", "LAS", SplatKind::las},
+                                            {".laz", "LAS", SplatKind::las},
                                             {".splat", ".splat", SplatKind::dot_splat},
                                             {".ksplat", ".ksplat", SplatKind::ksplat},
                                             {".spz", "SPZ", SplatKind::spz},

@@ -11,13 +11,25 @@
 #include "core/file.h"
 #include "core/job_space.h"
 #include "core/page_pool.h"
+#include "core/vec.h"
 #include "store/blocks/splat_block.h"
 #include "store/blocks/splat_store.h"
 
 namespace pounce::io {
 
 /// How a Gaussian splat scene is stored.
-enum class SplatKind { ply, compressed_ply, points, spz, sog, gltf, dot_splat, ksplat, unread };
+enum class SplatKind {
+  ply,
+  compressed_ply,
+  point_ply,
+  las,
+  spz,
+  sog,
+  gltf,
+  dot_splat,
+  ksplat,
+  unread
+};
 struct SplatFormat {
   std::string name;  ///< "3DGS PLY", "SPZ v4", "SOG v2 (a folder)"
   SplatKind kind = SplatKind::unread;
@@ -41,8 +53,11 @@ struct SplatSceneInfo {
   std::uint64_t splats = 0;     ///< in the file
   std::uint32_t sh_degree = 0;  ///< of the file, 0 to 4; read() gives no more than 3
   store::SplatModel model = store::SplatModel::standard;
-  bool is_linear = false;                ///< colours are linear light, not sRGB-coded
-  bool are_points = false;               ///< of a cloud: their sizes follow from their neighbours
+  bool is_linear = false;   ///< colours are linear light, not sRGB-coded
+  bool are_points = false;  ///< of a cloud: their sizes follow from their neighbours
+  /// In the job's axes: what places are counted from (core/job_space.h, origin_for()); of clouds
+  /// far from 0.
+  Vec3d origin = {};
   std::vector<std::string> files;        ///< that hold it; the first is the one that was named
   std::vector<std::string> assumptions;  ///< what the format leaves open, for warnings: its axes
 };

@@ -43,9 +43,8 @@ std::vector<Splat> lattice(Random& random) {
 }
 
 const Splat& at(const std::vector<Splat>& points, float x, float y) {
-  return *std::find_if(points.begin(), points.end(), [&](const Splat& s) {
-    return s.mean.x == x && s.mean.y == y;
-  });
+  return *std::find_if(points.begin(), points.end(),
+                       [&](const Splat& s) { return s.mean.x == x && s.mean.y == y; });
 }
 
 TEST_CASE("points of a lattice become discs in its plane, as large as it is wide") {
@@ -103,8 +102,7 @@ TEST_CASE("neighbours are those that a search through all finds, in whatever ord
       const auto n = static_cast<float>(others.size());
       const float radius = std::sqrt(others.back().first);
       const float aside = std::sqrt(dot(mean, mean)) / (n * radius);
-      const float part =
-          std::clamp(1 - 0.5F * (aside - 0.2F) / (0.42441318F - 0.2F), 0.25F, 1.0F);
+      const float part = std::clamp(1 - 0.5F * (aside - 0.2F) / (0.42441318F - 0.2F), 0.25F, 1.0F);
       expected.push_back(radius > 0 ? radius * std::sqrt(3.14159265F * part / n) : 0);
     }
     std::vector<float> ordered = expected;
