@@ -20,8 +20,9 @@ enum class JobCommand : std::uint8_t {
   maps,       ///< MapsOptions
   gaussians,  ///< GaussiansOptions
   apply,      ///< TransferOptions whose source is a hit map
+  proxy,      ///< ProxyOptions
 };
-/// "transfer", "maps", "gaussians", "apply".
+/// "transfer", "maps", "gaussians", "apply", "proxy".
 POUNCE_API const char* job_command_name(JobCommand command) noexcept;
 
 /// How many values an option has.
@@ -60,12 +61,14 @@ POUNCE_API void set_option(TransferOptions& options, const std::string& name,
 POUNCE_API void set_option(MapsOptions& options, const std::string& name, const std::string& text);
 POUNCE_API void set_option(GaussiansOptions& options, const std::string& name,
                            const std::string& text);
+POUNCE_API void set_option(ProxyOptions& options, const std::string& name, const std::string& text);
 
 /// The options that differ from their defaults, as texts that set_option() accepts: what a report
 /// records of them (Report::options).
 POUNCE_API std::vector<OptionReport> option_texts(const TransferOptions& options);
 POUNCE_API std::vector<OptionReport> option_texts(const MapsOptions& options);
 POUNCE_API std::vector<OptionReport> option_texts(const GaussiansOptions& options);
+POUNCE_API std::vector<OptionReport> option_texts(const ProxyOptions& options);
 
 /// The command and options in a report, to run it again.
 struct RecordedJob {

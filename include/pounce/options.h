@@ -508,4 +508,18 @@ struct GaussiansOptions {
   Resources resources = {};
 };
 
+/// A mesh with UVs of a scene's surface.
+struct ProxyOptions {
+  std::string source = {};  ///< a splat scene or a point cloud
+  std::string output = {};  ///< .glb
+  /// Turns the source: the output's x, y and z as the file's, such as "x,-y,-z". Empty: as stored.
+  std::string axes = {};
+  std::uint32_t triangles = 20000;  ///< at most so many, as far as the shape allows: 100..5000000
+  std::uint32_t cells = 256;        ///< along the longest side of the scene: 16..512
+  std::uint32_t size = 2048;        ///< texels along the image that charts are packed for
+  std::uint32_t gutter = 4;         ///< texels between charts: 0..64
+  SplatFilter filter = {};
+  Resources resources = {};
+};
+
 }  // namespace pounce

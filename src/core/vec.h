@@ -42,6 +42,10 @@ constexpr Vec2<T> operator-(Vec2<T> a, Vec2<T> b) {
   return {a.x - b.x, a.y - b.y};
 }
 template <class T>
+constexpr Vec2<T> operator*(Vec2<T> a, T s) {
+  return {a.x * s, a.y * s};
+}
+template <class T>
 constexpr Vec3<T> operator+(Vec3<T> a, Vec3<T> b) {
   return {a.x + b.x, a.y + b.y, a.z + b.z};
 }

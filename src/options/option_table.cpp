@@ -152,6 +152,7 @@ template std::vector<OptionReport> hashed_texts(const MapsOptions&);
 template void check_ranges(const TransferOptions&);
 template void check_ranges(const MapsOptions&);
 template void check_ranges(const GaussiansOptions&);
+template void check_ranges(const ProxyOptions&);
 template void refuse_unsuitable(const TransferOptions&, Source);
 template void refuse_unsuitable(const GaussiansOptions&, Source);
 
@@ -165,6 +166,8 @@ const char* job_command_name(JobCommand command) noexcept {
       return "gaussians";
     case JobCommand::apply:
       return "apply";
+    case JobCommand::proxy:
+      return "proxy";
     case JobCommand::transfer:
       break;
   }
@@ -177,6 +180,7 @@ const std::vector<OptionInfo>& option_table(JobCommand command) {
   static const std::vector<OptionInfo> maps = options::infos<MapsOptions>();
   static const std::vector<OptionInfo> gaussians = options::infos<GaussiansOptions>();
   static const std::vector<OptionInfo> apply = options::apply_infos();
+  static const std::vector<OptionInfo> proxy = options::infos<ProxyOptions>();
   switch (command) {
     case JobCommand::maps:
       return maps;
@@ -184,6 +188,8 @@ const std::vector<OptionInfo>& option_table(JobCommand command) {
       return gaussians;
     case JobCommand::apply:
       return apply;
+    case JobCommand::proxy:
+      return proxy;
     case JobCommand::transfer:
       break;
   }
@@ -199,6 +205,9 @@ void set_option(MapsOptions& options, const std::string& name, const std::string
 void set_option(GaussiansOptions& options, const std::string& name, const std::string& text) {
   options::set(options, name, text);
 }
+void set_option(ProxyOptions& options, const std::string& name, const std::string& text) {
+  options::set(options, name, text);
+}
 
 std::vector<OptionReport> option_texts(const TransferOptions& options) {
   return options::all_texts(options);
@@ -207,6 +216,9 @@ std::vector<OptionReport> option_texts(const MapsOptions& options) {
   return options::all_texts(options);
 }
 std::vector<OptionReport> option_texts(const GaussiansOptions& options) {
+  return options::all_texts(options);
+}
+std::vector<OptionReport> option_texts(const ProxyOptions& options) {
   return options::all_texts(options);
 }
 

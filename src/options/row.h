@@ -184,6 +184,8 @@ template <>
 const std::vector<Row<MapsOptions>>& rows_of<MapsOptions>();
 template <>
 const std::vector<Row<GaussiansOptions>>& rows_of<GaussiansOptions>();
+template <>
+const std::vector<Row<ProxyOptions>>& rows_of<ProxyOptions>();
 
 /// Those of a transfer that apply to a hit map, in the words of `pounce apply`.
 std::vector<OptionInfo> apply_infos();

@@ -40,6 +40,12 @@ void describe(const GaussiansOptions& options, Report& report) {
   report.options = option_texts(options);
 }
 
+void describe(const ProxyOptions& options, Report& report) {
+  report.command = job_command_name(JobCommand::proxy);
+  add_input(options.source, report);
+  report.options = option_texts(options);
+}
+
 void add_input(const std::string& path, Report& report) {
   std::vector<std::string>& inputs = report.inputs;
   if (!path.empty() && std::find(inputs.begin(), inputs.end(), path) == inputs.end())

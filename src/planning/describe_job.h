@@ -16,6 +16,7 @@ namespace pounce::planning {
 void describe(const TransferOptions& options, bool plan_only, Report& report);
 void describe(const MapsOptions& options, Report& report);
 void describe(const GaussiansOptions& options, Report& report);
+void describe(const ProxyOptions& options, Report& report);
 
 /// Adds a file that the job reads, once.
 void add_input(const std::string& path, Report& report);

@@ -218,6 +218,8 @@ SourcePlan plan_scene(const TransferOptions& options, const SceneFacts& scene, b
 /// Writing a source's Gaussians as a transfer without a target: what the two have in common is
 /// checked, planned and named alike.
 TransferOptions as_transfer(const GaussiansOptions& options);
+/// The same of making a proxy, for which harmonics do not matter.
+TransferOptions as_transfer(const ProxyOptions& options);
 
 /// Throws Error(usage) for options that only make sense for a mesh.
 void refuse_mesh_options(const TransferOptions& options);

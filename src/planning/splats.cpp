@@ -152,6 +152,17 @@ TransferOptions as_transfer(const GaussiansOptions& o) {
   return transfer;
 }
 
+TransferOptions as_transfer(const ProxyOptions& o) {
+  TransferOptions transfer;
+  transfer.source = o.source;
+  transfer.source_use.axes = o.axes;
+  transfer.output = "proxy.png";  // never written
+  transfer.splats.filter = o.filter;
+  transfer.splats.harmonics = SphericalHarmonics::dc;
+  transfer.resources = o.resources;
+  return transfer;
+}
+
 void refuse_splat_options(const TransferOptions& options) {
   for (const Channel channel : options.channels.transferred) {
     if (!is_evidence(channel)) continue;

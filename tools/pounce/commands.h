@@ -27,6 +27,7 @@ Command add_submit_command(CLI::App& program, const std::vector<std::string>& re
 Command add_apply_command(CLI::App& program);
 Command add_maps_command(CLI::App& program);
 Command add_gaussians_command(CLI::App& program);
+Command add_proxy_command(CLI::App& program);
 Command add_inspect_command(CLI::App& program);
 Command add_compare_command(CLI::App& program);
 Command add_cache_command(CLI::App& program);

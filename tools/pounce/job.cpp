@@ -274,6 +274,10 @@ std::string summary_text(const Report& report, double wall_s) {
     text += left_out_text(report);
     return text + fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
   }
+  if (report.command == "proxy") {
+    text += left_out_text(report);
+    return text + fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
+  }
   if (!report.kept.empty())
     text += fmt::format("skipped {} file{} (up to date); --redo makes them again\n",
                         report.kept.size(), report.kept.size() == 1 ? "" : "s");

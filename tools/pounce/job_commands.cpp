@@ -10,6 +10,7 @@
 #include "job_line.h"
 #include "pounce/error.h"
 #include "pounce/gaussians.h"
+#include "pounce/proxy.h"
 #include "pounce/transfer.h"
 #include "task_number.h"
 
@@ -125,6 +126,23 @@ constexpr const char* kGaussiansUsage =
     "  # A trained scene for the web: the half million that matter, within a box.\n"
     "  pounce gaussians room.ply -o table.spz --box -1,-1,-1,1,1,1 --count 500000";
 
+constexpr const char* kProxyUsage =
+    "Usage: pounce proxy SCENE -o OUTPUT.glb [options]\n"
+    "\n"
+    "Makes a mesh with UVs of the surface of a splat scene or a point cloud: the target of a\n"
+    "transfer of the same scene. The scene is drawn from 48 sides; where their depths meet is\n"
+    "the surface, which is smoothed, simplified, cut into charts and packed.\n"
+    "It is for objects that are seen from all around. Of a room or an open scene, choose an\n"
+    "object with --box.\n"
+    "\n"
+    "Examples:\n"
+    "  # From the file that a trainer wrote to a textured model.\n"
+    "  pounce proxy statue.ply -o proxy.glb\n"
+    "  pounce transfer statue.ply proxy.glb -o statue.glb --size 2048\n"
+    "\n"
+    "  # Lighter or heavier, for a larger texture.\n"
+    "  pounce proxy statue.ply -o proxy.glb --triangles 60000 --size 4096";
+
 void add_farm_options(CLI::App& command, FarmLine& farm) {
   const std::string group = "Tasks on one machine or many (docs/farm.md)";
   if (farm.role == TaskRole::whole) {
@@ -161,7 +179,7 @@ Command add_job_command(CLI::App& program, JobCommand which, const std::string& 
     add_switch(*command, "--plan", "Reporting",
                "Print the least memory, disk space and files; write nothing", line->job.plan_only);
   }
-  if (which != JobCommand::gaussians) {
+  if (which != JobCommand::gaussians && which != JobCommand::proxy) {
     CLI::Option* redo =
         add_switch(*command, "--redo", "Output",
                    "Make outputs again that this same job has made; without it they are skipped",
@@ -283,6 +301,15 @@ Command add_gaussians_command(CLI::App& program) {
       "Write a textured mesh or a splat scene as Gaussian splats", kGaussiansUsage,
       [](const Line<GaussiansOptions>& line, Progress* progress, Report* report) {
         gaussians(line.options, progress, report);
+      });
+}
+
+Command add_proxy_command(CLI::App& program) {
+  return add_job_command<ProxyOptions>(
+      program, JobCommand::proxy, "proxy",
+      "Make a mesh with UVs of a splat scene's or point cloud's surface", kProxyUsage,
+      [](const Line<ProxyOptions>& line, Progress* progress, Report* report) {
+        proxy(line.options, progress, report);
       });
 }
 

@@ -269,6 +269,15 @@ void draw_targets(job::JobContext& job, const mesh::Mesh& target, SceneViews& ou
 
 }  // namespace
 
+std::unique_ptr<ColourCache> drawn_scene(job::JobContext& job, const ViewsRequest& request,
+                                         const views::Grid& grid, bool* cached) {
+  auto scene = SceneDrawing(job, request, grid, 0).make(cached);
+  job.count_store(scene->store().pack(), *cached);
+  job.report.source_store_bytes += scene->store().pack().size_bytes();
+  if (*cached) job.clock.set_cached("views");
+  return scene;
+}
+
 SceneViews scene_views(job::JobContext& job, const ViewsRequest& request, const mesh::Mesh& target,
                        double diagonal, float edge, double progress_end) {
   SceneViews out{views::Grid(planning::box_of(target), edge, request.views),

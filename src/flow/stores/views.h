@@ -45,6 +45,11 @@ struct ViewsRequest {
   std::size_t most_ellipses = 0;  ///< for tests: of a slab; 0: what the budget holds
 };
 
+/// The scene as a grid sees it, tiles of views::kSceneSamples: found in the cache, or drawn, which
+/// advances job.meter by their rows. Counts the store in the report.
+std::unique_ptr<ColourCache> drawn_scene(job::JobContext& job, const ViewsRequest& request,
+                                         const views::Grid& grid, bool* cached);
+
 /// Draws the scene for such a target, or finds its views in the cache, and draws the target.
 /// `edge`: of its texels. Takes job.meter through a stage "views" whose end is `progress_end`.
 SceneViews scene_views(job::JobContext& job, const ViewsRequest& request, const mesh::Mesh& target,

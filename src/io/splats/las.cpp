@@ -9,11 +9,11 @@
 //                              105  u16  bytes of a point
 //                              107  u32  points (up to 1.3, and in 1.4 where they fit)
 //
-// A point begins with its place, three i32, x = scale * stored + offset. Where its colours are, three
-// u16, depends on its format; so do its flags. The header's box is not believed.
+// A point begins with its place, three i32, x = scale * stored + offset. Where its colours are,
+// three u16, depends on its format; so do its flags. The header's box is not believed.
 //
-// Colours should use all of 16 bits. Many programs write those of 8 bits as they are, so what has none
-// above 255 in a sample is taken for such.
+// Colours should use all of 16 bits. Many programs write those of 8 bits as they are, so what has
+// none above 255 in a sample is taken for such.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -85,16 +85,18 @@ class Las : public PointScene {
     const auto major = std::to_integer<unsigned>(head[24]);
     const auto minor = std::to_integer<unsigned>(head[25]);
     if (major != 1 || minor < 2 || minor > 4)
-      refuse(path, "LAS version {}.{}; versions 1.2 to 1.4 are supported, convert it", major, minor);
+      refuse(path, "LAS version {}.{}; versions 1.2 to 1.4 are supported, convert it", major,
+             minor);
     const auto stated = std::to_integer<std::uint8_t>(head[104]);
     if ((stated & kCompressed) != 0)
       refuse(path, "a compressed LAS (LAZ); unpack it, for example with laszip or pdal translate");
     const PointFormat* const format = coloured_format(stated);
     if (format == nullptr) {
-      refuse(path,
-             "its points have no colours (point format {}); export it with RGB (format 2, 3, 5, 7, 8 "
-             "or 10)",
-             stated);
+      refuse(
+          path,
+          "its points have no colours (point format {}); export it with RGB (format 2, 3, 5, 7, 8 "
+          "or 10)",
+          stated);
     }
     PointRows rows;
     rows.at = value_at<std::uint32_t>(&head[96]);
@@ -108,8 +110,9 @@ class Las : public PointScene {
     }
     if (rows.count == 0) fail("it holds no points");
     if (rows.at < kLeastHeader || rows.at > size || rows.count > (size - rows.at) / rows.stride) {
-      refuse(path, "truncated: its header states {} points of {} bytes, but the file has {} bytes; "
-                   "copy or export it again",
+      refuse(path,
+             "truncated: its header states {} points of {} bytes, but the file has {} bytes; "
+             "copy or export it again",
              rows.count, rows.stride, size);
     }
     for (std::uint32_t k = 0; k < 3; ++k) {

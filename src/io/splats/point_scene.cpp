@@ -40,10 +40,10 @@ double stored_as(const std::byte* from) {
   return static_cast<double>(value_at<T>(from));
 }
 using Stored = double (*)(const std::byte*);
-constexpr std::array<Stored, 8> kStored{
-    stored_as<std::int8_t>,  stored_as<std::uint8_t>,  stored_as<std::int16_t>,
-    stored_as<std::uint16_t>, stored_as<std::int32_t>, stored_as<std::uint32_t>,
-    stored_as<float>,        stored_as<double>};
+constexpr std::array<Stored, 8> kStored{stored_as<std::int8_t>,  stored_as<std::uint8_t>,
+                                        stored_as<std::int16_t>, stored_as<std::uint16_t>,
+                                        stored_as<std::int32_t>, stored_as<std::uint32_t>,
+                                        stored_as<float>,        stored_as<double>};
 
 SplatBatch::Column& column_of(SplatBatch& batch, std::size_t v) {
   if (v < kColour) return batch.mean[v];
@@ -132,8 +132,8 @@ void PointScene::prepare(const ScratchFolder& folder, const std::function<void()
   size_ = usual_size();
 }
 
-void PointScene::decode(std::uint64_t first, std::uint64_t count, std::uint32_t,
-                        SplatBatch& batch, const Take& take) const {
+void PointScene::decode(std::uint64_t first, std::uint64_t count, std::uint32_t, SplatBatch& batch,
+                        const Take& take) const {
   batch.sigma[0].fill(size_);
   batch.sigma[1].fill(size_);
   batch.rotation[0].fill(1);
@@ -148,9 +148,8 @@ void PointScene::decode(std::uint64_t first, std::uint64_t count, std::uint32_t,
       for (std::size_t v = 0; v < kPointValues; ++v) {
         if (!rows_.columns[v]) continue;
         const PointColumn& column = *rows_.columns[v];
-        kLoaders[static_cast<std::size_t>(column.type)](from + column.offset, stride, n,
-                                                        column.scale, column.shift,
-                                                        column_of(batch, v));
+        kLoaders[static_cast<std::size_t>(column.type)](
+            from + column.offset, stride, n, column.scale, column.shift, column_of(batch, v));
       }
       for (std::size_t i = 0; i < n; ++i) batch.alpha[i] = std::min(batch.alpha[i], 1.0F);
       for (std::size_t i = 0; rows_.is_withheld != nullptr && i < n; ++i)

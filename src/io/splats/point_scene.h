@@ -43,8 +43,8 @@ struct PointRows {
 double fraction_of(PlyType type);
 
 /// A coloured point cloud. Gaussians have one size, about the spacing, until
-/// gaussian::make_discs() has seen their neighbours. Where the cloud lies far from 0 its info has an
-/// origin, which places are counted from.
+/// gaussian::make_discs() has seen their neighbours. Where the cloud lies far from 0 its info has
+/// an origin, which places are counted from.
 class PointScene : public BatchScene {
  public:
   // The file's own buffer and a piece of rows; then a sample and its coordinates.
@@ -56,7 +56,8 @@ class PointScene : public BatchScene {
   std::uint64_t decode_bytes() const override;
 
  protected:
-  PointScene(const std::string& path, const Axes& axes) : BatchScene(axes), path_(path), axes_(axes) {
+  PointScene(const std::string& path, const Axes& axes)
+      : BatchScene(axes), path_(path), axes_(axes) {
     info_.are_points = true;
     info_.model = store::SplatModel::flat;
     info_.files = {path};
@@ -80,7 +81,9 @@ class PointScene : public BatchScene {
   PointRows rows_;
 
  private:
-  std::uint64_t piece_rows() const { return std::max<std::uint64_t>(kPieceBytes / rows_.stride, 1); }
+  std::uint64_t piece_rows() const {
+    return std::max<std::uint64_t>(kPieceBytes / rows_.stride, 1);
+  }
   float usual_size();
 
   std::unique_ptr<ReadFile> file_;
@@ -92,10 +95,10 @@ class PointScene : public BatchScene {
 bool is_point_ply(const ReadFile& file, const std::string& path);
 
 /// A coloured point cloud as scanners, CloudCompare, MeshLab and photogrammetry write it: x y z,
-/// red green blue (r g b, diffuse_red ...) and, if they are there, alpha and nx ny nz, of any scalar
-/// type, as text or as binary of either byte order. Floats are colours of 0..1. What is not binary
-/// little endian, or has lists in its rows, is converted into a scratch file by prepare(). Throws
-/// Error(input) naming file, what is wrong, and the cure, Error(storage).
+/// red green blue (r g b, diffuse_red ...) and, if they are there, alpha and nx ny nz, of any
+/// scalar type, as text or as binary of either byte order. Floats are colours of 0..1. What is not
+/// binary little endian, or has lists in its rows, is converted into a scratch file by prepare().
+/// Throws Error(input) naming file, what is wrong, and the cure, Error(storage).
 std::unique_ptr<SplatScene> open_point_ply(const std::string& path, const Axes& axes);
 
 /// True if the file begins as a LAS file does.

@@ -135,6 +135,7 @@ TEST_CASE("every option is printed as a text that is read again", "[options]") {
   check_table<MapsOptions>(JobCommand::maps);
   check_table<GaussiansOptions>(JobCommand::gaussians);
   check_table<TransferOptions>(JobCommand::apply);
+  check_table<ProxyOptions>(JobCommand::proxy);
 }
 
 TEST_CASE("an unknown option is told with what was meant", "[options]") {

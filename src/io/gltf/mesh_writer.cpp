@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/gltf/mesh_writer.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <initializer_list>
+#include <limits>
+
+#include "core/bounds.h"
+#include "io/files/output_file.h"
+#include "io/problems.h"
+
+namespace pounce::io {
+
+// Written by hand, as the writer of Gaussians does it: the text is the same everywhere.
+std::uint64_t write_glb(const std::string& path, const PlainMesh& mesh) {
+  Box3f box;
+  for (const Vec3f p : mesh.positions) box.extend(p);
+  const std::uint64_t vertices = mesh.positions.size();
+  const std::array<std::uint64_t, 4> bytes{vertices * sizeof(Vec3f), vertices * sizeof(Vec3f),
+                                           vertices * sizeof(Vec2f), mesh.triangles.size_bytes()};
+  const std::uint64_t binary = bytes[0] + bytes[1] + bytes[2] + bytes[3];  // a multiple of four
+  const Vec3d& o = mesh.origin;
+  std::string json = fmt::format(
+      "{{\"asset\":{{\"version\":\"2.0\",\"generator\":\"pounce\"}},\"scene\":0,"
+      "\"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0{}}}],"
+      "\"materials\":[{{\"name\":\"proxy\",\"pbrMetallicRoughness\":{{\"metallicFactor\":0}}}}],"
+      "\"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":0,\"NORMAL\":1,"
+      "\"TEXCOORD_0\":2}},\"indices\":3,\"material\":0}}]}}],",
+      o == Vec3d{} ? "" : fmt::format(",\"translation\":[{},{},{}]", o.x, o.y, o.z));
+  const auto accessor = [&](std::size_t k, int type, std::uint64_t count, const char* shape) {
+    return fmt::format("{{\"bufferView\":{},\"componentType\":{},\"count\":{},\"type\":\"{}\"", k,
+                       type, count, shape);
+  };
+  json += fmt::format(
+      "\"accessors\":[{},\"min\":[{},{},{}],\"max\":[{},{},{}]}},{}}},{}}},{}}}],\"bufferViews\":[",
+      accessor(0, 5126, vertices, "VEC3"), box.lo.x, box.lo.y, box.lo.z, box.hi.x, box.hi.y,
+      box.hi.z, accessor(1, 5126, vertices, "VEC3"), accessor(2, 5126, vertices, "VEC2"),
+      accessor(3, 5125, 3 * mesh.triangles.size(), "SCALAR"));
+  std::uint64_t at = 0;
+  for (std::size_t k = 0; k < bytes.size(); ++k) {
+    json += fmt::format("{}{{\"buffer\":0,\"byteOffset\":{},\"byteLength\":{},\"target\":{}}}",
+                        k == 0 ? "" : ",", at, bytes[k], k < 3 ? 34962 : 34963);
+    at += bytes[k];
+  }
+  json += fmt::format("],\"buffers\":[{{\"byteLength\":{}}}]}}", binary);
+  json.resize((json.size() + 3) / 4 * 4, ' ');  // chunks begin at multiples of four
+  const std::uint64_t total = 12 + 8 + json.size() + 8 + binary;
+  if (total > std::numeric_limits<std::uint32_t>::max())
+    refuse(path, "a .glb is limited to 4 GiB; ask for fewer triangles");
+  OutputFile file(path);
+  const auto put = [&](std::span<const std::byte> part) {
+    if (!part.empty()) std::fwrite(part.data(), 1, part.size(), file.stream());
+  };
+  const auto put_numbers = [&](std::initializer_list<std::uint64_t> numbers) {
+    for (const std::uint64_t number : numbers) {
+      const auto value = static_cast<std::uint32_t>(number);
+      put(std::as_bytes(std::span(&value, 1)));
+    }
+  };
+  put_numbers({0x46546C67, 2, total});         // "glTF"
+  put_numbers({json.size(), 0x4E4F534A});      // "JSON"
+  put(std::as_bytes(std::span(json)));
+  put_numbers({binary, 0x004E4942});           // "BIN"
+  put(std::as_bytes(mesh.positions));
+  put(std::as_bytes(mesh.normals));
+  put(std::as_bytes(mesh.uvs));
+  put(std::as_bytes(mesh.triangles));
+  file.check();
+  file.commit();
+  return total;
+}
+
+}  // namespace pounce::io

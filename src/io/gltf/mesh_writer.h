@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "core/vec.h"
+
+namespace pounce::io {
+
+/// A mesh of one primitive with one set of UVs (v downwards) and a plain white material.
+struct PlainMesh {
+  std::span<const Vec3f> positions, normals;  ///< as many of each
+  std::span<const Vec2f> uvs;                 ///< and of these
+  std::span<const std::array<std::uint32_t, 3>> triangles;
+  Vec3d origin;  ///< positions are counted from there: a node moves them
+};
+
+/// Writes it as .glb, which appears whole or not at all. Throws Error(storage), Error(input) for
+/// more than 4 GiB. Returns the file's size.
+std::uint64_t write_glb(const std::string& path, const PlainMesh& mesh);
+
+}  // namespace pounce::io

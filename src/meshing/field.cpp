@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "meshing/field.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace pounce::meshing {
+
+Lattice::Lattice(const Box3f& box, std::uint32_t cells) {
+  const Vec3f size = box.hi - box.lo;
+  cell = std::max({size.x, size.y, size.z, 1e-30F}) / static_cast<float>(cells);
+  const auto along = [&](float length) {
+    return static_cast<std::uint32_t>(std::ceil(length / cell)) + 1;
+  };
+  corners = {std::max(along(size.x), 2U), std::max(along(size.y), 2U), std::max(along(size.z), 2U)};
+  // In the middle of the box, which need not be a multiple of cells.
+  const auto half = [&](std::size_t axis) {
+    return static_cast<float>(corners[axis] - 1) * cell / 2;
+  };
+  low = (box.lo + box.hi) * 0.5F - Vec3f{half(0), half(1), half(2)};
+}
+
+Field::Field(const Lattice& lattice)
+    : lattice_(lattice), sums_(lattice.count()), seen_(lattice.count()) {}
+
+std::uint64_t Field::bytes(const Lattice& lattice) {
+  return round_to_pages(lattice.count() * sizeof(std::int32_t)) +
+         round_to_pages(lattice.count() * sizeof(std::uint16_t));
+}
+
+void Field::add(const views::Grid& grid, const DepthView& view, std::uint32_t first,
+                std::uint32_t last) {
+  const auto edge = static_cast<std::int32_t>(grid.edge());
+  const float per_cell = 1 / grid.in_steps(lattice_.cell);
+  for (std::uint32_t z = first; z < last; ++z) {
+    for (std::uint32_t y = 0; y < lattice_.corners[1]; ++y) {
+      for (std::uint32_t x = 0; x < lattice_.corners[0]; ++x) {
+        const views::Seen seen = grid.see(view.view, lattice_.place(x, y, z));
+        const auto px = static_cast<std::int32_t>(std::floor(seen.x + 0.5F)),
+                   py = static_cast<std::int32_t>(std::floor(seen.y + 0.5F));
+        if (px < 0 || py < 0 || px >= edge || py >= edge) continue;
+        const std::uint16_t depth =
+            view.depths[static_cast<std::size_t>(py) * static_cast<std::size_t>(edge) +
+                        static_cast<std::size_t>(px)];
+        float cells = kTruncation;  // where nothing is, all is outside
+        if (depth != views::kNoDepth) {
+          cells = (static_cast<float>(depth) - seen.depth) * per_cell;
+          if (cells < -kTruncation) continue;  // hidden
+        }
+        const std::uint64_t at = lattice_.index(x, y, z);
+        sums_[at] += static_cast<std::int32_t>(
+            std::lround(std::min(cells / kTruncation, 1.0F) * kSteps));
+        ++seen_[at];
+      }
+    }
+  }
+}
+
+std::uint64_t Field::most_triangles() const {
+  const auto [nx, ny, nz] = lattice_.corners;
+  std::uint64_t crossings = 0;
+  for (std::uint32_t z = 0; z < nz; ++z) {
+    for (std::uint32_t y = 0; y < ny; ++y) {
+      for (std::uint32_t x = 0; x < nx; ++x) {
+        const bool here = is_outside(lattice_.index(x, y, z));
+        if (x + 1 < nx && here != is_outside(lattice_.index(x + 1, y, z))) ++crossings;
+        if (y + 1 < ny && here != is_outside(lattice_.index(x, y + 1, z))) ++crossings;
+        if (z + 1 < nz && here != is_outside(lattice_.index(x, y, z + 1))) ++crossings;
+      }
+    }
+  }
+  return 2 * crossings;
+}
+
+Surface Field::surface() const {
+  Surface out;
+  const auto [nx, ny, nz] = lattice_.corners;
+  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+  // The vertices of two layers of cells: the one that is gone through, and the one before.
+  const std::size_t layer = std::size_t{nx} * ny;
+  std::vector<std::uint32_t> before(layer, kNone), own(layer, kNone);
+  const auto vertex = [&](std::uint32_t x, std::uint32_t y, std::uint32_t z) {
+    // Edges of a cell, from corner to corner; a corner is bits x, y, z.
+    static constexpr int kEdges[12][2] = {{0, 1}, {2, 3}, {4, 5}, {6, 7}, {0, 2}, {1, 3},
+                                          {4, 6}, {5, 7}, {0, 4}, {1, 5}, {2, 6}, {3, 7}};
+    std::uint64_t corners[8];
+    unsigned mask = 0;
+    for (unsigned c = 0; c < 8; ++c) {
+      corners[c] = lattice_.index(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2));
+      if (seen_[corners[c]] == 0) return kNone;
+      if (is_outside(corners[c])) mask |= 1U << c;
+    }
+    if (mask == 0 || mask == 255) return kNone;
+    Vec3f sum{};
+    int count = 0;
+    for (const auto& [a, b] : kEdges) {
+      if ((mask >> a & 1) == (mask >> b & 1)) continue;
+      const float va = value(corners[a]), vb = value(corners[b]), t = va / (va - vb);
+      const auto at = [&](int axis) {
+        return static_cast<float>(a >> axis & 1) * (1 - t) + static_cast<float>(b >> axis & 1) * t;
+      };
+      sum = sum + Vec3f{at(0), at(1), at(2)};
+      ++count;
+    }
+    out.positions.push_back(lattice_.place(x, y, z) +
+                            sum * (lattice_.cell / static_cast<float>(count)));
+    return static_cast<std::uint32_t>(out.positions.size() - 1);
+  };
+  // Around an edge that leads from outside to inside lie four cells.
+  const auto quad = [&](std::array<std::uint32_t, 4> v, bool is_turned) {
+    if (std::find(v.begin(), v.end(), kNone) != v.end()) return;
+    if (is_turned) std::swap(v[1], v[3]);
+    out.triangles.push_back({v[0], v[1], v[2]});
+    out.triangles.push_back({v[0], v[2], v[3]});
+  };
+  for (std::uint32_t z = 0; z + 1 < nz; ++z) {
+    before.swap(own);
+    for (std::uint32_t y = 0; y + 1 < ny; ++y) {
+      for (std::uint32_t x = 0; x + 1 < nx; ++x) own[std::size_t{y} * nx + x] = vertex(x, y, z);
+    }
+    const auto of = [&](const std::vector<std::uint32_t>& cells, std::uint32_t x,
+                        std::uint32_t y) { return cells[std::size_t{y} * nx + x]; };
+    for (std::uint32_t y = 0; y + 1 < ny; ++y) {
+      for (std::uint32_t x = 0; x + 1 < nx; ++x) {
+        const std::uint64_t at = lattice_.index(x, y, z);
+        const bool here = is_outside(at);
+        if (y > 0 && z > 0 && here != is_outside(lattice_.index(x + 1, y, z)))
+          quad({of(before, x, y - 1), of(before, x, y), of(own, x, y), of(own, x, y - 1)}, here);
+        if (x > 0 && z > 0 && here != is_outside(lattice_.index(x, y + 1, z)))
+          quad({of(before, x - 1, y), of(own, x - 1, y), of(own, x, y), of(before, x, y)}, here);
+        if (x > 0 && y > 0 && here != is_outside(lattice_.index(x, y, z + 1)))
+          quad({of(own, x - 1, y - 1), of(own, x, y - 1), of(own, x, y), of(own, x - 1, y)}, here);
+      }
+    }
+  }
+  return out;
+}
+
+}  // namespace pounce::meshing

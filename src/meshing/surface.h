@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A surface on its way from a field to a mesh: triangles over shared vertices.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "core/vec.h"
+
+namespace pounce::meshing {
+
+using Triangle = std::array<std::uint32_t, 3>;
+
+struct Surface {
+  std::vector<Vec3f> positions;
+  std::vector<Triangle> triangles;
+};
+
+/// Drops connected parts whose area is less than `share` of the largest one's, and vertices that no
+/// triangle has.
+void keep_large_parts(Surface& surface, double share);
+
+/// Moves vertices towards the mean of their neighbours and, a little farther, back: what is uneven
+/// goes, and the volume stays (Taubin 1995). Vertices on a border stay.
+void smooth(Surface& surface, int rounds);
+
+/// To at most so many triangles, as far as its shape allows, by quadric errors (meshoptimizer).
+void simplify(Surface& surface, std::size_t triangles);
+
+/// For each vertex: of its triangles' normals, weighed by their areas. Unit vectors.
+std::vector<Vec3f> normals_of(const Surface& surface);
+
+}  // namespace pounce::meshing

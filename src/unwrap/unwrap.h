@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// UVs for a mesh that has none: charts of triangles that face about alike, each laid flat by looking
+// at it from its side, packed into the unit square.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/vec.h"
+
+namespace pounce::unwrap {
+
+using Triangle = std::array<std::uint32_t, 3>;
+
+struct Options {
+  std::uint32_t size = 2048;  ///< texels along the image that is to be packed for
+  std::uint32_t gutter = 4;   ///< texels between charts, and from the border half as many
+};
+
+/// Vertices of their own for each chart: those on its border are there once per chart.
+struct Unwrapped {
+  std::vector<std::uint32_t> vertex;  ///< of each: the one it was
+  std::vector<Vec2f> uvs;             ///< of each, 0..1, v downwards
+  std::vector<Triangle> triangles;    ///< the same ones in their order, over these vertices
+  std::vector<std::uint32_t> charts;  ///< of each triangle
+  std::uint32_t chart_count = 0;
+  double fill = 0;  ///< of the square, by triangles
+};
+
+/// No two triangles overlap. A texel is as large everywhere, but where a triangle is seen from aside:
+/// there it is up to 1.5 times as long. Triangles without area are on the border of a chart of their
+/// neighbours. The same on every machine.
+Unwrapped unwrap(std::span<const Vec3f> positions, std::span<const Triangle> triangles,
+                 const Options& options);
+
+}  // namespace pounce::unwrap

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "unwrap/unwrap.h"
+
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <set>
+#include <vector>
+
+namespace pounce::unwrap {
+namespace {
+
+struct Mesh {
+  std::vector<Vec3f> positions;
+  std::vector<Triangle> triangles;
+};
+
+constexpr double kPi = 3.14159265358979;
+
+/// rows x columns quads of f(row, column), which may close on itself.
+template <class F>
+Mesh grid(std::uint32_t rows, std::uint32_t columns, bool closed_rows, bool closed_columns,
+          const F& f) {
+  Mesh m;
+  const std::uint32_t high = closed_rows ? rows : rows + 1, wide = closed_columns ? columns : columns + 1;
+  for (std::uint32_t r = 0; r < high; ++r) {
+    for (std::uint32_t c = 0; c < wide; ++c) m.positions.push_back(Vec3f(f(double(r) / rows, double(c) / columns)));
+  }
+  const auto at = [&](std::uint32_t r, std::uint32_t c) { return r % high * wide + c % wide; };
+  for (std::uint32_t r = 0; r < rows; ++r) {
+    for (std::uint32_t c = 0; c < columns; ++c) {
+      m.triangles.push_back({at(r, c), at(r + 1, c), at(r + 1, c + 1)});
+      m.triangles.push_back({at(r, c), at(r + 1, c + 1), at(r, c + 1)});
+    }
+  }
+  return m;
+}
+
+Mesh cube() {
+  Mesh m;
+  for (int i = 0; i < 8; ++i)
+    m.positions.push_back({static_cast<float>(i & 1), static_cast<float>(i >> 1 & 1), static_cast<float>(i >> 2)});
+  const std::uint32_t quads[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
+                                     {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+  for (const auto& q : quads) {
+    m.triangles.push_back({q[0], q[1], q[2]});
+    m.triangles.push_back({q[0], q[2], q[3]});
+  }
+  return m;
+}
+
+double cross2(Vec2f a, Vec2f b, Vec2f c) {
+  return (double(b.x) - double(a.x)) * (double(c.y) - double(a.y)) -
+         (double(b.y) - double(a.y)) * (double(c.x) - double(a.x));
+}
+
+/// By sides, a test of its own: do the insides of two triangles have a point in common?
+bool overlap(const Vec2f* a, const Vec2f* b) {
+  const auto apart = [](const Vec2f* p, const Vec2f* q) {
+    const double turn = cross2(p[0], p[1], p[2]) < 0 ? -1 : 1;
+    for (int k = 0; k < 3; ++k) {
+      bool all_beyond = true;
+      for (int j = 0; j < 3; ++j)
+        all_beyond = all_beyond && turn * cross2(p[k], p[(k + 1) % 3], q[j]) <= 1e-9;
+      if (all_beyond) return true;
+    }
+    return false;
+  };
+  return !apart(a, b) && !apart(b, a);
+}
+
+/// Every pair of triangles; texels between charts; that texels are as large everywhere.
+void check(const Mesh& mesh, const Options& options, const Unwrapped& flat) {
+  REQUIRE(flat.triangles.size() == mesh.triangles.size());
+  REQUIRE(flat.uvs.size() == flat.vertex.size());
+  double in_space = 0, on_image = 0;
+  std::vector<std::array<Vec2f, 3>> own(mesh.triangles.size());
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      CHECK(flat.vertex[flat.triangles[t][k]] == mesh.triangles[t][k]);
+      own[t][k] = flat.uvs[flat.triangles[t][k]];
+      CHECK((own[t][k].x >= 0 && own[t][k].x <= 1 && own[t][k].y >= 0 && own[t][k].y <= 1));
+    }
+    const Vec3d a(mesh.positions[mesh.triangles[t][0]]), b(mesh.positions[mesh.triangles[t][1]]),
+        c(mesh.positions[mesh.triangles[t][2]]);
+    in_space += length(cross(b - a, c - a)) / 2;
+    // v downwards: what is counter-clockwise from outside is clockwise in numbers, and not turned over.
+    CHECK(cross2(own[t][0], own[t][1], own[t][2]) <= 1e-12);
+    on_image += std::abs(cross2(own[t][0], own[t][1], own[t][2])) / 2;
+  }
+  CHECK(flat.fill == Approx(on_image).epsilon(1e-3));
+  std::size_t overlaps = 0, close = 0;
+  const float gutter = static_cast<float>(options.gutter) / static_cast<float>(options.size);
+  for (std::size_t s = 0; s < own.size(); ++s) {
+    for (std::size_t t = s + 1; t < own.size(); ++t) {
+      overlaps += overlap(own[s].data(), own[t].data()) ? 1 : 0;
+      if (flat.charts[s] == flat.charts[t]) continue;
+      for (const Vec2f p : own[s]) {
+        for (const Vec2f q : own[t])
+          close += std::hypot(p.x - q.x, p.y - q.y) < gutter * 0.999F ? 1 : 0;
+      }
+    }
+  }
+  CHECK(overlaps == 0);
+  CHECK(close == 0);
+  // The length of an edge on the image, of what it is in space: within the stretch of 1.5 and more
+  // of it for most, since charts as wholes have their areas.
+  const double scale = std::sqrt(on_image / in_space);
+  std::vector<double> stretches;
+  for (std::size_t t = 0; t < own.size(); ++t) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec3d edge(mesh.positions[mesh.triangles[t][(k + 1) % 3]] - mesh.positions[mesh.triangles[t][k]]);
+      const double on = std::hypot(own[t][(k + 1) % 3].x - own[t][k].x, own[t][(k + 1) % 3].y - own[t][k].y);
+      if (length(edge) > 0 && on > 0)
+        stretches.push_back(std::max(on / (length(edge) * scale), length(edge) * scale / on));
+    }
+  }
+  std::sort(stretches.begin(), stretches.end());
+  CHECK(stretches[stretches.size() * 95 / 100] <= 1.5);
+}
+
+TEST_CASE("a cube becomes six squares") {
+  const Mesh mesh = cube();
+  const Options options{512, 4};
+  const Unwrapped flat = unwrap(mesh.positions, mesh.triangles, options);
+  check(mesh, options, flat);
+  CHECK(flat.chart_count == 6);
+  CHECK(flat.vertex.size() == 24);
+  // Two by three squares leave a third of the square free at least.
+  CHECK(flat.fill > 0.6);
+}
+
+TEST_CASE("round and twisted shapes are cut so that nothing overlaps") {
+  const auto torus = grid(24, 48, true, true, [](double r, double c) {
+    const double a = 2 * kPi * r, b = 2 * kPi * c;
+    return Vec3d{(2 + 0.7 * std::cos(a)) * std::cos(b), (2 + 0.7 * std::cos(a)) * std::sin(b), 0.7 * std::sin(a)};
+  });
+  // Faces up everywhere, three times round: one chart by its normals, and above itself.
+  const auto stairs = grid(2, 96, false, false, [](double r, double c) {
+    const double a = 6 * kPi * c;
+    return Vec3d{(1 + r) * std::cos(a), (1 + r) * std::sin(a), 0.5 * a / kPi};
+  });
+  const auto wave = grid(40, 40, false, false, [](double r, double c) {
+    return Vec3d{c, 1 - r, 0.2 * std::sin(9 * r) * std::cos(7 * c)};
+  });
+  for (const Mesh* mesh : {&torus, &stairs, &wave}) {
+    const Options options{1024, 4};
+    const Unwrapped flat = unwrap(mesh->positions, mesh->triangles, options);
+    CAPTURE(mesh->triangles.size(), flat.chart_count);
+    check(*mesh, options, flat);
+    CHECK(flat.fill > 0.35);
+  }
+  const Unwrapped flat = unwrap(stairs.positions, stairs.triangles, {1024, 4});
+  CHECK(flat.chart_count >= 3);
+}
+
+TEST_CASE("triangles without area, edges of three triangles and no triangles at all") {
+  Mesh mesh = cube();
+  mesh.triangles.push_back({0, 1, 1});
+  mesh.triangles.push_back({0, 1, 6});  // a third one on an edge
+  const Unwrapped flat = unwrap(mesh.positions, mesh.triangles, {256, 2});
+  CHECK(flat.triangles.size() == mesh.triangles.size());
+  for (const Vec2f uv : flat.uvs) CHECK((uv.x >= 0 && uv.x <= 1 && uv.y >= 0 && uv.y <= 1));
+  CHECK(unwrap({}, {}, {256, 2}).triangles.empty());
+  const std::vector<Vec3f> point(3);
+  const std::vector<Triangle> nothing{{0, 1, 2}};
+  CHECK(unwrap(point, nothing, {256, 2}).triangles.size() == 1);
+}
+
+TEST_CASE("the same mesh has the same UVs") {
+  const auto ball = grid(24, 48, false, true, [](double r, double c) {
+    const double a = kPi * (0.02 + 0.96 * r), b = 2 * kPi * c;
+    return Vec3d{std::sin(a) * std::cos(b), std::sin(a) * std::sin(b), std::cos(a)};
+  });
+  const Unwrapped one = unwrap(ball.positions, ball.triangles, {512, 4});
+  const Unwrapped other = unwrap(ball.positions, ball.triangles, {512, 4});
+  CHECK(one.uvs == other.uvs);
+  check(ball, {512, 4}, one);
+  CHECK(one.chart_count < 40);
+}
+
+}  // namespace
+}  // namespace pounce::unwrap
