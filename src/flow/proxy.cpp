@@ -22,12 +22,12 @@
 #include "gaussian/splat_statistics.h"
 #include "io/gltf/mesh_writer.h"
 #include "job/run_job.h"
+#include "meshing/field.h"
 #include "options/table.h"
 #include "planning/describe_job.h"
 #include "planning/load_mesh.h"
 #include "planning/name_patterns.h"
 #include "planning/plan.h"
-#include "meshing/field.h"
 #include "unwrap/unwrap.h"
 #include "views/kernels.h"
 
@@ -48,7 +48,9 @@ constexpr float kAround = 0.03F;  ///< of the longest side, around all that is l
 class ProxyJob {
  public:
   ProxyJob(const ProxyOptions& options, job::JobContext& job)
-      : options_(options), job_(job), request_(planning::splat_request(planning::as_transfer(options))) {}
+      : options_(options),
+        job_(job),
+        request_(planning::splat_request(planning::as_transfer(options))) {}
 
   void run() {
     const planning::SceneFacts facts = plan();
@@ -83,8 +85,7 @@ class ProxyJob {
           "drawing " + options_.source + " from all around"},
          {field_bytes() + usual_surface_bytes(), "the surface of " + options_.source}}};
     const auto most = *std::max_element(
-        needs.begin(), needs.end(),
-        [](const auto& a, const auto& b) { return a.bytes < b.bytes; });
+        needs.begin(), needs.end(), [](const auto& a, const auto& b) { return a.bytes < b.bytes; });
     require_least(job_, {most.bytes + contexts, most.why}, 0);
     contexts_ = runtime::Lease(job_.budget, contexts, "the compressors");
     return facts;
@@ -198,7 +199,8 @@ class ProxyJob {
               ((r + views::kApron) * views::kStoredEdge + views::kApron) * views::kSceneSamples;
           std::uint16_t* const to = &depths[(y * std::size_t{views::kTileEdge} + r) * edge +
                                             x * std::size_t{views::kTileEdge}];
-          for (std::size_t c = 0; c < std::size_t{views::kTileEdge}; ++c, from += views::kSceneSamples)
+          for (std::size_t c = 0; c < std::size_t{views::kTileEdge};
+               ++c, from += views::kSceneSamples)
             if (from[3] >= kHalf) to[c] = from[4];
         }
       }
@@ -212,21 +214,30 @@ class ProxyJob {
     meshing::smooth(surface, kSmoothing);
     meshing::simplify(surface, options_.triangles);
     if (surface.triangles.empty()) {
-      throw Error(ErrorKind::input,
-                  options_.source +
-                      ": no surface is seen from outside; a room or an open scene needs --box around "
-                      "one object, a faint one --min-opacity");
+      throw Error(
+          ErrorKind::input,
+          options_.source +
+              ": no surface is seen from outside; a room or an open scene needs --box around "
+              "one object, a faint one --min-opacity");
     }
     const unwrap::Unwrapped flat =
-        unwrap::unwrap(surface.positions, surface.triangles, {options_.size, options_.gutter});
+        unwrap::unwrap(surface.positions, surface.triangles, {options_.size, options_.gutter},
+                       [this] { job_.meter.throw_if_cancelled(); });
+    if (!flat.fits) {
+      throw Error(
+          ErrorKind::usage,
+          fmt::format("--size {}: too small for {} charts with {} texels between them; raise "
+                      "--size, or lower --gutter or --triangles",
+                      options_.size, flat.chart_count, options_.gutter));
+    }
     const std::vector<Vec3f> normals = meshing::normals_of(surface);
     std::vector<Vec3f> positions, own_normals;
     for (const std::uint32_t v : flat.vertex) {
       positions.push_back(surface.positions[v]);
       own_normals.push_back(normals[v]);
     }
-    job_.report.bytes_written += io::write_glb(
-        options_.output, {positions, own_normals, flat.uvs, flat.triangles, origin});
+    job_.report.bytes_written +=
+        io::write_glb(options_.output, {positions, own_normals, flat.uvs, flat.triangles, origin});
     job_.report.outputs = {options_.output};
     job_.note(fmt::format("{} triangles in {} charts, which fill {:.0f} % of the image",
                           flat.triangles.size(), flat.chart_count, 100 * flat.fill));
@@ -256,9 +267,10 @@ Report proxy(const ProxyOptions& options, Progress* progress, Report* so_far) {
     planning::describe(options, run.report);
     flow::check_request(options);
     if (!planning::is_splat_scene(options.source)) {
-      throw Error(ErrorKind::input, options.source +
-                                        ": not a splat scene or a point cloud, of which alone a "
-                                        "proxy is made; a mesh is a target as it is, once it has UVs");
+      throw Error(ErrorKind::input,
+                  options.source +
+                      ": not a splat scene or a point cloud, of which alone a "
+                      "proxy is made; a mesh is a target as it is, once it has UVs");
     }
     const auto job = job::open_job(options.resources, options.output, nullptr, rebuild, false, run);
     flow::ProxyJob(options, *job).run();

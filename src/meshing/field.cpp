@@ -49,8 +49,8 @@ void Field::add(const views::Grid& grid, const DepthView& view, std::uint32_t fi
           if (cells < -kTruncation) continue;  // hidden
         }
         const std::uint64_t at = lattice_.index(x, y, z);
-        sums_[at] += static_cast<std::int32_t>(
-            std::lround(std::min(cells / kTruncation, 1.0F) * kSteps));
+        sums_[at] +=
+            static_cast<std::int32_t>(std::lround(std::min(cells / kTruncation, 1.0F) * kSteps));
         ++seen_[at];
       }
     }
@@ -58,7 +58,7 @@ void Field::add(const views::Grid& grid, const DepthView& view, std::uint32_t fi
 }
 
 std::uint64_t Field::most_triangles() const {
-  const auto [nx, ny, nz] = lattice_.corners;
+  const std::uint32_t nx = lattice_.corners[0], ny = lattice_.corners[1], nz = lattice_.corners[2];
   std::uint64_t crossings = 0;
   for (std::uint32_t z = 0; z < nz; ++z) {
     for (std::uint32_t y = 0; y < ny; ++y) {
@@ -75,7 +75,7 @@ std::uint64_t Field::most_triangles() const {
 
 Surface Field::surface() const {
   Surface out;
-  const auto [nx, ny, nz] = lattice_.corners;
+  const std::uint32_t nx = lattice_.corners[0], ny = lattice_.corners[1], nz = lattice_.corners[2];
   constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
   // The vertices of two layers of cells: the one that is gone through, and the one before.
   const std::size_t layer = std::size_t{nx} * ny;
@@ -94,7 +94,8 @@ Surface Field::surface() const {
     if (mask == 0 || mask == 255) return kNone;
     Vec3f sum{};
     int count = 0;
-    for (const auto& [a, b] : kEdges) {
+    for (const int(&edge)[2] : kEdges) {
+      const int a = edge[0], b = edge[1];
       if ((mask >> a & 1) == (mask >> b & 1)) continue;
       const float va = value(corners[a]), vb = value(corners[b]), t = va / (va - vb);
       const auto at = [&](int axis) {
@@ -119,8 +120,9 @@ Surface Field::surface() const {
     for (std::uint32_t y = 0; y + 1 < ny; ++y) {
       for (std::uint32_t x = 0; x + 1 < nx; ++x) own[std::size_t{y} * nx + x] = vertex(x, y, z);
     }
-    const auto of = [&](const std::vector<std::uint32_t>& cells, std::uint32_t x,
-                        std::uint32_t y) { return cells[std::size_t{y} * nx + x]; };
+    const auto of = [&](const std::vector<std::uint32_t>& cells, std::uint32_t x, std::uint32_t y) {
+      return cells[std::size_t{y} * nx + x];
+    };
     for (std::uint32_t y = 0; y + 1 < ny; ++y) {
       for (std::uint32_t x = 0; x + 1 < nx; ++x) {
         const std::uint64_t at = lattice_.index(x, y, z);

@@ -28,9 +28,7 @@ struct Lattice {
 
   /// Of cubes, so many of which are the longest side of `box`.
   Lattice(const Box3f& box, std::uint32_t cells);
-  std::uint64_t count() const {
-    return std::uint64_t{corners[0]} * corners[1] * corners[2];
-  }
+  std::uint64_t count() const { return std::uint64_t{corners[0]} * corners[1] * corners[2]; }
   std::uint64_t index(std::uint32_t x, std::uint32_t y, std::uint32_t z) const {
     return (std::uint64_t{z} * corners[1] + y) * corners[0] + x;
   }

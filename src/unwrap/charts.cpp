@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Charts are grown from triangle to triangle as long as all of them face about alike, and joined
-// where that still holds. So each can be laid flat by looking at it from its side: nothing is turned
-// over, and nothing is stretched by more than the cone allows. It may still lie behind itself, as a
-// spiral staircase does: then it is cut between the two that overlap, and both parts are looked at
-// again.
+// where that still holds. So each can be laid flat by looking at it from its side: nothing is
+// turned over, and nothing is stretched by more than the cone allows. It may still lie behind
+// itself, as a spiral staircase does: then it is cut between the two that overlap, and both parts
+// are looked at again.
 #include "unwrap/charts.h"
 
 #include <algorithm>
@@ -24,8 +24,8 @@
 namespace pounce::unwrap {
 namespace {
 
-/// Of a triangle's normal with its chart's axis: while the chart grows, once it is joined to another,
-/// and at last (a stretch of 1.6, and of 2 where tiny ones were joined).
+/// Of a triangle's normal with its chart's axis: while the chart grows, once it is joined to
+/// another, and at last (a stretch of 1.6, and of 2 where tiny ones were joined).
 constexpr double kGrowing = 0.75, kJoined = 0.71, kWithin = 0.62;
 /// Charts of less than this share of the area are joined even so: each costs a gutter around it.
 constexpr double kTiny = 1.0 / 500, kTinyJoined = 0.5;
@@ -33,8 +33,9 @@ constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
 class Cutter {
  public:
-  Cutter(std::span<const Vec3f> positions, std::span<const Triangle> triangles)
-      : positions_(positions), triangles_(triangles) {
+  Cutter(std::span<const Vec3f> positions, std::span<const Triangle> triangles,
+         const std::function<void()>& poll)
+      : positions_(positions), triangles_(triangles), poll_(poll) {
     for (const Triangle& t : triangles) {
       const Vec3d a(positions[t[0]]), b(positions[t[1]]), c(positions[t[2]]);
       areas_.push_back(cross(b - a, c - a) * 0.5);
@@ -180,9 +181,8 @@ class Cutter {
       std::vector<std::uint32_t> both = charts_[other];
       both.insert(both.end(), charts_[c].begin(), charts_[c].end());
       const Vec3d axis = axis_of(both);
-      const bool fits = std::all_of(both.begin(), both.end(), [&](std::uint32_t t) {
-        return facing(t, axis) >= limit;
-      });
+      const bool fits = std::all_of(both.begin(), both.end(),
+                                    [&](std::uint32_t t) { return facing(t, axis) >= limit; });
       if (!fits) continue;
       for (const std::uint32_t t : charts_[c]) chart_of_[t] = other;
       charts_[other] = std::move(both);
@@ -197,6 +197,7 @@ class Cutter {
   void flatten(std::vector<std::uint32_t> members, std::vector<Chart>& charts) {
     std::deque<std::vector<std::uint32_t>> waiting{std::move(members)};
     while (!waiting.empty()) {
+      poll_();
       Chart chart;
       chart.triangles = std::move(waiting.front());
       waiting.pop_front();
@@ -212,7 +213,8 @@ class Cutter {
   }
   void project(Chart& chart) const {
     const Vec3d n = axis_of(chart.triangles);
-    const Vec3d right = unit_vector(cross(std::abs(n.y) < 0.9 ? Vec3d{0, 1, 0} : Vec3d{1, 0, 0}, n));
+    const Vec3d right =
+        unit_vector(cross(std::abs(n.y) < 0.9 ? Vec3d{0, 1, 0} : Vec3d{1, 0, 0}, n));
     const Vec3d down = cross(right, n);  // right x down leads away from whoever looks
     double in_space = 0, flat = 0;
     for (const std::uint32_t t : chart.triangles) {
@@ -267,8 +269,8 @@ class Cutter {
     }
     const double size = std::max(high.x - low.x, high.y - low.y);
     if (size == 0) return std::nullopt;
-    const auto cells = static_cast<std::size_t>(
-        std::clamp(std::sqrt(static_cast<double>(count)), 1.0, 1024.0));
+    const auto cells =
+        static_cast<std::size_t>(std::clamp(std::sqrt(static_cast<double>(count)), 1.0, 1024.0));
     const double per_unit = static_cast<double>(cells) / size;
     const auto cell = [&](double v, double from) {
       return std::min(static_cast<std::size_t>(std::max((v - from) * per_unit, 0.0)), cells - 1);
@@ -323,8 +325,9 @@ class Cutter {
 
   std::span<const Vec3f> positions_;
   std::span<const Triangle> triangles_;
-  std::vector<Vec3d> areas_, normals_;      ///< of triangles: normal times area; unit, or 0
-  std::vector<std::uint32_t> neighbours_;   ///< three for each
+  const std::function<void()>& poll_;
+  std::vector<Vec3d> areas_, normals_;     ///< of triangles: normal times area; unit, or 0
+  std::vector<std::uint32_t> neighbours_;  ///< three for each
   std::vector<std::uint32_t> chart_of_;
   std::vector<std::vector<std::uint32_t>> charts_;
 };
@@ -332,8 +335,9 @@ class Cutter {
 }  // namespace
 
 std::vector<Chart> make_charts(std::span<const Vec3f> positions,
-                               std::span<const Triangle> triangles) {
-  return Cutter(positions, triangles).make();
+                               std::span<const Triangle> triangles,
+                               const std::function<void()>& poll) {
+  return Cutter(positions, triangles, poll).make();
 }
 
 }  // namespace pounce::unwrap

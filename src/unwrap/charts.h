@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -18,7 +19,8 @@ struct Chart {
 
 /// Cuts a mesh into charts. Every triangle is in one.
 std::vector<Chart> make_charts(std::span<const Vec3f> positions,
-                               std::span<const Triangle> triangles);
+                               std::span<const Triangle> triangles,
+                               const std::function<void()>& poll);
 
 /// Where a chart goes: its corners turned, times the scale of all, and moved by `at`, in texels.
 struct Placement {
@@ -33,7 +35,9 @@ struct Packing {
   std::vector<Placement> charts;
 };
 
-/// Places all charts in a square of options.size texels, as large as it finds room for.
-Packing pack(std::span<const Chart> charts, const Options& options);
+/// Places all charts in a square of options.size texels, as large as it finds room for. None, where
+/// they would have to be smaller than a hundredth of that, since there are too many for the gutter.
+Packing pack(std::span<const Chart> charts, const Options& options,
+             const std::function<void()>& poll);
 
 }  // namespace pounce::unwrap

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Charts are placed one after the other, the longest first, each in the lowest place that is free, in
-// the best of four turns. What is free is known cell by cell, so that small charts go into the
+// Charts are placed one after the other, the longest first, each in the lowest place that is free,
+// in the best of four turns. What is free is known cell by cell, so that small charts go into the
 // hollows of large ones and into their holes. A cell is a bit: where a run of cells is blocked is
 // found for a whole row at once. How large all of them may be is found by trying.
 #include <algorithm>
@@ -106,8 +106,9 @@ struct Shape {
 
 class Packer {
  public:
-  Packer(std::span<const Chart> charts, const Options& options)
+  Packer(std::span<const Chart> charts, const Options& options, const std::function<void()>& poll)
       : charts_(charts),
+        poll_(poll),
         size_(options.size),
         step_(std::max(1.0, options.size / 1024.0)),
         cells_(static_cast<std::size_t>(options.size / step_)),
@@ -143,7 +144,11 @@ class Packer {
     constexpr int kHalvings = 3;
     double scale = kFirst * size_ / std::sqrt(area), above = scale;
     std::vector<Placement> placed;
-    for (; !place_all(scale, placed); scale *= kDown) above = scale;
+    const double least = scale / 100;
+    for (; !place_all(scale, placed); scale *= kDown) {
+      above = scale;
+      if (scale < least) return {};
+    }
     packing = {scale, placed};
     for (int round = 0; round < kHalvings; ++round) {
       const double between = (packing.scale + above) / 2;
@@ -259,6 +264,7 @@ class Packer {
     placed.assign(charts_.size(), {});
     std::vector<Bits> taken(cells_, Bits(cells_ / 64 + 2));
     for (const std::size_t chart : order_) {
+      poll_();
       std::size_t best_turn = 4, best_x = 0, best_y = 0, best_end = cells_ + 1;
       std::array<Mask, 4> masks;
       for (std::size_t turn = 0; turn < 4; ++turn) {
@@ -277,7 +283,8 @@ class Packer {
           set_bits(taken[best_y + row], best_x + run.first, best_x + run.last);
       }
       const Turn& turn = shapes_[chart].turns[best_turn];
-      placed[chart] = {turn.cosine, turn.sine,
+      placed[chart] = {turn.cosine,
+                       turn.sine,
                        {static_cast<double>(best_x) * step_ - mask.origin.x,
                         static_cast<double>(best_y) * step_ - mask.origin.y}};
     }
@@ -285,6 +292,7 @@ class Packer {
   }
 
   std::span<const Chart> charts_;
+  const std::function<void()>& poll_;
   double size_, step_;
   std::size_t cells_;
   double half_;  ///< of the gutter
@@ -294,8 +302,9 @@ class Packer {
 
 }  // namespace
 
-Packing pack(std::span<const Chart> charts, const Options& options) {
-  return Packer(charts, options).best();
+Packing pack(std::span<const Chart> charts, const Options& options,
+             const std::function<void()>& poll) {
+  return Packer(charts, options, poll).best();
 }
 
 }  // namespace pounce::unwrap

@@ -11,13 +11,15 @@
 namespace pounce::unwrap {
 
 Unwrapped unwrap(std::span<const Vec3f> positions, std::span<const Triangle> triangles,
-                 const Options& options) {
-  const std::vector<Chart> charts = make_charts(positions, triangles);
-  const Packing packing = pack(charts, options);
+                 const Options& options, const std::function<void()>& poll) {
+  const std::vector<Chart> charts = make_charts(positions, triangles, poll);
+  const Packing packing = pack(charts, options, poll);
   Unwrapped out;
   out.triangles.resize(triangles.size());
   out.charts.resize(triangles.size());
   out.chart_count = static_cast<std::uint32_t>(charts.size());
+  out.fits = packing.charts.size() == charts.size();
+  if (!out.fits) return out;
   double area = 0;
   for (std::uint32_t c = 0; c < charts.size(); ++c) {
     const Chart& chart = charts[c];

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// UVs for a mesh that has none: charts of triangles that face about alike, each laid flat by looking
-// at it from its side, packed into the unit square.
+// UVs for a mesh that has none: charts of triangles that face about alike, each laid flat by
+// looking at it from its side, packed into the unit square.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -27,13 +28,15 @@ struct Unwrapped {
   std::vector<Triangle> triangles;    ///< the same ones in their order, over these vertices
   std::vector<std::uint32_t> charts;  ///< of each triangle
   std::uint32_t chart_count = 0;
-  double fill = 0;  ///< of the square, by triangles
+  double fill = 0;   ///< of the square, by triangles
+  bool fits = true;  ///< false: so many charts have no room with gutters between them; no UVs
 };
 
-/// No two triangles overlap. A texel is as large everywhere, but where a triangle is seen from aside:
-/// there it is up to 1.5 times as long. Triangles without area are on the border of a chart of their
-/// neighbours. The same on every machine.
-Unwrapped unwrap(std::span<const Vec3f> positions, std::span<const Triangle> triangles,
-                 const Options& options);
+/// No two triangles overlap. A texel is as large everywhere, but where a triangle is seen from
+/// aside: there it is up to 1.5 times as long. Triangles without area are on the border of a chart
+/// of their neighbours. The same on every machine. `poll` is called often and may throw.
+Unwrapped unwrap(
+    std::span<const Vec3f> positions, std::span<const Triangle> triangles, const Options& options,
+    const std::function<void()>& poll = [] {});
 
 }  // namespace pounce::unwrap

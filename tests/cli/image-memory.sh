@@ -25,7 +25,7 @@ black large.tif 8192
 expect 0 compare large.tif large.tif
 for sandbox in auto off; do
   got=0
-  prlimit --data=$((130 << 20)) "$POUNCE" compare large.tif large.tif --sandbox $sandbox >"$out" 2>"$err" || got=$?
+  prlimit --data=$((160 << 20)) "$POUNCE" compare large.tif large.tif --sandbox $sandbox >"$out" 2>"$err" || got=$?
   [[ $got == 4 ]] || fail "exit status $got, not 4, with --sandbox $sandbox"
   err_has 'pounce: error: large.tif: not enough memory to decode it ('
   [[ $(wc -l <"$err") == 1 ]] || fail 'not one sentence'

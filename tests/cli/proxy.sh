@@ -48,4 +48,6 @@ err_has 'not a splat scene or a point cloud'
 expect 4 proxy s.ply -o n.glb --memory 1MiB
 err_has 'the surface of s.ply'
 expect 2 proxy s.ply -o s.ply
+expect 2 proxy s.ply -o n.glb --cells 32 --size 64 --gutter 64
+err_has '--size 64: too small for '
 [[ ! -e n.glb ]] || fail 'a file of a job that failed'

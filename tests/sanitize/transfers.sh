@@ -126,6 +126,11 @@ job 0 gaussians $source -o u.spz --sigma 0.25 --sharpen 1
 job 0 gaussians splats/scene.ply -o u.glb --count 1000 --min-opacity 0.1
 job 0 gaussians u.glb -o u.ply --box -9,-9,-9,9,9,9
 job 3 gaussians splats/scene.ply -o u.ply --box 50,50,50,60,60,60
+job 0 proxy splats/scene.ply -o proxy.glb --cells 48 --triangles 1000 --size 256
+job 0 transfer splats/scene.ply proxy.glb -o proxy.png --size 128 --look around
+fixture splats --points -o cloud.ply --count 4000 --target-size 64
+job 0 transfer cloud.ply cloud_target.glb -o cloud.png --size 128
+job 0 proxy cloud.ply -o proxy.glb --cells 32 --triangles 500
 job 0 maps $target -o 'v_<CHANNEL>.exr' --size 70
 for file in $source plane.obj splats/scene.ply a.png; do job 0 inspect "$file"; done
 job 0 compare a.png c.png

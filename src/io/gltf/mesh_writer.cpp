@@ -59,10 +59,10 @@ std::uint64_t write_glb(const std::string& path, const PlainMesh& mesh) {
       put(std::as_bytes(std::span(&value, 1)));
     }
   };
-  put_numbers({0x46546C67, 2, total});         // "glTF"
-  put_numbers({json.size(), 0x4E4F534A});      // "JSON"
+  put_numbers({0x46546C67, 2, total});     // "glTF"
+  put_numbers({json.size(), 0x4E4F534A});  // "JSON"
   put(std::as_bytes(std::span(json)));
-  put_numbers({binary, 0x004E4942});           // "BIN"
+  put_numbers({binary, 0x004E4942});  // "BIN"
   put(std::as_bytes(mesh.positions));
   put(std::as_bytes(mesh.normals));
   put(std::as_bytes(mesh.uvs));

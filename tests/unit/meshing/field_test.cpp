@@ -24,8 +24,8 @@ std::vector<std::uint16_t> depths_of_sphere(const views::Grid& grid, std::uint32
       const double left = pixels * pixels - dx * dx - dy * dy;
       if (left < 0) continue;
       const double nearer = std::sqrt(left) * static_cast<double>(grid.pixel());
-      depths[std::size_t{y} * edge + x] = static_cast<std::uint16_t>(
-          std::lround(static_cast<double>(middle.depth) - nearer / static_cast<double>(grid.depth_step())));
+      depths[std::size_t{y} * edge + x] = static_cast<std::uint16_t>(std::lround(
+          static_cast<double>(middle.depth) - nearer / static_cast<double>(grid.depth_step())));
     }
   }
   return depths;
@@ -57,7 +57,8 @@ TEST_CASE("a lattice holds its box, in equal cubes about its middle") {
   CHECK(lattice.low.y + high.y == Approx(1.1));
 }
 
-TEST_CASE("views of a sphere make a sphere: closed, turned outwards, within a cell of where it is") {
+TEST_CASE(
+    "views of a sphere make a sphere: closed, turned outwards, within a cell of where it is") {
   const Sphere sphere;
   const Surface surface = sphere.field.surface();
   CHECK(surface.triangles.size() > 5000);

@@ -18,12 +18,15 @@ Surface sphere(std::uint32_t rings, double radius, Vec3d middle) {
   for (std::uint32_t r = 1; r < rings; ++r) {
     for (std::uint32_t c = 0; c < across; ++c) {
       const double a = kPi * r / rings, b = 2 * kPi * c / across;
-      s.positions.push_back(Vec3f(
-          middle + Vec3d{std::sin(a) * std::cos(b), std::sin(a) * std::sin(b), std::cos(a)} * radius));
+      s.positions.push_back(
+          Vec3f(middle +
+                Vec3d{std::sin(a) * std::cos(b), std::sin(a) * std::sin(b), std::cos(a)} * radius));
     }
   }
   s.positions.push_back(Vec3f(middle - Vec3d{0, 0, radius}));
-  const auto at = [&](std::uint32_t r, std::uint32_t c) { return 1 + (r - 1) * across + c % across; };
+  const auto at = [&](std::uint32_t r, std::uint32_t c) {
+    return 1 + (r - 1) * across + c % across;
+  };
   const auto last = static_cast<std::uint32_t>(s.positions.size() - 1);
   for (std::uint32_t c = 0; c < across; ++c) {
     s.triangles.push_back({0, at(1, c), at(1, c + 1)});
@@ -46,7 +49,9 @@ void add(Surface& to, const Surface& more) {
 double volume(const Surface& s) {
   double sum = 0;
   for (const Triangle& t : s.triangles)
-    sum += dot(Vec3d(s.positions[t[0]]), cross(Vec3d(s.positions[t[1]]), Vec3d(s.positions[t[2]]))) / 6;
+    sum +=
+        dot(Vec3d(s.positions[t[0]]), cross(Vec3d(s.positions[t[1]]), Vec3d(s.positions[t[2]]))) /
+        6;
   return sum;
 }
 
@@ -83,7 +88,8 @@ TEST_CASE("what lies on a border stays when its surface is smoothed") {
   Surface s;
   for (int y = 0; y < 3; ++y) {
     for (int x = 0; x < 3; ++x)
-      s.positions.push_back({static_cast<float>(x), static_cast<float>(y), x == 1 && y == 1 ? 1.0F : 0});
+      s.positions.push_back(
+          {static_cast<float>(x), static_cast<float>(y), x == 1 && y == 1 ? 1.0F : 0});
   }
   for (const std::uint32_t v : {0U, 1U, 3U, 4U}) {
     s.triangles.push_back({v, v + 1, v + 4});

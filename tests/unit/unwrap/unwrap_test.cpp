@@ -22,9 +22,11 @@ template <class F>
 Mesh grid(std::uint32_t rows, std::uint32_t columns, bool closed_rows, bool closed_columns,
           const F& f) {
   Mesh m;
-  const std::uint32_t high = closed_rows ? rows : rows + 1, wide = closed_columns ? columns : columns + 1;
+  const std::uint32_t high = closed_rows ? rows : rows + 1,
+                      wide = closed_columns ? columns : columns + 1;
   for (std::uint32_t r = 0; r < high; ++r) {
-    for (std::uint32_t c = 0; c < wide; ++c) m.positions.push_back(Vec3f(f(double(r) / rows, double(c) / columns)));
+    for (std::uint32_t c = 0; c < wide; ++c)
+      m.positions.push_back(Vec3f(f(double(r) / rows, double(c) / columns)));
   }
   const auto at = [&](std::uint32_t r, std::uint32_t c) { return r % high * wide + c % wide; };
   for (std::uint32_t r = 0; r < rows; ++r) {
@@ -39,7 +41,8 @@ Mesh grid(std::uint32_t rows, std::uint32_t columns, bool closed_rows, bool clos
 Mesh cube() {
   Mesh m;
   for (int i = 0; i < 8; ++i)
-    m.positions.push_back({static_cast<float>(i & 1), static_cast<float>(i >> 1 & 1), static_cast<float>(i >> 2)});
+    m.positions.push_back(
+        {static_cast<float>(i & 1), static_cast<float>(i >> 1 & 1), static_cast<float>(i >> 2)});
   const std::uint32_t quads[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
                                      {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
   for (const auto& q : quads) {
@@ -84,7 +87,8 @@ void check(const Mesh& mesh, const Options& options, const Unwrapped& flat) {
     const Vec3d a(mesh.positions[mesh.triangles[t][0]]), b(mesh.positions[mesh.triangles[t][1]]),
         c(mesh.positions[mesh.triangles[t][2]]);
     in_space += length(cross(b - a, c - a)) / 2;
-    // v downwards: what is counter-clockwise from outside is clockwise in numbers, and not turned over.
+    // v downwards: what is counter-clockwise from outside is clockwise in numbers, and not turned
+    // over.
     CHECK(cross2(own[t][0], own[t][1], own[t][2]) <= 1e-12);
     on_image += std::abs(cross2(own[t][0], own[t][1], own[t][2])) / 2;
   }
@@ -109,8 +113,10 @@ void check(const Mesh& mesh, const Options& options, const Unwrapped& flat) {
   std::vector<double> stretches;
   for (std::size_t t = 0; t < own.size(); ++t) {
     for (std::size_t k = 0; k < 3; ++k) {
-      const Vec3d edge(mesh.positions[mesh.triangles[t][(k + 1) % 3]] - mesh.positions[mesh.triangles[t][k]]);
-      const double on = std::hypot(own[t][(k + 1) % 3].x - own[t][k].x, own[t][(k + 1) % 3].y - own[t][k].y);
+      const Vec3d edge(mesh.positions[mesh.triangles[t][(k + 1) % 3]] -
+                       mesh.positions[mesh.triangles[t][k]]);
+      const double on =
+          std::hypot(own[t][(k + 1) % 3].x - own[t][k].x, own[t][(k + 1) % 3].y - own[t][k].y);
       if (length(edge) > 0 && on > 0)
         stretches.push_back(std::max(on / (length(edge) * scale), length(edge) * scale / on));
     }
@@ -133,7 +139,8 @@ TEST_CASE("a cube becomes six squares") {
 TEST_CASE("round and twisted shapes are cut so that nothing overlaps") {
   const auto torus = grid(24, 48, true, true, [](double r, double c) {
     const double a = 2 * kPi * r, b = 2 * kPi * c;
-    return Vec3d{(2 + 0.7 * std::cos(a)) * std::cos(b), (2 + 0.7 * std::cos(a)) * std::sin(b), 0.7 * std::sin(a)};
+    return Vec3d{(2 + 0.7 * std::cos(a)) * std::cos(b), (2 + 0.7 * std::cos(a)) * std::sin(b),
+                 0.7 * std::sin(a)};
   });
   // Faces up everywhere, three times round: one chart by its normals, and above itself.
   const auto stairs = grid(2, 96, false, false, [](double r, double c) {
@@ -165,6 +172,14 @@ TEST_CASE("triangles without area, edges of three triangles and no triangles at 
   const std::vector<Vec3f> point(3);
   const std::vector<Triangle> nothing{{0, 1, 2}};
   CHECK(unwrap(point, nothing, {256, 2}).triangles.size() == 1);
+}
+
+TEST_CASE("charts that have no room beside their gutters are said to have none") {
+  const Mesh mesh = cube();
+  CHECK_FALSE(unwrap(mesh.positions, mesh.triangles, {64, 60}).fits);
+  CHECK(unwrap(mesh.positions, mesh.triangles, {64, 8}).fits);
+  const Unwrapped odd = unwrap(mesh.positions, mesh.triangles, {100, 3});  // no multiple of 64
+  check(mesh, {100, 3}, odd);
 }
 
 TEST_CASE("the same mesh has the same UVs") {
