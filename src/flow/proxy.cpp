@@ -140,7 +140,15 @@ class ProxyJob {
                 std::min(box.hi.z, asked.hi.z)};
     }
     const Vec3f size = box.hi - box.lo;
-    return box.grown(kAround * std::max({size.x, size.y, size.z}));
+    const float longest = std::max({size.x, size.y, size.z});
+    constexpr float kLeast = 1e-15F, kMost = 1e15F;
+    if (!(longest >= kLeast && longest <= kMost)) {
+      throw Error(ErrorKind::input,
+                  fmt::format("{}: spans {:g} units, of which no surface can be made; scale it, or "
+                              "choose what is wanted of it with --box",
+                              options_.source, std::max(longest, 0.0F)));
+    }
+    return box.grown(kAround * longest);
   }
 
   meshing::Surface surface_of(const std::shared_ptr<store::SplatStore>& store, const Box3f& box) {

@@ -104,6 +104,7 @@ class PointTree {
 
   void search(std::size_t begin, std::size_t end, Vec3f at, std::uint32_t self,
               Nearest& found) const {
+    if (found.farthest() == 0) return;  // a dozen in one place: no other can be nearer
     const auto visit = [&](const Point& p) {
       const Vec3f d = p.at - at;
       if (p.index != self) found.add({dot(d, d), p.index});

@@ -60,13 +60,16 @@ void Field::add(const views::Grid& grid, const DepthView& view, std::uint32_t fi
 std::uint64_t Field::most_triangles() const {
   const std::uint32_t nx = lattice_.corners[0], ny = lattice_.corners[1], nz = lattice_.corners[2];
   std::uint64_t crossings = 0;
+  const auto crosses = [&](std::uint64_t a, std::uint64_t b) {
+    return seen_[a] > 0 && seen_[b] > 0 && is_outside(a) != is_outside(b);
+  };
   for (std::uint32_t z = 0; z < nz; ++z) {
     for (std::uint32_t y = 0; y < ny; ++y) {
       for (std::uint32_t x = 0; x < nx; ++x) {
-        const bool here = is_outside(lattice_.index(x, y, z));
-        if (x + 1 < nx && here != is_outside(lattice_.index(x + 1, y, z))) ++crossings;
-        if (y + 1 < ny && here != is_outside(lattice_.index(x, y + 1, z))) ++crossings;
-        if (z + 1 < nz && here != is_outside(lattice_.index(x, y, z + 1))) ++crossings;
+        const std::uint64_t here = lattice_.index(x, y, z);
+        if (x + 1 < nx && crosses(here, lattice_.index(x + 1, y, z))) ++crossings;
+        if (y + 1 < ny && crosses(here, lattice_.index(x, y + 1, z))) ++crossings;
+        if (z + 1 < nz && crosses(here, lattice_.index(x, y, z + 1))) ++crossings;
       }
     }
   }

@@ -40,7 +40,10 @@ class Cutter {
       const Vec3d a(positions[t[0]]), b(positions[t[1]]), c(positions[t[2]]);
       areas_.push_back(cross(b - a, c - a) * 0.5);
       const double size = length(areas_.back());
-      normals_.push_back(size > 0 ? areas_.back() * (1 / size) : Vec3d{});
+      // Which way a sliver faces is a matter of rounding.
+      constexpr double kSliver = 1e-6;
+      const double longest = std::max({dot(b - a, b - a), dot(c - b, c - b), dot(a - c, a - c)});
+      normals_.push_back(size > kSliver * longest ? areas_.back() * (1 / size) : Vec3d{});
     }
     find_neighbours();
   }
@@ -257,6 +260,40 @@ class Cutter {
     return std::abs(twice) / 2;
   }
 
+  /// From where to where a triangle reaches between two heights, or about.
+  static std::pair<double, double> span_in(const Vec2d* p, double y0, double y1) {
+    double from = std::numeric_limits<double>::infinity(), to = -from;
+    for (std::size_t k = 0; k < 3; ++k) {
+      Vec2d a = p[k], b = p[(k + 1) % 3];
+      if (a.y > b.y) std::swap(a, b);
+      if (b.y < y0 || a.y > y1) continue;
+      for (const double y : {std::max(a.y, y0), std::min(b.y, y1)}) {
+        const double x = b.y > a.y ? a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)) : a.x;
+        from = std::min(from, x);
+        to = std::max(to, x);
+      }
+      if (b.y == a.y) {
+        from = std::min(from, b.x);
+        to = std::max(to, b.x);
+      }
+    }
+    if (from <= to) return {from, to};
+    return {std::min({p[0].x, p[1].x, p[2].x}), std::max({p[0].x, p[1].x, p[2].x})};
+  }
+  /// Is what they have in common more than rounding makes of it?
+  static bool in_common(const Vec2d* a, const Vec2d* b, double area_a, double area_b,
+                        double longest_squared) {
+    const auto apart = [](double a0, double a1, double a2, double b0, double b1, double b2) {
+      return std::max({a0, a1, a2}) < std::min({b0, b1, b2}) ||
+             std::max({b0, b1, b2}) < std::min({a0, a1, a2});
+    };
+    if (apart(a[0].x, a[1].x, a[2].x, b[0].x, b[1].x, b[2].x) ||
+        apart(a[0].y, a[1].y, a[2].y, b[0].y, b[1].y, b[2].y))
+      return false;
+    constexpr double kRounding = 1e-7, kOfLongest = 3e-6;
+    return common_area(a, b) > kRounding * std::min(area_a, area_b) + kOfLongest * longest_squared;
+  }
+
   /// Two triangles of a chart that overlap, by their numbers in it. Cells of a grid hold those that
   /// lie there.
   static std::optional<std::pair<std::size_t, std::size_t>> find_overlap(const Chart& chart) {
@@ -276,20 +313,27 @@ class Cutter {
       return std::min(static_cast<std::size_t>(std::max((v - from) * per_unit, 0.0)), cells - 1);
     };
     std::vector<std::vector<std::uint32_t>> grid(cells * cells);
-    std::vector<double> areas(count);
+    std::vector<double> areas(count), lengths(count);  // the longest edge, squared
     for (std::size_t i = 0; i < count; ++i) {
       const Vec2d* const own = &chart.corners[3 * i];
       areas[i] = std::abs((own[1].x - own[0].x) * (own[2].y - own[0].y) -
                           (own[1].y - own[0].y) * (own[2].x - own[0].x)) /
                  2;
-      const auto [x0, x1] = std::minmax({own[0].x, own[1].x, own[2].x});
-      const auto [y0, y1] = std::minmax({own[0].y, own[1].y, own[2].y});
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Vec2d edge = own[(k + 1) % 3] - own[k];
+        lengths[i] = std::max(lengths[i], edge.x * edge.x + edge.y * edge.y);
+      }
+      const double y0 = std::min({own[0].y, own[1].y, own[2].y}),
+                   y1 = std::max({own[0].y, own[1].y, own[2].y});
       for (std::size_t y = cell(y0, low.y); y <= cell(y1, low.y); ++y) {
-        for (std::size_t x = cell(x0, low.x); x <= cell(x1, low.x); ++x) {
+        const auto [from, to] = span_in(own, low.y + static_cast<double>(y) / per_unit,
+                                        low.y + static_cast<double>(y + 1) / per_unit);
+        // A cell more, since what lies on the line between two may be rounded to either.
+        const std::size_t first = cell(from, low.x), last = cell(to, low.x);
+        for (std::size_t x = first - (first > 0 ? 1 : 0); x <= std::min(last + 1, cells - 1); ++x) {
           for (const std::uint32_t j : grid[y * cells + x]) {
-            constexpr double kRounding = 1e-7;
-            const double least = std::min(areas[i], areas[j]);
-            if (common_area(own, &chart.corners[3 * j]) > kRounding * least + 1e-300)
+            if (j != i && in_common(own, &chart.corners[3 * j], areas[i], areas[j],
+                                    std::max(lengths[i], lengths[j])))
               return std::pair(std::size_t{j}, i);
           }
           grid[y * cells + x].push_back(static_cast<std::uint32_t>(i));

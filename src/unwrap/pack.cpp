@@ -171,6 +171,10 @@ class Packer {
       return static_cast<std::size_t>((length * scale + 2 * half_) / step_) + 1;
     };
     mask.width = cells(box.width());
+    if (mask.width > cells_ || cells(box.height()) > cells_) {
+      mask.width = cells_ + 1;  // which find() refuses
+      return mask;
+    }
     std::vector<Bits> rows(cells(box.height()), Bits(mask.width / 64 + 1));
     const auto cell = [&](double at, double origin, std::size_t count) {
       return std::min(static_cast<std::size_t>(std::max((at - origin) / step_, 0.0)), count - 1);

@@ -32,9 +32,10 @@ struct Unwrapped {
   bool fits = true;  ///< false: so many charts have no room with gutters between them; no UVs
 };
 
-/// No two triangles overlap. A texel is as large everywhere, but where a triangle is seen from
-/// aside: there it is up to 1.5 times as long. Triangles without area are on the border of a chart
-/// of their neighbours. The same on every machine. `poll` is called often and may throw.
+/// No two triangles overlap, but for what rounding makes of slivers. A texel is as large
+/// everywhere, but where a triangle is seen from aside: there it is up to 1.5 times as long.
+/// Triangles without area are on the border of a chart of their neighbours. The same on every
+/// machine. `poll` is called often and may throw.
 Unwrapped unwrap(
     std::span<const Vec3f> positions, std::span<const Triangle> triangles, const Options& options,
     const std::function<void()>& poll = [] {});

@@ -22,7 +22,6 @@
 #include <string>
 #include <utility>
 
-#include "core/bounds.h"
 #include "core/input_file.h"
 #include "io/problems.h"
 #include "io/splats/point_scene.h"
@@ -139,18 +138,16 @@ class Las : public PointScene {
 
   /// How colours are stored, and where the cloud is.
   void look() {
-    Box3f box;
     double most = 0;
     for_sample([&](const std::byte* row) {
       const auto at = [&](std::size_t v) { return value(*rows_.columns[v], row); };
-      box.extend(Vec3f(Vec3d{at(0), at(1), at(2)}));
       most = std::max({most, at(3), at(4), at(5)});
     });
     if (most * 65535 <= 255.5) {
       for (std::size_t v = 3; v < 6; ++v) rows_.columns[v]->scale = fraction_of(PlyType::u8);
       info_.assumptions.push_back(path_ + ": no colour is above 255; they are taken for 8 bits");
     }
-    set_origin(box);
+    set_origin(middle_box());
   }
 };
 

@@ -59,13 +59,7 @@ class PointPly : public PointScene {
                          is_fraction(v) ? fraction_of(column.type) : 1.0, 0.0};
     }
     set_rows(std::move(file), rows);
-    Box3f box;
-    for_sample([&](const std::byte* row) {
-      const Vec3d at{value(*rows.columns[0], row), value(*rows.columns[1], row),
-                     value(*rows.columns[2], row)};
-      if (is_finite(Vec3f(at))) box.extend(Vec3f(at));
-    });
-    set_origin(box);
+    set_origin(middle_box());
   }
 
   std::uint64_t unpacked_bytes() const override {
@@ -77,30 +71,29 @@ class PointPly : public PointScene {
     return v < kAlpha || (v < kNormal ? has_alpha_ : has_normals_);
   }
 
-  static bool is_finite(Vec3f at) {
-    return std::isfinite(at.x) && std::isfinite(at.y) && std::isfinite(at.z);
-  }
-
   /// Of a file that can only be read from its front: of its first points, with as much around them
   /// as a cloud may have.
   static Box3f box_of_first(const PlyRows& ply) {
     constexpr std::size_t kFirst = 4096;
     constexpr float kAround = 8;
     struct Enough {};
-    Box3f box;
+    std::array<std::vector<double>, 3> places;
     std::size_t count = 0;
     try {
       ply.read(
           [&](const PlyVertex& vertex) {
-            const Vec3f at(Vec3d{vertex[0], vertex[1], vertex[2]});
-            if (is_finite(at)) box.extend(at);
+            if (std::isfinite(vertex[0]) && std::isfinite(vertex[1]) && std::isfinite(vertex[2])) {
+              for (std::size_t k = 0; k < 3; ++k) places[k].push_back(vertex[k]);
+            }
             if (++count == kFirst) throw Enough();
           },
           [](const PlyFace&) {});
     } catch (const Enough&) {
     }
-    const Vec3f size = box.empty() ? Vec3f{} : box.hi - box.lo;
-    return box.empty() ? box : box.grown(kAround * std::max({size.x, size.y, size.z}));
+    const Box3f box = middle_of(places);
+    if (box.empty()) return box;
+    const Vec3f size = box.hi - box.lo;
+    return box.grown(kAround * std::max({size.x, size.y, size.z}));
   }
 
   void convert(const ScratchFolder& folder, const std::function<void()>& poll) override {

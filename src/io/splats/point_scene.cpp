@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -120,6 +121,40 @@ void PointScene::for_sample(const std::function<void(const std::byte* row)>& f) 
   }
 }
 
+Box3f PointScene::middle_of(std::array<std::vector<double>, 3>& places) {
+  Box3f box;
+  if (places[0].empty()) return box;
+  std::array<double, 3> low, high;
+  for (std::size_t k = 0; k < 3; ++k) {
+    std::vector<double>& own = places[k];
+    const auto hundredth = static_cast<std::ptrdiff_t>(own.size() / 100);
+    std::nth_element(own.begin(), own.begin() + hundredth, own.end());
+    low[k] = own[static_cast<std::size_t>(hundredth)];
+    std::nth_element(own.begin(), own.end() - 1 - hundredth, own.end());
+    high[k] = *(own.end() - 1 - hundredth);
+  }
+  box.extend(Vec3f(Vec3d{low[0], low[1], low[2]}));
+  box.extend(Vec3f(Vec3d{high[0], high[1], high[2]}));
+  return box;
+}
+
+Box3f PointScene::middle_box() const {
+  constexpr std::uint64_t kMost = 8192;  // of a sample, while the file is opened
+  const std::uint64_t step =
+      std::max<std::uint64_t>(std::min(rows_.count, kSampleSplats) / kMost, 1);
+  std::array<std::vector<double>, 3> places;
+  std::uint64_t number = 0;
+  for_sample([&](const std::byte* row) {
+    if (number++ % step != 0) return;
+    if (rows_.is_withheld != nullptr && rows_.is_withheld(row)) return;
+    std::array<double, 3> at;
+    for (std::size_t k = 0; k < 3; ++k) at[k] = value(*rows_.columns[k], row);
+    if (!std::isfinite(at[0]) || !std::isfinite(at[1]) || !std::isfinite(at[2])) return;
+    for (std::size_t k = 0; k < 3; ++k) places[k].push_back(at[k]);
+  });
+  return middle_of(places);
+}
+
 std::uint64_t PointScene::prepare_bytes() const {
   constexpr std::uint64_t kStream = 256 << 10;
   const std::uint64_t most = std::min(info_.splats, kSampleSplats);
@@ -151,6 +186,13 @@ void PointScene::decode(std::uint64_t first, std::uint64_t count, std::uint32_t,
         kLoaders[static_cast<std::size_t>(column.type)](
             from + column.offset, stride, n, column.scale, column.shift, column_of(batch, v));
       }
+      // Beyond this squares of distances are no numbers; no cloud is there.
+      constexpr float kFarthest = 1e18F;
+      for (SplatBatch::Column& axis : batch.mean) {
+        for (std::size_t i = 0; i < n; ++i) {
+          if (!(std::abs(axis[i]) <= kFarthest)) axis[i] = std::numeric_limits<float>::quiet_NaN();
+        }
+      }
       for (std::size_t i = 0; i < n; ++i) batch.alpha[i] = std::min(batch.alpha[i], 1.0F);
       for (std::size_t i = 0; rows_.is_withheld != nullptr && i < n; ++i)
         batch.alpha[i] = rows_.is_withheld(from + i * stride) ? 0.0F : 1.0F;
@@ -178,6 +220,9 @@ float PointScene::usual_size() {
       values[i] = k == 0 ? at.x : k == 1 ? at.y : at.z;
     }
     extents[k] = static_cast<double>(middle_extent(values)) * 1.25;
+    if (extents[k] > 0) continue;  // most of them in one place, or on a plane
+    const auto [low, high] = std::minmax_element(values.begin(), values.end());
+    extents[k] = static_cast<double>(*high) - static_cast<double>(*low);
   }
   const auto [a, b, c] = extents;
   const double area = 2 * (a * b + b * c + c * a);

@@ -7,7 +7,9 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "core/bounds.h"
 #include "core/file.h"
 #include "core/job_space.h"
 #include "core/vec.h"
@@ -64,10 +66,15 @@ class PointScene : public BatchScene {
   }
   static constexpr std::uint64_t kPieceBytes = 256 << 10;
 
-  /// The rows, as they are in the file; then, of a box that holds much of the cloud, in the file's
+  /// The rows, as they are in the file; then, of a box in which most of the cloud is, in the file's
   /// axes, its origin.
   void set_rows(std::unique_ptr<ReadFile> file, const PointRows& rows);
   void set_origin(const Box3f& box);
+  /// Where most of these are, without the outermost hundredth at each end: what scanners and
+  /// programs put at 0 for "nothing" is not where a cloud is.
+  static Box3f middle_of(std::array<std::vector<double>, 3>& places);
+  /// The same of a sample of the rows.
+  Box3f middle_box() const;
   /// Up to 65,536 rows evenly from the file: f(row).
   void for_sample(const std::function<void(const std::byte* row)>& f) const;
   /// A stored value as it is meant.

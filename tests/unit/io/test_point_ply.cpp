@@ -164,6 +164,14 @@ TEST_CASE("a cloud far from 0 has an origin, in text too, and loses no digit") {
   std::string text;
   for (int i = 0; i < 1000; ++i) text += std::to_string(-448250.25 + i * 0.001) + " 2 3 97 98 99\n";
   check(read(written(folder, "format ascii 1.0\n" + columns, text)), -448250.25);
+  // What a scanner puts at 0 for nothing is not where the cloud is.
+  {
+    std::string rows = doubles(-448250.25, 1000);
+    const double nothing[3] = {0, 0, 0};
+    std::memcpy(rows.data() + 27 * 500, nothing, sizeof nothing);
+    const Cloud cloud = read(written(folder, "format binary_little_endian 1.0\n" + columns, rows));
+    CHECK(std::abs(cloud.info.origin.x + 448250.25) < 20);
+  }
   // Axes are turned before.
   const test::TempFolder scratch;
   const auto scene = open_splat_scene(path(500000), parse_axes("z,x,-y"));

@@ -174,6 +174,31 @@ TEST_CASE("triangles without area, edges of three triangles and no triangles at 
   CHECK(unwrap(point, nothing, {256, 2}).triangles.size() == 1);
 }
 
+TEST_CASE("slivers and fans of long triangles cut nothing apart that is flat") {
+  // A plane, tilted, with a triangle without area on each diagonal.
+  Mesh plane = grid(40, 40, false, false, [](double r, double c) {
+    return Vec3d{c, 0.3 * c - r, 0.7 * r + 0.1 * c};
+  });
+  const std::size_t quads = plane.triangles.size();
+  for (std::size_t t = 0; t < quads; t += 2) {
+    const Triangle own = plane.triangles[t + 1];
+    const auto middle = static_cast<std::uint32_t>(plane.positions.size());
+    plane.positions.push_back((plane.positions[own[0]] + plane.positions[own[1]]) * 0.5F);
+    plane.triangles[t + 1] = {own[0], middle, own[2]};
+    plane.triangles.push_back({middle, own[1], own[2]});
+    plane.triangles.push_back({own[0], own[1], middle});
+  }
+  CHECK(unwrap(plane.positions, plane.triangles, {512, 2}).chart_count < 50);
+  Mesh fan;
+  fan.positions.push_back({0, 0, 0});
+  for (int i = 0; i <= 1000; ++i) {
+    const double a = 1.5 * i / 1000;
+    fan.positions.push_back(Vec3f(Vec3d{std::cos(a), std::sin(a), 0}));
+  }
+  for (std::uint32_t i = 1; i <= 1000; ++i) fan.triangles.push_back({0, i, i + 1});
+  CHECK(unwrap(fan.positions, fan.triangles, {512, 2}).chart_count == 1);
+}
+
 TEST_CASE("charts that have no room beside their gutters are said to have none") {
   const Mesh mesh = cube();
   CHECK_FALSE(unwrap(mesh.positions, mesh.triangles, {64, 60}).fits);
