@@ -99,10 +99,10 @@ class ProxyJob {
            round_to_pages(edge * edge * sizeof(std::uint16_t));
   }
   /// With what its steps need beside it: edges, what simplifying holds, charts.
-  static std::uint64_t surface_bytes(std::uint64_t triangles) { return 400 * triangles; }
-  /// Before it is known: as large as eight sides of the cube.
+  static std::uint64_t surface_bytes(std::uint64_t triangles) { return 250 * triangles; }
+  /// Before it is known: as large as four sides of the cube.
   std::uint64_t usual_surface_bytes() const {
-    return surface_bytes(std::uint64_t{16} * options_.cells * options_.cells);
+    return surface_bytes(std::uint64_t{8} * options_.cells * options_.cells);
   }
 
   /// Where nearly all of the scene is: of all blocks, weighed by their Gaussians, without the
@@ -175,9 +175,12 @@ class ProxyJob {
     job_.meter.begin("surface", kViews, "views", kAfterField);
     const meshing::Lattice lattice(box, options_.cells);
     const std::string name = "the surface of " + options_.source;
-    const runtime::Lease lease(job_.budget, field_bytes(), name);
+    const std::size_t pixels = std::size_t{grid.edge()} * grid.edge();
+    const runtime::Lease lease(
+        job_.budget,
+        meshing::Field::bytes(lattice) + round_to_pages(pixels * sizeof(std::uint16_t)), name);
     meshing::Field field(lattice);
-    PageVector<std::uint16_t> depths(std::size_t{grid.edge()} * grid.edge());
+    PageVector<std::uint16_t> depths(pixels);
     for (std::uint32_t view = 0; view < kViews; ++view) {
       read_depths(grid, *drawn, view, depths);
       tbb::parallel_for(std::uint32_t{0}, lattice.corners[2], [&](std::uint32_t z) {

@@ -260,26 +260,6 @@ class Cutter {
     return std::abs(twice) / 2;
   }
 
-  /// From where to where a triangle reaches between two heights, or about.
-  static std::pair<double, double> span_in(const Vec2d* p, double y0, double y1) {
-    double from = std::numeric_limits<double>::infinity(), to = -from;
-    for (std::size_t k = 0; k < 3; ++k) {
-      Vec2d a = p[k], b = p[(k + 1) % 3];
-      if (a.y > b.y) std::swap(a, b);
-      if (b.y < y0 || a.y > y1) continue;
-      for (const double y : {std::max(a.y, y0), std::min(b.y, y1)}) {
-        const double x = b.y > a.y ? a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)) : a.x;
-        from = std::min(from, x);
-        to = std::max(to, x);
-      }
-      if (b.y == a.y) {
-        from = std::min(from, b.x);
-        to = std::max(to, b.x);
-      }
-    }
-    if (from <= to) return {from, to};
-    return {std::min({p[0].x, p[1].x, p[2].x}), std::max({p[0].x, p[1].x, p[2].x})};
-  }
   /// Is what they have in common more than rounding makes of it?
   static bool in_common(const Vec2d* a, const Vec2d* b, double area_a, double area_b,
                         double longest_squared) {
@@ -326,8 +306,12 @@ class Cutter {
       const double y0 = std::min({own[0].y, own[1].y, own[2].y}),
                    y1 = std::max({own[0].y, own[1].y, own[2].y});
       for (std::size_t y = cell(y0, low.y); y <= cell(y1, low.y); ++y) {
-        const auto [from, to] = span_in(own, low.y + static_cast<double>(y) / per_unit,
-                                        low.y + static_cast<double>(y + 1) / per_unit);
+        auto [from, to] = span_between(own, low.y + static_cast<double>(y) / per_unit,
+                                       low.y + static_cast<double>(y + 1) / per_unit);
+        if (from > to) {  // by rounding alone: anywhere
+          from = std::min({own[0].x, own[1].x, own[2].x});
+          to = std::max({own[0].x, own[1].x, own[2].x});
+        }
         // A cell more, since what lies on the line between two may be rounded to either.
         const std::size_t first = cell(from, low.x), last = cell(to, low.x);
         for (std::size_t x = first - (first > 0 ? 1 : 0); x <= std::min(last + 1, cells - 1); ++x) {
@@ -377,6 +361,24 @@ class Cutter {
 };
 
 }  // namespace
+
+std::pair<double, double> span_between(const Vec2d* triangle, double y0, double y1) {
+  double from = std::numeric_limits<double>::infinity(), to = -from;
+  for (std::size_t k = 0; k < 3; ++k) {
+    Vec2d a = triangle[k], b = triangle[(k + 1) % 3];
+    if (a.y > b.y) std::swap(a, b);
+    if (b.y < y0 || a.y > y1) continue;
+    for (const double y : {std::max(a.y, y0), std::min(b.y, y1)}) {
+      const double x = b.y > a.y ? a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)) : a.x;
+      from = std::min(from, x);
+      to = std::max(to, x);
+    }
+    if (b.y > a.y) continue;
+    from = std::min(from, b.x);
+    to = std::max(to, b.x);
+  }
+  return {from, to};
+}
 
 std::vector<Chart> make_charts(std::span<const Vec3f> positions,
                                std::span<const Triangle> triangles,

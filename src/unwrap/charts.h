@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/vec.h"
@@ -21,6 +22,9 @@ struct Chart {
 std::vector<Chart> make_charts(std::span<const Vec3f> positions,
                                std::span<const Triangle> triangles,
                                const std::function<void()>& poll);
+
+/// From where to where, along x, a triangle reaches between two heights; from > to: nowhere.
+std::pair<double, double> span_between(const Vec2d* triangle, double y0, double y1);
 
 /// Where a chart goes: its corners turned, times the scale of all, and moved by `at`, in texels.
 struct Placement {

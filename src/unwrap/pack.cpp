@@ -189,18 +189,7 @@ class Packer {
         // What of the triangle lies in this row, which is as high as the gutter makes it.
         const double y0 = mask.origin.y + static_cast<double>(y) * step_ - half_,
                      y1 = y0 + step_ + 2 * half_;
-        double x0 = std::numeric_limits<double>::infinity(), x1 = -x0;
-        for (std::size_t k = 0; k < 3; ++k) {
-          Vec2d a = p[k], b = p[(k + 1) % 3];
-          if (a.y > b.y) std::swap(a, b);
-          if (b.y < y0 || a.y > y1) continue;
-          for (const double at : {std::max(a.y, y0), std::min(b.y, y1)}) {
-            const double x = b.y > a.y ? a.x + (b.x - a.x) * ((at - a.y) / (b.y - a.y)) : a.x;
-            x0 = std::min(x0, x);
-            x1 = std::max(x1, x);
-          }
-          if (!(b.y > a.y)) x1 = std::max(x1, b.x), x0 = std::min(x0, b.x);
-        }
+        const auto [x0, x1] = span_between(p.data(), y0, y1);
         if (x0 <= x1)
           set_bits(rows[y], cell(x0 - half_, mask.origin.x, mask.width),
                    cell(x1 + half_, mask.origin.x, mask.width) + 1);

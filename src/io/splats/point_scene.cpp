@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <span>
 #include <vector>
@@ -21,12 +20,14 @@ namespace {
 constexpr std::size_t kColour = 3, kAlpha = 6, kNormal = 7;
 
 template <class T>
+double stored_as(const std::byte* from) {
+  return static_cast<double>(value_at<T>(from));
+}
+template <class T>
 void load_as(const std::byte* from, std::size_t stride, std::size_t rows, double scale,
              double shift, SplatBatch::Column& to) {
   for (std::size_t i = 0; i < rows; ++i) {
-    T value;
-    std::memcpy(&value, from + i * stride, sizeof value);
-    to[i] = static_cast<float>(static_cast<double>(value) * scale + shift);
+    to[i] = static_cast<float>(stored_as<T>(from + i * stride) * scale + shift);
   }
 }
 using Loader = void (*)(const std::byte*, std::size_t, std::size_t, double, double,
@@ -36,10 +37,6 @@ constexpr std::array<Loader, 8> kLoaders{
     load_as<std::int8_t>,  load_as<std::uint8_t>,  load_as<std::int16_t>, load_as<std::uint16_t>,
     load_as<std::int32_t>, load_as<std::uint32_t>, load_as<float>,        load_as<double>};
 
-template <class T>
-double stored_as(const std::byte* from) {
-  return static_cast<double>(value_at<T>(from));
-}
 using Stored = double (*)(const std::byte*);
 constexpr std::array<Stored, 8> kStored{stored_as<std::int8_t>,  stored_as<std::uint8_t>,
                                         stored_as<std::int16_t>, stored_as<std::uint16_t>,
