@@ -21,8 +21,9 @@ enum class JobCommand : std::uint8_t {
   gaussians,  ///< GaussiansOptions
   apply,      ///< TransferOptions whose source is a hit map
   proxy,      ///< ProxyOptions
+  mesh,       ///< TexturedMeshOptions
 };
-/// "transfer", "maps", "gaussians", "apply", "proxy".
+/// "transfer", "maps", "gaussians", "apply", "proxy", "mesh".
 POUNCE_API const char* job_command_name(JobCommand command) noexcept;
 
 /// How many values an option has.
@@ -62,6 +63,8 @@ POUNCE_API void set_option(MapsOptions& options, const std::string& name, const 
 POUNCE_API void set_option(GaussiansOptions& options, const std::string& name,
                            const std::string& text);
 POUNCE_API void set_option(ProxyOptions& options, const std::string& name, const std::string& text);
+POUNCE_API void set_option(TexturedMeshOptions& options, const std::string& name,
+                           const std::string& text);
 
 /// The options that differ from their defaults, as texts that set_option() accepts: what a report
 /// records of them (Report::options).
@@ -69,6 +72,7 @@ POUNCE_API std::vector<OptionReport> option_texts(const TransferOptions& options
 POUNCE_API std::vector<OptionReport> option_texts(const MapsOptions& options);
 POUNCE_API std::vector<OptionReport> option_texts(const GaussiansOptions& options);
 POUNCE_API std::vector<OptionReport> option_texts(const ProxyOptions& options);
+POUNCE_API std::vector<OptionReport> option_texts(const TexturedMeshOptions& options);
 
 /// The command and options in a report, to run it again.
 struct RecordedJob {

@@ -508,18 +508,30 @@ struct GaussiansOptions {
   Resources resources = {};
 };
 
-/// A mesh with UVs of a scene's surface.
+/// How fine a mesh is that is made of a source, and how its UVs lie.
+struct MeshShape {
+  std::uint32_t triangles = 20000;  ///< at most so many, as far as the shape allows: 100..5000000
+  std::uint32_t cells = 256;        ///< of scenes, along their longest side: 16..512
+  std::uint32_t size = 2048;        ///< texels along the image that charts are packed for
+  std::uint32_t gutter = 4;         ///< texels between charts: 0..64
+};
+
+/// A mesh with UVs of a scene's surface; of a model a lighter one with its textures.
 struct ProxyOptions {
-  std::string source = {};  ///< a splat scene or a point cloud
+  std::string source = {};  ///< a splat scene, a point cloud or a mesh
   std::string output = {};  ///< .glb
   /// Turns the source: the output's x, y and z as the file's, such as "x,-y,-z". Empty: as stored.
   std::string axes = {};
-  std::uint32_t triangles = 20000;  ///< at most so many, as far as the shape allows: 100..5000000
-  std::uint32_t cells = 256;        ///< along the longest side of the scene: 16..512
-  std::uint32_t size = 2048;        ///< texels along the image that charts are packed for
-  std::uint32_t gutter = 4;         ///< texels between charts: 0..64
+  MeshShape shape = {};
   SplatFilter filter = {};
   Resources resources = {};
+};
+
+/// The same, and what the source looks like in its textures.
+struct TexturedMeshOptions {
+  /// Without targets, and with a model (.glb, .gltf) as output; `shape` has the size of its images.
+  TransferOptions transfer = {};
+  MeshShape shape = {};
 };
 
 }  // namespace pounce

@@ -1,273 +1,163 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A scene in, a mesh with UVs out:
+// A mesh is made of a source, and a texture for it:
 //
-//   scene ─▶ splat store ─▶ views from 48 sides ─▶ signed distance ─▶ surface ─▶ charts ─▶ .glb
+//   source ─▶ surface ─▶ simplified ─▶ charts ─▶ .glb ─▶ a transfer of the source onto it
 //
-// The first two steps are those of a transfer, and a transfer of the same scene finds the store in
-// the cache. What follows is small, whatever the scene is: a field of some million cubes, and a
-// surface of as many triangles as it has cells.
+// A proxy of a scene is the mesh alone. A model's appearance is in its textures, so a lighter model
+// has them, too. The mesh between the two steps is a file without a name.
 #include "pounce/proxy.h"
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 
-#include "flow/stores/gaussian_store.h"
-#include "flow/stores/splats.h"
-#include "flow/stores/views.h"
-#include "gaussian/splat_statistics.h"
-#include "io/gltf/mesh_writer.h"
+#include "core/nameless_file.h"
+#include "flow/shape/model.h"
+#include "flow/shape/scene.h"
+#include "flow/shape/write.h"
+#include "flow/transfer.h"
+#include "io/files/output_file.h"
+#include "io/model/model_writer.h"
 #include "job/run_job.h"
-#include "meshing/field.h"
+#include "mesh/block_bins.h"
 #include "options/table.h"
 #include "planning/describe_job.h"
 #include "planning/load_mesh.h"
 #include "planning/name_patterns.h"
 #include "planning/plan.h"
-#include "unwrap/unwrap.h"
-#include "views/kernels.h"
+#include "pounce/textured_mesh.h"
 
 namespace pounce {
 namespace flow {
 namespace {
 
 // Shares of the progress bar.
-constexpr double kAfterSorting = 0.25, kAfterViews = 0.75, kAfterField = 0.9;
+constexpr double kAfterSurface = 0.7;  // of the mesh
+constexpr double kAfterMesh = 0.5;     // where a transfer follows
 
-constexpr std::uint32_t kViews = 48;
-/// Of the box's diagonal: pixels finer than this show the scene's noise (docs/decisions/067).
-constexpr double kPixel = 2.6e-3;
-constexpr double kLeastPart = 0.02;  ///< of the largest part's area
-constexpr int kSmoothing = 3;
-constexpr float kAround = 0.03F;  ///< of the longest side, around all that is looked at
+void make_mesh(job::JobContext& job, const TransferOptions& source, bool is_scene,
+               const MeshShape& shape, double end,
+               const std::function<std::uint64_t(const io::PlainMesh&)>& write) {
+  const double part = kAfterSurface * end;
+  SourceSurface surface = is_scene ? surface_of_scene(job, source, shape, part)
+                                   : surface_of_model(job, source, part);
+  write_shape(job, std::move(surface), shape, end, write);
+}
 
-class ProxyJob {
- public:
-  ProxyJob(const ProxyOptions& options, job::JobContext& job)
-      : options_(options),
-        job_(job),
-        request_(planning::splat_request(planning::as_transfer(options))) {}
+// --- the mesh alone ------------------------------------------------------------------------------
 
-  void run() {
-    const planning::SceneFacts facts = plan();
-    std::shared_ptr<store::SplatStore> store;
-    {
-      const StageTimer timer(job_.clock, "precondition");
-      const job::ScratchPack runs_go(job_, store::PackKind::splats);
-      bool cached = false;
-      store = splat_store(job_, request_, &cached, kAfterSorting);
-      directory_ = count_splat_store(job_, *store, cached);
-    }
-    const Box3f box = object_box(*store);
-    meshing::Surface surface = surface_of(store, box);
-    finish(surface, facts.origin);
-  }
-
- private:
-  planning::SceneFacts plan() {
-    const StageTimer timer(job_.clock, "read");
-    planning::SceneFacts facts = scene_facts(request_);
-    for (const std::string& file : facts.files) planning::add_input(file, job_.report);
-    planning::check_outputs({options_.output});
-    planning::refuse_over_input(options_.output, facts.files);
-    planning::move_to_origin(facts.origin, request_);
-    job_.report.origin = {facts.origin.x, facts.origin.y, facts.origin.z};
-    job_.report.notes = facts.assumptions;
-    job_.note(planning::origin_note(options_.source, facts.origin));
-    const std::uint64_t contexts = job_.threads * store::Compressor::context_bytes();
-    const std::array<job::LeastMemory, 3> needs{
-        {{facts.least_bytes, "sorting " + options_.source},
-         {scene_views_least_bytes(facts.lobes, facts.splats),
-          "drawing " + options_.source + " from all around"},
-         {field_bytes() + usual_surface_bytes(), "the surface of " + options_.source}}};
-    const auto most = *std::max_element(
-        needs.begin(), needs.end(), [](const auto& a, const auto& b) { return a.bytes < b.bytes; });
-    require_least(job_, {most.bytes + contexts, most.why}, 0);
-    contexts_ = runtime::Lease(job_.budget, contexts, "the compressors");
-    return facts;
-  }
-
-  /// At most: of a cube of cells, and of a view's depths.
-  std::uint64_t field_bytes() const {
-    const std::uint64_t corners = options_.cells + std::uint64_t{2};
-    const std::uint64_t edge = views::Grid::kMostAcross * std::uint64_t{views::kTileEdge};
-    return corners * corners * corners * (sizeof(std::int32_t) + sizeof(std::uint16_t)) +
-           round_to_pages(edge * edge * sizeof(std::uint16_t));
-  }
-  /// With what its steps need beside it: edges, what simplifying holds, charts.
-  static std::uint64_t surface_bytes(std::uint64_t triangles) { return 250 * triangles; }
-  /// Before it is known: as large as four sides of the cube.
-  std::uint64_t usual_surface_bytes() const {
-    return surface_bytes(std::uint64_t{8} * options_.cells * options_.cells);
-  }
-
-  /// Where nearly all of the scene is: of all blocks, weighed by their Gaussians, without the
-  /// outermost hundredth at each end.
-  Box3f object_box(const store::SplatStore& store) const {
-    constexpr double kOutside = 0.01;
-    std::array<std::vector<std::pair<float, std::uint32_t>>, 3> lows, highs;
-    for (std::uint32_t t = 0; t < store.directory().tiles.size(); ++t) {
-      for (const store::SplatEntry& entry : store.read_index(t, job_.compressor())) {
-        const std::array<float, 3> lo{entry.box.lo.x, entry.box.lo.y, entry.box.lo.z},
-            hi{entry.box.hi.x, entry.box.hi.y, entry.box.hi.z};
-        for (std::size_t k = 0; k < 3; ++k) {
-          lows[k].emplace_back(lo[k], entry.splats);
-          highs[k].emplace_back(-hi[k], entry.splats);
-        }
-      }
-    }
-    const auto end = [&](std::vector<std::pair<float, std::uint32_t>>& ends) {
-      std::sort(ends.begin(), ends.end());
-      const double wanted = kOutside * static_cast<double>(store.directory().splats);
-      double passed = 0;
-      for (const auto& [at, splats] : ends) {
-        passed += splats;
-        if (passed > wanted) return at;
-      }
-      return ends.back().first;
-    };
-    Box3f box{{end(lows[0]), end(lows[1]), end(lows[2])},
-              {-end(highs[0]), -end(highs[1]), -end(highs[2])}};
-    if (request_.keep.box) {
-      const Box3f& asked = *request_.keep.box;
-      box.lo = {std::max(box.lo.x, asked.lo.x), std::max(box.lo.y, asked.lo.y),
-                std::max(box.lo.z, asked.lo.z)};
-      box.hi = {std::min(box.hi.x, asked.hi.x), std::min(box.hi.y, asked.hi.y),
-                std::min(box.hi.z, asked.hi.z)};
-    }
-    const Vec3f size = box.hi - box.lo;
-    const float longest = std::max({size.x, size.y, size.z});
-    constexpr float kLeast = 1e-15F, kMost = 1e15F;
-    if (!(longest >= kLeast && longest <= kMost)) {
-      throw Error(ErrorKind::input,
-                  fmt::format("{}: spans {:g} units, of which no surface can be made; scale it, or "
-                              "choose what is wanted of it with --box",
-                              options_.source, std::max(longest, 0.0F)));
-    }
-    return box.grown(kAround * longest);
-  }
-
-  meshing::Surface surface_of(const std::shared_ptr<store::SplatStore>& store, const Box3f& box) {
-    const double diagonal = length(Vec3d(box.hi) - Vec3d(box.lo));
-    const views::Grid grid(box, static_cast<float>(kPixel * diagonal), kViews);
-    const store::SplatDirectory& scene = store->directory();
-    ViewsRequest request;
-    request.scene = store;
-    request.drawing = {scene.model == store::SplatModel::antialiased,
-                       gaussian::fine_edge(scene.typical_size), false};
-    request.kernels = &views::view_kernels({});
-    request.views = kViews;
-    request.path = options_.source;
-    std::unique_ptr<ColourCache> drawn;
-    {
-      const StageTimer timer(job_.clock, "views");
-      job_.meter.begin("views", grid.image(views::kSceneSamples).tiles_y(), "rows", kAfterViews);
-      bool cached = false;
-      drawn = drawn_scene(job_, request, grid, &cached);
-      job_.report.views = kViews;
-      job_.meter.end(cached);
-    }
-    const StageTimer timer(job_.clock, "surface");
-    job_.meter.begin("surface", kViews, "views", kAfterField);
-    const meshing::Lattice lattice(box, options_.cells);
-    const std::string name = "the surface of " + options_.source;
-    const std::size_t pixels = std::size_t{grid.edge()} * grid.edge();
-    const runtime::Lease lease(
-        job_.budget,
-        meshing::Field::bytes(lattice) + round_to_pages(pixels * sizeof(std::uint16_t)), name);
-    meshing::Field field(lattice);
-    PageVector<std::uint16_t> depths(pixels);
-    for (std::uint32_t view = 0; view < kViews; ++view) {
-      read_depths(grid, *drawn, view, depths);
-      tbb::parallel_for(std::uint32_t{0}, lattice.corners[2], [&](std::uint32_t z) {
-        field.add(grid, {view, depths}, z, z + 1);
-      });
-      job_.meter.advance(1);
-    }
-    surface_ = runtime::Lease(job_.budget, surface_bytes(field.most_triangles()), name);
-    meshing::Surface surface = field.surface();
-    job_.meter.end();
-    return surface;
-  }
-
-  static void read_depths(const views::Grid& grid, const ColourCache& drawn, std::uint32_t view,
-                          PageVector<std::uint16_t>& depths) {
-    constexpr auto kHalf = static_cast<std::uint16_t>(views::kAlphaSteps / 2);
-    const std::size_t edge = grid.edge();
-    std::fill(depths.begin(), depths.end(), views::kNoDepth);
-    for (std::uint32_t y = 0; y < grid.tiles_across(); ++y) {
-      const auto row = drawn.index(grid.tile_row(view, y));
-      for (std::uint32_t x = 0; x < grid.tiles_across(); ++x) {
-        if (store::is_left_out((*row)[x])) continue;
-        const auto tile = drawn.block((*row)[x]);
-        for (std::size_t r = 0; r < std::size_t{views::kTileEdge}; ++r) {
-          const std::uint16_t* from =
-              samples_of(*tile) +
-              ((r + views::kApron) * views::kStoredEdge + views::kApron) * views::kSceneSamples;
-          std::uint16_t* const to = &depths[(y * std::size_t{views::kTileEdge} + r) * edge +
-                                            x * std::size_t{views::kTileEdge}];
-          for (std::size_t c = 0; c < std::size_t{views::kTileEdge};
-               ++c, from += views::kSceneSamples)
-            if (from[3] >= kHalf) to[c] = from[4];
-        }
-      }
-    }
-  }
-
-  void finish(meshing::Surface& surface, Vec3d origin) {
-    const StageTimer timer(job_.clock, "mesh");
-    job_.meter.begin("mesh", 1, "meshes", 1);
-    meshing::keep_large_parts(surface, kLeastPart);
-    meshing::smooth(surface, kSmoothing);
-    meshing::simplify(surface, options_.triangles);
-    if (surface.triangles.empty()) {
-      throw Error(
-          ErrorKind::input,
-          options_.source +
-              ": no surface is seen from outside; a room or an open scene needs --box around "
-              "one object, a faint one --min-opacity");
-    }
-    const unwrap::Unwrapped flat =
-        unwrap::unwrap(surface.positions, surface.triangles, {options_.size, options_.gutter},
-                       [this] { job_.meter.throw_if_cancelled(); });
-    if (!flat.fits) {
-      throw Error(
-          ErrorKind::usage,
-          fmt::format("--size {}: too small for {} charts with {} texels between them; raise "
-                      "--size, or lower --gutter or --triangles",
-                      options_.size, flat.chart_count, options_.gutter));
-    }
-    const std::vector<Vec3f> normals = meshing::normals_of(surface);
-    std::vector<Vec3f> positions, own_normals;
-    for (const std::uint32_t v : flat.vertex) {
-      positions.push_back(surface.positions[v]);
-      own_normals.push_back(normals[v]);
-    }
-    job_.report.bytes_written +=
-        io::write_glb(options_.output, {positions, own_normals, flat.uvs, flat.triangles, origin});
-    job_.report.outputs = {options_.output};
-    job_.note(fmt::format("{} triangles in {} charts, which fill {:.0f} % of the image",
-                          flat.triangles.size(), flat.chart_count, 100 * flat.fill));
-    job_.meter.advance(1);
-    job_.meter.end();
-  }
-
-  const ProxyOptions& options_;
-  job::JobContext& job_;
-  planning::SplatRequest request_;
-  runtime::Lease contexts_, directory_, surface_;
-};
-
-void check_request(const ProxyOptions& o) {
+void check_proxy(const ProxyOptions& o) {
   const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
   if (o.source.empty() || o.output.empty()) usage("a source and an output are required");
-  if (!o.output.ends_with(".glb")) usage(o.output + ": a proxy is written as .glb; name it so");
+  if (!io::is_glb_path(o.output)) usage(o.output + ": a proxy is written as .glb; name it so");
   options::check_ranges(o);
   planning::axes_of(planning::as_transfer(o).source_use, "source");
+}
+
+void make_proxy(job::JobContext& job, const ProxyOptions& options) {
+  planning::check_outputs({options.output});
+  TransferOptions source = planning::as_transfer(options);
+  source.splats.harmonics = SphericalHarmonics::dc;  // depths are the same with all
+  make_mesh(job, source, true, options.shape, 1, [&](const io::PlainMesh& mesh) {
+    return io::write_glb(options.output, mesh);
+  });
+  job.report.outputs = {options.output};
+}
+
+// --- with what it looks like ---------------------------------------------------------------------
+
+/// The transfer onto a mesh that is named so.
+TransferOptions onto(const std::string& mesh, const TexturedMeshOptions& options, bool is_scene) {
+  TransferOptions transfer = options.transfer;
+  transfer.targets = {mesh};
+  transfer.image.size = ImageSize{options.shape.size, options.shape.size};
+  // A lighter mesh has lost the shape that its normal map can show.
+  const std::vector<Channel>& wanted = transfer.channels.transferred;
+  const bool all = wanted.empty() || transfer.channels.all;
+  const bool wants_normal =
+      all || std::find(wanted.begin(), wanted.end(), Channel::normal) != wanted.end();
+  if (!is_scene && wants_normal) {
+    std::erase(transfer.channels.transferred, Channel::normal);
+    transfer.channels.baked = {Channel::normal};
+  }
+  return transfer;
+}
+
+/// What is wrong whatever the source is.
+void check_textured(const TexturedMeshOptions& options) {
+  const TransferOptions& o = options.transfer;
+  const auto usage = [](const std::string& text) { throw Error(ErrorKind::usage, text); };
+  if (o.source.empty() || o.output.empty()) usage("a source and an output are required");
+  if (!o.targets.empty()) usage(o.targets.front() + ": the target is made here; remove it");
+  if (!io::is_model_path(o.output))
+    usage(o.output + ": a textured mesh is written as .glb or .gltf; name it so");
+  if (planning::has_token(o.output, "TARGET"))
+    usage(o.output + ": there is no target but the mesh that is made; remove <TARGET>");
+  options::check_ranges(options);
+  planning::axes_of(o.source_use, "source");
+}
+
+void check_textured(const TexturedMeshOptions& options, bool is_scene) {
+  // What the transfer would refuse, before the mesh is made.
+  const TransferOptions transfer = onto(options.transfer.output, options, is_scene);
+  planning::check_options(transfer);
+  if (is_scene) {
+    planning::refuse_mesh_options(transfer);
+  } else {
+    planning::refuse_splat_options(transfer);
+    options::refuse_unsuitable(options, options::Source::mesh);
+  }
+}
+
+/// The text with the output's name where the path of the mesh is.
+std::string renamed(std::string text, const std::string& path, const std::string& name) {
+  for (std::size_t at = 0; (at = text.find(path, at)) != std::string::npos; at += name.size())
+    text.replace(at, path.size(), name);
+  return text;
+}
+
+/// Nobody knows the path of the mesh in between: what is said of it is said of the output.
+void rename(Report& report, const std::string& path, const std::string& name) {
+  std::erase(report.inputs, path);
+  for (TargetReport& target : report.targets) target.path = renamed(target.path, path, name);
+  for (std::string& text : report.warnings) text = renamed(text, path, name);
+  for (std::string& text : report.notes) text = renamed(text, path, name);
+  report.least_memory_for = renamed(report.least_memory_for, path, name);
+}
+
+void make_textured(job::JobContext& job, const TexturedMeshOptions& options, bool is_scene) {
+  const std::string& name = options.transfer.output;
+  planning::check_outputs({name});
+  NamelessFile file(job.scratch_folder);
+  make_mesh(job, options.transfer, is_scene, options.shape, kAfterMesh,
+            [&](const io::PlainMesh& mesh) {
+              const std::uint64_t bytes = io::write_glb(file.stream(), name, mesh);
+              file.flush();
+              return bytes;
+            });
+  const job::LeastMemory least{job.report.least_memory_bytes, job.report.least_memory_for};
+  job.meter.restart();
+  try {
+    transfer_in(job, onto(file.path(), options, is_scene));
+  } catch (const Error& e) {
+    rename(job.report, file.path(), name);
+    throw Error(e.kind(), renamed(e.what(), file.path(), name), e.is_passing());
+  }
+  rename(job.report, file.path(), name);
+  if (least.bytes <= job.report.least_memory_bytes) return;
+  job.report.least_memory_bytes = least.bytes;
+  job.report.least_memory_for = least.why;
+}
+
+void run_textured(const TexturedMeshOptions& options, bool is_scene, job::JobRun& run,
+                  bool rebuild) {
+  check_textured(options, is_scene);
+  const TransferOptions& transfer = options.transfer;
+  const auto job =
+      job::open_job(transfer.resources, transfer.output, nullptr, rebuild, false, run);
+  job->tile_cap_bytes = mesh::kTileCapBytes;
+  make_textured(*job, options, is_scene);
 }
 
 }  // namespace
@@ -276,15 +166,23 @@ void check_request(const ProxyOptions& o) {
 Report proxy(const ProxyOptions& options, Progress* progress, Report* so_far) {
   return job::run_job(options.resources, progress, so_far, [&](job::JobRun& run, bool rebuild) {
     planning::describe(options, run.report);
-    flow::check_request(options);
+    flow::check_proxy(options);
     if (!planning::is_splat_scene(options.source)) {
-      throw Error(ErrorKind::input,
-                  options.source +
-                      ": not a splat scene or a point cloud, of which alone a "
-                      "proxy is made; a mesh is a target as it is, once it has UVs");
+      options::refuse_unsuitable(options, options::Source::mesh);
+      return flow::run_textured({planning::as_transfer(options), options.shape}, false, run,
+                                rebuild);
     }
     const auto job = job::open_job(options.resources, options.output, nullptr, rebuild, false, run);
-    flow::ProxyJob(options, *job).run();
+    flow::make_proxy(*job, options);
+  });
+}
+
+Report textured_mesh(const TexturedMeshOptions& options, Progress* progress, Report* so_far) {
+  const Resources& resources = options.transfer.resources;
+  return job::run_job(resources, progress, so_far, [&](job::JobRun& run, bool rebuild) {
+    planning::describe(options, run.report);
+    flow::check_textured(options);
+    flow::run_textured(options, planning::is_splat_scene(options.transfer.source), run, rebuild);
   });
 }
 

@@ -8,7 +8,7 @@
 //
 // Stages are functions from values to values; threads, memory and files are wired in this folder.
 //
-// run_job() may call run_transfer() twice: again, with `rebuild`, if a pack of the cache turned out
+// run_job() may call transfer_in() twice: again, with `rebuild`, if a pack of the cache turned out
 // to be damaged. Everything is planned anew then. What must survive the first attempt is in
 // job::JobRun, such as which outputs it wrote.
 #include "pounce/transfer.h"
@@ -57,28 +57,27 @@ void make_targets(job::JobContext& job, TransferPlan& plan) {
   job.report.tiles_read += source.tiles_read();
 }
 
-void run_transfer(const TransferOptions& options, const job::TestKnobs& knobs, job::JobRun& run,
-                  bool rebuild) {
-  const auto job = open_transfer(options, knobs, run, rebuild, false);
-  TransferPlan plan(*job, options, knobs);
+}  // namespace
+
+void transfer_in(job::JobContext& job, const TransferOptions& options,
+                 const job::TestKnobs& knobs) {
+  TransferPlan plan(job, options, knobs);
 
   plan.make(kAfterReading);
   // From here on it is known what will be done and that it fits.
   const bool may_keep = options.skip_existing || options.keep_made;
-  if (!may_keep || plan.anything_to_write()) make_targets(*job, plan);
+  if (!may_keep || plan.anything_to_write()) make_targets(job, plan);
   if (options.share.role != TaskRole::assemble) return;
-  planning::refuse_missing(job->report.missing);
-  job::PartFiles::sweep(*job);
+  planning::refuse_missing(job.report.missing);
+  job::PartFiles::sweep(job);
 }
-
-}  // namespace
 
 Report transfer(const TransferOptions& options, const job::TestKnobs& knobs, Progress* progress,
                 Report* so_far) {
   return job::run_job(options.resources, progress, so_far, [&](job::JobRun& run, bool rebuild) {
     planning::describe(options, false, run.report);
     planning::check_options(options);
-    run_transfer(options, knobs, run, rebuild);
+    transfer_in(*open_transfer(options, knobs, run, rebuild, false), options, knobs);
   });
 }
 

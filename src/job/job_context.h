@@ -110,7 +110,9 @@ struct JobContext {
     if (!text.empty()) report.warnings.push_back(text);
   }
   void note(const std::string& text) {
-    if (!text.empty()) report.notes.push_back(text);
+    std::vector<std::string>& notes = report.notes;  // two parts of a job may find the same
+    if (!text.empty() && std::find(notes.begin(), notes.end(), text) == notes.end())
+      notes.push_back(text);
   }
 
   /// Counts a store that the job goes on with; `cached`: it was there already.

@@ -20,23 +20,6 @@ Vec3d area_vector(const Surface& surface, const Triangle& t) {
   return cross(b - a, c - a) * 0.5;
 }
 
-/// Numbers vertices anew in the order of their first use; others go.
-void drop_unused(Surface& surface) {
-  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-  std::vector<std::uint32_t> number(surface.positions.size(), kNone);
-  std::vector<Vec3f> used;
-  for (Triangle& t : surface.triangles) {
-    for (std::uint32_t& v : t) {
-      if (number[v] == kNone) {
-        number[v] = static_cast<std::uint32_t>(used.size());
-        used.push_back(surface.positions[v]);
-      }
-      v = number[v];
-    }
-  }
-  surface.positions = std::move(used);
-}
-
 /// Neighbours of each vertex, one list after the other; and which vertices lie on a border.
 struct Rings {
   std::vector<std::uint32_t> first, neighbours;
@@ -67,6 +50,22 @@ struct Rings {
 };
 
 }  // namespace
+
+void drop_unused(Surface& surface) {
+  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+  std::vector<std::uint32_t> number(surface.positions.size(), kNone);
+  std::vector<Vec3f> used;
+  for (Triangle& t : surface.triangles) {
+    for (std::uint32_t& v : t) {
+      if (number[v] == kNone) {
+        number[v] = static_cast<std::uint32_t>(used.size());
+        used.push_back(surface.positions[v]);
+      }
+      v = number[v];
+    }
+  }
+  surface.positions = std::move(used);
+}
 
 void keep_large_parts(Surface& surface, double share) {
   std::vector<std::uint32_t> part(surface.positions.size());

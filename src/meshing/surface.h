@@ -18,6 +18,9 @@ struct Surface {
   std::vector<Triangle> triangles;
 };
 
+/// Numbers vertices anew in the order of their first use; those that no triangle has go.
+void drop_unused(Surface& surface);
+
 /// Drops connected parts whose area is less than `share` of the largest one's, and vertices that no
 /// triangle has.
 void keep_large_parts(Surface& surface, double share);

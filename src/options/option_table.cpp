@@ -74,6 +74,12 @@ std::vector<OptionReport> all_texts(const Options& options) {
   return texts_where<Options>(options, [](const Row<Options>&) { return true; });
 }
 
+template <class Options>
+const std::string& source_of(const Options& options) {
+  return options.source;
+}
+const std::string& source_of(const TexturedMeshOptions& options) { return options.transfer.source; }
+
 }  // namespace
 
 template <class Options>
@@ -105,7 +111,7 @@ void refuse_unsuitable(const Options& options, Source kind) {
     if (applies_to(row.source, Source::splats)) suitable.emplace_back("splat scenes");
     throw Error(ErrorKind::usage,
                 fmt::format("{} applies only to {}; {} is {}", typed_name(row.info),
-                            fmt::join(suitable, " and "), options.source, is));
+                            fmt::join(suitable, " and "), source_of(options), is));
   }
 }
 
@@ -153,8 +159,11 @@ template void check_ranges(const TransferOptions&);
 template void check_ranges(const MapsOptions&);
 template void check_ranges(const GaussiansOptions&);
 template void check_ranges(const ProxyOptions&);
+template void check_ranges(const TexturedMeshOptions&);
 template void refuse_unsuitable(const TransferOptions&, Source);
 template void refuse_unsuitable(const GaussiansOptions&, Source);
+template void refuse_unsuitable(const ProxyOptions&, Source);
+template void refuse_unsuitable(const TexturedMeshOptions&, Source);
 
 }  // namespace options
 
@@ -168,6 +177,8 @@ const char* job_command_name(JobCommand command) noexcept {
       return "apply";
     case JobCommand::proxy:
       return "proxy";
+    case JobCommand::mesh:
+      return "mesh";
     case JobCommand::transfer:
       break;
   }
@@ -181,6 +192,7 @@ const std::vector<OptionInfo>& option_table(JobCommand command) {
   static const std::vector<OptionInfo> gaussians = options::infos<GaussiansOptions>();
   static const std::vector<OptionInfo> apply = options::apply_infos();
   static const std::vector<OptionInfo> proxy = options::infos<ProxyOptions>();
+  static const std::vector<OptionInfo> mesh = options::infos<TexturedMeshOptions>();
   switch (command) {
     case JobCommand::maps:
       return maps;
@@ -190,6 +202,8 @@ const std::vector<OptionInfo>& option_table(JobCommand command) {
       return apply;
     case JobCommand::proxy:
       return proxy;
+    case JobCommand::mesh:
+      return mesh;
     case JobCommand::transfer:
       break;
   }
@@ -208,6 +222,9 @@ void set_option(GaussiansOptions& options, const std::string& name, const std::s
 void set_option(ProxyOptions& options, const std::string& name, const std::string& text) {
   options::set(options, name, text);
 }
+void set_option(TexturedMeshOptions& options, const std::string& name, const std::string& text) {
+  options::set(options, name, text);
+}
 
 std::vector<OptionReport> option_texts(const TransferOptions& options) {
   return options::all_texts(options);
@@ -219,6 +236,9 @@ std::vector<OptionReport> option_texts(const GaussiansOptions& options) {
   return options::all_texts(options);
 }
 std::vector<OptionReport> option_texts(const ProxyOptions& options) {
+  return options::all_texts(options);
+}
+std::vector<OptionReport> option_texts(const TexturedMeshOptions& options) {
   return options::all_texts(options);
 }
 

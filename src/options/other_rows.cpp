@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The options of `pounce maps`, `pounce gaussians` and `pounce proxy`.
+// The options of `pounce maps` and `pounce gaussians`.
 //
 // Shorter tables than that of a transfer, from the same parts (shared_rows.h). What both have is
 // one row there, so help and refusals agree.
@@ -171,67 +171,7 @@ Rows<GaussiansOptions> gaussians_rows() {
   return rows;
 }
 
-Rows<ProxyOptions> proxy_rows() {
-  using Options = ProxyOptions;
-  Rows<Options> rows{
-      row<Options>({.name = "source",
-                    .value = "SCENE",
-                    .help = "Splat scene (.ply, .spz, .sog, .glb, .gltf, .splat, .ksplat) or "
-                            "coloured point cloud (.ply, .las) of an object",
-                    .is_operand = true,
-                    .is_required = true},
-                   path(&Options::source), any_text()),
-      row<Options>({.name = "output",
-                    .value = "OUTPUT",
-                    .group = "Output",
-                    .help = "Mesh to write (.glb), in the scene's coordinates. It appears whole or "
-                            "not at all",
-                    .letter = 'o',
-                    .is_required = true},
-                   path(&Options::output), text(parse_path)),
-      row<Options>(
-          {.name = "source-axes",
-           .value = "AXES",
-           .group = "Output",
-           .help = "OUTPUT's x, y and z as SCENE's, such as x,-y,-z. A transfer onto OUTPUT "
-                   "needs the same",
-           .default_text = "as stored"},
-          path(&Options::axes), axes(false)),
-      row<Options>({.name = "triangles",
-                    .value = "N",
-                    .group = "Mesh",
-                    .help = "At most so many triangles, as far as the shape allows"},
-                   path(&Options::triangles), integer<std::uint32_t>(100, 5000000)),
-      row<Options>(
-          {.name = "cells",
-           .value = "N",
-           .group = "Mesh",
-           .help = "Cells along the longest side of the scene: more show finer shapes, and "
-                   "more of the scene's noise"},
-          path(&Options::cells), integer<std::uint32_t>(16, 512)),
-      row<Options>({.name = "size",
-                    .value = "N",
-                    .group = "UVs",
-                    .help = "Texels along the texture that is to be made: the gutter is counted in "
-                            "these"},
-                   path(&Options::size), integer<std::uint32_t>(64, 65536)),
-      row<Options>(
-          {.name = "gutter", .value = "N", .group = "UVs", .help = "Texels between charts"},
-          path(&Options::gutter), integer<std::uint32_t>(0, 64)),
-  };
-  append(rows, splat_filter_rows<Options>("Scene", "as stored, or after --source-axes",
-                                          &Options::filter));
-  append(rows, resource_rows<Options>());
-  return rows;
-}
-
 }  // namespace
-
-template <>
-const std::vector<Row<ProxyOptions>>& rows_of<ProxyOptions>() {
-  static const Rows<ProxyOptions> rows = proxy_rows();
-  return rows;
-}
 
 template <>
 const std::vector<Row<MapsOptions>>& rows_of<MapsOptions>() {

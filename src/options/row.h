@@ -186,6 +186,8 @@ template <>
 const std::vector<Row<GaussiansOptions>>& rows_of<GaussiansOptions>();
 template <>
 const std::vector<Row<ProxyOptions>>& rows_of<ProxyOptions>();
+template <>
+const std::vector<Row<TexturedMeshOptions>>& rows_of<TexturedMeshOptions>();
 
 /// Those of a transfer that apply to a hit map, in the words of `pounce apply`.
 std::vector<OptionInfo> apply_infos();

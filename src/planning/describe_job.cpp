@@ -46,6 +46,13 @@ void describe(const ProxyOptions& options, Report& report) {
   report.options = option_texts(options);
 }
 
+void describe(const TexturedMeshOptions& options, Report& report) {
+  report.command = job_command_name(JobCommand::mesh);
+  report.method = method_name(options.transfer.mesh.method);
+  add_input(options.transfer.source, report);
+  report.options = option_texts(options);
+}
+
 void add_input(const std::string& path, Report& report) {
   std::vector<std::string>& inputs = report.inputs;
   if (!path.empty() && std::find(inputs.begin(), inputs.end(), path) == inputs.end())

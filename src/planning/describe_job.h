@@ -17,6 +17,7 @@ void describe(const TransferOptions& options, bool plan_only, Report& report);
 void describe(const MapsOptions& options, Report& report);
 void describe(const GaussiansOptions& options, Report& report);
 void describe(const ProxyOptions& options, Report& report);
+void describe(const TexturedMeshOptions& options, Report& report);
 
 /// Adds a file that the job reads, once.
 void add_input(const std::string& path, Report& report);

@@ -218,7 +218,7 @@ SourcePlan plan_scene(const TransferOptions& options, const SceneFacts& scene, b
 /// Writing a source's Gaussians as a transfer without a target: what the two have in common is
 /// checked, planned and named alike.
 TransferOptions as_transfer(const GaussiansOptions& options);
-/// The same of making a proxy, for which harmonics do not matter.
+/// The same of making a proxy.
 TransferOptions as_transfer(const ProxyOptions& options);
 
 /// Throws Error(usage) for options that only make sense for a mesh.

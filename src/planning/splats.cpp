@@ -156,9 +156,8 @@ TransferOptions as_transfer(const ProxyOptions& o) {
   TransferOptions transfer;
   transfer.source = o.source;
   transfer.source_use.axes = o.axes;
-  transfer.output = "proxy.png";  // never written
+  transfer.output = o.output;
   transfer.splats.filter = o.filter;
-  transfer.splats.harmonics = SphericalHarmonics::dc;
   transfer.resources = o.resources;
   return transfer;
 }

@@ -6,7 +6,7 @@ refused() {
   expect 2 "${@:2}"
   err_has "$1"
 }
-refused 'SCENE is required' proxy
+refused 'SOURCE is required' proxy
 refused 'is written as .glb' proxy s.ply -o s.obj
 refused '--triangles' proxy s.ply -o s.glb --triangles 9
 refused '--cells' proxy s.ply -o s.glb --cells 1000
@@ -43,8 +43,7 @@ expect 0 inspect half.glb --json
 begins=$(number "$out" '"lo":\[[-0-9.e]+,[-0-9.e]+,([-0-9.e]+)')
 awk -v z="$begins" 'BEGIN { exit !(z != "" && z > -0.1 && z < 0.1) }' || fail "half of a sphere begins at $begins"
 # What cannot be made leaves nothing.
-expect 3 proxy s_target.glb -o n.glb
-err_has 'not a splat scene or a point cloud'
+expect 3 proxy s_target.truth.png -o n.glb
 expect 4 proxy s.ply -o n.glb --memory 1MiB
 err_has 'the surface of s.ply'
 expect 2 proxy s.ply -o s.ply

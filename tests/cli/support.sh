@@ -16,7 +16,7 @@ if [[ ${skips-} != made ]]; then
   POUNCE=$work/bin/pounce
   cat >"$POUNCE" <<END
 #!/bin/bash
-if [[ \${1-} =~ ^(transfer|apply|maps)\$ ]] && [[ " \$* " != *" --skip-existing "* && " \$* " != *" --redo "* ]]; then
+if [[ \${1-} =~ ^(transfer|apply|maps|mesh)\$ ]] && [[ " \$* " != *" --skip-existing "* && " \$* " != *" --redo "* ]]; then
   exec "$program" "\$1" --redo "\${@:2}"
 fi
 exec "$program" "\$@"

@@ -9,7 +9,7 @@ expect 0 help transfer
 out_has 'Usage: pounce transfer'
 expect 0 version
 out_has 'pounce 0.'
-refused '"transfr" is not a command; choose transfer, apply, maps, gaussians, proxy, inspect, compare, cache, prepare, assemble, status or submit; did you mean transfer?' transfr a b
+refused '"transfr" is not a command; choose transfer, apply, maps, gaussians, proxy, mesh, inspect, compare, cache, prepare, assemble, status or submit; did you mean transfer?' transfr a b
 refused '"purge": cache needs one of: info, list, verify, prune, clear; did you mean clear?' cache purge
 refused 'did you mean verify?' cache verfy
 refused '--ouput is unknown; did you mean --output?' transfer a.glb b.glb --ouput o.png

@@ -131,6 +131,8 @@ job 0 transfer splats/scene.ply proxy.glb -o proxy.png --size 128 --look around
 fixture splats --points -o cloud.ply --count 4000 --target-size 64
 job 0 transfer cloud.ply cloud_target.glb -o cloud.png --size 128
 job 0 proxy cloud.ply -o proxy.glb --cells 32 --triangles 500
+job 0 mesh splats/scene.ply -o mesh.glb --cells 32 --triangles 500 --size 128 --views 6 --look around
+job 0 mesh $source -o lod.glb --triangles 200 --size 128
 job 0 maps $target -o 'v_<CHANNEL>.exr' --size 70
 for file in $source plane.obj splats/scene.ply a.png; do job 0 inspect "$file"; done
 job 0 compare a.png c.png

@@ -28,6 +28,7 @@ Command add_apply_command(CLI::App& program);
 Command add_maps_command(CLI::App& program);
 Command add_gaussians_command(CLI::App& program);
 Command add_proxy_command(CLI::App& program);
+Command add_mesh_command(CLI::App& program);
 Command add_inspect_command(CLI::App& program);
 Command add_compare_command(CLI::App& program);
 Command add_cache_command(CLI::App& program);

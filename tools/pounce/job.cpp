@@ -274,7 +274,7 @@ std::string summary_text(const Report& report, double wall_s) {
     text += left_out_text(report);
     return text + fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
   }
-  if (report.command == "proxy") {
+  if (report.command == "proxy" && report.targets.empty()) {
     text += left_out_text(report);
     return text + fmt::format("{}, {} threads\n", wall_text(wall_s), report.threads);
   }

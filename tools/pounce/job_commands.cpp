@@ -11,6 +11,7 @@
 #include "pounce/error.h"
 #include "pounce/gaussians.h"
 #include "pounce/proxy.h"
+#include "pounce/textured_mesh.h"
 #include "pounce/transfer.h"
 #include "task_number.h"
 
@@ -127,21 +128,38 @@ constexpr const char* kGaussiansUsage =
     "  pounce gaussians room.ply -o table.spz --box -1,-1,-1,1,1,1 --count 500000";
 
 constexpr const char* kProxyUsage =
-    "Usage: pounce proxy SCENE -o OUTPUT.glb [options]\n"
+    "Usage: pounce proxy SOURCE -o OUTPUT.glb [options]\n"
     "\n"
     "Makes a mesh with UVs of the surface of a splat scene or a point cloud: the target of a\n"
     "transfer of the same scene. The scene is drawn from 48 sides; where their depths meet is\n"
     "the surface, which is smoothed, simplified, cut into charts and packed.\n"
     "It is for objects that are seen from all around. Of a room or an open scene, choose an\n"
     "object with --box.\n"
+    "Of a mesh it makes a lighter one in new UVs, with all its textures and its shape in a\n"
+    "normal map: a level of detail, as pounce mesh does with more to choose.\n"
+    "\n"
+    "Examples:\n"
+    "  # The mesh of a scene, twice as fine as usual, for a larger texture.\n"
+    "  pounce proxy statue.ply -o proxy.glb --triangles 40000 --size 4096\n"
+    "\n"
+    "  # A level of detail of a model.\n"
+    "  pounce proxy statue.glb -o statue.lod2.glb --triangles 5000 --size 1024";
+
+constexpr const char* kMeshUsage =
+    "Usage: pounce mesh SOURCE -o OUTPUT.glb [options]\n"
+    "\n"
+    "Makes a textured model of a splat scene, a point cloud or a heavy mesh: the mesh that\n"
+    "pounce proxy makes, and a transfer of the source onto it.\n"
     "\n"
     "Examples:\n"
     "  # From the file that a trainer wrote to a textured model.\n"
-    "  pounce proxy statue.ply -o proxy.glb\n"
-    "  pounce transfer statue.ply proxy.glb -o statue.glb --size 2048\n"
+    "  pounce mesh statue.ply -o statue.glb\n"
     "\n"
-    "  # Lighter or heavier, for a larger texture.\n"
-    "  pounce proxy statue.ply -o proxy.glb --triangles 60000 --size 4096";
+    "  # One object of a room, lighter, without haze.\n"
+    "  pounce mesh room.ply -o chair.glb --box 0,0,0,1.5,1,1 --triangles 5000 --min-opacity 0.1\n"
+    "\n"
+    "  # A scan of millions of triangles for a game: colours and a normal map.\n"
+    "  pounce mesh scan.obj -o scan.glb --triangles 10000 --size 4096";
 
 void add_farm_options(CLI::App& command, FarmLine& farm) {
   const std::string group = "Tasks on one machine or many (docs/farm.md)";
@@ -307,9 +325,20 @@ Command add_gaussians_command(CLI::App& program) {
 Command add_proxy_command(CLI::App& program) {
   return add_job_command<ProxyOptions>(
       program, JobCommand::proxy, "proxy",
-      "Make a mesh with UVs of a splat scene's or point cloud's surface", kProxyUsage,
-      [](const Line<ProxyOptions>& line, Progress* progress, Report* report) {
+      "Make a mesh with UVs of a splat scene's or point cloud's surface, or a lighter model",
+      kProxyUsage, [](const Line<ProxyOptions>& line, Progress* progress, Report* report) {
         proxy(line.options, progress, report);
+      });
+}
+
+Command add_mesh_command(CLI::App& program) {
+  return add_job_command<TexturedMeshOptions>(
+      program, JobCommand::mesh, "mesh",
+      "Make a textured model of a splat scene, a point cloud or a heavy mesh", kMeshUsage,
+      [](const Line<TexturedMeshOptions>& line, Progress* progress, Report* report) {
+        TexturedMeshOptions options = line.options;
+        options.transfer.keep_made = !line.job.redo;
+        textured_mesh(options, progress, report);
       });
 }
 

@@ -89,6 +89,7 @@ template void set_options(JobCommand, Line<TransferOptions>&);
 template void set_options(JobCommand, Line<MapsOptions>&);
 template void set_options(JobCommand, Line<GaussiansOptions>&);
 template void set_options(JobCommand, Line<ProxyOptions>&);
+template void set_options(JobCommand, Line<TexturedMeshOptions>&);
 
 /// Which share of the job the line asks for; a job folder is made, or checked.
 void take_share(Line<TransferOptions>& line) {

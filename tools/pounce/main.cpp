@@ -98,7 +98,7 @@ std::string parse_problem(const CLI::App& program, int argc, char** argv,
   const auto unknown = program.remaining();
   if (program.get_subcommands().empty() && !unknown.empty()) {
     return "\"" + unknown.front() + "\" is not a command; choose transfer, apply, maps, " +
-           "gaussians, proxy, inspect, compare, cache, prepare, assemble, status or submit" +
+           "gaussians, proxy, mesh, inspect, compare, cache, prepare, assemble, status or submit" +
            pounce::did_you_mean(unknown.front(), pounce::cli::command_names(program));
   }
   const CLI::App* command = &program;
@@ -140,12 +140,13 @@ int run(int argc, char** argv) {
     words.erase(end, words.end());
   }
   const std::array commands{
-      pounce::cli::add_transfer_command(program),     pounce::cli::add_apply_command(program),
-      pounce::cli::add_maps_command(program),         pounce::cli::add_gaussians_command(program),
-      pounce::cli::add_proxy_command(program),        pounce::cli::add_prepare_command(program),
-      pounce::cli::add_assemble_command(program),     pounce::cli::add_status_command(program),
-      pounce::cli::add_submit_command(program, rest), pounce::cli::add_inspect_command(program),
-      pounce::cli::add_compare_command(program),      pounce::cli::add_cache_command(program)};
+      pounce::cli::add_transfer_command(program), pounce::cli::add_apply_command(program),
+      pounce::cli::add_maps_command(program),     pounce::cli::add_gaussians_command(program),
+      pounce::cli::add_proxy_command(program),    pounce::cli::add_mesh_command(program),
+      pounce::cli::add_prepare_command(program),  pounce::cli::add_assemble_command(program),
+      pounce::cli::add_status_command(program),   pounce::cli::add_submit_command(program, rest),
+      pounce::cli::add_inspect_command(program),  pounce::cli::add_compare_command(program),
+      pounce::cli::add_cache_command(program)};
   bool is_parsed = false;
   try {
     if (argc == 3 && std::string(argv[1]) == "--generate") {

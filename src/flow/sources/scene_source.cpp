@@ -75,7 +75,7 @@ void SceneSource::make_plan(job::MemoryNeeds& needs, planning::DiskPlan& disk,
   if (request_.from_around) plan_.views = splats_.views;
   planning::move_to_origin(facts_.origin, request_);
   job_.report.origin = {facts_.origin.x, facts_.origin.y, facts_.origin.z};
-  job_.report.notes = facts_.assumptions;
+  for (const std::string& assumption : facts_.assumptions) job_.note(assumption);
   job_.note(planning::origin_note(options_.source, facts_.origin));
   job_.meter.advance(1);
 }

@@ -14,7 +14,7 @@
 namespace pounce::io {
 
 // Written by hand, as the writer of Gaussians does it: the text is the same everywhere.
-std::uint64_t write_glb(const std::string& path, const PlainMesh& mesh) {
+std::uint64_t write_glb(FILE* stream, const std::string& name, const PlainMesh& mesh) {
   Box3f box;
   for (const Vec3f p : mesh.positions) box.extend(p);
   const std::uint64_t vertices = mesh.positions.size();
@@ -48,10 +48,9 @@ std::uint64_t write_glb(const std::string& path, const PlainMesh& mesh) {
   json.resize((json.size() + 3) / 4 * 4, ' ');  // chunks begin at multiples of four
   const std::uint64_t total = 12 + 8 + json.size() + 8 + binary;
   if (total > std::numeric_limits<std::uint32_t>::max())
-    refuse(path, "a .glb is limited to 4 GiB; ask for fewer triangles");
-  OutputFile file(path);
+    refuse(name, "a .glb is limited to 4 GiB; ask for fewer triangles");
   const auto put = [&](std::span<const std::byte> part) {
-    if (!part.empty()) std::fwrite(part.data(), 1, part.size(), file.stream());
+    if (!part.empty()) std::fwrite(part.data(), 1, part.size(), stream);
   };
   const auto put_numbers = [&](std::initializer_list<std::uint64_t> numbers) {
     for (const std::uint64_t number : numbers) {
@@ -67,9 +66,15 @@ std::uint64_t write_glb(const std::string& path, const PlainMesh& mesh) {
   put(std::as_bytes(mesh.normals));
   put(std::as_bytes(mesh.uvs));
   put(std::as_bytes(mesh.triangles));
+  return total;
+}
+
+std::uint64_t write_glb(const std::string& path, const PlainMesh& mesh) {
+  OutputFile file(path);
+  const std::uint64_t bytes = write_glb(file.stream(), path, mesh);
   file.check();
   file.commit();
-  return total;
+  return bytes;
 }
 
 }  // namespace pounce::io

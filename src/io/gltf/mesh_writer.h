@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <cstdio>
 #include <span>
 #include <string>
 
@@ -18,8 +19,10 @@ struct PlainMesh {
   Vec3d origin;  ///< positions are counted from there: a node moves them
 };
 
-/// Writes it as .glb, which appears whole or not at all. Throws Error(storage), Error(input) for
-/// more than 4 GiB. Returns the file's size.
+/// Writes it as .glb to the stream's end; who owns the stream looks for errors of writing. `name`
+/// is for messages. Throws Error(input) for more than 4 GiB. Returns the number of bytes.
+std::uint64_t write_glb(FILE* stream, const std::string& name, const PlainMesh& mesh);
+/// The same into a file, which appears whole or not at all. Throws Error(storage), too.
 std::uint64_t write_glb(const std::string& path, const PlainMesh& mesh);
 
 }  // namespace pounce::io

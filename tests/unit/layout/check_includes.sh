@@ -24,7 +24,7 @@ declare -A may_include_within=(
   [io/files]="" [io/json]="" [io/codec]="files" [io/foreign]="files codec"
   [io/sandbox]="files codec foreign" [io/image]="files codec sandbox" [io/gltf]="files json" [io/obj]="files" [io/splats]="files json gltf ply"
   [io/model]="files json gltf" [io/ply]="files obj" [io/stl]="files obj ply"
-  [flow/stores]="" [flow/project]="stores" [flow/sources]="stores project" [flow/write]="stores project"
+  [flow/stores]="" [flow/shape]="stores" [flow/project]="stores" [flow/sources]="stores project" [flow/write]="stores project"
 )
 broken=0
 complain() {

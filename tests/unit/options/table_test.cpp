@@ -137,6 +137,7 @@ TEST_CASE("every option is printed as a text that is read again", "[options]") {
   check_table<GaussiansOptions>(JobCommand::gaussians);
   check_table<TransferOptions>(JobCommand::apply);
   check_table<ProxyOptions>(JobCommand::proxy);
+  check_table<TexturedMeshOptions>(JobCommand::mesh);
 }
 
 TEST_CASE("an unknown option is told with what was meant", "[options]") {

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "flow/shape/model.h"
+
+#include <algorithm>
+#include <numeric>
+#include <tuple>
+
+#include "io/read_mesh.h"
+#include "job/run_job.h"
+#include "planning/describe_job.h"
+#include "planning/load_mesh.h"
+#include "planning/name_patterns.h"
+
+namespace pounce::flow {
+namespace {
+
+/// Vertices at one place become one. Triangles that have no area then go.
+meshing::Surface welded(const mesh::Mesh& mesh) {
+  std::vector<std::uint32_t> order(mesh.positions.size()), number(mesh.positions.size());
+  std::iota(order.begin(), order.end(), 0U);
+  const auto place = [&](std::uint32_t v) {
+    const Vec3f& p = mesh.positions[v];
+    return std::tuple(p.x, p.y, p.z, v);
+  };
+  std::sort(order.begin(), order.end(),
+            [&](std::uint32_t a, std::uint32_t b) { return place(a) < place(b); });
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const bool is_same = i > 0 && mesh.positions[order[i]] == mesh.positions[order[i - 1]];
+    number[order[i]] = is_same ? number[order[i - 1]] : order[i];
+  }
+  meshing::Surface surface;
+  surface.positions = mesh.positions;
+  surface.triangles.reserve(mesh.triangles.size());
+  for (const auto& t : mesh.triangles) {
+    const meshing::Triangle own{number[t[0]], number[t[1]], number[t[2]]};
+    if (own[0] != own[1] && own[1] != own[2] && own[2] != own[0]) surface.triangles.push_back(own);
+  }
+  meshing::drop_unused(surface);
+  return surface;
+}
+
+}  // namespace
+
+SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& options, double end) {
+  const StageTimer timer(job.clock, "read");
+  const std::string& path = options.source;
+  job.meter.begin("read meshes", 1, "meshes", end);
+  const io::MeshCost cost = io::mesh_cost(path, {options.allow_external}, job.budget.limit());
+  require_early(job, {cost.peak_bytes, "reading " + path}, 0);
+  const planning::PlacedMesh placed =
+      planning::place_mesh(path, options.source_use, "source", options.allow_external);
+  const mesh::Mesh& mesh = placed.mesh;
+  planning::add_input(path, job.report);
+  for (const std::string& file : mesh.files) planning::add_input(file, job.report);
+  planning::refuse_over_input(options.output, {path});
+  planning::refuse_over_input(options.output, mesh.files);
+  const std::uint64_t room = surface_bytes(mesh.triangles.size());
+  require_least(job, {std::max(cost.peak_bytes, mesh.size_bytes() + room), "simplifying " + path},
+                mesh.size_bytes());
+  const runtime::Lease held(job.budget, mesh.size_bytes(), "the mesh of " + path);
+  SourceSurface made;
+  made.room = runtime::Lease(job.budget, room, "the surface of " + path);
+  made.surface = welded(mesh);
+  made.origin = placed.origin;
+  if (made.surface.triangles.empty())
+    throw Error(ErrorKind::input, path + ": has no triangle with an area; nothing can be made of it");
+  job.meter.end();
+  return made;
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "core/vec.h"
+#include "meshing/surface.h"
+#include "runtime/memory_budget.h"
+
+namespace pounce::flow {
+
+/// The surface of a job's source, and room in the budget for what is made of it.
+struct SourceSurface {
+  meshing::Surface surface;
+  Vec3d origin;  ///< its positions are counted from there
+  runtime::Lease room;
+};
+
+/// What a surface takes with what its steps need beside it: edges, what simplifying holds, charts.
+constexpr std::uint64_t surface_bytes(std::uint64_t triangles) { return 250 * triangles; }
+
+}  // namespace pounce::flow

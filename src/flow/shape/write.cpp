@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "flow/shape/write.h"
+
+#include <fmt/format.h>
+
+#include "unwrap/unwrap.h"
+
+namespace pounce::flow {
+
+void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shape, double end,
+                 const std::function<std::uint64_t(const io::PlainMesh&)>& write) {
+  const StageTimer timer(job.clock, "mesh");
+  job.meter.begin("mesh", 1, "meshes", end);
+  meshing::Surface& surface = made.surface;
+  meshing::simplify(surface, shape.triangles);
+  const unwrap::Unwrapped flat =
+      unwrap::unwrap(surface.positions, surface.triangles, {shape.size, shape.gutter},
+                     [&job] { job.meter.throw_if_cancelled(); });
+  if (!flat.fits) {
+    throw Error(ErrorKind::usage,
+                fmt::format("--size {}: too small for {} charts with {} texels between them; raise "
+                            "--size, or lower --gutter or --triangles",
+                            shape.size, flat.chart_count, shape.gutter));
+  }
+  const std::vector<Vec3f> normals = meshing::normals_of(surface);
+  std::vector<Vec3f> positions, own_normals;
+  for (const std::uint32_t v : flat.vertex) {
+    positions.push_back(surface.positions[v]);
+    own_normals.push_back(normals[v]);
+  }
+  job.report.bytes_written +=
+      write({positions, own_normals, flat.uvs, flat.triangles, made.origin});
+  job.note(fmt::format("{} triangles in {} charts, which fill {:.0f} % of the image",
+                       flat.triangles.size(), flat.chart_count, 100 * flat.fill));
+  job.meter.advance(1);
+  job.meter.end();
+}
+
+}  // namespace pounce::flow

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The options of `pounce proxy` and `pounce mesh`, which make meshes. What `mesh` says of the
+// texture are rows of a transfer, as they are there.
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+#include "options/parse.h"
+#include "options/row.h"
+#include "options/shared_rows.h"
+
+namespace pounce::options {
+namespace {
+
+constexpr const char* kSource =
+    "Splat scene (.ply, .spz, .sog, .glb, .gltf, .splat, .ksplat) or coloured point cloud (.ply, "
+    ".las) of an object, or a mesh (.glb, .gltf, .obj, .ply, .stl)";
+
+/// How the mesh is made; `shape` leads to the MeshShape.
+template <class Options, class Shape>
+Rows<Options> shape_rows(Shape shape, const std::string& size_help) {
+  const auto member = [shape](auto which) {
+    return [shape, which](auto& options) -> auto& { return shape(options).*which; };
+  };
+  return {
+      row<Options>({.name = "triangles",
+                    .value = "N",
+                    .group = "Mesh",
+                    .help = "At most so many triangles, as far as the shape allows"},
+                   member(&MeshShape::triangles), integer<std::uint32_t>(100, 5000000)),
+      row<Options>({.name = "cells",
+                    .value = "N",
+                    .group = "Mesh",
+                    .help = "Cells along the longest side of the scene: more show finer shapes, "
+                            "and more of the scene's noise",
+                    .source = Source::splats},
+                   member(&MeshShape::cells), integer<std::uint32_t>(16, 512)),
+      row<Options>({.name = "size", .value = "N", .group = "UVs", .help = size_help},
+                   member(&MeshShape::size), integer<std::uint32_t>(64, 65536)),
+      row<Options>(
+          {.name = "gutter", .value = "N", .group = "UVs", .help = "Texels between charts"},
+          member(&MeshShape::gutter), integer<std::uint32_t>(0, 64)),
+  };
+}
+
+Rows<ProxyOptions> proxy_rows() {
+  using Options = ProxyOptions;
+  Rows<Options> rows{
+      row<Options>({.name = "source",
+                    .value = "SOURCE",
+                    .help = kSource,
+                    .is_operand = true,
+                    .is_required = true},
+                   path(&Options::source), any_text()),
+      row<Options>({.name = "output",
+                    .value = "OUTPUT",
+                    .group = "Output",
+                    .help = "Mesh to write (.glb), in the source's coordinates. It appears whole "
+                            "or not at all",
+                    .letter = 'o',
+                    .is_required = true},
+                   path(&Options::output), text(parse_path)),
+      row<Options>(
+          {.name = "source-axes",
+           .value = "AXES",
+           .group = "Output",
+           .help = "OUTPUT's x, y and z as SOURCE's, such as x,-y,-z. A transfer onto OUTPUT "
+                   "needs the same",
+           .default_text = "as stored"},
+          path(&Options::axes), axes(false)),
+  };
+  append(rows, shape_rows<Options>(path(&Options::shape),
+                                   "Texels along the texture that is to be made: the gutter is "
+                                   "counted in these"));
+  append(rows, splat_filter_rows<Options>("Splat scenes", "as stored, or after --source-axes",
+                                          &Options::filter));
+  append(rows, resource_rows<Options>());
+  return rows;
+}
+
+/// The rows of a transfer that say how the texture is made.
+constexpr std::array kOfTransfer{
+    std::string_view("padding"),
+    std::string_view("min-coverage"),
+    std::string_view("png-compression"),
+    std::string_view("channels"),
+    std::string_view("normal-y"),
+    std::string_view("source-texture"),
+    std::string_view("factors"),
+    std::string_view("source-mesh"),
+    std::string_view("source-material"),
+    std::string_view("source-uv-set"),
+    std::string_view("source-axes"),
+    std::string_view("source-colorspace"),
+    std::string_view("ocio"),
+    std::string_view("max-distance"),
+    std::string_view("filter"),
+    std::string_view("look"),
+    std::string_view("views"),
+    std::string_view("sh"),
+    std::string_view("alpha"),
+    std::string_view("min-opacity"),
+    std::string_view("max-scale"),
+    std::string_view("box"),
+    std::string_view("min-confidence"),
+    std::string_view("allow-external"),
+    std::string_view("allow-format"),
+    std::string_view("sandbox"),
+};
+
+Row<TexturedMeshOptions> lifted(const Row<TransferOptions>& row) {
+  using Options = TexturedMeshOptions;
+  return {row.info,
+          row.source,
+          row.method,
+          row.formats,
+          row.hashed,
+          [set = row.set](Options& options, const std::string& option, const std::string& text) {
+            set(options.transfer, option, text);
+          },
+          [get = row.get](const Options& options) { return get(options.transfer); },
+          row.is_checked};
+}
+
+Rows<TexturedMeshOptions> textured_rows() {
+  using Options = TexturedMeshOptions;
+  Rows<Options> rows{
+      row<Options>({.name = "source",
+                    .value = "SOURCE",
+                    .help = kSource,
+                    .is_operand = true,
+                    .is_required = true},
+                   path(&Options::transfer, &TransferOptions::source), any_text()),
+      row<Options>({.name = "output",
+                    .value = "OUTPUT",
+                    .group = "Output",
+                    .help = "Model to write (.glb, .gltf), in the source's coordinates, with a PNG "
+                            "per channel. It appears whole or not at all",
+                    .letter = 'o',
+                    .is_required = true},
+                   path(&Options::transfer, &TransferOptions::output), text(parse_path)),
+  };
+  append(rows, shape_rows<Options>(path(&Options::shape), "Texels along each side of the texture"));
+  for (const Row<TransferOptions>& row : rows_of<TransferOptions>()) {
+    const bool is_resource = row.info.group.starts_with("Resources");
+    if (is_resource ||
+        std::find(kOfTransfer.begin(), kOfTransfer.end(), row.info.name) != kOfTransfer.end())
+      rows.push_back(lifted(row));
+  }
+  return rows;
+}
+
+}  // namespace
+
+template <>
+const std::vector<Row<ProxyOptions>>& rows_of<ProxyOptions>() {
+  static const Rows<ProxyOptions> rows = proxy_rows();
+  return rows;
+}
+
+template <>
+const std::vector<Row<TexturedMeshOptions>>& rows_of<TexturedMeshOptions>() {
+  static const Rows<TexturedMeshOptions> rows = textured_rows();
+  return rows;
+}
+
+}  // namespace pounce::options
