@@ -6,13 +6,13 @@ set -eu
 packages="g++ cmake ninja-build pkg-config libtbb-dev libzstd-dev libxxhash-dev libfmt-dev libspdlog-dev
 libcli11-dev nlohmann-json3-dev libtinygltf-dev libopenimageio-dev libopencolorio-dev libimath-dev zlib1g-dev
 openimageio-tools catch2 libbenchmark-dev libpng-dev libjpeg62-turbo-dev libtiff-dev libopenexr-dev libwebp-dev
-libseccomp-dev libdraco-dev libmeshoptimizer-dev"
+libseccomp-dev libdraco-dev libmeshoptimizer-dev libeigen3-dev"
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
   echo "install-packages.sh: this system has no apt-get. pounce is built and tested on Debian 12 (bookworm);" \
     "elsewhere install a C++20 compiler, CMake 3.25, Ninja, oneTBB, zstd, xxHash, fmt, spdlog, CLI11," \
     "nlohmann-json, tinygltf, OpenImageIO, OpenColorIO 2, Imath, zlib, Catch2 2.x, libpng, libjpeg-turbo, libtiff," \
-    "OpenEXR, libwebp, libseccomp, Draco, meshoptimizer and Google Benchmark, then run cmake." >&2
+    "OpenEXR, libwebp, libseccomp, Draco, meshoptimizer, Eigen and Google Benchmark, then run cmake." >&2
   exit 2
 fi
 

@@ -40,8 +40,8 @@ void make_mesh(job::JobContext& job, const TransferOptions& source, bool is_scen
                const MeshShape& shape, double end,
                const std::function<std::uint64_t(const io::PlainMesh&)>& write) {
   const double part = kAfterSurface * end;
-  SourceSurface surface = is_scene ? surface_of_scene(job, source, shape, part)
-                                   : surface_of_model(job, source, part);
+  SourceSurface surface =
+      is_scene ? surface_of_scene(job, source, shape, part) : surface_of_model(job, source, part);
   write_shape(job, std::move(surface), shape, end, write);
 }
 
@@ -59,9 +59,8 @@ void make_proxy(job::JobContext& job, const ProxyOptions& options) {
   planning::check_outputs({options.output});
   TransferOptions source = planning::as_transfer(options);
   source.splats.harmonics = SphericalHarmonics::dc;  // depths are the same with all
-  make_mesh(job, source, true, options.shape, 1, [&](const io::PlainMesh& mesh) {
-    return io::write_glb(options.output, mesh);
-  });
+  make_mesh(job, source, true, options.shape, 1,
+            [&](const io::PlainMesh& mesh) { return io::write_glb(options.output, mesh); });
   job.report.outputs = {options.output};
 }
 
@@ -154,8 +153,7 @@ void run_textured(const TexturedMeshOptions& options, bool is_scene, job::JobRun
                   bool rebuild) {
   check_textured(options, is_scene);
   const TransferOptions& transfer = options.transfer;
-  const auto job =
-      job::open_job(transfer.resources, transfer.output, nullptr, rebuild, false, run);
+  const auto job = job::open_job(transfer.resources, transfer.output, nullptr, rebuild, false, run);
   job->tile_cap_bytes = mesh::kTileCapBytes;
   make_textured(*job, options, is_scene);
 }

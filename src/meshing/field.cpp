@@ -2,8 +2,10 @@
 #include "meshing/field.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace pounce::meshing {
 
@@ -76,40 +78,128 @@ std::uint64_t Field::most_triangles() const {
   return 2 * crossings;
 }
 
+namespace {
+
+/// Edges of a cell, from corner to corner; a corner is bits x, y, z. Four along each axis.
+constexpr int kEdges[12][2] = {{0, 1}, {2, 3}, {4, 5}, {6, 7}, {0, 2}, {1, 3},
+                               {4, 6}, {5, 7}, {0, 4}, {1, 5}, {2, 6}, {3, 7}};
+
+/// Which sheet of the surface an edge of a cell lies on, by which of its corners are outside. Where
+/// a side of the cell has two of them, and not side by side, what is inside hangs together there:
+/// both cells at that side see it so, and the surface has no holes and no edge of four triangles.
+struct Sheets {
+  std::array<std::array<std::int8_t, 12>, 256> of{};  ///< -1: the surface does not cross the edge
+  std::array<std::int8_t, 256> count{};
+
+  Sheets() {
+    for (unsigned mask = 0; mask < 256; ++mask) {
+      std::array<int, 12> root{};
+      std::iota(root.begin(), root.end(), 0);
+      const auto find = [&](int e) {
+        while (root[static_cast<std::size_t>(e)] != e) e = root[static_cast<std::size_t>(e)];
+        return e;
+      };
+      for (int axis = 0; axis < 3; ++axis) {
+        for (int side = 0; side < 2; ++side) join_at(mask, axis, side, find, root);
+      }
+      std::array<std::int8_t, 12> number{};
+      number.fill(-1);
+      for (int e = 0; e < 12; ++e) {
+        const auto at = static_cast<std::size_t>(e);
+        of[mask][at] = -1;
+        if ((mask >> kEdges[e][0] & 1) == (mask >> kEdges[e][1] & 1)) continue;
+        std::int8_t& own = number[static_cast<std::size_t>(find(e))];
+        if (own < 0) own = count[mask]++;
+        of[mask][at] = own;
+      }
+    }
+  }
+
+ private:
+  static int edge_between(int a, int b) {
+    for (int e = 0; e < 12; ++e) {
+      if ((kEdges[e][0] == a && kEdges[e][1] == b) || (kEdges[e][0] == b && kEdges[e][1] == a))
+        return e;
+    }
+    return -1;
+  }
+  template <class Find>
+  static void join_at(unsigned mask, int axis, int side, const Find& find,
+                      std::array<int, 12>& root) {
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3, low = side << axis;
+    const std::array<int, 4> corners{low, low | 1 << u, low | 1 << u | 1 << v, low | 1 << v};
+    std::array<int, 4> crossed{};
+    int crossings = 0;
+    for (std::size_t k = 0; k < 4; ++k) {
+      const int a = corners[k], b = corners[(k + 1) % 4];
+      crossed[k] = (mask >> a & 1) != (mask >> b & 1) ? edge_between(a, b) : -1;
+      crossings += crossed[k] >= 0 ? 1 : 0;
+    }
+    const auto join = [&](int a, int b) { root[static_cast<std::size_t>(find(a))] = find(b); };
+    for (std::size_t k = 0; k < 4; ++k) {
+      // Around a corner that is outside alone; or from the one crossing to the other.
+      if (crossings == 4 && (mask >> corners[k] & 1) != 0) join(crossed[(k + 3) % 4], crossed[k]);
+      for (std::size_t other = k + 1; crossings == 2 && other < 4; ++other) {
+        if (crossed[k] >= 0 && crossed[other] >= 0) join(crossed[k], crossed[other]);
+      }
+    }
+  }
+};
+
+const Sheets& sheets() {
+  static const Sheets table;
+  return table;
+}
+
+constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
+/// A cell that the surface passes: its vertices follow each other, one for each sheet.
+struct Cell {
+  std::uint32_t first = kNone;
+  std::uint8_t mask = 0;  ///< of its corners, those that are outside
+
+  std::uint32_t at(std::size_t edge) const {
+    return first == kNone ? kNone : first + static_cast<std::uint32_t>(sheets().of[mask][edge]);
+  }
+};
+
+}  // namespace
+
 Surface Field::surface() const {
   Surface out;
   const std::uint32_t nx = lattice_.corners[0], ny = lattice_.corners[1], nz = lattice_.corners[2];
-  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-  // The vertices of two layers of cells: the one that is gone through, and the one before.
+  // Two layers of cells: the one that is gone through, and the one before.
   const std::size_t layer = std::size_t{nx} * ny;
-  std::vector<std::uint32_t> before(layer, kNone), own(layer, kNone);
-  const auto vertex = [&](std::uint32_t x, std::uint32_t y, std::uint32_t z) {
-    // Edges of a cell, from corner to corner; a corner is bits x, y, z.
-    static constexpr int kEdges[12][2] = {{0, 1}, {2, 3}, {4, 5}, {6, 7}, {0, 2}, {1, 3},
-                                          {4, 6}, {5, 7}, {0, 4}, {1, 5}, {2, 6}, {3, 7}};
+  std::vector<Cell> before(layer), own(layer);
+  const auto cell_at = [&](std::uint32_t x, std::uint32_t y, std::uint32_t z) -> Cell {
     std::uint64_t corners[8];
     unsigned mask = 0;
     for (unsigned c = 0; c < 8; ++c) {
       corners[c] = lattice_.index(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2));
-      if (seen_[corners[c]] == 0) return kNone;
+      if (seen_[corners[c]] == 0) return {};
       if (is_outside(corners[c])) mask |= 1U << c;
     }
-    if (mask == 0 || mask == 255) return kNone;
-    Vec3f sum{};
-    int count = 0;
-    for (const int(&edge)[2] : kEdges) {
-      const int a = edge[0], b = edge[1];
-      if ((mask >> a & 1) == (mask >> b & 1)) continue;
+    if (mask == 0 || mask == 255) return {};
+    std::array<Vec3f, 4> sums{};
+    std::array<int, 4> counts{};
+    for (std::size_t e = 0; e < 12; ++e) {
+      const std::int8_t sheet = sheets().of[mask][e];
+      if (sheet < 0) continue;
+      const int a = kEdges[e][0], b = kEdges[e][1];
       const float va = value(corners[a]), vb = value(corners[b]), t = va / (va - vb);
       const auto at = [&](int axis) {
         return static_cast<float>(a >> axis & 1) * (1 - t) + static_cast<float>(b >> axis & 1) * t;
       };
+      Vec3f& sum = sums[static_cast<std::size_t>(sheet)];
       sum = sum + Vec3f{at(0), at(1), at(2)};
-      ++count;
+      ++counts[static_cast<std::size_t>(sheet)];
     }
-    out.positions.push_back(lattice_.place(x, y, z) +
-                            sum * (lattice_.cell / static_cast<float>(count)));
-    return static_cast<std::uint32_t>(out.positions.size() - 1);
+    const auto first = static_cast<std::uint32_t>(out.positions.size());
+    for (std::size_t k = 0; k < static_cast<std::size_t>(sheets().count[mask]); ++k) {
+      out.positions.push_back(lattice_.place(x, y, z) +
+                              sums[k] * (lattice_.cell / static_cast<float>(counts[k])));
+    }
+    return {first, static_cast<std::uint8_t>(mask)};
   };
   // Around an edge that leads from outside to inside lie four cells.
   const auto quad = [&](std::array<std::uint32_t, 4> v, bool is_turned) {
@@ -121,21 +211,28 @@ Surface Field::surface() const {
   for (std::uint32_t z = 0; z + 1 < nz; ++z) {
     before.swap(own);
     for (std::uint32_t y = 0; y + 1 < ny; ++y) {
-      for (std::uint32_t x = 0; x + 1 < nx; ++x) own[std::size_t{y} * nx + x] = vertex(x, y, z);
+      for (std::uint32_t x = 0; x + 1 < nx; ++x) own[std::size_t{y} * nx + x] = cell_at(x, y, z);
     }
-    const auto of = [&](const std::vector<std::uint32_t>& cells, std::uint32_t x, std::uint32_t y) {
-      return cells[std::size_t{y} * nx + x];
-    };
+    const auto of = [&](const std::vector<Cell>& cells, std::uint32_t x, std::uint32_t y,
+                        std::size_t edge) { return cells[std::size_t{y} * nx + x].at(edge); };
+    // The edges of each axis in the order of kEdges: which of the four it is for a cell depends on
+    // where the cell lies.
     for (std::uint32_t y = 0; y + 1 < ny; ++y) {
       for (std::uint32_t x = 0; x + 1 < nx; ++x) {
         const std::uint64_t at = lattice_.index(x, y, z);
         const bool here = is_outside(at);
         if (y > 0 && z > 0 && here != is_outside(lattice_.index(x + 1, y, z)))
-          quad({of(before, x, y - 1), of(before, x, y), of(own, x, y), of(own, x, y - 1)}, here);
+          quad({of(before, x, y - 1, 3), of(before, x, y, 2), of(own, x, y, 0),
+                of(own, x, y - 1, 1)},
+               here);
         if (x > 0 && z > 0 && here != is_outside(lattice_.index(x, y + 1, z)))
-          quad({of(before, x - 1, y), of(own, x - 1, y), of(own, x, y), of(before, x, y)}, here);
+          quad({of(before, x - 1, y, 7), of(own, x - 1, y, 5), of(own, x, y, 4),
+                of(before, x, y, 6)},
+               here);
         if (x > 0 && y > 0 && here != is_outside(lattice_.index(x, y, z + 1)))
-          quad({of(own, x - 1, y - 1), of(own, x, y - 1), of(own, x, y), of(own, x - 1, y)}, here);
+          quad({of(own, x - 1, y - 1, 11), of(own, x, y - 1, 10), of(own, x, y, 8),
+                of(own, x - 1, y, 9)},
+               here);
       }
     }
   }

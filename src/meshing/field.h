@@ -55,8 +55,9 @@ class Field {
   /// No more triangles than that has surface().
   std::uint64_t most_triangles() const;
   /// The surface between what lies outside and what lies inside, by surface nets (Gibson 1998): a
-  /// vertex per cell that it passes, two triangles per edge, counter-clockwise from outside. Only
-  /// where some view has seen all corners of a cell.
+  /// vertex for each sheet of it that passes a cell (Nielson, "Dual Marching Cubes", 2004), two
+  /// triangles per edge, counter-clockwise from outside. Only where some view has seen all corners
+  /// of a cell.
   Surface surface() const;
 
  private:

@@ -21,7 +21,7 @@ constexpr const char* kSource =
 template <class Options, class Shape>
 Rows<Options> shape_rows(Shape shape, const std::string& size_help) {
   const auto member = [shape](auto which) {
-    return [shape, which](auto& options) -> auto& { return shape(options).*which; };
+    return [ shape, which ](auto& options) -> auto& { return shape(options).*which; };
   };
   return {
       row<Options>({.name = "triangles",

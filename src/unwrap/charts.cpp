@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Charts are grown from triangle to triangle as long as all of them face about alike, and joined
-// where that still holds. So each can be laid flat by looking at it from its side: nothing is
-// turned over, and nothing is stretched by more than the cone allows. It may still lie behind
-// itself, as a spiral staircase does: then it is cut between the two that overlap, and both parts
-// are looked at again.
+// where that still holds. What counts is where the surface faces around a triangle, not the
+// triangle's own normal: a capture's surface is rough, and would fall into thousands of charts.
+//
+// Each is laid flat. Where it cannot be, since it curves too much or lies behind itself as a spiral
+// staircase does, it is cut in two, and both parts are tried again.
 #include "unwrap/charts.h"
 
 #include <algorithm>
@@ -20,18 +21,29 @@
 #include <utility>
 
 #include "core/directions.h"
+#include "unwrap/flatten.h"
+#include "unwrap/neighbours.h"
 
 namespace pounce::unwrap {
 namespace {
 
-/// Of a triangle's normal with its chart's axis: while the chart grows, once it is joined to
-/// another, and at last (a stretch of 1.6, and of 2 where tiny ones were joined).
-constexpr double kGrowing = 0.75, kJoined = 0.71, kWithin = 0.62;
+/// Cosine of where a triangle faces with its chart's axis: while the chart grows, once it is joined
+/// to another, and at last.
+constexpr double kGrowing = 0.6, kJoined = 0.62, kWithin = 0.5;
+constexpr double kFromSeed = 0.4;  ///< of where two triangles face, while it grows
 /// Charts of less than this share of the area are joined even so: each costs a gutter around it.
-constexpr double kTiny = 1.0 / 500, kTinyJoined = 0.5;
-constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+constexpr double kTiny = 1.0 / 500, kTinyJoined = 0.2;
+/// So many times a triangle faces as it and its neighbours do, at most; of a mesh with few
+/// triangles each is a part of the shape, and no roughness.
+constexpr int kSmoothing = 4;
+constexpr double kSmoothingPerSide = 1.0 / 40;  ///< of the root of their number
 
-class Cutter {
+/// No more than this share of a chart's area may be stretched by more than that.
+constexpr double kStretched = 0.1, kStretch = 1.6;
+
+}  // namespace
+
+class Charts::Cutter {
  public:
   Cutter(std::span<const Vec3f> positions, std::span<const Triangle> triangles,
          const std::function<void()>& poll)
@@ -45,12 +57,28 @@ class Cutter {
       const double longest = std::max({dot(b - a, b - a), dot(c - b, c - b), dot(a - c, a - c)});
       normals_.push_back(size > kSliver * longest ? areas_.back() * (1 / size) : Vec3d{});
     }
-    find_neighbours();
+    neighbours_ = find_neighbours(triangles_, normals_);
+    marks_.resize(triangles.size());
+    numbers_.resize(triangles.size());
+    facing_ = normals_;
+    const double side = std::sqrt(static_cast<double>(triangles.size()));
+    const int rounds = std::min(kSmoothing, static_cast<int>(side * kSmoothingPerSide));
+    for (int round = 0; round < rounds; ++round) {
+      const std::vector<Vec3d> before = facing_;
+      for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+        Vec3d sum = before[t] * length(areas_[t]);
+        for_neighbours(t, [&](std::uint32_t next, std::uint32_t) {
+          sum = sum + before[next] * length(areas_[next]);
+        });
+        if (length(sum) > 0) facing_[t] = unit_vector(sum);
+      }
+    }
   }
 
   std::vector<Chart> make() {
     grow();
     join();
+    straighten();
     std::vector<Chart> charts;
     for (std::vector<std::uint32_t>& members : charts_) {
       if (!members.empty()) flatten(std::move(members), charts);
@@ -58,35 +86,35 @@ class Cutter {
     return charts;
   }
 
- private:
-  /// Triangles that share an edge; one with more or fewer than two sides is a border.
-  void find_neighbours() {
-    using Edge = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;
-    std::vector<Edge> edges;
-    for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
-      for (std::uint32_t k = 0; k < 3; ++k) {
-        const auto [a, b] = std::minmax(triangles_[t][k], triangles_[t][(k + 1) % 3]);
-        edges.emplace_back(a, b, 3 * t + k);
+  std::vector<Chart> cut_unwieldy(std::vector<Chart> charts, const Unwieldy& limit) {
+    // Small ones find room anyway.
+    constexpr double kSmall = 1.0 / 300, kCompact = 0.8;
+    double total = 0;
+    for (const Chart& chart : charts) total += area_of(chart);
+    std::vector<Chart> kept;
+    while (!charts.empty()) {
+      std::vector<Chart> cut_now;
+      for (Chart& chart : charts) {
+        const double area = area_of(chart);
+        const bool is_small = chart.triangles.size() == 1 || area <= kSmall * total;
+        const double fill = is_small ? 1 : share_of_box(chart);
+        const bool is_unwieldy =
+            fill < limit.fill || (area > limit.area * total && fill < kCompact);
+        if (!is_unwieldy) {
+          kept.push_back(std::move(chart));
+          continue;
+        }
+        const auto [one, other] = ends(chart.triangles);
+        auto [first, second] = cut(chart.triangles, one, other);
+        flatten(std::move(first), cut_now);
+        flatten(std::move(second), cut_now);
       }
+      charts = std::move(cut_now);
     }
-    std::sort(edges.begin(), edges.end());
-    neighbours_.assign(3 * triangles_.size(), kNone);
-    for (std::size_t i = 0; i + 1 < edges.size(); ++i) {
-      const auto same = [&](std::size_t j) {
-        return j < edges.size() && std::get<0>(edges[j]) == std::get<0>(edges[i]) &&
-               std::get<1>(edges[j]) == std::get<1>(edges[i]);
-      };
-      if (!same(i + 1)) continue;
-      if (same(i + 2)) {
-        while (same(i + 1)) ++i;
-        continue;
-      }
-      const std::uint32_t a = std::get<2>(edges[i]), b = std::get<2>(edges[i + 1]);
-      neighbours_[a] = b / 3;
-      neighbours_[b] = a / 3;
-      ++i;
-    }
+    return kept;
   }
+
+ private:
   template <class F>
   void for_neighbours(std::uint32_t t, const F& f) const {
     for (std::uint32_t k = 0; k < 3; ++k) {
@@ -94,11 +122,13 @@ class Cutter {
     }
   }
   double facing(std::uint32_t t, Vec3d axis) const {
-    return normals_[t] == Vec3d{} ? 1 : dot(normals_[t], axis);
+    return facing_[t] == Vec3d{} ? 1 : dot(facing_[t], axis);
   }
+  /// As much of it as the triangle is large.
+  Vec3d weighed(std::uint32_t t) const { return facing_[t] * length(areas_[t]); }
   Vec3d axis_of(const std::vector<std::uint32_t>& members) const {
     Vec3d sum{};
-    for (const std::uint32_t t : members) sum = sum + areas_[t];
+    for (const std::uint32_t t : members) sum = sum + weighed(t);
     return length(sum) > 0 ? unit_vector(sum) : Vec3d{0, 0, 1};
   }
 
@@ -124,11 +154,12 @@ class Cutter {
       const std::uint32_t t = open.top().second;
       open.pop();
       if (chart_of_[t] != kNone) continue;
-      const Vec3d axis = length(sum) > 0 ? unit_vector(sum) : normals_[t];
-      if (facing(t, axis) < kGrowing) continue;
+      const Vec3d axis = length(sum) > 0 ? unit_vector(sum) : facing_[t];
+      // The axis follows what comes; it must not walk away from where it began.
+      if (facing(t, axis) < kGrowing || facing(t, facing_[seed]) < kFromSeed) continue;
       chart_of_[t] = own;
       members.push_back(t);
-      sum = sum + areas_[t];
+      sum = sum + weighed(t);
       for_neighbours(t, [&](std::uint32_t next, std::uint32_t) {
         if (chart_of_[next] == kNone) open.emplace(1 - facing(next, axis), next);
       });
@@ -195,159 +226,230 @@ class Cutter {
     return false;
   }
 
+  /// A triangle that more of another chart is around than of its own goes there: borders of teeth
+  /// leave gaps that nothing fits into.
+  void straighten() {
+    constexpr int kRounds = 6;
+    for (int round = 0; round < kRounds; ++round) {
+      std::vector<Vec3d> axes;
+      for (const auto& members : charts_) axes.push_back(axis_of(members));
+      bool any = false;
+      for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+        const std::uint32_t own = chart_of_[t], other = most_around(t, chart_of_);
+        if (other == own || facing(t, axes[other]) < kWithin) continue;
+        chart_of_[t] = other;
+        any = true;
+      }
+      if (!any) return;
+      for (auto& members : charts_) members.clear();
+      for (std::uint32_t t = 0; t < triangles_.size(); ++t) charts_[chart_of_[t]].push_back(t);
+    }
+  }
+  /// Which of these parts has more of the triangle's neighbours than its own has; its own if none.
+  template <class Parts>
+  std::uint32_t most_around(std::uint32_t t, const Parts& part_of) const {
+    const auto count = [&](std::uint32_t part) {
+      int found = 0;
+      for_neighbours(t, [&](std::uint32_t next, std::uint32_t) { found += part_of[next] == part; });
+      return found;
+    };
+    std::uint32_t best = part_of[t];
+    for_neighbours(t, [&](std::uint32_t next, std::uint32_t) {
+      if (count(part_of[next]) > count(best)) best = part_of[next];
+    });
+    return best;
+  }
+
   // --- laid flat ---------------------------------------------------------------------------------
 
   void flatten(std::vector<std::uint32_t> members, std::vector<Chart>& charts) {
-    std::deque<std::vector<std::uint32_t>> waiting{std::move(members)};
+    std::deque<std::vector<std::uint32_t>> waiting;
+    for (std::vector<std::uint32_t>& part : connected(members)) waiting.push_back(std::move(part));
     while (!waiting.empty()) {
       poll_();
       Chart chart;
       chart.triangles = std::move(waiting.front());
       waiting.pop_front();
-      project(chart);
-      if (const auto overlap = find_overlap(chart)) {
-        auto [one, other] = cut(chart.triangles, overlap->first, overlap->second);
-        waiting.push_back(std::move(one));
-        waiting.push_back(std::move(other));
-      } else {
-        charts.push_back(std::move(chart));
+      const auto parts = lay(chart);
+      for (const std::vector<std::uint32_t>& part : parts) {
+        for (std::vector<std::uint32_t>& own : connected(part)) waiting.push_back(std::move(own));
       }
+      if (parts.empty()) charts.push_back(std::move(chart));
     }
-  }
-  void project(Chart& chart) const {
-    const Vec3d n = axis_of(chart.triangles);
-    const Vec3d right =
-        unit_vector(cross(std::abs(n.y) < 0.9 ? Vec3d{0, 1, 0} : Vec3d{1, 0, 0}, n));
-    const Vec3d down = cross(right, n);  // right x down leads away from whoever looks
-    double in_space = 0, flat = 0;
-    for (const std::uint32_t t : chart.triangles) {
-      for (const std::uint32_t v : triangles_[t]) {
-        const Vec3d p(positions_[v]);
-        chart.corners.push_back({dot(p, right), dot(p, down)});
-      }
-      in_space += length(areas_[t]);
-      flat += std::abs(dot(areas_[t], n));
-    }
-    const double scale = flat > 0 ? std::sqrt(in_space / flat) : 1;
-    for (Vec2d& corner : chart.corners) corner = corner * scale;
   }
 
-  /// The area that two triangles have in common.
-  static double common_area(const Vec2d* a, const Vec2d* b) {
-    std::array<Vec2d, 10> polygon{a[0], a[1], a[2]}, next;
-    std::size_t count = 3;
-    const auto side = [](Vec2d p, Vec2d q, Vec2d r) {
-      return (q.x - p.x) * (r.y - p.y) - (q.y - p.y) * (r.x - p.x);
-    };
-    const double sign = side(b[0], b[1], b[2]) < 0 ? -1 : 1;
-    for (std::size_t k = 0; k < 3 && count > 0; ++k) {
-      const Vec2d from = b[k], to = b[(k + 1) % 3];
-      std::size_t kept = 0;
-      for (std::size_t i = 0; i < count; ++i) {
-        const Vec2d p = polygon[i], q = polygon[(i + 1) % count];
-        const double at_p = sign * side(from, to, p), at_q = sign * side(from, to, q);
-        if (at_p >= 0) next[kept++] = p;
-        if ((at_p < 0) != (at_q < 0)) {
-          const double t = at_p / (at_p - at_q);
-          next[kept++] = p + (q - p) * t;
-        }
+  /// What hangs together by edges.
+  std::vector<std::vector<std::uint32_t>> connected(const std::vector<std::uint32_t>& members) {
+    ++mark_;
+    for (const std::uint32_t t : members) marks_[t] = mark_;
+    std::vector<std::vector<std::uint32_t>> parts;
+    for (const std::uint32_t first : members) {
+      if (marks_[first] != mark_) continue;
+      std::vector<std::uint32_t>& part = parts.emplace_back();
+      part.push_back(first);
+      marks_[first] = 0;
+      for (std::size_t i = 0; i < part.size(); ++i) {
+        for_neighbours(part[i], [&](std::uint32_t next, std::uint32_t) {
+          if (marks_[next] != mark_) return;
+          marks_[next] = 0;
+          part.push_back(next);
+        });
       }
-      polygon.swap(next);
-      count = kept;
     }
-    double twice = 0;
-    for (std::size_t i = 2; i < count; ++i) twice += side(polygon[0], polygon[i - 1], polygon[i]);
-    return std::abs(twice) / 2;
+    return parts;
   }
 
-  /// Is what they have in common more than rounding makes of it?
-  static bool in_common(const Vec2d* a, const Vec2d* b, double area_a, double area_b,
-                        double longest_squared) {
-    const auto apart = [](double a0, double a1, double a2, double b0, double b1, double b2) {
-      return std::max({a0, a1, a2}) < std::min({b0, b1, b2}) ||
-             std::max({b0, b1, b2}) < std::min({a0, a1, a2});
-    };
-    if (apart(a[0].x, a[1].x, a[2].x, b[0].x, b[1].x, b[2].x) ||
-        apart(a[0].y, a[1].y, a[2].y, b[0].y, b[1].y, b[2].y))
-      return false;
-    constexpr double kRounding = 1e-7, kOfLongest = 3e-6;
-    return common_area(a, b) > kRounding * std::min(area_a, area_b) + kOfLongest * longest_squared;
-  }
-
-  /// Two triangles of a chart that overlap, by their numbers in it. Cells of a grid hold those that
-  /// lie there.
-  static std::optional<std::pair<std::size_t, std::size_t>> find_overlap(const Chart& chart) {
-    const std::size_t count = chart.triangles.size();
-    if (count < 2) return std::nullopt;
-    Vec2d low = chart.corners.front(), high = low;
-    for (const Vec2d p : chart.corners) {
-      low = {std::min(low.x, p.x), std::min(low.y, p.y)};
-      high = {std::max(high.x, p.x), std::max(high.y, p.y)};
+  /// The chart as a surface of its own, whose points are those that hang together: where it touches
+  /// itself in a vertex there are several.
+  Patch patch_of(const std::vector<std::uint32_t>& members) {
+    ++mark_;
+    for (std::uint32_t i = 0; i < members.size(); ++i) {
+      marks_[members[i]] = mark_;
+      numbers_[members[i]] = i;
     }
-    const double size = std::max(high.x - low.x, high.y - low.y);
-    if (size == 0) return std::nullopt;
-    const auto cells =
-        static_cast<std::size_t>(std::clamp(std::sqrt(static_cast<double>(count)), 1.0, 1024.0));
-    const double per_unit = static_cast<double>(cells) / size;
-    const auto cell = [&](double v, double from) {
-      return std::min(static_cast<std::size_t>(std::max((v - from) * per_unit, 0.0)), cells - 1);
+    std::vector<std::uint32_t> corner(3 * members.size());
+    std::iota(corner.begin(), corner.end(), 0U);
+    const auto root = [&](std::uint32_t c) {
+      while (corner[c] != c) c = corner[c] = corner[corner[c]];
+      return c;
     };
-    std::vector<std::vector<std::uint32_t>> grid(cells * cells);
-    std::vector<double> areas(count), lengths(count);  // the longest edge, squared
-    for (std::size_t i = 0; i < count; ++i) {
-      const Vec2d* const own = &chart.corners[3 * i];
-      areas[i] = std::abs((own[1].x - own[0].x) * (own[2].y - own[0].y) -
-                          (own[1].y - own[0].y) * (own[2].x - own[0].x)) /
-                 2;
-      for (std::size_t k = 0; k < 3; ++k) {
-        const Vec2d edge = own[(k + 1) % 3] - own[k];
-        lengths[i] = std::max(lengths[i], edge.x * edge.x + edge.y * edge.y);
-      }
-      const double y0 = std::min({own[0].y, own[1].y, own[2].y}),
-                   y1 = std::max({own[0].y, own[1].y, own[2].y});
-      for (std::size_t y = cell(y0, low.y); y <= cell(y1, low.y); ++y) {
-        auto [from, to] = span_between(own, low.y + static_cast<double>(y) / per_unit,
-                                       low.y + static_cast<double>(y + 1) / per_unit);
-        if (from > to) {  // by rounding alone: anywhere
-          from = std::min({own[0].x, own[1].x, own[2].x});
-          to = std::max({own[0].x, own[1].x, own[2].x});
-        }
-        // A cell more, since what lies on the line between two may be rounded to either.
-        const std::size_t first = cell(from, low.x), last = cell(to, low.x);
-        for (std::size_t x = first - (first > 0 ? 1 : 0); x <= std::min(last + 1, cells - 1); ++x) {
-          for (const std::uint32_t j : grid[y * cells + x]) {
-            if (j != i && in_common(own, &chart.corners[3 * j], areas[i], areas[j],
-                                    std::max(lengths[i], lengths[j])))
-              return std::pair(std::size_t{j}, i);
+    for (std::uint32_t i = 0; i < members.size(); ++i) {
+      for_neighbours(members[i], [&](std::uint32_t next, std::uint32_t k) {
+        if (marks_[next] != mark_) return;
+        for (const std::uint32_t own : {k, (k + 1) % 3}) {
+          for (std::uint32_t other = 0; other < 3; ++other) {
+            if (triangles_[next][other] != triangles_[members[i]][own]) continue;
+            const std::uint32_t a = root(3 * i + own), b = root(3 * numbers_[next] + other);
+            corner[std::max(a, b)] = std::min(a, b);
           }
-          grid[y * cells + x].push_back(static_cast<std::uint32_t>(i));
         }
+      });
+    }
+    Patch patch;
+    std::vector<std::uint32_t> point(corner.size());
+    for (std::uint32_t c = 0; c < corner.size(); ++c) {
+      if (root(c) == c) {
+        point[c] = static_cast<std::uint32_t>(patch.points.size());
+        patch.points.emplace_back(positions_[triangles_[members[c / 3]][c % 3]]);
+      } else {
+        point[c] = point[root(c)];  // which comes before
+      }
+      if (c % 3 == 2) patch.triangles.push_back({point[c - 2], point[c - 1], point[c]});
+    }
+    return patch;
+  }
+
+  /// Lays a chart flat. Where that does not do: the parts that it is to be cut into.
+  std::vector<std::vector<std::uint32_t>> lay(Chart& chart) {
+    const Patch patch = patch_of(chart.triangles);
+    std::vector<Vec2d> flat = lay_flat(patch, axis_of(chart.triangles));
+    double in_space = 0, in_plane = 0;
+    for (std::size_t i = 0; i < patch.triangles.size(); ++i) {
+      const Triangle& c = patch.triangles[i];
+      in_space += length(areas_[chart.triangles[i]]);
+      in_plane += std::abs((flat[c[1]].x - flat[c[0]].x) * (flat[c[2]].y - flat[c[0]].y) -
+                           (flat[c[1]].y - flat[c[0]].y) * (flat[c[2]].x - flat[c[0]].x)) /
+                  2;
+    }
+    const double scale = in_plane > 0 ? std::sqrt(in_space / in_plane) : 1;
+    for (Vec2d& p : flat) p = p * scale;
+    for (const Triangle& c : patch.triangles) {
+      for (const std::uint32_t v : c) {
+        chart.corners.push_back(flat[v]);
+        chart.points.push_back(v);
       }
     }
-    return std::nullopt;
+    if (chart.triangles.size() == 1) return {};
+    double stretched = 0;
+    std::vector<std::uint32_t> on_faces, others;
+    for (std::size_t i = 0; i < patch.triangles.size(); ++i) {
+      const std::uint32_t t = chart.triangles[i];
+      const double stretch =
+          normals_[t] == Vec3d{} ? 1 : stretch_of(patch, flat, patch.triangles[i]);
+      if (stretch > kStretch) stretched += length(areas_[t]);
+      (std::isfinite(stretch) ? others : on_faces).push_back(t);
+    }
+    // A few that cannot lie among the others go alone.
+    const bool is_alike = stretched <= kStretched * in_space;
+    if (is_alike && !on_faces.empty() && on_faces.size() < others.size()) return {on_faces, others};
+    std::optional<std::pair<std::size_t, std::size_t>> apart;
+    if (is_alike && on_faces.empty()) {
+      apart = find_overlap(chart);
+      if (!apart) return {};
+    } else {
+      apart = poles(chart);
+    }
+    auto [one, other] = cut(chart.triangles, apart->first, apart->second);
+    return {std::move(one), std::move(other)};
+  }
+
+  /// The triangles of a chart that are farthest apart in where they face.
+  std::pair<std::size_t, std::size_t> poles(const Chart& chart) const {
+    const auto farthest_from = [&](Vec3d axis, std::size_t but) {
+      std::size_t best = but == 0 ? 1 : 0;
+      for (std::size_t i = 0; i < chart.triangles.size(); ++i) {
+        if (i != but && facing(chart.triangles[i], axis) < facing(chart.triangles[best], axis))
+          best = i;
+      }
+      return best;
+    };
+    const std::size_t one = farthest_from(axis_of(chart.triangles), chart.triangles.size());
+    const std::size_t other = farthest_from(facing_[chart.triangles[one]], one);
+    return {one, other};
+  }
+
+  /// Two triangles of a chart that are as many steps apart as any, nearly.
+  std::pair<std::size_t, std::size_t> ends(const std::vector<std::uint32_t>& members) {
+    const auto farthest_from = [&](std::size_t first) {
+      ++mark_;
+      for (std::uint32_t i = 0; i < members.size(); ++i) {
+        marks_[members[i]] = mark_;
+        numbers_[members[i]] = i;
+      }
+      std::vector<std::uint32_t> reached{members[first]};
+      marks_[members[first]] = 0;
+      for (std::size_t i = 0; i < reached.size(); ++i) {
+        for_neighbours(reached[i], [&](std::uint32_t next, std::uint32_t) {
+          if (marks_[next] != mark_) return;
+          marks_[next] = 0;
+          reached.push_back(next);
+        });
+      }
+      return std::size_t{numbers_[reached.back()]};
+    };
+    const std::size_t one = farthest_from(0), other = farthest_from(one);
+    return {one, other != one ? other : (one == 0 ? 1 : 0)};
   }
 
   /// What is nearer, in steps from triangle to triangle, to the one or to the other.
   std::pair<std::vector<std::uint32_t>, std::vector<std::uint32_t>> cut(
       const std::vector<std::uint32_t>& members, std::size_t one, std::size_t other) {
-    std::map<std::uint32_t, int> side;
-    for (const std::uint32_t t : members) side[t] = -1;
-    std::deque<std::uint32_t> open{members[one], members[other]};
-    side[members[one]] = 0;
-    side[members[other]] = 1;
-    while (!open.empty()) {
-      const std::uint32_t t = open.front();
-      open.pop_front();
-      for_neighbours(t, [&](std::uint32_t next, std::uint32_t) {
-        const auto found = side.find(next);
-        if (found == side.end() || found->second >= 0) return;
-        found->second = side[t];
-        open.push_back(next);
+    // Parts: 1 and 2; 3 is what neither has reached yet; 0 is not of the chart.
+    constexpr std::uint32_t kOpen = 3;
+    side_.resize(triangles_.size());
+    for (const std::uint32_t t : members) side_[t] = kOpen;
+    std::vector<std::uint32_t> reached{members[one], members[other]};
+    side_[members[one]] = 1;
+    side_[members[other]] = 2;
+    for (std::size_t i = 0; i < reached.size(); ++i) {
+      for_neighbours(reached[i], [&](std::uint32_t next, std::uint32_t) {
+        if (side_[next] != kOpen) return;
+        side_[next] = side_[reached[i]];
+        reached.push_back(next);
       });
+    }
+    constexpr int kRounds = 4;
+    for (int round = 0; round < kRounds; ++round) {
+      for (const std::uint32_t t : members) {
+        if (t == members[one] || t == members[other]) continue;
+        const std::uint32_t best = most_around(t, side_);
+        if (best == 1 || best == 2) side_[t] = best;
+      }
     }
     std::pair<std::vector<std::uint32_t>, std::vector<std::uint32_t>> parts;
     for (const std::uint32_t t : members)  // what hangs together with neither goes with the first
-      (side[t] == 1 ? parts.second : parts.first).push_back(t);
+      (side_[t] == 2 ? parts.second : parts.first).push_back(t);
+    for (const std::uint32_t t : members) side_[t] = 0;
     return parts;
   }
 
@@ -355,35 +457,32 @@ class Cutter {
   std::span<const Triangle> triangles_;
   const std::function<void()>& poll_;
   std::vector<Vec3d> areas_, normals_;     ///< of triangles: normal times area; unit, or 0
+  std::vector<Vec3d> facing_;              ///< the normal around a triangle
   std::vector<std::uint32_t> neighbours_;  ///< three for each
   std::vector<std::uint32_t> chart_of_;
+  std::vector<std::uint32_t> side_;  ///< of a cut; 0 outside of one
+  std::uint32_t mark_ = 0;
+  std::vector<std::uint32_t> marks_;    ///< of triangles: what has `mark_` is of those at hand
+  std::vector<std::uint32_t> numbers_;  ///< of them among these
   std::vector<std::vector<std::uint32_t>> charts_;
 };
 
-}  // namespace
-
-std::pair<double, double> span_between(const Vec2d* triangle, double y0, double y1) {
-  double from = std::numeric_limits<double>::infinity(), to = -from;
-  for (std::size_t k = 0; k < 3; ++k) {
-    Vec2d a = triangle[k], b = triangle[(k + 1) % 3];
-    if (a.y > b.y) std::swap(a, b);
-    if (b.y < y0 || a.y > y1) continue;
-    for (const double y : {std::max(a.y, y0), std::min(b.y, y1)}) {
-      const double x = b.y > a.y ? a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)) : a.x;
-      from = std::min(from, x);
-      to = std::max(to, x);
-    }
-    if (b.y > a.y) continue;
-    from = std::min(from, b.x);
-    to = std::max(to, b.x);
+double area_of(const Chart& chart) {
+  double twice = 0;
+  for (std::size_t i = 0; i < chart.corners.size(); i += 3) {
+    const Vec2d a = chart.corners[i], b = chart.corners[i + 1], c = chart.corners[i + 2];
+    twice += std::abs((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x));
   }
-  return {from, to};
+  return twice / 2;
 }
 
-std::vector<Chart> make_charts(std::span<const Vec3f> positions,
-                               std::span<const Triangle> triangles,
-                               const std::function<void()>& poll) {
-  return Cutter(positions, triangles, poll).make();
+Charts::Charts(std::span<const Vec3f> positions, std::span<const Triangle> triangles,
+               const std::function<void()>& poll)
+    : cutter_(std::make_unique<Cutter>(positions, triangles, poll)) {}
+Charts::~Charts() = default;
+std::vector<Chart> Charts::make() { return cutter_->make(); }
+std::vector<Chart> Charts::cut(std::vector<Chart> charts, const Unwieldy& limit) {
+  return cutter_->cut_unwieldy(std::move(charts), limit);
 }
 
 }  // namespace pounce::unwrap

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Charts are placed one after the other, the longest first, each in the lowest place that is free,
-// in the best of four turns. What is free is known cell by cell, so that small charts go into the
-// hollows of large ones and into their holes. A cell is a bit: where a run of cells is blocked is
-// found for a whole row at once. How large all of them may be is found by trying.
+// in the best of some turns. What is free is known row by row, as runs of cells, so that small
+// charts go into the hollows of large ones and into their holes; where a row has no run that is
+// long enough, a look at its longest one says so. How large all of them may be is found by trying.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -78,29 +78,81 @@ void set_bits(Bits& bits, std::size_t first, std::size_t last) {
   }
 }
 
-/// bits |= bits moved down by `by`: bit i has what bit i + by had, too.
-void add_moved_down(Bits& bits, std::size_t by) {
-  const std::size_t words = by / 64, rest = by % 64;
-  for (std::size_t w = 0; w + words < bits.size(); ++w) {
-    std::uint64_t moved = bits[w + words] >> rest;
-    if (rest > 0 && w + words + 1 < bits.size()) moved |= bits[w + words + 1] << (64 - rest);
-    bits[w] |= moved;
+/// Cells [first, last) of a row.
+struct Run {
+  std::uint32_t first, last;
+  std::uint32_t length() const { return last - first; }
+};
+
+/// What is free of a row, from left to right.
+class FreeRow {
+ public:
+  explicit FreeRow(std::uint32_t cells) : runs_{{0, cells}}, longest_(cells) {}
+
+  std::uint32_t longest() const { return longest_; }
+  /// Takes cells away that are all free.
+  void take(Run run) {
+    const auto at = find(run.first);
+    const Run whole = *at;
+    const Run left{whole.first, run.first}, right{run.last, whole.last};
+    if (left.length() > 0 && right.length() > 0) {
+      *at = left;
+      runs_.insert(at + 1, right);
+    } else if (left.length() > 0 || right.length() > 0) {
+      *at = left.length() > 0 ? left : right;
+    } else {
+      runs_.erase(at);
+    }
+    longest_ = 0;
+    for (const Run& own : runs_) longest_ = std::max(longest_, own.length());
   }
-}
+  /// Of places [first, last) of something, those where its `run` of this row is free.
+  void keep_places(const std::vector<Run>& places, Run run, std::vector<Run>& kept) const {
+    kept.clear();
+    for (const Run& own : places) {
+      for (auto at = find(own.first + run.first);
+           at != runs_.end() && at->first < own.last + run.last; ++at) {
+        if (at->length() < run.length() || at->last < run.last) continue;
+        const std::uint32_t first = std::max(own.first, at->first - std::min(at->first, run.first)),
+                            last = std::min(own.last, at->last - run.last + 1);
+        if (first < last) kept.push_back({first, last});
+      }
+    }
+  }
+
+ private:
+  /// The first that ends after this cell.
+  std::vector<Run>::iterator find(std::uint32_t cell) {
+    return std::partition_point(runs_.begin(), runs_.end(),
+                                [cell](const Run& run) { return run.last <= cell; });
+  }
+  std::vector<Run>::const_iterator find(std::uint32_t cell) const {
+    return std::partition_point(runs_.begin(), runs_.end(),
+                                [cell](const Run& run) { return run.last <= cell; });
+  }
+
+  std::vector<Run> runs_;
+  std::uint32_t longest_;
+};
 
 /// Which cells a chart covers in one of its turns, gutter and all: runs of each row.
 struct Mask {
-  struct Run {
-    std::uint32_t first, last;
-  };
   std::vector<std::vector<Run>> rows;
+  std::vector<std::uint32_t> hardest;  ///< rows, those first that find room most seldom
   std::size_t width = 0;
-  Vec2d origin;  ///< of its turned corners, in texels: where the first cell begins
+  double middle = 0;  ///< of its cells, from its first row
+  Vec2d origin;       ///< of its turned corners, in texels: where the first cell begins
 };
+
+/// Cosine and sine of 0, 30 and 60 degrees, nearly: unit vectors of whole numbers.
+constexpr std::array<std::array<double, 2>, 3> kSlants{
+    {{1, 0}, {0.8689655172413793, 0.49487179487179487}, {0.5, 0.8660254037844386}}};
+constexpr std::size_t kFew = 400;
+constexpr double kMostCells = 1024;
 
 struct Shape {
   const Chart* chart = nullptr;
-  std::array<Turn, 4> turns;
+  std::vector<Turn> turns;
   double length = 0;
 };
 
@@ -110,15 +162,21 @@ class Packer {
       : charts_(charts),
         poll_(poll),
         size_(options.size),
-        step_(std::max(1.0, options.size / 1024.0)),
+        step_(std::max(1.0, options.size / kMostCells)),
         cells_(static_cast<std::size_t>(options.size / step_)),
         half_(options.gutter / 2.0) {
     for (const Chart& chart : charts) {
       Shape shape;
       shape.chart = &chart;
       const Turn turn = best_turn(chart);
-      for (int k = 0; k < 4; ++k) shape.turns[static_cast<std::size_t>(k)] = turn.quarter(k);
-      shape.length = box_of(chart, turn).width();
+      // Few charts leave large gaps, and are worth more trying.
+      for (std::size_t k = 0; k < (charts.size() <= kFew ? kSlants.size() : 1); ++k) {
+        const auto [cosine, sine] = kSlants[k];
+        const Vec2d slanted = turn.of({cosine, sine});
+        for (int quarter = 0; quarter < 4; ++quarter)
+          shape.turns.push_back(Turn{slanted.x, slanted.y}.quarter(quarter));
+      }
+      shape.length = box_of(chart, turn).height();
       shapes_.push_back(shape);
     }
     order_.resize(charts.size());
@@ -128,35 +186,34 @@ class Packer {
     });
   }
 
-  Packing best() const {
+  Packing best() {
     double area = 0;
-    for (const Chart& chart : charts_) {
-      for (std::size_t i = 0; i < chart.corners.size(); i += 3) {
-        const Vec2d a = chart.corners[i], b = chart.corners[i + 1], c = chart.corners[i + 2];
-        area += std::abs((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)) / 2;
-      }
-    }
+    for (const Chart& chart : charts_) area += area_of(chart);
     Packing packing;
     packing.charts.resize(charts_.size());
     if (!(area > 0)) return packing;
-    // From what would fill nine tenths down until it fits; then between the last two.
-    constexpr double kFirst = 0.95, kDown = 0.93;
-    constexpr int kHalvings = 3;
-    double scale = kFirst * size_ / std::sqrt(area), above = scale;
-    std::vector<Placement> placed;
+    // From what would fill nine tenths down until it fits; then up again in small steps, where a
+    // chart that finds no room goes sooner the next time and all are tried again a few times.
+    constexpr double kFirst = 0.95, kDown = 0.95, kUp = 1.008;
+    double scale = kFirst * size_ / std::sqrt(area);
     const double least = scale / 100;
-    for (; !place_all(scale, placed); scale *= kDown) {
-      above = scale;
+    while (place_all(scale, packing.charts) < order_.size()) {
+      scale *= kDown;
       if (scale < least) return {};
     }
-    packing = {scale, placed};
-    for (int round = 0; round < kHalvings; ++round) {
-      const double between = (packing.scale + above) / 2;
-      if (place_all(between, placed)) {
-        packing = {between, placed};
-      } else {
-        above = between;
+    packing.scale = scale;
+    const int tries = charts_.size() <= kFew ? 12 : 2;
+    std::vector<Placement> placed;
+    for (int trial = 0; trial < tries; ++trial) {
+      const std::size_t failed = place_all(packing.scale * kUp, placed);
+      if (failed == order_.size()) {
+        packing = {packing.scale * kUp, placed};
+        trial = -1;
+        continue;
       }
+      std::rotate(order_.begin() + static_cast<std::ptrdiff_t>(failed / 2),
+                  order_.begin() + static_cast<std::ptrdiff_t>(failed),
+                  order_.begin() + static_cast<std::ptrdiff_t>(failed + 1));
     }
     return packing;
   }
@@ -196,92 +253,99 @@ class Packer {
       }
     }
     for (const Bits& row : rows) {
-      std::vector<Mask::Run>& runs = mask.rows.emplace_back();
+      std::vector<Run>& runs = mask.rows.emplace_back();
       for (std::uint32_t x = 0; x < mask.width; ++x) {
         if ((row[x / 64] >> (x % 64) & 1) == 0) continue;
         if (runs.empty() || runs.back().last != x) runs.push_back({x, x});
         ++runs.back().last;
       }
     }
+    double cells_sum = 0, moment = 0;
+    for (std::size_t row = 0; row < mask.rows.size(); ++row) {
+      for (const Run& run : mask.rows[row]) {
+        cells_sum += run.last - run.first;
+        moment += static_cast<double>(row) * (run.last - run.first);
+      }
+    }
+    mask.middle = moment / cells_sum;
+    mask.hardest.resize(mask.rows.size());
+    std::iota(mask.hardest.begin(), mask.hardest.end(), 0U);
+    const auto longest = [&](std::uint32_t row) {
+      std::uint32_t most = 0;
+      for (const Run& run : mask.rows[row]) most = std::max(most, run.last - run.first);
+      return most;
+    };
+    std::vector<std::uint32_t> lengths;
+    for (const std::uint32_t row : mask.hardest) lengths.push_back(longest(row));
+    std::stable_sort(mask.hardest.begin(), mask.hardest.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return lengths[a] > lengths[b]; });
     return mask;
   }
 
   /// The lowest place that is free, the leftmost of these; false: there is none below `end`.
-  bool find(const std::vector<Bits>& taken, const Mask& mask, std::size_t end, std::size_t& at_x,
-            std::size_t& at_y) const {
+  bool find(const std::vector<FreeRow>& free, const Mask& mask, std::size_t end, std::size_t& at_x,
+            std::size_t& at_y) {
     if (mask.width > cells_) return false;
-    Bits blocked(taken.front().size()), grown;
     for (std::size_t y = 0; y + mask.rows.size() <= end; ++y) {
-      std::fill(blocked.begin(), blocked.end(), 0);
-      // From the left no chart may begin later than this.
-      set_bits(blocked, cells_ - mask.width + 1, cells_);
-      bool is_full = false;
-      for (std::size_t row = 0; row < mask.rows.size() && !is_full; ++row) {
-        for (const Mask::Run& run : mask.rows[row]) {
-          grown = taken[y + row];
-          std::size_t have = 1;
-          const std::size_t wanted = run.last - run.first;
-          for (; have < wanted; have += std::min(have, wanted - have))
-            add_moved_down(grown, std::min(have, wanted - have));
-          add_moved(grown, run.first, blocked);
+      places_.assign(1, {0, static_cast<std::uint32_t>(cells_ - mask.width + 1)});
+      for (std::size_t i = 0; i < mask.rows.size() && !places_.empty(); ++i) {
+        const std::size_t row = mask.hardest[i];
+        const FreeRow& own = free[y + row];
+        for (const Run& run : mask.rows[row]) {
+          if (own.longest() < run.length()) {
+            places_.clear();
+            break;
+          }
+          own.keep_places(places_, run, kept_);
+          places_.swap(kept_);
+          if (places_.empty()) break;
         }
-        is_full = all_set(blocked);
       }
-      if (is_full) continue;
-      for (std::size_t x = 0; x < cells_; ++x) {
-        if ((blocked[x / 64] >> (x % 64) & 1) != 0) continue;
-        at_x = x;
-        at_y = y;
-        return true;
-      }
+      if (places_.empty()) continue;
+      at_x = places_.front().first;
+      at_y = y;
+      return true;
     }
     return false;
   }
-  /// to |= from moved down by `by`.
-  static void add_moved(const Bits& from, std::size_t by, Bits& to) {
-    const std::size_t words = by / 64, rest = by % 64;
-    for (std::size_t w = 0; w + words < from.size(); ++w) {
-      std::uint64_t moved = from[w + words] >> rest;
-      if (rest > 0 && w + words + 1 < from.size()) moved |= from[w + words + 1] << (64 - rest);
-      to[w] |= moved;
-    }
-  }
-  bool all_set(const Bits& bits) const {
-    for (std::size_t w = 0; w < cells_ / 64; ++w) {
-      if (bits[w] != ~0ULL) return false;
-    }
-    return cells_ % 64 == 0 || (bits[cells_ / 64] | ~0ULL << cells_ % 64) == ~0ULL;
-  }
 
-  bool place_all(double scale, std::vector<Placement>& placed) const {
+  /// The number in order_ of the first chart that finds no room; order_.size(): all do.
+  std::size_t place_all(double scale, std::vector<Placement>& placed) {
     placed.assign(charts_.size(), {});
-    std::vector<Bits> taken(cells_, Bits(cells_ / 64 + 2));
-    for (const std::size_t chart : order_) {
+    std::vector<FreeRow> free(cells_, FreeRow(static_cast<std::uint32_t>(cells_)));
+    for (std::size_t i = 0; i < order_.size(); ++i) {
       poll_();
-      std::size_t best_turn = 4, best_x = 0, best_y = 0, best_end = cells_ + 1;
-      std::array<Mask, 4> masks;
-      for (std::size_t turn = 0; turn < 4; ++turn) {
-        masks[turn] = mask_of(shapes_[chart], turn, scale);
+      const std::size_t chart = order_[i];
+      const std::vector<Turn>& turns = shapes_[chart].turns;
+      std::size_t best_turn = turns.size(), best_x = 0, best_y = 0;
+      double best_middle = cells_;
+      Mask mask;
+      for (std::size_t turn = 0; turn < turns.size(); ++turn) {
+        Mask own = mask_of(shapes_[chart], turn, scale);
         std::size_t x = 0, y = 0;
-        if (!find(taken, masks[turn], std::min(best_end - 1, cells_), x, y)) continue;
+        if (!(own.middle < best_middle)) continue;
+        const auto below = static_cast<std::size_t>(best_middle - own.middle) + own.rows.size();
+        if (!find(free, own, std::min(below, cells_), x, y)) continue;
+        if (!(static_cast<double>(y) + own.middle < best_middle)) continue;
         best_turn = turn;
         best_x = x;
         best_y = y;
-        best_end = y + masks[turn].rows.size();
+        best_middle = static_cast<double>(y) + own.middle;
+        mask = std::move(own);
       }
-      if (best_turn == 4) return false;
-      const Mask& mask = masks[best_turn];
+      if (best_turn == turns.size()) return i;
       for (std::size_t row = 0; row < mask.rows.size(); ++row) {
-        for (const Mask::Run& run : mask.rows[row])
-          set_bits(taken[best_y + row], best_x + run.first, best_x + run.last);
+        for (const Run& run : mask.rows[row])
+          free[best_y + row].take({static_cast<std::uint32_t>(best_x) + run.first,
+                                   static_cast<std::uint32_t>(best_x) + run.last});
       }
-      const Turn& turn = shapes_[chart].turns[best_turn];
+      const Turn& turn = turns[best_turn];
       placed[chart] = {turn.cosine,
                        turn.sine,
                        {static_cast<double>(best_x) * step_ - mask.origin.x,
                         static_cast<double>(best_y) * step_ - mask.origin.y}};
     }
-    return true;
+    return order_.size();
   }
 
   std::span<const Chart> charts_;
@@ -291,9 +355,16 @@ class Packer {
   double half_;  ///< of the gutter
   std::vector<Shape> shapes_;
   std::vector<std::size_t> order_;
+  std::vector<Run> places_, kept_;  ///< of find()
 };
 
 }  // namespace
+
+double share_of_box(const Chart& chart) {
+  const Box box = box_of(chart, best_turn(chart));
+  const double area = box.width() * box.height();
+  return area > 0 ? area_of(chart) / area : 1;
+}
 
 Packing pack(std::span<const Chart> charts, const Options& options,
              const std::function<void()>& poll) {

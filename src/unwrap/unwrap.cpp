@@ -2,6 +2,7 @@
 #include "unwrap/unwrap.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -9,11 +10,38 @@
 #include "unwrap/charts.h"
 
 namespace pounce::unwrap {
+namespace {
+
+constexpr double kEnough = 0.7;
+/// What is cut where that is not filled, one after the other until it is.
+constexpr std::array<Unwieldy, 2> kUnwieldy{{{1.0 / 12, 0.35}, {1.0 / 24, 0.45}}};
+
+double fill_of(const std::vector<Chart>& charts, const Packing& packing, const Options& options) {
+  double area = 0;
+  for (const Chart& chart : charts) area += area_of(chart);
+  const double scale = packing.scale / options.size;
+  return area * scale * scale;
+}
+
+}  // namespace
 
 Unwrapped unwrap(std::span<const Vec3f> positions, std::span<const Triangle> triangles,
                  const Options& options, const std::function<void()>& poll) {
-  const std::vector<Chart> charts = make_charts(positions, triangles, poll);
-  const Packing packing = pack(charts, options, poll);
+  Charts cutter(positions, triangles, poll);
+  std::vector<Chart> charts = cutter.make();
+  Packing packing = pack(charts, options, poll);
+  // As few charts as fill enough of the image.
+  std::vector<Chart> smaller = charts;
+  for (const Unwieldy& limit : kUnwieldy) {
+    if (packing.charts.size() == charts.size() && fill_of(charts, packing, options) >= kEnough)
+      break;
+    smaller = cutter.cut(std::move(smaller), limit);
+    if (smaller.size() == charts.size()) continue;
+    Packing other = pack(smaller, options, poll);
+    if (other.charts.size() < smaller.size() || !(other.scale > packing.scale)) continue;
+    charts = smaller;
+    packing = std::move(other);
+  }
   Unwrapped out;
   out.triangles.resize(triangles.size());
   out.charts.resize(triangles.size());
@@ -24,7 +52,7 @@ Unwrapped unwrap(std::span<const Vec3f> positions, std::span<const Triangle> tri
   for (std::uint32_t c = 0; c < charts.size(); ++c) {
     const Chart& chart = charts[c];
     const Placement& place = packing.charts[c];
-    std::map<std::uint32_t, std::uint32_t> own;  // old vertex to new
+    std::map<std::uint32_t, std::uint32_t> own;  // the chart's points to new vertices
     for (std::size_t i = 0; i < chart.triangles.size(); ++i) {
       const std::uint32_t t = chart.triangles[i];
       out.charts[t] = c;
@@ -33,7 +61,7 @@ Unwrapped unwrap(std::span<const Vec3f> positions, std::span<const Triangle> tri
         const std::uint32_t vertex = triangles[t][k];
         corners[k] = place.placed(chart.corners[3 * i + k], packing.scale) * (1.0 / options.size);
         const auto [found, is_new] =
-            own.try_emplace(vertex, static_cast<std::uint32_t>(out.vertex.size()));
+            own.try_emplace(chart.points[3 * i + k], static_cast<std::uint32_t>(out.vertex.size()));
         if (is_new) {
           out.vertex.push_back(vertex);
           out.uvs.push_back(Vec2f{static_cast<float>(std::clamp(corners[k].x, 0.0, 1.0)),

@@ -63,7 +63,8 @@ SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& opti
   made.surface = welded(mesh);
   made.origin = placed.origin;
   if (made.surface.triangles.empty())
-    throw Error(ErrorKind::input, path + ": has no triangle with an area; nothing can be made of it");
+    throw Error(ErrorKind::input,
+                path + ": has no triangle with an area; nothing can be made of it");
   job.meter.end();
   return made;
 }

@@ -73,6 +73,10 @@ while IFS=: read -r file line _; do
   complain "$file:$line: only src/io/ includes image and mesh libraries"
 done < <(grep -rnE "^#include [<\"]($file_libraries)" src tools bench 2>/dev/null | grep -vE '^src/(io/|meshing/surface.cpp:.*meshoptimizer)' || true)
 
+while IFS=: read -r file line _; do
+  complain "$file:$line: only src/unwrap/flatten.cpp includes Eigen"
+done < <(grep -rnE '^#include <(Eigen|unsupported)/' src tools bench 2>/dev/null | grep -v '^src/unwrap/flatten.cpp:' || true)
+
 while IFS=: read -r file line text; do
   complain "$file:$line: a public header includes only the standard library and pounce/"
 done < <(grep -rnE '^#include' include/pounce | grep -vE '#include (<[a-z_]+>|"pounce/[a-z_]+\.h")$' || true)
