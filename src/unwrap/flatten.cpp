@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// First as angles want it (Levy et al., "Least Squares Conformal Maps", 2002), which unfolds what is
-// steep and stretches what is far from the middle. Then lengths: in turns each triangle finds the
-// rotation that brings its own shape nearest to where it lies, and all points move to where they
-// fit these best, as far as no triangle comes to lie on its face. Both are sparse linear systems.
+// First as angles want it (Levy et al., "Least Squares Conformal Maps", 2002), which unfolds what
+// is steep and stretches what is far from the middle. Then lengths: in turns each triangle finds
+// the rotation that brings its own shape nearest to where it lies, and all points move to where
+// they fit these best, as far as no triangle comes to lie on its face. Both are sparse linear
+// systems.
 #include "unwrap/flatten.h"
 
 #include <Eigen/SparseCholesky>
@@ -95,9 +96,7 @@ class Layout {
     for (std::size_t t = 0; t < rests_.size(); ++t) count += is_on_face(t) ? 1 : 0;
     return count;
   }
-  bool is_on_face(std::size_t t) const {
-    return own_area(t) > 0 && !(area_of(t, at_) > 0);
-  }
+  bool is_on_face(std::size_t t) const { return own_area(t) > 0 && !(area_of(t, at_) > 0); }
 
   /// Conformal, as far as it goes, with the two points that are farthest apart where they are.
   void unfold() {
@@ -291,8 +290,10 @@ class Layout {
       std::sort(rings[v].begin(), rings[v].end());
       for (std::size_t i = 0; i < rings[v].size(); ++i) {
         const bool is_inner = i + 1 < rings[v].size() && rings[v][i] == rings[v][i + 1];
-        if (is_inner) ++i;
-        else ++around[v];
+        if (is_inner)
+          ++i;
+        else
+          ++around[v];
       }
       rings[v].erase(std::unique(rings[v].begin(), rings[v].end()), rings[v].end());
     }

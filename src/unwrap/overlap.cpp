@@ -42,7 +42,7 @@ double common_area(const Vec2d* a, const Vec2d* b) {
 
 /// Is what they have in common more than rounding makes of it?
 bool in_common(const Vec2d* a, const Vec2d* b, double area_a, double area_b,
-                      double longest_squared) {
+               double longest_squared) {
   const auto apart = [](double a0, double a1, double a2, double b0, double b1, double b2) {
     return std::max({a0, a1, a2}) < std::min({b0, b1, b2}) ||
            std::max({b0, b1, b2}) < std::min({a0, a1, a2});

@@ -33,10 +33,7 @@ float as_real(const std::vector<std::byte>& row, std::size_t i, Depth depth) {
   return sample_at<float>(row, i);
 }
 
-}  // namespace
-
-Image read_image(const std::string& path) {
-  io::ImageReader reader(path);
+Image read_all(io::ImageReader reader) {
   const io::ImageInfo& info = reader.info();
   Image image{info.width, info.height, info.channels, {}};
   std::vector<std::byte> row(reader.row_bytes());
@@ -48,6 +45,11 @@ Image read_image(const std::string& path) {
   }
   return image;
 }
+
+}  // namespace
+
+Image read_image(const std::string& path) { return read_all(io::ImageReader(path)); }
+Image read_image(const mesh::ImageRef& ref) { return read_all(io::ImageReader(ref)); }
 
 void write_image(const std::string& path, std::uint32_t width, std::uint32_t height,
                  const std::vector<Vec3d>& colours) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/vec.h"
+#include "mesh/mesh.h"
 
 namespace pounce::score {
 
@@ -24,6 +25,7 @@ struct Image {
 
 /// Throws pounce::Error.
 Image read_image(const std::string& path);
+Image read_image(const mesh::ImageRef& ref);
 
 /// Writes colours as 8 bits per sample; the path's ending says as what. Throws pounce::Error.
 void write_image(const std::string& path, std::uint32_t width, std::uint32_t height,

@@ -14,6 +14,7 @@
 #include "around.h"
 #include "core/bounds.h"
 #include "io/read_mesh.h"
+#include "model.h"
 #include "picture.h"
 #include "pounce/error.h"
 #include "score.h"
@@ -198,6 +199,42 @@ void print_views(const ViewsOptions& o) {
   }
 }
 
+struct ModelsOptions {
+  std::string truth;
+  std::vector<std::string> models;
+  std::size_t count = 26;
+  std::uint32_t size = 448, finer = 3;
+};
+
+void print_models(const ModelsOptions& o) {
+  const score::Model truth = score::read_model(o.truth);
+  std::vector<score::Model> models;
+  for (const std::string& path : o.models) models.push_back(score::read_model(path));
+  const std::vector<Vec3d> ways = score::directions(o.count, kTurn);
+  Box3f box;
+  for (const Vec3f& p : truth.mesh.positions) box.extend(p);
+  const double diagonal = length(Vec3d(box.hi) - Vec3d(box.lo));
+  fmt::print("{:<28} {:>6} {:>6} {:>6} {:>6} {:>6}  {:>12}\n", fmt::format("{} views", o.count),
+             "either", "both", "IoU", "SSIM", "sharp", "depth 50, 90");
+  for (const bool lit : {false, true}) {
+    std::vector<score::Likeness> all(models.size());
+    for (const Vec3d way : ways) {
+      const score::View view = score::view_along(truth.mesh, way, o.size);
+      const score::Seen seen = score::see_model(truth, view, o.finer, lit);
+      tbb::parallel_for(std::size_t{0}, models.size(), [&](std::size_t k) {
+        all[k].add(score::likeness(seen, score::see_model(models[k], view, o.finer, lit), nullptr,
+                                   o.size, diagonal));
+      });
+    }
+    for (std::size_t k = 0; k < models.size(); ++k) {
+      fmt::print("{:<28} {:>6.2f} {:>6.2f} {:>6.3f} {:>6.3f} {:>6.2f}  {:>5.2f} {:>5.2f}%\n",
+                 o.models[k] + (lit ? ", lit" : ""), all[k].either_db(), all[k].both_db(),
+                 all[k].iou(), all[k].mean_ssim(), all[k].sharpness(), 100 * all[k].depth(0.5),
+                 100 * all[k].depth(0.9));
+    }
+  }
+}
+
 struct BakeOptions {
   std::string scene, target, maps, rest, output, rule = "around";
   score::AroundOptions around;
@@ -259,6 +296,23 @@ void add_views(CLI::App& app, std::function<void()>& run, ViewsOptions& o) {
       ->capture_default_str();
   c->add_flag("--sh", o.harmonics, "The scene shows spherical harmonics; else degree 0 alone");
   c->callback([&run, &o] { run = [&o] { print_views(o); }; });
+}
+
+void add_models(CLI::App& app, std::function<void()>& run, ModelsOptions& o) {
+  CLI::App* c = app.add_subcommand(
+      "models",
+      "How alike models look from all around, by their base colours, and lit with their "
+      "normal maps");
+  c->add_option("TRUTH", o.truth, "The model that the others are held against")->required();
+  c->add_option("MODEL", o.models, "Models in the same place")->required();
+  c->add_option("--views", o.count, "So many directions")->capture_default_str();
+  c->add_option("--size", o.size, "Pixels along a picture's edge")
+      ->check(CLI::Range(1, 8192))
+      ->capture_default_str();
+  c->add_option("--samples", o.finer, "Samples along a pixel's edge")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
+  c->callback([&run, &o] { run = [&o] { print_models(o); }; });
 }
 
 void add_bake(CLI::App& app, std::function<void()>& run, BakeOptions& o) {
@@ -327,12 +381,14 @@ int main(int argc, char** argv) try {
   RankingOptions ranking;
   PictureOptions picture;
   ViewsOptions views;
+  ModelsOptions models;
   BakeOptions baking;
   std::function<void()> run;
   add_table(app, run, table);
   add_ranking(app, run, ranking);
   add_picture(app, run, picture);
   add_views(app, run, views);
+  add_models(app, run, models);
   add_bake(app, run, baking);
   try {
     app.parse(argc, argv);

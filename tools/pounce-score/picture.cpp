@@ -20,47 +20,32 @@ constexpr Vec3d kGrey{0.5, 0.5, 0.5};
 
 Vec3d unit(Vec3d v) { return v * (1 / length(v)); }
 
-/// Bilinear, repeating; v down.
-Vec3d lookup(const Image& image, double u, double v) {
-  const auto part = [](double at, std::uint32_t size, std::array<std::size_t, 2>& texel) {
-    const double x = at * size - 0.5, floor = std::floor(x), whole = size;
-    texel[0] = static_cast<std::size_t>(floor - whole * std::floor(floor / whole));
-    texel[1] = (texel[0] + 1) % size;
-    return x - floor;
-  };
-  std::array<std::size_t, 2> x{}, y{};
-  const double fx = part(u, image.width, x), fy = part(v, image.height, y);
-  const auto row = [&](std::size_t r) {
-    return image.at(x[0], r) * (1 - fx) + image.at(x[1], r) * fx;
-  };
-  return row(y[0]) * (1 - fy) + row(y[1]) * fy;
-}
-
-/// A triangle's corner where it is drawn: pixels (centres are whole numbers), depth, UV.
+/// A triangle's corner where it is drawn: pixels (centres are whole numbers), depth.
 struct Corner {
   Vec2d at;
-  double depth, u, v;
+  double depth;
 };
 
 struct Raster {
-  const Image* texture;  ///< null: grey
   std::uint32_t size;
   std::vector<double> depth;
   std::vector<Vec3d> colours;
 
-  void draw(const std::array<Corner, 3>& c) {
+  void draw(const std::array<Corner, 3>& c, const Shade& shade_of) {
     const double area = (c[1].at.x - c[0].at.x) * (c[2].at.y - c[0].at.y) -
                         (c[1].at.y - c[0].at.y) * (c[2].at.x - c[0].at.x);
     const mesh::TexelWindow window{0, 0, size, size};
     mesh::raster_triangle({c[0].at, c[1].at, c[2].at}, window,
                           [&](std::int64_t y, std::int64_t begin, std::int64_t end) {
                             for (std::int64_t x = begin; x < end; ++x)
-                              shade(c, area, static_cast<double>(x), static_cast<double>(y));
+                              shade(c, shade_of, area, static_cast<double>(x),
+                                    static_cast<double>(y));
                           });
   }
 
  private:
-  void shade(const std::array<Corner, 3>& c, double area, double x, double y) {
+  void shade(const std::array<Corner, 3>& c, const Shade& shade_of, double area, double x,
+             double y) {
     const auto share = [&](std::size_t i) {
       const Vec2d a = c[(i + 1) % 3].at, b = c[(i + 2) % 3].at;
       return ((a.x - x) * (b.y - y) - (a.y - y) * (b.x - x)) / area;
@@ -70,9 +55,7 @@ struct Raster {
     const std::size_t pixel = static_cast<std::size_t>(y) * size + static_cast<std::size_t>(x);
     if (here >= depth[pixel]) return;
     depth[pixel] = here;
-    if (texture == nullptr) return;
-    colours[pixel] = lookup(*texture, s0 * c[0].u + s1 * c[1].u + s2 * c[2].u,
-                            s0 * c[0].v + s1 * c[1].v + s2 * c[2].v);
+    colours[pixel] = shade_of({s0, s1, s2});
   }
 };
 
@@ -160,23 +143,55 @@ Seen see_scene(const Scene& scene, const View& view, bool harmonics, std::uint32
   });
 }
 
-Seen see_mesh(const mesh::Mesh& mesh, const Image* texture, const View& view, std::uint32_t finer) {
-  if (texture != nullptr && mesh.uv_sets.empty())
-    throw Error(ErrorKind::input, mesh.path + ": has no UVs; unwrap it first");
+/// Bilinear, repeating; v down.
+Vec3d lookup(const Image& image, double u, double v) {
+  const auto part = [](double at, std::uint32_t size, std::array<std::size_t, 2>& texel) {
+    const double x = at * size - 0.5, floor = std::floor(x), whole = size;
+    texel[0] = static_cast<std::size_t>(floor - whole * std::floor(floor / whole));
+    texel[1] = (texel[0] + 1) % size;
+    return x - floor;
+  };
+  std::array<std::size_t, 2> x{}, y{};
+  const double fx = part(u, image.width, x), fy = part(v, image.height, y);
+  const auto row = [&](std::size_t r) {
+    return image.at(x[0], r) * (1 - fx) + image.at(x[1], r) * fx;
+  };
+  return row(y[0]) * (1 - fy) + row(y[1]) * fy;
+}
+
+Seen see_triangles(const mesh::Mesh& mesh, const View& view, std::uint32_t finer,
+                   const std::function<Shade(std::size_t triangle)>& shader_of) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const std::uint32_t size = view.size * finer;
   const std::size_t samples = std::size_t{size} * size;
-  Raster raster{texture, size, std::vector<double>(samples, kInfinity),
-                std::vector<Vec3d>(samples, kGrey)};
+  Raster raster{size, std::vector<double>(samples, kInfinity), std::vector<Vec3d>(samples, kGrey)};
   const auto corner = [&](std::uint32_t vertex) {
     const Vec3d d = Vec3d(mesh.positions[vertex]) - view.corner;
     const auto along = [&](Vec3d axis) { return (dot(axis, d) / view.pixel + 0.5) * finer - 0.5; };
-    const Vec2f uv = texture != nullptr ? mesh.uv_sets[0][vertex] : Vec2f{};
-    return Corner{{along(view.right), along(view.down)}, dot(view.forward, d), uv.x, uv.y};
+    return Corner{{along(view.right), along(view.down)}, dot(view.forward, d)};
   };
-  for (const auto& t : mesh.triangles) raster.draw({corner(t[0]), corner(t[1]), corner(t[2])});
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const auto& t = mesh.triangles[i];
+    raster.draw({corner(t[0]), corner(t[1]), corner(t[2])}, shader_of(i));
+  }
   return averaged(view.size, finer, [&](std::size_t i) {
     return Sample{raster.colours[i], raster.depth[i] < kInfinity ? 1.0 : 0.0, raster.depth[i]};
+  });
+}
+
+Seen see_mesh(const mesh::Mesh& mesh, const Image* texture, const View& view, std::uint32_t finer) {
+  if (texture != nullptr && mesh.uv_sets.empty())
+    throw Error(ErrorKind::input, mesh.path + ": has no UVs; unwrap it first");
+  return see_triangles(mesh, view, finer, [&](std::size_t triangle) -> Shade {
+    if (texture == nullptr) return [](const auto&) { return kGrey; };
+    return [&mesh, texture, t = mesh.triangles[triangle]](const std::array<double, 3>& shares) {
+      Vec2d uv{};
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Vec2f own = mesh.uv_sets[0][t[k]];
+        uv = uv + Vec2d{own.x, own.y} * shares[k];
+      }
+      return lookup(*texture, uv.x, uv.y);
+    };
   });
 }
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -55,6 +57,16 @@ Seen see_scene(const Scene& scene, const View& view, bool harmonics, std::uint32
 /// The mesh, as draw_mesh() draws it with `finer`^2 samples per pixel. Without a texture: grey.
 /// Throws Error(input) for a mesh without UVs that is to have one.
 Seen see_mesh(const mesh::Mesh& mesh, const Image* texture, const View& view, std::uint32_t finer);
+
+/// Bilinear, repeating; v down.
+Vec3d lookup(const Image& image, double u, double v);
+
+/// What a triangle shows at a point of it, by the shares of its corners there.
+using Shade = std::function<Vec3d(const std::array<double, 3>& shares)>;
+/// A mesh whose triangles, by their numbers, show what `shader_of` says: the nearest surface from
+/// either side.
+Seen see_triangles(const mesh::Mesh& mesh, const View& view, std::uint32_t finer,
+                   const std::function<Shade(std::size_t triangle)>& shader_of);
 
 /// What the scene looks like, as render() draws it, before a background; row by row.
 std::vector<Vec3d> draw_scene(const Scene& scene, const View& view, bool harmonics,

@@ -62,6 +62,7 @@ SourceSurface surface_of_model(job::JobContext& job, const TransferOptions& opti
   made.room = runtime::Lease(job.budget, room, "the surface of " + path);
   made.surface = welded(mesh);
   made.origin = placed.origin;
+  made.is_exact = true;
   if (made.surface.triangles.empty())
     throw Error(ErrorKind::input,
                 path + ": has no triangle with an area; nothing can be made of it");

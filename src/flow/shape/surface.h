@@ -13,6 +13,9 @@ namespace pounce::flow {
 struct SourceSurface {
   meshing::Surface surface;
   Vec3d origin;  ///< its positions are counted from there
+  /// Is every triangle meant? Then a simpler surface is fitted to it. A capture's is rough: there
+  /// that changes nothing that can be seen, and takes as long as all else.
+  bool is_exact = false;
   runtime::Lease room;
 };
 

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "meshing/fit.h"
 #include "unwrap/unwrap.h"
 
 namespace pounce::flow {
@@ -12,10 +13,14 @@ void write_shape(job::JobContext& job, SourceSurface made, const MeshShape& shap
   const StageTimer timer(job.clock, "mesh");
   job.meter.begin("mesh", 1, "meshes", end);
   meshing::Surface& surface = made.surface;
-  meshing::simplify(surface, shape.triangles);
+  const auto poll = [&job] { job.meter.throw_if_cancelled(); };
+  if (made.is_exact) {
+    meshing::simplify_fitted(surface, shape.triangles, poll);
+  } else {
+    meshing::simplify(surface, shape.triangles);
+  }
   const unwrap::Unwrapped flat =
-      unwrap::unwrap(surface.positions, surface.triangles, {shape.size, shape.gutter},
-                     [&job] { job.meter.throw_if_cancelled(); });
+      unwrap::unwrap(surface.positions, surface.triangles, {shape.size, shape.gutter}, poll);
   if (!flat.fits) {
     throw Error(ErrorKind::usage,
                 fmt::format("--size {}: too small for {} charts with {} texels between them; raise "
