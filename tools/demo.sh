@@ -33,8 +33,13 @@ build/release/pounce-fixture splats -o "$demo/splats.ply" --count 2000000 --targ
 "$pounce" transfer "$demo/splats.ply" "$demo/splats_target.glb" -o "$demo/from_splats.png" --size 1024
 "$pounce" compare "$demo/from_splats.png" "$demo/splats_target.truth.png"
 
-echo "== Pictures"
+echo "== A textured mesh of the same scene, made from nothing but the splats, and back onto the head"
+"$pounce" mesh "$demo/splats.ply" -o "$demo/mesh_of_splats.glb" --size 2048
+"$pounce" transfer "$demo/mesh_of_splats.glb" "$demo/splats_target.glb" -o "$demo/from_mesh.png" --size 1024
+"$pounce" compare "$demo/from_mesh.png" "$demo/splats_target.truth.png"
+
+echo "== Pictures, and a model for any viewer"
 for picture in head_src.png onto_same.png head_same.truth.png onto_other.png onto_itself.png \
-  from_splats.png; do
+  from_splats.png from_mesh.png mesh_of_splats.glb; do
   echo "$PWD/$demo/$picture"
 done

@@ -14,7 +14,8 @@
 namespace pounce::meshing {
 namespace {
 
-/// Of the weight of the dense surface that a vertex has on average: how much it is held where it is.
+/// Of the weight of the dense surface that a vertex has on average: how much it is held where it
+/// is.
 constexpr double kHold = 0.05;
 
 Vec3d area_vector(const std::vector<Vec3f>& positions, const Triangle& t) {

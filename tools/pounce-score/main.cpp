@@ -91,7 +91,7 @@ struct PictureOptions {
   std::string scene, target, output;
   std::vector<std::string> images;
   score::Framing framing;
-  bool harmonics = false;
+  bool harmonics = false, wireframe = false;
 };
 
 void draw_pictures(const PictureOptions& o) {
@@ -100,6 +100,7 @@ void draw_pictures(const PictureOptions& o) {
   const std::size_t size = view.size;
   std::vector<std::vector<Vec3d>> pictures{
       score::draw_scene(score::read_scene(o.scene), view, o.harmonics, kBackground)};
+  if (o.wireframe) pictures.push_back(score::draw_wireframe(target, view, kBackground));
   for (const std::string& image : o.images)
     pictures.push_back(score::draw_mesh(target, score::read_image(image), view, kBackground));
   std::vector<Vec3d> row_by_row;
@@ -368,6 +369,7 @@ void add_picture(CLI::App& app, std::function<void()>& run, PictureOptions& o) {
   c->add_option("--size", framing.size, "Pixels along a picture's edge")
       ->check(CLI::Range(1, 8192))
       ->capture_default_str();
+  c->add_flag("--wireframe", o.wireframe, "The target's triangles between the two, too");
   c->add_flag("--sh", o.harmonics, "The scene shows spherical harmonics; else degree 0 alone");
   c->callback([&run, &o] { run = [&o] { draw_pictures(o); }; });
 }

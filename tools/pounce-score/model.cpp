@@ -99,9 +99,8 @@ Model read_model(const std::string& path) {
 }
 
 Seen see_model(const Model& model, const View& view, std::uint32_t finer, bool lit) {
-  return see_triangles(model.mesh, view, finer, [&](std::size_t triangle) {
-    return Shader(model, triangle, view, lit);
-  });
+  return see_triangles(model.mesh, view, finer,
+                       [&](std::size_t triangle) { return Shader(model, triangle, view, lit); });
 }
 
 }  // namespace pounce::score

@@ -205,4 +205,33 @@ std::vector<Vec3d> draw_mesh(const mesh::Mesh& mesh, const Image& texture, const
   return before(see_mesh(mesh, &texture, view, kFiner), background);
 }
 
+std::vector<Vec3d> draw_wireframe(const mesh::Mesh& mesh, const View& view, Vec3d background) {
+  constexpr double kLine = 0.45;  // pixels from an edge to either side
+  constexpr Vec3d kEdge{0.1, 0.15, 0.25};
+  const Vec3d lamp = unit(view.forward * -1.0 + view.right * 0.4 - view.down * 0.6);
+  const auto shader_of = [&](std::size_t triangle) -> Shade {
+    const auto& t = mesh.triangles[triangle];
+    std::array<Vec3d, 3> p;
+    for (std::size_t k = 0; k < 3; ++k) p[k] = Vec3d(mesh.positions[t[k]]);
+    const Vec3d normal = cross(p[1] - p[0], p[2] - p[0]);
+    const double light =
+        length(normal) > 0 ? 0.45 + 0.5 * std::max(0.0, dot(unit(normal), lamp)) : 0.45;
+    // How many pixels each corner is from the opposite edge, as the camera sees it.
+    const double area = std::abs(dot(normal, view.forward));
+    std::array<double, 3> heights{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec3d edge = p[(k + 2) % 3] - p[(k + 1) % 3];
+      const Vec3d seen = edge - view.forward * dot(edge, view.forward);
+      heights[k] = length(seen) > 0 ? area / (length(seen) * view.pixel) : 0;
+    }
+    return [=](const std::array<double, 3>& shares) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        if (shares[k] * heights[k] < kLine) return kEdge;
+      }
+      return Vec3d{1, 1, 1} * light;
+    };
+  };
+  return before(see_triangles(mesh, view, 2 * kFiner, shader_of), background);
+}
+
 }  // namespace pounce::score

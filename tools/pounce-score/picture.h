@@ -72,6 +72,9 @@ Seen see_triangles(const mesh::Mesh& mesh, const View& view, std::uint32_t finer
 std::vector<Vec3d> draw_scene(const Scene& scene, const View& view, bool harmonics,
                               Vec3d background);
 
+/// What the mesh looks like without one: lit faces, and edges in dark lines.
+std::vector<Vec3d> draw_wireframe(const mesh::Mesh& mesh, const View& view, Vec3d background);
+
 /// What the mesh looks like with an image on UV set 0, unlit: the nearest surface from either side,
 /// bilinear lookup, 2x2 samples per pixel. Throws Error(input) for a mesh without UVs.
 std::vector<Vec3d> draw_mesh(const mesh::Mesh& mesh, const Image& texture, const View& view,

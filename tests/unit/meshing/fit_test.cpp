@@ -122,8 +122,7 @@ TEST_CASE("nothing turns over, and what is as it was asked for stays") {
     const Vec3d a(s.positions[t[0]]), b(s.positions[t[1]]), c(s.positions[t[2]]);
     return cross(b - a, c - a);
   };
-  for (const Triangle& t : before.triangles)
-    CHECK(dot(facing(before, t), facing(fitted, t)) > 0);
+  for (const Triangle& t : before.triangles) CHECK(dot(facing(before, t), facing(fitted, t)) > 0);
   Surface same = dense;
   simplify_fitted(same, dense.triangles.size(), [] {});
   CHECK(same.positions == dense.positions);
